@@ -89,6 +89,12 @@ class MapOptions:
     cap_m: float = 2.0
     """Distances in the field are exact up to here."""
 
+    @property
+    def motions(self) -> dict[MotionKind, Path]:
+        """The files of recorded motion."""
+        given = {MotionKind.POSES: self.poses, MotionKind.ODOMETRY: self.odometry}
+        return {kind: path for kind, path in given.items() if path is not None}
+
 
 @dataclass(frozen=True, slots=True)
 class MapReport:
@@ -233,7 +239,7 @@ def build_map(
     interrupted = work_folder(out).exists()
     if not interrupted:
         results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
-    has_other = options.depths is not None or bool(_motions(options))
+    has_other = options.depths is not None or bool(options.motions)
     alignment.require_scale(Path(images), rig, options.length, options.references, has_other=has_other)
     again = STAGES[STAGES.index(again_from) :] if again_from else ()
     given = source.Source(Path(images), rig, options.masks, options.depths, options.selection)
@@ -245,7 +251,7 @@ def build_map(
         _put_back(out, begun)
         if given.is_video:
             checked = given.frames(begun, progress=progress)
-        checked = checked.beside(_motions(options))
+        checked = checked.beside(options.motions)
         work = begun.on(rigs.fingerprint(rig), *checked.digests())
         source.require_usable(work, checked, progress=progress)
         report = _placed_before(out, _all_inputs(checked, options, work)) if interrupted else None
@@ -339,11 +345,6 @@ def _build(
         _note_replaced(out, work)
     progress("distance field", 1.0)
     return report
-
-
-def _motions(options: MapOptions) -> dict[MotionKind, Path]:
-    given = {MotionKind.POSES: options.poses, MotionKind.ODOMETRY: options.odometry}
-    return {kind: path for kind, path in given.items() if path is not None}
 
 
 def _recorded(images: ImageSet, options: MapOptions) -> list[object]:

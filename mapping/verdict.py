@@ -147,7 +147,7 @@ def _tilt_doubts(T_world_body: FloatArray) -> list[str]:
         return []
     return [
         f"by the recorded poses the vehicle is tilted by {np.degrees(tilt_rad):.0f} deg (median): their z axis is "
-        "hardly up; give them in a frame with z up, or as --odometry"
+        "not up (give them with z up, or as --odometry), or the camera file has the camera look another way"
     ]
 
 

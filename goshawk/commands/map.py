@@ -208,7 +208,7 @@ def _examine(images: Path, rig: mapping.Rig, options: mapping.MapOptions, *, as_
         given = Source(images, rig, options.masks, options.depths, options.selection)
         if given.is_video:
             raise InputError(f"--check examines a folder of images; {images} is a video, whose frames are chosen first")
-        read = given.read(progress=progress)
+        read = given.read(progress=progress).beside(options.motions)
         found = mapping.examine(read, progress=progress)
     facts: dict[str, Any] = {
         "images": f"{read.count} of {len(read.instants)} instants, {len(rig)} camera{'s' * (len(rig) > 1)}",

@@ -28,8 +28,10 @@ LONGEST_STEP_S = 0.6
 
 _MOST_ITERATIONS = 15
 _SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
+"""Of a step, tried in this order."""
 _CONVERGED = 0.005
 _LOST_PX = 100.0
+"""Residual of a point that the lens no longer shows."""
 _HUBER = 1.345
 _RIDGE = 1e-9
 _POSE_RIDGE = 1e-10
