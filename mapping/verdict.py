@@ -80,15 +80,12 @@ def judge(placed: SparseMap) -> MapVerdict:
             f"matches miss their points by {trial.noise_px:.2f} px (up to {LARGEST_NOISE_PX:g} is usual): the lens "
             "model does not fit these images, or things moved"
         )
+    others: list[str] = []
     for finding in trial.present:
         width = placed.rig[finding.candidate.camera].width
         is_lens = finding.candidate.kind in OF_THE_LENS
         if finding.shift_px > OTHER_CAMERA_PX or (is_lens and finding.shift_px > OTHER_LENS * width):
-            refusals.append(
-                f"{finding.candidate} is off by {size_text(finding)} (moves the image by {finding.shift_px:.0f} px): "
-                "the camera file is that of another lens, image size or other images. If it is not, keep the "
-                "calibration found here (goshawk camera add) and make the map again"
-            )
+            others.append(f"{finding.candidate} is off by {size_text(finding)}, {finding.shift_px:.0f} px in the image")
         elif placed.images.depths is not None and finding.shift_px > SHIFT_DOUBT_PX:
             doubts.append(
                 f"{finding.candidate} is off by {size_text(finding)}: not corrected, as the depth images are drawn for "
@@ -96,6 +93,11 @@ def judge(placed: SparseMap) -> MapVerdict:
             )
         elif finding in trial.inexpressible:
             doubts.append(f"{finding.candidate} of {size_text(finding)}, which a camera file cannot state")
+    if others:
+        refusals.append(
+            f"the camera file is that of another lens, image size or other images: {', '.join(others)}. If it is not, "
+            "keep the calibration found here (goshawk camera add) and make the map again"
+        )
     for finding in trial.findings:
         if finding.verdict is Verdict.UNKNOWN and finding.largest_shift_px > SHIFT_DOUBT_PX:
             doubts.append(
