@@ -118,7 +118,7 @@ def _late(motion: Motion, time_s: FloatArray, T_old_body: FloatArray) -> tuple[f
         return None, None
     step_s = float(np.clip(-(slope[used] @ off[used]) / curvature, -_STEP_S, _STEP_S))
     noise_rad = 1.4826 * float(np.median(np.abs(off[used])))
-    return best_s + step_s, noise_rad / np.sqrt(curvature)
+    return best_s + step_s, float(noise_rad / np.sqrt(curvature))
 
 
 def up_old(T_start_body: FloatArray, T_old_body: FloatArray, scale: float) -> FloatArray | None:

@@ -21,7 +21,7 @@ RIG = rendered_world.default_rig(0.5)
         (rendered_room.tiled(1.0), 0.25, 1.0),
     ],
 )
-def test_features_that_look_alike_are_counted(scene: RenderedScene, low: float, high: float) -> None:
+def test_copies_of_features_are_counted(scene: RenderedScene, low: float, high: float) -> None:
     T_world_body = rendered_world.loop_flight(20).T_world_body[3]
     shares = []
     for camera in RIG:
