@@ -2,6 +2,7 @@
 
     python benchmarks/mapping.py --cameras 40      one blind draw after the other, and the sums
     python benchmarks/mapping.py --instants 1000   CPU seconds and memory of the trial on a long path
+    python benchmarks/mapping.py --hostile         wrong lens files, swapped folders, repeated texture: none may be good
     python benchmarks/mapping.py --data FOLDER     a recorded RGB-D sequence (hololens_rgbd_part1): poses, unused depth
 
 The matches are made by formula from a true rig (see `tracks`), so that a draw takes seconds. The trial starts from a
@@ -20,6 +21,7 @@ import numpy as np
 
 import mapping
 from flight import FloatArray, frames, rotations
+from goshawk.rendered import hostile
 from goshawk.rendered import world as rendered_world
 from mapping.camera import rig as rigs
 from mapping.camera import trial as trials
@@ -28,6 +30,7 @@ from mapping.camera.errors import Kind
 from mapping.camera.rig import Camera, Rig
 from mapping.camera.trial import Trial
 from mapping.dense import surface
+from mapping.verdict import Standing
 
 FORMS = ("none", "rig", "lens", "offset", "shutter", "two")
 SIGHTINGS = 5.0
@@ -164,6 +167,8 @@ def blind(count: int, seed: int) -> None:
     """One line a draw, then the sums."""
     named = planted = inventions = 0
     ratios: list[float] = []
+    expected: list[float] = []
+    errors: list[tuple[float, float]] = []
     for number in range(count):
         form = FORMS[number % len(FORMS)]
         drawn = draw(form, np.random.default_rng([seed, number]))
@@ -171,21 +176,31 @@ def blind(count: int, seed: int) -> None:
         started_s = time.process_time()
         found, off_m = _tried(drawn, told, number, seed)
         cpu_s = time.process_time() - started_s
-        _, clean_m = _tried(drawn, drawn.true, number, seed, clean=True)
+        right, clean_m = _tried(drawn, drawn.true, number, seed, clean=True)
         present = {str(f.candidate) for f in found.present}
         named += len(present & drawn.planted)
         planted += len(drawn.planted)
         inventions += len(present - drawn.planted)
         ratios.append(off_m / clean_m)
+        expected.append(found.scale_std / right.scale_std)
+        errors.append((off_m, clean_m))
         missed, more = sorted(drawn.planted - present), sorted(present - drawn.planted)
+        said = f"{'; MISSED ' + ', '.join(missed) if missed else ''}{'; INVENTED ' + ', '.join(more) if more else ''}"
         print(
             f"{number:3d} {form:8s} {1000 * off_m:6.1f} mm, clean {1000 * clean_m:6.1f} mm, "
-            f"scale std {found.scale_std:.4f}, {cpu_s:4.1f} CPU s{'; MISSED ' + ', '.join(missed) if missed else ''}"
-            f"{'; INVENTED ' + ', '.join(more) if more else ''}",
+            f"scale std {found.scale_std:.4f}, clean {right.scale_std:.4f}, {cpu_s:4.1f} CPU s{said}",
             flush=True,
         )
     print(f"named {named} of {planted}; invented {inventions} in {count} cameras")
     print(f"error over that with the right file: median {np.median(ratios):.2f}, worst {max(ratios):.2f}")
+    off_m, clean_m = np.sqrt(np.mean(np.square(errors), axis=0))
+    print(
+        f"RMS of all: {1000 * off_m:.1f} mm, with the right file {1000 * clean_m:.1f} mm, {off_m / clean_m:.2f} times"
+    )
+    print(
+        "standard deviation of the scale over that with the right file, as the trials state it: "
+        f"median {np.median(expected):.2f}, worst {max(expected):.2f}"
+    )
 
 
 def _tried(drawn: Draw, told: Rig, number: int, seed: int, *, clean: bool = False) -> tuple[Trial, float]:
@@ -209,6 +224,20 @@ def long(instants: int) -> None:
         f"memory from {before_kib // 1024} to {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024} MiB, "
         f"present: {', '.join(str(f.candidate) for f in found.present)}, {1000 * error_m(found.T_world_body, T):.1f} mm"
     )
+
+
+def wrong_inputs() -> None:
+    """One line a case: the verdict and its reason; then how many were called good."""
+    good = 0
+    with tempfile.TemporaryDirectory() as name:
+        folders = {
+            is_tiled: hostile.render(Path(name) / str(is_tiled), is_tiled=is_tiled) for is_tiled in (False, True)
+        }
+        for what, case in hostile.cases().items():
+            standing, why = hostile.outcome(folders[case.is_tiled], case.rig)
+            good += standing == Standing.GOOD
+            print(f"{what}: {standing}{'' if case.named in why else ', CAUSE NOT NAMED'}: {why}", flush=True)
+    print(f"called good: {good} of {len(hostile.cases())}")
 
 
 def depth_camera(data: Path) -> None:
@@ -258,11 +287,14 @@ if __name__ == "__main__":
     parser.add_argument("--cameras", type=int, default=0, help="number of blind draws")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--instants", type=int, default=0, help="length of one long path")
+    parser.add_argument("--hostile", action="store_true", help="inputs that must not become a good map")
     parser.add_argument("--data", type=Path, help="folder of a recorded RGB-D sequence")
     given = parser.parse_args()
     if given.cameras:
         blind(given.cameras, given.seed)
     if given.instants:
         long(given.instants)
+    if given.hostile:
+        wrong_inputs()
     if given.data:
         depth_camera(given.data)

@@ -10,12 +10,10 @@ visibility.npz  how thin an object the images resolve, place by place
 report.json     all figures of the run
 """
 
-import csv
 import dataclasses
 import glob
 import shutil
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -32,12 +30,10 @@ from flight import (
     InputError,
     Progress,
     file_format,
-    frames,
     results,
-    rotations,
     silent,
 )
-from mapping import placed_views, stages, verdict
+from mapping import placed_views, poses_file, stages, verdict
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
 from mapping.dense import depth_files, mesh_file, resolution, surface
@@ -45,8 +41,9 @@ from mapping.dense.depth_files import DepthFiles
 from mapping.dense.surface import DenseOptions
 from mapping.input import source
 from mapping.input.depth_images import DepthFolder
-from mapping.input.images import ImageSet, read_table
+from mapping.input.images import ImageSet
 from mapping.input.selection import SelectionOptions
+from mapping.input.trajectory import MotionKind
 from mapping.sparse import alignment, colmap, localization_map, reconstruction
 from mapping.sparse.alignment import Length
 from mapping.sparse.colmap import SparseOptions
@@ -67,7 +64,6 @@ MEASURED_SEEN_THROUGH = 1
 """Depth images of a sensor that must have seen through a voxel before it is free, as one measurement is enough."""
 _REPLACED = "replaced"
 """File of a work: inode of the earlier map, which is moved aside for the new one."""
-_POSE_COLUMNS = ("image", "time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +78,10 @@ class MapOptions:
     """A measured length that gives the scale."""
     references: Path | None = None
     """Recorded positions and gravity; `references.csv` beside the images by default."""
+    poses: Path | None = None
+    """Recorded poses that do not drift, in TUM's or EuRoC's format: scale, world frame and pairs to match."""
+    odometry: Path | None = None
+    """Recorded odometry, likewise: scale, shape and pairs to match."""
     depths: DepthFolder | None = None
     """Depth images of the images' names: they place the images, and give scale and surfaces."""
     masks: Path | None = None
@@ -90,6 +90,12 @@ class MapOptions:
     """How images are chosen from a dense sequence; all of a folder are used without, a video's never."""
     cap_m: float = 2.0
     """Distances in the field are exact up to here."""
+
+    @property
+    def motions(self) -> dict[MotionKind, Path]:
+        """The files of recorded motion."""
+        given = {MotionKind.POSES: self.poses, MotionKind.ODOMETRY: self.odometry}
+        return {kind: path for kind, path in given.items() if path is not None}
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +125,8 @@ class MapReport:
     """This scale divided by the scale from recorded positions alone, if there are any."""
     scale_witnesses: list[dict[str, Any]]
     """Every source of scale: its name, the map's scale divided by its, and its relative standard deviation."""
+    motions: list[dict[str, Any]]
+    """How recorded poses and odometry fit the map, see `mapping.sparse.motion.MotionCheck`."""
     verdict: str
     """"good", "doubtful" or "refused"; see `verdict`."""
     reasons: list[str]
@@ -250,7 +258,8 @@ def build_map(
     interrupted = work_folder(out).exists()
     if not interrupted:
         results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
-    alignment.require_scale(Path(images), rig, options.length, options.references, has_depth=options.depths is not None)
+    has_other = options.depths is not None or bool(options.motions)
+    alignment.require_scale(Path(images), rig, options.length, options.references, has_other=has_other)
     again = STAGES[STAGES.index(again_from) :] if again_from else ()
     given = source.Source(Path(images), rig, options.masks, options.depths, options.selection)
     if not given.is_video:
@@ -261,6 +270,7 @@ def build_map(
         _put_back(out, begun)
         if given.is_video:
             checked = given.frames(begun, progress=progress)
+        checked = checked.beside(options.motions)
         work = begun.on(rigs.fingerprint(rig), *checked.digests())
         source.require_usable(work, checked, progress=progress)
         report = _placed_before(out, _all_inputs(checked, options, work)) if interrupted else None
@@ -297,7 +307,7 @@ def _put_back(out: Path, work: Work) -> None:
 def _all_inputs(images: ImageSet, options: MapOptions, work: Work) -> str:
     """Hash of everything that the map depends on."""
     return work.on(
-        options.sparse, options.length, _references(images, options.references), options.dense, options.cap_m
+        options.sparse, options.length, _recorded(images, options), options.dense, options.cap_m
     ).depends.hex()
 
 
@@ -322,7 +332,7 @@ def _build(
     started_s = time.process_time()
     seen = placed_views.views(placed)
     stereo = options.dense.stereo
-    depth_work = work.on(options.sparse, options.length, _references(images, options.references), stereo)
+    depth_work = work.on(options.sparse, options.length, _recorded(images, options), stereo)
 
     def find_depth(folder: Path) -> None:
         measured = images.depths is not None
@@ -349,7 +359,7 @@ def _build(
         mesh_file.save(new / "mesh.ply", dense.vertices_world_m, dense.faces, dense.colours)
         localization_map.save(new / "localization", placed.localization_map())
         rigs.save(new / "camera.toml", placed.rig)
-        write_poses(new / "poses.csv", placed.images.instants, placed.images.time_s, placed.T_world_body)
+        poses_file.write_poses(new / "poses.csv", placed.images.instants, placed.images.time_s, placed.T_world_body)
         file_format.write_json(new / "report.json", format=REPORT_FORMAT, version=VERSION, body=report.as_dict())
         file_format.write_toml(
             new / "map.toml",
@@ -363,9 +373,11 @@ def _build(
     return report
 
 
-def _references(images: ImageSet, path: Path | None) -> bytes:
-    path = path or images.folder / "references.csv"
-    return path.read_bytes() if path.is_file() else b""
+def _recorded(images: ImageSet, options: MapOptions) -> list[object]:
+    """What scale and world frame depend on besides the images."""
+    path = options.references or images.folder / "references.csv"
+    motions = [(m.kind, file_format.file_hash(m.trajectory.path)) for m in images.motions]
+    return [path.read_bytes() if path.is_file() else b"", motions]
 
 
 def _is_map(folder: Path) -> bool:
@@ -390,6 +402,7 @@ def _report(
         position_residual_m=placed.alignment.position_residual_m,
         scale_ratio_to_positions=placed.alignment.scale_ratio_to_positions,
         scale_witnesses=[dataclasses.asdict(witness) for witness in placed.alignment.witnesses],
+        motions=[dataclasses.asdict(check) for check in placed.alignment.motions],
         verdict=judged.standing,
         reasons=list(judged.reasons),
         corrections=list(judged.corrections),
@@ -431,20 +444,6 @@ def _keep_edits(old: Path, new: Path) -> None:
         shutil.copy(edits, new / "esdf" / EDITS)
 
 
-def write_poses(path: Path, images: Sequence[str], time_s: FloatArray, T_world_body: FloatArray) -> None:
-    """Write a `poses.csv`; instants without a pose (NaN) are left out.
-
-    Args:
-        images: (n,) names; time_s: (n,) NaN where unknown; T_world_body: (n, 4, 4).
-    """
-    with file_format.atomic_file(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(_POSE_COLUMNS)
-        for k in map(int, np.flatnonzero(np.isfinite(T_world_body[:, 0, 0]))):
-            numbers = [time_s[k], *T_world_body[k, :3, 3], *rotations.from_matrix(T_world_body[k, :3, :3])]
-            writer.writerow([images[k], *(f"{v:.9g}" for v in numbers)])
-
-
 def open_map(folder: Path) -> Map:
     """Open a map folder.
 
@@ -457,7 +456,7 @@ def open_map(folder: Path) -> Map:
         raise InputError(f"{folder} is not a map: it has no map.toml; `goshawk map` makes one")
     facts = file_format.read_toml(folder / "map.toml", format=FORMAT, version=VERSION)
     _standing(facts, folder)  # a verdict that cannot be read must not pass for none
-    images, time_s, T_world_body = read_poses(folder / "poses.csv")
+    images, time_s, T_world_body = poses_file.read_poses(folder / "poses.csv")
     rig = rigs.load(folder / "camera.toml")
     return Map(folder, esdf.load(folder / "esdf"), rig, images, time_s, T_world_body, facts)
 
@@ -473,16 +472,3 @@ def _standing(facts: dict[str, Any], folder: Path) -> Standing:
     if not isinstance(reasons, list) or not all(isinstance(reason, str) for reason in reasons):
         raise FormatError(f"{folder / 'map.toml'}: the reasons are {reasons!r}; a list of sentences is expected")
     return Standing(given)
-
-
-def read_poses(path: Path) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
-    """Names, times (n,) and poses (n, 4, 4) of a `poses.csv`.
-
-    Raises:
-        FormatError: it is missing or damaged.
-    """
-    if not path.is_file():
-        raise FormatError(f"{path} is missing; build the map again")
-    table = read_table(path, _POSE_COLUMNS)
-    values = np.array(list(table.values()), dtype=np.float64).reshape(-1, 8)
-    return tuple(table), values[:, 0], frames.transform(rotations.normalise(values[:, 4:]), values[:, 1:4])

@@ -27,6 +27,8 @@ from mapping import _mapping
 _INPUTS = "inputs"
 _LOCK = "lock"
 _PART = ".part"
+_LIBRARIES = ("goshawk", "numpy", "scipy", "pycolmap", "opencv-python-headless", "open3d", "open3d-cpu")
+"""Packages whose version a result depends on."""
 _FULL_BYTES = 1_000_000
 _PATIENCE_S = 5.0
 """A killed run's child process, which holds the lock as well, ends within a second."""
@@ -156,8 +158,9 @@ def _taken(lock: int, path: Path) -> bool:
 def _program() -> bytes:
     """What else a stage depends on: this package's files, and the libraries that do the work."""
     whole = hashlib.sha256()
-    for library in ("goshawk", "numpy", "pycolmap", "opencv-python-headless"):
-        whole.update(f"{library} {metadata.version(library)}\n".encode())
+    for library in _LIBRARIES:
+        with contextlib.suppress(metadata.PackageNotFoundError):  # Open3D has one of two names
+            whole.update(f"{library} {metadata.version(library)}\n".encode())
     for file in (*sorted(Path(__file__).parent.rglob("*.py")), Path(_mapping.__file__)):
         whole.update(file.read_bytes())
     return whole.digest()

@@ -10,9 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FloatArray
-from mapping.camera.errors import Kind
+from mapping.camera.errors import OF_THE_LENS, Kind
 from mapping.camera.trial import SIGMAS90, Finding, Verdict
+from mapping.input.trajectory import MotionKind
+from mapping.sparse import repetition
 from mapping.sparse.alignment import ScaleWitness
+from mapping.sparse.motion import MotionCheck
 from mapping.sparse.reconstruction import SparseMap
 
 LEAST_PLACED = 0.9
@@ -23,6 +26,15 @@ SCALE_DOUBT, SCALE_REFUSED = 0.05, 0.15
 """Relative disagreement of two sources of scale, beyond three standard deviations of it."""
 OTHER_CAMERA_PX = 20.0
 """A correction that moves the image by more says that the camera file belongs to other images."""
+LATE_DOUBT_S = 0.01
+"""A clock that is off by less does no harm."""
+TURN_DOUBT_RAD = float(np.radians(3.0))
+SHAPE_DOUBT = 0.10
+"""Recorded motion of the same flight fits the map better than these."""
+TILT_DOUBT_RAD = float(np.radians(60.0))
+"""No vehicle flies like this for half of its images."""
+OTHER_LENS = 0.02
+"""The same for what is wrong with a lens, as a share of the image's width: lenses of one make differ by less."""
 SHIFT_DOUBT_PX = 1.0
 """An error that could be this large without the matches showing it is a reason for doubt."""
 
@@ -57,17 +69,23 @@ def judge(placed: SparseMap) -> MapVerdict:
         doubts.append(
             f"{placed.images.count - int(placed.registered.sum())} of {placed.images.count} images could not be placed"
         )
+    if placed.repeated > repetition.MOST:
+        doubts.append(
+            f"repeated texture: {placed.repeated:.0%} of the features look like others of the same image, so images "
+            "may lie where another copy of the texture is"
+        )
     trial = placed.trial
     if trial.noise_px > LARGEST_NOISE_PX:
         doubts.append(
             f"matches miss their points by {trial.noise_px:.2f} px (up to {LARGEST_NOISE_PX:g} is usual): the lens "
             "model does not fit these images, or things moved"
         )
+    others: list[str] = []
     for finding in trial.present:
-        if finding.shift_px > OTHER_CAMERA_PX:
-            refusals.append(
-                f"{finding.candidate} is off by {size_text(finding)}: the camera file belongs to other images"
-            )
+        width = placed.rig[finding.candidate.camera].width
+        is_lens = finding.candidate.kind in OF_THE_LENS
+        if finding.shift_px > OTHER_CAMERA_PX or (is_lens and finding.shift_px > OTHER_LENS * width):
+            others.append(f"{finding.candidate} is off by {size_text(finding)}, {finding.shift_px:.0f} px in the image")
         elif placed.images.depths is not None and finding.shift_px > SHIFT_DOUBT_PX:
             doubts.append(
                 f"{finding.candidate} is off by {size_text(finding)}: not corrected, as the depth images are drawn for "
@@ -75,6 +93,11 @@ def judge(placed: SparseMap) -> MapVerdict:
             )
         elif finding in trial.inexpressible:
             doubts.append(f"{finding.candidate} of {size_text(finding)}, which a camera file cannot state")
+    if others:
+        refusals.append(
+            f"the camera file is that of another lens, image size or other images: {', '.join(others)}. If it is not, "
+            "keep the calibration found here (goshawk camera add) and make the map again"
+        )
     for finding in trial.findings:
         if finding.verdict is Verdict.UNKNOWN and finding.largest_shift_px > SHIFT_DOUBT_PX:
             doubts.append(
@@ -88,11 +111,46 @@ def judge(placed: SparseMap) -> MapVerdict:
             doubts.append(f"the {witness.source} gives the scale to ± {100 * SIGMAS90 * witness.std:.0f} % only")
     for witness in placed.alignment.witnesses[1:]:
         _weigh(placed.alignment.witnesses[0], witness, doubts, refusals)
+    for check in placed.alignment.motions:
+        doubts += _motion_doubts(check)
+    if placed.alignment.up_source == MotionKind.POSES:
+        doubts += _tilt_doubts(placed.T_world_body[placed.placed])
     standing = Standing.REFUSED if refusals else Standing.DOUBTFUL if doubts else Standing.GOOD
     corrected = [] if placed.images.depths else [f for f in trial.present if f not in trial.inexpressible]
     return MapVerdict(
         standing, (*refusals, *doubts), tuple(f"{f.candidate}: {size_text(f)}, corrected" for f in corrected)
     )
+
+
+def _motion_doubts(check: MotionCheck) -> list[str]:
+    """What a recorded motion says against the map, or against itself."""
+    doubts = []
+    if check.late_s is not None and abs(check.late_s) > max(LATE_DOUBT_S, 3.0 * (check.late_std_s or 0.0)):
+        doubts.append(
+            f"the times of the {check.source} are {abs(check.late_s):.3f} ± {check.late_std_s:.3f} s "
+            f"{'late' if check.late_s > 0.0 else 'early'} against the images: shift them"
+        )
+    if check.turn_error_rad > TURN_DOUBT_RAD:
+        doubts.append(
+            f"the turns of the {check.source} differ from the map's by {np.degrees(check.turn_error_rad):.1f} deg "
+            "(median): they are of another flight or clock, or the map is wrong"
+        )
+    if check.shape > SHAPE_DOUBT:
+        doubts.append(
+            f"the {check.source} and the map differ in shape: along the path the scale between them changes by "
+            f"{100.0 * check.shape:.0f} %"
+        )
+    return doubts
+
+
+def _tilt_doubts(T_world_body: FloatArray) -> list[str]:
+    tilt_rad = float(np.median(np.arccos(np.clip(T_world_body[:, 2, 2], -1.0, 1.0))))
+    if tilt_rad < TILT_DOUBT_RAD:
+        return []
+    return [
+        f"by the recorded poses the vehicle is tilted by {np.degrees(tilt_rad):.0f} deg (median): their z axis is "
+        "not up (give them with z up, or as --odometry), or the camera file has the camera look another way"
+    ]
 
 
 def _weigh(used: ScaleWitness, other: ScaleWitness, doubts: list[str], refusals: list[str]) -> None:

@@ -49,6 +49,8 @@ class MapVerbs(click.Group):
     "--check", "check", is_flag=True, help="Only examine the images: blur, exposure, overlap, times, folders."
 )
 @console.path_option("--references", "references", "Recorded positions or gravity [default: IMAGES/references.csv].")
+@console.path_option("--poses", "poses", "Recorded poses that do not drift (a tracker), z up: TUM's or EuRoC's format.")
+@console.path_option("--odometry", "odometry", "Recorded odometry, in any frame: TUM's or EuRoC's format.")
 @click.option(
     "--length", "length", metavar="[A,B,]METRES", help="Measured length: of the path, or between images A and B."
 )
@@ -84,6 +86,8 @@ def build(
     parallax_deg: float | None,
     check: bool,
     references: Path | None,
+    poses: Path | None,
+    odometry: Path | None,
     length: str | None,
     voxel_m: float,
     farthest_m: float,
@@ -106,7 +110,8 @@ def build(
 
     IMAGES holds one folder per camera of the rig (or the images themselves, for one camera); the same file name
     means the same instant. The metric scale comes from depth images, --length, the distance between the cameras of a
-    rig, or recorded positions. Of a video (one camera) sharp frames with enough parallax are used, as with --select.
+    rig, recorded positions or poses, or odometry; the verdict weighs all that are there. Of a video (one camera) sharp
+    frames with enough parallax are used, as with --select.
 
     An earlier map in --out is replaced only with --overwrite and when the new one is complete: its edits are copied,
     and it is kept beside as OUT.old-1.
@@ -146,6 +151,8 @@ def build(
         ),
         length=length_from(length) if length is not None else None,
         references=references,
+        poses=poses,
+        odometry=odometry,
     )
     rig = mapping.rig.load(camera)
     if check:
@@ -208,6 +215,11 @@ def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
         facts["scale beside"] = "; ".join(
             f"{w['ratio']:.3f} ± {w['std']:.3f} of the {w['source']}" for w in report.scale_witnesses[1:]
         )
+    for check in report.motions:
+        facts[check["source"]] = (
+            f"{check['instants']} images, scale {check['scale']:.3f} ± {check['scale_std']:.3f} of the map's"
+            + (f", late by {check['late_s']:.3f} ± {check['late_std_s']:.3f} s" if check["late_s"] is not None else "")
+        )
     if report.not_placed:
         facts["not placed"] = ", ".join(report.not_placed)
     return facts
@@ -235,7 +247,7 @@ def _examine(images: Path, rig: mapping.Rig, options: mapping.MapOptions, *, as_
         given = Source(images, rig, options.masks, options.depths, options.selection)
         if given.is_video:
             raise InputError(f"--check examines a folder of images; {images} is a video, whose frames are chosen first")
-        read = given.read(progress=progress)
+        read = given.read(progress=progress).beside(options.motions)
         found = mapping.examine(read, progress=progress)
     facts: dict[str, Any] = {
         "images": f"{read.count} of {len(read.instants)} instants, {len(rig)} camera{'s' * (len(rig) > 1)}",

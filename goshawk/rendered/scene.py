@@ -33,6 +33,8 @@ class RenderedScene:
 
     painted: tuple[Painted, ...]
     """Boxes, rooms, spheres and upright cylinders, each with the name of its paint; their union is matter."""
+    period_m: float = 0.0
+    """The paint repeats after this distance along x, y and z, as tiles and wallpaper do; 0: it does not."""
 
     @property
     def scene(self) -> Scene:
@@ -48,8 +50,9 @@ class RenderedScene:
         return np.array([[*_shape(solid), float(number)] for number, (solid, _) in enumerate(self.painted)])
 
     def material_table(self) -> FloatArray:
-        """(n, 6) rows for the kernel: albedo, patch size and contrast, noise size and contrast, seed."""
-        return np.array([[*_PAINT[paint], 7919.0 * (number + 1)] for number, (_, paint) in enumerate(self.painted)])
+        """(n, 7) rows for the kernel: albedo, patch size and contrast, noise size and contrast, seed, period."""
+        rows = enumerate(self.painted)
+        return np.array([[*_PAINT[paint], 7919.0 * (number + 1), self.period_m] for number, (_, paint) in rows])
 
 
 def _shape(solid: Solid) -> list[float]:
@@ -102,6 +105,12 @@ def hazardous(upright: tuple[Cylinder, ...] = RODS) -> RenderedScene:
     """The furnished room with what a map of images misses most easily: thin rods, a cable, a plain stretch of wall."""
     rods = [(rod, ("metal", "cloth", "plaster", "wood")[number % 4]) for number, rod in enumerate(upright)]
     return RenderedScene((*furnished().painted, *rods, (CABLE, "cloth"), (PLAIN_WALL, "plain")))
+
+
+def tiled(period_m: float = 0.5) -> RenderedScene:
+    """The same room without furniture, papered and tiled: one place looks like the other half a metre on."""
+    room = Room((-SIZE_M[0] / 2, -SIZE_M[1] / 2, 0.0), (SIZE_M[0] / 2, SIZE_M[1] / 2, SIZE_M[2]))
+    return RenderedScene(((room, "plaster"), *_dividing_wall()), period_m)
 
 
 def _dividing_wall() -> list[Painted]:

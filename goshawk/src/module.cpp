@@ -23,13 +23,13 @@ static std::vector<Solid> as_solids(const Table<8>& table) {
     return solids;
 }
 
-// Row: albedo, patch size, patch contrast, noise size, noise contrast, seed.
-static std::vector<Material> as_materials(const Table<6>& table) {
+// Row: albedo, patch size, patch contrast, noise size, noise contrast, seed, period.
+static std::vector<Material> as_materials(const Table<7>& table) {
     std::vector<Material> materials;
     for (std::size_t i = 0; i < table.shape(0); ++i)
         materials.push_back({static_cast<float>(table(i, 0)), static_cast<float>(table(i, 1)),
                              static_cast<float>(table(i, 2)), static_cast<float>(table(i, 3)),
-                             static_cast<float>(table(i, 4)), static_cast<std::uint32_t>(table(i, 5))});
+                             static_cast<float>(table(i, 4)), static_cast<std::uint32_t>(table(i, 5)), table(i, 6)});
     return materials;
 }
 
@@ -55,7 +55,7 @@ static nb::tuple cast_rays(Table<8> solid_table, Table<3> origins, Table<3> dire
     return nb::make_tuple(ranges, index);
 }
 
-static nb::ndarray<nb::numpy, std::uint8_t> render_view(Table<8> solids, Table<6> materials, Table<3> lamps, Rays rays,
+static nb::ndarray<nb::numpy, std::uint8_t> render_view(Table<8> solids, Table<7> materials, Table<3> lamps, Rays rays,
                                                         Matrix4 T_world_camera, double gain, double noise,
                                                         double vignette, std::uint64_t seed, int threads) {
     auto image = new_array<std::uint8_t>({rays.shape(0), rays.shape(1)});

@@ -1,7 +1,8 @@
-// Procedural paint: a function of the point in space, so that it has no seams and does not repeat. Details smaller than
-// what a pixel covers are faded out, which keeps distant walls from shimmering.
+// Procedural paint: a function of the point in space, so that it has no seams and, unless asked to, does not repeat.
+// Details smaller than what a pixel covers are faded out, which keeps distant walls from shimmering.
 #pragma once
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 
 #include "vec3.hpp"
@@ -13,6 +14,7 @@ struct Material {
     float patch_size_m, patch_contrast;  // largest patches of the mosaic; three finer levels follow
     float noise_size_m, noise_contrast;  // longest wave of the noise; four finer octaves follow
     std::uint32_t seed;
+    double period_m;  // the paint repeats in x, y and z, as tiles and wallpaper do; 0: it does not
 };
 
 inline std::uint32_t mix(std::uint32_t h) {
@@ -66,6 +68,12 @@ inline void turn(float& x, float& y, float& z) {
     z = c + 0.527f;
 }
 
+inline Vec3 within_period(Vec3 p, double period_m) {
+    if (period_m <= 0.0) return p;
+    return {p.x - period_m * std::floor(p.x / period_m), p.y - period_m * std::floor(p.y / period_m),
+            p.z - period_m * std::floor(p.z / period_m)};
+}
+
 struct PaintPoint {
     float x, y, z;
     explicit PaintPoint(Vec3 p)  // shifted, so that walls at round coordinates do not lie on the edge of a patch
@@ -76,7 +84,7 @@ struct PaintPoint {
 
 // Patches with sharp edges at four scales, about zero.
 inline float mosaic(const Material& material, Vec3 point, float footprint_m) {
-    auto [x, y, z] = PaintPoint(point);
+    auto [x, y, z] = PaintPoint(within_period(point, material.period_m));
     float value = 0.0f, size = material.patch_size_m, contrast = material.patch_contrast;
     for (std::uint32_t level = 0; level < 4; ++level) {
         const float share = visible(size, footprint_m);
@@ -95,7 +103,7 @@ inline float mosaic(const Material& material, Vec3 point, float footprint_m) {
 
 // Smooth stains in five octaves, about zero.
 inline float stains(const Material& material, Vec3 point, float footprint_m) {
-    const auto [x, y, z] = PaintPoint(point);
+    const auto [x, y, z] = PaintPoint(within_period(point, material.period_m));
     float value = 0.0f, size = material.noise_size_m, contrast = material.noise_contrast;
     for (std::uint32_t octave = 0; octave < 5; ++octave) {
         const float share = visible(size, footprint_m);

@@ -26,8 +26,12 @@ FOLDS = 5
 LONGEST_STEP_S = 0.6
 """Neighbouring images further apart do not give the velocity between them."""
 
-_MOST_ITERATIONS = 10
+_MOST_ITERATIONS = 15
+_SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
+"""Of a step, tried in this order."""
 _CONVERGED = 0.005
+_LOST_PX = 100.0
+"""Residual of a point that the lens no longer shows."""
 _HUBER = 1.345
 _RIDGE = 1e-9
 _POSE_RIDGE = 1e-10
@@ -35,7 +39,6 @@ _POSE_RIDGE = 1e-10
 _BLOCK_ROWS = 100_000
 """Observations whose derivatives are held in memory at a time."""
 _LEAST_REDUNDANCY = 0.05
-_WORSE = 1.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,29 +60,39 @@ class Observations:
 
 
 def adjust(seen: Observations, state: State, free: Sequence[Candidate]) -> tuple[State, dict[Candidate, FloatArray]]:
-    """Gauss-Newton with poses, points and the errors in `free`; returns how far those moved."""
+    """Gauss-Newton with poses, points and the errors in `free`; returns how far those moved.
+
+    A step that does not lower the cost is halved: a lens that is wrong by a tenth is far from linear.
+    """
     moved = {c: np.zeros(len(c.kind.units)) for c in free}
-    best = state, moved
-    least_px = last_px = np.inf
     for _ in range(_MOST_ITERATIONS):
         normal = Normal(seen, state, free, folds=1)
-        if normal.noise_px < _WORSE * least_px:  # the first step of a large correction may overshoot
-            best = state, moved
-        least_px = min(least_px, normal.noise_px)
-        if abs(normal.noise_px - last_px) < _CONVERGED * last_px < np.inf:
-            break
-        last_px = normal.noise_px
         delta, _ = normal.solve(free)
-        moved = {c: moved[c] + delta[normal.place(free, c)] for c in free}
-        state = normal.step(state, free, delta)
-    return best
+        before = _cost(seen, state, normal.huber_px)
+        for share in _SHARES:
+            changed = normal.step(state, free, share * delta, share)
+            if (after := _cost(seen, changed, normal.huber_px)) < before:
+                break
+        else:
+            break
+        state = changed
+        moved = {c: moved[c] + share * delta[normal.place(free, c)] for c in free}
+        if after > (1.0 - _CONVERGED) * before:
+            break
+    return state, moved
+
+
+def _cost(seen: Observations, state: State, huber_px: float) -> float:
+    """Mean of Huber's cost of the residuals; a point that the lens no longer shows counts as far off."""
+    length = np.nan_to_num(np.linalg.norm(residuals(seen, state), axis=1), nan=_LOST_PX)
+    return float(np.where(length < huber_px, 0.5 * length**2, huber_px * (length - 0.5 * huber_px)).mean())
 
 
 class Normal:
     """The normal equations at one state, points and poses eliminated, apart for each fold of points.
 
     `noise_px` is the standard deviation of a match in each coordinate; a guess unless `is_redundant`: without spare
-    matches the unknowns explain any noise.
+    matches the unknowns explain any noise. Residuals longer than `huber_px` count linearly.
 
     What couples the poses stays sparse, and the rows of the observations exist for one block of points at a time:
     memory and time grow with the observations, not with the square of the instants.
@@ -98,7 +111,7 @@ class Normal:
         left = residuals(seen, state)
         used = np.flatnonzero(np.isfinite(left).all(axis=1))
         unknowns = 3 * len(np.unique(seen.index[used, 0])) + 6 * len(self._placed)
-        self.noise_px, weight = _robust(left[used], unknowns)
+        self.noise_px, self.huber_px, weight = _robust(left[used], unknowns)
         self.is_redundant = unknowns < (1.0 - _LEAST_REDUNDANCY) * 2.0 * len(used)
         whitening = np.zeros(len(left))
         whitening[used] = np.sqrt(weight) / self.noise_px
@@ -190,18 +203,18 @@ class Normal:
             variance += through @ np.linalg.solve(self._reduced.matrix[np.ix_(k, k)], through)
         return float(np.sqrt(variance))
 
-    def step(self, state: State, free: Sequence[Candidate], delta: FloatArray) -> State:
-        """The state after a Gauss-Newton step whose calibration part is `delta`."""
+    def step(self, state: State, free: Sequence[Candidate], delta: FloatArray, share: float) -> State:
+        """The state after a share of a Gauss-Newton step; `delta` is the calibration's part of that share."""
         k = self._unknowns(free)
         calibration = np.zeros(len(self._reduced.gradient))
         calibration[k] = delta
-        poses = self._reduced.poses - self._reduced.poses_by_calibration @ calibration
+        poses = share * self._reduced.poses - self._reduced.poses_by_calibration @ calibration
         T = state.T_world_body.copy()
         xi = poses.reshape(-1, 6)
         T[self._placed] = T[self._placed] @ frames.transform(rotations.exp(xi[:, :3]), xi[:, 3:])
         points_world = state.points_world.copy()
         for eliminated in self._eliminated:
-            points_world[eliminated.points] += eliminated.step(np.concatenate([poses, calibration]))
+            points_world[eliminated.points] += eliminated.step(np.concatenate([poses, calibration]), share)
         changed = dataclasses.replace(state, T_world_body=T, points_world=points_world)
         for c in free:
             changed = errors.corrected(changed, c, delta[self.place(free, c)])
@@ -237,9 +250,9 @@ class _Eliminated:
         self.matrix = sp.csr_matrix(shared.T @ shared - self._coupling.T @ eliminated)
         self.gradient: FloatArray = shared.T @ residual - eliminated.T @ self._gradient
 
-    def step(self, shared: FloatArray) -> FloatArray:
-        """(points, 3) motion of the points when poses and calibration move by `shared`."""
-        return (self._inverse @ (self._gradient - self._coupling @ shared)).reshape(-1, 3)
+    def step(self, shared: FloatArray, share: float) -> FloatArray:
+        """(points, 3) motion of the points in a share of a step that moves poses and calibration by `shared`."""
+        return (self._inverse @ (share * self._gradient - self._coupling @ shared)).reshape(-1, 3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -392,16 +405,17 @@ def _step(T: FloatArray) -> FloatArray:
     return np.concatenate([rotations.log(rotations.from_matrix(T[:3, :3])), T[:3, 3]])
 
 
-def _robust(residual: FloatArray, unknowns: int) -> tuple[float, FloatArray]:
-    """Standard deviation of a match in each coordinate, and Huber's weight of each observation.
+def _robust(residual: FloatArray, unknowns: int) -> tuple[float, float, FloatArray]:
+    """Standard deviation of a match in each coordinate, Huber's limit (px), and his weight of each observation.
 
     The first is that of the residuals, from the median of their lengths, over the share of the coordinates that no
     unknown was fitted to: a point that two images see leaves one of its four coordinates.
     """
     length = np.linalg.norm(residual, axis=1)
     left_px = max(float(np.median(length)) / 1.1774, 1e-6)  # Rayleigh: median 1.1774 sigma
-    weight = np.minimum(1.0, 2.0 * _HUBER * left_px / np.maximum(length, 1e-12))
-    return left_px / np.sqrt(max(1.0 - unknowns / residual.size, _LEAST_REDUNDANCY)), weight
+    limit_px = 2.0 * _HUBER * left_px
+    weight = np.minimum(1.0, limit_px / np.maximum(length, 1e-12))
+    return left_px / np.sqrt(max(1.0 - unknowns / residual.size, _LEAST_REDUNDANCY)), limit_px, weight
 
 
 def _blocks(values: FloatArray, column: np.ndarray, count: int) -> sp.csr_matrix:

@@ -55,7 +55,8 @@ PLAUSIBLE = {
 """Standard deviation of each kind of error among camera files, in its unit."""
 BEYOND_THESE_IMAGES = frozenset(Kind) - {Kind.RADIAL, Kind.HIGHER, Kind.TANGENTIAL}
 """Errors that matter in other images even if they do not move these: a rolling shutter, while the vehicle stands."""
-_OF_THE_FIRST = (Kind.FOCAL, Kind.CENTRE, Kind.RADIAL, Kind.HIGHER, Kind.TANGENTIAL, Kind.SHUTTER)
+OF_THE_LENS = (Kind.FOCAL, Kind.CENTRE, Kind.RADIAL, Kind.HIGHER, Kind.TANGENTIAL)
+_OF_THE_FIRST = (*OF_THE_LENS, Kind.SHUTTER)
 """The first camera defines the body's pose and clock: no match can show it turned, moved or late."""
 
 

@@ -7,6 +7,8 @@ import numpy as np
 
 from flight import InputError
 
+SUFFIXES = (".jpg", ".jpeg", ".png", ".pgm", ".tif", ".tiff", ".bmp")
+"""Of files that are taken for images, in lower case."""
 MOST_PIXELS = 1 << 28
 """Larger images are refused before memory is set aside for them; OpenCV asks for it when it is first imported."""
 os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))

@@ -7,6 +7,7 @@ Optional beside the images: `times.csv` (image,time_s) and `references.csv` (see
 import csv
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,10 +15,10 @@ import numpy as np
 
 from flight import FloatArray, FormatError, InputError, Progress, cells, file_format, silent
 from mapping.camera.rig import Camera, Rig
-from mapping.input import depth_images, image_file, masks
+from mapping.input import depth_images, image_file, masks, trajectory
 from mapping.input.depth_images import DepthFolder
-
-SUFFIXES = (".jpg", ".jpeg", ".png", ".pgm", ".tif", ".tiff", ".bmp")
+from mapping.input.image_file import SUFFIXES
+from mapping.input.trajectory import Motion, MotionKind
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,6 +39,8 @@ class ImageSet:
     """Folder of the masks, see `masks`."""
     depths: DepthFolder | None = None
     """What a depth camera measured with each image."""
+    motions: tuple[Motion, ...] = ()
+    """Recorded poses and odometry."""
 
     @property
     def count(self) -> int:
@@ -96,6 +99,15 @@ class ImageSet:
         shots = [self.relative(*shot) for shot in self.pairs()]
         unit_m = self.depths.unit_m if self.depths is not None else None
         return [self.time_s.tobytes(), shots, unit_m, *((f.name, file_format.file_hash(f)) for f in files)]
+
+    def beside(self, recorded: Mapping[MotionKind, Path]) -> "ImageSet":
+        """The set with motion that was recorded while the images were taken, one file of each kind.
+
+        Raises:
+            InputError, FormatError: as `trajectory.read_motion`.
+        """
+        motions = tuple(trajectory.read_motion(kind, path, self.time_s) for kind, path in recorded.items())
+        return dataclasses.replace(self, motions=motions)
 
     def only(self, instants: np.ndarray) -> "ImageSet":
         """The set with some of its instants; `instants` are their numbers, in order."""
@@ -161,6 +173,8 @@ def read_folder(
 def _decode_all(images: ImageSet, progress: Progress) -> None:
     measured = images.depths is None
     masked = images.masks is None
+    if images.masks is not None:
+        masks.require_known(images.masks, images.rig)
     for step, shot in enumerate(images.pairs()):
         progress("checking images", step / images.count)
         images.gray(*shot)

@@ -9,10 +9,32 @@ from pathlib import Path
 import numpy as np
 
 from flight import InputError
-from mapping.camera.rig import Camera
+from mapping.camera.rig import Camera, Rig
 from mapping.input import image_file
 
 _LEAST_USED = 0.01
+
+
+def require_known(folder: Path, rig: Rig) -> None:
+    """Check that no mask of a rig's is misspelled: its camera would be used unmasked.
+
+    Raises:
+        InputError: the folder holds an image or a folder that belongs to no camera. The images of a rig's cameras lie
+            in sub-folders, so images beside them can only be masks of whole cameras.
+    """
+    if len(rig) == 1:
+        return  # each mask may then be that of one image, of which not all may be in use
+    known = {f"{camera.name}.png" for camera in rig} | {Path(camera.folder).parts[0] for camera in rig}
+    for entry in sorted(folder.iterdir()):
+        is_mask = any(map(_is_image, entry.iterdir())) if entry.is_dir() else _is_image(entry)
+        if is_mask and entry.name not in known:
+            raise InputError(
+                f"{entry} is the mask of no camera and no image; {folder} may hold {', '.join(sorted(known))}"
+            )
+
+
+def _is_image(path: Path) -> bool:
+    return path.suffix.lower() in image_file.SUFFIXES and not path.name.startswith(".")
 
 
 def of_camera(folder: Path, camera: Camera) -> Path | None:
@@ -35,7 +57,7 @@ def of_image(folder: Path, relative: str, camera: Camera) -> Path | None:
     path = (folder / relative).with_suffix(".png")
     if path.is_file():
         return path
-    if any(path.parent.glob("*.png")):
+    if path.parent.is_dir() and any(map(_is_image, path.parent.iterdir())):
         raise InputError(f"{path} does not exist: give a mask for each image, or {camera.name}.png for all of them")
     return None
 

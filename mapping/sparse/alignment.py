@@ -1,13 +1,15 @@
 """Metric scale and the world frame (z up, metres), and the source of each.
 
 Scale comes from the first of these that is available: a length the user gives, the distance between the cameras of
-the rig, recorded positions. Up comes from recorded gravity, else the first image is taken to be level. With recorded
-positions the world frame is theirs; otherwise its origin is the first image and x its horizontal viewing direction.
+the rig, recorded positions or poses, odometry. Up comes from recorded gravity, else from recorded poses, else the first
+image is taken to be level. With recorded positions or poses the world frame is theirs; otherwise its origin is the
+first image and x its horizontal viewing direction.
 
 `references.csv`: `image,x_m,y_m,z_m` (position of the body in any metric frame with z up) and, as well or instead,
 `up_body_x,up_body_y,up_body_z` (the direction away from the ground, in the body frame). Cells may be empty.
 """
 
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +18,9 @@ import numpy as np
 from flight import FloatArray, FormatError, InputError, MapError, frames, rotations
 from mapping.camera.rig import Rig
 from mapping.input.images import ImageSet, read_table
+from mapping.input.trajectory import MotionKind
+from mapping.sparse import motion
+from mapping.sparse.motion import MotionCheck
 
 _POSITION = ("x_m", "y_m", "z_m")
 _UP = ("up_body_x", "up_body_y", "up_body_z")
@@ -33,8 +38,8 @@ LEAST_BASELINE_M = 0.005
 NO_SCALE = (
     "no metric scale: the images of a single camera do not determine it; give the length of the path "
     "(--length 13.2) or between two images (--length A.jpg,B.jpg,2.5), depth images (--depth FOLDER), a rig of cameras "
-    f"with the distance between them in camera.toml, or at least {_LEAST_POSITIONS} positions from odometry, a tracker "
-    "or GPS in references.csv (image,x_m,y_m,z_m; --references FILE)"
+    "with the distance between them in camera.toml, recorded motion (--poses FILE, --odometry FILE), or at least "
+    f"{_LEAST_POSITIONS} positions in references.csv (image,x_m,y_m,z_m; --references FILE)"
 )
 
 
@@ -46,6 +51,8 @@ class References:
     """(instants, 3) NaN where nothing was recorded."""
     up_body: FloatArray
     """(instants, 3) unit vectors, NaN where nothing was recorded."""
+    position_source: str = "recorded positions"
+    up_source: str = "recorded gravity"
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +90,9 @@ class Alignment:
     T_world_scaled: FloatArray
     """(4, 4), applied after scaling."""
     scale_source: str
-    """"depth images", "given length", "rig baseline" or "recorded positions"."""
+    """"depth images", "given length", "rig baseline", "recorded positions", "recorded poses" or "odometry"."""
     up_source: str
-    """"recorded gravity" or "first image taken as level"."""
+    """"recorded gravity", "recorded poses" or "first image taken as level"."""
     position_residual_m: float | None = None
     """Median distance between aligned and recorded positions; none without them."""
     positions_used: int = 0
@@ -96,6 +103,8 @@ class Alignment:
     """Median angle between the recorded up directions, turned into the world frame; 0 when all agree."""
     witnesses: tuple[ScaleWitness, ...] = ()
     """Every source of the scale that was there, the one in use first."""
+    motions: tuple[MotionCheck, ...] = ()
+    """How recorded poses and odometry fit; their scale is over the scale of this map: 1 when they agree."""
 
     def points(self, points_old: FloatArray) -> FloatArray:
         """(n, 3) points of COLMAP's world in ours."""
@@ -113,7 +122,7 @@ def read_references(images: ImageSet, path: Path | None = None) -> References:
 
     Raises:
         FormatError: the file has neither positions nor up directions, or a cell is no number.
-        InputError: not one of its rows names an image of the folder.
+        InputError: not one of its rows names an image of the folder, or recorded poses give the positions as well.
     """
     count = len(images.instants)
     if path is not None and not path.is_file():
@@ -126,6 +135,8 @@ def read_references(images: ImageSet, path: Path | None = None) -> References:
     groups = [columns for columns in (_POSITION, _UP) if columns[0] in header]
     if not groups:
         raise FormatError(f"{path} has neither {','.join(_POSITION)} nor {','.join(_UP)} in its first line")
+    if _POSITION in groups and any(m.kind is MotionKind.POSES for m in images.motions):
+        raise InputError(f"--poses and {path} both say where the images were taken; leave the positions of one out")
     values = {columns: _column_group(path, columns, images.instants) for columns in groups}
     if all(np.isnan(v).any(axis=1).all() for v in values.values()):
         raise InputError(f"{path} names none of the images in {images.folder}; its first column is the file name")
@@ -136,15 +147,18 @@ def read_references(images: ImageSet, path: Path | None = None) -> References:
 
 
 def require_scale(
-    folder: Path, rig: Rig, length: Length | None, references: Path | None, *, has_depth: bool = False
+    folder: Path, rig: Rig, length: Length | None, references: Path | None, *, has_other: bool = False
 ) -> None:
     """Check, before any work, that a source of the metric scale is available.
+
+    Args:
+        has_other: depth images or recorded motion are given.
 
     Raises:
         MapError: none is; the message lists the ways to give one.
     """
     path = references or folder / "references.csv"
-    if has_depth or length is not None or rig.baseline_m > LEAST_BASELINE_M or not folder.is_dir():
+    if has_other or length is not None or rig.baseline_m > LEAST_BASELINE_M or not folder.is_dir():
         return
     recorded = 0
     if path.is_file():
@@ -179,6 +193,7 @@ def align(
     """Find scale and world frame.
 
     Args:
+        images: with the motion that was recorded beside them.
         T_old_body: (instants, 4, 4) poses in COLMAP's world, NaN where not registered.
         baseline_std: relative standard deviation of the scale of COLMAP's world, if the rig's baseline gave it one.
         has_depth: depth images gave COLMAP's world its scale.
@@ -189,7 +204,11 @@ def align(
     """
     positions = T_old_body[:, :3, 3]
     known = np.asarray(np.isfinite(positions).all(axis=1))
-    R_level, up_source, up_spread_rad = _level(T_old_body, references.up_body, known)
+    checks = [(m, motion.check(m, images.time_s, T_old_body)) for m in images.motions]
+    for recorded, found in checks:
+        if recorded.kind is MotionKind.POSES and found is not None:
+            references = _with_poses(references, recorded.trajectory.at(images.time_s), T_old_body, found.scale)
+    R_level, up_source, up_spread_rad = _level(T_old_body, references, known)
     level = positions @ R_level.T
     usable = known & np.isfinite(references.position_m).all(axis=1)
     fit = _Fit.robust(level[usable], references.position_m[usable]) if usable.sum() >= _LEAST_POSITIONS else None
@@ -201,14 +220,21 @@ def align(
     if baseline_std is not None:
         sources.append(("rig baseline", 1.0, baseline_std))
     if fit is not None:
-        sources.append(("recorded positions", fit.scale, fit.scale_std(level[usable], references.position_m[usable])))
+        std = fit.scale_std(level[usable], references.position_m[usable])
+        sources.append((references.position_source, fit.scale, std))
+    sources += [
+        (MotionKind.ODOMETRY, c.scale, c.scale_std)
+        for m, c in checks
+        if c is not None and m.kind is MotionKind.ODOMETRY
+    ]
     if not sources:
         raise MapError(NO_SCALE)
     source, scale, _ = sources[0]
     witnesses = tuple(ScaleWitness(name, scale / other, std) for name, other, std in sources)
+    motions = tuple(dataclasses.replace(c, scale=c.scale / scale) for _, c in checks if c is not None)
     if fit is None:
         T = _start_at_first(scale * level[known][0], R_level, T_old_body[known][0])
-        return Alignment(scale, T, source, up_source, up_spread_rad=up_spread_rad, witnesses=witnesses)
+        return Alignment(scale, T, source, up_source, up_spread_rad=up_spread_rad, witnesses=witnesses, motions=motions)
     placed = _Fit.robust(level[usable], references.position_m[usable], scale=scale)
     T = np.eye(4)
     T[:3, :3] = placed.R @ R_level
@@ -223,11 +249,29 @@ def align(
         scale / fit.scale,
         up_spread_rad,
         witnesses,
+        motions,
     )
 
 
-def _level(T_old_body: FloatArray, up_body: FloatArray, known: np.ndarray) -> tuple[FloatArray, str, float | None]:
+def _with_poses(references: References, T_start_body: FloatArray, T_old_body: FloatArray, scale: float) -> References:
+    """Recorded poses as positions and, where no gravity was recorded, as directions of up.
+
+    Args:
+        T_start_body: (instants, 4, 4) recorded, NaN where not; scale: metres per unit of COLMAP's world.
+    """
+    up_body, up_source = references.up_body, references.up_source
+    both = np.isfinite(T_start_body[:, 0, 0]) & np.isfinite(T_old_body[:, 0, 0])
+    if (
+        not np.isfinite(up_body).any()
+        and (up := motion.up_old(T_start_body[both], T_old_body[both], scale)) is not None
+    ):
+        up_body, up_source = np.einsum("nji,j->ni", T_old_body[:, :3, :3], up), MotionKind.POSES
+    return References(T_start_body[:, :3, 3], up_body, MotionKind.POSES, up_source)
+
+
+def _level(T_old_body: FloatArray, references: References, known: np.ndarray) -> tuple[FloatArray, str, float | None]:
     """Rotation that turns COLMAP's world upright."""
+    up_body = references.up_body
     recorded = known & np.isfinite(up_body).all(axis=1)
     if not recorded.any():
         return _upright(T_old_body[known][0][:3, 2]), "first image taken as level", None
@@ -238,7 +282,7 @@ def _level(T_old_body: FloatArray, up_body: FloatArray, known: np.ndarray) -> tu
         up = (weight[:, None] * ups).sum(axis=0)
         up /= np.linalg.norm(up)
     spread_rad = float(np.median(np.arccos(np.clip(ups @ up, -1.0, 1.0))))
-    return _upright(up), "recorded gravity", spread_rad
+    return _upright(up), references.up_source, spread_rad
 
 
 def _upright(up: FloatArray) -> FloatArray:

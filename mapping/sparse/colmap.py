@@ -17,7 +17,7 @@ from mapping.camera.adjustment import Observations
 from mapping.camera.rig import Camera, Rig
 from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
-from mapping.sparse import agreement, features, pairing, rgbd
+from mapping.sparse import agreement, features, pairing, repetition, rgbd
 from mapping.stages import Work
 
 logger = logging.getLogger(__name__)
@@ -27,11 +27,12 @@ _MAPPING = "placing images"
 _REFINING = "refining"
 _TRYING = "trying the calibration"
 _DATABASE = "database.db"
-_SIGNATURES = "signatures.npz"
+_SIGNATURES, _REPEATED = "signatures.npz", "repeated.npy"
 _CHUNK = 100
 
 _REPAIRS = 4
 
+_LEAST_IMAGES = 2
 _OUTLIER_PX = 3.0
 """Observations with a larger reprojection error are dropped; 4 keeps moving leaves, 2 drops good ones."""
 
@@ -77,6 +78,8 @@ class SparseModel:
     """Mean over all observations."""
     least_agreement: float
     """Of the placed instants, see `agreement`."""
+    repeated: float
+    """Upper quartile over the images of `repetition.share`."""
     trial: Trial
     """Of the camera file's calibration, by the matches."""
     cpu_s: dict[str, float]
@@ -95,27 +98,31 @@ def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progres
     work = work.on(options)
     extracted = work.stage(FEATURES, lambda folder: _features(folder, images, options, progress))
     watch.lap("features")
+    work = work.on(pairing.near_in_space(images, options.window))
     matched = work.stage(MATCHES, lambda folder: _matches(folder, extracted, images, options, progress))
     watch.lap("matches")
     database = matched / _DATABASE
-    placed = work.stage(POSES, lambda folder: _placed(folder, database, images, options, progress))
-    watch.lap("placing")
-    model = pycolmap.Reconstruction(placed)
-    progress(_TRYING, 0.0)
-    trial = calibration_trial.hold(_observations(model, images))
-    watch.lap("trial of the calibration")
-    if trial.present and images.depths is None:
-        images = dataclasses.replace(images, rig=trial.rig)
-        _write_back(model, images, trial)
-        if not trial.inexpressible:  # COLMAP does not model those and would move the poses back
-            refine(database, model, dataclasses.replace(trial.rig, refine_intrinsics=False), options, progress)
-        watch.lap("refining with the corrected calibration")
-    return _read_out(database, model, images, trial, watch)
+    repeated = float(np.percentile(np.load(extracted / _REPEATED), 75.0))
+    with repetition.explained(repeated):
+        placed = work.stage(POSES, lambda folder: _placed(folder, database, images, options, progress))
+        watch.lap("placing")
+        model = pycolmap.Reconstruction(placed)
+        progress(_TRYING, 0.0)
+        trial = calibration_trial.hold(_observations(model, images))
+        watch.lap("trial of the calibration")
+        if trial.present and images.depths is None:
+            images = dataclasses.replace(images, rig=trial.rig)
+            _write_back(model, images, trial)
+            if not trial.inexpressible:  # COLMAP does not model those and would move the poses back
+                refine(database, model, dataclasses.replace(trial.rig, refine_intrinsics=False), options, progress)
+            watch.lap("refining with the corrected calibration")
+        return _read_out(database, model, images, trial, repeated, watch)
 
 
 def _features(folder: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
-    signatures = extract(folder / _DATABASE, images, options, progress)
+    signatures, repeated = extract(folder / _DATABASE, images, options, progress)
     np.savez(folder / _SIGNATURES, *signatures)
+    np.save(folder / _REPEATED, repeated)
 
 
 def _matches(folder: Path, extracted: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
@@ -154,15 +161,19 @@ class _Stopwatch:
         self._last_s = now_s
 
 
-def extract(database: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> list[np.ndarray]:
+def extract(
+    database: Path, images: ImageSet, options: SparseOptions, progress: Progress
+) -> tuple[list[np.ndarray], list[float]]:
     """Write cameras, rig, instants and the features of all images to `database`.
 
     Returns:
-        For each image the descriptors of its largest features, as unit vectors, for image retrieval.
+        For each image the descriptors of its largest features, as unit vectors, for image retrieval; and its
+        `repetition.share`.
     """
     import pycolmap
 
     signatures: list[np.ndarray] = []
+    repeated: list[float] = []
     with pycolmap.Database.open(database) as opened, pycolmap.DatabaseTransaction(opened):
         _write_rig(opened, images.rig)
         instants = [pycolmap.Frame(rig_id=1) for _ in images.instants]
@@ -179,9 +190,10 @@ def extract(database: Path, images: ImageSet, options: SparseOptions, progress: 
             instants[instant].add_data_id(pycolmap.data_t(sensor, image_id))
             largest = np.argsort(-image.size_px, kind="stable")[: pairing.SIGNATURE_SIZE]
             signatures.append(features.unit(image.descriptors[largest]))
+            repeated.append(repetition.share(image))
         for frame in instants:
             opened.write_frame(frame)
-    return signatures
+    return signatures, repeated
 
 
 def _write_rig(opened: Any, rig: Rig) -> None:
@@ -227,7 +239,8 @@ def match(
     import pycolmap
 
     progress(_MATCHES, 0.0)
-    pairs = pairing.choose(images.pairs(), signatures, window=options.window, similar=options.similar)
+    near = pairing.near_in_space(images, options.window)
+    pairs = pairing.choose(images.pairs(), signatures, window=options.window, similar=options.similar, near=near)
     matching = pycolmap.FeatureMatchingOptions()
     matching.use_gpu = False
     verification = pycolmap.TwoViewGeometryOptions()
@@ -256,8 +269,15 @@ def place(database: Path, images: ImageSet, options: SparseOptions, progress: Pr
             return model
         logger.info("placing %d images again", len(wrong))
         _take_out(model, wrong)
+        if model.num_reg_images() < _LEAST_IMAGES:
+            break
         model = _grow(database, images, options, model, progress)
     _take_out(model, _wrong_instants(database, images, model))
+    if model.num_reg_images() < _LEAST_IMAGES:
+        raise MapError(
+            "no map: the matches between the images contradict each other; check that the camera file is that of these "
+            "images"
+        )
     return model
 
 
@@ -419,7 +439,9 @@ def _write_back(model: Any, images: ImageSet, trial: Trial) -> None:
         model.point3D(point_id).xyz = xyz
 
 
-def _read_out(database: Path, model: Any, images: ImageSet, trial: Trial, watch: _Stopwatch) -> SparseModel:
+def _read_out(
+    database: Path, model: Any, images: ImageSet, trial: Trial, repeated: float, watch: _Stopwatch
+) -> SparseModel:
     import pycolmap
 
     T_world_body, registered, rig = _poses(model, images)
@@ -445,6 +467,7 @@ def _read_out(database: Path, model: Any, images: ImageSet, trial: Trial, watch:
         pixels=seen.pixels,
         reprojection_error_px=float(model.compute_mean_reprojection_error()),
         least_agreement=float(np.nanmin(agreed, initial=1.0)),
+        repeated=repeated,
         trial=trial,
         cpu_s=watch.cpu_s,
     )

@@ -14,7 +14,8 @@ import numpy as np
 from flight import InputError, MapError, Progress, silent
 from mapping import child, stages
 from mapping.camera.rig import Camera, Rig, forward_camera
-from mapping.input.images import SUFFIXES, ImageSet, read_folder
+from mapping.input.image_file import SUFFIXES
+from mapping.input.images import ImageSet, read_folder
 from mapping.sparse import colmap
 from mapping.sparse.colmap import SparseModel, SparseOptions
 

@@ -13,7 +13,7 @@ from mapping import child, stages
 from mapping.camera.rig import Rig
 from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
-from mapping.sparse import alignment, colmap, model_files
+from mapping.sparse import alignment, colmap, model_files, pairing
 from mapping.sparse.alignment import Alignment, Length
 from mapping.sparse.colmap import SparseOptions
 from mapping.sparse.localization_map import LocalizationMap
@@ -46,6 +46,8 @@ class SparseMap:
     """Mean over all observations."""
     least_agreement: float
     """The worst placed image's share of matches that agree with the map."""
+    repeated: float
+    """Share of the features that look like others of the same image; a quarter of the images has more."""
     trial: Trial
     """What the matches say of the camera file; its poses and points are COLMAP's, not the world's."""
     alignment: Alignment
@@ -106,7 +108,8 @@ def reconstruct(
             )
             model_files.write(folder, model)
 
-        model = model_files.read(kept.on(options).stage(CALIBRATION, place))
+        near = pairing.near_in_space(images, options.window)
+        model = model_files.read(kept.on(options, near).stage(CALIBRATION, place))
     placed = np.isfinite(model.T_world_body[:, 0, 0])
     if placed.mean() < _LEAST_SHARE:
         raise MapError(
@@ -132,6 +135,7 @@ def reconstruct(
         pixels=model.pixels,
         reprojection_error_px=model.reprojection_error_px,
         least_agreement=model.least_agreement,
+        repeated=model.repeated,
         trial=model.trial,
         alignment=aligned,
         cpu_s=model.cpu_s,

@@ -115,6 +115,18 @@ def test_a_planted_error_is_the_one_found(camera: str, kind: Kind, true: Rig, ho
     assert found.noise_px == pytest.approx(NOISE_PX, rel=0.1)
 
 
+@pytest.mark.parametrize("factor", [0.9, 1.1])
+def test_a_focal_length_that_is_far_off_is_found(factor: float) -> None:
+    """Far from linear: full steps of the adjustment diverge from here."""
+    told = RIG
+    for number in range(2):
+        told = changed(told, number, params=RIG.cameras[number].params * [factor, factor, *[1.0] * 6])
+    found = tried(RIG, told)
+    assert {(f.candidate.camera, f.candidate.kind) for f in found.present} == {(c.name, Kind.FOCAL) for c in RIG}
+    for finding in found.present:
+        np.testing.assert_allclose(finding.size, 1.0 / factor - 1.0, atol=4.5 * float(finding.std.max()))
+
+
 def test_an_extended_unified_camera_is_tried_like_the_others() -> None:
     """EUCM has no radial terms of its own; what is found of the focal length or the mount keeps the model."""
     named = {number: np.array([*camera.params[:4], 0.63, 1.04]) for number, camera in enumerate(RIG)}

@@ -50,7 +50,7 @@ def made_map(folder: Path) -> Path:
         esdf.save(new / "esdf", field)
         localization_map.save(new / "localization", placed.localization_map())
         rigs.save(new / "camera.toml", RIG)
-        map_folder.write_poses(new / "poses.csv", placed.images.instants, placed.images.time_s, placed.T_world_body)
+        mapping.write_poses(new / "poses.csv", placed.images.instants, placed.images.time_s, placed.T_world_body)
         file_format.write_toml(new / "map.toml", format=map_folder.FORMAT, version=1, body={"hash": field.hash})
     return folder
 
@@ -71,6 +71,7 @@ def sparse_map(folder: Path) -> SparseMap:
         pixels=np.zeros((0, 2)),
         reprojection_error_px=0.3,
         least_agreement=0.99,
+        repeated=0.05,
         trial=Trial((), RIG, poses, np.zeros((20, 3)), 0.2, 0.001),
         alignment=Alignment(1.0, np.eye(4), "rig baseline", "recorded gravity"),
         cpu_s={},
@@ -275,7 +276,7 @@ def test_too_few_placed_images_are_no_map(tmp_path: Path, monkeypatch: pytest.Mo
     images = sparse_map(tmp_path).images
     model = colmap.SparseModel(
         RIG, np.stack([np.eye(4), *[np.full((4, 4), np.nan)] * 2]), np.zeros((3, 1), bool), np.zeros((0, 3)),
-        np.zeros((0, 128)), np.zeros((0, 3), int), np.zeros((0, 2)), 0.3, 1.0,
+        np.zeros((0, 128)), np.zeros((0, 3), int), np.zeros((0, 2)), 0.3, 1.0, 0.05,
         Trial((), RIG, np.zeros((3, 4, 4)), np.zeros((0, 3)), 0.2, 0.001), {},
     )  # fmt: skip
     monkeypatch.setattr("mapping.child.run", lambda *_, **__: model)

@@ -1,5 +1,7 @@
 """Masks: no feature, no depth and no free space where they are black, and each fault of a folder of them named."""
 
+import dataclasses
+import shutil
 from pathlib import Path
 
 import cv2
@@ -71,6 +73,23 @@ def test_each_fault_is_named(folder: Path, drawn: np.ndarray | None, said: str) 
         cv2.imwrite(str(folder / "masks" / "camera.png"), drawn)
     with pytest.raises(InputError, match=said):
         read(folder)
+
+
+@pytest.mark.parametrize("misspelled", ["dwon.png", "down.jpg", "dwon/0.png", "down/0.jpg"])
+def test_a_misspelled_mask_beside_a_right_one_is_an_error(folder: Path, misspelled: str) -> None:
+    camera = RIG.cameras[0]
+    rig = rigs.Rig(tuple(dataclasses.replace(camera, name=name, folder=name) for name in ("front", "down")))
+    for name in ("front", "down"):
+        shutil.copytree(folder / "images", folder / "rig" / name)
+    place = folder / "masks" / misspelled
+    place.parent.mkdir(exist_ok=True)
+    for path in (folder / "masks" / "front.png", place):
+        cv2.imwrite(str(path), mask(slice(0, 70)))
+    with pytest.raises(InputError, match=r"dwon|down/0.png does not exist|down\.jpg"):
+        image_folder.read_folder(folder / "rig", rig, masks=folder / "masks")
+    place.rename(folder / "masks" / "down.png")
+    found = image_folder.read_folder(folder / "rig", rig, masks=folder / "masks")
+    assert all(found.used(*shot) is not None for shot in found.pairs())
 
 
 def test_a_masked_depth_image_has_neither_depth_nor_free_space_there() -> None:

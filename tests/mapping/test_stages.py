@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +51,18 @@ def test_a_finished_stage_is_not_made_again(tmp_path: Path) -> None:
             first = work.on("a").stage("first", count(made, "first"))
             assert (first / "result").read_text() == "first"
     assert made == ["first"]
+
+
+@pytest.mark.parametrize("library", ["pycolmap", "open3d-cpu", "scipy"])
+def test_another_version_of_a_library_makes_every_stage_again(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    version = metadata.version
+    before = stages._program()
+    monkeypatch.setattr(metadata, "version", lambda name: "0" if name == library else version(name))
+    stages._program.cache_clear()
+    assert stages._program() != before
+    monkeypatch.undo()
+    stages._program.cache_clear()
+    assert stages._program() == before
 
 
 def test_a_changed_input_makes_what_depends_on_it_again(tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ def placed(
     std: float = 0.01,
     used_std: float = 0.001,
     lost_camera: bool = False,
+    repeated: float = 0.05,
 ) -> SparseMap:
     names = tuple(f"{k}.png" for k in range(COUNT))
     registered = np.ones((COUNT, 2), bool)
@@ -46,6 +47,7 @@ def placed(
         pixels=np.zeros((0, 2)),
         reprojection_error_px=0.3,
         least_agreement=1.0,
+        repeated=repeated,
         trial=Trial(findings, RIG, np.zeros((0, 4, 4)), nothing, noise_px, 0.001),
         alignment=Alignment(1.0, np.eye(4), "rig baseline", "recorded gravity", witnesses=witnesses),
         cpu_s={},
@@ -68,6 +70,7 @@ def test_a_map_without_reasons_is_good() -> None:
 DOUBTS = [
     ({"missing": 2}, "4 of 20 images could not be placed"),
     ({"noise_px": 1.01}, "1.01 px"),
+    ({"repeated": 0.4}, "repeated texture: 40% of the features"),
     ({"findings": (finding(Kind.SHUTTER, Verdict.PRESENT),)}, "rolling shutter of 10 ± 1 ms"),
     ({"findings": (finding(Kind.ROTATION, Verdict.UNKNOWN),)}, "cannot tell an error of the down: rotation"),
     ({"ratio": 1.06}, "1.060 times"),
@@ -106,7 +109,14 @@ def test_what_is_usual_is_no_reason(what: dict) -> None:
     assert verdict.judge(placed(**what)).standing is Standing.GOOD
 
 
-@pytest.mark.parametrize("what", [{"ratio": 1.2}, {"findings": (finding(Kind.FOCAL, Verdict.PRESENT, shift_px=21.0),)}])
+@pytest.mark.parametrize(
+    "what",
+    [
+        {"ratio": 1.2},
+        {"findings": (finding(Kind.ROTATION, Verdict.PRESENT, shift_px=21.0),)},
+        {"findings": (finding(Kind.FOCAL, Verdict.PRESENT, shift_px=4.0),)},
+    ],
+)
 def test_a_wrong_size_or_another_camera_is_refused(what: dict) -> None:
     assert verdict.judge(placed(**what)).standing is Standing.REFUSED
 

@@ -1,0 +1,146 @@
+"""Recorded motion of the vehicle, in TUM's or EuRoC's format, at the times of the images.
+
+TUM: `time_s x y z qx qy qz qw`, separated by spaces. EuRoC: `timestamp_ns,x,y,z,qw,qx,qy,qz`, separated by commas;
+further columns (velocity, biases) are not read. Lines that begin with # are comments. Positions are in metres, times on
+the clock of the images' `times.csv`.
+"""
+
+import enum
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from flight import FloatArray, FormatError, InputError, cells, frames, rotations
+
+LEAST_INSTANTS = 4
+"""Images that a recorded motion must cover."""
+LONGEST_GAP_S = 0.5
+"""A longer gap between two recorded poses is not interpolated."""
+FASTEST_M_S = 100.0
+"""A vehicle that seems to be faster was recorded in another unit than metres."""
+_COLUMNS = 8
+_NS_PER_S = 1_000_000_000
+
+
+class MotionKind(enum.StrEnum):
+    """What a recorded motion is worth."""
+
+    POSES = "recorded poses"
+    """Absolute: of a tracker, motion capture or a map; z is up, and errors do not grow along the path."""
+    ODOMETRY = "odometry"
+    """Drifts: only the motion over short stretches counts, in any frame."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """Poses of one thing on the vehicle over time."""
+
+    path: Path
+    """The file."""
+    time_s: FloatArray
+    """(n,) increasing."""
+    T_start_body: FloatArray
+    """(n, 4, 4) metres, in a frame of the recorder's own."""
+
+    def at(self, time_s: FloatArray) -> FloatArray:
+        """(m, 4, 4) poses at other times (m,), interpolated; NaN where nothing was recorded."""
+        after = np.clip(np.searchsorted(self.time_s, time_s), 1, len(self.time_s) - 1)
+        before = after - 1
+        step_s = self.time_s[after] - self.time_s[before]
+        share = (time_s - self.time_s[before]) / step_s
+        q = rotations.from_matrix(self.T_start_body[:, :3, :3])
+        a, b = self.T_start_body[before, :3, 3], self.T_start_body[after, :3, 3]
+        known = (share >= 0.0) & (share <= 1.0) & (step_s <= LONGEST_GAP_S)  # not at a time that is NaN
+        share = np.where(known, share, 0.0)
+        T = frames.transform(rotations.slerp(q[before], q[after], share), a + share[:, None] * (b - a))
+        T[~known] = np.nan
+        return T
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """A recorded motion, and what it is worth."""
+
+    kind: MotionKind
+    trajectory: Trajectory
+
+
+def read_motion(kind: MotionKind, path: Path, time_s: FloatArray) -> Motion:
+    """A recorded motion for images taken at the times (instants,), NaN where unknown.
+
+    Raises:
+        InputError: as `read`; the images have no times, or the file covers fewer than four of them.
+    """
+    trajectory = read(path)
+    known_s = time_s[np.isfinite(time_s)]
+    if not len(known_s):
+        raise InputError(f"{path} cannot be compared with images that have no times; give times.csv (image,time_s)")
+    covered = int(np.isfinite(trajectory.at(time_s)[:, 0, 0]).sum())
+    if covered < LEAST_INSTANTS:
+        first_s, last_s = trajectory.time_s[[0, -1]]
+        raise InputError(
+            f"{path} covers {covered} of {len(time_s)} images, at least {LEAST_INSTANTS} are needed: its times go from "
+            f"{first_s:.3f} to {last_s:.3f} s, those of the images from {known_s.min():.3f} to {known_s.max():.3f} s; "
+            "both must be of one clock, in seconds (EuRoC: nanoseconds)"
+        )
+    return Motion(kind, trajectory)
+
+
+def read(path: Path) -> Trajectory:
+    """The poses of a file in TUM's or EuRoC's format; a comma says which.
+
+    Raises:
+        InputError: it does not exist, or its positions are not in metres.
+        FormatError: it is neither format, a number is missing, a quaternion is not of unit length, or times do not
+            increase.
+    """
+    if not path.is_file():
+        raise InputError(f"{path} does not exist; it should hold recorded poses in TUM's or EuRoC's format")
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError:
+        raise FormatError(f"{path} is not a text file: recorded poses are in TUM's or EuRoC's format") from None
+    used = [(k, line) for k, line in enumerate(lines, start=1) if line.strip() and not line.lstrip().startswith("#")]
+    if len(used) < 2:
+        raise FormatError(f"{path} has {len(used)} poses; at least 2 are needed")
+    is_euroc = "," in used[0][1]
+    rows = np.array([_row(path, k, line.split(",") if is_euroc else line.split(), is_euroc) for k, line in used])
+    time_s, positions_m = rows[:, 0], rows[:, 1:4]
+    q = rows[:, 4:] if is_euroc else rows[:, [7, 4, 5, 6]]
+    if (late := np.flatnonzero(np.diff(time_s) <= 0.0)).size:
+        number = used[int(late[0]) + 1][0]
+        raise FormatError(f"{path}, line {number}: its time is not after that of the pose before; sort and thin them")
+    if (off := np.flatnonzero(np.abs(np.linalg.norm(q, axis=1) - 1.0) > 0.01)).size:
+        order = "w x y z" if is_euroc else "x y z w"
+        raise FormatError(f"{path}, line {used[int(off[0])][0]}: its quaternion ({order}) is not of unit length")
+    _require_metres(path, time_s, positions_m)
+    return Trajectory(path, time_s, frames.transform(rotations.normalise(q), positions_m))
+
+
+def _row(path: Path, number: int, words: Sequence[str], is_euroc: bool) -> list[float]:
+    """Time in seconds, position and quaternion as they stand in the line."""
+    if len(words) < _COLUMNS or not (is_euroc or len(words) == _COLUMNS):
+        raise FormatError(
+            f"{path}, line {number}: {len(words)} columns; TUM's format has `time_s x y z qx qy qz qw`, EuRoC's "
+            "`timestamp_ns,x,y,z,qw,qx,qy,qz`"
+        )
+    values = [cells.number(word, path, number, f"{k + 1}") for k, word in enumerate(words[:_COLUMNS])]
+    if not np.isfinite(values).all():
+        raise FormatError(
+            f"{path}, line {number}: a number is missing or not finite; leave out poses that are not known"
+        )
+    if is_euroc:
+        values[0] /= _NS_PER_S
+    return values
+
+
+def _require_metres(path: Path, time_s: FloatArray, positions_m: FloatArray) -> None:
+    steps_m = np.linalg.norm(np.diff(positions_m, axis=0), axis=1)
+    speed_m_s = float(np.percentile(steps_m / np.diff(time_s), 90.0))
+    if speed_m_s > FASTEST_M_S:
+        raise InputError(
+            f"{path}: the vehicle would fly at {speed_m_s:.0f} m/s (at most {FASTEST_M_S:g}): the positions must be in "
+            "metres, not in millimetres or centimetres, and the times in seconds (EuRoC: nanoseconds)"
+        )
