@@ -88,7 +88,7 @@ def _left(attitude: FloatArray, gyro: FloatArray) -> tuple[float, float]:
     moving = np.gradient(gyro, GRID_S, axis=0)
     now = slice(EARLIER[-1] + WINDOW, len(gyro) - WINDOW)
     earlier = np.concatenate([x[now.start - k : now.stop - k] for x in (gyro, moving) for k in EARLIER], axis=1)
-    pull, free, slope = np.zeros((3, *attitude[now].shape))
+    pull, free, slope = (np.zeros((len(earlier), 3)) for _ in range(3))
     for i in range(3):
         beside = np.column_stack([np.ones(len(earlier)), np.delete(attitude[now], i, axis=1)])
         both = np.column_stack([attitude[now, i], gyro[now, i], moving[now, i], earlier])
