@@ -152,7 +152,7 @@ class MapView:
             self._server.scene.remove_by_name("/slice")
             return
         if wanted.of == "could_hide" and self._hidden is None:
-            self._hidden = slices.visibility(area)
+            self._hidden = area.visibility()
         picture = slices.draw(area, self._field or area.field, wanted, self._required_m, self._hidden)
         self._server.scene.add_image(
             "/slice", picture.rgba, *picture.size_m, format="png", wxyz=tuple(picture.q_world_image),

@@ -6,7 +6,7 @@ import numpy as np
 
 import esdf
 from esdf.grid import Grid
-from esdf.visibility import View, Visibility, look
+from esdf.visibility import Visibility
 from flight import FloatArray, rotations
 from gcs_web import scene
 from gcs_web.protocol_parts import Slice
@@ -14,7 +14,7 @@ from mapping import Map
 
 MOST_PIXELS, MOST_PER_VOXEL = 900, 6
 """Of a picture's longer side, and of a voxel's."""
-COULD_HIDE_SPAN_M = 0.05
+COULD_HIDE_SPAN_M = 0.10
 """Thickness at the upper end of the scale of what could hide."""
 
 _AXES = {"x": 0, "y": 1, "z": 2}
@@ -56,34 +56,17 @@ def draw(area: Map, field: esdf.Field, wanted: Slice, required_m: float, hidden:
     Args:
         field: the map's, or one with other edits.
         required_m: clearance at which the colours of a distance begin; below it is hatched.
-        hidden: of `visibility`, for a slice of `could_hide`.
+        hidden: of the map's images, for a slice of `could_hide`.
     """
     plane = _oblique(field.grid, wanted) if wanted.axis == "oblique" else _plane(field.grid, wanted)
     if wanted.of == "unknown":
         rgba = _unknown(field, plane)
     elif wanted.of == "could_hide":
-        rgba = _could_hide(hidden or visibility(area), field, plane)
+        rgba = _could_hide(hidden or area.visibility(), field, plane)
     else:
         rgba = _distance(field, plane, required_m)
     rgba[~field.grid.contains(plane.points_world_m).reshape(plane.shape), 3] = 0
     return Picture(rgba, plane.centre_world_m, plane.size_m, plane.q_world_image)
-
-
-def visibility(area: Map) -> Visibility:
-    """The thinnest object that the map's images could have resolved, from their poses and lenses.
-
-    The cone of a view ends at the nearer edge of the image, so nothing counts as seen that was not.
-    """
-    views = []
-    for pose in area.T_world_body:
-        for camera in area.rig.cameras:
-            T_world_camera = pose @ camera.T_body_camera
-            focal_px = min(camera.focal_px)
-            edge = 0.5 * min(camera.width, camera.height) / focal_px
-            half = edge if "FISHEYE" in camera.model else float(np.arctan(edge))
-            centre, axis = T_world_camera[:3, 3].tolist(), T_world_camera[:3, 2].tolist()
-            views.append(View(tuple(centre), tuple(axis), min(half, 0.5 * camera.field_of_view_rad), 1.0 / focal_px))
-    return look(area.field.state, area.field.grid, views)
 
 
 def normal(wanted: Slice) -> FloatArray:

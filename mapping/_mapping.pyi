@@ -32,6 +32,16 @@ def inverse_range_bound(
     deviations: float,
     threads: int,
 ) -> NDArray[np.float32]: ...
+def nearest_disparity(
+    left: NDArray[np.uint8],
+    right: NDArray[np.uint8],
+    disparity: NDArray[np.int16],
+    disparities: int,
+    noise: float,
+    deviations: float,
+    mean: float,
+    threads: int,
+) -> NDArray[np.int16]: ...
 def carve(
     origin_world_m: NDArray[np.float64],
     voxel_m: float,
@@ -39,7 +49,7 @@ def carve(
     bound: NDArray[np.float32],
     lens: NDArray[np.float64],
     T_camera_world: NDArray[np.float64],
-    truncation_m: float,
+    margin_m: float,
     farthest_m: float,
     threads: int,
 ) -> None: ...

@@ -6,6 +6,7 @@ esdf/           the distance field, with the pilot's edits
 localization/   points with descriptors, for relocalization
 camera.toml     the rig, with the lenses of the map
 poses.csv       where each image was taken (body in world)
+visibility.npz  how thin an object the images resolve, place by place
 report.json     all figures of the run
 """
 
@@ -14,7 +15,7 @@ import dataclasses
 import glob
 import shutil
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ import numpy as np
 
 import esdf
 from esdf.storage import EDITS
+from esdf.visibility import Visibility, load_visibility, save_visibility
 from flight import (
     FlightError,
     FloatArray,
@@ -35,14 +37,12 @@ from flight import (
     rotations,
     silent,
 )
-from mapping import stages, verdict
+from mapping import placed_views, stages, verdict
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
-from mapping.dense import depth_files, mesh_file, surface
+from mapping.dense import depth_files, mesh_file, resolution, surface
 from mapping.dense.depth_files import DepthFiles
-from mapping.dense.stereo import DepthImage
 from mapping.dense.surface import DenseOptions
-from mapping.dense.views import ImageView
 from mapping.input import source
 from mapping.input.depth_images import DepthFolder
 from mapping.input.images import ImageSet, read_table
@@ -59,9 +59,12 @@ FORMAT = "goshawk-map"
 VERSION = 1
 REPORT_FORMAT = "goshawk-map-report"
 
+VISIBILITY = "visibility.npz"
 DEPTH = "depth"
 STAGES = (source.FRAMES, source.CHECK, colmap.FEATURES, colmap.MATCHES, colmap.POSES, reconstruction.CALIBRATION, DEPTH)
 """Stages whose results survive an interrupted work, in order."""
+MEASURED_SEEN_THROUGH = 1
+"""Depth images of a sensor that must have seen through a voxel before it is free, as one measurement is enough."""
 _REPLACED = "replaced"
 """File of a work: inode of the earlier map, which is moved aside for the new one."""
 _POSE_COLUMNS = ("image", "time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
@@ -136,6 +139,12 @@ class MapReport:
     """Space known to be empty."""
     occupied_m3: float
     """Space known to be filled."""
+    carrier_radius_m: float
+    """Radius about each camera within which what carried it is evidence of free space."""
+    swept_occupied_m3: float
+    """Space within that radius that stays occupied, because the images show a surface there."""
+    resolved_m: dict[str, float]
+    """Thickness of the thinnest obstacle that is resolved in half, and in nine tenths, of the free space."""
     depth: dict[str, float]
     """Statistics of the depth images."""
     hash: str
@@ -193,6 +202,17 @@ class Map:
     @property
     def mesh(self) -> Path:
         return self.folder / "mesh.glb"
+
+    def visibility(self) -> Visibility:
+        """The thinnest obstacle that the images resolve, place by place; thinner ones may be missing from the map.
+
+        Raises:
+            FormatError: the file is damaged.
+        """
+        if (self.folder / VISIBILITY).is_file():
+            return load_visibility(self.folder / VISIBILITY)
+        cameras = [(c, pose @ c.T_body_camera) for pose in self.T_world_body for c in self.rig.cameras]
+        return resolution.visibility(self.field.state, self.field.grid, cameras)  # a map of an earlier version
 
     def localization_map(self) -> LocalizationMap:
         return localization_map.load(self.folder / "localization")
@@ -300,24 +320,31 @@ def _build(
         images, options.sparse, length=options.length, references=options.references, work=work, progress=progress
     )
     started_s = time.process_time()
-    seen = views(placed)
+    seen = placed_views.views(placed)
     stereo = options.dense.stereo
     depth_work = work.on(options.sparse, options.length, _references(images, options.references), stereo)
 
     def find_depth(folder: Path) -> None:
         measured = images.depths is not None
-        found = _measured(placed, seen, progress) if measured else surface.depth_images(seen, stereo, progress=progress)
-        depth_files.write(folder, _unmasked(placed, found))
+        found = (
+            placed_views.measured(placed, seen, progress)
+            if measured
+            else surface.depth_images(seen, stereo, progress=progress)
+        )
+        depth_files.write(folder, placed_views.unmasked(placed, found))
 
     depths = DepthFiles(depth_work.stage(DEPTH, find_depth))
-    dense = surface.reconstruct(seen, options.dense, depths=depths, progress=progress)
+    needed = MEASURED_SEEN_THROUGH if images.depths is not None else options.dense.least_seen_through
+    dense_options = dataclasses.replace(options.dense, least_seen_through=needed)
+    dense = surface.reconstruct(seen, dense_options, depths=depths, progress=progress)
     progress("distance field", 0.0)
     distances = esdf.build(dense.state, dense.grid, cap_m=options.cap_m)
     cpu_s = {**placed.cpu_s, "dense": round(time.process_time() - started_s, 2)}
-    report = _report(placed, dense, distances.hash, cpu_s)
+    report = _report(placed, dense, options.dense.carrier_radius_m, distances.hash, cpu_s)
     with results.new_folder(out, overwrite=overwrite, ours=_is_map, within=work.folder) as placing:
         new = placing.temporary
         esdf.save(new / "esdf", distances)
+        save_visibility(new / VISIBILITY, dense.seen)
         mesh_file.save(new / "mesh.glb", dense.vertices_world_m, dense.faces, dense.colours)
         mesh_file.save(new / "mesh.ply", dense.vertices_world_m, dense.faces, dense.colours)
         localization_map.save(new / "localization", placed.localization_map())
@@ -345,44 +372,9 @@ def _is_map(folder: Path) -> bool:
     return (folder / "map.toml").exists()
 
 
-def views(placed: SparseMap) -> list[ImageView]:
-    """The placed images as dense reconstruction takes them, nearest and farthest range from the sparse points."""
-    result: list[ImageView] = []
-    for instant, camera in _placed_shots(placed):
-        ranges = placed.ranges_m(instant, camera)
-        near, far = np.percentile(ranges, [2.0, 98.0]) if len(ranges) >= 20 else (None, None)
-        result.append(
-            ImageView(
-                placed.rig.cameras[camera],
-                placed.T_world_camera(instant, camera),
-                placed.images.pixels(instant, camera),
-                near_m=None if near is None else 0.6 * float(near),
-                far_m=None if far is None else 1.5 * float(far),
-            )
-        )
-    return result
-
-
-def _placed_shots(placed: SparseMap) -> list[tuple[int, int]]:
-    """(instant, camera) of the images that are in the map."""
-    return [(instant, camera) for instant, camera in placed.images.pairs() if placed.registered[instant, camera]]
-
-
-def _measured(placed: SparseMap, seen: Sequence[ImageView], progress: Progress) -> Iterator[DepthImage]:
-    """What the depth camera measured, image by image."""
-    for number, (shot, view) in enumerate(zip(_placed_shots(placed), seen, strict=True), start=1):
-        yield surface.depth_from_sensor(view, placed.images.depth_m(*shot))
-        progress("measured depth", number / len(seen))
-
-
-def _unmasked(placed: SparseMap, depths: Iterator[DepthImage | None]) -> Iterator[DepthImage | None]:
-    """The depth images without what masks leave out."""
-    for shot, depth in zip(_placed_shots(placed), depths, strict=True):
-        used = placed.images.used(*shot)
-        yield depth if depth is None or used is None else depth.where(used)
-
-
-def _report(placed: SparseMap, surface: surface.Reconstruction, hash: str, cpu_s: dict[str, float]) -> MapReport:
+def _report(
+    placed: SparseMap, surface: surface.Reconstruction, carrier_radius_m: float, hash: str, cpu_s: dict[str, float]
+) -> MapReport:
     voxel_m3 = float(np.prod(surface.grid.voxel_m))
     judged = verdict.judge(placed)
     path = placed.T_world_body[placed.placed, :3, 3]
@@ -408,6 +400,9 @@ def _report(placed: SparseMap, surface: surface.Reconstruction, hash: str, cpu_s
         mesh_faces=len(surface.faces),
         free_m3=float((surface.state == esdf.FREE).sum()) * voxel_m3,
         occupied_m3=float((surface.state == esdf.OCCUPIED).sum()) * voxel_m3,
+        carrier_radius_m=carrier_radius_m,
+        swept_occupied_m3=surface.swept_occupied_m3,
+        resolved_m=resolution.thickness_quantiles_m(surface.seen, surface.grid, surface.state == esdf.FREE),
         depth=dataclasses.asdict(surface.statistics),
         hash=hash,
         cpu_s=cpu_s,
@@ -425,6 +420,7 @@ def _facts(report: MapReport) -> dict[str, Any]:
         "images_placed",
         "reprojection_error_px",
         "path_length_m",
+        "carrier_radius_m",
     )
     return {name: getattr(report, name) for name in names}
 

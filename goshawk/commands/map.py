@@ -17,7 +17,7 @@ from mapping.input import examination
 from mapping.input.source import Source
 from mapping.verdict import Standing
 
-VOXEL_M, FARTHEST_M = (0.005, 10.0), (0.1, 1000.0)
+VOXEL_M, FARTHEST_M, THINNEST_M, CARRIER_M = (0.005, 10.0), (0.1, 1000.0), (0.001, 1.0), (0.01, 2.0)
 """Bounds of the options: finer voxels need too much memory."""
 
 
@@ -55,6 +55,19 @@ class MapVerbs(click.Group):
 @click.option("--voxel", "voxel_m", default=0.05, show_default=True, help="Edge of a voxel, metres.")
 @click.option("--farthest", "farthest_m", default=8.0, show_default=True, help="Leave out depths beyond this, metres.")
 @click.option(
+    "--thinnest",
+    "thinnest_m",
+    type=float,
+    help="Leave space unknown where an obstacle this thick could be missing, metres [default: not asked].",
+)
+@click.option(
+    "--carrier-radius",
+    "carrier_radius_m",
+    default=0.2,
+    show_default=True,
+    help="Free by evidence: what carried the cameras swept a ball of this radius about each of them, metres.",
+)
+@click.option(
     "--from", "again_from", type=click.Choice(map_folder.STAGES), help="Make this stage and those after it again."
 )
 @click.option("--until", "until", type=click.Choice(map_folder.STAGES), help="Stop after this stage.")
@@ -74,6 +87,8 @@ def build(
     length: str | None,
     voxel_m: float,
     farthest_m: float,
+    thinnest_m: float | None,
+    carrier_radius_m: float,
     again_from: str | None,
     until: str | None,
     overwrite: bool,
@@ -96,6 +111,9 @@ def build(
     An earlier map in --out is replaced only with --overwrite and when the new one is complete: its edits are copied,
     and it is kept beside as OUT.old-1.
 
+    Space is free where three images saw through it, and where what carried the cameras, a vehicle or a person, must
+    have been itself: --carrier-radius states how far about each camera. Measured surfaces stay occupied.
+
     An interrupted run leaves its finished stages in OUT.work; the same command goes on from there. So does one
     after --until.
 
@@ -103,8 +121,13 @@ def build(
     diagnose MAP` shows all of it). The verdict is good, doubtful (`goshawk plan` then asks) or refused, with reasons.
     Exit code 1: refused.
     """
-    for option, value, (low, high) in (("--voxel", voxel_m, VOXEL_M), ("--farthest", farthest_m, FARTHEST_M)):
-        if not low <= value <= high:
+    for option, value, (low, high) in (
+        ("--voxel", voxel_m, VOXEL_M),
+        ("--farthest", farthest_m, FARTHEST_M),
+        ("--thinnest", thinnest_m, THINNEST_M),
+        ("--carrier-radius", carrier_radius_m, CARRIER_M),
+    ):
+        if value is not None and not low <= value <= high:
             raise InputError(f"{option} is {value:g} m; it must be from {low:g} to {high:g} m")
     base = mapping.MapOptions()
     if depth_unit_m is not None and depth is None:
@@ -114,7 +137,13 @@ def build(
         depths=mapping.DepthFolder(depth, depth_unit_m) if depth is not None else None,
         masks=masks,
         selection=_selection(parallax_deg) if select or parallax_deg is not None else None,
-        dense=replace(base.dense, voxel_m=voxel_m, farthest_m=farthest_m),
+        dense=replace(
+            base.dense,
+            voxel_m=voxel_m,
+            farthest_m=farthest_m,
+            thinnest_m=thinnest_m or 0.0,
+            carrier_radius_m=carrier_radius_m,
+        ),
         length=length_from(length) if length is not None else None,
         references=references,
     )
@@ -159,8 +188,18 @@ def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
         "path": f"{report.path_length_m:.2f} m",
         "mesh": f"{report.mesh_vertices} vertices, {report.mesh_faces} faces",
         "space": f"{report.free_m3:.1f} m3 free, {report.occupied_m3:.1f} m3 occupied; the rest is unknown",
+        "swept by the carrier": f"{report.carrier_radius_m:g} m about each camera is free"
+        + (
+            f", except {1e3 * report.swept_occupied_m3:.1f} litres where images show a surface"
+            if report.swept_occupied_m3 > 0.0
+            else ""
+        ),
         "written": str(out),
     }
+    if report.resolved_m:
+        facts["thinnest obstacle resolved"] = ", ".join(
+            f"{1000 * metres:.0f} mm in {where}" for where, metres in report.resolved_m.items()
+        )
     if report.reasons:
         facts["because"] = "; ".join(report.reasons)
     if report.corrections:

@@ -22,6 +22,7 @@ _PAINT = {
     "wood": (0.27, 0.35, 0.26, 0.25, 0.24),
     "cloth": (0.22, 0.26, 0.28, 0.20, 0.24),
     "metal": (0.74, 0.40, 0.38, 0.30, 0.24),
+    "plain": (0.66, 1.00, 0.00, 1.00, 0.00),
 }
 Painted = tuple[Solid, str]
 
@@ -69,6 +70,38 @@ def furnished() -> RenderedScene:
     """The 10 x 8 x 3.2 m room that the demo, the examples and the accuracy tests use."""
     room = Room((-SIZE_M[0] / 2, -SIZE_M[1] / 2, 0.0), (SIZE_M[0] / 2, SIZE_M[1] / 2, SIZE_M[2]))
     return RenderedScene(((room, "plaster"), *_dividing_wall(), *_tables(), *_shelves(), *_loose_things()))
+
+
+def _pillar(x_m: float, y_m: float, radius_m: float, height_m: float) -> Cylinder:
+    return Cylinder((x_m, y_m, height_m / 2), radius_m, height_m)
+
+
+def _rod(diameter_m: float, x_m: float, y_m: float) -> Cylinder:
+    return _pillar(x_m, y_m, 0.5 * diameter_m, SIZE_M[2])
+
+
+RODS = (
+    _rod(0.030, 1.6, -0.9), _rod(0.006, 1.0, -0.9), _rod(0.006, 4.2, 1.2), _rod(0.012, 1.6, 0.3),
+    _rod(0.012, 0.7, -3.2), _rod(0.020, 1.0, 0.2), _rod(0.020, 3.9, -2.4), _rod(0.030, 1.9, -3.0),
+    _rod(0.050, 0.6, 1.1), _rod(0.050, 4.0, 2.1),
+)  # fmt: skip
+"""Upright from floor to ceiling in the half x > 0, some .9 to 1.9 m from the path; the first is "the pole"."""
+OTHER_RODS = (
+    _rod(0.030, 4.69, -1.08), _rod(0.020, 1.64, -0.94), _rod(0.030, 2.23, 0.79), _rod(0.040, 1.51, 3.57),
+    _rod(0.040, 4.75, 0.12), _rod(0.050, 1.13, -0.40), _rod(0.050, 4.27, 1.05), _rod(0.060, 3.73, -1.75),
+    _rod(0.030, 2.41, -0.81), _rod(0.040, 1.95, 0.36),
+)  # fmt: skip
+"""At random places beside the path, instead of `RODS`."""
+CABLE = Box((0.1, 0.794, 1.994), (4.9, 0.806, 2.006))
+"""12 mm thick, across that half."""
+PLAIN_WALL = Box((4.96, -3.0, 0.0), (5.0, 2.4, 3.2))
+"""In front of the wall x = 5, without any texture."""
+
+
+def hazardous(upright: tuple[Cylinder, ...] = RODS) -> RenderedScene:
+    """The furnished room with what a map of images misses most easily: thin rods, a cable, a plain stretch of wall."""
+    rods = [(rod, ("metal", "cloth", "plaster", "wood")[number % 4]) for number, rod in enumerate(upright)]
+    return RenderedScene((*furnished().painted, *rods, (CABLE, "cloth"), (PLAIN_WALL, "plain")))
 
 
 def _dividing_wall() -> list[Painted]:
@@ -119,7 +152,3 @@ def _loose_things() -> list[Painted]:
         (Sphere((3.2, 2.8, 0.98), 0.22), "metal"),
         (Sphere((4.5, -0.4, 0.70), 0.25), "brick"),
     ]
-
-
-def _pillar(x_m: float, y_m: float, radius_m: float, height_m: float) -> Cylinder:
-    return Cylinder((x_m, y_m, height_m / 2), radius_m, height_m)

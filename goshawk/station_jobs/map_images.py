@@ -13,7 +13,7 @@ from flight import InputError, Progress
 from flight.project import Project
 from gcs_web.desk import Desk
 from gcs_web.jobs import Choices, Kind
-from goshawk.commands.map import VOXEL_M, length_from
+from goshawk.commands.map import CARRIER_M, VOXEL_M, length_from
 
 _IMAGES = (".jpg", ".jpeg", ".png")
 
@@ -25,6 +25,16 @@ class Arguments(msgspec.Struct, forbid_unknown_fields=True):
     voxel_m: Annotated[
         float, msgspec.Meta(title="Voxel", ge=VOXEL_M[0], le=VOXEL_M[1], extra_json_schema={"unit": "m"})
     ] = 0.05
+    carrier_radius_m: Annotated[
+        float,
+        msgspec.Meta(
+            title="Radius of the carrier",
+            description="What carried the cameras swept this much about each of them",
+            ge=CARRIER_M[0],
+            le=CARRIER_M[1],
+            extra_json_schema={"unit": "m"},
+        ),
+    ] = 0.2
     overwrite: Annotated[bool, msgspec.Meta(title="Replace the present map (kept beside, its edits stay)")] = False
 
 
@@ -100,7 +110,7 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
     base = mapping.MapOptions()
     options = replace(
         base,
-        dense=replace(base.dense, voxel_m=asked.voxel_m),
+        dense=replace(base.dense, voxel_m=asked.voxel_m, carrier_radius_m=asked.carrier_radius_m),
         length=length_from(asked.length) if asked.length else None,
     )
     rig = mapping.rig.load(folder / asked.camera)

@@ -10,8 +10,6 @@ from flight import FloatArray, InputError, MapError, frames
 from mapping import _mapping
 from mapping.dense.views import THREADS, ImageView, lens_row
 
-LEAST_SEEN_THROUGH = 4
-"""Images that must have seen through a voxel before it counts as free without a measured depth behind it."""
 MOST_VOXELS = 150_000_000
 """A larger volume takes more than 3 GB; the error names a voxel size that fits."""
 
@@ -33,7 +31,7 @@ class Volume:
     colour_weight: NDArray[np.float32]
     """(nx, ny, nz)."""
     seen_through: NDArray[np.uint8]
-    """(nx, ny, nz) how many images saw through the voxel, to something that must be farther away."""
+    """(nx, ny, nz) how many images saw through the voxel, over its whole width, to what must be farther away."""
 
     @property
     def voxel_m(self) -> float:
@@ -69,11 +67,12 @@ class Volume:
             THREADS,
         )
 
-    def carve(self, view: ImageView, bound: NDArray[np.float32], *, farthest_m: float) -> None:
-        """Count the voxels one image saw through.
+    def carve(self, view: ImageView, bound: NDArray[np.float32], *, margin_m: float, farthest_m: float) -> None:
+        """Count the voxels one image saw through: on every ray that meets the voxel, anything is farther away.
 
         Args:
             bound: (h, w), 1/m: nothing on the ray has a larger inverse range; 0 where that is not known.
+            margin_m: how much farther away.
         """
         _mapping.carve(
             self.grid.low_world_m,
@@ -82,7 +81,7 @@ class Volume:
             np.ascontiguousarray(bound, dtype=np.float32),
             lens_row(view.camera, bound.shape[1] / view.camera.width),
             frames.invert(view.T_world_camera),
-            self.truncation_m,
+            margin_m,
             farthest_m,
             THREADS,
         )
@@ -101,18 +100,17 @@ class Volume:
         shades = np.clip(np.round(colours), 0, 255).astype(np.uint8)
         return vertices, faces, np.repeat(shades, 3, axis=1) if shades.shape[1] == 1 else shades
 
-    def occupancy(self, *, least_weight: float, skin_voxels: float) -> NDArray[np.uint8]:
+    def occupancy(self, *, least_seen_through: int, skin_voxels: float) -> NDArray[np.uint8]:
         """(nx, ny, nz) UNKNOWN, FREE or OCCUPIED.
 
         A voxel whose centre is less than `skin_voxels` in front of the surface counts as occupied. With sqrt(3) / 2
         every voxel that the surface passes through does, however it cuts it: walls have no holes. Any trace of a
-        surface outweighs any number of images that saw through.
+        surface outweighs any number of images that saw through; and a voxel through which too few of them saw is not
+        free, whatever lies behind it.
         """
         state = np.full(self.grid.shape, UNKNOWN, dtype=np.uint8)
-        seen = self.weight >= least_weight
-        near = (self.distance < skin_voxels * self.voxel_m) & (self.weight > 0.0)
-        state[(seen | (self.seen_through >= LEAST_SEEN_THROUGH)) & ~near] = FREE
-        state[near] = OCCUPIED
+        state[self.seen_through >= least_seen_through] = FREE
+        state[(self.distance < skin_voxels * self.voxel_m) & (self.weight > 0.0)] = OCCUPIED
         return state
 
 
@@ -155,15 +153,17 @@ def unreached_is_unknown(state: NDArray[np.uint8], grid: Grid, path_world_m: Flo
     state[(pieces > 0) & ~np.isin(pieces, reached[reached > 0])] = UNKNOWN
 
 
-def carve_tube(state: NDArray[np.uint8], grid: Grid, path_world_m: FloatArray, radius_m: float) -> None:
-    """Mark as FREE, in place, what lies within `radius_m` of the points (n, 3): the vehicle was there itself."""
+def within(grid: Grid, path_world_m: FloatArray, radius_m: float) -> NDArray[np.bool_]:
+    """(nx, ny, nz) which voxels have their centre within `radius_m` of one of the points (n, 3)."""
+    near = np.zeros(grid.shape, bool)
     reach = int(np.ceil(radius_m / min(grid.voxel_m)))
     steps = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     for point in path_world_m:
         cells = grid.index(point) + steps
         inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
         inside &= np.linalg.norm(grid.centre(cells) - point, axis=1) <= radius_m
-        state[tuple(cells[inside].T)] = FREE
+        near[tuple(cells[inside].T)] = True
+    return near
 
 
 def _resized(pixels: NDArray[np.uint8], width: int, height: int, channels: int) -> NDArray[np.uint8]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from flight import FloatArray, InputError, frames
 from mapping import _mapping
+from mapping.dense import consistency
 from mapping.dense.views import THREADS, ImageView, lens_row
 
 FloatImage = NDArray[np.float32]
@@ -152,8 +153,9 @@ def depth_of_pair(
         options.largest_relative_std,
         THREADS,
     )
+    nearest = consistency.nearest_disparity(left, right, disparity, disparities)
     bound = _mapping.inverse_range_bound(
-        disparity, grid, R_camera_grid, baseline_m, rays_camera, options.disparity_std_px, BOUND_DEVIATIONS, THREADS
+        nearest, grid, R_camera_grid, baseline_m, rays_camera, options.disparity_std_px, BOUND_DEVIATIONS, THREADS
     )
     return value, deviation, bound
 
@@ -237,7 +239,7 @@ def agreed_bound(bounds: FloatImage, value: FloatImage, deviation: FloatImage, l
 
     ordered = np.sort(np.where(bounds > 0.0, bounds, np.float32(np.inf)), axis=0)
     bound = np.maximum(ordered[least_agreeing - 1], value + np.float32(BOUND_DEVIATIONS) * deviation)
-    spread = np.asarray(cv2.dilate(bound, np.ones((5, 5), np.uint8)), dtype=np.float32)
+    spread = np.asarray(cv2.dilate(bound, np.ones((3, 3), np.uint8)), dtype=np.float32)
     return np.where(np.isfinite(spread), spread, np.float32(0.0))
 
 

@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from esdf import Grid
+from esdf import FREE, OCCUPIED, UNKNOWN, Grid
+from esdf.visibility import Visibility
 from flight import FloatArray, InputError, MapError, Progress, silent
-from mapping.dense import fusion, stereo
+from mapping.dense import fusion, resolution, stereo
 from mapping.dense.fusion import Volume
 from mapping.dense.stereo import DepthImage, StereoOptions, depth_from_sensor
 from mapping.dense.views import ImageView
@@ -25,6 +26,11 @@ __all__ = [
     "depth_from_sensor",
     "reconstruct",
 ]
+
+LARGEST_CARRIER_M = 2.0
+"""A larger radius is a wrong unit."""
+LONGEST_GAP_M = 0.4
+"""Between images that the carrier's path joins by a straight line: a turn of 1 m radius departs from it by 2 cm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,21 +46,29 @@ class DenseOptions:
     farthest_m: float = 8.0
     """Depths beyond this do not enter the volume."""
     least_weight: float = 0.6
-    """Least weight of an observed voxel: a measurement good to one voxel has weight 1, a precise near one up to 25."""
+    """Least weight of a voxel that the mesh passes through: a measurement good to one voxel has weight 1, a precise
+    near one up to 25."""
+    least_seen_through: int = 3
+    """Images that must have seen through a voxel, over its whole width, before it is free."""
+    thinnest_m: float = 0.0
+    """Space is not free where an obstacle this thick could be missing (`resolution`); with 0 that is not asked."""
     skin_voxels: float = 0.87
     """Voxels this close in front of a surface are occupied; with sqrt(3) / 2 no wall has a hole."""
-    flown_radius_m: float = 0.20
-    """Radius of the vehicle: voxels this close to a camera's position are free, whatever the images show. So is the
-    straight line between two consecutive positions whose spheres touch; between others it may have flown a detour."""
+    carrier_radius_m: float = 0.20
+    """What carried the cameras filled or swept a ball of this radius about each of them: that space is free, except
+    where the images show a surface. So is the straight way between two consecutive images less than `LONGEST_GAP_M`
+    apart; between others there may have been a detour."""
     least_component_faces: int = 60
     """Smaller connected components of the mesh are dropped."""
 
     def __post_init__(self) -> None:
-        coarsest_m = 2.0 / np.sqrt(3.0) * self.flown_radius_m
+        if not self.carrier_radius_m <= LARGEST_CARRIER_M:
+            raise InputError(f"carrier_radius_m {self.carrier_radius_m:g} must be at most {LARGEST_CARRIER_M:g} m")
+        coarsest_m = 2.0 / np.sqrt(3.0) * self.carrier_radius_m
         if not 0.0 < self.voxel_m <= coarsest_m:  # else the path may lie in no free voxel, and nothing is reached
             raise InputError(
-                f"voxel_m {self.voxel_m:g} must be positive and at most {coarsest_m:.2f}, so that a vehicle of "
-                f"flown_radius_m {self.flown_radius_m:g} fills a voxel"
+                f"voxel_m {self.voxel_m:g} must be positive and at most {coarsest_m:.2f}, so that a ball of "
+                f"carrier_radius_m {self.carrier_radius_m:g} fills a voxel"
             )
 
 
@@ -86,6 +100,10 @@ class Reconstruction:
     """(nx, ny, nz) `esdf.UNKNOWN`, `FREE` or `OCCUPIED`."""
     grid: Grid
     """Where the voxels of `state` are."""
+    seen: Visibility
+    """The thinnest object that the images resolve."""
+    swept_occupied_m3: float
+    """Space within the carrier's radius that stays occupied, because the images show a surface there."""
     statistics: DepthStatistics
     """Of the depth images."""
 
@@ -151,10 +169,11 @@ def fuse(
         truncation_m=truncation_m,
         channels=3 if all(view.pixels.ndim == 3 for view in images) else 1,
     )
+    margin_m = options.skin_voxels * options.voxel_m
     for number, (view, depth) in enumerate(zip(images, depths, strict=True)):
         if depth is not None:
             volume.integrate(view, depth.inverse_range, depth.deviation, depth.facing, farthest_m=options.farthest_m)
-            volume.carve(view, depth.bound, farthest_m=options.farthest_m)
+            volume.carve(view, depth.bound, margin_m=margin_m, farthest_m=options.farthest_m)
         progress("fuse depth", (number + 1) / len(images))
     return volume
 
@@ -168,21 +187,27 @@ def extract(
     )
     if not len(faces):
         raise MapError("the depth images hold no surface: their poses or lenses may be wrong")
-    state = volume.occupancy(least_weight=options.least_weight, skin_voxels=options.skin_voxels)
-    path = flown_path(images, 0.5 * options.voxel_m, longest_gap_m=2.0 * options.flown_radius_m)
-    fusion.carve_tube(state, volume.grid, path, options.flown_radius_m)
+    state = volume.occupancy(least_seen_through=options.least_seen_through, skin_voxels=options.skin_voxels)
+    seen = resolution.visibility(state, volume.grid, [(view.camera, view.T_world_camera) for view in images])
+    if options.thinnest_m > 0.0:
+        state[(state == FREE) & (resolution.finest_of_voxels(seen, volume.grid) > options.thinnest_m)] = UNKNOWN
+    path = carried_path(images, 0.5 * options.voxel_m)
+    swept = fusion.within(volume.grid, path, options.carrier_radius_m)
+    state[swept & (state == UNKNOWN)] = FREE
+    swept_occupied_m3 = float((swept & (state == OCCUPIED)).sum()) * options.voxel_m**3
     fusion.unreached_is_unknown(state, volume.grid, path)
-    return Reconstruction(vertices, faces, colours, state, volume.grid, depth_statistics(depths))
+    statistics = depth_statistics(depths)
+    return Reconstruction(vertices, faces, colours, state, volume.grid, seen, swept_occupied_m3, statistics)
 
 
-def flown_path(images: Sequence[ImageView], step_m: float, *, longest_gap_m: float) -> FloatArray:
+def carried_path(images: Sequence[ImageView], step_m: float) -> FloatArray:
     """(n, 3) points along the way of each camera, in the order of the images; longer gaps are not bridged."""
     points = [view.position_world_m for view in images]
     last: dict[str, FloatArray] = {}
     for view in images:
         here, before = view.position_world_m, last.get(view.camera.name)
         last[view.camera.name] = here
-        if before is not None and (gap := float(np.linalg.norm(here - before))) <= longest_gap_m:
+        if before is not None and (gap := float(np.linalg.norm(here - before))) <= LONGEST_GAP_M:
             share = np.linspace(0.0, 1.0, 1 + int(np.ceil(gap / step_m)))[:, None]
             points.extend(before + share * (here - before))
     return np.array(points)

@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "bindings.hpp"
+#include "consistency.hpp"
 #include "marching_cubes.hpp"
 #include "spherical_stereo.hpp"
 #include "tsdf.hpp"
@@ -58,6 +59,16 @@ static auto inverse_range_bound_view(Disparity disparity, GridRow grid, Matrix3 
     return bound;
 }
 
+static auto nearest_disparity_view(Gray left, Gray right, Disparity disparity, int disparities, double noise,
+                                   double deviations, double mean, int threads) {
+    auto nearest = new_array<std::int16_t>({disparity.shape(0), disparity.shape(1)});
+    nb::gil_scoped_release release;
+    nearest_disparity(left.data(), right.data(), disparity.data(), static_cast<int>(disparity.shape(0)),
+                      static_cast<int>(disparity.shape(1)), disparities, {noise, deviations, mean}, threads,
+                      nearest.data());
+    return nearest;
+}
+
 static nb::tuple fuse_layers(Layers values, Layers deviations, double tolerance, int least) {
     auto value = new_array<float>({values.shape(1), values.shape(2)});
     auto deviation = new_array<float>({values.shape(1), values.shape(2)});
@@ -103,7 +114,7 @@ static void integrate_view(Point origin, double voxel, Cells distance, Cells wei
 }
 
 static void carve_view(Point origin, double voxel, Counts seen_through, Image bound, LensRow lens,
-                       Matrix4 T_camera_world, double truncation, double farthest, int threads) {
+                       Matrix4 T_camera_world, double margin, double farthest, int threads) {
     const Volume volume{{origin(0), origin(1), origin(2)},
                         voxel,
                         {static_cast<int>(seen_through.shape(0)), static_cast<int>(seen_through.shape(1)),
@@ -114,7 +125,7 @@ static void carve_view(Point origin, double voxel, Counts seen_through, Image bo
                         nullptr,
                         0};
     nb::gil_scoped_release release;
-    carve(volume, bound.data(), Lens(lens.data()), T_camera_world.data(), {truncation, farthest}, threads,
+    carve(volume, bound.data(), Lens(lens.data()), T_camera_world.data(), margin, farthest, threads,
           seen_through.data());
 }
 
@@ -146,8 +157,10 @@ NB_MODULE(_mapping, m) {
     m.def("inverse_range_bound", &inverse_range_bound_view, nb::arg("disparity"), nb::arg("grid"),
           nb::arg("R_camera_grid"), nb::arg("baseline_m"), nb::arg("rays"), nb::arg("disparity_std_px"),
           nb::arg("deviations"), nb::arg("threads"));
+    m.def("nearest_disparity", &nearest_disparity_view, nb::arg("left"), nb::arg("right"), nb::arg("disparity"),
+          nb::arg("disparities"), nb::arg("noise"), nb::arg("deviations"), nb::arg("mean"), nb::arg("threads"));
     m.def("carve", &carve_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("seen_through").noconvert(),
-          nb::arg("bound"), nb::arg("lens"), nb::arg("T_camera_world"), nb::arg("truncation_m"), nb::arg("farthest_m"),
+          nb::arg("bound"), nb::arg("lens"), nb::arg("T_camera_world"), nb::arg("margin_m"), nb::arg("farthest_m"),
           nb::arg("threads"));
     m.def("fuse", &fuse_layers, nb::arg("values"), nb::arg("deviations"), nb::arg("tolerance"), nb::arg("least"));
     m.def("facing", &facing_view, nb::arg("inverse_range"), nb::arg("rays"), nb::arg("step"), nb::arg("unsure"),

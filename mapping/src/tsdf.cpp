@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
 
 #include "parallel.hpp"
 
@@ -31,6 +34,48 @@ Sample sample(const RangeImage& image, double u, double v) {
     result.inverse_range = (1 - b) * ((1 - a) * q[0] + a * q[1]) + b * ((1 - a) * q[2] + a * q[3]);
     return result;
 }
+
+// The largest bound within a square window, whatever its size: the maximum over windows of 1, 2, 4 ... pixels is kept,
+// and four of those cover any other (a sparse table).
+class LargestInWindow {
+  public:
+    LargestInWindow(const float* bound, int width, int height) : width_(width), height_(height) {
+        levels_.emplace_back(bound, bound + static_cast<std::size_t>(width) * height);
+        for (float& value : levels_[0])
+            if (value <= 0.0f) value = std::numeric_limits<float>::infinity();  // not known
+        for (int size = 1; 2 * size <= std::min({width, height, 64}); size *= 2) {
+            std::vector<float> next = levels_.back();
+            for (int row = 0; row + 2 * size <= height; ++row)
+                for (int column = 0; column + 2 * size <= width; ++column)
+                    next[at(row, column)] = four(levels_.back(), row, column, size, size);
+            levels_.push_back(std::move(next));
+        }
+    }
+
+    // Within `half` pixels of (u, v), at most 63 wide; infinite where a pixel of it is not known, or outside.
+    float at(double u, double v, double half) const {
+        const int left = static_cast<int>(std::floor(u - half)), top = static_cast<int>(std::floor(v - half));
+        const int right = static_cast<int>(std::floor(u + half)), bottom = static_cast<int>(std::floor(v + half));
+        const int extent = std::max(right - left, bottom - top) + 1;
+        if (left < 0 || top < 0 || left + extent > width_ || top + extent > height_)
+            return std::numeric_limits<float>::infinity();
+        std::size_t level = 0;
+        while (level + 1 < levels_.size() && (2 << level) <= extent) ++level;
+        const int size = 1 << level;
+        if (extent > 2 * size) return std::numeric_limits<float>::infinity();
+        return four(levels_[level], top, left, extent - size, extent - size);
+    }
+
+  private:
+    std::size_t at(int row, int column) const { return static_cast<std::size_t>(row) * width_ + column; }
+    float four(const std::vector<float>& level, int row, int column, int down, int right) const {
+        return std::max({level[at(row, column)], level[at(row + down, column)], level[at(row, column + right)],
+                         level[at(row + down, column + right)]});
+    }
+
+    int width_, height_;
+    std::vector<std::vector<float>> levels_;
+};
 
 // Weight of a measurement: its inverse variance in metres, never better than a fifth of a voxel.
 double weight_of(double range, double deviation, double voxel) {
@@ -90,10 +135,12 @@ void facing(const float* inverse_range, const double* rays, int height, int widt
     });
 }
 
-void carve(const Volume& volume, const float* bound, const Lens& lens, const double* T_camera_world,
-           const Fusion& fusion, int threads, std::uint8_t* seen_through) {
+void carve(const Volume& volume, const float* bound, const Lens& lens, const double* T_camera_world, double margin,
+           double farthest, int threads, std::uint8_t* seen_through) {
     const Pose pose(T_camera_world);
     const Vec3 step{volume.voxel * pose.m[2], volume.voxel * pose.m[6], volume.voxel * pose.m[10]};
+    const LargestInWindow nearest(bound, lens.width, lens.height);
+    const double half_width = 0.5 * volume.voxel * std::max(lens.fx, lens.fy);
     parallel_rows(volume.shape[0], threads, [&](int i) {
         for (int j = 0; j < volume.shape[1]; ++j) {
             Vec3 p = pose.apply(volume.origin + volume.voxel * Vec3{i + 0.5, j + 0.5, 0.5});
@@ -101,11 +148,9 @@ void carve(const Volume& volume, const float* bound, const Lens& lens, const dou
             for (int k = 0; k < volume.shape[2]; ++k, ++index, p = p + step) {
                 const double range = norm(p);
                 double u = 0.0, v = 0.0;
-                if (range > fusion.farthest || seen_through[index] == 255 || !lens.project(p, u, v)) continue;
-                const int column = std::min(static_cast<int>(u), lens.width - 1);
-                const int row = std::min(static_cast<int>(v), lens.height - 1);
-                const float limit = bound[static_cast<std::size_t>(row) * lens.width + column];
-                if (limit > 0.0f && (range + fusion.truncation) * limit < 1.0) ++seen_through[index];
+                if (range > farthest || seen_through[index] == 255 || !lens.project(p, u, v)) continue;
+                const float limit = nearest.at(u, v, half_width / range);
+                if ((range + margin) * limit < 1.0) ++seen_through[index];
             }
         }
     });

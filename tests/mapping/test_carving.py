@@ -9,13 +9,13 @@ from esdf import FREE, OCCUPIED, UNKNOWN, Grid
 from flight import InputError
 from mapping.camera.rig import Camera
 from mapping.dense import fusion, stereo, surface
-from mapping.dense.fusion import LEAST_SEEN_THROUGH, Volume
+from mapping.dense.fusion import Volume
 from mapping.dense.surface import DenseOptions
 from mapping.dense.views import ImageView
 
 PINHOLE = Camera("forward", ".", "PINHOLE", 160, 120, np.array([120.0, 120.0, 80.0, 60.0]), np.eye(4))
 LOOKING_ALONG_X = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-FARTHEST_M = 5.0
+FARTHEST_M, MARGIN_M = 5.0, 0.15
 
 
 def view_from(position_world_m: tuple[float, float, float] = (0.1, 1.0, 1.0)) -> ImageView:
@@ -39,32 +39,67 @@ def bound(range_m: float) -> np.ndarray:
 @pytest.mark.parametrize("range_m", [0.8, 3.0, 4.9, 50.0])
 def test_nothing_behind_the_bound_out_of_view_or_too_far_is_counted(range_m: float) -> None:
     view, volume = view_from(), unobserved_volume()
-    volume.carve(view, bound(range_m), farthest_m=FARTHEST_M)
+    volume.carve(view, bound(range_m), margin_m=MARGIN_M, farthest_m=FARTHEST_M)
     at = centres(volume) - view.position_world_m
     distance_m = np.linalg.norm(at, axis=-1)
-    in_view = PINHOLE.contains(PINHOLE.project((at @ LOOKING_ALONG_X).reshape(-1, 3))).reshape(distance_m.shape)
-    expected = in_view & (at[..., 0] > 0.0) & (distance_m < min(range_m - volume.truncation_m, FARTHEST_M))
-    near_the_edge = np.abs(distance_m - min(range_m - volume.truncation_m, FARTHEST_M)) < 1e-4
+    largest_m = min(range_m - MARGIN_M, FARTHEST_M)
+    near_enough = (at[..., 0] > 0.0) & (distance_m < largest_m)
+    whole = near_enough & in_view(at, 0.5 * volume.voxel_m)
     counted = volume.seen_through == 1
     assert counted.any()
-    assert not (counted & ~expected & ~near_the_edge).any()
-    assert (counted | ~expected | near_the_edge).all()
+    near_the_edge = np.abs(distance_m - largest_m) < 1e-4
+    assert not (counted & ~(near_enough & in_view(at, 0.0)) & ~near_the_edge).any()
+    assert (counted | ~whole | near_the_edge).all()
     assert not volume.weight.any()
+
+
+def in_view(at: np.ndarray, half_m: float) -> np.ndarray:
+    """Whether a square of that half width round each point, and a depth pixel about it, are in the image."""
+    at_camera = (at @ LOOKING_ALONG_X).reshape(-1, 3)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = PINHOLE.focal_px[0] * half_m / np.linalg.norm(at_camera, axis=1) + (2.0 if half_m else 0.0)
+    pixels = PINHOLE.project(at_camera)
+    inside = (pixels >= reach[:, None]) & (pixels < np.array([160.0, 120.0]) - reach[:, None])
+    return inside.all(axis=1).reshape(at.shape[:-1])
+
+
+def test_a_voxel_is_seen_through_only_if_every_pixel_that_it_covers_is() -> None:
+    rng = np.random.default_rng(7)
+    view, volume = view_from(), unobserved_volume()
+    open_m, near_m = 4.0, 1.2
+    limit = bound(open_m)
+    limit[rng.random(limit.shape) < 0.004] = 0.0  # not known
+    limit[:, 40] = 1.0 / near_m  # a rod, one pixel wide
+    volume.carve(view, limit, margin_m=MARGIN_M, farthest_m=FARTHEST_M)
+    at = (centres(volume) - view.position_world_m).reshape(-1, 3) @ LOOKING_ALONG_X
+    pixels = 0.5 * PINHOLE.project(at)
+    half = 0.5 * volume.voxel_m * 60.0 / np.linalg.norm(at, axis=1)
+    expected = np.zeros(len(at), bool)
+    for i in np.flatnonzero((at[:, 2] > 0.0) & (np.linalg.norm(at, axis=1) < FARTHEST_M)):
+        (left, top), (right, bottom) = np.floor(pixels[i] - half[i]), np.floor(pixels[i] + half[i])
+        extent = int(max(right - left, bottom - top)) + 1
+        if left < 0 or top < 0 or left + extent > 80 or top + extent > 60:
+            continue
+        window = limit[int(top) : int(top) + extent, int(left) : int(left) + extent]
+        expected[i] = (window > 0.0).all() and (np.linalg.norm(at[i]) + MARGIN_M) * window.max() < 1.0
+    counted = volume.seen_through.ravel() == 1
+    assert counted.sum() > 1000
+    np.testing.assert_array_equal(counted, expected)
 
 
 def test_where_no_bound_is_known_nothing_is_counted() -> None:
     volume = unobserved_volume()
-    volume.carve(view_from(), bound(0.0), farthest_m=FARTHEST_M)
+    volume.carve(view_from(), bound(0.0), margin_m=MARGIN_M, farthest_m=FARTHEST_M)
     assert not volume.seen_through.any()
 
 
 def test_space_is_free_only_after_enough_images_and_the_count_saturates() -> None:
     volume = unobserved_volume()
     for pictures in range(1, 300):
-        volume.carve(view_from(), bound(3.0), farthest_m=FARTHEST_M)
-        if pictures in (1, LEAST_SEEN_THROUGH - 1, LEAST_SEEN_THROUGH, 256, 299):
-            state = volume.occupancy(least_weight=0.6, skin_voxels=0.87)
-            assert (state == FREE).any() == (pictures >= LEAST_SEEN_THROUGH)
+        volume.carve(view_from(), bound(3.0), margin_m=MARGIN_M, farthest_m=FARTHEST_M)
+        if pictures in (1, 2, 3, 256, 299):
+            state = volume.occupancy(least_seen_through=3, skin_voxels=0.87)
+            assert (state == FREE).any() == (pictures >= 3)
             assert not (state == OCCUPIED).any()
     assert volume.seen_through.max() == 255
 
@@ -73,9 +108,16 @@ def test_any_trace_of_a_surface_outweighs_all_carving() -> None:
     volume = unobserved_volume()
     volume.seen_through[...] = 255
     volume.weight[30], volume.distance[30] = 0.01, -0.02
-    state = volume.occupancy(least_weight=0.6, skin_voxels=0.87)
+    state = volume.occupancy(least_seen_through=3, skin_voxels=0.87)
     assert (state[30] == OCCUPIED).all()
     assert (np.delete(state, 30, axis=0) == FREE).all()
+
+
+def test_what_lies_before_a_measured_surface_is_not_free_unless_it_was_seen_through() -> None:
+    volume = unobserved_volume()
+    volume.weight[...], volume.distance[...] = 10.0, 0.2
+    state = volume.occupancy(least_seen_through=3, skin_voxels=0.87)
+    assert (state == UNKNOWN).all()
 
 
 def test_free_space_cut_off_from_the_path_becomes_unknown_and_nothing_else_changes() -> None:
@@ -140,21 +182,21 @@ def test_a_near_edge_bounds_the_pixels_around_it_too() -> None:
     bounds[:, 10, 10] = 1.0
     agreed = stereo.agreed_bound(bounds, np.zeros((21, 21), np.float32), np.zeros((21, 21), np.float32), 2)
     expected = np.full((21, 21), 0.2, np.float32)
-    expected[8:13, 8:13] = 1.0
+    expected[9:12, 9:12] = 1.0
     np.testing.assert_array_equal(agreed, expected)
 
 
 def test_a_vehicle_smaller_than_a_voxel_is_refused_because_nothing_would_be_reached() -> None:
-    with pytest.raises(InputError, match="flown_radius_m"):
-        DenseOptions(flown_radius_m=0.0)
+    with pytest.raises(InputError, match="carrier_radius_m"):
+        DenseOptions(carrier_radius_m=0.0)
     with pytest.raises(InputError, match=r"0\.23"):
         DenseOptions(voxel_m=0.25)
 
 
-def test_the_way_between_images_is_free_only_where_the_bodies_touch() -> None:
+def test_the_way_between_two_images_is_free_only_if_they_are_near_each_other() -> None:
     places = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (1.2, 0.0, 0.0)]
-    path = surface.flown_path([view_from(place) for place in places], 0.05, longest_gap_m=0.4)
+    path = surface.carried_path([view_from(place) for place in places], 0.05)
     np.testing.assert_allclose(sorted({round(x, 3) for x in path[:, 0]}), [*np.linspace(0.0, 0.3, 7), 1.2], atol=1e-9)
     other = dataclasses.replace(PINHOLE, name="backward")
     pair = [view_from(), dataclasses.replace(view_from((0.3, 1.0, 1.0)), camera=other)]
-    assert len(surface.flown_path(pair, 0.05, longest_gap_m=0.4)) == 2
+    assert len(surface.carried_path(pair, 0.05)) == 2

@@ -1,5 +1,6 @@
 """The map folder: whole or absent, opened or refused, and what a bad folder of images leaves behind (nothing)."""
 
+import dataclasses
 from pathlib import Path
 
 import cv2
@@ -10,6 +11,7 @@ import esdf
 import mapping
 from esdf.solids import Sphere
 from esdf.storage import EDITS
+from esdf.visibility import save_visibility
 from flight import FlightError, FloatArray, FormatError, InputError, MapError, file_format, frames, rotations
 from mapping import map_folder, stages
 from mapping.camera import rig as rigs
@@ -86,6 +88,18 @@ def test_a_map_opens_as_it_was_written(tmp_path: Path) -> None:
     known = opened.localization_map()
     np.testing.assert_array_equal(known.points_world_m, placed.points_world_m)
     assert ((known.descriptors * placed.descriptors).sum(axis=1) > 0.999).all()
+
+
+def test_what_the_images_resolve_is_read_from_the_map_and_computed_for_an_earlier_one(tmp_path: Path) -> None:
+    opened = mapping.open_map(made_map(tmp_path / "map"))
+    computed = opened.visibility()
+    assert computed.grid.high_world_m[0] >= opened.field.grid.high_world_m[0]
+    kept = dataclasses.replace(computed, finest_m=np.full_like(computed.finest_m, 0.07))
+    save_visibility(opened.folder / map_folder.VISIBILITY, kept)
+    np.testing.assert_array_equal(opened.visibility().finest_m, kept.finest_m)
+    (opened.folder / map_folder.VISIBILITY).write_bytes(b"cut off")
+    with pytest.raises(FormatError, match="damaged"):
+        opened.visibility()
 
 
 def test_a_folder_that_is_no_map_is_refused(tmp_path: Path) -> None:

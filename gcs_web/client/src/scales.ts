@@ -32,7 +32,7 @@ export const SIGNED = ["#3a86ff", "#949ba3", "#ff961e"] as const;
 export const CLEARANCE_SPAN_M = 0.7;
 
 /** Upper end of the scale of the thinnest object that the images show. */
-export const COULD_HIDE_SPAN_MM = 50;
+export const COULD_HIDE_SPAN_MM = 100;
 
 export function clearanceColour(clearance_m: number, required_m: number): string {
   const share = Math.min(1, Math.max(0, (clearance_m - required_m) / CLEARANCE_SPAN_M));

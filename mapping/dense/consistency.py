@@ -1,0 +1,75 @@
+"""Which depths two images contradict: what is not contradicted may be there, and nothing behind it is seen.
+
+Block matching answers every pixel with the depth of its block, and a plain region with that of its edge. Both look like
+measurements. So the claim is put to the pixel itself: a pixel that differs from its match shows something else (a thin
+object before the surface), and in a plain region every nearer depth looks alike (Kutulakos and Seitz, "A theory of
+shape by space carving", 2000: only what the images contradict may be carved).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapping import _mapping
+from mapping.dense.views import THREADS
+
+Grey = NDArray[np.uint8]
+Disparity = NDArray[np.int16]
+
+PIXEL_DEVIATIONS = 4.0
+"""Standard deviations of the noise by which one pixel may differ from its match."""
+MEAN_DEVIATIONS = 1.3
+"""Those by which a block of 5x5 may differ in the mean; noise alone gives 0.8."""
+LEAST_NOISE = 1.0
+"""Grey levels; grey values are whole numbers."""
+MEAN_OF_SMALLER_HALF = 0.3246
+"""Of the absolute values of a standard normal variable."""
+EXPOSURE_BLOCK_PX = 31
+"""Edge of the blocks over which the brightness of two images is compared: larger than a thin object."""
+
+
+def nearest_disparity(left: Grey, right: Grey, disparity: Disparity, disparities: int) -> Disparity:
+    """The largest disparity of each pixel that a rectified pair does not contradict.
+
+    Args:
+        left, right: (rows, columns).
+        disparity: (rows, columns), what the matcher found, in 1/16 of a column; negative where nothing.
+        disparities: the number that it searched.
+
+    Returns:
+        (rows, columns), never below `disparity`; negative where the images contradict that itself, or nothing is known.
+    """
+    import cv2
+
+    height, width = disparity.shape
+    columns, rows = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+    matched = np.asarray(cv2.remap(right, columns - disparity / np.float32(16.0), rows, cv2.INTER_LINEAR), np.uint8)
+    known = (disparity >= 0) & (left > 0) & (matched > 0)
+    if not known.any():
+        return np.full_like(disparity, -16)
+    gain = _mean_where(known, matched) / _mean_where(known, left)
+    as_bright = np.round(np.minimum(gain * left, 255.0)).astype(np.uint8)
+    noise = _noise(np.abs(gain * left - matched)[known])
+    return _mapping.nearest_disparity(
+        as_bright, right, disparity, disparities, max(noise, LEAST_NOISE), PIXEL_DEVIATIONS, MEAN_DEVIATIONS, THREADS
+    )
+
+
+def _noise(differences: NDArray[np.float32]) -> float:
+    """Standard deviation by the smaller half of the absolute differences; the others may be wrong matches.
+
+    By the mean of that half, not by its end: grey values are whole numbers, and so is a median of theirs.
+    """
+    half = np.partition(differences, len(differences) // 2)[: len(differences) // 2 + 1]
+    return float(half.mean()) / MEAN_OF_SMALLER_HALF
+
+
+def _mean_where(known: NDArray[np.bool_], image: Grey) -> NDArray[np.float32]:
+    """Mean over the block round each pixel of those values that are known, and a little of nothing."""
+    import cv2
+
+    block = (EXPOSURE_BLOCK_PX, EXPOSURE_BLOCK_PX)
+    values = np.where(known, image, 0).astype(np.float32)
+    little = np.float32(1e-3)
+    total = np.asarray(cv2.boxFilter(values, -1, block, borderType=cv2.BORDER_CONSTANT), np.float32)
+    count = np.asarray(cv2.boxFilter(known.astype(np.float32), -1, block, borderType=cv2.BORDER_CONSTANT), np.float32)
+    return ((total + little) / (count + little)).astype(np.float32)
