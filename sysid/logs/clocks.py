@@ -1,4 +1,4 @@
-"""Which stream of a log is late, read from the log alone: gyro against attitude, rotor speed against gyro or attitude.
+"""How late rotor speed is against gyro or attitude, read from the log alone (of the gyro: `sysid.logs.gyro_clock`).
 
 First the lag of the largest correlation, then least squares: the reference is explained by the other stream read some
 time later, with what else may turn the body beside it, and the time is stepped until the slope explains nothing more.
@@ -23,13 +23,13 @@ LONGEST_S = 0.15
 """Streams further apart are not recognised."""
 LEAST_DELAY_S = 1e-3
 """Shorter delays are not worth a word."""
-GYRO_SIGMAS, ROTOR_SIGMAS = 3.0, 5.0
+ROTOR_SIGMAS = 5.0
 """Nor are those within so many standard errors: a controller that answers gusts looks like late rotors."""
 CONSISTENT_SIGMAS = 3.0
 """Two readings of one delay that are further apart do not agree."""
 SYSTEMATIC_S = 2.5e-4
 """Part of every standard error: what smoothing, the grid and forces unknown to the vehicle file leave on clean logs."""
-GYRO_QUALITY, ROTOR_QUALITY = 0.8, 0.35
+ROTOR_QUALITY = 0.35
 """Correlation below which nothing is said; most torque of some rotors balances what the vehicle file does not know."""
 BLOCK_S = 1.0
 """Errors are taken as independent between blocks of this length."""
@@ -60,15 +60,6 @@ class Offset:
         return f"{1e3 * abs(self.delay_s):.1f} ± {1e3 * self.sigma_s:.1f} ms {'late' if self.delay_s > 0 else 'early'}"
 
 
-def of_gyro(offset: Offset) -> list[Finding]:
-    """What to say of the gyro's clock."""
-    if not offset.worth_a_word(GYRO_QUALITY, GYRO_SIGMAS):
-        return []
-    fix = f"shift the gyro's time stamps by {-1e3 * offset.delay_s:+.1f} ms"
-    repair = Repair("shift", COLUMNS["rate_body_rad_s"], shift_s=-offset.delay_s)
-    return [warning("clock", f"the gyro is {offset.words} against the attitude", fix, repair=repair)]
-
-
 def of_rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle) -> list[Finding]:
     """What to say of the clock of rotor speed: against the gyro, where that shows it, else against the attitude."""
     against, offset = "gyro", Offset(0.0, np.inf, 0.0)
@@ -81,11 +72,6 @@ def of_rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle) -> list[Find
     fix = f"shift rotor speed by {-1e3 * offset.delay_s:+.1f} ms against the {against}"
     repair = Repair("shift", COLUMNS["rotor_speed_rad_s"], shift_s=-offset.delay_s)
     return [warning("clock", f"rotor speed is {offset.words} against the {against}", fix, repair=repair)]
-
-
-def gyro_after_attitude(log: FlightLog, motion: Kinematics) -> Offset:
-    """By how much the gyro comes later than the attitude."""
-    return clock_offset(motion.rate_body_rad_s, on_grid(log, "rate_body_rad_s", motion.time_s))
 
 
 def rotors_after_gyro(log: FlightLog, motion: Kinematics, vehicle: Vehicle) -> Offset:
@@ -167,7 +153,7 @@ def clock_offset(reference: FloatArray, other: FloatArray, beside: FloatArray | 
     n, edge = len(reference), int(LONGEST_S / GRID_S)
     inner = slice(edge, n - edge)
     more = np.zeros((n, reference.shape[1], 0)) if beside is None else beside
-    delay_s, quality = _largest_correlation(_freed(reference, more), _freed(other, more))
+    delay_s, quality = largest_correlation(_freed(reference, more), _freed(other, more))
     if abs(delay_s) >= LONGEST_S or n <= 4 * edge:
         return Offset(0.0, np.inf, quality)
     sigma_s = np.inf
@@ -199,7 +185,7 @@ def _freed(values: FloatArray, beside: FloatArray) -> FloatArray:
     return left
 
 
-def _largest_correlation(reference: FloatArray, other: FloatArray) -> tuple[float, float]:
+def largest_correlation(reference: FloatArray, other: FloatArray) -> tuple[float, float]:
     """Lag to the grid's step, and the correlation there."""
     edge = int(LONGEST_S / GRID_S)
     lags = np.arange(-edge, edge + 1)

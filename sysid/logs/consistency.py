@@ -10,7 +10,7 @@ from flight import FlightLog, Progress, frames, rotations, silent
 from flight.flight_log import COLUMNS
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
-from sysid.logs import clocks, rotor_order
+from sysid.logs import clocks, gyro_clock, rotor_order
 from sysid.logs.finding import Finding, Repair, error, warning
 from sysid.logs.motion import GRID_S, Kinematics, kinematics, on_grid, sampled
 from sysid.logs.payload import as_flown, carries_payload
@@ -53,11 +53,11 @@ def check(log: FlightLog, vehicle: Vehicle | None, progress: Progress = silent) 
     if attitude:
         return found, []  # whatever is judged by the attitude would only repeat that
     progress("checking", 0.3)
-    gyro = _gyro(log, motion)
+    gyro, unsure = _gyro(log, motion)
     progress("checking", 0.5)
     places, inconclusive = _order(log, motion, flown, gyro_is_right=not any(f.level == "error" for f in gyro))
     progress("checking", 0.7)
-    return [*found, *gyro, *_rotors(log, motion, flown, places)], inconclusive
+    return [*found, *gyro, *_rotors(log, motion, flown, places)], [*unsure, *inconclusive]
 
 
 def _accelerometer(log: FlightLog) -> list[Finding]:
@@ -162,12 +162,12 @@ def _velocity(log: FlightLog, motion: Kinematics) -> list[Finding]:
     return found
 
 
-def _gyro(log: FlightLog, motion: Kinematics) -> list[Finding]:
+def _gyro(log: FlightLog, motion: Kinematics) -> tuple[list[Finding], list[str]]:
     if not sampled(log, "rate_body_rad_s") or np.sqrt((motion.rate_body_rad_s**2).mean()) < LEAST_RATE_RAD_S:
-        return []
+        return [], []
     logged = on_grid(log, "rate_body_rad_s", motion.time_s)
-    offset = clocks.gyro_after_attitude(log, motion)
-    found = clocks.of_gyro(offset)
+    offset = gyro_clock.after_attitude(log, motion)
+    found, inconclusive = gyro_clock.findings(offset)
     matrix = _regression(motion.rate_body_rad_s, clocks.read_later(logged, offset.delay_s))
     for i, axis in enumerate("xyz"):
         if np.std(motion.rate_body_rad_s[:, i]) < LEAST_RATE_RAD_S:
@@ -200,7 +200,7 @@ def _gyro(log: FlightLog, motion: Kinematics) -> list[Finding]:
                     "check the order of the gyro's axes",
                 )
             )
-    return found
+    return found, inconclusive
 
 
 def _order(

@@ -1,0 +1,99 @@
+"""A controller answers its gyro's noise: that makes no good gyro late, and hides no late one."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+import vehicle
+from flight import FlightLog, rotations
+from flight.flight_log import COLUMNS
+from sysid.estimator.sampling import Signal
+from sysid.logs import gyro_clock
+from sysid.logs.check import check_log
+from sysid.logs.fix import fix
+from sysid.logs.motion import kinematics
+from vehicle import flights, manoeuvres
+
+NOISE_RAD_S = (0.02, 0.05, 0.1, 0.2)
+PERIOD_S = 0.005
+
+
+@pytest.fixture(scope="module")
+def noisy() -> list[FlightLog]:
+    """Twelve flights, a path and a noise of the gyro each; the controller reads gyro and attitude with their noise."""
+    return [log for i, name in enumerate(("oblique", "yaw_sweep", "vertical_weave")) for log in _flown(name, i)]
+
+
+def _flown(name: str, seed: int) -> list[FlightLog]:
+    own, path, rng = vehicle.example(), manoeuvres.make(name), np.random.default_rng(seed)
+    count = len(NOISE_RAD_S)
+    rate_noise = np.array(NOISE_RAD_S)[:, None] * rng.normal(size=(2400, count, 3))
+    tilt_noise = rotations.exp(0.001 * rng.normal(size=(2400, count, 3)))
+    tracker = vehicle.tracking.Tracker(own, path, PERIOD_S)
+    start = vehicle.simulate.hovering(own, path.evaluate(np.zeros(1))[0, :3])
+    fleet = vehicle.simulate.Fleet(own, [start] * count)
+
+    def answer(flown: vehicle.simulate.Fleet) -> np.ndarray:
+        k = round(flown.time_s / PERIOD_S)
+        read = {name: getattr(flown, name) for name in ("time_s", "position_world_m", "velocity_world_m_s")}
+        read["rate_body_rad_s"] = flown.rate_body_rad_s + rate_noise[k]
+        read["q_world_body"] = rotations.multiply(flown.q_world_body, tilt_noise[k])
+        return tracker(cast("Any", SimpleNamespace(**read)))
+
+    truth = flights.fly(fleet, answer, min(12.0, path.duration_s), period_s=PERIOD_S)
+    quiet = flights.Noise(attitude_rad=0.0, gyroscope_rad_s=0.0)
+    logs = []
+    for i in range(count):
+        log = flights.measure(truth, noise=quiet, rng=rng, member=i)
+        log = _with(log, "rate_body_rad_s", log.vector("rate_body_rad_s") + rate_noise[: len(log), i])
+        q = rotations.multiply(log.vector("q_world_body"), tilt_noise[: len(log), i])
+        logs.append(_with(log, "q_world_body", q))
+    return logs
+
+
+def _with(log: FlightLog, quantity: str, values: np.ndarray) -> FlightLog:
+    return FlightLog({**log.columns, **dict(zip(COLUMNS[quantity], values.T, strict=True))}, log.metadata)
+
+
+def _late(log: FlightLog, late_s: float) -> FlightLog:
+    gyro = Signal.through(log.time_s, log.vector("rate_body_rad_s"))
+    return _with(log, "rate_body_rad_s", gyro.value(log.time_s - late_s))
+
+
+def _offset(log: FlightLog) -> gyro_clock.Offset:
+    motion = kinematics(log)
+    assert motion is not None
+    return gyro_clock.after_attitude(log, motion)
+
+
+def test_no_good_gyro_is_named_or_shifted(noisy):
+    for log in noisy:
+        assert not [f for f in check_log(log).findings if f.what == "clock"]
+        assert not [sentence for sentence in fix(log).done if "shifted" in sentence]
+
+
+@pytest.mark.parametrize("late_ms", [2.0, -5.0, 8.0])
+def test_planted_offsets_come_back_or_are_called_inconclusive(noisy, late_ms):
+    found = 0
+    for log in noisy:
+        offset = _offset(_late(log, 1e-3 * late_ms))
+        assert abs(offset.delay_s - 1e-3 * late_ms) <= gyro_clock.SIGMAS * offset.sigma_s
+        named, inconclusive = gyro_clock.findings(offset)
+        assert named or inconclusive
+        found += bool(named)
+    assert found >= len(noisy) // 2
+
+
+def test_a_sensor_that_is_turned_on_the_vehicle_moves_no_clock(noisy):
+    """Turned by 2 degrees about z, roll and pitch mix; on a curved path that looks like a delay."""
+    turn = rotations.exp(np.array([0.0, 0.0, np.deg2rad(2.0)]))
+    for log in noisy:
+        turned = _with(log, "q_world_body", rotations.multiply(log.vector("q_world_body"), turn))
+        assert not gyro_clock.findings(_offset(turned))[0]
+
+
+def test_a_calm_flight_with_a_very_noisy_gyro_is_inconclusive(noisy):
+    report = check_log(noisy[NOISE_RAD_S.index(0.2)])
+    assert [sentence for sentence in report.inconclusive if sentence.startswith("the gyro's clock")]
