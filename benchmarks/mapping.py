@@ -3,6 +3,7 @@
     python benchmarks/mapping.py --cameras 40      one blind draw after the other, and the sums
     python benchmarks/mapping.py --instants 1000   CPU seconds and memory of the trial on a long path
     python benchmarks/mapping.py --data FOLDER     a recorded RGB-D sequence (hololens_rgbd_part1): poses, unused depth
+    python benchmarks/mapping.py --localize 30     queries in the rendered room, with whole and with compact descriptors
 
 The matches are made by formula from a true rig (see `tracks`), so that a draw takes seconds. The trial starts from a
 poor map: its poses and points are of the wrong size and off by centimetres.
@@ -17,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pycolmap
 
 import mapping
 from flight import FloatArray, frames, rotations
@@ -28,6 +30,8 @@ from mapping.camera.errors import Kind
 from mapping.camera.rig import Camera, Rig
 from mapping.camera.trial import Trial
 from mapping.dense import surface
+from mapping.localization import relocalization
+from mapping.sparse import localization_map, reconstruction
 
 FORMS = ("none", "rig", "lens", "offset", "shutter", "two")
 SIGHTINGS = 5.0
@@ -253,12 +257,47 @@ def depth_camera(data: Path) -> None:
     print(f"mesh of every other depth image to the depth of the rest: median {median_mm:.1f} mm")
 
 
+def localize(count: int) -> None:
+    """Images taken beside the path of a map of 60 pairs: found with descriptors of 8 bits and with the file's 3."""
+    path = rendered_world.loop_flight(4 * count)
+    rng = np.random.default_rng(3)
+    aside = frames.transform(
+        rotations.exp(np.radians(rng.uniform(-12.0, 12.0, (count, 3)))), rng.uniform(-0.25, 0.25, (count, 3))
+    )
+    asked = rendered_world.RenderedFlight(path.times_s[1::4].copy(), path.T_world_body[1::4] @ aside)
+    with tempfile.TemporaryDirectory() as folder:
+        known, queries = Path(folder) / "known", Path(folder) / "queries"
+        rendered_world.write_rendered_sequence(known)
+        rendered_world.write_rendered_sequence(queries, flight=asked, seed=9)
+        rig = rigs.load(known / "camera.toml")
+        placed = reconstruction.reconstruct(mapping.read_folder(known, rig))
+        images = mapping.read_folder(queries, placed.rig)
+        whole = placed.localization_map()
+        data = localization_map.encode(whole)
+        print(f"{len(whole.points_world_m)} points, {len(data) / len(whole.points_world_m):.3f} bytes each")
+        true, found = rendered_world.loop_flight(60).T_world_body[:, :3, 3], placed.T_world_body[:, :3, 3]
+        T_true_map = np.eye(4)
+        T_true_map[:3] = pycolmap.estimate_rigid3d(found, true).matrix()
+        for name, points in (("8 bits", whole), ("3 bits", localization_map.decode(data))):
+            answer = relocalization.localize(points, images)
+            T = T_true_map @ answer.T_world_body[answer.found]
+            true_T = asked.T_world_body[answer.found]
+            off_m = np.linalg.norm(T[:, :3, 3] - true_T[:, :3, 3], axis=1)
+            off_rad = rotations.angle_between(*(rotations.from_matrix(each[:, :3, :3]) for each in (T, true_T)))
+            recall = int(((off_m < 0.05) & (off_rad < np.radians(2.0))).sum())
+            print(
+                f"{name}: {recall} of {count} within 5 cm and 2 deg, median {1000.0 * np.median(off_m):.2f} mm, "
+                f"worst {1000.0 * off_m.max():.2f} mm, {np.median(answer.inliers):.0f} of {np.median(answer.matches):.0f}"
+            )
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cameras", type=int, default=0, help="number of blind draws")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--instants", type=int, default=0, help="length of one long path")
     parser.add_argument("--data", type=Path, help="folder of a recorded RGB-D sequence")
+    parser.add_argument("--localize", type=int, default=0, help="number of queries in the rendered room")
     given = parser.parse_args()
     if given.cameras:
         blind(given.cameras, given.seed)
@@ -266,3 +305,5 @@ if __name__ == "__main__":
         long(given.instants)
     if given.data:
         depth_camera(given.data)
+    if given.localize:
+        localize(given.localize)

@@ -185,7 +185,7 @@ class MapView:
             if area is None or not wanted:
                 return
             try:
-                shown = display_points.load(area.folder / "localization" / "points.npz", self._cache)
+                shown = display_points.load(area.localization_file, self._cache)
             except FlightError as error:
                 logger.info("%s", error)  # a map without them
                 shown = None

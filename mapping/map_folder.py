@@ -194,6 +194,11 @@ class Map:
     def mesh(self) -> Path:
         return self.folder / "mesh.glb"
 
+    @property
+    def localization_file(self) -> Path:
+        """Points and descriptors."""
+        return localization_map.file(self.folder / "localization")
+
     def localization_map(self) -> LocalizationMap:
         return localization_map.load(self.folder / "localization")
 
