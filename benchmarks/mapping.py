@@ -285,10 +285,9 @@ def localize(count: int) -> None:
             off_m = np.linalg.norm(T[:, :3, 3] - true_T[:, :3, 3], axis=1)
             off_rad = rotations.angle_between(*(rotations.from_matrix(each[:, :3, :3]) for each in (T, true_T)))
             recall = int(((off_m < 0.05) & (off_rad < np.radians(2.0))).sum())
-            print(
-                f"{name}: {recall} of {count} within 5 cm and 2 deg, median {1000.0 * np.median(off_m):.2f} mm, "
-                f"worst {1000.0 * off_m.max():.2f} mm, {np.median(answer.inliers):.0f} of {np.median(answer.matches):.0f}"
-            )
+            agree = f"{np.median(answer.inliers):.0f} of {np.median(answer.matches):.0f} pairs"
+            error = f"median {1000.0 * np.median(off_m):.2f} mm, worst {1000.0 * off_m.max():.2f} mm"
+            print(f"{name}: {recall} of {count} within 5 cm and 2 deg, {error}, {agree} agree")
 
 
 if __name__ == "__main__":

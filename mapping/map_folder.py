@@ -234,7 +234,7 @@ def build_map(
     options = options or MapOptions()
     interrupted = work_folder(out).exists()
     if not interrupted:
-        results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
+        results.require_free_folder(out, overwrite=overwrite, ours=is_map)
     alignment.require_scale(Path(images), rig, options.length, options.references, has_depth=options.depths is not None)
     again = STAGES[STAGES.index(again_from) :] if again_from else ()
     given = source.Source(Path(images), rig, options.masks, options.depths, options.selection)
@@ -250,7 +250,7 @@ def build_map(
         source.require_usable(work, checked, progress=progress)
         report = _placed_before(out, _all_inputs(checked, options, work)) if interrupted else None
         if report is None:
-            results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
+            results.require_free_folder(out, overwrite=overwrite, ours=is_map)
             report = _build(checked, out, options, work, overwrite=overwrite, progress=progress)
         stages.finish(begun)
     return report
@@ -264,7 +264,7 @@ def work_folder(out: Path) -> Path:
 
 def _note_replaced(out: Path, work: Work) -> None:
     """Write down which map is about to be moved aside for the new one."""
-    if _is_map(out):
+    if is_map(out):
         (work.folder / _REPLACED).write_text(str(Path(out).stat().st_ino))
 
 
@@ -289,7 +289,7 @@ def _all_inputs(images: ImageSet, options: MapOptions, work: Work) -> str:
 def _placed_before(out: Path, inputs: str) -> MapReport | None:
     """The report of the map in `out` if it is of the same inputs: a run was killed after it had placed the map."""
     try:
-        facts = open_map(out).facts if _is_map(out) else {}
+        facts = open_map(out).facts if is_map(out) else {}
     except FlightError:  # an earlier map that is damaged
         return None
     if facts.get("inputs") != inputs:
@@ -320,7 +320,7 @@ def _build(
     distances = esdf.build(dense.state, dense.grid, cap_m=options.cap_m)
     cpu_s = {**placed.cpu_s, "dense": round(time.process_time() - started_s, 2)}
     report = _report(placed, dense, distances.hash, cpu_s)
-    with results.new_folder(out, overwrite=overwrite, ours=_is_map, within=work.folder) as placing:
+    with results.new_folder(out, overwrite=overwrite, ours=is_map, within=work.folder) as placing:
         new = placing.temporary
         esdf.save(new / "esdf", distances)
         mesh_file.save(new / "mesh.glb", dense.vertices_world_m, dense.faces, dense.colours)
@@ -346,7 +346,7 @@ def _references(images: ImageSet, path: Path | None) -> bytes:
     return path.read_bytes() if path.is_file() else b""
 
 
-def _is_map(folder: Path) -> bool:
+def is_map(folder: Path) -> bool:
     return (folder / "map.toml").exists()
 
 
