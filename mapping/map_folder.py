@@ -36,6 +36,7 @@ from flight import (
     silent,
 )
 from mapping import stages, verdict
+from mapping.camera import residual_field
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
 from mapping.dense import depth_files, mesh_file, surface
@@ -124,6 +125,8 @@ class MapReport:
     """What was wrong with the camera file and is right in the map."""
     calibration: list[dict[str, Any]]
     """The trial of the camera file: one entry for each error it may have had; see `calibration.trial.Finding`."""
+    residual_field: list[dict[str, Any]]
+    """Reprojection errors over each camera's image; see `camera.residual_field.field`."""
     path_length_m: float
     """From the first placed image to the last."""
     lenses: dict[str, list[float]]
@@ -407,6 +410,7 @@ def _report(placed: SparseMap, surface: surface.Reconstruction, hash: str, cpu_s
         reasons=list(judged.reasons),
         corrections=list(judged.corrections),
         calibration=[finding.as_dict() for finding in placed.trial.findings],
+        residual_field=_residual_fields(placed),
         path_length_m=float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
         lenses={camera.name: camera.params.tolist() for camera in placed.rig},
         mesh_vertices=len(surface.vertices_world_m),
@@ -417,6 +421,17 @@ def _report(placed: SparseMap, surface: surface.Reconstruction, hash: str, cpu_s
         hash=hash,
         cpu_s=cpu_s,
     )
+
+
+def _residual_fields(placed: SparseMap) -> list[dict[str, Any]]:
+    """Of each camera."""
+    fields = []
+    for number, camera in enumerate(placed.rig):
+        seen = placed.observations[:, 2] == number
+        point, instant = placed.observations[seen, 0], placed.observations[seen, 1]
+        T_world_camera = placed.T_world_body[instant] @ camera.T_body_camera
+        fields.append(residual_field.field(camera, T_world_camera, placed.points_world_m[point], placed.pixels[seen]))
+    return fields
 
 
 def _facts(report: MapReport) -> dict[str, Any]:

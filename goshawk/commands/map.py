@@ -12,6 +12,7 @@ from flight import InputError, results
 from goshawk import console, outputs
 from goshawk.commands.map_copies import align, crop, merge, origin
 from goshawk.commands.map_edit import edit
+from goshawk.commands.map_report import report
 from goshawk.commands.map_show_esdf import show_esdf
 from mapping import map_folder, stages
 from mapping.input import examination
@@ -231,4 +232,4 @@ def length_from(text: str) -> mapping.Length:
     raise InputError(f"--length {text!r} is neither METRES nor IMAGE_A,IMAGE_B,METRES")
 
 
-command = MapVerbs("map", commands=[show_esdf, edit, crop, origin, align, merge])
+command = MapVerbs("map", commands=[show_esdf, edit, crop, origin, align, merge, report])
