@@ -17,7 +17,7 @@ from mapping.verdict import Standing
 from sysid.report.drawing import INK, figure, plain, written
 from sysid.report.pages import picture, table, write_page
 
-_ARROWS = 20.0
+_ARROWS = 100.0
 """Mean errors are drawn so many times as long."""
 _COLOURS = {Standing.GOOD: "good", Standing.DOUBTFUL: "held", Standing.REFUSED: "bad", Standing.NOT_JUDGED: "held"}
 
@@ -96,14 +96,17 @@ def _trial(report: dict[str, Any]) -> str:
     if not found:
         return "<h2>The camera file on trial</h2><p>No trial is recorded in this map.</p>"
     rows = "".join(_tried(finding) for finding in found)
-    head = ("possible error", "size", "σ", "unit", "moves image by (px)", "at most (px)", "verdict")
-    note = "<p class='small'>What is left after the corrections above. At most: the far end of the 90 % interval.</p>"
+    head = ("possible error", "size", "σ", "unit", "shift (px)", "at most (px)", "verdict")
+    note = (
+        "<p class='small'>What is left after the corrections above. Shift: of the image, RMS; at most: at the far end "
+        "of the 90 % interval.</p>"
+    )
     return "<h2>The camera file on trial</h2>" + table(head, rows, words=1) + note
 
 
 def _tried(finding: dict[str, Any]) -> str:
     """A row of the trial's table."""
-    size = " ".join(f"{value:.3g}" for value in finding["size"])
+    size = " ".join(f"{value:.2g}" for value in finding["size"])
     std = " ".join(f"{value:.1g}" for value in finding["std"])
     numbers = (
         size,
@@ -135,6 +138,7 @@ def _residuals(report: dict[str, Any], folder: Path) -> str:
             x[well], y[well], *(_ARROWS * mean[well]).T, angles="xy", scale_units="xy", scale=1.0, color="white"
         )
         plain(place, f"{field['camera']}: {int(count.sum())} observations", "x (px)", "y (px)")
+        place.grid(False)
         drawn.colorbar(image, ax=place, shrink=0.8, label="RMS (px)")
     path = written(drawn, folder / "residuals.svg")
     note = (

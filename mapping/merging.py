@@ -16,6 +16,7 @@ import esdf
 from esdf import moved as moving
 from esdf import regrid
 from flight import FloatArray, MapError, Progress, frames, rotations, silent
+from mapping.camera.rig import Rig
 from mapping.localization import relocalization
 from mapping.localization.relocalization import LocalizationOptions
 from mapping.map_parts import HISTORY, MapParts, mesh_of, moved
@@ -29,6 +30,8 @@ _LEAST_PAIRS, _LEAST_SHARE = 50, 0.15
 _TRIALS = 20_000
 _LEAST_SEEN_BY_BOTH = 0.05
 """Share of the smaller mesh that the other map must have seen, too."""
+_SAME_FOCAL, _SAME_PLACE = 0.03, 0.03
+"""How far cameras of one rig may differ: focal length, relative; elements of T_body_camera, metres or radians."""
 _MOST_CONTRADICTION = 0.10
 """Share of the surfaces seen by both that one map may show in the other's free space: things are moved."""
 
@@ -110,7 +113,8 @@ def merged(first: MapParts, second: MapParts, found: Registration) -> MapParts:
     """Both maps in the first one's frame and voxels.
 
     A voxel that either map saw is known, one occupied in either is occupied; the second map's voxels, which are turned,
-    grow by up to one. The camera file is the first map's.
+    grow by up to one. The camera file is the first map's. Poses of the second are left out if another rig took its
+    images: what they resolve would be worked out for the wrong lenses.
     """
     sentence = (
         f"joined {first.name} ({first.field.hash[:8]}) and {second.name} ({second.field.hash[:8]}), "
@@ -123,6 +127,10 @@ def merged(first: MapParts, second: MapParts, found: Registration) -> MapParts:
     other = moved(second, found.T_first_second, sentence)
     new = ~_near(other.vertices_world_m, first.vertices_world_m, 1.5 * max(first.field.grid.voxel_m))
     vertices, faces, colours = mesh_of(other, new)
+    if not _same_rig(first.rig, second.rig):
+        sentence += f"; without the poses of {second.name}, whose camera file is another one"
+        empty = other.T_world_body[:0]
+        other = dataclasses.replace(other, images=(), time_s=other.time_s[:0], T_world_body=empty)
     single = np.ones(len(other.known.points_world_m), bool)
     single[found.pairs[:, 1]] = False
     known = LocalizationMap(
@@ -141,8 +149,8 @@ def merged(first: MapParts, second: MapParts, found: Registration) -> MapParts:
         faces=np.concatenate([first.faces, faces + len(first.vertices_world_m)]),
         colours=np.concatenate([first.colours, colours]),
         known=known,
-        images=_all_images(first, second),
-        time_s=np.concatenate([first.time_s, second.time_s]),
+        images=_all_images(first, other),
+        time_s=np.concatenate([first.time_s, other.time_s]),
         T_world_body=np.concatenate([first.T_world_body, other.T_world_body]),
         facts=_facts(first, second, sentence),
         report=None,
@@ -221,6 +229,17 @@ def _compared(first: MapParts, second: MapParts, T_first_second: FloatArray) -> 
         shares.append(len(known) / max(len(vertices), 1))
         seen, deep = seen + len(known), deep + int((other.field.distance(known) > deep_m).sum())
     return max(shares), deep / max(seen, 1)
+
+
+def _same_rig(first: Rig, second: Rig) -> bool:
+    """Whether both are one rig, but for what the images of each refined."""
+    if [(c.name, c.model, c.width, c.height) for c in first] != [(c.name, c.model, c.width, c.height) for c in second]:
+        return False
+    return all(
+        np.allclose(a.focal_px, b.focal_px, rtol=_SAME_FOCAL)
+        and np.abs(a.T_body_camera - b.T_body_camera).max() < _SAME_PLACE
+        for a, b in zip(first, second, strict=True)
+    )
 
 
 def _near(points_m: FloatArray, others_m: FloatArray, within_m: float) -> np.ndarray:

@@ -91,6 +91,7 @@ def build(
     goshawk map show-esdf --help     show the distance field of a map
     goshawk map edit --help          add obstacles and no-fly zones to it, clear errors
     goshawk map crop|origin|align|merge --help      make a new map of one or two
+    goshawk map report --help        all that is known of a map as one HTML file
 
     IMAGES holds one folder per camera of the rig (or the images themselves, for one camera); the same file name
     means the same instant. The metric scale comes from depth images, --length, the distance between the cameras of a

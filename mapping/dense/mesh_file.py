@@ -5,6 +5,7 @@ own page and the map folder use the world's axes instead.)
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +39,7 @@ def load(path: Path) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]]:
     if not path.is_file():
         raise InputError(f"{path} is missing; build the map again")
     try:
-        mesh = trimesh.load(path, process=False)
+        mesh: Any = trimesh.load(path, process=False)
         vertices = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
         faces = np.asarray(mesh.faces, dtype=np.int32).reshape(-1, 3)
         colours = np.asarray(mesh.visual.vertex_colors, dtype=np.uint8)[:, :3]

@@ -105,7 +105,8 @@ def match(query: np.ndarray, known: np.ndarray, ratio: float) -> tuple[np.ndarra
     """
     if len(query) == 0 or len(known) < 2:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    best, best_cosine, next_cosine = (np.empty(len(query), dtype) for dtype in (np.int64, np.float32, np.float32))
+    best = np.empty(len(query), np.int64)
+    best_cosine, next_cosine = np.empty(len(query), np.float32), np.empty(len(query), np.float32)
     meant_by, meant_cosine = np.zeros(len(known), np.int64), np.full(len(known), -1.0, np.float32)
     for start in range(0, len(query), _ROWS):  # a part at a time: all pairs of two maps would not fit the memory
         part = slice(start, start + _ROWS)

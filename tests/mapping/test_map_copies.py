@@ -187,6 +187,16 @@ def test_the_verdict_of_a_joined_map_is_the_worse_one() -> None:
     assert (new.facts["verdict"], new.facts["reasons"]) == ("doubtful", ["second: too dark"])
 
 
+def test_poses_of_another_rig_are_left_out() -> None:
+    """What an image resolves is worked out from the map's camera file, which is the first map's."""
+    narrow = rigs.Rig((rigs.forward_camera("SIMPLE_RADIAL_FISHEYE", 160, 120, [120.0, 80.0, 60.0, 0.0]),))
+    first, second = room("first"), dataclasses.replace(room("second", seed=1), rig=narrow)
+    new = merging.merged(first, second, merging.register(first, second))
+    assert new.images == first.images
+    assert len(new.T_world_body) == len(new.time_s) == 3
+    assert "without the poses of second" in new.facts["history"][-1]
+
+
 def test_maps_without_overlap_are_refused() -> None:
     with pytest.raises(MapError, match="too little in common"):
         merging.register(half(room("west"), -1.0, 2.0), half(room("east", seed=1), 4.0, 7.0))
