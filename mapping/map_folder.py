@@ -36,7 +36,6 @@ from flight import (
     silent,
 )
 from mapping import stages, verdict
-from mapping.camera import residual_field
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
 from mapping.dense import depth_files, mesh_file, surface
@@ -197,11 +196,6 @@ class Map:
     def mesh(self) -> Path:
         return self.folder / "mesh.glb"
 
-    @property
-    def localization_file(self) -> Path:
-        """Points and descriptors."""
-        return localization_map.file(self.folder / "localization")
-
     def localization_map(self) -> LocalizationMap:
         return localization_map.load(self.folder / "localization")
 
@@ -350,6 +344,7 @@ def _references(images: ImageSet, path: Path | None) -> bytes:
 
 
 def is_map(folder: Path) -> bool:
+    """Whether a folder is a map, by its `map.toml`."""
     return (folder / "map.toml").exists()
 
 
@@ -410,7 +405,7 @@ def _report(placed: SparseMap, surface: surface.Reconstruction, hash: str, cpu_s
         reasons=list(judged.reasons),
         corrections=list(judged.corrections),
         calibration=[finding.as_dict() for finding in placed.trial.findings],
-        residual_field=_residual_fields(placed),
+        residual_field=reconstruction.residual_fields(placed),
         path_length_m=float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
         lenses={camera.name: camera.params.tolist() for camera in placed.rig},
         mesh_vertices=len(surface.vertices_world_m),
@@ -421,17 +416,6 @@ def _report(placed: SparseMap, surface: surface.Reconstruction, hash: str, cpu_s
         hash=hash,
         cpu_s=cpu_s,
     )
-
-
-def _residual_fields(placed: SparseMap) -> list[dict[str, Any]]:
-    """Of each camera."""
-    fields = []
-    for number, camera in enumerate(placed.rig):
-        seen = placed.observations[:, 2] == number
-        point, instant = placed.observations[seen, 0], placed.observations[seen, 1]
-        T_world_camera = placed.T_world_body[instant] @ camera.T_body_camera
-        fields.append(residual_field.field(camera, T_world_camera, placed.points_world_m[point], placed.pixels[seen]))
-    return fields
 
 
 def _facts(report: MapReport) -> dict[str, Any]:
