@@ -273,7 +273,9 @@ def beside(count: int) -> rendered_world.RenderedFlight:
 def onto(true: FloatArray, found: FloatArray) -> FloatArray:
     """The rigid motion (4, 4) that fits the positions of found poses to the true ones."""
     T = np.eye(4)
-    T[:3] = pycolmap.estimate_rigid3d(found[:, :3, 3], true[:, :3, 3]).matrix()
+    fitted = pycolmap.estimate_rigid3d(found[:, :3, 3], true[:, :3, 3])
+    assert fitted is not None
+    T[:3] = fitted.matrix()
     return T
 
 
@@ -331,8 +333,8 @@ def _join(title: str, first: map_parts.MapParts, second: map_parts.MapParts, tru
     except MapError as error:
         print(f"{title}: refused, {error}")
         return
-    places = (frames.apply(T, second.known.points_world_m) for T in (true, found.T_first_second))
-    off_mm = 1000.0 * np.linalg.norm(np.subtract(*places), axis=1)
+    points = second.known.points_world_m
+    off_mm = 1000.0 * np.linalg.norm(frames.apply(true, points) - frames.apply(found.T_first_second, points), axis=1)
     print(
         f"{title}: {len(found.pairs)} of {found.matches} pairs, median {np.median(off_mm):.1f} mm and worst "
         f"{off_mm.max():.1f} mm off, {found.contradiction:.2%} contradict, {time.process_time() - started_s:.1f} CPU s"

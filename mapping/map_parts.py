@@ -158,7 +158,7 @@ def cropped(parts: MapParts, kept: Solid, sentence: str) -> MapParts:
     """The part of a map inside a solid: what is outside becomes unknown, and is left out of mesh, points and poses.
 
     Raises:
-        InputError: nothing is known inside the solid, or no point of localization lies in it.
+        InputError: nothing is known inside the solid, or no surface of the map lies in it.
     """
     region = covered_region(kept, parts.field.grid)
     if region.empty:
@@ -176,6 +176,10 @@ def cropped(parts: MapParts, kept: Solid, sentence: str) -> MapParts:
     points = inside(parts.known.points_world_m)
     placed = inside(parts.T_world_body[:, :3, 3])
     vertices, faces, colours = mesh_of(parts, inside(parts.vertices_world_m))
+    if not len(faces):
+        raise InputError(
+            f"no surface of the map lies inside the {type(kept).__name__.lower()} to keep; take a larger one"
+        )
     return dataclasses.replace(
         parts,
         field=field,

@@ -1,6 +1,7 @@
 """New maps of old ones: moved, cropped, joined. The truth is a room of formulas, seen from both ends."""
 
 import dataclasses
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,7 @@ def room(name: str = "room", *, scene: Scene = ROOM, seed: int = 0, noise_m: flo
     )
 
 
+@functools.cache
 def surface(scene: Scene, count: int) -> np.ndarray:
     """(count, 3) points of the surface, by steps along the distance."""
     points = np.random.default_rng(3).uniform([0.05] * 3, [5.95, 3.95, 2.35], (count, 3))
@@ -144,7 +146,11 @@ def test_a_cropped_map_keeps_what_is_inside_and_nothing_else() -> None:
 
 @pytest.mark.parametrize(
     ("kept", "said"),
-    [(Sphere((30.0, 0.0, 0.0), 1.0), "touches no voxel"), (Sphere((3.0, 2.0, 1.0), 0.001), "nothing is known inside")],
+    [
+        (Sphere((30.0, 0.0, 0.0), 1.0), "touches no voxel"),
+        (Sphere((3.0, 2.0, 1.0), 0.001), "nothing is known inside"),
+        (Sphere((4.5, 2.5, 1.2), 0.5), "no surface of the map lies inside"),
+    ],
 )
 def test_a_crop_that_leaves_nothing_is_refused(kept: Sphere, said: str) -> None:
     with pytest.raises(InputError, match=said):
