@@ -309,7 +309,7 @@ def join() -> None:
     flights = {"first": rendered_world.loop_flight(60), "second": beside(30)}
     maps, T_true_map = {}, {}
     with tempfile.TemporaryDirectory() as folder:
-        for seed, (name, flight) in enumerate(flights.items(), start=1):
+        for seed, (name, flight) in zip((1, 9), flights.items(), strict=True):
             images = rendered_world.write_rendered_sequence(Path(folder) / f"{name}-images", flight=flight, seed=seed)
             mapping.build_map(images, rigs.load(images / "camera.toml"), Path(folder) / name)
             maps[name] = map_parts.read(Path(folder) / name)
