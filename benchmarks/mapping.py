@@ -4,6 +4,8 @@
     python benchmarks/mapping.py --instants 1000   CPU seconds and memory of the trial on a long path
     python benchmarks/mapping.py --hostile         wrong lens files, swapped folders, repeated texture: none may be good
     python benchmarks/mapping.py --data FOLDER     a recorded RGB-D sequence (hololens_rgbd_part1): poses, unused depth
+    python benchmarks/mapping.py --localize 30     queries in the rendered room, with whole and with compact descriptors
+    python benchmarks/mapping.py --join            two maps of one room, registered
 
 The matches are made by formula from a true rig (see `tracks`), so that a draw takes seconds. The trial starts from a
 poor map: its poses and points are of the wrong size and off by centimetres.
@@ -18,11 +20,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pycolmap
 
 import mapping
-from flight import FloatArray, frames, rotations
+from esdf.solids import Box
+from flight import FloatArray, MapError, frames, rotations
 from goshawk.rendered import hostile
 from goshawk.rendered import world as rendered_world
+from mapping import map_parts, merging
 from mapping.camera import rig as rigs
 from mapping.camera import trial as trials
 from mapping.camera.adjustment import Observations
@@ -30,6 +35,8 @@ from mapping.camera.errors import Kind
 from mapping.camera.rig import Camera, Rig
 from mapping.camera.trial import Trial
 from mapping.dense import surface
+from mapping.localization import relocalization
+from mapping.sparse import localization_map, reconstruction
 from mapping.verdict import Standing
 
 FORMS = ("none", "rig", "lens", "offset", "shutter", "two")
@@ -282,6 +289,87 @@ def depth_camera(data: Path) -> None:
     print(f"mesh of every other depth image to the depth of the rest: median {median_mm:.1f} mm")
 
 
+def beside(count: int) -> rendered_world.RenderedFlight:
+    """A flight between the images of `loop_flight(60)`, up to 25 cm and 12 degrees beside its path."""
+    path = rendered_world.loop_flight(4 * count)
+    rng = np.random.default_rng(3)
+    aside = frames.transform(
+        rotations.exp(np.radians(rng.uniform(-12.0, 12.0, (count, 3)))), rng.uniform(-0.25, 0.25, (count, 3))
+    )
+    return rendered_world.RenderedFlight(path.times_s[1::4].copy(), path.T_world_body[1::4] @ aside)
+
+
+def onto(true: FloatArray, found: FloatArray) -> FloatArray:
+    """The rigid motion (4, 4) that fits the positions of found poses to the true ones."""
+    T = np.eye(4)
+    fitted = pycolmap.estimate_rigid3d(found[:, :3, 3], true[:, :3, 3])
+    assert fitted is not None
+    T[:3] = fitted.matrix()
+    return T
+
+
+def localize(count: int) -> None:
+    """Images taken beside the path of a map of 60 pairs: found with descriptors of 8 bits and with the file's 3."""
+    asked = beside(count)
+    with tempfile.TemporaryDirectory() as folder:
+        known, queries = Path(folder) / "known", Path(folder) / "queries"
+        rendered_world.write_rendered_sequence(known)
+        rendered_world.write_rendered_sequence(queries, flight=asked, seed=9)
+        placed = reconstruction.reconstruct(mapping.read_folder(known, rigs.load(known / "camera.toml")))
+        images = mapping.read_folder(queries, placed.rig)
+        whole = placed.localization_map()
+        data = localization_map.encode(whole)
+        print(f"{len(whole.points_world_m)} points, {len(data) / len(whole.points_world_m):.3f} bytes each")
+        T_true_map = onto(rendered_world.loop_flight(60).T_world_body, placed.T_world_body)
+        for name, points in (("8 bits", whole), ("3 bits", localization_map.decode(data))):
+            answer = relocalization.localize(points, images)
+            T = T_true_map @ answer.T_world_body[answer.found]
+            true_T = asked.T_world_body[answer.found]
+            off_m = np.linalg.norm(T[:, :3, 3] - true_T[:, :3, 3], axis=1)
+            off_rad = rotations.angle_between(*(rotations.from_matrix(each[:, :3, :3]) for each in (T, true_T)))
+            recall = int(((off_m < 0.05) & (off_rad < np.radians(2.0))).sum())
+            agree = f"{np.median(answer.inliers):.0f} of {np.median(answer.matches):.0f} pairs"
+            error = f"median {1000.0 * np.median(off_m):.2f} mm, worst {1000.0 * off_m.max():.2f} mm"
+            print(f"{name}: {recall} of {count} within 5 cm and 2 deg, {error}, {agree} agree")
+
+
+def join() -> None:
+    """Two maps of one room from other images, whole and as halves that overlap less and less: where they are put."""
+    flights = {"first": rendered_world.loop_flight(60), "second": beside(30)}
+    maps, T_true_map = {}, {}
+    with tempfile.TemporaryDirectory() as folder:
+        for seed, (name, flight) in zip((1, 9), flights.items(), strict=True):
+            images = rendered_world.write_rendered_sequence(Path(folder) / f"{name}-images", flight=flight, seed=seed)
+            mapping.build_map(images, rigs.load(images / "camera.toml"), Path(folder) / name)
+            maps[name] = map_parts.read(Path(folder) / name)
+            T_true_map[name] = onto(flight.T_world_body, maps[name].T_world_body)
+    true = frames.invert(T_true_map["first"]) @ T_true_map["second"]
+    _join("whole", maps["first"], maps["second"], true)
+    for overlap_m in (3.0, 1.5, 0.8, 0.3, 0.0):
+        ends = {"first": (-9.0, 0.5 * overlap_m), "second": (-0.5 * overlap_m, 9.0)}
+        halves = []
+        for name, (low, high) in ends.items():
+            upright = map_parts.moved(maps[name], T_true_map[name], "to the room's axes")
+            half = map_parts.cropped(upright, Box((low, -9.0, -9.0), (high, 9.0, 9.0)), "cut")
+            halves.append(map_parts.moved(half, frames.invert(T_true_map[name]), "back"))
+        _join(f"halves that overlap by {overlap_m} m", *halves, true)
+
+
+def _join(title: str, first: map_parts.MapParts, second: map_parts.MapParts, true: FloatArray) -> None:
+    started_s = time.process_time()
+    try:
+        found = merging.register(first, second)
+    except MapError as error:
+        print(f"{title}: refused, {error}")
+        return
+    points = second.known.points_world_m
+    off_mm = 1000.0 * np.linalg.norm(frames.apply(true, points) - frames.apply(found.T_first_second, points), axis=1)
+    print(
+        f"{title}: {len(found.pairs)} of {found.matches} pairs, median {np.median(off_mm):.1f} mm and worst "
+        f"{off_mm.max():.1f} mm off, {found.contradiction:.2%} contradict, {time.process_time() - started_s:.1f} CPU s"
+    )
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cameras", type=int, default=0, help="number of blind draws")
@@ -289,6 +377,8 @@ if __name__ == "__main__":
     parser.add_argument("--instants", type=int, default=0, help="length of one long path")
     parser.add_argument("--hostile", action="store_true", help="inputs that must not become a good map")
     parser.add_argument("--data", type=Path, help="folder of a recorded RGB-D sequence")
+    parser.add_argument("--localize", type=int, default=0, help="number of queries in the rendered room")
+    parser.add_argument("--join", action="store_true", help="register two maps of the rendered room")
     given = parser.parse_args()
     if given.cameras:
         blind(given.cameras, given.seed)
@@ -298,3 +388,7 @@ if __name__ == "__main__":
         wrong_inputs()
     if given.data:
         depth_camera(given.data)
+    if given.localize:
+        localize(given.localize)
+    if given.join:
+        join()

@@ -1,6 +1,5 @@
 """The map's points as the 3D view shows them: tiles with levels of detail, made once per map."""
 
-import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from flight import InputError, Progress, silent
 from gcs_web import tiles
 from gcs_web.job_process import Failed, JobProcess
 from gcs_web.tiles import Tile, Tiles
+from mapping.sparse import localization_map
 
 COARSE_POINTS = 150_000
 """Of all coarse tiles: 1.8 MB."""
@@ -26,7 +26,7 @@ def load(path: Path, folder: Path, *, progress: Progress = silent) -> Tiles:
     """The points to show, from the cache in `folder` or made anew: levels (m, 3) in metres, world.
 
     Args:
-        path: `points.npz` of a map.
+        path: file of a localization map.
 
     Raises:
         InputError: they cannot be read.
@@ -51,11 +51,7 @@ def load(path: Path, folder: Path, *, progress: Progress = silent) -> Tiles:
 def _make(folder: Path, asked: tuple[Path, str], progress: Progress) -> None:
     """In a process of its own: write the cache."""
     path, key = asked
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            points = data["points_world_m"].astype(np.float32)
-    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path.name} cannot be read ({error}); build the map again") from error
+    points = localization_map.load_points(path).astype(np.float32)
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
         raise InputError(f"{path.name} holds no points; build the map again")

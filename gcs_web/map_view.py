@@ -19,6 +19,7 @@ from gcs_web.detail_view import DetailView
 from gcs_web.map_edits import MapEdit, shape_of
 from gcs_web.protocol_parts import Layer, MapAction, Shape, Slice
 from mapping import Map
+from mapping.sparse import localization_map
 
 if TYPE_CHECKING:
     import viser
@@ -185,7 +186,7 @@ class MapView:
             if area is None or not wanted:
                 return
             try:
-                shown = display_points.load(area.folder / "localization" / "points.npz", self._cache)
+                shown = display_points.load(localization_map.file(area.folder / "localization"), self._cache)
             except FlightError as error:
                 logger.info("%s", error)  # a map without them
                 shown = None

@@ -135,6 +135,8 @@ class MapReport:
     """What was wrong with the camera file and is right in the map."""
     calibration: list[dict[str, Any]]
     """The trial of the camera file: one entry for each error it may have had; see `calibration.trial.Finding`."""
+    residual_field: list[dict[str, Any]]
+    """Reprojection errors over each camera's image; see `camera.residual_field.field`."""
     path_length_m: float
     """From the first placed image to the last."""
     lenses: dict[str, list[float]]
@@ -257,7 +259,7 @@ def build_map(
     options = options or MapOptions()
     interrupted = work_folder(out).exists()
     if not interrupted:
-        results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
+        results.require_free_folder(out, overwrite=overwrite, ours=is_map)
     has_other = options.depths is not None or bool(options.motions)
     alignment.require_scale(Path(images), rig, options.length, options.references, has_other=has_other)
     again = STAGES[STAGES.index(again_from) :] if again_from else ()
@@ -275,7 +277,7 @@ def build_map(
         source.require_usable(work, checked, progress=progress)
         report = _placed_before(out, _all_inputs(checked, options, work)) if interrupted else None
         if report is None:
-            results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
+            results.require_free_folder(out, overwrite=overwrite, ours=is_map)
             report = _build(checked, out, options, work, overwrite=overwrite, progress=progress)
         stages.finish(begun)
     return report
@@ -289,7 +291,7 @@ def work_folder(out: Path) -> Path:
 
 def _note_replaced(out: Path, work: Work) -> None:
     """Write down which map is about to be moved aside for the new one."""
-    if _is_map(out):
+    if is_map(out):
         (work.folder / _REPLACED).write_text(str(Path(out).stat().st_ino))
 
 
@@ -314,7 +316,7 @@ def _all_inputs(images: ImageSet, options: MapOptions, work: Work) -> str:
 def _placed_before(out: Path, inputs: str) -> MapReport | None:
     """The report of the map in `out` if it is of the same inputs: a run was killed after it had placed the map."""
     try:
-        facts = open_map(out).facts if _is_map(out) else {}
+        facts = open_map(out).facts if is_map(out) else {}
     except FlightError:  # an earlier map that is damaged
         return None
     if facts.get("inputs") != inputs:
@@ -351,7 +353,7 @@ def _build(
     distances = esdf.build(dense.state, dense.grid, cap_m=options.cap_m)
     cpu_s = {**placed.cpu_s, "dense": round(time.process_time() - started_s, 2)}
     report = _report(placed, dense, options.dense.carrier_radius_m, distances.hash, cpu_s)
-    with results.new_folder(out, overwrite=overwrite, ours=_is_map, within=work.folder) as placing:
+    with results.new_folder(out, overwrite=overwrite, ours=is_map, within=work.folder) as placing:
         new = placing.temporary
         esdf.save(new / "esdf", distances)
         save_visibility(new / VISIBILITY, dense.seen)
@@ -380,7 +382,8 @@ def _recorded(images: ImageSet, options: MapOptions) -> list[object]:
     return [path.read_bytes() if path.is_file() else b"", motions]
 
 
-def _is_map(folder: Path) -> bool:
+def is_map(folder: Path) -> bool:
+    """Whether a folder is a map, by its `map.toml`."""
     return (folder / "map.toml").exists()
 
 
@@ -407,6 +410,7 @@ def _report(
         reasons=list(judged.reasons),
         corrections=list(judged.corrections),
         calibration=[finding.as_dict() for finding in placed.trial.findings],
+        residual_field=reconstruction.residual_fields(placed),
         path_length_m=float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
         lenses={camera.name: camera.params.tolist() for camera in placed.rig},
         mesh_vertices=len(surface.vertices_world_m),

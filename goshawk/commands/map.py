@@ -10,7 +10,9 @@ import click
 import mapping
 from flight import InputError, results
 from goshawk import console, outputs
+from goshawk.commands.map_copies import align, crop, merge, origin
 from goshawk.commands.map_edit import edit
+from goshawk.commands.map_report import report
 from goshawk.commands.map_show_esdf import show_esdf
 from mapping import map_folder, stages
 from mapping.input import examination
@@ -107,6 +109,8 @@ def build(
     goshawk map images --camera images/camera.toml --check
     goshawk map show-esdf --help     show the distance field of a map
     goshawk map edit --help          add obstacles and no-fly zones to it, clear errors
+    goshawk map crop|origin|align|merge --help      make a new map of one or two
+    goshawk map report --help        all that is known of a map as one HTML file
 
     IMAGES holds one folder per camera of the rig (or the images themselves, for one camera); the same file name
     means the same instant. The metric scale comes from depth images, --length, the distance between the cameras of a
@@ -280,4 +284,4 @@ def length_from(text: str) -> mapping.Length:
     raise InputError(f"--length {text!r} is neither METRES nor IMAGE_A,IMAGE_B,METRES")
 
 
-command = MapVerbs("map", commands=[show_esdf, edit])
+command = MapVerbs("map", commands=[show_esdf, edit, crop, origin, align, merge, report])

@@ -50,7 +50,8 @@ def edit(context: click.Context, map_folder: Path) -> None:
     context.obj = map_folder
 
 
-def _shape_options(command: Callable[..., None]) -> Callable[..., None]:
+def shape_options(command: Callable[..., None]) -> Callable[..., None]:
+    """An option for each shape of `solid_from`."""
     for name, (_, words) in reversed(DIMENSIONS.items()):
         command = click.option(f"--{name}", metavar="NUMBERS", help=words)(command)
     return command
@@ -78,7 +79,7 @@ def _changing(action: Any, summary: str) -> None:
     )
     example = "no-fly kitchen" if action == "no-fly" else action
     help = f"{summary}\n\n\b\ngoshawk map edit map {example} --box 1,0,0,2,0.4,1.1\ngoshawk map edit map list"
-    edit.command(action, help=help)(named(_shape_options(_finish(command))))
+    edit.command(action, help=help)(named(shape_options(_finish(command))))
 
 
 _changing("add", "Every voxel the shape touches becomes an obstacle.")

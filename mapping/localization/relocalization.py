@@ -17,6 +17,7 @@ from mapping.sparse import features
 from mapping.sparse.localization_map import LocalizationMap
 
 _STAGE = "localizing"
+_ROWS = 2000
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,15 +105,23 @@ def match(query: np.ndarray, known: np.ndarray, ratio: float) -> tuple[np.ndarra
     """
     if len(query) == 0 or len(known) < 2:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    cosine = query @ known.T
-    rows = np.arange(len(query))
-    best = cosine.argmax(axis=1)
-    best_cosine = cosine[rows, best]
-    mutual = cosine.argmax(axis=0)[best] == rows
-    cosine[rows, best] = -1.0
+    best = np.empty(len(query), np.int64)
+    best_cosine, next_cosine = np.empty(len(query), np.float32), np.empty(len(query), np.float32)
+    meant_by, meant_cosine = np.zeros(len(known), np.int64), np.full(len(known), -1.0, np.float32)
+    for start in range(0, len(query), _ROWS):  # a part at a time: all pairs of two maps would not fit the memory
+        part = slice(start, start + _ROWS)
+        cosine = query[part] @ known.T
+        rows = np.arange(len(cosine))
+        best[part] = cosine.argmax(axis=1)
+        best_cosine[part] = cosine[rows, best[part]]
+        row, column_cosine = cosine.argmax(axis=0), cosine.max(axis=0)
+        better = column_cosine > meant_cosine
+        meant_by[better], meant_cosine[better] = start + row[better], column_cosine[better]
+        cosine[rows, best[part]] = -1.0
+        next_cosine[part] = cosine.max(axis=1)
+    mutual = meant_by[best] == np.arange(len(query))
     # |a - b|^2 = 2 - 2 a.b for unit vectors
-    clear = 1.0 - best_cosine < ratio**2 * (1.0 - cosine.max(axis=1))
-    chosen = np.flatnonzero(clear & mutual)
+    chosen = np.flatnonzero(mutual & (1.0 - best_cosine < ratio**2 * (1.0 - next_cosine)))
     return chosen, best[chosen]
 
 

@@ -274,7 +274,7 @@ def _level(T_old_body: FloatArray, references: References, known: np.ndarray) ->
     up_body = references.up_body
     recorded = known & np.isfinite(up_body).all(axis=1)
     if not recorded.any():
-        return _upright(T_old_body[known][0][:3, 2]), "first image taken as level", None
+        return upright(T_old_body[known][0][:3, 2]), "first image taken as level", None
     ups = (T_old_body[recorded, :3, :3] @ up_body[recorded][..., None])[..., 0]
     up = ups.mean(axis=0)
     for _ in range(20):  # the median direction: one outlier does not tilt the map
@@ -282,10 +282,10 @@ def _level(T_old_body: FloatArray, references: References, known: np.ndarray) ->
         up = (weight[:, None] * ups).sum(axis=0)
         up /= np.linalg.norm(up)
     spread_rad = float(np.median(np.arccos(np.clip(ups @ up, -1.0, 1.0))))
-    return _upright(up), references.up_source, spread_rad
+    return upright(up), references.up_source, spread_rad
 
 
-def _upright(up: FloatArray) -> FloatArray:
+def upright(up: FloatArray) -> FloatArray:
     """The smallest rotation that takes the unit vector `up` to z."""
     up = up / np.linalg.norm(up)
     across = np.array([up[1], -up[0], 0.0])

@@ -5,11 +5,13 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from flight import FloatArray, MapError, Progress, silent
 from mapping import child, stages
+from mapping.camera import residual_field
 from mapping.camera.rig import Rig
 from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
@@ -150,3 +152,14 @@ def _rig_seen(registered: np.ndarray) -> bool:
 def unplaced(sparse: SparseMap) -> Sequence[str]:
     """Names of the images that have no pose."""
     return [sparse.images.relative(i, c) for i, c in sparse.images.pairs() if not sparse.registered[i, c]]
+
+
+def residual_fields(placed: SparseMap) -> list[dict[str, Any]]:
+    """Reprojection errors over the image of each camera; see `camera.residual_field.field`."""
+    fields = []
+    for number, camera in enumerate(placed.rig):
+        seen = placed.observations[:, 2] == number
+        point, instant = placed.observations[seen, 0], placed.observations[seen, 1]
+        T_world_camera = placed.T_world_body[instant] @ camera.T_body_camera
+        fields.append(residual_field.field(camera, T_world_camera, placed.points_world_m[point], placed.pixels[seen]))
+    return fields

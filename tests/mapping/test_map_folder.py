@@ -22,7 +22,6 @@ from mapping.map_folder import MapOptions
 from mapping.sparse import colmap, localization_map, reconstruction
 from mapping.sparse.alignment import Alignment
 from mapping.sparse.colmap import SparseOptions
-from mapping.sparse.localization_map import LocalizationMap
 from mapping.sparse.reconstruction import SparseMap
 
 RIG = rigs.Rig((rigs.forward_camera("SIMPLE_RADIAL_FISHEYE", 160, 120, [90.0, 80.0, 60.0, 0.0]),))
@@ -87,8 +86,8 @@ def test_a_map_opens_as_it_was_written(tmp_path: Path) -> None:
     assert np.isnan(opened.time_s[1])
     assert opened.hash == opened.field.hash == opened.facts["hash"]
     known = opened.localization_map()
-    np.testing.assert_array_equal(known.points_world_m, placed.points_world_m)
-    assert ((known.descriptors * placed.descriptors).sum(axis=1) > 0.999).all()
+    np.testing.assert_allclose(known.points_world_m, placed.points_world_m, rtol=0.0, atol=5.1e-4)
+    assert ((known.descriptors * placed.descriptors).sum(axis=1) > 0.97).all()
 
 
 def test_what_the_images_resolve_is_read_from_the_map_and_computed_for_an_earlier_one(tmp_path: Path) -> None:
@@ -108,7 +107,7 @@ def test_a_folder_that_is_no_map_is_refused(tmp_path: Path) -> None:
         mapping.open_map(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["poses.csv", "camera.toml", "localization/points.npz", "esdf/esdf.toml"])
+@pytest.mark.parametrize("name", ["poses.csv", "camera.toml", "localization/points.bin", "esdf/esdf.toml"])
 def test_a_damaged_map_is_refused(tmp_path: Path, name: str) -> None:
     folder = made_map(tmp_path / "map")
     (folder / name).write_bytes(b"image,nothing\n")
@@ -282,14 +281,3 @@ def test_too_few_placed_images_are_no_map(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr("mapping.child.run", lambda *_, **__: model)
     with pytest.raises(MapError, match="only 1 of 3 images"):
         reconstruction.reconstruct(images)
-
-
-def test_localization_map_survives_its_file(tmp_path: Path) -> None:
-    placed = sparse_map(tmp_path)
-    localization_map.save(tmp_path / "points", placed.localization_map())
-    back = localization_map.load(tmp_path / "points")
-    assert isinstance(back, LocalizationMap)
-    with open(tmp_path / "points" / "points.npz", "ab") as file:
-        file.write(b"x")
-    with pytest.raises(FormatError, match="does not match its hash"):
-        localization_map.load(tmp_path / "points")

@@ -1,0 +1,179 @@
+"""A map as one offline HTML page: verdict, sources of scale, the camera file on trial, residuals, coverage."""
+
+import math
+import tempfile
+from datetime import UTC, datetime
+from html import escape
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import esdf
+from flight import FormatError, file_format
+from mapping import Map, map_folder, map_parts
+from mapping.verdict import Standing
+from sysid.report.drawing import INK, figure, plain, written
+from sysid.report.pages import picture, table, write_page
+
+_ARROWS = 100.0
+"""Mean errors are drawn so many times as long."""
+_COLOURS = {Standing.GOOD: "good", Standing.DOUBTFUL: "held", Standing.REFUSED: "bad", Standing.NOT_JUDGED: "held"}
+
+
+def write(path: Path, area: Map) -> Path:
+    """Write the page; pictures are inside the file.
+
+    Raises:
+        FormatError: the map's report is damaged.
+    """
+    report = read_report(area.folder)
+    try:
+        tables = _witnesses(report) + _trial(report)
+        with tempfile.TemporaryDirectory() as folder:
+            drawn = [_residuals(report, Path(folder)), _coverage(area, Path(folder))]
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise FormatError(f"{area.folder / 'report.json'}: {file_format.damage_text(error)}") from error
+    body = _head(area, report) + _figures(area, report) + tables + "".join(drawn)
+    return write_page(path, f"Map {area.folder.resolve().name}", body)
+
+
+def read_report(folder: Path) -> dict[str, Any]:
+    """The figures of the mapping run; empty for a map that was joined of others, or made elsewhere."""
+    path = folder / "report.json"
+    if not path.is_file():
+        return {}
+    return dict(file_format.read_json(path, format=map_folder.REPORT_FORMAT, version=map_folder.VERSION))
+
+
+def _head(area: Map, report: dict[str, Any]) -> str:
+    now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    said = "".join(f"<li>{escape(reason)}</li>" for reason in area.reasons)
+    mended = "".join(f"<p>Corrected in the map: {escape(each)}.</p>" for each in report.get("corrections", []))
+    verdict = f"<p><b class='{_COLOURS[area.standing]}'>{area.standing}</b></p><ul>{said}</ul>{mended}"
+    return (
+        f"<h1>Map {escape(area.folder.resolve().name)}</h1>"
+        f"<p class='small'>goshawk {version('goshawk')}, {now}. SI units, world z up.</p>"
+        f"<div class='verdict'>{verdict}</div>"
+    )
+
+
+def _figures(area: Map, report: dict[str, Any]) -> str:
+    voxel_m3 = float(np.prod(area.field.grid.voxel_m))
+    volumes = [
+        float((area.field.state == which).sum()) * voxel_m3 for which in (esdf.FREE, esdf.OCCUPIED, esdf.UNKNOWN)
+    ]
+    facts = area.facts
+    rows = {
+        "images placed": f"{facts['images_placed']} of {facts['images']}" if "images" in facts else "not recorded",
+        "not placed": ", ".join(report.get("not_placed", [])) or "none named",
+        "reprojection error": f"{facts['reprojection_error_px']:.2f} px" if "reprojection_error_px" in facts else "",
+        "scale from": facts.get("scale_source", ""),
+        "up from": facts.get("up_source", ""),
+        "path": f"{facts['path_length_m']:.2f} m" if "path_length_m" in facts else "",
+        "free, occupied, unknown": ", ".join(f"{volume:.1f} m³" for volume in volumes) + ", edits included",
+        "hash": area.hash,
+        "history": "; ".join(facts.get(map_parts.HISTORY, [])),
+    }
+    cells = "".join(f"<tr><td>{name}</td><td class='word'>{escape(str(v))}</td></tr>" for name, v in rows.items() if v)
+    return "<h2>Figures</h2>" + table(("", ""), cells, words=1)
+
+
+def _witnesses(report: dict[str, Any]) -> str:
+    witnesses = report.get("scale_witnesses", [])
+    if not witnesses:
+        return "<h2>Sources of the scale</h2><p>None is recorded in this map.</p>"
+    rows = "".join(
+        f"<tr><td>{escape(w['source'])}</td><td>{w['ratio']:.4f}</td><td>{w['std']:.4f}</td></tr>" for w in witnesses
+    )
+    note = "<p class='small'>The first is in use. Ratio: the map's scale over that of the source, with its σ.</p>"
+    return "<h2>Sources of the scale</h2>" + table(("source", "ratio", "σ of the source"), rows) + note
+
+
+def _trial(report: dict[str, Any]) -> str:
+    found = report.get("calibration", [])
+    if not found:
+        return "<h2>The camera file on trial</h2><p>No trial is recorded in this map.</p>"
+    rows = "".join(_tried(finding) for finding in found)
+    head = ("possible error", "size", "σ", "unit", "shift (px)", "at most (px)", "verdict")
+    note = (
+        "<p class='small'>What is left after the corrections above. Shift: of the image, RMS; at most: at the far end "
+        "of the 90 % interval.</p>"
+    )
+    return "<h2>The camera file on trial</h2>" + table(head, rows, words=1) + note
+
+
+def _tried(finding: dict[str, Any]) -> str:
+    """A row of the trial's table."""
+    size = " ".join(f"{value:.2g}" for value in finding["size"])
+    std = " ".join(f"{value:.1g}" for value in finding["std"])
+    numbers = (
+        size,
+        std,
+        escape(finding["units"][0] or "relative"),
+        f"{finding['shift_px']:.2f}",
+        f"{finding['largest_shift_px']:.2f}",
+    )
+    style = "word bad" if finding["verdict"] == "present" else "word"
+    name = f"{escape(finding['camera'])}: {escape(finding['error'])}"
+    cells = "".join(f"<td>{number}</td>" for number in numbers)
+    return f"<tr><td>{name}</td>{cells}<td class='{style}'>{escape(finding['verdict'])}</td></tr>"
+
+
+def _residuals(report: dict[str, Any], folder: Path) -> str:
+    fields = report.get("residual_field", [])
+    if not fields:
+        return "<h2>Residuals over the image</h2><p>None are recorded in this map.</p>"
+    drawn, axes = figure(1, len(fields), (5.5 * len(fields), 4.6))
+    for place, field in zip(axes[0], fields, strict=True):
+        count, rms = np.array(field["count"]), np.array(field["rms_px"], dtype=float)
+        mean = np.array([[m or (math.nan, math.nan) for m in row] for row in field["mean_px"]], dtype=float)
+        rows, columns = count.shape
+        width, height = field["width"], field["height"]
+        image = place.imshow(rms, extent=(0, width, height, 0), cmap="viridis", vmin=0.0, interpolation="nearest")
+        x, y = np.meshgrid((np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * height / rows)
+        well = count >= 10
+        place.quiver(
+            x[well], y[well], *(_ARROWS * mean[well]).T, angles="xy", scale_units="xy", scale=1.0, color="white"
+        )
+        plain(place, f"{field['camera']}: {int(count.sum())} observations", "x (px)", "y (px)")
+        place.grid(False)
+        drawn.colorbar(image, ax=place, shrink=0.8, label="RMS (px)")
+    path = written(drawn, folder / "residuals.svg")
+    note = (
+        f"<p class='small'>Observed less projected. Colour: RMS of a cell; arrow: its mean, {_ARROWS:g} times as long, "
+        "where there are ten observations. A lens that fits leaves arrows without a pattern.</p>"
+    )
+    return "<h2>Residuals over the image</h2>" + picture(path, "Reprojection errors, cell by cell") + note
+
+
+def _coverage(area: Map, folder: Path) -> str:
+    grid, state = area.field.grid, area.field.state
+    drawn, axes = figure(1, 2, (12.0, 5.0))
+    positions = area.T_world_body[:, :3, 3]
+    for place, (across, up, along) in zip(axes[0], ((0, 1, 2), (0, 2, 1)), strict=True):
+        free_m = (state == esdf.FREE).sum(axis=along) * grid.voxel_m[along]
+        known = (state != esdf.UNKNOWN).any(axis=along)
+        low, high = grid.low_world_m, grid.high_world_m
+        image = place.imshow(
+            np.where(known, free_m, np.nan).T,
+            origin="lower",
+            extent=(low[across], high[across], low[up], high[up]),
+            cmap="Blues",
+            vmin=0.0,
+            interpolation="nearest",
+        )
+        place.set_facecolor("#8c8c8c")
+        place.plot(positions[:, across], positions[:, up], ".-", color="#b0413e", markersize=3, linewidth=0.8)
+        names = "xyz"
+        plain(place, f"free along {names[along]}", f"{names[across]} (m)", f"{names[up]} (m)")
+        place.grid(False)
+        bar = drawn.colorbar(image, ax=place, shrink=0.8)
+        bar.set_label("m", color=INK)
+    path = written(drawn, folder / "coverage.svg")
+    note = (
+        "<p class='small'>From above and from the side: metres of free space along the view, edits included; grey "
+        "where nothing is known, white where nothing is free. Red: where the images were taken.</p>"
+    )
+    return "<h2>Coverage</h2>" + picture(path, "What was seen") + note

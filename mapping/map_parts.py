@@ -1,0 +1,214 @@
+"""A map's parts in memory, to make a new map of them: moved, cropped. The folder that they came from stays as it is.
+
+The pilot's edits go along. The new map has a hash of its own, so what was planned in the old one must be planned anew.
+"""
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import esdf
+from esdf import Edit, Field
+from esdf import moved as moving
+from esdf.solids import Solid, covered_region
+from esdf.storage import EDITS
+from flight import FloatArray, FormatError, InputError, file_format, frames, results
+from mapping import map_folder
+from mapping.camera import rig as rigs
+from mapping.camera.rig import Rig
+from mapping.dense import mesh_file
+from mapping.sparse import localization_map
+from mapping.sparse.localization_map import LocalizationMap
+
+HISTORY = "history"
+"""Key of `map.toml`: how the map was made of others, a sentence a step."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MapParts:
+    """What a map folder holds."""
+
+    name: str
+    """Of its folder."""
+    field: Field
+    """As mapped, without edits."""
+    edits: tuple[Edit, ...]
+    """The pilot's."""
+    vertices_world_m: FloatArray
+    """(v, 3) of the mesh."""
+    faces: np.ndarray
+    """(f, 3) vertices."""
+    colours: np.ndarray
+    """(v, 3) uint8 RGB."""
+    known: LocalizationMap
+    """Points and descriptors."""
+    rig: Rig
+    """That took the images."""
+    images: tuple[str, ...]
+    """Names of the placed images."""
+    time_s: FloatArray
+    """(n,) NaN where unknown."""
+    T_world_body: FloatArray
+    """(n, 4, 4)."""
+    facts: dict[str, Any]
+    """Of `map.toml`."""
+    report: dict[str, Any] | None
+    """Of the mapping run; None if there is none."""
+
+
+def read(folder: Path) -> MapParts:
+    """The parts of a map folder.
+
+    Raises:
+        InputError: `folder` is not a map, or the map is refused.
+        FormatError: a part of it is missing or damaged.
+    """
+    opened = map_folder.open_map(folder)
+    opened.require_not_refused()
+    editor = esdf.open_editor(folder / "esdf")
+    edits = editor.edits
+    editor.replace(())
+    vertices, faces, colours = mesh_file.load(folder / "mesh.ply")
+    report = folder / "report.json"
+    if report.is_file():
+        body = dict(file_format.read_json(report, format=map_folder.REPORT_FORMAT, version=map_folder.VERSION))
+    else:
+        body = None
+    return MapParts(
+        name=folder.resolve().name,
+        field=editor.snapshot(),
+        edits=edits,
+        vertices_world_m=vertices,
+        faces=faces,
+        colours=colours,
+        known=opened.localization_map(),
+        rig=opened.rig,
+        images=opened.images,
+        time_s=opened.time_s,
+        T_world_body=opened.T_world_body,
+        facts=opened.facts,
+        report=body,
+    )
+
+
+def write(out: Path, parts: MapParts, *, overwrite: bool = False) -> str:
+    """Write a new map folder, whole or not at all; returns its hash, edits included.
+
+    Raises:
+        InputError: an earlier map is there and `overwrite` was not given, or something else is there.
+    """
+    results.require_free_folder(out, overwrite=overwrite, ours=map_folder.is_map)
+    with results.new_folder(out, overwrite=overwrite, ours=map_folder.is_map) as placing:
+        new = placing.temporary
+        esdf.save(new / "esdf", parts.field)
+        if parts.edits:
+            esdf.save_edits(new / "esdf" / EDITS, parts.edits)
+        for name in ("mesh.glb", "mesh.ply"):
+            mesh_file.save(new / name, parts.vertices_world_m, parts.faces, parts.colours)
+        localization_map.save(new / "localization", parts.known)
+        rigs.save(new / "camera.toml", parts.rig)
+        map_folder.write_poses(new / "poses.csv", parts.images, parts.time_s, parts.T_world_body)
+        if parts.report is not None:
+            file_format.write_json(
+                new / "report.json",
+                format=map_folder.REPORT_FORMAT,
+                version=map_folder.VERSION,
+                body=_body(parts.report) | {"hash": parts.field.hash},
+            )
+        # "inputs" names the images of a mapping run: this map is not what that run would make
+        facts = {name: value for name, value in _body(parts.facts).items() if name != "inputs"}
+        file_format.write_toml(
+            new / "map.toml",
+            format=map_folder.FORMAT,
+            version=map_folder.VERSION,
+            body=facts | {"hash": parts.field.hash},
+        )
+        return map_folder.open_map(new).hash
+
+
+def moved(parts: MapParts, T_new_old: FloatArray, sentence: str) -> MapParts:
+    """The map in another frame.
+
+    Args:
+        T_new_old: (4, 4) rotation and translation; without a rotation the voxels stay exactly as they are.
+        sentence: what was done, for the map's history.
+
+    Raises:
+        InputError: it is no rigid motion, or an upright edit would lean.
+    """
+    R = T_new_old[:3, :3]
+    if not np.isfinite(T_new_old).all() or np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0:
+        raise InputError(f"a map is moved by a rotation and a translation, not by {np.round(T_new_old, 3).tolist()}")
+    field = moving.moved_field(parts.field, T_new_old)
+    return dataclasses.replace(
+        parts,
+        field=field,
+        edits=moving.moved_edits(parts.edits, T_new_old, field.grid),
+        vertices_world_m=frames.apply(T_new_old, parts.vertices_world_m),
+        known=dataclasses.replace(parts.known, points_world_m=frames.apply(T_new_old, parts.known.points_world_m)),
+        T_world_body=T_new_old @ parts.T_world_body,
+        facts=noted(parts, sentence),
+    )
+
+
+def cropped(parts: MapParts, kept: Solid, sentence: str) -> MapParts:
+    """The part of a map inside a solid: what is outside becomes unknown, and is left out of mesh, points and poses.
+
+    Raises:
+        InputError: nothing is known inside the solid, or no surface of the map lies in it.
+    """
+    region = covered_region(kept, parts.field.grid)
+    if region.empty:
+        raise InputError(f"the {type(kept).__name__.lower()} to keep touches no voxel of the map")
+    grid = parts.field.grid.part(region)
+    outside = kept.distance(grid.centres().reshape(-1, 3)).reshape(grid.shape) > 0.0
+    state = np.where(outside, np.uint8(esdf.UNKNOWN), parts.field.state[region.slices])
+    if not (state != esdf.UNKNOWN).any():
+        raise InputError(f"nothing is known inside the {type(kept).__name__.lower()} to keep")
+    field = esdf.build(state, grid, cap_m=parts.field.cap_m, unknown=parts.field.unknown)
+
+    def inside(points_world_m: FloatArray) -> np.ndarray:
+        return kept.distance(points_world_m) <= 0.0
+
+    points = inside(parts.known.points_world_m)
+    placed = inside(parts.T_world_body[:, :3, 3])
+    vertices, faces, colours = mesh_of(parts, inside(parts.vertices_world_m))
+    if not len(faces):
+        raise InputError(
+            f"no surface of the map lies inside the {type(kept).__name__.lower()} to keep; take a larger one"
+        )
+    return dataclasses.replace(
+        parts,
+        field=field,
+        edits=moving.moved_edits(parts.edits, np.eye(4), grid),
+        vertices_world_m=vertices,
+        faces=faces,
+        colours=colours,
+        known=LocalizationMap(parts.known.points_world_m[points], parts.known.descriptors[points]),
+        images=tuple(name for name, there in zip(parts.images, placed, strict=True) if there),
+        time_s=parts.time_s[placed],
+        T_world_body=parts.T_world_body[placed],
+        facts=noted(parts, sentence),
+    )
+
+
+def mesh_of(parts: MapParts, kept: np.ndarray) -> tuple[FloatArray, np.ndarray, np.ndarray]:
+    """Vertices, faces and colours of the faces all of whose vertices are in the mask (v,)."""
+    faces = parts.faces[kept[parts.faces].all(axis=1)]
+    used, faces_new = np.unique(faces, return_inverse=True)
+    return parts.vertices_world_m[used], faces_new.reshape(-1, 3).astype(np.int32), parts.colours[used]
+
+
+def noted(parts: MapParts, sentence: str) -> dict[str, Any]:
+    """The map's facts with one more sentence in its history."""
+    history = parts.facts.get(HISTORY, [])
+    if not isinstance(history, list):
+        raise FormatError(f"{parts.name}/map.toml: the history is {history!r}; a list of sentences is expected")
+    return parts.facts | {HISTORY: [*history, sentence]}
+
+
+def _body(document: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in document.items() if name not in ("format", "version")}

@@ -1,0 +1,225 @@
+"""New maps of old ones: moved, cropped, joined. The truth is a room of formulas, seen from both ends."""
+
+import dataclasses
+import functools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import esdf
+import mapping
+from esdf import Edit
+from esdf.solids import Box, Room, Scene, Sphere
+from flight import FormatError, InputError, MapError, frames, rotations
+from mapping import map_parts, merging
+from mapping.camera import rig as rigs
+from mapping.map_parts import MapParts
+from mapping.sparse import features
+from mapping.sparse.localization_map import LocalizationMap
+
+RIG = rigs.Rig((rigs.forward_camera("SIMPLE_RADIAL_FISHEYE", 160, 120, [90.0, 80.0, 60.0, 0.0]),))
+ROOM = Scene((Room((0.0, 0.0, 0.0), (6.0, 4.0, 2.4)), Box((2.0, 1.0, 0.0), (2.6, 1.8, 1.5))))
+GRID = esdf.Grid.covering([-0.2, -0.2, -0.2], [6.2, 4.2, 2.6], 0.1)
+ZONE = Edit("no-fly", Box((4.5, 0.5, 0.0), (5.5, 1.5, 2.0)), "kitchen")
+
+
+def room(name: str = "room", *, scene: Scene = ROOM, seed: int = 0, noise_m: float = 0.002) -> MapParts:
+    """A map of the whole room; points and descriptors are the same in every map of it but for their noise."""
+    points, rng = surface(scene, 900), np.random.default_rng(seed)
+    looks = np.random.default_rng(7).gamma(0.6, 1.0, (len(points), 128))
+    descriptors = features.unit(looks * rng.uniform(0.8, 1.25, looks.shape))
+    vertices = surface(scene, 6000)
+    facts = {"verdict": "good", "reasons": [], "images": 3, "scale_source": "rig baseline"}
+    return MapParts(
+        name=name,
+        field=esdf.build(esdf.rasterize(scene, GRID), GRID),
+        edits=(ZONE,),
+        vertices_world_m=vertices,
+        faces=np.arange(len(vertices) // 3 * 3, dtype=np.int32).reshape(-1, 3),
+        colours=np.full((len(vertices), 3), 128, np.uint8),
+        known=LocalizationMap(points + noise_m * rng.normal(size=points.shape), descriptors),
+        rig=RIG,
+        images=("a.png", "b.png", "c.png"),
+        time_s=np.array([0.0, 0.5, np.nan]),
+        T_world_body=frames.transform(rotations.from_yaw([0.0, 0.3, 0.6]), [[1.0, 2.0, 1.0], [3, 3, 1], [5, 2, 1]]),
+        facts=facts,
+        report={"images": 3},
+    )
+
+
+@functools.cache
+def surface(scene: Scene, count: int) -> np.ndarray:
+    """(count, 3) points of the surface, by steps along the distance."""
+    points = np.random.default_rng(3).uniform([0.05] * 3, [5.95, 3.95, 2.35], (count, 3))
+    for _ in range(60):
+        distance = scene.distance(points)
+        ahead = [scene.distance(points + 1e-5 * np.eye(3)[k]) - distance for k in range(3)]
+        points = points - distance[:, None] * np.stack(ahead, axis=1) / 1e-5
+    return points[np.abs(scene.distance(points)) < 1e-3]
+
+
+def half(parts: MapParts, low: float, high: float) -> MapParts:
+    return map_parts.cropped(parts, Box((low, -1.0, -1.0), (high, 5.0, 3.0)), "half")
+
+
+def rigid(yaw_rad: float = 0.7) -> np.ndarray:
+    return frames.transform(rotations.exp([0.02, -0.01, yaw_rad]), [2.0, -3.0, 0.4])
+
+
+def test_a_map_that_is_written_and_read_is_the_same(tmp_path: Path) -> None:
+    given = room()
+    hash = map_parts.write(tmp_path / "map", given)
+    opened = mapping.open_map(tmp_path / "map")
+    assert opened.hash == hash != given.field.hash  # the no-fly zone is in it
+    back = map_parts.read(tmp_path / "map")
+    assert (back.field.hash, back.edits, back.images) == (given.field.hash, given.edits, given.images)
+    np.testing.assert_allclose(back.vertices_world_m, given.vertices_world_m, atol=1e-5)
+    np.testing.assert_allclose(back.T_world_body, given.T_world_body, atol=1e-8)
+
+
+def test_an_earlier_map_stays_unless_it_is_to_be_replaced(tmp_path: Path) -> None:
+    map_parts.write(tmp_path / "map", room())
+    with pytest.raises(InputError, match="exists"):
+        map_parts.write(tmp_path / "map", half(room(), 0.0, 3.0))
+    map_parts.write(tmp_path / "map", half(room(), 0.0, 3.0), overwrite=True)
+    assert mapping.open_map(tmp_path / "map.old-1").images == room().images
+
+
+@pytest.mark.parametrize("damage", [b"", b"ply\nformat ascii 1.0\nend_header\n", None])
+def test_a_map_with_a_damaged_mesh_is_refused(tmp_path: Path, damage: bytes | None) -> None:
+    map_parts.write(tmp_path / "map", room())
+    mesh = tmp_path / "map" / "mesh.ply"
+    mesh.write_bytes(damage if damage is not None else mesh.read_bytes()[:-40])
+    with pytest.raises(FormatError, match=r"mesh\.ply is damaged"):
+        map_parts.read(tmp_path / "map")
+
+
+def test_a_refused_map_is_not_taken_for_a_part(tmp_path: Path) -> None:
+    given = room()
+    map_parts.write(tmp_path / "map", dataclasses.replace(given, facts=given.facts | {"verdict": "refused"}))
+    with pytest.raises(InputError, match="must not be planned in"):
+        map_parts.read(tmp_path / "map")
+
+
+def test_all_parts_of_a_moved_map_move_together_and_come_back() -> None:
+    given, T = room(), frames.transform(rotations.from_yaw(0.7), [2.0, -3.0, 0.4])
+    new = map_parts.moved(given, T, "moved")
+    np.testing.assert_allclose(new.T_world_body, T @ given.T_world_body)
+    np.testing.assert_allclose(new.known.points_world_m, frames.apply(T, given.known.points_world_m))
+    zone, centre = new.edits[0].solid, frames.apply(T, np.array([[5.0, 1.0, 1.0]]))
+    assert zone.distance(centre)[0] == pytest.approx(-0.5)
+    assert new.field.hash != given.field.hash
+    assert new.facts["history"] == ["moved"]
+    back = map_parts.moved(new, frames.invert(T), "and back")
+    np.testing.assert_allclose(back.vertices_world_m, given.vertices_world_m, atol=1e-9)
+    assert back.facts["history"] == ["moved", "and back"]
+
+
+def test_no_free_space_of_a_turned_room_is_inside_matter() -> None:
+    T = rigid()
+    new = map_parts.moved(dataclasses.replace(room(), edits=()), T, "moved")
+    free = new.field.grid.centre(np.argwhere(new.field.state == esdf.FREE))
+    assert len(free) > 20_000
+    assert (ROOM.distance(frames.apply(frames.invert(T), free)) > 0.0).all()
+
+
+@pytest.mark.parametrize("T", [np.diag([2.0, 2.0, 2.0, 1.0]), np.diag([-1.0, 1.0, 1.0, 1.0]), np.full((4, 4), np.nan)])
+def test_what_is_no_rigid_motion_is_refused(T: np.ndarray) -> None:
+    with pytest.raises(InputError, match="a rotation and a translation"):
+        map_parts.moved(room(), T, "moved")
+
+
+def test_a_cropped_map_keeps_what_is_inside_and_nothing_else() -> None:
+    kept = Sphere((3.0, 3.0, 1.0), 1.2)
+    new = map_parts.cropped(room(), kept, "cropped")
+    known = new.field.grid.centre(np.argwhere(new.field.state != esdf.UNKNOWN))
+    assert (kept.distance(known) <= 0.0).all()
+    inside = GRID.centre(np.argwhere(room().field.state == esdf.FREE))
+    assert (new.field.state == esdf.FREE).sum() == (kept.distance(inside) <= 0.0).sum()
+    assert (kept.distance(new.known.points_world_m) <= 0.0).all()
+    assert (kept.distance(new.vertices_world_m) <= 0.0).all()
+    assert new.faces.max() == len(new.vertices_world_m) - 1
+    assert new.images == ("b.png",)
+    assert new.edits == ()  # the kitchen is elsewhere
+
+
+@pytest.mark.parametrize(
+    ("kept", "said"),
+    [
+        (Sphere((30.0, 0.0, 0.0), 1.0), "touches no voxel"),
+        (Sphere((3.0, 2.0, 1.0), 0.001), "nothing is known inside"),
+        (Sphere((4.5, 2.5, 1.2), 0.5), "no surface of the map lies inside"),
+    ],
+)
+def test_a_crop_that_leaves_nothing_is_refused(kept: Sphere, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        map_parts.cropped(room(), kept, "cropped")
+
+
+def test_two_halves_are_registered_and_joined() -> None:
+    """Truth: the second half lies elsewhere, turned by 40 degrees and leaning by one."""
+    T = rigid()
+    first, second = half(room("west"), -1.0, 4.0), half(room("east", seed=1), 2.0, 7.0)
+    second = dataclasses.replace(map_parts.moved(dataclasses.replace(second, edits=()), frames.invert(T), "moved"))
+    found = merging.register(first, second)
+    np.testing.assert_allclose(found.T_first_second, T, atol=0.01)
+    assert found.scale == pytest.approx(1.0, abs=0.005)
+    assert found.contradiction < 0.02
+    new = merging.merged(first, second, found)
+    free = new.field.grid.centre(np.argwhere(new.field.state == esdf.FREE))
+    assert (ROOM.distance(free) > -0.02).all()
+    assert free[:, 0].min() < 0.2
+    assert free[:, 0].max() > 5.7
+    assert len(new.known.points_world_m) < 1.1 * len(room().known.points_world_m)  # common ones are there once
+    assert np.abs(ROOM.distance(new.vertices_world_m)).max() < 0.02
+    assert len(new.images) == len(new.T_world_body) == len(set(new.images))
+
+
+def test_edits_of_both_are_in_the_joined_map(tmp_path: Path) -> None:
+    first, second = room("first"), room("second", seed=1)
+    new = merging.merged(first, second, merging.register(first, second))
+    assert [edit.name for edit in new.edits] == ["kitchen", "second: kitchen"]
+    map_parts.write(tmp_path / "map", new)
+    opened = mapping.open_map(tmp_path / "map")
+    assert opened.field.distance([[5.0, 1.0, 1.0]])[0] < 0.0
+    assert opened.images == ("a.png", "b.png", "c.png", "second/a.png", "second/b.png", "second/c.png")
+
+
+def test_the_verdict_of_a_joined_map_is_the_worse_one() -> None:
+    first, second = room("first"), room("second", seed=1)
+    doubtful = dataclasses.replace(second, facts=second.facts | {"verdict": "doubtful", "reasons": ["too dark"]})
+    new = merging.merged(first, doubtful, merging.register(first, doubtful))
+    assert (new.facts["verdict"], new.facts["reasons"]) == ("doubtful", ["second: too dark"])
+
+
+def test_poses_of_another_rig_are_left_out() -> None:
+    """What an image resolves is worked out from the map's camera file, which is the first map's."""
+    narrow = rigs.Rig((rigs.forward_camera("SIMPLE_RADIAL_FISHEYE", 160, 120, [120.0, 80.0, 60.0, 0.0]),))
+    first, second = room("first"), dataclasses.replace(room("second", seed=1), rig=narrow)
+    new = merging.merged(first, second, merging.register(first, second))
+    assert new.images == first.images
+    assert len(new.T_world_body) == len(new.time_s) == 3
+    assert "without the poses of second" in new.facts["history"][-1]
+
+
+def test_maps_without_overlap_are_refused() -> None:
+    with pytest.raises(MapError, match="too little in common"):
+        merging.register(half(room("west"), -1.0, 2.0), half(room("east", seed=1), 4.0, 7.0))
+
+
+def test_maps_of_another_scale_are_refused() -> None:
+    larger = room("larger", seed=1)
+    known = dataclasses.replace(larger.known, points_world_m=1.09 * larger.known.points_world_m)
+    with pytest.raises(MapError, match=r"larger is 1\.09. times as large as room"):
+        merging.register(room(), dataclasses.replace(larger, known=known))
+
+
+def test_maps_that_contradict_each_other_are_refused() -> None:
+    """The same points, but the second map's surfaces run through the first one's free space."""
+    walls = [Box((x, 0.2, 0.2), (x + 0.1, 3.8, 2.2)) for x in (0.9, 3.2, 4.1, 5.2)]
+    other = dataclasses.replace(
+        room("other", seed=1), vertices_world_m=surface(Scene(walls), 6000)[: len(room().vertices_world_m)]
+    )
+    with pytest.raises(MapError, match="lie in the other's free space"):
+        merging.register(room(), other)
