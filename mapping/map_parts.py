@@ -16,7 +16,7 @@ from esdf import moved as moving
 from esdf.solids import Solid, covered_region
 from esdf.storage import EDITS
 from flight import FloatArray, FormatError, InputError, file_format, frames, results
-from mapping import map_folder
+from mapping import map_folder, poses_file
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
 from mapping.dense import mesh_file
@@ -110,7 +110,7 @@ def write(out: Path, parts: MapParts, *, overwrite: bool = False) -> str:
             mesh_file.save(new / name, parts.vertices_world_m, parts.faces, parts.colours)
         localization_map.save(new / "localization", parts.known)
         rigs.save(new / "camera.toml", parts.rig)
-        map_folder.write_poses(new / "poses.csv", parts.images, parts.time_s, parts.T_world_body)
+        poses_file.write_poses(new / "poses.csv", parts.images, parts.time_s, parts.T_world_body)
         if parts.report is not None:
             file_format.write_json(
                 new / "report.json",
