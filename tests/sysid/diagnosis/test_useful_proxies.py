@@ -10,6 +10,7 @@ import pytest
 from sysid.diagnosis import examined, search
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.confirm import CostReduction
+from sysid.diagnosis.examined import Outside
 from sysid.diagnosis.findings import JudgedBy, Outcome
 from sysid.diagnosis.trial import Trial
 from sysid.estimator.result import NOT_IDENTIFIABLE
@@ -131,9 +132,25 @@ def test_a_size_below_a_twentieth_of_the_usual_one_is_of_no_consequence(size: fl
     assert search._matters(cast("Any", SimpleNamespace(candidate=candidate("a"), fit=fit))) is expected
 
 
-@pytest.mark.parametrize(("moments", "kept"), [((60.0, 50.0), {"M_x", "M_y", "M_z"}), ((60.0, 45.0), None)])
-def test_a_curve_of_thrust_must_explain_more_than_its_channels_together(moments: tuple[float, float], kept):
-    gains = {"T": 100.0, "T_0": 90.0, "M_x": moments[0], "M_y": moments[1], "M_z": 80.0}
-    scores = {c: SimpleNamespace(gain_unseen=gain, dispersion=2.0) for c, gain in gains.items()}
-    found = [cast("Any", SimpleNamespace(channel=c, score=one)) for c, one in scores.items()]
-    assert {curve.channel for curve in examined._apart_from_thrust(found)} == (kept or set(gains))
+def curve(channel: str, variable: str, gain: float) -> Outside:
+    scored = cast("Any", SimpleNamespace(gain_unseen=gain, log_odds=gain / 2.0, dispersion=2.0))
+    return Outside(channel, variable, scored, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("moments", "stated", "confidence"),
+    [
+        ((300.0, 290.0), "M_x", 0.97),
+        ((300.0, 202.0), "M_x", 0.709),
+        ((300.0, 200.0), "T", 0.485),
+        ((300.0, 198.0), "T", 0.709),
+        ((300.0, 0.0), "T", 0.97),
+    ],
+)
+def test_a_curve_of_thrust_and_curves_of_its_channels_share_one_probability(moments, stated, confidence):
+    gains = {"T": 500.0, "M_x": moments[0], "M_y": moments[1], "M_z": 100.0}
+    model = cast("Any", SimpleNamespace(all_heard=True))
+    best = examined._best_of(model, [curve(channel, "v_x", gain) for channel, gain in gains.items()])
+    assert best is not None
+    assert best.channel == stated
+    assert best.confidence == pytest.approx(confidence, abs=0.01)
