@@ -88,6 +88,14 @@ class Diagnosis:
         return self.search.undecided.between if self.search.undecided else ()
 
     @property
+    def doubts(self) -> tuple[str, ...]:
+        """Candidates that would hardly show so much by chance, and that too little speaks for to name them."""
+        open_ = [s for s in self.candidates if s.verdict is Verdict.INCONCLUSIVE]
+        return tuple(
+            s.name for s in open_ if s.significance < THRESHOLDS.doubtful or s.name in self.search.doubted
+        )
+
+    @property
     def verdict(self) -> str:
         """The whole diagnosis in a sentence or two."""
         parts = []
@@ -106,14 +114,8 @@ class Diagnosis:
             helps = "helps" if len(self.proxies) == 1 else "help"
             of = "it" if self.outside is not None else "something that no known effect is"
             parts.append(f"{' and '.join(self.proxies)} {helps} as a proxy for {of}, and is added")
-        doubts = [
-            s.name
-            for s in self.candidates
-            if s.verdict is Verdict.INCONCLUSIVE
-            and (s.significance < THRESHOLDS.chance or s.name in self.search.doubted)
-        ]
-        if not parts and doubts:
-            parts.append(f"something may be missing, and these flights are inconclusive: {', '.join(doubts)}")
+        if not parts and self.doubts:
+            parts.append(f"something may be missing, and these flights are inconclusive: {', '.join(self.doubts)}")
         if self.search.too_short and (self.additions or self.undecided or self.outside is not None):
             parts.append("the held-out flights are too short to confirm it")
         if self.leaves_too_much:
