@@ -30,7 +30,7 @@ from sysid.diagnosis.search import Search, search
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.diagnosis.trial import Trial
 from sysid.estimator import verdict as fits
-from sysid.estimator.clocks import pose_is_late
+from sysid.estimator.clocks import gyro_is_early, pose_is_late
 from sysid.estimator.comparison import HORIZONS_S, Comparison, compare
 from sysid.estimator.flight_data import left_out
 from sysid.estimator.identification import identify
@@ -96,6 +96,11 @@ class Diagnosis:
         )
 
     @property
+    def pose_may_be_late(self) -> bool:
+        """Whether the clocks leave that open, so that nothing is sure that `pose_delay` would change."""
+        return gyro_is_early(self.search.models[-1].fit.clocks)
+
+    @property
     def verdict(self) -> str:
         """The whole diagnosis in a sentence or two."""
         parts = []
@@ -118,6 +123,11 @@ class Diagnosis:
             parts.append(f"something may be missing, and these flights are inconclusive: {', '.join(self.doubts)}")
         if self.search.too_short and (self.additions or self.undecided or self.outside is not None):
             parts.append("the held-out flights are too short to confirm it")
+        if self.pose_may_be_late:
+            parts.append(
+                "the gyro is early against the pose, and the rotor speed by another time, so the pose may be late or "
+                "the time stamps wrong: read the clocks"
+            )
         if self.leaves_too_much:
             parts.append("so much stays unexplained that these flights are inconclusive: read the findings")
         if self.input_verdict.against:
@@ -146,6 +156,7 @@ class Diagnosis:
     def belief(self) -> Belief:
         """Probability that the whole sentence is right, and of what else may be true."""
         unsure = self.leaves_too_much or bool(self.search.too_short) or bool(self.input_verdict.against)
+        unsure |= self.pose_may_be_late
         said = bool(self.additions or self.undecided or self.outside is not None)
         names = [s.confidence for s in self.candidates if s.verdict is Verdict.PRESENT]
         if self.undecided:
