@@ -91,9 +91,7 @@ class Diagnosis:
     def doubts(self) -> tuple[str, ...]:
         """Candidates that would hardly show so much by chance, and that too little speaks for to name them."""
         open_ = [s for s in self.candidates if s.verdict is Verdict.INCONCLUSIVE]
-        return tuple(
-            s.name for s in open_ if s.significance < THRESHOLDS.doubtful or s.name in self.search.doubted
-        )
+        return tuple(s.name for s in open_ if s.significance < THRESHOLDS.doubtful or s.name in self.search.doubted)
 
     @property
     def pose_may_be_late(self) -> bool:

@@ -22,6 +22,11 @@ def candidate(name: str, *, between_flights: bool = False) -> Candidate:
     return Candidate(name, name, (f"{name}.x",), (False,), (1.0,), ("F_z",), "v", (), between_flights=between_flights)
 
 
+def curve(channel: str, variable: str, gain: float) -> Outside:
+    scored = cast("Any", SimpleNamespace(gain_unseen=gain, log_odds=gain / 2.0, dispersion=2.0))
+    return Outside(channel, variable, scored, 1.0)
+
+
 def outdone(name: str, *, confirmed: bool = True, **kind: bool) -> Trial:
     fell = CostReduction(np.array([3.0, 4.0, 5.0]))
     return Trial(
@@ -101,6 +106,14 @@ def test_beside_a_stated_curve_a_name_too_small_to_matter_goes(monkeypatch, size
     assert "a later addition" in replace(removed, proxy_for=None).sentence
 
 
+@pytest.mark.parametrize(("channel", "confidence"), [("T", 0.5), ("F_z", 0.97)])
+def test_a_curve_that_changed_when_a_small_name_went_is_stated_with_even_odds_at_most(channel: str, confidence: float):
+    drawn = replace(curve(channel, "v_z", 60.0), confidence=0.97)
+    removed = replace(outdone("a"), outcome=Outcome.REMOVED)  # for a curve of F_z against v_z
+    assert search._as_sure(drawn, [outdone("b"), removed]).confidence == confidence
+    assert search._as_sure(drawn, [replace(removed, proxy_for=None)]).confidence == 0.97
+
+
 @pytest.mark.parametrize(("half90", "status"), [(np.nan, "free"), (0.0, NOT_IDENTIFIABLE)])
 def test_a_size_that_is_not_known_is_not_called_too_small(half90: float, status: str):
     estimate = SimpleNamespace(value=0.01, interval90=half90, status=status)
@@ -130,11 +143,6 @@ def test_what_fell_too_little_is_said_so():
 def test_a_size_below_a_twentieth_of_the_usual_one_is_of_no_consequence(size: float, expected):
     fit = SimpleNamespace(vehicle=SimpleNamespace(value={"a.x": size}.__getitem__))
     assert search._matters(cast("Any", SimpleNamespace(candidate=candidate("a"), fit=fit))) is expected
-
-
-def curve(channel: str, variable: str, gain: float) -> Outside:
-    scored = cast("Any", SimpleNamespace(gain_unseen=gain, log_odds=gain / 2.0, dispersion=2.0))
-    return Outside(channel, variable, scored, 1.0)
 
 
 @pytest.mark.parametrize(
