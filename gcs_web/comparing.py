@@ -14,6 +14,7 @@ from gcs_web.arrows import Wrench
 from gcs_web.flights import Flights
 from gcs_web.residuals import Compared
 from gcs_web.view3d import View3D
+from sysid.estimator.comparison import Deviation
 
 if TYPE_CHECKING:
     from flight.project import Project
@@ -84,7 +85,7 @@ class Comparing:
         if flight is not None:
             for key in set(keys) & set(ours):
                 _, curves, band = ours[key]
-                when, lines = self._with_gaps(flight, [np.array(curve.values) for curve in curves])
+                when, lines = self._with_gaps(name, flight.time_s, [np.array(curve.values) for curve in curves])
                 drawn = [
                     parts.CurvePart(curve.label, curve.kind, line.tolist())
                     for curve, line in zip(curves, lines, strict=True)
@@ -103,7 +104,7 @@ class Comparing:
         return residuals.scatter(compared, channel, variable, self._shifts(compared))
 
     def show(
-        self, names: list[str], colour: str, moved_s: dict[str, float], *, arrows: bool
+        self, names: list[str], colour: str, moved_s: dict[str, float], *, arrows: bool, predicted: bool
     ) -> parts.ArrowScale | None:
         """Draw flights in the 3D view; none: the plan again.
 
@@ -111,6 +112,7 @@ class Comparing:
             colour: a channel of the residual, or empty.
             moved_s: by flight, what is added to its shifted time.
             arrows: whether vehicles have arrows of residual force and torque, where the comparison has them.
+            predicted: whether the first flight's vehicle is drawn as predicted too, where the comparison has it.
 
         Returns:
             The scale of the arrows; None where there are none.
@@ -124,25 +126,35 @@ class Comparing:
             flight = self._residual(name)
             if flight is not None:
                 row = residuals.CHANNELS.index(colour)
-                when, (left,) = self._with_gaps(flight, [np.array(flight.residual[row])])
+                when, (left,) = self._with_gaps(name, flight.time_s, [np.array(flight.residual[row])])
                 values[name] = (when, left)
         wrenches: dict[str, Wrench] = {}
         for name in names if arrows else []:
             flight = self._residual(name)
             if flight is not None:
-                when, left = self._with_gaps(flight, [np.array(channel) for channel in flight.residual])
+                when, left = self._with_gaps(name, flight.time_s, [np.array(channel) for channel in flight.residual])
                 wrenches[name] = Wrench(when, np.stack(left, axis=1))
+        deviations: dict[str, Deviation] = {}
+        for name in names[:1] if predicted else []:
+            flight = self._residual(name)
+            if flight is not None:
+                when, pose = self._with_gaps(name, flight.predicted_s, [np.array(each) for each in flight.deviation])
+                deviations[name] = Deviation(when, np.stack(pose, axis=1))
         self._view.set_plan_aside(bool(paths))
-        return self._view.flights.draw(paths, values, moved_s, wrenches)
+        return self._view.flights.draw(paths, values, moved_s, wrenches, deviations)
 
     def _with_gaps(
-        self, flight: residuals.FlightResidual, curves: list[FloatArray]
+        self, name: str, time_s: list[float], curves: list[FloatArray]
     ) -> tuple[FloatArray, list[FloatArray]]:
-        """Shifted time and values of a comparison's curves, NaN in each gap of the log and between its pieces."""
+        """Shifted time and values of a comparison's curves, NaN in each gap of the log and between its pieces.
+
+        Args:
+            time_s: of the values, on the log's clock.
+        """
         recorded = self._flights.recorded
-        time_s = np.array(flight.time_s) - recorded.open(flight.name).shift_s
-        pauses = np.concatenate([recorded.gaps_s(flight.name), pyramid.gaps(time_s, PIECES_APART)])
-        return pyramid.parted(time_s, curves, pauses)
+        shifted_s = np.array(time_s) - recorded.open(name).shift_s
+        pauses = np.concatenate([recorded.gaps_s(name), pyramid.gaps(shifted_s, PIECES_APART)])
+        return pyramid.parted(shifted_s, curves, pauses)
 
     def _residual(self, name: str) -> residuals.FlightResidual | None:
         compared = self._compared

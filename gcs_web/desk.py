@@ -133,6 +133,7 @@ class Desk:
         self.hub.publish(self.comparing.state())
         self.hub.publish(self.learning.diagnosis())
         self.hub.publish(self.learning.identification())
+        self.hub.publish(self.learning.next_flight())
         try:
             self.hub.publish(self.learning.model())
         except FlightError as error:

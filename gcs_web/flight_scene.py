@@ -1,4 +1,4 @@
-"""Recorded flights in the 3D view: paths, and the vehicle as measured and as planned at the moment of the cursor."""
+"""Recorded flights in the 3D view: paths, and the vehicle as measured, planned and predicted at the cursor's moment."""
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flight import FloatArray
-from gcs_web import arrows, picking, scene
+from gcs_web import arrows, picking, predicted, scene
 from gcs_web.arrows import Wrench
 from gcs_web.protocol_flights import ArrowScale
 from gcs_web.recorded import Path3D
+from sysid.estimator.comparison import Deviation
 
 if TYPE_CHECKING:
     import viser
@@ -35,6 +36,8 @@ class FlightScene:
         self._drawn: list[Any] = []
         self._vehicles: list[Any] = []
         self._planned: Any = None
+        self._predicted: Any = None
+        self._deviations: dict[str, Deviation] = {}
         self._stretches: Sequence[tuple[str, float, float]] = ()
         self._marks: list[Any] = []
         self.on_moment: Callable[[float], None] = lambda _: None
@@ -47,6 +50,7 @@ class FlightScene:
         values: Mapping[str, tuple[FloatArray, FloatArray]],
         moved_s: Mapping[str, float],
         wrenches: Mapping[str, Wrench],
+        deviations: Mapping[str, Deviation],
     ) -> ArrowScale | None:
         """Draw these flights and no others.
 
@@ -55,6 +59,8 @@ class FlightScene:
                 same symmetric range for all; NaN where nothing is known. Where nothing is, and others, are plain.
             moved_s: by flight, what is added to its time to stand beside the others; those without stay.
             wrenches: by flight, the residual that is drawn as arrows at its vehicle; those without have none.
+            deviations: by flight, on its shifted time and NaN in each gap, where its vehicle is predicted; only the
+                first flight's is drawn.
 
         Returns:
             The scale of the arrows; None where nothing is known.
@@ -63,7 +69,7 @@ class FlightScene:
             for node in (*self._drawn, *self._vehicles, *self._arrows.values()):
                 node.remove()
             self._paths, self._drawn, self._vehicles = dict(paths), [], []
-            self._moved_s, self._wrenches = dict(moved_s), dict(wrenches)
+            self._moved_s, self._wrenches, self._deviations = dict(moved_s), dict(wrenches), dict(deviations)
             self._scale = arrows.scale(wrenches.values())
             self._arrows = {
                 name: scene.draw_arrows(self._server, f"/flown_arrows_{i}") for i, name in enumerate(wrenches)
@@ -76,11 +82,12 @@ class FlightScene:
                     known = np.isfinite(shown)
                     colours[known] = scene.signed_colours(shown[known] / reach)
                 self._drawn.append(scene.draw_path(self._server, path.position_world_m, colours, name=f"/flown_{i}"))
-                self._vehicles.append(scene.draw_vehicle(self._server, f"/flown_vehicle_{i}", opacity=1.0))
+                self._vehicles.append(scene.draw_vehicle(self._server, f"/flown_vehicle_{i}", opacity=1.0, axes=False))
             if self._planned is None and paths:
-                self._planned = scene.draw_vehicle(self._server, "/flown_planned", opacity=0.4)
-            if self._planned is not None:
-                self._planned.visible = False
+                self._planned = scene.draw_vehicle(self._server, "/flown_planned", opacity=0.4, axes=False)
+                self._predicted = scene.draw_predicted(self._server, "/flown_predicted")
+            for node in (self._planned, self._predicted) if self._planned is not None else ():
+                node.visible = False
             self._draw_marks()
             return self._scale
 
@@ -103,7 +110,7 @@ class FlightScene:
                 )
 
     def look(self, time_s: float | None) -> None:
-        """Draw the vehicles where they were, with their arrows, and that of the first where it should have been."""
+        """Draw the vehicles where they were, with their arrows; the first also where planned and where predicted."""
         with self._lock, self._server.atomic():
             for i, (vehicle, (name, path)) in enumerate(zip(self._vehicles, self._paths.items(), strict=True)):
                 at_s = None if time_s is None else time_s - self._moved_s.get(name, 0.0)
@@ -112,6 +119,18 @@ class FlightScene:
                     self._point(self._arrows[name], path, self._wrenches[name], at_s)
                 if i == 0 and self._planned is not None:
                     _place(self._planned, path.time_s, path.planned_world_m, path.planned_q_world_body, at_s)
+                    self._predict(path, self._deviations.get(name), at_s)
+
+    def _predict(self, path: Path3D, deviation: Deviation | None, time_s: float | None) -> None:
+        """Draw the vehicle where the model predicts it; not where the comparison has no prediction."""
+        self._predicted.visible = False
+        if time_s is None or deviation is None or path.q_world_body is None:
+            return
+        k = _row(path.time_s, time_s)
+        pose = predicted.at(deviation, time_s, path.position_world_m[k], path.q_world_body[k])
+        if pose is not None:
+            self._predicted.position, self._predicted.wxyz = tuple(pose[0]), tuple(pose[1])
+            self._predicted.visible = True
 
     def _point(self, node: Any, path: Path3D, wrench: Wrench, time_s: float | None) -> None:
         """Draw a flight's arrows as they are at a moment, from its vehicle; none in a gap."""

@@ -33,6 +33,7 @@ _STATE = (
     protocol.Model,
     protocol.EffectFiles,
     protocol.Identification,
+    protocol.NextFlight,
 )
 
 

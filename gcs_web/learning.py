@@ -9,7 +9,7 @@ import msgspec
 import vehicle
 from flight import FlightError, InputError, file_format
 from flight.project import Project
-from gcs_web import diagnosis_values, identified, protocol, reading
+from gcs_web import diagnosis_values, identified, proposed, protocol, reading
 from gcs_web.flights import Flights
 from gcs_web.protocol_flights import ParameterRow, Tried, VehicleVersion
 from sysid.diagnosis import curve
@@ -70,6 +70,21 @@ class Learning:
         same = (found.vehicle, found.logs) == (self._hash(), reading.contents(self._project, found.flights))
         return msgspec.structs.replace(found, state="current" if same else "old")
 
+    def next_flight(self) -> protocol.NextFlight:
+        """The flight that was proposed last; `old` if the vehicle, the flights or the map are others now."""
+        found = proposed.load(self._project.folder)
+        if found.state == "none":
+            return found
+        learn, held_out = self._flights.names("learn"), self._flights.names("hold_out")
+        same = (found.vehicle, found.map, found.learn, found.held_out, found.logs) == (
+            self._hash(),
+            proposed.map_hash(self._project),
+            learn,
+            held_out,
+            reading.contents(self._project, [*learn, *held_out]),
+        )
+        return msgspec.structs.replace(found, state="current" if same else "old")
+
     def model(self) -> protocol.Model:
         """
         Raises:
@@ -79,6 +94,7 @@ class Learning:
         kept = self._trial()
         return protocol.Model(
             present.name,
+            [words.effect(effect) for effect in present.effects],
             list(present.effects),
             [
                 ParameterRow(name, words.parameter_in_full(name), p.value, p.std, p.unit, p.source)

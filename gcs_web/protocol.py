@@ -55,6 +55,7 @@ from gcs_web.protocol_map import (
     PreviewMapEdit,
     ShowMap,
 )
+from gcs_web.protocol_next_flight import NextFlight
 from gcs_web.protocol_parts import (
     Aside,
     Colour,
@@ -233,7 +234,7 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
 ToPage = (
     Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply
     | Projects | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment
-    | EffectFiles | Identification
+    | EffectFiles | Identification | NextFlight
 )  # fmt: skip
 
 

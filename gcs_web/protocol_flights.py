@@ -361,6 +361,8 @@ class Model(msgspec.Struct, frozen=True, tag="model"):
     """The project's vehicle file: its parameters, its versions, and a change that was tried."""
 
     name: str
+    titles: list[str]
+    """Of its effects, in words."""
     effects: list[str]
     parameters: list[ParameterRow]
     versions: list[VehicleVersion]
@@ -411,6 +413,8 @@ class ShowFlights(Command, frozen=True, tag="show_flights", kw_only=True):
     """The residual by which paths are coloured."""
     arrows: bool = True
     """Residual force and torque as arrows at the vehicles, where the comparison has them."""
+    predicted: bool = True
+    """The first flight's vehicle as the model predicts it too, from its motion 0.5 s earlier, where compared."""
     moved_s: dict[str, float] = msgspec.field(default_factory=dict)
     """By flight, what is added to its shifted time, of those that stand beside the first by hand or by alignment."""
 

@@ -10,7 +10,7 @@ from flight import FlightLog, FloatArray, InputError, Progress, file_format
 from gcs_web import protocol_flights as parts
 from sysid.diagnosis import explained
 from sysid.diagnosis.free_form import UNIT, VARIABLE
-from sysid.estimator.comparison import HORIZONS_S, QUANTITIES, Comparison, Residual, compare, means_over
+from sysid.estimator.comparison import HORIZONS_S, QUANTITIES, Comparison, Deviation, Residual, compare, means_over
 from sysid.estimator.model import along
 from sysid.estimator.options import Options
 from sysid.estimator.result import CHANNELS, SPAN_S
@@ -20,7 +20,7 @@ from sysid.report.pages import SHOWN
 from sysid.report.residual_plots import SIGMAS, unit
 from vehicle import Vehicle, rigid_body
 
-FORMAT, VERSION = "goshawk-page-comparison", 2
+FORMAT, VERSION = "goshawk-page-comparison", 3
 MODEL = "model"
 """Name of the one model in the comparison."""
 
@@ -39,6 +39,10 @@ class FlightResidual(msgspec.Struct, frozen=True):
     """Of each channel, what white noise of the estimated strength gives to a mean."""
     variables: list[list[float]]
     """Each of the comparison's variables, (m,)."""
+    predicted_s: list[float]
+    """(k,) when predictions over 0.5 s end, on the log's clock."""
+    deviation: list[list[float]]
+    """Six of (k,): predicted less measured pose there; see `sysid.estimator.comparison.Deviation`."""
 
 
 class Compared(msgspec.Struct, frozen=True):
@@ -95,6 +99,7 @@ def made(
     judging = [r for r in left if r.flight.log_index >= count] if learn else []
     variables, shares = explained.shares(taught, judging)
     named = [VARIABLE[name] for name in variables]
+    deviations = _deviations(both, 0) | (_deviations(judged, count) if judged is not both else {})
     flights = []
     for i, log in enumerate(logs):
         pieces = [r for r in left if r.flight.log_index == i]
@@ -111,6 +116,8 @@ def made(
                 modelled.T.tolist(),
                 pieces[0].sigma.tolist(),
                 read,
+                np.concatenate([one.time_s for one in deviations[i]]).tolist(),
+                np.concatenate([one.pose for one in deviations[i]]).T.tolist(),
             )
         )
     return Compared(
@@ -127,6 +134,14 @@ def made(
         _remarks(both),
         flights,
     )
+
+
+def _deviations(found: Comparison, first: int) -> dict[int, list[Deviation]]:
+    """By log, of its pieces; the first log has this number."""
+    by_log: dict[int, list[Deviation]] = {}
+    for flight, one in zip(found.flights, found.deviations[MODEL], strict=True):
+        by_log.setdefault(first + flight.log_index, []).append(one)
+    return by_log
 
 
 def _remarks(found: Comparison) -> list[str]:

@@ -18,7 +18,13 @@ PLENTY_ABOVE_M = 0.7
 ARROWS = ((196, 113, 240), (40, 190, 175))
 """Colours of the arrows of residual force and residual torque; the page's legend has the same."""
 
+PREDICTED = (154, 216, 90)
+"""Colour of the vehicle as the model predicts it: that of the model's curves."""
+
 _MARK = (196, 113, 240)
+_ROTOR_M = 0.075
+_HUBS_M = ((0.105, 0.105, 0.02), (-0.105, 0.105, 0.02), (-0.105, -0.105, 0.02), (0.105, -0.105, 0.02))
+"""Radius of a drawn rotor, and where the rotors are in body axes."""
 
 
 def colours(share: FloatArray, scale: str) -> np.ndarray:
@@ -114,16 +120,17 @@ def draw_arrows(server: "viser.ViserServer", name: str) -> Any:
     )
 
 
-def draw_vehicle(server: "viser.ViserServer", name: str, *, opacity: float, arm_m: float = 0.15) -> Any:
+def draw_vehicle(server: "viser.ViserServer", name: str, *, opacity: float, axes: bool = True) -> Any:
     """A vehicle, hidden, below the node `name`; set `.position`, `.wxyz` and `.visible` of what is returned."""
-    frame = server.scene.add_frame(name, axes_length=0.35, axes_radius=0.015, wxyz=IDENTITY, visible=False)
+    frame = server.scene.add_frame(
+        name, show_axes=axes, axes_length=0.35, axes_radius=0.015, wxyz=IDENTITY, visible=False
+    )
     server.scene.add_box(f"{name}/body", color=(30, 30, 34), dimensions=(0.14, 0.06, 0.04), cast_shadow=False)
-    for i, (x, y) in enumerate([(1, 1), (-1, 1), (-1, -1), (1, -1)]):
-        colour = (203, 75, 22) if x > 0 else (60, 60, 66)
-        hub = (x * arm_m * 0.7, y * arm_m * 0.7, 0.02)
+    for i, hub in enumerate(_HUBS_M):
+        colour = (203, 75, 22) if hub[0] > 0.0 else (60, 60, 66)
         server.scene.add_cylinder(
             f"{name}/rotor_{i}",
-            radius=0.075,
+            radius=_ROTOR_M,
             height=0.012,
             color=colour,
             position=hub,
@@ -131,3 +138,19 @@ def draw_vehicle(server: "viser.ViserServer", name: str, *, opacity: float, arm_
             cast_shadow=False,
         )
     return frame
+
+
+def draw_predicted(server: "viser.ViserServer", name: str) -> Any:
+    """The outline of a vehicle with an arrow along body x, hidden; set as that of `draw_vehicle`."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 25)
+    ring = _ROTOR_M * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+    tip, barb = (0.3, 0.0, 0.02), 0.06
+    lines = [
+        *(hub + ring for hub in np.array(_HUBS_M)),
+        *(np.array([a, b]) for a, b in ((_HUBS_M[0], _HUBS_M[2]), (_HUBS_M[1], _HUBS_M[3]), ((0.0, 0.0, 0.02), tip))),
+        np.array([(tip[0] - barb, barb, tip[2]), tip, (tip[0] - barb, -barb, tip[2])]),
+    ]
+    pieces = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in lines])
+    outline = draw_pieces(server, pieces, np.array(PREDICTED), name=name, thickness_m=0.014)
+    outline.visible = False
+    return outline

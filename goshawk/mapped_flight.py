@@ -52,13 +52,18 @@ class MappedFlight:
     """By how much it is turned."""
 
     @property
+    def path_world_m(self) -> FloatArray:
+        """(n, 3) close points along it."""
+        return _path(self.proposal.trajectory)
+
+    @property
     def low_world_m(self) -> FloatArray:
         """(3,) lowest corner of the box its path takes up."""
-        return _path(self.proposal.trajectory).min(axis=0)
+        return self.path_world_m.min(axis=0)
 
     @property
     def high_world_m(self) -> FloatArray:
-        return _path(self.proposal.trajectory).max(axis=0)
+        return self.path_world_m.max(axis=0)
 
     @property
     def sentence(self) -> str:

@@ -18,6 +18,7 @@ from gcs_web import (
     protocol_identified,
     protocol_jobs,
     protocol_map,
+    protocol_next_flight,
     protocol_parts,
     protocol_projects,
 )
@@ -33,6 +34,7 @@ _MODULES = (
     protocol_identified,
     protocol_jobs,
     protocol_map,
+    protocol_next_flight,
     protocol_projects,
     protocol_compensation,
     protocol_consent,

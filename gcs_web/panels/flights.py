@@ -29,7 +29,9 @@ def _read(desk: Desk, _: protocol.Person, wanted: protocol.ReadStreams) -> proto
 
 
 def _show(desk: Desk, _: protocol.Person, wanted: protocol.ShowFlights) -> protocol.Reply:
-    scale = desk.comparing.show(wanted.flights, wanted.colour, wanted.moved_s, arrows=wanted.arrows)
+    scale = desk.comparing.show(
+        wanted.flights, wanted.colour, wanted.moved_s, arrows=wanted.arrows, predicted=wanted.predicted
+    )
     return protocol.Reply(wanted.serial, arrows=scale)
 
 

@@ -26,6 +26,8 @@ SCHEMA_VERSION = 1
 """Version of `Comparison.as_dict`."""
 
 HORIZONS_S = (0.1, 0.2, 0.5, 1.0)
+JUDGED_S = 0.5
+"""After how long predictions are compared in a verdict, and drawn."""
 QUANTITIES = {"position": "m", "velocity": "m/s", "attitude": "rad", "rate": "rad/s"}
 """What prediction errors are given in; the unit of each."""
 
@@ -64,6 +66,17 @@ class Residual:
 
 
 @dataclass(frozen=True, slots=True)
+class Deviation:
+    """Predicted less measured pose of one model on one flight, `JUDGED_S` after each start."""
+
+    time_s: FloatArray
+    """(k,) when the predictions end."""
+    pose: FloatArray
+    """(k, 6) of position, m, world axes, and of attitude: the rotation vector from measured to predicted, rad, axes of
+    the pose sensor."""
+
+
+@dataclass(frozen=True, slots=True)
 class Comparison:
     """Result of `compare`."""
 
@@ -75,6 +88,8 @@ class Comparison:
     """Model: root mean square position error at 0.5 s of each flight."""
     residuals: Mapping[str, tuple[Residual, ...]]
     """Model: residual wrench on each flight, the smoothed process noise under that model."""
+    deviations: Mapping[str, tuple[Deviation, ...]]
+    """Model: where its predictions ended on each flight."""
     predictions: int
     """Number of predictions behind each error."""
     left_out: tuple[str, ...]
@@ -160,7 +175,7 @@ def compare(
     first = next(iter(models.values()))
     smoothed = smooth(flights, first, options, progress=within(progress, "compare", 0.0, FIRST_SHARE))
     reference = smooth(flights, first, options, process_scale=REFERENCE_LOOSENESS, near=smoothed).point.states
-    errors, flight_errors, residuals = {}, {}, {}
+    errors, flight_errors, residuals, deviations = {}, {}, {}, {}
     count, open_ = 0, []
     for i, (name, vehicle) in enumerate(models.items()):
         begun, done = (FIRST_SHARE + (1.0 - FIRST_SHARE) * (i + part) / len(models) for part in (0.0, 0.7))
@@ -169,36 +184,43 @@ def compare(
         states = smoothed.point.states
         sensor = PoseSensor.of(vehicle)
         driven = [rotor_speed.aligned(f, smoothed.point.sensors) for f in flights]
-        parts = [_errors(*one, vehicle, sensor) for one in zip(driven, states, reference, strict=True)]
+        judged = [_errors(*one, vehicle, sensor) for one in zip(driven, states, reference, strict=True)]
+        parts, deviations[name] = [found for found, _ in judged], tuple(deviation for _, deviation in judged)
         errors[name] = {
             quantity: tuple(_rms(np.concatenate([p[quantity][h] for p in parts])) for h in range(len(HORIZONS_S)))
             for quantity in QUANTITIES
         }
-        flight_errors[name] = tuple(_rms(p["position"][HORIZONS_S.index(0.5)]) for p in parts)
+        flight_errors[name] = tuple(_rms(p["position"][HORIZONS_S.index(JUDGED_S)]) for p in parts)
         residuals[name] = tuple(
             residual(f, s, vehicle, smoothed.noise.process) for f, s in zip(driven, states, strict=True)
         )
         count = sum(len(p["position"][0]) for p in parts)
         progress("compare", FIRST_SHARE + (1.0 - FIRST_SHARE) * (i + 1) / len(models))
-    return Comparison(tuple(flights), dict(models), errors, flight_errors, residuals, count, touched, tuple(open_))
+    return Comparison(
+        tuple(flights), dict(models), errors, flight_errors, residuals, deviations, count, touched, tuple(open_)
+    )
 
 
 def _errors(
     flight: Flight, states: States, reference: States, vehicle: Vehicle, sensor: PoseSensor
-) -> dict[str, list[FloatArray]]:
-    """Per quantity and horizon, the size of the error of each prediction."""
+) -> tuple[dict[str, list[FloatArray]], Deviation]:
+    """Per quantity and horizon, the size of the error of each prediction; and where those over `JUDGED_S` ended."""
     predictions = predict(motor.driven(flight, vehicle), states, Predictor(vehicle, vehicle), HORIZONS_S, every_s=0.1)
     found: dict[str, list[FloatArray]] = {quantity: [] for quantity in QUANTITIES}
+    deviations = []
     for steps, predicted in zip(predictions.steps, predictions.states, strict=True):
         end = predictions.start + steps
         position, q = sensor.reading(predicted)
-        found["position"].append(np.linalg.norm(position - flight.position_world_m[end], axis=1))
-        found["attitude"].append(rotations.angle_between(flight.q_world_sensor[end], q))
+        moved = position - flight.position_world_m[end]
+        turned = rotations.log(rotations.multiply(rotations.conjugate(flight.q_world_sensor[end]), q))
+        deviations.append(Deviation(flight.time_s[end], np.concatenate([moved, turned], axis=1)))
+        found["position"].append(np.linalg.norm(moved, axis=1))
+        found["attitude"].append(np.linalg.norm(turned, axis=1))
         found["velocity"].append(
             np.linalg.norm(predicted.velocity_world_m_s - reference.velocity_world_m_s[end], axis=1)
         )
         found["rate"].append(np.linalg.norm(predicted.rate_body_rad_s - reference.rate_body_rad_s[end], axis=1))
-    return found
+    return found, deviations[HORIZONS_S.index(JUDGED_S)]
 
 
 def residual(flight: Flight, states: States, vehicle: Vehicle, process: FloatArray) -> Residual:

@@ -11,7 +11,7 @@ from pathlib import Path
 from flight import file_format
 from sysid.diagnosis import explained
 from sysid.estimator.blocks.catalogue import BLOCKS
-from sysid.estimator.comparison import HORIZONS_S, QUANTITIES, Comparison
+from sysid.estimator.comparison import HORIZONS_S, JUDGED_S, QUANTITIES, Comparison
 from sysid.estimator.noise import MOTION
 from sysid.estimator.protocol import KNOWS, Judged
 from sysid.estimator.result import CHANNELS, SPAN_S, Estimate, Identification, residual_statistics
@@ -54,8 +54,6 @@ CAPTIONS = {
 
 SHOWN = {"position": ("mm", 1e3), "velocity": ("m/s", 1.0), "attitude": ("deg", 57.29578), "rate": ("rad/s", 1.0)}
 """Units of the table of prediction errors."""
-JUDGED_S = 0.5
-"""After how long predictions are compared in the verdict."""
 
 
 def write(

@@ -12,8 +12,9 @@ import pytest
 
 import vehicle
 from flight import FlightLog, Waypoints, file_format, flight_log, project, silent
-from gcs_web import GroundStation, diagnosis_values, learning, protocol
+from gcs_web import GroundStation, diagnosis_values, learning, proposed, protocol
 from gcs_web import protocol_flights as parts
+from gcs_web.protocol_next_flight import NextFlight, Section
 from goshawk.station_jobs import KINDS, compare
 from goshawk.station_jobs.flights import Chosen
 from sysid.diagnosis import OutsideFinding
@@ -112,6 +113,23 @@ def test_residuals_stand_as_arrows_at_the_vehicles_until_they_are_switched_off(p
     page.get_by_text(re.compile("Torque, 1 m =")).wait_for()
 
 
+def test_the_vehicle_stands_there_as_the_model_predicts_it_until_it_is_switched_off(page, station):
+    switch = page.get_by_label("predicted from 0.5 s before")
+    page.get_by_role("img", name="Rotor 0 over time").click(position={"x": 300, "y": 40})
+    wait(lambda: station.view.flights._predicted.visible, "the predicted vehicle")
+    off_m = np.subtract(station.view.flights._predicted.position, station.view.flights._vehicles[0].position)
+    assert 0.0 < np.linalg.norm(off_m) < 1.0
+    switch.focus()
+    page.keyboard.press("Space")
+    wait(lambda: not station.view.flights._predicted.visible, "no predicted vehicle")
+    wait(lambda: "predicted=no" in page.evaluate("location.hash"), "the choice in the address")
+    page.reload()
+    switch.wait_for()
+    assert not switch.is_checked()
+    switch.check()
+    wait(lambda: station.view.flights._predicted.visible, "the predicted vehicle again")
+
+
 def test_a_cell_is_looked_at_everywhere_and_a_bin_shows_its_moments(page, station):
     page.get_by_role("button", name=re.compile("^F_x against v_x")).click()
     page.get_by_role("heading", name=re.compile("Residual F.* against v")).wait_for()
@@ -182,12 +200,52 @@ def test_a_curve_of_rotor_thrust_is_shown_with_its_words_and_unit(page, station)
 
 
 def overflow(page) -> list[str]:
-    """Classes of what reaches beyond the screen, and of columns that must be scrolled sideways."""
+    """Classes of what reaches beyond the screen, of columns that must be scrolled sideways, of words cut off."""
     return page.evaluate(
-        """() => [...document.querySelectorAll("aside, .list-area, header, footer, .card, .flight")]
+        """() => [...document.querySelectorAll("aside, .list-area, header, footer, .card, .flight, .legend span, "
+                + ".learn .block-head > *, .heat-map th, .parameters td")]
             .filter(e => e.getBoundingClientRect().right > innerWidth + 1 || e.scrollWidth > e.clientWidth + 1)
             .map(e => e.className)"""
     )
+
+
+PROPOSED = NextFlight(
+    "current", name="next-flight", manoeuvre="oblique", candidates=[HOSTILE, "payload"], size=0.6, heading_rad=0.5,
+    duration_s=7.7, top_speed_m_s=3.6, clearance_m=0.6, required_clearance_m=0.5, known_log_odds=1.2,
+    expected_log_odds=11.5, needed_log_odds=2.9, path_m=[1.0, 1.0, 1.0, 2.0, 1.5, 1.2],
+    section=Section((0.0, 0.0), 1.1, 0.5, ["########", "#......#", "#..#...#", "########"]),
+)  # fmt: skip
+
+
+def test_the_next_flight_is_shown_in_its_map_and_a_refusal_is_an_answer(page, station):
+    save_diagnosis(station)
+    page.keyboard.press("5")
+    card = page.get_by_role("region", name="Next flight")
+    card.get_by_role("img", name="Oblique from above, in a map of 4.0 by 2.0 m").wait_for()
+    card.get_by_text("1.2 → 12.7").wait_for()
+    card.get_by_text("The vehicle, a flight or the map changed since. Propose again.").wait_for()  # of no real hashes
+    assert overflow(page) == []
+    refusal = "not in this map: oblique needs 8.0 x 8.0 x 6.0 m of free space to answer payload"
+    proposed.save(station.desk.project.folder, NextFlight("current", refusal=refusal))
+    station.desk.show_learning()
+    card.get_by_text("No flight in this map answers what is open.").wait_for()
+    card.get_by_text("Not in this map: oblique needs 8.0 x 8.0 x 6.0 m of free space to answer payload.").wait_for()
+    assert card.get_by_role("img").count() == 0
+    assert card.get_by_role("button", name="Propose next flight").is_enabled()
+
+
+@pytest.mark.parametrize("width", [1440, 900, 360])
+def test_words_of_compare_and_learn_are_whole_at_each_width(page, station, width):
+    save_diagnosis(station)
+    page.set_viewport_size({"width": width, "height": 844})
+    for step in "45":
+        page.keyboard.press(step)
+        drawn(page)
+        assert overflow(page) == [], f"step {step}"
+    effects = page.get_by_text(re.compile("as in the vehicle file; effects: ")).inner_text()
+    assert "centre of mass" in effects
+    assert "_" not in effects
+    page.set_viewport_size(SIZE)
 
 
 def test_two_people_see_one_diagnosis_and_one_keeps_it_for_both(page, station):
@@ -219,6 +277,7 @@ def save_diagnosis(station: GroundStation) -> None:
     tried = diagnosis_values.tried(present, DRAG, changes.Change(changed, {}, None, (), None), [])
     file_sha256 = file_format.file_hash(station.desk.project.vehicle)
     learning.save_trial(folder, changed, learning.KeptTrial(tried, None, file_sha256))
+    proposed.save(folder, PROPOSED)
     station.desk.show_learning()
 
 

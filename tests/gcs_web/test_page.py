@@ -357,6 +357,11 @@ def test_a_phone_shows_the_vehicle_and_abort_without_scrolling(station, page, tm
     box = abort.bounding_box()
     assert box["y"] + box["height"] < 120
     assert box["height"] >= 40
+    page.set_viewport_size({"width": 360, "height": 740})
+    state = page.locator(".vehicle-state")
+    assert "disarmed" in state.inner_text()
+    assert state.evaluate("e => e.scrollWidth - e.clientWidth") <= 0  # the name before it gives way
+    assert state.bounding_box()["x"] + state.bounding_box()["width"] <= abort.bounding_box()["x"]
     page.screenshot(path=tmp_path / "phone.png")
 
 

@@ -8,7 +8,9 @@ import pytest
 import mapping
 import vehicle
 from flight import InputError, file_format, flight_log, project, silent, trajectory
+from gcs_web.flights import Flights
 from gcs_web.job_process import Done, JobProcess
+from gcs_web.learning import Learning
 from goshawk.station_jobs import next_flight
 from goshawk.station_jobs.next_flight import Arguments
 from planner import gate
@@ -73,6 +75,7 @@ def test_a_cancelled_proposal_leaves_no_process_and_no_file(opened, tmp_path):
 
 @pytest.mark.slow
 def test_the_open_question_is_answered_by_a_saved_checked_trajectory(opened, monkeypatch):
+    hover = {"hover": manoeuvres.LIBRARY["hover"]}
     monkeypatch.setattr(manoeuvres, "LIBRARY", {n: manoeuvres.LIBRARY[n] for n in ("oblique", "yaw_sweep")})
     before = opened.vehicle.read_bytes()
     result = next_flight._run(opened.folder, Arguments(["a"]), silent)
@@ -85,3 +88,19 @@ def test_the_open_question_is_answered_by_a_saved_checked_trajectory(opened, mon
     kept = trajectory.load(opened.trajectory(result.name))
     assert gate.check_file(kept, mapping.open_map(opened.map).field, believed).passed
     assert opened.vehicle.read_bytes() == before
+    shown = Learning(opened, Flights(opened, lambda _: None)).next_flight()
+    assert (shown.state, shown.name, shown.refusal) == ("current", result.name, "")
+    assert shown.known_log_odds + shown.expected_log_odds >= shown.needed_log_odds > 0.0
+    assert shown.clearance_m >= shown.required_clearance_m
+    drawn, path = np.reshape(shown.path_m, (-1, 3)), kept.trajectory
+    np.testing.assert_allclose(drawn[[0, -1]], path.position([0.0, path.duration_s]), atol=0.05)
+
+    # nothing that may be flown moves: the answer is no, and what it takes is said
+    monkeypatch.setattr(manoeuvres, "LIBRARY", hover)
+    refused = next_flight._run(opened.folder, Arguments(["a"], out="none"), silent)
+    assert refused.name == ""
+    assert not opened.trajectory("none").exists()
+    shown = Learning(opened, Flights(opened, lambda _: None)).next_flight()
+    assert shown.refusal == refused.sentence != ""
+    (opened.map / "map.toml").write_text((opened.map / "map.toml").read_text() + "\n")
+    assert Learning(opened, Flights(opened, lambda _: None)).next_flight().state == "old"

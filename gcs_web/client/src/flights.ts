@@ -28,6 +28,8 @@ export const bin = signal<readonly [number, number] | null>(null);
 export const pathColour = signal<Channel>("");
 /** Whether vehicles have arrows of residual force and torque, and the scale of those that are drawn. */
 export const withArrows = signal(true);
+/** Whether the first flight's vehicle is drawn as the model predicts it, too. */
+export const withPredicted = signal(true);
 export const arrowScale = signal<ArrowScale | null>(null);
 /** A foreign log that waits for its column map. */
 export const incoming = signal<Incoming | null>(null);
@@ -181,7 +183,7 @@ effect(() => {
 });
 
 const showIn3D = latest(
-  (wanted: Pick<ShowFlights, "flights" | "colour" | "moved_s" | "arrows">) => ({ type: "show_flights", ...wanted }),
+  (wanted: Pick<ShowFlights, "flights" | "colour" | "moved_s" | "arrows" | "predicted">) => ({ type: "show_flights", ...wanted }),
   ({ arrows }) => (arrowScale.value = arrows),
 );
 let isShown = false;
@@ -191,9 +193,10 @@ effect(() => {
   const colour = pathColour.value;
   const moved = Object.fromEntries(moved_s.value);
   const arrows = withArrows.value;
+  const predicted = withPredicted.value;
   if (!connected.value || (names.length === 0 && !isShown)) return;
   isShown = names.length > 0;
-  showIn3D({ flights: names, colour, moved_s: moved, arrows });
+  showIn3D({ flights: names, colour, moved_s: moved, arrows, predicted });
   if (isShown) sendLook(flightCursor_s.peek());
 });
 

@@ -1,7 +1,7 @@
 /** The view in the page's address, so that a link restores it. */
 
 import { effect } from "@preact/signals";
-import { bin, chosen, moved_s, open, pathColour, streamKeys, stretch, withArrows } from "./flights";
+import { bin, chosen, moved_s, open, pathColour, streamKeys, stretch, withArrows, withPredicted } from "./flights";
 import type { Channel } from "./flights";
 import { announce, flightCursor_s, step } from "./store";
 
@@ -31,6 +31,7 @@ function restore(): void {
   const colour = COLOURS.find((each) => each === found.get("colour"));
   if (colour !== undefined) pathColour.value = colour;
   withArrows.value = found.get("arrows") !== "no";
+  withPredicted.value = found.get("predicted") !== "no";
 }
 
 function written(): string {
@@ -46,6 +47,7 @@ function written(): string {
     if (moved.some((by_s) => by_s !== 0)) words.set("moved", moved.join("|"));
     if (pathColour.value !== "") words.set("colour", pathColour.value);
     if (!withArrows.value) words.set("arrows", "no");
+    if (!withPredicted.value) words.set("predicted", "no");
   }
   return `#${words.toString()}`;
 }

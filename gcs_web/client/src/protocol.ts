@@ -535,6 +535,7 @@ export interface Diagnosis {
 export interface Model {
   type: "model";
   name: string;
+  titles: string[];
   effects: string[];
   parameters: ParameterRow[];
   versions: VehicleVersion[];
@@ -580,6 +581,7 @@ export interface ShowFlights {
   flights: string[];
   colour?: "" | "F_x" | "F_y" | "F_z" | "M_x" | "M_y" | "M_z";
   arrows?: boolean;
+  predicted?: boolean;
   moved_s?: Record<string, number>;
 }
 
@@ -806,6 +808,38 @@ export interface DropMapEdits {
   serial: number;
   revision: number;
   edits: number[];
+}
+
+export interface Section {
+  low_m: [number, number];
+  height_m: number;
+  cell_m: number;
+  rows: string[];
+}
+
+export interface NextFlight {
+  type: "next_flight";
+  state: "none" | "current" | "old";
+  refusal: string;
+  name: string;
+  manoeuvre: string;
+  candidates: string[];
+  size: number;
+  heading_rad: number;
+  duration_s: number;
+  top_speed_m_s: number;
+  clearance_m: number;
+  required_clearance_m: number;
+  known_log_odds: number;
+  expected_log_odds: number;
+  needed_log_odds: number;
+  path_m: number[];
+  section: Section | null;
+  learn: string[];
+  held_out: string[];
+  vehicle: string;
+  logs: string;
+  map: string;
 }
 
 export interface ProjectEntry {
@@ -1247,6 +1281,6 @@ export interface Abort {
   serial: number;
 }
 
-export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | Projects | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment | EffectFiles | Identification;
+export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | Projects | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment | EffectFiles | Identification | NextFlight;
 
 export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Snap | RandomYaw | ThinPath | DropPath | TakePath | ListProjects | OpenProject | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | Paint | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | ForeseeJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | AlignFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo | PrepareCompensation | SendCompensation | AgreeToEffectFile | DraftEffect | ShowMoments;

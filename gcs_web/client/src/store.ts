@@ -11,6 +11,7 @@ import type {
   Files,
   Flights,
   Identification,
+  NextFlight,
   Jobs,
   MapPreview,
   MapShown,
@@ -64,6 +65,7 @@ export const flights = signal<Flights | null>(null);
 export const comparison = signal<Comparison | null>(null);
 export const diagnosis = signal<Diagnosis | null>(null);
 export const identification = signal<Identification | null>(null);
+export const nextFlight = signal<NextFlight | null>(null);
 export const model = signal<Model | null>(null);
 /** Effect files of the user's own that the vehicle file names. */
 export const effectFiles = signal<readonly EffectFile[]>([]);
@@ -215,6 +217,9 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
         break;
       case "identification":
         identification.value = message;
+        break;
+      case "next_flight":
+        nextFlight.value = message;
         break;
       case "effect_files":
         effectFiles.value = message.files;

@@ -152,6 +152,7 @@ function Card({ card }: { card: FlightCard }) {
 }
 
 function about(card: FlightCard): string {
+  if (card.state === "unreadable") return "cannot be read";
   const words = [dayAndTime(card.recorded_at), `${number(card.duration_s, 1)} s`];
   if (card.trajectory !== "" && card.trajectory !== card.name) words.push(card.trajectory);
   return words.join(", ");

@@ -3,7 +3,7 @@
 import { signal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
 import { ScatterPlot } from "../components/ScatterPlot";
-import { plural, sentenceCase, short } from "../format";
+import { number, plural, sentenceCase, short } from "../format";
 import { reachOf } from "../scatter";
 import { submit } from "../socket";
 import { connected, diagnosis, model } from "../store";
@@ -204,7 +204,8 @@ function confoundedWords({ confounded }: Candidate): string {
   return [...first, ...(confounded.length > 2 ? [`${confounded.length - 2} more`] : [])].join("; ");
 }
 
-function units(unit: string): string {
+/** As people write it; nothing for a number without unit. */
+export function units(unit: string): string {
   return unit === "1" ? "" : unit.replace(/(?<=[a-z])2/g, "²").replace(/(?<=[a-z])3/g, "³");
 }
 
@@ -215,7 +216,21 @@ export function figure(value: number): string {
   if (size >= 1e-3 && size < 1e4) return value.toPrecision(3).replace("-", "−");
   const power = Math.floor(Math.log10(size));
   const digits = (value / 10 ** power).toFixed(2).replace("-", "−");
-  return `${digits}·10${[...String(power)].map((sign) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(sign)]).join("")}`;
+  return `${digits}·10${raised(power)}`;
+}
+
+/** A value and half its interval with the same places, two of them uncertain. */
+function within(value: number, half: number): string {
+  const size = Math.max(Math.abs(value), half);
+  if (!(half > 0) || size >= 1e4) return `${figure(value)} ± ${figure(half)}`;
+  const power = size < 1e-3 ? Math.floor(Math.log10(size)) : 0;
+  const places = Math.min(Math.max(0, power + 1 - Math.floor(Math.log10(half))), 8);
+  const [middle, reach] = [value, half].map((each) => number(each / 10 ** power, places));
+  return power === 0 ? `${middle} ± ${reach}` : `(${middle} ± ${reach})·10${raised(power)}`;
+}
+
+function raised(power: number): string {
+  return [...String(power)].map((sign) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(sign)]).join("");
 }
 
 function Size({ size }: { size: EffectSize }) {
@@ -236,7 +251,7 @@ function Size({ size }: { size: EffectSize }) {
       <span class="quiet">Size: {size.name}, 90 % interval</span>
       <p>
         <b>
-          {figure(size.value)} ± {figure((size.high - size.low) / 2)}
+          {within(size.value, (size.high - size.low) / 2)}
         </b>{" "}
         <span class="unit">{unit}</span>
       </p>

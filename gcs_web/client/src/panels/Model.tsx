@@ -1,5 +1,6 @@
 /** The vehicle's model: staircase of its versions, before and after on held-out flights, parameters. */
 
+import { Fragment } from "preact";
 import { Badge } from "../components/Badge";
 import { dayAndTime, sentenceCase, short } from "../format";
 import { submit } from "../socket";
@@ -8,7 +9,7 @@ import type { ParameterRow, Stair, Tried, VehicleVersion } from "../protocol";
 import { Compensation } from "./Compensation";
 import { EffectFilesWaiting } from "./EffectFiles";
 import { Identified } from "./Identified";
-import { figure } from "./Learn";
+import { figure, units } from "./Learn";
 import { namesOf } from "./WhereItFails";
 
 export function Versions() {
@@ -144,7 +145,7 @@ export function ModelInspector() {
       <section class="verdict">
         <h2>Parameters</h2>
         <p>
-          {now.name}. Value, standard deviation and source as in the vehicle file; effects: {now.effects.join(", ")}
+          {now.name}. Value, standard deviation and source as in the vehicle file; effects: {now.titles.join(", ") || "none"}
         </p>
       </section>
       <Parameters rows={now.parameters} tried={now.tried} />
@@ -206,15 +207,16 @@ function Bars({ quantity, unit, values }: { quantity: string; unit: string; valu
 }
 
 function Parameters({ rows, tried }: { rows: readonly ParameterRow[]; tried: Tried | null }) {
+  const isTouched = ({ name }: ParameterRow): boolean =>
+    tried?.changes.some((line) => line.includes(`${name}:`)) ?? false;
   return (
     <div class="table-scroll all-parameters">
       <table class="table parameters">
         <colgroup>
-          <col style={{ width: "34%" }} />
-          <col style={{ width: "18%" }} />
-          <col style={{ width: "17%" }} />
-          <col style={{ width: "13%" }} />
           <col />
+          <col style={{ width: "88px" }} />
+          <col style={{ width: "72px" }} />
+          <col style={{ width: "60px" }} />
         </colgroup>
         <thead>
           <tr>
@@ -222,22 +224,25 @@ function Parameters({ rows, tried }: { rows: readonly ParameterRow[]; tried: Tri
             <th>value</th>
             <th>± σ</th>
             <th class="words">unit</th>
-            <th class="words">source</th>
           </tr>
         </thead>
         <tbody>
           {rows.map((row) => (
-            <tr key={row.name} class={tried?.changes.some((line) => line.includes(`${row.name}:`)) ? "touched" : ""}>
-              <td class="words whole" title={row.name}>
-                {row.words}
-              </td>
-              <td>{figure(row.value)}</td>
-              <td>{row.sigma > 0 ? figure(row.sigma) : "exact"}</td>
-              <td class="words">{row.unit === "1" ? "" : row.unit}</td>
-              <td class="words" title={row.source}>
-                {row.source}
-              </td>
-            </tr>
+            <Fragment key={row.name}>
+              <tr class={isTouched(row) ? "touched" : ""}>
+                <td class="words" title={row.name}>
+                  {row.words}
+                </td>
+                <td>{figure(row.value)}</td>
+                <td>{row.sigma > 0 ? figure(row.sigma) : "exact"}</td>
+                <td class="words">{units(row.unit)}</td>
+              </tr>
+              <tr class={`source ${isTouched(row) ? "touched" : ""}`}>
+                <td class="words" colSpan={4}>
+                  {row.source}
+                </td>
+              </tr>
+            </Fragment>
           ))}
         </tbody>
       </table>

@@ -5,11 +5,11 @@ import { useEffect, useRef } from "preact/hooks";
 import { show } from "../cursor";
 import { number, short } from "../format";
 import { listenIn } from "../keys";
-import { LETTERS, arrowScale, opened, pathColour, withArrows } from "../flights";
+import { LETTERS, arrowScale, opened, pathColour, withArrows, withPredicted } from "../flights";
 import type { Channel } from "../flights";
 import { CIVIDIS, CLEARANCE, CLEARANCE_SPAN_M, COULD_HIDE_SPAN_MM, SIGNED } from "../scales";
-import { figures, mapShown, series, step, view } from "../store";
-import { isLight, token } from "../theme";
+import { comparison, figures, mapShown, series, step, view } from "../store";
+import { isLight, narrow, token } from "../theme";
 import type { Series, Show } from "../protocol";
 import { MapTools, MeasureReadout } from "./MapTools";
 
@@ -49,9 +49,9 @@ export function Scene() {
   );
 }
 
-/** Give the 3D view the page's colour behind everything; its canvas is transparent there. */
+/** Give the 3D view the theme's colour behind everything; its canvas is transparent there. */
 function paintBackground(frame: HTMLIFrameElement | null): void {
-  frame?.contentDocument?.documentElement?.style.setProperty("--scene", token("bg"));
+  frame?.contentDocument?.documentElement?.style.setProperty("--scene", token("scene"));
 }
 
 function PathLegend() {
@@ -74,11 +74,29 @@ const RESIDUALS: readonly { key: Channel; name: string }[] = [
   })),
 ];
 
-/** What colours the paths of recorded flights: nothing, or a residual on a scale about zero. */
+/** What is drawn of recorded flights; in a narrow window it is folded, as it would cover them. */
 function FlightLegend() {
   if (opened.value.length === 0) return null;
+  const rows = (
+    <>
+      <PathsLegend />
+      <VehicleLegend />
+      <ArrowLegend />
+    </>
+  );
+  if (!narrow.value) return <div class="legend">{rows}</div>;
   return (
-    <div class="legend">
+    <details class="legend">
+      <summary>Legend</summary>
+      {rows}
+    </details>
+  );
+}
+
+/** What colours the paths: nothing, or a residual on a scale about zero. */
+function PathsLegend() {
+  return (
+    <>
       <div class="legend-head">
         <select
           class="colour-choice"
@@ -101,7 +119,7 @@ function FlightLegend() {
         <div class="legend-ends">
           {opened.value.map(({ name }, i) => (
             <span key={name}>
-              <span class={`path-key path-${i}`} /> {LETTERS[i]} {name}
+              <Swatch kind={`path-${i}`} /> {LETTERS[i]} {name}
             </span>
           ))}
         </div>
@@ -115,7 +133,46 @@ function FlightLegend() {
           </div>
         </>
       )}
-      <ArrowLegend />
+    </>
+  );
+}
+
+/** On the scene's colour, as it is drawn there. */
+function Swatch({ kind }: { kind: string }) {
+  return (
+    <span class="swatch" aria-hidden="true">
+      <span class={kind} />
+    </span>
+  );
+}
+
+/** The vehicle at the cursor: as measured, planned and predicted; the last two of the first flight. */
+function VehicleLegend() {
+  const compared = comparison.value;
+  const first = opened.value[0]?.name ?? "";
+  const isCompared = compared !== null && [...(compared.learn ?? []), ...(compared.held_out ?? [])].includes(first);
+  return (
+    <div class="legend-group">
+      <div class="legend-ends">
+        <span>
+          <Swatch kind="rotor-key" /> measured
+        </span>
+        <span>
+          <Swatch kind="rotor-key pale" /> planned
+        </span>
+      </div>
+      {isCompared && (
+        <label class="legend-switch" title="As the compared model moves it on from its motion 0.5 s earlier, with the rotor speeds measured">
+          <input
+            type="checkbox"
+            checked={withPredicted.value}
+            onChange={(event) => (withPredicted.value = event.currentTarget.checked)}
+          />
+          <span>
+            <Swatch kind="predicted-key" /> predicted from 0.5 s before
+          </span>
+        </label>
+      )}
     </div>
   );
 }
@@ -127,22 +184,22 @@ function ArrowLegend() {
   const scale = arrowScale.value;
   if (scale === null && withArrows.value) return null;
   return (
-    <div class="arrow-legend">
-      <label title="Measured less modelled, mean over 0.1 s, along the world's axes">
+    <div class="legend-group">
+      <label class="legend-switch" title="Measured less modelled, mean over 0.1 s, along the world's axes">
         <input
           type="checkbox"
           checked={withArrows.value}
           onChange={(event) => (withArrows.value = event.currentTarget.checked)}
-        />{" "}
-        Residual as arrows
+        />
+        <span>Residual as arrows</span>
       </label>
       {scale !== null && withArrows.value && (
         <div class="legend-ends">
           <span>
-            <span class="path-key arrow-force" /> Force, 1 m = {rounded(scale.force_n_per_m)} N
+            <Swatch kind="arrow-force" /> Force, 1 m = {rounded(scale.force_n_per_m)} N
           </span>
           <span>
-            <span class="path-key arrow-torque" /> Torque, 1 m = {rounded(scale.torque_n_m_per_m)} N m
+            <Swatch kind="arrow-torque" /> Torque, 1 m = {rounded(scale.torque_n_m_per_m)} N{"\u00a0"}m
           </span>
         </div>
       )}

@@ -97,11 +97,24 @@ function VehicleLine() {
   }
   return (
     <dl class={`vehicle-line ${state}`} aria-label="Vehicle">
-      <Fact name="Vehicle" value={[last.name, ...vehicleState(last.armed, last.mission)].join(", ")} kind="gives-way" />
+      <VehicleFact name={last.name} state={vehicleState(last.armed, last.mission).join(", ")} />
       <Holds />
       <LinkFact />
       <Fact name="Battery" value={last.battery_v === null ? "–" : `${number(last.battery_v, 1)} V`} />
     </dl>
+  );
+}
+
+/** A long name gives way to what the vehicle does. */
+function VehicleFact({ name, state }: { name: string; state: string }) {
+  return (
+    <div class="fact gives-way">
+      <dt>Vehicle</dt>
+      <dd class="vehicle-fact" title={`${name}, ${state}`}>
+        <span class="vehicle-name">{name}</span>
+        <span class="vehicle-state">, {state}</span>
+      </dd>
+    </div>
   );
 }
 
