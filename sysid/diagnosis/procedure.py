@@ -123,8 +123,8 @@ class Diagnosis:
             parts.append("the held-out flights are too short to confirm it")
         if self.pose_may_be_late:
             parts.append(
-                "the gyro is early against the pose, and the rotor speed by another time, so the pose may be late or "
-                "the time stamps wrong: read the clocks"
+                "the gyro is early against the pose, but not all streams by the same time, so the pose may be late or "
+                "time stamps wrong: read the clocks"
             )
         if self.leaves_too_much:
             parts.append("so much stays unexplained that these flights are inconclusive: read the findings")

@@ -139,7 +139,7 @@ def pose_is_late(clocks: Sequence[Clock]) -> bool:
 def gyro_is_early(clocks: Sequence[Clock]) -> bool:
     """Whether every gyro is early against the pose, yet not all streams are by the same time.
 
-    No gyro shows what has not happened yet: either the pose is late, and the rotor speed is by another time, or time
+    No gyro shows what has not happened yet: either the pose is late, and another stream is by another time, or time
     stamps are wrong. The clocks alone do not show which.
     """
     gyros = [clock for clock in clocks if clock.against == "pose" and clock.stream == STREAMS[GYRO]]
