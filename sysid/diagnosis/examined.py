@@ -134,32 +134,34 @@ def _beyond_chance(found: Score) -> bool:
 def _best_of(model: Model, found: Sequence[Outside]) -> Outside | None:
     if not found:
         return None
-    found = _apart_from_thrust(found)
+    apart = _apart_from_thrust(found)
+    if apart > 0.0:
+        found = [o for o in found if o.channel[0] != THRUST]
     best = max(found, key=lambda o: o.score.gain_unseen)
     rivals = [o for o in found if o.channel == best.channel or THRUST in (o.channel[0], best.channel[0])]
     lead = [best.score.gain_unseen - o.score.gain_unseen for o in rivals]
-    odds = np.exp(-np.array(lead) / best.score.dispersion)
+    odds = float(np.exp(-np.array(lead) / best.score.dispersion).sum())
+    if best.channel[0] == THRUST or best.channel in SHOWN_BY_THRUST:
+        odds += float(np.exp(-abs(apart)))  # of the other of the two
     clear = 1.0 / (1.0 + (THRESHOLDS.even_odds_curve / max(best.score.log_odds, 1.0)) ** 4)
-    confidence = THRESHOLDS.most_confidence * clear / float(np.sum(odds))
+    confidence = THRESHOLDS.most_confidence * clear / odds
     if not model.all_heard:
         confidence = min(confidence, THRESHOLDS.even_confidence)
     return replace(best, confidence=confidence)
 
 
-def _apart_from_thrust(found: Sequence[Outside]) -> Sequence[Outside]:
-    """The curves less those of thrust, if the best of each channel that thrust shows in clearly explain more together.
+def _apart_from_thrust(found: Sequence[Outside]) -> float:
+    """Log odds that the channels that thrust shows in have a law each, against one of thrust for all of them.
 
     One law of thrust moves these channels at once, so it explains more than any curve of a single one even where each
     has its own law (a moment against both velocities looks like thrust lost in the wake). Were it thrust, curves
-    channel by channel could not explain more than it.
+    channel by channel could not explain more than it. Minus infinity without a curve of thrust.
     """
     of_thrust = max((o for o in found if o.channel[0] == THRUST), key=lambda o: o.score.gain_unseen, default=None)
     if of_thrust is None:
-        return found
+        return -np.inf
     gains = [[o.score.gain_unseen for o in found if o.channel == channel] for channel in SHOWN_BY_THRUST]
-    lead = sum(max(own, default=0.0) for own in gains) - of_thrust.score.gain_unseen
-    clearly = lead > THRESHOLDS.clear_lead * of_thrust.score.dispersion
-    return [o for o in found if o.channel[0] != THRUST] if clearly else found
+    return (sum(max(own, default=0.0) for own in gains) - of_thrust.score.gain_unseen) / of_thrust.score.dispersion
 
 
 def stated_curve(model: Model) -> Outside | None:

@@ -30,7 +30,7 @@ from sysid.diagnosis.search import Search, search
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.diagnosis.trial import Trial
 from sysid.estimator import verdict as fits
-from sysid.estimator.clocks import pose_is_late
+from sysid.estimator.clocks import gyro_is_early, pose_is_late
 from sysid.estimator.comparison import HORIZONS_S, Comparison, compare
 from sysid.estimator.flight_data import left_out
 from sysid.estimator.identification import identify
@@ -88,6 +88,17 @@ class Diagnosis:
         return self.search.undecided.between if self.search.undecided else ()
 
     @property
+    def doubts(self) -> tuple[str, ...]:
+        """Candidates that would hardly show so much by chance, and that too little speaks for to name them."""
+        open_ = [s for s in self.candidates if s.verdict is Verdict.INCONCLUSIVE]
+        return tuple(s.name for s in open_ if s.significance < THRESHOLDS.doubtful or s.name in self.search.doubted)
+
+    @property
+    def pose_may_be_late(self) -> bool:
+        """Whether the clocks leave that open, so that nothing is sure that `pose_delay` would change."""
+        return gyro_is_early(self.search.models[-1].fit.clocks)
+
+    @property
     def verdict(self) -> str:
         """The whole diagnosis in a sentence or two."""
         parts = []
@@ -106,16 +117,15 @@ class Diagnosis:
             helps = "helps" if len(self.proxies) == 1 else "help"
             of = "it" if self.outside is not None else "something that no known effect is"
             parts.append(f"{' and '.join(self.proxies)} {helps} as a proxy for {of}, and is added")
-        doubts = [
-            s.name
-            for s in self.candidates
-            if s.verdict is Verdict.INCONCLUSIVE
-            and (s.significance < THRESHOLDS.chance or s.name in self.search.doubted)
-        ]
-        if not parts and doubts:
-            parts.append(f"something may be missing, and these flights are inconclusive: {', '.join(doubts)}")
+        if not parts and self.doubts:
+            parts.append(f"something may be missing, and these flights are inconclusive: {', '.join(self.doubts)}")
         if self.search.too_short and (self.additions or self.undecided or self.outside is not None):
             parts.append("the held-out flights are too short to confirm it")
+        if self.pose_may_be_late:
+            parts.append(
+                "the gyro is early against the pose, but not all streams by the same time, so the pose may be late or "
+                "time stamps wrong: read the clocks"
+            )
         if self.leaves_too_much:
             parts.append("so much stays unexplained that these flights are inconclusive: read the findings")
         if self.input_verdict.against:
@@ -144,6 +154,7 @@ class Diagnosis:
     def belief(self) -> Belief:
         """Probability that the whole sentence is right, and of what else may be true."""
         unsure = self.leaves_too_much or bool(self.search.too_short) or bool(self.input_verdict.against)
+        unsure |= self.pose_may_be_late
         said = bool(self.additions or self.undecided or self.outside is not None)
         names = [s.confidence for s in self.candidates if s.verdict is Verdict.PRESENT]
         if self.undecided:

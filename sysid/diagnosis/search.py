@@ -220,7 +220,7 @@ def search(
     outside = stated_curve(at) if len(added) < most else None
     refuted = {*dropped_before, *(t.candidate.name for t in trials if t.refuted)}
     doubted = () if outside is None else tuple(s.name for s in as_good_as(outside, at) if s.name not in refuted)
-    stated = None if doubted else outside
+    stated = None if doubted or outside is None else _as_sure(outside, trials)
     helpers = _useful_proxies(logs, models[-1], trials, unseen or NOT_JUDGED[bool(too_short)], options)
     return Search(
         models=(*models, *(model for _, model in helpers)),
@@ -387,6 +387,14 @@ def _small_beside_curve(model: Model, added: Sequence[Candidate]) -> Candidate |
     if not added or stated_curve(model) is None:
         return None
     return next((candidate for candidate in added if not _may_matter(model.fit, candidate)), None)
+
+
+def _as_sure(curve: Outside, trials: Sequence[Trial]) -> Outside:
+    """The curve, with even odds at most if a name went for another one: what that name explained changed the curve."""
+    gone_for = [t.proxy_for for t in trials if t.outcome is Outcome.REMOVED and t.proxy_for is not None]
+    if all((c.channel, c.variable) == (curve.channel, curve.variable) for c in gone_for):
+        return curve
+    return replace(curve, confidence=min(curve.confidence, THRESHOLDS.even_confidence))
 
 
 def _may_matter(fit: Identification, candidate: Candidate) -> bool:

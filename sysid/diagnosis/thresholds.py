@@ -75,7 +75,8 @@ class Thresholds:
     """Nothing is named with more when flights were held out and are too short to judge by."""
     even_confidence: float = 0.5
     """Nothing is stated with more while the model leaves more unexplained than any gust would, no curve while a known
-    effect was not in the running, and a candidate that explains as much as the best curve with no less."""
+    effect was not in the running or where it changed as a small name went, and a candidate that explains as much as the
+    best curve with no less."""
     confounded: float = 0.9
     """Candidates that reproduce this much of another's trace are named beside it."""
     load_chance: float = 1e-3

@@ -136,6 +136,16 @@ def pose_is_late(clocks: Sequence[Clock]) -> bool:
     return agree and common_s < -max(LEAST_DELAY_S, SURE_SIGMAS * float(weight.sum()) ** -0.5)
 
 
+def gyro_is_early(clocks: Sequence[Clock]) -> bool:
+    """Whether every gyro is early against the pose, yet not all streams are by the same time.
+
+    No gyro shows what has not happened yet: either the pose is late, and another stream is by another time, or time
+    stamps are wrong. The clocks alone do not show which.
+    """
+    gyros = [clock for clock in clocks if clock.against == "pose" and clock.stream == STREAMS[GYRO]]
+    return bool(gyros) and all(c.off and c.delay_s < 0.0 for c in gyros) and not pose_is_late(clocks)
+
+
 def commands_on_time(flights: Iterable[Flight]) -> list[str]:
     """What a lag of the motors may hide where commands drive the model and their delay is not estimated."""
     if not any(flight.driven_by_command and COMMAND not in flight.streams for flight in flights):

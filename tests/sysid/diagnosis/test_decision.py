@@ -9,6 +9,7 @@ import pytest
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.decision import Case, Reason, decide, sentence
 from sysid.diagnosis.findings import Outcome, Size, Verdict
+from sysid.diagnosis.procedure import Diagnosis
 from sysid.diagnosis.thresholds import THRESHOLDS
 
 CANDIDATE = Candidate("angular_damping", "angular_damping", (), (), (), ("M_x",), "w", ("rotation", "yaw"))
@@ -110,3 +111,14 @@ def test_a_name_beside_a_curve_is_stated_with_no_more_than_even_odds():
 def test_no_name_is_surer_than_the_sentence_where_too_much_is_unexplained_or_the_logs_contradict_the_vehicle():
     confirmed = case(trial=trial(Outcome.ADDED), added=True, leaves_too_much=True)
     assert decide(confirmed).confidence == THRESHOLDS.even_confidence
+
+
+def test_a_candidate_that_hardly_shows_so_by_chance_is_said_to_be_in_doubt():
+    def found(name: str, significance: float, verdict: Verdict = Verdict.INCONCLUSIVE) -> Any:
+        return SimpleNamespace(name=name, significance=significance, verdict=verdict)
+
+    weak, plain = 0.5 * THRESHOLDS.doubtful, 2.0 * THRESHOLDS.doubtful
+    candidates = [found("ground_effect", weak), found("constant_wind", plain), found("payload", 0.5)]
+    candidates.append(found("motor_lag", weak, Verdict.PRESENT))
+    whole = cast("Any", SimpleNamespace(candidates=candidates, search=SimpleNamespace(doubted=("payload",))))
+    assert Diagnosis.doubts.fget(whole) == ("ground_effect", "payload")  # type: ignore[attr-defined]

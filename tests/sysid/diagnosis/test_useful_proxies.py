@@ -10,6 +10,7 @@ import pytest
 from sysid.diagnosis import examined, search
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.confirm import CostReduction
+from sysid.diagnosis.examined import Outside
 from sysid.diagnosis.findings import JudgedBy, Outcome
 from sysid.diagnosis.trial import Trial
 from sysid.estimator.result import NOT_IDENTIFIABLE
@@ -19,6 +20,11 @@ CURVE = cast("Any", SimpleNamespace(channel="F_z", variable="v_z"))
 
 def candidate(name: str, *, between_flights: bool = False) -> Candidate:
     return Candidate(name, name, (f"{name}.x",), (False,), (1.0,), ("F_z",), "v", (), between_flights=between_flights)
+
+
+def curve(channel: str, variable: str, gain: float) -> Outside:
+    scored = cast("Any", SimpleNamespace(gain_unseen=gain, log_odds=gain / 2.0, dispersion=2.0))
+    return Outside(channel, variable, scored, 1.0)
 
 
 def outdone(name: str, *, confirmed: bool = True, **kind: bool) -> Trial:
@@ -100,6 +106,14 @@ def test_beside_a_stated_curve_a_name_too_small_to_matter_goes(monkeypatch, size
     assert "a later addition" in replace(removed, proxy_for=None).sentence
 
 
+@pytest.mark.parametrize(("channel", "confidence"), [("T", 0.5), ("F_z", 0.97)])
+def test_a_curve_that_changed_when_a_small_name_went_is_stated_with_even_odds_at_most(channel: str, confidence: float):
+    drawn = replace(curve(channel, "v_z", 60.0), confidence=0.97)
+    removed = replace(outdone("a"), outcome=Outcome.REMOVED)  # for a curve of F_z against v_z
+    assert search._as_sure(drawn, [outdone("b"), removed]).confidence == confidence
+    assert search._as_sure(drawn, [replace(removed, proxy_for=None)]).confidence == 0.97
+
+
 @pytest.mark.parametrize(("half90", "status"), [(np.nan, "free"), (0.0, NOT_IDENTIFIABLE)])
 def test_a_size_that_is_not_known_is_not_called_too_small(half90: float, status: str):
     estimate = SimpleNamespace(value=0.01, interval90=half90, status=status)
@@ -131,9 +145,20 @@ def test_a_size_below_a_twentieth_of_the_usual_one_is_of_no_consequence(size: fl
     assert search._matters(cast("Any", SimpleNamespace(candidate=candidate("a"), fit=fit))) is expected
 
 
-@pytest.mark.parametrize(("moments", "kept"), [((60.0, 50.0), {"M_x", "M_y", "M_z"}), ((60.0, 45.0), None)])
-def test_a_curve_of_thrust_must_explain_more_than_its_channels_together(moments: tuple[float, float], kept):
-    gains = {"T": 100.0, "T_0": 90.0, "M_x": moments[0], "M_y": moments[1], "M_z": 80.0}
-    scores = {c: SimpleNamespace(gain_unseen=gain, dispersion=2.0) for c, gain in gains.items()}
-    found = [cast("Any", SimpleNamespace(channel=c, score=one)) for c, one in scores.items()]
-    assert {curve.channel for curve in examined._apart_from_thrust(found)} == (kept or set(gains))
+@pytest.mark.parametrize(
+    ("moments", "stated", "confidence"),
+    [
+        ((300.0, 290.0), "M_x", 0.97),
+        ((300.0, 202.0), "M_x", 0.709),
+        ((300.0, 200.0), "T", 0.485),
+        ((300.0, 198.0), "T", 0.709),
+        ((300.0, 0.0), "T", 0.97),
+    ],
+)
+def test_a_curve_of_thrust_and_curves_of_its_channels_share_one_probability(moments, stated, confidence):
+    gains = {"T": 500.0, "M_x": moments[0], "M_y": moments[1], "M_z": 100.0}
+    model = cast("Any", SimpleNamespace(all_heard=True))
+    best = examined._best_of(model, [curve(channel, "v_x", gain) for channel, gain in gains.items()])
+    assert best is not None
+    assert best.channel == stated
+    assert best.confidence == pytest.approx(confidence, abs=0.01)

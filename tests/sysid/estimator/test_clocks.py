@@ -9,7 +9,7 @@ import sysid
 from flight import FlightLog
 from flight.flight_log import COLUMNS
 from sysid.estimator.blocks import motor, rotor_speed
-from sysid.estimator.clocks import Clock, delay_name, pose_is_late
+from sysid.estimator.clocks import Clock, delay_name, gyro_is_early, pose_is_late
 from sysid.estimator.sampling import Signal
 from sysid.estimator.unknowns import nuisances
 
@@ -159,6 +159,16 @@ def test_the_pose_is_late_only_where_all_other_streams_are_early_alike():
     assert not pose_is_late([clock("rotor speed command", -12.0), clock("gyro", 0.0)])
     assert pose_is_late([clock("rotor speed command", -20.0), clock("gyro", -12.0)])
     assert not pose_is_late([])
+
+
+def test_a_gyro_that_is_early_in_every_flight_leaves_open_whether_the_pose_is_late():
+    assert gyro_is_early([clock("gyro", -3.6), clock("rotor speed", 3.7), clock("gyro", -3.5)])
+    assert not gyro_is_early([clock("gyro", -3.6), clock("rotor speed", -3.7)])  # the pose is late, and all agree
+    assert not gyro_is_early([clock("gyro", 0.0), clock("rotor speed", -5.0)])
+    assert not gyro_is_early([clock("gyro", 5.0), clock("rotor speed", 0.0)])
+    assert not gyro_is_early([clock("gyro", -3.6), clock("gyro", 0.0), clock("rotor speed", 3.7)])
+    assert not gyro_is_early([clock("rotor speed", 5.0)])
+    assert not gyro_is_early([])
 
 
 def test_the_fix_of_the_log_is_named_only_for_streams_that_it_shifts():
