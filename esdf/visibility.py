@@ -7,8 +7,9 @@ object of a given thickness may be missing from the map, and keep more distance 
 
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,6 +50,51 @@ class Visibility:
     def could_hide(self, points_world_m: ArrayLike, thickness_m: float) -> NDArray[np.bool_]:
         """Whether an object of that thickness could be at each point (n, 3) without any image resolving it."""
         return self.finest(points_world_m) > thickness_m
+
+
+@dataclass(frozen=True, slots=True)
+class CouldHide:
+    """How thick an obstacle could be along a path, within reach of it, and still be missing from the map."""
+
+    reach_m: float
+    """Distance from the path within which free space was asked."""
+    thickness_m: float
+    """Thinnest obstacle that the images resolve, where that is worst: a thinner one could be there. Infinite where no
+    image looked; 0 where nothing could hide at all."""
+    time_s: float
+    """When the path is nearest to that place; the first time, if it is one of several. 0 if there is none."""
+    point_world_m: tuple[float, float, float]
+    """That place; the path's beginning if there is none."""
+    threshold_m: float
+    """The thickness that the share is about."""
+    length_share: float
+    """Share of the path's length, 0 to 1, along which an obstacle thicker than that could hide within reach."""
+
+    @property
+    def unseen(self) -> bool:
+        """Whether no image looked at some of the space: an obstacle of any thickness could hide there."""
+        return bool(np.isinf(self.thickness_m))
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON-able; the thickness is None where no image looked."""
+        body = asdict(self) | {"point_world_m": list(self.point_world_m), "unseen": self.unseen}
+        return body | {"thickness_m": None if self.unseen else self.thickness_m}
+
+    def describe(self) -> str:
+        """In words: how thick, within what distance, where, when, and along how much of the path."""
+        if self.thickness_m == 0.0:  # a sum of nothing, no result of arithmetic
+            return f"no obstacle could hide within {self.reach_m:.2f} m"
+        x, y, z = self.point_world_m
+        what = (
+            "an obstacle of any thickness"
+            if self.unseen
+            else f"an obstacle up to {1e3 * self.thickness_m:.0f} mm thick"
+        )
+        why = " (no image looked there)" if self.unseen else ""
+        return (
+            f"{what} could hide within {self.reach_m:.2f} m at {self.time_s:.2f} s, at ({x:.2f}, {y:.2f}, {z:.2f}) m"
+            f"{why}; more than {1e3 * self.threshold_m:.0f} mm along {100.0 * self.length_share:.0f} % of the way"
+        )
 
 
 def look(state: ArrayLike, grid: Grid, views: Sequence[View], *, pixels: float = 2.0, coarser: int = 4) -> Visibility:

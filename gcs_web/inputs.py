@@ -9,6 +9,7 @@ from pathlib import Path
 import mapping
 import vehicle
 from flight import FlightError, project
+from mapping.free_space import FreeSpace
 from mapping.verdict import Standing
 
 logger = logging.getLogger(__name__)
@@ -54,6 +55,7 @@ class Parts:
     def __init__(self, folder: Path) -> None:
         self._project = project.Project(folder, "")
         self._maps: tuple[Signature, mapping.Map] | None = None
+        self._free_spaces: tuple[Signature, FreeSpace | None] | None = None
         self._vehicles: tuple[Signature, vehicle.Vehicle] | None = None
 
     def map(self, wanted: Signature) -> mapping.Map:
@@ -63,6 +65,12 @@ class Parts:
             opened.require_not_refused()
             self._maps = (wanted, opened)
         return self._maps[1]
+
+    def free_space(self, wanted: Signature) -> FreeSpace | None:
+        """Of the map; None where nothing is known of it. Raises as `map`."""
+        if self._free_spaces is None or self._free_spaces[0] != wanted:
+            self._free_spaces = (wanted, self.map(wanted).free_space())
+        return self._free_spaces[1]
 
     def vehicle(self, wanted: Signature) -> vehicle.Vehicle:
         """Raises `FlightError` if it cannot be read."""

@@ -25,6 +25,8 @@ from flight import FlightError, FloatArray, TrajectoryFile
 from gcs_web import inputs, missions, page_values, protocol, replanning, saved
 from gcs_web.document import Content
 from mapping import Map
+from mapping.free_space import FreeSpace
+from planner import could_hide
 
 logger = logging.getLogger(__name__)
 
@@ -298,9 +300,11 @@ def _planned(
     area, believed = parts.map(request.inputs), parts.vehicle(request.inputs)
     asked = options(content, believed, base)
     required_m = asked.sized(believed).clearance_m
-    found = "" if request.saved is None else _as_saved(request.saved, area, believed, required_m)
+    free = parts.free_space(request.inputs)
+    found = "" if request.saved is None else _as_saved(request.saved, area, free, believed, required_m)
     if isinstance(found, str):
         plan = replanner.plan(content, replanning.Known(area.field, believed, asked), afresh=request.afresh)
+        plan = replace(plan, gate=could_hide.add(plan.gate, plan.trajectory, free))
         file = planner.trajectory_file(plan, name="plan")
         found = _Passed(file, plan.gate, asked.limits_for(believed), plan.trajectory.starts_s, found)
     file, report = found.file, found.gate
@@ -320,7 +324,7 @@ def _planned(
             sentence=(
                 f"{found.how}{file.trajectory.duration_s:.2f} s, {_counted(content)}, top speed "
                 f"{top:.2f} m/s. Closest {report.clearance_m:.2f} m; "
-                f"{report.required_clearance_m:.2f} m is needed." + (f" {doubt}" if doubt else "")
+                f"{report.required_clearance_m:.2f} m is needed. {_hidden(report)}" + (f" {doubt}" if doubt else "")
             ),
             duration_s=file.trajectory.duration_s,
             top_speed_m_s=top,
@@ -337,13 +341,22 @@ def _planned(
     return file, shown
 
 
-def _as_saved(item: TrajectoryFile, area: Map, believed: vehicle.Vehicle, required_m: float) -> _Passed | str:
+def _hidden(report: planner.GateReport) -> str:
+    """A sentence on how thin an obstacle could hide, and what to do about it if that is worth a warning."""
+    sentence = could_hide.describe(report)
+    advice = f"; {could_hide.advice(report)}" if could_hide.worth_a_warning(report) else ""
+    return f"{sentence[0].upper()}{sentence[1:]}{advice}."
+
+
+def _as_saved(
+    item: TrajectoryFile, area: Map, free: FreeSpace | None, believed: vehicle.Vehicle, required_m: float
+) -> _Passed | str:
     """A saved trajectory under the gate, for the map and the vehicle as they are now; why not if it does not pass.
 
     Args:
         required_m: clearance that is asked for now; a file may have been planned for a smaller vehicle or margin.
     """
-    judged = saved.judge(item, area, believed)
+    judged = saved.judge(item, area, free, believed)
     if not judged.report.passed:
         failed = ", ".join(check.name for check in judged.report.failures)
         return f"{item.name} as it was saved does not pass any more ({failed}): planned again through its waypoints. "

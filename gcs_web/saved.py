@@ -14,7 +14,8 @@ from flight import FlightError, FloatArray, InputError, TrajectoryFile, trajecto
 from flight.project import Project
 from gcs_web import page_values, protocol
 from mapping import Map
-from planner import GateReport, PlanOptions, gate, plan_report
+from mapping.free_space import FreeSpace
+from planner import GateReport, PlanOptions, could_hide, gate, plan_report
 from vehicle import Limits, Vehicle
 
 _ASIDE = "*.json.old-*"
@@ -29,17 +30,22 @@ class Judged(NamedTuple):
     limits: Limits
 
 
-def judge(item: TrajectoryFile, area: Map, believed: Vehicle) -> Judged:
-    """Under the gate as it was planned, and the vehicle's limits where they are stricter now."""
+def judge(item: TrajectoryFile, area: Map, free: FreeSpace | None, believed: Vehicle) -> Judged:
+    """Under the gate as it was planned, and the vehicle's limits where they are stricter now.
+
+    Args:
+        free: the map's free space, `area.free_space()`.
+    """
     options = gate.options_of(item)
     options = replace(options, limits=options.limits and options.limits.stricter(believed.limits))
     report = gate.check_file(item, area.field, believed, options)
+    report = could_hide.add(report, item.trajectory, free, could_hide.asked_of(item))
     return Judged(report, options, options.limits_for(believed))
 
 
 def summary(item: TrajectoryFile, area: Map, believed: Vehicle) -> protocol.PlanSummary:
     """What two trajectories are compared by."""
-    judged = judge(item, area, believed)
+    judged = judge(item, area, area.free_space(), believed)
     series = page_values.series(item.trajectory, believed, area.field, judged.limits)
     judged_m = page_values.judged_clearance(item.trajectory, area.field, judged.report, series)
     path_m = np.stack([series.x_m, series.y_m, series.z_m], axis=1)
@@ -60,7 +66,7 @@ def _length_m(path_m: FloatArray) -> float:
 
 def page(item: TrajectoryFile, area: Map, believed: Vehicle) -> str:
     """One HTML file that shows the trajectory without this station, or any network."""
-    judged = judge(item, area, believed)
+    judged = judge(item, area, area.free_space(), believed)
     return plan_report.page(item, judged.report, area.field, believed, judged.limits)
 
 

@@ -23,24 +23,31 @@ from typing import Any
 
 import numpy as np
 
+import esdf
 import mapping
 import planner
 import vehicle
 from flight import FlightError, InfeasibleError, InputError, Progress, Trajectory, file_format, results, trajectory
 from flight.mission import KeepIn, Laps, Mission, Yaw
-from goshawk import waypoints_file
-from planner import mission as missions
+from goshawk import thin_obstacles, waypoints_file
+from mapping.free_space import FreeSpace
 
 FORMAT, VERSION = "goshawk-batch", 1
 JOURNAL = "journal.jsonl"
 _COLUMNS: dict[str, type] = {
     "name": str, "status": str, "reason": str, "segments": int, "duration_s": float, "clearance_m": float,
-    "top_speed_m_s": float, "method": str, "trajectory_hash": str, "cpu_s": float,
+    "top_speed_m_s": float, "could_hide_m": float, "could_hide_share": float, "method": str,
+    "trajectory_hash": str, "cpu_s": float,
 }  # fmt: skip
 """Of the tables; after the first three, a row may be without."""
+_NEWER = ("could_hide_m", "could_hide_share")
+"""Columns that a journal of an earlier version is without."""
 SUFFIXES = (".json", ".csv")
 Row = dict[str, Any]
-"""What is known of a mission: name, status, reason, segments, duration_s, clearance_m, top_speed_m_s, method, cpu_s."""
+"""What is known of a mission: name, status, reason, segments, duration_s, clearance_m, top_speed_m_s, method, cpu_s.
+
+`could_hide_m` is how thick an obstacle could hide near it, None where no image looked, and `could_hide_share` the share
+of its length along which more than `mapping.free_space.THRESHOLD_M` could; None where nothing is known of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +62,8 @@ class Job:
     yaw: Yaw | None = None
     keep_in: KeepIn | None = None
     """Asked of every mission, instead of what its file says."""
+    thinnest_m: float | None = None
+    """Obstacles so thick must not be able to hide within the clearance; None: not asked."""
     overwrite: bool = False
     inputs: bytes = b""
     """Hash of map, vehicle and options: a worker that lives on reads changed files again."""
@@ -160,7 +169,9 @@ def _inputs_hash(job: Job) -> bytes:
     """Of the map, the vehicle and the options."""
     area = mapping.open_map(job.map_folder)
     drone = vehicle.vehicle_hash(vehicle.load(job.vehicle_file))
-    return hashlib.sha256(repr((area.field.hash, drone, job.options, job.laps, job.yaw, job.keep_in)).encode()).digest()
+    asked = (area.field.hash, drone, job.options, job.laps, job.yaw, job.keep_in)
+    asked = asked if job.thinnest_m is None else (*asked, job.thinnest_m)  # else as in journals of earlier versions
+    return hashlib.sha256(repr(asked).encode()).digest()
 
 
 def _done(job: Job, keys: dict[str, str]) -> dict[str, Row]:
@@ -176,6 +187,8 @@ def _done(job: Job, keys: dict[str, str]) -> dict[str, Row]:
             row = json.loads(line)
         except (ValueError, RecursionError):
             continue
+        if isinstance(row, dict):
+            row = dict.fromkeys(_NEWER) | row  # pyright: ignore[reportUnknownArgumentType]
         if _is_row(row):
             found[row["name"]] = row
     found = {name: row for name, row in found.items() if row["status"] in ("planned", "infeasible", "refused")}
@@ -285,8 +298,8 @@ def plan_one(path: Path, job: Job) -> Row:
     trajectory_path(job.out, path.stem).unlink(missing_ok=True)  # of an earlier run with other inputs
     try:
         asked = waypoints_file.load_mission(path)
-        field, drone = _world(job.map_folder, job.vehicle_file, job.inputs)
-        plan = missions.plan(job.asked(asked), field, drone, job.options)
+        area, drone, free, field = _world(job.map_folder, job.vehicle_file, job.thinnest_m, job.inputs)
+        plan = thin_obstacles.plan(job.asked(asked), area, field, drone, job.options, free, job.thinnest_m)
         trajectory_path(job.out, path.stem).parent.mkdir(exist_ok=True)
         with results.new_file(trajectory_path(job.out, path.stem), overwrite=True) as placing:
             planner.save_plan(placing.temporary, plan, name=path.stem)
@@ -296,6 +309,7 @@ def plan_one(path: Path, job: Job) -> Row:
         return _row(path, "refused", str(error), cpu_s=time.process_time() - began)
     except Exception as error:  # an error of ours is one mission's, too
         return _row(path, "failed", f"{type(error).__name__}: {error}", cpu_s=time.process_time() - began)
+    hidden = plan.gate.could_hide
     return _row(
         path,
         "planned",
@@ -304,6 +318,8 @@ def plan_one(path: Path, job: Job) -> Row:
         duration_s=plan.trajectory.duration_s,
         clearance_m=plan.gate.clearance_m,
         top_speed_m_s=top_speed_m_s(plan.trajectory),
+        could_hide_m=None if hidden is None or hidden.unseen else hidden.thickness_m,
+        could_hide_share=None if hidden is None else hidden.length_share,
         method=plan.method,
         trajectory_hash=plan.gate.trajectory_hash,
         cpu_s=time.process_time() - began,
@@ -320,9 +336,14 @@ def _row(path: Path, status: str, reason: str, **facts: Any) -> Row:
 
 
 @lru_cache(maxsize=1)
-def _world(map_folder: Path, vehicle_file: Path, _inputs: bytes) -> tuple[Any, vehicle.Vehicle]:
-    """Read once in each process, and again when the inputs' hash is another one."""
-    return mapping.open_map(map_folder).field, vehicle.load(vehicle_file)
+def _world(
+    map_folder: Path, vehicle_file: Path, thinnest_m: float | None, _inputs: bytes
+) -> tuple[mapping.Map, vehicle.Vehicle, FreeSpace | None, esdf.Field]:
+    """Map, vehicle, free space and the field to plan in: read once in each process, and again when the inputs' hash is
+    another one."""
+    area = mapping.open_map(map_folder)
+    free = area.free_space()
+    return area, vehicle.load(vehicle_file), free, thin_obstacles.field_to_plan_in(area, free, thinnest_m)
 
 
 def _write_tables(out: Path, rows: list[Row]) -> None:

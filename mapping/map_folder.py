@@ -33,12 +33,13 @@ from flight import (
     results,
     silent,
 )
-from mapping import placed_views, poses_file, stages, verdict
+from mapping import free_space, placed_views, poses_file, stages, verdict
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
 from mapping.dense import depth_files, mesh_file, resolution, surface
 from mapping.dense.depth_files import DepthFiles
 from mapping.dense.surface import DenseOptions
+from mapping.free_space import FreeSpace
 from mapping.input import source
 from mapping.input.depth_images import DepthFolder
 from mapping.input.images import ImageSet
@@ -223,6 +224,20 @@ class Map:
             return load_visibility(self.folder / VISIBILITY)
         cameras = [(c, pose @ c.T_body_camera) for pose in self.T_world_body for c in self.rig.cameras]
         return resolution.visibility(self.field.state, self.field.grid, cameras)  # a map of an earlier version
+
+    def free_space(self) -> FreeSpace | None:
+        """What is free, and how thin an obstacle is ruled out there; None where the map has nothing to say it of.
+
+        Raises:
+            FormatError: a file of it is damaged.
+        """
+        if not len(self.T_world_body) and not (self.folder / VISIBILITY).is_file():
+            return None
+        edited = self.folder / "esdf" / EDITS
+        edits = esdf.load_edits(edited) if edited.exists() else ()
+        radius_m = float(self.facts.get("carrier_radius_m", 0.0))
+        empty = free_space.known_empty(self.field.grid, edits, self.rig, self.T_world_body, radius_m)
+        return FreeSpace(self.field, self.visibility(), empty)
 
     def localization_map(self) -> LocalizationMap:
         return localization_map.load(self.folder / "localization")

@@ -11,6 +11,7 @@ import numpy as np
 
 import esdf
 import vehicle as vehicles
+from esdf.visibility import CouldHide
 from flight import FlightError, FloatArray, FormatError, Progress, Trajectory, TrajectoryFile, silent
 from flight.trajectory import fingerprint
 from planner import conditions as conditions_
@@ -64,6 +65,10 @@ class GateReport:
     """(n,) heading asked for at each waypoint, NaN where any will do; None if none is."""
     usage: limits.Usage | None = None
     """What each segment uses of each limit; None where that could not be asked."""
+    could_hide: CouldHide | None = None
+    """How thin an obstacle could hide within the required clearance; None where that is not known (`could_hide`)."""
+    thinnest_m: float | None = None
+    """The thinnest obstacle that must not; None if that was not asked."""
 
     @property
     def passed(self) -> bool:
@@ -94,6 +99,8 @@ class GateReport:
             "yaw_rad": None if self.yaw_rad is None else [float(y) if np.isfinite(y) else None for y in self.yaw_rad],
             "asked": self.options.as_dict(),
             "checks": [check.as_dict() for check in self.checks],
+            "could_hide": None if self.could_hide is None else self.could_hide.as_dict(),
+            "thinnest_m": self.thinnest_m,
         }
 
 

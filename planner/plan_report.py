@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FloatArray, TrajectoryFile
-from planner import GateReport, limits, space
+from planner import GateReport, could_hide, limits, space
 from vehicle import Limits, Vehicle, flatness
 
 _STEP_S = 0.02
@@ -51,6 +51,7 @@ def page(item: TrajectoryFile, report: GateReport, field: space.DistanceField, d
         "verdict": "passes the gate" if report.passed else "may not be flown",
         "duration": f"{path.duration_s:.2f} s",
         "clearance, proved": f"{report.clearance_m:.3f} m, {report.required_clearance_m:.3f} m required",
+        "could hide": could_hide.describe(report),
         "segments": str(len(path.durations_s)),
     }
     rows = "".join(f"<tr><td>{html.escape(k)}</td><td>{html.escape(v)}</td></tr>" for k, v in facts.items())

@@ -14,7 +14,7 @@ Distances = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """From points (n, 3) to distances (n,) and their gradients (n, 3)."""
 GROUND_TOLERANCE_M = 0.02
 """How much less the clearance may be than the height above the ground says: sampled fields are uneven."""
-_COLUMN_M = 1e-3
+COLUMN_M = 1e-3
 """Radius of the column above a ground point."""
 _MOST_PAIRS = 1_000_000
 """Points times lines of a tube that are looked at together."""
@@ -191,7 +191,7 @@ class Grounded:
                 continue
             height = points[:, 2] - ground[2]
             least = near_m + np.maximum(height, 0.0) - GROUND_TOLERANCE_M
-            above = (np.linalg.norm(points[:, :2] - ground[:2], axis=1) < _COLUMN_M) & (height > -_COLUMN_M)
+            above = (np.linalg.norm(points[:, :2] - ground[:2], axis=1) < COLUMN_M) & (height > -COLUMN_M)
             eased = self.required_m + 0.5 * (value - least)
             value = np.where(above & (least < self.required_m), np.maximum(eased, value), value)
         return value

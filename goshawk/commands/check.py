@@ -11,7 +11,7 @@ import vehicle
 from flight import TrajectoryFile, trajectory
 from flight.progress import within
 from goshawk import console, outputs
-from planner import gate
+from planner import could_hide, gate
 from planner.limits import Check
 
 LOWER_BOUNDS = ("clearance", "slowest rotor")
@@ -26,11 +26,23 @@ LOWER_BOUNDS = ("clearance", "slowest rotor")
     "--margin", "margin_m", type=float, help="Free space to keep round the vehicle, metres [default: the file's]."
 )
 @click.option(
+    "--thinnest",
+    "thinnest_m",
+    type=float,
+    help="Fail where an obstacle this thick could hide within the clearance, metres [default: as planned].",
+)
+@click.option(
     "--renew", is_flag=True, help="If it passes, record it as checked for this map and vehicle; the old file is kept."
 )
 @console.json_option
 def command(
-    trajectory_file: Path, map_folder: Path, vehicle_file: Path, margin_m: float | None, renew: bool, as_json: bool
+    trajectory_file: Path,
+    map_folder: Path,
+    vehicle_file: Path,
+    margin_m: float | None,
+    thinnest_m: float | None,
+    renew: bool,
+    as_json: bool,
 ) -> int:
     """Check TRAJECTORY over its whole length: clearance, continuity, the vehicle's limits.
 
@@ -40,7 +52,8 @@ def command(
     goshawk check walk.json --map map --vehicle learned.toml --renew
 
     It is checked for what the file records: radius, margin, limits, control reserve, headings and how to look, and
-    what its mission asked for, and the vehicle's limits where they are stricter; --margin replaces that margin.
+    what its mission asked for, and the vehicle's limits where they are stricter; --margin replaces that margin. How
+    thin an obstacle could hide within the clearance is told, and fails only where --thinnest asked for it.
 
     Exit code 0: it passes and may be flown. 1: it fails, and the table shows which check. A trajectory planned for
     another map or vehicle, or changed since its check, fails, unless it passes every other check and --renew records
@@ -54,7 +67,8 @@ def command(
     with console.progress() as progress:
         stage = f"checking {trajectory_file.name}"
         progress(stage, 0.0)
-        field = mapping.open_map(map_folder).field
+        area = mapping.open_map(map_folder)
+        field = area.field
         progress(stage, 0.2)
         checking = within(progress, stage, 0.2, 1.0)
         if renew:
@@ -70,6 +84,8 @@ def command(
             )
         else:
             report = gate.check_file(item, field, believed, options, progress=checking)
+        thinnest_m = could_hide.asked_of(item) if thinnest_m is None else thinnest_m
+        report = could_hide.add(report, item.trajectory, area.free_space(), thinnest_m)
     if renew and report.passed:
         with outputs.file(trajectory_file, overwrite=True) as temporary:
             trajectory.save(temporary, renewed(item, report))
@@ -94,8 +110,8 @@ def renewed(item: TrajectoryFile, report: planner.GateReport) -> TrajectoryFile:
 
 
 def _facts(report: planner.GateReport) -> dict[str, object]:
-    """One line a check: value, bound, verdict, and the reason where it fails."""
-    return {check.name: _fact(check) for check in report.checks}
+    """One line a check: value, bound, verdict, and the reason where it fails; then how thin an obstacle could hide."""
+    return {check.name: _fact(check) for check in report.checks} | {"could hide": could_hide.describe(report)}
 
 
 def _fact(check: Check) -> str:

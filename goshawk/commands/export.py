@@ -8,7 +8,7 @@ import mapping
 import vehicle
 from flight import InputError, trajectory
 from goshawk import console, outputs, plan_exports
-from planner import gate, plan_report
+from planner import could_hide, gate, plan_report
 
 
 @click.command()
@@ -68,9 +68,10 @@ def command(
         with outputs.file(px4, overwrite=overwrite) as temporary:
             plan_exports.write_px4(temporary, flown, step_s)
     if report is not None and map_folder is not None and vehicle_file is not None:
-        field, drone, options = mapping.open_map(map_folder).field, vehicle.load(vehicle_file), gate.options_of(item)
-        checked = gate.check_file(item, field, drone, options)
-        text = plan_report.page(item, checked, field, drone, options.limits_for(drone))
+        area, drone, options = mapping.open_map(map_folder), vehicle.load(vehicle_file), gate.options_of(item)
+        checked = gate.check_file(item, area.field, drone, options)
+        checked = could_hide.add(checked, item.trajectory, area.free_space(), could_hide.asked_of(item))
+        text = plan_report.page(item, checked, area.field, drone, options.limits_for(drone))
         with outputs.file(report, overwrite=overwrite) as temporary:
             temporary.write_text(text, encoding="utf-8")
     facts = {name: str(path) for name, path in written.items() if path is not None}

@@ -11,8 +11,8 @@ import planner
 import vehicle
 from flight import FloatArray, InputError, cells, file_format
 from flight.mission import KeepIn, Laps, Mission, Yaw
-from goshawk import batch, console, map_standing, outputs, waypoints_file
-from planner import mission, options, simplify
+from goshawk import batch, console, map_standing, outputs, thin_obstacles, waypoints_file
+from planner import could_hide, options, simplify
 
 _THINNED = 0.1
 """Share of a tube's radius by which the line in its middle may differ from the recorded path."""
@@ -66,6 +66,12 @@ _THINNED = 0.1
     type=float,
     help="Stay within this many metres of --path, or else of the straight lines between the waypoints.",
 )
+@click.option(
+    "--thinnest",
+    "thinnest_m",
+    type=float,
+    help="Keep out of space where an obstacle this thick could hide, metres [default: not asked].",
+)
 @console.path_option("--batch", "missions", "Folder of waypoint files to plan instead; --out is then a folder.")
 @click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Processes for --batch.")
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers plan the --batch instead.")
@@ -91,6 +97,7 @@ def command(
     look_at: tuple[float, float, float] | None,
     laps: int | None,
     keep_in_m: float | None,
+    thinnest_m: float | None,
     missions: Path | None,
     jobs: int,
     scheduler: str | None,
@@ -122,21 +129,26 @@ def command(
     area = mapping.open_map(map_folder)
     map_standing.require(area, accept_doubtful=accept_doubtful)
     if missions is not None:
-        job = batch.Job(map_folder, vehicle_file, how, out, repeated, turned, tube, overwrite=overwrite)
+        job = batch.Job(map_folder, vehicle_file, how, out, repeated, turned, tube, thinnest_m, overwrite=overwrite)
         plan_all(missions, job, jobs, scheduler, as_json=as_json)
         return
     outputs.check(out, overwrite=overwrite)
+    free = area.free_space()
+    field = thin_obstacles.field_to_plan_in(area, free, thinnest_m)
+    if thinnest_m is not None:
+        kept = 100.0 * thin_obstacles.free_share(field, area)
+        click.echo(f"note: --thinnest {thinnest_m:g} leaves {kept:.0f} % of the map's free space free", err=True)
     left_out = 0
     if path is not None:
         recorded = read_path(path)
-        walked, left_out = simplify.waypoints_along(recorded, tolerance_m, area.field, how, read_headings(path))
+        walked, left_out = simplify.waypoints_along(recorded, tolerance_m, field, how, read_headings(path))
         asked, tube = Mission(walked), tube and tube_round(recorded, tube.radius_m)
     else:
         assert waypoints is not None
         asked = waypoints_file.load_mission(waypoints)
     asked = replace(asked, laps=repeated or asked.laps, yaw=turned or asked.yaw, keep_in=tube or asked.keep_in)
     with console.progress() as report:
-        plan = mission.plan(asked, area.field, drone, how, progress=report)
+        plan = thin_obstacles.plan(asked, area, field, drone, how, free, thinnest_m, progress=report)
     with outputs.file(out, overwrite=overwrite) as temporary:
         planner.save_plan(temporary, plan, name=out.stem)
     facts = {
@@ -148,7 +160,12 @@ def command(
         "clearance_m": plan.gate.clearance_m,
         "top_speed_m_s": batch.top_speed_m_s(plan.trajectory),
     }
-    console.show(f"trajectory {out.stem}", facts, as_json=as_json, document=facts | {"check": plan.gate.as_dict()})
+    shown = facts | {"could hide": could_hide.describe(plan.gate)}
+    checked = plan.gate.as_dict()
+    document = facts | {"could_hide": checked["could_hide"], "check": checked}
+    console.show(f"trajectory {out.stem}", shown, as_json=as_json, document=document)
+    if could_hide.worth_a_warning(plan.gate):
+        click.echo(f"note: {could_hide.describe(plan.gate)}; {could_hide.advice(plan.gate)}", err=True)
 
 
 def plan_all(folder: Path, job: batch.Job, jobs: int, scheduler: str | None, *, as_json: bool) -> None:
@@ -158,11 +175,24 @@ def plan_all(folder: Path, job: batch.Job, jobs: int, scheduler: str | None, *, 
     if as_json:
         click.echo(file_format.json_text({"written": str(job.out), "missions": rows}), nl=False)
     else:
-        heads = ("mission", "status", "duration, s", "clearance, m", "reason")
-        lines = [[row[k] for k in ("name", "status", "duration_s", "clearance_m", "reason")] for row in rows]
+        heads = ("mission", "status", "duration, s", "clearance, m", "could hide", "reason")
+        lines = [
+            [row["name"], row["status"], row["duration_s"], row["clearance_m"], _could_hide(row), row["reason"]]
+            for row in rows
+        ]
         console.table(f"plans in {job.out}", heads, [["" if cell is None else cell for cell in line] for line in lines])
     if any(row["status"] != "planned" for row in rows):
         raise click.exceptions.Exit(1)
+
+
+def _could_hide(row: batch.Row) -> str | None:
+    """How thick an obstacle could hide near a planned mission, as a cell; None where there is no plan."""
+    if row["status"] != "planned":
+        return None
+    if row["could_hide_share"] is None:
+        return "not known"
+    thickness_m = row["could_hide_m"]
+    return "of any thickness" if thickness_m is None else f"{1e3 * thickness_m:.0f} mm"
 
 
 def yaw_from(

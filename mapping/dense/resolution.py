@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from esdf import Grid
+from esdf import FREE, Grid
 from esdf.visibility import View, Visibility, look
 from flight import FloatArray
 from mapping.camera.rig import Camera
@@ -46,6 +46,17 @@ def finest_of_voxels(seen: Visibility, grid: Grid) -> NDArray[np.float32]:
     for axis, (fine_m, coarse_m) in enumerate(zip(grid.voxel_m, seen.grid.voxel_m, strict=True)):
         finest = np.repeat(finest, round(coarse_m / fine_m), axis=axis)
     return finest[: grid.shape[0], : grid.shape[1], : grid.shape[2]]
+
+
+def could_hide(
+    state: NDArray[np.uint8], grid: Grid, seen: Visibility, thickness_m: float, *, empty: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """(nx, ny, nz) FREE voxels where an obstacle this thick could be missing from the map.
+
+    Args:
+        empty: (nx, ny, nz) voxels that are known to be empty whatever the images resolve, as something was there.
+    """
+    return (state == FREE) & ~empty & (finest_of_voxels(seen, grid) > thickness_m)
 
 
 def thickness_quantiles_m(seen: Visibility, grid: Grid, free: NDArray[np.bool_]) -> dict[str, float]:

@@ -189,10 +189,10 @@ def extract(
         raise MapError("the depth images hold no surface: their poses or lenses may be wrong")
     state = volume.occupancy(least_seen_through=options.least_seen_through, skin_voxels=options.skin_voxels)
     seen = resolution.visibility(state, volume.grid, [(view.camera, view.T_world_camera) for view in images])
-    if options.thinnest_m > 0.0:
-        state[(state == FREE) & (resolution.finest_of_voxels(seen, volume.grid) > options.thinnest_m)] = UNKNOWN
-    path = carried_path(images, 0.5 * options.voxel_m)
+    path = carried_path([(view.camera.name, view.position_world_m) for view in images], 0.5 * options.voxel_m)
     swept = fusion.within(volume.grid, path, options.carrier_radius_m)
+    if options.thinnest_m > 0.0:
+        state[resolution.could_hide(state, volume.grid, seen, options.thinnest_m, empty=swept)] = UNKNOWN
     state[swept & (state == UNKNOWN)] = FREE
     swept_occupied_m3 = float((swept & (state == OCCUPIED)).sum()) * options.voxel_m**3
     fusion.unreached_is_unknown(state, volume.grid, path)
@@ -200,13 +200,17 @@ def extract(
     return Reconstruction(vertices, faces, colours, state, volume.grid, seen, swept_occupied_m3, statistics)
 
 
-def carried_path(images: Sequence[ImageView], step_m: float) -> FloatArray:
-    """(n, 3) points along the way of each camera, in the order of the images; longer gaps are not bridged."""
-    points = [view.position_world_m for view in images]
+def carried_path(places: Sequence[tuple[str, FloatArray]], step_m: float) -> FloatArray:
+    """(n, 3) points along the way of each camera; longer gaps are not bridged.
+
+    Args:
+        places: Name of the camera and its position (3,) for each image, in the order of the images.
+    """
+    points = [here for _, here in places]
     last: dict[str, FloatArray] = {}
-    for view in images:
-        here, before = view.position_world_m, last.get(view.camera.name)
-        last[view.camera.name] = here
+    for camera, here in places:
+        before = last.get(camera)
+        last[camera] = here
         if before is not None and (gap := float(np.linalg.norm(here - before))) <= LONGEST_GAP_M:
             share = np.linspace(0.0, 1.0, 1 + int(np.ceil(gap / step_m)))[:, None]
             points.extend(before + share * (here - before))

@@ -4,6 +4,7 @@ import fcntl
 import itertools
 import json
 import os
+import shutil
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -12,7 +13,10 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+import esdf
+import mapping
 import vehicle
+from esdf.visibility import Visibility, save_visibility
 from flight import InputError, Waypoints, mission, project, trajectory
 from flight.mission import Gate, Ground, KeepIn, Laps, Mission, Stay
 from goshawk import batch, demo
@@ -274,3 +278,81 @@ def test_what_is_finished_after_ctrl_c_is_recorded_too(monkeypatch):
 def test_an_address_without_a_scheduler_is_named():
     with pytest.raises(InputError, match="--scheduler nonsense: no Dask scheduler answers there"):
         batch._executor(1, "nonsense").__enter__()
+
+
+@pytest.fixture(scope="module")
+def patchy(folder: Path, pillar_map: Path, tmp_path_factory) -> Path:
+    """The same room, as images resolve it that show 20 mm everywhere but on the way between the pillars: 80 mm."""
+    made = tmp_path_factory.mktemp("patchy")
+    shutil.copytree(pillar_map, made / "map")
+    grid = mapping.open_map(pillar_map).field.grid
+    coarse = esdf.Grid(grid.origin_world_m, (0.2,) * 3, tuple(-(-n // 4) for n in grid.shape))
+    finest = np.full(coarse.shape, 0.02, np.float32)
+    x, y, _ = np.moveaxis(coarse.centres(), -1, 0)
+    finest[(np.abs(x - 3.0) < 0.4) & (y < 2.4)] = 0.08
+    save_visibility(made / "map" / "visibility.npz", Visibility(coarse, finest))
+    shutil.copy(folder / "vehicle.toml", made)
+    project.save_waypoints(made / "across.json", ask(np.array([[0.8, 0.8, 1.0], [5.2, 0.8, 1.0]])))
+    return made
+
+
+def test_a_plan_says_how_thin_an_obstacle_could_hide_and_keeps_out_of_that_space_when_asked(patchy, tmp_path):
+    call = (patchy / "across.json", *world(patchy))
+    straight = goshawk("plan", *call, "--out", tmp_path / "straight.json")
+    assert straight.returncode == 0, straight.stderr
+    assert "80 mm thick could hide" in straight.stdout
+    assert "--thinnest 0.03" in straight.stderr
+    round_it = run(*call, "--out", tmp_path / "round.json", "--thinnest", 0.03)
+    assert round_it["could_hide"]["thickness_m"] == pytest.approx(0.02)
+    assert round_it["could_hide"]["length_share"] == 0.0
+    assert round_it["check"]["map_hash"] == mapping.open_map(patchy / "map").hash
+    first = json.loads((tmp_path / "straight.json").read_text())["check"]["could_hide"]
+    assert first["thickness_m"] == pytest.approx(0.08)
+    assert 0.2 < first["length_share"] < 0.6
+    assert round_it["duration_s"] > trajectory.load(tmp_path / "straight.json").trajectory.duration_s
+    # What a plan was to rule out is asked again when it is checked, and of any other plan if --thinnest asks.
+    for name, options, code in (("round", (), 0), ("straight", (), 0), ("straight", ("--thinnest", 0.03), 1)):
+        checked = goshawk("check", tmp_path / f"{name}.json", *world(patchy), *options)
+        assert checked.returncode == code, checked.stderr
+        assert ("thinnest obstacle" in checked.stdout) == (name == "round" or bool(options))
+        assert "could hide" in checked.stdout
+    worse = mapping.open_map(patchy / "map").visibility()
+    shutil.copytree(patchy / "map", tmp_path / "worse")
+    save_visibility(tmp_path / "worse" / "visibility.npz", Visibility(worse.grid, np.full_like(worse.finest_m, 0.04)))
+    again = goshawk("check", tmp_path / "round.json", "--map", tmp_path / "worse", *world(patchy)[2:])
+    assert again.returncode == 1
+    assert "thinnest obstacle" in again.stderr
+    page = tmp_path / "round.html"
+    assert goshawk("export", tmp_path / "round.json", "--report", page, *world(patchy)).returncode == 0
+    assert "20 mm thick could hide" in page.read_text()
+
+
+def test_a_thinner_obstacle_asked_for_is_refused_where_nothing_resolves_it_and_wrong_units_at_once(patchy, tmp_path):
+    call = ("plan", patchy / "across.json", *world(patchy), "--out", tmp_path / "x.json", "--thinnest")
+    for thickness, code in ((0.01, 2), (30, 2), (-1, 2), ("nan", 2)):
+        ended = goshawk(*call, thickness)
+        assert ended.returncode == code, ended.stderr
+        assert not (tmp_path / "x.json").exists()
+
+
+def test_a_batch_tells_what_could_hide_near_each_plan(patchy, tmp_path):
+    (tmp_path / "missions").mkdir()
+    shutil.copy(patchy / "across.json", tmp_path / "missions")
+    call = ("--batch", tmp_path / "missions", *world(patchy))
+    row = run(*call, "--out", tmp_path / "plain")["missions"][0]
+    assert row["could_hide_m"] == pytest.approx(0.08)
+    row = run(*call, "--out", tmp_path / "careful", "--thinnest", 0.03)["missions"][0]
+    assert (row["could_hide_m"], row["could_hide_share"]) == (pytest.approx(0.02), 0.0)
+
+
+def test_in_a_map_without_images_it_is_not_known_what_could_hide(patchy, tmp_path):
+    shutil.copytree(patchy / "map", tmp_path / "map", ignore=shutil.ignore_patterns("visibility.npz"))
+    (tmp_path / "map" / "poses.csv").write_text("image,time_s,x_m,y_m,z_m,qw,qx,qy,qz\n")
+    call = ("plan", patchy / "across.json", "--map", tmp_path / "map", *world(patchy)[2:])
+    ended = goshawk(*call, "--out", tmp_path / "x.json")
+    assert ended.returncode == 0, ended.stderr
+    assert "not known" in ended.stdout
+    assert json.loads((tmp_path / "x.json").read_text())["check"]["could_hide"] is None
+    refused = goshawk(*call, "--out", tmp_path / "y.json", "--thinnest", 0.03)
+    assert refused.returncode == 2
+    assert "no images" in refused.stderr

@@ -1,0 +1,123 @@
+"""What a map calls free, and how thin an obstacle its images rule out there; see `esdf.visibility`."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import esdf
+from esdf import FREE, UNKNOWN, Edit, Field, Grid
+from esdf.visibility import CouldHide, Visibility
+from flight import FloatArray, InputError
+from mapping.camera.rig import Rig
+from mapping.dense import fusion, resolution, surface
+
+THRESHOLD_M = 0.03
+"""Obstacles thicker than a thumb and a half: poles, branches, chair legs, of which a map should know."""
+_NEIGHBOURS = 8
+"""Places compared for the least distance between a voxel's box and a path, found by the distance of their centres."""
+_TOUCH_M = 1e-9
+"""What is just as far away as it must be is not within reach."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeSpace:
+    """The free space of a map, and the evidence for it."""
+
+    field: Field
+    """The map's, the pilot's edits applied."""
+    seen: Visibility
+    """The thinnest obstacle that the images resolve, place by place."""
+    empty: NDArray[np.bool_] = field(repr=False)
+    """(nx, ny, nz) voxels of the field where nothing can hide, whatever the images resolve (`known_empty`)."""
+
+    def resolving(self, thickness_m: float) -> Field:
+        """The field in which space is unknown, hence not free, where an obstacle this thick could hide.
+
+        Occupied and unknown voxels stay as they are. It is what `goshawk map --thinnest` leaves free, but for pockets
+        that are free only apart from the recorded path: they stay.
+
+        Raises:
+            InputError: the thickness is not positive.
+        """
+        if not thickness_m > 0.0:
+            raise InputError(f"the thinnest obstacle to be ruled out is {thickness_m:g} m; it must be positive")
+        state, grid = self.field.state.copy(), self.field.grid
+        state[resolution.could_hide(state, grid, self.seen, thickness_m, empty=self.empty)] = UNKNOWN
+        return esdf.build(state, grid, cap_m=self.field.cap_m, unknown=self.field.unknown)
+
+    def along(self, times_s: ArrayLike, positions_world_m: ArrayLike, reach_m: float) -> CouldHide:
+        """How thick an obstacle could hide within reach of a path.
+
+        Args:
+            times_s: (n,) when the path is at each position; n is at least 1.
+            positions_world_m: (n, 3) equally spaced along the path, much closer than `reach_m`.
+        """
+        times, path = np.asarray(times_s, dtype=np.float64), np.asarray(positions_world_m, dtype=np.float64)
+        grid, half = self.field.grid, 0.5 * np.array(self.field.grid.voxel_m)
+        places = grid.centre(self._cells_near(path, reach_m + grid.half_diagonal_m))
+        nearest, distance_m = _nearest(path, places, half)
+        within = distance_m < reach_m - _TOUCH_M
+        if not within.any():
+            return CouldHide(reach_m, 0.0, 0.0, _point(path[0]), THRESHOLD_M, 0.0)
+        places, nearest = places[within], nearest[within]
+        thickness_m = self.seen.finest(places)
+        worst = np.flatnonzero(thickness_m == thickness_m.max())
+        first = worst[np.argmin(times[nearest[worst]])]
+        thick = places[thickness_m > THRESHOLD_M]
+        share = 0.0
+        if len(thick):
+            share = float((_nearest(thick, path, half)[1] < reach_m - _TOUCH_M).mean())
+        time_s, point = float(times[nearest[first]]), _point(places[first])
+        return CouldHide(reach_m, float(thickness_m[first]), time_s, point, THRESHOLD_M, share)
+
+    def _cells_near(self, path_world_m: FloatArray, distance_m: float) -> NDArray[np.int64]:
+        """Free voxels (m, 3), not known to be empty otherwise, with their centre this near to one of the points."""
+        from scipy.spatial import KDTree
+
+        grid = self.field.grid
+        box = grid.region(path_world_m.min(axis=0) - distance_m, path_world_m.max(axis=0) + distance_m)
+        free = (self.field.state[box.slices] == FREE) & ~self.empty[box.slices]
+        cells = np.argwhere(free) + np.array(box.low)
+        far_m, _ = KDTree(path_world_m).query(grid.centre(cells), distance_upper_bound=distance_m)
+        return cells[np.isfinite(far_m)]
+
+
+def known_empty(
+    grid: Grid, edits: Iterable[Edit], rig: Rig, T_world_body: FloatArray, carrier_radius_m: float
+) -> NDArray[np.bool_]:
+    """(nx, ny, nz) where nothing can hide: what carried the cameras went through, or the pilot freed the space.
+
+    Args:
+        T_world_body: (n, 4, 4) of the images, in their order.
+        carrier_radius_m: about each camera; 0 where it is not known.
+    """
+    places = [(camera.name, (pose @ camera.T_body_camera)[:3, 3]) for pose in T_world_body for camera in rig]
+    empty = np.zeros(grid.shape, bool)
+    if carrier_radius_m > 0.0:
+        empty |= fusion.within(grid, surface.carried_path(places, 0.5 * min(grid.voxel_m)), carrier_radius_m)
+    for edit in edits:
+        if edit.action in ("remove", "clear"):
+            box = esdf.solids.covered_region(edit.solid, grid)
+            empty[box.slices] |= edit.reaches(grid, box)
+    return empty
+
+
+def _nearest(of: FloatArray, asked: FloatArray, half_m: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+    """Which of the points (n, 3) is nearest to each that is asked (m, 3), where one of both is the centre of a box.
+
+    Returns:
+        Its index (m,), and the distance (m,) between point and box, whose sides are twice `half_m`.
+    """
+    from scipy.spatial import KDTree
+
+    _, found = KDTree(of).query(asked, k=list(range(1, 1 + min(_NEIGHBOURS, len(of)))))
+    apart_m = np.linalg.norm(np.maximum(np.abs(of[found] - asked[:, None]) - half_m, 0.0), axis=2)
+    best = apart_m.argmin(axis=1)[:, None]
+    return np.take_along_axis(found, best, axis=1)[:, 0], np.take_along_axis(apart_m, best, axis=1)[:, 0]
+
+
+def _point(point: FloatArray) -> tuple[float, float, float]:
+    x, y, z = point.tolist()
+    return x, y, z

@@ -1,0 +1,142 @@
+"""Free space in which an obstacle could hide: how thin, where along a path, and the field without such space."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import esdf
+import mapping
+from esdf import FREE, OCCUPIED, UNKNOWN, Edit, Grid
+from esdf.solids import Box, Room
+from esdf.visibility import View, Visibility, look, save_visibility
+from flight import InputError
+from mapping import map_folder
+from mapping.free_space import THRESHOLD_M, FreeSpace, known_empty
+from tests.mapping.test_map_folder import RIG, made_map
+
+GRID = Grid((-0.1,) * 3, (0.1,) * 3, (62, 42, 27))
+ROOM = esdf.rasterize(Room((0.0, 0.0, 0.0), (6.0, 4.0, 2.5)), GRID)
+VIEWS = [View((0.5, 2.0, 1.2), (1.0, 0.0, 0.0), 0.6, 1 / 300)]
+NOTHING = np.zeros(GRID.shape, bool)
+
+
+def room(empty: np.ndarray = NOTHING, seen: Visibility | None = None) -> FreeSpace:
+    return FreeSpace(esdf.build(ROOM, GRID), look(ROOM, GRID, VIEWS, pixels=8.0) if seen is None else seen, empty)
+
+
+def line(first: tuple[float, float, float], last: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
+    share = np.linspace(0.0, 1.0, 200)
+    return 2.0 * share, np.array(first) + share[:, None] * (np.array(last) - first)
+
+
+def everywhere(thickness_m: float) -> Visibility:
+    seen = look(ROOM, GRID, VIEWS)
+    return Visibility(seen.grid, np.full_like(seen.finest_m, thickness_m))
+
+
+@given(thin=st.floats(0.001, 1.0), thick=st.floats(0.001, 1.0))
+def test_the_thinner_the_obstacle_the_less_is_free_and_what_is_occupied_never_changes(thin, thick):
+    thin, thick = sorted((thin, thick))
+    space = room()
+    careful, careless = space.resolving(thin).state, space.resolving(thick).state
+    for state in (careful, careless):
+        np.testing.assert_array_equal(state == OCCUPIED, ROOM == OCCUPIED)
+        assert (state[state != ROOM] == UNKNOWN).all()
+    assert not ((careful == FREE) & (careless != FREE)).any()
+
+
+def test_where_all_is_resolved_the_field_is_that_of_the_map():
+    space = room(seen=everywhere(0.02))
+    assert space.resolving(0.02).hash == space.field.hash
+    assert not (space.resolving(0.0199).state == FREE).any()
+    for wrong in (0.0, -1.0, np.nan):
+        with pytest.raises(InputError, match="positive"):
+            space.resolving(wrong)
+
+
+def test_a_path_in_the_stricter_field_is_one_along_which_no_such_obstacle_could_hide():
+    space, reach_m = room(), 0.3
+    rng = np.random.default_rng(3)
+    points = rng.uniform((0.4, 0.4, 0.4), (5.6, 3.6, 2.1), (150, 3))
+    verdicts = set()
+    for thickness_m in (0.04, 0.08, 0.12):
+        near = space.resolving(thickness_m).distance(points)
+        for point, distance_m in zip(points, near, strict=True):
+            found = space.along([0.0], point[None], reach_m)
+            if abs(distance_m - reach_m) > 2.0 * GRID.half_diagonal_m:  # the field is exact at voxels' centres only
+                in_map = space.field.distance(point[None])[0] > reach_m + 2.0 * GRID.half_diagonal_m
+                clear = distance_m > reach_m
+                assert found.thickness_m <= thickness_m or not clear
+                assert found.thickness_m > thickness_m or clear or not in_map
+                verdicts.add(clear)
+    assert verdicts == {True, False}
+
+
+def test_the_worst_place_and_the_share_of_the_way_are_those_of_a_known_patch():
+    seen = everywhere(0.01)
+    x = seen.grid.centres()[..., 0]
+    seen.finest_m[(x > 3.0) & (x < 3.8)] = 0.05  # two slabs of the mask, each 0.4 m: 3.1 to 3.9 m
+    seen.finest_m[15:] = 0.01
+    thick = np.flatnonzero(seen.finest_m[:, 0, 0] > THRESHOLD_M)
+    low = seen.grid.low_world_m[0] + 0.4 * thick[0]
+    high = seen.grid.low_world_m[0] + 0.4 * (thick[-1] + 1)
+    found = room(seen=seen).along(*line((1.0, 2.0, 1.2), (5.0, 2.0, 1.2)), 0.3)
+    assert found.thickness_m == pytest.approx(0.05)
+    assert low <= found.point_world_m[0] <= high
+    assert found.length_share == pytest.approx((high - low + 0.6) / 4.0, abs=0.02)
+    assert found.time_s == pytest.approx(2.0 * (low - 0.3 - 1.0) / 4.0, abs=0.4)
+    assert found.as_dict()["thickness_m"] == pytest.approx(0.05)
+    assert "50 mm" in found.describe()
+
+
+def test_where_no_image_looked_anything_could_hide_and_nothing_where_the_carrier_was():
+    behind = line((0.3, 0.5, 1.2), (0.3, 0.9, 1.2))
+    found = room().along(*behind, 0.25)
+    assert found.unseen
+    assert found.as_dict()["thickness_m"] is None
+    assert found.length_share == 1.0
+    assert "any thickness" in found.describe()
+    swept = room(empty=np.ones(GRID.shape, bool)).along(*behind, 0.25)
+    assert (swept.thickness_m, swept.length_share) == (0.0, 0.0)
+    assert "no obstacle" in swept.describe()
+
+
+def test_a_longer_reach_never_finds_less():
+    path = line((1.5, 2.0, 1.2), (4.5, 2.2, 1.2))
+    found = [room().along(*path, reach_m) for reach_m in (0.05, 0.2, 0.4, 0.8)]
+    assert [f.thickness_m for f in found] == sorted(f.thickness_m for f in found)
+    assert [f.length_share for f in found] == sorted(f.length_share for f in found)
+
+
+def test_space_that_the_pilot_freed_counts_as_empty_and_an_added_obstacle_does_not():
+    freed, added = Box((3.0, 2.0, 1.0), (3.4, 2.4, 1.4)), Box((5.0, 2.0, 1.0), (5.4, 2.4, 1.4))
+    edits = [Edit("remove", freed), Edit("add", added)]
+    empty = known_empty(GRID, edits, RIG, np.eye(4)[None], 0.0)
+    inside = (freed.distance(GRID.centres().reshape(-1, 3)) <= 0.0).reshape(GRID.shape)
+    np.testing.assert_array_equal(empty, inside)
+
+
+def test_the_way_of_the_cameras_is_empty_within_the_radius_of_what_carried_them():
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    poses[:, :3, 3] = (2.0, 2.0, 1.0), (2.3, 2.0, 1.0)
+    empty = known_empty(GRID, (), RIG, poses, 0.2)
+    centres = GRID.centre(np.argwhere(empty))
+    nearest = np.clip(centres, poses[0, :3, 3], poses[1, :3, 3])
+    assert len(centres) > 20
+    assert (np.linalg.norm(centres - nearest, axis=1) <= 0.2).all()
+    assert not known_empty(GRID, (), RIG, poses, 0.0).any()
+
+
+def test_a_map_without_images_says_that_it_is_not_known(tmp_path: Path) -> None:
+    folder = made_map(tmp_path / "map")
+    space = mapping.open_map(folder).free_space()
+    assert space is not None
+    assert not space.empty.any()
+    seen = mapping.open_map(folder).visibility()
+    (folder / "poses.csv").write_text("image,time_s,x_m,y_m,z_m,qw,qx,qy,qz\n")
+    assert mapping.open_map(folder).free_space() is None
+    save_visibility(folder / map_folder.VISIBILITY, seen)
+    assert mapping.open_map(folder).free_space() is not None
