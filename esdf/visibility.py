@@ -71,14 +71,14 @@ class CouldHide:
     """Share of the path's length, 0 to 1, along which an obstacle thicker than that could hide within reach."""
 
     @property
-    def unseen(self) -> bool:
+    def unobserved(self) -> bool:
         """Whether no image looked at some of the space: an obstacle of any thickness could hide there."""
         return bool(np.isinf(self.thickness_m))
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able; the thickness is None where no image looked."""
-        body = asdict(self) | {"point_world_m": list(self.point_world_m), "unseen": self.unseen}
-        return body | {"thickness_m": None if self.unseen else self.thickness_m}
+        body = asdict(self) | {"point_world_m": list(self.point_world_m), "unobserved": self.unobserved}
+        return body | {"thickness_m": None if self.unobserved else self.thickness_m}
 
     def describe(self) -> str:
         """In words: how thick, within what distance, where, when, and along how much of the path."""
@@ -87,10 +87,10 @@ class CouldHide:
         x, y, z = self.point_world_m
         what = (
             "an obstacle of any thickness"
-            if self.unseen
+            if self.unobserved
             else f"an obstacle up to {1e3 * self.thickness_m:.0f} mm thick"
         )
-        why = " (no image looked there)" if self.unseen else ""
+        why = " (no image looked there)" if self.unobserved else ""
         return (
             f"{what} could hide within {self.reach_m:.2f} m at {self.time_s:.2f} s, at ({x:.2f}, {y:.2f}, {z:.2f}) m"
             f"{why}; more than {1e3 * self.threshold_m:.0f} mm along {100.0 * self.length_share:.0f} % of the way"

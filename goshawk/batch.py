@@ -318,7 +318,7 @@ def plan_one(path: Path, job: Job) -> Row:
         duration_s=plan.trajectory.duration_s,
         clearance_m=plan.gate.clearance_m,
         top_speed_m_s=top_speed_m_s(plan.trajectory),
-        could_hide_m=None if hidden is None or hidden.unseen else hidden.thickness_m,
+        could_hide_m=None if hidden is None or hidden.unobserved else hidden.thickness_m,
         could_hide_share=None if hidden is None else hidden.length_share,
         method=plan.method,
         trajectory_hash=plan.gate.trajectory_hash,

@@ -81,7 +81,17 @@ def test_a_plan_in_a_doubtful_map_says_so(folder, tmp_path):
     replanner.begin()
     answer = planning.answer(asked, inputs.Parts(tmp_path / "project"), planner.PlanOptions(), replanner)
     assert answer.file is not None
-    assert answer.shown.sentence.endswith("is needed. The map is doubtful: the walk is short.")
+    assert answer.shown.sentence.endswith(" The map is doubtful: the walk is short.")
+
+
+def test_a_plan_says_how_thin_an_obstacle_could_hide_near_it(folder):
+    asked, replanner = request(folder, 1), replanning.Replanner()
+    replanner.begin()
+    answer = planning.answer(asked, inputs.Parts(folder), planner.PlanOptions(), replanner)
+    assert answer.file is not None
+    assert answer.file.check["could_hide"]["unobserved"]  # the room's one image does not show all of it
+    assert "is needed. An obstacle of any thickness could hide within 0.34 m" in answer.shown.sentence
+    assert "`goshawk plan --thinnest 0.03`" in answer.shown.sentence
 
 
 def test_a_waypoint_in_a_pillar_is_refused_in_words(folder, running):

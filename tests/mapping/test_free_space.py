@@ -95,7 +95,7 @@ def test_the_worst_place_and_the_share_of_the_way_are_those_of_a_known_patch():
 def test_where_no_image_looked_anything_could_hide_and_nothing_where_the_carrier_was():
     behind = line((0.3, 0.5, 1.2), (0.3, 0.9, 1.2))
     found = room().along(*behind, 0.25)
-    assert found.unseen
+    assert found.unobserved
     assert found.as_dict()["thickness_m"] is None
     assert found.length_share == 1.0
     assert "any thickness" in found.describe()
