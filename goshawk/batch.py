@@ -187,10 +187,9 @@ def _done(job: Job, keys: dict[str, str]) -> dict[str, Row]:
             row = json.loads(line)
         except (ValueError, RecursionError):
             continue
-        if isinstance(row, dict):
-            row = dict.fromkeys(_NEWER) | row  # pyright: ignore[reportUnknownArgumentType]
+        row = {**dict.fromkeys(_NEWER), **row} if isinstance(row, dict) else row
         if _is_row(row):
-            found[row["name"]] = row
+            found[str(row["name"])] = row
     found = {name: row for name, row in found.items() if row["status"] in ("planned", "infeasible", "refused")}
     changed = sorted(name for name, row in found.items() if name in keys and row.get("key") != keys[name])
     if changed and not job.overwrite:

@@ -1,7 +1,7 @@
 """What a map calls free, and how thin an obstacle its images rule out there; see `esdf.visibility`."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,7 +29,7 @@ class FreeSpace:
     """The map's, the pilot's edits applied."""
     seen: Visibility
     """The thinnest obstacle that the images resolve, place by place."""
-    empty: NDArray[np.bool_] = field(repr=False)
+    empty: NDArray[np.bool_]
     """(nx, ny, nz) voxels of the field where nothing can hide, whatever the images resolve (`known_empty`)."""
 
     def resolving(self, thickness_m: float) -> Field:
@@ -112,7 +112,8 @@ def _nearest(of: FloatArray, asked: FloatArray, half_m: FloatArray) -> tuple[NDA
     """
     from scipy.spatial import KDTree
 
-    _, found = KDTree(of).query(asked, k=list(range(1, 1 + min(_NEIGHBOURS, len(of)))))
+    _, found = KDTree(of).query(asked, k=min(_NEIGHBOURS, len(of)))
+    found = np.reshape(found, (len(asked), -1))  # one neighbour alone comes without its axis
     apart_m = np.linalg.norm(np.maximum(np.abs(of[found] - asked[:, None]) - half_m, 0.0), axis=2)
     best = apart_m.argmin(axis=1)[:, None]
     return np.take_along_axis(found, best, axis=1)[:, 0], np.take_along_axis(apart_m, best, axis=1)[:, 0]

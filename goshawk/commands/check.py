@@ -111,7 +111,7 @@ def renewed(item: TrajectoryFile, report: planner.GateReport) -> TrajectoryFile:
 
 def _facts(report: planner.GateReport) -> dict[str, object]:
     """One line a check: value, bound, verdict, and the reason where it fails; then how thin an obstacle could hide."""
-    return {check.name: _fact(check) for check in report.checks} | {"could hide": could_hide.describe(report)}
+    return {**{check.name: _fact(check) for check in report.checks}, "could hide": could_hide.describe(report)}
 
 
 def _fact(check: Check) -> str:
