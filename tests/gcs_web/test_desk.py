@@ -197,12 +197,15 @@ def test_another_project_is_refused_while_somebody_is_in_control_a_job_waits_or_
         running.open_project("yard", ADA)
     running.watch.state.return_value = protocol.Vehicle("fresh")
     running.jobs.close()
-    running.jobs = MagicMock(is_busy=True)
+    running.jobs = MagicMock()
+    running.jobs.end_if_idle.return_value = False
     with pytest.raises(InputError, match="a job runs or waits"):
         running.open_project("yard", ADA)
-    running.jobs.is_busy = False
+    running.jobs.end_if_idle.return_value = True
     assert went == []
     running.open_project("yard", ADA)
     assert went == [other.folder.resolve()]
     with pytest.raises(InputError):  # once
         running.open_project("yard", ADA)
+    with pytest.raises(InputError, match="another project is being opened"):
+        running.take_control(ADA, force=True)
