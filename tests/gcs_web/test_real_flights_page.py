@@ -74,6 +74,7 @@ def test_real_flights_come_to_a_verdict_on_the_page(opened: project.Project, tmp
         page.get_by_role("button", name=re.compile(f"^{FLIGHTS[1]}-fixed ")).click()
         page.get_by_text("Fixed:").first.wait_for()
         picture("fixed")
+        page.get_by_text("Take the pieces between them as flights of their own").wait_for()  # jumps of the pose are out
 
         page.get_by_role("button", name="Compare with the model").click()
         page.get_by_role("heading", name=re.compile("^Residual")).wait_for()
