@@ -22,10 +22,10 @@ def _run(folder: Path, asked: Chosen, progress: Progress) -> Compared:
     comparison = within(progress, "compare", 0.0, 0.8)
     believed_hash = vehicle.vehicle_hash(believed)
     found, errors = residuals.made(learn, held_out, believed, believed_hash, contents, options, comparison)
+    progress("forces and torques", 0.8)
+    wrench = sysid.wrench_errors(held_out or learn, {residuals.MODEL: believed}, options)
     report = reports.withdrawn(folder, "comparison")
     residuals.save(comparing.comparison_file(folder), found)
-    progress("report", 0.8)
-    wrench = sysid.wrench_errors(held_out or learn, {residuals.MODEL: believed}, options)
     progress("report", 0.9)
     sysid.report.write_comparison(report, errors, wrench)
     return found

@@ -19,6 +19,9 @@ from sysid.diagnosis import diagnose
 from sysid.diagnosis.outlook import outlook
 from sysid.report import diagnosis_page
 
+HOW_TO_GO_ON = "(on the page's step Learn, or in the project's folder by these commands)"
+"""Before the next steps of the report."""
+
 
 class Arguments(flights.Chosen):
     auto: Annotated[bool, msgspec.Meta(title="Repeat until no candidate is significant")] = True
@@ -38,14 +41,14 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> protocol.Diagnos
     report = reports.withdrawn(folder, "diagnosis")
     file_format.write_bytes(learning.diagnosis_file(folder), msgspec.json.encode(shown))
     progress("report", 0.9)
-    diagnosis_page.write(
-        report, found, further=what_next.lines(found, _call(project, asked), outlooks), outlooks=outlooks
-    )
+    further = what_next.lines(found, _call(project, asked), outlooks)
+    further = [HOW_TO_GO_ON, *further] if further else []
+    diagnosis_page.write(report, found, further=further, outlooks=outlooks)
     return shown
 
 
 def _call(project: Project, asked: Arguments) -> DiagnoseCall:
-    """The verb that does the same, in the project's folder."""
+    """The verb that does the same in the project's folder."""
     learn, held_out = (
         [project.flight(name).relative_to(project.folder) for name in names] for names in (asked.learn, asked.held_out)
     )
