@@ -13,6 +13,10 @@ os.environ.setdefault("GOSHAWK_TRACEBACK", "1")  # a fault of our own is to be s
 
 import numpy as np
 import pytest
+from hypothesis import settings
+
+settings.register_profile("goshawk", deadline=None)  # no test asserts wall-clock times, Hypothesis' own limit included
+settings.load_profile("goshawk")
 
 # A shell that starts the tests in the background has Ctrl-C ignored, and every child would inherit that.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
