@@ -83,7 +83,7 @@ class CouldHide:
     def describe(self) -> str:
         """In words: how thick, within what distance, where, when, and along how much of the path."""
         if self.thickness_m == 0.0:  # a sum of nothing, no result of arithmetic
-            return f"no obstacle could hide within {self.reach_m:.2f} m"
+            return f"no obstacle could hide in the free space within {self.reach_m:.2f} m"
         x, y, z = self.point_world_m
         what = (
             "an obstacle of any thickness"

@@ -112,8 +112,8 @@ def _nearest(of: FloatArray, asked: FloatArray, half_m: FloatArray) -> tuple[NDA
     """
     from scipy.spatial import KDTree
 
-    _, found = KDTree(of).query(asked, k=min(_NEIGHBOURS, len(of)))
-    found = np.reshape(found, (len(asked), -1))  # one neighbour alone comes without its axis
+    count = min(_NEIGHBOURS, len(of))
+    found = np.reshape(KDTree(of).query(asked, k=count)[1], (len(asked), count))  # one alone comes without its axis
     apart_m = np.linalg.norm(np.maximum(np.abs(of[found] - asked[:, None]) - half_m, 0.0), axis=2)
     best = apart_m.argmin(axis=1)[:, None]
     return np.take_along_axis(found, best, axis=1)[:, 0], np.take_along_axis(apart_m, best, axis=1)[:, 0]

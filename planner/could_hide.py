@@ -50,9 +50,8 @@ def add(
     """
     if thinnest_m is not None:
         require_thickness(thinnest_m)
-    finite = all(np.isfinite(part).all() for part in (trajectory.durations_s, trajectory.coefficients))
     found = None
-    if free is not None and finite:
+    if free is not None:
         times = equally_spaced(trajectory)
         path = trajectory.position(times)
         off = ~_above_ground(path, report.conditions.ground_world_m, report.required_clearance_m)

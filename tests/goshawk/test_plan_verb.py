@@ -343,6 +343,23 @@ def test_a_batch_tells_what_could_hide_near_each_plan(patchy, tmp_path):
     assert row["could_hide_m"] == pytest.approx(0.08)
     row = run(*call, "--out", tmp_path / "careful", "--thinnest", 0.03)["missions"][0]
     assert (row["could_hide_m"], row["could_hide_share"]) == (pytest.approx(0.02), 0.0)
+    journal = tmp_path / "plain" / "journal.jsonl"
+    written = json.loads(journal.read_text())
+    journal.write_text(json.dumps({name: value for name, value in written.items() if "could_hide" not in name}) + "\n")
+    again = run(*call, "--out", tmp_path / "plain")["missions"][0]  # as an earlier version left it: not planned again
+    assert again["could_hide_share"] is None
+    assert again["cpu_s"] == written["cpu_s"]
+
+
+def test_a_damaged_record_of_what_was_to_be_ruled_out_is_refused(patchy, tmp_path):
+    run(patchy / "across.json", *world(patchy), "--out", tmp_path / "x.json")
+    document = json.loads((tmp_path / "x.json").read_text())
+    for wrong in ("thin", -1.0, [0.03]):
+        document["check"]["thinnest_m"] = wrong
+        (tmp_path / "x.json").write_text(json.dumps(document))
+        ended = goshawk("check", tmp_path / "x.json", *world(patchy))
+        assert ended.returncode == 2
+        assert "thinnest obstacle" in ended.stderr
 
 
 def test_in_a_map_without_images_it_is_not_known_what_could_hide(patchy, tmp_path):
