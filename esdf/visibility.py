@@ -82,7 +82,7 @@ class CouldHide:
 
     def describe(self) -> str:
         """In words: how thick, within what distance, where, when, and along how much of the path."""
-        if self.thickness_m == 0.0:  # a sum of nothing, no result of arithmetic
+        if not self.thickness_m > 0.0:
             return f"no obstacle could hide in the free space within {self.reach_m:.2f} m"
         x, y, z = self.point_world_m
         what = (
@@ -149,4 +149,6 @@ def load_visibility(path: Path) -> Visibility:
         raise FormatError(
             f"{path} is a damaged visibility mask: {file_format.damage_text(error)}; build the map again"
         ) from error
+    if finest.ndim != 3 or not (finest > 0.0).all():  # neither is NaN, which would compare as resolved
+        raise FormatError(f"{path} is a damaged visibility mask: not all thicknesses are positive; build the map again")
     return Visibility(grid, finest)

@@ -218,10 +218,13 @@ class Map:
         """The thinnest obstacle that the images resolve, place by place; thinner ones may be missing from the map.
 
         Raises:
-            FormatError: the file is damaged.
+            FormatError: the file is damaged, or of another map.
         """
         if (self.folder / VISIBILITY).is_file():
-            return load_visibility(self.folder / VISIBILITY)
+            seen = load_visibility(self.folder / VISIBILITY)
+            if not resolution.fits(seen, self.field.grid):
+                raise FormatError(f"{self.folder / VISIBILITY} is of a grid unlike the map's; build the map again")
+            return seen
         cameras = [(c, pose @ c.T_body_camera) for pose in self.T_world_body for c in self.rig.cameras]
         return resolution.visibility(self.field.state, self.field.grid, cameras)  # a map of an earlier version
 

@@ -13,7 +13,7 @@ from esdf.visibility import CouldHide
 from flight import FloatArray, FormatError, InputError, Trajectory, TrajectoryFile
 from planner.gate import GateReport
 from planner.limits import Check
-from planner.space import COLUMN_M
+from planner.space import COLUMN_M, GROUND_TOLERANCE_M
 
 CHECK = "thinnest obstacle"
 """Name of the check, where a thinnest obstacle to be ruled out was asked for."""
@@ -28,9 +28,7 @@ _MOST_TIMES = 400_000
 class FreeSpace(Protocol):
     """What knows how thin an obstacle the images of a map resolve."""
 
-    def along(
-        self, times_s: ArrayLike, positions_world_m: ArrayLike, reach_m: float
-    ) -> CouldHide: ...  # as `mapping.free_space.FreeSpace`
+    def along(self, times_s: ArrayLike, positions_world_m: ArrayLike, reach_m: float) -> CouldHide: ...
 
 
 def add(
@@ -55,8 +53,8 @@ def add(
         times = equally_spaced(trajectory)
         path = trajectory.position(times)
         off = ~_above_ground(path, report.conditions.ground_world_m, report.required_clearance_m)
-        if off.any():
-            found = free.along(times[off], path[off], report.required_clearance_m)
+        off = off if off.any() else ~off  # a hop that stays so low is asked all along
+        found = free.along(times[off], path[off], report.required_clearance_m)
     report = replace(report, could_hide=found, thinnest_m=thinnest_m)
     if thinnest_m is None:
         return report
@@ -117,8 +115,9 @@ def equally_spaced(trajectory: Trajectory) -> FloatArray:
     return np.interp(np.linspace(0.0, flown_m[-1], count), flown_m, times)
 
 
-def _above_ground(path_world_m: FloatArray, ground_world_m: FloatArray | None, height_m: float) -> np.ndarray:
-    """(n,) which positions are straight above a ground point and lower than that."""
+def _above_ground(path_world_m: FloatArray, ground_world_m: FloatArray | None, required_m: float) -> np.ndarray:
+    """(n,) which positions are straight above a ground point and so low that `Grounded` may ask for less there."""
+    height_m = required_m + 2.0 * GROUND_TOLERANCE_M  # its ground may lie one tolerance deep, and it allows another
     above = np.zeros(len(path_world_m), bool)
     for ground in np.zeros((0, 3)) if ground_world_m is None else np.asarray(ground_world_m).reshape(-1, 3):
         offset = path_world_m - ground

@@ -48,6 +48,15 @@ def finest_of_voxels(seen: Visibility, grid: Grid) -> NDArray[np.float32]:
     return finest[: grid.shape[0], : grid.shape[1], : grid.shape[2]]
 
 
+def fits(seen: Visibility, grid: Grid) -> bool:
+    """Whether the voxels of what is resolved are whole numbers of a grid's, from the same corner, and cover it."""
+    ratio = np.array(seen.grid.voxel_m) / np.array(grid.voxel_m)
+    whole = np.round(ratio)
+    same = np.allclose(ratio, whole, rtol=0.0, atol=1e-6) and bool((whole >= 1.0).all())
+    corner = np.allclose(seen.grid.low_world_m, grid.low_world_m, rtol=0.0, atol=1e-6)
+    return same and corner and bool((whole * seen.grid.shape >= grid.shape).all())
+
+
 def could_hide(
     state: NDArray[np.uint8], grid: Grid, seen: Visibility, thickness_m: float, *, empty: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:

@@ -97,6 +97,13 @@ def test_what_the_images_resolve_is_read_from_the_map_and_computed_for_an_earlie
     kept = dataclasses.replace(computed, finest_m=np.full_like(computed.finest_m, 0.07))
     save_visibility(opened.folder / map_folder.VISIBILITY, kept)
     np.testing.assert_array_equal(opened.visibility().finest_m, kept.finest_m)
+    moved = dataclasses.replace(kept, grid=esdf.Grid((0.1, 0.0, 0.0), kept.grid.voxel_m, kept.grid.shape))
+    save_visibility(opened.folder / map_folder.VISIBILITY, moved)
+    with pytest.raises(FormatError, match="unlike the map's"):
+        opened.visibility()
+    save_visibility(opened.folder / map_folder.VISIBILITY, dataclasses.replace(kept, finest_m=kept.finest_m * np.nan))
+    with pytest.raises(FormatError, match="not all thicknesses are positive"):
+        opened.visibility()
     (opened.folder / map_folder.VISIBILITY).write_bytes(b"cut off")
     with pytest.raises(FormatError, match="damaged"):
         opened.visibility()
