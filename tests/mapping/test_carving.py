@@ -221,10 +221,37 @@ def test_a_vehicle_smaller_than_a_voxel_is_refused_because_nothing_would_be_reac
         DenseOptions(voxel_m=0.25)
 
 
+NOWHERE = fusion.empty_volume(-np.ones(3), np.full(3, 4.0), voxel_m=0.05, truncation_m=0.1, channels=1).grid
+
+
+def path_along(views: list[ImageView], wall_x_m: float | None = None) -> np.ndarray:
+    occupied = np.zeros(NOWHERE.shape, bool)
+    if wall_x_m is not None:
+        occupied[NOWHERE.index(np.array([[wall_x_m, 0.0, 0.0]]))[0, 0]] = True
+    return surface.carried_path(views, 0.05, NOWHERE, occupied)
+
+
 def test_the_way_between_two_images_is_free_only_if_they_are_near_each_other() -> None:
     places = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (1.2, 0.0, 0.0)]
-    path = surface.carried_path([view_from(place) for place in places], 0.05)
+    path = path_along([view_from(place) for place in places])
     np.testing.assert_allclose(sorted({round(x, 3) for x in path[:, 0]}), [*np.linspace(0.0, 0.3, 7), 1.2], atol=1e-9)
     other = dataclasses.replace(PINHOLE, name="backward")
     pair = [view_from(), dataclasses.replace(view_from((0.3, 1.0, 1.0)), camera=other)]
-    assert len(surface.carried_path(pair, 0.05)) == 2
+    assert len(path_along(pair)) == 2
+
+
+def test_the_way_is_not_joined_past_missing_images_or_through_a_surface() -> None:
+    def pair(second: int) -> list[ImageView]:
+        places = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0)]
+        return [dataclasses.replace(view_from(p), instant=i) for p, i in zip(places, (4, second), strict=True)]
+
+    assert len(path_along(pair(5))) > 2
+    assert len(path_along(pair(6))) == 2
+    assert len(path_along(pair(5), wall_x_m=0.16)) == 2
+    assert len(path_along(pair(5), wall_x_m=0.46)) > 2
+
+
+@pytest.mark.parametrize("options", [{"thinnest_m": np.nan}, {"thinnest_m": -0.01}, {"least_seen_through": 0}])
+def test_options_that_would_open_space_unasked_are_refused(options: dict) -> None:
+    with pytest.raises(InputError, match=next(iter(options))):
+        DenseOptions(**options)
