@@ -150,7 +150,7 @@ def test_what_lies_before_a_measured_surface_is_not_free_unless_it_was_seen_thro
 
 def test_free_space_cut_off_from_the_path_becomes_unknown_and_nothing_else_changes() -> None:
     rng = np.random.default_rng(3)
-    grid = Grid((0.0, 0.0, 0.0), (0.1,) * 3, (20, 12, 12))
+    grid = Grid((0.0, 0.0, 0.0), (0.1, 0.1, 0.1), (20, 12, 12))
     state = rng.choice(np.array([UNKNOWN, FREE, FREE, FREE, OCCUPIED], np.uint8), grid.shape)
     state[10] = OCCUPIED  # a wall through all of it
     state[3, 3, 3] = FREE
@@ -163,14 +163,14 @@ def test_free_space_cut_off_from_the_path_becomes_unknown_and_nothing_else_chang
     assert (state[changed] == UNKNOWN).all()
     edge_to_edge = np.full((4, 4, 4), OCCUPIED, np.uint8)
     edge_to_edge[1, 1, 1] = edge_to_edge[2, 2, 1] = FREE  # a vehicle does not pass through an edge
-    fusion.unreached_is_unknown(edge_to_edge, Grid((0.0, 0.0, 0.0), (0.1,) * 3, (4, 4, 4)), np.array([[0.15] * 3]))
+    fusion.unreached_is_unknown(edge_to_edge, Grid((0.0, 0.0, 0.0), (0.1, 0.1, 0.1), (4, 4, 4)), np.array([[0.15] * 3]))
     assert edge_to_edge[1, 1, 1] == FREE
     assert edge_to_edge[2, 2, 1] == UNKNOWN
 
 
 def test_without_a_path_in_free_space_nothing_stays_free() -> None:
     state = np.full((5, 5, 5), FREE, np.uint8)
-    fusion.unreached_is_unknown(state, Grid((0.0, 0.0, 0.0), (0.1,) * 3, (5, 5, 5)), np.array([[9.0, 9.0, 9.0]]))
+    fusion.unreached_is_unknown(state, Grid((0.0, 0.0, 0.0), (0.1, 0.1, 0.1), (5, 5, 5)), np.array([[9.0, 9.0, 9.0]]))
     assert (state == UNKNOWN).all()
 
 

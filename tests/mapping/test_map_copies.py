@@ -290,7 +290,8 @@ def test_the_free_space_of_a_joined_map_is_as_trusted_as_that_of_the_worse_part(
         given = {"verdict": "good", "carrier_radius_m": radius, "scale_source": source}
         facts = {name: value for name, value in given.items() if value is not None}
         parts.append(dataclasses.replace(room(f"part{seed}", seed=seed), facts=facts))
-    new = merging.merged(*parts, merging.register(*parts))
+    first, second = parts
+    new = merging.merged(first, second, merging.register(first, second))
     assert new.facts.get("carrier_radius_m") == radius_m
     map_parts.write(tmp_path / "map", new)
     assert mapping.open_map(tmp_path / "map").standing is standing
