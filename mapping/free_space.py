@@ -11,7 +11,7 @@ from esdf import FREE, UNKNOWN, Edit, Field, Grid
 from esdf.visibility import CouldHide, Visibility
 from flight import FloatArray, InputError
 from mapping.camera.rig import Rig
-from mapping.dense import fusion, resolution, surface
+from mapping.dense import fusion, resolution
 
 THRESHOLD_M = 0.03
 """Obstacles thicker than a thumb and a half: poles, branches, chair legs, of which a map should know."""
@@ -90,13 +90,14 @@ def known_empty(
     """(nx, ny, nz) where nothing can hide: what carried the cameras went through, or the pilot freed the space.
 
     Args:
-        T_world_body: (n, 4, 4) of the images, in their order.
+        T_world_body: (n, 4, 4) of the images. The way between two of them does not count, as the folder does not say
+            where images between them are missing.
         carrier_radius_m: about each camera; 0 where it is not known.
     """
-    places = [(camera.name, (pose @ camera.T_body_camera)[:3, 3]) for pose in T_world_body for camera in rig]
+    places = np.array([(pose @ camera.T_body_camera)[:3, 3] for pose in T_world_body for camera in rig])
     empty = np.zeros(grid.shape, bool)
-    if carrier_radius_m > 0.0:
-        empty |= fusion.within(grid, surface.carried_path(places, 0.5 * min(grid.voxel_m)), carrier_radius_m)
+    if carrier_radius_m > 0.0 and len(places):
+        empty |= fusion.within(grid, places, carrier_radius_m)
     for edit in edits:
         if edit.action in ("remove", "clear"):
             box = esdf.solids.covered_region(edit.solid, grid)

@@ -46,7 +46,7 @@ from mapping.input.images import ImageSet
 from mapping.input.selection import SelectionOptions
 from mapping.input.trajectory import MotionKind
 from mapping.sparse import alignment, colmap, localization_map, reconstruction
-from mapping.sparse.alignment import Length
+from mapping.sparse.alignment import DEPTH_SOURCE, Length
 from mapping.sparse.colmap import SparseOptions
 from mapping.sparse.localization_map import LocalizationMap
 from mapping.sparse.reconstruction import SparseMap
@@ -63,6 +63,11 @@ STAGES = (source.FRAMES, source.CHECK, colmap.FEATURES, colmap.MATCHES, colmap.P
 """Stages whose results survive an interrupted work, in order."""
 MEASURED_SEEN_THROUGH = 1
 """Depth images of a sensor that must have seen through a voxel before it is free, as one measurement is enough."""
+EARLIER_FREE_SPACE = (
+    "its free space is of an earlier version, which called space free where images may not have seen through: about "
+    "thin things, and before and behind plain walls"
+)
+"""Reason to doubt a map."""
 _REPLACED = "replaced"
 """File of a work: inode of the earlier map, which is moved aside for the new one."""
 
@@ -193,13 +198,15 @@ class Map:
 
     @property
     def standing(self) -> Standing:
-        """What may be done in it."""
-        return _standing(self.facts, self.folder)
+        """What may be done in it; a map whose free space is of an earlier rule is at best doubtful."""
+        given = _standing(self.facts, self.folder)
+        return Standing.DOUBTFUL if given is not Standing.REFUSED and has_earlier_free_space(self.facts) else given
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why it is not good."""
-        return tuple(self.facts.get("reasons", ()))
+        earlier = (EARLIER_FREE_SPACE,) if has_earlier_free_space(self.facts) else ()
+        return (*self.facts.get("reasons", ()), *earlier)
 
     def require_not_refused(self) -> None:
         """Check that the map may be planned in at all.
@@ -483,14 +490,26 @@ def open_map(folder: Path) -> Map:
     return Map(folder, esdf.load(folder / "esdf"), rig, images, time_s, T_world_body, facts)
 
 
+def has_earlier_free_space(facts: dict[str, Any]) -> bool:
+    """Whether `map.toml` is of a map of images made before each free voxel had to be seen through over its whole width.
+
+    Those do not say what the carrier swept. Depth images of a sensor measure each pixel; a map without a source of
+    scale was not made of images.
+    """
+    return "carrier_radius_m" not in facts and facts.get("scale_source", DEPTH_SOURCE) != DEPTH_SOURCE
+
+
 def _standing(facts: dict[str, Any], folder: Path) -> Standing:
     """
     Raises:
-        FormatError: the verdict or its reasons are not what this version writes.
+        FormatError: the verdict, its reasons or the carrier's radius are not what this version writes.
     """
     given, reasons = facts.get("verdict", Standing.NOT_JUDGED), facts.get("reasons", [])
     if given not in list(Standing):
         raise FormatError(f"{folder / 'map.toml'}: the verdict is {given!r}; known are {', '.join(Standing)}")
     if not isinstance(reasons, list) or not all(isinstance(reason, str) for reason in reasons):
         raise FormatError(f"{folder / 'map.toml'}: the reasons are {reasons!r}; a list of sentences is expected")
+    radius_m = facts.get("carrier_radius_m", 1.0)
+    if not isinstance(radius_m, int | float) or not 0.0 < radius_m < np.inf:
+        raise FormatError(f"{folder / 'map.toml'}: carrier_radius_m is {radius_m!r}; metres above 0 are expected")
     return Standing(given)

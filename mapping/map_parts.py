@@ -15,11 +15,12 @@ from esdf import Edit, Field
 from esdf import moved as moving
 from esdf.solids import Solid, covered_region
 from esdf.storage import EDITS
+from esdf.visibility import Visibility, save_visibility
 from flight import FloatArray, FormatError, InputError, file_format, frames, results
 from mapping import map_folder, poses_file
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
-from mapping.dense import mesh_file
+from mapping.dense import mesh_file, resolution
 from mapping.sparse import localization_map
 from mapping.sparse.localization_map import LocalizationMap
 
@@ -53,6 +54,8 @@ class MapParts:
     """(n,) NaN where unknown."""
     T_world_body: FloatArray
     """(n, 4, 4)."""
+    seen: Visibility
+    """The thinnest obstacle that the images resolve."""
     facts: dict[str, Any]
     """Of `map.toml`."""
     report: dict[str, Any] | None
@@ -89,6 +92,7 @@ def read(folder: Path) -> MapParts:
         images=opened.images,
         time_s=opened.time_s,
         T_world_body=opened.T_world_body,
+        seen=opened.visibility(),
         facts=opened.facts,
         report=body,
     )
@@ -104,6 +108,7 @@ def write(out: Path, parts: MapParts, *, overwrite: bool = False) -> str:
     with results.new_folder(out, overwrite=overwrite, ours=map_folder.is_map) as placing:
         new = placing.temporary
         esdf.save(new / "esdf", parts.field)
+        save_visibility(new / map_folder.VISIBILITY, parts.seen)
         if parts.edits:
             esdf.save_edits(new / "esdf" / EDITS, parts.edits)
         for name in ("mesh.glb", "mesh.ply"):
@@ -150,6 +155,7 @@ def moved(parts: MapParts, T_new_old: FloatArray, sentence: str) -> MapParts:
         vertices_world_m=frames.apply(T_new_old, parts.vertices_world_m),
         known=dataclasses.replace(parts.known, points_world_m=frames.apply(T_new_old, parts.known.points_world_m)),
         T_world_body=T_new_old @ parts.T_world_body,
+        seen=resolution.moved(parts.seen, T_new_old, field.grid),
         facts=noted(parts, sentence),
     )
 

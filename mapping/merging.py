@@ -17,8 +17,10 @@ from esdf import moved as moving
 from esdf import regrid
 from flight import FloatArray, MapError, Progress, frames, rotations, silent
 from mapping.camera.rig import Rig
+from mapping.dense import resolution
 from mapping.localization import relocalization
 from mapping.localization.relocalization import LocalizationOptions
+from mapping.map_folder import has_earlier_free_space
 from mapping.map_parts import HISTORY, MapParts, mesh_of, moved
 from mapping.sparse.localization_map import LocalizationMap
 from mapping.verdict import SCALE_DOUBT, Standing
@@ -114,8 +116,9 @@ def merged(first: MapParts, second: MapParts, found: Registration) -> MapParts:
 
     A voxel that either map saw is known, one occupied in either is occupied; the second map's voxels, which are turned,
     grow by up to one. The camera file is the first map's. Poses of the second are left out if another rig took its
-    images: what they resolve would be worked out for the wrong lenses.
+    images. What each pilot freed stays free as far as the other map shows nothing there.
     """
+    first, second = _settled(first), _settled(second)
     sentence = (
         f"joined {first.name} ({first.field.hash[:8]}) and {second.name} ({second.field.hash[:8]}), "
         f"{len(found.pairs)} common points, {1000.0 * found.residual_m:.0f} mm"
@@ -152,6 +155,7 @@ def merged(first: MapParts, second: MapParts, found: Registration) -> MapParts:
         images=_all_images(first, other),
         time_s=np.concatenate([first.time_s, other.time_s]),
         T_world_body=np.concatenate([first.T_world_body, other.T_world_body]),
+        seen=resolution.joined(field, [(first.seen, first.field), (other.seen, turned)]),
         facts=_facts(first, second, sentence),
         report=None,
     )
@@ -252,6 +256,19 @@ def _near(points_m: FloatArray, others_m: FloatArray, within_m: float) -> np.nda
     return np.isfinite(distance_m)
 
 
+def _settled(parts: MapParts) -> MapParts:
+    """The map with its edits in its voxels, up to the last that frees space; no-fly zones stay edits.
+
+    An edit that frees space is about what its own map shows, and must not free what another one does.
+    """
+    last = max((n for n, edit in enumerate(parts.edits, 1) if edit.action in ("remove", "clear")), default=0)
+    done = [edit for edit in parts.edits[:last] if edit.action != "no-fly"]
+    if not done:
+        return parts
+    kept = tuple(edit for n, edit in enumerate(parts.edits, 1) if n > last or edit.action == "no-fly")
+    return dataclasses.replace(parts, field=esdf.Editor(parts.field, done).snapshot(), edits=kept)
+
+
 def _joined(first: tuple[esdf.Edit, ...], second: tuple[esdf.Edit, ...], name: str) -> tuple[esdf.Edit, ...]:
     """Both lists; a no-fly zone of a name that exists gets the second map's name in front."""
     names = {edit.name for edit in first if edit.action == "no-fly"}
@@ -275,25 +292,21 @@ def _all_images(first: MapParts, second: MapParts) -> tuple[str, ...]:
 def _facts(first: MapParts, second: MapParts, sentence: str) -> dict[str, Any]:
     """Facts of the joined map; its verdict is the worse one."""
     a, b = first.facts, second.facts
-    order = [Standing.GOOD, Standing.DOUBTFUL, Standing.NOT_JUDGED, Standing.REFUSED]
+    order = [Standing.GOOD, Standing.NOT_JUDGED, Standing.DOUBTFUL, Standing.REFUSED]  # by what planning asks
     worse = max((facts.get("verdict", Standing.NOT_JUDGED) for facts in (a, b)), key=order.index)
     facts: dict[str, Any] = {
         "verdict": str(worse),
-        "reasons": [
-            f"{parts.name}: {reason}" for parts in (first, second) for reason in parts.facts.get("reasons", [])
-        ],
-        HISTORY: [
-            *(f"{parts.name}: {said}" for parts in (first, second) for said in parts.facts.get(HISTORY, [])),
-            sentence,
-        ],
+        "reasons": _said(first, second, "reasons"),
+        HISTORY: [*_said(first, second, HISTORY), sentence],
     }
     for name in ("images", "images_placed", "path_length_m"):
         if name in a and name in b:
             facts[name] = a[name] + b[name]
-    if "carrier_radius_m" in a and "carrier_radius_m" in b:
-        facts["carrier_radius_m"] = min(a["carrier_radius_m"], b["carrier_radius_m"])
-    if "scale_source" in a and "scale_source" in b:
-        facts["scale_source"] = " and ".join(dict.fromkeys([a["scale_source"], b["scale_source"]]))
+    radii_m = [facts["carrier_radius_m"] for facts in (a, b) if "carrier_radius_m" in facts]
+    if radii_m and not any(has_earlier_free_space(facts) for facts in (a, b)):
+        facts["carrier_radius_m"] = max(radii_m)
+    if sources := list(dict.fromkeys(facts["scale_source"] for facts in (a, b) if "scale_source" in facts)):
+        facts["scale_source"] = " and ".join(sources)
     if "up_source" in a:
         facts["up_source"] = a["up_source"]
     return facts

@@ -24,6 +24,7 @@ def views(placed: SparseMap) -> list[ImageView]:
                 placed.images.pixels(instant, camera),
                 near_m=None if near is None else 0.6 * float(near),
                 far_m=None if far is None else 1.5 * float(far),
+                instant=instant,
             )
         )
     return result

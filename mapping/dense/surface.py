@@ -57,13 +57,17 @@ class DenseOptions:
     carrier_radius_m: float = 0.20
     """What carried the cameras filled or swept a ball of this radius about each of them: that space is free, except
     where the images show a surface. So is the straight way between two consecutive images less than `LONGEST_GAP_M`
-    apart; between others there may have been a detour."""
+    apart that meets none; between others there may have been a detour."""
     least_component_faces: int = 60
     """Smaller connected components of the mesh are dropped."""
 
     def __post_init__(self) -> None:
         if not self.carrier_radius_m <= LARGEST_CARRIER_M:
             raise InputError(f"carrier_radius_m {self.carrier_radius_m:g} must be at most {LARGEST_CARRIER_M:g} m")
+        if not 0.0 <= self.thinnest_m < np.inf:
+            raise InputError(f"thinnest_m {self.thinnest_m:g} must be finite and not below 0")
+        if self.least_seen_through < 1:
+            raise InputError(f"least_seen_through {self.least_seen_through} must be at least 1")
         coarsest_m = 2.0 / np.sqrt(3.0) * self.carrier_radius_m
         if not 0.0 < self.voxel_m <= coarsest_m:  # else the path may lie in no free voxel, and nothing is reached
             raise InputError(
@@ -189,7 +193,7 @@ def extract(
         raise MapError("the depth images hold no surface: their poses or lenses may be wrong")
     state = volume.occupancy(least_seen_through=options.least_seen_through, skin_voxels=options.skin_voxels)
     seen = resolution.visibility(state, volume.grid, [(view.camera, view.T_world_camera) for view in images])
-    path = carried_path([(view.camera.name, view.position_world_m) for view in images], 0.5 * options.voxel_m)
+    path = carried_path(images, 0.5 * options.voxel_m, volume.grid, state == OCCUPIED)
     swept = fusion.within(volume.grid, path, options.carrier_radius_m)
     if options.thinnest_m > 0.0:
         state[resolution.could_hide(state, volume.grid, seen, options.thinnest_m, empty=swept)] = UNKNOWN
@@ -200,21 +204,38 @@ def extract(
     return Reconstruction(vertices, faces, colours, state, volume.grid, seen, swept_occupied_m3, statistics)
 
 
-def carried_path(places: Sequence[tuple[str, FloatArray]], step_m: float) -> FloatArray:
-    """(n, 3) points along the way of each camera; longer gaps are not bridged.
+def carried_path(images: Sequence[ImageView], step_m: float, grid: Grid, occupied: NDArray[np.bool_]) -> FloatArray:
+    """(n, 3) points along the way of each camera, in the order of the images.
 
-    Args:
-        places: Name of the camera and its position (3,) for each image, in the order of the images.
+    The straight line is no evidence of the way where it is long, where images between are missing, or where it meets
+    a surface (there was a detour, or a pose is wrong): those gaps are not bridged.
     """
-    points = [here for _, here in places]
-    last: dict[str, FloatArray] = {}
-    for camera, here in places:
-        before = last.get(camera)
-        last[camera] = here
-        if before is not None and (gap := float(np.linalg.norm(here - before))) <= LONGEST_GAP_M:
-            share = np.linspace(0.0, 1.0, 1 + int(np.ceil(gap / step_m)))[:, None]
-            points.extend(before + share * (here - before))
+    points = [view.position_world_m for view in images]
+    last: dict[str, ImageView] = {}
+    for view in images:
+        before = last.get(view.camera.name)
+        last[view.camera.name] = view
+        if before is None or not _follows(view, before):
+            continue
+        start, step = before.position_world_m, view.position_world_m - before.position_world_m
+        gap_m = float(np.linalg.norm(step))
+        if gap_m <= LONGEST_GAP_M:
+            share = np.linspace(0.0, 1.0, 1 + int(np.ceil(gap_m / step_m)))[:, None]
+            line = start + share * step
+            if not _meets(line, grid, occupied):
+                points.extend(line)
     return np.array(points)
+
+
+def _follows(view: ImageView, before: ImageView) -> bool:
+    return view.instant is None or before.instant is None or view.instant == before.instant + 1
+
+
+def _meets(points_world_m: FloatArray, grid: Grid, marked: NDArray[np.bool_]) -> bool:
+    """Whether one of the points (n, 3) lies in a voxel that is marked."""
+    cells = grid.index(points_world_m)
+    inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
+    return bool(marked[tuple(cells[inside].T)].any())
 
 
 def without_small_components(

@@ -26,6 +26,9 @@ class ImageView:
     """Range of the nearest thing in view, if known (from the sparse map); otherwise the option's."""
     far_m: float | None = None
     """Range of the farthest thing in view, if known."""
+    instant: int | None = None
+    """Its number in the sequence; between images of numbers that do not follow each other the carrier may have been
+    anywhere. None: it follows the camera's image before it in the list."""
 
     def __post_init__(self) -> None:
         expected = (self.camera.height, self.camera.width)

@@ -33,6 +33,8 @@ _DEPTH_STD = 0.01
 """Standard deviation of a depth camera's scale, relative: what calibrated sensors keep over their range."""
 _BASELINE_STD_M = 0.0005
 """Standard deviation of the distance between two cameras in a camera file: what a calibration on a target leaves."""
+DEPTH_SOURCE = "depth images"
+"""Name of the scale that depth images of a sensor give; where they are there, it is theirs."""
 LEAST_BASELINE_M = 0.005
 """A shorter baseline gives no scale."""
 NO_SCALE = (
@@ -214,7 +216,7 @@ def align(
     fit = _Fit.robust(level[usable], references.position_m[usable]) if usable.sum() >= _LEAST_POSITIONS else None
     sources: list[tuple[str, float, float]] = []
     if has_depth:  # first: surfaces are where the depth images say
-        sources.append(("depth images", 1.0, _DEPTH_STD))
+        sources.append((DEPTH_SOURCE, 1.0, _DEPTH_STD))
     if length is not None:
         sources.append(("given length", _from_length(images, positions, length), _LENGTH_STD))
     if baseline_std is not None:

@@ -35,6 +35,23 @@ Sample sample(const RangeImage& image, double u, double v) {
     return result;
 }
 
+struct Rectangle {
+    double left, top, right, bottom;
+};
+
+// What a cube covers in the image, by its corners; false if one of them is not in the image.
+bool covered(const Lens& lens, Vec3 centre, const Vec3 (&half_edges)[3], Rectangle& r) {
+    r = {1e9, 1e9, -1e9, -1e9};
+    for (int corner = 0; corner < 8; ++corner) {
+        Vec3 p = centre;
+        for (int axis = 0; axis < 3; ++axis) p = p + ((corner >> axis & 1) ? 1.0 : -1.0) * half_edges[axis];
+        double u = 0.0, v = 0.0;
+        if (!lens.project(p, u, v)) return false;
+        r = {std::min(r.left, u), std::min(r.top, v), std::max(r.right, u), std::max(r.bottom, v)};
+    }
+    return true;
+}
+
 // The largest bound within a square window, whatever its size: the maximum over windows of 1, 2, 4 ... pixels is kept,
 // and four of those cover any other (a sparse table).
 class LargestInWindow {
@@ -52,10 +69,10 @@ class LargestInWindow {
         }
     }
 
-    // Within `half` pixels of (u, v), at most 63 wide; infinite where a pixel of it is not known, or outside.
-    float at(double u, double v, double half) const {
-        const int left = static_cast<int>(std::floor(u - half)), top = static_cast<int>(std::floor(v - half));
-        const int right = static_cast<int>(std::floor(u + half)), bottom = static_cast<int>(std::floor(v + half));
+    // In the pixels of a rectangle, at most 128 wide; infinite where one of them is not known, or outside.
+    float at(const Rectangle& r) const {
+        const int left = static_cast<int>(std::floor(r.left)), top = static_cast<int>(std::floor(r.top));
+        const int right = static_cast<int>(std::floor(r.right)), bottom = static_cast<int>(std::floor(r.bottom));
         const int extent = std::max(right - left, bottom - top) + 1;
         if (left < 0 || top < 0 || left + extent > width_ || top + extent > height_)
             return std::numeric_limits<float>::infinity();
@@ -139,8 +156,9 @@ void carve(const Volume& volume, const float* bound, const Lens& lens, const dou
            double farthest, int threads, std::uint8_t* seen_through) {
     const Pose pose(T_camera_world);
     const Vec3 step{volume.voxel * pose.m[2], volume.voxel * pose.m[6], volume.voxel * pose.m[10]};
+    const double half = 0.5 * volume.voxel;
+    const Vec3 half_edges[3] = {pose.rotate({half, 0, 0}), pose.rotate({0, half, 0}), pose.rotate({0, 0, half})};
     const LargestInWindow nearest(bound, lens.width, lens.height);
-    const double half_width = 0.5 * volume.voxel * std::max(lens.fx, lens.fy);
     parallel_rows(volume.shape[0], threads, [&](int i) {
         for (int j = 0; j < volume.shape[1]; ++j) {
             Vec3 p = pose.apply(volume.origin + volume.voxel * Vec3{i + 0.5, j + 0.5, 0.5});
@@ -149,8 +167,11 @@ void carve(const Volume& volume, const float* bound, const Lens& lens, const dou
                 const double range = norm(p);
                 double u = 0.0, v = 0.0;
                 if (range > farthest || seen_through[index] == 255 || !lens.project(p, u, v)) continue;
-                const float limit = nearest.at(u, v, half_width / range);
-                if ((range + margin) * limit < 1.0) ++seen_through[index];
+                const auto open = [&](float limit) { return (range + margin) * limit < 1.0; };
+                Rectangle r;
+                // the middle alone first, which costs least
+                if (open(nearest.at({u, v, u, v})) && covered(lens, p, half_edges, r) && open(nearest.at(r)))
+                    ++seen_through[index];
             }
         }
     });

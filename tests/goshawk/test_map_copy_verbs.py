@@ -38,6 +38,7 @@ def folder(tmp_path: Path, pillar_map: Path) -> Path:
         images=opened.images,
         time_s=opened.time_s,
         T_world_body=opened.T_world_body,
+        seen=opened.visibility(),
         facts=opened.facts,
         report=None,
     )

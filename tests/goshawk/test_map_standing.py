@@ -44,6 +44,16 @@ def test_a_doubtful_map_is_planned_in_only_when_the_user_agrees(area: Path, tmp_
     assert (tmp_path / "p.json").exists()
 
 
+def test_a_map_with_free_space_of_the_earlier_rule_is_planned_in_only_when_the_user_agrees(
+    area: Path, tmp_path: Path
+) -> None:
+    body = {"hash": mapping.open_map(area).field.hash, "verdict": "good", "reasons": [], "scale_source": "rig baseline"}
+    file_format.write_toml(area / "map.toml", format=map_folder.FORMAT, version=1, body=body)
+    assert map_folder.EARLIER_FREE_SPACE in run(*asked(area, tmp_path), code=2)
+    assert not (tmp_path / "p.json").exists()
+    run(*asked(area, tmp_path), "--accept-doubtful-map")
+
+
 def test_a_refused_map_is_never_planned_in(area: Path, tmp_path: Path) -> None:
     judge(area, "refused", "two sources of scale disagree")
     said = run(*asked(area, tmp_path), "--accept-doubtful-map", code=2)

@@ -1,10 +1,12 @@
 """Carving: which voxels are counted as seen through, how often they must be, and which become unknown again."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from esdf import FREE, OCCUPIED, UNKNOWN, Grid
-from flight import InputError
+from flight import InputError, rotations
 from mapping.camera.rig import Camera
 from mapping.dense import fusion, stereo, surface
 from mapping.dense.fusion import Volume
@@ -42,7 +44,7 @@ def test_nothing_behind_the_bound_out_of_view_or_too_far_is_counted(range_m: flo
     distance_m = np.linalg.norm(at, axis=-1)
     largest_m = min(range_m - MARGIN_M, FARTHEST_M)
     near_enough = (at[..., 0] > 0.0) & (distance_m < largest_m)
-    whole = near_enough & in_view(at, 0.5 * volume.voxel_m)
+    whole = near_enough & in_view(at, 1.5 * volume.voxel_m)  # its corners, too
     counted = volume.seen_through == 1
     assert counted.any()
     near_the_edge = np.abs(distance_m - largest_m) < 1e-4
@@ -63,26 +65,54 @@ def in_view(at: np.ndarray, half_m: float) -> np.ndarray:
 
 def test_a_voxel_is_seen_through_only_if_every_pixel_that_it_covers_is() -> None:
     rng = np.random.default_rng(7)
-    view, volume = view_from(), unobserved_volume()
+    view, volume = view_from((0.103, 1.017, 0.991)), unobserved_volume()  # no corner between two pixels
     open_m, near_m = 4.0, 1.2
     limit = bound(open_m)
     limit[rng.random(limit.shape) < 0.004] = 0.0  # not known
     limit[:, 40] = 1.0 / near_m  # a rod, one pixel wide
     volume.carve(view, limit, margin_m=MARGIN_M, farthest_m=FARTHEST_M)
     at = (centres(volume) - view.position_world_m).reshape(-1, 3) @ LOOKING_ALONG_X
-    pixels = 0.5 * PINHOLE.project(at)
-    half = 0.5 * volume.voxel_m * 60.0 / np.linalg.norm(at, axis=1)
+    corners = 0.5 * volume.voxel_m * np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
     expected = np.zeros(len(at), bool)
-    for i in np.flatnonzero((at[:, 2] > 0.0) & (np.linalg.norm(at, axis=1) < FARTHEST_M)):
-        (left, top), (right, bottom) = np.floor(pixels[i] - half[i]), np.floor(pixels[i] + half[i])
+    for i in np.flatnonzero((at[:, 2] > 0.1) & (np.linalg.norm(at, axis=1) < FARTHEST_M)):
+        pixels = np.floor(0.5 * PINHOLE.project(at[i] + corners))
+        (left, top), (right, bottom) = pixels.min(axis=0), pixels.max(axis=0)
         extent = int(max(right - left, bottom - top)) + 1
-        if left < 0 or top < 0 or left + extent > 80 or top + extent > 60:
+        if not (left >= 0 and top >= 0 and left + extent <= 80 and top + extent <= 60):
             continue
         window = limit[int(top) : int(top) + extent, int(left) : int(left) + extent]
         expected[i] = (window > 0.0).all() and (np.linalg.norm(at[i]) + MARGIN_M) * window.max() < 1.0
     counted = volume.seen_through.ravel() == 1
     assert counted.sum() > 1000
     np.testing.assert_array_equal(counted, expected)
+
+
+WIDE = [
+    dataclasses.replace(PINHOLE, params=np.array([60.0, 60.0, 80.0, 60.0])),
+    dataclasses.replace(PINHOLE, model="SIMPLE_RADIAL_FISHEYE", params=np.array([50.0, 80.0, 60.0, 0.0])),
+]
+
+
+@pytest.mark.parametrize("camera", WIDE)
+@pytest.mark.parametrize("yaw_rad", [0.0, 0.5, 0.785])
+def test_no_voxel_on_an_unknown_ray_is_counted_whatever_the_lens_and_its_direction(
+    camera: Camera, yaw_rad: float
+) -> None:
+    """Beside the axis a lens magnifies, and an oblique voxel is wider than its edge: a fixed width misses its rim."""
+    limit = np.full((60, 80), 1.0 / 6.0, np.float32)
+    limit[:, 4:76:9] = 0.0
+    view = dataclasses.replace(view_from((1.0, 1.0, 1.0)), camera=camera)
+    view.T_world_camera[:3, :3] = rotations.matrix(rotations.from_yaw(yaw_rad)) @ LOOKING_ALONG_X
+    volume = unobserved_volume()
+    volume.carve(view, limit, margin_m=MARGIN_M, farthest_m=FARTHEST_M)
+    columns, rows = np.meshgrid(np.arange(4, 76, 9), np.arange(60))
+    rays = camera.unproject(2.0 * np.stack([columns + 0.5, rows + 0.5], axis=-1).reshape(-1, 2))
+    at = (rays[:, None] * np.linspace(0.3, 3.0, 50)[:, None]).reshape(-1, 3) @ view.T_world_camera[:3, :3].T
+    cells = volume.grid.index(at + view.position_world_m)
+    cells = cells[((cells >= 0) & (cells < volume.grid.shape)).all(axis=1)]
+    assert len(cells) > 1000
+    assert volume.seen_through.sum() > 100
+    assert not volume.seen_through[tuple(cells.T)].any()
 
 
 def test_where_no_bound_is_known_nothing_is_counted() -> None:
@@ -120,7 +150,7 @@ def test_what_lies_before_a_measured_surface_is_not_free_unless_it_was_seen_thro
 
 def test_free_space_cut_off_from_the_path_becomes_unknown_and_nothing_else_changes() -> None:
     rng = np.random.default_rng(3)
-    grid = Grid((0.0, 0.0, 0.0), (0.1,) * 3, (20, 12, 12))
+    grid = Grid((0.0, 0.0, 0.0), (0.1, 0.1, 0.1), (20, 12, 12))
     state = rng.choice(np.array([UNKNOWN, FREE, FREE, FREE, OCCUPIED], np.uint8), grid.shape)
     state[10] = OCCUPIED  # a wall through all of it
     state[3, 3, 3] = FREE
@@ -133,14 +163,14 @@ def test_free_space_cut_off_from_the_path_becomes_unknown_and_nothing_else_chang
     assert (state[changed] == UNKNOWN).all()
     edge_to_edge = np.full((4, 4, 4), OCCUPIED, np.uint8)
     edge_to_edge[1, 1, 1] = edge_to_edge[2, 2, 1] = FREE  # a vehicle does not pass through an edge
-    fusion.unreached_is_unknown(edge_to_edge, Grid((0.0, 0.0, 0.0), (0.1,) * 3, (4, 4, 4)), np.array([[0.15] * 3]))
+    fusion.unreached_is_unknown(edge_to_edge, Grid((0.0, 0.0, 0.0), (0.1, 0.1, 0.1), (4, 4, 4)), np.array([[0.15] * 3]))
     assert edge_to_edge[1, 1, 1] == FREE
     assert edge_to_edge[2, 2, 1] == UNKNOWN
 
 
 def test_without_a_path_in_free_space_nothing_stays_free() -> None:
     state = np.full((5, 5, 5), FREE, np.uint8)
-    fusion.unreached_is_unknown(state, Grid((0.0, 0.0, 0.0), (0.1,) * 3, (5, 5, 5)), np.array([[9.0, 9.0, 9.0]]))
+    fusion.unreached_is_unknown(state, Grid((0.0, 0.0, 0.0), (0.1, 0.1, 0.1), (5, 5, 5)), np.array([[9.0, 9.0, 9.0]]))
     assert (state == UNKNOWN).all()
 
 
@@ -191,9 +221,37 @@ def test_a_vehicle_smaller_than_a_voxel_is_refused_because_nothing_would_be_reac
         DenseOptions(voxel_m=0.25)
 
 
+NOWHERE = fusion.empty_volume(-np.ones(3), np.full(3, 4.0), voxel_m=0.05, truncation_m=0.1, channels=1).grid
+
+
+def path_along(views: list[ImageView], wall_x_m: float | None = None) -> np.ndarray:
+    occupied = np.zeros(NOWHERE.shape, bool)
+    if wall_x_m is not None:
+        occupied[NOWHERE.index(np.array([[wall_x_m, 0.0, 0.0]]))[0, 0]] = True
+    return surface.carried_path(views, 0.05, NOWHERE, occupied)
+
+
 def test_the_way_between_two_images_is_free_only_if_they_are_near_each_other() -> None:
     places = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (1.2, 0.0, 0.0)]
-    path = surface.carried_path([("forward", np.array(place)) for place in places], 0.05)
+    path = path_along([view_from(place) for place in places])
     np.testing.assert_allclose(sorted({round(x, 3) for x in path[:, 0]}), [*np.linspace(0.0, 0.3, 7), 1.2], atol=1e-9)
-    pair = [("forward", np.array(places[0])), ("backward", np.array(places[1]))]
-    assert len(surface.carried_path(pair, 0.05)) == 2
+    other = dataclasses.replace(PINHOLE, name="backward")
+    pair = [view_from(), dataclasses.replace(view_from((0.3, 1.0, 1.0)), camera=other)]
+    assert len(path_along(pair)) == 2
+
+
+def test_the_way_is_not_joined_past_missing_images_or_through_a_surface() -> None:
+    def pair(second: int) -> list[ImageView]:
+        places = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0)]
+        return [dataclasses.replace(view_from(p), instant=i) for p, i in zip(places, (4, second), strict=True)]
+
+    assert len(path_along(pair(5))) > 2
+    assert len(path_along(pair(6))) == 2
+    assert len(path_along(pair(5), wall_x_m=0.16)) == 2
+    assert len(path_along(pair(5), wall_x_m=0.46)) > 2
+
+
+@pytest.mark.parametrize("options", [{"thinnest_m": np.nan}, {"thinnest_m": -0.01}, {"least_seen_through": 0}])
+def test_options_that_would_open_space_unasked_are_refused(options: dict) -> None:
+    with pytest.raises(InputError, match=next(iter(options))):
+        DenseOptions(**options)

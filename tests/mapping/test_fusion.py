@@ -17,7 +17,7 @@ PINHOLE = Camera("depth", ".", "PINHOLE", 160, 120, np.array([120.0, 120.0, 80.0
 
 def filled(distance: np.ndarray, voxel_m: float = 0.1) -> Volume:
     """A fully observed volume with these distances."""
-    grid = Grid((0.0, 0.0, 0.0), (voxel_m,) * 3, distance.shape)
+    grid = Grid((0.0, 0.0, 0.0), (voxel_m, voxel_m, voxel_m), distance.shape)
     ones = np.ones(distance.shape, np.float32)
     colour = np.zeros((*distance.shape, 1), np.float32)
     seen_through = np.zeros(distance.shape, np.uint8)
@@ -45,7 +45,7 @@ def test_marching_cubes_closes_around_any_matter_inside_the_volume(seed: int) ->
 
 def test_marching_cubes_finds_a_sphere_and_faces_free_space() -> None:
     radius, voxel_m = 1.0, 0.1
-    grid = Grid((0.0, 0.0, 0.0), (voxel_m,) * 3, (26, 26, 26))
+    grid = Grid((0.0, 0.0, 0.0), (voxel_m, voxel_m, voxel_m), (26, 26, 26))
     centres = grid.centre(np.argwhere(np.ones(grid.shape)))
     centre = np.array([1.31, 1.27, 1.3])
     volume = filled((np.linalg.norm(centres - centre, axis=1) - radius).reshape(grid.shape))
@@ -164,7 +164,7 @@ def test_averaging_weights_measurements_by_their_inverse_variance() -> None:
 
 
 def test_a_tube_about_a_path_holds_the_voxels_within_its_radius() -> None:
-    grid = Grid((0.0, 0.0, 0.0), (0.05,) * 3, (40, 40, 40))
+    grid = Grid((0.0, 0.0, 0.0), (0.05, 0.05, 0.05), (40, 40, 40))
     path = np.array([[1.0, 1.0, 1.0], [1.2, 1.0, 1.0], [5.0, 5.0, 5.0]])
     near = fusion.within(grid, path, 0.2)
     centres = grid.centre(np.argwhere(np.ones(grid.shape)))

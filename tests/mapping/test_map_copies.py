@@ -14,13 +14,16 @@ from esdf.solids import Box, Room, Scene, Sphere
 from flight import FormatError, InputError, MapError, frames, rotations
 from mapping import map_parts, merging
 from mapping.camera import rig as rigs
+from mapping.dense import resolution
 from mapping.map_parts import MapParts
 from mapping.sparse import features
 from mapping.sparse.localization_map import LocalizationMap
+from mapping.verdict import Standing
 
 RIG = rigs.Rig((rigs.forward_camera("SIMPLE_RADIAL_FISHEYE", 160, 120, [90.0, 80.0, 60.0, 0.0]),))
 ROOM = Scene((Room((0.0, 0.0, 0.0), (6.0, 4.0, 2.4)), Box((2.0, 1.0, 0.0), (2.6, 1.8, 1.5))))
 GRID = esdf.Grid.covering([-0.2, -0.2, -0.2], [6.2, 4.2, 2.6], 0.1)
+POSES = frames.transform(rotations.from_yaw([0.0, 0.3, 0.6]), [[1.0, 2.0, 1.0], [3, 3, 1], [5, 2, 1]])
 ZONE = Edit("no-fly", Box((4.5, 0.5, 0.0), (5.5, 1.5, 2.0)), "kitchen")
 
 
@@ -30,10 +33,13 @@ def room(name: str = "room", *, scene: Scene = ROOM, seed: int = 0, noise_m: flo
     looks = np.random.default_rng(7).gamma(0.6, 1.0, (len(points), 128))
     descriptors = features.unit(looks * rng.uniform(0.8, 1.25, looks.shape))
     vertices = surface(scene, 6000)
-    facts = {"verdict": "good", "reasons": [], "images": 3, "scale_source": "rig baseline"}
+    facts = {
+        "verdict": "good", "reasons": [], "images": 3, "scale_source": "rig baseline", "carrier_radius_m": 0.2,
+    }  # fmt: skip
+    field = esdf.build(esdf.rasterize(scene, GRID), GRID)
     return MapParts(
         name=name,
-        field=esdf.build(esdf.rasterize(scene, GRID), GRID),
+        field=field,
         edits=(ZONE,),
         vertices_world_m=vertices,
         faces=np.arange(len(vertices) // 3 * 3, dtype=np.int32).reshape(-1, 3),
@@ -42,7 +48,10 @@ def room(name: str = "room", *, scene: Scene = ROOM, seed: int = 0, noise_m: flo
         rig=RIG,
         images=("a.png", "b.png", "c.png"),
         time_s=np.array([0.0, 0.5, np.nan]),
-        T_world_body=frames.transform(rotations.from_yaw([0.0, 0.3, 0.6]), [[1.0, 2.0, 1.0], [3, 3, 1], [5, 2, 1]]),
+        T_world_body=POSES,
+        seen=resolution.visibility(
+            field.state, GRID, [(RIG.cameras[0], T @ RIG.cameras[0].T_body_camera) for T in POSES]
+        ),
         facts=facts,
         report={"images": 3},
     )
@@ -191,6 +200,9 @@ def test_the_verdict_of_a_joined_map_is_the_worse_one() -> None:
     doubtful = dataclasses.replace(second, facts=second.facts | {"verdict": "doubtful", "reasons": ["too dark"]})
     new = merging.merged(first, doubtful, merging.register(first, doubtful))
     assert (new.facts["verdict"], new.facts["reasons"]) == ("doubtful", ["second: too dark"])
+    unjudged = dataclasses.replace(first, facts={"carrier_radius_m": 0.2})
+    new = merging.merged(unjudged, doubtful, merging.register(unjudged, doubtful))
+    assert new.facts["verdict"] == "doubtful"  # of which planning asks; of the other it only says so
 
 
 def test_poses_of_another_rig_are_left_out() -> None:
@@ -201,6 +213,88 @@ def test_poses_of_another_rig_are_left_out() -> None:
     assert new.images == first.images
     assert len(new.T_world_body) == len(new.time_s) == 3
     assert "without the poses of second" in new.facts["history"][-1]
+
+
+def test_what_one_pilot_freed_is_occupied_where_the_other_map_shows_something() -> None:
+    """A crate came after the first map, whose pilot had removed a blob there, and closed and opened the kitchen."""
+    place = Sphere((4.0, 2.5, 1.2), 0.3)
+    with_crate = Scene((*ROOM.solids, Box((3.8, 2.3, 1.0), (4.2, 2.7, 1.4))))
+    edits = (
+        Edit("remove", place),
+        Edit("add", ZONE.solid),
+        Edit("clear", ZONE.solid),
+        Edit("remove", ZONE.solid),
+        ZONE,
+    )
+    first, second = dataclasses.replace(room("first"), edits=edits), room("second", seed=1)
+    second = dataclasses.replace(second, field=esdf.build(esdf.rasterize(with_crate, GRID), GRID))
+    new = merging.merged(first, second, merging.register(first, second))
+    assert [(edit.action, edit.name) for edit in new.edits] == [("no-fly", "kitchen"), ("no-fly", "second: kitchen")]
+    crate = new.field.grid.index(np.array([[4.0, 2.5, 1.2], [5.0, 1.0, 1.0]]))
+    assert new.field.state[tuple(crate.T)].tolist() == [esdf.OCCUPIED, esdf.FREE]
+
+
+def test_what_images_resolve_goes_along_with_a_map(tmp_path: Path) -> None:
+    given, points = room(), GRID.centre(np.argwhere(room().field.state == esdf.FREE))
+    resolved = given.seen.finest(points)
+    assert 0.3 < np.isfinite(resolved).mean() < 1.0
+    T = frames.transform(rotations.from_yaw(0.0), [2.0, -3.0, 0.4])
+    shifted = map_parts.moved(given, T, "moved").seen.finest(frames.apply(T, points))
+    np.testing.assert_array_equal(shifted, resolved)
+    new = map_parts.moved(given, rigid(), "moved").seen
+    middles = frames.apply(frames.invert(rigid()), new.grid.centres().reshape(-1, 3))
+    at_middles = given.seen.finest(middles)
+    assert (new.finest_m.ravel() >= at_middles.astype(np.float32)).all()
+    np.testing.assert_array_equal(np.isfinite(new.finest_m.ravel()), np.isfinite(at_middles))
+    kept = Box((-1.0, -1.0, -1.0), (7.0, 5.0, 0.9))  # without any of the poses
+    map_parts.write(tmp_path / "map", map_parts.cropped(given, kept, "cropped"))
+    inside = points[kept.distance(points) <= 0.0]
+    np.testing.assert_array_equal(
+        mapping.open_map(tmp_path / "map").visibility().finest(inside), given.seen.finest(inside)
+    )
+
+
+def test_images_resolve_nothing_in_a_joined_map_where_their_own_was_unknown() -> None:
+    """The first map's images look at what only the second map freed, from farther away."""
+    first, second = room("first"), room("second", seed=1)
+    state = first.field.state.copy()
+    hidden = Box((3.5, 0.2, 0.2), (5.8, 3.8, 2.2))
+    state[hidden.distance(GRID.centres().reshape(-1, 3)).reshape(GRID.shape) <= 0.0] = esdf.UNKNOWN
+    first = dataclasses.replace(first, field=esdf.build(state, GRID))
+    coarse = dataclasses.replace(second.seen, finest_m=np.full_like(second.seen.finest_m, 0.5))
+    second = dataclasses.replace(second, seen=coarse)
+    new = merging.merged(first, second, merging.register(first, second))
+    free = new.field.grid.centre(np.argwhere(new.field.state == esdf.FREE))
+    behind = hidden.distance(free) < -0.1
+    assert behind.sum() > 1000
+    assert (new.seen.finest(free[behind]) >= 0.5).all()
+    assert (new.seen.finest(free[first.seen.finest(free) < 0.3]) < 0.5).any()
+
+
+@pytest.mark.parametrize(
+    ("radii_m", "sources", "radius_m", "standing"),
+    [
+        ((0.2, 0.4), ("rig baseline", "given length"), 0.4, Standing.GOOD),
+        ((0.2, None), ("rig baseline", "depth images"), 0.2, Standing.GOOD),
+        ((0.2, None), ("rig baseline", "given length"), None, Standing.DOUBTFUL),
+        ((None, None), ("rig baseline", None), None, Standing.DOUBTFUL),
+        ((None, None), ("depth images", "depth images"), None, Standing.GOOD),
+        ((None, None), (None, None), None, Standing.GOOD),
+    ],
+)
+def test_the_free_space_of_a_joined_map_is_as_trusted_as_that_of_the_worse_part(
+    tmp_path: Path, radii_m: tuple, sources: tuple, radius_m: float | None, standing: Standing
+) -> None:
+    parts = []
+    for seed, (radius, source) in enumerate(zip(radii_m, sources, strict=True)):
+        given = {"verdict": "good", "carrier_radius_m": radius, "scale_source": source}
+        facts = {name: value for name, value in given.items() if value is not None}
+        parts.append(dataclasses.replace(room(f"part{seed}", seed=seed), facts=facts))
+    first, second = parts
+    new = merging.merged(first, second, merging.register(first, second))
+    assert new.facts.get("carrier_radius_m") == radius_m
+    map_parts.write(tmp_path / "map", new)
+    assert mapping.open_map(tmp_path / "map").standing is standing
 
 
 def test_maps_without_overlap_are_refused() -> None:

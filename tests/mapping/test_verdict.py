@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flight import InputError
+from flight import FormatError, InputError
 from goshawk.rendered import world as rendered_world
 from mapping import map_folder, verdict
 from mapping.camera.errors import Candidate, Kind
@@ -127,6 +127,37 @@ def test_nothing_is_planned_in_a_refused_map() -> None:
         area.require_not_refused()
     opened().require_not_refused()
     assert opened().standing is Standing.NOT_JUDGED
+
+
+@pytest.mark.parametrize("verdict", ["good", "doubtful", None])
+def test_a_map_of_images_whose_free_space_is_of_the_earlier_rule_is_doubtful(verdict: str | None) -> None:
+    """Maps of images made before say nothing of what carried the cameras."""
+    facts = {"scale_source": "rig baseline"} | ({"verdict": verdict} if verdict else {})
+    area = dataclasses.replace(opened(), facts=facts)
+    assert area.standing is Standing.DOUBTFUL
+    assert area.reasons[-1] == map_folder.EARLIER_FREE_SPACE
+    area = dataclasses.replace(opened(), facts=facts | {"verdict": "refused", "reasons": ["too large"]})
+    assert area.standing is Standing.REFUSED
+
+
+@pytest.mark.parametrize(
+    "facts",
+    [
+        {"verdict": "good"},
+        {"verdict": "good", "scale_source": "depth images"},
+        {"verdict": "good", "scale_source": "rig baseline", "carrier_radius_m": 0.2},
+    ],
+)
+def test_free_space_of_depth_images_of_solids_and_of_this_version_is_no_reason(facts: dict) -> None:
+    area = dataclasses.replace(opened(), facts=facts)
+    assert (area.standing, area.reasons) == (Standing.GOOD, ())
+
+
+@pytest.mark.parametrize("radius_m", [np.nan, np.inf, 0.0, "wide"])
+def test_a_carrier_radius_that_cannot_be_is_refused(radius_m: object) -> None:
+    area = dataclasses.replace(opened(), facts={"scale_source": "rig baseline", "carrier_radius_m": radius_m})
+    with pytest.raises(FormatError, match="carrier_radius_m"):
+        _ = area.standing
 
 
 def opened() -> map_folder.Map:
