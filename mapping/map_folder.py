@@ -6,12 +6,14 @@ esdf/           the distance field, with the pilot's edits
 localization/   points with descriptors, for relocalization
 camera.toml     the rig, with the lenses of the map
 poses.csv       where each image was taken (body in world)
+mesh_textured.glb   with a texture, if `texturing.add_texture` made one; no part of the hash
 visibility.npz  how thin an object the images resolve, place by place
 report.json     all figures of the run
 """
 
 import dataclasses
 import glob
+import os
 import shutil
 import time
 from dataclasses import dataclass, field
@@ -64,6 +66,8 @@ MEASURED_SEEN_THROUGH = 1
 """Depth images of a sensor that must have seen through a voxel before it is free, as one measurement is enough."""
 _REPLACED = "replaced"
 """File of a work: inode of the earlier map, which is moved aside for the new one."""
+_IMAGES, _MASKS = "images_from", "masks_from"
+"""Keys of `map.toml`: where images (a folder or a video) and masks were, relative to the map folder."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,6 +217,28 @@ class Map:
     def mesh(self) -> Path:
         return self.folder / "mesh.glb"
 
+    @property
+    def images_from(self) -> Path | None:
+        """The folder or video that the map was made of, as it was then; None in copies and maps of earlier versions."""
+        return self._beside(_IMAGES)
+
+    @property
+    def masks_from(self) -> Path | None:
+        """The masks it was made with, likewise."""
+        return self._beside(_MASKS)
+
+    def _beside(self, key: str) -> Path | None:
+        """
+        Raises:
+            FormatError: the entry of `map.toml` is not a path.
+        """
+        given = self.facts.get(key)
+        if given is None:
+            return None
+        if not isinstance(given, str) or not given or "\0" in given:
+            raise FormatError(f"{self.folder / 'map.toml'}: {key} is {given!r}; a path relative to the map is expected")
+        return Path(os.path.normpath(self.folder.resolve() / given))
+
     def visibility(self) -> Visibility:
         """The thinnest obstacle that the images resolve, place by place; thinner ones may be missing from the map.
 
@@ -278,7 +304,8 @@ def build_map(
         report = _placed_before(out, _all_inputs(checked, options, work)) if interrupted else None
         if report is None:
             results.require_free_folder(out, overwrite=overwrite, ours=is_map)
-            report = _build(checked, out, options, work, overwrite=overwrite, progress=progress)
+            given_from = _origins(out, Path(images), options.masks)
+            report = _build(checked, out, options, work, given_from, overwrite=overwrite, progress=progress)
         stages.finish(begun)
     return report
 
@@ -325,8 +352,26 @@ def _placed_before(out: Path, inputs: str) -> MapReport | None:
     return MapReport(**{field.name: body[field.name] for field in dataclasses.fields(MapReport)})
 
 
+def _origins(out: Path, images: Path, masks: Path | None) -> dict[str, str]:
+    """Where images and masks are, relative to the map folder, so that a project may be moved as a whole."""
+    given = {_IMAGES: images, _MASKS: masks}
+    return {key: os.path.relpath(path.resolve(), out.resolve()) for key, path in given.items() if path is not None}
+
+
+def without_origins(facts: dict[str, Any]) -> dict[str, Any]:
+    """The facts of a map for a copy of it elsewhere: what the mapping run was given is not beside it."""
+    return {name: value for name, value in facts.items() if name not in ("inputs", _IMAGES, _MASKS)}
+
+
 def _build(
-    images: ImageSet, out: Path, options: MapOptions, work: Work, *, overwrite: bool, progress: Progress
+    images: ImageSet,
+    out: Path,
+    options: MapOptions,
+    work: Work,
+    given_from: dict[str, str],
+    *,
+    overwrite: bool,
+    progress: Progress,
 ) -> MapReport:
     placed = reconstruction.reconstruct(
         images, options.sparse, length=options.length, references=options.references, work=work, progress=progress
@@ -367,7 +412,7 @@ def _build(
             new / "map.toml",
             format=FORMAT,
             version=VERSION,
-            body=_facts(report) | {"inputs": _all_inputs(images, options, work)},
+            body=_facts(report) | {"inputs": _all_inputs(images, options, work)} | given_from,
         )
         _keep_edits(Path(out), new)  # last: a pilot may draw a no-fly zone while the files are written
         _note_replaced(out, work)

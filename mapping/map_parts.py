@@ -118,8 +118,7 @@ def write(out: Path, parts: MapParts, *, overwrite: bool = False) -> str:
                 version=map_folder.VERSION,
                 body=_body(parts.report) | {"hash": parts.field.hash},
             )
-        # "inputs" names the images of a mapping run: this map is not what that run would make
-        facts = {name: value for name, value in _body(parts.facts).items() if name != "inputs"}
+        facts = map_folder.without_origins(_body(parts.facts))  # this map is not what the mapping run would make
         file_format.write_toml(
             new / "map.toml",
             format=map_folder.FORMAT,
