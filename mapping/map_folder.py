@@ -13,7 +13,6 @@ report.json     all figures of the run
 
 import dataclasses
 import glob
-import os
 import shutil
 import time
 from dataclasses import dataclass, field
@@ -35,7 +34,7 @@ from flight import (
     results,
     silent,
 )
-from mapping import placed_views, poses_file, stages, verdict
+from mapping import given_paths, placed_views, poses_file, stages, verdict
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
 from mapping.dense import depth_files, mesh_file, resolution, surface
@@ -66,8 +65,6 @@ MEASURED_SEEN_THROUGH = 1
 """Depth images of a sensor that must have seen through a voxel before it is free, as one measurement is enough."""
 _REPLACED = "replaced"
 """File of a work: inode of the earlier map, which is moved aside for the new one."""
-_IMAGES, _MASKS = "images_from", "masks_from"
-"""Keys of `map.toml`: where images (a folder or a video) and masks were, relative to the map folder."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,28 +214,6 @@ class Map:
     def mesh(self) -> Path:
         return self.folder / "mesh.glb"
 
-    @property
-    def images_from(self) -> Path | None:
-        """The folder or video that the map was made of, as it was then; None in copies and maps of earlier versions."""
-        return self._beside(_IMAGES)
-
-    @property
-    def masks_from(self) -> Path | None:
-        """The masks it was made with, likewise."""
-        return self._beside(_MASKS)
-
-    def _beside(self, key: str) -> Path | None:
-        """
-        Raises:
-            FormatError: the entry of `map.toml` is not a path.
-        """
-        given = self.facts.get(key)
-        if given is None:
-            return None
-        if not isinstance(given, str) or not given or "\0" in given:
-            raise FormatError(f"{self.folder / 'map.toml'}: {key} is {given!r}; a path relative to the map is expected")
-        return Path(os.path.normpath(self.folder.resolve() / given))
-
     def visibility(self) -> Visibility:
         """The thinnest obstacle that the images resolve, place by place; thinner ones may be missing from the map.
 
@@ -304,7 +279,7 @@ def build_map(
         report = _placed_before(out, _all_inputs(checked, options, work)) if interrupted else None
         if report is None:
             results.require_free_folder(out, overwrite=overwrite, ours=is_map)
-            given_from = _origins(out, Path(images), options.masks)
+            given_from = given_paths.noted(Path(out), Path(images), options.masks)
             report = _build(checked, out, options, work, given_from, overwrite=overwrite, progress=progress)
         stages.finish(begun)
     return report
@@ -350,17 +325,6 @@ def _placed_before(out: Path, inputs: str) -> MapReport | None:
         return None
     body = file_format.read_json(out / "report.json", format=REPORT_FORMAT, version=VERSION)
     return MapReport(**{field.name: body[field.name] for field in dataclasses.fields(MapReport)})
-
-
-def _origins(out: Path, images: Path, masks: Path | None) -> dict[str, str]:
-    """Where images and masks are, relative to the map folder, so that a project may be moved as a whole."""
-    given = {_IMAGES: images, _MASKS: masks}
-    return {key: os.path.relpath(path.resolve(), out.resolve()) for key, path in given.items() if path is not None}
-
-
-def without_origins(facts: dict[str, Any]) -> dict[str, Any]:
-    """The facts of a map for a copy of it elsewhere: what the mapping run was given is not beside it."""
-    return {name: value for name, value in facts.items() if name not in ("inputs", _IMAGES, _MASKS)}
 
 
 def _build(

@@ -39,14 +39,14 @@ def texture(
     what no image shows keeps the colours of MAP/mesh.glb. The map and its hash stay as they are. A larger --size is
     sharper, until a texel is as small as a pixel of the images on the surface.
     """
-    from mapping import texturing
+    from mapping import given_paths, texturing
 
     for option, value, (low, high) in (("--faces", faces, FACES), ("--size", size, SIZE)):
         if not low <= value <= high:
             raise InputError(f"{option} is {value}; it must be from {low} to {high}")
     known = mapping.open_map(map_folder)
     out = map_folder / texturing.FILE
-    images = images or known.images_from
+    images = images or given_paths.read(map_folder, known.facts, given_paths.IMAGES)
     if images is None:
         raise InputError(
             f"{map_folder / 'map.toml'} does not say where its images are (it is a copy, or of an earlier version); "
@@ -57,7 +57,7 @@ def texture(
         made = texturing.add_texture(
             known,
             images,
-            masks=masks or known.masks_from,
+            masks=masks or given_paths.read(map_folder, known.facts, given_paths.MASKS),
             options=texturing.TextureOptions(faces, size),
             overwrite=overwrite,
             progress=progress,

@@ -4,6 +4,7 @@ Texture coordinates are glTF's: u to the right, v down, both from 0 to 1 over th
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,15 +85,16 @@ def texels(mesh: FlattenedMesh, size: int) -> Texels:
     """
     import open3d
 
+    tensor: Any = open3d.core.Tensor  # its stub knows no NumPy arrays
     flat = np.zeros((mesh.corners_uv.size // 2, 3), np.float32)
     flat[:, :2] = size * mesh.corners_uv.reshape(-1, 2)
     scene = open3d.t.geometry.RaycastingScene()
     corners = np.arange(len(flat), dtype=np.uint32).reshape(-1, 3)
-    scene.add_triangles(open3d.core.Tensor(flat), open3d.core.Tensor(corners))
+    scene.add_triangles(tensor(flat), tensor(corners))
     column, row = np.meshgrid(np.arange(size) + 0.5, np.arange(size) + 0.5)
     rays = np.zeros((size, size, 6), np.float32)
     rays[..., 0], rays[..., 1], rays[..., 2], rays[..., 5] = column, row, 1.0, -1.0
-    hit = scene.cast_rays(open3d.core.Tensor(rays))
+    hit = scene.cast_rays(tensor(rays))
     face = hit["primitive_ids"].numpy()
     row, column = np.nonzero(face != _OUTSIDE)
     second, third = np.moveaxis(hit["primitive_uvs"].numpy()[row, column], -1, 0)
@@ -105,7 +107,11 @@ def seams_split(mesh: FlattenedMesh) -> tuple[FloatArray, NDArray[np.int32], Flo
     """Vertices (w, 3), faces (f, 3) and texture coordinates (w, 2): a vertex on a seam comes once for each piece."""
     corners = np.column_stack([mesh.faces.reshape(-1), mesh.corners_uv.reshape(-1, 2)])
     unique, faces = np.unique(corners, axis=0, return_inverse=True)
-    return mesh.vertices_world_m[unique[:, 0].astype(int)], faces.reshape(-1, 3).astype(np.int32), unique[:, 1:]
+    return (
+        mesh.vertices_world_m[unique[:, 0].astype(int)],
+        faces.reshape(-1, 3).astype(np.int32),
+        np.asarray(unique[:, 1:], dtype=np.float64),
+    )
 
 
 def texel_m(mesh: FlattenedMesh, size: int) -> float:

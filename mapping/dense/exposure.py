@@ -70,7 +70,7 @@ def solve(seen: Brightness, camera: Sequence[int]) -> Exposure:
     )
     A = sparse.hstack([gains, falloff]).tocsr()
     of_point = sparse.csr_array((np.ones(n), (seen.point, rows)), shape=(int(seen.point.max(initial=0)) + 1, n))
-    weight, unknowns = np.ones(n), np.zeros(A.shape[1])
+    weight, unknowns = np.ones(n), np.zeros(count + _FALLOFF_TERMS * kinds)
     for _ in range(_ROUNDS):
         W = sparse.diags_array(weight / _NOISE_STD**2)
         per_point = of_point @ W

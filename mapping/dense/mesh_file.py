@@ -67,13 +67,14 @@ def save_textured(
     import trimesh
     from PIL import Image
     from trimesh.exchange.gltf import export_glb
+    from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
 
     coded = io.BytesIO()
     Image.fromarray(texture).save(coded, format="JPEG", quality=_JPEG_QUALITY)
     material = PBRMaterial(baseColorTexture=Image.open(coded), metallicFactor=0.0, roughnessFactor=1.0)
     from_below = uv * [1.0, -1.0] + [0.0, 1.0]  # trimesh counts v from the last row
-    visual = trimesh.visual.TextureVisuals(uv=from_below, material=material)
+    visual = TextureVisuals(uv=from_below, material=material)
     mesh = trimesh.Trimesh(vertices_world_m @ R_GLTF_WORLD.T, faces, visual=visual, process=False)
     data = export_glb(trimesh.Scene(mesh), tree_postprocessor=_unlit)
     file_format.write_bytes(Path(path), data)

@@ -73,10 +73,10 @@ class _Surface:
     def __init__(self, mesh: FlattenedMesh, tolerance_m: float) -> None:
         import open3d
 
-        self._core = open3d.core
+        self._to_open3d: Any = open3d.core.Tensor  # its stub knows no NumPy arrays
         self.vertices, self.faces, self.tolerance_m = mesh.vertices_world_m, mesh.faces, tolerance_m
         self._scene = open3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(self._tensor(self.vertices), self._core.Tensor(self.faces.astype(np.uint32)))
+        self._scene.add_triangles(self._tensor(self.vertices), self._to_open3d(self.faces.astype(np.uint32)))
         a, b, c = np.moveaxis(self.vertices[self.faces], 1, 0)
         of_faces = np.cross(b - a, c - a)  # as long as the face is large: its weight at its vertices
         summed = np.zeros_like(self.vertices)
@@ -85,7 +85,7 @@ class _Surface:
         self.normals = summed / np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), 1e-12)
 
     def _tensor(self, values: FloatArray) -> Any:
-        return self._core.Tensor(np.ascontiguousarray(values, dtype=np.float32))
+        return self._to_open3d(np.ascontiguousarray(values, dtype=np.float32))
 
     def seen_from(self, centre_world_m: FloatArray, points_world_m: FloatArray) -> NDArray[np.bool_]:
         """Whether nothing farther than the tolerance before a point (n, 3) hides it."""
@@ -143,7 +143,7 @@ def _survey(
     import cv2
 
     resolution = np.zeros((len(views), len(surface.vertices)), np.float32)
-    seen: list[tuple[NDArray[np.int64], ...] | tuple[FloatArray, ...]] = []
+    seen: list[tuple[Any, ...]] = []
     for number, view in enumerate(views):
         progress("compare brightness", number / len(views))
         pixels, used = view.read()
@@ -292,5 +292,5 @@ def _spread(shown: Texels, colours: NDArray[np.uint8], size: int) -> NDArray[np.
     pixels = np.zeros((size, size, 3), np.uint8)
     beside[shown.row, shown.column] = False
     pixels[shown.row, shown.column] = colours
-    row, column = ndimage.distance_transform_edt(beside, return_distances=False, return_indices=True)
-    return pixels[row, column]
+    nearest: Any = ndimage.distance_transform_edt(beside, return_distances=False, return_indices=True)
+    return pixels[tuple(nearest)]

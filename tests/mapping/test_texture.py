@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -11,13 +12,13 @@ from numpy.typing import NDArray
 import esdf
 import mapping
 from esdf.solids import Box, Room
-from flight import FloatArray, InputError, frames, rotations
+from flight import FloatArray, FormatError, InputError, frames, rotations
 from goshawk import _rendering
 from goshawk.cli import main
 from goshawk.rendered import scene as rendered_room
 from goshawk.rendered import world as rendered_world
 from goshawk.rendered.scene import RenderedScene
-from mapping import map_folder, map_parts, texturing
+from mapping import given_paths, map_parts, texturing
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
 from mapping.dense import atlas, exposure, mesh_file, texture
@@ -83,7 +84,7 @@ def wall_and_pillar() -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]]
     a, b, c, d = (n.ravel() for n in (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]))
     wall = np.stack([np.full(y.size, WALL_X_M), y.ravel(), z.ravel()], axis=1)
     faces = np.concatenate([np.stack([a, c, b], axis=1), np.stack([a, d, c], axis=1)])
-    pillar = trimesh.creation.box(bounds=[PILLAR.low_world_m, PILLAR.high_world_m]).subdivide_to_size(0.3)
+    pillar: Any = trimesh.creation.box(bounds=[PILLAR.low_world_m, PILLAR.high_world_m]).subdivide_to_size(0.3)
     vertices = np.concatenate([wall, pillar.vertices])
     directions = np.column_stack([np.zeros(len(vertices)), np.zeros(len(vertices)), np.ones(len(vertices))])
     colours = np.empty(len(vertices), np.uint8)
@@ -131,10 +132,10 @@ def hits(vertices: FloatArray, faces: NDArray[np.int32], points_m: FloatArray) -
     """Face and barycentric coordinates of the mesh at points (n, 3) of the wall, met along x."""
     import open3d
 
-    scene = open3d.t.geometry.RaycastingScene()
-    scene.add_triangles(open3d.core.Tensor(vertices.astype(np.float32)), open3d.core.Tensor(faces.astype(np.uint32)))
+    scene, tensor = open3d.t.geometry.RaycastingScene(), cast(Any, open3d.core.Tensor)
+    scene.add_triangles(tensor(vertices.astype(np.float32)), tensor(faces.astype(np.uint32)))
     rays = np.column_stack([points_m - [0.2, 0.0, 0.0], np.broadcast_to([1.0, 0.0, 0.0], points_m.shape)])
-    hit = scene.cast_rays(open3d.core.Tensor(rays.astype(np.float32)))
+    hit = scene.cast_rays(tensor(rays.astype(np.float32)))
     second, third = hit["primitive_uvs"].numpy().T
     return hit["primitive_ids"].numpy().astype(np.int64), np.stack([1.0 - second - third, second, third], axis=1)
 
@@ -275,7 +276,7 @@ def test_the_file_stands_upright_and_holds_the_texture_as_it_was(tmp_path: Path)
     pixels[:32, :32] = [200, 30, 30]  # upper left: u, v below a half
     uv = np.array([[0.1, 0.1], [0.9, 0.1], [0.1, 0.9]])
     mesh_file.save_textured(tmp_path / "mesh.glb", vertices, np.array([[0, 1, 2]], np.int32), uv, pixels)
-    read = trimesh.load(tmp_path / "mesh.glb", force="mesh", process=False)
+    read: Any = trimesh.load(tmp_path / "mesh.glb", force="mesh", process=False)
     np.testing.assert_allclose(read.vertices, [[0, 0, 0], [1, 0, 0], [0, 2, 0]], atol=1e-6)  # up is y
     colours = read.visual.to_color().vertex_colors[:, :3].astype(float)
     np.testing.assert_allclose(colours, [[200, 30, 30], [0, 0, 0], [0, 0, 0]], atol=12)
@@ -364,11 +365,21 @@ def test_what_cannot_be_textured_is_refused_and_nothing_is_written(
 
 
 def test_a_map_knows_where_its_images_are_also_when_both_move(map_with_images: Path) -> None:
-    facts = map_folder._origins(map_with_images, map_with_images.parent / "images", None)
+    facts = given_paths.noted(map_with_images, map_with_images.parent / "images", None)
     assert facts == {"images_from": "../images"}
     toml = map_with_images / "map.toml"
     toml.write_text(toml.read_text() + 'images_from = "../images"\n')
     moved = map_with_images.parent.rename(map_with_images.parent.with_name("elsewhere"))
-    assert mapping.open_map(moved / "map").images_from == moved / "images"
+    assert images_of(moved / "map") == moved / "images"
     map_parts.write(moved / "copies" / "copy", map_parts.read(moved / "map"))
-    assert mapping.open_map(moved / "copies" / "copy").images_from is None
+    assert images_of(moved / "copies" / "copy") is None
+
+
+def images_of(folder: Path) -> Path | None:
+    return given_paths.read(folder, mapping.open_map(folder).facts, given_paths.IMAGES)
+
+
+@pytest.mark.parametrize("entry", [3, "", ["a"]])
+def test_an_entry_that_is_no_path_is_named(entry: object, tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="images_from is"):
+        given_paths.read(tmp_path, {"images_from": entry}, given_paths.IMAGES)
