@@ -6,6 +6,7 @@ esdf/           the distance field, with the pilot's edits
 localization/   points with descriptors, for relocalization
 camera.toml     the rig, with the lenses of the map
 poses.csv       where each image was taken (body in world)
+mesh_textured.glb   with a texture, if `texturing.add_texture` made one; no part of the hash
 visibility.npz  how thin an object the images resolve, place by place
 report.json     all figures of the run
 """
@@ -33,7 +34,7 @@ from flight import (
     results,
     silent,
 )
-from mapping import free_space, placed_views, poses_file, stages, verdict
+from mapping import free_space, given_paths, placed_views, poses_file, stages, verdict
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
 from mapping.dense import depth_files, mesh_file, resolution, surface
@@ -303,7 +304,8 @@ def build_map(
         report = _placed_before(out, _all_inputs(checked, options, work)) if interrupted else None
         if report is None:
             results.require_free_folder(out, overwrite=overwrite, ours=is_map)
-            report = _build(checked, out, options, work, overwrite=overwrite, progress=progress)
+            given_from = given_paths.noted(Path(out), Path(images), options.masks)
+            report = _build(checked, out, options, work, given_from, overwrite=overwrite, progress=progress)
         stages.finish(begun)
     return report
 
@@ -351,7 +353,14 @@ def _placed_before(out: Path, inputs: str) -> MapReport | None:
 
 
 def _build(
-    images: ImageSet, out: Path, options: MapOptions, work: Work, *, overwrite: bool, progress: Progress
+    images: ImageSet,
+    out: Path,
+    options: MapOptions,
+    work: Work,
+    given_from: dict[str, str],
+    *,
+    overwrite: bool,
+    progress: Progress,
 ) -> MapReport:
     placed = reconstruction.reconstruct(
         images, options.sparse, length=options.length, references=options.references, work=work, progress=progress
@@ -392,7 +401,7 @@ def _build(
             new / "map.toml",
             format=FORMAT,
             version=VERSION,
-            body=_facts(report) | {"inputs": _all_inputs(images, options, work)},
+            body=_facts(report) | {"inputs": _all_inputs(images, options, work)} | given_from,
         )
         _keep_edits(Path(out), new)  # last: a pilot may draw a no-fly zone while the files are written
         _note_replaced(out, work)

@@ -17,7 +17,7 @@ from esdf.solids import Solid, covered_region
 from esdf.storage import EDITS
 from esdf.visibility import Visibility, save_visibility
 from flight import FloatArray, FormatError, InputError, file_format, frames, results
-from mapping import map_folder, poses_file
+from mapping import given_paths, map_folder, poses_file
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
 from mapping.dense import mesh_file, resolution
@@ -123,8 +123,9 @@ def write(out: Path, parts: MapParts, *, overwrite: bool = False) -> str:
                 version=map_folder.VERSION,
                 body=_body(parts.report) | {"hash": parts.field.hash},
             )
-        # "inputs" names the images of a mapping run: this map is not what that run would make
-        facts = {name: value for name, value in _body(parts.facts).items() if name != "inputs"}
+        # of the mapping run, and this map is not what it would make
+        of_the_run = ("inputs", given_paths.IMAGES, given_paths.MASKS)
+        facts = {name: value for name, value in _body(parts.facts).items() if name not in of_the_run}
         file_format.write_toml(
             new / "map.toml",
             format=map_folder.FORMAT,

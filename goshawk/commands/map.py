@@ -14,6 +14,7 @@ from goshawk.commands.map_copies import align, crop, merge, origin
 from goshawk.commands.map_edit import edit
 from goshawk.commands.map_report import report
 from goshawk.commands.map_show_esdf import show_esdf
+from goshawk.commands.map_texture import texture
 from mapping import map_folder, stages
 from mapping.input import examination
 from mapping.input.source import Source
@@ -111,6 +112,7 @@ def build(
     goshawk map edit --help          add obstacles and no-fly zones to it, clear errors
     goshawk map crop|origin|align|merge --help      make a new map of one or two
     goshawk map report --help        all that is known of a map as one HTML file
+    goshawk map texture --help       the mesh with a texture, for any viewer
 
     IMAGES holds one folder per camera of the rig (or the images themselves, for one camera); the same file name
     means the same instant. The metric scale comes from depth images, --length, the distance between the cameras of a
@@ -284,4 +286,4 @@ def length_from(text: str) -> mapping.Length:
     raise InputError(f"--length {text!r} is neither METRES nor IMAGE_A,IMAGE_B,METRES")
 
 
-command = MapVerbs("map", commands=[show_esdf, edit, crop, origin, align, merge, report])
+command = MapVerbs("map", commands=[show_esdf, edit, crop, origin, align, merge, report, texture])

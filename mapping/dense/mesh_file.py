@@ -1,9 +1,10 @@
-"""Triangle meshes with vertex colours as files: GLB for viewers, PLY for everything else.
+"""Triangle meshes as files: with vertex colours as GLB for our page and PLY for everything else, with a texture as GLB.
 
-Coordinates are the world's in both: metres, z up. (glTF's y is up, so other viewers show the room on its side; our
-own page and the map folder use the world's axes instead.)
+Coordinates with vertex colours are the world's: metres, z up, on which our own page and the map folder rely. (glTF's y
+is up, so other viewers show that room on its side.) A textured mesh is for viewers, and has glTF's axes.
 """
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,9 @@ from numpy.typing import NDArray
 from flight import FloatArray, FormatError, InputError, file_format
 
 SUFFIXES = (".glb", ".ply")
+R_GLTF_WORLD = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""glTF's y is the world's z (up), its z the world's -y."""
+_JPEG_QUALITY = 92
 
 
 def save(path: Path, vertices_world_m: FloatArray, faces: NDArray[np.int32], colours: NDArray[np.uint8]) -> None:
@@ -49,3 +53,34 @@ def load(path: Path) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]]:
     if not whole or (faces < 0).any() or (faces >= len(vertices)).any():
         raise FormatError(f"{path} is damaged: faces, vertices and colours do not fit; build the map again")
     return vertices, faces, colours
+
+
+def save_textured(
+    path: Path, vertices_world_m: FloatArray, faces: NDArray[np.int32], uv: FloatArray, texture: NDArray[np.uint8]
+) -> None:
+    """Write a textured mesh as GLB, upright (y up) and unlit: the images hold the light already.
+
+    Args:
+        uv: (v, 2) texture coordinates, v down from the first row.
+        texture: (size, size, 3) RGB.
+    """
+    import trimesh
+    from PIL import Image
+    from trimesh.exchange.gltf import export_glb
+    from trimesh.visual import TextureVisuals
+    from trimesh.visual.material import PBRMaterial
+
+    coded = io.BytesIO()
+    Image.fromarray(texture).save(coded, format="JPEG", quality=_JPEG_QUALITY)
+    material = PBRMaterial(baseColorTexture=Image.open(coded), metallicFactor=0.0, roughnessFactor=1.0)
+    from_below = uv * [1.0, -1.0] + [0.0, 1.0]  # trimesh counts v from the last row
+    visual = TextureVisuals(uv=from_below, material=material)
+    mesh = trimesh.Trimesh(vertices_world_m @ R_GLTF_WORLD.T, faces, visual=visual, process=False)
+    data = export_glb(trimesh.Scene(mesh), tree_postprocessor=_unlit)
+    file_format.write_bytes(Path(path), data)
+
+
+def _unlit(tree: dict[str, Any]) -> None:
+    tree["extensionsUsed"] = ["KHR_materials_unlit"]
+    for material in tree["materials"]:
+        material["extensions"] = {"KHR_materials_unlit": {}}
