@@ -19,6 +19,7 @@ import mapping
 from esdf import FREE, OCCUPIED
 from flight import FloatArray, frames, rotations
 from mapping.camera import rig as rigs
+from mapping.sparse import reconstruction
 
 CARRIER_M = 0.4
 BEHIND_M = 0.10
@@ -42,9 +43,11 @@ def walk(work: Path, data: Path) -> list[Row]:
     cost = mapping_whole.command(
         "map", images, "--camera", images / "camera.toml", "--out", work / "map", "--carrier-radius", CARRIER_M
     )
+    made, figures = mapping.open_map(work / "map"), json.loads((work / "map" / "report.json").read_text())
+    recorded = tool.image_rotations(data, list(made.images))
     rows = [
-        *_poses(tool, data, "walk", work / "map"),
-        *wall(mapping.open_map(work / "map"), images),
+        *_poses("walk", made.T_world_body, recorded, float(figures["reprojection_error_px"])),
+        *wall(made, images),
         row("walk: CPU", cost.cpu_s, "s"),
         row("walk: memory, largest process", cost.largest_mib, "MiB"),
     ]
@@ -57,22 +60,22 @@ def untold(tool: ModuleType, data: Path, work: Path, images: Path) -> list[Row]:
     """The lens from the images alone (`goshawk camera new`), and the poses with it."""
     cost = mapping_whole.command("camera", "new", images, "--out", work / "guessed.toml")
     lens = rigs.load(work / "guessed.toml").cameras[0]
-    mapping_whole.command("map", images, "--camera", work / "guessed.toml", "--out", work / "untold")
+    placed = reconstruction.reconstruct(mapping.read_folder(images, rigs.load(work / "guessed.toml")))
+    T_found = placed.T_world_body[placed.placed]
+    names = [name for name, is_placed in zip(placed.images.instants, placed.placed, strict=True) if is_placed]
     rows = [
         row("lens untold: is a fisheye", lens.params[3] < FISHEYE_BELOW, "0 or 1", "1", lens.params[3] < FISHEYE_BELOW),
         row("lens untold: focal length", lens.focal_px[0], "px"),
         row("lens untold: CPU of the guess", cost.cpu_s, "s"),
-        *_poses(tool, data, "lens untold", work / "untold"),
+        *_poses("lens untold", T_found, tool.image_rotations(data, names), placed.reprojection_error_px),
     ]
     report.print_table(rows)
     return rows
 
 
-def _poses(tool: ModuleType, data: Path, name: str, folder: Path) -> list[Row]:
-    placed, figures = mapping.open_map(folder), json.loads((folder / "report.json").read_text())
-    off_rad = attitude_errors(placed.T_world_body, tool.image_rotations(data, list(placed.images)))
+def _poses(name: str, T_world_body: FloatArray, q_recorded: FloatArray, left_px: float) -> list[Row]:
+    off_rad, count = attitude_errors(T_world_body, q_recorded), len(T_world_body)
     rms_deg = float(np.degrees(np.sqrt(np.mean(off_rad[1:] ** 2))))
-    count, left_px = int(figures["images_placed"]), float(figures["reprojection_error_px"])
     return [
         row(f"{name}: placed", count, "images", "53", count == 53),
         row(f"{name}: reprojection error", left_px, "px", "<= 0.62", left_px <= 0.62),

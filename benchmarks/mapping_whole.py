@@ -1,6 +1,7 @@
 """Maps of rendered rooms and a hall against the truth: poses, surfaces, queries, cost."""
 
 import os
+import resource
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -128,6 +129,7 @@ def _placed(
     """Poses of `work`/images without surfaces, and `work`/queries found among their points."""
     images = work / "images"
     placed = reconstruction.reconstruct(mapping.read_folder(images, rigs.load(images / "camera.toml")))
+    children_mib = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
     index = np.flatnonzero(placed.placed)
     T = placed.T_world_body[index]
     T_world_map = aligned(T, flight.T_world_body[index])
@@ -136,6 +138,7 @@ def _placed(
         *_queries(name, placed.localization_map(), work / "queries", queries, T_world_map, recall_bar),
         row(f"{name}: verdict good", verdict.judge(placed).standing == Standing.GOOD, "0 or 1"),
         row(f"{name}: CPU of the poses", sum(placed.cpu_s.values()), "s"),
+        row("memory, largest child process until now", children_mib, "MiB"),
     ]
     report.print_table(rows)
     return rows
