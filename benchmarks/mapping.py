@@ -6,6 +6,10 @@
     python benchmarks/mapping.py --data FOLDER     a recorded RGB-D sequence (hololens_rgbd_part1): poses, unused depth
     python benchmarks/mapping.py --localize 30     queries in the rendered room, with whole and with compact descriptors
     python benchmarks/mapping.py --join            two maps of one room, registered
+    python benchmarks/mapping.py --room 60         a whole map of the rendered room: poses, mesh, queries, CPU, memory
+    ... --room 60 --disturbed                      besides, poses with moved crates, blur, exposure jumps, a blank wall
+    python benchmarks/mapping.py --hall 180        poses in a hall of 18 x 12 x 5 m
+    python benchmarks/mapping.py --walk FOLDER     a recorded walk (gopro_max_walk): poses, house wall, lens by itself
 
 The matches are made by formula from a true rig (see `tracks`), so that a draw takes seconds. The trial starts from a
 poor map: its poses and points are of the wrong size and off by centimetres.
@@ -19,8 +23,10 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+import mapping_walk
+import mapping_whole
 import numpy as np
-import pycolmap
+import report
 
 import mapping
 from esdf.solids import Box
@@ -289,28 +295,9 @@ def depth_camera(data: Path) -> None:
     print(f"mesh of every other depth image to the depth of the rest: median {median_mm:.1f} mm")
 
 
-def beside(count: int) -> rendered_world.RenderedFlight:
-    """A flight between the images of `loop_flight(60)`, up to 25 cm and 12 degrees beside its path."""
-    path = rendered_world.loop_flight(4 * count)
-    rng = np.random.default_rng(3)
-    aside = frames.transform(
-        rotations.exp(np.radians(rng.uniform(-12.0, 12.0, (count, 3)))), rng.uniform(-0.25, 0.25, (count, 3))
-    )
-    return rendered_world.RenderedFlight(path.times_s[1::4].copy(), path.T_world_body[1::4] @ aside)
-
-
-def onto(true: FloatArray, found: FloatArray) -> FloatArray:
-    """The rigid motion (4, 4) that fits the positions of found poses to the true ones."""
-    T = np.eye(4)
-    fitted = pycolmap.estimate_rigid3d(found[:, :3, 3], true[:, :3, 3])
-    assert fitted is not None
-    T[:3] = fitted.matrix()
-    return T
-
-
 def localize(count: int) -> None:
     """Images taken beside the path of a map of 60 pairs: found with descriptors of 8 bits and with the file's 3."""
-    asked = beside(count)
+    asked = mapping_whole.beside(rendered_world.loop_flight(4 * count))
     with tempfile.TemporaryDirectory() as folder:
         known, queries = Path(folder) / "known", Path(folder) / "queries"
         rendered_world.write_rendered_sequence(known)
@@ -320,7 +307,7 @@ def localize(count: int) -> None:
         whole = placed.localization_map()
         data = localization_map.encode(whole)
         print(f"{len(whole.points_world_m)} points, {len(data) / len(whole.points_world_m):.3f} bytes each")
-        T_true_map = onto(rendered_world.loop_flight(60).T_world_body, placed.T_world_body)
+        T_true_map = mapping_whole.aligned(placed.T_world_body, rendered_world.loop_flight(60).T_world_body)
         for name, points in (("8 bits", whole), ("3 bits", localization_map.decode(data))):
             answer = relocalization.localize(points, images)
             T = T_true_map @ answer.T_world_body[answer.found]
@@ -335,14 +322,14 @@ def localize(count: int) -> None:
 
 def join() -> None:
     """Two maps of one room from other images, whole and as halves that overlap less and less: where they are put."""
-    flights = {"first": rendered_world.loop_flight(60), "second": beside(30)}
+    flights = {"first": rendered_world.loop_flight(60), "second": mapping_whole.beside(rendered_world.loop_flight(120))}
     maps, T_true_map = {}, {}
     with tempfile.TemporaryDirectory() as folder:
         for seed, (name, flight) in zip((1, 9), flights.items(), strict=True):
             images = rendered_world.write_rendered_sequence(Path(folder) / f"{name}-images", flight=flight, seed=seed)
             mapping.build_map(images, rigs.load(images / "camera.toml"), Path(folder) / name)
             maps[name] = map_parts.read(Path(folder) / name)
-            T_true_map[name] = onto(flight.T_world_body, maps[name].T_world_body)
+            T_true_map[name] = mapping_whole.aligned(maps[name].T_world_body, flight.T_world_body)
     true = frames.invert(T_true_map["first"]) @ T_true_map["second"]
     _join("whole", maps["first"], maps["second"], true)
     for overlap_m in (3.0, 1.5, 0.8, 0.3, 0.0):
@@ -379,6 +366,11 @@ if __name__ == "__main__":
     parser.add_argument("--data", type=Path, help="folder of a recorded RGB-D sequence")
     parser.add_argument("--localize", type=int, default=0, help="number of queries in the rendered room")
     parser.add_argument("--join", action="store_true", help="register two maps of the rendered room")
+    parser.add_argument("--room", type=int, default=0, help="pairs of images of the rendered room")
+    parser.add_argument("--disturbed", action="store_true", help="with --room: the same disturbed")
+    parser.add_argument("--hall", type=int, default=0, help="pairs of images of the rendered hall")
+    parser.add_argument("--walk", type=Path, help="folder of a recorded walk")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows of the last four here")
     given = parser.parse_args()
     if given.cameras:
         blind(given.cameras, given.seed)
@@ -392,3 +384,18 @@ if __name__ == "__main__":
         localize(given.localize)
     if given.join:
         join()
+    if given.disturbed and not given.room:
+        parser.error("--disturbed goes with --room")
+    rows: list[report.Row] = []
+    with tempfile.TemporaryDirectory() as name:
+        if given.room:
+            rows += mapping_whole.room(Path(name) / "room", given.room)
+        if given.disturbed:
+            clean_m = next(r.value for r in rows if r.name.endswith("position, mean")) / 1000.0
+            rows += mapping_whole.disturbed_room(Path(name) / "disturbed", given.room, clean_m)
+        if given.hall:
+            rows += mapping_whole.large_hall(Path(name) / "hall", given.hall)
+        if given.walk:
+            rows += mapping_walk.walk(Path(name) / "walk", given.walk)
+    if given.json:
+        report.write(rows, given.json)

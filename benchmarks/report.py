@@ -48,7 +48,13 @@ def machine() -> dict[str, Any]:
     model = next(
         (line.split(":", 1)[1].strip() for line in _cpuinfo() if line.startswith("model name")), platform.processor()
     )
-    return {"cpu": model, "cores": os.cpu_count(), "python": platform.python_version(), "system": platform.system()}
+    return {
+        "cpu": model,
+        "cores": os.cpu_count(),
+        "load": os.getloadavg()[0],
+        "python": platform.python_version(),
+        "system": platform.system(),
+    }
 
 
 def _cpuinfo() -> list[str]:
@@ -70,8 +76,13 @@ def main(rows: Callable[..., list[Row]], **numbers: int) -> None:
     measured = rows(**{name: getattr(arguments, name) for name in numbers})
     print_table(measured)
     if arguments.json:
-        body = {"machine": machine(), "rows": [asdict(r) for r in measured]}
-        arguments.json.write_text(json.dumps(body, indent=1) + "\n")
+        write(measured, arguments.json)
+
+
+def write(measured: list[Row], path: Path) -> None:
+    """The rows with the machine, and its load over the last minute, as JSON."""
+    body = {"machine": machine(), "rows": [asdict(r) for r in measured]}
+    path.write_text(json.dumps(body, indent=1) + "\n")
 
 
 def print_table(measured: list[Row]) -> None:

@@ -31,6 +31,8 @@ class MapAccuracy:
     """Share of the mesh's vertices that lie within 5 cm of the true surface."""
     seen_share_within_5cm: float
     """Share of the surface that the cameras saw with a vertex of the mesh within 5 cm."""
+    seen_share_within_10cm: float
+    """The same within 10 cm."""
     seen_share_free: float
     """Share of the seen surface points with free voxels on all sides, 5 mm away (half a voxel of error is enough)."""
     seen_share_in_holes: float
@@ -84,7 +86,7 @@ def compare(
     T_world_map = np.eye(4) if T_world_map is None else T_world_map
     seen_map_m = frames.apply(frames.invert(T_world_map), seen_world_m)
     error_m = np.abs(scene.distance(frames.apply(T_world_map, vertices_map_m)))
-    gap_m, _ = KDTree(vertices_map_m).query(seen_map_m, distance_upper_bound=WITHIN_M)
+    gap_m, _ = KDTree(vertices_map_m).query(seen_map_m, distance_upper_bound=HOLE_M)
     is_free = state == FREE
     to_matter_m = np.asarray(distance_transform_edt(is_free, sampling=grid.voxel_m))
     free_centres = frames.apply(T_world_map, grid.centre(np.argwhere(is_free)))
@@ -92,6 +94,7 @@ def compare(
         median_error_m=float(np.median(error_m)),
         share_within_5cm=float((error_m < WITHIN_M).mean()),
         seen_share_within_5cm=float((gap_m < WITHIN_M).mean()),
+        seen_share_within_10cm=float((gap_m < HOLE_M).mean()),
         seen_share_free=float(_all_sides(is_free, grid, seen_map_m).mean()),
         seen_share_in_holes=float(_all_sides(to_matter_m > HOLE_M, grid, seen_map_m).mean()),
         free_share_in_matter=float((scene.distance(free_centres) < 0.0).mean()),

@@ -3,7 +3,7 @@
 The demo, the examples and the accuracy tests use it.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,6 +43,9 @@ _LOOP_WORLD_M = np.array(
     ]
 )
 
+Picture = Callable[[int, int], np.ndarray]
+"""The image (height, width) uint8 of an instant and a camera, both by number."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RenderedFlight:
@@ -76,14 +79,17 @@ def default_rig(scale: float = 1.0) -> Rig:
     return Rig(tuple(cameras))
 
 
-def loop_flight(count: int, *, share: float = 1.0) -> RenderedFlight:
-    """`count` poses at equal distances along the closed loop (or the first `share` of it), nose along the path.
+def loop_flight(count: int, *, share: float = 1.0, through_world_m: FloatArray = _LOOP_WORLD_M) -> RenderedFlight:
+    """`count` poses at equal distances along a closed loop (or the first `share` of it), nose along the path.
 
     The body leans a little, as a quadrotor does when it accelerates.
+
+    Args:
+        through_world_m: (k, 3) points of the loop; those of the furnished room by default.
     """
     if count < 2 or not 0.0 < share <= 1.0:
         raise InputError(f"a flight of {count} poses over {share:g} of the loop; at least 2 poses and 0 < share <= 1")
-    knots = np.vstack([_LOOP_WORLD_M, _LOOP_WORLD_M[:1]])
+    knots = np.vstack([through_world_m, through_world_m[:1]])
     spline = CubicSpline(np.arange(len(knots)), knots, bc_type="periodic")
     fine = np.linspace(0.0, len(knots) - 1, 4001)
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(spline(fine), axis=0), axis=1))])
@@ -138,6 +144,7 @@ def write_rendered_sequence(
     rig: Rig | None = None,
     flight: RenderedFlight | None = None,
     scene: RenderedScene | None = None,
+    picture: Picture | None = None,
     seed: int = 1,
     progress: Progress = silent,
 ) -> Path:
@@ -145,21 +152,21 @@ def write_rendered_sequence(
 
     Writes `CAMERA/0000.png`..., `times.csv`, `references.csv` (the direction of up, as the flight controller of a real
     vehicle knows it), `camera.toml`, and, apart from what a mapper reads, `truth/poses.csv`.
+
+    Args:
+        picture: makes the images, instead of `pictures` of `scene`.
     """
     import cv2
 
     rig = rig or default_rig()
     flight = flight or loop_flight(60)
-    scene = scene or rendered_room.furnished()
+    picture = picture or pictures(rig, flight, scene or rendered_room.furnished(), seed)
     names = [f"{i:04d}.png" for i in range(len(flight.times_s))]
     with file_format.atomic_folder(Path(folder)) as new:
         for number, camera in enumerate(rig):
             (new / camera.folder).mkdir(parents=True)
             for i, name in enumerate(names):
-                gain = GAIN * exposure_change(i, number)
-                noise_seed = seed * 1_000_003 + i * len(rig) + number
-                image = render(camera, flight.T_world_body[i], scene=scene, seed=noise_seed, gain=gain)
-                cv2.imwrite(str(new / camera.folder / name), image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+                cv2.imwrite(str(new / camera.folder / name), picture(i, number), [cv2.IMWRITE_PNG_COMPRESSION, 1])
                 progress(f"render {camera.name}", (i + 1) / len(names))
         rigs.save(new / "camera.toml", rig)
         rows = (f"{name},{t:.6f}" for name, t in zip(names, flight.times_s, strict=True))
@@ -167,6 +174,17 @@ def write_rendered_sequence(
         file_format.write_bytes(new / "references.csv", _up_csv(names, flight, seed))
         file_format.write_bytes(new / "truth" / "poses.csv", _poses_csv(names, flight))
     return Path(folder)
+
+
+def pictures(rig: Rig, flight: RenderedFlight, scene: RenderedScene, seed: int) -> Picture:
+    """The images of a flight, with noise of their own and the camera's slow automatic exposure."""
+
+    def picture(instant: int, number: int) -> np.ndarray:
+        gain = GAIN * exposure_change(instant, number)
+        noise_seed = seed * 1_000_003 + instant * len(rig) + number
+        return render(rig.cameras[number], flight.T_world_body[instant], scene=scene, seed=noise_seed, gain=gain)
+
+    return picture
 
 
 def exposure_change(index: int, camera_number: int) -> float:

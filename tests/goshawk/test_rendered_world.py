@@ -7,9 +7,11 @@ import pytest
 
 from esdf.solids import Box, Capsule, Cylinder, Room, Sphere
 from flight import InputError
+from goshawk.rendered import disturbed, hall
 from goshawk.rendered import scene as rendered_room
 from goshawk.rendered import world as rendered_world
 from goshawk.rendered.scene import RenderedScene
+from goshawk.rendered.world import RenderedFlight
 from mapping.camera import rig as rigs
 
 SCENE = rendered_room.furnished()
@@ -127,3 +129,19 @@ def test_a_written_sequence_has_equal_names_per_instant_and_its_truth_apart(tmp_
 def test_an_impossible_flight_is_refused() -> None:
     with pytest.raises(InputError, match="at least 2"):
         rendered_world.loop_flight(1)
+
+
+def test_the_hall_is_flown_clear_of_what_stands_in_it() -> None:
+    flown = rendered_world.loop_flight(200, through_world_m=hall.LOOP_WORLD_M)
+    assert hall.furnished().distance(flown.T_world_body[:, :3, 3]).min() > 0.5
+
+
+def test_crates_move_within_a_flight_and_again_before_a_later_one() -> None:
+    T = rendered_world.loop_flight(20).T_world_body[[5, 5]]
+    flown, rig = RenderedFlight(np.arange(2.0), T), rendered_world.default_rig(0.1)
+    meanwhile, later = (disturbed.pictures(rig, flown, 1, is_later=is_later) for is_later in (False, True))
+    for instant in (0, 1):  # the same noise and exposure, so what differs is what moved
+        assert (meanwhile(instant, 0) != later(instant, 0)).mean() > 0.01
+    for moved, (crates, *_) in enumerate(disturbed.CRATES_WORLD_M):
+        inside = [[*(np.array(crates) + 0.1), 0.3]]
+        assert [disturbed.scene(k).distance(inside)[0] < 0.0 for k in range(3)] == [k == moved for k in range(3)]
