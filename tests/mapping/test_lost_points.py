@@ -1,4 +1,4 @@
-"""Points that a corrected calibration puts behind a camera leave the map, and its mean error stays a number of pixels."""
+"""Points that a corrected calibration puts behind a camera leave the map, and its mean error stays finite."""
 
 import pycolmap
 
