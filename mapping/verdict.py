@@ -152,8 +152,8 @@ def _motion_refusals(check: MotionCheck) -> list[str]:
         return []
     return [
         f"the {check.source} turn and move along other axes than the images "
-        f"({np.degrees(check.direction_error_rad):.0f} deg apart): they are of another flight, or their quaternions are "
-        "in another order (TUM: x y z w, EuRoC: w x y z) or those of world to body"
+        f"({np.degrees(check.direction_error_rad):.0f} deg apart): they are of another flight, or their quaternions "
+        "are in another order (TUM: x y z w, EuRoC: w x y z) or those of world to body"
     ]
 
 
