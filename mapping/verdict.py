@@ -148,11 +148,12 @@ def _motion_doubts(check: MotionCheck) -> list[str]:
 
 def _motion_refusals(check: MotionCheck) -> list[str]:
     """Why the frame of a map with these recorded poses is wrong; odometry does not give one, and drifts."""
-    if not check.source.startswith(MotionKind.POSES) or check.direction_error_rad < DIRECTION_REFUSED_RAD:
+    off_rad = check.direction_error_rad or 0.0
+    if not check.source.startswith(MotionKind.POSES) or off_rad < DIRECTION_REFUSED_RAD:
         return []
     return [
         f"the {check.source} turn and move along other axes than the images "
-        f"({np.degrees(check.direction_error_rad):.0f} deg apart): they are of another flight, or their quaternions "
+        f"({np.degrees(off_rad):.0f} deg apart): they are of another flight, or their quaternions "
         "are in another order (TUM: x y z w, EuRoC: w x y z) or those of world to body"
     ]
 

@@ -40,8 +40,9 @@ class MotionCheck:
     """Largest relative difference of the scale along the path from `scale`: 0 for the same shape."""
     turn_error_rad: float
     """Median difference of the turns over a piece of the path."""
-    direction_error_rad: float
-    """Mean angle between its turns and shifts and the map's, in the frame that fits best."""
+    direction_error_rad: float | None
+    """Mean angle between its turns and shifts and the map's, in the frame that fits best; None if they are too small to
+    determine a frame."""
     late_s: float | None
     """By which the file's times are too large; None if the vehicle hardly turns."""
     late_std_s: float | None
@@ -69,6 +70,7 @@ def check(motion: Motion, time_s: FloatArray, T_old_body: FloatArray) -> MotionC
     off_m = moved_m - scale * moved
     noise = np.sqrt(((moved * off_m) ** 2).sum()) / (moved @ moved) / scale  # heteroscedastic (White, 1980)
     late_s, late_std_s = _late(motion, time_s[both], T_old_body[both])
+    _, is_determined, direction_error_rad = _rotation(recorded[both], T_old_body[both], scale)
     return MotionCheck(
         f"{motion.kind} ({motion.trajectory.path.name})",
         len(both),
@@ -76,7 +78,7 @@ def check(motion: Motion, time_s: FloatArray, T_old_body: FloatArray) -> MotionC
         float(np.hypot(noise * np.sqrt(len(moved) / max(len(moved) - 1, 1)), _SYSTEMATIC_STD)),
         shape,
         float(np.median(np.abs(_turns(ours) - _turns(theirs)))),
-        _rotation(recorded[both], T_old_body[both], scale)[2],
+        direction_error_rad if is_determined else None,
         late_s,
         late_std_s,
     )

@@ -160,6 +160,18 @@ def test_noisy_poses_of_a_tracker_beside_the_cameras_are_not_refused(tmp_path: P
     assert verdict._motion_refusals(found.motions[0]) == []
 
 
+def test_poses_of_a_hover_within_their_noise_are_not_refused(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+
+    def hover(count: int) -> FloatArray:
+        return frames.transform(rotations.exp(rng.normal(0.0, 0.005, (count, 3))), rng.normal(0.0, 0.01, (count, 3)))
+
+    images = beside(MotionKind.POSES, write_tum(tmp_path / "p", RECORDED_S, hover(len(RECORDED_S))))
+    found = aligned(images, old(hover(COUNT)))
+    assert found.motions[0].direction_error_rad is None
+    assert verdict._motion_refusals(found.motions[0]) == []
+
+
 def test_poses_whose_z_is_not_up_are_named(tmp_path: Path) -> None:
     tipped = frames.transform(rotations.exp([0.5 * np.pi, 0.0, 0.0]), np.zeros(3)) @ pose(RECORDED_S)
     found = aligned(beside(MotionKind.POSES, write_tum(tmp_path / "p", RECORDED_S, tipped)), old())
