@@ -17,6 +17,7 @@ Nobody holds a connection by silence: a request must come within `SILENCE_S`, a 
 """
 
 import asyncio
+import contextlib
 import hmac
 import logging
 import secrets
@@ -330,14 +331,15 @@ class Gateway:
 
 async def _pump(source: Any, sink: Any, *, allow: Callable[[bytes], bool]) -> None:
     """Pass binary messages from one socket to the other until either closes."""
-    from aiohttp import WSMsgType
+    from aiohttp import ClientConnectionResetError, WSMsgType
 
-    async for message in source:
-        if message.type == WSMsgType.BINARY:
-            if allow(message.data):
-                await sink.send_bytes(message.data)
-        else:
-            return
+    with contextlib.suppress(ClientConnectionResetError):  # `sink` has closed
+        async for message in source:
+            if message.type == WSMsgType.BINARY:
+                if allow(message.data):
+                    await sink.send_bytes(message.data)
+            else:
+                return
 
 
 def _may_pass(data: bytes) -> bool:

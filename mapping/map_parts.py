@@ -17,7 +17,7 @@ from esdf.solids import Solid, covered_region
 from esdf.storage import EDITS
 from esdf.visibility import Visibility, save_visibility
 from flight import FloatArray, FormatError, InputError, file_format, frames, results
-from mapping import given_paths, map_folder, poses_file
+from mapping import given_paths, map_folder, poses_file, reach
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
 from mapping.dense import mesh_file, resolution
@@ -143,17 +143,19 @@ def moved(parts: MapParts, T_new_old: FloatArray, sentence: str) -> MapParts:
         sentence: what was done, for the map's history.
 
     Raises:
-        InputError: it is no rigid motion, or an upright edit would lean.
+        InputError: it is no rigid motion, leads too far from the origin, or would lean an upright edit.
     """
     R = T_new_old[:3, :3]
     if not np.isfinite(T_new_old).all() or np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0:
         raise InputError(f"a map is moved by a rotation and a translation, not by {np.round(T_new_old, 3).tolist()}")
+    vertices = frames.apply(T_new_old, parts.vertices_world_m)
+    reach.require_near_origin(vertices, f"the moved map {parts.name}")
     field = moving.moved_field(parts.field, T_new_old)
     return dataclasses.replace(
         parts,
         field=field,
         edits=moving.moved_edits(parts.edits, T_new_old, field.grid),
-        vertices_world_m=frames.apply(T_new_old, parts.vertices_world_m),
+        vertices_world_m=vertices,
         known=dataclasses.replace(parts.known, points_world_m=frames.apply(T_new_old, parts.known.points_world_m)),
         T_world_body=T_new_old @ parts.T_world_body,
         seen=resolution.moved(parts.seen, T_new_old, field.grid),

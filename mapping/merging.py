@@ -283,10 +283,11 @@ def _joined(first: tuple[esdf.Edit, ...], second: tuple[esdf.Edit, ...], name: s
 
 def _all_images(first: MapParts, second: MapParts) -> tuple[str, ...]:
     """Names of all images; where one occurs in both, all of the second map's get its name in front."""
-    if not set(first.images) & set(second.images):
-        return (*first.images, *second.images)
-    name = second.name if second.name != first.name else f"{second.name}-2"
-    return (*first.images, *(f"{name}/{image}" for image in second.images))
+    names, number = second.images, 2 if second.name == first.name else 1
+    while set(first.images) & set(names):  # those of a map that was joined before have a name in front already
+        folder = second.name if number == 1 else f"{second.name}-{number}"
+        names, number = tuple(f"{folder}/{image}" for image in second.images), number + 1
+    return (*first.images, *names)
 
 
 def _facts(first: MapParts, second: MapParts, sentence: str) -> dict[str, Any]:

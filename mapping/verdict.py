@@ -31,6 +31,8 @@ LATE_DOUBT_S = 0.01
 TURN_DOUBT_RAD = float(np.radians(3.0))
 SHAPE_DOUBT = 0.10
 """Recorded motion of the same flight fits the map better than these."""
+DIRECTION_REFUSED_RAD = float(np.radians(25.0))
+"""Poses with a noise of 5 cm and 2 deg differ by 9 deg; quaternions in another order, or inverted, by 40 to 54 deg."""
 TILT_DOUBT_RAD = float(np.radians(60.0))
 """No vehicle flies like this for half of its images."""
 OTHER_LENS = 0.02
@@ -113,6 +115,7 @@ def judge(placed: SparseMap) -> MapVerdict:
         _weigh(placed.alignment.witnesses[0], witness, doubts, refusals)
     for check in placed.alignment.motions:
         doubts += _motion_doubts(check)
+        refusals += _motion_refusals(check)
     if placed.alignment.up_source == MotionKind.POSES:
         doubts += _tilt_doubts(placed.T_world_body[placed.placed])
     standing = Standing.REFUSED if refusals else Standing.DOUBTFUL if doubts else Standing.GOOD
@@ -141,6 +144,18 @@ def _motion_doubts(check: MotionCheck) -> list[str]:
             f"{100.0 * check.shape:.0f} %"
         )
     return doubts
+
+
+def _motion_refusals(check: MotionCheck) -> list[str]:
+    """Why the frame of a map with these recorded poses is wrong; odometry does not give one, and drifts."""
+    off_rad = check.direction_error_rad or 0.0
+    if not check.source.startswith(MotionKind.POSES) or off_rad < DIRECTION_REFUSED_RAD:
+        return []
+    return [
+        f"the {check.source} turn and move along other axes than the images "
+        f"({np.degrees(off_rad):.0f} deg apart): they are of another flight, or their quaternions "
+        "are in another order (TUM: x y z w, EuRoC: w x y z) or those of world to body"
+    ]
 
 
 def _tilt_doubts(T_world_body: FloatArray) -> list[str]:

@@ -16,6 +16,8 @@ from goshawk.commands.map_edit import shape_options, solid_from
 
 LARGEST_SCALE_ERROR = 0.02
 """How much larger or smaller than the measured points a map may be: then it is not its place that is wrong."""
+LARGEST_MISFIT = 0.05
+"""RMS residual of the points over their RMS distance from their centre: exchanged points leave more."""
 _POINT_COLUMNS = ("map_x_m", "map_y_m", "map_z_m", "x_m", "y_m", "z_m")
 
 _out = console.path_option("--out", "out", "Map folder to write.", required=True)
@@ -144,11 +146,11 @@ def read_points(path: Path) -> tuple[FloatArray, FloatArray]:
     """
     if not path.is_file():
         raise InputError(f"{path} does not exist; it should hold the columns {','.join(_POINT_COLUMNS)}")
-    with open(path, encoding="utf-8", errors="replace", newline="") as stream:
-        rows = list(csv.DictReader(stream))
     try:
+        with open(path, encoding="utf-8-sig", errors="replace", newline="") as stream:  # spreadsheets write the mark
+            rows = list(csv.DictReader(stream))
         values = np.array([[float(row[name]) for name in _POINT_COLUMNS] for row in rows]).reshape(-1, 6)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, csv.Error) as error:
         raise FormatError(f"{path}: each line needs a number for each of {','.join(_POINT_COLUMNS)}") from error
     if not np.isfinite(values).all():
         raise FormatError(f"{path}: a coordinate is not finite")
@@ -159,7 +161,8 @@ def fit_points(map_m: FloatArray, measured_m: FloatArray) -> tuple[FloatArray, f
     """The rigid motion (4, 4) from the map to the measured points, its RMS residual, and the map's relative size.
 
     Raises:
-        InputError: fewer than three points, all on one line, or the map is not as large as the measured points.
+        InputError: fewer than three points, all on one line; the map is not as large as the measured points, of another
+            shape, or upside down.
     """
     if len(map_m) < 3:
         raise InputError(f"{len(map_m)} points are given; at least 3 are needed")
@@ -174,10 +177,22 @@ def fit_points(map_m: FloatArray, measured_m: FloatArray) -> tuple[FloatArray, f
             f"the map is {scale:.3f} times as large as the measured points, more than {LARGEST_SCALE_ERROR:.0%} off: a "
             "point is wrong, or make the map again with --length"
         )
+    off_m = np.linalg.norm(a @ R.T - b, axis=1)
+    residual_m, extent_m = (float(np.sqrt((lengths_m**2).mean())) for lengths_m in (off_m, np.linalg.norm(b, axis=1)))
+    if residual_m > LARGEST_MISFIT * extent_m:
+        raise InputError(
+            f"the points do not fit: {residual_m:.3f} m RMS are left, more than {LARGEST_MISFIT:.0%} of their extent "
+            f"of {extent_m:.2f} m, most at point {int(off_m.argmax()) + 1}; are two exchanged?"
+        )
+    if R[2, 2] < 0.0:
+        raise InputError(
+            "the measured points would turn the map upside down: their axes must be right-handed with z up (x east, y "
+            "north), not north, east, down"
+        )
     T = np.eye(4)
     T[:3, :3] = R
     T[:3, 3] = measured_m.mean(axis=0) - R @ map_m.mean(axis=0)
-    return T, float(np.sqrt(((a @ R.T - b) ** 2).sum(axis=1).mean())), scale
+    return T, residual_m, scale
 
 
 def _move(

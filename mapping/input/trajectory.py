@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from flight import FloatArray, FormatError, InputError, cells, frames, rotations
+from mapping import reach
 
 LEAST_INSTANTS = 4
 """Images that a recorded motion must cover."""
@@ -71,7 +72,8 @@ def read_motion(kind: MotionKind, path: Path, time_s: FloatArray) -> Motion:
     """A recorded motion for images taken at the times (instants,), NaN where unknown.
 
     Raises:
-        InputError: as `read`; the images have no times, or the file covers fewer than four of them.
+        InputError: as `read`; the images have no times, the file covers fewer than four of them, or poses are too far
+            from the origin.
     """
     trajectory = read(path)
     known_s = time_s[np.isfinite(time_s)]
@@ -85,6 +87,8 @@ def read_motion(kind: MotionKind, path: Path, time_s: FloatArray) -> Motion:
             f"{first_s:.3f} to {last_s:.3f} s, those of the images from {known_s.min():.3f} to {known_s.max():.3f} s; "
             "both must be of one clock, in seconds (EuRoC: nanoseconds)"
         )
+    if kind is MotionKind.POSES:
+        reach.require_near_origin(trajectory.T_start_body[:, :3, 3], f"with the poses of {path} the map")
     return Motion(kind, trajectory)
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from flight import FloatArray, FormatError, InputError, MapError, frames, rotations
+from mapping import reach
 from mapping.camera.rig import Rig
 from mapping.input.images import ImageSet, read_table
 from mapping.input.trajectory import MotionKind
@@ -124,7 +125,8 @@ def read_references(images: ImageSet, path: Path | None = None) -> References:
 
     Raises:
         FormatError: the file has neither positions nor up directions, or a cell is no number.
-        InputError: not one of its rows names an image of the folder, or recorded poses give the positions as well.
+        InputError: not one of its rows names an image of the folder, a position is too far from the origin, or recorded
+            poses give the positions as well.
     """
     count = len(images.instants)
     if path is not None and not path.is_file():
@@ -143,6 +145,7 @@ def read_references(images: ImageSet, path: Path | None = None) -> References:
     if all(np.isnan(v).any(axis=1).all() for v in values.values()):
         raise InputError(f"{path} names none of the images in {images.folder}; its first column is the file name")
     empty = np.full((count, 3), np.nan)
+    reach.require_near_origin(values.get(_POSITION, empty), f"with the positions of {path} the map")
     up = values.get(_UP, empty)
     with np.errstate(invalid="ignore"):
         return References(values.get(_POSITION, empty), up / np.linalg.norm(up, axis=1, keepdims=True))

@@ -35,6 +35,8 @@ _REPAIRS = 4
 _LEAST_IMAGES = 2
 _OUTLIER_PX = 3.0
 """Observations with a larger reprojection error are dropped; 4 keeps moving leaves, 2 drops good ones."""
+_LOST_PX = 30.0
+"""The same once the calibration was corrected: no error of a lens that remains is as large."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +115,9 @@ def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progres
         if trial.present and images.depths is None:
             images = dataclasses.replace(images, rig=trial.rig)
             _write_back(model, images, trial)
-            if not trial.inexpressible:  # COLMAP does not model those and would move the poses back
+            if trial.inexpressible:  # COLMAP does not model those, and adjusting would move the poses back
+                drop_lost_points(model)
+            else:
                 refine(database, model, dataclasses.replace(trial.rig, refine_intrinsics=False), options, progress)
             watch.lap("refining with the corrected calibration")
         return _read_out(database, model, images, trial, repeated, watch)
@@ -437,6 +441,16 @@ def _write_back(model: Any, images: ImageSet, trial: Trial) -> None:
         model.frame(image.frame_id).rig_from_world = pycolmap.Rigid3d(T_rig_world[:3])
     for point_id, xyz in zip(sorted(model.point3D_ids()), trial.points_world, strict=True):
         model.point3D(point_id).xyz = xyz
+
+
+def drop_lost_points(model: Any) -> None:
+    """Remove observations of points that the corrected calibration puts behind the camera or out of its image.
+
+    There are a dozen in a map, but the projection of one is anything: the mean of all errors was 1e151 px.
+    """
+    import pycolmap
+
+    pycolmap.ObservationManager(model).filter_all_points3D(_LOST_PX, 0.0)
 
 
 def _read_out(

@@ -40,6 +40,9 @@ class MotionCheck:
     """Largest relative difference of the scale along the path from `scale`: 0 for the same shape."""
     turn_error_rad: float
     """Median difference of the turns over a piece of the path."""
+    direction_error_rad: float | None
+    """Mean angle between its turns and shifts and the map's, in the frame that fits best; None if they are too small to
+    determine a frame."""
     late_s: float | None
     """By which the file's times are too large; None if the vehicle hardly turns."""
     late_std_s: float | None
@@ -67,6 +70,7 @@ def check(motion: Motion, time_s: FloatArray, T_old_body: FloatArray) -> MotionC
     off_m = moved_m - scale * moved
     noise = np.sqrt(((moved * off_m) ** 2).sum()) / (moved @ moved) / scale  # heteroscedastic (White, 1980)
     late_s, late_std_s = _late(motion, time_s[both], T_old_body[both])
+    _, is_determined, direction_error_rad = _rotation(recorded[both], T_old_body[both], scale)
     return MotionCheck(
         f"{motion.kind} ({motion.trajectory.path.name})",
         len(both),
@@ -74,6 +78,7 @@ def check(motion: Motion, time_s: FloatArray, T_old_body: FloatArray) -> MotionC
         float(np.hypot(noise * np.sqrt(len(moved) / max(len(moved) - 1, 1)), _SYSTEMATIC_STD)),
         shape,
         float(np.median(np.abs(_turns(ours) - _turns(theirs)))),
+        direction_error_rad if is_determined else None,
         late_s,
         late_std_s,
     )
@@ -124,10 +129,19 @@ def _late(motion: Motion, time_s: FloatArray, T_old_body: FloatArray) -> tuple[f
 def up_old(T_start_body: FloatArray, T_old_body: FloatArray, scale: float) -> FloatArray | None:
     """The z axis of recorded poses in COLMAP's world, (3,); None if the motion does not determine it.
 
-    Turns and shifts between instants, each in its own world, are the same vectors up to one rotation (Wahba, 1965).
-
     Args:
         T_start_body, T_old_body: (n, 4, 4) both known. The tracked thing may have other axes than the body.
+    """
+    R_old_start, is_determined, _ = _rotation(T_start_body, T_old_body, scale)
+    return np.asarray(R_old_start[:, 2]) if is_determined else None
+
+
+def _rotation(T_start_body: FloatArray, T_old_body: FloatArray, scale: float) -> tuple[FloatArray, bool, float]:
+    """R_old_start (3, 3), whether the motion determines it, and the mean angle (rad) that is left.
+
+    Turns and shifts between instants, each in its own world, are the same vectors up to one rotation (Wahba, 1965). No
+    rotation fits where the quaternions are in another order, or are those of the inverse rotations, though the angles
+    of the turns are then the same.
     """
     ends = np.unique(np.linspace(0, len(T_old_body) - 1, 4 * STRETCHES + 1).astype(int))
     ours, theirs = T_old_body[ends].copy(), T_start_body[ends]
@@ -139,10 +153,11 @@ def up_old(T_start_body: FloatArray, T_old_body: FloatArray, scale: float) -> Fl
     ]
     product = np.sum([np.outer(a, b) for a, b in pairs], axis=0)
     u, strength, vt = np.linalg.svd(product)
-    if strength[1] - len(pairs) < _LARGEST_TILT_STD_RAD**-2:
-        return None
     R_old_start = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-    return np.asarray(R_old_start[:, 2])
+    longest = sum(float(np.linalg.norm(a) * np.linalg.norm(b)) for a, b in pairs)
+    cosine = float((R_old_start * product).sum()) / max(longest, 1e-30)
+    is_determined = bool(strength[1] - len(pairs) >= _LARGEST_TILT_STD_RAD**-2)
+    return R_old_start, is_determined, float(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
 def _turn_vectors(T: FloatArray) -> FloatArray:

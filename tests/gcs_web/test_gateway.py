@@ -297,6 +297,29 @@ def test_scene_messages_pass_and_share_requests_do_not():
     at_the_gateway(visit)
 
 
+def test_what_is_passed_to_a_browser_that_has_left_ends_without_an_error():
+    async def visit(gateway, server, browser):
+        ended = asyncio.get_running_loop().create_future()
+
+        async def messages():
+            yield aiohttp.WSMessage(aiohttp.WSMsgType.BINARY, b"scene", None)
+
+        async def leave_and_send(socket):
+            socket._req.transport.abort()
+            task = asyncio.create_task(rules._pump(messages(), socket, allow=lambda _: True))
+            await asyncio.wait({task})
+            ended.set_result(task.exception())
+
+        gateway._serve_page = leave_and_send
+        async with browser.get(gateway.url):
+            pass
+        origin = f"http://127.0.0.1:{gateway.port}"
+        async with browser.ws_connect(f"{origin}/ws", headers={"Origin": origin}):
+            assert await asyncio.wait_for(ended, PATIENCE_S) is None
+
+    at_the_gateway(visit)
+
+
 def test_a_host_is_answered_to_as_browsers_write_it(tmp_path: Path):
     """They send names in small letters; one that was given in others let nobody in."""
     gateway = Gateway(

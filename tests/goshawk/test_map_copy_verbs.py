@@ -96,6 +96,7 @@ def write_points(path: Path, of_map: np.ndarray, measured: np.ndarray) -> None:
 
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [6.0, 0.0, 0.0], [6.0, 4.0, 0.0]])
+SQUARE = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 4.0, 0.5], [0.0, 4.0, 2.5]])
 
 
 @pytest.mark.parametrize(
@@ -106,6 +107,9 @@ CORNERS = np.array([[0.0, 0.0, 0.0], [6.0, 0.0, 0.0], [6.0, 4.0, 0.0]])
         (CORNERS * [1.0, 0.0, 0.0], CORNERS * [1.0, 0.0, 0.0], "on one line"),
         (CORNERS, np.full((3, 3), np.nan), "not finite"),
         (CORNERS, 0.0 * CORNERS, "on one line"),
+        (SQUARE, SQUARE[[0, 3, 2, 1]] * [-1.0, 1.0, 1.0] + [0.0, 0.0, 1.0], "do not fit"),
+        (SQUARE, SQUARE[:, [1, 0, 2]] * [1.0, 1.0, -1.0], "upside down"),
+        (CORNERS, np.add(CORNERS, [0.0, 5.4e6, 0.0]), "5,400 km from the origin"),
     ],
 )
 def test_points_that_cannot_be_right_are_refused(
@@ -115,6 +119,15 @@ def test_points_that_cannot_be_right_are_refused(
     message = run("map", "align", folder, "--points", tmp_path / "points.csv", "--out", tmp_path / "new", code=2)
     assert said in message
     assert not (tmp_path / "new").exists()
+
+
+def test_points_of_a_spreadsheet_are_read_and_no_table_is_refused(folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    write_points(path, CORNERS, CORNERS + 1.0)
+    path.write_text("\ufeff" + path.read_text(), encoding="utf-8")
+    run("map", "align", folder, "--points", path, "--out", tmp_path / "new")
+    path.write_text(path.read_text() + '"' + 200_000 * "1" + '",0,0,0,0,0')
+    assert "a number for each" in run("map", "align", folder, "--points", path, "--out", tmp_path / "other", code=2)
 
 
 @pytest.mark.parametrize(

@@ -126,10 +126,13 @@ def test_references_are_read_with_empty_cells(tmp_path: Path) -> None:
     assert np.isnan(references.up_body).all()
 
 
-def test_references_that_match_no_image_are_refused(tmp_path: Path) -> None:
+def test_references_that_match_no_image_or_lie_far_away_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "references.csv"
     path.write_text("image,lat,lon\n003.jpg,1,2\n")
     with pytest.raises(FormatError, match="neither"):
+        alignment.read_references(image_set(tmp_path))
+    path.write_text("image,x_m,y_m,z_m\n003.jpg,1,5400000,3\n")
+    with pytest.raises(InputError, match="5,400 km from the origin"):
         alignment.read_references(image_set(tmp_path))
     path.write_text("image,x_m,y_m,z_m\nother.jpg,1,2,3\n")
     with pytest.raises(InputError, match="names none"):

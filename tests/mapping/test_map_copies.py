@@ -139,6 +139,12 @@ def test_what_is_no_rigid_motion_is_refused(T: np.ndarray) -> None:
         map_parts.moved(room(), T, "moved")
 
 
+def test_a_map_is_not_moved_to_where_its_mesh_loses_its_shape() -> None:
+    far = frames.transform(rotations.from_yaw(0.0), [500_000.0, 5_400_000.0, 0.0])
+    with pytest.raises(InputError, match="5,400 km from the origin, at most 10 km"):
+        map_parts.moved(room(), far, "to a national grid")
+
+
 def test_a_cropped_map_keeps_what_is_inside_and_nothing_else() -> None:
     kept = Sphere((3.0, 3.0, 1.0), 1.2)
     new = map_parts.cropped(room(), kept, "cropped")
@@ -203,6 +209,14 @@ def test_the_verdict_of_a_joined_map_is_the_worse_one() -> None:
     unjudged = dataclasses.replace(first, facts={"carrier_radius_m": 0.2})
     new = merging.merged(unjudged, doubtful, merging.register(unjudged, doubtful))
     assert new.facts["verdict"] == "doubtful"  # of which planning asks; of the other it only says so
+
+
+def test_images_keep_different_names_however_often_maps_are_joined() -> None:
+    first, second = room("first"), room("second", seed=1)
+    once = dataclasses.replace(first, images=("a.png", "second/a.png", "second-2/a.png"))
+    new = merging.merged(once, second, merging.register(first, second))
+    assert len(set(new.images)) == len(new.images) == 6
+    assert new.images[3:] == ("second-3/a.png", "second-3/b.png", "second-3/c.png")
 
 
 def test_poses_of_another_rig_are_left_out() -> None:

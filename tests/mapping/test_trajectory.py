@@ -133,6 +133,45 @@ def test_poses_of_another_flight_do_not_fit(tmp_path: Path) -> None:
     assert any("another flight" in text for text in doubts(found))
 
 
+@pytest.mark.parametrize(
+    ("order", "signs"),
+    [([3, 0, 1, 2], [1, 1, 1, 1]), ([1, 2, 3, 0], [1, 1, 1, 1]), ([0, 1, 2, 3], [-1, -1, -1, 1])],
+    ids=["w first", "w third", "world to body"],
+)
+def test_quaternions_of_another_convention_are_refused(tmp_path: Path, order: list[int], signs: list[int]) -> None:
+    """Their turn angles are the same, so only the directions show it; the map would lie tilted, of another size."""
+    path = write_tum(tmp_path / "p", RECORDED_S, pose(RECORDED_S))
+    rows = np.loadtxt(path)
+    right = aligned(beside(MotionKind.POSES, path), old())
+    rows[:, 4:] = signs * rows[:, 4:][:, order]
+    np.savetxt(path, rows, fmt="%.9f")
+    found = aligned(beside(MotionKind.POSES, path), old())
+    assert doubts(found) == []
+    assert "quaternions are in another order" in verdict._motion_refusals(found.motions[0])[0]
+    assert verdict._motion_refusals(right.motions[0]) == []
+
+
+def test_noisy_poses_of_a_tracker_beside_the_cameras_are_not_refused(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    noisy = pose(RECORDED_S)
+    noisy[:, :3, 3] += noisy[:, :3, :3] @ [0.3, 0.1, 0.2] + rng.normal(0.0, 0.03, (len(noisy), 3))
+    noisy[:, :3, :3] = noisy[:, :3, :3] @ rotations.matrix(rotations.exp(rng.normal(0.0, 0.02, (len(noisy), 3))))
+    found = aligned(beside(MotionKind.POSES, write_tum(tmp_path / "p", RECORDED_S, noisy)), old())
+    assert verdict._motion_refusals(found.motions[0]) == []
+
+
+def test_poses_of_a_hover_within_their_noise_are_not_refused(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+
+    def hover(count: int) -> FloatArray:
+        return frames.transform(rotations.exp(rng.normal(0.0, 0.005, (count, 3))), rng.normal(0.0, 0.01, (count, 3)))
+
+    images = beside(MotionKind.POSES, write_tum(tmp_path / "p", RECORDED_S, hover(len(RECORDED_S))))
+    found = aligned(images, old(hover(COUNT)))
+    assert found.motions[0].direction_error_rad is None
+    assert verdict._motion_refusals(found.motions[0]) == []
+
+
 def test_poses_whose_z_is_not_up_are_named(tmp_path: Path) -> None:
     tipped = frames.transform(rotations.exp([0.5 * np.pi, 0.0, 0.0]), np.zeros(3)) @ pose(RECORDED_S)
     found = aligned(beside(MotionKind.POSES, write_tum(tmp_path / "p", RECORDED_S, tipped)), old())
@@ -211,6 +250,15 @@ def test_files_that_hold_no_poses_and_images_without_times_are_refused(tmp_path:
     untimed = dataclasses.replace(beside(MotionKind.POSES, path), time_s=np.full(COUNT, np.nan))
     with pytest.raises(InputError, match="have no times"):
         untimed.beside({MotionKind.POSES: path})
+
+
+def test_poses_on_a_national_grid_are_refused(tmp_path: Path) -> None:
+    far = pose(RECORDED_S)
+    far[:, :3, 3] += [500_000.0, 5_400_000.0, 0.0]
+    path = write_tum(tmp_path / "p", RECORDED_S, far)
+    with pytest.raises(InputError, match="5,400 km from the origin"):
+        beside(MotionKind.POSES, path)
+    assert beside(MotionKind.ODOMETRY, path).motions  # its frame is not used
 
 
 def test_positions_are_not_given_twice(tmp_path: Path) -> None:
