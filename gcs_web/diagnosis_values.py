@@ -161,7 +161,9 @@ def tried(present: Vehicle, effect: str, change: Change, held_out: Sequence[str]
         words.effect(effect),
         said,
         "" if change.fit is None else str(change.fit.use),
-        [] if change.fit is None else [words.parameters_named(reason, change.vehicle.parameters) for reason in change.fit.reasons],
+        []
+        if change.fit is None
+        else [words.parameters_named(reason, change.vehicle.parameters) for reason in change.fit.reasons],
         list(QUANTITIES),
         [SHOWN[quantity][0] for quantity in QUANTITIES],
         errors(changes.PRESENT),

@@ -64,7 +64,7 @@ def of_rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle, *, gyro_is_s
     """What to say of the clock of rotor speed: against the gyro, where that shows it, else against the attitude.
 
     Args:
-        gyro_is_sure: whether the gyro's own clock is known; if not, the gyro may be what is off, and nothing is shifted.
+        gyro_is_sure: whether the gyro's own clock is known; if not, it may be the one that is off: no fix is proposed.
     """
     against, offset = "gyro", Offset(0.0, np.inf, 0.0)
     if sampled(log, "rate_body_rad_s"):

@@ -51,7 +51,7 @@ def test_the_covariance_of_a_fit_is_the_delete_one_jackknife_in_any_units(seed: 
 
 
 def flight(rng: np.random.Generator, weak: float) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
-    """Five blocks of a flight with four parameters: one that it shows by `weak` alone, and two that it hardly tells apart."""
+    """Five blocks of a flight and four parameters: one that shows by `weak` alone, and two that it hardly separates."""
     found = []
     for _ in range(5):
         columns, residual = rng.normal(size=(12, 4)), rng.normal(size=12)

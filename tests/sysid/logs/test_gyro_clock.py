@@ -100,7 +100,7 @@ def test_a_calm_flight_with_a_very_noisy_gyro_is_inconclusive(noisy):
 
 
 @pytest.mark.parametrize("late_ms", [-60.0, 40.0, 80.0])
-def test_a_gyro_further_off_than_any_controller_makes_it_is_named_and_nothing_else_is_shifted(noisy, late_ms):
+def test_a_gyro_further_off_than_any_controller_makes_it_is_named_and_shifted(noisy, late_ms):
     """Where little is predicted, too: a calm flight with noise of 0.05 rad/s had its rotor speed shifted by 88 ms."""
     for log in noisy:
         late = _late(log, 1e-3 * late_ms)
@@ -108,7 +108,7 @@ def test_a_gyro_further_off_than_any_controller_makes_it_is_named_and_nothing_el
         assert len(named) == 1
         done = fix(late, vehicle.example()).done
         assert done[0].startswith("the gyro is")
-        assert not [sentence for sentence in done if sentence.startswith("rotor speed") and f"{late_ms:.0f}" in sentence]
+        assert not [said for said in done if said.startswith("rotor speed is") and float(said.split()[3]) > 20.0]
 
 
 def test_rotor_speed_is_not_shifted_to_a_gyro_whose_own_clock_is_not_known(noisy):
