@@ -8,7 +8,7 @@ import numpy as np
 
 import vehicle
 from flight import FlightError, FloatArray, InputError
-from gcs_web import protocol, pyramid, reading, residuals
+from gcs_web import protocol, pyramid, reading, reports, residuals
 from gcs_web import protocol_flights as parts
 from gcs_web.arrows import Wrench
 from gcs_web.flights import Flights
@@ -57,6 +57,7 @@ class Comparing:
             residuals.errors(compared),
             compared.predictions,
             compared.remarks,
+            reports.report_file(self._project.folder, "comparison").is_file(),
         )
 
     def opened(self, name: str) -> parts.OpenedFlight:

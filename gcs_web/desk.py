@@ -78,6 +78,8 @@ class Desk:
         """Those that the inputs' signature and the 3D view have, and why the map on disk lacked some."""
         self.on_open: Callable[[Path], None] | None = None
         """Opens another project in the place of this one; None where whoever started the station cannot."""
+        self._is_left = False
+        """From when another project is to be opened: nobody takes control of the vehicle here any more."""
         self._nonces: dict[str, _Nonce] = {}
         self._lock = threading.RLock()
         self._planner = planning.PlanningProcess(opened.folder, base, self._planned, self._drafted)
@@ -169,16 +171,16 @@ class Desk:
             raise InputError(f"there is no other project {folder!r} beside this one (any more)")
         if entry.problem:
             raise InputError(f"{entry.name} cannot be opened: {entry.problem}")
-        if self.watch is not None and self.watch.state().armed:
-            raise InputError("the vehicle is armed; land it and disarm, then open another project")
-        if self.in_control:
-            raise InputError(f"{self._name_of(self.in_control)} is in control; give up control first")
-        if self.jobs.is_busy:
-            raise InputError("a job runs or waits; wait for it, or cancel it, then open another project")
         with self._lock:
-            on_open, self.on_open = self.on_open, None  # once
-        if on_open is None:
-            raise InputError(f"this station stays with its project; start another with: goshawk gcs {folder}")
+            if self.on_open is None:
+                raise InputError(f"this station stays with its project; start another with: goshawk gcs {folder}")
+            if self.watch is not None and self.watch.state().armed:
+                raise InputError("the vehicle is armed; land it and disarm, then open another project")
+            if self.in_control:
+                raise InputError(f"{self._name_of(self.in_control)} is in control; give up control first")
+            if not self.jobs.end_if_idle():
+                raise InputError("a job runs or waits; wait for it, or cancel it, then open another project")
+            self._is_left, on_open, self.on_open = True, self.on_open, None
         self.notice(f"{person.name} opens {entry.name}; this page follows in a moment.", level="caution")
         on_open(self.project.folder.resolve().parent / folder)
 
@@ -371,9 +373,11 @@ class Desk:
     def take_control(self, person: protocol.Person, *, force: bool) -> None:
         """
         Raises:
-            InputError: somebody else has control, and `force` was not given.
+            InputError: somebody else has control, and `force` was not given; or another project is being opened.
         """
         with self._lock:
+            if self._is_left:
+                raise InputError("another project is being opened; take control there")
             holder = self._name_of(self.in_control)
             if self.in_control not in ("", person.id) and not force:
                 raise InputError(f"{holder} is in control; ask for it, or take it over")

@@ -143,10 +143,12 @@ class Jobs:
         """Put a job into the queue; its id.
 
         Raises:
-            InputError: no such kind, the arguments are not valid, or too many jobs wait.
+            InputError: no such kind, the arguments are not valid, too many jobs wait, or no more are taken.
         """
         kind, wanted = self._checked(name, arguments)
         with self._changed:
+            if self._closed:
+                raise InputError("this project is being closed; start the job when it is open again")
             if sum(job.state == "waiting" for job in self._jobs) >= MOST_WAITING:
                 raise InputError(f"{MOST_WAITING} jobs wait already; cancel one, or wait for them")
             self._last_id += 1
@@ -164,11 +166,11 @@ class Jobs:
         kind, wanted = self._checked(name, arguments)
         return kind.foresee(self._project, wanted)
 
-    @property
-    def is_busy(self) -> bool:
-        """Whether a job runs or waits."""
+    def end_if_idle(self) -> bool:
+        """Take no more jobs, if none runs or waits; whether that is so."""
         with self._changed:
-            return any(not job.ended_s for job in self._jobs)
+            self._closed = all(job.ended_s for job in self._jobs)
+            return self._closed
 
     def _checked(self, name: str, arguments: Mapping[str, Any]) -> tuple[Kind, msgspec.Struct]:
         if name not in self._kinds:

@@ -9,7 +9,7 @@ import msgspec
 import vehicle
 from flight import FlightError, InputError, file_format
 from flight.project import Project
-from gcs_web import diagnosis_values, identified, proposed, protocol, reading
+from gcs_web import diagnosis_values, identified, proposed, protocol, reading, reports
 from gcs_web.flights import Flights
 from gcs_web.protocol_flights import ParameterRow, Tried, VehicleVersion
 from sysid.diagnosis import curve
@@ -60,7 +60,8 @@ class Learning:
             self._flights.names("learn"),
             self._flights.names("hold_out"),
         )
-        return msgspec.structs.replace(found, state="current" if same else "old")
+        has_report = reports.report_file(self._project.folder, "diagnosis").is_file()
+        return msgspec.structs.replace(found, state="current" if same else "old", has_report=has_report)
 
     def identification(self) -> protocol.Identification:
         """The newest identification; `old` if the vehicle or its flights are others now."""

@@ -162,6 +162,11 @@ class MapDesk:
                 return
             if np.isfinite(point_world_m).all() and len(self._painted) < map_edits.MOST_POINTS:
                 self._painted.append(_triple(point_world_m))
+                if len(self._painted) == map_edits.MOST_POINTS:
+                    said = (
+                        f"A stroke has at most {map_edits.MOST_POINTS} places, and ends here; apply it, then draw on."
+                    )
+                    self._desk.notice(said, level="caution", to=self._painter)
             if not self._painted:
                 return
             brush, author = self._stroke, self._painter

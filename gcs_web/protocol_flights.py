@@ -327,6 +327,7 @@ class Comparison(msgspec.Struct, frozen=True, tag="comparison"):
     errors: list[HorizonError] = []
     predictions: int = 0
     remarks: list[str] = []
+    has_report: bool = False
 
 
 class Diagnosis(msgspec.Struct, frozen=True, tag="diagnosis"):
@@ -355,6 +356,7 @@ class Diagnosis(msgspec.Struct, frozen=True, tag="diagnosis"):
     """Hash of the vehicle that was diagnosed."""
     logs: str = ""
     """Of the flights as they were then."""
+    has_report: bool = False
 
 
 class Model(msgspec.Struct, frozen=True, tag="model"):

@@ -117,8 +117,11 @@ def parted(
 
 def bridged(time_s: FloatArray, values: FloatArray | Small) -> FloatArray | Small:
     """Values with straight lines over instants at which other columns were sampled, but not over gaps of their own."""
-    known = np.flatnonzero(~np.isnan(values))
-    if len(known) < 2 or len(known) == len(values):
+    lost = np.isnan(values)
+    if not lost.any():
+        return values
+    known = np.flatnonzero(~lost)
+    if len(known) < 2:
         return values
     filled = np.interp(time_s, time_s[known], values[known], left=np.nan, right=np.nan)
     for begin_s, end_s in gaps(time_s[known]):

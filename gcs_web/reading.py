@@ -15,10 +15,13 @@ from firmware_bridge.airborne import aloft_s, in_the_air, tracking
 from flight import FlightError, FlightLog, InputError, Progress, file_format, flight_log
 from flight.project import Project
 from gcs_web.protocol_flights import Finding, FlightCard
+from sysid.estimator import prepare
 from sysid.logs import fix
 from sysid.logs.check import LogReport
 from vehicle import Vehicle, history
 
+GAP = "gap"
+"""What such a finding of the checks is about."""
 PATH_POINTS = 80
 """Of the picture of a path."""
 
@@ -99,7 +102,8 @@ def card(opened: Project, name: str, believed: Vehicle | None) -> FlightCard:
     recorded = datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="seconds")
     try:
         log = flight_log.load(path)
-        checked = sysid.check_log(_judged(log, path), believed)
+        judged = _judged(log, path)
+        checked = sysid.check_log(judged, believed)
     except FlightError as error:
         return FlightCard(name, "unreadable", sentence=str(error), recorded_at=recorded)
     flown = tracking(log) if _has_tracking(log) else {}
@@ -114,7 +118,7 @@ def card(opened: Project, name: str, believed: Vehicle | None) -> FlightCard:
         tracking_mean_m=flown.get("tracking_mean_m"),
         tracking_worst_m=flown.get("tracking_worst_m"),
         path_m=_path(log),
-        findings=findings(checked),
+        findings=[*findings(checked), *_gap(judged, checked)],
         inconclusive=list(checked.inconclusive),
         fixed=[str(done) for done in log.metadata.get(fix.FIXES, [])],
     )
@@ -132,6 +136,19 @@ def findings(checked: LogReport) -> list[Finding]:
         )
         for f in checked.findings
     ]
+
+
+def _gap(log: FlightLog, checked: LogReport) -> list[Finding]:
+    """Where rows are there, but not what a fit needs of them: a fit refuses such a log too, or takes its pieces."""
+    if any(finding.what == GAP for finding in checked.findings):
+        return []
+    try:
+        found = prepare.gaps(log)
+    except InputError:  # what is wrong with it is among the findings, or it is no log to fit
+        return []
+    spans = [(begin_s, end_s) for begin_s, end_s, _ in found]
+    fix = "take the pieces between gaps as flights of their own"
+    return [Finding("warning", prepare.gaps_sentence(found), fix, False, spans, GAP)] if found else []
 
 
 def _on_the_page(fix: str) -> str:

@@ -24,6 +24,8 @@ from gcs_web.pyramid import Pyramid
 
 MOST_BYTES = 160 << 20
 """Four flights side by side, each of a million samples in four plots."""
+SAMPLE_BYTES = 5
+"""Of a curve, its levels of detail included."""
 MOST_POINTS = 4000
 """Times in one answer, whatever was asked for."""
 PATH_POINTS = 2000
@@ -180,19 +182,22 @@ class Recorded:
     def _curves(self, name: str, found: _Opened, quantities: Sequence[streams.Quantity]) -> list[list[Pyramid]]:
         with self._lock:
             kept = {q.key: self._kept[name, q.key] for q in quantities if (name, q.key) in self._kept}
+            for key in kept:
+                self._kept.move_to_end((name, key))
             missing = [q for q in quantities if q.key not in kept]
             if missing:
-                for quantity, lines in zip(missing, streams.read(found.path, missing, len(found.time_s)), strict=True):
-                    kept[quantity.key] = [Pyramid.of(pyramid.bridged(found.time_s, line)) for line in lines]
-            for quantity in quantities:
-                self._kept[name, quantity.key] = kept[quantity.key]
-                self._kept.move_to_end((name, quantity.key))
-            self._make_room(name, len(quantities))
+                rows = len(found.time_s)
+                coming = sum(len(q.curves) for q in missing) * rows * SAMPLE_BYTES
+                self._make_room(name, len(kept), coming)
+                for quantity, lines in zip(missing, streams.read(found.path, missing, rows), strict=True):
+                    made = [Pyramid.of(pyramid.bridged(found.time_s, line)) for line in lines]
+                    kept[quantity.key] = self._kept[name, quantity.key] = made
             return [kept[quantity.key] for quantity in quantities]
 
-    def _make_room(self, wanted: str, needed: int = 0) -> None:
-        """Forget what was not used for longest, but not the flight `wanted` and the `needed` streams used last."""
-        while self.nbytes > MOST_BYTES:
+    def _make_room(self, wanted: str, needed: int = 0, coming: int = 0) -> None:
+        """Forget what was not used for longest, but not the flight `wanted` and the `needed` streams used last, until
+        there is room for so many bytes more."""
+        while self.nbytes + coming > MOST_BYTES:
             others = next((other for other in self._opened if other != wanted), None)
             if others is not None:
                 del self._opened[others]
@@ -213,14 +218,14 @@ _POSES = ("position_world_m", "q_world_body", "setpoint_position_world_m", "setp
 def _open(path: Path, stamp: tuple[int, int]) -> _Opened:
     names, _ = flight_log.head(path)
     has_state = "mission_state" in names
-    times, flying, first = [np.zeros(0)], [np.zeros(0)], np.zeros(0)
+    times, flying_s, first = [np.zeros(0)], np.zeros(0), np.zeros(0)
     for piece in flight_log.pieces(path, ["mission_state"] if has_state else []):
         times.append(piece.time_s.copy())  # of its own, or all that was read with it would stay in memory
         if has_state:
             states = piece.columns["mission_state"]
-            flying.append(piece.time_s[states == State.TRAJECTORY])
+            flying_s = flying_s if len(flying_s) else piece.time_s[states == State.TRAJECTORY][:1].copy()
             first = first if len(first) else states[np.isfinite(states)][:1].copy()
-    time_s, flying_s = np.concatenate(times), np.concatenate(flying)
+    time_s = np.concatenate(times)
     if not len(time_s):
         raise InputError(f"{path.name} is empty")
     # Where the trajectory begins, flights of one course stand side by side.

@@ -1,4 +1,7 @@
-"""The newest report of a comparison or a diagnosis, one offline HTML file each, as the page offers it for download."""
+"""The report of the newest comparison and diagnosis, one offline HTML file each, as the page offers it for download.
+
+Each is written with the result that it is about.
+"""
 
 from pathlib import Path
 
@@ -19,6 +22,13 @@ def report_file(folder: Path, what: str) -> Path:
     return folder / ".session" / f"{what}.html"
 
 
+def withdrawn(folder: Path, what: str) -> Path:
+    """Where a report goes whose result is about to be saved; the one of the result before is gone. Raises as above."""
+    file = report_file(folder, what)
+    file.unlink(missing_ok=True)
+    return file
+
+
 def read(project: Project, what: str) -> tuple[str, str]:
     """A name for the file, and its text.
 
@@ -28,4 +38,4 @@ def read(project: Project, what: str) -> tuple[str, str]:
     try:
         return f"{project.name} {what}", report_file(project.folder, what).read_text(encoding="utf-8")
     except FileNotFoundError as error:
-        raise InputError(f"there is no report of a {what} yet; press Save as report first") from error
+        raise InputError(f"there is no report of a {what} yet; it is made with the next one") from error

@@ -21,8 +21,8 @@ from sysid.report.residual_plots import SIGMAS, unit
 from vehicle import Vehicle, rigid_body
 
 FORMAT, VERSION = "goshawk-page-comparison", 3
-MODEL = "model"
-"""Name of the one model in the comparison."""
+MODEL = "vehicle"
+"""Name of the one model in the comparison, as the verb calls the project's vehicle file."""
 
 
 class FlightResidual(msgspec.Struct, frozen=True):
@@ -81,11 +81,12 @@ def made(
     contents: str,
     options: Options,
     progress: Progress,
-) -> Compared:
+) -> tuple[Compared, Comparison]:
     """Compare a vehicle with flights, as `goshawk compare` does.
 
-    Errors of prediction are those on the held-out flights, if there are any; the shares are of curves through the
-    others, judged on the held-out ones.
+    Returns:
+        What the page shows, and the comparison on the held-out flights, or on all if none is. Errors of prediction are
+        those of the latter; the shares are of curves through the other flights, judged on the held-out ones.
 
     Raises:
         InputError: a log that cannot be used.
@@ -120,7 +121,7 @@ def made(
                 np.concatenate([one.pose for one in deviations[i]]).T.tolist(),
             )
         )
-    return Compared(
+    shown = Compared(
         FORMAT,
         VERSION,
         vehicle_hash,
@@ -134,6 +135,7 @@ def made(
         _remarks(both),
         flights,
     )
+    return shown, judged
 
 
 def _deviations(found: Comparison, first: int) -> dict[int, list[Deviation]]:

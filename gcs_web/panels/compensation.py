@@ -16,22 +16,24 @@ def _prepare(desk: Desk, person: protocol.Person, wanted: protocol.PrepareCompen
 
 def _send(desk: Desk, person: protocol.Person, wanted: protocol.SendCompensation) -> protocol.Reply:
     watch = desk.require_control(person)
-    shown = compensation.read(watch, desk.project)
-    changed = compensation.changes(shown)
-    now: list[protocol.Compensation] = []
+    about: dict[str, object] = {}
+    answers: list[tuple[protocol.Compensation, protocol.Compensation]] = []
 
     def send() -> None:
+        shown = compensation.read(watch, desk.project)
+        changed = compensation.changes(shown)
+        about.update(version=shown.version, vehicle_sha256=file_hash(desk.project.vehicle), changes=changed)
         desk.require_control(person)  # reading takes a while
         desk.use_nonce(wanted.nonce, person, compensation.purpose(shown))
-        now.append(compensation.send(watch, desk.project, shown))
+        answers.append((shown, compensation.send(watch, desk.project, shown)))
 
-    about = {"version": shown.version, "vehicle_sha256": file_hash(desk.project.vehicle), "changes": changed}
     desk.audited(person, "compensation", send, about)
+    ((shown, now),) = answers
     desk.notice(
-        f"{person.name} set {len(changed)} parameters of the controller from {shown.vehicle}, version {shown.version}: "
-        "all or none, read back and equal."
+        f"{person.name} set {len(compensation.changes(shown))} parameters of the controller from {shown.vehicle}, "
+        f"version {shown.version}: all or none, read back and equal."
     )
-    return protocol.Reply(wanted.serial, compensation=now[0])
+    return protocol.Reply(wanted.serial, compensation=now)
 
 
 HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], protocol.Reply | None]] = {

@@ -1,6 +1,6 @@
 """Background work that the ground station's page offers; a new kind is one new file and its line here."""
 
-from goshawk.station_jobs import compare, diagnose, identify, map_images, next_flight, plan_batch, reports, try_effect
+from goshawk.station_jobs import compare, diagnose, identify, map_images, next_flight, plan_batch, try_effect
 
 KINDS = (
     plan_batch.KIND,
@@ -10,6 +10,4 @@ KINDS = (
     diagnose.KIND,
     try_effect.KIND,
     next_flight.KIND,
-    reports.COMPARISON,
-    reports.DIAGNOSIS,
 )

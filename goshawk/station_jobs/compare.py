@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
+import sysid
 import vehicle
-from flight import Progress
+from flight import Progress, within
 from flight.project import Project
-from gcs_web import comparing, residuals
+from gcs_web import comparing, reports, residuals
 from gcs_web.desk import Desk
 from gcs_web.jobs import Kind
 from gcs_web.residuals import Compared
@@ -18,8 +19,15 @@ def _run(folder: Path, asked: Chosen, progress: Progress) -> Compared:
     contents = flights.contents(folder, asked)
     learn, held_out = flights.logs(folder, asked, progress)
     options = flights.options(asked)
-    found = residuals.made(learn, held_out, believed, vehicle.vehicle_hash(believed), contents, options, progress)
+    comparison = within(progress, "compare", 0.0, 0.8)
+    believed_hash = vehicle.vehicle_hash(believed)
+    found, errors = residuals.made(learn, held_out, believed, believed_hash, contents, options, comparison)
+    progress("forces and torques", 0.8)
+    wrench = sysid.wrench_errors(held_out or learn, {residuals.MODEL: believed}, options)
+    report = reports.withdrawn(folder, "comparison")
     residuals.save(comparing.comparison_file(folder), found)
+    progress("report", 0.9)
+    sysid.report.write_comparison(report, errors, wrench)
     return found
 
 

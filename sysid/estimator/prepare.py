@@ -32,6 +32,9 @@ SLOWEST_S = 0.5
 SHORTEST_S = 1.0
 """Pieces between gaps that are shorter say nothing and are left out."""
 
+Gap = tuple[float, float, str]
+"""Begin and end, on the log's clock, and what is missing."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Source:
@@ -109,8 +112,25 @@ def _source(log: FlightLog, name: str) -> _Source:
     return _Source(name, pose if all(log.has(q) for q in pose) else imu, rotors)
 
 
-def _split(log: FlightLog, source: _Source, options: Options) -> list[tuple[float, float]]:
-    """Start and end of each stretch where both pose (or IMU) and rotor speed (or command) were sampled."""
+def gaps(log: FlightLog) -> list[Gap]:
+    """Stretches without the pose (or IMU) or the rotor speed (or command) that a fit needs, in order.
+
+    Raises:
+        InputError: as `prepare`, but not for gaps.
+    """
+    pose_s, rotor_s, kind = _sampled(log, _source(log, str(log.metadata.get("name", "flight"))))
+    return sorted(_gaps(pose_s, kind) + _gaps(rotor_s, "rotor speed"))
+
+
+def gaps_sentence(found: Sequence[Gap]) -> str:
+    """Of one gap or more: the first one, and how many there are besides."""
+    begin, end, what = found[0]
+    more = f" and {len(found) - 1} more gaps" if len(found) > 1 else ""
+    return f"no {what} from {begin:.3f} s to {end:.3f} s ({end - begin:.3f} s){more}"
+
+
+def _sampled(log: FlightLog, source: _Source) -> tuple[FloatArray, FloatArray, str]:
+    """When pose (or IMU) and when rotor speed (or command) were sampled, and which of the former it is."""
     name = source.name
     pose_s = log.time_s[_finite_rows(log, source.nodes, name)]
     rotor_s = log.time_s[_finite_rows(log, (source.rotors,), name)]
@@ -121,17 +141,22 @@ def _split(log: FlightLog, source: _Source, options: Options) -> list[tuple[floa
             f"{name} has a {kind} every {usual_s:.3g} s: its time is in another unit, or it is too slow to fit; time_s "
             "must be in seconds"
         )
-    gaps = sorted(_gaps(pose_s, kind) + _gaps(rotor_s, "rotor speed"))
+    return pose_s, rotor_s, kind
+
+
+def _split(log: FlightLog, source: _Source, options: Options) -> list[tuple[float, float]]:
+    """Start and end of each stretch where both pose (or IMU) and rotor speed (or command) were sampled."""
+    name = source.name
+    pose_s, rotor_s, kind = _sampled(log, source)
+    found = sorted(_gaps(pose_s, kind) + _gaps(rotor_s, "rotor speed"))
     start_s, end_s = max(pose_s[0], rotor_s[0]), min(pose_s[-1], rotor_s[-1])
-    if gaps and options.gaps == "refuse":
-        begin, end, what = gaps[0]
-        more = f" and {len(gaps) - 1} more gaps" if len(gaps) > 1 else ""
+    if found and options.gaps == "refuse":
         raise InputError(
-            f"{name} has no {what} from {begin:.3f} s to {end:.3f} s ({end - begin:.3f} s){more}; "
+            f"{name} has {gaps_sentence(found)}; "
             "fit the pieces between as separate flights with gaps='split', or cut the log there"
         )
     edges = [start_s]
-    for begin, end, _ in gaps:
+    for begin, end, _ in found:
         edges += [begin, end]
     edges.append(end_s)
     pieces = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= SHORTEST_S]
@@ -157,7 +182,7 @@ def _finite_rows(log: FlightLog, quantities: tuple[str, ...], name: str) -> Inde
     return np.flatnonzero(finite)
 
 
-def _gaps(time_s: FloatArray, what: str) -> list[tuple[float, float, str]]:
+def _gaps(time_s: FloatArray, what: str) -> list[Gap]:
     step_s = np.diff(time_s)
     longest_s = max(GAP_FACTOR * float(np.median(step_s)), GAP_LEAST_S)
     return [(float(time_s[i]), float(time_s[i + 1]), what) for i in np.flatnonzero(step_s > longest_s)]

@@ -47,6 +47,8 @@ def station(pillar_map: Path, tmp_path_factory) -> Iterator[GroundStation]:
         log = flights.measure(flights.fly_trajectory(truth, weave), rng=rng)
         flight_log.save(opened.flight(name), FlightLog(log.columns, {**log.metadata, "trajectory": HOSTILE}))
     compare._run(opened.folder, Chosen(["a"], ["b"]), silent)
+    learning.own_effects(opened.folder).mkdir()
+    (learning.own_effects(opened.folder) / f"{HOSTILE[:200]}.py").write_text("no effect")
     with GroundStation(opened.folder, triangles=500, jobs=KINDS) as running:
         running.desk.flights.set_role("b", "hold_out")
         yield running
@@ -83,6 +85,19 @@ def test_flights_stand_side_by_side_and_foreign_text_is_text(page, station):
     page.get_by_label("Add or remove a stream").select_option("rotor_0")
     page.get_by_role("img", name="Rotor 0 over time").wait_for()
     assert len(station.view.flights._paths) == 2
+
+
+def test_columns_of_a_foreign_log_are_shown_as_text(page):
+    heads = ["t", "pos_x", "pos_y", "pos_z", HOSTILE.replace("\n", " ")]
+    rows = [heads, *([f"{0.01 * k:.2f}", "0.1", "0.2", "1.0", "5"] for k in range(400))]
+    text = "\n".join(";".join(row) for row in rows).encode()
+    page.get_by_label("Import log").set_input_files({"name": "pond.csv", "mimeType": "text/csv", "buffer": text})
+    form = page.locator("form").filter(has=page.get_by_role("heading", name="Columns of pond.csv"))
+    form.get_by_text("Not used").wait_for()
+    assert MARKUP in form.inner_text()
+    assert page.locator("img").count() == 0
+    assert overflow(page) == []
+    form.get_by_role("button", name="Cancel").click()
 
 
 def test_flights_are_aligned_by_each_way_and_doubt_leaves_them(page, station):
@@ -195,6 +210,7 @@ def test_a_curve_of_rotor_thrust_is_shown_with_its_words_and_unit(page, station)
     card = page.get_by_role("region", name="No known effect")
     card.get_by_text("the thrust of rotor 2 follows speed of rotor 2, from −19.0 to 0 % of the thrust").wait_for()
     assert page.get_by_text(MARKUP).first.is_visible()
+    assert page.get_by_role("region", name="Effects of your own").get_by_text(MARKUP).is_visible()
     assert page.locator("img").count() == 0
     assert overflow(page) == []
 

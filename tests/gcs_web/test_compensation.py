@@ -141,6 +141,20 @@ def test_a_model_that_changed_since_it_was_shown_is_not_sent(station, truth):
     assert held(station) == before
 
 
+def test_an_order_whose_reading_fails_is_in_the_audit_log(station, truth):
+    async def talk(page: Page):
+        await page.command("take_control", force=True)
+        vehicle.save(station.desk.project.vehicle, truth)
+        shown = await page.command("prepare_compensation")
+        station.desk.project.vehicle.write_text("no vehicle")
+        assert "vehicle.toml" in (await page.command("send_compensation", nonce=shown["nonce"]))["error"]
+
+    before = held(station)
+    visit(station, 1, talk)
+    assert held(station) == before
+    assert orders(station)[-1]["answer"].startswith("refused: ")
+
+
 def test_a_value_that_the_controller_cannot_take_is_named_and_nothing_is_offered(station, truth):
     async def talk(page: Page):
         await page.command("take_control", force=True)

@@ -164,6 +164,20 @@ def test_places_of_a_drag_become_one_stroke_and_those_beside_the_mesh_are_left_o
     assert running.map._painted == [(3.0, 1.0, 0.5)]
 
 
+def test_a_stroke_that_is_full_says_so_once_and_ends_there(desk, monkeypatch):
+    monkeypatch.setattr("gcs_web.map_edits.MOST_POINTS", 3)
+    running = desk(planner.PlanOptions())
+    running.hub.people = [ADA]
+    running.map.paint(protocol.Paint(serial=0, active=True, radius_m=0.3), ADA)
+    for x in (1.0, 1.5, 2.0, 2.5, 3.0):
+        running.map._paint(np.array([x, 1.0, 0.5]), False)
+    said = [notice.text for notice in notices(running) if "stroke" in notice.text]
+    assert said == ["A stroke has at most 3 places, and ends here; apply it, then draw on."]
+    running.map._paint(np.full(3, np.nan), True)
+    until(lambda: running.map._preview.shape is not None, "the stroke")
+    assert [x for x, _, _ in running.map._preview.shape.points_m] == [1.0, 1.5, 2.0]
+
+
 def test_another_project_is_refused_while_somebody_is_in_control_a_job_waits_or_the_vehicle_is_armed(desk, opened):
     other = project.create(opened.folder.parent / "yard", "yard")
     shutil.copytree(opened.map, other.map)
@@ -183,12 +197,15 @@ def test_another_project_is_refused_while_somebody_is_in_control_a_job_waits_or_
         running.open_project("yard", ADA)
     running.watch.state.return_value = protocol.Vehicle("fresh")
     running.jobs.close()
-    running.jobs = MagicMock(is_busy=True)
+    running.jobs = MagicMock()
+    running.jobs.end_if_idle.return_value = False
     with pytest.raises(InputError, match="a job runs or waits"):
         running.open_project("yard", ADA)
-    running.jobs.is_busy = False
+    running.jobs.end_if_idle.return_value = True
     assert went == []
     running.open_project("yard", ADA)
     assert went == [other.folder.resolve()]
     with pytest.raises(InputError):  # once
         running.open_project("yard", ADA)
+    with pytest.raises(InputError, match="another project is being opened"):
+        running.take_control(ADA, force=True)

@@ -1,5 +1,6 @@
 """Recorded flights without a browser: their list, streams at any level of detail, logs that come, are fixed and go."""
 
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import sysid
 import vehicle
 from firmware_bridge.controller import State
 from flight import FlightError, FlightLog, InputError, flight_log, project, silent
+from flight.flight_log import COLUMNS
 from gcs_web import protocol, pyramid, reading
 from gcs_web.flights import Flights
 from gcs_web.protocol_flights import Incoming
@@ -20,6 +22,7 @@ from gcs_web.recorded import MOST_POINTS, Recorded
 from goshawk import log_outputs
 from sysid.logs import fix
 from tests.waiting import until
+from vehicle import flights, manoeuvres
 
 STEP_S = 0.005
 
@@ -158,6 +161,28 @@ def test_a_set_point_that_is_missing_for_a_while_leaves_the_tracking_error_of_th
     )
     assert reading.card(opened, "circle", None).tracking_mean_m == pytest.approx(0.5)
     assert reading.card(opened, "none", None).tracking_mean_m is None
+
+
+def test_a_pose_that_is_missing_for_a_while_is_a_gap_as_a_fit_takes_it(opened):
+    truth = vehicle.example()
+    flown_truly = flights.fly_trajectory(truth, manoeuvres.scaled(manoeuvres.make("doublets"), 0.5))
+    log = flights.measure(flown_truly, rng=np.random.default_rng(1))
+    lost = (log.time_s > 3.0) & (log.time_s < 3.1)
+    pose = [*COLUMNS["position_world_m"], *COLUMNS["q_world_body"]]
+    holed = FlightLog(log.columns | {name: np.where(lost, np.nan, log.columns[name]) for name in pose}, log.metadata)
+    for name, saved in (("whole", log), ("holed", holed)):
+        flight_log.save(opened.flight(name), saved)
+    gaps = {
+        name: [finding for finding in reading.card(opened, name, None).findings if finding.what == "gap"]
+        for name in ("whole", "holed")
+    }
+    assert gaps["whole"] == []
+    ((begin_s, end_s),) = gaps["holed"][0].spans_s
+    assert begin_s == pytest.approx(3.0, abs=0.02)
+    assert end_s == pytest.approx(3.1, abs=0.02)
+    assert gaps["holed"][0].sentence.startswith("no pose from")
+    with pytest.raises(InputError, match=re.escape(gaps["holed"][0].sentence)):
+        sysid.compare([holed], {"v": truth})
 
 
 def test_cards_are_kept_and_made_again_when_the_log_changes(opened, listing):

@@ -107,6 +107,17 @@ def test_cancel_ends_a_deaf_job_with_its_children_within_a_second_and_the_next_o
     assert third == 3
 
 
+def test_jobs_end_for_another_project_only_when_none_runs_or_waits_and_then_none_is_taken(jobs: Jobs, tmp_path: Path):
+    first = jobs.start("hold_on", {"word": "x"}, "Ada")
+    holding(tmp_path / "project")
+    assert not jobs.end_if_idle()
+    jobs.cancel(first)
+    until(lambda: states(jobs)[0][0] == "cancelled", "the end of the job")
+    assert jobs.end_if_idle()
+    with pytest.raises(InputError, match="this project is being closed"):
+        jobs.start("say", {"word": "y"}, "Bo")
+
+
 @pytest.mark.parametrize(
     ("kind", "arguments", "said"),
     [

@@ -13,7 +13,7 @@ import pytest
 import mapping
 import planner
 import vehicle
-from firmware_bridge import Sensors, SitlVehicle, closed_loop, controller, keys
+from firmware_bridge import Sensors, SitlVehicle, airborne, closed_loop, controller, keys
 from flight import FlightLog, Waypoints, flight_log, project
 from sysid.report import words
 from tests.gcs_web.station_process import StationProcess, new_project
@@ -45,12 +45,15 @@ class Read:
     """What the page said."""
 
     named: str
-    sizes: str
+    sizes: list[float]
+    """Of the named effect, in SI."""
     before_mm: float
     """Position error after 0.5 s on the judging flight, of the model as it was."""
     after_mm: float
     flown_before_mm: float
     """Mean tracking error."""
+    flown_again: str
+    """Name of the flight with what was learned."""
     flown_after_mm: float
     not_cancelled: str
 
@@ -114,9 +117,14 @@ def test_the_missing_effect_is_seen_named_kept_sent_and_flown_on_the_page_alone(
     assert said.after_mm < 0.7 * said.before_mm
     learned = vehicle.load(opened.vehicle)
     assert [effect for effect in learned.effects if effect not in believed.effects] == [hidden]
-    for name in (name for name in vehicle.specs(truth) if name.startswith(f"{hidden}.")):
+    names = [name for name in vehicle.specs(truth) if name.startswith(f"{hidden}.")]
+    for name, shown in zip(names, said.sizes, strict=True):
         found = learned.parameter(name)
-        assert found.value == pytest.approx(truth.value(name), abs=max(0.25 * abs(truth.value(name)), 3.0 * found.std))
+        near = pytest.approx(truth.value(name), abs=max(0.25 * abs(truth.value(name)), 3.0 * found.std))
+        assert (found.value, shown) == (near, near)
+    for flight, shown_mm in (("round", said.flown_before_mm), (said.flown_again, said.flown_after_mm)):
+        flown = airborne.tracking(flight_log.load(opened.flight(flight)))
+        assert shown_mm == pytest.approx(1000.0 * flown["tracking_mean_m"], abs=0.51)  # whole millimetres
     if words.effect(hidden) not in said.not_cancelled.lower():
         assert said.flown_after_mm < 0.8 * said.flown_before_mm
     for name in PICTURES:
@@ -150,7 +158,7 @@ def script(page, picture: Callable[[str], object], orders: Callable[[], list[str
     page.get_by_role("button", name="Find the missing effect").click()
     page.get_by_role("button", name="Diagnose again").wait_for()
     card = page.get_by_role("region").filter(has=page.get_by_role("button", name="Try: refit with it"))
-    named, sizes = card.get_attribute("aria-label"), card.locator(".card-side").inner_text()
+    named, sizes = card.get_attribute("aria-label"), estimates(card.locator(".card-side").inner_text())
     picture("named")
     card.get_by_role("button", name="Try: refit with it").click()
     page.get_by_role("button", name="Keep as version 1").wait_for()
@@ -192,21 +200,29 @@ def script(page, picture: Callable[[str], object], orders: Callable[[], list[str
 
     # the error fell
     step("Compare")
-    flown_after_mm, after_mm = judged_by_the_newest(page)
+    flown_again, flown_after_mm, after_mm = judged_by_the_newest(page)
     picture("fell")
-    return Read(named, sizes, before_mm, after_mm, flown_before_mm, flown_after_mm, not_cancelled)
+    return Read(named, sizes, before_mm, after_mm, flown_before_mm, flown_again, flown_after_mm, not_cancelled)
 
 
-def judged_by_the_newest(page) -> tuple[float, float]:
-    """Mean tracking error of the new flight, and the position error after 0.5 s that the kept model makes on it."""
-    page.get_by_role("button", name=re.compile("^again-")).click()
-    name = page.locator(".flight-tag .tag-name").first.inner_text()
+def estimates(text: str) -> list[float]:
+    """The numbers before a standard deviation: "1.80·10⁻⁴ ± 6.32·10⁻⁶"."""
+    plain = text.translate(str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--")).replace("·10", "e")
+    return [float(number) for number in re.findall(r"(\S+) ±", plain)]
+
+
+def judged_by_the_newest(page) -> tuple[str, float, float]:
+    """The new flight, its mean tracking error, and the position error after 0.5 s that the kept model makes on it."""
+    newest = page.get_by_role("button", name=re.compile("^again-"))
+    name = newest.locator("b").first.inner_text()
+    newest.click()
+    page.locator(".flight-tag .tag-name").get_by_text(name, exact=True).wait_for()
     page.get_by_label("What round is for").select_option("left out")
     page.get_by_label(f"What {name} is for").select_option("held-out")
     page.get_by_role("button", name="Compare again").click()
     changed = "The vehicle, a flight or the choice of flights changed since. Compare again."
     page.get_by_text(changed).wait_for(state="detached")
-    return tracking_mm(page, name), error_mm(page)
+    return name, tracking_mm(page, name), error_mm(page)
 
 
 def tracking_mm(page, flight: str) -> float:

@@ -4,15 +4,18 @@ The set (`idsia-robotics/nanodrone-sysid-benchmark`) carries no licence, so noth
 its folder, as CSV, in GOSHAWK_NANODRONE. Without it this test is skipped.
 """
 
+import json
 import os
 import re
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import vehicle
 from flight import flight_log, project
+from gcs_web import learning
 from sysid.logs import fix
 from tests.gcs_web.station_process import StationProcess
 from tests.gcs_web.test_page import CHROMIUM, FLAGS
@@ -74,6 +77,7 @@ def test_real_flights_come_to_a_verdict_on_the_page(opened: project.Project, tmp
         page.get_by_role("button", name=re.compile(f"^{FLIGHTS[1]}-fixed ")).click()
         page.get_by_text("Fixed:").first.wait_for()
         picture("fixed")
+        page.get_by_text("Take the pieces between them as flights of their own").wait_for()  # jumps of the pose are out
 
         page.get_by_role("button", name="Compare with the model").click()
         page.get_by_role("heading", name=re.compile("^Residual")).wait_for()
@@ -81,15 +85,27 @@ def test_real_flights_come_to_a_verdict_on_the_page(opened: project.Project, tmp
         page.get_by_role("button", name="Find the missing effect").click()
         page.get_by_role("button", name="Find the missing effect").click()
         page.get_by_role("button", name="Diagnose again").wait_for()
-        verdict = page.get_by_role("heading", level=2).first.inner_text()
+        verdict = page.get_by_role("main", name="Learn").get_by_role("heading", level=2).first.inner_text()
         picture("verdict")
         ended = page.get_by_role("status").inner_text()
         browser.close()
     assert errors == []
-    assert verdict
     assert "failed" not in ended
+    shown = json.loads(learning.diagnosis_file(opened.folder).read_bytes())
+    verbs = by_the_verb(opened)
+    assert verdict == shown["verdict"] == f"{verbs['verdict'][:1].upper()}{verbs['verdict'][1:]}."
+    assert shown["probability"] == pytest.approx(verbs["confidence"])
+    assert [(c["name"], c["verdict"]) for c in shown["candidates"]] == [
+        (c["name"], c["verdict"]) for c in verbs["candidates"]
+    ]
     for name in FLIGHTS:
         fixed = flight_log.load(opened.flight(f"{name}-fixed"))
         assert fixed.metadata[fix.FIXES]
         assert fixed.metadata["fixed_from"] == f"{name}.parquet"
         assert vehicle.load(opened.vehicle).effects  # nothing was kept: the file is as it was made
+
+
+def by_the_verb(opened: project.Project) -> dict[str, Any]:
+    learn, held_out = (opened.flight(f"{name}-fixed") for name in FLIGHTS)
+    options = ("--vehicle", opened.vehicle, "--held-out", held_out, "--auto", "--split-gaps", "--json", "-")
+    return json.loads(goshawk("diagnose", learn, *options).stdout)

@@ -1,7 +1,6 @@
-"""Reports that the page offers: those of the verbs, one file that asks nobody, foreign names as text."""
+"""Reports that the page offers: written with their result, one file that asks nobody, foreign names as text."""
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 import vehicle
 from flight import InputError, flight_log, project, silent
 from gcs_web import reports
-from goshawk.station_jobs import reports as jobs
+from goshawk.station_jobs import compare, diagnose
 from goshawk.station_jobs.flights import Chosen
 from vehicle import flights, manoeuvres
 
@@ -32,24 +31,30 @@ def opened(tmp_path_factory) -> project.Project:
     return made
 
 
-def made_by(opened: project.Project, work: Callable[..., str]) -> str:
-    learn, held_out = sorted(path.stem for path in opened.flights())
-    name, text = reports.read(opened, work(opened.folder, Chosen([held_out], [learn]), silent))
-    assert name.startswith("reports ")
-    return text
-
-
 def test_the_report_of_a_comparison_is_one_file_with_foreign_names_as_text(opened):
-    text = made_by(opened, jobs._comparison)
+    compare._run(opened.folder, Chosen(["a"], ["b"]), silent)
+    name, text = reports.read(opened, "comparison")
+    assert name == "reports comparison"
     assert "Comparison of models" in text
     refused(text)
 
 
 @pytest.mark.slow
-def test_the_report_of_a_diagnosis_is_one_file_with_foreign_names_as_text(opened):
-    text = made_by(opened, jobs._diagnosis)
-    assert "rotor drag" in text or "rotor_drag" in text
+def test_the_report_of_a_diagnosis_says_what_the_page_says_and_what_to_do_next(opened):
+    shown = diagnose._run(opened.folder, diagnose.Arguments(["a"], ["b"]), silent)
+    _, text = reports.read(opened, "diagnosis")
+    assert f"<b>{shown.verdict}</b>" in text
+    assert "goshawk vehicle add-effect vehicle.toml rotor_drag_thrust --flights flights/a.parquet" in text
     refused(text)
+
+
+def test_a_report_is_gone_before_a_new_result_is_saved_and_drawn(opened, monkeypatch):
+    old = reports.report_file(opened.folder, "comparison")
+    old.write_text("of the comparison before")
+    monkeypatch.setattr("sysid.report.write_comparison", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        compare._run(opened.folder, Chosen(["b"], ["a"]), silent)
+    assert not old.exists()
 
 
 def refused(text: str) -> None:

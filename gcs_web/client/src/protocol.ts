@@ -508,6 +508,7 @@ export interface Comparison {
   errors: HorizonError[];
   predictions: number;
   remarks: string[];
+  has_report: boolean;
 }
 
 export interface Diagnosis {
@@ -530,6 +531,7 @@ export interface Diagnosis {
   left: string[];
   vehicle: string;
   logs: string;
+  has_report: boolean;
 }
 
 export interface Model {

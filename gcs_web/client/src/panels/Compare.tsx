@@ -8,13 +8,13 @@ import { SaveReport } from "./SaveReport";
 import { WhereItFails } from "./WhereItFails";
 
 export function Compare() {
-  const has = comparison.value !== null && comparison.value.state !== "none";
+  const found = comparison.value;
   return (
     <>
       {phone.value && <FlightList />}
       {phone.value && <FlightDrawer />}
       <WhereItFails />
-      {has && <SaveReport of="comparison" />}
+      {found !== null && found.state !== "none" && <SaveReport of="comparison" made={found.has_report} />}
     </>
   );
 }

@@ -45,7 +45,7 @@ export function Learn() {
       {has && <Cards found={found} />}
       <OwnEffects />
       {has && <NextFlight />}
-      {has && <SaveReport of="diagnosis" />}
+      {has && <SaveReport of="diagnosis" made={found.has_report} />}
     </main>
   );
 }

@@ -86,8 +86,8 @@ function Row({ file }: { file: EffectFile }) {
           Try: refit with it
         </button>
       ) : (
-        <button type="button" class="control" onClick={() => lookAt(file.path)}>
-          Read {file.name}
+        <button type="button" class="control" aria-label={`Read ${file.name}`} onClick={() => lookAt(file.path)}>
+          Read
         </button>
       )}
     </div>
