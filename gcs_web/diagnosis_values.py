@@ -38,7 +38,7 @@ def diagnosis(
         belief.as_stated,
         belief.something_unknown,
         belief.otherwise,
-        found.fit_verdict.sentence,
+        named(found.fit_verdict.sentence),
         sorted(found.flights),
         sorted(found.held_out),
         [_candidate(found, one, outlooks.get(one.name), pictures.get(one.name)) for one in found.candidates],
@@ -161,7 +161,9 @@ def tried(present: Vehicle, effect: str, change: Change, held_out: Sequence[str]
         words.effect(effect),
         said,
         "" if change.fit is None else str(change.fit.use),
-        [] if change.fit is None else [str(reason) for reason in change.fit.reasons],
+        []
+        if change.fit is None
+        else [words.parameters_named(reason, change.vehicle.parameters) for reason in change.fit.reasons],
         list(QUANTITIES),
         [SHOWN[quantity][0] for quantity in QUANTITIES],
         errors(changes.PRESENT),

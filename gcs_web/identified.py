@@ -35,7 +35,7 @@ def shown(
     return parts.Identification(
         "current",
         str(fit.verdict.use),
-        list(reasons),
+        [words.parameters_named(reason, names) for reason in reasons],
         list(flights),
         [
             parts.Identified(e.name, said[e.name], e.unit, e.start, e.value, e.std_robust, e.status)

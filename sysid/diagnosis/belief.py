@@ -42,6 +42,8 @@ def belief(names: Sequence[float], *, curve: float | None, left: float, most: fl
     """
     named = float(np.prod(names)) if len(names) else 1.0
     rest = curve if curve is not None else 1.0 - unknown_left(left)
+    if not np.isfinite(named * rest):  # what is no number is not believed; `min` would take it for the most
+        return Belief(0.0, 0.0, 1.0)
     stated = min(most, named * rest)
     unknown = min(named * (1.0 - rest), 1.0 - stated)
     return Belief(stated, unknown, 1.0 - stated - unknown)

@@ -46,9 +46,10 @@ class Outlook:
         """Advice in a few words."""
         if not self.manoeuvre:
             return "no manoeuvre that shows it fits into the space of these flights"
+        flown = f"{self.duration_s:.0f} s of {self.manoeuvre.replace('_', ' ')}"
         if self.would_tell:
-            return f"{self.duration_s:.0f} s of {self.manoeuvre} would show its usual size"
-        return f"not even {self.duration_s:.0f} s of {self.manoeuvre} would show its usual size"
+            return f"{flown} would show its usual size"
+        return f"not even {flown} would show its usual size"
 
 
 def outlook(found: Diagnosis, *, rng: np.random.Generator) -> dict[str, Outlook]:

@@ -111,7 +111,7 @@ def verdict(before: Mapping[str, float], after: Mapping[str, float]) -> str:
     worse = [name for name, by in change.items() if by > NOTHING]
     if not better and not worse:
         return "did not help: no error changes by more than 1 %"
-    said = ", ".join(f"{_plain(name)} {change[name]:+.0%}" for name in (*better, *worse))
+    said = ", ".join(f"{_plain(name)} {change[name]:+.0%}" for name in (*better, *worse)).replace("-", "−")
     if not worse:
         return f"helped: {said}"
     if not better:

@@ -333,8 +333,8 @@ def unpredicted_turning(solution: Solution, flights: Sequence[Flight], free: Ite
 
 def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution, flights: Sequence[Flight]) -> list[str]:
     found = [
-        f"mass_kg was given as {vehicle.mass_kg:g} and not estimated: pose and rotor speed show only ratios to it, so "
-        "thrust, drag and inertia are as right as the mass is"
+        f"the mass was given as {vehicle.mass_kg:g} kg and not estimated: pose and rotor speed show only ratios to it, "
+        "so thrust, drag and inertia are as right as the mass is"
     ]
     gravity_m_s2 = flights[0].gravity_m_s2
     if gravity_m_s2 != GRAVITY_M_S2:

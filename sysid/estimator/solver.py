@@ -251,7 +251,7 @@ def _solve_scaled(hessian: FloatArray, right: FloatArray) -> FloatArray:
 
 def covariance_of(hessian: FloatArray) -> FloatArray:
     """Inverse of an information matrix with rows of any size; what is unknown comes out huge, not infinite."""
-    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-200))
     values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
     return (vectors / np.maximum(values, 1e-24)) @ vectors.T / np.outer(scale, scale)
 
@@ -391,16 +391,16 @@ def _sandwich(scores: list[tuple[FloatArray, FloatArray]], bread: FloatArray) ->
     """
     sigma = np.sqrt(np.diag(bread))  # in units of these all numbers are near one: least squares drops what is tiny
     bread = bread / np.outer(sigma, sigma)
-    meat = np.zeros_like(bread)
+    pulls: list[FloatArray] = []
     shares: list[FloatArray] = []
     for information, pull in scores:
         information, pull = information * np.outer(sigma, sigma), pull * sigma
         score = np.linalg.lstsq(np.eye(len(pull)) - information @ bread, pull)[0]
         shares.append(np.einsum("ip,ij,jp->p", bread, information, bread))
-        meat += np.outer(score, score)
-    blocks = len(scores)
+        pulls.append(bread @ score)
+    blocks, moved = len(scores), np.array(pulls)  # no variance of such squares is below zero, however rounded
     freedom = np.sum(shares, axis=0) ** 2 / np.maximum(np.sum(np.square(shares), axis=0), 1e-300)
-    covariance = bread @ meat @ bread * ((blocks - 1) / blocks) * np.outer(sigma, sigma)
+    covariance = moved.T @ moved * ((blocks - 1) / blocks) * np.outer(sigma, sigma)
     return covariance, np.maximum(freedom, 1.0)
 
 

@@ -60,8 +60,12 @@ class Offset:
         return f"{1e3 * abs(self.delay_s):.1f} ± {1e3 * self.sigma_s:.1f} ms {'late' if self.delay_s > 0 else 'early'}"
 
 
-def of_rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle) -> list[Finding]:
-    """What to say of the clock of rotor speed: against the gyro, where that shows it, else against the attitude."""
+def of_rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle, *, gyro_is_sure: bool = True) -> list[Finding]:
+    """What to say of the clock of rotor speed: against the gyro, where that shows it, else against the attitude.
+
+    Args:
+        gyro_is_sure: whether the gyro's own clock is known; if not, it may be the one that is off: no fix is proposed.
+    """
     against, offset = "gyro", Offset(0.0, np.inf, 0.0)
     if sampled(log, "rate_body_rad_s"):
         offset = rotors_after_gyro(log, motion, vehicle)
@@ -69,9 +73,13 @@ def of_rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle) -> list[Find
         against, offset = "motion", rotors_after_attitude(log, motion, vehicle)
     if not offset.worth_a_word(ROTOR_QUALITY, ROTOR_SIGMAS):
         return []
+    sentence = f"rotor speed is {offset.words} against the {against}"
+    if against == "gyro" and not gyro_is_sure:
+        fix = "the flight does not show which of the two is off: let the fit estimate both clocks"
+        return [warning("clock", sentence, fix)]
     fix = f"shift rotor speed by {-1e3 * offset.delay_s:+.1f} ms against the {against}"
     repair = Repair("shift", COLUMNS["rotor_speed_rad_s"], shift_s=-offset.delay_s)
-    return [warning("clock", f"rotor speed is {offset.words} against the {against}", fix, repair=repair)]
+    return [warning("clock", sentence, fix, repair=repair)]
 
 
 def rotors_after_gyro(log: FlightLog, motion: Kinematics, vehicle: Vehicle) -> Offset:

@@ -57,7 +57,8 @@ def check(log: FlightLog, vehicle: Vehicle | None, progress: Progress = silent) 
     progress("checking", 0.5)
     places, inconclusive = _order(log, motion, flown, gyro_is_right=not any(f.level == "error" for f in gyro))
     progress("checking", 0.7)
-    return [*found, *gyro, *_rotors(log, motion, flown, places)], [*unsure, *inconclusive]
+    rotors = _rotors(log, motion, flown, places, gyro_is_sure=not unsure)
+    return [*found, *gyro, *rotors], [*unsure, *inconclusive]
 
 
 def _accelerometer(log: FlightLog) -> list[Finding]:
@@ -214,7 +215,9 @@ def _order(
     return rotor_order.check(log, (motion.time_s, motion.rate_body_rad_s), vehicle) if motion is not None else ([], [])
 
 
-def _rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None, places: list[Finding]) -> list[Finding]:
+def _rotors(
+    log: FlightLog, motion: Kinematics, vehicle: Vehicle | None, places: list[Finding], *, gyro_is_sure: bool
+) -> list[Finding]:
     """Unit of rotor speed, then its order and spins (`places`), then its clock."""
     if not sampled(log, "rotor_speed_rad_s"):
         return []
@@ -237,7 +240,7 @@ def _rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None, places:
     turns = np.sqrt((motion.rate_body_rad_s[:, :2] ** 2).mean()) >= LEAST_RATE_RAD_S
     if any(f.what == "rotor order" for f in places) or not turns:
         return found
-    return found + clocks.of_rotors(log, motion, vehicle)
+    return found + clocks.of_rotors(log, motion, vehicle, gyro_is_sure=gyro_is_sure)
 
 
 def _rpm(typical: float) -> Finding:

@@ -92,7 +92,7 @@ def staircase(found: Diagnosis) -> "Figure":
         for place, value in enumerate(values):
             fell = 0.0 if place == 0 else value / values[place - 1] - 1.0
             said = f" {value:.3g}  {fell:+.0%}" if abs(fell) >= 0.005 else f" {value:.3g}"
-            panel.text(value, place, said, va="center", fontsize=8, color=drawing.INK)
+            panel.text(value, place, said.replace("-", "−"), va="center", fontsize=8, color=drawing.INK)
         panel.set_xlim(0.0, 1.55 * values.max())
         panel.set_yticks(range(len(labels)), labels, fontsize=9)
         panel.set_ylim(len(labels) - 0.5, -0.5)

@@ -139,6 +139,7 @@ def _error_sentence(found: Diagnosis) -> str:
 
 def named(found: Diagnosis, text: str) -> str:
     """A sentence with effects and parameters by their names."""
+    text = words.parameters_named(text, found.vehicle.parameters)
     text = words.named(text, [*(s.name for s in found.candidates), *(name for name, _ in found.invisible)])
     for parameter in {size.parameter for s in found.candidates for size in s.sizes}:
         short = parameter.split(".")[-1]

@@ -123,7 +123,7 @@ def _comparison_verdict(comparison: Comparison) -> str:
         lines.append(f"<b>{escape(best)}</b> predicts the position best: {off_mm:.3g} mm after {JUDGED_S:g} s.")
     for name in others:
         changes = zip(QUANTITIES, errors[name], errors[first], strict=True)
-        said = ", ".join(f"{quantity} {new / old - 1.0:+.0%}" for quantity, new, old in changes)
+        said = ", ".join(f"{quantity} {new / old - 1.0:+.0%}" for quantity, new, old in changes).replace("-", "−")
         lines.append(f"{escape(name)} against {escape(first)}: {said}.")
     for name, residuals in comparison.residuals.items():
         channel, variable, share = residual_plots.most_telling(residuals)

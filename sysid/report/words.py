@@ -78,6 +78,13 @@ def parameter_in_full(name: str) -> str:
     return f"{effect(stem)}, {parameter(name)}" if dot else parameter(name)
 
 
+def parameters_named(text: str, names: Iterable[str]) -> str:
+    """A sentence with parameters by their names in full instead of these code names."""
+    for name in sorted(set(names), key=len, reverse=True):
+        text = re.sub(rf"(?<![\w.]){re.escape(name)}(?!\w|\.\w)", parameter_in_full(name), text)
+    return text
+
+
 def named(text: str, names: Iterable[str]) -> str:
     """A sentence with effects by their names instead of these code names."""
     for name in sorted(set(names), key=len, reverse=True):

@@ -198,7 +198,7 @@ def test_bad_input_is_refused_in_one_sentence(file, flown, arguments, words):
 @pytest.mark.parametrize(
     ("after", "words"),
     [
-        ({"position_m": 0.5, "velocity_m_s": 1.0}, "helped: position -50%"),
+        ({"position_m": 0.5, "velocity_m_s": 1.0}, "helped: position −50%"),
         ({"position_m": 0.995, "velocity_m_s": 1.0}, "did not help"),
         ({"position_m": 0.9, "velocity_m_s": 1.2}, "did not clearly help"),
         ({"position_m": 1.1, "velocity_m_s": 1.0}, "made the model worse"),

@@ -43,3 +43,9 @@ def test_a_name_that_the_judging_flights_hardly_support_is_hardly_believed():
     assert supported(-5.0, 1.0) == 0.0
     assert supported(17.0, 1.5) < 0.7
     assert supported(300.0, 1.5) > 0.96
+
+
+@pytest.mark.parametrize(("names", "left"), [([float("nan")], 0.0), ([0.9], float("nan"))])
+def test_what_is_no_number_is_not_believed(names, left):
+    found = belief(names, curve=None, left=left, most=0.97)
+    assert (found.as_stated, found.otherwise) == (0.0, 1.0)

@@ -50,6 +50,36 @@ def test_the_covariance_of_a_fit_is_the_delete_one_jackknife_in_any_units(seed: 
     assert np.all((freedom > 1.0) & (freedom <= len(scores)))
 
 
+def flight(rng: np.random.Generator, weak: float) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
+    """Five blocks of a flight and four parameters: one that shows by `weak` alone, and two that it hardly separates."""
+    found = []
+    for _ in range(5):
+        columns, residual = rng.normal(size=(12, 4)), rng.normal(size=12)
+        columns[:, 2] *= weak
+        columns[:, 3] = columns[:, 0] * (1.0 + 1e-9 * rng.normal(size=12))
+        found.append((columns.T @ columns, columns.T @ residual))
+    return tuple(found)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("seed", range(8))
+def test_variances_are_numbers_not_below_zero_where_flights_hardly_show_a_parameter(seed: int):
+    rng = np.random.default_rng(seed)
+    scores = (flight(rng, 1e-9), *(flight(rng, 0.0) for _ in range(3)))
+    information = np.sum([block[0] for one in scores for block in one], axis=0)
+    solution = SimpleNamespace(
+        covariance=lambda: solver.covariance_of(information), scores=scores, prior_information=np.zeros((4, 4))
+    )
+    found, _ = solver.robust_covariance(solution)  # pyright: ignore[reportArgumentType]
+    assert np.all(np.isfinite(found))
+    assert np.all(np.diag(found) >= 0.0)
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_nothing_shows_has_a_huge_variance_that_is_finite():
+    assert 1e100 < solver.covariance_of(np.diag([1.0, 0.0]))[1, 1] < np.inf
+
+
 def test_what_a_held_out_block_says_rests_on_the_other_blocks_alone():
     """Blocks of one fold each: the step that judges a block is the estimate without it."""
     given = blocks(5, count=8)

@@ -97,3 +97,25 @@ def test_a_sensor_that_is_turned_on_the_vehicle_moves_no_clock(noisy):
 def test_a_calm_flight_with_a_very_noisy_gyro_is_inconclusive(noisy):
     report = check_log(noisy[NOISE_RAD_S.index(0.2)])
     assert [sentence for sentence in report.inconclusive if sentence.startswith("the gyro's clock")]
+
+
+@pytest.mark.parametrize("late_ms", [-60.0, 40.0, 80.0])
+def test_a_gyro_further_off_than_any_controller_makes_it_is_named_and_shifted(noisy, late_ms):
+    """Where little is predicted, too: a calm flight with noise of 0.05 rad/s had its rotor speed shifted by 88 ms."""
+    for log in noisy:
+        late = _late(log, 1e-3 * late_ms)
+        named, _ = gyro_clock.findings(_offset(late))
+        assert len(named) == 1
+        done = fix(late, vehicle.example()).done
+        assert done[0].startswith("the gyro is")
+        assert not [said for said in done if said.startswith("rotor speed is") and float(said.split()[3]) > 20.0]
+
+
+def test_rotor_speed_is_not_shifted_to_a_gyro_whose_own_clock_is_not_known(noisy):
+    log = noisy[-1]
+    speed = Signal.through(log.time_s, log.vector("rotor_speed_rad_s"))
+    report = check_log(_with(log, "rotor_speed_rad_s", speed.value(log.time_s - 0.02)), vehicle.example())
+    said = [f for f in report.findings if f.sentence.startswith("rotor speed")]
+    assert [sentence for sentence in report.inconclusive if sentence.startswith("the gyro's clock")]
+    assert [f for f in said if f.sentence.endswith("against the gyro")]
+    assert not [f for f in said if f.repair is not None]

@@ -72,3 +72,9 @@ def test_sentences_name_effects_in_words_and_leave_the_rest_alone():
     names = ["rotor_drag_thrust", "rotor_drag_speed", "weak_rotor[1]", "pose_delay"]
     said = words.named("+ rotor_drag_thrust or weak_rotor[1]; rotor_drag_thrust_of_mine, pose_delay.delay_s", names)
     assert said == "+ rotor drag with thrust or weak rotor (rotor 1); rotor_drag_thrust_of_mine, pose_delay.delay_s"
+
+
+def test_sentences_name_parameters_in_full():
+    names = ["inertia_zz_kg_m2", "rotor_yaw_torque.torque_n_m_s2", "centre_of_mass.x_m", "centre_of_mass.x_m_of_mine"]
+    said = words.parameters_named("inertia_zz_kg_m2 and rotor_yaw_torque.torque_n_m_s2: centre_of_mass.x_m.", names)
+    assert said == "inertia zz and rotor yaw torque, torque: centre of mass, x."
