@@ -27,7 +27,7 @@ def random_case(rng):
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_every_instruction_set_and_thread_count_is_bit_equal_to_the_numpy_reference(seed):
     rng = np.random.default_rng(seed)
     state, grid, cap, unknown = random_case(rng)
@@ -41,7 +41,7 @@ def test_every_instruction_set_and_thread_count_is_bit_equal_to_the_numpy_refere
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_any_window_equals_the_same_part_of_the_whole(seed):
     rng = np.random.default_rng(seed)
     state, grid, cap, unknown = random_case(rng)
@@ -84,7 +84,7 @@ def test_distances_are_those_of_scipy_on_random_masks(shape):
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_a_cap_only_clips(seed):
     rng = np.random.default_rng(seed)
     state, grid, _, unknown = random_case(rng)

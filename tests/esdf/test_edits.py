@@ -50,7 +50,7 @@ def assert_equals_rebuild(editor, base):
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["obstacle", "nan"]))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_any_sequence_of_edits_equals_a_rebuild_bit_by_bit(seed, unknown):
     rng = np.random.default_rng(seed)
     base = mapped(rng, unknown)

@@ -63,7 +63,7 @@ def _flat(force, force_rate, force_rate2, yaw, yaw_rate=0.0, yaw_acceleration=0.
 vectors = st.tuples(*[st.floats(-8.0, 8.0) for _ in range(3)]).map(np.array)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(vectors, st.floats(-20.0, 20.0))
 def test_attitude_points_the_thrust_and_keeps_the_heading(acceleration, yaw):
     force = 0.7 * (acceleration + np.array([0.0, 0.0, 12.0]))
@@ -187,7 +187,7 @@ def test_the_mixer_knows_weak_rotors_lift_and_linear_inflow():
     assert (np.abs(found - speed)[free] / 1500.0).max() < 1e-5
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(
     st.floats(-50, 200), st.tuples(*[st.floats(-20, 20)] * 3), st.tuples(*[st.floats(-40, 40)] * 3),
     st.tuples(*[st.floats(-30, 30)] * 3),

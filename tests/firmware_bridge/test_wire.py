@@ -21,7 +21,7 @@ def _wiggle(durations_s: np.ndarray, seed: int = 0) -> Trajectory:
     return Trajectory(durations_s, np.random.default_rng(seed).normal(0.0, 0.3, (len(durations_s), 4, 8)))
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.integers(1, wire.MAX_SEGMENTS), st.floats(0.021, 0.9), st.integers(0, 99))
 def test_joins_stay_within_half_a_microsecond_however_many_there_are(segments: int, duration_s: float, seed: int):
     durations_s = duration_s * np.random.default_rng(seed).uniform(1.0, 1.5, segments)

@@ -33,7 +33,7 @@ def sampled(period_s: float, shift_s: float = 0.0, *, noise: float = 0.0, seed: 
 @given(
     shift_s=st.floats(-30, 30), rates_hz=st.tuples(st.integers(20, 300), st.integers(20, 300)), seed=st.integers(0, 99)
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_a_known_shift_comes_back_from_noisy_signals_of_different_rates(shift_s, rates_hz, seed):
     one, other = (
         sampled(1 / rates_hz[0], noise=0.1, seed=seed),
@@ -47,7 +47,7 @@ def test_a_known_shift_comes_back_from_noisy_signals_of_different_rates(shift_s,
 
 
 @given(begin_s=st.floats(1, 18), lost_s=st.floats(0.5, 5), cut_s=st.floats(0, 4))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_a_gap_and_a_log_that_ends_early_move_nothing(begin_s, lost_s, cut_s):
     whole, other = sampled(0.01), sampled(0.02, 3.21)
     time_s = other.time_s + 3.21
@@ -92,7 +92,7 @@ def test_a_steady_climb_has_no_peak():
 
 
 @given(at_s=st.floats(1, 15), rate_hz=st.integers(20, 300), seed=st.integers(0, 99))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_an_event_is_found_where_it_lasts_and_a_knock_before_it_is_none(at_s, rate_hz, seed):
     time_s = np.arange(0.0, 20.0, 1 / rate_hz)
     values = np.clip(time_s - at_s, 0.0, 1.5) + 0.01 * np.random.default_rng(seed).standard_normal(len(time_s))

@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs_web import flight_scene, scene
@@ -15,7 +15,6 @@ STYLES = Path(scene.__file__).parent / "client" / "src"
 COLOURS = (*flight_scene._COLOURS, *scene.ARROWS, scene.PREDICTED)
 
 
-@settings(deadline=None)  # the first call loads the colour scales
 @given(st.floats(-1.0, 5.0), st.floats(-1.0, 5.0))
 def test_more_clearance_is_never_brighter(a, b):
     """Brightness alone carries the order, for those who see no colours."""

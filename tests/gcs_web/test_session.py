@@ -345,7 +345,7 @@ shift(0.4)
         again.close()
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(1, 400))
 def test_a_journal_cut_off_anywhere_opens_with_all_whole_changes(tmp_path_factory, cut: int):
     edited = Session(new_project(tmp_path_factory.mktemp("cut") / "project"), Settings())

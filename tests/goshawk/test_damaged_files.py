@@ -71,7 +71,7 @@ def damaged(data: bytes, damage: list[tuple[str, float, float, bytes]]) -> bytes
 
 
 @pytest.mark.parametrize("file", SOURCES)
-@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(damage=damages())
 def test_no_damage_to_a_file_ends_in_a_traceback(folder, file, damage):
     (folder / file).write_bytes(damaged((folder / SOURCES[file]).read_bytes(), damage))
@@ -92,7 +92,7 @@ VALUES = st.recursive(
 
 
 @pytest.mark.parametrize("file", ["w.json", "t.json"])
-@settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(value=VALUES, choice=st.integers(0, 10**6))
 def test_no_value_in_a_json_file_ends_in_a_traceback(folder, file, value, choice):
     document = json.loads((folder / SOURCES[file]).read_text())
@@ -107,7 +107,7 @@ def test_no_value_in_a_json_file_ends_in_a_traceback(folder, file, value, choice
     (folder / "new.json").unlink(missing_ok=True)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(value=VALUES, choice=st.integers(0, 10**6))
 def test_no_value_in_a_vehicle_file_ends_in_a_traceback(folder, value, choice):
     import tomli_w
@@ -136,7 +136,7 @@ def _places(document: object):
         yield from _places(value)
 
 
-@settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(damage=damages())
 def test_no_damage_to_an_image_ends_in_a_traceback(folder, damage):
     import shutil

@@ -10,7 +10,7 @@ from flight.project import Waypoints
 from goshawk import waypoints_file
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # a busy machine is no fault
+@settings(suppress_health_check=[HealthCheck.too_slow])  # a busy machine is no fault
 @given(st.lists(st.tuples(*[st.floats(-50, 50)] * 3, st.none() | st.floats(-3, 3)), min_size=2, max_size=9))
 def test_csv_and_json_give_the_same_waypoints(tmp_path_factory, rows):
     folder = tmp_path_factory.mktemp("w")

@@ -14,7 +14,7 @@ def walk(seed: int, count: int) -> np.ndarray:
     return np.cumsum(np.random.default_rng(seed).normal(size=(count, 3)) * [3.0, 3.0, 0.7], axis=0)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.integers(0, 1000), st.integers(2, 12))
 def test_the_quadratic_program_is_the_closed_form_where_nothing_binds(seed, count):
     spline = bry.allocate(walk(seed, count), np.ones(count - 1))
@@ -25,7 +25,7 @@ def test_the_quadratic_program_is_the_closed_form_where_nothing_binds(seed, coun
     assert spline.snap_cost() == pytest.approx(exact.snap_cost(), rel=1e-6)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.integers(0, 1000))
 def test_the_gradient_is_that_of_finite_differences(seed):
     points, T = walk(seed, 6), np.random.default_rng(seed).uniform(0.5, 2.0, 5)

@@ -19,7 +19,7 @@ def some_path(seed: int, pace: float = 1.0):
     return minimum_snap.trajectory(minimum_snap.solve(positions, pace * rng.uniform(1.5, 2.5, 5)))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 10_000), st.sampled_from([1, 2, 3]))
 def test_the_certified_maxima_bound_every_sample_of_their_segment_and_are_tight(seed, derivative):
     path = some_path(seed)

@@ -18,7 +18,7 @@ def random_problem(seed: int, segments: int) -> tuple[np.ndarray, np.ndarray]:
 PROBLEMS = st.tuples(st.integers(0, 10_000), st.integers(1, 9))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(PROBLEMS)
 def test_waypoints_are_hit_and_both_ends_are_at_rest(problem):
     positions, T = random_problem(*problem)
@@ -29,7 +29,7 @@ def test_waypoints_are_hit_and_both_ends_are_at_rest(problem):
         assert np.abs(path.evaluate(ends, derivative)).max() < 1e-6 * max(1.0, np.abs(path.coefficients).max())
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(PROBLEMS)
 def test_joins_are_smooth_through_the_sixth_derivative(problem):
     # Continuity through jerk is built in; the next three are what optimality demands where only a position is pinned.
@@ -39,7 +39,7 @@ def test_joins_are_smooth_through_the_sixth_derivative(problem):
         assert np.abs(path.join_jumps(derivative)).max(initial=0.0) < 1e-7 * scale
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(PROBLEMS, st.integers(1, 4))
 def test_the_kernel_agrees_with_the_numpy_reference(problem, axes):
     positions, T = random_problem(*problem)
@@ -52,7 +52,7 @@ def test_the_kernel_agrees_with_the_numpy_reference(problem, axes):
     assert np.allclose(minimum_snap.coefficients(spline.states, T), c, rtol=1e-8, atol=1e-9 * np.abs(c).max())
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 10_000), st.integers(2, 9))
 def test_a_held_velocity_is_had_and_the_rest_is_the_least_snap(seed, segments):
     positions, T = random_problem(seed, segments)
@@ -108,7 +108,7 @@ def test_the_cost_is_the_integral_of_squared_snap():
     assert spline.snap_cost() == pytest.approx(np.trapezoid((path.evaluate(t, 4) ** 2).sum(axis=1), t), rel=1e-6)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(PROBLEMS, st.floats(0.3, 3.0))
 def test_slower_by_a_factor_costs_its_seventh_power_less_and_keeps_the_way(problem, factor):
     positions, T = random_problem(*problem)

@@ -12,7 +12,7 @@ from planner import simplify, space
 PATHS = arrays(np.float64, st.tuples(st.integers(1, 40), st.just(3)), elements=st.floats(-10, 10))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(PATHS, st.floats(0.0, 3.0))
 def test_every_point_stays_within_the_tolerance_of_the_kept_lines(path, tolerance):
     kept = simplify.rdp(path, tolerance)
@@ -23,7 +23,7 @@ def test_every_point_stays_within_the_tolerance_of_the_kept_lines(path, toleranc
         assert simplify.distance_to_chord(path[a : b + 1], path[a], path[b]).max() <= tolerance + 1e-12
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(PATHS, st.floats(0.01, 3.0))
 def test_simplifying_twice_changes_nothing(path, tolerance):
     once = path[simplify.rdp(path, tolerance)]
@@ -78,7 +78,7 @@ def test_a_negative_tolerance_is_refused():
         simplify.rdp(np.zeros((2, 3)), -0.1)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 10_000), st.floats(0.05, 0.8))
 def test_a_line_called_free_is_free_at_every_dense_sample(two_rooms, seed, required):
     rng = np.random.default_rng(seed)

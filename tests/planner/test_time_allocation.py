@@ -73,7 +73,7 @@ def room_between_m(p: Problem, T: np.ndarray) -> float:
     return float((second - nearest)[nearest < p.clearance_m].min(initial=np.inf))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(SEEDS, st.sampled_from(["all", *ONLY]))
 def test_the_gradient_is_that_of_finite_differences(seed, only):
     weights = {} if only == "all" else {n: 0.0 for n in ONLY if n != only}
@@ -100,7 +100,7 @@ def test_where_two_spheres_are_nearest_only_the_difference_over_both_sides_is_wr
     assert agrees_with_differences(replace(p, field=ExactSpheres(p.field.solids)), T)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(SEEDS, st.integers(1, 7))
 def test_the_kernel_agrees_with_the_numpy_reference(seed, segments):
     p, T = problem(seed, segments)
@@ -108,7 +108,7 @@ def test_the_kernel_agrees_with_the_numpy_reference(seed, segments):
     assert cost == pytest.approx(time_allocation.cost_numpy(p, p.knots, T), rel=1e-9)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_the_excess_agrees_with_the_numpy_reference(seed):
     p, T = problem(seed)

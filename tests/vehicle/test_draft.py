@@ -32,7 +32,7 @@ def test_estimates_of_a_known_vehicle_hold_its_values_within_two_standard_deviat
     assert abs(torque.value - truth.value("rotor_yaw_torque.torque_n_m_s2")) < 2.0 * torque.std
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # a busy machine is no fault
+@settings(suppress_health_check=[HealthCheck.too_slow])  # a busy machine is no fault
 @given(
     kg_m2=st.floats(5.0, 300.0),
     arm=st.floats(0.05, 0.5),

@@ -42,7 +42,7 @@ triples = st.tuples(*[st.floats(-6.0, 6.0)] * 3).map(np.array)
 speeds = st.tuples(*[st.floats(300.0, 1500.0)] * 4).map(np.array)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(velocity=triples, rate=triples, speed=speeds)
 def test_the_mirror_image_of_a_motion_has_the_mirror_image_of_its_wrench(velocity, rate, speed):
     v = everything_symmetric()
@@ -52,7 +52,7 @@ def test_the_mirror_image_of_a_motion_has_the_mirror_image_of_its_wrench(velocit
     np.testing.assert_allclose(mirrored[1], torque * AXIAL, atol=1e-9)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(velocity=triples, rate=triples, speed=speeds)
 def test_forward_and_backward_are_alike_after_half_a_turn(velocity, rate, speed):
     v, turn = everything_symmetric(), np.array([-1.0, -1.0, 1.0])
@@ -62,7 +62,7 @@ def test_forward_and_backward_are_alike_after_half_a_turn(velocity, rate, speed)
     np.testing.assert_allclose(turned[1], torque * turn, atol=1e-9)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(velocity=triples, speed=speeds)
 def test_drag_never_pushes(velocity, speed):
     base = vehicle.example().without_effect("rotor_drag_thrust").without_effect("parasitic_drag")

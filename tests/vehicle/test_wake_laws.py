@@ -40,7 +40,7 @@ def test_roll_and_pitch_have_their_own_coefficients():
     assert torque[1] == pytest.approx(-3.0 * torque[0])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(speed=st.floats(0.5, 12.0), faster=st.floats(1.1, 2.0), climb=st.floats(0.2, 4.0))
 def test_the_wakes_moment_per_speed_falls_with_speed_and_in_climb(speed, faster, climb):
     def per_speed(v_x, v_z):
@@ -54,7 +54,7 @@ def test_without_thrust_there_is_no_wake():
     assert np.allclose(change(skew(), [3.0, 1.0, -2.0], speed=np.zeros((1, 4)))[1], 0.0)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(v_x=st.floats(-8.0, 8.0), v_y=st.floats(-8.0, 8.0), height=st.floats(-0.1, 0.1))
 def test_drag_at_raised_hubs_is_the_moment_of_flapping(v_x, v_y, height):
     """Why no flight tells the two apart: k_d n v over a lever h is k_f n v with k_f = -h k_d."""

@@ -34,7 +34,7 @@ def rolled(log: FlightLog, rows: int) -> FlightLog:
     return changed(log, **{name: np.roll(log.columns[name], rows) for name in ROTORS})
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     order=st.permutations(range(4)),
     spin=st.sampled_from(list(product((-1.0, 1.0), repeat=4))),
