@@ -106,7 +106,7 @@ class Comparing:
 
     def show(
         self, names: list[str], colour: str, moved_s: dict[str, float], *, arrows: bool, predicted: bool
-    ) -> parts.ArrowScale | None:
+    ) -> tuple[parts.ArrowScale | None, float | None]:
         """Draw flights in the 3D view; none: the plan again.
 
         Args:
@@ -116,7 +116,7 @@ class Comparing:
             predicted: whether the first flight's vehicle is drawn as predicted too, where the comparison has it.
 
         Returns:
-            The scale of the arrows; None where there are none.
+            The scale of the arrows, and the value at the upper end of the colours; None where there are none.
 
         Raises:
             FlightError: a flight cannot be read.

@@ -51,7 +51,7 @@ class FlightScene:
         moved_s: Mapping[str, float],
         wrenches: Mapping[str, Wrench],
         deviations: Mapping[str, Deviation],
-    ) -> ArrowScale | None:
+    ) -> tuple[ArrowScale | None, float | None]:
         """Draw these flights and no others.
 
         Args:
@@ -63,7 +63,7 @@ class FlightScene:
                 first flight's is drawn.
 
         Returns:
-            The scale of the arrows; None where nothing is known.
+            The scale of the arrows, and the value at the upper end of the colours; None where nothing is known.
         """
         with self._lock, self._server.atomic():
             for node in (*self._drawn, *self._vehicles, *self._arrows.values()):
@@ -77,7 +77,7 @@ class FlightScene:
             reach = _reach(values)
             for i, (name, path) in enumerate(paths.items()):
                 colours = np.tile(np.array(_COLOURS[i % len(_COLOURS)], dtype=np.uint8), (len(path.time_s), 1))
-                if name in values:
+                if name in values and reach is not None:
                     shown = np.interp(path.time_s, *values[name], left=np.nan, right=np.nan)
                     known = np.isfinite(shown)
                     colours[known] = scene.signed_colours(shown[known] / reach)
@@ -89,7 +89,7 @@ class FlightScene:
             for node in (self._planned, self._predicted) if self._planned is not None else ():
                 node.visible = False
             self._draw_marks()
-            return self._scale
+            return self._scale, reach
 
     def mark(self, stretches: Sequence[tuple[str, float, float]]) -> None:
         """Mark parts of the paths that are drawn: flight, from and to on its shifted time, s."""
@@ -184,7 +184,8 @@ def _row(when: FloatArray, time_s: float) -> int:
     return int(np.clip(np.searchsorted(when, time_s), 0, len(when) - 1))
 
 
-def _reach(values: Mapping[str, tuple[FloatArray, FloatArray]]) -> float:
+def _reach(values: Mapping[str, tuple[FloatArray, FloatArray]]) -> float | None:
     """Half the range of the scale: the largest value but for the last hundredth, the same for all flights."""
-    every: Sequence[FloatArray] = [np.abs(value) for _, value in values.values()]
-    return max(float(np.nanquantile(np.concatenate(every), 0.99)) if every else 0.0, 1e-12)
+    every = np.abs(np.concatenate([np.zeros(0), *(value for _, value in values.values())]))
+    known = every[np.isfinite(every)]
+    return max(float(np.quantile(known, 0.99)), 1e-12) if len(known) else None

@@ -17,7 +17,7 @@ import sysid
 import vehicle
 from flight import FlightError, FlightLog, InputError, file_format, flight_log, project, results
 from flight.project import Project
-from gcs_web import protocol, reading
+from gcs_web import protocol, reading, session_files
 from gcs_web.job_process import Failed, JobProcess
 from gcs_web.protocol_flights import ColumnGuess, FlightCard, Incoming, Role
 from gcs_web.recorded import Recorded
@@ -269,10 +269,7 @@ def _stem(file: str) -> str:
 
 
 def _roles(path: Path) -> dict[str, Role]:
-    try:
-        return msgspec.json.decode(path.read_bytes(), type=dict[str, Role])
-    except (OSError, msgspec.DecodeError):
-        return {}
+    return session_files.read(path, dict[str, Role]) or {}
 
 
 def _changed_ns(path: Path) -> int:

@@ -7,6 +7,7 @@ import msgspec
 
 from flight import file_format
 from gcs_web import protocol_identified as parts
+from gcs_web import session_files
 from sysid.estimator.result import Identification
 from sysid.report import words
 
@@ -72,7 +73,4 @@ def save(folder: Path, found: parts.Identification) -> None:
 
 def load(folder: Path) -> parts.Identification:
     """The newest one; state `none` where there is none that can be read."""
-    try:
-        return msgspec.json.decode(identification_file(folder).read_bytes(), type=parts.Identification)
-    except (OSError, msgspec.DecodeError):
-        return parts.Identification("none")
+    return session_files.read(identification_file(folder), parts.Identification) or parts.Identification("none")

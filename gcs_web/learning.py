@@ -9,7 +9,7 @@ import msgspec
 import vehicle
 from flight import FlightError, InputError, file_format
 from flight.project import Project
-from gcs_web import diagnosis_values, identified, proposed, protocol, reading, reports
+from gcs_web import diagnosis_values, identified, proposed, protocol, reading, reports, session_files
 from gcs_web.flights import Flights
 from gcs_web.protocol_flights import ParameterRow, Tried, VehicleVersion
 from sysid.diagnosis import curve
@@ -50,9 +50,8 @@ class Learning:
 
     def diagnosis(self) -> protocol.Diagnosis:
         """The newest diagnosis; `old` if vehicle or flights are others now."""
-        try:
-            found = msgspec.json.decode(diagnosis_file(self._project.folder).read_bytes(), type=protocol.Diagnosis)
-        except (OSError, msgspec.DecodeError):
+        found = session_files.read(diagnosis_file(self._project.folder), protocol.Diagnosis)
+        if found is None:
             return protocol.Diagnosis("none")
         same = (found.vehicle, found.logs, found.learn, found.held_out) == (
             self._hash(),
@@ -168,10 +167,7 @@ class Learning:
 
     def _trial(self) -> KeptTrial | None:
         _, file = tried_files(self._project.folder)
-        try:
-            return msgspec.json.decode(file.read_bytes(), type=KeptTrial)
-        except (OSError, msgspec.DecodeError):
-            return None
+        return session_files.read(file, KeptTrial)
 
     def _versions(self) -> list[VehicleVersion]:
         told = history.read(self._project.vehicle)

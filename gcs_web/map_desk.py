@@ -90,6 +90,7 @@ class MapDesk:
                     free_m3=free_m3,
                     standing=str(area.standing),
                     doubt=inputs.doubt(area),
+                    hash=area.hash,
                 ),
                 author=self._author,
             )

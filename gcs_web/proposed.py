@@ -5,9 +5,11 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from esdf.edits import EDITS
 from esdf.field import SampledField
 from flight import file_format
 from flight.project import Project
+from gcs_web import session_files
 from gcs_web.protocol_next_flight import NextFlight, Section
 
 CELLS = 90
@@ -19,9 +21,11 @@ def file(folder: Path) -> Path:
 
 
 def map_hash(project: Project) -> str:
-    """Hash of what the map says of itself, its field's hash among it; empty where there is no map."""
-    facts = project.map / "map.toml"
-    return file_format.file_hash(facts) if facts.is_file() else ""
+    """Of what the map says of itself, its hash as built among it, and of the pilot's edits; empty where no map is."""
+    facts, edits = project.map / "map.toml", project.map / "esdf" / EDITS
+    if not facts.is_file():
+        return ""
+    return " ".join(file_format.file_hash(file) for file in (facts, edits) if file.is_file())
 
 
 def save(folder: Path, found: NextFlight) -> None:
@@ -30,10 +34,7 @@ def save(folder: Path, found: NextFlight) -> None:
 
 def load(folder: Path) -> NextFlight:
     """The one that was saved; none where there is none that can be read."""
-    try:
-        return msgspec.json.decode(file(folder).read_bytes(), type=NextFlight)
-    except (OSError, msgspec.DecodeError):
-        return NextFlight("none")
+    return session_files.read(file(folder), NextFlight) or NextFlight("none")
 
 
 def section(field: SampledField, height_m: float, clearance_m: float) -> Section:

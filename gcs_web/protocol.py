@@ -216,6 +216,8 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     flights: list[OpenedFlight] = []
     arrows: ArrowScale | None = None
     """Of `show_flights`: how long the arrows are; None where there are none."""
+    colour_reach: float | None = None
+    """Of `show_flights`: the residual, N or N m, at the upper end of the paths' colours; None for plain paths."""
     aligned: list[Aligned] = []
     """Of `align_flights`: each flight but the first."""
     parts: list[StreamPart] = []

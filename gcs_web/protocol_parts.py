@@ -134,6 +134,7 @@ class MapFacts(msgspec.Struct, frozen=True):
     """good or doubtful."""
     doubt: str = ""
     """Why it is doubtful, as a sentence."""
+    hash: str = ""
 
 
 Colour = Literal["clearance", "speed", "thrust", "tilt", "rotor_margin"]

@@ -14,6 +14,7 @@ import vehicle
 from firmware_bridge.airborne import aloft_s, in_the_air, tracking
 from flight import FlightError, FlightLog, InputError, Progress, file_format, flight_log
 from flight.project import Project
+from gcs_web import session_files
 from gcs_web.protocol_flights import Finding, FlightCard
 from sysid.estimator import prepare
 from sysid.logs import fix
@@ -70,11 +71,8 @@ def card_file(opened: Project, name: str) -> Path:
 
 def kept_card(opened: Project, name: str, wanted: Signature) -> FlightCard | None:
     """The card of a flight if it was made of the log as it is now."""
-    try:
-        kept = msgspec.json.decode(card_file(opened, name).read_bytes(), type=Kept)
-    except (OSError, msgspec.DecodeError):
-        return None
-    return kept.card if kept.signature == wanted else None
+    found = session_files.read(card_file(opened, name), Kept)
+    return found.card if found is not None and found.signature == wanted else None
 
 
 def write_cards(folder: Path, names: list[str], progress: Progress) -> None:

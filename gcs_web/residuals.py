@@ -8,6 +8,7 @@ import numpy as np
 
 from flight import FlightLog, FloatArray, InputError, Progress, file_format
 from gcs_web import protocol_flights as parts
+from gcs_web import session_files
 from sysid.diagnosis import explained
 from sysid.diagnosis.free_form import UNIT, VARIABLE
 from sysid.estimator.comparison import HORIZONS_S, QUANTITIES, Comparison, Deviation, Residual, compare, means_over
@@ -168,11 +169,14 @@ def save(path: Path, compared: Compared) -> None:
 
 def load(path: Path) -> Compared | None:
     """The comparison that was saved; None where there is none that can be read."""
-    try:
-        found = msgspec.msgpack.decode(path.read_bytes(), type=Compared)
-    except (OSError, msgspec.DecodeError):
-        return None
-    return found if (found.format, found.version) == (FORMAT, VERSION) else None
+    found = session_files.read(path, Compared, msgspec.msgpack.decode)
+    return found if found is not None and _can_be_shown(found) else None
+
+
+def _can_be_shown(found: Compared) -> bool:
+    known = set(found.variables) <= set(UNIT) and set(found.errors) <= set(SHOWN)
+    whole = len(found.rms) == len(found.shares) == len(CHANNELS)
+    return (found.format, found.version) == (FORMAT, VERSION) and known and whole
 
 
 # --- as the page shows it ---

@@ -184,8 +184,8 @@ def worded_report(report: LogReport) -> LogReport:
     return replace(report, findings=findings)
 
 
-def worded(sentence: str) -> str:
-    """A message of the library with options instead of arguments."""
-    for python, flag in FLAGS.items():
-        sentence = sentence.replace(python, flag)
+def worded(sentence: str, names: Mapping[str, str] = FLAGS) -> str:
+    """A message of the library with options, or what else stands in their place, instead of arguments."""
+    for python, name in names.items():
+        sentence = sentence.replace(python, name)
     return sentence

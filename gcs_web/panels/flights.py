@@ -29,10 +29,10 @@ def _read(desk: Desk, _: protocol.Person, wanted: protocol.ReadStreams) -> proto
 
 
 def _show(desk: Desk, _: protocol.Person, wanted: protocol.ShowFlights) -> protocol.Reply:
-    scale = desk.comparing.show(
+    arrows, reach = desk.comparing.show(
         wanted.flights, wanted.colour, wanted.moved_s, arrows=wanted.arrows, predicted=wanted.predicted
     )
-    return protocol.Reply(wanted.serial, arrows=scale)
+    return protocol.Reply(wanted.serial, arrows=arrows, colour_reach=reach)
 
 
 def _moments(desk: Desk, _: protocol.Person, wanted: protocol.ShowMoments) -> None:

@@ -14,6 +14,7 @@ from goshawk.station_jobs import flights
 from goshawk.station_jobs.flights import Chosen
 
 
+@flights.in_words_of(flights.BOXES)
 def _run(folder: Path, asked: Chosen, progress: Progress) -> Compared:
     believed = vehicle.load(Project(folder, "").vehicle)
     contents = flights.contents(folder, asked)

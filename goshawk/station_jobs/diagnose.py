@@ -27,6 +27,7 @@ class Arguments(flights.Chosen):
     auto: Annotated[bool, msgspec.Meta(title="Repeat until no candidate is significant")] = True
 
 
+@flights.in_words_of(flights.BOXES)
 def _run(folder: Path, asked: Arguments, progress: Progress) -> protocol.Diagnosis:
     project = Project(folder, "")
     believed = vehicle.load(project.vehicle)

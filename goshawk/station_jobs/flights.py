@@ -1,17 +1,24 @@
 """What the jobs about flights share: which flights they take, read as the verbs read them."""
 
+import functools
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 
-from flight import FlightLog, InputError, Progress
+from flight import FlightError, FlightLog, InputError, Progress
 from flight.project import Project
 from gcs_web import reading
+from gcs_web.job_process import Work
 from gcs_web.jobs import Choices
+from goshawk import fit_options
 from goshawk.flights import refuse_repeated
 from sysid.estimator.options import Options
+
+BOXES = {"gaps='split'": 'the box "Take the pieces between them as flights of their own"'}
+"""Arguments that the library's messages name, and what the page has in their place, in the list of flights."""
 
 
 class Chosen(msgspec.Struct, forbid_unknown_fields=True):
@@ -35,6 +42,22 @@ def check(project: Project, asked: Chosen) -> None:
     if not asked.learn:
         raise InputError("no flight to learn from is chosen; mark one with Learn in the list of flights")
     refuse_repeated([project.flight(name) for name in (*asked.learn, *asked.held_out)], "to learn from or held out")
+
+
+def in_words_of(boxes: Mapping[str, str]) -> Callable[[Work], Work]:
+    """A decorator of a job's work: its errors name the page's boxes instead of the library's arguments."""
+
+    def decorated(run: Work) -> Work:
+        @functools.wraps(run)
+        def work(folder: Path, asked: Any, progress: Progress) -> Any:
+            try:
+                return run(folder, asked, progress)
+            except FlightError as error:
+                raise type(error)(fit_options.worded(str(error), boxes)) from error
+
+        return work
+
+    return decorated
 
 
 def options(asked: Chosen) -> Options:

@@ -13,8 +13,15 @@ from gcs_web.desk import Desk
 from gcs_web.jobs import Choices, Kind
 from goshawk import fit_options, outputs
 from goshawk.commands.identify import fit_flights, write
+from goshawk.station_jobs.flights import in_words_of
 from sysid.estimator.options import Options
 from sysid.estimator.verdict import Use
+
+BOXES = {
+    "gaps='split'": 'the box "Fit the pieces between gaps"',
+    "robust=True": 'the box "Less weight for outliers of the pose"',
+}
+"""Arguments that the library's messages name, and what the job's form has in their place."""
 
 
 class Arguments(msgspec.Struct, forbid_unknown_fields=True):
@@ -55,6 +62,7 @@ def _check(project: Project, asked: Arguments) -> None:
     outputs.check(*_paths(project.folder, asked.out), overwrite=asked.overwrite)
 
 
+@in_words_of(BOXES)
 def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
     project = Project(folder, "")
     believed = vehicle.load(project.vehicle)
@@ -73,7 +81,7 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
     usable = fits.verdict.use is not Use.REJECTED
     written = write(fits, out if usable else None, report, None, overwrite=asked.overwrite)
     files = [Path(written[key]).name for key in ("written", "report") if written[key]]
-    reasons = [fit_options.worded(str(reason)) for reason in fits.verdict.reasons]
+    reasons = [fit_options.worded(str(reason), BOXES) for reason in fits.verdict.reasons]
     shown = identified.shown(
         fits.answer,
         fits.trials,

@@ -47,8 +47,10 @@ def _check(project: Project, asked: Arguments) -> None:
         raise InputError("this project has no map; make one on the Map step, then propose the flight")
 
 
+@flights.in_words_of(flights.BOXES)
 def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
     project = Project(folder, "")
+    map_hash = proposed.map_hash(project)  # first: an edit made meanwhile must show
     believed, area = vehicle.load(project.vehicle), mapping.open_map(project.map)
     area.require_not_refused()
     doubt = inputs.doubt(area)
@@ -60,7 +62,7 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
         held_out=sorted(asked.held_out),
         vehicle=vehicle.vehicle_hash(believed),
         logs=flights.contents(folder, asked),
-        map=proposed.map_hash(project),
+        map=map_hash,
     )
     learn, held_out = flights.logs(folder, asked, progress)
     options = flights.diagnosis_options(asked)

@@ -47,6 +47,7 @@ def _with_effect(project: Project, present: Vehicle, effect: str) -> tuple[str, 
     return found.name, changed
 
 
+@flights.in_words_of(flights.BOXES)
 def _run(folder: Path, asked: Arguments, progress: Progress) -> KeptTrial:
     project = Project(folder, "")
     file_sha256 = file_format.file_hash(project.vehicle)  # first: a change during the fit must show

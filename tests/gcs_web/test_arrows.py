@@ -59,7 +59,7 @@ def test_the_arrows_begin_at_the_vehicle_follow_the_moved_clock_and_go_in_a_gap(
     monkeypatch.setattr("gcs_web.scene.draw_arrows", lambda *_: node)
     position_m = np.stack([TIME_S, 0.0 * TIME_S, 1.0 + 0.0 * TIME_S], axis=1)
     path = Path3D(TIME_S, position_m, np.tile(SIDEWAYS, (101, 1)), None, None)
-    scale = shown.draw({"a": path}, {}, {"a": 2.0}, {"a": wrench(gap=True)}, {})
+    scale, _ = shown.draw({"a": path}, {}, {"a": 2.0}, {"a": wrench(gap=True)}, {})
     assert scale == ArrowScale(2.0, pytest.approx(0.1))
     shown.look(4.0)  # 2 s of the flight
     assert node.visible
@@ -70,4 +70,4 @@ def test_the_arrows_begin_at_the_vehicle_follow_the_moved_clock_and_go_in_a_gap(
     assert node.visible
     shown.look(None)
     assert not node.visible
-    assert shown.draw({"a": path}, {}, {}, {}, {}) is None
+    assert shown.draw({"a": path}, {}, {}, {}, {}) == (None, None)

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
+import mapping
 import vehicle
 from flight import FlightLog, Waypoints, file_format, flight_log, project, silent
 from gcs_web import GroundStation, diagnosis_values, learning, proposed, protocol
@@ -150,6 +151,8 @@ def test_a_cell_is_looked_at_everywhere_and_a_bin_shows_its_moments(page, statio
     page.get_by_role("heading", name=re.compile("Residual F.* against v")).wait_for()
     page.get_by_role("img", name="Residual x over time").wait_for()
     assert page.get_by_label("Colour of the flights' paths").input_value() == "F_x"
+    low, high = (page.locator(".legend-ends span").get_by_text(re.compile(f"^{end} ")) for end in "≤≥")
+    assert low.inner_text().replace("≤ −", "≥ ") + " N" == high.inner_text()
     page.get_by_role("img", name=re.compile("Residual F_x in N")).click(position={"x": 120, "y": 80})
     page.get_by_text(re.compile("of the open flights, shaded")).wait_for()
     wait(lambda: station.view.flights._marks, "the moments on the paths")
@@ -201,6 +204,7 @@ def diagnosed() -> protocol.Diagnosis:
     return protocol.Diagnosis(
         "current", "Rotor drag is missing.", 0.8, 0.1, 0.1, "usable", ["a"], ["b"], [found, *others],
         outside=diagnosis_values._outside(outside), unobservable=["mass: only ratios to it show"], left=["F_x 0.01 N"],
+        findings=["the rotors turn too little"],
     )  # fmt: skip
 
 
@@ -211,6 +215,9 @@ def test_a_curve_of_rotor_thrust_is_shown_with_its_words_and_unit(page, station)
     card.get_by_text("the thrust of rotor 2 follows speed of rotor 2, from −19.0 to 0 % of the thrust").wait_for()
     assert page.get_by_text(MARKUP).first.is_visible()
     assert page.get_by_role("region", name="Effects of your own").get_by_text(MARKUP).is_visible()
+    assert page.get_by_role("region", name="Findings").get_by_text("The rotors turn too little").is_visible()
+    assert page.get_by_text("Size ± σ: rotor drag").first.is_visible()
+    assert page.get_by_text("0.0200 ± 0.0010").first.is_visible()
     assert page.locator("img").count() == 0
     assert overflow(page) == []
 
@@ -248,6 +255,26 @@ def test_the_next_flight_is_shown_in_its_map_and_a_refusal_is_an_answer(page, st
     card.get_by_text("Not in this map: oblique needs 8.0 x 8.0 x 6.0 m of free space to answer payload.").wait_for()
     assert card.get_by_role("img").count() == 0
     assert card.get_by_role("button", name="Propose next flight").is_enabled()
+
+
+def test_the_consent_to_a_doubtful_map_is_to_that_map_alone(page, station, monkeypatch):
+    save_diagnosis(station)
+    page.keyboard.press("5")
+    card = page.get_by_role("region", name="Next flight")
+    propose, consent = card.get_by_role("button", name="Propose next flight"), card.get_by_role("checkbox")
+    for doubt, map_hash in (("the walk is short", "a"), ("the walk is short", "b"), ("the lens is bent", "b")):
+        monkeypatch.setattr("gcs_web.inputs.doubt", lambda _, doubt=doubt: doubt)
+        monkeypatch.setattr(mapping.Map, "hash", map_hash)
+        station.desk.map.changed()
+        card.get_by_text(doubt).wait_for()
+        wait(propose.is_disabled, "another map, to which nobody agreed")
+        assert not consent.is_checked()
+        consent.check()
+        assert propose.is_enabled()
+    monkeypatch.undo()
+    station.desk.map.changed()
+    consent.wait_for(state="detached")
+    assert propose.is_enabled()
 
 
 @pytest.mark.parametrize("width", [1440, 900, 360])

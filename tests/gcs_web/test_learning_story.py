@@ -206,9 +206,10 @@ def script(page, picture: Callable[[str], object], orders: Callable[[], list[str
 
 
 def estimates(text: str) -> list[float]:
-    """The numbers before a standard deviation: "1.80·10⁻⁴ ± 6.32·10⁻⁶"."""
-    plain = text.translate(str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--")).replace("·10", "e")
-    return [float(number) for number in re.findall(r"(\S+) ±", plain)]
+    """The numbers before a standard error: "1.410 ± 0.020", "(1.800 ± 0.063)·10⁻⁴"."""
+    plain = text.translate(str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--"))
+    found = re.findall(r"(-?[\d.]+) ± [\d.]+(?:\)·10(-?\d+))?", plain)
+    return [float(f"{value}e{power or 0}") for value, power in found]
 
 
 def judged_by_the_newest(page) -> tuple[str, float, float]:

@@ -1,11 +1,16 @@
 """The proposed next flight on disk, and the level cut through the map under its picture."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import esdf
 import mapping
+from esdf import Edit
+from esdf.solids import Box
+from flight import project
 from gcs_web import proposed
 from gcs_web.protocol_next_flight import NextFlight
 
@@ -32,3 +37,16 @@ def test_what_was_proposed_is_read_again_and_what_cannot_be_read_is_none(tmp_pat
     assert proposed.load(tmp_path) == found
     proposed.file(tmp_path).write_text('{"state": "curr')
     assert proposed.load(tmp_path).state == "none"
+
+
+def test_an_edit_of_the_map_makes_the_proposal_one_of_another_map(pillar_map: Path, tmp_path: Path):
+    opened = project.create(tmp_path / "project", "edited")
+    assert proposed.map_hash(opened) == ""
+    shutil.copytree(pillar_map, opened.map, dirs_exist_ok=True)
+    before = proposed.map_hash(opened)
+    post = Edit("add", Box((2.0, 1.5, 0.0), (2.2, 1.7, 2.0)))
+    esdf.save_edits(opened.map / "esdf" / "edits.json", [post])
+    edited = proposed.map_hash(opened)
+    assert "" != before != edited
+    esdf.save_edits(opened.map / "esdf" / "edits.json", [post, post])
+    assert proposed.map_hash(opened) not in (before, edited)

@@ -4,6 +4,8 @@ import contextlib
 import io
 import json
 import os
+import shutil
+from pathlib import Path
 from typing import Any
 from unittest.mock import MagicMock
 
@@ -18,7 +20,7 @@ from gcs_web.comparing import Comparing
 from gcs_web.flights import Flights
 from gcs_web.learning import KeptTrial, Learning, save_trial
 from goshawk.cli import main
-from goshawk.station_jobs import compare, diagnose, try_effect
+from goshawk.station_jobs import compare, diagnose, identify, try_effect
 from goshawk.station_jobs.flights import Chosen
 from sysid.diagnosis import OutsideFinding, explained
 from sysid.diagnosis.free_form import UNIT
@@ -246,6 +248,28 @@ def test_gaps_are_taken_as_asked_when_an_effect_is_tried(opened, monkeypatch):
         with pytest.raises(InputError, match="far enough"):
             try_effect._run(opened.folder, try_effect.Arguments(["a"], [], split, effect=DRAG), silent)
     assert asked == ["refuse", "split"]
+
+
+def test_a_flight_with_gaps_is_refused_in_the_words_of_the_page(opened, tmp_path):
+    folder = shutil.copytree(opened.folder, tmp_path / "gaps")
+    log = flight_log.load(opened.flight("a"))
+    lost = (log.time_s > 2.0) & (log.time_s < 2.6)
+    blanked = {name: np.where(lost, np.nan, values) for name, values in log.columns.items() if name != "time_s"}
+    columns = {"time_s": log.time_s, **blanked}
+    flight_log.save(folder / "flights" / "gap.parquet", flight_log.FlightLog(columns, log.metadata))
+    box = 'the box "Take the pieces between them as flights of their own"'
+    for work, asked in (
+        (compare._run, Chosen(["gap"])),
+        (diagnose._run, diagnose.Arguments(["gap"])),
+        (try_effect._run, try_effect.Arguments(["gap"], effect=DRAG)),
+        (identify._run, identify.Arguments(["gap"])),
+    ):
+        with pytest.raises(InputError, match="gap has no pose from") as said:
+            work(folder, asked, silent)
+        assert "gaps=" not in str(said.value)
+        assert (box if work is not identify._run else 'the box "Fit the pieces between gaps"') in str(said.value)
+    client = Path(comparing.__file__).with_name("client") / "src" / "panels" / "FlightList.tsx"
+    assert "Take the pieces between them as flights of their own" in client.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("channel", ["T", "T_2", "F_x_world", "M_y"])

@@ -31,6 +31,8 @@ export const withArrows = signal(true);
 /** Whether the first flight's vehicle is drawn as the model predicts it, too. */
 export const withPredicted = signal(true);
 export const arrowScale = signal<ArrowScale | null>(null);
+/** The residual at the upper end of the paths' colours, N or N m. */
+export const colourReach = signal<number | null>(null);
 /** A foreign log that waits for its column map. */
 export const incoming = signal<Incoming | null>(null);
 export const playing = signal(false);
@@ -184,7 +186,10 @@ effect(() => {
 
 const showIn3D = latest(
   (wanted: Pick<ShowFlights, "flights" | "colour" | "moved_s" | "arrows" | "predicted">) => ({ type: "show_flights", ...wanted }),
-  ({ arrows }) => (arrowScale.value = arrows),
+  ({ arrows, colour_reach }) => {
+    arrowScale.value = arrows;
+    colourReach.value = colour_reach;
+  },
 );
 let isShown = false;
 

@@ -78,6 +78,7 @@ export interface MapFacts {
   free_m3: number;
   standing: string;
   doubt: string;
+  hash: string;
 }
 
 export interface Settings {
@@ -1035,6 +1036,7 @@ export interface Reply {
   name: string;
   flights: OpenedFlight[];
   arrows: ArrowScale | null;
+  colour_reach: number | null;
   aligned: Aligned[];
   parts: StreamPart[];
   scatter: Scatter | null;

@@ -62,6 +62,7 @@ function refusal(number: number, error: string): Reply {
     name: "",
     flights: [],
     arrows: null,
+    colour_reach: null,
     aligned: [],
     parts: [],
     scatter: null,

@@ -41,6 +41,7 @@ export function Learn() {
           {has ? "Diagnose again" : "Find the missing effect"}
         </button>
       </div>
+      {has && found.findings.length > 0 && <Findings found={found} />}
       {busy && <JobRows kinds={[...WORKING]} />}
       {has && <Cards found={found} />}
       <OwnEffects />
@@ -69,6 +70,22 @@ function summary(found: Diagnosis): string {
     `${parts.join(", ")}, on ${plural(found.learn.length, "flight", "flights")}${held}. ` +
     `Probability ${percent(found.probability)} that all of it is right, ${percent(found.something_unknown)} that ` +
     `something unknown is missing besides. The fit is ${found.fit}.`
+  );
+}
+
+/** Beside the verdict, which may say to read them. */
+function Findings({ found }: { found: Diagnosis }) {
+  return (
+    <section aria-labelledby="findings-title">
+      <h3 id="findings-title">Findings</h3>
+      <ul class="findings">
+        {found.findings.map((sentence) => (
+          <li key={sentence} class="quiet">
+            {sentenceCase(sentence)}
+          </li>
+        ))}
+      </ul>
+    </section>
   );
 }
 
@@ -125,15 +142,6 @@ function Cards({ found }: { found: Diagnosis }) {
           <b>None of these?</b> <span class="dim">Left by the last model, rms: {found.left.join(", ")}</span>
         </p>
       </section>
-      {found.findings.length > 0 && (
-        <ul class="findings">
-          {found.findings.map((sentence) => (
-            <li key={sentence} class="quiet">
-              {sentenceCase(sentence)}
-            </li>
-          ))}
-        </ul>
-      )}
     </>
   );
 }
@@ -219,14 +227,14 @@ export function figure(value: number): string {
   return `${digits}·10${raised(power)}`;
 }
 
-/** A value and half its interval with the same places, two of them uncertain. */
-function within(value: number, half: number): string {
-  const size = Math.max(Math.abs(value), half);
-  if (!(half > 0) || size >= 1e4) return `${figure(value)} ± ${figure(half)}`;
+/** A value and its standard error with the same places, two of them uncertain. */
+function measured(value: number, sigma: number): string {
+  const size = Math.max(Math.abs(value), sigma);
+  if (!(sigma > 0) || size >= 1e4) return `${figure(value)} ± ${figure(sigma)}`;
   const power = size < 1e-3 ? Math.floor(Math.log10(size)) : 0;
-  const places = Math.min(Math.max(0, power + 1 - Math.floor(Math.log10(half))), 8);
-  const [middle, reach] = [value, half].map((each) => number(each / 10 ** power, places));
-  return power === 0 ? `${middle} ± ${reach}` : `(${middle} ± ${reach})·10${raised(power)}`;
+  const places = Math.min(Math.max(0, power + 1 - Math.floor(Math.log10(sigma))), 8);
+  const [middle, spread] = [value, sigma].map((each) => number(each / 10 ** power, places));
+  return power === 0 ? `${middle} ± ${spread}` : `(${middle} ± ${spread})·10${raised(power)}`;
 }
 
 function raised(power: number): string {
@@ -248,10 +256,10 @@ function Size({ size }: { size: EffectSize }) {
   const place = (value: number): string => `${(100 * (value - low)) / (reach - low)}%`;
   return (
     <div>
-      <span class="quiet">Size: {size.name}, 90 % interval</span>
+      <span class="quiet">Size ± σ: {size.name}</span>
       <p>
         <b>
-          {within(size.value, (size.high - size.low) / 2)}
+          {measured(size.value, size.sigma)}
         </b>{" "}
         <span class="unit">{unit}</span>
       </p>
@@ -262,7 +270,7 @@ function Size({ size }: { size: EffectSize }) {
         <span class="size-dot" style={{ left: place(size.value) }} />
       </div>
       <p class="quiet">
-        usual {figure(size.usual)}; would show from {figure(size.smallest_visible)} {unit}
+        bar: 90 % interval; usual {figure(size.usual)}; would show from {figure(size.smallest_visible)} {unit}
       </p>
     </div>
   );

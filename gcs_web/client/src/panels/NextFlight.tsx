@@ -12,11 +12,12 @@ const KIND = "next_flight";
 const NAME = /^next-flight(-\d+)?$/;
 const PLAN_STEP = 2;
 
-/** Whether the pilot takes the map although it is doubtful. */
-const accepted = signal(false);
+/** The map that the pilot takes although it is doubtful, with its doubt: of another one it says nothing. */
+const accepted = signal("");
 
 export function NextFlight() {
-  const doubt = mapShown.value?.facts.doubt ?? "";
+  const { doubt = "", hash = "" } = mapShown.value?.facts ?? {};
+  const isAccepted = accepted.value === `${hash} ${doubt}`;
   const found = nextFlight.value;
   const proposed = files.value.trajectories.filter(({ name }) => NAME.test(name));
   return (
@@ -26,8 +27,8 @@ export function NextFlight() {
         <button
           type="button"
           class="control"
-          disabled={!connected.value || isRunning(KIND) || (doubt !== "" && !accepted.value)}
-          onClick={() => void propose(proposed.map(({ name }) => name))}
+          disabled={!connected.value || isRunning(KIND) || (doubt !== "" && !isAccepted)}
+          onClick={() => void propose(proposed.map(({ name }) => name), doubt !== "" && isAccepted)}
         >
           Propose next flight
         </button>
@@ -40,8 +41,8 @@ export function NextFlight() {
         <label class="switch">
           <input
             type="checkbox"
-            checked={accepted.value}
-            onChange={(event) => (accepted.value = event.currentTarget.checked)}
+            checked={isAccepted}
+            onChange={(event) => (accepted.value = event.currentTarget.checked ? `${hash} ${doubt}` : "")}
           />
           <span>
             <span class="caution-text">{doubt}</span> Propose in it all the same
@@ -176,8 +177,8 @@ function FromAbove({ found, section }: { found: Proposed; section: Section }) {
   );
 }
 
-async function propose(taken: readonly string[]): Promise<void> {
-  await startOnFlights(KIND, { out: freeName(taken), accept_doubtful_map: accepted.value });
+async function propose(taken: readonly string[], accept_doubtful_map: boolean): Promise<void> {
+  await startOnFlights(KIND, { out: freeName(taken), accept_doubtful_map });
 }
 
 async function open(name: string): Promise<void> {

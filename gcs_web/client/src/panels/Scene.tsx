@@ -5,12 +5,13 @@ import { useEffect, useRef } from "preact/hooks";
 import { show } from "../cursor";
 import { number, short } from "../format";
 import { listenIn } from "../keys";
-import { LETTERS, arrowScale, opened, pathColour, withArrows, withPredicted } from "../flights";
+import { LETTERS, arrowScale, colourReach, opened, pathColour, withArrows, withPredicted } from "../flights";
 import type { Channel } from "../flights";
 import { CIVIDIS, CLEARANCE, CLEARANCE_SPAN_M, COULD_HIDE_SPAN_MM, SIGNED } from "../scales";
 import { comparison, figures, mapShown, series, step, view } from "../store";
 import { isLight, narrow, token } from "../theme";
 import type { Series, Show } from "../protocol";
+import { figure } from "./Learn";
 import { MapTools, MeasureReadout } from "./MapTools";
 
 type Colour = NonNullable<Show["colour"]>;
@@ -95,6 +96,7 @@ function FlightLegend() {
 
 /** What colours the paths: nothing, or a residual on a scale about zero. */
 function PathsLegend() {
+  const reach = colourReach.value;
   return (
     <>
       <div class="legend-head">
@@ -127,9 +129,11 @@ function PathsLegend() {
         <>
           <div class="legend-bar" style={{ background: `linear-gradient(90deg, ${SIGNED.join(",")})` }} />
           <div class="legend-ends">
-            <span>negative</span>
+            <span>{reach === null ? "–" : `≤ ${figure(-reach)}`}</span>
             <span>0</span>
-            <span>positive</span>
+            <span>
+              {reach === null ? "–" : `≥ ${figure(reach)}`} {pathColour.value.startsWith("F") ? "N" : "N\u00a0m"}
+            </span>
           </div>
         </>
       )}
