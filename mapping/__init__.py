@@ -10,7 +10,8 @@ from mapping.input.images import ImageSet, read_folder
 from mapping.input.selection import SelectionOptions
 from mapping.localization import relocalization
 from mapping.localization.relocalization import Localization, LocalizationOptions
-from mapping.map_folder import Map, MapOptions, MapReport, build_map, open_map
+from mapping.map_figures import MapReport
+from mapping.map_folder import Map, MapOptions, build_map, open_map
 from mapping.poses_file import read_poses, write_poses
 from mapping.sparse.alignment import Length
 from mapping.sparse.colmap import SparseOptions
