@@ -64,7 +64,8 @@ def of_rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle, *, gyro_is_s
     """What to say of the clock of rotor speed: against the gyro, where that shows it, else against the attitude.
 
     Args:
-        gyro_is_sure: whether the gyro's own clock is known; if not, it may be the one that is off: no fix is proposed.
+        gyro_is_sure: whether the gyro's own clock is known. If not, it may be the one that is off, and a fix is
+            proposed only if the attitude shows the same delay.
     """
     against, offset = "gyro", Offset(0.0, np.inf, 0.0)
     if sampled(log, "rate_body_rad_s"):
@@ -75,11 +76,23 @@ def of_rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle, *, gyro_is_s
         return []
     sentence = f"rotor speed is {offset.words} against the {against}"
     if against == "gyro" and not gyro_is_sure:
-        fix = "the flight does not show which of the two is off: let the fit estimate both clocks"
-        return [warning("clock", sentence, fix)]
+        other = rotors_after_attitude(log, motion, vehicle)
+        if not _agree(offset, other):
+            fix = "the flight does not show which of the two is off: let the fit estimate both clocks"
+            return [warning("clock", sentence, fix)]
+        if other.sigma_s < offset.sigma_s:
+            against, offset = "motion", other
+            sentence = f"rotor speed is {offset.words} against the {against}"
     fix = f"shift rotor speed by {-1e3 * offset.delay_s:+.1f} ms against the {against}"
     repair = Repair("shift", COLUMNS["rotor_speed_rad_s"], shift_s=-offset.delay_s)
     return [warning("clock", sentence, fix, repair=repair)]
+
+
+def _agree(offset: Offset, other: Offset) -> bool:
+    """Whether another reference shows that delay, too."""
+    apart_s = abs(offset.delay_s - other.delay_s)
+    same = apart_s <= CONSISTENT_SIGMAS * np.hypot(offset.sigma_s, other.sigma_s)
+    return same and other.worth_a_word(ROTOR_QUALITY, ROTOR_SIGMAS)
 
 
 def rotors_after_gyro(log: FlightLog, motion: Kinematics, vehicle: Vehicle) -> Offset:

@@ -21,7 +21,7 @@ from goshawk.rendered.scene import RenderedScene
 from mapping import given_paths, map_parts, texturing
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
-from mapping.dense import atlas, exposure, mesh_file, texture
+from mapping.dense import atlas, exposure, mesh_file, resolution, texture
 from mapping.dense.atlas import FlattenedMesh
 from mapping.dense.exposure import Brightness
 from mapping.dense.texture import TextureView
@@ -292,10 +292,11 @@ def map_with_images(
     import cv2
 
     grid = esdf.Grid.covering(LOW, HIGH, VOXEL_M)
+    field = esdf.build(esdf.rasterize(SCENE.scene, grid), grid)
     names = tuple(f"{k}.png" for k in range(len(pictures)))
     parts = MapParts(
         name="map",
-        field=esdf.build(esdf.rasterize(SCENE.scene, grid), grid),
+        field=field,
         edits=(),
         vertices_world_m=mesh[0],
         faces=mesh[1],
@@ -305,6 +306,7 @@ def map_with_images(
         images=names,
         time_s=np.full(len(names), np.nan),
         T_world_body=T_WORLD_BODY,
+        seen=resolution.visibility(field.state, grid, [(c, T @ c.T_body_camera) for T in T_WORLD_BODY for c in RIG]),
         facts={"verdict": "good", "reasons": []},
         report=None,
     )

@@ -10,8 +10,9 @@ import vehicle
 from flight import FlightLog, rotations
 from flight.flight_log import COLUMNS
 from sysid.estimator.sampling import Signal
-from sysid.logs import gyro_clock
+from sysid.logs import clocks, gyro_clock
 from sysid.logs.check import check_log
+from sysid.logs.finding import Finding
 from sysid.logs.fix import fix
 from sysid.logs.motion import kinematics
 from vehicle import flights, manoeuvres
@@ -111,11 +112,23 @@ def test_a_gyro_further_off_than_any_controller_makes_it_is_named_and_shifted(no
         assert not [said for said in done if said.startswith("rotor speed is") and float(said.split()[3]) > 20.0]
 
 
+def _rotors(log: FlightLog) -> list[Finding]:
+    motion = kinematics(log)
+    assert motion is not None
+    return clocks.of_rotors(log, motion, vehicle.example(), gyro_is_sure=False)
+
+
 def test_rotor_speed_is_not_shifted_to_a_gyro_whose_own_clock_is_not_known(noisy):
-    log = noisy[-1]
+    """The gyro is late and rotor speed is not: the attitude does not confirm what the gyro says of it."""
+    (said,) = _rotors(_late(noisy[8], 0.012))
+    assert said.sentence.endswith("against the gyro")
+    assert said.repair is None
+
+
+@pytest.mark.parametrize("number", [2, 8, 9, 11])
+def test_late_rotor_speed_that_the_attitude_shows_too_is_shifted_even_then(noisy, number):
+    log = noisy[number]
     speed = Signal.through(log.time_s, log.vector("rotor_speed_rad_s"))
-    report = check_log(_with(log, "rotor_speed_rad_s", speed.value(log.time_s - 0.02)), vehicle.example())
-    said = [f for f in report.findings if f.sentence.startswith("rotor speed")]
-    assert [sentence for sentence in report.inconclusive if sentence.startswith("the gyro's clock")]
-    assert [f for f in said if f.sentence.endswith("against the gyro")]
-    assert not [f for f in said if f.repair is not None]
+    (said,) = _rotors(_with(log, "rotor_speed_rad_s", speed.value(log.time_s - 0.02)))
+    assert said.repair is not None
+    assert said.repair.shift_s == pytest.approx(-0.02, abs=1.5e-3)
