@@ -291,7 +291,7 @@ def _all_images(first: MapParts, second: MapParts) -> tuple[str, ...]:
 
 
 def _facts(first: MapParts, second: MapParts, sentence: str) -> dict[str, Any]:
-    """Facts of the joined map; its verdict is the worse one."""
+    """Facts of the joined map; its verdict is the worse one, its carrier's radius what holds about every camera."""
     a, b = first.facts, second.facts
     order = [Standing.GOOD, Standing.NOT_JUDGED, Standing.DOUBTFUL, Standing.REFUSED]  # by what planning asks
     worse = max((facts.get("verdict", Standing.NOT_JUDGED) for facts in (a, b)), key=order.index)
@@ -305,7 +305,7 @@ def _facts(first: MapParts, second: MapParts, sentence: str) -> dict[str, Any]:
             facts[name] = a[name] + b[name]
     radii_m = [facts["carrier_radius_m"] for facts in (a, b) if "carrier_radius_m" in facts]
     if radii_m and not any(has_earlier_free_space(facts) for facts in (a, b)):
-        facts["carrier_radius_m"] = max(radii_m)
+        facts["carrier_radius_m"] = min(radii_m)
     if sources := list(dict.fromkeys(facts["scale_source"] for facts in (a, b) if "scale_source" in facts)):
         facts["scale_source"] = " and ".join(sources)
     if "up_source" in a:

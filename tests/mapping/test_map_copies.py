@@ -288,7 +288,7 @@ def test_images_resolve_nothing_in_a_joined_map_where_their_own_was_unknown() ->
 @pytest.mark.parametrize(
     ("radii_m", "sources", "radius_m", "standing"),
     [
-        ((0.2, 0.4), ("rig baseline", "given length"), 0.4, Standing.GOOD),
+        ((0.2, 0.4), ("rig baseline", "given length"), 0.2, Standing.GOOD),
         ((0.2, None), ("rig baseline", "depth images"), 0.2, Standing.GOOD),
         ((0.2, None), ("rig baseline", "given length"), None, Standing.DOUBTFUL),
         ((None, None), ("rig baseline", None), None, Standing.DOUBTFUL),
