@@ -10,6 +10,7 @@ import click
 import mapping
 from flight import InputError, results
 from goshawk import console, outputs
+from goshawk.commands.map_again import again
 from goshawk.commands.map_copies import align, crop, merge, origin
 from goshawk.commands.map_edit import edit
 from goshawk.commands.map_report import report
@@ -111,6 +112,7 @@ def build(
     goshawk map show-esdf --help     show the distance field of a map
     goshawk map edit --help          add obstacles and no-fly zones to it, clear errors
     goshawk map crop|origin|align|merge --help      make a new map of one or two
+    goshawk map again --help         where to look again, as waypoints
     goshawk map report --help        all that is known of a map as one HTML file
     goshawk map texture --help       the mesh with a texture, for any viewer
 
@@ -286,4 +288,4 @@ def length_from(text: str) -> mapping.Length:
     raise InputError(f"--length {text!r} is neither METRES nor IMAGE_A,IMAGE_B,METRES")
 
 
-command = MapVerbs("map", commands=[show_esdf, edit, crop, origin, align, merge, report, texture])
+command = MapVerbs("map", commands=[show_esdf, edit, crop, origin, align, merge, again, report, texture])
