@@ -189,7 +189,7 @@ def _places(field: Field, path_world_m: FloatArray, options: ViewOptions) -> Flo
     cells = np.argwhere(allowed)
     refused = (
         f"no image was taken within {_JOIN_M:g} m of free space with a clearance of {options.clearance_m:.2f} m; "
-        "give a smaller clearance, or crop nothing away from the path"
+        "give a smaller clearance"
     )
     if not len(cells):
         raise InputError(refused)

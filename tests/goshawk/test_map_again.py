@@ -1,0 +1,79 @@
+"""`goshawk map again`: places in free space, as waypoints that can be planned as they are."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import esdf
+import mapping
+import vehicle
+from esdf.solids import Box
+from flight import project
+from tests.goshawk.running import run
+
+UNSEEN = Box((2.6, 0.3, 0.4), (3.4, 1.0, 1.6))
+
+
+@pytest.fixture(scope="module")
+def folder(made_once, pillar_map: Path) -> Path:
+    """The room with two pillars, and a box in it that no image saw."""
+
+    def make(new: Path) -> None:
+        shutil.copytree(pillar_map, new, dirs_exist_ok=True, ignore=shutil.ignore_patterns("esdf"))
+        field = mapping.open_map(pillar_map).field
+        state = field.state.copy()
+        inside = UNSEEN.distance(field.grid.centres().reshape(-1, 3)) < 0.0
+        state[inside.reshape(state.shape)] = esdf.UNKNOWN
+        esdf.save(new / "esdf", esdf.build(state, field.grid))
+
+    return made_once("unseen_box_map", make)
+
+
+@pytest.fixture(scope="module")
+def drone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("again") / "vehicle.toml"
+    vehicle.save(path, vehicle.example())
+    return path
+
+
+def test_the_waypoints_show_the_box_and_are_planned_as_they_are(folder: Path, drone: Path, tmp_path: Path) -> None:
+    out = tmp_path / "again.json"
+    said = json.loads(run("map", "again", folder, "--vehicle", drone, "--out", out, "--json"))
+    assert said["shown_m3"] > 0.8 * 0.8 * 0.7 * 1.2
+    points = project.load_waypoints(out)
+    np.testing.assert_allclose(points.positions_world_m, [view["position_world_m"] for view in said["views"]])
+    np.testing.assert_allclose(np.degrees(points.yaw_rad), [view["heading_deg"] for view in said["views"]], atol=0.06)
+    near = mapping.open_map(folder).field.proven_distance(points.positions_world_m)
+    assert (near >= said["clearance_m"] - 1e-6).all()
+    plan = ("--map", folder, "--vehicle", drone, "--out", tmp_path / "flight.json", "--speed", "1", "--json")
+    assert json.loads(run("plan", out, *plan))["waypoints"] == len(said["views"])
+
+
+def test_without_anything_to_see_no_file_is_written_and_none_is_replaced(pillar_map: Path, tmp_path: Path) -> None:
+    out = tmp_path / "again.json"
+    said = json.loads(run("map", "again", pillar_map, "--out", out, "--json"))
+    assert (said["views"], said["written"]) == ([], None)
+    assert not out.exists()
+    out.write_text("mine")
+    assert "again.json" in run("map", "again", pillar_map, "--out", out, code=2)
+    assert out.read_text() == "mine"
+
+
+def test_only_what_is_near_the_flight_to_come_is_asked_for(folder: Path, tmp_path: Path) -> None:
+    csv = tmp_path / "far.csv"
+    csv.write_text("x_m,y_m,z_m\n5.5,3.5,1\n5.5,2.5,1\n")
+    assert json.loads(run("map", "again", folder, "--near", csv, "--within", "1", "--json"))["unknown_m3"] == 0.0
+    table = run("map", "again", folder, "--on-foot")
+    assert re.search(r"views would show up to 0\.\d+ m3", table)
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [("--least", "nan", "least_m3"), ("--within", "-1", "within_m"), ("--radius", "50", "smaller clearance")],
+)
+def test_wrong_numbers_are_refused_by_name(folder: Path, option: str, value: str, words: str) -> None:
+    assert words in run("map", "again", folder, option, value, code=2)
