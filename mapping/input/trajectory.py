@@ -123,6 +123,17 @@ def read(path: Path) -> Trajectory:
     return Trajectory(path, time_s, frames.transform(rotations.normalise(q), positions_m))
 
 
+def looks_like_one(path: Path) -> bool:
+    """Whether the first line of a file that is no comment is a pose in TUM's or EuRoC's format; False if unreadable."""
+    try:
+        with path.open(encoding="utf-8") as file:
+            first = next((line for line in file if line.strip() and not line.lstrip().startswith("#")), "")
+        is_euroc = "," in first
+        return bool(_row(path, 1, first.split(",") if is_euroc else first.split(), is_euroc))
+    except (OSError, UnicodeDecodeError, FormatError, InputError):
+        return False
+
+
 def _row(path: Path, number: int, words: Sequence[str], is_euroc: bool) -> list[float]:
     """Time in seconds, position and quaternion as they stand in the line."""
     if len(words) < _COLUMNS or not (is_euroc or len(words) == _COLUMNS):

@@ -4,6 +4,8 @@ import json
 import re
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,10 @@ import esdf
 import mapping
 import vehicle
 from esdf.solids import Box
-from flight import project
+from flight import InputError, project, silent
+from gcs_web.document import Settings
+from gcs_web.session import Session
+from goshawk.station_jobs import look_again
 from tests.goshawk.running import run
 
 UNSEEN = Box((2.6, 0.3, 0.4), (3.4, 1.0, 1.6))
@@ -77,3 +82,38 @@ def test_only_what_is_near_the_flight_to_come_is_asked_for(folder: Path, tmp_pat
 )
 def test_wrong_numbers_are_refused_by_name(folder: Path, option: str, value: str, words: str) -> None:
     assert words in run("map", "again", folder, option, value, code=2)
+
+
+def test_the_report_shows_where_to_look_again_and_says_why_it_cannot(folder: Path, tmp_path: Path) -> None:
+    run("map", "report", folder, "--out", tmp_path / "map.html")
+    page = (tmp_path / "map.html").read_text()
+    assert "Where to look again, from above" in page
+    assert "views would show up to" in page
+    blind = tmp_path / "blind"
+    shutil.copytree(folder, blind)
+    (blind / "poses.csv").write_text("image,time_s,x_m,y_m,z_m,qw,qx,qy,qz\n")
+    run("map", "report", blind, "--out", tmp_path / "blind.html")
+    assert "no poses of images" in (tmp_path / "blind.html").read_text()
+
+
+def test_on_the_page_the_views_become_waypoints_that_undo_takes_back(folder: Path, tmp_path: Path) -> None:
+    opened = project.create(tmp_path / "project", "again")
+    shutil.copytree(folder, opened.map)
+    vehicle.save(opened.vehicle, vehicle.example())
+    with pytest.raises(InputError, match="no waypoints yet"):
+        look_again.KIND.check(opened, look_again.Arguments(near_plan=True))
+    asked = look_again.Arguments()
+    look_again.KIND.check(opened, asked)
+    result = look_again.KIND.run(opened.folder, asked, silent)
+    session = Session(opened, Settings(2.0, 2.0, 0.15, "along_path", "fastest"))
+    try:
+        desk: Any = SimpleNamespace(session=session)
+        assert "the plan's waypoints now" in look_again.KIND.done(desk, result)
+        assert [point.position_world_m for point in session.content.points] == result.positions_world_m
+        session.undo("Ada")
+        assert session.content.points == ()
+        look_again.KIND.check(opened, look_again.Arguments(near_plan=True))
+    finally:
+        session.close()
+    with pytest.raises(InputError, match="no map"):
+        look_again.KIND.check(project.create(tmp_path / "empty", "empty"), asked)
