@@ -75,6 +75,9 @@ def _figures(area: Map, report: dict[str, Any]) -> str:
         "up from": facts.get("up_source", ""),
         "path": f"{facts['path_length_m']:.2f} m" if "path_length_m" in facts else "",
         "free, occupied, unknown": ", ".join(f"{volume:.1f} m³" for volume in volumes) + ", edits included",
+        "errors, scale and camera file": f"as found in {whole}, before it was cropped"
+        if (whole := report.get(map_parts.MADE_OF))
+        else "",
         "hash": area.hash,
         "history": "; ".join(facts.get(map_parts.HISTORY, [])),
     }
