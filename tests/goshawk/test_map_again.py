@@ -110,9 +110,9 @@ def test_on_the_page_the_views_become_waypoints_that_undo_takes_back(folder: Pat
         desk: Any = SimpleNamespace(session=session)
         assert "the plan's waypoints now" in look_again.KIND.done(desk, result)
         assert [point.position_world_m for point in session.content.points] == result.positions_world_m
+        look_again.KIND.check(opened, look_again.Arguments(near_plan=True))
         session.undo("Ada")
         assert session.content.points == ()
-        look_again.KIND.check(opened, look_again.Arguments(near_plan=True))
     finally:
         session.close()
     with pytest.raises(InputError, match="no map"):

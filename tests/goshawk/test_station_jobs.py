@@ -103,5 +103,5 @@ def test_a_map_takes_recorded_motion_and_a_thickness_of_the_project_alone(opened
     map_images.KIND.check(opened, asked)
     assert "recorded poses: 4 over 0 s" in map_images.KIND.foresee(opened, asked)
     for field, value in (("odometry", "../tracker.txt"), ("poses", "photos/times.csv"), ("thinnest_m", 1e-4)):
-        with pytest.raises(InputError, match="recorded motion|thinnest"):
+        with pytest.raises(InputError, match=r"recorded motion|thinnest"):
             map_images.KIND.check(opened, msgspec.structs.replace(asked, **{field: value}))
