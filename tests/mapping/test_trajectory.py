@@ -245,7 +245,7 @@ def test_centimetres_at_walking_pace_are_refused_and_a_fast_flight_in_metres_is_
         if factor > 1.0:
             speed_m_s = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1).max() / 0.01
             assert speed_m_s < trajectory.FASTEST_M_S
-            with pytest.raises(InputError, match="m/s2.*not in millimetres or centimetres"):
+            with pytest.raises(InputError, match=r"m/s2.*not in millimetres or centimetres"):
                 trajectory.read(path)
         else:
             assert len(trajectory.read(path).time_s) == len(RECORDED_S)
