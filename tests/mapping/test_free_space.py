@@ -111,6 +111,21 @@ def test_a_longer_reach_never_finds_less():
     assert [f.length_share for f in found] == sorted(f.length_share for f in found)
 
 
+def test_the_profile_of_a_path_is_never_below_what_is_found_along_it_and_meets_it_where_all_is_alike():
+    times, path = line((0.3, 0.4, 1.2), (5.5, 3.5, 1.0))
+    for reach_m in (0.15, 0.4):
+        profile = room().profile(path, reach_m)
+        for k in range(0, len(path), 23):
+            assert profile[k] >= room().along(times[k : k + 1], path[k : k + 1], reach_m).thickness_m
+        assert np.isinf(profile).any()
+    alike = room(seen=everywhere(0.05))
+    np.testing.assert_allclose(alike.profile(path, 0.3), 0.05, atol=1e-6)
+    assert alike.along(times, path, 0.3).thickness_m == pytest.approx(0.05)
+    nothing = room(empty=np.ones(GRID.shape, bool)).profile(path, 0.3)
+    np.testing.assert_array_equal(nothing, 0.0)
+    np.testing.assert_array_equal(room().profile(path + 50.0, 0.3), 0.0)
+
+
 def test_space_that_the_pilot_freed_counts_as_empty_and_an_added_obstacle_does_not():
     freed, added = Box((3.0, 2.0, 1.0), (3.4, 2.4, 1.4)), Box((5.0, 2.0, 1.0), (5.4, 2.4, 1.4))
     edits = [Edit("remove", freed), Edit("add", added)]
