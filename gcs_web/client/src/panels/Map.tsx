@@ -17,7 +17,7 @@ export function Map() {
       <MapEdits />
       <Jobs />
       <div class="spring" />
-      <div class="acts">
+      <div class="acts rows">
         <FormButton kind="map" name="Import images" />
         {mapShown.value !== null && <FormButton kind="look_again" name="Where to look again" />}
         <button type="button" class="control primary grow" onClick={() => (step.value = 2)}>
