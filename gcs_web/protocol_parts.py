@@ -216,8 +216,8 @@ class Series(msgspec.Struct, frozen=True):
     q_world_body: list[float]
     """Attitudes one after another, four numbers each (w x y z)."""
     could_hide_mm: list[float] = []
-    """How thick an obstacle could hide within the required clearance, at most 100, which also stands for more and for
-    places where no image looked; empty where the map has no images."""
+    """How thick an obstacle could hide within the required clearance; 100 where it is more, or no image looked; empty
+    where the map has no images."""
 
 
 class Problem(msgspec.Struct, frozen=True):

@@ -36,7 +36,7 @@ def on_foot(area: Map) -> tuple[float, float]:
 
 
 def find(
-    area: Map, options: ViewOptions, *, wanted_world_m: FloatArray | None = None, progress: Progress = silent
+    area: Map, options: ViewOptions, *, near_world_m: FloatArray | None = None, progress: Progress = silent
 ) -> Again:
     """
     Raises:
@@ -44,7 +44,7 @@ def find(
     """
     area.require_not_refused()
     return view_planning.look_again(
-        area.field, area.rig, area.T_world_body, options, wanted_world_m=wanted_world_m, progress=progress
+        area.field, area.rig, area.T_world_body, options, near_world_m=near_world_m, progress=progress
     )
 
 
@@ -59,7 +59,11 @@ def waypoints(found: Again) -> Waypoints:
 def sentence(found: Again) -> str:
     """What the views would show."""
     if not found.views:
-        left = f"; {found.unknown_m3:.2f} m3 that touch it cannot be seen so" if found.unknown_m3 > 0.0 else ""
+        left = (
+            f"; {found.unknown_m3:.2f} m3 of unknown space are seen from no such place"
+            if found.unknown_m3 > 0.0
+            else ""
+        )
         return f"nothing beside the free space is worth another look{left}"
     return (
         f"{len(found.views)} views would show up to {found.shown_m3:.2f} m3 of the {found.unknown_m3:.2f} m3 of "

@@ -62,7 +62,7 @@ class ViewOptions:
     most_views: int = 16
     """Length of the tour."""
     within_m: float = 2.0
-    """Of a wanted path, if one is given: unknown space farther from it does not count."""
+    """Of a given path: unknown space farther from it does not count."""
     heights_world_m: tuple[float, float] = (-np.inf, np.inf)
     """Lowest and highest place to look from, say those of a person's hands."""
 
@@ -134,7 +134,7 @@ def look_again(
     T_world_body: FloatArray,
     options: ViewOptions | None = None,
     *,
-    wanted_world_m: FloatArray | None = None,
+    near_world_m: FloatArray | None = None,
     progress: Progress = silent,
 ) -> Again:
     """Views that would show the unknown space of a map that touches its free space.
@@ -143,7 +143,7 @@ def look_again(
         field: the map's, the pilot's edits applied; occupied voxels of an edit hide what is behind them.
         rig: that will look.
         T_world_body: (n, 4, 4) of the map's images; n is at least 1.
-        wanted_world_m: (m, 3) path of a flight to come; only unknown space near it counts. All of the map without.
+        near_world_m: (m, 3) path of a flight to come; only unknown space near it counts. All of the map without.
 
     Raises:
         InputError: there are no images, or none of them was taken within reach of space with the clearance.
@@ -155,8 +155,8 @@ def look_again(
     places = _places(field, T_world_body[:, :3, 3], options)
     progress("frontier", 0.0)
     frontier = _frontier(field.state)
-    if wanted_world_m is not None:
-        frontier &= _near(grid, frontier, wanted_world_m, options.within_m)
+    if near_world_m is not None:
+        frontier &= _near(grid, frontier, near_world_m, options.within_m)
     vain = _looked_at_in_vain(field.state, grid, frontier, rig, T_world_body, options.farthest_m, progress)
     state = np.where(vain, np.uint8(OCCUPIED), field.state)
     cells = _cells(state, grid, frontier & ~vain, options)

@@ -77,7 +77,7 @@ def again(
     )
     wanted = None if near is None else waypoints_file.load_mission(near).waypoints.positions_world_m
     with console.progress() as progress:
-        found = look_again.find(area, options, wanted_world_m=wanted, progress=progress)
+        found = look_again.find(area, options, near_world_m=wanted, progress=progress)
     written = out if found.views else None
     if written is not None:
         with outputs.file(written, overwrite=overwrite) as temporary:

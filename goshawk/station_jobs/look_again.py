@@ -34,10 +34,10 @@ def _check(opened: Project, asked: Arguments) -> None:
     if not opened.map.is_dir():
         raise InputError("this project has no map; make one of images first")
     if asked.near_plan:
-        _wanted(opened)
+        _present_waypoints(opened)
 
 
-def _wanted(opened: Project) -> Waypoints:
+def _present_waypoints(opened: Project) -> Waypoints:
     points = mission.load(opened.waypoints).waypoints if opened.waypoints.is_file() else None
     if points is None or not len(points.positions_world_m):
         raise InputError("there are no waypoints yet to look near to")
@@ -53,8 +53,8 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
         within_m=asked.within_m,
         **heights,
     )
-    wanted = _wanted(opened).positions_world_m if asked.near_plan else None
-    found = look_again.find(area, options, wanted_world_m=wanted, progress=progress)
+    near = _present_waypoints(opened).positions_world_m if asked.near_plan else None
+    found = look_again.find(area, options, near_world_m=near, progress=progress)
     return Result(
         look_again.sentence(found),
         [view.position_world_m for view in found.views],

@@ -135,11 +135,11 @@ def test_what_many_images_looked_at_in_vain_is_not_looked_at_again():
     assert unseen.in_vain_m3 == 0.0
 
 
-def test_with_a_wanted_path_only_unknown_space_near_it_counts():
+def test_only_unknown_space_near_a_given_path_counts():
     here, there = Box((0.8, 2.8, 0.8), (1.4, 3.4, 1.4)), Box((4.0, 0.6, 0.8), (4.6, 1.2, 1.4))
     field, path = closed(here, there), np.array([[0.5, 2.2, 1.0], [2.0, 2.2, 1.0]])
     assert look_again(field, RIG, POSES).shown_m3 == pytest.approx(0.432, rel=0.1)
-    found = look_again(field, RIG, POSES, ViewOptions(within_m=1.0), wanted_world_m=path)
+    found = look_again(field, RIG, POSES, ViewOptions(within_m=1.0), near_world_m=path)
     assert found.unknown_m3 == pytest.approx(0.216, rel=0.1)
     assert found.shown_m3 == pytest.approx(0.216, rel=0.1)
     assert (here.distance(found.targets_world_m) < 0.0).all()
