@@ -185,7 +185,8 @@ def _places(field: Field, path_world_m: FloatArray, options: ViewOptions) -> Flo
     slack_m = grid.half_diagonal_m
     # at a voxel's centre, as `SampledField.proven_distance` has it between centres
     allowed = (field.state == FREE) & (np.nan_to_num(field.values_m, nan=-1.0) > np.hypot(options.clearance_m, slack_m))
-    pieces, _ = ndimage.label(allowed)
+    pieces = np.zeros(grid.shape, np.int32)
+    ndimage.label(allowed, output=pieces)
     cells = np.argwhere(allowed)
     refused = (
         f"no image was taken within {_JOIN_M:g} m of free space with a clearance of {options.clearance_m:.2f} m; "
@@ -193,7 +194,7 @@ def _places(field: Field, path_world_m: FloatArray, options: ViewOptions) -> Flo
     )
     if not len(cells):
         raise InputError(refused)
-    gap_m, nearest = KDTree(grid.centre(cells)).query(path_world_m)
+    gap_m, nearest = (np.asarray(each) for each in KDTree(grid.centre(cells)).query(path_world_m))
     reached = pieces[tuple(cells[nearest[gap_m <= _JOIN_M]].T)]
     if not len(reached):
         raise InputError(refused)
@@ -292,7 +293,8 @@ def _cells(state: NDArray[np.uint8], grid: Grid, seeds: NDArray[np.bool_], optio
     steps = round(options.depth_m / min(grid.voxel_m))
     behind = ndimage.binary_dilation(seeds, mask=unknown, iterations=steps) if steps and seeds.any() else seeds
     voxel_m3 = float(np.prod(grid.voxel_m))
-    pieces, _ = ndimage.label(behind, np.ones((3, 3, 3)))
+    pieces = np.zeros(grid.shape, np.int32)
+    ndimage.label(behind, np.ones((3, 3, 3)), output=pieces)
     large = np.bincount(pieces.ravel()) * voxel_m3 >= options.least_m3
     large[0] = False
     voxels = np.argwhere(large[pieces])
@@ -307,7 +309,7 @@ def _cells(state: NDArray[np.uint8], grid: Grid, seeds: NDArray[np.bool_], optio
     apart = np.linalg.norm(voxels - mean[cell], axis=1)
     order = np.lexsort((apart, cell))
     nearest = order[np.searchsorted(cell[order], np.arange(len(count)))]
-    return _Cells(grid.centre(voxels[nearest]), count * voxel_m3)
+    return _Cells(grid.centre(voxels[nearest]), voxel_m3 * count.astype(np.float64))
 
 
 def _gathered(blocks: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -66,14 +66,13 @@ def again(
     if out is not None:
         outputs.check(out, overwrite=overwrite)
     area = mapping.open_map(map_folder)
-    heights = {"heights_world_m": look_again.on_foot(area)} if on_foot else {}
     options = ViewOptions(
         clearance_m=look_again.clearance_m(area, vehicle_file, radius_m, margin_m),
         farthest_m=farthest_m,
         least_m3=least_m3,
         most_views=most_views,
         within_m=within_m,
-        **heights,
+        heights_world_m=look_again.on_foot(area) if on_foot else _DEFAULT.heights_world_m,
     )
     wanted = None if near is None else waypoints_file.load_mission(near).waypoints.positions_world_m
     with console.progress() as progress:

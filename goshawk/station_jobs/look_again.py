@@ -14,6 +14,8 @@ from gcs_web.jobs import Kind
 from goshawk import look_again
 from mapping.view_planning import ViewOptions
 
+_DEFAULT = ViewOptions()
+
 
 class Arguments(msgspec.Struct, forbid_unknown_fields=True):
     margin_m: Annotated[float, msgspec.Meta(title="Margin", ge=0.0, le=10.0, extra_json_schema={"unit": "m"})] = 0.15
@@ -47,11 +49,10 @@ def _present_waypoints(opened: Project) -> Waypoints:
 def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
     opened = Project(folder, "")
     area = mapping.open_map(opened.map)
-    heights = {"heights_world_m": look_again.on_foot(area)} if asked.on_foot else {}
     options = ViewOptions(
         clearance_m=look_again.clearance_m(area, opened.vehicle, None, asked.margin_m),
         within_m=asked.within_m,
-        **heights,
+        heights_world_m=look_again.on_foot(area) if asked.on_foot else _DEFAULT.heights_world_m,
     )
     near = _present_waypoints(opened).positions_world_m if asked.near_plan else None
     found = look_again.find(area, options, near_world_m=near, progress=progress)

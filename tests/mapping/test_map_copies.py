@@ -181,7 +181,9 @@ def test_the_figures_of_a_cropped_map_are_those_of_the_part(tmp_path: Path) -> N
     again = map_parts.read(tmp_path / "part")
     assert again.report is not None
     assert again.report["images"] == 2
-    assert map_parts.cropped(again, Box((2.0, 0.0, 0.0), (5.9, 4.0, 2.4)), "again").report[map_parts.MADE_OF] == "room"
+    twice = map_parts.cropped(again, Box((2.0, 0.0, 0.0), (5.9, 4.0, 2.4)), "again")
+    assert twice.report is not None
+    assert twice.report[map_parts.MADE_OF] == "room"
 
 
 @pytest.mark.parametrize(
