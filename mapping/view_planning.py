@@ -70,9 +70,10 @@ class ViewOptions:
         for name in ("clearance_m", "farthest_m", "depth_m", "least_m3", "within_m"):
             if not 0.0 < getattr(self, name) < np.inf:
                 raise InputError(f"{name} is {getattr(self, name):g}; it must be positive and finite")
-        for name in ("looks", "most_views"):
-            if getattr(self, name) < 1:
-                raise InputError(f"{name} is {getattr(self, name)}; it must be at least 1")
+        if not 1 <= self.looks <= self.most_views:
+            raise InputError(
+                f"most_views is {self.most_views}; with {self.looks} looks at each place it must be at least as much"
+            )
 
 
 @dataclass(frozen=True, slots=True)
