@@ -34,9 +34,11 @@ def write(path: Path, area: Map) -> Path:
     try:
         tables = _witnesses(report) + _trial(report)
         with tempfile.TemporaryDirectory() as folder:
-            drawn = [_residuals(report, Path(folder)), _coverage(area, Path(folder)), _again(area, Path(folder))]
+            drawn = [_residuals(report, Path(folder)), _coverage(area, Path(folder))]
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise FormatError(f"{area.folder / 'report.json'}: {file_format.damage_text(error)}") from error
+    with tempfile.TemporaryDirectory() as folder:
+        drawn.append(_again(area, Path(folder)))
     body = _head(area, report) + _figures(area, report) + tables + "".join(drawn)
     return write_page(path, f"Map {area.folder.resolve().name}", body)
 
