@@ -245,9 +245,9 @@ def controller(folder: Path, chosen: argparse.Namespace) -> None:
             continue
         e = result.estimate("thrust_quadratic.k_n_s2")
         group = f"{row['motors']}, {mass_kg:g} kg" + (", payload" if payload else "")
-        state = "" if result.converged else " NOT converged"
-        print(f"{row['log']:8s} {group:32s} gain {e.value / k:.3f} +- {e.std_robust / k:.3f}{state}", flush=True)
-        if result.converged:
+        gain = f"gain {e.value / k:.3f} +- {e.std_robust / k:.3f}"
+        print(f"{row['log']:8s} {group:32s} {gain}, {result.verdict.use}", flush=True)
+        if not result.verdict.against:
             groups.setdefault(group, []).append((e.value / k, e.std_robust / k))
     for group, found in groups.items():
         gains = np.array([gain for gain, _ in found])
