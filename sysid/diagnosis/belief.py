@@ -56,8 +56,8 @@ def belief(names: Sequence[float], *, curve: float | None, left: float, most: fl
     Args:
         names: probability that each name is right; of a sentence without names, that none is missing.
         curve: probability that channel and variable of the curve that is drawn are right; None where none is.
-        left: log odds, on blocks left out, of the best curve in a channel in which no name shows: beside a name, what is
-            left in its own channels is the form of its law, which the name does not claim.
+        left: log odds, on blocks left out, of the best curve in a channel in which no name shows. What is left in a
+            channel of a name is the form of its law, which the name does not claim.
         most: no sentence is believed more.
     """
     named = float(np.prod(names)) if len(names) else 1.0

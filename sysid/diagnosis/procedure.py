@@ -131,7 +131,8 @@ class Diagnosis:
             parts.append(f"{' and '.join(self.proxies)} {helps} as a proxy for {of}, and is added")
         if not parts and self.doubts:
             parts.append(
-                f"nothing is confirmed to be missing, but {' or '.join(self.doubts)} may be: these flights are inconclusive"
+                f"nothing is confirmed to be missing, but {' or '.join(self.doubts)} may be: "
+                "these flights are inconclusive"
             )
         if self.search.too_short and self.says_missing:
             parts.append("the held-out flights are too short to confirm it")
