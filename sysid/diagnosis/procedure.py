@@ -126,9 +126,10 @@ class Diagnosis:
                 f"{o.channel} against {o.variable}"
             )
         if self.proxies:
-            helps = "helps" if len(self.proxies) == 1 else "help"
             of = "it" if self.outside is not None else "something that no known effect is"
-            parts.append(f"{' and '.join(self.proxies)} {helps} as a proxy for {of}, and is added")
+            one = len(self.proxies) == 1
+            helps = f"helps as a proxy for {of}, and is added" if one else f"help as proxies for {of}, and are added"
+            parts.append(f"{' and '.join(self.proxies)} {helps}")
         if not parts and self.doubts:
             parts.append(
                 f"nothing is confirmed to be missing, but {' or '.join(self.doubts)} may be: "
