@@ -9,7 +9,7 @@ from scipy.special import ndtri
 
 from flight import FlightLog, InputError, Progress, silent, within
 from sysid.diagnosis import load, traces
-from sysid.diagnosis.belief import Belief, belief
+from sysid.diagnosis.belief import Belief, belief, curve_is_there
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.decision import Case, decide, sentence
 from sysid.diagnosis.examined import Model, Outside
@@ -103,7 +103,7 @@ class Diagnosis:
     @property
     def says_missing(self) -> bool:
         """Whether anything is said to be missing; else its probability is that of nothing being missing."""
-        return bool(self.additions or self.undecided or self.outside is not None)
+        return bool(self.additions or self.undecided or self.proxies or self.outside is not None)
 
     @property
     def pose_may_be_late(self) -> bool:
@@ -176,9 +176,12 @@ class Diagnosis:
             names.append(min(1.0, sum(s.confidence for s in self.candidates if s.name in self.undecided)))
         if not self.says_missing:
             names.append(1.0 - max((s.confidence for s in self.candidates), default=0.0))
+        curve = self.outside.confidence if self.outside else None
+        if self.proxies and curve is None:  # said to be for something unknown, of which no curve is sure enough
+            curve = curve_is_there(self.search.left)
         return belief(
             names,
-            curve=self.outside.confidence if self.outside else None,
+            curve=curve,
             left=self.search.left,
             most=THRESHOLDS.even_confidence if unsure else THRESHOLDS.most_confidence,
         )

@@ -143,3 +143,15 @@ def test_a_load_below_what_matters_is_not_said_to_be_missing_perhaps():
     small = replace(SMALL, value=0.0, half90=0.9 * THRESHOLDS.matters * SMALL.usual)
     assert doubts(payload=small) == ("ground_effect", "motor_lag")
     assert "ground_effect" in doubts(ground_effect=small)
+
+
+@pytest.mark.parametrize(("left", "least", "most"), [(60.0, 0.9, 0.97), (3.0, 0.0, 0.01)])
+def test_a_proxy_alone_says_that_something_unknown_is_missing(left: float, least: float, most: float):
+    whole: Any = SimpleNamespace(
+        additions=(), undecided=(), outside=None, proxies=("parasitic_drag",), candidates=(), leaves_too_much=False
+    )
+    whole.search, whole.input_verdict = SimpleNamespace(too_short="", left=left), SimpleNamespace(against=())
+    whole.pose_may_be_late = False
+    whole.says_missing = Diagnosis.says_missing.fget(whole)  # type: ignore[attr-defined]
+    assert whole.says_missing
+    assert least <= Diagnosis.belief.fget(whole).as_stated <= most  # type: ignore[attr-defined]
