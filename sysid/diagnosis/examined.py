@@ -187,18 +187,18 @@ def left_unexplained(model: Model, named: Sequence[Candidate]) -> float:
     return float(np.max([odds for channel, odds in model.tried.left.items() if channel not in own], initial=0.0))
 
 
-def form_of(curve: Outside, model: Model, named: Sequence[Candidate]) -> Candidate | None:
-    """The named effect in whose channel a curve is, of which it explains a small share; None if there is none.
+def form_of(curve: Outside, named: Sequence[tuple[Candidate, float]]) -> Candidate | None:
+    """The named effect in whose channel a curve is, and of which it explains a small share; None if there is none.
 
     Then the curve shows that this effect's law is not exactly the catalogue's, and nothing that is missing besides.
+
+    Args:
+        named: effects, each with the fall of the cost as it was added: measured, for what a model would lose without
+            a lag is far outside the reach of a quadratic.
     """
-
-    def share(candidate: Candidate) -> float:
-        return curve.score.gain_unseen / max(loss(model, candidate).gain, 1e-12)
-
-    own = [c for c in named if curve.channel in shown_in(c)]
-    best = min(own, key=share, default=None)
-    return best if best is not None and share(best) < THRESHOLDS.form_share else None
+    own = [(explained, candidate) for candidate, explained in named if curve.channel in shown_in(candidate)]
+    most, best = max(own, key=lambda pair: pair[0], default=(0.0, None))
+    return best if curve.score.gain_unseen < THRESHOLDS.form_share * most else None
 
 
 def as_good_as(curve: Outside, model: Model) -> list[Candidate]:

@@ -224,8 +224,8 @@ def search(
     told = unseen.flights if unseen else tuple(held_out)
     outside = stated_curve(at) if len(added) < most else None
     named = (*added, *((trial.candidate,) if trial else ()))
-    form = None
-    if outside is not None and (own := form_of(outside, at, named)) is not None:
+    form, fell = None, {t.candidate.name: t.training.total for t in trials}
+    if outside is not None and (own := form_of(outside, [(s, fell[s.name]) for s in named])) is not None:
         form, outside = (own, outside), None
     refuted = frozenset((*dropped_before, *(t.candidate.name for t in trials if t.refuted)))
     doubted = () if outside is None else tuple(s.name for s in as_good_as(outside, at) if s.name not in refuted)

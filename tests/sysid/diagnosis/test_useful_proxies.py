@@ -129,14 +129,11 @@ def test_a_curve_that_changed_when_a_small_name_went_is_stated_with_even_odds_at
     ("channel", "gain", "own"),
     [("F_z", 9.0, True), ("T", 9.0, True), ("F_z", 11.0, False), ("M_z", 9.0, False), ("F_z", np.nan, False)],
 )
-def test_a_small_curve_in_the_channel_of_a_named_effect_is_of_its_form(
-    monkeypatch, channel: str, gain: float, own: bool
-):
+def test_a_small_curve_in_the_channel_of_a_named_effect_is_of_its_form(channel: str, gain: float, own: bool):
     """Small: it explains less than a tenth of what the effect does."""
-    monkeypatch.setattr(examined, "loss", lambda model, candidate: SimpleNamespace(gain=100.0))
-    one, model = candidate("a"), cast("Any", None)
-    assert examined.form_of(curve(channel, "v_z", gain), model, [one]) == (one if own else None)
-    assert examined.form_of(curve(channel, "v_z", gain), model, []) is None
+    small, large = candidate("a"), candidate("b")
+    assert examined.form_of(curve(channel, "v_z", gain), [(small, 50.0), (large, 100.0)]) == (large if own else None)
+    assert examined.form_of(curve(channel, "v_z", gain), []) is None
 
 
 def test_what_is_left_in_the_channels_of_a_named_effect_speaks_for_nothing_unknown():
