@@ -147,11 +147,9 @@ def _write(
 
 
 def _show(found: Diagnosis, document: dict[str, Any], outlooks: Mapping[str, Outlook], refused: Path | None) -> None:
-    click.echo(f"{found.verdict} (confidence {found.confidence:.0%})")
-    belief = found.belief
-    click.echo(
-        f"  otherwise: something unknown besides {belief.something_unknown:.0%}, other names {belief.otherwise:.0%}"
-    )
+    of = "" if found.says_missing else " that nothing is missing"
+    click.echo(f"{found.verdict} (confidence {found.confidence:.0%}{of})")
+    click.echo(f"  {found.belief.sentence(named=found.says_missing)}")
     click.echo(f"  the fit is {found.fit_verdict.sentence}")
     for attempt in found.attempts:
         click.echo(f"  {attempt.name} {attempt.sentence}")

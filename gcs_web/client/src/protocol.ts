@@ -518,8 +518,7 @@ export interface Diagnosis {
   state: "none" | "current" | "old";
   verdict: string;
   probability: number;
-  something_unknown: number;
-  otherwise: number;
+  probabilities: string;
   fit: string;
   learn: string[];
   held_out: string[];
