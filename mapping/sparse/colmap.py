@@ -114,9 +114,7 @@ def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progres
         if images.depths is None:
             images = dataclasses.replace(images, rig=trial.rig)
             colmap_model.write_back(model, images, trial)
-            if (
-                trial.present and not trial.inexpressible
-            ):  # what is, COLMAP does not model: it would move the poses back
+            if trial.present and not trial.inexpressible:  # an adjustment by COLMAP would undo what is inexpressible
                 refine(database, model, dataclasses.replace(trial.rig, refine_intrinsics=False), options, progress)
                 seen = _features_seen(database, model, images)
                 colmap_model.write_back(model, images, adjustment.adjust(seen, adjustment.initial(seen), [])[0])
