@@ -37,8 +37,8 @@ def blobs() -> tuple[Observations, FloatArray, FloatArray]:
 
     The cameras stand round the blobs, which so face them in the mean.
     """
-    ticks = SPACING_M * np.arange(-3, 4)
-    centres = np.stack([*np.meshgrid(ticks, ticks), np.zeros((7, 7))], axis=-1).reshape(-1, 3)
+    centres = np.zeros((49, 3))
+    centres[:, :2] = SPACING_M * (np.indices((7, 7)).reshape(2, -1).T - 3)
     T_world_body = np.tile(np.eye(4), (4, 1, 1))
     T_world_body[:, :3, 3] = [[0.5, 0.0, HEIGHT_M], [-0.5, 0.0, HEIGHT_M], [0.0, 0.5, HEIGHT_M], [0.0, -0.5, HEIGHT_M]]
     rows: list[list[float]] = []
