@@ -64,7 +64,7 @@ def test_rig_baseline_gives_metres(placed: SparseMap, folders) -> None:
     assert placed.registered.all()
     assert placed.alignment.scale_source == "rig baseline"
     ours, true = (np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1).sum() for T in (placed.T_world_body, truth))
-    assert ours / true == pytest.approx(1.0, abs=0.01)
+    assert ours / true == pytest.approx(1.0, abs=0.002)
     assert placed.reprojection_error_px < 0.5
 
 
