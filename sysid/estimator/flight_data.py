@@ -46,7 +46,7 @@ class Flight:
     gyro_clock: Offset | None = None
     """How late its log's gyro is against the attitude by instrumental variables; None where that was not to be had."""
     commands_on_time: bool = False
-    """Whether its commands are taken to be on time: they have a delay, as other streams have, and it is held at zero."""
+    """Whether its commands are taken to be on time: they have a delay as other streams have, and it is held at zero."""
     left_out: str = ""
     """In words, which stretches of its log are not part of any flight, and why."""
 

@@ -1,44 +1,58 @@
 """How far the fit's gyro clocks may be off because a controller answers the gyro's noise.
 
-The noise of a gyro turns the vehicle a little later, so a fit, which compares all readings with the motion, finds a good
-gyro late: by 4 to 7 ms, ten of its standard errors, where calm flights are flown by a noisy one. Instrumental variables
-(`sysid.logs.gyro_clock`) are not misled, but less exact where the gyro is good. So the fit keeps its own clock, and the
-error that it states for it holds the bias that the two readings together show.
+The noise of a gyro turns the vehicle a little later, so a fit, which compares all readings with the motion, finds a
+good gyro late: by 4 to 7 ms, ten of its standard errors, where calm flights are flown by a noisy one. A loop of
+bandwidth w turns noise n into motion w n at most, so the delay is off by no more than w times the square of the noise
+over that of what the flight turned, in rad/s2. Instrumental variables (`sysid.logs.gyro_clock`) are not misled at all,
+but less exact where the gyro is good. So the fit keeps its own clock, and the error that it states for it holds the
+smaller of the two: that bound, and what the instruments leave open.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from flight.rotations import FloatArray
+from sysid.estimator.blocks.gyro import GYRO
 from sysid.estimator.blocks.pose import DELAY
-from sysid.estimator.clocks import GYRO, delay_name
+from sysid.estimator.clocks import GYRO as QUANTITY
+from sysid.estimator.clocks import delay_name
 from sysid.estimator.flight_data import Flight
+from sysid.estimator.solver import Solution
 from sysid.estimator.unknowns import Unknowns
 
-WEAK_S = 1e-3
-"""A standard error of the instrumental variables from which on they cannot confirm a clock to the millisecond."""
+LOOP_RAD_S = 40.0
+"""Bandwidth of a fast rate loop. By one of 20 rad/s twelve flights were off by 4 to 17 rad/s times those squares."""
 
 
-def biases_s(
-    flights: Sequence[Flight], unknowns: Unknowns, sensors: Mapping[str, float], std: FloatArray
-) -> FloatArray:
+def biases_s(flights: Sequence[Flight], unknowns: Unknowns, solution: Solution, std: FloatArray) -> FloatArray:
     """(p,) how far each gyro's delay may be off for this reason; zero of everything else.
 
     Args:
-        sensors: values of the delays found.
-        std: (p,) their standard errors, this reason left out.
+        std: (p,) standard errors of the parameters, this reason left out.
     """
     found = np.zeros(unknowns.size)
     for flight in flights:
-        name, read = delay_name(GYRO, flight.log_index), flight.gyro_clock
-        if read is None or not np.isfinite(read.sigma_s) or name not in unknowns.delay:
-            continue
-        i = unknowns.names.index(name)
-        apart_s = sensors.get(name, 0.0) - sensors.get(DELAY, 0.0) - read.delay_s
-        bias = max(apart_s**2 - std[i] ** 2 - read.sigma_s**2, 0.0)  # its square, without what chance has in it
-        found[i] = np.sqrt(bias + (read.sigma_s**2 if read.sigma_s > WEAK_S else 0.0))
+        name = delay_name(QUANTITY, flight.log_index)
+        if name in unknowns.delay:
+            i = unknowns.names.index(name)
+            found[i] = max(found[i], min(_bound_s(flight, solution), _left_open_s(flight, solution, name, std[i])))
     return found
+
+
+def _bound_s(flight: Flight, solution: Solution) -> float:
+    turned = np.square(flight.streams[QUANTITY].slope(flight.time_s)).sum(axis=1).mean()
+    return LOOP_RAD_S * float(solution.noise.levels[GYRO.name][0]) ** 2 / max(float(turned), np.finfo(float).tiny)
+
+
+def _left_open_s(flight: Flight, solution: Solution, name: str, std_s: float) -> float:
+    """Error of the instruments, and what the fit differs from them by beyond chance."""
+    read, sensors = flight.gyro_clock, solution.point.sensors
+    if read is None:
+        return np.inf
+    apart_s = sensors.get(name, 0.0) - sensors.get(DELAY, 0.0) - read.delay_s
+    beyond = max(apart_s**2 - std_s**2 - read.sigma_s**2, 0.0)
+    return float(np.sqrt(beyond + read.sigma_s**2))
 
 
 def shifts(biases: FloatArray, covariance: FloatArray) -> FloatArray:

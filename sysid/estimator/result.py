@@ -206,7 +206,7 @@ def conclude(
     # the scatter of a few flights may come out smaller than the noise alone makes it, by chance: the larger of both
     # (Angrist and Pischke, Mostly Harmless Econometrics, 2009, section 8.1)
     variance = np.maximum(np.diag(sandwich), np.diag(plain))
-    off_s = gyro_feedback.biases_s(flights, unknowns, solution.point.sensors, np.sqrt(variance))
+    off_s = gyro_feedback.biases_s(flights, unknowns, solution, np.sqrt(variance))
     by_clocks = on_time.shift**2 + (gyro_feedback.shifts(off_s, plain) ** 2).sum(axis=1)
     robust = np.sqrt(variance + by_clocks)
     interval90 = stdtrit(freedom, 0.95) * robust
