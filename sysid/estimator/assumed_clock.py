@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid.estimator.clocks import COMMAND, LEAST_DELAY_S, PRIOR_S, SURE_SIGMAS, delay_name
+from sysid.estimator.clocks import COMMAND, LEAST_DELAY_S, PRIOR_S, SURE_SIGMAS, delay_name, held
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.solver import Solution, covariance_of
 from sysid.estimator.unknowns import Unknowns
@@ -50,13 +50,13 @@ class Assumed:
 
 def assumed(solution: Solution, unknowns: Unknowns, flights: Sequence[Flight]) -> Assumed:
     """What the assumption is worth at a solution."""
-    names = {delay_name(COMMAND, flight.log_index) for flight in flights if flight.commands_on_time}
-    held = [i for i, name in enumerate(unknowns.names) if name in names]
-    if not held:
+    names = held(flights)
+    delays = [i for i, name in enumerate(unknowns.names) if name in names]
+    if not delays:
         return Assumed(np.zeros(unknowns.size), np.zeros(unknowns.size), ())
     information = solution.hessian
-    information[held, held] += PRIOR_S**-2 - solution.prior_information[held, held]
+    information[delays, delays] += PRIOR_S**-2 - solution.prior_information[delays, delays]
     gradient = np.zeros(unknowns.size)  # of all others it is zero there
-    gradient[held] = np.sum([pull for flight in solution.scores for _, pull in flight], axis=0)[held]
+    gradient[delays] = np.sum([pull for flight in solution.scores for _, pull in flight], axis=0)[delays]
     covariance = covariance_of(information)
-    return Assumed(-covariance @ gradient, np.sqrt(np.diag(covariance)), tuple(held))
+    return Assumed(-covariance @ gradient, np.sqrt(np.diag(covariance)), tuple(delays))

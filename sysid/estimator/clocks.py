@@ -72,6 +72,11 @@ def widths_s(flights: Iterable[Flight], names: Iterable[str]) -> list[float]:
     return [known[name] for name in names]
 
 
+def held(flights: Iterable[Flight]) -> set[str]:
+    """Names of the delays of commands that are taken to be on time."""
+    return {delay_name(COMMAND, flight.log_index) for flight in flights if flight.commands_on_time}
+
+
 def _width_s(quantity: str, flight: Flight) -> float:
     return HELD_S if quantity == COMMAND and flight.commands_on_time else PRIOR_S
 
@@ -112,7 +117,7 @@ class Clock:
     delay_s: float
     """Positive: its samples show what was that long before their time stamps."""
     std_robust: float
-    """Standard error that allows for errors correlated within a block of time."""
+    """Standard error that allows for errors correlated within a block of time, and for noise of a gyro in the loop."""
 
     @property
     def off(self) -> bool:

@@ -231,7 +231,8 @@ def conclude(
     estimates += [_held(vehicle, name, "held") for name in sorted({"mass_kg", *options.held}) if name not in names]
     safe = np.where(std > 0.0, std, 1.0)
     disagreement = _disagreement(vehicle, unknowns, solution, flights)
-    lasting = tuple(n for n, r in zip(names, np.diag(sandwich / plain), strict=False) if r > STRONGLY_CORRELATED**2)
+    strong = np.diag(sandwich) > STRONGLY_CORRELATED**2 * np.diag(plain)
+    lasting = [name for name, so in zip(names, strong[:p], strict=True) if so]
     verdict = verdicts.of_fit(given, solution.point.vehicle, flights, unknowns.model, _against(solution))
     return Identification(
         vehicle=_updated(vehicle, estimates, flights),
@@ -271,16 +272,12 @@ def _clocks(
     flights: list[Flight], unknowns: Unknowns, solution: Solution, std: FloatArray, reference: Reference
 ) -> tuple[Clock, ...]:
     """Args: std: (p,) robust standard errors of all shared parameters."""
-    found, seen = [], set()
+    found, seen = [], clocks.held(flights)
     for flight in flights:
         against = clocks.STREAMS.get(clocks.reference_of(flight, reference), "pose")
         for quantity, stream in clocks.STREAMS.items():
             name = clocks.delay_name(quantity, flight.log_index)
-            if (
-                name in unknowns.delay
-                and name not in seen
-                and not (quantity == clocks.COMMAND and flight.commands_on_time)
-            ):
+            if name in unknowns.delay and name not in seen:
                 seen.add(name)
                 sigma = float(std[unknowns.names.index(name)])
                 found.append(Clock(stream, against, flight.name, solution.point.sensors[name], sigma))
