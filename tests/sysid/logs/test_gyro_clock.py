@@ -9,6 +9,8 @@ import pytest
 import vehicle
 from flight import FlightLog, rotations
 from flight.flight_log import COLUMNS
+from sysid import Options, identify
+from sysid.estimator.clocks import Clock
 from sysid.estimator.sampling import Signal
 from sysid.logs import clocks, gyro_clock
 from sysid.logs.check import check_log
@@ -94,6 +96,28 @@ def test_a_sensor_that_is_turned_on_the_vehicle_moves_no_clock(noisy):
     for log in noisy:
         turned = _with(log, "q_world_body", rotations.multiply(log.vector("q_world_body"), turn))
         assert not gyro_clock.findings(*_offsets(turned))[0]
+
+
+def _fitted(log: FlightLog) -> Clock:
+    fit = identify([log], vehicle.example(), Options(gusts="white", node_rate_hz=100.0))
+    return next(clock for clock in fit.clocks if clock.stream == "gyro")
+
+
+@pytest.mark.parametrize("number", [1, 2, 3, 7, 11])
+def test_a_fit_calls_no_good_gyro_late(noisy, number):
+    """Whose delay it finds 4 to 7 ms late on these five flights, and knew to 0.6 to 1.3 ms without the instruments."""
+    found = _fitted(noisy[number])
+    assert found.delay_s > 3e-3
+    assert found.delay_s < 2.0 * found.std_robust
+    assert not found.off
+
+
+@pytest.mark.parametrize("late_ms", [-5.0, 5.0])
+@pytest.mark.parametrize("number", [4, 5, 8])
+def test_a_fit_still_finds_a_late_gyro_where_the_flight_shows_its_clock(noisy, number, late_ms):
+    found = _fitted(_late(noisy[number], 1e-3 * late_ms))
+    assert found.off
+    assert abs(found.delay_s - 1e-3 * late_ms) < max(3e-4, 3.0 * found.std_robust)
 
 
 def test_a_calm_flight_with_a_very_noisy_gyro_is_inconclusive(noisy):
