@@ -73,6 +73,7 @@ def _figures(area: Map, report: dict[str, Any]) -> str:
         "up from": facts.get("up_source", ""),
         "path": f"{facts['path_length_m']:.2f} m" if "path_length_m" in facts else "",
         "free, occupied, unknown": ", ".join(f"{volume:.1f} m³" for volume in volumes) + ", edits included",
+        "plain walls, inferred": f"{float(area.inferred().sum()) * voxel_m3:.1f} m³ of the unknown",
         "hash": area.hash,
         "history": "; ".join(facts.get(map_parts.HISTORY, [])),
     }

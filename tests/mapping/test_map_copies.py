@@ -52,6 +52,7 @@ def room(name: str = "room", *, scene: Scene = ROOM, seed: int = 0, noise_m: flo
         seen=resolution.visibility(
             field.state, GRID, [(RIG.cameras[0], T @ RIG.cameras[0].T_body_camera) for T in POSES]
         ),
+        inferred=np.zeros(field.grid.shape, bool),
         facts=facts,
         report={"images": 3},
     )
