@@ -184,9 +184,10 @@ def _with_cells(
     cells = tuple(np.floor((at - low)[:, :2] / voxel_m).astype(np.int64).T)
     support = np.zeros((cells[0].max() + 1, cells[1].max() + 1), bool)
     support[cells] = True
-    label, count = ndimage.label(support, np.ones((3, 3)))
-    size = np.bincount(label.ravel(), minlength=count + 1)
-    mean = np.stack([np.bincount(label[cells], part, count + 1) for part in normals[on].T], axis=1)
+    label = np.zeros(support.shape, np.int32)
+    ndimage.label(support, np.ones((3, 3)), output=label)
+    size = np.bincount(label.ravel())
+    mean = np.stack([np.bincount(label[cells], part, len(size)) for part in normals[on].T], axis=1)
     along = mean @ normal > np.cos(PATCH_RAD) * np.linalg.norm(mean, axis=1)
     good = along & (size * voxel_m**2 >= LEAST_PATCH_M2)
     return Plane(T, support, support & good[label], voxel_m)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import esdf
-from esdf import FREE, OCCUPIED, UNKNOWN, Grid
+from esdf import FREE, OCCUPIED, UNKNOWN, Grid, regrid
+from esdf import moved as moving
 from flight import FormatError, frames, rotations
 from mapping import inferred_layer
 
@@ -49,10 +50,10 @@ def test_a_damaged_newer_or_other_layer_is_refused(tmp_path: Path) -> None:
 def test_moved_there_and_back_it_marks_the_same_voxels_and_only_unknown_ones() -> None:
     field, marked = layered()
     still = frames.transform(rotations.from_yaw([0.0]), [[3.0, -2.0, 1.0]])[0]
-    shifted = esdf.moved.moved_field(field, still)
+    shifted = moving.moved_field(field, still)
     np.testing.assert_array_equal(inferred_layer.moved(marked, field, still, shifted), marked)
     turn = frames.transform(rotations.from_yaw([0.5 * np.pi]), [[0.3, 0.1, 0.0]])[0]
-    turned = esdf.moved.moved_field(field, turn)
+    turned = moving.moved_field(field, turn)
     there = inferred_layer.moved(marked, field, turn, turned)
     assert (turned.state[there] == UNKNOWN).all()
     places = frames.apply(frames.invert(turn), turned.grid.centre(np.argwhere(there)))
@@ -62,7 +63,7 @@ def test_moved_there_and_back_it_marks_the_same_voxels_and_only_unknown_ones() -
 
 def test_what_one_of_two_maps_saw_is_not_inferred_in_both() -> None:
     (first, marked), (second, also) = layered(0), layered(1)
-    both = esdf.regrid.merge(first, second)
+    both = regrid.merge(first, second)
     joined = inferred_layer.joined(both, [(marked, first), (also, second)])
     seen = (first.state != UNKNOWN) | (second.state != UNKNOWN)
     assert not (joined & seen).any()
