@@ -85,8 +85,7 @@ def inferred(
         skin_voxels: voxels whose centre is this near to the surface are marked, on both sides.
         farthest_m: images do not look farther.
 
-    Returns:
-        (nx, ny, nz), true only where `state` is UNKNOWN.
+    Returns: (nx, ny, nz), true only where `state` is UNKNOWN.
     """
     found = planes(vertices_world_m, _vertex_normals(vertices_world_m, faces), grid.voxel_m[0])
     enclosed = [enclosed_cells(plane, _states(plane, state, grid)) for plane in found]

@@ -197,11 +197,11 @@ def extract(
     seen = resolution.visibility(state, volume.grid, [(view.camera, view.T_world_camera) for view in images])
     path = carried_path(images, 0.5 * options.voxel_m, volume.grid, state == OCCUPIED)
     swept = fusion.within(volume.grid, path, options.carrier_radius_m)
+    carved = np.where(swept & (state == UNKNOWN), np.uint8(FREE), state)  # no wall, though it may count as unknown
     if options.thinnest_m > 0.0:
         state[resolution.could_hide(state, volume.grid, seen, options.thinnest_m, empty=swept)] = UNKNOWN
     state[swept & (state == UNKNOWN)] = FREE
     swept_occupied_m3 = float((swept & (state == OCCUPIED)).sum()) * options.voxel_m**3
-    carved = state.copy()  # what is seen through is no wall, even where nothing could fly to
     fusion.unreached_is_unknown(state, volume.grid, path)
     inferred = planes.inferred(
         carved,
