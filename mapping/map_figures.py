@@ -64,6 +64,8 @@ class MapReport:
     """Space known to be empty."""
     occupied_m3: float
     """Space known to be filled."""
+    inferred_m3: float
+    """Unknown space that a plain wall must pass through."""
     carrier_radius_m: float
     """Radius about each camera within which what carried it is evidence of free space."""
     swept_occupied_m3: float
@@ -132,6 +134,7 @@ def report(
         mesh_faces=len(surface.faces),
         free_m3=float((surface.state == esdf.FREE).sum()) * voxel_m3,
         occupied_m3=float((surface.state == esdf.OCCUPIED).sum()) * voxel_m3,
+        inferred_m3=float(surface.inferred.sum()) * voxel_m3,
         carrier_radius_m=carrier_radius_m,
         swept_occupied_m3=surface.swept_occupied_m3,
         resolved_m=resolution.thickness_quantiles_m(surface.seen, surface.grid, surface.state == esdf.FREE),

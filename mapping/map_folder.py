@@ -8,6 +8,7 @@ camera.toml     the rig, with the lenses of the map
 poses.csv       where each image was taken (body in world)
 mesh_textured.glb   with a texture, if `texturing.add_texture` made one; no part of the hash
 visibility.npz  how thin an object the images resolve, place by place
+inferred.npz    unknown voxels that a plain wall must pass through
 report.json     all figures of the run
 """
 
@@ -20,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import esdf
 from esdf.storage import EDITS
@@ -34,7 +36,7 @@ from flight import (
     results,
     silent,
 )
-from mapping import free_space, given_paths, map_figures, placed_views, poses_file, stages
+from mapping import free_space, given_paths, inferred_layer, map_figures, placed_views, poses_file, stages
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
 from mapping.dense import depth_files, mesh_file, resolution, surface
@@ -59,6 +61,7 @@ VERSION = 1
 REPORT_FORMAT = "goshawk-map-report"
 
 VISIBILITY = "visibility.npz"
+INFERRED = "inferred.npz"
 DEPTH = "depth"
 STAGES = (source.FRAMES, source.CHECK, colmap.FEATURES, colmap.MATCHES, colmap.POSES, reconstruction.CALIBRATION, DEPTH)
 """Stages whose results survive an interrupted work, in order."""
@@ -167,6 +170,17 @@ class Map:
             return seen
         cameras = [(c, pose @ c.T_body_camera) for pose in self.T_world_body for c in self.rig.cameras]
         return resolution.visibility(self.field.state, self.field.grid, cameras)  # a map of an earlier version
+
+    def inferred(self) -> NDArray[np.bool_]:
+        """(nx, ny, nz) voxels that nothing measured, and that a plain wall must pass through; they are unknown.
+
+        None in a map of an earlier version, nor where the pilot's edits say what is there.
+
+        Raises:
+            FormatError: the file is damaged, or of another map.
+        """
+        marked = inferred_layer.load(self.folder / INFERRED, self.field.grid.shape)
+        return marked & (self.field.state == esdf.UNKNOWN)
 
     def free_space(self) -> FreeSpace | None:
         """What is free, and how thin an obstacle is ruled out there; None where the map has nothing to say it of.
@@ -325,6 +339,7 @@ def _build(
         new = placing.temporary
         esdf.save(new / "esdf", distances)
         save_visibility(new / VISIBILITY, dense.seen)
+        inferred_layer.save(new / INFERRED, dense.inferred)
         mesh_file.save(new / "mesh.glb", dense.vertices_world_m, dense.faces, dense.colours)
         mesh_file.save(new / "mesh.ply", dense.vertices_world_m, dense.faces, dense.colours)
         localization_map.save(new / "localization", placed.localization_map())

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import esdf
 from esdf import Edit, Field
@@ -17,7 +18,7 @@ from esdf.solids import Solid, covered_region
 from esdf.storage import EDITS
 from esdf.visibility import Visibility, save_visibility
 from flight import FloatArray, FormatError, InputError, file_format, frames, results
-from mapping import given_paths, map_folder, poses_file, reach
+from mapping import given_paths, inferred_layer, map_folder, poses_file, reach
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
 from mapping.dense import mesh_file, resolution
@@ -61,6 +62,8 @@ class MapParts:
     """(n, 4, 4)."""
     seen: Visibility
     """The thinnest obstacle that the images resolve."""
+    inferred: NDArray[np.bool_]
+    """(nx, ny, nz) voxels of the field that a plain wall must pass through, see `inferred_layer`."""
     facts: dict[str, Any]
     """Of `map.toml`."""
     report: dict[str, Any] | None
@@ -98,6 +101,7 @@ def read(folder: Path) -> MapParts:
         time_s=opened.time_s,
         T_world_body=opened.T_world_body,
         seen=opened.visibility(),
+        inferred=inferred_layer.load(folder / map_folder.INFERRED, opened.field.grid.shape),
         facts=opened.facts,
         report=body,
     )
@@ -114,6 +118,7 @@ def write(out: Path, parts: MapParts, *, overwrite: bool = False) -> str:
         new = placing.temporary
         esdf.save(new / "esdf", parts.field)
         save_visibility(new / map_folder.VISIBILITY, parts.seen)
+        inferred_layer.save(new / map_folder.INFERRED, parts.inferred)
         if parts.edits:
             esdf.save_edits(new / "esdf" / EDITS, parts.edits)
         for name in ("mesh.glb", "mesh.ply"):
@@ -164,6 +169,7 @@ def moved(parts: MapParts, T_new_old: FloatArray, sentence: str) -> MapParts:
         known=dataclasses.replace(parts.known, points_world_m=frames.apply(T_new_old, parts.known.points_world_m)),
         T_world_body=T_new_old @ parts.T_world_body,
         seen=resolution.moved(parts.seen, T_new_old, field.grid),
+        inferred=inferred_layer.moved(parts.inferred, parts.field, T_new_old, field),
         facts=noted(parts, sentence),
     )
 
@@ -205,6 +211,7 @@ def cropped(parts: MapParts, kept: Solid, sentence: str) -> MapParts:
         images=tuple(name for name, there in zip(parts.images, placed, strict=True) if there),
         time_s=parts.time_s[placed],
         T_world_body=parts.T_world_body[placed],
+        inferred=parts.inferred[region.slices] & ~outside,
         seen=resolution.moved(parts.seen, np.eye(4), grid),
         facts=noted(parts, sentence),
     )
@@ -238,6 +245,7 @@ def _figures_of_part(part: MapParts, path_length_m: float) -> dict[str, Any]:
         "mesh_faces": len(part.faces),
         "free_m3": float(free.sum()) * voxel_m3,
         "occupied_m3": float(occupied.sum()) * voxel_m3,
+        "inferred_m3": float(part.inferred.sum()) * voxel_m3,
     }
 
 

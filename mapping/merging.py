@@ -16,6 +16,7 @@ import esdf
 from esdf import moved as moving
 from esdf import regrid
 from flight import FloatArray, MapError, Progress, frames, rotations, silent
+from mapping import inferred_layer
 from mapping.camera.rig import Rig
 from mapping.dense import resolution
 from mapping.localization import relocalization
@@ -160,6 +161,13 @@ def merged(first: MapParts, second: MapParts, found: Registration) -> MapParts:
         time_s=np.concatenate([first.time_s, other.time_s]),
         T_world_body=np.concatenate([first.T_world_body, other.T_world_body]),
         seen=resolution.joined(field, [(first.seen, first.field), (other.seen, turned)]),
+        inferred=inferred_layer.joined(
+            field,
+            [
+                (first.inferred, first.field),
+                (inferred_layer.moved(second.inferred, second.field, found.T_first_second, turned), turned),
+            ],
+        ),
         facts=_facts(first, second, sentence),
         report=None,
     )

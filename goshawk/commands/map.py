@@ -209,6 +209,7 @@ def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
             if report.swept_occupied_m3 > 0.0
             else ""
         ),
+        "plain walls": f"{report.inferred_m3:.1f} m3 inferred, not measured; they stay unknown to the planner",
         "written": str(out),
     }
     if report.resolved_m:

@@ -19,6 +19,7 @@ from goshawk.rendered.scene import RenderedScene
 STEP_M = 0.01
 OVERSTATED_M = 0.10
 BEHIND_M = 0.10
+NEAR_M = 0.10
 CAP_M = 2.0
 
 
@@ -41,6 +42,10 @@ class Safety:
     """Of the axis of the 12 mm cable."""
     wall: Shares
     """Of the plain wall's surface."""
+    wall_inferred: float
+    """Share of it that is inferred from planes instead."""
+    inferred_not_near_matter: float
+    """Share of all inferred voxels with nothing within 10 cm of their centre."""
     behind_wall: Shares
     """Of the plane 10 cm behind it."""
     free_m3: float
@@ -53,8 +58,8 @@ class Safety:
     """Share of them near something that the images resolve, according to the map's own mask."""
 
 
-def score(state: NDArray[np.uint8], grid: Grid, seen: Visibility) -> Safety:
-    """Score a map's voxel states, and the mask of what could hide in it."""
+def score(state: NDArray[np.uint8], grid: Grid, seen: Visibility, inferred: NDArray[np.bool_]) -> Safety:
+    """Score a map's voxel states, the mask of what could hide in it, and its inferred voxels."""
     scene = rendered_room.hazardous()
     cable, wall = rendered_room.CABLE, rendered_room.PLAIN_WALL
     along_m = np.arange(cable.low_world_m[0] + 0.1, cable.high_world_m[0] - 0.1, STEP_M)
@@ -73,6 +78,8 @@ def score(state: NDArray[np.uint8], grid: Grid, seen: Visibility) -> Safety:
         pole=shares(state, grid, axis(rendered_room.RODS[0])),
         cable=shares(state, grid, cable_axis),
         wall=shares(state, grid, face),
+        wall_inferred=float(inferred[tuple(grid.index(face[grid.contains(face)]).T)].sum() / len(face)),
+        inferred_not_near_matter=false_share(scene, grid, inferred),
         behind_wall=shares(state, grid, face + np.array([BEHIND_M, 0.0, 0.0])),
         free_m3=len(free) * float(np.prod(grid.voxel_m)),
         free_share_in_matter=float((true_m < 0.0).mean()),
@@ -94,6 +101,12 @@ def shares(state: NDArray[np.uint8], grid: Grid, points_world_m: FloatArray) -> 
     found = state[tuple(grid.index(points_world_m[inside]).T)]
     count = max(len(points_world_m), 1)
     return Shares(float((found == OCCUPIED).sum() / count), float((found == FREE).sum() / count))
+
+
+def false_share(scene: RenderedScene, grid: Grid, inferred: NDArray[np.bool_]) -> float:
+    """Share of the inferred voxels (nx, ny, nz) with nothing within 10 cm of their centre."""
+    distance_m = np.abs(scene.distance(grid.centre(np.argwhere(inferred))))
+    return float((distance_m > NEAR_M).sum() / max(len(distance_m), 1))
 
 
 def _could_hide(scene: RenderedScene, seen: Visibility, points_world_m: FloatArray) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from esdf import FREE, OCCUPIED, UNKNOWN, Grid
 from esdf.visibility import Visibility
 from flight import FloatArray, InputError, MapError, Progress, silent
-from mapping.dense import fusion, resolution, stereo
+from mapping.dense import fusion, planes, resolution, stereo
 from mapping.dense.fusion import Volume
 from mapping.dense.stereo import DepthImage, StereoOptions, depth_from_sensor
 from mapping.dense.views import ImageView
@@ -108,6 +108,8 @@ class Reconstruction:
     """The thinnest object that the images resolve."""
     swept_occupied_m3: float
     """Space within the carrier's radius that stays occupied, because the images show a surface there."""
+    inferred: NDArray[np.bool_]
+    """(nx, ny, nz) unknown voxels that a plain surface must pass through, by the planes round it; see `planes`."""
     statistics: DepthStatistics
     """Of the depth images."""
 
@@ -195,13 +197,33 @@ def extract(
     seen = resolution.visibility(state, volume.grid, [(view.camera, view.T_world_camera) for view in images])
     path = carried_path(images, 0.5 * options.voxel_m, volume.grid, state == OCCUPIED)
     swept = fusion.within(volume.grid, path, options.carrier_radius_m)
+    carved = np.where(swept & (state == UNKNOWN), np.uint8(FREE), state)  # no wall, though it may count as unknown
     if options.thinnest_m > 0.0:
         state[resolution.could_hide(state, volume.grid, seen, options.thinnest_m, empty=swept)] = UNKNOWN
     state[swept & (state == UNKNOWN)] = FREE
     swept_occupied_m3 = float((swept & (state == OCCUPIED)).sum()) * options.voxel_m**3
     fusion.unreached_is_unknown(state, volume.grid, path)
-    statistics = depth_statistics(depths)
-    return Reconstruction(vertices, faces, colours, state, volume.grid, seen, swept_occupied_m3, statistics)
+    inferred = planes.inferred(
+        carved,
+        volume.grid,
+        vertices,
+        faces,
+        images,
+        depths,
+        skin_voxels=options.skin_voxels,
+        farthest_m=options.farthest_m,
+    )
+    return Reconstruction(
+        vertices,
+        faces,
+        colours,
+        state,
+        volume.grid,
+        seen,
+        swept_occupied_m3,
+        inferred,
+        depth_statistics(depths),
+    )
 
 
 def carried_path(images: Sequence[ImageView], step_m: float, grid: Grid, occupied: NDArray[np.bool_]) -> FloatArray:

@@ -70,3 +70,18 @@ def test_unknown_space_is_hatched_and_free_space_clear():
     unknown = places[..., 0] > 2.0
     assert (picture.rgba[unknown & ~edge, 3] > 0).all()
     assert (picture.rgba[~unknown & ~edge, 3] == 0).all()
+
+
+def test_an_inferred_wall_is_drawn_in_its_own_colour_only_where_the_field_is_unknown():
+    state = esdf.rasterize(POST, GRID)
+    state[30:] = esdf.UNKNOWN
+    wall = np.zeros(GRID.shape, bool)
+    wall[25:35] = True
+    wanted, field = Slice("z", 0.1, "unknown"), esdf.build(state, GRID, cap_m=2.0)
+    picture = slices.draw(None, field, wanted, 0.2, inferred=wall)  # type: ignore[arg-type]
+    without, places = drawn(wanted, field)
+    differs = (picture.rgba != without.rgba).any(axis=-1)
+    edge = (without.rgba == 255).all(axis=-1)
+    x = places[..., 0]
+    assert (differs == (x > 2.0) & (x < 2.5))[~edge].all()
+    assert len(np.unique(picture.rgba[differs], axis=0)) == 1

@@ -39,6 +39,7 @@ def folder(tmp_path: Path, pillar_map: Path) -> Path:
         time_s=opened.time_s,
         T_world_body=opened.T_world_body,
         seen=opened.visibility(),
+        inferred=opened.inferred(),
         facts=opened.facts,
         report=None,
     )

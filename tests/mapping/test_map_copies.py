@@ -52,6 +52,7 @@ def room(name: str = "room", *, scene: Scene = ROOM, seed: int = 0, noise_m: flo
         seen=resolution.visibility(
             field.state, GRID, [(RIG.cameras[0], T @ RIG.cameras[0].T_body_camera) for T in POSES]
         ),
+        inferred=np.zeros(field.grid.shape, bool),
         facts=facts,
         report={"images": 3},
     )
@@ -376,3 +377,19 @@ def test_maps_that_contradict_each_other_are_refused() -> None:
     )
     with pytest.raises(MapError, match="lie in the other's free space"):
         merging.register(room(), other)
+
+
+def test_inferred_walls_go_along_with_a_map_that_is_written_and_cropped(tmp_path: Path) -> None:
+    whole = room()
+    state = whole.field.state.copy()
+    state[20:50, 30:34] = esdf.UNKNOWN
+    marked = (state == esdf.UNKNOWN) & (GRID.centres()[..., 0] > 3.0)
+    whole = dataclasses.replace(whole, field=esdf.build(state, GRID), inferred=marked)
+    map_parts.write(tmp_path / "whole", whole)
+    np.testing.assert_array_equal(map_parts.read(tmp_path / "whole").inferred, marked)
+    part = half(whole, 2.0, 4.0)
+    places = GRID.index(part.field.grid.centre(np.argwhere(part.inferred)))
+    assert len(places)
+    assert marked[tuple(places.T)].all()
+    (tmp_path / "whole" / "inferred.npz").unlink()
+    assert not mapping.open_map(tmp_path / "whole").inferred().any()

@@ -336,6 +336,7 @@ def map_with_images(
         time_s=np.full(len(names), np.nan),
         T_world_body=T_WORLD_BODY,
         seen=resolution.visibility(field.state, grid, [(c, T @ c.T_body_camera) for T in T_WORLD_BODY for c in RIG]),
+        inferred=np.zeros(field.grid.shape, bool),
         facts={"verdict": "good", "reasons": []},
         report=None,
     )

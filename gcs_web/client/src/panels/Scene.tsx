@@ -223,7 +223,12 @@ function SliceLegend() {
   const where = slice.axis === "oblique" ? "oblique" : `${slice.axis} = ${number(slice.at_m, 2)}`;
   if (slice.of === "unknown") {
     return (
-      <Legend unit="" colours={[]} ends={["hatched: unknown", "pale: obstacle"]}>
+      <Legend
+        unit=""
+        colours={[]}
+        ends={["hatched: unknown", "pale: obstacle"]}
+        note="violet: plain wall, inferred"
+      >
         <b>Unknown space, {where}</b>
       </Legend>
     );

@@ -1,0 +1,69 @@
+"""The layer of a map that marks inferred surface: plain walls that no image measured, see `mapping.dense.planes`.
+
+The voxels stay unknown in the distance field, which is an obstacle to the planner already. So nothing is free because
+of a plane, an edit that clears measured surface does not open an inferred one, and what another map saw free is free.
+"""
+
+import zipfile
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from esdf import UNKNOWN, Field
+from flight import FloatArray, FormatError, file_format, frames
+
+Mask = NDArray[np.bool_]
+
+VERSION = 1
+
+
+def save(path: Path, inferred: Mask) -> None:
+    """Write the mask (nx, ny, nz) as a compressed `.npz`."""
+    with file_format.atomic_file(Path(path)) as temporary, open(temporary, "wb") as file:
+        np.savez_compressed(file, version=VERSION, inferred=inferred)
+
+
+def load(path: Path, shape: tuple[int, int, int]) -> Mask:
+    """Read what `save` wrote, for a field of that shape; nothing is inferred where there is no file (earlier maps).
+
+    Raises:
+        FormatError: the file is damaged, newer, or of another field.
+    """
+    if not path.is_file():
+        return np.zeros(shape, bool)
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            version, inferred = int(archive["version"]), archive["inferred"]
+    except (KeyError, TypeError, ValueError, EOFError, OSError, zipfile.BadZipFile, zlib.error) as error:
+        raise FormatError(
+            f"{path} is a damaged layer of inferred surface: {file_format.damage_text(error)}; build the map again"
+        ) from error
+    if version > VERSION:
+        raise FormatError(f"{path} is of a newer version; update Goshawk")
+    if inferred.dtype != bool or inferred.shape != shape:
+        raise FormatError(
+            f"{path} holds {inferred.dtype} of shape {inferred.shape}, the field bool of {shape}; build the map again"
+        )
+    return inferred
+
+
+def moved(inferred: Mask, field: Field, T_new_old: FloatArray, new: Field) -> Mask:
+    """The mask in another frame: the unknown voxels of the new field whose centre lay in a marked one."""
+    cells = np.argwhere(new.state == UNKNOWN)
+    points = frames.apply(frames.invert(T_new_old), new.grid.centre(cells))
+    inside = field.grid.contains(points)
+    result = np.zeros(new.state.shape, bool)
+    result[tuple(cells[inside].T)] = inferred[tuple(field.grid.index(points[inside]).T)]
+    return result
+
+
+def joined(both: Field, parts: Sequence[tuple[Mask, Field]]) -> Mask:
+    """The mask of maps in one, in the same frame and voxels: what one of them marks and none of them saw."""
+    result = np.zeros(both.state.shape, bool)
+    for inferred, field in parts:
+        first = np.rint((field.grid.low_world_m - both.grid.low_world_m) / np.array(both.grid.voxel_m)).astype(int)
+        result[tuple(slice(a, a + n) for a, n in zip(first, inferred.shape, strict=True))] |= inferred
+    return result & (both.state == UNKNOWN)

@@ -1,0 +1,144 @@
+"""Plain walls: recovered from the measured surface round them, marked as inferred, and never where there is room."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from esdf import FREE, OCCUPIED, UNKNOWN
+from esdf.solids import Box, Room, Scene
+from flight import FloatArray, frames, rotations
+from goshawk.rendered import world as rendered_world
+from goshawk.rendered.scene import RenderedScene
+from mapping.dense import planes, stereo, surface
+from mapping.dense.planes import Plane
+from mapping.dense.views import ImageView
+
+WALL_X_M, DOOR_M, DOOR_TOP_M = 3.0, (0.6, 1.5), 2.0
+HALF_WIDTH_M, HEIGHT_M = 2.5, 2.6
+MATTER_M = 0.10
+
+
+def rooms() -> RenderedScene:
+    """A plain wall with a poster, a skirting board and a framed doorway between two papered rooms."""
+    low, high = DOOR_M
+    thick, front = (WALL_X_M, WALL_X_M + 0.1), WALL_X_M - 0.01
+    return RenderedScene((
+        (Room((-1.0, -HALF_WIDTH_M, 0.0), (6.0, HALF_WIDTH_M, HEIGHT_M)), "plaster"),
+        (Box((thick[0], -HALF_WIDTH_M, 0.0), (thick[1], low, HEIGHT_M)), "plain"),
+        (Box((thick[0], high, 0.0), (thick[1], HALF_WIDTH_M, HEIGHT_M)), "plain"),
+        (Box((thick[0], low, DOOR_TOP_M), (thick[1], high, HEIGHT_M)), "plain"),
+        (Box((front, -1.5, 0.9), (WALL_X_M, -0.7, 1.7)), "brick"),
+        (Box((front, -HALF_WIDTH_M, 0.0), (WALL_X_M, low, 0.15)), "wood"),
+        (Box((front, low - 0.12, 0.0), (WALL_X_M, low, DOOR_TOP_M)), "wood"),
+        (Box((front, high, 0.0), (WALL_X_M, high + 0.12, DOOR_TOP_M)), "wood"),
+    ))  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def seen() -> surface.Reconstruction:
+    """What 14 images of 320x240 show of them, with true poses, and true depth but on the plain wall."""
+    camera, scene = rendered_world.default_rig(0.5).cameras[0], rooms()
+    plain = Scene([solid for solid, paint in scene.painted if paint == "plain"])
+    steps = np.arange(14)
+    at = np.column_stack([0.5 + 0.3 * np.cos(steps), np.linspace(-1.3, 1.3, len(steps)), 1.3 + 0.2 * np.sin(2 * steps)])
+    views, depths = [], []
+    for k, pose in enumerate(frames.transform(rotations.from_yaw(0.15 * np.cos(steps)), at)):
+        image = rendered_world.render(camera, pose, scene=scene, seed=k)
+        view = ImageView(camera, pose @ camera.T_body_camera, image)
+        rays = stereo.depth_rays(view, 0.5)
+        along = rays.reshape(-1, 3) @ view.T_world_camera[:3, :3].T
+        range_m = rendered_world.cast_rays(scene, view.position_world_m, np.nan_to_num(along))
+        met = view.position_world_m + np.where(np.isfinite(range_m), range_m, 0.0)[:, None] * np.nan_to_num(along)
+        measured = np.isfinite(range_m) & np.isfinite(along[:, 0]) & (np.abs(plain.distance(met)) > 1e-3)
+        depth_m = np.where(measured, range_m * rays[..., 2].ravel(), 0.0).reshape(rays.shape[:2])
+        views.append(view)
+        depths.append(surface.depth_from_sensor(view, depth_m))
+    return surface.reconstruct(views, depths=depths)
+
+
+def states(seen: surface.Reconstruction, points: FloatArray) -> NDArray[np.uint8]:
+    return seen.state[tuple(seen.grid.index(points).T)]
+
+
+def face(y_m: tuple[float, float], z_m: tuple[float, float], x_m: float = WALL_X_M) -> FloatArray:
+    y, z = np.meshgrid(np.arange(*y_m, 0.05), np.arange(*z_m, 0.05))
+    return np.column_stack([np.full(y.size, x_m), y.ravel(), z.ravel()])
+
+
+def test_a_plain_wall_is_recovered_between_a_poster_a_skirting_board_and_a_door_frame(
+    seen: surface.Reconstruction,
+) -> None:
+    wall = face((-1.4, 0.4), (0.2, 1.6))
+    measured = states(seen, wall) == OCCUPIED
+    inferred = seen.inferred[tuple(seen.grid.index(wall).T)]
+    assert measured.mean() < 0.6
+    assert (measured | inferred).mean() > 0.85
+    assert (states(seen, wall) != FREE).all()
+
+
+def test_a_doorway_in_it_stays_open_and_free(seen: surface.Reconstruction) -> None:
+    low, high = DOOR_M
+    doorway = face((low + 0.2, high - 0.2), (0.6, DOOR_TOP_M - 0.3))
+    assert (states(seen, doorway) == FREE).mean() > 0.8
+    assert not seen.inferred[tuple(seen.grid.index(doorway).T)].any()
+
+
+def test_only_unknown_voxels_near_matter_are_inferred(seen: surface.Reconstruction) -> None:
+    assert (seen.state[seen.inferred] == UNKNOWN).all()
+    distance_m = rooms().distance(seen.grid.centre(np.argwhere(seen.inferred)))
+    assert (distance_m > MATTER_M).mean() < 0.02
+
+
+def flat(state: NDArray[np.uint8], support: NDArray[np.bool_]) -> Plane:
+    return Plane(np.eye(4), support, support, 0.05)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_what_is_inferred_of_a_plane_was_unknown_and_lies_within_the_hull_of_its_measured_part(seed: int) -> None:
+    from scipy.spatial import Delaunay
+
+    rng = np.random.default_rng(seed)
+    state = rng.choice([UNKNOWN, FREE], (24, 18), p=[0.9, 0.1]).astype(np.uint8)
+    support = rng.random(state.shape) < 0.1
+    support[rng.integers(8, 24) :] = False
+    state[support] = OCCUPIED
+    marked = planes.enclosed_cells(flat(state, support), state)
+    assert (state[marked] == UNKNOWN).all()
+    if support.sum() > 3 and marked.any():
+        assert (Delaunay(np.argwhere(support)).find_simplex(np.argwhere(marked)) >= 0).all()
+
+
+def test_a_plane_is_not_extended_past_a_free_corner_nor_into_an_open_notch() -> None:
+    state = np.full((40, 40), UNKNOWN, np.uint8)
+    support = np.zeros(state.shape, bool)
+    support[5, 5:35] = support[5:35, 5] = support[34, 5:20] = support[5:20, 34] = True  # a frame, open at a corner
+    state[20:35, 20:35] = FREE
+    state[support] = OCCUPIED
+    marked = planes.enclosed_cells(flat(state, support), state)
+    assert marked[6:12, 6:12].all()
+    assert not marked[20:, 20:].any()
+    assert not marked[36:].any()
+    assert not marked[:, 36:].any()
+    state[20:, 20:] = UNKNOWN  # not seen either, and nothing bounds it
+    assert not planes.enclosed_cells(flat(state, support), state)[21:, 21:].any()
+
+
+def test_planes_are_found_among_noise_and_no_plane_in_a_ball() -> None:
+    rng = np.random.default_rng(1)
+    normal = np.array([0.6, -0.64, 0.48])
+    axes = np.linalg.svd(normal[None])[2][1:]
+    on_it = np.array([1.0, 2.0, 3.0]) + rng.uniform(-1.0, 1.0, (4000, 2)) @ axes
+    on_it = on_it + rng.normal(0.0, 0.01, (len(on_it), 1)) * normal
+    ball = rng.normal(size=(4000, 3))
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+    directions = np.tile(normal, (len(on_it), 1)) + rng.normal(0.0, 0.1, on_it.shape)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    found = planes.planes(np.vstack([on_it, 0.4 * ball]), np.vstack([directions, ball]), 0.05)
+    assert len(found) == 1
+    assert found[0].T_world_plane[:3, 2] @ normal > np.cos(np.radians(0.5))
+    assert abs((found[0].T_world_plane[:3, 3] - [1.0, 2.0, 3.0]) @ normal) < 0.005
+    assert found[0].patches.sum() * 0.05**2 == pytest.approx(4.0, rel=0.15)
+    assert planes.planes(0.4 * ball, ball, 0.05) == []
