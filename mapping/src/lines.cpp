@@ -23,7 +23,9 @@ struct Arc {
         normal = normalised(n);
     }
     // Angle from the first end to a direction, in the plane.
-    double angle_of(Vec3 direction) const { return std::atan2(dot(direction, cross(normal, first)), dot(direction, first)); }
+    double angle_of(Vec3 direction) const {
+        return std::atan2(dot(direction, cross(normal, first)), dot(direction, first));
+    }
 };
 
 struct Proposal {
@@ -53,7 +55,8 @@ bool propose(const Arc& mine, const Arc& other, Vec3 offset, const LineSearch& s
         const double share = angle[end] / other.extent, across = std::hypot(share, 1.0 - share);
         const double std_rad = search.std_rad * std::hypot(across * norm(from_partner), 1.0);
         found.std[end] = std_rad / std::abs(along_offset);
-        if (found.std[end] > search.largest_relative_std * std::max(inverse_range, 1.0 / search.farthest_m)) return false;
+        if (found.std[end] > search.largest_relative_std * std::max(inverse_range, 1.0 / search.farthest_m))
+            return false;
     }
     const double length = angle[1] - angle[0];  // negative: light and dark are exchanged
     const double common = std::min(angle[1], other.extent) - std::max(angle[0], 0.0);

@@ -22,10 +22,10 @@ struct Partners {
 };
 
 struct LineSearch {
-    double std_rad;     // standard deviation of an end of a segment, across it
-    double tolerance;   // depths agree when they differ by at most this many standard deviations
+    double std_rad;    // standard deviation of an end of a segment, across it
+    double tolerance;  // depths agree when they differ by at most this many standard deviations
     double nearest_m;
-    double farthest_m;  // of interest: of what is farther away only that is found out
+    double farthest_m;            // of interest: of what is farther away only that is found out
     double largest_relative_std;  // of one partner's inverse range
     double least_overlap;         // share of the shorter of two segments that the other covers
 };

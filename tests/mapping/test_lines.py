@@ -21,9 +21,9 @@ VOXEL_M, SKIN = 0.05, 0.87
 GRID = Grid((-1.025, -3.025, -0.025), (VOXEL_M,) * 3, (110, 121, 65))
 POLE = Cylinder((2.0, 0.4, 1.5), 0.015, 3.0)
 CABLE = Box((2.2, -2.0, 1.994), (2.212, 2.0, 2.006))
-STRIPE = Box((3.998, -1.03, 0.0), (4.2, -1.0, 3.0))
-"""Painted on the wall at x = 4: it stands 2 mm off it."""
-CAMERA = dataclasses.replace(rendered_world.default_rig(0.5).cameras[0], T_body_camera=np.eye(4))
+STRIPE = Box((2.998, -1.03, 0.0), (3.2, -1.0, 3.0))
+"""Painted on the wall at x = 3: it stands 2 mm off it."""
+CAMERA = dataclasses.replace(rendered_world.default_rig(0.75).cameras[0], T_body_camera=np.eye(4))
 LOOKING_ALONG_X = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
@@ -33,9 +33,9 @@ def pose(x_m: float, y_m: float, z_m: float) -> np.ndarray:
 
 def views() -> list[ImageView]:
     """From places beside and above each other, of a room with a pole, a cable and a striped wall."""
-    room = (Room((-1.0, -3.0, 0.0), (4.0, 3.0, 3.0)), "plaster")
+    room = (Room((-1.0, -3.0, 0.0), (3.0, 3.0, 3.0)), "plaster")
     scene = RenderedScene((room, (POLE, "ink"), (CABLE, "ink"), (STRIPE, "ink")))
-    places = [(0.05 * n, -0.7 + 0.2 * n, 1.2 + 0.25 * (n % 3)) for n in range(8)]
+    places = [(0.05 * n, -0.7 + 0.2 * n, 0.9 + 0.35 * (n % 3)) for n in range(9)]
     return [
         ImageView(CAMERA, pose(*place), rendered_world.render(CAMERA, pose(*place), scene=scene, seed=n))
         for n, place in enumerate(places)
@@ -53,22 +53,25 @@ def share_of(found: np.ndarray, points: np.ndarray) -> float:
     return float(found[tuple(GRID.index(points).T)].mean())
 
 
+@pytest.mark.slow
 def test_a_pole_and_a_cable_are_found_where_they_are(found: np.ndarray) -> None:
     heights, along = np.linspace(0.7, 1.8, 60), np.linspace(-0.6, 1.2, 60)
     assert share_of(found, np.array([[2.0, 0.4, z] for z in heights])) > 0.9
     assert share_of(found, np.array([[2.206, y, 2.0] for y in along])) > 0.7
     near = GRID.centre(np.argwhere(found))
-    near = near[(near[:, 0] > 1.0) & (near[:, 0] < 3.0) & (near[:, 2] > 0.3) & (near[:, 2] < 2.7)]
+    near = near[(np.abs(near - [1.85, 0.2, 1.5]) < [0.85, 1.5, 1.2]).all(axis=1)]  # away from the walls
     off_m = np.minimum(POLE.distance(near), CABLE.distance(near))
     assert len(near) > 50
-    assert off_m.max() < 2.0 * VOXEL_M  # a voxel off, and the skin about it
+    assert np.quantile(off_m, 0.95) < 1.25 * VOXEL_M  # centres of the voxels in the skin of a line
+    assert off_m.max() < 2.5 * VOXEL_M
 
 
+@pytest.mark.slow
 def test_a_stripe_on_a_wall_is_no_obstacle_before_the_wall(found: np.ndarray) -> None:
-    assert share_of(found, np.array([[4.0, -1.0, z] for z in np.linspace(0.8, 1.8, 40)])) > 0.7
+    assert share_of(found, np.array([[3.0, -1.0, z] for z in np.linspace(0.8, 1.8, 40)])) > 0.7
     centres = GRID.centre(np.argwhere(found))
     before = centres[(np.abs(centres[:, 1] + 1.015) < 0.3) & (centres[:, 2] > 0.3) & (centres[:, 2] < 1.8)]
-    assert before[:, 0].min() > 4.0 - 2.0 * VOXEL_M
+    assert before[:, 0].min() > 3.0 - 2.0 * VOXEL_M
 
 
 def test_a_line_on_a_surface_that_is_in_the_map_adds_nothing() -> None:
