@@ -56,7 +56,7 @@ def sweep_lines(
     largest_relative_std: float,
     least_overlap: float,
     threads: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8]]: ...
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint8]]: ...
 def carve(
     origin_world_m: NDArray[np.float64],
     voxel_m: float,

@@ -34,8 +34,7 @@ LARGEST_RELATIVE_STD = 0.1
 LEAST_OVERLAP = 0.3
 """Share of the shorter of two edges that the other covers, if they are of one line."""
 LEAST_AGREEING = 2
-"""Partners that must agree on the depth of an edge."""
-MARGIN = 1
+"""Partners that must agree on the depth of an edge; on any other depth fewer may."""
 LARGEST_STD_M = 0.05
 """Less certain lines are dropped."""
 LONGEST_M = 1.0
@@ -128,8 +127,9 @@ def occupied(lines: Lines, state: NDArray[np.uint8], grid: Grid, *, skin_voxels:
     voxel, point = _voxels_near(points, grid, 1.0)
     several = int(image.max(initial=0)) + 1
     once_each = np.unique(voxel * several + image[point])
-    images = np.bincount(once_each // several, minlength=grid.voxels).reshape(grid.shape)
-    shown = images[tuple(grid.index(points).T)] >= LEAST_IMAGES
+    voxel, images = np.unique(once_each // several, return_counts=True)
+    own = np.ravel_multi_index(tuple(grid.index(points).T), grid.shape)
+    shown = np.isin(own, voxel[images >= LEAST_IMAGES])
     near = np.zeros(grid.voxels, bool)
     near[_voxels_near(points[shown], grid, skin_voxels)[0]] = True
     return near.reshape(grid.shape)
@@ -181,11 +181,13 @@ def _voxels_near(
         points_world_m: (n, 3).
         reach_voxels: at most 1.
     """
-    cells, voxels, points = grid.index(points_world_m), [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    cells, strides = grid.index(points_world_m), np.array([grid.shape[1] * grid.shape[2], grid.shape[2], 1])
+    voxels: list[NDArray[np.int64]] = []
+    points: list[NDArray[np.int64]] = []
     for step in itertools.product((-1, 0, 1), repeat=3):
         beside = cells + step
         near = np.linalg.norm(grid.centre(beside) - points_world_m, axis=1) <= reach_voxels * min(grid.voxel_m)
         near &= ((beside >= 0) & (beside < grid.shape)).all(axis=1)
-        voxels.append(np.ravel_multi_index(tuple(beside[near].T), grid.shape))
-        points.append(np.flatnonzero(near))
+        voxels.append(beside[near] @ strides)
+        points.append(near.nonzero()[0])
     return np.concatenate(voxels), np.concatenate(points)

@@ -18,7 +18,7 @@ from mapping.dense.stereo import StereoOptions
 from mapping.dense.views import ImageView
 
 VOXEL_M, SKIN = 0.05, 0.87
-GRID = Grid((-1.025, -3.025, -0.025), (VOXEL_M,) * 3, (110, 121, 65))
+GRID = Grid((-1.025, -3.025, -0.025), (VOXEL_M, VOXEL_M, VOXEL_M), (110, 121, 65))
 POLE = Cylinder((2.0, 0.4, 1.5), 0.015, 3.0)
 CABLE = Box((2.2, -2.0, 1.994), (2.212, 2.0, 2.006))
 STRIPE = Box((2.998, -1.03, 0.0), (3.2, -1.0, 3.0))
@@ -160,10 +160,10 @@ def test_the_kernel_agrees_with_its_plain_twin(seed: int) -> None:
         for e, (a, b) in zip(edges, off, strict=True)
     )
     numbers = np.repeat(np.arange(4, dtype=np.int32), 15)
-    table = [np.concatenate(part) for part in zip(*((p.first, p.last) for p in partners), strict=True)]
+    theirs = np.concatenate([p.first for p in partners]), np.concatenate([p.last for p in partners])
     offsets = PLACES[1:] - PLACES[0]
-    found = _mapping.sweep_lines(first.first, first.last, *table, numbers, offsets, 0.001, 2.5, 0.5, 8.0, 0.1, 0.3, 2)
-    expected = [_twin(a, b, *table, numbers, offsets) for a, b in zip(first.first, first.last, strict=True)]
+    found = _mapping.sweep_lines(first.first, first.last, *theirs, numbers, offsets, 0.001, 2.5, 0.5, 8.0, 0.1, 0.3, 2)
+    expected = [_twin(a, b, *theirs, numbers, offsets) for a, b in zip(first.first, first.last, strict=True)]
     for got, wanted in zip(found, zip(*expected, strict=True), strict=True):
         np.testing.assert_allclose(got, np.array(wanted), rtol=1e-9, atol=1e-12)
     assert (found[2] >= 3).sum() > 4
