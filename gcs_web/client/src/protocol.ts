@@ -133,6 +133,7 @@ export interface Series {
   thrust_n: number[];
   rotor_margin_percent: number[];
   q_world_body: number[];
+  could_hide_mm: number[];
 }
 
 export interface Problem {
@@ -1017,7 +1018,7 @@ export interface Cursor {
 
 export interface Shown {
   type: "shown";
-  colour: "clearance" | "speed" | "thrust" | "tilt" | "rotor_margin";
+  colour: "clearance" | "could_hide" | "speed" | "thrust" | "tilt" | "rotor_margin";
   author: string;
 }
 
@@ -1243,7 +1244,7 @@ export interface Look {
 export interface Show {
   type: "show";
   serial: number;
-  colour?: "clearance" | "speed" | "thrust" | "tilt" | "rotor_margin";
+  colour?: "clearance" | "could_hide" | "speed" | "thrust" | "tilt" | "rotor_margin";
 }
 
 export interface TakeControl {
