@@ -42,6 +42,21 @@ def nearest_disparity(
     mean: float,
     threads: int,
 ) -> NDArray[np.int16]: ...
+def sweep_lines(
+    first: NDArray[np.float64],
+    last: NDArray[np.float64],
+    partner_first: NDArray[np.float64],
+    partner_last: NDArray[np.float64],
+    partner: NDArray[np.int32],
+    offset_m: NDArray[np.float64],
+    std_rad: float,
+    tolerance: float,
+    nearest_m: float,
+    farthest_m: float,
+    largest_relative_std: float,
+    least_overlap: float,
+    threads: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint8]]: ...
 def carve(
     origin_world_m: NDArray[np.float64],
     voxel_m: float,

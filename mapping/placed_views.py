@@ -25,6 +25,7 @@ def views(placed: SparseMap) -> list[ImageView]:
                 near_m=None if near is None else 0.6 * float(near),
                 far_m=None if far is None else 1.5 * float(far),
                 instant=instant,
+                used=placed.images.used(instant, camera),
             )
         )
     return result

@@ -14,9 +14,10 @@ from mapping.camera.rig import Camera
 RESOLVED_PX = 8.0
 """How many pixels wide an obstacle must be in the nearest image to be kept out of free space.
 
-Of twenty painted rods of 6 to 60 mm in the rendered room, none was marked free where an image showed it wider than 6
-pixels; of their length that was 5 to 6 pixels wide 2 % was, of 3 to 4 pixels 5 % (`benchmarks/mapping_hazards.py`). An
-obstacle of exactly the colour of what lies behind it is not seen at any width.
+Of twenty painted rods of 6 to 60 mm in the rendered room, by depth images alone, none was marked free where an image
+showed it wider than 6 pixels; of their length that was 5 to 6 pixels wide 2 % was, of 3 to 4 pixels 5 %. `lines` finds
+most of those, as they are straight (`benchmarks/mapping_hazards.py`). An obstacle of exactly the colour of what lies
+behind it is not seen at any width.
 """
 
 _COARSER = 4

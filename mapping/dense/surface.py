@@ -1,6 +1,7 @@
 """From images with known poses to a surface mesh and a grid of free, occupied and unknown space.
 
 depth of each image (`stereo`)  ->  one truncated distance volume (`fusion`)  ->  mesh and state grid
+straight edges of the images (`lines`)  ->  thin obstacles in the state grid
 """
 
 from collections.abc import Iterator, Sequence
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from esdf import FREE, OCCUPIED, UNKNOWN, Grid
 from esdf.visibility import Visibility
 from flight import FloatArray, InputError, MapError, Progress, silent
-from mapping.dense import fusion, planes, resolution, stereo
+from mapping.dense import fusion, lines, planes, resolution, stereo
 from mapping.dense.fusion import Volume
 from mapping.dense.stereo import DepthImage, StereoOptions, depth_from_sensor
 from mapping.dense.views import ImageView
@@ -194,6 +195,8 @@ def extract(
     if not len(faces):
         raise MapError("the depth images hold no surface: their poses or lenses may be wrong")
     state = volume.occupancy(least_seen_through=options.least_seen_through, skin_voxels=options.skin_voxels)
+    edges = lines.sweep(images, options.stereo, farthest_m=options.farthest_m)
+    state[lines.occupied(edges, state, volume.grid, skin_voxels=options.skin_voxels)] = OCCUPIED
     seen = resolution.visibility(state, volume.grid, [(view.camera, view.T_world_camera) for view in images])
     path = carried_path(images, 0.5 * options.voxel_m, volume.grid, state == OCCUPIED)
     swept = fusion.within(volume.grid, path, options.carrier_radius_m)

@@ -29,6 +29,8 @@ class ImageView:
     instant: int | None = None
     """Its number in the sequence; between images of numbers that do not follow each other the carrier may have been
     anywhere. None: it follows the camera's image before it in the list."""
+    used: NDArray[np.bool_] | None = None
+    """(height, width) pixels that are not masked; None: all of them."""
 
     def __post_init__(self) -> None:
         expected = (self.camera.height, self.camera.width)

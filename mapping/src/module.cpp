@@ -3,6 +3,7 @@
 
 #include "bindings.hpp"
 #include "consistency.hpp"
+#include "lines.hpp"
 #include "marching_cubes.hpp"
 #include "spherical_stereo.hpp"
 #include "tsdf.hpp"
@@ -20,6 +21,8 @@ using Layers = nb::ndarray<const float, nb::shape<-1, -1, -1>, nb::c_contig, nb:
 using Cells = nb::ndarray<float, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
 using Counts = nb::ndarray<std::uint8_t, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
 using ColourCells = nb::ndarray<float, nb::shape<-1, -1, -1, -1>, nb::c_contig, nb::device::cpu>;
+using Directions = Table<3>;
+using Labels = nb::ndarray<const std::int32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using GridRow = nb::ndarray<const double, nb::shape<6>, nb::c_contig, nb::device::cpu>;
 
 // from_baseline, column_step, from_axis, row_step, rows, columns
@@ -67,6 +70,24 @@ static auto nearest_disparity_view(Gray left, Gray right, Disparity disparity, i
                       static_cast<int>(disparity.shape(1)), disparities, {noise, deviations, mean}, threads,
                       nearest.data());
     return nearest;
+}
+
+static nb::tuple sweep_lines_view(Directions first, Directions last, Directions partner_first, Directions partner_last,
+                                  Labels partner, Directions offset_m, double std_rad, double tolerance,
+                                  double nearest_m, double farthest_m, double largest_relative_std,
+                                  double least_overlap, int threads) {
+    auto inverse_range = new_array<double>({first.shape(0), 2});
+    auto deviation = new_array<double>({first.shape(0)});
+    auto agreeing = new_array<std::uint8_t>({first.shape(0)}), rivals = new_array<std::uint8_t>({first.shape(0)});
+    const Segments mine{static_cast<int>(first.shape(0)), first.data(), last.data()};
+    const Segments theirs{static_cast<int>(partner_first.shape(0)), partner_first.data(), partner_last.data()};
+    {
+        nb::gil_scoped_release release;
+        sweep_lines(mine, {theirs, partner.data(), offset_m.data()},
+                    {std_rad, tolerance, nearest_m, farthest_m, largest_relative_std, least_overlap}, threads,
+                    inverse_range.data(), deviation.data(), agreeing.data(), rivals.data());
+    }
+    return nb::make_tuple(inverse_range, deviation, agreeing, rivals);
 }
 
 static nb::tuple fuse_layers(Layers values, Layers deviations, double tolerance, int least) {
@@ -159,6 +180,10 @@ NB_MODULE(_mapping, m) {
           nb::arg("deviations"), nb::arg("threads"));
     m.def("nearest_disparity", &nearest_disparity_view, nb::arg("left"), nb::arg("right"), nb::arg("disparity"),
           nb::arg("disparities"), nb::arg("noise"), nb::arg("deviations"), nb::arg("mean"), nb::arg("threads"));
+    m.def("sweep_lines", &sweep_lines_view, nb::arg("first"), nb::arg("last"), nb::arg("partner_first"),
+          nb::arg("partner_last"), nb::arg("partner"), nb::arg("offset_m"), nb::arg("std_rad"), nb::arg("tolerance"),
+          nb::arg("nearest_m"), nb::arg("farthest_m"), nb::arg("largest_relative_std"), nb::arg("least_overlap"),
+          nb::arg("threads"));
     m.def("carve", &carve_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("seen_through").noconvert(),
           nb::arg("bound"), nb::arg("lens"), nb::arg("T_camera_world"), nb::arg("margin_m"), nb::arg("farthest_m"),
           nb::arg("threads"));
