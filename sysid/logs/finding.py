@@ -11,14 +11,19 @@ Span = tuple[float, float]
 class Repair:
     """A change of some columns of a log, as a fix proposes it; `sysid.logs.fix` carries it out."""
 
-    action: Literal["scale", "flip", "conjugate", "quaternion order", "rotor order", "shift", "blank", "drop"]
-    """`flip`: between z up and z down; `shift`: of time stamps; `blank`: not sampled within `spans`."""
+    action: Literal[
+        "scale", "flip", "turn", "turn body", "conjugate", "quaternion order", "rotor order", "shift", "blank", "drop"
+    ]
+    """`flip`: between z up and z down; `turn`: of the world axes of attitudes; `turn body`: of the body axes of
+    attitudes and vectors; `shift`: of time stamps; `blank`: not sampled within `spans`."""
     columns: tuple[str, ...]
     """The columns it changes; where the log has none of a quantity's, it has nothing to change there."""
     factor: float = 1.0
     """Of `scale`."""
     shift_s: float = 0.0
     """Of `shift`: added to the time stamps."""
+    turn_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Of `turn`, that takes what is logged to what is right in world axes; of `turn body`, in body axes."""
     order: tuple[int, ...] = ()
     """Of `rotor order`: which column becomes rotor 0, 1, 2, 3."""
     spans: tuple[Span, ...] = ()

@@ -133,6 +133,11 @@ def _changed(log: FlightLog, quantity: str, repair: Repair) -> FloatArray:
     values, is_attitude = log.vector(quantity), quantity.endswith("q_world_body")
     if repair.action == "shift":
         return shifted(log.time_s, values, repair.shift_s, quaternion=is_attitude)
+    if repair.action in ("turn", "turn body"):
+        turn = rotations.exp(np.array(repair.turn_rad))
+        if not is_attitude:
+            return rotations.rotate(turn, values)
+        return rotations.multiply(turn, values) if repair.action == "turn" else rotations.multiply(values, turn)
     if repair.action == "conjugate":
         return rotations.conjugate(values)
     if repair.action == "quaternion order":
@@ -167,6 +172,11 @@ def words(repair: Repair) -> str:
             return f"dropped {names}"
         case "flip":
             return f"turned {names} from z down to z up"
+        case "turn" | "turn body":
+            angle = float(np.linalg.norm(repair.turn_rad))
+            about = ", ".join(f"{part / angle:.1f}" for part in repair.turn_rad)
+            axes = "world" if repair.action == "turn" else "body"
+            return f"turned the {axes} axes of {names} by {np.rad2deg(angle):.1f} deg about ({about})"
         case "conjugate":
             return f"conjugated {names}"
         case "quaternion order":
