@@ -39,7 +39,7 @@ _REREAD = {
 SIGMAS = 4.0
 """What thrust or a heading shows by so many standard errors is sure."""
 LEAST_HEADING_RAD = np.deg2rad(10.0)
-"""A heading this far off is no drift: on 95 real flights of two small quadrotors one was off by 9.3 deg, the others by
+"""A heading this far off is no drift: on 89 real flights of two small quadrotors one was off by 9.3 deg, the others by
 up to 4.8 deg."""
 LEAST_KNOWN_RAD = np.deg2rad(45.0)
 """A heading that is less sure than this is no heading: axis and force are not turned against each other at all."""

@@ -3,6 +3,9 @@
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 Span = tuple[float, float]
 """First and last instant, seconds of the log's clock."""
 
@@ -46,6 +49,14 @@ class Finding:
     """The fix as a change of this log; None where the fix is something else (the vehicle file, another flight)."""
     spans: tuple[Span, ...] = ()
     """Where in the log it is; empty: all over."""
+
+
+def turn_in_words(turn_rad: ArrayLike) -> str:
+    """A rotation vector (3,) as angle and axis."""
+    turn = np.asarray(turn_rad, dtype=np.float64)
+    angle = float(np.linalg.norm(turn))
+    axis = ", ".join(f"{part:.1f}" for part in np.round(turn / angle, 1) + 0.0)
+    return f"{np.rad2deg(angle):.0f} deg about ({axis})"
 
 
 def error(what: str, sentence: str, fix: str, *, repair: Repair | None = None, spans: tuple[Span, ...] = ()) -> Finding:

@@ -12,7 +12,7 @@ from flight import FlightLog, InputError, Progress, frames, rotations, silent
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs.check import LogReport, check_log
-from sysid.logs.finding import Finding, Repair
+from sysid.logs.finding import Finding, Repair, turn_in_words
 from sysid.logs.streams import shifted
 from vehicle import Vehicle
 
@@ -173,10 +173,8 @@ def words(repair: Repair) -> str:
         case "flip":
             return f"turned {names} from z down to z up"
         case "turn" | "turn body":
-            angle = float(np.linalg.norm(repair.turn_rad))
-            about = ", ".join(f"{part / angle:.1f}" for part in repair.turn_rad)
             axes = "world" if repair.action == "turn" else "body"
-            return f"turned the {axes} axes of {names} by {np.rad2deg(angle):.1f} deg about ({about})"
+            return f"turned the {axes} axes of {names} by {turn_in_words(repair.turn_rad)}"
         case "conjugate":
             return f"conjugated {names}"
         case "quaternion order":

@@ -11,8 +11,8 @@ from flight import FlightLog, rotations
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs import clocks, rotor_order
-from sysid.logs.attitude import DEGREES, LEAST_RATE_RAD_S
-from sysid.logs.finding import Finding, Repair, error
+from sysid.logs.attitude import LEAST_RATE_RAD_S
+from sysid.logs.finding import Finding, Repair, error, turn_in_words
 from sysid.logs.motion import GRID_S, Kinematics, correlation, on_grid, sampled
 from vehicle import Vehicle
 
@@ -27,15 +27,13 @@ def check(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None) -> list[F
     if not sampled(log, "rate_body_rad_s") or np.sqrt((motion.rate_body_rad_s**2).mean()) < LEAST_RATE_RAD_S:
         return []
     turn_rad = _turn(motion.rate_body_rad_s, on_grid(log, "rate_body_rad_s", motion.time_s))
-    angle = float(np.linalg.norm(turn_rad))
-    if angle < LEAST_RAD:
+    if np.linalg.norm(turn_rad) < LEAST_RAD:
         return []
-    about = ", ".join(f"{part:.1f}" for part in turn_rad / angle)
     keeps_z = rotations.rotate(rotations.exp(turn_rad), np.array([0.0, 0.0, 1.0]))[2] > 0.0
     accelerometer = COLUMNS["specific_force_body_m_s2"] if keeps_z else ()  # its z is judged by gravity
     imu_columns = (*COLUMNS["rate_body_rad_s"], *accelerometer)
     back = (-float(turn_rad[0]), -float(turn_rad[1]), -float(turn_rad[2]))
-    sentence = f"the attitude's body axes are turned by {DEGREES * angle:.0f} deg about ({about}) against the gyro's"
+    sentence = f"the attitude's body axes are turned by {turn_in_words(turn_rad)} against the gyro's"
     attitude, imu = (Repair("turn body", columns, turn_rad=back) for columns in (COLUMNS["q_world_body"], imu_columns))
     of_attitude = "turn the attitude's body axes to the gyro's"
     of_imu = f"turn gyro{' and accelerometer' if keeps_z else ''} to the attitude's body axes"
