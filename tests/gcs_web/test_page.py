@@ -390,6 +390,7 @@ def test_a_no_fly_zone_is_drawn_by_numbers_and_by_its_handle_previewed_applied_a
         form.get_by_label(f"Centre, m {axis}").press("Enter")
     form.get_by_text("no longer free").wait_for()
     wait(lambda: "centre" in station.view.map._handles, "the handles")
+    wait(lambda: station.view.map._shape.centre_m == (3.0, 3.4, 0.5), "the box of the last number typed")
     shape = pulled(station.view.map._shape, "size", np.array([3.4, 3.6, 1.0]))  # as viser tells of a drag's end
     station.view.map.on_shape(shape, True)
     wait(lambda: form.get_by_label("Size, m x").input_value() == "0.9", "the numbers of the pulled box")

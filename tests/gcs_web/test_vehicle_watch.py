@@ -64,7 +64,7 @@ def test_a_vehicle_that_falls_silent_looks_stale_then_lost(key_file):
         until(lambda: told[-1].link == "lost")
     links = [state.link for state in told]
     assert "stale" in links[links.index("fresh") :]
-    assert told[-1].age_s > 2.0
+    assert told[-1].age_s >= 2.0  # rounded to 10 ms
 
 
 class HalfDeadVehicle:
@@ -107,7 +107,7 @@ def test_heartbeats_do_not_keep_an_old_position_fresh(key_file):
     with HalfDeadVehicle(keys.load(key_file)) as vehicle, watching(vehicle.port, key_file) as (_, told):
         until(lambda: told and told[-1].z_m == 3.0)
         until(lambda: told[-1].link == "lost")
-        assert told[-1].age_s > 2.0
+        assert told[-1].age_s >= 2.0  # rounded to 10 ms
 
 
 def test_a_picture_that_cannot_be_drawn_does_not_end_the_watch(key_file):
