@@ -224,7 +224,7 @@ def _heading(motion: Kinematics, reading: Reading) -> tuple[float, float]:
 def _regressed(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Coefficients (k,) of y (..., n) on x (..., n, k), and their covariance, errors being correlated in a block."""
     columns = x.reshape(-1, x.shape[-1])
-    found = np.linalg.lstsq(columns, y.ravel(), rcond=None)[0]
+    found = np.asarray(np.linalg.lstsq(columns, y.ravel(), rcond=None)[0], dtype=np.float64)
     pulls = (x * (y - x @ found)[..., None]).reshape(-1, *x.shape[-2:]).sum(axis=0)
     blocks = np.add.reduceat(pulls, np.arange(0, len(pulls), round(BLOCK_S / GRID_S)))
     inverse = np.linalg.pinv(columns.T @ columns)
