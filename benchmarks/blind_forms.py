@@ -177,7 +177,7 @@ def _lift(rng: Rng, radius_m: float) -> Form:
 
 def _moment(rng: Rng, radius_m: float) -> Form:
     extra = BluntMoment((_size(rng, 1e-3, 8e-3), _size(rng, 1e-3, 8e-3)), float(rng.uniform(2.0, 5.0)))
-    near = ("flapping_moment", "airframe_side_moment")
+    near = ("wake_skew_moment", "flapping_moment", "airframe_side_moment")  # the first saturates, in each axis apart
     return Form(extra, near, ("M_x", "M_y"), ("v_x", "v_y"), "M = c tanh(v / s)")
 
 

@@ -30,9 +30,11 @@ MASSLESS = frozenset(
         "rotor_interaction",
         "centre_of_mass",
         "constant_wind",
+        "motor_lag",
+        "battery_sag",
     }
 )
-"""Effects whose parameters are ratios or lengths; all others scale with the mass, which the file has slightly wrong."""
+"""Effects whose parameters are ratios, times or lengths; all others scale with the mass, slightly wrong in the file."""
 TOLD = (
     *("hidden", "channels", "variables", "law", "tolerated", "real_drag", "near"),
     *("gust_m_s", "rotor_late_s", "commands_only"),

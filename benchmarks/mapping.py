@@ -9,6 +9,7 @@
     python benchmarks/mapping.py --room 60         a whole map of the rendered room: poses, mesh, queries, CPU, memory
     ... --room 60 --disturbed                      besides, poses with moved crates, blur, exposure jumps, a blank wall
     python benchmarks/mapping.py --hall 180        poses in a hall of 18 x 12 x 5 m
+    python benchmarks/mapping.py --texture 44      the textured mesh of the rendered room against its true paint
     python benchmarks/mapping.py --walk FOLDER     a recorded walk (gopro_max_walk): poses, house wall, lens by itself
 
 The matches are made by formula from a true rig (see `tracks`), so that a draw takes seconds. The trial starts from a
@@ -23,6 +24,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+import mapping_texture
 import mapping_walk
 import mapping_whole
 import numpy as np
@@ -369,8 +371,9 @@ if __name__ == "__main__":
     parser.add_argument("--room", type=int, default=0, help="pairs of images of the rendered room")
     parser.add_argument("--disturbed", action="store_true", help="with --room: the same disturbed")
     parser.add_argument("--hall", type=int, default=0, help="pairs of images of the rendered hall")
+    parser.add_argument("--texture", type=int, default=0, help="pairs of images of a textured map")
     parser.add_argument("--walk", type=Path, help="folder of a recorded walk")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows of the last four here")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows of the last five here")
     given = parser.parse_args()
     if given.cameras:
         blind(given.cameras, given.seed)
@@ -395,6 +398,8 @@ if __name__ == "__main__":
             rows += mapping_whole.disturbed_room(Path(name) / "disturbed", given.room, clean_m)
         if given.hall:
             rows += mapping_whole.large_hall(Path(name) / "hall", given.hall)
+        if given.texture:
+            rows += mapping_texture.texture(Path(name) / "texture", given.texture)
         if given.walk:
             rows += mapping_walk.walk(Path(name) / "walk", given.walk)
     if given.json:

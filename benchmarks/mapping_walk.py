@@ -21,7 +21,7 @@ from flight import FloatArray, frames, rotations
 from mapping.camera import rig as rigs
 from mapping.sparse import reconstruction
 
-CARRIER_M = 0.4
+CARRIER_M = 0.45
 BEHIND_M = 0.10
 NEAR_M, STEP_M, LEAST_VIEWS = 6.0, 0.05, 3
 PLANE_M = 0.04

@@ -1,8 +1,9 @@
 """How much of the rotors' roll and pitch torque a moment in edgewise flow explains, on kinds of flight held out.
 
 Run by `real_logs.py torque`. The torque of the measured rotor speeds is regressed on inertia times turning (gyroscopic
-term included) and on a moment of the catalogue, and judged on the kind of flight left out, all within a band. Before
-that, inertia by frequency: the ratio of torque to turning in each flight.
+term included), on thrust times an offset of the centre of mass, and on a moment of the catalogue, and judged on the
+kind of flight left out, all within a band. Before that, inertia by frequency: the ratio of torque to turning in each
+flight.
 """
 
 from collections.abc import Mapping
@@ -41,8 +42,10 @@ class Motion:
     rate_rad_s: FloatArray
     turning_rad_s2: FloatArray
     rotor_speed_rad_s: FloatArray
+    thrust_n: FloatArray
+    """(n,) of all rotors, by the vehicle file's coefficient."""
     torque_n_m: FloatArray
-    """(n, 3) of the rotors, by the vehicle file's thrust."""
+    """(n, 3) of the rotors, likewise."""
     known: NDArray[np.bool_]
     """(n,) whether the position was there: around its jumps it is not."""
 
@@ -97,21 +100,23 @@ def _motion(kind: str, log: FlightLog, model: vehicle.Vehicle) -> Motion:
         for quantity in ("rotor_speed_rad_s", "rate_body_rad_s")
     )
     still = np.zeros_like(rate)
+    force_n, torque_n_m = vehicle.wrench(model, still, still, speed)
     return Motion(
         kind,
         rotations.rotate(rotations.conjugate(motion.q), motion.velocity_world_m_s),
         rate,
         CubicSpline(motion.time_s, rate)(motion.time_s, 1),  # central differences lose 25 % at 20 Hz
         speed,
-        vehicle.wrench(model, still, still, speed)[1],
+        force_n[:, 2],
+        torque_n_m,
         np.interp(motion.time_s, log.time_s, np.isfinite(log.vector("position_world_m")).all(axis=1)) > 0.99,
     )
 
 
 def _columns(m: Motion, axis: int, moment: str, values: Mapping[str, float], model: vehicle.Vehicle) -> FloatArray:
-    """(n, 2 or 3): turning, its gyroscopic term, and the moment's torque."""
+    """(n, 3 or 4): turning, its gyroscopic term, thrust (on the arm of the centre of mass), and the moment's torque."""
     gyroscopic = m.rate_rad_s[:, 1 - axis] * m.rate_rad_s[:, 2]
-    columns = [m.turning_rad_s2[:, axis], gyroscopic]
+    columns = [m.turning_rad_s2[:, axis], gyroscopic, m.thrust_n]
     if moment != "none":
         motion = m.velocity_body_m_s, m.rate_rad_s, m.rotor_speed_rad_s
         with_it = vehicle.wrench(model.with_effect(moment, **values), *motion)[1]

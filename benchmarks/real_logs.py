@@ -21,8 +21,9 @@ from scipy.interpolate import CubicSpline
 import sysid
 import vehicle
 from flight import FlightError, FlightLog, rotations
-from sysid.logs.clocks import clock_offset, rotors_after_gyro
-from sysid.logs.motion import kinematics, on_grid
+from sysid.logs import gyro_clock
+from sysid.logs.clocks import rotors_after_gyro
+from sysid.logs.motion import kinematics
 
 MAPS = Path(__file__).parent / "column_maps"
 SPIN = np.array([1.0, -1.0, 1.0, -1.0])
@@ -121,8 +122,8 @@ def on_one_clock(log: FlightLog, model: vehicle.Vehicle) -> FlightLog:
     """The log with gyro and rotor speed on the clock of the attitude, ends dropped."""
     motion = kinematics(log)
     assert motion is not None
-    # the plain comparison: instrumental variables (sysid.logs.gyro_clock) are inconclusive on five of these flights
-    gyro_s = clock_offset(motion.rate_body_rad_s, on_grid(log, "rate_body_rad_s", motion.time_s)).delay_s
+    # instrumental variables (gyro_clock.after_attitude) are inconclusive on five of these flights
+    gyro_s = gyro_clock.compared_plainly(log, motion).delay_s
     rotors_s = rotors_after_gyro(log, motion, model).delay_s
     print(f"  {log.metadata['name']}: {1000.0 * rotors_s:+.1f}, {1000.0 * gyro_s:+.1f}")
     columns = dict(log.columns)
@@ -244,9 +245,9 @@ def controller(folder: Path, chosen: argparse.Namespace) -> None:
             continue
         e = result.estimate("thrust_quadratic.k_n_s2")
         group = f"{row['motors']}, {mass_kg:g} kg" + (", payload" if payload else "")
-        state = "" if result.converged else " NOT converged"
-        print(f"{row['log']:8s} {group:32s} gain {e.value / k:.3f} +- {e.std_robust / k:.3f}{state}", flush=True)
-        if result.converged:
+        gain = f"gain {e.value / k:.3f} +- {e.std_robust / k:.3f}"
+        print(f"{row['log']:8s} {group:32s} {gain}, {result.verdict.use}", flush=True)
+        if not result.verdict.against:
             groups.setdefault(group, []).append((e.value / k, e.std_robust / k))
     for group, found in groups.items():
         gains = np.array([gain for gain, _ in found])

@@ -81,24 +81,25 @@ def moved_edits(edits: Sequence[Edit], T_new_old: FloatArray, grid: Grid) -> tup
     return tuple(result)
 
 
-def moved_field(field: Field, T_new_old: FloatArray, *, lattice: Grid | None = None) -> Field:
+def moved_field(field: Field, T_new_old: FloatArray, *, lattice: Grid | None = None, uncertain_m: float = 0.0) -> Field:
     """A mapped field in the new frame, never more permissive than it was.
 
-    Without a rotation and a lattice the voxels stay what they are. Else a new voxel is occupied if the box round it,
-    along the old axes, overlaps an occupied voxel, else unknown if it overlaps an unknown one or leaves the map, else
-    free: surfaces grow by up to a voxel.
+    Without a rotation, a lattice and an uncertainty the voxels stay what they are. Else a new voxel is occupied if the
+    box round it, along the old axes, overlaps an occupied voxel, else unknown if it overlaps an unknown one or leaves
+    the map, else free: surfaces grow by up to a voxel.
 
     Args:
         lattice: the new voxels are multiples of this grid's away from its own; its size is used, too.
+        uncertain_m: how far from its place each point may lie: the boxes round new voxels are so much larger.
     """
     R, t = T_new_old[:3, :3], T_new_old[:3, 3]
-    if lattice is None and _same(R, np.eye(3)):
+    if lattice is None and _same(R, np.eye(3)) and not uncertain_m > 0.0:
         origin = tuple((field.grid.low_world_m + t).tolist())
         return replace(field, grid=Grid(origin, field.grid.voxel_m, field.grid.shape))
     grid = _covering(field.grid, T_new_old, lattice)
     T_old_new = frames.invert(T_new_old)
     # voxels of the old grid that the box round a new voxel spans, by sums over all voxels up to a corner
-    half_m = np.abs(T_old_new[:3, :3]) @ (0.5 * np.array(grid.voxel_m))
+    half_m = np.abs(T_old_new[:3, :3]) @ (0.5 * np.array(grid.voxel_m)) + uncertain_m
     occupied, unknown = (_sums(field.state == which) for which in (OCCUPIED, UNKNOWN))
     state = np.empty(grid.shape, np.uint8)
     for slab in solids.slabs(grid.everything):

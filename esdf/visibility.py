@@ -111,7 +111,6 @@ def look(state: ArrayLike, grid: Grid, views: Sequence[View], *, pixels: float =
     coarse = Grid(grid.origin_world_m, tuple(coarser * np.array(grid.voxel_m)), shape)  # pyright: ignore[reportArgumentType]
     finest = np.full(coarse.voxels, np.inf, np.float32)
     centres = coarse.centres().reshape(-1, 3)
-    targets = np.ascontiguousarray((centres - grid.low_world_m) / np.array(grid.voxel_m))
     for view in views:
         offset = centres - np.array(view.centre_world_m)
         distance = np.linalg.norm(offset, axis=1)
@@ -119,11 +118,25 @@ def look(state: ArrayLike, grid: Grid, views: Sequence[View], *, pixels: float =
         thinnest = pixels * view.pixel_rad * (distance + coarse.half_diagonal_m)
         # Only where this view would be the best so far is the line of sight worth walking.
         wanted = np.flatnonzero((offset @ axis >= np.cos(view.half_angle_rad) * distance) & (thinnest < finest))
-        visible = np.empty(len(wanted), bool)
-        eye = (np.array(view.centre_world_m) - grid.low_world_m) / np.array(grid.voxel_m)
-        _esdf.line_of_sight(states, tuple(eye.tolist()), targets[wanted], visible)
+        visible = line_of_sight(states, grid, view.centre_world_m, centres[wanted])
         finest[wanted[visible]] = thinnest[wanted[visible]]
     return Visibility(coarse, finest.reshape(shape))
+
+
+def line_of_sight(
+    state: StateArray, grid: Grid, eye_world_m: ArrayLike, points_world_m: ArrayLike
+) -> NDArray[np.bool_]:
+    """Whether no OCCUPIED voxel lies between the eye (3,) and each point (n, 3); the point's own voxel does not count.
+
+    Args:
+        state: (nx, ny, nz) of the grid, as `checked_state` returns it.
+    """
+    voxel_m = np.array(grid.voxel_m)
+    targets = np.ascontiguousarray((checked_points(points_world_m) - grid.low_world_m) / voxel_m)
+    eye = (np.asarray(eye_world_m, dtype=np.float64) - grid.low_world_m) / voxel_m
+    visible = np.empty(len(targets), bool)
+    _esdf.line_of_sight(state, tuple(eye.tolist()), targets, visible)
+    return visible
 
 
 def save_visibility(path: Path, visibility: Visibility) -> None:

@@ -11,8 +11,9 @@ import planner.space
 from firmware_bridge import wire
 from flight import FloatArray, Trajectory, TrajectoryFile
 from flight.mission import Ground
-from gcs_web import document, map_edits, protocol, protocol_parts
+from gcs_web import document, map_edits, protocol, protocol_parts, scene
 from gcs_web.map_edits import MapEdit
+from mapping.free_space import FreeSpace
 from planner.space import DistanceField
 from vehicle import Limits, Vehicle, flatness
 
@@ -101,6 +102,14 @@ def series(trajectory: Trajectory, vehicle: Vehicle, field: DistanceField, bound
         rotor_margin_percent=_list(100.0 * np.minimum(high - fastest**2, slowest**2 - low) / (high - low)),
         q_world_body=_list(flat.q_world_body.ravel()),
     )
+
+
+def could_hide_mm(shown: protocol.Series, free: FreeSpace | None, reach_m: float) -> list[float]:
+    """How thick an obstacle could hide at each sample of `series`; none where that is not known."""
+    if free is None:
+        return []
+    positions = np.column_stack([shown.x_m, shown.y_m, shown.z_m])
+    return _list(1e3 * np.minimum(free.profile(positions, reach_m), scene.COULD_HIDE_SPAN_M))
 
 
 def judged_clearance(

@@ -17,6 +17,7 @@ from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 import planner
@@ -310,6 +311,8 @@ def _planned(
     file, report = found.file, found.gate
     page_values.crc32(file)  # a plan that the vehicle cannot store is refused here, in words
     series = page_values.series(file.trajectory, believed, area.field, found.limits)
+    hidden_mm = page_values.could_hide_mm(series, free, report.required_clearance_m)
+    series = msgspec.structs.replace(series, could_hide_mm=hidden_mm)
     judged_m = page_values.judged_clearance(file.trajectory, area.field, report, series)
     bounds = page_values.limits(report, series, judged_m)
     radii_m = {point.id: point.fly_by_m for point in content.points}

@@ -336,8 +336,8 @@ class Diagnosis(msgspec.Struct, frozen=True, tag="diagnosis"):
     state: Literal["none", "current", "old"]
     verdict: str = ""
     probability: float = 0.0
-    something_unknown: float = 0.0
-    otherwise: float = 0.0
+    probabilities: str = ""
+    """In a sentence: that one, that of something unknown and that of another effect, each with what it is of."""
     fit: str = ""
     """The verdict on the fit in a sentence."""
     learn: list[str] = []

@@ -137,7 +137,7 @@ class MapFacts(msgspec.Struct, frozen=True):
     hash: str = ""
 
 
-Colour = Literal["clearance", "speed", "thrust", "tilt", "rotor_margin"]
+Colour = Literal["clearance", "could_hide", "speed", "thrust", "tilt", "rotor_margin"]
 YawMode = Literal["along_path", "smooth", "steady", "fixed", "look_at", "free"]
 
 
@@ -195,7 +195,7 @@ class Passing(msgspec.Struct, frozen=True):
 
 
 class Series(msgspec.Struct, frozen=True):
-    """The plan sampled at equal steps of time; all lists are of one length, but the last of four times that."""
+    """The plan sampled at equal steps of time; all lists are of one length, but where they say otherwise."""
 
     time_s: list[float]
     x_m: list[float]
@@ -215,6 +215,9 @@ class Series(msgspec.Struct, frozen=True):
     range between both."""
     q_world_body: list[float]
     """Attitudes one after another, four numbers each (w x y z)."""
+    could_hide_mm: list[float] = []
+    """How thick an obstacle could hide within the required clearance; 100 where it is more, or no image looked; empty
+    where the map has no images."""
 
 
 class Problem(msgspec.Struct, frozen=True):

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 PLENTY_ABOVE_M = 0.7
 """Clearance this far above the limit has the colour of plenty."""
 
+COULD_HIDE_SPAN_M = 0.10
+"""Thickness at the upper end of the scale of what could hide; the page's legend has the same."""
+
 ARROWS = ((196, 113, 240), (40, 190, 175))
 """Colours of the arrows of residual force and residual torque; the page's legend has the same."""
 
@@ -51,6 +54,9 @@ def series_colours(series: protocol.Series, what: str, required_m: float) -> np.
     """Colours of a path by one of its figures, from the smallest to the largest: (n, 3) uint8."""
     if what == "clearance":
         return clearance_colours(np.array(series.clearance_m), required_m)
+    if what == "could_hide":  # where nothing is known, as where no image looked
+        thickness_m = 1e-3 * np.array(series.could_hide_mm or [1e3 * COULD_HIDE_SPAN_M] * len(series.time_s))
+        return colours(thickness_m / COULD_HIDE_SPAN_M, "cividis")
     values = {
         "speed": series.speed_m_s,
         "thrust": series.thrust_n,

@@ -14,8 +14,6 @@ from mapping import Map
 
 MOST_PIXELS, MOST_PER_VOXEL = 900, 6
 """Of a picture's longer side, and of a voxel's."""
-COULD_HIDE_SPAN_M = 0.10
-"""Thickness at the upper end of the scale of what could hide."""
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 _ALPHA, _HATCH_ALPHA, _FAINT_ALPHA = 205, 120, 28
@@ -145,7 +143,7 @@ def _could_hide(hidden: Visibility, field: esdf.Field, plane: _Plane) -> Colours
     finest = hidden.finest(plane.points_world_m).reshape(plane.shape)
     seen = np.isfinite(finest)
     rgba = _hatched(plane.shape, _UNKNOWN)
-    share = finest[seen] / COULD_HIDE_SPAN_M
+    share = finest[seen] / scene.COULD_HIDE_SPAN_M
     rgba[seen, :3], rgba[seen, 3] = scene.colours(share, "cividis"), _ALPHA
     solid = np.nan_to_num(field.distance(plane.points_world_m), nan=-1.0).reshape(plane.shape) < 0.0
     rgba[solid & seen, 3] = _FAINT_ALPHA

@@ -1,4 +1,4 @@
-"""A map as one offline HTML page: verdict, sources of scale, the camera file on trial, residuals, coverage."""
+"""A map as one offline HTML page: verdict, scale, camera file on trial, residuals, coverage, where to look again."""
 
 import math
 import tempfile
@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 
 import esdf
-from flight import FormatError, file_format
+from flight import FormatError, InputError, file_format
+from goshawk import look_again
 from mapping import Map, map_folder, map_parts
 from mapping.verdict import Standing
+from mapping.view_planning import ViewOptions
 from sysid.report.drawing import INK, figure, plain, written
 from sysid.report.pages import picture, table, write_page
 
@@ -35,6 +37,8 @@ def write(path: Path, area: Map) -> Path:
             drawn = [_residuals(report, Path(folder)), _coverage(area, Path(folder))]
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise FormatError(f"{area.folder / 'report.json'}: {file_format.damage_text(error)}") from error
+    with tempfile.TemporaryDirectory() as folder:
+        drawn.append(_again(area, Path(folder)))
     body = _head(area, report) + _figures(area, report) + tables + "".join(drawn)
     return write_page(path, f"Map {area.folder.resolve().name}", body)
 
@@ -73,6 +77,9 @@ def _figures(area: Map, report: dict[str, Any]) -> str:
         "up from": facts.get("up_source", ""),
         "path": f"{facts['path_length_m']:.2f} m" if "path_length_m" in facts else "",
         "free, occupied, unknown": ", ".join(f"{volume:.1f} m³" for volume in volumes) + ", edits included",
+        "errors, scale and camera file": f"as found in {whole}, before it was cropped"
+        if (whole := report.get(map_parts.MADE_OF))
+        else "",
         "hash": area.hash,
         "history": "; ".join(facts.get(map_parts.HISTORY, [])),
     }
@@ -177,3 +184,47 @@ def _coverage(area: Map, folder: Path) -> str:
         "where nothing is known, white where nothing is free. Red: where the images were taken.</p>"
     )
     return "<h2>Coverage</h2>" + picture(path, "What was seen") + note
+
+
+def _again(area: Map, folder: Path) -> str:
+    head = "<h2>Where to look again</h2>"
+    options = ViewOptions(clearance_m=look_again.clearance_m(area, None, None, None))
+    try:
+        found = look_again.find(area, options)
+    except InputError as error:  # no images, no room: the rest of the page is worth reading
+        return f"{head}<p>Not known: {escape(str(error))}.</p>"
+    said = f"{head}<p>{escape(look_again.sentence(found))}.</p>"
+    if not found.views:
+        return said
+    drawn, axes = figure(1, 1, (9.0, 6.0))
+    place, grid = axes[0][0], area.field.grid
+    low, high = grid.low_world_m, grid.high_world_m
+    free = (area.field.state == esdf.FREE).any(axis=2)
+    extent = (low[0], high[0], low[1], high[1])
+    place.imshow(free.T, origin="lower", extent=extent, cmap="Blues", vmin=0.0, vmax=4.0, interpolation="nearest")
+    for shown, colour, name in ((False, "#8c8c8c", "unknown, not shown"), (True, "#c98a1b", "unknown, would be shown")):
+        cells = found.targets_world_m[found.shown == shown]
+        place.plot(cells[:, 0], cells[:, 1], "s", color=colour, markersize=3, label=name)
+    positions = np.array([view.position_world_m for view in found.views])
+    heading = np.array([view.heading_rad for view in found.views])
+    place.plot(positions[:, 0], positions[:, 1], "-", color=INK, linewidth=0.8, label="order")
+    place.quiver(positions[:, 0], positions[:, 1], np.cos(heading), np.sin(heading), color="#b0413e", scale=25.0)
+    for number, (x, y, _) in enumerate(positions, start=1):
+        place.annotate(str(number), (x, y), color=INK, xytext=(3, 3), textcoords="offset points")
+    plain(place, "from above", "x (m)", "y (m)")
+    place.grid(False)
+    place.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
+    rows = "".join(
+        f"<tr><td>{number}</td>"
+        + "".join(f"<td>{value:.2f}</td>" for value in view.position_world_m)
+        + f"<td>{view.heading_deg:.0f}</td><td>{view.shows_m3:.2f}</td></tr>"
+        for number, view in enumerate(found.views, start=1)
+    )
+    listed = table(("view", "x (m)", "y (m)", "z (m)", "heading (°)", "shows (m³)"), rows, words=1)
+    note = (
+        f"<p class='small'>Arrows: places with a clearance of {options.clearance_m:.2f} m, and where the body's x axis "
+        "points there. What a view shows is an upper bound, and views share it. <code>goshawk map again</code> writes "
+        "them as waypoints.</p>"
+    )
+    picture_of = picture(written(drawn, folder / "again.svg"), "Where to look again, from above")
+    return said + picture_of + listed + note

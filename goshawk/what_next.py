@@ -1,5 +1,6 @@
 """Commands that follow a diagnosis: add the effect, make an effect of the curve, or fly the next manoeuvre."""
 
+import re
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,10 +27,13 @@ class DiagnoseCall:
     held_out: Sequence[Path] = ()
     columns: Path | None = None
     out: Path | None = None
+    """The vehicle file that was written, if any."""
     json_file: Path | None = None
     auto: bool = False
     fit: str = ""
     """Options of the fit, as they are typed."""
+    refused: Path | None = None
+    """The vehicle file that was asked for and not written, as the fit is not to be used."""
 
     @property
     def model_file(self) -> Path:
@@ -77,7 +81,9 @@ def _fit_first(found: Diagnosis, call: DiagnoseCall) -> list[str]:
     fit = found.search.models[-1].fit
     if fit.converged:
         return ["(the fit is not to be used: settle first what its verdict says)"]
-    again = f"{call.again(call.vehicle_file)}{' --auto' if call.auto else ''} --steps {2 * len(fit.solution.record)}"
+    longer = f"{re.sub(r' --steps [0-9]+', '', call.fit)} --steps {2 * len(fit.solution.record)}"
+    asked = f"{' --auto' if call.auto else ''}{f' --out {_words(call.refused)}' if call.refused else ''}"
+    again = f"{replace(call, fit=longer).again(call.vehicle_file)}{asked}"
     return ["(the fit has not converged: let it go on, or mend what the log's checks find, before all else)", again]
 
 
@@ -87,6 +93,8 @@ def _added(found: Diagnosis) -> tuple[str, ...]:
 
 
 def _after_additions(found: Diagnosis, call: DiagnoseCall) -> list[str]:
+    if call.refused is not None:
+        return []  # the fit comes first, and adds them again
     if call.out is not None:
         return [] if call.auto else [call.again(call.out)]
     effects = list(dict.fromkeys(name.partition("[")[0] for name in _added(found)))

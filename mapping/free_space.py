@@ -72,6 +72,38 @@ class FreeSpace:
         time_s, point = float(times[nearest[first]]), _point(places[first])
         return CouldHide(reach_m, float(thickness_m[first]), time_s, point, THRESHOLD_M, share)
 
+    def profile(self, positions_world_m: ArrayLike, reach_m: float) -> FloatArray:
+        """How thick an obstacle could hide at most within reach of each position (n, 3), for a chart.
+
+        Asked of the cells in which `seen` resolves, each of which counts if it comes within reach and holds free space
+        in which something could hide: never less than `along` finds, and quicker.
+
+        Returns:
+            (n,) metres; infinite where no image looked, 0 where nothing could hide.
+        """
+        path = np.asarray(positions_world_m, dtype=np.float64)
+        coarse, grid = self.seen.grid, self.field.grid
+        box = coarse.region(path.min(axis=0) - reach_m, path.max(axis=0) + reach_m)
+        if box.empty:
+            return np.zeros(len(path))
+        ratio = np.rint(np.array(coarse.voxel_m) / grid.voxel_m).astype(np.int64)
+        first = ratio * box.low
+        within = tuple(slice(a, a + r * n) for a, r, n in zip(first, ratio, box.shape, strict=True))
+        free = (self.field.state[within] == FREE) & ~self.empty[within]
+        for axis, step in enumerate(ratio):  # a cell counts if one of its voxels does
+            free = np.logical_or.reduceat(free, np.arange(0, free.shape[axis], step), axis=axis)
+        thickness_m = np.where(free, self.seen.finest_m[box.slices][tuple(map(slice, free.shape))], 0.0)
+        around = np.ceil(reach_m / np.array(coarse.voxel_m)).astype(np.int64)
+        steps = np.stack(np.meshgrid(*(np.arange(-n, n + 1) for n in around), indexing="ij"), axis=-1).reshape(-1, 3)
+        worst_m = np.zeros(len(path))
+        for step in steps:
+            cells = coarse.index(path) + step
+            apart_m = np.maximum(np.abs(coarse.centre(cells) - path) - 0.5 * np.array(coarse.voxel_m), 0.0)
+            at = cells - box.low
+            inside = ((at >= 0) & (at < thickness_m.shape)).all(axis=1) & (np.linalg.norm(apart_m, axis=1) < reach_m)
+            worst_m[inside] = np.maximum(worst_m[inside], thickness_m[tuple(at[inside].T)])
+        return worst_m
+
     def _cells_near(self, path_world_m: FloatArray, distance_m: float) -> NDArray[np.int64]:
         """Free voxels (m, 3), not known to be empty otherwise, with their centre this near to one of the points."""
         from scipy.spatial import KDTree

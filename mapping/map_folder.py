@@ -41,7 +41,7 @@ from mapping.dense import depth_files, mesh_file, resolution, surface
 from mapping.dense.depth_files import DepthFiles
 from mapping.dense.surface import DenseOptions
 from mapping.free_space import FreeSpace
-from mapping.input import source
+from mapping.input import source, trajectory
 from mapping.input.depth_images import DepthFolder
 from mapping.input.images import ImageSet
 from mapping.input.selection import SelectionOptions
@@ -220,6 +220,8 @@ def build_map(
         results.require_free_folder(out, overwrite=overwrite, ours=is_map)
     has_other = options.depths is not None or bool(options.motions)
     alignment.require_scale(Path(images), rig, options.length, options.references, has_other=has_other)
+    for recorded in options.motions.values():
+        trajectory.read(recorded)  # a fault of it is told before the images are decoded
     again = STAGES[STAGES.index(again_from) :] if again_from else ()
     given = source.Source(Path(images), rig, options.masks, options.depths, options.selection)
     if not given.is_video:

@@ -24,6 +24,11 @@ from mapping.dense import mesh_file, resolution
 from mapping.sparse import localization_map
 from mapping.sparse.localization_map import LocalizationMap
 
+MADE_OF = "figures_of"
+"""Key of the `report.json` of a cropped map: the map whose scale, calibration and residuals it states."""
+_COUNTED = ("images", "images_placed", "path_length_m")
+"""Facts that are those of the part in a cropped map."""
+_OF_THE_WHOLE = ("swept_occupied_m3", "resolved_m", "depth", "cpu_s")
 HISTORY = "history"
 """Key of `map.toml`: how the map was made of others, a sentence a step."""
 
@@ -189,7 +194,7 @@ def cropped(parts: MapParts, kept: Solid, sentence: str) -> MapParts:
         raise InputError(
             f"no surface of the map lies inside the {type(kept).__name__.lower()} to keep; take a larger one"
         )
-    return dataclasses.replace(
+    part = dataclasses.replace(
         parts,
         field=field,
         edits=moving.moved_edits(parts.edits, np.eye(4), grid),
@@ -200,8 +205,47 @@ def cropped(parts: MapParts, kept: Solid, sentence: str) -> MapParts:
         images=tuple(name for name, there in zip(parts.images, placed, strict=True) if there),
         time_s=parts.time_s[placed],
         T_world_body=parts.T_world_body[placed],
+        seen=resolution.moved(parts.seen, np.eye(4), grid),
         facts=noted(parts, sentence),
     )
+    figures = _figures_of_part(part, _walked_m(parts.T_world_body, placed))
+    return dataclasses.replace(
+        part,
+        facts=part.facts | {name: figures[name] for name in _COUNTED if name in part.facts},
+        report=None if parts.report is None else _report_of_part(parts, figures),
+    )
+
+
+def _walked_m(T_world_body: FloatArray, placed: np.ndarray) -> float:
+    """Length of the way between images (n, 4, 4) that follow each other and are both kept."""
+    steps_m = np.linalg.norm(np.diff(T_world_body[:, :3, 3], axis=0), axis=1)
+    return float(steps_m[placed[:-1] & placed[1:]].sum())
+
+
+def _figures_of_part(part: MapParts, path_length_m: float) -> dict[str, Any]:
+    """What a report says of a map's own extent, for a part of it."""
+    voxel_m3 = float(np.prod(part.field.grid.voxel_m))
+    free, occupied = (part.field.state == which for which in (esdf.FREE, esdf.OCCUPIED))
+    count, listed = len(part.images) * len(part.rig.cameras), (part.report or {}).get("not_placed", [])
+    lacking = [name for name in listed if name.rsplit("/", 1)[-1] in part.images]  # another camera's is there
+    return {
+        "images": count,
+        "images_placed": count - len(lacking),
+        "not_placed": lacking,
+        "path_length_m": path_length_m,
+        "points": len(part.known.points_world_m),
+        "mesh_vertices": len(part.vertices_world_m),
+        "mesh_faces": len(part.faces),
+        "free_m3": float(free.sum()) * voxel_m3,
+        "occupied_m3": float(occupied.sum()) * voxel_m3,
+    }
+
+
+def _report_of_part(whole: MapParts, figures: dict[str, Any]) -> dict[str, Any]:
+    """The whole map's report with a part's own figures, without those that are not known of a part."""
+    report = whole.report or {}
+    kept = {name: value for name, value in report.items() if name not in _OF_THE_WHOLE}
+    return {**kept, **figures, MADE_OF: report.get(MADE_OF, whole.name)}
 
 
 def mesh_of(parts: MapParts, kept: np.ndarray) -> tuple[FloatArray, np.ndarray, np.ndarray]:

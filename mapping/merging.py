@@ -34,6 +34,8 @@ _LEAST_SEEN_BY_BOTH = 0.05
 """Share of the smaller mesh that the other map must have seen, too."""
 _SAME_FOCAL, _SAME_PLACE = 0.03, 0.03
 """How far cameras of one rig may differ: focal length, relative; elements of T_body_camera, metres or radians."""
+_RESIDUALS = 2.0
+"""Medians of the distance of two places of one point that 99 % of such distances are below (Maxwell's distribution)."""
 _MOST_CONTRADICTION = 0.10
 """Share of the surfaces seen by both that one map may show in the other's free space: things are moved."""
 
@@ -115,15 +117,17 @@ def merged(first: MapParts, second: MapParts, found: Registration) -> MapParts:
     """Both maps in the first one's frame and voxels.
 
     A voxel that either map saw is known, one occupied in either is occupied; the second map's voxels, which are turned,
-    grow by up to one. The camera file is the first map's. Poses of the second are left out if another rig took its
-    images. What each pilot freed stays free as far as the other map shows nothing there.
+    grow by up to one, and by twice the registration's residual: nearly all common points are nearer to each other. The
+    camera file is the first map's. Poses of the second are left out if another rig took its images. What each pilot
+    freed stays free as far as the other map shows nothing there.
     """
     first, second = _settled(first), _settled(second)
     sentence = (
         f"joined {first.name} ({first.field.hash[:8]}) and {second.name} ({second.field.hash[:8]}), "
         f"{len(found.pairs)} common points, {1000.0 * found.residual_m:.0f} mm"
     )
-    turned = moving.moved_field(second.field, found.T_first_second, lattice=first.field.grid)
+    uncertain_m = _RESIDUALS * found.residual_m
+    turned = moving.moved_field(second.field, found.T_first_second, lattice=first.field.grid, uncertain_m=uncertain_m)
     if (turned.cap_m, turned.unknown) != (first.field.cap_m, first.field.unknown):
         turned = esdf.build(turned.state, turned.grid, cap_m=first.field.cap_m, unknown=first.field.unknown)
     field = regrid.merge(first.field, turned)

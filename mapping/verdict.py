@@ -174,9 +174,17 @@ def _weigh(used: ScaleWitness, other: ScaleWitness, doubts: list[str], refusals:
         return
     text = (
         f"the scale from the {used.source} is {other.ratio:.3f} times that from the {other.source} "
-        f"(± {std:.3f}); one of them is wrong"
+        f"(± {std:.3f}); one of them is wrong{_unit(other.ratio)}"
     )
     (refusals if off > max(SCALE_REFUSED, 3.0 * std) else doubts).append(text)
+
+
+def _unit(ratio: float) -> str:
+    """A unit that the ratio of two scales would come from."""
+    for factor, unit in ((100.0, "centimetres"), (1000.0, "millimetres")):
+        if min(abs(ratio / factor - 1.0), abs(ratio * factor - 1.0)) < SCALE_REFUSED:
+            return f", as if it were in {unit}"
+    return ""
 
 
 def size_text(finding: Finding, *, most: bool = False) -> str:

@@ -90,17 +90,20 @@ def command(
         outlooks = outlook(found, rng=np.random.default_rng(0))
     document = found.as_dict()
     usable = found.fit_verdict.use is not Use.REJECTED
-    call = DiagnoseCall(flights, vehicle_file, held_out, columns, out, kept, auto, fit_options.typed(fit))
+    written_to = out if usable or anyway else None
+    refused = None if written_to else out
+    call = DiagnoseCall(
+        flights, vehicle_file, held_out, columns, written_to, kept, auto, fit_options.typed(fit), refused
+    )
     document["next"] = what_next.lines(found, call, outlooks)
     document["outlook"] = {name: view.as_dict() for name, view in outlooks.items()}
-    written_to = out if usable or anyway else None
     document |= _write(found, written_to, report_file, plots, document["next"], outlooks, overwrite)
     if kept is not None:
         outputs.write_json(kept, document, overwrite=overwrite)
     if json_file == "-":
         console.show("", {}, as_json=True, document=document)
     else:
-        _show(found, document, outlooks)
+        _show(found, document, outlooks, refused)
     return 0 if usable else 1
 
 
@@ -143,12 +146,10 @@ def _write(
     return {"written": out and str(out), "report": report_file and str(report_file), "figures": placed}
 
 
-def _show(found: Diagnosis, document: dict[str, Any], outlooks: Mapping[str, Outlook]) -> None:
-    click.echo(f"{found.verdict} (confidence {found.confidence:.0%})")
-    belief = found.belief
-    click.echo(
-        f"  otherwise: something unknown besides {belief.something_unknown:.0%}, other names {belief.otherwise:.0%}"
-    )
+def _show(found: Diagnosis, document: dict[str, Any], outlooks: Mapping[str, Outlook], refused: Path | None) -> None:
+    of = "" if found.says_missing else " that nothing is missing"
+    click.echo(f"{found.verdict} (confidence {found.confidence:.0%}{of})")
+    click.echo(f"  {found.belief.sentence(named=found.says_missing)}")
     click.echo(f"  the fit is {found.fit_verdict.sentence}")
     for attempt in found.attempts:
         click.echo(f"  {attempt.name} {attempt.sentence}")
@@ -181,6 +182,8 @@ def _show(found: Diagnosis, document: dict[str, Any], outlooks: Mapping[str, Out
     for path in (document["written"], document["report"], *document["figures"]):
         if path:
             click.echo(f"written: {path}")
+    if refused is not None:
+        click.echo(f"not written: {refused}, as the fit is not to be used (see --anyway)")
 
 
 def outside_sentence(found: Diagnosis) -> str:

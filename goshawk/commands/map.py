@@ -10,13 +10,14 @@ import click
 import mapping
 from flight import InputError, results
 from goshawk import console, outputs
+from goshawk.commands.map_again import again
 from goshawk.commands.map_copies import align, crop, merge, origin
 from goshawk.commands.map_edit import edit
 from goshawk.commands.map_report import report
 from goshawk.commands.map_show_esdf import show_esdf
 from goshawk.commands.map_texture import texture
 from mapping import map_folder, stages
-from mapping.input import examination
+from mapping.input import examination, trajectory
 from mapping.input.source import Source
 from mapping.verdict import Standing
 
@@ -111,6 +112,7 @@ def build(
     goshawk map show-esdf --help     show the distance field of a map
     goshawk map edit --help          add obstacles and no-fly zones to it, clear errors
     goshawk map crop|origin|align|merge --help      make a new map of one or two
+    goshawk map again --help         where to look again, as waypoints
     goshawk map report --help        all that is known of a map as one HTML file
     goshawk map texture --help       the mesh with a texture, for any viewer
 
@@ -196,7 +198,7 @@ def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
         "verdict": report.verdict,
         "images registered": f"{report.images_placed} of {report.images}",
         "reprojection error": f"{report.reprojection_error_px:.2f} px",
-        "scale from": report.scale_source,
+        "scale from": report.scale_source + ("; nothing else checks it" if len(report.scale_witnesses) == 1 else ""),
         "up from": report.up_source,
         "path": f"{report.path_length_m:.2f} m",
         "mesh": f"{report.mesh_vertices} vertices, {report.mesh_faces} faces",
@@ -249,6 +251,8 @@ def _report_resumed(out: Path, again_from: str | None) -> None:
 
 def _examine(images: Path, rig: mapping.Rig, options: mapping.MapOptions, *, as_json: bool) -> int:
     """`--check`: what can be said of the images before any long work; 1 if no map should be made of them."""
+    for recorded in options.motions.values():
+        trajectory.read(recorded)
     with console.progress() as progress:
         given = Source(images, rig, options.masks, options.depths, options.selection)
         if given.is_video:
@@ -286,4 +290,4 @@ def length_from(text: str) -> mapping.Length:
     raise InputError(f"--length {text!r} is neither METRES nor IMAGE_A,IMAGE_B,METRES")
 
 
-command = MapVerbs("map", commands=[show_esdf, edit, crop, origin, align, merge, report, texture])
+command = MapVerbs("map", commands=[show_esdf, edit, crop, origin, align, merge, again, report, texture])

@@ -20,7 +20,7 @@ def report(map_folder: Path, out: Path, overwrite: bool, as_json: bool) -> None:
     goshawk map report map --out map.html
 
     The verdict with its reasons, every source of the scale, the camera file on trial, reprojection errors over the
-    image, and coverage seen from above and from the side.
+    image, coverage seen from above and from the side, and where to look again.
     """
     outputs.check(out, overwrite=overwrite)
     area = mapping.open_map(map_folder)

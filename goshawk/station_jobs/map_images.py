@@ -13,15 +13,24 @@ from flight import InputError, Progress
 from flight.project import Project
 from gcs_web.desk import Desk
 from gcs_web.jobs import Choices, Kind
-from goshawk.commands.map import CARRIER_M, VOXEL_M, length_from
+from goshawk.commands.map import CARRIER_M, THINNEST_M, VOXEL_M, length_from
+from mapping.input import trajectory
 
 _IMAGES = (".jpg", ".jpeg", ".png")
+_RECORDED = (".csv", ".txt", ".tum")
+_NO_FILE = ""
 
 
 class Arguments(msgspec.Struct, forbid_unknown_fields=True):
     images: Annotated[str, msgspec.Meta(title="Images", description="Folder in the project")]
     camera: Annotated[str, msgspec.Meta(title="Camera file", description="Of the rig, in the project")]
     length: Annotated[str, msgspec.Meta(title="Measured length", description="[IMAGE_A,IMAGE_B,]METRES, or empty")] = ""
+    poses: Annotated[
+        str, msgspec.Meta(title="Recorded poses", description="Of a tracker, z up: TUM's or EuRoC's format, metres")
+    ] = _NO_FILE
+    odometry: Annotated[
+        str, msgspec.Meta(title="Recorded odometry", description="In any frame: TUM's or EuRoC's format, metres")
+    ] = _NO_FILE
     voxel_m: Annotated[
         float, msgspec.Meta(title="Voxel", ge=VOXEL_M[0], le=VOXEL_M[1], extra_json_schema={"unit": "m"})
     ] = 0.05
@@ -35,6 +44,16 @@ class Arguments(msgspec.Struct, forbid_unknown_fields=True):
             extra_json_schema={"unit": "m"},
         ),
     ] = 0.2
+    thinnest_m: Annotated[
+        float,
+        msgspec.Meta(
+            title="Thinnest obstacle (0: not asked)",
+            description="Space is unknown where an obstacle this thick could be missing",
+            ge=0.0,
+            le=THINNEST_M[1],
+            extra_json_schema={"unit": "m"},
+        ),
+    ] = 0.0
     overwrite: Annotated[bool, msgspec.Meta(title="Replace the present map (kept beside, its edits stay)")] = False
 
 
@@ -70,8 +89,21 @@ def _cameras(project: Project) -> list[str]:
     return [path.relative_to(project.folder).as_posix() for path in found]
 
 
+def _recorded(project: Project) -> list[str]:
+    """Files that hold recorded motion, by their first line."""
+    places = [project.folder, *(project.folder / name for name in image_folders(project))]
+    found = [path for place in places for path in sorted(place.iterdir()) if path.suffix.lower() in _RECORDED]
+    return [path.relative_to(project.folder).as_posix() for path in found if trajectory.looks_like_one(path)]
+
+
 def _choices(project: Project) -> Choices:
-    return {"images": image_folders(project), "camera": _cameras(project)}
+    recorded = [_NO_FILE, *_recorded(project)]
+    return {
+        "images": image_folders(project),
+        "camera": _cameras(project),
+        "poses": recorded,
+        "odometry": recorded,
+    }
 
 
 def _check(project: Project, asked: Arguments) -> None:
@@ -79,6 +111,13 @@ def _check(project: Project, asked: Arguments) -> None:
         raise InputError(f"{asked.images!r} is no folder of images in this project; copy one into it, then look again")
     if asked.camera not in _cameras(project):
         raise InputError(f"{asked.camera!r} is no camera file in this project (*camera*.toml)")
+    if 0.0 < asked.thinnest_m < THINNEST_M[0]:
+        raise InputError(
+            f"the thinnest obstacle is {asked.thinnest_m:g} m; from {THINNEST_M[0]:g} m on, or 0: not asked"
+        )
+    for name in (asked.poses, asked.odometry):
+        if name and name not in _recorded(project):
+            raise InputError(f"{name!r} is no file of recorded motion in this project (TUM's or EuRoC's format)")
     if project.map.exists() and not asked.overwrite:
         raise InputError("the project has a map; choose to replace it, and the present one is kept beside")
 
@@ -90,6 +129,10 @@ def _foresee(project: Project, asked: Arguments) -> str:
     missing = [name for name, count in counts.items() if not count]
     if missing:
         said.append(f"no image of {', '.join(missing)} is where the camera file says")
+    for what, name in (("poses", asked.poses), ("odometry", asked.odometry)):
+        if name:
+            motion = trajectory.read(project.folder / name)
+            said.append(f"recorded {what}: {len(motion.time_s)} over {motion.time_s[-1] - motion.time_s[0]:.0f} s")
     if asked.length:
         said.append(f"metres by the measured length {asked.length}")
     if project.map.exists():
@@ -110,8 +153,15 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
     base = mapping.MapOptions()
     options = replace(
         base,
-        dense=replace(base.dense, voxel_m=asked.voxel_m, carrier_radius_m=asked.carrier_radius_m),
+        dense=replace(
+            base.dense,
+            voxel_m=asked.voxel_m,
+            carrier_radius_m=asked.carrier_radius_m,
+            thinnest_m=asked.thinnest_m,
+        ),
         length=length_from(asked.length) if asked.length else None,
+        poses=folder / asked.poses if asked.poses else None,
+        odometry=folder / asked.odometry if asked.odometry else None,
     )
     rig = mapping.rig.load(folder / asked.camera)
     out = Project(folder, "").map

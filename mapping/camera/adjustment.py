@@ -59,6 +59,12 @@ class Observations:
     """(instants,); NaN where unknown."""
 
 
+def initial(seen: Observations) -> State:
+    """The map as it was made, with the calibration on trial."""
+    none = np.zeros(len(seen.rig))
+    return State(seen.rig, seen.T_world_body, seen.points_world, np.zeros((len(seen.rig), 2)), none, none)
+
+
 def adjust(seen: Observations, state: State, free: Sequence[Candidate]) -> tuple[State, dict[Candidate, FloatArray]]:
     """Gauss-Newton with poses, points and the errors in `free`; returns how far those moved.
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from flight import FloatArray
-from mapping.camera.adjustment import Normal, Observations, adjust, twists
-from mapping.camera.errors import BEYOND_THESE_IMAGES, PLAUSIBLE, Candidate, Kind, State, candidates
+from mapping.camera.adjustment import Normal, Observations, adjust, initial, twists
+from mapping.camera.errors import BEYOND_THESE_IMAGES, PLAUSIBLE, Candidate, Kind, candidates
 from mapping.camera.rig import Rig
 
 LEAST_GAIN = 30.0
@@ -122,8 +122,7 @@ def hold(seen: Observations) -> Trial:
     timed = bool(np.isfinite(twists(seen.time_s, seen.T_world_body)).any())
     observed = {seen.rig.cameras[k].name for k in np.unique(seen.index[:, 2])}
     tried = [c for c in candidates(seen.rig, timed=timed) if c.camera in observed]
-    none = np.zeros(len(seen.rig))
-    start = State(seen.rig, seen.T_world_body, seen.points_world, np.zeros((len(seen.rig), 2)), none, none)
+    start = initial(seen)
     present: list[Candidate] = []
     state, sizes = adjust(seen, start, present)
     for _ in range(_MOST_ROUNDS):

@@ -154,14 +154,15 @@ def unreached_is_unknown(state: NDArray[np.uint8], grid: Grid, path_world_m: Flo
 
 
 def within(grid: Grid, path_world_m: FloatArray, radius_m: float) -> NDArray[np.bool_]:
-    """(nx, ny, nz) which voxels have their centre within `radius_m` of one of the points (n, 3)."""
+    """(nx, ny, nz) which voxels lie wholly within `radius_m` of one of the points (n, 3)."""
     near = np.zeros(grid.shape, bool)
+    half_m = 0.5 * np.array(grid.voxel_m)
     reach = int(np.ceil(radius_m / min(grid.voxel_m)))
     steps = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     for point in path_world_m:
         cells = grid.index(point) + steps
         inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
-        inside &= np.linalg.norm(grid.centre(cells) - point, axis=1) <= radius_m
+        inside &= np.linalg.norm(np.abs(grid.centre(cells) - point) + half_m, axis=1) <= radius_m  # its farthest corner
         near[tuple(cells[inside].T)] = True
     return near
 

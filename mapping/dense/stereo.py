@@ -6,6 +6,7 @@ pinhole, so forward motion and the whole field of view work alike.
 """
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from flight import FloatArray, InputError, frames
 from mapping import _mapping
+from mapping.camera.rig import Camera
 from mapping.dense import consistency
 from mapping.dense.views import THREADS, ImageView, lens_row
 
@@ -262,13 +264,19 @@ def facing(inverse_range: FloatImage, rays_camera: FloatArray) -> FloatImage:
 
 
 def depth_rays(view: ImageView, scale: float) -> FloatArray:
-    """(h, w, 3) unit rays of the depth image's pixels."""
-    camera = view.camera
+    """(h, w, 3) unit rays of the depth image's pixels, read only."""
+    return _rays(view.camera, scale)
+
+
+@functools.lru_cache(maxsize=8)
+def _rays(camera: Camera, scale: float) -> FloatArray:
     width, height = round(camera.width * scale), round(camera.height * scale)
     u, v = np.meshgrid(
         (np.arange(width) + 0.5) * camera.width / width, (np.arange(height) + 0.5) * camera.height / height
     )
-    return np.ascontiguousarray(camera.unproject(np.stack([u, v], axis=-1)))
+    rays = np.ascontiguousarray(camera.unproject(np.stack([u, v], axis=-1)))
+    rays.flags.writeable = False  # shared by all images of a camera
+    return rays
 
 
 def depth_from_sensor(view: ImageView, depth_m: NDArray[np.floating], *, relative_std: float = 0.01) -> DepthImage:

@@ -55,9 +55,9 @@ class DenseOptions:
     skin_voxels: float = 0.87
     """Voxels this close in front of a surface are occupied; with sqrt(3) / 2 no wall has a hole."""
     carrier_radius_m: float = 0.20
-    """What carried the cameras filled or swept a ball of this radius about each of them: that space is free, except
-    where the images show a surface. So is the straight way between two consecutive images less than `LONGEST_GAP_M`
-    apart that meets none; between others there may have been a detour."""
+    """What carried the cameras filled or swept a ball of this radius about each of them: voxels wholly in it are free,
+    except where the images show a surface. So is the straight way between two consecutive images less than
+    `LONGEST_GAP_M` apart that meets none; between others there may have been a detour."""
     least_component_faces: int = 60
     """Smaller connected components of the mesh are dropped."""
 
@@ -68,11 +68,11 @@ class DenseOptions:
             raise InputError(f"thinnest_m {self.thinnest_m:g} must be finite and not below 0")
         if self.least_seen_through < 1:
             raise InputError(f"least_seen_through {self.least_seen_through} must be at least 1")
-        coarsest_m = 2.0 / np.sqrt(3.0) * self.carrier_radius_m
+        coarsest_m = self.carrier_radius_m / np.sqrt(3.0)
         if not 0.0 < self.voxel_m <= coarsest_m:  # else the path may lie in no free voxel, and nothing is reached
             raise InputError(
-                f"voxel_m {self.voxel_m:g} must be positive and at most {coarsest_m:.2f}, so that a ball of "
-                f"carrier_radius_m {self.carrier_radius_m:g} fills a voxel"
+                f"voxel_m {self.voxel_m:g} must be positive and at most {coarsest_m:.3f}, so that a ball of "
+                f"carrier_radius_m {self.carrier_radius_m:g} fills the voxel that its centre lies in"
             )
 
 

@@ -19,8 +19,11 @@ LEAST_INSTANTS = 4
 """Images that a recorded motion must cover."""
 LONGEST_GAP_S = 0.5
 """A longer gap between two recorded poses is not interpolated."""
-FASTEST_M_S = 100.0
-"""A vehicle that seems to be faster was recorded in another unit than metres."""
+FASTEST_M_S, HARDEST_M_S2 = 100.0, 20.0
+"""What seems to be faster, or to accelerate harder for a tenth of the time, was recorded in another unit than metres:
+at walking pace positions in centimetres are below 100 m/s, and their accelerations beyond 2 g."""
+_SMOOTHED_S = 0.25
+"""Accelerations are differences over this: 1 cm of noise is 0.4 m/s2."""
 _COLUMNS = 8
 _NS_PER_S = 1_000_000_000
 
@@ -123,6 +126,17 @@ def read(path: Path) -> Trajectory:
     return Trajectory(path, time_s, frames.transform(rotations.normalise(q), positions_m))
 
 
+def looks_like_one(path: Path) -> bool:
+    """Whether the first line of a file that is no comment is a pose in TUM's or EuRoC's format; False if unreadable."""
+    try:
+        with path.open(encoding="utf-8") as file:
+            first = next((line for line in file if line.strip() and not line.lstrip().startswith("#")), "")
+        is_euroc = "," in first
+        return bool(_row(path, 1, first.split(",") if is_euroc else first.split(), is_euroc))
+    except (OSError, UnicodeDecodeError, FormatError, InputError):
+        return False
+
+
 def _row(path: Path, number: int, words: Sequence[str], is_euroc: bool) -> list[float]:
     """Time in seconds, position and quaternion as they stand in the line."""
     if len(words) < _COLUMNS or not (is_euroc or len(words) == _COLUMNS):
@@ -141,10 +155,34 @@ def _row(path: Path, number: int, words: Sequence[str], is_euroc: bool) -> list[
 
 
 def _require_metres(path: Path, time_s: FloatArray, positions_m: FloatArray) -> None:
+    """
+    Raises:
+        InputError: the motion is implausible in metres. Slow and even motion in another unit may be not: then only
+            another source of scale shows it.
+    """
     steps_m = np.linalg.norm(np.diff(positions_m, axis=0), axis=1)
     speed_m_s = float(np.percentile(steps_m / np.diff(time_s), 90.0))
-    if speed_m_s > FASTEST_M_S:
+    wrong = "" if speed_m_s <= FASTEST_M_S else f"fly at {speed_m_s:.0f} m/s (at most {FASTEST_M_S:g})"
+    acceleration_m_s2 = _acceleration_m_s2(time_s, positions_m)
+    if not wrong and acceleration_m_s2 > HARDEST_M_S2:
+        wrong = f"accelerate with {acceleration_m_s2:.0f} m/s2 (at most {HARDEST_M_S2:g})"
+    if wrong:
         raise InputError(
-            f"{path}: the vehicle would fly at {speed_m_s:.0f} m/s (at most {FASTEST_M_S:g}): the positions must be in "
-            "metres, not in millimetres or centimetres, and the times in seconds (EuRoC: nanoseconds)"
+            f"{path}: the vehicle would {wrong}: the positions must be in metres, not in millimetres or centimetres, "
+            "and the times in seconds (EuRoC: nanoseconds)"
         )
+
+
+def _acceleration_m_s2(time_s: FloatArray, positions_m: FloatArray) -> float:
+    """90th percentile over the recorded stretches without a gap; 0 where there are none."""
+    middle_s = np.arange(time_s[0] + _SMOOTHED_S, time_s[-1] - _SMOOTHED_S, _SMOOTHED_S)
+    ends_s = (middle_s - _SMOOTHED_S, middle_s, middle_s + _SMOOTHED_S)
+    before_m, at_m, after_m = (
+        np.stack([np.interp(when, time_s, axis) for axis in positions_m.T], axis=1) for when in ends_s
+    )
+    gap_s = np.diff(time_s)[np.clip(np.searchsorted(time_s, np.array(ends_s)), 1, len(time_s) - 1) - 1].max(axis=0)
+    known = gap_s <= _SMOOTHED_S
+    if not known.any():
+        return 0.0
+    change_m = np.linalg.norm(after_m - 2.0 * at_m + before_m, axis=1)[known]
+    return float(np.percentile(change_m, 90.0)) / _SMOOTHED_S**2

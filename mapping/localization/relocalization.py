@@ -131,7 +131,7 @@ def _pose(
     """T_world_body (4, 4) from 2D-3D pairs of the cameras of the rig, and how many of them support it."""
     import pycolmap
 
-    from mapping.sparse import colmap
+    from mapping.sparse import colmap_model
 
     total = sum(len(pixels) for _, pixels, _ in pairs)
     if total < options.least_inliers:
@@ -142,14 +142,14 @@ def _pose(
     if len(rig) == 1:
         estimation = pycolmap.AbsolutePoseEstimationOptions()
         estimation.ransac = ransac
-        camera = colmap.colmap_camera(rig.cameras[0])
+        camera = colmap_model.colmap_camera(rig.cameras[0])
         answer: Any = pycolmap.estimate_and_refine_absolute_pose(pixels, points, camera, estimation)
         T_first_world = answer["cam_from_world"] if answer else None
     else:
-        cameras = [colmap.colmap_camera(c) for c in rig]
+        cameras = [colmap_model.colmap_camera(c) for c in rig]
         which = [camera for camera, p, _ in pairs for _ in range(len(p))]
         answer = pycolmap.estimate_and_refine_generalized_absolute_pose(
-            pixels, points, which, colmap.cam_from_rig(rig), cameras, ransac
+            pixels, points, which, colmap_model.cam_from_rig(rig), cameras, ransac
         )
         T_first_world = answer["rig_from_world"] if answer else None
     if answer is None or T_first_world is None:

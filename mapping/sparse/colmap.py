@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from flight import FloatArray, InputError, MapError, Progress, frames
+from flight import FloatArray, InputError, MapError, Progress
+from mapping.camera import adjustment
 from mapping.camera import trial as calibration_trial
 from mapping.camera.adjustment import Observations
-from mapping.camera.rig import Camera, Rig
+from mapping.camera.rig import Rig
 from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
-from mapping.sparse import agreement, features, pairing, repetition, rgbd
+from mapping.sparse import agreement, colmap_model, eccentricity, features, pairing, repetition, rgbd
 from mapping.stages import Work
 
 logger = logging.getLogger(__name__)
@@ -35,8 +36,6 @@ _REPAIRS = 4
 _LEAST_IMAGES = 2
 _OUTLIER_PX = 3.0
 """Observations with a larger reprojection error are dropped; 4 keeps moving leaves, 2 drops good ones."""
-_LOST_PX = 30.0
-"""The same once the calibration was corrected: no error of a lens that remains is as large."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,17 +109,24 @@ def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progres
         watch.lap("placing")
         model = pycolmap.Reconstruction(placed)
         progress(_TRYING, 0.0)
-        trial = calibration_trial.hold(_observations(model, images))
+        trial = calibration_trial.hold(_features_seen(database, model, images))
         watch.lap("trial of the calibration")
-        if trial.present and images.depths is None:
+        if images.depths is None:
             images = dataclasses.replace(images, rig=trial.rig)
-            _write_back(model, images, trial)
-            if trial.inexpressible:  # COLMAP does not model those, and adjusting would move the poses back
-                drop_lost_points(model)
-            else:
+            colmap_model.write_back(model, images, trial)
+            if trial.present and not trial.inexpressible:  # an adjustment by COLMAP would undo what is inexpressible
                 refine(database, model, dataclasses.replace(trial.rig, refine_intrinsics=False), options, progress)
-            watch.lap("refining with the corrected calibration")
+                seen = _features_seen(database, model, images)
+                colmap_model.write_back(model, images, adjustment.adjust(seen, adjustment.initial(seen), [])[0])
+                watch.lap("refining with the corrected calibration")
+            colmap_model.drop_lost_points(model)
         return _read_out(database, model, images, trial, repeated, watch)
+
+
+def _features_seen(database: Path, model: Any, images: ImageSet) -> Observations:
+    """What the model explains, each feature where the centre of its patch of surface is seen."""
+    seen = colmap_model.observations(model, images)
+    return eccentricity.corrected(seen, colmap_model.sizes_px(database, model))
 
 
 def _features(folder: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
@@ -204,36 +210,14 @@ def _write_rig(opened: Any, rig: Rig) -> None:
     import pycolmap
 
     made = pycolmap.Rig(rig_id=1)
-    for index, (camera, pose) in enumerate(zip(rig, cam_from_rig(rig), strict=True)):
-        opened.write_camera(colmap_camera(camera, camera_id=index + 1), use_camera_id=True)
+    for index, (camera, pose) in enumerate(zip(rig, colmap_model.cam_from_rig(rig), strict=True)):
+        opened.write_camera(colmap_model.colmap_camera(camera, camera_id=index + 1), use_camera_id=True)
         sensor = pycolmap.sensor_t(pycolmap.SensorType.CAMERA, index + 1)
         if index == 0:
             made.add_ref_sensor(sensor)
         else:
             made.add_sensor(sensor, pose)
     opened.write_rig(made, use_rig_id=True)
-
-
-def colmap_camera(camera: Camera, *, camera_id: int = 0) -> Any:
-    """COLMAP's camera of ours; its `verify_params` guards against uninitialised numbers."""
-    import pycolmap
-
-    made = pycolmap.Camera(
-        camera_id=camera_id, model=camera.model, width=camera.width, height=camera.height, params=camera.params
-    )
-    # without this COLMAP calls every fisheye pair degenerate and finds no match at all
-    made.has_prior_focal_length = True
-    if not made.verify_params():
-        raise MapError(f"COLMAP refuses the parameters of camera {camera.name!r}: {camera.params.tolist()}")
-    return made
-
-
-def cam_from_rig(rig: Rig) -> list[Any]:
-    """Each camera's pose on COLMAP's rig, whose origin is the first camera."""
-    import pycolmap
-
-    T_body_rig = rig.cameras[0].T_body_camera
-    return [pycolmap.Rigid3d((frames.invert(c.T_body_camera) @ T_body_rig)[:3]) for c in rig]
 
 
 def match(
@@ -320,7 +304,7 @@ def _grow(database: Path, images: ImageSet, options: SparseOptions, start: Any, 
 
 def _wrong_instants(database: Path, images: ImageSet, model: Any) -> set[str]:
     """Names of the instants whose matches disagree with the map."""
-    T_world_body, _, rig = _poses(model, images)
+    T_world_body, _, rig = colmap_model.poses(model, images)
     agreed = agreement.of_instants(database, images, rig, T_world_body)
     instants = np.flatnonzero(agreed < agreement.LEAST)
     return {images.relative(i, c) for i, c in images.pairs() if i in instants}
@@ -333,25 +317,6 @@ def _take_out(model: Any, names: set[str]) -> None:
         model.delete_point3D(point_id)
     for frame_id in {image.frame_id for image in wrong}:
         model.deregister_frame(frame_id)
-
-
-def _poses(model: Any, images: ImageSet) -> tuple[FloatArray, np.ndarray, Rig]:
-    """T_world_body (instants, 4, 4), what is registered (instants, cameras), and the rig with the model's lenses."""
-    where = {images.relative(i, c): (i, c) for i, c in images.pairs()}
-    T_world_body = np.full((len(images.instants), 4, 4), np.nan)
-    registered = np.zeros(images.present.shape, dtype=bool)
-    params: dict[str, FloatArray] = {}
-    for image_id in model.reg_image_ids():
-        image = model.image(image_id)
-        instant, camera = where[image.name]
-        params[images.rig.cameras[camera].name] = np.array(image.camera.params)
-        T_camera_world = np.eye(4)
-        T_camera_world[:3] = image.cam_from_world().matrix()
-        # the first camera defines the body's pose; the others may have been moved relative to it
-        if not registered[instant, :camera].any():
-            T_world_body[instant] = frames.invert(images.rig.cameras[camera].T_body_camera @ T_camera_world)
-        registered[instant, camera] = True
-    return T_world_body, registered, images.rig.with_params(params)
 
 
 def _mapping_options(options: SparseOptions) -> Any:
@@ -405,61 +370,13 @@ def refine(database: Path, model: Any, rig: Rig, options: SparseOptions, progres
     progress(_REFINING, 1.0)
 
 
-def _observations(model: Any, images: ImageSet) -> Observations:
-    """What the model explains, in its own world frame; points in the order of their COLMAP numbers."""
-    T_world_body, _, rig = _poses(model, images)
-    where = {images.relative(i, c): (i, c) for i, c in images.pairs()}
-    index_of = {point_id: index for index, point_id in enumerate(sorted(model.point3D_ids()))}
-    observations: list[np.ndarray] = []
-    pixels: list[np.ndarray] = []
-    for image_id in model.reg_image_ids():
-        image = model.image(image_id)
-        seen = [image.point2D(int(k)) for k in image.get_observation_point2D_idxs()]
-        points = np.array([index_of[p.point3D_id] for p in seen], dtype=np.int64)
-        observations.append(np.column_stack([points, np.tile(where[image.name], (len(points), 1))]))
-        pixels.append(np.array([p.xy for p in seen]).reshape(-1, 2))
-    points_world = np.array([model.point3D(k).xyz for k in index_of]).reshape(-1, 3)
-    return Observations(
-        rig, T_world_body, points_world, np.concatenate(observations), np.concatenate(pixels), images.time_s
-    )
-
-
-def _write_back(model: Any, images: ImageSet, trial: Trial) -> None:
-    """Give the model the calibration, poses and points of the trial's adjustment."""
-    import pycolmap
-
-    for number, (camera, pose) in enumerate(zip(trial.rig, cam_from_rig(trial.rig), strict=True), start=1):
-        made = colmap_camera(camera, camera_id=number)
-        model.camera(number).model, model.camera(number).params = made.model, made.params
-        if number > 1:
-            model.rig(1).set_sensor_from_rig(pycolmap.sensor_t(pycolmap.SensorType.CAMERA, number), pose)
-    instant_of = {images.relative(i, c): i for i, c in images.pairs()}
-    T_rig_body = frames.invert(trial.rig.cameras[0].T_body_camera)
-    for image_id in model.reg_image_ids():
-        image = model.image(image_id)
-        T_rig_world = T_rig_body @ frames.invert(trial.T_world_body[instant_of[image.name]])
-        model.frame(image.frame_id).rig_from_world = pycolmap.Rigid3d(T_rig_world[:3])
-    for point_id, xyz in zip(sorted(model.point3D_ids()), trial.points_world, strict=True):
-        model.point3D(point_id).xyz = xyz
-
-
-def drop_lost_points(model: Any) -> None:
-    """Remove observations of points that the corrected calibration puts behind the camera or out of its image.
-
-    There are a dozen in a map, but the projection of one is anything: the mean of all errors was 1e151 px.
-    """
-    import pycolmap
-
-    pycolmap.ObservationManager(model).filter_all_points3D(_LOST_PX, 0.0)
-
-
 def _read_out(
     database: Path, model: Any, images: ImageSet, trial: Trial, repeated: float, watch: _Stopwatch
 ) -> SparseModel:
     import pycolmap
 
-    T_world_body, registered, rig = _poses(model, images)
-    seen = _observations(model, images)
+    T_world_body, registered, rig = colmap_model.poses(model, images)
+    seen = colmap_model.observations(model, images)
     sums = np.zeros((len(seen.points_world), 128), dtype=np.float32)
     with pycolmap.Database.open(database) as opened:
         start = 0

@@ -25,6 +25,8 @@ FISHEYE, ORDINARY = (0.0, 0.0), (1.0 / 3.0, 2.0 / 15.0)
 STARTS = ((0.45, FISHEYE), (0.8, FISHEYE), (1.1, ORDINARY))
 """Focal lengths as a share of the width, and shapes, tried where nothing is known: 127, 72 and 50 degrees across."""
 MOST_IMAGES = 30
+GIVEN_STD, EXIF_STD, DEFAULT_STD = 0.05, 0.1, 0.4
+"""Standard deviations of a first focal length, as a share of it, by where it comes from."""
 LEAST_STD = 0.005
 """Of a focal length from self-calibration, as a share: images along one path leave this much."""
 DIAGONAL_35MM = 43.2666
@@ -65,8 +67,8 @@ def from_pictures(
     guess = _first(paths, width, height, focal_px, name)
     if not calibrate:
         return guess
-    known = focal_px is not None or "EXIF" in guess.source
-    return calibrated(Path(folder), guess, starts=None if known else STARTS, progress=progress) or guess
+    starts = STARTS if guess.focal_std == DEFAULT_STD else None
+    return calibrated(Path(folder), guess, starts=starts, progress=progress) or guess
 
 
 def pictures(folder: Path) -> list[Path]:
@@ -116,14 +118,13 @@ def _first(paths: Sequence[Path], width: int, height: int, focal_px: float | Non
             raise InputError(
                 f"a focal length of {focal_px:g} px is not likely for images {width} px wide; it is in pixels"
             )
-        return LensGuess(_camera(name, width, height, focal_px, ORDINARY), 0.05, "focal length as given", False)
+        return LensGuess(_camera(name, width, height, focal_px, ORDINARY), GIVEN_STD, "focal length as given", False)
     for path in paths[:3]:
         if (found := exif_focal_px(path, width, height)) is not None:
-            return LensGuess(
-                _camera(name, width, height, *found[:1], ORDINARY), 0.1, f"EXIF of {path.name}: {found[1]}", False
-            )
+            camera = _camera(name, width, height, found[0], ORDINARY)
+            return LensGuess(camera, EXIF_STD, f"EXIF of {path.name}: {found[1]}", False)
     source = "default: EXIF names no focal length; an ordinary lens of 50 degrees was assumed"
-    return LensGuess(_camera(name, width, height, 1.1 * width, ORDINARY), 0.4, source, False)
+    return LensGuess(_camera(name, width, height, 1.1 * width, ORDINARY), DEFAULT_STD, source, False)
 
 
 def _camera(name: str, width: int, height: int, focal_px: float, shape: tuple[float, float]) -> Camera:

@@ -20,6 +20,10 @@ MOST = 0.25
 """`share` of a quarter of the images beyond which matches are likely to be between different copies."""
 _ALIKE, _APART_PX = 0.93, 8.0
 """Cosine of the descriptors, and distance, of two features that count as copies."""
+_AT_ONCE = 512
+"""Features that are compared with all others at once: 40 MB for 8,000."""
+_DISK = ("disk is full", "no space left", "disk i/o error", "disk quota", "file too large")
+"""What SQLite and the system say where a file cannot be written."""
 
 
 def share(found: Features) -> float:
@@ -30,10 +34,14 @@ def share(found: Features) -> float:
     if not len(found.pixels):
         return 0.0
     descriptors = features.unit(found.descriptors)
-    alike = descriptors @ descriptors.T > _ALIKE
     x, y = found.pixels.T
-    apart = np.hypot(x[:, None] - x, y[:, None] - y) > _APART_PX
-    return float((alike & apart).any(axis=1).mean())
+    copied = 0
+    for first in range(0, len(x), _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        alike = descriptors[part] @ descriptors.T > _ALIKE
+        apart = np.hypot(x[part, None] - x, y[part, None] - y) > _APART_PX
+        copied += int((alike & apart).any(axis=1).sum())
+    return copied / len(x)
 
 
 @contextlib.contextmanager
@@ -41,7 +49,8 @@ def explained(repeated: float) -> Generator[None]:
     """State in plain words that COLMAP found no map, and that repeated texture may be the cause.
 
     Raises:
-        MapError: also instead of COLMAP's own errors, which name its numbers of rigs and images.
+        MapError: also instead of COLMAP's own errors, which name its numbers of rigs and images. An error of the disk
+            is told as one.
     """
     cause = (
         f"; {repeated:.0%} of the features look like others of the same image (repeated texture, as of tiles or "
@@ -52,10 +61,20 @@ def explained(repeated: float) -> Generator[None]:
     try:
         yield
     except MapError as error:
-        raise MapError(f"{error}{cause}") from error
+        raise _of_the_disk(error) or MapError(f"{error}{cause}") from error
     except (RuntimeError, IndexError, ValueError) as error:  # COLMAP's exceptions, as pybind11 translates them
         logger.info("COLMAP: %s", error)
+        if (of_the_disk := _of_the_disk(error)) is not None:
+            raise of_the_disk from error
         raise MapError(
             "no map: COLMAP found no positions of the images that fit each other; check that the camera file is that "
             f"of these images, and that they overlap{cause}"
         ) from error
+
+
+def _of_the_disk(error: Exception) -> MapError | None:
+    """What to say of an error that is no fault of the images."""
+    said = str(error).splitlines()[0] if str(error) else ""
+    if not any(words in str(error).lower() for words in _DISK):
+        return None
+    return MapError(f"a file of the map could not be written ({said}): make room; the same command goes on")

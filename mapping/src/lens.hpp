@@ -18,6 +18,7 @@ struct Lens {
     double alpha, beta;
     bool in_turn;  // tangential terms and prism act on the radially distorted place
     double limit;  // largest angle from the axis that the lens shows, radians
+    double cosine_of_limit;
     int width, height;
     bool radial;  // neither tangential terms nor prism
 
@@ -35,15 +36,17 @@ struct Lens {
           beta(row[18]),
           in_turn(row[19] != 0.0),
           limit(row[20]),
+          cosine_of_limit(std::cos(limit)),
           width(static_cast<int>(row[21])),
           height(static_cast<int>(row[22])),
           radial(p[0] == 0.0 && p[1] == 0.0 && s[0] == 0.0 && s[1] == 0.0 && s[2] == 0.0 && s[3] == 0.0) {}
 
     // False where the lens does not show the direction at all, or beside the image.
     bool project(Vec3 q, double& u, double& v) const {
-        const double rho = std::sqrt(q.x * q.x + q.y * q.y);
+        const double squared = q.x * q.x + q.y * q.y, rho = std::sqrt(squared);
+        // most of a volume is out of view: refused before the angle is computed, which costs most
+        if (q.z < cosine_of_limit * std::sqrt(squared + q.z * q.z) || (rho <= 1e-12 && q.z <= 0.0)) return false;
         const double theta = std::atan2(rho, q.z);
-        if (theta > limit || (rho <= 1e-12 && q.z <= 0.0)) return false;
         const double stretch = rho > 1e-12 ? base_radius(q, rho, theta) / rho : 0.0;
         const double x = stretch * q.x, y = stretch * q.y;
         const double square = x * x + y * y;

@@ -23,6 +23,25 @@ class Belief:
     otherwise: float
     """Another effect is missing, or one too many is named."""
 
+    def sentence(self, *, named: bool) -> str:
+        """Each probability with what it is of.
+
+        Args:
+            named: whether the diagnosis says that anything is missing.
+        """
+        if named:
+            right, unknown, other = (
+                "this is right and nothing else is missing",
+                "something unknown is missing too",
+                "another known effect is missing or a name is wrong",
+            )
+        else:
+            right, unknown, other = "nothing is missing", "something unknown is missing", "a known effect is missing"
+        return (
+            f"probability {self.as_stated:.0%} that {right}, {self.something_unknown:.0%} that {unknown}, "
+            f"{self.otherwise:.0%} that {other}"
+        )
+
     def as_dict(self) -> dict[str, float]:
         return {
             "as_stated": self.as_stated,
@@ -37,11 +56,12 @@ def belief(names: Sequence[float], *, curve: float | None, left: float, most: fl
     Args:
         names: probability that each name is right; of a sentence without names, that none is missing.
         curve: probability that channel and variable of the curve that is drawn are right; None where none is.
-        left: log odds, on blocks left out, of the best curve that nothing said explains.
+        left: log odds, on blocks left out, of the best curve in a channel in which no name shows. What is left in a
+            channel of a name is the form of its law, which the name does not claim.
         most: no sentence is believed more.
     """
     named = float(np.prod(names)) if len(names) else 1.0
-    rest = curve if curve is not None else 1.0 - unknown_left(left)
+    rest = curve if curve is not None else 1.0 - curve_is_there(left)
     if not np.isfinite(named * rest):  # what is no number is not believed; `min` would take it for the most
         return Belief(0.0, 0.0, 1.0)
     stated = min(most, named * rest)
@@ -49,12 +69,16 @@ def belief(names: Sequence[float], *, curve: float | None, left: float, most: fl
     return Belief(stated, unknown, 1.0 - stated - unknown)
 
 
-def unknown_left(log_odds: float) -> float:
-    """Probability that something unknown is missing, by the best curve that is not stated."""
-    return 1.0 / (1.0 + (THRESHOLDS.even_odds_left / max(log_odds, 1e-9)) ** 2)
+def curve_is_there(log_odds: float) -> float:
+    """Probability that a curve which blocks left out favour by so much is there at all; others may be as good."""
+    return _rising(log_odds, THRESHOLDS.even_odds_curve, 4)
 
 
 def supported(reduction: float, dispersion: float) -> float:
     """Probability that an effect which lowers the cost of judging flights by so much is there at all."""
-    odds = max(reduction, 0.0) / max(dispersion, 1.0)
-    return odds / (odds + THRESHOLDS.even_reduction)
+    return _rising(reduction / max(dispersion, 1.0), THRESHOLDS.even_reduction, 2)
+
+
+def _rising(log_odds: float, even: float, power: int) -> float:
+    """From 0 over 0.5 at `even` to 1. Slower than the logistic curve that log odds would mean were they exact."""
+    return 1.0 / (1.0 + (even / max(log_odds, 1e-9)) ** power)

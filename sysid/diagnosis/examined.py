@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sysid.diagnosis import load
+from sysid.diagnosis.belief import curve_is_there
 from sysid.diagnosis.candidates import Candidate, CandidateSet, candidate_set
 from sysid.diagnosis.confirm import Judge
 from sysid.diagnosis.evidence import Evidence
@@ -33,8 +34,8 @@ class Tried:
     """Put aside because nothing tells them apart."""
     curve: "list[Outside | None]" = field(default_factory=list)
     """The best one, once it was looked for."""
-    left: list[float] = field(default_factory=list)
-    """Log odds of the best curve, sure or not, once it was looked for."""
+    left: dict[str, float] = field(default_factory=dict)
+    """Log odds of the best curve of each channel, sure or not, once it was looked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,8 +144,7 @@ def _best_of(model: Model, found: Sequence[Outside]) -> Outside | None:
     odds = float(np.exp(-np.array(lead) / best.score.dispersion).sum())
     if best.channel[0] == THRUST or best.channel in SHOWN_BY_THRUST:
         odds += float(np.exp(-abs(apart)))  # of the other of the two
-    clear = 1.0 / (1.0 + (THRESHOLDS.even_odds_curve / max(best.score.log_odds, 1.0)) ** 4)
-    confidence = THRESHOLDS.most_confidence * clear / odds
+    confidence = THRESHOLDS.most_confidence * curve_is_there(best.score.log_odds) / odds
     if not model.all_heard:
         confidence = min(confidence, THRESHOLDS.even_confidence)
     return replace(best, confidence=confidence)
@@ -171,14 +171,34 @@ def stated_curve(model: Model) -> Outside | None:
         best = _best_of(model, [curve for curve in drawn if _beyond_chance(curve.score)])
         sure = best is not None and best.confidence >= THRESHOLDS.least_confidence_curve
         model.tried.curve.append(best if sure else None)
-        model.tried.left.append(max((curve.score.log_odds for curve in drawn), default=0.0))
+        for curve in drawn:
+            before = model.tried.left.get(curve.channel, 0.0)
+            model.tried.left[curve.channel] = float(np.maximum(before, curve.score.log_odds))  # nan stays nan
     return model.tried.curve[0]
 
 
-def left_unexplained(model: Model) -> float:
-    """Log odds, on blocks left out, of the curve that explains most beside the model, sure or not."""
+def left_unexplained(model: Model, named: Sequence[Candidate]) -> float:
+    """Log odds, on blocks left out, of the best curve beside the model, sure or not, where no named effect shows.
+
+    What is left in a channel of a named effect is the form of its law: the catalogue's is seldom exact.
+    """
     stated_curve(model)
-    return model.tried.left[0]
+    own = {channel for candidate in named for channel in shown_in(candidate)}
+    return float(np.max([odds for channel, odds in model.tried.left.items() if channel not in own], initial=0.0))
+
+
+def form_of(curve: Outside, named: Sequence[tuple[Candidate, float]]) -> Candidate | None:
+    """The named effect in whose channel a curve is, and of which it explains a small share; None if there is none.
+
+    Then the curve shows that this effect's law is not exactly the catalogue's, and nothing that is missing besides.
+
+    Args:
+        named: effects, each with the fall of the cost as it was added: measured, for what a model would lose without
+            a lag is far outside the reach of a quadratic.
+    """
+    own = [(explained, candidate) for candidate, explained in named if curve.channel in shown_in(candidate)]
+    most, best = max(own, key=lambda pair: pair[0], default=(0.0, None))
+    return best if curve.score.gain_unseen < THRESHOLDS.form_share * most else None
 
 
 def as_good_as(curve: Outside, model: Model) -> list[Candidate]:

@@ -129,6 +129,10 @@ class CandidateFinding:
         """Parameter to the smallest size these flights could have shown."""
         return {s.parameter: s.smallest_visible for s in self.sizes}
 
+    def reaches(self, share: float) -> bool:
+        """Whether the interval of any size that shows at all holds more than this share of the usual one."""
+        return any(s.sigma > 0.0 and s.excluded_above > share * s.usual for s in self.sizes)
+
     def as_dict(self) -> dict[str, Any]:
         return {
             "name": self.name,

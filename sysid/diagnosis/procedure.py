@@ -9,7 +9,7 @@ from scipy.special import ndtri
 
 from flight import FlightLog, InputError, Progress, silent, within
 from sysid.diagnosis import load, traces
-from sysid.diagnosis.belief import Belief, belief
+from sysid.diagnosis.belief import Belief, belief, curve_is_there
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.decision import Case, decide, sentence
 from sysid.diagnosis.examined import Model, Outside
@@ -89,9 +89,21 @@ class Diagnosis:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Candidates that would hardly show so much by chance, and that too little speaks for to name them."""
-        open_ = [s for s in self.candidates if s.verdict is Verdict.INCONCLUSIVE]
-        return tuple(s.name for s in open_ if s.significance < THRESHOLDS.doubtful or s.name in self.search.doubted)
+        """Candidates that would hardly show so much by chance, and that too little speaks for to name them.
+
+        None that was refuted, and none that is too small to matter whatever it is. What a vehicle weighs shows in every
+        hover, so of a load that means: below what matters.
+        """
+        open_ = [s for s in self.candidates if s.verdict is Verdict.INCONCLUSIVE and s.name not in self.search.refuted]
+        shown = [s for s in open_ if s.significance < THRESHOLDS.doubtful or s.name in self.search.doubted]
+        return tuple(
+            s.name for s in shown if s.reaches(THRESHOLDS.matters if s.name == PAYLOAD else THRESHOLDS.least_size)
+        )
+
+    @property
+    def says_missing(self) -> bool:
+        """Whether anything is said to be missing; else its probability is that of nothing being missing."""
+        return bool(self.additions or self.undecided or self.proxies or self.outside is not None)
 
     @property
     def pose_may_be_late(self) -> bool:
@@ -114,12 +126,16 @@ class Diagnosis:
                 f"{o.channel} against {o.variable}"
             )
         if self.proxies:
-            helps = "helps" if len(self.proxies) == 1 else "help"
             of = "it" if self.outside is not None else "something that no known effect is"
-            parts.append(f"{' and '.join(self.proxies)} {helps} as a proxy for {of}, and is added")
+            one = len(self.proxies) == 1
+            helps = f"helps as a proxy for {of}, and is added" if one else f"help as proxies for {of}, and are added"
+            parts.append(f"{' and '.join(self.proxies)} {helps}")
         if not parts and self.doubts:
-            parts.append(f"something may be missing, and these flights are inconclusive: {', '.join(self.doubts)}")
-        if self.search.too_short and (self.additions or self.undecided or self.outside is not None):
+            parts.append(
+                f"nothing is confirmed to be missing, but {' or '.join(self.doubts)} may be: "
+                "these flights are inconclusive"
+            )
+        if self.search.too_short and self.says_missing:
             parts.append("the held-out flights are too short to confirm it")
         if self.pose_may_be_late:
             parts.append(
@@ -155,22 +171,24 @@ class Diagnosis:
         """Probability that the whole sentence is right, and of what else may be true."""
         unsure = self.leaves_too_much or bool(self.search.too_short) or bool(self.input_verdict.against)
         unsure |= self.pose_may_be_late
-        said = bool(self.additions or self.undecided or self.outside is not None)
         names = [s.confidence for s in self.candidates if s.verdict is Verdict.PRESENT]
         if self.undecided:
             names.append(min(1.0, sum(s.confidence for s in self.candidates if s.name in self.undecided)))
-        if not said:
+        if not self.says_missing:
             names.append(1.0 - max((s.confidence for s in self.candidates), default=0.0))
+        curve = self.outside.confidence if self.outside else None
+        if self.proxies and curve is None:  # said to be for something unknown, of which no curve is sure enough
+            curve = curve_is_there(self.search.left)
         return belief(
             names,
-            curve=self.outside.confidence if self.outside else None,
+            curve=curve,
             left=self.search.left,
             most=THRESHOLDS.even_confidence if unsure else THRESHOLDS.most_confidence,
         )
 
     @property
     def confidence(self) -> float:
-        """Probability that the whole sentence is right."""
+        """Probability that the whole sentence is right; where nothing is said to be missing, that nothing is."""
         return self.belief.as_stated
 
     def as_dict(self) -> dict[str, Any]:
@@ -267,6 +285,7 @@ def diagnose(
         flights=tuple(names[: len(logs)]),
         held_out=tuple(names[len(logs) :]),
         findings=((found.too_short,) if found.too_short else ())
+        + _other_form(found)
         + last.findings
         + left_out(found.unseen)
         + judged.not_converged,
@@ -396,6 +415,17 @@ def _sizes_scored(candidate: Candidate, scored: Score) -> tuple[Size, ...]:
     return tuple(
         Size(n, units[n.split(".")[1]], float(v), float(sigma), NORMAL_90 * float(sigma), _visible(sigma, usual), usual)
         for n, v, sigma, usual in zip(candidate.parameters, scored.size, scored.sigma, candidate.usual, strict=True)
+    )
+
+
+def _other_form(found: Search) -> tuple[str, ...]:
+    """That a named effect has not exactly the catalogue's law, and where that shows; empty if it has."""
+    if found.form is None:
+        return ()
+    candidate, curve = found.form
+    return (
+        f"the law of {candidate.name} is not exactly the catalogue's: what it leaves of {curve.channel} follows "
+        f"{curve.variable}, less than {THRESHOLDS.form_share:.0%} of what it explains",
     )
 
 

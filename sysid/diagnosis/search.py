@@ -18,6 +18,7 @@ from sysid.diagnosis.examined import (
     alike,
     as_good_as,
     examine,
+    form_of,
     left_unexplained,
     loss,
     reproduced,
@@ -153,8 +154,12 @@ class Search:
     """Part of the last model because they lower the held-out error, though a curve explains more."""
     outside: Outside | None
     """None also where the best curve does not clearly outdo a candidate that nothing refuted."""
+    form: tuple[Candidate, Outside] | None
+    """A named effect whose law is not exactly the catalogue's, and the curve that shows it; then `outside` is None."""
     doubted: tuple[str, ...]
-    """Those candidates."""
+    """Candidates that the best curve does not clearly outdo, and that nothing refuted."""
+    refuted: frozenset[str]
+    """Candidates that something speaks against."""
     undecided: Trial | None
     """One of its confounded effects is missing from the last model."""
     drawn_at: Model
@@ -163,7 +168,7 @@ class Search:
     unseen: tuple[Flight, ...]
     """Held-out flights, with what they were found to carry."""
     left: float
-    """Log odds of the best curve at `drawn_at`, stated or not."""
+    """Log odds of the best curve at `drawn_at` where no named effect shows, stated or not."""
     too_short: str
     """In words, that the held-out flights are too short to judge by; empty if they are not, or none were given."""
 
@@ -218,7 +223,11 @@ def search(
     trial, at = undecided or (None, models[-1])
     told = unseen.flights if unseen else tuple(held_out)
     outside = stated_curve(at) if len(added) < most else None
-    refuted = {*dropped_before, *(t.candidate.name for t in trials if t.refuted)}
+    named = (*added, *((trial.candidate,) if trial else ()))
+    form, fell = None, {t.candidate.name: t.training.total for t in trials}
+    if outside is not None and (own := form_of(outside, [(s, fell[s.name]) for s in named])) is not None:
+        form, outside = (own, outside), None
+    refuted = frozenset((*dropped_before, *(t.candidate.name for t in trials if t.refuted)))
     doubted = () if outside is None else tuple(s.name for s in as_good_as(outside, at) if s.name not in refuted)
     stated = None if doubted or outside is None else _as_sure(outside, trials)
     helpers = _useful_proxies(logs, models[-1], trials, unseen or NOT_JUDGED[bool(too_short)], options)
@@ -228,11 +237,13 @@ def search(
         added=tuple(added),
         proxies=tuple(helper.candidate for helper, _ in helpers),
         outside=stated,
+        form=form,
         doubted=doubted,
+        refuted=refuted,
         undecided=trial,
         drawn_at=at,
         unseen=told,
-        left=left_unexplained(at),
+        left=left_unexplained(at, named),
         too_short=too_short,
     )
 
@@ -240,13 +251,14 @@ def search(
 def _useful_proxies(
     logs: Sequence[FlightLog], model: Model, trials: Sequence[Trial], unseen: Judge | str, options: Options
 ) -> list[tuple[Trial, Model]]:
-    """Names that a curve outdoes, added one after the other while each still lowers the held-out error; with models.
+    """Names that a curve outdoes, or that went as too small beside one, while each still lowers the held-out error.
 
-    They come last, so that they take nothing from a right name, and the curve is drawn without them.
+    They come last, so that they take nothing from a right name, and the curve is drawn without them; the one that
+    explained most comes first. With models.
     """
     found: list[tuple[Trial, Model]] = []
-    outdone = {t.candidate.name: t for t in trials if t.outcome is Outcome.PROXY and t.confirmed}
-    for trial in outdone.values():
+    outdone = {t.candidate.name: t for t in trials if t.proxy_for is not None and t.confirmed}
+    for trial in sorted(outdone.values(), key=lambda t: -t.training.total):
         if trial.candidate.name not in model.scores or trial.candidate.between_flights:
             continue
         fitted = _fitted(logs, model, trial.candidate, options)

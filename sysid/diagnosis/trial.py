@@ -80,10 +80,15 @@ class Trial:
                 )
             case Outcome.REMOVED:
                 return "taken out again: a later addition made it unnecessary"
-            case Outcome.PROXY | Outcome.USEFUL_PROXY:
+            case Outcome.PROXY:
                 assert curve is not None
-                useful = self.outcome is Outcome.USEFUL_PROXY
                 return (
-                    f"{f'added as a useful proxy: {numbers}, but' if useful else 'not named:'} a free curve of "
-                    f"{curve.channel} against {curve.variable} explains more, and beside it the effect is not needed"
+                    f"not named: a free curve of {curve.channel} against {curve.variable} explains more, and beside it "
+                    "the effect is not needed"
+                )
+            case Outcome.USEFUL_PROXY:
+                assert curve is not None
+                return (
+                    f"added as a useful proxy: {numbers}, but a free curve of {curve.channel} against {curve.variable} "
+                    "shows that another law is missing"
                 )

@@ -34,6 +34,8 @@ STREAMS = {GYRO: "gyro", ACCELEROMETER: "accelerometer", ROTOR_SPEED: "rotor spe
 """In words."""
 PRIOR_S = 0.02
 """Standard deviation of the prior on each: telemetry of speed controllers is late by 3 to 21 ms."""
+HELD_S = 1e-6
+"""The same of commands that are taken to be on time."""
 LEAST_DELAY_S, SURE_SIGMAS = 1e-3, 3.0
 """Clocks that are off by less, or by fewer standard errors, are not spoken of."""
 LONGEST_STEP_S = 0.01
@@ -60,8 +62,23 @@ def estimated(flights: Iterable[Flight], reference: Reference, *, with_lag: bool
     found = {}
     for flight in flights:
         fixed = (reference_of(flight, reference), "" if with_lag else COMMAND)
-        found |= {delay_name(q, flight.log_index): PRIOR_S for q in NAMES if q in flight.streams and q not in fixed}
+        found |= {delay_name(q, flight.log_index): _width_s(q, flight) for q in flight.streams if q not in fixed}
     return dict(sorted(found.items()))
+
+
+def widths_s(flights: Iterable[Flight], names: Iterable[str]) -> list[float]:
+    """Of the priors on the delays of these names."""
+    known = {delay_name(q, flight.log_index): _width_s(q, flight) for flight in flights for q in flight.streams}
+    return [known[name] for name in names]
+
+
+def held(flights: Iterable[Flight]) -> set[str]:
+    """Names of the delays of commands that are taken to be on time."""
+    return {delay_name(COMMAND, flight.log_index) for flight in flights if flight.commands_on_time}
+
+
+def _width_s(quantity: str, flight: Flight) -> float:
+    return HELD_S if quantity == COMMAND and flight.commands_on_time else PRIOR_S
 
 
 def reference_of(flight: Flight, reference: Reference) -> str:
@@ -100,7 +117,7 @@ class Clock:
     delay_s: float
     """Positive: its samples show what was that long before their time stamps."""
     std_robust: float
-    """Standard error that allows for errors correlated within a block of time."""
+    """Standard error that allows for errors correlated within a block of time, and for noise of a gyro in the loop."""
 
     @property
     def off(self) -> bool:
@@ -148,7 +165,7 @@ def gyro_is_early(clocks: Sequence[Clock]) -> bool:
 
 def commands_on_time(flights: Iterable[Flight]) -> list[str]:
     """What a lag of the motors may hide where commands drive the model and their delay is not estimated."""
-    if not any(flight.driven_by_command and COMMAND not in flight.streams for flight in flights):
+    if not any(flight.commands_on_time for flight in flights):
         return []
     return [
         "rotor speed was not logged, and late or early commands are confounded with motor_lag: commands were taken to "

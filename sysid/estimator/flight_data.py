@@ -10,6 +10,7 @@ from flight import rotations
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.estimator.sampling import Signal
+from sysid.logs.clocks import Offset
 
 IndexArray = NDArray[np.intp]
 
@@ -42,6 +43,10 @@ class Flight:
     """Whether the vehicle's payload, if it has one, was on board; None where the log does not say: it was."""
     gravity_m_s2: float = GRAVITY_M_S2
     """Where it was flown."""
+    gyro_clock: Offset | None = None
+    """How late its log's gyro is against the attitude by instrumental variables; None where that was not to be had."""
+    commands_on_time: bool = False
+    """Whether its commands are taken to be on time: they have a delay as other streams have, and it is held at zero."""
     left_out: str = ""
     """In words, which stretches of its log are not part of any flight, and why."""
 

@@ -12,7 +12,7 @@ from sysid.estimator.blocks import motor, rotor_speed
 from sysid.estimator.blocks.catalogue import BLOCKS
 from sysid.estimator.blocks.motion import LEAST_PROCESS
 from sysid.estimator.blocks.pose import DELAY, POSE, PoseSensor
-from sysid.estimator.clocks import PRIOR_S
+from sysid.estimator.clocks import widths_s
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.model import unexplained
 from sysid.estimator.noise import Noise
@@ -209,7 +209,7 @@ def _prior(flights: list[Flight], vehicle: Vehicle, unknowns: Unknowns, options:
     for name in options.prior_std:
         vehicle.parameter(name)
     named = (*unknowns.model, *unknowns.sensor)
-    width = [*biases(flights).values(), *(PRIOR_S for _ in unknowns.delay)]
+    width = [*biases(flights).values(), *widths_s(flights, unknowns.delay)]
     mean = [vehicle.value(name) for name in named] + [0.0] * len(width)
     believed = {name: specs(vehicle)[name].prior for name in PLACE_OF_LOAD if name in vehicle.parameters}
     std = [(believed | dict(options.prior_std)).get(name, np.inf) for name in named]

@@ -14,8 +14,10 @@ from sysid.estimator.blocks.catalogue import BLOCKS
 from sysid.estimator.flight_data import Flight, IndexArray, LeadIn
 from sysid.estimator.options import Options
 from sysid.estimator.sampling import Stretch
-from sysid.logs import contact
+from sysid.logs import contact, gyro_clock
+from sysid.logs.clocks import Offset
 from sysid.logs.finding import Span
+from sysid.logs.motion import kinematics
 from sysid.logs.payload import carries_payload
 from vehicle import Vehicle
 
@@ -81,7 +83,13 @@ def prepare(log: FlightLog, index: int, options: Options, *, gravity_m_s2: float
     pieces = _aloft(_split(log, source, options), touched, source.name)
     flights = [_flight(log, piece, source, index, len(pieces), options) for piece in pieces]
     left_out = contact.sentence(source.name, touched) if touched else ""
-    return [replace(flight, left_out=left_out, gravity_m_s2=gravity_m_s2) for flight in flights]
+    clock = _gyro_clock(log) if any(clocks.GYRO in flight.streams for flight in flights) else None
+    return [replace(f, left_out=left_out, gyro_clock=clock, gravity_m_s2=gravity_m_s2) for f in flights]
+
+
+def _gyro_clock(log: FlightLog) -> Offset | None:
+    motion = kinematics(log)
+    return gyro_clock.after_attitude(log, motion) if motion is not None else None
 
 
 def _aloft(pieces: list[Span], touched: Sequence[Span], name: str) -> list[Span]:
@@ -202,9 +210,7 @@ def _flight(
     readings = {quantity: values for block in BLOCKS for quantity, values in block.read(stretch).items()}
     streams = {q: stretch.stream(q) for q in (clocks.GYRO, clocks.ACCELEROMETER) if np.isfinite(readings[q]).any()}
     if by_command:
-        command = motor.read(stretch)
-        if options.estimate_command_delay:
-            streams[motor.QUANTITY] = command
+        command = streams[motor.QUANTITY] = motor.read(stretch)
         speed = command.means(stretch.time_s)[0]
         acceleration = np.zeros_like(speed)
     else:
@@ -221,6 +227,7 @@ def _flight(
         battery_v=battery.read(stretch),
         streams=streams,
         carries_payload=carries_payload(log),
+        commands_on_time=by_command and not options.estimate_command_delay,
     )
     return _after_lead_in(flight) if by_command else flight
 

@@ -9,9 +9,10 @@ from scipy.special import stdtrit
 
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
-from sysid.estimator import clocks
+from sysid.estimator import clocks, gyro_feedback
 from sysid.estimator import verdict as verdicts
 from sysid.estimator.agreement import odd_flights
+from sysid.estimator.assumed_clock import assumed
 from sysid.estimator.blocks import motor
 from sysid.estimator.blocks.catalogue import BLOCKS, acting, places, reported
 from sysid.estimator.blocks.gyro import GYRO
@@ -32,6 +33,8 @@ SCHEMA_VERSION = 2
 """Version of `Identification.as_dict`."""
 CONFOUNDED = 0.9
 """Correlation of two estimates from which on the flights tell one combination of them, hardly each by itself."""
+STRONGLY_CORRELATED = 5.0
+"""Errors correlated in time make a standard error so many times the plain one before it is worth a sentence."""
 NOT_IDENTIFIABLE = "not identifiable"
 """Status of a parameter that is held because the flights do not determine it."""
 
@@ -199,10 +202,17 @@ def conclude(
     p = len(names)
     plain = solution.covariance()
     sandwich, freedom = robust_covariance(solution, len(unknowns.bias) + len(unknowns.delay))
-    interval90 = stdtrit(freedom, 0.95) * np.sqrt(np.diag(sandwich))
-    std, std_robust = np.sqrt(np.diag(plain))[:p], np.sqrt(np.diag(sandwich))[:p]
+    on_time = assumed(solution, unknowns, flights)
+    # the scatter of a few flights may come out smaller than the noise alone makes it, by chance: the larger of both
+    # (Angrist and Pischke, Mostly Harmless Econometrics, 2009, section 8.1)
+    variance = np.maximum(np.diag(sandwich), np.diag(plain))
+    off_s = gyro_feedback.biases_s(flights, unknowns, solution, np.sqrt(variance))
+    by_clocks = on_time.shift**2 + (gyro_feedback.shifts(off_s, plain) ** 2).sum(axis=1)
+    robust = np.sqrt(variance + by_clocks)
+    interval90 = stdtrit(freedom, 0.95) * robust
+    std, std_robust = np.sqrt(np.diag(plain))[:p], robust[:p]
     shares = _information_shares(solution)
-    delays = _clocks(flights, unknowns, solution, np.sqrt(np.diag(sandwich)), clock)
+    delays = _clocks(flights, unknowns, solution, robust, clock)
     estimates = [
         Estimate(
             name=name,
@@ -221,6 +231,8 @@ def conclude(
     estimates += [_held(vehicle, name, "held") for name in sorted({"mass_kg", *options.held}) if name not in names]
     safe = np.where(std > 0.0, std, 1.0)
     disagreement = _disagreement(vehicle, unknowns, solution, flights)
+    strong = np.diag(sandwich) > STRONGLY_CORRELATED**2 * np.diag(plain)
+    lasting = [name for name, so in zip(names, strong[:p], strict=True) if so]
     verdict = verdicts.of_fit(given, solution.point.vehicle, flights, unknowns.model, _against(solution))
     return Identification(
         vehicle=_updated(vehicle, estimates, flights),
@@ -233,8 +245,9 @@ def conclude(
         unknowns=unknowns,
         flights=tuple(flights),
         findings=tuple(
-            _findings(vehicle, estimates, solution, flights)
+            _findings(vehicle, estimates, solution, flights, lasting)
             + clocks.sentences(delays)
+            + on_time.sentences(unknowns, flights)
             + _thrust_against_belief(given, solution, flights)
             + disagreement
         ),
@@ -259,7 +272,7 @@ def _clocks(
     flights: list[Flight], unknowns: Unknowns, solution: Solution, std: FloatArray, reference: Reference
 ) -> tuple[Clock, ...]:
     """Args: std: (p,) robust standard errors of all shared parameters."""
-    found, seen = [], set()
+    found, seen = [], clocks.held(flights)
     for flight in flights:
         against = clocks.STREAMS.get(clocks.reference_of(flight, reference), "pose")
         for quantity, stream in clocks.STREAMS.items():
@@ -331,7 +344,14 @@ def unpredicted_turning(solution: Solution, flights: Sequence[Flight], free: Ite
     )
 
 
-def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution, flights: Sequence[Flight]) -> list[str]:
+def _findings(
+    vehicle: Vehicle,
+    estimates: list[Estimate],
+    solution: Solution,
+    flights: Sequence[Flight],
+    lasting: Sequence[str],
+) -> list[str]:
+    """Args: lasting: names of parameters whose errors are strongly correlated in time."""
     found = [
         f"the mass was given as {vehicle.mass_kg:g} kg and not estimated: pose and rotor speed show only ratios to it, "
         "so thrust, drag and inertia are as right as the mass is"
@@ -357,7 +377,7 @@ def _findings(vehicle: Vehicle, estimates: list[Estimate], solution: Solution, f
     for e in estimates:
         if e.status == NOT_IDENTIFIABLE:
             found.append(f"{e.name} was held at {e.value:g} {e.unit}: not identifiable from these flights")
-        elif e.status == "free" and e.name not in SENSOR_NAMES and e.std > 0.0 and e.std_robust > 5.0 * e.std:
+        elif e.name in lasting and e.name not in SENSOR_NAMES:
             found.append(
                 f"{e.name}: errors are strongly correlated in time (robust standard error "
                 f"{e.std_robust / e.std:.0f} times the plain one); the model may lack an effect"

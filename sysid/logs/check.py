@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flight import FlightLog, Progress, silent
 from flight.flight_log import COLUMNS
@@ -66,8 +67,10 @@ def check_log(log: FlightLog, vehicle: Vehicle | None = None, *, progress: Progr
     """Look for faults in a log; with a vehicle, also for rotor order, spin and units that its motion contradicts."""
     progress("checking", 0.0)
     step_s = np.diff(log.time_s)
-    findings = [*_lost(log), *_time_base(log), *_not_finite(log), *_jumps(log), *_frozen(log), *_saturated(log)]
-    findings += _contact(log)
+    touching = contact.spans(log)
+    findings = [*_lost(log), *_time_base(log), *_not_finite(log), *_jumps(log)]
+    findings += [*_frozen(log, touching), *_saturated(log)]
+    findings += _contact(touching)
     compared, inconclusive = consistency.check(log, vehicle, progress)
     progress("checking", 1.0)
     findings += [*compared, *_partial(log)]
@@ -153,8 +156,7 @@ def _partial(log: FlightLog) -> list[Finding]:
     return found
 
 
-def _contact(log: FlightLog) -> list[Finding]:
-    where = contact.spans(log)
+def _contact(where: tuple[Span, ...]) -> list[Finding]:
     if not where:
         return []
     length_s = sum(end - start for start, end in where)
@@ -191,13 +193,19 @@ def _spans(time_s: FloatArray, rows: np.ndarray) -> tuple[Span, ...]:
     return tuple((float(time_s[run[0]]), float(time_s[run[-1]])) for run in runs if len(run))
 
 
-def _frozen(log: FlightLog) -> list[Finding]:
+def _frozen(log: FlightLog, touching: tuple[Span, ...]) -> list[Finding]:
+    """Channels that stand still, but for rotors at rest: those read 0, and so may telemetry that was lost."""
     found = []
     for quantity, columns in COLUMNS.items():
         if quantity.startswith(COMMANDED) or not log.has(quantity):
             continue
         values = log.vector(quantity)
-        rows = np.flatnonzero(np.isfinite(values).all(axis=1))
+        known = np.isfinite(values).all(axis=1)
+        if quantity == "rotor_speed_rad_s":
+            resting = known & (values == 0.0).all(axis=1) & _within(log.time_s, touching)
+            found += _at_rest(log.time_s[resting])
+            known &= ~resting
+        rows = np.flatnonzero(known)
         if len(rows) < 10:
             continue
         for name, constant in zip(columns, np.ptp(values[rows], axis=0) == 0.0, strict=True):
@@ -213,6 +221,23 @@ def _frozen(log: FlightLog) -> list[Finding]:
             fix = "cut that stretch out, or write NaN there"
             found.append(error("frozen", sentence, fix, repair=repair, spans=where))
     return found
+
+
+def _within(time_s: FloatArray, spans: tuple[Span, ...]) -> NDArray[np.bool_]:
+    inside = np.zeros(len(time_s), dtype=bool)
+    for start_s, end_s in spans:
+        inside |= (time_s >= start_s) & (time_s <= end_s)
+    return inside
+
+
+def _at_rest(time_s: FloatArray) -> list[Finding]:
+    if len(time_s) < 10 or time_s[-1] - time_s[0] <= FROZEN_S:
+        return []
+    sentence = (
+        f"all rotors read 0 in {len(time_s)} rows, the first at {time_s[0]:.2f} s, the last at {time_s[-1]:.2f} s"
+    )
+    fix = "nothing, if the vehicle stood there; else the telemetry was lost; every fit leaves these rows out"
+    return [warning("at rest", sentence, fix)]
 
 
 def _longest_repeat(values: FloatArray) -> tuple[int, int]:

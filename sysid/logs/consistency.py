@@ -102,7 +102,7 @@ def _gyro(log: FlightLog, motion: Kinematics) -> tuple[list[Finding], list[str]]
         return [], []
     logged = on_grid(log, "rate_body_rad_s", motion.time_s)
     offset = gyro_clock.after_attitude(log, motion)
-    found, inconclusive = gyro_clock.findings(offset)
+    found, inconclusive = gyro_clock.findings(offset, gyro_clock.compared_plainly(log, motion))
     matrix = _regression(motion.rate_body_rad_s, clocks.read_later(logged, offset.delay_s))
     for i, axis in enumerate("xyz"):
         if np.std(motion.rate_body_rad_s[:, i]) < LEAST_RATE_RAD_S:
@@ -163,7 +163,8 @@ def _rotors(
     rest = np.zeros((len(speed), 3))
     thrust = wrench(vehicle, rest, rest, speed, open_air(len(speed)))[0][:, 2] / vehicle.mass_kg
     needed = np.linalg.norm(motion.specific_force_world_m_s2, axis=1)
-    ratio = float(np.median(thrust) / np.median(needed))
+    strong = thrust >= 0.5 * np.quantile(thrust, 0.95)  # a log may begin long before the flight
+    ratio = float(np.median(thrust[strong]) / np.median(needed[strong]))
     if 0.4 * RPM**2 < ratio < 2.5 * RPM**2:
         return [_rpm(float(np.median(speed)))]
     found = []
@@ -198,7 +199,7 @@ def _ratios(motion: Kinematics, logged: FloatArray) -> tuple[FloatArray, FloatAr
         others = np.delete(x, i, axis=1)
         own = x[:, i] - others @ np.linalg.lstsq(others, x[:, i], rcond=None)[0]
         signal = float((own**2).mean()) - motion.velocity_noise_m_s[i] ** 2
-        if len(starts) < 4 or signal < LEAST_SIGNAL * float((own**2).mean()):
+        if len(starts) < 4 or not signal > LEAST_SIGNAL * float((own**2).mean()):  # also where nothing moves at all
             continue
         slope = float(own @ y) / float(own @ own)
         left = y - others @ np.linalg.lstsq(others, y, rcond=None)[0] - slope * own

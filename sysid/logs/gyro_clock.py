@@ -7,6 +7,8 @@ both streams only the part is compared that earlier readings predict. Where they
 inconclusive.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from flight import FlightLog
@@ -18,7 +20,7 @@ from sysid.logs.clocks import (
     STEPS,
     SYSTEMATIC_S,
     Offset,
-    largest_correlation,
+    clock_offset,
     read_later,
 )
 from sysid.logs.finding import Finding, Repair, warning
@@ -36,14 +38,19 @@ LEAST_PREDICTED = 5.0
 """Standard errors by which the slope must be predicted. With less (0.4 to 3.7 on five of eight flights of a nano-drone,
 whose fast turns nothing predicts) the estimate may be off by several standard errors: weak instruments."""
 CLOSED_LOOP_S = 6e-3
-"""Standard error of the lag of the largest correlation, which stands where little is predicted: a controller made good
-gyros 2 to 12 ms late, and the grid rounds to 10 ms. So a clock that is off by more than all that is named even then."""
+"""Part of the standard error of the plain comparison, which stands where little is predicted: a controller made good
+gyros 2 to 12 ms late. So a clock that is off by more than all that is named even then."""
 PARTS = 5
 """Each part of the flight is predicted by a fit to the others, so that none of its own noise is in it."""
 
 
-def findings(offset: Offset) -> tuple[list[Finding], list[str]]:
-    """What to say of the gyro's clock, and a sentence where it is inconclusive."""
+def findings(offset: Offset, plain: Offset) -> tuple[list[Finding], list[str]]:
+    """What to say of the gyro's clock, and a sentence where it is inconclusive.
+
+    Args:
+        offset: by `after_attitude`.
+        plain: by `compared_plainly`; it decides nothing, but is told beside what is inconclusive.
+    """
     if offset.quality <= LEAST_QUALITY:
         return [], []
     if offset.worth_a_word(LEAST_QUALITY, SIGMAS):
@@ -51,16 +58,23 @@ def findings(offset: Offset) -> tuple[list[Finding], list[str]]:
         repair = Repair("shift", COLUMNS["rate_body_rad_s"], shift_s=-offset.delay_s)
         return [warning("clock", f"the gyro is {offset.words} against the attitude", fix, repair=repair)], []
     if SIGMAS * offset.sigma_s > LEAST_SURE_S:
-        return [], [_inconclusive(offset)]
+        return [], [_inconclusive(offset, plain)]
     return [], []
 
 
-def _inconclusive(offset: Offset) -> str:
+def _inconclusive(offset: Offset, plain: Offset) -> str:
     known = f"known to ±{1e3 * SIGMAS * offset.sigma_s:.1f} ms only" if np.isfinite(offset.sigma_s) else "not known"
-    return (
-        f"the gyro's clock is {known} against the attitude: this flight turns too little for the gyro's noise; fly "
-        "doublets or fast turns, or let the fit estimate it"
-    )
+    said = f"the gyro's clock is {known} against the attitude: this flight turns too little for the gyro's noise"
+    if np.isfinite(plain.sigma_s):
+        said += f"; compared plainly it is {plain.words}, {_worth(plain)}, and nothing is shifted"
+    return f"{said}; fly doublets or fast turns, or let the fit estimate it"
+
+
+def _worth(plain: Offset) -> str:
+    """What a plain comparison is worth: a controller makes gyros late, none early."""
+    if plain.worth_a_word(LEAST_QUALITY, SIGMAS) and plain.delay_s < 0.0:
+        return "which a controller's answer to that noise would only hide"
+    return "which a controller's answer to that noise may be, or hide"
 
 
 def after_attitude(log: FlightLog, motion: Kinematics) -> Offset:
@@ -70,17 +84,22 @@ def after_attitude(log: FlightLog, motion: Kinematics) -> Offset:
     """
     gyro = on_grid(log, "rate_body_rad_s", motion.time_s)
     attitude = motion.rate_body_rad_s
-    plain_s, quality = largest_correlation(attitude, gyro)
-    if abs(plain_s) >= LONGEST_S or len(attitude) < 8 * EARLIER[-1]:
-        return Offset(0.0, np.inf, quality)
-    delay_s, sigma_s = plain_s, np.inf
+    plain = clock_offset(attitude, gyro)
+    if not np.isfinite(plain.sigma_s) or len(attitude) < 8 * EARLIER[-1]:
+        return Offset(0.0, np.inf, plain.quality)
+    delay_s, sigma_s = plain.delay_s, np.inf
     for _ in range(STEPS):
         step_s, sigma_s = _left(attitude, read_later(gyro, delay_s))
         delay_s = float(np.clip(delay_s + step_s, -LONGEST_S, LONGEST_S))
     if not sigma_s <= CLOSED_LOOP_S:
-        return Offset(plain_s, CLOSED_LOOP_S, quality)
+        return replace(plain, sigma_s=float(np.hypot(plain.sigma_s, CLOSED_LOOP_S)))
     quality = correlation(attitude.ravel(), read_later(gyro, delay_s).ravel())
     return Offset(delay_s, float(np.hypot(sigma_s, SYSTEMATIC_S)), quality)
+
+
+def compared_plainly(log: FlightLog, motion: Kinematics) -> Offset:
+    """By how much the gyro comes later than the attitude, as if no controller answered its noise."""
+    return clock_offset(motion.rate_body_rad_s, on_grid(log, "rate_body_rad_s", motion.time_s))
 
 
 def _left(attitude: FloatArray, gyro: FloatArray) -> tuple[float, float]:

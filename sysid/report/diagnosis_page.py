@@ -112,11 +112,8 @@ def _fit_sentence(found: Diagnosis) -> list[str]:
 
 
 def _belief_sentence(found: Diagnosis) -> str:
-    belief = found.belief
-    return (
-        f"Probability {belief.as_stated:.0%} that all of this is right; {belief.something_unknown:.0%} that something "
-        f"unknown is missing besides; {belief.otherwise:.0%} that the names are others."
-    )
+    said = found.belief.sentence(named=found.says_missing)
+    return f"{said[0].upper()}{said[1:]}."
 
 
 def _curve_sentence(o: OutsideFinding) -> str:

@@ -202,7 +202,8 @@ def diagnosed() -> protocol.Diagnosis:
     x = np.array(at)
     outside = OutsideFinding("T_2", "n_2", "rad/s", x, -0.1 * x, np.full(20, 0.01), 1.0, 9.0, 0.0, 0.8)
     return protocol.Diagnosis(
-        "current", "Rotor drag is missing.", 0.8, 0.1, 0.1, "usable", ["a"], ["b"], [found, *others],
+        "current", "Rotor drag is missing.", 0.8, "Probability 80% that this is right.", "usable", ["a"], ["b"],
+        [found, *others],
         outside=diagnosis_values._outside(outside), unobservable=["mass: only ratios to it show"], left=["F_x 0.01 N"],
         findings=["the rotors turn too little"],
     )  # fmt: skip

@@ -12,6 +12,7 @@ import vehicle
 from flight import FormatError, InputError, Waypoints, project, silent, trajectory
 from gcs_web.jobs import Jobs
 from goshawk.station_jobs import KINDS, identify, map_images, plan_batch
+from mapping.camera import rig
 from tests.waiting import until
 
 
@@ -72,7 +73,12 @@ def test_a_map_is_made_only_where_it_is_asked_to_replace_the_present_one(opened:
     (opened.folder / "photos").mkdir()
     (opened.folder / "photos" / "0.jpg").touch()
     (opened.folder / "photos" / "camera.toml").touch()
-    assert map_images.KIND.choices(opened) == {"images": ["photos"], "camera": ["photos/camera.toml"]}
+    assert map_images.KIND.choices(opened) == {
+        "images": ["photos"],
+        "camera": ["photos/camera.toml"],
+        "poses": [""],
+        "odometry": [""],
+    }
     asked = map_images.Arguments("photos", "photos/camera.toml")
     with pytest.raises(InputError, match="has a map"):
         map_images.KIND.check(opened, asked)
@@ -81,3 +87,21 @@ def test_a_map_is_made_only_where_it_is_asked_to_replace_the_present_one(opened:
     with pytest.raises(FormatError, match="names no format"):  # an empty file is no camera; the map stays
         map_images.KIND.run(opened.folder, again, silent)
     assert opened.map.is_dir()
+
+
+def test_a_map_takes_recorded_motion_and_a_thickness_of_the_project_alone(opened: project.Project):
+    photos = opened.folder / "photos"
+    photos.mkdir()
+    (photos / "0.jpg").touch()
+    rig.save(photos / "camera.toml", rig.Rig((rig.forward_camera("PINHOLE", 64, 48, [50.0, 50.0, 32.0, 24.0]),)))
+    lines = [f"{0.1 * k:.1f} {k} 0 0 0 0 0 1" for k in range(4)]
+    (photos / "tracker.txt").write_text("# a tracker\n" + "\n".join(lines))
+    (photos / "times.csv").write_text("image,time_s\n0.jpg,0\n")
+    (photos / "binary.tum").write_bytes(b"\xff\xfe\x00")
+    assert map_images.KIND.choices(opened)["poses"] == ["", "photos/tracker.txt"]
+    asked = map_images.Arguments("photos", "photos/camera.toml", poses="photos/tracker.txt", overwrite=True)
+    map_images.KIND.check(opened, asked)
+    assert "recorded poses: 4 over 0 s" in map_images.KIND.foresee(opened, asked)
+    for field, value in (("odometry", "../tracker.txt"), ("poses", "photos/times.csv"), ("thinnest_m", 1e-4)):
+        with pytest.raises(InputError, match=r"recorded motion|thinnest"):
+            map_images.KIND.check(opened, msgspec.structs.replace(asked, **{field: value}))

@@ -44,7 +44,7 @@ def test_the_report_of_a_diagnosis_says_what_the_page_says_and_what_to_do_next(o
     shown = diagnose._run(opened.folder, diagnose.Arguments(["a"], ["b"]), silent)
     _, text = reports.read(opened, "diagnosis")
     assert f"<b>{shown.verdict}</b>" in text
-    assert shown.verdict.startswith("Something may be missing")  # these flights are too short to judge by
+    assert shown.verdict.startswith("Nothing is confirmed to be missing")  # these flights are too short to judge by
     assert "goshawk next-flight flights/a.parquet --vehicle vehicle.toml --candidate rotor_drag_thrust" in text
     refused(text)
 

@@ -155,9 +155,21 @@ def test_a_fit_that_is_not_to_be_used_comes_before_all_else():
     call = DiagnoseCall(CALL.flights, CALL.vehicle_file, CALL.held_out, auto=True)
     remark, again = what_next.lines(found(against=("not converged",), converged=False), call)
     assert remark.startswith("(the fit has not converged")
-    assert typed(again) == [*AGAIN, "--auto", "--steps", "60"]
+    assert typed(again) == [*AGAIN, "--steps", "60", "--auto"]
     (remark,) = what_next.lines(found(against=("absurd",)), CALL)
     assert remark.startswith("(the fit is not to be used")
+
+
+def test_a_file_that_was_not_written_is_asked_for_again_and_in_no_other_line():
+    call = DiagnoseCall(
+        CALL.flights, CALL.vehicle_file, CALL.held_out, auto=True, fit=" --steps 15 --robust", refused=Path("b.toml")
+    )
+    doubt = candidate("ground_effect", "inconclusive", 0.4)
+    _, again, fly = what_next.lines(found(doubt, against=("not converged",), converged=False), call)
+    assert typed(again) == [*AGAIN, "--robust", "--steps", "60", "--auto", "--out", "b.toml"]
+    assert "b.toml" not in typed(fly)
+    named = found(candidate("rotor_drag_speed", "present", 1e-9), against=("not converged",), converged=False)
+    assert not [line for line in what_next.lines(named, call) if "add-effect" in line]
 
 
 def test_the_column_map_of_a_foreign_log_is_repeated():

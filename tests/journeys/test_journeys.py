@@ -123,6 +123,18 @@ def test_a_real_csv_with_wrong_units_and_clocks_is_corrected(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not REAL.exists(), reason="the real flights are not beside this repository (../shared/data/flight)")
+def test_a_real_csv_whose_gyro_clock_is_unsure_is_put_in_order_and_not_shifted(tmp_path):
+    """As its source publishes it; 65 s of random way-points."""
+    with gzip.open(REAL.with_name("random1_20251017_run1.csv.gz"), "rt") as file:
+        (tmp_path / "flight.csv").write_text(file.read())
+    said = walk("real_csv", tmp_path)
+    assert "compared plainly it is 8.7 ± 0.5 ms early" in said
+    (done,) = flight_log.load(tmp_path / "flight.parquet").metadata["fixes"]
+    assert "took columns [3, 2, 1, 0] of rotor speed" in done
+
+
+@pytest.mark.slow
 def test_photographs_with_an_unknown_lens_become_a_map(tmp_path):
     inputs.with_photographs(tmp_path)
     walk("own_photographs", tmp_path)

@@ -11,7 +11,7 @@ import pytest
 from flight import frames, rotations
 from goshawk.rendered.world import default_rig
 from mapping.input.images import ImageSet
-from mapping.sparse import agreement, colmap
+from mapping.sparse import agreement, colmap, colmap_model
 
 INSTANTS = 6
 
@@ -74,7 +74,7 @@ def test_a_misplaced_image_is_removed_and_no_other(database, images, poses, monk
     agreed = agreement.of_instants(database, images, images.rig, wrong)
     assert agreed[i] < agreement.LEAST
     assert int(np.argmin(agreed)) == i
-    monkeypatch.setattr(colmap, "_poses", lambda _model, _images: (wrong, images.present, images.rig))
+    monkeypatch.setattr(colmap_model, "poses", lambda _model, _images: (wrong, images.present, images.rig))
     assert colmap._wrong_instants(database, images, None) == {
         images.relative(i, c) for c in range(len(images.rig.cameras))
     }

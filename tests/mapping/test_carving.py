@@ -217,8 +217,9 @@ def test_a_near_edge_bounds_the_pixels_around_it_too() -> None:
 def test_a_vehicle_smaller_than_a_voxel_is_refused_because_nothing_would_be_reached() -> None:
     with pytest.raises(InputError, match="carrier_radius_m"):
         DenseOptions(carrier_radius_m=0.0)
-    with pytest.raises(InputError, match=r"0\.23"):
-        DenseOptions(voxel_m=0.25)
+    with pytest.raises(InputError, match=r"at most 0\.115"):
+        DenseOptions(voxel_m=0.12)
+    DenseOptions(voxel_m=0.115)
 
 
 NOWHERE = fusion.empty_volume(-np.ones(3), np.full(3, 4.0), voxel_m=0.05, truncation_m=0.1, channels=1).grid

@@ -111,6 +111,21 @@ def test_a_longer_reach_never_finds_less():
     assert [f.length_share for f in found] == sorted(f.length_share for f in found)
 
 
+def test_the_profile_of_a_path_is_never_below_what_is_found_along_it_and_meets_it_where_all_is_alike():
+    times, path = line((0.3, 0.4, 1.2), (5.5, 3.5, 1.0))
+    for reach_m in (0.15, 0.4):
+        profile = room().profile(path, reach_m)
+        for k in range(0, len(path), 23):
+            assert profile[k] >= room().along(times[k : k + 1], path[k : k + 1], reach_m).thickness_m
+        assert np.isinf(profile).any()
+    alike = room(seen=everywhere(0.05))
+    np.testing.assert_allclose(alike.profile(path, 0.3), 0.05, atol=1e-6)
+    assert alike.along(times, path, 0.3).thickness_m == pytest.approx(0.05)
+    nothing = room(empty=np.ones(GRID.shape, bool)).profile(path, 0.3)
+    np.testing.assert_array_equal(nothing, 0.0)
+    np.testing.assert_array_equal(room().profile(path + 50.0, 0.3), 0.0)
+
+
 def test_space_that_the_pilot_freed_counts_as_empty_and_an_added_obstacle_does_not():
     freed, added = Box((3.0, 2.0, 1.0), (3.4, 2.4, 1.4)), Box((5.0, 2.0, 1.0), (5.4, 2.4, 1.4))
     edits = [Edit("remove", freed), Edit("add", added)]
@@ -123,10 +138,10 @@ def test_space_about_each_camera_is_empty_within_the_radius_of_what_carried_it()
     poses = np.tile(np.eye(4), (2, 1, 1))
     poses[:, :3, 3] = (2.0, 2.0, 1.0), (2.3, 2.0, 1.0)
     empty = known_empty(GRID, (), RIG, poses, 0.2)
-    centres = GRID.centre(np.argwhere(empty))
-    apart_m = np.linalg.norm(centres[:, None] - poses[:, :3, 3], axis=2)
-    assert len(centres) > 20
-    assert (apart_m.min(axis=1) <= 0.2).all()
+    corners = GRID.centre(np.argwhere(empty))[:, None] + 0.05 * (2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1.0)
+    apart_m = np.linalg.norm(corners[:, :, None] - poses[:, :3, 3], axis=3)
+    assert len(corners) > 10
+    assert (apart_m.max(axis=1).min(axis=1) <= 0.2).all()  # each voxel wholly in one of the balls
     assert not known_empty(GRID, (), RIG, poses, 0.0).any()
 
 

@@ -149,7 +149,7 @@ def test_a_kill_between_moving_the_old_map_aside_and_placing_the_new_keeps_the_e
     images: Path, tmp_path: Path
 ) -> None:
     rig, out = rigs.load(images / "camera.toml"), tmp_path / "map"
-    coarse = mapping.MapOptions(dense=mapping.DenseOptions(voxel_m=0.2))
+    coarse = mapping.MapOptions(dense=mapping.DenseOptions(voxel_m=0.11))
     mapping.build_map(images, rig, out, coarse)
     esdf.save_edits(out / "esdf" / EDITS, [esdf.Edit("add", Sphere((0.0, 0.0, 1.0), 0.5), "the pilot's")])
     words = ["map", str(images), "--camera", str(images / "camera.toml"), "--out", str(out), "--voxel", "0.1"]

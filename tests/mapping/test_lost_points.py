@@ -2,7 +2,7 @@
 
 import pycolmap
 
-from mapping.sparse import colmap
+from mapping.sparse import colmap_model
 
 
 def mean_error_px(model: pycolmap.Reconstruction) -> float:
@@ -20,6 +20,6 @@ def test_a_point_behind_its_cameras_is_dropped_and_no_other() -> None:
     point = model.point3D(points[7])
     point.xyz = camera.projection_center() + 0.5 * (camera.projection_center() - point.xyz)
     assert mean_error_px(model) > 10.0
-    colmap.drop_lost_points(model)
+    colmap_model.drop_lost_points(model)
     assert mean_error_px(model) < 1e-6
     assert sorted(model.point3D_ids()) == points[:7] + points[8:]

@@ -159,6 +159,33 @@ def test_a_cropped_map_keeps_what_is_inside_and_nothing_else() -> None:
     assert new.edits == ()  # the kitchen is elsewhere
 
 
+def test_the_figures_of_a_cropped_map_are_those_of_the_part(tmp_path: Path) -> None:
+    whole = room()
+    facts = whole.facts | {"images": 9, "images_placed": 8, "path_length_m": 99.0, "reprojection_error_px": 0.3}
+    report = facts | {"free_m3": 99.0, "swept_occupied_m3": 1.0, "not_placed": ["a.png", "d.png"], "points": 99}
+    whole = dataclasses.replace(whole, facts=facts, report=report)
+    new = map_parts.cropped(whole, Box((2.0, 0.0, 0.0), (6.0, 4.0, 2.4)), "cropped")
+    assert (new.images, new.facts["images"], new.facts["images_placed"]) == (("b.png", "c.png"), 2, 2)
+    assert new.facts["path_length_m"] == pytest.approx(5.0**0.5)
+    assert new.facts["reprojection_error_px"] == 0.3
+    assert new.report is not None
+    assert new.report["free_m3"] == pytest.approx(1e-3 * (new.field.state == esdf.FREE).sum())
+    assert (new.report["points"], new.report["not_placed"]) == (len(new.known.points_world_m), [])
+    assert "swept_occupied_m3" not in new.report
+    assert new.report[map_parts.MADE_OF] == "room"
+    apart = map_parts.cropped(whole, Box((-1.0, 0.0, 0.0), (6.0, 2.6, 2.4)), "cropped")
+    assert apart.images == ("a.png", "c.png")
+    assert apart.facts["path_length_m"] == 0.0  # the image between them is elsewhere
+    assert apart.facts["images_placed"] == 1
+    map_parts.write(tmp_path / "part", new)
+    again = map_parts.read(tmp_path / "part")
+    assert again.report is not None
+    assert again.report["images"] == 2
+    twice = map_parts.cropped(again, Box((2.0, 0.0, 0.0), (5.9, 4.0, 2.4)), "again")
+    assert twice.report is not None
+    assert twice.report[map_parts.MADE_OF] == "room"
+
+
 @pytest.mark.parametrize(
     ("kept", "said"),
     [
@@ -183,12 +210,25 @@ def test_two_halves_are_registered_and_joined() -> None:
     assert found.contradiction < 0.02
     new = merging.merged(first, second, found)
     free = new.field.grid.centre(np.argwhere(new.field.state == esdf.FREE))
-    assert (ROOM.distance(free) > -0.02).all()
+    assert (ROOM.distance(free) > 0.0).all()
     assert free[:, 0].min() < 0.2
     assert free[:, 0].max() > 5.7
     assert len(new.known.points_world_m) < 1.1 * len(room().known.points_world_m)  # common ones are there once
     assert np.abs(ROOM.distance(new.vertices_world_m)).max() < 0.02
     assert len(new.images) == len(new.T_world_body) == len(set(new.images))
+
+
+def test_a_registration_that_is_off_by_its_residual_opens_no_space() -> None:
+    first, second = half(room("west"), -1.0, 3.0), half(room("east", seed=1), 2.8, 7.0)
+    for off_m in ([0.007, 0.0, 0.0], [0.0, -0.007, 0.0], [0.0, 0.0, 0.007], [-0.004, 0.004, -0.004]):
+        T = frames.transform(rotations.from_yaw(0.0), off_m)
+        found = merging.Registration(T, np.zeros((0, 2), int), 0, 0.0036, 1.0, 0.1, 0.0)
+        new = merging.merged(first, second, found).field
+        own = new.grid.centre(np.argwhere(new.state == esdf.FREE))
+        own = own[own[:, 0] > 3.1]  # of the second map alone
+        corners = own[:, None] + 0.05 * (2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1.0)
+        assert len(own) > 5000
+        assert (ROOM.distance(corners.reshape(-1, 3)) > -1e-9).all()
 
 
 def test_edits_of_both_are_in_the_joined_map(tmp_path: Path) -> None:
@@ -266,6 +306,11 @@ def test_what_images_resolve_goes_along_with_a_map(tmp_path: Path) -> None:
     np.testing.assert_array_equal(
         mapping.open_map(tmp_path / "map").visibility().finest(inside), given.seen.finest(inside)
     )
+    corner = Box((2.3, 1.1, 0.5), (7.0, 5.0, 2.2))  # its lowest voxel is another one
+    map_parts.write(tmp_path / "corner", map_parts.cropped(given, corner, "cropped"))
+    inside = points[corner.distance(points) <= 0.0]
+    assert (mapping.open_map(tmp_path / "corner").visibility().finest(inside) >= given.seen.finest(inside)).mean() > 0.9
+    assert mapping.open_map(tmp_path / "corner").free_space() is not None
 
 
 def test_images_resolve_nothing_in_a_joined_map_where_their_own_was_unknown() -> None:

@@ -46,3 +46,30 @@ def test_failures_are_told_in_plain_words(error: Exception, repeated: float, nam
     assert ("repeated texture" in str(raised.value)) == named
     assert "Rig with ID" not in str(raised.value)
     assert "Check failed" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        RuntimeError("SQLite error: database or disk is full"),
+        MapError("placing images failed: OSError: [Errno 28] No space left on device"),
+    ],
+)
+def test_a_full_disk_is_blamed_on_no_camera_file_and_no_texture(error: Exception) -> None:
+    with pytest.raises(MapError, match="make room") as raised, repetition.explained(0.9):
+        raise error
+    assert "camera file" not in str(raised.value)
+    assert "repeated texture" not in str(raised.value)
+
+
+def test_the_share_does_not_depend_on_how_many_are_compared_at_once() -> None:
+    rng = np.random.default_rng(2)
+    descriptors = np.repeat(rng.gamma(0.6, 1.0, (600, 128)), 2, axis=0)[:1100]
+    pixels = rng.uniform(0.0, 640.0, (1100, 2))
+    size = np.ones(1100)
+    shuffled = rng.permutation(1100)
+    share = repetition.share(Features(pixels, size, size, descriptors))
+    assert share == pytest.approx(1.0, abs=0.01)
+    assert repetition.share(Features(pixels[shuffled], size, size, descriptors[shuffled])) == share
+    halved = np.arange(0, 1100, 2)
+    assert repetition.share(Features(pixels[halved], size[:550], size[:550], descriptors[halved])) == 0.0

@@ -46,6 +46,8 @@ SCENE = RenderedScene(
 RIG = Rig((rendered_world.default_rig(0.5)["front"],))
 GAINS = np.array([1.0, 0.7, 1.25, 0.8, 1.1, 0.65, 1.3, 0.9, 1.2])
 """Planted: exposure jumps from image to image."""
+RED, BLUE = np.array([1.0, 0.6, 0.3]), np.array([0.4, 0.7, 1.0])
+"""Tints of the wall in colour images."""
 AT_M = [(x, y, 1.2) for x in (0.2, 0.5, 0.8) for y in (-0.7, 0.0, 0.9)]
 T_WORLD_BODY = frames.transform(rotations.from_yaw([-0.2 * y for _, y, _ in AT_M]), AT_M)
 
@@ -150,11 +152,11 @@ def patch(low_y: float, high_y: float, low_z: float, high_z: float) -> tuple[Flo
     return points, true_colours(centre, rays[None])[0].astype(float)
 
 
-def textured(flat: FlattenedMesh, painted: texture.Texture, points_m: FloatArray) -> FloatArray:
+def textured(flat: FlattenedMesh, painted: texture.Texture, points_m: FloatArray, channel: int = 0) -> FloatArray:
     face, share = hits(flat.vertices_world_m, flat.faces, points_m)
     uv = np.einsum("nk,nkc->nc", share, flat.corners_uv[face]) * len(painted.pixels)
     column, row = np.clip(uv.astype(int), 0, len(painted.pixels) - 1).T
-    return painted.pixels[row, column, 0].astype(float)
+    return painted.pixels[row, column, channel].astype(float)
 
 
 def with_vertex_colours(
@@ -238,6 +240,33 @@ def test_chequers_of_four_pixels_are_resolved_and_not_by_vertex_colours(
 
     assert contrast(textured(flat, painted, points)) > 0.6
     assert contrast(with_vertex_colours(mesh, points)) < 0.4
+
+
+def tinted(view: TextureView) -> NDArray[np.uint8]:
+    """The image in colour: red left of y = 0 on the wall (as seen from the room), blue right of it."""
+    pixels, _ = view.read()
+    camera = view.camera
+    rays = camera.unproject(camera.pixel_centres()) @ view.T_world_camera[:3, :3].T
+    x, y, _ = view.T_world_camera[:3, 3]
+    y_m = y + (WALL_X_M - x) / rays[..., 0] * rays[..., 1]
+    tint = np.where((y_m > 0.0)[..., None], RED, BLUE)
+    return np.round(pixels[..., None] * tint).astype(np.uint8)
+
+
+def test_colour_images_paint_each_surface_in_its_colour_and_channels_in_their_order(
+    mesh: tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]], flat: FlattenedMesh, views: list[TextureView]
+) -> None:
+    coloured = [TextureView(v.name, v.camera, v.T_world_camera, reader(tinted(v))) for v in views]
+    red_side = flat.vertices_world_m[:, 1:2] > 0.0
+    given = np.round(nearest_colours(mesh, flat) * np.where(red_side, RED, BLUE)).astype(np.uint8)
+    found = texture.paint(flat, given, coloured, size=512, tolerance_m=VOXEL_M)
+    planted = np.log(GAINS) - np.log(GAINS).mean()
+    np.testing.assert_allclose(found.exposure.log_gain, planted, atol=0.05)
+    for low_y, high_y, tint in ((0.7, 1.2, RED), (-1.2, -0.6, BLUE)):
+        points, _ = patch(low_y, high_y, 0.6, 1.8)
+        shares = np.stack([textured(flat, found, points, channel) for channel in range(3)], axis=1)
+        shares /= shares.max(axis=1, keepdims=True)
+        np.testing.assert_allclose(np.median(shares, axis=0), tint / tint.max(), atol=0.02)
 
 
 def test_what_a_mask_leaves_out_is_not_painted(

@@ -237,6 +237,29 @@ def test_each_fault_of_the_file_is_named(tmp_path: Path, change: Callable, said:
     assert str(path) in str(raised.value)
 
 
+def test_centimetres_at_walking_pace_are_refused_and_a_fast_flight_in_metres_is_not(tmp_path: Path) -> None:
+    for pace, factor in ((0.3, 1.0), (2.0, 1.0), (0.3, 100.0)):
+        T = pose(50.0 + pace * (RECORDED_S - 50.0))
+        T[:, :3, 3] *= factor
+        path = write_tum(tmp_path / "p", RECORDED_S, T)
+        if factor > 1.0:
+            speed_m_s = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1).max() / 0.01
+            assert speed_m_s < trajectory.FASTEST_M_S
+            with pytest.raises(InputError, match=r"m/s2.*not in millimetres or centimetres"):
+                trajectory.read(path)
+        else:
+            assert len(trajectory.read(path).time_s) == len(RECORDED_S)
+
+
+def test_a_scale_that_is_a_hundred_times_the_rigs_names_the_unit(tmp_path: Path) -> None:
+    doubted: list[str] = []
+    refused: list[str] = []
+    used, other = (alignment.ScaleWitness(name, ratio, 0.01) for name, ratio in (("length", 1.0), ("poses", 0.0101)))
+    verdict._weigh(used, other, doubted, refused)
+    assert "as if it were in centimetres" in refused[0]
+    assert not doubted
+
+
 def test_files_that_hold_no_poses_and_images_without_times_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="does not exist"):
         trajectory.read(tmp_path / "absent")
@@ -250,6 +273,13 @@ def test_files_that_hold_no_poses_and_images_without_times_are_refused(tmp_path:
     untimed = dataclasses.replace(beside(MotionKind.POSES, path), time_s=np.full(COUNT, np.nan))
     with pytest.raises(InputError, match="have no times"):
         untimed.beside({MotionKind.POSES: path})
+
+
+def test_a_file_that_is_missing_is_named_before_any_image_is_read(tmp_path: Path) -> None:
+    options = mapping.MapOptions(poses=tmp_path / "absent.txt")
+    with pytest.raises(InputError, match=r"absent\.txt does not exist"):  # nor do the images
+        mapping.build_map(tmp_path / "images", RIG, tmp_path / "map", options)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_poses_on_a_national_grid_are_refused(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import uPlot from "uplot";
 import { effect, signal } from "@preact/signals";
 import { editable, short } from "./format";
+import { COULD_HIDE_SPAN_MM } from "./scales";
 import { series } from "./store";
 import { token } from "./theme";
 import type { Limit, Series } from "./protocol";
@@ -15,11 +16,22 @@ export interface Stream {
   curves: (series: Series) => number[][];
   /** Names of the limits that belong to it; drawn if they come in its unit. */
   limits: readonly string[];
+  /** The largest value that is drawn, and stands for all above it. */
+  most?: number;
 }
 
 export const STREAMS: readonly Stream[] = [
   { key: "speed", name: "Speed", unit: "m/s", digits: 2, curves: (s) => [s.speed_m_s], limits: ["speed"] },
   { key: "clearance", name: "Clearance", unit: "m", digits: 2, curves: (s) => [s.clearance_m], limits: ["clearance"] },
+  {
+    key: "could_hide",
+    name: "Could hide",
+    unit: "mm",
+    digits: 0,
+    curves: (s) => (s.could_hide_mm.length > 0 ? [s.could_hide_mm] : []),
+    limits: [],
+    most: COULD_HIDE_SPAN_MM,
+  },
   { key: "tilt", name: "Tilt", unit: "°", digits: 1, curves: (s) => [s.tilt_deg], limits: ["tilt"] },
   {
     key: "acceleration",

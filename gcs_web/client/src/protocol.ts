@@ -133,6 +133,7 @@ export interface Series {
   thrust_n: number[];
   rotor_margin_percent: number[];
   q_world_body: number[];
+  could_hide_mm: number[];
 }
 
 export interface Problem {
@@ -517,8 +518,7 @@ export interface Diagnosis {
   state: "none" | "current" | "old";
   verdict: string;
   probability: number;
-  something_unknown: number;
-  otherwise: number;
+  probabilities: string;
   fit: string;
   learn: string[];
   held_out: string[];
@@ -1017,7 +1017,7 @@ export interface Cursor {
 
 export interface Shown {
   type: "shown";
-  colour: "clearance" | "speed" | "thrust" | "tilt" | "rotor_margin";
+  colour: "clearance" | "could_hide" | "speed" | "thrust" | "tilt" | "rotor_margin";
   author: string;
 }
 
@@ -1243,7 +1243,7 @@ export interface Look {
 export interface Show {
   type: "show";
   serial: number;
-  colour?: "clearance" | "speed" | "thrust" | "tilt" | "rotor_margin";
+  colour?: "clearance" | "could_hide" | "speed" | "thrust" | "tilt" | "rotor_margin";
 }
 
 export interface TakeControl {

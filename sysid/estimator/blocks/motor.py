@@ -35,7 +35,7 @@ def read(stretch: Stretch) -> Signal:
 
 def aligned(flight: Flight, delays: Mapping[str, float]) -> Flight:
     """The flight with mean commands of its intervals where the stream is this late; early (negative) as a rule."""
-    if QUANTITY not in flight.streams:
+    if QUANTITY not in flight.streams or flight.commands_on_time:
         return flight
     before, skipped, node_s = flight.lead_in, 0, flight.time_s
     if before is not None:

@@ -3,11 +3,14 @@
 import ast
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import vehicle
+from vehicle import effects
+from vehicle.effects.base import Flow, Stage
 
 BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
 rotorpy = pytest.importorskip("rotorpy.vehicles.multirotor", reason="RotorPy is a development dependency")
@@ -265,3 +268,34 @@ def test_a_draw_says_what_it_hides(kind):
         assert bool(truth.channels) == (kind in ("outside", "form"))
         assert bool(truth.near) == (kind == "form")
         assert bool(truth.real) == (kind == "foreign") == bool(truth.believed)
+
+
+def test_the_nearest_law_to_a_moment_that_saturates_counts_as_right():
+    """Nearest is the law of the catalogue whose best fit over the speeds flown leaves least of the moment."""
+    import blind_flight
+    import blind_forms
+
+    rng = np.random.default_rng(7)
+    velocity = np.clip(2.2 * rng.standard_normal((3, 2000)), -7.0, 7.0)
+    speed = 450.0 + 30.0 * rng.standard_normal((4, 2000))
+    hub = 0.17 * np.array([[1.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, -1.0], [0.0, 0.0, 0.0, 0.0]])[:, :, None]
+
+    def moment_of(effect: effects.Effect, parameter: str) -> np.ndarray:
+        flow = Flow(velocity, 0.0 * velocity, speed, hub, np.array([[1.0], [-1.0], [1.0], [-1.0]]), 0.1, 1.2)
+        flow.thrust_n[:] = 1.2
+        effect.apply(flow, SimpleNamespace(**{s.name: float(s.name == parameter) for s in effect.parameters}))
+        return flow.torque_n_m[:2].ravel()
+
+    moments = [e for e in effects.catalogue().values() if e.channel.startswith("M_x M_y") and e.stage is Stage.FORCE]
+    nearest = set()
+    for _ in range(10):
+        form = blind_forms.FORMS["moment"](rng, 0.1)
+        air = blind_flight.Air(0.0, *[0.0 * velocity] * 2, velocity, 0.0 * velocity, *[speed] * 2, hub, speed)
+        true = form.extra.wrench(air, speed)[1][:2].ravel()
+        left = {}
+        for effect in moments:
+            columns = np.stack([moment_of(effect, s.name) for s in effect.parameters], axis=1)
+            left[effect.name] = np.square(true - columns @ np.linalg.lstsq(columns, true, rcond=None)[0]).sum()
+        nearest.add(min(left, key=left.__getitem__))
+        assert nearest <= set(form.near)
+    assert "wake_skew_moment" in nearest

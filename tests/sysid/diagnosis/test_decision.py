@@ -8,7 +8,7 @@ import pytest
 
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.decision import Case, Reason, decide, sentence
-from sysid.diagnosis.findings import Outcome, Size, Verdict
+from sysid.diagnosis.findings import CandidateFinding, Outcome, Size, Verdict
 from sysid.diagnosis.procedure import Diagnosis
 from sysid.diagnosis.thresholds import THRESHOLDS
 
@@ -113,12 +113,45 @@ def test_no_name_is_surer_than_the_sentence_where_too_much_is_unexplained_or_the
     assert decide(confirmed).confidence == THRESHOLDS.even_confidence
 
 
-def test_a_candidate_that_hardly_shows_so_by_chance_is_said_to_be_in_doubt():
-    def found(name: str, significance: float, verdict: Verdict = Verdict.INCONCLUSIVE) -> Any:
-        return SimpleNamespace(name=name, significance=significance, verdict=verdict)
-
+def doubts(refuted: tuple[str, ...] = (), doubted: tuple[str, ...] = ("motor_lag",), **sizes: Size) -> tuple[str, ...]:
+    """Of four candidates, two of them below one in 1,000 by chance; one of these is in the model."""
     weak, plain = 0.5 * THRESHOLDS.doubtful, 2.0 * THRESHOLDS.doubtful
-    candidates = [found("ground_effect", weak), found("constant_wind", plain), found("payload", 0.5)]
-    candidates.append(found("motor_lag", weak, Verdict.PRESENT))
-    whole = cast("Any", SimpleNamespace(candidates=candidates, search=SimpleNamespace(doubted=("payload",))))
-    assert Diagnosis.doubts.fget(whole) == ("ground_effect", "payload")  # type: ignore[attr-defined]
+
+    def found(name: str, significance: float, verdict: Verdict = Verdict.INCONCLUSIVE) -> CandidateFinding:
+        own = (sizes.get(name, OPEN),)
+        return CandidateFinding(name, verdict, "", own, 0.0, significance, 0.0, 0.5, (), (), (), "")
+
+    candidates = [found("ground_effect", weak), found("constant_wind", plain), found("motor_lag", 0.5)]
+    candidates += [found("payload", weak), found("weak_rotor[0]", weak, Verdict.PRESENT)]
+    search = SimpleNamespace(doubted=doubted, refuted=frozenset(refuted))
+    return Diagnosis.doubts.fget(cast("Any", SimpleNamespace(candidates=candidates, search=search)))  # type: ignore[attr-defined]
+
+
+def test_a_candidate_that_hardly_shows_so_by_chance_may_be_missing():
+    assert doubts() == ("ground_effect", "motor_lag", "payload")
+
+
+def test_what_was_refuted_or_is_of_no_consequence_is_not_said_to_be_missing_perhaps():
+    assert doubts(refuted=("ground_effect",)) == ("motor_lag", "payload")
+    tiny = replace(SMALL, value=0.0, half90=0.9 * THRESHOLDS.least_size * SMALL.usual)
+    assert doubts(motor_lag=tiny) == ("ground_effect", "payload")
+    assert doubts(motor_lag=replace(OPEN, sigma=0.0)) == ("ground_effect", "payload")
+
+
+def test_a_load_below_what_matters_is_not_said_to_be_missing_perhaps():
+    """What a vehicle weighs shows in every hover."""
+    small = replace(SMALL, value=0.0, half90=0.9 * THRESHOLDS.matters * SMALL.usual)
+    assert doubts(payload=small) == ("ground_effect", "motor_lag")
+    assert "ground_effect" in doubts(ground_effect=small)
+
+
+@pytest.mark.parametrize(("left", "least", "most"), [(60.0, 0.9, 0.97), (3.0, 0.0, 0.01)])
+def test_a_proxy_alone_says_that_something_unknown_is_missing(left: float, least: float, most: float):
+    whole: Any = SimpleNamespace(
+        additions=(), undecided=(), outside=None, proxies=("parasitic_drag",), candidates=(), leaves_too_much=False
+    )
+    whole.search, whole.input_verdict = SimpleNamespace(too_short="", left=left), SimpleNamespace(against=())
+    whole.pose_may_be_late = False
+    whole.says_missing = Diagnosis.says_missing.fget(whole)  # type: ignore[attr-defined]
+    assert whole.says_missing
+    assert least <= Diagnosis.belief.fget(whole).as_stated <= most  # type: ignore[attr-defined]

@@ -190,6 +190,17 @@ def test_sizes_scale_with_the_mass_the_file_believes():
         assert diagnosis_run.inside(said, truth) == {"flapping_moment.moment_kg_m": held}
 
 
+def test_times_and_ratios_do_not_scale_with_the_mass_the_file_believes():
+    import diagnosis_run
+
+    for effect, parameter, true in (("motor_lag", "rise_s", 0.03), ("battery_sag", "sag_per_v", 0.04)):
+        truth = {"hidden": {effect: {parameter: true}}, "mass_kg": 0.5, "file_mass_kg": 0.51}
+        interval = {effect: {"interval90": {parameter: [0.999 * true, 1.001 * true]}}}
+        assert diagnosis_run.inside({"additions": [effect], "candidates": interval}, truth) == {
+            f"{effect}.{parameter}": True
+        }
+
+
 def test_a_rotor_wrongly_blamed_has_no_size():
     import diagnosis_run
 

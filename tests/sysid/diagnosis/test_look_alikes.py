@@ -13,7 +13,7 @@ import vehicle
 from flight import FlightLog
 from sysid import Options, identify
 from sysid.diagnosis import Diagnosis, diagnose, next_flight
-from sysid.diagnosis.belief import unknown_left
+from sysid.diagnosis.belief import curve_is_there
 from sysid.diagnosis.examined import Model, as_good_as, best_curve, examine
 from sysid.diagnosis.rehearsal import Room, fitted_into
 from sysid.diagnosis.search import candidates_fitted
@@ -96,7 +96,7 @@ def test_nobody_is_named_where_two_explain_as_much(doubtful):
     assert "confounded in these flights" in doubtful.verdict
     sure = {s.name: s.confidence for s in doubtful.candidates if s.name in pair}
     assert all(0.02 < p < 0.95 for p in sure.values())
-    left = unknown_left(doubtful.search.left)
+    left = curve_is_there(doubtful.search.left)
     assert doubtful.confidence == pytest.approx(sum(sure.values()) * (1.0 - left))
     assert {s.verdict for s in doubtful.candidates if s.name in pair} == {"inconclusive"}
     assert doubtful.outside is None

@@ -78,7 +78,18 @@ def test_every_proxy_that_still_helps_is_added_to_the_one_before(helpful):
         assert trial.outcome is Outcome.USEFUL_PROXY
         assert trial.held_out.total == 27.0
         assert trial.sentence.startswith("added as a useful proxy: the cost of held-out flights fell by 27.0 ± 1.7")
-        assert "a free curve of F_z against v_z explains more" in trial.sentence
+        assert "a free curve of F_z against v_z shows that another law is missing" in trial.sentence
+
+
+def test_a_name_that_went_as_too_small_beside_a_curve_may_come_back_as_a_proxy_and_what_explained_most_is_first(
+    helpful,
+):
+    helpful |= {"a", "b"}
+    more = CostReduction(np.array([30.0, 40.0, 50.0]))
+    small = replace(outdone("b"), outcome=Outcome.REMOVED, training=more)
+    assert [trial.candidate.name for trial, _ in added([outdone("a"), small])] == ["b", "a"]
+    unnecessary = replace(small, proxy_for=None)  # by a later addition
+    assert added([unnecessary]) == []
 
 
 def test_what_held_out_flights_did_not_prefer_is_no_useful_proxy(helpful):
@@ -112,6 +123,26 @@ def test_a_curve_that_changed_when_a_small_name_went_is_stated_with_even_odds_at
     removed = replace(outdone("a"), outcome=Outcome.REMOVED)  # for a curve of F_z against v_z
     assert search._as_sure(drawn, [outdone("b"), removed]).confidence == confidence
     assert search._as_sure(drawn, [replace(removed, proxy_for=None)]).confidence == 0.97
+
+
+@pytest.mark.parametrize(
+    ("channel", "gain", "own"),
+    [("F_z", 19.0, True), ("T", 19.0, True), ("F_z", 21.0, False), ("M_z", 19.0, False), ("F_z", np.nan, False)],
+)
+def test_a_small_curve_in_the_channel_of_a_named_effect_is_of_its_form(channel: str, gain: float, own: bool):
+    """Small: it explains less than a fifth of what the effect does."""
+    small, large = candidate("a"), candidate("b")
+    assert examined.form_of(curve(channel, "v_z", gain), [(small, 50.0), (large, 100.0)]) == (large if own else None)
+    assert examined.form_of(curve(channel, "v_z", gain), []) is None
+
+
+def test_what_is_left_in_the_channels_of_a_named_effect_speaks_for_nothing_unknown():
+    tried = SimpleNamespace(curve=[None], left={"F_z": 40.0, "T": 30.0, "M_z": 4.0})
+    model = cast("Any", SimpleNamespace(tried=tried))
+    assert examined.left_unexplained(model, []) == 40.0
+    assert examined.left_unexplained(model, [candidate("a")]) == 4.0
+    tried.left["M_z"] = np.nan
+    assert np.isnan(examined.left_unexplained(model, [candidate("a")]))
 
 
 @pytest.mark.parametrize(("half90", "status"), [(np.nan, "free"), (0.0, NOT_IDENTIFIABLE)])

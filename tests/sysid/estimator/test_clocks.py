@@ -8,6 +8,7 @@ import pytest
 import sysid
 from flight import FlightLog
 from flight.flight_log import COLUMNS
+from sysid.diagnosis.examined import examine
 from sysid.estimator.blocks import motor, rotor_speed
 from sysid.estimator.clocks import Clock, delay_name, gyro_is_early, pose_is_late
 from sysid.estimator.sampling import Signal
@@ -109,8 +110,30 @@ def test_unless_asked_for_no_delay_of_commands_is_taken_out_of_the_lag_and_the_f
     assert not any(said in finding for finding in sent_early.findings)
 
 
+def test_the_errors_of_a_fit_that_takes_early_commands_to_be_on_time_hold_the_truth(taken_on_time, sent_early, truth):
+    names = ("motor_lag.rise_s", "motor_lag.fall_s", *(f"inertia_{axis}_kg_m2" for axis in ("xx", "yy", "zz")))
+    for name in names:
+        taken, told = taken_on_time.estimate(name), sent_early.estimate(name)
+        assert abs(taken.value - truth.value(name)) < taken.interval90, taken
+        assert told.interval90 < 0.5 * taken.interval90, "a clock of their own makes the lag exact"
+    for name in names[2:]:  # what hardly rests on the clock is hardly less sure for it
+        assert taken_on_time.estimate(name).interval90 < 0.1 * truth.value(name)
+
+
+def test_a_fit_says_that_commands_seem_early_where_it_takes_them_to_be_on_time(taken_on_time, sent_early):
+    said = [finding for finding in taken_on_time.findings if "fit better with commands" in finding]
+    assert len(said) == 1
+    assert said[0].count("ms early") == 3
+    assert not any("fit better with commands" in finding for finding in sent_early.findings)
+
+
+def test_a_curve_must_explain_more_than_a_delay_of_commands_that_is_not_estimated(taken_on_time):
+    evidence = examine(taken_on_time).evidence
+    assert {delay_name(motor.QUANTITY, i) for i in range(3)} <= {evidence.names[i] for i in evidence.base}
+
+
 def test_where_rotor_speed_is_logged_nothing_is_said_of_commands(fitted):
-    assert not any("commands were taken" in finding for finding in fitted.findings)
+    assert not any("commands were taken" in f or "fit better with commands" in f for f in fitted.findings)
 
 
 def test_commands_that_are_early_are_told_from_the_lag_of_motors_and_from_a_late_pose(sent_early):

@@ -99,6 +99,10 @@ def test_errors_are_of_the_size_of_the_standard_errors(fitted, truth):
     assert np.abs(score).max() < 4.0
 
 
+def test_no_error_is_smaller_than_white_noise_alone_makes_it(fitted):
+    assert all(e.std_robust >= e.std for e in fitted.parameters)
+
+
 def test_noise_levels_are_estimated(fitted):
     assert fitted.noise.levels["pose"] == pytest.approx([2e-3, 2e-3], rel=0.05)
 

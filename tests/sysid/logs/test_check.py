@@ -10,6 +10,7 @@ from scipy.signal import butter, sosfiltfilt
 
 import vehicle
 from flight import FlightLog, frames
+from flight.flight_log import COLUMNS
 from sysid.estimator.sampling import Signal
 from sysid.logs.check import check_log as check
 from vehicle import flights as vehicle_flights
@@ -181,6 +182,18 @@ def test_a_frozen_channel(log):
     assert "frozen" in _whats(_changed(log, **held))
     one = {ROTORS[0]: held[ROTORS[0]]}
     assert "frozen" not in _whats(_changed(log, **one)), "a single component may repeat: its resolution may be coarse"
+
+
+def test_a_position_that_never_moves_is_told_and_the_rest_is_checked(log):
+    """PX4 without a fix writes zeros."""
+    zero = {
+        name: np.zeros(len(log))
+        for quantity in ("position_world_m", "velocity_world_m_s")
+        for name in COLUMNS[quantity][:2]
+    }
+    rising = np.gradient(log.columns["position_world_z_m"], log.time_s)
+    found = check(_changed(log, **zero, velocity_world_z_m_s=rising)).findings
+    assert {f.sentence for f in found if f.what == "constant"} == {f"{name} never changes" for name in zero}
 
 
 def test_a_saturated_gyro(log):

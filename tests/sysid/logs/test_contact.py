@@ -120,6 +120,22 @@ def test_fits_leave_contact_out_and_say_so():
         prepare(only(joined(standing(4.0, rng), flown().slice(0.0, 0.8)), *POSE), 0, Options())
 
 
+def test_rotors_that_read_zero_on_the_ground_are_at_rest_and_not_frozen():
+    """A log that begins before arming: nothing is to be mended, and a fit takes it as it is."""
+    rng = np.random.default_rng(8)
+    waiting = standing(3.0 * FLIES_S, rng)
+    still = {name: np.zeros(len(waiting)) for name in COLUMNS["rotor_speed_rad_s"]}
+    log = only(joined(FlightLog({**waiting.columns, **still}, {}), flown()), *POSE)
+    (said,) = (f for f in check_log(log, vehicle.example("rigter2019")).findings if "rotor" in f.sentence)
+    assert said.what == "at rest"
+    assert said.repair is None
+    (flight,) = prepare(log, 0, Options())
+    assert flight.time_s[0] > 3.0 * FLIES_S - 0.3
+    lost = {name: np.where(np.abs(log.time_s - 28.0) < 1.0, 0.0, log.columns[name]) for name in still}
+    found = check_log(FlightLog({**log.columns, **lost}, {})).findings
+    assert [f.what for f in found if "rotor_speed_rad_s repeats" in f.sentence] == ["frozen"]
+
+
 def test_a_log_in_microseconds_is_looked_at_without_the_pose():
     log = only(flown(), *POSE)
     assert contact.spans(FlightLog({**log.columns, "time_s": 1e6 * log.time_s}, {})) == ()

@@ -37,7 +37,9 @@ export function Drawer({ height }: { height?: number }) {
       </div>
     );
   }
-  const shown = STREAMS.filter(({ key }) => (phone.value ? key === "speed" : shownStreams.value.includes(key)));
+  const shown = known(current).filter(({ key }) =>
+    phone.value ? key === "speed" : shownStreams.value.includes(key),
+  );
   const room = (height ?? 0) - HEAD_PX - AXIS_PX;
   const row_px = phone.value ? PHONE_ROW_PX : Math.max(SMALLEST_ROW_PX, Math.floor(room / Math.max(1, shown.length)));
   return (
@@ -46,6 +48,11 @@ export function Drawer({ height }: { height?: number }) {
       <Plots shown={shown} current={current} row_px={row_px} />
     </div>
   );
+}
+
+/** The streams of which the plan has values. */
+function known(current: Series): Stream[] {
+  return STREAMS.filter((stream) => stream.curves(current).length > 0);
 }
 
 function DrawerHead({ current }: { current: Series }) {
@@ -69,7 +76,7 @@ function DrawerHead({ current }: { current: Series }) {
       <button type="button" class="toggle" onClick={nextRate} aria-label={`Speed of playing: ${rate.value} times`}>
         {rate.value}×
       </button>
-      {STREAMS.map(({ key, name }) => (
+      {known(current).map(({ key, name }) => (
         <button
           key={key}
           type="button"
@@ -208,7 +215,8 @@ function follow(plot: uPlot): () => void {
 function PlotLabel({ stream, current }: { stream: Stream; current: Series }) {
   const values = stream
     .curves(current)
-    .map((curve) => number(valueAt(current.time_s, curve, cursor_s.value ?? 0), stream.digits));
+    .map((curve) => valueAt(current.time_s, curve, cursor_s.value ?? 0))
+    .map((value) => (value !== null && value >= (stream.most ?? Infinity) ? "≥ " : "") + number(value, stream.digits));
   return (
     <div class="plot-label">
       <span class="plot-name">{stream.name}</span>

@@ -230,7 +230,9 @@ function FieldOf({ field, value, onChange }: FieldProps) {
         {field.form === "choice" ? (
           <select id={id} value={String(value)} onChange={(event) => onChange(event.currentTarget.value)}>
             {field.choices.map((choice) => (
-              <option key={choice}>{choice}</option>
+              <option key={choice} value={choice}>
+                {choice || "none"}
+              </option>
             ))}
           </select>
         ) : (

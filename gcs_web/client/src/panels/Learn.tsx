@@ -68,8 +68,7 @@ function summary(found: Diagnosis): string {
   const held = found.held_out.length > 0 ? ` and ${found.held_out.length} held-out` : ", judged by each other";
   return (
     `${parts.join(", ")}, on ${plural(found.learn.length, "flight", "flights")}${held}. ` +
-    `Probability ${percent(found.probability)} that all of it is right, ${percent(found.something_unknown)} that ` +
-    `something unknown is missing besides. The fit is ${found.fit}.`
+    `${found.probabilities} The fit is ${found.fit}.`
   );
 }
 

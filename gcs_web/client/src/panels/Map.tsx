@@ -17,12 +17,9 @@ export function Map() {
       <MapEdits />
       <Jobs />
       <div class="spring" />
-      <div class="acts">
-        {jobs.value.kinds.some(({ name }) => name === "map") && (
-          <button type="button" class="control" disabled={!connected.value} onClick={importImages}>
-            Import images
-          </button>
-        )}
+      <div class="acts rows">
+        <FormButton kind="map" name="Import images" />
+        {mapShown.value !== null && <FormButton kind="look_again" name="Where to look again" />}
         <button type="button" class="control primary grow" onClick={() => (step.value = 2)}>
           Plan on this map
         </button>
@@ -31,10 +28,18 @@ export function Map() {
   );
 }
 
-/** Open the form of the job that makes the map. */
-function importImages(): void {
-  void submit({ type: "list_jobs" }); // files may have come since
-  chosenKind.value = "map";
+/** Opens the form of a job; nothing where the station does not offer it. */
+function FormButton({ kind, name }: { kind: string; name: string }) {
+  if (!jobs.value.kinds.some((each) => each.name === kind)) return null;
+  const open = (): void => {
+    void submit({ type: "list_jobs" }); // files may have come since
+    chosenKind.value = kind;
+  };
+  return (
+    <button type="button" class="control" disabled={!connected.value} onClick={open}>
+      {name}
+    </button>
+  );
 }
 
 function Facts() {

@@ -18,6 +18,7 @@ type Colour = NonNullable<Show["colour"]>;
 
 const COLOURS: readonly { key: Colour; name: string; unit: string }[] = [
   { key: "clearance", name: "Clearance", unit: "m" },
+  { key: "could_hide", name: "Could hide", unit: "mm" },
   { key: "speed", name: "Speed", unit: "m/s" },
   { key: "thrust", name: "Thrust", unit: "N" },
   { key: "rotor_margin", name: "Rotor margin", unit: "%" },
@@ -61,7 +62,12 @@ function PathLegend() {
   if (shown === null || current === undefined) return null;
   const isClearance = current.key === "clearance";
   return (
-    <Legend unit={current.unit} colours={isClearance ? CLEARANCE : CIVIDIS} ends={ends(current.key, shown)}>
+    <Legend
+      unit={current.unit}
+      colours={isClearance ? CLEARANCE : CIVIDIS}
+      ends={ends(current.key, shown)}
+      {...(current.key === "could_hide" ? { note: couldHideNote(shown) } : {})}
+    >
       <ColourChoice />
     </Legend>
   );
@@ -267,14 +273,16 @@ function Legend({ unit, colours, ends, note, children }: LegendProps) {
 }
 
 export function ColourChoice() {
+  const chosen = view.value.colour;
+  const isKnown = (series.value?.could_hide_mm.length ?? 0) > 0;
   return (
     <select
       class="colour-choice"
       aria-label="Colour of the path"
-      value={view.value.colour}
+      value={chosen}
       onChange={(event) => show({ colour: event.currentTarget.value as Colour })}
     >
-      {COLOURS.map(({ key, name }) => (
+      {COLOURS.filter(({ key }) => key !== "could_hide" || key === chosen || isKnown).map(({ key, name }) => (
         <option key={key} value={key}>
           {name}
         </option>
@@ -283,9 +291,10 @@ export function ColourChoice() {
   );
 }
 
-/** Words at both ends of the scale: clearance begins at what is required, the others span the path's own values. */
+/** Words at both ends of the scale; for most figures it spans the path's own values. */
 function ends(colour: Colour, shown: Series): [string, string] {
   if (colour === "clearance") return clearanceEnds();
+  if (colour === "could_hide") return ["0", `≥ ${COULD_HIDE_SPAN_MM}`];
   const values = VALUES[colour](shown);
   return [short(Math.min(...values)), short(Math.max(...values))];
 }
@@ -295,7 +304,12 @@ function clearanceEnds(): [string, string] {
   return [`${number(required_m, 2)} limit`, `≥ ${number(required_m + CLEARANCE_SPAN_M, 1)}`];
 }
 
-const VALUES: Readonly<Record<Exclude<Colour, "clearance">, (shown: Series) => number[]>> = {
+function couldHideNote({ could_hide_mm }: Series): string {
+  if (could_hide_mm.length === 0) return "not known: the map has no images";
+  return "obstacle that the map may lack within the clearance";
+}
+
+const VALUES: Readonly<Record<Exclude<Colour, "clearance" | "could_hide">, (shown: Series) => number[]>> = {
   speed: (shown) => shown.speed_m_s,
   thrust: (shown) => shown.thrust_n,
   rotor_margin: (shown) => shown.rotor_margin_percent,
