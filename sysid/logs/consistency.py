@@ -6,37 +6,23 @@ turning must be what the gyro reads, and the torque of the rotors must be what a
 
 import numpy as np
 
-from flight import FlightLog, Progress, frames, rotations, silent
+from flight import FlightLog, Progress, rotations, silent
 from flight.flight_log import COLUMNS
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
-from sysid.logs import clocks, gyro_clock, rotor_order
+from sysid.logs import attitude, clocks, gyro_clock, mounting, rotor_order
+from sysid.logs.attitude import DEGREES, LEAST_RATE_RAD_S
 from sysid.logs.finding import Finding, Repair, error, warning
 from sysid.logs.motion import GRID_S, Kinematics, kinematics, on_grid, sampled
 from sysid.logs.payload import as_flown, carries_payload
 from vehicle import Vehicle, wrench
 from vehicle.invert import open_air
 
-DEGREES = 180.0 / np.pi
 RPM = 60.0 / (2.0 * np.pi)
-XYZW = "reorder the quaternion, which is stored x y z w, to w x y z"
-CONJUGATE = "conjugate the quaternion, which takes world to body"
-ATTITUDE_DOWN = "turn the attitude from NED/FRD to z up, as the positions are"
-POSITIONS_DOWN = "turn the positions from z down to z up, as the attitude is"
-ALL_DOWN = "turn attitude and all vectors from z down (NED/FRD) to z up"
-_REREAD = {
-    XYZW: Repair("quaternion order", COLUMNS["q_world_body"]),
-    CONJUGATE: Repair("conjugate", COLUMNS["q_world_body"]),
-    ATTITUDE_DOWN: Repair("flip", COLUMNS["q_world_body"]),
-    POSITIONS_DOWN: Repair("flip", COLUMNS["position_world_m"]),
-    ALL_DOWN: Repair("flip", tuple(c for q, columns in COLUMNS.items() if "rotor" not in q for c in columns)),
-}
 RATIO_SIGMAS = 4.0
 """A ratio is called wrong when it is off by this many of its standard errors."""
 LEAST_SIGNAL = 0.3
 """... and when at least this share of the variance of what it is taken against is no noise."""
-LEAST_RATE_RAD_S = 0.15
-"""Below this root mean square of the body rate, turning says nothing about gyro or rotors."""
 
 
 def check(log: FlightLog, vehicle: Vehicle | None, progress: Progress = silent) -> tuple[list[Finding], list[str]]:
@@ -48,11 +34,13 @@ def check(log: FlightLog, vehicle: Vehicle | None, progress: Progress = silent) 
         places, inconclusive = _order(log, None, flown)
         return [*found, *places], inconclusive
     progress("checking", 0.2)
-    attitude = _attitude(motion)
-    found += [*attitude, *_velocity(log, motion)]
-    if attitude:
+    pose = attitude.check(log, motion)
+    found += [*pose, *_velocity(log, motion)]
+    if pose:
         return found, []  # whatever is judged by the attitude would only repeat that
     progress("checking", 0.3)
+    if turned := mounting.check(log, motion, flown):
+        return [*found, *turned], []
     gyro, unsure = _gyro(log, motion)
     progress("checking", 0.5)
     places, inconclusive = _order(log, motion, flown, gyro_is_right=not any(f.level == "error" for f in gyro))
@@ -82,60 +70,6 @@ def _accelerometer(log: FlightLog) -> list[Finding]:
         repair = Repair("flip", COLUMNS["specific_force_body_m_s2"])
         found.append(error("frame", sentence, "turn the accelerometer from z down to z up", repair=repair))
     return found
-
-
-def _attitude(motion: Kinematics) -> list[Finding]:
-    """The thrust axis must follow the acceleration; other readings of the quaternion are tried when it does not."""
-    upright = motion.specific_force_world_m_s2
-    gravity = np.array([0.0, 0.0, GRAVITY_M_S2])
-    downward = frames.flip_vector(upright - gravity) + gravity
-    q = motion.q
-    turned = frames.flip_attitude(q)
-    readings = {
-        "": (q, upright),
-        XYZW: (np.roll(q, 1, axis=1), upright),
-        CONJUGATE: (rotations.conjugate(q), upright),
-        "reorder the quaternion, which is stored x y z w, and conjugate it: it takes world to body": (
-            rotations.conjugate(np.roll(q, 1, axis=1)),
-            upright,
-        ),
-        ATTITUDE_DOWN: (turned, upright),
-        POSITIONS_DOWN: (q, downward),
-        ALL_DOWN: (turned, downward),
-    }
-    angle = {fix: _angle_to_thrust(*reading) for fix, reading in readings.items()}
-    spread = float(np.median(np.arccos(np.clip((upright / _length(upright))[:, 2], -1.0, 1.0))))
-    best = min(angle, key=lambda fix: angle[fix])
-    found = []
-    if angle[""] > np.deg2rad(60.0) and best == "":
-        found.append(
-            error(
-                "frame",
-                f"the thrust axis is {DEGREES * angle['']:.0f} deg from where the acceleration points: position and "
-                "attitude are in different frames",
-                "check which world axes both use; world z must be up",
-            )
-        )
-    elif best and angle[best] < 0.6 * angle[""] and angle[""] - angle[best] > np.deg2rad(1.0):
-        sentence = (
-            f"the thrust axis is {DEGREES * angle['']:.1f} deg from where the acceleration points "
-            f"(median; {DEGREES * angle[best]:.1f} deg after the fix)"
-        )
-        found.append(error("frame", sentence, best, repair=_REREAD.get(best)))
-    elif angle[""] > max(0.7 * spread, np.deg2rad(8.0)) and spread > np.deg2rad(4.0):
-        sentence = f"attitude explains little of the acceleration: {DEGREES * angle['']:.1f} deg apart (median)"
-        found.append(warning("frame", sentence, "check units of position and the frame of the attitude"))
-    return found
-
-
-def _angle_to_thrust(q: FloatArray, force: FloatArray) -> float:
-    """Median angle between body z and the specific force."""
-    axis = rotations.rotate(q, np.array([0.0, 0.0, 1.0]))
-    return float(np.median(np.arccos(np.clip((axis * force / _length(force)).sum(axis=1), -1.0, 1.0))))
-
-
-def _length(vectors: FloatArray) -> FloatArray:
-    return np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
 def _velocity(log: FlightLog, motion: Kinematics) -> list[Finding]:

@@ -12,7 +12,7 @@ from flight import FlightLog, InputError, Progress, frames, rotations, silent
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs.check import LogReport, check_log
-from sysid.logs.finding import Finding, Repair
+from sysid.logs.finding import Finding, Repair, turn_in_words
 from sysid.logs.streams import shifted
 from vehicle import Vehicle
 
@@ -133,6 +133,11 @@ def _changed(log: FlightLog, quantity: str, repair: Repair) -> FloatArray:
     values, is_attitude = log.vector(quantity), quantity.endswith("q_world_body")
     if repair.action == "shift":
         return shifted(log.time_s, values, repair.shift_s, quaternion=is_attitude)
+    if repair.action in ("turn", "turn body"):
+        turn = rotations.exp(np.array(repair.turn_rad))
+        if not is_attitude:
+            return rotations.rotate(turn, values)
+        return rotations.multiply(turn, values) if repair.action == "turn" else rotations.multiply(values, turn)
     if repair.action == "conjugate":
         return rotations.conjugate(values)
     if repair.action == "quaternion order":
@@ -167,6 +172,9 @@ def words(repair: Repair) -> str:
             return f"dropped {names}"
         case "flip":
             return f"turned {names} from z down to z up"
+        case "turn" | "turn body":
+            axes = "world" if repair.action == "turn" else "body"
+            return f"turned the {axes} axes of {names} by {turn_in_words(repair.turn_rad)}"
         case "conjugate":
             return f"conjugated {names}"
         case "quaternion order":
