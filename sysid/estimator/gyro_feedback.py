@@ -5,7 +5,7 @@ good gyro late: by 4 to 7 ms, ten of its standard errors, where calm flights are
 bandwidth w turns noise n into motion w n at most, so the delay is off by no more than w times the square of the noise
 over that of what the flight turned, in rad/s2. Instrumental variables (`sysid.logs.gyro_clock`) are not misled at all,
 but less exact where the gyro is good. So the fit keeps its own clock, and the error that it states for it holds the
-smaller of the two: that bound, and what the instruments leave open.
+smallest of the three: that bound, what the instruments leave open, and what was known of clocks before any flight.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from flight.rotations import FloatArray
 from sysid.estimator.blocks.gyro import GYRO
 from sysid.estimator.blocks.pose import DELAY
 from sysid.estimator.clocks import GYRO as QUANTITY
-from sysid.estimator.clocks import delay_name
+from sysid.estimator.clocks import PRIOR_S, delay_name
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.solver import Solution
 from sysid.estimator.unknowns import Unknowns
@@ -36,7 +36,8 @@ def biases_s(flights: Sequence[Flight], unknowns: Unknowns, solution: Solution, 
         name = delay_name(QUANTITY, flight.log_index)
         if name in unknowns.delay:
             i = unknowns.names.index(name)
-            found[i] = max(found[i], min(_bound_s(flight, solution), _left_open_s(flight, solution, name, std[i])))
+            off_s = min(_bound_s(flight, solution), _left_open_s(flight, solution, name, std[i]), PRIOR_S)
+            found[i] = max(found[i], off_s)
     return found
 
 
