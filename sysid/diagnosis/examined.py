@@ -1,6 +1,7 @@
 """A fitted model with the evidence at it, and what can be asked of it: who stands out, what curve, who stands in."""
 
 import logging
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -32,6 +33,8 @@ class Tried:
     scales: Scales | None = None
     undecided: list[Fitted] = field(default_factory=list)
     """Put aside because nothing tells them apart."""
+    drawn: "list[Outside]" = field(default_factory=list)
+    """Every curve, once the best one was looked for."""
     curve: "list[Outside | None]" = field(default_factory=list)
     """The best one, once it was looked for."""
     left: dict[str, float] = field(default_factory=dict)
@@ -73,6 +76,10 @@ class Outside:
     score: Score
     confidence: float
     """Probability that channel and variable are right."""
+
+
+Form = tuple[Candidate, Outside]
+"""A named effect whose law is not exactly the catalogue's, and the curve that shows it."""
 
 
 def examine(fit: Identification) -> Model:
@@ -167,14 +174,32 @@ def _apart_from_thrust(found: Sequence[Outside]) -> float:
 def stated_curve(model: Model) -> Outside | None:
     """The best curve of all, if it is sure enough to be stated."""
     if not model.tried.curve:
-        drawn = _curves(model, EVERY_CHANNEL)
-        best = _best_of(model, [curve for curve in drawn if _beyond_chance(curve.score)])
-        sure = best is not None and best.confidence >= THRESHOLDS.least_confidence_curve
-        model.tried.curve.append(best if sure else None)
-        for curve in drawn:
+        model.tried.drawn.extend(_curves(model, EVERY_CHANNEL))
+        model.tried.curve.append(_sure_of(model, model.tried.drawn))
+        for curve in model.tried.drawn:
             before = model.tried.left.get(curve.channel, 0.0)
             model.tried.left[curve.channel] = float(np.maximum(before, curve.score.log_odds))  # nan stays nan
     return model.tried.curve[0]
+
+
+def _sure_of(model: Model, drawn: Sequence[Outside]) -> Outside | None:
+    best = _best_of(model, [curve for curve in drawn if _beyond_chance(curve.score)])
+    return best if best is not None and best.confidence >= THRESHOLDS.least_confidence_curve else None
+
+
+def forms_and_curve(model: Model, named: Sequence[tuple[Candidate, float]]) -> tuple[list[Form], Outside | None]:
+    """Which named effects have not exactly the catalogue's law, and the best curve that is of no such law's form.
+
+    Args:
+        named: effects, each with the fall of the cost as it was added.
+    """
+    forms: list[Form] = []
+    curve, own = stated_curve(model), set[str]()
+    while curve is not None and (of := form_of(curve, named, model.tried.drawn)) is not None:
+        forms.append((of, curve))
+        own |= {curve.channel, *shown_in(of)}
+        curve = _sure_of(model, [other for other in model.tried.drawn if other.channel not in own])
+    return forms, curve
 
 
 def left_unexplained(model: Model, named: Sequence[Candidate]) -> float:
@@ -187,18 +212,34 @@ def left_unexplained(model: Model, named: Sequence[Candidate]) -> float:
     return float(np.max([odds for channel, odds in model.tried.left.items() if channel not in own], initial=0.0))
 
 
-def form_of(curve: Outside, named: Sequence[tuple[Candidate, float]]) -> Candidate | None:
-    """The named effect in whose channel a curve is, and of which it explains a small share; None if there is none.
+def form_of(
+    curve: Outside, named: Sequence[tuple[Candidate, float]], drawn: Sequence[Outside] = ()
+) -> Candidate | None:
+    """The named effect of whose law a curve is the form: in its channel, by what it reads, and of which the curve
+    explains a small share; None if there is none.
 
     Then the curve shows that this effect's law is not exactly the catalogue's, and nothing that is missing besides.
 
     Args:
         named: effects, each with the fall of the cost as it was added: measured, for what a model would lose without
             a lag is far outside the reach of a quadratic.
+        drawn: other curves of the same model.
     """
-    own = [(explained, candidate) for candidate, explained in named if curve.channel in shown_in(candidate)]
+    own = [(explained, candidate) for candidate, explained in named if _by_what_it_reads(curve, candidate, drawn)]
     most, best = max(own, key=lambda pair: pair[0], default=(0.0, None))
     return best if curve.score.gain_unseen < THRESHOLDS.form_share * most else None
+
+
+def _by_what_it_reads(curve: Outside, candidate: Candidate, drawn: Sequence[Outside]) -> bool:
+    """Whether a curve is in a channel of a candidate, and against something its law reads or as good as that.
+
+    What a damping leaves does not follow the velocity; where it seems to, a curve against the rate is hardly worse.
+    """
+    if curve.channel not in shown_in(candidate):
+        return False
+    rivals = [o.score.gain_unseen for o in drawn if o.channel == curve.channel and reads(candidate, o)]
+    least = curve.score.gain_unseen - THRESHOLDS.clear_lead * curve.score.dispersion
+    return reads(candidate, curve) or max(rivals, default=-np.inf) > least
 
 
 def as_good_as(curve: Outside, model: Model) -> list[Candidate]:
@@ -216,6 +257,28 @@ def shown_in(candidate: Candidate) -> list[str]:
     world = WORLD if any(c.startswith("F_") for c in own) else ()
     thrust = (THRUST, *ROTORS) if set(own) & set(SHOWN_BY_THRUST) else ()
     return [*own, *world, *thrust]
+
+
+READS = {
+    "v": r"\bv\b|\bv_|drag|world",
+    "w": r"\bw\b|\bw_|\bdw/dt",
+    "n": r"\bn\b|\bn_|\bT\b|command|voltage",
+    "dn/dt": r"dn/dt|dw/dt|command",
+    "dc/dt": r"command",
+    "height": r"height",
+    "voltage": r"voltage",
+    "world": r"world",
+}
+"""Kinds of variables, and words of a regressor by which a law reads one. Time and place no law of a vehicle reads."""
+OTHER_KINDS = {"speed": "v", "s": "v", "heading": "world"}
+"""Kinds of variables that do not begin with their kind's name."""
+
+
+def reads(candidate: Candidate, curve: Outside) -> bool:
+    """Whether a candidate's law reads what a curve is drawn against."""
+    kind = OTHER_KINDS.get(curve.variable) or re.sub(r"_\w+", "", curve.variable.split()[0])
+    kind = "world" if curve.channel in WORLD else kind
+    return kind in READS and re.search(READS[kind], candidate.regressor) is not None
 
 
 def alike(model: Model, one: Candidate, other: Candidate) -> bool:

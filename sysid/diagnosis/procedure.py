@@ -126,7 +126,9 @@ class Diagnosis:
                 f"{o.channel} against {o.variable}"
             )
         if self.proxies:
-            of = "it" if self.outside is not None else "something that no known effect is"
+            forms = " and ".join(candidate.name for candidate, _ in self.search.forms)
+            left = f"what the catalogue's law of {forms} leaves" if forms else "something that no known effect is"
+            of = left if self.outside is None else "it"
             one = len(self.proxies) == 1
             helps = f"helps as a proxy for {of}, and is added" if one else f"help as proxies for {of}, and are added"
             parts.append(f"{' and '.join(self.proxies)} {helps}")
@@ -177,8 +179,8 @@ class Diagnosis:
         if not self.says_missing:
             names.append(1.0 - max((s.confidence for s in self.candidates), default=0.0))
         curve = self.outside.confidence if self.outside else None
-        if self.proxies and curve is None:  # said to be for something unknown, of which no curve is sure enough
-            curve = curve_is_there(self.search.left)
+        if self.proxies and curve is None and not self.search.forms:
+            curve = curve_is_there(self.search.left_anywhere)  # said to be for something unknown; no curve is sure
         return belief(
             names,
             curve=curve,
@@ -285,7 +287,7 @@ def diagnose(
         flights=tuple(names[: len(logs)]),
         held_out=tuple(names[len(logs) :]),
         findings=((found.too_short,) if found.too_short else ())
-        + _other_form(found)
+        + _other_forms(found)
         + last.findings
         + left_out(found.unseen)
         + judged.not_converged,
@@ -418,14 +420,12 @@ def _sizes_scored(candidate: Candidate, scored: Score) -> tuple[Size, ...]:
     )
 
 
-def _other_form(found: Search) -> tuple[str, ...]:
-    """That a named effect has not exactly the catalogue's law, and where that shows; empty if it has."""
-    if found.form is None:
-        return ()
-    candidate, curve = found.form
-    return (
+def _other_forms(found: Search) -> tuple[str, ...]:
+    """Which named effects have not exactly the catalogue's law, and where that shows."""
+    return tuple(
         f"the law of {candidate.name} is not exactly the catalogue's: what it leaves of {curve.channel} follows "
-        f"{curve.variable}, less than {THRESHOLDS.form_share:.0%} of what it explains",
+        f"{curve.variable}, less than {THRESHOLDS.form_share:.0%} of what it explains"
+        for candidate, curve in found.forms
     )
 
 

@@ -13,12 +13,13 @@ from sysid.diagnosis.candidates import POSE_DELAY, Candidate
 from sysid.diagnosis.confirm import CostReduction, Judge
 from sysid.diagnosis.evidence import BLOCK_S, block_edges
 from sysid.diagnosis.examined import (
+    Form,
     Model,
     Outside,
     alike,
     as_good_as,
     examine,
-    form_of,
+    forms_and_curve,
     left_unexplained,
     loss,
     reproduced,
@@ -154,8 +155,8 @@ class Search:
     """Part of the last model because they lower the held-out error, though a curve explains more."""
     outside: Outside | None
     """None also where the best curve does not clearly outdo a candidate that nothing refuted."""
-    form: tuple[Candidate, Outside] | None
-    """A named effect whose law is not exactly the catalogue's, and the curve that shows it; then `outside` is None."""
+    forms: tuple[Form, ...]
+    """Named effects whose laws are not exactly the catalogue's, each with the curve that shows it."""
     doubted: tuple[str, ...]
     """Candidates that the best curve does not clearly outdo, and that nothing refuted."""
     refuted: frozenset[str]
@@ -169,6 +170,8 @@ class Search:
     """Held-out flights, with what they were found to carry."""
     left: float
     """Log odds of the best curve at `drawn_at` where no named effect shows, stated or not."""
+    left_anywhere: float
+    """The same wherever it shows."""
     too_short: str
     """In words, that the held-out flights are too short to judge by; empty if they are not, or none were given."""
 
@@ -211,22 +214,22 @@ def search(
             dropped_before.add(dropped.name)
             refused.add(dropped.name)
             models.append(_without(logs, models[-1], dropped, options))
-    while undecided is None and len(added) < most and (small := _small_beside_curve(models[-1], added)) is not None:
+    while undecided is None and len(added) < most:
+        curve = _forms_and_curve(models[-1], added, trials)[1]
+        if (small := _small_beside(curve, models[-1], added)) is None:
+            break
         without = _without(logs, models[-1], small, options)
         if stated_curve(without) is None:  # the curve needs it: neither would be left
             break
         last = next(t for t in reversed(trials) if t.candidate == small)
-        trials.append(replace(last, outcome=Outcome.REMOVED, proxy_for=stated_curve(models[-1])))
+        trials.append(replace(last, outcome=Outcome.REMOVED, proxy_for=curve))
         added.remove(small)
         dropped_before.add(small.name)
         models.append(without)
     trial, at = undecided or (None, models[-1])
     told = unseen.flights if unseen else tuple(held_out)
-    outside = stated_curve(at) if len(added) < most else None
     named = (*added, *((trial.candidate,) if trial else ()))
-    form, fell = None, {t.candidate.name: t.training.total for t in trials}
-    if outside is not None and (own := form_of(outside, [(s, fell[s.name]) for s in named])) is not None:
-        form, outside = (own, outside), None
+    forms, outside = _forms_and_curve(at, named, trials) if len(added) < most else ([], None)
     refuted = frozenset((*dropped_before, *(t.candidate.name for t in trials if t.refuted)))
     doubted = () if outside is None else tuple(s.name for s in as_good_as(outside, at) if s.name not in refuted)
     stated = None if doubted or outside is None else _as_sure(outside, trials)
@@ -237,13 +240,14 @@ def search(
         added=tuple(added),
         proxies=tuple(helper.candidate for helper, _ in helpers),
         outside=stated,
-        form=form,
+        forms=tuple(forms),
         doubted=doubted,
         refuted=refuted,
         undecided=trial,
         drawn_at=at,
         unseen=told,
         left=left_unexplained(at, named),
+        left_anywhere=left_unexplained(at, ()),
         too_short=too_short,
     )
 
@@ -390,13 +394,20 @@ def _superfluous(model: Model, added: Sequence[Candidate]) -> Candidate | None:
     return worst if worst is not None and loss(model, worst).significance > THRESHOLDS.backward_chance else None
 
 
-def _small_beside_curve(model: Model, added: Sequence[Candidate]) -> Candidate | None:
-    """An addition whose whole interval is too small to matter, while a curve is stated; None if there is none.
+def _forms_and_curve(
+    model: Model, named: Sequence[Candidate], trials: Sequence[Trial]
+) -> tuple[list[Form], Outside | None]:
+    fell = {t.candidate.name: t.training.total for t in trials}
+    return forms_and_curve(model, [(candidate, fell[candidate.name]) for candidate in named])
+
+
+def _small_beside(curve: Outside | None, model: Model, added: Sequence[Candidate]) -> Candidate | None:
+    """An addition whose whole interval is too small to matter, beside a curve; None without either.
 
     The law that the curve is of acts in other channels too, and differently on each flight. A known effect fits a small
     part of that, and flights of the same kinds confirm it.
     """
-    if not added or stated_curve(model) is None:
+    if curve is None:
         return None
     return next((candidate for candidate in added if not _may_matter(model.fit, candidate)), None)
 

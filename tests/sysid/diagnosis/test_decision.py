@@ -150,8 +150,31 @@ def test_a_proxy_alone_says_that_something_unknown_is_missing(left: float, least
     whole: Any = SimpleNamespace(
         additions=(), undecided=(), outside=None, proxies=("parasitic_drag",), candidates=(), leaves_too_much=False
     )
-    whole.search, whole.input_verdict = SimpleNamespace(too_short="", left=left), SimpleNamespace(against=())
+    whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=left, forms=())
+    whole.input_verdict = SimpleNamespace(against=())
     whole.pose_may_be_late = False
     whole.says_missing = Diagnosis.says_missing.fget(whole)  # type: ignore[attr-defined]
     assert whole.says_missing
+    assert least <= Diagnosis.belief.fget(whole).as_stated <= most  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("forms", "words", "least", "most"),
+    [
+        (True, "flapping_moment helps as a proxy for what the catalogue's law of angular_damping leaves", 0.89, 0.9),
+        (False, "flapping_moment helps as a proxy for something that no known effect is", 0.84, 0.89),
+    ],
+)
+def test_a_proxy_beside_a_name_is_for_its_form_or_for_something_unknown(forms: bool, words: str, least, most):
+    """What is said of the proxy has the probability that is stated: curves in the channels of the name count too."""
+    name: Any = SimpleNamespace(name="angular_damping", verdict=Verdict.PRESENT, confidence=0.9)
+    whole: Any = SimpleNamespace(
+        additions=("angular_damping",), undecided=(), outside=None, proxies=("flapping_moment",), candidates=(name,)
+    )
+    whole.leaves_too_much = whole.pose_may_be_late = False
+    whole.says_missing, whole._said = True, str
+    own = ((CANDIDATE, CURVE),) if forms else ()
+    whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=60.0, forms=own)
+    whole.input_verdict = SimpleNamespace(against=())
+    assert words in Diagnosis.verdict.fget(whole)  # type: ignore[attr-defined]
     assert least <= Diagnosis.belief.fget(whole).as_stated <= most  # type: ignore[attr-defined]

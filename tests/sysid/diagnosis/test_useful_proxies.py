@@ -12,8 +12,10 @@ from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.confirm import CostReduction
 from sysid.diagnosis.examined import Outside
 from sysid.diagnosis.findings import JudgedBy, Outcome
+from sysid.diagnosis.free_form import VARIABLE
 from sysid.diagnosis.trial import Trial
 from sysid.estimator.result import NOT_IDENTIFIABLE
+from vehicle import effects
 
 CURVE = cast("Any", SimpleNamespace(channel="F_z", variable="v_z"))
 
@@ -104,14 +106,13 @@ def test_a_proxy_of_no_consequence_is_not_added_whatever_held_out_flights_prefer
 
 
 @pytest.mark.parametrize(("size", "half90", "goes"), [(0.07, 0.02, True), (-0.07, 0.02, True), (0.2, 0.2, False)])
-def test_beside_a_stated_curve_a_name_too_small_to_matter_goes(monkeypatch, size: float, half90: float, goes: bool):
+def test_beside_a_stated_curve_a_name_too_small_to_matter_goes(size: float, half90: float, goes: bool):
     """Usual size 1; without a curve an effect is named however small."""
     estimate = SimpleNamespace(value=size, interval90=half90, status="free")
     model = cast("Any", SimpleNamespace(fit=SimpleNamespace(estimate=lambda name: estimate)))
     one = candidate("a", between_flights=True)
     for curve in (CURVE, None):
-        monkeypatch.setattr(search, "stated_curve", lambda model, curve=curve: curve)
-        assert search._small_beside_curve(model, [one]) == (one if goes and curve else None)
+        assert search._small_beside(curve, model, [one]) == (one if goes and curve else None)
     removed = replace(outdone("a"), outcome=Outcome.REMOVED)
     assert "a free curve of F_z against v_z is needed" in removed.sentence
     assert "a later addition" in replace(removed, proxy_for=None).sentence
@@ -134,6 +135,59 @@ def test_a_small_curve_in_the_channel_of_a_named_effect_is_of_its_form(channel: 
     small, large = candidate("a"), candidate("b")
     assert examined.form_of(curve(channel, "v_z", gain), [(small, 50.0), (large, 100.0)]) == (large if own else None)
     assert examined.form_of(curve(channel, "v_z", gain), []) is None
+
+
+@pytest.mark.parametrize(
+    ("channel", "variable", "own"),
+    [
+        ("F_z", "speed", True),
+        ("F_z", "v_x v_z", True),
+        ("T", "s", True),
+        ("F_z", "w_x", False),
+        ("F_z", "n_2", False),
+        ("F_z", "dn_2/dt", False),
+        ("F_z", "height", False),
+        ("F_z", "heading", False),
+        ("F_z", "time", False),
+        ("F_x_world", "x", False),
+    ],
+)
+def test_the_form_of_a_law_follows_what_the_law_reads(channel: str, variable: str, own: bool):
+    """What else is followed in its channel is another law, unless what it reads does about as well."""
+    drag, drawn = candidate("a"), curve(channel, variable, 15.0)
+    assert examined.form_of(drawn, [(drag, 100.0)]) == (drag if own else None)
+    worse, as_good = curve(channel, "v_z", 8.0), curve(channel, "v_z", 10.0)
+    if channel == "F_z":
+        assert examined.form_of(drawn, [(drag, 100.0)], [drawn, worse]) == (drag if own else None)
+        assert examined.form_of(drawn, [(drag, 100.0)], [drawn, as_good]) == drag
+
+
+def test_every_effect_of_the_catalogue_that_shows_in_a_channel_reads_something(drawable):
+    for name in drawable:
+        one = replace(candidate("a"), regressor=effects.find(name).regressor)
+        assert any(examined.reads(one, curve("F_z", variable, 1.0)) for variable in VARIABLE), name
+    wind = replace(candidate("a"), regressor=effects.find("constant_wind").regressor)
+    assert examined.reads(wind, curve("F_x_world", "height", 1.0))
+
+
+@pytest.fixture
+def drawable() -> list[str]:
+    """Effects whose form a curve can be of; gaps to the ceiling are in no curve."""
+    shown = [name for name, e in effects.catalogue().items() if "F_" in e.channel or "M_" in e.channel]
+    return [name for name in shown if name != "ceiling_effect"]
+
+
+def test_a_curve_that_is_of_no_named_law_is_stated_beside_one_that_is(monkeypatch: pytest.MonkeyPatch):
+    """The form of a drag's law may explain more than a second law in another channel, or of another variable."""
+    monkeypatch.setattr(examined, "_beyond_chance", lambda found: True)
+    drag = candidate("a")
+    form, torque, weak = curve("F_z", "v_z", 150.0), curve("M_z", "v_z", 100.0), curve("M_z", "w_z", 80.0)
+    for drawn, second in (((form, torque, weak), torque), ((form,), None)):
+        model = cast("Any", SimpleNamespace(tried=examined.Tried(drawn=[*drawn], curve=[form]), all_heard=True))
+        forms, stated = examined.forms_and_curve(model, [(drag, 1000.0)])
+        assert forms == [(drag, form)]
+        assert (stated and (stated.channel, stated.variable)) == (second and ("M_z", "v_z"))
+        assert examined.forms_and_curve(model, []) == ([], form)
 
 
 def test_what_is_left_in_the_channels_of_a_named_effect_speaks_for_nothing_unknown():
