@@ -219,7 +219,8 @@ def search(
         if (small := _small_beside(curve, models[-1], added)) is None:
             break
         without = _without(logs, models[-1], small, options)
-        if stated_curve(without) is None:  # the curve needs it: neither would be left
+        others = [candidate for candidate in added if candidate != small]
+        if _forms_and_curve(without, others, trials)[1] is None:  # the curve needs it: neither would be left
             break
         last = next(t for t in reversed(trials) if t.candidate == small)
         trials.append(replace(last, outcome=Outcome.REMOVED, proxy_for=curve))
