@@ -224,7 +224,7 @@ def _again(area: Map, folder: Path) -> str:
     listed = table(("view", "x (m)", "y (m)", "z (m)", "heading (°)", "shows (m³)"), rows, words=1)
     note = (
         f"<p class='small'>Arrows: places with a clearance of {options.clearance_m:.2f} m, and where the body's x axis "
-        "points there. What a view shows is an upper bound, and views share it. <code>goshawk map again</code> writes "
+        "points there. What a view shows is an estimate, and views share it. <code>goshawk map again</code> writes "
         "them as waypoints.</p>"
     )
     picture_of = picture(written(drawn, folder / "again.svg"), "Where to look again, from above")

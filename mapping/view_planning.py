@@ -249,7 +249,7 @@ def _looked_at_in_vain(
     farthest_m: float,
     progress: Progress,
 ) -> NDArray[np.bool_]:
-    """Voxels of the frontier that `IN_VAIN` images from more than one place had in view across nothing but free space."""
+    """Voxels of the frontier that `IN_VAIN` images, not all from one place, had in view through free space alone."""
     cells = np.argwhere(frontier)
     middle = grid.centre(cells)
     opaque = np.where(state == FREE, np.uint8(FREE), np.uint8(OCCUPIED))
