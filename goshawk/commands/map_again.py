@@ -100,7 +100,7 @@ def again(
                 f"{view.heading_deg:.0f}",
                 f"{view.shows_m3:.2f}",
             )
-            for number, view in enumerate(found.views, start=1)
+            for number, view in enumerate(found.views)  # from 0, as `goshawk plan` and the page count waypoints
         ]
-        console.table("views", ("", "x (m)", "y (m)", "z (m)", "heading (deg)", "shows (m3)"), rows)
+        console.table("views", ("waypoint", "x (m)", "y (m)", "z (m)", "heading (deg)", "shows (m3)"), rows)
     console.show("again", facts, as_json=as_json, document=document)
