@@ -347,8 +347,19 @@ def _planned(
 def _hidden(report: planner.GateReport) -> str:
     """A sentence on how thin an obstacle could hide, and what to do about it if that is worth a warning."""
     sentence = could_hide.describe(report)
-    advice = f"; {could_hide.advice(report)}" if could_hide.worth_a_warning(report) else ""
+    advice = f"; {_against_hiding(report)}" if could_hide.worth_a_warning(report) else ""
     return f"{sentence[0].upper()}{sentence[1:]}{advice}."
+
+
+def _against_hiding(report: planner.GateReport) -> str:
+    """What `could_hide.advice` says, for people who have the page and not the command line."""
+    if report.could_hide is None:
+        return could_hide.advice(report)
+    bound_m = report.could_hide.threshold_m
+    return (
+        f"a map made again (Import images) with {bound_m:g} m as the thinnest obstacle has no free space where "
+        f"{1e3 * bound_m:.0f} mm could hide"
+    )
 
 
 def _as_saved(

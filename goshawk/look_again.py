@@ -66,6 +66,6 @@ def sentence(found: Again) -> str:
         )
         return f"nothing beside the free space is worth another look{left}"
     return (
-        f"{len(found.views)} views would show up to {found.shown_m3:.2f} m3 of the {found.unknown_m3:.2f} m3 of "
+        f"{len(found.views)} views would show about {found.shown_m3:.2f} m3 of the {found.unknown_m3:.2f} m3 of "
         "unknown space beside the free space"
     )

@@ -210,7 +210,7 @@ def _again(area: Map, folder: Path) -> str:
     heading = np.array([view.heading_rad for view in found.views])
     place.plot(positions[:, 0], positions[:, 1], "-", color=INK, linewidth=0.8, label="order")
     place.quiver(positions[:, 0], positions[:, 1], np.cos(heading), np.sin(heading), color="#b0413e", scale=25.0)
-    for number, (x, y, _) in enumerate(positions, start=1):
+    for number, (x, y, _) in enumerate(positions):
         place.annotate(str(number), (x, y), color=INK, xytext=(3, 3), textcoords="offset points")
     plain(place, "from above", "x (m)", "y (m)")
     place.grid(False)
@@ -219,12 +219,12 @@ def _again(area: Map, folder: Path) -> str:
         f"<tr><td>{number}</td>"
         + "".join(f"<td>{value:.2f}</td>" for value in view.position_world_m)
         + f"<td>{view.heading_deg:.0f}</td><td>{view.shows_m3:.2f}</td></tr>"
-        for number, view in enumerate(found.views, start=1)
+        for number, view in enumerate(found.views)
     )
-    listed = table(("view", "x (m)", "y (m)", "z (m)", "heading (°)", "shows (m³)"), rows, words=1)
+    listed = table(("waypoint", "x (m)", "y (m)", "z (m)", "heading (°)", "shows (m³)"), rows, words=1)
     note = (
         f"<p class='small'>Arrows: places with a clearance of {options.clearance_m:.2f} m, and where the body's x axis "
-        "points there. What a view shows is an upper bound, and views share it. <code>goshawk map again</code> writes "
+        "points there. What a view shows is an estimate, and views share it. <code>goshawk map again</code> writes "
         "them as waypoints.</p>"
     )
     picture_of = picture(written(drawn, folder / "again.svg"), "Where to look again, from above")

@@ -8,8 +8,9 @@
    images as free space asks for would see it, from at least two places.
 5. The tour: the views in an order that makes a short way (nearest neighbour, then 2-opt; straight lines).
 
-A ray counts as clear until it meets an occupied voxel, so unknown space is taken to be transparent: what is shown is at
-most what is stated. The frontier is after Yamauchi (1997), views that show most of it after Connolly (1985).
+What a view shows is an estimate. More than in truth: a ray counts as clear until it meets an occupied voxel, so unknown
+space is taken to be transparent. Less: of an image only the largest cone about the optical axis counts. Rays begin at
+the body, not at the cameras. The frontier is after Yamauchi (1997), views that show most of it after Connolly (1985).
 """
 
 import dataclasses
@@ -30,7 +31,7 @@ from mapping.camera.rig import Camera, Rig
 
 IN_VAIN = 6
 """Images that looked at a place of the frontier without its becoming known, twice what free space asks for: more looks
-would be as vain."""
+would be as vain. Not if all were taken at one place, without parallax."""
 HEADINGS = 16
 """Compared at each place."""
 _CELL_M = 0.2
@@ -38,7 +39,7 @@ _CELL_M = 0.2
 _SPACING_M = 0.4
 """Between candidate places: at 2 m, a parallax of 11 degrees."""
 _APART_M = 0.3
-"""Between the views of a tour."""
+"""Between the views of a tour; what was looked at from places closer together was looked at from one."""
 _MOST_CELLS, _MOST_PLACES = 4000, 800
 """Larger maps get larger cells and a wider spacing."""
 _JOIN_M = 1.0
@@ -72,7 +73,7 @@ class ViewOptions:
                 raise InputError(f"{name} is {getattr(self, name):g}; it must be positive and finite")
         if not 1 <= self.looks <= self.most_views:
             raise InputError(
-                f"most_views is {self.most_views}; with {self.looks} looks at each place it must be at least as much"
+                f"most_views is {self.most_views}; it must be at least {self.looks}, the images that each place needs"
             )
 
 
@@ -107,7 +108,7 @@ class Again:
     shown: NDArray[np.bool_]
     """(n,) whether the tour shows it."""
     in_vain_m3: float
-    """Frontier that images looked at `IN_VAIN` times or more, and that stayed unknown."""
+    """Frontier that `IN_VAIN` images or more looked at, not all from one place, and that stayed unknown."""
 
     @property
     def unknown_m3(self) -> float:
@@ -116,7 +117,7 @@ class Again:
 
     @property
     def shown_m3(self) -> float:
-        """What the tour would show of it, at most."""
+        """What the tour would show of it."""
         return float(self.volumes_m3[self.shown].sum())
 
     def as_dict(self) -> dict[str, Any]:
@@ -147,12 +148,15 @@ def look_again(
         near_world_m: (m, 3) path of a flight to come; only unknown space near it counts. All of the map without.
 
     Raises:
-        InputError: there are no images, or none of them was taken within reach of space with the clearance.
+        InputError: there are no images, none of them was taken within reach of space with the clearance, or all of the
+            path's points are outside the map.
     """
     options = options or ViewOptions()
     if not len(T_world_body):
         raise InputError("the map has no poses of images: what was seen, and from where, is not known")
     grid = field.grid
+    if near_world_m is not None and not grid.contains(near_world_m).any():
+        raise InputError("no waypoint of the flight to look near to is inside the map; is it of another map?")
     places = _places(field, T_world_body[:, :3, 3], options)
     progress("frontier", 0.0)
     frontier = _frontier(field.state)
@@ -226,18 +230,14 @@ def _frontier(state: NDArray[np.uint8]) -> NDArray[np.bool_]:
 
 def _near(grid: Grid, marked: NDArray[np.bool_], path_world_m: FloatArray, within_m: float) -> NDArray[np.bool_]:
     """Of the voxels that are marked, those near the straight lines between the points."""
-    from scipy.spatial import KDTree
-
-    step_m = 0.5 * min(grid.voxel_m)
-    points = [path_world_m[:1]]
-    for a, b in pairwise(path_world_m):
-        count = 1 + int(np.ceil(np.linalg.norm(b - a) / step_m))
-        points.append(a + np.linspace(0.0, 1.0, count)[1:, None] * (b - a))
     cells = np.argwhere(marked)
-    far_m, _ = KDTree(np.concatenate(points)).query(grid.centre(cells), distance_upper_bound=within_m)
-    near = np.zeros_like(marked)
-    near[tuple(cells[np.isfinite(far_m)].T)] = True
-    return near
+    for a, b in pairwise(path_world_m[[0, *range(len(path_world_m))]]):  # a single point is a line of no length
+        offset, way = grid.centre(cells) - a, b - a
+        share = np.clip(offset @ way / max(way @ way, 1e-12), 0.0, 1.0)
+        cells = cells[np.linalg.norm(offset - share[:, None] * way, axis=1) > within_m]
+    far = np.zeros_like(marked)
+    far[tuple(cells.T)] = True
+    return marked & ~far
 
 
 def _looked_at_in_vain(
@@ -249,21 +249,27 @@ def _looked_at_in_vain(
     farthest_m: float,
     progress: Progress,
 ) -> NDArray[np.bool_]:
-    """Voxels of the frontier that `IN_VAIN` images had in view, with nothing but free space before them."""
+    """Voxels of the frontier that `IN_VAIN` images, not all from one place, had in view through free space alone."""
     cells = np.argwhere(frontier)
     middle = grid.centre(cells)
     opaque = np.where(state == FREE, np.uint8(FREE), np.uint8(OCCUPIED))
     looks = np.zeros(len(cells), np.int64)
+    first_place = np.full((len(cells), 3), np.nan)
+    elsewhere = np.zeros(len(cells), bool)
     for number, T in enumerate(T_world_body, start=1):
         for camera in rig:
             eye = T @ camera.T_body_camera
             offset = middle - eye[:3, 3]
-            asked = np.flatnonzero((np.einsum("ij,ij->i", offset, offset) <= farthest_m**2) & (looks < IN_VAIN))
+            decided = (looks >= IN_VAIN) & elsewhere
+            asked = np.flatnonzero((np.einsum("ij,ij->i", offset, offset) <= farthest_m**2) & ~decided)
             asked = asked[camera.contains(camera.project(offset[asked] @ eye[:3, :3]))]
-            looks[asked] += line_of_sight(opaque, grid, eye[:3, 3], middle[asked])
+            looked = asked[line_of_sight(opaque, grid, eye[:3, 3], middle[asked])]
+            first_place[looked[looks[looked] == 0]] = T[:3, 3]
+            elsewhere[looked] |= np.linalg.norm(T[:3, 3] - first_place[looked], axis=1) >= _APART_M
+            looks[looked] += 1
         progress("what was looked at", number / len(T_world_body))
     vain = np.zeros_like(frontier)
-    vain[tuple(cells[looks >= IN_VAIN].T)] = True
+    vain[tuple(cells[(looks >= IN_VAIN) & elsewhere].T)] = True
     return vain
 
 
@@ -433,11 +439,11 @@ def _tour(views: Sequence[View], start_world_m: FloatArray) -> tuple[View, ...]:
         improved = False
         for i in range(1, len(order) - 1):
             for j in range(i + 1, len(order)):
-                turned = [*order[:i], *order[i : j + 1][::-1], *order[j + 1 :]]
-                if _length(apart, turned) < _length(apart, order) - 1e-9:
-                    order, improved = turned, True
+                before, a, b = order[i - 1], order[i], order[j]
+                saved_m = apart[before, a] - apart[before, b]
+                if j + 1 < len(order):
+                    saved_m += apart[b, order[j + 1]] - apart[a, order[j + 1]]
+                if saved_m > 1e-9:
+                    order[i : j + 1] = order[i : j + 1][::-1]
+                    improved = True
     return tuple(views[k - 1] for k in order[1:])
-
-
-def _length(apart: FloatArray, order: Sequence[int]) -> float:
-    return float(apart[order[:-1], order[1:]].sum())

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 import mapping
-from flight import project
+from flight import InputError, project
 from goshawk import console, look_again, outputs, waypoints_file
 from mapping.view_planning import ViewOptions
 
@@ -59,11 +59,13 @@ def again(
 
     Each view is a place in free space, with the vehicle's clearance, and a heading; together they look at each place
     three times, from two sides at least. Space behind walls does not count, nor what many images looked at in vain.
-    What a view shows is an upper bound: unknown space may hide what is behind it.
+    What a view shows is an estimate: unknown space may hide what is behind it, and the edges of images do not count.
 
     The waypoints are a proposal. `goshawk plan` makes a checked trajectory of them.
     """
     if out is not None:
+        if out.suffix.lower() == ".csv":
+            raise InputError(f"{out}: these waypoints are written as JSON; give a name that ends in .json")
         outputs.check(out, overwrite=overwrite)
     area = mapping.open_map(map_folder)
     options = ViewOptions(
@@ -98,7 +100,7 @@ def again(
                 f"{view.heading_deg:.0f}",
                 f"{view.shows_m3:.2f}",
             )
-            for number, view in enumerate(found.views, start=1)
+            for number, view in enumerate(found.views)  # from 0, as `goshawk plan` and the page count waypoints
         ]
-        console.table("views", ("", "x (m)", "y (m)", "z (m)", "heading (deg)", "shows (m3)"), rows)
+        console.table("views", ("waypoint", "x (m)", "y (m)", "z (m)", "heading (deg)", "shows (m3)"), rows)
     console.show("again", facts, as_json=as_json, document=document)

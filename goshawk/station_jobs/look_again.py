@@ -50,7 +50,9 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
     opened = Project(folder, "")
     area = mapping.open_map(opened.map)
     options = ViewOptions(
-        clearance_m=look_again.clearance_m(area, opened.vehicle, None, asked.margin_m),
+        clearance_m=look_again.clearance_m(
+            area, opened.vehicle if opened.vehicle.is_file() else None, None, asked.margin_m
+        ),
         within_m=asked.within_m,
         heights_world_m=look_again.on_foot(area) if asked.on_foot else _DEFAULT.heights_world_m,
     )

@@ -91,7 +91,8 @@ def test_a_plan_says_how_thin_an_obstacle_could_hide_near_it(folder):
     assert answer.file is not None
     assert answer.file.check["could_hide"]["unobserved"]  # the room's one image does not show all of it
     assert "is needed. An obstacle of any thickness could hide within 0.34 m" in answer.shown.sentence
-    assert "`goshawk plan --thinnest 0.03`" in answer.shown.sentence
+    assert "(Import images) with 0.03 m as the thinnest obstacle" in answer.shown.sentence
+    assert "goshawk" not in answer.shown.sentence
 
 
 def test_a_waypoint_in_a_pillar_is_refused_in_words(folder, running):

@@ -133,6 +133,9 @@ def test_what_many_images_looked_at_in_vain_is_not_looked_at_again():
     unseen = look_again(blank, RIG, away)
     assert unseen.views
     assert unseen.in_vain_m3 == 0.0
+    hovering = look_again(blank, RIG, np.repeat(facing[3:4], 20, axis=0))
+    assert hovering.views
+    assert hovering.in_vain_m3 == 0.0
 
 
 def test_only_unknown_space_near_a_given_path_counts():
@@ -143,6 +146,13 @@ def test_only_unknown_space_near_a_given_path_counts():
     assert found.unknown_m3 == pytest.approx(0.216, rel=0.1)
     assert found.shown_m3 == pytest.approx(0.216, rel=0.1)
     assert (here.distance(found.targets_world_m) < 0.0).all()
+    one_point = look_again(field, RIG, POSES, ViewOptions(within_m=1.2), near_world_m=np.array([[1.1, 2.2, 1.0]]))
+    assert one_point.unknown_m3 == pytest.approx(0.216, rel=0.1)
+    out_of_the_map = np.array([[0.5, 3.1, 1.0], [0.5, 1e9, 1.0]])  # memory must not grow with its length
+    far = look_again(field, RIG, POSES, ViewOptions(within_m=1.0), near_world_m=out_of_the_map)
+    assert far.unknown_m3 == pytest.approx(0.216, rel=0.1)
+    with pytest.raises(InputError, match="another map"):
+        look_again(field, RIG, POSES, near_world_m=np.array([[50.0, 50.0, 1.0]]))
 
 
 def test_on_foot_the_views_are_at_the_heights_of_hands():
