@@ -173,6 +173,7 @@ class Diagnosis:
         """Probability that the whole sentence is right, and of what else may be true."""
         unsure = self.leaves_too_much or bool(self.search.too_short) or bool(self.input_verdict.against)
         unsure |= self.pose_may_be_late
+        unsure |= bool(self.proxies and self.search.doubted)  # for something unknown, or for one of these
         names = [s.confidence for s in self.candidates if s.verdict is Verdict.PRESENT]
         if self.undecided:
             names.append(min(1.0, sum(s.confidence for s in self.candidates if s.name in self.undecided)))
