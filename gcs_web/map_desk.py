@@ -62,9 +62,10 @@ class MapDesk:
         self._publish()
         with self._lock:
             self._editor = None
-            if self._preview.shape is not None:
+            last = self._preview
+            if last.shape is not None:
                 with contextlib.suppress(FlightError):
-                    self._show_preview(self._preview.author, self._preview.edit, self._preview.shape)
+                    self._show_preview(last.author, last.edit, last.shape, drawn=last.drawn)
 
     def _publish(self) -> None:
         desk = self._desk
@@ -137,7 +138,7 @@ class MapDesk:
                     self.end_preview()
                 return
             self._action = wanted.action
-            self._show_preview(person.id, wanted.edit, wanted.shape)
+            self._show_preview(person.id, wanted.edit, wanted.shape, drawn=False)
 
     def paint(self, wanted: protocol.Paint, person: protocol.Person) -> None:
         """Take drags over the mesh for this person's strokes, or stop.
@@ -185,7 +186,7 @@ class MapDesk:
                 return  # the brush was put away meanwhile
             self._action = action
             try:
-                self._show_preview(author, None, shape)
+                self._show_preview(author, None, shape, drawn=True)
             except FlightError as error:
                 self._desk.notice(str(error), level="danger", to=author)
 
@@ -214,7 +215,7 @@ class MapDesk:
         """
         esdf.open_editor(self._desk.project.map / "esdf").require_reach(new)
 
-    def _show_preview(self, author: str, number: int | None, shape: Shape) -> None:
+    def _show_preview(self, author: str, number: int | None, shape: Shape, *, drawn: bool) -> None:
         if self._editor is None or self._preview.edit != number:
             self._editor = esdf.open_editor(self._desk.project.map / "esdf")
         editor = self._editor
@@ -228,7 +229,9 @@ class MapDesk:
         editor.undo()
         change = difference(before, field)
         self._view.preview(self._action, shape, field)
-        self._preview = protocol.MapPreview(author, number, shape, change.closed_m3, change.opened_m3, change.voxels)
+        self._preview = protocol.MapPreview(
+            author, number, shape, change.closed_m3, change.opened_m3, change.voxels, drawn=drawn
+        )
         self._desk.hub.publish(self._preview)
 
     def _pulled(self, shape: Shape, is_end: bool) -> None:
@@ -237,11 +240,11 @@ class MapDesk:
             if self._preview.shape is None:
                 return
             if not is_end:
-                self._preview = msgspec.structs.replace(self._preview, shape=shape)
+                self._preview = msgspec.structs.replace(self._preview, shape=shape, drawn=True)
                 self._desk.hub.publish(self._preview)
                 return
             with contextlib.suppress(InputError):  # outside the map: it stays where it is, and cannot be applied
-                self._show_preview(self._preview.author, self._preview.edit, shape)
+                self._show_preview(self._preview.author, self._preview.edit, shape, drawn=True)
 
 
 def _triple(values: FloatArray) -> tuple[float, float, float]:

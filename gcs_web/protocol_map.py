@@ -42,6 +42,8 @@ class MapPreview(msgspec.Struct, frozen=True, tag="map_preview"):
     opened_m3: float = 0.0
     """Space that would be free."""
     voxels: int = 0
+    drawn: bool = False
+    """Whether the shape comes from a handle or the brush, so that its author's numbers follow it."""
 
 
 class ShowMap(Command, frozen=True, tag="show_map", kw_only=True):

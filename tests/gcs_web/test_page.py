@@ -380,6 +380,31 @@ def test_a_phone_reaches_the_list_of_projects(page, tmp_path):
     dialog.wait_for(state="detached")
 
 
+def test_a_number_typed_while_an_earlier_one_is_previewed_stays(page, station: GroundStation, monkeypatch):
+    compute = station.desk.map._show_preview
+
+    def slowly(*args, **kwargs):
+        time.sleep(0.5)
+        compute(*args, **kwargs)
+
+    monkeypatch.setattr(station.desk.map, "_show_preview", slowly)
+    page.keyboard.press("1")
+    page.get_by_role("toolbar", name="Map").get_by_role("button", name="Box").click()
+    form = page.get_by_role("form", name="New edit of the map")
+    fields = [form.get_by_label(f"Centre, m {axis}") for axis in "xyz"]
+    wait(lambda: station.desk.map._preview.shape is not None, "the first preview")
+    first = station.desk.map._preview
+    for field, value in zip(fields, ("3.0", "3.4", "0.5"), strict=True):
+        if field is fields[2]:  # two were typed during the preview of the first, whose answer comes now
+            wait(lambda: station.desk.map._preview is not first, "the answer to the first number")
+            page.wait_for_timeout(200)  # until the page has read it, and before the second is answered
+        field.fill(value)
+        field.press("Enter")
+    wait(lambda: station.view.map._shape.centre_m == (3.0, 3.4, 0.5), "the box of the last number typed")
+    assert [float(field.input_value()) for field in fields] == [3.0, 3.4, 0.5]
+    form.get_by_role("button", name="Cancel").click()
+
+
 def test_a_no_fly_zone_is_drawn_by_numbers_and_by_its_handle_previewed_applied_and_undone(page, station: GroundStation):
     page.keyboard.press("1")
     page.get_by_role("toolbar", name="Map").get_by_role("button", name="Box").click()

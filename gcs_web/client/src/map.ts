@@ -151,9 +151,10 @@ export async function drop(id: number): Promise<void> {
   else if (draft.value?.edit === id) cancel();
 }
 
-/** A handle in the 3D view was pulled: the numbers follow. */
+/** A handle in the 3D view was pulled, or the brush painted: the numbers follow. What was typed meanwhile stays. */
 effect(() => {
-  const { author, shape, edit: number } = mapPreview.value;
+  const { author, shape, edit: number, drawn } = mapPreview.value;
+  if (!drawn) return;
   const now = draft.peek();
   if (author === welcome.peek()?.you && shape?.form === "stroke" && number === null && painting.peek()) {
     const { action, name } = now ?? { action: "no-fly" as const, name: "" };

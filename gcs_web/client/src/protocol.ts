@@ -756,6 +756,7 @@ export interface MapPreview {
   closed_m3: number;
   opened_m3: number;
   voxels: number;
+  drawn: boolean;
 }
 
 export interface ShowMap {

@@ -58,6 +58,7 @@ export const mapPreview = signal<MapPreview>({
   closed_m3: 0,
   opened_m3: 0,
   voxels: 0,
+  drawn: false,
 });
 export const jobs = signal<Jobs>({ type: "jobs", jobs: [], kinds: [] });
 /** Recorded flights; null until the server has listed them. */
