@@ -51,6 +51,10 @@ LEAST_RATE_RAD_S = 0.15
 """Below this root mean square of the body rate, turning says nothing about gyro or rotors."""
 BLOCK_S = 1.0
 """Errors are taken as independent between blocks of this length."""
+SPARE_BLOCKS = 3
+"""Of so many blocks more than coefficients an error can be estimated: of fewer, their pulls cancel to nothing."""
+WITHIN = 3.0
+"""A gain that is further than this factor from what physics has is another thing: a controller's answer to gusts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +182,8 @@ def _points_up(log: FlightLog, motion: Kinematics) -> bool | None:
         thrust_squared = squares if quantity.startswith("specific") else squares**2
         beside = np.column_stack([acceleration[:, 2], (acceleration**2).sum(axis=1), np.ones(len(squares))])
         slope, covariance = _regressed(beside, thrust_squared / max(float(thrust_squared.mean()), 1e-300))
-        if abs(slope[0]) > SIGMAS * np.sqrt(covariance[0, 0]):
+        gain = 0.5 * GRAVITY_M_S2 * abs(slope[0])  # 1, as the mean of T^2 is near that of hover
+        if abs(slope[0]) > SIGMAS * np.sqrt(covariance[0, 0]) and 1.0 / WITHIN < gain < WITHIN:
             return bool(slope[0] > 0.0)
     return None
 
@@ -202,33 +207,47 @@ def _correlation(gyro: FloatArray, reading: Reading) -> float:
 
 
 def _heading(motion: Kinematics, reading: Reading) -> tuple[float, float]:
-    """By how much the attitude is to be turned about the vertical to have the positions' heading, and its error.
-
-    Level force and thrust axis as complex numbers: force = c |force| axis - d velocity + e. The heading is the angle of
-    c; drag (d) and wind or a tilt (e) would otherwise look like one in turns flown one way.
-    """
+    """By how much the attitude is to be turned about the vertical to have the positions' heading, and its error."""
     force = _force(motion, reading)
     velocity = motion.velocity_world_m_s if reading.upward else frames.flip_vector(motion.velocity_world_m_s)
     axis = rotations.rotate(reading.q_world_body, np.array([0.0, 0.0, 1.0])) * _length(force)
+    gain, sigma = level_gain(axis, velocity, force)
+    if not 1.0 / WITHIN < abs(gain) < WITHIN:
+        return 0.0, np.inf
+    return float(np.angle(gain)), sigma / abs(gain)
+
+
+def level_gain(axis: FloatArray, velocity: FloatArray, force: FloatArray) -> tuple[complex, float]:
+    """Level force over level thrust axis (n, 3), as complex numbers: `c`, and its error across.
+
+    force = c axis - d velocity + e: the angle of c is a heading, its size 1; drag (d) and wind or a tilt (e) would
+    otherwise look like a heading in turns flown one way.
+    """
     one, none = np.ones(len(force)), np.zeros(len(force))
     east = np.column_stack([axis[:, 0], -axis[:, 1], velocity[:, 0], one, none])
     north = np.column_stack([axis[:, 1], axis[:, 0], velocity[:, 1], none, one])
     (real, imaginary, *_), covariance = _regressed(np.stack([east, north]), force[:, :2].T)
-    size = np.hypot(real, imaginary)
-    if not size > 0.0:
-        return 0.0, np.inf
-    across = np.array([-imaginary, real]) / size**2
-    return float(np.arctan2(imaginary, real)), float(np.sqrt(across @ covariance[:2, :2] @ across))
+    size = float(np.hypot(real, imaginary))
+    if not size > 0.0 or not np.isfinite(covariance[0, 0]):
+        return 0j, np.inf
+    across = np.array([-imaginary, real]) / size
+    return complex(real, imaginary), float(np.sqrt(across @ covariance[:2, :2] @ across))
 
 
 def _regressed(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Coefficients (k,) of y (..., n) on x (..., n, k), and their covariance, errors being correlated in a block."""
+    """Coefficients (k,) of y (..., n) on x (..., n, k), and their covariance, errors being correlated in a block.
+
+    The covariance is infinite where there are too few blocks to estimate it.
+    """
     columns = x.reshape(-1, x.shape[-1])
     found = np.asarray(np.linalg.lstsq(columns, y.ravel(), rcond=None)[0], dtype=np.float64)
     pulls = (x * (y - x @ found)[..., None]).reshape(-1, *x.shape[-2:]).sum(axis=0)
     blocks = np.add.reduceat(pulls, np.arange(0, len(pulls), round(BLOCK_S / GRID_S)))
+    spare = len(blocks) - len(found)
+    if spare < SPARE_BLOCKS:
+        return found, np.diag(np.full(len(found), np.inf))
     inverse = np.linalg.pinv(columns.T @ columns)
-    return found, inverse @ (blocks.T @ blocks) @ inverse
+    return found, inverse @ (blocks.T @ blocks) @ inverse * len(blocks) / spare
 
 
 def _force(motion: Kinematics, reading: Reading) -> FloatArray:

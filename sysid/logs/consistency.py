@@ -10,7 +10,7 @@ from flight import FlightLog, Progress, rotations, silent
 from flight.flight_log import COLUMNS
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
-from sysid.logs import attitude, clocks, gyro_clock, mounting, rotor_order
+from sysid.logs import attitude, clocks, gyro_clock, mounting, position_unit, rotor_order
 from sysid.logs.attitude import DEGREES, LEAST_RATE_RAD_S
 from sysid.logs.finding import Finding, Repair, error, warning
 from sysid.logs.motion import GRID_S, Kinematics, kinematics, on_grid, sampled
@@ -33,6 +33,8 @@ def check(log: FlightLog, vehicle: Vehicle | None, progress: Progress = silent) 
     if motion is None:
         places, inconclusive = _order(log, None, flown)
         return [*found, *places], inconclusive
+    if unit := position_unit.check(motion):
+        return [*found, *unit], []
     progress("checking", 0.2)
     pose = attitude.check(log, motion)
     found += [*pose, *_velocity(log, motion)]
@@ -146,7 +148,10 @@ def _order(
         return [], []
     if gyro_is_right and sampled(log, "rate_body_rad_s"):
         return rotor_order.check(log, (log.time_s, log.vector("rate_body_rad_s")), vehicle)
-    return rotor_order.check(log, (motion.time_s, motion.rate_body_rad_s), vehicle) if motion is not None else ([], [])
+    if motion is None:
+        return [], []
+    rate = (motion.time_s, motion.rate_body_rad_s)
+    return rotor_order.check(log, rate, vehicle, gyro=sampled(log, "rate_body_rad_s"))
 
 
 def _rotors(

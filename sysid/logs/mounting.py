@@ -20,16 +20,25 @@ LEAST_RAD = np.deg2rad(45.0)
 """A smaller turn is a matter of mounting, not of axes; fits to flights turned by 45 and 90 deg come out the same."""
 LEAST_CORRELATION = 0.8
 """Of the two rates after the turn."""
+LEAST_SECOND = 0.5
+"""Of the two rates along the second of the axes about which they agree: one axis alone shows no turn about itself."""
+MOST_LEFT = 0.5
+"""A turn leaves at most this share of what another clock alone leaves unexplained."""
 
 
 def check(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None) -> list[Finding]:
     """The turn between the attitude's body axes and the gyro's, if it is one of axes."""
     if not sampled(log, "rate_body_rad_s") or np.sqrt((motion.rate_body_rad_s**2).mean()) < LEAST_RATE_RAD_S:
         return []
-    turn_rad = _turn(motion.rate_body_rad_s, on_grid(log, "rate_body_rad_s", motion.time_s))
+    gyro = on_grid(log, "rate_body_rad_s", motion.time_s)
+    turn_rad = _turn(motion.rate_body_rad_s, gyro)
+    if _in_world_axes(motion, gyro, turn_rad):
+        sentence = "the gyro follows the attitude's rate in world axes"
+        return [error("frame", sentence, "log the rate in body axes: turn it by the inverse of the attitude")]
     if np.linalg.norm(turn_rad) < LEAST_RAD:
         return []
     keeps_z = rotations.rotate(rotations.exp(turn_rad), np.array([0.0, 0.0, 1.0]))[2] > 0.0
+    keeps_z = keeps_z and not _accelerometer_is_right(log, motion, turn_rad)
     accelerometer = COLUMNS["specific_force_body_m_s2"] if keeps_z else ()  # its z is judged by gravity
     imu_columns = (*COLUMNS["rate_body_rad_s"], *accelerometer)
     back = (-float(turn_rad[0]), -float(turn_rad[1]), -float(turn_rad[2]))
@@ -38,8 +47,7 @@ def check(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None) -> list[F
     of_attitude = "turn the attitude's body axes to the gyro's"
     of_imu = f"turn gyro{' and accelerometer' if keeps_z else ''} to the attitude's body axes"
     if vehicle is not None and sampled(log, "rotor_speed_rad_s"):
-        gyro = (log.time_s, log.vector("rate_body_rad_s"))
-        if _rotors_agree(log, gyro, vehicle):
+        if _rotors_agree(log, (log.time_s, log.vector("rate_body_rad_s")), vehicle):
             return [error("frame", f"{sentence}, which the rotors follow", of_attitude, repair=attitude)]
         if _rotors_agree(log, (motion.time_s, motion.rate_body_rad_s), vehicle):
             return [error("frame", f"{sentence}; the rotors follow the attitude", of_imu, repair=imu)]
@@ -50,15 +58,62 @@ def _rotors_agree(log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: 
     return rotor_order.examine(log, rate, vehicle).order == rotor_order.AS_GIVEN
 
 
+def _in_world_axes(motion: Kinematics, gyro: FloatArray, turn_rad: FloatArray) -> bool:
+    """Whether the gyro follows the rate in world axes, and clearly better than in body axes, turned or not."""
+    body = rotations.rotate(rotations.exp(turn_rad), motion.rate_body_rad_s)
+    world = rotations.rotate(motion.q, motion.rate_body_rad_s)
+    in_body, in_world = (max(clocks.largest_correlation(rate, gyro)[1], 0.0) for rate in (body, world))
+    return in_world > LEAST_CORRELATION and 1.0 - in_world**2 < MOST_LEFT * (1.0 - in_body**2)
+
+
+def _accelerometer_is_right(log: FlightLog, motion: Kinematics, turn_rad: FloatArray) -> bool:
+    """Whether it reads the positions' level acceleration in the attitude's body axes, though the gyro is turned."""
+    if not sampled(log, "specific_force_body_m_s2"):
+        return False
+    expected = rotations.rotate(rotations.conjugate(motion.q), motion.specific_force_world_m_s2)[:, :2].ravel()
+    read = on_grid(log, "specific_force_body_m_s2", motion.time_s)
+    back = rotations.rotate(rotations.exp(-turn_rad), read)
+    as_given, after = (correlation(expected, force[:, :2].ravel()) for force in (read, back))
+    return as_given > max(after, LEAST_SECOND)
+
+
 def _turn(rate: FloatArray, gyro: FloatArray) -> FloatArray:
-    """(3,) rotation vector that takes one rate (n, 3) to the other, early or late; zero where no turn does."""
+    """(3,) rotation vector that takes one rate (n, 3) to the other, early or late; zero where no turn is needed.
+
+    A rate that swings to and fro looks half a period later like one turned by half, and one about a single axis shows
+    no turn about that axis: so the turn must explain clearly more than another clock does, and about two axes.
+    """
     rate, gyro = rate - rate.mean(axis=0), gyro - gyro.mean(axis=0)
     edge = round(clocks.LONGEST_S / GRID_S)
-    rate, late = rate[edge : len(rate) - edge], [gyro[k : len(gyro) - 2 * edge + k] for k in range(2 * edge + 1)]
+    plain = max(
+        correlation(rate[edge:-edge].ravel(), later.ravel())
+        for later in _later(gyro, clocks.largest_correlation(rate, gyro)[0], edge)
+    )
     # the clock may be off: the sum of the singular values is the largest correlation that any turn gives
-    gyro = max(late, key=lambda gyro: float(np.linalg.svd(gyro.T @ rate, compute_uv=False).sum()))
-    left, _, right = np.linalg.svd(gyro.T @ rate)
+    rate, delays_s = rate[edge:-edge], GRID_S * np.arange(-edge, edge + 1)
+    steps = [gyro[edge + k : len(gyro) - edge + k] for k in range(-edge, edge + 1)]
+    near_s = delays_s[int(np.argmax([_turned_correlation(rate, later) for later in steps]))]
+    gyro = max(_later(gyro, float(near_s), edge), key=lambda later: _turned_correlation(rate, later))
+    left, values, right = np.linalg.svd(gyro.T @ rate)
     turn = left @ right
-    if np.linalg.det(turn) < 0.0 or correlation((rate @ turn.T).ravel(), gyro.ravel()) < LEAST_CORRELATION:
+    turned = correlation((rate @ turn.T).ravel(), gyro.ravel())
+    second = float(values[1]) / (_size(gyro @ left[:, 1]) * _size(rate @ right[1]))
+    if np.linalg.det(turn) < 0.0 or turned < LEAST_CORRELATION or second < LEAST_SECOND:
+        return np.zeros(3)
+    if 1.0 - turned**2 > MOST_LEFT * (1.0 - max(plain, 0.0) ** 2):
         return np.zeros(3)
     return rotations.log(rotations.from_matrix(turn))
+
+
+def _later(gyro: FloatArray, delay_s: float, edge: int) -> list[FloatArray]:
+    """The gyro read about this much later, in tenths of the grid's step, without its ends."""
+    return [clocks.read_later(gyro, delay_s + part * GRID_S)[edge:-edge] for part in np.linspace(-0.5, 0.5, 11)]
+
+
+def _turned_correlation(rate: FloatArray, gyro: FloatArray) -> float:
+    """The largest that any turn gives, but for the size of `rate`."""
+    return float(np.linalg.svd(gyro.T @ rate, compute_uv=False).sum()) / _size(gyro)
+
+
+def _size(values: FloatArray) -> float:
+    return max(float(np.linalg.norm(values)), float(np.finfo(float).tiny))

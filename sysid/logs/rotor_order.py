@@ -47,6 +47,8 @@ LARGEST_GAP_S = 0.05
 LEAST_WINDOWS = 6
 CERTAIN = 25.0
 """Difference of chi square (5 standard errors) that decides between two hypotheses."""
+LEAST_TURN_RAD = np.deg2rad(15.0)
+"""Hubs whose places are turned alike to within this are turned as a whole."""
 AS_GIVEN = (0, 1, 2, 3)
 
 Hypothesis = TypeVar("Hypothesis")
@@ -101,12 +103,15 @@ class Gains:
         return float(nnls(root @ pattern, root @ self.value)[1] ** 2)
 
 
-def check(log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicle) -> tuple[list[Finding], list[str]]:
+def check(
+    log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicle, *, gyro: bool = True
+) -> tuple[list[Finding], list[str]]:
     """Findings about order and spin, and what is inconclusive, in sentences.
 
     Args:
         log: with rotor speed.
         rate: time stamps (n,) and body rates (n, 3).
+        gyro: whether the log has one; without, an attitude with turned body axes looks like another order.
     """
     found = examine(log, rate, vehicle)
     roll, pitch, yaw = (f"{share:.0%}" for share in found.explained)
@@ -122,6 +127,8 @@ def check(log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicle)
         )
         repair = Repair("rotor order", COLUMNS["rotor_speed_rad_s"], order=found.order)
         fix = f"take columns {columns} of rotor_speed as rotors 0 to 3"
+        if not gyro and _may_be_turned(found, vehicle):
+            return [error("rotor order", sentence, f"{fix}, or turn the attitude's body axes about z: see which")], []
         return [error("rotor order", sentence, fix, repair=repair)], []
     if found.spin is None:
         return [], [f"spins: rotor speeds explain {yaw} of yaw acceleration; fly yaw doublets to decide"]
@@ -132,6 +139,23 @@ def check(log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicle)
     sentence = f"yaw turns against the rotors' torque: {which} the other way (they explain {yaw} of yaw acceleration)"
     which = "every spin" if len(wrong) == 4 else f"the spins of rotors {wrong}"
     return [error("rotor spin", sentence, f"turn the sign of {which} in the vehicle file")], []
+
+
+def _may_be_turned(found: Rotors, vehicle: Vehicle) -> bool:
+    """Whether columns in the order of the file, beside an attitude turned about body z, would look the same.
+
+    They would if the order turns the hubs as a whole; unless the spins, which turn along, decide for the order.
+    """
+    assert found.order is not None
+    order = list(found.order)
+    hubs = vehicle.hub_body_m[:, 0] + 1j * vehicle.hub_body_m[:, 1]
+    arm = np.abs(hubs)
+    turned = np.angle(hubs[order] * hubs.conj())
+    about = np.angle(np.exp(1j * (turned - turned[0])))
+    whole = bool((np.abs(about) < LEAST_TURN_RAD).all() and np.allclose(arm[order], arm, rtol=0.1))
+    given = np.sign(vehicle.spin).astype(int)
+    decided = found.spin == tuple(given.tolist()) and (given[order] != given).any()
+    return whole and not decided
 
 
 def examine(log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicle) -> Rotors:

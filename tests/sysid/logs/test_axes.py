@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
-from flight import FlightLog, frames, rotations
+from flight import FlightLog, flight_log, frames, rotations
 from flight.flight_log import COLUMNS
+from flight.frames import GRAVITY_M_S2
+from sysid.logs import attitude, mounting
 from sysid.logs.check import check_log
+from sysid.logs.finding import Finding
 from sysid.logs.fix import fix
 from sysid.logs.motion import kinematics
 
@@ -118,3 +121,140 @@ def test_headings_that_agree_give_no_finding_whatever_the_heading(campaign, trut
         turn = rotations.exp(np.array([0.0, 0.0, 2.0]))
         both = _with(_heading(log, float(np.rad2deg(2.0))), ATTITUDE, rotations.multiply(turn, log.vector(ATTITUDE)))
         assert check_log(both, truth).findings == ()
+
+
+def _swinging(roll_rad: float, pitch_rad: float, yaw_rad: float, gyro_noise_rad_s: float = 0.02) -> FlightLog:
+    """Six seconds in place at 100 Hz, the body swinging at 3.8, 3.8 and 0.4 Hz, with a gyro."""
+    rng, time_s = np.random.default_rng(3), np.arange(600) / 100.0
+    swing = 2.0 * np.pi * np.array([3.8, 3.8, 0.4])[:, None] * time_s
+    angle = np.array([roll_rad, pitch_rad, yaw_rad]) * np.sin(swing + np.array([[0.0], [1.2], [0.0]])).T
+    noise = 1e-3 * rng.standard_normal(angle.shape)
+    q, later = rotations.exp(angle), rotations.exp(np.roll(angle, -1, axis=0))
+    rate = 100.0 * rotations.log(rotations.multiply(rotations.conjugate(q), later))
+    rate[-1] = rate[-2]
+    vectors = {
+        POSITION: 1e-3 * rng.standard_normal((len(time_s), 3)),
+        ATTITUDE: rotations.multiply(q, rotations.exp(noise)),
+        GYRO: rate + gyro_noise_rad_s * rng.standard_normal(rate.shape),
+    }
+    return flight_log.from_vectors(time_s, vectors)
+
+
+def _mounting(log: FlightLog) -> list[Finding]:
+    motion = kinematics(log)
+    assert motion is not None
+    return mounting.check(log, motion, None)
+
+
+def test_a_gyro_of_a_swinging_body_is_not_called_turned_by_half_though_half_a_period_later_it_would_be():
+    """A real flight of a small quadrotor swung so, its gyro 10 ms early."""
+    log = _swinging(0.14, 0.06, 0.05)
+    gyro = log.vector(GYRO)
+    for early in (-3, -1, 0, 1, 3):
+        assert _mounting(_with(log, GYRO, np.roll(gyro, early, axis=0))) == []
+    log = _swinging(0.14, 0.06, 0.5)
+    (finding,) = _mounting(_with(log, GYRO, log.vector(GYRO) * [-1.0, -1.0, 1.0]))
+    assert "180 deg" in finding.sentence
+
+
+def test_turning_about_one_axis_alone_shows_no_turn_about_it():
+    for seed in range(6):
+        log = _swinging(0.3, 0.0, 0.0)
+        noise = 0.05 * np.random.default_rng(seed).standard_normal((len(log), 3))
+        assert _mounting(_with(log, GYRO, log.vector(GYRO) + noise)) == []
+        assert _mounting(_with(log, GYRO, log.vector(GYRO)[:, [1, 0, 2]] * [1.0, -1.0, 1.0] + noise)) == []
+
+
+def _pose(position_world_m: np.ndarray, angle_rad: np.ndarray) -> FlightLog:
+    time_s = np.arange(len(angle_rad)) / 100.0
+    return flight_log.from_vectors(time_s, {POSITION: position_world_m, ATTITUDE: rotations.exp(angle_rad)})
+
+
+def _attitude(log: FlightLog) -> list[Finding]:
+    motion = kinematics(log)
+    assert motion is not None
+    return attitude.check(log, motion)
+
+
+def test_a_few_seconds_give_no_finding_about_heading_or_which_way_z_points(campaign):
+    for log in campaign:
+        for start_s in np.arange(2.0, 12.0, 2.0):
+            for length_s in (1.5, 3.0, 5.0):
+                assert [f for f in _attitude(log.slice(start_s, start_s + length_s)) if f.level == "error"] == []
+
+
+@pytest.mark.parametrize("gain", [-0.15, 0.05])
+def test_tilts_that_answer_gusts_show_no_heading(gain):
+    """Where the wind is held by tilting, little of the tilt is left in the acceleration, and of either sign."""
+    rng, time_s = np.random.default_rng(2), np.arange(2000) / 100.0
+    frequency = 2.0 * np.pi * np.array([0.4, 0.53])
+    tilt = 0.1 * np.sin(time_s[:, None] * frequency)
+    level = gain * GRAVITY_M_S2 * tilt / -(frequency**2)
+    position = np.column_stack([level[:, 1], -level[:, 0], 0.0 * time_s])
+    angle = np.column_stack([tilt, 0.0 * time_s])
+    log = _pose(position + 1e-4 * rng.standard_normal((2000, 3)), angle)
+    assert [f for f in _attitude(log) if f.repair is not None] == []
+
+
+@pytest.mark.parametrize(("slope", "down"), [(-0.04, False), (-1.0, True), (1.0, False)])
+def test_only_thrust_that_accelerates_as_thrust_does_shows_which_way_z_points(slope, down):
+    """A controller that answers gusts makes more thrust while they press down, but not gravity's share of it."""
+    time_s, frequency = np.arange(2000) / 100.0, 2.0 * np.pi * 0.7
+    wave = np.sin(frequency * time_s)
+    position = np.column_stack([0.0 * time_s, 0.0 * time_s, -1.0 / frequency**2 * wave])
+    log = _pose(position + 1e-4 * np.random.default_rng(4).standard_normal((2000, 3)), np.zeros((2000, 3)))
+    speed = 900.0 * np.sqrt(1.0 + slope * wave / GRAVITY_M_S2)
+    log = _with(log, "rotor_speed_rad_s", np.tile(speed[:, None], 4))
+    motion = kinematics(log)
+    assert motion is not None
+    assert attitude._points_up(log, motion) is (None if abs(slope) < 0.1 else not down)
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1000.0, "millimetres"), (100.0, "centimetres")])
+def test_positions_in_another_unit_than_metres_are_scaled(campaign, truth, factor, unit):
+    log = campaign[1]
+    fixed = fix(_with(log, POSITION, factor * log.vector(POSITION)), truth)
+    assert unit in fixed.done[0]
+    assert fixed.left == ()
+    assert np.abs(fixed.log.vector(POSITION) - log.vector(POSITION)).max() < 1e-9
+
+
+def test_a_gyro_in_world_axes_is_named(log):
+    world = rotations.rotate(log.vector(ATTITUDE), log.vector(GYRO))
+    (finding,) = _mounting(_with(log, GYRO, world))
+    assert "world axes" in finding.sentence
+    assert _mounting(log) == []
+
+
+def test_a_right_accelerometer_is_not_turned_along_with_a_gyro(log, truth):
+    motion = kinematics(log)
+    assert motion is not None
+    force = rotations.rotate(rotations.conjugate(motion.q), motion.specific_force_world_m_s2)
+    read = np.column_stack([np.interp(log.time_s, motion.time_s, column) for column in force.T])
+    log = _with(log, "specific_force_body_m_s2", read)
+    quarter = rotations.exp(np.array([0.0, 0.0, np.pi / 2.0]))
+    turned = _with(log, GYRO, rotations.rotate(quarter, log.vector(GYRO)))
+    (repair,) = (f.repair for f in mounting.check(turned, motion, truth))
+    assert repair is not None
+    assert repair.columns == COLUMNS[GYRO]
+    both = _with(turned, "specific_force_body_m_s2", rotations.rotate(quarter, read))
+    (repair,) = (f.repair for f in mounting.check(both, motion, truth))
+    assert repair is not None
+    assert repair.columns == (*COLUMNS[GYRO], *COLUMNS["specific_force_body_m_s2"])
+
+
+def test_without_a_gyro_a_body_mounted_turned_gives_no_other_rotor_order(log, truth):
+    kept = FlightLog({n: v for n, v in log.columns.items() if n not in COLUMNS[GYRO]}, log.metadata)
+    for turn_deg in (90.0, 180.0):
+        for finding in check_log(_body(kept, (0.0, 0.0, turn_deg)), truth).findings:
+            assert finding.repair is None or finding.repair.action != "rotor order"
+
+
+def test_a_second_fix_changes_nothing(log, truth):
+    quarter = rotations.exp(np.array([0.0, 0.0, np.pi / 2.0]))
+    for fault in (
+        _with(_heading(log, 70.0), POSITION, 100.0 * _heading(log, 70.0).vector(POSITION)),
+        _with(_body(log, (0.0, 0.0, 180.0)), GYRO, np.rad2deg(log.vector(GYRO))),
+        _with(_heading(log, 90.0), GYRO, rotations.rotate(quarter, log.vector(GYRO))),
+    ):
+        assert fix(fix(fault, truth).log, truth).done == ()
