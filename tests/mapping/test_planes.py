@@ -93,6 +93,22 @@ def test_only_unknown_voxels_near_matter_are_inferred(seen: surface.Reconstructi
     assert (distance_m > MATTER_M).mean() < 0.02
 
 
+def test_false_matches_behind_a_plain_wall_open_neither_the_wall_nor_what_is_behind_it() -> None:
+    """Stereo past the wall at 2 m; with its matches taken at their word, 8 % of the wall is free."""
+    camera, scene, steps = rendered_world.default_rig(0.5).cameras[0], rooms(), np.arange(10)
+    at = np.column_stack([1.0 + 0.1 * np.cos(1.7 * steps), 0.2 * (steps - 4.5), 1.3 + 0.1 * np.sin(2.3 * steps)])
+    poses = frames.transform(rotations.from_yaw(np.zeros(len(steps))), at)
+    images = [rendered_world.render(camera, pose, scene=scene, seed=k) for k, pose in enumerate(poses)]
+    views = [ImageView(camera, pose @ camera.T_body_camera, image) for pose, image in zip(poses, images, strict=True)]
+    found = surface.reconstruct(views)
+    wall = face((-2.4, 0.45), (0.25, 2.4))
+    behind = [states(found, wall + [depth_m, 0.0, 0.0]) for depth_m in (0.1, 0.2, 0.3)]
+    assert (np.array(behind) == OCCUPIED).mean() > 0.1  # the false matches
+    assert (states(found, wall) != FREE).all()
+    assert (behind[0] != FREE).all()
+    assert (scene.distance(found.grid.centre(np.argwhere(found.state == FREE))) > 0.0).all()
+
+
 def flat(state: NDArray[np.uint8], support: NDArray[np.bool_]) -> Plane:
     return Plane(np.eye(4), support, support, 0.05)
 
