@@ -102,7 +102,7 @@ def test_false_matches_behind_a_plain_wall_open_neither_the_wall_nor_what_is_beh
     views = [ImageView(camera, pose @ camera.T_body_camera, image) for pose, image in zip(poses, images, strict=True)]
     found = surface.reconstruct(views)
     wall = face((-2.4, 0.45), (0.25, 2.4))
-    behind = [states(found, wall + [depth_m, 0.0, 0.0]) for depth_m in (0.1, 0.2, 0.3)]
+    behind = [states(found, wall + np.array([depth_m, 0.0, 0.0])) for depth_m in (0.1, 0.2, 0.3)]
     assert (np.array(behind) == OCCUPIED).mean() > 0.1  # the false matches
     assert (states(found, wall) != FREE).all()
     assert (behind[0] != FREE).all()
@@ -166,7 +166,7 @@ def long_wall(grid: Grid, voxel_m: float) -> Plane:
     """Upright, from corner to corner of a grid, as a map's axes need not be those of a building."""
     upright = rotations.from_matrix(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]))
     turned = rotations.multiply(rotations.from_yaw(0.7), upright)
-    T = frames.transform(turned, grid.low_world_m + [0.1, 0.2, 0.3])
+    T = frames.transform(turned, grid.low_world_m + np.array([0.1, 0.2, 0.3]))
     support = np.zeros((int(1.2 * grid.shape[0]), 30), bool)
     return Plane(T, support, support, voxel_m)
 
