@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from esdf import UNKNOWN, Field
+from esdf.solids import slabs
 from flight import FloatArray, FormatError, file_format, frames
 
 Mask = NDArray[np.bool_]
@@ -52,11 +53,13 @@ def load(path: Path, shape: tuple[int, int, int]) -> Mask:
 
 def moved(inferred: Mask, field: Field, T_new_old: FloatArray, new: Field) -> Mask:
     """The mask in another frame: the unknown voxels of the new field whose centre lay in a marked one."""
-    cells = np.argwhere(new.state == UNKNOWN)
-    points = frames.apply(frames.invert(T_new_old), new.grid.centre(cells))
-    inside = field.grid.contains(points)
-    result = np.zeros(new.state.shape, bool)
-    result[tuple(cells[inside].T)] = inferred[tuple(field.grid.index(points[inside]).T)]
+    T_old_new, result = frames.invert(T_new_old), np.zeros(new.state.shape, bool)
+    for slab in slabs(new.grid.everything):
+        cells = np.argwhere(new.state[slab.slices] == UNKNOWN) + slab.low
+        points = frames.apply(T_old_new, new.grid.centre(cells))
+        inside = field.grid.contains(points)
+        found = np.minimum(field.grid.index(points[inside]), np.array(field.grid.shape) - 1)
+        result[tuple(cells[inside].T)] = inferred[tuple(np.maximum(found, 0).T)]
     return result
 
 

@@ -183,6 +183,7 @@ def cropped(parts: MapParts, kept: Solid, sentence: str) -> MapParts:
     region = covered_region(kept, parts.field.grid)
     if region.empty:
         raise InputError(f"the {type(kept).__name__.lower()} to keep touches no voxel of the map")
+    region = resolution.whole_cells(region)
     grid = parts.field.grid.part(region)
     outside = kept.distance(grid.centres().reshape(-1, 3)).reshape(grid.shape) > 0.0
     state = np.where(outside, np.uint8(esdf.UNKNOWN), parts.field.state[region.slices])

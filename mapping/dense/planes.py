@@ -8,8 +8,10 @@ such holes (Gallup, Frahm and Pollefeys, "Piecewise planar and non-planar stereo
 Free and occupied space stays what it is; only unknown voxels are marked.
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,7 @@ from mapping.dense.stereo import DepthImage
 from mapping.dense.views import ImageView
 
 Mask = NDArray[np.bool_]
+Value = TypeVar("Value", bound=np.generic)
 
 WITHIN_VOXELS, TILT_RAD = 1.0, np.radians(45.0)
 """Measured surface is of a plane if it is this near to it and its normal, which is noisy, differs by less."""
@@ -250,12 +253,14 @@ def _seen_plain(
         slack = SLACK_DEVIATIONS * deviation + slack_m / range_m[near] ** 2
         measured = value > 0.0
         plain = _at(_contrast(view), pixels, view) < PLAIN_GREY_LEVELS
+        if view.used is not None:  # what is masked is in front of the scene, however plain
+            plain &= _at(view.used, pixels, view)
         looking[near] += np.where(measured, np.abs(nearer) <= slack, plain)
         contradicting[near] += measured & (nearer < -slack)
     return (looking >= LEAST_LOOKS) & (contradicting <= MOST_CONTRADICTING * looking)
 
 
-def _at(image: NDArray[np.float32], pixels: FloatArray, view: ImageView) -> NDArray[np.float32]:
+def _at(image: NDArray[Value], pixels: FloatArray, view: ImageView) -> NDArray[Value]:
     """(n,) values of an image, perhaps a smaller one, at pixels (n, 2) of the view."""
     size = np.array(image.shape[::-1])
     column, row = np.minimum((pixels * size / [view.camera.width, view.camera.height]).astype(int), size - 1).T
@@ -281,15 +286,19 @@ def _states(plane: Plane, state: NDArray[np.uint8], grid: Grid) -> NDArray[np.ui
 
 
 def _mark(marked: Mask, plane: Plane, cells: Mask, grid: Grid, skin_m: float) -> None:
-    """Mark, in place, the voxels (nx, ny, nz) with their centre above or below one of the cells, at most so far."""
-    if not cells.any():
-        return
-    middles, reach_m = plane.centres()[cells], plane.cell_m + skin_m
-    box = grid.region(middles.min(axis=0) - reach_m, middles.max(axis=0) + reach_m)
-    cell, height_m = plane.cells(grid.centres(box).reshape(-1, 3))
-    near = (np.abs(height_m) <= skin_m) & ((cell >= 0) & (cell < cells.shape)).all(axis=1)
-    near[near] = cells[tuple(cell[near].T)]
-    marked[box.slices] |= near.reshape(box.shape)
+    """Mark, in place, the voxels (nx, ny, nz) with their centre above or below one of the cells, at most so far.
+
+    Only voxels beside the cells are examined: the box round a long wall that is turned against the grid is most of it.
+    """
+    beside = grid.index(plane.centres()[cells])
+    reach = int(np.hypot(skin_m, np.sqrt(0.5) * plane.cell_m) / min(grid.voxel_m) + 0.5)
+    for step in itertools.product(range(-reach, reach + 1), repeat=3):
+        voxels = beside + step
+        voxels = voxels[((voxels >= 0) & (voxels < grid.shape)).all(axis=1)]
+        cell, height_m = plane.cells(grid.centre(voxels))
+        near = (np.abs(height_m) <= skin_m) & ((cell >= 0) & (cell < cells.shape)).all(axis=1)
+        near[near] = cells[tuple(cell[near].T)]
+        marked[tuple(voxels[near].T)] = True
 
 
 def _vertex_normals(vertices: FloatArray, faces: NDArray[np.int32]) -> FloatArray:

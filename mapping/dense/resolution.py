@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from esdf import FREE, Field, Grid
+from esdf.grid import Region
 from esdf.visibility import View, Visibility, look
 from flight import FloatArray, frames
 from mapping.camera.rig import Camera
@@ -60,6 +61,12 @@ def fits(seen: Visibility, grid: Grid) -> bool:
     same = np.allclose(ratio, whole, rtol=0.0, atol=1e-6) and bool((whole >= 1.0).all())
     corner = np.allclose(seen.grid.low_world_m, grid.low_world_m, rtol=0.0, atol=1e-6)
     return same and corner and bool((whole * seen.grid.shape >= grid.shape).all())
+
+
+def whole_cells(region: Region) -> Region:
+    """The region from the corner of a cell of the mask on: the mask of that part of a map is a part of the map's."""
+    x, y, z = (n - n % _COARSER for n in region.low)
+    return Region((x, y, z), region.high)
 
 
 def could_hide(

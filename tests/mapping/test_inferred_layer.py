@@ -61,6 +61,15 @@ def test_moved_there_and_back_it_marks_the_same_voxels_and_only_unknown_ones() -
     assert there.any()
 
 
+def test_moved_by_half_a_voxel_it_ends_with_the_map() -> None:
+    field, marked = layered()
+    T = frames.transform(rotations.from_yaw([0.0]), [[0.05, 0.05, 0.05]])[0]
+    shifted = moving.moved_field(field, T, lattice=GRID)  # centres of its outer voxels lie on the faces of the old grid
+    there = inferred_layer.moved(marked, field, T, shifted)
+    assert there.any()
+    assert (shifted.state[there] == UNKNOWN).all()
+
+
 def test_what_one_of_two_maps_saw_is_not_inferred_in_both() -> None:
     (first, marked), (second, also) = layered(0), layered(1)
     both = regrid.merge(first, second)

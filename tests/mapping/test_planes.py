@@ -1,12 +1,14 @@
 """Plain walls: recovered from the measured surface round them, marked as inferred, and never where there is room."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from esdf import FREE, OCCUPIED, UNKNOWN
+from esdf import FREE, OCCUPIED, UNKNOWN, Grid
 from esdf.solids import Box, Room, Scene
 from flight import FloatArray, frames, rotations
 from goshawk.rendered import world as rendered_world
@@ -91,6 +93,22 @@ def test_only_unknown_voxels_near_matter_are_inferred(seen: surface.Reconstructi
     assert (distance_m > MATTER_M).mean() < 0.02
 
 
+def test_false_matches_behind_a_plain_wall_open_neither_the_wall_nor_what_is_behind_it() -> None:
+    """Stereo past the wall at 2 m; with its matches taken at their word, 8 % of the wall is free."""
+    camera, scene, steps = rendered_world.default_rig(0.5).cameras[0], rooms(), np.arange(10)
+    at = np.column_stack([1.0 + 0.1 * np.cos(1.7 * steps), 0.2 * (steps - 4.5), 1.3 + 0.1 * np.sin(2.3 * steps)])
+    poses = frames.transform(rotations.from_yaw(np.zeros(len(steps))), at)
+    images = [rendered_world.render(camera, pose, scene=scene, seed=k) for k, pose in enumerate(poses)]
+    views = [ImageView(camera, pose @ camera.T_body_camera, image) for pose, image in zip(poses, images, strict=True)]
+    found = surface.reconstruct(views)
+    wall = face((-2.4, 0.45), (0.25, 2.4))
+    behind = [states(found, wall + np.array([depth_m, 0.0, 0.0])) for depth_m in (0.1, 0.2, 0.3)]
+    assert (np.array(behind) == OCCUPIED).mean() > 0.1  # the false matches
+    assert (states(found, wall) != FREE).all()
+    assert (behind[0] != FREE).all()
+    assert (scene.distance(found.grid.centre(np.argwhere(found.state == FREE))) > 0.0).all()
+
+
 def flat(state: NDArray[np.uint8], support: NDArray[np.bool_]) -> Plane:
     return Plane(np.eye(4), support, support, 0.05)
 
@@ -142,3 +160,48 @@ def test_planes_are_found_among_noise_and_no_plane_in_a_ball() -> None:
     assert abs((found[0].T_world_plane[:3, 3] - [1.0, 2.0, 3.0]) @ normal) < 0.005
     assert found[0].patches.sum() * 0.05**2 == pytest.approx(4.0, rel=0.15)
     assert planes.planes(0.4 * ball, ball, 0.05) == []
+
+
+def long_wall(grid: Grid, voxel_m: float) -> Plane:
+    """Upright, from corner to corner of a grid, as a map's axes need not be those of a building."""
+    upright = rotations.from_matrix(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]))
+    turned = rotations.multiply(rotations.from_yaw(0.7), upright)
+    T = frames.transform(turned, grid.low_world_m + np.array([0.1, 0.2, 0.3]))
+    support = np.zeros((int(1.2 * grid.shape[0]), 30), bool)
+    return Plane(T, support, support, voxel_m)
+
+
+def test_the_voxels_of_plain_cells_are_those_with_their_centre_above_or_below_one() -> None:
+    grid, skin_m = Grid((-1.0, 2.0, 0.5), (0.05, 0.05, 0.05), (40, 36, 30)), 0.87 * 0.05
+    wall = long_wall(grid, 0.05)
+    cells = np.random.default_rng(0).random(wall.support.shape) < 0.3
+    marked = np.zeros(grid.shape, bool)
+    planes._mark(marked, wall, cells, grid, skin_m)
+    cell, height_m = wall.cells(grid.centres().reshape(-1, 3))
+    over = ((cell >= 0) & (cell < cells.shape)).all(axis=1)
+    expected = over & (np.abs(height_m) <= skin_m) & cells[tuple(np.where(over, cell.T, 0))]
+    assert marked.sum() > 300
+    np.testing.assert_array_equal(marked.ravel(), expected)
+
+
+def test_a_long_wall_is_marked_without_a_look_at_the_whole_map() -> None:
+    grid = Grid((0.0, 0.0, 0.0), (0.05, 0.05, 0.05), (300, 300, 40))
+    wall, marked = long_wall(grid, 0.05), np.zeros(grid.shape, bool)
+    tracemalloc.start()
+    planes._mark(marked, wall, ~wall.support, grid, 0.87 * 0.05)
+    most_bytes = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert marked.any()
+    assert most_bytes < 0.1 * 8 * 3 * grid.voxels  # the centres of its voxels
+
+
+@pytest.mark.parametrize("masked", [False, True])
+def test_what_is_masked_is_no_sight_of_a_plain_wall(masked: bool) -> None:
+    camera = rendered_world.default_rig(0.25).cameras[0]
+    grey = np.full((camera.height, camera.width), 128, np.uint8)
+    nothing = np.zeros(grey.shape, np.float32)
+    view = ImageView(camera, np.eye(4), grey, used=np.full(grey.shape, not masked))
+    depth = stereo.DepthImage(nothing, nothing, nothing, nothing, nothing.astype(np.uint8), 1.0)
+    point, towards = np.array([[0.0, 0.0, 2.0]]), np.array([[0.0, 0.0, -1.0]])
+    seen = planes._seen_plain(point, towards, [view] * 3, [depth] * 3, 0.1, 8.0)
+    assert seen.tolist() == [not masked]
