@@ -76,6 +76,13 @@ def judge(placed: SparseMap) -> MapVerdict:
             f"repeated texture: {placed.repeated:.0%} of the features look like others of the same image, so images "
             "may lie where another copy of the texture is"
         )
+    for one, other in placed.breaks:
+        names = placed.images.instants
+        refusals.append(
+            f"the map is broken between the images {names[one]} and {names[other]}: each part fits, but no matches "
+            "across fit their places, so one part is turned or shifted. Take more images there, closer together and "
+            "with more texture, or give a camera file of a calibrated lens"
+        )
     trial = placed.trial
     if trial.noise_px > LARGEST_NOISE_PX:
         doubts.append(

@@ -79,6 +79,8 @@ class SparseModel:
     """Mean over all observations."""
     least_agreement: float
     """Of the placed instants, see `agreement`."""
+    breaks: np.ndarray
+    """(b, 2) instants across which the map is broken, see `agreement`; none if depth images placed them."""
     repeated: float
     """Upper quartile over the images of `repetition.share`."""
     trial: Trial
@@ -248,7 +250,7 @@ def place(database: Path, images: ImageSet, options: SparseOptions, progress: Pr
     """Incremental mapping; returns COLMAP's largest model, without images that are in the wrong place.
 
     The relative pose of the first two images is sometimes wrong. The others still get right poses relative to each
-    other, so the wrong images are removed and placed again, now in a correct map.
+    other, so the wrong images are removed and placed again, now in a correct map. So is what lies beyond a break.
     """
     model = _grow(database, images, options, None, progress)
     for _ in range(_REPAIRS):
@@ -303,10 +305,10 @@ def _grow(database: Path, images: ImageSet, options: SparseOptions, start: Any, 
 
 
 def _wrong_instants(database: Path, images: ImageSet, model: Any) -> set[str]:
-    """Names of the instants whose matches disagree with the map."""
+    """Names of the instants whose matches disagree with the map, or with its largest part."""
     T_world_body, _, rig = colmap_model.poses(model, images)
-    agreed = agreement.of_instants(database, images, rig, T_world_body)
-    instants = np.flatnonzero(agreed < agreement.LEAST)
+    pairs = agreement.of_pairs(database, images, rig, T_world_body)
+    instants = np.flatnonzero((pairs.of_instants() < agreement.LEAST) | (pairs.part() > 0))
     return {images.relative(i, c) for i, c in images.pairs() if i in instants}
 
 
@@ -386,7 +388,7 @@ def _read_out(
             sums[points] += features.unit(opened.read_descriptors(image_id).data[features_seen])
             start += len(features_seen)
     model.update_point_3d_errors()
-    agreed = agreement.of_instants(database, images, rig, T_world_body)
+    pairs = agreement.of_pairs(database, images, rig, T_world_body)
     watch.lap("reading out")
     return SparseModel(
         rig=rig,
@@ -397,7 +399,8 @@ def _read_out(
         observations=seen.index,
         pixels=seen.pixels,
         reprojection_error_px=float(model.compute_mean_reprojection_error()),
-        least_agreement=float(np.nanmin(agreed, initial=1.0)),
+        least_agreement=float(np.nanmin(pairs.of_instants(), initial=1.0)),
+        breaks=pairs.breaks() if images.depths is None else np.zeros((0, 2), dtype=np.int64),
         repeated=repeated,
         trial=trial,
         cpu_s=watch.cpu_s,

@@ -48,6 +48,8 @@ class SparseMap:
     """Mean over all observations."""
     least_agreement: float
     """The worst placed image's share of matches that agree with the map."""
+    breaks: np.ndarray
+    """(b, 2) instants across which the map is broken: no pair of images across agrees with it."""
     repeated: float
     """Share of the features that look like others of the same image; a quarter of the images has more."""
     trial: Trial
@@ -137,6 +139,7 @@ def reconstruct(
         pixels=model.pixels,
         reprojection_error_px=model.reprojection_error_px,
         least_agreement=model.least_agreement,
+        breaks=model.breaks,
         repeated=model.repeated,
         trial=model.trial,
         alignment=aligned,

@@ -1,4 +1,4 @@
-"""A misplaced image disagrees with its matches and is removed; the others stay."""
+"""A misplaced image disagrees with its matches and is removed, as is what lies beyond a break; the others stay."""
 
 from contextlib import nullcontext
 from pathlib import Path
@@ -65,13 +65,13 @@ def displaced(poses: np.ndarray, i: int) -> np.ndarray:
 
 
 def test_matches_of_correctly_placed_images_agree_with_the_map(database, images, poses):
-    assert np.all(agreement.of_instants(database, images, images.rig, poses) > 0.99)
+    assert np.all(agreement.of_pairs(database, images, images.rig, poses).of_instants() > 0.99)
 
 
 @pytest.mark.parametrize("i", range(INSTANTS))
 def test_a_misplaced_image_is_removed_and_no_other(database, images, poses, monkeypatch, i: int):
     wrong = displaced(poses, i)
-    agreed = agreement.of_instants(database, images, images.rig, wrong)
+    agreed = agreement.of_pairs(database, images, images.rig, wrong).of_instants()
     assert agreed[i] < agreement.LEAST
     assert int(np.argmin(agreed)) == i
     monkeypatch.setattr(colmap_model, "poses", lambda _model, _images: (wrong, images.present, images.rig))
@@ -83,11 +83,39 @@ def test_a_misplaced_image_is_removed_and_no_other(database, images, poses, monk
 def test_an_image_that_looks_the_other_way_sees_its_points_behind_it(database, images, poses):
     wrong = poses.copy()
     wrong[:, :3, 3] *= -1.0  # a mirrored walk has the same epipolar planes
-    assert np.all(agreement.of_instants(database, images, images.rig, wrong) < agreement.LEAST)
+    assert np.all(agreement.of_pairs(database, images, images.rig, wrong).of_instants() < agreement.LEAST)
 
 
 def test_an_image_that_is_not_placed_has_no_agreement(database, images, poses):
     poses[2] = np.nan
-    agreed = agreement.of_instants(database, images, images.rig, poses)
+    agreed = agreement.of_pairs(database, images, images.rig, poses).of_instants()
     assert np.isnan(agreed[2])
     assert np.all(np.delete(agreed, 2) > 0.99)
+
+
+def turned_from(poses: np.ndarray, first: int, angle_rad: float) -> np.ndarray:
+    """A map broken before `first`: the images from there on are turned about that place."""
+    wrong, pivot = poses.copy(), poses[first, :3, 3]
+    turn = frames.transform(rotations.exp([0.0, 0.0, angle_rad]), np.zeros(3))
+    turn[:3, 3] = pivot - turn[:3, :3] @ pivot
+    wrong[first:] = turn @ wrong[first:]
+    return wrong
+
+
+@pytest.mark.parametrize("first", range(1, INSTANTS))
+@pytest.mark.parametrize("angle_rad", np.radians([-10.0, 5.0, 19.7]))
+def test_a_broken_map_is_told_where_it_is_broken(database, images, poses, monkeypatch, first: int, angle_rad: float):
+    wrong = turned_from(poses, first, angle_rad)
+    pairs = agreement.of_pairs(database, images, images.rig, wrong)
+    assert pairs.breaks().tolist() == [[first - 1, first]]
+    monkeypatch.setattr(colmap_model, "poses", lambda _model, _images: (wrong, images.present, images.rig))
+    taken = {name.split("/")[-1] for name in colmap._wrong_instants(database, images, None)}
+    smaller = range(first) if first < INSTANTS - first else range(first, INSTANTS)
+    if 2 * first != INSTANTS:
+        assert taken == {images.instants[k] for k in smaller}
+
+
+def test_a_map_in_one_piece_has_no_break(database, images, poses):
+    pairs = agreement.of_pairs(database, images, images.rig, poses)
+    assert pairs.breaks().tolist() == []
+    assert (pairs.part() == 0).all()

@@ -70,6 +70,7 @@ def sparse_map(folder: Path) -> SparseMap:
         pixels=np.zeros((0, 2)),
         reprojection_error_px=0.3,
         least_agreement=0.99,
+        breaks=np.zeros((0, 2), int),
         repeated=0.05,
         trial=Trial((), RIG, poses, np.zeros((20, 3)), 0.2, 0.001),
         alignment=Alignment(1.0, np.eye(4), "rig baseline", "recorded gravity"),

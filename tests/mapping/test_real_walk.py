@@ -44,6 +44,7 @@ def test_every_frame_is_placed_and_fits(placed: SparseMap) -> None:
     assert int(placed.registered.sum()) == 53
     assert placed.reprojection_error_px <= 0.65
     assert placed.least_agreement > 0.9
+    assert len(placed.breaks) == 0
 
 
 def test_attitudes_follow_the_cameras_own_record(placed: SparseMap, converter: ModuleType) -> None:

@@ -30,6 +30,7 @@ def placed(
     used_std: float = 0.001,
     lost_camera: bool = False,
     repeated: float = 0.05,
+    breaks: tuple[tuple[int, int], ...] = (),
 ) -> SparseMap:
     names = tuple(f"{k}.png" for k in range(COUNT))
     registered = np.ones((COUNT, 2), bool)
@@ -47,6 +48,7 @@ def placed(
         pixels=np.zeros((0, 2)),
         reprojection_error_px=0.3,
         least_agreement=1.0,
+        breaks=np.array(breaks, int).reshape(-1, 2),
         repeated=repeated,
         trial=Trial(findings, RIG, np.zeros((0, 4, 4)), nothing, noise_px, 0.001),
         alignment=Alignment(1.0, np.eye(4), "rig baseline", "recorded gravity", witnesses=witnesses),
@@ -163,3 +165,9 @@ def test_a_carrier_radius_that_cannot_be_is_refused(radius_m: object) -> None:
 def opened() -> map_folder.Map:
     field = None  # the verdict does not look at it
     return map_folder.Map(Path("map"), field, RIG, (), np.zeros(0), np.zeros((0, 4, 4)), {})  # type: ignore[arg-type]
+
+
+def test_a_broken_map_is_refused_and_names_the_two_images() -> None:
+    found = verdict.judge(placed(breaks=((4, 5),)))
+    assert found.standing is Standing.REFUSED
+    assert "broken between the images 4.png and 5.png" in found.reasons[0]
