@@ -117,7 +117,9 @@ def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progres
             images = dataclasses.replace(images, rig=trial.rig)
             colmap_model.write_back(model, images, trial)
             if trial.present and not trial.inexpressible:  # an adjustment by COLMAP would undo what is inexpressible
-                refine(database, model, dataclasses.replace(trial.rig, refine_intrinsics=False), options, progress)
+                fixed = dataclasses.replace(trial.rig, refine_intrinsics=False)
+                with tempfile.TemporaryDirectory() as folder:
+                    refine(_with_lenses(database, trial.rig, Path(folder)), model, fixed, options, progress)
                 seen = _features_seen(database, model, images)
                 colmap_model.write_back(model, images, adjustment.adjust(seen, adjustment.initial(seen), [])[0])
                 watch.lap("refining with the corrected calibration")
@@ -370,6 +372,21 @@ def refine(database: Path, model: Any, rig: Rig, options: SparseOptions, progres
         if len(rig) > 1 and not pycolmap.align_reconstruction_to_orig_rig_scales(cache.rigs, model):
             raise MapError(f"{_REFINING}: the distance between the cameras of the rig could not be restored")
     progress(_REFINING, 1.0)
+
+
+def _with_lenses(database: Path, rig: Rig, folder: Path) -> Path:
+    """The database, or a copy with these lenses if their kinds differ: else COLMAP does not go on with the model."""
+    import pycolmap
+
+    lenses = [colmap_model.colmap_camera(camera, camera_id=index + 1) for index, camera in enumerate(rig)]
+    with pycolmap.Database.open(database) as opened:
+        if all(opened.read_camera(lens.camera_id).model == lens.model for lens in lenses):
+            return database
+    shutil.copyfile(database, folder / _DATABASE)
+    with pycolmap.Database.open(folder / _DATABASE) as opened, pycolmap.DatabaseTransaction(opened):
+        for lens in lenses:
+            opened.update_camera(lens)
+    return folder / _DATABASE
 
 
 def _read_out(
