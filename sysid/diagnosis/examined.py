@@ -2,7 +2,7 @@
 
 import logging
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -301,11 +301,15 @@ def reproduced(model: Model, candidate: Candidate, other: Candidate) -> float:
     return float(np.sqrt(max(0.0, share)))
 
 
-def stands(after: Model, candidate: Candidate) -> Outside | None:
+def stands(after: Model, candidate: Candidate, refused: Collection[str] = ()) -> Outside | None:
     """None if the name stands; else the curve that explains what the name was to explain, and more.
 
     At the fit with the candidate in the model: a curve in its channels that is still needed beside the name, while the
-    name is not needed beside the curve, shows that the name is a proxy.
+    name is not needed beside the curve, shows that the name is a proxy. Not so a curve that may be a known effect: that
+    effect is asked next, and the name after it once more.
+
+    Args:
+        refused: known effects that were asked already.
     """
     curve = best_curve(after, shown_in(candidate))
     if curve is None:
@@ -320,7 +324,9 @@ def stands(after: Model, candidate: Candidate) -> Outside | None:
         "%s: worth %.1f, beside %s %.1f; the curve beside it %.1f",
         *(candidate.name, alone.gain, drawn, left.gain, curve.score.gain_unseen),
     )
-    return None if needed or curve.score.gain_unseen < left.gain else curve
+    if needed or curve.score.gain_unseen < left.gain:
+        return None
+    return None if any(known.name not in refused for known in as_good_as(curve, after)) else curve
 
 
 def loss(model: Model, candidate: Candidate, beside: Sequence[Outside] = ()) -> Loss:

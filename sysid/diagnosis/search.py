@@ -305,9 +305,7 @@ def _next(
     (best, *others), after = _weighed(model, tried)
     odds = {c.candidate.name: _odds(model, best, c) for c in (*others, *model.tried.undecided)}
     share = 1.0 / (1.0 + sum(odds.values()))
-    outdone_by = stands(after, best.candidate)
-    if outdone_by is not None and any(s.name not in refused for s in as_good_as(outdone_by, after)):
-        outdone_by = None  # that curve may be a known effect, which is asked next; then no law is missing
+    outdone_by = stands(after, best.candidate, refused)
     reduction, confirmed, why = _confirmed(model, best, unseen)
     there = supported(reduction.total, model.scores[best.candidate.name].dispersion)
     negligible = not _matters(best)

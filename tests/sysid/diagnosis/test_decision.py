@@ -145,12 +145,16 @@ def test_a_load_below_what_matters_is_not_said_to_be_missing_perhaps():
     assert "ground_effect" in doubts(ground_effect=small)
 
 
-@pytest.mark.parametrize(("left", "least", "most"), [(60.0, 0.9, 0.97), (3.0, 0.0, 0.01)])
-def test_a_proxy_alone_says_that_something_unknown_is_missing(left: float, least: float, most: float):
+@pytest.mark.parametrize(
+    ("left", "doubted", "least", "most"),
+    [(60.0, (), 0.9, 0.97), (3.0, (), 0.0, 0.01), (60.0, ("angular_damping",), 0.5, 0.5)],
+)
+def test_a_proxy_alone_says_that_something_unknown_is_missing(left: float, doubted, least: float, most: float):
+    """With even odds at most where a known effect is as good as what is unknown."""
     whole: Any = SimpleNamespace(
         additions=(), undecided=(), outside=None, proxies=("parasitic_drag",), candidates=(), leaves_too_much=False
     )
-    whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=left, forms=())
+    whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=left, forms=(), doubted=doubted)
     whole.input_verdict = SimpleNamespace(against=())
     whole.pose_may_be_late = False
     whole.says_missing = Diagnosis.says_missing.fget(whole)  # type: ignore[attr-defined]
@@ -174,7 +178,7 @@ def test_a_proxy_beside_a_name_is_for_its_form_or_for_something_unknown(forms: b
     whole.leaves_too_much = whole.pose_may_be_late = False
     whole.says_missing, whole._said = True, str
     own = ((CANDIDATE, CURVE),) if forms else ()
-    whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=60.0, forms=own)
+    whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=60.0, forms=own, doubted=())
     whole.input_verdict = SimpleNamespace(against=())
     assert words in Diagnosis.verdict.fget(whole)  # type: ignore[attr-defined]
     assert least <= Diagnosis.belief.fget(whole).as_stated <= most  # type: ignore[attr-defined]
