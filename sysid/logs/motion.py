@@ -12,6 +12,8 @@ from flight.rotations import FloatArray
 GRID_S = 0.01
 WINDOW = 15
 """Samples of the local cubic fits: 0.15 s."""
+FARTHEST_M = 1e8
+"""Of a position: beyond, it is damage, and squares of it overflow."""
 LONGEST_S = 1e4
 """A longer log is in another unit of time; the check of the time base says so."""
 LEAST_SAMPLES = 50
@@ -38,7 +40,7 @@ def kinematics(log: FlightLog) -> Kinematics | None:
     if not (log.has("position_world_m") and log.has("q_world_body")):
         return None
     position, q = log.vector("position_world_m"), log.vector("q_world_body")
-    rows = np.flatnonzero(np.isfinite(position).all(axis=1) & np.isfinite(q).all(axis=1))
+    rows = np.flatnonzero((np.abs(position) < FARTHEST_M).all(axis=1) & np.isfinite(q).all(axis=1))
     if len(rows) < 50 or log.time_s[rows[-1]] - log.time_s[rows[0]] < 100 * GRID_S:
         return None
     first_s, last_s = float(log.time_s[rows[0]]), float(log.time_s[rows[-1]])
