@@ -283,8 +283,8 @@ def test_too_few_placed_images_are_no_map(tmp_path: Path, monkeypatch: pytest.Mo
     images = sparse_map(tmp_path).images
     model = colmap.SparseModel(
         RIG, np.stack([np.eye(4), *[np.full((4, 4), np.nan)] * 2]), np.zeros((3, 1), bool), np.zeros((0, 3)),
-        np.zeros((0, 128)), np.zeros((0, 3), int), np.zeros((0, 2)), 0.3, 1.0, 0.05,
-        Trial((), RIG, np.zeros((3, 4, 4)), np.zeros((0, 3)), 0.2, 0.001), {},
+        np.zeros((0, 128)), np.zeros((0, 3), int), np.zeros((0, 2)), 0.3, 1.0,
+        np.zeros((0, 2), int), 0.05, Trial((), RIG, np.zeros((3, 4, 4)), np.zeros((0, 3)), 0.2, 0.001), {},
     )  # fmt: skip
     monkeypatch.setattr("mapping.child.run", lambda *_, **__: model)
     with pytest.raises(MapError, match="only 1 of 3 images"):
