@@ -416,8 +416,10 @@ def test_a_no_fly_zone_is_drawn_by_numbers_and_by_its_handle_previewed_applied_a
     form.get_by_text("no longer free").wait_for()
     wait(lambda: "centre" in station.view.map._handles, "the handles")
     wait(lambda: station.view.map._shape.centre_m == (3.0, 3.4, 0.5), "the box of the last number typed")
+    assert not station.desk.map._preview.drawn  # so that no answer replaces what was typed since
     shape = pulled(station.view.map._shape, "size", np.array([3.4, 3.6, 1.0]))  # as viser tells of a drag's end
     station.view.map.on_shape(shape, True)
+    assert station.desk.map._preview.drawn
     wait(lambda: form.get_by_label("Size, m x").input_value() == "0.9", "the numbers of the pulled box")
     assert station.desk.session.content.map_edits == ()
     form.get_by_role("button", name="Add to the map").click()
