@@ -116,7 +116,7 @@ def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progres
         if images.depths is None:
             images = dataclasses.replace(images, rig=trial.rig)
             colmap_model.write_back(model, images, trial)
-            if trial.present and not trial.inexpressible:  # an adjustment by COLMAP would undo what is inexpressible
+            if len(trial.present) > len(trial.inexpressible):  # else COLMAP would choose the same matches
                 fixed = dataclasses.replace(trial.rig, refine_intrinsics=False)
                 with tempfile.TemporaryDirectory() as folder:
                     refine(_with_lenses(database, trial.rig, Path(folder)), model, fixed, options, progress)
