@@ -12,6 +12,7 @@ from sysid.diagnosis import load, traces
 from sysid.diagnosis.belief import Belief, belief, curve_is_there
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.decision import Case, decide, sentence
+from sysid.diagnosis.envelope import Envelope, flown
 from sysid.diagnosis.examined import Model, Outside
 from sysid.diagnosis.findings import (
     NORMAL_90,
@@ -24,7 +25,7 @@ from sysid.diagnosis.findings import (
     Stair,
     Verdict,
 )
-from sysid.diagnosis.free_form import THRUST, UNIT
+from sysid.diagnosis.free_form import THRUST, UNIT, axes_of
 from sysid.diagnosis.score import Score
 from sysid.diagnosis.search import Search, search
 from sysid.diagnosis.thresholds import THRESHOLDS
@@ -106,6 +107,21 @@ class Diagnosis:
         return bool(self.additions or self.undecided or self.proxies or self.outside is not None)
 
     @property
+    def unsaid(self) -> tuple[CandidateFinding, ...]:
+        """Candidates that the sentence says nothing of, in channels where nothing that it states shows: what is left in
+        those may be of the form of what is stated."""
+        stated = {*self.additions, *self.undecided, *self.proxies}
+        channels = {c for s in self.candidates if s.name in stated for c in s.channels}
+        if self.outside is not None:
+            channels |= set(axes_of(self.outside.channel))
+        return tuple(s for s in self.candidates if s.name not in stated and not channels & set(s.channels))
+
+    @property
+    def envelope(self) -> Envelope:
+        """How far the training flights went."""
+        return flown(self.search.models[-1].fit.solution.point.states)
+
+    @property
     def pose_may_be_late(self) -> bool:
         """Whether the clocks leave that open, so that nothing is sure that `pose_delay` would change."""
         return gyro_is_early(self.search.models[-1].fit.clocks)
@@ -132,10 +148,11 @@ class Diagnosis:
             one = len(self.proxies) == 1
             helps = f"helps as a proxy for {of}, and is added" if one else f"help as proxies for {of}, and are added"
             parts.append(f"{' and '.join(self.proxies)} {helps}")
-        if not parts and self.doubts:
+        unsaid = {s.name for s in self.unsaid}
+        if doubts := [name for name in self.doubts if name in unsaid]:
+            confirmed = "nothing more" if parts else "nothing"
             parts.append(
-                f"nothing is confirmed to be missing, but {' or '.join(self.doubts)} may be: "
-                "these flights are inconclusive"
+                f"{confirmed} is confirmed to be missing, but {' or '.join(doubts)} may be: these flights are inconclusive"
             )
         if self.search.too_short and self.says_missing:
             parts.append("the held-out flights are too short to confirm it")
@@ -177,8 +194,7 @@ class Diagnosis:
         names = [s.confidence for s in self.candidates if s.verdict is Verdict.PRESENT]
         if self.undecided:
             names.append(min(1.0, sum(s.confidence for s in self.candidates if s.name in self.undecided)))
-        if not self.says_missing:
-            names.append(1.0 - max((s.confidence for s in self.candidates), default=0.0))
+        names.append(1.0 - max((s.confidence for s in self.unsaid), default=0.0))
         curve = self.outside.confidence if self.outside else None
         if self.proxies and curve is None and not self.search.forms:
             curve = curve_is_there(self.search.left_anywhere)  # said to be for something unknown; no curve is sure
@@ -191,7 +207,8 @@ class Diagnosis:
 
     @property
     def confidence(self) -> float:
-        """Probability that the whole sentence is right; where nothing is said to be missing, that nothing is."""
+        """Probability that the whole sentence is right; where nothing is said to be missing, that nothing is. Within the
+        flown envelope."""
         return self.belief.as_stated
 
     def as_dict(self) -> dict[str, Any]:
@@ -202,6 +219,7 @@ class Diagnosis:
             "verdict": self.verdict,
             "confidence": self.confidence,
             "probabilities": self.belief.as_dict(),
+            "envelope": self.envelope.as_dict(),
             "fit": self.fit_verdict.as_dict(),
             "flights": list(self.flights),
             "held_out": list(self.held_out),

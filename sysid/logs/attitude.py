@@ -53,6 +53,8 @@ BLOCK_S = 1.0
 """Errors are taken as independent between blocks of this length."""
 SPARE_BLOCKS = 3
 """Of so many blocks more than coefficients an error can be estimated: of fewer, their pulls cancel to nothing."""
+LEVEL_COEFFICIENTS = 5
+"""Of `level_gain`."""
 WITHIN = 3.0
 """A gain that is further than this factor from what physics has is another thing: a controller's answer to gusts."""
 
@@ -110,6 +112,17 @@ def check(log: FlightLog, motion: Kinematics) -> list[Finding]:
             )
         ]
     return []
+
+
+def unsure(motion: Kinematics) -> list[str]:
+    """In words, that a flight is too short to compare the headings of attitude and positions; empty if it is not."""
+    length_s, least_s = GRID_S * len(motion.time_s), (LEVEL_COEFFICIENTS + SPARE_BLOCKS) * BLOCK_S
+    if length_s > least_s - BLOCK_S:  # the last block may be a part of one
+        return []
+    return [
+        f"the flight lasts {length_s:.1f} s: whether the attitude's heading is that of the positions shows from "
+        f"{least_s:.0f} s on"
+    ]
 
 
 def _headings(motion: Kinematics, readings: list[Reading]) -> dict[float, tuple[Reading, float, float]]:
