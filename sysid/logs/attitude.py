@@ -116,13 +116,12 @@ def check(log: FlightLog, motion: Kinematics) -> list[Finding]:
 
 def unsure(motion: Kinematics) -> list[str]:
     """In words, that a flight is too short to compare the headings of attitude and positions; empty if it is not."""
-    length_s, least_s = GRID_S * len(motion.time_s), (LEVEL_COEFFICIENTS + SPARE_BLOCKS) * BLOCK_S
-    if length_s > least_s - BLOCK_S:  # the last block may be a part of one
+    length_s, blocks = GRID_S * len(motion.time_s), LEVEL_COEFFICIENTS + SPARE_BLOCKS
+    least_s = (blocks - 1) * BLOCK_S  # the last block may be a part of one
+    if length_s > least_s:
         return []
-    return [
-        f"the flight lasts {length_s:.1f} s: whether the attitude's heading is that of the positions shows from "
-        f"{least_s:.0f} s on"
-    ]
+    sentence = "whether the attitude's heading is that of the positions shows in flights of more than"
+    return [f"the flight lasts {length_s:.1f} s: {sentence} {least_s:.0f} s"]
 
 
 def _headings(motion: Kinematics, readings: list[Reading]) -> dict[float, tuple[Reading, float, float]]:
