@@ -210,8 +210,11 @@ def test_the_sentence_is_only_as_likely_as_that_nothing_is_missing_where_nothing
     whole.leaves_too_much = whole.pose_may_be_late = False
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=0.0, forms=(), doubted=())
     whole.input_verdict = SimpleNamespace(against=())
+    whole.doubts, whole.says_missing = tuple(channels), bool(additions or outside)
     whole.unsaid = Diagnosis.unsaid.fget(whole)  # type: ignore[attr-defined]
     assert tuple(s.name for s in whole.unsaid) == unsaid
+    if whole.says_missing:
+        assert Diagnosis.unsaid.fget(SimpleNamespace(**{**vars(whole), "doubts": ()})) == ()  # type: ignore[attr-defined]
     named = 0.4 if additions else 1.0
     expected = min(THRESHOLDS.most_confidence, named * (0.6 if unsaid else 1.0))
     assert Diagnosis.belief.fget(whole).as_stated == pytest.approx(expected)  # type: ignore[attr-defined]
