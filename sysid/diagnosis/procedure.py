@@ -110,8 +110,8 @@ class Diagnosis:
     def unsaid(self) -> tuple[CandidateFinding, ...]:
         """Candidates that may make a sentence wrong that says nothing of them: all if nothing is said to be missing.
 
-        Else the doubts in channels where nothing that is stated shows: what is left in those may be of the form of what
-        is stated. No others: of some thirty, one comes out below one in 200 by chance in every seventh sentence.
+        Else the doubts in channels where nothing that is stated shows: what is left in those of a stated effect may be
+        of its form. No other candidates: of some thirty, one is below one in 200 by chance in every seventh sentence.
         """
         if not self.says_missing:
             return self.candidates
@@ -158,7 +158,8 @@ class Diagnosis:
         if doubts := [name for name in self.doubts if name in unsaid]:
             confirmed = "nothing more" if parts else "nothing"
             parts.append(
-                f"{confirmed} is confirmed to be missing, but {' or '.join(doubts)} may be: these flights are inconclusive"
+                f"{confirmed} is confirmed to be missing, but {' or '.join(doubts)} may be: "
+                "these flights are inconclusive"
             )
         if self.search.too_short and self.says_missing:
             parts.append("the held-out flights are too short to confirm it")
@@ -213,8 +214,7 @@ class Diagnosis:
 
     @property
     def confidence(self) -> float:
-        """Probability that the whole sentence is right; where nothing is said to be missing, that nothing is. Within the
-        flown envelope."""
+        """Probability, within the flown envelope, that the sentence is right; if nothing is said, that nothing is."""
         return self.belief.as_stated
 
     def as_dict(self) -> dict[str, Any]:

@@ -1,10 +1,9 @@
-"""Are the attitude's body axes those of gyro and accelerometer? A sensor that is mounted turned by a quarter turn or more
-is named.
+"""Are the attitude's body axes those of gyro and accelerometer? What is turned by 90 deg or more is named.
 
-The gyro's turn is that which fits the attitude's rate to the gyro's best (Wahba's problem, by singular values). Whose axes are
-the vehicle's the rotors decide: turning must follow the torque that they make at their places. Of smaller turns nothing
-is said, for the fit estimates how the pose sensor is mounted. The accelerometer's axes, in any order and of any sign, must
-show gravity along z and level what the positions show: drag, mostly.
+The gyro's turn is that which fits the attitude's rate to the gyro's best (Wahba's problem, by singular values). Whose
+axes are the vehicle's the rotors decide: turning must follow the torque that they make at their places. Of smaller
+turns nothing is said, for the fit estimates how the pose sensor is mounted. The accelerometer's axes, in any order and
+of any sign, must show gravity along z, and level what the positions show: drag, mostly.
 """
 
 from itertools import permutations, product

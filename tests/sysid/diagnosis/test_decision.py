@@ -201,7 +201,10 @@ def test_the_sentence_is_only_as_likely_as_that_nothing_is_missing_where_nothing
     channels = {"rotor_interaction": ("M_x", "M_y"), "parasitic_drag": ("F_x", "F_z"), "flapping_moment": ("M_x",)}
     found = [
         SimpleNamespace(
-            name=name, channels=shown, verdict=Verdict.PRESENT if name in additions else Verdict.INCONCLUSIVE, confidence=0.4
+            name=name,
+            channels=shown,
+            verdict=Verdict.PRESENT if name in additions else Verdict.INCONCLUSIVE,
+            confidence=0.4,
         )
         for name, shown in channels.items()
     ]

@@ -211,3 +211,53 @@ def test_an_addition_goes_only_where_nothing_would_bring_it_back(monkeypatch: py
     monkeypatch.setattr(search, "significant", lambda model: [candidate(name) for name in again])
     found = search._superfluous((), cast("Any", None), [candidate(name) for name in "abc"], cast("Any", None))
     assert (found and (found[0].name, found[1])) == (goes and (goes, f"without {goes}"))
+
+
+@pytest.mark.parametrize(("half90", "status"), [(np.nan, "free"), (0.0, NOT_IDENTIFIABLE)])
+def test_a_size_that_is_not_known_is_not_called_too_small(half90: float, status: str):
+    estimate = SimpleNamespace(value=0.01, interval90=half90, status=status)
+    assert search._may_matter(cast("Any", SimpleNamespace(estimate=lambda name: estimate)), candidate("a"))
+
+
+def test_a_load_between_flights_is_no_proxy_and_nothing_is_added_twice(helpful):
+    helpful |= {"a", "b"}
+    assert added([outdone("a", between_flights=True)]) == []
+    assert len(added([outdone("a"), outdone("a")])) == 1
+
+
+def test_what_fell_too_little_is_said_so():
+    fell = outdone("a")
+    for total, words in ((12.0, "fell, but not surely enough"), (-12.0, "did not help")):
+        judged = CostReduction(np.full(3, total / 3.0))
+        refused = Trial(
+            fell.candidate, Outcome.NOT_CONFIRMED, judged, judged, JudgedBy.HELD_OUT, "", False, 0.1, (), None, fell.fit
+        )
+        assert refused.sentence.startswith(words)
+        assert replace(refused, negligible=True).sentence.startswith(
+            "not added: its fitted size is negligible; the cost"
+        )
+
+
+@pytest.mark.parametrize(("size", "expected"), [(0.04, False), (-0.06, True)])
+def test_a_size_below_a_twentieth_of_the_usual_one_is_of_no_consequence(size: float, expected):
+    fit = SimpleNamespace(vehicle=SimpleNamespace(value={"a.x": size}.__getitem__))
+    assert search._matters(cast("Any", SimpleNamespace(candidate=candidate("a"), fit=fit))) is expected
+
+
+@pytest.mark.parametrize(
+    ("moments", "stated", "confidence"),
+    [
+        ((300.0, 290.0), "M_x", 0.97),
+        ((300.0, 202.0), "M_x", 0.709),
+        ((300.0, 200.0), "T", 0.485),
+        ((300.0, 198.0), "T", 0.709),
+        ((300.0, 0.0), "T", 0.97),
+    ],
+)
+def test_a_curve_of_thrust_and_curves_of_its_channels_share_one_probability(moments, stated, confidence):
+    gains = {"T": 500.0, "M_x": moments[0], "M_y": moments[1], "M_z": 100.0}
+    model = cast("Any", SimpleNamespace(all_heard=True))
+    best = examined._best_of(model, [curve(channel, "v_x", gain) for channel, gain in gains.items()])
+    assert best is not None
+    assert best.channel == stated
+    assert best.confidence == pytest.approx(confidence, abs=0.01)
