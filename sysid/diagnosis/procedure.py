@@ -5,23 +5,20 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtri
 
 from flight import FlightLog, InputError, Progress, silent, within
-from sysid.diagnosis import load, traces
+from sysid.diagnosis import effect_sizes, load, traces
 from sysid.diagnosis.belief import Belief, belief, curve_is_there
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.decision import Case, decide, sentence
 from sysid.diagnosis.envelope import Envelope, flown
 from sysid.diagnosis.examined import Model, Outside
 from sysid.diagnosis.findings import (
-    NORMAL_90,
     SCHEMA_VERSION,
     Attempt,
     CandidateFinding,
     Outcome,
     OutsideFinding,
-    Size,
     Stair,
     Verdict,
 )
@@ -40,12 +37,10 @@ from sysid.estimator.prepare import prepare_all
 from sysid.estimator.result import Identification
 from sysid.logs.check import check_log
 from sysid.logs.payload import PAYLOAD, carries_payload
-from vehicle import Vehicle, effects, rigid_body
+from vehicle import Vehicle, rigid_body
 
 NODE_RATE_HZ = 100.0
 """States per second while searching; the vehicle's motion is slower than this by far."""
-VISIBLE_SIGMAS = -float(ndtri(THRESHOLDS.chance / 2.0) + ndtri(0.1))
-"""A size of so many standard errors is called present nine times in ten."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -354,14 +349,6 @@ def _newly_told(before: Sequence[FlightLog], after: Sequence[FlightLog]) -> tupl
     return () if all(old == new for old, new in told) else tuple(new is not False for _, new in told)
 
 
-def _visible(sigma: float, usual: float) -> float:
-    """Smallest size that would have been called present nine times in ten; what is of no consequence is never.
-
-    Zero where nothing was flown that would show any size.
-    """
-    return max(VISIBLE_SIGMAS * float(sigma), THRESHOLDS.least_size * usual) if sigma > 0.0 else 0.0
-
-
 def _labels(found: Search) -> list[str]:
     signs = {Outcome.ADDED: "+ {}", Outcome.REMOVED: "- {}", Outcome.USEFUL_PROXY: "+ {} (proxy)"}
     return [signs[t.outcome].format(t.candidate.name) for t in found.trials if t.outcome in signs]
@@ -391,9 +378,10 @@ def _finding(found: Search, candidate: Candidate, error_m: float, *, unsure: boo
     trial = next((t for t in reversed(found.trials) if t.candidate.name == candidate.name), None)
     present = trial is not None and candidate.name in {s.name for s in found.added}
     proxy = trial is not None and candidate.name in {s.name for s in found.proxies}
-    sizes = (
-        _sizes_fitted(candidate, scored, found.models[-1].fit) if present or proxy else _sizes_scored(candidate, scored)
-    )
+    if present or proxy:
+        sizes = effect_sizes.fitted(candidate, scored, found.models[-1].fit)
+    else:
+        sizes = effect_sizes.scored(candidate, scored)
     case = Case(
         candidate=candidate,
         score=scored,
@@ -424,24 +412,6 @@ def _finding(found: Search, candidate: Candidate, error_m: float, *, unsure: boo
         settled_by=candidate.excited_by,
         channels=candidate.channels,
         regressor=candidate.regressor,
-    )
-
-
-def _sizes_fitted(candidate: Candidate, scored: Score, fit: Identification) -> tuple[Size, ...]:
-    """Of an effect that is part of the model: with the interval of the fit, which knows how few blocks there are."""
-    found = []
-    for name, sigma, usual in zip(candidate.parameters, scored.sigma, candidate.usual, strict=True):
-        p, half = fit.vehicle.parameter(name), fit.estimate(name).interval90
-        found.append(Size(name, p.unit, p.value, p.std, half, _visible(sigma, usual), usual))
-    return tuple(found)
-
-
-def _sizes_scored(candidate: Candidate, scored: Score) -> tuple[Size, ...]:
-    """Of one that is not, to first order."""
-    units = {s.name: s.unit for s in effects.find(candidate.effect).parameters}
-    return tuple(
-        Size(n, units[n.split(".")[1]], float(v), float(sigma), NORMAL_90 * float(sigma), _visible(sigma, usual), usual)
-        for n, v, sigma, usual in zip(candidate.parameters, scored.size, scored.sigma, candidate.usual, strict=True)
     )
 
 
