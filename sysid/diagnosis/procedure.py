@@ -151,11 +151,9 @@ class Diagnosis:
             parts.append(f"{' and '.join(self.proxies)} {helps}")
         unsaid = {s.name for s in self.unsaid}
         if doubts := [name for name in self.doubts if name in unsaid]:
-            confirmed = "nothing more" if parts else "nothing"
-            parts.append(
-                f"{confirmed} is confirmed to be missing, but {' or '.join(doubts)} may be: "
-                "these flights are inconclusive"
-            )
+            open_ = f"{' or '.join(doubts)} may be"
+            alone = f"nothing is confirmed to be missing, but {open_}: these flights are inconclusive"
+            parts.append(f"{open_} missing too, which is not confirmed" if parts else alone)
         if self.search.too_short and self.says_missing:
             parts.append("the held-out flights are too short to confirm it")
         if self.pose_may_be_late:

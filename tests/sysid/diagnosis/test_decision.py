@@ -176,11 +176,13 @@ def test_a_proxy_beside_a_name_is_for_its_form_or_for_something_unknown(forms: b
         additions=("angular_damping",), undecided=(), outside=None, proxies=("flapping_moment",), candidates=(name,)
     )
     whole.leaves_too_much = whole.pose_may_be_late = False
-    whole.says_missing, whole._said, whole.unsaid, whole.doubts = True, str, (), ()
+    whole.says_missing, whole._said = True, str
+    whole.doubts, whole.unsaid = ("ground_effect", "payload"), (SimpleNamespace(name="payload", confidence=0.0),)
     own = ((CANDIDATE, CURVE),) if forms else ()
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=60.0, forms=own, doubted=())
     whole.input_verdict = SimpleNamespace(against=())
     assert words in Diagnosis.verdict.fget(whole)  # type: ignore[attr-defined]
+    assert "; payload may be missing too, which is not confirmed" in Diagnosis.verdict.fget(whole)  # type: ignore[attr-defined]
     assert least <= Diagnosis.belief.fget(whole).as_stated <= most  # type: ignore[attr-defined]
 
 
