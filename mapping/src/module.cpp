@@ -83,7 +83,7 @@ static nb::tuple sweep_lines_view(Directions first, Directions last, Directions 
     const Segments theirs{static_cast<int>(partner_first.shape(0)), partner_first.data(), partner_last.data()};
     {
         nb::gil_scoped_release release;
-        sweep_lines(mine, {theirs, partner.data(), offset_m.data()},
+        sweep_lines(mine, {theirs, partner.data(), static_cast<int>(offset_m.shape(0)), offset_m.data()},
                     {std_rad, tolerance, nearest_m, farthest_m, largest_relative_std, least_overlap}, threads,
                     inverse_range.data(), deviation.data(), agreeing.data(), rivals.data());
     }
