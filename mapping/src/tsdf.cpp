@@ -153,7 +153,7 @@ void facing(const float* inverse_range, const double* rays, int height, int widt
 }
 
 void carve(const Volume& volume, const float* bound, const Lens& lens, const double* T_camera_world, double margin,
-           double farthest, int threads, std::uint8_t* seen_through) {
+           double farthest, int enough, int threads, std::uint8_t* seen_through) {
     const Pose pose(T_camera_world);
     const Vec3 step{volume.voxel * pose.m[2], volume.voxel * pose.m[6], volume.voxel * pose.m[10]};
     const double half = 0.5 * volume.voxel;
@@ -164,9 +164,10 @@ void carve(const Volume& volume, const float* bound, const Lens& lens, const dou
             Vec3 p = pose.apply(volume.origin + volume.voxel * Vec3{i + 0.5, j + 0.5, 0.5});
             std::size_t index = (static_cast<std::size_t>(i) * volume.shape[1] + j) * volume.shape[2];
             for (int k = 0; k < volume.shape[2]; ++k, ++index, p = p + step) {
+                if (seen_through[index] >= enough) continue;
                 const double range = norm(p);
                 double u = 0.0, v = 0.0;
-                if (range > farthest || seen_through[index] == 255 || !lens.project(p, u, v)) continue;
+                if (range > farthest || !lens.project(p, u, v)) continue;
                 const auto open = [&](float limit) { return (range + margin) * limit < 1.0; };
                 Rectangle r;
                 // the middle alone first, which costs least
