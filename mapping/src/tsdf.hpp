@@ -1,6 +1,7 @@
 // Truncated signed distance on a grid of voxels, averaged over range images. Voxel (i, j, k) has its centre at
 // origin + (i + 0.5, j + 0.5, k + 0.5) * voxel; k runs fastest. A voxel with weight 0 was never observed.
 #pragma once
+#include <cstddef>
 #include <cstdint>
 
 #include "lens.hpp"
@@ -16,6 +17,8 @@ struct Volume {
     float* colour;  // `channels` values a voxel
     float* colour_weight;
     int channels;
+
+    std::size_t index(int i, int j, int k) const { return (static_cast<std::size_t>(i) * shape[1] + j) * shape[2] + k; }
 };
 
 struct RangeImage {

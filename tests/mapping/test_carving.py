@@ -145,6 +145,31 @@ def test_that_no_more_than_enough_are_counted_changes_no_free_space() -> None:
     assert np.array_equal(free_few, free_many)
 
 
+def test_what_an_image_adds_does_not_depend_on_the_extent_of_the_volume() -> None:
+    """Only the voxels within the range of what it shows are visited; all it shows is in either volume."""
+    rng = np.random.default_rng(5)
+    small, large = (
+        fusion.empty_volume(np.full(3, -side_m), np.full(3, side_m), voxel_m=0.1, truncation_m=0.25, channels=1)
+        for side_m in (3.0, 8.0)
+    )
+    for _ in range(4):
+        place = tuple(rng.uniform(-0.5, 0.5, 3))
+        shown = (1.0 / rng.uniform(0.5, 2.0) + np.zeros((60, 80))).astype(np.float32)
+        shown[rng.random(shown.shape) < 0.01] = 0.0
+        for volume in (small, large):
+            volume.carve(view_from(place), shown, margin_m=MARGIN_M, farthest_m=FARTHEST_M, enough=3)
+            deviation, facing = 0.01 * shown, np.ones_like(shown)
+            volume.integrate(view_from(place), shown, deviation, facing, farthest_m=FARTHEST_M)
+    lower = large.grid.index(small.grid.centre(np.zeros((1, 3), np.int64)))[0]
+    common = tuple(slice(a, a + n) for a, n in zip(lower, small.grid.shape, strict=True))
+    assert (small.weight > 0.0).any()
+    assert small.seen_through.any()
+    for name in ("distance", "weight", "colour", "seen_through"):
+        one, other = getattr(small, name), getattr(large, name)
+        np.testing.assert_allclose(other[common], one, atol=1e-4)
+        assert np.count_nonzero(other) == np.count_nonzero(other[common])
+
+
 def test_any_trace_of_a_surface_outweighs_all_carving() -> None:
     volume = unobserved_volume()
     volume.seen_through[...] = 255

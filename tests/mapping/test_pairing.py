@@ -6,7 +6,7 @@ from mapping.sparse import features, pairing
 
 
 def signatures(rng: np.random.Generator, places: int, images_each: int, size: int = 40) -> list[np.ndarray]:
-    """Images of places, one after the other round all of them: each shows half of its place's features, a bit changed."""
+    """Images of places, one after the other round all: each shows half of its place's features, a bit changed."""
     of_place = rng.exponential(1.0, (places, 2 * size, 128))
     shown = [of_place[k % places][rng.permutation(2 * size)[:size]] for k in range(places * images_each)]
     return [features.unit(np.maximum(each + rng.normal(0.0, 0.25, each.shape), 0.0)) for each in shown]
