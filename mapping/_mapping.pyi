@@ -12,6 +12,7 @@ def rectify(
 ) -> NDArray[np.uint8]: ...
 def inverse_range(
     disparity: NDArray[np.int16],
+    nearest: NDArray[np.int16],
     grid: NDArray[np.float64],
     R_camera_grid: NDArray[np.float64],
     baseline_m: float,
@@ -20,18 +21,9 @@ def inverse_range(
     rays: NDArray[np.float64],
     disparity_std_px: float,
     largest_relative_std: float,
-    threads: int,
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
-def inverse_range_bound(
-    disparity: NDArray[np.int16],
-    grid: NDArray[np.float64],
-    R_camera_grid: NDArray[np.float64],
-    baseline_m: float,
-    rays: NDArray[np.float64],
-    disparity_std_px: float,
     deviations: float,
     threads: int,
-) -> NDArray[np.float32]: ...
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]: ...
 def nearest_disparity(
     left: NDArray[np.uint8],
     right: NDArray[np.uint8],
@@ -66,6 +58,7 @@ def carve(
     T_camera_world: NDArray[np.float64],
     margin_m: float,
     farthest_m: float,
+    enough: int,
     threads: int,
 ) -> None: ...
 def fuse(

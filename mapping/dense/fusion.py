@@ -12,6 +12,8 @@ from mapping.dense.views import THREADS, ImageView, lens_row
 
 MOST_VOXELS = 150_000_000
 """A larger volume takes more than 3 GB; the error names a voxel size that fits."""
+MOST_COUNTED = 255
+"""Images that are counted for one voxel, in a byte."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,7 +33,8 @@ class Volume:
     colour_weight: NDArray[np.float32]
     """(nx, ny, nz)."""
     seen_through: NDArray[np.uint8]
-    """(nx, ny, nz) how many images saw through the voxel, over its whole width, to what must be farther away."""
+    """(nx, ny, nz) how many images saw through the voxel, over its whole width, to what must be farther away; not more
+    than `carve` was asked to count."""
 
     @property
     def voxel_m(self) -> float:
@@ -67,12 +70,15 @@ class Volume:
             THREADS,
         )
 
-    def carve(self, view: ImageView, bound: NDArray[np.float32], *, margin_m: float, farthest_m: float) -> None:
+    def carve(
+        self, view: ImageView, bound: NDArray[np.float32], *, margin_m: float, farthest_m: float, enough: int
+    ) -> None:
         """Count the voxels one image saw through: on every ray that meets the voxel, anything is farther away.
 
         Args:
             bound: (h, w), 1/m: nothing on the ray has a larger inverse range; 0 where that is not known.
             margin_m: how much farther away.
+            enough: voxels that so many images saw through, 1 to `MOST_COUNTED`, are not examined any more.
         """
         _mapping.carve(
             self.grid.low_world_m,
@@ -83,6 +89,7 @@ class Volume:
             frames.invert(view.T_world_camera),
             margin_m,
             farthest_m,
+            enough,
             THREADS,
         )
 

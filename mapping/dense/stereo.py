@@ -143,8 +143,9 @@ def depth_of_pair(
     left = _mapping.rectify(view.grey, lens_row(view.camera), R_camera_grid, grid, THREADS)
     right = _mapping.rectify(partner.grey, lens_row(partner.camera), R_partner_grid, grid, THREADS)
     disparity = _match(left, right, disparities, options.block_columns)
-    value, deviation = _mapping.inverse_range(
+    return _mapping.inverse_range(
         disparity,
+        consistency.nearest_disparity(left, right, disparity, disparities),
         grid,
         R_camera_grid,
         baseline_m,
@@ -153,13 +154,9 @@ def depth_of_pair(
         rays_camera,
         options.disparity_std_px,
         options.largest_relative_std,
+        BOUND_DEVIATIONS,
         THREADS,
     )
-    nearest = consistency.nearest_disparity(left, right, disparity, disparities)
-    bound = _mapping.inverse_range_bound(
-        nearest, grid, R_camera_grid, baseline_m, rays_camera, options.disparity_std_px, BOUND_DEVIATIONS, THREADS
-    )
-    return value, deviation, bound
 
 
 def axes_about(baseline: FloatArray) -> FloatArray:

@@ -67,8 +67,8 @@ class DenseOptions:
             raise InputError(f"carrier_radius_m {self.carrier_radius_m:g} must be at most {LARGEST_CARRIER_M:g} m")
         if not 0.0 <= self.thinnest_m < np.inf:
             raise InputError(f"thinnest_m {self.thinnest_m:g} must be finite and not below 0")
-        if self.least_seen_through < 1:
-            raise InputError(f"least_seen_through {self.least_seen_through} must be at least 1")
+        if not 1 <= self.least_seen_through <= fusion.MOST_COUNTED:
+            raise InputError(f"least_seen_through {self.least_seen_through} must be 1 to {fusion.MOST_COUNTED}")
         coarsest_m = self.carrier_radius_m / np.sqrt(3.0)
         if not 0.0 < self.voxel_m <= coarsest_m:  # else the path may lie in no free voxel, and nothing is reached
             raise InputError(
@@ -180,7 +180,13 @@ def fuse(
     for number, (view, depth) in enumerate(zip(images, depths, strict=True)):
         if depth is not None:
             volume.integrate(view, depth.inverse_range, depth.deviation, depth.facing, farthest_m=options.farthest_m)
-            volume.carve(view, depth.bound, margin_m=margin_m, farthest_m=options.farthest_m)
+            volume.carve(
+                view,
+                depth.bound,
+                margin_m=margin_m,
+                farthest_m=options.farthest_m,
+                enough=options.least_seen_through,
+            )
         progress("fuse depth", (number + 1) / len(images))
     return volume
 

@@ -298,8 +298,12 @@ def _grow(database: Path, images: ImageSet, options: SparseOptions, start: Any, 
         if start is not None:
             (folder / "begin").mkdir()
             start.write(folder / "begin")
+        growing = _mapping_options(options)
+        # nothing is adjusted to the end while more is to come: `refine` does that, with COLMAP's own limits
+        growing.ba_local_max_refinements, growing.ba_local_function_tolerance = 1, 1e-4
+        growing.ba_global_max_refinements, growing.ba_global_function_tolerance = 2, 1e-5
         models = pycolmap.incremental_mapping(
-            database, images.folder, folder, _mapping_options(options), begin, next_image_callback=count
+            database, images.folder, folder, growing, begin, next_image_callback=count
         )
     if not models:
         raise MapError(

@@ -11,6 +11,12 @@ SIGNATURE_SIZE = 120
 
 _SAME = 0.86
 """Cosine of two descriptors that count as one and the same feature; two random ones reach 0.75 at most."""
+_LEAST_SHARED = 4
+"""Features that similar images have in common."""
+_PER_WORD, _PROBES = 500, 3
+"""Descriptors in a visual word, and words in which the likes of a descriptor are looked for."""
+_AT_ONCE = 4_000_000
+"""Cosines that are computed at once: 16 MB."""
 
 Shot = tuple[int, int]
 """(instant, camera)."""
@@ -80,16 +86,46 @@ def _most_similar(signatures: list[np.ndarray], count: int, *, known: set[tuple[
     """For each image the `count` others that share most of their largest features, pairs already known left out."""
     if count == 0:
         return []
-    all_descriptors = np.concatenate(signatures).astype(np.float32)
-    starts = np.concatenate([[0], np.cumsum([len(s) for s in signatures])])[:-1]
-    filled = np.array([len(s) > 0 for s in signatures])
     result: list[list[int]] = []
-    for index, signature in enumerate(signatures):
-        score = np.zeros(len(signatures))
-        if len(signature):
-            best = np.maximum.reduceat(signature @ all_descriptors.T, starts[filled], axis=1)
-            score[filled] = (best > _SAME).sum(axis=0)
-        score[index] = 0
-        ranked = (int(k) for k in np.argsort(-score, kind="stable") if score[k] >= 4)
+    for index, shared in enumerate(_shared_features(signatures)):
+        shared[index] = 0
+        ranked = (int(k) for k in np.argsort(-shared, kind="stable") if shared[k] >= _LEAST_SHARED)
         result.append([k for k in ranked if (min(index, k), max(index, k)) not in known][:count])
+    return result
+
+
+def _shared_features(signatures: list[np.ndarray]) -> np.ndarray:
+    """(images, images) how many features of the first image the second one has as well.
+
+    A descriptor is compared only with those of the visual words that are most like it (Sivic and Zisserman, "Video
+    Google", 2003). The words are descriptors drawn at random. A few hundred have one word: all are compared.
+    """
+    descriptors = np.concatenate(signatures).astype(np.float32)
+    image = np.repeat(np.arange(len(signatures)), [len(each) for each in signatures])
+    shared = np.zeros((len(signatures), len(signatures)), np.int32)
+    if not len(descriptors):
+        return shared
+    drawn = np.random.default_rng(0).choice(len(descriptors), 1 + len(descriptors) // _PER_WORD, replace=False)
+    likest = _likest(descriptors, descriptors[drawn])
+    for word in range(len(drawn)):
+        own = np.flatnonzero(likest[:, 0] == word)  # in the order of the images, as are those that ask
+        asking = np.flatnonzero((likest == word).any(axis=1))
+        if not len(own):
+            continue
+        images, first = np.unique(image[own], return_index=True)
+        for part in np.array_split(asking, 1 + len(asking) * len(own) // _AT_ONCE):
+            found = np.maximum.reduceat(descriptors[part] @ descriptors[own].T, first, axis=1) > _SAME
+            askers, start = np.unique(image[part], return_index=True)
+            shared[np.ix_(askers, images)] += np.add.reduceat(found, start, axis=0, dtype=np.int32)
+    return shared
+
+
+def _likest(descriptors: np.ndarray, words: np.ndarray) -> np.ndarray:
+    """(n, `_PROBES`) numbers of the words (w, 128) most like each descriptor (n, 128), the likest first."""
+    result = np.empty((len(descriptors), _PROBES), np.int64)
+    for rows in np.array_split(np.arange(len(descriptors)), 1 + len(descriptors) * len(words) // _AT_ONCE):
+        cosine = descriptors[rows] @ words.T
+        for probe in range(_PROBES):
+            result[rows, probe] = cosine.argmax(axis=1)
+            cosine[np.arange(len(rows)), result[rows, probe]] = -np.inf
     return result

@@ -21,7 +21,7 @@ MOST = 0.25
 _ALIKE, _APART_PX = 0.93, 8.0
 """Cosine of the descriptors, and distance, of two features that count as copies."""
 _AT_ONCE = 512
-"""Features that are compared with all others at once: 40 MB for 8,000."""
+"""Features that are compared with all others at once: 20 MB for 8,000, 80 MB if all are alike."""
 _DISK = ("disk is full", "no space left", "disk i/o error", "disk quota", "file too large")
 """What SQLite and the system say where a file cannot be written."""
 
@@ -37,10 +37,10 @@ def share(found: Features) -> float:
     x, y = found.pixels.T
     copied = 0
     for first in range(0, len(x), _AT_ONCE):
-        part = slice(first, first + _AT_ONCE)
-        alike = descriptors[part] @ descriptors.T > _ALIKE
-        apart = np.hypot(x[part, None] - x, y[part, None] - y) > _APART_PX
-        copied += int((alike & apart).any(axis=1).sum())
+        one, other = np.nonzero(descriptors[first : first + _AT_ONCE] @ descriptors.T > _ALIKE)
+        one += first
+        apart = np.hypot(x[one] - x[other], y[one] - y[other]) > _APART_PX
+        copied += len(np.unique(one[apart]))
     return copied / len(x)
 
 

@@ -18,7 +18,8 @@ struct Segments {
 struct Partners {
     Segments segments;
     const std::int32_t* partner;  // (count) which partner each segment is of, below 64
-    const double* offset;         // (partners, 3) from the reference camera to the partner's, metres
+    int count;                    // of partners
+    const double* offset;         // (count, 3) from the reference camera to the partner's, metres, not 0
 };
 
 struct LineSearch {

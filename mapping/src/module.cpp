@@ -38,28 +38,21 @@ static auto rectify_view(Gray image, LensRow lens, Matrix3 R_camera_grid, GridRo
     return out;
 }
 
-static nb::tuple inverse_range_view(Disparity disparity, GridRow grid, Matrix3 R_camera_grid, double baseline_m,
-                                    Matrix4 T_partner_camera, LensRow partner, Rays rays, double disparity_std_px,
-                                    double largest_relative_std, int threads) {
+static nb::tuple inverse_range_view(Disparity disparity, Disparity nearest, GridRow grid, Matrix3 R_camera_grid,
+                                    double baseline_m, Matrix4 T_partner_camera, LensRow partner, Rays rays,
+                                    double disparity_std_px, double largest_relative_std, double deviations,
+                                    int threads) {
     auto value = new_array<float>({rays.shape(0), rays.shape(1)});
     auto deviation = new_array<float>({rays.shape(0), rays.shape(1)});
-    const StereoPair pair{baseline_m, T_partner_camera.data(), disparity_std_px, largest_relative_std};
+    auto bound = new_array<float>({rays.shape(0), rays.shape(1)});
+    const StereoPair pair{baseline_m, T_partner_camera.data(), disparity_std_px, largest_relative_std, deviations};
     {
         nb::gil_scoped_release release;
-        inverse_range(disparity.data(), as_grid(grid), R_camera_grid.data(), pair, Lens(partner.data()), rays.data(),
-                      static_cast<int>(rays.shape(0) * rays.shape(1)), threads, value.data(), deviation.data());
+        inverse_range(disparity.data(), nearest.data(), as_grid(grid), R_camera_grid.data(), pair, Lens(partner.data()),
+                      rays.data(), static_cast<int>(rays.shape(0) * rays.shape(1)), threads, value.data(),
+                      deviation.data(), bound.data());
     }
-    return nb::make_tuple(value, deviation);
-}
-
-static auto inverse_range_bound_view(Disparity disparity, GridRow grid, Matrix3 R_camera_grid, double baseline_m,
-                                     Rays rays, double disparity_std_px, double deviations, int threads) {
-    auto bound = new_array<float>({rays.shape(0), rays.shape(1)});
-    const StereoPair pair{baseline_m, nullptr, disparity_std_px, 0.0};
-    nb::gil_scoped_release release;
-    inverse_range_bound(disparity.data(), as_grid(grid), R_camera_grid.data(), pair, rays.data(),
-                        static_cast<int>(rays.shape(0) * rays.shape(1)), deviations, threads, bound.data());
-    return bound;
+    return nb::make_tuple(value, deviation, bound);
 }
 
 static auto nearest_disparity_view(Gray left, Gray right, Disparity disparity, int disparities, double noise,
@@ -83,7 +76,7 @@ static nb::tuple sweep_lines_view(Directions first, Directions last, Directions 
     const Segments theirs{static_cast<int>(partner_first.shape(0)), partner_first.data(), partner_last.data()};
     {
         nb::gil_scoped_release release;
-        sweep_lines(mine, {theirs, partner.data(), offset_m.data()},
+        sweep_lines(mine, {theirs, partner.data(), static_cast<int>(offset_m.shape(0)), offset_m.data()},
                     {std_rad, tolerance, nearest_m, farthest_m, largest_relative_std, least_overlap}, threads,
                     inverse_range.data(), deviation.data(), agreeing.data(), rivals.data());
     }
@@ -135,7 +128,7 @@ static void integrate_view(Point origin, double voxel, Cells distance, Cells wei
 }
 
 static void carve_view(Point origin, double voxel, Counts seen_through, Image bound, LensRow lens,
-                       Matrix4 T_camera_world, double margin, double farthest, int threads) {
+                       Matrix4 T_camera_world, double margin, double farthest, int enough, int threads) {
     const Volume volume{{origin(0), origin(1), origin(2)},
                         voxel,
                         {static_cast<int>(seen_through.shape(0)), static_cast<int>(seen_through.shape(1)),
@@ -146,7 +139,7 @@ static void carve_view(Point origin, double voxel, Counts seen_through, Image bo
                         nullptr,
                         0};
     nb::gil_scoped_release release;
-    carve(volume, bound.data(), Lens(lens.data()), T_camera_world.data(), margin, farthest, threads,
+    carve(volume, bound.data(), Lens(lens.data()), T_camera_world.data(), margin, farthest, enough, threads,
           seen_through.data());
 }
 
@@ -172,12 +165,10 @@ static nb::tuple marching_cubes_view(Point origin, double voxel, Cells distance,
 NB_MODULE(_mapping, m) {
     m.def("rectify", &rectify_view, nb::arg("image"), nb::arg("lens"), nb::arg("R_camera_grid"), nb::arg("grid"),
           nb::arg("threads"));
-    m.def("inverse_range", &inverse_range_view, nb::arg("disparity"), nb::arg("grid"), nb::arg("R_camera_grid"),
-          nb::arg("baseline_m"), nb::arg("T_partner_camera"), nb::arg("partner"), nb::arg("rays"),
-          nb::arg("disparity_std_px"), nb::arg("largest_relative_std"), nb::arg("threads"));
-    m.def("inverse_range_bound", &inverse_range_bound_view, nb::arg("disparity"), nb::arg("grid"),
-          nb::arg("R_camera_grid"), nb::arg("baseline_m"), nb::arg("rays"), nb::arg("disparity_std_px"),
-          nb::arg("deviations"), nb::arg("threads"));
+    m.def("inverse_range", &inverse_range_view, nb::arg("disparity"), nb::arg("nearest"), nb::arg("grid"),
+          nb::arg("R_camera_grid"), nb::arg("baseline_m"), nb::arg("T_partner_camera"), nb::arg("partner"),
+          nb::arg("rays"), nb::arg("disparity_std_px"), nb::arg("largest_relative_std"), nb::arg("deviations"),
+          nb::arg("threads"));
     m.def("nearest_disparity", &nearest_disparity_view, nb::arg("left"), nb::arg("right"), nb::arg("disparity"),
           nb::arg("disparities"), nb::arg("noise"), nb::arg("deviations"), nb::arg("mean"), nb::arg("threads"));
     m.def("sweep_lines", &sweep_lines_view, nb::arg("first"), nb::arg("last"), nb::arg("partner_first"),
@@ -186,7 +177,7 @@ NB_MODULE(_mapping, m) {
           nb::arg("threads"));
     m.def("carve", &carve_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("seen_through").noconvert(),
           nb::arg("bound"), nb::arg("lens"), nb::arg("T_camera_world"), nb::arg("margin_m"), nb::arg("farthest_m"),
-          nb::arg("threads"));
+          nb::arg("enough"), nb::arg("threads"));
     m.def("fuse", &fuse_layers, nb::arg("values"), nb::arg("deviations"), nb::arg("tolerance"), nb::arg("least"));
     m.def("facing", &facing_view, nb::arg("inverse_range"), nb::arg("rays"), nb::arg("step"), nb::arg("unsure"),
           nb::arg("threads"));

@@ -40,6 +40,19 @@ double disparity_at(const std::int16_t* disparity, const SphericalGrid& grid, do
     return d[(a > 0.5) + 2 * (b > 0.5)] / 16.0;
 }
 
+constexpr double largest_angle = M_PI - 0.02;  // from the baseline, at the partner
+
+// The bound of a ray at an angle from the baseline, at a place of the rectified image; 0 where it is not known.
+double largest_inverse_range(const std::int16_t* nearest, const SphericalGrid& grid, const StereoPair& pair,
+                             double angle, double column, double row) {
+    const int c = static_cast<int>(column), r = static_cast<int>(row);
+    if (c < 0 || r < 0 || c >= grid.columns || r >= grid.rows) return 0.0;
+    const int d = nearest[static_cast<std::size_t>(r) * grid.columns + c];
+    const double parallax = (d / 16.0 + pair.deviations * pair.disparity_std_px) * grid.column_step;
+    if (d < 0 || angle + parallax >= largest_angle) return 0.0;
+    return std::sin(parallax) / (pair.baseline_m * std::sin(angle + parallax));
+}
+
 }  // namespace
 
 void rectify(const std::uint8_t* image, const Lens& lens, const double* R_camera_grid, const SphericalGrid& grid,
@@ -62,24 +75,26 @@ void rectify(const std::uint8_t* image, const Lens& lens, const double* R_camera
     });
 }
 
-void inverse_range(const std::int16_t* disparity, const SphericalGrid& grid, const double* R_camera_grid,
-                   const StereoPair& pair, const Lens& partner, const double* rays, int count, int threads,
-                   float* inverse_range, float* standard_deviation) {
+void inverse_range(const std::int16_t* disparity, const std::int16_t* nearest, const SphericalGrid& grid,
+                   const double* R_camera_grid, const StereoPair& pair, const Lens& partner, const double* rays,
+                   int count, int threads, float* inverse_range, float* standard_deviation, float* bound) {
     const Pose T_partner_camera(pair.T_partner_camera);
     constexpr int chunk = 1024;
     parallel_rows((count + chunk - 1) / chunk, threads, [&](int part) {
         for (int i = part * chunk; i < std::min(count, (part + 1) * chunk); ++i) {
-            inverse_range[i] = standard_deviation[i] = 0.0f;
+            inverse_range[i] = standard_deviation[i] = bound[i] = 0.0f;
             const Vec3 ray{rays[3 * i], rays[3 * i + 1], rays[3 * i + 2]};
             if (std::isnan(ray.z)) continue;
             const Vec3 g = rotate_back(R_camera_grid, ray);
             const double here = std::atan2(std::sqrt(g.y * g.y + g.z * g.z), g.x), round = std::atan2(g.z, g.y);
-            const double column = (grid.from_baseline - here) / grid.column_step - 0.5;
-            const double d = disparity_at(disparity, grid, column, (round - grid.from_axis) / grid.row_step - 0.5);
+            const double column = (grid.from_baseline - here) / grid.column_step;
+            const double row = (round - grid.from_axis) / grid.row_step;
+            bound[i] = static_cast<float>(largest_inverse_range(nearest, grid, pair, here, column, row));
+            const double d = disparity_at(disparity, grid, column - 0.5, row - 0.5);
             if (d <= 0.0) continue;
             // Law of sines in the triangle camera - partner - point: range / sin(there) = baseline / sin(there - here).
             const double parallax = d * grid.column_step, there = here + parallax, sine = std::sin(there);
-            if (there >= M_PI - 0.02) continue;
+            if (there >= largest_angle) continue;
             const double value = std::sin(parallax) / (pair.baseline_m * sine);
             const double slope = std::sin(here) / (pair.baseline_m * sine * sine);
             const double deviation = std::abs(slope) * pair.disparity_std_px * grid.column_step;
@@ -88,29 +103,6 @@ void inverse_range(const std::int16_t* disparity, const SphericalGrid& grid, con
             if (!partner.project(T_partner_camera.apply((1.0 / value) * ray), u, v)) continue;
             inverse_range[i] = static_cast<float>(value);
             standard_deviation[i] = static_cast<float>(deviation);
-        }
-    });
-}
-
-void inverse_range_bound(const std::int16_t* disparity, const SphericalGrid& grid, const double* R_camera_grid,
-                         const StereoPair& pair, const double* rays, int count, double deviations, int threads,
-                         float* bound) {
-    constexpr int chunk = 1024;
-    parallel_rows((count + chunk - 1) / chunk, threads, [&](int part) {
-        for (int i = part * chunk; i < std::min(count, (part + 1) * chunk); ++i) {
-            bound[i] = 0.0f;
-            const Vec3 ray{rays[3 * i], rays[3 * i + 1], rays[3 * i + 2]};
-            if (std::isnan(ray.z)) continue;
-            const Vec3 g = rotate_back(R_camera_grid, ray);
-            const double here = std::atan2(std::sqrt(g.y * g.y + g.z * g.z), g.x), round = std::atan2(g.z, g.y);
-            const int column = static_cast<int>((grid.from_baseline - here) / grid.column_step);
-            const int row = static_cast<int>((round - grid.from_axis) / grid.row_step);
-            if (column < 0 || row < 0 || column >= grid.columns || row >= grid.rows) continue;
-            const int d = disparity[static_cast<std::size_t>(row) * grid.columns + column];
-            if (d < 0) continue;
-            const double parallax = (d / 16.0 + deviations * pair.disparity_std_px) * grid.column_step;
-            if (here + parallax >= M_PI - 0.02) continue;
-            bound[i] = static_cast<float>(std::sin(parallax) / (pair.baseline_m * std::sin(here + parallax)));
         }
     });
 }

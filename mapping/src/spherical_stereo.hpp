@@ -25,20 +25,16 @@ struct StereoPair {
     const double* T_partner_camera;  // row major 4x4
     double disparity_std_px;
     double largest_relative_std;  // of the inverse range; measurements worse than this are dropped
+    double deviations;            // how much nearer than measured, in standard deviations, a surface may be
 };
 
-// Inverse range (1/m along the ray, 0 = none) and its standard deviation for every ray of the camera.
-// `disparity` is in 1/16 of a column, at most 0 where there is none.
-void inverse_range(const std::int16_t* disparity, const SphericalGrid& grid, const double* R_camera_grid,
-                   const StereoPair& pair, const Lens& partner, const double* rays, int count, int threads,
-                   float* inverse_range, float* standard_deviation);
-
-// The largest inverse range (1/m along the ray) that a match allows, `deviations` standard deviations above its own:
-// whatever the ray meets is at least that far away. Near the baseline, where parallax is too small for a depth, the
-// bound is still useful. 0 where there is no match.
-void inverse_range_bound(const std::int16_t* disparity, const SphericalGrid& grid, const double* R_camera_grid,
-                         const StereoPair& pair, const double* rays, int count, double deviations, int threads,
-                         float* bound);
+// For every ray of the camera the inverse range (1/m along the ray, 0 = none), its standard deviation, and the largest
+// inverse range that the match allows: whatever the ray meets is at least that far away. Near the baseline, where
+// parallax is too small for a depth, this bound is still useful. `disparity` is in 1/16 of a column, at most 0 where
+// there is none; so is `nearest`, the largest that is possible, negative where that is not known.
+void inverse_range(const std::int16_t* disparity, const std::int16_t* nearest, const SphericalGrid& grid,
+                   const double* R_camera_grid, const StereoPair& pair, const Lens& partner, const double* rays,
+                   int count, int threads, float* inverse_range, float* standard_deviation, float* bound);
 
 // Several measurements of each pixel to one: the mean of the largest group that agrees within `tolerance` standard
 // deviations, if it has at least `least` members. `values`, `deviations`: (layers, count), 0 = none.

@@ -94,6 +94,30 @@ class LargestInWindow {
     std::vector<std::vector<float>> levels_;
 };
 
+// The farthest that an image shows, at most `farthest`; 0 where it shows nothing.
+double farthest_shown(const float* inverse_range, const Lens& lens, double farthest) {
+    float least = std::numeric_limits<float>::infinity();
+    for (int i = 0; i < lens.width * lens.height; ++i)
+        if (inverse_range[i] > 0.0f) least = std::min(least, inverse_range[i]);
+    return std::min(farthest, 1.0 / static_cast<double>(least));
+}
+
+// Voxels from `low` to before `high`: all with their centre within a distance of the camera.
+struct Box {
+    int low[3], high[3];
+
+    Box(const Volume& volume, const Pose& T_camera_world, double distance) {
+        const Vec3 back = T_camera_world.rotate_back(T_camera_world.translation());
+        const Vec3 centre = (1.0 / volume.voxel) * (-1.0 * back - volume.origin);
+        const double reach = distance / volume.voxel + 0.5;
+        for (int axis = 0; axis < 3; ++axis) {
+            const double most = volume.shape[axis];
+            low[axis] = static_cast<int>(std::clamp(std::floor(centre[axis] - reach), 0.0, most));
+            high[axis] = static_cast<int>(std::clamp(std::ceil(centre[axis] + reach), 0.0, most));
+        }
+    }
+};
+
 // Weight of a measurement: its inverse variance in metres, never better than a fifth of a voxel.
 double weight_of(double range, double deviation, double voxel) {
     const double metres = deviation * range * range, floor = 0.2 * voxel;
@@ -153,20 +177,23 @@ void facing(const float* inverse_range, const double* rays, int height, int widt
 }
 
 void carve(const Volume& volume, const float* bound, const Lens& lens, const double* T_camera_world, double margin,
-           double farthest, int threads, std::uint8_t* seen_through) {
+           double farthest, int enough, int threads, std::uint8_t* seen_through) {
     const Pose pose(T_camera_world);
     const Vec3 step{volume.voxel * pose.m[2], volume.voxel * pose.m[6], volume.voxel * pose.m[10]};
     const double half = 0.5 * volume.voxel;
     const Vec3 half_edges[3] = {pose.rotate({half, 0, 0}), pose.rotate({0, half, 0}), pose.rotate({0, 0, half})};
     const LargestInWindow nearest(bound, lens.width, lens.height);
-    parallel_rows(volume.shape[0], threads, [&](int i) {
-        for (int j = 0; j < volume.shape[1]; ++j) {
-            Vec3 p = pose.apply(volume.origin + volume.voxel * Vec3{i + 0.5, j + 0.5, 0.5});
-            std::size_t index = (static_cast<std::size_t>(i) * volume.shape[1] + j) * volume.shape[2];
-            for (int k = 0; k < volume.shape[2]; ++k, ++index, p = p + step) {
+    const Box box(volume, pose, farthest_shown(bound, lens, farthest));
+    parallel_rows(box.high[0] - box.low[0], threads, [&](int plane) {
+        const int i = box.low[0] + plane;
+        for (int j = box.low[1]; j < box.high[1]; ++j) {
+            Vec3 p = pose.apply(volume.origin + volume.voxel * Vec3{i + 0.5, j + 0.5, box.low[2] + 0.5});
+            std::size_t index = volume.index(i, j, box.low[2]);
+            for (int k = box.low[2]; k < box.high[2]; ++k, ++index, p = p + step) {
+                if (seen_through[index] >= enough) continue;
                 const double range = norm(p);
                 double u = 0.0, v = 0.0;
-                if (range > farthest || seen_through[index] == 255 || !lens.project(p, u, v)) continue;
+                if (range > farthest || !lens.project(p, u, v)) continue;
                 const auto open = [&](float limit) { return (range + margin) * limit < 1.0; };
                 Rectangle r;
                 // the middle alone first, which costs least
@@ -181,13 +208,14 @@ void integrate(const Volume& volume, const RangeImage& image, const double* T_ca
                int threads) {
     const Pose pose(T_camera_world);
     const Vec3 step{volume.voxel * pose.m[2], volume.voxel * pose.m[6], volume.voxel * pose.m[10]};
-    const double reach = fusion.farthest + fusion.truncation;
-    parallel_rows(volume.shape[0], threads, [&](int i) {
-        for (int j = 0; j < volume.shape[1]; ++j) {
-            const Vec3 first = volume.origin + volume.voxel * Vec3{i + 0.5, j + 0.5, 0.5};
-            Vec3 p = pose.apply(first);
-            std::size_t index = (static_cast<std::size_t>(i) * volume.shape[1] + j) * volume.shape[2];
-            for (int k = 0; k < volume.shape[2]; ++k, ++index, p = p + step) {
+    const double reach = farthest_shown(image.inverse_range, image.lens, fusion.farthest) + fusion.truncation;
+    const Box box(volume, pose, reach);
+    parallel_rows(box.high[0] - box.low[0], threads, [&](int plane) {
+        const int i = box.low[0] + plane;
+        for (int j = box.low[1]; j < box.high[1]; ++j) {
+            Vec3 p = pose.apply(volume.origin + volume.voxel * Vec3{i + 0.5, j + 0.5, box.low[2] + 0.5});
+            std::size_t index = volume.index(i, j, box.low[2]);
+            for (int k = box.low[2]; k < box.high[2]; ++k, ++index, p = p + step) {
                 const double squared = dot(p, p);
                 double u = 0.0, v = 0.0;
                 if (squared > reach * reach || !image.lens.project(p, u, v)) continue;

@@ -27,6 +27,10 @@ struct Pose {
         return {m[0] * v.x + m[1] * v.y + m[2] * v.z, m[4] * v.x + m[5] * v.y + m[6] * v.z,
                 m[8] * v.x + m[9] * v.y + m[10] * v.z};
     }
+    Vec3 rotate_back(Vec3 v) const {
+        return {m[0] * v.x + m[4] * v.y + m[8] * v.z, m[1] * v.x + m[5] * v.y + m[9] * v.z,
+                m[2] * v.x + m[6] * v.y + m[10] * v.z};
+    }
     Vec3 translation() const { return {m[3], m[7], m[11]}; }
     Vec3 apply(Vec3 p) const { return rotate(p) + translation(); }
 };

@@ -39,7 +39,7 @@ def bound(range_m: float) -> np.ndarray:
 @pytest.mark.parametrize("range_m", [0.8, 3.0, 4.9, 50.0])
 def test_nothing_behind_the_bound_out_of_view_or_too_far_is_counted(range_m: float) -> None:
     view, volume = view_from(), unobserved_volume()
-    volume.carve(view, bound(range_m), margin_m=MARGIN_M, farthest_m=FARTHEST_M)
+    volume.carve(view, bound(range_m), margin_m=MARGIN_M, farthest_m=FARTHEST_M, enough=3)
     at = centres(volume) - view.position_world_m
     distance_m = np.linalg.norm(at, axis=-1)
     largest_m = min(range_m - MARGIN_M, FARTHEST_M)
@@ -70,7 +70,7 @@ def test_a_voxel_is_seen_through_only_if_every_pixel_that_it_covers_is() -> None
     limit = bound(open_m)
     limit[rng.random(limit.shape) < 0.004] = 0.0  # not known
     limit[:, 40] = 1.0 / near_m  # a rod, one pixel wide
-    volume.carve(view, limit, margin_m=MARGIN_M, farthest_m=FARTHEST_M)
+    volume.carve(view, limit, margin_m=MARGIN_M, farthest_m=FARTHEST_M, enough=3)
     at = (centres(volume) - view.position_world_m).reshape(-1, 3) @ LOOKING_ALONG_X
     corners = 0.5 * volume.voxel_m * np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
     expected = np.zeros(len(at), bool)
@@ -104,7 +104,7 @@ def test_no_voxel_on_an_unknown_ray_is_counted_whatever_the_lens_and_its_directi
     view = dataclasses.replace(view_from((1.0, 1.0, 1.0)), camera=camera)
     view.T_world_camera[:3, :3] = rotations.matrix(rotations.from_yaw(yaw_rad)) @ LOOKING_ALONG_X
     volume = unobserved_volume()
-    volume.carve(view, limit, margin_m=MARGIN_M, farthest_m=FARTHEST_M)
+    volume.carve(view, limit, margin_m=MARGIN_M, farthest_m=FARTHEST_M, enough=3)
     columns, rows = np.meshgrid(np.arange(4, 76, 9), np.arange(60))
     rays = camera.unproject(2.0 * np.stack([columns + 0.5, rows + 0.5], axis=-1).reshape(-1, 2))
     at = (rays[:, None] * np.linspace(0.3, 3.0, 50)[:, None]).reshape(-1, 3) @ view.T_world_camera[:3, :3].T
@@ -117,19 +117,57 @@ def test_no_voxel_on_an_unknown_ray_is_counted_whatever_the_lens_and_its_directi
 
 def test_where_no_bound_is_known_nothing_is_counted() -> None:
     volume = unobserved_volume()
-    volume.carve(view_from(), bound(0.0), margin_m=MARGIN_M, farthest_m=FARTHEST_M)
+    volume.carve(view_from(), bound(0.0), margin_m=MARGIN_M, farthest_m=FARTHEST_M, enough=3)
     assert not volume.seen_through.any()
 
 
-def test_space_is_free_only_after_enough_images_and_the_count_saturates() -> None:
+@pytest.mark.parametrize("enough", [1, 3, fusion.MOST_COUNTED])
+def test_space_is_free_only_after_enough_images_and_no_more_are_counted(enough: int) -> None:
     volume = unobserved_volume()
-    for pictures in range(1, 300):
-        volume.carve(view_from(), bound(3.0), margin_m=MARGIN_M, farthest_m=FARTHEST_M)
-        if pictures in (1, 2, 3, 256, 299):
-            state = volume.occupancy(least_seen_through=3, skin_voxels=0.87)
-            assert (state == FREE).any() == (pictures >= 3)
+    for pictures in range(1, enough + 5):
+        volume.carve(view_from(), bound(3.0), margin_m=MARGIN_M, farthest_m=FARTHEST_M, enough=enough)
+        if pictures in (1, 2, 3, 254, 255, 256, 259):
+            state = volume.occupancy(least_seen_through=enough, skin_voxels=0.87)
+            assert (state == FREE).any() == (pictures >= enough)
             assert not (state == OCCUPIED).any()
-    assert volume.seen_through.max() == 255
+    assert volume.seen_through.max() == enough
+
+
+def test_that_no_more_than_enough_are_counted_changes_no_free_space() -> None:
+    rng = np.random.default_rng(3)
+    few, many = unobserved_volume(), unobserved_volume()
+    for x_m in rng.uniform(0.1, 1.0, 12):
+        limit = bound(3.0) * rng.uniform(0.5, 2.0, (60, 80)).astype(np.float32)
+        for volume, enough in ((few, 3), (many, fusion.MOST_COUNTED)):
+            volume.carve(view_from((x_m, 1.0, 1.0)), limit, margin_m=MARGIN_M, farthest_m=FARTHEST_M, enough=enough)
+    free_few, free_many = (volume.occupancy(least_seen_through=3, skin_voxels=0.87) == FREE for volume in (few, many))
+    assert 0 < free_many.sum() < free_many.size
+    assert np.array_equal(free_few, free_many)
+
+
+def test_what_an_image_adds_does_not_depend_on_the_extent_of_the_volume() -> None:
+    """Only the voxels within the range of what it shows are visited; all it shows is in either volume."""
+    rng = np.random.default_rng(5)
+    small, large = (
+        fusion.empty_volume(np.full(3, -side_m), np.full(3, side_m), voxel_m=0.1, truncation_m=0.25, channels=1)
+        for side_m in (3.0, 8.0)
+    )
+    for _ in range(4):
+        place = tuple(rng.uniform(-0.5, 0.5, 3))
+        shown = (1.0 / rng.uniform(0.5, 2.0) + np.zeros((60, 80))).astype(np.float32)
+        shown[rng.random(shown.shape) < 0.01] = 0.0
+        for volume in (small, large):
+            volume.carve(view_from(place), shown, margin_m=MARGIN_M, farthest_m=FARTHEST_M, enough=3)
+            deviation, facing = 0.01 * shown, np.ones_like(shown)
+            volume.integrate(view_from(place), shown, deviation, facing, farthest_m=FARTHEST_M)
+    lower = large.grid.index(small.grid.centre(np.zeros((1, 3), np.int64)))[0]
+    common = tuple(slice(a, a + n) for a, n in zip(lower, small.grid.shape, strict=True))
+    assert (small.weight > 0.0).any()
+    assert small.seen_through.any()
+    for name in ("distance", "weight", "colour", "seen_through"):
+        one, other = getattr(small, name), getattr(large, name)
+        np.testing.assert_allclose(other[common], one, atol=1e-4)
+        assert np.count_nonzero(other) == np.count_nonzero(other[common])
 
 
 def test_any_trace_of_a_surface_outweighs_all_carving() -> None:
@@ -256,3 +294,8 @@ def test_the_way_is_not_joined_past_missing_images_or_through_a_surface() -> Non
 def test_options_that_would_open_space_unasked_are_refused(options: dict) -> None:
     with pytest.raises(InputError, match=next(iter(options))):
         DenseOptions(**options)
+
+
+def test_more_images_to_see_through_than_are_counted_are_refused() -> None:
+    with pytest.raises(InputError, match="least_seen_through 256 must be 1 to 255"):
+        DenseOptions(least_seen_through=256)

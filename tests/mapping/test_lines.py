@@ -149,10 +149,18 @@ def test_an_edge_that_turns_from_light_to_dark_is_another_edge() -> None:
     assert not lines._ranges(first, turned, nearest_m=0.3, farthest_m=8.0)[2].any()
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_the_kernel_agrees_with_its_plain_twin(seed: int) -> None:
+def test_an_edge_behind_the_camera_is_no_part_of_a_line_before_it() -> None:
+    first, *partners = (dataclasses.replace(each, std_rad=1e-4) for each in seen_from(PLACES, ENDS[None]))
+    behind = [dataclasses.replace(each, first=-_unit(each.first + each.last), last=-each.first) for each in partners]
+    assert lines._ranges(first, partners, nearest_m=0.3, farthest_m=8.0)[2].all()
+    assert not lines._ranges(first, behind, nearest_m=0.3, farthest_m=8.0)[2].any()
+
+
+@pytest.mark.parametrize(("seed", "low"), [(0, [1.0, -1.0, 0.5]), (1, [1.0, -1.0, 0.5]), (2, [-5.0, -5.0, -4.0])])
+def test_the_kernel_agrees_with_its_plain_twin(seed: int, low: list[float]) -> None:
+    """Of edges before the cameras, and all round them."""
     rng = np.random.default_rng(seed)
-    ends = rng.uniform([1.0, -1.0, 0.5], [12.0, 2.0, 2.0], (15, 1, 3)) + rng.uniform(-0.2, 0.2, (15, 2, 3))
+    ends = rng.uniform(low, [12.0, 2.0, 2.0], (15, 1, 3)) + rng.uniform(-0.2, 0.2, (15, 2, 3))
     edges = seen_from(PLACES, ends)
     off = [rng.normal(0.0, 0.0007, (2, 15, 3)) for _ in edges]
     first, *partners = (
@@ -188,7 +196,7 @@ def _twin(
         std = 0.001 * np.hypot(across, 1.0) / abs(normal @ offset)
         common = min(angle[1], extent) - max(angle[0], 0.0)
         near_enough = (u > -1.0 / 8.0).all() and (u < 1.0 / 0.5).all() and (std <= 0.1 * np.maximum(u, 1.0 / 8.0)).all()
-        if near_enough and angle[1] > angle[0] and common > 0.3 * min(angle[1] - angle[0], extent):
+        if near_enough and 0.0 < angle[1] - angle[0] < np.pi and common > 0.3 * min(angle[1] - angle[0], extent):
             proposals.append((number, u, std))
     if not proposals:
         return np.zeros(2), 0.0, 0, 0
