@@ -34,6 +34,7 @@ def rows() -> list[report.Row]:
         *kernel(drone),
         *in_scenes(drone, 50),
         *in_clutter(drone, 10),
+        *on_walks(drone, 40),
         *mixed(drone, 200),
         *gate_courses(drone, 50),
     ]
@@ -260,6 +261,26 @@ def in_clutter(drone: vehicle.Vehicle, seeds: int) -> list[report.Row]:
         report.row("  plans that fail the brute-force check", faulty, "plans", "0", faulty == 0),
         report.row("  planning, median", median, "CPU s", "< 0.15", median < 0.15),
         report.row("  planning, longest", worst, "CPU s", "< 0.4", worst < 0.4),
+    ]
+
+
+def on_walks(drone: vehicle.Vehicle, count: int) -> list[report.Row]:
+    """Waypoints along swaying walks, many with little more than the clearance that they must have."""
+    seconds, methods, longer, faulty = [], [], [], 0
+    for seed in range(count):
+        place = planner_scenes.walked(seed)
+        start = time.process_time()
+        plan = planner.plan(place.waypoints, place.field, drone, planner_scenes.OPTIONS)
+        seconds.append(time.process_time() - start)
+        methods.append(plan.method)
+        longer.append(100.0 * (plan.trajectory.duration_s / plan.optimum_s - 1.0))
+        faulty += bool(planner_scenes.faults(plan, place, drone))
+    direct, boxed, worst = methods.count("direct"), methods.count("corridor"), float(np.max(longer))
+    return [
+        report.row(f"{count} walks: planned without being bent away", direct, "walks", None, None, {"corridor": boxed}),
+        report.row("  plans that fail the brute-force check", faulty, "plans", "0", faulty == 0),
+        report.row("  flown longer than the optimum, worst", worst, "%"),
+        report.row("  planning, median", float(np.median(seconds)), "CPU s", None, None, {"longest": max(seconds)}),
     ]
 
 

@@ -9,11 +9,14 @@ import planner
 from esdf import solids
 from flight import Waypoints
 from flight.mission import Gate, Mission
+from planner import routes, simplify
 from vehicle import Vehicle, flatness, invert
 
 OPTIONS = planner.PlanOptions(radius_m=0.15)
 """Gaps are drawn for a clearance of 0.3 m; the example vehicle reaches 0.189 m."""
 VOXEL_M = 0.1
+_STEP_M, _SWAY_M = 0.33, 0.3
+"""Between recorded positions of a walk, and how far it sways."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,23 @@ def place(seed: int) -> Place:
     kind, scene, size = ("forest", *forest(rng)) if seed % 2 == 0 else ("rooms", *rooms(rng))
     points = waypoints(rng, scene, size, int(rng.integers(2, 8)))
     return Place(kind, scene, sampled(scene, size), Waypoints(points, np.full(len(points), np.nan)))
+
+
+def walked(seed: int) -> Place:
+    """The places of `place`, and waypoints along a swaying walk through them.
+
+    Where it came too close they are left out, and many of the others keep little more than the clearance required.
+    """
+    where, rng = place(seed), np.random.default_rng(seed + 10_000)
+    route = routes.find(where.waypoints, where.field, OPTIONS).points
+    lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(route, axis=0), axis=1))])
+    at = np.arange(0.0, lengths[-1], _STEP_M)
+    walk = np.stack([np.interp(at, lengths, route[:, axis]) for axis in range(3)], axis=1)
+    waves = rng.normal(size=(2, 3, 3)) * _SWAY_M / np.sqrt(3.0)
+    turns = 2.0 * np.pi * at[:, None] / rng.uniform(1.5, 6.0, 3)
+    walk += np.sin(turns) @ waves[0] + np.cos(turns) @ waves[1]
+    kept, _ = simplify.waypoints_along(walk, 0.1, where.field, OPTIONS)
+    return Place(f"walk, {where.kind}", where.scene, where.field, kept)
 
 
 def forest(rng: np.random.Generator) -> tuple[solids.Scene, tuple[float, float, float]]:
