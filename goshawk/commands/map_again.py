@@ -7,7 +7,7 @@ import click
 import mapping
 from flight import InputError, project
 from goshawk import console, look_again, outputs, waypoints_file
-from mapping.view_planning import ViewOptions
+from mapping.exploration.view_planning import ViewOptions
 
 _DEFAULT = ViewOptions()
 
