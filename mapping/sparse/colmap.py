@@ -74,9 +74,9 @@ class SparseModel:
     observations: np.ndarray
     """(o, 3) int: point, instant, camera."""
     pixels: FloatArray
-    """(o, 2)."""
+    """(o, 2) where the centres of the patches of surface are seen, see `eccentricity`."""
     reprojection_error_px: float
-    """Mean over all observations."""
+    """Mean over all observations, of these pixels."""
     least_agreement: float
     """Of the placed instants, see `agreement`."""
     breaks: np.ndarray
@@ -395,7 +395,8 @@ def _read_out(
     import pycolmap
 
     T_world_body, registered, rig = colmap_model.poses(model, images)
-    seen = colmap_model.observations(model, images)
+    seen = _features_seen(database, model, images)
+    error_px = np.linalg.norm(adjustment.residuals(seen, adjustment.initial(seen)), axis=1)
     sums = np.zeros((len(seen.points_world), 128), dtype=np.float32)
     with pycolmap.Database.open(database) as opened:
         start = 0
@@ -404,7 +405,6 @@ def _read_out(
             points = seen.index[start : start + len(features_seen), 0]
             sums[points] += features.unit(opened.read_descriptors(image_id).data[features_seen])
             start += len(features_seen)
-    model.update_point_3d_errors()
     pairs = agreement.of_pairs(database, images, rig, T_world_body)
     watch.lap("reading out")
     return SparseModel(
@@ -415,7 +415,7 @@ def _read_out(
         descriptors=features.unit(sums),
         observations=seen.index,
         pixels=seen.pixels,
-        reprojection_error_px=float(model.compute_mean_reprojection_error()),
+        reprojection_error_px=float(np.nanmean(error_px)),
         least_agreement=float(np.nanmin(pairs.of_instants(), initial=1.0)),
         breaks=pairs.breaks() if images.depths is None else np.zeros((0, 2), dtype=np.int64),
         repeated=repeated,
