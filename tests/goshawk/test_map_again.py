@@ -58,7 +58,9 @@ def test_the_waypoints_show_the_box_and_are_planned_as_they_are(folder: Path, dr
     assert json.loads(run("plan", out, *plan))["waypoints"] == len(said["views"])
 
 
-def test_without_anything_to_see_no_file_is_written_and_an_earlier_one_is_kept_beside(pillar_map: Path, tmp_path: Path) -> None:
+def test_without_anything_to_see_no_file_is_written_and_an_earlier_one_is_kept_beside(
+    pillar_map: Path, tmp_path: Path
+) -> None:
     out = tmp_path / "again.json"
     said = json.loads(run("map", "again", pillar_map, "--out", out, "--json"))
     assert (said["views"], said["written"]) == ([], None)
