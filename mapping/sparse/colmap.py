@@ -76,7 +76,7 @@ class SparseModel:
     pixels: FloatArray
     """(o, 2) where the centres of the patches of surface are seen, see `eccentricity`."""
     reprojection_error_px: float
-    """Mean over all observations, of these pixels."""
+    """Mean over the points of each one's mean over the images that see it, as COLMAP states it, of these pixels."""
     least_agreement: float
     """Of the placed instants, see `agreement`."""
     breaks: np.ndarray
@@ -396,7 +396,6 @@ def _read_out(
 
     T_world_body, registered, rig = colmap_model.poses(model, images)
     seen = _features_seen(database, model, images)
-    error_px = np.linalg.norm(adjustment.residuals(seen, adjustment.initial(seen)), axis=1)
     sums = np.zeros((len(seen.points_world), 128), dtype=np.float32)
     with pycolmap.Database.open(database) as opened:
         start = 0
@@ -415,13 +414,21 @@ def _read_out(
         descriptors=features.unit(sums),
         observations=seen.index,
         pixels=seen.pixels,
-        reprojection_error_px=float(np.nanmean(error_px)),
+        reprojection_error_px=_reprojection_error_px(seen),
         least_agreement=float(np.nanmin(pairs.of_instants(), initial=1.0)),
         breaks=pairs.breaks() if images.depths is None else np.zeros((0, 2), dtype=np.int64),
         repeated=repeated,
         trial=trial,
         cpu_s=watch.cpu_s,
     )
+
+
+def _reprojection_error_px(seen: Observations) -> float:
+    """Mean over the points of each one's mean; observations that the lens does not show are left out."""
+    error_px = np.linalg.norm(adjustment.residuals(seen, adjustment.initial(seen)), axis=1)
+    shown = np.isfinite(error_px)
+    _, point, count = np.unique(seen.index[shown, 0], return_inverse=True, return_counts=True)
+    return float((np.bincount(point, error_px[shown]) / count).mean())
 
 
 def _chunks(items: list[Any], size: int) -> Iterable[list[Any]]:

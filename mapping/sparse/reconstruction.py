@@ -45,7 +45,7 @@ class SparseMap:
     pixels: FloatArray
     """(o, 2) where the centres of the patches of surface are seen: the features, moved as the adjustment had them."""
     reprojection_error_px: float
-    """Mean over all observations, of these pixels."""
+    """Mean over the points of each one's mean over the images that see it, as COLMAP states it, of these pixels."""
     least_agreement: float
     """The worst placed image's share of matches that agree with the map."""
     breaks: np.ndarray
