@@ -17,8 +17,10 @@ poor map: its poses and points are of the wrong size and off by centimetres.
 """
 
 import argparse
+import contextlib
 import dataclasses
 import resource
+import shutil
 import tempfile
 import time
 from dataclasses import dataclass
@@ -35,7 +37,8 @@ from esdf.solids import Box
 from flight import FloatArray, MapError, frames, rotations
 from goshawk.rendered import hostile
 from goshawk.rendered import world as rendered_world
-from mapping import map_parts, merging
+from mapping import map_folder, map_parts, merging
+from mapping.camera import adjustment
 from mapping.camera import rig as rigs
 from mapping.camera import trial as trials
 from mapping.camera.adjustment import Observations
@@ -44,7 +47,8 @@ from mapping.camera.rig import Camera, Rig
 from mapping.camera.trial import Trial
 from mapping.dense import surface
 from mapping.localization import relocalization
-from mapping.sparse import localization_map, reconstruction
+from mapping.sparse import colmap, colmap_model, localization_map, reconstruction, rgbd
+from mapping.stages import StoppedError
 from mapping.verdict import Standing
 
 FORMS = ("none", "rig", "lens", "offset", "shutter", "two")
@@ -267,17 +271,34 @@ def depth_camera(data: Path) -> None:
     rig = Rig((rigs.forward_camera("PINHOLE", 540, 360, lens),))
     table = np.loadtxt(data / "poses_camera_to_world.csv", delimiter=",", skiprows=1, usecols=range(1, 17))
     options = mapping.MapOptions(depths=mapping.DepthFolder(data / "depth"))
-    with tempfile.TemporaryDirectory() as folder:
-        report = mapping.build_map(data / "images", rig, Path(folder) / "map", options)
-        placed = mapping.open_map(Path(folder) / "map")
     images = mapping.read_folder(data / "images", rig, depths=options.depths)
-    where = np.array([images.instants.index(name) for name in placed.images])
-    T_world_camera = placed.T_world_body @ rig.cameras[0].T_body_camera
-    off_m = error_m(T_world_camera, table.reshape(-1, 4, 4)[where])
+    tracker = table.reshape(-1, 4, 4)
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "map"
+        with contextlib.suppress(StoppedError):
+            mapping.build_map(data / "images", rig, out, options, until=colmap.MATCHES)
+        (database,) = (map_folder.work_folder(out) / colmap.MATCHES).glob("*.db")
+        shutil.copy(database, folder)
+        report = mapping.build_map(data / "images", rig, out, options)
+        placed = mapping.open_map(out)
+        where = np.array([images.instants.index(name) for name in placed.images])
+        T_world_camera = placed.T_world_body @ rig.cameras[0].T_body_camera
+        ours = np.full(tracker.shape, np.nan)
+        ours[where] = T_world_camera
+        judged = [explained(Path(folder) / database.name, images, T) for T in (ours, tracker)]
+    T_tracker_world = mapping_whole.aligned(T_world_camera, tracker[where])
+    off_m = np.linalg.norm((T_tracker_world @ T_world_camera)[:, :3, 3] - tracker[where][:, :3, 3], axis=1)
+    worst = int(where[off_m.argmax()])
     print(
-        f"{report.images_placed} of {report.images} placed, {1000 * off_m:.1f} mm RMS, verdict {report.verdict}, "
-        f"{sum(report.cpu_s.values()):.0f} CPU s"
+        f"{report.images_placed} of {report.images} placed, verdict {report.verdict}, "
+        f"{sum(report.cpu_s.values()):.0f} CPU s; positions beside the tracker's: "
+        f"{1000 * np.sqrt(np.mean(off_m**2)):.1f} mm RMS, {1000 * off_m.max():.1f} worst ({images.instants[worst]})"
     )
+    for name, (error_px, apart) in zip(("map", "tracker"), judged, strict=True):
+        print(
+            f"matches with the {name}'s poses: {np.nanmean(error_px):.2f} px off, {error_px[worst]:.2f} in the image "
+            f"of the worst; median difference from the sensor's depth {np.nanmean(apart):.2%}, {apart[worst]:.2%}"
+        )
     views = [
         surface.ImageView(rig.cameras[0], T, images.pixels(int(k), 0))
         for T, k in zip(T_world_camera, where, strict=True)
@@ -298,6 +319,31 @@ def depth_camera(data: Path) -> None:
         apart_m.append(scene.compute_distance(points.astype(np.float32)).numpy())
     median_mm = 1000.0 * np.median(np.concatenate(apart_m))
     print(f"mesh of every other depth image to the depth of the rest: median {median_mm:.1f} mm")
+
+
+def explained(database: Path, images: mapping.ImageSet, T_world_camera: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """How well poses explain the matched features, whose points are triangulated with them; depth has no part in that.
+
+    Returns:
+        For each instant the mean reprojection error (px), and the median of the points' relative difference from the
+        sensor's depth.
+    """
+    import pycolmap
+
+    seen = colmap_model.observations(
+        rgbd.triangulated(database, images, T_world_camera, pycolmap.IncrementalPipelineOptions()), images
+    )
+    error_px = np.linalg.norm(adjustment.residuals(seen, adjustment.initial(seen)), axis=1)
+    mean_px, apart = np.full((2, len(images.instants)), np.nan)
+    for instant in np.unique(seen.index[:, 1]):
+        own = seen.index[:, 1] == instant
+        points = frames.apply(frames.invert(T_world_camera[instant]), seen.points_world[seen.index[own, 0]])
+        column, row = seen.pixels[own].astype(int).T
+        there_m = images.depth_m(int(instant), 0)[row, column]
+        known = there_m > 0.0
+        mean_px[instant] = error_px[own].mean()
+        apart[instant] = np.median(np.abs(points[known, 2] / there_m[known] - 1.0))
+    return mean_px, apart
 
 
 def localize(count: int) -> None:

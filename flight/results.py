@@ -11,6 +11,7 @@ import os
 import secrets
 import shutil
 import stat
+import tempfile
 from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -221,10 +222,10 @@ def _require_room(path: Path, target: Path) -> None:
         folder = folder.parent
     if not folder.is_dir():
         raise InputError(f"{path} cannot be written: {folder} is a file, not a folder")
-    probe = _temporary(folder / target.name)
     try:
-        probe.touch(exist_ok=False)
-        probe.unlink()
+        with contextlib.suppress(FileNotFoundError):
+            os.stat(_temporary(folder / target.name))  # the name may be too long
+        tempfile.TemporaryFile(dir=folder).close()  # without a name, so that a killed process leaves nothing
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror} ({folder})") from error
 

@@ -6,9 +6,10 @@ import numpy as np
 
 from flight import FloatArray, Progress, Waypoints, silent
 from goshawk import console
-from mapping import Map, view_planning
+from mapping import Map
 from mapping.dense.surface import DenseOptions
-from mapping.view_planning import Again, ViewOptions
+from mapping.exploration import view_planning
+from mapping.exploration.view_planning import Again, ViewOptions
 
 _HANDS_M = 0.15
 """How much higher or lower than before somebody on foot can hold the cameras."""

@@ -14,8 +14,8 @@ import esdf
 from flight import FormatError, InputError, file_format
 from goshawk import look_again
 from mapping import Map, map_folder, map_parts
+from mapping.exploration.view_planning import ViewOptions
 from mapping.verdict import Standing
-from mapping.view_planning import ViewOptions
 from sysid.report.drawing import INK, figure, plain, written
 from sysid.report.pages import picture, table, write_page
 

@@ -24,6 +24,7 @@ ROOMS = {
     "mapping.sparse": {"mapping.camera", "mapping.input"},
     "mapping.dense": {"mapping.camera"},
     "mapping.localization": {"mapping.camera", "mapping.input", "mapping.sparse"},
+    "mapping.exploration": {"mapping.camera"},
     "sysid.logs": set(),
     "sysid.estimator": {"sysid.logs"},
     "sysid.diagnosis": {"sysid.logs", "sysid.estimator"},

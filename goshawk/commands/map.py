@@ -134,14 +134,7 @@ def build(
     diagnose MAP` shows all of it). The verdict is good, doubtful (`goshawk plan` then asks) or refused, with reasons.
     Exit code 1: refused.
     """
-    for option, value, (low, high) in (
-        ("--voxel", voxel_m, VOXEL_M),
-        ("--farthest", farthest_m, FARTHEST_M),
-        ("--thinnest", thinnest_m, THINNEST_M),
-        ("--carrier-radius", carrier_radius_m, CARRIER_M),
-    ):
-        if value is not None and not low <= value <= high:
-            raise InputError(f"{option} is {value:g} m; it must be from {low:g} to {high:g} m")
+    _require_within_bounds(voxel_m, farthest_m, thinnest_m, carrier_radius_m)
     base = mapping.MapOptions()
     if depth_unit_m is not None and depth is None:
         raise InputError("--depth-unit goes with --depth")
@@ -167,25 +160,51 @@ def build(
         return _examine(images, rig, options, as_json=as_json)
     if out is None:
         raise click.UsageError("Missing option '--out'.")
+    report = _made(images, rig, out, options, overwrite=overwrite, again_from=again_from, until=until)
+    return _show(report, out, as_json=as_json) if report is not None else 0
+
+
+def _require_within_bounds(
+    voxel_m: float, farthest_m: float, thinnest_m: float | None, carrier_radius_m: float
+) -> None:
+    for option, value, (low, high) in (
+        ("--voxel", voxel_m, VOXEL_M),
+        ("--farthest", farthest_m, FARTHEST_M),
+        ("--thinnest", thinnest_m, THINNEST_M),
+        ("--carrier-radius", carrier_radius_m, CARRIER_M),
+    ):
+        if value is not None and not low <= value <= high:
+            raise InputError(f"{option} is {value:g} m; it must be from {low:g} to {high:g} m")
+
+
+def _made(
+    images: Path,
+    rig: mapping.Rig,
+    out: Path,
+    options: mapping.MapOptions,
+    *,
+    overwrite: bool,
+    again_from: str | None,
+    until: str | None,
+) -> mapping.MapReport | None:
+    """Make the map, and say what is used again and what is kept; None if it was to stop after the stage `until`."""
     earlier = results.newest_kept(out)
     _report_resumed(out, again_from)
     with console.progress() as progress:
         try:
             report = mapping.build_map(
-                images,
-                rig,
-                out,
-                options,
-                overwrite=overwrite,
-                again_from=again_from,
-                until=until,
-                progress=progress,
+                images, rig, out, options, overwrite=overwrite, again_from=again_from, until=until, progress=progress
             )
         except stages.StoppedError as stopped:
             click.echo(f"goshawk: {stopped}; the same command without --until continues from there", err=True)
-            return 0
+            return None
     if (kept := results.newest_kept(out)) != earlier:
         outputs.report_kept(out, kept)
+    return report
+
+
+def _show(report: mapping.MapReport, out: Path, *, as_json: bool) -> int:
+    """The table or JSON of a new map, and the exit code."""
     console.show("map", _facts(report, out), as_json=as_json, document=report.as_dict() | {"written": str(out)})
     if report.verdict != Standing.GOOD:
         click.echo(f"goshawk: the map is {report.verdict}: {'; '.join(report.reasons)}", err=True)

@@ -5,9 +5,9 @@ from pathlib import Path
 import click
 
 import mapping
-from flight import InputError, project
+from flight import InputError, project, results
 from goshawk import console, look_again, outputs, waypoints_file
-from mapping.view_planning import ViewOptions
+from mapping.exploration.view_planning import ViewOptions
 
 _DEFAULT = ViewOptions()
 
@@ -61,7 +61,8 @@ def again(
     three times, from two sides at least. Space behind walls does not count, nor what many images looked at in vain.
     What a view shows is an estimate: unknown space may hide what is behind it, and the edges of images do not count.
 
-    The waypoints are a proposal. `goshawk plan` makes a checked trajectory of them.
+    The waypoints are a proposal. `goshawk plan` makes a checked trajectory of them. Where nothing is worth another
+    look no file is written, and with --overwrite an earlier one is kept beside all the same.
     """
     if out is not None:
         if out.suffix.lower() == ".csv":
@@ -83,6 +84,8 @@ def again(
     if written is not None:
         with outputs.file(written, overwrite=overwrite) as temporary:
             project.save_waypoints(temporary, look_again.waypoints(found))
+    elif overwrite and out is not None and out.exists():  # an earlier proposal must not pass for this one
+        outputs.report_kept(out, results.move_aside(out))
     document = found.as_dict() | {
         "map_hash": area.hash,
         "clearance_m": options.clearance_m,

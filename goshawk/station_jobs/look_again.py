@@ -12,7 +12,7 @@ from flight.project import Project
 from gcs_web.desk import Desk
 from gcs_web.jobs import Kind
 from goshawk import look_again
-from mapping.view_planning import ViewOptions
+from mapping.exploration.view_planning import ViewOptions
 
 _DEFAULT = ViewOptions()
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from flight import FloatArray, InputError, MapError, Progress
+from mapping.camera import adjustment
 from mapping.camera import trial as calibration_trial
 from mapping.camera.adjustment import Observations
 from mapping.camera.rig import Rig
@@ -73,9 +74,9 @@ class SparseModel:
     observations: np.ndarray
     """(o, 3) int: point, instant, camera."""
     pixels: FloatArray
-    """(o, 2)."""
+    """(o, 2) where the centres of the patches of surface are seen, see `eccentricity`."""
     reprojection_error_px: float
-    """Mean over all observations."""
+    """Mean over the points of each one's mean over the images that see it, as COLMAP states it, of these pixels."""
     least_agreement: float
     """Of the placed instants, see `agreement`."""
     breaks: np.ndarray
@@ -402,7 +403,7 @@ def _read_out(
     import pycolmap
 
     T_world_body, registered, rig = colmap_model.poses(model, images)
-    seen = colmap_model.observations(model, images)
+    seen = _features_seen(database, model, images)
     sums = np.zeros((len(seen.points_world), 128), dtype=np.float32)
     with pycolmap.Database.open(database) as opened:
         start = 0
@@ -411,7 +412,6 @@ def _read_out(
             points = seen.index[start : start + len(features_seen), 0]
             sums[points] += features.unit(opened.read_descriptors(image_id).data[features_seen])
             start += len(features_seen)
-    model.update_point_3d_errors()
     pairs = agreement.of_pairs(database, images, rig, T_world_body)
     watch.lap("reading out")
     return SparseModel(
@@ -422,13 +422,21 @@ def _read_out(
         descriptors=features.unit(sums),
         observations=seen.index,
         pixels=seen.pixels,
-        reprojection_error_px=float(model.compute_mean_reprojection_error()),
+        reprojection_error_px=_reprojection_error_px(seen),
         least_agreement=float(np.nanmin(pairs.of_instants(), initial=1.0)),
         breaks=pairs.breaks() if images.depths is None else np.zeros((0, 2), dtype=np.int64),
         repeated=repeated,
         trial=trial,
         cpu_s=watch.cpu_s,
     )
+
+
+def _reprojection_error_px(seen: Observations) -> float:
+    """Mean over the points of each one's mean; observations that the lens does not show are left out."""
+    error_px = np.linalg.norm(adjustment.residuals(seen, adjustment.initial(seen)), axis=1)
+    shown = np.isfinite(error_px)
+    _, point, count = np.unique(seen.index[shown, 0], return_inverse=True, return_counts=True)
+    return float((np.bincount(point, error_px[shown]) / count).mean())
 
 
 def _chunks(items: list[Any], size: int) -> Iterable[list[Any]]:

@@ -43,9 +43,9 @@ class SparseMap:
     observations: np.ndarray
     """(o, 3) point, instant, camera."""
     pixels: FloatArray
-    """(o, 2)."""
+    """(o, 2) where the centres of the patches of surface are seen: the features, moved as the adjustment had them."""
     reprojection_error_px: float
-    """Mean over all observations."""
+    """Mean over the points of each one's mean over the images that see it, as COLMAP states it, of these pixels."""
     least_agreement: float
     """The worst placed image's share of matches that agree with the map."""
     breaks: np.ndarray

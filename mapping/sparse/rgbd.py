@@ -72,7 +72,7 @@ def place(database: Path, images: ImageSet, options: Any, progress: Progress) ->
     T_world_camera = _optimised(edges, len(images.instants))
     confirmed = agreement(images, T_world_camera, edges) >= LEAST_AGREEMENT  # not where no pair shares enough (NaN)
     T_world_camera[~confirmed] = np.nan
-    return _triangulated(database, images, T_world_camera, options)
+    return triangulated(database, images, T_world_camera, options)
 
 
 def agreement(images: ImageSet, T_world_camera: FloatArray, pairs: Any) -> FloatArray:
@@ -258,7 +258,7 @@ def _spanned(edges: dict[tuple[int, int], _Edge], count: int) -> tuple[FloatArra
     return T_world_camera, tree
 
 
-def _triangulated(database: Path, images: ImageSet, T_world_camera: FloatArray, options: Any) -> Any:
+def triangulated(database: Path, images: ImageSet, T_world_camera: FloatArray, options: Any) -> Any:
     """COLMAP's model with these poses, and the points that the matches have in common."""
     import pycolmap
 

@@ -18,7 +18,7 @@ from flight import InputError, project, silent
 from gcs_web.document import Settings
 from gcs_web.session import Session
 from goshawk.station_jobs import look_again
-from tests.goshawk.running import run
+from tests.goshawk.running import answer, run
 
 UNSEEN = Box((2.6, 0.3, 0.4), (3.4, 1.0, 1.6))
 
@@ -58,7 +58,9 @@ def test_the_waypoints_show_the_box_and_are_planned_as_they_are(folder: Path, dr
     assert json.loads(run("plan", out, *plan))["waypoints"] == len(said["views"])
 
 
-def test_without_anything_to_see_no_file_is_written_and_none_is_replaced(pillar_map: Path, tmp_path: Path) -> None:
+def test_without_anything_to_see_no_file_is_written_and_an_earlier_one_is_kept_beside(
+    pillar_map: Path, tmp_path: Path
+) -> None:
     out = tmp_path / "again.json"
     said = json.loads(run("map", "again", pillar_map, "--out", out, "--json"))
     assert (said["views"], said["written"]) == ([], None)
@@ -66,6 +68,10 @@ def test_without_anything_to_see_no_file_is_written_and_none_is_replaced(pillar_
     out.write_text("mine")
     assert "again.json" in run("map", "again", pillar_map, "--out", out, code=2)
     assert out.read_text() == "mine"
+    ended = answer("map", "again", pillar_map, "--out", out, "--overwrite")
+    assert (ended.returncode, out.exists()) == (0, False), "an earlier proposal would pass for this one"
+    assert (tmp_path / "again.json.old-1").read_text() == "mine"
+    assert "kept: again.json.old-1" in ended.stderr
     assert "ends in .json" in run("map", "again", pillar_map, "--out", tmp_path / "again.csv", code=2)
 
 

@@ -78,7 +78,7 @@ def test_an_image_whose_final_pose_no_pair_can_confirm_is_not_placed(
     moved[5, :3, 3] += 100.0
     monkeypatch.setattr(rgbd, "_edges", lambda *_: {(k, k + 1): None for k in range(11)})
     monkeypatch.setattr(rgbd, "_optimised", lambda *_: moved)
-    monkeypatch.setattr(rgbd, "_triangulated", lambda database, images, T_world_camera, options: T_world_camera)
+    monkeypatch.setattr(rgbd, "triangulated", lambda database, images, T_world_camera, options: T_world_camera)
     placed = rgbd.place(Path("database.db"), image_set(flight, depths), None, lambda stage, share: None)
     assert np.flatnonzero(np.isnan(placed[:, 0, 0])).tolist() == [5]
 

@@ -12,7 +12,8 @@ from goshawk.rendered import world as rendered_world
 from goshawk.rendered.world import RenderedFlight
 from mapping.camera import rig as rigs
 from mapping.localization import relocalization
-from mapping.sparse import lens_guess, reconstruction
+from mapping.sparse import features, lens_guess, reconstruction
+from mapping.sparse.colmap import SparseOptions
 from mapping.sparse.reconstruction import SparseMap
 
 pytestmark = pytest.mark.slow
@@ -66,6 +67,23 @@ def test_rig_baseline_gives_metres(placed: SparseMap, folders) -> None:
     ours, true = (np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1).sum() for T in (placed.T_world_body, truth))
     assert ours / true == pytest.approx(1.0, abs=0.002)
     assert placed.reprojection_error_px < 0.5
+
+
+def test_the_reprojection_error_is_of_the_features_as_the_adjustment_moved_them(placed: SparseMap) -> None:
+    point, instant, number = placed.observations.T
+    error_px = np.zeros(len(point))
+    for k, camera in enumerate(placed.rig):
+        own = number == k
+        T_camera_world = frames.invert(placed.T_world_body[instant[own]] @ camera.T_body_camera)
+        seen = camera.project(frames.apply(T_camera_world, placed.points_world_m[point[own]]))
+        error_px[own] = np.linalg.norm(placed.pixels[own] - seen, axis=1)
+    of_points = np.bincount(point, error_px) / np.bincount(point)
+    assert placed.reprojection_error_px == pytest.approx(of_points.mean(), rel=1e-6)
+    first = (instant == 0) & (number == 0)
+    lit = placed.rig.cameras[0].lit().astype(np.uint8) * 255
+    corners = features.find(placed.images.gray(0, 0), lit, SparseOptions().features).pixels
+    moved_px = np.linalg.norm(placed.pixels[first, None] - corners, axis=2).min(axis=1)
+    assert 0.001 < np.median(moved_px) < 0.2
 
 
 def test_poses_are_true(placed: SparseMap, folders) -> None:

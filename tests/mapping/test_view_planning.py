@@ -10,9 +10,9 @@ import esdf
 from esdf import FREE, OCCUPIED, UNKNOWN, Field, Grid
 from esdf.solids import Box, Room, Scene, Solid
 from flight import FloatArray, InputError, frames, rotations
-from mapping import view_planning
 from mapping.camera import rig as rigs
-from mapping.view_planning import Again, ViewOptions, look_again
+from mapping.exploration import view_planning
+from mapping.exploration.view_planning import Again, ViewOptions, look_again
 
 T_BODY_LEFT = frames.transform(rotations.from_yaw(0.5 * np.pi), np.zeros(3))
 FRONT = dataclasses.replace(

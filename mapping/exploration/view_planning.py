@@ -1,16 +1,14 @@
-"""Where to look again: views that would show unknown space which touches free space, from places that can be reached.
+"""Views that would show the unknown space of a map which touches its free space, from places that can be reached.
 
-1. The frontier: unknown voxels beside free ones. Those that several images looked at in vain are left out, and taken as
-   opaque: a blank wall stays unknown however often it is seen.
-2. The targets: unknown space not farther than `depth_m` from the frontier.
-3. The candidates: places with enough clearance in one piece of free space with the recorded path, and headings there.
-4. Greedy cover of the targets (Wolsey, 1982): at each step the view that adds most. A target is shown once as many
+1. The targets: unknown space that is worth another look (`frontier`).
+2. The candidates: places with enough clearance in one piece of free space with the recorded path, and headings there.
+3. Greedy cover of the targets (Wolsey, 1982): at each step the view that adds most. A target is shown once as many
    images as free space asks for would see it, from at least two places.
-5. The tour: the views in an order that makes a short way (nearest neighbour, then 2-opt; straight lines).
+4. The tour: the views in an order that makes a short way (nearest neighbour, then 2-opt; straight lines).
 
 What a view shows is an estimate. More than in truth: a ray counts as clear until it meets an occupied voxel, so unknown
 space is taken to be transparent. Less: of an image only the largest cone about the optical axis counts. Rays begin at
-the body, not at the cameras. The frontier is after Yamauchi (1997), views that show most of it after Connolly (1985).
+the body, not at the cameras. Views that show most of the frontier are after Connolly (1985).
 """
 
 import dataclasses
@@ -18,30 +16,23 @@ import heapq
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from esdf import FREE, OCCUPIED, UNKNOWN, Field, Grid
+from esdf import FREE, Field, Grid
 from esdf.visibility import line_of_sight
 from flight import FloatArray, InputError, Progress, rotations, silent
 from mapping.camera.rig import Camera, Rig
+from mapping.exploration import frontier
 
-IN_VAIN = 6
-"""Images that looked at a place of the frontier without its becoming known, twice what free space asks for: more looks
-would be as vain. Not if all were taken at one place, without parallax."""
 HEADINGS = 16
 """Compared at each place."""
-_CELL_M = 0.2
-"""Edge of a cell, whose part of the unknown space counts as seen if one voxel of it is."""
 _SPACING_M = 0.4
 """Between candidate places: at 2 m, a parallax of 11 degrees."""
-_APART_M = 0.3
-"""Between the views of a tour; what was looked at from places closer together was looked at from one."""
-_MOST_CELLS, _MOST_PLACES = 4000, 800
-"""Larger maps get larger cells and a wider spacing."""
+_MOST_PLACES = 800
+"""Larger maps get a wider spacing."""
 _JOIN_M = 1.0
 """How far from the recorded path free space with enough clearance may begin."""
 
@@ -108,7 +99,7 @@ class Again:
     shown: NDArray[np.bool_]
     """(n,) whether the tour shows it."""
     in_vain_m3: float
-    """Frontier that `IN_VAIN` images or more looked at, not all from one place, and that stayed unknown."""
+    """Frontier that `frontier.IN_VAIN` images or more looked at, not all from one place, and that stayed unknown."""
 
     @property
     def unknown_m3(self) -> float:
@@ -154,31 +145,25 @@ def look_again(
     options = options or ViewOptions()
     if not len(T_world_body):
         raise InputError("the map has no poses of images: what was seen, and from where, is not known")
-    grid = field.grid
-    if near_world_m is not None and not grid.contains(near_world_m).any():
-        raise InputError("no waypoint of the flight to look near to is inside the map; is it of another map?")
     places = _places(field, T_world_body[:, :3, 3], options)
-    progress("frontier", 0.0)
-    frontier = _frontier(field.state)
-    if near_world_m is not None:
-        frontier &= _near(grid, frontier, near_world_m, options.within_m)
-    vain = _looked_at_in_vain(field.state, grid, frontier, rig, T_world_body, options.farthest_m, progress)
-    state = np.where(vain, np.uint8(OCCUPIED), field.state)
-    cells = _cells(state, grid, frontier & ~vain, options)
-    progress("views", 0.0)
-    seen = _sight(state, grid, places, cells.middle_world_m, rig, options.farthest_m)
-    chosen, looks = _cover(seen, cells.volume_m3, options, progress)
-    shown = looks >= options.looks
-    views = [_view(field, seen, place, heading, cells.volume_m3 * shown) for place, heading in chosen]
-    views = [view for view in views if view.shows_m3 > 0.0]
-    voxel_m3 = float(np.prod(grid.voxel_m))
-    return Again(
-        _tour(views, T_world_body[0, :3, 3]),
-        cells.middle_world_m,
-        cells.volume_m3,
-        shown,
-        float(vain.sum()) * voxel_m3,
+    asked = frontier.targets(
+        field,
+        rig,
+        T_world_body,
+        farthest_m=options.farthest_m,
+        depth_m=options.depth_m,
+        least_m3=options.least_m3,
+        near_world_m=near_world_m,
+        within_m=options.within_m,
+        progress=progress,
     )
+    progress("views", 0.0)
+    seen = _sight(asked.state, field.grid, places, asked.middle_world_m, rig, options.farthest_m)
+    chosen, looks = _cover(seen, asked.volume_m3, options, progress)
+    shown = looks >= options.looks
+    views = [_view(field, seen, place, heading, asked.volume_m3 * shown) for place, heading in chosen]
+    views = [view for view in views if view.shows_m3 > 0.0]
+    return Again(_tour(views, T_world_body[0, :3, 3]), asked.middle_world_m, asked.volume_m3, shown, asked.in_vain_m3)
 
 
 def _places(field: Field, path_world_m: FloatArray, options: ViewOptions) -> FloatArray:
@@ -221,111 +206,6 @@ def _roomiest_of(blocks: NDArray[np.int64], room_m: NDArray[np.float32]) -> NDAr
     return order[first]
 
 
-def _frontier(state: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Unknown voxels with a free one beside a face."""
-    from scipy import ndimage
-
-    return ndimage.binary_dilation(state == FREE) & (state == UNKNOWN)
-
-
-def _near(grid: Grid, marked: NDArray[np.bool_], path_world_m: FloatArray, within_m: float) -> NDArray[np.bool_]:
-    """Of the voxels that are marked, those near the straight lines between the points."""
-    cells = np.argwhere(marked)
-    for a, b in pairwise(path_world_m[[0, *range(len(path_world_m))]]):  # a single point is a line of no length
-        offset, way = grid.centre(cells) - a, b - a
-        share = np.clip(offset @ way / max(way @ way, 1e-12), 0.0, 1.0)
-        cells = cells[np.linalg.norm(offset - share[:, None] * way, axis=1) > within_m]
-    far = np.zeros_like(marked)
-    far[tuple(cells.T)] = True
-    return marked & ~far
-
-
-def _looked_at_in_vain(
-    state: NDArray[np.uint8],
-    grid: Grid,
-    frontier: NDArray[np.bool_],
-    rig: Rig,
-    T_world_body: FloatArray,
-    farthest_m: float,
-    progress: Progress,
-) -> NDArray[np.bool_]:
-    """Voxels of the frontier that `IN_VAIN` images, not all from one place, had in view through free space alone."""
-    cells = np.argwhere(frontier)
-    middle = grid.centre(cells)
-    opaque = np.where(state == FREE, np.uint8(FREE), np.uint8(OCCUPIED))
-    looks = np.zeros(len(cells), np.int64)
-    first_place = np.full((len(cells), 3), np.nan)
-    elsewhere = np.zeros(len(cells), bool)
-    for number, T in enumerate(T_world_body, start=1):
-        for camera in rig:
-            eye = T @ camera.T_body_camera
-            offset = middle - eye[:3, 3]
-            decided = (looks >= IN_VAIN) & elsewhere
-            asked = np.flatnonzero((np.einsum("ij,ij->i", offset, offset) <= farthest_m**2) & ~decided)
-            asked = asked[camera.contains(camera.project(offset[asked] @ eye[:3, :3]))]
-            looked = asked[line_of_sight(opaque, grid, eye[:3, 3], middle[asked])]
-            first_place[looked[looks[looked] == 0]] = T[:3, 3]
-            elsewhere[looked] |= np.linalg.norm(T[:3, 3] - first_place[looked], axis=1) >= _APART_M
-            looks[looked] += 1
-        progress("what was looked at", number / len(T_world_body))
-    vain = np.zeros_like(frontier)
-    vain[tuple(cells[(looks >= IN_VAIN) & elsewhere].T)] = True
-    return vain
-
-
-def _half_view_rad(camera: Camera) -> float:
-    """Half angle of the largest cone about the optical axis that is in the image."""
-    edges = np.array(camera.principal_point_px)
-    nearest = np.array([[0.0, edges[1]], [camera.width, edges[1]], [edges[0], 0.0], [edges[0], camera.height]])
-    rays = camera.unproject(nearest)
-    angles = np.where(np.isfinite(rays[:, 2]), np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2]), np.inf)
-    return min(float(angles.min()), camera.half_field_rad)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Cells:
-    """Unknown space, cell by cell."""
-
-    middle_world_m: FloatArray
-    """(n, 3) the centre of the unknown voxel nearest to the middle of all of the cell's."""
-    volume_m3: FloatArray
-    """(n,)."""
-
-
-def _cells(state: NDArray[np.uint8], grid: Grid, seeds: NDArray[np.bool_], options: ViewOptions) -> _Cells:
-    """Unknown space behind the seeds; without pieces that are smaller than is worth a view."""
-    from scipy import ndimage
-
-    unknown = state == UNKNOWN
-    steps = round(options.depth_m / min(grid.voxel_m))
-    behind = ndimage.binary_dilation(seeds, mask=unknown, iterations=steps) if steps and seeds.any() else seeds
-    voxel_m3 = float(np.prod(grid.voxel_m))
-    pieces = np.zeros(grid.shape, np.int32)
-    ndimage.label(behind, np.ones((3, 3, 3)), output=pieces)
-    large = np.bincount(pieces.ravel()) * voxel_m3 >= options.least_m3
-    large[0] = False
-    voxels = np.argwhere(large[pieces])
-    if not len(voxels):
-        return _Cells(np.zeros((0, 3)), np.zeros(0))
-    edge = max(1, round(_CELL_M / min(grid.voxel_m)))
-    cell, count = _gathered(voxels // edge)
-    while len(count) > _MOST_CELLS:
-        edge += 1
-        cell, count = _gathered(voxels // edge)
-    mean = np.stack([np.bincount(cell, voxels[:, axis]) for axis in range(3)], axis=1) / count[:, None]
-    apart = np.linalg.norm(voxels - mean[cell], axis=1)
-    order = np.lexsort((apart, cell))
-    nearest = order[np.searchsorted(cell[order], np.arange(len(count)))]
-    return _Cells(grid.centre(voxels[nearest]), voxel_m3 * count.astype(np.float64))
-
-
-def _gathered(blocks: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Number of the cell of each block (n, 3), from 0, and how many each cell has."""
-    flat = np.ravel_multi_index(tuple(blocks.T), tuple(blocks.max(axis=0) + 1))
-    _, cell, count = np.unique(flat, return_inverse=True, return_counts=True)
-    return cell, count
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sight:
     """Which cells each place sees, and how many cameras see one at each heading."""
@@ -341,6 +221,15 @@ class _Sight:
 
     def of(self, place: int) -> slice:
         return slice(self.first[place], self.first[place + 1])
+
+
+def _half_view_rad(camera: Camera) -> float:
+    """Half angle of the largest cone about the optical axis that is in the image."""
+    edges = np.array(camera.principal_point_px)
+    nearest = np.array([[0.0, edges[1]], [camera.width, edges[1]], [edges[0], 0.0], [edges[0], camera.height]])
+    rays = camera.unproject(nearest)
+    angles = np.where(np.isfinite(rays[:, 2]), np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2]), np.inf)
+    return min(float(angles.min()), camera.half_field_rad)
 
 
 def _sight(
@@ -398,7 +287,7 @@ def _cover(
     chosen: list[tuple[int, int]] = []
     while waiting and len(chosen) < options.most_views and -waiting[0][0] >= options.least_m3:
         _, place = heapq.heappop(waiting)
-        if any(math.dist(*seen.places_world_m[[place, other]]) < _APART_M for other, _ in chosen):
+        if any(math.dist(*seen.places_world_m[[place, other]]) < frontier.APART_M for other, _ in chosen):
             continue
         adds = adds_m3(place)
         heading = int(adds.argmax())
