@@ -89,7 +89,8 @@ class Motion(Block):
         name, h, e = delay_name(rotor_speed.QUANTITY, at.flight.log_index), at.mid.step_s, SECOND_DIFFERENCE_S
         delay_s = delay_of(rotor_speed.QUANTITY, at.flight, at.sensors)
         before, now, after = (
-            along(at.vehicle, rotor_speed.aligned(at.flight, {name: delay_s + change}), at.mid) for change in (-e, 0.0, e)
+            along(at.vehicle, rotor_speed.aligned(at.flight, {name: delay_s + change}), at.mid)
+            for change in (-e, 0.0, e)
         )
         second = np.zeros((len(h), ROWS))
         second[:, GAINED] = -h * (after - 2.0 * now + before) / e**2
