@@ -82,8 +82,8 @@ class Motion(Block):
         return Linear(residual, (before, after), by_shared, linear.shared)
 
     def curvature(self, at: At) -> dict[str, float]:
-        """By the delay of rotor speed. A controller answers disturbances, so what the model leaves unexplained goes with
-        rotor speed and with its second derivative: the cost was up to five times as curved as Gauss-Newton takes it."""
+        """By the delay of rotor speed. A controller answers disturbances, so what the model leaves unexplained goes
+        with rotor speed and its second derivative: the cost was up to five times as curved as Gauss-Newton takes it."""
         if rotor_speed.QUANTITY not in at.flight.streams:
             return {}
         name, h, e = delay_name(rotor_speed.QUANTITY, at.flight.log_index), at.mid.step_s, SECOND_DIFFERENCE_S
