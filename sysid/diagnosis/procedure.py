@@ -36,7 +36,7 @@ from sysid.estimator.flight_data import left_out
 from sysid.estimator.identification import identify
 from sysid.estimator.options import Options
 from sysid.estimator.prepare import prepare_all
-from sysid.estimator.result import Identification
+from sysid.estimator.result import NOT_SETTLED, Identification
 from sysid.logs.check import check_log
 from sysid.logs.payload import PAYLOAD, carries_payload
 from vehicle import Vehicle, effects, rigid_body
@@ -80,7 +80,7 @@ class Diagnosis:
     judged: Comparison
     """Every model of the staircase on the flights it was judged by, for plots."""
     input_verdict: fits.Verdict
-    """Of the checks of all logs: what is against their use with this vehicle file."""
+    """Of the checks of all logs and of the first fit: what is against their use with this vehicle file."""
 
     @property
     def undecided(self) -> tuple[str, ...]:
@@ -261,7 +261,7 @@ def diagnose(
     input_verdict = fits.of_logs(check_log(log, vehicle) for log in (*logs, *held_out))
     options = while_searching(options or Options(gusts="white"))
     try:
-        base, found, options = _searched(logs, vehicle, held_out, options, 8 if auto else 1, progress)
+        base, found, options, said = _searched(logs, vehicle, held_out, options, 8 if auto else 1, progress)
     except InputError as error:
         why = "".join(f"; {sentence}" for sentence in input_verdict.against[:1])
         raise InputError(f"{error}{why}") from error
@@ -287,7 +287,8 @@ def diagnose(
         invisible=found.models[0].candidate_set.invisible,
         flights=tuple(names[: len(logs)]),
         held_out=tuple(names[len(logs) :]),
-        findings=((found.too_short,) if found.too_short else ())
+        findings=said
+        + ((found.too_short,) if found.too_short else ())
         + _other_forms(found)
         + last.findings
         + left_out(found.unseen)
@@ -295,7 +296,7 @@ def diagnose(
         search=found,
         payload_carried=_newly_told((*logs, *held_out), carried),
         judged=judged,
-        input_verdict=input_verdict,
+        input_verdict=input_verdict.doubted(*said),
     )
 
 
@@ -306,15 +307,41 @@ def _searched(
     options: Options,
     most: int,
     progress: Progress,
-) -> tuple[Identification, Search, Options]:
-    """The fit of the vehicle as it is, the search from there, and with which options both were made."""
+) -> tuple[Identification, Search, Options, tuple[str, ...]]:
+    """The fit of the vehicle as it is, the search from there, with which options both were made, and what is to be said
+    of these."""
     base = identify(logs, vehicle, options, progress=within(progress, "diagnose", 0.0, 0.1))
+    base, options, said = _of_possible_body(logs, vehicle, base, options)
     if pose_is_late(base.clocks):  # then that is an effect to be named, measured by the clock of the rotors
         options = replace(options, clock="rotor speed")
         base = identify(logs, vehicle, options, near=base)
     progress("diagnose", 0.15)
     unseen = prepare_all(held_out, options, [vehicle])
-    return base, search(logs, base, unseen, options, most=most, progress=progress), options
+    return base, search(logs, base, unseen, options, most=most, progress=progress), options, said
+
+
+def _of_possible_body(
+    logs: Sequence[FlightLog], vehicle: Vehicle, base: Identification, options: Options
+) -> tuple[Identification, Options, tuple[str, ...]]:
+    """The first fit, made again with lasting disturbances where white ones made a body of it that cannot be.
+
+    Rotors that answer disturbances for long look like a heavy body then, and every candidate torque would be judged
+    beside that. What did not settle is held for good: each fit of the search would find it out anew.
+    """
+    wrong = fits.too_large_inertias(vehicle, base.vehicle, base.free_names)
+    if options.gusts != "white" or not wrong:
+        return base, options, ()
+    lasting = replace(options, gusts="estimate")
+    again = identify(logs, vehicle, lasting, near=base)
+    if again.noise.gusts is None or fits.too_large_inertias(vehicle, again.vehicle, again.free_names):
+        return base, options, ()
+    unsettled = [e for e in again.parameters if e.status == NOT_SETTLED]
+    said = (
+        f"with disturbances taken for white noise {' and '.join(wrong)} came out too large for any such vehicle; all "
+        "fits were made with lasting disturbances among the states",
+        *(f"{e.name} was held at {e.value:.4g} {e.unit} throughout: its estimate did not settle" for e in unsettled),
+    )
+    return again, replace(lasting, held=(*options.held, *(e.name for e in unsettled))), said
 
 
 def _carried(found: Search, logs: Sequence[FlightLog], held_out: Sequence[FlightLog]) -> list[FlightLog]:
