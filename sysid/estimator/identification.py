@@ -77,12 +77,13 @@ def identify(
     lasting = (
         _with_gusts(_on_time(flights, solution), solution, unknowns.model) if options.gusts == "estimate" else None
     )
-    doubts, unsettled = (), {}
+    doubts: tuple[str, ...] = ()
+    unsettled: dict[str, str] = {}
     if lasting is not None:
         also_held = list(held)
-        carried, still_free, restless = _fit_calmed(flights, vehicle, *lasting, unknowns, also_held, options, progress)
+        carried, still_free, calmed = _fit_calmed(flights, vehicle, *lasting, unknowns, also_held, options, progress)
         if carried.converged:
-            unknowns, held, unsettled = still_free, also_held, restless
+            unknowns, held, unsettled = still_free, also_held, calmed
             solution = replace(carried, record=solution.record + carried.record)
         else:
             doubts = (UNSETTLED,)

@@ -82,7 +82,7 @@ def linearise(flight: Flight, states: States, point: Point, unknowns: Unknowns, 
 def curvature_of(flight: Flight, states: States, point: Point, unknowns: Unknowns, noise: Noise) -> FloatArray:
     """(p,) what Gauss-Newton leaves out of the cost's second derivatives by the shared parameters, of one flight."""
     at = located(flight, states, point, noise)
-    found = {}
+    found: dict[str, float] = {}
     for between in (True, False):
         for block in acting(flight, noise, between=between):
             found |= block.curvature(at)
