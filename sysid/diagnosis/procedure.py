@@ -24,19 +24,19 @@ from sysid.diagnosis.findings import (
     Stair,
     Verdict,
 )
+from sysid.diagnosis.first_fit import First, first_fit
 from sysid.diagnosis.free_form import THRUST, UNIT
 from sysid.diagnosis.score import Score
 from sysid.diagnosis.search import Search, search
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.diagnosis.trial import Trial
 from sysid.estimator import verdict as fits
-from sysid.estimator.clocks import gyro_is_early, pose_is_late
+from sysid.estimator.clocks import gyro_is_early
 from sysid.estimator.comparison import HORIZONS_S, Comparison, compare
 from sysid.estimator.flight_data import left_out
-from sysid.estimator.identification import identify
 from sysid.estimator.options import Options
 from sysid.estimator.prepare import prepare_all
-from sysid.estimator.result import NOT_SETTLED, Identification
+from sysid.estimator.result import Identification
 from sysid.logs.check import check_log
 from sysid.logs.payload import PAYLOAD, carries_payload
 from vehicle import Vehicle, effects, rigid_body
@@ -262,15 +262,15 @@ def diagnose(
     input_verdict = fits.of_logs(check_log(log, vehicle) for log in (*logs, *held_out))
     options = while_searching(options or Options(gusts="white"))
     try:
-        base, found, options, said = _searched(logs, vehicle, held_out, options, 8 if auto else 1, progress)
+        first, found = _searched(logs, vehicle, held_out, options, 8 if auto else 1, progress)
     except InputError as error:
         why = "".join(f"; {sentence}" for sentence in input_verdict.against[:1])
         raise InputError(f"{error}{why}") from error
     last = found.models[-1].fit
-    models = {"as given": vehicle, "fitted": base.vehicle}
+    models = {"as given": vehicle, "fitted": first.fit.vehicle}
     models |= {label: model.fit.vehicle for label, model in zip(_labels(found), found.models[1:], strict=True)}
     carried = _carried(found, logs, held_out)
-    judged = compare(carried[len(logs) :] or carried[: len(logs)], models, options)
+    judged = compare(carried[len(logs) :] or carried[: len(logs)], models, first.options)
     stairs = tuple(
         Stair(name, {f"{h:g} s": e for h, e in zip(HORIZONS_S, judged.errors[name]["position"], strict=True)})
         for name in models
@@ -288,7 +288,7 @@ def diagnose(
         invisible=found.models[0].candidate_set.invisible,
         flights=tuple(names[: len(logs)]),
         held_out=tuple(names[len(logs) :]),
-        findings=said
+        findings=first.said
         + ((found.too_short,) if found.too_short else ())
         + _other_forms(found)
         + last.findings
@@ -297,7 +297,7 @@ def diagnose(
         search=found,
         payload_carried=_newly_told((*logs, *held_out), carried),
         judged=judged,
-        input_verdict=input_verdict.doubted(*said),
+        input_verdict=input_verdict.doubted(*first.said),
     )
 
 
@@ -308,41 +308,12 @@ def _searched(
     options: Options,
     most: int,
     progress: Progress,
-) -> tuple[Identification, Search, Options, tuple[str, ...]]:
-    """The fit of the vehicle as it is, the search from there, with which options both were made, and what is to be said
-    of these."""
-    base = identify(logs, vehicle, options, progress=within(progress, "diagnose", 0.0, 0.1))
-    base, options, said = _of_possible_body(logs, vehicle, base, options)
-    if pose_is_late(base.clocks):  # then that is an effect to be named, measured by the clock of the rotors
-        options = replace(options, clock="rotor speed")
-        base = identify(logs, vehicle, options, near=base)
+) -> tuple[First, Search]:
+    """The fit of the vehicle as it is, and the search from there."""
+    first = first_fit(logs, vehicle, options, within(progress, "diagnose", 0.0, 0.1))
     progress("diagnose", 0.15)
-    unseen = prepare_all(held_out, options, [vehicle])
-    return base, search(logs, base, unseen, options, most=most, progress=progress), options, said
-
-
-def _of_possible_body(
-    logs: Sequence[FlightLog], vehicle: Vehicle, base: Identification, options: Options
-) -> tuple[Identification, Options, tuple[str, ...]]:
-    """The first fit, made again with lasting disturbances where white ones made a body of it that cannot be.
-
-    Rotors that answer disturbances for long look like a heavy body then, and every candidate torque would be judged
-    beside that. What did not settle is held for good: each fit of the search would find it out anew.
-    """
-    wrong = fits.too_large_inertias(vehicle, base.vehicle, base.free_names)
-    if options.gusts != "white" or not wrong:
-        return base, options, ()
-    lasting = replace(options, gusts="estimate")
-    again = identify(logs, vehicle, lasting, near=base)
-    if again.noise.gusts is None or fits.too_large_inertias(vehicle, again.vehicle, again.free_names):
-        return base, options, ()
-    unsettled = [e for e in again.parameters if e.status == NOT_SETTLED]
-    said = (
-        f"with disturbances taken for white noise {' and '.join(wrong)} came out too large for any such vehicle; all "
-        "fits were made with lasting disturbances among the states",
-        *(f"{e.name} was held at {e.value:.4g} {e.unit} throughout: its estimate did not settle" for e in unsettled),
-    )
-    return again, replace(lasting, held=(*options.held, *(e.name for e in unsettled))), said
+    unseen = prepare_all(held_out, first.options, [vehicle])
+    return first, search(logs, first.fit, unseen, first.options, most=most, progress=progress)
 
 
 def _carried(found: Search, logs: Sequence[FlightLog], held_out: Sequence[FlightLog]) -> list[FlightLog]:

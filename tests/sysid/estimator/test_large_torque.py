@@ -67,7 +67,7 @@ def test_what_does_not_settle_is_named_with_what_it_is_confounded_with(together,
     covariance = np.array([[1.0, together, 0.0], [together, 1.0, 0.0], [0.0, 0.0, 1.0]])
     solution = SimpleNamespace(record=[SimpleNamespace(values=v) for v in values], covariance=lambda: covariance)
     unknowns = Unknowns((THRUST, INERTIA[2]), (), ("bias",))
-    assert restless(solution, unknowns) == (INERTIA[2], others)
+    assert restless(solution, unknowns) == (INERTIA[2], others)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
