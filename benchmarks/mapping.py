@@ -182,8 +182,8 @@ def blind(count: int, seed: int) -> None:
     """One line a draw, then the sums."""
     named = planted = inventions = 0
     ratios: list[float] = []
-    expected: list[float] = []
     errors: list[tuple[float, float]] = []
+    stated: list[tuple[float, float]] = []
     for number in range(count):
         form = FORMS[number % len(FORMS)]
         drawn = draw(form, np.random.default_rng([seed, number]))
@@ -197,8 +197,8 @@ def blind(count: int, seed: int) -> None:
         planted += len(drawn.planted)
         inventions += len(present - drawn.planted)
         ratios.append(off_m / clean_m)
-        expected.append(found.scale_std / right.scale_std)
         errors.append((off_m, clean_m))
+        stated.append((_stated_m(found), _stated_m(right)))
         missed, more = sorted(drawn.planted - present), sorted(present - drawn.planted)
         said = f"{'; MISSED ' + ', '.join(missed) if missed else ''}{'; INVENTED ' + ', '.join(more) if more else ''}"
         print(
@@ -208,14 +208,17 @@ def blind(count: int, seed: int) -> None:
         )
     print(f"named {named} of {planted}; invented {inventions} in {count} cameras")
     print(f"error over that with the right file: median {np.median(ratios):.2f}, worst {max(ratios):.2f}")
-    off_m, clean_m = np.sqrt(np.mean(np.square(errors), axis=0))
-    print(
-        f"RMS of all: {1000 * off_m:.1f} mm, with the right file {1000 * clean_m:.1f} mm, {off_m / clean_m:.2f} times"
-    )
-    print(
-        "standard deviation of the scale over that with the right file, as the trials state it: "
-        f"median {np.median(expected):.2f}, worst {max(expected):.2f}"
-    )
+    for of, pairs in (("RMS of all", errors), ("the same, as the trials state it", stated)):
+        off_m, clean_m = np.sqrt(np.mean(np.square(pairs), axis=0))
+        print(f"{of}: {1000 * off_m:.1f} mm, with the right file {1000 * clean_m:.1f} mm, {off_m / clean_m:.2f} times")
+    by_right = np.divide(*np.transpose(stated))
+    print(f"of one camera, as its trials state it: median {np.median(by_right):.2f}, worst {by_right.max():.2f} times")
+
+
+def _stated_m(found: Trial) -> float:
+    """RMS error of the positions that the standard deviation of the scale makes."""
+    positions = found.T_world_body[:, :3, 3]
+    return found.scale_std * float(np.sqrt(np.mean(np.sum((positions - positions.mean(axis=0)) ** 2, axis=1))))
 
 
 def _tried(drawn: Draw, told: Rig, number: int, seed: int, *, clean: bool = False) -> tuple[Trial, float]:

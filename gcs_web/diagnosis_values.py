@@ -36,7 +36,7 @@ def diagnosis(
         "current",
         _sentence(named(found.verdict)),
         belief.as_stated,
-        _sentence(belief.sentence(named=found.says_missing)),
+        f"{_sentence(belief.sentence(named=found.says_missing))} {_sentence(found.envelope.sentence)}",
         named(found.fit_verdict.sentence),
         sorted(found.flights),
         sorted(found.held_out),

@@ -147,9 +147,10 @@ def _write(
 
 
 def _show(found: Diagnosis, document: dict[str, Any], outlooks: Mapping[str, Outlook], refused: Path | None) -> None:
-    of = "" if found.says_missing else " that nothing is missing"
+    of = "" if found.says_missing else " that nothing is missing within the flown envelope"
     click.echo(f"{found.verdict} (confidence {found.confidence:.0%}{of})")
     click.echo(f"  {found.belief.sentence(named=found.says_missing)}")
+    click.echo(f"  {found.envelope.sentence}")
     click.echo(f"  the fit is {found.fit_verdict.sentence}")
     for attempt in found.attempts:
         click.echo(f"  {attempt.name} {attempt.sentence}")

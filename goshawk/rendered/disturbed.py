@@ -16,8 +16,9 @@ CRATES_WORLD_M = (
     ((-3.6, 1.9), (0.6, -3.3), (1.2, 2.7)),
 )
 """x and y of the three crates, in the first half of a flight, in its second, and later."""
-BLURRED_EVERY, BLUR_PX = 5, 8
-"""Every fifth instant is blurred, along the rows: a turn of 1.6 deg while the shutter is open."""
+BLURRED_EVERY, BLUR_PX = 5, 9
+"""Every fifth instant is blurred, along the rows: 1.8 deg while the shutter is open. Odd, so that the pose is that of
+the middle of the exposure: a filter of 8 px moves all it shows by half a pixel, as no motion of the rig does."""
 JUMPS = (1.0, 0.65, 1.0, 1.4)
 JUMP_EVERY = 7
 """Gain, which jumps to the next after so many instants."""
@@ -33,8 +34,6 @@ def scene(moved: int) -> RenderedScene:
 
 def pictures(rig: Rig, flight: RenderedFlight, seed: int, *, is_later: bool = False) -> Picture:
     """The images of a flight for a map, or of a later one (`is_later`), whose crates stand where no map shows them."""
-    import cv2
-
     count = len(flight.times_s)
     scenes = (scene(2), scene(2)) if is_later else (scene(0), scene(1))
 
@@ -48,6 +47,13 @@ def pictures(rig: Rig, flight: RenderedFlight, seed: int, *, is_later: bool = Fa
             gain=gain,
         )
         is_blurred = instant % BLURRED_EVERY == BLURRED_EVERY - 1
-        return np.asarray(cv2.blur(image, (BLUR_PX, 1))) if is_blurred else image
+        return blurred(image) if is_blurred else image
 
     return picture
+
+
+def blurred(image: np.ndarray) -> np.ndarray:
+    """The image (height, width) as a motion along its rows would blur it."""
+    import cv2
+
+    return np.asarray(cv2.blur(image, (BLUR_PX, 1)))

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from flight import FloatArray, InputError, MapError, Progress
-from mapping.camera import adjustment
 from mapping.camera import trial as calibration_trial
 from mapping.camera.adjustment import Observations
 from mapping.camera.rig import Rig
@@ -111,18 +110,22 @@ def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progres
         watch.lap("placing")
         model = pycolmap.Reconstruction(placed)
         progress(_TRYING, 0.0)
-        trial = calibration_trial.hold(_features_seen(database, model, images))
+        seen = _features_seen(database, model, images)
+        trial = calibration_trial.hold(seen)
         watch.lap("trial of the calibration")
         if images.depths is None:
             images = dataclasses.replace(images, rig=trial.rig)
             colmap_model.write_back(model, images, trial)
-            if trial.present and not trial.inexpressible:  # an adjustment by COLMAP would undo what is inexpressible
+            if len(trial.present) > len(trial.inexpressible):  # else COLMAP would choose the same matches
                 fixed = dataclasses.replace(trial.rig, refine_intrinsics=False)
                 with tempfile.TemporaryDirectory() as folder:
                     refine(_with_lenses(database, trial.rig, Path(folder)), model, fixed, options, progress)
-                seen = _features_seen(database, model, images)
-                colmap_model.write_back(model, images, adjustment.adjust(seen, adjustment.initial(seen), [])[0])
-                watch.lap("refining with the corrected calibration")
+                # matches chosen by the wrong calibration show too little of what is wrong with it (8.4 % of 9.1 %)
+                again = dataclasses.replace(_features_seen(database, model, images), rig=seen.rig)
+                trial = calibration_trial.hold(again)
+                images = dataclasses.replace(images, rig=trial.rig)
+                colmap_model.write_back(model, images, trial)
+                watch.lap("trial on the matches of the corrected calibration")
             colmap_model.drop_lost_points(model)
         return _read_out(database, model, images, trial, repeated, watch)
 

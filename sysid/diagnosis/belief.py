@@ -1,7 +1,8 @@
 """One probability for the whole sentence of a diagnosis, and what else may be true: another name, or something unknown.
 
 A sentence names effects, maybe a curve, and says by its silence that nothing more is missing. It is right if every name
-is right, and the curve is, or nothing unknown is left where none is drawn. So the probabilities multiply.
+is right, and the curve is, or nothing unknown is left where none is drawn. So the probabilities multiply. All of them
+hold within the flown envelope: of what acts only beyond it flights say nothing.
 """
 
 from collections.abc import Sequence
@@ -31,12 +32,16 @@ class Belief:
         """
         if named:
             right, unknown, other = (
-                "this is right and nothing else is missing",
+                "this is right and nothing else is missing within the flown envelope",
                 "something unknown is missing too",
                 "another known effect is missing or a name is wrong",
             )
         else:
-            right, unknown, other = "nothing is missing", "something unknown is missing", "a known effect is missing"
+            right, unknown, other = (
+                "nothing is missing within the flown envelope",
+                "something unknown is missing",
+                "a known effect is missing",
+            )
         return (
             f"probability {self.as_stated:.0%} that {right}, {self.something_unknown:.0%} that {unknown}, "
             f"{self.otherwise:.0%} that {other}"
@@ -54,10 +59,10 @@ def belief(names: Sequence[float], *, curve: float | None, left: float, most: fl
     """Of a sentence.
 
     Args:
-        names: probability that each name is right; of a sentence without names, that none is missing.
+        names: probability that each name is right, and that no effect is missing that the sentence says nothing of.
         curve: probability that channel and variable of the curve that is drawn are right; None where none is.
-        left: log odds, on blocks left out, of the best curve in a channel in which no name shows. What is left in a
-            channel of a name is the form of its law, which the name does not claim.
+        left: log odds, on blocks left out, of the best curve that is of no name's form: a name does not claim the exact
+            form of its law.
         most: no sentence is believed more.
     """
     named = float(np.prod(names)) if len(names) else 1.0

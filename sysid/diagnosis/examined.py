@@ -37,8 +37,6 @@ class Tried:
     """Every curve, once the best one was looked for."""
     curve: "list[Outside | None]" = field(default_factory=list)
     """The best one, once it was looked for."""
-    left: dict[str, float] = field(default_factory=dict)
-    """Log odds of the best curve of each channel, sure or not, once it was looked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,9 +174,6 @@ def stated_curve(model: Model) -> Outside | None:
     if not model.tried.curve:
         model.tried.drawn.extend(_curves(model, EVERY_CHANNEL))
         model.tried.curve.append(_sure_of(model, model.tried.drawn))
-        for curve in model.tried.drawn:
-            before = model.tried.left.get(curve.channel, 0.0)
-            model.tried.left[curve.channel] = float(np.maximum(before, curve.score.log_odds))  # nan stays nan
     return model.tried.curve[0]
 
 
@@ -202,14 +197,16 @@ def forms_and_curve(model: Model, named: Sequence[tuple[Candidate, float]]) -> t
     return forms, curve
 
 
-def left_unexplained(model: Model, named: Sequence[Candidate]) -> float:
-    """Log odds, on blocks left out, of the best curve beside the model, sure or not, where no named effect shows.
+def left_unexplained(model: Model, named: Sequence[tuple[Candidate, float]]) -> float:
+    """Log odds, on blocks left out, of the best curve beside the model, sure or not, that is of no named law's form.
 
-    What is left in a channel of a named effect is the form of its law: the catalogue's is seldom exact.
+    Args:
+        named: effects, each with the fall of the cost as it was added.
     """
     stated_curve(model)
-    own = {channel for candidate in named for channel in shown_in(candidate)}
-    return float(np.max([odds for channel, odds in model.tried.left.items() if channel not in own], initial=0.0))
+    drawn = model.tried.drawn
+    left = [curve.score.log_odds for curve in drawn if form_of(curve, named, drawn) is None]
+    return float(np.max(left, initial=0.0))  # nan stays nan
 
 
 def form_of(

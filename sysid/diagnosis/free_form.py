@@ -132,6 +132,13 @@ def belongs(variable: str, channel: str) -> bool:
     return variable in OF_THRUST if channel == THRUST else variable == f"n_{channel[2]}"
 
 
+def axes_of(channel: str) -> tuple[str, ...]:
+    """Which of the six channels in body axes a curve in a channel shows in."""
+    if channel in WORLD:
+        return ("F_x", "F_y")
+    return (channel,) if channel in CHANNELS else SHOWN_BY_THRUST
+
+
 def unit(channel: str) -> str:
     """Of a curve: a share of the thrust, a force or a torque."""
     return "1" if channel[0] == THRUST else "N" if channel[0] == "F" else "N m"

@@ -16,10 +16,11 @@ from scipy.special import expit
 
 from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, Waypoints, silent
 from sysid.diagnosis.candidates import Candidate
+from sysid.diagnosis.effect_sizes import VISIBLE_SIGMAS
 from sysid.diagnosis.evidence import Evidence
 from sysid.diagnosis.examined import Model
 from sysid.diagnosis.findings import Verdict
-from sysid.diagnosis.procedure import NODE_RATE_HZ, VISIBLE_SIGMAS, Diagnosis
+from sysid.diagnosis.procedure import NODE_RATE_HZ, Diagnosis
 from sysid.diagnosis.rehearsal import Rehearsal, Room, fitted_into, rehearse, waypoints_of
 from sysid.diagnosis.score import inverse_of
 from sysid.diagnosis.thresholds import THRESHOLDS

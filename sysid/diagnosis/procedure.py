@@ -5,27 +5,25 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtri
 
 from flight import FlightLog, InputError, Progress, silent, within
-from sysid.diagnosis import load, traces
+from sysid.diagnosis import effect_sizes, load, traces
 from sysid.diagnosis.belief import Belief, belief, curve_is_there
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.decision import Case, decide, sentence
+from sysid.diagnosis.envelope import Envelope, flown
 from sysid.diagnosis.examined import Model, Outside
 from sysid.diagnosis.findings import (
-    NORMAL_90,
     SCHEMA_VERSION,
     Attempt,
     CandidateFinding,
     Outcome,
     OutsideFinding,
-    Size,
     Stair,
     Verdict,
 )
 from sysid.diagnosis.first_fit import First, first_fit
-from sysid.diagnosis.free_form import THRUST, UNIT
+from sysid.diagnosis.free_form import THRUST, UNIT, axes_of
 from sysid.diagnosis.score import Score
 from sysid.diagnosis.search import Search, search
 from sysid.diagnosis.thresholds import THRESHOLDS
@@ -39,12 +37,10 @@ from sysid.estimator.prepare import prepare_all
 from sysid.estimator.result import Identification
 from sysid.logs.check import check_log
 from sysid.logs.payload import PAYLOAD, carries_payload
-from vehicle import Vehicle, effects, rigid_body
+from vehicle import Vehicle, rigid_body
 
 NODE_RATE_HZ = 100.0
 """States per second while searching; the vehicle's motion is slower than this by far."""
-VISIBLE_SIGMAS = -float(ndtri(THRESHOLDS.chance / 2.0) + ndtri(0.1))
-"""A size of so many standard errors is called present nine times in ten."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +102,27 @@ class Diagnosis:
         return bool(self.additions or self.undecided or self.proxies or self.outside is not None)
 
     @property
+    def unsaid(self) -> tuple[CandidateFinding, ...]:
+        """Candidates that may make a sentence wrong that says nothing of them: all if nothing is said to be missing.
+
+        Else the doubts in channels where nothing that is stated shows: what is left in those of a stated effect may be
+        of its form. No other candidates: of some thirty, one is below one in 200 by chance in every seventh sentence.
+        """
+        if not self.says_missing:
+            return self.candidates
+        stated = {*self.additions, *self.undecided, *self.proxies}
+        channels = {c for s in self.candidates if s.name in stated for c in s.channels}
+        if self.outside is not None:
+            channels |= set(axes_of(self.outside.channel))
+        doubts = [s for s in self.candidates if s.name in self.doubts and s.name not in stated]
+        return tuple(s for s in doubts if not channels & set(s.channels))
+
+    @property
+    def envelope(self) -> Envelope:
+        """How far the training flights went."""
+        return flown(self.search.models[-1].fit.solution.point.states)
+
+    @property
     def pose_may_be_late(self) -> bool:
         """Whether the clocks leave that open, so that nothing is sure that `pose_delay` would change."""
         return gyro_is_early(self.search.models[-1].fit.clocks)
@@ -132,11 +149,11 @@ class Diagnosis:
             one = len(self.proxies) == 1
             helps = f"helps as a proxy for {of}, and is added" if one else f"help as proxies for {of}, and are added"
             parts.append(f"{' and '.join(self.proxies)} {helps}")
-        if not parts and self.doubts:
-            parts.append(
-                f"nothing is confirmed to be missing, but {' or '.join(self.doubts)} may be: "
-                "these flights are inconclusive"
-            )
+        unsaid = {s.name for s in self.unsaid}
+        if doubts := [name for name in self.doubts if name in unsaid]:
+            open_ = f"{' or '.join(doubts)} may be"
+            alone = f"nothing is confirmed to be missing, but {open_}: these flights are inconclusive"
+            parts.append(f"{open_} missing too, which is not confirmed" if parts else alone)
         if self.search.too_short and self.says_missing:
             parts.append("the held-out flights are too short to confirm it")
         if self.pose_may_be_late:
@@ -177,8 +194,7 @@ class Diagnosis:
         names = [s.confidence for s in self.candidates if s.verdict is Verdict.PRESENT]
         if self.undecided:
             names.append(min(1.0, sum(s.confidence for s in self.candidates if s.name in self.undecided)))
-        if not self.says_missing:
-            names.append(1.0 - max((s.confidence for s in self.candidates), default=0.0))
+        names.append(1.0 - max((s.confidence for s in self.unsaid), default=0.0))
         curve = self.outside.confidence if self.outside else None
         if self.proxies and curve is None and not self.search.forms:
             curve = curve_is_there(self.search.left_anywhere)  # said to be for something unknown; no curve is sure
@@ -191,7 +207,7 @@ class Diagnosis:
 
     @property
     def confidence(self) -> float:
-        """Probability that the whole sentence is right; where nothing is said to be missing, that nothing is."""
+        """Probability, within the flown envelope, that the sentence is right; if nothing is said, that nothing is."""
         return self.belief.as_stated
 
     def as_dict(self) -> dict[str, Any]:
@@ -202,6 +218,7 @@ class Diagnosis:
             "verdict": self.verdict,
             "confidence": self.confidence,
             "probabilities": self.belief.as_dict(),
+            "envelope": self.envelope.as_dict(),
             "fit": self.fit_verdict.as_dict(),
             "flights": list(self.flights),
             "held_out": list(self.held_out),
@@ -329,14 +346,6 @@ def _newly_told(before: Sequence[FlightLog], after: Sequence[FlightLog]) -> tupl
     return () if all(old == new for old, new in told) else tuple(new is not False for _, new in told)
 
 
-def _visible(sigma: float, usual: float) -> float:
-    """Smallest size that would have been called present nine times in ten; what is of no consequence is never.
-
-    Zero where nothing was flown that would show any size.
-    """
-    return max(VISIBLE_SIGMAS * float(sigma), THRESHOLDS.least_size * usual) if sigma > 0.0 else 0.0
-
-
 def _labels(found: Search) -> list[str]:
     signs = {Outcome.ADDED: "+ {}", Outcome.REMOVED: "- {}", Outcome.USEFUL_PROXY: "+ {} (proxy)"}
     return [signs[t.outcome].format(t.candidate.name) for t in found.trials if t.outcome in signs]
@@ -366,9 +375,10 @@ def _finding(found: Search, candidate: Candidate, error_m: float, *, unsure: boo
     trial = next((t for t in reversed(found.trials) if t.candidate.name == candidate.name), None)
     present = trial is not None and candidate.name in {s.name for s in found.added}
     proxy = trial is not None and candidate.name in {s.name for s in found.proxies}
-    sizes = (
-        _sizes_fitted(candidate, scored, found.models[-1].fit) if present or proxy else _sizes_scored(candidate, scored)
-    )
+    if present or proxy:
+        sizes = effect_sizes.fitted(candidate, scored, found.models[-1].fit)
+    else:
+        sizes = effect_sizes.scored(candidate, scored)
     case = Case(
         candidate=candidate,
         score=scored,
@@ -399,24 +409,6 @@ def _finding(found: Search, candidate: Candidate, error_m: float, *, unsure: boo
         settled_by=candidate.excited_by,
         channels=candidate.channels,
         regressor=candidate.regressor,
-    )
-
-
-def _sizes_fitted(candidate: Candidate, scored: Score, fit: Identification) -> tuple[Size, ...]:
-    """Of an effect that is part of the model: with the interval of the fit, which knows how few blocks there are."""
-    found = []
-    for name, sigma, usual in zip(candidate.parameters, scored.sigma, candidate.usual, strict=True):
-        p, half = fit.vehicle.parameter(name), fit.estimate(name).interval90
-        found.append(Size(name, p.unit, p.value, p.std, half, _visible(sigma, usual), usual))
-    return tuple(found)
-
-
-def _sizes_scored(candidate: Candidate, scored: Score) -> tuple[Size, ...]:
-    """Of one that is not, to first order."""
-    units = {s.name: s.unit for s in effects.find(candidate.effect).parameters}
-    return tuple(
-        Size(n, units[n.split(".")[1]], float(v), float(sigma), NORMAL_90 * float(sigma), _visible(sigma, usual), usual)
-        for n, v, sigma, usual in zip(candidate.parameters, scored.size, scored.sigma, candidate.usual, strict=True)
     )
 
 

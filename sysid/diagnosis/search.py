@@ -169,9 +169,9 @@ class Search:
     unseen: tuple[Flight, ...]
     """Held-out flights, with what they were found to carry."""
     left: float
-    """Log odds of the best curve at `drawn_at` where no named effect shows, stated or not."""
+    """Log odds of the best curve at `drawn_at` that is of no named effect's form, stated or not."""
     left_anywhere: float
-    """The same wherever it shows."""
+    """The same of any form."""
     too_short: str
     """In words, that the held-out flights are too short to judge by; empty if they are not, or none were given."""
 
@@ -208,12 +208,13 @@ def search(
         models.append(model)
         added.append(trial.candidate)
         refused, undecided = set(dropped_before), None  # beside a wrong model was no fair hearing
-        while (dropped := _superfluous(models[-1], added)) is not None:
+        while (unneeded := _superfluous(logs, models[-1], added[:-1], options)) is not None:
+            dropped, without = unneeded
             trials.append(replace(trial, candidate=dropped, outcome=Outcome.REMOVED))
             added.remove(dropped)
             dropped_before.add(dropped.name)
             refused.add(dropped.name)
-            models.append(_without(logs, models[-1], dropped, options))
+            models.append(without)
     while undecided is None and len(added) < most:
         curve = _forms_and_curve(models[-1], added, trials)[1]
         if (small := _small_beside(curve, models[-1], added)) is None:
@@ -247,7 +248,7 @@ def search(
         undecided=trial,
         drawn_at=at,
         unseen=told,
-        left=left_unexplained(at, named),
+        left=left_unexplained(at, _explained(named, trials)),
         left_anywhere=left_unexplained(at, ()),
         too_short=too_short,
     )
@@ -389,17 +390,34 @@ def _confirmed(model: Model, best: Fitted, unseen: Judge | str) -> tuple[CostRed
     )
 
 
-def _superfluous(model: Model, added: Sequence[Candidate]) -> Candidate | None:
-    """The addition that the later ones have made unnecessary, if there is one."""
-    worst = max(added[:-1], key=lambda s: loss(model, s).significance, default=None)
-    return worst if worst is not None and loss(model, worst).significance > THRESHOLDS.backward_chance else None
+def _superfluous(
+    logs: Sequence[FlightLog], model: Model, earlier: Sequence[Candidate], options: Options
+) -> tuple[Candidate, Model] | None:
+    """The addition that the last one has made unnecessary, and the model without it; None if all are needed.
+
+    What would be added again to the model without it is needed, however little the last test of it shows: a few blocks
+    decide that one, and all of them say what is left over without it.
+    """
+    chance = {candidate: loss(model, candidate).significance for candidate in earlier}
+    for candidate in sorted(earlier, key=lambda s: -chance[s]):
+        if chance[candidate] <= THRESHOLDS.backward_chance:
+            break
+        without = _without(logs, model, candidate, options)
+        if candidate.name not in {s.name for s in significant(without)}:
+            return candidate, without
+    return None
 
 
 def _forms_and_curve(
     model: Model, named: Sequence[Candidate], trials: Sequence[Trial]
 ) -> tuple[list[Form], Outside | None]:
+    return forms_and_curve(model, _explained(named, trials))
+
+
+def _explained(named: Sequence[Candidate], trials: Sequence[Trial]) -> list[tuple[Candidate, float]]:
+    """Effects, each with the fall of the cost as it was added."""
     fell = {t.candidate.name: t.training.total for t in trials}
-    return forms_and_curve(model, [(candidate, fell[candidate.name]) for candidate in named])
+    return [(candidate, fell[candidate.name]) for candidate in named]
 
 
 def _small_beside(curve: Outside | None, model: Model, added: Sequence[Candidate]) -> Candidate | None:

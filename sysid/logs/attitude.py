@@ -53,6 +53,8 @@ BLOCK_S = 1.0
 """Errors are taken as independent between blocks of this length."""
 SPARE_BLOCKS = 3
 """Of so many blocks more than coefficients an error can be estimated: of fewer, their pulls cancel to nothing."""
+LEVEL_COEFFICIENTS = 5
+"""Of `level_gain`."""
 WITHIN = 3.0
 """A gain that is further than this factor from what physics has is another thing: a controller's answer to gusts."""
 
@@ -110,6 +112,16 @@ def check(log: FlightLog, motion: Kinematics) -> list[Finding]:
             )
         ]
     return []
+
+
+def unsure(motion: Kinematics) -> list[str]:
+    """In words, that a flight is too short to compare the headings of attitude and positions; empty if it is not."""
+    length_s, blocks = GRID_S * len(motion.time_s), LEVEL_COEFFICIENTS + SPARE_BLOCKS
+    least_s = (blocks - 1) * BLOCK_S  # the last block may be a part of one
+    if length_s > least_s:
+        return []
+    sentence = "whether the attitude's heading is that of the positions shows in flights of more than"
+    return [f"the flight lasts {length_s:.1f} s: {sentence} {least_s:.0f} s"]
 
 
 def _headings(motion: Kinematics, readings: list[Reading]) -> dict[float, tuple[Reading, float, float]]:

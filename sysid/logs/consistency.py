@@ -43,12 +43,14 @@ def check(log: FlightLog, vehicle: Vehicle | None, progress: Progress = silent) 
     progress("checking", 0.3)
     if turned := mounting.check(log, motion, flown):
         return [*found, *turned], []
+    if not any(f.level == "error" for f in found):
+        found += mounting.check_accelerometer(log, motion)
     gyro, unsure = _gyro(log, motion)
     progress("checking", 0.5)
     places, inconclusive = _order(log, motion, flown, gyro_is_right=not any(f.level == "error" for f in gyro))
     progress("checking", 0.7)
     rotors = _rotors(log, motion, flown, places, gyro_is_sure=not unsure)
-    return [*found, *gyro, *rotors], [*unsure, *inconclusive]
+    return [*found, *gyro, *rotors], [*attitude.unsure(motion), *unsure, *inconclusive]
 
 
 def _accelerometer(log: FlightLog) -> list[Finding]:

@@ -1,9 +1,12 @@
-"""Are the attitude's body axes those of the gyro? A sensor that is mounted turned by a quarter turn or more is named.
+"""Are the attitude's body axes those of gyro and accelerometer? What is turned by 90 deg or more is named.
 
-The turn is that which fits the attitude's rate to the gyro's best (Wahba's problem, by singular values). Whose axes are
-the vehicle's the rotors decide: turning must follow the torque that they make at their places. Of smaller turns nothing
-is said, for the fit estimates how the pose sensor is mounted.
+The gyro's turn is that which fits the attitude's rate to the gyro's best (Wahba's problem, by singular values). Whose
+axes are the vehicle's the rotors decide: turning must follow the torque that they make at their places. Of smaller
+turns nothing is said, for the fit estimates how the pose sensor is mounted. The accelerometer's axes, in any order and
+of any sign, must show gravity along z, and level what the positions show: drag, mostly.
 """
+
+from itertools import permutations, product
 
 import numpy as np
 
@@ -24,6 +27,10 @@ LEAST_SECOND = 0.5
 """Of the two rates along the second of the axes about which they agree: one axis alone shows no turn about itself."""
 MOST_LEFT = 0.5
 """A turn leaves at most this share of what another clock alone leaves unexplained."""
+LEAST_UPRIGHT = 0.7
+"""Share of the specific force along z, from which on gravity shows there."""
+AXES = [np.diag(signs)[list(order)] for order in permutations(range(3)) for signs in product((1.0, -1.0), repeat=3)]
+"""All orders and signs of three axes, as matrices."""
 
 
 def check(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None) -> list[Finding]:
@@ -52,6 +59,49 @@ def check(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None) -> list[F
         if _rotors_agree(log, (motion.time_s, motion.rate_body_rad_s), vehicle):
             return [error("frame", f"{sentence}; the rotors follow the attitude", of_imu, repair=imu)]
     return [error("frame", sentence, f"{of_attitude}, or {of_imu}: see which sensor is mounted turned")]
+
+
+def check_accelerometer(log: FlightLog, motion: Kinematics) -> list[Finding]:
+    """Order and signs of the accelerometer's axes, if they are not those of the attitude's body axes."""
+    if not sampled(log, "specific_force_body_m_s2"):
+        return []
+    expected = rotations.rotate(rotations.conjugate(motion.q), motion.specific_force_world_m_s2)[:, :2]
+    read = on_grid(log, "specific_force_body_m_s2", motion.time_s)
+    size = float(np.median(np.linalg.norm(read, axis=1)))
+    upright = [axes for axes in AXES if np.median(read @ axes[2]) > LEAST_UPRIGHT * size]
+    if not upright:
+        return []
+    follows = [_level(expected, read @ axes.T) for axes in upright]
+    best = int(np.argmax(follows))
+    given = [f for f, axes in zip(follows, upright, strict=True) if np.array_equal(axes, np.eye(3))]
+    if given and not (
+        follows[best] > LEAST_CORRELATION and 1.0 - follows[best] ** 2 < MOST_LEFT * (1.0 - max(0.0, *given) ** 2)
+    ):
+        return []
+    axes = upright[best]
+    both = [correlation(expected[:, i], read @ axes[i]) for i in range(2)]
+    if min(both) < LEAST_SECOND:
+        sentence = "its level axes are not the attitude's" if given else "gravity is not along its z"
+        return [error("frame", f"accelerometer: {sentence}", "check the order and signs of its axes")]
+    said = ", ".join(f"{name} is its {_axis(row)}" for name, row in zip("xyz", axes, strict=True))
+    sentence = f"the accelerometer's axes are not the attitude's: the body's {said}"
+    if np.linalg.det(axes) < 0.0:
+        return [error("frame", sentence, "reorder its axes so, and see why they are left-handed")]
+    turn = rotations.log(rotations.from_matrix(axes))
+    back = (float(turn[0]), float(turn[1]), float(turn[2]))
+    repair = Repair("turn body", COLUMNS["specific_force_body_m_s2"], turn_rad=back)
+    return [error("frame", sentence, "turn the accelerometer to the attitude's body axes", repair=repair)]
+
+
+def _level(expected: FloatArray, force: FloatArray) -> float:
+    """Correlation of level forces (n, 2 and more), each about its mean: a bias or a small tilt is no matter."""
+    level = force[:, :2]
+    return correlation((expected - expected.mean(axis=0)).ravel(), (level - level.mean(axis=0)).ravel())
+
+
+def _axis(row: FloatArray) -> str:
+    i = int(np.abs(row).argmax())
+    return f"{'-' if row[i] < 0.0 else ''}{'xyz'[i]}"
 
 
 def _rotors_agree(log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicle) -> bool:

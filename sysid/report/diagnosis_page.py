@@ -112,8 +112,8 @@ def _fit_sentence(found: Diagnosis) -> list[str]:
 
 
 def _belief_sentence(found: Diagnosis) -> str:
-    said = found.belief.sentence(named=found.says_missing)
-    return f"{said[0].upper()}{said[1:]}."
+    sentences = (found.belief.sentence(named=found.says_missing), found.envelope.sentence)
+    return " ".join(f"{said[0].upper()}{said[1:]}." for said in sentences)
 
 
 def _curve_sentence(o: OutsideFinding) -> str:

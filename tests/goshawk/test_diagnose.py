@@ -70,6 +70,9 @@ def test_the_missing_effect_is_named_written_and_the_next_command_works(folder, 
     html = page.read_text()
     assert html.count("data:image/svg+xml") == len(drawn)
     assert "Missing was angular damping." in html
+    for shown in (said, html):  # within what was flown, and no farther
+        assert "within the flown envelope" in shown
+        assert f"sink to {document['envelope']['sink_m_s']:.1f} m/s" in shown
     assert document["next"][0] in html
     assert "src='http" not in html
 

@@ -145,3 +145,12 @@ def test_crates_move_within_a_flight_and_again_before_a_later_one() -> None:
     for moved, (crates, *_) in enumerate(disturbed.CRATES_WORLD_M):
         inside = [[*(np.array(crates) + 0.1), 0.3]]
         assert [disturbed.scene(k).distance(inside)[0] < 0.0 for k in range(3)] == [k == moved for k in range(3)]
+
+
+def test_blur_spreads_what_is_seen_about_its_place() -> None:
+    """A filter of even width moves it by half a pixel, which no motion of the rig explains."""
+    point = np.zeros((5, 41), np.uint8)
+    point[2, 20] = 180
+    rows, columns = np.nonzero(blurred := disturbed.blurred(point))
+    assert (set(rows), len(columns)) == ({2}, disturbed.BLUR_PX)
+    assert np.average(columns, weights=blurred[rows, columns]) == pytest.approx(20.0)

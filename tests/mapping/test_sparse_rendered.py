@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mapping
-from flight import FloatArray, rotations
+from flight import FloatArray, frames, rotations
 from goshawk.rendered import world as rendered_world
 from goshawk.rendered.world import RenderedFlight
 from mapping.camera import rig as rigs
@@ -90,6 +90,26 @@ def test_images_taken_between_are_found_in_the_map(placed: SparseMap, folders) -
     off_m, off_rad = errors(asked.T_world_body, T @ answer.T_world_body)
     assert off_m.max() < 0.05
     assert np.degrees(off_rad).max() < 2.0
+
+
+def test_a_camera_file_is_corrected_by_the_matches_of_the_corrected_map(folders) -> None:
+    """The down camera is turned by 1 deg, which makes the first map a fifth too large, of matches that fit it."""
+    folder, truth = folders[0], folders[2].T_world_body
+    right, turn_rad = rigs.load(folder / "camera.toml"), np.radians([0.6, 0.6, -0.5])
+    T = right.cameras[1].T_body_camera.copy()
+    T[:3, :3] = T[:3, :3] @ rotations.matrix(rotations.exp(-turn_rad))
+    told = dataclasses.replace(
+        right, cameras=(right.cameras[0], dataclasses.replace(right.cameras[1], T_body_camera=T))
+    )
+    made = reconstruction.reconstruct(mapping.read_folder(folder, told))
+    (finding,) = made.trial.present
+    assert str(finding.candidate) == "down: rotation on the body"
+    np.testing.assert_array_less(np.abs(finding.size - turn_rad), 4.0 * finding.std)
+    ours, true = (np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1).sum() for T in (made.T_world_body, truth))
+    assert ours / true == pytest.approx(1.0, abs=4.0 * made.trial.scale_std)
+    # the trial is of the map as it is now, so its certainty is that of these poses
+    steps, tried = (frames.invert(T[0]) @ T for T in (made.T_world_body, made.trial.T_world_body))
+    np.testing.assert_allclose(steps, tried, atol=1e-9)
 
 
 def test_one_camera_of_the_rig_is_enough_to_be_found(placed: SparseMap, folders) -> None:

@@ -55,7 +55,8 @@ def test_what_is_no_number_is_not_believed(names, left):
 def test_each_probability_is_said_with_what_it_is_of():
     found = belief([0.5], curve=None, left=0.0, most=0.97)
     assert found.sentence(named=False) == (
-        "probability 50% that nothing is missing, 0% that something unknown is missing, "
+        "probability 50% that nothing is missing within the flown envelope, 0% that something unknown is missing, "
         "50% that a known effect is missing"
     )
-    assert found.sentence(named=True).startswith("probability 50% that this is right and nothing else is missing, 0%")
+    said = found.sentence(named=True)
+    assert said.startswith("probability 50% that this is right and nothing else is missing within the flown envelope, ")

@@ -156,7 +156,7 @@ def test_a_proxy_alone_says_that_something_unknown_is_missing(left: float, doubt
     )
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=left, forms=(), doubted=doubted)
     whole.input_verdict = SimpleNamespace(against=())
-    whole.pose_may_be_late = False
+    whole.pose_may_be_late, whole.unsaid = False, ()
     whole.says_missing = Diagnosis.says_missing.fget(whole)  # type: ignore[attr-defined]
     assert whole.says_missing
     assert least <= Diagnosis.belief.fget(whole).as_stated <= most  # type: ignore[attr-defined]
@@ -177,8 +177,49 @@ def test_a_proxy_beside_a_name_is_for_its_form_or_for_something_unknown(forms: b
     )
     whole.leaves_too_much = whole.pose_may_be_late = False
     whole.says_missing, whole._said = True, str
+    whole.doubts, whole.unsaid = ("ground_effect", "payload"), (SimpleNamespace(name="payload", confidence=0.0),)
     own = ((CANDIDATE, CURVE),) if forms else ()
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=60.0, forms=own, doubted=())
     whole.input_verdict = SimpleNamespace(against=())
     assert words in Diagnosis.verdict.fget(whole)  # type: ignore[attr-defined]
+    assert "; payload may be missing too, which is not confirmed" in Diagnosis.verdict.fget(whole)  # type: ignore[attr-defined]
     assert least <= Diagnosis.belief.fget(whole).as_stated <= most  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("additions", "outside", "unsaid"),
+    [
+        ((), None, ("rotor_interaction", "parasitic_drag", "flapping_moment")),
+        (("parasitic_drag",), None, ("rotor_interaction", "flapping_moment")),
+        (("flapping_moment",), None, ("parasitic_drag",)),
+        ((), "F_x_world", ("rotor_interaction", "flapping_moment")),
+        ((), "T", ()),
+    ],
+)
+def test_the_sentence_is_only_as_likely_as_that_nothing_is_missing_where_nothing_stated_shows(
+    additions: tuple[str, ...], outside: str | None, unsaid: tuple[str, ...]
+):
+    """What is left where a stated effect shows may be of the form of its law."""
+    channels = {"rotor_interaction": ("M_x", "M_y"), "parasitic_drag": ("F_x", "F_z"), "flapping_moment": ("M_x",)}
+    found = [
+        SimpleNamespace(
+            name=name,
+            channels=shown,
+            verdict=Verdict.PRESENT if name in additions else Verdict.INCONCLUSIVE,
+            confidence=0.4,
+        )
+        for name, shown in channels.items()
+    ]
+    drawn = outside and SimpleNamespace(channel=outside, confidence=1.0)
+    whole: Any = SimpleNamespace(candidates=found, additions=additions, undecided=(), proxies=(), outside=drawn)
+    whole.leaves_too_much = whole.pose_may_be_late = False
+    whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=0.0, forms=(), doubted=())
+    whole.input_verdict = SimpleNamespace(against=())
+    whole.doubts, whole.says_missing = tuple(channels), bool(additions or outside)
+    whole.unsaid = Diagnosis.unsaid.fget(whole)  # type: ignore[attr-defined]
+    assert tuple(s.name for s in whole.unsaid) == unsaid
+    if whole.says_missing:
+        assert Diagnosis.unsaid.fget(SimpleNamespace(**{**vars(whole), "doubts": ()})) == ()  # type: ignore[attr-defined]
+    named = 0.4 if additions else 1.0
+    expected = min(THRESHOLDS.most_confidence, named * (0.6 if unsaid else 1.0))
+    assert Diagnosis.belief.fget(whole).as_stated == pytest.approx(expected)  # type: ignore[attr-defined]

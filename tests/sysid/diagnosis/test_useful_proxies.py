@@ -190,13 +190,27 @@ def test_a_curve_that_is_of_no_named_law_is_stated_beside_one_that_is(monkeypatc
         assert examined.forms_and_curve(model, []) == ([], form)
 
 
-def test_what_is_left_in_the_channels_of_a_named_effect_speaks_for_nothing_unknown():
-    tried = SimpleNamespace(curve=[None], left={"F_z": 40.0, "T": 30.0, "M_z": 4.0})
-    model = cast("Any", SimpleNamespace(tried=tried))
+def test_only_what_is_left_of_a_named_effects_form_speaks_for_nothing_unknown():
+    """Gains are twice the log odds here: a curve that explains a fifth of what the name does is another law."""
+    drawn = [curve("F_z", "v_z", 80.0), curve("T", "v_z", 60.0), curve("M_z", "w_z", 8.0)]
+    model = cast("Any", SimpleNamespace(tried=SimpleNamespace(curve=[None], drawn=drawn)))
+    one = candidate("a")
     assert examined.left_unexplained(model, []) == 40.0
-    assert examined.left_unexplained(model, [candidate("a")]) == 4.0
-    tried.left["M_z"] = np.nan
-    assert np.isnan(examined.left_unexplained(model, [candidate("a")]))
+    assert examined.left_unexplained(model, [(one, 1000.0)]) == 4.0
+    assert examined.left_unexplained(model, [(one, 350.0)]) == 40.0
+    drawn.append(curve("M_z", "w_x", np.nan))
+    assert np.isnan(examined.left_unexplained(model, [(one, 1000.0)]))
+
+
+@pytest.mark.parametrize(("again", "goes"), [((), "a"), (("a",), "b"), (("a", "b"), None)])
+def test_an_addition_goes_only_where_nothing_would_bring_it_back(monkeypatch: pytest.MonkeyPatch, again, goes):
+    """Of three, the last test leaves two in doubt, the first most."""
+    chance = {"a": 0.02, "b": 0.01, "c": 1e-6}
+    monkeypatch.setattr(search, "loss", lambda model, one: SimpleNamespace(significance=chance[one.name]))
+    monkeypatch.setattr(search, "_without", lambda logs, model, one, options: f"without {one.name}")
+    monkeypatch.setattr(search, "significant", lambda model: [candidate(name) for name in again])
+    found = search._superfluous((), cast("Any", None), [candidate(name) for name in "abc"], cast("Any", None))
+    assert (found and (found[0].name, found[1])) == (goes and (goes, f"without {goes}"))
 
 
 @pytest.mark.parametrize(("half90", "status"), [(np.nan, "free"), (0.0, NOT_IDENTIFIABLE)])

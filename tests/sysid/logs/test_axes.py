@@ -258,3 +258,42 @@ def test_a_second_fix_changes_nothing(log, truth):
         _with(_heading(log, 90.0), GYRO, rotations.rotate(quarter, log.vector(GYRO))),
     ):
         assert fix(fix(fault, truth).log, truth).done == ()
+
+
+ACCELEROMETER = "specific_force_body_m_s2"
+
+
+def _with_accelerometer(log: FlightLog, axes: np.ndarray) -> FlightLog:
+    """What the motion makes, with noise and a bias, along axes of the sensor's own."""
+    motion = kinematics(log)
+    assert motion is not None
+    force = rotations.rotate(rotations.conjugate(motion.q), motion.specific_force_world_m_s2)
+    read = np.column_stack([np.interp(log.time_s, motion.time_s, column) for column in force.T])
+    read += [0.3, -0.2, 0.1] + 0.3 * np.random.default_rng(2).standard_normal(read.shape)
+    return _with(log, ACCELEROMETER, read @ axes.T)
+
+
+@pytest.mark.parametrize("axes", [[(0, 1, 0), (-1, 0, 0), (0, 0, 1)], [(0, 0, 1), (0, 1, 0), (-1, 0, 0)]])
+def test_an_accelerometer_alone_that_is_mounted_turned_is_turned_back(log, truth, axes):
+    right, turned = (_with_accelerometer(log, matrix) for matrix in (np.eye(3), np.array(axes, dtype=float)))
+    fixed = fix(turned, truth)
+    assert "specific_force_body" in fixed.done[0]
+    assert fixed.left == ()
+    assert np.abs(fixed.log.vector(ACCELEROMETER) - right.vector(ACCELEROMETER)).max() < 1e-9
+
+
+def test_swapped_axes_of_an_accelerometer_are_found_and_left_to_the_user(log, truth):
+    (finding,) = check_log(_with_accelerometer(log, np.eye(3)[[1, 0, 2]]), truth).findings
+    assert "the body's x is its y, y is its x, z is its z" in finding.sentence
+    assert finding.repair is None
+
+
+def test_an_accelerometer_along_the_body_axes_gives_no_finding(campaign, truth):
+    for flown in campaign:
+        assert check_log(_with_accelerometer(flown, np.eye(3)), truth).findings == ()
+
+
+def test_a_flight_too_short_to_show_a_heading_says_so(campaign, truth):
+    short = campaign[1].slice(0.0, 6.0)
+    assert any("heading" in sentence for sentence in check_log(short, truth).inconclusive)
+    assert not any("heading" in sentence for sentence in check_log(campaign[1], truth).inconclusive)
