@@ -34,7 +34,6 @@ from sysid.estimator.comparison import HORIZONS_S, Comparison, compare
 from sysid.estimator.flight_data import left_out
 from sysid.estimator.options import Options
 from sysid.estimator.prepare import prepare_all
-from sysid.estimator.result import Identification
 from sysid.logs.check import check_log
 from sysid.logs.payload import PAYLOAD, carries_payload
 from vehicle import Vehicle, rigid_body
