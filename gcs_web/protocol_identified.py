@@ -18,7 +18,7 @@ class Identified(msgspec.Struct, frozen=True):
     sigma: float
     """Robust standard error; that of the vehicle file where it was held."""
     status: str
-    """`free`, `held` or `not identifiable`."""
+    """`free`, `held`, `not identifiable` or `not settled`."""
 
 
 class ConfoundedPair(msgspec.Struct, frozen=True):

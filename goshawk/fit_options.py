@@ -15,7 +15,7 @@ from sysid.estimator.options import Options
 from sysid.logs.check import LogReport
 from vehicle import Vehicle
 
-FLAGS = {"gaps='split'": "--split-gaps", "robust=True": "--robust"}
+FLAGS = {"gaps='split'": "--split-gaps", "robust=True": "--robust", "gusts='estimate'": "--gusts estimate"}
 """Arguments that the library's messages name, and the corresponding options."""
 
 Chosen = Mapping[str, Any]

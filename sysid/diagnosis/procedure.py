@@ -22,19 +22,18 @@ from sysid.diagnosis.findings import (
     Stair,
     Verdict,
 )
+from sysid.diagnosis.first_fit import First, first_fit
 from sysid.diagnosis.free_form import THRUST, UNIT, axes_of
 from sysid.diagnosis.score import Score
 from sysid.diagnosis.search import Search, search
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.diagnosis.trial import Trial
 from sysid.estimator import verdict as fits
-from sysid.estimator.clocks import gyro_is_early, pose_is_late
+from sysid.estimator.clocks import gyro_is_early
 from sysid.estimator.comparison import HORIZONS_S, Comparison, compare
 from sysid.estimator.flight_data import left_out
-from sysid.estimator.identification import identify
 from sysid.estimator.options import Options
 from sysid.estimator.prepare import prepare_all
-from sysid.estimator.result import Identification
 from sysid.logs.check import check_log
 from sysid.logs.payload import PAYLOAD, carries_payload
 from vehicle import Vehicle, rigid_body
@@ -76,7 +75,7 @@ class Diagnosis:
     judged: Comparison
     """Every model of the staircase on the flights it was judged by, for plots."""
     input_verdict: fits.Verdict
-    """Of the checks of all logs: what is against their use with this vehicle file."""
+    """Of the checks of all logs and of the first fit: what is against their use with this vehicle file."""
 
     @property
     def undecided(self) -> tuple[str, ...]:
@@ -258,6 +257,7 @@ def diagnose(
 
     The vehicle is first fitted to the flights; every effect it lacks is then scored, the likeliest is fitted in full
     and kept only if flights that were not used agree. With `auto` this goes on until nothing significant is left.
+    Disturbances are white unless the first fit then has an impossible inertia; lasting ones take their place there.
 
     Args:
         logs: flights to learn from.
@@ -278,15 +278,15 @@ def diagnose(
     input_verdict = fits.of_logs(check_log(log, vehicle) for log in (*logs, *held_out))
     options = while_searching(options or Options(gusts="white"))
     try:
-        base, found, options = _searched(logs, vehicle, held_out, options, 8 if auto else 1, progress)
+        first, found = _searched(logs, vehicle, held_out, options, 8 if auto else 1, progress)
     except InputError as error:
         why = "".join(f"; {sentence}" for sentence in input_verdict.against[:1])
         raise InputError(f"{error}{why}") from error
     last = found.models[-1].fit
-    models = {"as given": vehicle, "fitted": base.vehicle}
+    models = {"as given": vehicle, "fitted": first.fit.vehicle}
     models |= {label: model.fit.vehicle for label, model in zip(_labels(found), found.models[1:], strict=True)}
     carried = _carried(found, logs, held_out)
-    judged = compare(carried[len(logs) :] or carried[: len(logs)], models, options)
+    judged = compare(carried[len(logs) :] or carried[: len(logs)], models, first.options)
     stairs = tuple(
         Stair(name, {f"{h:g} s": e for h, e in zip(HORIZONS_S, judged.errors[name]["position"], strict=True)})
         for name in models
@@ -304,7 +304,8 @@ def diagnose(
         invisible=found.models[0].candidate_set.invisible,
         flights=tuple(names[: len(logs)]),
         held_out=tuple(names[len(logs) :]),
-        findings=((found.too_short,) if found.too_short else ())
+        findings=first.said
+        + ((found.too_short,) if found.too_short else ())
         + _other_forms(found)
         + last.findings
         + left_out(found.unseen)
@@ -312,7 +313,7 @@ def diagnose(
         search=found,
         payload_carried=_newly_told((*logs, *held_out), carried),
         judged=judged,
-        input_verdict=input_verdict,
+        input_verdict=input_verdict.doubted(*first.said),
     )
 
 
@@ -323,15 +324,12 @@ def _searched(
     options: Options,
     most: int,
     progress: Progress,
-) -> tuple[Identification, Search, Options]:
-    """The fit of the vehicle as it is, the search from there, and with which options both were made."""
-    base = identify(logs, vehicle, options, progress=within(progress, "diagnose", 0.0, 0.1))
-    if pose_is_late(base.clocks):  # then that is an effect to be named, measured by the clock of the rotors
-        options = replace(options, clock="rotor speed")
-        base = identify(logs, vehicle, options, near=base)
+) -> tuple[First, Search]:
+    """The fit of the vehicle as it is, and the search from there."""
+    first = first_fit(logs, vehicle, options, within(progress, "diagnose", 0.0, 0.1))
     progress("diagnose", 0.15)
-    unseen = prepare_all(held_out, options, [vehicle])
-    return base, search(logs, base, unseen, options, most=most, progress=progress), options
+    unseen = prepare_all(held_out, first.options, [vehicle])
+    return first, search(logs, first.fit, unseen, first.options, most=most, progress=progress)
 
 
 def _carried(found: Search, logs: Sequence[FlightLog], held_out: Sequence[FlightLog]) -> list[FlightLog]:

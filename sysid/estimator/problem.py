@@ -79,6 +79,16 @@ def linearise(flight: Flight, states: States, point: Point, unknowns: Unknowns, 
     )
 
 
+def curvature_of(flight: Flight, states: States, point: Point, unknowns: Unknowns, noise: Noise) -> FloatArray:
+    """(p,) what Gauss-Newton leaves out of the cost's second derivatives by the shared parameters, of one flight."""
+    at = located(flight, states, point, noise)
+    found: dict[str, float] = {}
+    for between in (True, False):
+        for block in acting(flight, noise, between=between):
+            found |= block.curvature(at)
+    return np.array([found.get(name, 0.0) for name in unknowns.names])
+
+
 Residuals = tuple[FloatArray, FloatArray]
 """Of one flight, whitened: (k, d) of the intervals between nodes, (k + 1, m) at the nodes."""
 

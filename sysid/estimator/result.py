@@ -1,6 +1,6 @@
 """What an identification found: estimates with errors that can be believed, and how it got there."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -37,6 +37,8 @@ STRONGLY_CORRELATED = 5.0
 """Errors correlated in time make a standard error so many times the plain one before it is worth a sentence."""
 NOT_IDENTIFIABLE = "not identifiable"
 """Status of a parameter that is held because the flights do not determine it."""
+NOT_SETTLED = "not settled"
+"""... and of one that they tell only together with another, so that the fit did not settle with both free."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +55,8 @@ class Estimate:
     start: float
     """Value before the fit."""
     status: str
-    """`free`, `held` (by the user), or `not identifiable` (from these flights, and therefore held)."""
+    """`free`, `held` (by the user), `not identifiable` (from these flights, and therefore held), or `not settled` (told
+    only together with another one, and therefore held)."""
     information: tuple[float, ...]
     """Share of each flight in what is known about it, the other parameters taken out; sums to 1 with the prior."""
     interval90: float
@@ -187,6 +190,7 @@ def conclude(
     unknowns: Unknowns,
     solution: Solution,
     unseen: tuple[str, ...],
+    unsettled: Mapping[str, str],
     options: Options,
     given: Vehicle,
     clock: Reference,
@@ -195,6 +199,8 @@ def conclude(
 
     Args:
         vehicle: what the fit started from.
+        unseen: parameters that are held because these flights do not identify them.
+        unsettled: parameters that are held because the fit did not settle, with a sentence on each.
         given: what the user gave; another one where stages or a search came before.
         clock: whose clock the others were measured against.
     """
@@ -228,6 +234,7 @@ def conclude(
         for i, name in enumerate(names)
     ]
     estimates += [_held(vehicle, name, NOT_IDENTIFIABLE) for name in unseen]
+    estimates += [_held(vehicle, name, NOT_SETTLED) for name in unsettled]
     estimates += [_held(vehicle, name, "held") for name in sorted({"mass_kg", *options.held}) if name not in names]
     safe = np.where(std > 0.0, std, 1.0)
     disagreement = _disagreement(vehicle, unknowns, solution, flights)
@@ -250,8 +257,10 @@ def conclude(
             + on_time.sentences(unknowns, flights)
             + _thrust_against_belief(given, solution, flights)
             + disagreement
+            + list(unsettled.values())
         ),
         verdict=verdict.doubted(
+            *unsettled.values(),
             *_at_bounds(vehicle, estimates, but=0.0),
             *unpredicted_turning(solution, flights, unknowns.model),
             *disagreement,

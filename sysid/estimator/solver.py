@@ -15,7 +15,7 @@ from sysid.estimator.clocks import LONGEST_STEP_S
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.noise import Noise
 from sysid.estimator.parallel import each
-from sysid.estimator.problem import Point, Residuals, cost_of, linearise, residuals_of
+from sysid.estimator.problem import Point, Residuals, cost_of, curvature_of, linearise, residuals_of
 from sysid.estimator.states import States
 from sysid.estimator.unknowns import Unknowns
 from vehicle import specs
@@ -115,7 +115,9 @@ def solve(
         hessian = prior.information + carried.information + sum(p.eliminated.information for p in parts)
         pulls = sum(p.eliminated.gradient for p in parts)
         gradient = prior.information @ (border - prior.mean) + carried.gradient + pulls
-        step, sigma = _parameter_step(hessian, gradient, _room(point, unknowns))
+        left_out = np.diag(np.maximum(sum(p.curvature for p in parts), 0.0))
+        step = _parameter_step(hessian + left_out, gradient, _room(point, unknowns))
+        sigma = np.sqrt(np.diag(covariance_of(hessian)))
         judged = slice(unknowns.size - len(unknowns.delay) if unknowns.model else None)
         changes = [p.eliminated.states(step) for p in parts]
         rows_left, before = [p.rows_left for p in parts], sum(p.cost for p in parts)
@@ -158,6 +160,8 @@ class Part:
     eliminated: Eliminated
     rows_left: dict[str, FloatArray]
     """(levels,) of each block: rows that are left to judge the level by, the states having taken their share."""
+    curvature: FloatArray
+    """(p,) of the cost beyond what Gauss-Newton takes it for."""
 
     @property
     def cost(self) -> float:
@@ -176,7 +180,8 @@ def linearised(
         defect_leverage, sensor_leverage = eliminated.factor.leverage(rows)
         measured = (rows.sensor_state != 0.0).any(axis=2)
         left = (1.0 - defect_leverage).sum(axis=0), (measured * (1.0 - sensor_leverage)).sum(axis=0)
-        return Part((rows.defect, rows.sensor), eliminated, _by_level(flight, noise, left))
+        curvature = curvature_of(flight, states, point, unknowns, noise)
+        return Part((rows.defect, rows.sensor), eliminated, _by_level(flight, noise, left), curvature)
 
     return each(point.vehicle, one, flights, point.states)
 
@@ -222,10 +227,8 @@ def all_residuals(flights: Sequence[Flight], point: Point, noise: Noise, robust:
     return each(point.vehicle, one, flights, point.states)
 
 
-def _parameter_step(
-    hessian: FloatArray, gradient: FloatArray, room: tuple[FloatArray, FloatArray]
-) -> tuple[FloatArray, FloatArray]:
-    """Newton step (p,) that stays within `room` (lowest and highest step), and standard errors (p,).
+def _parameter_step(hessian: FloatArray, gradient: FloatArray, room: tuple[FloatArray, FloatArray]) -> FloatArray:
+    """Newton step (p,) that stays within `room` (lowest and highest step).
 
     A parameter that would leave its bounds goes to the bound, and the others are solved for again with it there.
     """
@@ -236,7 +239,7 @@ def _parameter_step(
         step[left] = -_solve_scaled(hessian[np.ix_(left, left)], pull)
         beyond = left & ((step < room[0]) | (step > room[1]))
         if not beyond.any():
-            return step, np.sqrt(np.diag(covariance_of(hessian)))
+            return step
         step = np.where(beyond, np.clip(step, *room), step)
         stopped |= beyond
 

@@ -21,6 +21,9 @@ COEFFICIENT_USUAL, COEFFICIENT_POSSIBLE = (2e-3, 0.1), (4e-4, 0.4)
 """Thrust over density, disc area and tip speed squared; propellers of all sizes have 0.005 to 0.04."""
 INERTIA_USUAL, INERTIA_POSSIBLE = (0.02, 1.0), (2e-3, 5.0)
 """Inertia over mass times the square of the largest hub distance; multirotors have 0.05 to 0.5."""
+INERTIA_OFF = 3.0
+"""Factor above the vehicle file's from which an inertia beyond mass times arm squared is no error of the file: it would
+need all the mass farther out than the rotors."""
 TRIANGLE = 1.1
 """No body's inertia about one axis exceeds the sum of the other two; fits may by this factor, from noise."""
 WRONG_KINDS = ("time unit", "unit", "frame", "rotor order", "rotor spin")
@@ -93,8 +96,20 @@ def of_fit(
     if any(name.split(".")[0].startswith("thrust") for name in free):
         verdict = verdict.beside(_thrust(given, fitted, flights))
     if any(name.startswith("inertia_") for name in free):
-        verdict = verdict.beside(_inertia(fitted))
+        verdict = verdict.beside(_inertia(given, fitted, free))
     return verdict
+
+
+def too_large_inertias(given: Vehicle, fitted: Vehicle, free: Iterable[str]) -> tuple[str, ...]:
+    """Names of the estimated inertias that neither mass and size nor the vehicle file allows."""
+    bound = _mass_at_rotors(fitted)
+    inertias = (name for name in sorted(free) if name.startswith("inertia_"))
+    return tuple(n for n in inertias if fitted.value(n) > max(bound, INERTIA_OFF * given.value(n)))
+
+
+def _mass_at_rotors(vehicle: Vehicle) -> float:
+    """Mass times the square of the largest hub distance, kg m2: no part of a multirotor is much farther out."""
+    return vehicle.mass_kg * float(np.square(vehicle.hub_body_m[:, :2]).sum(axis=1).max())
 
 
 def of_logs(reports: Iterable[LogReport]) -> Verdict:
@@ -156,20 +171,26 @@ def _cause(ratio: float) -> str:
     return "check the unit of rotor speed, mass_kg, and the thrust in the vehicle file"
 
 
-def _inertia(fitted: Vehicle) -> Verdict:
-    """Against mass and size, and against what any body can have."""
-    arm_m = float(np.linalg.norm(fitted.hub_body_m[:, :2], axis=1).max())
-    scale = fitted.mass_kg * arm_m**2
+def _inertia(given: Vehicle, fitted: Vehicle, free: Iterable[str]) -> Verdict:
+    """Against mass and size, the vehicle file, and what any body can have."""
+    too_large = too_large_inertias(given, fitted, free)
+    scale = _mass_at_rotors(fitted)
     inertia = {axis: fitted.value(f"inertia_{axis}_kg_m2") for axis in ("xx", "yy", "zz")}
     verdict = Verdict()
     for axis, value in inertia.items():
-        share = value / scale if scale > 0.0 else np.nan
+        name, share = f"inertia_{axis}_kg_m2", value / scale if scale > 0.0 else np.nan
         if np.isfinite(share) and not INERTIA_USUAL[0] < share < INERTIA_USUAL[1]:
             said = (
-                f"inertia_{axis}_kg_m2 came out {value:.3g}, {share:.2g} times mass times arm squared ({scale:.3g} kg "
-                "m2), where multirotors have 0.05 to 0.5: check mass_kg, the rotors' positions, their order and units"
+                f"{name} came out {value:.3g}, {share:.2g} times mass times arm squared ({scale:.3g} kg m2), where "
+                "multirotors have 0.05 to 0.5: check mass_kg, the rotors' positions, their order and units"
             )
-            possible = INERTIA_POSSIBLE[0] < share < INERTIA_POSSIBLE[1]
+            if name in too_large:
+                said += (
+                    f"; the vehicle file has less than a third of it ({given.value(name):.3g}). Rotors that answer "
+                    "disturbances look like a heavy body: fit with gusts='estimate', fly quicker turns in calm air, or "
+                    "hold the inertias"
+                )
+            possible = name not in too_large and INERTIA_POSSIBLE[0] < share < INERTIA_POSSIBLE[1]
             verdict = verdict.doubted(said) if possible else verdict.beside(Verdict(against=(said,)))
     total = sum(inertia.values())
     for axis, value in inertia.items():

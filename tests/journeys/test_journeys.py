@@ -17,7 +17,8 @@ import mapping
 import sysid
 import vehicle
 from flight import FlightLog, flight_log, trajectory
-from sysid.estimator.comparison import HORIZONS_S
+from sysid.estimator.comparison import HORIZONS_S, QUANTITIES
+from sysid.estimator.protocol import PROTOCOLS
 from tests.journeys import inputs
 
 PORT = "14561"
@@ -135,6 +136,26 @@ def test_a_real_csv_whose_gyro_clock_is_unsure_is_put_in_order_and_not_shifted(t
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not REAL.exists(), reason="the real flights are not beside this repository (../shared/data/flight)")
+def test_a_real_csv_becomes_a_vehicle_that_predicts_another_flight_better(tmp_path):
+    for name, of, part in (("flight", 1, slice(1, 4001)), ("other", 2, slice(1000, 4000))):
+        with gzip.open(REAL.with_name(f"random1_20251017_run{of}.csv.gz"), "rt") as file:
+            heads, *rows = file.readlines()
+        (tmp_path / f"{name}.csv").write_text("".join([heads, *rows[part]]))
+    walk("real_csv_better", tmp_path)
+    models = {name: vehicle.load(tmp_path / f"{name}.toml") for name in ("nano", "better")}
+    assert "wake_skew_moment" in models["better"].effects
+    held_out = [flight_log.load(tmp_path / "other.parquet")]
+    wrench = sysid.wrench_errors(held_out, models).rmse
+    for part in (slice(0, 3), slice(3, 6)):  # force, moment
+        assert np.linalg.norm(wrench["better"][part]) < 0.7 * np.linalg.norm(wrench["nano"][part])
+    judged = sysid.judge(held_out, models, PROTOCOLS["h50"])
+    alone = {way.model: judged.pooled(way) for way in judged.errors if way.turning == "model" and not way.carried}
+    for quantity in QUANTITIES:
+        assert alone["better"][quantity] < 0.5 * alone["nano"][quantity]
+
+
+@pytest.mark.slow
 def test_photographs_with_an_unknown_lens_become_a_map(tmp_path):
     inputs.with_photographs(tmp_path)
     walk("own_photographs", tmp_path)
@@ -165,7 +186,7 @@ LEARNING = {
 }
 
 
-@pytest.mark.parametrize("journey", LEARNING)
+@pytest.mark.parametrize("journey", [*LEARNING, "real_csv_better"])
 def test_from_a_log_to_a_better_vehicle_are_at_most_six_commands(journey):
     assert len(commands(HERE / f"{journey}.sh")) <= 6
 

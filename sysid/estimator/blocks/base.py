@@ -116,6 +116,11 @@ class Block(ABC):
     def linear(self, at: At) -> Linear:
         """Residual and derivatives, not yet whitened."""
 
+    def curvature(self, at: At) -> dict[str, float]:
+        """Whitened residuals times their second derivatives by delays, summed, by name: what Gauss-Newton leaves out
+        of the second derivative of the cost. Only where that is large."""
+        return {}
+
     def acts(self, flight: Flight, noise: Noise) -> bool:
         """Whether it has rows on a flight."""
         return self.measured(flight) and (not self.levels or self.name in noise.levels)

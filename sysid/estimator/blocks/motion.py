@@ -16,7 +16,7 @@ from flight.rotations import FloatArray
 from sysid import _sysid
 from sysid.estimator.blocks import motor, rotor_speed
 from sysid.estimator.blocks.base import At, Block, Channel, Linear
-from sysid.estimator.clocks import delay_name
+from sysid.estimator.clocks import delay_name, delay_of
 from sysid.estimator.flight_data import Flight, IndexArray
 from sysid.estimator.midpoint import Middle, rates_of_change
 from sysid.estimator.model import along, slopes_along
@@ -38,6 +38,8 @@ LEAST_FORCE_WITHOUT_POSE = 0.1
 """Without a pose, positions hang on almost nothing; a stiffer model would leave their equations singular."""
 OVER_RELAXATION = 1.6
 """Power of the update of a level that falls: the plain fixed point (1) creeps, 2 overshoots."""
+SECOND_DIFFERENCE_S = 2e-4
+"""Change of a delay that shows how its slope changes: well below a sample, well above rounding."""
 
 
 class Motion(Block):
@@ -78,6 +80,22 @@ class Motion(Block):
         rows = (linear.residual, *linear.by_state, linear.by_shared)
         residual, before, after, by_shared = whiten(at.mid.step_s, at.noise.process, *rows)
         return Linear(residual, (before, after), by_shared, linear.shared)
+
+    def curvature(self, at: At) -> dict[str, float]:
+        """By the delay of rotor speed. A controller answers disturbances, so what the model leaves unexplained goes
+        with rotor speed and its second derivative: the cost was up to five times as curved as Gauss-Newton takes it."""
+        if rotor_speed.QUANTITY not in at.flight.streams:
+            return {}
+        name, h, e = delay_name(rotor_speed.QUANTITY, at.flight.log_index), at.mid.step_s, SECOND_DIFFERENCE_S
+        delay_s = delay_of(rotor_speed.QUANTITY, at.flight, at.sensors)
+        before, now, after = (
+            along(at.vehicle, rotor_speed.aligned(at.flight, {name: delay_s + change}), at.mid)
+            for change in (-e, 0.0, e)
+        )
+        second = np.zeros((len(h), ROWS))
+        second[:, GAINED] = -h * (after - 2.0 * now + before) / e**2
+        white = whiten(h, at.noise.process, defects(at.states, at.mid, now), second)
+        return {name: float(np.vdot(*white))}
 
     def updated(self, levels: FloatArray, ratio: FloatArray, flights: Sequence[Flight]) -> FloatArray:
         least = LEAST_PROCESS.copy()

@@ -159,3 +159,22 @@ def test_the_column_of_a_late_rotor_speed_matches_finite_differences(scene, dela
     high, low = (MOTION.residual(at(delay_s + s * step)) for s in (1.0, -1.0))
     expected = (high - low) / (2.0 * step)
     np.testing.assert_allclose(linear.by_shared[:, :, -1], expected, rtol=1e-4, atol=1e-5 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.012])
+def test_with_its_curvature_the_cost_of_a_late_rotor_speed_has_the_second_derivative_of_finite_differences(
+    scene, delay_s
+):
+    flight, states, model = scene
+    model = model.with_effect("rotor_acceleration_torque", rotor_inertia_kg_m2=1e-5)
+    name, step = clocks.delay_name(clocks.ROTOR_SPEED, 0), 1e-4
+    noise = Noise({**NOISE.levels, "motion": np.ones(6)})
+
+    def at(delay_s: float) -> At:
+        return located(flight, states, Point(model, {name: delay_s}, (states,)), noise, NAMES)
+
+    low, now, high = (0.5 * (MOTION.white_residual(at(delay_s + s * step), False) ** 2).sum() for s in (-1, 0, 1))
+    gauss_newton = (MOTION.white(at(delay_s), False).by_shared[:, :, -1] ** 2).sum()
+    left_out = MOTION.curvature(at(delay_s))[name]
+    assert abs(left_out) > 0.01 * gauss_newton
+    assert gauss_newton + left_out == pytest.approx((high - 2.0 * now + low) / step**2, rel=0.01)

@@ -1,6 +1,8 @@
 """A large moment that the model lacks bends neither thrust nor, once it is in the model, anything else."""
 
 from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +11,9 @@ import sysid
 import vehicle
 from flight import FlightLog
 from flight.flight_log import from_vectors
+from sysid.diagnosis import diagnose
 from sysid.estimator import driven_band, weight
-from sysid.estimator.identification import start
+from sysid.estimator.identification import restless, start
 from sysid.estimator.prepare import prepare
 from sysid.estimator.problem import Point
 from sysid.estimator.unknowns import Unknowns, biases
@@ -22,7 +25,7 @@ INERTIA = tuple(f"inertia_{axis}_kg_m2" for axis in ("xx", "yy", "zz"))
 THRUST = "thrust_bem.k1_n_s2"
 
 
-def skewed_wake(velocity, rate, speed):
+def skewed_wake(velocity, rate, speed, factor=1.0):
     """n v_ind v / |air through the disc|, from the vehicle's own speed and a quarter of its weight on each rotor."""
     edgewise = np.hypot(velocity[:, 0], velocity[:, 1])
     lift_n = 0.78 * 3.119e-6 * (speed**2).mean(axis=1)  # inflow takes a fifth of k1 n^2
@@ -32,7 +35,7 @@ def skewed_wake(velocity, rate, speed):
         induced = 0.5 * (induced + lift_n / (DISC * through))
     share = (speed * (induced / np.hypot(edgewise, velocity[:, 2] + induced))[:, None]).sum(axis=1)
     torque = np.stack([ROLL * share * velocity[:, 1], -PITCH * share * velocity[:, 0], 0.0 * share], axis=1)
-    return np.zeros_like(torque), torque
+    return np.zeros_like(torque), factor * torque
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +45,29 @@ def logs(flying) -> list[FlightLog]:
     return flying.fly(
         replace(flying.Truth(), extra=skewed_wake), flying.paper_flights(rng), 3, duration_s=6.0, rng=rng, rate_hz=50.0
     )
+
+
+@pytest.mark.slow
+def test_a_moment_that_makes_an_impossible_body_of_white_disturbances_is_named_with_lasting_ones(flying, truth):
+    """White, yaw inertia comes out 3.1 times as large: above mass times arm squared."""
+    rng = np.random.default_rng(12)
+    hidden = replace(flying.Truth(), extra=partial(skewed_wake, factor=1.3))
+    logs = flying.fly(hidden, flying.paper_flights(rng), 3, duration_s=6.0, rng=rng, rate_hz=50.0)
+    found = diagnose(logs, truth)
+    assert found.additions == ("wake_skew_moment",)
+    assert "lasting disturbances" in found.findings[0]
+    assert found.fit_verdict.use == "doubtful"
+    for name in INERTIA:
+        assert found.vehicle.value(name) == pytest.approx(truth.value(name), rel=0.02)
+
+
+@pytest.mark.parametrize(("together", "others"), [(0.97, (THRUST,)), (0.5, ())])
+def test_what_does_not_settle_is_named_with_what_it_is_confounded_with(together, others):
+    values = np.array([[1.0, 5.0, 0.0], [1.1, 7.0, 0.0], [1.0, 5.0, 9.0]])  # the last is no parameter of the vehicle
+    covariance = np.array([[1.0, together, 0.0], [together, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    solution = SimpleNamespace(record=[SimpleNamespace(values=v) for v in values], covariance=lambda: covariance)
+    unknowns = Unknowns((THRUST, INERTIA[2]), (), ("bias",))
+    assert restless(solution, unknowns) == (INERTIA[2], others)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")

@@ -75,7 +75,19 @@ def test_an_absurd_thrust_is_found_though_the_file_has_it_too(truth):
 
 @pytest.mark.parametrize(("factor", "use"), [(1.2, Use.USABLE), (12.0, Use.DOUBTFUL), (1000.0, Use.REJECTED)])
 def test_inertia_is_judged_by_mass_and_arm(truth, factor, use):
-    assert verdict(truth, scaled(truth, factor, *FREE[1:])).use is use
+    heavy = scaled(truth, factor, *FREE[1:])
+    assert verdict(heavy, heavy).use is use
+
+
+@pytest.mark.parametrize(("factor", "use"), [(1.2, Use.USABLE), (2.9, Use.DOUBTFUL), (5.0, Use.REJECTED)])
+def test_an_inertia_that_neither_mass_and_arm_nor_the_file_allows_is_refused(truth, factor, use):
+    """Roll inertia of mass times arm squared is 3.6 times this vehicle's."""
+    found = verdict(truth, scaled(truth, factor, *FREE[1:3]))
+    assert found.use is use
+    if use is Use.REJECTED:
+        assert "inertia_xx_kg_m2 came out 0.0153" in found.sentence
+        assert "(0.011 kg m2)" in found.sentence  # the bound
+        assert "gusts='estimate'" in found.sentence  # the way out
 
 
 def test_no_body_turns_harder_about_one_axis_than_about_the_other_two_together(truth):
