@@ -7,6 +7,16 @@ from flight.rotations import FloatArray
 
 Stream = dict[str, FloatArray]
 
+GAP_FACTOR = 4.0
+"""A pause is a gap when it lasts this many usual sample intervals ..."""
+GAP_LEAST_S = 0.04
+"""... and at least this long: single lost frames are harmless."""
+
+
+def longest_pause_s(step_s: FloatArray) -> float:
+    """Between samples so far apart as these (n,), what is longer is a gap."""
+    return max(GAP_FACTOR * float(np.median(step_s)), GAP_LEAST_S)
+
 
 def interpolated(time_s: FloatArray, stream: Stream) -> Stream:
     """Columns of another stream at these instants; NaN beyond its ends."""
