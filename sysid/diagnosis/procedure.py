@@ -147,9 +147,9 @@ class Diagnosis:
         if self.leaves_too_much:
             parts.append("so much stays unexplained that these flights are inconclusive: read the findings")
         if self.input_verdict.against:
+            unsure = "none of it is sure, for" if parts else "these flights are inconclusive, for"
             parts.append(
-                "none of it is sure, for the logs contradict themselves or the vehicle file: "
-                f"{self.input_verdict.against[0]}"
+                f"{unsure} the logs contradict themselves or the vehicle file: {self.input_verdict.against[0]}"
             )
         return "; ".join(parts) if parts else "nothing that these flights could show is missing"
 
