@@ -171,7 +171,7 @@ class Diagnosis:
     @property
     def belief(self) -> Belief:
         """Probability that the whole sentence is right, and of what else may be true."""
-        unsure = self.leaves_too_much or bool(self.search.too_short) or bool(self.input_verdict.against)
+        unsure = self.leaves_too_much or bool(self.search.too_short) or self.fit_verdict.use is fits.Use.REJECTED
         unsure |= self.pose_may_be_late
         unsure |= bool(self.proxies and self.search.doubted)  # for something unknown, or for one of these
         names = [s.confidence for s in self.candidates if s.verdict is Verdict.PRESENT]
