@@ -202,6 +202,7 @@ def diagnosed(given: Input) -> dict[str, Any]:
         "confidence": float(found.confidence),
         "verdict": found.verdict,
         "fit": found.fit_verdict.sentence,
+        "findings": list(found.findings),
         "sigmas_off": _sigmas_off(found, given),
         "cpu_s": time.process_time() - cpu,
     }

@@ -109,6 +109,12 @@ def angle_between(a: ArrayLike, b: ArrayLike) -> FloatArray:
     return np.linalg.norm(log(multiply(conjugate(a), b)), axis=-1)
 
 
+def continuous(q: FloatArray) -> FloatArray:
+    """The same attitudes (n, 4) in order of time, of `q` and `-q` the one that is nearer to the one before."""
+    turns_back = (q[1:] * q[:-1]).sum(axis=-1) < 0.0
+    return q * np.concatenate([[1.0], np.cumprod(np.where(turns_back, -1.0, 1.0))])[:, None]
+
+
 def slerp(a: ArrayLike, b: ArrayLike, fraction: ArrayLike) -> FloatArray:
     """Constant-rate interpolation along the shorter arc; `fraction` (...,) 0 gives a, 1 gives b."""
     step = log(multiply(conjugate(a), b))

@@ -20,11 +20,12 @@ from sysid.estimator.parallel import each
 from sysid.estimator.problem import Point, Residuals, cost_of, linearise
 from sysid.estimator.solver import all_residuals
 from sysid.estimator.states import States
-from sysid.estimator.unknowns import Unknowns, nuisances, sensor_values
+from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns, nuisances, sensor_values
 from vehicle import Vehicle
 
-MOST_STEPS = 30
-"""Gauss-Newton steps from smoothed poses to the best states under a model; four are usually enough."""
+MOST_STEPS = 60
+"""Gauss-Newton steps from smoothed poses to the best states under a model; four are usually enough, and 19 where a
+model that lacks an effect moves the clock of a flight that hardly shows it."""
 SETTLED = 0.05
 """States are at their best when a step promises less than this of the cost, a log likelihood: verdicts begin at 3.
 
@@ -56,15 +57,15 @@ class Judge:
         self,
         flights: Sequence[Flight],
         noise: Noise,
-        states: tuple[States, ...] | None = None,
+        near: Point | None = None,
         clock: Reference = "pose",
     ) -> None:
         """
         Args:
-            states: where to start from; else the smoothed pose.
+            near: states, biases and delays to start from; else the smoothed pose, and none.
             clock: against which delays are estimated.
         """
-        self._flights, self._noise, self._states = list(flights), noise, states
+        self._flights, self._noise, self._near = list(flights), noise, near
         self._clock: Reference = clock
         self._known: list[tuple[Vehicle, FloatArray]] = []
         self._given = self._flights
@@ -81,7 +82,7 @@ class Judge:
             How many logs it was decided for.
         """
         both = {carries: [_told(f, carries) for f in self._given] for carries in (True, False)}
-        costs = {c: Judge(f, self._noise, self._states, self._clock).costs(vehicle) for c, f in both.items()}
+        costs = {c: Judge(f, self._noise, self._near, self._clock).costs(vehicle) for c, f in both.items()}
         open_ = sorted({f.log_index for f in self._given if f.carries_payload is None})
         log_of_block = np.concatenate([np.full(len(block_edges(f.time_s)), f.log_index) for f in self._given])
         lighter = {i for i in open_ if (costs[True] - costs[False])[log_of_block == i].sum() > 0.0}
@@ -89,50 +90,46 @@ class Judge:
         self._known = []
         return len(open_)
 
-    def at(self, noise: Noise, states: tuple[States, ...]) -> "Judge":
-        """Another one of the same flights at another noise level; `states` is where to start from."""
-        return Judge(self._flights, noise, states, self._clock)
+    def at(self, noise: Noise, near: Point) -> "Judge":
+        """Another one of the same flights at another noise level; `near` is where to start from."""
+        return Judge(self._flights, noise, near, self._clock)
 
     def set_noise(self, noise: Noise) -> None:
         """Judge at this noise level from now on."""
         if noise is not self._noise:
             self._noise, self._known = noise, []
 
-    def costs(self, vehicle: Vehicle, states: tuple[States, ...] | None = None) -> FloatArray:
-        """(b,) half the sum of squares of each block, states at their best under the vehicle.
+    def costs(self, vehicle: Vehicle, near: Point | None = None) -> FloatArray:
+        """(b,) half the sum of squares of each block, states, biases and delays at their best under the vehicle.
 
         Args:
-            states: where these are likely to be, if known.
+            near: where these are likely to be, if known.
         """
         known = next((costs for other, costs in self._known if other is vehicle), None)
         if known is not None:
             return known
-        point = start(vehicle, self._flights)[0]
-        if states is not None or self._states is not None:
-            point = replace(point, states=states or self._states)
-        point = replace(point, sensors={**point.sensors, **sensor_values(vehicle)})
-        point, residuals = settle(self._flights, point, self._noise, self._clock)
-        self._states = point.states
+        near = near or self._near or start(vehicle, self._flights)[0]
+        point = Point(vehicle, {**near.sensors, **sensor_values(vehicle)}, near.states)
+        self._near, residuals = settle(self._flights, point, self._noise, self._clock)
         costs = np.concatenate([_block_costs(f, r) for f, r in zip(self._flights, residuals, strict=True)])
         self._known.append((vehicle, costs))
         return costs
 
     def strength(self, before: Vehicle, after: Vehicle) -> float:
         """Half the sum of squares, in units of the noise, of what two models say differently about these flights."""
-        if self._states is None:
+        if self._near is None:
             self.costs(before)
+        assert self._near is not None
         total = 0.0
-        for flight, states in zip(self._flights, self._states or (), strict=True):
+        for flight, states in zip(self._flights, self._near.states, strict=True):
             mid = middle(flight, states)
             first, second = (along(v, motor.driven(flight, v), mid) for v in (before, after))
             total += 0.5 * float((mid.step_s * ((first - second) / self._noise.process) ** 2).sum())
         return total
 
-    def reduction(
-        self, before: Vehicle, after: Vehicle, states_after: tuple[States, ...] | None = None
-    ) -> CostReduction:
+    def reduction(self, before: Vehicle, after: Vehicle, near_after: Point | None = None) -> CostReduction:
         """From one model to another."""
-        return CostReduction(self.costs(before) - self.costs(after, states_after))
+        return CostReduction(self.costs(before) - self.costs(after, near_after))
 
 
 def _told(flight: Flight, carries: bool) -> Flight:
@@ -148,6 +145,8 @@ def settle(flights: Sequence[Flight], point: Point, noise: Noise, clock: Referen
     if noise.gusts is not None:
         point = replace(point, states=tuple(s if s.gust is not None else s.with_gust() for s in point.states))
     unknowns, width = nuisances(flights, clock, point.vehicle)
+    kept = (*SENSOR_NAMES, *unknowns.names)  # a point of other clocks may hold delays that are none by this one
+    point = replace(point, sensors={name: value for name, value in point.sensors.items() if name in kept})
     weak = np.diag(1.0 / width**2)
     for _ in range(MOST_STEPS):
         residuals, eliminated = _linearised(flights, point, unknowns, noise)

@@ -89,7 +89,7 @@ def examine(fit: Identification) -> Model:
     flights = fit.flights
     if carried is not None:
         scores[PAYLOAD], flights = carried.score, carried.marked(flights)
-    judge = Judge(flights, fit.noise, fit.solution.point.states, fit.clock)
+    judge = Judge(flights, fit.noise, fit.solution.point, fit.clock)
     return Model(fit, lined, evidence, scores, judge, Tried(), carried)
 
 

@@ -163,9 +163,9 @@ class Diagnosis:
         if self.leaves_too_much:
             parts.append("so much stays unexplained that these flights are inconclusive: read the findings")
         if self.input_verdict.against:
+            unsure = "none of it is sure, for" if parts else "these flights are inconclusive, for"
             parts.append(
-                "none of it is sure, for the logs contradict themselves or the vehicle file: "
-                f"{self.input_verdict.against[0]}"
+                f"{unsure} the logs contradict themselves or the vehicle file: {self.input_verdict.against[0]}"
             )
         return "; ".join(parts) if parts else "nothing that these flights could show is missing"
 
@@ -187,7 +187,7 @@ class Diagnosis:
     @property
     def belief(self) -> Belief:
         """Probability that the whole sentence is right, and of what else may be true."""
-        unsure = self.leaves_too_much or bool(self.search.too_short) or bool(self.input_verdict.against)
+        unsure = self.leaves_too_much or bool(self.search.too_short) or self.fit_verdict.use is fits.Use.REJECTED
         unsure |= self.pose_may_be_late
         unsure |= bool(self.proxies and self.search.doubted)  # for something unknown, or for one of these
         names = [s.confidence for s in self.candidates if s.verdict is Verdict.PRESENT]

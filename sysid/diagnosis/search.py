@@ -111,7 +111,7 @@ def _fitted(logs: Sequence[FlightLog], model: Model, candidate: Candidate, optio
     if candidate.name not in known:
         try:
             fit = refit(logs, model, candidate, options)
-            reduction = model.judge.reduction(model.fit.vehicle, fit.vehicle, fit.solution.point.states)
+            reduction = model.judge.reduction(model.fit.vehicle, fit.vehicle, fit.solution.point)
             known[candidate.name] = Fitted(candidate, fit, reduction)
         except InputError as error:
             logger.info("%s could not be fitted: %s", candidate.name, error)

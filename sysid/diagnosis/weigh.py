@@ -41,14 +41,14 @@ class Scales:
         """
         fit = best.fit
         self._best = best.candidate
-        self._judge = judge.at(fit.noise, fit.solution.point.states)
+        self._judge = judge.at(fit.noise, fit.solution.point)
         self._zero: FloatArray = self._judge.costs(fit.vehicle)
         self._blocks, self._base, self._names = evidence.named, evidence.base, evidence.names
 
     def weight(self, fitted: Fitted) -> float:
         """Log odds against the best; each parameter costs what Schwarz's criterion asks."""
         fit, candidate = fitted.fit, fitted.candidate
-        lead = float((self._zero - self._judge.costs(fit.vehicle, fit.solution.point.states)).sum())
+        lead = float((self._zero - self._judge.costs(fit.vehicle, fit.solution.point)).sum())
         return lead / self.dispersion(candidate) - 0.5 * len(candidate.columns) * np.log(len(self._zero))
 
     def dispersion(self, rival: Candidate) -> float:

@@ -19,12 +19,9 @@ from sysid.logs.clocks import Offset
 from sysid.logs.finding import Span
 from sysid.logs.motion import kinematics
 from sysid.logs.payload import carries_payload
+from sysid.logs.streams import longest_pause_s
 from vehicle import Vehicle
 
-GAP_FACTOR = 4.0
-"""A pause is a gap when it lasts this many usual sample intervals ..."""
-GAP_LEAST_S = 0.04
-"""... and at least this long: single lost frames are harmless."""
 LEAD_IN_S = 0.3
 """Where only commands are known, this much is given to the rotors to reach the speed that nobody measured."""
 EDGE_S = 0.03
@@ -192,8 +189,8 @@ def _finite_rows(log: FlightLog, quantities: tuple[str, ...], name: str) -> Inde
 
 def _gaps(time_s: FloatArray, what: str) -> list[Gap]:
     step_s = np.diff(time_s)
-    longest_s = max(GAP_FACTOR * float(np.median(step_s)), GAP_LEAST_S)
-    return [(float(time_s[i]), float(time_s[i + 1]), what) for i in np.flatnonzero(step_s > longest_s)]
+    gaps_at = np.flatnonzero(step_s > longest_pause_s(step_s))
+    return [(float(time_s[i]), float(time_s[i + 1]), what) for i in gaps_at]
 
 
 def _flight(

@@ -9,7 +9,7 @@ from scipy.special import stdtrit
 
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
-from sysid.estimator import clocks, gyro_feedback
+from sysid.estimator import clocks, gyro_feedback, mass
 from sysid.estimator import verdict as verdicts
 from sysid.estimator.agreement import odd_flights
 from sysid.estimator.assumed_clock import assumed
@@ -152,8 +152,6 @@ class Identification:
         }
 
 
-OFF_BELIEF = 0.1
-"""Share by which thrust may differ from the vehicle file's before it is worth a sentence."""
 SPAN_S = 0.1
 """What is left unexplained is judged, told and drawn as means over this long."""
 LARGE_TORQUE_RAD_S2 = 20.0
@@ -255,7 +253,7 @@ def conclude(
             _findings(vehicle, estimates, solution, flights, lasting)
             + clocks.sentences(delays)
             + on_time.sentences(unknowns, flights)
-            + _thrust_against_belief(given, solution, flights)
+            + _against_belief(given, estimates, solution, flights)
             + disagreement
             + list(unsettled.values())
         ),
@@ -425,17 +423,12 @@ def _at_bounds(vehicle: Vehicle, estimates: list[Estimate], *, but: float | None
     ]
 
 
-def _thrust_against_belief(given: Vehicle, solution: Solution, flights: list[Flight]) -> list[str]:
-    """Thrust at the flights' usual rotor speed, fitted over believed: what a wrong mass looks like."""
+def _against_belief(given: Vehicle, estimates: list[Estimate], solution: Solution, flights: list[Flight]) -> list[str]:
+    """What a wrong mass looks like, if the estimates do."""
     speed = verdicts.usual_rotor_speed(flights)
     fitted, believed = (verdicts.thrust_n(v, speed) for v in (solution.point.vehicle, given))
-    if believed <= 0.0 or abs(fitted / believed - 1.0) < OFF_BELIEF:
-        return []
-    return [
-        f"thrust at {speed.mean():.0f} rad/s came out {fitted / believed:.2f} times the vehicle file's: the mass given "
-        f"({given.mass_kg:g} kg) or the file's thrust is wrong, and flights cannot tell which; weigh the vehicle. If "
-        "it is the mass, correct it and fit again: thrust, drag and inertia all follow it"
-    ]
+    found = {e.name: (e.value, e.std_robust) for e in estimates if e.status == "free"}
+    return mass.sentences(given, found, fitted / believed if believed > 0.0 else 1.0, float(speed.mean()))
 
 
 def _disagreement(vehicle: Vehicle, unknowns: Unknowns, solution: Solution, flights: list[Flight]) -> list[str]:

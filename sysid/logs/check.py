@@ -12,6 +12,7 @@ from flight.rotations import FloatArray
 from sysid.logs import consistency, contact
 from sysid.logs.finding import Finding, Repair, Span, error, warning
 from sysid.logs.read_ulog import LOST
+from sysid.logs.streams import GAP_FACTOR, longest_pause_s
 from vehicle import Vehicle
 
 FROZEN_S = 0.25
@@ -101,7 +102,7 @@ def _time_base(log: FlightLog) -> list[Finding]:
         sentence = f"rows are {usual:g} s apart: the time looks like {unit}"
         repair = Repair("scale", ("time_s",), factor=1.0 / float(divisor))
         found.append(error("time unit", sentence, f"divide time_s by {divisor}", repair=repair))
-    holes = np.flatnonzero(step_s > max(4.0 * usual, 0.04))
+    holes = np.flatnonzero(step_s > longest_pause_s(step_s))
     if len(holes):
         worst = int(holes[np.argmax(step_s[holes])])
         many = "1 gap" if len(holes) == 1 else f"{len(holes)} gaps"
@@ -113,7 +114,7 @@ def _time_base(log: FlightLog) -> list[Finding]:
                 spans=tuple((float(log.time_s[i]), float(log.time_s[i + 1])) for i in holes),
             )
         )
-    jitter = float(np.std(step_s[step_s < 4.0 * usual]) / usual)
+    jitter = float(np.std(step_s[step_s < GAP_FACTOR * usual]) / usual)
     if jitter > 0.3:
         sentence = f"sample intervals vary by {100.0 * jitter:.0f} % of {1000.0 * usual:.1f} ms"
         found.append(warning("jitter", sentence, "stamp samples where they are taken"))
@@ -174,7 +175,7 @@ def _jumps(log: FlightLog) -> list[Finding]:
         return []
     off = np.linalg.norm(position[rows[2:]] - 2.0 * position[rows[1:-1]] + position[rows[:-2]], axis=1)
     step_s = np.diff(log.time_s[rows])
-    across_gap = np.maximum(step_s[1:], step_s[:-1]) > max(4.0 * float(np.median(step_s)), 0.04)
+    across_gap = np.maximum(step_s[1:], step_s[:-1]) > longest_pause_s(step_s)
     bad = np.flatnonzero((off > max(JUMP_FACTOR * float(np.median(off)), JUMP_LEAST_M)) & ~across_gap)
     if not len(bad):
         return []

@@ -46,7 +46,6 @@ _PATTERNS = (
 _ORDER = {"roll": 0, "phi": 0, "pitch": 1, "theta": 1, "yaw": 2, "psi": 2, "w": -1, "p": 0, "q": 1, "r": 2}
 _PWM = re.compile(r"(^|_)(pwm|motor_m)")
 """Duty cycles (Crazyflie's `motor.m1` is one) look like rotor speeds in rpm."""
-_SETPOINTS = {"position_world_m", "velocity_world_m_s", "q_world_body"}
 
 
 @dataclass(slots=True)
@@ -240,12 +239,8 @@ def by_size(quantity: str, values: FloatArray) -> tuple[str, str]:
     most, usual = float(np.abs(finite).max()), float(np.median(np.linalg.norm(finite, axis=1)))
     si, other, bound = COLUMN_UNITS[quantity]
     if quantity.startswith("specific_force"):
-        in_g = 0.6 < usual < 1.6
-        return (
-            ("g", f"its length is {usual:.2f} (median): g")
-            if in_g
-            else (si, f"its length is {usual:.2f} (median): {si}")
-        )
+        likely = other if 0.6 < usual < 1.6 else si
+        return likely, f"its length is {usual:.2f} (median): {likely}"
     if "rotor" in quantity:
         usual = float(np.median(finite))
         most = usual

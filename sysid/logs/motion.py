@@ -41,15 +41,13 @@ def kinematics(log: FlightLog) -> Kinematics | None:
         return None
     position, q = log.vector("position_world_m"), log.vector("q_world_body")
     rows = np.flatnonzero((np.abs(position) < FARTHEST_M).all(axis=1) & np.isfinite(q).all(axis=1))
-    if len(rows) < 50 or log.time_s[rows[-1]] - log.time_s[rows[0]] < 100 * GRID_S:
+    if len(rows) < LEAST_SAMPLES or log.time_s[rows[-1]] - log.time_s[rows[0]] < 100 * GRID_S:
         return None
     first_s, last_s = float(log.time_s[rows[0]]), float(log.time_s[rows[-1]])
     if last_s - first_s > LONGEST_S:
         return None
     time_s = np.arange(first_s, last_s, GRID_S)
-    flips = np.cumprod(np.where((q[rows][1:] * q[rows][:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
-    smooth_q = q[rows] * np.concatenate([[1.0], flips])[:, None]
-    q_grid = resampled(time_s, log.time_s[rows], smooth_q)
+    q_grid = resampled(time_s, log.time_s[rows], rotations.continuous(q[rows]))
     norm = np.linalg.norm(q_grid, axis=1, keepdims=True)
     q_grid = q_grid / np.where(norm > 0.0, norm, 1.0)
     rate = 2.0 * rotations.multiply(rotations.conjugate(fitted(q_grid, 0)), fitted(q_grid, 1))[:, 1:]

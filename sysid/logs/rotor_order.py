@@ -33,6 +33,8 @@ BAND_HZ = (2.0, 15.0)
 """Slower, the controller responds to disturbances with the rotors, which reverses cause and effect; faster is noise."""
 LONGEST_DELAY_S, DELAY_STEP_S = 0.5, 0.004
 """Rotor speed may be this much late or early."""
+YAW_EVERY = 3
+"""Of these delays, those tried for yaw alone: rotor acceleration, which is fitted along, makes up for the rest."""
 COARSE_S = 0.1
 """Delays are shifts of the windows by multiples of this, and a phase for the rest."""
 SEARCH_WINDOWS = 60
@@ -62,7 +64,8 @@ class Rotors:
     order: tuple[int, ...] | None
     """Which column is rotor 0, 1, 2, 3 of the vehicle file; None: inconclusive."""
     spin: tuple[int, ...] | None
-    """+1 or -1 for each rotor of the file, in the file's sense; None: inconclusive, or the order is."""
+    """+1 or -1 for each rotor of the file, in the file's sense; None: inconclusive. Where the order is, of each column
+    as if it were the rotor of that number."""
     explained: FloatArray
     """(3,) share of roll, pitch and yaw acceleration within `BAND_HZ` that the four columns explain."""
 
@@ -115,6 +118,14 @@ def check(
     """
     found = examine(log, rate, vehicle)
     roll, pitch, yaw = (f"{share:.0%}" for share in found.explained)
+    wrong = [] if found.spin is None else [i for i in range(4) if found.spin[i] != int(np.sign(vehicle.spin[i]))]
+    if found.order is None and wrong:
+        sentence = (
+            f"yaw turns against the rotors' torque (they explain {yaw} of yaw acceleration): {_spins(wrong)} the other "
+            "way, or the rotors are in another order"
+        )
+        fix = f"turn the sign of {_which(wrong)} in the vehicle file, or take the columns of rotor_speed in its order"
+        return [error("rotor spin", sentence, f"{fix}; roll and pitch do not show which: fly doublets about them")], []
     if found.order is None:
         shares = f"rotor speeds explain {roll} of roll and {pitch} of pitch acceleration"
         why = shares if found.explained.any() else "there is no motion, or less than 8 s of it without gaps"
@@ -132,13 +143,20 @@ def check(
         return [error("rotor order", sentence, fix, repair=repair)], []
     if found.spin is None:
         return [], [f"spins: rotor speeds explain {yaw} of yaw acceleration; fly yaw doublets to decide"]
-    wrong = [i for i in range(4) if found.spin[i] != int(np.sign(vehicle.spin[i]))]
     if not wrong:
         return [], []
-    which = "all spins are" if len(wrong) == 4 else f"the spins of rotors {wrong} are"
-    sentence = f"yaw turns against the rotors' torque: {which} the other way (they explain {yaw} of yaw acceleration)"
-    which = "every spin" if len(wrong) == 4 else f"the spins of rotors {wrong}"
-    return [error("rotor spin", sentence, f"turn the sign of {which} in the vehicle file")], []
+    sentence = (
+        f"yaw turns against the rotors' torque: {_spins(wrong)} the other way (they explain {yaw} of yaw acceleration)"
+    )
+    return [error("rotor spin", sentence, f"turn the sign of {_which(wrong)} in the vehicle file")], []
+
+
+def _spins(wrong: list[int]) -> str:
+    return "all spins are" if len(wrong) == 4 else f"the spins of rotors {wrong} are"
+
+
+def _which(wrong: list[int]) -> str:
+    return "every spin" if len(wrong) == 4 else f"the spins of rotors {wrong}"
 
 
 def _may_be_turned(found: Rotors, vehicle: Vehicle) -> bool:
@@ -168,18 +186,29 @@ def examine(log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicl
     best = max(share, key=lambda delay_s: share[delay_s])
     orders = {_order(*fits[d], vehicle) for d in fits if share[d] > NEARLY_BEST * share[best]} - {None}
     roll, pitch = _roll_and_pitch(spectra, best)
-    squared = spectra.advanced(best)
-    change = squared * (2j * np.pi * spectra.hz)[:, None]
-    yaw = _gains(np.concatenate([squared, change], axis=2), spectra.turning[..., 2])
+    yaw = _yaw(spectra, best)
     explained = np.array([roll.explained, pitch.explained, yaw.explained])
     order = _order(roll, pitch, vehicle)
     if order is None or orders != {order}:
-        return Rotors(None, None, explained)
+        by_yaw = _by_yaw_alone(spectra, vehicle)
+        return by_yaw if by_yaw.spin is not None else Rotors(None, None, explained)
     spin = _spin(yaw, order, vehicle)
     hubs = vehicle.hub_body_m[:, :2]
     if spin is None and np.allclose(hubs[list(order)], -hubs):
         return Rotors(None, None, explained)  # could be a clock that is off by more than `LONGEST_DELAY_S`
     return Rotors(order, spin, explained)
+
+
+def _by_yaw_alone(spectra: Spectra, vehicle: Vehicle) -> Rotors:
+    """The spins if the columns are in the file's order, which roll and pitch do not show."""
+    yaw = {delay_s: _yaw(spectra, delay_s, SEARCH_WINDOWS) for delay_s in _delays_s()[::YAW_EVERY]}
+    best = max(yaw, key=lambda delay_s: yaw[delay_s].explained)
+    near = [one for one in yaw.values() if one.explained > NEARLY_BEST * yaw[best].explained]
+    whole = _yaw(spectra, best)
+    spin = _spin(whole, AS_GIVEN, vehicle)
+    explained = np.array([one.explained for one in (*_roll_and_pitch(spectra, best), whole)])
+    sure = {_spin(one, AS_GIVEN, vehicle) for one in near} - {None} == {spin}
+    return Rotors(None, spin if sure else None, explained)
 
 
 def _delays_s() -> FloatArray:
@@ -197,6 +226,14 @@ def _roll_and_pitch(spectra: Spectra, delay_s: float, most_windows: int | None =
     every = 1 if most_windows is None else max(len(spectra.turning) // most_windows, 1)
     squared, turning = spectra.advanced(delay_s)[::every], spectra.turning[::every]
     return _gains(squared, turning[..., 0]), _gains(squared, turning[..., 1])
+
+
+def _yaw(spectra: Spectra, delay_s: float, most_windows: int | None = None) -> Gains:
+    """Of rotor speed's squares, then of their slopes."""
+    every = 1 if most_windows is None else max(len(spectra.turning) // most_windows, 1)
+    squared = spectra.advanced(delay_s)[::every]
+    change = squared * (2j * np.pi * spectra.hz)[:, None]
+    return _gains(np.concatenate([squared, change], axis=2), spectra.turning[::every, :, 2])
 
 
 def _order(roll: Gains, pitch: Gains, vehicle: Vehicle) -> tuple[int, ...] | None:

@@ -2,9 +2,20 @@
 
 import numpy as np
 
+from flight import rotations
 from flight.rotations import FloatArray
 
 Stream = dict[str, FloatArray]
+
+GAP_FACTOR = 4.0
+"""A pause is a gap when it lasts this many usual sample intervals ..."""
+GAP_LEAST_S = 0.04
+"""... and at least this long: single lost frames are harmless."""
+
+
+def longest_pause_s(step_s: FloatArray) -> float:
+    """Between samples so far apart as these (n,), what is longer is a gap."""
+    return max(GAP_FACTOR * float(np.median(step_s)), GAP_LEAST_S)
 
 
 def interpolated(time_s: FloatArray, stream: Stream) -> Stream:
@@ -47,11 +58,10 @@ def shifted(time_s: FloatArray, values: FloatArray, shift_s: float, *, quaternio
         return moved
     known = values[sampled]
     if quaternion:
-        flips = np.where((known[1:] * known[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
-        known = known * np.concatenate([[1.0], np.cumprod(flips)])[:, None]
+        known = rotations.continuous(known)
     at = time_s[sampled]
     columns = [np.interp(at, at + shift_s, column, left=np.nan, right=np.nan) for column in known.T]
     moved[sampled] = np.stack(columns, axis=1)
     if quaternion:
-        moved = moved / np.linalg.norm(moved, axis=1, keepdims=True)
+        moved = rotations.normalise(moved)
     return moved

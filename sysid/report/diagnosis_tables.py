@@ -136,7 +136,7 @@ def _excluded(found: Sequence[CandidateFinding]) -> str:
 def _group(first: str, rows: Sequence[str], last: str) -> str:
     """One candidate: what belongs to it as a whole spans its rows."""
     span = f" rowspan='{len(rows)}'" if len(rows) > 1 else ""
-    lines = [rows[0], *rows[1:]]
+    lines = list(rows)
     lines[0] = first.format(span=span) + lines[0] + last.format(span=span)
     return "<tbody>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</tbody>"
 

@@ -15,7 +15,7 @@ from sysid.estimator.midpoint import middle, rates_of_change
 from sysid.estimator.model import unexplained
 from sysid.estimator.noise import Noise
 from sysid.estimator.problem import located
-from sysid.estimator.result import Identification
+from sysid.estimator.result import SPAN_S, Identification
 from sysid.estimator.solver import CONVERGED_SIGMA
 from sysid.estimator.states import States
 from sysid.report import drawing
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SPAN_S = 0.1
-"""Forces and torques are drawn as means over this long: what is faster is noise."""
 MOST_FLIGHTS = 6
 """Flights drawn one by one; of more, the longest."""
 PANELS_A_ROW = 4

@@ -50,8 +50,7 @@ CAPTIONS = {
     "residual_against_speed": "Unexplained force against air speed",
     "repeated": "Repeated trials",
 }
-
-
+AXES = "SI units, body axes x forward, y left, z up."
 SHOWN = {"position": ("mm", 1e3), "velocity": ("m/s", 1.0), "attitude": ("deg", 57.29578), "rate": ("rad/s", 1.0)}
 """Units of the table of prediction errors."""
 
@@ -102,7 +101,7 @@ def write_comparison(
     )
     with tempfile.TemporaryDirectory() as folder:
         pictures = "".join(picture(p) for p in plots.comparison(comparison, Path(folder)))
-    head = f"<h1>Comparison of models</h1>{_stamp()}<div class='verdict'>{_comparison_verdict(comparison)}</div>"
+    head = f"<h1>Comparison of models</h1>{stamp(AXES)}<div class='verdict'>{_comparison_verdict(comparison)}</div>"
     tables = table(("model", "effects"), models, words=1)
     tables += _protocol(judged) if judged is not None else ""
     tables += _wrench(wrench) if wrench is not None else ""
@@ -147,21 +146,21 @@ def write_page(path: Path, title: str, body: str, style: str = "") -> Path:
     return path
 
 
-def _stamp() -> str:
+def stamp(sentences: str) -> str:
+    """Version and time, and what else the small print under a heading says (HTML)."""
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    return f"<p class='small'>goshawk {version('goshawk')}, {now}. SI units, body axes x forward, y left, z up.</p>"
+    return f"<p class='small'>goshawk {version('goshawk')}, {now}. {sentences}</p>"
 
 
 def _head(stages: Mapping[str, Identification]) -> str:
-    now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    how = "Joint maximum likelihood over states, parameters and noise levels"
     last = list(stages.values())[-1]
     verdicts = "".join(
         f"<div>{escape(name.capitalize() or 'Fit')}: {_verdict(fit)}</div>" for name, fit in stages.items()
     )
     return (
         f"<h1>Identification of {escape(last.vehicle.name)}</h1>"
-        f"<p class='small'>goshawk {version('goshawk')}, {now}. Joint maximum likelihood over states, parameters and "
-        "noise levels. All values in SI units, body axes x forward, y left, z up.</p>"
+        f"{stamp(f'{how}. All values in {AXES}')}"
         f"<div class='verdict'>{verdicts}<p>{_known(last)}</p></div>"
         f"<p>Model: {escape(', '.join(last.vehicle.effects))}.</p>"
     )
@@ -189,7 +188,7 @@ def _verdict(result: Identification) -> str:
     steps = len(result.solution.record)
     said = f"converged in {steps} steps." if result.converged else f"not converged after {steps} steps."
     style = {Use.USABLE: "good", Use.DOUBTFUL: "held", Use.REJECTED: "bad"}[result.verdict.use]
-    reasons = (*result.verdict.against, *result.verdict.doubts)
+    reasons = result.verdict.reasons
     listed = f"<ul>{''.join(f'<li>{escape(reason)}</li>' for reason in reasons)}</ul>" if reasons else ""
     return f"<b class='{style}'>{result.verdict.use}</b>; {said}{listed}"
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.estimator.comparison import HORIZONS_S, Comparison, means_over
-from sysid.estimator.result import CHANNELS
+from sysid.estimator.result import CHANNELS, SPAN_S
 from sysid.report import drawing, residual_plots
 from sysid.report.fit_plots import identification, repeated
 
@@ -73,19 +73,14 @@ def _residual_against_speed(result: Comparison) -> "Figure":
     names = list(result.models)
     figure, axes = drawing.figure(len(names), 3, (12.0, 2.7 * len(names)), sharex="col", sharey="col")
     for k, (row, colour, name) in enumerate(zip(axes, drawing.cycle(names), names, strict=True)):
-        force = np.concatenate([means_over(r.wrench[:, :3], r.time_s, 0.1) for r in result.residuals[name]])
-        speed = np.concatenate([means_over(r.velocity_body_m_s, r.time_s, 0.1) for r in result.residuals[name]])
+        force = np.concatenate([r.means()[:, :3] for r in result.residuals[name]])
+        speed = np.concatenate([means_over(r.velocity_body_m_s, r.time_s, SPAN_S) for r in result.residuals[name]])
         for i, panel in enumerate(row):
-            panel.plot(speed[:, i], force[:, i], ".", color=colour, alpha=0.25, markersize=4)
-            centre, mean, error = drawing.binned(speed[:, i], force[:, i])
-            panel.errorbar(
-                centre, mean, 2.0 * error, color=drawing.INK, fmt="o-", markersize=3.5, linewidth=1.2, capsize=2
-            )
-            panel.axhline(0.0, color=drawing.INK, linewidth=0.6)
+            residual_plots.scatter(panel, speed[:, i], force[:, i], colour)
             label = f"velocity along body {'xyz'[i]} (m/s)" if k == len(names) - 1 else ""
             drawing.plain(panel, f"{name}: F_{'xyz'[i]}", label, "unexplained force (N)" if i == 0 else "")
     drawing.headed(
         figure,
-        "Unexplained force against air speed; a slope or curve is an effect the model lacks (bars: 2 standard errors)",
+        "Unexplained force against air speed; a slope or curve is an effect the model lacks (dark: mean, 95 % band)",
     )
     return figure

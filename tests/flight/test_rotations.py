@@ -106,3 +106,13 @@ def test_the_two_quaternions_of_an_attitude_mean_the_same(a, b, fraction):
     np.testing.assert_allclose(rotations.log(-a), rotations.log(a), atol=1e-9)
     assert np.linalg.norm(rotations.log(-a)) <= np.pi + 1e-9
     assert rotations.angle_between(rotations.slerp(a, -b, fraction), rotations.slerp(a, b, fraction)) < 1e-6
+
+
+@given(quaternions, quaternions)
+def test_continuous_attitudes_are_the_same_and_never_turn_the_long_way(a, b):
+    given_ = np.stack([a, -a, b, -b, -a])
+    found = rotations.continuous(given_)
+    np.testing.assert_array_equal(np.abs(found), np.abs(given_))
+    assert ((found[1:] * found[:-1]).sum(axis=1) >= 0.0).all()
+    np.testing.assert_array_equal(found[0], a)
+    assert rotations.continuous(given_[:0]).shape == (0, 4)

@@ -37,7 +37,7 @@ class Pose(Block):
     def read(self, stretch: Stretch) -> dict[str, FloatArray]:
         if not stretch.with_pose:
             return {"position_world_m": stretch.unmeasured(3), "q_world_sensor": stretch.unmeasured(4)}
-        q = _continuous(_unit(stretch.at_nodes("q_world_body"), stretch.name))
+        q = rotations.continuous(_unit(stretch.at_nodes("q_world_body"), stretch.name))
         return {"position_world_m": stretch.at_nodes("position_world_m"), "q_world_sensor": q}
 
     def measured(self, flight: Flight) -> bool:
@@ -169,9 +169,3 @@ def _unit(q: FloatArray, name: str) -> FloatArray:
         row = int(np.abs(norm - 1.0).argmax())
         raise InputError(f"{name}: q_world_body has length {norm[row]:.3f} in pose sample {row}; it must be 1")
     return q / norm[:, None]
-
-
-def _continuous(q: FloatArray) -> FloatArray:
-    """The same attitudes with signs chosen so that neighbours are close."""
-    flips = np.cumprod(np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
-    return q * np.concatenate([[1.0], flips])[:, None]

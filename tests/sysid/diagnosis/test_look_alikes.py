@@ -74,7 +74,7 @@ def test_what_tells_look_alikes_apart_is_louder_once_the_effect_is_no_noise(fitt
     """The lead at the noise of the fit, over the lead at the noise of the model that takes the effect for noise."""
     model, tried = fitted
     right, wrong = tried["rotor_drag_speed"], tried["rotor_drag_thrust"]
-    judge = model.judge.at(right.fit.noise, right.fit.solution.point.states)
+    judge = model.judge.at(right.fit.noise, right.fit.solution.point)
     at_fit = judge.reduction(wrong.fit.vehicle, right.fit.vehicle).total
     assert at_fit > 1.5 * (right.reduction.total - wrong.reduction.total) > 0.0
 

@@ -51,7 +51,23 @@ def test_any_order_and_any_spins_come_out_whatever_the_clock_and_the_unit(log, t
 
 @pytest.mark.parametrize("late_rows", [-60, -30, 15, 60])
 def test_a_clock_too_far_off_never_gives_another_order(log, truth, late_rows):
-    assert examine(rolled(log, late_rows), truth).order in (None, (0, 1, 2, 3))
+    found = examine(rolled(log, late_rows), truth)
+    assert found.order in (None, (0, 1, 2, 3))
+    assert found.spin in (None, tuple(truth.spin))
+
+
+def test_yaw_shows_wrong_spins_where_roll_and_pitch_show_no_order(log, truth):
+    """As of a vehicle whose roll and pitch balance a moment of the air that its file does not know."""
+    rng = np.random.default_rng(0)
+    pose = [name for name in log.columns if name.startswith(("position", "q_world"))]
+    rest = FlightLog({name: values for name, values in log.columns.items() if name not in pose}, log.metadata)
+    rest = changed(rest, **{name: rng.standard_normal(len(log)) for name in RATES[:2]})
+    assert examine(rest, truth).order is None
+    assert not check_log(rest, truth).findings
+    for spin, which in ((-truth.spin, "every spin"), (truth.spin * [-1, -1, 1, 1], "the spins of rotors [0, 1]")):
+        (found,) = check_log(rest, replace(truth, spin=spin)).findings
+        assert (found.level, found.what, found.repair) == ("error", "rotor spin", None)
+        assert f"turn the sign of {which} in the vehicle file, or take the columns" in found.fix
 
 
 def test_a_single_oscillation_does_not_decide_between_an_order_and_its_opposite(log, truth):

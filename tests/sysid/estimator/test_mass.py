@@ -1,0 +1,72 @@
+"""A wrong mass scales all that is fitted: it is named from that, and from nothing less."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sysid.estimator import mass
+from vehicle import Vehicle
+
+FILE_ERROR = 0.05
+BY_MASS = (
+    "inertia_xx_kg_m2",
+    "inertia_yy_kg_m2",
+    "inertia_zz_kg_m2",
+    "thrust_bem.k1_n_s2",
+    "rotor_yaw_torque.torque_n_m_s2",
+)
+THROUGH_AIR = BY_MASS[3:]
+
+
+def file_of(truth: Vehicle, rng: np.random.Generator, *, mass_kg: float, error: float = FILE_ERROR) -> Vehicle:
+    """A vehicle file whose numbers are off by chance, as it says, and whose mass was given so."""
+    given = truth.with_value("mass_kg", mass_kg, std=0.0, source="guessed")
+    for name in BY_MASS:
+        wrong = truth.value(name) * (1.0 + error * rng.standard_normal())
+        given = given.with_value(name, wrong, std=error * truth.value(name), source="data sheet")
+    return given
+
+
+def fitted(truth: Vehicle, given: Vehicle, through_air: float = 1.0) -> dict[str, tuple[float, float]]:
+    """What flights of the true vehicle give: everything per mass, with an error of half a per cent."""
+    scale = given.mass_kg / truth.mass_kg
+    factors = {name: scale * (through_air if name in THROUGH_AIR else 1.0) for name in BY_MASS}
+    return {name: (truth.value(name) * f, 0.005 * truth.value(name)) for name, f in factors.items()}
+
+
+def test_a_wrong_mass_is_named_with_the_mass_that_would_agree(truth):
+    named = 0
+    for seed in range(200):
+        given = file_of(truth, np.random.default_rng(seed), mass_kg=1.15 * truth.mass_kg)
+        common = mass.common_factor(given, fitted(truth, given))
+        assert common is not None
+        assert common.witnesses == len(BY_MASS)
+        assert abs(common.value - 1.15) < 5.0 * common.sigma
+        said = mass.sentences(given, fitted(truth, given), 1.15, 900.0)
+        named += "is likely wrong; weigh the vehicle" in said[0]
+    assert named > 0.9 * 200
+
+
+def test_a_right_mass_is_left_alone(truth):
+    named = sum(
+        bool(mass.sentences(given, fitted(truth, given), 1.0, 900.0))
+        for given in (file_of(truth, np.random.default_rng(seed), mass_kg=truth.mass_kg) for seed in range(500))
+    )
+    assert named <= 0.01 * 500
+
+
+@pytest.mark.parametrize("through_air", [0.85, 1.2])
+def test_thin_air_is_no_wrong_mass(truth, through_air):
+    """It moves what goes through the air and no inertia; then the thrust alone is told, and not which it is."""
+    given = file_of(truth, np.random.default_rng(3), mass_kg=truth.mass_kg, error=0.001)
+    (said,) = mass.sentences(given, fitted(truth, given, through_air), through_air, 900.0)
+    assert "flights cannot tell which" in said
+
+
+def test_without_stated_errors_or_an_inertia_nothing_is_known_of_the_mass(truth):
+    given = file_of(truth, np.random.default_rng(3), mass_kg=1.3 * truth.mass_kg)
+    found = fitted(truth, given)
+    assert mass.common_factor(given, {name: found[name] for name in THROUGH_AIR}) is None
+    unstated = replace(given, parameters={n: replace(p, std=0.0) for n, p in given.parameters.items()})
+    assert mass.common_factor(unstated, found) is None
