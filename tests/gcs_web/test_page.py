@@ -457,10 +457,10 @@ def test_the_path_is_split_at_the_cursor_and_all_waypoints_are_snapped(station, 
     page.get_by_role("tab", name="Segments").click()
     page.get_by_role("button", name="Go to the tightest").click()  # puts the cursor inside the path
     page.get_by_role("tab", name="Waypoints").click()
+    series = station.desk.answer.shown.series  # of the path that is split; the next one is a draft at first
+    path = np.stack([series.x_m, series.y_m, series.z_m], axis=1)
     page.get_by_role("button", name="Split").click()
     wait(lambda: len(positions(station)) == 4, "the new waypoint")
-    series = station.desk.answer.shown.series
-    path = np.stack([series.x_m, series.y_m, series.z_m], axis=1)
     verdict(page).get_by_text("4 waypoints").wait_for()
     new = next(p for p in positions(station) if np.linalg.norm(START - p, axis=1).min() > 1e-6)
     assert np.linalg.norm(path - new, axis=1).min() < 0.1  # it was put on the path
