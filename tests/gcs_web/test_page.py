@@ -454,12 +454,15 @@ def test_what_another_person_made_of_a_zone_meanwhile_is_not_overwritten(page, s
 
 
 def test_the_path_is_split_at_the_cursor_and_all_waypoints_are_snapped(station, page):
+    split = page.get_by_role("button", name="Split")
+    page.locator("tr[data-waypoint] th").last.click()
+    wait(split.is_disabled, "the end of splitting: the cursor is where a waypoint is already")
     page.get_by_role("tab", name="Segments").click()
-    page.get_by_role("button", name="Go to the tightest").click()  # puts the cursor inside the path
+    page.get_by_role("button", name=re.compile(": show ")).first.click()  # puts the cursor inside the path
     page.get_by_role("tab", name="Waypoints").click()
     series = station.desk.answer.shown.series  # of the path that is split; the next one is a draft at first
     path = np.stack([series.x_m, series.y_m, series.z_m], axis=1)
-    page.get_by_role("button", name="Split").click()
+    split.click()
     wait(lambda: len(positions(station)) == 4, "the new waypoint")
     verdict(page).get_by_text("4 waypoints").wait_for()
     new = next(p for p in positions(station) if np.linalg.norm(START - p, axis=1).min() > 1e-6)

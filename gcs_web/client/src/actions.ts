@@ -1,6 +1,6 @@
 /** What the pilot can do to the document and the vehicle, whoever asks: button, key or palette. */
 
-import { effect, signal } from "@preact/signals";
+import { computed, effect, signal } from "@preact/signals";
 import { edit, submit, send } from "./socket";
 import type { EditToSend } from "./socket";
 import { aborting, announce, cursor_s, doc, inControl, selected, series, waypointAtCursor } from "./store";
@@ -27,15 +27,34 @@ export function deleteSelected(): void {
   void change({ type: "delete", waypoints: selectedInOrder() });
 }
 
-/** Insert a waypoint where the path is at the cursor, after the one that was passed last. */
-export function splitAtCursor(): void {
+/** Where a waypoint is already, the path is not split: two in one place are refused. */
+const AT_WAYPOINT_M = 0.01;
+
+interface Split {
+  /** The waypoint that is passed last. */
+  after: number;
+  x_m: number;
+  y_m: number;
+  z_m: number;
+}
+
+/** The waypoint that splits the path at the cursor; null where there is no path, or a waypoint already. */
+export const splitAt = computed((): Split | null => {
   const after = waypointAtCursor.value;
   const shown = series.value;
   const time_s = cursor_s.value;
-  if (after === null || shown === null || time_s === null) return;
+  if (after === null || shown === null || time_s === null) return null;
   const at = shown.time_s.findLastIndex((each) => each <= time_s);
   const place = (values: readonly number[]): number => Number((values[at] ?? 0).toFixed(3));
-  void change({ type: "insert", after, x_m: place(shown.x_m), y_m: place(shown.y_m), z_m: place(shown.z_m) });
+  const [x_m, y_m, z_m] = [place(shown.x_m), place(shown.y_m), place(shown.z_m)];
+  const isThere = (doc.value?.waypoints ?? []).some(
+    (each) => Math.hypot(each.x_m - x_m, each.y_m - y_m, each.z_m - z_m) < AT_WAYPOINT_M,
+  );
+  return isThere ? null : { after, x_m, y_m, z_m };
+});
+
+export function splitAtCursor(): void {
+  if (splitAt.value !== null) void change({ type: "insert", ...splitAt.value });
 }
 
 /** The selected waypoints, or all of them where none is. */

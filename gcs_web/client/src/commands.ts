@@ -10,6 +10,7 @@ import {
   reverse,
   saveFormOpen,
   shiftSelected,
+  splitAt,
   splitAtCursor,
 } from "./actions";
 import { playing, select, togglePlaying } from "./cursor";
@@ -27,7 +28,6 @@ import {
   step,
   vehicle,
   verdict,
-  waypointAtCursor,
   welcome,
 } from "./store";
 import { nextTheme } from "./theme";
@@ -56,7 +56,7 @@ const editsSelection = (): boolean => canEdit() && step.value === 2 && selected.
 const inFlight = (): boolean => connected.value && step.value === 3 && inControl.value && vehicle.value?.armed === true;
 
 /** Whether the cursor is on the path of these waypoints, between two of them. */
-export const canSplit = (): boolean => canEdit() && verdict.value === "checked" && waypointAtCursor.value !== null;
+export const canSplit = (): boolean => canEdit() && verdict.value === "checked" && splitAt.value !== null;
 export const canSave = (): boolean => verdict.value === "checked";
 export const canUpload = (): boolean => canSave() && welcome.value?.vehicle === true;
 

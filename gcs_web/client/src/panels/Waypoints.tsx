@@ -114,7 +114,7 @@ function Buttons({ count }: { count: number }) {
         type="button"
         class="control"
         disabled={!canSplit()}
-        title="A waypoint on the path at the cursor"
+        title="A waypoint on the path at the cursor, between two of them"
         onClick={splitAtCursor}
       >
         Split
