@@ -159,9 +159,9 @@ def _fit_calmed(
             break
         value, unit = vehicle.value(name), vehicle.parameter(name).unit
         unsettled[name] = (
-            f"{name} did not settle and was held at {value:.4g} {unit}, as the vehicle file has it: these flights tell "
-            f"it only together with {' and '.join(with_it)}, which is as right as that value; measure it, or fly "
-            "quicker manoeuvres that excite it"
+            f"{name} did not settle and was held at {value:.4g} {unit}, where the fit began: these flights tell it "
+            f"only together with {' and '.join(with_it)}, which is as right as that value; measure it, or fly quicker "
+            "manoeuvres that excite it"
         )
         logger.info("holding %s: it does not settle beside %s", name, with_it)
         begin = _reset(solution.point, vehicle, name), solution.noise

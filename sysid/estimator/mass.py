@@ -16,7 +16,10 @@ from vehicle import Vehicle
 LEAST_WITNESSES = 3
 """Estimates with a believed value and its error, before they are said to have a factor in common."""
 SIGMAS = 3.0
-"""A common factor is told when it is so many standard errors from 1."""
+"""A common factor is told when it is so many standard errors from 1 ..."""
+SIGMAS_OF_KIND = 1.5
+"""... and when inertias alone, and all else alone, show it by so many: thin air moves no inertia, however many
+coefficients it moves, and inertias drawn too heavy move no thrust."""
 FORM_ERROR = 0.03
 """Part of each estimate's relative error: no law of the catalogue is more exact than this, and the air's density, which
 moves thrust and drag but no inertia, is not known to this."""
@@ -33,6 +36,8 @@ class CommonFactor:
     """Standard error, of the scatter too."""
     witnesses: int
     """How many estimates it is the mean of."""
+    of_all: bool
+    """Whether inertias alone, and all other estimates alone, are off to its side of 1."""
 
 
 def common_factor(given: Vehicle, fitted: Mapping[str, tuple[float, float]]) -> CommonFactor | None:
@@ -60,7 +65,11 @@ def common_factor(given: Vehicle, fitted: Mapping[str, tuple[float, float]]) -> 
     mean = float(weight @ logs / weight.sum())
     scatter = float(weight @ (np.array(logs) - mean) ** 2) / (len(logs) - 1)
     factor = float(np.exp(mean))
-    return CommonFactor(factor, factor * float(np.sqrt(max(1.0, scatter) / weight.sum())), len(logs))
+    inertias = np.array([name.startswith("inertia_") for name in names])
+    pulls = np.sign(mean) * weight * np.array(logs)  # of a kind: its mean by the error of that
+    of_all = all(pulls[kind].sum() > SIGMAS_OF_KIND * np.sqrt(weight[kind].sum()) for kind in (inertias, ~inertias))
+    sigma = factor * float(np.sqrt(max(1.0, scatter) / weight.sum()))
+    return CommonFactor(factor, sigma, len(logs), bool(of_all))
 
 
 def sentences(
@@ -74,11 +83,11 @@ def sentences(
         speed_rad_s: at this rotor speed.
     """
     common = common_factor(given, fitted)
-    if common is not None and abs(common.value - 1.0) > SIGMAS * common.sigma:
+    if common is not None and common.of_all and abs(common.value - 1.0) > SIGMAS * common.sigma:
         agrees_kg = given.mass_kg / common.value
         return [
-            f"all {common.witnesses} estimates that scale with the mass came out {common.value:.3f} ± "
-            f"{common.sigma:.3f} times the vehicle file's (thrust {thrust:.2f} times): the mass given "
+            f"the {common.witnesses} estimates that scale with the mass came out {common.value:.3f} ± "
+            f"{common.sigma:.3f} times the vehicle file's in the mean (thrust {thrust:.2f} times): the mass given "
             f"({given.mass_kg:.4g} kg) is likely wrong; weigh the vehicle. With {agrees_kg:.4g} ± "
             f"{agrees_kg * common.sigma / common.value:.2g} kg the rest of the file would be right. Correct it and fit "
             "again: thrust, drag and inertia all follow it"

@@ -101,8 +101,13 @@ def of_fit(
 
 
 def too_large_inertias(given: Vehicle, fitted: Vehicle, free: Iterable[str]) -> tuple[str, ...]:
-    """Names of the estimated inertias that neither mass and size nor the vehicle file allows."""
+    """Names of the estimated inertias that neither mass and size nor the vehicle file allows.
+
+    None where all hubs are at the origin: then size says nothing.
+    """
     bound = _mass_at_rotors(fitted)
+    if not bound > 0.0:
+        return ()
     inertias = (name for name in sorted(free) if name.startswith("inertia_"))
     return tuple(n for n in inertias if fitted.value(n) > max(bound, INERTIA_OFF * given.value(n)))
 

@@ -3,7 +3,9 @@
 The gyro's turn is that which fits the attitude's rate to the gyro's best (Wahba's problem, by singular values). Whose
 axes are the vehicle's the rotors decide: turning must follow the torque that they make at their places. Of smaller
 turns nothing is said, for the fit estimates how the pose sensor is mounted. The accelerometer's axes, in any order and
-of any sign, must show gravity along z, and level what the positions show: drag, mostly.
+of any sign, must show gravity along z, and level what the positions show: drag, mostly. It may be elsewhere on the body
+than the pose sensor: what turning makes of an arm between the two is taken out, or an arm that points the other way
+would look like other signs.
 """
 
 from itertools import permutations, product
@@ -65,13 +67,15 @@ def check_accelerometer(log: FlightLog, motion: Kinematics) -> list[Finding]:
     """Order and signs of the accelerometer's axes, if they are not those of the attitude's body axes."""
     if not sampled(log, "specific_force_body_m_s2"):
         return []
-    expected = rotations.rotate(rotations.conjugate(motion.q), motion.specific_force_world_m_s2)[:, :2]
+    beside = _of_arm_and_bias(motion)
+    expected = _less(beside, rotations.rotate(rotations.conjugate(motion.q), motion.specific_force_world_m_s2)[:, :2])
     read = on_grid(log, "specific_force_body_m_s2", motion.time_s)
     size = float(np.median(np.linalg.norm(read, axis=1)))
     upright = [axes for axes in AXES if np.median(read @ axes[2]) > LEAST_UPRIGHT * size]
     if not upright:
         return []
-    follows = [_level(expected, read @ axes.T) for axes in upright]
+    level = [_less(beside, read @ axes[:2].T) for axes in upright]
+    follows = [correlation(expected.ravel(), one.ravel()) for one in level]
     best = int(np.argmax(follows))
     given = [f for f, axes in zip(follows, upright, strict=True) if np.array_equal(axes, np.eye(3))]
     if given and not (
@@ -79,7 +83,7 @@ def check_accelerometer(log: FlightLog, motion: Kinematics) -> list[Finding]:
     ):
         return []
     axes = upright[best]
-    both = [correlation(expected[:, i], read @ axes[i]) for i in range(2)]
+    both = [correlation(expected[:, i], level[best][:, i]) for i in range(2)]
     if min(both) < LEAST_SECOND:
         sentence = "its level axes are not the attitude's" if given else "gravity is not along its z"
         return [error("frame", f"accelerometer: {sentence}", "check the order and signs of its axes")]
@@ -93,10 +97,18 @@ def check_accelerometer(log: FlightLog, motion: Kinematics) -> list[Finding]:
     return [error("frame", sentence, "turn the accelerometer to the attitude's body axes", repair=repair)]
 
 
-def _level(expected: FloatArray, force: FloatArray) -> float:
-    """Correlation of level forces (n, 2 and more), each about its mean: a bias or a small tilt is no matter."""
-    level = force[:, :2]
-    return correlation((expected - expected.mean(axis=0)).ravel(), (level - level.mean(axis=0)).ravel())
+def _of_arm_and_bias(motion: Kinematics) -> FloatArray:
+    """(n, 2, 5) level specific force by 1 m of an arm along each body axis, and by a bias of each level axis."""
+    rate, turning = motion.rate_body_rad_s, motion.angular_acceleration_rad_s2
+    arms = [np.cross(turning, arm) + np.cross(rate, np.cross(rate, arm)) for arm in np.eye(3)]
+    biases = [np.broadcast_to(axis, rate.shape) for axis in np.eye(3)[:2]]
+    return np.stack([*arms, *biases], axis=2)[:, :2]
+
+
+def _less(beside: FloatArray, level: FloatArray) -> FloatArray:
+    """What is left of level forces (n, 2) once these columns (n, 2, m) have explained what they can."""
+    columns = beside.reshape(-1, beside.shape[2])
+    return level - beside @ np.linalg.lstsq(columns, level.ravel(), rcond=None)[0]
 
 
 def _axis(row: FloatArray) -> str:

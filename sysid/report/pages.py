@@ -14,7 +14,15 @@ from sysid.estimator.blocks.catalogue import BLOCKS
 from sysid.estimator.comparison import HORIZONS_S, JUDGED_S, QUANTITIES, Comparison
 from sysid.estimator.noise import MOTION
 from sysid.estimator.protocol import KNOWS, Judged
-from sysid.estimator.result import CHANNELS, SPAN_S, Estimate, Identification, residual_statistics
+from sysid.estimator.result import (
+    CHANNELS,
+    NOT_IDENTIFIABLE,
+    NOT_SETTLED,
+    SPAN_S,
+    Estimate,
+    Identification,
+    residual_statistics,
+)
 from sysid.estimator.verdict import Use
 from sysid.estimator.wrench_error import WrenchErrors
 from sysid.logs.check import LogReport
@@ -170,7 +178,8 @@ def _known(result: Identification) -> str:
     """How much was estimated from what, and how well."""
     free = [e for e in result.parameters if e.status == "free" and not e.name.startswith("pose_sensor")]
     seconds = sum(float(f.time_s[-1] - f.time_s[0]) for f in result.flights)
-    held = [e.name for e in result.parameters if e.status == "not identifiable"]
+    held = [e.name for e in result.parameters if e.status == NOT_IDENTIFIABLE]
+    unsettled = [e.name for e in result.parameters if e.status == NOT_SETTLED]
     said = f"{len(free)} numbers of the vehicle from {len(result.flights)} flights, {seconds:.0f} s."
     shares = {e.name: e.std_robust / abs(e.value) for e in free if e.std_robust < abs(e.value)}
     loose = [e.name for e in free if e.name not in shares]
@@ -181,6 +190,8 @@ def _known(result: Identification) -> str:
         said += f" Not significantly different from zero: {escape(', '.join(loose))}."
     if held:
         said += f" Held, because they are not identifiable from these flights: {escape(', '.join(held))}."
+    if unsettled:
+        said += f" Held, because the fit did not settle with them free: {escape(', '.join(unsettled))}."
     return said
 
 

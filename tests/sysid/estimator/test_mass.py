@@ -64,6 +64,33 @@ def test_thin_air_is_no_wrong_mass(truth, through_air):
     assert "flights cannot tell which" in said
 
 
+def test_many_coefficients_of_thin_air_are_no_wrong_mass(truth):
+    """At 1,000 m, of a file with exact numbers: six coefficients against three inertias."""
+    drags = tuple(n for n, p in truth.parameters.items() if p.unit.startswith(("N", "kg")) and n not in BY_MASS)
+    names = (*BY_MASS, *(name for name in drags if truth.value(name) > 0.0 and name != "mass_kg"))
+    assert len(names) >= 8
+    given = truth.with_value("mass_kg", truth.mass_kg, std=0.0, source="weighed")
+    found = {}
+    for name in names:
+        given = given.with_value(name, truth.value(name), std=0.001 * truth.value(name), source="data sheet")
+        found[name] = truth.value(name) * (1.0 if name.startswith("inertia_") else 0.89), 0.005 * truth.value(name)
+    common = mass.common_factor(given, found)
+    assert common is not None
+    assert abs(common.value - 1.0) > mass.SIGMAS * common.sigma
+    (said,) = mass.sentences(given, found, 0.89, 900.0)
+    assert "flights cannot tell which" in said
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.2])
+def test_inertias_of_a_heavy_drawing_are_no_wrong_mass(truth, factor):
+    given = truth
+    for name in BY_MASS[:4]:
+        share = 0.01 if name.startswith("inertia_") else 0.05
+        given = given.with_value(name, truth.value(name), std=share * truth.value(name), source="drawing")
+    found = {name: (truth.value(name) * (factor if "inertia" in name else 1.0), 0.0) for name in BY_MASS[:4]}
+    assert mass.sentences(given, found, 1.0, 900.0) == []
+
+
 def test_without_stated_errors_or_an_inertia_nothing_is_known_of_the_mass(truth):
     given = file_of(truth, np.random.default_rng(3), mass_kg=1.3 * truth.mass_kg)
     found = fitted(truth, given)

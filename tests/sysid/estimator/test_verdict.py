@@ -10,7 +10,7 @@ import vehicle
 from sysid.estimator.noise import Noise
 from sysid.estimator.result import unpredicted_turning
 from sysid.estimator.states import States
-from sysid.estimator.verdict import RPM, WRONG_KINDS, Use, Verdict, of_fit, of_logs
+from sysid.estimator.verdict import RPM, WRONG_KINDS, Use, Verdict, of_fit, of_logs, too_large_inertias
 from sysid.logs.check import LogReport
 from sysid.logs.finding import Finding
 from vehicle import Vehicle
@@ -88,6 +88,12 @@ def test_an_inertia_that_neither_mass_and_arm_nor_the_file_allows_is_refused(tru
         assert "inertia_xx_kg_m2 came out 0.0153" in found.sentence
         assert "(0.011 kg m2)" in found.sentence  # the bound
         assert "gusts='estimate'" in found.sentence  # the way out
+
+
+def test_inertias_are_not_judged_by_hubs_that_are_all_at_the_origin(truth):
+    nowhere = replace(truth, hub_body_m=np.zeros((4, 3)))
+    assert too_large_inertias(nowhere, scaled(nowhere, 4.0, *FREE[1:]), FREE) == ()
+    assert too_large_inertias(truth, scaled(truth, 4.0, FREE[1]), FREE) == (FREE[1],)
 
 
 def test_no_body_turns_harder_about_one_axis_than_about_the_other_two_together(truth):

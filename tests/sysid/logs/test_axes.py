@@ -293,6 +293,33 @@ def test_an_accelerometer_along_the_body_axes_gives_no_finding(campaign, truth):
         assert check_log(_with_accelerometer(flown, np.eye(3)), truth).findings == ()
 
 
+@pytest.mark.parametrize(("marker_z_m", "sensor_z_m"), [(0.05, -0.03), (0.02, -0.02), (-0.05, 0.03)])
+@pytest.mark.parametrize("hz", [1.0, 3.0])
+def test_an_accelerometer_below_the_markers_is_not_called_turned_by_doublets_in_hover(marker_z_m, sensor_z_m, hz):
+    """There is no drag then, and what turning makes of the arms has opposite signs."""
+    time_s = np.arange(0.0, 20.0, 0.005)
+    rng = np.random.default_rng(0)
+    waves = np.sin(2.0 * np.pi * hz * np.outer(time_s, [1.0, 1.1, 0.71, 1.37]) + rng.uniform(0.0, 6.0, 4))
+    q = rotations.exp(np.deg2rad(8.0) * np.column_stack([waves[:, :2] + 0.5 * waves[:, 2:], 0.0 * time_s]))
+    thrust = rotations.rotate(q, np.array([0.0, 0.0, GRAVITY_M_S2])) - [0.0, 0.0, GRAVITY_M_S2]
+    velocity = np.cumsum(0.005 * (thrust - thrust.mean(axis=0)), axis=0)
+    position = np.cumsum(0.005 * (velocity - velocity.mean(axis=0)), axis=0)
+    rate = 2.0 * rotations.multiply(rotations.conjugate(q), np.gradient(q, 0.005, axis=0))[:, 1:]
+    arm = np.array([0.0, 0.0, sensor_z_m])
+    at_sensor = np.cross(np.gradient(rate, 0.005, axis=0), arm) + np.cross(rate, np.cross(rate, arm))
+    force = np.array([0.2, -0.1, GRAVITY_M_S2]) + at_sensor + 0.3 * rng.standard_normal(rate.shape)
+    values = {
+        POSITION: position + rotations.rotate(q, np.array([0.0, 0.0, marker_z_m])),
+        ATTITUDE: q,
+        ACCELEROMETER: force,
+    }
+    columns = {name: column for what, v in values.items() for name, column in zip(COLUMNS[what], v.T, strict=True)}
+    hover = FlightLog({"time_s": time_s, **columns}, {"name": "hover"})
+    motion = kinematics(hover)
+    assert motion is not None
+    assert mounting.check_accelerometer(hover, motion) == []
+
+
 def test_a_flight_too_short_to_show_a_heading_says_so(campaign, truth):
     short = campaign[1].slice(0.0, 6.0)
     assert any("heading" in sentence for sentence in check_log(short, truth).inconclusive)
