@@ -11,6 +11,7 @@ from sysid.diagnosis.decision import Case, Reason, decide, sentence
 from sysid.diagnosis.findings import CandidateFinding, Outcome, Size, Verdict
 from sysid.diagnosis.procedure import Diagnosis
 from sysid.diagnosis.thresholds import THRESHOLDS
+from sysid.estimator import verdict as fits
 
 CANDIDATE = Candidate("angular_damping", "angular_damping", (), (), (), ("M_x",), "w", ("rotation", "yaw"))
 SMALL = Size("angular_damping.z_n_m_s", "N m s", 1e-5, 1e-5, half90=1.6e-5, smallest_visible=1e-4, usual=1e-3)
@@ -113,6 +114,29 @@ def test_no_name_is_surer_than_the_sentence_where_too_much_is_unexplained_or_the
     assert decide(confirmed).confidence == THRESHOLDS.even_confidence
 
 
+REJECTED = fits.Verdict(against=("inertia_zz_kg_m2 came out 0.06, which no multirotor has",))
+POSSIBLE = fits.Verdict(doubts=("thrust came out 2.2 times the vehicle file's",))
+
+
+@pytest.mark.parametrize("says_missing", [True, False])
+@pytest.mark.parametrize("of_logs", [fits.Verdict(), REJECTED])
+@pytest.mark.parametrize("of_fit", [fits.Verdict(), POSSIBLE, REJECTED])
+def test_no_sentence_has_more_than_even_odds_on_a_rejected_fit(of_logs, of_fit, says_missing: bool):
+    """Whatever it says, and whether the fit itself or the check of the logs is against it."""
+    name = SimpleNamespace(verdict=Verdict.PRESENT, confidence=0.96)
+    whole: Any = SimpleNamespace(input_verdict=of_logs, pose_may_be_late=False, says_missing=says_missing, unsaid=())
+    whole.leaves_too_much = False
+    whole.candidates, whole.undecided, whole.proxies, whole.outside = (name,) if says_missing else (), (), (), None
+    last: Any = SimpleNamespace(fit=SimpleNamespace(verdict=of_fit))
+    whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=0.0, forms=(), doubted=(), models=(last,))
+    whole.fit_verdict = Diagnosis.fit_verdict.fget(whole)  # type: ignore[attr-defined]
+    usual = 0.96 if says_missing else THRESHOLDS.most_confidence
+    most = THRESHOLDS.even_confidence if REJECTED in (of_logs, of_fit) else usual
+    found = Diagnosis.belief.fget(whole)  # type: ignore[attr-defined]
+    assert found.as_stated == pytest.approx(most)
+    assert f"probability {most:.0%} that" in found.sentence(named=says_missing)
+
+
 def doubts(refuted: tuple[str, ...] = (), doubted: tuple[str, ...] = ("motor_lag",), **sizes: Size) -> tuple[str, ...]:
     """Of four candidates, two of them below one in 1,000 by chance; one of these is in the model."""
     weak, plain = 0.5 * THRESHOLDS.doubtful, 2.0 * THRESHOLDS.doubtful
@@ -155,7 +179,7 @@ def test_a_proxy_alone_says_that_something_unknown_is_missing(left: float, doubt
         additions=(), undecided=(), outside=None, proxies=("parasitic_drag",), candidates=(), leaves_too_much=False
     )
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=left, forms=(), doubted=doubted)
-    whole.input_verdict = SimpleNamespace(against=())
+    whole.input_verdict = whole.fit_verdict = fits.Verdict()
     whole.pose_may_be_late, whole.unsaid = False, ()
     whole.says_missing = Diagnosis.says_missing.fget(whole)  # type: ignore[attr-defined]
     assert whole.says_missing
@@ -180,7 +204,7 @@ def test_a_proxy_beside_a_name_is_for_its_form_or_for_something_unknown(forms: b
     whole.doubts, whole.unsaid = ("ground_effect", "payload"), (SimpleNamespace(name="payload", confidence=0.0),)
     own = ((CANDIDATE, CURVE),) if forms else ()
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=60.0, forms=own, doubted=())
-    whole.input_verdict = SimpleNamespace(against=())
+    whole.input_verdict = whole.fit_verdict = fits.Verdict()
     assert words in Diagnosis.verdict.fget(whole)  # type: ignore[attr-defined]
     assert "; payload may be missing too, which is not confirmed" in Diagnosis.verdict.fget(whole)  # type: ignore[attr-defined]
     assert least <= Diagnosis.belief.fget(whole).as_stated <= most  # type: ignore[attr-defined]
@@ -214,7 +238,7 @@ def test_the_sentence_is_only_as_likely_as_that_nothing_is_missing_where_nothing
     whole: Any = SimpleNamespace(candidates=found, additions=additions, undecided=(), proxies=(), outside=drawn)
     whole.leaves_too_much = whole.pose_may_be_late = False
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=0.0, forms=(), doubted=())
-    whole.input_verdict = SimpleNamespace(against=())
+    whole.input_verdict = whole.fit_verdict = fits.Verdict()
     whole.doubts, whole.says_missing = tuple(channels), bool(additions or outside)
     whole.unsaid = Diagnosis.unsaid.fget(whole)  # type: ignore[attr-defined]
     assert tuple(s.name for s in whole.unsaid) == unsaid
