@@ -4,8 +4,11 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
+import vehicle
+from sysid.diagnosis import procedure
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.decision import Case, Reason, decide, sentence
 from sysid.diagnosis.findings import CandidateFinding, Outcome, Size, Verdict
@@ -37,7 +40,7 @@ def case(significance: float = 0.5, **found: Any) -> Case:
         doubted=False,
         carried_by=(),
         no_load="",
-        leaves_too_much=False,
+        rejected=False,
     )
     return replace(alone, **found)
 
@@ -49,7 +52,7 @@ SIGNIFICANT = 0.5 * THRESHOLDS.chance
     ("given", "verdict", "reason"),
     [
         (case(), Verdict.EXCLUDED, Reason.TOO_SMALL),
-        (case(leaves_too_much=True), Verdict.INCONCLUSIVE, Reason.TOO_MUCH_UNEXPLAINED),
+        (case(rejected=True), Verdict.INCONCLUSIVE, Reason.REJECTED_FIT),
         (case(sizes=(SMALL, OPEN)), Verdict.INCONCLUSIVE, Reason.TOO_WEAK),
         (case(0.5 * THRESHOLDS.weak_sign), Verdict.INCONCLUSIVE, Reason.TOO_WEAK),
         (case(sizes=(replace(SMALL, sigma=0.0),)), Verdict.INCONCLUSIVE, Reason.TOO_WEAK),
@@ -72,7 +75,7 @@ def test_the_first_reason_that_holds_decides(given: Case, verdict: Verdict, reas
 
 def test_nothing_that_is_excluded_has_any_confidence():
     assert decide(case()).confidence == 0.0
-    assert decide(case(leaves_too_much=True)).confidence == 0.0
+    assert decide(case(rejected=True)).confidence == 0.0
 
 
 def test_a_curve_takes_its_share_of_the_confidence():
@@ -109,13 +112,24 @@ def test_a_name_beside_a_curve_is_stated_with_no_more_than_even_odds():
     assert decide(replace(confirmed, curve=CURVE)).confidence == THRESHOLDS.beside_curve
 
 
-def test_no_name_is_surer_than_the_sentence_where_too_much_is_unexplained_or_the_logs_contradict_the_vehicle():
-    confirmed = case(trial=trial(Outcome.ADDED), added=True, leaves_too_much=True)
-    assert decide(confirmed).confidence == THRESHOLDS.even_confidence
-
-
 REJECTED = fits.Verdict(against=("inertia_zz_kg_m2 came out 0.06, which no multirotor has",))
 POSSIBLE = fits.Verdict(doubts=("thrust came out 2.2 times the vehicle file's",))
+
+
+def test_neither_a_name_nor_a_curve_is_surer_than_the_sentence_on_a_rejected_fit():
+    confirmed = case(trial=trial(Outcome.ADDED), added=True, rejected=True)
+    assert decide(confirmed).confidence == THRESHOLDS.even_confidence
+    one_of_two = trial(Outcome.UNDECIDED)
+    assert decide(case(undecided=one_of_two)).confidence == 0.6
+    assert decide(case(undecided=one_of_two, rejected=True)).confidence == THRESHOLDS.even_confidence
+    score = SimpleNamespace(covariance=np.eye(1), size=np.ones(1), gain_unseen=60.0, significance=1e-9)
+    curve: Any = SimpleNamespace(channel="F_x", variable="constant", score=score, confidence=0.9)
+    constant = SimpleNamespace(variable="constant", basis=lambda at: np.ones((len(at), 1)))
+    model: Any = SimpleNamespace(
+        evidence=SimpleNamespace(curves=[constant]), fit=SimpleNamespace(vehicle=vehicle.example())
+    )
+    assert procedure._outside(model, curve, unsure=False).confidence == 0.9
+    assert procedure._outside(model, curve, unsure=True).confidence == THRESHOLDS.even_confidence
 
 
 @pytest.mark.parametrize("says_missing", [True, False])
@@ -125,7 +139,6 @@ def test_no_sentence_has_more_than_even_odds_on_a_rejected_fit(of_logs, of_fit, 
     """Whatever it says, and whether the fit itself or the check of the logs is against it."""
     name = SimpleNamespace(verdict=Verdict.PRESENT, confidence=0.96)
     whole: Any = SimpleNamespace(input_verdict=of_logs, pose_may_be_late=False, says_missing=says_missing, unsaid=())
-    whole.leaves_too_much = False
     whole.candidates, whole.undecided, whole.proxies, whole.outside = (name,) if says_missing else (), (), (), None
     last: Any = SimpleNamespace(fit=SimpleNamespace(verdict=of_fit))
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=0.0, forms=(), doubted=(), models=(last,))
@@ -175,9 +188,7 @@ def test_a_load_below_what_matters_is_not_said_to_be_missing_perhaps():
 )
 def test_a_proxy_alone_says_that_something_unknown_is_missing(left: float, doubted, least: float, most: float):
     """With even odds at most where a known effect is as good as what is unknown."""
-    whole: Any = SimpleNamespace(
-        additions=(), undecided=(), outside=None, proxies=("parasitic_drag",), candidates=(), leaves_too_much=False
-    )
+    whole: Any = SimpleNamespace(additions=(), undecided=(), outside=None, proxies=("parasitic_drag",), candidates=())
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=left, forms=(), doubted=doubted)
     whole.input_verdict = whole.fit_verdict = fits.Verdict()
     whole.pose_may_be_late, whole.unsaid = False, ()
@@ -236,7 +247,7 @@ def test_the_sentence_is_only_as_likely_as_that_nothing_is_missing_where_nothing
     ]
     drawn = outside and SimpleNamespace(channel=outside, confidence=1.0)
     whole: Any = SimpleNamespace(candidates=found, additions=additions, undecided=(), proxies=(), outside=drawn)
-    whole.leaves_too_much = whole.pose_may_be_late = False
+    whole.pose_may_be_late = False
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=0.0, forms=(), doubted=())
     whole.input_verdict = whole.fit_verdict = fits.Verdict()
     whole.doubts, whole.says_missing = tuple(channels), bool(additions or outside)
