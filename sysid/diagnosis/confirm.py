@@ -142,8 +142,9 @@ def settle(flights: Sequence[Flight], point: Point, noise: Noise, clock: Referen
     Raises:
         InputError: the states do not settle.
     """
-    if noise.gusts is not None:
-        point = replace(point, states=tuple(s if s.gust is not None else s.with_gust() for s in point.states))
+    if any((s.gust is None) != (noise.gusts is None) for s in point.states):  # a point of another model's fit
+        fitting = [replace(s, gust=None) if noise.gusts is None else s.with_gust() for s in point.states]
+        point = replace(point, states=tuple(fitting))
     unknowns, width = nuisances(flights, clock, point.vehicle)
     kept = (*SENSOR_NAMES, *unknowns.names)  # a point of other clocks may hold delays that are none by this one
     point = replace(point, sensors={name: value for name, value in point.sensors.items() if name in kept})

@@ -29,8 +29,8 @@ class Reason(Enum):
     """It was tried and not kept."""
     CURVE_EXPLAINS_MORE = auto()
     ANOTHER_EXPLAINS_MORE = auto()
-    TOO_MUCH_UNEXPLAINED = auto()
-    """The model is so far from the flights that nothing can be excluded."""
+    REJECTED_FIT = auto()
+    """A fit that is not to be used excludes nothing."""
     TOO_SMALL = auto()
     """Whatever it may be, its whole interval lies below what would matter."""
     TOO_WEAK = auto()
@@ -59,8 +59,8 @@ class Case:
     """Of a payload that was added: the flights that carry it; empty for all else."""
     no_load: str
     """Why what shows is no load, in words; empty if it may be one, or is no payload."""
-    leaves_too_much: bool
-    """Whether the last model is too far from the flights, or from what it was told, for anything to be excluded."""
+    rejected: bool
+    """Whether the last fit is not to be used, so that nothing is excluded by it."""
     useful_proxy: bool = False
     """Whether it is part of the last model because it helps, though a curve explains more."""
 
@@ -83,7 +83,7 @@ class Case:
         most = [self.trial.confidence]
         if self.curve:
             most.append(THRESHOLDS.beside_curve)
-        if self.leaves_too_much:
+        if self.rejected:
             most.append(THRESHOLDS.even_confidence)
         return min(most)
 
@@ -102,6 +102,8 @@ def decide(case: Case) -> Decision:
     """The one place where a verdict is made; the first reason that holds decides."""
     open_ = Verdict.INCONCLUSIVE
     confidence = case.undecided.probability(case.candidate.name) if case.undecided else case.confidence_alone
+    if case.rejected:
+        confidence = min(THRESHOLDS.even_confidence, confidence)
     if case.doubted:
         return Decision(open_, Reason.FEW_STRETCHES, max(THRESHOLDS.even_confidence, confidence))
     if case.undecided is not None:
@@ -119,8 +121,8 @@ def decide(case: Case) -> Decision:
         return Decision(open_, more, confidence)
     if not case.below_what_matters:
         return Decision(open_, Reason.TOO_WEAK, confidence)
-    if case.leaves_too_much:
-        return Decision(open_, Reason.TOO_MUCH_UNEXPLAINED, 0.0)
+    if case.rejected:
+        return Decision(open_, Reason.REJECTED_FIT, 0.0)
     return Decision(Verdict.EXCLUDED, Reason.TOO_SMALL, 0.0)
 
 
@@ -150,8 +152,8 @@ def sentence(case: Case, decision: Decision) -> str:
             return f"significant, but the curve of {curve.channel} against {curve.variable} explains more"
         case Reason.ANOTHER_EXPLAINS_MORE:
             return "significant, but another explains more; look again after adding that one"
-        case Reason.TOO_MUCH_UNEXPLAINED:
-            return "too much stays unexplained, or contradicts the vehicle file, to exclude it: read the findings"
+        case Reason.REJECTED_FIT:
+            return "the fit is not to be used, so it excludes nothing: read the verdict on it"
         case Reason.TOO_SMALL:
             limits = (f"{s.parameter.split('.')[1]} above {s.excluded_above:.2g} {s.unit}" for s in case.sizes)
             return f"{', '.join(limits)} can be excluded (95 %)"

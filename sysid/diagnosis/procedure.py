@@ -187,8 +187,7 @@ class Diagnosis:
     @property
     def belief(self) -> Belief:
         """Probability that the whole sentence is right, and of what else may be true."""
-        unsure = self.leaves_too_much or bool(self.search.too_short) or self.fit_verdict.use is fits.Use.REJECTED
-        unsure |= self.pose_may_be_late
+        unsure = self.fit_verdict.use is fits.Use.REJECTED or bool(self.search.too_short) or self.pose_may_be_late
         unsure |= bool(self.proxies and self.search.doubted)  # for something unknown, or for one of these
         names = [s.confidence for s in self.candidates if s.verdict is Verdict.PRESENT]
         if self.undecided:
@@ -283,6 +282,7 @@ def diagnose(
         why = "".join(f"; {sentence}" for sentence in input_verdict.against[:1])
         raise InputError(f"{error}{why}") from error
     last = found.models[-1].fit
+    unsure = input_verdict.beside(last.verdict).use is fits.Use.REJECTED
     models = {"as given": vehicle, "fitted": first.fit.vehicle}
     models |= {label: model.fit.vehicle for label, model in zip(_labels(found), found.models[1:], strict=True)}
     carried = _carried(found, logs, held_out)
@@ -297,8 +297,8 @@ def diagnose(
         vehicle=last.vehicle,
         additions=tuple(s.name for s in found.added),
         proxies=tuple(s.name for s in found.proxies),
-        candidates=_findings(found, unsure=bool(input_verdict.against)),
-        outside=_outside(found.drawn_at, found.outside) if found.outside else None,
+        candidates=_findings(found, unsure=unsure),
+        outside=_outside(found.drawn_at, found.outside, unsure=unsure) if found.outside else None,
         attempts=tuple(_attempt(t) for t in found.trials),
         staircase=stairs,
         invisible=found.models[0].candidate_set.invisible,
@@ -351,7 +351,7 @@ def _labels(found: Search) -> list[str]:
 
 
 def _findings(found: Search, *, unsure: bool) -> tuple[CandidateFinding, ...]:
-    """Args: unsure: whether the logs contradict themselves or the vehicle file, so that nothing is excluded."""
+    """Args: unsure: whether the fit is rejected, so that nothing is excluded, or named with more than even odds."""
     first = found.models[0]
     sized = [(s, _scored(found, s).size) for s in first.candidate_set.candidates]
     errors = traces.prediction_error_m(first, sized)
@@ -389,7 +389,7 @@ def _finding(found: Search, candidate: Candidate, error_m: float, *, unsure: boo
         doubted=candidate.name in found.doubted,
         carried_by=_carriers(found) if candidate.name == PAYLOAD else (),
         no_load=_no_load(found.models[-1]) if candidate.name == PAYLOAD else "",
-        leaves_too_much=unsure or found.models[-1].fit.leaves_too_much,
+        rejected=unsure,
         useful_proxy=proxy,
     )
     decision = decide(case)
@@ -444,7 +444,7 @@ def _attempt(trial: Trial) -> Attempt:
     )
 
 
-def _outside(model: Model, found: Outside) -> OutsideFinding:
+def _outside(model: Model, found: Outside, *, unsure: bool) -> OutsideFinding:
     blocks = found.score
     curve = next(c for c in model.evidence.curves if c.variable == found.variable)
     low, high = (0.0, 1.0) if found.variable == "constant" else (curve.knots[3], curve.knots[-4])
@@ -466,5 +466,5 @@ def _outside(model: Model, found: Outside) -> OutsideFinding:
         force_or_torque=float(scale),
         gain=blocks.gain_unseen,
         significance=blocks.significance,
-        confidence=found.confidence,
+        confidence=min(found.confidence, THRESHOLDS.even_confidence) if unsure else found.confidence,
     )

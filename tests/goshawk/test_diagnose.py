@@ -52,6 +52,8 @@ def test_the_missing_effect_is_named_written_and_the_next_command_works(folder, 
         assert expected in said
     document = json.loads(facts.read_text())
     assert (document["schema"], document["version"]) == ("goshawk-diagnosis", 2)
+    assert said.startswith(f"missing was angular_damping (confidence {document['confidence']:.0%})")
+    assert document["confidence"] == document["probabilities"]["as_stated"]
     assert document["flights"] == ["vertical", "fast", "turning"]
     assert document["held_out"] == ["held_out"]
     assert document["additions"] == ["angular_damping"]
@@ -73,6 +75,7 @@ def test_the_missing_effect_is_named_written_and_the_next_command_works(folder, 
     for shown in (said, html):  # within what was flown, and no farther
         assert "within the flown envelope" in shown
         assert f"sink to {document['envelope']['sink_m_s']:.1f} m/s" in shown
+        assert f"robability {document['confidence']:.0%} that this is right" in shown
     assert document["next"][0] in html
     assert "src='http" not in html
 

@@ -4,13 +4,17 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
+import vehicle
+from sysid.diagnosis import procedure
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.decision import Case, Reason, decide, sentence
 from sysid.diagnosis.findings import CandidateFinding, Outcome, Size, Verdict
 from sysid.diagnosis.procedure import Diagnosis
 from sysid.diagnosis.thresholds import THRESHOLDS
+from sysid.estimator import verdict as fits
 
 CANDIDATE = Candidate("angular_damping", "angular_damping", (), (), (), ("M_x",), "w", ("rotation", "yaw"))
 SMALL = Size("angular_damping.z_n_m_s", "N m s", 1e-5, 1e-5, half90=1.6e-5, smallest_visible=1e-4, usual=1e-3)
@@ -36,7 +40,7 @@ def case(significance: float = 0.5, **found: Any) -> Case:
         doubted=False,
         carried_by=(),
         no_load="",
-        leaves_too_much=False,
+        rejected=False,
     )
     return replace(alone, **found)
 
@@ -48,7 +52,7 @@ SIGNIFICANT = 0.5 * THRESHOLDS.chance
     ("given", "verdict", "reason"),
     [
         (case(), Verdict.EXCLUDED, Reason.TOO_SMALL),
-        (case(leaves_too_much=True), Verdict.INCONCLUSIVE, Reason.TOO_MUCH_UNEXPLAINED),
+        (case(rejected=True), Verdict.INCONCLUSIVE, Reason.REJECTED_FIT),
         (case(sizes=(SMALL, OPEN)), Verdict.INCONCLUSIVE, Reason.TOO_WEAK),
         (case(0.5 * THRESHOLDS.weak_sign), Verdict.INCONCLUSIVE, Reason.TOO_WEAK),
         (case(sizes=(replace(SMALL, sigma=0.0),)), Verdict.INCONCLUSIVE, Reason.TOO_WEAK),
@@ -71,7 +75,7 @@ def test_the_first_reason_that_holds_decides(given: Case, verdict: Verdict, reas
 
 def test_nothing_that_is_excluded_has_any_confidence():
     assert decide(case()).confidence == 0.0
-    assert decide(case(leaves_too_much=True)).confidence == 0.0
+    assert decide(case(rejected=True)).confidence == 0.0
 
 
 def test_a_curve_takes_its_share_of_the_confidence():
@@ -108,9 +112,42 @@ def test_a_name_beside_a_curve_is_stated_with_no_more_than_even_odds():
     assert decide(replace(confirmed, curve=CURVE)).confidence == THRESHOLDS.beside_curve
 
 
-def test_no_name_is_surer_than_the_sentence_where_too_much_is_unexplained_or_the_logs_contradict_the_vehicle():
-    confirmed = case(trial=trial(Outcome.ADDED), added=True, leaves_too_much=True)
+REJECTED = fits.Verdict(against=("inertia_zz_kg_m2 came out 0.06, which no multirotor has",))
+POSSIBLE = fits.Verdict(doubts=("thrust came out 2.2 times the vehicle file's",))
+
+
+def test_neither_a_name_nor_a_curve_is_surer_than_the_sentence_on_a_rejected_fit():
+    confirmed = case(trial=trial(Outcome.ADDED), added=True, rejected=True)
     assert decide(confirmed).confidence == THRESHOLDS.even_confidence
+    one_of_two = trial(Outcome.UNDECIDED)
+    assert decide(case(undecided=one_of_two)).confidence == 0.6
+    assert decide(case(undecided=one_of_two, rejected=True)).confidence == THRESHOLDS.even_confidence
+    score = SimpleNamespace(covariance=np.eye(1), size=np.ones(1), gain_unseen=60.0, significance=1e-9)
+    curve: Any = SimpleNamespace(channel="F_x", variable="constant", score=score, confidence=0.9)
+    constant = SimpleNamespace(variable="constant", basis=lambda at: np.ones((len(at), 1)))
+    model: Any = SimpleNamespace(
+        evidence=SimpleNamespace(curves=[constant]), fit=SimpleNamespace(vehicle=vehicle.example())
+    )
+    assert procedure._outside(model, curve, unsure=False).confidence == 0.9
+    assert procedure._outside(model, curve, unsure=True).confidence == THRESHOLDS.even_confidence
+
+
+@pytest.mark.parametrize("says_missing", [True, False])
+@pytest.mark.parametrize("of_logs", [fits.Verdict(), REJECTED])
+@pytest.mark.parametrize("of_fit", [fits.Verdict(), POSSIBLE, REJECTED])
+def test_no_sentence_has_more_than_even_odds_on_a_rejected_fit(of_logs, of_fit, says_missing: bool):
+    """Whatever it says, and whether the fit itself or the check of the logs is against it."""
+    name = SimpleNamespace(verdict=Verdict.PRESENT, confidence=0.96)
+    whole: Any = SimpleNamespace(input_verdict=of_logs, pose_may_be_late=False, says_missing=says_missing, unsaid=())
+    whole.candidates, whole.undecided, whole.proxies, whole.outside = (name,) if says_missing else (), (), (), None
+    last: Any = SimpleNamespace(fit=SimpleNamespace(verdict=of_fit))
+    whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=0.0, forms=(), doubted=(), models=(last,))
+    whole.fit_verdict = Diagnosis.fit_verdict.fget(whole)  # type: ignore[attr-defined]
+    usual = 0.96 if says_missing else THRESHOLDS.most_confidence
+    most = THRESHOLDS.even_confidence if REJECTED in (of_logs, of_fit) else usual
+    found = Diagnosis.belief.fget(whole)  # type: ignore[attr-defined]
+    assert found.as_stated == pytest.approx(most)
+    assert f"probability {most:.0%} that" in found.sentence(named=says_missing)
 
 
 def doubts(refuted: tuple[str, ...] = (), doubted: tuple[str, ...] = ("motor_lag",), **sizes: Size) -> tuple[str, ...]:
@@ -151,11 +188,9 @@ def test_a_load_below_what_matters_is_not_said_to_be_missing_perhaps():
 )
 def test_a_proxy_alone_says_that_something_unknown_is_missing(left: float, doubted, least: float, most: float):
     """With even odds at most where a known effect is as good as what is unknown."""
-    whole: Any = SimpleNamespace(
-        additions=(), undecided=(), outside=None, proxies=("parasitic_drag",), candidates=(), leaves_too_much=False
-    )
+    whole: Any = SimpleNamespace(additions=(), undecided=(), outside=None, proxies=("parasitic_drag",), candidates=())
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=left, forms=(), doubted=doubted)
-    whole.input_verdict = SimpleNamespace(against=())
+    whole.input_verdict = whole.fit_verdict = fits.Verdict()
     whole.pose_may_be_late, whole.unsaid = False, ()
     whole.says_missing = Diagnosis.says_missing.fget(whole)  # type: ignore[attr-defined]
     assert whole.says_missing
@@ -180,7 +215,7 @@ def test_a_proxy_beside_a_name_is_for_its_form_or_for_something_unknown(forms: b
     whole.doubts, whole.unsaid = ("ground_effect", "payload"), (SimpleNamespace(name="payload", confidence=0.0),)
     own = ((CANDIDATE, CURVE),) if forms else ()
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=60.0, forms=own, doubted=())
-    whole.input_verdict = SimpleNamespace(against=())
+    whole.input_verdict = whole.fit_verdict = fits.Verdict()
     assert words in Diagnosis.verdict.fget(whole)  # type: ignore[attr-defined]
     assert "; payload may be missing too, which is not confirmed" in Diagnosis.verdict.fget(whole)  # type: ignore[attr-defined]
     assert least <= Diagnosis.belief.fget(whole).as_stated <= most  # type: ignore[attr-defined]
@@ -212,9 +247,9 @@ def test_the_sentence_is_only_as_likely_as_that_nothing_is_missing_where_nothing
     ]
     drawn = outside and SimpleNamespace(channel=outside, confidence=1.0)
     whole: Any = SimpleNamespace(candidates=found, additions=additions, undecided=(), proxies=(), outside=drawn)
-    whole.leaves_too_much = whole.pose_may_be_late = False
+    whole.pose_may_be_late = False
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=0.0, forms=(), doubted=())
-    whole.input_verdict = SimpleNamespace(against=())
+    whole.input_verdict = whole.fit_verdict = fits.Verdict()
     whole.doubts, whole.says_missing = tuple(channels), bool(additions or outside)
     whole.unsaid = Diagnosis.unsaid.fget(whole)  # type: ignore[attr-defined]
     assert tuple(s.name for s in whole.unsaid) == unsaid

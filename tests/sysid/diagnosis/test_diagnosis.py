@@ -146,6 +146,14 @@ def calm() -> Identification:
     return identify(flights(None, 9, 12.0)[:1], vehicle.example(), Options(node_rate_hz=100.0, gusts="white"))
 
 
+def test_white_noise_judges_states_that_carried_disturbances_without_them(calm):
+    """Disturbances of which no noise level says how large they are would explain everything."""
+    point = calm.solution.point
+    carried = replace(point, states=tuple(states.with_gust() for states in point.states))
+    costs = [Judge(calm.flights, calm.noise, near).costs(calm.vehicle) for near in (point, carried)]
+    np.testing.assert_allclose(costs[1], costs[0], rtol=1e-9)
+
+
 @pytest.mark.parametrize("channels", [("M_y",), ("F_x_world", "F_y_world")])
 def test_curves_are_freed_of_what_the_states_can_do_in_every_block(calm, channels):
     """The short way of the evidence, by what is at right angles, against products of all rows."""

@@ -20,7 +20,7 @@ def test_a_log_that_contradicts_the_vehicle_file_leaves_nothing_sure(reversed_sp
     assert reversed_spins.fit_verdict.use is Use.REJECTED
     assert "spin" in reversed_spins.verdict
     assert reversed_spins.confidence <= 0.5
-    assert all(s.verdict is not Verdict.EXCLUDED for s in reversed_spins.candidates)
+    assert all(s.verdict is not Verdict.EXCLUDED and s.confidence <= 0.5 for s in reversed_spins.candidates)
 
 
 @pytest.mark.slow
