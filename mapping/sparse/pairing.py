@@ -17,6 +17,8 @@ _PER_WORD, _PROBES = 500, 3
 """Descriptors in a visual word, and words in which the likes of a descriptor are looked for."""
 _AT_ONCE = 4_000_000
 """Cosines that are computed at once: 16 MB."""
+_MARKS = 16_000_000
+"""Descriptors times images that are marked at once: 16 MB."""
 
 Shot = tuple[int, int]
 """(instant, camera)."""
@@ -107,16 +109,20 @@ def _shared_features(signatures: list[np.ndarray]) -> np.ndarray:
         return shared
     drawn = np.random.default_rng(0).choice(len(descriptors), 1 + len(descriptors) // _PER_WORD, replace=False)
     likest = _likest(descriptors, descriptors[drawn])
-    for word in range(len(drawn)):
-        own = np.flatnonzero(likest[:, 0] == word)  # in the order of the images, as are those that ask
-        asking = np.flatnonzero((likest == word).any(axis=1))
-        if not len(own):
-            continue
-        images, first = np.unique(image[own], return_index=True)
-        for part in np.array_split(asking, 1 + len(asking) * len(own) // _AT_ONCE):
-            found = np.maximum.reduceat(descriptors[part] @ descriptors[own].T, first, axis=1) > _SAME
-            askers, start = np.unique(image[part], return_index=True)
-            shared[np.ix_(askers, images)] += np.add.reduceat(found, start, axis=0, dtype=np.int32)
+    of_word = [np.flatnonzero(likest[:, 0] == word) for word in range(len(drawn))]  # in the order of the images
+    for rows in np.array_split(np.arange(len(descriptors)), 1 + len(descriptors) * len(signatures) // _MARKS):
+        has = np.zeros((len(rows), len(signatures)), bool)  # of one image several words may have the likes
+        words = likest[rows]
+        for word in np.unique(words):
+            if not len(own := of_word[word]):
+                continue
+            asking = np.flatnonzero((words == word).any(axis=1))
+            images, first = np.unique(image[own], return_index=True)
+            for part in np.array_split(asking, 1 + len(asking) * len(own) // _AT_ONCE):
+                found = np.maximum.reduceat(descriptors[rows[part]] @ descriptors[own].T, first, axis=1) > _SAME
+                has[np.ix_(part, images)] |= found
+        askers, start = np.unique(image[rows], return_index=True)
+        shared[askers] += np.add.reduceat(has, start, axis=0, dtype=np.int32)
     return shared
 
 

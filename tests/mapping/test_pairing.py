@@ -1,6 +1,7 @@
 """Image pairs to match: similar images are found by the features that they share."""
 
 import numpy as np
+import pytest
 
 from mapping.sparse import features, pairing
 
@@ -28,6 +29,21 @@ def test_of_many_images_nearly_all_shared_features_are_found_and_no_others() -> 
     found, truth = pairing._shared_features(images), exact(images)
     assert found.sum() > 0.8 * truth.sum() > 0
     assert (found <= truth).all()
+
+
+def test_a_feature_counts_once_however_many_copies_of_it_another_image_has() -> None:
+    rng = np.random.default_rng(4)
+    motifs = rng.exponential(1.0, (30, 128))
+    copies = (motifs[rng.integers(0, 30, 60)] + rng.normal(0.0, 0.3, (60, 128)) for _ in range(60))
+    images = [features.unit(np.maximum(each, 0.0)) for each in copies]
+    assert (pairing._shared_features(images) <= exact(images)).all()
+
+
+def test_what_is_counted_does_not_depend_on_how_much_is_marked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    images = signatures(np.random.default_rng(5), 30, 2)
+    counted = pairing._shared_features(images)
+    monkeypatch.setattr(pairing, "_MARKS", 7_000)  # parts that end within an image
+    assert np.array_equal(pairing._shared_features(images), counted)
 
 
 def test_the_most_similar_images_are_of_the_same_place() -> None:
