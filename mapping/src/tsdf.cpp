@@ -107,8 +107,8 @@ struct Box {
     int low[3], high[3];
 
     Box(const Volume& volume, const Pose& T_camera_world, double distance) {
-        const Vec3 back = T_camera_world.rotate_back(T_camera_world.translation());
-        const Vec3 centre = (1.0 / volume.voxel) * (-1.0 * back - volume.origin);
+        const Vec3 camera = -1.0 * T_camera_world.rotate_back(T_camera_world.translation());
+        const Vec3 centre = (1.0 / volume.voxel) * (camera - volume.origin);
         const double reach = distance / volume.voxel + 0.5;
         for (int axis = 0; axis < 3; ++axis) {
             const double most = volume.shape[axis];

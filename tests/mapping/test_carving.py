@@ -170,6 +170,15 @@ def test_what_an_image_adds_does_not_depend_on_the_extent_of_the_volume() -> Non
         assert np.count_nonzero(other) == np.count_nonzero(other[common])
 
 
+def test_a_surface_is_known_a_truncation_behind_the_farthest_that_an_image_shows() -> None:
+    view, volume, range_m = view_from(), unobserved_volume(), 2.0
+    shown = bound(range_m)
+    volume.integrate(view, shown, 0.01 * shown, np.ones_like(shown), farthest_m=FARTHEST_M)
+    off_m = np.linalg.norm(centres(volume) - view.position_world_m, axis=-1) - range_m
+    behind = off_m[volume.weight > 0.0].max()
+    assert volume.truncation_m - volume.voxel_m < behind <= volume.truncation_m
+
+
 def test_any_trace_of_a_surface_outweighs_all_carving() -> None:
     volume = unobserved_volume()
     volume.seen_through[...] = 255

@@ -156,6 +156,18 @@ def test_an_edge_behind_the_camera_is_no_part_of_a_line_before_it() -> None:
     assert not lines._ranges(first, behind, nearest_m=0.3, farthest_m=8.0)[2].any()
 
 
+@pytest.mark.parametrize("turn_rad", np.linspace(-np.pi, np.pi, 37))
+def test_edges_are_compared_all_round_the_baseline(turn_rad: float) -> None:
+    """The partners show a part of the edge only, so that no end of theirs is near one of its own."""
+    places = np.array([[0.25 * n, 0.0, 0.0] for n in range(4)])
+    across = np.array([0.0, np.cos(turn_rad), np.sin(turn_rad)])
+    middle, way = np.array([0.4, 0.0, 0.0]) + 2.0 * across, np.cross([1.0, 0.0, 0.0], across)
+    whole, part = (seen_from(places, (middle + np.outer([-a, a], way))[None]) for a in (0.5, 0.2))
+    range_m, _, sure = lines._ranges(whole[0], part[1:], nearest_m=0.3, farthest_m=8.0)
+    assert sure.all()
+    np.testing.assert_allclose(range_m, np.sqrt(0.4**2 + 2.0**2 + 0.5**2), rtol=1e-9)
+
+
 @pytest.mark.parametrize(("seed", "low"), [(0, [1.0, -1.0, 0.5]), (1, [1.0, -1.0, 0.5]), (2, [-5.0, -5.0, -4.0])])
 def test_the_kernel_agrees_with_its_plain_twin(seed: int, low: list[float]) -> None:
     """Of edges before the cameras, and all round them."""
