@@ -149,6 +149,7 @@ def picture(demo: Path) -> str:
     place = Plan(low, high)
     corner, opposite = place(np.array([[low[0], high[1], 0.0], [high[0], low[1], 0.0]]))
     most_mm = float(np.ceil(1000.0 * first.error_m.max() / 50.0) * 50.0)
+    planned_s = item.trajectory.duration_s
     longest_s = float(max(first.time_s[-1], second.time_s[-1]))  # a vehicle that falls behind is slowed down
 
     def curve(flight: Flown) -> str:
@@ -183,7 +184,7 @@ def picture(demo: Path) -> str:
         vehicle(place(first.path_world_m), RED, FIRST),
         vehicle(place(second.path_world_m), GREEN, SECOND),
         caption("1 Map: camera images to free, solid, unknown", MAP[0], PLAN[0] - 0.03),
-        caption(f"2 Plan: {item.trajectory.duration_s:.1f} s, clearance proven over the whole curve", PLAN[0], FIRST[0] - 0.03),
+        caption(f"2 Plan: {planned_s:.1f} s, clearance proven over the whole curve", PLAN[0], FIRST[0] - 0.03),
         caption("3 Fly: the embedded C controller, a simulated body", FIRST[0], SECOND[0] - 0.06),
         caption("4 Learn from the logs, fly again", SECOND[0] - 0.04, REST),
         "</svg>",
