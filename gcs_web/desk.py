@@ -460,9 +460,11 @@ class Desk:
         self.audit(person, what, "done", about)
 
     def left(self, person: protocol.Person) -> None:
-        """Somebody closed the page: control is free again."""
+        """Somebody closed the page: control is free again, and the next page after the last begins with the plan."""
         self.map.end_preview(person.id)
         self.give_up_control(person)
+        if not self.hub.people:
+            self.comparing.show([], "", {}, arrows=False, predicted=False)
 
     def _name_of(self, person: str) -> str:
         return next((p.name for p in self.hub.people if p.id == person), "somebody who left")

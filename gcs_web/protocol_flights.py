@@ -338,6 +338,8 @@ class Diagnosis(msgspec.Struct, frozen=True, tag="diagnosis"):
     probability: float = 0.0
     probabilities: str = ""
     """In a sentence: that one, that of something unknown and that of another effect, each with what it is of."""
+    envelope: str = ""
+    """How far the flights went, in a sentence: what is stated holds within it."""
     fit: str = ""
     """The verdict on the fit in a sentence."""
     learn: list[str] = []

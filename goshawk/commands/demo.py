@@ -42,7 +42,8 @@ def command(out: Path, pairs: int, as_json: bool) -> None:
         return
     _show(facts)
     click.echo("try next:")
-    me = "goshawk" if shutil.which("goshawk") else sys.argv[0]
+    module = f"{sys.executable} -m goshawk" if Path(sys.argv[0]).name == "__main__.py" else sys.argv[0]
+    me = "goshawk" if shutil.which("goshawk") else module
     vehicles = f"--vehicle {out}/vehicle.toml --vehicle {out}/learned.toml"
     click.echo(f"  {me} gcs {out}")
     click.echo(f"  {me} check {out}/trajectories/walk.json --map {out}/map --vehicle {out}/vehicle.toml")

@@ -137,6 +137,16 @@ def test_one_person_paints_at_a_time_and_leaving_frees_the_brush(desk):
     running.map.paint(brush, BO)
 
 
+def test_the_3d_view_shows_the_plan_again_when_the_last_page_has_left(desk):
+    running = desk(planner.PlanOptions())
+    running.view.flights.draw.return_value = (None, None)
+    for others in ([BO], []):
+        running.hub.people = others
+        running.view.set_plan_aside.assert_not_called()  # somebody still looks at what is drawn
+        running.left(ADA)
+    running.view.set_plan_aside.assert_called_once_with(False)
+
+
 def preview() -> protocol.PreviewMapEdit:
     return protocol.PreviewMapEdit(serial=0, shape=protocol_parts.Shape("box", (3.0, 3.4, 0.5), (0.5, 0.5, 0.5)))
 

@@ -294,6 +294,18 @@ def test_nothing_on_the_page_is_a_serious_barrier(page, width):
     assert found == {}
 
 
+@pytest.mark.parametrize("width", [800, 720])
+def test_abort_and_the_status_are_whole_in_a_small_window(page, width):
+    page.set_viewport_size({"width": width, "height": 600})
+    for number in "12345":
+        page.keyboard.press(number)
+        drawn(page)
+        for shown in (page.get_by_role("button", name=re.compile("^Abort")), page.get_by_role("contentinfo")):
+            assert shown.evaluate("e => Math.max(e.getBoundingClientRect().right, e.scrollWidth)") <= width
+        view = page.locator(".scene")
+        assert view.count() == 0 or view.bounding_box()["height"] > 150
+
+
 def test_a_waypoint_in_a_pillar_is_refused_in_words(station, page):
     cell(page, 1, 0).dblclick()
     page.keyboard.press("Control+A")

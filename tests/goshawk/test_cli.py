@@ -1,6 +1,9 @@
 """The command line as a stranger meets it, judged by exit code and words; twice as a program of its own."""
 
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -57,6 +60,20 @@ def test_a_log_is_described_with_its_gap(tmp_path):
     said = goshawk("log", tmp_path / "f.parquet").stdout
     assert "position_world_x_m" in said
     assert "error: 1 gap," in said
+
+
+@pytest.mark.parametrize(("asked", "set_to"), [(None, "1"), ("2", "2")])
+def test_a_command_keeps_blas_to_one_thread_unless_told_otherwise(asked, set_to):
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    environment |= {} if asked is None else {"OPENBLAS_NUM_THREADS": asked}
+    code = (
+        "import os, goshawk.cli, numpy, scipy.linalg; "  # as the entry point: NumPy comes after Goshawk
+        "print(len(os.listdir('/proc/self/task')), *map(os.environ.get, ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS')))"
+    )
+    answer = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    threads, openblas, openmp = answer.stdout.split()
+    assert (openblas, openmp) == (set_to, "None")  # OpenMP's is left alone: COLMAP's own threads are not BLAS'
+    assert asked is not None or threads == "1"
 
 
 def test_doctor_finds_this_installation_well():

@@ -519,6 +519,7 @@ export interface Diagnosis {
   verdict: string;
   probability: number;
   probabilities: string;
+  envelope: string;
   fit: string;
   learn: string[];
   held_out: string[];

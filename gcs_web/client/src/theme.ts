@@ -11,6 +11,7 @@ const isTheme = (value: unknown): value is Theme => THEMES.some((theme) => theme
 export const theme = remembered<Theme>("theme", "system", isTheme);
 export const phone = media("(max-width: 719px)");
 export const narrow = media("(max-width: 1279px)");
+export const low = media("(max-height: 767px)");
 export const reducedMotion = media("(prefers-reduced-motion: reduce)");
 const systemIsLight = media("(prefers-color-scheme: light)");
 

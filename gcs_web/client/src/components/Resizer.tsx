@@ -1,9 +1,11 @@
 /** The upper edge of the drawer: dragged or moved with the arrow keys, kept for each step. */
 
 import { remembered } from "../remembered";
+import { low } from "../theme";
 
 const LOWEST_PX = 162;
 const HIGHEST_PX = 448;
+const HIGHEST_IN_LOW_WINDOW_PX = 260;
 const KEY_PX = 16;
 
 const isHeights = (value: unknown): value is Record<number, number> =>
@@ -11,7 +13,9 @@ const isHeights = (value: unknown): value is Record<number, number> =>
 
 const heights = remembered<Record<number, number>>("drawer", { 2: 260, 3: 228, 4: 448 }, isHeights);
 
-const bounded = (height: number): number => Math.round(Math.min(HIGHEST_PX, Math.max(LOWEST_PX, height)));
+/** In a low window the 3D view must not vanish behind it. */
+const highest = (): number => (low.value ? HIGHEST_IN_LOW_WINDOW_PX : HIGHEST_PX);
+const bounded = (height: number): number => Math.round(Math.min(highest(), Math.max(LOWEST_PX, height)));
 
 export function drawerHeight(step: number): number {
   return bounded(heights.value[step] ?? LOWEST_PX);
@@ -37,7 +41,7 @@ export function Resizer({ step }: { step: number }) {
       aria-orientation="horizontal"
       aria-label="Height of the timeline"
       aria-valuemin={LOWEST_PX}
-      aria-valuemax={HIGHEST_PX}
+      aria-valuemax={highest()}
       aria-valuenow={height}
       tabIndex={0}
       onPointerDown={drag}

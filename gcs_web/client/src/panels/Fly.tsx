@@ -33,9 +33,13 @@ function Now() {
       <section class="verdict">
         <h2>Vehicle</h2>
         <p>
-          {welcome.value?.vehicle === false
-            ? "No vehicle was given. Start the station with --vehicle-url to fly one."
-            : "The vehicle was not heard yet."}
+          {welcome.value?.vehicle === false ? (
+            <>
+              No vehicle was given. Start the station with <span class="option">--vehicle-url</span> to fly one.
+            </>
+          ) : (
+            "The vehicle was not heard yet."
+          )}
         </p>
       </section>
     );

@@ -28,6 +28,7 @@ export function Learn() {
         <div>
           <h2 class="learn-verdict">{has ? found.verdict : "Which effect does the model lack?"}</h2>
           <p class="dim">{has ? summary(found) : flightsWords()}</p>
+          {has && found.envelope !== "" && <p class="quiet">{found.envelope}</p>}
           {found?.state === "old" && (
             <p class="caution-text">The vehicle, a flight or the choice of flights changed since. Diagnose again.</p>
           )}
