@@ -19,6 +19,7 @@ from gcs_web.protocol_next_flight import NextFlight, Section
 from goshawk.station_jobs import KINDS, compare
 from goshawk.station_jobs.flights import Chosen
 from sysid.diagnosis import OutsideFinding
+from sysid.diagnosis.envelope import Envelope
 from sysid.estimator import changes
 from tests.gcs_web.test_page import CHROMIUM, FLAGS, SERIOUS, SIZE, START, drawn
 from tests.waiting import PATIENCE_S
@@ -185,6 +186,9 @@ def test_learn_says_what_is_missing_before_any_diagnosis(page):
     page.get_by_role("grid", name="Waypoints").wait_for()
 
 
+FLOWN = Envelope(level_speed_m_s=3.0, climb_m_s=1.0, sink_m_s=1.0, rate_rad_s=4.0).sentence
+
+
 def diagnosed() -> protocol.Diagnosis:
     """Drag is missing, and beside it something of one rotor's thrust that no known effect is."""
     at = [0.1 * k for k in range(20)]
@@ -202,8 +206,8 @@ def diagnosed() -> protocol.Diagnosis:
     x = np.array(at)
     outside = OutsideFinding("T_2", "n_2", "rad/s", x, -0.1 * x, np.full(20, 0.01), 1.0, 9.0, 0.0, 0.8)
     return protocol.Diagnosis(
-        "current", "Rotor drag is missing.", 0.8, "Probability 80% that this is right.", "usable", ["a"], ["b"],
-        [found, *others],
+        "current", "Rotor drag is missing.", 0.8, "Probability 80% that this is right.", FLOWN, "usable", ["a"],
+        ["b"], [found, *others],
         outside=diagnosis_values._outside(outside), unobservable=["mass: only ratios to it show"], left=["F_x 0.01 N"],
         findings=["the rotors turn too little"],
     )  # fmt: skip
@@ -214,6 +218,7 @@ def test_a_curve_of_rotor_thrust_is_shown_with_its_words_and_unit(page, station)
     page.keyboard.press("5")
     card = page.get_by_role("region", name="No known effect")
     card.get_by_text("the thrust of rotor 2 follows speed of rotor 2, from −19.0 to 0 % of the thrust").wait_for()
+    assert page.get_by_text(FLOWN).is_visible()
     assert page.get_by_text(MARKUP).first.is_visible()
     assert page.get_by_role("region", name="Effects of your own").get_by_text(MARKUP).is_visible()
     assert page.get_by_role("region", name="Findings").get_by_text("The rotors turn too little").is_visible()
