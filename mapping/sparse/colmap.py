@@ -122,6 +122,7 @@ def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progres
                 with tempfile.TemporaryDirectory() as folder:
                     refine(_with_lenses(database, trial.rig, Path(folder)), model, fixed, options, progress)
                 # matches chosen by the wrong calibration show too little of what is wrong with it (8.4 % of 9.1 %)
+                progress(_TRYING, 0.0)
                 again = dataclasses.replace(_features_seen(database, model, images), rig=seen.rig)
                 trial = calibration_trial.hold(again)
                 images = dataclasses.replace(images, rig=trial.rig)

@@ -81,9 +81,9 @@ def identify(
     unsettled: dict[str, str] = {}
     if lasting is not None:
         also_held = list(held)
-        carried, still_free, calmed = _fit_calmed(flights, vehicle, *lasting, unknowns, also_held, options, progress)
+        carried, free, newly_held = _fit_settled(flights, vehicle, *lasting, unknowns, also_held, options, progress)
         if carried.converged:
-            unknowns, held, unsettled = still_free, also_held, calmed
+            unknowns, held, unsettled = free, also_held, newly_held
             solution = replace(carried, record=solution.record + carried.record)
         else:
             doubts = (UNSETTLED,)
@@ -137,7 +137,7 @@ def _fit(
         point, noise = _reset(solution.point, vehicle, unseen), solution.noise
 
 
-def _fit_calmed(
+def _fit_settled(
     flights: list[Flight],
     vehicle: Vehicle,
     point: Point,
@@ -154,7 +154,7 @@ def _fit_calmed(
     solution, unknowns = _fit(flights, vehicle, point, noise, unknowns, held, options, progress)
     unsettled: dict[str, str] = {}
     while not solution.converged and unknowns.model and len(solution.record) > 1:
-        name, with_it = restless(solution, unknowns)
+        name, with_it = least_settled(solution, unknowns)
         if not with_it:
             break
         value, unit = vehicle.value(name), vehicle.parameter(name).unit
@@ -169,7 +169,7 @@ def _fit_calmed(
     return solution, unknowns, unsettled
 
 
-def restless(solution: Solution, unknowns: Unknowns) -> tuple[str, tuple[str, ...]]:
+def least_settled(solution: Solution, unknowns: Unknowns) -> tuple[str, tuple[str, ...]]:
     """The vehicle's parameter that moved most over the last steps, in standard errors, and those confounded with it."""
     m = len(unknowns.model)
     covariance = solution.covariance()[:m, :m]

@@ -13,7 +13,7 @@ from flight import FlightLog
 from flight.flight_log import from_vectors
 from sysid.diagnosis import diagnose
 from sysid.estimator import driven_band, weight
-from sysid.estimator.identification import restless, start
+from sysid.estimator.identification import least_settled, start
 from sysid.estimator.prepare import prepare
 from sysid.estimator.problem import Point
 from sysid.estimator.unknowns import Unknowns, biases
@@ -67,7 +67,7 @@ def test_what_does_not_settle_is_named_with_what_it_is_confounded_with(together,
     covariance = np.array([[1.0, together, 0.0], [together, 1.0, 0.0], [0.0, 0.0, 1.0]])
     solution = SimpleNamespace(record=[SimpleNamespace(values=v) for v in values], covariance=lambda: covariance)
     unknowns = Unknowns((THRUST, INERTIA[2]), (), ("bias",))
-    assert restless(solution, unknowns) == (INERTIA[2], others)  # type: ignore[arg-type]
+    assert least_settled(solution, unknowns) == (INERTIA[2], others)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
