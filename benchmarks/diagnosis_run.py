@@ -81,6 +81,7 @@ def stated(found: Any) -> dict[str, Any]:
         "additions": list(found.additions),
         "proxies": list(found.proxies),
         "undecided": list(found.undecided),
+        "doubts": list(found.doubts),
         "confidence": float(found.confidence),
         "probabilities": found.belief.as_dict(),
         "outside": outside

@@ -7,6 +7,7 @@ from enum import Enum, auto
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.examined import Outside
 from sysid.diagnosis.findings import Outcome, Size, Verdict
+from sysid.diagnosis.free_form import axes_of
 from sysid.diagnosis.score import Score
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.diagnosis.trial import Trial
@@ -72,9 +73,11 @@ class Case:
 
     @property
     def confidence_alone(self) -> float:
-        """That it is missing, by its own significance; a curve that explains more takes its share."""
+        """That it is missing, by its own significance; a curve of a channel that it acts on takes its share."""
         alone = min(THRESHOLDS.even_confidence, max(0.0, 1.0 - self.score.significance / 0.01))
-        return alone * (1.0 - self.curve.confidence) if self.curve else alone
+        if self.curve is None or not {*axes_of(self.curve.channel)} & {*self.candidate.channels}:
+            return alone
+        return alone * (1.0 - self.curve.confidence)
 
     @property
     def confidence_added(self) -> float:

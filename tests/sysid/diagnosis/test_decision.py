@@ -78,9 +78,12 @@ def test_nothing_that_is_excluded_has_any_confidence():
     assert decide(case(rejected=True)).confidence == 0.0
 
 
-def test_a_curve_takes_its_share_of_the_confidence():
+def test_a_curve_takes_its_share_of_the_confidence_in_the_channels_that_it_is_of():
     assert decide(case(SIGNIFICANT)).confidence == THRESHOLDS.even_confidence
-    assert decide(case(SIGNIFICANT, curve=CURVE)).confidence == pytest.approx(0.2 * THRESHOLDS.even_confidence)
+    assert decide(case(SIGNIFICANT, curve=CURVE)).confidence == THRESHOLDS.even_confidence
+    about_z = replace(CANDIDATE, channels=("M_x", "M_z"))
+    beside = case(SIGNIFICANT, curve=CURVE, candidate=about_z)
+    assert decide(beside).confidence == pytest.approx(0.2 * THRESHOLDS.even_confidence)
 
 
 def test_one_of_several_has_its_own_probability():
