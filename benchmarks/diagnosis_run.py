@@ -82,6 +82,7 @@ def stated(found: Any) -> dict[str, Any]:
         "proxies": list(found.proxies),
         "undecided": list(found.undecided),
         "doubts": list(found.doubts),
+        "attempts": [[a.name, a.outcome, a.sentence] for a in found.attempts],
         "confidence": float(found.confidence),
         "probabilities": found.belief.as_dict(),
         "outside": outside
