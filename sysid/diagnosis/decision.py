@@ -18,6 +18,8 @@ class Reason(Enum):
 
     CONFIRMED = auto()
     """Added to the model, and judged right."""
+    NEGLIGIBLE = auto()
+    """Part of the model, at a size of no consequence."""
     USEFUL_PROXY = auto()
     """Added to the model because it helps, though a curve shows that it is another law."""
     FEW_STRETCHES = auto()
@@ -49,7 +51,7 @@ class Case:
     trial: Trial | None
     """The last in which it was tried."""
     added: bool
-    """Whether it is part of the last model."""
+    """Whether it is part of the last model, and named."""
     curve: Outside | None
     """That explains what no name does."""
     undecided: Trial | None
@@ -64,6 +66,8 @@ class Case:
     """Whether the last fit is not to be used, so that nothing is excluded by it."""
     useful_proxy: bool = False
     """Whether it is part of the last model because it helps, though a curve explains more."""
+    negligible: bool = False
+    """Whether it is part of the last model at a size of no consequence."""
 
     @property
     def below_what_matters(self) -> bool:
@@ -113,6 +117,8 @@ def decide(case: Case) -> Decision:
         return Decision(open_, Reason.ONE_OF_SEVERAL, confidence)
     if case.useful_proxy:
         return Decision(Verdict.PROXY, Reason.USEFUL_PROXY, confidence)
+    if case.negligible:
+        return Decision(Verdict.EXCLUDED, Reason.NEGLIGIBLE, 0.0)
     if case.added and case.trial is not None:
         return Decision(Verdict.PRESENT, Reason.CONFIRMED, case.confidence_added)
     if case.no_load:
@@ -144,6 +150,8 @@ def sentence(case: Case, decision: Decision) -> str:
             return f"either it or {others} is missing; these flights do not show which"
         case Reason.NO_LOAD:
             return case.no_load
+        case Reason.NEGLIGIBLE:
+            return f"it shows, and is too small to matter: {_limits(case.sizes)} can be excluded (95 %)"
         case Reason.USEFUL_PROXY:
             assert trial is not None
             return trial.sentence
@@ -158,10 +166,13 @@ def sentence(case: Case, decision: Decision) -> str:
         case Reason.REJECTED_FIT:
             return "the fit is not to be used, so it excludes nothing: read the verdict on it"
         case Reason.TOO_SMALL:
-            limits = (f"{s.parameter.split('.')[1]} above {s.excluded_above:.2g} {s.unit}" for s in case.sizes)
-            return f"{', '.join(limits)} can be excluded (95 %)"
+            return f"{_limits(case.sizes)} can be excluded (95 %)"
         case Reason.TOO_WEAK:
             return _too_weak(case.sizes)
+
+
+def _limits(sizes: Sequence[Size]) -> str:
+    return ", ".join(f"{s.parameter.split('.')[1]} above {s.excluded_above:.2g} {s.unit}" for s in sizes)
 
 
 def _too_weak(sizes: Sequence[Size]) -> str:

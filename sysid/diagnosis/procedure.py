@@ -52,6 +52,8 @@ class Diagnosis:
     """The fitted vehicle with what was added."""
     additions: tuple[str, ...]
     """Candidates added because they are missing, in order."""
+    negligible: tuple[str, ...]
+    """Candidates added because they show, at a size of no consequence: not named as missing."""
     proxies: tuple[str, ...]
     """Candidates added because they lower the held-out error, though a curve shows that another law is missing."""
     candidates: tuple[CandidateFinding, ...]
@@ -86,14 +88,11 @@ class Diagnosis:
     def doubts(self) -> tuple[str, ...]:
         """Candidates that would hardly show so much by chance, and that too little speaks for to name them.
 
-        None that was refuted, and none that is too small to matter whatever it is. What a vehicle weighs shows in every
-        hover, so of a load that means: below what matters.
+        None that was refuted, and none that is too small to matter whatever it is.
         """
         open_ = [s for s in self.candidates if s.verdict is Verdict.INCONCLUSIVE and s.name not in self.search.refuted]
         shown = [s for s in open_ if s.significance < THRESHOLDS.doubtful or s.name in self.search.doubted]
-        return tuple(
-            s.name for s in shown if s.reaches(THRESHOLDS.matters if s.name == PAYLOAD else THRESHOLDS.least_size)
-        )
+        return tuple(s.name for s in shown if _of_consequence(s))
 
     @property
     def says_missing(self) -> bool:
@@ -102,13 +101,14 @@ class Diagnosis:
 
     @property
     def unsaid(self) -> tuple[CandidateFinding, ...]:
-        """Candidates that may make a sentence wrong that says nothing of them: all if nothing is said to be missing.
+        """Candidates that may make a sentence wrong that says nothing of them.
 
-        Else the doubts in channels where nothing that is stated shows: what is left in those of a stated effect may be
-        of its form. No other candidates: of some thirty, one is below one in 200 by chance in every seventh sentence.
+        If nothing is said to be missing, all that may be of consequence. Else the doubts in channels where nothing that
+        is stated shows: what is left in those of a stated effect may be of its form. No other candidates: of some
+        thirty, one is below one in 200 by chance in every seventh sentence.
         """
         if not self.says_missing:
-            return self.candidates
+            return tuple(s for s in self.candidates if _of_consequence(s))
         stated = {*self.additions, *self.undecided, *self.proxies}
         channels = {c for s in self.candidates if s.name in stated for c in s.channels}
         if self.outside is not None:
@@ -153,6 +153,10 @@ class Diagnosis:
             open_ = f"{' or '.join(doubts)} may be"
             alone = f"nothing is confirmed to be missing, but {open_}: these flights are inconclusive"
             parts.append(f"{open_} missing too, which is not confirmed" if parts else alone)
+        if self.negligible:
+            shows = f"{' and '.join(self.negligible)} {'shows' if len(self.negligible) == 1 else 'show'}"
+            parts += [] if parts else ["nothing that matters is missing"]
+            parts.append(f"{shows}, too small to matter")
         if self.search.too_short and self.says_missing:
             parts.append("the held-out flights are too short to confirm it")
         if self.pose_may_be_late:
@@ -223,6 +227,7 @@ class Diagnosis:
             "base": {"vehicle": self.base.name, "effects": list(self.base.effects)},
             "candidates": [s.as_dict() for s in self.candidates],
             "additions": list(self.additions),
+            "negligible": list(self.negligible),
             "proxies": list(self.proxies),
             "payload_carried": list(self.payload_carried) or None,
             "undecided": list(self.undecided),
@@ -236,6 +241,14 @@ class Diagnosis:
             "findings": list(self.findings),
             "clocks": [asdict(c) for c in self.search.models[-1].fit.clocks],
         }
+
+
+def _of_consequence(found: CandidateFinding) -> bool:
+    """Whether its interval reaches a size of consequence.
+
+    What a vehicle weighs shows in every hover, so of a load that is what matters.
+    """
+    return found.reaches(THRESHOLDS.matters if found.name == PAYLOAD else THRESHOLDS.least_size)
 
 
 def while_searching(options: Options) -> Options:
@@ -296,6 +309,7 @@ def diagnose(
         base=vehicle,
         vehicle=last.vehicle,
         additions=tuple(s.name for s in found.added),
+        negligible=tuple(s.name for s in found.negligible),
         proxies=tuple(s.name for s in found.proxies),
         candidates=_findings(found, unsure=unsure),
         outside=_outside(found.drawn_at, found.outside, unsure=unsure) if found.outside else None,
@@ -334,7 +348,7 @@ def _searched(
 
 def _carried(found: Search, logs: Sequence[FlightLog], held_out: Sequence[FlightLog]) -> list[FlightLog]:
     """All logs, saying whether they carry the payload if one was added."""
-    if PAYLOAD not in {s.name for s in found.added}:
+    if PAYLOAD not in {s.name for s in (*found.added, *found.negligible)}:
         return [*logs, *held_out]
     return [*load.marked(logs, found.models[-1].flights), *load.marked(held_out, found.unseen)]
 
@@ -374,7 +388,9 @@ def _finding(found: Search, candidate: Candidate, error_m: float, *, unsure: boo
     trial = next((t for t in reversed(found.trials) if t.candidate.name == candidate.name), None)
     present = trial is not None and candidate.name in {s.name for s in found.added}
     proxy = trial is not None and candidate.name in {s.name for s in found.proxies}
-    if present or proxy:
+    negligible = candidate.name in {s.name for s in found.negligible}
+    in_model = present or proxy or negligible
+    if in_model:
         sizes = effect_sizes.fitted(candidate, scored, found.models[-1].fit)
     else:
         sizes = effect_sizes.scored(candidate, scored)
@@ -391,16 +407,17 @@ def _finding(found: Search, candidate: Candidate, error_m: float, *, unsure: boo
         no_load=_no_load(found.models[-1]) if candidate.name == PAYLOAD else "",
         rejected=unsure,
         useful_proxy=proxy,
+        negligible=negligible,
     )
     decision = decide(case)
-    before = _model_without(found, candidate) if present or proxy else found.models[-1]
+    before = _model_without(found, candidate) if in_model else found.models[-1]
     known = candidate.name in before.scores
     return CandidateFinding(
         name=candidate.name,
         verdict=decision.verdict,
         reason=sentence(case, decision),
         sizes=sizes,
-        gain=trial.training.total if trial is not None and (present or proxy) else scored.gain_unseen,
+        gain=trial.training.total if trial is not None and in_model else scored.gain_unseen,
         significance=scored.significance,
         error_m=error_m,
         confidence=decision.confidence,

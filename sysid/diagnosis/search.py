@@ -151,6 +151,8 @@ class Search:
     trials: tuple[Trial, ...]
     added: tuple[Candidate, ...]
     """Named effects."""
+    negligible: tuple[Candidate, ...]
+    """Part of the last model as well, and not named: confirmed, at a size of no consequence."""
     proxies: tuple[Candidate, ...]
     """Part of the last model because they lower the held-out error, though a curve explains more."""
     outside: Outside | None
@@ -192,7 +194,7 @@ def search(
     refused: set[str] = set()
     dropped_before: set[str] = set()
     undecided: tuple[Trial, Model] | None = None
-    while len(added) < most:
+    while _named(models[-1], added) < most:
         trial, model = _next(logs, models[-1], unseen or NOT_JUDGED[bool(too_short)], options, refused)
         if trial is None or model is None:
             break
@@ -215,7 +217,7 @@ def search(
             dropped_before.add(dropped.name)
             refused.add(dropped.name)
             models.append(without)
-    while undecided is None and len(added) < most:
+    while undecided is None and _named(models[-1], added) < most:
         curve = _forms_and_curve(models[-1], added, trials)[1]
         if (small := _small_beside(curve, models[-1], added)) is None:
             break
@@ -231,7 +233,7 @@ def search(
     trial, at = undecided or (None, models[-1])
     told = unseen.flights if unseen else tuple(held_out)
     named = (*added, *((trial.candidate,) if trial else ()))
-    forms, outside = _forms_and_curve(at, named, trials) if len(added) < most else ([], None)
+    forms, outside = _forms_and_curve(at, named, trials) if _named(models[-1], added) < most else ([], None)
     refuted = frozenset((*dropped_before, *(t.candidate.name for t in trials if t.refuted)))
     doubted = () if outside is None else tuple(s.name for s in as_good_as(outside, at) if s.name not in refuted)
     stated = None if doubted or outside is None else _as_sure(outside, trials)
@@ -239,7 +241,8 @@ def search(
     return Search(
         models=(*models, *(model for _, model in helpers)),
         trials=(*trials, *(helper for helper, _ in helpers)),
-        added=tuple(added),
+        added=tuple(s for s in added if _matters(models[-1].fit, s)),
+        negligible=tuple(s for s in added if not _matters(models[-1].fit, s)),
         proxies=tuple(helper.candidate for helper, _ in helpers),
         outside=stated,
         forms=tuple(forms),
@@ -268,7 +271,7 @@ def _useful_proxies(
         if trial.candidate.name not in model.scores or trial.candidate.between_flights:
             continue
         fitted = _fitted(logs, model, trial.candidate, options)
-        if fitted is None or not _matters(fitted):
+        if fitted is None or not _matters(fitted.fit, trial.candidate):
             continue
         reduction, confirmed, why = _confirmed(model, fitted, unseen)
         if not confirmed:
@@ -309,13 +312,15 @@ def _next(
     outdone_by = stands(after, best.candidate, refused)
     reduction, confirmed, why = _confirmed(model, best, unseen)
     there = supported(reduction.total, model.scores[best.candidate.name].dispersion)
-    negligible = not _matters(best)
-    confirmed &= not negligible
+    vanishes = not _matters(best.fit, best.candidate) and not _shows(best.fit, best.candidate)
+    confirmed &= not vanishes
     outcome = Outcome.PROXY if outdone_by else Outcome.ADDED if confirmed else Outcome.NOT_CONFIRMED
     as_likely = float(np.exp(-THRESHOLDS.clear_lead))
-    if outcome is Outcome.ADDED and max(odds.values(), default=0.0) > as_likely:
+    level = [c for c in tried if c is best or odds[c.candidate.name] > as_likely]
+    confounded = max(odds.values(), default=0.0) > as_likely and any(_matters(c.fit, c.candidate) for c in level)
+    if outcome is Outcome.ADDED and confounded:
         outcome = Outcome.UNDECIDED
-        model.tried.undecided += [c for c in tried if c is best or odds[c.candidate.name] > as_likely]
+        model.tried.undecided += level
     sure = THRESHOLDS.most_confidence * share * there
     trial = Trial(
         candidate=best.candidate,
@@ -329,7 +334,7 @@ def _next(
         rivals=tuple((name, sure * p) for name, p in odds.items() if p > 0.0),
         proxy_for=outdone_by,
         fit=best.fit,
-        negligible=negligible,
+        vanishes=vanishes,
     )
     logger.info(
         "%s: %s, training %.1f, held out %.1f +- %.1f",
@@ -342,10 +347,21 @@ def _next(
     return trial, after
 
 
-def _matters(fitted: Fitted) -> bool:
-    """Whether the full fit leaves it a size of any consequence: of a lag, other clocks may leave nothing."""
-    own = [abs(fitted.fit.vehicle.value(n)) for n in fitted.candidate.parameters]
-    return bool((np.array(own) > THRESHOLDS.least_size * np.array(fitted.candidate.usual)).any())
+def _named(model: Model, added: Sequence[Candidate]) -> int:
+    """How many additions are of a size that matters."""
+    return sum(_matters(model.fit, candidate) for candidate in added)
+
+
+def _matters(fit: Identification, candidate: Candidate) -> bool:
+    """Whether its fitted size is of any consequence."""
+    own = [abs(fit.vehicle.value(n)) for n in candidate.parameters]
+    return bool((np.array(own) > THRESHOLDS.least_size * np.array(candidate.usual)).any())
+
+
+def _shows(fit: Identification, candidate: Candidate) -> bool:
+    """Whether the interval of any size is apart from zero: of a lag, other clocks may leave nothing."""
+    estimates = [fit.estimate(name) for name in candidate.parameters]
+    return any(e.status == "free" and abs(e.value) > e.interval90 for e in estimates)
 
 
 def _odds(model: Model, best: Fitted, other: Fitted) -> float:

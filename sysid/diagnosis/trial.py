@@ -25,14 +25,14 @@ class Trial:
     why: str
     """Why held-out flights did not judge; empty if they did."""
     confirmed: bool
-    """Whether those flights prefer the model with it, at a size of any consequence."""
+    """Whether those flights prefer the model with it, and its fitted size is not zero."""
     confidence: float
     """Probability that this is the effect: that it is the one among its rivals, and that there is one at all."""
     rivals: tuple[tuple[str, float], ...]
     """Confounded effects that were fitted, with their probabilities."""
     proxy_for: Outside | None
     fit: Identification
-    negligible: bool = False
+    vanishes: bool = False
     """Whether the full fit leaves it next to nothing, whatever its score was."""
 
     @property
@@ -67,8 +67,8 @@ class Trial:
         match self.outcome:
             case Outcome.ADDED:
                 return f"helped: {numbers}"
-            case Outcome.NOT_CONFIRMED if self.negligible:
-                return f"not added: its fitted size is negligible; {numbers}"
+            case Outcome.NOT_CONFIRMED if self.vanishes:
+                return f"not added: its fitted size cannot be told from zero; {numbers}"
             case Outcome.NOT_CONFIRMED:
                 return f"{'fell, but not surely enough' if judged.total > 0.0 else 'did not help'}: {numbers}"
             case Outcome.UNDECIDED:

@@ -64,6 +64,7 @@ SIGNIFICANT = 0.5 * THRESHOLDS.chance
         (case(trial=trial(Outcome.REMOVED)), Verdict.INCONCLUSIVE, Reason.TRIED),
         (case(no_load="weights differ", trial=trial(Outcome.NOT_CONFIRMED)), Verdict.INCONCLUSIVE, Reason.NO_LOAD),
         (case(trial=trial(Outcome.ADDED), added=True), Verdict.PRESENT, Reason.CONFIRMED),
+        (case(SIGNIFICANT, trial=trial(Outcome.ADDED), negligible=True), Verdict.EXCLUDED, Reason.NEGLIGIBLE),
         (case(undecided=trial(Outcome.UNDECIDED)), Verdict.INCONCLUSIVE, Reason.ONE_OF_SEVERAL),
         (case(doubted=True, undecided=trial(Outcome.UNDECIDED)), Verdict.INCONCLUSIVE, Reason.FEW_STRETCHES),
     ],
@@ -76,6 +77,12 @@ def test_the_first_reason_that_holds_decides(given: Case, verdict: Verdict, reas
 def test_nothing_that_is_excluded_has_any_confidence():
     assert decide(case()).confidence == 0.0
     assert decide(case(rejected=True)).confidence == 0.0
+
+
+def test_of_what_shows_and_is_too_small_to_matter_it_is_said_what_is_excluded():
+    given = case(SIGNIFICANT, trial=trial(Outcome.ADDED), negligible=True)
+    assert decide(given).confidence == 0.0
+    assert sentence(given, decide(given)).startswith("it shows, and is too small to matter: z_n_m_s above 2.6e-05")
 
 
 def test_a_curve_takes_its_share_of_the_confidence_in_the_channels_that_it_is_of():
@@ -214,7 +221,7 @@ def test_a_proxy_beside_a_name_is_for_its_form_or_for_something_unknown(forms: b
         additions=("angular_damping",), undecided=(), outside=None, proxies=("flapping_moment",), candidates=(name,)
     )
     whole.leaves_too_much = whole.pose_may_be_late = False
-    whole.says_missing, whole._said = True, str
+    whole.says_missing, whole._said, whole.negligible = True, str, ()
     whole.doubts, whole.unsaid = ("ground_effect", "payload"), (SimpleNamespace(name="payload", confidence=0.0),)
     own = ((CANDIDATE, CURVE),) if forms else ()
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=60.0, forms=own, doubted=())
@@ -222,6 +229,21 @@ def test_a_proxy_beside_a_name_is_for_its_form_or_for_something_unknown(forms: b
     assert words in Diagnosis.verdict.fget(whole)  # type: ignore[attr-defined]
     assert "; payload may be missing too, which is not confirmed" in Diagnosis.verdict.fget(whole)  # type: ignore[attr-defined]
     assert least <= Diagnosis.belief.fget(whole).as_stated <= most  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("doubts", "words"),
+    [
+        ((), "nothing that matters is missing; centre_of_mass shows, too small to matter"),
+        (("payload",), "payload may be: these flights are inconclusive; centre_of_mass shows, too small to matter"),
+    ],
+)
+def test_what_shows_and_is_too_small_to_matter_is_said_and_not_called_missing(doubts: tuple[str, ...], words: str):
+    whole: Any = SimpleNamespace(additions=(), undecided=(), outside=None, proxies=(), negligible=("centre_of_mass",))
+    whole.leaves_too_much = whole.pose_may_be_late = whole.says_missing = False
+    whole.doubts, whole.unsaid = doubts, tuple(SimpleNamespace(name=name) for name in doubts)
+    whole.search, whole.input_verdict = SimpleNamespace(too_short=""), fits.Verdict()
+    assert Diagnosis.verdict.fget(whole).endswith(words)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
@@ -245,6 +267,7 @@ def test_the_sentence_is_only_as_likely_as_that_nothing_is_missing_where_nothing
             channels=shown,
             verdict=Verdict.PRESENT if name in additions else Verdict.INCONCLUSIVE,
             confidence=0.4,
+            reaches=lambda share: True,
         )
         for name, shown in channels.items()
     ]
@@ -256,6 +279,9 @@ def test_the_sentence_is_only_as_likely_as_that_nothing_is_missing_where_nothing
     whole.doubts, whole.says_missing = tuple(channels), bool(additions or outside)
     whole.unsaid = Diagnosis.unsaid.fget(whole)  # type: ignore[attr-defined]
     assert tuple(s.name for s in whole.unsaid) == unsaid
+    if not whole.says_missing:
+        found[0].reaches = lambda share: share < THRESHOLDS.least_size
+        assert "rotor_interaction" not in {s.name for s in Diagnosis.unsaid.fget(whole)}  # type: ignore[attr-defined]
     if whole.says_missing:
         assert Diagnosis.unsaid.fget(SimpleNamespace(**{**vars(whole), "doubts": ()})) == ()  # type: ignore[attr-defined]
     named = 0.4 if additions else 1.0

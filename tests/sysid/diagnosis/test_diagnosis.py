@@ -34,6 +34,13 @@ def flights(
     return flying.fly(truth, flying.paper_flights(rng, spread=spread), 3, duration_s=duration_s, rng=rng)
 
 
+def off_centre(seed: int, duration_s: float, spread: float = 0.0) -> list[FlightLog]:
+    """Flights of a vehicle whose centre of mass is 70 um off, a thirtieth of what is usual."""
+    rng = np.random.default_rng(seed)
+    truth = flying.Truth(gust=0.1, centre=(0.0, 7e-5))
+    return flying.fly(truth, flying.paper_flights(rng, spread=spread), 3, duration_s=duration_s, rng=rng)
+
+
 def damping(velocity: np.ndarray, rate: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return 0.0 * velocity, -0.0008 * rate
 
@@ -62,6 +69,22 @@ def test_a_hidden_effect_is_named_sized_and_confirmed_by_unseen_flights():
         if innocent.verdict == "excluded":  # nobody is cleared by flights that could not have shown him
             assert all(s.sigma > 0.0 and s.smallest_visible <= s.usual for s in innocent.sizes), innocent.name
     assert found.as_dict()["additions"] == ["angular_damping"]
+
+
+@pytest.mark.slow
+def test_an_effect_too_small_to_matter_is_neither_named_nor_drawn_as_a_curve():
+    """It is part of the model all the same: what it explains is nothing unknown."""
+
+    given = vehicle.example().without_effect("centre_of_mass")
+    training, held_out = off_centre(1, 20.0), off_centre(2, 12.0, spread=0.2)
+    found = diagnose(training, given, held_out=held_out, auto=True)
+    assert found.additions == ()
+    assert found.negligible == ("centre_of_mass",)
+    assert found.vehicle.value("centre_of_mass.y_m") == pytest.approx(7e-5, rel=0.15)
+    assert found.outside is None
+    assert found.confidence > 0.8
+    assert found.verdict == "nothing that matters is missing; centre_of_mass shows, too small to matter"
+    assert {s.name: s.verdict for s in found.candidates}["centre_of_mass"] == "excluded"
 
 
 @pytest.mark.slow

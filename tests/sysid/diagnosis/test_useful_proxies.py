@@ -233,15 +233,24 @@ def test_what_fell_too_little_is_said_so():
             fell.candidate, Outcome.NOT_CONFIRMED, judged, judged, JudgedBy.HELD_OUT, "", False, 0.1, (), None, fell.fit
         )
         assert refused.sentence.startswith(words)
-        assert replace(refused, negligible=True).sentence.startswith(
-            "not added: its fitted size is negligible; the cost"
+        assert replace(refused, vanishes=True).sentence.startswith(
+            "not added: its fitted size cannot be told from zero; the cost"
         )
 
 
 @pytest.mark.parametrize(("size", "expected"), [(0.04, False), (-0.06, True)])
 def test_a_size_below_a_twentieth_of_the_usual_one_is_of_no_consequence(size: float, expected):
-    fit = SimpleNamespace(vehicle=SimpleNamespace(value={"a.x": size}.__getitem__))
-    assert search._matters(cast("Any", SimpleNamespace(candidate=candidate("a"), fit=fit))) is expected
+    fit: Any = SimpleNamespace(vehicle=SimpleNamespace(value={"a.x": size}.__getitem__))
+    assert search._matters(fit, candidate("a")) is expected
+    assert search._named(cast("Any", SimpleNamespace(fit=fit)), [candidate("a")]) == expected
+
+
+@pytest.mark.parametrize(
+    ("half90", "status", "expected"), [(0.03, "free", True), (0.05, "free", False), (0.0, NOT_IDENTIFIABLE, False)]
+)
+def test_a_size_shows_whose_interval_is_apart_from_zero(half90: float, status: str, expected: bool):
+    estimate = SimpleNamespace(value=-0.04, interval90=half90, status=status)
+    assert search._shows(cast("Any", SimpleNamespace(estimate=lambda name: estimate)), candidate("a")) is expected
 
 
 @pytest.mark.parametrize(
