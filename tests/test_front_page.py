@@ -17,7 +17,8 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9][0-9]_*.py"))
 PICTURE = ROOT / "docs" / "pictures" / "map_plan_fly_learn.svg"
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")]
+DOCS = [page for page in (ROOT / "docs").rglob("*.md") if "_build" not in page.parts]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS]
 NUMBER = re.compile(r"(?<![\w.])\d+\.?\d*(?:e-?\d+)?")
 
 
@@ -49,11 +50,20 @@ def test_the_readme_names_every_verb_and_no_other():
     assert set(VERBS) <= named
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def anchors(page: Path) -> set[str]:
+    """What a link may name after `#`: the page's headings, as GitHub and Sphinx write them."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_and_pictures_of_a_page_lead_somewhere(page: Path):
     for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
-        if not target.startswith(("http:", "https:", "mailto:", "#")):
-            assert (page.parent / target.partition("#")[0]).exists(), target
+        if not target.startswith(("http:", "https:", "mailto:")):
+            name, _, anchor = target.partition("#")
+            goal = page.parent / name if name else page
+            assert goal.exists(), target
+            assert not anchor or anchor in anchors(goal), target
 
 
 def test_the_gallery_shows_the_docstring_and_picture_of_every_example():
