@@ -138,6 +138,7 @@ class Normal:
         sums = [(_sum(p.matrix for p in part), np.sum([p.gradient for p in part], axis=0)) for part in parts]
         whole = _sum(matrix for matrix, _ in sums), np.sum([gradient for _, gradient in sums], axis=0)
         self._reduced = self._reduce(*whole)
+        self._scores = _sum(eliminated.scores for eliminated in self._eliminated)
         if folds > 1:
             self._withheld = [self._reduce(m, g) for m, g in sums]
             self._training = [self._reduce(whole[0] - m, whole[1] - g) for m, g in sums]
@@ -192,7 +193,12 @@ class Normal:
         return float(np.sqrt(max(np.linalg.eigvals(self._rms[candidate] @ covariance).real.max(), 0.0)))
 
     def scale_std(self, state: State, free: Sequence[Candidate]) -> float:
-        """Standard deviation of the path's size, relative to it: how firmly the baseline of the rig sets the scale."""
+        """Standard deviation of the path's size, relative to it: how firmly the baseline of the rig sets the scale.
+
+        The larger of two: that of independent matches, and that of errors which all matches of one image share, as
+        the residuals show them (cluster-robust; Liang and Zeger, 1986). The second is many times the first where the
+        vehicle turns to and fro between its images, so that their velocities under a time offset are wrong.
+        """
         if len(state.rig) == 1:
             return float("inf")
         T = state.T_world_body[self._placed]
@@ -203,11 +209,12 @@ class Normal:
             return float("inf")
         growth = growth.ravel() / (growth**2).sum()
         k = self._unknowns(free)
-        through = growth @ self._reduced.poses_by_calibration[:, k]
-        variance = growth @ self._reduced.factor.solve(growth)
-        if len(k):
-            variance += through @ np.linalg.solve(self._reduced.matrix[np.ix_(k, k)], through)
-        return float(np.sqrt(variance))
+        poses_by = self._reduced.poses_by_calibration[:, k]
+        by_pose, through = self._reduced.factor.solve(growth), growth @ poses_by
+        by_calibration = np.linalg.solve(self._reduced.matrix[np.ix_(k, k)], through)
+        of_poses, of_calibration = self._scores[: len(growth)], self._scores[len(growth) :][k]
+        by_image = of_poses.T @ (by_pose + poses_by @ by_calibration) - of_calibration.T @ by_calibration
+        return float(np.sqrt(max(growth @ by_pose + through @ by_calibration, by_image @ by_image)))
 
     def step(self, state: State, free: Sequence[Candidate], delta: FloatArray, share: float) -> State:
         """The state after a share of a Gauss-Newton step; `delta` is the calibration's part of that share."""
@@ -254,7 +261,11 @@ class _Eliminated:
         self._gradient = own.T @ residual
         eliminated = sp.csr_matrix(self._inverse @ self._coupling)
         self.matrix = sp.csr_matrix(shared.T @ shared - self._coupling.T @ eliminated)
-        self.gradient: FloatArray = shared.T @ residual - eliminated.T @ self._gradient
+        _, instants, cameras = seen.index[rows.used].T
+        by_image = _by_group(residual, instants * len(seen.rig) + cameras, len(seen.T_world_body) * len(seen.rig))
+        self.scores = sp.csr_matrix(shared.T @ by_image - eliminated.T @ sp.csr_matrix(own.T @ by_image))
+        """(6 instants + p, images): the gradient, apart for the matches of each image."""
+        self.gradient: FloatArray = np.asarray(self.scores.sum(axis=1)).ravel()
 
     def step(self, shared: FloatArray, share: float) -> FloatArray:
         """(points, 3) motion of the points in a share of a step that moves poses and calibration by `shared`."""
@@ -430,6 +441,11 @@ def _blocks(values: FloatArray, column: np.ndarray, count: int) -> sp.csr_matrix
     columns = np.repeat(column[:, None] * width + np.arange(width), height, axis=0)
     starts = np.arange(0, rows * height * width + 1, width)
     return sp.csr_matrix((values.reshape(-1), columns.reshape(-1), starts), shape=(rows * height, count * width))
+
+
+def _by_group(residual: FloatArray, group: np.ndarray, count: int) -> sp.csr_matrix:
+    """Residuals (2o,), each in the column of its observation's group (o,): (2o, count)."""
+    return sp.csr_matrix((residual, np.repeat(group, 2), np.arange(len(residual) + 1)), shape=(len(residual), count))
 
 
 def _sum(matrices: Iterable[sp.csr_matrix]) -> sp.csr_matrix:

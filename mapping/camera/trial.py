@@ -98,8 +98,8 @@ class Trial:
     noise_px: float
     """Standard deviation of a match in each pixel coordinate, with what is present corrected."""
     scale_std: float
-    """Relative standard deviation of the scale that the distance between the cameras gives, from the noise of the
-    matches alone; infinite for one camera."""
+    """Relative standard deviation of the scale that the distance between the cameras gives, see `Normal.scale_std`;
+    infinite for one camera."""
 
     @property
     def present(self) -> tuple[Finding, ...]:

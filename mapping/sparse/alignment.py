@@ -181,9 +181,9 @@ def _column_group(path: Path, columns: tuple[str, ...], instants: tuple[str, ...
     return np.array([table.get(name, missing) for name in instants], dtype=np.float64)
 
 
-def baseline_std(rig: Rig, noise_std: float) -> float:
-    """Relative standard deviation of the scale from a rig: that of its baseline, and of the matches' noise."""
-    return float(np.hypot(noise_std, _BASELINE_STD_M / rig.baseline_m))
+def baseline_std(rig: Rig, matches_std: float) -> float:
+    """Relative standard deviation of the scale from a rig: that of its baseline, and of the matches."""
+    return float(np.hypot(matches_std, _BASELINE_STD_M / rig.baseline_m))
 
 
 def align(

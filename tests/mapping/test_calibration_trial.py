@@ -15,13 +15,18 @@ from mapping.camera.rig import Camera, Rig
 from mapping.camera.trial import Trial, Verdict
 
 NOISE_PX = 0.2
-RATE_HZ = 10.0
+RATE_HZ, SHAKE_HZ = 10.0, 11.8
 
 
-def pose(t_s: FloatArray) -> FloatArray:
-    """(n, 4, 4) of a fast, curved flight at the times (n,): 4 m/s with turns, so that time and shutter show."""
+def pose(t_s: FloatArray, shake_rad: float = 0.0) -> FloatArray:
+    """(n, 4, 4) of a fast, curved flight at the times (n,): 4 m/s with turns, so that time and shutter show.
+
+    Args:
+        shake_rad: amplitude in pitch of a vibration faster than the images.
+    """
     positions = np.stack([4.0 * t_s, 1.5 * np.sin(1.5 * t_s), 1.5 + 0.4 * np.cos(2.0 * t_s)], axis=1)
-    turns = np.stack([0.2 * np.sin(2.0 * t_s), 0.15 * np.cos(1.3 * t_s), 0.6 * np.sin(1.1 * t_s)], axis=1)
+    pitch = 0.15 * np.cos(1.3 * t_s) + shake_rad * np.sin(2.0 * np.pi * SHAKE_HZ * t_s)
+    turns = np.stack([0.2 * np.sin(2.0 * t_s), pitch, 0.6 * np.sin(1.1 * t_s)], axis=1)
     return frames.transform(rotations.exp(turns), positions)
 
 
@@ -29,7 +34,13 @@ TIMES_S = np.arange(24) / RATE_HZ
 
 
 def observed(
-    rig: Rig, *, offset_s: float = 0.0, shutter_s: float = 0.0, tangential: float = 0.0, seed: int = 0
+    rig: Rig,
+    *,
+    offset_s: float = 0.0,
+    shutter_s: float = 0.0,
+    tangential: float = 0.0,
+    shake_rad: float = 0.0,
+    seed: int = 0,
 ) -> tuple[FloatArray, FloatArray, np.ndarray, FloatArray]:
     """Poses, points, (point, instant, camera) and pixels that the true rig sees, with noise."""
     rng = np.random.default_rng(seed)
@@ -37,18 +48,20 @@ def observed(
     index, pixels = [], []
     for number, camera in enumerate(rig):
         for i, t_s in enumerate(TIMES_S):
-            seen = image(camera, t_s + (offset_s if number else 0.0), points, shutter_s, tangential)
+            seen = image(camera, t_s + (offset_s if number else 0.0), points, shutter_s, tangential, shake_rad)
             inside = np.flatnonzero(camera.contains(seen))
             index.append(np.column_stack([inside, np.full((len(inside), 2), [i, number])]))
             pixels.append(seen[inside] + NOISE_PX * rng.normal(size=(len(inside), 2)))
-    return pose(TIMES_S), points, np.concatenate(index), np.concatenate(pixels)
+    return pose(TIMES_S, shake_rad), points, np.concatenate(index), np.concatenate(pixels)
 
 
-def image(camera: Camera, t_s: float, points: FloatArray, shutter_s: float, tangential: float) -> FloatArray:
+def image(
+    camera: Camera, t_s: float, points: FloatArray, shutter_s: float, tangential: float, shake_rad: float = 0.0
+) -> FloatArray:
     """(n, 2) pixels of points; each row is read at a time of its own, found by iteration."""
     row_s = np.zeros(len(points))
     for _ in range(4):
-        T = pose(t_s + row_s) @ camera.T_body_camera
+        T = pose(t_s + row_s, shake_rad) @ camera.T_body_camera
         inside = np.einsum("nji,nj->ni", T[:, :3, :3], points - T[:, :3, 3])
         flat = camera.project(inside)
         x, y = np.moveaxis((flat - camera.principal_point_px) / camera.focal_px, -1, 0)
@@ -138,6 +151,22 @@ def test_an_extended_unified_camera_is_tried_like_the_others() -> None:
         assert [finding.candidate.kind for finding in found.present] == [kind]
         np.testing.assert_allclose(found.present[0].size, size, atol=1e-3)
         assert {camera.model for camera in found.rig} == {"EUCM"}
+
+
+def scale_error(found: Trial, true: FloatArray) -> float:
+    """Relative error of the extent of the path."""
+    off = [T[:, :3, 3] - T[:, :3, 3].mean(axis=0) for T in (found.T_world_body, true)]
+    return float(np.linalg.norm(off[0]) / np.linalg.norm(off[1]) - 1.0)
+
+
+def test_the_scale_is_uncertain_where_the_motion_between_images_is_not_known() -> None:
+    """Velocities from poses a tenth of a second apart are wrong, and with them where a late camera was."""
+    true = lens(RIG, 0, fx=0.007 * FOCAL_PX, fy=0.007 * FOCAL_PX, k1=0.004)
+    steady = tried(true, RIG, offset_s=0.005)
+    shaken = tried(true, RIG, offset_s=0.005, shake_rad=0.03)
+    assert abs(scale_error(steady, pose(TIMES_S))) < 2.5 * steady.scale_std
+    assert abs(scale_error(shaken, pose(TIMES_S, 0.03))) < 2.5 * shaken.scale_std
+    assert shaken.scale_std > 2.0 * steady.scale_std
 
 
 def test_both_cameras_share_a_rolling_shutter() -> None:
