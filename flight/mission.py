@@ -19,6 +19,7 @@ from flight.rotations import FloatArray
 MOST_LAPS = 100
 MOST_TUBE_POINTS = 1000
 SLIMMEST_M = 0.05
+MOST_TURNED_RAD, FARTHEST_M = 100.0, 1e6
 """Least radius of a tube: the planner itself keeps 2 cm from its surface."""
 
 
@@ -194,8 +195,16 @@ class Mission:
                 raise InputError(f"waypoint {end} has a velocity and a {name}; remove one of them")
             if ground is not None and end in {stay.waypoint for stay in self.stays}:
                 raise InputError(f"waypoint {end} has a stay and a {name}; add a waypoint for one of them")
-        if self.yaw is not None and not np.isfinite(self.yaw.heading_rad):
-            raise InputError(f"the heading to hold is {self.yaw.heading_rad:g} rad; it must be finite")
+        if self.yaw is not None and not abs(self.yaw.heading_rad) <= MOST_TURNED_RAD:
+            raise InputError(
+                f"the heading to hold is {self.yaw.heading_rad:g} rad; it must be from {-MOST_TURNED_RAD:g} to "
+                f"{MOST_TURNED_RAD:g}"
+            )
+        look_at = self.yaw.look_at_world_m if self.yaw is not None else None
+        if look_at is not None and not np.all(np.abs(look_at) <= FARTHEST_M):
+            raise InputError(
+                f"the point to look at is {look_at}; each coordinate must be from {-FARTHEST_M:g} to {FARTHEST_M:g} m"
+            )
         self._check_laps(count)
 
     def _check_laps(self, count: int) -> None:

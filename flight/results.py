@@ -173,8 +173,7 @@ def keep(path: Path) -> Path:
 
 
 def move_aside(path: Path) -> Path:
-    """Move a file or folder to a name beside it; returns that name."""
-    path = _resolved(path)
+    """Move a file or folder to a name beside it; returns that name. Of a link, the link: what it leads to stays."""
     return _moved_beside(path, path, "old")
 
 

@@ -67,6 +67,7 @@ def making(out: Path, settings: Mapping[str, Any]) -> Generator[Steps]:
         InputError: `out` holds something else than a demo.
     """
     results.require_free_folder(out, overwrite=True, ours=_is_demo)
+    out = out.resolve()  # a link stays a link
     steps, earlier = _unfinished(out, settings), None
     if steps is not None:
         click.echo(f"going on with the demo in {out} after: {', '.join(steps.done) or 'nothing yet'}", err=True)

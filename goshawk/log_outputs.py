@@ -37,6 +37,16 @@ def write(
     return [path for path in files if path is not None]
 
 
+def require_others(source: Path, *files: Path | None) -> None:
+    """
+    Raises:
+        InputError: one of the files to write is the log itself.
+    """
+    for file in files:
+        if file is not None and file.exists() and source.exists() and file.samefile(source):
+            raise InputError(f"{file} is the log itself, which is never changed; give another name")
+
+
 def write_fixed(
     log: FlightLog, source: Path, out: Path, believed: Vehicle | None, *, overwrite: bool, progress: Progress = silent
 ) -> tuple[FlightLog, tuple[str, ...], LogReport]:
@@ -47,8 +57,7 @@ def write_fixed(
     """
     if out.suffix != ".parquet":
         raise InputError(f"--out {out}: a corrected log is written in our own format; call it {out.stem}.parquet")
-    if out.exists() and source.exists() and out.samefile(source):
-        raise InputError(f"--out {out} is the log itself, which is never changed; give another name")
+    require_others(source, out)
     fixed = fixes.fix(log, believed, aloft=aloft_s(log), progress=progress)
     corrected = FlightLog(fixed.log.columns, {**fixed.log.metadata, "fixed_from": source.name})
     with outputs.file(out, overwrite=overwrite) as temporary:

@@ -40,8 +40,10 @@ def check_for_station(folder: Path) -> Project:
     Raises:
         InputError: it is no project, or lacks its map or vehicle; the message names each with the command that adds it.
     """
-    if not folder.is_dir():
-        raise InputError(f"{folder} is not a folder; goshawk init {folder} makes a project there")
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file; give the folder of a project, as goshawk init makes it")
+    if not folder.exists():
+        raise InputError(f"{folder} does not exist; goshawk init {folder} makes a project there")
     if not (folder / "project.toml").is_file():
         raise InputError(f"{folder} is not a project: it has no project.toml; make it one with goshawk init {folder}")
     opened = project.open_project(folder)

@@ -242,6 +242,7 @@ def build_map(
         if source.FRAMES in (again_from, until):
             raise InputError(f"the stage {source.FRAMES!r} is that of a video; {images} is a folder of images")
         checked = given.read(progress=progress)
+        alignment.read_references(checked.beside(options.motions), options.references)  # a fault is told first
     with stages.begin(work_folder(out), again=again, until=until) as begun:
         _put_back(out, begun)
         if given.is_video:

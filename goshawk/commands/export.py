@@ -1,12 +1,13 @@
 """`goshawk export`: a checked trajectory for other autopilots and planners, and as a page to read."""
 
+import contextlib
 from pathlib import Path
 
 import click
 
 import mapping
 import vehicle
-from flight import InputError, trajectory
+from flight import InputError, TrajectoryFile, trajectory
 from goshawk import console, outputs, plan_exports
 from planner import could_hide, gate, plan_report
 
@@ -53,26 +54,31 @@ def command(
         raise InputError(
             f"{trajectory_file} has not passed the gate; run `goshawk check --renew` on it, or plan it again"
         )
-    flown = item.trajectory
     if any((crazyflie, mav, px4)) and not item.as_checked:
         raise InputError(
             f"{trajectory_file} was changed after its check; run `goshawk check --renew` on it, or plan it again"
         )
-    if crazyflie is not None:
-        with outputs.file(crazyflie, overwrite=overwrite) as temporary:
-            plan_exports.write_crazyflie(temporary, flown)
-    if mav is not None:
-        with outputs.file(mav, overwrite=overwrite) as temporary:
-            plan_exports.write_mav_trajectory_generation(temporary, flown)
-    if px4 is not None:
-        with outputs.file(px4, overwrite=overwrite) as temporary:
-            plan_exports.write_px4(temporary, flown, step_s)
-    if report is not None and map_folder is not None and vehicle_file is not None:
-        area, drone, options = mapping.open_map(map_folder), vehicle.load(vehicle_file), gate.options_of(item)
-        checked = gate.check_file(item, area.field, drone, options)
-        checked = could_hide.add(checked, item.trajectory, area.free_space(), could_hide.asked_of(item))
-        text = plan_report.page(item, checked, area.field, drone, options.limits_for(drone))
-        with outputs.file(report, overwrite=overwrite) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+    flown = item.trajectory
+    with contextlib.ExitStack() as files:  # all are put in place at the end, or none
+
+        def new(path: Path) -> Path:
+            return files.enter_context(outputs.file(path, overwrite=overwrite))
+
+        if crazyflie is not None:
+            plan_exports.write_crazyflie(new(crazyflie), flown)
+        if mav is not None:
+            plan_exports.write_mav_trajectory_generation(new(mav), flown)
+        if px4 is not None:
+            plan_exports.write_px4(new(px4), flown, step_s)
+        if report is not None and map_folder is not None and vehicle_file is not None:
+            new(report).write_text(_page(item, map_folder, vehicle_file), encoding="utf-8")
     facts = {name: str(path) for name, path in written.items() if path is not None}
     console.show(f"{trajectory_file} written as", facts, as_json=as_json)
+
+
+def _page(item: TrajectoryFile, map_folder: Path, vehicle_file: Path) -> str:
+    """The page of a plan in a map, checked for a vehicle."""
+    area, drone, options = mapping.open_map(map_folder), vehicle.load(vehicle_file), gate.options_of(item)
+    checked = gate.check_file(item, area.field, drone, options)
+    checked = could_hide.add(checked, item.trajectory, area.free_space(), could_hide.asked_of(item))
+    return plan_report.page(item, checked, area.field, drone, options.limits_for(drone))

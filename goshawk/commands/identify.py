@@ -12,7 +12,7 @@ import sysid
 import vehicle
 from flight import FlightLog, InputError, Progress
 from goshawk import console, fit_options, outputs
-from goshawk.flights import load
+from goshawk.flights import load, refuse_repeated
 from sysid.estimator.stages import STAGES
 from sysid.estimator.verdict import Use, Verdict, of_logs
 
@@ -153,6 +153,8 @@ def _check_usage(
         raise InputError(
             f"--trials {trials}: expected {trials} groups of equally many FLIGHTS, got {len(flights)} flights"
         )
+    for together in (flights, *stages.values()):  # the stages may share a flight
+        refuse_repeated(together, "in one fit")
 
 
 def fit_flights(

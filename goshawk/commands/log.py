@@ -73,6 +73,7 @@ def command(
     """
     if fixes != (out is not None):
         raise click.UsageError("--fix and --out NEW.parquet go together: the new log is written, FLIGHT stays as it is")
+    log_outputs.require_others(flight, report_file, csv_file, mcap_file, out, draft_file)
     if draft_file is not None:
         draft_columns(flight, draft_file, overwrite, as_json)
         return
@@ -187,6 +188,8 @@ def mark(path: Path, columns: Path | None, carried: bool, *, overwrite: bool) ->
     Raises:
         InputError: there is another log of that name beside it.
     """
+    if path.is_dir():
+        raise InputError(f"{path} is a folder; give the log of one flight")
     own = marked_file(path)
     log = flight_log.load(path) if own == path else sysid.read_log(path, columns)
     if own != path and own.exists() and not overwrite:

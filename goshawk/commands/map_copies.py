@@ -63,8 +63,8 @@ def origin(map_folder: Path, at: str, heading_deg: float, out: Path, overwrite: 
 
     Without --heading the voxels stay exactly as they are. A turned map's surfaces grow by up to a voxel, so turn once.
     """
-    if not math.isfinite(heading_deg):
-        raise InputError(f"--heading is {heading_deg} degrees; it must be a finite number")
+    if not abs(heading_deg) <= 360.0:
+        raise InputError(f"--heading is {heading_deg:g} degrees; it must be from -360 to 360")
     x, y, z = console.numbers("--at", at, 3)
     T_old_new = frames.transform(rotations.from_yaw(math.radians(heading_deg)), [x, y, z])
     sentence = f"origin set to {x:g}, {y:g}, {z:g} m, heading {heading_deg:g} degrees, of"
@@ -145,7 +145,9 @@ def read_points(path: Path) -> tuple[FloatArray, FloatArray]:
         InputError, FormatError: there is no such file, or a column or number of it is missing.
     """
     if not path.is_file():
-        raise InputError(f"{path} does not exist; it should hold the columns {','.join(_POINT_COLUMNS)}")
+        raise InputError(
+            f"{path} does not exist or is not a file; it should hold the columns {','.join(_POINT_COLUMNS)}"
+        )
     try:
         with open(path, encoding="utf-8-sig", errors="replace", newline="") as stream:  # spreadsheets write the mark
             rows = list(csv.DictReader(stream))

@@ -11,7 +11,7 @@ import sysid
 import vehicle
 from flight import FlightLog, InfeasibleError, InputError, Progress, project, trajectory
 from goshawk import console, map_standing, mapped_flight, outputs
-from goshawk.flights import load
+from goshawk.flights import load, refuse_repeated
 from sysid.diagnosis import diagnose, next_flight
 from sysid.diagnosis.examined import examine
 from sysid.diagnosis.next_flight import Proposal, Ranking
@@ -76,6 +76,7 @@ def command(
     """
     outputs.check(out, overwrite=overwrite)
     _check_where(space, corner, map_folder, radius_m, margin_m)
+    refuse_repeated(flights, "in FLIGHTS")
     for name in library:
         manoeuvres.make(name)
     if map_folder is not None:

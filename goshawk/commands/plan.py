@@ -282,7 +282,8 @@ def read_path(path: Path) -> FloatArray:
     except KeyError as error:
         raise InputError(f"{path} has no column {error}; expected columns x_m, y_m and z_m") from None
     except (UnicodeDecodeError, OSError, csv.Error) as error:
-        raise InputError(f"{path} is not a CSV file of positions: {error}") from error
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"{path} is not a CSV file of positions: {reason}") from error
     if len(positions) < 2:
         raise InputError(f"{path} holds {len(positions)} positions; a path has at least two")
     if not np.isfinite(positions).all():

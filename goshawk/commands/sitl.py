@@ -13,6 +13,10 @@ from goshawk import console
 
 FARTHEST_M = 1e5
 """Positions travel as 32-bit floats: beyond this they are coarser than a centimetre."""
+STRONGEST_M_S = 100.0
+"""Of wind and gusts, in every axis: a hurricane has 90 m/s."""
+LONGEST_DELAY_S = 60.0
+"""The link has given up long before."""
 
 
 @click.command()
@@ -79,8 +83,12 @@ def command(
         raise InputError(f"--speed {speed:g} is not a number of at least 0")
     if not abs(ground_m) <= FARTHEST_M:
         raise InputError(f"--ground {ground_m:g} is not a height within {FARTHEST_M:g} m of 0")
-    if not math.isfinite(gust_std_m_s):
-        raise InputError(f"--gusts {gust_std_m_s:g} is not a finite number of m/s")
+    blowing = _vector("--wind", wind)
+    for option, value_m_s in (("--wind", float(np.abs(blowing).max())), ("--gusts", gust_std_m_s)):
+        if not value_m_s <= STRONGEST_M_S:
+            raise InputError(f"{option} {value_m_s:g} m/s is too strong; at most {STRONGEST_M_S:g} m/s is simulated")
+    if delay_s > LONGEST_DELAY_S:
+        raise InputError(f"--delay {delay_s:g} s is too long; at most {LONGEST_DELAY_S:g} s is simulated")
     line = Impairment(loss_ratio=loss_ratio, delay_s=delay_s)
     truth = vehicle.load(vehicle_file)
     setup = controller.parameters_of(vehicle.load(believed_file) if believed_file is not None else truth)
@@ -91,7 +99,7 @@ def command(
         truth,
         vehicle.simulate.State(position_world_m=place),
         rng=np.random.default_rng(seed + 1),
-        wind=vehicle.simulate.Wind(tuple(_vector("--wind", wind)), gust_std_m_s),
+        wind=vehicle.simulate.Wind(tuple(blowing), gust_std_m_s),
         ground_m=float(place[2]),
     )
     served = SitlVehicle(

@@ -16,13 +16,13 @@ from vehicle import Parameter, Vehicle, commented, draft
 from vehicle.draft import Known
 
 RPM = 2.0 * np.pi / 60.0
-LARGEST = {
-    "--mass": (1000.0, "kg"),
-    "--prop-diameter": (5.0, "m"),
-    "--hover-rpm": (200_000.0, "rpm"),
-    "--max-rpm": (400_000.0, "rpm"),
+RANGES = {
+    "--mass": (0.0, 1000.0, "kg"),
+    "--prop-diameter": (0.0, 5.0, "m"),
+    "--hover-rpm": (10.0, 200_000.0, "rpm"),
+    "--max-rpm": (10.0, 400_000.0, "rpm"),
 }
-"""Larger numbers are in another unit."""
+"""Smaller and larger numbers are in another unit."""
 
 
 @click.command("new")
@@ -119,9 +119,10 @@ def with_options(
     for option, value in given.items():
         if value is not None and not (math.isfinite(value) and value > 0.0):
             raise InputError(f"{option} is {value:g}; a positive number is expected")
-        most, unit = LARGEST.get(option, (math.inf, ""))
-        if value is not None and value > most:
-            raise InputError(f"{option} is {value:g} {unit}; at most {most:g} {unit} is expected: give it in {unit}")
+        least, most, unit = RANGES.get(option, (0.0, math.inf, ""))
+        if value is not None and not least <= value <= most:
+            bound = f"at least {least:g}" if value < least else f"at most {most:g}"
+            raise InputError(f"{option} is {value:g} {unit}; {bound} {unit} is expected: give it in {unit}")
     if mass_kg is not None:
         source = "given on the command line; std: 1 %, as of a kitchen scale"
         known = replace(known, mass_kg=Parameter(mass_kg, float(f"{0.01 * mass_kg:.2g}"), "kg", source))

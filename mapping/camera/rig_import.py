@@ -123,6 +123,8 @@ def read_colmap(path: Path, rigs: Path | None = None) -> Rig:
     rows = _rows(path)
     if not rows:
         raise FormatError(f"{path} holds no camera")
+    for words in rows:
+        _require_camera(words, path)
     if len(rows) > 1 and rigs is None:
         raise InputError(
             f"{path} holds {len(rows)} cameras without their poses on the rig; give COLMAP's rigs.txt with --rig, or "
@@ -137,12 +139,15 @@ def read_colmap(path: Path, rigs: Path | None = None) -> Rig:
     return Rig(tuple(cameras))
 
 
+def _require_camera(words: list[str], path: Path) -> None:
+    if len(words) < 5 or not words[0].isdigit():
+        raise FormatError(f"{path}: {' '.join(words)[:60]!r} is not CAMERA_ID MODEL WIDTH HEIGHT PARAMS")
+    if words[1] not in PARAMETERS:
+        raise InputError(f"{path}: camera {words[0]} is {words[1]}; known are {', '.join(PARAMETERS)}")
+
+
 def _colmap_camera(words: list[str], path: Path, T_body: FloatArray, *, alone: bool) -> Camera:
-    if len(words) < 5:
-        raise FormatError(f"{path}: {' '.join(words)!r} is not CAMERA_ID MODEL WIDTH HEIGHT PARAMS")
     name, model = f"camera{words[0]}", words[1]
-    if model not in PARAMETERS:
-        raise InputError(f"{path}: camera {words[0]} is {model}; known are {', '.join(PARAMETERS)}")
     width, height, *params = _floats(words[2:], f"{path}: camera {words[0]}")
     if len(params) != len(PARAMETERS[model]):
         raise FormatError(f"{path}: camera {words[0]} has {len(params)} params; {model} takes {len(PARAMETERS[model])}")

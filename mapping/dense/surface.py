@@ -69,6 +69,8 @@ class DenseOptions:
             raise InputError(f"thinnest_m {self.thinnest_m:g} must be finite and not below 0")
         if not 1 <= self.least_seen_through <= fusion.MOST_COUNTED:
             raise InputError(f"least_seen_through {self.least_seen_through} must be 1 to {fusion.MOST_COUNTED}")
+        if not 0.0 <= self.skin_voxels <= 1.0:  # `lines.occupied` looks no farther
+            raise InputError(f"skin_voxels {self.skin_voxels:g} must be from 0 to 1")
         coarsest_m = self.carrier_radius_m / np.sqrt(3.0)
         if not 0.0 < self.voxel_m <= coarsest_m:  # else the path may lie in no free voxel, and nothing is reached
             raise InputError(

@@ -37,6 +37,10 @@ _JOIN_M = 1.0
 """How far from the recorded path free space with enough clearance may begin."""
 
 
+LARGEST_M = 1000.0
+"""A longer distance is a wrong unit."""
+
+
 @dataclass(frozen=True, slots=True)
 class ViewOptions:
     """What is worth another look, and from where."""
@@ -59,9 +63,11 @@ class ViewOptions:
     """Lowest and highest place to look from, say those of a person's hands."""
 
     def __post_init__(self) -> None:
-        for name in ("clearance_m", "farthest_m", "depth_m", "least_m3", "within_m"):
-            if not 0.0 < getattr(self, name) < np.inf:
-                raise InputError(f"{name} is {getattr(self, name):g}; it must be positive and finite")
+        for name in ("clearance_m", "farthest_m", "depth_m", "within_m"):
+            if not 0.0 < getattr(self, name) <= LARGEST_M:
+                raise InputError(f"{name} is {getattr(self, name):g}; it must be above 0 and at most {LARGEST_M:g} m")
+        if not 0.0 < self.least_m3 < np.inf:
+            raise InputError(f"least_m3 is {self.least_m3:g}; it must be positive and finite")
         if not 1 <= self.looks <= self.most_views:
             raise InputError(
                 f"most_views is {self.most_views}; it must be at least {self.looks}, the images that each place needs"

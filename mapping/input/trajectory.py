@@ -104,7 +104,9 @@ def read(path: Path) -> Trajectory:
             increase.
     """
     if not path.is_file():
-        raise InputError(f"{path} does not exist; it should hold recorded poses in TUM's or EuRoC's format")
+        raise InputError(
+            f"{path} does not exist or is not a file; it should hold recorded poses in TUM's or EuRoC's format"
+        )
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except UnicodeDecodeError:

@@ -38,6 +38,8 @@ DEPTH_SOURCE = "depth images"
 """Name of the scale that depth images of a sensor give; where they are there, it is theirs."""
 LEAST_BASELINE_M = 0.005
 """A shorter baseline gives no scale."""
+LONGEST_M = 1e5
+"""A longer length is in another unit."""
 NO_SCALE = (
     "no metric scale: the images of a single camera do not determine it; give the length of the path "
     "(--length 13.2) or between two images (--length A.jpg,B.jpg,2.5), depth images (--depth FOLDER), a rig of cameras "
@@ -68,8 +70,10 @@ class Length:
     """Two image names; without them the length is that of the whole path."""
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.metres) and self.metres > 0.0):
-            raise InputError(f"a length of {self.metres} m cannot give a scale; it must be positive")
+        if not 0.0 < self.metres <= LONGEST_M:
+            raise InputError(
+                f"a length of {self.metres:g} m cannot give a scale; it must be above 0 and at most {LONGEST_M:g} m"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +134,7 @@ def read_references(images: ImageSet, path: Path | None = None) -> References:
     """
     count = len(images.instants)
     if path is not None and not path.is_file():
-        raise InputError(f"{path} does not exist; it should hold the recorded positions or gravity")
+        raise InputError(f"{path} does not exist or is not a file; it should hold the recorded positions or gravity")
     path = path or images.folder / "references.csv"
     if not path.is_file():
         return References(np.full((count, 3), np.nan), np.full((count, 3), np.nan))

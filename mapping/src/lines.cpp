@@ -96,6 +96,7 @@ class Sectors {
     template <typename Work>
     void each(const Arc& arc, Work work) const {
         const double first = angle(arc.first), turn = std::remainder(angle(arc.last) - first, 2.0 * M_PI);
+        if (!std::isfinite(turn)) return;  // no direction, or cameras at one place: there is no angle
         const double scale = count / (2.0 * M_PI), low = scale * (std::min(first, first + turn) + 2.0 * M_PI);
         const int last = static_cast<int>(low + scale * std::abs(turn));
         for (int sector = static_cast<int>(low); sector <= last; ++sector) work(sector % count);

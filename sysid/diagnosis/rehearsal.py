@@ -18,6 +18,8 @@ from vehicle import Vehicle, flatness, flights, manoeuvres
 
 LEAST_FLOOR_M = 0.5
 """Height of the free volume's floor above the ground, when nothing is said: clear of the ground's effect."""
+LARGEST_M = 1000.0
+"""A longer side of the free volume is in another unit."""
 STRAY_M = 0.1
 """Kept free inside the volume's walls, for the controller's errors."""
 RESERVE = 0.92
@@ -51,6 +53,8 @@ class Room:
         size = np.asarray(size_m, dtype=np.float64)
         if size.shape != (3,) or not np.isfinite(size).all() or (size <= 2.0 * STRAY_M).any():
             raise InputError(f"a free volume of {size.tolist()} m leaves no room; every side must exceed 0.2 m")
+        if (size > LARGEST_M).any():
+            raise InputError(f"a free volume of {size.tolist()} m: every side must be at most {LARGEST_M:g} m")
         default = (-0.5 * size[0], -0.5 * size[1], LEAST_FLOOR_M)
         low = np.asarray(default if corner_world_m is None else corner_world_m, dtype=np.float64)
         return Room(low, low + size)

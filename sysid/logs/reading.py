@@ -5,6 +5,9 @@ from pathlib import Path
 from flight import FlightLog, FormatError, InputError, flight_log
 from sysid.logs import read_bag, read_csv, read_ulog
 
+FOREIGN = (".csv", ".csv.gz", ".ulg", ".bag", ".db3", ".mcap")
+"""Endings of other programs' logs."""
+
 
 def read_log(path: Path, column_map: Path | None = None) -> FlightLog:
     """The log in `path`; the kind goes by its ending.
@@ -32,6 +35,8 @@ def is_recording(path: Path) -> bool:
 
 def _read(path: Path, column_map: Path | None) -> FlightLog:
     name = path.name.lower()
+    if column_map is not None and not column_map.exists():
+        raise InputError(f"{column_map} does not exist; it should hold the column map (--columns)")
     if name.endswith((".csv", ".csv.gz")):
         if column_map is None:
             raise FormatError(
@@ -45,5 +50,14 @@ def _read(path: Path, column_map: Path | None) -> FlightLog:
         if column_map is None:
             raise FormatError(f"{path} is a ROS recording; give its column map with --columns (docs/identification.md)")
         return read_bag.read(path, column_map)
-    log = flight_log.load(path)
+    if path.is_dir():
+        raise InputError(f"{path} is a folder; give a flight log (a folder is one only as a ROS 2 recording)")
+    try:
+        log = flight_log.load(path)
+    except FormatError as error:
+        if path.suffix == ".parquet":
+            raise
+        raise FormatError(
+            f"{path} is not a flight log: by its ending it is none of {', '.join(FOREIGN)}, and as our own {error}"
+        ) from None
     return FlightLog(log.columns, {"name": path.stem, **log.metadata})

@@ -92,6 +92,8 @@ def test_the_legs_of_laps_keep_the_speeds_of_those_that_are_listed(speed, legs):
         ({"fly_bys": (FlyBy(3, np.nan),)}, "radius at waypoint 3 is nan m"),
         ({"fly_bys": (FlyBy(3, 0.0),)}, "radius at waypoint 3 is 0 m"),
         ({"yaw": Yaw("fixed", np.nan)}, "heading to hold is nan"),
+        ({"yaw": Yaw("fixed", 1e300)}, "from -100 to 100"),
+        ({"yaw": Yaw("look_at", 0.0, (1e300, 0.0, 0.0))}, "point to look at"),
         ({"gates": (Gate(5, 1.0, 1.0, 0.0),)}, "a gate belongs to waypoint 5"),
         ({"gates": (Gate(1, 0.0, 1.0, 0.0),)}, "gate at waypoint 1 has a width_m of 0"),
         ({"gates": (Gate(1, 1.0, 1.0, np.nan),)}, "gate at waypoint 1 has a heading_rad of nan"),

@@ -52,6 +52,16 @@ def test_an_unchanged_demo_is_replaced_by_the_next(tmp_path):
     assert (tmp_path / "demo" / "walk.json").read_text() == "second"
 
 
+def test_a_demo_whose_folder_is_a_link_is_replaced_where_the_link_leads(tmp_path):
+    (tmp_path / "disk" / "demo").mkdir(parents=True)
+    (tmp_path / "demo").symlink_to("disk/demo")
+    for text in ("first", "second"):
+        run(tmp_path / "demo", text)
+        assert (tmp_path / "disk" / "demo" / "walk.json").read_text() == text
+    assert (tmp_path / "demo").is_symlink()
+    assert names(tmp_path / "disk") == ["demo"]
+
+
 @pytest.mark.parametrize("mine", ["walk.json", "notes.txt"])
 def test_a_demo_that_was_changed_is_kept_beside(tmp_path, mine):
     run(tmp_path / "demo", "first")

@@ -75,6 +75,18 @@ def test_without_anything_to_see_no_file_is_written_and_an_earlier_one_is_kept_b
     assert "ends in .json" in run("map", "again", pillar_map, "--out", tmp_path / "again.csv", code=2)
 
 
+def test_where_the_earlier_waypoints_are_a_link_it_is_moved_aside_and_the_next_run_works(
+    pillar_map: Path, tmp_path: Path
+) -> None:
+    link, file = tmp_path / "again.json", tmp_path / "elsewhere.json"
+    file.write_text("mine")
+    link.symlink_to(file.name)
+    for _ in range(2):
+        run("map", "again", pillar_map, "--out", link, "--overwrite")
+        assert not link.is_symlink()
+        assert (tmp_path / "again.json.old-1").read_text() == file.read_text() == "mine"
+
+
 def test_only_what_is_near_the_flight_to_come_is_asked_for(folder: Path, tmp_path: Path) -> None:
     csv = tmp_path / "far.csv"
     csv.write_text("x_m,y_m,z_m\n5.5,3.5,1\n5.5,2.5,1\n")
@@ -86,7 +98,12 @@ def test_only_what_is_near_the_flight_to_come_is_asked_for(folder: Path, tmp_pat
 
 @pytest.mark.parametrize(
     ("option", "value", "words"),
-    [("--least", "nan", "least_m3"), ("--within", "-1", "within_m"), ("--radius", "50", "smaller clearance")],
+    [
+        ("--least", "nan", "least_m3"),
+        ("--within", "-1", "within_m"),
+        ("--farthest", "1e300", "at most 1000 m"),
+        ("--radius", "50", "smaller clearance"),
+    ],
 )
 def test_wrong_numbers_are_refused_by_name(folder: Path, option: str, value: str, words: str) -> None:
     assert words in run("map", "again", folder, option, value, code=2)

@@ -136,7 +136,7 @@ def test_points_of_a_spreadsheet_are_read_and_no_table_is_refused(folder: Path, 
     [
         (["origin", "{map}", "--at", "1,2", "--out", "{new}"], "--at '1,2' is not 3 finite numbers"),
         (["origin", "{map}", "--at", "1,2,nan", "--out", "{new}"], "3 finite numbers"),
-        (["origin", "{map}", "--at", "0,0,0", "--heading", "inf", "--out", "{new}"], "must be a finite number"),
+        (["origin", "{map}", "--at", "0,0,0", "--heading", "inf", "--out", "{new}"], "must be from -360 to 360"),
         (["align", "{map}", "--out", "{new}"], "either --points or --up"),
         (["align", "{map}", "--up", "0,0,0", "--out", "{new}"], "has no direction"),
         (["align", "{map}", "--points", "{new}", "--out", "{new}"], "does not exist"),

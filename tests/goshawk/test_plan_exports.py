@@ -119,6 +119,16 @@ def test_the_report_is_one_offline_page_with_the_binding_limits(plan, drone):
     assert text.count("<tr><td class") == len(plan.trajectory.durations_s)
 
 
+@pytest.mark.parametrize(
+    "fault", [("--px4", "c.csv", "--step", "nan"), ("--report", "r.html", "--map", "none", "--vehicle", "none.toml")]
+)
+def test_a_fault_of_one_result_leaves_none_of_the_others(plan, tmp_path, monkeypatch, fault):
+    monkeypatch.chdir(tmp_path)
+    planner.save_plan(tmp_path / "lap.json", plan, name="lap")
+    assert goshawk("export", "lap.json", "--crazyflie", "a.csv", *fault).returncode == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["lap.json"]
+
+
 def test_the_verb_writes_every_format_and_refuses_what_was_not_checked(plan, tmp_path):
     planner.save_plan(tmp_path / "lap.json", plan, name="lap")
     out = ("--crazyflie", tmp_path / "a.csv", "--mav-trajectory", tmp_path / "b.yaml", "--px4", tmp_path / "c.csv")

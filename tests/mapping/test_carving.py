@@ -299,7 +299,16 @@ def test_the_way_is_not_joined_past_missing_images_or_through_a_surface() -> Non
     assert len(path_along(pair(5), wall_x_m=0.46)) > 2
 
 
-@pytest.mark.parametrize("options", [{"thinnest_m": np.nan}, {"thinnest_m": -0.01}, {"least_seen_through": 0}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"thinnest_m": np.nan},
+        {"thinnest_m": -0.01},
+        {"least_seen_through": 0},
+        {"skin_voxels": -0.1},
+        {"skin_voxels": np.nan},
+    ],
+)
 def test_options_that_would_open_space_unasked_are_refused(options: dict) -> None:
     with pytest.raises(InputError, match=next(iter(options))):
         DenseOptions(**options)

@@ -127,6 +127,15 @@ def test_edges_of_one_line_give_its_place() -> None:
     assert 0.0 < std_m[0] < 0.02
 
 
+def test_an_edge_without_direction_and_an_image_from_the_same_place_change_nothing() -> None:
+    first, *partners = seen_from(PLACES, ENDS[None])
+    expected = lines._ranges(first, partners, nearest_m=0.3, farthest_m=8.0)
+    nowhere = dataclasses.replace(partners[0], first=np.full((1, 3), np.nan))
+    found = lines._ranges(first, [*partners, first, nowhere], nearest_m=0.3, farthest_m=8.0)
+    for have, wanted in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(have, wanted)
+
+
 def test_a_wrong_line_of_two_images_is_refused() -> None:
     """Two edges always meet in some line; it takes a third image to bear it out."""
     first, second, third, *_ = seen_from(PLACES, ENDS[None])
