@@ -21,7 +21,7 @@ from goshawk.station_jobs.flights import Chosen
 from sysid.diagnosis import OutsideFinding
 from sysid.diagnosis.envelope import Envelope
 from sysid.estimator import changes
-from tests.gcs_web.test_page import CHROMIUM, FLAGS, SERIOUS, SIZE, START, drawn
+from tests.gcs_web.in_browser import CHROMIUM, FLAGS, SERIOUS, SIZE, START, drawn
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
 from vehicle import flights, manoeuvres

@@ -11,8 +11,8 @@ import pytest
 import vehicle
 from firmware_bridge import SitlVehicle, controller, keys
 from flight import flight_log, project, trajectory
+from tests.gcs_web.in_browser import CHROMIUM, FLAGS, cell
 from tests.gcs_web.station_process import StationProcess, new_project
-from tests.gcs_web.test_page import CHROMIUM, FLAGS, cell
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
 
