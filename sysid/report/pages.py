@@ -40,7 +40,9 @@ td.word, th.word { text-align: left } tbody tr:nth-child(even) { background: #f7
 .verdict { border-left: 5px solid #1f6f8b; background: #f2f7f9; padding: .4em 1em .6em; margin: 1em 0 }
 .verdict p { margin: .4em 0 } .verdict p:first-child { font-size: 1.3em } sup { line-height: 0; font-size: .75em }
 img { width: 100%; margin: .3em 0 } .held { color: #999 } li.error, .bad { color: #b0413e } .good { color: #3c7a1f }
-@media print { body { max-width: none; font-size: 11px } h2, h3 { break-after: avoid } img, tr { break-inside: avoid } }
+.scroll { overflow-x: auto }
+@media print { body { max-width: none; font-size: 11px; print-color-adjust: exact } .scroll { overflow: visible }
+  h2, h3 { break-after: avoid } img, tr { break-inside: avoid } }
 """
 
 CAPTIONS = {
@@ -146,7 +148,8 @@ def _comparison_verdict(comparison: Comparison) -> str:
 def write_page(path: Path, title: str, body: str, style: str = "") -> Path:
     """Write a whole page in our style."""
     page = (
-        f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{escape(title)}</title>"
+        f"<!doctype html><html lang='en'><head><meta charset='utf-8'>"
+        f"<meta name='viewport' content='width=device-width, initial-scale=1'><title>{escape(title)}</title>"
         f"<style>{STYLE}{style}</style></head><body>{body}</body></html>\n"
     )
     with file_format.atomic_file(path) as temporary:
@@ -358,7 +361,7 @@ def table(head: Sequence[str], rows: str, *, words: int = 0) -> str:
     """A table; the last `words` columns are text."""
     marks = ["" if i < len(head) - words else " class='word'" for i in range(len(head))]
     cells = "".join(f"<th{mark}>{name}</th>" for mark, name in zip(marks, head, strict=True))
-    return f"<table><thead><tr>{cells}</tr></thead><tbody>{rows}</tbody></table>"
+    return f"<div class='scroll'><table><thead><tr>{cells}</tr></thead><tbody>{rows}</tbody></table></div>"
 
 
 def picture(path: Path, caption: str = "") -> str:
