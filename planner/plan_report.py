@@ -7,6 +7,7 @@ import numpy as np
 
 from flight import FloatArray, TrajectoryFile
 from planner import GateReport, could_hide, limits, space
+from planner.limits import Check
 from vehicle import Limits, Vehicle, flatness
 
 _STEP_S = 0.02
@@ -105,7 +106,7 @@ def _drawn(chart: _Chart, times: FloatArray, joins_s: FloatArray) -> str:
     def y(value: FloatArray | float) -> FloatArray:
         return _HEIGHT - 20.0 - (np.asarray(value, dtype=np.float64) - low) / (high - low) * (_HEIGHT - 30.0)
 
-    parts = [f'<text x="0" y="{y(v) + 4.0:.1f}">{v:.3g}</text>' for v in (low, high)]
+    parts = [f'<text x="0" y="{y(v) + 4.0:.1f}">{_short(v)}</text>' for v in (low, high)]
     for t in joins_s:
         at = _EDGE + t / times[-1] * (_WIDTH - _EDGE)
         parts.append(f'<line x1="{at:.1f}" y1="5" x2="{at:.1f}" y2="{_HEIGHT - 20}" stroke="#eee"/>')
@@ -114,7 +115,7 @@ def _drawn(chart: _Chart, times: FloatArray, joins_s: FloatArray) -> str:
             parts.append(
                 f'<line x1="{_EDGE}" y1="{y(bound):.1f}" x2="{_WIDTH}" y2="{y(bound):.1f}" stroke="#b30000" '
                 f'stroke-dasharray="5 4"/><text class="bound" x="{_WIDTH}" y="{y(bound) - 3.0:.1f}">'
-                f"limit {bound:.3g} {chart.unit}</text>"
+                f"limit {_short(bound)} {chart.unit}</text>"
             )
     for colour, curve in zip(_COLOURS, chart.curves.values(), strict=False):
         for first, last in _runs(np.isfinite(curve)):
@@ -125,6 +126,11 @@ def _drawn(chart: _Chart, times: FloatArray, joins_s: FloatArray) -> str:
     names = zip(_COLOURS, chart.curves, strict=False)
     key = "".join(f' <span class="key" style="color: {c}">{html.escape(name)}</span>' for c, name in names)
     return f"<h2>{chart.title}, {chart.unit}{key}</h2>" + _svg(_WIDTH, _HEIGHT, parts)
+
+
+def _short(value: float) -> str:
+    """Three digits, and no power of ten for rotor speeds."""
+    return f"{value:.3g}" if abs(value) < 1000.0 else f"{value:.0f}"
 
 
 def _runs(good: np.ndarray) -> list[tuple[int, int]]:
@@ -195,12 +201,17 @@ def _segments(report: GateReport) -> str:
 def _checks(report: GateReport) -> str:
     rows = "".join(
         f'<tr class="{"" if check.passed else "fails"}"><td>{html.escape(check.name)}</td>'
-        f'<td class="number">{check.value:.4g}</td><td class="number">{check.bound:.4g} {html.escape(check.unit)}</td>'
+        f'<td class="number">{_value(check.value, check)}</td><td class="number">{_value(check.bound, check)}</td>'
         f"<td>{'passes' if check.passed else 'fails'}</td><td>{html.escape(check.reason)}</td></tr>"
         for check in report.checks
     )
     heads = "<th>check</th><th>value</th><th>bound</th><th>result</th><th>why</th>"
     return _table(heads, rows)
+
+
+def _value(value: float, check: Check) -> str:
+    """With its unit; empty for a check that is kept or not, without a size."""
+    return f"{value:.4g} {html.escape(check.unit.replace('s2', 's²').replace('s3', 's³'))}" if check.unit else ""
 
 
 def _table(heads: str, rows: str) -> str:

@@ -40,9 +40,9 @@ td.word, th.word { text-align: left } tbody tr:nth-child(even) { background: #f7
 .verdict { border-left: 5px solid #1f6f8b; background: #f2f7f9; padding: .4em 1em .6em; margin: 1em 0 }
 .verdict p { margin: .4em 0 } .verdict p:first-child { font-size: 1.3em } sup { line-height: 0; font-size: .75em }
 img { width: 100%; margin: .3em 0 } .held { color: #999 } li.error, .bad { color: #b0413e } .good { color: #3c7a1f }
-.scroll { overflow-x: auto }
+.scroll { overflow-x: auto } img.wide { min-width: 2400px }
 @media print { body { max-width: none; font-size: 11px; print-color-adjust: exact } .scroll { overflow: visible }
-  h2, h3 { break-after: avoid } img, tr { break-inside: avoid } }
+  img.wide { min-width: 0 } h2, h3 { break-after: avoid } img, tr { break-inside: avoid } }
 """
 
 CAPTIONS = {
@@ -60,6 +60,8 @@ CAPTIONS = {
     "residual_against_speed": "Unexplained force against air speed",
     "repeated": "Repeated trials",
 }
+WIDE = ("residual_against_all",)
+"""Pictures of so many panels that the page's width is too little to read them."""
 AXES = "SI units, body axes x forward, y left, z up."
 SHOWN = {"position": ("mm", 1e3), "velocity": ("m/s", 1.0), "attitude": ("deg", 57.29578), "rate": ("rad/s", 1.0)}
 """Units of the table of prediction errors."""
@@ -369,4 +371,6 @@ def picture(path: Path, caption: str = "") -> str:
     kind = path.stem.rstrip("0123456789").rstrip("_")
     caption = caption or CAPTIONS.get(kind, path.stem)
     data = base64.b64encode(path.read_bytes()).decode()
-    return f"<h3>{caption}</h3><img alt='{escape(caption)}' src='data:image/svg+xml;base64,{data}'>"
+    mark = " class='wide'" if kind in WIDE else ""
+    image = f"<img{mark} alt='{escape(caption)}' src='data:image/svg+xml;base64,{data}'>"
+    return f"<h3>{caption}</h3><div class='scroll'>{image}</div>"
