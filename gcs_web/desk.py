@@ -28,6 +28,7 @@ from gcs_web.learning import Learning
 from gcs_web.map_desk import MapDesk
 from gcs_web.map_edits import MapEdit
 from gcs_web.session import Session
+from gcs_web.shown_flights import ShownFlights
 from gcs_web.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
 
@@ -87,6 +88,7 @@ class Desk:
         self.jobs = Jobs(opened, kinds, self.show_jobs, lambda kind, result: kind.done(self, result), self._job_ended)
         self.flights = Flights(opened, self._flights_changed)
         self.comparing = Comparing(opened, self.flights, view)
+        self.shown_flights = ShownFlights(hub, self.comparing, view)
         self.learning = Learning(opened, self.flights)
         self._watch_files = inputs.Watch(opened.folder, opened.waypoints, self._files_changed)
         self.session.on_change(self._document_changed)
@@ -205,7 +207,9 @@ class Desk:
                 return
             few = len(content.points) < 2
             if few:
-                sentence = "Add at least two waypoints: Shift-click the map, or press Insert."
+                sentence = (
+                    "Add at least two waypoints: Insert under the table, the key Insert, or a Shift-click on the map."
+                )
                 self._show_plan(protocol.Plan(revision, "none", sentence))
                 return
             self._show_plan(protocol.Plan(revision, "planning", "Planning and checking ..."))
@@ -459,12 +463,16 @@ class Desk:
             raise
         self.audit(person, what, "done", about)
 
+    def arrived(self) -> None:
+        """Somebody opened the page."""
+        self.show_people()
+        self.shown_flights.people_changed()
+
     def left(self, person: protocol.Person) -> None:
-        """Somebody closed the page: control is free again, and the next page after the last begins with the plan."""
+        """Somebody closed the page: control is free again."""
         self.map.end_preview(person.id)
         self.give_up_control(person)
-        if not self.hub.people:
-            self.comparing.show([], "", {}, arrows=False, predicted=False)
+        self.shown_flights.people_changed()
 
     def _name_of(self, person: str) -> str:
         return next((p.name for p in self.hub.people if p.id == person), "somebody who left")
