@@ -132,7 +132,7 @@ def test_residuals_stand_as_arrows_at_the_vehicles_until_they_are_switched_off(p
 
 
 def test_the_vehicle_stands_there_as_the_model_predicts_it_until_it_is_switched_off(page, station):
-    switch = page.get_by_label("predicted (A) from")
+    switch = page.get_by_label("predicted (A)")
     page.get_by_role("img", name="Rotor 0 over time").click(position={"x": 300, "y": 40})
     wait(lambda: station.view.flights._predicted.visible, "the predicted vehicle")
     off_m = np.subtract(station.view.flights._predicted.position, station.view.flights._vehicles[0].position)
@@ -150,17 +150,19 @@ def test_the_vehicle_stands_there_as_the_model_predicts_it_until_it_is_switched_
 
 def test_the_vehicle_is_predicted_over_the_horizon_that_is_chosen_and_a_link_restores_it(page, station):
     chosen = page.get_by_label("How long before the prediction begins")
-    assert chosen.get_by_role("option").all_inner_texts() == [f"{horizon_s:g} s before" for horizon_s in HORIZONS_S]
+    assert chosen.get_by_role("option").all_inner_texts() == [
+        f"from {horizon_s:g} s before" for horizon_s in HORIZONS_S
+    ]
     first = page.evaluate("new URLSearchParams(location.hash.slice(1)).get('flights').split('|')[0]")
     for horizon_s in HORIZONS_S:
-        chosen.select_option(f"{horizon_s:g} s before")
+        chosen.select_option(f"from {horizon_s:g} s before")
         residual = station.desk.comparing._residual(first)
         off = np.array(residual.predicted[HORIZONS_S.index(horizon_s)].deviation).T
         wait(lambda off=off: np.array_equal(drawn_deviation(station), off), f"predictions over {horizon_s} s")
     wait(lambda: f"predicted={HORIZONS_S[-1]:g}" in page.evaluate("location.hash"), "the choice in the address")
     page.reload()
     wait(lambda: chosen.input_value() == f"{HORIZONS_S[-1]:g}", "the same choice")
-    chosen.select_option("0.5 s before")
+    chosen.select_option("from 0.5 s before")
 
 
 def drawn_deviation(station: GroundStation) -> np.ndarray:

@@ -48,6 +48,33 @@ def test_abort_and_the_status_are_whole_in_a_small_window(page, width):
         assert view.count() == 0 or view.bounding_box()["height"] > 150
 
 
+CUT_OFF = """() => [...document.querySelectorAll("button, select, input, summary")]
+    .filter((e) => e.checkVisibility() && e.getBoundingClientRect().width > 1)
+    .filter((e) => {
+      let [low, high] = [0, innerWidth];
+      for (let above = e.parentElement; above !== null; above = above.parentElement) {
+        if (getComputedStyle(above).overflowX === "visible") continue;
+        const { left, right } = above.getBoundingClientRect();
+        [low, high] = [Math.max(low, left), Math.min(high, right)];
+      }
+      const { left, right } = e.getBoundingClientRect();
+      return left < low - 1 || right > high + 1;
+    })
+    .map((e) => e.ariaLabel || e.textContent)"""
+"""Controls of which a part lies beyond the window, or beyond the part of an area that is shown without scrolling."""
+
+
+@pytest.mark.parametrize("width", [1440, 900, 800, 360])
+def test_no_control_is_cut_off_in_any_step(page, width):
+    page.set_viewport_size({"width": width, "height": 800})
+    cut: dict[str, list[str]] = {}
+    for number in "12345":
+        page.keyboard.press(number)
+        drawn(page)
+        cut[number] = page.evaluate(CUT_OFF)
+    assert cut == dict.fromkeys("12345", [])
+
+
 def test_a_phone_shows_the_vehicle_and_abort_without_scrolling(station, page, tmp_path):
     page.set_viewport_size({"width": 390, "height": 844})
     abort = page.get_by_role("button", name="Abort")

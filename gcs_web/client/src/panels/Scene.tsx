@@ -212,7 +212,7 @@ function VehicleLegend() {
               onChange={(event) => (withPredicted.value = event.currentTarget.checked)}
             />
             <span>
-              <Swatch kind="predicted-key" /> predicted{whose} from
+              <Swatch kind="predicted-key" /> predicted{whose}
             </span>
           </label>
           <select
@@ -224,7 +224,7 @@ function VehicleLegend() {
           >
             {compared.horizons_s.map((offered_s) => (
               <option key={offered_s} value={offered_s}>
-                {offered_s} s before
+                from {offered_s} s before
               </option>
             ))}
           </select>
