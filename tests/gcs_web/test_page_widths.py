@@ -67,12 +67,10 @@ CUT_OFF = """() => [...document.querySelectorAll("button, select, input, summary
 @pytest.mark.parametrize("width", [1440, 900, 800, 360])
 def test_no_control_is_cut_off_in_any_step(page, width):
     page.set_viewport_size({"width": width, "height": 800})
-    cut: dict[str, list[str]] = {}
     for number in "12345":
         page.keyboard.press(number)
         drawn(page)
-        cut[number] = page.evaluate(CUT_OFF)
-    assert cut == dict.fromkeys("12345", [])
+        assert page.evaluate(CUT_OFF) == [], f"step {number}"
 
 
 def test_a_phone_shows_the_vehicle_and_abort_without_scrolling(station, page, tmp_path):
