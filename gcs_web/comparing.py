@@ -12,6 +12,7 @@ from gcs_web import protocol, pyramid, reading, reports, residuals
 from gcs_web import protocol_flights as parts
 from gcs_web.arrows import Wrench
 from gcs_web.flights import Flights
+from gcs_web.protocol_flight_view import ShowFlights
 from gcs_web.residuals import Compared
 from gcs_web.view3d import View3D
 from sysid.estimator.comparison import Deviation
@@ -104,7 +105,7 @@ class Comparing:
             raise InputError("nothing was compared yet; compare the flights with the model first")
         return residuals.scatter(compared, channel, variable, self._shifts(compared))
 
-    def draw(self, wanted: parts.ShowFlights) -> tuple[parts.ArrowScale | None, float | None]:
+    def draw(self, wanted: ShowFlights) -> tuple[parts.ArrowScale | None, float | None]:
         """Draw these flights in the 3D view, and no others.
 
         Returns:

@@ -14,7 +14,7 @@ import numpy as np
 
 import planner
 import vehicle
-from flight import FlightError, FloatArray, FormatError, InputError, TrajectoryFile, Waypoints, trajectory
+from flight import FlightError, FloatArray, InputError, TrajectoryFile, Waypoints, trajectory
 from flight.mission import Mission
 from flight.project import Project
 from gcs_web import inputs, missions, page_values, planning, projects, protocol, protocol_parts, saved, snapping
@@ -122,7 +122,7 @@ class Desk:
             hashes = (self.parts.map(self.inputs).hash, vehicle.vehicle_hash(self.parts.vehicle(self.inputs)))
         except FlightError:
             hashes = ("", "")
-        listed = [_listed(path, hashes) for path in self.project.trajectories()]
+        listed = [saved.listed(path, hashes) for path in self.project.trajectories()]
         flights = [path.stem for path in self.project.flights()]
         self.hub.publish(protocol.Files(listed, flights, saved.aside(self.project)))
         self.flights.refresh()
@@ -491,14 +491,3 @@ def _first_settings(base: planner.PlanOptions, limits: vehicle.Limits) -> Settin
         heading_rad=base.heading_rad,
         look_at_world_m=base.look_at_world_m,
     )
-
-
-def _listed(path: Path, hashes: tuple[str, str]) -> protocol.SavedTrajectory:
-    saved_at = ""
-    try:
-        saved_at = datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="seconds")
-        file = trajectory.load(path)
-    except (FormatError, InputError, OSError):
-        return protocol.SavedTrajectory(path.stem, 0.0, False, saved_at)
-    current = file.checked and file.as_checked and (file.map_hash, file.vehicle_hash) == hashes
-    return protocol.SavedTrajectory(path.stem, file.trajectory.duration_s, current, saved_at)

@@ -14,19 +14,17 @@ from gcs_web.protocol_base import Command, Edit
 from gcs_web.protocol_compensation import Compensation, PrepareCompensation, SendCompensation
 from gcs_web.protocol_consent import AgreeToEffectFile, DraftEffect, EffectFiles
 from gcs_web.protocol_course import DropPath, RandomYaw, RecordedPath, Snap, TakePath, ThinPath
+from gcs_web.protocol_flight_view import FlightMoment, FlightsShown, LookAtFlight, ShowFlights, ShowMoments
 from gcs_web.protocol_flights import (
     Comparison,
     Diagnosis,
     DiscardFlight,
     DropTried,
     FixFlight,
-    FlightMoment,
     Flights,
-    FlightsShown,
     Incoming,
     Keep,
     ListFlights,
-    LookAtFlight,
     Model,
     OpenedFlight,
     OpenFlights,
@@ -36,8 +34,6 @@ from gcs_web.protocol_flights import (
     ReturnTo,
     Scatter,
     SetRole,
-    ShowFlights,
-    ShowMoments,
     StreamPart,
     TakeLog,
 )

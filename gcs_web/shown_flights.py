@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from flight import FlightError
 from gcs_web.comparing import Comparing
 from gcs_web.hub import Hub
-from gcs_web.protocol_flights import FlightMoment, FlightsShown, ShowFlights, Stretch
+from gcs_web.protocol_flight_view import FlightMoment, FlightsShown, ShowFlights, Stretch
 
 if TYPE_CHECKING:
     from gcs_web.view3d import View3D
