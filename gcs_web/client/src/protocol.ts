@@ -546,20 +546,6 @@ export interface Model {
   tried: Tried | null;
 }
 
-export interface FlightMoment {
-  type: "flight_moment";
-  time_s: number;
-}
-
-export interface FlightsShown {
-  type: "flights_shown";
-  author: string;
-  flights: string[];
-  arrows: ArrowScale | null;
-  colour_reach: number | null;
-  plan_too: boolean;
-}
-
 export interface ListFlights {
   type: "list_flights";
   serial: number;
@@ -586,34 +572,6 @@ export interface ReadStreams {
   from_s: number;
   to_s: number;
   points: number;
-}
-
-export interface ShowFlights {
-  type: "show_flights";
-  serial: number;
-  flights: string[];
-  colour?: "" | "F_x" | "F_y" | "F_z" | "M_x" | "M_y" | "M_z";
-  arrows?: boolean;
-  predicted_s?: number | null;
-  moved_s?: Record<string, number>;
-}
-
-export interface Stretch {
-  flight: string;
-  from_s: number;
-  to_s: number;
-}
-
-export interface ShowMoments {
-  type: "show_moments";
-  serial: number;
-  stretches: Stretch[];
-}
-
-export interface LookAtFlight {
-  type: "look_at_flight";
-  serial: number;
-  time_s: number | null;
 }
 
 export interface FixFlight {
@@ -663,6 +621,48 @@ export interface ReturnTo {
   type: "return_to";
   serial: number;
   version: number;
+}
+
+export interface FlightMoment {
+  type: "flight_moment";
+  time_s: number;
+}
+
+export interface FlightsShown {
+  type: "flights_shown";
+  author: string;
+  flights: string[];
+  arrows: ArrowScale | null;
+  colour_reach: number | null;
+  plan_too: boolean;
+}
+
+export interface ShowFlights {
+  type: "show_flights";
+  serial: number;
+  flights: string[];
+  colour?: "" | "F_x" | "F_y" | "F_z" | "M_x" | "M_y" | "M_z";
+  arrows?: boolean;
+  predicted_s?: number | null;
+  moved_s?: Record<string, number>;
+}
+
+export interface LookAtFlight {
+  type: "look_at_flight";
+  serial: number;
+  time_s: number | null;
+}
+
+export interface Stretch {
+  flight: string;
+  from_s: number;
+  to_s: number;
+}
+
+export interface ShowMoments {
+  type: "show_moments";
+  serial: number;
+  stretches: Stretch[];
 }
 
 export interface Identified {
