@@ -142,7 +142,6 @@ class GroundStation:
         self.view.on_box = self._selected
         self.view.on_moment = self._moment_chosen
         self.view.on_drag, self.view.on_add, self.view.on_pull = self._dragged, self._added, self.desk.draft
-        self.view.flights.on_moment = lambda time_s: self.hub.publish(protocol.FlightMoment(time_s))
         if self.watch is not None:
             self.watch.on_state, self.watch.on_pose = self._vehicle_changed, self.view.vehicle.move
             self.watch.on_setpoint = self.view.vehicle.follow

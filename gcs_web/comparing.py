@@ -12,6 +12,7 @@ from gcs_web import protocol, pyramid, reading, reports, residuals
 from gcs_web import protocol_flights as parts
 from gcs_web.arrows import Wrench
 from gcs_web.flights import Flights
+from gcs_web.protocol_flight_view import ShowFlights
 from gcs_web.residuals import Compared
 from gcs_web.view3d import View3D
 from sysid.estimator.comparison import Deviation
@@ -104,23 +105,16 @@ class Comparing:
             raise InputError("nothing was compared yet; compare the flights with the model first")
         return residuals.scatter(compared, channel, variable, self._shifts(compared))
 
-    def show(
-        self, names: list[str], colour: str, moved_s: dict[str, float], *, arrows: bool, predicted: bool
-    ) -> tuple[parts.ArrowScale | None, float | None]:
-        """Draw flights in the 3D view; none: the plan again.
-
-        Args:
-            colour: a channel of the residual, or empty.
-            moved_s: by flight, what is added to its shifted time.
-            arrows: whether vehicles have arrows of residual force and torque, where the comparison has them.
-            predicted: whether the first flight's vehicle is drawn as predicted too, where the comparison has it.
+    def draw(self, wanted: ShowFlights) -> tuple[parts.ArrowScale | None, float | None]:
+        """Draw these flights in the 3D view, and no others.
 
         Returns:
             The scale of the arrows, and the value at the upper end of the colours; None where there are none.
 
         Raises:
-            FlightError: a flight cannot be read.
+            FlightError: a flight cannot be read, or nothing is predicted over that horizon.
         """
+        names, colour = wanted.flights, wanted.colour
         paths = {name: self._flights.recorded.path(name) for name in names}
         values: dict[str, tuple[FloatArray, FloatArray]] = {}
         for name in names if colour else []:
@@ -130,19 +124,19 @@ class Comparing:
                 when, (left,) = self._with_gaps(name, flight.time_s, [np.array(flight.residual[row])])
                 values[name] = (when, left)
         wrenches: dict[str, Wrench] = {}
-        for name in names if arrows else []:
+        for name in names if wanted.arrows else []:
             flight = self._residual(name)
             if flight is not None:
                 when, left = self._with_gaps(name, flight.time_s, [np.array(channel) for channel in flight.residual])
                 wrenches[name] = Wrench(when, np.stack(left, axis=1))
         deviations: dict[str, Deviation] = {}
-        for name in names[:1] if predicted else []:
+        for name in names[:1] if wanted.predicted_s is not None else []:
             flight = self._residual(name)
             if flight is not None:
-                when, pose = self._with_gaps(name, flight.predicted_s, [np.array(each) for each in flight.deviation])
+                ended = flight.predicted[_horizon(wanted.predicted_s)]
+                when, pose = self._with_gaps(name, ended.time_s, [np.array(each) for each in ended.deviation])
                 deviations[name] = Deviation(when, np.stack(pose, axis=1))
-        self._view.set_plan_aside(bool(paths))
-        return self._view.flights.draw(paths, values, moved_s, wrenches, deviations)
+        return self._view.flights.draw(paths, values, wanted.moved_s, wrenches, deviations)
 
     def _with_gaps(
         self, name: str, time_s: list[float], curves: list[FloatArray]
@@ -181,3 +175,11 @@ class Comparing:
             and sorted(learn) == self._flights.names("learn")
             and sorted(held_out) == self._flights.names("hold_out")
         )
+
+
+def _horizon(horizon_s: float | None) -> int:
+    """Its number among those of every comparison."""
+    offered = residuals.horizons_s()
+    if horizon_s not in offered:
+        raise InputError(f"nothing is predicted over {horizon_s} s; choose one of {', '.join(map(str, offered))} s")
+    return offered.index(horizon_s)

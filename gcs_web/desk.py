@@ -14,7 +14,7 @@ import numpy as np
 
 import planner
 import vehicle
-from flight import FlightError, FloatArray, FormatError, InputError, TrajectoryFile, Waypoints, trajectory
+from flight import FlightError, FloatArray, InputError, TrajectoryFile, Waypoints, trajectory
 from flight.mission import Mission
 from flight.project import Project
 from gcs_web import inputs, missions, page_values, planning, projects, protocol, protocol_parts, saved, snapping
@@ -28,6 +28,7 @@ from gcs_web.learning import Learning
 from gcs_web.map_desk import MapDesk
 from gcs_web.map_edits import MapEdit
 from gcs_web.session import Session
+from gcs_web.shown_flights import ShownFlights
 from gcs_web.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
 
@@ -87,6 +88,7 @@ class Desk:
         self.jobs = Jobs(opened, kinds, self.show_jobs, lambda kind, result: kind.done(self, result), self._job_ended)
         self.flights = Flights(opened, self._flights_changed)
         self.comparing = Comparing(opened, self.flights, view)
+        self.shown_flights = ShownFlights(hub, self.comparing, view)
         self.learning = Learning(opened, self.flights)
         self._watch_files = inputs.Watch(opened.folder, opened.waypoints, self._files_changed)
         self.session.on_change(self._document_changed)
@@ -120,7 +122,7 @@ class Desk:
             hashes = (self.parts.map(self.inputs).hash, vehicle.vehicle_hash(self.parts.vehicle(self.inputs)))
         except FlightError:
             hashes = ("", "")
-        listed = [_listed(path, hashes) for path in self.project.trajectories()]
+        listed = [saved.listed(path, hashes) for path in self.project.trajectories()]
         flights = [path.stem for path in self.project.flights()]
         self.hub.publish(protocol.Files(listed, flights, saved.aside(self.project)))
         self.flights.refresh()
@@ -205,7 +207,9 @@ class Desk:
                 return
             few = len(content.points) < 2
             if few:
-                sentence = "Add at least two waypoints: Shift-click the map, or press Insert."
+                sentence = (
+                    "Add at least two waypoints: Insert under the table, the key Insert, or a Shift-click on the map."
+                )
                 self._show_plan(protocol.Plan(revision, "none", sentence))
                 return
             self._show_plan(protocol.Plan(revision, "planning", "Planning and checking ..."))
@@ -459,12 +463,16 @@ class Desk:
             raise
         self.audit(person, what, "done", about)
 
+    def arrived(self) -> None:
+        """Somebody opened the page."""
+        self.show_people()
+        self.shown_flights.people_changed()
+
     def left(self, person: protocol.Person) -> None:
-        """Somebody closed the page: control is free again, and the next page after the last begins with the plan."""
+        """Somebody closed the page: control is free again."""
         self.map.end_preview(person.id)
         self.give_up_control(person)
-        if not self.hub.people:
-            self.comparing.show([], "", {}, arrows=False, predicted=False)
+        self.shown_flights.people_changed()
 
     def _name_of(self, person: str) -> str:
         return next((p.name for p in self.hub.people if p.id == person), "somebody who left")
@@ -483,14 +491,3 @@ def _first_settings(base: planner.PlanOptions, limits: vehicle.Limits) -> Settin
         heading_rad=base.heading_rad,
         look_at_world_m=base.look_at_world_m,
     )
-
-
-def _listed(path: Path, hashes: tuple[str, str]) -> protocol.SavedTrajectory:
-    saved_at = ""
-    try:
-        saved_at = datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="seconds")
-        file = trajectory.load(path)
-    except (FormatError, InputError, OSError):
-        return protocol.SavedTrajectory(path.stem, 0.0, False, saved_at)
-    current = file.checked and file.as_checked and (file.map_hash, file.vehicle_hash) == hashes
-    return protocol.SavedTrajectory(path.stem, file.trajectory.duration_s, current, saved_at)

@@ -28,6 +28,7 @@ _STATE = (
     protocol.Measured,
     protocol.MapPreview,
     protocol.Flights,
+    protocol.FlightsShown,
     protocol.Comparison,
     protocol.Diagnosis,
     protocol.Model,

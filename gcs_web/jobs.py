@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
@@ -42,6 +43,10 @@ def _nothing_foreseen(_: Project, __: Any) -> str:
     return ""
 
 
+def _nothing_written(_: Project, __: Any) -> Path | None:
+    return None
+
+
 def _accept(_: Project, __: Any) -> None:
     """Of a kind whose arguments need no look at the project."""
 
@@ -65,6 +70,8 @@ class Kind:
     """Before the job is taken: raises `InputError` where it could not succeed."""
     foresee: Callable[[Project, Any], str] = _nothing_foreseen
     """What it would do, in words, for a person to read before it is started."""
+    writes: Callable[[Project, Any], Path | None] = _nothing_written
+    """File or folder of its result, which no other job that waits or runs may write; None where none is claimed."""
 
 
 @dataclass(slots=True)
@@ -143,12 +150,15 @@ class Jobs:
         """Put a job into the queue; its id.
 
         Raises:
-            InputError: no such kind, the arguments are not valid, too many jobs wait, or no more are taken.
+            InputError: no such kind, the arguments are not valid, another job writes the same result, too many jobs
+                wait, or no more are taken.
         """
-        kind, wanted = self._checked(name, arguments)
+        kind, wanted = self._decoded(name, arguments)
         with self._changed:
             if self._closed:
                 raise InputError("this project is being closed; start the job when it is open again")
+            self._require_unclaimed(kind, wanted)
+            kind.check(self._project, wanted)  # now: a result that is not claimed any more is on disk
             if sum(job.state == "waiting" for job in self._jobs) >= MOST_WAITING:
                 raise InputError(f"{MOST_WAITING} jobs wait already; cancel one, or wait for them")
             self._last_id += 1
@@ -163,7 +173,8 @@ class Jobs:
 
     def foresee(self, name: str, arguments: Mapping[str, Any]) -> str:
         """What a job would do; empty where the kind does not say. Raises as `start`."""
-        kind, wanted = self._checked(name, arguments)
+        kind, wanted = self._decoded(name, arguments)
+        kind.check(self._project, wanted)
         return kind.foresee(self._project, wanted)
 
     def end_if_idle(self) -> bool:
@@ -172,7 +183,7 @@ class Jobs:
             self._closed = all(job.ended_s for job in self._jobs)
             return self._closed
 
-    def _checked(self, name: str, arguments: Mapping[str, Any]) -> tuple[Kind, msgspec.Struct]:
+    def _decoded(self, name: str, arguments: Mapping[str, Any]) -> tuple[Kind, msgspec.Struct]:
         if name not in self._kinds:
             raise InputError(f"there is no job {name!r}; there are {', '.join(self._kinds) or 'none'}")
         kind = self._kinds[name]
@@ -180,8 +191,17 @@ class Jobs:
             wanted = msgspec.convert(arguments, kind.arguments)
         except msgspec.ValidationError as error:
             raise InputError(f"{kind.title}: {error}") from error
-        kind.check(self._project, wanted)
         return kind, wanted
+
+    def _require_unclaimed(self, kind: Kind, wanted: msgspec.Struct) -> None:
+        """Refuse a job whose result another one is about to write, or it would fail after its whole work."""
+        place = kind.writes(self._project, wanted)
+        for job in self._jobs:
+            if place is not None and not job.ended_s and job.kind.writes(self._project, job.arguments) == place:
+                raise InputError(
+                    f"{job.author} started {job.kind.title!r} already, which writes {place.name}: "
+                    "wait for its result, cancel it, or choose another name"
+                )
 
     def cancel(self, number: int) -> None:
         """End a job that waits or runs.

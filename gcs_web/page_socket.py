@@ -49,7 +49,7 @@ class PageSocket:
             protocol.PROTOCOL, client.person.id, self._project, self._desk.watch is not None, self._id
         )
         writer = asyncio.create_task(_write(socket, client, welcome))
-        self._desk.show_people()
+        await asyncio.to_thread(self._desk.arrived)
         apart: set[asyncio.Task[None]] = set()
         try:
             async for message in socket:

@@ -14,19 +14,17 @@ from gcs_web.protocol_base import Command, Edit
 from gcs_web.protocol_compensation import Compensation, PrepareCompensation, SendCompensation
 from gcs_web.protocol_consent import AgreeToEffectFile, DraftEffect, EffectFiles
 from gcs_web.protocol_course import DropPath, RandomYaw, RecordedPath, Snap, TakePath, ThinPath
+from gcs_web.protocol_flight_view import FlightMoment, FlightsShown, LookAtFlight, ShowFlights, ShowMoments
 from gcs_web.protocol_flights import (
-    ArrowScale,
     Comparison,
     Diagnosis,
     DiscardFlight,
     DropTried,
     FixFlight,
-    FlightMoment,
     Flights,
     Incoming,
     Keep,
     ListFlights,
-    LookAtFlight,
     Model,
     OpenedFlight,
     OpenFlights,
@@ -36,8 +34,6 @@ from gcs_web.protocol_flights import (
     ReturnTo,
     Scatter,
     SetRole,
-    ShowFlights,
-    ShowMoments,
     StreamPart,
     TakeLog,
 )
@@ -214,10 +210,6 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     name: str = ""
     """Of what was made: a flight, or a log that was moved aside."""
     flights: list[OpenedFlight] = []
-    arrows: ArrowScale | None = None
-    """Of `show_flights`: how long the arrows are; None where there are none."""
-    colour_reach: float | None = None
-    """Of `show_flights`: the residual, N or N m, at the upper end of the paths' colours; None for plain paths."""
     aligned: list[Aligned] = []
     """Of `align_flights`: each flight but the first."""
     parts: list[StreamPart] = []
@@ -236,7 +228,7 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
 ToPage = (
     Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply
     | Projects | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment
-    | EffectFiles | Identification | NextFlight
+    | EffectFiles | Identification | NextFlight | FlightsShown
 )  # fmt: skip
 
 

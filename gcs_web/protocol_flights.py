@@ -374,12 +374,6 @@ class Model(msgspec.Struct, frozen=True, tag="model"):
     tried: Tried | None = None
 
 
-class FlightMoment(msgspec.Struct, frozen=True, tag="flight_moment"):
-    """The path of a flight was clicked in the 3D view: show this moment of its shifted time."""
-
-    time_s: float
-
-
 # --- from the page ---
 
 
@@ -407,40 +401,6 @@ class ReadStreams(Command, frozen=True, tag="read_streams", kw_only=True):
     to_s: float
     points: int
     """About as many times as there are pixels."""
-
-
-class ShowFlights(Command, frozen=True, tag="show_flights", kw_only=True):
-    """Draw flights in the 3D view in place of the plan; none: the plan again. The reply has `arrows`."""
-
-    flights: list[str]
-    colour: Literal["", "F_x", "F_y", "F_z", "M_x", "M_y", "M_z"] = ""
-    """The residual by which paths are coloured."""
-    arrows: bool = True
-    """Residual force and torque as arrows at the vehicles, where the comparison has them."""
-    predicted: bool = True
-    """The first flight's vehicle as the model predicts it too, from its motion 0.5 s earlier, where compared."""
-    moved_s: dict[str, float] = msgspec.field(default_factory=dict)
-    """By flight, what is added to its shifted time, of those that stand beside the first by hand or by alignment."""
-
-
-class Stretch(msgspec.Struct, frozen=True):
-    """Part of a flight's shifted time."""
-
-    flight: str
-    from_s: float
-    to_s: float
-
-
-class ShowMoments(Command, frozen=True, tag="show_moments", kw_only=True):
-    """Mark stretches on the paths of the flights that are drawn; none: no mark."""
-
-    stretches: list[Stretch]
-
-
-class LookAtFlight(Command, frozen=True, tag="look_at_flight", kw_only=True):
-    """Show a moment of the flights that are drawn, on the first one's shifted time; None hides the vehicles."""
-
-    time_s: float | None
 
 
 class FixFlight(Command, frozen=True, tag="fix_flight", kw_only=True):

@@ -21,9 +21,18 @@ from sysid.report.pages import SHOWN
 from sysid.report.residual_plots import SIGMAS, unit
 from vehicle import Vehicle, rigid_body
 
-FORMAT, VERSION = "goshawk-page-comparison", 3
+FORMAT, VERSION = "goshawk-page-comparison", 4
 MODEL = "vehicle"
 """Name of the one model in the comparison, as the verb calls the project's vehicle file."""
+
+
+class Predicted(msgspec.Struct, frozen=True):
+    """Where predictions over one horizon ended, on one flight; its pieces between gaps one after the other."""
+
+    time_s: list[float]
+    """(k,) on the log's clock."""
+    deviation: list[list[float]]
+    """Six of (k,): predicted less measured pose there; see `sysid.estimator.comparison.Deviation`."""
 
 
 class FlightResidual(msgspec.Struct, frozen=True):
@@ -40,10 +49,8 @@ class FlightResidual(msgspec.Struct, frozen=True):
     """Of each channel, what white noise of the estimated strength gives to a mean."""
     variables: list[list[float]]
     """Each of the comparison's variables, (m,)."""
-    predicted_s: list[float]
-    """(k,) when predictions over 0.5 s end, on the log's clock."""
-    deviation: list[list[float]]
-    """Six of (k,): predicted less measured pose there; see `sysid.estimator.comparison.Deviation`."""
+    predicted: list[Predicted]
+    """For each of `HORIZONS_S`."""
 
 
 class Compared(msgspec.Struct, frozen=True):
@@ -118,8 +125,7 @@ def made(
                 modelled.T.tolist(),
                 pieces[0].sigma.tolist(),
                 read,
-                np.concatenate([one.time_s for one in deviations[i]]).tolist(),
-                np.concatenate([one.pose for one in deviations[i]]).T.tolist(),
+                [_predicted(ends) for ends in zip(*deviations[i], strict=True)],
             )
         )
     shown = Compared(
@@ -139,9 +145,14 @@ def made(
     return shown, judged
 
 
-def _deviations(found: Comparison, first: int) -> dict[int, list[Deviation]]:
-    """By log, of its pieces; the first log has this number."""
-    by_log: dict[int, list[Deviation]] = {}
+def _predicted(pieces: Sequence[Deviation]) -> Predicted:
+    ends_s = np.concatenate([one.time_s for one in pieces])
+    return Predicted(ends_s.tolist(), np.concatenate([one.pose for one in pieces]).T.tolist())
+
+
+def _deviations(found: Comparison, first: int) -> dict[int, list[tuple[Deviation, ...]]]:
+    """By log, of its pieces, by horizon; the first log has this number."""
+    by_log: dict[int, list[tuple[Deviation, ...]]] = {}
     for flight, one in zip(found.flights, found.deviations[MODEL], strict=True):
         by_log.setdefault(first + flight.log_index, []).append(one)
     return by_log

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flight import FlightError, FloatArray, InputError, TrajectoryFile, trajectory
+from flight import FlightError, FloatArray, FormatError, InputError, TrajectoryFile, trajectory
 from flight.project import Project
 from gcs_web import page_values, protocol
 from mapping import Map
@@ -97,6 +97,18 @@ def restore(project: Project, file: str) -> str:
         ) from error
     path.with_name(file).unlink()
     return found.name
+
+
+def listed(path: Path, hashes: tuple[str, str]) -> protocol.SavedTrajectory:
+    """A saved trajectory, checked if it was for this map and vehicle (their hashes)."""
+    saved_at = ""
+    try:
+        saved_at = datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="seconds")
+        file = trajectory.load(path)
+    except (FormatError, InputError, OSError):
+        return protocol.SavedTrajectory(path.stem, 0.0, False, saved_at)
+    current = file.checked and file.as_checked and (file.map_hash, file.vehicle_hash) == hashes
+    return protocol.SavedTrajectory(path.stem, file.trajectory.duration_s, current, saved_at)
 
 
 def _aside(path: Path, status: os.stat_result) -> protocol.Aside:

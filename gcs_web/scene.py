@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 PLENTY_ABOVE_M = 0.7
 """Clearance this far above the limit has the colour of plenty."""
 
+DARKEST = 0.45
+"""Where on viridis and cividis the scales begin: what is darker is lost before the background, 3 to 1 being wanted."""
+
 COULD_HIDE_SPAN_M = 0.10
 """Thickness at the upper end of the scale of what could hide; the page's legend has the same."""
 
@@ -31,16 +34,17 @@ _HUBS_M = ((0.105, 0.105, 0.02), (-0.105, 0.105, 0.02), (-0.105, -0.105, 0.02), 
 
 
 def colours(share: FloatArray, scale: str) -> np.ndarray:
-    """Colours of a share between the ends of a scale: (n, 3) uint8."""
+    """Colours of a share between the dark and the bright end of a scale: (n, 3) uint8."""
     from matplotlib import colormaps
 
-    return (255 * colormaps[scale](np.clip(np.nan_to_num(share, nan=0.0), 0.0, 1.0))[..., :3]).astype(np.uint8)
+    place = DARKEST + (1.0 - DARKEST) * np.clip(np.nan_to_num(share, nan=0.0), 0.0, 1.0)
+    return (255 * colormaps[scale](place)[..., :3]).astype(np.uint8)
 
 
 def clearance_colours(clearance_m: FloatArray, required_m: float) -> np.ndarray:
-    """Yellow at the required clearance, below it and where it is unknown; violet where there is plenty."""
+    """Yellow at the required clearance, below it and where it is unknown; blue-green where there is plenty."""
     share = (np.asarray(clearance_m) - required_m) / PLENTY_ABOVE_M
-    return colours(share, "viridis_r")
+    return colours(1.0 - np.nan_to_num(share, nan=0.0), "viridis")
 
 
 def signed_colours(share: FloatArray) -> np.ndarray:

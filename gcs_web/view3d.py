@@ -236,6 +236,8 @@ class View3D:
     def set_plan_aside(self, aside: bool) -> None:
         """Hide plan, waypoints and marks while recorded flights are looked at, or bring them back."""
         with self._lock, self._server.atomic():
+            if aside == self._set_aside:
+                return
             self._set_aside = aside
             for ball in self._balls.values():
                 ball.visible = not aside

@@ -76,7 +76,7 @@
       }
     }
     c.fillStyle = "#555"; c.strokeStyle = "#e4e4e4"; c.lineWidth = 1;
-    for (const v of ticks(low, high, 4)) {
+    for (const v of ticks(low, high, 5)) {
       c.beginPath(); c.moveTo(left, yOf(v)); c.lineTo(width - right, yOf(v)); c.stroke();
       c.textAlign = "right"; c.fillText(short(v), left - 5, yOf(v) + 4);
     }

@@ -23,6 +23,7 @@ h1 { font-size: 1.4em; } h3 { font-size: .95em; font-weight: normal; margin: .8e
 canvas { width: 100%; height: 150px; cursor: crosshair; } table { border-collapse: collapse; }
 td { padding: .15em .8em .15em 0; vertical-align: top; } .error { color: #b30000; } .warning { color: #a05a00; }
 nav { position: sticky; top: 0; background: #fff; padding: .4em 0; border-bottom: 1px solid #ddd; }
+@media print { body { max-width: none; } nav, li button { display: none; } section { break-inside: avoid; } }
 """
 
 

@@ -178,13 +178,17 @@ def _coverage(area: Map, folder: Path) -> str:
         plain(place, f"free along {names[along]}", f"{names[across]} (m)", f"{names[up]} (m)")
         place.grid(False)
         bar = drawn.colorbar(image, ax=place, shrink=0.8)
-        bar.set_label("m", color=INK)
+        bar.set_label("free (m)", color=INK)
     path = written(drawn, folder / "coverage.svg")
     note = (
         "<p class='small'>From above and from the side: metres of free space along the view, edits included; grey "
         "where nothing is known, white where nothing is free. Red: where the images were taken.</p>"
     )
     return "<h2>Coverage</h2>" + picture(path, "What was seen") + note
+
+
+def _capital(sentence: str) -> str:
+    return sentence[:1].upper() + sentence[1:]
 
 
 def _again(area: Map, folder: Path) -> str:
@@ -194,7 +198,7 @@ def _again(area: Map, folder: Path) -> str:
         found = look_again.find(area, options)
     except InputError as error:  # no images, no room: the rest of the page is worth reading
         return f"{head}<p>Not known: {escape(str(error))}.</p>"
-    said = f"{head}<p>{escape(look_again.sentence(found))}.</p>"
+    said = f"{head}<p>{escape(_capital(look_again.sentence(found)))}.</p>"
     if not found.views:
         return said
     drawn, axes = figure(1, 1, (9.0, 6.0))

@@ -7,6 +7,7 @@ import numpy as np
 
 from flight import FloatArray, TrajectoryFile
 from planner import GateReport, could_hide, limits, space
+from planner.limits import Check
 from vehicle import Limits, Vehicle, flatness
 
 _STEP_S = 0.02
@@ -23,6 +24,11 @@ body { font: 15px/1.5 sans-serif; margin: 0 auto; max-width: 1000px; padding: 0 
 h1 { font-size: 1.4em; } h2 { font-size: 1.1em; margin: 1.4em 0 0; } svg { width: 100%; height: auto; }
 table { border-collapse: collapse; } td, th { padding: .15em .9em .15em 0; text-align: left; }
 td.number { text-align: right; } .fails { color: #b30000; } text { font: 12px sans-serif; fill: #555; }
+text.bound { fill: #b30000; text-anchor: end; } .scroll { overflow-x: auto; } .key { font-weight: normal; }
+@media print {
+  body { max-width: none; font-size: 11px; print-color-adjust: exact; -webkit-print-color-adjust: exact; }
+  h2 { break-after: avoid; } svg, tr { break-inside: avoid; } .scroll { overflow: visible; }
+}
 """
 
 
@@ -62,7 +68,7 @@ def page(item: TrajectoryFile, report: GateReport, field: space.DistanceField, d
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{title}</title><style>{_STYLE}</style></head><body>
 <h1>{title}</h1><table>{rows}</table>
-<h2>Path from above, metres</h2>
+<h2>Path from above</h2>
 {_map(position, np.asarray(field.distance(position)), report.required_clearance_m, joins, item.waypoints_world_m)}
 {charts}
 <h2>Segments</h2>{_segments(report)}
@@ -81,11 +87,11 @@ def _charts(
     return [
         _Chart("Clearance", "m", {"": np.asarray(field.distance(path.position(times)))}, (required,)),
         _Chart("Speed", "m/s", {"": np.linalg.norm(path.position(times, 1), axis=1)}, (bounds.speed_m_s,)),
-        _Chart("Tilt", "deg", {"": np.degrees(state.tilt_rad)}, (float(np.degrees(bounds.tilt_rad)),)),
+        _Chart("Tilt", "°", {"": np.degrees(state.tilt_rad)}, (float(np.degrees(bounds.tilt_rad)),)),
         _Chart(
             "Rotor speed",
             "rad/s",
-            {str(i): rotor[:, i] for i in range(rotor.shape[1])},
+            {f"rotor {i}": rotor[:, i] for i in range(rotor.shape[1])},
             (bounds.rotor_speed_min_rad_s, bounds.rotor_speed_max_rad_s),
         ),
     ]
@@ -100,7 +106,7 @@ def _drawn(chart: _Chart, times: FloatArray, joins_s: FloatArray) -> str:
     def y(value: FloatArray | float) -> FloatArray:
         return _HEIGHT - 20.0 - (np.asarray(value, dtype=np.float64) - low) / (high - low) * (_HEIGHT - 30.0)
 
-    parts = [f'<text x="0" y="{y(v):.1f}">{v:.4g}</text>' for v in (low, high)]
+    parts = [f'<text x="0" y="{y(v) + 4.0:.1f}">{_short(v)}</text>' for v in (low, high)]
     for t in joins_s:
         at = _EDGE + t / times[-1] * (_WIDTH - _EDGE)
         parts.append(f'<line x1="{at:.1f}" y1="5" x2="{at:.1f}" y2="{_HEIGHT - 20}" stroke="#eee"/>')
@@ -108,16 +114,23 @@ def _drawn(chart: _Chart, times: FloatArray, joins_s: FloatArray) -> str:
         if np.isfinite(bound):
             parts.append(
                 f'<line x1="{_EDGE}" y1="{y(bound):.1f}" x2="{_WIDTH}" y2="{y(bound):.1f}" stroke="#b30000" '
-                f'stroke-dasharray="5 4"><title>bound {bound:.4g} {chart.unit}</title></line>'
+                f'stroke-dasharray="5 4"/><text class="bound" x="{_WIDTH}" y="{y(bound) - 3.0:.1f}">'
+                f"limit {_short(bound)} {chart.unit}</text>"
             )
-    for colour, (name, curve) in zip(_COLOURS, chart.curves.items(), strict=False):
-        label = f"<title>{html.escape(name)}</title>" if name else ""
+    for colour, curve in zip(_COLOURS, chart.curves.values(), strict=False):
         for first, last in _runs(np.isfinite(curve)):
             points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x[first:last], y(curve[first:last]), strict=True))
-            parts.append(f'<polyline points="{points}" fill="none" stroke="{colour}">{label}</polyline>')
+            parts.append(f'<polyline points="{points}" fill="none" stroke="{colour}"/>')
     parts.append(f'<text x="{_EDGE}" y="{_HEIGHT - 4}">0</text>')
     parts.append(f'<text x="{_WIDTH - 40}" y="{_HEIGHT - 4}">{times[-1]:.2f} s</text>')
-    return f"<h2>{chart.title}, {chart.unit}</h2>" + _svg(_WIDTH, _HEIGHT, parts)
+    names = zip(_COLOURS, chart.curves, strict=False)
+    key = "".join(f' <span class="key" style="color: {c}">{html.escape(name)}</span>' for c, name in names)
+    return f"<h2>{chart.title}, {chart.unit}{key}</h2>" + _svg(_WIDTH, _HEIGHT, parts)
+
+
+def _short(value: float) -> str:
+    """Three digits, and no power of ten for rotor speeds."""
+    return f"{value:.3g}" if abs(value) < 1000.0 else f"{value:.0f}"
 
 
 def _runs(good: np.ndarray) -> list[tuple[int, int]]:
@@ -151,6 +164,9 @@ def _map(
         label = f"<title>waypoint {i}: {point[0]:.2f}, {point[1]:.2f}, {point[2]:.2f}</title>"
         parts.append(f'<circle cx="{x}" cy="{y}" r="5" fill="{_COLOURS[1]}">{label}</circle>')
         parts.append(f'<text x="{float(x) + 7:.1f}" y="{float(y) - 5:.1f}">{i}</text>')
+    y_bar, x_end = height - 8.0, 10.0 + scale
+    parts.append(f'<line x1="10" y1="{y_bar:.1f}" x2="{x_end:.1f}" y2="{y_bar:.1f}" stroke="#555" stroke-width="3"/>')
+    parts.append(f'<text x="10" y="{y_bar - 6.0:.1f}">1 m</text>')
     boxes = [f'<rect x="{20 * i}" y="0" width="20" height="12" fill="{shade}"/>' for i, shade in enumerate(_SCALE)]
     legend = f'<svg viewBox="0 0 {_WIDTH} 12" role="img" aria-label="Colours of clearance">{"".join(boxes)}</svg>'
     words = f"Clearance from {required_m:.2f} m, which is required (left), to {required_m + _PLENTY_ABOVE_M:.2f} m."
@@ -164,7 +180,9 @@ def _stretches(shades: np.ndarray) -> tuple[FloatArray, FloatArray]:
 
 
 def _svg(width: float, height: float, parts: list[str]) -> str:
-    return f'<svg viewBox="0 0 {width:.0f} {height:.0f}">{"".join(parts)}</svg>'
+    """As large as it was drawn for at most: a small or tall picture is not blown up to the page's width."""
+    size = f'viewBox="0 0 {width:.0f} {height:.0f}" style="max-width: {width:.0f}px"'
+    return f"<svg {size}>{''.join(parts)}</svg>"
 
 
 def _segments(report: GateReport) -> str:
@@ -177,14 +195,24 @@ def _segments(report: GateReport) -> str:
     for i, binding in enumerate(usage.binding):
         shares = "".join(f'<td class="number">{100.0 * share:.0f} %</td>' for share in usage.share[:, i])
         rows.append(f'<tr><td class="number">{i}</td>{shares}<td>{html.escape(binding)}</td></tr>')
-    return f"<p>Share of each limit that is used at most.</p><table><tr>{heads}</tr>{''.join(rows)}</table>"
+    return "<p>Share of each limit that is used at most.</p>" + _table(heads, "".join(rows))
 
 
 def _checks(report: GateReport) -> str:
     rows = "".join(
         f'<tr class="{"" if check.passed else "fails"}"><td>{html.escape(check.name)}</td>'
-        f'<td class="number">{check.value:.4g}</td><td class="number">{check.bound:.4g} {html.escape(check.unit)}</td>'
+        f'<td class="number">{_value(check.value, check)}</td><td class="number">{_value(check.bound, check)}</td>'
         f"<td>{'passes' if check.passed else 'fails'}</td><td>{html.escape(check.reason)}</td></tr>"
         for check in report.checks
     )
-    return f"<table><tr><th>check</th><th>value</th><th>bound</th><th></th><th></th></tr>{rows}</table>"
+    heads = "<th>check</th><th>value</th><th>bound</th><th>result</th><th>why</th>"
+    return _table(heads, rows)
+
+
+def _value(value: float, check: Check) -> str:
+    """With its unit; empty for a check that is kept or not, without a size."""
+    return f"{value:.4g} {html.escape(check.unit.replace('s2', 's²').replace('s3', 's³'))}" if check.unit else ""
+
+
+def _table(heads: str, rows: str) -> str:
+    return f'<div class="scroll"><table><tr>{heads}</tr>{rows}</table></div>'

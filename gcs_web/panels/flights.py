@@ -28,19 +28,16 @@ def _read(desk: Desk, _: protocol.Person, wanted: protocol.ReadStreams) -> proto
     return protocol.Reply(wanted.serial, parts=parts)
 
 
-def _show(desk: Desk, _: protocol.Person, wanted: protocol.ShowFlights) -> protocol.Reply:
-    arrows, reach = desk.comparing.show(
-        wanted.flights, wanted.colour, wanted.moved_s, arrows=wanted.arrows, predicted=wanted.predicted
-    )
-    return protocol.Reply(wanted.serial, arrows=arrows, colour_reach=reach)
+def _show(desk: Desk, person: protocol.Person, wanted: protocol.ShowFlights) -> None:
+    desk.shown_flights.show(person.id, wanted)
 
 
-def _moments(desk: Desk, _: protocol.Person, wanted: protocol.ShowMoments) -> None:
-    desk.view.flights.mark([(each.flight, each.from_s, each.to_s) for each in wanted.stretches])
+def _moments(desk: Desk, person: protocol.Person, wanted: protocol.ShowMoments) -> None:
+    desk.shown_flights.mark(person.id, wanted.stretches)
 
 
-def _look(desk: Desk, _: protocol.Person, wanted: protocol.LookAtFlight) -> None:
-    desk.view.flights.look(wanted.time_s)
+def _look(desk: Desk, person: protocol.Person, wanted: protocol.LookAtFlight) -> None:
+    desk.shown_flights.look(person.id, wanted.time_s)
 
 
 def _fix(desk: Desk, _: protocol.Person, wanted: protocol.FixFlight) -> protocol.Reply:

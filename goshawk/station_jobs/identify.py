@@ -101,4 +101,8 @@ def _done(desk: Desk, result: Result) -> str:
     return f"{result.verdict}{because}. Written: {', '.join(result.written)}"
 
 
-KIND = Kind("identify", "Identify the vehicle from flights", Arguments, _run, _done, _choices, _check)
+def _written(project: Project, asked: Arguments) -> Path:
+    return _paths(project.folder, asked.out)[0]
+
+
+KIND = Kind("identify", "Identify the vehicle from flights", Arguments, _run, _done, _choices, _check, writes=_written)

@@ -174,4 +174,8 @@ def _done(_: Desk, result: Result) -> str:
     return f"the map is {result.verdict}{because}. {result.placed} of {result.images} images placed"
 
 
-KIND = Kind("map", "Map from images", Arguments, _run, _done, _choices, _check, _foresee)
+def _written(project: Project, _: Arguments) -> Path:
+    return project.map
+
+
+KIND = Kind("map", "Map from images", Arguments, _run, _done, _choices, _check, _foresee, _written)

@@ -40,9 +40,13 @@ class Result(msgspec.Struct, frozen=True):
     sentence: str
 
 
+def _written(project: Project, asked: Arguments) -> Path:
+    return project.trajectory(part_name(asked.out))
+
+
 def _check(project: Project, asked: Arguments) -> None:
     flights.check(project, asked)
-    results.require_free(project.trajectory(part_name(asked.out)), overwrite=asked.overwrite)
+    results.require_free(_written(project, asked), overwrite=asked.overwrite)
     if not project.map.is_dir():
         raise InputError("this project has no map; make one on the Map step, then propose the flight")
 
@@ -81,7 +85,7 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
     except InfeasibleError as error:
         proposed.save(folder, replace(stamp, refusal=str(error)))
         return Result("", [candidate.name for candidate in question.candidates], str(error))
-    best, path = ranked.flights[0], project.trajectory(asked.out)
+    best, path = ranked.flights[0], _written(project, asked)
     path.parent.mkdir(exist_ok=True)
     with results.new_file(path, overwrite=asked.overwrite) as placing:
         trajectory.save(placing.temporary, best.file(asked.out))
@@ -119,4 +123,4 @@ def _done(desk: Desk, result: Result) -> str:
     return f"{result.sentence}. Saved as the checked trajectory {result.name}"
 
 
-KIND = Kind("next_flight", "Propose the next flight", Arguments, _run, _done, flights.choices, _check)
+KIND = Kind("next_flight", "Propose the next flight", Arguments, _run, _done, flights.choices, _check, writes=_written)

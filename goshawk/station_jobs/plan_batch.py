@@ -74,4 +74,8 @@ def _done(_: Desk, rows: list[dict[str, Any]]) -> str:
     return f"{planned} of {len(rows)} missions planned" + (f". {refused}" if refused else "")
 
 
-KIND = Kind("plan_batch", "Plan a folder of missions", Arguments, _run, _done, _choices, _check)
+def _written(project: Project, asked: Arguments) -> Path:
+    return project.folder / asked.out
+
+
+KIND = Kind("plan_batch", "Plan a folder of missions", Arguments, _run, _done, _choices, _check, writes=_written)

@@ -27,7 +27,7 @@ SCHEMA_VERSION = 1
 
 HORIZONS_S = (0.1, 0.2, 0.5, 1.0)
 JUDGED_S = 0.5
-"""After how long predictions are compared in a verdict, and drawn."""
+"""After how long predictions are compared in a verdict."""
 QUANTITIES = {"position": "m", "velocity": "m/s", "attitude": "rad", "rate": "rad/s"}
 """What prediction errors are given in; the unit of each."""
 
@@ -67,7 +67,7 @@ class Residual:
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """Predicted less measured pose of one model on one flight, `JUDGED_S` after each start."""
+    """Predicted less measured pose of one model on one flight, one horizon after each start."""
 
     time_s: FloatArray
     """(k,) when the predictions end."""
@@ -88,8 +88,8 @@ class Comparison:
     """Model: root mean square position error at 0.5 s of each flight."""
     residuals: Mapping[str, tuple[Residual, ...]]
     """Model: residual wrench on each flight, the smoothed process noise under that model."""
-    deviations: Mapping[str, tuple[Deviation, ...]]
-    """Model: where its predictions ended on each flight."""
+    deviations: Mapping[str, tuple[tuple[Deviation, ...], ...]]
+    """Model: where its predictions ended on each flight, for each of `HORIZONS_S`."""
     predictions: int
     """Number of predictions behind each error."""
     left_out: tuple[str, ...]
@@ -185,7 +185,7 @@ def compare(
         sensor = PoseSensor.of(vehicle)
         driven = [rotor_speed.aligned(f, smoothed.point.sensors) for f in flights]
         judged = [_errors(*one, vehicle, sensor) for one in zip(driven, states, reference, strict=True)]
-        parts, deviations[name] = [found for found, _ in judged], tuple(deviation for _, deviation in judged)
+        parts, deviations[name] = [found for found, _ in judged], tuple(ended for _, ended in judged)
         errors[name] = {
             quantity: tuple(_rms(np.concatenate([p[quantity][h] for p in parts])) for h in range(len(HORIZONS_S)))
             for quantity in QUANTITIES
@@ -203,8 +203,8 @@ def compare(
 
 def _errors(
     flight: Flight, states: States, reference: States, vehicle: Vehicle, sensor: PoseSensor
-) -> tuple[dict[str, list[FloatArray]], Deviation]:
-    """Per quantity and horizon, the size of the error of each prediction; and where those over `JUDGED_S` ended."""
+) -> tuple[dict[str, list[FloatArray]], tuple[Deviation, ...]]:
+    """Per quantity and horizon, the size of the error of each prediction; and where they ended, by horizon."""
     predictions = predict(motor.driven(flight, vehicle), states, Predictor(vehicle, vehicle), HORIZONS_S, every_s=0.1)
     found: dict[str, list[FloatArray]] = {quantity: [] for quantity in QUANTITIES}
     deviations = []
@@ -220,7 +220,7 @@ def _errors(
             np.linalg.norm(predicted.velocity_world_m_s - reference.velocity_world_m_s[end], axis=1)
         )
         found["rate"].append(np.linalg.norm(predicted.rate_body_rad_s - reference.rate_body_rad_s[end], axis=1))
-    return found, deviations[HORIZONS_S.index(JUDGED_S)]
+    return found, tuple(deviations)
 
 
 def residual(flight: Flight, states: States, vehicle: Vehicle, process: FloatArray) -> Residual:

@@ -40,7 +40,9 @@ td.word, th.word { text-align: left } tbody tr:nth-child(even) { background: #f7
 .verdict { border-left: 5px solid #1f6f8b; background: #f2f7f9; padding: .4em 1em .6em; margin: 1em 0 }
 .verdict p { margin: .4em 0 } .verdict p:first-child { font-size: 1.3em } sup { line-height: 0; font-size: .75em }
 img { width: 100%; margin: .3em 0 } .held { color: #999 } li.error, .bad { color: #b0413e } .good { color: #3c7a1f }
-@media print { body { max-width: none; font-size: 11px } h2, h3 { break-after: avoid } img, tr { break-inside: avoid } }
+.scroll { overflow-x: auto } img.wide { min-width: 2400px }
+@media print { body { max-width: none; font-size: 11px; print-color-adjust: exact } .scroll { overflow: visible }
+  img.wide { min-width: 0 } h2, h3 { break-after: avoid } img, tr { break-inside: avoid } }
 """
 
 CAPTIONS = {
@@ -58,6 +60,8 @@ CAPTIONS = {
     "residual_against_speed": "Unexplained force against air speed",
     "repeated": "Repeated trials",
 }
+WIDE = ("residual_against_all",)
+"""Pictures of so many panels that the page's width is too little to read them."""
 AXES = "SI units, body axes x forward, y left, z up."
 SHOWN = {"position": ("mm", 1e3), "velocity": ("m/s", 1.0), "attitude": ("deg", 57.29578), "rate": ("rad/s", 1.0)}
 """Units of the table of prediction errors."""
@@ -146,7 +150,8 @@ def _comparison_verdict(comparison: Comparison) -> str:
 def write_page(path: Path, title: str, body: str, style: str = "") -> Path:
     """Write a whole page in our style."""
     page = (
-        f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{escape(title)}</title>"
+        f"<!doctype html><html lang='en'><head><meta charset='utf-8'>"
+        f"<meta name='viewport' content='width=device-width, initial-scale=1'><title>{escape(title)}</title>"
         f"<style>{STYLE}{style}</style></head><body>{body}</body></html>\n"
     )
     with file_format.atomic_file(path) as temporary:
@@ -358,7 +363,7 @@ def table(head: Sequence[str], rows: str, *, words: int = 0) -> str:
     """A table; the last `words` columns are text."""
     marks = ["" if i < len(head) - words else " class='word'" for i in range(len(head))]
     cells = "".join(f"<th{mark}>{name}</th>" for mark, name in zip(marks, head, strict=True))
-    return f"<table><thead><tr>{cells}</tr></thead><tbody>{rows}</tbody></table>"
+    return f"<div class='scroll'><table><thead><tr>{cells}</tr></thead><tbody>{rows}</tbody></table></div>"
 
 
 def picture(path: Path, caption: str = "") -> str:
@@ -366,4 +371,6 @@ def picture(path: Path, caption: str = "") -> str:
     kind = path.stem.rstrip("0123456789").rstrip("_")
     caption = caption or CAPTIONS.get(kind, path.stem)
     data = base64.b64encode(path.read_bytes()).decode()
-    return f"<h3>{caption}</h3><img alt='{escape(caption)}' src='data:image/svg+xml;base64,{data}'>"
+    mark = " class='wide'" if kind in WIDE else ""
+    image = f"<img{mark} alt='{escape(caption)}' src='data:image/svg+xml;base64,{data}'>"
+    return f"<h3>{caption}</h3><div class='scroll'>{image}</div>"

@@ -48,7 +48,7 @@ def _pairs(result: Comparison) -> list[tuple[str, str]]:
 def _prediction_error(result: Comparison) -> "Figure":
     figure, axes = drawing.figure(1, 4, (12.0, 3.3))
     shown = (
-        ("position", "cm", 100.0),
+        ("position", "mm", 1000.0),
         ("velocity", "m/s", 1.0),
         ("attitude", "deg", 180.0 / np.pi),
         ("rate", "rad/s", 1.0),

@@ -76,7 +76,7 @@ def heat_map(named: Residuals, unseen: Residuals | None = None) -> "Figure":
         panel.set_title(name, loc="left", fontsize=10, color=drawing.INK)
         panel.tick_params(length=0)
     assert image is not None
-    figure.colorbar(image, ax=axes[:, 0].tolist(), label="share explained", fraction=0.03, pad=0.01)
+    figure.colorbar(image, ax=axes[:, 0].tolist(), label="share explained", format="{x:.0%}", fraction=0.03, pad=0.01)
     first = next(iter(named))
     how = explained.judged_how(named[first], judging[first])
     drawing.headed(figure, f"Share of the residual (%) that a curve of one variable predicts {how}")

@@ -21,7 +21,8 @@ from goshawk.station_jobs.flights import Chosen
 from sysid.diagnosis import OutsideFinding
 from sysid.diagnosis.envelope import Envelope
 from sysid.estimator import changes
-from tests.gcs_web.test_page import CHROMIUM, FLAGS, SERIOUS, SIZE, START, drawn
+from sysid.estimator.comparison import HORIZONS_S
+from tests.gcs_web.in_browser import CHROMIUM, FLAGS, SERIOUS, SIZE, START, drawn
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
 from vehicle import flights, manoeuvres
@@ -131,7 +132,7 @@ def test_residuals_stand_as_arrows_at_the_vehicles_until_they_are_switched_off(p
 
 
 def test_the_vehicle_stands_there_as_the_model_predicts_it_until_it_is_switched_off(page, station):
-    switch = page.get_by_label("predicted from 0.5 s before")
+    switch = page.get_by_label("predicted (A)")
     page.get_by_role("img", name="Rotor 0 over time").click(position={"x": 300, "y": 40})
     wait(lambda: station.view.flights._predicted.visible, "the predicted vehicle")
     off_m = np.subtract(station.view.flights._predicted.position, station.view.flights._vehicles[0].position)
@@ -147,6 +148,29 @@ def test_the_vehicle_stands_there_as_the_model_predicts_it_until_it_is_switched_
     wait(lambda: station.view.flights._predicted.visible, "the predicted vehicle again")
 
 
+def test_the_vehicle_is_predicted_over_the_horizon_that_is_chosen_and_a_link_restores_it(page, station):
+    chosen = page.get_by_label("How long before the prediction begins")
+    assert chosen.get_by_role("option").all_inner_texts() == [
+        f"from {horizon_s:g} s before" for horizon_s in HORIZONS_S
+    ]
+    first = page.evaluate("new URLSearchParams(location.hash.slice(1)).get('flights').split('|')[0]")
+    for horizon_s in HORIZONS_S:
+        chosen.select_option(f"from {horizon_s:g} s before")
+        residual = station.desk.comparing._residual(first)
+        off = np.array(residual.predicted[HORIZONS_S.index(horizon_s)].deviation).T
+        wait(lambda off=off: np.array_equal(drawn_deviation(station), off), f"predictions over {horizon_s} s")
+    wait(lambda: f"predicted={HORIZONS_S[-1]:g}" in page.evaluate("location.hash"), "the choice in the address")
+    page.reload()
+    wait(lambda: chosen.input_value() == f"{HORIZONS_S[-1]:g}", "the same choice")
+    chosen.select_option("from 0.5 s before")
+
+
+def drawn_deviation(station: GroundStation) -> np.ndarray:
+    """(k, 6) by which the one predicted vehicle is off, without the gaps."""
+    (shown,) = station.view.flights._deviations.values()
+    return shown.pose[np.isfinite(shown.pose).all(axis=1)]
+
+
 def test_a_cell_is_looked_at_everywhere_and_a_bin_shows_its_moments(page, station):
     page.get_by_role("button", name=re.compile("^F_x against v_x")).click()
     page.get_by_role("heading", name=re.compile("Residual F.* against v")).wait_for()
@@ -159,6 +183,43 @@ def test_a_cell_is_looked_at_everywhere_and_a_bin_shows_its_moments(page, statio
     wait(lambda: station.view.flights._marks, "the moments on the paths")
     page.get_by_role("button", name="Clear").click()
     wait(lambda: not station.view.flights._marks, "the paths without them")
+
+
+def test_another_persons_steps_take_nothing_out_of_the_3d_view(page, station, request):
+    view = station.view
+    ours = list(view.flights._paths)
+    wait(lambda: view._set_aside, "no plan while everybody compares")
+    other = page.context.browser.new_context(viewport=SIZE).new_page()
+    request.addfinalizer(other.context.close)
+    other.set_default_timeout(1000 * PATIENCE_S)
+    other.goto(station.url)
+    other.get_by_text(re.compile("looks at flights? .* here")).wait_for()
+    page.get_by_text("The plan stands here too: not everybody is on Compare.").wait_for()
+    assert not view._set_aside
+    assert list(view.flights._paths) == ours
+
+    other.keyboard.press("4")
+    wait(lambda: view._set_aside, "no plan again")
+    page.get_by_text(re.compile("looks at flight [^,]+ here")).wait_for()
+    wait(lambda: len(view.flights._paths) == 1, "the other's flight")
+    page.get_by_role("button", name="Show mine instead").click()
+    wait(lambda: list(view.flights._paths) == ours, "ours")
+    other.get_by_role("button", name="Show mine instead").click()
+    wait(lambda: len(view.flights._paths) == 1, "the other's flight")
+    other.keyboard.press("2")
+    wait(lambda: list(view.flights._paths) == ours, "ours, when the other looks elsewhere")
+    wait(lambda: any(vehicle.visible for vehicle in view.flights._vehicles), "the vehicles at our moment")
+    page.keyboard.press("2")
+    wait(lambda: not view.flights._paths, "no flights when nobody looks at them")
+    assert not view._set_aside
+
+    other.keyboard.press("4")
+    wait(lambda: len(view.flights._paths) == 1, "the other's flight")
+    assert not view._set_aside  # we are on Plan
+    other.context.close()
+    wait(lambda: not view.flights._paths, "no flights of somebody who left")
+    page.keyboard.press("4")
+    wait(lambda: list(view.flights._paths) == ours, "ours")
 
 
 def test_a_drag_zooms_and_a_link_restores_the_view(page):

@@ -455,7 +455,7 @@ def test_a_second_station_on_the_project_is_refused_and_the_first_one_lives(at_t
 def test_markup_in_every_string_is_shown_as_text_and_runs_nowhere(pillar_map: Path, tmp_path: Path):
     from playwright.sync_api import sync_playwright
 
-    from tests.gcs_web.test_page import CHROMIUM, FLAGS
+    from tests.gcs_web.in_browser import CHROMIUM, FLAGS
 
     harmless = MARKUP.replace("</script>", "")  # a file's name has no slash
     opened = new_project(tmp_path / "project", pillar_map, name=MARKUP)

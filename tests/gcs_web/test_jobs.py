@@ -107,6 +107,26 @@ def test_cancel_ends_a_deaf_job_with_its_children_within_a_second_and_the_next_o
     assert third == 3
 
 
+def test_a_second_job_of_the_same_result_is_refused_before_the_queue(tmp_path: Path):
+    def written(opened: project.Project, asked: Arguments) -> Path:
+        return opened.folder / asked.word
+
+    opened = project.create(tmp_path / "project", "jobs")
+    kind = Kind("hold_on", "Hold on", Arguments, hold_on, echo, writes=written)
+    jobs = Jobs(opened, [kind], lambda: None, lambda kind, result: kind.done(None, result), lambda _: None)
+    try:
+        first = jobs.start("hold_on", {"word": "lap"}, "Ada")
+        with pytest.raises(InputError, match="Ada started 'Hold on' already, which writes lap: wait for its result"):
+            jobs.start("hold_on", {"word": "lap"}, "Bo")
+        jobs.start("hold_on", {"word": "loop"}, "Bo")
+        assert len(jobs.state().jobs) == 2
+        jobs.cancel(first)
+        until(lambda: states(jobs)[0][0] == "cancelled", "the end of the first job")
+        jobs.start("hold_on", {"word": "lap"}, "Bo")
+    finally:
+        jobs.close()
+
+
 def test_jobs_end_for_another_project_only_when_none_runs_or_waits_and_then_none_is_taken(jobs: Jobs, tmp_path: Path):
     first = jobs.start("hold_on", {"word": "x"}, "Ada")
     holding(tmp_path / "project")

@@ -16,9 +16,9 @@ import vehicle
 from firmware_bridge import Sensors, SitlVehicle, airborne, closed_loop, controller, keys
 from flight import FlightLog, Waypoints, flight_log, project
 from sysid.report import words
+from tests.gcs_web.in_browser import CHROMIUM, FLAGS
 from tests.gcs_web.station_process import StationProcess, new_project
 from tests.gcs_web.test_newcomer import hold, ordered
-from tests.gcs_web.test_page import CHROMIUM, FLAGS
 from tests.waiting import PATIENCE_S
 from vehicle import Vehicle, simulate
 

@@ -11,8 +11,8 @@ import pytest
 import vehicle
 from firmware_bridge import SitlVehicle, controller, keys
 from flight import flight_log, project, trajectory
+from tests.gcs_web.in_browser import CHROMIUM, FLAGS, cell
 from tests.gcs_web.station_process import StationProcess, new_project
-from tests.gcs_web.test_page import CHROMIUM, FLAGS, cell
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
 
@@ -54,7 +54,7 @@ def test_from_a_map_to_a_flown_plan_on_the_page_alone(pillar_map: Path, tmp_path
 
         page.get_by_role("button", name="Plan on this map").click()
         for row, place in enumerate(PLACES):
-            page.get_by_role("button", name="Insert after").click()
+            page.get_by_role("button", name="Insert after" if row else "Insert the first").click()
             for column, value in enumerate(place):
                 cell(page, row, column).dblclick()
                 page.keyboard.press("Control+A")

@@ -18,8 +18,8 @@ from flight import flight_log, project
 from gcs_web import learning
 from sysid.logs import fix
 from sysid.report import words
+from tests.gcs_web.in_browser import CHROMIUM, FLAGS
 from tests.gcs_web.station_process import StationProcess
-from tests.gcs_web.test_page import CHROMIUM, FLAGS
 from tests.waiting import PATIENCE_S, goshawk
 
 DATA = Path(os.environ.get("GOSHAWK_NANODRONE", ""))

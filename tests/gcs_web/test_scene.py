@@ -9,10 +9,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs_web import flight_scene, scene
+from gcs_web import course_view, flight_scene, map_view, scene, vehicle_view, view3d
 
 STYLES = Path(scene.__file__).parent / "client" / "src"
 COLOURS = (*flight_scene._COLOURS, *scene.ARROWS, scene.PREDICTED)
+OTHERS = (
+    view3d._WHITE, view3d._SELECTED, view3d._GREY, scene._MARK, course_view._FRAME, course_view._TUBE,
+    vehicle_view._TRAIL, *map_view._COLOURS.values(), map_view._PREVIEW, map_view._CAMERA, map_view._MEASURED,
+)  # fmt: skip
+SHARES = np.linspace(0.0, 1.0, 9)
+SCALES = (
+    *scene.clearance_colours(scene.PLENTY_ABOVE_M * SHARES, 0.0).tolist(),
+    *scene.colours(SHARES, "cividis").tolist(),
+    *scene.signed_colours(2.0 * SHARES - 1.0).tolist(),
+)
+"""Along each scale of a path."""
 
 
 @given(st.floats(-1.0, 5.0), st.floats(-1.0, 5.0))
@@ -36,13 +47,13 @@ def luminance(colour) -> float:
     return float(linear @ [0.2126, 0.7152, 0.0722])
 
 
-def test_what_is_drawn_of_flights_stands_out_from_the_background_in_both_themes():
+def test_what_is_drawn_stands_out_from_the_background_in_both_themes():
     """3 to 1, as WCAG asks of graphics; the 3D view is the same for all who look, whatever their theme."""
     backgrounds = re.findall(r"--scene: #(\w{6});", (STYLES / "style.css").read_text())
     assert len(backgrounds) == 2
     for hexadecimal in backgrounds:
         behind = luminance(tuple(bytes.fromhex(hexadecimal)))
-        for colour in COLOURS:
+        for colour in (*COLOURS, *OTHERS, *SCALES):
             assert (luminance(colour) + 0.05) / (behind + 0.05) >= 3.0
 
 
@@ -50,6 +61,9 @@ def test_the_legend_has_the_colours_that_are_drawn():
     legend = (STYLES / "learn.css").read_text()
     for colour in COLOURS:
         assert f"#{bytes(colour).hex()}" in legend
+    scales = (STYLES / "scales.ts").read_text()
+    for colour in SCALES[: 2 * len(SHARES)]:
+        assert f"#{bytes(colour).hex()}" in scales
 
 
 DEUTERANOPIA = [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]

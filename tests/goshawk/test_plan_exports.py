@@ -113,7 +113,7 @@ def test_the_report_is_one_offline_page_with_the_binding_limits(plan, drone):
     assert "url(" not in text
     assert "default-src 'none'" in text  # nor may it, wherever it is opened
     assert "<b>round" not in text
-    for word in ("passes the gate", "Clearance, m", "Speed, m/s", "Tilt, deg", "Rotor speed, rad/s"):
+    for word in ("passes the gate", "Clearance, m", "Speed, m/s", "Tilt, °", "Rotor speed, rad/s"):
         assert word in text
     assert set(filter(None, report.binding)) <= set(re.findall(r"<td>([a-z ]+)</td></tr>", text))
     assert text.count("<tr><td class") == len(plan.trajectory.durations_s)

@@ -90,12 +90,13 @@ def test_the_comparison_has_the_figures_of_the_verb(opened, compared):
 
 def test_the_drawn_prediction_is_off_by_the_verbs_error(compared):
     judging = compared.flight("b")
-    moved, turned = np.array(judging.deviation).reshape(2, 3, -1)
-    for quantity, off in (("position", moved), ("attitude", turned)):
-        rms = np.sqrt((off**2).sum(axis=0).mean())
-        assert rms == pytest.approx(compared.errors[quantity][HORIZONS_S.index(0.5)])
-    assert len(judging.predicted_s) == compared.predictions
-    assert judging.predicted_s[0] - judging.time_s[0] == pytest.approx(0.5, abs=0.06)
+    for i, (horizon_s, ended) in enumerate(zip(HORIZONS_S, judging.predicted, strict=True)):
+        moved, turned = np.array(ended.deviation).reshape(2, 3, -1)
+        for quantity, off in (("position", moved), ("attitude", turned)):
+            rms = np.sqrt((off**2).sum(axis=0).mean())
+            assert rms == pytest.approx(compared.errors[quantity][i])
+        assert len(ended.time_s) == compared.predictions
+        assert ended.time_s[0] - judging.time_s[0] == pytest.approx(horizon_s, abs=0.06)
 
 
 def test_shares_and_residuals_are_those_of_the_reports_heat_map(opened, compared):

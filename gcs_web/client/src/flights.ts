@@ -3,8 +3,8 @@
 import { batch, computed, effect, signal } from "@preact/signals";
 import { latest, send, submit } from "./socket";
 import { number } from "./format";
-import { announce, comparison, connected, flightCursor_s, flights, step } from "./store";
-import type { AlignFlights, ArrowScale, Finding, FlightCard, Incoming, OpenedFlight, Scatter, ShowFlights, Stream, StreamPart } from "./protocol";
+import { announce, areOurs, comparison, connected, flightCursor_s, flights, step } from "./store";
+import type { AlignFlights, Finding, FlightCard, Incoming, OpenedFlight, Scatter, ShowFlights, Stream, StreamPart } from "./protocol";
 
 export type Channel = NonNullable<ShowFlights["colour"]>;
 export type AlignBy = AlignFlights["by"];
@@ -26,13 +26,12 @@ export const scatter = signal<Scatter | null>(null);
 /** A bin of the scatter: its moments are shaded in the plots. */
 export const bin = signal<readonly [number, number] | null>(null);
 export const pathColour = signal<Channel>("");
-/** Whether vehicles have arrows of residual force and torque, and the scale of those that are drawn. */
+/** Whether vehicles have arrows of residual force and torque. */
 export const withArrows = signal(true);
-/** Whether the first flight's vehicle is drawn as the model predicts it, too. */
+/** Whether the first flight's vehicle is drawn as the model predicts it, too, and from how long before. */
 export const withPredicted = signal(true);
-export const arrowScale = signal<ArrowScale | null>(null);
-/** The residual at the upper end of the paths' colours, N or N m. */
-export const colourReach = signal<number | null>(null);
+export const FIRST_HORIZON_S = 0.5;
+export const horizon_s = signal(FIRST_HORIZON_S);
 /** A foreign log that waits for its column map. */
 export const incoming = signal<Incoming | null>(null);
 export const playing = signal(false);
@@ -184,25 +183,42 @@ effect(() => {
   });
 });
 
+type Drawn = Pick<ShowFlights, "flights" | "colour" | "moved_s" | "arrows" | "predicted_s">;
 const showIn3D = latest(
-  (wanted: Pick<ShowFlights, "flights" | "colour" | "moved_s" | "arrows" | "predicted">) => ({ type: "show_flights", ...wanted }),
-  ({ arrows, colour_reach }) => {
-    arrowScale.value = arrows;
-    colourReach.value = colour_reach;
+  (wanted: Drawn) => ({ type: "show_flights", ...wanted }),
+  ({ error }) => {
+    if (error !== "") announce(error, "danger");
   },
 );
 let isShown = false;
+let asked: Drawn = { flights: [] };
+
+/** Put this page's flights into the 3D view again, in place of another person's. */
+export function showOurs(): void {
+  showIn3D(asked);
+}
 
 effect(() => {
   const names = isLooking.value ? opened.value.map(({ name }) => name) : [];
   const colour = pathColour.value;
   const moved = Object.fromEntries(moved_s.value);
   const arrows = withArrows.value;
-  const predicted = withPredicted.value;
+  const offered = comparison.value?.horizons_s ?? [];
+  const predicted_s = withPredicted.value && offered.includes(horizon_s.value) ? horizon_s.value : null;
+  if (!connected.value) isShown = false;
   if (!connected.value || (names.length === 0 && !isShown)) return;
+  const before = isShown ? JSON.stringify(asked) : "";
   isShown = names.length > 0;
-  showIn3D({ flights: names, colour, moved_s: moved, arrows, predicted });
+  asked = { flights: names, colour, moved_s: moved, arrows, predicted_s };
+  // What was only read anew, as after a comparison, does not take the place of what another person opened since.
+  if (JSON.stringify(asked) === before && !areOurs.peek()) return;
+  showIn3D(asked);
   if (isShown) sendLook(flightCursor_s.peek());
+});
+
+/** Flights that come back, when another person looks elsewhere, stand at the moment they were left at. */
+effect(() => {
+  if (areOurs.value) sendLook(flightCursor_s.peek());
 });
 
 let reading = false;
@@ -315,7 +331,7 @@ let isMarked = false;
 
 /** The same moments on the paths. */
 effect(() => {
-  const wanted = isLooking.value ? [...moments.value] : [];
+  const wanted = isLooking.value && areOurs.value ? [...moments.value] : [];
   if (!connected.value || (wanted.length === 0 && !isMarked)) return;
   isMarked = wanted.length > 0;
   markIn3D(wanted);

@@ -1,7 +1,7 @@
 /** The view in the page's address, so that a link restores it. */
 
 import { effect } from "@preact/signals";
-import { bin, chosen, moved_s, open, pathColour, streamKeys, stretch, withArrows, withPredicted } from "./flights";
+import { FIRST_HORIZON_S, bin, chosen, horizon_s, moved_s, open, pathColour, streamKeys, stretch, withArrows, withPredicted } from "./flights";
 import type { Channel } from "./flights";
 import { announce, flightCursor_s, step } from "./store";
 
@@ -31,7 +31,9 @@ function restore(): void {
   const colour = COLOURS.find((each) => each === found.get("colour"));
   if (colour !== undefined) pathColour.value = colour;
   withArrows.value = found.get("arrows") !== "no";
-  withPredicted.value = found.get("predicted") !== "no";
+  const predicted = found.get("predicted");
+  withPredicted.value = predicted !== "no";
+  if (Number(predicted) > 0) horizon_s.value = Number(predicted);
 }
 
 function written(): string {
@@ -48,6 +50,7 @@ function written(): string {
     if (pathColour.value !== "") words.set("colour", pathColour.value);
     if (!withArrows.value) words.set("arrows", "no");
     if (!withPredicted.value) words.set("predicted", "no");
+    else if (horizon_s.value !== FIRST_HORIZON_S) words.set("predicted", String(horizon_s.value));
   }
   return `#${words.toString()}`;
 }

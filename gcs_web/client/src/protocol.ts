@@ -546,11 +546,6 @@ export interface Model {
   tried: Tried | null;
 }
 
-export interface FlightMoment {
-  type: "flight_moment";
-  time_s: number;
-}
-
 export interface ListFlights {
   type: "list_flights";
   serial: number;
@@ -577,34 +572,6 @@ export interface ReadStreams {
   from_s: number;
   to_s: number;
   points: number;
-}
-
-export interface ShowFlights {
-  type: "show_flights";
-  serial: number;
-  flights: string[];
-  colour?: "" | "F_x" | "F_y" | "F_z" | "M_x" | "M_y" | "M_z";
-  arrows?: boolean;
-  predicted?: boolean;
-  moved_s?: Record<string, number>;
-}
-
-export interface Stretch {
-  flight: string;
-  from_s: number;
-  to_s: number;
-}
-
-export interface ShowMoments {
-  type: "show_moments";
-  serial: number;
-  stretches: Stretch[];
-}
-
-export interface LookAtFlight {
-  type: "look_at_flight";
-  serial: number;
-  time_s: number | null;
 }
 
 export interface FixFlight {
@@ -654,6 +621,48 @@ export interface ReturnTo {
   type: "return_to";
   serial: number;
   version: number;
+}
+
+export interface FlightMoment {
+  type: "flight_moment";
+  time_s: number;
+}
+
+export interface FlightsShown {
+  type: "flights_shown";
+  author: string;
+  flights: string[];
+  arrows: ArrowScale | null;
+  colour_reach: number | null;
+  plan_too: boolean;
+}
+
+export interface ShowFlights {
+  type: "show_flights";
+  serial: number;
+  flights: string[];
+  colour?: "" | "F_x" | "F_y" | "F_z" | "M_x" | "M_y" | "M_z";
+  arrows?: boolean;
+  predicted_s?: number | null;
+  moved_s?: Record<string, number>;
+}
+
+export interface LookAtFlight {
+  type: "look_at_flight";
+  serial: number;
+  time_s: number | null;
+}
+
+export interface Stretch {
+  flight: string;
+  from_s: number;
+  to_s: number;
+}
+
+export interface ShowMoments {
+  type: "show_moments";
+  serial: number;
+  stretches: Stretch[];
 }
 
 export interface Identified {
@@ -1037,8 +1046,6 @@ export interface Reply {
   there: Held | null;
   name: string;
   flights: OpenedFlight[];
-  arrows: ArrowScale | null;
-  colour_reach: number | null;
   aligned: Aligned[];
   parts: StreamPart[];
   scatter: Scatter | null;
@@ -1287,6 +1294,6 @@ export interface Abort {
   serial: number;
 }
 
-export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | Projects | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment | EffectFiles | Identification | NextFlight;
+export type ToPage = Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | Projects | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment | EffectFiles | Identification | NextFlight | FlightsShown;
 
 export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Snap | RandomYaw | ThinPath | DropPath | TakePath | ListProjects | OpenProject | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | Paint | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | ForeseeJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | AlignFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo | PrepareCompensation | SendCompensation | AgreeToEffectFile | DraftEffect | ShowMoments;

@@ -1,28 +1,28 @@
 /** Colour scales of measured quantities; the same on path, table and legend. */
 
-/** Viridis turned round: the required clearance is yellow, plenty of it violet. */
+/** Viridis turned round, without its dark end: the required clearance is yellow, plenty of it blue-green. */
 export const CLEARANCE = [
-  "#fde725",
-  "#addc30",
-  "#5ec962",
-  "#28ae80",
-  "#21918c",
-  "#2c728e",
-  "#3b528b",
-  "#472d7b",
-  "#440154",
+  "#fde724",
+  "#d2e11b",
+  "#a2da37",
+  "#77d052",
+  "#4fc369",
+  "#32b57a",
+  "#20a585",
+  "#1f948b",
+  "#24848d",
 ] as const;
-/** For everything else, from the smallest to the largest value. */
+/** For everything else, from the smallest to the largest value: cividis without its dark end. */
 export const CIVIDIS = [
-  "#00224e",
-  "#1a386f",
-  "#434e6c",
-  "#61656f",
-  "#7d7c78",
-  "#9b9476",
-  "#bcae6c",
-  "#dec958",
-  "#fee838",
+  "#717273",
+  "#807e78",
+  "#918c77",
+  "#a39a74",
+  "#b4a76f",
+  "#c7b666",
+  "#d9c55a",
+  "#edd648",
+  "#fde737",
 ] as const;
 
 /** From the most negative to the most positive value, zero in the middle. */

@@ -61,8 +61,6 @@ function refusal(number: number, error: string): Reply {
     compensation: null,
     name: "",
     flights: [],
-    arrows: null,
-    colour_reach: null,
     aligned: [],
     parts: [],
     scatter: null,

@@ -10,6 +10,7 @@ import type {
   EffectFile,
   Files,
   Flights,
+  FlightsShown,
   Identification,
   NextFlight,
   Jobs,
@@ -63,6 +64,15 @@ export const mapPreview = signal<MapPreview>({
 export const jobs = signal<Jobs>({ type: "jobs", jobs: [], kinds: [] });
 /** Recorded flights; null until the server has listed them. */
 export const flights = signal<Flights | null>(null);
+/** The flights that stand in the 3D view, of whoever asked last. */
+export const flightsShown = signal<FlightsShown>({
+  type: "flights_shown",
+  author: "",
+  flights: [],
+  arrows: null,
+  colour_reach: null,
+  plan_too: false,
+});
 export const comparison = signal<Comparison | null>(null);
 export const diagnosis = signal<Diagnosis | null>(null);
 export const identification = signal<Identification | null>(null);
@@ -127,6 +137,13 @@ export const series = computed(() => figures.value?.series ?? null);
 const me = computed(() => people.value.people.find((person) => person.id === welcome.value?.you) ?? null);
 export const inControl = computed(
   () => people.value.in_control !== "" && people.value.in_control === welcome.value?.you,
+);
+
+/** Whether this page's flights stand in the 3D view, not another person's. */
+export const areOurs = computed(() => flightsShown.value.author === welcome.value?.you);
+/** Who has flights in the 3D view; empty for this page, and for nobody. */
+export const othersFlights = computed(() =>
+  areOurs.value ? "" : (people.value.people.find(({ id }) => id === flightsShown.value.author)?.name ?? ""),
 );
 
 /** Who gives the orders; empty for nobody. */
@@ -206,6 +223,9 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
         break;
       case "flights":
         flights.value = message;
+        break;
+      case "flights_shown":
+        flightsShown.value = message;
         break;
       case "comparison":
         comparison.value = message;

@@ -56,13 +56,19 @@ export function Plan() {
         >
           Compare and upload
         </button>
+        {verdict.value === "checked" && !hasVehicle() && <p class="quiet">{NO_VEHICLE} Save it, or upload it later.</p>}
       </div>
     </>
   );
 }
 
+const NO_VEHICLE = "The station was started without a vehicle (--vehicle-url).";
+
+function hasVehicle(): boolean {
+  return welcome.value === null || welcome.value.vehicle;
+}
+
 function whyNoUpload(): string {
-  if (welcome.value !== null && !welcome.value.vehicle)
-    return "The station was started without a vehicle (--vehicle-url).";
+  if (!hasVehicle()) return NO_VEHICLE;
   return verdict.value === "checked" ? "" : "Only a checked plan can be uploaded.";
 }

@@ -5,10 +5,10 @@ import { useEffect, useRef } from "preact/hooks";
 import { show } from "../cursor";
 import { number, short } from "../format";
 import { listenIn } from "../keys";
-import { LETTERS, arrowScale, colourReach, opened, pathColour, withArrows, withPredicted } from "../flights";
+import { LETTERS, horizon_s, opened, pathColour, showOurs, withArrows, withPredicted } from "../flights";
 import type { Channel } from "../flights";
 import { CIVIDIS, CLEARANCE, CLEARANCE_SPAN_M, COULD_HIDE_SPAN_MM, SIGNED } from "../scales";
-import { comparison, figures, mapShown, series, step, view } from "../store";
+import { comparison, connected, figures, flightsShown, mapShown, othersFlights, series, step, view } from "../store";
 import { isLight, narrow, token } from "../theme";
 import type { Series, Show } from "../protocol";
 import { figure } from "./Learn";
@@ -43,6 +43,7 @@ export function Scene() {
       />
       <div class="legends">
         {step.value === 4 ? <FlightLegend /> : <PathLegend />}
+        <OthersLegend />
         <SliceLegend />
         <MeasureReadout />
       </div>
@@ -100,9 +101,36 @@ function FlightLegend() {
   );
 }
 
+/** Whose flights stand there, where they are not this page's; and that the plan does, where it is another's wish. */
+function OthersLegend() {
+  const { flights, plan_too } = flightsShown.value;
+  const whose = othersFlights.value;
+  const isComparing = step.value === 4;
+  if (whose !== "") {
+    return (
+      <div class="legend" role="note">
+        <p>
+          {whose} looks at {flights.length > 1 ? "flights" : "flight"} {flights.join(", ")} here.
+        </p>
+        {isComparing && opened.value.length > 0 && (
+          <button type="button" class="control" disabled={!connected.value} onClick={showOurs}>
+            Show mine instead
+          </button>
+        )}
+      </div>
+    );
+  }
+  if (!isComparing || !plan_too) return null;
+  return (
+    <div class="legend" role="note">
+      <p>The plan stands here too: not everybody is on Compare.</p>
+    </div>
+  );
+}
+
 /** What colours the paths: nothing, or a residual on a scale about zero. */
 function PathsLegend() {
-  const reach = colourReach.value;
+  const reach = flightsShown.value.colour_reach;
   return (
     <>
       <div class="legend-head">
@@ -161,6 +189,7 @@ function VehicleLegend() {
   const compared = comparison.value;
   const first = opened.value[0]?.name ?? "";
   const isCompared = compared !== null && [...(compared.learn ?? []), ...(compared.held_out ?? [])].includes(first);
+  const whose = opened.value.length > 1 ? ` (${LETTERS[0]})` : "";
   return (
     <div class="legend-group">
       <div class="legend-ends">
@@ -168,20 +197,38 @@ function VehicleLegend() {
           <Swatch kind="rotor-key" /> measured
         </span>
         <span>
-          <Swatch kind="rotor-key pale" /> planned
+          <Swatch kind="rotor-key pale" /> planned{whose}
         </span>
       </div>
       {isCompared && (
-        <label class="legend-switch" title="As the compared model moves it on from its motion 0.5 s earlier, with the rotor speeds measured">
-          <input
-            type="checkbox"
-            checked={withPredicted.value}
-            onChange={(event) => (withPredicted.value = event.currentTarget.checked)}
-          />
-          <span>
-            <Swatch kind="predicted-key" /> predicted from 0.5 s before
-          </span>
-        </label>
+        <div class="legend-switch">
+          <label
+            class="legend-switch"
+            title="As the compared model moves it on from its earlier motion, with the rotor speeds measured"
+          >
+            <input
+              type="checkbox"
+              checked={withPredicted.value}
+              onChange={(event) => (withPredicted.value = event.currentTarget.checked)}
+            />
+            <span>
+              <Swatch kind="predicted-key" /> predicted{whose}
+            </span>
+          </label>
+          <select
+            class="colour-choice"
+            aria-label="How long before the prediction begins"
+            value={horizon_s.value}
+            disabled={!withPredicted.value}
+            onChange={(event) => (horizon_s.value = Number(event.currentTarget.value))}
+          >
+            {compared.horizons_s.map((offered_s) => (
+              <option key={offered_s} value={offered_s}>
+                from {offered_s} s before
+              </option>
+            ))}
+          </select>
+        </div>
       )}
     </div>
   );
@@ -191,7 +238,7 @@ const rounded = (value: number): string => String(Number(value.toPrecision(1)));
 
 /** The scale of the arrows at the vehicles, per metre. */
 function ArrowLegend() {
-  const scale = arrowScale.value;
+  const scale = flightsShown.value.arrows;
   if (scale === null && withArrows.value) return null;
   return (
     <div class="legend-group">

@@ -108,7 +108,7 @@ function Buttons({ count }: { count: number }) {
   return (
     <div class="table-buttons">
       <button type="button" class="control" disabled={!connected.value} onClick={insertAfterSelected}>
-        Insert after
+        {count === 0 ? "Insert the first" : "Insert after"}
       </button>
       <button
         type="button"

@@ -1,0 +1,155 @@
+"""The 3D view in a real browser: clicks, drags, a rectangle, a brush."""
+
+import time
+
+import numpy as np
+import pytest
+
+from flight import rotations
+from gcs_web import GroundStation
+from tests.gcs_web.in_browser import START, drawn, needs_chromium, positions
+from tests.waiting import until as wait
+
+pytestmark = needs_chromium
+
+
+def pixel(page, station: GroundStation, point_world_m: np.ndarray) -> tuple[float, float]:
+    """Where the browser draws a point: pinhole projection with the camera the 3D view reports."""
+    camera = next(iter(station.server.get_clients().values())).camera
+    x, y, z = rotations.rotate(rotations.conjugate(camera.wxyz), point_world_m - np.asarray(camera.position))
+    box = page.locator("iframe").bounding_box()
+    scale = 0.5 * box["height"] / np.tan(0.5 * camera.fov)
+    return box["x"] + box["width"] / 2 + scale * x / z, box["y"] + box["height"] / 2 + scale * y / z
+
+
+def dragged(page, station: GroundStation, start_world_m: np.ndarray, end_world_m: np.ndarray) -> bool:
+    """Pull with the mouse as a hand does, each step once the browser has drawn the one before; was it understood?"""
+    before = station.desk.session.revision
+    start, end = (np.array(pixel(page, station, point)) for point in (start_world_m, end_world_m))
+    drawn(page)
+    page.mouse.move(*start)
+    drawn(page)
+    page.mouse.down()
+    for share in np.linspace(0.1, 1.0, 10):
+        page.mouse.move(*(start + share * (end - start)))
+    drawn(page)
+    page.mouse.up()
+    again_s = time.monotonic() + 20.0  # then the handle was not drawn yet when the mouse came down on it
+    while station.desk.session.revision == before and time.monotonic() < again_s:
+        drawn(page)
+    return station.desk.session.revision > before
+
+
+def test_a_waypoint_is_dragged_in_the_3d_view(station, page_3d):
+    page_3d.get_by_role("grid", name="Waypoints").get_by_role("row").nth(2).get_by_role("rowheader").click()
+    pull = np.array([0.0, 0.35, 0.0])
+    grip = START[1] + np.array([0.0, 0.25, 0.0])  # on the handle's y arrow
+    drafts: list[np.ndarray] = []
+    draw, station.view.draw_draft = station.view.draw_draft, lambda path: (drafts.append(path), draw(path))
+    try:
+        wait(lambda: dragged(page_3d, station, grip, grip + pull), "a drag that the view understands")
+        wait(lambda: drafts, "a draft of the path while it was dragged")
+    finally:
+        station.view.draw_draft = draw
+    assert np.linalg.norm(drafts[-1] - positions(station)[1], axis=1).min() < 0.3
+    moved = positions(station)
+    np.testing.assert_allclose(moved[1], START[1] + pull, atol=0.15)
+    np.testing.assert_array_equal(moved[[0, 2]], START[[0, 2]])
+    page_3d.get_by_role("status").get_by_text("Waypoint 1 moved").wait_for()
+
+
+def clicked(page, station: GroundStation, point_world_m: np.ndarray, answered) -> bool:
+    """Click where the browser draws a point; was it answered before the browser drew its next pictures?"""
+    drawn(page)
+    page.mouse.click(*pixel(page, station, point_world_m))
+    again_s = time.monotonic() + 20.0  # then the scene was not drawn yet when it was clicked
+    while not answered() and time.monotonic() < again_s:
+        drawn(page)
+    return answered()
+
+
+def test_a_click_on_the_path_moves_the_cursor_there(station, page_3d):
+    series = station.desk.answer.shown.series
+    k = len(series.time_s) // 3
+    place = np.array([series.x_m[k], series.y_m[k], series.z_m[k]])
+    told: list[float] = []
+    publish, station.view.on_moment = station.view.on_moment, lambda time_s: (told.append(time_s), publish(time_s))
+    try:
+        wait(lambda: clicked(page_3d, station, place, lambda: bool(told)), "the click on the path")
+    finally:
+        station.view.on_moment = publish
+    assert told[-1] == pytest.approx(series.time_s[k], abs=0.3)  # a pixel is a few centimetres
+    page_3d.get_by_text(f"{told[-1]:.2f} s", exact=True).first.wait_for()
+
+
+def test_a_shift_click_on_the_floor_adds_a_waypoint_after_the_last(station, page_3d):
+    floor = np.array([5.5, 2.0, 0.0])
+    page_3d.keyboard.down("Shift")
+    wait(lambda: clicked(page_3d, station, floor, lambda: len(positions(station)) == 4), "the shift-click on the floor")
+    page_3d.keyboard.up("Shift")
+    np.testing.assert_allclose(positions(station)[3], [5.5, 2.0, START[2, 2]], atol=0.05)
+    page_3d.get_by_role("status").get_by_text("Waypoint 3 inserted").wait_for()
+
+
+def test_waypoints_inside_a_drawn_rectangle_are_selected(station, page_3d):
+    last = station.desk.session.content.points[2].id
+
+    def boxed() -> bool:
+        x, y = pixel(page_3d, station, START[2])
+        drawn(page_3d)
+        page_3d.keyboard.down("Control")
+        page_3d.mouse.move(x - 25, y - 25)
+        page_3d.mouse.down()
+        for share in (0.3, 0.7, 1.0):
+            page_3d.mouse.move(x - 25 + 50 * share, y - 25 + 50 * share)
+        drawn(page_3d)
+        page_3d.mouse.up()
+        page_3d.keyboard.up("Control")
+        again_s = time.monotonic() + 20.0
+        while station.view._selected != (last,) and time.monotonic() < again_s:
+            drawn(page_3d)
+        return station.view._selected == (last,)
+
+    wait(boxed, "the rectangle that the view understands")
+    table = page_3d.get_by_role("grid", name="Waypoints")
+    wait(lambda: table.locator("tr[aria-selected=true]").count() == 1, "one row")
+    page_3d.keyboard.press("Escape")
+
+
+def test_a_stroke_of_the_brush_is_drawn_applied_as_one_change_and_undone(station, page_3d):
+    page_3d.keyboard.press("1")
+    tools = page_3d.get_by_role("toolbar", name="Map")
+    tools.get_by_role("button", name="Brush").click()
+    wait(lambda: station.view._painting, "the brush")
+    before = station.desk.session.revision
+
+    def stroke() -> bool:
+        start, end = (np.array(pixel(page_3d, station, np.array(p))) for p in ([4.0, 1.0, 0.0], [5.0, 2.0, 0.0]))
+        drawn(page_3d)
+        page_3d.mouse.move(*start)
+        drawn(page_3d)
+        page_3d.mouse.down()
+        for share in np.linspace(0.1, 1.0, 8):
+            page_3d.mouse.move(*(start + share * (end - start)))
+            drawn(page_3d)
+        page_3d.mouse.up()
+        again_s = time.monotonic() + 20.0
+        while station.desk.map._preview.shape is None and time.monotonic() < again_s:
+            drawn(page_3d)
+        return station.desk.map._preview.shape is not None
+
+    wait(stroke, "a stroke that the view understands")
+    form = page_3d.get_by_role("form", name="New edit of the map")
+    form.get_by_label("Name").fill("hose")
+    form.get_by_role("button", name="Add to the map").click()
+    page_3d.get_by_role("button", name="No-fly: hose").wait_for()
+    (zone,) = station.desk.session.content.map_edits
+    assert station.desk.session.revision == before + 1
+    assert zone.solid == "Stroke"
+    line = np.array(zone.edit().solid.points_world_m)
+    assert np.abs(line[:, 2]).max() < 0.1  # on the floor
+    assert np.linalg.norm(line[[0, -1], :2] - [[4.0, 1.0], [5.0, 2.0]], axis=1).max() < 0.4
+    assert not station.view._painting
+    page_3d.keyboard.press("Control+z")
+    wait(lambda: station.desk.session.content.map_edits == (), "undo")
+    page_3d.keyboard.press("2")
