@@ -1,6 +1,6 @@
 """What an identification found: estimates with errors that can be believed, and how it got there."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -9,7 +9,7 @@ from scipy.special import stdtrit
 
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
-from sysid.estimator import clocks, gyro_feedback, mass
+from sysid.estimator import clocks, gyro_feedback, mass, unsettled
 from sysid.estimator import verdict as verdicts
 from sysid.estimator.agreement import odd_flights
 from sysid.estimator.assumed_clock import assumed
@@ -23,6 +23,7 @@ from sysid.estimator.noise import Noise
 from sysid.estimator.options import Options, Reference
 from sysid.estimator.solver import Solution, robust_covariance
 from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns
+from sysid.estimator.unsettled import CONFOUNDED, Unsettled
 from sysid.estimator.verdict import Verdict
 from vehicle import Vehicle, specs
 
@@ -31,8 +32,6 @@ NORMAL_90 = 1.6449
 
 SCHEMA_VERSION = 2
 """Version of `Identification.as_dict`."""
-CONFOUNDED = 0.9
-"""Correlation of two estimates from which on the flights tell one combination of them, hardly each by itself."""
 STRONGLY_CORRELATED = 5.0
 """Errors correlated in time make a standard error so many times the plain one before it is worth a sentence."""
 NOT_IDENTIFIABLE = "not identifiable"
@@ -188,7 +187,7 @@ def conclude(
     unknowns: Unknowns,
     solution: Solution,
     unseen: tuple[str, ...],
-    unsettled: Mapping[str, str],
+    not_settled: Sequence[Unsettled],
     options: Options,
     given: Vehicle,
     clock: Reference,
@@ -198,7 +197,7 @@ def conclude(
     Args:
         vehicle: what the fit started from.
         unseen: parameters that are held because these flights do not identify them.
-        unsettled: parameters that are held because the fit did not settle, with a sentence on each.
+        not_settled: parameters that are held because the fit did not settle with them free.
         given: what the user gave; another one where stages or a search came before.
         clock: whose clock the others were measured against.
     """
@@ -212,7 +211,7 @@ def conclude(
     variance = np.maximum(np.diag(sandwich), np.diag(plain))
     off_s = gyro_feedback.biases_s(flights, unknowns, solution, np.sqrt(variance))
     by_clocks = on_time.shift**2 + (gyro_feedback.shifts(off_s, plain) ** 2).sum(axis=1)
-    robust = np.sqrt(variance + by_clocks)
+    robust = np.sqrt(variance + by_clocks + unsettled.variances(not_settled, unknowns))
     interval90 = stdtrit(freedom, 0.95) * robust
     std, std_robust = np.sqrt(np.diag(plain))[:p], robust[:p]
     shares = _information_shares(solution)
@@ -232,7 +231,7 @@ def conclude(
         for i, name in enumerate(names)
     ]
     estimates += [_held(vehicle, name, NOT_IDENTIFIABLE) for name in unseen]
-    estimates += [_held(vehicle, name, NOT_SETTLED) for name in unsettled]
+    estimates += [_held(vehicle, one.name, NOT_SETTLED) for one in not_settled]
     estimates += [_held(vehicle, name, "held") for name in sorted({"mass_kg", *options.held}) if name not in names]
     safe = np.where(std > 0.0, std, 1.0)
     disagreement = _disagreement(vehicle, unknowns, solution, flights)
@@ -255,10 +254,10 @@ def conclude(
             + on_time.sentences(unknowns, flights)
             + _against_belief(given, estimates, solution, flights)
             + disagreement
-            + list(unsettled.values())
+            + [one.sentence for one in not_settled]
         ),
         verdict=verdict.doubted(
-            *unsettled.values(),
+            *(one.sentence for one in not_settled),
             *_at_bounds(vehicle, estimates, but=0.0),
             *unpredicted_turning(solution, flights, unknowns.model),
             *disagreement,
