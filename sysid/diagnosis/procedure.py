@@ -299,7 +299,7 @@ def diagnose(
         proxies=tuple(s.name for s in found.proxies),
         candidates=_findings(found, unsure=unsure),
         outside=_outside(found.drawn_at, found.outside, unsure=unsure) if found.outside else None,
-        attempts=tuple(_attempt(t) for t in found.trials),
+        attempts=tuple(_attempt(t, unsure=unsure) for t in found.trials),
         staircase=stairs,
         invisible=found.models[0].candidate_set.invisible,
         flights=tuple(names[: len(logs)]),
@@ -430,13 +430,13 @@ def _no_load(model: Model) -> str:
     return model.load.doubt if model.load else ""
 
 
-def _attempt(trial: Trial) -> Attempt:
+def _attempt(trial: Trial, *, unsure: bool) -> Attempt:
     judged = trial.held_out
     return Attempt(
         name=trial.candidate.name,
         outcome=trial.outcome,
         sentence=trial.sentence,
-        confidence=trial.confidence,
+        confidence=_stated(trial.confidence, unsure=unsure),
         rivals=trial.rivals,
         reduction=judged.total,
         reduction_sigma=judged.sigma,
@@ -466,5 +466,9 @@ def _outside(model: Model, found: Outside, *, unsure: bool) -> OutsideFinding:
         force_or_torque=float(scale),
         gain=blocks.gain_unseen,
         significance=blocks.significance,
-        confidence=min(found.confidence, THRESHOLDS.even_confidence) if unsure else found.confidence,
+        confidence=_stated(found.confidence, unsure=unsure),
     )
+
+
+def _stated(confidence: float, *, unsure: bool) -> float:
+    return min(THRESHOLDS.even_confidence, confidence) if unsure else confidence
