@@ -221,8 +221,8 @@ def search(
             break
         without = _without(logs, models[-1], small, options)
         others = [candidate for candidate in added if candidate != small]
-        if _forms_and_curve(without, others, trials)[1] is None:  # the curve needs it: neither would be left
-            break
+        if without is None or _forms_and_curve(without, others, trials)[1] is None:
+            break  # the curve needs it: neither would be left
         last = next(t for t in reversed(trials) if t.candidate == small)
         trials.append(replace(last, outcome=Outcome.REMOVED, proxy_for=curve))
         added.remove(small)
@@ -403,7 +403,7 @@ def _superfluous(
         if chance[candidate] <= THRESHOLDS.backward_chance:
             break
         without = _without(logs, model, candidate, options)
-        if candidate.name not in {s.name for s in significant(without)}:
+        if without is not None and candidate.name not in {s.name for s in significant(without)}:
             return candidate, without
     return None
 
@@ -448,11 +448,17 @@ def _may_matter(fit: Identification, candidate: Candidate) -> bool:
     )
 
 
-def _without(logs: Sequence[FlightLog], model: Model, dropped: Candidate, options: Options) -> Model:
+def _without(logs: Sequence[FlightLog], model: Model, dropped: Candidate, options: Options) -> Model | None:
+    """The model without an addition; None if that cannot be fitted."""
     vehicle = model.fit.vehicle
     if effects.find(dropped.effect).separate:
         for name in dropped.parameters:
             vehicle = vehicle.with_value(name, 0.0, source="taken out")
         options = replace(options, held=(*options.held, *dropped.parameters))
+    else:
+        vehicle = vehicle.without_effect(dropped.effect)
+    try:
         return examine(identify(logs, vehicle, options, near=model.fit))
-    return examine(identify(logs, vehicle.without_effect(dropped.effect), options, near=model.fit))
+    except InputError as error:
+        logger.info("%s stays: the model without it could not be fitted: %s", dropped.name, error)
+        return None
