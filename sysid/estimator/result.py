@@ -5,23 +5,22 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
 
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
-from sysid.estimator import clocks, gyro_feedback, mass, unsettled
+from sysid.estimator import clocks, mass
 from sysid.estimator import verdict as verdicts
 from sysid.estimator.agreement import odd_flights
-from sysid.estimator.assumed_clock import assumed
 from sysid.estimator.blocks import motor
 from sysid.estimator.blocks.catalogue import BLOCKS, acting, places, reported
 from sysid.estimator.blocks.gyro import GYRO
 from sysid.estimator.blocks.motion import Motion
 from sysid.estimator.clocks import Clock
+from sysid.estimator.errors import Errors, standard_errors
 from sysid.estimator.flight_data import Flight, left_out
 from sysid.estimator.noise import Noise
 from sysid.estimator.options import Options, Reference
-from sysid.estimator.solver import Solution, robust_covariance
+from sysid.estimator.solver import Solution
 from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns
 from sysid.estimator.unsettled import CONFOUNDED, Unsettled
 from sysid.estimator.verdict import Verdict
@@ -32,8 +31,6 @@ NORMAL_90 = 1.6449
 
 SCHEMA_VERSION = 2
 """Version of `Identification.as_dict`."""
-STRONGLY_CORRELATED = 5.0
-"""Errors correlated in time make a standard error so many times the plain one before it is worth a sentence."""
 NOT_IDENTIFIABLE = "not identifiable"
 """Status of a parameter that is held because the flights do not determine it."""
 NOT_SETTLED = "not settled"
@@ -202,46 +199,20 @@ def conclude(
         clock: whose clock the others were measured against.
     """
     names = (*unknowns.model, *unknowns.sensor)
-    p = len(names)
-    plain = solution.covariance()
-    sandwich, freedom = robust_covariance(solution, len(unknowns.bias) + len(unknowns.delay))
-    on_time = assumed(solution, unknowns, flights)
-    # the scatter of a few flights may come out smaller than the noise alone makes it, by chance: the larger of both
-    # (Angrist and Pischke, Mostly Harmless Econometrics, 2009, section 8.1)
-    variance = np.maximum(np.diag(sandwich), np.diag(plain))
-    off_s = gyro_feedback.biases_s(flights, unknowns, solution, np.sqrt(variance))
-    by_clocks = on_time.shift**2 + (gyro_feedback.shifts(off_s, plain) ** 2).sum(axis=1)
-    robust = np.sqrt(variance + by_clocks + unsettled.variances(not_settled, unknowns))
-    interval90 = stdtrit(freedom, 0.95) * robust
-    std, std_robust = np.sqrt(np.diag(plain))[:p], robust[:p]
-    shares = _information_shares(solution)
-    delays = _clocks(flights, unknowns, solution, robust, clock)
-    estimates = [
-        Estimate(
-            name=name,
-            value=solution.point.value(name),
-            unit=vehicle.parameter(name).unit,
-            std=float(std[i]),
-            std_robust=float(std_robust[i]),
-            start=vehicle.value(name),
-            status="free",
-            information=tuple(shares[:, i].tolist()),
-            interval90=float(interval90[i]),
-        )
-        for i, name in enumerate(names)
-    ]
-    estimates += [_held(vehicle, name, NOT_IDENTIFIABLE) for name in unseen]
-    estimates += [_held(vehicle, one.name, NOT_SETTLED) for one in not_settled]
-    estimates += [_held(vehicle, name, "held") for name in sorted({"mass_kg", *options.held}) if name not in names]
-    safe = np.where(std > 0.0, std, 1.0)
+    errors = standard_errors(flights, unknowns, solution, not_settled)
+    held = dict.fromkeys(sorted({"mass_kg", *options.held} - {*names}), "held")
+    status = {**dict.fromkeys(unseen, NOT_IDENTIFIABLE), **{one.name: NOT_SETTLED for one in not_settled}, **held}
+    estimates = _estimates(vehicle, names, solution, errors)
+    estimates += [_held(vehicle, name, why) for name, why in status.items()]
+    delays = _clocks(flights, unknowns, solution, errors.robust, clock)
     disagreement = _disagreement(vehicle, unknowns, solution, flights)
-    strong = np.diag(sandwich) > STRONGLY_CORRELATED**2 * np.diag(plain)
-    lasting = [name for name, so in zip(names, strong[:p], strict=True) if so]
+    unsettled = [one.sentence for one in not_settled]
+    lasting = [name for name, so in zip(names, errors.correlated[: len(names)], strict=True) if so]
     verdict = verdicts.of_fit(given, solution.point.vehicle, flights, unknowns.model, _against(solution))
     return Identification(
         vehicle=_updated(vehicle, estimates, flights),
         parameters=tuple(estimates),
-        correlation=plain[:p, :p] / np.outer(safe, safe),
+        correlation=errors.correlation[: len(names), : len(names)],
         free_names=names,
         noise=solution.noise,
         gyro_bias_rad_s=_gyro_bias(flights, solution),
@@ -251,13 +222,13 @@ def conclude(
         findings=tuple(
             _findings(vehicle, estimates, solution, flights, lasting)
             + clocks.sentences(delays)
-            + on_time.sentences(unknowns, flights)
+            + errors.by_command.sentences(unknowns, flights)
             + _against_belief(given, estimates, solution, flights)
             + disagreement
-            + [one.sentence for one in not_settled]
+            + unsettled
         ),
         verdict=verdict.doubted(
-            *(one.sentence for one in not_settled),
+            *unsettled,
             *_at_bounds(vehicle, estimates, but=0.0),
             *unpredicted_turning(solution, flights, unknowns.model),
             *disagreement,
@@ -266,6 +237,25 @@ def conclude(
         clock=clock,
         clocks=delays,
     )
+
+
+def _estimates(vehicle: Vehicle, names: Sequence[str], solution: Solution, errors: Errors) -> list[Estimate]:
+    """Of the parameters that were free, the first of the unknowns."""
+    plain, shares = errors.plain, _information_shares(solution)
+    return [
+        Estimate(
+            name=name,
+            value=solution.point.value(name),
+            unit=vehicle.parameter(name).unit,
+            std=float(plain[i]),
+            std_robust=float(errors.robust[i]),
+            start=vehicle.value(name),
+            status="free",
+            information=tuple(shares[:, i].tolist()),
+            interval90=float(errors.interval90[i]),
+        )
+        for i, name in enumerate(names)
+    ]
 
 
 def _gyro_bias(flights: list[Flight], solution: Solution) -> FloatArray:

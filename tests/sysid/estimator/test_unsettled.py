@@ -18,7 +18,9 @@ THRUST, SLOPE, INERTIA = "thrust_bem.k1_n_s2", "thrust_bem.k2_n_s2_m", "inertia_
 
 def stuck(covariance: np.ndarray, *values: list[float]) -> Any:
     """A fit that took these steps, and did not converge."""
-    return cast("Any", SimpleNamespace(record=[SimpleNamespace(values=v) for v in values], covariance=lambda: covariance))
+    return cast(
+        "Any", SimpleNamespace(record=[SimpleNamespace(values=v) for v in values], covariance=lambda: covariance)
+    )
 
 
 def test_what_does_not_settle_is_named_with_what_it_is_confounded_with(truth):
