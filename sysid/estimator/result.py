@@ -219,13 +219,14 @@ def conclude(
         solution=solution,
         unknowns=unknowns,
         flights=tuple(flights),
-        findings=tuple(
-            _findings(vehicle, estimates, solution, flights, lasting)
-            + clocks.sentences(delays)
-            + errors.by_command.sentences(unknowns, flights)
-            + _against_belief(given, estimates, solution, flights)
-            + disagreement
-            + unsettled
+        findings=(
+            mass.what_is_known(given, _free(estimates)),
+            *_findings(vehicle, estimates, solution, flights, lasting),
+            *clocks.sentences(delays),
+            *errors.by_command.sentences(unknowns, flights),
+            *_against_belief(given, estimates, solution, flights),
+            *disagreement,
+            *unsettled,
         ),
         verdict=verdict.doubted(
             *unsettled,
@@ -348,10 +349,7 @@ def _findings(
     lasting: Sequence[str],
 ) -> list[str]:
     """Args: lasting: names of parameters whose errors are strongly correlated in time."""
-    found = [
-        f"the mass was given as {vehicle.mass_kg:g} kg and not estimated: pose and rotor speed show only ratios to it, "
-        "so thrust, drag and inertia are as right as the mass is"
-    ]
+    found = []
     gravity_m_s2 = flights[0].gravity_m_s2
     if gravity_m_s2 != GRAVITY_M_S2:
         found.append(
@@ -400,6 +398,11 @@ def _against(solution: Solution) -> list[str]:
     return found
 
 
+def _free(estimates: Iterable[Estimate]) -> dict[str, tuple[float, float]]:
+    """Value and standard error of what was estimated."""
+    return {e.name: (e.value, e.std_robust) for e in estimates if e.status == "free"}
+
+
 def _at_bounds(vehicle: Vehicle, estimates: list[Estimate], *, but: float | None = None) -> list[str]:
     """Estimates that left their range, but for the bound `but`: a drag of nil is no cause for doubt."""
     bounds = specs(vehicle)
@@ -416,8 +419,7 @@ def _against_belief(given: Vehicle, estimates: list[Estimate], solution: Solutio
     """What a wrong mass looks like, if the estimates do."""
     speed = verdicts.usual_rotor_speed(flights)
     fitted, believed = (verdicts.thrust_n(v, speed) for v in (solution.point.vehicle, given))
-    found = {e.name: (e.value, e.std_robust) for e in estimates if e.status == "free"}
-    return mass.sentences(given, found, fitted / believed if believed > 0.0 else 1.0, float(speed.mean()))
+    return mass.sentences(given, _free(estimates), fitted / believed if believed > 0.0 else 1.0, float(speed.mean()))
 
 
 def _disagreement(vehicle: Vehicle, unknowns: Unknowns, solution: Solution, flights: list[Flight]) -> list[str]:
