@@ -349,7 +349,7 @@ def _findings(
     lasting: Sequence[str],
 ) -> list[str]:
     """Args: lasting: names of parameters whose errors are strongly correlated in time."""
-    found = []
+    found: list[str] = []
     gravity_m_s2 = flights[0].gravity_m_s2
     if gravity_m_s2 != GRAVITY_M_S2:
         found.append(
