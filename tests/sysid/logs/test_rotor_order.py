@@ -89,7 +89,7 @@ def tumbling(truth, rng: np.random.Generator) -> FlightLog:
     logged = np.array(kept[::4])
     logged += np.array([0.02] * 3 + [4.0] * 4) * rng.standard_normal(logged.shape)
     vectors = {"rate_body_rad_s": logged[:, :3], "rotor_speed_rad_s": logged[:, 3:]}
-    return from_vectors(4.0 * step_s * np.arange(len(logged)), vectors)
+    return from_vectors(np.arange(len(logged), dtype=np.float64) * (4.0 * step_s), vectors)
 
 
 @pytest.mark.parametrize("seed", range(3))
