@@ -17,6 +17,7 @@ import numpy as np
 
 from flight import FloatArray, InputError
 from flight.frames import GRAVITY_M_S2
+from flight.units import RAD_S_PER_RPM
 from vehicle.effects import find
 from vehicle.model import Vehicle, body_parameters
 from vehicle.parameters import Limits, Parameter
@@ -35,7 +36,6 @@ THRUST_TO_WEIGHT = 2.5
 SOUND_M_S = 340.0
 THRUST_NUMBERS = (0.01, 1.0)
 """C_T = T / (rho n^2 D^4) of any propeller at rest lies well within; n in revolutions per second."""
-RPM = 2.0 * np.pi / 60.0
 FRAMES = ("x", "+")
 ORDER = {
     "x": "front left (clockwise), rear left, rear right, front right, neighbours turning opposite ways",
@@ -142,16 +142,16 @@ def _check_propellers(mass_kg: float, hover_rad_s: float, radius_m: float, densi
     figures = f"a mass of {mass_kg:g} kg on four propellers of {2.0 * radius_m:g} m"
     if tip_m_s > SOUND_M_S:
         raise InputError(
-            f"{figures} hovers at {hover_rad_s / RPM:.0f} rpm with tips at {tip_m_s:.0f} m/s, faster than sound "
-            f"({SOUND_M_S:g} m/s); check --mass (kg), --prop-diameter (m) and --hover-rpm"
+            f"{figures} hovers at {hover_rad_s / RAD_S_PER_RPM:.0f} rpm with tips at {tip_m_s:.0f} m/s, faster than "
+            f"sound ({SOUND_M_S:g} m/s); check --mass (kg), --prop-diameter (m) and --hover-rpm"
         )
     thrust_n = mass_kg * GRAVITY_M_S2 / 4.0
     number = thrust_n / (density_kg_m3 * (hover_rad_s / (2.0 * np.pi)) ** 2 * (2.0 * radius_m) ** 4)
     if not THRUST_NUMBERS[0] <= number <= THRUST_NUMBERS[1]:
         raise InputError(
-            f"{figures} that hovers at {hover_rad_s / RPM:.0f} rpm has a thrust coefficient C_T of {number:.2g}; "
-            f"propellers have {THRUST_NUMBERS[0]:g} to {THRUST_NUMBERS[1]:g}: check --mass (kg), --prop-diameter (m) "
-            "and --hover-rpm (rpm, not rad/s)"
+            f"{figures} that hovers at {hover_rad_s / RAD_S_PER_RPM:.0f} rpm has a thrust coefficient C_T of "
+            f"{number:.2g}; propellers have {THRUST_NUMBERS[0]:g} to {THRUST_NUMBERS[1]:g}: check --mass (kg), "
+            "--prop-diameter (m) and --hover-rpm (rpm, not rad/s)"
         )
 
 
@@ -237,8 +237,8 @@ def _limits(known: Known, hover_rad_s: float | None) -> Limits:
     fastest = known.rotor_speed_max_rad_s or _short(usual_max)
     if hover_rad_s is not None and fastest <= hover_rad_s:
         raise InputError(
-            f"at its fastest rotor speed, {fastest:.0f} rad/s ({fastest * 30 / np.pi:.0f} rpm), it does not lift its "
-            f"weight: hover takes {hover_rad_s:.0f} rad/s with this mass and thrust; check all three"
+            f"at its fastest rotor speed, {fastest:.0f} rad/s ({fastest / RAD_S_PER_RPM:.0f} rpm), it does not lift "
+            f"its weight: hover takes {hover_rad_s:.0f} rad/s with this mass and thrust; check all three"
         )
     slowest = known.rotor_speed_min_rad_s if known.rotor_speed_min_rad_s is not None else _short(usual_min)
     return Limits(

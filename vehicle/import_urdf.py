@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from flight import FloatArray, FormatError, InputError
+from flight.units import RAD_S_PER_RPM
 from vehicle.draft import Known
 from vehicle.parameters import Parameter
 
@@ -189,14 +190,14 @@ def _properties(given: Mapping[str, str], source: str) -> dict[str, Parameter]:
         "km": ("rotor_yaw_torque.torque_n_m_s2", "N m s2"),
         "prop_radius": ("rotor_radius_m", "m"),
     }
-    rpm = (30.0 / np.pi) ** 2  # its coefficients are per rpm^2
+    per_rpm2 = RAD_S_PER_RPM**-2
     found = {}
     for name, (ours, unit) in wanted.items():
         try:
             value = float(given.get(name, ""))
         except ValueError:
             continue
-        found[ours] = Parameter(value * (rpm if name in ("kf", "km") else 1.0), 0.0, unit, f"{source}, {name}")
+        found[ours] = Parameter(value * (per_rpm2 if name in ("kf", "km") else 1.0), 0.0, unit, f"{source}, {name}")
     return found
 
 

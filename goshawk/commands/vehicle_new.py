@@ -11,11 +11,11 @@ import numpy as np
 
 import vehicle
 from flight import InputError
+from flight.units import RAD_S_PER_RPM
 from goshawk import console, outputs, words
 from vehicle import Parameter, Vehicle, commented, draft
 from vehicle.draft import Known
 
-RPM = 2.0 * np.pi / 60.0
 RANGES = {
     "--mass": (0.0, 1000.0, "kg"),
     "--prop-diameter": (0.0, 5.0, "m"),
@@ -142,8 +142,8 @@ def with_options(
     elif frame is not None and known.hub_body_m is not None:
         raise click.UsageError("--frame replaces the imported places of the rotors: give --arm too")
     if hover_rpm is not None:
-        known = replace(known, hover_rad_s=hover_rpm * RPM)
-    return known if max_rpm is None else replace(known, rotor_speed_max_rad_s=max_rpm * RPM)
+        known = replace(known, hover_rad_s=hover_rpm * RAD_S_PER_RPM)
+    return known if max_rpm is None else replace(known, rotor_speed_max_rad_s=max_rpm * RAD_S_PER_RPM)
 
 
 def _asked(known: Known, frame: str | None) -> Known:

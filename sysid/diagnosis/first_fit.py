@@ -50,6 +50,10 @@ def _of_possible_body(logs: Sequence[FlightLog], vehicle: Vehicle, white: First)
     said = (
         f"with disturbances taken for white noise {' and '.join(wrong)} came out too large for any such vehicle; all "
         "fits were made with lasting disturbances among the states",
-        *(f"{e.name} was held at {e.value:.4g} {e.unit} throughout: its estimate did not settle" for e in unsettled),
+        *(
+            f"{e.name} was held at {e.value:.4g} {e.unit} throughout: its estimate did not settle; the errors of what "
+            "goes along with it do not allow for that"
+            for e in unsettled
+        ),
     )
     return First(fit, replace(options, held=(*options.held, *(e.name for e in unsettled))), said)

@@ -1,6 +1,6 @@
 """Diagnosis of a vehicle model: fit, see where it fails, name what is missing, add it, judge it on unseen flights."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -279,14 +279,8 @@ def diagnose(
     Raises:
         InputError: no flight, a log that cannot be used, flights that show too little, or `options.free`.
     """
-    if options is not None and options.free is not None:
-        raise InputError(
-            "a diagnosis estimates what each candidate adds, so --free (options.free) is not possible here; keep "
-            "parameters as they are with --hold (options.held)"
-        )
+    _validate(logs, held_out, options)
     names = [str(log.metadata.get("name", f"flight {i + 1}")) for i, log in enumerate((*logs, *held_out))]
-    if any(log is other for log in held_out for other in logs):
-        raise InputError("a flight is given both for fitting and as held out; give each flight for one of the two")
     input_verdict = fits.of_logs(check_log(log, vehicle) for log in (*logs, *held_out))
     options = while_searching(options or Options(gusts="white"))
     try:
@@ -300,10 +294,6 @@ def diagnose(
     models |= {label: model.fit.vehicle for label, model in zip(_labels(found), found.models[1:], strict=True)}
     carried = _carried(found, logs, held_out)
     judged = compare(carried[len(logs) :] or carried[: len(logs)], models, first.options)
-    stairs = tuple(
-        Stair(name, {f"{h:g} s": e for h, e in zip(HORIZONS_S, judged.errors[name]["position"], strict=True)})
-        for name in models
-    )
     progress("diagnose", 1.0)
     return Diagnosis(
         base=vehicle,
@@ -313,8 +303,8 @@ def diagnose(
         proxies=tuple(s.name for s in found.proxies),
         candidates=_findings(found, unsure=unsure),
         outside=_outside(found.drawn_at, found.outside, unsure=unsure) if found.outside else None,
-        attempts=tuple(_attempt(t) for t in found.trials),
-        staircase=stairs,
+        attempts=tuple(_attempt(t, unsure=unsure) for t in found.trials),
+        staircase=_staircase(judged, models),
         invisible=found.models[0].candidate_set.invisible,
         flights=tuple(names[: len(logs)]),
         held_out=tuple(names[len(logs) :]),
@@ -329,6 +319,16 @@ def diagnose(
         judged=judged,
         input_verdict=input_verdict.doubted(*first.said),
     )
+
+
+def _validate(logs: Sequence[FlightLog], held_out: Sequence[FlightLog], options: Options | None) -> None:
+    if options is not None and options.free is not None:
+        raise InputError(
+            "a diagnosis estimates what each candidate adds, so --free (options.free) is not possible here; keep "
+            "parameters as they are with --hold (options.held)"
+        )
+    if any(log is other for log in held_out for other in logs):
+        raise InputError("a flight is given both for fitting and as held out; give each flight for one of the two")
 
 
 def _searched(
@@ -357,6 +357,14 @@ def _newly_told(before: Sequence[FlightLog], after: Sequence[FlightLog]) -> tupl
     """What each log carries; empty if that was no news."""
     told = [(carries_payload(old), carries_payload(new)) for old, new in zip(before, after, strict=True)]
     return () if all(old == new for old, new in told) else tuple(new is not False for _, new in told)
+
+
+def _staircase(judged: Comparison, models: Iterable[str]) -> tuple[Stair, ...]:
+    """Args: models: their names, the first first."""
+    return tuple(
+        Stair(name, {f"{h:g} s": e for h, e in zip(HORIZONS_S, judged.errors[name]["position"], strict=True)})
+        for name in models
+    )
 
 
 def _labels(found: Search) -> list[str]:
@@ -447,13 +455,13 @@ def _no_load(model: Model) -> str:
     return model.load.doubt if model.load else ""
 
 
-def _attempt(trial: Trial) -> Attempt:
+def _attempt(trial: Trial, *, unsure: bool) -> Attempt:
     judged = trial.held_out
     return Attempt(
         name=trial.candidate.name,
         outcome=trial.outcome,
         sentence=trial.sentence,
-        confidence=trial.confidence,
+        confidence=_stated(trial.confidence, unsure=unsure),
         rivals=trial.rivals,
         reduction=judged.total,
         reduction_sigma=judged.sigma,
@@ -483,5 +491,9 @@ def _outside(model: Model, found: Outside, *, unsure: bool) -> OutsideFinding:
         force_or_torque=float(scale),
         gain=blocks.gain_unseen,
         significance=blocks.significance,
-        confidence=min(found.confidence, THRESHOLDS.even_confidence) if unsure else found.confidence,
+        confidence=_stated(found.confidence, unsure=unsure),
     )
+
+
+def _stated(confidence: float, *, unsure: bool) -> float:
+    return min(THRESHOLDS.even_confidence, confidence) if unsure else confidence

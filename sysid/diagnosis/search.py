@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -39,7 +39,7 @@ from vehicle import Vehicle, effects
 
 logger = logging.getLogger(__name__)
 
-NOT_JUDGED = {False: "no flight was held out", True: "the held-out flights are too short"}
+NONE_HELD_OUT, TOO_SHORT = "no flight was held out", "the held-out flights are too short"
 
 
 def refit(logs: Sequence[FlightLog], model: Model, candidate: Candidate, options: Options) -> Identification:
@@ -178,6 +178,36 @@ class Search:
     """In words, that the held-out flights are too short to judge by; empty if they are not, or none were given."""
 
 
+@dataclass(slots=True)
+class _History:
+    """How far the search has come."""
+
+    models: list[Model]
+    trials: list[Trial] = field(default_factory=list)
+    added: list[Candidate] = field(default_factory=list)
+    removed: set[str] = field(default_factory=set)
+    undecided: tuple[Trial, Model] | None = None
+    """The first attempt since the last addition that could not tell between confounded effects, and its model."""
+
+    @property
+    def mattering(self) -> tuple[Candidate, ...]:
+        """Additions of a size that matters."""
+        return tuple(candidate for candidate in self.added if _matters(self.models[-1].fit, candidate))
+
+    def add(self, trial: Trial, model: Model) -> None:
+        self.trials.append(trial)
+        self.models.append(model)
+        self.added.append(trial.candidate)
+        self.undecided = None
+
+    def remove(self, why: Trial, without: Model) -> None:
+        """Args: why: names the addition that goes."""
+        self.trials.append(why)
+        self.models.append(without)
+        self.added.remove(why.candidate)
+        self.removed.add(why.candidate.name)
+
+
 def search(
     logs: Sequence[FlightLog],
     base: Identification,
@@ -188,61 +218,25 @@ def search(
     progress: Progress = silent,
 ) -> Search:
     """Forward with a backward look after each addition, at most `most` additions."""
-    models, trials, added = [examine(base)], [], []
     too_short = short(held_out)
-    unseen = Judge(held_out, base.noise, clock=base.clock) if held_out and not too_short else None
-    refused: set[str] = set()
-    dropped_before: set[str] = set()
-    undecided: tuple[Trial, Model] | None = None
-    while _named(models[-1], added) < most:
-        trial, model = _next(logs, models[-1], unseen or NOT_JUDGED[bool(too_short)], options, refused)
-        if trial is None or model is None:
-            break
-        if too_short:
-            trial = replace(trial, confidence=min(trial.confidence, THRESHOLDS.unjudged_confidence))
-        trials.append(trial)
-        progress("diagnose", 1.0 - 0.7 ** len(trials))
-        if trial.outcome is not Outcome.ADDED:
-            open_ = trial.outcome is Outcome.UNDECIDED
-            refused.update(trial.between if open_ else [trial.candidate.name])
-            undecided = (trial, model) if open_ and undecided is None else undecided
-            continue
-        models.append(model)
-        added.append(trial.candidate)
-        refused, undecided = set(dropped_before), None  # beside a wrong model was no fair hearing
-        while (unneeded := _superfluous(logs, models[-1], added[:-1], options)) is not None:
-            dropped, without = unneeded
-            trials.append(replace(trial, candidate=dropped, outcome=Outcome.REMOVED))
-            added.remove(dropped)
-            dropped_before.add(dropped.name)
-            refused.add(dropped.name)
-            models.append(without)
-    while undecided is None and _named(models[-1], added) < most:
-        curve = _forms_and_curve(models[-1], added, trials)[1]
-        if (small := _small_beside(curve, models[-1], added)) is None:
-            break
-        without = _without(logs, models[-1], small, options)
-        others = [candidate for candidate in added if candidate != small]
-        if _forms_and_curve(without, others, trials)[1] is None:  # the curve needs it: neither would be left
-            break
-        last = next(t for t in reversed(trials) if t.candidate == small)
-        trials.append(replace(last, outcome=Outcome.REMOVED, proxy_for=curve))
-        added.remove(small)
-        dropped_before.add(small.name)
-        models.append(without)
-    trial, at = undecided or (None, models[-1])
-    told = unseen.flights if unseen else tuple(held_out)
-    named = (*added, *((trial.candidate,) if trial else ()))
-    forms, outside = _forms_and_curve(at, named, trials) if _named(models[-1], added) < most else ([], None)
-    refuted = frozenset((*dropped_before, *(t.candidate.name for t in trials if t.refuted)))
+    judge = Judge(held_out, base.noise, clock=base.clock) if held_out and not too_short else None
+    unseen = judge or (TOO_SHORT if too_short else NONE_HELD_OUT)
+    found = _History([examine(base)])
+    _add_what_is_missing(logs, found, unseen, options, most=most, progress=progress)
+    while found.undecided is None and len(found.mattering) < most and _take_out_small(logs, found, options):
+        pass
+    trial, at = found.undecided or (None, found.models[-1])
+    named = (*found.added, *((trial.candidate,) if trial else ()))
+    forms, outside = _forms_and_curve(at, named, found.trials) if len(found.mattering) < most else ([], None)
+    refuted = frozenset((*found.removed, *(t.candidate.name for t in found.trials if t.refuted)))
     doubted = () if outside is None else tuple(s.name for s in as_good_as(outside, at) if s.name not in refuted)
-    stated = None if doubted or outside is None else _as_sure(outside, trials)
-    helpers = _useful_proxies(logs, models[-1], trials, unseen or NOT_JUDGED[bool(too_short)], options)
+    stated = None if doubted or outside is None else _as_sure(outside, found.trials)
+    helpers = _useful_proxies(logs, found.models[-1], found.trials, unseen, options)
     return Search(
-        models=(*models, *(model for _, model in helpers)),
-        trials=(*trials, *(helper for helper, _ in helpers)),
-        added=tuple(s for s in added if _matters(models[-1].fit, s)),
-        negligible=tuple(s for s in added if not _matters(models[-1].fit, s)),
+        models=(*found.models, *(model for _, model in helpers)),
+        trials=(*found.trials, *(helper for helper, _ in helpers)),
+        added=found.mattering,
+        negligible=tuple(candidate for candidate in found.added if candidate not in found.mattering),
         proxies=tuple(helper.candidate for helper, _ in helpers),
         outside=stated,
         forms=tuple(forms),
@@ -250,11 +244,51 @@ def search(
         refuted=refuted,
         undecided=trial,
         drawn_at=at,
-        unseen=told,
-        left=left_unexplained(at, _explained(named, trials)),
+        unseen=judge.flights if judge else tuple(held_out),
+        left=left_unexplained(at, _explained(named, found.trials)),
         left_anywhere=left_unexplained(at, ()),
         too_short=too_short,
     )
+
+
+def _add_what_is_missing(
+    logs: Sequence[FlightLog], found: _History, unseen: Judge | str, options: Options, *, most: int, progress: Progress
+) -> None:
+    """Try the most likely candidate until none is left, and take out what each addition makes unnecessary."""
+    refused: set[str] = set()
+    while len(found.mattering) < most:
+        trial, model = _next(logs, found.models[-1], unseen, options, refused)
+        if trial is None or model is None:
+            break
+        if unseen == TOO_SHORT:
+            trial = replace(trial, confidence=min(trial.confidence, THRESHOLDS.unjudged_confidence))
+        progress("diagnose", 1.0 - 0.7 ** (len(found.trials) + 1))
+        if trial.outcome is not Outcome.ADDED:
+            open_ = trial.outcome is Outcome.UNDECIDED
+            refused.update(trial.between if open_ else [trial.candidate.name])
+            found.undecided = (trial, model) if open_ and found.undecided is None else found.undecided
+            found.trials.append(trial)
+            continue
+        found.add(trial, model)
+        refused = set(found.removed)  # beside a wrong model was no fair hearing
+        while (unneeded := _superfluous(logs, found.models[-1], found.added[:-1], options)) is not None:
+            dropped, without = unneeded
+            found.remove(replace(trial, candidate=dropped, outcome=Outcome.REMOVED), without)
+            refused.add(dropped.name)
+
+
+def _take_out_small(logs: Sequence[FlightLog], found: _History, options: Options) -> bool:
+    """Take out an addition too small to matter beside a curve; whether one went."""
+    curve = _forms_and_curve(found.models[-1], found.added, found.trials)[1]
+    if (small := _small_beside(curve, found.models[-1], found.added)) is None:
+        return False
+    without = _without(logs, found.models[-1], small, options)
+    others = [candidate for candidate in found.added if candidate != small]
+    if without is None or _forms_and_curve(without, others, found.trials)[1] is None:
+        return False  # the curve needs it: neither would be left
+    last = next(t for t in reversed(found.trials) if t.candidate == small)
+    found.remove(replace(last, outcome=Outcome.REMOVED, proxy_for=curve), without)
+    return True
 
 
 def _useful_proxies(
@@ -347,11 +381,6 @@ def _next(
     return trial, after
 
 
-def _named(model: Model, added: Sequence[Candidate]) -> int:
-    """How many additions are of a size that matters."""
-    return sum(_matters(model.fit, candidate) for candidate in added)
-
-
 def _matters(fit: Identification, candidate: Candidate) -> bool:
     """Whether its fitted size is of any consequence."""
     own = [abs(fit.vehicle.value(n)) for n in candidate.parameters]
@@ -419,7 +448,7 @@ def _superfluous(
         if chance[candidate] <= THRESHOLDS.backward_chance:
             break
         without = _without(logs, model, candidate, options)
-        if candidate.name not in {s.name for s in significant(without)}:
+        if without is not None and candidate.name not in {s.name for s in significant(without)}:
             return candidate, without
     return None
 
@@ -464,11 +493,17 @@ def _may_matter(fit: Identification, candidate: Candidate) -> bool:
     )
 
 
-def _without(logs: Sequence[FlightLog], model: Model, dropped: Candidate, options: Options) -> Model:
+def _without(logs: Sequence[FlightLog], model: Model, dropped: Candidate, options: Options) -> Model | None:
+    """The model without an addition; None if that cannot be fitted."""
     vehicle = model.fit.vehicle
     if effects.find(dropped.effect).separate:
         for name in dropped.parameters:
             vehicle = vehicle.with_value(name, 0.0, source="taken out")
         options = replace(options, held=(*options.held, *dropped.parameters))
+    else:
+        vehicle = vehicle.without_effect(dropped.effect)
+    try:
         return examine(identify(logs, vehicle, options, near=model.fit))
-    return examine(identify(logs, vehicle.without_effect(dropped.effect), options, near=model.fit))
+    except InputError as error:
+        logger.info("%s stays: the model without it could not be fitted: %s", dropped.name, error)
+        return None

@@ -19,10 +19,11 @@ from sysid.estimator.noise import Noise
 from sysid.estimator.options import Options, Reference
 from sysid.estimator.prepare import gravity_of, prepare_all
 from sysid.estimator.problem import Point, with_values
-from sysid.estimator.result import CONFOUNDED, Identification, conclude
+from sysid.estimator.result import Identification, conclude
 from sysid.estimator.solver import Prior, Solution, solve
 from sysid.estimator.states import first_guess
 from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns, biases, chosen_names, nuisances, sensor_values
+from sysid.estimator.unsettled import Unsettled, least_settled
 from sysid.logs.payload import PAYLOAD
 from vehicle import Vehicle, specs
 
@@ -34,8 +35,6 @@ UNSETTLED = (
 )
 PLACE_OF_LOAD = tuple(f"{PAYLOAD}.{axis}_m" for axis in "xyz")
 """Fitted with the catalogue's width as a prior: a load of no weight has no place, and its height hardly ever shows."""
-LAST_STEPS = 6
-"""Steps of a fit that did not converge by which it is judged what moved most."""
 UNSEEN_SHARE = 0.5
 """A parameter is not identifiable when its standard error exceeds this share of its typical size."""
 
@@ -78,7 +77,7 @@ def identify(
         _with_gusts(_on_time(flights, solution), solution, unknowns.model) if options.gusts == "estimate" else None
     )
     doubts: tuple[str, ...] = ()
-    unsettled: dict[str, str] = {}
+    unsettled: tuple[Unsettled, ...] = ()
     if lasting is not None:
         also_held = list(held)
         carried, free, newly_held = _fit_settled(flights, vehicle, *lasting, unknowns, also_held, options, progress)
@@ -146,38 +145,22 @@ def _fit_settled(
     held: list[str],
     options: Options,
     progress: Progress,
-) -> tuple[Solution, Unknowns, dict[str, str]]:
+) -> tuple[Solution, Unknowns, tuple[Unsettled, ...]]:
     """`_fit`; where that does not converge and flights tell a parameter only together with another one, it is held too.
 
-    The others go on from where they stand. The last result: what was held so, with a sentence on each.
+    The others go on from where they stand. The last result: what was held so.
     """
     solution, unknowns = _fit(flights, vehicle, point, noise, unknowns, held, options, progress)
-    unsettled: dict[str, str] = {}
+    unsettled: list[Unsettled] = []
     while not solution.converged and unknowns.model and len(solution.record) > 1:
-        name, with_it = least_settled(solution, unknowns)
-        if not with_it:
+        found = least_settled(solution, unknowns, vehicle)
+        if found is None:
             break
-        value, unit = vehicle.value(name), vehicle.parameter(name).unit
-        unsettled[name] = (
-            f"{name} did not settle and was held at {value:.4g} {unit}, where the fit began: these flights tell it "
-            f"only together with {' and '.join(with_it)}, which is as right as that value; measure it, or fly quicker "
-            "manoeuvres that excite it"
-        )
-        logger.info("holding %s: it does not settle beside %s", name, with_it)
-        begin = _reset(solution.point, vehicle, name), solution.noise
-        solution, unknowns = _fit(flights, vehicle, *begin, unknowns.without(name), held, options, progress)
-    return solution, unknowns, unsettled
-
-
-def least_settled(solution: Solution, unknowns: Unknowns) -> tuple[str, tuple[str, ...]]:
-    """The vehicle's parameter that moved most over the last steps, in standard errors, and those confounded with it."""
-    m = len(unknowns.model)
-    covariance = solution.covariance()[:m, :m]
-    std = np.sqrt(np.diag(covariance))
-    values = np.array([i.values[:m] for i in solution.record[-LAST_STEPS:]])
-    place = int(np.argmax(np.abs(np.diff(values, axis=0)).sum(axis=0) / std))
-    confounded = np.abs(covariance[place]) >= CONFOUNDED * std * std[place]
-    return unknowns.model[place], tuple(unknowns.model[i] for i in np.flatnonzero(confounded) if i != place)
+        unsettled.append(found)
+        logger.info("holding %s: it does not settle beside %s", found.name, found.confounded)
+        begin = _reset(solution.point, vehicle, found.name), solution.noise
+        solution, unknowns = _fit(flights, vehicle, *begin, unknowns.without(found.name), held, options, progress)
+    return solution, unknowns, tuple(unsettled)
 
 
 def _with_gusts(flights: list[Flight], solution: Solution, names: tuple[str, ...]) -> tuple[Point, Noise] | None:

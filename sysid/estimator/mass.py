@@ -39,6 +39,11 @@ class CommonFactor:
     of_all: bool
     """Whether inertias alone, and all other estimates alone, are off to its side of 1."""
 
+    @property
+    def sigmas(self) -> float:
+        """How many standard errors its logarithm is from zero: 10 % too large and too small show alike."""
+        return abs(float(np.log(self.value))) * self.value / self.sigma
+
 
 def common_factor(given: Vehicle, fitted: Mapping[str, tuple[float, float]]) -> CommonFactor | None:
     """The weighted mean of fitted over believed value.
@@ -72,6 +77,29 @@ def common_factor(given: Vehicle, fitted: Mapping[str, tuple[float, float]]) -> 
     return CommonFactor(factor, sigma, len(logs), bool(of_all))
 
 
+def what_is_known(given: Vehicle, fitted: Mapping[str, tuple[float, float]]) -> str:
+    """How far flights and vehicle file together tell the mass, in a sentence.
+
+    Args:
+        fitted: as in `common_factor`.
+    """
+    said = (
+        f"the mass was given as {given.mass_kg:g} kg and not estimated: pose and rotor speed show only ratios to it, "
+        "so thrust, drag and inertia are as right as the mass is; "
+    )
+    common = common_factor(given, fitted)
+    if common is None:
+        return said + (
+            f"whether it is right does not show: that takes {LEAST_WITNESSES} estimates, a thrust and an inertia among "
+            "them, whose errors the vehicle file states"
+        )
+    agrees_kg, off = given.mass_kg / common.value, np.exp(SIGMAS * common.sigma / common.value)
+    return said + (
+        f"with the vehicle file's other numbers and their errors masses of {agrees_kg / off:.3g} to "
+        f"{agrees_kg * off:.3g} kg agree ({SIGMAS:g} standard errors)"
+    )
+
+
 def sentences(
     given: Vehicle, fitted: Mapping[str, tuple[float, float]], thrust: float, speed_rad_s: float
 ) -> list[str]:
@@ -83,7 +111,7 @@ def sentences(
         speed_rad_s: at this rotor speed.
     """
     common = common_factor(given, fitted)
-    if common is not None and common.of_all and abs(common.value - 1.0) > SIGMAS * common.sigma:
+    if common is not None and common.of_all and common.sigmas > SIGMAS:
         agrees_kg = given.mass_kg / common.value
         return [
             f"the {common.witnesses} estimates that scale with the mass came out {common.value:.3f} ± "

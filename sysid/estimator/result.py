@@ -1,28 +1,28 @@
 """What an identification found: estimates with errors that can be believed, and how it got there."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
 
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
-from sysid.estimator import clocks, gyro_feedback, mass
+from sysid.estimator import clocks, mass
 from sysid.estimator import verdict as verdicts
 from sysid.estimator.agreement import odd_flights
-from sysid.estimator.assumed_clock import assumed
 from sysid.estimator.blocks import motor
 from sysid.estimator.blocks.catalogue import BLOCKS, acting, places, reported
 from sysid.estimator.blocks.gyro import GYRO
 from sysid.estimator.blocks.motion import Motion
 from sysid.estimator.clocks import Clock
+from sysid.estimator.errors import Errors, standard_errors
 from sysid.estimator.flight_data import Flight, left_out
 from sysid.estimator.noise import Noise
 from sysid.estimator.options import Options, Reference
-from sysid.estimator.solver import Solution, robust_covariance
+from sysid.estimator.solver import Solution
 from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns
+from sysid.estimator.unsettled import CONFOUNDED, Unsettled
 from sysid.estimator.verdict import Verdict
 from vehicle import Vehicle, specs
 
@@ -31,10 +31,6 @@ NORMAL_90 = 1.6449
 
 SCHEMA_VERSION = 2
 """Version of `Identification.as_dict`."""
-CONFOUNDED = 0.9
-"""Correlation of two estimates from which on the flights tell one combination of them, hardly each by itself."""
-STRONGLY_CORRELATED = 5.0
-"""Errors correlated in time make a standard error so many times the plain one before it is worth a sentence."""
 NOT_IDENTIFIABLE = "not identifiable"
 """Status of a parameter that is held because the flights do not determine it."""
 NOT_SETTLED = "not settled"
@@ -188,7 +184,7 @@ def conclude(
     unknowns: Unknowns,
     solution: Solution,
     unseen: tuple[str, ...],
-    unsettled: Mapping[str, str],
+    not_settled: Sequence[Unsettled],
     options: Options,
     given: Vehicle,
     clock: Reference,
@@ -198,67 +194,42 @@ def conclude(
     Args:
         vehicle: what the fit started from.
         unseen: parameters that are held because these flights do not identify them.
-        unsettled: parameters that are held because the fit did not settle, with a sentence on each.
+        not_settled: parameters that are held because the fit did not settle with them free.
         given: what the user gave; another one where stages or a search came before.
         clock: whose clock the others were measured against.
     """
     names = (*unknowns.model, *unknowns.sensor)
-    p = len(names)
-    plain = solution.covariance()
-    sandwich, freedom = robust_covariance(solution, len(unknowns.bias) + len(unknowns.delay))
-    on_time = assumed(solution, unknowns, flights)
-    # the scatter of a few flights may come out smaller than the noise alone makes it, by chance: the larger of both
-    # (Angrist and Pischke, Mostly Harmless Econometrics, 2009, section 8.1)
-    variance = np.maximum(np.diag(sandwich), np.diag(plain))
-    off_s = gyro_feedback.biases_s(flights, unknowns, solution, np.sqrt(variance))
-    by_clocks = on_time.shift**2 + (gyro_feedback.shifts(off_s, plain) ** 2).sum(axis=1)
-    robust = np.sqrt(variance + by_clocks)
-    interval90 = stdtrit(freedom, 0.95) * robust
-    std, std_robust = np.sqrt(np.diag(plain))[:p], robust[:p]
-    shares = _information_shares(solution)
-    delays = _clocks(flights, unknowns, solution, robust, clock)
-    estimates = [
-        Estimate(
-            name=name,
-            value=solution.point.value(name),
-            unit=vehicle.parameter(name).unit,
-            std=float(std[i]),
-            std_robust=float(std_robust[i]),
-            start=vehicle.value(name),
-            status="free",
-            information=tuple(shares[:, i].tolist()),
-            interval90=float(interval90[i]),
-        )
-        for i, name in enumerate(names)
-    ]
-    estimates += [_held(vehicle, name, NOT_IDENTIFIABLE) for name in unseen]
-    estimates += [_held(vehicle, name, NOT_SETTLED) for name in unsettled]
-    estimates += [_held(vehicle, name, "held") for name in sorted({"mass_kg", *options.held}) if name not in names]
-    safe = np.where(std > 0.0, std, 1.0)
+    errors = standard_errors(flights, unknowns, solution, not_settled)
+    held = dict.fromkeys(sorted({"mass_kg", *options.held} - {*names}), "held")
+    status = {**dict.fromkeys(unseen, NOT_IDENTIFIABLE), **{one.name: NOT_SETTLED for one in not_settled}, **held}
+    estimates = _estimates(vehicle, names, solution, errors)
+    estimates += [_held(vehicle, name, why) for name, why in status.items()]
+    delays = _clocks(flights, unknowns, solution, errors.robust, clock)
     disagreement = _disagreement(vehicle, unknowns, solution, flights)
-    strong = np.diag(sandwich) > STRONGLY_CORRELATED**2 * np.diag(plain)
-    lasting = [name for name, so in zip(names, strong[:p], strict=True) if so]
+    unsettled = [one.sentence for one in not_settled]
+    lasting = [name for name, so in zip(names, errors.correlated[: len(names)], strict=True) if so]
     verdict = verdicts.of_fit(given, solution.point.vehicle, flights, unknowns.model, _against(solution))
     return Identification(
         vehicle=_updated(vehicle, estimates, flights),
         parameters=tuple(estimates),
-        correlation=plain[:p, :p] / np.outer(safe, safe),
+        correlation=errors.correlation[: len(names), : len(names)],
         free_names=names,
         noise=solution.noise,
         gyro_bias_rad_s=_gyro_bias(flights, solution),
         solution=solution,
         unknowns=unknowns,
         flights=tuple(flights),
-        findings=tuple(
-            _findings(vehicle, estimates, solution, flights, lasting)
-            + clocks.sentences(delays)
-            + on_time.sentences(unknowns, flights)
-            + _against_belief(given, estimates, solution, flights)
-            + disagreement
-            + list(unsettled.values())
+        findings=(
+            mass.what_is_known(given, _free(estimates)),
+            *_findings(vehicle, estimates, solution, flights, lasting),
+            *clocks.sentences(delays),
+            *errors.by_command.sentences(unknowns, flights),
+            *_against_belief(given, estimates, solution, flights),
+            *disagreement,
+            *unsettled,
         ),
         verdict=verdict.doubted(
-            *unsettled.values(),
+            *unsettled,
             *_at_bounds(vehicle, estimates, but=0.0),
             *unpredicted_turning(solution, flights, unknowns.model),
             *disagreement,
@@ -267,6 +238,25 @@ def conclude(
         clock=clock,
         clocks=delays,
     )
+
+
+def _estimates(vehicle: Vehicle, names: Sequence[str], solution: Solution, errors: Errors) -> list[Estimate]:
+    """Of the parameters that were free, the first of the unknowns."""
+    plain, shares = errors.plain, _information_shares(solution)
+    return [
+        Estimate(
+            name=name,
+            value=solution.point.value(name),
+            unit=vehicle.parameter(name).unit,
+            std=float(plain[i]),
+            std_robust=float(errors.robust[i]),
+            start=vehicle.value(name),
+            status="free",
+            information=tuple(shares[:, i].tolist()),
+            interval90=float(errors.interval90[i]),
+        )
+        for i, name in enumerate(names)
+    ]
 
 
 def _gyro_bias(flights: list[Flight], solution: Solution) -> FloatArray:
@@ -359,10 +349,7 @@ def _findings(
     lasting: Sequence[str],
 ) -> list[str]:
     """Args: lasting: names of parameters whose errors are strongly correlated in time."""
-    found = [
-        f"the mass was given as {vehicle.mass_kg:g} kg and not estimated: pose and rotor speed show only ratios to it, "
-        "so thrust, drag and inertia are as right as the mass is"
-    ]
+    found: list[str] = []
     gravity_m_s2 = flights[0].gravity_m_s2
     if gravity_m_s2 != GRAVITY_M_S2:
         found.append(
@@ -411,6 +398,11 @@ def _against(solution: Solution) -> list[str]:
     return found
 
 
+def _free(estimates: Iterable[Estimate]) -> dict[str, tuple[float, float]]:
+    """Value and standard error of what was estimated."""
+    return {e.name: (e.value, e.std_robust) for e in estimates if e.status == "free"}
+
+
 def _at_bounds(vehicle: Vehicle, estimates: list[Estimate], *, but: float | None = None) -> list[str]:
     """Estimates that left their range, but for the bound `but`: a drag of nil is no cause for doubt."""
     bounds = specs(vehicle)
@@ -427,8 +419,7 @@ def _against_belief(given: Vehicle, estimates: list[Estimate], solution: Solutio
     """What a wrong mass looks like, if the estimates do."""
     speed = verdicts.usual_rotor_speed(flights)
     fitted, believed = (verdicts.thrust_n(v, speed) for v in (solution.point.vehicle, given))
-    found = {e.name: (e.value, e.std_robust) for e in estimates if e.status == "free"}
-    return mass.sentences(given, found, fitted / believed if believed > 0.0 else 1.0, float(speed.mean()))
+    return mass.sentences(given, _free(estimates), fitted / believed if believed > 0.0 else 1.0, float(speed.mean()))
 
 
 def _disagreement(vehicle: Vehicle, unknowns: Unknowns, solution: Solution, flights: list[Flight]) -> list[str]:

@@ -142,15 +142,22 @@ def solve(
                 noise_change=_relative_change(old, noise),
             )
         )
-        last = record[-1]
-        # A noise level without influence on the parameters may creep for long; two small steps in a row are enough.
-        still = [i.step_sigma < CONVERGED_SIGMA and i.damping > 0.99 for i in record[-2:]]
-        crept = bool(unknowns.model) and still == [True, True]
-        converged = still[-1] and (last.noise_change < CONVERGED_NOISE or crept)
+        converged = _settled(record, unknowns)
         progress("identify", min(0.95, len(record) / 12.0))
+        last = record[-1]
         logger.info("iteration %d: cost %.6g, step %.3g sigma", len(record), last.cost, last.step_sigma)
         logger.debug("values %s, noise %s", dict(zip(unknowns.names, last.values, strict=True)), noise)
     return _solution(flights, point, noise, unknowns, prior, tuple(record), converged, robust, block_s)
+
+
+def _settled(record: Sequence[Iteration], unknowns: Unknowns) -> bool:
+    """Whether the last step was small, and so was what it changed the noise by.
+
+    A noise level without influence on the parameters may creep for long; two small steps in a row are enough.
+    """
+    still = [i.step_sigma < CONVERGED_SIGMA and i.damping > 0.99 for i in record[-2:]]
+    crept = bool(unknowns.model) and still == [True, True]
+    return still[-1] and (record[-1].noise_change < CONVERGED_NOISE or crept)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from flight.rotations import FloatArray
+from flight.units import RAD_S_PER_RPM
 from sysid.estimator.flight_data import Flight
 from sysid.logs.check import LogReport
 from vehicle import Vehicle, wrench
 from vehicle.invert import open_air
 
-RPM = 60.0 / (2.0 * np.pi)
-"""Revolutions per minute in one radian per second."""
 THRUST_UNUSUAL, THRUST_ABSURD = 2.0, 5.0
 """Factors between the fitted thrust and the vehicle file's: a poor data sheet, and no error of a data sheet."""
 COEFFICIENT_USUAL, COEFFICIENT_POSSIBLE = (2e-3, 0.1), (4e-4, 0.4)
@@ -169,9 +168,9 @@ def _thrust(given: Vehicle, fitted: Vehicle, flights: Sequence[Flight]) -> Verdi
 
 def _cause(ratio: float) -> str:
     """The likely reason of a thrust that is off by a large factor."""
-    if 0.4 * RPM**2 < ratio < 2.5 * RPM**2:
+    if 0.4 < ratio * RAD_S_PER_RPM**2 < 2.5:
         return "rotor speed in rad/s was read as rpm, or the vehicle file's thrust is per rpm; correct the unit"
-    if 0.4 < ratio * RPM**2 < 2.5:
+    if 0.4 < ratio / RAD_S_PER_RPM**2 < 2.5:
         return "rotor speed in rpm was read as rad/s; multiply it by 2 pi / 60, or say unit = 'rpm' in the column map"
     return "check the unit of rotor speed, mass_kg, and the thrust in the vehicle file"
 

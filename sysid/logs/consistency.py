@@ -10,6 +10,7 @@ from flight import FlightLog, Progress, rotations, silent
 from flight.flight_log import COLUMNS
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
+from flight.units import RAD_S_PER_RPM
 from sysid.logs import attitude, clocks, gyro_clock, mounting, position_unit, rotor_order
 from sysid.logs.attitude import DEGREES, LEAST_RATE_RAD_S
 from sysid.logs.finding import Finding, Repair, error, warning
@@ -18,7 +19,6 @@ from sysid.logs.payload import as_flown, carries_payload
 from vehicle import Vehicle, wrench
 from vehicle.invert import open_air
 
-RPM = 60.0 / (2.0 * np.pi)
 RATIO_SIGMAS = 4.0
 """A ratio is called wrong when it is off by this many of its standard errors."""
 LEAST_SIGNAL = 0.3
@@ -172,7 +172,7 @@ def _rotors(
     needed = np.linalg.norm(motion.specific_force_world_m_s2, axis=1)
     strong = thrust >= 0.5 * np.quantile(thrust, 0.95)  # a log may begin long before the flight
     ratio = float(np.median(thrust[strong]) / np.median(needed[strong]))
-    if 0.4 * RPM**2 < ratio < 2.5 * RPM**2:
+    if 0.4 < ratio * RAD_S_PER_RPM**2 < 2.5:
         return [_rpm(float(np.median(speed)))]
     found = []
     if not 0.25 < ratio < 4.0:
@@ -187,7 +187,7 @@ def _rotors(
 
 def _rpm(typical: float) -> Finding:
     sentence = f"rotor speed is {typical:.0f} (median): that is rpm in a rad/s column"
-    repair = Repair("scale", COLUMNS["rotor_speed_rad_s"], factor=1.0 / RPM)
+    repair = Repair("scale", COLUMNS["rotor_speed_rad_s"], factor=RAD_S_PER_RPM)
     return error("unit", sentence, "multiply rotor_speed_rad_s by 2 pi / 60", repair=repair)
 
 

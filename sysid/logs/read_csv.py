@@ -15,6 +15,7 @@ import numpy as np
 from flight import FlightLog, FormatError, InputError, cells, file_format, frames, rotations
 from flight.flight_log import COLUMNS, from_vectors
 from flight.rotations import FloatArray
+from flight.units import RAD_S_PER_RPM
 from sysid.logs.streams import shifted
 
 FORMAT = "goshawk-csv-map"
@@ -36,9 +37,9 @@ UNITS = {
     "deg": np.pi / 180.0,
     "rad/s": 1.0,
     "deg/s": np.pi / 180.0,
-    "rpm": 2.0 * np.pi / 60.0,
+    "rpm": RAD_S_PER_RPM,
     "m/s2": 1.0,
-    "g": 9.80665,
+    "g": frames.GRAVITY_M_S2,
     "V": 1.0,
     "mV": 1e-3,
 }

@@ -10,9 +10,9 @@ import numpy as np
 from flight import FlightLog, FormatError, InputError, frames, rotations
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
+from flight.units import RAD_S_PER_RPM
 from sysid.logs.streams import interpolated, joined
 
-RPM = 2.0 * np.pi / 60.0
 LOST = "lost"
 """Key of a log's metadata: a sentence on what of the file could not be read."""
 _HEADER_BYTES = 16
@@ -157,4 +157,4 @@ def _rotor_speeds(topics: dict[str, Any]) -> dict[str, FloatArray]:
         return {}
     data = topics["esc_status"]
     speeds = np.stack([np.asarray(data[f"esc[{i}].esc_rpm"], dtype=np.float64) for i in range(4)], axis=1)
-    return {"time_s": _time(data), **_columns("rotor_speed_rad_s", np.abs(speeds) * RPM)}
+    return {"time_s": _time(data), **_columns("rotor_speed_rad_s", np.abs(speeds) * RAD_S_PER_RPM)}

@@ -5,7 +5,10 @@ Roll and pitch come from thrust times arm; yaw from the rotors' drag torque and 
 
     I_xx dw_x/dt =  sum k y_i n_i^2
     I_yy dw_y/dt = -sum k x_i n_i^2
-    I_zz dw_z/dt = -sum s_i (k_m n_i^2 + J dn_i/dt)
+    I_zz dw_z/dt = -sum s_i (k_m n_i^2 + J dn_i/dt) + (I_xx - I_yy) w_x w_y
+
+The last term (Euler's equations), large in loops and rolls, is fitted along: rotors that counteract it would show yaw
+with the opposite sign.
 
 Angular acceleration is regressed on the squares of all four columns, in a band in which rotors cause the turning and do
 not respond to it. Each order, and each balanced set of spins, predicts the pattern of the gains. Scales (inertias,
@@ -49,6 +52,8 @@ LARGEST_GAP_S = 0.05
 LEAST_WINDOWS = 6
 CERTAIN = 25.0
 """Difference of chi square (5 standard errors) that decides between two hypotheses."""
+LEAST_EXPLAINED = 0.1
+"""Of yaw acceleration, by which yaw alone decides: rotors that answer gusts explain up to a twentieth with any sign."""
 LEAST_TURN_RAD = np.deg2rad(15.0)
 """Hubs whose places are turned alike to within this are turned as a whole."""
 AS_GIVEN = (0, 1, 2, 3)
@@ -80,6 +85,8 @@ class Spectra:
     """(w, f, 4), of squared rotor speed in windows that begin so many times `COARSE_S` later."""
     turning: ComplexArray
     """(w, f, 3), of angular acceleration."""
+    coupling: ComplexArray
+    """(w, f), of w_x w_y."""
 
     def advanced(self, delay_s: float) -> ComplexArray:
         """(w, f, 4) of squared rotor speed, which is this much later than the turning."""
@@ -208,7 +215,7 @@ def _by_yaw_alone(spectra: Spectra, vehicle: Vehicle) -> Rotors:
     spin = _spin(whole, AS_GIVEN, vehicle)
     explained = np.array([one.explained for one in (*_roll_and_pitch(spectra, best), whole)])
     sure = {_spin(one, AS_GIVEN, vehicle) for one in near} - {None} == {spin}
-    return Rotors(None, spin if sure else None, explained)
+    return Rotors(None, spin if sure and whole.explained > LEAST_EXPLAINED else None, explained)
 
 
 def _delays_s() -> FloatArray:
@@ -229,11 +236,15 @@ def _roll_and_pitch(spectra: Spectra, delay_s: float, most_windows: int | None =
 
 
 def _yaw(spectra: Spectra, delay_s: float, most_windows: int | None = None) -> Gains:
-    """Of rotor speed's squares, then of their slopes."""
+    """Of rotor speed's squares, then of their slopes, on what w_x w_y leaves of the acceleration."""
     every = 1 if most_windows is None else max(len(spectra.turning) // most_windows, 1)
     squared = spectra.advanced(delay_s)[::every]
     change = squared * (2j * np.pi * spectra.hz)[:, None]
-    return _gains(np.concatenate([squared, change], axis=2), spectra.turning[::every, :, 2])
+    columns = np.concatenate([squared, change, spectra.turning[::every, :, 2:]], axis=2)
+    coupling = spectra.coupling[::every]
+    power = max(float((np.abs(coupling) ** 2).sum()), np.finfo(float).tiny)
+    columns = columns - coupling[..., None] * (np.einsum("wf,wfi->i", coupling.conj(), columns).real / power)
+    return _gains(columns[..., :-1], columns[..., -1])
 
 
 def _order(roll: Gains, pitch: Gains, vehicle: Vehicle) -> tuple[int, ...] | None:
@@ -282,7 +293,7 @@ def _spectra(log: FlightLog, rate: tuple[FloatArray, FloatArray]) -> Spectra | N
         return None
     hz = np.asarray(np.fft.rfftfreq(length, GRID_S), dtype=np.float64)
     band = (hz > BAND_HZ[0]) & (hz < BAND_HZ[1])
-    speed, turning = (np.stack([np.interp(grid_s, t, column) for column in x.T], axis=1) for t, x in streams)
+    speed, rate_body = (np.stack([np.interp(grid_s, t, column) for column in x.T], axis=1) for t, x in streams)
 
     def spectrum(values: FloatArray, later: int) -> ComplexArray:
         windows = np.stack([values[s + later : s + later + length] for s in starts])
@@ -290,7 +301,8 @@ def _spectra(log: FlightLog, rate: tuple[FloatArray, FloatArray]) -> Spectra | N
         return np.fft.rfft(windows, axis=1)[:, band]
 
     squared = {later // step: spectrum(speed**2, later) for later in range(-margin, margin + 1, step)}
-    return Spectra(hz[band], squared, spectrum(turning, 0) * (2j * np.pi * hz[band])[:, None])
+    turning = spectrum(rate_body, 0) * (2j * np.pi * hz[band])[:, None]
+    return Spectra(hz[band], squared, turning, spectrum(rate_body[:, :1] * rate_body[:, 1:2], 0)[..., 0])
 
 
 def _gap(time_s: FloatArray, start_s: float, length_s: float) -> bool:

@@ -126,7 +126,7 @@ REJECTED = fits.Verdict(against=("inertia_zz_kg_m2 came out 0.06, which no multi
 POSSIBLE = fits.Verdict(doubts=("thrust came out 2.2 times the vehicle file's",))
 
 
-def test_neither_a_name_nor_a_curve_is_surer_than_the_sentence_on_a_rejected_fit():
+def test_neither_a_name_nor_a_curve_nor_an_attempt_is_surer_than_the_sentence_on_a_rejected_fit():
     confirmed = case(trial=trial(Outcome.ADDED), added=True, rejected=True)
     assert decide(confirmed).confidence == THRESHOLDS.even_confidence
     one_of_two = trial(Outcome.UNDECIDED)
@@ -140,6 +140,12 @@ def test_neither_a_name_nor_a_curve_is_surer_than_the_sentence_on_a_rejected_fit
     )
     assert procedure._outside(model, curve, unsure=False).confidence == 0.9
     assert procedure._outside(model, curve, unsure=True).confidence == THRESHOLDS.even_confidence
+    fell = SimpleNamespace(total=60.0, sigma=5.0)
+    tried: Any = SimpleNamespace(
+        **vars(trial(Outcome.ADDED)), candidate=CANDIDATE, rivals=(), held_out=fell, judged_on="held-out flights"
+    )
+    assert procedure._attempt(tried, unsure=False).confidence == 0.9
+    assert procedure._attempt(tried, unsure=True).confidence == THRESHOLDS.even_confidence
 
 
 @pytest.mark.parametrize("says_missing", [True, False])

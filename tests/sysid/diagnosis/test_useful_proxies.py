@@ -242,7 +242,8 @@ def test_what_fell_too_little_is_said_so():
 def test_a_size_below_a_twentieth_of_the_usual_one_is_of_no_consequence(size: float, expected):
     fit: Any = SimpleNamespace(vehicle=SimpleNamespace(value={"a.x": size}.__getitem__))
     assert search._matters(fit, candidate("a")) is expected
-    assert search._named(cast("Any", SimpleNamespace(fit=fit)), [candidate("a")]) == expected
+    history = search._History([cast("Any", SimpleNamespace(fit=fit))], added=[candidate("a")])
+    assert bool(history.mattering) is expected
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import pytest
 
 from flight import FlightLog
 from sysid import Options
-from sysid.diagnosis import Verdict, diagnose
+from sysid.diagnosis import Diagnosis, Verdict, diagnose
 from sysid.estimator.verdict import Use
 
 
@@ -21,6 +21,37 @@ def test_a_log_that_contradicts_the_vehicle_file_leaves_nothing_sure(reversed_sp
     assert "spin" in reversed_spins.verdict
     assert reversed_spins.confidence <= 0.5
     assert all(s.verdict is not Verdict.EXCLUDED and s.confidence <= 0.5 for s in reversed_spins.candidates)
+
+
+def leaves_nothing_sure(found: Diagnosis) -> None:
+    assert found.fit_verdict.use is Use.REJECTED
+    assert found.attempts
+    assert not [s.name for s in found.candidates if s.verdict is Verdict.EXCLUDED]
+    said = (found, *found.candidates, *found.attempts, *((found.outside,) if found.outside else ()))
+    assert max(one.confidence for one in said) <= 0.5
+
+
+@pytest.mark.slow
+def test_one_flight_in_another_rotor_order_leaves_nothing_sure_though_nothing_is_against_the_fit(campaign, truth):
+    """It was held out, so that no fit has seen it."""
+    log = campaign[2]
+    swapped = {f"rotor_speed_{i}_rad_s": log.columns[f"rotor_speed_{1 - i}_rad_s"] for i in range(2)}
+    without = truth.without_effect("rotor_drag_thrust")
+    flown = [log.slice(0.0, 8.0) for log in campaign[:2]]
+    found = diagnose(flown, without, held_out=[FlightLog({**log.columns, **swapped}, log.metadata)])
+    assert not found.search.models[-1].fit.verdict.against
+    assert "do not follow the rotors in this order" in found.input_verdict.against[0]
+    assert found.input_verdict.against[0] in found.verdict
+    leaves_nothing_sure(found)
+
+
+@pytest.mark.slow
+def test_a_fit_that_does_not_converge_leaves_nothing_sure_though_the_logs_are_good(campaign, truth):
+    without = truth.without_effect("rotor_drag_thrust")
+    flown = [log.slice(0.0, 8.0) for log in campaign[:2]]
+    found = diagnose(flown, without, options=Options(gusts="white", max_iterations=1))
+    assert found.input_verdict.use is Use.USABLE
+    leaves_nothing_sure(found)
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import partial
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from flight import FlightLog
 from flight.flight_log import from_vectors
 from sysid.diagnosis import diagnose
 from sysid.estimator import driven_band, weight
-from sysid.estimator.identification import least_settled, start
+from sysid.estimator.identification import start
 from sysid.estimator.prepare import prepare
 from sysid.estimator.problem import Point
 from sysid.estimator.unknowns import Unknowns, biases
@@ -59,15 +58,6 @@ def test_a_moment_that_makes_an_impossible_body_of_white_disturbances_is_named_w
     assert found.fit_verdict.use == "doubtful"
     for name in INERTIA:
         assert found.vehicle.value(name) == pytest.approx(truth.value(name), rel=0.02)
-
-
-@pytest.mark.parametrize(("together", "others"), [(0.97, (THRUST,)), (0.5, ())])
-def test_what_does_not_settle_is_named_with_what_it_is_confounded_with(together, others):
-    values = np.array([[1.0, 5.0, 0.0], [1.1, 7.0, 0.0], [1.0, 5.0, 9.0]])  # the last is no parameter of the vehicle
-    covariance = np.array([[1.0, together, 0.0], [together, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    solution = SimpleNamespace(record=[SimpleNamespace(values=v) for v in values], covariance=lambda: covariance)
-    unknowns = Unknowns((THRUST, INERTIA[2]), (), ("bias",))
-    assert least_settled(solution, unknowns) == (INERTIA[2], others)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")

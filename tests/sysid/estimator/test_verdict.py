@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 import vehicle
+from flight.units import RAD_S_PER_RPM
 from sysid.estimator.noise import Noise
 from sysid.estimator.result import unpredicted_turning
 from sysid.estimator.states import States
-from sysid.estimator.verdict import RPM, WRONG_KINDS, Use, Verdict, of_fit, of_logs, too_large_inertias
+from sysid.estimator.verdict import WRONG_KINDS, Use, Verdict, of_fit, of_logs, too_large_inertias
 from sysid.logs.check import LogReport
 from sysid.logs.finding import Finding
 from vehicle import Vehicle
@@ -55,9 +56,9 @@ def test_vehicles_as_they_are_are_usable(name):
         (3.0, Use.DOUBTFUL, "weigh the vehicle"),
         (0.3, Use.DOUBTFUL, "weigh the vehicle"),
         (30.0, Use.REJECTED, "check the unit"),
-        (RPM**2, Use.REJECTED, "rad/s was read as rpm"),
+        (RAD_S_PER_RPM**-2, Use.REJECTED, "rad/s was read as rpm"),
         (88.0, Use.REJECTED, "rad/s was read as rpm"),
-        (1.0 / RPM**2, Use.REJECTED, "rpm was read as rad/s"),
+        (RAD_S_PER_RPM**2, Use.REJECTED, "rpm was read as rad/s"),
     ],
 )
 def test_thrust_far_from_the_file_names_its_likely_cause(truth, factor, use, words):
@@ -67,7 +68,7 @@ def test_thrust_far_from_the_file_names_its_likely_cause(truth, factor, use, wor
 
 
 def test_an_absurd_thrust_is_found_though_the_file_has_it_too(truth):
-    absurd = scaled(truth, RPM**2, "thrust_bem.k1_n_s2")
+    absurd = scaled(truth, RAD_S_PER_RPM**-2, "thrust_bem.k1_n_s2")
     found = verdict(absurd, absurd)
     assert found.use is Use.REJECTED
     assert "thrust coefficient" in found.sentence

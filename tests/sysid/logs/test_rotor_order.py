@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flight import FlightLog
+from flight.flight_log import from_vectors
 from sysid.logs import rotor_order
 from sysid.logs.check import check_log
 from sysid.logs.fix import fix
@@ -68,6 +69,36 @@ def test_yaw_shows_wrong_spins_where_roll_and_pitch_show_no_order(log, truth):
         (found,) = check_log(rest, replace(truth, spin=spin)).findings
         assert (found.level, found.what, found.repair) == ("error", "rotor spin", None)
         assert f"turn the sign of {which} in the vehicle file, or take the columns" in found.fix
+
+
+def tumbling(truth, rng: np.random.Generator) -> FlightLog:
+    """Rolls and loops with 8 rad/s: the rotors counteract what Euler's equations make of them in yaw."""
+    inertia = np.array([truth.value(f"inertia_{2 * axis}_kg_m2") for axis in "xyz"])
+    hub, step_s, steps = truth.hub_body_m, 0.0025, 4800
+    by_square = 2.6e-6 * np.stack([hub[:, 1], -hub[:, 0], -0.012 * truth.spin, np.ones(4)])
+    size = np.array([[8.0], [8.0], [0.8]]) * rng.uniform(0.5, 1.0, (3, 3))
+    turns, phase = 2.0 * np.pi * rng.uniform(0.2, 2.0, (3, 3)), rng.uniform(0.0, 2.0 * np.pi, (3, 3))
+    rate, squared, kept = np.zeros(3), np.full(4, 950.0**2), []
+    for i in range(steps):
+        wanted = (size * np.sin(turns * i * step_s + phase)).sum(axis=1)
+        torque = 20.0 * inertia * (wanted - rate)
+        demand = np.linalg.solve(by_square, np.r_[torque, by_square[3].sum() * 950.0**2])
+        squared = squared + (np.clip(demand, 300.0**2, 1700.0**2) - squared) * step_s / 0.03
+        rate = rate + step_s * (by_square[:3] @ squared - np.cross(rate, inertia * rate)) / inertia
+        kept.append(np.r_[rate, np.sqrt(squared)])
+    logged = np.array(kept[::4])
+    logged += np.array([0.02] * 3 + [4.0] * 4) * rng.standard_normal(logged.shape)
+    vectors = {"rate_body_rad_s": logged[:, :3], "rotor_speed_rad_s": logged[:, 3:]}
+    return from_vectors(np.arange(len(logged), dtype=np.float64) * (4.0 * step_s), vectors)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rotors_that_counteract_what_roll_and_pitch_do_to_yaw_reverse_no_spin(truth, seed):
+    """By a file whose hubs show no order, so that yaw alone has to tell."""
+    in_a_row = replace(truth, hub_body_m=truth.hub_body_m * np.array([1.0, 0.0, 1.0]))
+    found = examine(tumbling(truth, np.random.default_rng(seed)), in_a_row)
+    assert found.order is None
+    assert found.spin in (None, tuple(truth.spin))
 
 
 def test_a_single_oscillation_does_not_decide_between_an_order_and_its_opposite(log, truth):
