@@ -3,10 +3,10 @@
 from scipy.special import ndtri
 
 from sysid.diagnosis.candidates import Candidate
-from sysid.diagnosis.findings import NORMAL_90, Size
+from sysid.diagnosis.findings import Size
 from sysid.diagnosis.score import Score
 from sysid.diagnosis.thresholds import THRESHOLDS
-from sysid.estimator.result import Identification
+from sysid.estimator.result import NORMAL_90, Identification
 from vehicle import effects
 
 VISIBLE_SIGMAS = -float(ndtri(THRESHOLDS.chance / 2.0) + ndtri(0.1))

@@ -16,10 +16,6 @@ SCHEMA_VERSION = 2
 """Version of `Diagnosis.as_dict` of `sysid.diagnosis.diagnose`."""
 
 
-NORMAL_90 = 1.645
-"""Half of a 90 % interval, in standard errors."""
-
-
 class Verdict(StrEnum):
     """What the measurements say about an effect."""
 
