@@ -9,6 +9,9 @@ from numpy.typing import ArrayLike
 from flight import FloatArray
 from planner import space
 
+CLEARANCE_PRICE = 3000.0
+"""Of `Weights.clearance` in a `Tube`, whose value has kinks: at 1e4, the price among obstacles, the descent stalls at
+them (a flight through rooms took 20.1 s, not 17.1); at 300 some walks leave the boxes for good."""
 _SMALLEST_M = 0.06
 """Half the diagonal of the smallest piece of a box that is looked at; it counts as not free if it is not proved."""
 _STEP_M = 0.3
