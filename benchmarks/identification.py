@@ -20,12 +20,12 @@ import sysid
 import vehicle
 from flight import FlightLog
 from sysid.estimator import identification, problem
+from sysid.estimator.result import NORMAL_90
 from sysid.estimator.unknowns import model_parameters
 
 KINDS = ("vertical", "horizontal", "rotation")
 COVERAGE_CAMPAIGNS = 60
 PEER_S = 3.0
-NORMAL_90 = 1.6449
 
 
 def rows() -> list[report.Row]:

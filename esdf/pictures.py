@@ -43,8 +43,8 @@ class Slice:
         return (edges[0], edges[1], edges[2], edges[3])
 
 
-def axis_slice(field: SampledField, axis: Axis, at_m: float, *, step_m: float | None = None) -> Slice:
-    """The plane where one world coordinate is `at_m`: x or y horizontal, the later one upwards.
+def axis_slice(field: SampledField, axis: Axis, at_m: float) -> Slice:
+    """The plane where one world coordinate is `at_m`, a pixel a voxel: x or y horizontal, the later one upwards.
 
     Raises:
         InputError: the plane misses the map.
@@ -54,11 +54,10 @@ def axis_slice(field: SampledField, axis: Axis, at_m: float, *, step_m: float | 
     if not low[a] <= at_m <= high[a]:
         raise InputError(f"the map goes from {axis} = {low[a]:g} to {high[a]:g} m; {at_m:g} m is outside of it")
     u, v = [b for b in range(3) if b != a]
-    step = step_m if step_m is not None else min(field.grid.voxel_m)
     centre = 0.5 * (low + high)
     centre[a] = at_m
     size = (float(high[u] - low[u]), float(high[v] - low[v]))
-    return oblique_slice(field, centre, np.eye(3)[u], np.eye(3)[v], size_m=size, step_m=step)
+    return oblique_slice(field, centre, np.eye(3)[u], np.eye(3)[v], size_m=size, step_m=min(field.grid.voxel_m))
 
 
 def oblique_slice(

@@ -15,6 +15,8 @@ from esdf.field import checked_points
 from esdf.grid import FREE, OCCUPIED, Grid, Region, StateArray
 from flight import FloatArray, InputError, rotations
 
+_SLAB_VOXELS = 1_000_000
+"""Voxels that are looked at point by point at once."""
 Vector = tuple[float, float, float]
 Bounds = tuple[FloatArray, FloatArray]
 
@@ -274,9 +276,9 @@ def covered_region(solid: Solid, grid: Grid) -> Region:
     return grid.region(np.clip(low - reach, first, last), np.clip(high + reach, first, last))
 
 
-def slabs(region: Region, voxels: int = 1_000_000) -> Iterator[Region]:
-    """The region in slices along x of at most so many voxels, to bound the memory of point-wise work."""
-    step = max(1, voxels // max(1, region.shape[1] * region.shape[2]))
+def slabs(region: Region) -> Iterator[Region]:
+    """The region in slices along x of at most `_SLAB_VOXELS` voxels, or one layer, to bound memory."""
+    step = max(1, _SLAB_VOXELS // max(1, region.shape[1] * region.shape[2]))
     for x in range(region.low[0], region.high[0], step):
         yield Region((x, *region.low[1:]), (min(x + step, region.high[0]), *region.high[1:]))
 

@@ -9,11 +9,16 @@ from numpy.typing import ArrayLike
 from flight import FloatArray
 from planner import space
 
+CLEARANCE_PRICE = 3000.0
+"""Of `Weights.clearance` in a `Tube`, whose value has kinks: at 1e4, the price among obstacles, the descent stalls at
+them (a flight through rooms took 20.1 s, not 17.1); at 300 some walks leave the boxes for good."""
 _SMALLEST_M = 0.06
 """Half the diagonal of the smallest piece of a box that is looked at; it counts as not free if it is not proved."""
 _STEP_M = 0.3
 """How far a face is pushed out at once; halved where that is not free, down to `_FINEST_M`."""
 _FINEST_M = 0.08
+_WIDEST_M = 1.5
+"""How far a face is pushed out in all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +67,7 @@ class Tube:
         return points @ self._axes - self._middle
 
 
-def boxes(field: space.DistanceField, points: FloatArray, required_m: float, *, widest_m: float = 1.5) -> list[Box]:
+def boxes(field: space.DistanceField, points: FloatArray, required_m: float) -> list[Box]:
     """One box for each leg of the polyline `points` (n, 3), which must itself keep `required_m`.
 
     Each starts as the bare leg and its six faces are pushed out in turn, as long as the field proves the new slab; all
@@ -78,7 +83,7 @@ def boxes(field: space.DistanceField, points: FloatArray, required_m: float, *, 
             slabs_low, slabs_high = np.stack([low, low]), np.stack([high, high])
             slabs_low[0, :, axis], slabs_high[0, :, axis] = low[:, axis] - size[0], low[:, axis]
             slabs_low[1, :, axis], slabs_high[1, :, axis] = high[:, axis], high[:, axis] + size[1]
-            free = (size > 0.0) & (grown[:, [axis, axis + 3]].T + size <= widest_m)
+            free = (size > 0.0) & (grown[:, [axis, axis + 3]].T + size <= _WIDEST_M)
             both = np.broadcast_to(axes, (2, *axes.shape))
             free[free] = proved(field, both[free], slabs_low[free], slabs_high[free], required_m)
             out = np.where(free, size, 0.0)

@@ -26,11 +26,11 @@ from vehicle import Vehicle
 
 AIM_M = 0.02
 """What the optimiser keeps beyond the required clearance, for what lies between the samples it looks at."""
-_CLEARANCE_PRICE = 1e4
+CLEARANCE_PRICE = 1e4
 """Per second at 1 m^2 of squared lack of clearance. At 300 the path gave up several centimetres that the first descent
 had kept, at a pace at which the way back was too stiff for the descent: a walk through one narrow place took 24 s, not
 6.5 s, and of 80 two fell back on boxes and one was refused. In the open the price does not matter; among trunks it
-costs 0.1 %, and in a corridor of boxes 1 to 3 % in the mean."""
+costs 0.1 %."""
 _ROUGH = 60
 """Iterations of the first descent, with few knots."""
 _START_SLOWER, _SOUND = (2.0, 4.0), 2.0
@@ -133,11 +133,13 @@ def whole_vehicle(
     asked_rad: FloatArray,
     options: PlanOptions,
     conditions: Conditions,
+    clearance_price: float,
 ) -> tuple[Problem, FloatArray, np.ndarray]:
     """The problem with more knots, the heading and hardly any price on snap; durations; which waypoint each knot is.
 
     Args:
         asked_rad: heading asked for at each waypoint, NaN where it is open.
+        clearance_price: as `Weights.clearance`.
     """
     before = waypoint
     knots, durations, waypoint = _split(start.spline, waypoint, options.pieces)
@@ -156,7 +158,7 @@ def whole_vehicle(
     free = np.repeat(((waypoint < 0) | may_move(balls, gates, len(knots)))[:, None], 4, axis=1)
     free[:, 3] = np.isnan(asked) & (held is None)
     price, turning = _YAW_PRICES[options.yaw]
-    weights = Weights(snap=1e-7, limits=400.0, clearance=_CLEARANCE_PRICE, heading=price, turning=turning)
+    weights = Weights(snap=1e-7, limits=400.0, clearance=clearance_price, heading=price, turning=turning)
     return replace(problem, knots=knots, free=free, weights=weights), durations, waypoint
 
 

@@ -149,10 +149,12 @@ def _flyable(
         return _timed(spline, corners.waypoint, "bry", waypoints, vehicle, options, ask_gate)
     dense = routes.subdivided(route, field)
 
-    def optimised(obstacles: space.DistanceField, report: Progress) -> tuple[Path | None, Solution]:
+    def optimised(
+        obstacles: space.DistanceField, clearance_price: float, report: Progress
+    ) -> tuple[Path | None, Solution]:
         problem, start = fastest.rough(dense, obstacles, vehicle, options, asked, stop)
         problem, durations, index = fastest.whole_vehicle(
-            problem, start, dense.waypoint, waypoints.yaw_rad, options, asked
+            problem, start, dense.waypoint, waypoints.yaw_rad, options, asked, clearance_price
         )
         begin = problem.spline(problem.knots, durations)
         path = fastest.until_flyable(
@@ -161,14 +163,14 @@ def _flyable(
         return path, start
 
     if options.method == "fastest":
-        path, _ = optimised(field, within(progress, "optimise", 0.2, 1.0))
+        path, _ = optimised(field, fastest.CLEARANCE_PRICE, within(progress, "optimise", 0.2, 1.0))
         if path is not None:
             # a given velocity allows no other pace
             slower = not path.report.passed and not asked.given_motion
             return _slowed(path, vehicle, options, ask_gate) if slower else path
     boxes = corridor.boxes(field, dense.points, options.planned_clearance_m)
     tube = corridor.Tube(boxes, options.clearance_m + fastest.AIM_M)
-    path, start = optimised(tube, within(progress, "corridor", 0.0, 1.0))
+    path, start = optimised(tube, corridor.CLEARANCE_PRICE, within(progress, "corridor", 0.0, 1.0))
     if path is not None and (path.report.passed or asked.given_motion):
         return replace(path, method="corridor", kept=None)
     if asked.given_motion:

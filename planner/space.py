@@ -18,6 +18,10 @@ COLUMN_M = 1e-3
 """Radius of the column above a ground point."""
 _MOST_PAIRS = 1_000_000
 """Points times lines of a tube that are looked at together."""
+_TOLERANCE_M = 1e-3
+"""Half the length of the shortest piece of a line that is looked at; it counts as not free if it is not proved."""
+_REACH_M = 5.0
+"""How far from a point a free one is looked for."""
 _STEP_M = 1e-4
 """Step of the central difference for fields that cannot give a gradient."""
 
@@ -35,9 +39,7 @@ class LineCheck:
     free: bool
     """Whether the distance is at least the required one everywhere on the line."""
     distance_m: float
-    """Smallest distance found (exact to the tolerance when free)."""
-    fraction: float
-    """Its place on the line, 0 at the start and 1 at the end."""
+    """Smallest distance found."""
 
 
 def distance(field: DistanceField, points_world_m: FloatArray) -> FloatArray:
@@ -198,14 +200,9 @@ class Grounded:
 
 
 def check_lines(
-    field: DistanceField,
-    starts: FloatArray,
-    ends: FloatArray,
-    required_m: float | FloatArray,
-    *,
-    tolerance_m: float = 1e-3,
+    field: DistanceField, starts: FloatArray, ends: FloatArray, required_m: float | FloatArray
 ) -> list[LineCheck]:
-    """Check straight lines (n, 3) to (n, 3), exact within `tolerance_m`, never too optimistic.
+    """Check straight lines (n, 3) to (n, 3), exact within `_TOLERANCE_M`, never too optimistic.
 
     A distance d at the middle of a piece of half-length h proves a distance of d - h all along it; pieces that are not
     proved are halved until they are, or until their middle is too close, or they are shorter than the tolerance.
@@ -216,31 +213,28 @@ def check_lines(
     starts, ends = np.atleast_2d(starts).astype(np.float64), np.atleast_2d(ends).astype(np.float64)
     n = len(starts)
     lengths, required = np.linalg.norm(ends - starts, axis=1), np.broadcast_to(required_m, (n,))
-    least, where, free = np.full(n, np.inf), np.zeros(n), np.ones(n, dtype=bool)
+    least, free = np.full(n, np.inf), np.ones(n, dtype=bool)
     line, middle, half = np.arange(n), np.full(n, 0.5), 0.5
     while line.size:
         d = distance(field, starts[line] + middle[:, None] * (ends - starts)[line])
-        order = np.argsort(-d, kind="stable")  # the smallest is written last
-        lower = order[d[order] < least[line[order]]]
-        least[line[lower]] = d[lower]
-        where[line[lower]] = middle[lower]
+        np.minimum.at(least, line, d)
         h = half * lengths[line]
         unproved = d - h < required[line]
-        failed = unproved & ((d < required[line]) | (h < tolerance_m))
+        failed = unproved & ((d < required[line]) | (h < _TOLERANCE_M))
         free[line[failed]] = False
         keep = unproved & free[line]
         half *= 0.5
         line, middle = np.repeat(line[keep], 2), np.repeat(middle[keep], 2)
         middle[0::2] -= half
         middle[1::2] += half
-    return [LineCheck(bool(f), float(d), float(w)) for f, d, w in zip(free, least, where, strict=True)]
+    return [LineCheck(bool(f), float(d)) for f, d in zip(free, least, strict=True)]
 
 
-def nearest_free(field: DistanceField, point: FloatArray, required_m: float, *, reach_m: float = 5.0) -> FloatArray:
+def nearest_free(field: DistanceField, point: FloatArray, required_m: float) -> FloatArray:
     """A point near `point` whose distance is at least `required_m`: the nearest found on growing shells.
 
     Raises:
-        InputError: there is none within `reach_m`.
+        InputError: there is none within `_REACH_M`.
     """
     count = 200
     i = np.arange(count) + 0.5
@@ -248,9 +242,9 @@ def nearest_free(field: DistanceField, point: FloatArray, required_m: float, *, 
     horizontal = np.sin(inclination)
     ball = np.stack([horizontal * np.cos(turn), horizontal * np.sin(turn), np.cos(inclination)], axis=1)
     directions = np.concatenate([np.eye(3), -np.eye(3), ball])
-    for radius in np.arange(0.05, reach_m, 0.05):
+    for radius in np.arange(0.05, _REACH_M, 0.05):
         d = distance(field, point + radius * directions)
         best = int(np.argmax(d))
         if d[best] >= required_m:
             return point + radius * directions[best]
-    raise InputError(f"no point within {reach_m:g} m of {np.round(point, 2).tolist()} is {required_m:.2f} m clear")
+    raise InputError(f"no point within {_REACH_M:g} m of {np.round(point, 2).tolist()} is {required_m:.2f} m clear")

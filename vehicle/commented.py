@@ -12,7 +12,6 @@ from vehicle.files import FORMAT, VERSION
 from vehicle.model import BODY, Vehicle
 from vehicle.parameters import Limits, Parameter
 
-SCHEMA_NAME = "vehicle.schema.json"
 _LIMITS = {
     "speed_m_s": "largest speed along the path",
     "acceleration_m_s2": "largest acceleration, gravity not included",

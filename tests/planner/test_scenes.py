@@ -1,4 +1,5 @@
 import importlib.util
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,15 @@ def test_a_plan_through_forest_or_rooms_passes_an_independent_check(seed, drone)
 
 def test_a_descent_that_would_end_upside_down_starts_again_slower(drone):
     planned_without_fault(1197, drone)  # was refused: tilt past 90 degrees is a minimum of its own
+
+
+def test_a_corridor_through_furnished_rooms_costs_little_time(drone):
+    place = scenes.place(23)
+    fastest = planner.plan(place.waypoints, place.field, drone, scenes.OPTIONS)
+    boxed = planner.plan(place.waypoints, place.field, drone, replace(scenes.OPTIONS, method="corridor"))
+    assert scenes.faults(boxed, place, drone) == []
+    # 1.13 times; at the price that clearance has among obstacles, 1.33 times
+    assert boxed.trajectory.duration_s < 1.2 * fastest.trajectory.duration_s
 
 
 @pytest.mark.slow
