@@ -46,7 +46,8 @@ def nearest_disparity(left: Grey, right: Grey, disparity: Disparity, disparities
     known = (disparity >= 0) & (left > 0) & (matched > 0)
     if not known.any():
         return np.full_like(disparity, -16)
-    gain = _mean_where(known, matched) / _mean_where(known, left)
+    little = np.float32(1e-3)
+    gain = (_block_mean(known, matched) + little) / (_block_mean(known, left) + little)
     as_bright = np.round(np.minimum(gain * left, 255.0)).astype(np.uint8)
     noise = _noise(np.abs(gain * left - matched)[known])
     return _mapping.nearest_disparity(
@@ -63,13 +64,10 @@ def _noise(differences: NDArray[np.float32]) -> float:
     return float(half.mean()) / MEAN_OF_SMALLER_HALF
 
 
-def _mean_where(known: NDArray[np.bool_], image: Grey) -> NDArray[np.float32]:
-    """Mean over the block round each pixel of those values that are known, and a little of nothing."""
+def _block_mean(known: NDArray[np.bool_], image: Grey) -> NDArray[np.float32]:
+    """Mean over the block round each pixel, what is not known counted as 0."""
     import cv2
 
+    values = np.where(known, image, np.uint8(0)).astype(np.float32)
     block = (EXPOSURE_BLOCK_PX, EXPOSURE_BLOCK_PX)
-    values = np.where(known, image, 0).astype(np.float32)
-    little = np.float32(1e-3)
-    total = np.asarray(cv2.boxFilter(values, -1, block, borderType=cv2.BORDER_CONSTANT), np.float32)
-    count = np.asarray(cv2.boxFilter(known.astype(np.float32), -1, block, borderType=cv2.BORDER_CONSTANT), np.float32)
-    return ((total + little) / (count + little)).astype(np.float32)
+    return np.asarray(cv2.boxFilter(values, -1, block, borderType=cv2.BORDER_CONSTANT), np.float32)

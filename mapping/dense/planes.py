@@ -221,7 +221,11 @@ def _meets(wanted: Mask, passable: Mask, step: tuple[int, int], most: int) -> Ma
 def _ahead(cells: Mask, step: tuple[int, int]) -> Mask:
     """(nx, ny) what is one step ahead of each cell; nothing beyond the edge."""
     (x, y), (nx, ny) = step, cells.shape
-    return np.pad(cells, 1)[1 + x : 1 + x + nx, 1 + y : 1 + y + ny]
+    ahead = np.zeros_like(cells)
+    ahead[max(-x, 0) : nx - max(x, 0), max(-y, 0) : ny - max(y, 0)] = cells[
+        max(x, 0) : nx + min(x, 0), max(y, 0) : ny + min(y, 0)
+    ]
+    return ahead
 
 
 def _in_each(met: Mask, consecutive: int) -> Mask:

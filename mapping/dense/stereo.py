@@ -174,10 +174,8 @@ def _grid(
 ) -> tuple[FloatArray, int]:
     """The kernel's grid row, and the number of disparities, for the part of the sphere that `view` sees."""
     rays = rays_grid[np.isfinite(rays_grid[..., 0])]
-    from_baseline = np.arctan2(np.hypot(rays[:, 1], rays[:, 2]), rays[:, 0])
-    round_it = np.arctan2(rays[:, 2], rays[:, 1])
-    low = max(from_baseline.min(), LEAST_ANGLE_RAD)
-    high = min(from_baseline.max(), np.pi - LEAST_ANGLE_RAD)
+    nearest, farthest = np.arccos(np.clip([rays[:, 0].max(), rays[:, 0].min()], -1.0, 1.0))  # from the baseline
+    low, high = max(nearest, LEAST_ANGLE_RAD), min(farthest, np.pi - LEAST_ANGLE_RAD)
     focal_px = min(view.camera.focal_px)
     angles = np.linspace(low, high, 64)
     towards = np.maximum(1.0 / baseline_over_near - np.cos(angles), 1e-3)
@@ -185,9 +183,10 @@ def _grid(
     column_step = max(options.column_px / focal_px, parallax / MOST_DISPARITIES)
     disparities = 16 * int(np.ceil(parallax / column_step / 16))
     row_step = options.row_px / focal_px
-    if from_baseline.min() < LEAST_ANGLE_RAD or from_baseline.max() > np.pi - LEAST_ANGLE_RAD:
+    if nearest < LEAST_ANGLE_RAD or farthest > np.pi - LEAST_ANGLE_RAD:
         first, last = -np.pi, np.pi  # the baseline is in view: all directions round it are
     else:
+        round_it = np.arctan2(rays[:, 2], rays[:, 1])
         first, last = round_it.min(), round_it.max()
     # OpenCV matches only columns beyond the largest disparity, so the grid starts that much before the image.
     start = high + disparities * column_step

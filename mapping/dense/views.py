@@ -1,6 +1,6 @@
 """One image with its lens and its pose in the world: the input of dense reconstruction."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ class ImageView:
     anywhere. None: it follows the camera's image before it in the list."""
     used: NDArray[np.bool_] | None = None
     """(height, width) pixels that are not masked; None: all of them."""
+    grey: NDArray[np.uint8] = field(init=False)
+    """(height, width), the pixels or, of RGB, their luma: kept, as each image is a partner of many."""
 
     def __post_init__(self) -> None:
         expected = (self.camera.height, self.camera.width)
@@ -41,17 +43,15 @@ class ImageView:
             )
         if self.T_world_camera.shape != (4, 4) or not np.isfinite(self.T_world_camera).all():
             raise InputError(f"a pose of camera {self.camera.name} is not a finite (4, 4) matrix")
+        object.__setattr__(self, "grey", self.pixels if self.pixels.ndim == 2 else _luma(self.pixels))
 
     @property
     def position_world_m(self) -> FloatArray:
         return self.T_world_camera[:3, 3]
 
-    @property
-    def grey(self) -> NDArray[np.uint8]:
-        """(height, width)."""
-        if self.pixels.ndim == 2:
-            return self.pixels
-        return np.round(self.pixels @ np.array([0.299, 0.587, 0.114])).astype(np.uint8)
+
+def _luma(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    return np.round(pixels @ np.array([0.299, 0.587, 0.114])).astype(np.uint8)
 
 
 def lens_row(camera: Camera, scale: float = 1.0) -> FloatArray:

@@ -35,13 +35,13 @@ def share(found: Features) -> float:
         return 0.0
     descriptors = features.unit(found.descriptors)
     x, y = found.pixels.T
-    copied = 0
+    copied = np.zeros(len(x), bool)
     for first in range(0, len(x), _AT_ONCE):
-        one, other = np.nonzero(descriptors[first : first + _AT_ONCE] @ descriptors.T > _ALIKE)
-        one += first
+        later = descriptors[first:]  # with those before it, each was compared already
+        one, other = first + np.array(np.nonzero(later[:_AT_ONCE] @ later.T > _ALIKE))
         apart = np.hypot(x[one] - x[other], y[one] - y[other]) > _APART_PX
-        copied += len(np.unique(one[apart]))
-    return copied / len(x)
+        copied[one[apart]] = copied[other[apart]] = True
+    return float(copied.mean())
 
 
 @contextlib.contextmanager

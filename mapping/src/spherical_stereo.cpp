@@ -121,7 +121,8 @@ void fuse(const float* values, const float* deviations, int layers, int count, d
             for (int b = 0; b < layers; ++b) {
                 const double other = values[b * static_cast<std::size_t>(count) + i];
                 const double theirs = deviations[b * static_cast<std::size_t>(count) + i];
-                if (other <= 0.0 || std::abs(other - centre) > tolerance * std::hypot(own, theirs)) continue;
+                const double apart = other - centre, allowed = tolerance * tolerance * (own * own + theirs * theirs);
+                if (other <= 0.0 || apart * apart > allowed) continue;
                 ++agreeing;
                 sum += other / (theirs * theirs);
                 weight += 1.0 / (theirs * theirs);

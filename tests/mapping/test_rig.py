@@ -85,6 +85,26 @@ def test_the_kernels_see_what_the_camera_sees(model: str, params: list[float]) -
         assert np.abs(read[inside] - expected[inside][:, axis] * 255.0 / 640.0).max() < 1.1
 
 
+@pytest.mark.parametrize(("model", "params"), LENSES)
+def test_the_kernels_place_a_direction_to_a_fiftieth_of_a_pixel(model: str, params: list[float]) -> None:
+    """Read off a steep ramp, towards directions from the axis to far out; a fisheye's radius comes from a table."""
+    camera = lens(model, params)
+    along_z = np.array([0.5 * np.pi + 0.005, 0.01, 0.5 * np.pi - 0.005, 0.01, 1.0, 1.0])
+    levels_px = 32.0
+    seen = 0
+    for angle in np.radians([0.0, 3.0, 17.0, 31.0, 44.0, 58.0]):
+        turn = rotations.matrix(rotations.exp([0.0, angle, 0.0]))
+        expected = camera.project(turn[:, 2])
+        if not camera.contains(expected[None]).all():
+            continue
+        first = np.floor(expected[0]) - 3.5
+        ramp = np.clip(levels_px * (camera.pixel_centres()[..., 0] - first), 0, 255).astype(np.uint8)
+        read = _mapping.rectify(ramp, lens_row(camera), turn, along_z, 1).item()
+        assert first + read / levels_px == pytest.approx(expected[0], abs=0.02)
+        seen += 1
+    assert seen >= 3
+
+
 def test_directions_outside_the_field_of_view_have_no_pixel() -> None:
     camera = lens("OPENCV_FISHEYE", KB, field_of_view_rad=np.radians(165.0))
     angle = np.radians([80.0, 82.4, 82.6, 120.0])
