@@ -97,7 +97,7 @@ class SnapProgram:
         violation = _violation(A, x, low, high)
         worst = int(violation.argmax())
         if not violation[worst] <= self.constraints.residual:
-            knot = int(A[worst].nonzero()[1][0]) // 12
+            knot = int(sparse.find(A[worst])[1][0]) // 12
             place = ", ".join(f"{p:.2f}" for p in x.reshape(-1, 4, 3)[knot, 0])
             raise InfeasibleError(
                 f"the quadratic program stopped {violation[worst]:.1e} short of its bounds near ({place}) ({status}); "
