@@ -88,22 +88,35 @@ class SnapProgram:
 
     def _run(self, P: sparse.csc_matrix, A: sparse.csc_matrix, low: FloatArray, high: FloatArray) -> FloatArray:
         if self._solver is None:
-            self._solver = _set_up(P, A, low, high)
+            self._solver = self._set_up(P, A, low, high)
         else:  # starts from the last answer
             self._solver.update(Px=P.data, Ax=A.data, l=low, u=high)
         x, status = _solved(self._solver)
         if not _violation(A, x, low, high).max() <= self.constraints.residual:
-            x, status = _solved(_set_up(P, A, low, high, rho=_STIFF, adaptive_rho=False))
+            x, status = _solved(self._set_up(P, A, low, high, rho=_STIFF, adaptive_rho=False))
         violation = _violation(A, x, low, high)
         worst = int(violation.argmax())
         if not violation[worst] <= self.constraints.residual:
-            knot = int(sparse.find(A[worst])[1][0]) // 12
+            knot = int(A.getrow(worst).indices[0]) // 12
             place = ", ".join(f"{p:.2f}" for p in x.reshape(-1, 4, 3)[knot, 0])
             raise InfeasibleError(
-                f"the quadratic program stopped {violation[worst]:.1e} short of its bounds near ({place}) ({status}); "
+                f"the quadratic program stopped {violation[worst]:.1e} short of its bounds near ({place}) m ({status}); "
                 "allow more time or a wider corridor there"
             )
         return x
+
+    def _set_up(
+        self, P: sparse.csc_matrix, A: sparse.csc_matrix, low: FloatArray, high: FloatArray, **settings: Any
+    ) -> Any:
+        """OSQP with a problem of its own."""
+        import osqp
+
+        solver = osqp.OSQP()
+        solver.setup(
+            P=P, q=np.zeros(12 * (self.segments + 1)), A=A, l=low, u=high, verbose=False, polishing=True,
+            eps_abs=_PRECISION, eps_rel=_PRECISION, max_iter=20000, **settings,
+        )  # fmt: skip
+        return solver
 
     def _exact(self) -> np.ndarray:
         exact = np.full(self.segments + 1, self.constraints.tolerance_m <= 0.0)
@@ -168,18 +181,6 @@ class SnapProgram:
             lows.append(least)
             highs.append(most)
         return np.concatenate(lows), np.concatenate(highs)
-
-
-def _set_up(P: sparse.csc_matrix, A: sparse.csc_matrix, low: FloatArray, high: FloatArray, **settings: Any) -> Any:
-    """OSQP with a problem of its own."""
-    import osqp
-
-    solver = osqp.OSQP()
-    solver.setup(
-        P=P, q=np.zeros(P.shape[0]), A=A, l=low, u=high, verbose=False, polishing=True,
-        eps_abs=_PRECISION, eps_rel=_PRECISION, max_iter=20000, **settings,
-    )  # fmt: skip
-    return solver
 
 
 def _solved(solver: Any) -> tuple[FloatArray, str]:
