@@ -100,7 +100,7 @@ class SnapProgram:
             knot = int(A.getrow(worst).indices[0]) // 12
             place = ", ".join(f"{p:.2f}" for p in x.reshape(-1, 4, 3)[knot, 0])
             raise InfeasibleError(
-                f"the quadratic program stopped {violation[worst]:.1e} short of its bounds near ({place}) m ({status}); "
+                f"the quadratic program stopped {violation[worst]:.1e} short of its bounds near ({place}) m: {status}; "
                 "allow more time or a wider corridor there"
             )
         return x
