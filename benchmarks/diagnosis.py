@@ -143,14 +143,26 @@ def _conditions(hiding: list[Result]) -> list[report.Row]:
     return [
         _share("commands alone: all named that show", all_named(commands), 0.95),
         _share("clock off: all named that show", all_named(off), 0.95),
-        _share("too weak to tell: excluded all the same", (_excluded(r, name) for r, name in weak), 0.05, most=True),
+        _share(
+            "too weak to tell: its size excluded all the same",
+            (_excluded(r, name) for r, name in weak),
+            0.05,
+            most=True,
+        ),
     ]
 
 
 def _excluded(result: Result, effect: str) -> bool:
-    """Whether an effect that is there was excluded, every part of it."""
+    """Whether an effect is called excluded, every part of it, and a size of it beyond what is excluded is there."""
     own = [s for name, s in result["diagnosis"]["candidates"].items() if effect_of(name) == effect]
-    return bool(own) and all(s["verdict"] == "excluded" for s in own)
+    sizes = result["truth"]["hidden"][effect]
+    beyond = any(
+        abs(size) > max(map(abs, s["interval90"][parameter]))
+        for s in own
+        for parameter, size in sizes.items()
+        if parameter in s["interval90"]
+    )
+    return beyond and all(s["verdict"] == "excluded" for s in own)
 
 
 def _unstated(results: list[Result]) -> float:

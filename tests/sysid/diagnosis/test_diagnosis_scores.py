@@ -17,9 +17,10 @@ def benchmarks_on_path():
 
 
 def result(kind, hidden=(), said=(), *, outside=None, truth=((), ()), ratio=3.0, confidence=0.9, tolerated=(), near=(),
-           excluded=(), commands=False):  # fmt: skip
+           excluded=(), commands=False, size=1.0):  # fmt: skip
     candidates = {n: {"verdict": "present", "confidence": confidence, "size": {}, "smallest_visible": {}} for n in said}
-    candidates |= {n: {"verdict": "excluded", "confidence": 0.0, "size": {}, "smallest_visible": {}} for n in excluded}
+    small = {"verdict": "excluded", "confidence": 0.0, "size": {}, "smallest_visible": {}}
+    candidates |= {n: {**small, "interval90": {"strength": [-0.2, 0.9]}} for n in excluded}
     return {
         "campaign": "campaign_000",
         "kind": kind,
@@ -32,7 +33,7 @@ def result(kind, hidden=(), said=(), *, outside=None, truth=((), ()), ratio=3.0,
             "cpu_s": 10.0,
         },
         "truth": {
-            "hidden": {n: {} for n in hidden},
+            "hidden": {n: {"strength": size} for n in hidden},
             "channels": list(truth[0]),
             "variables": list(truth[1]),
             "tolerated": ["imu_errors", *tolerated, *near],
@@ -157,13 +158,15 @@ def test_a_curve_of_thrust_is_right_for_a_law_of_thrust_only(kind, truth, curve,
     assert outside_is_right(result(kind, outside=curve, truth=truth)) is is_right
 
 
-def test_what_is_hidden_and_too_weak_must_not_be_excluded():
+def test_the_size_of_what_is_hidden_and_too_weak_must_not_be_excluded():
     results = [
         result("single", ["pose_delay"], excluded=["pose_delay"], ratio=0.6),
         result("single", ["pose_delay"], ratio=0.6),
         result("single", ["pose_delay"], excluded=["pose_delay"], ratio=5.0),
     ]
     assert score(results, "too weak").value == 0.5
+    results.append(result("single", ["pose_delay"], excluded=["pose_delay"], ratio=0.6, size=-0.8))
+    assert score(results, "too weak").value == pytest.approx(1.0 / 3.0)
 
 
 def test_campaigns_with_commands_alone_are_a_row_of_their_own():
