@@ -1,5 +1,6 @@
-"""How large an effect is, or may be, with its interval and the smallest size that would have shown."""
+"""How large an effect is, or may be, with its interval and the smallest size that would have shown; does it matter?"""
 
+import numpy as np
 from scipy.special import ndtri
 
 from sysid.diagnosis.candidates import Candidate
@@ -36,4 +37,25 @@ def scored(candidate: Candidate, found: Score) -> tuple[Size, ...]:
     return tuple(
         Size(n, units[n.split(".")[1]], float(v), float(sigma), NORMAL_90 * float(sigma), _visible(sigma, usual), usual)
         for n, v, sigma, usual in zip(candidate.parameters, found.size, found.sigma, candidate.usual, strict=True)
+    )
+
+
+def matters(fit: Identification, candidate: Candidate) -> bool:
+    """Whether its fitted size is of any consequence."""
+    own = [abs(fit.vehicle.value(n)) for n in candidate.parameters]
+    return bool((np.array(own) > THRESHOLDS.least_size * np.array(candidate.usual)).any())
+
+
+def shows(fit: Identification, candidate: Candidate) -> bool:
+    """Whether the interval of any size is apart from zero: of a lag, other clocks may leave nothing."""
+    estimates = [fit.estimate(name) for name in candidate.parameters]
+    return any(e.status == "free" and abs(e.value) > e.interval90 for e in estimates)
+
+
+def may_matter(fit: Identification, candidate: Candidate) -> bool:
+    """Whether the interval of any size reaches what would matter, or is not known."""
+    estimates = [fit.estimate(name) for name in candidate.parameters]
+    return any(
+        e.status != "free" or not abs(e.value) + e.interval90 <= THRESHOLDS.matters * usual
+        for e, usual in zip(estimates, candidate.usual, strict=True)
     )

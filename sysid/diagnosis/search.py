@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent
-from sysid.diagnosis import candidates
+from sysid.diagnosis import candidates, effect_sizes
 from sysid.diagnosis.belief import supported
 from sysid.diagnosis.candidates import POSE_DELAY, Candidate
 from sysid.diagnosis.confirm import CostReduction, Judge
@@ -192,7 +192,7 @@ class _History:
     @property
     def mattering(self) -> tuple[Candidate, ...]:
         """Additions of a size that matters."""
-        return tuple(candidate for candidate in self.added if _matters(self.models[-1].fit, candidate))
+        return tuple(candidate for candidate in self.added if effect_sizes.matters(self.models[-1].fit, candidate))
 
     def add(self, trial: Trial, model: Model) -> None:
         self.trials.append(trial)
@@ -305,7 +305,7 @@ def _useful_proxies(
         if trial.candidate.name not in model.scores or trial.candidate.between_flights:
             continue
         fitted = _fitted(logs, model, trial.candidate, options)
-        if fitted is None or not _matters(fitted.fit, trial.candidate):
+        if fitted is None or not effect_sizes.matters(fitted.fit, trial.candidate):
             continue
         reduction, confirmed, why = _confirmed(model, fitted, unseen)
         if not confirmed:
@@ -346,12 +346,14 @@ def _next(
     outdone_by = stands(after, best.candidate, refused)
     reduction, confirmed, why = _confirmed(model, best, unseen)
     there = supported(reduction.total, model.scores[best.candidate.name].dispersion)
-    vanishes = not _matters(best.fit, best.candidate) and not _shows(best.fit, best.candidate)
+    vanishes = not effect_sizes.matters(best.fit, best.candidate) and not effect_sizes.shows(best.fit, best.candidate)
     confirmed &= not vanishes
     outcome = Outcome.PROXY if outdone_by else Outcome.ADDED if confirmed else Outcome.NOT_CONFIRMED
     as_likely = float(np.exp(-THRESHOLDS.clear_lead))
     level = [c for c in tried if c is best or odds[c.candidate.name] > as_likely]
-    confounded = max(odds.values(), default=0.0) > as_likely and any(_matters(c.fit, c.candidate) for c in level)
+    confounded = max(odds.values(), default=0.0) > as_likely and any(
+        effect_sizes.matters(c.fit, c.candidate) for c in level
+    )
     if outcome is Outcome.ADDED and confounded:
         outcome = Outcome.UNDECIDED
         model.tried.undecided += level
@@ -379,18 +381,6 @@ def _next(
         reduction.sigma,
     )
     return trial, after
-
-
-def _matters(fit: Identification, candidate: Candidate) -> bool:
-    """Whether its fitted size is of any consequence."""
-    own = [abs(fit.vehicle.value(n)) for n in candidate.parameters]
-    return bool((np.array(own) > THRESHOLDS.least_size * np.array(candidate.usual)).any())
-
-
-def _shows(fit: Identification, candidate: Candidate) -> bool:
-    """Whether the interval of any size is apart from zero: of a lag, other clocks may leave nothing."""
-    estimates = [fit.estimate(name) for name in candidate.parameters]
-    return any(e.status == "free" and abs(e.value) > e.interval90 for e in estimates)
 
 
 def _odds(model: Model, best: Fitted, other: Fitted) -> float:
@@ -473,7 +463,7 @@ def _small_beside(curve: Outside | None, model: Model, added: Sequence[Candidate
     """
     if curve is None:
         return None
-    return next((candidate for candidate in added if not _may_matter(model.fit, candidate)), None)
+    return next((candidate for candidate in added if not effect_sizes.may_matter(model.fit, candidate)), None)
 
 
 def _as_sure(curve: Outside, trials: Sequence[Trial]) -> Outside:
@@ -482,15 +472,6 @@ def _as_sure(curve: Outside, trials: Sequence[Trial]) -> Outside:
     if all((c.channel, c.variable) == (curve.channel, curve.variable) for c in gone_for):
         return curve
     return replace(curve, confidence=min(curve.confidence, THRESHOLDS.even_confidence))
-
-
-def _may_matter(fit: Identification, candidate: Candidate) -> bool:
-    """Whether the interval of any size reaches what would matter, or is not known."""
-    estimates = [fit.estimate(name) for name in candidate.parameters]
-    return any(
-        e.status != "free" or not abs(e.value) + e.interval90 <= THRESHOLDS.matters * usual
-        for e, usual in zip(estimates, candidate.usual, strict=True)
-    )
 
 
 def _without(logs: Sequence[FlightLog], model: Model, dropped: Candidate, options: Options) -> Model | None:

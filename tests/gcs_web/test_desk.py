@@ -137,14 +137,14 @@ def test_one_person_paints_at_a_time_and_leaving_frees_the_brush(desk):
     running.map.paint(brush, BO)
 
 
-def test_the_3d_view_shows_the_plan_again_when_the_last_page_has_left(desk):
+def test_the_3d_view_shows_the_plan_when_a_page_has_left_and_nobody_looks_at_flights(desk):
     running = desk(planner.PlanOptions())
     running.view.flights.draw.return_value = (None, None)
     for others in ([BO], []):
         running.hub.people = others
-        running.view.set_plan_aside.assert_not_called()  # somebody still looks at what is drawn
+        running.view.set_plan_aside.reset_mock()
         running.left(ADA)
-    running.view.set_plan_aside.assert_called_once_with(False)
+        running.view.set_plan_aside.assert_called_once_with(False)
 
 
 def preview() -> protocol.PreviewMapEdit:

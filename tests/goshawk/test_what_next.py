@@ -61,8 +61,8 @@ def found(
     body = vehicle.example()
     nothing = cast("Any", None)
     return Diagnosis(
-        body, body, additions, (), candidates, outside, (), (), (), (), (), (), cast("Any", search), carried, nothing,
-        fits.Verdict(),
+        body, body, additions, (), (), candidates, outside, (), (), (), (), (), (), cast("Any", search), carried,
+        nothing, fits.Verdict(),
     )  # fmt: skip
 
 

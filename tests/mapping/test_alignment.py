@@ -114,7 +114,7 @@ def test_a_single_camera_without_any_length_is_refused(truth: FloatArray) -> Non
 def test_a_length_between_images_that_are_not_there_is_refused(truth: FloatArray) -> None:
     with pytest.raises(InputError, match=r"no .x\.jpg"):
         alignment.align(image_set(), truth, nothing(), baseline_std=None, length=Length(1.0, ("x.jpg", "001.jpg")))
-    with pytest.raises(InputError, match="positive"):
+    with pytest.raises(InputError, match="above 0 and at most 100000 m"):
         Length(0.0)
 
 

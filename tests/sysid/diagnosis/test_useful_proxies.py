@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from sysid.diagnosis import examined, search
+from sysid.diagnosis import effect_sizes, examined, search
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.confirm import CostReduction
 from sysid.diagnosis.examined import Outside
@@ -216,7 +216,7 @@ def test_an_addition_goes_only_where_nothing_would_bring_it_back(monkeypatch: py
 @pytest.mark.parametrize(("half90", "status"), [(np.nan, "free"), (0.0, NOT_IDENTIFIABLE)])
 def test_a_size_that_is_not_known_is_not_called_too_small(half90: float, status: str):
     estimate = SimpleNamespace(value=0.01, interval90=half90, status=status)
-    assert search._may_matter(cast("Any", SimpleNamespace(estimate=lambda name: estimate)), candidate("a"))
+    assert effect_sizes.may_matter(cast("Any", SimpleNamespace(estimate=lambda name: estimate)), candidate("a"))
 
 
 def test_a_load_between_flights_is_no_proxy_and_nothing_is_added_twice(helpful):
@@ -241,7 +241,7 @@ def test_what_fell_too_little_is_said_so():
 @pytest.mark.parametrize(("size", "expected"), [(0.04, False), (-0.06, True)])
 def test_a_size_below_a_twentieth_of_the_usual_one_is_of_no_consequence(size: float, expected):
     fit: Any = SimpleNamespace(vehicle=SimpleNamespace(value={"a.x": size}.__getitem__))
-    assert search._matters(fit, candidate("a")) is expected
+    assert effect_sizes.matters(fit, candidate("a")) is expected
     history = search._History([cast("Any", SimpleNamespace(fit=fit))], added=[candidate("a")])
     assert bool(history.mattering) is expected
 
@@ -251,7 +251,7 @@ def test_a_size_below_a_twentieth_of_the_usual_one_is_of_no_consequence(size: fl
 )
 def test_a_size_shows_whose_interval_is_apart_from_zero(half90: float, status: str, expected: bool):
     estimate = SimpleNamespace(value=-0.04, interval90=half90, status=status)
-    assert search._shows(cast("Any", SimpleNamespace(estimate=lambda name: estimate)), candidate("a")) is expected
+    assert effect_sizes.shows(cast("Any", SimpleNamespace(estimate=lambda name: estimate)), candidate("a")) is expected
 
 
 @pytest.mark.parametrize(
