@@ -61,9 +61,9 @@ struct Lens {
     }
 
   private:
-    // A fisheye without tangential terms moves along the radius alone, and the radius on the sensor over the sine of the
-    // angle from the axis is a smooth function of that angle's cosine. Linear between `table_size` places it is off by
-    // less than 1e-6 of itself, which is less than a thousandth of a pixel, and needs no arc tangent.
+    // A fisheye without tangential terms moves along the radius alone, and the radius on the sensor over the sine of
+    // the angle from the axis is a smooth function of that angle's cosine. Linear between `table_size` places it is off
+    // by less than 1e-6 of itself, which is less than a thousandth of a pixel, and needs no arc tangent.
     static constexpr int table_size = 2048;
     static constexpr double least_cosine = -0.6;  // towards -1 it is not smooth
     static constexpr double per_cosine = table_size / (1.0 - least_cosine);
