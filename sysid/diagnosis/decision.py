@@ -87,12 +87,7 @@ class Case:
     def confidence_added(self) -> float:
         """That its name is right; a law that no known effect is may show in more channels than the curve's."""
         assert self.trial is not None
-        most = [self.trial.confidence]
-        if self.curve:
-            most.append(THRESHOLDS.beside_curve)
-        if self.rejected:
-            most.append(THRESHOLDS.even_confidence)
-        return min(most)
+        return min(self.trial.confidence, THRESHOLDS.beside_curve) if self.curve else self.trial.confidence
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,12 +100,16 @@ class Decision:
     """Probability that this effect is missing; of one that was added, that it is the right name."""
 
 
+def stated(confidence: float, *, unsure: bool) -> float:
+    """What may be stated of an effect or a curve: even odds at most where the fit is not to be used."""
+    return min(THRESHOLDS.even_confidence, confidence) if unsure else confidence
+
+
 def decide(case: Case) -> Decision:
     """The one place where a verdict is made; the first reason that holds decides."""
     open_ = Verdict.INCONCLUSIVE
     confidence = case.undecided.probability(case.candidate.name) if case.undecided else case.confidence_alone
-    if case.rejected:
-        confidence = min(THRESHOLDS.even_confidence, confidence)
+    confidence = stated(confidence, unsure=case.rejected)
     if case.doubted:
         return Decision(open_, Reason.FEW_STRETCHES, max(THRESHOLDS.even_confidence, confidence))
     if case.undecided is not None:
@@ -120,7 +119,7 @@ def decide(case: Case) -> Decision:
     if case.negligible:
         return Decision(Verdict.EXCLUDED, Reason.NEGLIGIBLE, 0.0)
     if case.added and case.trial is not None:
-        return Decision(Verdict.PRESENT, Reason.CONFIRMED, case.confidence_added)
+        return Decision(Verdict.PRESENT, Reason.CONFIRMED, stated(case.confidence_added, unsure=case.rejected))
     if case.no_load:
         return Decision(open_, Reason.NO_LOAD, confidence)
     if case.trial is not None and case.trial.outcome is not Outcome.ADDED:
