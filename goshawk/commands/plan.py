@@ -181,7 +181,10 @@ def plan_all(folder: Path, job: batch.Job, jobs: int, scheduler: str | None, *, 
             for row in rows
         ]
         console.table(f"plans in {job.out}", heads, [["" if cell is None else cell for cell in line] for line in lines])
-    if any(row["status"] != "planned" for row in rows):
+    missed = sum(row["status"] != "planned" for row in rows)
+    if missed:
+        where = job.out / batch.RESULTS
+        click.echo(f"goshawk: {missed} of {len(rows)} missions have no plan; {where} gives the reason of each", err=True)
         raise click.exceptions.Exit(1)
 
 
