@@ -78,7 +78,7 @@ def write(
 def _head(found: Diagnosis) -> str:
     given = escape(", ".join(words.effect(name) for name in found.base.effects))
     learnt = f"Learnt from {escape(', '.join(found.flights))}"
-    judged = f"judged on {', '.join(found.held_out)}" if found.held_out else "each flight judged by the others"
+    judged = f"judged on {', '.join(found.held_out)}" if found.held_out else "each stretch of flight judged by the rest"
     return (
         f"<h1>Diagnosis of {escape(found.base.name)}</h1>"
         f"{stamp(f'{learnt}; {escape(judged)}. Model as given: {given}. {AXES} {LETTERS}')}"

@@ -40,9 +40,9 @@ td.word, th.word { text-align: left } tbody tr:nth-child(even) { background: #f7
 .verdict { border-left: 5px solid #1f6f8b; background: #f2f7f9; padding: .4em 1em .6em; margin: 1em 0 }
 .verdict p { margin: .4em 0 } .verdict p:first-child { font-size: 1.3em } sup { line-height: 0; font-size: .75em }
 img { width: 100%; margin: .3em 0 } .held { color: #999 } li.error, .bad { color: #b0413e } .good { color: #3c7a1f }
-.scroll { overflow-x: auto } img.wide { min-width: 2400px }
+.scroll { overflow-x: auto } .scroll img { min-width: 760px } .scroll img.wide { min-width: 2400px }
 @media print { body { max-width: none; font-size: 11px; print-color-adjust: exact } .scroll { overflow: visible }
-  img.wide { min-width: 0 } h2, h3 { break-after: avoid } img, tr { break-inside: avoid } }
+  .scroll img, .scroll img.wide { min-width: 0 } h2, h3 { break-after: avoid } img, tr { break-inside: avoid } }
 """
 
 CAPTIONS = {
