@@ -170,7 +170,9 @@ def sentence(case: Case, decision: Decision) -> str:
         case Reason.TOO_SMALL:
             return f"{_limits(case.sizes)} can be excluded (95 %)"
         case Reason.WEAK_SIGN:
-            return f"it may show, too weakly to tell, and is too small to matter: {_limits(case.sizes)} is unlikely (5 %)"
+            return (
+                f"it may show, too weakly to tell, and is too small to matter: {_limits(case.sizes)} is unlikely (5 %)"
+            )
         case Reason.TOO_WEAK:
             return _too_weak(case.sizes)
 
