@@ -64,7 +64,7 @@ def findings(offset: Offset, plain: Offset) -> tuple[list[Finding], list[str]]:
 
 def _inconclusive(offset: Offset, plain: Offset) -> str:
     known = f"known to ±{1e3 * SIGMAS * offset.sigma_s:.1f} ms only" if np.isfinite(offset.sigma_s) else "not known"
-    said = f"against the attitude the gyro's clock is {known}: this flight turns too little for the gyro's noise"
+    said = f"the gyro's clock, against the attitude, is {known}: this flight turns too little for the gyro's noise"
     if np.isfinite(plain.sigma_s):
         said += f"; compared plainly it is {plain.words}, {_worth(plain)}, and nothing is shifted"
     return f"{said}; fly doublets or fast turns to tell (a fit estimates this clock in any case)"
