@@ -54,13 +54,17 @@ def tracking(log: FlightLog) -> dict[str, float]:
     }
 
 
+SLOWED_BELOW = 0.99
+"""Share of the planned speed from which on it counts as kept: what a low-pass has left of a limit is no reaction."""
+
+
 def slowed(log: FlightLog) -> str:
     """How far and why the controller slowed the trajectory down, in words; empty where it did not."""
-    if not (log.has("path_limit_ratio") and log.has("limit_reason")):
+    if not all(log.has(name) for name in ("mission_state", "path_limit_ratio", "limit_reason")):
         return ""
     rows = log.columns["mission_state"] == State.TRAJECTORY
     limit = np.where(rows, np.nan_to_num(log.columns["path_limit_ratio"], nan=1.0), 1.0)
-    if not limit.size or limit.min() >= 1.0:
+    if not limit.size or limit.min() >= SLOWED_BELOW:
         return ""
     why = reason_text(int(log.columns["limit_reason"][int(np.argmin(limit))]))
     return f"{why}, to {limit.min():.0%} of the planned speed at the slowest"

@@ -42,8 +42,8 @@ def _facts(log: FlightLog, checked: LogReport) -> dict[str, str]:
     facts["rate"] = f"{checked.rate_hz:.1f} Hz"
     stored = {str(key): value for key, value in log.metadata.items() if key not in ("name", fixes.FIXES)}
     for key, value in stored.items():
-        title, shown = words.with_unit(key, value)
-        facts[title] = str(shown)
+        title, unit = words.named(key)
+        facts[key if title in facts else title] = f"{value} {unit}".rstrip()
     return facts | {f"fix {i + 1}": str(done) for i, done in enumerate(log.metadata.get(fixes.FIXES, []))}
 
 

@@ -478,8 +478,8 @@ def _clearance(trajectory: Trajectory, field: DistanceField, required_m: float) 
 
 
 def _clearance_check(found: esdf.Clearance, required_m: float, vehicle: Vehicle) -> Check:
-    point = "({:.2f}, {:.2f}, {:.2f}) m".format(*found.point_world_m)
-    reason = f"proved along the whole curve; closest at {point}" if found.passed else f"{found.reason} at {point}"
+    point = " at ({:.2f}, {:.2f}, {:.2f}) m".format(*found.point_world_m) if np.isfinite(found.time_s) else ""
+    reason = f"proved along the whole curve; closest{point}" if found.passed else f"{found.reason}{point}"
     value, fits = found.proven_m, vehicle.reach_m <= required_m
     reason = reason if fits else inputs.beyond_clearance(vehicle, required_m)
     return Check("clearance", value, required_m, "m", found.passed and fits, found.time_s, found.segment, reason)

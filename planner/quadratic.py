@@ -25,7 +25,7 @@ _STIFF = 10.0
 the cost spans ten decades, and OSQP adapts rho to 0.03, at which 5 mm were missing after 20,000 iterations in boxes of
 hardly any width. At 10, kept, it was 0.5 mm after 4000; at 100 and 1000 it is slower again."""
 _STIFF_ITERATIONS = 8000
-"""Twice what those boxes needed: the last resort has to end."""
+"""Twice what those boxes needed."""
 
 
 @cache

@@ -42,6 +42,8 @@ ORDER = {
     "+": "front (clockwise unless --props-out), left, rear, right, neighbours opposite",
 }
 """Rotors 0 to 3 of `layout`, in words."""
+USUAL_SPINS = (-1.0, 1.0, -1.0, 1.0)
+"""Front left clockwise, seen from above; neighbours turn opposite ways."""
 TURNS = {-1: "clockwise", 1: "counter-clockwise"}
 """A spin in words, seen from above."""
 
@@ -83,12 +85,12 @@ def layout(arm_m: float, frame: str) -> tuple[FloatArray, FloatArray]:
         )
     angle = np.radians([45.0, 135.0, 225.0, 315.0] if frame == "x" else [0.0, 90.0, 180.0, 270.0])
     hubs = arm_m * np.stack([np.cos(angle), np.sin(angle), np.zeros(4)], axis=1)
-    return np.round(hubs, 6) + 0.0, np.array([-1.0, 1.0, -1.0, 1.0])
+    return np.round(hubs, 6) + 0.0, np.array(USUAL_SPINS)
 
 
 def spins(known: Known) -> FloatArray:
     """(4,) those known, or the usual ones."""
-    return np.array([-1.0, 1.0, -1.0, 1.0]) if known.spin is None else known.spin
+    return np.array(USUAL_SPINS) if known.spin is None else known.spin
 
 
 def missing(known: Known) -> list[str]:

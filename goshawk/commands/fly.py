@@ -40,6 +40,8 @@ def command(
     with outputs.file(out, overwrite=overwrite) as temporary:
         flight_log.save(temporary, log)
     planned = {"planned_s": item.trajectory.duration_s} if item is not None else {}
-    console.show("flight", {"written": str(out), "rows": len(log), **planned, **tracking(log)}, as_json=as_json)
-    if not as_json and (why := slowed(log)):
+    facts = {"written": str(out), "rows": len(log), **planned, **tracking(log)}
+    why = slowed(log)
+    console.show("flight", facts, as_json=as_json, document=facts | {"slowed": why})
+    if not as_json and why:
         click.echo(f"note: {why}")

@@ -33,7 +33,9 @@ RANGES = {
     "--frame", type=click.Choice(draft.FRAMES), help="Arms to the corners (x) or ahead and aside (+) [default: x]."
 )
 @click.option(
-    "--props-out", is_flag=True, help="All rotors turn the other way: front left counter-clockwise, seen from above."
+    "--props-out",
+    is_flag=True,
+    help="Reverse all rotors: the usual (front left clockwise, seen from above), or those of --from.",
 )
 @click.option("--prop-diameter", "diameter_m", type=float, help="Diameter of a propeller, metres (5 inches: 0.127).")
 @click.option("--hover-rpm", type=float, help="Rotor speed in hover, if known: gives a much better thrust coefficient.")

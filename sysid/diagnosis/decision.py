@@ -129,10 +129,10 @@ def decide(case: Case) -> Decision:
         return Decision(open_, more, confidence)
     if not case.within(THRESHOLDS.matters):
         return Decision(open_, Reason.TOO_WEAK, confidence)
+    if case.rejected:
+        return Decision(open_, Reason.REJECTED_FIT, confidence)
     if not case.within(THRESHOLDS.least_size) and case.score.significance < THRESHOLDS.weak_sign:
         return Decision(open_, Reason.WEAK_SIGN, confidence)
-    if case.rejected:
-        return Decision(open_, Reason.REJECTED_FIT, 0.0)
     return Decision(Verdict.EXCLUDED, Reason.TOO_SMALL, 0.0)
 
 
@@ -169,9 +169,8 @@ def sentence(case: Case, decision: Decision) -> str:
         case Reason.TOO_SMALL:
             return f"{_limits(case.sizes)} can be excluded (95 %)"
         case Reason.WEAK_SIGN:
-            return (
-                f"it may show, too weakly to tell, and is too small to matter: {_limits(case.sizes)} is unlikely (5 %)"
-            )
+            small = f"{_limits(case.sizes)} can be excluded (95 %)"
+            return f"there is a weak sign of it, and it is too small to matter: {small}"
         case Reason.TOO_WEAK:
             return _too_weak(case.sizes)
 

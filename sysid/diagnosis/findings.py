@@ -131,7 +131,7 @@ class CandidateFinding:
 
     def reaches(self, share: float) -> bool:
         """Whether the interval of any size that shows at all holds more than this share of the usual one."""
-        return any(s.sigma > 0.0 and s.excluded_above > share * s.usual for s in self.sizes)
+        return any(s.sigma > 0.0 and not s.within(share) for s in self.sizes)
 
     def as_dict(self) -> dict[str, Any]:
         return {

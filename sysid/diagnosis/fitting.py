@@ -1,4 +1,4 @@
-"""Fit a model with a candidate in it, or without an addition."""
+"""Which candidates are fitted in full beside a model, each fit, and the model without an addition."""
 
 import logging
 from collections.abc import Collection, Sequence

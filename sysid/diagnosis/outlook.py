@@ -56,7 +56,8 @@ class Outlook:
 def outlook(found: Diagnosis, *, rng: np.random.Generator) -> dict[str, Outlook]:
     """By candidate that these flights cannot tell of: what a manoeuvre of its own, flown where these were, would show.
 
-    Of one whose whole interval is too small to matter no flight is asked: its usual size would have shown.
+    Of one whose whole interval is too small to matter no flight is asked, whatever leaves it open: a flight is judged
+    here by the usual size, and that would have shown.
 
     The simulated flights are those of `next_flight.rank`, so both say the same.
     """

@@ -28,10 +28,11 @@ class Thresholds:
     least_size: float = 0.05
     """Sizes below this share of the usual one are of no consequence, however significant."""
     matters: float = 0.3
-    """Share of the usual size from which an effect matters: excluded is what lies below it with its whole interval.
+    """Share of the usual size from which an effect matters: excluded is what lies below it with its whole interval,
+    but see `weak_sign`.
     Effects that campaigns hide begin at about a third of the usual size."""
     weak_sign: float = 0.05
-    """Probability of chance below which an effect shows some sign of itself, and is not excluded."""
+    """Probability of chance below which an effect shows some sign of itself; it is excluded below `least_size` only."""
     most_confidence: float = 0.97
     """Nothing is stated with more: so many of the names given on blind campaigns with visible effects were right."""
     even_odds_curve: float = 30.0

@@ -8,7 +8,7 @@ import numpy as np
 
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
-from sysid.estimator import clocks, mass
+from sysid.estimator import clocks, mass, weight
 from sysid.estimator import verdict as verdicts
 from sysid.estimator.agreement import odd_flights
 from sysid.estimator.blocks import motor
@@ -229,6 +229,7 @@ def conclude(
             *unsettled,
         ),
         verdict=verdict.doubted(
+            *_held_up(flights, solution, unknowns),
             *unsettled,
             *_at_bounds(vehicle, estimates, but=0.0),
             *unpredicted_turning(solution, flights, unknowns.model),
@@ -420,6 +421,16 @@ def _against_belief(given: Vehicle, estimates: list[Estimate], solution: Solutio
     speed = verdicts.usual_rotor_speed(flights)
     fitted, believed = (verdicts.thrust_n(v, speed) for v in (solution.point.vehicle, given))
     return mass.sentences(given, _free(estimates), fitted / believed if believed > 0.0 else 1.0, float(speed.mean()))
+
+
+def _held_up(flights: list[Flight], solution: Solution, unknowns: Unknowns) -> list[str]:
+    """Thrust that only the weight balance keeps from being traded for torque."""
+    if not weight.residuals(flights, solution.point, unknowns).any():
+        return []
+    return [
+        "the turning asks for a thrust that would not carry the weight; it was held within 3 % of what does: a held "
+        "inertia, an arm or the rotor order may be wrong, or a large moment is missing"
+    ]
 
 
 def _disagreement(vehicle: Vehicle, unknowns: Unknowns, solution: Solution, flights: list[Flight]) -> list[str]:

@@ -52,8 +52,9 @@ def chosen_names(
 
 
 def has_thrust(names: Iterable[str]) -> bool:
-    """Whether a parameter of a thrust law is among them."""
-    return any(name.startswith("thrust_") for name in names)
+    """Whether a parameter of an effect that makes or scales thrust is among them."""
+    acting = [effects.find(name.split(".")[0]).stage.name for name in names if "." in name]
+    return any(stage in ("THRUST", "THRUST_FACTOR") for stage in acting)
 
 
 def sensor_values(vehicle: Vehicle) -> dict[str, float]:

@@ -10,7 +10,6 @@ import numpy as np
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
 from sysid.estimator.flight_data import Flight
-from sysid.estimator.unknowns import has_thrust
 from sysid.logs.check import LogReport
 from vehicle import Vehicle, wrench
 from vehicle.invert import open_air
@@ -93,7 +92,7 @@ def of_fit(
     """
     free = set(free)
     verdict = Verdict(tuple(against))
-    if has_thrust(free):
+    if any(name.startswith("thrust_") for name in free):
         verdict = verdict.beside(_thrust(given, fitted, flights))
     if any(name.startswith("inertia_") for name in free):
         verdict = verdict.beside(_inertia(given, fitted, free))
@@ -192,7 +191,7 @@ def _inertia(given: Vehicle, fitted: Vehicle, free: Iterable[str]) -> Verdict:
             if name in too_large:
                 said += (
                     f"; the vehicle file has less than a third of it ({given.value(name):.3g}). Rotors that answer "
-                    "disturbances look like a heavy body: fit with gusts='estimate' unless this was, fly quicker turns "
+                    "disturbances look like a heavy body: fit with gusts='estimate' (the default), fly quicker turns "
                     "in calm air, leave out take-off and landing, or hold the inertias"
                 )
             possible = name not in too_large and INERTIA_POSSIBLE[0] < share < INERTIA_POSSIBLE[1]

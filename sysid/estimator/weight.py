@@ -5,8 +5,8 @@ torques are wrong must not trade it away: a moment that the model lacks, in a bo
 up for by a sixth of the thrust. So the mean vertical acceleration that a model leaves unexplained may be as large as
 disturbances make it; where all logs lack thrust beyond that, or all have too much, it is a stiff residual of the one
 that is nearest to balance. In a fit that is right it is zero and has no slope. Logs of vehicles of different mass, of
-which some lack what others have too much, are said elsewhere. The pieces of one log count together: a short piece may
-be in balance by chance.
+which some lack what others have too much, are left to `agreement`. The pieces of one log count together: a short piece
+may be in balance by chance.
 """
 
 from collections.abc import Sequence
@@ -34,8 +34,8 @@ FREE_M_S2 = 0.3
 SETTLES_S = 10.0
 """Over a flight of this length disturbances may leave sqrt(2) times as much."""
 STIFF_M_S2 = 0.3
-"""What is beyond costs as much as if each interval of all flights had it, where disturbances scatter by this: more than
-torques can gain by it, which grows with the flights, too."""
+"""Scatter of the disturbances from interval to interval: 1 m/s2 beyond costs n / (2 0.3^2) with n intervals in all
+flights, so that it grows with the flights as what the torques gain by it."""
 
 EVERY = 4
 """Nodes of which one is enough for a mean over a flight."""
@@ -66,17 +66,18 @@ def balance(flights: Sequence[Flight], point: Point, unknowns: Unknowns, noise: 
     residual = residuals(flights, point, unknowns)
     slopes = np.zeros((len(residual), unknowns.size))
     log, duration_s = _logs(flights)
+    per_m_s = _stiffness(flights) / duration_s
     for i in np.flatnonzero(residual[log]).tolist():
         rows = linearise(flights[i], point.states[i], point, unknowns, noise, False)
-        slopes[log[i]] += _slopes(flights[i], point.states[i], rows, noise) * _stiffness(flights) / duration_s[log[i]]
+        slopes[log[i]] += per_m_s[log[i]] * _slopes(flights[i], point.states[i], rows, noise)
     return Balance(residual, slopes)
 
 
 def residuals(flights: Sequence[Flight], point: Point, unknowns: Unknowns) -> FloatArray:
     """(logs,) mean unexplained vertical acceleration beyond its allowance, of the log that has least of it.
 
-    Zero unless all logs are beyond it to the same side; where no thrust is estimated, so that none can be traded away;
-    and without a pose, which alone shows what speed was gained.
+    Zero where not all logs are beyond it to the same side, where no thrust is estimated, which could be traded away, or
+    where a flight has no pose, which alone shows what speed was gained.
     """
     log, duration_s = _logs(flights)
     if not has_thrust(unknowns.model) or not all(flight.has_pose for flight in flights):

@@ -164,7 +164,9 @@ def _spins(wrong: list[int]) -> str:
 
 def _option(wrong: list[int]) -> str:
     """What does the same from the start, if anything."""
-    return " (`goshawk vehicle new --props-out` writes them so)" if len(wrong) == 4 else ""
+    if len(wrong) < 4:
+        return ""
+    return " (`goshawk vehicle new` writes them so with --props-out, or without it if the file was made with it)"
 
 
 def _which(wrong: list[int]) -> str:

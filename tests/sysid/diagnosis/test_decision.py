@@ -48,6 +48,7 @@ def case(significance: float = 0.5, **found: Any) -> Case:
 
 
 SIGNIFICANT = 0.5 * THRESHOLDS.chance
+SIGN = 0.5 * THRESHOLDS.weak_sign
 
 
 @pytest.mark.parametrize(
@@ -56,9 +57,14 @@ SIGNIFICANT = 0.5 * THRESHOLDS.chance
         (case(), Verdict.EXCLUDED, Reason.TOO_SMALL),
         (case(rejected=True), Verdict.INCONCLUSIVE, Reason.REJECTED_FIT),
         (case(sizes=(SMALL, OPEN)), Verdict.INCONCLUSIVE, Reason.TOO_WEAK),
-        (case(0.5 * THRESHOLDS.weak_sign, sizes=(SMALL, SOME)), Verdict.INCONCLUSIVE, Reason.WEAK_SIGN),
-        (case(0.5 * THRESHOLDS.weak_sign, sizes=(SMALL, OPEN)), Verdict.INCONCLUSIVE, Reason.TOO_WEAK),
-        (case(0.5 * THRESHOLDS.weak_sign), Verdict.EXCLUDED, Reason.TOO_SMALL),
+        (case(SIGN, sizes=(SMALL, SOME)), Verdict.INCONCLUSIVE, Reason.WEAK_SIGN),
+        (
+            case(SIGN, sizes=(SMALL, SOME), rejected=True),
+            Verdict.INCONCLUSIVE,
+            Reason.REJECTED_FIT,
+        ),
+        (case(SIGN, sizes=(SMALL, OPEN)), Verdict.INCONCLUSIVE, Reason.TOO_WEAK),
+        (case(SIGN), Verdict.EXCLUDED, Reason.TOO_SMALL),
         (case(sizes=(replace(SMALL, sigma=0.0),)), Verdict.INCONCLUSIVE, Reason.TOO_WEAK),
         (case(SIGNIFICANT), Verdict.INCONCLUSIVE, Reason.ANOTHER_EXPLAINS_MORE),
         (case(SIGNIFICANT, curve=CURVE), Verdict.INCONCLUSIVE, Reason.CURVE_EXPLAINS_MORE),
@@ -113,9 +119,9 @@ def test_what_is_too_weak_to_tell_says_within_what_it_is_and_what_would_have_sho
 
 def test_what_may_show_below_what_would_matter_is_not_called_too_weak_to_tell():
     """Its usual size would have shown, so no sentence says that these flights could not."""
-    given = case(0.5 * THRESHOLDS.weak_sign, sizes=(SMALL, SOME))
+    given = case(SIGN, sizes=(SMALL, SOME))
     said = sentence(given, decide(given))
-    assert "it may show" in said
+    assert "a weak sign of it" in said
     assert "too small to matter: z_n_m_s above 2.6e-05 N m s, z_n_m_s above 0.00017 N m s" in said
     assert "usually" not in said
 

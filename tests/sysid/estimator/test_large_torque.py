@@ -92,37 +92,56 @@ def test_the_weight_balance_is_silent_while_the_thrust_carries_the_weight(at_sta
     assert not carried.information.any()
 
 
-def test_a_log_in_pieces_weighs_as_much_as_in_one(at_start):
-    """Piece by piece the one nearest to balance would speak for all."""
-    flights, unknowns, point, _ = at_start
-    weak = point.vehicle.with_value(THRUST, 0.5 * point.value(THRUST))
+def lacking_thrust(point: Point, factor: float) -> Point:
+    return Point(point.vehicle.with_value(THRUST, factor * point.value(THRUST)), point.sensors, point.states)
+
+
+def in_pieces(flights, point: Point):
+    """The same logs, each in three pieces, and their states."""
     pieces, states = [], []
     for flight, whole in zip(flights, point.states, strict=True):
         for nodes in (slice(0, 25), slice(24, 101), slice(100, None)):  # their mean forces take every fourth node
             between = slice(nodes.start, None if nodes.stop is None else nodes.stop - 1)
             arrays = {n: getattr(flight, n)[between] for n in ("rotor_speed_rad_s", "rotor_acceleration_rad_s2")}
-            pieces.append(replace(flight, time_s=flight.time_s[nodes], **arrays))
+            readings = {n: v[between if len(v) < len(flight) else nodes] for n, v in flight.readings.items()}
+            pieces.append(replace(flight, time_s=flight.time_s[nodes], readings=readings, **arrays))
             states.append(whole.picked(nodes))
-    found = weight.residuals(pieces, Point(weak, point.sensors, states), unknowns)
-    whole = weight.residuals(flights, Point(weak, point.sensors, point.states), unknowns)
+    return pieces, Point(point.vehicle, point.sensors, states)
+
+
+def test_a_log_in_pieces_weighs_as_much_as_in_one(at_start):
+    """Piece by piece the one nearest to balance would speak for all."""
+    flights, unknowns, point, _ = at_start
+    weak = lacking_thrust(point, 0.5)
+    found = weight.residuals(*in_pieces(flights, weak), unknowns)
     assert len(found) == len(flights)
-    np.testing.assert_allclose(found, whole, rtol=1e-3)
+    np.testing.assert_allclose(found, weight.residuals(flights, weak, unknowns), rtol=1e-3)
+
+
+def test_the_weight_balance_grows_with_the_flights_as_what_torques_can_gain(at_start):
+    flights, unknowns, point, _ = at_start
+    weak = lacking_thrust(point, 0.5)
+    again = [replace(flight, log_index=flight.log_index + len(flights)) for flight in flights]
+    twice = Point(weak.vehicle, weak.sensors, (*weak.states, *weak.states))
+    cost = weight.cost(flights, weak, unknowns)
+    assert weight.cost([*flights, *again], twice, unknowns) == pytest.approx(2.0 * cost)
 
 
 def test_the_weight_balance_is_silent_where_no_thrust_is_estimated(at_start):
     flights, unknowns, point, _ = at_start
-    weak = Point(point.vehicle.with_value(THRUST, 0.5 * point.value(THRUST)), point.sensors, point.states)
+    weak = lacking_thrust(point, 0.5)
     assert weight.residuals(flights, weak, unknowns).any()
     assert not weight.residuals(flights, weak, replace(unknowns, model=INERTIA)).any()
 
 
-def test_slopes_of_the_weight_balance_agree_with_differences(at_start):
+@pytest.mark.parametrize("cut", [False, True])
+def test_slopes_of_the_weight_balance_agree_with_differences(at_start, cut):
     flights, unknowns, point, noise = at_start
-    weak = Point(point.vehicle.with_value(THRUST, 0.5 * point.value(THRUST)), point.sensors, point.states)
+    weak = lacking_thrust(point, 0.5)
+    flights, weak = in_pieces(flights, weak) if cut else (flights, weak)
     carried = weight.balance(flights, weak, unknowns, noise)
-    change = 1e-4 * weak.value(THRUST)
-    more = Point(weak.vehicle.with_value(THRUST, weak.value(THRUST) + change), weak.sensors, weak.states)
-    slope = (weight.residuals(flights, more, unknowns) - carried.residual) / change
+    more = lacking_thrust(weak, 1.0001)
+    slope = (weight.residuals(flights, more, unknowns) - carried.residual) / (1e-4 * weak.value(THRUST))
     np.testing.assert_allclose(carried.slopes[:, 0], slope, rtol=1e-2)  # of all nodes, against every fourth
     assert np.count_nonzero(carried.residual) == 1  # the flight nearest to balance
     assert carried.residual.max() > 0.0
