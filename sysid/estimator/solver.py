@@ -302,7 +302,8 @@ def _take(
         border = candidate.shared(unknowns)
         return weight.cost(flights, candidate, unknowns) + 0.5 * float((((border - prior.mean) / prior.std) ** 2).sum())
 
-    start = before + beside(point)
+    # a step may cost as much more as the weight balance does, whose slopes leave out what the states do to it
+    start = before + beside(point) + weight.cost(flights, point, unknowns)
     share = 1.0
     while share > 1e-3:
         candidate = point.moved(unknowns, share * step, [share * c for c in changes])
