@@ -187,9 +187,9 @@ def test_shaking_between_images_is_not_taken_for_errors_of_the_cameras(shaken: T
 
 
 def test_copies_of_matches_are_no_further_evidence() -> None:
-    """They share their errors within each image: with ten copies of each, no less is uncertain."""
+    """They share their errors within each image: with four copies of each, no less is uncertain."""
     T, points, index, pixels = observed(RIG)
-    copies = 10
+    copies = 4
     copied = np.tile(index, (copies, 1))
     copied[:, 0] += np.repeat(len(points) * np.arange(copies), len(index))
     once, often = (
