@@ -8,12 +8,12 @@ diagnosis of the two logs names it, or does not.
 
 import controller as curves
 import report
+import second_flight
+from second_flight import SecondFlight
 
 import sysid
 from firmware_bridge.controller import compensated_effects
-from goshawk import second_flight
 from goshawk.demo import vehicles
-from goshawk.second_flight import SecondFlight
 from vehicle import Vehicle
 
 HIDDEN = {

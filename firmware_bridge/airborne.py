@@ -3,6 +3,7 @@
 import numpy as np
 
 from firmware_bridge.controller import State
+from firmware_bridge.words import reason_text
 from flight import FlightLog, InputError
 
 IN_FREE_AIR = (State.HOLD, State.APPROACH, State.TRAJECTORY, State.PAUSING, State.PAUSED, State.STOPPING)
@@ -51,6 +52,18 @@ def tracking(log: FlightLog) -> dict[str, float]:
         "tracking_worst_m": float(error_m.max()),
         "top_speed_m_s": float(speed_m_s.max()),
     }
+
+
+def slowed(log: FlightLog) -> str:
+    """How far and why the controller slowed the trajectory down, in words; empty where it did not."""
+    if not (log.has("path_limit_ratio") and log.has("limit_reason")):
+        return ""
+    rows = log.columns["mission_state"] == State.TRAJECTORY
+    limit = np.where(rows, np.nan_to_num(log.columns["path_limit_ratio"], nan=1.0), 1.0)
+    if not limit.size or limit.min() >= 1.0:
+        return ""
+    why = reason_text(int(log.columns["limit_reason"][int(np.argmin(limit))]))
+    return f"{why}, to {limit.min():.0%} of the planned speed at the slowest"
 
 
 def aloft_s(log: FlightLog) -> tuple[float, float] | None:

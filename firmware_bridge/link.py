@@ -88,8 +88,6 @@ class Statistics:
     counts: Counts
     refused_by_vehicle: int
     """Frames of anybody that the vehicle refused since its start."""
-    silent_s: float
-    """Since the vehicle was last heard."""
 
 
 def connect(
@@ -177,7 +175,7 @@ class Link:
     def statistics(self) -> Statistics:
         status = self._port.latest.get(MissionStatus)
         refused = status.frames_refused if isinstance(status, MissionStatus) else 0
-        return Statistics(self._port.codec.counts, refused, time.monotonic() - self._port.last_heard_s)
+        return Statistics(self._port.codec.counts, refused)
 
     def clock_offset_s(self) -> tuple[float, float]:
         """Vehicle time minus our monotonic clock, and half a round trip (its bound), from the best of eight exchanges.

@@ -106,17 +106,6 @@ class Sensors:
         return seen
 
 
-@dataclass(slots=True)
-class Pace:
-    """How the simulation kept up with the clock."""
-
-    ticks: int = 0
-    busy_s: float = 0.0
-    """Wall-clock seconds spent on ticks."""
-    slipped_s: float = 0.0
-    """Vehicle seconds by which it fell behind and stayed behind."""
-
-
 class SitlVehicle:
     """Serves one vehicle to any number of ground stations. Use as a context manager, or call `serve`."""
 
@@ -160,7 +149,7 @@ class SitlVehicle:
         if key is not None and len(key) != 32:
             raise InputError(f"a link key has 32 bytes, this one {len(key)}")
         self.plant = plant
-        self.pace = Pace()
+        self._slipped_s = 0.0  # of vehicle time, by which it fell behind the clock and stayed behind
         self._parameters, self._key, self._system_id = dict(parameters), key, system_id
         self._speed, self._tick_us = speed, round(1e6 / tick_hz)
         self._sensors, self._rng = sensors or Sensors(), np.random.default_rng(seed)
@@ -286,7 +275,6 @@ class SitlVehicle:
                 while self.time_s + self._tick_us * 1e-6 <= due_s and time.monotonic() - began_s < _BATCH_S:
                     self._tick()
                     self._transmit()
-                self.pace.busy_s += time.monotonic() - began_s
                 behind_s = due_s - self.time_s
                 if rate == 0.0 or behind_s > _BEHIND_S * rate:
                     if self._speed > 0.0:  # at 0 nobody asked it to keep up with a clock
@@ -302,10 +290,10 @@ class SitlVehicle:
                 select.select([self._socket], [], [], max(0.0, min(pause_s, soonest_s, 0.05)))
 
     def _slip(self, behind_s: float) -> None:
-        before = int(self.pace.slipped_s)
-        self.pace.slipped_s += behind_s
-        if int(self.pace.slipped_s) > before:
-            logger.warning("this machine is too slow: %.1f s of vehicle time lost so far", self.pace.slipped_s)
+        before = int(self._slipped_s)
+        self._slipped_s += behind_s
+        if int(self._slipped_s) > before:
+            logger.warning("this machine is too slow: %.1f s of vehicle time lost so far", self._slipped_s)
 
     def _tick(self) -> None:
         """One control period: sense, control, move."""
@@ -332,7 +320,6 @@ class SitlVehicle:
         self._command = command.astype(np.float64)
         self._link.update(rotor, self._now_us())
         plant.step(self._command, self._tick_us * 1e-6)
-        self.pace.ticks += 1
 
     def _accelerometer(self) -> FloatArray:
         """What else the estimate holds: specific force (3,), then eleven numbers that are not used here."""

@@ -19,8 +19,11 @@ from flight.rotations import FloatArray
 MOST_LAPS = 100
 MOST_TUBE_POINTS = 1000
 SLIMMEST_M = 0.05
-MOST_TURNED_RAD, FARTHEST_M = 100.0, 1e6
 """Least radius of a tube: the planner itself keeps 2 cm from its surface."""
+MOST_TURNED_RAD = 100.0
+"""Largest heading to hold: some 16 turns, far more than a mission winds up and less than a heading in millidegrees."""
+FARTHEST_M = 1e6
+"""Largest coordinate of a point to look at."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,8 @@ from gcs_web.view3d import View3D
 if TYPE_CHECKING:
     import viser
 
+logger = logging.getLogger(__name__)
+
 _DRAGGER = protocol.Person("3d", "3D view")
 """Author of what is dragged in the 3D view: viser does not say whose browser it was."""
 
@@ -88,7 +90,7 @@ class GroundStation:
             self._open(folder, port, options or planner.PlanOptions(), triangles, on_entry, jobs, progress, browsers)
             self.desk.on_open = on_open
         except BaseException:
-            self.close()
+            self._close_after_error()
             raise
 
     @property
@@ -112,7 +114,17 @@ class GroundStation:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        if error is None:
+            self.close()
+        else:
+            self._close_after_error()
+
+    def _close_after_error(self) -> None:
+        """Close; what fails of it is logged, so that the error which led here is the one that is seen."""
+        try:
+            self.close()
+        except Exception as error:
+            logger.error("the ground station was not closed properly: %r", error)
 
     def _open(
         self,

@@ -34,6 +34,7 @@ from mapping.free_space import FreeSpace
 
 FORMAT, VERSION = "goshawk-batch", 1
 JOURNAL = "journal.jsonl"
+RESULTS = "results.json"
 _COLUMNS: dict[str, type] = {
     "name": str, "status": str, "reason": str, "segments": int, "duration_s": float, "clearance_m": float,
     "top_speed_m_s": float, "could_hide_m": float, "could_hide_share": float, "method": str,
@@ -350,7 +351,7 @@ def _write_tables(out: Path, rows: list[Row]) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    file_format.write_json(out / "results.json", format=FORMAT, version=VERSION, body={"missions": rows})
+    file_format.write_json(out / RESULTS, format=FORMAT, version=VERSION, body={"missions": rows})
     types = {str: pa.string(), int: pa.int64(), float: pa.float64()}
     schema = pa.schema([(name, types[kind]) for name, kind in _COLUMNS.items()])
     with file_format.atomic_file(out / "results.parquet") as temporary:

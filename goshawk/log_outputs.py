@@ -4,7 +4,7 @@ from pathlib import Path
 
 from firmware_bridge.airborne import aloft_s
 from flight import FlightLog, InputError, Progress, flight_log, silent
-from goshawk import log_exports, log_report, outputs
+from goshawk import log_exports, log_report, outputs, words
 from sysid.logs import fix as fixes
 from sysid.logs.check import LogReport
 from vehicle import Vehicle
@@ -22,12 +22,8 @@ def write(
     report_file, csv_file, mcap_file = files
     if report_file is not None:
         progress("drawing the report", 0.0)
-        rate = f"{checked.rate_hz:.1f} Hz"
-        facts = {"rows": str(len(log)), "duration": f"{checked.duration_s:.2f} s", "rows a second": rate}
-        facts |= {str(key): str(value) for key, value in log.metadata.items() if key not in ("name", fixes.FIXES)}
-        facts |= {f"fix {i + 1}": str(done) for i, done in enumerate(log.metadata.get(fixes.FIXES, []))}
         with outputs.file(report_file, overwrite=overwrite) as temporary:
-            temporary.write_text(log_report.page(log, checked, facts), encoding="utf-8")
+            temporary.write_text(log_report.page(log, checked, _facts(log, checked)), encoding="utf-8")
     if csv_file is not None:
         with outputs.file(csv_file, overwrite=overwrite) as temporary:
             log_exports.write_csv(temporary, log, progress)
@@ -35,6 +31,20 @@ def write(
         with outputs.file(mcap_file, overwrite=overwrite) as temporary:
             log_exports.write_mcap(temporary, log, progress)
     return [path for path in files if path is not None]
+
+
+def _facts(log: FlightLog, checked: LogReport) -> dict[str, str]:
+    """Rows of the table at the top of the page."""
+    duration_s = float(log.time_s[-1] - log.time_s[0]) if len(log) else 0.0
+    facts = {"rows": str(len(log)), "duration": f"{duration_s:.2f} s"}
+    if checked.duration_s < duration_s:
+        facts["checked, in the air"] = f"{checked.duration_s:.2f} s"
+    facts["rate"] = f"{checked.rate_hz:.1f} Hz"
+    stored = {str(key): value for key, value in log.metadata.items() if key not in ("name", fixes.FIXES)}
+    for key, value in stored.items():
+        title, shown = words.with_unit(key, value)
+        facts[title] = str(shown)
+    return facts | {f"fix {i + 1}": str(done) for i, done in enumerate(log.metadata.get(fixes.FIXES, []))}
 
 
 def require_others(source: Path, *files: Path | None) -> None:

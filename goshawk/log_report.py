@@ -41,13 +41,16 @@ def page(log: FlightLog, report: LogReport, facts: dict[str, str]) -> str:
     }
     title = html.escape(report.name)
     rows = "".join(f"<tr><td>{html.escape(k)}</td><td>{html.escape(v)}</td></tr>" for k, v in facts.items())
-    found = "".join(_finding(f) for f in report.findings) or "<li>The checks found nothing wrong.</li>"
+    found = "".join(_finding(f) for f in report.findings) or "<li>The checks found no fault.</li>"
+    found += "".join(f"<li><b>inconclusive</b>: {html.escape(sentence)}</li>" for sentence in report.inconclusive)
     thin = f" Drawn are {len(kept)} of {len(log)} instants." if len(kept) < len(log) else ""
     script = resources.files("goshawk").joinpath("log_report.js").read_text(encoding="utf-8")
     # `<` is written as an escape: no text in a log can end the script element
     packed = json.dumps(data).replace("<", "\\u003c")
     return f"""<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>{_STYLE}</style></head><body>
+<html lang="en"><head><meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1"><title>{title}</title>
+<style>{_STYLE}</style></head><body>
 <h1>{title}</h1><table>{rows}</table>
 <h2>What the checks found</h2><ul>{found}</ul>
 <nav><button id="all">whole flight</button> <b id="at"></b>

@@ -61,12 +61,12 @@ def sentence(found: Again) -> str:
     """What the views would show."""
     if not found.views:
         left = (
-            f"; {found.unknown_m3:.2f} m3 of unknown space are seen from no such place"
+            f"; {found.unknown_m3:.2f} m³ of unknown space are seen from no such place"
             if found.unknown_m3 > 0.0
             else ""
         )
         return f"nothing beside the free space is worth another look{left}"
     return (
-        f"{len(found.views)} views would show about {found.shown_m3:.2f} m3 of the {found.unknown_m3:.2f} m3 of "
+        f"{len(found.views)} views would show about {found.shown_m3:.2f} m³ of the {found.unknown_m3:.2f} m³ of "
         "unknown space beside the free space"
     )

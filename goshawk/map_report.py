@@ -71,7 +71,7 @@ def _figures(area: Map, report: dict[str, Any]) -> str:
     facts = area.facts
     rows = {
         "images placed": f"{facts['images_placed']} of {facts['images']}" if "images" in facts else "not recorded",
-        "not placed": ", ".join(report.get("not_placed", [])) or "none named",
+        "not placed": ", ".join(report.get("not_placed", [])) or "none",
         "reprojection error": f"{facts['reprojection_error_px']:.2f} px" if "reprojection_error_px" in facts else "",
         "scale from": facts.get("scale_source", ""),
         "up from": facts.get("up_source", ""),
@@ -105,10 +105,8 @@ def _trial(report: dict[str, Any]) -> str:
         return "<h2>The camera file on trial</h2><p>No trial is recorded in this map.</p>"
     rows = "".join(_tried(finding) for finding in found)
     head = ("possible error", "size", "σ", "unit", "shift (px)", "at most (px)", "verdict")
-    note = (
-        "<p class='small'>What is left after the corrections above. Shift: of the image, RMS; at most: at the far end "
-        "of the 90 % interval.</p>"
-    )
+    left = "What is left after the corrections above. " if report.get("corrections") else ""
+    note = f"<p class='small'>{left}Shift: of the image, RMS; at most: at the far end of the 90 % interval.</p>"
     return "<h2>The camera file on trial</h2>" + table(head, rows, words=1) + note
 
 
@@ -218,7 +216,7 @@ def _again(area: Map, folder: Path) -> str:
         place.annotate(str(number), (x, y), color=INK, xytext=(3, 3), textcoords="offset points")
     plain(place, "from above", "x (m)", "y (m)")
     place.grid(False)
-    place.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
+    drawn.legend(loc="outside lower center", ncols=3, frameon=False)
     rows = "".join(
         f"<tr><td>{number}</td>"
         + "".join(f"<td>{value:.2f}</td>" for value in view.position_world_m)

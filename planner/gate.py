@@ -478,7 +478,7 @@ def _clearance(trajectory: Trajectory, field: DistanceField, required_m: float) 
 
 
 def _clearance_check(found: esdf.Clearance, required_m: float, vehicle: Vehicle) -> Check:
-    point = np.round(found.point_world_m, 2).tolist()
+    point = "({:.2f}, {:.2f}, {:.2f}) m".format(*found.point_world_m)
     reason = f"proved along the whole curve; closest at {point}" if found.passed else f"{found.reason} at {point}"
     value, fits = found.proven_m, vehicle.reach_m <= required_m
     reason = reason if fits else inputs.beyond_clearance(vehicle, required_m)

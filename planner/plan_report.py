@@ -23,11 +23,14 @@ _STYLE = """
 body { font: 15px/1.5 sans-serif; margin: 0 auto; max-width: 1000px; padding: 0 1em 3em; color: #222; }
 h1 { font-size: 1.4em; } h2 { font-size: 1.1em; margin: 1.4em 0 0; } svg { width: 100%; height: auto; }
 table { border-collapse: collapse; } td, th { padding: .15em .9em .15em 0; text-align: left; }
-td.number { text-align: right; } .fails { color: #b30000; } text { font: 12px sans-serif; fill: #555; }
-text.bound { fill: #b30000; text-anchor: end; } .scroll { overflow-x: auto; } .key { font-weight: normal; }
+td.number { text-align: right; white-space: nowrap; }
+.fails { color: #b30000; } text { font: 12px sans-serif; fill: #555; }
+text.bound { fill: #b30000; text-anchor: end; } .key { font-weight: normal; }
+.scroll { overflow-x: auto; } .scroll svg { min-width: 560px; }
 @media print {
   body { max-width: none; font-size: 11px; print-color-adjust: exact; -webkit-print-color-adjust: exact; }
-  h2 { break-after: avoid; } svg, tr { break-inside: avoid; } .scroll { overflow: visible; }
+  h2 { break-after: avoid; } svg, tr { break-inside: avoid; }
+  .scroll { overflow: visible; } .scroll svg { min-width: 0; }
 }
 """
 
@@ -182,7 +185,7 @@ def _stretches(shades: np.ndarray) -> tuple[FloatArray, FloatArray]:
 def _svg(width: float, height: float, parts: list[str]) -> str:
     """As large as it was drawn for at most: a small or tall picture is not blown up to the page's width."""
     size = f'viewBox="0 0 {width:.0f} {height:.0f}" style="max-width: {width:.0f}px"'
-    return f"<svg {size}>{''.join(parts)}</svg>"
+    return f"<div class='scroll'><svg {size}>{''.join(parts)}</svg></div>"
 
 
 def _segments(report: GateReport) -> str:

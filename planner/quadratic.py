@@ -19,10 +19,13 @@ from planner.corridor import Box
 _FACES = 6
 _PRECISION = 1e-6
 """OSQP's own default, 1e-3, misses waypoints by millimetres."""
+_ITERATIONS = 20000
 _STIFF = 10.0
 """OSQP's weight of the bounds (rho) where they are not met otherwise. Snap goes with T^-7: with times of 0.15 to 2.7 s
 the cost spans ten decades, and OSQP adapts rho to 0.03, at which 5 mm were missing after 20,000 iterations in boxes of
 hardly any width. At 10, kept, it was 0.5 mm after 4000; at 100 and 1000 it is slower again."""
+_STIFF_ITERATIONS = 8000
+"""Twice what those boxes needed: the last resort has to end."""
 
 
 @cache
@@ -88,12 +91,14 @@ class SnapProgram:
 
     def _run(self, P: sparse.csc_matrix, A: sparse.csc_matrix, low: FloatArray, high: FloatArray) -> FloatArray:
         if self._solver is None:
-            self._solver = self._set_up(P, A, low, high)
+            self._solver = self._set_up(P, A, low, high, max_iter=_ITERATIONS)
         else:  # starts from the last answer
             self._solver.update(Px=P.data, Ax=A.data, l=low, u=high)
         x, status = _solved(self._solver)
         if not _violation(A, x, low, high).max() <= self.constraints.residual:
-            x, status = _solved(self._set_up(P, A, low, high, rho=_STIFF, adaptive_rho=False))
+            x, status = _solved(
+                self._set_up(P, A, low, high, max_iter=_STIFF_ITERATIONS, rho=_STIFF, adaptive_rho=False)
+            )
         violation = _violation(A, x, low, high)
         worst = int(violation.argmax())
         if not violation[worst] <= self.constraints.residual:
@@ -114,7 +119,7 @@ class SnapProgram:
         solver = osqp.OSQP()
         solver.setup(
             P=P, q=np.zeros(12 * (self.segments + 1)), A=A, l=low, u=high, verbose=False, polishing=True,
-            eps_abs=_PRECISION, eps_rel=_PRECISION, max_iter=20000, **settings,
+            eps_abs=_PRECISION, eps_rel=_PRECISION, **settings,
         )  # fmt: skip
         return solver
 

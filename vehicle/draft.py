@@ -38,10 +38,12 @@ THRUST_NUMBERS = (0.01, 1.0)
 """C_T = T / (rho n^2 D^4) of any propeller at rest lies well within; n in revolutions per second."""
 FRAMES = ("x", "+")
 ORDER = {
-    "x": "front left (clockwise), rear left, rear right, front right, neighbours turning opposite ways",
-    "+": "front (clockwise), left, rear, right, neighbours turning opposite ways",
+    "x": "front left (clockwise unless --props-out), rear left, rear right, front right, neighbours opposite",
+    "+": "front (clockwise unless --props-out), left, rear, right, neighbours opposite",
 }
 """Rotors 0 to 3 of `layout`, in words."""
+TURNS = {-1: "clockwise", 1: "counter-clockwise"}
+"""A spin in words, seen from above."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +86,11 @@ def layout(arm_m: float, frame: str) -> tuple[FloatArray, FloatArray]:
     return np.round(hubs, 6) + 0.0, np.array([-1.0, 1.0, -1.0, 1.0])
 
 
+def spins(known: Known) -> FloatArray:
+    """(4,) those known, or the usual ones."""
+    return np.array([-1.0, 1.0, -1.0, 1.0]) if known.spin is None else known.spin
+
+
 def missing(known: Known) -> list[str]:
     """The data that no formula can estimate: a description of each, with the option that sets it."""
     required = {
@@ -120,7 +127,7 @@ def draft(known: Known) -> Vehicle:
     hover_rad_s = _hover_speed(known.mass_kg.value, acting, known.hover_rad_s)
     if hover_rad_s is not None:
         _check_propellers(known.mass_kg.value, hover_rad_s, radius_m, body["air_density_kg_m3"].value)
-    spin = np.array([-1.0, 1.0, -1.0, 1.0]) if known.spin is None else known.spin
+    spin = spins(known)
     return Vehicle(
         name=known.name or "my-vehicle",
         parameters=body | acting,

@@ -191,7 +191,12 @@ def _show_wrench(wrench: sysid.WrenchErrors) -> None:
         both = zip(scale, rmse, wrench.explained[model], strict=True)
         rows.append((model, *(f"{s * error:.3g} ({share:.0%})" for s, error, share in both)))
     by = "accelerometer" if wrench.accelerometer else "measured velocity"
-    console.table(f"rms error of force (by {by}) and moment, means over {SPAN_S:g} s (share explained)", heads, rows)
+    console.table(
+        f"rms error of force (by {by}) and moment, means over {SPAN_S:g} s (share of the variance explained; "
+        "negative: worse than the mean)",
+        heads,
+        rows,
+    )
 
 
 def _show_protocol(judged: sysid.Judged) -> None:

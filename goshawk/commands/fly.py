@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 import firmware_bridge
-from firmware_bridge.airborne import tracking
+from firmware_bridge.airborne import slowed, tracking
 from flight import flight_log, trajectory
 from goshawk import console, outputs
 
@@ -39,5 +39,7 @@ def command(
         log = link.fly(item, progress=report, cancel=cancel)
     with outputs.file(out, overwrite=overwrite) as temporary:
         flight_log.save(temporary, log)
-    facts = {"written": str(out), "rows": len(log), **tracking(log)}
-    console.show("flight", facts, as_json=as_json)
+    planned = {"planned_s": item.trajectory.duration_s} if item is not None else {}
+    console.show("flight", {"written": str(out), "rows": len(log), **planned, **tracking(log)}, as_json=as_json)
+    if not as_json and (why := slowed(log)):
+        click.echo(f"note: {why}")

@@ -126,6 +126,8 @@ def _show(title: str, document: dict) -> None:
         click.echo(f"{finding['level']}: {finding['sentence']}; {finding['fix']}")
     for sentence in document["check"]["inconclusive"]:
         click.echo(f"inconclusive: {sentence}")
+    if not document["columns"].keys() & {"rotor_speed_0_rad_s", "rotor_speed_command_0_rad_s"}:
+        click.echo("note: it has no rotor speed, nor its command in rad/s: no vehicle can be identified from it")
     if not findings:
         click.echo("the checks found no fault")
     elif any(finding["fixable"] for finding in findings):

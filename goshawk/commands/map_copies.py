@@ -45,7 +45,8 @@ def crop(map_folder: Path, out: Path, overwrite: bool, as_json: bool, **shapes: 
     results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
     kept = solid_from(shapes)
     old = map_parts.read(map_folder)
-    new = map_parts.cropped(old, kept, f"cropped {_named(old)} to a {type(kept).__name__.lower()}")
+    shape = next(f"--{name.replace('_', '-')} {text}" for name, text in shapes.items() if text is not None)
+    new = map_parts.cropped(old, kept, f"cropped {_named(old)} with {shape}")
     _write(out, new, {"poses kept": f"{len(new.images)} of {len(old.images)}"}, {}, overwrite, as_json)
 
 

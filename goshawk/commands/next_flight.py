@@ -13,6 +13,7 @@ from flight import FlightLog, InfeasibleError, InputError, Progress, project, tr
 from goshawk import console, map_standing, mapped_flight, outputs
 from goshawk.flights import load, refuse_repeated
 from sysid.diagnosis import diagnose, next_flight
+from sysid.diagnosis.candidates import require_missing
 from sysid.diagnosis.examined import examine
 from sysid.diagnosis.next_flight import Proposal, Ranking
 from sysid.diagnosis.procedure import while_searching
@@ -77,13 +78,15 @@ def command(
     outputs.check(out, overwrite=overwrite)
     _check_where(space, corner, map_folder, radius_m, margin_m)
     refuse_repeated(flights, "in FLIGHTS")
+    believed = vehicle.load(vehicle_file)
     for name in library:
         manoeuvres.make(name)
+    for name in candidates:
+        require_missing(name, believed)
     if map_folder is not None:
         how = console.body_options(radius_m, margin_m)
         area = mapping.open_map(map_folder)
         map_standing.require(area, accept_doubtful=accept_doubtful)
-        believed = vehicle.load(vehicle_file)
         logs = [load(path, columns) for path in flights]
         with console.progress() as progress:
             ranked = mapped_flight.rank_in_map(
@@ -103,7 +106,6 @@ def command(
     assert space is not None
     size, low = _three("--space", space), _three("--corner", corner) if corner else None
     Room.of(size, low)
-    believed = vehicle.load(vehicle_file)
     logs = [load(path, columns) for path in flights]
     with console.progress() as progress:
         ranking = next_flight.rank(

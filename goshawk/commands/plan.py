@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 import numpy as np
 
+import esdf
 import mapping
 import planner
 import vehicle
@@ -122,39 +123,62 @@ def command(
     if sum(given is not None for given in (waypoints, path, missions)) != 1:
         raise click.UsageError("give either WAYPOINTS or --path or --batch")
     wanted = options_from(vehicle_file, margin_m, speed_m_s, acceleration_m_s2, radius_m)
-    drone = vehicle.load(vehicle_file)
-    how = replace(wanted.sized(drone), method=method, search=search, search_seed=seed)
+    how = replace(wanted.sized(vehicle.load(vehicle_file)), method=method, search=search, search_seed=seed)
     repeated, turned = None if laps is None else Laps(laps), yaw_from(yaw, heading_deg, look_at)
     tube = None if keep_in_m is None else KeepIn(keep_in_m)
+    job = batch.Job(map_folder, vehicle_file, how, out, repeated, turned, tube, thinnest_m, overwrite=overwrite)
     area = mapping.open_map(map_folder)
     map_standing.require(area, accept_doubtful=accept_doubtful)
     if missions is not None:
-        job = batch.Job(map_folder, vehicle_file, how, out, repeated, turned, tube, thinnest_m, overwrite=overwrite)
         plan_all(missions, job, jobs, scheduler, as_json=as_json)
-        return
-    outputs.check(out, overwrite=overwrite)
-    free = area.free_space()
-    field = thin_obstacles.field_to_plan_in(area, free, thinnest_m)
-    if thinnest_m is not None:
+    else:
+        outputs.check(out, overwrite=overwrite)
+        plan_one(area, job, waypoints, path, tolerance_m, as_json=as_json)
+
+
+def plan_one(
+    area: mapping.Map, job: batch.Job, waypoints: Path | None, path: Path | None, tolerance_m: float, *, as_json: bool
+) -> None:
+    """Plan a file of waypoints, or else a recorded path, and write the trajectory."""
+    drone, free = vehicle.load(job.vehicle_file), area.free_space()
+    field = thin_obstacles.field_to_plan_in(area, free, job.thinnest_m)
+    if job.thinnest_m is not None:
         kept = 100.0 * thin_obstacles.free_share(field, area)
-        click.echo(f"note: --thinnest {thinnest_m:g} leaves {kept:.0f} % of the map's free space free", err=True)
-    left_out = 0
+        click.echo(f"note: --thinnest {job.thinnest_m:g} leaves {kept:.0f} % of the map's free space free", err=True)
     if path is not None:
-        recorded = read_path(path)
-        walked, left_out = simplify.waypoints_along(recorded, tolerance_m, field, how, read_headings(path))
-        asked, tube = Mission(walked), tube and tube_round(recorded, tube.radius_m)
+        asked, left_out = mission_along(path, tolerance_m, field, job)
     else:
         assert waypoints is not None
-        asked = waypoints_file.load_mission(waypoints)
-    asked = replace(asked, laps=repeated or asked.laps, yaw=turned or asked.yaw, keep_in=tube or asked.keep_in)
+        asked, left_out = job.asked(waypoints_file.load_mission(waypoints)), None
     with console.progress() as report:
-        plan = thin_obstacles.plan(asked, area, field, drone, how, free, thinnest_m, progress=report)
-    with outputs.file(out, overwrite=overwrite) as temporary:
-        planner.save_plan(temporary, plan, name=out.stem)
+        plan = thin_obstacles.plan(asked, area, field, drone, job.options, free, job.thinnest_m, progress=report)
+    with outputs.file(job.out, overwrite=job.overwrite) as temporary:
+        planner.save_plan(temporary, plan, name=job.out.stem)
+    _show(plan, job.out, len(asked.waypoints.positions_world_m), left_out, as_json=as_json)
+
+
+def mission_along(path: Path, tolerance_m: float, field: esdf.Field, job: batch.Job) -> tuple[Mission, int]:
+    """The mission that follows a recorded path, and how many of its positions were left out because nothing fits there.
+
+    Args:
+        tolerance_m: largest deviation from the recorded path when it is simplified.
+    """
+    recorded = read_path(path)
+    walked, left_out = simplify.waypoints_along(recorded, tolerance_m, field, job.options, read_headings(path))
+    tube = job.keep_in and tube_round(recorded, job.keep_in.radius_m)
+    return replace(job, keep_in=tube).asked(Mission(walked)), left_out
+
+
+def _show(plan: planner.Plan, out: Path, waypoints: int, left_out: int | None, *, as_json: bool) -> None:
+    """The facts of a plan, and a note where an obstacle could hide near it.
+
+    Args:
+        left_out: recorded positions that were left out; None if no path was given.
+    """
     facts = {
         "written": str(out),
-        "waypoints": len(asked.waypoints.positions_world_m),
-        **({"recorded_positions_left_out": left_out} if path is not None else {}),
+        "waypoints": waypoints,
+        **({"recorded_positions_left_out": left_out} if left_out is not None else {}),
         "segments": len(plan.trajectory.durations_s),
         "duration_s": plan.trajectory.duration_s,
         "clearance_m": plan.gate.clearance_m,
@@ -181,7 +205,12 @@ def plan_all(folder: Path, job: batch.Job, jobs: int, scheduler: str | None, *, 
             for row in rows
         ]
         console.table(f"plans in {job.out}", heads, [["" if cell is None else cell for cell in line] for line in lines])
-    if any(row["status"] != "planned" for row in rows):
+    missed = sum(row["status"] != "planned" for row in rows)
+    if missed:
+        where = job.out / batch.RESULTS
+        click.echo(
+            f"goshawk: {missed} of {len(rows)} missions have no plan; {where} gives the reason of each", err=True
+        )
         raise click.exceptions.Exit(1)
 
 

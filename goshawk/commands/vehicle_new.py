@@ -32,6 +32,9 @@ RANGES = {
 @click.option(
     "--frame", type=click.Choice(draft.FRAMES), help="Arms to the corners (x) or ahead and aside (+) [default: x]."
 )
+@click.option(
+    "--props-out", is_flag=True, help="All rotors turn the other way: front left counter-clockwise, seen from above."
+)
 @click.option("--prop-diameter", "diameter_m", type=float, help="Diameter of a propeller, metres (5 inches: 0.127).")
 @click.option("--hover-rpm", type=float, help="Rotor speed in hover, if known: gives a much better thrust coefficient.")
 @click.option("--max-rpm", type=float, help="Fastest rotor speed, if known.")
@@ -44,6 +47,7 @@ def new(
     mass_kg: float | None,
     arm_m: float | None,
     frame: str | None,
+    props_out: bool,
     diameter_m: float | None,
     hover_rpm: float | None,
     max_rpm: float | None,
@@ -76,6 +80,8 @@ def new(
     known = with_options(known, mass_kg, arm_m, frame, diameter_m, hover_rpm, max_rpm)
     if asks:
         known = _asked(known, frame)
+    if props_out:
+        known = reversed_spins(known)
     made = draft.draft(replace(known, name=name or known.name or out.stem))
     with outputs.file(out, overwrite=overwrite) as temporary:
         commented.write(temporary, made)
@@ -144,6 +150,13 @@ def with_options(
     if hover_rpm is not None:
         known = replace(known, hover_rad_s=hover_rpm * RAD_S_PER_RPM)
     return known if max_rpm is None else replace(known, rotor_speed_max_rad_s=max_rpm * RAD_S_PER_RPM)
+
+
+def reversed_spins(known: Known) -> Known:
+    """All rotors turn the other way than the default, or than another program's file says."""
+    spin = -draft.spins(known)
+    note = f"--props-out: all spins reversed, rotors 0 to 3 {', '.join(draft.TURNS[int(s)] for s in spin)}"
+    return replace(known, spin=spin, notes=(*known.notes, note))
 
 
 def _asked(known: Known, frame: str | None) -> Known:

@@ -68,7 +68,7 @@ def _shape(solid: Solid) -> list[float]:
             return [1.0, *solid.centre_world_m, *[solid.radius_m] * 3]
         case Cylinder():
             return [2.0, *solid.centre_world_m, solid.radius_m, solid.radius_m, 0.5 * solid.height_m]
-    raise InputError(f"the renderer cannot draw a {type(solid).__name__}; it draws Box, Room, Sphere and Cylinder")
+    raise InputError(f"the renderer cannot draw {type(solid).__name__}; it draws Box, Room, Sphere and Cylinder")
 
 
 def furnished() -> RenderedScene:

@@ -7,7 +7,7 @@ import numpy as np
 
 from mapping.dense.stereo import DepthImage
 
-_ARRAYS = ("inverse_range", "deviation", "facing", "bound", "agreeing")
+_ARRAYS = ("inverse_range", "deviation", "facing", "bound")
 
 
 class DepthFiles(Sequence[DepthImage | None]):

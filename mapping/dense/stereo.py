@@ -77,8 +77,6 @@ class DepthImage:
     bound: FloatImage
     """(h, w) 1/m, the largest inverse range that is possible, 0 where nothing is known: space nearer than that is open.
     Known also where parallax is too small for a depth, above all ahead of a camera that moves forward."""
-    agreeing: NDArray[np.uint8]
-    """(h, w) how many partners agree on this depth."""
     scale: float
     """Size of this image over that of the image it belongs to."""
 
@@ -222,10 +220,10 @@ def depth_image(views: Sequence[ImageView], index: int, options: StereoOptions) 
     rays = depth_rays(view, options.depth_scale)
     layers = [depth_of_pair(view, views[p], rays, options) for p in partners]
     values, deviations, bounds = (np.stack(part) for part in zip(*layers, strict=True))
-    value, deviation, agreeing = _mapping.fuse(values, deviations, options.tolerance, options.least_agreeing)
+    value, deviation = _mapping.fuse(values, deviations, options.tolerance, options.least_agreeing)
     bound = agreed_bound(bounds, value, deviation, options.least_agreeing)
     value = without_jumps(value)
-    return DepthImage(value, deviation, facing(value, rays), bound, agreeing, options.depth_scale)
+    return DepthImage(value, deviation, facing(value, rays), bound, options.depth_scale)
 
 
 def agreed_bound(bounds: FloatImage, value: FloatImage, deviation: FloatImage, least_agreeing: int) -> FloatImage:
@@ -292,4 +290,4 @@ def depth_from_sensor(view: ImageView, depth_m: NDArray[np.floating], *, relativ
     inverse_range = without_jumps(inverse_range)
     deviation = (relative_std * inverse_range).astype(np.float32)
     bound = (inverse_range + BOUND_DEVIATIONS * deviation).astype(np.float32)
-    return DepthImage(inverse_range, deviation, facing(inverse_range, rays), bound, known.astype(np.uint8), scale)
+    return DepthImage(inverse_range, deviation, facing(inverse_range, rays), bound, scale)

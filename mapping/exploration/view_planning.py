@@ -35,8 +35,6 @@ _MOST_PLACES = 800
 """Larger maps get a wider spacing."""
 _JOIN_M = 1.0
 """How far from the recorded path free space with enough clearance may begin."""
-
-
 LARGEST_M = 1000.0
 """A longer distance is a wrong unit."""
 

@@ -2,11 +2,9 @@
 
 import dataclasses
 import logging
-import os
 import shutil
 import tempfile
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +18,7 @@ from mapping.camera.adjustment import Observations
 from mapping.camera.rig import Rig
 from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
-from mapping.sparse import agreement, colmap_model, eccentricity, features, matching, pairing, repetition, rgbd
+from mapping.sparse import agreement, colmap_model, eccentricity, features, pairing, repetition, rgbd
 from mapping.stages import Work
 
 logger = logging.getLogger(__name__)
@@ -240,30 +238,19 @@ def match(
     progress(_MATCHES, 0.0)
     near = pairing.near_in_space(images, options.window)
     pairs = pairing.choose(images.pairs(), signatures, window=options.window, similar=options.similar, near=near)
+    matching = pycolmap.FeatureMatchingOptions()
+    matching.use_gpu = False
     verification = pycolmap.TwoViewGeometryOptions()
     verification.ransac.random_seed = options.seed
-    listed = database.parent / "pairs.txt"
+    pairing_options = pycolmap.ImportedPairingOptions()
+    pairing_options.match_list_path = database.parent / "pairs.txt"
     done = 0
     for chunk in _chunks(pairs, _CHUNK):
-        names = [(images.relative(*a), images.relative(*b)) for a, b in chunk]
-        _write_matches(database, names)
-        listed.write_text("\n".join(f"{a} {b}" for a, b in names), encoding="utf-8")
-        pycolmap.verify_matches(database, listed, verification)
+        lines = (f"{images.relative(*a)} {images.relative(*b)}" for a, b in chunk)
+        pairing_options.match_list_path.write_text("\n".join(lines), encoding="utf-8")
+        pycolmap.match_image_pairs(database, matching, pairing_options, verification, pycolmap.Device.cpu)
         done += len(chunk)
         progress(_MATCHES, done / len(pairs))
-
-
-def _write_matches(database: Path, pairs: list[tuple[str, str]]) -> None:
-    """Write the matches of pairs of images, by name, to be verified."""
-    import pycolmap
-
-    with pycolmap.Database.open(database) as opened, pycolmap.DatabaseTransaction(opened):
-        number = {row.name: row.image_id for row in opened.read_all_images()}
-        found = {name: opened.read_descriptors(number[name]).data for name in {name for pair in pairs for name in pair}}
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            matches = list(pool.map(lambda pair: matching.match(found[pair[0]], found[pair[1]]), pairs))
-        for (a, b), rows in zip(pairs, matches, strict=True):
-            opened.write_matches(number[a], number[b], rows)
 
 
 def place(database: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> Any:

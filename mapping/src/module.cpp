@@ -86,14 +86,12 @@ static nb::tuple sweep_lines_view(Directions first, Directions last, Directions 
 static nb::tuple fuse_layers(Layers values, Layers deviations, double tolerance, int least) {
     auto value = new_array<float>({values.shape(1), values.shape(2)});
     auto deviation = new_array<float>({values.shape(1), values.shape(2)});
-    auto members = new_array<std::uint8_t>({values.shape(1), values.shape(2)});
     {
         nb::gil_scoped_release release;
         fuse(values.data(), deviations.data(), static_cast<int>(values.shape(0)),
-             static_cast<int>(values.shape(1) * values.shape(2)), tolerance, least, value.data(), deviation.data(),
-             members.data());
+             static_cast<int>(values.shape(1) * values.shape(2)), tolerance, least, value.data(), deviation.data());
     }
-    return nb::make_tuple(value, deviation, members);
+    return nb::make_tuple(value, deviation);
 }
 
 static auto facing_view(Image inverse_range, Rays rays, int step, float unsure, int threads) {

@@ -108,7 +108,7 @@ void inverse_range(const std::int16_t* disparity, const std::int16_t* nearest, c
 }
 
 void fuse(const float* values, const float* deviations, int layers, int count, double tolerance, int least,
-          float* value, float* deviation, std::uint8_t* members) {
+          float* value, float* deviation) {
     for (int i = 0; i < count; ++i) {
         double best_sum = 0.0, best_weight = 0.0;
         int best = 0;
@@ -133,7 +133,6 @@ void fuse(const float* values, const float* deviations, int layers, int count, d
         const bool enough = best >= least;
         value[i] = enough ? static_cast<float>(best_sum / best_weight) : 0.0f;
         deviation[i] = enough ? static_cast<float>(1.0 / std::sqrt(best_weight)) : 0.0f;
-        members[i] = static_cast<std::uint8_t>(best);
     }
 }
 

@@ -39,6 +39,6 @@ void inverse_range(const std::int16_t* disparity, const std::int16_t* nearest, c
 // Several measurements of each pixel to one: the mean of the largest group that agrees within `tolerance` standard
 // deviations, if it has at least `least` members. `values`, `deviations`: (layers, count), 0 = none.
 void fuse(const float* values, const float* deviations, int layers, int count, double tolerance, int least,
-          float* value, float* deviation, std::uint8_t* members);
+          float* value, float* deviation);
 
 }  // namespace goshawk

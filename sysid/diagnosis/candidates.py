@@ -12,7 +12,7 @@ from sysid.estimator.flight_data import Flight
 from sysid.estimator.options import Reference
 from sysid.estimator.unknowns import SENSOR_NAMES
 from vehicle import Vehicle, effects, sizes
-from vehicle.effects.base import Effect, Stage
+from vehicle.effects.base import Effect, Spec, Stage
 
 POSE_DELAY = "pose_delay"
 DRIVEN = ("F_z", "M_x", "M_y", "M_z")
@@ -103,6 +103,19 @@ def candidate_set(vehicle: Vehicle, flights: Sequence[Flight], clock: Reference 
     return CandidateSet(extended, tuple(candidates), tuple(invisible))
 
 
+def require_missing(name: str, vehicle: Vehicle) -> None:
+    """Check, without any flight, the name of a candidate (an effect's, or `weak_rotor[2]`) that the vehicle may lack.
+
+    Raises:
+        InputError: there is no such effect, or the vehicle has it already.
+    """
+    effect = effects.find(name.split("[")[0])
+    if name not in (effect.name, *_names(effect)):
+        raise InputError(f"{name!r} is not among the candidates of {effect.name}: {', '.join(_names(effect))}")
+    if effect.name in vehicle.effects:
+        raise InputError(f"the model has {effect.name} already; its size and error are in the vehicle file")
+
+
 def _known(vehicle: Vehicle) -> list[Effect]:
     own = [effects.load_file(path) for path in vehicle.effect_files]
     return [*effects.catalogue().values(), *own]
@@ -160,8 +173,18 @@ def _no_load(flights: Sequence[Flight]) -> str:
     return ""
 
 
+def _wanted(effect: Effect) -> list[Spec]:
+    """The parameters that say how strong an effect is."""
+    return [s for s in effect.parameters if not s.held and (s.name in effect.strength or not effect.strength)]
+
+
+def _names(effect: Effect) -> list[str]:
+    """The names of an effect's candidates: one for each rotor where they are told apart."""
+    return [f"{effect.name}[{i}]" for i in range(len(_wanted(effect)))] if effect.separate else [effect.name]
+
+
 def _candidates(effect: Effect, vehicle: Vehicle, hover_rad_s: float) -> list[Candidate]:
-    wanted = [s for s in effect.parameters if not s.held and (s.name in effect.strength or not effect.strength)]
+    wanted = _wanted(effect)
     along = [s for s in effect.parameters if s not in wanted] if effect.between_flights else []
     channels = tuple(word for word in effect.channel.split() if word[:2] in ("F_", "M_"))
     between_command_and_speed = effect.stage in (Stage.COMMAND, Stage.DRIVE)
@@ -185,9 +208,8 @@ def _candidates(effect: Effect, vehicle: Vehicle, hover_rad_s: float) -> list[Ca
             between_flights=effect.between_flights,
         )
 
-    if effect.separate:
-        return [make(f"{effect.name}[{i}]", [s]) for i, s in enumerate(wanted)]
-    return [make(effect.name, wanted)]
+    each = [[s] for s in wanted] if effect.separate else [wanted]
+    return [make(name, specs) for name, specs in zip(_names(effect), each, strict=True)]
 
 
 def _swapped(vehicle: Vehicle) -> Vehicle:

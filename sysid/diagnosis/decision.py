@@ -36,6 +36,8 @@ class Reason(Enum):
     """A fit that is not to be used excludes nothing."""
     TOO_SMALL = auto()
     """Whatever it may be, its whole interval lies below what would matter."""
+    WEAK_SIGN = auto()
+    """Its whole interval lies below what would matter, and yet it shows some sign of itself."""
     TOO_WEAK = auto()
     """Its interval holds sizes that would matter, and none of them for sure."""
 
@@ -69,11 +71,9 @@ class Case:
     negligible: bool = False
     """Whether it is part of the last model at a size of no consequence."""
 
-    @property
-    def below_what_matters(self) -> bool:
-        """Whether the whole interval of every size lies below what would matter, and nothing hints at more."""
-        small = all(s.sigma > 0.0 and s.excluded_above <= THRESHOLDS.matters * s.usual for s in self.sizes)
-        return small and self.score.significance > THRESHOLDS.weak_sign
+    def within(self, share: float) -> bool:
+        """Whether the whole interval of every size lies within this share of the usual one."""
+        return all(size.within(share) for size in self.sizes)
 
     @property
     def confidence_alone(self) -> float:
@@ -87,12 +87,7 @@ class Case:
     def confidence_added(self) -> float:
         """That its name is right; a law that no known effect is may show in more channels than the curve's."""
         assert self.trial is not None
-        most = [self.trial.confidence]
-        if self.curve:
-            most.append(THRESHOLDS.beside_curve)
-        if self.rejected:
-            most.append(THRESHOLDS.even_confidence)
-        return min(most)
+        return min(self.trial.confidence, THRESHOLDS.beside_curve) if self.curve else self.trial.confidence
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,12 +100,16 @@ class Decision:
     """Probability that this effect is missing; of one that was added, that it is the right name."""
 
 
+def stated(confidence: float, *, unsure: bool) -> float:
+    """What may be stated of an effect or a curve: even odds at most where the fit is not to be used."""
+    return min(THRESHOLDS.even_confidence, confidence) if unsure else confidence
+
+
 def decide(case: Case) -> Decision:
     """The one place where a verdict is made; the first reason that holds decides."""
     open_ = Verdict.INCONCLUSIVE
     confidence = case.undecided.probability(case.candidate.name) if case.undecided else case.confidence_alone
-    if case.rejected:
-        confidence = min(THRESHOLDS.even_confidence, confidence)
+    confidence = stated(confidence, unsure=case.rejected)
     if case.doubted:
         return Decision(open_, Reason.FEW_STRETCHES, max(THRESHOLDS.even_confidence, confidence))
     if case.undecided is not None:
@@ -120,7 +119,7 @@ def decide(case: Case) -> Decision:
     if case.negligible:
         return Decision(Verdict.EXCLUDED, Reason.NEGLIGIBLE, 0.0)
     if case.added and case.trial is not None:
-        return Decision(Verdict.PRESENT, Reason.CONFIRMED, case.confidence_added)
+        return Decision(Verdict.PRESENT, Reason.CONFIRMED, stated(case.confidence_added, unsure=case.rejected))
     if case.no_load:
         return Decision(open_, Reason.NO_LOAD, confidence)
     if case.trial is not None and case.trial.outcome is not Outcome.ADDED:
@@ -128,8 +127,10 @@ def decide(case: Case) -> Decision:
     if case.score.significance < THRESHOLDS.chance:
         more = Reason.CURVE_EXPLAINS_MORE if case.curve else Reason.ANOTHER_EXPLAINS_MORE
         return Decision(open_, more, confidence)
-    if not case.below_what_matters:
+    if not case.within(THRESHOLDS.matters):
         return Decision(open_, Reason.TOO_WEAK, confidence)
+    if not case.within(THRESHOLDS.least_size) and case.score.significance < THRESHOLDS.weak_sign:
+        return Decision(open_, Reason.WEAK_SIGN, confidence)
     if case.rejected:
         return Decision(open_, Reason.REJECTED_FIT, 0.0)
     return Decision(Verdict.EXCLUDED, Reason.TOO_SMALL, 0.0)
@@ -167,6 +168,10 @@ def sentence(case: Case, decision: Decision) -> str:
             return "the fit is not to be used, so it excludes nothing: read the verdict on it"
         case Reason.TOO_SMALL:
             return f"{_limits(case.sizes)} can be excluded (95 %)"
+        case Reason.WEAK_SIGN:
+            return (
+                f"it may show, too weakly to tell, and is too small to matter: {_limits(case.sizes)} is unlikely (5 %)"
+            )
         case Reason.TOO_WEAK:
             return _too_weak(case.sizes)
 

@@ -74,6 +74,10 @@ class Size:
         """Sizes above this can be excluded with 95 %: the farther end of the interval."""
         return abs(self.value) + self.half90
 
+    def within(self, share: float) -> bool:
+        """Whether its whole interval lies within this share of the usual size; a size that was not flown does not."""
+        return self.sigma > 0.0 and self.excluded_above <= share * self.usual
+
     def as_dict(self) -> dict[str, Any]:
         return {
             "unit": self.unit,

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import expit
 
 from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, Waypoints, silent
-from sysid.diagnosis.candidates import Candidate
+from sysid.diagnosis.candidates import Candidate, require_missing
 from sysid.diagnosis.effect_sizes import VISIBLE_SIGMAS
 from sysid.diagnosis.evidence import Evidence
 from sysid.diagnosis.examined import Model
@@ -326,8 +326,7 @@ def _candidate(model: Model, name: str) -> Candidate:
     reasons = dict(model.candidate_set.invisible)
     if name in reasons:
         raise InputError(f"no flight of this kind can show {name}: {reasons[name]}")
-    if name in model.fit.vehicle.effects:
-        raise InputError(f"the model has {name} already; its size and error are in the vehicle file")
+    require_missing(name, model.fit.vehicle)
     of_effect = [s for s in model.candidate_set.candidates if s.effect == name]
     if of_effect:
         return max(of_effect, key=lambda s: model.scores[s.name].gain_unseen)

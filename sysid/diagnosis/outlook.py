@@ -11,6 +11,7 @@ from sysid.diagnosis.findings import CandidateFinding, Verdict
 from sysid.diagnosis.next_flight import NEEDS_A_CEILING, ask
 from sysid.diagnosis.procedure import NODE_RATE_HZ, Diagnosis
 from sysid.diagnosis.rehearsal import Room, fitted_into, rehearse
+from sysid.diagnosis.thresholds import THRESHOLDS
 from vehicle import manoeuvres
 
 LEAST_SPACE_M = 1.0
@@ -55,9 +56,12 @@ class Outlook:
 def outlook(found: Diagnosis, *, rng: np.random.Generator) -> dict[str, Outlook]:
     """By candidate that these flights cannot tell of: what a manoeuvre of its own, flown where these were, would show.
 
+    Of one whose whole interval is too small to matter no flight is asked: its usual size would have shown.
+
     The simulated flights are those of `next_flight.rank`, so both say the same.
     """
     open_ = [f for f in found.candidates if f.verdict is Verdict.INCONCLUSIVE]
+    open_ = [f for f in open_ if not all(size.within(THRESHOLDS.matters) for size in f.sizes)]
     model = found.search.models[-1]
     open_ = [f for f in open_ if f.name in model.scores]
     if not open_:

@@ -10,7 +10,7 @@ from flight import FlightLog, InputError, Progress, silent, within
 from sysid.diagnosis import effect_sizes, load, traces
 from sysid.diagnosis.belief import Belief, belief, curve_is_there
 from sysid.diagnosis.candidates import Candidate
-from sysid.diagnosis.decision import Case, decide, sentence
+from sysid.diagnosis.decision import Case, decide, sentence, stated
 from sysid.diagnosis.envelope import Envelope, flown
 from sysid.diagnosis.examined import Model, Outside
 from sysid.diagnosis.findings import (
@@ -461,7 +461,7 @@ def _attempt(trial: Trial, *, unsure: bool) -> Attempt:
         name=trial.candidate.name,
         outcome=trial.outcome,
         sentence=trial.sentence,
-        confidence=_stated(trial.confidence, unsure=unsure),
+        confidence=stated(trial.confidence, unsure=unsure),
         rivals=trial.rivals,
         reduction=judged.total,
         reduction_sigma=judged.sigma,
@@ -491,9 +491,5 @@ def _outside(model: Model, found: Outside, *, unsure: bool) -> OutsideFinding:
         force_or_torque=float(scale),
         gain=blocks.gain_unseen,
         significance=blocks.significance,
-        confidence=_stated(found.confidence, unsure=unsure),
+        confidence=stated(found.confidence, unsure=unsure),
     )
-
-
-def _stated(confidence: float, *, unsure: bool) -> float:
-    return min(THRESHOLDS.even_confidence, confidence) if unsure else confidence

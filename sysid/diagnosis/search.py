@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from flight import FlightLog, InputError, Progress, silent
-from sysid.diagnosis import candidates, effect_sizes
+from flight import FlightLog, Progress, silent
+from sysid.diagnosis import effect_sizes
 from sysid.diagnosis.belief import supported
-from sysid.diagnosis.candidates import POSE_DELAY, Candidate
+from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.confirm import CostReduction, Judge
 from sysid.diagnosis.evidence import BLOCK_S, block_edges
 from sysid.diagnosis.examined import (
@@ -22,108 +22,21 @@ from sysid.diagnosis.examined import (
     forms_and_curve,
     left_unexplained,
     loss,
-    reproduced,
     significant,
     stands,
-    stated_curve,
 )
 from sysid.diagnosis.findings import JudgedBy, Outcome
+from sysid.diagnosis.fitting import candidates_fitted, fitted_once, refit_without
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.diagnosis.trial import Trial
 from sysid.diagnosis.weigh import Fitted, Scales
 from sysid.estimator.flight_data import Flight
-from sysid.estimator.identification import identify
 from sysid.estimator.options import Options
 from sysid.estimator.result import Identification
-from vehicle import Vehicle, effects
 
 logger = logging.getLogger(__name__)
 
 NONE_HELD_OUT, TOO_SHORT = "no flight was held out", "the held-out flights are too short"
-
-
-def refit(logs: Sequence[FlightLog], model: Model, candidate: Candidate, options: Options) -> Identification:
-    """Fit the model with a candidate in it.
-
-    Where the effect that is missing is large, the model has been bent out of shape to make up for it, and from there no
-    way may lead back; then the fit starts from the numbers that the model was given.
-    """
-    start = candidates.added(model.fit.vehicle, candidate, list(model.scores[candidate.name].size))
-    flights = model.flights if candidate.between_flights else model.fit.flights
-    near = replace(model.fit, flights=flights)
-    try:
-        return identify(logs, start, _holding_others(options, start, candidate), near=near)
-    except InputError:
-        if candidate.between_flights:
-            raise
-        given = model.fit.vehicle
-        for free in (e for e in model.fit.parameters if e.status == "free"):
-            given = given.with_value(free.name, free.start)
-        start = candidates.added(given, candidate, [0.0] * len(candidate.parameters))
-        return identify(logs, start, _holding_others(options, start, candidate), given=model.fit.given)
-
-
-def _holding_others(options: Options, vehicle: Vehicle, candidate: Candidate) -> Options:
-    """Parameters of the same effect that are no part of the candidate stay where they are, unless already found."""
-    own = {f"{candidate.effect}.{s.name}": s for s in effects.find(candidate.effect).parameters}
-    idle = [n for n, s in own.items() if n not in candidate.columns and vehicle.value(n) == (s.default * s.optional)]
-    return replace(options, held=tuple(dict.fromkeys((*options.held, *idle))))
-
-
-def candidates_fitted(
-    logs: Sequence[FlightLog], model: Model, options: Options, refused: Collection[str]
-) -> list[Fitted]:
-    """The best candidates, each fitted in full.
-
-    Once one of them is beyond chance, something is missing, and a confounded effect that explains about as much may be
-    it, whatever its own significance. So may be whoever a curve beyond chance does not clearly outdo.
-    Those that explain far less than one that was refused are left out: their traces are alike, and what unseen flights
-    could not confirm of the better one speaks against the worse one too.
-    A clock that is off looks like a torque by dn/dt, so such effects wait until the clocks are right.
-    """
-    found = [s for s in significant(model) if s.name not in refused]
-    if any(s.name == POSE_DELAY for s in found):
-        refused = {*refused, *_by_rotor_acceleration(model)}
-        found = [s for s in found if s.name not in refused]
-    if not found and (curve := stated_curve(model)) is not None:
-        found = [s for s in as_good_as(curve, model) if s.name not in refused]
-    if not found:
-        return []
-    gain = {s.name: model.scores[s.name].gain_unseen for s in model.candidate_set.candidates}
-    others = [s for s in model.candidate_set.candidates if s.name not in refused and s not in found]
-    close = [*found, *(s for s in others if any(alike(model, s, f) for f in found))]
-    close = [s for s in close if gain[s.name] > THRESHOLDS.rival_share * gain[found[0].name]]
-    best = sorted(close, key=lambda s: -gain[s.name])[: THRESHOLDS.rivals]
-    tried = [c for s in best if (c := _fitted(logs, model, s, options)) is not None]
-    better = [c for name in refused if (c := model.tried.fitted.get(name)) is not None]
-    return [c for c in tried if not any(_outdone(model, c, b) for b in better)]
-
-
-def _by_rotor_acceleration(model: Model) -> set[str]:
-    """Names of the candidates that read dn/dt."""
-    named = model.candidate_set.candidates
-    return {s.name for s in named if "rotor_acceleration_rad_s2" in effects.find(s.effect).needs}
-
-
-def _fitted(logs: Sequence[FlightLog], model: Model, candidate: Candidate, options: Options) -> Fitted | None:
-    """The candidate fitted in full, once per model; None if that fails."""
-    known = model.tried.fitted
-    if candidate.name not in known:
-        try:
-            fit = refit(logs, model, candidate, options)
-            reduction = model.judge.reduction(model.fit.vehicle, fit.vehicle, fit.solution.point)
-            known[candidate.name] = Fitted(candidate, fit, reduction)
-        except InputError as error:
-            logger.info("%s could not be fitted: %s", candidate.name, error)
-            known[candidate.name] = None
-    return known[candidate.name]
-
-
-def _outdone(model: Model, worse: Fitted, better: Fitted) -> bool:
-    """Whether another candidate leaves much the same trace and explains it clearly better."""
-    scales = model.tried.scales
-    clearly = scales is not None and scales.weight(better) - scales.weight(worse) > THRESHOLDS.clear_lead
-    return clearly and reproduced(model, worse.candidate, better.candidate) > THRESHOLDS.competing
 
 
 def _weighed(model: Model, tried: Sequence[Fitted]) -> tuple[list[Fitted], Model]:
@@ -282,7 +195,7 @@ def _take_out_small(logs: Sequence[FlightLog], found: _History, options: Options
     curve = _forms_and_curve(found.models[-1], found.added, found.trials)[1]
     if (small := _small_beside(curve, found.models[-1], found.added)) is None:
         return False
-    without = _without(logs, found.models[-1], small, options)
+    without = refit_without(logs, found.models[-1], small, options)
     others = [candidate for candidate in found.added if candidate != small]
     if without is None or _forms_and_curve(without, others, found.trials)[1] is None:
         return False  # the curve needs it: neither would be left
@@ -304,7 +217,7 @@ def _useful_proxies(
     for trial in sorted(outdone.values(), key=lambda t: -t.training.total):
         if trial.candidate.name not in model.scores or trial.candidate.between_flights:
             continue
-        fitted = _fitted(logs, model, trial.candidate, options)
+        fitted = fitted_once(logs, model, trial.candidate, options)
         if fitted is None or not effect_sizes.matters(fitted.fit, trial.candidate):
             continue
         reduction, confirmed, why = _confirmed(model, fitted, unseen)
@@ -437,7 +350,7 @@ def _superfluous(
     for candidate in sorted(earlier, key=lambda s: -chance[s]):
         if chance[candidate] <= THRESHOLDS.backward_chance:
             break
-        without = _without(logs, model, candidate, options)
+        without = refit_without(logs, model, candidate, options)
         if without is not None and candidate.name not in {s.name for s in significant(without)}:
             return candidate, without
     return None
@@ -472,19 +385,3 @@ def _as_sure(curve: Outside, trials: Sequence[Trial]) -> Outside:
     if all((c.channel, c.variable) == (curve.channel, curve.variable) for c in gone_for):
         return curve
     return replace(curve, confidence=min(curve.confidence, THRESHOLDS.even_confidence))
-
-
-def _without(logs: Sequence[FlightLog], model: Model, dropped: Candidate, options: Options) -> Model | None:
-    """The model without an addition; None if that cannot be fitted."""
-    vehicle = model.fit.vehicle
-    if effects.find(dropped.effect).separate:
-        for name in dropped.parameters:
-            vehicle = vehicle.with_value(name, 0.0, source="taken out")
-        options = replace(options, held=(*options.held, *dropped.parameters))
-    else:
-        vehicle = vehicle.without_effect(dropped.effect)
-    try:
-        return examine(identify(logs, vehicle, options, near=model.fit))
-    except InputError as error:
-        logger.info("%s stays: the model without it could not be fitted: %s", dropped.name, error)
-        return None

@@ -143,8 +143,8 @@ def _sampled(log: FlightLog, source: _Source) -> tuple[FloatArray, FloatArray, s
     usual_s = float(np.median(np.diff(pose_s)))
     if usual_s >= SLOWEST_S:
         raise InputError(
-            f"{name} has a {kind} every {usual_s:.3g} s: its time is in another unit, or it is too slow to fit; time_s "
-            "must be in seconds"
+            f"{name} has one {kind} sample every {usual_s:.3g} s: its time is in another unit, or it is too slow to "
+            "fit; time_s must be in seconds"
         )
     return pose_s, rotor_s, kind
 

@@ -63,7 +63,7 @@ class Solution:
     information: tuple[FloatArray, ...]
     """Per flight (p, p): information on the parameters with the states eliminated."""
     prior_information: FloatArray
-    """(p, p) of the prior and of the weight balance."""
+    """(p, p) of the prior; the weight balance is a bound, and no measurement."""
     record: tuple[Iteration, ...]
     converged: bool
 
@@ -123,7 +123,7 @@ def solve(
         changes = [p.eliminated.states(step) for p in parts]
         rows_left, before = [p.rows_left for p in parts], sum(p.cost for p in parts)
         del parts  # they are large, and the next ones are made before this name is given anew
-        lowered = _take(flights, point, unknowns, noise, prior, step, changes, robust, before + carried.cost)
+        lowered = _take(flights, point, unknowns, noise, prior, step, changes, robust, before)
         if lowered is None and not record:
             raise InputError(
                 "the fit does not get better in any direction; the start values may be of another vehicle, "
@@ -220,7 +220,7 @@ def _solution(
         residuals=residuals,
         scores=scores,
         information=information,
-        prior_information=prior.information + weight.balance(flights, point, unknowns, noise).information,
+        prior_information=prior.information,
         record=record,
         converged=converged,
     )
@@ -300,7 +300,7 @@ def _take(
 
     def beside(candidate: Point) -> float:
         border = candidate.shared(unknowns)
-        return weight.cost(flights, candidate) + 0.5 * float((((border - prior.mean) / prior.std) ** 2).sum())
+        return weight.cost(flights, candidate, unknowns) + 0.5 * float((((border - prior.mean) / prior.std) ** 2).sum())
 
     start = before + beside(point)
     share = 1.0

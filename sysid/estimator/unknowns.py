@@ -1,6 +1,6 @@
 """Which parameters are estimated: the vehicle's that flights can show, the sensors', biases and delays of each log."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,6 +49,11 @@ def chosen_names(
             raise InputError(f"{name} does not act on the motion when rotor speed is measured; hold it")
     wanted = possible if free is None else tuple(name for name in possible if name in free)
     return tuple(name for name in wanted if name not in held)
+
+
+def has_thrust(names: Iterable[str]) -> bool:
+    """Whether a parameter of a thrust law is among them."""
+    return any(name.startswith("thrust_") for name in names)
 
 
 def sensor_values(vehicle: Vehicle) -> dict[str, float]:

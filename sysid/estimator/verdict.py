@@ -10,6 +10,7 @@ import numpy as np
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
 from sysid.estimator.flight_data import Flight
+from sysid.estimator.unknowns import has_thrust
 from sysid.logs.check import LogReport
 from vehicle import Vehicle, wrench
 from vehicle.invert import open_air
@@ -92,7 +93,7 @@ def of_fit(
     """
     free = set(free)
     verdict = Verdict(tuple(against))
-    if any(name.split(".")[0].startswith("thrust") for name in free):
+    if has_thrust(free):
         verdict = verdict.beside(_thrust(given, fitted, flights))
     if any(name.startswith("inertia_") for name in free):
         verdict = verdict.beside(_inertia(given, fitted, free))
@@ -191,8 +192,8 @@ def _inertia(given: Vehicle, fitted: Vehicle, free: Iterable[str]) -> Verdict:
             if name in too_large:
                 said += (
                     f"; the vehicle file has less than a third of it ({given.value(name):.3g}). Rotors that answer "
-                    "disturbances look like a heavy body: fit with gusts='estimate', fly quicker turns in calm air, or "
-                    "hold the inertias"
+                    "disturbances look like a heavy body: fit with gusts='estimate' unless this was, fly quicker turns "
+                    "in calm air, leave out take-off and landing, or hold the inertias"
                 )
             possible = name not in too_large and INERTIA_POSSIBLE[0] < share < INERTIA_POSSIBLE[1]
             verdict = verdict.doubted(said) if possible else verdict.beside(Verdict(against=(said,)))

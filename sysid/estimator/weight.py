@@ -3,9 +3,10 @@
 The mean vertical force of a flight is known from how its velocity changed, to a thousandth of gravity. A fit whose
 torques are wrong must not trade it away: a moment that the model lacks, in a body whose inertia is held, would be made
 up for by a sixth of the thrust. So the mean vertical acceleration that a model leaves unexplained may be as large as
-disturbances make it; where all flights lack thrust beyond that, or all have too much, it is a stiff residual of the one
-that is nearest to balance. In a fit that is right it is zero and has no slope. Flights of vehicles of different mass,
-of which some lack what others have too much, are said elsewhere.
+disturbances make it; where all logs lack thrust beyond that, or all have too much, it is a stiff residual of the one
+that is nearest to balance. In a fit that is right it is zero and has no slope. Logs of vehicles of different mass, of
+which some lack what others have too much, are said elsewhere. The pieces of one log count together: a short piece may
+be in balance by chance.
 """
 
 from collections.abc import Sequence
@@ -24,7 +25,7 @@ from sysid.estimator.model import surroundings
 from sysid.estimator.noise import Noise
 from sysid.estimator.problem import Point, linearise
 from sysid.estimator.states import States
-from sysid.estimator.unknowns import Unknowns
+from sysid.estimator.unknowns import Unknowns, has_thrust
 from sysid.logs.payload import as_flown
 from vehicle import Vehicle, acceleration
 
@@ -32,8 +33,9 @@ FREE_M_S2 = 0.3
 """Mean vertical acceleration that a long flight may leave unexplained, 3 % of gravity: updraughts, a low battery."""
 SETTLES_S = 10.0
 """Over a flight of this length disturbances may leave sqrt(2) times as much."""
-STIFF_M_S2 = 0.02
-"""What is beyond is divided by this: 1 m/s2 more costs 1,250, more than torques can gain by it."""
+STIFF_M_S2 = 0.3
+"""What is beyond costs as much as if each interval of all flights had it, where disturbances scatter by this: more than
+torques can gain by it, which grows with the flights, too."""
 
 EVERY = 4
 """Nodes of which one is enough for a mean over a flight."""
@@ -41,17 +43,12 @@ EVERY = 4
 
 @dataclass(frozen=True, slots=True)
 class Balance:
-    """One residual per flight, in units of its stiffness, linear in the shared parameters."""
+    """One residual per log, in units of its stiffness, linear in the shared parameters."""
 
     residual: FloatArray
-    """(flights,)."""
+    """(logs,)."""
     slopes: FloatArray
-    """(flights, p)."""
-
-    @property
-    def cost(self) -> float:
-        """Half the sum of squares."""
-        return 0.5 * float((self.residual**2).sum())
+    """(logs, p)."""
 
     @property
     def information(self) -> FloatArray:
@@ -66,38 +63,54 @@ class Balance:
 
 def balance(flights: Sequence[Flight], point: Point, unknowns: Unknowns, noise: Noise) -> Balance:
     """The residuals with their slopes, which are taken from the linearised motion; states count as known."""
-    residual = residuals(flights, point)
-    slopes = np.zeros((len(flights), unknowns.size))
-    for i in np.flatnonzero(residual).tolist():
+    residual = residuals(flights, point, unknowns)
+    slopes = np.zeros((len(residual), unknowns.size))
+    log, duration_s = _logs(flights)
+    for i in np.flatnonzero(residual[log]).tolist():
         rows = linearise(flights[i], point.states[i], point, unknowns, noise, False)
-        slopes[i] = _slopes(flights[i], point.states[i], rows, noise)
+        slopes[log[i]] += _slopes(flights[i], point.states[i], rows, noise) * _stiffness(flights) / duration_s[log[i]]
     return Balance(residual, slopes)
 
 
-def residuals(flights: Sequence[Flight], point: Point) -> FloatArray:
-    """(flights,) mean unexplained vertical acceleration beyond its allowance, of the flight that has least of it.
+def residuals(flights: Sequence[Flight], point: Point, unknowns: Unknowns) -> FloatArray:
+    """(logs,) mean unexplained vertical acceleration beyond its allowance, of the log that has least of it.
 
-    Zero unless all flights are beyond it to the same side, and without a pose, which alone shows what speed was gained.
+    Zero unless all logs are beyond it to the same side; where no thrust is estimated, so that none can be traded away;
+    and without a pose, which alone shows what speed was gained.
     """
-    if not all(flight.has_pose for flight in flights):
-        return np.zeros(len(flights))
-    beyond = np.array([_residual(f, s, point.vehicle) for f, s in zip(flights, point.states, strict=True)])
+    log, duration_s = _logs(flights)
+    if not has_thrust(unknowns.model) or not all(flight.has_pose for flight in flights):
+        return np.zeros(len(duration_s))
+    lacking = [_lacking_m_s(f, s, point.vehicle) for f, s in zip(flights, point.states, strict=True)]
+    mean = np.bincount(log, lacking) / duration_s
+    allowed = FREE_M_S2 * np.sqrt(1.0 + SETTLES_S / duration_s)
+    beyond = np.sign(mean) * np.maximum(np.abs(mean) - allowed, 0.0) * _stiffness(flights)
     one_sided = (beyond > 0.0).all() or (beyond < 0.0).all()
     least = np.arange(len(beyond)) == np.argmin(np.abs(beyond))
     return np.where(one_sided & least, beyond, 0.0)
 
 
-def cost(flights: Sequence[Flight], point: Point) -> float:
+def cost(flights: Sequence[Flight], point: Point, unknowns: Unknowns) -> float:
     """Half the sum of squares of the residuals."""
-    return 0.5 * float((residuals(flights, point) ** 2).sum())
+    return 0.5 * float((residuals(flights, point, unknowns) ** 2).sum())
 
 
-def _residual(flight: Flight, states: States, vehicle: Vehicle) -> float:
-    duration_s = flight.step_s.sum()
+def _stiffness(flights: Sequence[Flight]) -> float:
+    """Residual at 1 m/s2 beyond what is allowed."""
+    return float(np.sqrt(sum(len(flight) - 1 for flight in flights))) / STIFF_M_S2
+
+
+def _logs(flights: Sequence[Flight]) -> tuple[np.ndarray, FloatArray]:
+    """(flights,) log that each is a piece of, counted from 0, and (logs,) how long the pieces of each last together."""
+    _, log = np.unique([flight.log_index for flight in flights], return_inverse=True)
+    return log, np.bincount(log, [flight.step_s.sum() for flight in flights])
+
+
+def _lacking_m_s(flight: Flight, states: States, vehicle: Vehicle) -> float:
+    """Upward speed that a flight gained and the model does not explain."""
     gained_m_s = states.velocity_world_m_s[-1, 2] - states.velocity_world_m_s[0, 2]
-    mean_m_s2 = float(gained_m_s / duration_s + flight.gravity_m_s2 - _upward_force(flight, states, vehicle).mean())
-    allowed_m_s2 = FREE_M_S2 * np.sqrt(1.0 + SETTLES_S / duration_s)
-    return float(np.sign(mean_m_s2)) * max(abs(mean_m_s2) - allowed_m_s2, 0.0) / STIFF_M_S2
+    unexplained_m_s2 = flight.gravity_m_s2 - _upward_force(flight, states, vehicle).mean()
+    return float(gained_m_s + flight.step_s.sum() * unexplained_m_s2)
 
 
 def _upward_force(flight: Flight, states: States, vehicle: Vehicle) -> FloatArray:
@@ -117,8 +130,8 @@ def _upward_force(flight: Flight, states: States, vehicle: Vehicle) -> FloatArra
 
 
 def _slopes(flight: Flight, states: States, rows: Rows, noise: Noise) -> FloatArray:
-    """(p,) slope of a residual that is not zero."""
+    """(p,) slope of the speed that a flight lacks."""
     place, factor = moved_by_acceleration(FORCE, flight.step_s, noise.process)
     up = middle(flight, states).R_world_body[:, 2]
     body = rows.defect_border[:, place] / factor[:, :, None]
-    return -np.einsum("k,ki,kip->p", flight.step_s, up, body) / flight.step_s.sum() / STIFF_M_S2
+    return -np.einsum("k,ki,kip->p", flight.step_s, up, body)

@@ -64,17 +64,17 @@ def findings(offset: Offset, plain: Offset) -> tuple[list[Finding], list[str]]:
 
 def _inconclusive(offset: Offset, plain: Offset) -> str:
     known = f"known to ±{1e3 * SIGMAS * offset.sigma_s:.1f} ms only" if np.isfinite(offset.sigma_s) else "not known"
-    said = f"the gyro's clock is {known} against the attitude: this flight turns too little for the gyro's noise"
+    said = f"the gyro's clock, against the attitude, is {known}: this flight turns too little for the gyro's noise"
     if np.isfinite(plain.sigma_s):
         said += f"; compared plainly it is {plain.words}, {_worth(plain)}, and nothing is shifted"
-    return f"{said}; fly doublets or fast turns, or let the fit estimate it"
+    return f"{said}; fly doublets or fast turns to tell (a fit estimates this clock in any case)"
 
 
 def _worth(plain: Offset) -> str:
     """What a plain comparison is worth: a controller makes gyros late, none early."""
     if plain.worth_a_word(LEAST_QUALITY, SIGMAS) and plain.delay_s < 0.0:
-        return "which a controller's answer to that noise would only hide"
-    return "which a controller's answer to that noise may be, or hide"
+        return "which a controller that answers that noise can only hide"
+    return "but a controller that answers that noise may be the cause, or hide more"
 
 
 def after_attitude(log: FlightLog, motion: Kinematics) -> Offset:

@@ -155,11 +155,16 @@ def check(
     sentence = (
         f"yaw turns against the rotors' torque: {_spins(wrong)} the other way (they explain {yaw} of yaw acceleration)"
     )
-    return [error("rotor spin", sentence, f"turn the sign of {_which(wrong)} in the vehicle file")], []
+    return [error("rotor spin", sentence, f"turn the sign of {_which(wrong)} in the vehicle file{_option(wrong)}")], []
 
 
 def _spins(wrong: list[int]) -> str:
     return "all spins are" if len(wrong) == 4 else f"the spins of rotors {wrong} are"
+
+
+def _option(wrong: list[int]) -> str:
+    """What does the same from the start, if anything."""
+    return " (`goshawk vehicle new --props-out` writes them so)" if len(wrong) == 4 else ""
 
 
 def _which(wrong: list[int]) -> str:

@@ -91,7 +91,8 @@ def staircase(found: Diagnosis) -> "Figure":
         panel.barh(range(len(values)), values, color=colours, height=0.7)
         for place, value in enumerate(values):
             fell = 0.0 if place == 0 else value / values[place - 1] - 1.0
-            said = f" {value:.3g}  {fell:+.0%}" if abs(fell) >= 0.005 else f" {value:.3g}"
+            number = f" {value:.0f}" if value >= 1000.0 else f" {value:.3g}"
+            said = f"{number}  {fell:+.0%}" if abs(fell) >= 0.005 else number
             panel.text(value, place, said.replace("-", "−"), va="center", fontsize=8, color=drawing.INK)
         panel.set_xlim(0.0, 1.55 * values.max())
         panel.set_yticks(range(len(labels)), labels, fontsize=9)

@@ -11,7 +11,7 @@ from sysid.diagnosis.outlook import Outlook
 from sysid.diagnosis.procedure import Diagnosis
 from sysid.estimator.verdict import Use
 from sysid.report import diagnosis_figures, diagnosis_tables, residual_plots, words
-from sysid.report.pages import AXES, picture, stamp, write_page
+from sysid.report.pages import AXES, LETTERS, picture, stamp, write_page
 
 CAPTIONS = {
     "staircase": "Prediction error, model by model",
@@ -26,7 +26,6 @@ MOST_LISTED = 8
 """More open candidates than these are not listed in the verdict."""
 HORIZON = "0.5 s"
 """At which the verdict states the error."""
-LETTERS = "F is force, M torque, v velocity through the air, w turning rate, n rotor speed."
 STYLE = (
     "table.grouped td, table.grouped th { padding: .12em .9em .12em .3em; font-size: .94em }"
     "table.grouped tbody tr { background: none !important; vertical-align: top }"
@@ -78,7 +77,7 @@ def write(
 def _head(found: Diagnosis) -> str:
     given = escape(", ".join(words.effect(name) for name in found.base.effects))
     learnt = f"Learnt from {escape(', '.join(found.flights))}"
-    judged = f"judged on {', '.join(found.held_out)}" if found.held_out else "each flight judged by the others"
+    judged = f"judged on {', '.join(found.held_out)}" if found.held_out else "each stretch of flight judged by the rest"
     return (
         f"<h1>Diagnosis of {escape(found.base.name)}</h1>"
         f"{stamp(f'{learnt}; {escape(judged)}. Model as given: {given}. {AXES} {LETTERS}')}"

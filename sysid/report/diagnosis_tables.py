@@ -143,7 +143,8 @@ def _group(first: str, rows: Sequence[str], last: str) -> str:
 
 def _grouped(head: Sequence[str], names: set[str], groups: Iterable[str]) -> str:
     cells = "".join(f"<th{' class=word' if name in names else ''}>{name}</th>" for name in head)
-    return f"<table class='grouped'><thead><tr>{cells}</tr></thead>{''.join(groups)}</table>"
+    drawn = f"<table class='grouped'><thead><tr>{cells}</tr></thead>{''.join(groups)}</table>"
+    return f"<div class='scroll'>{drawn}</div>"
 
 
 def confounded(found: Sequence[CandidateFinding]) -> str:
@@ -155,8 +156,11 @@ def confounded(found: Sequence[CandidateFinding]) -> str:
         if (alike := s.confounded) and s.verdict is not Verdict.EXCLUDED
     ]
     if not items:
-        return "<p>Nothing that is present or in doubt leaves the trace of another candidate on these flights.</p>"
-    return f"<p>Leaves on these flights the trace of, to so many per cent:</p><ul>{''.join(items)}</ul>"
+        return "<p>On these flights nothing that is present or in doubt is confounded with another candidate.</p>"
+    return (
+        "<p>On these flights other candidates reproduce at least "
+        f"{THRESHOLDS.confounded:.0%} of the residual of</p><ul>{''.join(items)}</ul>"
+    )
 
 
 def parameters(found: Mapping[str, Parameter]) -> str:

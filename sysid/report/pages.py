@@ -26,7 +26,7 @@ from sysid.estimator.result import (
 from sysid.estimator.verdict import Use
 from sysid.estimator.wrench_error import WrenchErrors
 from sysid.logs.check import LogReport
-from sysid.report import plots, residual_plots
+from sysid.report import plots, residual_plots, words
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #2b2b2b; max-width: 1180px; margin: 2em auto; padding: 0 1em }
@@ -40,9 +40,9 @@ td.word, th.word { text-align: left } tbody tr:nth-child(even) { background: #f7
 .verdict { border-left: 5px solid #1f6f8b; background: #f2f7f9; padding: .4em 1em .6em; margin: 1em 0 }
 .verdict p { margin: .4em 0 } .verdict p:first-child { font-size: 1.3em } sup { line-height: 0; font-size: .75em }
 img { width: 100%; margin: .3em 0 } .held { color: #999 } li.error, .bad { color: #b0413e } .good { color: #3c7a1f }
-.scroll { overflow-x: auto } img.wide { min-width: 2400px }
+.scroll { overflow-x: auto } .scroll img { min-width: 760px } .scroll img.wide { min-width: 2400px }
 @media print { body { max-width: none; font-size: 11px; print-color-adjust: exact } .scroll { overflow: visible }
-  img.wide { min-width: 0 } h2, h3 { break-after: avoid } img, tr { break-inside: avoid } }
+  .scroll img, .scroll img.wide { min-width: 0 } h2, h3 { break-after: avoid } img, tr { break-inside: avoid } }
 """
 
 CAPTIONS = {
@@ -63,6 +63,7 @@ CAPTIONS = {
 WIDE = ("residual_against_all",)
 """Pictures of so many panels that the page's width is too little to read them."""
 AXES = "SI units, body axes x forward, y left, z up."
+LETTERS = "F is force, M torque, v velocity through the air, w turning rate, n rotor speed."
 SHOWN = {"position": ("mm", 1e3), "velocity": ("m/s", 1.0), "attitude": ("deg", 57.29578), "rate": ("rad/s", 1.0)}
 """Units of the table of prediction errors."""
 
@@ -113,7 +114,8 @@ def write_comparison(
     )
     with tempfile.TemporaryDirectory() as folder:
         pictures = "".join(picture(p) for p in plots.comparison(comparison, Path(folder)))
-    head = f"<h1>Comparison of models</h1>{stamp(AXES)}<div class='verdict'>{_comparison_verdict(comparison)}</div>"
+    verdict = f"<div class='verdict'>{_comparison_verdict(comparison)}</div>"
+    head = f"<h1>Comparison of models</h1>{stamp(f'{AXES} {LETTERS}')}{verdict}"
     tables = table(("model", "effects"), models, words=1)
     tables += _protocol(judged) if judged is not None else ""
     tables += _wrench(wrench) if wrench is not None else ""
@@ -138,10 +140,13 @@ def _comparison_verdict(comparison: Comparison) -> str:
         lines.append(f"{escape(name)} against {escape(first)}: {said}.")
     for name, residuals in comparison.residuals.items():
         channel, variable, share = residual_plots.most_telling(residuals)
+        curve = "a constant" if variable == "constant" else f"a curve against {words.variable(variable)} ({variable})"
         told = (
-            f"{variable} predicts {share:.0%} of its {channel}" if share > residual_plots.NOTABLE else "nothing tells"
+            f"{curve} predicts {share:.0%} of what is left of the {words.channel(channel)} ({channel})"
+            if share > residual_plots.NOTABLE
+            else "no curve of one variable predicts what is left"
         )
-        lines.append(f"What {escape(name)} leaves unexplained: {told} {explained.judged_how(residuals)}.")
+        lines.append(f"What {escape(name)} leaves unexplained: {told}, {explained.judged_how(residuals)}.")
     lines += [f"<b class='bad'>{escape(remark)}.</b>" for remark in comparison.remarks]
     lines += [f"{escape(sentence)}." for sentence in comparison.left_out]
     return "".join(f"<p>{line}</p>" for line in lines)
@@ -307,7 +312,11 @@ def _comparison(comparison: Comparison) -> str:
     )
     flights = ", ".join(escape(f.name) for f in comparison.flights)
     head = ("model", "rms error after", *(f"{h:g} s" for h in HORIZONS_S))
-    note = f"<p class='small'>Open loop, with the measured rotor speeds, from {comparison.predictions} starts.</p>"
+    note = (
+        f"<p class='small'>Open loop, with the measured rotor speeds, from {comparison.predictions} starts. Position "
+        f"and attitude against the pose sensor, velocity and rate against states smoothed with "
+        f"{escape(next(iter(comparison.models)))}.</p>"
+    )
     return f"<h2>Prediction on {flights}</h2>{table(head, rows)}{note}"
 
 
@@ -326,7 +335,8 @@ def _wrench(wrench: WrenchErrors) -> str:
     force = "the accelerometer" if wrench.accelerometer else "the measured velocity"
     note = (
         f"<p class='small'>Root mean square of measured less modelled, means over {SPAN_S:g} s; in brackets the share "
-        f"of the variance explained. Force by {force}, moment by the measured rate; lever arms are taken out.</p>"
+        f"of the variance explained (negative: worse than the mean). Force by {force}, moment by the measured rate; "
+        "lever arms are taken out.</p>"
     )
     open_ = "".join(f"<p class='bad'>{escape(sentence)}.</p>" for sentence in wrench.not_converged)
     return f"<h2>Force and moment</h2>{table(head, rows)}{open_}{note}"

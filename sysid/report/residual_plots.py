@@ -45,14 +45,14 @@ def over_time(named: Residuals, flight: int, title: str) -> "Figure":
             smooth = scale * one.means()[:, i]
             time_s = one.time_s[0] + SPAN_S * (np.arange(len(smooth)) + 0.5)
             outside = float((np.abs(smooth) > SIGMAS * scale * one.sigma[i]).mean())
-            label = f"{name}: {drawing.rms(smooth):.2g} {written}, {outside:.0%} outside"
+            label = f"{name}: {drawing.rms(smooth):.2g} {written}, {outside:.0%} outside its band"
             panel.plot(time_s, smooth, color=colour, linewidth=1.0, label=label)
         band = SIGMAS * scale * list(named.values())[-1][flight].sigma[i]
         panel.axhspan(-band, band, color=drawing.PALE, alpha=0.5, linewidth=0, zorder=0)
         panel.axhline(0.0, color=drawing.INK, linewidth=0.6)
         panel.legend(frameon=False, fontsize=7.5, loc="lower right", bbox_to_anchor=(1.02, 0.97), borderpad=0.2)
         drawing.plain(panel, "", "time (s)" if i >= 3 else "", f"unexplained {channel} ({written})")
-    drawing.headed(figure, f"{title} (means over {SPAN_S:g} s; grey: 95 % band of the last model's white noise)")
+    drawing.headed(figure, f"{title} (means over {SPAN_S:g} s; grey: 95 % band of the white noise of the last model)")
     return figure
 
 

@@ -41,6 +41,7 @@ def variable(name: str) -> str:
 
 TITLES = {
     "thrust_bem": "thrust by blade elements",
+    "thrust_blade_element": "thrust by blade elements, with the advance ratio",
     "thrust_quadratic": "thrust with the square of rotor speed",
     "thrust_affine": "thrust not quite quadratic",
     "inflow_linear": "thrust lost to axial air speed",

@@ -196,3 +196,10 @@ def test_waypoints_come_from_a_recorded_flight_by_the_deviation_allowed(station,
     page.keyboard.press("Control+z")
     wait(lambda: np.array_equal(positions(station), START), "undo")
     station.desk.project.flight("corner").unlink()
+
+
+def test_the_legend_of_the_strip_sets_letters_apart_from_names(page):
+    legend = page.get_by_text(re.compile(r"brighter: above 98 % of limit")).text_content()
+    limits = legend.split(" · ")[:-1]
+    assert limits
+    assert all(re.fullmatch(r"\w: [a-z ]+", limit) for limit in limits), legend

@@ -22,9 +22,8 @@ def pixel(page, station: GroundStation, point_world_m: np.ndarray) -> tuple[floa
     return box["x"] + box["width"] / 2 + scale * x / z, box["y"] + box["height"] / 2 + scale * y / z
 
 
-def dragged(page, station: GroundStation, start_world_m: np.ndarray, end_world_m: np.ndarray) -> bool:
+def pull(page, station: GroundStation, start_world_m: np.ndarray, end_world_m: np.ndarray, understood) -> bool:
     """Pull with the mouse as a hand does, each step once the browser has drawn the one before; was it understood?"""
-    before = station.desk.session.revision
     start, end = (np.array(pixel(page, station, point)) for point in (start_world_m, end_world_m))
     drawn(page)
     page.mouse.move(*start)
@@ -32,28 +31,33 @@ def dragged(page, station: GroundStation, start_world_m: np.ndarray, end_world_m
     page.mouse.down()
     for share in np.linspace(0.1, 1.0, 10):
         page.mouse.move(*(start + share * (end - start)))
-    drawn(page)
-    page.mouse.up()
-    again_s = time.monotonic() + 20.0  # then the handle was not drawn yet when the mouse came down on it
-    while station.desk.session.revision == before and time.monotonic() < again_s:
         drawn(page)
-    return station.desk.session.revision > before
+    page.mouse.up()
+    again_s = time.monotonic() + 20.0  # then nothing was drawn yet where the mouse came down
+    while not understood() and time.monotonic() < again_s:
+        drawn(page)
+    return understood()
+
+
+def dragged(page, station: GroundStation, start_world_m: np.ndarray, end_world_m: np.ndarray) -> bool:
+    before = station.desk.session.revision
+    return pull(page, station, start_world_m, end_world_m, lambda: station.desk.session.revision > before)
 
 
 def test_a_waypoint_is_dragged_in_the_3d_view(station, page_3d):
     page_3d.get_by_role("grid", name="Waypoints").get_by_role("row").nth(2).get_by_role("rowheader").click()
-    pull = np.array([0.0, 0.35, 0.0])
+    offset = np.array([0.0, 0.35, 0.0])
     grip = START[1] + np.array([0.0, 0.25, 0.0])  # on the handle's y arrow
     drafts: list[np.ndarray] = []
     draw, station.view.draw_draft = station.view.draw_draft, lambda path: (drafts.append(path), draw(path))
     try:
-        wait(lambda: dragged(page_3d, station, grip, grip + pull), "a drag that the view understands")
+        wait(lambda: dragged(page_3d, station, grip, grip + offset), "a drag that the view understands")
         wait(lambda: drafts, "a draft of the path while it was dragged")
     finally:
         station.view.draw_draft = draw
     assert np.linalg.norm(drafts[-1] - positions(station)[1], axis=1).min() < 0.3
     moved = positions(station)
-    np.testing.assert_allclose(moved[1], START[1] + pull, atol=0.15)
+    np.testing.assert_allclose(moved[1], START[1] + offset, atol=0.15)
     np.testing.assert_array_equal(moved[[0, 2]], START[[0, 2]])
     page_3d.get_by_role("status").get_by_text("Waypoint 1 moved").wait_for()
 
@@ -123,22 +127,12 @@ def test_a_stroke_of_the_brush_is_drawn_applied_as_one_change_and_undone(station
     wait(lambda: station.view._painting, "the brush")
     before = station.desk.session.revision
 
-    def stroke() -> bool:
-        start, end = (np.array(pixel(page_3d, station, np.array(p))) for p in ([4.0, 1.0, 0.0], [5.0, 2.0, 0.0]))
-        drawn(page_3d)
-        page_3d.mouse.move(*start)
-        drawn(page_3d)
-        page_3d.mouse.down()
-        for share in np.linspace(0.1, 1.0, 8):
-            page_3d.mouse.move(*(start + share * (end - start)))
-            drawn(page_3d)
-        page_3d.mouse.up()
-        again_s = time.monotonic() + 20.0
-        while station.desk.map._preview.shape is None and time.monotonic() < again_s:
-            drawn(page_3d)
+    ends = np.array([4.0, 1.0, 0.0]), np.array([5.0, 2.0, 0.0])
+
+    def understood() -> bool:
         return station.desk.map._preview.shape is not None
 
-    wait(stroke, "a stroke that the view understands")
+    wait(lambda: pull(page_3d, station, *ends, understood), "a stroke that the view understands")
     form = page_3d.get_by_role("form", name="New edit of the map")
     form.get_by_label("Name").fill("hose")
     form.get_by_role("button", name="Add to the map").click()

@@ -8,7 +8,7 @@ import pytest
 import esdf
 import planner
 from esdf import solids
-from firmware_bridge.airborne import in_the_air
+from firmware_bridge.airborne import in_the_air, slowed
 from firmware_bridge.controller import State
 from flight import FlightLog, FormatError, InputError, flight_log, frames, rotations
 from goshawk.commands.plan import read_headings, read_path
@@ -17,6 +17,8 @@ from goshawk.map_accuracy import rigid_alignment
 from planner import simplify
 
 ROOT = Path(__file__).parents[2]
+TRACKING_ERROR = 67
+"""Of `tc_reason`."""
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -58,6 +60,18 @@ def test_rows_in_the_air_are_those_between_take_off_and_landing():
     np.testing.assert_array_equal(kept.time_s, log.time_s[150:-150])
     np.testing.assert_array_equal(kept.columns["battery_v"], log.columns["battery_v"][150:-150])
     assert kept.metadata == log.metadata
+
+
+def test_how_far_the_controller_slowed_a_trajectory_down_is_said_with_the_reason():
+    log = log_of(State.HOLD, State.TRAJECTORY, State.LANDING)
+    limit, reason = np.ones(150), np.zeros(150)
+    limit[:50] = 0.1  # not on the trajectory
+    unhindered = flight_log.FlightLog(log.columns | {"path_limit_ratio": limit, "limit_reason": reason}, {})
+    assert slowed(unhindered) == slowed(log) == ""
+    behind = limit.copy()
+    behind[60:70], reason[60:70] = 0.52, TRACKING_ERROR
+    said = slowed(flight_log.FlightLog(log.columns | {"path_limit_ratio": behind, "limit_reason": reason}, {}))
+    assert said == "slowed by its tracking error, to 52% of the planned speed at the slowest"
 
 
 def test_an_emergency_in_the_air_does_not_end_the_flight():

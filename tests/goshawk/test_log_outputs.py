@@ -93,6 +93,15 @@ def test_text_of_a_log_is_escaped_in_the_report(tmp_path):
     assert "<script>alert" not in text
 
 
+def test_a_log_that_no_vehicle_can_be_identified_from_is_named(flown, tmp_path):
+    log = clean(flown)
+    without = {name: values for name, values in log.columns.items() if not name.startswith("rotor_speed")}
+    flight_log.save(tmp_path / "with.parquet", log)
+    flight_log.save(tmp_path / "without.parquet", FlightLog(without, log.metadata))
+    assert "no vehicle can be identified" in run("log", tmp_path / "without.parquet")
+    assert "no vehicle can be identified" not in run("log", tmp_path / "with.parquet")
+
+
 def test_thinning_loses_no_spike():
     values = np.zeros(100_000)
     values[70_001] = 5.0

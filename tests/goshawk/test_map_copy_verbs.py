@@ -67,6 +67,8 @@ def test_a_part_is_cut_out(folder: Path, tmp_path: Path) -> None:
     run("map", "crop", folder, "--box", "0,0,0,3,4,2.5", "--out", tmp_path / "new")
     new = mapping.open_map(tmp_path / "new")
     assert new.field.status([[2.5, 3.0, 1.0], [3.5, 3.0, 1.0]]).tolist() == [esdf.KNOWN, esdf.OUTSIDE]
+    assert "cropped map" in new.facts["history"][0]
+    assert "with --box 0,0,0,3,4,2.5" in new.facts["history"][0]
     assert "--box" in run("map", "crop", folder, "--out", tmp_path / "none", code=2)
 
 

@@ -72,11 +72,14 @@ def test_a_hovering_manoeuvre_is_ranked_but_never_written(folder, tmp_path):
 def test_bad_input_is_one_sentence(folder, tmp_path):
     (tmp_path / "empty.parquet").write_bytes(b"")
     car = ("--vehicle", folder / "vehicle.toml")
+    unread = ["next-flight", tmp_path / "empty.parquet", *car, *SPACE]  # refused before any log is read
     refused = {
         "none.parquet": ["next-flight", tmp_path / "none.parquet", *car, *PAIR, *SPACE],
         "empty.parquet": ["next-flight", tmp_path / "empty.parquet", *car, *PAIR, *SPACE],
         "other.toml": ["next-flight", folder / "doublets.parquet", "--vehicle", tmp_path / "other.toml", *SPACE],
-        "'no_such' is not among": asked(folder, "--candidate", "no_such", *SPACE),
+        "there is no effect named 'no_such'": [*unread, "--candidate", "no_such"],
+        "'weak_rotor[7]' is not among the candidates of weak_rotor": [*unread, "--candidate", "weak_rotor[7]"],
+        "the model has thrust_bem already": [*unread, "--candidate", "thrust_bem"],
         "there is no manoeuvre 'looping'": asked(folder, *PAIR, *SPACE, "--manoeuvre", "looping"),
         "is not 3 finite numbers": asked(folder, *PAIR, "--space", "6,6"),
         "leaves no room": asked(folder, *PAIR, "--space", "6,0.1,3"),

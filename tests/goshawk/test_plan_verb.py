@@ -112,14 +112,17 @@ def test_options_that_contradict_each_other_are_wrong_usage(folder, options, wor
 
 
 def test_a_batch_plans_what_can_be_flown_and_says_why_the_rest_cannot(folder, tmp_path):
-    answer = run("--batch", folder / "missions", *world(folder), "--out", tmp_path / "out", code=1)
-    rows = {row["name"]: row for row in answer["missions"]}
+    ended = goshawk("plan", "--batch", folder / "missions", *world(folder), "--out", tmp_path / "out", "--json")
+    assert ended.returncode == 1
+    where = tmp_path / "out" / "results.json"
+    assert f"goshawk: 2 of 4 missions have no plan; {where} gives the reason of each" in ended.stderr.splitlines()[-1]
+    rows = {row["name"]: row for row in json.loads(ended.stdout)["missions"]}
     assert [rows[name]["status"] for name in ("a", "b", "inside", "torn")] == ["planned"] * 2 + ["refused"] * 2
     assert "waypoint" in rows["inside"]["reason"]
     assert "JSON" in rows["torn"]["reason"]
     assert trajectory.load(batch.trajectory_path(tmp_path / "out", "a")).checked
     table = pq.read_table(tmp_path / "out" / "results.parquet").to_pylist()
-    assert table == json.loads((tmp_path / "out" / "results.json").read_text())["missions"]
+    assert table == json.loads(where.read_text())["missions"]
 
 
 def test_a_batch_goes_on_where_it_was_broken_off(folder, tmp_path, monkeypatch):

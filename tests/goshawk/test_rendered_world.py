@@ -59,7 +59,7 @@ def test_each_solid_is_met_where_its_distance_vanishes(solid: Box | Room | Spher
 
 def test_a_solid_the_renderer_cannot_draw_is_refused() -> None:
     scene = RenderedScene(((Capsule((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 0.1), "wood"),))
-    with pytest.raises(InputError, match="cannot draw a Capsule"):
+    with pytest.raises(InputError, match="cannot draw Capsule"):
         scene.solid_table()
 
 

@@ -26,6 +26,15 @@ def test_a_data_sheet_becomes_a_file_in_which_every_default_is_marked(tmp_path):
     assert sum(line.startswith("#") for line in out.read_text().splitlines()) >= 8
 
 
+def test_props_out_turns_every_rotor_the_other_way(tmp_path):
+    run("vehicle", "new", tmp_path / "in.toml", *SHEET)
+    said = run("vehicle", "new", tmp_path / "out.toml", *SHEET, "--props-out")
+    usual, other = (vehicle.load(tmp_path / name) for name in ("in.toml", "out.toml"))
+    assert (other.spin == -usual.spin).all()
+    assert (other.hub_body_m == usual.hub_body_m).all()
+    assert "rotors 0 to 3 counter-clockwise, clockwise" in said
+
+
 def test_an_existing_file_is_replaced_only_with_overwrite_and_then_kept_beside_it(tmp_path):
     out = tmp_path / "mine.toml"
     out.write_text("my notes")

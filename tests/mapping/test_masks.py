@@ -94,7 +94,7 @@ def test_a_misspelled_mask_beside_a_right_one_is_an_error(folder: Path, misspell
 
 def test_a_masked_depth_image_has_neither_depth_nor_free_space_there() -> None:
     ones = np.ones((60, 80), np.float32)
-    depth = DepthImage(ones, 0.1 * ones, ones, 1.3 * ones, np.ones((60, 80), np.uint8), 0.5)
+    depth = DepthImage(ones, 0.1 * ones, ones, 1.3 * ones, 0.5)
     used = mask(slice(0, 51)) > 0  # column 50 is half of the depth image's column 25
     left = depth.where(used)
     for values, given in ((left.inverse_range, 1.0), (left.bound, 1.3)):

@@ -201,7 +201,7 @@ def test_what_is_masked_is_no_sight_of_a_plain_wall(masked: bool) -> None:
     grey = np.full((camera.height, camera.width), 128, np.uint8)
     nothing = np.zeros(grey.shape, np.float32)
     view = ImageView(camera, np.eye(4), grey, used=np.full(grey.shape, not masked))
-    depth = stereo.DepthImage(nothing, nothing, nothing, nothing, nothing.astype(np.uint8), 1.0)
+    depth = stereo.DepthImage(nothing, nothing, nothing, nothing, 1.0)
     point, towards = np.array([[0.0, 0.0, 2.0]]), np.array([[0.0, 0.0, -1.0]])
     seen = planes._seen_plain(point, towards, [view] * 3, [depth] * 3, 0.1, 8.0)
     assert seen.tolist() == [not masked]

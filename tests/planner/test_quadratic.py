@@ -107,3 +107,37 @@ def test_a_tube_is_a_distance_field_that_never_promises_more_than_there_is(two_r
     assert (two_rooms.distance(points[inside]) >= 0.3 - 1e-9).all()
     step = 1e-6 * gradient  # unit normals: the value grows as fast as one moves along them
     assert np.allclose(tube.distance(points + step) - value, 1e-6, atol=1e-9)
+
+
+@pytest.fixture
+def narrow():
+    """A way round five corners in boxes 2 mm wide, at times that differ by a factor of sixty."""
+    knots = np.array(
+        [[0.0, 0, 0], [1, 0, 0], [1, 0.5, 0], [1, 0.5, 0.4], [1.8, 0.5, 0.4], [1.8, 1.2, 0.4], [2.4, 1.2, 0.4]]
+    )
+    ends = np.sort(np.stack([knots[:-1], knots[1:]]), axis=0)
+    sides = np.vstack([np.eye(3), -np.eye(3)])
+    boxes = [corridor.Box(sides, np.concatenate([high, -low]) + 0.001) for low, high in zip(*ends, strict=True)]
+    wanted = np.full_like(knots, np.nan)
+    wanted[[0, -1]] = knots[[0, -1]]
+    return Constraints(wanted, corridor=boxes, residual=1e-3), np.array([2.5, 0.04, 1.0, 0.1, 2.0, 0.3])
+
+
+def test_bounds_that_the_first_solve_misses_are_met_by_a_second_one_with_more_weight_on_them(narrow, monkeypatch):
+    constraints, T = narrow
+    exact = SnapProgram(constraints).solve(T)
+    monkeypatch.setattr(quadratic, "_ITERATIONS", 25)
+    again = SnapProgram(constraints).solve(T)
+    assert again.snap_cost() == pytest.approx(exact.snap_cost(), rel=0.01)
+    path = minimum_snap.trajectory(again)
+    for box, start_s, duration_s in zip(constraints.corridor, path.starts_s, T, strict=False):
+        times = start_s + np.linspace(0.0, duration_s, 50)
+        assert box.lowest(path.position(times)).min() > -1e-3
+
+
+def test_a_solver_that_stops_short_of_its_bounds_says_so(narrow, monkeypatch):
+    constraints, T = narrow
+    monkeypatch.setattr(quadratic, "_ITERATIONS", 25)
+    monkeypatch.setattr(quadratic, "_STIFF_ITERATIONS", 25)
+    with pytest.raises(InfeasibleError, match=r"short of its bounds near .* maximum iterations reached"):
+        SnapProgram(constraints).solve(T)

@@ -335,6 +335,18 @@ def test_kill_gets_through_a_flood_that_claims_to_be_of_the_pilot(serve, dial):
         thread.join()
 
 
+def test_the_stations_statistics_count_what_the_vehicle_refused_of_others(serve, dial):
+    served = serve()
+    link = dial(served)
+    before, received = link.statistics.refused_by_vehicle, link.statistics.counts.received_bytes
+    host, port = served.url.removeprefix("udp://").split(":")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        stranger.sendto(station(None).encode(lease()), (host, int(port)))
+    waiting.until(lambda: link.statistics.refused_by_vehicle == before + 1)
+    assert link.statistics.counts.received_bytes > received
+    assert link.statistics.counts.refused == 0  # this station refused nothing
+
+
 def test_a_vehicle_without_listeners_accepts_signed_stations_only(serve, dial, plans):
     served = serve(listeners=False)
     dial(served).take_control()

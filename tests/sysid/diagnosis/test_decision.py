@@ -18,6 +18,8 @@ from sysid.estimator import verdict as fits
 
 CANDIDATE = Candidate("angular_damping", "angular_damping", (), (), (), ("M_x",), "w", ("rotation", "yaw"))
 SMALL = Size("angular_damping.z_n_m_s", "N m s", 1e-5, 1e-5, half90=1.6e-5, smallest_visible=1e-4, usual=1e-3)
+SOME = replace(SMALL, value=1e-4, sigma=4e-5, half90=6.6e-5)
+"""Below what would matter, and not below a twentieth of the usual size."""
 OPEN = replace(SMALL, sigma=3e-4, half90=4.9e-4, smallest_visible=2e-3)
 CURVE = cast("Any", SimpleNamespace(channel="M_z", variable="w_z", confidence=0.8))
 
@@ -54,7 +56,9 @@ SIGNIFICANT = 0.5 * THRESHOLDS.chance
         (case(), Verdict.EXCLUDED, Reason.TOO_SMALL),
         (case(rejected=True), Verdict.INCONCLUSIVE, Reason.REJECTED_FIT),
         (case(sizes=(SMALL, OPEN)), Verdict.INCONCLUSIVE, Reason.TOO_WEAK),
-        (case(0.5 * THRESHOLDS.weak_sign), Verdict.INCONCLUSIVE, Reason.TOO_WEAK),
+        (case(0.5 * THRESHOLDS.weak_sign, sizes=(SMALL, SOME)), Verdict.INCONCLUSIVE, Reason.WEAK_SIGN),
+        (case(0.5 * THRESHOLDS.weak_sign, sizes=(SMALL, OPEN)), Verdict.INCONCLUSIVE, Reason.TOO_WEAK),
+        (case(0.5 * THRESHOLDS.weak_sign), Verdict.EXCLUDED, Reason.TOO_SMALL),
         (case(sizes=(replace(SMALL, sigma=0.0),)), Verdict.INCONCLUSIVE, Reason.TOO_WEAK),
         (case(SIGNIFICANT), Verdict.INCONCLUSIVE, Reason.ANOTHER_EXPLAINS_MORE),
         (case(SIGNIFICANT, curve=CURVE), Verdict.INCONCLUSIVE, Reason.CURVE_EXPLAINS_MORE),
@@ -105,6 +109,15 @@ def test_what_is_too_weak_to_tell_says_within_what_it_is_and_what_would_have_sho
     for words in ("too weak to tell", "within -0.00048 and 0.0005 N m s", "shown from 0.002", "usually 0.001"):
         assert words in said
     assert "nothing was flown" in sentence(case(sizes=()), decide(case(sizes=(replace(SMALL, sigma=0.0),))))
+
+
+def test_what_may_show_below_what_would_matter_is_not_called_too_weak_to_tell():
+    """Its usual size would have shown, so no sentence says that these flights could not."""
+    given = case(0.5 * THRESHOLDS.weak_sign, sizes=(SMALL, SOME))
+    said = sentence(given, decide(given))
+    assert "it may show" in said
+    assert "too small to matter: z_n_m_s above 2.6e-05 N m s, z_n_m_s above 0.00017 N m s" in said
+    assert "usually" not in said
 
 
 @pytest.mark.parametrize("value", [0.0, 1e-4, -1e-4, 2.5e-4])

@@ -9,14 +9,14 @@ import pytest
 import vehicle
 from flight import FlightLog, InputError
 from sysid import Identification, Options, identify
-from sysid.diagnosis import diagnose, free_form, search
+from sysid.diagnosis import diagnose, fitting, free_form
 from sysid.diagnosis.candidates import candidate_set
 from sysid.diagnosis.confirm import Judge, settle
 from sysid.diagnosis.evidence import Blocks, Evidence, block_edges
 from sysid.diagnosis.examined import examine
+from sysid.diagnosis.fitting import refit
 from sysid.diagnosis.procedure import while_searching
 from sysid.diagnosis.score import loss_without, score
-from sysid.diagnosis.search import refit
 from sysid.estimator.chain import eliminate
 from sysid.estimator.midpoint import middle
 from sysid.estimator.model import along
@@ -303,7 +303,7 @@ def test_an_effect_that_bent_the_whole_model_out_of_shape_is_still_fitted(monkey
                 raise InputError("the fit does not get better in any direction")
             return identify(*args, **more)
 
-        monkeypatch.setattr(search, "identify", only_from_given)
+        monkeypatch.setattr(fitting, "identify", only_from_given)
     found = refit(logs, bent, centre, options).vehicle
     assert found.value("centre_of_mass.x_m") == pytest.approx(0.03, abs=1e-4)
     assert found.value("centre_of_mass.y_m") == pytest.approx(-0.02, abs=1e-4)

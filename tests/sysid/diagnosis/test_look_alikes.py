@@ -15,8 +15,8 @@ from sysid import Options, identify
 from sysid.diagnosis import Diagnosis, diagnose, next_flight
 from sysid.diagnosis.belief import curve_is_there
 from sysid.diagnosis.examined import Model, as_good_as, best_curve, examine, stands
+from sysid.diagnosis.fitting import candidates_fitted, refit
 from sysid.diagnosis.rehearsal import Room, fitted_into
-from sysid.diagnosis.search import candidates_fitted, refit
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.diagnosis.weigh import Fitted, Scales
 from vehicle import Vehicle, flights, manoeuvres

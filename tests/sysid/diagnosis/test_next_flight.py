@@ -136,7 +136,7 @@ def test_a_single_suspect_is_sized(model: Model):
 
 
 def test_suspects_that_cannot_be_asked_about_are_refused(model: Model):
-    with pytest.raises(InputError, match="not among the candidates"):
+    with pytest.raises(InputError, match="no effect named 'no_such_effect'"):
         ask(model, ["no_such_effect"])
     with pytest.raises(InputError, match="no flight of this kind can show ceiling_effect"):
         ask(model, ["ceiling_effect"])

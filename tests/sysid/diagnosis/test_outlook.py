@@ -71,6 +71,12 @@ def test_a_manoeuvre_is_advised_where_it_would_show_the_usual_size_and_not_other
     assert tiny.sentence.startswith("not even")
 
 
+def test_no_flight_is_advised_for_what_is_too_small_to_matter(model):
+    """These flights would have shown its usual size."""
+    shown = open_(model.candidate_set.candidate("angular_damping"), 1e6)
+    assert outlook(doubting(model, shown), rng=np.random.default_rng(0)) == {}
+
+
 def test_the_ground_is_not_advised_where_these_flights_stayed_high(model):
     ground = model.candidate_set.candidate("ground_effect")
     found = doubting(model, open_(ground))

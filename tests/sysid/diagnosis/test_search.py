@@ -8,7 +8,7 @@ import pytest
 import vehicle
 from flight import InputError
 from sysid import Options
-from sysid.diagnosis import search
+from sysid.diagnosis import fitting, search
 from sysid.diagnosis.candidates import Candidate
 
 VEHICLE = vehicle.example().with_effect("angular_damping").with_effect("flapping_moment")
@@ -28,8 +28,8 @@ def earlier(monkeypatch: pytest.MonkeyPatch) -> list[Candidate]:
             raise InputError("the fit does not get better in any direction")
         return SimpleNamespace(vehicle=given)
 
-    monkeypatch.setattr(search, "identify", identify)
-    monkeypatch.setattr(search, "examine", lambda fit: SimpleNamespace(fit=fit))
+    monkeypatch.setattr(fitting, "identify", identify)
+    monkeypatch.setattr(fitting, "examine", lambda fit: SimpleNamespace(fit=fit))
     monkeypatch.setattr(search, "significant", lambda model: [])
     chance = {first.name: 1.0, second.name: 0.9}
     monkeypatch.setattr(search, "loss", lambda model, one: SimpleNamespace(significance=chance[one.name]))

@@ -60,7 +60,7 @@ def helpful(monkeypatch: pytest.MonkeyPatch) -> set[str]:
     def examined(fit: Any) -> Any:
         return SimpleNamespace(holds=fit.holds, scores={n: None for n in "abcd" if n not in fit.holds})
 
-    monkeypatch.setattr(search, "_fitted", fitted)
+    monkeypatch.setattr(search, "fitted_once", fitted)
     monkeypatch.setattr(search, "examine", examined)
     monkeypatch.setattr(search, "_confirmed", lambda model, one, unseen: (fell, one.candidate.name in names, ""))
     return names
@@ -207,7 +207,7 @@ def test_an_addition_goes_only_where_nothing_would_bring_it_back(monkeypatch: py
     """Of three, the last test leaves two in doubt, the first most."""
     chance = {"a": 0.02, "b": 0.01, "c": 1e-6}
     monkeypatch.setattr(search, "loss", lambda model, one: SimpleNamespace(significance=chance[one.name]))
-    monkeypatch.setattr(search, "_without", lambda logs, model, one, options: f"without {one.name}")
+    monkeypatch.setattr(search, "refit_without", lambda logs, model, one, options: f"without {one.name}")
     monkeypatch.setattr(search, "significant", lambda model: [candidate(name) for name in again])
     found = search._superfluous((), cast("Any", None), [candidate(name) for name in "abc"], cast("Any", None))
     assert (found and (found[0].name, found[1])) == (goes and (goes, f"without {goes}"))

@@ -92,17 +92,41 @@ def test_the_weight_balance_is_silent_while_the_thrust_carries_the_weight(at_sta
     assert not carried.information.any()
 
 
+def test_a_log_in_pieces_weighs_as_much_as_in_one(at_start):
+    """Piece by piece the one nearest to balance would speak for all."""
+    flights, unknowns, point, _ = at_start
+    weak = point.vehicle.with_value(THRUST, 0.5 * point.value(THRUST))
+    pieces, states = [], []
+    for flight, whole in zip(flights, point.states, strict=True):
+        for nodes in (slice(0, 25), slice(24, 101), slice(100, None)):  # their mean forces take every fourth node
+            between = slice(nodes.start, None if nodes.stop is None else nodes.stop - 1)
+            arrays = {n: getattr(flight, n)[between] for n in ("rotor_speed_rad_s", "rotor_acceleration_rad_s2")}
+            pieces.append(replace(flight, time_s=flight.time_s[nodes], **arrays))
+            states.append(whole.picked(nodes))
+    found = weight.residuals(pieces, Point(weak, point.sensors, states), unknowns)
+    whole = weight.residuals(flights, Point(weak, point.sensors, point.states), unknowns)
+    assert len(found) == len(flights)
+    np.testing.assert_allclose(found, whole, rtol=1e-3)
+
+
+def test_the_weight_balance_is_silent_where_no_thrust_is_estimated(at_start):
+    flights, unknowns, point, _ = at_start
+    weak = Point(point.vehicle.with_value(THRUST, 0.5 * point.value(THRUST)), point.sensors, point.states)
+    assert weight.residuals(flights, weak, unknowns).any()
+    assert not weight.residuals(flights, weak, replace(unknowns, model=INERTIA)).any()
+
+
 def test_slopes_of_the_weight_balance_agree_with_differences(at_start):
     flights, unknowns, point, noise = at_start
     weak = Point(point.vehicle.with_value(THRUST, 0.5 * point.value(THRUST)), point.sensors, point.states)
     carried = weight.balance(flights, weak, unknowns, noise)
     change = 1e-4 * weak.value(THRUST)
     more = Point(weak.vehicle.with_value(THRUST, weak.value(THRUST) + change), weak.sensors, weak.states)
-    slope = (weight.residuals(flights, more) - carried.residual) / change
+    slope = (weight.residuals(flights, more, unknowns) - carried.residual) / change
     np.testing.assert_allclose(carried.slopes[:, 0], slope, rtol=1e-2)  # of all nodes, against every fourth
     assert np.count_nonzero(carried.residual) == 1  # the flight nearest to balance
     assert carried.residual.max() > 0.0
-    assert weight.cost(flights, weak) == pytest.approx(0.5 * (carried.residual**2).sum())
+    assert weight.cost(flights, weak, unknowns) == pytest.approx(0.5 * (carried.residual**2).sum())
 
 
 @pytest.fixture(scope="module")

@@ -62,6 +62,13 @@ def test_neither_pose_nor_imu_is_refused(campaign, truth):
         sysid.identify([_without(campaign[0], "position")], truth)
 
 
+def test_an_imu_whose_time_is_in_another_unit_is_refused(truth):
+    level = {"rate_body_rad_s": np.zeros((12, 3)), "specific_force_body_m_s2": np.full((12, 3), [0.0, 0.0, 9.81])}
+    in_milliseconds = from_vectors(5.0 * np.arange(12), {**level, "rotor_speed_command_rad_s": np.full((12, 4), 800.0)})
+    with pytest.raises(InputError, match=r"has one IMU sample every 5 s: its time is in another unit"):
+        sysid.identify([in_milliseconds], truth)
+
+
 def test_thrust_inertia_and_lag_come_out_of_imu_and_commands_alone(truth):
     """A hover with doublets written down in closed form: torque by rotor differences, thrust by their sum."""
     simple = truth.without_effect("thrust_bem").with_effect("thrust_quadratic", k_n_s2=2.0e-6)

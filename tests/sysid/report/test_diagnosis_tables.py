@@ -2,10 +2,11 @@
 
 import pytest
 
+from sysid.diagnosis.findings import CandidateFinding, Size, Verdict
 from sysid.diagnosis.free_form import VARIABLES
 from sysid.estimator.result import CHANNELS
 from sysid.report import words
-from sysid.report.diagnosis_tables import chance, measured, plain, unit
+from sysid.report.diagnosis_tables import candidates, chance, measured, plain, unit
 from vehicle import effects
 
 
@@ -43,6 +44,14 @@ def test_a_chance_that_no_number_holds_is_said_as_a_bound():
 def test_units_are_raised_and_a_bare_number_has_none():
     assert unit("N s2/m2") == "N s<sup>2</sup>/m<sup>2</sup>"
     assert unit("1") == ""
+
+
+@pytest.mark.parametrize("verdict", [Verdict.INCONCLUSIVE, Verdict.EXCLUDED])
+def test_a_table_scrolls_in_a_box_of_its_own_on_a_narrow_screen(verdict):
+    size = Size("angular_damping.z_n_m_s", "N m s", 1e-5, 1e-5, half90=1.6e-5, smallest_visible=1e-4, usual=1e-3)
+    found = CandidateFinding("angular_damping", verdict, "", (size,), 0.0, 0.5, 0.0, 0.1, (), (), (), "")
+    drawn = candidates([found])
+    assert drawn.count("<table") == drawn.count("<div class='scroll'><table") == 1
 
 
 def test_every_channel_and_variable_has_words_of_its_own():

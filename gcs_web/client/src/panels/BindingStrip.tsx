@@ -75,7 +75,7 @@ function Box({ segment, index, x_px, room_px }: BoxProps) {
 export function BindingWords() {
   const binding = [...new Set((figures.value?.segments ?? []).map((segment) => segment.binding))];
   if (binding.length === 0) return null;
-  const words = binding.map((limit) => `${letter(limit)} ${limit}`).join(" · ");
+  const words = binding.map((limit) => `${letter(limit)}: ${limit}`).join(" · ");
   const all = `${words} · brighter: above 98 % of limit`;
   return (
     <span class="quiet binding-words" title={all}>
