@@ -117,8 +117,9 @@ class Normal:
         left = residuals(seen, state)
         used = np.flatnonzero(np.isfinite(left).all(axis=1))
         unknowns = 3 * len(np.unique(seen.index[used, 0])) + 6 * len(self._placed)
-        self.noise_px, self.huber_px, weight = _robust(left[used], unknowns)
-        self.is_redundant = unknowns < (1.0 - _LEAST_REDUNDANCY) * 2.0 * len(used)
+        redundancy = max(1.0 - unknowns / (2 * len(used)), _LEAST_REDUNDANCY)
+        self.is_redundant = redundancy > _LEAST_REDUNDANCY
+        self.noise_px, self.huber_px, weight = _robust(left[used], redundancy)
         whitening = np.zeros(len(left))
         whitening[used] = np.sqrt(weight) / self.noise_px
         shifts = _Shifts(self.tried, seen.rig)
@@ -138,7 +139,8 @@ class Normal:
         sums = [(_sum(p.matrix for p in part), np.sum([p.gradient for p in part], axis=0)) for part in parts]
         whole = _sum(matrix for matrix, _ in sums), np.sum([gradient for _, gradient in sums], axis=0)
         self._reduced = self._reduce(*whole)
-        self._scores = _sum(eliminated.scores for eliminated in self._eliminated)
+        # residuals are smaller than the errors that made them, as the unknowns were fitted to these
+        self._scores = _sum(eliminated.scores for eliminated in self._eliminated) / np.sqrt(redundancy)
         if folds > 1:
             self._withheld = [self._reduce(m, g) for m, g in sums]
             self._training = [self._reduce(whole[0] - m, whole[1] - g) for m, g in sums]
@@ -192,12 +194,30 @@ class Normal:
         """Standard deviation of that shift, in the direction in which it is largest."""
         return float(np.sqrt(max(np.linalg.eigvals(self._rms[candidate] @ covariance).real.max(), 0.0)))
 
+    def dispersion(self, chosen: Sequence[Candidate], candidate: Candidate) -> float:
+        """How many times larger the variance of one of the chosen is than independent matches make it; at least 1.
+
+        Errors that all matches of one image share make it larger, as the residuals show them (cluster-robust; Liang and
+        Zeger, 1986), many times where the vehicle turns to and fro between its images, so that their velocities under a
+        time offset are wrong. Of several parameters, in the direction in which it is most.
+        """
+        k, own = self._unknowns(chosen), self.place(chosen, candidate)
+        _, covariance = self.solve(chosen)
+        by_image = covariance[own] @ self._scores_of_calibration()[k]
+        ratio = np.linalg.solve(covariance[own, own], by_image @ by_image.T)
+        return max(1.0, float(np.linalg.eigvals(ratio).real.max()))
+
+    def _scores_of_calibration(self) -> FloatArray:
+        """(p, images): the gradient in the calibration, poses eliminated, apart for the matches of each image."""
+        split = len(self._reduced.poses)
+        by_poses = self._scores[:split].T @ self._reduced.poses_by_calibration
+        return np.asarray(self._scores[split:].toarray() - by_poses.T, dtype=np.float64)
+
     def scale_std(self, state: State, free: Sequence[Candidate]) -> float:
         """Standard deviation of the path's size, relative to it: how firmly the baseline of the rig sets the scale.
 
-        The larger of two: that of independent matches, and that of errors which all matches of one image share, as
-        the residuals show them (cluster-robust; Liang and Zeger, 1986). The second is many times the first where the
-        vehicle turns to and fro between its images, so that their velocities under a time offset are wrong.
+        The larger of two: that of independent matches, and that of errors which all matches of one image share (see
+        `dispersion`).
         """
         if len(state.rig) == 1:
             return float("inf")
@@ -209,11 +229,10 @@ class Normal:
             return float("inf")
         growth = growth.ravel() / (growth**2).sum()
         k = self._unknowns(free)
-        poses_by = self._reduced.poses_by_calibration[:, k]
-        by_pose, through = self._reduced.factor.solve(growth), growth @ poses_by
+        by_pose = self._reduced.factor.solve(growth)
+        through = growth @ self._reduced.poses_by_calibration[:, k]
         by_calibration = np.linalg.solve(self._reduced.matrix[np.ix_(k, k)], through)
-        of_poses, of_calibration = self._scores[: len(growth)], self._scores[len(growth) :][k]
-        by_image = of_poses.T @ (by_pose + poses_by @ by_calibration) - of_calibration.T @ by_calibration
+        by_image = self._scores[: len(growth)].T @ by_pose - self._scores_of_calibration()[k].T @ by_calibration
         return float(np.sqrt(max(growth @ by_pose + through @ by_calibration, by_image @ by_image)))
 
     def step(self, state: State, free: Sequence[Candidate], delta: FloatArray, share: float) -> State:
@@ -422,17 +441,17 @@ def _step(T: FloatArray) -> FloatArray:
     return np.concatenate([rotations.log(rotations.from_matrix(T[:3, :3])), T[:3, 3]])
 
 
-def _robust(residual: FloatArray, unknowns: int) -> tuple[float, float, FloatArray]:
+def _robust(residual: FloatArray, redundancy: float) -> tuple[float, float, FloatArray]:
     """Standard deviation of a match in each coordinate, Huber's limit (px), and his weight of each observation.
 
-    The first is that of the residuals, from the median of their lengths, over the share of the coordinates that no
-    unknown was fitted to: a point that two images see leaves one of its four coordinates.
+    The first is that of the residuals, from the median of their lengths, over the root of `redundancy`, the share of
+    the coordinates that no unknown was fitted to: a point that two images see leaves one of its four coordinates.
     """
     length = np.linalg.norm(residual, axis=1)
     left_px = max(float(np.median(length)) / 1.1774, 1e-6)  # Rayleigh: median 1.1774 sigma
     limit_px = 2.0 * _HUBER * left_px
     weight = np.minimum(1.0, limit_px / np.maximum(length, 1e-12))
-    return left_px / np.sqrt(max(1.0 - unknowns / residual.size, _LEAST_REDUNDANCY)), limit_px, weight
+    return left_px / np.sqrt(redundancy), limit_px, weight
 
 
 def _blocks(values: FloatArray, column: np.ndarray, count: int) -> sp.csr_matrix:

@@ -47,13 +47,13 @@ class Finding:
     size: FloatArray
     """(n,) the true value less the camera file's, in `Kind.units`."""
     std: FloatArray
-    """(n,) of `size`."""
+    """(n,) of `size`, see `Normal.dispersion`."""
     shift_px: float
     """How far the error moves the image, RMS over all observations of the camera."""
     largest_shift_px: float
     """The same at the far end of the 90 % interval: no larger error is likely."""
     gain: float
-    """Fall of the withheld points' chi squared when it is corrected."""
+    """Fall of the withheld points' chi squared when it is corrected, over `Normal.dispersion`."""
 
     def as_dict(self) -> dict[str, Any]:
         """Numbers and words for a report file."""
@@ -117,7 +117,8 @@ def hold(seen: Observations) -> Trial:
     All errors are estimated together and then given up one by one, the least missed first, until each that is left is
     missed by the withheld points (backward elimination: two errors that only explain the matches together, such as
     focal length and radial distortion, are not overlooked). The adjustment is linearised anew with what is left, until
-    the same errors are left twice.
+    the same errors are left twice. Then those are given up which errors that all matches of one image share could have
+    made, again the least missed first.
     """
     timed = bool(np.isfinite(twists(seen.time_s, seen.T_world_body)).any())
     observed = {seen.rig.cameras[k].name for k in np.unique(seen.index[:, 2])}
@@ -133,6 +134,10 @@ def hold(seen: Observations) -> Trial:
         present = left
         state, sizes = adjust(seen, start, present)
     else:
+        normal = Normal(seen, state, tried)
+    while (least := _least_needed(normal, present, sizes)) is not None:
+        present = [c for c in present if c != least]
+        state, sizes = adjust(seen, start, present)
         normal = Normal(seen, state, tried)
     findings = [_finding(normal, present, sizes, c) for c in tried]
     findings.sort(key=lambda f: (f.verdict is not Verdict.PRESENT, -f.shift_px if f.candidate in present else 0.0))
@@ -175,6 +180,24 @@ def _eliminate(normal: "Normal", sizes: dict[Candidate, FloatArray]) -> list[Can
     return left
 
 
+def _least_needed(
+    normal: "Normal", present: Sequence[Candidate], sizes: dict[Candidate, FloatArray]
+) -> Candidate | None:
+    """What the matches miss least of what is present; None if they miss each, whatever the images' errors are."""
+    gains = {c: _gain(normal, present, sizes, c) for c in present}
+    needless = [c for c in present if gains[c] <= LEAST_GAIN or normal.shift_px(c, sizes[c]) <= NOTICEABLE_PX]
+    return min(needless, key=lambda c: gains[c], default=None)
+
+
+def _gain(normal: "Normal", chosen: Sequence[Candidate], sizes: dict[Candidate, FloatArray], c: Candidate) -> float:
+    """Fall of the withheld points' chi squared by one of the chosen, over its dispersion.
+
+    A withheld point shares the errors of its images with the others: without the dispersion they would count as found.
+    """
+    without = [other for other in chosen if other != c]
+    return (normal.gain(chosen, {}) - normal.gain(without, _undone(sizes, c))) / normal.dispersion(chosen, c)
+
+
 def _undone(sizes: dict[Candidate, FloatArray], candidate: Candidate) -> dict[Candidate, FloatArray]:
     return {candidate: -sizes[candidate]} if candidate in sizes else {}
 
@@ -185,13 +208,13 @@ def _finding(
     chosen = list(present) if c in present else [*present, c]
     delta, covariance = normal.solve(chosen)
     own = normal.place(chosen, c)
+    covariance = normal.dispersion(chosen, c) * covariance[own, own]
     size = sizes.get(c, delta[own])
     shift_px = normal.shift_px(c, size)
-    largest_px = shift_px + SIGMAS90 * normal.spread_px(c, covariance[own, own])
-    without = [other for other in chosen if other != c]
-    gain = normal.gain(chosen, {}) - normal.gain(without, _undone(sizes, c))
-    std = np.sqrt(np.diag(covariance)[own])
+    largest_px = shift_px + SIGMAS90 * normal.spread_px(c, covariance)
+    std = np.sqrt(np.diag(covariance))
     narrowed = c.kind not in BEYOND_THESE_IMAGES or bool((std < _NARROWED * PLAUSIBLE[c.kind]).all())
     excluded = largest_px < NOTICEABLE_PX and narrowed and normal.is_redundant
     acquitted = Verdict.EXCLUDED if excluded else Verdict.UNKNOWN
+    gain = _gain(normal, chosen, sizes, c)
     return Finding(c, Verdict.PRESENT if c in present else acquitted, size, std, shift_px, largest_px, gain)

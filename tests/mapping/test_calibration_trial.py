@@ -159,14 +159,48 @@ def scale_error(found: Trial, true: FloatArray) -> float:
     return float(np.linalg.norm(off[0]) / np.linalg.norm(off[1]) - 1.0)
 
 
-def test_the_scale_is_uncertain_where_the_motion_between_images_is_not_known() -> None:
+LENS_AND_OFFSET = {"front: focal length": 0.007, "front: radial distortion": 0.004, "down: time offset": 0.005}
+LONGER = lens(RIG, 0, fx=0.007 * FOCAL_PX, fy=0.007 * FOCAL_PX, k1=0.004)
+
+
+@pytest.fixture(scope="module")
+def shaken() -> Trial:
+    """The trial of `LENS_AND_OFFSET` on a flight that shakes faster than it takes images."""
+    return tried(LONGER, RIG, offset_s=0.005, shake_rad=0.03)
+
+
+def test_the_scale_is_uncertain_where_the_motion_between_images_is_not_known(shaken: Trial) -> None:
     """Velocities from poses a tenth of a second apart are wrong, and with them where a late camera was."""
-    true = lens(RIG, 0, fx=0.007 * FOCAL_PX, fy=0.007 * FOCAL_PX, k1=0.004)
-    steady = tried(true, RIG, offset_s=0.005)
-    shaken = tried(true, RIG, offset_s=0.005, shake_rad=0.03)
+    steady = tried(LONGER, RIG, offset_s=0.005)
     assert abs(scale_error(steady, pose(TIMES_S))) < 2.5 * steady.scale_std
     assert abs(scale_error(shaken, pose(TIMES_S, 0.03))) < 2.5 * shaken.scale_std
     assert shaken.scale_std > 2.0 * steady.scale_std
+
+
+def test_shaking_between_images_is_not_taken_for_errors_of_the_cameras(shaken: Trial) -> None:
+    assert {str(f.candidate) for f in shaken.present} == set(LENS_AND_OFFSET)
+    of_the_lens = [f for f in shaken.present if f not in shaken.inexpressible]
+    for finding in of_the_lens:
+        assert abs(finding.size[0] - LENS_AND_OFFSET[str(finding.candidate)]) < 3.0 * finding.std[0]
+    others = [f.verdict for f in shaken.findings if f.candidate.kind in (Kind.CENTRE, Kind.ROTATION)]
+    assert others == [Verdict.UNKNOWN] * 3
+
+
+def test_copies_of_matches_are_no_further_evidence() -> None:
+    """They share their errors within each image: with four copies of each, no less is uncertain."""
+    T, points, index, pixels = observed(RIG)
+    copies = 4
+    copied = np.tile(index, (copies, 1))
+    copied[:, 0] += np.repeat(len(points) * np.arange(copies), len(index))
+    once, often = (
+        trials.hold(
+            Observations(RIG, T, np.tile(points, (n, 1)), copied[: n * len(index)], np.tile(pixels, (n, 1)), TIMES_S)
+        )
+        for n in (1, copies)
+    )
+    assert not often.present
+    std = {f.candidate: f.std for f in often.findings}
+    assert np.median([std[f.candidate] / f.std for f in once.findings if len(f.std) == 1]) > 0.8
 
 
 def test_both_cameras_share_a_rolling_shutter() -> None:
