@@ -104,7 +104,8 @@ def _stiffness(flights: Sequence[Flight]) -> float:
 def _logs(flights: Sequence[Flight]) -> tuple[np.ndarray, FloatArray]:
     """(flights,) log that each is a piece of, counted from 0, and (logs,) how long the pieces of each last together."""
     _, log = np.unique([flight.log_index for flight in flights], return_inverse=True)
-    return log, np.bincount(log, [flight.step_s.sum() for flight in flights])
+    duration_s = np.array([flight.step_s.sum() for flight in flights])
+    return log, np.array([duration_s[log == i].sum() for i in range(log.max() + 1)])
 
 
 def _lacking_m_s(flight: Flight, states: States, vehicle: Vehicle) -> float:
