@@ -124,26 +124,28 @@ class Normal:
         whitening[used] = np.sqrt(weight) / self.noise_px
         shifts = _Shifts(self.tried, seen.rig)
         count = folds * max(1, round(len(left) / (folds * _BLOCK_ROWS)))
-        self._eliminated: list[_Eliminated] = []
-        parts: list[list[_Eliminated]] = [[] for _ in range(folds)]
-        for number in range(count):
+        self._points: list[_Points] = []
+
+        def block(number: int) -> _Sums:
             own = np.flatnonzero(seen.index[:, 0] % count == number)
-            block = dataclasses.replace(seen, index=seen.index[own], pixels=seen.pixels[own])
-            rows = linearise(block, state, tried)
-            shifts.add(rows, block.index[rows.used, 2])
-            points = np.arange(number, len(seen.points_world), count)
-            eliminated = _Eliminated(rows, block, points, self._placed, whitening[own][rows.used])
-            parts[number % folds].append(eliminated)
-            self._eliminated.append(eliminated)
+            part = dataclasses.replace(seen, index=seen.index[own], pixels=seen.pixels[own])
+            rows = linearise(part, state, tried)
+            shifts.add(rows, part.index[rows.used, 2])
+            numbers = np.arange(number, len(seen.points_world), count)
+            points, sums = _eliminate_points(rows, part, numbers, self._placed, whitening[own][rows.used])
+            self._points.append(points)
+            return sums
+
+        by_fold = [functools.reduce(operator.add, map(block, range(fold, count, folds))) for fold in range(folds)]
         self._rms = shifts.mean()
-        sums = [(_sum(p.matrix for p in part), np.sum([p.gradient for p in part], axis=0)) for part in parts]
-        whole = _sum(matrix for matrix, _ in sums), np.sum([gradient for _, gradient in sums], axis=0)
-        self._reduced = self._reduce(*whole)
+        whole = functools.reduce(operator.add, by_fold)
+        self._reduced = self._reduce(whole.matrix, whole.gradient)
         # residuals are smaller than the errors that made them, as the unknowns were fitted to these
-        self._scores = _sum(eliminated.scores for eliminated in self._eliminated) / np.sqrt(redundancy)
+        self._scores = whole.scores / np.sqrt(redundancy)
         if folds > 1:
-            self._withheld = [self._reduce(m, g) for m, g in sums]
-            self._training = [self._reduce(whole[0] - m, whole[1] - g) for m, g in sums]
+            parts = [(part.matrix, part.gradient) for part in by_fold]
+            self._withheld = [self._reduce(m, g).marginal for m, g in parts]
+            self._training = [self._reduce(whole.matrix - m, whole.gradient - g).marginal for m, g in parts]
 
     def _reduce(self, matrix: sp.csr_matrix, gradient: FloatArray) -> "_Reduced":
         return _Reduced.of(matrix, gradient, 6 * len(self._placed))
@@ -160,7 +162,7 @@ class Normal:
 
     def solve(self, chosen: Sequence[Candidate]) -> tuple[FloatArray, FloatArray]:
         """Estimate and covariance of the chosen candidates, all points used."""
-        matrix, gradient = self._reduced.matrix, self._reduced.gradient
+        matrix, gradient = self._reduced.marginal.matrix, self._reduced.marginal.gradient
         k = self._unknowns(chosen)
         covariance: FloatArray = np.asarray(np.linalg.inv(matrix[np.ix_(k, k)] + self._prior(chosen)), dtype=np.float64)
         return covariance @ gradient[k], covariance
@@ -231,74 +233,108 @@ class Normal:
         k = self._unknowns(free)
         by_pose = self._reduced.factor.solve(growth)
         through = growth @ self._reduced.poses_by_calibration[:, k]
-        by_calibration = np.linalg.solve(self._reduced.matrix[np.ix_(k, k)], through)
+        by_calibration = np.linalg.solve(self._reduced.marginal.matrix[np.ix_(k, k)], through)
         by_image = self._scores[: len(growth)].T @ by_pose - self._scores_of_calibration()[k].T @ by_calibration
         return float(np.sqrt(max(growth @ by_pose + through @ by_calibration, by_image @ by_image)))
 
     def step(self, state: State, free: Sequence[Candidate], delta: FloatArray, share: float) -> State:
         """The state after a share of a Gauss-Newton step; `delta` is the calibration's part of that share."""
         k = self._unknowns(free)
-        calibration = np.zeros(len(self._reduced.gradient))
+        calibration = np.zeros(len(self._reduced.marginal.gradient))
         calibration[k] = delta
         poses = share * self._reduced.poses - self._reduced.poses_by_calibration @ calibration
         T = state.T_world_body.copy()
         xi = poses.reshape(-1, 6)
         T[self._placed] = T[self._placed] @ frames.transform(rotations.exp(xi[:, :3]), xi[:, 3:])
         points_world = state.points_world.copy()
-        for eliminated in self._eliminated:
-            points_world[eliminated.points] += eliminated.step(np.concatenate([poses, calibration]), share)
+        for points in self._points:
+            points_world[points.numbers] += points.step(np.concatenate([poses, calibration]), share)
         changed = dataclasses.replace(state, T_world_body=T, points_world=points_world)
         for c in free:
             changed = errors.corrected(changed, c, delta[self.place(free, c)])
         return changed
 
 
-class _Eliminated:
-    """The normal equations in poses and calibration that one block of points gives, the points eliminated."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sums:
+    """Normal equations in poses and calibration, the points eliminated."""
 
-    def __init__(
-        self, rows: "_Rows", seen: Observations, points: np.ndarray, placed: np.ndarray, whitening: FloatArray
-    ) -> None:
-        """
-        Args:
-            seen: the observations of the block; points: all numbers of its points, in order.
-            placed: instants with a pose; whitening: (o,) of each row in use: root of its weight over the noise.
-        """
-        self.points = points
-        point = np.searchsorted(points, seen.index[rows.used, 0])
-        instant = np.searchsorted(placed, seen.index[rows.used, 1])
-        by_point = rows.point * whitening[:, None, None]
-        residual = (rows.residual * whitening[:, None]).ravel()
-        of_pose = _blocks(rows.pose * whitening[:, None, None], instant, len(placed))
-        shared = sp.csr_matrix(sp.hstack([of_pose, _columns(rows.calibration * whitening[:, None, None])]))
-        own = _blocks(by_point, point, len(points))
-        curvature = np.zeros((len(points), 3, 3))
-        np.add.at(curvature, point, np.einsum("oki,okj->oij", by_point, by_point))
-        scale = np.trace(curvature, axis1=1, axis2=2)[:, None, None]
-        self._inverse = _block_diagonal(np.linalg.inv(curvature + (_RIDGE * scale + 1e-12) * np.eye(3)))
-        self._coupling = sp.csr_matrix(own.T @ shared)
-        self._gradient = own.T @ residual
-        eliminated = sp.csr_matrix(self._inverse @ self._coupling)
-        self.matrix = sp.csr_matrix(shared.T @ shared - self._coupling.T @ eliminated)
-        _, instants, cameras = seen.index[rows.used].T
-        by_image = _by_group(residual, instants * len(seen.rig) + cameras, len(seen.T_world_body) * len(seen.rig))
-        self.scores = sp.csr_matrix(shared.T @ by_image - eliminated.T @ sp.csr_matrix(own.T @ by_image))
-        """(6 instants + p, images): the gradient, apart for the matches of each image."""
-        self.gradient: FloatArray = np.asarray(self.scores.sum(axis=1)).ravel()
+    matrix: sp.csr_matrix
+    """(6 instants + p, 6 instants + p)."""
+    scores: sp.csr_matrix
+    """(6 instants + p, images): the gradient, apart for the matches of each image."""
 
-    def step(self, shared: FloatArray, share: float) -> FloatArray:
-        """(points, 3) motion of the points in a share of a step that moves poses and calibration by `shared`."""
-        return (self._inverse @ (share * self._gradient - self._coupling @ shared)).reshape(-1, 3)
+    @property
+    def gradient(self) -> FloatArray:
+        """(6 instants + p,)."""
+        return np.asarray(self.scores.sum(axis=1), dtype=np.float64).ravel()
+
+    def __add__(self, other: "_Sums") -> "_Sums":
+        return _Sums(self.matrix + other.matrix, self.scores + other.scores)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Reduced:
+class _Points:
+    """How the points of one block follow from poses and calibration."""
+
+    numbers: np.ndarray
+    """(points,)."""
+    inverse: sp.csr_matrix
+    """Of the curvature in each point, a block of 3 rows for each."""
+    coupling: sp.csr_matrix
+    """(3 points, 6 instants + p)."""
+    gradient: FloatArray
+    """(3 points,)."""
+
+    def step(self, shared: FloatArray, share: float) -> FloatArray:
+        """(points, 3) motion of the points in a share of a step that moves poses and calibration by `shared`."""
+        return (self.inverse @ (share * self.gradient - self.coupling @ shared)).reshape(-1, 3)
+
+
+def _eliminate_points(
+    rows: "_Rows", seen: Observations, points: np.ndarray, placed: np.ndarray, whitening: FloatArray
+) -> tuple[_Points, _Sums]:
+    """The normal equations that one block of points gives.
+
+    Args:
+        seen: the observations of the block; points: all numbers of its points, in order.
+        placed: instants with a pose; whitening: (o,) of each row in use: root of its weight over the noise.
+    """
+    point = np.searchsorted(points, seen.index[rows.used, 0])
+    instant = np.searchsorted(placed, seen.index[rows.used, 1])
+    by_point = rows.point * whitening[:, None, None]
+    residual = (rows.residual * whitening[:, None]).ravel()
+    of_pose = _blocks(rows.pose * whitening[:, None, None], instant, len(placed))
+    shared = sp.csr_matrix(sp.hstack([of_pose, _columns(rows.calibration * whitening[:, None, None])]))
+    own = _blocks(by_point, point, len(points))
+    curvature = np.zeros((len(points), 3, 3))
+    np.add.at(curvature, point, np.einsum("oki,okj->oij", by_point, by_point))
+    scale = np.trace(curvature, axis1=1, axis2=2)[:, None, None]
+    inverse = _block_diagonal(np.linalg.inv(curvature + (_RIDGE * scale + 1e-12) * np.eye(3)))
+    coupling = sp.csr_matrix(own.T @ shared)
+    eliminated = sp.csr_matrix(inverse @ coupling)
+    matrix = sp.csr_matrix(shared.T @ shared - coupling.T @ eliminated)
+    _, instants, cameras = seen.index[rows.used].T
+    by_image = _by_group(residual, instants * len(seen.rig) + cameras, len(seen.T_world_body) * len(seen.rig))
+    scores = sp.csr_matrix(shared.T @ by_image - eliminated.T @ sp.csr_matrix(own.T @ by_image))
+    return _Points(points, inverse, coupling, own.T @ residual), _Sums(matrix, scores)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Marginal:
     """Normal equations in the calibration alone, the poses eliminated."""
 
     matrix: FloatArray
     """(p, p)."""
     gradient: FloatArray
     """(p,)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Reduced:
+    """The normal equations with the poses eliminated, and how these follow."""
+
+    marginal: _Marginal
     factor: Any
     """Of the poses' part."""
     poses: FloatArray
@@ -318,7 +354,8 @@ class _Reduced:
         coupling, calibration = matrix[:n, n:].toarray(), matrix[n:, n:].toarray()
         solved = factor.solve(np.column_stack([coupling, gradient[:n]]))
         poses_by, poses = solved[:, :-1], solved[:, -1]
-        return _Reduced(calibration - coupling.T @ poses_by, gradient[n:] - coupling.T @ poses, factor, poses, poses_by)
+        marginal = _Marginal(calibration - coupling.T @ poses_by, gradient[n:] - coupling.T @ poses)
+        return _Reduced(marginal, factor, poses, poses_by)
 
 
 class _Shifts:
@@ -465,10 +502,6 @@ def _blocks(values: FloatArray, column: np.ndarray, count: int) -> sp.csr_matrix
 def _by_group(residual: FloatArray, group: np.ndarray, count: int) -> sp.csr_matrix:
     """Residuals (2o,), each in the column of its observation's group (o,): (2o, count)."""
     return sp.csr_matrix((residual, np.repeat(group, 2), np.arange(len(residual) + 1)), shape=(len(residual), count))
-
-
-def _sum(matrices: Iterable[sp.csr_matrix]) -> sp.csr_matrix:
-    return functools.reduce(operator.add, matrices)
 
 
 def _columns(values: FloatArray) -> sp.csr_matrix:
