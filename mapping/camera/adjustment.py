@@ -10,15 +10,14 @@ import functools
 import operator
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy import sparse as sp
-from scipy.sparse.linalg import splu
 
 from flight import FloatArray, frames, rotations
 from mapping.camera import errors
 from mapping.camera.errors import PLAUSIBLE, Candidate, State
+from mapping.camera.normal_equations import Points, Reduced, Rows, Sums, eliminate_points
 from mapping.camera.rig import Rig
 
 FOLDS = 5
@@ -33,9 +32,6 @@ _CONVERGED = 0.005
 _LOST_PX = 100.0
 """Residual of a point that the lens no longer shows."""
 _HUBER = 1.345
-_RIDGE = 1e-9
-_POSE_RIDGE = 1e-10
-"""Holds what moves the whole map; 1e-7 also held the bending of a path of 400 instants, and 3 m of error with it."""
 _BLOCK_ROWS = 100_000
 """Observations whose derivatives are held in memory at a time."""
 _LEAST_REDUNDANCY = 0.05
@@ -124,15 +120,16 @@ class Normal:
         whitening[used] = np.sqrt(weight) / self.noise_px
         shifts = _Shifts(self.tried, seen.rig)
         count = folds * max(1, round(len(left) / (folds * _BLOCK_ROWS)))
-        self._points: list[_Points] = []
+        self._points: list[Points] = []
 
-        def block(number: int) -> _Sums:
+        def block(number: int) -> Sums:
             own = np.flatnonzero(seen.index[:, 0] % count == number)
             part = dataclasses.replace(seen, index=seen.index[own], pixels=seen.pixels[own])
             rows = linearise(part, state, tried)
             shifts.add(rows, part.index[rows.used, 2])
             numbers = np.arange(number, len(seen.points_world), count)
-            points, sums = _eliminate_points(rows, part, numbers, self._placed, whitening[own][rows.used])
+            index, of_rig = part.index[rows.used], (len(seen.T_world_body), len(seen.rig))
+            points, sums = eliminate_points(rows, index, numbers, self._placed, whitening[own][rows.used], of_rig)
             self._points.append(points)
             return sums
 
@@ -147,8 +144,8 @@ class Normal:
             self._withheld = [self._reduce(m, g).marginal for m, g in parts]
             self._training = [self._reduce(whole.matrix - m, whole.gradient - g).marginal for m, g in parts]
 
-    def _reduce(self, matrix: sp.csr_matrix, gradient: FloatArray) -> "_Reduced":
-        return _Reduced.of(matrix, gradient, 6 * len(self._placed))
+    def _reduce(self, matrix: sp.csr_matrix, gradient: FloatArray) -> "Reduced":
+        return Reduced.of(matrix, gradient, 6 * len(self._placed))
 
     def _unknowns(self, chosen: Iterable[Candidate]) -> np.ndarray:
         starts = np.cumsum([0, *(len(c.kind.units) for c in self.tried)])
@@ -255,109 +252,6 @@ class Normal:
         return changed
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Sums:
-    """Normal equations in poses and calibration, the points eliminated."""
-
-    matrix: sp.csr_matrix
-    """(6 instants + p, 6 instants + p)."""
-    scores: sp.csr_matrix
-    """(6 instants + p, images): the gradient, apart for the matches of each image."""
-
-    @property
-    def gradient(self) -> FloatArray:
-        """(6 instants + p,)."""
-        return np.asarray(self.scores.sum(axis=1), dtype=np.float64).ravel()
-
-    def __add__(self, other: "_Sums") -> "_Sums":
-        return _Sums(self.matrix + other.matrix, self.scores + other.scores)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Points:
-    """How the points of one block follow from poses and calibration."""
-
-    numbers: np.ndarray
-    """(points,)."""
-    inverse: sp.csr_matrix
-    """Of the curvature in each point, a block of 3 rows for each."""
-    coupling: sp.csr_matrix
-    """(3 points, 6 instants + p)."""
-    gradient: FloatArray
-    """(3 points,)."""
-
-    def step(self, shared: FloatArray, share: float) -> FloatArray:
-        """(points, 3) motion of the points in a share of a step that moves poses and calibration by `shared`."""
-        return (self.inverse @ (share * self.gradient - self.coupling @ shared)).reshape(-1, 3)
-
-
-def _eliminate_points(
-    rows: "_Rows", seen: Observations, points: np.ndarray, placed: np.ndarray, whitening: FloatArray
-) -> tuple[_Points, _Sums]:
-    """The normal equations that one block of points gives.
-
-    Args:
-        seen: the observations of the block; points: all numbers of its points, in order.
-        placed: instants with a pose; whitening: (o,) of each row in use: root of its weight over the noise.
-    """
-    point = np.searchsorted(points, seen.index[rows.used, 0])
-    instant = np.searchsorted(placed, seen.index[rows.used, 1])
-    by_point = rows.point * whitening[:, None, None]
-    residual = (rows.residual * whitening[:, None]).ravel()
-    of_pose = _blocks(rows.pose * whitening[:, None, None], instant, len(placed))
-    shared = sp.csr_matrix(sp.hstack([of_pose, _columns(rows.calibration * whitening[:, None, None])]))
-    own = _blocks(by_point, point, len(points))
-    curvature = np.zeros((len(points), 3, 3))
-    np.add.at(curvature, point, np.einsum("oki,okj->oij", by_point, by_point))
-    scale = np.trace(curvature, axis1=1, axis2=2)[:, None, None]
-    inverse = _block_diagonal(np.linalg.inv(curvature + (_RIDGE * scale + 1e-12) * np.eye(3)))
-    coupling = sp.csr_matrix(own.T @ shared)
-    eliminated = sp.csr_matrix(inverse @ coupling)
-    matrix = sp.csr_matrix(shared.T @ shared - coupling.T @ eliminated)
-    _, instants, cameras = seen.index[rows.used].T
-    by_image = _by_group(residual, instants * len(seen.rig) + cameras, len(seen.T_world_body) * len(seen.rig))
-    scores = sp.csr_matrix(shared.T @ by_image - eliminated.T @ sp.csr_matrix(own.T @ by_image))
-    return _Points(points, inverse, coupling, own.T @ residual), _Sums(matrix, scores)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Marginal:
-    """Normal equations in the calibration alone, the poses eliminated."""
-
-    matrix: FloatArray
-    """(p, p)."""
-    gradient: FloatArray
-    """(p,)."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Reduced:
-    """The normal equations with the poses eliminated, and how these follow."""
-
-    marginal: _Marginal
-    factor: Any
-    """Of the poses' part."""
-    poses: FloatArray
-    """(6 instants,) the step of the poses if the calibration stays."""
-    poses_by_calibration: FloatArray
-    """(6 instants, p) by which that step falls per unit of the calibration."""
-
-    @staticmethod
-    def of(matrix: sp.csr_matrix, gradient: FloatArray, n: int) -> "_Reduced":
-        """Eliminate the first n unknowns; the six directions that move the whole map are held by a small ridge."""
-        pose = sp.csc_matrix(matrix[:n, :n])
-        ridge = _POSE_RIDGE * float(pose.diagonal().mean()) + _RIDGE
-        options = {"SymmetricMode": True}
-        factor = splu(
-            pose + ridge * sp.identity(n, format="csc"), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
-        )
-        coupling, calibration = matrix[:n, n:].toarray(), matrix[n:, n:].toarray()
-        solved = factor.solve(np.column_stack([coupling, gradient[:n]]))
-        poses_by, poses = solved[:, :-1], solved[:, -1]
-        marginal = _Marginal(calibration - coupling.T @ poses_by, gradient[n:] - coupling.T @ poses)
-        return _Reduced(marginal, factor, poses, poses_by)
-
-
 class _Shifts:
     """For each candidate (n, n): the mean square shift per unit of its parameters, over the camera's observations."""
 
@@ -366,7 +260,7 @@ class _Shifts:
         self._sums = {c: np.zeros((len(c.kind.units),) * 2) for c in tried}
         self._counts = dict.fromkeys(self._names, 0)
 
-    def add(self, rows: "_Rows", number: np.ndarray) -> None:
+    def add(self, rows: Rows, number: np.ndarray) -> None:
         for k, name in enumerate(self._names):
             self._counts[name] += int((number == k).sum())
         start = 0
@@ -378,22 +272,6 @@ class _Shifts:
 
     def mean(self) -> dict[Candidate, FloatArray]:
         return {c: total / max(self._counts[c.camera], 1) for c, total in self._sums.items()}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
-    """Residuals (true less predicted) of the observations in use, and their derivatives."""
-
-    used: np.ndarray
-    """(o,) indices of the observations."""
-    residual: FloatArray
-    """(o, 2) px."""
-    pose: FloatArray
-    """(o, 2, 6): turn (rad) and motion (m) of the body, in its frame."""
-    point: FloatArray
-    """(o, 2, 3)."""
-    calibration: FloatArray
-    """(o, 2, p) for all candidates, in order."""
 
 
 def residuals(seen: Observations, state: State) -> FloatArray:
@@ -420,7 +298,7 @@ def _in_body(seen: Observations, state: State) -> tuple[FloatArray, FloatArray, 
     return R_body_world, drift, still + lag_s[:, None] * drift
 
 
-def linearise(seen: Observations, state: State, tried: Sequence[Candidate]) -> _Rows:
+def linearise(seen: Observations, state: State, tried: Sequence[Candidate]) -> Rows:
     point, _, number = seen.index.T
     R_body_world, drift, body = _in_body(seen, state)
     residual = np.full((len(point), 2), np.nan)
@@ -447,7 +325,7 @@ def linearise(seen: Observations, state: State, tried: Sequence[Candidate]) -> _
                 )
             start += count
     used = np.flatnonzero(np.isfinite(residual).all(axis=1) & np.isfinite(pose).all(axis=(1, 2)))
-    return _Rows(used, residual[used], pose[used], of_point[used], calibration[used])
+    return Rows(used, residual[used], pose[used], of_point[used], calibration[used])
 
 
 def twists(time_s: FloatArray, T_world_body: FloatArray) -> FloatArray:
@@ -489,28 +367,3 @@ def _robust(residual: FloatArray, redundancy: float) -> tuple[float, float, Floa
     limit_px = 2.0 * _HUBER * left_px
     weight = np.minimum(1.0, limit_px / np.maximum(length, 1e-12))
     return left_px / np.sqrt(redundancy), limit_px, weight
-
-
-def _blocks(values: FloatArray, column: np.ndarray, count: int) -> sp.csr_matrix:
-    """(o, 2, w) blocks as rows (2o) of a sparse matrix with `count` blocks of w columns."""
-    rows, height, width = values.shape
-    columns = np.repeat(column[:, None] * width + np.arange(width), height, axis=0)
-    starts = np.arange(0, rows * height * width + 1, width)
-    return sp.csr_matrix((values.reshape(-1), columns.reshape(-1), starts), shape=(rows * height, count * width))
-
-
-def _by_group(residual: FloatArray, group: np.ndarray, count: int) -> sp.csr_matrix:
-    """Residuals (2o,), each in the column of its observation's group (o,): (2o, count)."""
-    return sp.csr_matrix((residual, np.repeat(group, 2), np.arange(len(residual) + 1)), shape=(len(residual), count))
-
-
-def _columns(values: FloatArray) -> sp.csr_matrix:
-    rows, height, width = values.shape
-    return sp.csr_matrix(values.reshape(rows * height, width))
-
-
-def _block_diagonal(blocks: FloatArray) -> sp.csr_matrix:
-    count, size, _ = blocks.shape
-    columns = (np.arange(count)[:, None, None] * size + np.arange(size)).repeat(size, axis=1)
-    starts = np.arange(0, count * size * size + 1, size)
-    return sp.csr_matrix((blocks.reshape(-1), columns.reshape(-1), starts), shape=(count * size,) * 2)
