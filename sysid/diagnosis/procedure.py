@@ -144,7 +144,7 @@ class Diagnosis:
         if self.proxies:
             forms = " and ".join(candidate.name for candidate, _ in self.search.forms)
             left = f"what the catalogue's law of {forms} leaves" if forms else "something that no known effect is"
-            of = left if self.outside is None else "it"
+            of = " or ".join((*self.search.doubted, left)) if self.outside is None else "it"
             one = len(self.proxies) == 1
             helps = f"helps as a proxy for {of}, and is added" if one else f"help as proxies for {of}, and are added"
             parts.append(f"{' and '.join(self.proxies)} {helps}")

@@ -233,13 +233,14 @@ def test_a_proxy_alone_says_that_something_unknown_is_missing(left: float, doubt
 
 
 @pytest.mark.parametrize(
-    ("forms", "words", "least", "most"),
+    ("forms", "doubted", "words", "least", "most"),
     [
-        (True, "flapping_moment helps as a proxy for what the catalogue's law of angular_damping leaves", 0.89, 0.9),
-        (False, "flapping_moment helps as a proxy for something that no known effect is", 0.84, 0.89),
+        (True, (), "a proxy for what the catalogue's law of angular_damping leaves, and is added", 0.89, 0.9),
+        (False, (), "a proxy for something that no known effect is, and is added", 0.84, 0.89),
+        (False, ("parasitic_drag",), "a proxy for parasitic_drag or something that no known effect is", 0.45, 0.5),
     ],
 )
-def test_a_proxy_beside_a_name_is_for_its_form_or_for_something_unknown(forms: bool, words: str, least, most):
+def test_a_proxy_beside_a_name_is_for_its_form_or_for_something_unknown(forms: bool, doubted, words: str, least, most):
     """What is said of the proxy has the probability that is stated: curves in the channels of the name count too."""
     name: Any = SimpleNamespace(name="angular_damping", verdict=Verdict.PRESENT, confidence=0.9)
     whole: Any = SimpleNamespace(
@@ -249,7 +250,7 @@ def test_a_proxy_beside_a_name_is_for_its_form_or_for_something_unknown(forms: b
     whole.says_missing, whole._said, whole.negligible = True, str, ()
     whole.doubts, whole.unsaid = ("ground_effect", "payload"), (SimpleNamespace(name="payload", confidence=0.0),)
     own = ((CANDIDATE, CURVE),) if forms else ()
-    whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=60.0, forms=own, doubted=())
+    whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=60.0, forms=own, doubted=doubted)
     whole.input_verdict = whole.fit_verdict = fits.Verdict()
     assert words in Diagnosis.verdict.fget(whole)  # type: ignore[attr-defined]
     assert "; payload may be missing too, which is not confirmed" in Diagnosis.verdict.fget(whole)  # type: ignore[attr-defined]
