@@ -439,6 +439,7 @@ def _disagreement(vehicle: Vehicle, unknowns: Unknowns, solution: Solution, flig
     return [
         f"{o.flight} does not fit the other flights: without it {o.name} would be {o.others:.4g} instead of "
         f"{solution.point.value(o.name):.4g} ({o.sigma:.0f} standard errors); was another vehicle, load or set of "
-        "propellers flown? Fit it by itself, or leave it out"
+        "propellers flown (fit it by itself, or leave it out), or does the model lack an effect that this flight shows "
+        "most (`goshawk diagnose`)?"
         for o in odd[:2]
     ]
