@@ -43,6 +43,7 @@ def page(log: FlightLog, report: LogReport, facts: dict[str, str]) -> str:
     rows = "".join(f"<tr><td>{html.escape(k)}</td><td>{html.escape(v)}</td></tr>" for k, v in facts.items())
     found = "".join(_finding(f) for f in report.findings) or "<li>The checks found no fault.</li>"
     found += "".join(f"<li><b>inconclusive</b>: {html.escape(sentence)}</li>" for sentence in report.inconclusive)
+    found += "".join(f"<li><b>note</b>: {html.escape(sentence)}</li>" for sentence in report.notes)
     thin = f" Drawn are {len(kept)} of {len(log)} instants." if len(kept) < len(log) else ""
     script = resources.files("goshawk").joinpath("log_report.js").read_text(encoding="utf-8")
     # `<` is written as an escape: no text in a log can end the script element

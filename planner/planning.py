@@ -177,7 +177,7 @@ def _flyable(
         raise PlanInfeasibleError(
             "no path with the given velocities keeps clear of the obstacles", "lower them, or give them more room"
         )
-    spline = repair.through_corridor(dense, boxes, start.durations_s)
+    spline = repair.through_corridor(dense, boxes, start.durations_s, stop)
     return _timed(spline, dense.waypoint, "corridor", waypoints, vehicle, options, ask_gate)
 
 

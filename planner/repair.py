@@ -4,7 +4,7 @@ import numpy as np
 
 from flight import FloatArray, InfeasibleError, Trajectory
 from planner import corridor, limits, minimum_snap, quadratic
-from planner.options import PlanInfeasibleError
+from planner.options import PlanInfeasibleError, StopFlag
 from planner.routes import Route
 from vehicle import Limits, Vehicle
 
@@ -16,7 +16,9 @@ _SPARE = 0.003
 """Share of the time that is given away, for what the coarse sampling does not see."""
 
 
-def through_corridor(route: Route, boxes: list[corridor.Box], durations_s: FloatArray) -> minimum_snap.Spline:
+def through_corridor(
+    route: Route, boxes: list[corridor.Box], durations_s: FloatArray, stop: StopFlag | None
+) -> minimum_snap.Spline:
     """The smoothest path (x, y, z) inside proved boxes round the route, one knot for each point of the route.
 
     Straight lines with stops would keep the boxes, so there is such a path at any times; only their proportions matter.
@@ -26,12 +28,13 @@ def through_corridor(route: Route, boxes: list[corridor.Box], durations_s: Float
 
     Raises:
         PlanInfeasibleError: the quadratic program found no answer.
+        PlanCancelledError: `stop` was set.
     """
     wanted = np.where((route.waypoint >= 0)[:, None], route.points, np.nan)
     # The boxes keep 2 mm more than is required; half of that is left to the solver, which is slow to the last digits.
     constraints = quadratic.Constraints(wanted, corridor=boxes, residual=1e-3)
     try:
-        return quadratic.SnapProgram(constraints).solve(durations_s)
+        return quadratic.SnapProgram(constraints).solve(durations_s, stop)
     except InfeasibleError as error:
         raise PlanInfeasibleError(str(error), "lower margin_m, or add waypoints where it is narrow") from error
 

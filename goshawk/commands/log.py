@@ -126,8 +126,8 @@ def _show(title: str, document: dict) -> None:
         click.echo(f"{finding['level']}: {finding['sentence']}; {finding['fix']}")
     for sentence in document["check"]["inconclusive"]:
         click.echo(f"inconclusive: {sentence}")
-    if not document["columns"].keys() & {"rotor_speed_0_rad_s", "rotor_speed_command_0_rad_s"}:
-        click.echo("note: it has no rotor speed, nor its command in rad/s: no vehicle can be identified from it")
+    for sentence in document["check"]["notes"]:
+        click.echo(f"note: {sentence}")
     if not findings:
         click.echo("the checks found no fault")
     elif any(finding["fixable"] for finding in findings):

@@ -1,5 +1,6 @@
 """`goshawk next-flight`: the manoeuvre that best separates the candidate effects that earlier flights leave open."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import vehicle
 from flight import FlightLog, InfeasibleError, InputError, Progress, project, trajectory
 from goshawk import console, map_standing, mapped_flight, outputs
 from goshawk.flights import load, refuse_repeated
+from planner import PlanOptions
 from sysid.diagnosis import diagnose, next_flight
 from sysid.diagnosis.candidates import require_missing
 from sysid.diagnosis.examined import examine
@@ -83,46 +85,77 @@ def command(
         manoeuvres.make(name)
     for name in candidates:
         require_missing(name, believed)
+    asked = Question(flights, columns, believed, candidates, library)
     if map_folder is not None:
-        how = console.body_options(radius_m, margin_m)
         area = mapping.open_map(map_folder)
         map_standing.require(area, accept_doubtful=accept_doubtful)
-        logs = [load(path, columns) for path in flights]
-        with console.progress() as progress:
-            ranked = mapped_flight.rank_in_map(
-                next_flight.ask(_model(logs, believed, candidates, progress), candidates or None),
-                area.field,
-                believed,
-                how,
-                library=library or None,
-                rng=np.random.default_rng(0),
-                progress=progress,
-            )
+        ranked = _ranked_in_map(asked, area, console.body_options(radius_m, margin_m))
         if out is not None:
             with outputs.file(out, overwrite=overwrite) as temporary:
                 trajectory.save(temporary, ranked.flights[0].file(out.stem))
         _show_in_map(ranked, out, f"goshawk upload {out}" if out is not None else None, as_json)
-        return
-    assert space is not None
+    elif space is not None:
+        ranking = _ranked_in_space(asked, space, corner)
+        chosen = _write(ranking, out, overwrite=overwrite) if out is not None else ranking[0]
+        then = f"goshawk plan {out} --map MAP --vehicle {vehicle_file} --out next.json" if out is not None else None
+        _show(ranking, chosen, then, out, as_json)
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What is asked of which flights."""
+
+    flights: tuple[Path, ...]
+    columns: Path | None
+    believed: vehicle.Vehicle
+    candidates: tuple[str, ...]
+    """Effects in question; none: those that a diagnosis leaves inconclusive."""
+    library: tuple[str, ...]
+    """Manoeuvres to rank; none: all."""
+
+    def logs(self) -> list[FlightLog]:
+        return [load(path, self.columns) for path in self.flights]
+
+
+def _ranked_in_map(asked: Question, area: mapping.Map, how: PlanOptions) -> mapped_flight.MappedRanking:
+    """Manoeuvres with their place in a map, the one with the most evidence first."""
+    logs = asked.logs()
+    with console.progress() as progress:
+        return mapped_flight.rank_in_map(
+            next_flight.ask(_model(logs, asked, progress), asked.candidates or None),
+            area.field,
+            asked.believed,
+            how,
+            library=asked.library or None,
+            rng=np.random.default_rng(0),
+            progress=progress,
+        )
+
+
+def _ranked_in_space(asked: Question, space: str, corner: str | None) -> Ranking:
+    """Manoeuvres scaled to a free volume, the one with the most evidence first.
+
+    Raises:
+        InputError: the volume is none.
+        InfeasibleError: no manoeuvre can be flown in it.
+    """
     size, low = _three("--space", space), _three("--corner", corner) if corner else None
     Room.of(size, low)
-    logs = [load(path, columns) for path in flights]
+    logs = asked.logs()
     with console.progress() as progress:
         ranking = next_flight.rank(
-            _model(logs, believed, candidates, progress),
-            candidates=candidates or None,
+            _model(logs, asked, progress),
+            candidates=asked.candidates or None,
             free_volume_m=size,
             corner_world_m=low,
-            library=library or None,
+            library=asked.library or None,
             rng=np.random.default_rng(0),
             progress=progress,
         )
     if not len(ranking):
         reasons = "; ".join(f"{name}: {why}" for name, why in ranking.skipped)
         raise InfeasibleError(f"no manoeuvre can be flown in {space} m: {reasons}")
-    chosen = _write(ranking, out, overwrite=overwrite) if out is not None else ranking[0]
-    then = f"goshawk plan {out} --map MAP --vehicle {vehicle_file} --out next.json" if out is not None else None
-    _show(ranking, chosen, then, out, as_json)
+    return ranking
 
 
 def _three(option: str, text: str) -> tuple[float, float, float]:
@@ -141,11 +174,11 @@ def _check_where(
         raise InputError("--radius and --margin go with --map; --space is for the vehicle's centre")
 
 
-def _model(logs: list[FlightLog], believed: vehicle.Vehicle, candidates: tuple[str, ...], progress: Progress) -> Any:
+def _model(logs: list[FlightLog], asked: Question, progress: Progress) -> Any:
     """What the question is asked of: named candidates need no diagnosis."""
-    if not candidates:
-        return diagnose(logs, believed, auto=True, progress=progress)
-    return examine(sysid.identify(logs, believed, while_searching(sysid.Options()), progress=progress))
+    if not asked.candidates:
+        return diagnose(logs, asked.believed, auto=True, progress=progress)
+    return examine(sysid.identify(logs, asked.believed, while_searching(sysid.Options()), progress=progress))
 
 
 def _write(ranking: Ranking, out: Path, *, overwrite: bool) -> Proposal:

@@ -122,8 +122,9 @@ def command(
     """
     if sum(given is not None for given in (waypoints, path, missions)) != 1:
         raise click.UsageError("give either WAYPOINTS or --path or --batch")
-    wanted = options_from(vehicle_file, margin_m, speed_m_s, acceleration_m_s2, radius_m)
-    how = replace(wanted.sized(vehicle.load(vehicle_file)), method=method, search=search, search_seed=seed)
+    drone = vehicle.load(vehicle_file)
+    wanted = options_from(drone, margin_m, speed_m_s, acceleration_m_s2, radius_m)
+    how = replace(wanted.sized(drone), method=method, search=search, search_seed=seed)
     repeated, turned = None if laps is None else Laps(laps), yaw_from(yaw, heading_deg, look_at)
     tube = None if keep_in_m is None else KeepIn(keep_in_m)
     job = batch.Job(map_folder, vehicle_file, how, out, repeated, turned, tube, thinnest_m, overwrite=overwrite)
@@ -131,25 +132,30 @@ def command(
     map_standing.require(area, accept_doubtful=accept_doubtful)
     if missions is not None:
         plan_all(missions, job, jobs, scheduler, as_json=as_json)
-    else:
-        outputs.check(out, overwrite=overwrite)
-        plan_one(area, job, waypoints, path, tolerance_m, as_json=as_json)
+    elif path is not None:
+        plan_one(area, drone, job, path, tolerance_m, as_json=as_json)
+    elif waypoints is not None:
+        plan_one(area, drone, job, waypoints, None, as_json=as_json)
 
 
 def plan_one(
-    area: mapping.Map, job: batch.Job, waypoints: Path | None, path: Path | None, tolerance_m: float, *, as_json: bool
+    area: mapping.Map, drone: vehicle.Vehicle, job: batch.Job, file: Path, tolerance_m: float | None, *, as_json: bool
 ) -> None:
-    """Plan a file of waypoints, or else a recorded path, and write the trajectory."""
-    drone, free = vehicle.load(job.vehicle_file), area.free_space()
+    """Plan a file and write the trajectory.
+
+    Args:
+        tolerance_m: by how much the file, a recorded path, may be simplified; None: it is one of waypoints.
+    """
+    outputs.check(job.out, overwrite=job.overwrite)
+    free = area.free_space()
     field = thin_obstacles.field_to_plan_in(area, free, job.thinnest_m)
     if job.thinnest_m is not None:
         kept = 100.0 * thin_obstacles.free_share(field, area)
         click.echo(f"note: --thinnest {job.thinnest_m:g} leaves {kept:.0f} % of the map's free space free", err=True)
-    if path is not None:
-        asked, left_out = mission_along(path, tolerance_m, field, job)
+    if tolerance_m is not None:
+        asked, left_out = mission_along(file, tolerance_m, field, job)
     else:
-        assert waypoints is not None
-        asked, left_out = job.asked(waypoints_file.load_mission(waypoints)), None
+        asked, left_out = job.asked(waypoints_file.load_mission(file)), None
     with console.progress() as report:
         plan = thin_obstacles.plan(asked, area, field, drone, job.options, free, job.thinnest_m, progress=report)
     with outputs.file(job.out, overwrite=job.overwrite) as temporary:
@@ -244,7 +250,7 @@ def yaw_from(
 
 
 def options_from(
-    vehicle_file: Path,
+    drone: vehicle.Vehicle,
     margin_m: float | None = None,
     speed_m_s: float | None = None,
     acceleration_m_s2: float | None = None,
@@ -256,7 +262,7 @@ def options_from(
     slower = {name: value for name, value in asked.items() if value is not None}
     if not slower:
         return options
-    own = vehicle.load(vehicle_file).limits
+    own = drone.limits
     for name, value in slower.items():
         if not 0.0 < value <= getattr(own, name):
             option, unit = {"speed_m_s": ("--speed", "m/s"), "acceleration_m_s2": ("--acceleration", "m/s2")}[name]

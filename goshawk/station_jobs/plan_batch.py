@@ -61,8 +61,8 @@ def _check(project: Project, asked: Arguments) -> None:
 
 def _run(folder: Path, asked: Arguments, progress: Progress) -> list[batch.Row]:
     project = Project(folder, "")
-    wanted = options_from(project.vehicle, asked.margin_m, radius_m=asked.radius_m or None)
-    how = wanted.sized(vehicle.load(project.vehicle))
+    drone = vehicle.load(project.vehicle)
+    how = options_from(drone, asked.margin_m, radius_m=asked.radius_m or None).sized(drone)
     job = batch.Job(project.map, project.vehicle, how, folder / asked.out, overwrite=asked.overwrite)
     files = batch.mission_files(folder / asked.missions)
     return batch.run(files, job, jobs=asked.processes, progress=progress)

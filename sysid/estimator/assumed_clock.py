@@ -56,7 +56,7 @@ def assumed(solution: Solution, unknowns: Unknowns, flights: Sequence[Flight]) -
         return Assumed(np.zeros(unknowns.size), np.zeros(unknowns.size), ())
     information = solution.hessian
     information[delays, delays] += PRIOR_S**-2 - solution.prior_information[delays, delays]
-    gradient = np.zeros(unknowns.size)  # of all others it is zero there
+    gradient = np.zeros(unknowns.size)  # of all others it is zero there, but for an active weight balance
     gradient[delays] = np.sum([pull for flight in solution.scores for _, pull in flight], axis=0)[delays]
     covariance = covariance_of(information)
     return Assumed(-covariance @ gradient, np.sqrt(np.diag(covariance)), tuple(delays))

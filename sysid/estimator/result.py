@@ -425,11 +425,13 @@ def _against_belief(given: Vehicle, estimates: list[Estimate], solution: Solutio
 
 def _held_up(flights: list[Flight], solution: Solution, unknowns: Unknowns) -> list[str]:
     """Thrust that only the weight balance keeps from being traded for torque."""
-    if not weight.residuals(flights, solution.point, unknowns).any():
+    lacking_m_s2 = weight.held_m_s2(flights, solution.point, unknowns)
+    if lacking_m_s2 is None:
         return []
+    share = 1.0 - lacking_m_s2 / flights[0].gravity_m_s2
     return [
-        "the turning asks for a thrust that would not carry the weight; it was held within 3 % of what does: a held "
-        "inertia, an arm or the rotor order may be wrong, or a large moment is missing"
+        f"the turning asks for {'less' if lacking_m_s2 > 0.0 else 'more'} thrust than carries the weight; it was held "
+        f"at {share:.0%} of that: a held inertia, an arm or the rotor order may be wrong, or a large moment is missing"
     ]
 
 
@@ -439,6 +441,7 @@ def _disagreement(vehicle: Vehicle, unknowns: Unknowns, solution: Solution, flig
     return [
         f"{o.flight} does not fit the other flights: without it {o.name} would be {o.others:.4g} instead of "
         f"{solution.point.value(o.name):.4g} ({o.sigma:.0f} standard errors); was another vehicle, load or set of "
-        "propellers flown? Fit it by itself, or leave it out"
+        "propellers flown (fit it by itself, or leave it out), or does the model lack an effect that this flight shows "
+        "most (`goshawk diagnose`)?"
         for o in odd[:2]
     ]

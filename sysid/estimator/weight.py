@@ -37,6 +37,9 @@ STIFF_M_S2 = 0.3
 """Scatter of the disturbances from interval to interval: 1 m/s2 beyond costs n / (2 0.3^2) with n intervals in all
 flights, so that it grows with the flights as what the torques gain by it."""
 
+REACHED = 0.95
+"""Share of the allowance from which on it held a fit: fits that a stiff bound holds end up to 1 % on either side."""
+
 EVERY = 4
 """Nodes of which one is enough for a mean over a flight."""
 
@@ -79,16 +82,22 @@ def residuals(flights: Sequence[Flight], point: Point, unknowns: Unknowns) -> Fl
     Zero where not all logs are beyond it to the same side, where no thrust is estimated, which could be traded away, or
     where a flight has no pose, which alone shows what speed was gained.
     """
-    log, duration_s = _logs(flights)
-    if not has_thrust(unknowns.model) or not all(flight.has_pose for flight in flights):
-        return np.zeros(len(duration_s))
-    lacking = [_lacking_m_s(f, s, point.vehicle) for f, s in zip(flights, point.states, strict=True)]
-    mean = np.bincount(log, lacking) / duration_s
-    allowed = FREE_M_S2 * np.sqrt(1.0 + SETTLES_S / duration_s)
-    beyond = np.sign(mean) * np.maximum(np.abs(mean) - allowed, 0.0) * _stiffness(flights)
-    one_sided = (beyond > 0.0).all() or (beyond < 0.0).all()
-    least = np.arange(len(beyond)) == np.argmin(np.abs(beyond))
-    return np.where(one_sided & least, beyond, 0.0)
+    if not _acts(flights, unknowns):
+        return np.zeros(len(_logs(flights)[1]))
+    mean, allowed = _unexplained(flights, point)
+    return _least_beyond(mean, allowed) * _stiffness(flights)
+
+
+def held_m_s2(flights: Sequence[Flight], point: Point, unknowns: Unknowns) -> float | None:
+    """Mean unexplained vertical acceleration at which the balance held a fit: positive where thrust lacks.
+
+    That of the log nearest to balance; None where the fit ended without reaching its allowance.
+    """
+    if not _acts(flights, unknowns):
+        return None
+    mean, allowed = _unexplained(flights, point)
+    reached = np.flatnonzero(_least_beyond(mean, REACHED * allowed))
+    return float(mean[reached[0]]) if reached.size else None
 
 
 def cost(flights: Sequence[Flight], point: Point, unknowns: Unknowns) -> float:
@@ -99,6 +108,28 @@ def cost(flights: Sequence[Flight], point: Point, unknowns: Unknowns) -> float:
 def _stiffness(flights: Sequence[Flight]) -> float:
     """Residual at 1 m/s2 beyond what is allowed."""
     return float(np.sqrt(sum(len(flight) - 1 for flight in flights))) / STIFF_M_S2
+
+
+def _acts(flights: Sequence[Flight], unknowns: Unknowns) -> bool:
+    return has_thrust(unknowns.model) and all(flight.has_pose for flight in flights)
+
+
+def _least_beyond(mean: FloatArray, bound: FloatArray) -> FloatArray:
+    """(logs,) by how much a mean is beyond its bound, of the log where that is least; else zero.
+
+    Zero for all unless all are beyond to the same side.
+    """
+    beyond = np.sign(mean) * np.maximum(np.abs(mean) - bound, 0.0)
+    one_sided = (beyond > 0.0).all() or (beyond < 0.0).all()
+    least = np.arange(len(beyond)) == np.argmin(np.abs(beyond))
+    return np.where(one_sided & least, beyond, 0.0)
+
+
+def _unexplained(flights: Sequence[Flight], point: Point) -> tuple[FloatArray, FloatArray]:
+    """(logs,) mean vertical acceleration that the model leaves unexplained, and what disturbances may make of it."""
+    log, duration_s = _logs(flights)
+    lacking_m_s = [_lacking_m_s(f, s, point.vehicle) for f, s in zip(flights, point.states, strict=True)]
+    return np.bincount(log, lacking_m_s) / duration_s, FREE_M_S2 * np.sqrt(1.0 + SETTLES_S / duration_s)
 
 
 def _logs(flights: Sequence[Flight]) -> tuple[np.ndarray, FloatArray]:

@@ -37,6 +37,8 @@ class LogReport:
     findings: tuple[Finding, ...]
     inconclusive: tuple[str, ...] = ()
     """What these flights excite too little to be checked, one sentence each."""
+    notes: tuple[str, ...] = ()
+    """What the log, faultless as it may be, is of no use for, one sentence each."""
 
     @property
     def worst(self) -> Literal["fine", "warning", "error"]:
@@ -61,6 +63,7 @@ class LogReport:
                 for f in self.findings
             ],
             "inconclusive": list(self.inconclusive),
+            "notes": list(self.notes),
         }
 
 
@@ -81,7 +84,14 @@ def check_log(log: FlightLog, vehicle: Vehicle | None = None, *, progress: Progr
         rate_hz=float(1.0 / np.median(step_s)) if len(step_s) else 0.0,
         findings=tuple(findings),
         inconclusive=tuple(inconclusive),
+        notes=_notes(log),
     )
+
+
+def _notes(log: FlightLog) -> tuple[str, ...]:
+    if log.has("rotor_speed_rad_s") or log.has("rotor_speed_command_rad_s"):
+        return ()
+    return ("it has no rotor speed, nor its command in rad/s: no vehicle can be identified from it",)
 
 
 def _lost(log: FlightLog) -> list[Finding]:

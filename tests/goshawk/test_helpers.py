@@ -67,6 +67,7 @@ def test_how_far_the_controller_slowed_a_trajectory_down_is_said_with_the_reason
     limit, reason = np.ones(150), np.zeros(150)
     limit[:50] = 0.1  # not on the trajectory
     limit[50:100] = 0.9999  # a low-pass never quite comes back to 1
+    limit[80] = np.nan  # not recorded
     unhindered = flight_log.FlightLog(log.columns | {"path_limit_ratio": limit, "limit_reason": reason}, {})
     assert slowed(unhindered) == slowed(log) == ""
     behind = limit.copy()

@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 import sysid
 import vehicle
+from firmware_bridge.controller import State
 from flight import FlightLog, flight_log
 from goshawk import log_report
 from sysid.logs.check import check_log
@@ -98,8 +100,42 @@ def test_a_log_that_no_vehicle_can_be_identified_from_is_named(flown, tmp_path):
     without = {name: values for name, values in log.columns.items() if not name.startswith("rotor_speed")}
     flight_log.save(tmp_path / "with.parquet", log)
     flight_log.save(tmp_path / "without.parquet", FlightLog(without, log.metadata))
-    assert "no vehicle can be identified" in run("log", tmp_path / "without.parquet")
-    assert "no vehicle can be identified" not in run("log", tmp_path / "with.parquet")
+    for name, count in (("with", 0), ("without", 1)):
+        said = run("log", tmp_path / f"{name}.parquet", "--report", tmp_path / f"{name}.html")
+        document = json.loads(run("log", tmp_path / f"{name}.parquet", "--json"))
+        assert len(document["check"]["notes"]) == count
+        for text in (said, (tmp_path / f"{name}.html").read_text()):
+            assert text.count("no vehicle can be identified") == count
+
+
+def test_the_facts_on_top_of_the_report_are_those_of_the_log_and_of_what_was_checked(flown, tmp_path):
+    log = clean(flown)
+    aloft = np.full(len(log), float(State.ARMED))
+    aloft[100:-100] = State.HOLD
+    metadata = {
+        "name": "lap",
+        "fixes": ["time shifted", "z flipped"],
+        "mass_kg": 0.7,
+        "duration_s": 9,
+        "payload": "left",
+    }
+    flight_log.save(tmp_path / "a.parquet", FlightLog({**log.columns, "mission_state": aloft}, metadata))
+    run("log", tmp_path / "a.parquet", "--report", tmp_path / "a.html")
+    table = (tmp_path / "a.html").read_text().split("<table>")[1].split("</table>")[0]
+    facts = dict(re.findall(r"<tr><td>(.*?)</td><td>(.*?)</td></tr>", table))
+    whole_s, air_s = np.ptp(log.time_s), np.ptp(log.time_s[100:-100])
+    assert facts["rows"] == str(len(log))
+    assert (facts["duration"], facts["checked, in the air"]) == (f"{whole_s:.2f} s", f"{air_s:.2f} s")
+    assert facts["rate"] == f"{1.0 / np.median(np.diff(log.time_s)):.1f} Hz"
+    assert (facts["mass"], facts["duration_s"], facts["payload"]) == ("0.7 kg", "9 s", "left")
+    assert (facts["fix 1"], facts["fix 2"]) == ("time shifted", "z flipped")
+    assert not {"name", "fixes"} & facts.keys()
+
+
+def test_what_the_checks_left_open_stands_on_the_report():
+    log = FlightLog({"time_s": np.arange(60) / 10}, {})
+    checked = replace(check_log(log), inconclusive=("the gyro's clock <is> open",))
+    assert "inconclusive</b>: the gyro&#x27;s clock &lt;is&gt; open" in log_report.page(log, checked, {})
 
 
 def test_thinning_loses_no_spike():

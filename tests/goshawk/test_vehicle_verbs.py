@@ -1,6 +1,7 @@
 """`params`, `upload`, `fly` and `log` as programs, against a SITL vehicle that is a program too; Ctrl-C included."""
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -155,6 +156,16 @@ def test_ctrl_c_in_flight_lands_the_vehicle_and_its_log_can_be_fetched(link, fol
     flown = set(flight_log.load(tmp_path / "fetched.parquet").columns["mission_state"])
     assert {State.TRAJECTORY, State.ABORTING, State.LANDING} <= flown
     assert State.FAULT not in flown
+
+
+def test_a_flight_that_wind_slowed_down_says_how_far_and_why(folder, tmp_path):
+    save_hops(tmp_path / "hops.json", 3)
+    wind = ("--wind", "9,0,0", "--gusts", 2)
+    with sitl_vehicle("--vehicle", folder / "vehicle.toml", "--speed", 0, *wind, key_file=folder / "link.key") as url:
+        link = ("--vehicle-url", url, "--key", folder / "link.key")
+        goshawk("upload", tmp_path / "hops.json", *link)
+        said = goshawk("fly", "--out", tmp_path / "flight.parquet", *link).stdout
+    assert re.search(r"note: slowed by its tracking error, to \d\d% of the planned speed", said)
 
 
 def test_ctrl_c_during_an_upload_names_the_active_trajectory(folder):

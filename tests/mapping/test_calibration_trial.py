@@ -187,8 +187,8 @@ def test_shaking_between_images_is_not_taken_for_errors_of_the_cameras(shaken: T
 
 
 def test_copies_of_matches_are_no_further_evidence() -> None:
-    """They share their errors within each image: with four copies of each, no less is uncertain."""
-    T, points, index, pixels = observed(RIG)
+    """They share their errors within each image: with four copies of each, no less is uncertain, and no more found."""
+    T, points, index, pixels = observed(lens(RIG, 0, fx=0.01 * FOCAL_PX, fy=0.01 * FOCAL_PX))
     copies = 4
     copied = np.tile(index, (copies, 1))
     copied[:, 0] += np.repeat(len(points) * np.arange(copies), len(index))
@@ -198,9 +198,26 @@ def test_copies_of_matches_are_no_further_evidence() -> None:
         )
         for n in (1, copies)
     )
-    assert not often.present
+    assert [str(f.candidate) for f in once.present] == [str(f.candidate) for f in often.present]
+    assert often.present[0].gain < 1.5 * once.present[0].gain
     std = {f.candidate: f.std for f in often.findings}
     assert np.median([std[f.candidate] / f.std for f in once.findings if len(f.std) == 1]) > 0.8
+
+
+def test_the_images_gradients_add_up_and_no_parameter_varies_more_than_the_dispersion_says() -> None:
+    T, points, index, pixels = observed(RIG)
+    seen = Observations(RIG, T, points, index, pixels, TIMES_S)
+    candidates = errors.candidates(RIG, timed=True)
+    normal = adjustment.Normal(seen, adjustment.initial(seen), candidates, folds=1)
+    by_image = normal._scores_of_calibration()
+    redundancy = 1.0 - (3 * len(np.unique(index[:, 0])) + 6 * len(T)) / pixels.size
+    gradient = normal._reduced.marginal.gradient
+    np.testing.assert_allclose(np.sqrt(redundancy) * by_image.sum(axis=1), gradient, atol=1e-6 * np.abs(gradient).max())
+    for candidate in candidates:
+        k = normal._unknowns([candidate])
+        _, covariance = normal.solve([candidate])
+        of_each = ((covariance @ by_image[k]) ** 2).sum(axis=1)
+        assert (of_each <= 1.0001 * normal.dispersion([candidate], candidate) * np.diag(covariance)).all(), candidate
 
 
 def test_both_cameras_share_a_rolling_shutter() -> None:

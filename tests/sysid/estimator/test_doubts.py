@@ -40,6 +40,15 @@ def test_a_flight_of_another_vehicle_is_named(flying, same, truth):
     assert "standard errors" in doubts[0]
 
 
+def test_a_flight_that_excites_what_the_model_lacks_is_named_with_the_way_to_find_it(same, truth):
+    """All are of one vehicle: the fast one alone shows the drag of its rotors."""
+    findings = sysid.identify(same, truth.without_effect("rotor_drag_thrust")).findings
+    doubts = [s for s in findings if "does not fit the other flights" in s]
+    assert doubts
+    assert "does the model lack an effect" in doubts[0]
+    assert "`goshawk diagnose`" in doubts[0]
+
+
 def test_an_inertia_held_far_off_is_pointed_at(same, truth):
     """Six times too small, it leaves thrust and torque no common answer."""
     wrong = truth.with_value("inertia_xx_kg_m2", 5e-4).with_value("inertia_yy_kg_m2", 7e-4)

@@ -11,10 +11,9 @@ import vehicle
 from flight import FlightLog
 from flight.flight_log import from_vectors
 from sysid.diagnosis import diagnose
-from sysid.estimator import driven_band, weight
+from sysid.estimator import driven_band
 from sysid.estimator.identification import start
 from sysid.estimator.prepare import prepare
-from sysid.estimator.problem import Point
 from sysid.estimator.unknowns import Unknowns, biases
 
 ROLL, PITCH = 1.6e-5, 2.4e-5
@@ -75,77 +74,6 @@ def test_the_moment_of_the_wakes_is_recovered(logs, truth):
         assert fit.estimate(f"wake_skew_moment.{name}_kg_m").value == pytest.approx(planted, rel=0.05)
     for name in INERTIA[:2]:
         assert fit.estimate(name).value == pytest.approx(truth.value(name), rel=0.03)
-
-
-@pytest.mark.parametrize("held", [(), INERTIA])
-def test_a_missing_moment_takes_no_thrust(logs, truth, held):
-    """With the true inertias held less thrust explains the turning better: this fit gave a twenty-fifth of it."""
-    options = sysid.Options(held=(*held, "thrust_bem.k2_n_s2_m"), gusts="white")
-    fit = sysid.identify(logs[1:2], truth, options)
-    assert fit.estimate(THRUST).value == pytest.approx(truth.value(THRUST), rel=0.01)
-
-
-def test_the_weight_balance_is_silent_while_the_thrust_carries_the_weight(at_start):
-    flights, unknowns, point, noise = at_start
-    carried = weight.balance(flights, point, unknowns, noise)
-    assert not carried.residual.any()
-    assert not carried.information.any()
-
-
-def lacking_thrust(point: Point, factor: float) -> Point:
-    return Point(point.vehicle.with_value(THRUST, factor * point.value(THRUST)), point.sensors, point.states)
-
-
-def in_pieces(flights, point: Point):
-    """The same logs, each in three pieces, and their states."""
-    pieces, states = [], []
-    for flight, whole in zip(flights, point.states, strict=True):
-        for nodes in (slice(0, 25), slice(24, 101), slice(100, None)):  # their mean forces take every fourth node
-            between = slice(nodes.start, None if nodes.stop is None else nodes.stop - 1)
-            arrays = {n: getattr(flight, n)[between] for n in ("rotor_speed_rad_s", "rotor_acceleration_rad_s2")}
-            readings = {n: v[between if len(v) < len(flight) else nodes] for n, v in flight.readings.items()}
-            pieces.append(replace(flight, time_s=flight.time_s[nodes], readings=readings, **arrays))
-            states.append(whole.picked(nodes))
-    return pieces, Point(point.vehicle, point.sensors, states)
-
-
-def test_a_log_in_pieces_weighs_as_much_as_in_one(at_start):
-    """Piece by piece the one nearest to balance would speak for all."""
-    flights, unknowns, point, _ = at_start
-    weak = lacking_thrust(point, 0.5)
-    found = weight.residuals(*in_pieces(flights, weak), unknowns)
-    assert len(found) == len(flights)
-    np.testing.assert_allclose(found, weight.residuals(flights, weak, unknowns), rtol=1e-3)
-
-
-def test_the_weight_balance_grows_with_the_flights_as_what_torques_can_gain(at_start):
-    flights, unknowns, point, _ = at_start
-    weak = lacking_thrust(point, 0.5)
-    again = [replace(flight, log_index=flight.log_index + len(flights)) for flight in flights]
-    twice = Point(weak.vehicle, weak.sensors, (*weak.states, *weak.states))
-    cost = weight.cost(flights, weak, unknowns)
-    assert weight.cost([*flights, *again], twice, unknowns) == pytest.approx(2.0 * cost)
-
-
-def test_the_weight_balance_is_silent_where_no_thrust_is_estimated(at_start):
-    flights, unknowns, point, _ = at_start
-    weak = lacking_thrust(point, 0.5)
-    assert weight.residuals(flights, weak, unknowns).any()
-    assert not weight.residuals(flights, weak, replace(unknowns, model=INERTIA)).any()
-
-
-@pytest.mark.parametrize("cut", [False, True])
-def test_slopes_of_the_weight_balance_agree_with_differences(at_start, cut):
-    flights, unknowns, point, noise = at_start
-    weak = lacking_thrust(point, 0.5)
-    flights, weak = in_pieces(flights, weak) if cut else (flights, weak)
-    carried = weight.balance(flights, weak, unknowns, noise)
-    more = lacking_thrust(weak, 1.0001)
-    slope = (weight.residuals(flights, more, unknowns) - carried.residual) / (1e-4 * weak.value(THRUST))
-    np.testing.assert_allclose(carried.slopes[:, 0], slope, rtol=1e-2)  # of all nodes, against every fourth
-    assert np.count_nonzero(carried.residual) == 1  # the flight nearest to balance
-    assert carried.residual.max() > 0.0
-    assert weight.cost(flights, weak, unknowns) == pytest.approx(0.5 * (carried.residual**2).sum())
 
 
 @pytest.fixture(scope="module")
