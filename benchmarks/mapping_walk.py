@@ -1,7 +1,8 @@
 """A recorded walk beside a house (gopro_max_walk): poses against the camera's own record, the house wall, the lens.
 
 The recording has no scan of the house. Its wall is the upright plane along the path, left of it, that holds most of
-the map's points; windows, which are set back and reflect, are left out by their colour.
+the map's points, moved to where the images agree best on its paint (a plane sweep: Collins, "A space-sweep approach to
+true multi-image matching", 1996); windows, which are set back and reflect, are left out by their colour.
 """
 
 import importlib.util
@@ -26,6 +27,10 @@ BEHIND_M = 0.10
 NEAR_M, STEP_M, LEAST_VIEWS = 6.0, 0.05, 3
 PLANE_M = 0.04
 """Points this near to a plane are of it."""
+TURNS_RAD, SHIFTS_M = np.radians(np.arange(-1.5, 1.6, 0.25)), np.arange(-0.2, 0.21, 0.05)
+"""Of the plane sweep: a wall holds few points, and these leave the plane uncertain by as much."""
+SWEPT_BLUR_PX = 8.0
+"""The sweep compares what differs from the mean over so many pixels: exposure and sky light play no part."""
 HEIGHTS_M = (-0.2, 1.5)
 """Of the wall, over the path's mean: above the bushes."""
 LEAST_RED_OVER_BLUE, LEAST_GREY = 10.0, 90.0
@@ -143,7 +148,44 @@ def wall_face(placed: mapping.Map, images: Path) -> tuple[FloatArray, FloatArray
     along_m = (track - middle) @ ahead
     x, z = np.meshgrid(np.arange(along_m.min(), along_m.max() + NEAR_M, STEP_M), np.arange(*HEIGHTS_M, STEP_M))
     face = middle + offset_m * normal + x.reshape(-1, 1) * ahead + z.reshape(-1, 1) * [0.0, 0.0, 1.0]
-    return face[_is_painted(placed, images, face)], -normal
+    shift_m, turn_rad = _agreed(placed, images, face[_is_painted(placed, images, face)], -normal)
+    face, outward = _moved(face, -normal, shift_m, turn_rad)
+    return face[_is_painted(placed, images, face)], outward
+
+
+def _moved(face: FloatArray, outward: FloatArray, shift_m: float, turn_rad: float) -> tuple[FloatArray, FloatArray]:
+    """A plane's points (n, 3) and its normal, turned about the vertical through their mean and shifted outwards."""
+    R, centre = rotations.matrix(rotations.from_yaw(turn_rad)), face.mean(axis=0)
+    return centre + (face - centre) @ R.T + shift_m * R @ outward, R @ outward
+
+
+def _agreed(placed: mapping.Map, images: Path, face: FloatArray, outward: FloatArray) -> tuple[float, float]:
+    """The shift in metres and the turn in radians of the plane on which the images agree best."""
+    import cv2
+
+    camera, detail = placed.rig.cameras[0], []
+    for name in placed.images:
+        image = np.asarray(cv2.imread(str(images / name), cv2.IMREAD_GRAYSCALE), np.float32)
+        detail.append(image - cv2.GaussianBlur(image, (0, 0), SWEPT_BLUR_PX))
+
+    def agreement(moved: FloatArray) -> float:
+        """Share of the images' variance at all points that is not between images of the same point."""
+        count, total, square = np.zeros((3, len(moved)))
+        for image, T in zip(detail, placed.T_world_body, strict=True):
+            points = frames.apply(frames.invert(T @ camera.T_body_camera), moved)
+            pixels = camera.project(points)
+            shown = np.flatnonzero(camera.contains(pixels) & (np.linalg.norm(points, axis=1) < NEAR_M))
+            if len(shown):
+                column, line = (pixels[shown].T - 0.5).astype(np.float32)
+                value = np.ravel(cv2.remap(image, column, line, cv2.INTER_LINEAR))
+                count[shown] += 1
+                total[shown] += value
+                square[shown] += value**2
+        used = count >= LEAST_VIEWS
+        return float((total[used] ** 2 / count[used]).sum() / square[used].sum())
+
+    tried = [(shift_m, turn_rad) for shift_m in SHIFTS_M for turn_rad in TURNS_RAD]
+    return max(tried, key=lambda change: agreement(_moved(face, outward, *change)[0]))
 
 
 def _is_painted(placed: mapping.Map, images: Path, face: FloatArray) -> np.ndarray:
