@@ -34,6 +34,9 @@ _CHUNK = 100
 _REPAIRS = 4
 
 _LEAST_IMAGES = 2
+_MOST_DIRECT = 20_000
+"""Images that COLMAP may adjust together by factoring the sparse normal equations, which are a band along a path. Beyond
+1,000 images it solves them iteratively by itself, which with 500 images already takes more than ten times as long."""
 _OUTLIER_PX = 3.0
 """Observations with a larger reprojection error are dropped; 4 keeps moving leaves, 2 drops good ones."""
 
@@ -365,6 +368,8 @@ def refine(database: Path, model: Any, rig: Rig, options: SparseOptions, progres
     mapping = _mapping_options(options)
     mapping.ba_refine_focal_length = rig.refine_intrinsics
     mapping.ba_refine_extra_params = rig.refine_intrinsics
+    adjusting = mapping.get_global_bundle_adjustment()
+    adjusting.ceres.max_num_images_direct_sparse_cpu_solver = _MOST_DIRECT
     with pycolmap.Database.open(database) as opened:
         cache = pycolmap.DatabaseCache.create(opened, pycolmap.DatabaseCacheOptions())
         mapper = pycolmap.IncrementalMapper(cache)
@@ -373,7 +378,7 @@ def refine(database: Path, model: Any, rig: Rig, options: SparseOptions, progres
             mapping.ba_global_max_refinements,
             mapping.ba_global_max_refinement_change,
             mapping.get_mapper(),
-            mapping.get_global_bundle_adjustment(),
+            adjusting,
             mapping.get_triangulation(),
             normalize_reconstruction=False,
         )
