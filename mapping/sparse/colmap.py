@@ -35,8 +35,8 @@ _REPAIRS = 4
 
 _LEAST_IMAGES = 2
 _MOST_DIRECT = 20_000
-"""Images that COLMAP may adjust together by factoring the sparse normal equations, which are a band along a path. Beyond
-1,000 images it solves them iteratively by itself, which with 500 images already takes more than ten times as long."""
+"""Images that COLMAP may adjust together by factoring the sparse normal equations, which are a band along a path. By
+itself it solves them iteratively beyond 1,000 images: 500 images then already take more than five times as long."""
 _OUTLIER_PX = 3.0
 """Observations with a larger reprojection error are dropped; 4 keeps moving leaves, 2 drops good ones."""
 
