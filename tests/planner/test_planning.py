@@ -110,7 +110,7 @@ def test_least_snap_in_the_boxes_is_the_last_resort_and_stops_nowhere(two_rooms,
 
 
 def test_a_quadratic_program_without_an_answer_is_refused_with_a_remedy(two_rooms, drone, through, monkeypatch):
-    def fails(self, durations_s):
+    def fails(self, durations_s, stop):
         raise InfeasibleError("no answer")
 
     monkeypatch.setattr(planner.fastest, "until_flyable", lambda *_, **__: None)
