@@ -1,36 +1,26 @@
 """A ground station with two pillars and a SITL vehicle, and pages of it in a browser."""
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-import vehicle
-from firmware_bridge import SitlVehicle, controller, keys
-from flight import Waypoints, project
 from gcs_web import GroundStation
-from tests.gcs_web.in_browser import CHROMIUM, FLAGS, START, opened, start_again
+from tests.gcs_web.in_browser import CHROMIUM, FLAGS, opened
+from tests.gcs_web.two_pillars import serving, start_again
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
 
 
 @pytest.fixture(scope="module")
 def station(pillar_map: Path, tmp_path_factory) -> Iterator[GroundStation]:
-    folder = tmp_path_factory.mktemp("station") / "project"
-    opened = project.create(folder, "two <b>pillars</b>")  # foreign strings are text, never markup
-    shutil.copytree(pillar_map, opened.map)
-    believed = vehicle.example("rigter2019")
-    vehicle.save(opened.vehicle, believed)
-    project.save_waypoints(opened.waypoints, Waypoints(START, np.full(3, np.nan)))
-    key_file = folder / "link.key"
-    plant = vehicle.simulate.Plant(believed, vehicle.simulate.State(), ground_m=0.0)
-    with (
-        SitlVehicle(plant, controller.parameters_of(believed).parameters, key=keys.create(key_file)) as simulated,
-        GroundStation(folder, triangles=500, vehicle_url=simulated.url, key_file=key_file) as running,
-    ):
+    with serving(pillar_map, tmp_path_factory.mktemp("station") / "project") as running:
         yield running
+
+
+@pytest.fixture
+def same_waypoints(station: GroundStation):
+    start_again(station)
 
 
 @pytest.fixture(scope="module")
@@ -44,12 +34,11 @@ def browser():
 
 
 @pytest.fixture
-def page(station: GroundStation, browser):
+def page(station: GroundStation, same_waypoints, browser):
     """A page that shows the checked plan of the same waypoints, whatever ran before.
 
     Its 3D view stays empty: without a graphics card each view takes 6 s of CPU time to start.
     """
-    start_again(station)
     with opened(station, browser, with_view=False) as page:
         page.get_by_text("Checked", exact=True).wait_for()
         yield page
@@ -64,8 +53,7 @@ def window(station: GroundStation, browser):
 
 
 @pytest.fixture
-def page_3d(station: GroundStation, window):
+def page_3d(same_waypoints, window):
     """Like `page`, with its 3D view."""
-    start_again(station)
     window.get_by_text("Checked", exact=True).wait_for()
     return window

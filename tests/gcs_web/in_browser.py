@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flight import Waypoints
 from gcs_web import GroundStation
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
@@ -20,7 +19,6 @@ FLAGS = [
     "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
 ]  # fmt: skip
 SIZE = {"width": 1280, "height": 720}
-START = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.2], [5.2, 0.8, 1.2]])
 SERIOUS = ("serious", "critical")
 """Impacts of barriers that axe finds."""
 
@@ -53,14 +51,6 @@ def opened(station: GroundStation, browser, *, with_view: bool) -> Iterator[Any]
     wait(lambda: not station.hub.people, "the page's leave")
     assert foreign == []
     assert errors == []
-
-
-def start_again(station: GroundStation) -> None:
-    """Give the station the waypoints that every test begins with."""
-    station.desk.session.take(Waypoints(START, np.full(3, np.nan)), "test begins", "test")
-    wait(
-        lambda: station.desk.answer and station.desk.answer.request.revision == station.desk.session.revision, "a plan"
-    )
 
 
 def positions(station: GroundStation) -> np.ndarray:

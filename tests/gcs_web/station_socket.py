@@ -1,46 +1,15 @@
-"""Pages of a ground station over its WebSocket, without a browser, and a SITL vehicle that really flies."""
+"""Pages of a ground station over its WebSocket, without a browser."""
 
 import asyncio
 import json
-import shutil
-from collections.abc import Callable, Iterator
-from contextlib import AsyncExitStack, contextmanager
-from pathlib import Path
+from collections.abc import Callable
+from contextlib import AsyncExitStack
 from typing import Any
 
 import aiohttp
-import numpy as np
 
-import vehicle
-from firmware_bridge import SitlVehicle, controller, keys
-from flight import Waypoints, project
 from gcs_web import GroundStation
 from tests.waiting import PATIENCE_S
-
-START = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.2], [5.2, 0.8, 1.2]])
-
-
-@contextmanager
-def serving(pillar_map: Path, folder: Path) -> Iterator[GroundStation]:
-    """A station of a new project with the vehicle on the ground below the first waypoint."""
-    opened = project.create(folder, "two pillars")
-    shutil.copytree(pillar_map, opened.map)
-    believed = vehicle.example("rigter2019")
-    vehicle.save(opened.vehicle, believed)
-    project.save_waypoints(opened.waypoints, Waypoints(START, np.full(3, np.nan)))
-    key_file = opened.folder / "link.key"
-    start = vehicle.simulate.State(position_world_m=np.array([0.8, 0.8, 0.0]))
-    plant = vehicle.simulate.Plant(believed, start, ground_m=0.0)
-    with (
-        SitlVehicle(plant, controller.parameters_of(believed).parameters, key=keys.create(key_file)) as simulated,
-        GroundStation(opened.folder, vehicle_url=simulated.url, key_file=key_file, triangles=500) as running,
-    ):
-        yield running
-
-
-def start_again(station: GroundStation) -> None:
-    """The same waypoints, whatever was edited before."""
-    station.desk.session.take(Waypoints(START, np.full(len(START), np.nan)), "test begins", "test")
 
 
 class Page:

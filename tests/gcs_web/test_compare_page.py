@@ -22,7 +22,8 @@ from sysid.diagnosis import OutsideFinding
 from sysid.diagnosis.envelope import Envelope
 from sysid.estimator import changes
 from sysid.estimator.comparison import HORIZONS_S
-from tests.gcs_web.in_browser import CHROMIUM, FLAGS, SERIOUS, SIZE, START, drawn
+from tests.gcs_web.in_browser import CHROMIUM, FLAGS, SERIOUS, SIZE, drawn
+from tests.gcs_web.two_pillars import START
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
 from vehicle import flights, manoeuvres

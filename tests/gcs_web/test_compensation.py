@@ -13,7 +13,8 @@ from firmware_bridge import SitlVehicle, closed_loop, controller, keys, paramete
 from firmware_bridge.dialect.generated.messages import Command
 from flight import FloatArray, Trajectory, Waypoints, project
 from gcs_web import GroundStation
-from tests.gcs_web.station_socket import START, Page, visit
+from tests.gcs_web.station_socket import Page, visit
+from tests.gcs_web.two_pillars import START
 from tests.waiting import until
 from vehicle import manoeuvres, simulate
 

@@ -18,7 +18,8 @@ from gcs_web import GroundStation, consent
 from gcs_web.consent import Consent
 from gcs_web.job_process import Done, Failed, JobProcess
 from tests.gcs_web.in_browser import CHROMIUM, FLAGS, SERIOUS, SIZE
-from tests.gcs_web.station_socket import START, Page, visit
+from tests.gcs_web.station_socket import Page, visit
+from tests.gcs_web.two_pillars import START
 from tests.waiting import PATIENCE_S, goshawk
 
 EFFECT = '''"""{words}"""

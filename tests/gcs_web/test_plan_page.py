@@ -7,7 +7,8 @@ import pytest
 
 from flight import flight_log, mission
 from gcs_web import GroundStation
-from tests.gcs_web.in_browser import START, cell, needs_chromium, positions, verdict
+from tests.gcs_web.in_browser import cell, needs_chromium, positions, verdict
+from tests.gcs_web.two_pillars import START
 from tests.waiting import until as wait
 
 pytestmark = needs_chromium

@@ -1,26 +1,15 @@
 """What people edit on the station's pages: planned, shared, undone, and refused where it makes no sense."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import esdf
 import vehicle
 from flight import Waypoints, mission, project
-from gcs_web import GroundStation
-from tests.gcs_web.station_socket import START, Page, serving, start_again, visit
+from tests.gcs_web.station_socket import Page, visit
+from tests.gcs_web.two_pillars import START
 
-
-@pytest.fixture(scope="module")
-def station(pillar_map: Path, tmp_path_factory):
-    with serving(pillar_map, tmp_path_factory.mktemp("station") / "project") as running:
-        yield running
-
-
-@pytest.fixture(autouse=True)
-def same_waypoints(station: GroundStation):
-    start_again(station)
+pytestmark = pytest.mark.usefixtures("same_waypoints")
 
 
 def test_an_edit_is_planned_and_undo_brings_the_waypoint_back(station):

@@ -2,26 +2,16 @@
 
 import json
 import threading
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from flight import LinkError, Waypoints, flight_log
-from gcs_web import GroundStation, page_socket
-from tests.gcs_web.station_socket import Page, serving, start_again, visit
+from gcs_web import page_socket
+from tests.gcs_web.station_socket import Page, visit
 from tests.waiting import PATIENCE_S, until
 
-
-@pytest.fixture(scope="module")
-def station(pillar_map: Path, tmp_path_factory):
-    with serving(pillar_map, tmp_path_factory.mktemp("station") / "project") as running:
-        yield running
-
-
-@pytest.fixture(autouse=True)
-def same_waypoints(station: GroundStation):
-    start_again(station)
+pytestmark = pytest.mark.usefixtures("same_waypoints")
 
 
 def test_orders_need_control_and_a_nonce_that_is_good_once(station):

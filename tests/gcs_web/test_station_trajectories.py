@@ -2,29 +2,20 @@
 
 import asyncio
 import re
-from pathlib import Path
 
 import aiohttp
 import numpy as np
 import pytest
 
 from flight import trajectory
-from gcs_web import GroundStation
-from tests.gcs_web.station_socket import START, Page, serving, start_again, visit
+from tests.gcs_web.station_socket import Page, visit
+from tests.gcs_web.two_pillars import START
 from tests.waiting import until
 
 MARKUP = "<img src=x onerror=alert(1)>"
 
 
-@pytest.fixture(scope="module")
-def station(pillar_map: Path, tmp_path_factory):
-    with serving(pillar_map, tmp_path_factory.mktemp("station") / "project") as running:
-        yield running
-
-
-@pytest.fixture(autouse=True)
-def same_waypoints(station: GroundStation):
-    start_again(station)
+pytestmark = pytest.mark.usefixtures("same_waypoints")
 
 
 def test_a_saved_plan_is_checked_and_never_replaced_unasked(station):

@@ -7,7 +7,8 @@ import pytest
 
 from flight import rotations
 from gcs_web import GroundStation
-from tests.gcs_web.in_browser import START, drawn, needs_chromium, positions
+from tests.gcs_web.in_browser import drawn, needs_chromium, positions
+from tests.gcs_web.two_pillars import START
 from tests.waiting import until as wait
 
 pytestmark = needs_chromium

@@ -1,0 +1,42 @@
+"""A ground station with two pillars and a SITL vehicle, and the waypoints that tests of it begin with."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+import vehicle
+from firmware_bridge import SitlVehicle, controller, keys
+from flight import Waypoints, project
+from gcs_web import GroundStation
+from tests.waiting import until
+
+START = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.2], [5.2, 0.8, 1.2]])
+
+
+@contextmanager
+def serving(pillar_map: Path, folder: Path) -> Iterator[GroundStation]:
+    """A station of a new project with the vehicle on the ground below the first waypoint."""
+    opened = project.create(folder, "two <b>pillars</b>")  # foreign strings are text, never markup
+    shutil.copytree(pillar_map, opened.map)
+    believed = vehicle.example("rigter2019")
+    vehicle.save(opened.vehicle, believed)
+    project.save_waypoints(opened.waypoints, Waypoints(START, np.full(len(START), np.nan)))
+    key_file = opened.folder / "link.key"
+    on_ground = vehicle.simulate.State(position_world_m=START[0] * [1.0, 1.0, 0.0])
+    plant = vehicle.simulate.Plant(believed, on_ground, ground_m=0.0)
+    with (
+        SitlVehicle(plant, controller.parameters_of(believed).parameters, key=keys.create(key_file)) as simulated,
+        GroundStation(opened.folder, triangles=500, vehicle_url=simulated.url, key_file=key_file) as running,
+    ):
+        yield running
+
+
+def start_again(station: GroundStation) -> None:
+    """Give the station the same waypoints, whatever was edited before, and wait for their plan."""
+    station.desk.session.take(Waypoints(START, np.full(len(START), np.nan)), "test begins", "test")
+    until(
+        lambda: station.desk.answer and station.desk.answer.request.revision == station.desk.session.revision, "a plan"
+    )
