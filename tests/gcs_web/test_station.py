@@ -38,6 +38,7 @@ def test_a_missions_requests_are_edited_planned_and_taken_back(station):
         await page.checked()
         assert page.state["plan"]["passings"][0]["waypoint"] is None
         saved = mission.load(station.desk.project.waypoints)
+        assert saved.laps is not None
         assert (saved.laps.count, saved.stays[0].duration_s) == (2, 1.0)
         for _ in range(3):
             await page.command("undo")
