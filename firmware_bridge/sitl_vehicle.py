@@ -149,7 +149,7 @@ class SitlVehicle:
         if key is not None and len(key) != 32:
             raise InputError(f"a link key has 32 bytes, this one {len(key)}")
         self.plant = plant
-        self._slipped_s = 0.0  # of vehicle time, by which it fell behind the clock and stayed behind
+        self._slipped_s = 0.0  # of vehicle time, by which it fell behind the wall clock and stayed behind
         self._parameters, self._key, self._system_id = dict(parameters), key, system_id
         self._speed, self._tick_us = speed, round(1e6 / tick_hz)
         self._sensors, self._rng = sensors or Sensors(), np.random.default_rng(seed)
@@ -293,7 +293,7 @@ class SitlVehicle:
         before = int(self._slipped_s)
         self._slipped_s += behind_s
         if int(self._slipped_s) > before:
-            logger.warning("this machine is too slow: %.1f s of vehicle time lost so far", self._slipped_s)
+            logger.warning("slower than real time: vehicle time is %.1f s behind the wall clock", self._slipped_s)
 
     def _tick(self) -> None:
         """One control period: sense, control, move."""

@@ -49,6 +49,8 @@ class FlightCard(msgspec.Struct, frozen=True):
     findings: list[Finding] = []
     inconclusive: list[str] = []
     """What the flight excites too little to be checked."""
+    notes: list[str] = []
+    """What the log, faultless as it may be, is of no use for."""
     fixed: list[str] = []
     """What fixes changed, if this log came from another by fixes."""
 

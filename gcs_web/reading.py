@@ -118,6 +118,7 @@ def card(opened: Project, name: str, believed: Vehicle | None) -> FlightCard:
         path_m=_path(log),
         findings=[*findings(checked), *_gap(judged, checked)],
         inconclusive=list(checked.inconclusive),
+        notes=list(checked.notes),
         fixed=[str(done) for done in log.metadata.get(fix.FIXES, [])],
     )
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import mapping
+import sysid
 import vehicle
 from flight import FlightLog, Waypoints, file_format, flight_log, project, silent
 from gcs_web import GroundStation, diagnosis_values, learning, proposed, protocol
@@ -416,3 +417,27 @@ def test_compare_and_learn_are_no_serious_barrier(page, station, width, scheme):
                 found[f"step {step}: {rule['id']}"] = [node["html"] for node in rule["nodes"]]
     page.set_viewport_size(SIZE)
     assert found == {}
+
+
+def test_a_card_shows_what_was_not_checked_and_what_the_log_is_of_no_use_for(page, station):
+    opened = station.desk.project
+    whole = flight_log.load(opened.flight("a"))
+    kept = {name: values for name, values in whole.columns.items() if not name.startswith("rotor_speed")}
+    flight_log.save(opened.flight("no rotors"), FlightLog(kept, {}))
+    checked = sysid.check_log(flight_log.load(opened.flight("no rotors")), vehicle.load(opened.vehicle))
+    assert checked.inconclusive
+    assert checked.notes
+    station.desk.flights.refresh()
+    page.keyboard.press("4")
+    page.get_by_role("button", name=re.compile("^no rotors ")).click()
+    for sentence in checked.inconclusive:
+        page.get_by_text(f"Not checked: {sentence}", exact=True).wait_for()
+    for sentence in checked.notes:
+        page.get_by_text(f"Note: {sentence}", exact=True).wait_for()
+    for width in (1440, 400):
+        page.set_viewport_size({"width": width, "height": 844})
+        drawn(page)
+        assert overflow(page) == []
+    page.set_viewport_size(SIZE)
+    page.get_by_role("button", name="Discard").click()
+    page.get_by_role("button", name=re.compile("^no rotors ")).wait_for(state="detached")

@@ -148,6 +148,9 @@ def test_the_list_says_of_each_flight_what_the_verbs_say(opened, listing):
     checked = sysid.check_log(reading.load(opened, "jump"), vehicle.load(opened.vehicle))
     assert cards["jump"].findings == reading.findings(checked)
     assert any("jumps" in finding.sentence and finding.fixable for finding in cards["jump"].findings)
+    assert cards["jump"].inconclusive == list(checked.inconclusive)
+    assert any("no rotor speed" in sentence for sentence in checked.notes)
+    assert cards["jump"].notes == list(checked.notes)
 
 
 def test_a_set_point_that_is_missing_for_a_while_leaves_the_tracking_error_of_the_rest(opened):

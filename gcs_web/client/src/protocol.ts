@@ -300,6 +300,7 @@ export interface FlightCard {
   path_m: number[];
   findings: Finding[];
   inconclusive: string[];
+  notes: string[];
   fixed: string[];
 }
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from firmware_bridge import flying, wire
+from firmware_bridge import airborne, flying, wire
 from firmware_bridge.controller import LinkLoss
 from firmware_bridge.dialect.generated.messages import Command, MissionState, State
 from firmware_bridge.impairment import Impairment
@@ -57,6 +57,29 @@ def test_a_flight_leaves_a_whole_log_that_follows_the_plan(serve, dial, plans):
     assert error_m.mean() < 0.02
     assert link.state.mission is MissionState.DISARMED
     assert log.vector("position_world_m")[-1, 2] < 0.05  # on the floor again
+
+
+def test_a_flight_that_the_machine_holds_up_is_the_same_flight(serve, dial, plans):
+    """Controller and plant share the simulated clock: what passes on the wall's is no tracking error."""
+    file = plans.file(3)
+    served = serve(speed=4.0)
+    link = dial(served)
+    link.upload(file)
+    hold_up_at = [0.7, 0.4, 0.1]
+
+    def hold_up(stage: str, fraction: float) -> None:
+        if stage == "flight" and hold_up_at and fraction > hold_up_at[-1]:
+            hold_up_at.pop()
+            with served._lock:
+                time.sleep(0.3)
+
+    log = link.fly(file, progress=hold_up)
+    assert not hold_up_at
+    np.testing.assert_allclose(np.diff(log.time_s), 0.005, atol=1e-9)
+    assert airborne.slowed(log) == ""
+    flown = airborne.tracking(log)
+    assert flown["flown_s"] == pytest.approx(file.trajectory.duration_s, abs=0.015)
+    assert flown["tracking_worst_m"] < 0.03
 
 
 def test_telemetry_is_lossless_at_100_hz_and_recorded_when_there_is_no_log_memory(serve, dial, plans):

@@ -10,7 +10,7 @@ import sysid
 import vehicle
 from flight.flight_log import from_vectors
 from flight.frames import GRAVITY_M_S2
-from sysid.estimator import weight
+from sysid.estimator import solver, weight
 from sysid.estimator.flight_data import Flight
 from sysid.estimator.identification import start
 from sysid.estimator.prepare import prepare
@@ -179,6 +179,35 @@ def test_slopes_of_the_weight_balance_agree_with_differences(at_start, shape):
     assert np.count_nonzero(carried.residual) == 1  # the flight nearest to balance
     assert carried.residual.max() > 0.0
     assert weight.cost(flights, weak, unknowns) == pytest.approx(0.5 * (carried.residual**2).sum())
+
+
+def share_taken(at_start, point: Point, thrust_step: float, gain: float) -> float:
+    """Share of a step of thrust that the line search takes where the residuals gain so much by the whole step."""
+    flights, unknowns, _, noise = at_start
+    step = np.zeros(unknowns.size)
+    step[0] = thrust_step * point.value(THRUST)
+    still = [np.zeros((len(flight), s.size)) for flight, s in zip(flights, point.states, strict=True)]
+    there = solver.all_residuals(flights, point.moved(unknowns, step, still), noise, False)
+    before = sum(map(solver.cost_of, there)) + gain
+    flat = solver.Prior(np.zeros(unknowns.size), np.full(unknowns.size, np.inf))
+    taken = solver._take(flights, point, unknowns, noise, flat, step, still, False, before)
+    return 0.0 if taken is None else taken[1]
+
+
+def test_a_step_that_loses_more_by_the_weight_than_the_residuals_gain_is_not_taken_whole(at_start):
+    flights, unknowns, point, _ = at_start
+    lost = weight.cost(flights, lacking_thrust(point, 0.5), unknowns)
+    assert lost > 0.0
+    assert share_taken(at_start, point, -0.5, 1.1 * lost) == 1.0
+    assert share_taken(at_start, point, -0.5, 0.9 * lost) < 1.0
+
+
+def test_a_step_may_cost_as_much_more_as_the_weight_balance_does(at_start):
+    flights, unknowns, point, _ = at_start
+    weak = lacking_thrust(point, 0.5)
+    costs = weight.cost(flights, weak, unknowns)
+    assert share_taken(at_start, weak, 0.0, -0.9 * costs) == 1.0
+    assert share_taken(at_start, weak, 0.0, -1.1 * costs) == 0.0
 
 
 def fitted(logs, believed: Vehicle, inertia: float) -> tuple[float, list[str]]:

@@ -224,6 +224,11 @@ function Findings({ card }: { card: FlightCard }) {
           Not checked: {sentence}
         </p>
       ))}
+      {card.notes.map((sentence) => (
+        <p key={sentence} class="quiet">
+          Note: {sentence}
+        </p>
+      ))}
       {card.fixed.map((sentence) => (
         <p key={sentence} class="quiet">
           Fixed: {sentence}
