@@ -53,7 +53,7 @@ def outside_is_right(result: Result) -> bool:
         return False
     channel, variable = diagnosed["channel"], diagnosed["variable"].replace("|", " ")
     channels = set(result["truth"]["channels"])
-    if result["kind"] == "form" and channel[0] == "T" and "F_x" not in channels:  # what F_x shows too is drag
+    if result["kind"] == "form" and channel[0] in "TL" and "F_x" not in channels:  # what F_x shows too is drag
         channel = "F_z"
         if variable == "s" and "M_y" in channels:  # rotors that lose apart: a wake
             variable = WAKE

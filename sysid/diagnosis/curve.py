@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from flight import FloatArray, FormatError, InputError, file_format
 from sysid.diagnosis.findings import OutsideFinding
-from sysid.diagnosis.free_form import EVERY_CHANNEL, SHOWN_BY_THRUST, THRUST, UNIT, WORLD, unit
+from sysid.diagnosis.free_form import EVERY_CHANNEL, LIFT, SHOWN_BY_THRUST, THRUST, UNIT, WORLD, unit
 from vehicle import effects
 
 KNOTS = 9
@@ -87,7 +87,7 @@ class Drawn:
     variable_unit: str
     at: FloatArray
     residual: FloatArray
-    """Force (N), torque (N m), or a share of thrust."""
+    """Force (N), torque (N m), share of thrust, or thrust of each rotor (N)."""
     sigma: FloatArray
 
     @property
@@ -276,6 +276,8 @@ def _changes(channel: str) -> tuple[str, str, str]:
     """What a curve in a channel is added to, at which stage, and the channels of the body that it shows in."""
     if channel == THRUST:
         return "flow.thrust_n += flow.thrust_n *", "THRUST_FACTOR", " ".join(SHOWN_BY_THRUST)
+    if channel == LIFT:
+        return "flow.thrust_n +=", "THRUST", " ".join(SHOWN_BY_THRUST)
     if channel[0] == THRUST:
         return (
             f"flow.thrust_n[{channel[2]}] += flow.thrust_n[{channel[2]}] *",

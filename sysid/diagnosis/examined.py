@@ -12,7 +12,7 @@ from sysid.diagnosis.belief import curve_is_there
 from sysid.diagnosis.candidates import Candidate, CandidateSet, candidate_set
 from sysid.diagnosis.confirm import Judge
 from sysid.diagnosis.evidence import Evidence
-from sysid.diagnosis.free_form import EVERY_CHANNEL, ROTORS, SHOWN_BY_THRUST, THRUST, WORLD
+from sysid.diagnosis.free_form import EVERY_CHANNEL, LIFT, ROTORS, SHOWN_BY_THRUST, THRUST, WORLD, of_thrust
 from sysid.diagnosis.load import Load
 from sysid.diagnosis.score import Loss, Score, inverse_of, loss_without, score
 from sysid.diagnosis.thresholds import THRESHOLDS
@@ -140,19 +140,34 @@ def _beyond_chance(found: Score) -> bool:
 def _best_of(model: Model, found: Sequence[Outside]) -> Outside | None:
     if not found:
         return None
+    found = _without_repeated(found)
     apart = _apart_from_thrust(found)
     if apart > 0.0:
-        found = [o for o in found if o.channel[0] != THRUST]
+        found = [o for o in found if not of_thrust(o.channel)]
     best = max(found, key=lambda o: o.score.gain_unseen)
-    rivals = [o for o in found if o.channel == best.channel or THRUST in (o.channel[0], best.channel[0])]
+    rivals = [o for o in found if o.channel == best.channel or of_thrust(o.channel) or of_thrust(best.channel)]
     lead = [best.score.gain_unseen - o.score.gain_unseen for o in rivals]
     odds = float(np.exp(-np.array(lead) / best.score.dispersion).sum())
-    if best.channel[0] == THRUST or best.channel in SHOWN_BY_THRUST:
+    if of_thrust(best.channel) or best.channel in SHOWN_BY_THRUST:
         odds += float(np.exp(-abs(apart)))  # of the other of the two
     confidence = THRESHOLDS.most_confidence * curve_is_there(best.score.log_odds) / odds
     if not model.all_heard:
         confidence = min(confidence, THRESHOLDS.even_confidence)
     return replace(best, confidence=confidence)
+
+
+def _without_repeated(found: Sequence[Outside]) -> list[Outside]:
+    """Curves without those of lift that say no more than that of F_z against the same variable.
+
+    The two differ by moments about a centre of mass that is not in the middle of the hubs.
+    """
+    alone = {o.variable: o.score for o in found if o.channel == "F_z"}
+
+    def is_repeated(lift: Outside) -> bool:
+        own = alone.get(lift.variable)
+        return own is not None and lift.score.gain_unseen < own.gain_unseen + THRESHOLDS.clear_lead * own.dispersion
+
+    return [o for o in found if o.channel != LIFT or not is_repeated(o)]
 
 
 def _apart_from_thrust(found: Sequence[Outside]) -> float:
@@ -162,11 +177,11 @@ def _apart_from_thrust(found: Sequence[Outside]) -> float:
     has its own law (a moment against both velocities looks like thrust lost in the wake). Were it thrust, curves
     channel by channel could not explain more than it. Minus infinity without a curve of thrust.
     """
-    of_thrust = max((o for o in found if o.channel[0] == THRUST), key=lambda o: o.score.gain_unseen, default=None)
-    if of_thrust is None:
+    best = max((o for o in found if of_thrust(o.channel)), key=lambda o: o.score.gain_unseen, default=None)
+    if best is None:
         return -np.inf
     gains = [[o.score.gain_unseen for o in found if o.channel == channel] for channel in SHOWN_BY_THRUST]
-    return (sum(max(own, default=0.0) for own in gains) - of_thrust.score.gain_unseen) / of_thrust.score.dispersion
+    return (sum(max(own, default=0.0) for own in gains) - best.score.gain_unseen) / best.score.dispersion
 
 
 def stated_curve(model: Model) -> Outside | None:
@@ -252,7 +267,7 @@ def shown_in(candidate: Candidate) -> list[str]:
     what a rotor's thrust shows in may be its thrust."""
     own = [c for c in candidate.channels if c in CHANNELS]
     world = WORLD if any(c.startswith("F_") for c in own) else ()
-    thrust = (THRUST, *ROTORS) if set(own) & set(SHOWN_BY_THRUST) else ()
+    thrust = (THRUST, *ROTORS, LIFT) if set(own) & set(SHOWN_BY_THRUST) else ()
     return [*own, *world, *thrust]
 
 

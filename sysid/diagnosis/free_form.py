@@ -116,11 +116,19 @@ LOSSES = tuple(f"weak_rotor.loss_{i}" for i in range(4))
 """Parameters whose derivatives say what a share of a rotor's thrust does."""
 SHOWN_BY_THRUST = ("F_z", "M_x", "M_y")
 
+LIFT = "L"
+"""Thrust that every rotor gains alike, in newtons, whatever its own: lift by the flow. Where the centre of mass is not
+in the middle of the hubs it shows in M_x and M_y too, unlike a curve of F_z, and unlike a share of thrusts that balance
+there."""
+GAIN = "thrust_affine.constant_n"
+"""Parameter whose derivative says what that does."""
+OF_LIFT = ("v_z", "speed", "height")
+
 WORLD = ("F_x_world", "F_y_world")
 """Level forces along the axes of the world: a tether, a draught, a slope of the floor pull so whatever the heading."""
 OF_THE_WORLD = ("constant", "time", "x", "y", "height")
 """What such a force may depend on; a constant one is what a pose frame that is not level shows."""
-EVERY_CHANNEL = (*CHANNELS, *WORLD, THRUST, *ROTORS)
+EVERY_CHANNEL = (*CHANNELS, *WORLD, THRUST, *ROTORS, LIFT)
 
 
 def belongs(variable: str, channel: str) -> bool:
@@ -129,7 +137,14 @@ def belongs(variable: str, channel: str) -> bool:
         return variable not in ROTORS_OWN
     if channel in WORLD:
         return variable in OF_THE_WORLD
+    if channel == LIFT:
+        return variable in OF_LIFT
     return variable in OF_THRUST if channel == THRUST else variable == f"n_{channel[2]}"
+
+
+def of_thrust(channel: str) -> bool:
+    """Whether curves in a channel change the thrust of rotors, and so show in several channels in body axes."""
+    return channel[0] in (THRUST, LIFT)
 
 
 def axes_of(channel: str) -> tuple[str, ...]:
@@ -141,7 +156,7 @@ def axes_of(channel: str) -> tuple[str, ...]:
 
 def unit(channel: str) -> str:
     """Of a curve: a share of the thrust, a force or a torque."""
-    return "1" if channel[0] == THRUST else "N" if channel[0] == "F" else "N m"
+    return "1" if channel[0] == THRUST else "N m" if channel[0] == "M" else "N"
 
 
 def along_axes(channel: str, mid: Middle) -> tuple[IndexArray, FloatArray]:
@@ -214,13 +229,16 @@ def accelerations(
     """Which of the six accelerations curves in a channel move, and (k, r, c) by how much each function does.
 
     Args:
-        vehicle: with the effect `weak_rotor`, by whose losses thrust is changed.
+        vehicle: with the effects `weak_rotor` and `thrust_affine`, by whose parameters thrust is changed.
     """
-    if channel[0] != THRUST:
+    if not of_thrust(channel):
         which, share = along_axes(channel, mid)
         return which, share[:, :, None] * columns(curves_, flight, mid)[:, None]
-    by_share = -slopes_along(vehicle, LOSSES, flight, mid).parameters
     which = np.flatnonzero([name in SHOWN_BY_THRUST for name in CHANNELS])
+    if channel == LIFT:
+        by_gain = slopes_along(vehicle, (GAIN,), flight, mid).parameters
+        return which, by_gain[:, which] * columns(curves_, flight, mid)[:, None]
+    by_share = -slopes_along(vehicle, LOSSES, flight, mid).parameters
     rotors = range(4) if channel == THRUST else [int(channel[2])]
     drawn = [by_share[:, which, i, None] * _of_rotor(i, curves_, flight, mid, vehicle)[:, None] for i in rotors]
     return which, np.sum(drawn, axis=0)

@@ -23,7 +23,7 @@ from sysid.diagnosis.findings import (
     Verdict,
 )
 from sysid.diagnosis.first_fit import First, first_fit
-from sysid.diagnosis.free_form import THRUST, UNIT, axes_of
+from sysid.diagnosis.free_form import UNIT, axes_of, of_thrust
 from sysid.diagnosis.score import Score
 from sysid.diagnosis.search import Search, search
 from sysid.diagnosis.thresholds import THRESHOLDS
@@ -478,7 +478,7 @@ def _outside(model: Model, found: Outside, *, unsure: bool) -> OutsideFinding:
     variance = np.einsum("ij,jk,ik->i", basis, blocks.covariance, basis)
     body = rigid_body(model.fit.vehicle)
     scale = 1.0
-    if found.channel[0] != THRUST:
+    if not of_thrust(found.channel):
         axis = "xyz".index(found.channel[2])
         scale = body.mass_kg if found.channel[0] == "F" else body.inertia_kg_m2[axis, axis]
     return OutsideFinding(

@@ -11,7 +11,7 @@ from sysid.diagnosis import explained
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.examined import reproduced
 from sysid.diagnosis.findings import OutsideFinding
-from sysid.diagnosis.free_form import THRUST, VARIABLE, along_axes
+from sysid.diagnosis.free_form import VARIABLE, along_axes, of_thrust
 from sysid.diagnosis.procedure import Diagnosis
 from sysid.estimator.comparison import SPAN_S, Residual, means_over
 from sysid.report import drawing, residual_plots, words
@@ -165,8 +165,7 @@ def outside(found: Diagnosis, curve: OutsideFinding) -> "Figure":
     scale, written = residual_plots.unit(curve.channel)
     mean = scale * curve.force_or_torque * curve.acceleration
     band = residual_plots.SIGMAS * scale * curve.force_or_torque * curve.band
-    of_thrust = curve.channel[0] == THRUST
-    figure, axes = drawing.figure(1, 1 if of_thrust else 2, (12.0, 3.8), sharex=True, sharey=True)
+    figure, axes = drawing.figure(1, 1 if of_thrust(curve.channel) else 2, (12.0, 3.8), sharex=True, sharey=True)
     label = residual_plots.labelled(curve.variable)
     for panel in axes[0]:
         panel.fill_between(curve.at, mean - band, mean + band, color=drawing.COLOURS[1], alpha=0.25, linewidth=0)
@@ -175,7 +174,7 @@ def outside(found: Diagnosis, curve: OutsideFinding) -> "Figure":
     axes[0, -1].legend(frameon=False, fontsize=8)
     drawing.plain(axes[0, 0], "the curve, from the training flights", label, f"{curve.channel} ({written})")
     sentence = f"{curve.channel} against {curve.variable}: what no known effect explains"
-    if of_thrust:
+    if of_thrust(curve.channel):
         drawing.headed(figure, f"{sentence} (95 % band)")
         return figure
     left = found.judged.residuals[found.staircase[-1].model] if found.held_out else left_of(found.search.models[-1])

@@ -32,7 +32,7 @@ def unit(channel: str) -> tuple[float, str]:
     """Scale and unit a channel is drawn in."""
     if channel[0] == THRUST:
         return 100.0, "% of the thrust"
-    return (1.0, "N") if channel[0] == "F" else (1000.0, "mN m")
+    return (1000.0, "mN m") if channel[0] == "M" else (1.0, "N")
 
 
 def over_time(named: Residuals, flight: int, title: str) -> "Figure":

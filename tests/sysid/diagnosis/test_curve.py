@@ -87,6 +87,15 @@ def test_a_curve_of_thrust_changes_the_share_of_its_rotors(tmp_path: Path, chann
     assert vehicle.effects.find(name).channel == "F_z M_x M_y"
 
 
+def test_a_curve_of_lift_adds_the_same_newtons_to_every_rotor(tmp_path: Path):
+    plain = vehicle.example()
+    drawn = plain.with_effect_file(scaffold(finding("L", "v_z"), tmp_path / "drawn_lift.py", name="drawn_lift"))
+    components = (VELOCITY.T, RATE.T, SPEED.T, around())
+    before, after = (forces.evaluate(v, *components).thrust_n[:, 0] for v in (plain, drawn))
+    assert after - before == pytest.approx(np.full(4, np.sin(VELOCITY[0, 2])), abs=0.02)
+    assert vehicle.effects.find("drawn_lift").channel == "F_z M_x M_y"
+
+
 @pytest.mark.parametrize("form", ["spline", "polynomial"])
 @pytest.mark.parametrize("variable", ["v_z", "speed", "heading", "height", "dn_2/dt"])
 def test_derivatives_by_complex_steps_are_those_of_differences(tmp_path: Path, variable: str, form):

@@ -13,7 +13,7 @@ from sysid.diagnosis import diagnose, fitting, free_form
 from sysid.diagnosis.candidates import candidate_set
 from sysid.diagnosis.confirm import Judge, settle
 from sysid.diagnosis.evidence import Blocks, Evidence, block_edges
-from sysid.diagnosis.examined import examine
+from sysid.diagnosis.examined import examine, stated_curve
 from sysid.diagnosis.fitting import refit
 from sysid.diagnosis.procedure import while_searching
 from sysid.diagnosis.score import loss_without, score
@@ -23,6 +23,7 @@ from sysid.estimator.model import along
 from sysid.estimator.problem import linearise
 from tests.sysid import flying
 
+OFF_M = (0.006, -0.004)
 Extra = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
@@ -224,6 +225,19 @@ def test_a_constant_curve_of_thrust_is_what_the_same_share_of_all_rotors_does(ca
         assert moved.sum(axis=2) == pytest.approx(change[:, which], rel=1e-4, abs=1e-6)
 
 
+def test_a_constant_curve_of_lift_is_what_the_same_force_at_every_hub_does(calm):
+    """Of a vehicle whose centre of mass is off the middle of its hubs: against finite differences."""
+    fit, flight = calm, calm.flights[0]
+    off = fit.vehicle.with_effect("centre_of_mass", source="test", x_m=0.01, y_m=-0.02)
+    lined = candidate_set(off, fit.flights).vehicle
+    mid, step = middle(flight, fit.solution.point.states[0]), 1e-4
+    (curve,) = (c for c in free_form.curves(fit.flights, fit.solution.point.states, lined) if c.variable == "speed")
+    which, moved = free_form.accelerations("L", [curve], flight, mid, lined)
+    change = (along(lined.with_value("thrust_affine.constant_n", step), flight, mid) - along(lined, flight, mid)) / step
+    assert moved.sum(axis=2) == pytest.approx(change[:, which], rel=1e-4, abs=1e-6)
+    assert np.abs(change[:, which]).min() > 0.1  # in F_z, M_x and M_y
+
+
 def tiring_rotor(velocity: np.ndarray, rate: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rotor 1 loses the more of its thrust the faster it turns: 6 % at hover."""
     lost = 0.06 * (speed[:, 1] / 950.0) ** 2 * 2.08e-6 * speed[:, 1] ** 2
@@ -244,6 +258,25 @@ def test_a_thrust_law_of_one_rotor_is_drawn_whole_and_brings_no_false_name():
     assert set(found.additions) <= {"weak_rotor[1]"}
     assert found.outside is not None
     assert (found.outside.channel, found.outside.variable) == ("T_1", "n_1")
+
+
+def saturating_lift(velocity: np.ndarray, rate: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Thrust that every rotor gains alike, up to 0.15 N at speed, with the centre of mass at `OFF_M`."""
+    square = (velocity[:, :2] ** 2).sum(axis=1)
+    gained = 0.15 * square / (1.0 + square)
+    force, torque = 0.0 * velocity, 0.0 * rate
+    force[:, 2] = 4.0 * gained
+    torque[:, 0], torque[:, 1] = -OFF_M[1] * force[:, 2], OFF_M[0] * force[:, 2]
+    return force, torque
+
+
+def test_lift_beside_a_centre_of_mass_off_the_middle_is_no_moment():
+    rng, truth = np.random.default_rng(9), flying.Truth(gust=0.1, centre=OFF_M, extra=saturating_lift)
+    logs = flying.fly(truth, flying.paper_flights(rng), 3, duration_s=8.0, rng=rng)
+    known = vehicle.example().with_value("centre_of_mass.x_m", OFF_M[0]).with_value("centre_of_mass.y_m", OFF_M[1])
+    best = stated_curve(examine(identify(logs, known, while_searching(Options(gusts="white")))))
+    assert best is not None
+    assert (best.channel, best.variable) == ("L", "speed")
 
 
 def linear_blocks(rng: np.random.Generator, truth: np.ndarray, blocks: int = 60) -> Blocks:

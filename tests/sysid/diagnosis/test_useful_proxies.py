@@ -271,3 +271,15 @@ def test_a_curve_of_thrust_and_curves_of_its_channels_share_one_probability(mome
     assert best is not None
     assert best.channel == stated
     assert best.confidence == pytest.approx(confidence, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("lift", "force", "stated", "confidence"),
+    [(500.0, 500.0, "F_z", 0.97), (505.0, 500.0, "F_z", 0.97), (507.0, 500.0, "L", 0.91), (500.0, None, "L", 0.97)],
+)
+def test_a_curve_of_lift_that_shows_in_no_moment_is_one_of_the_force(lift, force, stated, confidence):
+    drawn = [curve("L", "speed", lift), *([curve("F_z", "speed", force)] if force else []), curve("F_z", "v_x", 100.0)]
+    best = examined._best_of(cast("Any", SimpleNamespace(all_heard=True)), drawn)
+    assert best is not None
+    assert best.channel == stated
+    assert best.confidence == pytest.approx(confidence, abs=0.01)
