@@ -5,7 +5,9 @@ from collections.abc import Iterable
 
 
 def channel(name: str) -> str:
-    """`M_z` as `torque about z`, `T_2` as `thrust of rotor 2`."""
+    """`M_z` as `torque about z`, `T_2` as `thrust of rotor 2`, `L` as `lift of every rotor`."""
+    if name == "L":
+        return "lift of every rotor"
     if name[0] == "T":
         return f"thrust of rotor {name[2]}" if name[1:] else "thrust of every rotor"
     frame = " of the world" if name.endswith("_world") else ""
