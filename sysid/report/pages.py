@@ -63,7 +63,9 @@ CAPTIONS = {
 WIDE = ("residual_against_all",)
 """Pictures of so many panels that the page's width is too little to read them."""
 AXES = "SI units, body axes x forward, y left, z up."
-LETTERS = "F is force, M torque, v velocity through the air, w turning rate, n rotor speed."
+LETTERS = (
+    "F is force, M torque, T rotor thrust, L rotor lift, v velocity through the air, w turning rate, n rotor speed."
+)
 SHOWN = {"position": ("mm", 1e3), "velocity": ("m/s", 1.0), "attitude": ("deg", 57.29578), "rate": ("rad/s", 1.0)}
 """Units of the table of prediction errors."""
 
