@@ -4,6 +4,7 @@ import contextlib
 import hashlib
 from collections.abc import Iterable
 from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 
 import msgspec
@@ -35,6 +36,8 @@ class Kept(msgspec.Struct, frozen=True):
 
     signature: Signature
     card: FlightCard
+    made_by: str = ""
+    """Version of Goshawk: another one may check more."""
 
 
 def load(opened: Project, name: str) -> FlightLog:
@@ -70,9 +73,11 @@ def card_file(opened: Project, name: str) -> Path:
 
 
 def kept_card(opened: Project, name: str, wanted: Signature) -> FlightCard | None:
-    """The card of a flight if it was made of the log as it is now."""
+    """The card of a flight if this version made it of the log as it is now."""
     found = session_files.read(card_file(opened, name), Kept)
-    return found.card if found is not None and found.signature == wanted else None
+    if found is None or (found.signature, found.made_by) != (wanted, version("goshawk")):
+        return None
+    return found.card
 
 
 def write_cards(folder: Path, names: list[str], progress: Progress) -> None:
@@ -82,7 +87,7 @@ def write_cards(folder: Path, names: list[str], progress: Progress) -> None:
         believed = _believed(opened)
         with contextlib.suppress(FileNotFoundError):  # discarded in the meantime: that is no fault of the next one
             seen = signature(opened, name, "" if believed is None else vehicle.vehicle_hash(believed))
-            made = Kept(seen, card(opened, name, believed))
+            made = Kept(seen, card(opened, name, believed), version("goshawk"))
             file_format.write_bytes(card_file(opened, name), msgspec.json.encode(made))
         progress(name, (k + 1) / len(names))
 

@@ -261,6 +261,16 @@ def test_a_log_that_goes_while_cards_are_made_stops_no_other(opened):
     assert reading.kept_card(opened, "b", reading.signature(opened, "b", believed)) is not None
 
 
+def test_a_card_of_an_earlier_version_is_made_again(opened, monkeypatch):
+    flight_log.save(opened.flight("b"), flown())
+    wanted = reading.signature(opened, "b", vehicle.vehicle_hash(vehicle.load(opened.vehicle)))
+    with monkeypatch.context() as earlier:
+        earlier.setattr(reading, "version", lambda _: "0.0.1")
+        reading.write_cards(opened.folder, ["b"], silent)
+        assert reading.kept_card(opened, "b", wanted) is not None
+    assert reading.kept_card(opened, "b", wanted) is None
+
+
 def test_a_log_that_went_while_cards_were_made_blames_no_other(opened, listing):
     made, told = listing
     flight_log.save(opened.flight("b"), flown())
