@@ -17,7 +17,7 @@ from sysid.diagnosis.outlook import Outlook, outlook
 from sysid.estimator.verdict import Use
 from sysid.report import diagnosis_figures as figures
 from sysid.report import diagnosis_page as report
-from sysid.report import residual_plots
+from sysid.report import residual_plots, words
 
 
 @click.command()
@@ -194,7 +194,8 @@ def outside_sentence(found: Diagnosis) -> str:
     scale, unit = residual_plots.unit(o.channel)
     curve = scale * o.acceleration * o.force_or_torque
     return (
-        f"{o.channel} follows {o.variable}, from {curve.min():.2g} to {curve.max():.2g} {unit} over "
+        f"{words.channel(o.channel)} ({o.channel}) follows {words.variable(o.variable)} ({o.variable}), "
+        f"from {curve.min():.2g} to {curve.max():.2g} {unit} over "
         f"{o.at[0]:.3g} to {o.at[-1]:.3g} {o.variable_unit} (confidence {o.confidence:.0%})"
     )
 

@@ -7,6 +7,7 @@ from html import escape
 from pathlib import Path
 
 from sysid.diagnosis.findings import Outcome, OutsideFinding, Verdict
+from sysid.diagnosis.free_form import EVERY_CHANNEL, UNIT
 from sysid.diagnosis.outlook import Outlook
 from sysid.diagnosis.procedure import Diagnosis
 from sysid.estimator.verdict import Use
@@ -131,7 +132,8 @@ def _error_sentence(found: Diagnosis) -> str:
 
 
 def named(found: Diagnosis, text: str) -> str:
-    """A sentence with effects and parameters by their names."""
+    """A sentence with effects, parameters and curves by their names."""
+    text = words.curves_named(text, EVERY_CHANNEL, UNIT)
     text = words.parameters_named(text, found.vehicle.parameters)
     text = words.named(text, [*(s.name for s in found.candidates), *(name for name, _ in found.invisible)])
     for parameter in {size.parameter for s in found.candidates for size in s.sizes}:

@@ -88,6 +88,13 @@ def parameters_named(text: str, names: Iterable[str]) -> str:
     return text
 
 
+def curves_named(text: str, channels: Iterable[str], variables: Iterable[str]) -> str:
+    """`M_z against v_z` as `torque about z against velocity along z`, wherever a sentence says so."""
+    one_of = ["|".join(map(re.escape, sorted(names, key=len, reverse=True))) for names in (channels, variables)]
+    pattern = rf"(?<!\w)({one_of[0]}) against ({one_of[1]})(?!\w)"
+    return re.sub(pattern, lambda curve: f"{channel(curve[1])} against {variable(curve[2])}", text)
+
+
 def named(text: str, names: Iterable[str]) -> str:
     """A sentence with effects by their names instead of these code names."""
     for name in sorted(set(names), key=len, reverse=True):

@@ -198,10 +198,16 @@ def test_typed_one_after_the_other_the_lines_lead_from_an_unknown_effect_to_a_be
     said = run("diagnose", "vertical.parquet", "fast.parquet", "turning.parquet", "--vehicle", "vehicle.toml",
                "--held-out", "held_out.parquet", "--json", "d.json", "--report", "d.html")  # fmt: skip
     assert "something is missing that no known effect is: M_z against v_z" in said
+    assert "outside the catalogue: torque about z (M_z) follows velocity along z (v_z), from" in said
     lines = [line.removeprefix("next: ") for line in said.splitlines() if line.startswith("next: ")]
     assert len(lines) == 2
     page = (tmp_path / "d.html").read_text()
-    for words in ("The torque about z (M_z) follows velocity along z (v_z)", "What no known effect explains", *lines):
+    for words in (
+        "The torque about z (M_z) follows velocity along z (v_z)",
+        "no known effect is: torque about z against velocity along z.",
+        "What no known effect explains",
+        *lines,
+    ):
         assert escape(words) in page
     run(*shlex.split(lines[0])[1:])
     assert "m_z_of_v_z helped: " in run(*shlex.split(lines[1])[1:])

@@ -3,7 +3,7 @@
 import pytest
 
 from sysid.diagnosis.findings import CandidateFinding, Size, Verdict
-from sysid.diagnosis.free_form import EVERY_CHANNEL, VARIABLES
+from sysid.diagnosis.free_form import EVERY_CHANNEL, UNIT, VARIABLES
 from sysid.report import words
 from sysid.report.diagnosis_tables import candidates, chance, measured, plain, unit
 from vehicle import effects
@@ -86,3 +86,16 @@ def test_sentences_name_parameters_in_full():
     names = ["inertia_zz_kg_m2", "rotor_yaw_torque.torque_n_m_s2", "centre_of_mass.x_m", "centre_of_mass.x_m_of_mine"]
     said = words.parameters_named("inertia_zz_kg_m2 and rotor_yaw_torque.torque_n_m_s2: centre_of_mass.x_m.", names)
     assert said == "inertia zz and rotor yaw torque, torque: centre of mass, x."
+
+
+def test_sentences_name_curves_in_words():
+    said = words.curves_named("L against speed; F_x_world against x, T_1 against n_1.", EVERY_CHANNEL, UNIT)
+    assert said == (
+        "lift of every rotor against air speed; force along x of the world against place along x, "
+        "thrust of rotor 1 against speed of rotor 1."
+    )
+    assert words.curves_named("vehicle L against v_z_of_mine", EVERY_CHANNEL, UNIT) == "vehicle L against v_z_of_mine"
+    for channel in EVERY_CHANNEL:
+        for variable in UNIT:
+            said = words.curves_named(f"{channel} against {variable} explains more", EVERY_CHANNEL, UNIT)
+            assert said == f"{words.channel(channel)} against {words.variable(variable)} explains more"
