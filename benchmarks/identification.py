@@ -20,7 +20,7 @@ import sysid
 import vehicle
 from flight import FlightLog
 from sysid.estimator import identification, problem
-from sysid.estimator.result import NORMAL_90
+from sysid.estimator.errors import NORMAL_90
 from sysid.estimator.unknowns import model_parameters
 
 KINDS = ("vertical", "horizontal", "rotation")

@@ -7,7 +7,8 @@ from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.findings import Size
 from sysid.diagnosis.score import Score
 from sysid.diagnosis.thresholds import THRESHOLDS
-from sysid.estimator.result import NORMAL_90, Identification
+from sysid.estimator.errors import NORMAL_90
+from sysid.estimator.result import Identification
 from vehicle import effects
 
 VISIBLE_SIGMAS = -float(ndtri(THRESHOLDS.chance / 2.0) + ndtri(0.1))

@@ -15,6 +15,8 @@ from sysid.estimator.solver import Solution, robust_covariance
 from sysid.estimator.unknowns import Unknowns
 from sysid.estimator.unsettled import Unsettled
 
+NORMAL_90 = 1.6449
+"""Half width of a normal 90 % interval in standard deviations."""
 STRONGLY_CORRELATED = 5.0
 """Errors correlated in time make a standard error so many times the plain one before it is worth a sentence."""
 
@@ -63,11 +65,13 @@ def standard_errors(
     variance = np.maximum(np.diag(sandwich), np.diag(plain))
     off_s = gyro_feedback.biases_s(flights, unknowns, solution, np.sqrt(variance))
     by_clocks = by_command.shift**2 + (gyro_feedback.shifts(off_s, plain) ** 2).sum(axis=1)
-    robust = np.sqrt(variance + by_clocks + unsettled.variances(held, unknowns))
+    besides = by_clocks + unsettled.variances(held, unknowns)
+    # Student's quantile is for the sandwich alone: it rests on few blocks
+    of_blocks, of_noise = stdtrit(freedom, 0.95) ** 2 * np.diag(sandwich), NORMAL_90**2 * np.diag(plain)
     return Errors(
         covariance=plain,
-        robust=robust,
-        interval90=stdtrit(freedom, 0.95) * robust,
+        robust=np.sqrt(variance + besides),
+        interval90=np.sqrt(np.maximum(of_blocks, of_noise) + NORMAL_90**2 * besides),
         correlated=np.diag(sandwich) > STRONGLY_CORRELATED**2 * np.diag(plain),
         by_command=by_command,
     )

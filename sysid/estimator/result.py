@@ -16,7 +16,7 @@ from sysid.estimator.blocks.catalogue import BLOCKS, acting, places, reported
 from sysid.estimator.blocks.gyro import GYRO
 from sysid.estimator.blocks.motion import Motion
 from sysid.estimator.clocks import Clock
-from sysid.estimator.errors import Errors, standard_errors
+from sysid.estimator.errors import NORMAL_90, Errors, standard_errors
 from sysid.estimator.flight_data import Flight, left_out
 from sysid.estimator.noise import Noise
 from sysid.estimator.options import Options, Reference
@@ -25,9 +25,6 @@ from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns
 from sysid.estimator.unsettled import CONFOUNDED, Unsettled
 from sysid.estimator.verdict import Verdict
 from vehicle import Vehicle, specs
-
-NORMAL_90 = 1.6449
-"""Half width of a normal 90 % interval in standard deviations."""
 
 SCHEMA_VERSION = 2
 """Version of `Identification.as_dict`."""

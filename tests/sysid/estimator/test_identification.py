@@ -2,6 +2,7 @@
 
 import json
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,11 +10,25 @@ import pytest
 import sysid
 from flight import FlightLog, InputError
 from flight.flight_log import from_vectors
+from sysid.estimator.errors import NORMAL_90, standard_errors
 
 
 @pytest.fixture(scope="module")
 def fitted(campaign, wrong_start):
     return sysid.identify(campaign, wrong_start)
+
+
+@pytest.mark.parametrize("scatter", [0.0, 1e3])
+def test_only_scatter_among_few_blocks_makes_an_interval_wider_than_a_normal_one(fitted, scatter):
+    blocks = [[(information, scatter * pull) for information, pull in flight] for flight in fitted.solution.scores]
+    solution = replace(fitted.solution, scores=tuple(map(tuple, blocks)))
+    found = standard_errors(fitted.flights, fitted.unknowns, solution, ())
+    if scatter == 0.0:
+        assert found.robust == pytest.approx(found.plain)
+        assert found.interval90 == pytest.approx(NORMAL_90 * found.plain)
+    else:
+        assert (found.robust > found.plain).all()
+        assert (found.interval90 > 1.01 * NORMAL_90 * found.robust).all()
 
 
 def test_parameters_are_recovered_from_a_start_far_off(fitted, truth):
