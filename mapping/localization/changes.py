@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
-from scipy.spatial import cKDTree
+from scipy.sparse import coo_array, csgraph
+from scipy.spatial import KDTree
 
 import esdf
 from flight import FloatArray, Progress, frames, silent
@@ -105,36 +105,41 @@ def find(
 
 def changed(points_world_m: FloatArray, instant: np.ndarray, point: np.ndarray, again: np.ndarray) -> Changes:
     """The changed regions, given all looks: their instants, points, and whether those were found again, (k,) each."""
-    cell = np.floor(points_world_m[point] / _CELL_M).astype(np.int64)
-    low = cell.min(axis=0, initial=0)
-    shape = cell.max(axis=0, initial=0) - low + 1
-    flat = np.ravel_multi_index(tuple((cell - low).T), tuple(shape))
-    size = int(np.prod(shape))
-    looked, found = np.bincount(flat, minlength=size), np.bincount(flat, weights=again, minlength=size)
-    says = (_distinct(flat, point, size) >= _LEAST_POINTS) & (_distinct(flat, instant, size) >= _LEAST_IMAGES)
-    if not says.any():
+    if not len(point):
         return Changes((), np.nan)
-    share = found / np.maximum(looked, 1)
-    usual = float(np.median(share[says]))
-    if usual < _LEAST_SHARE:
+    cells, of_look = np.unique(np.floor(points_world_m[point] / _CELL_M).astype(np.int64), axis=0, return_inverse=True)
+    of_look = of_look.reshape(-1)
+    share = np.bincount(of_look, weights=again) / np.bincount(of_look)
+    says = (_distinct(of_look, point) >= _LEAST_POINTS) & (_distinct(of_look, instant) >= _LEAST_IMAGES)
+    usual = float(np.median(share[says])) if says.any() else np.nan
+    if not usual >= _LEAST_SHARE:
         return Changes((), usual)
-    label, count = ndimage.label((says & (share < _CHANGED * usual)).reshape(shape), np.ones((3, 3, 3)))
-    regions = (_region(points_world_m, point, again, label.reshape(-1)[flat] == k) for k in range(1, count + 1))
+    regions = (
+        _region(points_world_m, point, again, np.isin(of_look, those))
+        for those in _touching(cells, np.flatnonzero(says & (share < _CHANGED * usual)))
+    )
     large = [region for region in regions if region.points >= _REGION_POINTS]
     return Changes(tuple(sorted(large, key=lambda region: -region.points)), usual)
 
 
-def _distinct(flat: np.ndarray, values: np.ndarray, size: int) -> np.ndarray:
-    """How many different values each cell has, (size,)."""
-    return np.bincount(np.unique(np.stack([flat, values]), axis=1)[0], minlength=size)
+def _distinct(of_look: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """How many different values each cell has."""
+    return np.bincount(np.unique(np.stack([of_look, values]), axis=1)[0])
+
+
+def _touching(cells: np.ndarray, chosen: np.ndarray) -> list[np.ndarray]:
+    """The chosen numbers of cells (m, 3), in groups that touch, corners included."""
+    pairs = KDTree(cells[chosen]).query_pairs(1.0, p=np.inf, output_type="ndarray")
+    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(chosen), len(chosen)))
+    count, group = csgraph.connected_components(links, directed=False)
+    return [chosen[group == k] for k in range(count)]
 
 
 def _region(points_world_m: FloatArray, point: np.ndarray, again: np.ndarray, inside: np.ndarray) -> ChangedRegion:
     there = np.unique(point[inside])
-    low, high = points_world_m[there].min(axis=0), points_world_m[there].max(axis=0)
-    return ChangedRegion(
-        tuple(map(float, low)), tuple(map(float, high)), len(there), int(inside.sum()), int(again[inside].sum())
-    )
+    (x, y, z), (x_high, y_high, z_high) = points_world_m[there].min(axis=0), points_world_m[there].max(axis=0)
+    low, high = (float(x), float(y), float(z)), (float(x_high), float(y_high), float(z_high))
+    return ChangedRegion(low, high, len(there), int(inside.sum()), int(again[inside].sum()))
 
 
 def _found_again(
@@ -145,7 +150,7 @@ def _found_again(
         return np.zeros(len(points), dtype=bool)
     expected_px = camera.project(frames.apply(frames.invert(T_world_camera), known.points_world_m[points]))
     descriptors = features.unit(image.descriptors)
-    near: Sequence[list[int]] = cKDTree(image.pixels).query_ball_point(expected_px, _FOUND_PX)
+    near: Sequence[list[int]] = KDTree(image.pixels).query_ball_point(expected_px, _FOUND_PX)
     return np.array(
         [
             bool((descriptors[those] @ known.descriptors[point] > _FOUND_COSINE).any())

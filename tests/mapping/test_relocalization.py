@@ -198,6 +198,14 @@ def test_a_cell_that_is_not_found_again_is_a_changed_region() -> None:
     assert found.usual_share == pytest.approx(0.5, abs=0.02)
 
 
+def test_regions_that_do_not_touch_are_apart_wherever_the_map_lies() -> None:
+    share = np.full(len(PLACES), 0.5)
+    share[12 * 42 : 12 * 43] = share[12 * 77 : 12 * 78] = 0.05
+    far = PLACES + np.array([9000.0, -9000.0, 0.0])
+    regions = changes.changed(far, *looks(share)).regions
+    assert sorted(region.low_world_m for region in regions) == [(9004.0, -8998.0, 0.5), (9007.0, -8993.0, 0.5)]
+
+
 def test_nothing_has_changed_where_all_is_found_alike_nor_where_a_single_image_fails() -> None:
     instant, point, again = looks(np.full(len(PLACES), 0.5))
     assert changes.changed(PLACES, instant, point, again).regions == ()
@@ -206,11 +214,11 @@ def test_nothing_has_changed_where_all_is_found_alike_nor_where_a_single_image_f
 
 def test_two_images_or_few_points_name_no_region() -> None:
     share = np.full(len(PLACES), 0.5)
-    share[12 * 42 : 12 * 43] = 0.0
+    share[12 * 77 : 12 * 78] = 0.0
     instant, point, again = looks(share)
-    shown_twice = ~((point // 12 == 42) & (instant > 1))
+    shown_twice = ~((point // 12 == 77) & (instant > 1))
     assert changes.changed(PLACES, instant[shown_twice], point[shown_twice], again[shown_twice]).regions == ()
-    nine = ~((point // 12 == 42) & (point % 12 > 8))
+    nine = ~((point // 12 == 77) & (point % 12 > 8))
     assert changes.changed(PLACES, instant[nine], point[nine], again[nine]).regions == ()
 
 
