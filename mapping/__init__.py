@@ -8,7 +8,8 @@ from mapping.input.depth_images import DepthFolder
 from mapping.input.examination import Examination, examine
 from mapping.input.images import ImageSet, read_folder
 from mapping.input.selection import SelectionOptions
-from mapping.localization import relocalization
+from mapping.localization import changes, relocalization
+from mapping.localization.changes import ChangedRegion, Changes
 from mapping.localization.relocalization import Localization, LocalizationOptions
 from mapping.map_figures import MapReport
 from mapping.map_folder import Map, MapOptions, build_map, open_map
@@ -19,6 +20,8 @@ from mapping.sparse.reconstruction import SparseMap
 
 __all__ = [
     "Camera",
+    "ChangedRegion",
+    "Changes",
     "DenseOptions",
     "DepthFolder",
     "Examination",
@@ -35,6 +38,7 @@ __all__ = [
     "SparseOptions",
     "build_map",
     "examine",
+    "find_changes",
     "localize",
     "open_map",
     "read_folder",
@@ -49,3 +53,9 @@ def localize(
 ) -> Localization:
     """Poses of new images in a map; see `localization.relocalization.localize`."""
     return relocalization.localize(known.localization_map(), images, options=options, progress=progress)
+
+
+def find_changes(known: Map, images: ImageSet, answer: Localization, *, progress: Progress = silent) -> Changes:
+    """The parts of a map that look different in images that were found in it; see `localization.changes.find`."""
+    placed = (known.rig, known.T_world_body)
+    return changes.find(known.localization_map(), known.field, placed, images, answer, progress=progress)

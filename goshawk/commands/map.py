@@ -13,6 +13,7 @@ from goshawk import console, outputs
 from goshawk.commands.map_again import again
 from goshawk.commands.map_copies import align, crop, merge, origin
 from goshawk.commands.map_edit import edit
+from goshawk.commands.map_measure import measure
 from goshawk.commands.map_report import report
 from goshawk.commands.map_show_esdf import show_esdf
 from goshawk.commands.map_texture import texture
@@ -112,6 +113,7 @@ def build(
     goshawk map show-esdf --help     show the distance field of a map
     goshawk map edit --help          add obstacles and no-fly zones to it, clear errors
     goshawk map crop|origin|align|merge --help      make a new map of one or two
+    goshawk map measure --help       the length between two places of it
     goshawk map again --help         where to look again, as waypoints
     goshawk map report --help        all that is known of a map as one HTML file
     goshawk map texture --help       the mesh with a texture, for any viewer
@@ -310,4 +312,4 @@ def length_from(text: str) -> mapping.Length:
     raise InputError(f"--length {text!r} is neither METRES nor IMAGE_A,IMAGE_B,METRES")
 
 
-command = MapVerbs("map", commands=[show_esdf, edit, crop, origin, align, merge, again, report, texture])
+command = MapVerbs("map", commands=[show_esdf, edit, crop, origin, align, merge, measure, again, report, texture])

@@ -32,6 +32,8 @@ from mapping.camera.lens import Lens
 
 FORMAT = "goshawk-camera"
 VERSION = 1
+_FILE_FIELDS = ("format", "version", "intrinsics", "camera")
+_CAMERA_FIELDS = ("name", "folder", "model", "width", "height", "params", "field_of_view_deg", "T_body_camera")
 
 R_BODY_CAMERA_FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """A camera (x right, y down, z forward) that looks along body x (x forward, y left, z up)."""
@@ -213,6 +215,9 @@ def load(path: Path) -> Rig:
     tables = document.get("camera", [])
     if not isinstance(tables, list) or not tables or not all(isinstance(table, dict) for table in tables):
         raise FormatError(f"{path} has no [[camera]] table")
+    _require_known(path, document, _FILE_FIELDS)
+    for table in tables:
+        _require_known(path, table, _CAMERA_FIELDS)
     try:
         return Rig(tuple(_camera(table, len(tables) == 1) for table in tables), intrinsics == "refine")
     except KeyError as error:
@@ -221,6 +226,13 @@ def load(path: Path) -> Rig:
         raise FormatError(f"{path}: a [[camera]] is damaged: {file_format.damage_text(error)}") from error
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+
+
+def _require_known(path: Path, fields: dict[str, Any], known: tuple[str, ...]) -> None:
+    """Refuse a misspelled field: one that may be left out would be left out without a word."""
+    for name in fields:
+        if name not in known:
+            raise FormatError(f"{path}: {name!r} is not one of {', '.join(known)}")
 
 
 def _camera(table: dict[str, Any], alone: bool) -> Camera:

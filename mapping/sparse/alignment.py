@@ -167,7 +167,7 @@ def require_scale(
         MapError: none is; the message lists the ways to give one.
     """
     path = references or folder / "references.csv"
-    if has_other or length is not None or rig.baseline_m > LEAST_BASELINE_M or not folder.is_dir():
+    if has_other or length is not None or rig.baseline_m > LEAST_BASELINE_M or not folder.exists():
         return
     recorded = 0
     if path.is_file():

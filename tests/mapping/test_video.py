@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from flight import InputError
+import mapping
+from flight import InputError, MapError
 from goshawk.rendered import world as rendered_world
 from mapping.camera import rig as rigs
 from mapping.input import images as image_folder
@@ -88,6 +89,13 @@ def test_a_video_of_a_standing_camera_is_refused(tmp_path: Path) -> None:
     path = written(tmp_path / "a.avi", moving()[:1] * 20)
     with pytest.raises(InputError, match="hardly moves in its 20 frames"):
         extracted(path, tmp_path / "frames")
+
+
+def test_a_video_without_a_source_of_scale_is_refused_before_any_work(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.avi", moving())
+    with pytest.raises(MapError, match="no metric scale"):
+        mapping.build_map(path, RIG, tmp_path / "map")
+    assert [file.name for file in tmp_path.iterdir()] == ["a.avi"]
 
 
 def test_times_that_do_not_increase_are_named(tmp_path: Path) -> None:
