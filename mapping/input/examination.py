@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flight import FloatArray, Progress, rotations, silent
 from mapping.camera.rig import Camera
@@ -26,11 +27,12 @@ _LONG_STEP = 5.0
 """Over the median time step."""
 _MOST_SWAPPED = 4
 """Cameras of a rig whose folders are tried in every order."""
-_LEAST_TURNS = 5
 _TURN_RAD = np.radians(1.5)
-"""Cameras of one body that seem to turn by more than this apart do not look where the camera file says."""
-_CLEARER = 0.4
-"""Another order of the folders must fit the turns this much better to be named."""
+"""Turns of one body that differ by less, from camera to camera, are the same. Many differ by more though the folders
+are right: what a camera sees of a floor alone leaves its turn ambiguous."""
+_LEAST_TELLING, _CLEARER = 3, 5.0
+"""Instants whose turns fit another order of the folders and not the given one, at least, and how many times those that
+fit the given one and not the other."""
 _STAGE = "looking at the images"
 _FEATURES, _RATIO = 600, 0.8
 _LEAST_DEPTH = 0.3
@@ -211,20 +213,20 @@ def _exchanged(images: ImageSet, seen: dict[tuple[int, int], _Seen]) -> tuple[st
         return ()
     shots = [[seen.get((k, c)) for c in range(len(cameras))] for k in range(len(images.instants))]
     turns = np.array([[np.full(3, np.nan) if s is None else s.turn_rad for s in row] for row in shots])
-    usable = np.isfinite(turns).all(axis=(1, 2))
-    if usable.sum() < _LEAST_TURNS:
-        return ()
+    turns = turns[np.isfinite(turns).all(axis=(1, 2))]
     R_body_camera = np.array([camera.T_body_camera[:3, :3] for camera in cameras])
     sizes = [(camera.width, camera.height) for camera in cameras]
 
-    def apart_rad(order: tuple[int, ...]) -> float:
-        turned = np.einsum("cij,kcj->kci", R_body_camera[list(order)], turns[usable])
-        return float(np.median(np.linalg.norm(turned - turned.mean(axis=1, keepdims=True), axis=2)))
+    def fits(order: tuple[int, ...]) -> NDArray[np.bool_]:
+        """(k,) whether all cameras turn alike between two instants."""
+        turned = np.einsum("cij,kcj->kci", R_body_camera[list(order)], turns)
+        return (np.linalg.norm(turned - turned.mean(axis=1, keepdims=True), axis=2) < _TURN_RAD).all(axis=1)
 
     given = tuple(range(len(cameras)))
     orders = [o for o in itertools.permutations(given) if [sizes[k] for k in o] == sizes]
-    best = min(orders, key=apart_rad)
-    if apart_rad(given) < _TURN_RAD or apart_rad(best) > _CLEARER * apart_rad(given):
+    best = max(orders, key=lambda order: fits(order).sum())  # the given one is the first of equals
+    telling, against = (fits(best) & ~fits(given)).sum(), (fits(given) & ~fits(best)).sum()
+    if telling < max(_LEAST_TELLING, _CLEARER * against):
         return ()
     return tuple(cameras[k].folder for k in given if best[k] != k)
 

@@ -81,6 +81,54 @@ def test_exchanged_folders_are_named_and_refused(sequence: images.ImageSet, tmp_
     assert not (tmp_path / "map").exists()
 
 
+def turning(swapped: np.ndarray, ambiguous: np.ndarray, turn_rad: float | np.ndarray = 0.09) -> tuple[str, ...]:
+    """Folders named as exchanged where two cameras turn with one body.
+
+    Args:
+        swapped: (n,) whether each instant's images are in each other's folder.
+        ambiguous: (n,) whether the second camera's turn cannot be told.
+        turn_rad: standard deviation of the turns, of all or of each.
+    """
+    rng, seen = np.random.default_rng(1), {}
+    deviation_rad = np.broadcast_to(turn_rad, len(swapped))
+    for instant, (is_swapped, is_ambiguous) in enumerate(zip(swapped, ambiguous, strict=True)):
+        turn = rng.normal(0.0, deviation_rad[instant], 3)
+        for number in range(2):
+            taken_by = 1 - number if is_swapped else number
+            off = rng.normal(0.0, np.radians(8.0 if is_ambiguous and taken_by == 1 else 0.2), 3)
+            seen_turn = RIG.cameras[taken_by].T_body_camera[:3, :3].T @ turn + off
+            nothing = np.zeros((0, 3))
+            seen[instant, number] = examination._Seen(1.0, 128.0, 0.0, nothing, nothing, turn_rad=seen_turn)
+    names = tuple(f"{k:04d}.png" for k in range(len(swapped)))
+    present, time_s = np.ones((len(names), 2), bool), np.arange(float(len(names)))
+    return examination._exchanged(images.ImageSet(Path("."), RIG, names, present, time_s), seen)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.7])
+def test_exchanged_folders_are_named_though_many_turns_are_ambiguous(share: float) -> None:
+    ambiguous = np.arange(60) < 60 * share
+    assert set(turning(np.ones(60, bool), ambiguous)) == {"front", "down"}
+    assert turning(np.zeros(60, bool), ambiguous) == ()
+
+
+def test_turns_that_fit_every_order_or_none_name_no_folder() -> None:
+    none, every = np.zeros(60, bool), np.ones(60, bool)
+    for swapped in (none, every):
+        assert turning(swapped, none, turn_rad=np.radians(0.1)) == ()
+        assert turning(swapped, every) == ()
+    one = np.arange(60) == 30
+    assert turning(one, none, turn_rad=np.where(one, np.radians(9.0), np.radians(0.1))) == ()
+
+
+@pytest.mark.parametrize(
+    ("swapped", "right", "is_named"), [(2, 0, False), (3, 0, True), (40, 20, False), (40, 3, True)]
+)
+def test_folders_are_named_if_enough_turns_fit_another_order_and_few_the_given_one(
+    swapped: int, right: int, is_named: bool
+) -> None:
+    assert bool(turning(np.arange(swapped + right) < swapped, np.zeros(swapped + right, bool))) == is_named
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
