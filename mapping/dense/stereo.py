@@ -240,8 +240,11 @@ def agreed_bound(bounds: FloatImage, value: FloatImage, deviation: FloatImage, l
     """
     import cv2
 
-    ordered = np.sort(np.where(bounds > 0.0, bounds, np.float32(np.inf)), axis=0)
-    bound = np.maximum(ordered[least_agreeing - 1], value + np.float32(BOUND_DEVIATIONS) * deviation)
+    smallest = np.full((least_agreeing, *value.shape), np.inf, np.float32)  # in order; `np.sort` takes 20 times as long
+    for layer in np.where(bounds > 0.0, bounds, np.float32(np.inf)):
+        for k in range(least_agreeing):
+            smallest[k], layer = np.minimum(smallest[k], layer), np.maximum(smallest[k], layer)
+    bound = np.maximum(smallest[-1], value + np.float32(BOUND_DEVIATIONS) * deviation)
     spread = np.asarray(cv2.dilate(bound, np.ones((3, 3), np.uint8)), dtype=np.float32)
     return np.where(np.isfinite(spread), spread, np.float32(0.0))
 
