@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 import mapping
-from goshawk import console, map_report, outputs
+from goshawk import console, outputs
 
 
 @click.command()
@@ -22,6 +22,8 @@ def report(map_folder: Path, out: Path, overwrite: bool, as_json: bool) -> None:
     The verdict with its reasons, every source of the scale, the camera file on trial, reprojection errors over the
     image, coverage seen from above and from the side, and where to look again.
     """
+    from goshawk import map_report  # with the identification's pages, a third of what `goshawk map` imports
+
     outputs.check(out, overwrite=overwrite)
     area = mapping.open_map(map_folder)
     with outputs.file(out, overwrite=overwrite) as temporary:

@@ -41,15 +41,17 @@ def nearest_disparity(left: Grey, right: Grey, disparity: Disparity, disparities
     import cv2
 
     height, width = disparity.shape
-    columns, rows = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-    matched = np.asarray(cv2.remap(right, columns - disparity / np.float32(16.0), rows, cv2.INTER_LINEAR), np.uint8)
+    rows = np.repeat(np.arange(height, dtype=np.float32)[:, None], width, axis=1)
+    columns = np.arange(width, dtype=np.float32) - disparity * np.float32(1.0 / 16.0)
+    matched = np.asarray(cv2.remap(right, columns, rows, cv2.INTER_LINEAR), np.uint8)
     known = (disparity >= 0) & (left > 0) & (matched > 0)
     if not known.any():
         return np.full_like(disparity, -16)
     little = np.float32(1e-3)
     gain = (_block_mean(known, matched) + little) / (_block_mean(known, left) + little)
-    as_bright = np.round(np.minimum(gain * left, 255.0)).astype(np.uint8)
-    noise = _noise(np.abs(gain * left - matched)[known])
+    expected = gain * left
+    as_bright = np.asarray(cv2.convertScaleAbs(expected), np.uint8)  # rounded, at most 255
+    noise = _noise(np.abs(expected[known] - matched[known]))
     return _mapping.nearest_disparity(
         as_bright, right, disparity, disparities, max(noise, LEAST_NOISE), PIXEL_DEVIATIONS, MEAN_DEVIATIONS, THREADS
     )
@@ -68,6 +70,6 @@ def _block_mean(known: NDArray[np.bool_], image: Grey) -> NDArray[np.float32]:
     """Mean over the block round each pixel, what is not known counted as 0."""
     import cv2
 
-    values = np.where(known, image, np.uint8(0)).astype(np.float32)
     block = (EXPOSURE_BLOCK_PX, EXPOSURE_BLOCK_PX)
+    values = (known * image).astype(np.float32)
     return np.asarray(cv2.boxFilter(values, -1, block, borderType=cv2.BORDER_CONSTANT), np.float32)

@@ -137,7 +137,7 @@ def depth_of_pair(
     R_camera_grid = axes_about(baseline_camera_m / baseline_m)
     R_partner_grid = np.ascontiguousarray(T_partner_camera[:3, :3] @ R_camera_grid)
     near_m = view.near_m or options.near_m
-    grid, disparities = _grid(view, rays_camera @ R_camera_grid, baseline_m / near_m, options)
+    grid, disparities = _grid(view, rays_camera, R_camera_grid, baseline_m / near_m, options)
     left = _mapping.rectify(view.grey, lens_row(view.camera), R_camera_grid, grid, THREADS)
     right = _mapping.rectify(partner.grey, lens_row(partner.camera), R_partner_grid, grid, THREADS)
     disparity = _match(left, right, disparities, options.block_columns)
@@ -168,11 +168,14 @@ def axes_about(baseline: FloatArray) -> FloatArray:
 
 
 def _grid(
-    view: ImageView, rays_grid: FloatArray, baseline_over_near: float, options: StereoOptions
+    view: ImageView,
+    rays_camera: FloatArray,
+    R_camera_grid: FloatArray,
+    baseline_over_near: float,
+    options: StereoOptions,
 ) -> tuple[FloatArray, int]:
     """The kernel's grid row, and the number of disparities, for the part of the sphere that `view` sees."""
-    rays = rays_grid[np.isfinite(rays_grid[..., 0])]
-    nearest, farthest = np.arccos(np.clip([rays[:, 0].max(), rays[:, 0].min()], -1.0, 1.0))  # from the baseline
+    nearest, farthest = np.arccos(np.clip(_range(rays_camera @ R_camera_grid[:, 0])[::-1], -1.0, 1.0))
     low, high = max(nearest, LEAST_ANGLE_RAD), min(farthest, np.pi - LEAST_ANGLE_RAD)
     focal_px = min(view.camera.focal_px)
     angles = np.linspace(low, high, 64)
@@ -184,12 +187,16 @@ def _grid(
     if nearest < LEAST_ANGLE_RAD or farthest > np.pi - LEAST_ANGLE_RAD:
         first, last = -np.pi, np.pi  # the baseline is in view: all directions round it are
     else:
-        round_it = np.arctan2(rays[:, 2], rays[:, 1])
-        first, last = round_it.min(), round_it.max()
+        first, last = _range(np.arctan2(rays_camera @ R_camera_grid[:, 2], rays_camera @ R_camera_grid[:, 1]))
     # OpenCV matches only columns beyond the largest disparity, so the grid starts that much before the image.
     start = high + disparities * column_step
     columns, rows = np.ceil((start - low) / column_step), np.ceil((last - first) / row_step)
     return np.array([start, column_step, first, row_step, rows, columns]), disparities
+
+
+def _range(values: FloatArray) -> tuple[float, float]:
+    """The least and the largest, NaN left out."""
+    return np.fmin.reduce(values, axis=None), np.fmax.reduce(values, axis=None)
 
 
 def _match(left: NDArray[np.uint8], right: NDArray[np.uint8], disparities: int, block: int) -> NDArray[np.int16]:
@@ -233,8 +240,11 @@ def agreed_bound(bounds: FloatImage, value: FloatImage, deviation: FloatImage, l
     """
     import cv2
 
-    ordered = np.sort(np.where(bounds > 0.0, bounds, np.float32(np.inf)), axis=0)
-    bound = np.maximum(ordered[least_agreeing - 1], value + np.float32(BOUND_DEVIATIONS) * deviation)
+    smallest = np.full((least_agreeing, *value.shape), np.inf, np.float32)  # in order; `np.sort` takes 20 times as long
+    for layer in np.where(bounds > 0.0, bounds, np.float32(np.inf)):
+        for k in range(least_agreeing):
+            smallest[k], layer = np.minimum(smallest[k], layer), np.maximum(smallest[k], layer)
+    bound = np.maximum(smallest[-1], value + np.float32(BOUND_DEVIATIONS) * deviation)
     spread = np.asarray(cv2.dilate(bound, np.ones((3, 3), np.uint8)), dtype=np.float32)
     return np.where(np.isfinite(spread), spread, np.float32(0.0))
 

@@ -30,6 +30,9 @@ _TRYING = "trying the calibration"
 _DATABASE = "database.db"
 _SIGNATURES, _REPEATED = "signatures.npz", "repeated.npy"
 _CHUNK = 100
+_LEAST_TRIALS = 30
+"""At least, to verify the matches of a pair; the confidence of .999 asks for more where fewer than nine tenths agree.
+COLMAP's own 100 take 1.6 times as long and find .01 % more."""
 
 _REPAIRS = 4
 
@@ -245,6 +248,7 @@ def match(
     matching.use_gpu = False
     verification = pycolmap.TwoViewGeometryOptions()
     verification.ransac.random_seed = options.seed
+    verification.ransac.min_num_trials = _LEAST_TRIALS
     pairing_options = pycolmap.ImportedPairingOptions()
     pairing_options.match_list_path = database.parent / "pairs.txt"
     done = 0

@@ -25,6 +25,15 @@ double half_step(const std::uint8_t* p, int columns) {
                            std::abs(here - p[columns])});
 }
 
+constexpr int width = 2 * reach + 1;
+
+// Sum of the absolute differences of the first `columns` values.
+int difference(const std::uint8_t* a, const std::uint8_t* b, int columns) {
+    int sum = 0;
+    for (int c = 0; c < columns; ++c) sum += std::abs(a[c] - b[c]);
+    return sum;
+}
+
 // Whether the blocks round a pixel and round its match differ by at most `most` in all, as far as both are in the
 // images.
 bool alike(const std::uint8_t* left, const std::uint8_t* right, int row, int column, int disparity, int rows,
@@ -32,9 +41,10 @@ bool alike(const std::uint8_t* left, const std::uint8_t* right, int row, int col
     const int first = std::max(column - reach, disparity), last = std::min(column + reach, columns - 1);
     int sum = 0;
     for (int r = std::max(row - reach, 0); r <= std::min(row + reach, rows - 1) && sum <= most; ++r) {
-        const std::uint8_t* here = left + static_cast<std::size_t>(r) * columns;
-        const std::uint8_t* there = right + static_cast<std::size_t>(r) * columns - disparity;
-        for (int c = first; c <= last; ++c) sum += std::abs(here[c] - there[c]);
+        const std::uint8_t* here = left + static_cast<std::size_t>(r) * columns + first;
+        const std::uint8_t* there = right + static_cast<std::size_t>(r) * columns + first - disparity;
+        // a whole row is by far the most frequent, and twice as fast when its width is a constant
+        sum += last - first + 1 == width ? difference(here, there, width) : difference(here, there, last - first + 1);
     }
     return sum <= most;
 }
@@ -43,7 +53,7 @@ bool alike(const std::uint8_t* left, const std::uint8_t* right, int row, int col
 
 void nearest_disparity(const std::uint8_t* left, const std::uint8_t* right, const std::int16_t* disparity, int rows,
                        int columns, int disparities, const Agreement& agreement, int threads, std::int16_t* nearest) {
-    const int most = static_cast<int>((2 * reach + 1) * (2 * reach + 1) * agreement.mean * agreement.noise);
+    const int most = static_cast<int>(width * width * agreement.mean * agreement.noise);
     parallel_rows(rows, threads, [&](int r) {
         for (int c = 0; c < columns; ++c) {
             const std::size_t i = static_cast<std::size_t>(r) * columns + c;
