@@ -152,12 +152,14 @@ def unreached_is_unknown(state: NDArray[np.uint8], grid: Grid, path_world_m: Flo
     """
     from scipy import ndimage
 
-    pieces = np.zeros(state.shape, np.int32)
-    ndimage.label(state == FREE, output=pieces)
+    free, start = state == FREE, np.zeros(state.shape, bool)
     cells = grid.index(path_world_m)
     inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
-    reached = np.unique(pieces[tuple(cells[inside].T)])
-    state[(pieces > 0) & ~np.isin(pieces, reached[reached > 0])] = UNKNOWN
+    start[tuple(cells[inside].T)] = True
+    start &= free
+    reached = np.asarray(ndimage.binary_propagation(start, mask=free), bool)
+    free &= ~reached
+    state[free] = UNKNOWN
 
 
 def within(grid: Grid, path_world_m: FloatArray, radius_m: float) -> NDArray[np.bool_]:

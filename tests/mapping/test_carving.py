@@ -215,10 +215,14 @@ def test_free_space_cut_off_from_the_path_becomes_unknown_and_nothing_else_chang
     assert edge_to_edge[2, 2, 1] == UNKNOWN
 
 
-def test_without_a_path_in_free_space_nothing_stays_free() -> None:
+@pytest.mark.parametrize("place_m", [9.0, 0.25])
+def test_without_a_path_in_free_space_nothing_stays_free(place_m: float) -> None:
+    """Outside of the grid or in an occupied voxel: what is beside that was not reached."""
     state = np.full((5, 5, 5), FREE, np.uint8)
-    fusion.unreached_is_unknown(state, Grid((0.0, 0.0, 0.0), (0.1, 0.1, 0.1), (5, 5, 5)), np.array([[9.0, 9.0, 9.0]]))
-    assert (state == UNKNOWN).all()
+    state[2, 2, 2] = OCCUPIED
+    fusion.unreached_is_unknown(state, Grid((0.0, 0.0, 0.0), (0.1, 0.1, 0.1), (5, 5, 5)), np.full((1, 3), place_m))
+    assert state[2, 2, 2] == OCCUPIED
+    assert not (state == FREE).any()
 
 
 def layers(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
