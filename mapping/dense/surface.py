@@ -184,16 +184,13 @@ def fuse(
     *,
     progress: Progress = silent,
 ) -> Volume:
-    """All depth images in one volume, just large enough to hold what they observed."""
+    """All depth images in one volume, just large enough to hold what they observed, with bricks where surfaces are."""
     truncation_m = options.truncation_voxels * options.voxel_m
     lower, upper = _bounds(images, depths, options.farthest_m)
-    volume = fusion.empty_volume(
-        lower - 2 * truncation_m,
-        upper + 2 * truncation_m,
-        voxel_m=options.voxel_m,
-        truncation_m=truncation_m,
-        channels=3 if all(view.pixels.ndim == 3 for view in images) else 1,
-    )
+    grid = fusion.covering(lower - 2 * truncation_m, upper + 2 * truncation_m, options.voxel_m)
+    near = _bricks_near_surfaces(images, depths, grid, truncation_m=truncation_m, farthest_m=options.farthest_m)
+    channels = 3 if all(view.pixels.ndim == 3 for view in images) else 1
+    volume = fusion.empty_volume(grid, near, truncation_m=truncation_m, channels=channels)
     margin_m = options.skin_voxels * options.voxel_m
     for number, (view, depth) in enumerate(zip(images, depths, strict=True)):
         if depth is not None:
@@ -207,6 +204,32 @@ def fuse(
             )
         progress("fuse depth", (number + 1) / len(images))
     return volume
+
+
+def _bricks_near_surfaces(
+    images: Sequence[ImageView],
+    depths: Sequence[DepthImage | None],
+    grid: Grid,
+    *,
+    truncation_m: float,
+    farthest_m: float,
+) -> NDArray[np.uint8]:
+    """(bricks along x, y, z) 1 where a depth image shows a surface."""
+    near = fusion.no_bricks(grid)
+    for view, depth in zip(images, depths, strict=True):
+        if depth is not None:
+            rays = stereo.depth_rays(view, depth.scale)
+            fusion.mark_near_surface(
+                near,
+                grid,
+                view,
+                rays,
+                depth.inverse_range,
+                depth.facing,
+                truncation_m=truncation_m,
+                farthest_m=farthest_m,
+            )
+    return near
 
 
 def measured(volume: Volume, options: DenseOptions) -> Measured:
