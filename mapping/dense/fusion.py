@@ -13,8 +13,9 @@ from mapping.dense.views import THREADS, ImageView, lens_row
 
 Value = TypeVar("Value", bound=np.generic)
 
-MOST_VOXELS = 150_000_000
-"""A larger volume takes more than 3 GB; the error names a voxel size that fits."""
+MOST_VOXELS, MOST_BRICK_BYTES = 350_000_000, 2_600_000_000
+"""Larger volumes take more than 4 GiB: 3 bytes a voxel while the bricks are in memory, which take a quarter more than
+their arrays then, and up to 12 afterwards, with the distance field. The error names a voxel size that fits."""
 MOST_COUNTED = 255
 """Images that are counted for one voxel, in a byte."""
 BRICK = _mapping.BRICK_SIZE
@@ -152,10 +153,16 @@ def covering(lower_world_m: FloatArray, upper_world_m: FloatArray, voxel_m: floa
     """
     grid = Grid.covering(lower_world_m, upper_world_m, voxel_m)
     if grid.voxels > MOST_VOXELS:
-        fitting_m = voxel_m * (grid.voxels / MOST_VOXELS) ** (1 / 3)
-        size = " x ".join(f"{n * voxel_m:.0f}" for n in grid.shape)
-        raise MapError(f"{size} m in voxels of {voxel_m:g} m does not fit in memory; voxel_m >= {fitting_m:.3f} does")
+        raise _too_large("the volume", grid, (grid.voxels / MOST_VOXELS) ** (1 / 3))
     return grid
+
+
+def _too_large(what: str, grid: Grid, coarser: float) -> MapError:
+    voxel_m = grid.voxel_m[0]
+    size = " x ".join(f"{n * voxel_m:.0f}" for n in grid.shape)
+    return MapError(
+        f"{what} of {size} m in voxels of {voxel_m:g} m does not fit in memory; voxel_m >= {voxel_m * coarser:.3f} does"
+    )
 
 
 def bricks_of(grid: Grid) -> NDArray[np.int64]:
@@ -212,10 +219,14 @@ def empty_volume(grid: Grid, near: NDArray[np.uint8], *, truncation_m: float, ch
 
     Raises:
         InputError: the truncation is under one voxel.
+        MapError: it would not fit in memory.
     """
     if truncation_m < grid.voxel_m[0]:
         raise InputError(f"truncation_m {truncation_m:g} must be at least the voxel size, {grid.voxel_m[0]:g}")
     bricks = np.argwhere(near).astype(np.int32)
+    arrays_bytes = 4 * (3 + channels) * BRICK**3 * len(bricks)
+    if arrays_bytes > MOST_BRICK_BYTES:
+        raise _too_large("the surface", grid, (arrays_bytes / MOST_BRICK_BYTES) ** (1 / 2))
 
     def empty(*more: int) -> NDArray[np.float32]:
         return np.zeros((len(bricks), BRICK, BRICK, BRICK, *more), np.float32)

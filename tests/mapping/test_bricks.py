@@ -271,9 +271,25 @@ def size_that_fits(error: pytest.ExceptionInfo[MapError]) -> float:
 
 def test_a_volume_of_more_voxels_than_fit_is_refused_with_the_size_that_does() -> None:
     low, high = np.zeros(3), np.array([40.0, 40.0, 28.0])
-    grid = fusion.covering(low, high, 0.067)
+    grid = fusion.covering(low, high, 0.0505)
     assert 0.97 * fusion.MOST_VOXELS < grid.voxels <= fusion.MOST_VOXELS
     with pytest.raises(MapError) as error:
-        fusion.covering(low, high, 0.0657)
-    assert 0.0657 < size_that_fits(error) < 0.067
+        fusion.covering(low, high, 0.0495)
+    assert 0.0495 < size_that_fits(error) < 0.0505
     fusion.covering(low, high, size_that_fits(error) + 1e-3)
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_more_surface_than_fits_is_refused_with_a_size_that_does(channels: int) -> None:
+    """Surface, unlike volume, is divided into fewer bricks by the square of their size."""
+    most = fusion.MOST_BRICK_BYTES // (4 * (3 + channels) * BRICK**3)
+    grid = Grid((0.0, 0.0, 0.0), (VOXEL_M,) * 3, (BRICK * (most + 1), 1, 1))
+    with pytest.raises(MapError, match="surface") as error:
+        fusion.empty_volume(grid, np.ones((most + 1, 1, 1), np.uint8), truncation_m=TRUNCATION_M, channels=channels)
+    assert size_that_fits(error) == pytest.approx(VOXEL_M * np.sqrt((most + 1) / most), abs=6e-4)
+    fitting = np.ones((most + 1, 1, 1), np.uint8)
+    fitting[0] = 0  # arrays of zeros take no memory before they are written
+    volume = fusion.empty_volume(grid, fitting, truncation_m=TRUNCATION_M, channels=channels)
+    assert sum(a.nbytes for a in (volume.distance, volume.weight, volume.colour, volume.colour_weight)) <= (
+        fusion.MOST_BRICK_BYTES
+    )
