@@ -35,7 +35,7 @@ def rows() -> list[report.Row]:
     volume = surface.fuse(views, depths, options)
     fused_s = clock() - start
     start = clock()
-    result = surface.extract(volume, views, depths, options)
+    result = surface.extract(surface.measured(volume, options), views, depths, options)
     extracted_s = clock() - start
     seen = map_accuracy.seen_surface(scene, [(v.camera, v.T_world_camera) for v in views], rng=np.random.default_rng(0))
     score = map_accuracy.compare(scene, seen, result.vertices_world_m, result.state, result.grid)

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+BRICK_SIZE: int
+
 def rectify(
     image: NDArray[np.uint8],
     lens: NDArray[np.float64],
@@ -67,9 +69,24 @@ def fuse(
 def facing(
     inverse_range: NDArray[np.float32], rays: NDArray[np.float64], step: int, unsure: float, threads: int
 ) -> NDArray[np.float32]: ...
+def mark_near_surface(
+    origin_world_m: NDArray[np.float64],
+    voxel_m: float,
+    shape: tuple[int, int, int],
+    near: NDArray[np.uint8],
+    inverse_range: NDArray[np.float32],
+    facing: NDArray[np.float32],
+    lens: NDArray[np.float64],
+    rays: NDArray[np.float64],
+    T_world_camera: NDArray[np.float64],
+    truncation_m: float,
+    farthest_m: float,
+) -> None: ...
 def integrate(
     origin_world_m: NDArray[np.float64],
     voxel_m: float,
+    shape: tuple[int, int, int],
+    bricks: NDArray[np.int32],
     distance: NDArray[np.float32],
     weight: NDArray[np.float32],
     colour: NDArray[np.float32],
@@ -87,6 +104,8 @@ def integrate(
 def marching_cubes(
     origin_world_m: NDArray[np.float64],
     voxel_m: float,
+    shape: tuple[int, int, int],
+    bricks: NDArray[np.int32],
     distance: NDArray[np.float32],
     weight: NDArray[np.float32],
     colour: NDArray[np.float32],

@@ -1,6 +1,7 @@
 """From depth images to a TSDF volume: surfaces, observed free space, and unknown space."""
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,28 +11,39 @@ from flight import FloatArray, InputError, MapError, frames
 from mapping import _mapping
 from mapping.dense.views import THREADS, ImageView, lens_row
 
-MOST_VOXELS = 150_000_000
-"""A larger volume takes more than 3 GB; the error names a voxel size that fits."""
+Value = TypeVar("Value", bound=np.generic)
+
+MOST_VOXELS, MOST_BRICK_BYTES = 350_000_000, 2_600_000_000
+"""Larger volumes take more than 4 GiB: 3 bytes a voxel while the bricks are in memory, which take a quarter more than
+their arrays then, and up to 12 afterwards, with the distance field. The error names a voxel size that fits."""
 MOST_COUNTED = 255
 """Images that are counted for one voxel, in a byte."""
+BRICK = _mapping.BRICK_SIZE
+"""Voxels along each side of a brick."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Volume:
-    """Truncated signed distance at the centres of the voxels of a grid."""
+    """Truncated signed distance at the centres of the voxels near measured surfaces.
+
+    They are kept in bricks, cubes of `BRICK` voxels along each side that divide the grid from its lower corner on. In
+    other bricks no measured distance is below a voxel: no surface passes there, and nothing is occupied.
+    """
 
     grid: Grid
     """Of cubes."""
     truncation_m: float
     """Distances are known within this much of a surface."""
+    bricks: NDArray[np.int32]
+    """(n, 3) which bricks are kept, in the order of the grid; those at its upper faces may reach beyond it."""
     distance: NDArray[np.float32]
-    """(nx, ny, nz) metres, positive in front of the surface."""
+    """(n, BRICK, BRICK, BRICK) metres, positive in front of the surface."""
     weight: NDArray[np.float32]
-    """(nx, ny, nz) sum of the measurements' weights; 0 where never observed."""
+    """(n, BRICK, BRICK, BRICK) sum of the measurements' weights; 0 where never observed."""
     colour: NDArray[np.float32]
-    """(nx, ny, nz, channels) 0 to 255."""
+    """(n, BRICK, BRICK, BRICK, channels) 0 to 255."""
     colour_weight: NDArray[np.float32]
-    """(nx, ny, nz)."""
+    """(n, BRICK, BRICK, BRICK)."""
     seen_through: NDArray[np.uint8]
     """(nx, ny, nz) how many images saw through the voxel, over its whole width, to what must be farther away; not more
     than `carve` was asked to count."""
@@ -51,10 +63,12 @@ class Volume:
     ) -> None:
         """Add one depth image. `inverse_range` (h, w), 1/m along the ray, may be smaller than the image."""
         height, width = inverse_range.shape
-        channels = self.colour.shape[3]
+        channels = self.colour.shape[4]
         _mapping.integrate(
             self.grid.low_world_m,
             self.voxel_m,
+            self.grid.shape,
+            self.bricks,
             self.distance,
             self.weight,
             self.colour,
@@ -98,6 +112,8 @@ class Volume:
         vertices, faces, colours = _mapping.marching_cubes(
             self.grid.low_world_m,
             self.voxel_m,
+            self.grid.shape,
+            self.bricks,
             self.distance,
             self.weight,
             self.colour,
@@ -110,39 +126,113 @@ class Volume:
     def occupancy(self, *, least_seen_through: int, skin_voxels: float) -> NDArray[np.uint8]:
         """(nx, ny, nz) UNKNOWN, FREE or OCCUPIED.
 
-        A voxel whose centre is less than `skin_voxels` in front of the surface counts as occupied. With sqrt(3) / 2
-        every voxel that the surface passes through does, however it cuts it: walls have no holes. Any trace of a
-        surface outweighs any number of images that saw through; and a voxel through which too few of them saw is not
-        free, whatever lies behind it.
+        A voxel whose centre is less than `skin_voxels`, at most 1, in front of the surface counts as occupied. With
+        sqrt(3) / 2 every voxel that the surface passes through does, however it cuts it: walls have no holes. Any trace
+        of a surface outweighs any number of images that saw through; and a voxel through which too few of them saw is
+        not free, whatever lies behind it.
         """
         state = np.full(self.grid.shape, UNKNOWN, dtype=np.uint8)
         state[self.seen_through >= least_seen_through] = FREE
-        state[(self.distance < skin_voxels * self.voxel_m) & (self.weight > 0.0)] = OCCUPIED
+        state[self.in_grid((self.distance < skin_voxels * self.voxel_m) & (self.weight > 0.0))] = OCCUPIED
         return state
 
+    def in_grid(self, values: NDArray[Value]) -> NDArray[Value]:
+        """(nx, ny, nz) of what is known of the voxels in bricks (n, BRICK, BRICK, BRICK), 0 elsewhere."""
+        whole = np.zeros(BRICK * bricks_of(self.grid), values.dtype)
+        for (x, y, z), brick in zip(BRICK * self.bricks, values, strict=True):
+            whole[x : x + BRICK, y : y + BRICK, z : z + BRICK] = brick
+        return whole[tuple(map(slice, self.grid.shape))]
 
-def empty_volume(
-    lower_world_m: FloatArray, upper_world_m: FloatArray, *, voxel_m: float, truncation_m: float, channels: int
-) -> Volume:
-    """A volume without measurements.
+
+def covering(lower_world_m: FloatArray, upper_world_m: FloatArray, voxel_m: float) -> Grid:
+    """The voxels of a volume.
 
     Raises:
-        InputError: the voxel size is not positive, or the truncation is under one voxel.
-        MapError: it would not fit in memory.
+        InputError: the voxel size is not positive.
+        MapError: they would not fit in memory.
     """
-    if not voxel_m > 0.0 or truncation_m < voxel_m:
-        raise InputError(f"voxel_m {voxel_m:g} must be positive and truncation_m {truncation_m:g} at least as large")
     grid = Grid.covering(lower_world_m, upper_world_m, voxel_m)
     if grid.voxels > MOST_VOXELS:
-        fitting_m = voxel_m * (grid.voxels / MOST_VOXELS) ** (1 / 3)
-        size = " x ".join(f"{n * voxel_m:.0f}" for n in grid.shape)
-        raise MapError(f"{size} m in voxels of {voxel_m:g} m does not fit in memory; voxel_m >= {fitting_m:.3f} does")
+        raise _too_large("the volume", grid, (grid.voxels / MOST_VOXELS) ** (1 / 3))
+    return grid
+
+
+def _too_large(what: str, grid: Grid, coarser: float) -> MapError:
+    voxel_m = grid.voxel_m[0]
+    size = " x ".join(f"{n * voxel_m:.0f}" for n in grid.shape)
+    return MapError(
+        f"{what} of {size} m in voxels of {voxel_m:g} m does not fit in memory; voxel_m >= {voxel_m * coarser:.3f} does"
+    )
+
+
+def bricks_of(grid: Grid) -> NDArray[np.int64]:
+    """(3,) how many bricks cover a grid along each axis."""
+    return -(-np.array(grid.shape) // BRICK)
+
+
+def no_bricks(grid: Grid) -> NDArray[np.uint8]:
+    """(bricks along x, y, z) of 0, for `mark_near_surface`."""
+    return np.zeros(bricks_of(grid), np.uint8)
+
+
+def mark_near_surface(
+    near: NDArray[np.uint8],
+    grid: Grid,
+    view: ImageView,
+    rays_camera: FloatArray,
+    inverse_range: NDArray[np.float32],
+    facing: NDArray[np.float32],
+    *,
+    truncation_m: float,
+    farthest_m: float,
+) -> None:
+    """Mark as 1, in place, the bricks that one depth image brings a surface into; and those with a voxel beside it.
+
+    All in which `Volume.integrate` adds a distance of less than a voxel, by the segment of each pixel's ray near to
+    what it shows; and a few more.
+
+    Args:
+        near: (bricks along x, y, z).
+        rays_camera: (h, w, 3) unit rays of the pixels.
+        inverse_range: (h, w) 1/m along the ray.
+    """
+    _mapping.mark_near_surface(
+        grid.low_world_m,
+        grid.voxel_m[0],
+        grid.shape,
+        near,
+        np.ascontiguousarray(inverse_range, dtype=np.float32),
+        np.ascontiguousarray(facing, dtype=np.float32),
+        lens_row(view.camera, inverse_range.shape[1] / view.camera.width),
+        rays_camera,
+        view.T_world_camera,
+        truncation_m,
+        farthest_m,
+    )
+
+
+def empty_volume(grid: Grid, near: NDArray[np.uint8], *, truncation_m: float, channels: int) -> Volume:
+    """A volume without measurements.
+
+    Args:
+        near: (bricks along x, y, z) which bricks are kept.
+
+    Raises:
+        InputError: the truncation is under one voxel.
+        MapError: it would not fit in memory.
+    """
+    if truncation_m < grid.voxel_m[0]:
+        raise InputError(f"truncation_m {truncation_m:g} must be at least the voxel size, {grid.voxel_m[0]:g}")
+    bricks = np.argwhere(near).astype(np.int32)
+    arrays_bytes = 4 * (3 + channels) * BRICK**3 * len(bricks)
+    if arrays_bytes > MOST_BRICK_BYTES:
+        raise _too_large("the surface", grid, (arrays_bytes / MOST_BRICK_BYTES) ** (1 / 2))
 
     def empty(*more: int) -> NDArray[np.float32]:
-        return np.zeros((*grid.shape, *more), np.float32)
+        return np.zeros((len(bricks), BRICK, BRICK, BRICK, *more), np.float32)
 
     seen_through = np.zeros(grid.shape, np.uint8)
-    return Volume(grid, truncation_m, empty(), empty(), empty(channels), empty(), seen_through)
+    return Volume(grid, truncation_m, bricks, empty(), empty(), empty(channels), empty(), seen_through)
 
 
 def unreached_is_unknown(state: NDArray[np.uint8], grid: Grid, path_world_m: FloatArray) -> None:
@@ -152,12 +242,14 @@ def unreached_is_unknown(state: NDArray[np.uint8], grid: Grid, path_world_m: Flo
     """
     from scipy import ndimage
 
-    pieces = np.zeros(state.shape, np.int32)
-    ndimage.label(state == FREE, output=pieces)
+    free, start = state == FREE, np.zeros(state.shape, bool)
     cells = grid.index(path_world_m)
     inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
-    reached = np.unique(pieces[tuple(cells[inside].T)])
-    state[(pieces > 0) & ~np.isin(pieces, reached[reached > 0])] = UNKNOWN
+    start[tuple(cells[inside].T)] = True
+    start &= free
+    reached = np.asarray(ndimage.binary_propagation(start, mask=free), bool)
+    free &= ~reached
+    state[free] = UNKNOWN
 
 
 def within(grid: Grid, path_world_m: FloatArray, radius_m: float) -> NDArray[np.bool_]:

@@ -94,6 +94,22 @@ class DepthStatistics:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Measured:
+    """What the depth images show: all that is needed of a volume, which takes most of the memory."""
+
+    vertices_world_m: FloatArray
+    """(n, 3)."""
+    faces: NDArray[np.int32]
+    """(m, 3) counter-clockwise seen from free space."""
+    colours: NDArray[np.uint8]
+    """(n, 3) RGB of each vertex."""
+    state: NDArray[np.uint8]
+    """(nx, ny, nz) `esdf.UNKNOWN`, `FREE` or `OCCUPIED`."""
+    grid: Grid
+    """Where the voxels of `state` are."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Reconstruction:
     """The mesh and the grid of voxel states."""
 
@@ -136,8 +152,8 @@ def reconstruct(
     options = options or DenseOptions()
     if depths is None:
         depths = list(depth_images(images, options.stereo, progress=progress))
-    volume = fuse(images, depths, options, progress=progress)
-    return extract(volume, images, depths, options)
+    shown = measured(fuse(images, depths, options, progress=progress), options)
+    return extract(shown, images, depths, options)
 
 
 def depth_images(
@@ -168,16 +184,13 @@ def fuse(
     *,
     progress: Progress = silent,
 ) -> Volume:
-    """All depth images in one volume, just large enough to hold what they observed."""
+    """All depth images in one volume, just large enough to hold what they observed, with bricks where surfaces are."""
     truncation_m = options.truncation_voxels * options.voxel_m
     lower, upper = _bounds(images, depths, options.farthest_m)
-    volume = fusion.empty_volume(
-        lower - 2 * truncation_m,
-        upper + 2 * truncation_m,
-        voxel_m=options.voxel_m,
-        truncation_m=truncation_m,
-        channels=3 if all(view.pixels.ndim == 3 for view in images) else 1,
-    )
+    grid = fusion.covering(lower - 2 * truncation_m, upper + 2 * truncation_m, options.voxel_m)
+    near = _bricks_near_surfaces(images, depths, grid, truncation_m=truncation_m, farthest_m=options.farthest_m)
+    channels = 3 if all(view.pixels.ndim == 3 for view in images) else 1
+    volume = fusion.empty_volume(grid, near, truncation_m=truncation_m, channels=channels)
     margin_m = options.skin_voxels * options.voxel_m
     for number, (view, depth) in enumerate(zip(images, depths, strict=True)):
         if depth is not None:
@@ -193,30 +206,62 @@ def fuse(
     return volume
 
 
+def _bricks_near_surfaces(
+    images: Sequence[ImageView],
+    depths: Sequence[DepthImage | None],
+    grid: Grid,
+    *,
+    truncation_m: float,
+    farthest_m: float,
+) -> NDArray[np.uint8]:
+    """(bricks along x, y, z) 1 where a depth image shows a surface."""
+    near = fusion.no_bricks(grid)
+    for view, depth in zip(images, depths, strict=True):
+        if depth is not None:
+            rays = stereo.depth_rays(view, depth.scale)
+            fusion.mark_near_surface(
+                near,
+                grid,
+                view,
+                rays,
+                depth.inverse_range,
+                depth.facing,
+                truncation_m=truncation_m,
+                farthest_m=farthest_m,
+            )
+    return near
+
+
+def measured(volume: Volume, options: DenseOptions) -> Measured:
+    """Surface and state of the voxels by a filled volume."""
+    state = volume.occupancy(least_seen_through=options.least_seen_through, skin_voxels=options.skin_voxels)
+    return Measured(*volume.surface(least_weight=options.least_weight), state, volume.grid)
+
+
 def extract(
-    volume: Volume, images: Sequence[ImageView], depths: Sequence[DepthImage | None], options: DenseOptions
+    shown: Measured, images: Sequence[ImageView], depths: Sequence[DepthImage | None], options: DenseOptions
 ) -> Reconstruction:
-    """Mesh and state grid of a filled volume."""
+    """Mesh and state grid of what the depth images show, with all that is known otherwise. Changes `shown.state`."""
+    state, grid = shown.state, shown.grid
     vertices, faces, colours = without_small_components(
-        *volume.surface(least_weight=options.least_weight), least_faces=options.least_component_faces
+        shown.vertices_world_m, shown.faces, shown.colours, least_faces=options.least_component_faces
     )
     if not len(faces):
         raise MapError("the depth images hold no surface: their poses or lenses may be wrong")
-    state = volume.occupancy(least_seen_through=options.least_seen_through, skin_voxels=options.skin_voxels)
     edges = lines.sweep(images, options.stereo, farthest_m=options.farthest_m)
-    state[lines.occupied(edges, state, volume.grid, skin_voxels=options.skin_voxels)] = OCCUPIED
-    seen = resolution.visibility(state, volume.grid, [(view.camera, view.T_world_camera) for view in images])
-    path = carried_path(images, 0.5 * options.voxel_m, volume.grid, state == OCCUPIED)
-    swept = fusion.within(volume.grid, path, options.carrier_radius_m)
+    state[lines.occupied(edges, state, grid, skin_voxels=options.skin_voxels)] = OCCUPIED
+    seen = resolution.visibility(state, grid, [(view.camera, view.T_world_camera) for view in images])
+    path = carried_path(images, 0.5 * options.voxel_m, grid, state == OCCUPIED)
+    swept = fusion.within(grid, path, options.carrier_radius_m)
     carved = np.where(swept & (state == UNKNOWN), np.uint8(FREE), state)  # no wall, though it may count as unknown
     if options.thinnest_m > 0.0:
-        state[resolution.could_hide(state, volume.grid, seen, options.thinnest_m, empty=swept)] = UNKNOWN
+        state[resolution.could_hide(state, grid, seen, options.thinnest_m, empty=swept)] = UNKNOWN
     state[swept & (state == UNKNOWN)] = FREE
     swept_occupied_m3 = float((swept & (state == OCCUPIED)).sum()) * options.voxel_m**3
-    fusion.unreached_is_unknown(state, volume.grid, path)
+    fusion.unreached_is_unknown(state, grid, path)
     inferred = planes.inferred(
         carved,
-        volume.grid,
+        grid,
         vertices,
         faces,
         images,
@@ -229,7 +274,7 @@ def extract(
         faces,
         colours,
         state,
-        volume.grid,
+        grid,
         seen,
         swept_occupied_m3,
         inferred,

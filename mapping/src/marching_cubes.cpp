@@ -1,6 +1,7 @@
 #include "marching_cubes.hpp"
 
-#include <cmath>
+#include <algorithm>
+#include <utility>
 
 namespace goshawk {
 namespace {
@@ -78,17 +79,24 @@ const std::vector<Loops>& table() {
 class Builder {
   public:
     Builder(const Volume& volume, double least_weight)
-        : volume_(volume), least_weight_(least_weight), strides_{1, 1, 1} {
-        strides_[1] = volume.shape[2];
-        strides_[0] = static_cast<std::size_t>(volume.shape[1]) * volume.shape[2];
-        const std::size_t slab = 3 * strides_[0];
-        for (auto& numbers : numbers_) numbers.assign(slab, -1);
+        : volume_(volume), grid_(volume.grid), least_weight_(least_weight) {
+        const std::size_t in_slab = static_cast<std::size_t>(grid_.shape[1]) * grid_.shape[2];
+        for (auto& numbers : numbers_) numbers.assign(3 * in_slab, -1);
+        bricks_.assign(grid_.brick_index(grid_.bricks(0), 0, 0), none);
+        for (int n = 0; n < volume.count; ++n) {
+            const std::int32_t* place = volume.place + 3 * n;
+            bricks_[grid_.brick_index(place[0], place[1], place[2])] = n;
+        }
     }
 
     Mesh build() {
-        for (int i = 0; i + 1 < volume_.shape[0]; ++i) {
-            for (int j = 0; j + 1 < volume_.shape[1]; ++j)
-                for (int k = 0; k + 1 < volume_.shape[2]; ++k) cell(i, j, k);
+        for (int i = 0; i + 1 < grid_.shape[0]; ++i) {
+            for (int j = 0; j + 1 < grid_.shape[1]; ++j)
+                for (int z = 0; z < grid_.bricks(2); ++z) {
+                    if (bricks_[grid_.brick_index(i / brick_size, j / brick_size, z)] == none) continue;
+                    const int end = std::min(brick_size * (z + 1), grid_.shape[2] - 1);
+                    for (int k = brick_size * z; k < end; ++k) cell(i, j, k);
+                }
             std::swap(numbers_[0], numbers_[1]);
             numbers_[1].assign(numbers_[1].size(), -1);
         }
@@ -96,32 +104,40 @@ class Builder {
     }
 
   private:
-    std::size_t corner_index(int i, int j, int k, int corner) const {
-        return (i + (corner & 1)) * strides_[0] + (j + (corner >> 1 & 1)) * strides_[1] + (k + (corner >> 2 & 1));
+    static constexpr std::int32_t none = -1;
+
+    // Whether a voxel is in a brick that is kept, and where its values are.
+    bool find(int i, int j, int k, std::size_t& index) const {
+        const std::int32_t n = bricks_[grid_.brick_index(i / brick_size, j / brick_size, k / brick_size)];
+        if (n == none) return false;
+        index = n * brick_voxels + within_brick(i, j, k);
+        return true;
     }
 
     void cell(int i, int j, int k) {
+        std::size_t corners[8];
         int inside = 0;
         for (int corner = 0; corner < 8; ++corner) {
-            const std::size_t index = corner_index(i, j, k, corner);
+            std::size_t& index = corners[corner];
+            if (!find(i + (corner & 1), j + (corner >> 1 & 1), k + (corner >> 2 & 1), index)) return;
             if (!(volume_.weight[index] >= least_weight_)) return;
             inside |= (volume_.distance[index] < 0.0f) << corner;
         }
         for (const auto& loop : table()[inside]) {
             std::array<std::int32_t, 12> at{};
-            for (std::size_t n = 0; n < loop.size(); ++n) at[n] = vertex(i, j, k, edges[loop[n]]);
+            for (std::size_t n = 0; n < loop.size(); ++n) at[n] = vertex(i, j, k, edges[loop[n]], corners);
             for (std::size_t n = 2; n < loop.size(); ++n) mesh_.faces.push_back({at[0], at[n], at[n - 1]});
         }
     }
 
     // The vertex on a grid edge, made once and shared by the cells around it.
-    std::int32_t vertex(int i, int j, int k, const Edge& edge) {
+    std::int32_t vertex(int i, int j, int k, const Edge& edge, const std::size_t (&corners)[8]) {
         const int slab = edge.from & 1;
-        const std::size_t within = corner_index(0, j, k, edge.from & 6);
+        const std::size_t within = grid_.index(0, j + (edge.from >> 1 & 1), k + (edge.from >> 2 & 1));
         std::int32_t& number = numbers_[slab][3 * within + edge.axis];
         if (number < 0) {
             number = static_cast<std::int32_t>(mesh_.vertices.size());
-            add_vertex(corner_index(i, j, k, edge.from), corner_index(i, j, k, edge.to),
+            add_vertex(corners[edge.from], corners[edge.to],
                        {i + (edge.from & 1) + 0.5, j + (edge.from >> 1 & 1) + 0.5, k + (edge.from >> 2 & 1) + 0.5},
                        edge.axis);
         }
@@ -131,7 +147,7 @@ class Builder {
     void add_vertex(std::size_t from, std::size_t to, Vec3 place, int axis) {
         const double a = volume_.distance[from], b = volume_.distance[to], share = a / (a - b);
         const Vec3 along{axis == 0 ? share : 0.0, axis == 1 ? share : 0.0, axis == 2 ? share : 0.0};
-        mesh_.vertices.push_back(volume_.origin + volume_.voxel * (place + along));
+        mesh_.vertices.push_back(grid_.origin + grid_.voxel * (place + along));
         const double wa = (1.0 - share) * (volume_.colour_weight[from] > 0.0f) + 1e-9;
         const double wb = share * (volume_.colour_weight[to] > 0.0f) + 1e-9;
         for (int c = 0; c < volume_.channels; ++c)
@@ -141,8 +157,9 @@ class Builder {
     }
 
     const Volume& volume_;
+    const VoxelGrid& grid_;
     double least_weight_;
-    std::size_t strides_[3];
+    std::vector<std::int32_t> bricks_;      // number of each brick of the grid among those near surfaces
     std::vector<std::int32_t> numbers_[2];  // vertex on the edge that leaves each corner of slab i, i + 1 along an axis
     Mesh mesh_;
 };

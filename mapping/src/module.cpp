@@ -1,10 +1,14 @@
 // Python bindings of the mapping kernels: contiguous arrays in, new arrays out; the wrappers own names and checks.
+#include <nanobind/stl/array.h>
+
 #include <algorithm>
+#include <array>
 
 #include "bindings.hpp"
 #include "consistency.hpp"
 #include "lines.hpp"
 #include "marching_cubes.hpp"
+#include "near_surface.hpp"
 #include "spherical_stereo.hpp"
 #include "tsdf.hpp"
 
@@ -18,9 +22,12 @@ using Matrix3 = nb::ndarray<const double, nb::shape<3, 3>, nb::c_contig, nb::dev
 using Point = nb::ndarray<const double, nb::shape<3>, nb::c_contig, nb::device::cpu>;
 using Image = nb::ndarray<const float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
 using Layers = nb::ndarray<const float, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
-using Cells = nb::ndarray<float, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
 using Counts = nb::ndarray<std::uint8_t, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
-using ColourCells = nb::ndarray<float, nb::shape<-1, -1, -1, -1>, nb::c_contig, nb::device::cpu>;
+using Shape = std::array<int, 3>;
+using Places = nb::ndarray<const std::int32_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using InBricks = nb::ndarray<float, nb::shape<-1, brick_size, brick_size, brick_size>, nb::c_contig, nb::device::cpu>;
+using ColourInBricks =
+    nb::ndarray<float, nb::shape<-1, brick_size, brick_size, brick_size, -1>, nb::c_contig, nb::device::cpu>;
 using Directions = Table<3>;
 using Labels = nb::ndarray<const std::int32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using GridRow = nb::ndarray<const double, nb::shape<6>, nb::c_contig, nb::device::cpu>;
@@ -102,23 +109,36 @@ static auto facing_view(Image inverse_range, Rays rays, int step, float unsure, 
     return cosine;
 }
 
-static Volume as_volume(const Point& origin, double voxel, const Cells& distance, const Cells& weight,
-                        const ColourCells& colour, const Cells& colour_weight) {
-    return {
-        {origin(0), origin(1), origin(2)},
-        voxel,
-        {static_cast<int>(distance.shape(0)), static_cast<int>(distance.shape(1)), static_cast<int>(distance.shape(2))},
-        distance.data(),
-        weight.data(),
-        colour.data(),
-        colour_weight.data(),
-        static_cast<int>(colour.shape(3))};
+static VoxelGrid as_voxels(const Point& origin, double voxel, const Shape& shape) {
+    return {{origin(0), origin(1), origin(2)}, voxel, {shape[0], shape[1], shape[2]}};
 }
 
-static void integrate_view(Point origin, double voxel, Cells distance, Cells weight, ColourCells colour,
-                           Cells colour_weight, Image inverse_range, Image deviation, Image facing_image, Colour pixels,
-                           LensRow lens, Matrix4 T_camera_world, double truncation, double farthest, int threads) {
-    const Volume volume = as_volume(origin, voxel, distance, weight, colour, colour_weight);
+static Volume as_volume(const VoxelGrid& grid, const Places& bricks, const InBricks& distance, const InBricks& weight,
+                        const ColourInBricks& colour, const InBricks& colour_weight) {
+    return {grid,
+            static_cast<int>(bricks.shape(0)),
+            bricks.data(),
+            distance.data(),
+            weight.data(),
+            colour.data(),
+            colour_weight.data(),
+            static_cast<int>(colour.shape(4))};
+}
+
+static void mark_near_surface_view(Point origin, double voxel, Shape shape, Counts near, Image inverse_range,
+                                   Image facing_image, LensRow lens, Rays rays, Matrix4 T_world_camera,
+                                   double truncation, double farthest) {
+    const RangeImage image{inverse_range.data(), nullptr, facing_image.data(), nullptr, Lens(lens.data())};
+    nb::gil_scoped_release release;
+    mark_near_surface(as_voxels(origin, voxel, shape), image, rays.data(), T_world_camera.data(),
+                      {truncation, farthest}, near.data());
+}
+
+static void integrate_view(Point origin, double voxel, Shape shape, Places bricks, InBricks distance, InBricks weight,
+                           ColourInBricks colour, InBricks colour_weight, Image inverse_range, Image deviation,
+                           Image facing_image, Colour pixels, LensRow lens, Matrix4 T_camera_world, double truncation,
+                           double farthest, int threads) {
+    const Volume volume = as_volume(as_voxels(origin, voxel, shape), bricks, distance, weight, colour, colour_weight);
     const RangeImage image{inverse_range.data(), deviation.data(), facing_image.data(), pixels.data(),
                            Lens(lens.data())};
     nb::gil_scoped_release release;
@@ -127,23 +147,17 @@ static void integrate_view(Point origin, double voxel, Cells distance, Cells wei
 
 static void carve_view(Point origin, double voxel, Counts seen_through, Image bound, LensRow lens,
                        Matrix4 T_camera_world, double margin, double farthest, int enough, int threads) {
-    const Volume volume{{origin(0), origin(1), origin(2)},
-                        voxel,
-                        {static_cast<int>(seen_through.shape(0)), static_cast<int>(seen_through.shape(1)),
-                         static_cast<int>(seen_through.shape(2))},
-                        nullptr,
-                        nullptr,
-                        nullptr,
-                        nullptr,
-                        0};
+    const Shape shape{static_cast<int>(seen_through.shape(0)), static_cast<int>(seen_through.shape(1)),
+                      static_cast<int>(seen_through.shape(2))};
     nb::gil_scoped_release release;
-    carve(volume, bound.data(), Lens(lens.data()), T_camera_world.data(), margin, farthest, enough, threads,
-          seen_through.data());
+    carve(as_voxels(origin, voxel, shape), bound.data(), Lens(lens.data()), T_camera_world.data(), margin, farthest,
+          enough, threads, seen_through.data());
 }
 
-static nb::tuple marching_cubes_view(Point origin, double voxel, Cells distance, Cells weight, ColourCells colour,
-                                     Cells colour_weight, double least_weight) {
-    const Volume volume = as_volume(origin, voxel, distance, weight, colour, colour_weight);
+static nb::tuple marching_cubes_view(Point origin, double voxel, Shape shape, Places bricks, InBricks distance,
+                                     InBricks weight, ColourInBricks colour, InBricks colour_weight,
+                                     double least_weight) {
+    const Volume volume = as_volume(as_voxels(origin, voxel, shape), bricks, distance, weight, colour, colour_weight);
     Mesh mesh;
     {
         nb::gil_scoped_release release;
@@ -161,6 +175,7 @@ static nb::tuple marching_cubes_view(Point origin, double voxel, Cells distance,
 }
 
 NB_MODULE(_mapping, m) {
+    m.attr("BRICK_SIZE") = brick_size;
     m.def("rectify", &rectify_view, nb::arg("image"), nb::arg("lens"), nb::arg("R_camera_grid"), nb::arg("grid"),
           nb::arg("threads"));
     m.def("inverse_range", &inverse_range_view, nb::arg("disparity"), nb::arg("nearest"), nb::arg("grid"),
@@ -179,11 +194,15 @@ NB_MODULE(_mapping, m) {
     m.def("fuse", &fuse_layers, nb::arg("values"), nb::arg("deviations"), nb::arg("tolerance"), nb::arg("least"));
     m.def("facing", &facing_view, nb::arg("inverse_range"), nb::arg("rays"), nb::arg("step"), nb::arg("unsure"),
           nb::arg("threads"));
-    m.def("integrate", &integrate_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("distance").noconvert(),
-          nb::arg("weight").noconvert(), nb::arg("colour").noconvert(), nb::arg("colour_weight").noconvert(),
-          nb::arg("inverse_range"), nb::arg("deviation"), nb::arg("facing"), nb::arg("pixels"), nb::arg("lens"),
-          nb::arg("T_camera_world"), nb::arg("truncation_m"), nb::arg("farthest_m"), nb::arg("threads"));
-    m.def("marching_cubes", &marching_cubes_view, nb::arg("origin_world_m"), nb::arg("voxel_m"),
-          nb::arg("distance").noconvert(), nb::arg("weight").noconvert(), nb::arg("colour").noconvert(),
-          nb::arg("colour_weight").noconvert(), nb::arg("least_weight"));
+    m.def("mark_near_surface", &mark_near_surface_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("shape"),
+          nb::arg("near").noconvert(), nb::arg("inverse_range"), nb::arg("facing"), nb::arg("lens"), nb::arg("rays"),
+          nb::arg("T_world_camera"), nb::arg("truncation_m"), nb::arg("farthest_m"));
+    m.def("integrate", &integrate_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("shape"),
+          nb::arg("bricks"), nb::arg("distance").noconvert(), nb::arg("weight").noconvert(),
+          nb::arg("colour").noconvert(), nb::arg("colour_weight").noconvert(), nb::arg("inverse_range"),
+          nb::arg("deviation"), nb::arg("facing"), nb::arg("pixels"), nb::arg("lens"), nb::arg("T_camera_world"),
+          nb::arg("truncation_m"), nb::arg("farthest_m"), nb::arg("threads"));
+    m.def("marching_cubes", &marching_cubes_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("shape"),
+          nb::arg("bricks"), nb::arg("distance").noconvert(), nb::arg("weight").noconvert(),
+          nb::arg("colour").noconvert(), nb::arg("colour_weight").noconvert(), nb::arg("least_weight"));
 }

@@ -29,7 +29,7 @@ Sample sample(const RangeImage& image, double u, double v) {
     const float* p = image.inverse_range + static_cast<std::size_t>(r) * width + c;
     const float q[4] = {p[0], p[1], p[width], p[width + 1]};
     const auto [low, high] = std::minmax({q[0], q[1], q[2], q[3]});
-    if (low <= 0.0f || high > 1.1f * low) return result;
+    if (low <= 0.0f || high > largest_jump * low) return result;
     const double a = x - c, b = y - r;
     result.inverse_range = (1 - b) * ((1 - a) * q[0] + a * q[1]) + b * ((1 - a) * q[2] + a * q[3]);
     return result;
@@ -102,21 +102,45 @@ double farthest_shown(const float* inverse_range, const Lens& lens, double farth
     return std::min(farthest, 1.0 / static_cast<double>(least));
 }
 
-// Voxels from `low` to before `high`: all with their centre within a distance of the camera.
+// Bricks from `low` to before `high`: all with a voxel within a distance of the camera.
 struct Box {
     int low[3], high[3];
 
-    Box(const Volume& volume, const Pose& T_camera_world, double distance) {
+    Box(const VoxelGrid& grid, const Pose& T_camera_world, double distance) {
         const Vec3 camera = -1.0 * T_camera_world.rotate_back(T_camera_world.translation());
-        const Vec3 centre = (1.0 / volume.voxel) * (camera - volume.origin);
-        const double reach = distance / volume.voxel + 0.5;
+        const double edge = brick_size * grid.voxel;
+        const Vec3 centre = (1.0 / edge) * (camera - grid.origin);
         for (int axis = 0; axis < 3; ++axis) {
-            const double most = volume.shape[axis];
-            low[axis] = static_cast<int>(std::clamp(std::floor(centre[axis] - reach), 0.0, most));
-            high[axis] = static_cast<int>(std::clamp(std::ceil(centre[axis] + reach), 0.0, most));
+            const double most = grid.bricks(axis);
+            low[axis] = static_cast<int>(std::clamp(std::floor(centre[axis] - distance / edge), 0.0, most));
+            high[axis] = static_cast<int>(std::clamp(std::ceil(centre[axis] + distance / edge), 0.0, most));
         }
     }
 };
+
+// Whether no voxel of a brick can be within `reach` of the camera and in its field of view, by the ball about it.
+bool out_of_view(const Brick& brick, const VoxelGrid& grid, const Pose& T_camera_world, const Lens& lens,
+                 double reach) {
+    const double half = 0.5 * brick_size, radius = std::sqrt(3.0) * half * grid.voxel;
+    const Vec3 middle{brick.low[0] + half, brick.low[1] + half, brick.low[2] + half};
+    const Vec3 centre = T_camera_world.apply(grid.origin + grid.voxel * middle);
+    const double range = norm(centre);
+    if (range > reach + radius) return true;
+    return range > radius && std::acos(centre.z / range) > lens.limit + std::asin(radius / range);
+}
+
+// Calls visit(i, j, k, centre in the camera's frame) for each voxel of a brick.
+template <typename Visit>
+void visit_voxels(const Brick& brick, const VoxelGrid& grid, const Pose& T_camera_world, Visit visit) {
+    const double* m = T_camera_world.m;
+    const Vec3 step{grid.voxel * m[2], grid.voxel * m[6], grid.voxel * m[10]};
+    for (int i = brick.low[0]; i < brick.high[0]; ++i)
+        for (int j = brick.low[1]; j < brick.high[1]; ++j) {
+            const Vec3 first = grid.origin + grid.voxel * Vec3{i + 0.5, j + 0.5, brick.low[2] + 0.5};
+            Vec3 p = T_camera_world.apply(first);
+            for (int k = brick.low[2]; k < brick.high[2]; ++k, p = p + step) visit(i, j, k, p);
+        }
+}
 
 // Weight of a measurement: its inverse variance in metres, never better than a fifth of a voxel.
 double weight_of(double range, double deviation, double voxel) {
@@ -176,63 +200,61 @@ void facing(const float* inverse_range, const double* rays, int height, int widt
     });
 }
 
-void carve(const Volume& volume, const float* bound, const Lens& lens, const double* T_camera_world, double margin,
+void carve(const VoxelGrid& grid, const float* bound, const Lens& lens, const double* T_camera_world, double margin,
            double farthest, int enough, int threads, std::uint8_t* seen_through) {
     const Pose pose(T_camera_world);
-    const Vec3 step{volume.voxel * pose.m[2], volume.voxel * pose.m[6], volume.voxel * pose.m[10]};
-    const double half = 0.5 * volume.voxel;
+    const double half = 0.5 * grid.voxel, reach = farthest_shown(bound, lens, farthest);
     const Vec3 half_edges[3] = {pose.rotate({half, 0, 0}), pose.rotate({0, half, 0}), pose.rotate({0, 0, half})};
     const LargestInWindow nearest(bound, lens.width, lens.height);
-    const Box box(volume, pose, farthest_shown(bound, lens, farthest));
+    const auto sees_through = [&](Vec3 p) {
+        const double range = norm(p);
+        double u = 0.0, v = 0.0;
+        if (range > farthest || !lens.project(p, u, v)) return false;
+        const auto open = [&](float limit) { return (range + margin) * limit < 1.0; };
+        Rectangle r;
+        // the middle alone first, which costs least
+        return open(nearest.at({u, v, u, v})) && covered(lens, p, half_edges, r) && open(nearest.at(r));
+    };
+    const Box box(grid, pose, reach);
     parallel_rows(box.high[0] - box.low[0], threads, [&](int plane) {
-        const int i = box.low[0] + plane;
-        for (int j = box.low[1]; j < box.high[1]; ++j) {
-            Vec3 p = pose.apply(volume.origin + volume.voxel * Vec3{i + 0.5, j + 0.5, box.low[2] + 0.5});
-            std::size_t index = volume.index(i, j, box.low[2]);
-            for (int k = box.low[2]; k < box.high[2]; ++k, ++index, p = p + step) {
-                if (seen_through[index] >= enough) continue;
-                const double range = norm(p);
-                double u = 0.0, v = 0.0;
-                if (range > farthest || !lens.project(p, u, v)) continue;
-                const auto open = [&](float limit) { return (range + margin) * limit < 1.0; };
-                Rectangle r;
-                // the middle alone first, which costs least
-                if (open(nearest.at({u, v, u, v})) && covered(lens, p, half_edges, r) && open(nearest.at(r)))
-                    ++seen_through[index];
+        for (int y = box.low[1]; y < box.high[1]; ++y)
+            for (int z = box.low[2]; z < box.high[2]; ++z) {
+                const Brick brick(grid, box.low[0] + plane, y, z);
+                if (out_of_view(brick, grid, pose, lens, reach)) continue;
+                visit_voxels(brick, grid, pose, [&](int i, int j, int k, Vec3 p) {
+                    std::uint8_t& count = seen_through[grid.index(i, j, k)];
+                    if (count < enough && sees_through(p)) ++count;
+                });
             }
-        }
     });
 }
 
 void integrate(const Volume& volume, const RangeImage& image, const double* T_camera_world, const Fusion& fusion,
                int threads) {
     const Pose pose(T_camera_world);
-    const Vec3 step{volume.voxel * pose.m[2], volume.voxel * pose.m[6], volume.voxel * pose.m[10]};
     const double reach = farthest_shown(image.inverse_range, image.lens, fusion.farthest) + fusion.truncation;
-    const Box box(volume, pose, reach);
-    parallel_rows(box.high[0] - box.low[0], threads, [&](int plane) {
-        const int i = box.low[0] + plane;
-        for (int j = box.low[1]; j < box.high[1]; ++j) {
-            Vec3 p = pose.apply(volume.origin + volume.voxel * Vec3{i + 0.5, j + 0.5, box.low[2] + 0.5});
-            std::size_t index = volume.index(i, j, box.low[2]);
-            for (int k = box.low[2]; k < box.high[2]; ++k, ++index, p = p + step) {
-                const double squared = dot(p, p);
-                double u = 0.0, v = 0.0;
-                if (squared > reach * reach || !image.lens.project(p, u, v)) continue;
-                const Sample found = sample(image, u, v);
-                if (found.inverse_range * fusion.farthest < 1.0) continue;
-                const double range = 1.0 / found.inverse_range, along_ray = range - std::sqrt(squared);
-                if (along_ray < -fusion.truncation) continue;  // hidden behind the surface: nothing is known here
-                const double cosine = image.facing[found.pixel], distance = along_ray * cosine;
-                double weight = cosine * weight_of(range, image.deviation[found.pixel], volume.voxel);
-                // Behind the surface the weight fades, so that the front of a thin board does not erase its back.
-                if (distance < 0.0) weight *= 1.0 + 0.9 * along_ray / fusion.truncation;
-                update(volume, index, std::min(distance, fusion.truncation), weight);
-                if (distance < fusion.truncation)
-                    update_colour(volume, index, image.colour + static_cast<std::size_t>(found.pixel) * volume.channels,
-                                  weight);
-            }
-        }
+    const auto add = [&](std::size_t index, Vec3 p) {
+        const double squared = dot(p, p);
+        double u = 0.0, v = 0.0;
+        if (squared > reach * reach || !image.lens.project(p, u, v)) return;
+        const Sample found = sample(image, u, v);
+        if (found.inverse_range * fusion.farthest < 1.0) return;
+        const double range = 1.0 / found.inverse_range, along_ray = range - std::sqrt(squared);
+        if (along_ray < -fusion.truncation) return;  // hidden behind the surface: nothing is known here
+        const double cosine = image.facing[found.pixel], distance = along_ray * cosine;
+        double weight = cosine * weight_of(range, image.deviation[found.pixel], volume.grid.voxel);
+        // Behind the surface the weight fades, so that the front of a thin board does not erase its back.
+        if (distance < 0.0) weight *= 1.0 + 0.9 * along_ray / fusion.truncation;
+        update(volume, index, std::min(distance, fusion.truncation), weight);
+        if (distance < fusion.truncation)
+            update_colour(volume, index, image.colour + static_cast<std::size_t>(found.pixel) * volume.channels,
+                          weight);
+    };
+    parallel_rows(volume.count, threads, [&](int n) {
+        const Brick brick = volume.brick(n);
+        if (out_of_view(brick, volume.grid, pose, image.lens, reach)) return;
+        visit_voxels(brick, volume.grid, pose,
+                     [&](int i, int j, int k, Vec3 p) { add(n * brick_voxels + within_brick(i, j, k), p); });
     });
 }
 

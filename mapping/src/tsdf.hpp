@@ -1,25 +1,29 @@
-// Truncated signed distance on a grid of voxels, averaged over range images. Voxel (i, j, k) has its centre at
-// origin + (i + 0.5, j + 0.5, k + 0.5) * voxel; k runs fastest. A voxel with weight 0 was never observed.
+// Truncated signed distance at the voxels near surfaces, averaged over range images. A voxel with weight 0 was never
+// observed.
 #pragma once
 #include <cstddef>
 #include <cstdint>
 
+#include "bricks.hpp"
 #include "lens.hpp"
 
 namespace goshawk {
 
 struct Volume {
-    Vec3 origin;
-    double voxel;
-    int shape[3];
-    float* distance;  // metres, within +-truncation, positive in front of the surface
+    VoxelGrid grid;
+    int count;                  // of the bricks near surfaces
+    const std::int32_t* place;  // x, y, z of each among all bricks, in their order
+    float* distance;            // of the voxels of each: metres, within +-truncation, positive in front of the surface
     float* weight;
     float* colour;  // `channels` values a voxel
     float* colour_weight;
     int channels;
 
-    std::size_t index(int i, int j, int k) const { return (static_cast<std::size_t>(i) * shape[1] + j) * shape[2] + k; }
+    Brick brick(int n) const { return {grid, place[3 * n], place[3 * n + 1], place[3 * n + 2]}; }
 };
+
+// Beyond this ratio of two ranges side by side they are not of one surface, and nothing is interpolated.
+constexpr float largest_jump = 1.1f;
 
 struct RangeImage {
     const float* inverse_range;  // 1/m along the ray, 0 = none
@@ -43,7 +47,7 @@ void facing(const float* inverse_range, const double* rays, int height, int widt
 // Counts, for each voxel, the images that saw through it, over its whole width: it is nearer than anything can be on
 // any of its rays (`bound`, 1/m, the largest inverse range that is possible; 0 = not known) by more than `margin`. A
 // voxel with `enough` of them, at most 255, is not examined any more.
-void carve(const Volume& volume, const float* bound, const Lens& lens, const double* T_camera_world, double margin,
+void carve(const VoxelGrid& grid, const float* bound, const Lens& lens, const double* T_camera_world, double margin,
            double farthest, int enough, int threads, std::uint8_t* seen_through);
 
 void integrate(const Volume& volume, const RangeImage& image, const double* T_camera_world, const Fusion& fusion,

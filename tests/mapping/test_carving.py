@@ -12,6 +12,7 @@ from mapping.dense import fusion, stereo, surface
 from mapping.dense.fusion import Volume
 from mapping.dense.surface import DenseOptions
 from mapping.dense.views import ImageView
+from tests.mapping.volumes import in_bricks, whole_volume
 
 PINHOLE = Camera("forward", ".", "PINHOLE", 160, 120, np.array([120.0, 120.0, 80.0, 60.0]), np.eye(4))
 LOOKING_ALONG_X = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -25,7 +26,7 @@ def view_from(position_world_m: tuple[float, float, float] = (0.1, 1.0, 1.0)) ->
 
 
 def unobserved_volume() -> Volume:
-    return fusion.empty_volume(np.zeros(3), np.array([7.0, 2.0, 2.0]), voxel_m=0.1, truncation_m=0.25, channels=1)
+    return whole_volume(Grid.covering(np.zeros(3), [7.0, 2.0, 2.0], 0.1), truncation_m=0.25)
 
 
 def centres(volume: Volume) -> np.ndarray:
@@ -149,7 +150,7 @@ def test_what_an_image_adds_does_not_depend_on_the_extent_of_the_volume() -> Non
     """Only the voxels within the range of what it shows are visited; all it shows is in either volume."""
     rng = np.random.default_rng(5)
     small, large = (
-        fusion.empty_volume(np.full(3, -side_m), np.full(3, side_m), voxel_m=0.1, truncation_m=0.25, channels=1)
+        whole_volume(Grid.covering(np.full(3, -side_m), np.full(3, side_m), 0.1), truncation_m=0.25)
         for side_m in (3.0, 8.0)
     )
     for _ in range(4):
@@ -164,8 +165,12 @@ def test_what_an_image_adds_does_not_depend_on_the_extent_of_the_volume() -> Non
     common = tuple(slice(a, a + n) for a, n in zip(lower, small.grid.shape, strict=True))
     assert (small.weight > 0.0).any()
     assert small.seen_through.any()
-    for name in ("distance", "weight", "colour", "seen_through"):
-        one, other = getattr(small, name), getattr(large, name)
+
+    def known(volume: Volume) -> list[np.ndarray]:
+        kept = (volume.distance, volume.weight, volume.colour[..., 0], volume.colour_weight)
+        return [volume.seen_through, *map(volume.in_grid, kept)]
+
+    for one, other in zip(known(small), known(large), strict=True):
         np.testing.assert_allclose(other[common], one, atol=1e-4)
         assert np.count_nonzero(other) == np.count_nonzero(other[common])
 
@@ -175,14 +180,16 @@ def test_a_surface_is_known_a_truncation_behind_the_farthest_that_an_image_shows
     shown = bound(range_m)
     volume.integrate(view, shown, 0.01 * shown, np.ones_like(shown), farthest_m=FARTHEST_M)
     off_m = np.linalg.norm(centres(volume) - view.position_world_m, axis=-1) - range_m
-    behind = off_m[volume.weight > 0.0].max()
+    behind = off_m[volume.in_grid(volume.weight) > 0.0].max()
     assert volume.truncation_m - volume.voxel_m < behind <= volume.truncation_m
 
 
 def test_any_trace_of_a_surface_outweighs_all_carving() -> None:
     volume = unobserved_volume()
     volume.seen_through[...] = 255
-    volume.weight[30], volume.distance[30] = 0.01, -0.02
+    weight, distance_m = np.zeros(volume.grid.shape), np.zeros(volume.grid.shape)
+    weight[30], distance_m[30] = 0.01, -0.02
+    volume.weight[...], volume.distance[...] = in_bricks(weight), in_bricks(distance_m)
     state = volume.occupancy(least_seen_through=3, skin_voxels=0.87)
     assert (state[30] == OCCUPIED).all()
     assert (np.delete(state, 30, axis=0) == FREE).all()
@@ -215,10 +222,14 @@ def test_free_space_cut_off_from_the_path_becomes_unknown_and_nothing_else_chang
     assert edge_to_edge[2, 2, 1] == UNKNOWN
 
 
-def test_without_a_path_in_free_space_nothing_stays_free() -> None:
+@pytest.mark.parametrize("place_m", [9.0, 0.25])
+def test_without_a_path_in_free_space_nothing_stays_free(place_m: float) -> None:
+    """Outside of the grid or in an occupied voxel: what is beside that was not reached."""
     state = np.full((5, 5, 5), FREE, np.uint8)
-    fusion.unreached_is_unknown(state, Grid((0.0, 0.0, 0.0), (0.1, 0.1, 0.1), (5, 5, 5)), np.array([[9.0, 9.0, 9.0]]))
-    assert (state == UNKNOWN).all()
+    state[2, 2, 2] = OCCUPIED
+    fusion.unreached_is_unknown(state, Grid((0.0, 0.0, 0.0), (0.1, 0.1, 0.1), (5, 5, 5)), np.full((1, 3), place_m))
+    assert state[2, 2, 2] == OCCUPIED
+    assert not (state == FREE).any()
 
 
 def layers(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -269,7 +280,7 @@ def test_a_vehicle_smaller_than_a_voxel_is_refused_because_nothing_would_be_reac
     DenseOptions(voxel_m=0.115)
 
 
-NOWHERE = fusion.empty_volume(-np.ones(3), np.full(3, 4.0), voxel_m=0.05, truncation_m=0.1, channels=1).grid
+NOWHERE = Grid.covering(-np.ones(3), np.full(3, 4.0), 0.05)
 
 
 def path_along(views: list[ImageView], wall_x_m: float | None = None) -> np.ndarray:
