@@ -18,7 +18,7 @@ from mapping.camera.adjustment import Observations
 from mapping.camera.rig import Rig
 from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
-from mapping.sparse import agreement, colmap_model, eccentricity, features, pairing, repetition, rgbd
+from mapping.sparse import agreement, colmap_model, eccentricity, features, growth, pairing, repetition, rgbd
 from mapping.stages import Work
 
 logger = logging.getLogger(__name__)
@@ -37,9 +37,6 @@ COLMAP's own 100 take 1.6 times as long and find .01 % more."""
 _REPAIRS = 4
 
 _LEAST_IMAGES = 2
-_MOST_DIRECT = 20_000
-"""Images that COLMAP may adjust together by factoring the sparse normal equations, which are a band along a path. By
-itself it solves them iteratively beyond 1,000 images: 500 images then already take more than five times as long."""
 _OUTLIER_PX = 3.0
 """Observations with a larger reprojection error are dropped; 4 keeps moving leaves, 2 drops good ones."""
 
@@ -291,8 +288,6 @@ def _grow(database: Path, images: ImageSet, options: SparseOptions, start: Any, 
     Lenses stay fixed here: freed on two images of a forward-moving camera they diverge (a focal length of
     138 px and k = 30 where 375 and 0.06 are right). `refine` frees them once all images constrain them.
     """
-    import pycolmap
-
     placed = 0
 
     def count() -> None:
@@ -301,25 +296,17 @@ def _grow(database: Path, images: ImageSet, options: SparseOptions, start: Any, 
         progress(_MAPPING, min(placed / len(images.instants), 1.0))
 
     progress(_MAPPING, 0.0)
-    with tempfile.TemporaryDirectory(dir=database.parent) as name:
-        folder = Path(name)
-        begin = folder / "begin" if start is not None else ""
-        if start is not None:
-            (folder / "begin").mkdir()
-            start.write(folder / "begin")
-        growing = _mapping_options(options)
-        # nothing is adjusted to the end while more is to come: `refine` does that, with COLMAP's own limits
-        growing.ba_local_max_refinements, growing.ba_local_function_tolerance = 1, 1e-4
-        growing.ba_global_max_refinements, growing.ba_global_function_tolerance = 2, 1e-5
-        models = pycolmap.incremental_mapping(
-            database, images.folder, folder, growing, begin, next_image_callback=count
-        )
-    if not models:
+    growing = _mapping_options(options)
+    # nothing is adjusted to the end while more is to come: `refine` does that, with COLMAP's own limits
+    growing.ba_local_max_refinements, growing.ba_local_function_tolerance = 1, 1e-4
+    growing.ba_global_max_refinements, growing.ba_global_function_tolerance = 2, 1e-5
+    model = growth.largest_model(database, growing, start, count)
+    if model is None:
         raise MapError(
             "no map: no two of these images could be placed against each other; "
             "they need texture, overlap and a camera that moves sideways or forward, not only turns"
         )
-    return max(models.values(), key=lambda model: model.num_reg_images())
+    return model
 
 
 def _wrong_instants(database: Path, images: ImageSet, model: Any) -> set[str]:
@@ -350,11 +337,6 @@ def _mapping_options(options: SparseOptions) -> Any:
     mapping.ba_refine_extra_params = False
     mapping.ba_refine_principal_point = False
     mapping.ba_refine_sensor_from_rig = False
-    # placing an image without common 3D points once turned the last frames by 19 degrees, with no warning
-    mapping.structure_less_registration_fallback = False
-    # adjusting everything at each tenth of growth takes half the time of mapping; `refine` does it in the end anyway
-    mapping.ba_global_frames_ratio = 1.3
-    mapping.ba_global_points_ratio = 1.3
     mapping.mapper.abs_pose_max_error = 2.0 * _OUTLIER_PX
     mapping.mapper.filter_max_reproj_error = _OUTLIER_PX
     mapping.triangulation.merge_max_reproj_error = _OUTLIER_PX
@@ -372,20 +354,11 @@ def refine(database: Path, model: Any, rig: Rig, options: SparseOptions, progres
     mapping = _mapping_options(options)
     mapping.ba_refine_focal_length = rig.refine_intrinsics
     mapping.ba_refine_extra_params = rig.refine_intrinsics
-    adjusting = mapping.get_global_bundle_adjustment()
-    adjusting.ceres.max_num_images_direct_sparse_cpu_solver = _MOST_DIRECT
     with pycolmap.Database.open(database) as opened:
         cache = pycolmap.DatabaseCache.create(opened, pycolmap.DatabaseCacheOptions())
         mapper = pycolmap.IncrementalMapper(cache)
         mapper.begin_reconstruction(model)
-        mapper.iterative_global_refinement(
-            mapping.ba_global_max_refinements,
-            mapping.ba_global_max_refinement_change,
-            mapping.get_mapper(),
-            adjusting,
-            mapping.get_triangulation(),
-            normalize_reconstruction=False,
-        )
+        growth.adjust(mapper, mapping, normalize=False)
         mapper.end_reconstruction(False)
         if len(rig) > 1 and not pycolmap.align_reconstruction_to_orig_rig_scales(cache.rigs, model):
             raise MapError(f"{_REFINING}: the distance between the cameras of the rig could not be restored")
