@@ -5,15 +5,16 @@ interrupted. It returns its result as a pickle in a private temporary folder.
 """
 
 import contextlib
+import fcntl
 import importlib
 import json
 import os
 import pickle
+import select
 import signal
 import subprocess
 import sys
 import tempfile
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -111,7 +112,7 @@ def _main(folder: Path) -> None:
     """The child's side."""
     with os.fdopen(os.dup(1), "w") as lines:
         os.dup2(2, 1)  # libraries print to the log, not between the progress lines
-        threading.Thread(target=_die_with_parent, daemon=True).start()
+        _end_with_parent()
         _restore_signal_handlers()
 
         def report(stage: str, fraction: float) -> None:
@@ -142,9 +143,14 @@ def _restore_signal_handlers() -> None:
         signal.signal(crash, signal.SIG_DFL)
 
 
-def _die_with_parent() -> None:
-    os.read(0, 1)  # returns only when the parent has closed its end; a buffered read would hang the exit
-    os._exit(1)
+def _end_with_parent() -> None:
+    """Let the kernel end this process when the parent closes its end of standard input, as it does when it is killed.
+
+    A thread that waits for that would have to wait for Python's lock too, which an adjustment holds for minutes.
+    """
+    signal.signal(signal.SIGIO, signal.SIG_DFL)  # ends the process
+    fcntl.fcntl(0, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(0, fcntl.F_SETFL, fcntl.fcntl(0, fcntl.F_GETFL) | os.O_ASYNC)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Work functions that the tests of `mapping.child` run in a child process."""
 
 import ctypes
+import itertools
 import os
 import signal
 import time
@@ -55,3 +56,10 @@ def linger(mark: str, *, progress: Progress) -> None:
     Path(mark).write_text(str(os.getpid()))
     progress("waiting", 0.0)
     time.sleep(3600.0)  # longer than any test waits for its end
+
+
+def compute(mark: str, *, progress: Progress) -> None:
+    """As `linger`, but without a moment in which another thread of this process could run."""
+    Path(mark).write_text(str(os.getpid()))
+    progress("waiting", 0.0)
+    sum(itertools.repeat(1, 10**12))

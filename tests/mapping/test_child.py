@@ -1,7 +1,10 @@
 """A crash in the child is a message in the parent; an interrupt in the parent is the end of the child."""
 
 import os
+import pickle
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -77,17 +80,28 @@ def test_interrupt_kills_the_child_and_leaves_nothing(tmp_path: Path) -> None:
         os.kill(pid, 0)
 
 
-def test_child_dies_with_its_parent(tmp_path: Path) -> None:
+@pytest.mark.parametrize("work", ["linger", "compute"])
+def test_child_dies_with_its_parent(tmp_path: Path, work: str) -> None:
     mark = tmp_path / "pid"
     parent = os.fork()
     if parent == 0:
-        child.run(_work("linger"), str(mark))
+        child.run(_work(work), str(mark))
         os._exit(0)
     until(lambda: mark.exists() and mark.read_text(), "the child")
     os.kill(parent, signal.SIGKILL)
     os.waitpid(parent, 0)
     pid = int(mark.read_text())
     until(lambda: not Path(f"/proc/{pid}").exists(), "the child's end")
+
+
+def test_a_child_whose_parent_is_gone_before_it_begins_does_no_work(tmp_path: Path) -> None:
+    (tmp_path / "request").write_bytes(pickle.dumps((_work("add"), (2, 3))))
+    ours, closed = os.pipe()
+    os.close(closed)
+    ended = subprocess.run([sys.executable, "-m", "mapping.child", str(tmp_path)], stdin=ours, check=False)
+    os.close(ours)
+    assert ended.returncode != 0
+    assert not (tmp_path / "answer").exists()
 
 
 def test_work_without_progress_needs_no_callback() -> None:
