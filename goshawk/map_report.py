@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from html import escape
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,8 +16,11 @@ from goshawk import look_again
 from mapping import Map, map_folder, map_parts
 from mapping.exploration.view_planning import ViewOptions
 from mapping.verdict import Standing
-from sysid.report.drawing import INK, figure, plain, written
+from sysid.report.drawing import COLOURS, INK, PALE, figure, plain, written
 from sysid.report.pages import picture, table, write_page
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _ARROWS = 100.0
 """Mean errors are drawn so many times as long."""
@@ -34,7 +37,11 @@ def write(path: Path, area: Map) -> Path:
     try:
         tables = _witnesses(report) + _trial(report)
         with tempfile.TemporaryDirectory() as folder:
-            drawn = [_residuals(report, Path(folder)), _coverage(area, Path(folder))]
+            drawn = [
+                _residuals(report, Path(folder)),
+                _residual_profiles(report, Path(folder)),
+                _coverage(area, Path(folder)),
+            ]
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise FormatError(f"{area.folder / 'report.json'}: {file_format.damage_text(error)}") from error
     with tempfile.TemporaryDirectory() as folder:
@@ -152,6 +159,52 @@ def _residuals(report: dict[str, Any], folder: Path) -> str:
         "where there are ten observations. A lens that fits leaves arrows without a pattern.</p>"
     )
     return "<h2>Residuals over the image</h2>" + picture(path, "Reprojection errors, cell by cell") + note
+
+
+def _residual_profiles(report: dict[str, Any], folder: Path) -> str:
+    """The errors over the angle from the optical axis and over time; nothing for a report of an earlier version."""
+    over_radius, over_time = report.get("residual_radius", []), report.get("residual_time", [])
+    if not over_radius or not over_time:
+        return ""
+    drawn, axes = figure(2, len(over_radius), (5.5 * len(over_radius), 5.2))
+    for upper, lower, rings, images in zip(axes[0], axes[1], over_radius, over_time, strict=True):
+        _draw_radius(upper, rings)
+        _draw_time(lower, images)
+    path = written(drawn, folder / "profiles.svg")
+    note = (
+        "<p class='small'>Above: mean along the radius, positive outwards, with its standard error if all errors were "
+        "independent, and RMS, over the angle from the optical axis. A mean that changes with the angle is a radial "
+        "distortion or a focal length that does not fit. Below: mean and RMS of each image; one that stands apart is a "
+        "little out of place, or shows things that moved.</p>"
+    )
+    return picture(path, "Reprojection errors over angle and time") + note
+
+
+def _draw_radius(place: "Axes", rings: dict[str, Any]) -> None:
+    count = np.array(rings["count"])
+    mean_px, rms_px = (np.array(rings[name], dtype=float) for name in ("mean_radial_px", "rms_px"))
+    bounds_deg = np.degrees(rings["angle_rad"])
+    middle_deg = 0.5 * (bounds_deg[:-1] + bounds_deg[1:])
+    # half of the squared error lies along the radius
+    std_px = rms_px / np.sqrt(2.0 * np.maximum(count, 1))
+    place.plot(middle_deg, rms_px, ".-", color=PALE, label="RMS")
+    place.errorbar(middle_deg, mean_px, std_px, fmt=".-", color=COLOURS[0], capsize=2, label="mean along the radius")
+    place.axhline(0.0, color=INK, linewidth=0.6)
+    plain(place, rings["camera"], "angle from the optical axis (°)", "error (px)")
+    place.legend(fontsize=8, frameon=False)
+
+
+def _draw_time(place: "Axes", images: dict[str, Any]) -> None:
+    time_s = np.array(images["time_s"], dtype=float)
+    is_timed = bool(np.isfinite(time_s).all())
+    at = time_s if is_timed else np.arange(len(time_s))
+    mean_px = np.array([mean or (math.nan, math.nan) for mean in images["mean_px"]], dtype=float).reshape(-1, 2)
+    place.plot(at, np.array(images["rms_px"], dtype=float), ".-", color=PALE, label="RMS")
+    for axis, name in enumerate(("mean x", "mean y")):
+        place.plot(at, mean_px[:, axis], ".-", color=COLOURS[axis], linewidth=0.8, label=name)
+    place.axhline(0.0, color=INK, linewidth=0.6)
+    plain(place, images["camera"], "time (s)" if is_timed else "placed image, in order", "error (px)")
+    place.legend(fontsize=8, frameon=False, ncols=3)
 
 
 def _coverage(area: Map, folder: Path) -> str:

@@ -52,6 +52,10 @@ class MapReport:
     """The trial of the camera file: one entry for each error it may have had; see `calibration.trial.Finding`."""
     residual_field: list[dict[str, Any]]
     """Reprojection errors over each camera's image; see `camera.residual_field.field`."""
+    residual_radius: list[dict[str, Any]]
+    """The same over the angle from each camera's optical axis; see `camera.residual_field.over_radius`."""
+    residual_time: list[dict[str, Any]]
+    """The same for each placed image of each camera; see `sparse.reconstruction.residuals_over_time`."""
     path_length_m: float
     """From the first placed image to the last."""
     lenses: dict[str, list[float]]
@@ -128,6 +132,8 @@ def report(
         corrections=list(judged.corrections),
         calibration=[finding.as_dict() for finding in placed.trial.findings],
         residual_field=reconstruction.residual_fields(placed),
+        residual_radius=reconstruction.residuals_over_radius(placed),
+        residual_time=reconstruction.residuals_over_time(placed),
         path_length_m=float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
         lenses={camera.name: camera.params.tolist() for camera in placed.rig},
         mesh_vertices=len(surface.vertices_world_m),

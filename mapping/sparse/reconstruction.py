@@ -12,7 +12,7 @@ import numpy as np
 from flight import FloatArray, MapError, Progress, silent
 from mapping import child, stages
 from mapping.camera import residual_field
-from mapping.camera.rig import Rig
+from mapping.camera.rig import Camera, Rig
 from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
 from mapping.sparse import alignment, colmap, model_files, pairing
@@ -159,10 +159,35 @@ def unplaced(sparse: SparseMap) -> Sequence[str]:
 
 def residual_fields(placed: SparseMap) -> list[dict[str, Any]]:
     """Reprojection errors over the image of each camera; see `camera.residual_field.field`."""
-    fields = []
-    for number, camera in enumerate(placed.rig):
-        seen = placed.observations[:, 2] == number
-        point, instant = placed.observations[seen, 0], placed.observations[seen, 1]
-        T_world_camera = placed.T_world_body[instant] @ camera.T_body_camera
-        fields.append(residual_field.field(camera, T_world_camera, placed.points_world_m[point], placed.pixels[seen]))
-    return fields
+    return [residual_field.field(*_observed(placed, number)) for number in range(len(placed.rig))]
+
+
+def residuals_over_radius(placed: SparseMap) -> list[dict[str, Any]]:
+    """The same over the angle from the optical axis; see `camera.residual_field.over_radius`."""
+    return [residual_field.over_radius(*_observed(placed, number)) for number in range(len(placed.rig))]
+
+
+def residuals_over_time(placed: SparseMap) -> list[dict[str, Any]]:
+    """The same for each placed image: `camera.residual_field.over_time`, the names (`image`) and times (`time_s`)."""
+    found = []
+    for number in range(len(placed.rig)):
+        instants = np.flatnonzero(placed.registered[:, number])
+        instant = placed.observations[placed.observations[:, 2] == number, 1]
+        image = np.searchsorted(instants, instant)
+        time_s = placed.images.time_s[instants]
+        found.append(
+            residual_field.over_time(*_observed(placed, number), image, len(instants))
+            | {
+                "image": [placed.images.relative(int(k), number) for k in instants],
+                "time_s": [float(t) if np.isfinite(t) else None for t in time_s],
+            }
+        )
+    return found
+
+
+def _observed(placed: SparseMap, number: int) -> tuple[Camera, FloatArray, FloatArray, FloatArray]:
+    """A camera, and of each of its observations the camera's pose (o, 4, 4), the point (o, 3) and the pixel (o, 2)."""
+    camera, seen = placed.rig.cameras[number], placed.observations[:, 2] == number
+    point, instant = placed.observations[seen, 0], placed.observations[seen, 1]
+    T_world_camera = placed.T_world_body[instant] @ camera.T_body_camera
+    return camera, T_world_camera, placed.points_world_m[point], placed.pixels[seen]
