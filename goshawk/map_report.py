@@ -15,6 +15,7 @@ from flight import FormatError, InputError, file_format
 from goshawk import look_again
 from mapping import Map, map_folder, map_parts
 from mapping.exploration.view_planning import ViewOptions
+from mapping.sparse.overlap import UnplacedRun
 from mapping.verdict import Standing
 from sysid.report.drawing import COLOURS, INK, PALE, figure, plain, written
 from sysid.report.pages import picture, table, write_page
@@ -35,7 +36,7 @@ def write(path: Path, area: Map) -> Path:
     """
     report = read_report(area.folder)
     try:
-        tables = _witnesses(report) + _trial(report)
+        tables = _unplaced(report) + _witnesses(report) + _trial(report)
         with tempfile.TemporaryDirectory() as folder:
             drawn = [
                 _residuals(report, Path(folder)),
@@ -93,6 +94,31 @@ def _figures(area: Map, report: dict[str, Any]) -> str:
     }
     cells = "".join(f"<tr><td>{name}</td><td class='word'>{escape(str(v))}</td></tr>" for name, v in rows.items() if v)
     return "<h2>Figures</h2>" + table(("", ""), cells, words=1)
+
+
+def _unplaced(report: dict[str, Any]) -> str:
+    """The runs of images without a place, and their overlap with their neighbours; nothing if all have one."""
+    runs = [UnplacedRun(**run) for run in report.get("unplaced_runs", [])]
+    if not runs:
+        return ""
+    rows = "".join(
+        f"<tr><td>{escape(run.span)}</td><td>{run.count}</td>"
+        + _matches(run.before, run.matches_before)
+        + _matches(run.after, run.matches_after)
+        + f"<td class='word'>{escape(', '.join(' to '.join(piece) for piece in run.pieces))}</td></tr>"
+        for run in runs
+    )
+    head = ("not placed", "instants", "matches with the one before", "with the one after", "pieces of their own")
+    note = (
+        "<p class='small'>Verified matches, of all cameras together. Few or none: the overlap was lost there. Images "
+        "of a piece of their own overlap well with each other, but with no placed image.</p>"
+    )
+    return "<h2>Images without a place</h2>" + table(head, rows, words=1) + note
+
+
+def _matches(neighbour: str | None, matches: int) -> str:
+    """A cell: the matches with a neighbour, if there is one."""
+    return "<td></td>" if neighbour is None else f"<td>{matches} ({escape(neighbour)})</td>"
 
 
 def _witnesses(report: dict[str, Any]) -> str:

@@ -23,6 +23,8 @@ class MapReport:
     """Images that have a pose in the map."""
     not_placed: list[str]
     """The others."""
+    unplaced_runs: list[dict[str, Any]]
+    """Runs of instants without a pose, and their matches with their neighbours; see `sparse.overlap.UnplacedRun`."""
     reprojection_error_px: float
     """Mean over all observations."""
     least_agreement: float
@@ -118,6 +120,7 @@ def report(
         images=placed.images.count,
         images_placed=int(placed.registered.sum()),
         not_placed=list(reconstruction.unplaced(placed)),
+        unplaced_runs=[dataclasses.asdict(run) for run in reconstruction.unplaced_runs(placed)],
         reprojection_error_px=placed.reprojection_error_px,
         least_agreement=placed.least_agreement,
         points=len(placed.points_world_m),

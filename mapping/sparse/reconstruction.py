@@ -15,10 +15,11 @@ from mapping.camera import residual_field
 from mapping.camera.rig import Camera, Rig
 from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
-from mapping.sparse import alignment, colmap, model_files, pairing
+from mapping.sparse import alignment, colmap, model_files, overlap, pairing
 from mapping.sparse.alignment import Alignment, Length
 from mapping.sparse.colmap import SparseOptions
 from mapping.sparse.localization_map import LocalizationMap
+from mapping.sparse.overlap import UnplacedRun
 from mapping.stages import Work
 
 CALIBRATION = "calibration"
@@ -50,6 +51,8 @@ class SparseMap:
     """The worst placed image's share of matches that agree with the map."""
     breaks: np.ndarray
     """(b, 2) instants across which the map is broken: no pair of images across agrees with it."""
+    overlaps: np.ndarray
+    """(p, 3) pairs of instants and the number of verified matches between them."""
     repeated: float
     """Share of the features that look like others of the same image; a quarter of the images has more."""
     trial: Trial
@@ -116,9 +119,10 @@ def reconstruct(
         model = model_files.read(kept.on(options, near).stage(CALIBRATION, place))
     placed = np.isfinite(model.T_world_body[:, 0, 0])
     if placed.mean() < _LEAST_SHARE:
+        runs = overlap.unplaced_runs(images.instants, placed, model.overlaps)
         raise MapError(
-            f"only {int(placed.sum())} of {len(placed)} images could be placed; "
-            "take them closer together, slower, or in more light"
+            f"only {int(placed.sum())} of {len(placed)} images could be placed; take them closer together, slower, or "
+            f"in more light. Not placed: {overlap.summary(runs)}"
         )
     has_baseline = images.rig.baseline_m > alignment.LEAST_BASELINE_M and _rig_seen(model.registered)
     aligned = alignment.align(
@@ -140,6 +144,7 @@ def reconstruct(
         reprojection_error_px=model.reprojection_error_px,
         least_agreement=model.least_agreement,
         breaks=model.breaks,
+        overlaps=model.overlaps,
         repeated=model.repeated,
         trial=model.trial,
         alignment=aligned,
@@ -155,6 +160,11 @@ def _rig_seen(registered: np.ndarray) -> bool:
 def unplaced(sparse: SparseMap) -> Sequence[str]:
     """Names of the images that have no pose."""
     return [sparse.images.relative(i, c) for i, c in sparse.images.pairs() if not sparse.registered[i, c]]
+
+
+def unplaced_runs(sparse: SparseMap) -> list[UnplacedRun]:
+    """Runs of instants that have no pose, and where they lost the overlap with the others."""
+    return overlap.unplaced_runs(sparse.images.instants, sparse.placed, sparse.overlaps)
 
 
 def residual_fields(placed: SparseMap) -> list[dict[str, Any]]:

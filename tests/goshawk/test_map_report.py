@@ -38,6 +38,10 @@ def folder(tmp_path: Path, pillar_map: Path) -> Path:
         area,
         corrections=["down: its rotation"],
         not_placed=["front/7.png"],
+        unplaced_runs=[
+            {"first": "7.png", "last": "<9>.png", "count": 3, "before": "6.png", "after": None, "matches_before": 18,
+             "matches_after": 0, "pieces": [["7.png", "<9>.png"]]}
+        ],
         scale_witnesses=[{"source": "rig baseline", "ratio": 1.0, "std": 0.006}],
         calibration=[
             {"camera": "down", "error": "rotation on the body", "verdict": "present", "size": [0.01, 0.0, 0.0],
@@ -62,6 +66,8 @@ def test_the_page_has_all_that_is_known_and_needs_no_network(folder: Path, tmp_p
         "3 of 10 &lt;images&gt; could not be placed",
         "down: its rotation",
         "front/7.png",
+        "<td>7.png to &lt;9&gt;.png</td><td>3</td><td>18 (6.png)</td><td></td>",
+        "<td class='word'>7.png to &lt;9&gt;.png</td>",
         "rig baseline",
         "rotation on the body",
         "present",
@@ -96,6 +102,8 @@ def test_a_report_of_an_earlier_version_has_the_errors_over_the_image_alone(fold
 @pytest.mark.parametrize(
     "body",
     [
+        {"unplaced_runs": [{"first": "7.png"}]},
+        {"residual_radius": [{"camera": "front"}], "residual_time": [{"camera": "front"}]},
         {"scale_witnesses": [{"source": "rig"}]},
         {"scale_witnesses": 3},
         {"calibration": [{"camera": "front"}]},
