@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from html import escape
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,9 +15,13 @@ from flight import FormatError, InputError, file_format
 from goshawk import look_again
 from mapping import Map, map_folder, map_parts
 from mapping.exploration.view_planning import ViewOptions
+from mapping.sparse.overlap import UnplacedRun
 from mapping.verdict import Standing
-from sysid.report.drawing import INK, figure, plain, written
+from sysid.report.drawing import COLOURS, INK, PALE, figure, plain, written
 from sysid.report.pages import picture, table, write_page
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _ARROWS = 100.0
 """Mean errors are drawn so many times as long."""
@@ -32,9 +36,13 @@ def write(path: Path, area: Map) -> Path:
     """
     report = read_report(area.folder)
     try:
-        tables = _witnesses(report) + _trial(report)
+        tables = _unplaced(report) + _witnesses(report) + _trial(report)
         with tempfile.TemporaryDirectory() as folder:
-            drawn = [_residuals(report, Path(folder)), _coverage(area, Path(folder))]
+            drawn = [
+                _residuals(report, Path(folder)),
+                _residual_profiles(report, Path(folder)),
+                _coverage(area, Path(folder)),
+            ]
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise FormatError(f"{area.folder / 'report.json'}: {file_format.damage_text(error)}") from error
     with tempfile.TemporaryDirectory() as folder:
@@ -86,6 +94,31 @@ def _figures(area: Map, report: dict[str, Any]) -> str:
     }
     cells = "".join(f"<tr><td>{name}</td><td class='word'>{escape(str(v))}</td></tr>" for name, v in rows.items() if v)
     return "<h2>Figures</h2>" + table(("", ""), cells, words=1)
+
+
+def _unplaced(report: dict[str, Any]) -> str:
+    """The runs of images without a place, and their overlap with their neighbours; nothing if all have one."""
+    runs = [UnplacedRun(**run) for run in report.get("unplaced_runs", [])]
+    if not runs:
+        return ""
+    rows = "".join(
+        f"<tr><td>{escape(run.span)}</td><td>{run.count}</td>"
+        + _matches(run.before, run.matches_before)
+        + _matches(run.after, run.matches_after)
+        + f"<td class='word'>{escape(', '.join(' to '.join(piece) for piece in run.pieces))}</td></tr>"
+        for run in runs
+    )
+    head = ("not placed", "instants", "matches with the one before", "with the one after", "pieces of their own")
+    note = (
+        "<p class='small'>Verified matches, of all cameras together. Few or none: the overlap was lost there. Images "
+        "of a piece of their own overlap well with each other, but with no placed image.</p>"
+    )
+    return "<h2>Images without a place</h2>" + table(head, rows, words=1) + note
+
+
+def _matches(neighbour: str | None, matches: int) -> str:
+    """A cell: the matches with a neighbour, if there is one."""
+    return "<td></td>" if neighbour is None else f"<td>{matches} ({escape(neighbour)})</td>"
 
 
 def _witnesses(report: dict[str, Any]) -> str:
@@ -152,6 +185,52 @@ def _residuals(report: dict[str, Any], folder: Path) -> str:
         "where there are ten observations. A lens that fits leaves arrows without a pattern.</p>"
     )
     return "<h2>Residuals over the image</h2>" + picture(path, "Reprojection errors, cell by cell") + note
+
+
+def _residual_profiles(report: dict[str, Any], folder: Path) -> str:
+    """The errors over the angle from the optical axis and over time; nothing for a report of an earlier version."""
+    over_radius, over_time = report.get("residual_radius", []), report.get("residual_time", [])
+    if not over_radius or not over_time:
+        return ""
+    drawn, axes = figure(2, len(over_radius), (5.5 * len(over_radius), 5.2))
+    for upper, lower, rings, images in zip(axes[0], axes[1], over_radius, over_time, strict=True):
+        _draw_radius(upper, rings)
+        _draw_time(lower, images)
+    path = written(drawn, folder / "profiles.svg")
+    note = (
+        "<p class='small'>Above: mean along the radius, positive outwards, with its standard error if all errors were "
+        "independent, and RMS, over the angle from the optical axis. A mean that changes with the angle is a radial "
+        "distortion or a focal length that does not fit. Below: mean and RMS of each image; one that stands apart is a "
+        "little out of place, or shows things that moved.</p>"
+    )
+    return picture(path, "Reprojection errors over angle and time") + note
+
+
+def _draw_radius(place: "Axes", rings: dict[str, Any]) -> None:
+    count = np.array(rings["count"])
+    mean_px, rms_px = (np.array(rings[name], dtype=float) for name in ("mean_radial_px", "rms_px"))
+    bounds_deg = np.degrees(rings["angle_rad"])
+    middle_deg = 0.5 * (bounds_deg[:-1] + bounds_deg[1:])
+    # half of the squared error lies along the radius
+    std_px = rms_px / np.sqrt(2.0 * np.maximum(count, 1))
+    place.plot(middle_deg, rms_px, ".-", color=PALE, label="RMS")
+    place.errorbar(middle_deg, mean_px, std_px, fmt=".-", color=COLOURS[0], capsize=2, label="mean along the radius")
+    place.axhline(0.0, color=INK, linewidth=0.6)
+    plain(place, rings["camera"], "angle from the optical axis (°)", "error (px)")
+    place.legend(fontsize=8, frameon=False)
+
+
+def _draw_time(place: "Axes", images: dict[str, Any]) -> None:
+    time_s = np.array(images["time_s"], dtype=float)
+    is_timed = bool(np.isfinite(time_s).all())
+    at = time_s if is_timed else np.arange(len(time_s))
+    mean_px = np.array([mean or (math.nan, math.nan) for mean in images["mean_px"]], dtype=float).reshape(-1, 2)
+    place.plot(at, np.array(images["rms_px"], dtype=float), ".-", color=PALE, label="RMS")
+    for axis, name in enumerate(("mean x", "mean y")):
+        place.plot(at, mean_px[:, axis], ".-", color=COLOURS[axis], linewidth=0.8, label=name)
+    place.axhline(0.0, color=INK, linewidth=0.6)
+    plain(place, images["camera"], "time (s)" if is_timed else "placed image, in order", "error (px)")
+    place.legend(fontsize=8, frameon=False, ncols=3)
 
 
 def _coverage(area: Map, folder: Path) -> str:

@@ -23,6 +23,8 @@ class MapReport:
     """Images that have a pose in the map."""
     not_placed: list[str]
     """The others."""
+    unplaced_runs: list[dict[str, Any]]
+    """Runs of instants without a pose, and their matches with their neighbours; see `sparse.overlap.UnplacedRun`."""
     reprojection_error_px: float
     """Mean over all observations."""
     least_agreement: float
@@ -52,6 +54,10 @@ class MapReport:
     """The trial of the camera file: one entry for each error it may have had; see `calibration.trial.Finding`."""
     residual_field: list[dict[str, Any]]
     """Reprojection errors over each camera's image; see `camera.residual_field.field`."""
+    residual_radius: list[dict[str, Any]]
+    """The same over the angle from each camera's optical axis; see `camera.residual_field.over_radius`."""
+    residual_time: list[dict[str, Any]]
+    """The same for each placed image of each camera; see `sparse.reconstruction.residuals_over_time`."""
     path_length_m: float
     """From the first placed image to the last."""
     lenses: dict[str, list[float]]
@@ -114,6 +120,7 @@ def report(
         images=placed.images.count,
         images_placed=int(placed.registered.sum()),
         not_placed=list(reconstruction.unplaced(placed)),
+        unplaced_runs=[dataclasses.asdict(run) for run in reconstruction.unplaced_runs(placed)],
         reprojection_error_px=placed.reprojection_error_px,
         least_agreement=placed.least_agreement,
         points=len(placed.points_world_m),
@@ -128,6 +135,8 @@ def report(
         corrections=list(judged.corrections),
         calibration=[finding.as_dict() for finding in placed.trial.findings],
         residual_field=reconstruction.residual_fields(placed),
+        residual_radius=reconstruction.residuals_over_radius(placed),
+        residual_time=reconstruction.residuals_over_time(placed),
         path_length_m=float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
         lenses={camera.name: camera.params.tolist() for camera in placed.rig},
         mesh_vertices=len(surface.vertices_world_m),

@@ -29,7 +29,7 @@ MADE_OF = "figures_of"
 """Key of the `report.json` of a cropped map: the map whose scale, calibration and residuals it states."""
 _COUNTED = ("images", "images_placed", "path_length_m")
 """Facts that are those of the part in a cropped map."""
-_OF_THE_WHOLE = ("swept_occupied_m3", "resolved_m", "depth", "cpu_s")
+_OF_THE_WHOLE = ("unplaced_runs", "swept_occupied_m3", "resolved_m", "depth", "cpu_s")
 HISTORY = "history"
 """Key of `map.toml`: how the map was made of others, a sentence a step."""
 

@@ -13,7 +13,7 @@ from flight import FloatArray
 from mapping.camera.errors import OF_THE_LENS, Kind
 from mapping.camera.trial import SIGMAS90, Finding, Verdict
 from mapping.input.trajectory import MotionKind
-from mapping.sparse import repetition
+from mapping.sparse import overlap, reconstruction, repetition
 from mapping.sparse.alignment import ScaleWitness
 from mapping.sparse.motion import MotionCheck
 from mapping.sparse.reconstruction import SparseMap
@@ -68,9 +68,9 @@ def judge(placed: SparseMap) -> MapVerdict:
     doubts, refusals = [], []
     share = float(placed.registered.sum()) / placed.images.count
     if share < LEAST_PLACED:
-        doubts.append(
-            f"{placed.images.count - int(placed.registered.sum())} of {placed.images.count} images could not be placed"
-        )
+        lacking = placed.images.count - int(placed.registered.sum())
+        runs = overlap.summary(reconstruction.unplaced_runs(placed))
+        doubts.append(f"{lacking} of {placed.images.count} images could not be placed{': ' if runs else ''}{runs}")
     if placed.repeated > repetition.MOST:
         doubts.append(
             f"repeated texture: {placed.repeated:.0%} of the features look like others of the same image, so images "

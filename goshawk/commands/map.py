@@ -20,6 +20,7 @@ from goshawk.commands.map_texture import texture
 from mapping import map_folder, stages
 from mapping.input import examination, trajectory
 from mapping.input.source import Source
+from mapping.sparse.overlap import UnplacedRun
 from mapping.verdict import Standing
 
 VOXEL_M, FARTHEST_M, THINNEST_M, CARRIER_M = (0.005, 10.0), (0.1, 1000.0), (0.001, 1.0), (0.01, 2.0)
@@ -252,6 +253,8 @@ def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
         )
     if report.not_placed:
         facts["not placed"] = ", ".join(report.not_placed)
+    if report.unplaced_runs:
+        facts["runs not placed"] = "; ".join(str(UnplacedRun(**run)) for run in report.unplaced_runs)
     return facts
 
 

@@ -18,7 +18,7 @@ from mapping.camera.adjustment import Observations
 from mapping.camera.rig import Rig
 from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
-from mapping.sparse import agreement, colmap_model, eccentricity, features, growth, pairing, repetition, rgbd
+from mapping.sparse import agreement, colmap_model, eccentricity, features, growth, overlap, pairing, repetition, rgbd
 from mapping.stages import Work
 
 logger = logging.getLogger(__name__)
@@ -84,6 +84,8 @@ class SparseModel:
     """Of the placed instants, see `agreement`."""
     breaks: np.ndarray
     """(b, 2) instants across which the map is broken, see `agreement`; none if depth images placed them."""
+    overlaps: np.ndarray
+    """(p, 3) pairs of instants and their verified matches, see `overlap.of_instants`."""
     repeated: float
     """Upper quartile over the images of `repetition.share`."""
     trial: Trial
@@ -408,6 +410,7 @@ def _read_out(
         reprojection_error_px=_reprojection_error_px(seen),
         least_agreement=float(np.nanmin(pairs.of_instants(), initial=1.0)),
         breaks=pairs.breaks() if images.depths is None else np.zeros((0, 2), dtype=np.int64),
+        overlaps=overlap.of_instants(database, images),
         repeated=repeated,
         trial=trial,
         cpu_s=watch.cpu_s,

@@ -9,7 +9,7 @@ from mapping.camera import rig as rigs
 from mapping.camera.trial import Finding, Trial
 from mapping.sparse.colmap import SparseModel
 
-_ARRAYS = ("T_world_body", "registered", "points_world", "descriptors", "observations", "pixels", "breaks")
+_ARRAYS = ("T_world_body", "registered", "points_world", "descriptors", "observations", "pixels", "breaks", "overlaps")
 _NUMBERS = ("reprojection_error_px", "least_agreement", "repeated", "cpu_s")
 
 

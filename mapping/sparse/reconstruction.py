@@ -12,13 +12,14 @@ import numpy as np
 from flight import FloatArray, MapError, Progress, silent
 from mapping import child, stages
 from mapping.camera import residual_field
-from mapping.camera.rig import Rig
+from mapping.camera.rig import Camera, Rig
 from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
-from mapping.sparse import alignment, colmap, model_files, pairing
+from mapping.sparse import alignment, colmap, model_files, overlap, pairing
 from mapping.sparse.alignment import Alignment, Length
 from mapping.sparse.colmap import SparseOptions
 from mapping.sparse.localization_map import LocalizationMap
+from mapping.sparse.overlap import UnplacedRun
 from mapping.stages import Work
 
 CALIBRATION = "calibration"
@@ -50,6 +51,8 @@ class SparseMap:
     """The worst placed image's share of matches that agree with the map."""
     breaks: np.ndarray
     """(b, 2) instants across which the map is broken: no pair of images across agrees with it."""
+    overlaps: np.ndarray
+    """(p, 3) pairs of instants and the number of verified matches between them."""
     repeated: float
     """Share of the features that look like others of the same image; a quarter of the images has more."""
     trial: Trial
@@ -116,9 +119,10 @@ def reconstruct(
         model = model_files.read(kept.on(options, near).stage(CALIBRATION, place))
     placed = np.isfinite(model.T_world_body[:, 0, 0])
     if placed.mean() < _LEAST_SHARE:
+        runs = overlap.unplaced_runs(images.instants, placed, model.overlaps)
         raise MapError(
-            f"only {int(placed.sum())} of {len(placed)} images could be placed; "
-            "take them closer together, slower, or in more light"
+            f"only {int(placed.sum())} of {len(placed)} images could be placed; take them closer together, slower, or "
+            f"in more light. Not placed: {overlap.summary(runs)}"
         )
     has_baseline = images.rig.baseline_m > alignment.LEAST_BASELINE_M and _rig_seen(model.registered)
     aligned = alignment.align(
@@ -140,6 +144,7 @@ def reconstruct(
         reprojection_error_px=model.reprojection_error_px,
         least_agreement=model.least_agreement,
         breaks=model.breaks,
+        overlaps=model.overlaps,
         repeated=model.repeated,
         trial=model.trial,
         alignment=aligned,
@@ -157,12 +162,42 @@ def unplaced(sparse: SparseMap) -> Sequence[str]:
     return [sparse.images.relative(i, c) for i, c in sparse.images.pairs() if not sparse.registered[i, c]]
 
 
+def unplaced_runs(sparse: SparseMap) -> list[UnplacedRun]:
+    """Runs of instants that have no pose, and where they lost the overlap with the others."""
+    return overlap.unplaced_runs(sparse.images.instants, sparse.placed, sparse.overlaps)
+
+
 def residual_fields(placed: SparseMap) -> list[dict[str, Any]]:
     """Reprojection errors over the image of each camera; see `camera.residual_field.field`."""
-    fields = []
-    for number, camera in enumerate(placed.rig):
-        seen = placed.observations[:, 2] == number
-        point, instant = placed.observations[seen, 0], placed.observations[seen, 1]
-        T_world_camera = placed.T_world_body[instant] @ camera.T_body_camera
-        fields.append(residual_field.field(camera, T_world_camera, placed.points_world_m[point], placed.pixels[seen]))
-    return fields
+    return [residual_field.field(*_observed(placed, number)) for number in range(len(placed.rig))]
+
+
+def residuals_over_radius(placed: SparseMap) -> list[dict[str, Any]]:
+    """The same over the angle from the optical axis; see `camera.residual_field.over_radius`."""
+    return [residual_field.over_radius(*_observed(placed, number)) for number in range(len(placed.rig))]
+
+
+def residuals_over_time(placed: SparseMap) -> list[dict[str, Any]]:
+    """The same for each placed image: `camera.residual_field.over_time`, the names (`image`) and times (`time_s`)."""
+    found = []
+    for number in range(len(placed.rig)):
+        instants = np.flatnonzero(placed.registered[:, number])
+        instant = placed.observations[placed.observations[:, 2] == number, 1]
+        image = np.searchsorted(instants, instant)
+        time_s = placed.images.time_s[instants]
+        found.append(
+            residual_field.over_time(*_observed(placed, number), image, len(instants))
+            | {
+                "image": [placed.images.relative(int(k), number) for k in instants],
+                "time_s": [float(t) if np.isfinite(t) else None for t in time_s],
+            }
+        )
+    return found
+
+
+def _observed(placed: SparseMap, number: int) -> tuple[Camera, FloatArray, FloatArray, FloatArray]:
+    """A camera, and of each of its observations the camera's pose (o, 4, 4), the point (o, 3) and the pixel (o, 2)."""
+    camera, seen = placed.rig.cameras[number], placed.observations[:, 2] == number
+    point, instant = placed.observations[seen, 0], placed.observations[seen, 1]
+    T_world_camera = placed.T_world_body[instant] @ camera.T_body_camera
+    return camera, T_world_camera, placed.points_world_m[point], placed.pixels[seen]

@@ -36,11 +36,13 @@ def placed(
     registered = np.ones((COUNT, 2), bool)
     registered[:missing] = False
     registered[:, 1] &= not lost_camera
+    T_world_body = np.tile(np.eye(4), (COUNT, 1, 1))
+    T_world_body[:missing] = np.nan
     witnesses = (ScaleWitness("rig baseline", 1.0, used_std), ScaleWitness("recorded positions", ratio, std))
     nothing = np.zeros((0, 3))
     return SparseMap(
         images=ImageSet(Path(), RIG, names, np.ones((COUNT, 2), bool), np.full(COUNT, np.nan)),
-        T_world_body=np.tile(np.eye(4), (COUNT, 1, 1)),
+        T_world_body=T_world_body,
         registered=registered,
         points_world_m=nothing,
         descriptors=np.zeros((0, 128), np.float32),
@@ -49,6 +51,7 @@ def placed(
         reprojection_error_px=0.3,
         least_agreement=1.0,
         breaks=np.array(breaks, int).reshape(-1, 2),
+        overlaps=np.array([[1, 2, 17]]),
         repeated=repeated,
         trial=Trial(findings, RIG, np.zeros((0, 4, 4)), nothing, noise_px, 0.001),
         alignment=Alignment(1.0, np.eye(4), "rig baseline", "recorded gravity", witnesses=witnesses),
@@ -70,7 +73,10 @@ def test_a_map_without_reasons_is_good() -> None:
 
 
 DOUBTS = [
-    ({"missing": 2}, "4 of 20 images could not be placed"),
+    (
+        {"missing": 2},
+        "4 of 20 images could not be placed: 0.png to 1.png (verified matches: 17 between 1.png and 2.png)",
+    ),
     ({"noise_px": 1.01}, "1.01 px"),
     ({"repeated": 0.4}, "repeated texture: 40% of the features"),
     ({"findings": (finding(Kind.SHUTTER, Verdict.PRESENT),)}, "rolling shutter of 10 ± 1 ms"),
