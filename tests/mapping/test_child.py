@@ -98,7 +98,9 @@ def test_a_child_whose_parent_is_gone_before_it_begins_does_no_work(tmp_path: Pa
     (tmp_path / "request").write_bytes(pickle.dumps((_work("add"), (2, 3))))
     ours, closed = os.pipe()
     os.close(closed)
-    ended = subprocess.run([sys.executable, "-m", "mapping.child", str(tmp_path)], stdin=ours, check=False)
+    command = [sys.executable, "-m", "mapping.child", str(tmp_path)]
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    ended = subprocess.run(command, stdin=ours, env=paths, stdout=subprocess.DEVNULL, check=False)
     os.close(ours)
     assert ended.returncode != 0
     assert not (tmp_path / "answer").exists()
