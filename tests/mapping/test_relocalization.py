@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import esdf
 from esdf.solids import Box, Scene
@@ -60,9 +62,41 @@ def test_the_covariance_turns_with_the_map() -> None:
     np.testing.assert_allclose(after, turn @ before @ turn.T, rtol=1e-4, atol=1e-12)
 
 
-def test_three_matches_say_nothing_of_the_certainty() -> None:
-    given = [matches_at(T_WORLD_BODY, 0.5, np.random.default_rng(2), count=3)[0]]
-    assert np.isnan(pose_certainty.covariance(RIG, given, T_WORLD_BODY)).all()
+def pixel_errors(T_world_body: FloatArray, matches: list[Match]) -> FloatArray:
+    """(2 n,) reprojection errors."""
+    return np.concatenate(
+        [
+            (
+                RIG.cameras[number].project(
+                    frames.apply(frames.invert(T_world_body @ RIG.cameras[number].T_body_camera), points)
+                )
+                - pixels
+            ).ravel()
+            for number, pixels, points in matches
+        ]
+    )
+
+
+def test_the_covariance_propagates_the_errors_through_the_derivative_after_the_pose() -> None:
+    given, step = matches_at(T_WORLD_BODY, 0.5, np.random.default_rng(2)), 1e-6
+    J = np.empty((len(pixel_errors(T_WORLD_BODY, given)), 6))
+    for column, change in enumerate(step * np.eye(6)):
+        ahead, behind = (
+            frames.transform([1.0, 0.0, 0.0, 0.0], sign * change[:3])
+            @ T_WORLD_BODY
+            @ frames.transform(rotations.exp(sign * change[3:]), np.zeros(3))
+            for sign in (1.0, -1.0)
+        )
+        J[:, column] = (pixel_errors(ahead, given) - pixel_errors(behind, given)) / (2.0 * step)
+    e = pixel_errors(T_WORLD_BODY, given)
+    expected = np.linalg.inv(J.T @ J) * (e @ e) / (len(e) - 6)
+    np.testing.assert_allclose(pose_certainty.covariance(RIG, given, T_WORLD_BODY), expected, rtol=1e-4, atol=1e-12)
+
+
+def test_four_matches_tell_how_certain_a_pose_is_and_three_do_not() -> None:
+    three, four = (matches_at(T_WORLD_BODY, 0.5, np.random.default_rng(2), count=n)[:1] for n in (3, 4))
+    assert np.isnan(pose_certainty.covariance(RIG, three, T_WORLD_BODY)).all()
+    assert np.isfinite(pose_certainty.covariance(RIG, four, T_WORLD_BODY)).all()
 
 
 def test_a_refusal_says_why() -> None:
@@ -73,6 +107,12 @@ def test_a_refusal_says_why() -> None:
     answer = relocalization._answer(RIG, wrong, options)
     assert answer.T_world_body is None
     assert answer.refusal.endswith("of 400 matches agree with one pose; 60 needed")
+    right, rest = matches_at(T_WORLD_BODY, 0.5, rng, count=10), matches_at(T_WORLD_BODY, 0.5, rng, count=50)
+    mixed = [
+        (n, np.concatenate([p, q]), np.concatenate([x, rng.permutation(y)]))
+        for (n, p, x), (_, q, y) in zip(right, rest, strict=True)
+    ]
+    assert relocalization._answer(RIG, mixed, options).refusal.endswith("of 120 matches agree with one pose; 30 needed")
 
 
 TIMES_S = np.arange(6.0)
@@ -91,6 +131,8 @@ def on_a_line(*x_m: float) -> FloatArray:
         ((0, 1, 2, 3, 4, -9), (0, 1, 2, 3, 4)),
         ((0, np.nan, np.nan, 3, 4, 5), (0, 3, 4, 5)),
         ((0, 1, 90, 91, 92, 93), (2, 3, 4, 5)),
+        ((0, 1.15, np.nan, np.nan, np.nan, np.nan), (0, 1)),
+        ((0, 2, 1.1, np.nan, np.nan, np.nan), (1, 2)),
         ((np.nan,) * 6, ()),
     ],
 )
@@ -117,37 +159,90 @@ def test_an_instant_is_expected_between_its_neighbours_and_beside_one_alone() ->
     assert neighbours.predicted(TIMES_S, T, 5, within_s=0.5) is None
 
 
-# --- three images of a place whose textures stand behind the camera a second time ---
+def test_an_instant_is_expected_beside_the_nearest_of_its_neighbours() -> None:
+    T = np.array([frames.transform([1.0, 0.0, 0.0, 0.0], [x_m, 0.0, 0.0]) for x_m in (0.0, 1.0, 2.0, 5.0, 7.0, 20.0)])
+    for kept, expected_x_m in (([0, 1, 4, 5], 3.0), ([0, 1], 1.0), ([4, 5], 7.0)):
+        known = np.full_like(T, np.nan)
+        known[kept] = T[kept]
+        found = neighbours.predicted(TIMES_S, known, 2, within_s=3.0)
+        assert found is not None
+        np.testing.assert_allclose(found[:3, 3], [expected_x_m, 0.0, 0.0])
 
-CAMERA = dataclasses.replace(RIG.cameras[0], T_body_camera=np.eye(4))
+
+# --- matches ---
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), queries=st.integers(0, 12), known=st.integers(0, 12), rows=st.integers(1, 5))
+def test_a_match_is_clear_mutual_and_near_its_direction(seed: int, queries: int, known: int, rows: int) -> None:
+    rng = np.random.default_rng(seed)
+    of_query, of_known = (features.unit(rng.gamma(0.6, 1.0, (n, 128))) for n in (queries, known))
+    near = rng.random((queries, known)) < 0.8
+    same = min(queries, known) // 2
+    of_query[:same] = features.unit(of_known[:same] + 0.3 * rng.random((same, 128)))
+    of_query[same : 2 * same] = features.unit(of_known[:same] + 0.3 * rng.random((same, 128)))
+    cosine = np.where(near, of_query @ of_known.T, -1.0)
+    expected = []
+    for k, row in enumerate(cosine if known >= 2 else ()):
+        best, second = np.argsort(-row)[:2]
+        clear = 1.0 - row[best] < 0.85**2 * (1.0 - row[second])
+        if clear and cosine[:, best].argmax() == k:
+            expected.append((k, best))
+    # rays whose angle is small for exactly the pairs that are near: each known point has an axis of its own
+    rays_known = np.eye(max(known, 1))[:known]
+    beside = relocalization.Beside(near.astype(float), rays_known, 0.5)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(relocalization, "_ROWS", rows)
+        found = relocalization.match(of_query, of_known, 0.85, beside)
+    assert list(zip(*(part.tolist() for part in found), strict=True)) == expected
+
+
+# --- images of a place whose textures stand behind the camera a second time ---
+
+CAMERA = RIG.cameras[0]
 ALONE = dataclasses.replace(RIG, cameras=(CAMERA,))
-SINGLE_M, TWICE_M = (
-    CAMERA.unproject(RNG_POINTS.uniform([60.0, 60.0], [260.0, 180.0], (count, 2)))
-    * RNG_POINTS.uniform(3, 6, (count, 1))
-    for count in (80, 120)
-)
-SINGLE, TWICE = (features.unit(RNG_POINTS.gamma(0.6, 1.0, (count, 128))) for count in (80, 120))
+
+
+def seen_first(count: int) -> FloatArray:
+    """(count, 3) points that the camera sees from the first pose."""
+    pixels = RNG_POINTS.uniform([60.0, 60.0], [260.0, 180.0], (count, 2))
+    return frames.apply(CAMERA.T_body_camera, CAMERA.unproject(pixels) * RNG_POINTS.uniform(3, 6, (count, 1)))
+
+
+def textures(count: int) -> FloatArray:
+    return features.unit(RNG_POINTS.gamma(0.6, 1.0, (count, 128)))
+
+
+BEHIND, FAR_AWAY_M = np.array([-1.0, 1.0, 1.0]), np.array([50.0, 0.0, 0.0])
+SINGLE_M, TWICE_M, MOVED_M = seen_first(80), seen_first(120), seen_first(120)
+SINGLE, TWICE, MOVED = textures(80), textures(120), textures(120)
+FADED = features.unit(MOVED + 0.4 * MOVED.mean() * RNG_POINTS.gamma(0.6, 1.0, MOVED.shape))
 KNOWN = LocalizationMap(
-    np.concatenate([SINGLE_M, TWICE_M, TWICE_M * [1.0, 1.0, -1.0]]), np.concatenate([SINGLE, TWICE, TWICE])
+    np.concatenate([SINGLE_M, TWICE_M, TWICE_M * BEHIND, MOVED_M, MOVED_M + FAR_AWAY_M]),
+    np.concatenate([SINGLE, TWICE, TWICE, FADED, MOVED]),
 )
 POSES = np.array([frames.transform([1.0, 0.0, 0.0, 0.0], [0.3 * k, 0.0, 0.0]) for k in range(3)])
 
 
 @pytest.fixture
-def three_images(monkeypatch: pytest.MonkeyPatch) -> ImageSet:
-    """The first and the third show what is in the map once, the second what is in it twice."""
-    shown = {"0.png": (SINGLE_M, SINGLE), "1.png": (TWICE_M, TWICE), "2.png": (SINGLE_M, SINGLE)}
+def shown(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """What each image shows: the first and the third what is in the map once, the second what is in it twice."""
+    of_image = {"0.png": (SINGLE_M, SINGLE), "1.png": (TWICE_M, TWICE), "2.png": (SINGLE_M, SINGLE)}
 
     def of_set(images: ImageSet, count: int):
         for name in images.instants:
-            points, descriptors = shown[name]
-            pixels = CAMERA.project(frames.apply(frames.invert(POSES[int(name[0])]), points))
+            points, descriptors = of_image[name]
+            pixels = CAMERA.project(frames.apply(frames.invert(POSES[int(name[0])] @ CAMERA.T_body_camera), points))
             noisy = features.unit(descriptors + 0.01 * np.random.default_rng(0).normal(size=descriptors.shape))
             yield Features(pixels, np.ones(len(pixels)), np.zeros(len(pixels)), noisy)
 
     monkeypatch.setattr(relocalization.features, "of_set", of_set)
-    names = ("0.png", "1.png", "2.png")
-    return ImageSet(Path("nowhere"), ALONE, names, np.ones((3, 1), dtype=bool), np.array([0.0, 0.5, 1.0]))
+    return of_image
+
+
+@pytest.fixture
+def three_images(shown: dict[str, tuple[FloatArray, FloatArray]]) -> ImageSet:
+    return ImageSet(Path("nowhere"), ALONE, tuple(shown), np.ones((3, 1), dtype=bool), np.array([0.0, 0.5, 1.0]))
 
 
 def localized(images: ImageSet, options: LocalizationOptions | None = None) -> Localization:
@@ -159,10 +254,11 @@ def test_repeated_texture_is_found_beside_its_neighbours_in_time(three_images: I
     assert answer.failed == ()
     assert answer.refused == {}
     np.testing.assert_allclose(answer.T_world_body, POSES, atol=1e-4)
-    untimed = localized(dataclasses.replace(three_images, time_s=np.full(3, np.nan)))
-    assert untimed.failed == ("1.png",)
-    assert "features look like points of the map" in untimed.refused["1.png"]
-    assert np.isnan(untimed.covariance[1]).all()
+    for time_s in (np.full(3, np.nan), np.array([0.0, np.nan, 1.0]), np.zeros(3)):  # nothing is known of neighbours
+        untimed = localized(dataclasses.replace(three_images, time_s=time_s))
+        assert untimed.failed == ("1.png",)
+        assert "features look like points of the map" in untimed.refused["1.png"]
+        assert np.isnan(untimed.covariance[1]).all()
     assert localized(three_images, LocalizationOptions(neighbours_s=0.3)).failed == ("1.png",)
 
 
@@ -171,6 +267,15 @@ def test_a_pose_that_is_not_reached_in_time_is_refused(three_images: ImageSet) -
     answer = localized(at_once, LocalizationOptions(fastest_m_s=2.0))
     assert answer.found.sum() == 1
     assert "at 2 m/s" in next(iter(answer.refused.values()))
+
+
+def test_an_image_with_a_wrong_pose_is_looked_for_again_beside_its_neighbours(
+    three_images: ImageSet, shown: dict[str, tuple[FloatArray, FloatArray]]
+) -> None:
+    shown["1.png"] = (MOVED_M, MOVED)
+    alone = localized(dataclasses.replace(three_images, time_s=np.full(3, np.nan)))
+    assert alone.T_world_body[1, 0, 3] == pytest.approx(50.3, abs=0.01)
+    np.testing.assert_allclose(localized(three_images).T_world_body, POSES, atol=1e-3)
 
 
 # --- changed regions ---
@@ -244,18 +349,21 @@ def test_only_what_an_image_of_the_map_saw_from_a_similar_place_is_looked_for() 
     grid = esdf.Grid((-8.0, -8.0, -8.0), (0.5, 0.5, 0.5), (32, 32, 32))
     field = esdf.build(np.full(grid.shape, esdf.FREE, np.uint8), grid)
     seen = changes._Seen(SINGLE_M, ALONE, POSES[:1])
-    assert len(seen.looked_at(POSES[1], CAMERA, field)) == len(SINGLE_M)
-    far = frames.transform([1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -6.0])
-    assert len(seen.looked_at(far, CAMERA, field)) == 0, "they are less than half as large there"
-    aside = frames.transform(rotations.exp([0.0, -0.9, 0.0]), [4.0, 0.0, 0.5])
-    assert len(seen.looked_at(aside, CAMERA, field)) < 0.2 * len(SINGLE_M)
+    assert len(seen.looked_at(POSES[1] @ CAMERA.T_body_camera, CAMERA, field)) == len(SINGLE_M)
+    far = frames.transform([1.0, 0.0, 0.0, 0.0], [-6.0, 0.0, 0.0])
+    assert len(seen.looked_at(far @ CAMERA.T_body_camera, CAMERA, field)) == 0, "they are less than half as large there"
+    near = frames.transform([1.0, 0.0, 0.0, 0.0], [2.5, 0.0, 0.0])
+    assert len(seen.looked_at(near @ CAMERA.T_body_camera, CAMERA, field)) == 0, "they are more than half larger there"
+    aside = frames.transform(rotations.exp([0.0, 0.0, 0.9]), [0.5, -4.0, 0.0])
+    assert len(seen.looked_at(aside @ CAMERA.T_body_camera, CAMERA, field)) < 0.2 * len(SINGLE_M)
 
 
 def test_a_point_is_found_again_by_a_feature_like_it_near_its_place() -> None:
     known = LocalizationMap(SINGLE_M, SINGLE)
-    pixels, none = CAMERA.project(SINGLE_M), np.zeros(len(SINGLE))
+    T_world_camera, none = POSES[0] @ CAMERA.T_body_camera, np.zeros(len(SINGLE))
+    pixels = CAMERA.project(frames.apply(frames.invert(T_world_camera), SINGLE_M))
     points = np.arange(len(SINGLE))
     for shift_px, descriptors, share in ((3.0, SINGLE, 1.0), (7.0, SINGLE, 0.0), (0.0, SINGLE[::-1], 0.0)):
         image = Features(pixels + np.array([shift_px, 0.0]), none, none, descriptors)
-        found = changes._found_again(known, points, image, POSES[0], CAMERA)
+        found = changes._found_again(known, points, image, T_world_camera, CAMERA)
         assert found.mean() == pytest.approx(share, abs=0.1)
