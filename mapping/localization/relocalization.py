@@ -115,7 +115,7 @@ def localize_here(
 ) -> Localization:
     """The work of `localize`, in this process."""
     answers = [_answer(images.rig, matches, options) for matches in _matched(known, images, options, progress)]
-    if np.isfinite(images.time_s).all() and (np.diff(images.time_s) > 0.0).all():
+    if (np.diff(images.time_s) > 0.0).all():  # not where a time is unknown (NaN)
         answers = _reachable(answers, images.time_s, options)
         answers = _looked_for_again(answers, known, images, options, progress)
     missing = np.full((6, 6), np.nan)
@@ -242,7 +242,7 @@ def match(
         next_cosine[part] = cosine.max(axis=1)
     mutual = meant_by[best] == np.arange(len(query))
     # |a - b|^2 = 2 - 2 a.b for unit vectors
-    chosen = np.flatnonzero(mutual & (best_cosine > -1.0) & (1.0 - best_cosine < ratio**2 * (1.0 - next_cosine)))
+    chosen = np.flatnonzero(mutual & (1.0 - best_cosine < ratio**2 * (1.0 - next_cosine)))
     return chosen, best[chosen]
 
 
