@@ -1,5 +1,7 @@
 """From fisheye images to a metric map (poses, surfaces, free space), and relocalization in it."""
 
+from pathlib import Path
+
 from flight import Progress, silent
 from mapping.camera import rig
 from mapping.camera.rig import Camera, Rig
@@ -16,6 +18,7 @@ from mapping.map_folder import Map, MapOptions, build_map, open_map
 from mapping.poses_file import read_poses, write_poses
 from mapping.sparse.alignment import Length
 from mapping.sparse.colmap import SparseOptions
+from mapping.sparse.feature_files import FeatureFiles
 from mapping.sparse.reconstruction import SparseMap
 
 __all__ = [
@@ -49,13 +52,24 @@ __all__ = [
 
 
 def localize(
-    known: Map, images: ImageSet, *, options: LocalizationOptions | None = None, progress: Progress = silent
+    known: Map,
+    images: ImageSet,
+    *,
+    options: LocalizationOptions | None = None,
+    keep: Path | None = None,
+    progress: Progress = silent,
 ) -> Localization:
     """Poses of new images in a map; see `localization.relocalization.localize`."""
-    return relocalization.localize(known.localization_map(), images, options=options, progress=progress)
+    return relocalization.localize(known.localization_map(), images, options=options, keep=keep, progress=progress)
 
 
-def find_changes(known: Map, images: ImageSet, answer: Localization, *, progress: Progress = silent) -> Changes:
-    """The parts of a map that look different in images that were found in it; see `localization.changes.find`."""
-    placed = (known.rig, known.T_world_body)
-    return changes.find(known.localization_map(), known.field, placed, images, answer, progress=progress)
+def find_changes(
+    known: Map, images: ImageSet, kept: Path, answer: Localization, *, progress: Progress = silent
+) -> Changes:
+    """The parts of a map that look different in images that were found in it; see `localization.changes.find`.
+
+    Args:
+        kept: the folder that `localize` was given to keep the images' features in.
+    """
+    placed, found = (known.rig, known.T_world_body), FeatureFiles(kept)
+    return changes.find(known.localization_map(), known.field, placed, images, found, answer, progress=progress)

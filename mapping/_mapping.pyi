@@ -10,7 +10,6 @@ def rectify(
     lens: NDArray[np.float64],
     R_camera_grid: NDArray[np.float64],
     grid: NDArray[np.float64],
-    threads: int,
 ) -> NDArray[np.uint8]: ...
 def inverse_range(
     disparity: NDArray[np.int16],
@@ -24,7 +23,6 @@ def inverse_range(
     disparity_std_px: float,
     largest_relative_std: float,
     deviations: float,
-    threads: int,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]: ...
 def nearest_disparity(
     left: NDArray[np.uint8],
@@ -34,7 +32,6 @@ def nearest_disparity(
     noise: float,
     deviations: float,
     mean: float,
-    threads: int,
 ) -> NDArray[np.int16]: ...
 def sweep_lines(
     first: NDArray[np.float64],
@@ -67,7 +64,7 @@ def fuse(
     values: NDArray[np.float32], deviations: NDArray[np.float32], tolerance: float, least: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
 def facing(
-    inverse_range: NDArray[np.float32], rays: NDArray[np.float64], step: int, unsure: float, threads: int
+    inverse_range: NDArray[np.float32], rays: NDArray[np.float64], step: int, unsure: float
 ) -> NDArray[np.float32]: ...
 def mark_near_surface(
     origin_world_m: NDArray[np.float64],

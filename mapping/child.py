@@ -68,6 +68,7 @@ def _start(folder: Path, log: Any, lock: int | None) -> "subprocess.Popen[bytes]
         **os.environ,
         "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
         "GLOG_minloglevel": "1",
+        "OPENBLAS_NUM_THREADS": "1",  # work is divided by image; threads of one product mostly wait for each other
         "TMPDIR": str(folder),  # a killed child's temporary files are removed with the request
     }
     return subprocess.Popen(

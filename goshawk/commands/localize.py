@@ -1,5 +1,6 @@
 """`goshawk localize`: relocalize images in an earlier map."""
 
+import tempfile
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -58,11 +59,11 @@ def command(
     outputs.check(out, overwrite=overwrite)
     area = mapping.open_map(map_folder)
     rig = mapping.rig.load(camera) if camera is not None else area.rig
-    with console.progress() as progress:
+    with console.progress() as progress, tempfile.TemporaryDirectory(prefix="goshawk-") as name:
         folder = mapping.read_folder(images, rig, minimum=1, progress=progress)
         options = mapping.LocalizationOptions(fastest_m_s=fastest_m_s)
-        result = mapping.localize(area, folder, options=options, progress=progress)
-        changes = mapping.find_changes(area, folder, result, progress=progress)
+        result = mapping.localize(area, folder, options=options, keep=Path(name), progress=progress)
+        changes = mapping.find_changes(area, folder, Path(name), result, progress=progress)
     if result.found.any():
         with outputs.file(out, overwrite=overwrite) as temporary:
             mapping.write_poses(temporary, result.instants, folder.time_s, result.T_world_body, result.covariance)

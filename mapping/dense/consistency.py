@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapping import _mapping
-from mapping.dense.views import THREADS
 
 Grey = NDArray[np.uint8]
 Disparity = NDArray[np.int16]
@@ -53,7 +52,7 @@ def nearest_disparity(left: Grey, right: Grey, disparity: Disparity, disparities
     as_bright = np.asarray(cv2.convertScaleAbs(expected), np.uint8)  # rounded, at most 255
     noise = _noise(np.abs(expected[known] - matched[known]))
     return _mapping.nearest_disparity(
-        as_bright, right, disparity, disparities, max(noise, LEAST_NOISE), PIXEL_DEVIATIONS, MEAN_DEVIATIONS, THREADS
+        as_bright, right, disparity, disparities, max(noise, LEAST_NOISE), PIXEL_DEVIATIONS, MEAN_DEVIATIONS
     )
 
 

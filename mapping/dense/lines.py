@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from esdf import OCCUPIED, Grid
 from flight import FloatArray
-from mapping import _mapping
+from mapping import _mapping, workers
 from mapping.dense import stereo
 from mapping.dense.stereo import StereoOptions
 from mapping.dense.views import THREADS, ImageView
@@ -94,7 +94,7 @@ def detect(view: ImageView) -> Edges:
 
 def sweep(images: Sequence[ImageView], options: StereoOptions, *, farthest_m: float) -> Lines:
     """The edges of all images that enough partners put into depth alike."""
-    edges = [detect(view) for view in images]
+    edges = list(workers.in_order(detect, images, threads=THREADS))
     wider = dataclasses.replace(options, partners=PARTNERS, baseline_ratio=BASELINE_RATIO)
     first, last, image = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros(0, np.int64)]
     for index, own in enumerate(edges):

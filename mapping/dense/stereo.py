@@ -17,7 +17,7 @@ from flight import FloatArray, InputError, frames
 from mapping import _mapping
 from mapping.camera.rig import Camera
 from mapping.dense import consistency
-from mapping.dense.views import THREADS, ImageView, lens_row
+from mapping.dense.views import ImageView, lens_row
 
 FloatImage = NDArray[np.float32]
 
@@ -138,8 +138,8 @@ def depth_of_pair(
     R_partner_grid = np.ascontiguousarray(T_partner_camera[:3, :3] @ R_camera_grid)
     near_m = view.near_m or options.near_m
     grid, disparities = _grid(view, rays_camera, R_camera_grid, baseline_m / near_m, options)
-    left = _mapping.rectify(view.grey, lens_row(view.camera), R_camera_grid, grid, THREADS)
-    right = _mapping.rectify(partner.grey, lens_row(partner.camera), R_partner_grid, grid, THREADS)
+    left = _mapping.rectify(view.grey, lens_row(view.camera), R_camera_grid, grid)
+    right = _mapping.rectify(partner.grey, lens_row(partner.camera), R_partner_grid, grid)
     disparity = _match(left, right, disparities, options.block_columns)
     return _mapping.inverse_range(
         disparity,
@@ -153,7 +153,6 @@ def depth_of_pair(
         options.disparity_std_px,
         options.largest_relative_std,
         BOUND_DEVIATIONS,
-        THREADS,
     )
 
 
@@ -264,7 +263,7 @@ def without_jumps(inverse_range: FloatImage) -> FloatImage:
 def facing(inverse_range: FloatImage, rays_camera: FloatArray) -> FloatImage:
     """(h, w) cosine between each ray and the normal of the surface it meets."""
     step = 2  # pixels; the noise of closer neighbours tilts the normal
-    return _mapping.facing(inverse_range, rays_camera, step, UNSURE_FACING, THREADS)
+    return _mapping.facing(inverse_range, rays_camera, step, UNSURE_FACING)
 
 
 def depth_rays(view: ImageView, scale: float) -> FloatArray:

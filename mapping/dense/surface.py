@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from esdf import FREE, OCCUPIED, UNKNOWN, Grid
 from esdf.visibility import Visibility
 from flight import FloatArray, InputError, MapError, Progress, silent
+from mapping import workers
 from mapping.dense import fusion, lines, planes, resolution, stereo
 from mapping.dense.fusion import Volume
 from mapping.dense.stereo import DepthImage, StereoOptions, depth_from_sensor
-from mapping.dense.views import ImageView
+from mapping.dense.views import THREADS, ImageView
 
 __all__ = [
     "DenseOptions",
@@ -164,12 +165,17 @@ def depth_images(
     Raises:
         MapError: after the last one, if none of them has any depth.
     """
+    import cv2
+
+    cv2.setNumThreads(1)  # each image has a thread of its own
     found = False
-    for index in range(len(images)):
-        depth = stereo.depth_image(images, index, options)
+    depths = workers.in_order(
+        lambda index: stereo.depth_image(images, index, options), range(len(images)), threads=THREADS
+    )
+    for done, depth in enumerate(depths, start=1):
         found = found or (depth is not None and bool(depth.inverse_range.any()))
         yield depth
-        progress("dense depth", (index + 1) / len(images))
+        progress("dense depth", done / len(images))
     if not found:
         raise MapError(
             f"no depth was found in {len(images)} images: they need to show the same things from places "

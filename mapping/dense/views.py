@@ -9,7 +9,7 @@ from flight import FloatArray, InputError
 from mapping.camera.rig import Camera
 
 THREADS = 2
-"""CPU threads of a kernel."""
+"""CPU threads of a kernel, or images that are worked on at once by a thread each."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

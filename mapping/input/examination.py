@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight import FloatArray, Progress, rotations, silent
+from mapping import workers
 from mapping.camera.rig import Camera
 from mapping.input import selection
 from mapping.input.images import ImageSet
@@ -93,13 +94,19 @@ def examine(images: ImageSet, *, progress: Progress = silent) -> Examination:
     """Look at every image once; some hundredths of a second each."""
     seen: dict[tuple[int, int], _Seen] = {}
     lit = [camera.lit() for camera in images.rig]
-    for number, (instant, camera) in enumerate(images.pairs(), start=1):
+
+    def look(shot: tuple[int, int]) -> _Seen:
+        instant, camera = shot
         used = images.used(instant, camera)
         usable = lit[camera] if used is None else lit[camera] & used
-        here = seen[instant, camera] = _look(images.gray(instant, camera), usable, images.rig.cameras[camera])
+        return _look(images.gray(instant, camera), usable, images.rig.cameras[camera])
+
+    looks = zip(images.pairs(), workers.in_order(look, images.pairs()), strict=True)
+    for number, ((instant, camera), here) in enumerate(looks, start=1):
+        seen[instant, camera] = here
         if (before := seen.get((instant - 1, camera))) is not None:
             here.matches_before, here.turn_rad = _compared(before, here, images.rig.cameras[camera])
-            before.descriptors = before.descriptors[:0]  # only two images' features are held
+            before.descriptors = before.descriptors[:0]  # the features of a few images are held at once
         progress(_STAGE, number / images.count)
     facts = tuple(_facts(images, seen, shot) for shot in images.pairs())
     exchanged = _exchanged(images, seen)

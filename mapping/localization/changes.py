@@ -22,7 +22,6 @@ from mapping.sparse import features
 from mapping.sparse.features import Features
 from mapping.sparse.localization_map import LocalizationMap
 
-_FEATURES = 2000
 _CELL_M = 0.3
 _SIMILAR_RAD, _SIMILAR_RANGE = np.radians(25.0), 1.4
 """A feature looks alike from directions and ranges no further apart than this."""
@@ -77,6 +76,7 @@ def find(
     field: esdf.Field,
     placed: tuple[Rig, FloatArray],
     images: ImageSet,
+    found: Sequence[Features],
     answer: Localization,
     *,
     progress: Progress = silent,
@@ -85,15 +85,14 @@ def find(
 
     Args:
         placed: the rig and the poses (n, 4, 4) of the map's own images.
+        found: the features of `images`, in the order of `images.pairs()`.
     """
     seen = _Seen(known.points_world_m, *placed)
     looks: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-    kept = images.only(np.flatnonzero(answer.found))
-    T_world_body = answer.T_world_body[answer.found]
-    shots = kept.pairs()
-    for done, ((instant, number), image) in enumerate(zip(shots, features.of_set(kept, _FEATURES), strict=True), 1):
-        camera = kept.rig.cameras[number]
-        T_world_camera = T_world_body[instant] @ camera.T_body_camera
+    shots = [(index, *shot) for index, shot in enumerate(images.pairs()) if answer.found[shot[0]]]
+    for done, (index, instant, number) in enumerate(shots, start=1):
+        image, camera = found[index], images.rig.cameras[number]
+        T_world_camera = answer.T_world_body[instant] @ camera.T_body_camera
         points = seen.looked_at(T_world_camera, camera, field)
         again = _found_again(known, points, image, T_world_camera, camera)
         looks.append((np.full(len(points), instant), points, again))

@@ -12,13 +12,25 @@ from typing import Any
 import numpy as np
 
 from flight import FloatArray, InputError, MapError, Progress
+from mapping import workers
 from mapping.camera import adjustment
 from mapping.camera import trial as calibration_trial
 from mapping.camera.adjustment import Observations
 from mapping.camera.rig import Rig
 from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
-from mapping.sparse import agreement, colmap_model, eccentricity, features, growth, overlap, pairing, repetition, rgbd
+from mapping.sparse import (
+    agreement,
+    colmap_model,
+    eccentricity,
+    features,
+    growth,
+    matching,
+    overlap,
+    pairing,
+    repetition,
+    rgbd,
+)
 from mapping.stages import Work
 
 logger = logging.getLogger(__name__)
@@ -243,20 +255,31 @@ def match(
     progress(_MATCHES, 0.0)
     near = pairing.near_in_space(images, options.window)
     pairs = pairing.choose(images.pairs(), signatures, window=options.window, similar=options.similar, near=near)
-    matching = pycolmap.FeatureMatchingOptions()
-    matching.use_gpu = False
     verification = pycolmap.TwoViewGeometryOptions()
     verification.ransac.random_seed = options.seed
     verification.ransac.min_num_trials = _LEAST_TRIALS
-    pairing_options = pycolmap.ImportedPairingOptions()
-    pairing_options.match_list_path = database.parent / "pairs.txt"
+    listed = database.parent / "pairs.txt"
     done = 0
     for chunk in _chunks(pairs, _CHUNK):
-        lines = (f"{images.relative(*a)} {images.relative(*b)}" for a, b in chunk)
-        pairing_options.match_list_path.write_text("\n".join(lines), encoding="utf-8")
-        pycolmap.match_image_pairs(database, matching, pairing_options, verification, pycolmap.Device.cpu)
+        names = [(images.relative(*a), images.relative(*b)) for a, b in chunk]
+        _write_matches(database, names)
+        listed.write_text("\n".join(f"{a} {b}" for a, b in names), encoding="utf-8")
+        pycolmap.verify_matches(database, listed, verification)
         done += len(chunk)
         progress(_MATCHES, done / len(pairs))
+
+
+def _write_matches(database: Path, names: list[tuple[str, str]]) -> None:
+    """Match the features of pairs of images, given by their names; the matches are still to be verified."""
+    import pycolmap
+
+    with pycolmap.Database.open(database) as opened, pycolmap.DatabaseTransaction(opened):
+        ids = {row.name: row.image_id for row in opened.read_all_images()}
+        pairs = [(ids[a], ids[b]) for a, b in names]
+        descriptors = {k: features.unit(opened.read_descriptors(k).data) for k in {k for pair in pairs for k in pair}}
+        found = workers.in_order(lambda pair: matching.match(descriptors[pair[0]], descriptors[pair[1]]), pairs)
+        for (a, b), matches in zip(pairs, found, strict=True):
+            opened.write_matches(a, b, matches.astype(np.uint32))
 
 
 def place(database: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> Any:

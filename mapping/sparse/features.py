@@ -3,15 +3,14 @@
 OpenCV's SIFT, not COLMAP's: the same corners at a third of the CPU time, and both are compared by unit vectors.
 """
 
-import os
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from flight import FloatArray, Progress, silent
+from mapping import workers
 from mapping.camera.rig import Camera
 from mapping.input.images import ImageSet
 
@@ -40,13 +39,12 @@ def of_set(images: ImageSet, count: int, *, progress: Progress = silent) -> Iter
 
     cv2.setNumThreads(1)
     masks = [_mask(camera) for camera in images.rig]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        jobs = pool.map(
-            lambda shot: find(images.gray(*shot), _usable(masks[shot[1]], images.used(*shot)), count), images.pairs()
-        )
-        for done, features in enumerate(jobs, start=1):
-            progress(_STAGE, done / images.count)
-            yield features
+    found = workers.in_order(
+        lambda shot: find(images.gray(*shot), _usable(masks[shot[1]], images.used(*shot)), count), images.pairs()
+    )
+    for done, features in enumerate(found, start=1):
+        progress(_STAGE, done / images.count)
+        yield features
 
 
 def find(gray: np.ndarray, mask: np.ndarray, count: int) -> Features:

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <cstddef>
 
-#include "parallel.hpp"
-
 namespace goshawk {
 namespace {
 
@@ -52,9 +50,9 @@ bool alike(const std::uint8_t* left, const std::uint8_t* right, int row, int col
 }  // namespace
 
 void nearest_disparity(const std::uint8_t* left, const std::uint8_t* right, const std::int16_t* disparity, int rows,
-                       int columns, int disparities, const Agreement& agreement, int threads, std::int16_t* nearest) {
+                       int columns, int disparities, const Agreement& agreement, std::int16_t* nearest) {
     const int most = static_cast<int>(width * width * agreement.mean * agreement.noise);
-    parallel_rows(rows, threads, [&](int r) {
+    for (int r = 0; r < rows; ++r) {
         for (int c = 0; c < columns; ++c) {
             const std::size_t i = static_cast<std::size_t>(r) * columns + c;
             nearest[i] = -16;
@@ -69,7 +67,7 @@ void nearest_disparity(const std::uint8_t* left, const std::uint8_t* right, cons
                 last = 16 * next;
             nearest[i] = static_cast<std::int16_t>(last);
         }
-    });
+    }
 }
 
 }  // namespace goshawk

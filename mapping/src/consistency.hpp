@@ -15,6 +15,6 @@ struct Agreement {
 // behind it. Else `nearest` is the largest disparity up to which, from the claimed one on, the block looks alike: in a
 // plain region all of them do. The images are equally bright.
 void nearest_disparity(const std::uint8_t* left, const std::uint8_t* right, const std::int16_t* disparity, int rows,
-                       int columns, int disparities, const Agreement& agreement, int threads, std::int16_t* nearest);
+                       int columns, int disparities, const Agreement& agreement, std::int16_t* nearest);
 
 }  // namespace goshawk

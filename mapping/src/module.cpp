@@ -37,18 +37,17 @@ static SphericalGrid as_grid(const GridRow& row) {
     return {row(0), row(1), row(2), row(3), static_cast<int>(row(4)), static_cast<int>(row(5))};
 }
 
-static auto rectify_view(Gray image, LensRow lens, Matrix3 R_camera_grid, GridRow grid_row, int threads) {
+static auto rectify_view(Gray image, LensRow lens, Matrix3 R_camera_grid, GridRow grid_row) {
     const SphericalGrid grid = as_grid(grid_row);
     auto out = new_array<std::uint8_t>({static_cast<std::size_t>(grid.rows), static_cast<std::size_t>(grid.columns)});
     nb::gil_scoped_release release;
-    rectify(image.data(), Lens(lens.data()), R_camera_grid.data(), grid, threads, out.data());
+    rectify(image.data(), Lens(lens.data()), R_camera_grid.data(), grid, out.data());
     return out;
 }
 
 static nb::tuple inverse_range_view(Disparity disparity, Disparity nearest, GridRow grid, Matrix3 R_camera_grid,
                                     double baseline_m, Matrix4 T_partner_camera, LensRow partner, Rays rays,
-                                    double disparity_std_px, double largest_relative_std, double deviations,
-                                    int threads) {
+                                    double disparity_std_px, double largest_relative_std, double deviations) {
     auto value = new_array<float>({rays.shape(0), rays.shape(1)});
     auto deviation = new_array<float>({rays.shape(0), rays.shape(1)});
     auto bound = new_array<float>({rays.shape(0), rays.shape(1)});
@@ -56,19 +55,18 @@ static nb::tuple inverse_range_view(Disparity disparity, Disparity nearest, Grid
     {
         nb::gil_scoped_release release;
         inverse_range(disparity.data(), nearest.data(), as_grid(grid), R_camera_grid.data(), pair, Lens(partner.data()),
-                      rays.data(), static_cast<int>(rays.shape(0) * rays.shape(1)), threads, value.data(),
-                      deviation.data(), bound.data());
+                      rays.data(), static_cast<int>(rays.shape(0) * rays.shape(1)), value.data(), deviation.data(),
+                      bound.data());
     }
     return nb::make_tuple(value, deviation, bound);
 }
 
 static auto nearest_disparity_view(Gray left, Gray right, Disparity disparity, int disparities, double noise,
-                                   double deviations, double mean, int threads) {
+                                   double deviations, double mean) {
     auto nearest = new_array<std::int16_t>({disparity.shape(0), disparity.shape(1)});
     nb::gil_scoped_release release;
     nearest_disparity(left.data(), right.data(), disparity.data(), static_cast<int>(disparity.shape(0)),
-                      static_cast<int>(disparity.shape(1)), disparities, {noise, deviations, mean}, threads,
-                      nearest.data());
+                      static_cast<int>(disparity.shape(1)), disparities, {noise, deviations, mean}, nearest.data());
     return nearest;
 }
 
@@ -101,11 +99,11 @@ static nb::tuple fuse_layers(Layers values, Layers deviations, double tolerance,
     return nb::make_tuple(value, deviation);
 }
 
-static auto facing_view(Image inverse_range, Rays rays, int step, float unsure, int threads) {
+static auto facing_view(Image inverse_range, Rays rays, int step, float unsure) {
     auto cosine = new_array<float>({inverse_range.shape(0), inverse_range.shape(1)});
     nb::gil_scoped_release release;
     facing(inverse_range.data(), rays.data(), static_cast<int>(rays.shape(0)), static_cast<int>(rays.shape(1)), step,
-           unsure, threads, cosine.data());
+           unsure, cosine.data());
     return cosine;
 }
 
@@ -176,14 +174,12 @@ static nb::tuple marching_cubes_view(Point origin, double voxel, Shape shape, Pl
 
 NB_MODULE(_mapping, m) {
     m.attr("BRICK_SIZE") = brick_size;
-    m.def("rectify", &rectify_view, nb::arg("image"), nb::arg("lens"), nb::arg("R_camera_grid"), nb::arg("grid"),
-          nb::arg("threads"));
+    m.def("rectify", &rectify_view, nb::arg("image"), nb::arg("lens"), nb::arg("R_camera_grid"), nb::arg("grid"));
     m.def("inverse_range", &inverse_range_view, nb::arg("disparity"), nb::arg("nearest"), nb::arg("grid"),
           nb::arg("R_camera_grid"), nb::arg("baseline_m"), nb::arg("T_partner_camera"), nb::arg("partner"),
-          nb::arg("rays"), nb::arg("disparity_std_px"), nb::arg("largest_relative_std"), nb::arg("deviations"),
-          nb::arg("threads"));
+          nb::arg("rays"), nb::arg("disparity_std_px"), nb::arg("largest_relative_std"), nb::arg("deviations"));
     m.def("nearest_disparity", &nearest_disparity_view, nb::arg("left"), nb::arg("right"), nb::arg("disparity"),
-          nb::arg("disparities"), nb::arg("noise"), nb::arg("deviations"), nb::arg("mean"), nb::arg("threads"));
+          nb::arg("disparities"), nb::arg("noise"), nb::arg("deviations"), nb::arg("mean"));
     m.def("sweep_lines", &sweep_lines_view, nb::arg("first"), nb::arg("last"), nb::arg("partner_first"),
           nb::arg("partner_last"), nb::arg("partner"), nb::arg("offset_m"), nb::arg("std_rad"), nb::arg("tolerance"),
           nb::arg("nearest_m"), nb::arg("farthest_m"), nb::arg("largest_relative_std"), nb::arg("least_overlap"),
@@ -192,8 +188,7 @@ NB_MODULE(_mapping, m) {
           nb::arg("bound"), nb::arg("lens"), nb::arg("T_camera_world"), nb::arg("margin_m"), nb::arg("farthest_m"),
           nb::arg("enough"), nb::arg("threads"));
     m.def("fuse", &fuse_layers, nb::arg("values"), nb::arg("deviations"), nb::arg("tolerance"), nb::arg("least"));
-    m.def("facing", &facing_view, nb::arg("inverse_range"), nb::arg("rays"), nb::arg("step"), nb::arg("unsure"),
-          nb::arg("threads"));
+    m.def("facing", &facing_view, nb::arg("inverse_range"), nb::arg("rays"), nb::arg("step"), nb::arg("unsure"));
     m.def("mark_near_surface", &mark_near_surface_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("shape"),
           nb::arg("near").noconvert(), nb::arg("inverse_range"), nb::arg("facing"), nb::arg("lens"), nb::arg("rays"),
           nb::arg("T_world_camera"), nb::arg("truncation_m"), nb::arg("farthest_m"));

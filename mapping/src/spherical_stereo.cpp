@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "parallel.hpp"
-
 namespace goshawk {
 namespace {
 
@@ -56,14 +54,14 @@ double largest_inverse_range(const std::int16_t* nearest, const SphericalGrid& g
 }  // namespace
 
 void rectify(const std::uint8_t* image, const Lens& lens, const double* R_camera_grid, const SphericalGrid& grid,
-             int threads, std::uint8_t* out) {
+             std::uint8_t* out) {
     std::vector<double> cosine(grid.columns), sine(grid.columns);
     for (int c = 0; c < grid.columns; ++c) {
         const double angle = grid.from_baseline - (c + 0.5) * grid.column_step;
         cosine[c] = std::cos(angle);
         sine[c] = angle > 0.0 && angle < M_PI ? std::sin(angle) : -1.0;  // -1: no such direction
     }
-    parallel_rows(grid.rows, threads, [&](int r) {
+    for (int r = 0; r < grid.rows; ++r) {
         const double angle = grid.from_axis + (r + 0.5) * grid.row_step, a = std::cos(angle), b = std::sin(angle);
         std::uint8_t* row = out + static_cast<std::size_t>(r) * grid.columns;
         for (int c = 0; c < grid.columns; ++c) {
@@ -72,39 +70,36 @@ void rectify(const std::uint8_t* image, const Lens& lens, const double* R_camera
                 sine[c] >= 0.0 && lens.project(rotate(R_camera_grid, {cosine[c], sine[c] * a, sine[c] * b}), u, v);
             row[c] = seen ? bilinear(image, lens.width, lens.height, u, v) : 0;
         }
-    });
+    }
 }
 
 void inverse_range(const std::int16_t* disparity, const std::int16_t* nearest, const SphericalGrid& grid,
                    const double* R_camera_grid, const StereoPair& pair, const Lens& partner, const double* rays,
-                   int count, int threads, float* inverse_range, float* standard_deviation, float* bound) {
+                   int count, float* inverse_range, float* standard_deviation, float* bound) {
     const Pose T_partner_camera(pair.T_partner_camera);
-    constexpr int chunk = 1024;
-    parallel_rows((count + chunk - 1) / chunk, threads, [&](int part) {
-        for (int i = part * chunk; i < std::min(count, (part + 1) * chunk); ++i) {
-            inverse_range[i] = standard_deviation[i] = bound[i] = 0.0f;
-            const Vec3 ray{rays[3 * i], rays[3 * i + 1], rays[3 * i + 2]};
-            if (std::isnan(ray.z)) continue;
-            const Vec3 g = rotate_back(R_camera_grid, ray);
-            const double here = std::atan2(std::sqrt(g.y * g.y + g.z * g.z), g.x), round = std::atan2(g.z, g.y);
-            const double column = (grid.from_baseline - here) / grid.column_step;
-            const double row = (round - grid.from_axis) / grid.row_step;
-            bound[i] = static_cast<float>(largest_inverse_range(nearest, grid, pair, here, column, row));
-            const double d = disparity_at(disparity, grid, column - 0.5, row - 0.5);
-            if (d <= 0.0) continue;
-            // Law of sines in the triangle camera - partner - point: range / sin(there) = baseline / sin(there - here).
-            const double parallax = d * grid.column_step, there = here + parallax, sine = std::sin(there);
-            if (there >= largest_angle) continue;
-            const double value = std::sin(parallax) / (pair.baseline_m * sine);
-            const double slope = std::sin(here) / (pair.baseline_m * sine * sine);
-            const double deviation = std::abs(slope) * pair.disparity_std_px * grid.column_step;
-            double u = 0.0, v = 0.0;
-            if (deviation > pair.largest_relative_std * value) continue;
-            if (!partner.project(T_partner_camera.apply((1.0 / value) * ray), u, v)) continue;
-            inverse_range[i] = static_cast<float>(value);
-            standard_deviation[i] = static_cast<float>(deviation);
-        }
-    });
+    for (int i = 0; i < count; ++i) {
+        inverse_range[i] = standard_deviation[i] = bound[i] = 0.0f;
+        const Vec3 ray{rays[3 * i], rays[3 * i + 1], rays[3 * i + 2]};
+        if (std::isnan(ray.z)) continue;
+        const Vec3 g = rotate_back(R_camera_grid, ray);
+        const double here = std::atan2(std::sqrt(g.y * g.y + g.z * g.z), g.x), round = std::atan2(g.z, g.y);
+        const double column = (grid.from_baseline - here) / grid.column_step;
+        const double row = (round - grid.from_axis) / grid.row_step;
+        bound[i] = static_cast<float>(largest_inverse_range(nearest, grid, pair, here, column, row));
+        const double d = disparity_at(disparity, grid, column - 0.5, row - 0.5);
+        if (d <= 0.0) continue;
+        // Law of sines in the triangle camera - partner - point: range / sin(there) = baseline / sin(there - here).
+        const double parallax = d * grid.column_step, there = here + parallax, sine = std::sin(there);
+        if (there >= largest_angle) continue;
+        const double value = std::sin(parallax) / (pair.baseline_m * sine);
+        const double slope = std::sin(here) / (pair.baseline_m * sine * sine);
+        const double deviation = std::abs(slope) * pair.disparity_std_px * grid.column_step;
+        double u = 0.0, v = 0.0;
+        if (deviation > pair.largest_relative_std * value) continue;
+        if (!partner.project(T_partner_camera.apply((1.0 / value) * ray), u, v)) continue;
+        inverse_range[i] = static_cast<float>(value);
+        standard_deviation[i] = static_cast<float>(deviation);
+    }
 }
 
 void fuse(const float* values, const float* deviations, int layers, int count, double tolerance, int least,

@@ -18,7 +18,7 @@ struct SphericalGrid {
 // `R_camera_grid` (row major 3x3): its first column is the direction of the baseline in the camera frame.
 // Bilinear sampling of the image; 0 where the lens shows nothing.
 void rectify(const std::uint8_t* image, const Lens& lens, const double* R_camera_grid, const SphericalGrid& grid,
-             int threads, std::uint8_t* out);
+             std::uint8_t* out);
 
 struct StereoPair {
     double baseline_m;
@@ -34,7 +34,7 @@ struct StereoPair {
 // the match, at most 0 where there is none; `nearest` the largest that is possible, negative where that is not known.
 void inverse_range(const std::int16_t* disparity, const std::int16_t* nearest, const SphericalGrid& grid,
                    const double* R_camera_grid, const StereoPair& pair, const Lens& partner, const double* rays,
-                   int count, int threads, float* inverse_range, float* standard_deviation, float* bound);
+                   int count, float* inverse_range, float* standard_deviation, float* bound);
 
 // Several measurements of each pixel to one: the mean of the largest group that agrees within `tolerance` standard
 // deviations, if it has at least `least` members. `values`, `deviations`: (layers, count), 0 = none.

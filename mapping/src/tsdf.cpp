@@ -178,9 +178,9 @@ bool tangent(const float* inverse_range, const double* rays, int here, int there
 
 }  // namespace
 
-void facing(const float* inverse_range, const double* rays, int height, int width, int step, float unsure, int threads,
+void facing(const float* inverse_range, const double* rays, int height, int width, int step, float unsure,
             float* cosine) {
-    parallel_rows(height, threads, [&](int row) {
+    for (int row = 0; row < height; ++row) {
         for (int column = 0; column < width; ++column) {
             const int i = row * width + column;
             cosine[i] = unsure;
@@ -197,7 +197,7 @@ void facing(const float* inverse_range, const double* rays, int height, int widt
             const double value = dot(normal, {rays[3 * i], rays[3 * i + 1], rays[3 * i + 2]}) / length;
             cosine[i] = static_cast<float>(std::clamp(std::abs(value), 0.1, 1.0));
         }
-    });
+    }
 }
 
 void carve(const VoxelGrid& grid, const float* bound, const Lens& lens, const double* T_camera_world, double margin,

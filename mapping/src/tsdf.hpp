@@ -41,7 +41,7 @@ struct Fusion {
 // How squarely each ray meets the surface: the cosine between the ray and the normal of the plane through the points
 // `step` pixels around. Without it, distance along the ray overstates distance to a slanted surface, and a floor seen
 // at a grazing angle looks free. `unsure` where the neighbours do not lie on one surface.
-void facing(const float* inverse_range, const double* rays, int height, int width, int step, float unsure, int threads,
+void facing(const float* inverse_range, const double* rays, int height, int width, int step, float unsure,
             float* cosine);
 
 // Counts, for each voxel, the images that saw through it, over its whole width: it is nearer than anything can be on

@@ -84,7 +84,7 @@ def test_the_kernel_computes_what_its_plain_form_does() -> None:
     left = rng.integers(1, 90, (rows, columns)).astype(np.uint8)
     right = np.where(rng.random((rows, columns)) < 0.7, np.roll(left, -3, axis=1), 60).astype(np.uint8)
     claimed = rng.choice(np.array([-16, 40, 48, 55, 160], np.int16), (rows, columns))
-    found = _mapping.nearest_disparity(left, right, claimed, searched, noise, deviations, mean, 2)
+    found = _mapping.nearest_disparity(left, right, claimed, searched, noise, deviations, mean)
     expected = np.full_like(claimed, -16)
     here, there = left.astype(int), right.astype(int)
     for r in range(1, rows - 1):

@@ -63,7 +63,7 @@ def test_points_lie_in_one_row_of_both_rectified_images() -> None:
     grid = np.array([3.0, step, -1.5, step, 600.0, 600.0])
     places = []
     for view in pair:
-        picture = _mapping.rectify(view.grey, lens_row(camera), axes, grid, 1)
+        picture = _mapping.rectify(view.grey, lens_row(camera), axes, grid)
         places.append(np.mean(np.nonzero(picture), axis=1))
     angles = [
         np.arccos((ball - v.position_world_m) @ baseline / np.linalg.norm(ball - v.position_world_m)) for v in pair

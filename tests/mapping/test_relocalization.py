@@ -1,6 +1,7 @@
 """Relocalization without images: how certain a pose is, what neighbours in time add, and which parts have changed."""
 
 import dataclasses
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from mapping.localization import changes, neighbours, pose_certainty, relocaliza
 from mapping.localization.pose_certainty import Match
 from mapping.localization.relocalization import Localization, LocalizationOptions
 from mapping.sparse import features
+from mapping.sparse.feature_files import FeatureFiles
 from mapping.sparse.features import Features
 from mapping.sparse.localization_map import LocalizationMap
 
@@ -246,7 +248,52 @@ def three_images(shown: dict[str, tuple[FloatArray, FloatArray]]) -> ImageSet:
 
 
 def localized(images: ImageSet, options: LocalizationOptions | None = None) -> Localization:
-    return relocalization.localize_here(KNOWN, images, options or LocalizationOptions(), progress=silent)
+    with tempfile.TemporaryDirectory() as keep:
+        return relocalization.localize_here(
+            KNOWN, images, options or LocalizationOptions(), Path(keep), progress=silent
+        )
+
+
+def test_features_are_found_once_and_kept_as_they_were(
+    three_images: ImageSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = list(features.of_set(three_images, 2000))
+    searched: list[str] = []
+    find = features.of_set
+
+    def of_set(images: ImageSet, count: int):
+        searched.extend(images.instants)
+        return find(images, count)
+
+    monkeypatch.setattr(relocalization.features, "of_set", of_set)
+    relocalization.localize_here(KNOWN, three_images, LocalizationOptions(), tmp_path, progress=silent)
+    assert searched == list(three_images.instants), "the second, looked for again beside its neighbours, as well"
+    kept = FeatureFiles(tmp_path)
+    assert len(kept) == len(first)
+    for before, after in zip(first, kept, strict=True):
+        for field in dataclasses.fields(Features):
+            np.testing.assert_array_equal(getattr(after, field.name), getattr(before, field.name))
+            assert getattr(after, field.name).dtype == getattr(before, field.name).dtype
+
+
+def test_each_image_is_compared_by_its_own_features(three_images: ImageSet) -> None:
+    grid = esdf.Grid((-8.0, -8.0, -8.0), (0.5, 0.5, 0.5), (32, 32, 32))
+    field = esdf.build(np.full(grid.shape, esdf.FREE, np.uint8), grid)
+    known = LocalizationMap(SINGLE_M, SINGLE)
+    shown, looked_at = list(features.of_set(three_images, 2000)), []
+    poses = POSES.copy()
+    poses[0] = np.nan  # not found: neither it nor its features count
+
+    def note(points: FloatArray, instant: np.ndarray, point: np.ndarray, again: np.ndarray) -> changes.Changes:
+        looked_at.extend((int(k), round(float(again[instant == k].mean()), 1)) for k in np.unique(instant))
+        return changes.Changes((), np.nan)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(changes, "changed", note)
+        nothing = np.zeros(3, np.int64)
+        answer = Localization(three_images.instants, poses, np.zeros((3, 6, 6)), nothing, nothing, {})
+        changes.find(known, field, (ALONE, POSES), three_images, shown, answer)
+    assert looked_at == [(1, 0.0), (2, 1.0)], "the second image shows other things"
 
 
 def test_repeated_texture_is_found_beside_its_neighbours_in_time(three_images: ImageSet) -> None:

@@ -79,7 +79,7 @@ def test_the_kernels_see_what_the_camera_sees(model: str, params: list[float]) -
     expected = camera.project(rays)
     for axis in (0, 1):
         ramp = np.round(camera.pixel_centres()[..., axis] * 255.0 / 640.0).astype(np.uint8)
-        read = _mapping.rectify(ramp, lens_row(camera), turn, grid, 1)
+        read = _mapping.rectify(ramp, lens_row(camera), turn, grid)
         inside = camera.contains(expected) & (np.abs(expected - [320.0, 240.0]) < [318.0, 238.0]).all(axis=-1)
         assert inside.mean() > 0.1
         assert np.abs(read[inside] - expected[inside][:, axis] * 255.0 / 640.0).max() < 1.1
@@ -99,7 +99,7 @@ def test_the_kernels_place_a_direction_to_a_fiftieth_of_a_pixel(model: str, para
             continue
         first = np.floor(expected[0]) - 3.5
         ramp = np.clip(levels_px * (camera.pixel_centres()[..., 0] - first), 0, 255).astype(np.uint8)
-        read = _mapping.rectify(ramp, lens_row(camera), turn, along_z, 1).item()
+        read = _mapping.rectify(ramp, lens_row(camera), turn, along_z).item()
         assert first + read / levels_px == pytest.approx(expected[0], abs=0.02)
         seen += 1
     assert seen >= 3
@@ -129,7 +129,7 @@ def test_the_kernels_show_nothing_straight_behind() -> None:
     along_z = np.array([0.5 * np.pi + 0.005, 0.01, 0.5 * np.pi - 0.005, 0.01, 1.0, 1.0])
     white = np.full((480, 640), 255, np.uint8)
     ahead, behind = (
-        _mapping.rectify(white, lens_row(camera), np.diag([1.0, sign, sign]), along_z, 1).item() for sign in (1.0, -1.0)
+        _mapping.rectify(white, lens_row(camera), np.diag([1.0, sign, sign]), along_z).item() for sign in (1.0, -1.0)
     )
     assert (ahead, behind) == (255, 0)
 

@@ -1,0 +1,50 @@
+"""Work on many things by several threads: their order, what is made ahead, and how it ends."""
+
+import threading
+import time
+
+import pytest
+
+from mapping import workers
+
+
+def test_answers_come_in_the_order_of_the_items() -> None:
+    def work(number: int) -> int:
+        time.sleep(0.02 * (number % 3 == 0))  # the first of three is the last to be ready
+        return number * number
+
+    assert list(workers.in_order(work, range(20), threads=3)) == [k * k for k in range(20)]
+    assert list(workers.in_order(work, [], threads=3)) == []
+
+
+def test_as_many_items_are_worked_on_at_once_as_there_are_threads() -> None:
+    together = threading.Barrier(3)
+    assert list(workers.in_order(lambda _: together.wait(timeout=10.0) >= 0, range(6), threads=3)) == [True] * 6
+
+
+def test_few_answers_are_made_ahead_and_nothing_is_begun_after_the_last_was_taken() -> None:
+    begun: list[int] = []
+    before = threading.active_count()
+
+    def work(number: int) -> int:
+        begun.append(number)
+        return number
+
+    answers = workers.in_order(work, range(100), threads=2)
+    assert [next(answers) for _ in range(5)] == [0, 1, 2, 3, 4]
+    time.sleep(0.05)
+    answers.close()
+    assert begun == list(range(7))
+    assert threading.active_count() == before
+
+
+def test_an_error_is_that_of_its_item() -> None:
+    def work(number: int) -> int:
+        if number == 3:
+            raise ValueError("three")
+        return number
+
+    answers = workers.in_order(work, range(10), threads=2)
+    assert [next(answers) for _ in range(3)] == [0, 1, 2]
+    with pytest.raises(ValueError, match="three"):
+        next(answers)
