@@ -81,13 +81,13 @@ def errors(scene: rendered_room.RenderedScene, share: float) -> tuple[np.ndarray
 
 @pytest.mark.slow
 def test_the_stated_deviation_of_a_rendered_map_is_what_its_surface_is_off_by() -> None:
-    error_m, deviation_m = errors(rendered_room.hazardous(), 0.3)
+    error_m, deviation_m = errors(rendered_room.hazardous(), 0.26)
     ratio = error_m / deviation_m
-    assert 0.7 < np.sqrt(np.mean(ratio**2)) < 1.3
+    assert 0.9 < np.sqrt(np.mean(ratio**2)) < 1.15
     assert (np.abs(ratio) < 2.0).mean() > 0.93
     order = np.argsort(deviation_m)
     for part in np.array_split(order, 4):  # it tells the good surface from the bad
-        assert 0.5 < np.sqrt(np.mean(ratio[part] ** 2)) < 1.5
+        assert 0.75 < np.sqrt(np.mean(ratio[part] ** 2)) < 1.2
     worst, best = order[-len(order) // 4 :], order[: len(order) // 4]
     assert np.abs(error_m[worst]).mean() > 3.0 * np.abs(error_m[best]).mean()
 
