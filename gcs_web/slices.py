@@ -78,7 +78,7 @@ def draw(
     elif wanted.of == "could_hide":
         rgba = _could_hide(hidden or area.visibility(), field, plane)
     elif wanted.of == "surface_std":
-        rgba = _surface_std(surface or area.surface(), field, plane)
+        rgba = _surface_std(surface, field, plane)
     else:
         rgba = _distance(field, plane, required_m)
     rgba[~field.grid.contains(plane.points_world_m).reshape(plane.shape), 3] = 0
@@ -173,25 +173,22 @@ def _could_hide(hidden: Visibility, field: esdf.Field, plane: _Plane) -> Colours
     return rgba
 
 
-def _surface_std(surface: MeasuredSurface, field: esdf.Field, plane: _Plane) -> Colours:
-    """Obstacles by the standard deviation of the surface nearest to each, dark: well known; pale where none is near."""
+def _surface_std(surface: MeasuredSurface | None, field: esdf.Field, plane: _Plane) -> Colours:
+    """Obstacles by the standard deviation of the surface nearest to each, dark: small; pale where it is not known."""
     from scipy.spatial import KDTree
 
     solid = np.nan_to_num(field.distance(plane.points_world_m), nan=1.0) < 0.0
-    rgba = np.zeros((*plane.shape, 4), dtype=np.uint8)
-    rgba[solid.reshape(plane.shape)] = (*_OCCUPIED, _FAINT_ALPHA)
-    is_known = np.isfinite(surface.confidence.deviation_m)
-    if not solid.any() or not is_known.any():
-        return rgba
-    near_m = _NEAR_SURFACE_VOXELS * max(field.grid.voxel_m)
-    tree = KDTree(surface.vertices_world_m[is_known])
-    apart_m, which = tree.query(plane.points_world_m[solid], distance_upper_bound=near_m)
-    measured = np.isfinite(apart_m)
-    solid[solid] = measured
-    share = surface.confidence.deviation_m[is_known][which[measured]] / scene.SURFACE_STD_SPAN_M
-    shown = solid.reshape(plane.shape)
-    rgba[shown, :3], rgba[shown, 3] = scene.colours(share, "cividis"), _ALPHA
-    return rgba
+    solid &= field.status(plane.points_world_m) == esdf.KNOWN
+    rgba = np.zeros((len(solid), 4), dtype=np.uint8)
+    rgba[solid] = (*_OCCUPIED, _FAINT_ALPHA)
+    if surface is not None:
+        near_m = _NEAR_SURFACE_VOXELS * max(field.grid.voxel_m)
+        _, nearest = KDTree(surface.vertices_world_m).query(plane.points_world_m[solid], distance_upper_bound=near_m)
+        deviation_m = np.append(surface.confidence.deviation_m, np.nan)[nearest]  # beyond that distance the last
+        at, known = np.flatnonzero(solid), np.isfinite(deviation_m)
+        rgba[at[known], :3] = scene.colours(deviation_m[known] / scene.SURFACE_STD_SPAN_M, "cividis")
+        rgba[at[known], 3] = _ALPHA
+    return rgba.reshape(*plane.shape, 4)
 
 
 def _hatched(shape: tuple[int, int], colour: tuple[int, int, int]) -> Colours:

@@ -194,14 +194,19 @@ class Map:
         marked = inferred_layer.load(self.folder / INFERRED, self.field.grid.shape)
         return marked & (self.field.state == esdf.UNKNOWN)
 
-    def surface(self) -> MeasuredSurface:
-        """The vertices of the mesh, and how well they are known; not at all in a map of an earlier version.
+    def surface(self) -> MeasuredSurface | None:
+        """The vertices of the mesh, and how well they are known: not at all in a map of an earlier version.
+
+        None in a map without a mesh in `mesh.ply`, which was not made of images.
 
         Raises:
-            InputError: the map has no mesh.
             FormatError: a file is damaged, or they do not fit each other.
         """
+        if not (self.folder / "mesh.ply").is_file():
+            return None
         vertices, _, _ = mesh_file.load(self.folder / "mesh.ply")
+        if not len(vertices):
+            return None
         return MeasuredSurface(vertices, confidence_layer.load(self.folder / CONFIDENCE, len(vertices)))
 
     def free_space(self) -> FreeSpace | None:

@@ -438,7 +438,9 @@ def test_a_map_without_confidence_states_none_of_its_parts(tmp_path: Path) -> No
     figures = dict.fromkeys(confidence.FIGURES, 9.0)
     map_parts.write(tmp_path / "map", dataclasses.replace(whole, facts=whole.facts | figures, report=figures))
     (tmp_path / "map" / "confidence.npz").unlink()
-    assert np.isnan(mapping.open_map(tmp_path / "map").surface().confidence.deviation_m).all()
+    surface = mapping.open_map(tmp_path / "map").surface()
+    assert surface is not None
+    assert np.isnan(surface.confidence.deviation_m).all()
     part = half(map_parts.read(tmp_path / "map"), 2.0, 4.0)
     assert part.report is not None
     assert not {*part.facts, *part.report} & {*confidence.FIGURES}
