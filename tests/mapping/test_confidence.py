@@ -14,7 +14,7 @@ from mapping.camera.rig import Camera
 from mapping.dense import confidence, stereo, surface
 from mapping.dense.confidence import MeasuredSurface, SurfaceConfidence
 from mapping.dense.surface import DenseOptions, ImageView
-from tests.mapping.volumes import whole_volume
+from tests.mapping.volumes import filled, in_bricks, whole_volume
 
 VOXEL_M = 0.05
 CAMERA = Camera("front", ".", "PINHOLE", 64, 48, np.array([40.0, 40.0, 32.0, 24.0]), np.eye(4))
@@ -63,7 +63,24 @@ def test_no_more_than_a_byte_of_images_is_counted() -> None:
 
 
 def test_an_image_that_looks_past_the_surface_is_none_that_measured_it() -> None:
-    assert (wall(2.0, 2.0, 6.0).images == 2).all()
+    for past_m in (2.2, 6.0):
+        assert (wall(*[2.0] * 6, past_m).images == 6).all()
+
+
+def test_a_vertex_has_what_was_fused_at_the_voxels_beside_it_in_proportion() -> None:
+    """A surface three quarters of the way from the voxels 5 to the voxels 6."""
+    along = np.broadcast_to(np.arange(12.0)[:, None, None], (12, 12, 12))
+    volume = filled(0.1 * (5.75 - along))
+    for values, (before, behind) in (
+        (volume.weight, (2.0, 6.0)),
+        (volume.scatter, (0.001, 0.003)),
+        (volume.images, (4, 9)),
+    ):
+        values[...] = in_bricks(np.where(along < 5.5, before, behind))
+    known = volume.surface(least_weight=0.5)[3]
+    expected = np.sqrt(0.01 / 5.0 * (0.25 + 1.0 / 81.0) + 0.25 * 0.0025 / 5.0)
+    np.testing.assert_allclose(known.deviation_m, expected, rtol=1e-5)
+    assert (known.images == 9).all()
 
 
 def errors(scene: rendered_room.RenderedScene, share: float) -> tuple[np.ndarray, np.ndarray]:

@@ -9,6 +9,7 @@ from esdf import FREE, OCCUPIED, UNKNOWN, Grid
 from flight import InputError, frames, rotations
 from mapping.camera.rig import Camera
 from mapping.dense import fusion, stereo, surface
+from mapping.dense.confidence import SurfaceConfidence
 from mapping.dense.surface import DenseOptions, ImageView
 from tests.mapping.volumes import filled, in_bricks, whole_volume
 
@@ -184,11 +185,14 @@ def test_small_components_are_dropped() -> None:
     distance = np.ones((20, 20, 20))
     distance[3:12, 3:12, 3:12] = -1.0
     distance[17, 17, 17] = -1.0
-    mesh = filled(distance).surface(least_weight=0.5)
-    vertices, faces, colours, _ = surface.without_small_components(*mesh, least_faces=50)
+    vertices, faces, colours, _ = filled(distance).surface(least_weight=0.5)
+    known = SurfaceConfidence(vertices[:, 0].astype(np.float32), np.ones(len(vertices), np.uint8))
+    mesh = vertices, faces, colours, known
+    vertices, faces, colours, known = surface.without_small_components(*mesh, least_faces=50)
     assert len(faces) == len(mesh[1]) - 8
     assert vertices.max() < 1.5
     assert len(np.unique(faces)) == len(vertices) == len(colours)
+    np.testing.assert_array_equal(known.deviation_m, vertices[:, 0].astype(np.float32))
 
 
 def test_an_image_of_another_size_than_its_camera_is_refused() -> None:
