@@ -19,6 +19,7 @@ from gcs_web.detail_view import DetailView
 from gcs_web.map_edits import MapEdit, shape_of
 from gcs_web.protocol_parts import Layer, MapAction, Shape, Slice
 from mapping import Map
+from mapping.dense.confidence import MeasuredSurface
 from mapping.sparse import localization_map
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ class MapView:
         """Of a preview; None for the map's own."""
         self._hidden: Visibility | None = None
         self._inferred: slices.Marked | None = None
+        self._surface: MeasuredSurface | None = None
         self._slice: Slice | None = None
         self._layers: frozenset[Layer] = frozenset({"mesh", "edits"})
         self._required_m = 0.0
@@ -74,7 +76,7 @@ class MapView:
     def draw(self, area: Map) -> None:
         """Show another map, or the same with other edits."""
         with self._lock, self._server.atomic():
-            self._area, self._hidden, self._inferred, self._field = area, None, None, None
+            self._area, self._hidden, self._inferred, self._surface, self._field = area, None, None, None, None
             _remove(self._cameras)
             self._draw_slice()
             self._draw_layers()
@@ -157,8 +159,10 @@ class MapView:
             self._hidden = area.visibility()
         if wanted.of == "unknown" and self._inferred is None:
             self._inferred = area.inferred()
+        if wanted.of == "surface_std" and self._surface is None:
+            self._surface = area.surface()
         field = self._field or area.field
-        picture = slices.draw(area, field, wanted, self._required_m, self._hidden, self._inferred)
+        picture = slices.draw(area, field, wanted, self._required_m, self._hidden, self._inferred, self._surface)
         self._server.scene.add_image(
             "/slice", picture.rgba, *picture.size_m, format="png", wxyz=tuple(picture.q_world_image),
             position=tuple(picture.centre_world_m), cast_shadow=False, receive_shadow=False,

@@ -104,7 +104,7 @@ class MapEdit(msgspec.Struct, frozen=True):
 
 
 SliceAxis = Literal["x", "y", "z", "oblique"]
-SliceOf = Literal["distance", "unknown", "could_hide"]
+SliceOf = Literal["distance", "unknown", "could_hide", "surface_std"]
 Layer = Literal["mesh", "cameras", "points", "edits"]
 
 

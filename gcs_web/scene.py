@@ -18,6 +18,8 @@ PLENTY_ABOVE_M = 0.7
 DARKEST = 0.45
 """Where on viridis and cividis the scales begin: what is darker is lost before the background, 3 to 1 being wanted."""
 
+SURFACE_STD_SPAN_M = 0.05
+"""Standard deviation at the upper end of its scale, a voxel; the page's legend has the same."""
 COULD_HIDE_SPAN_M = 0.10
 """Thickness at the upper end of the scale of what could hide; the page's legend has the same."""
 

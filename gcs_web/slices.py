@@ -1,4 +1,4 @@
-"""Pictures of planes through a map: distance to obstacles, unknown space, what could hide. Arrays in, images out."""
+"""Pictures of planes through a map: distance, unknown space, what could hide, confidence. Arrays in, images out."""
 
 from dataclasses import dataclass
 
@@ -12,6 +12,7 @@ from flight import FloatArray, rotations
 from gcs_web import scene
 from gcs_web.protocol_parts import Slice
 from mapping import Map
+from mapping.dense.confidence import MeasuredSurface
 
 MOST_PIXELS, MOST_PER_VOXEL = 900, 6
 """Of a picture's longer side, and of a voxel's."""
@@ -21,6 +22,8 @@ _ALPHA, _HATCH_ALPHA, _FAINT_ALPHA = 205, 120, 28
 _LIMIT, _UNKNOWN, _OCCUPIED = (231, 214, 60), (139, 151, 162), (233, 237, 240)
 _INFERRED = (196, 140, 255)
 _STRIPE_PX = 9
+_NEAR_SURFACE_VOXELS = 2.0
+"""What is occupied and farther from measured surface is so by an edit, a line, or what was too small for the mesh."""
 
 Colours = np.ndarray
 """(h, w, 4) uint8."""
@@ -58,6 +61,7 @@ def draw(
     required_m: float,
     hidden: Visibility | None = None,
     inferred: Marked | None = None,
+    surface: MeasuredSurface | None = None,
 ) -> Picture:
     """A slice through a map.
 
@@ -66,12 +70,15 @@ def draw(
         required_m: clearance at which the colours of a distance begin; below it is hatched.
         hidden: of the map's images, for a slice of `could_hide`.
         inferred: (nx, ny, nz) voxels of plain walls that nothing measured, for a slice of `unknown`.
+        surface: of the map, for a slice of `surface_std`.
     """
     plane = _oblique(field.grid, wanted) if wanted.axis == "oblique" else _plane(field.grid, wanted)
     if wanted.of == "unknown":
         rgba = _unknown(field, plane, inferred)
     elif wanted.of == "could_hide":
         rgba = _could_hide(hidden or area.visibility(), field, plane)
+    elif wanted.of == "surface_std":
+        rgba = _surface_std(surface, field, plane)
     else:
         rgba = _distance(field, plane, required_m)
     rgba[~field.grid.contains(plane.points_world_m).reshape(plane.shape), 3] = 0
@@ -164,6 +171,24 @@ def _could_hide(hidden: Visibility, field: esdf.Field, plane: _Plane) -> Colours
     solid = np.nan_to_num(field.distance(plane.points_world_m), nan=-1.0).reshape(plane.shape) < 0.0
     rgba[solid & seen, 3] = _FAINT_ALPHA
     return rgba
+
+
+def _surface_std(surface: MeasuredSurface | None, field: esdf.Field, plane: _Plane) -> Colours:
+    """Obstacles by the standard deviation of the surface nearest to each, dark: small; pale where it is not known."""
+    from scipy.spatial import KDTree
+
+    solid = np.nan_to_num(field.distance(plane.points_world_m), nan=1.0) < 0.0
+    solid &= field.status(plane.points_world_m) == esdf.KNOWN
+    rgba = np.zeros((len(solid), 4), dtype=np.uint8)
+    rgba[solid] = (*_OCCUPIED, _FAINT_ALPHA)
+    if surface is not None:
+        near_m = _NEAR_SURFACE_VOXELS * max(field.grid.voxel_m)
+        _, nearest = KDTree(surface.vertices_world_m).query(plane.points_world_m[solid], distance_upper_bound=near_m)
+        deviation_m = np.append(surface.confidence.deviation_m, np.nan)[nearest]  # beyond that distance the last
+        at, known = np.flatnonzero(solid), np.isfinite(deviation_m)
+        rgba[at[known], :3] = scene.colours(deviation_m[known] / scene.SURFACE_STD_SPAN_M, "cividis")
+        rgba[at[known], 3] = _ALPHA
+    return rgba.reshape(*plane.shape, 4)
 
 
 def _hatched(shape: tuple[int, int], colour: tuple[int, int, int]) -> Colours:

@@ -14,6 +14,7 @@ import esdf
 from flight import FormatError, InputError, file_format
 from goshawk import look_again
 from mapping import Map, map_folder, map_parts
+from mapping.dense import confidence
 from mapping.exploration.view_planning import ViewOptions
 from mapping.sparse.overlap import UnplacedRun
 from mapping.verdict import Standing
@@ -85,6 +86,7 @@ def _figures(area: Map, report: dict[str, Any]) -> str:
         "up from": facts.get("up_source", ""),
         "path": f"{facts['path_length_m']:.2f} m" if "path_length_m" in facts else "",
         "free, occupied, unknown": ", ".join(f"{volume:.1f} m³" for volume in volumes) + ", edits included",
+        "surface": confidence.describe(facts),
         "plain walls, inferred": f"{float(area.inferred().sum()) * voxel_m3:.1f} m³ of the unknown",
         "errors, scale and camera file": f"as found in {whole}, before it was cropped"
         if (whole := report.get(map_parts.MADE_OF))

@@ -86,6 +86,8 @@ def integrate(
     bricks: NDArray[np.int32],
     distance: NDArray[np.float32],
     weight: NDArray[np.float32],
+    scatter: NDArray[np.float32],
+    images: NDArray[np.uint8],
     colour: NDArray[np.float32],
     colour_weight: NDArray[np.float32],
     inverse_range: NDArray[np.float32],
@@ -105,7 +107,16 @@ def marching_cubes(
     bricks: NDArray[np.int32],
     distance: NDArray[np.float32],
     weight: NDArray[np.float32],
+    scatter: NDArray[np.float32],
+    images: NDArray[np.uint8],
     colour: NDArray[np.float32],
     colour_weight: NDArray[np.float32],
     least_weight: float,
-) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float32]]: ...
+) -> tuple[
+    NDArray[np.float64],
+    NDArray[np.int32],
+    NDArray[np.float32],
+    NDArray[np.float32],
+    NDArray[np.float32],
+    NDArray[np.uint8],
+]: ...

@@ -8,7 +8,7 @@ import numpy as np
 
 import esdf
 from mapping import verdict
-from mapping.dense import resolution, surface
+from mapping.dense import confidence, resolution, surface
 from mapping.sparse import reconstruction
 from mapping.sparse.reconstruction import SparseMap
 
@@ -72,6 +72,12 @@ class MapReport:
     """Space known to be filled."""
     inferred_m3: float
     """Unknown space that a plain wall must pass through."""
+    surface_std_median_m: float
+    """Median of the standard deviation of the mesh's vertices along the surface's normal; see `dense.confidence`."""
+    surface_std_90_percent_m: float
+    """Nine tenths of the surface are better."""
+    surface_share_worse_than_voxel: float
+    """Share of the surface whose standard deviation is above the edge of a voxel."""
     carrier_radius_m: float
     """Radius about each camera within which what carried it is evidence of free space."""
     swept_occupied_m3: float
@@ -100,6 +106,7 @@ class MapReport:
             "images_placed",
             "reprojection_error_px",
             "path_length_m",
+            *confidence.FIGURES,
             "carrier_radius_m",
         )
         return {name: getattr(self, name) for name in names}
@@ -144,6 +151,7 @@ def report(
         free_m3=float((surface.state == esdf.FREE).sum()) * voxel_m3,
         occupied_m3=float((surface.state == esdf.OCCUPIED).sum()) * voxel_m3,
         inferred_m3=float(surface.inferred.sum()) * voxel_m3,
+        **confidence.figures(surface.confidence, surface.grid.voxel_m[0]),
         carrier_radius_m=carrier_radius_m,
         swept_occupied_m3=surface.swept_occupied_m3,
         resolved_m=resolution.thickness_quantiles_m(surface.seen, surface.grid, surface.state == esdf.FREE),

@@ -9,6 +9,7 @@ poses.csv       where each image was taken (body in world)
 mesh_textured.glb   with a texture, if `texturing.add_texture` made one; no part of the hash
 visibility.npz  how thin an object the images resolve, place by place
 inferred.npz    unknown voxels that a plain wall must pass through
+confidence.npz  standard deviation of each vertex of the mesh along the surface's normal
 report.json     all figures of the run
 """
 
@@ -36,10 +37,20 @@ from flight import (
     results,
     silent,
 )
-from mapping import free_space, given_paths, inferred_layer, map_figures, placed_views, poses_file, stages
+from mapping import (
+    confidence_layer,
+    free_space,
+    given_paths,
+    inferred_layer,
+    map_figures,
+    placed_views,
+    poses_file,
+    stages,
+)
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
 from mapping.dense import depth_files, mesh_file, resolution, surface
+from mapping.dense.confidence import MeasuredSurface
 from mapping.dense.depth_files import DepthFiles
 from mapping.dense.surface import DenseOptions
 from mapping.free_space import FreeSpace
@@ -62,6 +73,7 @@ REPORT_FORMAT = "goshawk-map-report"
 
 VISIBILITY = "visibility.npz"
 INFERRED = "inferred.npz"
+CONFIDENCE = "confidence.npz"
 DEPTH = "depth"
 STAGES = (source.FRAMES, source.CHECK, colmap.FEATURES, colmap.MATCHES, colmap.POSES, reconstruction.CALIBRATION, DEPTH)
 """Stages whose results survive an interrupted work, in order."""
@@ -181,6 +193,21 @@ class Map:
         """
         marked = inferred_layer.load(self.folder / INFERRED, self.field.grid.shape)
         return marked & (self.field.state == esdf.UNKNOWN)
+
+    def surface(self) -> MeasuredSurface | None:
+        """The vertices of the mesh, and how well they are known: not at all in a map of an earlier version.
+
+        None in a map without a mesh in `mesh.ply`, which was not made of images.
+
+        Raises:
+            FormatError: a file is damaged, or they do not fit each other.
+        """
+        if not (self.folder / "mesh.ply").is_file():
+            return None
+        vertices, _, _ = mesh_file.load(self.folder / "mesh.ply")
+        if not len(vertices):
+            return None
+        return MeasuredSurface(vertices, confidence_layer.load(self.folder / CONFIDENCE, len(vertices)))
 
     def free_space(self) -> FreeSpace | None:
         """What is free, and how thin an obstacle is ruled out there; None where the map has nothing to say it of.
@@ -341,6 +368,7 @@ def _build(
         esdf.save(new / "esdf", distances)
         save_visibility(new / VISIBILITY, dense.seen)
         inferred_layer.save(new / INFERRED, dense.inferred)
+        confidence_layer.save(new / CONFIDENCE, dense.confidence)
         mesh_file.save(new / "mesh.glb", dense.vertices_world_m, dense.faces, dense.colours)
         mesh_file.save(new / "mesh.ply", dense.vertices_world_m, dense.faces, dense.colours)
         localization_map.save(new / "localization", placed.localization_map())

@@ -18,16 +18,18 @@ from esdf.solids import Solid, covered_region
 from esdf.storage import EDITS
 from esdf.visibility import Visibility, save_visibility
 from flight import FloatArray, FormatError, InputError, file_format, frames, results
-from mapping import given_paths, inferred_layer, map_folder, poses_file, reach
+from mapping import confidence_layer, given_paths, inferred_layer, map_folder, poses_file, reach
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
+from mapping.dense import confidence as confidences
 from mapping.dense import mesh_file, resolution
+from mapping.dense.confidence import SurfaceConfidence
 from mapping.sparse import localization_map
 from mapping.sparse.localization_map import LocalizationMap
 
 MADE_OF = "figures_of"
 """Key of the `report.json` of a cropped map: the map whose scale, calibration and residuals it states."""
-_COUNTED = ("images", "images_placed", "path_length_m")
+_COUNTED = ("images", "images_placed", "path_length_m", *confidences.FIGURES)
 """Facts that are those of the part in a cropped map."""
 _OF_THE_WHOLE = ("unplaced_runs", "swept_occupied_m3", "resolved_m", "depth", "cpu_s")
 HISTORY = "history"
@@ -50,6 +52,8 @@ class MapParts:
     """(f, 3) vertices."""
     colours: np.ndarray
     """(v, 3) uint8 RGB."""
+    confidence: SurfaceConfidence
+    """How well each vertex is known."""
     known: LocalizationMap
     """Points and descriptors."""
     rig: Rig
@@ -95,6 +99,7 @@ def read(folder: Path) -> MapParts:
         vertices_world_m=vertices,
         faces=faces,
         colours=colours,
+        confidence=confidence_layer.load(folder / map_folder.CONFIDENCE, len(vertices)),
         known=opened.localization_map(),
         rig=opened.rig,
         images=opened.images,
@@ -119,6 +124,7 @@ def write(out: Path, parts: MapParts, *, overwrite: bool = False) -> str:
         esdf.save(new / "esdf", parts.field)
         save_visibility(new / map_folder.VISIBILITY, parts.seen)
         inferred_layer.save(new / map_folder.INFERRED, parts.inferred)
+        confidence_layer.save(new / map_folder.CONFIDENCE, parts.confidence)
         if parts.edits:
             esdf.save_edits(new / "esdf" / EDITS, parts.edits)
         for name in ("mesh.glb", "mesh.ply"):
@@ -196,7 +202,7 @@ def cropped(parts: MapParts, kept: Solid, sentence: str) -> MapParts:
 
     points = inside(parts.known.points_world_m)
     placed = inside(parts.T_world_body[:, :3, 3])
-    vertices, faces, colours = mesh_of(parts, inside(parts.vertices_world_m))
+    vertices, faces, colours, confidence = mesh_of(parts, inside(parts.vertices_world_m))
     if not len(faces):
         raise InputError(
             f"no surface of the map lies inside the {type(kept).__name__.lower()} to keep; take a larger one"
@@ -208,6 +214,7 @@ def cropped(parts: MapParts, kept: Solid, sentence: str) -> MapParts:
         vertices_world_m=vertices,
         faces=faces,
         colours=colours,
+        confidence=confidence,
         known=LocalizationMap(parts.known.points_world_m[points], parts.known.descriptors[points]),
         images=tuple(name for name, there in zip(parts.images, placed, strict=True) if there),
         time_s=parts.time_s[placed],
@@ -219,7 +226,8 @@ def cropped(parts: MapParts, kept: Solid, sentence: str) -> MapParts:
     figures = _figures_of_part(part, _walked_m(parts.T_world_body, placed))
     return dataclasses.replace(
         part,
-        facts=part.facts | {name: figures[name] for name in _COUNTED if name in part.facts},
+        facts={name: value for name, value in part.facts.items() if name not in _COUNTED}
+        | {name: figures[name] for name in _COUNTED if name in part.facts and name in figures},
         report=None if parts.report is None else _report_of_part(parts, figures),
     )
 
@@ -247,21 +255,23 @@ def _figures_of_part(part: MapParts, path_length_m: float) -> dict[str, Any]:
         "free_m3": float(free.sum()) * voxel_m3,
         "occupied_m3": float(occupied.sum()) * voxel_m3,
         "inferred_m3": float(part.inferred.sum()) * voxel_m3,
+        **confidences.figures(part.confidence, part.field.grid.voxel_m[0]),
     }
 
 
 def _report_of_part(whole: MapParts, figures: dict[str, Any]) -> dict[str, Any]:
     """The whole map's report with a part's own figures, without those that are not known of a part."""
     report = whole.report or {}
-    kept = {name: value for name, value in report.items() if name not in _OF_THE_WHOLE}
+    kept = {name: value for name, value in report.items() if name not in (*_OF_THE_WHOLE, *confidences.FIGURES)}
     return {**kept, **figures, MADE_OF: report.get(MADE_OF, whole.name)}
 
 
-def mesh_of(parts: MapParts, kept: np.ndarray) -> tuple[FloatArray, np.ndarray, np.ndarray]:
-    """Vertices, faces and colours of the faces all of whose vertices are in the mask (v,)."""
+def mesh_of(parts: MapParts, kept: np.ndarray) -> tuple[FloatArray, np.ndarray, np.ndarray, SurfaceConfidence]:
+    """Vertices, faces, colours and confidence of the faces all of whose vertices are in the mask (v,)."""
     faces = parts.faces[kept[parts.faces].all(axis=1)]
     used, faces_new = np.unique(faces, return_inverse=True)
-    return parts.vertices_world_m[used], faces_new.reshape(-1, 3).astype(np.int32), parts.colours[used]
+    faces_new = faces_new.reshape(-1, 3).astype(np.int32)
+    return parts.vertices_world_m[used], faces_new, parts.colours[used], parts.confidence.part(used)
 
 
 def noted(parts: MapParts, sentence: str) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from esdf import regrid
 from flight import FloatArray, MapError, Progress, frames, rotations, silent
 from mapping import inferred_layer
 from mapping.camera.rig import Rig
-from mapping.dense import resolution
+from mapping.dense import confidence, resolution
 from mapping.localization import relocalization
 from mapping.localization.relocalization import LocalizationOptions
 from mapping.map_folder import has_earlier_free_space
@@ -134,7 +134,8 @@ def merged(first: MapParts, second: MapParts, found: Registration) -> MapParts:
     field = regrid.merge(first.field, turned)
     other = moved(second, found.T_first_second, sentence)
     new = ~_near(other.vertices_world_m, first.vertices_world_m, 1.5 * max(first.field.grid.voxel_m))
-    vertices, faces, colours = mesh_of(other, new)
+    vertices, faces, colours, added = mesh_of(other, new)
+    sure = confidence.joined(first.confidence, added)
     if not _same_rig(first.rig, second.rig):
         sentence += f"; without the poses of {second.name}, whose camera file is another one"
         empty = other.T_world_body[:0]
@@ -156,6 +157,7 @@ def merged(first: MapParts, second: MapParts, found: Registration) -> MapParts:
         vertices_world_m=np.concatenate([first.vertices_world_m, vertices]),
         faces=np.concatenate([first.faces, faces + len(first.vertices_world_m)]),
         colours=np.concatenate([first.colours, colours]),
+        confidence=sure,
         known=known,
         images=_all_images(first, other),
         time_s=np.concatenate([first.time_s, other.time_s]),
@@ -168,7 +170,7 @@ def merged(first: MapParts, second: MapParts, found: Registration) -> MapParts:
                 (inferred_layer.moved(second.inferred, second.field, found.T_first_second, turned), turned),
             ],
         ),
-        facts=_facts(first, second, sentence),
+        facts=_facts(first, second, sentence) | confidence.figures(sure, field.grid.voxel_m[0]),
         report=None,
     )
 

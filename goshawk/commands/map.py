@@ -18,6 +18,7 @@ from goshawk.commands.map_report import report
 from goshawk.commands.map_show_esdf import show_esdf
 from goshawk.commands.map_texture import texture
 from mapping import map_folder, stages
+from mapping.dense import confidence
 from mapping.input import examination, trajectory
 from mapping.input.source import Source
 from mapping.sparse.overlap import UnplacedRun
@@ -224,6 +225,7 @@ def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
         "up from": report.up_source,
         "path": f"{report.path_length_m:.2f} m",
         "mesh": f"{report.mesh_vertices} vertices, {report.mesh_faces} faces",
+        "surface": confidence.describe(report.as_dict()),
         "space": f"{report.free_m3:.1f} m3 free, {report.occupied_m3:.1f} m3 occupied; the rest is unknown",
         "swept by the carrier": f"{report.carrier_radius_m:g} m about each camera is free"
         + (

@@ -1,6 +1,6 @@
 """`goshawk plan`: waypoints or a recorded path to a checked trajectory."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import click
@@ -13,6 +13,7 @@ import vehicle
 from flight import FloatArray, InputError, cells, file_format
 from flight.mission import KeepIn, Laps, Mission, Yaw
 from goshawk import batch, console, map_standing, outputs, thin_obstacles, waypoints_file
+from mapping.dense.confidence import NearestSurface
 from planner import could_hide, options, simplify
 
 _THINNED = 0.1
@@ -160,7 +161,9 @@ def plan_one(
         plan = thin_obstacles.plan(asked, area, field, drone, job.options, free, job.thinnest_m, progress=report)
     with outputs.file(job.out, overwrite=job.overwrite) as temporary:
         planner.save_plan(temporary, plan, name=job.out.stem)
-    _show(plan, job.out, len(asked.waypoints.positions_world_m), left_out, as_json=as_json)
+    surface = area.surface()
+    nearest = None if surface is None else surface.nearest(np.array(plan.gate.clearance_point_world_m))
+    _show(plan, job.out, len(asked.waypoints.positions_world_m), left_out, nearest, as_json=as_json)
 
 
 def mission_along(path: Path, tolerance_m: float, field: esdf.Field, job: batch.Job) -> tuple[Mission, int]:
@@ -175,11 +178,20 @@ def mission_along(path: Path, tolerance_m: float, field: esdf.Field, job: batch.
     return replace(job, keep_in=tube).asked(Mission(walked)), left_out
 
 
-def _show(plan: planner.Plan, out: Path, waypoints: int, left_out: int | None, *, as_json: bool) -> None:
+def _show(
+    plan: planner.Plan,
+    out: Path,
+    waypoints: int,
+    left_out: int | None,
+    nearest: NearestSurface | None,
+    *,
+    as_json: bool,
+) -> None:
     """The facts of a plan, and a note where an obstacle could hide near it.
 
     Args:
         left_out: recorded positions that were left out; None if no path was given.
+        nearest: to the point of least clearance; None in a map without measured surface.
     """
     facts = {
         "written": str(out),
@@ -193,9 +205,21 @@ def _show(plan: planner.Plan, out: Path, waypoints: int, left_out: int | None, *
     shown = facts | {"could hide": could_hide.describe(plan.gate)}
     checked = plan.gate.as_dict()
     document = facts | {"could_hide": checked["could_hide"], "check": checked}
+    if nearest is not None:
+        shown["nearest surface"] = _surface(nearest)
+        document["nearest_surface"] = asdict(nearest)
     console.show(f"trajectory {out.stem}", shown, as_json=as_json, document=document)
     if could_hide.worth_a_warning(plan.gate):
         click.echo(f"note: {could_hide.describe(plan.gate)}; {could_hide.advice(plan.gate)}", err=True)
+
+
+def _surface(nearest: NearestSurface) -> str:
+    """How far the measured surface is from the point of least clearance, and how well it is known there."""
+    away = f"{nearest.distance_m:.2f} m from the point of least clearance"
+    if nearest.deviation_m is None:
+        return f"{away}; its standard deviation is not known"
+    images = f"{nearest.images} image{'s' * (nearest.images != 1)}"
+    return f"{away}, standard deviation {1e3 * nearest.deviation_m:.0f} mm, measured by {images}"
 
 
 def plan_all(folder: Path, job: batch.Job, jobs: int, scheduler: str | None, *, as_json: bool) -> None:

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from esdf import FREE, OCCUPIED, UNKNOWN, Grid
 from flight import FloatArray, InputError, MapError, frames
 from mapping import _mapping
+from mapping.dense import confidence
+from mapping.dense.confidence import SurfaceConfidence
 from mapping.dense.views import THREADS, ImageView, lens_row
 
 Value = TypeVar("Value", bound=np.generic)
@@ -40,6 +42,10 @@ class Volume:
     """(n, BRICK, BRICK, BRICK) metres, positive in front of the surface."""
     weight: NDArray[np.float32]
     """(n, BRICK, BRICK, BRICK) sum of the measurements' weights; 0 where never observed."""
+    scatter: NDArray[np.float32]
+    """(n, BRICK, BRICK, BRICK) m2, weighted sum of the squared differences of the measurements from `distance`."""
+    images: NDArray[np.uint8]
+    """(n, BRICK, BRICK, BRICK) how many images measured a surface within the truncation, at most `MOST_COUNTED`."""
     colour: NDArray[np.float32]
     """(n, BRICK, BRICK, BRICK, channels) 0 to 255."""
     colour_weight: NDArray[np.float32]
@@ -71,6 +77,8 @@ class Volume:
             self.bricks,
             self.distance,
             self.weight,
+            self.scatter,
+            self.images,
             self.colour,
             self.colour_weight,
             np.ascontiguousarray(inverse_range, dtype=np.float32),
@@ -107,21 +115,27 @@ class Volume:
             THREADS,
         )
 
-    def surface(self, *, least_weight: float) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]]:
-        """Marching cubes where all eight corners were seen: vertices (n, 3), faces (m, 3), colours (n, 3)."""
-        vertices, faces, colours = _mapping.marching_cubes(
+    def surface(
+        self, *, least_weight: float
+    ) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8], SurfaceConfidence]:
+        """Marching cubes where all eight corners were seen: vertices (n, 3), faces (m, 3), colours (n, 3), and how well
+        each vertex is known."""
+        vertices, faces, colours, weight, scatter, images = _mapping.marching_cubes(
             self.grid.low_world_m,
             self.voxel_m,
             self.grid.shape,
             self.bricks,
             self.distance,
             self.weight,
+            self.scatter,
+            self.images,
             self.colour,
             self.colour_weight,
             least_weight,
         )
         shades = np.clip(np.round(colours), 0, 255).astype(np.uint8)
-        return vertices, faces, np.repeat(shades, 3, axis=1) if shades.shape[1] == 1 else shades
+        colours = np.repeat(shades, 3, axis=1) if shades.shape[1] == 1 else shades
+        return vertices, faces, colours, confidence.of_fused(weight, scatter, images, self.voxel_m)
 
     def occupancy(self, *, least_seen_through: int, skin_voxels: float) -> NDArray[np.uint8]:
         """(nx, ny, nz) UNKNOWN, FREE or OCCUPIED.
@@ -224,7 +238,7 @@ def empty_volume(grid: Grid, near: NDArray[np.uint8], *, truncation_m: float, ch
     if truncation_m < grid.voxel_m[0]:
         raise InputError(f"truncation_m {truncation_m:g} must be at least the voxel size, {grid.voxel_m[0]:g}")
     bricks = np.argwhere(near).astype(np.int32)
-    arrays_bytes = 4 * (3 + channels) * BRICK**3 * len(bricks)
+    arrays_bytes = (4 * (4 + channels) + 1) * BRICK**3 * len(bricks)
     if arrays_bytes > MOST_BRICK_BYTES:
         raise _too_large("the surface", grid, (arrays_bytes / MOST_BRICK_BYTES) ** (1 / 2))
 
@@ -232,7 +246,8 @@ def empty_volume(grid: Grid, near: NDArray[np.uint8], *, truncation_m: float, ch
         return np.zeros((len(bricks), BRICK, BRICK, BRICK, *more), np.float32)
 
     seen_through = np.zeros(grid.shape, np.uint8)
-    return Volume(grid, truncation_m, bricks, empty(), empty(), empty(channels), empty(), seen_through)
+    images = np.zeros((len(bricks), BRICK, BRICK, BRICK), np.uint8)
+    return Volume(grid, truncation_m, bricks, empty(), empty(), empty(), images, empty(channels), empty(), seen_through)
 
 
 def unreached_is_unknown(state: NDArray[np.uint8], grid: Grid, path_world_m: FloatArray) -> None:

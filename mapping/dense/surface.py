@@ -15,6 +15,7 @@ from esdf.visibility import Visibility
 from flight import FloatArray, InputError, MapError, Progress, silent
 from mapping import workers
 from mapping.dense import fusion, lines, planes, resolution, stereo
+from mapping.dense.confidence import SurfaceConfidence
 from mapping.dense.fusion import Volume
 from mapping.dense.stereo import DepthImage, StereoOptions, depth_from_sensor
 from mapping.dense.views import THREADS, ImageView
@@ -104,6 +105,8 @@ class Measured:
     """(m, 3) counter-clockwise seen from free space."""
     colours: NDArray[np.uint8]
     """(n, 3) RGB of each vertex."""
+    confidence: SurfaceConfidence
+    """Of each vertex."""
     state: NDArray[np.uint8]
     """(nx, ny, nz) `esdf.UNKNOWN`, `FREE` or `OCCUPIED`."""
     grid: Grid
@@ -120,6 +123,8 @@ class Reconstruction:
     """(m, 3) counter-clockwise seen from free space."""
     colours: NDArray[np.uint8]
     """(n, 3) RGB of each vertex."""
+    confidence: SurfaceConfidence
+    """Of each vertex."""
     state: NDArray[np.uint8]
     """(nx, ny, nz) `esdf.UNKNOWN`, `FREE` or `OCCUPIED`."""
     grid: Grid
@@ -249,8 +254,12 @@ def extract(
 ) -> Reconstruction:
     """Mesh and state grid of what the depth images show, with all that is known otherwise. Changes `shown.state`."""
     state, grid = shown.state, shown.grid
-    vertices, faces, colours = without_small_components(
-        shown.vertices_world_m, shown.faces, shown.colours, least_faces=options.least_component_faces
+    vertices, faces, colours, known = without_small_components(
+        shown.vertices_world_m,
+        shown.faces,
+        shown.colours,
+        shown.confidence,
+        least_faces=options.least_component_faces,
     )
     if not len(faces):
         raise MapError("the depth images hold no surface: their poses or lenses may be wrong")
@@ -279,6 +288,7 @@ def extract(
         vertices,
         faces,
         colours,
+        known,
         state,
         grid,
         seen,
@@ -323,8 +333,13 @@ def _meets(points_world_m: FloatArray, grid: Grid, marked: NDArray[np.bool_]) ->
 
 
 def without_small_components(
-    vertices: FloatArray, faces: NDArray[np.int32], colours: NDArray[np.uint8], *, least_faces: int
-) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]]:
+    vertices: FloatArray,
+    faces: NDArray[np.int32],
+    colours: NDArray[np.uint8],
+    confidence: SurfaceConfidence,
+    *,
+    least_faces: int,
+) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8], SurfaceConfidence]:
     """The mesh without connected components of fewer than `least_faces` faces, and without unused vertices."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
@@ -337,7 +352,7 @@ def without_small_components(
     used = np.zeros(len(vertices), bool)
     used[kept] = True
     number = np.cumsum(used, dtype=np.int32) - 1
-    return vertices[used], number[kept].astype(np.int32), colours[used]
+    return vertices[used], number[kept].astype(np.int32), colours[used], confidence.part(used)
 
 
 def depth_statistics(depths: Sequence[DepthImage | None]) -> DepthStatistics:

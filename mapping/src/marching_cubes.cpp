@@ -154,6 +154,10 @@ class Builder {
             mesh_.colours.push_back(static_cast<float>(
                 (wa * volume_.colour[from * volume_.channels + c] + wb * volume_.colour[to * volume_.channels + c]) /
                 (wa + wb)));
+        mesh_.weights.push_back(static_cast<float>((1.0 - share) * volume_.weight[from] + share * volume_.weight[to]));
+        mesh_.scatters.push_back(
+            static_cast<float>((1.0 - share) * volume_.scatter[from] + share * volume_.scatter[to]));
+        mesh_.images.push_back(volume_.images[share < 0.5 ? from : to]);
     }
 
     const Volume& volume_;

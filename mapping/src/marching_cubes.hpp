@@ -12,6 +12,8 @@ struct Mesh {
     std::vector<Vec3> vertices;                      // world, metres
     std::vector<std::array<std::int32_t, 3>> faces;  // counter-clockwise seen from free space
     std::vector<float> colours;                      // `channels` values a vertex
+    std::vector<float> weights, scatters;            // of the distance volume
+    std::vector<std::uint8_t> images;                // that measured the nearer voxel
 };
 
 // Only cells whose eight corners all have at least `least_weight` make triangles: a surface is never drawn where one

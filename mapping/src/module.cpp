@@ -26,6 +26,8 @@ using Counts = nb::ndarray<std::uint8_t, nb::shape<-1, -1, -1>, nb::c_contig, nb
 using Shape = std::array<int, 3>;
 using Places = nb::ndarray<const std::int32_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using InBricks = nb::ndarray<float, nb::shape<-1, brick_size, brick_size, brick_size>, nb::c_contig, nb::device::cpu>;
+using CountsInBricks =
+    nb::ndarray<std::uint8_t, nb::shape<-1, brick_size, brick_size, brick_size>, nb::c_contig, nb::device::cpu>;
 using ColourInBricks =
     nb::ndarray<float, nb::shape<-1, brick_size, brick_size, brick_size, -1>, nb::c_contig, nb::device::cpu>;
 using Directions = Table<3>;
@@ -112,12 +114,15 @@ static VoxelGrid as_voxels(const Point& origin, double voxel, const Shape& shape
 }
 
 static Volume as_volume(const VoxelGrid& grid, const Places& bricks, const InBricks& distance, const InBricks& weight,
-                        const ColourInBricks& colour, const InBricks& colour_weight) {
+                        const InBricks& scatter, const CountsInBricks& images, const ColourInBricks& colour,
+                        const InBricks& colour_weight) {
     return {grid,
             static_cast<int>(bricks.shape(0)),
             bricks.data(),
             distance.data(),
             weight.data(),
+            scatter.data(),
+            images.data(),
             colour.data(),
             colour_weight.data(),
             static_cast<int>(colour.shape(4))};
@@ -133,10 +138,11 @@ static void mark_near_surface_view(Point origin, double voxel, Shape shape, Coun
 }
 
 static void integrate_view(Point origin, double voxel, Shape shape, Places bricks, InBricks distance, InBricks weight,
-                           ColourInBricks colour, InBricks colour_weight, Image inverse_range, Image deviation,
-                           Image facing_image, Colour pixels, LensRow lens, Matrix4 T_camera_world, double truncation,
-                           double farthest, int threads) {
-    const Volume volume = as_volume(as_voxels(origin, voxel, shape), bricks, distance, weight, colour, colour_weight);
+                           InBricks scatter, CountsInBricks images, ColourInBricks colour, InBricks colour_weight,
+                           Image inverse_range, Image deviation, Image facing_image, Colour pixels, LensRow lens,
+                           Matrix4 T_camera_world, double truncation, double farthest, int threads) {
+    const Volume volume = as_volume(as_voxels(origin, voxel, shape), bricks, distance, weight, scatter, images, colour,
+                                    colour_weight);
     const RangeImage image{inverse_range.data(), deviation.data(), facing_image.data(), pixels.data(),
                            Lens(lens.data())};
     nb::gil_scoped_release release;
@@ -153,9 +159,10 @@ static void carve_view(Point origin, double voxel, Counts seen_through, Image bo
 }
 
 static nb::tuple marching_cubes_view(Point origin, double voxel, Shape shape, Places bricks, InBricks distance,
-                                     InBricks weight, ColourInBricks colour, InBricks colour_weight,
-                                     double least_weight) {
-    const Volume volume = as_volume(as_voxels(origin, voxel, shape), bricks, distance, weight, colour, colour_weight);
+                                     InBricks weight, InBricks scatter, CountsInBricks images, ColourInBricks colour,
+                                     InBricks colour_weight, double least_weight) {
+    const Volume volume = as_volume(as_voxels(origin, voxel, shape), bricks, distance, weight, scatter, images, colour,
+                                    colour_weight);
     Mesh mesh;
     {
         nb::gil_scoped_release release;
@@ -169,7 +176,12 @@ static nb::tuple marching_cubes_view(Point origin, double voxel, Shape shape, Pl
     for (std::size_t i = 0; i < mesh.faces.size(); ++i)
         for (int n = 0; n < 3; ++n) faces.data()[3 * i + n] = mesh.faces[i][n];
     std::copy(mesh.colours.begin(), mesh.colours.end(), colours.data());
-    return nb::make_tuple(vertices, faces, colours);
+    auto weights = new_array<float>({mesh.vertices.size()}), scatters = new_array<float>({mesh.vertices.size()});
+    auto counts = new_array<std::uint8_t>({mesh.vertices.size()});
+    std::copy(mesh.weights.begin(), mesh.weights.end(), weights.data());
+    std::copy(mesh.scatters.begin(), mesh.scatters.end(), scatters.data());
+    std::copy(mesh.images.begin(), mesh.images.end(), counts.data());
+    return nb::make_tuple(vertices, faces, colours, weights, scatters, counts);
 }
 
 NB_MODULE(_mapping, m) {
@@ -194,10 +206,12 @@ NB_MODULE(_mapping, m) {
           nb::arg("T_world_camera"), nb::arg("truncation_m"), nb::arg("farthest_m"));
     m.def("integrate", &integrate_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("shape"),
           nb::arg("bricks"), nb::arg("distance").noconvert(), nb::arg("weight").noconvert(),
-          nb::arg("colour").noconvert(), nb::arg("colour_weight").noconvert(), nb::arg("inverse_range"),
-          nb::arg("deviation"), nb::arg("facing"), nb::arg("pixels"), nb::arg("lens"), nb::arg("T_camera_world"),
-          nb::arg("truncation_m"), nb::arg("farthest_m"), nb::arg("threads"));
+          nb::arg("scatter").noconvert(), nb::arg("images").noconvert(), nb::arg("colour").noconvert(),
+          nb::arg("colour_weight").noconvert(), nb::arg("inverse_range"), nb::arg("deviation"), nb::arg("facing"),
+          nb::arg("pixels"), nb::arg("lens"), nb::arg("T_camera_world"), nb::arg("truncation_m"),
+          nb::arg("farthest_m"), nb::arg("threads"));
     m.def("marching_cubes", &marching_cubes_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("shape"),
           nb::arg("bricks"), nb::arg("distance").noconvert(), nb::arg("weight").noconvert(),
-          nb::arg("colour").noconvert(), nb::arg("colour_weight").noconvert(), nb::arg("least_weight"));
+          nb::arg("scatter").noconvert(), nb::arg("images").noconvert(), nb::arg("colour").noconvert(),
+          nb::arg("colour_weight").noconvert(), nb::arg("least_weight"));
 }

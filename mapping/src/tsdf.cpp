@@ -148,9 +148,11 @@ double weight_of(double range, double deviation, double voxel) {
     return voxel * voxel / (metres * metres + floor * floor);
 }
 
+// The weighted mean and its scatter, updated with one more measurement (West, 1979).
 void update(const Volume& volume, std::size_t index, double distance, double weight) {
-    const double sum = volume.weight[index] + weight;
-    volume.distance[index] += static_cast<float>(weight / sum * (distance - volume.distance[index]));
+    const double sum = volume.weight[index] + weight, off = distance - volume.distance[index];
+    volume.scatter[index] += static_cast<float>(volume.weight[index] * weight / sum * off * off);
+    volume.distance[index] += static_cast<float>(weight / sum * off);
     volume.weight[index] = static_cast<float>(sum);
 }
 
@@ -246,9 +248,9 @@ void integrate(const Volume& volume, const RangeImage& image, const double* T_ca
         // Behind the surface the weight fades, so that the front of a thin board does not erase its back.
         if (distance < 0.0) weight *= 1.0 + 0.9 * along_ray / fusion.truncation;
         update(volume, index, std::min(distance, fusion.truncation), weight);
-        if (distance < fusion.truncation)
-            update_colour(volume, index, image.colour + static_cast<std::size_t>(found.pixel) * volume.channels,
-                          weight);
+        if (distance >= fusion.truncation) return;
+        update_colour(volume, index, image.colour + static_cast<std::size_t>(found.pixel) * volume.channels, weight);
+        if (volume.images[index] < std::numeric_limits<std::uint8_t>::max()) ++volume.images[index];
     };
     parallel_rows(volume.count, threads, [&](int n) {
         const Brick brick = volume.brick(n);

@@ -15,6 +15,8 @@ struct Volume {
     const std::int32_t* place;  // x, y, z of each among all bricks, in their order
     float* distance;            // of the voxels of each: metres, within +-truncation, positive in front of the surface
     float* weight;
+    float* scatter;        // weighted sum of the squared differences of the measured distances from their mean
+    std::uint8_t* images;  // that measured a surface within the truncation, at most 255
     float* colour;  // `channels` values a voxel
     float* colour_weight;
     int channels;

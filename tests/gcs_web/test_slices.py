@@ -8,6 +8,7 @@ from esdf import solids
 from flight import rotations
 from gcs_web import slices
 from gcs_web.protocol_parts import Slice
+from mapping.dense.confidence import MeasuredSurface, SurfaceConfidence
 
 POST = solids.Sphere((1.0, 2.0, 0.5), 0.3)
 GRID = esdf.Grid((-1.0, 0.0, 0.0), 0.1, (40, 30, 10))
@@ -85,3 +86,31 @@ def test_an_inferred_wall_is_drawn_in_its_own_colour_only_where_the_field_is_unk
     x = places[..., 0]
     assert (differs == (x > 2.0) & (x < 2.5))[~edge].all()
     assert len(np.unique(picture.rgba[differs], axis=0)) == 1
+
+
+def test_obstacles_have_the_colour_of_the_measured_surface_nearest_to_them():
+    """Vertices on the surface of the post, those at its smaller x well known; a box that nothing measured beside it."""
+    state = esdf.rasterize(solids.Scene([POST, solids.Box((2.2, 0.5, 0.0), (2.6, 0.9, 1.0))]), GRID)
+    state[38:] = esdf.UNKNOWN
+    field = esdf.build(state, GRID)
+    around = np.random.default_rng(0).normal(size=(4000, 3))
+    vertices = np.array(POST.centre_world_m) + POST.radius_m * around / np.linalg.norm(around, axis=1, keepdims=True)
+    deviation_m = np.where(vertices[:, 0] < 1.0, 0.005, 0.08).astype(np.float32)
+    deviation_m[vertices[:, 1] > 2.1] = np.nan
+    surface = MeasuredSurface(vertices, SurfaceConfidence(deviation_m, np.ones(4000, np.uint8)))
+    wanted = Slice("z", 0.5, "surface_std")
+    picture = slices.draw(None, field, wanted, 0.2, surface=surface)  # type: ignore[arg-type]
+    _, places = drawn(wanted, field)
+    alpha, (x, y) = picture.rgba[..., 3], np.moveaxis(places[..., :2], -1, 0)
+    solid = (field.distance(places.reshape(-1, 3)).reshape(x.shape) < 0.0) & (x < 2.75)
+    assert (alpha[~solid] == 0).all()  # free or unknown
+    near_m = np.linalg.norm(places - POST.centre_world_m, axis=-1)
+    rim = solid & (near_m > 0.15) & (near_m < 0.35)
+    seen = picture.rgba[rim & (y < 1.95)]
+    assert len(np.unique(seen[:, :3], axis=0)) == 2
+    left, right = (picture.rgba[rim & (y < 1.95) & side, :3] for side in (x < 0.95, x > 1.05))
+    assert (left.sum(axis=1).max() < right.sum(axis=1).min()).all()
+    pale = np.concatenate([alpha[rim & (y > 2.2)], alpha[solid & (x > 2.0)]])
+    assert 0 < pale.max() < alpha[rim & (y < 1.95)].min()
+    without = slices.draw(None, field, wanted, 0.2)  # type: ignore[arg-type]
+    assert (without.rgba[solid, 3] == pale.max()).all()

@@ -53,7 +53,7 @@ def test_all_pages_know_what_the_one_3d_view_shows(station):
         await anna.command("show", colour="thrust")
         await ben.until(lambda p: p.state.get("shown", {}).get("colour") == "thrust")
         await anna.command("show", colour="clearance")
-        for of in ("distance", "unknown", "could_hide"):
+        for of in ("distance", "unknown", "could_hide", "surface_std"):
             await anna.command("show_map", slice={"axis": "y", "at_m": 1.0, "of": of}, layers=["cameras", "points"])
             await ben.until(lambda p, of=of: (p.state.get("map_shown", {}).get("slice") or {}).get("of") == of)
         assert ben.state["map_shown"]["layers"] == ["cameras", "points"]

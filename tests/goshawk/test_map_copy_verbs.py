@@ -15,6 +15,7 @@ from esdf.solids import Box
 from flight import file_format, frames, rotations
 from goshawk.rendered import world as rendered_world
 from mapping import map_parts
+from mapping.dense import confidence
 from mapping.map_parts import MapParts
 from mapping.sparse import features
 from mapping.sparse.localization_map import LocalizationMap
@@ -33,6 +34,7 @@ def folder(tmp_path: Path, pillar_map: Path) -> Path:
         vertices_world_m=floor,
         faces=np.arange(300, dtype=np.int32).reshape(-1, 3),
         colours=np.full((300, 3), 90, np.uint8),
+        confidence=confidence.unknown(300),
         known=LocalizationMap(floor, features.unit(rng.gamma(0.6, 1.0, (300, 128)))),
         rig=rendered_world.default_rig(),
         images=opened.images,

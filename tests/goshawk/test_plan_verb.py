@@ -20,6 +20,9 @@ from esdf.visibility import Visibility, save_visibility
 from flight import InputError, Waypoints, mission, project, trajectory
 from flight.mission import Gate, Ground, KeepIn, Laps, Mission, Stay
 from goshawk import batch, demo
+from mapping import confidence_layer
+from mapping.dense import mesh_file
+from mapping.dense.confidence import SurfaceConfidence
 from tests.goshawk.running import answer as goshawk
 from tests.waiting import PATIENCE_S
 
@@ -376,3 +379,32 @@ def test_in_a_map_without_images_it_is_not_known_what_could_hide(patchy, tmp_pat
     refused = goshawk(*call, "--out", tmp_path / "y.json", "--thinnest", 0.03)
     assert refused.returncode == 2
     assert "no images" in refused.stderr
+
+
+def test_a_plan_says_how_well_the_surface_is_known_where_its_clearance_is_least(folder, tmp_path):
+    """Vertices on a pillar beside the path, and some farther away that are known worse."""
+    shutil.copytree(folder / "map", tmp_path / "map")
+    angle = np.linspace(0.0, 2.0 * np.pi, 60)
+    pillar = np.column_stack([4.0 + 0.35 * np.cos(angle), 2.6 + 0.35 * np.sin(angle), np.full(60, 1.3)])
+    vertices = np.concatenate([pillar, pillar + np.array([0.0, 0.0, 40.0])])
+    faces = np.array([[0, 1, 2]], np.int32)
+    mesh_file.save(tmp_path / "map" / "mesh.ply", vertices, faces, np.full((120, 3), 90, np.uint8))
+    known = SurfaceConfidence(np.repeat(np.float32([0.012, 0.05]), 60), np.repeat(np.uint8([9, 1]), 60))
+    confidence_layer.save(tmp_path / "map" / "confidence.npz", known)
+    project.save_waypoints(tmp_path / "asked.json", ask(np.array([[3.0, 1.6, 1.3], [5.2, 2.0, 1.3]])))
+    where = ("--map", tmp_path / "map", "--vehicle", folder / "vehicle.toml")
+    facts = run(tmp_path / "asked.json", *where, "--out", tmp_path / "flown.json")
+    found = facts["nearest_surface"]
+    assert found["deviation_m"] == pytest.approx(0.012, rel=1e-3)
+    assert found["images"] == 9
+    point = np.array(facts["check"]["clearance_point_world_m"])
+    assert found["distance_m"] == pytest.approx(np.linalg.norm(vertices - point, axis=1).min())
+    assert found["point_world_m"] == pytest.approx(vertices[np.linalg.norm(vertices - point, axis=1).argmin()])
+    shown = goshawk("plan", tmp_path / "asked.json", *where, "--out", tmp_path / "again.json").stdout
+    assert "from the point of least clearance, standard deviation 12 mm, measured by 9 images" in " ".join(
+        shown.split()
+    )
+    (tmp_path / "map" / "confidence.npz").unlink()
+    shown = goshawk("plan", tmp_path / "asked.json", *where, "--out", tmp_path / "third.json").stdout
+    assert "its standard deviation is not known" in " ".join(shown.split())
+    assert "nearest_surface" not in run(tmp_path / "asked.json", *world(folder), "--out", tmp_path / "fourth.json")

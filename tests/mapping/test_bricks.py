@@ -282,7 +282,7 @@ def test_a_volume_of_more_voxels_than_fit_is_refused_with_the_size_that_does() -
 @pytest.mark.parametrize("channels", [1, 3])
 def test_more_surface_than_fits_is_refused_with_a_size_that_does(channels: int) -> None:
     """Surface, unlike volume, is divided into fewer bricks by the square of their size."""
-    most = fusion.MOST_BRICK_BYTES // (4 * (3 + channels) * BRICK**3)
+    most = fusion.MOST_BRICK_BYTES // ((4 * (4 + channels) + 1) * BRICK**3)
     grid = Grid((0.0, 0.0, 0.0), (VOXEL_M,) * 3, (BRICK * (most + 1), 1, 1))
     with pytest.raises(MapError, match="surface") as error:
         fusion.empty_volume(grid, np.ones((most + 1, 1, 1), np.uint8), truncation_m=TRUNCATION_M, channels=channels)
@@ -290,6 +290,5 @@ def test_more_surface_than_fits_is_refused_with_a_size_that_does(channels: int) 
     fitting = np.ones((most + 1, 1, 1), np.uint8)
     fitting[0] = 0  # arrays of zeros take no memory before they are written
     volume = fusion.empty_volume(grid, fitting, truncation_m=TRUNCATION_M, channels=channels)
-    assert sum(a.nbytes for a in (volume.distance, volume.weight, volume.colour, volume.colour_weight)) <= (
-        fusion.MOST_BRICK_BYTES
-    )
+    of_distances = (volume.distance, volume.weight, volume.scatter, volume.images)
+    assert sum(a.nbytes for a in (*of_distances, volume.colour, volume.colour_weight)) <= fusion.MOST_BRICK_BYTES

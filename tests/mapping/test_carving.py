@@ -167,8 +167,8 @@ def test_what_an_image_adds_does_not_depend_on_the_extent_of_the_volume() -> Non
     assert small.seen_through.any()
 
     def known(volume: Volume) -> list[np.ndarray]:
-        kept = (volume.distance, volume.weight, volume.colour[..., 0], volume.colour_weight)
-        return [volume.seen_through, *map(volume.in_grid, kept)]
+        kept = (volume.distance, volume.weight, volume.scatter, volume.colour[..., 0], volume.colour_weight)
+        return [volume.seen_through, volume.in_grid(volume.images), *map(volume.in_grid, kept)]
 
     for one, other in zip(known(small), known(large), strict=True):
         np.testing.assert_allclose(other[common], one, atol=1e-4)

@@ -9,6 +9,7 @@ from esdf import FREE, OCCUPIED, UNKNOWN, Grid
 from flight import InputError, frames, rotations
 from mapping.camera.rig import Camera
 from mapping.dense import fusion, stereo, surface
+from mapping.dense.confidence import SurfaceConfidence
 from mapping.dense.surface import DenseOptions, ImageView
 from tests.mapping.volumes import filled, in_bricks, whole_volume
 
@@ -25,7 +26,7 @@ def test_marching_cubes_closes_around_any_matter_inside_the_volume(seed: int) ->
     """Every edge belongs to exactly two faces, run through in opposite senses; white noise meets all 256 cases."""
     distance = np.ones((14, 12, 13))
     distance[1:-1, 1:-1, 1:-1] = np.random.default_rng(seed).normal(size=(12, 10, 11))
-    vertices, faces, _ = filled(distance).surface(least_weight=0.5)
+    vertices, faces, *_ = filled(distance).surface(least_weight=0.5)
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
     one_way, counts = np.unique(edges[:, 0] * len(vertices) + edges[:, 1], return_counts=True)
     other_way = np.unique(edges[:, 1] * len(vertices) + edges[:, 0])
@@ -40,7 +41,7 @@ def test_marching_cubes_finds_a_sphere_and_faces_free_space() -> None:
     centres = grid.centre(np.argwhere(np.ones(grid.shape)))
     centre = np.array([1.31, 1.27, 1.3])
     volume = filled((np.linalg.norm(centres - centre, axis=1) - radius).reshape(grid.shape))
-    vertices, faces, _ = volume.surface(least_weight=0.5)
+    vertices, faces, *_ = volume.surface(least_weight=0.5)
     assert np.abs(np.linalg.norm(vertices - centre, axis=1) - radius).max() < 0.002
     assert signed_volume(vertices - centre, faces) == pytest.approx(4 / 3 * np.pi, rel=0.01)
 
@@ -146,7 +147,7 @@ def test_averaging_weights_measurements_by_their_inverse_variance() -> None:
     for (view, depth_m, _), relative_std in ((near, 0.02), (far, 0.04)):
         depth = stereo.depth_from_sensor(view, depth_m, relative_std=relative_std)
         volume.integrate(view, depth.inverse_range, depth.deviation, depth.facing, farthest_m=5.0)
-    vertices, _, _ = volume.surface(least_weight=0.01)
+    vertices, *_ = volume.surface(least_weight=0.01)
     weight = [1.0 / ((2.0 * 0.02) ** 2 + 0.01**2), 1.0 / ((2.04 * 0.04) ** 2 + 0.01**2)]
     expected = 0.5 + (2.0 * weight[0] + 2.04 * weight[1]) / sum(weight)
     middle = np.abs(vertices[:, 1:] - [0.2, 1.0]).max(axis=1) < 0.5
@@ -184,11 +185,14 @@ def test_small_components_are_dropped() -> None:
     distance = np.ones((20, 20, 20))
     distance[3:12, 3:12, 3:12] = -1.0
     distance[17, 17, 17] = -1.0
-    mesh = filled(distance).surface(least_weight=0.5)
-    vertices, faces, colours = surface.without_small_components(*mesh, least_faces=50)
+    vertices, faces, colours, _ = filled(distance).surface(least_weight=0.5)
+    known = SurfaceConfidence(vertices[:, 0].astype(np.float32), np.ones(len(vertices), np.uint8))
+    mesh = vertices, faces, colours, known
+    vertices, faces, colours, known = surface.without_small_components(*mesh, least_faces=50)
     assert len(faces) == len(mesh[1]) - 8
     assert vertices.max() < 1.5
     assert len(np.unique(faces)) == len(vertices) == len(colours)
+    np.testing.assert_array_equal(known.deviation_m, vertices[:, 0].astype(np.float32))
 
 
 def test_an_image_of_another_size_than_its_camera_is_refused() -> None:

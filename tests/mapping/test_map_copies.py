@@ -14,7 +14,8 @@ from esdf.solids import Box, Room, Scene, Sphere
 from flight import FormatError, InputError, MapError, frames, rotations
 from mapping import map_parts, merging
 from mapping.camera import rig as rigs
-from mapping.dense import resolution
+from mapping.dense import confidence, resolution
+from mapping.dense.confidence import SurfaceConfidence
 from mapping.map_parts import MapParts
 from mapping.sparse import features
 from mapping.sparse.localization_map import LocalizationMap
@@ -44,6 +45,10 @@ def room(name: str = "room", *, scene: Scene = ROOM, seed: int = 0, noise_m: flo
         vertices_world_m=vertices,
         faces=np.arange(len(vertices) // 3 * 3, dtype=np.int32).reshape(-1, 3),
         colours=np.full((len(vertices), 3), 128, np.uint8),
+        confidence=SurfaceConfidence(
+            rng.uniform(0.002, 0.08, len(vertices)).astype(np.float16).astype(np.float32),
+            rng.integers(1, 40, len(vertices), dtype=np.uint8),
+        ),
         known=LocalizationMap(points + noise_m * rng.normal(size=points.shape), descriptors),
         rig=RIG,
         images=("a.png", "b.png", "c.png"),
@@ -397,3 +402,45 @@ def test_inferred_walls_go_along_with_a_map_that_is_written_and_cropped(tmp_path
     assert marked[tuple(places.T)].all()
     (tmp_path / "whole" / "inferred.npz").unlink()
     assert not mapping.open_map(tmp_path / "whole").inferred().any()
+
+
+def test_the_confidence_of_the_surface_goes_along_with_its_vertices(tmp_path: Path) -> None:
+    whole = room()
+    figures = dict.fromkeys(confidence.FIGURES, 9.0)
+    whole = dataclasses.replace(whole, facts=whole.facts | figures, report=figures)
+
+    def known(parts: MapParts) -> dict[tuple[float, ...], tuple[float, int]]:
+        """By the place of each vertex."""
+        pairs = zip(parts.confidence.deviation_m.tolist(), parts.confidence.images.tolist(), strict=True)
+        return dict(zip(map(tuple, np.round(parts.vertices_world_m, 4).tolist()), pairs, strict=True))
+
+    map_parts.write(tmp_path / "whole", whole)
+    back = map_parts.read(tmp_path / "whole").confidence
+    np.testing.assert_array_equal(back.deviation_m, whole.confidence.deviation_m)
+    np.testing.assert_array_equal(back.images, whole.confidence.images)
+    part = half(whole, 2.0, 4.0)
+    assert 0 < len(known(part)) < len(known(whole))
+    assert known(part).items() <= known(whole).items()
+    assert part.report is not None
+    for stated in (part.facts, part.report):
+        assert stated.items() >= confidence.figures(part.confidence, 0.1).items()
+    turned = map_parts.moved(whole, rigid(), "moved")
+    np.testing.assert_array_equal(turned.confidence.deviation_m, whole.confidence.deviation_m)
+    first, second = half(room("west"), -1.0, 4.0), half(room("east", seed=1), 2.0, 7.0)
+    new = merging.merged(first, second, merging.Registration(np.eye(4), np.zeros((0, 2), int), 0, 0.001, 1.0, 0.1, 0.0))
+    assert len(known(new)) > len(known(first))
+    assert known(new).items() <= (known(second) | known(first)).items()
+    assert new.facts.items() >= confidence.figures(new.confidence, 0.1).items()
+
+
+def test_a_map_without_confidence_states_none_of_its_parts(tmp_path: Path) -> None:
+    whole = room()
+    figures = dict.fromkeys(confidence.FIGURES, 9.0)
+    map_parts.write(tmp_path / "map", dataclasses.replace(whole, facts=whole.facts | figures, report=figures))
+    (tmp_path / "map" / "confidence.npz").unlink()
+    surface = mapping.open_map(tmp_path / "map").surface()
+    assert surface is not None
+    assert np.isnan(surface.confidence.deviation_m).all()
+    part = half(map_parts.read(tmp_path / "map"), 2.0, 4.0)
+    assert part.report is not None
+    assert not {*part.facts, *part.report} & {*confidence.FIGURES}

@@ -21,7 +21,7 @@ from goshawk.rendered.scene import RenderedScene
 from mapping import given_paths, map_parts, texturing
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
-from mapping.dense import atlas, exposure, mesh_file, resolution, texture
+from mapping.dense import atlas, confidence, exposure, mesh_file, resolution, texture
 from mapping.dense.atlas import FlattenedMesh
 from mapping.dense.exposure import Brightness
 from mapping.dense.texture import TextureView
@@ -330,6 +330,7 @@ def map_with_images(
         vertices_world_m=mesh[0],
         faces=mesh[1],
         colours=mesh[2],
+        confidence=confidence.unknown(len(mesh[0])),
         known=LocalizationMap(np.zeros((0, 3)), np.zeros((0, 128))),
         rig=RIG,
         images=names,

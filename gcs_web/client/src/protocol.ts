@@ -66,7 +66,7 @@ export interface MapEdit {
 export interface Slice {
   axis: "x" | "y" | "z" | "oblique";
   at_m: number;
-  of: "distance" | "unknown" | "could_hide";
+  of: "distance" | "unknown" | "could_hide" | "surface_std";
   heading_deg: number;
   tilt_deg: number;
 }

@@ -34,6 +34,9 @@ export const CLEARANCE_SPAN_M = 0.7;
 /** Upper end of the scale of the thinnest object that the images show. */
 export const COULD_HIDE_SPAN_MM = 100;
 
+/** Upper end of the scale of a surface's standard deviation. */
+export const SURFACE_STD_SPAN_MM = 50;
+
 export function clearanceColour(clearance_m: number, required_m: number): string {
   const share = Math.min(1, Math.max(0, (clearance_m - required_m) / CLEARANCE_SPAN_M));
   return CLEARANCE[Math.round(share * (CLEARANCE.length - 1))] ?? CLEARANCE[0];

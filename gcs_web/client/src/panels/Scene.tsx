@@ -7,7 +7,7 @@ import { number, short } from "../format";
 import { listenIn } from "../keys";
 import { LETTERS, horizon_s, opened, pathColour, showOurs, withArrows, withPredicted } from "../flights";
 import type { Channel } from "../flights";
-import { CIVIDIS, CLEARANCE, CLEARANCE_SPAN_M, COULD_HIDE_SPAN_MM, SIGNED } from "../scales";
+import { CIVIDIS, CLEARANCE, CLEARANCE_SPAN_M, COULD_HIDE_SPAN_MM, SIGNED, SURFACE_STD_SPAN_MM } from "../scales";
 import { comparison, connected, figures, flightsShown, mapShown, othersFlights, series, step, view } from "../store";
 import { isLight, narrow, token } from "../theme";
 import type { Series, Show } from "../protocol";
@@ -277,6 +277,13 @@ function SliceLegend() {
         note="violet: plain wall, inferred"
       >
         <b>Unknown space, {where}</b>
+      </Legend>
+    );
+  }
+  if (slice.of === "surface_std") {
+    return (
+      <Legend unit="mm" colours={CIVIDIS} ends={["0", `≥ ${SURFACE_STD_SPAN_MM}`]} note="pale: not measured, or not known">
+        <b>Surface, standard deviation, {where}</b>
       </Legend>
     );
   }

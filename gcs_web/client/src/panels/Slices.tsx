@@ -17,6 +17,7 @@ export const SLICE_OF: readonly { key: Slice["of"]; name: string }[] = [
   { key: "distance", name: "Distance to obstacles" },
   { key: "unknown", name: "Unknown space" },
   { key: "could_hide", name: "Thinnest object seen" },
+  { key: "surface_std", name: "Surface, standard deviation" },
 ];
 
 export function Slices() {
