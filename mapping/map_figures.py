@@ -23,6 +23,10 @@ class MapReport:
     """Images that have a pose in the map."""
     not_placed: list[str]
     """The others."""
+    placed_by_motion: list[str]
+    """Images placed by recorded motion, as depth and features do not join them to the others."""
+    motion_notes: list[str]
+    """Why recorded motion placed none, or not all, of the images that needed it; with depth images only."""
     unplaced_runs: list[dict[str, Any]]
     """Runs of instants without a pose, and their matches with their neighbours; see `sparse.overlap.UnplacedRun`."""
     reprojection_error_px: float
@@ -120,6 +124,8 @@ def report(
         images=placed.images.count,
         images_placed=int(placed.registered.sum()),
         not_placed=list(reconstruction.unplaced(placed)),
+        placed_by_motion=[placed.images.relative(instant, 0) for instant in placed.by_motion],
+        motion_notes=placed.motion_notes,
         unplaced_runs=[dataclasses.asdict(run) for run in reconstruction.unplaced_runs(placed)],
         reprojection_error_px=placed.reprojection_error_px,
         least_agreement=placed.least_agreement,

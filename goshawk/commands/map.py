@@ -251,6 +251,10 @@ def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
             f"{check['instants']} images, scale {check['scale']:.3f} ± {check['scale_std']:.3f} of the map's"
             + (f", late by {check['late_s']:.3f} ± {check['late_std_s']:.3f} s" if check["late_s"] is not None else "")
         )
+    if report.placed_by_motion:
+        facts["placed by recorded motion"] = f"{len(report.placed_by_motion)}: {', '.join(report.placed_by_motion)}"
+    if report.motion_notes:
+        facts["recorded motion"] = "; ".join(report.motion_notes)
     if report.not_placed:
         facts["not placed"] = ", ".join(report.not_placed)
     if report.unplaced_runs:
