@@ -137,6 +137,7 @@ def reconstruct(
         baseline_std=alignment.baseline_std(images.rig, model.trial.scale_std) if has_baseline else None,
         length=length,
         has_depth=images.depths is not None,
+        by_motion=model.by_motion,
     )
     return SparseMap(
         images=dataclasses.replace(images, rig=model.rig),
