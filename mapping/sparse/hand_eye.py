@@ -2,8 +2,9 @@
 
 Between two instants the tracked thing moves by A and the camera by B, each in its own axes; X is the pose of the camera
 on the tracked thing. Turns and shifts taken as vectors give a first rotation (Park and Martin, "Robot sensor
-calibration", 1994), robust least squares then all of X with its covariance. Turns about less than two axes leave a part
-of X undetermined; the covariance says what that does to a motion that is predicted with X.
+calibration", 1994), robust least squares then all of X and the scale of the recorded shifts, with their covariance.
+Turns about less than two axes leave a part of X undetermined; the covariance says what that does to a motion that is
+predicted with X.
 """
 
 from dataclasses import dataclass
@@ -17,8 +18,8 @@ _ROUNDS = 3
 """Each estimates X with the noise that the round before has left."""
 _LEAST_NOISE = 0.1
 """Of the noise that `motion` takes for usual: the motions of the images are not known better."""
-_PRIOR_STD = np.array([np.pi, np.pi, np.pi, 1.0, 1.0, 1.0])
-"""Of X, known beforehand (rad, m): tracked thing and camera are on one vehicle."""
+_PRIOR_STD = np.array([np.pi, np.pi, np.pi, 1.0, 1.0, 1.0, 0.5])
+"""Of X and scale (rad, m, 1), known beforehand: the camera is on the tracked vehicle, whose motion is in metres."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,8 +28,10 @@ class HandEye:
 
     T_tracked_camera: FloatArray
     """(4, 4)."""
+    scale: float
+    """Metres of the camera's motion per recorded metre."""
     covariance: FloatArray
-    """(6, 6) of turn (rad) and shift (m) of the camera, in its own frame."""
+    """(7, 7) of turn (rad) and shift (m) of the camera, in its own frame, and of the scale."""
     turn_noise_rad: float
     """Standard deviation, along each axis, of a predicted motion's turn ..."""
     shift_noise_m: float
@@ -38,13 +41,16 @@ class HandEye:
 
     def predicted(self, tracked_b_a: FloatArray) -> FloatArray:
         """Motions of the tracked thing (n, 4, 4) as motions T_b_a of the camera (n, 4, 4)."""
-        return _predicted(self.T_tracked_camera, tracked_b_a)
+        return _predicted(self.T_tracked_camera, self.scale, tracked_b_a)
 
     def covariances(self, tracked_b_a: FloatArray) -> FloatArray:
         """(n, 6, 6) of turn and shift of each predicted motion, in the camera frame at a: noise, and what X adds."""
         step = 1e-6
         motions = self.predicted(tracked_b_a)
-        moved = [_predicted(self.T_tracked_camera @ _pose(each), tracked_b_a) for each in step * np.eye(6)]
+        moved = [
+            _predicted(self.T_tracked_camera @ _pose(each[:6]), self.scale + each[6], tracked_b_a)
+            for each in step * np.eye(7)
+        ]
         jacobian = np.stack([difference(motions, each) for each in moved], axis=-1) / step
         noise = np.diag(np.repeat([self.turn_noise_rad, self.shift_noise_m], 3) ** 2)
         return noise + jacobian @ self.covariance @ jacobian.swapaxes(1, 2)
@@ -60,31 +66,35 @@ def calibrate(camera_b_a: FloatArray, tracked_b_a: FloatArray, *, instants: int)
     from scipy.optimize import least_squares
 
     usual = np.array([motion.TURN_NOISE_RAD, motion.SHIFT_NOISE_M])
-    noise, T_tracked_camera = usual, frames.transform(_first_rotation(camera_b_a, tracked_b_a), np.zeros(3))
+    noise, scale = usual, 1.0
+    T_tracked_camera = frames.transform(_first_rotation(camera_b_a, tracked_b_a), np.zeros(3))
     for _ in range(_ROUNDS):
 
-        def residuals(step: FloatArray, T: FloatArray = T_tracked_camera, noise: FloatArray = noise) -> FloatArray:
-            moved = T @ _pose(step)
-            off = difference(camera_b_a, _predicted(moved, tracked_b_a)) / np.repeat(noise, 3)
-            return np.concatenate([off.ravel(), np.concatenate([step[:3], moved[:3, 3]]) / _PRIOR_STD])
+        def residuals(
+            step: FloatArray, T: FloatArray = T_tracked_camera, scale: float = scale, noise: FloatArray = noise
+        ) -> FloatArray:
+            moved, scaled = T @ _pose(step[:6]), scale + step[6]
+            off = difference(camera_b_a, _predicted(moved, scaled, tracked_b_a)) / np.repeat(noise, 3)
+            return np.concatenate([off.ravel(), np.hstack([step[:3], moved[:3, 3], scaled - 1.0]) / _PRIOR_STD])
 
-        found = least_squares(residuals, np.zeros(6), loss="soft_l1")
-        T_tracked_camera = T_tracked_camera @ _pose(found.x)
-        off = difference(camera_b_a, _predicted(T_tracked_camera, tracked_b_a))
+        found = least_squares(residuals, np.zeros(7), loss="soft_l1")
+        T_tracked_camera, scale = T_tracked_camera @ _pose(found.x[:6]), scale + float(found.x[6])
+        off = difference(camera_b_a, _predicted(T_tracked_camera, scale, tracked_b_a))
         noise = np.maximum(1.4826 * np.median(np.abs(off).reshape(-1, 2, 3), axis=(0, 2)), _LEAST_NOISE * usual)
     share = min(1.0, (instants - 1) / len(camera_b_a))
-    covariance = _covariance(share * found.jac[:-6].T @ found.jac[:-6], share * len(camera_b_a), noise[0] / noise[1])
+    measured = found.jac[: -len(_PRIOR_STD)]
+    covariance = _covariance(share * measured.T @ measured, share * len(camera_b_a), noise[0] / noise[1])
     motions = difference(np.broadcast_to(np.eye(4), camera_b_a.shape), camera_b_a)
     unexplained = _median_size(off / np.repeat(usual, 3)) / max(_median_size(motions / np.repeat(usual, 3)), 1e-30)
-    return HandEye(T_tracked_camera, covariance, float(noise[0]), float(noise[1]), unexplained)
+    return HandEye(T_tracked_camera, scale, covariance, float(noise[0]), float(noise[1]), unexplained)
 
 
 def _covariance(information: FloatArray, count: float, turn_over_shift: float) -> FloatArray:
-    """(6, 6) of X, of what `count` motions say of it and of what is known beforehand.
+    """(7, 7) of X and scale, of what `count` motions say of them and of what is known beforehand.
 
-    Noise makes every motion turn and shift a little along all axes, which looks like information (6, 6) on all of X.
+    Noise makes every motion turn and shift a little along all axes, which looks like information (7, 7) on all of X.
     """
-    by_noise = count * np.repeat([4.0, 2.0 * turn_over_shift**2], 3)
+    by_noise = count * np.array([4.0, 4.0, 4.0, *3 * [2.0 * turn_over_shift**2], 3.0])
     strength, axes = np.linalg.eigh(information - np.diag(by_noise))
     return np.asarray(np.linalg.inv((axes * strength.clip(0.0)) @ axes.T + np.diag(_PRIOR_STD**-2.0)))
 
@@ -95,8 +105,10 @@ def difference(T_b_a: FloatArray, other_b_a: FloatArray) -> FloatArray:
     return np.concatenate([rotations.log(rotations.from_matrix(off[:, :3, :3])), off[:, :3, 3]], axis=1)
 
 
-def _predicted(T_tracked_camera: FloatArray, tracked_b_a: FloatArray) -> FloatArray:
-    return frames.invert(T_tracked_camera) @ tracked_b_a @ T_tracked_camera
+def _predicted(T_tracked_camera: FloatArray, scale: float, tracked_b_a: FloatArray) -> FloatArray:
+    metric = tracked_b_a.copy()
+    metric[:, :3, 3] *= scale
+    return frames.invert(T_tracked_camera) @ metric @ T_tracked_camera
 
 
 def _pose(step: FloatArray) -> FloatArray:

@@ -72,7 +72,7 @@ def check(motion: Motion, time_s: FloatArray, T_old_body: FloatArray) -> MotionC
     late_s, late_std_s = _late(motion, time_s[both], T_old_body[both])
     _, is_determined, direction_error_rad = _rotation(recorded[both], T_old_body[both], scale)
     return MotionCheck(
-        f"{motion.kind} ({motion.trajectory.path.name})",
+        motion.name,
         len(both),
         scale,
         float(np.hypot(noise * np.sqrt(len(moved) / max(len(moved) - 1, 1)), _SYSTEMATIC_STD)),

@@ -13,7 +13,6 @@ import numpy as np
 
 from flight import FloatArray, frames
 from mapping.input.images import ImageSet
-from mapping.input.trajectory import Motion
 from mapping.sparse import hand_eye
 from mapping.sparse.hand_eye import HandEye
 
@@ -29,6 +28,8 @@ _STEPS = 2
 _MOST_UNEXPLAINED = 0.2
 """Share of the camera's motion. Measured with noise of 3 mm and .2 deg: .02; half a second late, another flight: .25
 to .8."""
+_OTHER_SCALE = 0.05
+"""A recording whose scale differs by more, and by three standard deviations, is not in the depth images' metres."""
 _LARGEST_STD_RAD, _LARGEST_STD_M = 0.02, 0.03
 """Of a predicted motion: what is known less exactly places nothing."""
 _MOST_SQUARED = 30.0
@@ -64,13 +65,8 @@ def between(
             continue
         found, why = _of(T_start_tracked, apart, images, measured, T_world_camera)
         edges = found | edges  # the first recording goes before later ones
-        notes += [f"{name(motion)}: {each}" for each in why]
+        notes += [f"{motion.name}: {each}" for each in why]
     return edges, notes
-
-
-def name(motion: Motion) -> str:
-    """What a recording is called in reports."""
-    return f"{motion.kind} ({motion.trajectory.path.name})"
 
 
 def _of(
@@ -94,6 +90,8 @@ def _of(
             f"it leaves {hand.unexplained:.0%} of the images' motion unexplained: it is of another flight or clock, or "
             "too inexact"
         ]
+    if abs(hand.scale - 1.0) > max(_OTHER_SCALE, 3.0 * float(np.sqrt(hand.covariance[6, 6]))):
+        return {}, [f"its distances are {1.0 / hand.scale:.2f} times those of the depth images"]
     edges, notes = _exact(hand, T_start_tracked, apart)
     gaps = _contradicted(hand, T_start_tracked, T_world_camera)
     for a, b in gaps:

@@ -40,8 +40,8 @@ def calibrated(T: FloatArray, *, seed: int = 0) -> HandEye:
 
 
 def off(found: HandEye) -> FloatArray:
-    """(6,) turn and shift of the camera from where it is, in its own frame."""
-    return hand_eye.difference(T_TRACKED_CAMERA[None], found.T_tracked_camera[None])[0]
+    """(7,) turn and shift of the camera from where it is, in its own frame, and scale from 1."""
+    return np.append(hand_eye.difference(T_TRACKED_CAMERA[None], found.T_tracked_camera[None])[0], found.scale - 1.0)
 
 
 @settings(max_examples=10)
@@ -62,7 +62,7 @@ def test_the_covariance_states_the_error(turns: FloatArray) -> None:
     true = frames.invert(T_TRACKED_CAMERA) @ other @ T_TRACKED_CAMERA
     for seed in range(8):
         found = calibrated(moved(turns), seed=seed)
-        squares.append(off(found) @ np.linalg.solve(found.covariance, off(found)) / 6.0)
+        squares.append(off(found) @ np.linalg.solve(found.covariance, off(found)) / 7.0)
         each = hand_eye.difference(true, found.predicted(other))
         predicted.append(np.einsum("ni,nij,nj->n", each, np.linalg.inv(found.covariances(other)), each) / 6.0)
     assert np.mean(squares) < 1.6
@@ -91,11 +91,22 @@ def test_wrong_motions_among_them_do_no_harm() -> None:
     assert np.abs(off(found)[3:]).max() < 0.02
 
 
+@pytest.mark.parametrize("times", [0.7, 1.0, 1.3])
+def test_the_scale_of_recorded_motion_is_measured(times: float) -> None:
+    recorded = noisy(moved(ALL_AXES), np.random.default_rng(0))
+    recorded[:, :3, 3] *= times
+    found = hand_eye.calibrate(motions(moved(ALL_AXES) @ T_TRACKED_CAMERA), motions(recorded), instants=COUNT)
+    std = np.sqrt(found.covariance[6, 6])
+    assert std < 0.02
+    assert found.scale == pytest.approx(1.0 / times, abs=3.0 * std)
+    np.testing.assert_allclose(found.T_tracked_camera, T_TRACKED_CAMERA, atol=0.02)
+
+
 def test_turns_about_one_axis_leave_the_place_along_it_open() -> None:
     found = calibrated(moved(YAW_ONLY))
     along = T_TRACKED_CAMERA[:3, :3].T @ [0.0, 0.0, 1.0]
     across = T_TRACKED_CAMERA[:3, :3].T @ [1.0, 0.0, 0.0]
-    place = found.covariance[3:, 3:]
+    place = found.covariance[3:6, 3:6]
     assert along @ place @ along == pytest.approx(1.0, rel=0.05)  # as little as was known beforehand
     assert np.sqrt(across @ place @ across) < 0.02
     yaw, pitch = (moved(np.array([[0.0, 0.0, 0.0], turn]), np.zeros((2, 3))) for turn in ([0, 0, 0.3], [0, 0.3, 0]))

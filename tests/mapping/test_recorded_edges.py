@@ -97,6 +97,21 @@ def test_a_late_clock_and_another_flight_place_nothing(late: int) -> None:
         assert "recorded poses (recorded poses.tum): it leaves" in notes[0]
 
 
+@pytest.mark.parametrize("times", [0.9, 0.97, 1.03, 1.1])
+def test_a_recording_in_other_metres_places_nothing(times: float) -> None:
+    scaled = noisy(poses())
+    scaled[:, :3, 3] *= times
+    edges, notes = between(scaled)
+    if abs(times - 1.0) > 0.05:
+        assert edges == {}
+        assert f"its distances are {times:.2f} times those of the depth images" in notes[0]
+    else:  # its scale is taken into account
+        assert notes == []
+        true = poses() @ T_TRACKED_CAMERA
+        off = [edge.T_b_a - frames.invert(true[b]) @ true[a] for (a, b), edge in edges.items()]
+        assert np.abs(off).max() < 0.015
+
+
 def test_turns_about_one_axis_join_what_turns_about_it_and_nothing_else() -> None:
     yaw = TURNS * [0.0, 0.0, 1.0]
     same = poses(yaw)
