@@ -18,8 +18,10 @@ _ROUNDS = 3
 """Each estimates X with the noise that the round before has left."""
 _LEAST_NOISE = 0.1
 """Of the noise that `motion` takes for usual: the motions of the images are not known better."""
-_PRIOR_STD = np.array([np.pi, np.pi, np.pi, 1.0, 1.0, 1.0, 0.5])
-"""Of X and scale (rad, m, 1), known beforehand: the camera is on the tracked vehicle, whose motion is in metres."""
+_PRIOR_STD = np.array([np.pi, np.pi, np.pi, 1.0, 1.0, 1.0])
+"""Of X (rad, m), known beforehand: the camera is on the tracked vehicle."""
+_SCALE_STD, _FIXED_STD, _LEAST_SIGNAL = 0.5, 1e-3, 5.0
+"""The same of the scale, and where recorded shifts are not so many times their noise: noise makes a scale small."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,47 +58,63 @@ class HandEye:
         return noise + jacobian @ self.covariance @ jacobian.swapaxes(1, 2)
 
 
-def calibrate(camera_b_a: FloatArray, tracked_b_a: FloatArray, *, instants: int) -> HandEye:
-    """X from motions of the camera and of the tracked thing, some of which may be wrong.
+def calibrate(camera_b_a: FloatArray, tracked_b_a: FloatArray) -> HandEye:
+    """X and scale from motions of the camera and of the tracked thing, some of which may be wrong.
 
     Args:
         camera_b_a, tracked_b_a: (n, 4, 4) metres: the pose at instant a in the frame at instant b, of each pair.
-        instants: how many the pairs have in all; pairs of the same instants share their noise.
     """
-    from scipy.optimize import least_squares
-
     usual = np.array([motion.TURN_NOISE_RAD, motion.SHIFT_NOISE_M])
     noise, scale = usual, 1.0
     T_tracked_camera = frames.transform(_first_rotation(camera_b_a, tracked_b_a), np.zeros(3))
+    shift_m = float(np.median(np.linalg.norm(tracked_b_a[:, :3, 3], axis=1)))
     for _ in range(_ROUNDS):
-
-        def residuals(
-            step: FloatArray, T: FloatArray = T_tracked_camera, scale: float = scale, noise: FloatArray = noise
-        ) -> FloatArray:
-            moved, scaled = T @ _pose(step[:6]), scale + step[6]
-            off = difference(camera_b_a, _predicted(moved, scaled, tracked_b_a)) / np.repeat(noise, 3)
-            return np.concatenate([off.ravel(), np.hstack([step[:3], moved[:3, 3], scaled - 1.0]) / _PRIOR_STD])
-
-        found = least_squares(residuals, np.zeros(7), loss="soft_l1")
-        T_tracked_camera, scale = T_tracked_camera @ _pose(found.x[:6]), scale + float(found.x[6])
+        prior_std = np.append(_PRIOR_STD, _SCALE_STD if shift_m > _LEAST_SIGNAL * noise[1] else _FIXED_STD)
+        T_tracked_camera, scale, covariance = _fitted(
+            camera_b_a, tracked_b_a, T_tracked_camera, scale, noise, prior_std
+        )
         off = difference(camera_b_a, _predicted(T_tracked_camera, scale, tracked_b_a))
         noise = np.maximum(1.4826 * np.median(np.abs(off).reshape(-1, 2, 3), axis=(0, 2)), _LEAST_NOISE * usual)
-    share = min(1.0, (instants - 1) / len(camera_b_a))
-    measured = found.jac[: -len(_PRIOR_STD)]
-    covariance = _covariance(share * measured.T @ measured, share * len(camera_b_a), noise[0] / noise[1])
     motions = difference(np.broadcast_to(np.eye(4), camera_b_a.shape), camera_b_a)
     unexplained = _median_size(off / np.repeat(usual, 3)) / max(_median_size(motions / np.repeat(usual, 3)), 1e-30)
     return HandEye(T_tracked_camera, scale, covariance, float(noise[0]), float(noise[1]), unexplained)
 
 
-def _covariance(information: FloatArray, count: float, turn_over_shift: float) -> FloatArray:
+def _fitted(
+    camera_b_a: FloatArray,
+    tracked_b_a: FloatArray,
+    T_tracked_camera: FloatArray,
+    scale: float,
+    noise: FloatArray,
+    prior_std: FloatArray,
+) -> tuple[FloatArray, float, FloatArray]:
+    """X, the scale and their covariance, by robust least squares from a first X and scale.
+
+    Args:
+        noise: (2,) of the motions (rad, m); prior_std: (7,) of X and scale.
+    """
+    from scipy.optimize import least_squares
+
+    def residuals(step: FloatArray) -> FloatArray:
+        moved, scaled = T_tracked_camera @ _pose(step[:6]), scale + step[6]
+        off = difference(camera_b_a, _predicted(moved, scaled, tracked_b_a)) / np.repeat(noise, 3)
+        return np.concatenate([off.ravel(), np.hstack([step[:3], moved[:3, 3], scaled - 1.0]) / prior_std])
+
+    found = least_squares(residuals, np.zeros(7), loss="soft_l1")
+    measured = found.jac[: -len(prior_std)]
+    covariance = _covariance(measured.T @ measured, len(camera_b_a), prior_std, noise[0] / noise[1])
+    return T_tracked_camera @ _pose(found.x[:6]), scale + float(found.x[6]), covariance
+
+
+def _covariance(information: FloatArray, count: int, prior_std: FloatArray, turn_over_shift: float) -> FloatArray:
     """(7, 7) of X and scale, of what `count` motions say of them and of what is known beforehand.
 
     Noise makes every motion turn and shift a little along all axes, which looks like information (7, 7) on all of X.
     """
     by_noise = count * np.array([4.0, 4.0, 4.0, *3 * [2.0 * turn_over_shift**2], 3.0])
     strength, axes = np.linalg.eigh(information - np.diag(by_noise))
-    return np.asarray(np.linalg.inv((axes * strength.clip(0.0)) @ axes.T + np.diag(_PRIOR_STD**-2.0)))
+    known = (axes * strength.clip(0.0)) @ axes.T + np.diag(prior_std**-2.0)
+    return np.asarray(np.linalg.inv(known), dtype=np.float64)
 
 
 def difference(T_b_a: FloatArray, other_b_a: FloatArray) -> FloatArray:

@@ -82,9 +82,7 @@ def _of(
     covered = len({k for pair in used for k in pair})
     if covered < _LEAST_INSTANTS:
         return {}, [f"it covers {covered} images that depth and features place, {_LEAST_INSTANTS} are needed"]
-    hand = hand_eye.calibrate(
-        np.array([measured[pair] for pair in used]), _motions(T_start_tracked, used), instants=covered
-    )
+    hand = hand_eye.calibrate(np.array([measured[pair] for pair in used]), _motions(T_start_tracked, used))
     if hand.unexplained > _MOST_UNEXPLAINED:
         return {}, [
             f"it leaves {hand.unexplained:.0%} of the images' motion unexplained: it is of another flight or clock, or "

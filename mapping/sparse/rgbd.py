@@ -111,7 +111,7 @@ def _recorded(
     for (a, b), each in sorted(found.items()):
         agreeing = _agreement(camera, read(a), read(b), each.T_b_a)
         if agreeing is not None and agreeing >= LEAST_AGREEMENT:
-            information = np.asarray(_EDGE_M**2 * np.linalg.inv(each.covariance))
+            information = np.asarray(_EDGE_M**2 * np.linalg.inv(each.covariance), dtype=np.float64)
             confirmed[a, b] = _Edge(each.T_b_a, information, 0)
     if found and not confirmed:
         notes.append("recorded motion: the depth images contradict it wherever it is needed")
