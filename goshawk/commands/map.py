@@ -122,7 +122,8 @@ def build(
     IMAGES holds one folder per camera of the rig (or the images themselves, for one camera); the same file name
     means the same instant. The metric scale comes from depth images, --length, the distance between the cameras of a
     rig, recorded positions or poses, or odometry; the verdict weighs all that are there. Of a video (one camera) sharp
-    frames with enough parallax are used, as with --select.
+    frames with enough parallax are used, as with --select. Images of a depth camera that show no features are placed
+    by --poses or --odometry, where the depth agrees.
 
     An earlier map in --out is replaced only with --overwrite and when the new one is complete: its edits are copied,
     and it is kept beside as OUT.old-1.

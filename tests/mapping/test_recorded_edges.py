@@ -39,10 +39,14 @@ def between(
     true: FloatArray | None = None,
     gap: range = GAP,
     time_s: FloatArray = TIME_S,
+    apart: int = 7,
 ) -> tuple[dict[Pair, RecordedEdge], list[str]]:
-    """Of recordings of the tracked thing (n, 4, 4) at the times (n,), where images outside of the gap are joined."""
+    """Of recordings of the tracked thing (n, 4, 4) at the times (n,).
+
+    Images outside of the gap and at most so many `apart` are joined.
+    """
     T_world_camera = (poses() if true is None else true) @ T_TRACKED_CAMERA
-    joined = [(a, b) for a in range(COUNT) for b in range(a + 1, min(a + 8, COUNT)) if not {a, b} & {*gap}]
+    joined = [(a, b) for a in range(COUNT) for b in range(a + 1, min(a + 1 + apart, COUNT)) if not {a, b} & {*gap}]
     measured = {(a, b): frames.invert(T_world_camera[b]) @ T_world_camera[a] for a, b in joined}
     T_world_camera[list(gap)] = np.nan
     given = recorded if isinstance(recorded, tuple) else (recorded,)
@@ -144,6 +148,15 @@ def test_drift_over_a_gap_is_no_contradiction() -> None:
     edges, notes = between((noisy(poses()), drift @ noisy(poses()))[1:])
     assert len(edges) == 15
     assert notes == []
+
+
+def test_loops_that_odometry_does_not_close_are_not_compared() -> None:
+    drift = frames.transform(rotations.exp(np.outer(TIME_S, [0.0, 0.0, 0.02])), np.outer(TIME_S, [0.05, -0.05, 0.03]))
+    (near, notes), (far, _) = (between(drift @ noisy(poses()), apart=apart) for apart in (5, COUNT))
+    assert notes == []
+    assert sorted(far) == sorted(near)
+    for pair, edge in near.items():
+        np.testing.assert_allclose(far[pair].covariance, edge.covariance)
 
 
 def test_too_few_placed_images_show_nothing() -> None:
