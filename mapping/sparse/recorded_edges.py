@@ -29,7 +29,7 @@ _MOST_UNEXPLAINED = 0.2
 """Share of the camera's motion. Measured with noise of 3 mm and .2 deg: .02; half a second late, another flight: .25
 to .8."""
 _OTHER_SCALE = 0.05
-"""A recording whose scale differs by more, and by three standard deviations, is not in the depth images' metres."""
+"""A recording whose scale differs by more is not in the metres of the depth images."""
 _LARGEST_STD_RAD, _LARGEST_STD_M = 0.02, 0.03
 """Of a predicted motion: what is known less exactly places nothing."""
 _MOST_SQUARED = 30.0
@@ -88,7 +88,7 @@ def _of(
             f"it leaves {hand.unexplained:.0%} of the images' motion unexplained: it is of another flight or clock, or "
             "too inexact"
         ]
-    if abs(hand.scale - 1.0) > max(_OTHER_SCALE, 3.0 * float(np.sqrt(hand.covariance[6, 6]))):
+    if abs(hand.scale - 1.0) > _OTHER_SCALE:
         return {}, [f"its distances are {1.0 / hand.scale:.2f} times those of the depth images"]
     edges, notes = _exact(hand, T_start_tracked, apart)
     gaps = _contradicted(hand, T_start_tracked, T_world_camera)
