@@ -261,11 +261,7 @@ def _optimised(edges: dict[tuple[int, int], _Edge], count: int) -> FloatArray:
         if a in number and b in number:
             joined.edges.append(
                 registration.PoseGraphEdge(
-                    number[a],
-                    number[b],
-                    edge.T_b_a,
-                    edge.information,
-                    uncertain=edge.matches > 0 and (a, b) not in tree,
+                    number[a], number[b], edge.T_b_a, edge.information, uncertain=(a, b) not in tree
                 )
             )
     registration.global_optimization(

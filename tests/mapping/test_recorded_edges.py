@@ -1,5 +1,6 @@
 """Recorded motion joins images that nothing else joins, as exactly as it fits the others, or says why it does not."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +38,7 @@ def between(
     recorded: FloatArray | tuple[FloatArray, ...],
     *,
     true: FloatArray | None = None,
-    gap: range = GAP,
+    gap: Sequence[int] = GAP,
     time_s: FloatArray = TIME_S,
     apart: int = 7,
 ) -> tuple[dict[Pair, RecordedEdge], list[str]]:
@@ -142,6 +143,16 @@ def test_a_recording_that_jumps_within_a_gap_places_nothing_there() -> None:
     edges, notes = between(jumped)
     assert edges == {}
     assert notes[0].endswith("it contradicts the images 11.png and 18.png, so it places none between")
+
+
+def test_a_jump_elsewhere_does_no_harm() -> None:
+    """In another gap, or between images that are placed."""
+    jumped = noisy(poses())
+    jumped[6:] = frames.transform([1.0, 0.0, 0.0, 0.0], [0.0, 0.2, 0.0]) @ jumped[6:]
+    for gap, said in (([*GAP], 0), ([5, 6, *GAP], 1)):
+        edges, notes = between(jumped, gap=gap)
+        assert sorted(edges) == [(a, b) for a in range(10, 18) for b in (a + 1, a + 2) if {a, b} & {*GAP}]
+        assert len(notes) == said
 
 
 def test_drift_over_a_gap_is_no_contradiction() -> None:
