@@ -3,7 +3,8 @@
     python benchmarks/mapping.py --cameras 40      one blind draw after the other, and the sums
     python benchmarks/mapping.py --instants 1000   CPU seconds and memory of the trial on a long path
     python benchmarks/mapping.py --hostile         wrong lens files, swapped folders, repeated texture: none may be good
-    python benchmarks/mapping.py --data FOLDER     a recorded RGB-D sequence (hololens_rgbd_part1): poses, unused depth
+    python benchmarks/mapping.py --data FOLDER     a recorded RGB-D sequence (hololens_rgbd_part1): poses, unused depth,
+                                                   and images made grey, placed by the tracker's motion
     python benchmarks/mapping.py --localize 30     queries in the rendered room, with whole and with compact descriptors
     python benchmarks/mapping.py --join            two maps of one room, registered
     python benchmarks/mapping.py --room 60         a whole map of the rendered room: poses, mesh, queries, CPU, memory
@@ -38,7 +39,7 @@ from flight import FloatArray, MapError, frames, rotations
 from goshawk.rendered import hostile
 from goshawk.rendered import world as rendered_world
 from mapping import map_folder, map_parts, merging
-from mapping.camera import adjustment
+from mapping.camera import adjustment, rig_export
 from mapping.camera import rig as rigs
 from mapping.camera import trial as trials
 from mapping.camera.adjustment import Observations
@@ -46,6 +47,7 @@ from mapping.camera.errors import Kind
 from mapping.camera.rig import Camera, Rig
 from mapping.camera.trial import Trial
 from mapping.dense import surface
+from mapping.input.trajectory import MotionKind
 from mapping.localization import relocalization
 from mapping.sparse import colmap, colmap_model, localization_map, reconstruction, rgbd
 from mapping.stages import StoppedError
@@ -54,6 +56,8 @@ from mapping.verdict import Standing
 FORMS = ("none", "rig", "lens", "offset", "shutter", "two")
 SIGHTINGS = 5.0
 """Mean number of further images of one camera in which a point is matched."""
+GREY = (range(20, 30), range(40, 50))
+"""Images of a recorded sequence that are made grey, to be placed by the tracker's motion."""
 OUTLIERS, LARGEST_PX = 0.02, 3.0
 """Share of wrong matches, and how wrong: COLMAP drops those beyond."""
 
@@ -319,6 +323,35 @@ def depth_camera(data: Path) -> None:
         apart_m.append(scene.compute_distance(points.astype(np.float32)).numpy())
     median_mm = 1000.0 * np.median(np.concatenate(apart_m))
     print(f"mesh of every other depth image to the depth of the rest: median {median_mm:.1f} mm")
+    for grey in GREY:
+        without_features(data, rig, tracker, ours, grey)
+
+
+def without_features(data: Path, rig: Rig, tracker: FloatArray, T_whole: FloatArray, grey: range) -> None:
+    """Some images made grey: where the tracker's motion places them, beside the poses of a map of the whole images."""
+    import cv2
+
+    with tempfile.TemporaryDirectory() as name:
+        folder, recorded = Path(name) / "images", Path(name) / "poses.tum"
+        shutil.copytree(data / "images", folder)
+        images = mapping.read_folder(folder, rig, depths=mapping.DepthFolder(data / "depth"))
+        for instant in grey:
+            cv2.imwrite(str(images.path(instant, 0)), np.full((360, 540), 110, np.uint8))
+        time_s = np.arange(len(tracker)) / 10.0
+        rig_export.write_tum(recorded, time_s, tracker)
+        images = dataclasses.replace(images, time_s=time_s)
+        alone = reconstruction.reconstruct(images)
+        placed = reconstruction.reconstruct(images.beside({MotionKind.POSES: recorded}))
+    T_world_camera = placed.T_world_body @ rig.cameras[0].T_body_camera
+    with_features = placed.placed & ~np.isin(np.arange(len(tracker)), grey)
+    T_whole_world = mapping_whole.aligned(T_world_camera[with_features], T_whole[with_features])
+    off_mm = 1000.0 * np.linalg.norm((T_whole_world @ T_world_camera - T_whole)[:, :3, 3], axis=1)
+    print(
+        f"images {grey[0]} to {grey[-1]} made grey: {alone.placed.sum()} placed without the tracker's motion, "
+        f"{placed.placed.sum()} with it, {len(placed.by_motion)} by it; beside the map of the whole images: grey ones "
+        f"{np.median(off_mm[grey]):.1f} mm median, {off_mm[grey].max():.1f} worst, others "
+        f"{np.nanmedian(off_mm[with_features]):.1f}, {np.nanmax(off_mm[with_features]):.1f} mm"
+    )
 
 
 def explained(database: Path, images: mapping.ImageSet, T_world_camera: FloatArray) -> tuple[FloatArray, FloatArray]:

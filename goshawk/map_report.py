@@ -81,6 +81,8 @@ def _figures(area: Map, report: dict[str, Any]) -> str:
     rows = {
         "images placed": f"{facts['images_placed']} of {facts['images']}" if "images" in facts else "not recorded",
         "not placed": ", ".join(report.get("not_placed", [])) or "none",
+        "placed by recorded motion": ", ".join(report.get("placed_by_motion", [])),
+        "recorded motion": "; ".join(report.get("motion_notes", [])),
         "reprojection error": f"{facts['reprojection_error_px']:.2f} px" if "reprojection_error_px" in facts else "",
         "scale from": facts.get("scale_source", ""),
         "up from": facts.get("up_source", ""),

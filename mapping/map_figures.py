@@ -23,6 +23,10 @@ class MapReport:
     """Images that have a pose in the map."""
     not_placed: list[str]
     """The others."""
+    placed_by_motion: list[str]
+    """Images placed by recorded motion, as depth and features do not join them to the others."""
+    motion_notes: list[str]
+    """Why recorded motion placed none, or not all, of the images that needed it; with depth images only."""
     unplaced_runs: list[dict[str, Any]]
     """Runs of instants without a pose, and their matches with their neighbours; see `sparse.overlap.UnplacedRun`."""
     reprojection_error_px: float
@@ -43,7 +47,8 @@ class MapReport:
     scale_witnesses: list[dict[str, Any]]
     """Every source of scale: its name, the map's scale divided by its, and its relative standard deviation."""
     motions: list[dict[str, Any]]
-    """How recorded poses and odometry fit the map, see `mapping.sparse.motion.MotionCheck`."""
+    """How recorded poses and odometry fit the map where they did not place its images, see
+    `mapping.sparse.motion.MotionCheck`."""
     verdict: str
     """"good", "doubtful" or "refused"; see `verdict`."""
     reasons: list[str]
@@ -127,6 +132,8 @@ def report(
         images=placed.images.count,
         images_placed=int(placed.registered.sum()),
         not_placed=list(reconstruction.unplaced(placed)),
+        placed_by_motion=[placed.images.relative(instant, 0) for instant in placed.by_motion],
+        motion_notes=placed.motion_notes,
         unplaced_runs=[dataclasses.asdict(run) for run in reconstruction.unplaced_runs(placed)],
         reprojection_error_px=placed.reprojection_error_px,
         least_agreement=placed.least_agreement,

@@ -101,9 +101,10 @@ class MapOptions:
     references: Path | None = None
     """Recorded positions and gravity; `references.csv` beside the images by default."""
     poses: Path | None = None
-    """Recorded poses that do not drift, in TUM's or EuRoC's format: scale, world frame and pairs to match."""
+    """Recorded poses that do not drift, in TUM's or EuRoC's format: scale, world frame and pairs to match;
+    with depth images also places of images that these and features do not place."""
     odometry: Path | None = None
-    """Recorded odometry, likewise: scale, shape and pairs to match."""
+    """Recorded odometry, likewise: scale, shape, pairs to match, places."""
     depths: DepthFolder | None = None
     """Depth images of the images' names: they place the images, and give scale and surfaces."""
     masks: Path | None = None
@@ -390,8 +391,7 @@ def _build(
 def _recorded(images: ImageSet, options: MapOptions) -> list[object]:
     """What scale and world frame depend on besides the images."""
     path = options.references or images.folder / "references.csv"
-    motions = [(m.kind, file_format.file_hash(m.trajectory.path)) for m in images.motions]
-    return [path.read_bytes() if path.is_file() else b"", motions]
+    return [path.read_bytes() if path.is_file() else b"", images.motion_digests()]
 
 
 def is_map(folder: Path) -> bool:

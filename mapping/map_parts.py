@@ -244,10 +244,12 @@ def _figures_of_part(part: MapParts, path_length_m: float) -> dict[str, Any]:
     free, occupied = (part.field.state == which for which in (esdf.FREE, esdf.OCCUPIED))
     count, listed = len(part.images) * len(part.rig.cameras), (part.report or {}).get("not_placed", [])
     lacking = [name for name in listed if name.rsplit("/", 1)[-1] in part.images]  # another camera's is there
+    by_motion = [name for name in (part.report or {}).get("placed_by_motion", []) if Path(name).name in part.images]
     return {
         "images": count,
         "images_placed": count - len(lacking),
         "not_placed": lacking,
+        "placed_by_motion": by_motion,
         "path_length_m": path_length_m,
         "points": len(part.known.points_world_m),
         "mesh_vertices": len(part.vertices_world_m),

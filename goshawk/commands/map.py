@@ -123,7 +123,8 @@ def build(
     IMAGES holds one folder per camera of the rig (or the images themselves, for one camera); the same file name
     means the same instant. The metric scale comes from depth images, --length, the distance between the cameras of a
     rig, recorded positions or poses, or odometry; the verdict weighs all that are there. Of a video (one camera) sharp
-    frames with enough parallax are used, as with --select.
+    frames with enough parallax are used, as with --select. Images of a depth camera that show no features are placed
+    by --poses or --odometry, where the depth agrees.
 
     An earlier map in --out is replaced only with --overwrite and when the new one is complete: its edits are copied,
     and it is kept beside as OUT.old-1.
@@ -253,6 +254,10 @@ def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
             f"{check['instants']} images, scale {check['scale']:.3f} ± {check['scale_std']:.3f} of the map's"
             + (f", late by {check['late_s']:.3f} ± {check['late_std_s']:.3f} s" if check["late_s"] is not None else "")
         )
+    if report.placed_by_motion:
+        facts["placed by recorded motion"] = f"{len(report.placed_by_motion)}: {', '.join(report.placed_by_motion)}"
+    if report.motion_notes:
+        facts["recorded motion"] = "; ".join(report.motion_notes)
     if report.not_placed:
         facts["not placed"] = ", ".join(report.not_placed)
     if report.unplaced_runs:

@@ -100,6 +100,10 @@ class ImageSet:
         unit_m = self.depths.unit_m if self.depths is not None else None
         return [self.time_s.tobytes(), shots, unit_m, *((f.name, file_format.file_hash(f)) for f in files)]
 
+    def motion_digests(self) -> list[object]:
+        """What recorded motion there is: kind and content of each file."""
+        return [(motion.kind, file_format.file_hash(motion.trajectory.path)) for motion in self.motions]
+
     def beside(self, recorded: Mapping[MotionKind, Path]) -> "ImageSet":
         """The set with motion that was recorded while the images were taken, one file of each kind.
 

@@ -70,6 +70,11 @@ class Motion:
     kind: MotionKind
     trajectory: Trajectory
 
+    @property
+    def name(self) -> str:
+        """What it is, with its file."""
+        return f"{self.kind} ({self.trajectory.path.name})"
+
 
 def read_motion(kind: MotionKind, path: Path, time_s: FloatArray) -> Motion:
     """A recorded motion for images taken at the times (instants,), NaN where unknown.

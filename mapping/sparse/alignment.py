@@ -10,6 +10,7 @@ first image and x its horizontal viewing direction.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -198,6 +199,7 @@ def align(
     baseline_std: float | None,
     length: Length | None,
     has_depth: bool = False,
+    by_motion: Sequence[int] = (),
 ) -> Alignment:
     """Find scale and world frame.
 
@@ -206,6 +208,7 @@ def align(
         T_old_body: (instants, 4, 4) poses in COLMAP's world, NaN where not registered.
         baseline_std: relative standard deviation of the scale of COLMAP's world, if the rig's baseline gave it one.
         has_depth: depth images gave COLMAP's world its scale.
+        by_motion: instants that recorded motion placed; it is compared with the others.
 
     Raises:
         MapError: nothing gives the scale.
@@ -213,7 +216,9 @@ def align(
     """
     positions = T_old_body[:, :3, 3]
     known = np.asarray(np.isfinite(positions).all(axis=1))
-    checks = [(m, motion.check(m, images.time_s, T_old_body)) for m in images.motions]
+    witnessing = T_old_body.copy()
+    witnessing[list(by_motion)] = np.nan
+    checks = [(m, motion.check(m, images.time_s, witnessing)) for m in images.motions]
     for recorded, found in checks:
         if recorded.kind is MotionKind.POSES and found is not None:
             references = _with_poses(references, recorded.trajectory.at(images.time_s), T_old_body, found.scale)

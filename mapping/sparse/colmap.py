@@ -1,6 +1,7 @@
 """The steps that COLMAP runs: features, matches, incremental mapping. Runs in a child process only (see `child`)."""
 
 import dataclasses
+import json
 import logging
 import shutil
 import tempfile
@@ -40,7 +41,7 @@ _MAPPING = "placing images"
 _REFINING = "refining"
 _TRYING = "trying the calibration"
 _DATABASE = "database.db"
-_SIGNATURES, _REPEATED = "signatures.npz", "repeated.npy"
+_SIGNATURES, _REPEATED, _BY_MOTION = "signatures.npz", "repeated.npy", "by_motion.json"
 _CHUNK = 100
 _LEAST_TRIALS = 30
 """At least, to verify the matches of a pair; the confidence of .999 asks for more where fewer than nine tenths agree.
@@ -100,6 +101,10 @@ class SparseModel:
     """(p, 3) pairs of instants and their verified matches, see `overlap.of_instants`."""
     repeated: float
     """Upper quartile over the images of `repetition.share`."""
+    by_motion: list[int]
+    """Instants that recorded motion placed, as depth and features do not join them to the others."""
+    motion_notes: list[str]
+    """Why recorded motion placed none, or not all, of the images that needed it; depth images only."""
     trial: Trial
     """Of the camera file's calibration, by the matches."""
     cpu_s: dict[str, float]
@@ -124,7 +129,8 @@ def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progres
     database = matched / _DATABASE
     repeated = float(np.percentile(np.load(extracted / _REPEATED), 75.0))
     with repetition.explained(repeated):
-        placed = work.stage(POSES, lambda folder: _placed(folder, database, images, options, progress))
+        placing = work.on(placing_motion(images))
+        placed = placing.stage(POSES, lambda folder: _placed(folder, database, images, options, progress))
         watch.lap("placing")
         model = pycolmap.Reconstruction(placed)
         progress(_TRYING, 0.0)
@@ -146,7 +152,13 @@ def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progres
                 colmap_model.write_back(model, images, trial)
                 watch.lap("trial on the matches of the corrected calibration")
             colmap_model.drop_lost_points(model)
-        return _read_out(database, model, images, trial, repeated, watch)
+        by_motion = json.loads((placed / _BY_MOTION).read_text())
+        return _read_out(database, model, images, trial, repeated, by_motion, watch)
+
+
+def placing_motion(images: ImageSet) -> list[object]:
+    """The recorded motion that places images: depth images need it where features fail, without depth none does."""
+    return images.motion_digests() if images.depths is not None else []
 
 
 def _features_seen(database: Path, model: Any, images: ImageSet) -> Observations:
@@ -169,16 +181,17 @@ def _matches(folder: Path, extracted: Path, images: ImageSet, options: SparseOpt
 
 
 def _placed(folder: Path, database: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
-    _model(database, images, options, progress).write(folder)
-
-
-def _model(database: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> Any:
     """COLMAP's model, adjusted; with depth images the poses are those that the depth asks for."""
+    by_motion: dict[str, list[Any]] = {"by_motion": [], "motion_notes": []}
     if images.depths is not None:
-        return rgbd.place(database, images, _mapping_options(options), progress)
-    model = place(database, images, options, progress)
-    refine(database, model, images.rig, options, progress)
-    return model
+        placed = rgbd.place(database, images, _mapping_options(options), progress)
+        model = placed.model
+        by_motion = {"by_motion": np.flatnonzero(placed.by_motion).tolist(), "motion_notes": placed.notes}
+    else:
+        model = place(database, images, options, progress)
+        refine(database, model, images.rig, options, progress)
+    model.write(folder)
+    (folder / _BY_MOTION).write_text(json.dumps(by_motion))
 
 
 class _Stopwatch:
@@ -406,7 +419,13 @@ def _with_lenses(database: Path, rig: Rig, folder: Path) -> Path:
 
 
 def _read_out(
-    database: Path, model: Any, images: ImageSet, trial: Trial, repeated: float, watch: _Stopwatch
+    database: Path,
+    model: Any,
+    images: ImageSet,
+    trial: Trial,
+    repeated: float,
+    by_motion: dict[str, list[Any]],
+    watch: _Stopwatch,
 ) -> SparseModel:
     import pycolmap
 
@@ -435,6 +454,7 @@ def _read_out(
         breaks=pairs.breaks() if images.depths is None else np.zeros((0, 2), dtype=np.int64),
         overlaps=overlap.of_instants(database, images),
         repeated=repeated,
+        **by_motion,
         trial=trial,
         cpu_s=watch.cpu_s,
     )

@@ -19,7 +19,7 @@ _LEAST_SHARE = 0.3
 """Pieces shorter than this share of the longest one say nothing of the scale."""
 _LATEST_S, _STEP_S = 1.0, 0.02
 """Clocks that are off by at most this are found, on a grid of this."""
-_TURN_NOISE_RAD, _SHIFT_NOISE_M = 0.01, 0.02
+TURN_NOISE_RAD, SHIFT_NOISE_M = 0.01, 0.02
 """What a recorded turn and shift between two instants is off by: weights of the two in a rotation."""
 _LARGEST_TILT_STD_RAD = 0.05
 
@@ -72,7 +72,7 @@ def check(motion: Motion, time_s: FloatArray, T_old_body: FloatArray) -> MotionC
     late_s, late_std_s = _late(motion, time_s[both], T_old_body[both])
     _, is_determined, direction_error_rad = _rotation(recorded[both], T_old_body[both], scale)
     return MotionCheck(
-        f"{motion.kind} ({motion.trajectory.path.name})",
+        motion.name,
         len(both),
         scale,
         float(np.hypot(noise * np.sqrt(len(moved) / max(len(moved) - 1, 1)), _SYSTEMATIC_STD)),
@@ -148,16 +148,21 @@ def _rotation(T_start_body: FloatArray, T_old_body: FloatArray, scale: float) ->
     ours[:, :3, 3] *= scale
     pairs = [
         (a / noise, b / noise)
-        for vectors, noise in ((_turn_vectors, _TURN_NOISE_RAD), (_shift_vectors, _SHIFT_NOISE_M))
+        for vectors, noise in ((_turn_vectors, TURN_NOISE_RAD), (_shift_vectors, SHIFT_NOISE_M))
         for a, b in zip(vectors(ours), vectors(theirs), strict=True)
     ]
     product = np.sum([np.outer(a, b) for a, b in pairs], axis=0)
-    u, strength, vt = np.linalg.svd(product)
-    R_old_start = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    R_old_start, strength = nearest_rotation(product), np.linalg.svd(product, compute_uv=False)
     longest = sum(float(np.linalg.norm(a) * np.linalg.norm(b)) for a, b in pairs)
     cosine = float((R_old_start * product).sum()) / max(longest, 1e-30)
     is_determined = bool(strength[1] - len(pairs) >= _LARGEST_TILT_STD_RAD**-2)
     return R_old_start, is_determined, float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def nearest_rotation(product: FloatArray) -> FloatArray:
+    """R (3, 3) that maximises the sum of a . R b, from the sum (3, 3) of the products a b^T (Wahba, 1965)."""
+    u, _, vt = np.linalg.svd(product)
+    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
 
 
 def _turn_vectors(T: FloatArray) -> FloatArray:

@@ -55,6 +55,10 @@ class SparseMap:
     """(p, 3) pairs of instants and the number of verified matches between them."""
     repeated: float
     """Share of the features that look like others of the same image; a quarter of the images has more."""
+    by_motion: list[int]
+    """Placed instants that recorded motion joins to the others, as depth and features do not."""
+    motion_notes: list[str]
+    """Why recorded motion placed none, or not all, of the images that needed it; depth images only."""
     trial: Trial
     """What the matches say of the camera file; its poses and points are COLMAP's, not the world's."""
     alignment: Alignment
@@ -116,7 +120,8 @@ def reconstruct(
             model_files.write(folder, model)
 
         near = pairing.near_in_space(images, options.window)
-        model = model_files.read(kept.on(options, near).stage(CALIBRATION, place))
+        placing = kept.on(options, near, colmap.placing_motion(images))
+        model = model_files.read(placing.stage(CALIBRATION, place))
     placed = np.isfinite(model.T_world_body[:, 0, 0])
     if placed.mean() < _LEAST_SHARE:
         runs = overlap.unplaced_runs(images.instants, placed, model.overlaps)
@@ -132,6 +137,7 @@ def reconstruct(
         baseline_std=alignment.baseline_std(images.rig, model.trial.scale_std) if has_baseline else None,
         length=length,
         has_depth=images.depths is not None,
+        by_motion=model.by_motion,
     )
     return SparseMap(
         images=dataclasses.replace(images, rig=model.rig),
@@ -146,6 +152,8 @@ def reconstruct(
         breaks=model.breaks,
         overlaps=model.overlaps,
         repeated=model.repeated,
+        by_motion=model.by_motion,
+        motion_notes=model.motion_notes,
         trial=model.trial,
         alignment=aligned,
         cpu_s=model.cpu_s,

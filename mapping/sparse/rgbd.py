@@ -3,7 +3,8 @@
 Matched features that have a depth place one image of a pair against the other (perspective-n-point in a RANSAC loop),
 RGB-D odometry over all pixels refines that (Park et al., "Colored point cloud registration revisited", 2017; Open3D),
 and a pose graph joins the pairs and drops wrong ones (Choi et al., "Robust reconstruction of indoor scenes", 2015;
-Open3D). COLMAP then triangulates the points with these poses.
+Open3D). Images that these leave apart are joined by recorded motion, if there is any and the depth agrees (see
+`recorded_edges`). COLMAP then triangulates the points with these poses.
 """
 
 import functools
@@ -18,6 +19,7 @@ import numpy as np
 from flight import FloatArray, MapError, Progress, frames
 from mapping.camera.rig import Camera
 from mapping.input.images import ImageSet
+from mapping.sparse import recorded_edges
 
 _STAGE = "placing images by depth"
 _LEAST_MATCHES = 8
@@ -49,13 +51,25 @@ class _Edge:
 
     T_b_a: FloatArray
     information: FloatArray
-    """(6, 6) of Open3D's odometry."""
+    """(6, 6) of Open3D's odometry: of the squared distances (m2) between the points of the two images."""
     matches: int
-    """Features that agree with it."""
+    """Features that agree with it; 0 for recorded motion."""
 
 
-def place(database: Path, images: ImageSet, options: Any, progress: Progress) -> Any:
-    """A COLMAP model of the images of a depth camera, in metres, the first placed camera at its origin.
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """Where the images of a depth camera were taken."""
+
+    model: Any
+    """COLMAP's, in metres, the first placed camera at its origin."""
+    by_motion: np.ndarray
+    """(instants,) bool: placed by recorded motion, as depth and features do not join them to the others."""
+    notes: list[str]
+    """Why recorded motion placed none, or not all, of the images that needed it."""
+
+
+def place(database: Path, images: ImageSet, options: Any, progress: Progress) -> Placed:
+    """Place the images by depth and features, and by recorded motion those that these do not join to the others.
 
     Args:
         database: COLMAP's, with features and matches.
@@ -68,11 +82,40 @@ def place(database: Path, images: ImageSet, options: Any, progress: Progress) ->
     if not edges:
         raise MapError(
             "no two of these images could be placed against each other; they need texture, depth and overlap"
+            + ("; recorded motion cannot place them, as nothing shows where the camera sits" if images.motions else "")
         )
     T_world_camera = _optimised(edges, len(images.instants))
+    recorded, notes = _recorded(images, edges, T_world_camera)
+    by_motion = np.isnan(T_world_camera[:, 0, 0])
+    if recorded:
+        edges |= recorded
+        T_world_camera = _optimised(edges, len(images.instants))
     confirmed = agreement(images, T_world_camera, edges) >= LEAST_AGREEMENT  # not where no pair shares enough (NaN)
     T_world_camera[~confirmed] = np.nan
-    return triangulated(database, images, T_world_camera, options)
+    return Placed(triangulated(database, images, T_world_camera, options), by_motion & confirmed, notes)
+
+
+def _recorded(
+    images: ImageSet, edges: dict[tuple[int, int], _Edge], T_world_camera: FloatArray
+) -> tuple[dict[tuple[int, int], _Edge], list[str]]:
+    """Recorded motions between images that the edges leave apart, where the depth agrees; and what to say of others.
+
+    They are not refined by odometry: it slides along a plain wall. Their information is that of points whose distances
+    have a standard deviation of `_EDGE_M`, as the pose graph takes it, and hundreds of times less than an edge's.
+    """
+    measured = {pair: edge.T_b_a for pair, edge in edges.items()}
+    found, notes = recorded_edges.between(images, measured, T_world_camera)
+    camera = images.rig.cameras[0]
+    read = functools.lru_cache(maxsize=_HELD)(lambda instant: images.depth_m(instant, 0))
+    confirmed: dict[tuple[int, int], _Edge] = {}
+    for (a, b), each in sorted(found.items()):
+        agreeing = _agreement(camera, read(a), read(b), each.T_b_a)
+        if agreeing is not None and agreeing >= LEAST_AGREEMENT:
+            information = np.asarray(_EDGE_M**2 * np.linalg.inv(each.covariance), dtype=np.float64)
+            confirmed[a, b] = _Edge(each.T_b_a, information, 0)
+    if found and not confirmed:
+        notes.append("recorded motion: the depth images contradict it wherever it is needed")
+    return confirmed, notes
 
 
 def agreement(images: ImageSet, T_world_camera: FloatArray, pairs: Any) -> FloatArray:
@@ -241,7 +284,7 @@ def _spanned(edges: dict[tuple[int, int], _Edge], count: int) -> tuple[FloatArra
     from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
     a, b = np.array(list(edges)).T
-    cost = np.array([1.0 / edge.matches for edge in edges.values()])
+    cost = np.array([1.0 / (1 + edge.matches) for edge in edges.values()])
     graph = coo_matrix((cost, (a, b)), shape=(count, count))
     _, piece = connected_components(graph, directed=False)
     first = int(np.flatnonzero(piece == np.bincount(piece).argmax())[0])
@@ -263,7 +306,8 @@ def triangulated(database: Path, images: ImageSet, T_world_camera: FloatArray, o
     import pycolmap
 
     with pycolmap.Database.open(database) as opened:
-        cache = pycolmap.DatabaseCache.create(opened, pycolmap.DatabaseCacheOptions())
+        # recorded motion also places images without a match
+        cache = pycolmap.DatabaseCache.create(opened, pycolmap.DatabaseCacheOptions(load_all_images=True))
     model = pycolmap.Reconstruction()
     model.load(cache)
     instant_of = {images.relative(i, c): i for i, c in images.pairs()}

@@ -38,6 +38,8 @@ def folder(tmp_path: Path, pillar_map: Path) -> Path:
         area,
         corrections=["down: its rotation"],
         not_placed=["front/7.png"],
+        placed_by_motion=["front/5.png"],
+        motion_notes=["odometry <o.tum>: too noisy"],
         unplaced_runs=[
             {"first": "7.png", "last": "<9>.png", "count": 3, "before": "6.png", "after": None, "matches_before": 18,
              "matches_after": 0, "pieces": [["7.png", "<9>.png"]]}
@@ -66,6 +68,8 @@ def test_the_page_has_all_that_is_known_and_needs_no_network(folder: Path, tmp_p
         "3 of 10 &lt;images&gt; could not be placed",
         "down: its rotation",
         "front/7.png",
+        "<td>placed by recorded motion</td><td class='word'>front/5.png</td>",
+        "odometry &lt;o.tum&gt;: too noisy",
         "<td>7.png to &lt;9&gt;.png</td><td>3</td><td>18 (6.png)</td><td></td>",
         "<td class='word'>7.png to &lt;9&gt;.png</td>",
         "rig baseline",

@@ -169,7 +169,7 @@ def test_the_figures_of_a_cropped_map_are_those_of_the_part(tmp_path: Path) -> N
     whole = room()
     facts = whole.facts | {"images": 9, "images_placed": 8, "path_length_m": 99.0, "reprojection_error_px": 0.3}
     report = facts | {"free_m3": 99.0, "swept_occupied_m3": 1.0, "not_placed": ["a.png", "d.png"], "points": 99}
-    report["unplaced_runs"] = [{"first": "d.png"}]
+    report |= {"unplaced_runs": [{"first": "d.png"}], "placed_by_motion": ["rgb/a.png", "rgb/c.png"]}
     whole = dataclasses.replace(whole, facts=facts, report=report)
     new = map_parts.cropped(whole, Box((2.0, 0.0, 0.0), (6.0, 4.0, 2.4)), "cropped")
     assert (new.images, new.facts["images"], new.facts["images_placed"]) == (("b.png", "c.png"), 2, 2)
@@ -178,6 +178,7 @@ def test_the_figures_of_a_cropped_map_are_those_of_the_part(tmp_path: Path) -> N
     assert new.report is not None
     assert new.report["free_m3"] == pytest.approx(1e-3 * (new.field.state == esdf.FREE).sum())
     assert (new.report["points"], new.report["not_placed"]) == (len(new.known.points_world_m), [])
+    assert new.report["placed_by_motion"] == ["rgb/c.png"]
     assert "swept_occupied_m3" not in new.report
     assert "unplaced_runs" not in new.report
     assert new.report[map_parts.MADE_OF] == "room"

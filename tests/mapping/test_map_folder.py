@@ -73,6 +73,8 @@ def sparse_map(folder: Path) -> SparseMap:
         breaks=np.zeros((0, 2), int),
         overlaps=np.zeros((0, 3), int),
         repeated=0.05,
+        by_motion=[],
+        motion_notes=[],
         trial=Trial((), RIG, poses, np.zeros((20, 3)), 0.2, 0.001),
         alignment=Alignment(1.0, np.eye(4), "rig baseline", "recorded gravity"),
         cpu_s={},
@@ -285,7 +287,7 @@ def test_too_few_placed_images_are_no_map(tmp_path: Path, monkeypatch: pytest.Mo
     model = colmap.SparseModel(
         RIG, np.stack([np.eye(4), *[np.full((4, 4), np.nan)] * 2]), np.zeros((3, 1), bool), np.zeros((0, 3)),
         np.zeros((0, 128)), np.zeros((0, 3), int), np.zeros((0, 2)), 0.3, 1.0,
-        np.zeros((0, 2), int), np.array([[0, 1, 16]]), 0.05,
+        np.zeros((0, 2), int), np.array([[0, 1, 16]]), 0.05, [], [],
         Trial((), RIG, np.zeros((3, 4, 4)), np.zeros((0, 3)), 0.2, 0.001), {},
     )  # fmt: skip
     monkeypatch.setattr("mapping.child.run", lambda *_, **__: model)

@@ -108,6 +108,21 @@ def test_a_map_of_the_wrong_size_is_shown_by_both(tmp_path: Path) -> None:
         assert "one of them is wrong" in reasons[1][0]
 
 
+def test_recorded_motion_is_no_witness_of_images_that_it_placed(tmp_path: Path) -> None:
+    bent = old()
+    bent[10:20, :3, 3] *= 1.5
+    images = beside(MotionKind.ODOMETRY, write_tum(tmp_path / "o", RECORDED_S, pose(RECORDED_S)))
+    references = alignment.read_references(images)
+    whole, rest = (
+        alignment.align(images, bent, references, baseline_std=None, length=None, by_motion=instants)
+        for instants in ([], [*range(10, 20)])
+    )
+    assert (whole.motions[0].instants, rest.motions[0].instants) == (COUNT, COUNT - 10)
+    assert doubts(whole)
+    assert not doubts(rest)
+    assert np.isfinite(rest.poses(bent)).all()
+
+
 def test_a_bent_map_is_shown_by_odometry(tmp_path: Path) -> None:
     """A scale that drifts along the path: the whole has the right length, its shape is wrong."""
     grown = np.exp(np.linspace(-0.25, 0.25, COUNT - 1))[:, None]

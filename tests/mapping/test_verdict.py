@@ -53,6 +53,8 @@ def placed(
         breaks=np.array(breaks, int).reshape(-1, 2),
         overlaps=np.array([[1, 2, 17]]),
         repeated=repeated,
+        by_motion=[],
+        motion_notes=[],
         trial=Trial(findings, RIG, np.zeros((0, 4, 4)), nothing, noise_px, 0.001),
         alignment=Alignment(1.0, np.eye(4), "rig baseline", "recorded gravity", witnesses=witnesses),
         cpu_s={},
