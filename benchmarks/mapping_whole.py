@@ -84,7 +84,7 @@ def room(work: Path, pairs: int) -> list[Row]:
     T_world_map = aligned(made.T_world_body, T_true)
     shots = [(camera, T @ camera.T_body_camera) for T in T_true for camera in made.rig]
     seen = accuracy.seen_surface(scene, shots, rng=np.random.default_rng(1))
-    mesh, field = map_accuracy.mesh_vertices(made.mesh), made.field
+    mesh, field = map_accuracy.mesh_vertices(made), made.field
     score = accuracy.compare(scene, seen, mesh, field.state, field.grid, T_world_map=T_world_map)
     near, covered, inside = score.share_within_5cm, score.seen_share_within_10cm, score.free_share_in_matter
     cpu_bar_s = 0.75 * 2 * pairs

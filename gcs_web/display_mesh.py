@@ -15,6 +15,7 @@ from flight import FloatArray, MapError, Progress, silent
 from gcs_web import tiles
 from gcs_web.job_process import Failed, JobProcess
 from gcs_web.tiles import Tile, Tiles
+from mapping.dense.mesh_file import WORLD_NODE
 
 DISPLAY_TRIANGLES = 60_000
 """Of all coarse tiles, so that the first picture is 2 MB with the page; the map is not changed."""
@@ -99,9 +100,9 @@ def read(path: Path) -> Mesh:
 
     try:
         scene = trimesh.load_scene(path, process=False)
-        parts = [
-            _of_trimesh(scene.geometry[name], pose) for pose, name in map(scene.graph.get, scene.graph.nodes_geometry)
-        ]
+        world = WORLD_NODE if WORLD_NODE in scene.graph.nodes else None
+        placed = [scene.graph.get(node, frame_from=world) for node in scene.graph.nodes_geometry]
+        parts = [_of_trimesh(scene.geometry[name], pose) for pose, name in placed]
     except Exception as error:  # trimesh raises whatever its parsers meet
         raise MapError(f"{path.name} cannot be read ({error}); build the map again") from error
     if not sum(len(part.faces) for part in parts):

@@ -11,6 +11,7 @@ from flight import FloatArray, frames, rotations
 from goshawk.rendered import accuracy as map_accuracy
 from goshawk.rendered.accuracy import MapAccuracy
 from goshawk.rendered.scene import RenderedScene
+from mapping.dense import mesh_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,7 @@ def measure(area: mapping.Map, truth_csv: Path, scene: RenderedScene) -> Accurac
         attitude_rms_rad=_rms(np.linalg.norm(rotations.log(turned), axis=1)),
         scale=_length(aligned_m) / _length(true_m),
         surface=map_accuracy.compare(
-            scene, seen, mesh_vertices(area.mesh), area.field.state, area.field.grid, T_world_map=T_truth_map
+            scene, seen, mesh_vertices(area), area.field.state, area.field.grid, T_world_map=T_truth_map
         ),
     )
 
@@ -63,10 +64,14 @@ def rigid_alignment(points_a: FloatArray, points_b: FloatArray) -> FloatArray:
     return T
 
 
-def mesh_vertices(path: Path) -> FloatArray:
-    import open3d
+def mesh_vertices(area: mapping.Map) -> FloatArray:
+    """(v, 3) world.
 
-    return np.asarray(open3d.io.read_triangle_mesh(path).vertices)
+    Raises:
+        InputError: the map has no mesh.
+    """
+    vertices, _, _ = mesh_file.load(area.folder / "mesh.ply")
+    return vertices
 
 
 def _length(path: FloatArray) -> float:

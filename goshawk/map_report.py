@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 _ARROWS = 100.0
 """Mean errors are drawn so many times as long."""
+_STYLE = "td.long { white-space: normal; overflow-wrap: anywhere }"
+"""A list of images takes as many lines as it needs; the page stays as wide as it is."""
 _COLOURS = {Standing.GOOD: "good", Standing.DOUBTFUL: "held", Standing.REFUSED: "bad", Standing.NOT_JUDGED: "held"}
 
 
@@ -49,7 +51,7 @@ def write(path: Path, area: Map) -> Path:
     with tempfile.TemporaryDirectory() as folder:
         drawn.append(_again(area, Path(folder)))
     body = _head(area, report) + _figures(area, report) + tables + "".join(drawn)
-    return write_page(path, f"Map {area.folder.resolve().name}", body)
+    return write_page(path, f"Map {area.folder.resolve().name}", body, _STYLE)
 
 
 def read_report(folder: Path) -> dict[str, Any]:
@@ -96,7 +98,9 @@ def _figures(area: Map, report: dict[str, Any]) -> str:
         "hash": area.hash,
         "history": "; ".join(facts.get(map_parts.HISTORY, [])),
     }
-    cells = "".join(f"<tr><td>{name}</td><td class='word'>{escape(str(v))}</td></tr>" for name, v in rows.items() if v)
+    cells = "".join(
+        f"<tr><td>{name}</td><td class='word long'>{escape(str(v))}</td></tr>" for name, v in rows.items() if v
+    )
     return "<h2>Figures</h2>" + table(("", ""), cells, words=1)
 
 

@@ -217,7 +217,7 @@ def _show(report: mapping.MapReport, out: Path, *, as_json: bool) -> int:
 
 
 def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
-    """What the table says of a new map."""
+    """What the table says of a new map; the reasons of its verdict, and what they name, stand below it."""
     facts = {
         "verdict": report.verdict,
         "images registered": f"{report.images_placed} of {report.images}",
@@ -241,8 +241,6 @@ def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
         facts["thinnest obstacle resolved"] = ", ".join(
             f"{1000 * metres:.0f} mm in {where}" for where, metres in report.resolved_m.items()
         )
-    if report.reasons:
-        facts["because"] = "; ".join(report.reasons)
     if report.corrections:
         facts["camera file"] = "; ".join(report.corrections)
     if len(report.scale_witnesses) > 1:
@@ -260,8 +258,9 @@ def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
         facts["recorded motion"] = "; ".join(report.motion_notes)
     if report.not_placed:
         facts["not placed"] = ", ".join(report.not_placed)
-    if report.unplaced_runs:
-        facts["runs not placed"] = "; ".join(str(UnplacedRun(**run)) for run in report.unplaced_runs)
+    runs = [str(UnplacedRun(**run)) for run in report.unplaced_runs]
+    if others := [run for run in runs if not any(run in reason for reason in report.reasons)]:
+        facts["runs not placed"] = "; ".join(others)
     return facts
 
 

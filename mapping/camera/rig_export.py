@@ -7,9 +7,16 @@ import numpy as np
 from flight import FloatArray, InputError, file_format, frames, rotations
 from mapping.camera.rig import Rig
 
+CAMERA_NAME = "# name of camera "
+"""Beginning of a comment in `cameras.txt`."""
+
 
 def write_colmap(folder: Path, rig: Rig) -> None:
-    """Write `cameras.txt` and `rigs.txt` into a folder; cameras are numbered from 1 in the rig's order."""
+    """Write `cameras.txt` and `rigs.txt` into a folder; cameras are numbered from 1 in the rig's order.
+
+    COLMAP's cameras have no names: ours are in comments, which COLMAP skips and `rig_import.read_colmap` reads.
+    """
+    names = [f"{CAMERA_NAME}{number}: {' '.join(camera.name.split())}" for number, camera in enumerate(rig, start=1)]
     cameras = [
         " ".join([str(number), camera.model, str(camera.width), str(camera.height), *_numbers(camera.params)])
         for number, camera in enumerate(rig, start=1)
@@ -19,7 +26,7 @@ def write_colmap(folder: Path, rig: Rig) -> None:
         T = frames.invert(camera.T_body_camera) @ rig.cameras[0].T_body_camera
         pose = [*rotations.from_matrix(T[:3, :3]), *T[:3, 3]]
         words += ["CAMERA", str(number), "1", *_numbers(np.array(pose))]
-    _write(folder / "cameras.txt", ["# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]", *cameras])
+    _write(folder / "cameras.txt", ["# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]", *names, *cameras])
     _write(folder / "rigs.txt", ["# RIG_ID NUM_SENSORS REF_SENSOR_TYPE REF_SENSOR_ID SENSORS[]", " ".join(words)])
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from flight import FloatArray, FormatError, InputError, file_format, frames, rotations
 from mapping.camera.lens import PARAMETERS, Base
 from mapping.camera.rig import R_BODY_CAMERA_FORWARD, Camera, Rig
+from mapping.camera.rig_export import CAMERA_NAME
 
 LARGEST_BYTES = 2_000_000
 _KALIBR = {
@@ -130,12 +131,14 @@ def read_colmap(path: Path, rigs: Path | None = None) -> Rig:
             f"{path} holds {len(rows)} cameras without their poses on the rig; give COLMAP's rigs.txt with --rig, or "
             "images of one camera"
         )
+    names = _names(path)
     places = _places(rigs) if rigs is not None else {rows[0][0]: _forward()}
     cameras = []
     for words in rows:
         if words[0] not in places:
             raise InputError(f"{rigs} does not place camera {words[0]} of {path}")
-        cameras.append(_colmap_camera(words, path, places[words[0]], alone=len(rows) == 1))
+        name = names.get(words[0], f"camera{words[0]}")
+        cameras.append(_colmap_camera(words, path, name, places[words[0]], alone=len(rows) == 1))
     return Rig(tuple(cameras))
 
 
@@ -146,8 +149,14 @@ def _require_camera(words: list[str], path: Path) -> None:
         raise InputError(f"{path}: camera {words[0]} is {words[1]}; known are {', '.join(PARAMETERS)}")
 
 
-def _colmap_camera(words: list[str], path: Path, T_body: FloatArray, *, alone: bool) -> Camera:
-    name, model = f"camera{words[0]}", words[1]
+def _names(path: Path) -> dict[str, str]:
+    """Camera id to name, where `rig_export.write_colmap` wrote the file."""
+    lines = [line.removeprefix(CAMERA_NAME) for line in _text(path).splitlines() if line.startswith(CAMERA_NAME)]
+    return {camera: name for camera, colon, name in (line.partition(": ") for line in lines) if colon and name}
+
+
+def _colmap_camera(words: list[str], path: Path, name: str, T_body: FloatArray, *, alone: bool) -> Camera:
+    model = words[1]
     width, height, *params = _floats(words[2:], f"{path}: camera {words[0]}")
     if len(params) != len(PARAMETERS[model]):
         raise FormatError(f"{path}: camera {words[0]} has {len(params)} params; {model} takes {len(PARAMETERS[model])}")

@@ -1,7 +1,8 @@
 """Triangle meshes as files: with vertex colours as GLB for our page and PLY for everything else, with a texture as GLB.
 
-Coordinates with vertex colours are the world's: metres, z up, on which our own page and the map folder rely. (glTF's y
-is up, so other viewers show that room on its side.) A textured mesh is for viewers, and has glTF's axes.
+Coordinates with vertex colours are the world's: metres, z up, on which our own page and the map folder rely. glTF's y
+is up: a node about the mesh turns it, so that viewers show the room upright. A textured mesh is for viewers alone, and
+has glTF's axes.
 """
 
 import io
@@ -16,6 +17,8 @@ from flight import FloatArray, FormatError, InputError, file_format
 SUFFIXES = (".glb", ".ply")
 R_GLTF_WORLD = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """glTF's y is the world's z (up), its z the world's -y."""
+WORLD_NODE = "goshawk_world"
+"""Node of a GLB file in whose frame coordinates are the world's; files of earlier versions have none, and no other."""
 _JPEG_QUALITY = 92
 
 
@@ -26,7 +29,14 @@ def save(path: Path, vertices_world_m: FloatArray, faces: NDArray[np.int32], col
     if Path(path).suffix not in SUFFIXES:
         raise InputError(f"{path}: a mesh is written as one of {', '.join(SUFFIXES)}")
     mesh = trimesh.Trimesh(vertices_world_m, faces, vertex_colors=colours, process=False)
-    data = mesh.export(file_type=Path(path).suffix[1:])
+    if Path(path).suffix == ".glb":
+        T_gltf_world = np.eye(4)
+        T_gltf_world[:3, :3] = R_GLTF_WORLD
+        upright = trimesh.Scene()
+        upright.add_geometry(mesh, node_name=WORLD_NODE, transform=T_gltf_world)
+        data = upright.export(file_type="glb")
+    else:
+        data = mesh.export(file_type="ply")
     assert isinstance(data, bytes)
     file_format.write_bytes(Path(path), data)
 

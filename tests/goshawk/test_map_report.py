@@ -27,6 +27,9 @@ def folder(tmp_path: Path, pillar_map: Path) -> Path:
         "reasons": ["3 of 10 <images> could not be placed"],
         "hash": "0",
         "history": ["cut"],
+        "surface_std_median_m": 0.009,
+        "surface_std_90_percent_m": 0.017,
+        "surface_share_worse_than_voxel": 0.001,
     }
     file_format.write_toml(area / "map.toml", format=map_folder.FORMAT, version=1, body=facts)
     camera = rendered_world.default_rig(0.5).cameras[0]
@@ -67,9 +70,11 @@ def test_the_page_has_all_that_is_known_and_needs_no_network(folder: Path, tmp_p
     for text in (
         "3 of 10 &lt;images&gt; could not be placed",
         "down: its rotation",
-        "front/7.png",
-        "<td>placed by recorded motion</td><td class='word'>front/5.png</td>",
+        "standard deviation 9 mm at the median, 17 mm at the 90th percentile; 0.1 % of it above one voxel",
+        "<td>not placed</td><td class='word long'>front/7.png</td>",
+        "<td>placed by recorded motion</td><td class='word long'>front/5.png</td>",
         "odometry &lt;o.tum&gt;: too noisy",
+        "td.long { white-space: normal",
         "<td>7.png to &lt;9&gt;.png</td><td>3</td><td>18 (6.png)</td><td></td>",
         "<td class='word'>7.png to &lt;9&gt;.png</td>",
         "rig baseline",

@@ -1,11 +1,14 @@
 """Kalibr's and COLMAP's rigs: the same rays as there, the same places, and refusals in one sentence."""
 
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
 
 from flight import FormatError, InputError, frames, rotations
 from mapping.camera import rig_export, rig_import
+from mapping.camera.rig import Rig
 
 EQUI = """
 cam0:
@@ -103,10 +106,12 @@ def test_a_basalt_file_that_cannot_be_is_refused(tmp_path, change, words):
 def test_what_is_written_for_colmap_is_read_back_and_taken_by_colmap(tmp_path):
     import pycolmap
 
-    rig = rig_import.read_basalt(written(tmp_path, BASALT, "calibration.json"))
+    first, second = rig_import.read_basalt(written(tmp_path, BASALT, "calibration.json"))
+    rig = Rig((dataclasses.replace(first, name="front: left"), dataclasses.replace(second, name="down")))
     rig_export.write_colmap(tmp_path, rig)
     back = rig_import.read_colmap(tmp_path / "cameras.txt", tmp_path / "rigs.txt")
     for a, b in zip(rig, back, strict=True):
+        assert a.name == b.name
         np.testing.assert_array_equal(a.params, b.params)
         np.testing.assert_allclose(a.T_body_camera, b.T_body_camera, atol=1e-12)
     for name in ("images.txt", "frames.txt", "points3D.txt"):
