@@ -28,8 +28,8 @@ _STEPS = 2
 _MOST_UNEXPLAINED = 0.2
 """Share of the camera's motion. Measured with noise of 3 mm and .2 deg: .02; half a second late, another flight: .25
 to .8."""
-_OTHER_SCALE = 0.05
-"""A recording whose scale differs by more is not in the metres of the depth images."""
+_OTHER_SCALE = 0.15
+"""A recording whose scale differs by more is not in the metres of the depth images; less is taken into account."""
 _LARGEST_STD_RAD, _LARGEST_STD_M = 0.02, 0.03
 """Of a predicted motion: what is known less exactly places nothing."""
 _MOST_SQUARED = 30.0

@@ -102,12 +102,12 @@ def test_a_late_clock_and_another_flight_place_nothing(late: int) -> None:
         assert "recorded poses (recorded poses.tum): it leaves" in notes[0]
 
 
-@pytest.mark.parametrize("times", [0.9, 0.97, 1.03, 1.1])
+@pytest.mark.parametrize("times", [0.8, 0.9, 1.1, 1.2])
 def test_a_recording_in_other_metres_places_nothing(times: float) -> None:
     scaled = noisy(poses())
     scaled[:, :3, 3] *= times
     edges, notes = between(scaled)
-    if abs(times - 1.0) > 0.05:
+    if abs(times - 1.0) > 0.15:
         assert edges == {}
         assert f"its distances are {times:.2f} times those of the depth images" in notes[0]
     else:  # its scale is taken into account

@@ -243,6 +243,7 @@ def test_a_map_has_the_images_without_a_feature_by_recorded_motion_and_says_so(
     said = run("map", images, *given, "--out", out)
     assert "placed by recorded motion" in said
     assert "4: rgb/0004.png, rgb/0005.png, rgb/0006.png, rgb/0007.png" in said
+    assert "8 images, scale" in said  # the others' places do not witness it
     true, found = flight.T_world_body, mapping.open_map(out).T_world_body
     ours, theirs = (np.linalg.norm(T[:, None, :3, 3] - T[None, :, :3, 3], axis=2) for T in (found, true))
     assert np.abs(ours - theirs).max() < 0.03
