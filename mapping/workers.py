@@ -21,10 +21,13 @@ def in_order(work: Callable[[Item], Answer], items: Iterable[Item], *, threads: 
     """
     threads = threads or os.cpu_count() or 1
     ahead: deque[Future[Answer]] = deque()
-    with ThreadPoolExecutor(threads) as pool:
+    pool = ThreadPoolExecutor(threads)
+    try:
         for item in items:
             ahead.append(pool.submit(work, item))
             if len(ahead) > threads:
                 yield ahead.popleft().result()
         while ahead:
             yield ahead.popleft().result()
+    finally:
+        pool.shutdown(cancel_futures=True)

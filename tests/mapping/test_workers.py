@@ -1,5 +1,6 @@
 """Work on many things by several threads: their order, what is made ahead, and how it ends."""
 
+import signal
 import threading
 import time
 
@@ -48,3 +49,18 @@ def test_an_error_is_that_of_its_item() -> None:
     assert [next(answers) for _ in range(3)] == [0, 1, 2]
     with pytest.raises(ValueError, match="three"):
         next(answers)
+
+
+def test_an_interrupt_waits_only_for_what_is_being_worked_on() -> None:
+    begun: list[int] = []
+    main = threading.get_ident()
+
+    def work(number: int) -> None:
+        begun.append(number)
+        time.sleep(0.2)  # until the next one is waiting for its turn
+        signal.pthread_kill(main, signal.SIGINT)
+        time.sleep(0.2)
+
+    with pytest.raises(KeyboardInterrupt):
+        list(workers.in_order(work, range(10), threads=1))
+    assert begun == [0]
