@@ -141,8 +141,8 @@ static void integrate_view(Point origin, double voxel, Shape shape, Places brick
                            InBricks scatter, CountsInBricks images, ColourInBricks colour, InBricks colour_weight,
                            Image inverse_range, Image deviation, Image facing_image, Colour pixels, LensRow lens,
                            Matrix4 T_camera_world, double truncation, double farthest, int threads) {
-    const Volume volume = as_volume(as_voxels(origin, voxel, shape), bricks, distance, weight, scatter, images, colour,
-                                    colour_weight);
+    const Volume volume =
+        as_volume(as_voxels(origin, voxel, shape), bricks, distance, weight, scatter, images, colour, colour_weight);
     const RangeImage image{inverse_range.data(), deviation.data(), facing_image.data(), pixels.data(),
                            Lens(lens.data())};
     nb::gil_scoped_release release;
@@ -161,8 +161,8 @@ static void carve_view(Point origin, double voxel, Counts seen_through, Image bo
 static nb::tuple marching_cubes_view(Point origin, double voxel, Shape shape, Places bricks, InBricks distance,
                                      InBricks weight, InBricks scatter, CountsInBricks images, ColourInBricks colour,
                                      InBricks colour_weight, double least_weight) {
-    const Volume volume = as_volume(as_voxels(origin, voxel, shape), bricks, distance, weight, scatter, images, colour,
-                                    colour_weight);
+    const Volume volume =
+        as_volume(as_voxels(origin, voxel, shape), bricks, distance, weight, scatter, images, colour, colour_weight);
     Mesh mesh;
     {
         nb::gil_scoped_release release;
@@ -208,8 +208,8 @@ NB_MODULE(_mapping, m) {
           nb::arg("bricks"), nb::arg("distance").noconvert(), nb::arg("weight").noconvert(),
           nb::arg("scatter").noconvert(), nb::arg("images").noconvert(), nb::arg("colour").noconvert(),
           nb::arg("colour_weight").noconvert(), nb::arg("inverse_range"), nb::arg("deviation"), nb::arg("facing"),
-          nb::arg("pixels"), nb::arg("lens"), nb::arg("T_camera_world"), nb::arg("truncation_m"),
-          nb::arg("farthest_m"), nb::arg("threads"));
+          nb::arg("pixels"), nb::arg("lens"), nb::arg("T_camera_world"), nb::arg("truncation_m"), nb::arg("farthest_m"),
+          nb::arg("threads"));
     m.def("marching_cubes", &marching_cubes_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("shape"),
           nb::arg("bricks"), nb::arg("distance").noconvert(), nb::arg("weight").noconvert(),
           nb::arg("scatter").noconvert(), nb::arg("images").noconvert(), nb::arg("colour").noconvert(),

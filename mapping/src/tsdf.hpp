@@ -17,7 +17,7 @@ struct Volume {
     float* weight;
     float* scatter;        // weighted sum of the squared differences of the measured distances from their mean
     std::uint8_t* images;  // that measured a surface within the truncation, at most 255
-    float* colour;  // `channels` values a voxel
+    float* colour;         // `channels` values a voxel
     float* colour_weight;
     int channels;
 
