@@ -211,13 +211,13 @@ def _made(
 def _show(report: mapping.MapReport, out: Path, *, as_json: bool) -> int:
     """The table or JSON of a new map, and the exit code."""
     console.show("map", _facts(report, out), as_json=as_json, document=report.as_dict() | {"written": str(out)})
-    if report.verdict != Standing.GOOD:
+    if report.verdict != Standing.GOOD and as_json:
         click.echo(f"goshawk: the map is {report.verdict}: {'; '.join(report.reasons)}", err=True)
     return 1 if report.verdict == Standing.REFUSED else 0
 
 
 def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
-    """What the table says of a new map; the reasons of its verdict, and what they name, stand below it."""
+    """What the table says of a new map; what the reasons of its verdict name is not said again."""
     facts = {
         "verdict": report.verdict,
         "images registered": f"{report.images_placed} of {report.images}",
@@ -241,6 +241,8 @@ def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
         facts["thinnest obstacle resolved"] = ", ".join(
             f"{1000 * metres:.0f} mm in {where}" for where, metres in report.resolved_m.items()
         )
+    if report.reasons:
+        facts["because"] = "; ".join(report.reasons)
     if report.corrections:
         facts["camera file"] = "; ".join(report.corrections)
     if len(report.scale_witnesses) > 1:
