@@ -93,6 +93,18 @@ def test_only_unknown_voxels_near_matter_are_inferred(seen: surface.Reconstructi
     assert (distance_m > MATTER_M).mean() < 0.02
 
 
+def test_nothing_is_inferred_where_no_plane_is_found() -> None:
+    grid, camera = Grid((0.0, 0.0, 0.0), (0.05, 0.05, 0.05), (8, 8, 8)), rendered_world.default_rig(0.25).cameras[0]
+    grey = np.full((camera.height, camera.width), 128, np.uint8)
+    nothing = np.zeros(grey.shape, np.float32)
+    depth = stereo.DepthImage(nothing, nothing, nothing, nothing, 1.0)
+    faces = np.array([[0, 1, 2]], np.int32)
+    state, view = np.full(grid.shape, UNKNOWN, np.uint8), ImageView(camera, np.eye(4), grey)
+    marked = planes.inferred(state, grid, 0.1 * np.eye(3), faces, [view], [depth], skin_voxels=1.0, farthest_m=8.0)
+    assert marked.shape == grid.shape
+    assert not marked.any()
+
+
 def test_false_matches_behind_a_plain_wall_open_neither_the_wall_nor_what_is_behind_it() -> None:
     """Stereo past the wall at 2 m; with its matches taken at their word, 8 % of the wall is free."""
     camera, scene, steps = rendered_world.default_rig(0.5).cameras[0], rooms(), np.arange(10)
@@ -144,22 +156,84 @@ def test_a_plane_is_not_extended_past_a_free_corner_nor_into_an_open_notch() -> 
     assert not planes.enclosed_cells(flat(state, support), state)[21:, 21:].any()
 
 
-def test_planes_are_found_among_noise_and_no_plane_in_a_ball() -> None:
+def patch(normal: FloatArray, rng: np.random.Generator, lean_rad: float = 0.0) -> tuple[FloatArray, FloatArray]:
+    """Noisy points of 2 x 2 m round (1, 2, 3), leaning by an angle, and their noisy normals."""
+    along = np.cross(normal, [0.3, 0.2, 0.9])
+    along /= np.linalg.norm(along)
+    if normal[2] == 0.0:
+        along = np.cross([0.0, 0.0, 1.0], normal)
+    normal = np.cos(lean_rad) * normal + np.sin(lean_rad) * np.cross(along, normal)
+    axes = np.stack([along, np.cross(normal, along)])
+    points = np.array([1.0, 2.0, 3.0]) + rng.uniform(-1.0, 1.0, (4000, 2)) @ axes
+    points += rng.normal(0.0, 0.01, (len(points), 1)) * normal
+    directions = normal + rng.normal(0.0, 0.1, points.shape)
+    return points, directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+def ball(rng: np.random.Generator) -> FloatArray:
+    outwards = rng.normal(size=(4000, 3))
+    return outwards / np.linalg.norm(outwards, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("normal", [(0.8, -0.6, 0.0), (-0.28, -0.96, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)])
+def test_upright_and_level_planes_are_found_among_noise(normal: tuple[float, float, float]) -> None:
     rng = np.random.default_rng(1)
-    normal = np.array([0.6, -0.64, 0.48])
-    axes = np.linalg.svd(normal[None])[2][1:]
-    on_it = np.array([1.0, 2.0, 3.0]) + rng.uniform(-1.0, 1.0, (4000, 2)) @ axes
-    on_it = on_it + rng.normal(0.0, 0.01, (len(on_it), 1)) * normal
-    ball = rng.normal(size=(4000, 3))
-    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
-    directions = np.tile(normal, (len(on_it), 1)) + rng.normal(0.0, 0.1, on_it.shape)
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    found = planes.planes(np.vstack([on_it, 0.4 * ball]), np.vstack([directions, ball]), 0.05)
+    points, directions = patch(np.array(normal), rng)
+    noise = ball(rng)
+    found = planes.planes(np.vstack([points, 0.4 * noise]), np.vstack([directions, noise]), 0.05)
     assert len(found) == 1
-    assert found[0].T_world_plane[:3, 2] @ normal > np.cos(np.radians(0.5))
+    assert found[0].normal @ normal > np.cos(np.radians(0.5))
+    assert found[0].normal[2] == normal[2]  # exactly
     assert abs((found[0].T_world_plane[:3, 3] - [1.0, 2.0, 3.0]) @ normal) < 0.005
     assert found[0].patches.sum() * 0.05**2 == pytest.approx(4.0, rel=0.15)
-    assert planes.planes(0.4 * ball, ball, 0.05) == []
+
+
+def test_no_plane_is_found_in_a_ball_nor_in_a_ramp() -> None:
+    noise = ball(np.random.default_rng(1))
+    assert planes.planes(0.4 * noise, noise, 0.05) == []
+    assert planes.planes(*patch(np.array([0.6, -0.64, 0.48]), np.random.default_rng(1)), 0.05) == []
+
+
+@pytest.mark.parametrize(("lean_deg", "is_found"), [(3.0, True), (-3.0, True), (7.0, False)])
+def test_a_wall_of_a_map_that_leans_a_little_is_taken_for_upright(lean_deg: float, is_found: bool) -> None:
+    points, directions = patch(np.array([0.8, -0.6, 0.0]), np.random.default_rng(1), np.radians(lean_deg))
+    found = planes.planes(points, directions, 0.05)
+    assert bool(found) == is_found
+    for plane in found:
+        assert plane.normal[2] == 0.0
+        assert plane.normal @ [0.8, -0.6, 0.0] > np.cos(np.radians(1.0))
+
+
+def test_normals_become_upright_or_level_whichever_is_nearer() -> None:
+    normals = np.array([[0.6, -0.64, 0.48], [0.0, 0.6, -0.8], [0.0, 0.0, 1.0], [-0.28, 0.96, 0.0]])
+    expected = [[0.6 / np.hypot(0.6, 0.64), -0.64 / np.hypot(0.6, 0.64), 0.0], [0.0, 0.0, -1.0], *normals[2:]]
+    np.testing.assert_allclose(planes._upright_or_level(normals), expected, atol=1e-12)
+
+
+def test_surface_is_of_a_plane_within_one_and_a_half_voxels() -> None:
+    points, normals = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.07], [0.4, 0.0, 0.08]]), np.tile([0.0, 0.0, 1.0], (3, 1))
+    plane = planes._with_cells(points, normals, points[0], normals[0], 0.05)
+    assert plane is not None
+    assert plane.support.sum() == 2
+
+
+@pytest.mark.parametrize(("own_sides", "expected"), [((0,), False), ((0, 1), False), ((0, 2), True), ((0, 4), True)])
+def test_other_surface_may_enclose_a_plane_but_for_two_sides(own_sides: tuple[int, ...], expected: bool) -> None:
+    state, support = np.full((21, 21), UNKNOWN, np.uint8), np.zeros((21, 21), bool)
+    sides = [(10 + 8 * x, 10 + 8 * y) for x, y in planes._DIRECTIONS]
+    for number, side in enumerate(sides):
+        state[side] = OCCUPIED
+        support[side] = number in own_sides
+    assert planes.enclosed_cells(flat(state, support), state)[10, 10] == expected
+
+
+def test_cells_on_the_outer_face_of_the_grid_have_the_states_of_the_last_voxels() -> None:
+    grid = Grid((0.0, 0.0, 0.0), (0.05, 0.05, 0.05), (8, 6, 4))
+    state = np.random.default_rng(0).choice([UNKNOWN, FREE, OCCUPIED], grid.shape).astype(np.uint8)
+    T = np.eye(4)
+    T[2, 3] = 0.2
+    support = np.zeros((8, 6), bool)
+    np.testing.assert_array_equal(planes._states(Plane(T, support, support, 0.05), state, grid), state[:, :, -1])
 
 
 def long_wall(grid: Grid, voxel_m: float) -> Plane:
@@ -195,13 +269,94 @@ def test_a_long_wall_is_marked_without_a_look_at_the_whole_map() -> None:
     assert most_bytes < 0.1 * 8 * 3 * grid.voxels  # the centres of its voxels
 
 
+def square_ahead(range_m: float, cells: int = 1) -> Plane:
+    """A square of cells across the axis of a camera in the origin, facing it."""
+    T = np.diag([1.0, -1.0, -1.0, 1.0])
+    T[:3, 3] = [-0.025 * cells, 0.025 * cells, range_m]
+    support = np.zeros((cells, cells), bool)
+    return Plane(T, support, support, 0.05)
+
+
+def look(
+    *walls: Plane, inverse_range: float = 0.0, bound: float = 0.0, looks: int = 3, used: NDArray[np.bool_] | None = None
+) -> list[bool]:
+    """Whether each plane is inferred in the middle of grey images that look along z, each with the same depth."""
+    camera = rendered_world.default_rig(0.25).cameras[0]
+    grey = np.full((camera.height, camera.width), 128, np.uint8)
+    some = np.full(grey.shape, 1.0, np.float32)
+    view = ImageView(camera, np.eye(4), grey, used=used)
+    depth = stereo.DepthImage(inverse_range * some, 0.0 * some, some, bound * some, 1.0)
+    enclosed = [~wall.support for wall in walls]
+    kept = planes._seen_plain(walls, enclosed, [view] * looks, [depth] * looks, 8.0)
+    return [bool(cells[tuple(np.array(cells.shape) // 2)]) for cells in kept]
+
+
 @pytest.mark.parametrize("masked", [False, True])
 def test_what_is_masked_is_no_sight_of_a_plain_wall(masked: bool) -> None:
     camera = rendered_world.default_rig(0.25).cameras[0]
+    used = np.full((camera.height, camera.width), not masked)
+    assert look(square_ahead(2.0), used=used) == [not masked]
+
+
+@pytest.mark.parametrize(("looks", "expected"), [(2, False), (3, True)])
+def test_three_images_must_look(looks: int, expected: bool) -> None:
+    assert look(square_ahead(2.0), looks=looks) == [expected]
+
+
+@pytest.mark.parametrize(("nearer_m", "expected"), [(0.07, True), (0.09, False), (-0.07, True)])
+def test_a_depth_confirms_a_plane_within_one_and_a_half_voxels(nearer_m: float, expected: bool) -> None:
+    assert look(square_ahead(2.0), inverse_range=1.0 / (2.0 - nearer_m), bound=1.0) == [expected]
+
+
+@pytest.mark.parametrize(("bound_m", "expected"), [(1.0, True), (2.1, True), (2.2, False)])
+def test_a_match_behind_rules_out_only_what_it_excludes(bound_m: float, expected: bool) -> None:
+    assert look(square_ahead(2.0), inverse_range=1.0 / 3.0, bound=1.0 / bound_m) == [expected]
+
+
+def test_a_plain_region_shows_the_first_of_the_planes_on_its_rays() -> None:
+    near, far = square_ahead(2.0, 21), square_ahead(3.0, 21)
+    assert look(near, far) == [True, False]
+    assert look(far, near) == [True, False]
+
+
+def test_a_plane_seen_from_behind_shows_nothing_and_hides_nothing() -> None:
+    back = square_ahead(3.0, 21)
+    turned = np.eye(4)
+    turned[:3, 3] = [-0.525, -0.525, 3.0]
+    behind = Plane(turned, back.support, back.patches, 0.05)
+    assert look(behind, square_ahead(2.0)) == [False, True]
+    hides = planes._shown_instead(np.array([[0.0, 0.0, 2.0]]), np.zeros((1, 3)), [behind], [~behind.support])
+    assert not np.any(hides)
+
+
+def test_planes_a_voxel_apart_are_one_place() -> None:
+    assert look(square_ahead(2.0, 21), square_ahead(2.1, 21)) == [True, True]
+
+
+def test_a_plane_shown_by_few_images_of_many_is_ruled_out_by_those_that_see_through_it() -> None:
+    """Beside the edge of what lies behind, some images see the plain region past it and some see through."""
+    camera = rendered_world.default_rig(0.25).cameras[0]
     grey = np.full((camera.height, camera.width), 128, np.uint8)
     nothing = np.zeros(grey.shape, np.float32)
-    view = ImageView(camera, np.eye(4), grey, used=np.full(grey.shape, not masked))
     depth = stereo.DepthImage(nothing, nothing, nothing, nothing, 1.0)
-    point, towards = np.array([[0.0, 0.0, 2.0]]), np.array([[0.0, 0.0, -1.0]])
-    seen = planes._seen_plain(point, towards, [view] * 3, [depth] * 3, 0.1, 8.0)
-    assert seen.tolist() == [not masked]
+    walls = [square_ahead(3.0, 9), square_ahead(2.0, 1)]
+    poses = [np.eye(4) for _ in range(7)]
+    for k, aside_m in enumerate((1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0)):
+        poses[k][0, 3] = aside_m
+    for seen_through, expected in ((1, True), (2, False)):
+        views = [ImageView(camera, pose, grey) for pose in poses[: 4 + seen_through]]
+        kept = planes._seen_plain(walls, [~wall.support for wall in walls], views, [depth] * len(views), 8.0)
+        assert kept[0][4, 4]
+        assert kept[1][0, 0] == expected
+
+
+def test_walls_come_before_floors_and_what_is_measured_most_first() -> None:
+    def plane(normal_axis: int, measured: int) -> Plane:
+        T = np.eye(4)
+        T[:3, :3] = np.roll(np.eye(3), normal_axis + 1, axis=0)
+        support = np.zeros((4, 4), bool)
+        support.ravel()[:measured] = True
+        return Plane(T, support, support, 0.05)
+
+    floor, small, large = plane(2, 9), plane(0, 3), plane(1, 7)
+    assert planes._strongest_first([small, floor, large]) == [large, small, floor]
