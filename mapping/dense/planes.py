@@ -98,10 +98,10 @@ def inferred(
     Returns: (nx, ny, nz), true only where `state` is UNKNOWN.
     """
     found = _strongest_first(planes(vertices_world_m, _vertex_normals(vertices_world_m, faces), grid.voxel_m[0]))
-    marked = np.zeros(state.shape, bool)
-    if not found:
-        return marked
     enclosed = [enclosed_cells(plane, _states(plane, state, grid)) for plane in found]
+    marked = np.zeros(state.shape, bool)
+    if not any(cells.any() for cells in enclosed):
+        return marked
     for plane, cells in zip(found, _seen_plain(found, enclosed, images, depths, farthest_m), strict=True):
         _mark(marked, plane, cells, grid, skin_voxels * grid.voxel_m[0])
     return marked & (state == UNKNOWN)
@@ -269,24 +269,24 @@ def _seen_plain(
     """
     points = np.concatenate([plane.centres()[cells] for plane, cells in zip(found, enclosed, strict=True)])
     plane_of = np.repeat(np.arange(len(found)), [cells.sum() for cells in enclosed])
-    looking, against = np.zeros(len(points), int), np.zeros(len(points), int)
-    seen, centres = [np.empty(0, int)], [np.empty((0, 3))]
     normals = np.array([plane.normal for plane in found])[plane_of]
-    for view, depth in zip(images, depths, strict=True):
+    looking, against = np.zeros(len(points), int), np.zeros(len(points), int)
+    plain_seen, centres = [], np.array([view.position_world_m for view in images])
+    for number, (view, depth) in enumerate(zip(images, depths, strict=True)):
         if depth is None:
             continue
         confirmed, plain, ruled_out = _look(points, normals, view, depth, found[0].cell_m, farthest_m)
         looking[confirmed] += 1
         against[ruled_out] += 1
-        seen.append(plain)
-        centres.append(np.broadcast_to(view.position_world_m, (len(plain), 3)))
-    point, centre = np.concatenate(seen), np.concatenate(centres)
+        plain_seen.append(np.stack([plain, np.full(len(plain), number)]).astype(np.int32))
+    point, image = np.concatenate([np.empty((2, 0), np.int32), *plain_seen], axis=1)
     kept: list[Mask] = []
     for number, cells in enumerate(enclosed):
         own = plane_of[point] == number
-        instead, behind = _shown_instead(points[point[own]], centre[own], found, kept)
-        looking += np.bincount(point[own][~instead], minlength=len(points))
-        against += np.bincount(point[own][behind], minlength=len(points))
+        seen = point[own]
+        instead, behind = _shown_instead(points[seen], centres[image[own]], found, kept)
+        looking += np.bincount(seen[~instead], minlength=len(points))
+        against += np.bincount(seen[behind], minlength=len(points))
         good = (looking >= LEAST_LOOKS) & (against <= MOST_AGAINST * looking)
         inferred = cells.copy()
         inferred[cells] = good[plane_of == number]
