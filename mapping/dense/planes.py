@@ -328,7 +328,7 @@ def _shown_instead(
         apart = np.abs(share - 1.0) * np.linalg.norm(rays[front], axis=1) > SLACK_VOXELS * plane.cell_m
         front, share = front[apart], share[apart]
         cell, _ = plane.cells(centres[front] + share[:, None] * rays[front])
-        met = ((cell >= 0) & (cell < cells.shape)).all(axis=1)
+        met: Mask = np.all((cell >= 0) & (cell < cells.shape), axis=1)
         met[met] = cells[tuple(cell[met].T)]
         instead[front[met]] = True
         behind[front[met & (share > 1.0)]] = True
