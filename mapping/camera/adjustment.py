@@ -130,7 +130,8 @@ class Normal:
             numbers = np.arange(number, len(seen.points_world), count)
             index, of_rig = part.index[rows.used], (len(seen.T_world_body), len(seen.rig))
             points, sums = eliminate_points(rows, index, numbers, self._placed, whitening[own][rows.used], of_rig)
-            self._points.append(points)
+            if folds == 1:  # else nothing steps, and of a thousand instants they are most of the memory
+                self._points.append(points)
             return sums
 
         by_fold = [functools.reduce(operator.add, map(block, range(fold, count, folds))) for fold in range(folds)]
@@ -235,7 +236,10 @@ class Normal:
         return float(np.sqrt(max(growth @ by_pose + through @ by_calibration, by_image @ by_image)))
 
     def step(self, state: State, free: Sequence[Candidate], delta: FloatArray, share: float) -> State:
-        """The state after a share of a Gauss-Newton step; `delta` is the calibration's part of that share."""
+        """The state after a share of a Gauss-Newton step; `delta` is the calibration's part of that share.
+
+        Only of normal equations without folds: the others do not keep how the points follow.
+        """
         k = self._unknowns(free)
         calibration = np.zeros(len(self._reduced.marginal.gradient))
         calibration[k] = delta

@@ -1,10 +1,8 @@
 """The steps that COLMAP runs: features, matches, incremental mapping. Runs in a child process only (see `child`)."""
 
-import dataclasses
 import json
 import logging
 import shutil
-import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,22 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from flight import FloatArray, InputError, MapError, Progress
+from flight import InputError, MapError, Progress
 from mapping import workers
-from mapping.camera import adjustment
-from mapping.camera import trial as calibration_trial
-from mapping.camera.adjustment import Observations
 from mapping.camera.rig import Rig
-from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
 from mapping.sparse import (
     agreement,
     colmap_model,
-    eccentricity,
     features,
     growth,
     matching,
-    overlap,
     pairing,
     repetition,
     rgbd,
@@ -39,7 +31,6 @@ logger = logging.getLogger(__name__)
 _MATCHES = "matching features"
 _MAPPING = "placing images"
 _REFINING = "refining"
-_TRYING = "trying the calibration"
 _DATABASE = "database.db"
 _SIGNATURES, _REPEATED, _BY_MOTION = "signatures.npz", "repeated.npy", "by_motion.json"
 _CHUNK = 100
@@ -73,53 +64,31 @@ class SparseOptions:
                 raise InputError(f"{name} is {getattr(self, name)}; it must be at least {least}")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SparseModel:
-    """What COLMAP found, in its own world frame; the scale is metric only if a rig baseline gave it."""
+FEATURES, MATCHES, POSES = "features", "matches", "poses"
+"""Stages whose results survive an interrupted work."""
 
-    rig: Rig
-    """With refined lenses if they were to be refined, and corrected by what the trial of the calibration found."""
-    T_world_body: FloatArray
-    """(instants, 4, 4); NaN where not registered."""
-    registered: np.ndarray
-    """(instants, cameras) bool."""
-    points_world: FloatArray
-    """(m, 3)."""
-    descriptors: np.ndarray
-    """(m, 128) float32 of unit length: the mean descriptor of each point."""
-    observations: np.ndarray
-    """(o, 3) int: point, instant, camera."""
-    pixels: FloatArray
-    """(o, 2) where the centres of the patches of surface are seen, see `eccentricity`."""
-    reprojection_error_px: float
-    """Mean over the points of each one's mean over the images that see it, as COLMAP states it, of these pixels."""
-    least_agreement: float
-    """Of the placed instants, see `agreement`."""
-    breaks: np.ndarray
-    """(b, 2) instants across which the map is broken, see `agreement`; none if depth images placed them."""
-    overlaps: np.ndarray
-    """(p, 3) pairs of instants and their verified matches, see `overlap.of_instants`."""
+
+@dataclass(frozen=True, slots=True)
+class PlacedImages:
+    """The finished stages of an image set, on disk."""
+
+    database: Path
+    """COLMAP's: features and verified matches."""
+    model: Path
+    """Folder of COLMAP's model, whose scale is metric only if a rig baseline gave it."""
     repeated: float
     """Upper quartile over the images of `repetition.share`."""
     by_motion: list[int]
     """Instants that recorded motion placed, as depth and features do not join them to the others."""
     motion_notes: list[str]
     """Why recorded motion placed none, or not all, of the images that needed it; depth images only."""
-    trial: Trial
-    """Of the camera file's calibration, by the matches."""
     cpu_s: dict[str, float]
     """CPU seconds of each step, all threads."""
 
 
-FEATURES, MATCHES, POSES = "features", "matches", "poses"
-"""Stages whose results survive an interrupted work."""
-
-
-def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progress: Progress) -> SparseModel:
-    """Features, matches, poses and points of an image set; finished stages of `work` are not done again."""
-    import pycolmap
-
-    watch = _Stopwatch()
+def place_images(images: ImageSet, options: SparseOptions, work: Work, *, progress: Progress) -> PlacedImages:
+    """Features, matches and poses of an image set; finished stages of `work` are not done again."""
+    watch = Stopwatch()
     work = work.on(options)
     extracted = work.stage(FEATURES, lambda folder: _features(folder, images, options, progress))
     watch.lap("features")
@@ -128,43 +97,17 @@ def reconstruct(images: ImageSet, options: SparseOptions, work: Work, *, progres
     watch.lap("matches")
     database = matched / _DATABASE
     repeated = float(np.percentile(np.load(extracted / _REPEATED), 75.0))
+    placing = work.on(placing_motion(images))
     with repetition.explained(repeated):
-        placing = work.on(placing_motion(images))
         placed = placing.stage(POSES, lambda folder: _placed(folder, database, images, options, progress))
-        watch.lap("placing")
-        model = pycolmap.Reconstruction(placed)
-        progress(_TRYING, 0.0)
-        seen = _features_seen(database, model, images)
-        trial = calibration_trial.hold(seen)
-        watch.lap("trial of the calibration")
-        if images.depths is None:
-            images = dataclasses.replace(images, rig=trial.rig)
-            colmap_model.write_back(model, images, trial)
-            if len(trial.present) > len(trial.inexpressible):  # else COLMAP would choose the same matches
-                fixed = dataclasses.replace(trial.rig, refine_intrinsics=False)
-                with tempfile.TemporaryDirectory() as folder:
-                    refine(_with_lenses(database, trial.rig, Path(folder)), model, fixed, options, progress)
-                # matches chosen by the wrong calibration show too little of what is wrong with it (8.4 % of 9.1 %)
-                progress(_TRYING, 0.0)
-                again = dataclasses.replace(_features_seen(database, model, images), rig=seen.rig)
-                trial = calibration_trial.hold(again)
-                images = dataclasses.replace(images, rig=trial.rig)
-                colmap_model.write_back(model, images, trial)
-                watch.lap("trial on the matches of the corrected calibration")
-            colmap_model.drop_lost_points(model)
-        by_motion = json.loads((placed / _BY_MOTION).read_text())
-        return _read_out(database, model, images, trial, repeated, by_motion, watch)
+    watch.lap("placing")
+    motion = json.loads((placed / _BY_MOTION).read_text())
+    return PlacedImages(database, placed, repeated, **motion, cpu_s=watch.cpu_s)
 
 
 def placing_motion(images: ImageSet) -> list[object]:
     """The recorded motion that places images: depth images need it where features fail, without depth none does."""
     return images.motion_digests() if images.depths is not None else []
-
-
-def _features_seen(database: Path, model: Any, images: ImageSet) -> Observations:
-    """What the model explains, each feature where the centre of its patch of surface is seen."""
-    seen = colmap_model.observations(model, images)
-    return eccentricity.corrected(seen, colmap_model.sizes_px(database, model))
 
 
 def _features(folder: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
@@ -194,7 +137,7 @@ def _placed(folder: Path, database: Path, images: ImageSet, options: SparseOptio
     (folder / _BY_MOTION).write_text(json.dumps(by_motion))
 
 
-class _Stopwatch:
+class Stopwatch:
     """CPU seconds between laps."""
 
     def __init__(self) -> None:
@@ -401,71 +344,6 @@ def refine(database: Path, model: Any, rig: Rig, options: SparseOptions, progres
         if len(rig) > 1 and not pycolmap.align_reconstruction_to_orig_rig_scales(cache.rigs, model):
             raise MapError(f"{_REFINING}: the distance between the cameras of the rig could not be restored")
     progress(_REFINING, 1.0)
-
-
-def _with_lenses(database: Path, rig: Rig, folder: Path) -> Path:
-    """The database, or a copy with these lenses if their kinds differ: else COLMAP does not go on with the model."""
-    import pycolmap
-
-    lenses = [colmap_model.colmap_camera(camera, camera_id=index + 1) for index, camera in enumerate(rig)]
-    with pycolmap.Database.open(database) as opened:
-        if all(opened.read_camera(lens.camera_id).model == lens.model for lens in lenses):
-            return database
-    shutil.copyfile(database, folder / _DATABASE)
-    with pycolmap.Database.open(folder / _DATABASE) as opened, pycolmap.DatabaseTransaction(opened):
-        for lens in lenses:
-            opened.update_camera(lens)
-    return folder / _DATABASE
-
-
-def _read_out(
-    database: Path,
-    model: Any,
-    images: ImageSet,
-    trial: Trial,
-    repeated: float,
-    by_motion: dict[str, list[Any]],
-    watch: _Stopwatch,
-) -> SparseModel:
-    import pycolmap
-
-    T_world_body, registered, rig = colmap_model.poses(model, images)
-    seen = _features_seen(database, model, images)
-    sums = np.zeros((len(seen.points_world), 128), dtype=np.float32)
-    with pycolmap.Database.open(database) as opened:
-        start = 0
-        for image_id in model.reg_image_ids():  # in the order of `seen`
-            features_seen = np.array(model.image(image_id).get_observation_point2D_idxs(), dtype=np.int64)
-            points = seen.index[start : start + len(features_seen), 0]
-            sums[points] += features.unit(opened.read_descriptors(image_id).data[features_seen])
-            start += len(features_seen)
-    pairs = agreement.of_pairs(database, images, rig, T_world_body)
-    watch.lap("reading out")
-    return SparseModel(
-        rig=rig,
-        T_world_body=T_world_body,
-        registered=registered,
-        points_world=seen.points_world,
-        descriptors=features.unit(sums),
-        observations=seen.index,
-        pixels=seen.pixels,
-        reprojection_error_px=_reprojection_error_px(seen),
-        least_agreement=float(np.nanmin(pairs.of_instants(), initial=1.0)),
-        breaks=pairs.breaks() if images.depths is None else np.zeros((0, 2), dtype=np.int64),
-        overlaps=overlap.of_instants(database, images),
-        repeated=repeated,
-        **by_motion,
-        trial=trial,
-        cpu_s=watch.cpu_s,
-    )
-
-
-def _reprojection_error_px(seen: Observations) -> float:
-    """Mean over the points of each one's mean; observations that the lens does not show are left out."""
-    error_px = np.linalg.norm(adjustment.residuals(seen, adjustment.initial(seen)), axis=1)
-    shown = np.isfinite(error_px)
-    _, point, count = np.unique(seen.index[shown, 0], return_inverse=True, return_counts=True)
-    return float((np.bincount(point, error_px[shown]) / count).mean())
 
 
 def _chunks(items: list[Any], size: int) -> Iterable[list[Any]]:

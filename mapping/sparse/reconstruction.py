@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ from mapping.camera import residual_field
 from mapping.camera.rig import Camera, Rig
 from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
-from mapping.sparse import alignment, colmap, model_files, overlap, pairing
+from mapping.sparse import alignment, calibration, colmap, model_files, overlap, pairing
 from mapping.sparse.alignment import Alignment, Length
 from mapping.sparse.colmap import SparseOptions
 from mapping.sparse.localization_map import LocalizationMap
@@ -113,11 +114,10 @@ def reconstruct(
     with contextlib.nullcontext(work) if work is not None else stages.temporary() as kept:
 
         def place(folder: Path) -> None:
-            # a killed process leaves the call's folder inside the work's, which the next one removes
-            model = child.run(
-                colmap.reconstruct, images, options, kept, within=kept.folder, lock=kept.lock, progress=progress
-            )
-            model_files.write(folder, model)
+            # a killed process leaves the calls' folders inside the work's, which the next one removes
+            run = functools.partial(child.run, within=kept.folder, lock=kept.lock, progress=progress)
+            placed = run(colmap.place_images, images, options, kept)
+            model_files.write(folder, run(calibration.calibrate, images, options, placed))
 
         near = pairing.near_in_space(images, options.window)
         placing = kept.on(options, near, colmap.placing_motion(images))

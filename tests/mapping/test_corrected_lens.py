@@ -5,7 +5,7 @@ from pathlib import Path
 import pycolmap
 
 from mapping.camera.rig import Rig, forward_camera
-from mapping.sparse import colmap, colmap_model
+from mapping.sparse import calibration, colmap_model
 
 GUESSED = Rig((forward_camera("RADIAL_FISHEYE", 848, 480, [377.0, 424.0, 240.0, 0.06, -0.002], name="camera"),))
 FREED = [376.0, 376.0, 424.0, 240.0, 0.03, 0.08, -0.08, 0.03]
@@ -26,7 +26,7 @@ def lens(path: Path) -> pycolmap.Camera:
 def test_a_lens_of_another_kind_is_told_to_colmap_in_a_copy(tmp_path):
     database = written(tmp_path / "matches.db", GUESSED)
     (tmp_path / "copy").mkdir()
-    told = colmap._with_lenses(database, CORRECTED, tmp_path / "copy")
+    told = calibration._with_lenses(database, CORRECTED, tmp_path / "copy")
     camera, kept = lens(told), lens(database)
     assert (camera.model, list(camera.params)) == (pycolmap.CameraModelId.OPENCV_FISHEYE, FREED)
     assert kept.model == pycolmap.CameraModelId.RADIAL_FISHEYE
@@ -34,4 +34,4 @@ def test_a_lens_of_another_kind_is_told_to_colmap_in_a_copy(tmp_path):
 
 def test_a_lens_of_the_same_kind_needs_no_copy(tmp_path):
     database = written(tmp_path / "matches.db", GUESSED)
-    assert colmap._with_lenses(database, GUESSED, tmp_path) == database
+    assert calibration._with_lenses(database, GUESSED, tmp_path) == database

@@ -19,8 +19,9 @@ from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
 from mapping.localization import relocalization
 from mapping.map_folder import MapOptions
-from mapping.sparse import colmap, localization_map, reconstruction
+from mapping.sparse import localization_map, reconstruction
 from mapping.sparse.alignment import Alignment
+from mapping.sparse.calibration import SparseModel
 from mapping.sparse.colmap import SparseOptions
 from mapping.sparse.reconstruction import SparseMap
 
@@ -284,7 +285,7 @@ def test_colmap_options_out_of_range_are_refused() -> None:
 
 def test_too_few_placed_images_are_no_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     images = sparse_map(tmp_path).images
-    model = colmap.SparseModel(
+    model = SparseModel(
         RIG, np.stack([np.eye(4), *[np.full((4, 4), np.nan)] * 2]), np.zeros((3, 1), bool), np.zeros((0, 3)),
         np.zeros((0, 128)), np.zeros((0, 3), int), np.zeros((0, 2)), 0.3, 1.0,
         np.zeros((0, 2), int), np.array([[0, 1, 16]]), 0.05, [], [],
