@@ -16,9 +16,14 @@ def in_order(work: Callable[[Item], Answer], items: Iterable[Item], *, threads: 
     No more than `threads` answers are made ahead, so a long sequence takes no more memory than a short one, and an
     interrupt waits for no more than the items that are being worked on.
 
+    OpenCV's own threads are turned off for the process: those of one image mostly wait for each other.
+
     Args:
         threads: as many as the machine has processors by default.
     """
+    import cv2
+
+    cv2.setNumThreads(1)
     threads = threads or os.cpu_count() or 1
     ahead: deque[Future[Answer]] = deque()
     pool = ThreadPoolExecutor(threads)

@@ -170,9 +170,6 @@ def depth_images(
     Raises:
         MapError: after the last one, if none of them has any depth.
     """
-    import cv2
-
-    cv2.setNumThreads(1)  # each image has a thread of its own
     found = False
     depths = workers.in_order(
         lambda index: stereo.depth_image(images, index, options), range(len(images)), threads=THREADS

@@ -35,9 +35,6 @@ class Features:
 
 def of_set(images: ImageSet, count: int, *, progress: Progress = silent) -> Iterator[Features]:
     """At most `count` features of each image, in the order of `images.pairs()`."""
-    import cv2
-
-    cv2.setNumThreads(1)
     masks = [_mask(camera) for camera in images.rig]
     found = workers.in_order(
         lambda shot: find(images.gray(*shot), _usable(masks[shot[1]], images.used(*shot)), count), images.pairs()
