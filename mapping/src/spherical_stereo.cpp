@@ -40,15 +40,32 @@ double disparity_at(const std::int16_t* disparity, const SphericalGrid& grid, do
 
 constexpr double largest_angle = M_PI - 0.02;  // from the baseline, at the partner
 
-// The bound of a ray at an angle from the baseline, at a place of the rectified image; 0 where it is not known.
+// A direction from the camera: its angle from the baseline with sine and cosine, and its place in the rectified image.
+struct GridRay {
+    double angle, sine, cosine, column, row;
+
+    GridRay(const SphericalGrid& grid, const double* R_camera_grid, Vec3 ray) {
+        const Vec3 g = rotate_back(R_camera_grid, ray);
+        sine = std::sqrt(g.y * g.y + g.z * g.z);
+        cosine = g.x;
+        angle = std::atan2(sine, cosine);
+        column = (grid.from_baseline - angle) / grid.column_step;
+        row = (std::atan2(g.z, g.y) - grid.from_axis) / grid.row_step;
+    }
+
+    // Law of sines in the triangle camera - partner - point: range / sin(angle + parallax) = baseline / sin(parallax).
+    double range_over_baseline(double cotangent_of_parallax) const { return sine * cotangent_of_parallax + cosine; }
+};
+
+// The bound along a ray; 0 where it is not known.
 double largest_inverse_range(const std::int16_t* nearest, const SphericalGrid& grid, const StereoPair& pair,
-                             double angle, double column, double row) {
-    const int c = static_cast<int>(column), r = static_cast<int>(row);
+                             const GridRay& ray) {
+    const int c = static_cast<int>(ray.column), r = static_cast<int>(ray.row);
     if (c < 0 || r < 0 || c >= grid.columns || r >= grid.rows) return 0.0;
     const int d = nearest[static_cast<std::size_t>(r) * grid.columns + c];
     const double parallax = (d / 16.0 + pair.deviations * pair.disparity_std_px) * grid.column_step;
-    if (d < 0 || angle + parallax >= largest_angle) return 0.0;
-    return std::sin(parallax) / (pair.baseline_m * std::sin(angle + parallax));
+    if (d < 0 || ray.angle + parallax >= largest_angle) return 0.0;
+    return 1.0 / (pair.baseline_m * ray.range_over_baseline(1.0 / std::tan(parallax)));
 }
 
 }  // namespace
@@ -81,19 +98,15 @@ void inverse_range(const std::int16_t* disparity, const std::int16_t* nearest, c
         inverse_range[i] = standard_deviation[i] = bound[i] = 0.0f;
         const Vec3 ray{rays[3 * i], rays[3 * i + 1], rays[3 * i + 2]};
         if (std::isnan(ray.z)) continue;
-        const Vec3 g = rotate_back(R_camera_grid, ray);
-        const double here = std::atan2(std::sqrt(g.y * g.y + g.z * g.z), g.x), round = std::atan2(g.z, g.y);
-        const double column = (grid.from_baseline - here) / grid.column_step;
-        const double row = (round - grid.from_axis) / grid.row_step;
-        bound[i] = static_cast<float>(largest_inverse_range(nearest, grid, pair, here, column, row));
-        const double d = disparity_at(disparity, grid, column - 0.5, row - 0.5);
-        if (d <= 0.0) continue;
-        // Law of sines in the triangle camera - partner - point: range / sin(there) = baseline / sin(there - here).
-        const double parallax = d * grid.column_step, there = here + parallax, sine = std::sin(there);
-        if (there >= largest_angle) continue;
-        const double value = std::sin(parallax) / (pair.baseline_m * sine);
-        const double slope = std::sin(here) / (pair.baseline_m * sine * sine);
-        const double deviation = std::abs(slope) * pair.disparity_std_px * grid.column_step;
+        const GridRay from(grid, R_camera_grid, ray);
+        bound[i] = static_cast<float>(largest_inverse_range(nearest, grid, pair, from));
+        const double d = disparity_at(disparity, grid, from.column - 0.5, from.row - 0.5);
+        const double parallax = d * grid.column_step;
+        if (d <= 0.0 || from.angle + parallax >= largest_angle) continue;
+        const double cotangent = 1.0 / std::tan(parallax);
+        const double value = 1.0 / (pair.baseline_m * from.range_over_baseline(cotangent));
+        const double slope = pair.baseline_m * from.sine * (1.0 + cotangent * cotangent) * value * value;
+        const double deviation = slope * pair.disparity_std_px * grid.column_step;
         double u = 0.0, v = 0.0;
         if (deviation > pair.largest_relative_std * value) continue;
         if (!partner.project(T_partner_camera.apply((1.0 / value) * ray), u, v)) continue;
