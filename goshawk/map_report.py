@@ -37,7 +37,7 @@ def write(path: Path, area: Map) -> Path:
     Raises:
         FormatError: the map's report is damaged.
     """
-    report = read_report(area.folder)
+    report = map_folder.read_report(area.folder)
     try:
         tables = _unplaced(report) + _witnesses(report) + _trial(report)
         with tempfile.TemporaryDirectory() as folder:
@@ -52,14 +52,6 @@ def write(path: Path, area: Map) -> Path:
         drawn.append(_again(area, Path(folder)))
     body = _head(area, report) + _figures(area, report) + tables + "".join(drawn)
     return write_page(path, f"Map {area.folder.resolve().name}", body, _STYLE)
-
-
-def read_report(folder: Path) -> dict[str, Any]:
-    """The figures of the mapping run; empty for a map that was joined of others, or made elsewhere."""
-    path = folder / "report.json"
-    if not path.is_file():
-        return {}
-    return dict(file_format.read_json(path, format=map_folder.REPORT_FORMAT, version=map_folder.VERSION))
 
 
 def _head(area: Map, report: dict[str, Any]) -> str:

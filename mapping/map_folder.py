@@ -394,6 +394,16 @@ def _recorded(images: ImageSet, options: MapOptions) -> list[object]:
     return [path.read_bytes() if path.is_file() else b"", images.motion_digests()]
 
 
+def read_report(folder: Path) -> dict[str, Any]:
+    """The figures of the mapping run; empty for a map that was joined of others, or made elsewhere.
+
+    Raises:
+        FormatError: the report is damaged or of a newer version.
+    """
+    path = folder / "report.json"
+    return dict(file_format.read_json(path, format=REPORT_FORMAT, version=VERSION)) if path.is_file() else {}
+
+
 def is_map(folder: Path) -> bool:
     """Whether a folder is a map, by its `map.toml`."""
     return (folder / "map.toml").exists()

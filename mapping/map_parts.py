@@ -87,11 +87,6 @@ def read(folder: Path) -> MapParts:
     edits = editor.edits
     editor.replace(())
     vertices, faces, colours = mesh_file.load(folder / "mesh.ply")
-    report = folder / "report.json"
-    if report.is_file():
-        body = dict(file_format.read_json(report, format=map_folder.REPORT_FORMAT, version=map_folder.VERSION))
-    else:
-        body = None
     return MapParts(
         name=folder.resolve().name,
         field=editor.snapshot(),
@@ -108,7 +103,7 @@ def read(folder: Path) -> MapParts:
         seen=opened.visibility(),
         inferred=inferred_layer.load(folder / map_folder.INFERRED, opened.field.grid.shape),
         facts=opened.facts,
-        report=body,
+        report=map_folder.read_report(folder) or None,
     )
 
 

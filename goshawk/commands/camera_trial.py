@@ -48,10 +48,9 @@ def diagnose(map_folder: Path, as_json: bool) -> None:
 
 def _findings(folder: Path) -> list[dict[str, Any]]:
     mapping.open_map(folder)
-    report = folder / "report.json"
-    if not report.is_file():
+    body = map_folder.read_report(folder)
+    if not body:
         raise InputError(f"{folder} has no report.json, so nothing is known of its camera file; make the map again")
-    body = file_format.read_json(report, format=map_folder.REPORT_FORMAT, version=map_folder.VERSION)
     if "calibration" not in body:
         raise InputError(f"{folder} was made by a version that did not try the camera file; make the map again")
     return body["calibration"]

@@ -9,8 +9,9 @@ import numpy as np
 import mapping
 from esdf import KNOWN, UNMAPPED
 from flight import FloatArray, InputError
-from goshawk import console, map_report
+from goshawk import console
 from mapping import Map
+from mapping.map_folder import read_report
 
 
 @click.command()
@@ -33,7 +34,7 @@ def measure(map_folder: Path, start: str, end: str, as_json: bool) -> None:
     points_world_m = np.array([_point(area, "--from", start), _point(area, "--to", end)])
     step_m = points_world_m[1] - points_world_m[0]
     length_m = float(np.linalg.norm(step_m))
-    witnesses = map_report.read_report(map_folder).get("scale_witnesses", [])
+    witnesses = read_report(map_folder).get("scale_witnesses", [])
     std_m = float(witnesses[0]["std"]) * length_m if witnesses else None
     clearances = [_clearance(area, point) for point in points_world_m]
     facts = {
