@@ -175,16 +175,13 @@ def _could_hide(hidden: Visibility, field: esdf.Field, plane: _Plane) -> Colours
 
 def _surface_std(surface: MeasuredSurface | None, field: esdf.Field, plane: _Plane) -> Colours:
     """Obstacles by the standard deviation of the surface nearest to each, dark: small; pale where it is not known."""
-    from scipy.spatial import KDTree
-
     solid = np.nan_to_num(field.distance(plane.points_world_m), nan=1.0) < 0.0
     solid &= field.status(plane.points_world_m) == esdf.KNOWN
     rgba = np.zeros((len(solid), 4), dtype=np.uint8)
     rgba[solid] = (*_OCCUPIED, _FAINT_ALPHA)
     if surface is not None:
         near_m = _NEAR_SURFACE_VOXELS * max(field.grid.voxel_m)
-        _, nearest = KDTree(surface.vertices_world_m).query(plane.points_world_m[solid], distance_upper_bound=near_m)
-        deviation_m = np.append(surface.confidence.deviation_m, np.nan)[nearest]  # beyond that distance the last
+        deviation_m = surface.deviations_m(plane.points_world_m[solid], near_m)
         at, known = np.flatnonzero(solid), np.isfinite(deviation_m)
         rgba[at[known], :3] = scene.colours(deviation_m[known] / scene.SURFACE_STD_SPAN_M, "cividis")
         rgba[at[known], 3] = _ALPHA

@@ -6,14 +6,18 @@ mean of many is hardly better than one. What they agree on is in their scatter: 
 edge or looks different from each side, they differ by more than their deviations say.
 """
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flight import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 EXPECTED_SHARE, OBSERVED_SHARE = 0.25, 0.25
 """Of the variance that the deviations of the depths let expect of the mean, if they were independent, and of the
@@ -102,7 +106,7 @@ class NearestSurface:
     """That measured it."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class MeasuredSurface:
     """The vertices of a map's mesh, and how well they are known."""
 
@@ -113,9 +117,19 @@ class MeasuredSurface:
 
     def nearest(self, point_world_m: FloatArray) -> NearestSurface:
         """The vertex nearest to a point (3,)."""
-        apart_m = np.linalg.norm(self.vertices_world_m - point_world_m, axis=1)
-        best = int(apart_m.argmin())
+        apart_m, best = self._tree.query(point_world_m)
         x, y, z = self.vertices_world_m[best].tolist()
         deviation_m = float(self.confidence.deviation_m[best])
         known_m = deviation_m if np.isfinite(deviation_m) else None
-        return NearestSurface((x, y, z), float(apart_m[best]), known_m, int(self.confidence.images[best]))
+        return NearestSurface((x, y, z), float(apart_m), known_m, int(self.confidence.images[best]))
+
+    def deviations_m(self, points_world_m: FloatArray, within_m: float) -> FloatArray:
+        """(n,) standard deviation at the vertex nearest to each point (n, 3); NaN if none within a range is known."""
+        _, best = self._tree.query(points_world_m, distance_upper_bound=within_m)
+        return np.append(self.confidence.deviation_m, np.nan)[best]  # beyond that range `best` is the last
+
+    @functools.cached_property
+    def _tree(self) -> "KDTree":
+        from scipy.spatial import KDTree
+
+        return KDTree(self.vertices_world_m)

@@ -198,3 +198,11 @@ def test_the_nearest_surface_is_found_with_its_deviation() -> None:
     assert found.deviation_m == pytest.approx(0.03)
     assert (found.point_world_m, found.distance_m, found.images) == ((3.0, 4.0, 0.0), 2.0, 7)
     assert shown.nearest(np.array([1.2, 0.0, 0.0])).deviation_m is None
+
+
+def test_points_have_the_deviation_of_the_nearest_vertex_within_a_range() -> None:
+    vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [3.0, 4.0, 0.0]])
+    known = SurfaceConfidence(np.array([0.01, np.nan, 0.03], np.float32), np.array([5, 0, 7], np.uint8))
+    points = np.array([[0.0, 0.1, 0.0], [1.0, 0.1, 0.0], [3.0, 4.1, 0.0], [3.0, 4.3, 0.0]])
+    expected = [0.01, np.nan, 0.03, np.nan]  # not known at its vertex; too far from any
+    np.testing.assert_allclose(MeasuredSurface(vertices, known).deviations_m(points, 0.2), expected, rtol=1e-6)
