@@ -19,6 +19,8 @@ LEAST_INSTANTS = 4
 """Images that a recorded motion must cover."""
 LONGEST_GAP_S = 0.5
 """A longer gap between two recorded poses is not interpolated."""
+_SAME_S = 1e-4
+"""Of a time that is no further from a recorded pose's, that pose is known beside a gap too: files round times."""
 FASTEST_M_S, HARDEST_M_S2 = 100.0, 20.0
 """What seems to be faster, or to accelerate harder for a tenth of the time, was recorded in another unit than metres:
 at walking pace positions in centimetres are below 100 m/s, and their accelerations beyond 2 g."""
@@ -56,8 +58,10 @@ class Trajectory:
         share = (time_s - self.time_s[before]) / step_s
         q = rotations.from_matrix(self.T_start_body[:, :3, :3])
         a, b = self.T_start_body[before, :3, 3], self.T_start_body[after, :3, 3]
-        known = (share >= 0.0) & (share <= 1.0) & (step_s <= LONGEST_GAP_S)  # not at a time that is NaN
-        share = np.where(known, share, 0.0)
+        beside_s = np.minimum(np.abs(share), np.abs(1.0 - share)) * step_s
+        between = (share >= 0.0) & (share <= 1.0) & (step_s <= LONGEST_GAP_S)
+        known = between | (beside_s <= _SAME_S)  # not at a time that is NaN
+        share = np.where(known, np.clip(share, 0.0, 1.0), 0.0)
         T = frames.transform(rotations.slerp(q[before], q[after], share), a + share[:, None] * (b - a))
         T[~known] = np.nan
         return T

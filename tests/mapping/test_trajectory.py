@@ -321,6 +321,16 @@ def test_nothing_is_interpolated_over_a_gap(tmp_path: Path) -> None:
     np.testing.assert_allclose(found[1], pose(np.array([51.003]))[0], atol=1e-4)
 
 
+@pytest.mark.parametrize(("off_s", "is_known"), [(0.0, True), (5e-5, True), (-5e-5, True), (2e-3, False)])
+def test_poses_of_key_frames_far_apart_hold_at_their_own_times(tmp_path: Path, off_s: float, is_known: bool) -> None:
+    key_frames_s = 50.0 + np.arange(5.0)
+    read = trajectory.read(write_tum(tmp_path / "p", key_frames_s, pose(key_frames_s)))
+    found = read.at(key_frames_s[1:4] + off_s)
+    assert np.isfinite(found).all(axis=(1, 2)).tolist() == [is_known] * 3
+    if is_known:
+        np.testing.assert_allclose(found, pose(key_frames_s[1:4]), atol=2e-4)
+
+
 def test_a_map_needs_no_other_scale(tmp_path: Path) -> None:
     """The options reach the checks that come before any long work."""
     (tmp_path / "images").mkdir()
