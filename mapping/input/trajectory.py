@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flight import FloatArray, FormatError, InputError, cells, frames, rotations
 from mapping import reach
@@ -19,8 +20,8 @@ LEAST_INSTANTS = 4
 """Images that a recorded motion must cover."""
 LONGEST_GAP_S = 0.5
 """A longer gap between two recorded poses is not interpolated."""
-_SAME_S = 1e-4
-"""Of a time that is no further from a recorded pose's, that pose is known beside a gap too: files round times."""
+_SAME_S = 6e-4
+"""A recorded pose is also known at times this close to its own, beside a gap too: files round times to 1 ms."""
 FASTEST_M_S, HARDEST_M_S2 = 100.0, 20.0
 """What seems to be faster, or to accelerate harder for a tenth of the time, was recorded in another unit than metres:
 at walking pace positions in centimetres are below 100 m/s, and their accelerations beyond 2 g."""
@@ -51,20 +52,28 @@ class Trajectory:
     """(n, 4, 4) metres, in a frame of the recorder's own."""
 
     def at(self, time_s: FloatArray) -> FloatArray:
-        """(m, 4, 4) poses at other times (m,), interpolated; NaN where nothing was recorded."""
-        after = np.clip(np.searchsorted(self.time_s, time_s), 1, len(self.time_s) - 1)
-        before = after - 1
-        step_s = self.time_s[after] - self.time_s[before]
-        share = (time_s - self.time_s[before]) / step_s
+        """(m, 4, 4) poses at other times (m,): interpolated, or a recorded one; NaN where nothing was recorded."""
+        before, share, step_s = self._steps(time_s)
+        after = before + 1
+        recorded = np.minimum(np.abs(share), np.abs(1.0 - share)) * step_s <= _SAME_S
+        known = recorded | self.interpolates(time_s)
+        share = np.where(known, np.clip(share, 0.0, 1.0), 0.0)
         q = rotations.from_matrix(self.T_start_body[:, :3, :3])
         a, b = self.T_start_body[before, :3, 3], self.T_start_body[after, :3, 3]
-        beside_s = np.minimum(np.abs(share), np.abs(1.0 - share)) * step_s
-        between = (share >= 0.0) & (share <= 1.0) & (step_s <= LONGEST_GAP_S)
-        known = between | (beside_s <= _SAME_S)  # not at a time that is NaN
-        share = np.where(known, np.clip(share, 0.0, 1.0), 0.0)
         T = frames.transform(rotations.slerp(q[before], q[after], share), a + share[:, None] * (b - a))
         T[~known] = np.nan
         return T
+
+    def interpolates(self, time_s: FloatArray) -> NDArray[np.bool_]:
+        """(m,) whether other times (m,) lie between two recorded poses that are near each other in time."""
+        _, share, step_s = self._steps(time_s)
+        return (share >= 0.0) & (share <= 1.0) & (step_s <= LONGEST_GAP_S)  # not at a time that is NaN
+
+    def _steps(self, time_s: FloatArray) -> tuple[np.ndarray, FloatArray, FloatArray]:
+        """The recorded pose before each time, the share of the step from it to the next, and that step's length."""
+        before = np.clip(np.searchsorted(self.time_s, time_s), 1, len(self.time_s) - 1) - 1
+        step_s = self.time_s[before + 1] - self.time_s[before]
+        return before, (time_s - self.time_s[before]) / step_s, step_s
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -44,7 +44,8 @@ class MotionCheck:
     """Mean angle between its turns and shifts and the map's, in the frame that fits best; None if they are too small to
     determine a frame."""
     late_s: float | None
-    """By which the file's times are too large; None if the vehicle hardly turns."""
+    """By which the file's times are too large; None if the vehicle hardly turns, or recorded poses are too far apart in
+    time."""
     late_std_s: float | None
     """Standard deviation of `late_s`."""
 
@@ -69,7 +70,8 @@ def check(motion: Motion, time_s: FloatArray, T_old_body: FloatArray) -> MotionC
     shape = float(np.abs(moved_m[long] / (scale * moved[long]) - 1.0).max())
     off_m = moved_m - scale * moved
     noise = np.sqrt(((moved * off_m) ** 2).sum()) / (moved @ moved) / scale  # heteroscedastic (White, 1980)
-    late_s, late_std_s = _late(motion, time_s[both], T_old_body[both])
+    shifting = both[motion.trajectory.interpolates(time_s[both])]  # a pose known at its own time alone fits no other
+    late_s, late_std_s = _late(motion, time_s[shifting], T_old_body[shifting])
     _, is_determined, direction_error_rad = _rotation(recorded[both], T_old_body[both], scale)
     return MotionCheck(
         motion.name,

@@ -321,14 +321,35 @@ def test_nothing_is_interpolated_over_a_gap(tmp_path: Path) -> None:
     np.testing.assert_allclose(found[1], pose(np.array([51.003]))[0], atol=1e-4)
 
 
-@pytest.mark.parametrize(("off_s", "is_known"), [(0.0, True), (5e-5, True), (-5e-5, True), (2e-3, False)])
-def test_poses_of_key_frames_far_apart_hold_at_their_own_times(tmp_path: Path, off_s: float, is_known: bool) -> None:
+@pytest.mark.parametrize("off_s", [0.0, 5e-4, -5e-4, 1e-3, -1e-3])
+def test_poses_of_key_frames_far_apart_hold_at_their_own_times(tmp_path: Path, off_s: float) -> None:
     key_frames_s = 50.0 + np.arange(5.0)
     read = trajectory.read(write_tum(tmp_path / "p", key_frames_s, pose(key_frames_s)))
-    found = read.at(key_frames_s[1:4] + off_s)
-    assert np.isfinite(found).all(axis=(1, 2)).tolist() == [is_known] * 3
-    if is_known:
-        np.testing.assert_allclose(found, pose(key_frames_s[1:4]), atol=2e-4)
+    found = read.at(key_frames_s + off_s)
+    if abs(off_s) > 6e-4:
+        assert np.isnan(found).all()
+    else:
+        np.testing.assert_allclose(found, pose(key_frames_s), atol=2e-3)  # 3 m/s over half a millisecond
+    assert not read.interpolates(key_frames_s[1:-1]).any()
+
+
+def test_key_frames_alone_give_the_scale_but_not_the_clock(tmp_path: Path) -> None:
+    key_frames_s = IMAGES_S[::3]
+    found = aligned(beside(MotionKind.POSES, write_tum(tmp_path / "p", key_frames_s, pose(key_frames_s))), old())
+    assert found.scale == pytest.approx(OLD_SCALE, rel=1e-3)
+    assert found.motions[0].late_s is None
+    assert not doubts(found)
+
+
+def test_a_late_clock_is_named_where_some_images_have_key_frames_alone(tmp_path: Path) -> None:
+    at_images = np.arange(COUNT) > COUNT // 3
+    late_s = 0.3
+    recorded_s = RECORDED_S[RECORDED_S + late_s < IMAGES_S[at_images][0] - 0.6]
+    time_s = np.concatenate([recorded_s + late_s, IMAGES_S[at_images][::3]])
+    path = write_tum(tmp_path / "p", time_s, pose(time_s - late_s))
+    (check,) = aligned(beside(MotionKind.POSES, path), old()).motions
+    assert check.instants > 2 * COUNT // 5
+    assert check.late_s == pytest.approx(late_s, abs=0.01)
 
 
 def test_a_map_needs_no_other_scale(tmp_path: Path) -> None:
