@@ -130,7 +130,7 @@ class Normal:
             numbers = np.arange(number, len(seen.points_world), count)
             index, of_rig = part.index[rows.used], (len(seen.T_world_body), len(seen.rig))
             points, sums = eliminate_points(rows, index, numbers, self._placed, whitening[own][rows.used], of_rig)
-            if folds == 1:  # else nothing steps, and of a thousand instants they are most of the memory
+            if folds == 1:  # with folds there is no `step`; for a thousand instants these take most of the memory
                 self._points.append(points)
             return sums
 
@@ -240,6 +240,7 @@ class Normal:
 
         Only of normal equations without folds: the others do not keep how the points follow.
         """
+        assert self._points, "normal equations with folds do not step"
         k = self._unknowns(free)
         calibration = np.zeros(len(self._reduced.marginal.gradient))
         calibration[k] = delta

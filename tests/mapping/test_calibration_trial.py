@@ -329,6 +329,14 @@ def test_noise_is_that_of_the_matches_however_few_images_see_a_point() -> None:
     assert 0.6 * NOISE_PX < normal.noise_px < 1.3 * NOISE_PX
 
 
+def test_normal_equations_with_folds_refuse_to_step_instead_of_leaving_the_points_behind() -> None:
+    T, points, index, pixels = observed(RIG)
+    seen = Observations(RIG, T, points, index, pixels, TIMES_S)
+    state = adjustment.initial(seen)
+    with pytest.raises(AssertionError, match="folds"):
+        adjustment.Normal(seen, state, []).step(state, [], np.zeros(0), 1.0)
+
+
 @pytest.mark.parametrize("count", [1, 3, 5])
 def test_fewer_points_than_folds_are_no_crash(count: int) -> None:
     T, points, index, pixels = observed(RIG)
