@@ -40,7 +40,8 @@ double disparity_at(const std::int16_t* disparity, const SphericalGrid& grid, do
 
 constexpr double largest_angle = M_PI - 0.02;  // from the baseline, at the partner
 
-// A direction from the camera: its angle from the baseline with sine and cosine, and its place in the rectified image.
+// A unit direction from the camera: its angle from the baseline with sine and cosine, and its place in the rectified
+// image.
 struct GridRay {
     double angle, sine, cosine, column, row;
 
@@ -98,14 +99,14 @@ void inverse_range(const std::int16_t* disparity, const std::int16_t* nearest, c
         inverse_range[i] = standard_deviation[i] = bound[i] = 0.0f;
         const Vec3 ray{rays[3 * i], rays[3 * i + 1], rays[3 * i + 2]};
         if (std::isnan(ray.z)) continue;
-        const GridRay from(grid, R_camera_grid, ray);
-        bound[i] = static_cast<float>(largest_inverse_range(nearest, grid, pair, from));
-        const double d = disparity_at(disparity, grid, from.column - 0.5, from.row - 0.5);
+        const GridRay along(grid, R_camera_grid, ray);
+        bound[i] = static_cast<float>(largest_inverse_range(nearest, grid, pair, along));
+        const double d = disparity_at(disparity, grid, along.column - 0.5, along.row - 0.5);
         const double parallax = d * grid.column_step;
-        if (d <= 0.0 || from.angle + parallax >= largest_angle) continue;
+        if (d <= 0.0 || along.angle + parallax >= largest_angle) continue;
         const double cotangent = 1.0 / std::tan(parallax);
-        const double value = 1.0 / (pair.baseline_m * from.range_over_baseline(cotangent));
-        const double slope = pair.baseline_m * from.sine * (1.0 + cotangent * cotangent) * value * value;
+        const double value = 1.0 / (pair.baseline_m * along.range_over_baseline(cotangent));
+        const double slope = pair.baseline_m * along.sine * (1.0 + cotangent * cotangent) * value * value;
         const double deviation = slope * pair.disparity_std_px * grid.column_step;
         double u = 0.0, v = 0.0;
         if (deviation > pair.largest_relative_std * value) continue;

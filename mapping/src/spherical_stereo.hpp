@@ -28,10 +28,11 @@ struct StereoPair {
     double deviations;            // how much nearer than measured, in standard deviations, a surface may be
 };
 
-// For every ray of the camera the inverse range (1/m along the ray, 0 = none), its standard deviation, and the largest
-// inverse range that the match allows: whatever the ray meets is at least that far away. Near the baseline, where
-// parallax is too small for a depth, this bound is still useful. Disparities are in 1/16 of a column: `disparity` is
-// the match, at most 0 where there is none; `nearest` the largest that is possible, negative where that is not known.
+// For every ray of the camera (unit vectors) the inverse range (1/m along the ray, 0 = none), its standard deviation,
+// and the largest inverse range that the match allows: whatever the ray meets is at least that far away. Near the
+// baseline, where parallax is too small for a depth, this bound is still useful. Disparities are in 1/16 of a column:
+// `disparity` is the match, at most 0 where there is none; `nearest` the largest that is possible, negative where that
+// is not known.
 void inverse_range(const std::int16_t* disparity, const std::int16_t* nearest, const SphericalGrid& grid,
                    const double* R_camera_grid, const StereoPair& pair, const Lens& partner, const double* rays,
                    int count, float* inverse_range, float* standard_deviation, float* bound);

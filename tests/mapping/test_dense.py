@@ -72,6 +72,40 @@ def test_points_lie_in_one_row_of_both_rectified_images() -> None:
     assert places[0][1] - places[1][1] == pytest.approx((angles[1] - angles[0]) / step, abs=1.0)
 
 
+@pytest.mark.parametrize("parallax_rad", [0.02, 0.3, 1.8])
+def test_a_point_sees_the_baseline_under_its_parallax(parallax_rad: float) -> None:
+    """And depth varies with the match as the deviation says; the bound is the depth of a match that much larger."""
+    camera = RIG["front"]
+    baseline_m = np.array([0.1, -0.05, 0.03])
+    axes = stereo.axes_about(baseline_m / np.linalg.norm(baseline_m))
+    rays = stereo.depth_rays(views_of(range(1))[0], 0.5)
+    step, std_px, deviations = 1e-3, 0.5, 3.0
+    grid = np.array([3.1, step, -np.pi, 0.02, 315.0, 3100.0])
+
+    def depth(parallax: float) -> tuple[np.ndarray, ...]:
+        disparity = np.full((315, 3100), round(16.0 * parallax / step), np.int16)
+        to_partner = np.ascontiguousarray(frames.transform([1.0, 0.0, 0.0, 0.0], -baseline_m))
+        length_m = float(np.linalg.norm(baseline_m))
+        return _mapping.inverse_range(
+            disparity, disparity, grid, axes, length_m, to_partner, lens_row(camera), rays, std_px, 1.0, deviations
+        )
+
+    value, deviation, bound = depth(parallax_rad)
+    known = value > 0.0
+    assert known.sum() > 1000
+    points_m = rays[known] / value[known, None]
+    there = points_m - baseline_m
+    cosine = (points_m * there).sum(axis=1) / np.linalg.norm(points_m, axis=1) / np.linalg.norm(there, axis=1)
+    np.testing.assert_allclose(np.arccos(cosine), parallax_rad, atol=2e-5)
+    larger, smaller = depth(parallax_rad + step)[0], depth(parallax_rad - step)[0]
+    both = known & (larger > 0.0) & (smaller > 0.0)
+    slope = 0.5 * (larger[both] - smaller[both]) / step
+    np.testing.assert_allclose(deviation[both], slope * std_px * step, rtol=0.01)
+    nearest, _, _ = depth(parallax_rad + deviations * std_px * step)
+    both = known & (nearest > 0.0)
+    np.testing.assert_allclose(bound[both], nearest[both], rtol=1e-6)
+
+
 @pytest.mark.parametrize("index", [4, 5])
 def test_depth_of_the_room_is_recovered(views: list[ImageView], index: int) -> None:
     depth = stereo.depth_image(views, index, StereoOptions())
