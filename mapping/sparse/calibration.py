@@ -67,30 +67,33 @@ def calibrate(images: ImageSet, options: SparseOptions, placed: PlacedImages, *,
     """Poses and points of placed images, adjusted to what the trial finds.
 
     Depth images gave their poses themselves: what the trial finds of their camera is reported, and changes nothing.
+
+    Raises:
+        MapError: COLMAP cannot go on with the corrected calibration.
     """
     import pycolmap
 
     watch = Stopwatch()
     progress(_TRYING, 0.0)
-    with repetition.explained(placed.repeated):
-        model = pycolmap.Reconstruction(placed.model)
-        seen = _features_seen(placed.database, model, images)
-        trial = calibration_trial.hold(seen)
-        watch.lap("trial of the calibration")
-        if images.depths is None:
+    model = pycolmap.Reconstruction(placed.model)
+    seen = _features_seen(placed.database, model, images)
+    trial = calibration_trial.hold(seen)
+    watch.lap("trial of the calibration")
+    if images.depths is None:
+        images = dataclasses.replace(images, rig=trial.rig)
+        colmap_model.write_back(model, images, trial)
+        if len(trial.present) > len(trial.inexpressible):  # else COLMAP would choose the same matches
+            with repetition.explained(placed.repeated):
+                _choose_matches_again(placed.database, model, trial.rig, options, progress)
+            # matches chosen by the wrong calibration show too little of what is wrong with it (8.4 % of 9.1 %)
+            progress(_TRYING, 0.0)
+            again = dataclasses.replace(_features_seen(placed.database, model, images), rig=seen.rig)
+            trial = calibration_trial.hold(again)
             images = dataclasses.replace(images, rig=trial.rig)
             colmap_model.write_back(model, images, trial)
-            if len(trial.present) > len(trial.inexpressible):  # else COLMAP would choose the same matches
-                _choose_matches_again(placed.database, model, trial.rig, options, progress)
-                # matches chosen by the wrong calibration show too little of what is wrong with it (8.4 % of 9.1 %)
-                progress(_TRYING, 0.0)
-                again = dataclasses.replace(_features_seen(placed.database, model, images), rig=seen.rig)
-                trial = calibration_trial.hold(again)
-                images = dataclasses.replace(images, rig=trial.rig)
-                colmap_model.write_back(model, images, trial)
-                watch.lap("trial on the matches of the corrected calibration")
-            colmap_model.drop_lost_points(model)
-        return _read_out(placed, model, images, trial, watch)
+            watch.lap("trial on the matches of the corrected calibration")
+        colmap_model.drop_lost_points(model)
+    return _read_out(placed, model, images, trial, watch)
 
 
 def _choose_matches_again(database: Path, model: Any, rig: Rig, options: SparseOptions, progress: Progress) -> None:

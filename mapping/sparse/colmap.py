@@ -70,7 +70,7 @@ FEATURES, MATCHES, POSES = "features", "matches", "poses"
 
 @dataclass(frozen=True, slots=True)
 class PlacedImages:
-    """The finished stages of an image set, on disk."""
+    """Where the finished stages of an image set are, and what they report."""
 
     database: Path
     """COLMAP's: features and verified matches."""

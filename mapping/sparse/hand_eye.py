@@ -109,11 +109,11 @@ def _fitted(
 def _covariance(information: FloatArray, count: int, prior_std: FloatArray, turn_over_shift: float) -> FloatArray:
     """(7, 7) of X and scale, of what `count` motions say of them and of what is known beforehand.
 
-    Noise makes every motion turn and shift a little along all axes, which looks like information (7, 7) on all of X. A
-    motion of a small turn w and shift t changes by [w]x and [t]x when X turns, by [w]x when X shifts, and by t with the
-    scale. With standard deviations s (turn) and d (shift) along each axis, the mean of [w]x^T [w]x is 2 s^2 I, that of
-    t^T t is 3 d^2. Over the variance of the noise this makes 2 + 2 for the turn, 2 s^2 / d^2 for the shift, and 3 for
-    the scale.
+    Noise makes every motion turn and shift a little along all axes, which looks like information (7, 7) on X and scale.
+    A motion of a small turn w and shift t changes by [w]x and [t]x when X turns, by [w]x when X shifts, and by t with
+    the scale. With standard deviations s (turn) and d (shift) along each axis, the mean of [w]x^T [w]x is 2 s^2 I, and
+    that of t^T t is 3 d^2. Over the variance of the noise this makes 2 + 2 for the turn, 2 s^2 / d^2 for the shift, and
+    3 for the scale.
     """
     by_noise = count * np.array([4.0, 4.0, 4.0, *3 * [2.0 * turn_over_shift**2], 3.0])
     strength, axes = np.linalg.eigh(information - np.diag(by_noise))

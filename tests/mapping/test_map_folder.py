@@ -1,6 +1,7 @@
 """The map folder: whole or absent, opened or refused, and what a bad folder of images leaves behind (nothing)."""
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -281,6 +282,26 @@ def test_colmap_options_out_of_range_are_refused() -> None:
     for wrong in ({"features": 10}, {"window": 0}, {"similar": -1}):
         with pytest.raises(InputError):
             SparseOptions(**wrong)
+
+
+def test_images_are_placed_and_the_calibration_is_tried_in_two_children_of_one_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[tuple[str, tuple[object, ...], set[object]]] = []
+
+    def run(work: Callable[..., object], *arguments: object, **where: object) -> object:
+        calls.append((work.__name__, arguments, {where["within"], where["lock"]}))
+        if work.__name__ == "calibrate":
+            raise MapError("killed")
+        return "placed"
+
+    monkeypatch.setattr("mapping.child.run", run)
+    images, options = sparse_map(tmp_path).images, SparseOptions()
+    with stages.begin(tmp_path / "work") as work, pytest.raises(MapError, match="killed"):
+        reconstruction.reconstruct(images, options, work=work)
+    (placing, _, of_placing), (trying, given, of_trying) = calls
+    assert (placing, trying, given) == ("place_images", "calibrate", (images, options, "placed"))
+    assert of_placing == of_trying == {work.folder, work.lock}
 
 
 def test_too_few_placed_images_are_no_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
