@@ -106,7 +106,7 @@ class NearestSurface:
     """That measured it."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)  # without slots, which a cached property cannot have
 class MeasuredSurface:
     """The vertices of a map's mesh, and how well they are known."""
 
@@ -124,9 +124,9 @@ class MeasuredSurface:
         return NearestSurface((x, y, z), float(apart_m), known_m, int(self.confidence.images[best]))
 
     def deviations_m(self, points_world_m: FloatArray, within_m: float) -> FloatArray:
-        """(n,) standard deviation at the vertex nearest to each point (n, 3); NaN if none within a range is known."""
+        """(n,) standard deviation at the vertex nearest to each point (n, 3); NaN if that is unknown or too far."""
         _, best = self._tree.query(points_world_m, distance_upper_bound=within_m)
-        return np.append(self.confidence.deviation_m, np.nan)[best]  # beyond that range `best` is the last
+        return np.append(self.confidence.deviation_m, np.nan)[best]  # beyond that range `best` is v
 
     @functools.cached_property
     def _tree(self) -> "KDTree":

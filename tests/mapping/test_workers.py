@@ -4,6 +4,7 @@ import signal
 import threading
 import time
 
+import cv2
 import pytest
 
 from mapping import workers
@@ -16,6 +17,15 @@ def test_answers_come_in_the_order_of_the_items() -> None:
 
     assert list(workers.in_order(work, range(20), threads=3)) == [k * k for k in range(20)]
     assert list(workers.in_order(work, [], threads=3)) == []
+
+
+def test_opencv_does_not_divide_one_item_among_threads_of_its_own() -> None:
+    before = cv2.getNumThreads()
+    try:
+        cv2.setNumThreads(2)
+        assert list(workers.in_order(lambda _: cv2.getNumThreads(), range(3), threads=2)) == [1, 1, 1]
+    finally:
+        cv2.setNumThreads(before)
 
 
 def test_as_many_items_are_worked_on_at_once_as_there_are_threads() -> None:
