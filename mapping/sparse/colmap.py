@@ -3,6 +3,7 @@
 import json
 import logging
 import shutil
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -141,14 +142,11 @@ class Stopwatch:
     """CPU seconds between laps."""
 
     def __init__(self) -> None:
-        import time
-
-        self._clock = time.process_time
-        self._last_s = self._clock()
+        self._last_s = time.process_time()
         self.cpu_s: dict[str, float] = {}
 
     def lap(self, name: str) -> None:
-        now_s = self._clock()
+        now_s = time.process_time()
         self.cpu_s[name] = round(now_s - self._last_s, 2)
         self._last_s = now_s
 
