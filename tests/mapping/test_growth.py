@@ -56,6 +56,15 @@ def distances(model: pycolmap.Reconstruction) -> np.ndarray:
     return np.linalg.norm(found[:, None] - found, axis=2)
 
 
+def median_angle_deg(true: pycolmap.Reconstruction, a: int, b: int) -> float:
+    """Between the rays of two images to the points that both see, or less where the rays meet head-on."""
+    places = [true.image(k).projection_center() for k in (a, b)]
+    seen = set.intersection(*({p.point3D_id for p in true.image(k).get_observation_points2D()} for k in (a, b)))
+    rays = [np.array([true.point3D(k).xyz - place for k in sorted(seen)]) for place in places]
+    rays = [each / np.linalg.norm(each, axis=1, keepdims=True) for each in rays]
+    return float(np.degrees(np.median(np.arccos(np.abs((rays[0] * rays[1]).sum(axis=1)).clip(max=1.0)))))
+
+
 def placed_in(model: pycolmap.Reconstruction) -> set[int]:
     return set(model.reg_frame_ids())
 
@@ -153,6 +162,56 @@ def test_a_map_grows_into_another_only_so_far(tmp_path: Path, most_images: int, 
 def test_few_matches_begin_a_map_where_no_images_have_more(tmp_path: Path) -> None:
     database, true = database_of(tmp_path, 6, points=40)  # COLMAP asks for 100, then for 50 and for 25
     model, _ = grown(database)
+    np.testing.assert_allclose(distances(model), distances(true), atol=1e-4)
+
+
+@pytest.mark.parametrize(("matches", "angle_deg"), [(100, 16.0), (195, 16.0), (100, 60.0), (100, 0.01)])
+def test_likely_pairs_are_of_two_instants_with_enough_matches_and_parallax(
+    tmp_path: Path, matches: int, angle_deg: float
+) -> None:
+    database, true = database_of(tmp_path, 6)
+    with pycolmap.Database.open(database) as opened:  # some pairs have fewer matches
+        for a, b in combinations(sorted(true.images), 2):
+            geometry = opened.read_two_view_geometry(a, b)
+            geometry.inlier_matches = geometry.inlier_matches[: 180 + 4 * a]
+            opened.update_two_view_geometry(a, b, geometry)
+    starting = mapping_options().get_mapper()
+    starting.init_min_num_inliers, starting.init_min_tri_angle = matches, angle_deg
+    expected, totals = [], dict.fromkeys(true.images, 0)
+    with pycolmap.Database.open(database) as opened:
+        for a, b in combinations(sorted(true.images), 2):
+            count = len(opened.read_two_view_geometry(a, b).inlier_matches)
+            totals[a], totals[b] = totals[a] + count, totals[b] + count
+            if count >= matches and true.image(a).frame_id != true.image(b).frame_id:
+                expected += [(a, b)] * (median_angle_deg(true, a, b) > angle_deg)
+    pairs = list(growth._likely_pairs(database, starting))
+    assert pairs
+    assert sorted(pairs) == expected
+    best = [max(totals[a], totals[b]) for a, b in pairs]
+    assert best == sorted(best, reverse=True)
+
+
+def test_a_map_begins_with_a_likely_pair_or_where_colmap_refuses_it_with_one_that_colmap_finds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    database, true = database_of(tmp_path, 6)
+    asked: list[tuple[int, int]] = []
+    begin = pycolmap.IncrementalPipeline.initialize_reconstruction
+
+    def noted(self: Any, *arguments: Any) -> Any:
+        asked.append((self.options.init_image_id1, self.options.init_image_id2))
+        return begin(self, *arguments)
+
+    monkeypatch.setattr(pycolmap.IncrementalPipeline, "initialize_reconstruction", noted)
+    first = next(growth._likely_pairs(database, mapping_options().get_mapper()))
+    model, _ = grown(database)
+    assert asked == [first]
+    np.testing.assert_allclose(distances(model), distances(true), atol=1e-4)
+    of_one_instant = (1, 2)
+    monkeypatch.setattr(growth, "_likely_pairs", lambda *_: iter([of_one_instant]))
+    asked.clear()
+    model, _ = grown(database)
+    assert asked == [of_one_instant, (-1, -1)]
     np.testing.assert_allclose(distances(model), distances(true), atol=1e-4)
 
 
