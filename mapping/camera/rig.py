@@ -40,6 +40,8 @@ R_BODY_CAMERA_FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0,
 
 LARGEST_PX = 65_535
 """Longest side of an image, as JPEG has it."""
+FARTHEST_M = 10.0
+"""Of a camera from the body's origin; one farther away is in another unit than metres."""
 FOCAL_WIDTHS = (0.05, 100.0)
 """Shortest and longest focal length of a camera, in widths of its image."""
 
@@ -83,6 +85,11 @@ class Camera:
             )
         object.__setattr__(self, "params", params)
         object.__setattr__(self, "T_body_camera", np.array(self.T_body_camera, dtype=np.float64))
+        if (away_m := float(np.linalg.norm(self.T_body_camera[:3, 3]))) > FARTHEST_M:
+            raise InputError(
+                f"camera {self.name}: T_body_camera: t is {away_m:.4g} m long; at most {FARTHEST_M:g} m may be: "
+                "give it in metres, not in millimetres"
+            )
         named = self.parameters
         shortest_px, longest_px = (ratio * self.width for ratio in FOCAL_WIDTHS)
         for focal_px in self.focal_px:
