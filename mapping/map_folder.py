@@ -270,11 +270,12 @@ def build_map(
         if source.FRAMES in (again_from, until):
             raise InputError(f"the stage {source.FRAMES!r} is that of a video; {images} is a folder of images")
         checked = given.read(progress=progress)
-        alignment.read_references(checked.beside(options.motions), options.references)  # a fault is told first
+        _require_fitting(checked, options)
     with stages.begin(work_folder(out), again=again, until=until) as begun:
         _put_back(out, begun)
         if given.is_video:
             checked = given.frames(begun, progress=progress)
+            _require_fitting(checked, options)
         checked = checked.beside(options.motions)
         work = begun.on(rigs.fingerprint(rig), *checked.digests())
         source.require_usable(work, checked, progress=progress)
@@ -285,6 +286,12 @@ def build_map(
             report = _build(checked, out, options, work, given_from, overwrite=overwrite, progress=progress)
         stages.finish(begun)
     return report
+
+
+def _require_fitting(images: ImageSet, options: MapOptions) -> None:
+    """Check that references, motion and length fit the images: a fault is told before any long work."""
+    alignment.read_references(images.beside(options.motions), options.references)
+    alignment.require_ends(images, options.length)
 
 
 def work_folder(out: Path) -> Path:

@@ -177,6 +177,14 @@ def test_an_earlier_map_is_refused_before_the_images_are_read(tmp_path: Path) ->
         mapping.build_map(tmp_path / "none", RIG, made_map(tmp_path / "map"))
 
 
+def test_a_length_from_an_image_that_is_not_there_is_refused_before_any_stage(tmp_path: Path) -> None:
+    images = write_images(tmp_path / "images", [noise(k) for k in range(4)])
+    options = MapOptions(length=mapping.Length(1.0, ("00.png", "17.png")))
+    with pytest.raises(InputError, match=r"has no '17\.png'; its 4 images go from 00\.png to 03\.png"):
+        mapping.build_map(images, RIG, tmp_path / "map", options)
+    assert not (tmp_path / "map.work").exists()
+
+
 def test_interrupt_leaves_the_old_map(tmp_path: Path) -> None:
     images = write_images(tmp_path / "images", [noise(k) for k in range(4)])
     out = made_map(tmp_path / "map")
