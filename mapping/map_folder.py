@@ -260,8 +260,7 @@ def build_map(
     interrupted = work_folder(out).exists()
     if not interrupted:
         results.require_free_folder(out, overwrite=overwrite, ours=is_map)
-    has_other = options.depths is not None or bool(options.motions)
-    alignment.require_scale(Path(images), rig, options.length, options.references, has_other=has_other)
+    _require_scale(Path(images), rig, options)
     for recorded in options.motions.values():
         trajectory.read(recorded)  # a fault of it is told before the images are decoded
     again = STAGES[STAGES.index(again_from) :] if again_from else ()
@@ -288,8 +287,16 @@ def build_map(
     return report
 
 
+def _require_scale(images: Path, rig: Rig, options: MapOptions) -> None:
+    has_other = options.depths is not None or bool(options.motions)
+    alignment.require_scale(images, rig, options.length, options.references, has_other=has_other)
+
+
 def _require_fitting(images: ImageSet, options: MapOptions) -> None:
-    """Check that references, motion and length fit the images: a fault is told before any long work."""
+    """Check that references, motion, length and rig fit the images: a fault is told before any long work."""
+    if not images.has_pairs:  # then only what gives one camera a scale counts
+        alone = rigs.Rig(images.rig.cameras[:1])
+        _require_scale(images.folder, alone, options)
     alignment.read_references(images.beside(options.motions), options.references)
     alignment.require_ends(images, options.length)
 

@@ -46,6 +46,11 @@ class ImageSet:
     def count(self) -> int:
         return int(self.present.sum())
 
+    @property
+    def has_pairs(self) -> bool:
+        """Whether two cameras have an image of one instant: without, the distance between them gives no scale."""
+        return bool((self.present.sum(axis=1) > 1).any())
+
     def relative(self, instant: int, camera: int) -> str:
         """Path below the image folder, with forward slashes: the image's name in every file we write."""
         folder = Path(self.rig.cameras[camera].folder)

@@ -42,7 +42,8 @@ LEAST_BASELINE_M = 0.005
 LONGEST_M = 1e5
 """A longer length is in another unit."""
 NO_SCALE = (
-    "no metric scale: the images of a single camera do not determine it; give the length of the path "
+    "no metric scale: the images of a single camera, or of several that never have images of the same name (of one "
+    "instant), do not determine it; give the length of the path "
     "(--length 13.2) or between two images (--length A.jpg,B.jpg,2.5), depth images (--depth FOLDER), a rig of cameras "
     "with the distance between them in camera.toml, recorded motion (--poses FILE, --odometry FILE), or at least "
     f"{_LEAST_POSITIONS} positions in references.csv (image,x_m,y_m,z_m; --references FILE)"

@@ -8,7 +8,7 @@ import pytest
 from flight import FloatArray, FormatError, InputError, MapError, frames, rotations
 from mapping.camera.rig import Rig, forward_camera
 from mapping.input.images import ImageSet
-from mapping.sparse import alignment
+from mapping.sparse import alignment, reconstruction
 from mapping.sparse.alignment import Length, References
 
 COUNT = 40
@@ -109,6 +109,11 @@ def test_points_move_with_the_poses(truth: FloatArray) -> None:
 def test_a_single_camera_without_any_length_is_refused(truth: FloatArray) -> None:
     with pytest.raises(MapError, match="no metric scale"):
         alignment.align(image_set(), truth, nothing(), baseline_std=None, length=None)
+
+
+@pytest.mark.parametrize(("registered", "seen"), [([[1, 0], [0, 1]], False), ([[1, 1], [0, 1]], True)])
+def test_a_rig_gives_a_scale_only_where_two_cameras_look_at_once(registered: list[list[int]], seen: bool) -> None:
+    assert reconstruction._rig_seen(np.array(registered, dtype=bool)) is seen
 
 
 def test_a_length_between_images_that_are_not_there_is_refused(truth: FloatArray) -> None:
