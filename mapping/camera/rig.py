@@ -87,8 +87,8 @@ class Camera:
         object.__setattr__(self, "T_body_camera", np.array(self.T_body_camera, dtype=np.float64))
         if (away_m := float(np.linalg.norm(self.T_body_camera[:3, 3]))) > FARTHEST_M:
             raise InputError(
-                f"camera {self.name}: T_body_camera: t is {away_m:.4g} m long; at most {FARTHEST_M:g} m may be: "
-                "give it in metres, not in millimetres"
+                f"camera {self.name} lies {away_m:.4g} m from the body's origin, or the first camera; at most "
+                f"{FARTHEST_M:g} m may be: give its position in metres, not in millimetres"
             )
         named = self.parameters
         shortest_px, longest_px = (ratio * self.width for ratio in FOCAL_WIDTHS)
