@@ -147,6 +147,8 @@ def test_cameras_without_a_common_instant_are_named(sequence: images.ImageSet) -
     alternating = np.arange(len(sequence.instants))[:, None] % 2 == [[0, 1]]
     found = examination.examine(dataclasses.replace(sequence, present=alternating))
     assert "no two cameras have an image of the same name, which means the same instant" in found.problems
+    alone = dataclasses.replace(sequence, rig=mapping.Rig(RIG.cameras[:1]), present=sequence.present[:, :1])
+    assert examination.examine(alone).problems == ()
 
 
 def test_few_instants_are_named(sequence: images.ImageSet) -> None:
