@@ -91,7 +91,12 @@ class Grid:
         first = np.floor(low / voxel_m + 1e-9)
         counts = np.maximum(np.ceil(high / voxel_m - 1e-9) - first, 1)
         if counts.prod() > MAX_VOXELS:
-            raise InputError(f"that box at {voxel_m:g} m has {counts.prod():.3g} voxels; at most {MAX_VOXELS:.3g}")
+            fitting_m = 1.01 * voxel_m * (counts.prod() / MAX_VOXELS) ** (1 / 3)
+            raise InputError(
+                f"a box of {' x '.join(f'{edge_m:.4g}' for edge_m in high - low)} m at {voxel_m:g} m has "
+                f"{counts.prod():.3g} voxels; at most {MAX_VOXELS:.3g}: take voxels of {fitting_m:.2g} m, or correct "
+                "the lengths if the box is too large"
+            )
         return Grid(tuple(first * voxel_m), (voxel_m, voxel_m, voxel_m), tuple(counts.astype(int)))
 
     def as_dict(self) -> dict[str, list[float] | list[int]]:

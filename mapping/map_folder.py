@@ -260,8 +260,7 @@ def build_map(
     interrupted = work_folder(out).exists()
     if not interrupted:
         results.require_free_folder(out, overwrite=overwrite, ours=is_map)
-    has_other = options.depths is not None or bool(options.motions)
-    alignment.require_scale(Path(images), rig, options.length, options.references, has_other=has_other)
+    _require_scale(Path(images), rig, options)
     for recorded in options.motions.values():
         trajectory.read(recorded)  # a fault of it is told before the images are decoded
     again = STAGES[STAGES.index(again_from) :] if again_from else ()
@@ -270,11 +269,12 @@ def build_map(
         if source.FRAMES in (again_from, until):
             raise InputError(f"the stage {source.FRAMES!r} is that of a video; {images} is a folder of images")
         checked = given.read(progress=progress)
-        alignment.read_references(checked.beside(options.motions), options.references)  # a fault is told first
+        _require_fitting(checked, options)
     with stages.begin(work_folder(out), again=again, until=until) as begun:
         _put_back(out, begun)
         if given.is_video:
             checked = given.frames(begun, progress=progress)
+            _require_fitting(checked, options)
         checked = checked.beside(options.motions)
         work = begun.on(rigs.fingerprint(rig), *checked.digests())
         source.require_usable(work, checked, progress=progress)
@@ -285,6 +285,20 @@ def build_map(
             report = _build(checked, out, options, work, given_from, overwrite=overwrite, progress=progress)
         stages.finish(begun)
     return report
+
+
+def _require_scale(images: Path, rig: Rig, options: MapOptions) -> None:
+    has_other = options.depths is not None or bool(options.motions)
+    alignment.require_scale(images, rig, options.length, options.references, has_other=has_other)
+
+
+def _require_fitting(images: ImageSet, options: MapOptions) -> None:
+    """Check that references, motion, length and rig fit the images: a fault is told before any long work."""
+    if not images.has_pairs:  # then only what gives one camera a scale counts
+        alone = rigs.Rig(images.rig.cameras[:1])
+        _require_scale(images.folder, alone, options)
+    alignment.read_references(images.beside(options.motions), options.references)
+    alignment.require_ends(images, options.length)
 
 
 def work_folder(out: Path) -> Path:

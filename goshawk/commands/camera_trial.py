@@ -105,6 +105,12 @@ def compare(first: Path, second: Path, as_json: bool) -> None:
     goshawk camera compare camera.toml camera.toml.old-1
     """
     old, new = mapping.rig.load(first), mapping.rig.load(second)
+    for camera in old:
+        if camera.name not in (names := [other.name for other in new]):
+            raise InputError(
+                f"{first} has a camera {camera.name!r} and {second} does not (it has {', '.join(map(repr, names))}); "
+                "cameras are compared by their names: name them alike"
+            )
     rows = [_difference(old, camera, new) for camera in old]
     if as_json:
         keys = ("camera", "lens_rms_px", "lens_largest_px", "turned_deg", "moved_mm")
@@ -124,6 +130,8 @@ def _difference(old: Rig, camera: Camera, new: Rig) -> tuple[str, float, float, 
     rays = camera.unproject(camera.pixel_centres()[::8, ::8])
     off_px = np.linalg.norm(other.project(rays) - camera.project(rays), axis=-1)
     both = off_px[np.isfinite(off_px)]
+    if not both.size:
+        raise InputError(f"camera {camera.name!r}: no direction is seen by both lenses; they cannot be compared")
     turn = (_pose(old, camera)[:3, :3].T @ _pose(new, other)[:3, :3]).copy()
     moved_m = _pose(new, other)[:3, 3] - _pose(old, camera)[:3, 3]
     turned_rad = float(np.linalg.norm(rotations.log(rotations.from_matrix(turn))))

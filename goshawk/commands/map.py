@@ -166,7 +166,11 @@ def build(
     if out is None:
         raise click.UsageError("Missing option '--out'.")
     report = _made(images, rig, out, options, overwrite=overwrite, again_from=again_from, until=until)
-    return _show(report, out, as_json=as_json) if report is not None else 0
+    if report is not None:
+        return _show(report, out, as_json=as_json)
+    if as_json:
+        console.show("map", {"stopped_after": until}, as_json=True)
+    return 0
 
 
 def _require_within_bounds(
@@ -289,7 +293,10 @@ def _examine(images: Path, rig: mapping.Rig, options: mapping.MapOptions, *, as_
     with console.progress() as progress:
         given = Source(images, rig, options.masks, options.depths, options.selection)
         if given.is_video:
-            raise InputError(f"--check examines a folder of images; {images} is a video, whose frames are chosen first")
+            raise InputError(
+                f"--check examines a folder of images; {images} is a video: choose its frames with --out MAP --until "
+                "frames, then check the folder MAP.work/frames"
+            )
         read = given.read(progress=progress).beside(options.motions)
         found = mapping.examine(read, progress=progress)
     facts: dict[str, Any] = {

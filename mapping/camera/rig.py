@@ -40,6 +40,10 @@ R_BODY_CAMERA_FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0,
 
 LARGEST_PX = 65_535
 """Longest side of an image, as JPEG has it."""
+FARTHEST_M = 10.0
+"""Of a camera from the body's origin; one farther away is in another unit than metres."""
+FOCAL_WIDTHS = (0.05, 100.0)
+"""Shortest and longest focal length of a camera, in widths of its image."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,16 +85,34 @@ class Camera:
             )
         object.__setattr__(self, "params", params)
         object.__setattr__(self, "T_body_camera", np.array(self.T_body_camera, dtype=np.float64))
-        if min(self.focal_px) <= 0.0:
-            raise InputError(f"camera {self.name}: the focal length {self.focal_px} is not positive")
+        if (away_m := float(np.linalg.norm(self.T_body_camera[:3, 3]))) > FARTHEST_M:
+            raise InputError(
+                f"camera {self.name} lies {away_m:.4g} m from the body's origin, or the first camera; at most "
+                f"{FARTHEST_M:g} m may be: give its position in metres, not in millimetres"
+            )
         named = self.parameters
+        shortest_px, longest_px = (ratio * self.width for ratio in FOCAL_WIDTHS)
+        for focal_px in self.focal_px:
+            if not shortest_px <= focal_px <= longest_px:
+                raise InputError(
+                    f"camera {self.name}: a focal length of {focal_px:g} px; for an image {self.width} px wide it must "
+                    f"be from {shortest_px:g} to {longest_px:g} px"
+                )
+        if not self.contains(self.principal_point_px):
+            raise InputError(
+                f"camera {self.name}: the principal point ({named['cx']:g}, {named['cy']:g}) px lies outside of the "
+                f"image of {self.width}x{self.height} pixels"
+            )
         if self.model == "EUCM" and not (0.0 <= named["alpha"] <= 1.0 and named["beta"] > 0.0):
             raise InputError(
                 f"camera {self.name}: EUCM takes alpha from 0 to 1 and beta above 0, "
                 f"not {named['alpha']:g} and {named['beta']:g}"
             )
         if not 0.0 < self.field_of_view_rad <= 2.0 * np.pi:
-            raise InputError(f"camera {self.name}: the field of view is not between 0 and 360 degrees")
+            raise InputError(
+                f"camera {self.name}: a field of view of {np.degrees(self.field_of_view_rad):g} degrees; it must be "
+                "above 0 and at most 360 degrees"
+            )
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -163,8 +185,9 @@ class Rig:
     def __post_init__(self) -> None:
         if not self.cameras:
             raise InputError("a rig needs at least one camera")
-        for what in ("name", "folder"):
-            values = [getattr(camera, what) for camera in self.cameras]
+        names = [camera.name for camera in self.cameras]
+        folders = [str(Path(camera.folder)) for camera in self.cameras]  # "./front" is "front"
+        for what, values in (("name", names), ("folder", folders)):
             if len(set(values)) < len(values):
                 raise InputError(f"two cameras of the rig share the {what}: {values}")
         if len(self.cameras) > 1 and any(Path(c.folder) == Path(".") for c in self.cameras):
@@ -236,15 +259,18 @@ def _require_known(path: Path, fields: dict[str, Any], known: tuple[str, ...]) -
 
 
 def _camera(table: dict[str, Any], alone: bool) -> Camera:
-    pose = table.get("T_body_camera")
+    for field, kinds in (("width", int), ("height", int), ("field_of_view_deg", int | float)):
+        if not isinstance(value := table.get(field, 1), kinds) or isinstance(value, bool):
+            raise TypeError(f"{field} is {value!r}; a {'whole ' if kinds is int else ''}number is expected")
+    name, pose = str(table["name"]), table.get("T_body_camera")
     if pose is None:
         T_body_camera = np.eye(4)
         T_body_camera[:3, :3] = R_BODY_CAMERA_FORWARD
     else:
-        T_body_camera = frames.transform(_unit_quaternion(pose["q"]), _vector(pose["t"]))
+        T_body_camera = frames.transform(_unit_quaternion(name, pose["q"]), _vector(name, pose["t"]))
     return Camera(
-        name=str(table["name"]),
-        folder=str(table.get("folder", "." if alone else table["name"])),
+        name=name,
+        folder=str(table.get("folder", "." if alone else name)),
         model=str(table["model"]),
         width=int(table["width"]),
         height=int(table["height"]),
@@ -254,17 +280,17 @@ def _camera(table: dict[str, Any], alone: bool) -> Camera:
     )
 
 
-def _unit_quaternion(values: ArrayLike) -> FloatArray:
+def _unit_quaternion(name: str, values: ArrayLike) -> FloatArray:
     q = np.asarray(values, dtype=np.float64)
     if q.shape != (4,) or not abs(np.linalg.norm(q) - 1.0) < 1e-3:
-        raise InputError(f"T_body_camera: q (w, x, y, z) is not a unit quaternion: {q.tolist()}")
+        raise InputError(f"camera {name}: T_body_camera: q (w, x, y, z) is not a unit quaternion: {q.tolist()}")
     return rotations.normalise(q)
 
 
-def _vector(values: ArrayLike) -> FloatArray:
+def _vector(name: str, values: ArrayLike) -> FloatArray:
     t = np.asarray(values, dtype=np.float64)
     if t.shape != (3,) or not np.isfinite(t).all():
-        raise InputError(f"T_body_camera: t is not three finite numbers: {t.tolist()}")
+        raise InputError(f"camera {name}: T_body_camera: t is not three finite numbers: {t.tolist()}")
     return t
 
 

@@ -190,6 +190,8 @@ def _set_problems(images: ImageSet, facts: Sequence[ImageFacts]) -> list[str]:
     problems: list[str] = []
     if (count := len(images.instants)) < FEW_INSTANTS:
         problems.append(f"only {count} instants; a map wants at least {FEW_INSTANTS}")
+    if len(images.rig) > 1 and not images.has_pairs:
+        problems.append("no two cameras have an image of the same name, which means the same instant")
     for problem in ("blurred", "too dark", "too bright", "clipped", "little overlap"):
         if named := [f.image for f in facts if problem in f.problems]:
             problems.append(f"{len(named)} of {len(facts)} images {problem}: {_some(named)}")

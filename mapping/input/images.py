@@ -46,6 +46,11 @@ class ImageSet:
     def count(self) -> int:
         return int(self.present.sum())
 
+    @property
+    def has_pairs(self) -> bool:
+        """Whether two cameras have an image of one instant: without, the distance between them gives no scale."""
+        return bool((self.present.sum(axis=1) > 1).any())
+
     def relative(self, instant: int, camera: int) -> str:
         """Path below the image folder, with forward slashes: the image's name in every file we write."""
         folder = Path(self.rig.cameras[camera].folder)
@@ -155,7 +160,7 @@ def read_folder(
 
     Raises:
         InputError: no such folder, fewer than `minimum` instants, a damaged image, or one of another size than its
-            camera's; a mask or a depth image that is missing or does not fit.
+            camera's; a mask or a depth image that is missing or does not fit; times of other images.
     """
     folder = Path(folder)
     for place in (folder, masks, depths and depths.folder):
@@ -207,6 +212,11 @@ def _times(folder: Path, instants: tuple[str, ...]) -> FloatArray:
     if not path.is_file():
         return np.full(len(instants), np.nan)
     table = read_table(path, ("image", "time_s"))
+    if table and not table.keys() & set(instants):
+        raise InputError(
+            f"{path} names none of the images in {folder}; its first column is the file name without a folder, as in "
+            f"{instants[0]}, not {next(iter(table))!r}"
+        )
     return np.array([table.get(name, (math.nan,))[0] for name in instants], dtype=np.float64)
 
 
@@ -217,10 +227,12 @@ def read_table(path: Path, columns: tuple[str, ...]) -> dict[str, tuple[float, .
         FormatError: it is not text, a column is missing, a cell is not a number, or a key comes twice.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = path.read_text(
+            encoding="utf-8-sig"
+        ).splitlines()  # with or without the mark that spreadsheets put first
     except UnicodeDecodeError:
         raise FormatError(f"{path} is not a CSV file: it holds bytes that are no text") from None
-    reader = csv.DictReader(lines)
+    reader = csv.DictReader(lines, skipinitialspace=True)
     missing = [c for c in columns if c not in (reader.fieldnames or [])]
     if missing:
         raise FormatError(f"{path} has no column {missing[0]!r}; its first line must name {','.join(columns)}")

@@ -126,7 +126,7 @@ def read(path: Path) -> Trajectory:
             f"{path} does not exist or is not a file; it should hold recorded poses in TUM's or EuRoC's format"
         )
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = path.read_text(encoding="utf-8-sig").splitlines()  # with or without a byte order mark
     except UnicodeDecodeError:
         raise FormatError(f"{path} is not a text file: recorded poses are in TUM's or EuRoC's format") from None
     used = [(k, line) for k, line in enumerate(lines, start=1) if line.strip() and not line.lstrip().startswith("#")]
@@ -164,7 +164,12 @@ def _row(path: Path, number: int, words: Sequence[str], is_euroc: bool) -> list[
             f"{path}, line {number}: {len(words)} columns; TUM's format has `time_s x y z qx qy qz qw`, EuRoC's "
             "`timestamp_ns,x,y,z,qw,qx,qy,qz`"
         )
-    values = [cells.number(word, path, number, f"{k + 1}") for k, word in enumerate(words[:_COLUMNS])]
+    try:
+        values = [cells.number(word, path, number, f"{k + 1}") for k, word in enumerate(words[:_COLUMNS])]
+    except FormatError:
+        raise FormatError(
+            f"{path}, line {number}: {' '.join(words)[:60]!r} are not numbers; a line that is no pose must begin with #"
+        ) from None
     if not np.isfinite(values).all():
         raise FormatError(
             f"{path}, line {number}: a number is missing or not finite; leave out poses that are not known"

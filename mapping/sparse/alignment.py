@@ -42,7 +42,8 @@ LEAST_BASELINE_M = 0.005
 LONGEST_M = 1e5
 """A longer length is in another unit."""
 NO_SCALE = (
-    "no metric scale: the images of a single camera do not determine it; give the length of the path "
+    "no metric scale: the images of a single camera, or of several that never have images of the same name (of one "
+    "instant), do not determine it; give the length of the path "
     "(--length 13.2) or between two images (--length A.jpg,B.jpg,2.5), depth images (--depth FOLDER), a rig of cameras "
     "with the distance between them in camera.toml, recorded motion (--poses FILE, --odometry FILE), or at least "
     f"{_LEAST_POSITIONS} positions in references.csv (image,x_m,y_m,z_m; --references FILE)"
@@ -139,8 +140,7 @@ def read_references(images: ImageSet, path: Path | None = None) -> References:
     path = path or images.folder / "references.csv"
     if not path.is_file():
         return References(np.full((count, 3), np.nan), np.full((count, 3), np.nan))
-    with open(path, encoding="utf-8", errors="replace") as stream:
-        header = stream.readline().strip().split(",")
+    header = _header(path)
     groups = [columns for columns in (_POSITION, _UP) if columns[0] in header]
     if not groups:
         raise FormatError(f"{path} has neither {','.join(_POSITION)} nor {','.join(_UP)} in its first line")
@@ -171,13 +171,34 @@ def require_scale(
     if has_other or length is not None or rig.baseline_m > LEAST_BASELINE_M or not folder.exists():
         return
     recorded = 0
-    if path.is_file():
-        with open(path, encoding="utf-8", errors="replace") as stream:
-            if _POSITION[0] in stream.readline().strip().split(","):
-                rows = read_table(path, ("image", *_POSITION)).values()
-                recorded = sum(all(np.isfinite(row)) for row in rows)
+    if path.is_file() and _POSITION[0] in _header(path):
+        rows = read_table(path, ("image", *_POSITION)).values()
+        recorded = sum(all(np.isfinite(row)) for row in rows)
     if recorded < _LEAST_POSITIONS:
         raise MapError(NO_SCALE)
+
+
+def _header(path: Path) -> list[str]:
+    with open(path, encoding="utf-8-sig", errors="replace") as stream:
+        return [name.strip() for name in stream.readline().split(",")]
+
+
+def require_ends(images: ImageSet, length: Length | None) -> None:
+    """Check, before any work, that a length between two images can give a scale.
+
+    Raises:
+        InputError: one of the images is not there, or both are the same.
+    """
+    if length is None or length.between is None:
+        return
+    for name in length.between:
+        if name not in images.instants:
+            raise InputError(
+                f"the length is given between images, but {images.folder} has no {name!r}; its "
+                f"{len(images.instants)} images go from {images.instants[0]} to {images.instants[-1]}"
+            )
+    if length.between[0] == length.between[1]:
+        raise InputError(f"the length is given from the image {length.between[0]!r} to itself; name two images")
 
 
 def _column_group(path: Path, columns: tuple[str, ...], instants: tuple[str, ...]) -> FloatArray:
@@ -211,8 +232,8 @@ def align(
         by_motion: instants that recorded motion placed; it is compared with the others.
 
     Raises:
-        MapError: nothing gives the scale.
-        InputError: the given length is between images that are not in the map.
+        MapError: nothing gives the scale, or the given length is from an image that is not in the map.
+        InputError: the given length is between two images at one place.
     """
     positions = T_old_body[:, :3, 3]
     known = np.asarray(np.isfinite(positions).all(axis=1))
@@ -332,8 +353,6 @@ def _from_length(images: ImageSet, positions: FloatArray, length: Length) -> flo
     else:
         ends = []
         for name in length.between:
-            if name not in images.instants:
-                raise InputError(f"the length is given between images, but {images.folder} has no {name!r}")
             ends.append(positions[images.instants.index(name)])
             if not np.isfinite(ends[-1]).all():
                 raise MapError(f"the length is given from image {name!r}, which could not be placed in the map")

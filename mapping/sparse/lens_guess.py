@@ -13,7 +13,7 @@ import numpy as np
 
 from flight import InputError, MapError, Progress, silent
 from mapping import child
-from mapping.camera.rig import Camera, Rig, forward_camera
+from mapping.camera.rig import FOCAL_WIDTHS, Camera, Rig, forward_camera
 from mapping.input.image_file import SUFFIXES
 from mapping.input.images import ImageSet, read_folder
 from mapping.sparse import self_calibration
@@ -114,9 +114,11 @@ def sizes(paths: Sequence[Path]) -> tuple[int, int]:
 
 def _first(paths: Sequence[Path], width: int, height: int, focal_px: float | None, name: str) -> LensGuess:
     if focal_px is not None:
-        if not (np.isfinite(focal_px) and 0.05 * width < focal_px < 100.0 * width):
+        shortest_px, longest_px = (ratio * width for ratio in FOCAL_WIDTHS)
+        if not shortest_px <= focal_px <= longest_px:
             raise InputError(
-                f"a focal length of {focal_px:g} px is not likely for images {width} px wide; it is in pixels"
+                f"a focal length of {focal_px:g} px is not from {shortest_px:g} to {longest_px:g} px, as that of "
+                f"images {width} px wide must be; give it in pixels"
             )
         return LensGuess(_camera(name, width, height, focal_px, ORDINARY), GIVEN_STD, "focal length as given", False)
     for path in paths[:3]:

@@ -161,8 +161,8 @@ def reconstruct(
 
 
 def _rig_seen(registered: np.ndarray) -> bool:
-    """Whether several cameras of the rig are in the map: one alone gives no scale."""
-    return int(registered.any(axis=0).sum()) > 1
+    """Whether several cameras of the rig are in the map at one instant: one at a time gives no scale."""
+    return bool((registered.sum(axis=1) > 1).any())
 
 
 def unplaced(sparse: SparseMap) -> Sequence[str]:

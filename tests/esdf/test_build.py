@@ -132,7 +132,7 @@ def test_an_all_unknown_map_has_no_free_space():
         (lambda: Grid((0, np.nan, 0), 0.1, (4, 4, 4)), "not finite"),
         (lambda: Grid((0, 0, 0), 0.1, (10_000, 10_000, 10_000)), "1e\\+12 voxels"),
         (lambda: Grid((0, 0, 0), 0.1, (4, 0, 4)), "at least 1"),
-        (lambda: Grid.covering((0, 0, 0), (1e4, 1e4, 1e4), 0.01), "at most"),
+        (lambda: Grid.covering((0, 0, 0), (1e4, 1e4, 1e4), 0.01), r"a box of 1e\+04 .* take voxels of 2\.5 m"),
         (lambda: Grid.covering((0, 0, 0), (1, 0, 1), 0.01), "empty"),
         (lambda: build(np.ones((3, 3, 3), np.uint8), Grid((0, 0, 0), 0.1, (4, 4, 4))), "shape"),
         (lambda: build(np.full((4, 4, 4), 3, np.uint8), Grid((0, 0, 0), 0.1, (4, 4, 4))), "state is 3"),

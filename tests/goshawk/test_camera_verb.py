@@ -10,7 +10,7 @@ from PIL import Image
 
 import mapping
 from mapping.camera import rig as rigs
-from mapping.camera.rig import Rig, forward_camera
+from mapping.camera.rig import Camera, Rig, forward_camera
 from tests.goshawk.running import run
 
 
@@ -64,7 +64,9 @@ def test_folders_that_are_no_photographs_of_one_camera_are_refused(photos, tmp_p
     (photos / "9.png").write_bytes(b"\x89PNG")
     assert "damaged" in run("camera", "new", photos, *out, code=2)
     (photos / "9.png").unlink()
-    assert "not likely" in run("camera", "new", photos, *out, "--focal-px", 2, code=2)
+    for focal_px in (19, 40001, "nan"):
+        said = run("camera", "new", photos, *out, "--focal-px", focal_px, code=2)
+        assert f"a focal length of {focal_px} px is not from 20 to 40000 px" in said
     assert not (tmp_path / "c.toml").exists()
 
 
@@ -95,3 +97,17 @@ def test_export_writes_what_import_reads(tmp_path):
     again = tmp_path / "again.toml"
     run("camera", "import", tmp_path / "colmap" / "cameras.txt", "--out", again)
     assert rigs.load(again).cameras[0].params.tolist() == [300, 300, 320, 240, 0.6, 1.1]
+
+
+def test_files_whose_cameras_cannot_be_compared_say_why(tmp_path):
+    def written(name, camera):
+        rigs.save(tmp_path / name, Rig((camera,)))
+        return tmp_path / name
+
+    first = written("a.toml", forward_camera("PINHOLE", 640, 480, [300, 300, 320, 240], name="front"))
+    other = written("b.toml", forward_camera("PINHOLE", 640, 480, [300, 300, 320, 240], name="cam0"))
+    said = run("camera", "compare", first, other, code=2)
+    assert f"{first} has a camera 'front' and {other} does not (it has 'cam0')" in said
+    assert "name them alike" in said
+    narrow = Camera("front", ".", "PINHOLE", 640, 480, np.array([300, 300, 320, 240]), np.eye(4), 1e-6)
+    assert "no direction is seen by both lenses" in run("camera", "compare", first, written("c.toml", narrow), code=2)

@@ -2,6 +2,7 @@
 
 import json
 
+import cv2
 import numpy as np
 import pytest
 
@@ -11,6 +12,7 @@ from esdf.edits import difference
 from flight import FormatError, InputError
 from goshawk.cli import goshawk
 from goshawk.commands import map_edit
+from mapping.camera import rig as rigs
 
 GRID = Grid((-1.0, -1.0, 0.0), 0.1, (40, 30, 20))
 
@@ -149,3 +151,22 @@ def test_an_edit_that_the_ground_station_made_meanwhile_is_not_written_over(caps
     with pytest.raises(InputError, match=r"changed .* meanwhile; nothing was written"):
         run(capsys, "map", "edit", folder, "add", "--sphere", "1,0,1,0.2")
     assert esdf.load_edits(folder / "esdf" / "edits.json") == (theirs,)
+
+
+def test_a_run_that_is_to_stop_says_so_as_json_too(capsys, tmp_path):
+    (tmp_path / "images").mkdir()
+    rng = np.random.default_rng(0)
+    for k in range(3):
+        cv2.imwrite(str(tmp_path / "images" / f"{k}.png"), rng.integers(0, 255, (120, 160), dtype=np.uint8))
+    rigs.save(tmp_path / "c.toml", rigs.Rig((rigs.forward_camera("PINHOLE", 160, 120, [100, 100, 80, 60]),)))
+    given = (tmp_path / "images", "--camera", tmp_path / "c.toml", "--length", 1, "--out", tmp_path / "map")
+    assert run(capsys, "map", *given, "--until", "check") == {"stopped_after": "check"}
+
+
+def test_a_video_is_to_be_checked_by_its_frames(tmp_path):
+    rigs.save(tmp_path / "c.toml", rigs.Rig((rigs.forward_camera("PINHOLE", 160, 120, [100, 100, 80, 60]),)))
+    (tmp_path / "walk.mp4").write_bytes(b"")
+    with pytest.raises(InputError, match=r"--until frames, then check the folder MAP\.work/frames"):
+        goshawk.main(
+            ["map", str(tmp_path / "walk.mp4"), "--camera", str(tmp_path / "c.toml"), "--check"], standalone_mode=False
+        )

@@ -8,7 +8,7 @@ import pytest
 from flight import FloatArray, FormatError, InputError, MapError, frames, rotations
 from mapping.camera.rig import Rig, forward_camera
 from mapping.input.images import ImageSet
-from mapping.sparse import alignment
+from mapping.sparse import alignment, reconstruction
 from mapping.sparse.alignment import Length, References
 
 COUNT = 40
@@ -111,9 +111,17 @@ def test_a_single_camera_without_any_length_is_refused(truth: FloatArray) -> Non
         alignment.align(image_set(), truth, nothing(), baseline_std=None, length=None)
 
 
+@pytest.mark.parametrize(("registered", "seen"), [([[1, 0], [0, 1]], False), ([[1, 1], [0, 1]], True)])
+def test_a_rig_gives_a_scale_only_where_two_cameras_look_at_once(registered: list[list[int]], seen: bool) -> None:
+    assert reconstruction._rig_seen(np.array(registered, dtype=bool)) is seen
+
+
 def test_a_length_between_images_that_are_not_there_is_refused(truth: FloatArray) -> None:
-    with pytest.raises(InputError, match=r"no .x\.jpg"):
-        alignment.align(image_set(), truth, nothing(), baseline_std=None, length=Length(1.0, ("x.jpg", "001.jpg")))
+    with pytest.raises(InputError, match=r"no .x\.jpg.; its .* images go from 000\.jpg to "):
+        alignment.require_ends(image_set(), Length(1.0, ("001.jpg", "x.jpg")))
+    with pytest.raises(InputError, match="to itself; name two images"):
+        alignment.require_ends(image_set(), Length(1.0, ("001.jpg", "001.jpg")))
+    alignment.require_ends(image_set(), Length(1.0, ("001.jpg", "000.jpg")))
     with pytest.raises(InputError, match="above 0 and at most 100000 m"):
         Length(0.0)
 
@@ -124,6 +132,13 @@ def test_references_are_read_with_empty_cells(tmp_path: Path) -> None:
     assert references.position_m[3].tolist() == [1.0, 2.0, 3.0]
     assert int(np.isfinite(references.position_m).all(axis=1).sum()) == 1
     assert np.isnan(references.up_body).all()
+
+
+def test_references_of_a_spreadsheet_are_read(tmp_path: Path) -> None:
+    """It begins with a byte order mark; a space may follow each comma."""
+    path = tmp_path / "references.csv"
+    path.write_text("\ufeffx_m, y_m, z_m, image\n1, 2, 3, 003.jpg\n")
+    assert alignment.read_references(image_set(tmp_path)).position_m[3].tolist() == [1.0, 2.0, 3.0]
 
 
 def test_references_that_match_no_image_or_lie_far_away_are_refused(tmp_path: Path) -> None:

@@ -143,5 +143,13 @@ def test_times_that_cannot_be_are_named(sequence: images.ImageSet, change, said:
     assert said in problems[0]
 
 
+def test_cameras_without_a_common_instant_are_named(sequence: images.ImageSet) -> None:
+    alternating = np.arange(len(sequence.instants))[:, None] % 2 == [[0, 1]]
+    found = examination.examine(dataclasses.replace(sequence, present=alternating))
+    assert "no two cameras have an image of the same name, which means the same instant" in found.problems
+    alone = dataclasses.replace(sequence, rig=mapping.Rig(RIG.cameras[:1]), present=sequence.present[:, :1])
+    assert examination.examine(alone).problems == ()
+
+
 def test_few_instants_are_named(sequence: images.ImageSet) -> None:
     assert any("only 4 instants" in p for p in examination.examine(sequence.only(np.arange(4))).problems)

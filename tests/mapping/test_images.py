@@ -108,6 +108,19 @@ def test_damaged_times_are_refused(folder: Path) -> None:
     refused(folder, SINGLE, FormatError, "no column 'image'")
 
 
+def test_times_of_a_spreadsheet_are_read(folder: Path) -> None:
+    """It begins with a byte order mark; a space may follow each comma."""
+    (folder / "times.csv").write_text("\ufeffimage, time_s\n01.jpg, 0.5\n")
+    assert read_folder(folder, SINGLE).time_s[1] == 0.5
+
+
+def test_times_of_other_images_are_refused(folder: Path) -> None:
+    (folder / "times.csv").write_text("image,time_s\nfront/01.jpg,0.5\nfront/02.jpg,0.6\n")
+    refused(folder, SINGLE, InputError, r"names none of the images in .* as in 00\.jpg, not 'front/01\.jpg'")
+    (folder / "times.csv").write_text("image,time_s\nfront/01.jpg,0.5\n02.jpg,0.6\n")
+    assert read_folder(folder, SINGLE).time_s[2] == 0.6
+
+
 def test_other_files_beside_the_images_are_left_alone(folder: Path) -> None:
     (folder / "notes.txt").write_text("windy")
     shutil.copy(folder / "00.jpg", folder / ".hidden.jpg")

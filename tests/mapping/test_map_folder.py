@@ -177,6 +177,34 @@ def test_an_earlier_map_is_refused_before_the_images_are_read(tmp_path: Path) ->
         mapping.build_map(tmp_path / "none", RIG, made_map(tmp_path / "map"))
 
 
+def test_a_length_from_an_image_that_is_not_there_is_refused_before_any_stage(tmp_path: Path) -> None:
+    images = write_images(tmp_path / "images", [noise(k) for k in range(4)])
+    options = MapOptions(length=mapping.Length(1.0, ("00.png", "17.png")))
+    with pytest.raises(InputError, match=r"has no '17\.png'; its 4 images go from 00\.png to 03\.png"):
+        mapping.build_map(images, RIG, tmp_path / "map", options)
+    assert not (tmp_path / "map.work").exists()
+
+
+def test_a_rig_without_images_of_one_name_has_no_scale_of_its_own(tmp_path: Path) -> None:
+    first = dataclasses.replace(RIG.cameras[0], folder="left")
+    aside = frames.transform([1.0, 0.0, 0.0, 0.0], [0.0, 0.1, 0.0]) @ first.T_body_camera
+    other = dataclasses.replace(first, name="right", folder="right", T_body_camera=aside)
+    rig = rigs.Rig((first, other))
+    (tmp_path / "images").mkdir()
+    write_images(tmp_path / "images" / "left", [noise(k) for k in range(3)])
+    write_images(tmp_path / "images" / "right", [noise(k) for k in range(3)])
+    with pytest.raises(stages.StoppedError):
+        mapping.build_map(tmp_path / "images", rig, tmp_path / "map", until="check")
+    for image in (tmp_path / "images" / "right").iterdir():
+        image.rename(image.with_stem(f"right {image.stem}"))
+    with pytest.raises(MapError, match=r"no metric scale: .* never have images of the same name"):
+        mapping.build_map(tmp_path / "images", rig, tmp_path / "new")
+    assert not (tmp_path / "new.work").exists()
+    options = MapOptions(length=mapping.Length(1.0))
+    with pytest.raises(stages.StoppedError):
+        mapping.build_map(tmp_path / "images", rig, tmp_path / "new", options, until="check")
+
+
 def test_interrupt_leaves_the_old_map(tmp_path: Path) -> None:
     images = write_images(tmp_path / "images", [noise(k) for k in range(4)])
     out = made_map(tmp_path / "map")

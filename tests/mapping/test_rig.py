@@ -180,8 +180,18 @@ def test_shortest_camera_file_is_one_camera_that_looks_ahead(tmp_path) -> None:
         ("SIMPLE_RADIAL_FISHEYE", "FANTASY", InputError, "FANTASY"),
         (", 0.05]", "]", InputError, "takes 4"),
         ("0.05]", "nan]", InputError, "finite"),
-        ("300.0,", "-300.0,", InputError, "focal"),
+        ("300.0,", "-300.0,", InputError, "-300 px; for an image 640 px wide it must be from 32 to 64000 px"),
+        ("300.0,", "31.9,", InputError, "focal length of 31.9 px"),
+        ("300.0,", "64001.0,", InputError, "focal length of 64001 px"),
+        ("320.0, 240.0", "640.0, 240.0", InputError, r"principal point \(640, 240\) px lies outside of the image"),
+        ("320.0, 240.0", "320.0, -1.0", InputError, r"principal point \(320, -1\) px lies outside of the image"),
         ("width = 640\n", "", FormatError, "'width'"),
+        ("width = 640", "width = 640.5", FormatError, "width is 640.5; a whole number is expected"),
+        ("width = 640", 'width = "640"', FormatError, "width is '640'; a whole number is expected"),
+        ("height = 480", "height = true", FormatError, "height is True; a whole number is expected"),
+        ("height = 480", 'height = 480\nfield_of_view_deg = "wide"', FormatError, "'wide'; a number is expected"),
+        ("height = 480", "height = 480\nfield_of_view_deg = 361", InputError, "361 degrees; .* at most 360 degrees"),
+        ("height = 480", "height = 480\nfield_of_view_deg = 0", InputError, "0 degrees; .* above 0"),
         ("width = 640", "width = 2", InputError, "too small"),
         ("0.05]", "0.05, 1.0, 1.0]", InputError, "takes 4"),
         *(
@@ -199,7 +209,9 @@ def test_shortest_camera_file_is_one_camera_that_looks_ahead(tmp_path) -> None:
         ("height = 480", "height = 480\nfield_of_view = 165.0", FormatError, "'field_of_view' is not one of name"),
         ("height = 480", "height = 480\nT_body_cam = {q=[1,0,0,0], t=[0,0,0]}", FormatError, "'T_body_cam' is not"),
         ("goshawk-camera", "goshawk-map", FormatError, "goshawk-map"),
-        ("height = 480", "height = 480\nT_body_camera = {q=[1,1,0,0], t=[0,0,0]}", InputError, "unit"),
+        ("height = 480", "height = 480\nT_body_camera = {q=[1,1,0,0], t=[0,0,0]}", InputError, "camera c: .* unit"),
+        ("height = 480", "height = 480\nT_body_camera = {q=[1,0,0,0], t=[0,nan,0]}", InputError, "camera c: .* finite"),
+        ("height = 480", "height = 480\nT_body_camera = {q=[1,0,0,0], t=[6,8.1,0]}", InputError, "10.08 m .* 10 m"),
         ("height = 480", "height = 480\nT_body_camera = {q=[1,0,0,0]}", FormatError, "'t'"),
     ],
 )
@@ -212,5 +224,11 @@ def test_damaged_camera_file_is_refused_in_one_sentence(tmp_path, old: str, new:
 
 
 def test_cameras_of_a_rig_may_not_share_a_folder() -> None:
-    with pytest.raises(InputError, match="share the folder"):
-        Rig((lens("OPENCV_FISHEYE", KB, name="a"), lens("OPENCV_FISHEYE", KB, name="b")))
+    for other in ("front", "./front", "front/"):
+        with pytest.raises(InputError, match="share the folder"):
+            Rig(
+                (
+                    lens("OPENCV_FISHEYE", KB, name="a", folder="front"),
+                    lens("OPENCV_FISHEYE", KB, name="b", folder=other),
+                )
+            )

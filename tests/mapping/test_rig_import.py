@@ -177,7 +177,7 @@ def test_colmap_cameras_keep_their_lens_and_take_the_rig_s_places(tmp_path):
     [
         (COLMAP, None, "--rig"),
         ("", None, "no camera"),
-        ("1 SIMPLE_RADIAL 65535 65535 600 320 240 -0.02\n", None, "folds over"),
+        ("1 SIMPLE_RADIAL 65535 65535 3300 320 240 -0.02\n", None, "folds over"),
         ("1 FOV 640 480 1 2 3 4 5\n", None, "FOV"),
         ("1 PINHOLE 640 480 1 2 3\n", None, "3 params"),
         ("1 PINHOLE 640 480 a b c d\n", None, "finite"),

@@ -228,7 +228,8 @@ def scaled(factor: float) -> Callable[[list[list[str]]], object]:
 FAULTS = [
     (changed(3, 2, "nan"), "line 5: a number is missing or not finite"),
     (changed(3, 2, "inf"), "not finite"),
-    (changed(3, 2, "east"), "'east' is not a number"),
+    (changed(3, 2, "east"), "a line that is no pose must begin with #"),
+    (changed(3, 2, "east"), ", line 5: '"),
     (changed(3, 0, "1.0"), "not after that of the pose before"),
     (changed(3, 7, "0.1"), "quaternion (x y z w) is not of unit length"),
     (lambda rows: rows[3].pop(), "7 columns"),
@@ -250,6 +251,13 @@ def test_each_fault_of_the_file_is_named(tmp_path: Path, change: Callable, said:
         beside(MotionKind.POSES, path)
     assert said in str(raised.value)
     assert str(path) in str(raised.value)
+
+
+def test_a_byte_order_mark_is_no_part_of_the_first_time(tmp_path: Path) -> None:
+    path = write_tum(tmp_path / "p", RECORDED_S, pose(RECORDED_S))
+    marked = tmp_path / "marked"
+    marked.write_text("\n".join(["\ufeff" + path.read_text().splitlines()[1], *path.read_text().splitlines()[2:]]))
+    np.testing.assert_array_equal(trajectory.read(marked).time_s, trajectory.read(path).time_s)
 
 
 def test_centimetres_at_walking_pace_are_refused_and_a_fast_flight_in_metres_is_not(tmp_path: Path) -> None:

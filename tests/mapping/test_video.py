@@ -98,6 +98,17 @@ def test_a_video_without_a_source_of_scale_is_refused_before_any_work(tmp_path: 
     assert [file.name for file in tmp_path.iterdir()] == ["a.avi"]
 
 
+def test_what_is_given_with_a_video_must_fit_its_frames(tmp_path: Path) -> None:
+    path, references = written(tmp_path / "walk.avi", moving()), tmp_path / "references.csv"
+    length = mapping.Length(1.0, ("000000.png", "x.png"))
+    with pytest.raises(InputError, match=r"no 'x\.png'; .* go from 000000\.png to"):
+        mapping.build_map(path, RIG, tmp_path / "map", mapping.MapOptions(length=length), until="check")
+    references.write_text("image,x_m,y_m,z_m\nx.png,1,2,3\n")
+    options = mapping.MapOptions(length=mapping.Length(1.0), references=references)
+    with pytest.raises(InputError, match="names none of the images"):
+        mapping.build_map(path, RIG, tmp_path / "map", options, until="check")
+
+
 def test_times_that_do_not_increase_are_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="the time of frame 2"):
         video._require_times(tmp_path, np.array([0.0, 0.1, 0.1, 0.2]))
