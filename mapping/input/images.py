@@ -227,9 +227,7 @@ def read_table(path: Path, columns: tuple[str, ...]) -> dict[str, tuple[float, .
         FormatError: it is not text, a column is missing, a cell is not a number, or a key comes twice.
     """
     try:
-        lines = path.read_text(
-            encoding="utf-8-sig"
-        ).splitlines()  # with or without the mark that spreadsheets put first
+        lines = path.read_text(encoding="utf-8-sig").splitlines()  # with or without a byte order mark
     except UnicodeDecodeError:
         raise FormatError(f"{path} is not a CSV file: it holds bytes that are no text") from None
     reader = csv.DictReader(lines, skipinitialspace=True)
