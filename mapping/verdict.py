@@ -14,7 +14,7 @@ from mapping.camera.errors import OF_THE_LENS, Kind
 from mapping.camera.trial import SIGMAS90, Finding, Verdict
 from mapping.input.trajectory import MotionKind
 from mapping.sparse import overlap, reconstruction, repetition
-from mapping.sparse.alignment import ScaleWitness
+from mapping.sparse.alignment import GRAVITY, ScaleWitness
 from mapping.sparse.motion import MotionCheck
 from mapping.sparse.reconstruction import SparseMap
 
@@ -35,6 +35,8 @@ DIRECTION_REFUSED_RAD = float(np.radians(25.0))
 """Poses with a noise of 5 cm and 2 deg differ by 9 deg; quaternions in another order, or inverted, by 40 to 54 deg."""
 TILT_DOUBT_RAD = float(np.radians(60.0))
 """No vehicle flies like this for half of its images."""
+HANGING_DOUBT_RAD = float(np.radians(120.0))
+"""Nor does anybody carry one like this; less may be a camera file that does not say how the camera looks."""
 OTHER_LENS = 0.02
 """The same for what is wrong with a lens, as a share of the image's width: lenses of one make differ by less."""
 SHIFT_DOUBT_PX = 1.0
@@ -125,6 +127,8 @@ def judge(placed: SparseMap) -> MapVerdict:
         refusals += _motion_refusals(check)
     if placed.alignment.up_source == MotionKind.POSES:
         doubts += _tilt_doubts(placed.T_world_body[placed.placed])
+    if placed.alignment.up_source == GRAVITY:
+        doubts += _hanging_doubts(placed.T_world_body[placed.placed])
     standing = Standing.REFUSED if refusals else Standing.DOUBTFUL if doubts else Standing.GOOD
     corrected = [] if placed.images.depths else [f for f in trial.present if f not in trial.inexpressible]
     return MapVerdict(
@@ -165,8 +169,23 @@ def _motion_refusals(check: MotionCheck) -> list[str]:
     ]
 
 
+def _hanging_doubts(T_world_body: FloatArray) -> list[str]:
+    tilt_rad = _tilt_rad(T_world_body)
+    if tilt_rad < HANGING_DOUBT_RAD:
+        return []
+    return [
+        f"by the recorded gravity the vehicle hangs upside down (its z axis is {np.degrees(tilt_rad):.0f} deg from up, "
+        "median): up_body points up, as an accelerometer at rest does; change the signs if yours points down"
+    ]
+
+
+def _tilt_rad(T_world_body: FloatArray) -> float:
+    """Median angle between the body's z axis and up."""
+    return float(np.median(np.arccos(np.clip(T_world_body[:, 2, 2], -1.0, 1.0))))
+
+
 def _tilt_doubts(T_world_body: FloatArray) -> list[str]:
-    tilt_rad = float(np.median(np.arccos(np.clip(T_world_body[:, 2, 2], -1.0, 1.0))))
+    tilt_rad = _tilt_rad(T_world_body)
     if tilt_rad < TILT_DOUBT_RAD:
         return []
     return [

@@ -39,6 +39,8 @@ DEPTH_SOURCE = "depth images"
 """Name of the scale that depth images of a sensor give; where they are there, it is theirs."""
 LEAST_BASELINE_M = 0.005
 """A shorter baseline gives no scale."""
+GRAVITY = "recorded gravity"
+"""The source of up that `references.csv` is."""
 LONGEST_M = 1e5
 """A longer length is in another unit."""
 NO_SCALE = (
@@ -59,7 +61,7 @@ class References:
     up_body: FloatArray
     """(instants, 3) unit vectors, NaN where nothing was recorded."""
     position_source: str = "recorded positions"
-    up_source: str = "recorded gravity"
+    up_source: str = GRAVITY
 
 
 @dataclass(frozen=True, slots=True)

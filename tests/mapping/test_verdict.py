@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flight import FormatError, InputError
+from flight import FormatError, InputError, frames, rotations
 from goshawk.rendered import world as rendered_world
 from mapping import map_folder, verdict
 from mapping.camera.errors import Candidate, Kind
@@ -66,6 +66,18 @@ def finding(kind: Kind, what: Verdict, *, shift_px: float = 2.0, largest_px: flo
     return Finding(
         Candidate("down", kind), what, np.full(count, 0.01), np.full(count, 1e-3), shift_px, largest_px, 99.0
     )
+
+
+@pytest.mark.parametrize(("tilt_deg", "is_doubted"), [(0.0, False), (115.0, False), (125.0, True), (180.0, True)])
+def test_gravity_that_has_the_vehicle_hang_upside_down_is_doubted(tilt_deg: float, is_doubted: bool) -> None:
+    sparse = placed(missing=1)
+    tilted = sparse.T_world_body @ frames.transform(rotations.exp([np.radians(tilt_deg), 0.0, 0.0]), np.zeros(3))
+    found = verdict.judge(dataclasses.replace(sparse, T_world_body=tilted))
+    assert [text for text in found.reasons if "upside down" in text and f"{tilt_deg:.0f} deg" in text] == list(
+        found.reasons if is_doubted else []
+    )
+    level = dataclasses.replace(sparse.alignment, up_source="first image taken as level")
+    assert not verdict.judge(dataclasses.replace(sparse, T_world_body=tilted, alignment=level)).reasons
 
 
 def test_a_map_without_reasons_is_good() -> None:
