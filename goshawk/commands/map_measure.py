@@ -12,6 +12,7 @@ from flight import FloatArray, InputError
 from goshawk import console
 from mapping import Map
 from mapping.map_folder import read_report
+from mapping.verdict import Standing
 
 
 @click.command()
@@ -37,7 +38,8 @@ def measure(map_folder: Path, start: str, end: str, as_json: bool) -> None:
     witnesses = read_report(map_folder).get("scale_witnesses", [])
     std_m = float(witnesses[0]["std"]) * length_m if witnesses else None
     clearances = [_clearance(area, point) for point in points_world_m]
-    facts = {
+    doubts = {} if area.standing is Standing.GOOD else {"map": f"{area.standing}: {'; '.join(area.reasons)}"}
+    facts = doubts | {
         "length": f"{length_m:.3f} m" + ("" if std_m is None else f" ± {std_m:.3f} m, of the map's scale"),
         "horizontal": f"{math.hypot(step_m[0], step_m[1]):.3f} m",
         "rise": f"{step_m[2]:+.3f} m",
@@ -53,6 +55,8 @@ def measure(map_folder: Path, start: str, end: str, as_json: bool) -> None:
         "clearance_m": [clearance_m for clearance_m, _ in clearances],
         "status": [status for _, status in clearances],
         "map_hash": area.hash,
+        "verdict": str(area.standing),
+        "reasons": list(area.reasons),
     }
     console.show("measure", facts, as_json=as_json, document=document)
 
