@@ -12,6 +12,7 @@ from flight import FloatArray, InputError
 from goshawk import console
 from mapping import Map
 from mapping.map_folder import read_report
+from mapping.reach import FARTHEST_M
 from mapping.verdict import Standing
 
 
@@ -66,9 +67,14 @@ def _point(area: Map, option: str, text: str) -> FloatArray:
     if text in area.images:
         return area.T_world_body[area.images.index(text), :3, 3]
     try:
-        return np.array(console.numbers(option, text, 3))
+        point_world_m = np.array(console.numbers(option, text, 3))
     except InputError:
         raise InputError(f"{option} {text!r} is neither X,Y,Z in metres nor an image of {area.folder}") from None
+    if (farthest_m := float(np.abs(point_world_m).max())) > FARTHEST_M:
+        raise InputError(
+            f"{option} is {farthest_m:g} m from the origin; a map reaches at most {FARTHEST_M:g} m: is it in metres?"
+        )
+    return point_world_m
 
 
 def _clearance(area: Map, point_world_m: FloatArray) -> tuple[float | None, str]:

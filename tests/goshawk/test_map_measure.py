@@ -75,3 +75,11 @@ def test_a_length_in_a_refused_map_comes_with_the_reasons(pillar_map: Path, tmp_
     assert "refused: two sources of scale disagree" in run("map", "measure", folder, *ends)
     assert measured(pillar_map, "1,1,1", "4,1,1")["verdict"] == "good"
     assert "good" not in run("map", "measure", pillar_map, *ends)
+
+
+def test_a_point_farther_than_any_map_reaches_is_refused_with_the_bound(pillar_map: Path) -> None:
+    assert measured(pillar_map, "1,1,1", "1,10000,1")["length_m"] == pytest.approx(9999.0)
+    for far in ("10001,1,1", "1,-1e308,1"):
+        refusal = run("map", "measure", pillar_map, "--from", "1,1,1", "--to", far, code=2)
+        assert "--to is 1" in refusal
+        assert "a map reaches at most 10000 m" in refusal
