@@ -16,7 +16,7 @@ _HANDS_M = 0.15
 
 
 def clearance_m(area: Map, vehicle_file: Path | None, radius_m: float | None, margin_m: float | None) -> float:
-    """What `goshawk plan` keeps of this vehicle; without one, of what carried the map's cameras.
+    """What `goshawk plan` asks of a waypoint for this vehicle; without one, for what carried the map's cameras.
 
     Raises:
         FlightError: the vehicle cannot be read.
@@ -27,7 +27,7 @@ def clearance_m(area: Map, vehicle_file: Path | None, radius_m: float | None, ma
     if vehicle_file is None and radius_m is None:
         radius_m = float(area.facts.get("carrier_radius_m", DenseOptions().carrier_radius_m))
     asked = console.body_options(radius_m, margin_m)
-    return (asked if vehicle_file is None else asked.sized(vehicle.load(vehicle_file))).clearance_m
+    return (asked if vehicle_file is None else asked.sized(vehicle.load(vehicle_file))).waypoint_clearance_m
 
 
 def on_foot(area: Map) -> tuple[float, float]:

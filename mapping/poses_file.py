@@ -55,4 +55,6 @@ def read_poses(path: Path) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
         raise FormatError(f"{path} is missing; build the map again")
     table = read_table(path, _COLUMNS)
     values = np.array(list(table.values()), dtype=np.float64).reshape(-1, 8)
+    if (cut := np.flatnonzero(~np.isfinite(values[:, 1:]).all(axis=1))).size:
+        raise FormatError(f"{path} is damaged: {list(table)[cut[0]]} has no whole pose; build the map again")
     return tuple(table), values[:, 0], frames.transform(rotations.normalise(values[:, 4:]), values[:, 1:4])

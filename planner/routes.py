@@ -56,7 +56,7 @@ def _trouble(field: space.DistanceField, i: int, point: FloatArray, distance_m: 
         where = f"waypoint {i} at {_text(point)} is {-distance_m:.2f} m inside an obstacle"
     else:
         where = (
-            f"waypoint {i} at {_text(point)} is {distance_m:.2f} m from an obstacle, {clearance_m:.2f} m are required"
+            f"waypoint {i} at {_text(point)} is {distance_m:.3f} m from an obstacle, {clearance_m:.3f} m are required"
         )
     try:
         free = space.nearest_free(field, point, clearance_m + 0.01)

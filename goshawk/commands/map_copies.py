@@ -1,6 +1,7 @@
 """`goshawk map crop`, `origin`, `align`, `merge`: new maps of old ones, which stay as they are."""
 
 import csv
+import dataclasses
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -47,7 +48,8 @@ def crop(map_folder: Path, out: Path, overwrite: bool, as_json: bool, **shapes: 
     old = map_parts.read(map_folder)
     shape = next(f"--{name.replace('_', '-')} {text}" for name, text in shapes.items() if text is not None)
     new = map_parts.cropped(old, kept, f"cropped {_named(old)} with {shape}")
-    _write(out, new, {"poses kept": f"{len(new.images)} of {len(old.images)}"}, {}, overwrite, as_json)
+    facts = {"poses kept": f"{len(new.images)} of {len(old.images)}"}
+    _write(out, new, facts, {"poses": len(new.images), "poses_of_old": len(old.images)}, overwrite, as_json)
 
 
 @click.command()
@@ -93,7 +95,8 @@ def align(map_folder: Path, points: Path | None, up: str | None, out: Path, over
         T, residual_m, scale = fit_points(*read_points(points))
         facts = {"residual": f"{1000.0 * residual_m:.0f} mm RMS", "scale": f"{scale:.4f} of the measured one"}
         document = {"residual_m": residual_m, "scale_of_measured": scale}
-        _move(map_folder, T, f"aligned to points of {points.name},", facts, document, out, overwrite, as_json)
+        sentence = f"aligned to points of {points.name},"
+        _move(map_folder, T, sentence, facts, document, out, overwrite, as_json, up_source="measured points")
         return
     from mapping.sparse import alignment
 
@@ -105,7 +108,7 @@ def align(map_folder: Path, points: Path | None, up: str | None, out: Path, over
     T = np.eye(4)
     T[:3, :3] = R
     facts, document = {"turned": f"{turn_deg:.2f} deg"}, {"turned_rad": math.radians(turn_deg)}
-    _move(map_folder, T, f"up set to {up},", facts, document, out, overwrite, as_json)
+    _move(map_folder, T, f"up set to {up},", facts, document, out, overwrite, as_json, up_source="a stated direction")
 
 
 @click.command()
@@ -207,12 +210,16 @@ def _move(
     out: Path,
     overwrite: bool,
     as_json: bool,
+    *,
+    up_source: str | None = None,
 ) -> None:
     from mapping import map_parts
 
     results.require_free_folder(out, overwrite=overwrite, ours=_is_map)
     old = map_parts.read(map_folder)
     new = map_parts.moved(old, T_new_old, f"{sentence} {_named(old)}")
+    if up_source is not None:
+        new = dataclasses.replace(new, facts=new.facts | {"up_source": up_source})
     _write(out, new, facts, document | {"T_new_old": T_new_old.tolist()}, overwrite, as_json)
 
 

@@ -12,6 +12,8 @@ from flight import FloatArray, InputError
 from goshawk import console
 from mapping import Map
 from mapping.map_folder import read_report
+from mapping.reach import FARTHEST_M
+from mapping.verdict import Standing
 
 
 @click.command()
@@ -37,7 +39,8 @@ def measure(map_folder: Path, start: str, end: str, as_json: bool) -> None:
     witnesses = read_report(map_folder).get("scale_witnesses", [])
     std_m = float(witnesses[0]["std"]) * length_m if witnesses else None
     clearances = [_clearance(area, point) for point in points_world_m]
-    facts = {
+    doubts = {} if area.standing is Standing.GOOD else {"map": f"{area.standing}: {'; '.join(area.reasons)}"}
+    facts = doubts | {
         "length": f"{length_m:.3f} m" + ("" if std_m is None else f" ± {std_m:.3f} m, of the map's scale"),
         "horizontal": f"{math.hypot(step_m[0], step_m[1]):.3f} m",
         "rise": f"{step_m[2]:+.3f} m",
@@ -53,6 +56,8 @@ def measure(map_folder: Path, start: str, end: str, as_json: bool) -> None:
         "clearance_m": [clearance_m for clearance_m, _ in clearances],
         "status": [status for _, status in clearances],
         "map_hash": area.hash,
+        "verdict": str(area.standing),
+        "reasons": list(area.reasons),
     }
     console.show("measure", facts, as_json=as_json, document=document)
 
@@ -62,9 +67,14 @@ def _point(area: Map, option: str, text: str) -> FloatArray:
     if text in area.images:
         return area.T_world_body[area.images.index(text), :3, 3]
     try:
-        return np.array(console.numbers(option, text, 3))
+        point_world_m = np.array(console.numbers(option, text, 3))
     except InputError:
         raise InputError(f"{option} {text!r} is neither X,Y,Z in metres nor an image of {area.folder}") from None
+    if (farthest_m := float(np.abs(point_world_m).max())) > FARTHEST_M:
+        raise InputError(
+            f"{option} is {farthest_m:g} m from the origin; a map reaches at most {FARTHEST_M:g} m: is it in metres?"
+        )
+    return point_world_m
 
 
 def _clearance(area: Map, point_world_m: FloatArray) -> tuple[float | None, str]:

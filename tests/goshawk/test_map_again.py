@@ -18,6 +18,7 @@ from flight import InputError, project, silent
 from gcs_web.document import Settings
 from gcs_web.session import Session
 from goshawk.station_jobs import look_again
+from planner import PlanOptions
 from tests.goshawk.running import answer, run
 
 UNSEEN = Box((2.6, 0.3, 0.4), (3.4, 1.0, 1.6))
@@ -56,6 +57,13 @@ def test_the_waypoints_show_the_box_and_are_planned_as_they_are(folder: Path, dr
     assert (near >= said["clearance_m"] - 1e-6).all()
     plan = ("--map", folder, "--vehicle", drone, "--out", tmp_path / "flight.json", "--speed", "1", "--json")
     assert json.loads(run("plan", out, *plan))["waypoints"] == len(said["views"])
+
+
+def test_the_views_keep_what_the_planner_asks_of_a_waypoint(folder: Path, drone: Path) -> None:
+    said = json.loads(run("map", "again", folder, "--vehicle", drone, "--margin", "0.2", "--json"))
+    assert said["clearance_m"] == PlanOptions(margin_m=0.2).sized(vehicle.example()).waypoint_clearance_m
+    said = json.loads(run("map", "again", folder, "--radius", "0.3", "--json"))
+    assert said["clearance_m"] == PlanOptions(radius_m=0.3).waypoint_clearance_m
 
 
 def test_without_anything_to_see_no_file_is_written_and_an_earlier_one_is_kept_beside(

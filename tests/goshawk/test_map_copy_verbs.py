@@ -66,9 +66,10 @@ def test_a_heading_turns_the_x_axis(folder: Path, tmp_path: Path) -> None:
 
 
 def test_a_part_is_cut_out(folder: Path, tmp_path: Path) -> None:
-    run("map", "crop", folder, "--box", "0,0,0,3,4,2.5", "--out", tmp_path / "new")
+    said = json.loads(run("map", "crop", folder, "--box", "0,0,0,3,4,2.5", "--out", tmp_path / "new", "--json"))
     new = mapping.open_map(tmp_path / "new")
     assert new.field.status([[2.5, 3.0, 1.0], [3.5, 3.0, 1.0]]).tolist() == [esdf.KNOWN, esdf.OUTSIDE]
+    assert (said["poses"], said["poses_of_old"]) == (len(new.images), len(mapping.open_map(folder).images))
     assert "cropped map" in new.facts["history"][0]
     assert "with --box 0,0,0,3,4,2.5" in new.facts["history"][0]
     assert "--box" in run("map", "crop", folder, "--out", tmp_path / "none", code=2)
@@ -84,6 +85,7 @@ def test_measured_points_are_where_they_were_measured(folder: Path, tmp_path: Pa
     )
     np.testing.assert_allclose(said["T_new_old"], T, atol=1e-5)
     assert said["residual_m"] == pytest.approx(0.0, abs=1e-5)
+    assert mapping.open_map(tmp_path / "new").facts["up_source"] == "measured points"
 
 
 def test_a_map_can_be_set_upright(folder: Path, tmp_path: Path) -> None:
@@ -93,6 +95,7 @@ def test_a_map_can_be_set_upright(folder: Path, tmp_path: Path) -> None:
     assert said["turned_rad"] == pytest.approx(tilt_rad)
     R = np.array(said["T_new_old"])[:3, :3]
     np.testing.assert_allclose(R @ [math.sin(tilt_rad), 0.0, math.cos(tilt_rad)], [0.0, 0.0, 1.0], atol=1e-9)
+    assert mapping.open_map(tmp_path / "new").facts["up_source"] == "a stated direction"
 
 
 def write_points(path: Path, of_map: np.ndarray, measured: np.ndarray) -> None:

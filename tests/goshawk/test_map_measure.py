@@ -62,3 +62,24 @@ def test_the_standard_deviation_is_that_of_the_scale_in_use(pillar_map: Path, tm
 def test_what_is_neither_a_point_nor_an_image_is_refused_by_name(pillar_map: Path, point: str) -> None:
     said = run("map", "measure", pillar_map, "--from", "1,1,1", "--to", point, code=2)
     assert f"--to '{point}' is neither X,Y,Z in metres nor an image" in said
+
+
+def test_a_length_in_a_refused_map_comes_with_the_reasons(pillar_map: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(pillar_map, tmp_path / "map")
+    facts = file_format.read_toml(folder / "map.toml", format=map_folder.FORMAT, version=1)
+    facts |= {"verdict": "refused", "reasons": ["two sources of scale disagree"]}
+    file_format.write_toml(folder / "map.toml", format=map_folder.FORMAT, version=1, body=facts)
+    found = measured(folder, "1,1,1", "4,1,1")
+    assert (found["verdict"], found["reasons"]) == ("refused", ["two sources of scale disagree"])
+    ends = ("--from", "1,1,1", "--to", "4,1,1")
+    assert "refused: two sources of scale disagree" in run("map", "measure", folder, *ends)
+    assert measured(pillar_map, "1,1,1", "4,1,1")["verdict"] == "good"
+    assert "good" not in run("map", "measure", pillar_map, *ends)
+
+
+def test_a_point_farther_than_any_map_reaches_is_refused_with_the_bound(pillar_map: Path) -> None:
+    assert measured(pillar_map, "1,1,1", "1,10000,1")["length_m"] == pytest.approx(9999.0)
+    for far in ("10001,1,1", "1,-1e308,1"):
+        refusal = run("map", "measure", pillar_map, "--from", "1,1,1", "--to", far, code=2)
+        assert "--to is 1" in refusal
+        assert "a map reaches at most 10000 m" in refusal

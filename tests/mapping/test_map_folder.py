@@ -128,6 +128,14 @@ def test_a_damaged_map_is_refused(tmp_path: Path, name: str) -> None:
         mapping.open_map(folder).localization_map()
 
 
+def test_poses_that_were_cut_off_within_a_line_are_refused_by_the_image(tmp_path: Path) -> None:
+    path = made_map(tmp_path / "map") / "poses.csv"
+    whole = path.read_text()
+    path.write_text(whole[: whole.index("c.png,") + len("c.png,1,0.5")])
+    with pytest.raises(FormatError, match=r"c\.png has no whole pose; build the map again"):
+        mapping.open_map(tmp_path / "map")
+
+
 def failing(images: Path, out: Path) -> str:
     """The message of the failure; an earlier map in `out` must have survived it."""
     hash = mapping.open_map(made_map(out)).hash

@@ -216,7 +216,7 @@ def test_a_waypoint_inside_an_obstacle_is_refused_with_depth_and_the_nearest_fre
 
 def test_a_waypoint_too_near_an_obstacle_is_refused_with_both_distances(pillar, drone):
     text = refusal([[-3, 0, 1], [0.8, 0, 1.5], [3, 0, 1]], pillar, drone)
-    assert "0.20 m from an obstacle, 0.34 m are required" in text
+    assert "0.200 m from an obstacle, 0.343 m are required" in text
 
 
 def test_a_waypoint_outside_the_map_or_in_the_unknown_is_refused(pillar, drone):
