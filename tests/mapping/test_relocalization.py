@@ -328,31 +328,32 @@ def test_an_image_with_a_wrong_pose_is_looked_for_again_beside_its_neighbours(
 # --- changed regions ---
 
 CORNERS = np.array([[x, y, 0.5] for x in range(10) for y in range(10)], dtype=np.float64)
-PLACES = (CORNERS[:, None] + 0.015 * np.arange(12)[:, None] * np.array([1.0, 1.0, 0.0])).reshape(-1, 3)
-"""A hundred cells of twelve points."""
+POINTS = 24
+PLACES = (CORNERS[:, None] + 0.007 * np.arange(POINTS)[:, None] * np.array([1.0, 1.0, 0.0])).reshape(-1, 3)
+"""A hundred cells of 24 points."""
 
 
 def looks(share: FloatArray, images: int = 10) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Every point in every image, found again with a probability of its own (1200,)."""
+    """Every point in every image, found again with a probability of its own (2400,)."""
     point, instant = np.tile(np.arange(len(PLACES)), images), np.repeat(np.arange(images), len(PLACES))
     return instant, point, np.random.default_rng(5).random(len(point)) < share[point]
 
 
 def test_a_cell_that_is_not_found_again_is_a_changed_region() -> None:
     share = np.full(len(PLACES), 0.5)
-    share[12 * 42 : 12 * 43] = 0.1
+    share[POINTS * 42 : POINTS * 43] = 0.1
     found = changes.changed(PLACES, *looks(share))
     (region,) = found.regions
     np.testing.assert_allclose(region.low_world_m, [4.0, 2.0, 0.5])
-    np.testing.assert_allclose(region.high_world_m, [4.165, 2.165, 0.5])
-    assert (region.points, region.looks) == (12, 120)
+    np.testing.assert_allclose(region.high_world_m, [4.161, 2.161, 0.5])
+    assert (region.points, region.looks) == (POINTS, 10 * POINTS)
     assert 0.02 < region.found / region.looks < 0.17
     assert found.usual_share == pytest.approx(0.5, abs=0.02)
 
 
 def test_regions_that_do_not_touch_are_apart_wherever_the_map_lies() -> None:
     share = np.full(len(PLACES), 0.5)
-    share[12 * 42 : 12 * 43] = share[12 * 77 : 12 * 78] = 0.05
+    share[POINTS * 42 : POINTS * 43] = share[POINTS * 77 : POINTS * 78] = 0.05
     far = PLACES + np.array([9000.0, -9000.0, 0.0])
     regions = changes.changed(far, *looks(share)).regions
     assert sorted(region.low_world_m for region in regions) == [(9004.0, -8998.0, 0.5), (9007.0, -8993.0, 0.5)]
@@ -366,17 +367,18 @@ def test_nothing_has_changed_where_all_is_found_alike_nor_where_a_single_image_f
 
 def test_two_images_or_few_points_name_no_region() -> None:
     share = np.full(len(PLACES), 0.5)
-    share[12 * 77 : 12 * 78] = 0.0
+    share[POINTS * 77 : POINTS * 78] = 0.0
     instant, point, again = looks(share)
-    shown_twice = ~((point // 12 == 77) & (instant > 1))
+    shown_twice = ~((point // POINTS == 77) & (instant > 1))
     assert changes.changed(PLACES, instant[shown_twice], point[shown_twice], again[shown_twice]).regions == ()
-    nine = ~((point // 12 == 77) & (point % 12 > 8))
-    assert changes.changed(PLACES, instant[nine], point[nine], again[nine]).regions == ()
+    for kept, count in ((19, 0), (20, 1)):
+        few = ~((point // POINTS == 77) & (point % POINTS >= kept))
+        assert len(changes.changed(PLACES, instant[few], point[few], again[few]).regions) == count
 
 
 def test_images_that_find_little_again_say_nothing() -> None:
     share = np.full(len(PLACES), 0.15)
-    share[:12] = 0.0
+    share[:POINTS] = 0.0
     found = changes.changed(PLACES, *looks(share))
     assert found.regions == ()
     assert not found.can_tell
@@ -403,6 +405,16 @@ def test_only_what_an_image_of_the_map_saw_from_a_similar_place_is_looked_for() 
     assert len(seen.looked_at(near @ CAMERA.T_body_camera, CAMERA, field)) == 0, "they are more than half larger there"
     aside = frames.transform(rotations.exp([0.0, 0.0, 0.9]), [0.5, -4.0, 0.0])
     assert len(seen.looked_at(aside @ CAMERA.T_body_camera, CAMERA, field)) < 0.2 * len(SINGLE_M)
+
+
+def test_points_that_a_camera_of_the_map_was_much_nearer_to_are_not_looked_for() -> None:
+    grid = esdf.Grid((-8.0, -8.0, -8.0), (0.5, 0.5, 0.5), (32, 32, 32))
+    field = esdf.build(np.full(grid.shape, esdf.FREE, np.uint8), grid)
+    here = POSES[1] @ CAMERA.T_body_camera
+    for nearer_m, least, most in ((0.2, 1.0, 1.0), (2.5, 0.0, 0.2)):
+        turned_away = frames.transform(rotations.exp([0.0, 0.0, np.pi]), [nearer_m, 0.0, 0.0])
+        seen = changes._Seen(SINGLE_M, ALONE, np.stack([POSES[0], turned_away]))
+        assert least <= len(seen.looked_at(here, CAMERA, field)) / len(SINGLE_M) <= most
 
 
 def test_a_point_is_found_again_by_a_feature_like_it_near_its_place() -> None:
