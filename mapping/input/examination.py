@@ -26,6 +26,8 @@ _LEAST_MATCHES = 15
 """An image that shares fewer features with both neighbours is likely to be left out."""
 _LONG_STEP = 5.0
 """Over the median time step."""
+_USUAL_STEP_S = 20.0
+"""A longer one, in the median, is in another unit: 30 images a second in milliseconds are 33 apart."""
 _MOST_SWAPPED = 4
 """Cameras of a rig whose folders are tried in every order."""
 _TURN_RAD = np.radians(1.5)
@@ -203,6 +205,11 @@ def _set_problems(images: ImageSet, facts: Sequence[ImageFacts]) -> list[str]:
     if backward := [n for n, step_s in zip(named, steps_s, strict=True) if step_s <= 0.0]:
         problems.append(
             f"the time of {_some(backward)} is not after that of the image before: names and times disagree"
+        )
+    elif len(steps_s) and (usual_s := float(np.median(steps_s))) > _USUAL_STEP_S:
+        problems.append(
+            f"the times of neighbouring images are {usual_s:.3g} s apart (median; up to {_USUAL_STEP_S:g} s is usual): "
+            "times.csv is in seconds"
         )
     elif len(steps_s) > 2 and steps_s.max() > _LONG_STEP * (usual_s := float(np.median(steps_s))):
         problems.append(

@@ -135,12 +135,18 @@ def test_folders_are_named_if_enough_turns_fit_another_order_and_few_the_given_o
         (lambda t: np.concatenate([t[:4], t[3:-1]]), "is not after that of the image before"),
         (lambda t: np.where(np.arange(COUNT) > 6, t + 9.0, t), "9.25 s without an image before 0007.png"),
         (lambda t: np.where(np.arange(COUNT) == 2, np.nan, t), "1 of 12 instants have no time"),
+        (lambda t: 1e3 * t, "are 250 s apart"),
+        (lambda t: 81.0 * t, "times.csv is in seconds"),
     ],
 )
 def test_times_that_cannot_be_are_named(sequence: images.ImageSet, change, said: str) -> None:
     problems = examination.examine(dataclasses.replace(sequence, time_s=change(sequence.time_s))).problems
     assert len(problems) == 1
     assert said in problems[0]
+
+
+def test_images_twenty_seconds_apart_have_usual_times(sequence: images.ImageSet) -> None:
+    assert examination.examine(dataclasses.replace(sequence, time_s=79.0 * sequence.time_s)).problems == ()
 
 
 def test_cameras_without_a_common_instant_are_named(sequence: images.ImageSet) -> None:
