@@ -224,12 +224,15 @@ def match(
 
 
 def _write_matches(database: Path, names: list[tuple[str, str]]) -> None:
-    """Match the features of pairs of images, given by their names; the matches are still to be verified."""
+    """Match the features of pairs of images, given by their names; the matches are still to be verified.
+
+    Pairs that were matched before keep their matches, which do not depend on the lens.
+    """
     import pycolmap
 
     with pycolmap.Database.open(database) as opened, pycolmap.DatabaseTransaction(opened):
         ids = {row.name: row.image_id for row in opened.read_all_images()}
-        pairs = [(ids[a], ids[b]) for a, b in names]
+        pairs = [(ids[a], ids[b]) for a, b in names if not opened.exists_matches(ids[a], ids[b])]
         descriptors = {k: features.unit(opened.read_descriptors(k).data) for k in {k for pair in pairs for k in pair}}
         found = workers.in_order(lambda pair: matching.match(descriptors[pair[0]], descriptors[pair[1]]), pairs)
         for (a, b), matches in zip(pairs, found, strict=True):

@@ -163,6 +163,8 @@ def calibrated(
 ) -> LensGuess | None:
     """The lens that explains most matches between the images; None if they could not be placed.
 
+    If the work failed otherwise: the guess, with the error in its source.
+
     Args:
         starts: focal lengths (share of the width) and shapes to start from; None: only the guess, as an ordinary lens
             and as a fisheye.
@@ -174,8 +176,8 @@ def calibrated(
     images = _some(folder, Rig((lenses[0],), refine_intrinsics=True))
     try:
         found = child.run(self_calibration.calibrate, images, lenses, progress=progress)
-    except (MapError, InputError):
-        return None
+    except (MapError, InputError) as error:
+        return dataclasses.replace(guess, source=f"{guess.source}; self-calibration failed: {error}")
     if found is None:
         return None
     source = (

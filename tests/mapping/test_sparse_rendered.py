@@ -12,7 +12,7 @@ from goshawk.rendered import world as rendered_world
 from goshawk.rendered.world import RenderedFlight
 from mapping.camera import rig as rigs
 from mapping.localization import relocalization
-from mapping.sparse import features, lens_guess, reconstruction
+from mapping.sparse import features, reconstruction
 from mapping.sparse.colmap import SparseOptions
 from mapping.sparse.reconstruction import SparseMap
 
@@ -154,11 +154,3 @@ def test_images_of_noise_are_not_found(placed: SparseMap, tmp_path: Path) -> Non
     answer = relocalization.localize(placed.localization_map(), mapping.read_folder(tmp_path, rig))
     assert answer.failed == ("0.png", "1.png")
     assert np.isnan(answer.T_world_body).all()
-
-
-def test_a_lens_nothing_is_known_of_is_found_to_be_a_fisheye(folders) -> None:
-    guess = lens_guess.from_pictures(folders[0] / "front")
-    true = rendered_world.default_rig(SCALE).cameras[0]
-    assert guess.is_calibrated
-    assert guess.camera.params[3] < 1.0 / 6.0  # of an ordinary lens: 1/3
-    assert guess.camera.focal_px[0] == pytest.approx(true.focal_px[0], rel=0.03)
