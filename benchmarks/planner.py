@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import planner_scenes
 import report
+from planner_scenes import walk
 
 import planner
 import vehicle
@@ -38,10 +39,6 @@ def rows() -> list[report.Row]:
         *mixed(drone, 200),
         *gate_courses(drone, 50),
     ]
-
-
-def walk(count: int, seed: int) -> np.ndarray:
-    return np.cumsum(np.random.default_rng(seed).normal(size=(count, 3)) * [3.0, 3.0, 0.7], axis=0)
 
 
 def unheaded(points: np.ndarray) -> Waypoints:

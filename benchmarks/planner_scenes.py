@@ -10,7 +10,7 @@ from esdf import solids
 from flight import Waypoints
 from flight.mission import Gate, Mission
 from planner import routes, simplify
-from vehicle import Vehicle, flatness, invert
+from vehicle import Parameter, Vehicle, draft, example, flatness, invert
 
 OPTIONS = planner.PlanOptions(radius_m=0.15)
 """Gaps are drawn for a clearance of 0.3 m; the example vehicle reaches 0.189 m."""
@@ -234,6 +234,28 @@ def clutter_vehicle(drone: Vehicle) -> Vehicle:
         rotor_speed_min_rad_s=float(slowest),
         rotor_speed_max_rad_s=float(fastest),
     )
+
+
+def vehicles() -> dict[str, Vehicle]:
+    """The example, and two of which only a data sheet is known: 250 g on 3 inches, and 1.5 kg on 7 inches."""
+    whoop = _from_sheet(mass_kg=0.25, arm_m=0.07, diameter_m=0.076)
+    large = _from_sheet(mass_kg=1.5, arm_m=0.16, diameter_m=0.178)
+    return {
+        "rigter2019": example("rigter2019"),
+        "whoop": whoop.with_limits(speed_m_s=8.0, acceleration_m_s2=10.0, tilt_rad=0.9, rate_rad_s=8.0),
+        "7-inch": large.with_limits(speed_m_s=10.0, acceleration_m_s2=8.0, tilt_rad=0.9, rate_rad_s=5.0),
+    }
+
+
+def _from_sheet(mass_kg: float, arm_m: float, diameter_m: float) -> Vehicle:
+    hubs, spin = draft.layout(arm_m, "x")
+    mass, radius = Parameter(mass_kg, 0.0, "kg", "given"), Parameter(0.5 * diameter_m, 0.0, "m", "given")
+    return draft.draft(draft.Known(mass_kg=mass, hub_body_m=hubs, spin=spin, rotor_radius_m=radius))
+
+
+def walk(count: int, seed: int) -> np.ndarray:
+    """(count, 3) waypoints of a random walk in the open."""
+    return np.cumsum(np.random.default_rng(seed).normal(size=(count, 3)) * [3.0, 3.0, 0.7], axis=0)
 
 
 def gate_course(seed: int, off_rad: float) -> Mission:
