@@ -62,7 +62,7 @@ fi
 
 # Goshawk is built again when a native source is newer than the last build, or a Python file came or went.
 native_sources() {
-  find pyproject.toml CMakeLists.txt esdf vehicle mapping planner sysid firmware_bridge goshawk -type f \
+  find pyproject.toml CMakeLists.txt flight esdf vehicle mapping planner sysid firmware_bridge goshawk -type f \
     \( -name '*.c' -o -name '*.h' -o -name '*.cpp' -o -name '*.hpp' -o -name CMakeLists.txt -o -name pyproject.toml \) "$@"
 }
 # An editable install knows each Python file by its name: one that came or went needs a new install, too.

@@ -1,0 +1,90 @@
+"""Functions and small algebra with the same bits on every processor, for what lies between a request and its answer.
+
+NumPy's exp, log, arctan2 and others take vector paths that differ between processors, sin and cos are the C library's,
+and every `@` and `np.linalg` call is BLAS, whose order of sums is each processor's own. What NumPy does element by
+element (+ - * / sqrt), its sums and `np.einsum` (not `optimize`) are the same everywhere.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flight import _portable
+
+FloatArray = NDArray[np.float64]
+
+
+def sine_cosine(angle_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Sine and cosine of each angle, in the shape given."""
+    x = np.asarray(angle_rad, dtype=np.float64)
+    sine, cosine = np.empty(x.size), np.empty(x.size)
+    _portable.sine_cosine(np.ascontiguousarray(x.ravel()), sine, cosine)
+    return sine.reshape(x.shape), cosine.reshape(x.shape)
+
+
+def arctangent2(y: ArrayLike, x: ArrayLike) -> FloatArray:
+    """Angle of each vector (x, y), in [-pi, pi]."""
+    up, right = np.broadcast_arrays(np.asarray(y, dtype=np.float64), np.asarray(x, dtype=np.float64))
+    out = np.empty(up.size)
+    _portable.arctangent2(np.ascontiguousarray(up.ravel()), np.ascontiguousarray(right.ravel()), out)
+    return out.reshape(up.shape)
+
+
+def exponential(x: ArrayLike) -> FloatArray:
+    return _each(_portable.exponential, x)
+
+
+def logarithm(x: ArrayLike) -> FloatArray:
+    """Natural logarithm; NaN of negative numbers."""
+    return _each(_portable.logarithm, x)
+
+
+def arcsine(x: ArrayLike) -> FloatArray:
+    return _each(_portable.arcsine, x)
+
+
+def arccosine(x: ArrayLike) -> FloatArray:
+    return _each(_portable.arccosine, x)
+
+
+def _each(function: Callable[[FloatArray, FloatArray], None], x: ArrayLike) -> FloatArray:
+    values = np.asarray(x, dtype=np.float64)
+    out = np.empty(values.size)
+    function(np.ascontiguousarray(values.ravel()), out)
+    return out.reshape(values.shape)
+
+
+def length(vectors: FloatArray) -> FloatArray:
+    """Euclidean length along the last axis; `np.linalg.norm` of a single vector is BLAS."""
+    return np.sqrt((vectors * vectors).sum(axis=-1))
+
+
+def product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Matrix product of (..., m, k) and (..., k, n)."""
+    return np.einsum("...mk,...kn->...mn", a, b)
+
+
+def solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """x of A x = b, (..., n, n) and (..., n, m), by Gauss-Jordan elimination; NaN if A is singular."""
+    size = matrix.shape[-1]
+    work = np.concatenate([matrix, np.broadcast_to(right, (*matrix.shape[:-1], right.shape[-1]))], axis=-1)
+    rows = work.reshape(-1, size, work.shape[-1])
+    every = np.arange(len(rows))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for column in range(size):
+            pivot = column + np.abs(rows[:, column:, column]).argmax(axis=1)
+            lower = rows[every, pivot]
+            rows[every, pivot] = rows[:, column]
+            rows[:, column] = lower / lower[:, column, None]
+            factors = rows[:, :, column].copy()
+            factors[:, column] = 0.0
+            rows -= factors[:, :, None] * rows[:, None, column]
+    solved = rows[..., size:]
+    return np.where(np.isfinite(solved), solved, np.nan).reshape(*matrix.shape[:-1], right.shape[-1])
+
+
+def solve_banded(band: FloatArray, right: FloatArray) -> FloatArray | None:
+    """x (n,) of A x = b for a symmetric A in lower storage, band[i - j, j] = A[i, j]; None unless positive definite."""
+    solution = np.array(right, dtype=np.float64)
+    return solution if _portable.solve_banded(np.array(band, dtype=np.float64), solution) else None
