@@ -2,6 +2,7 @@
 #pragma once
 
 #include "airframe.hpp"
+#include "portable.hpp"
 #include "vec.hpp"
 
 namespace {

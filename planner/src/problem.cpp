@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "passing.hpp"
+#include "portable.hpp"
 #include "smoothing.hpp"
 
 namespace goshawk {
@@ -20,7 +21,8 @@ std::vector<double> basis_at(double u) {
     for (int r = 0; r < 5; ++r) {
         double monomial[kStates] = {};
         for (int i = r; i < kStates; ++i) {
-            monomial[i] = std::pow(u, i - r);
+            monomial[i] = 1.0;
+            for (int k = r; k < i; ++k) monomial[i] *= u;
             for (int k = 0; k < r; ++k) monomial[i] *= i - k;
         }
         for (int a = 0; a < kStates; ++a)
@@ -305,13 +307,13 @@ Descent Problem::minimise(double* knots, double* durations, const unsigned char*
     const std::vector<Direction> moving = directions(free);
     std::vector<double> x(segments_ + moving.size()), by_knots((segments_ + 1) * kAxes), by_durations(segments_);
     std::vector<double> held(knots, knots + by_knots.size());  // what no direction moves
-    for (std::size_t i = 0; i < segments_; ++i) x[i] = std::log(durations[i]);
+    for (std::size_t i = 0; i < segments_; ++i) x[i] = logarithm(durations[i]);
     for (std::size_t n = 0; n < moving.size(); ++n) {
         x[segments_ + n] = moving[n].dot(knots);
         moving[n].add(-x[segments_ + n], held.data());
     }
     const auto unpack = [&](const std::vector<double>& from) {
-        for (std::size_t i = 0; i < segments_; ++i) durations[i] = std::exp(from[i]);
+        for (std::size_t i = 0; i < segments_; ++i) durations[i] = exponential(from[i]);
         std::copy(held.begin(), held.end(), knots);
         for (std::size_t n = 0; n < moving.size(); ++n) moving[n].add(from[segments_ + n], knots);
     };

@@ -31,8 +31,9 @@ struct Instants {
 
 inline void turn(Real angle, Real& cosine, Real& sine) {
     for (int l = 0; l < kLanes; ++l) {
-        cosine[l] = std::cos(angle[l]);
-        sine[l] = std::sin(angle[l]);
+        const goshawk::SineCosine both = goshawk::sine_cosine(angle[l]);
+        cosine[l] = both.cosine;
+        sine[l] = both.sine;
     }
 }
 

@@ -81,7 +81,8 @@ class Smoothing {
         for (std::size_t i = 0; i <= segments; ++i) positions_.at(kOrders * i, kOrders * i) = 1.0;
         for (std::size_t i = 0; i < segments; ++i) {
             double power[kStates - 1];  // of the duration, from -7 to -1
-            power[0] = std::pow(durations[i], -7.0);
+            const double square = durations[i] * durations[i];
+            power[0] = 1.0 / (square * square * square * durations[i]);
             for (std::size_t k = 1; k < kStates - 1; ++k) power[k] = power[k - 1] * durations[i];
             for (std::size_t a = 0; a < kStates; ++a)
                 for (std::size_t b = 0; b <= a; ++b)

@@ -3,6 +3,8 @@
 
 #include <cmath>
 
+#include "portable.hpp"
+
 namespace goshawk {
 
 template <int N>
@@ -51,7 +53,7 @@ struct Dual {
         return chain(a, root, root > 0.0 ? 0.5 / root : 0.0);  // slope 0 at 0: the length of a zero vector
     }
     friend Dual exp(const Dual& a) {
-        const double e = std::exp(a.v);
+        const double e = exponential(a.v);
         return chain(a, e, e);
     }
 };

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "motion.hpp"
+#include "portable.hpp"
 
 namespace goshawk {
 
@@ -19,7 +20,11 @@ struct Flat {
 // Half of a heading.
 struct HalfTurn {
     double c, s;
-    explicit HalfTurn(double yaw) : c(std::cos(0.5 * yaw)), s(std::sin(0.5 * yaw)) {}
+    explicit HalfTurn(double yaw) {
+        const SineCosine both = sine_cosine(0.5 * yaw);
+        c = both.cosine;
+        s = both.sine;
+    }
 };
 
 // Body z along `axis` (any length), turned by yaw before tilting the shortest way.
@@ -93,10 +98,10 @@ struct Alignment {
             double force_z;
             const double along = line_up(p, yaw, rate, n, q, force_z);
             if (std::fabs(last_ratio - 1.0) > 1e-5 && last > 0.0 && force_z > 0.0) {
-                const double gain = std::log(force_z / last) / std::log(last_ratio);  // dlog T / dlog n, about 2
+                const double gain = logarithm(force_z / last) / logarithm(last_ratio);  // dlog T / dlog n, about 2
                 if (gain > 1.0 && gain < 6.0) power = 1.0 / gain;
             }
-            double ratio = std::pow(std::fmax(along, 0.0) / std::fmax(force_z, 1e-12), power);
+            double ratio = exponential(power * logarithm(std::fmax(along, 0.0) / std::fmax(force_z, 1e-12)));
             ratio = std::fmin(std::fmax(ratio, 0.5), 2.0);
             double change = std::fabs(ratio - 1.0);
             for (int k = 0; k < 4; ++k) {

@@ -2,10 +2,9 @@
 #pragma once
 
 #include "dual.hpp"
+#include "portable.hpp"
 
 namespace goshawk {
-
-constexpr double kPi = 3.141592653589793;
 
 template <class T>
 struct Body {
