@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from esdf.field import checked_points
 from esdf.grid import FREE, OCCUPIED, Grid, Region, StateArray
-from flight import FloatArray, InputError, rotations
+from flight import FloatArray, InputError, portable, rotations
 
 _SLAB_VOXELS = 1_000_000
 """Voxels that are looked at point by point at once."""
@@ -91,19 +91,19 @@ class OrientedBox:
         _store(self, "half_extents_m", 3)
         _store(self, "q_world_box", 4)
         _positive(min(self.half_extents_m), "the half extents of a box")
-        _positive(float(np.linalg.norm(self.q_world_box)), "the norm of a quaternion")
+        _positive(float(portable.length(np.array(self.q_world_box))), "the norm of a quaternion")
 
     @property
     def R_world_box(self) -> FloatArray:
         return rotations.matrix(rotations.normalise(self.q_world_box))
 
     def distance(self, points_world_m: ArrayLike) -> FloatArray:
-        points_box = (checked_points(points_world_m) - np.array(self.centre_world_m)) @ self.R_world_box
+        points_box = portable.product(checked_points(points_world_m) - np.array(self.centre_world_m), self.R_world_box)
         return _box_distance(points_box, np.array(self.half_extents_m))
 
     @property
     def bounds_world_m(self) -> Bounds:
-        extent = np.abs(self.R_world_box) @ np.array(self.half_extents_m)
+        extent = (np.abs(self.R_world_box) * np.array(self.half_extents_m)).sum(axis=1)
         return np.array(self.centre_world_m) - extent, np.array(self.centre_world_m) + extent
 
 
@@ -141,7 +141,7 @@ class Cylinder:
 
     def distance(self, points_world_m: ArrayLike) -> FloatArray:
         offset = checked_points(points_world_m) - np.array(self.centre_world_m)
-        around = np.hypot(offset[:, 0], offset[:, 1]) - self.radius_m
+        around = portable.length(offset[:, :2]) - self.radius_m
         return _extruded(around, np.abs(offset[:, 2]) - 0.5 * self.height_m)
 
     @property
@@ -166,7 +166,7 @@ class Capsule:
     def distance(self, points_world_m: ArrayLike) -> FloatArray:
         offset = checked_points(points_world_m) - np.array(self.start_world_m)
         axis = np.array(self.end_world_m) - np.array(self.start_world_m)
-        along = np.clip(offset @ axis / max(float(axis @ axis), np.finfo(float).tiny), 0.0, 1.0)
+        along = _share(offset, axis)
         return np.linalg.norm(offset - along[:, None] * axis, axis=1) - self.radius_m
 
     @property
@@ -306,8 +306,14 @@ def _box_distance(points: FloatArray, half_extents: FloatArray) -> FloatArray:
 
 def _extruded(across: FloatArray, along: FloatArray) -> FloatArray:
     """Distance to an upright body, from the distance to its base in the plane and the distance beyond its ends."""
-    outside = np.hypot(np.maximum(across, 0.0), np.maximum(along, 0.0))
+    outside = np.sqrt(np.maximum(across, 0.0) ** 2 + np.maximum(along, 0.0) ** 2)
     return outside + np.minimum(np.maximum(across, along), 0.0)
+
+
+def _share(offset: FloatArray, edge: FloatArray) -> FloatArray:
+    """How far along an edge each point is nearest to it, (n,) from 0 to 1."""
+    square = max(float((edge * edge).sum()), np.finfo(float).tiny)
+    return np.clip((offset * edge).sum(axis=1) / square, 0.0, 1.0)
 
 
 def _polygon_distance(points: FloatArray, corners: FloatArray) -> FloatArray:
@@ -315,7 +321,7 @@ def _polygon_distance(points: FloatArray, corners: FloatArray) -> FloatArray:
     inside = np.zeros(len(points), bool)
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         edge, offset = b - a, points - a
-        along = np.clip(offset @ edge / max(float(edge @ edge), np.finfo(float).tiny), 0.0, 1.0)
+        along = _share(offset, edge)
         foot = offset - along[:, None] * edge
         nearest_squared = np.minimum(nearest_squared, np.einsum("ij,ij->i", foot, foot))
         # Even-odd rule: a ray towards +x crosses this edge.

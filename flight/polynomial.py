@@ -10,7 +10,8 @@ from math import comb, perm
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flight.rotations import FloatArray
+from flight import portable
+from flight.portable import FloatArray
 
 
 def evaluate(coefficients: ArrayLike, t: ArrayLike) -> FloatArray:
@@ -36,23 +37,27 @@ def differentiate(coefficients: ArrayLike, order: int = 1) -> FloatArray:
 def scale_argument(coefficients: ArrayLike, factor: ArrayLike) -> FloatArray:
     """Coefficients of p(factor * t). `factor` broadcasts against the leading axes."""
     c = np.asarray(coefficients, dtype=np.float64)
-    return c * _powers(factor, c.shape[-1])
+    return c * powers(factor, c.shape[-1])
 
 
 def shift_argument(coefficients: ArrayLike, offset: ArrayLike) -> FloatArray:
     """Coefficients of p(t + offset) (Taylor shift). `offset` broadcasts against the leading axes."""
     c = np.asarray(coefficients, dtype=np.float64)
     n = int(c.shape[-1])
-    powers = _powers(offset, n)
+    power = powers(offset, n)
     shifted = [
-        sum((comb(j, i) * powers[..., j - i] * c[..., j] for j in range(i + 1, n)), start=c[..., i]) for i in range(n)
+        sum((comb(j, i) * power[..., j - i] * c[..., j] for j in range(i + 1, n)), start=c[..., i]) for i in range(n)
     ]
     return np.stack(np.broadcast_arrays(*shifted), axis=-1)
 
 
-def _powers(x: ArrayLike, n: int) -> FloatArray:
+def powers(x: ArrayLike, n: int) -> FloatArray:
     """1, x, x^2, ... x^(n-1) along a new last axis."""
-    return np.power(np.asarray(x, dtype=np.float64)[..., None], np.arange(n))
+    x = np.asarray(x, dtype=np.float64)
+    found = np.ones((*x.shape, n))
+    for k in range(1, n):
+        found[..., k] = found[..., k - 1] * x
+    return found
 
 
 def centred_from_seconds(coefficients: ArrayLike, duration_s: ArrayLike) -> FloatArray:
@@ -76,11 +81,14 @@ def _bernstein_matrix(n: int) -> FloatArray:
 def bernstein_from_seconds(coefficients: ArrayLike, duration_s: ArrayLike) -> FloatArray:
     """Bernstein control points of p on [0, T]: min <= p(t) <= max over the control points."""
     on_unit = scale_argument(coefficients, duration_s)
-    return on_unit @ _bernstein_matrix(on_unit.shape[-1]).T
+    return portable.product(_bernstein_matrix(on_unit.shape[-1]), on_unit[..., None])[..., 0]
 
 
 def seconds_from_bernstein(control_points: ArrayLike, duration_s: ArrayLike) -> FloatArray:
     """The inverse of `bernstein_from_seconds`."""
     points = np.asarray(control_points, dtype=np.float64)
-    on_unit = np.linalg.solve(_bernstein_matrix(points.shape[-1]), points[..., None])[..., 0]
+    matrix = np.broadcast_to(
+        _bernstein_matrix(points.shape[-1]), (*points.shape[:-1], points.shape[-1], points.shape[-1])
+    )
+    on_unit = portable.solve(matrix, points[..., None])[..., 0]
     return scale_argument(on_unit, 1.0 / np.asarray(duration_s, dtype=np.float64))

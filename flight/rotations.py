@@ -5,9 +5,10 @@
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from flight import portable
+from flight.portable import FloatArray
 
 IDENTITY: FloatArray = np.array([1.0, 0.0, 0.0, 0.0])
 
@@ -58,7 +59,9 @@ def exp(rotation_vector_rad: ArrayLike) -> FloatArray:
     """Quaternion of a rotation vector (axis times angle, radians), (..., 3) to (..., 4)."""
     r = np.asarray(rotation_vector_rad, dtype=np.float64)
     half = 0.5 * np.linalg.norm(r, axis=-1, keepdims=True)
-    return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * r], axis=-1)
+    sine, cosine = portable.sine_cosine(half)
+    share = np.where(half > 0.0, sine / np.where(half > 0.0, half, 1.0), 1.0)
+    return np.concatenate([cosine, 0.5 * share * r], axis=-1)
 
 
 def log(q: ArrayLike) -> FloatArray:
@@ -66,7 +69,7 @@ def log(q: ArrayLike) -> FloatArray:
     q = np.asarray(q, dtype=np.float64)
     q = np.where(q[..., :1] < 0.0, -q, q)
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
-    angle = 2.0 * np.arctan2(sine, q[..., :1])
+    angle = 2.0 * portable.arctangent2(sine, q[..., :1])
     # angle / sine tends to 2 / w as the angle goes to zero; below 1e-8 the difference is under rounding
     ratio = np.where(sine > 1e-8, angle / np.where(sine > 1e-8, sine, 1.0), 2.0 / np.maximum(q[..., :1], 1e-8))
     return ratio * q[..., 1:]
@@ -124,13 +127,20 @@ def slerp(a: ArrayLike, b: ArrayLike, fraction: ArrayLike) -> FloatArray:
 def from_yaw(yaw_rad: ArrayLike) -> FloatArray:
     half = 0.5 * np.asarray(yaw_rad, dtype=np.float64)
     zero = np.zeros_like(half)
-    return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
+    sine, cosine = portable.sine_cosine(half)
+    return np.stack([cosine, zero, zero, sine], axis=-1)
 
 
 def yaw(q_world_body: ArrayLike) -> FloatArray:
     """Heading of the body x axis in the horizontal plane, radians, in (-pi, pi]."""
     w, x, y, z = np.moveaxis(np.asarray(q_world_body, dtype=np.float64), -1, 0)
-    return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return portable.arctangent2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+def wrapped(angle_rad: ArrayLike) -> FloatArray:
+    """The same angles in [-pi, pi]."""
+    angle = np.asarray(angle_rad, dtype=np.float64)
+    return angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
 
 
 def hat(v: ArrayLike) -> FloatArray:

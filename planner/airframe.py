@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import vehicle as vehicles
-from flight import FloatArray, Trajectory, polynomial
+from flight import FloatArray, Trajectory, polynomial, portable
 from planner import attitude
 from vehicle import Limits, Vehicle, dynamics, invert
 
@@ -56,7 +56,7 @@ class Airframe:
 
     def packed(self) -> FloatArray:
         """(41,) in the order of the kernel's struct (planner/src/airframe.hpp)."""
-        first = [self.speed_m_s, self.acceleration_m_s2, np.cos(self.tilt_rad), self.rate_rad_s, self.yaw_rate_rad_s]
+        first = [self.speed_m_s, self.acceleration_m_s2, _cosine(self.tilt_rad), self.rate_rad_s, self.yaw_rate_rad_s]
         first += [self.gravity_m_s2, self.drag_per_thrust_1_s, self.drag_per_speed_1_m]
         first += [self.lift_axial_1_s, self.lift_lateral_1_m]
         rest = (self.inertia_kg_m2, self.effort_least, self.effort_most, self.effort_hover, self.mix.ravel())
@@ -69,7 +69,7 @@ def reduced(vehicle: Vehicle, limits: Limits) -> Airframe:
     mean_square = float(np.mean(hover**2))
     still, mass = np.zeros((1, 3)), vehicle.mass_kg
     slope = dynamics.wrench_jacobian(vehicle, still, still, hover[None]).rotor_speed[0, 2:]
-    mix = 2.0 * hover[:, None] / mean_square * np.linalg.inv(slope)
+    mix = 2.0 * hover[:, None] / mean_square * portable.solve(slope, np.eye(4))
     mix[:, 0] *= mass
     drag, lift = _in_flight(vehicle, hover)
     return Airframe(
@@ -84,8 +84,8 @@ def reduced(vehicle: Vehicle, limits: Limits) -> Airframe:
         lift_axial_1_s=float(lift[0]),
         lift_lateral_1_m=float(lift[1]),
         inertia_kg_m2=np.array([vehicle.value(f"inertia_{axis}_kg_m2") for axis in ("xx", "yy", "zz")]),
-        effort_least=np.full(4, limits.rotor_speed_min_rad_s**2 / mean_square),
-        effort_most=np.full(4, limits.rotor_speed_max_rad_s**2 / mean_square),
+        effort_least=np.full(4, np.square(limits.rotor_speed_min_rad_s) / mean_square),
+        effort_most=np.full(4, np.square(limits.rotor_speed_max_rad_s) / mean_square),
         effort_hover=hover**2 / mean_square,
         mix=mix,
     )
@@ -99,15 +99,25 @@ def _in_flight(vehicle: Vehicle, hover: FloatArray) -> tuple[FloatArray, FloatAr
     """
     grids = np.meshgrid(np.arange(8) * np.pi / 4.0, _FIT_LATERAL_M_S, _FIT_CLIMB_M_S)
     turn, lateral, up = (np.asarray(grid, dtype=np.float64).ravel() for grid in grids)
-    velocity: FloatArray = np.stack([lateral * np.cos(turn), lateral * np.sin(turn), up], axis=1)
+    sine, cosine = portable.sine_cosine(turn)
+    velocity: FloatArray = np.stack([lateral * cosine, lateral * sine, up], axis=1)
     force, _ = vehicles.wrench(vehicle, velocity, np.zeros_like(velocity), np.broadcast_to(hover, (len(velocity), 4)))
     per_mass = force / vehicle.mass_kg
     drag = -np.sum(per_mass[:, :2] * velocity[:, :2], axis=1) / lateral**2
-    by_speed = np.stack([np.ones_like(lateral), np.hypot(lateral, up)], axis=1)
+    by_speed = np.stack([np.ones_like(lateral), np.sqrt(lateral**2 + up**2)], axis=1)
     by_climb = np.stack([up, lateral**2], axis=1)
     lift = per_mass[:, 2] - vehicle.gravity_m_s2
-    fitted = [np.linalg.lstsq(x, y, rcond=None)[0] for x, y in ((by_speed, drag), (by_climb, lift))]
-    return np.maximum(fitted[0], 0.0).astype(np.float64), fitted[1].astype(np.float64)
+    fitted = [_least_squares(x, y) for x, y in ((by_speed, drag), (by_climb, lift))]
+    return np.maximum(fitted[0], 0.0), fitted[1]
+
+
+def _least_squares(x: FloatArray, y: FloatArray) -> FloatArray:
+    """By the normal equations: two columns that are far from parallel."""
+    return portable.solve(portable.product(x.T, x), portable.product(x.T, y[:, None]))[:, 0]
+
+
+def _cosine(angle_rad: float) -> float:
+    return float(portable.sine_cosine(angle_rad)[1])
 
 
 def excess_numpy(airframe: Airframe, derivatives: FloatArray) -> FloatArray:
@@ -123,14 +133,15 @@ def excess_numpy(airframe: Airframe, derivatives: FloatArray) -> FloatArray:
     force, pace = (np.sqrt(_dot(x, x) + least)[:, None] for x, least in ((f, _LEAST_FORCE), (v, _LEAST_PACE)))
     drag = w.drag_per_thrust_1_s * force / w.gravity_m_s2 + w.drag_per_speed_1_m * pace
     thrust, thrust_1, thrust_2 = f + drag * v, j + drag * a, s + drag * j
-    size = np.sqrt(np.maximum(_dot(thrust, thrust), 0.04 * w.gravity_m_s2**2))[:, None]
+    size = np.sqrt(np.maximum(_dot(thrust, thrust), 0.04 * np.square(w.gravity_m_s2)))[:, None]
     z = thrust / size
     change = _dot(z, thrust_1)[:, None]
     z_1 = (thrust_1 - z * change) / size
     z_2 = (thrust_2 - z * _dot(z, thrust_2)[:, None] - 2.0 * change * z_1) / size  # across z only
     low = np.maximum(1.0 + z[:, 2], 0.1)[:, None]
     flat_1, flat_2 = ((d - z * d[:, 2:] / low)[:, :2] for d in (z_1, z_2))
-    forward, left = np.stack([np.cos(yaw), np.sin(yaw)], axis=1), np.stack([-np.sin(yaw), np.cos(yaw)], axis=1)
+    sine, cosine = portable.sine_cosine(yaw)
+    forward, left = np.stack([cosine, sine], axis=1), np.stack([-sine, cosine], axis=1)
     rate = np.stack([-_dot(left, flat_1), _dot(forward, flat_1), np.zeros(len(v))], axis=1)
     turn = np.stack([-_dot(left, flat_2), _dot(forward, flat_2), np.zeros(len(v))], axis=1)
     spin_1, spin_2 = (z[:, 0] * d[:, 1] - z[:, 1] * d[:, 0] for d in (z_1, z_2))
@@ -143,15 +154,15 @@ def excess_numpy(airframe: Airframe, derivatives: FloatArray) -> FloatArray:
     climb = _dot(v, z)
     lift = w.lift_axial_1_s * climb + w.lift_lateral_1_m * (_dot(v, v) - climb**2)
     asked = np.concatenate([(_dot(f, z) - lift - w.gravity_m_s2)[:, None], torque], axis=1)
-    effort = w.effort_hover + asked @ w.mix.T
-    cos_tilt = np.cos(w.tilt_rad)
+    effort = w.effort_hover + portable.product(asked, w.mix.T)
+    cos_tilt = _cosine(w.tilt_rad)
     return np.column_stack(
         [
-            _dot(v, v) / w.speed_m_s**2 - 1.0,
-            _dot(a, a) / w.acceleration_m_s2**2 - 1.0,
+            _dot(v, v) / np.square(w.speed_m_s) - 1.0,
+            _dot(a, a) / np.square(w.acceleration_m_s2) - 1.0,
             (cos_tilt - z[:, 2]) / (1.0 - cos_tilt),
-            _dot(z_1, z_1) / w.rate_rad_s**2 - 1.0,
-            rate[:, 2] ** 2 / w.yaw_rate_rad_s**2 - 1.0,
+            _dot(z_1, z_1) / np.square(w.rate_rad_s) - 1.0,
+            rate[:, 2] ** 2 / np.square(w.yaw_rate_rad_s) - 1.0,
             effort - w.effort_most,
             w.effort_least - effort,
         ]
@@ -178,7 +189,7 @@ def measured_excess(
     most = np.full(len(trajectory.durations_s), airframe.speed_m_s) if speed_m_s is None else speed_m_s
     w, values = airframe, attitude.sampled(vehicle, trajectory, segments, fractions, memory)
     effort = values[..., attitude.ROTOR] ** 2 / np.mean(invert.hover(vehicle) ** 2)
-    rate, cos_tilt = values[..., attitude.RATE], np.cos(w.tilt_rad)
+    rate, cos_tilt = values[..., attitude.RATE], _cosine(w.tilt_rad)
     times = fractions * trajectory.durations_s[segments, None]
     c = trajectory.coefficients[segments, :3]
     speed, push = (
@@ -187,9 +198,9 @@ def measured_excess(
     )
     single = [
         speed / most[segments, None] ** 2 - 1.0,
-        push / w.acceleration_m_s2**2 - 1.0,
+        push / np.square(w.acceleration_m_s2) - 1.0,
         (cos_tilt - values[..., attitude.UP]) / (1.0 - cos_tilt),
-        (rate[..., :2] ** 2).sum(axis=2) / w.rate_rad_s**2 - 1.0,
-        rate[..., 2] ** 2 / w.yaw_rate_rad_s**2 - 1.0,
+        (rate[..., :2] ** 2).sum(axis=2) / np.square(w.rate_rad_s) - 1.0,
+        rate[..., 2] ** 2 / np.square(w.yaw_rate_rad_s) - 1.0,
     ]
     return np.concatenate([np.stack(single, axis=2), effort - w.effort_most, w.effort_least - effort], axis=2)

@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from flight import FloatArray, Trajectory, polynomial, rotations
+from flight import FloatArray, Trajectory, polynomial, portable, rotations
 from vehicle import Vehicle, flatness, invert
 from vehicle.forces import Surroundings
 from vehicle.model import rigid_body
@@ -82,7 +82,8 @@ def coefficients(vehicle: Vehicle, trajectory: Trajectory, pieces: Pieces) -> Fl
 
     def turning(q: FloatArray) -> tuple[FloatArray, FloatArray]:
         at, back = q.reshape(p, NODES, 4), rotations.conjugate(q)
-        slope, bend = (first @ at * rate).reshape(n, 4), (second @ at * rate**2).reshape(n, 4)
+        slope = (portable.product(first, at) * rate).reshape(n, 4)
+        bend = (portable.product(second, at) * rate**2).reshape(n, 4)
         return 2.0 * rotations.multiply(back, slope)[:, 1:], 2.0 * rotations.multiply(back, bend)[:, 1:]
 
     # Forces depend a little on the rates, which come from the attitudes.
@@ -91,7 +92,8 @@ def coefficients(vehicle: Vehicle, trajectory: Trajectory, pieces: Pieces) -> Fl
     q, speed = flatness.attitudes(vehicle, velocity, acceleration, yaw, body_rate, rough)
     body_rate, turn = turning(q)
     back, body = rotations.conjugate(q), rigid_body(vehicle)
-    torque = turn @ body.inertia_kg_m2.T + rotations.cross(body_rate, body_rate @ body.inertia_kg_m2.T)
+    momentum, torque = (portable.product(rates, body.inertia_kg_m2.T) for rates in (body_rate, turn))
+    torque += rotations.cross(body_rate, momentum)
     required = float(body.mass_kg) * (acceleration + np.array([0.0, 0.0, vehicle.gravity_m_s2]))
     rotor = invert.rotor_speeds(
         vehicle,
@@ -103,7 +105,7 @@ def coefficients(vehicle: Vehicle, trajectory: Trajectory, pieces: Pieces) -> Fl
         guess_rad_s=speed,
     )
     up = 1.0 - 2.0 * (q[:, 1] ** 2 + q[:, 2] ** 2)
-    return from_values @ np.column_stack([up, body_rate, rotor]).reshape(p, NODES, VALUES)
+    return portable.product(from_values, np.column_stack([up, body_rate, rotor]).reshape(p, NODES, VALUES))
 
 
 class Memory:
@@ -185,13 +187,15 @@ def hull_fractions() -> FloatArray:
 @cache
 def _operators() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Nodes in units of half a piece from its middle; first and second derivative; coefficients from values."""
-    x = -np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
+    x = -portable.sine_cosine(np.pi * (np.arange(NODES) + 0.5) / NODES)[1]
     values = chebyshev.chebvander(x, NODES - 1)
-    back = np.linalg.inv(values).astype(np.float64)
+    back = portable.solve(values, np.eye(NODES))
     slope = np.zeros((NODES, NODES))
     slope[:-1] = chebyshev.chebder(np.eye(NODES))
     slope /= _REACH
-    return _REACH * x, values @ slope @ back, values @ slope @ slope @ back, back
+    once = portable.product(slope, back)
+    twice = portable.product(slope, once)
+    return _REACH * x, portable.product(values, once), portable.product(values, twice), back
 
 
 @cache

@@ -9,7 +9,7 @@ It stands beside our own method as a comparison; it sees no obstacle while it ch
 
 import numpy as np
 
-from flight import FloatArray
+from flight import FloatArray, portable
 from planner import hermite, minimum_snap, quadratic, space
 from planner._planner import StopFlag
 from planner.options import PlanInfeasibleError, PlanOptions, check_stop
@@ -55,7 +55,8 @@ def allocate(points: FloatArray, durations_s: FloatArray, stop: StopFlag | None 
     program = quadratic.SnapProgram(quadratic.Constraints(points))
     spline = program.solve(durations_s)
     # The best common factor on all times is known: 7 snap = k_T sum(T).
-    spline = program.solve(durations_s * (7.0 * spline.snap_cost() / (TIME_PRICE * durations_s.sum())) ** (1.0 / 8.0))
+    longer = np.sqrt(np.sqrt(np.sqrt(7.0 * spline.snap_cost() / (TIME_PRICE * durations_s.sum()))))
+    spline = program.solve(durations_s * longer)
     size = 0.1
     for _ in range(_STEPS):
         check_stop(stop)
@@ -63,7 +64,7 @@ def allocate(points: FloatArray, durations_s: FloatArray, stop: StopFlag | None 
         downhill = -slope * spline.durations_s  # by log T, so that times stay positive
         downhill /= np.abs(downhill).max(initial=1e-12)
         while size > 1e-4:
-            shorter = program.solve(spline.durations_s * np.exp(size * downhill))
+            shorter = program.solve(spline.durations_s * portable.exponential(size * downhill))
             if cost_and_gradient(shorter)[0] < cost:
                 break
             size *= 0.5
@@ -91,10 +92,11 @@ def _colliding(spline: minimum_snap.Spline, field: space.DistanceField, required
     """(k,) bool: which polynomials come closer to obstacles than allowed."""
     scaled = hermite.segment_states(spline.states) * hermite.time_powers(spline.durations_s)[..., None]
     # the control points' polygon is at least as long as the curve
-    polygon = np.diff(quadratic.control_points(0) @ scaled, axis=1)
+    polygon = np.diff(portable.product(quadratic.control_points(0), scaled), axis=1)
     counts = np.ceil(np.linalg.norm(polygon, axis=2).sum(axis=1) / _SPACING_M).astype(int) + 1
-    rows = [hermite.basis(np.linspace(0.0, 1.0, n), 0) @ hermite.monomials_from_states() for n in counts]
-    points = np.concatenate([row @ ends for row, ends in zip(rows, scaled, strict=True)])
+    M = hermite.monomials_from_states()
+    rows = [portable.product(hermite.basis(np.linspace(0.0, 1.0, n), 0), M) for n in counts]
+    points = np.concatenate([portable.product(row, ends) for row, ends in zip(rows, scaled, strict=True)])
     first = np.concatenate([[0], np.cumsum(counts)[:-1]])
     return np.minimum.reduceat(space.distance(field, points), first) < required_m
 

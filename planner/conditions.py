@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 import esdf
-from flight import FloatArray, FormatError, InputError, Trajectory
+from flight import FloatArray, FormatError, InputError, Trajectory, polynomial, portable
 from flight.mission import SLIMMEST_M
 from planner import space
 from planner.limits import Check, certified_maxima
@@ -235,7 +235,7 @@ def _check_end(name: str, motion: FloatArray | None, limits: Limits) -> None:
     if not np.isfinite(motion).all():
         raise InputError(f"the {name}'s motion is not finite: {motion.tolist()}")
     for row, unit, most in ((0, "m/s", limits.speed_m_s), (1, "m/s2", limits.acceleration_m_s2)):
-        size = float(np.linalg.norm(motion[row, :3]))
+        size = float(portable.length(motion[row, :3]))
         if size > most:
             raise InputError(f"the {name} moves at {size:.3g} {unit}, limit {most:g}; lower it or raise the limit")
 
@@ -254,7 +254,7 @@ def _check_velocities(velocity: FloatArray | None, leg_speed: FloatArray | None,
     if broken.any():
         raise InputError(f"the velocity at waypoint {int(np.argmax(broken))} is not finite in every axis")
     for i in np.flatnonzero(np.isfinite(velocity[:, 0])):
-        size = float(np.linalg.norm(velocity[i]))
+        size = float(portable.length(velocity[i]))
         if size > limits.speed_m_s:
             raise InputError(
                 f"waypoint {i} is to be passed at {size:.3g} m/s, limit {limits.speed_m_s:g}; "
@@ -375,7 +375,7 @@ def _end_check(name: str, trajectory: Trajectory, time_s: float, asked: FloatArr
     wanted = np.zeros((3, 4)) if asked is None else asked
     segment = 0 if time_s == 0.0 else -1
     T = trajectory.durations_s[segment]
-    scale = np.abs(trajectory.coefficients[segment] * T ** np.arange(trajectory.coefficients.shape[-1])).max()
+    scale = np.abs(trajectory.coefficients[segment] * polynomial.powers(T, trajectory.coefficients.shape[-1])).max()
     tolerance = _SAME * max(1.0, float(scale))
     worst = float(np.abs(motion - wanted).max())
     what = "rest" if asked is None else "motion"

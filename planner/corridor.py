@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flight import FloatArray
+from flight import FloatArray, portable
 from planner import space
 
 CLEARANCE_PRICE = 3000.0
@@ -32,7 +32,7 @@ class Box:
 
     def lowest(self, points: FloatArray) -> FloatArray:
         """How deep points (n, 3) lie inside, (n,); negative outside."""
-        return (self.offsets_m - points @ self.normals.T).min(axis=1)
+        return (self.offsets_m - portable.product(points, self.normals.T)).min(axis=1)
 
 
 class Tube:
@@ -64,7 +64,7 @@ class Tube:
 
     def _off(self, points: FloatArray) -> FloatArray:
         """(3, n, boxes) how far from each box's middle, along its axes."""
-        return points @ self._axes - self._middle
+        return portable.product(points, self._axes) - self._middle
 
 
 def boxes(field: space.DistanceField, points: FloatArray, required_m: float) -> list[Box]:
@@ -96,12 +96,12 @@ def boxes(field: space.DistanceField, points: FloatArray, required_m: float) -> 
 
 def _leg_axes(along: FloatArray) -> FloatArray:
     """Rows: along the leg, horizontally across it, and across both."""
-    size = np.linalg.norm(along)
+    size = portable.length(along)
     forward = along / size if size > 1e-9 else np.array([1.0, 0.0, 0.0])
     across = np.cross([0.0, 0.0, 1.0], forward)
-    if np.linalg.norm(across) < 1e-3:
+    if portable.length(across) < 1e-3:
         across = np.cross([0.0, 1.0, 0.0], forward)
-    across /= np.linalg.norm(across)
+    across /= portable.length(across)
     return np.stack([forward, across, np.cross(forward, across)])
 
 

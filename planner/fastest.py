@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import esdf
-from flight import FloatArray, Progress, Trajectory, silent
+from flight import FloatArray, Progress, Trajectory, portable, silent
 from flight.trajectory import LONGEST_S
 from planner import airframe, heading, hermite, limits, minimum_snap, routes, space, time_allocation, windows
 from planner._planner import StopFlag
@@ -185,7 +185,7 @@ def _given_speeds(asked: Conditions, velocity: FloatArray | None) -> list[tuple[
     """Knots whose speed is given, and that speed."""
     inner = [] if velocity is None else [(int(i), velocity[i]) for i in np.flatnonzero(np.isfinite(velocity[:, 0]))]
     ends = [(knot, motion[0]) for knot, motion in ((0, asked.start), (-1, asked.end)) if motion is not None]
-    return [(knot, float(np.linalg.norm(v[:3]))) for knot, v in inner + ends]
+    return [(knot, float(portable.length(v[:3]))) for knot, v in inner + ends]
 
 
 def _split(spline: minimum_snap.Spline, waypoint: np.ndarray, most: int) -> tuple[FloatArray, FloatArray, np.ndarray]:
@@ -195,7 +195,7 @@ def _split(spline: minimum_snap.Spline, waypoint: np.ndarray, most: int) -> tupl
     of = np.repeat(np.arange(len(T)), pieces)
     number = np.arange(len(of)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     scaled = hermite.segment_states(spline.states) * hermite.time_powers(T)[..., None]
-    rows = hermite.basis(number / pieces[of], 0) @ hermite.monomials_from_states()
+    rows = portable.product(hermite.basis(number / pieces[of], 0), hermite.monomials_from_states())
     knots = np.concatenate([np.einsum("na,nax->nx", rows, scaled[of]), spline.states[-1:, 0]])
     index = np.append(np.where(number == 0, waypoint[of], -1), waypoint[-1])
     knots[np.append(number == 0, True)] = spline.states[:, 0]

@@ -12,7 +12,17 @@ import numpy as np
 import esdf
 import vehicle as vehicles
 from esdf.visibility import CouldHide
-from flight import FlightError, FloatArray, FormatError, Progress, Trajectory, TrajectoryFile, silent
+from flight import (
+    FlightError,
+    FloatArray,
+    FormatError,
+    Progress,
+    Trajectory,
+    TrajectoryFile,
+    portable,
+    rotations,
+    silent,
+)
 from flight.trajectory import fingerprint
 from planner import conditions as conditions_
 from planner import inputs, limits
@@ -294,7 +304,7 @@ def _waypoints(
     times, segment = limits.sample_times(trajectory, 1e-3)
     times, segment = np.append(times, trajectory.duration_s), np.append(segment, segment[-1])
     points = trajectory.position(times)
-    ends = max(float(np.linalg.norm(points[0] - wanted[0])), float(np.linalg.norm(points[-1] - wanted[-1])))
+    ends = max(float(portable.length(points[0] - wanted[0])), float(portable.length(points[-1] - wanted[-1])))
     worst, missed, at = ends, 0 if ends > tolerance_m else -1, 0
     outside_m: list[float] = []
     visits: list[tuple[float, float, float]] = []
@@ -349,18 +359,18 @@ def _first_pass(
     outside of the opening it lies is negative, the distance to the nearest edge. None if no crossing lies inside.
     """
     sizes = np.linalg.norm(edges, axis=1)
-    normal = np.cross(*edges) / np.prod(sizes)
+    normal = np.cross(*edges) / (sizes[0] * sizes[1])
     for first in range(start, len(points) - 1, _BLOCK):
-        side = (points[first : first + _BLOCK + 1] - centre) @ normal
+        side = ((points[first : first + _BLOCK + 1] - centre) * normal).sum(axis=1)
         for k in first + np.flatnonzero((side[:-1] < 0.0) & (side[1:] >= 0.0)):
             before, after = times_s[k], times_s[k + 1]
             while after - before > _SAME_S:
                 middle = 0.5 * (before + after)
-                if float((trajectory.position(np.array([middle]))[0] - centre) @ normal) < 0.0:
+                if float(((trajectory.position(np.array([middle]))[0] - centre) * normal).sum()) < 0.0:
                     before = middle
                 else:
                     after = middle
-            off = np.abs(edges @ (trajectory.position(np.array([after]))[0] - centre)) / sizes - sizes
+            off = np.abs((edges * (trajectory.position(np.array([after]))[0] - centre)).sum(axis=1)) / sizes - sizes
             if off.max() <= 0.0:
                 return int(k) + 1, float(after), float(off.max())
     return None
@@ -388,17 +398,17 @@ def _headings(
     times = trajectory.sample(options.sample_step_s)
     motion = trajectory.evaluate(times)
     if visits_s is not None and yaw_rad is not None and np.isfinite(yaw_rad).any():
-        off = np.abs(np.angle(np.exp(1j * (trajectory.evaluate(visits_s)[:, 3] - yaw_rad))))
+        off = np.abs(rotations.wrapped(trajectory.evaluate(visits_s)[:, 3] - yaw_rad))
         off = np.where(np.isfinite(off), off, 0.0)
         checks.append(_heading_check("heading at waypoints", off, visits_s, _SAME_RAD))
     if options.yaw in ("fixed", "steady"):
         held = options.heading_rad if options.yaw == "fixed" else motion[0, 3]
-        off = np.abs(np.angle(np.exp(1j * (motion[:, 3] - held))))
+        off = np.abs(rotations.wrapped(motion[:, 3] - held))
         checks.append(_heading_check("heading held", off, times, _SAME_RAD))
     if options.target_world_m is not None:
         aim = options.target_world_m[:2] - motion[:, :2]
-        off = np.abs(np.angle(np.exp(1j * (motion[:, 3] - np.arctan2(aim[:, 1], aim[:, 0])))))
-        off = np.where(np.hypot(*aim.T) > _NEAR_M, off, 0.0)
+        off = np.abs(rotations.wrapped(motion[:, 3] - portable.arctangent2(aim[:, 1], aim[:, 0])))
+        off = np.where(portable.length(aim) > _NEAR_M, off, 0.0)
         checks.append(_heading_check("look at the point", off, times, _LOOK_RAD))
     return checks
 

@@ -8,9 +8,8 @@ weight w fades where the vehicle hardly moves, so a hover may face anywhere.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solveh_banded
 
-from flight import FloatArray, InputError
+from flight import FloatArray, InputError, polynomial, portable, rotations
 from flight.frames import GRAVITY_M_S2
 from planner import hermite, minimum_snap
 from planner.options import PlanOptions
@@ -55,13 +54,13 @@ def steady_enough(
         change = np.abs(_sampled(states[..., None], T, 2)[..., 0] + spin_up).max() / bounds.acceleration_rad_s2
         return float(max(rate, change))
 
-    quick, slow = np.log(_SMOOTHING_S)
+    quick, slow = portable.logarithm(_SMOOTHING_S)
     how = {"along_path": along_path, "target_world_m": target_world_m}
     best = solve(spline, asked_rad, smoothing_s=_SMOOTHING_S[1], **how)
     least = excess(best)
     for _ in range(8):
         middle = 0.5 * (quick + slow)
-        yaw = solve(spline, asked_rad, smoothing_s=float(np.exp(middle)), **how)
+        yaw = solve(spline, asked_rad, smoothing_s=float(portable.exponential(middle)), **how)
         found = excess(yaw)
         if found <= max(least, 1.0):
             best, least, slow = yaw, max(found, 1.0), middle
@@ -94,17 +93,19 @@ def solve(
         heading, weight = np.zeros_like(heading), np.full_like(weight, _FAINT)
         if np.isfinite(pinned).any():
             heading += pinned[np.isfinite(pinned)][0]
-    blocks, right = np.zeros((len(T), 8, 8)), np.zeros(4 * (len(T) + 1))
+    right = np.zeros(4 * (len(T) + 1))
     spin_up, step = tilt_spin(spline)[1], T / _SAMPLES
-    energy = minimum_snap.energy(T) * min(smoothing_s, _SOFTEST_S) ** 8
+    soft, square = np.square(min(smoothing_s, _SOFTEST_S)), np.square(smoothing_s)
+    energy = minimum_snap.energy(T) * np.square(np.square(soft))
     M, S = hermite.monomials_from_states(), hermite.time_powers(T)[:, None]
-    value = (hermite.basis(_points(), 0) @ M) * S
-    bend = (hermite.basis(_points(), 2) @ M) * S / T[:, None, None] ** 2
+    value = portable.product(hermite.basis(_points(), 0), M) * S
+    bend = portable.product(hermite.basis(_points(), 2), M) * S / T[:, None, None] ** 2
+    look = (weight * step[:, None])[..., None] * value
+    steady = (np.square(square) * step)[:, None, None] * bend
+    blocks = energy + np.einsum("kia,kib->kab", look, value) + np.einsum("kia,kib->kab", steady, bend)
+    wanted = np.einsum("kia,ki->ka", look, heading) - np.einsum("kia,ki->ka", steady, spin_up)
     for i in range(len(T)):
-        block = slice(4 * i, 4 * i + 8)
-        look, steady = (weight[i] * step[i])[:, None] * value[i], smoothing_s**4 * step[i] * bend[i]
-        blocks[i] = energy[i] + look.T @ value[i] + steady.T @ bend[i]
-        right[block] += look.T @ heading[i] - steady.T @ spin_up[i]
+        right[4 * i : 4 * i + 8] += wanted[i]
     return _solve_pinned(blocks, right, pinned).reshape(-1, 4)
 
 
@@ -121,7 +122,7 @@ def constant(spline: minimum_snap.Spline, asked_rad: FloatArray, options: PlanOp
         held = options.heading_rad
     else:
         held = float(asked_rad[given[0]]) if given.size else float(path_heading(spline)[0][0, 0])
-    off = np.abs(np.angle(np.exp(1j * (asked_rad[given] - held))))
+    off = np.abs(rotations.wrapped(asked_rad[given] - held))
     if (off > _SAME_RAD).any():
         raise InputError(
             f"a waypoint asks for a heading of {np.degrees(asked_rad[given[int(off.argmax())]]):.0f} deg, but yaw "
@@ -151,8 +152,8 @@ def tilt_spin(spline: minimum_snap.Spline) -> tuple[FloatArray, FloatArray]:
 def _sampled(states: FloatArray, durations_s: FloatArray, derivative: int) -> FloatArray:
     """A derivative at the sample points of each segment, (k, samples, axes)."""
     scaled = hermite.segment_states(states) * hermite.time_powers(durations_s)[..., None]
-    rows = hermite.basis(_points(), derivative) @ hermite.monomials_from_states()
-    return rows @ scaled / durations_s[:, None, None] ** derivative
+    rows = portable.product(hermite.basis(_points(), derivative), hermite.monomials_from_states())
+    return portable.product(rows, scaled) / polynomial.powers(durations_s, derivative + 1)[:, -1, None, None]
 
 
 def path_heading(
@@ -163,11 +164,11 @@ def path_heading(
     velocity = _sampled(spline.states[..., :2], T, 1)
     if target_world_m is not None:
         velocity = target_world_m[:2] - _sampled(spline.states[..., :2], T, 0)
-    speed = np.hypot(velocity[..., 0], velocity[..., 1]).ravel()
+    speed = portable.length(velocity).ravel()
     moving = np.flatnonzero(speed > 0.3 * _SLOW_M_S)
     if not moving.size:
         return np.zeros(velocity.shape[:2]), np.full(velocity.shape[:2], _FAINT)
-    direction = np.arctan2(velocity[..., 1], velocity[..., 0]).ravel()
+    direction = portable.arctangent2(velocity[..., 1], velocity[..., 0]).ravel()
     unwrapped = np.unwrap(direction[moving])
     heading = np.interp(np.arange(speed.size), moving, unwrapped)
     weight = np.where(speed > 0.3 * _SLOW_M_S, speed**2 / (speed**2 + _SLOW_M_S**2), 0.0) + _FAINT
@@ -196,11 +197,11 @@ def _solve_pinned(blocks: FloatArray, right: FloatArray, pinned: FloatArray) -> 
     fixed[[0, -1], 1:] = 0.0
     held = np.isfinite(fixed.ravel())
     solution = np.where(held, fixed.ravel(), 0.0)
-    band = np.zeros((8, len(right)))  # LAPACK's lower storage: band[i - j, j]
+    band = np.zeros((8, len(right)))  # lower storage: band[i - j, j]
     rest = right.copy()
     for i, block in enumerate(blocks):
         part = slice(4 * i, 4 * i + 8)
-        rest[part] -= block @ np.where(held[part], solution[part], 0.0)
+        rest[part] -= np.einsum("ab,b->a", block, np.where(held[part], solution[part], 0.0))
         open_ = ~held[part]
         kept = block * open_[:, None] * open_
         for below in range(8):
@@ -209,7 +210,7 @@ def _solve_pinned(blocks: FloatArray, right: FloatArray, pinned: FloatArray) -> 
     scale = 1.0 / np.sqrt(band[0])
     for below in range(8):
         band[below, : len(right) - below] *= scale[: len(right) - below] * scale[below:]
-    try:
-        return solution + scale * solveh_banded(band, scale * rest, lower=True, check_finite=False)
-    except np.linalg.LinAlgError:
-        raise InputError("two waypoints are too close together to turn between them; leave one of them out") from None
+    found = portable.solve_banded(band, scale * rest)
+    if found is None:
+        raise InputError("two waypoints are too close together to turn between them; leave one of them out")
+    return solution + scale * found

@@ -9,7 +9,7 @@ from math import perm
 
 import numpy as np
 
-from flight import FloatArray
+from flight import FloatArray, polynomial, portable
 
 ORDER = 4
 """Numbers in a knot state, and the derivative whose square is minimised (snap)."""
@@ -22,9 +22,9 @@ POWERS = np.tile(np.arange(ORDER), 2)
 def basis(u: FloatArray, derivative: int) -> FloatArray:
     """Derivatives of the monomials at u: (n, 8), row i times ascending coefficients in u is the value at u[i]."""
     u = np.asarray(u, dtype=np.float64)
-    rows = np.zeros((len(u), SIZE))
+    rows, powers = np.zeros((len(u), SIZE)), polynomial.powers(u, SIZE)
     for i in range(derivative, SIZE):
-        rows[:, i] = perm(i, derivative) * u ** (i - derivative)
+        rows[:, i] = perm(i, derivative) * powers[:, i - derivative]
     return rows
 
 
@@ -32,7 +32,7 @@ def basis(u: FloatArray, derivative: int) -> FloatArray:
 def monomials_from_states() -> FloatArray:
     """M (8, 8): ascending coefficients in u from the scaled states of both ends."""
     ends = [basis(np.array([u]), r)[0] for u in (0.0, 1.0) for r in range(ORDER)]
-    return np.round(np.linalg.inv(np.array(ends)) * 6.0) / 6.0  # the exact entries are whole sixths
+    return np.round(portable.solve(np.array(ends), np.eye(SIZE)) * 6.0) / 6.0  # the exact entries are whole sixths
 
 
 @cache
@@ -42,13 +42,13 @@ def snap_matrix() -> FloatArray:
     falling = np.array([perm(n, ORDER) for n in i], dtype=np.float64)
     monomial = np.outer(falling, falling) / np.maximum(i[:, None] + i[None, :] - 2 * ORDER + 1, 1)
     M = monomials_from_states()
-    matrix = M.T @ monomial @ M
+    matrix = portable.product(portable.product(M.T, monomial), M)
     return 0.5 * (matrix + matrix.T)
 
 
 def time_powers(durations_s: FloatArray) -> FloatArray:
     """S(T) as (k, 8): T^0, T^1, T^2, T^3 for each end."""
-    return np.asarray(durations_s)[:, None] ** POWERS
+    return polynomial.powers(durations_s, ORDER)[:, POWERS]
 
 
 def segment_states(states: FloatArray) -> FloatArray:
@@ -62,4 +62,4 @@ def coefficients_numpy(states: FloatArray, durations_s: FloatArray) -> FloatArra
     scaled = segment_states(states) * time_powers(T)[..., None]
     on_unit = np.einsum("ab,kbx->kxa", monomials_from_states(), scaled)
     on_unit[..., :ORDER] = np.swapaxes(scaled[:, :ORDER], 1, 2) / np.array([1.0, 1.0, 2.0, 6.0])
-    return on_unit / T[:, None, None] ** np.arange(SIZE)
+    return on_unit / polynomial.powers(T, SIZE)[:, None]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flight import FloatArray, InfeasibleError, InputError, Waypoints
+from flight import FloatArray, InfeasibleError, InputError, Waypoints, rotations
 from flight.trajectory import LONGEST_S
 from planner.options import PlanInfeasibleError, PlanOptions
 from vehicle import Limits, Vehicle, invert
@@ -105,7 +105,7 @@ def check_durations(waypoints: Waypoints, bounds: Limits, leg_speed_m_s: FloatAr
 
 def _check_headings(waypoints: Waypoints, bounds: Limits) -> None:
     given = np.flatnonzero(np.isfinite(waypoints.yaw_rad))
-    turns = np.abs(np.angle(np.exp(1j * np.diff(waypoints.yaw_rad[given]))))
+    turns = np.abs(rotations.wrapped(np.diff(waypoints.yaw_rad[given])))
     slow = np.flatnonzero(turns > _LONGEST_TURN_S * bounds.yaw_rate_rad_s)
     if slow.size:
         first, then = given[slow[0]], given[slow[0] + 1]

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 import vehicle as vehicles
-from flight import FlightError, FloatArray, Trajectory, polynomial
+from flight import FlightError, FloatArray, Trajectory, polynomial, portable
 from planner import attitude, heading
 from planner._planner import StopFlag
 from planner.options import PlanCancelledError, check_stop
@@ -245,8 +245,8 @@ def _piece_bounds(coefficients: FloatArray) -> tuple[FloatArray, FloatArray, Flo
         more = np.broadcast_to(more, (len(values), 1, attitude.VALUES))
         rate, rotor = np.abs(values[..., attitude.RATE]) + more[..., attitude.RATE], values[..., attitude.ROTOR]
         up = values[..., attitude.UP] - more[..., attitude.UP]
-        shown[2] = np.arccos(np.clip(up, -1.0, 1.0))
-        shown[3], shown[4] = np.hypot(rate[..., 0], rate[..., 1]), rate[..., 2]
+        shown[2] = portable.arccosine(np.clip(up, -1.0, 1.0))
+        shown[3], shown[4] = portable.length(rate[..., :2]), rate[..., 2]
         shown[5] = (rotor + more[..., attitude.ROTOR]).max(axis=-1)
         shown[6] = -(rotor - more[..., attitude.ROTOR]).min(axis=-1)
         return np.where(np.isnan(shown), np.inf, shown)
@@ -318,10 +318,10 @@ def _shares(value: FloatArray, limits: Limits, hover_rad_s: float) -> FloatArray
 def _attitude_values(trajectory: Trajectory, vehicle: Vehicle, times: FloatArray) -> list[FloatArray]:
     state = flatness.state(vehicle, trajectory, times)
     _, x, y, _ = state.q_world_body.T
-    tilt = 2.0 * np.arcsin(np.clip(np.hypot(x, y), 0.0, 1.0))
+    tilt = 2.0 * portable.arcsine(np.clip(np.sqrt(x * x + y * y), 0.0, 1.0))
     rate = state.rate_body_rad_s
     rotor = state.rotor_speed_rad_s
-    return [tilt, np.hypot(rate[:, 0], rate[:, 1]), np.abs(rate[:, 2]), rotor.max(axis=1), rotor.min(axis=1)]
+    return [tilt, portable.length(rate[:, :2]), np.abs(rate[:, 2]), rotor.max(axis=1), rotor.min(axis=1)]
 
 
 def time_shares(trajectory: Trajectory, vehicle: Vehicle, limits: Limits, times: FloatArray) -> FloatArray:

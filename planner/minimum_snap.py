@@ -10,7 +10,7 @@ from math import isfinite
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from flight import FloatArray, InputError, Trajectory
+from flight import FloatArray, InputError, Trajectory, polynomial, portable
 from planner import hermite
 from planner._planner import snap_coefficients, snap_states
 
@@ -29,18 +29,18 @@ class Spline:
     def snap_cost(self) -> float:
         """Integral of the squared snap over the whole path, all axes together."""
         d = hermite.segment_states(self.states)
-        return float(np.sum(d * (energy(self.durations_s) @ d)))
+        return float(np.sum(d * portable.product(energy(self.durations_s), d)))
 
     def scale_time(self, factor: float) -> "Spline":
         """The same path `factor` times as slowly."""
-        powers = factor ** -np.arange(float(hermite.ORDER))
+        powers = polynomial.powers(1.0 / factor, hermite.ORDER)
         return Spline(self.durations_s * factor, self.states * powers[:, None])
 
 
 def energy(durations_s: FloatArray) -> FloatArray:
     """(k, 8, 8): the snap integral of each segment as a quadratic form in the states of its two ends."""
-    exponents = hermite.POWERS[:, None] + hermite.POWERS[None, :] - 7
-    return hermite.snap_matrix() * np.asarray(durations_s)[:, None, None] ** exponents
+    inverse = 7 - hermite.POWERS[:, None] - hermite.POWERS[None, :]
+    return hermite.snap_matrix() * polynomial.powers(1.0 / np.asarray(durations_s), 8)[:, inverse]
 
 
 def solve(

@@ -118,7 +118,7 @@ class PlanOptions:
     def limits_for(self, vehicle: Vehicle) -> Limits:
         """Limits of a plan: the given ones (or the vehicle's own), less the control reserve."""
         own = vehicle.limits if self.limits is None else self.limits
-        slowest, fastest = own.rotor_speed_min_rad_s**2, own.rotor_speed_max_rad_s**2
+        slowest, fastest = (speed * speed for speed in (own.rotor_speed_min_rad_s, own.rotor_speed_max_rad_s))
         spare = self.control_reserve * (fastest - slowest)  # thrust goes with the square of the speed
         return replace(own, rotor_speed_min_rad_s=sqrt(slowest + spare), rotor_speed_max_rad_s=sqrt(fastest - spare))
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from esdf import Grid
 from esdf.field import SampledField
-from flight import FloatArray, InfeasibleError, Trajectory
+from flight import FloatArray, InfeasibleError, Trajectory, portable, rotations
 
 HEADINGS = 12
 """Headings that are tried first, evenly over the circle."""
@@ -96,7 +96,7 @@ def _refined(shape: FloatArray, field: SampledField, middle: FloatArray, heading
             here, room = tried[best], float(found[best])
         move = 0.5 * move
     x, y, z, turn = here.tolist()
-    return Placement((x, y, z), float(np.arctan2(np.sin(turn), np.cos(turn))), room)
+    return Placement((x, y, z), float(rotations.wrapped(turn)), room)
 
 
 def _room(
@@ -120,8 +120,9 @@ def _room(
 def _turn(headings_rad: FloatArray) -> FloatArray:
     """(n, 3, 3) rotations about the vertical."""
     turns = np.zeros((len(headings_rad), 3, 3))
-    turns[:, 0, 0] = turns[:, 1, 1] = np.cos(headings_rad)
-    turns[:, 1, 0] = np.sin(headings_rad)
+    sine, cosine = portable.sine_cosine(headings_rad)
+    turns[:, 0, 0] = turns[:, 1, 1] = cosine
+    turns[:, 1, 0] = sine
     turns[:, 0, 1] = -turns[:, 1, 0]
     turns[:, 2, 2] = 1.0
     return turns

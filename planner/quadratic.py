@@ -81,17 +81,22 @@ class SnapProgram:
             PlanCancelledError: `stop` was set.
         """
         T = np.asarray(durations_s, dtype=np.float64)
-        knot_time = np.exp(np.convolve(np.log(np.concatenate([T[:1], T, T[-1:]])), [0.5, 0.5], "valid"))
+        knot_time = np.sqrt(np.concatenate([T[:1], T]) * np.concatenate([T, T[-1:]]))
         ratio = np.concatenate(  # T^r / knot_time^r for both ends: the solver's unknowns are all metres
-            [(T / knot_time[:-1])[:, None] ** np.arange(4), (T / knot_time[1:])[:, None] ** np.arange(4)], axis=1
+            [polynomial.powers(T / knot_time[:-1], 4), polynomial.powers(T / knot_time[1:], 4)], axis=1
         )
         # Snap in units of a typical segment keeps the cost of order one whatever the times.
-        cost = hermite.snap_matrix() * ratio[:, :, None] * ratio[:, None, :] * (T / T.mean())[:, None, None] ** -7.0
+        cost = (
+            hermite.snap_matrix()
+            * ratio[:, :, None]
+            * ratio[:, None, :]
+            * polynomial.powers(T.mean() / T, 8)[:, 7:, None]
+        )
         P = self._pattern_P.fill(np.broadcast_to(cost[:, None], (self.segments, 3, 8, 8)).ravel())
         A = self._pattern_A.fill(self._values_A(ratio))
         low, high = self._limits(T)
         found = self._run(P, A, low, high, stop)
-        states = found.reshape(-1, 4, 3) / knot_time[:, None, None] ** np.arange(4)[:, None]
+        states = found.reshape(-1, 4, 3) / polynomial.powers(knot_time, 4)[..., None]
         states[[0, -1], 1:] = 0.0
         pinned = np.isfinite(self.constraints.waypoints).all(axis=1) & self._exact()
         states[pinned, 0] = self.constraints.waypoints[pinned]
@@ -190,7 +195,7 @@ class SnapProgram:
                 least = np.full_like(most, -np.inf)
             else:
                 bound = c.speed_axis_m_s if derivative == 1 else c.acceleration_axis_m_s2
-                most = np.repeat((bound or np.inf) * T**derivative, 3 * (8 - derivative))
+                most = np.repeat((bound or np.inf) * polynomial.powers(T, 3)[:, derivative], 3 * (8 - derivative))
                 least = -most
             lows.append(least)
             highs.append(most)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flight import FlightError, FloatArray, InputError, Waypoints
+from flight import FlightError, FloatArray, InputError, Waypoints, portable
 from planner import sampling, search, space
 from planner._planner import StopFlag
 from planner.options import PlanInfeasibleError, PlanOptions, check_stop
@@ -162,7 +162,7 @@ def subdivided(route: Route, field: space.DistanceField) -> Route:
     for i in range(len(route.points) - 1):
         a, b = route.points[i], route.points[i + 1]
         near = space.distance(field, a + np.linspace(0.0, 1.0, 9)[:, None] * (b - a)).min()
-        pieces = int(np.ceil(np.linalg.norm(b - a) / (_CLOSE_M + 2.0 * max(near, 0.0))))
+        pieces = int(np.ceil(portable.length(b - a) / (_CLOSE_M + 2.0 * max(near, 0.0))))
         points.append(a + np.linspace(0.0, 1.0, pieces + 1)[1:, None] * (b - a))
         index.append(np.append(np.full(pieces - 1, -1), route.waypoint[i + 1]))
     return Route(np.concatenate(points), np.concatenate(index))

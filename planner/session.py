@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flight import FloatArray, InputError, Trajectory, Waypoints
+from flight import FloatArray, InputError, Trajectory, Waypoints, portable
 from planner import fastest, gate, inputs, limits, minimum_snap, planning, routes, space
 from planner._planner import StopFlag
 from planner.conditions import Conditions
@@ -292,17 +292,17 @@ class Planner:
             first, last = _leg_knots(self._path.waypoint, leg) or (0, 0)
             knots, T = kept.spline.states[first : last + 1, 0].copy(), kept.spline.durations_s[first:last]
             share = np.linspace(0.0, 1.0, len(knots))[:, None]
-            before_m = np.linalg.norm(knots[-1, :3] - knots[0, :3])
+            before_m = portable.length(knots[-1, :3] - knots[0, :3])
             knots[:, :3] += (1.0 - share) * (a - knots[0, :3]) + share * (b - knots[-1, :3])
             if straight == (len(T) <= pieces) and (straight or self._free(knots[:, :3])):
-                longer = np.clip(np.linalg.norm(b - a) / max(before_m, 1e-9), 0.5, 3.0)
+                longer = np.clip(portable.length(b - a) / max(before_m, 1e-9), 0.5, 3.0)
                 return _Leg(knots, T * longer, drawn=True)
         if not straight:
             return None
         start, end = (np.append(p, self._yaw_at(leg + n, waypoints, old, new)) for n, p in enumerate((a, b)))
         frame = kept.problem.airframe
         pace = 0.5 * min(frame.speed_m_s, frame.acceleration_m_s2)
-        duration = max(float(np.linalg.norm(b - a)) / pace, 0.1)
+        duration = max(float(portable.length(b - a)) / pace, 0.1)
         return _Leg(np.linspace(start, end, pieces + 1), np.full(pieces, duration / pieces), drawn=False)
 
     def _yaw_at(self, waypoint: int, waypoints: Waypoints, old: tuple[int, int], new: tuple[int, int]) -> float:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flight import FloatArray, InputError, Waypoints
+from flight import FloatArray, InputError, Waypoints, rotations
 from planner import space
 from planner.options import PlanOptions
 
@@ -95,8 +95,10 @@ def waypoints_along(
 def distance_to_chord(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
     """Distance of points (n, 3) from the line segment between `start` and `end`."""
     along = end - start
-    square = float(along @ along)
-    fraction = np.clip((points - start) @ along / square, 0.0, 1.0) if square > 0.0 else np.zeros(len(points))
+    square = float((along * along).sum())
+    fraction = (
+        np.clip(((points - start) * along).sum(axis=1) / square, 0.0, 1.0) if square > 0.0 else np.zeros(len(points))
+    )
     return np.linalg.norm(points - (start + fraction[:, None] * along), axis=1)
 
 
@@ -108,8 +110,8 @@ def heading_gaps(points: FloatArray, yaw_rad: FloatArray, first: int, last: int)
     inner = yaw_rad[first + 1 : last]
     steps = np.linalg.norm(np.diff(points[first : last + 1], axis=0), axis=1)
     share = np.cumsum(steps)[:-1] / max(float(steps.sum()), 1e-12)
-    turn = np.angle(np.exp(1j * (yaw_rad[last] - yaw_rad[first])))
-    off = np.abs(np.angle(np.exp(1j * (inner - yaw_rad[first] - share * turn))))
+    turn = rotations.wrapped(yaw_rad[last] - yaw_rad[first])
+    off = np.abs(rotations.wrapped(inner - yaw_rad[first] - share * turn))
     return np.where(np.isfinite(off), off, 0.0)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
-from flight import FloatArray, InputError
+from flight import FloatArray, InputError, portable
 
 Distances = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """From points (n, 3) to distances (n,) and their gradients (n, 3)."""
@@ -63,7 +63,11 @@ def certain(field: DistanceField, distance_m: np.ndarray) -> np.ndarray:
 def aim(field: DistanceField, required_m: float) -> float:
     """The interpolated distance at which `required_m` is certain."""
     grid = getattr(field, "grid", None)
-    return required_m if grid is None else float(np.hypot(required_m, grid.half_diagonal_m))
+    return (
+        required_m
+        if grid is None
+        else float(np.sqrt(required_m * required_m + grid.half_diagonal_m * grid.half_diagonal_m))
+    )
 
 
 def around_path(field: DistanceField, polyline: FloatArray, near_m: float) -> Distances:
@@ -238,9 +242,9 @@ def nearest_free(field: DistanceField, point: FloatArray, required_m: float) -> 
     """
     count = 200
     i = np.arange(count) + 0.5
-    inclination, turn = np.arccos(1.0 - 2.0 * i / count), np.pi * (1.0 + np.sqrt(5.0)) * i
-    horizontal = np.sin(inclination)
-    ball = np.stack([horizontal * np.cos(turn), horizontal * np.sin(turn), np.cos(inclination)], axis=1)
+    up, (sine, cosine) = 1.0 - 2.0 * i / count, portable.sine_cosine(np.pi * (1.0 + np.sqrt(5.0)) * i)
+    horizontal = np.sqrt(1.0 - up * up)
+    ball = np.stack([horizontal * cosine, horizontal * sine, up], axis=1)
     directions = np.concatenate([np.eye(3), -np.eye(3), ball])
     for radius in np.arange(0.05, _REACH_M, 0.05):
         d = distance(field, point + radius * directions)

@@ -9,7 +9,7 @@ from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
-from flight import FloatArray
+from flight import FloatArray, portable
 from planner import airframe, hermite, minimum_snap, space
 from planner._planner import Problem as Kernel
 from planner._planner import StopFlag
@@ -180,7 +180,12 @@ def derivatives(spline: minimum_snap.Spline) -> FloatArray:
     scaled = hermite.segment_states(spline.states) * hermite.time_powers(spline.durations_s)[..., None]
     rates = 1.0 / spline.durations_s[:, None, None]
     return np.stack(
-        [hermite.basis(FRACTIONS, r) @ hermite.monomials_from_states() @ scaled * rates**r for r in range(5)], axis=2
+        [
+            portable.product(portable.product(hermite.basis(FRACTIONS, r), hermite.monomials_from_states()), scaled)
+            * rates**r
+            for r in range(5)
+        ],
+        axis=2,
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flight import FloatArray, Trajectory, polynomial, rotations
+from flight import FloatArray, Trajectory, polynomial, portable, rotations
 from vehicle import dynamics, invert, native
 from vehicle.forces import Surroundings
 from vehicle.model import Vehicle, rigid_body
@@ -203,8 +203,8 @@ def hopf(axis: FloatArray, yaw_rad: FloatArray) -> FloatArray:
 
 def _rates(q: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Body rate and its derivative at the middle of five attitudes (5, n, 4)."""
-    slope = np.tensordot(_FIRST, q, axes=1) / _OFFSET_S
-    bend = np.tensordot(_SECOND, q, axes=1) / _OFFSET_S**2
+    slope = np.einsum("i,inj->nj", _FIRST, q) / _OFFSET_S
+    bend = np.einsum("i,inj->nj", _SECOND, q) / (_OFFSET_S * _OFFSET_S)
     back = rotations.conjugate(q[2])
     return 2.0 * rotations.multiply(back, slope)[:, 1:], 2.0 * rotations.multiply(back, bend)[:, 1:]
 
@@ -226,7 +226,8 @@ def _finish(
 ) -> FlatState:
     """Individual rotor speeds; where drag depends on each of them, the attitude is aligned with thrust once more."""
     body = rigid_body(vehicle)
-    torque = turn @ body.inertia_kg_m2.T + np.cross(rate, rate @ body.inertia_kg_m2.T)
+    momentum, torque = (portable.product(rates, body.inertia_kg_m2.T) for rates in (rate, turn))
+    torque += np.cross(rate, momentum)
     required = float(body.mass_kg) * (path.acceleration + np.array([0.0, 0.0, vehicle.gravity_m_s2]))
     for _ in range(20):
         back = rotations.conjugate(q)
@@ -262,5 +263,5 @@ def _flat_state(
         thrust_n=thrust,
         torque_n_m=torque,
         rotor_speed_rad_s=speed,
-        tilt_rad=np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)),
+        tilt_rad=portable.arccosine(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)),
     )

@@ -4,7 +4,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from flight import FloatArray, InfeasibleError
+from flight import FloatArray, InfeasibleError, portable
 from vehicle import dynamics, native
 from vehicle.forces import Surroundings
 from vehicle.model import Vehicle, rigid_body
@@ -87,7 +87,7 @@ def _newton_step(
     slope = jacobian.rotor_speed[:, 2:]
     singular = ~np.isfinite(slope).all(axis=(1, 2)) | (np.abs(speed).min(axis=1) < 1e-9)
     slope[singular] = np.eye(4)
-    step = np.linalg.solve(slope, missing[..., None])[..., 0]
+    step = portable.solve(slope, missing[..., None])[..., 0]
     return np.where(singular[:, None], np.nan, step)
 
 
