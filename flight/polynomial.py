@@ -81,7 +81,8 @@ def _bernstein_matrix(n: int) -> FloatArray:
 def bernstein_from_seconds(coefficients: ArrayLike, duration_s: ArrayLike) -> FloatArray:
     """Bernstein control points of p on [0, T]: min <= p(t) <= max over the control points."""
     on_unit = scale_argument(coefficients, duration_s)
-    return portable.product(_bernstein_matrix(on_unit.shape[-1]), on_unit[..., None])[..., 0]
+    n = on_unit.shape[-1]
+    return portable.product(on_unit.reshape(-1, n), _bernstein_matrix(n).T).reshape(on_unit.shape)
 
 
 def seconds_from_bernstein(control_points: ArrayLike, duration_s: ArrayLike) -> FloatArray:

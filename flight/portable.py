@@ -61,8 +61,14 @@ def length(vectors: FloatArray) -> FloatArray:
 
 
 def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Matrix product of (..., m, k) and (..., k, n)."""
-    return np.einsum("...mk,...kn->...mn", a, b)
+    """Matrix product of (..., m, k) and (..., k, n), leading axes equal or absent; `np.einsum` is ten times slower."""
+    leading = a.shape[:-2] or b.shape[:-2]
+    out = np.empty((*leading, a.shape[-2], b.shape[-1]))
+    left, right = (np.ascontiguousarray(x if x.ndim > 2 else x[None]) for x in (a, b))
+    together = out if leading else out[None]
+    stacks = (x if x.ndim == 3 else x.reshape(-1, *x.shape[-2:]) for x in (left, right, together))
+    _portable.product(*stacks)
+    return out
 
 
 def solve(matrix: FloatArray, right: FloatArray) -> FloatArray:

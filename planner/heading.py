@@ -102,7 +102,7 @@ def solve(
     bend = portable.product(hermite.basis(_points(), 2), M) * S / T[:, None, None] ** 2
     look = (weight * step[:, None])[..., None] * value
     steady = (np.square(square) * step)[:, None, None] * bend
-    blocks = energy + np.einsum("kia,kib->kab", look, value) + np.einsum("kia,kib->kab", steady, bend)
+    blocks = energy + portable.product(look.swapaxes(1, 2), value) + portable.product(steady.swapaxes(1, 2), bend)
     wanted = np.einsum("kia,ki->ka", look, heading) - np.einsum("kia,ki->ka", steady, spin_up)
     for i in range(len(T)):
         right[4 * i : 4 * i + 8] += wanted[i]

@@ -8,11 +8,28 @@ namespace nb = nanobind;
 using namespace goshawk;
 using In = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Out = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using In3 = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Out3 = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 using Matrix = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 template <double (*function)(double)>
 void each(In x, Out out) {
     for (std::size_t i = 0; i < x.size(); ++i) out.data()[i] = function(x.data()[i]);
+}
+
+// (p, m, n): products of (p, m, k) and (p, k, n), each sum in order of k; a single matrix is shared.
+void product(In3 a, In3 b, Out3 out) {
+    const std::size_t m = out.shape(1), n = out.shape(2), size = a.shape(2);
+    for (std::size_t p = 0; p < out.shape(0); ++p) {
+        const double* left = a.data() + (a.shape(0) == 1 ? 0 : p * m * size);
+        const double* right = b.data() + (b.shape(0) == 1 ? 0 : p * size * n);
+        for (std::size_t i = 0; i < m; ++i) {
+            double* row = out.data() + (p * m + i) * n;
+            for (std::size_t j = 0; j < n; ++j) row[j] = 0.0;
+            for (std::size_t k = 0; k < size; ++k)
+                for (std::size_t j = 0; j < n; ++j) row[j] += left[i * size + k] * right[k * n + j];
+        }
+    }
 }
 
 // Solves A x = b for symmetric, positive definite A by Cholesky's method; band[i - j, j] holds A[i, j], i >= j, and is
@@ -56,5 +73,6 @@ NB_MODULE(_portable, module) {
     module.def("logarithm", &each<logarithm>);
     module.def("arcsine", &each<arcsine>);
     module.def("arccosine", &each<arccosine>);
+    module.def("product", &product);
     module.def("solve_banded", &solve_banded);
 }

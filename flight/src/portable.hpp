@@ -25,12 +25,13 @@ static inline double nearest_whole(double x) {
     return (x + kShift) - kShift;
 }
 
-// c[0] + c[1] x + ... by Horner's rule.
+// c[0] + c[1] x + ..., in four sums by x^4 that need not wait for each other.
 template <int N>
-static inline double horner(const double (&c)[N], double x) {
-    double value = c[N - 1];
-    for (int i = N - 2; i >= 0; --i) value = value * x + c[i];
-    return value;
+static inline double series(const double (&c)[N], double x) {
+    const double x2 = x * x, x4 = x2 * x2;
+    double sum[4] = {};
+    for (int i = N - 1; i >= 0; --i) sum[i % 4] = sum[i % 4] * x4 + c[i];
+    return (sum[0] + x * sum[1]) + x2 * (sum[2] + x * sum[3]);
 }
 
 // Accurate for |x| below 1e6; beyond, x is first reduced by the double nearest to 2 pi.
@@ -47,9 +48,9 @@ static inline SineCosine sine_cosine(double x) {
     const double near = a - b, back = near - a, lost = (a - (near - back)) - (b + back);  // near + lost = a - b exactly
     const double y = near - c, rest = ((near - y) - c) + lost;
     const double square = y * y;
-    const double sine = y + (y * square * horner(kSine, square) + rest * (1.0 - 0.5 * square));
+    const double sine = y + (y * square * series(kSine, square) + rest * (1.0 - 0.5 * square));
     const double half = 0.5 * square, large = 1.0 - half;
-    const double cosine = large + (((1.0 - large) - half) + (square * square * horner(kCosine, square) - y * rest));
+    const double cosine = large + (((1.0 - large) - half) + (square * square * series(kCosine, square) - y * rest));
     switch (std::isfinite(turns) ? static_cast<std::int64_t>(turns) & 3 : 0) {
         case 0:
             return {sine, cosine};
@@ -81,7 +82,7 @@ static inline double exponential(double x) {
     const double n = nearest_whole(x / kLog2);
     const double high = x - n * kLog2First, low = n * kLog2Rest, r = high - low;
     const double rest = (high - r) - low;
-    const double value = 1.0 + (r + (r * r * horner(kTaylor, r) + rest));
+    const double value = 1.0 + (r + (r * r * series(kTaylor, r) + rest));
     const std::int64_t whole = static_cast<std::int64_t>(n), half = whole / 2;  // in two steps, for subnormal results
     return value * power_of_two(half) * power_of_two(whole - half);
 }
@@ -105,7 +106,7 @@ static inline double logarithm(double x) {
     // log(1 + f) = f - f^2 / 2 + s (f^2 / 2 + 2 s^2 / 3 + 2 s^4 / 5 + ...) with s = f / (2 + f)
     const double f = m - 1.0, s = f / (2.0 + f), square = s * s, half = 0.5 * f * f;
     const double e = static_cast<double>(exponent),
-                 tail = s * (half + square * horner(kSeries, square)) + e * kLog2Rest;
+                 tail = s * (half + square * series(kSeries, square)) + e * kLog2Rest;
     return e * kLog2First - ((half - tail) - f);
 }
 
@@ -127,7 +128,7 @@ static inline double arctangent2(double y, double x) {
     if (large > 0.0) {
         const bool far = small > 0.41421356237309504880 * large;  // beyond pi / 8: as a turn back from pi / 4
         const double u = far ? (small - large) / (0.5 * small + 0.5 * large) * 0.5 : small / large;
-        const double bend = u * (u * u) * horner(kSeries, u * u);
+        const double bend = u * (u * u) * series(kSeries, u * u);
         angle = far ? 0.25 * kPi : u;
         rest = far ? u + (bend + 0.25 * kPiRest) : bend;
     }

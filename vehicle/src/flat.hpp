@@ -92,24 +92,24 @@ struct Alignment {
     // Attitude and rotor speeds (their proportions kept) that give the path's acceleration.
     void attitude(const PathPoint& p, const double rate[3], double tolerance, double n[4], double q[4]) const {
         const HalfTurn yaw(p.yaw);
-        double power = 0.5, last = 0.0, last_ratio = 1.0;
+        double power = 0.5, last = 0.0, last_log = 0.0;
         for (int step = 0; step < 60; ++step) {
             const double before[4] = {q[0], q[1], q[2], q[3]};
             double force_z;
             const double along = line_up(p, yaw, rate, n, q, force_z);
-            if (std::fabs(last_ratio - 1.0) > 1e-5 && last > 0.0 && force_z > 0.0) {
-                const double gain = logarithm(force_z / last) / logarithm(last_ratio);  // dlog T / dlog n, about 2
+            if (std::fabs(last_log) > 1e-5 && last > 0.0 && force_z > 0.0) {
+                const double gain = logarithm(force_z / last) / last_log;  // dlog T / dlog n, about 2
                 if (gain > 1.0 && gain < 6.0) power = 1.0 / gain;
             }
-            double ratio = exponential(power * logarithm(std::fmax(along, 0.0) / std::fmax(force_z, 1e-12)));
-            ratio = std::fmin(std::fmax(ratio, 0.5), 2.0);
+            const double log_ratio = power * logarithm(std::fmax(along, 0.0) / std::fmax(force_z, 1e-12));
+            last_log = std::fmin(std::fmax(log_ratio, -kLog2), kLog2);
+            const double ratio = exponential(last_log);
             double change = std::fabs(ratio - 1.0);
             for (int k = 0; k < 4; ++k) {
                 change = std::fmax(change, std::fabs(q[k] - before[k]));
                 n[k] *= ratio;
             }
             last = force_z;
-            last_ratio = ratio;
             if (change < tolerance) break;
         }
     }
