@@ -188,7 +188,7 @@ def hull_fractions() -> FloatArray:
 def _operators() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Nodes in units of half a piece from its middle; first and second derivative; coefficients from values."""
     x = -portable.sine_cosine(np.pi * (np.arange(NODES) + 0.5) / NODES)[1]
-    values = chebyshev.chebvander(x, NODES - 1)
+    values = np.asarray(chebyshev.chebvander(x, NODES - 1), dtype=np.float64)
     back = portable.solve(values, np.eye(NODES))
     slope = np.zeros((NODES, NODES))
     slope[:-1] = chebyshev.chebder(np.eye(NODES))
