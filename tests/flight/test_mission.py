@@ -147,5 +147,5 @@ def test_a_record_in_another_unit_is_refused_with_the_names_that_are_known(tmp_p
 def test_a_heading_that_is_not_a_number_is_not_taken_for_an_open_one(tmp_path):
     records = [{"position_world_m": [0.0, 0.0, 1.0], "yaw_rad": yaw} for yaw in (None, float("nan"))]
     (tmp_path / "w.json").write_text(json.dumps({"format": "goshawk-waypoints", "version": 1, "waypoints": records}))
-    with pytest.raises(FormatError, match="yaw of waypoint 1 is not a number"):
+    with pytest.raises(FormatError, match="yaw of waypoint 2 is not a number"):
         missions.load(tmp_path / "w.json")
