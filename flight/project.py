@@ -159,7 +159,9 @@ def waypoints_from(document: file_format.Document, path: Path) -> Waypoints:
         yaws = [p.get("yaw_rad") for p in points]
         broken = [i for i, y in enumerate(yaws) if y is not None and np.isnan(float(y))]
         if broken:
-            raise FormatError(f"{path}: the yaw of waypoint {broken[0] + 1} is not a number; null leaves it to the planner")
+            raise FormatError(
+                f"{path}: the yaw of waypoint {broken[0] + 1} is not a number; null leaves it to the planner"
+            )
         return Waypoints(positions, np.array([np.nan if y is None else y for y in yaws], dtype=np.float64))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise FormatError(f"{path} is a damaged waypoint file: {file_format.damage_text(error)}") from error

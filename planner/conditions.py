@@ -187,8 +187,8 @@ class Conditions:
         i = int(inside.argmin())
         if inside[i] < _TOUCHING_M:
             raise InputError(
-                f"waypoint {i + 1} is {self.tube.radius_m - inside[i]:.2f} m from the line to keep in, whose tube has a "
-                f"radius of {self.tube.radius_m:g} m; move the waypoint or widen the tube"
+                f"waypoint {i + 1} is {self.tube.radius_m - inside[i]:.2f} m from the line to keep in, whose tube has "
+                f"a radius of {self.tube.radius_m:g} m; move the waypoint or widen the tube"
             )
 
     def most_speed_m_s(self, waypoint: np.ndarray) -> FloatArray:
@@ -245,7 +245,9 @@ def _check_velocities(velocity: FloatArray | None, leg_speed: FloatArray | None,
         wrong = np.flatnonzero(leg_speed <= 0.0)
         if wrong.size:
             i = int(wrong[0])
-            raise InputError(f"the leg from waypoint {i + 1} to {i + 2} has a speed of {leg_speed[i]:g} m/s; give it some")
+            raise InputError(
+                f"the leg from waypoint {i + 1} to {i + 2} has a speed of {leg_speed[i]:g} m/s; give it some"
+            )
     if velocity is None:
         return
     if np.isfinite(velocity[[0, -1]]).any():
@@ -263,8 +265,8 @@ def _check_velocities(velocity: FloatArray | None, leg_speed: FloatArray | None,
         legs = [] if leg_speed is None else [j for j in (i - 1, i) if leg_speed[j] < size]
         if legs:
             raise InputError(
-                f"waypoint {i + 1} is to be passed at {size:.3g} m/s, but the leg from waypoint {legs[0] + 1} is flown at "
-                f"{leg_speed[legs[0]] if leg_speed is not None else 0.0:.3g} m/s at most; change one of the two"
+                f"waypoint {i + 1} is to be passed at {size:.3g} m/s, but the leg from waypoint {legs[0] + 1} is flown "
+                f"at {leg_speed[legs[0]] if leg_speed is not None else 0.0:.3g} m/s at most; change one of the two"
             )
 
 
@@ -413,9 +415,8 @@ def _speed_checks(trajectory: Trajectory, visits: Visits, asked: FloatArray) -> 
     worst = int(np.argmax(bound / allowed))
     value, limit = float(bound[worst]), float(allowed[worst])
     segment = int(trajectory.segment_at(middle[worst : worst + 1])[0][0])
-    reason = (
-        f"leg from waypoint {int(leg[worst]) + 1} at {time_s[worst]:.1f} s: {value:.3g} m/s, asked for at most {limit:.3g}"
-    )
+    where = f"leg from waypoint {int(leg[worst]) + 1} at {time_s[worst]:.1f} s"
+    reason = f"{where}: {value:.3g} m/s, asked for at most {limit:.3g}"
     return [Check("speed of legs", value, limit, "m/s", value <= limit, float(time_s[worst]), segment, reason)]
 
 

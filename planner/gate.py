@@ -325,7 +325,9 @@ def _waypoints(
         worst = max(worst, gap_m - radius)
     if missed >= 0:
         return [
-            Check("waypoints", worst, tolerance_m, "m", False, reason=f"waypoint {missed + 1} is missed by {worst:.3f} m")
+            Check(
+                "waypoints", worst, tolerance_m, "m", False, reason=f"waypoint {missed + 1} is missed by {worst:.3f} m"
+            )
         ], None
     reached.append(len(points))
     for i in np.flatnonzero(in_gate[1:-1]) + 1:

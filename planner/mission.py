@@ -59,9 +59,7 @@ def plan(
                 share("gate", 1.0)
                 continue
             plans.append(
-                planning.plan(
-                    ahead, field, vehicle, options, conditions=part.conditions, progress=share, stop=stop
-                )
+                planning.plan(ahead, field, vehicle, options, conditions=part.conditions, progress=share, stop=stop)
             )
         except PlanInfeasibleError as error:
             leg = None if error.segment is None else part.first + max(error.segment - part.lead_in, 0)

@@ -306,8 +306,8 @@ def options_from(
             option, unit = {"speed_m_s": ("--speed", "m/s"), "acceleration_m_s2": ("--acceleration", "m/s2")}[name]
             limit = f"{getattr(own, name):g} {unit}, the vehicle's limit"
             raise InputError(
-                f"{option} {value:g} must be above 0 and at most {limit}; raise {name} under [limits] in the vehicle file "
-                "if the vehicle can do more"
+                f"{option} {value:g} must be above 0 and at most {limit}; raise {name} under [limits] in the vehicle "
+                "file if the vehicle can do more"
             )
     return replace(options, limits=replace(own, **slower))
 

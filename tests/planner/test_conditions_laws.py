@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from esdf import solids
 from flight import InputError, Trajectory
-from planner import Conditions
+from planner import Conditions, PlanOptions
 from planner.conditions import Visits, checks
 
 OPEN = np.nan
@@ -52,6 +53,7 @@ def test_what_is_just_within_a_bound_is_taken(drone):
         Conditions(gate_edges_m=edges(at_1=LEFT_UP), fly_by_m=np.array([0.0, 0.0, 0.5, 0.0])),
         Conditions(gate_edges_m=edges(at_1=LEFT_UP), velocity_world_m_s=rows([1.0, 0.0, 0.0], 2)),
         Conditions(gate_edges_m=edges(at_2=[[0.0, 0.5, 4.9e-7], [0.0, 0.0, 0.5]])),
+        Conditions(gate_edges_m=edges(at_2=[[0.0, 10.0, 5e-6], [0.0, 0.0, 10.0]])),
         Conditions(keep_in_world_m=LINE, keep_in_radius_m=0.05),
         Conditions(keep_in_world_m=LINE, keep_in_radius_m=999.0),
         Conditions(keep_in_world_m=LINE * 312.5, keep_in_radius_m=0.05),
@@ -92,6 +94,7 @@ def test_what_is_just_within_a_bound_is_taken(drone):
         (Conditions(gate_edges_m=edges(at_2=[[0.0, 0.5, 0.0], [0.0, 0.0, 0.0]])), "gate at waypoint 3 needs two"),
         (Conditions(gate_edges_m=edges(at_1=[[0.0, OPEN, 0.0], [0.0, 0.0, 0.5]])), "gate at waypoint 2 needs two"),
         (Conditions(gate_edges_m=edges(at_1=[[0.0, np.inf, 0.0], [0.0, 0.0, 0.5]])), "gate at waypoint 2 needs two"),
+        (Conditions(gate_edges_m=edges(at_1=[[np.inf, 0.0, 0.0], [1.0, 0.0, 0.0]])), "gate at waypoint 2 needs two"),
         (Conditions(gate_edges_m=edges(at_1=np.full((2, 3), OPEN))), "gate at waypoint 2 needs two"),
         (
             Conditions(gate_edges_m=edges(at_2=LEFT_UP), fly_by_m=np.array([0.0, 0.0, 0.5, 0.0])),
@@ -127,11 +130,15 @@ def test_waypoints_lie_three_centimetres_inside_a_tube(inside_m, refused):
     tube = Conditions(keep_in_world_m=LINE, keep_in_radius_m=1.0)
     points = np.array([[1.0, 0.0, 0.0], [2.0, 1.0 - inside_m, 0.0], [3.0, 0.0, 0.0]])
     Conditions().check_inside(points)
+    Conditions(keep_in_world_m=LINE, keep_in_radius_m=0.06).check_inside(np.array([[1.0, 0.03, 0.0]]))  # just so
     if refused:
         with pytest.raises(InputError, match="waypoint 2 is"):
             tube.check_inside(points)
     else:
         tube.check_inside(points)
+    room, options = solids.Scene([solids.Sphere((0.0, 0.0, 9.0), 1.0)]), PlanOptions(radius_m=0.2)
+    assert Conditions().room(room, options) is room
+    assert tube.room(room, options) is not room
     assert Conditions(keep_in_world_m=LINE).tube is None
     assert Conditions(keep_in_radius_m=1.0).tube is None
 
@@ -152,7 +159,8 @@ def test_a_path_with_given_motion_is_one_with_any_velocity():
 
 
 @pytest.mark.parametrize(
-    ("index", "speeds"), [(0, [OPEN, 1, 2, 3]), (1, [1, 1, 2, 3]), (2, [1, 2, 2, 3]), (3, [1, 2, 3, 3]), (4, [1, 2, 3, OPEN])]
+    ("index", "speeds"),
+    [(0, [OPEN, 1, 2, 3]), (1, [1, 1, 2, 3]), (2, [1, 2, 2, 3]), (3, [1, 2, 3, 3]), (4, [1, 2, 3, OPEN])],
 )
 def test_a_waypoint_inserted_halves_a_leg_and_asks_for_nothing(index, speeds):
     given = Conditions(
@@ -180,6 +188,8 @@ def test_a_waypoint_deleted_leaves_the_lower_speed_of_two_legs(index, speeds, op
     np.testing.assert_array_equal(given.fly_by_m, np.delete(np.arange(1.0, 5.0), index))
     one_open = Conditions(leg_speed_m_s=np.array([OPEN, 2.0, 1.0])).deleted(index)
     np.testing.assert_array_equal(one_open.leg_speed_m_s, open_speeds)
+    rising = Conditions(leg_speed_m_s=np.array([1.0, 2.0, 3.0])).deleted(index)
+    assert rising.leg_speed_m_s.tolist() == [[2, 3], [1, 3], [1, 2], [1, 2]][index]
     assert Conditions().deleted(index).as_dict() == {}
 
 
@@ -204,6 +214,8 @@ def test_conditions_of_waypoints_stand_at_their_knots():
     np.testing.assert_allclose(openings[0, 1:], 0.97 * LEFT_UP)
     np.testing.assert_allclose(openings[3, 1:], 0.97 * 2.0 * LEFT_UP)
     assert (openings[[1, 2, 4, 5], 1:] == 0.0).all()
+    first = Conditions(velocity_world_m_s=rows([1.0, 0.0, 0.0], 0)).at_knots(waypoint)
+    assert first[0].tolist() == [1.0, 0.0, 0.0, 0.0]
     assert given.most_speed_m_s(waypoint).tolist() == [np.inf, np.inf, 1.0, 99.0, 99.0]
     assert Conditions().most_speed_m_s(waypoint).tolist() == [np.inf] * 5
     nothing = Conditions()
@@ -297,7 +309,9 @@ def test_a_velocity_is_asked_at_its_own_waypoint():
 def test_a_join_stands_for_a_visit_that_it_belongs_to():
     path = powers((0.0, 1.0), (1.0, 2.0))
     times = np.array([0.0, 0.9, 1.1, 1.25, 2.0])
-    visits = Visits(times, times - [0.0, 0.2, 0.0995, 0.2, 0.0], times + [0.0, 0.0995, 0.2, 0.2, 0.0])
+    visits = Visits(
+        times, times - np.array([0.0, 0.2, 0.0995, 0.2, 0.0]), times + np.array([0.0, 0.0995, 0.2, 0.2, 0.0])
+    )
     assert visits.joins_s(path).tolist() == [0.0, 1.0, 1.0, 1.25, 2.0]
     narrow = Visits(times, times - 0.098, times + 0.098)
     assert narrow.joins_s(path).tolist() == [0.0, 0.9, 1.1, 1.25, 2.0]
@@ -325,7 +339,13 @@ def test_each_leg_has_its_own_largest_speed():
 def test_within_a_radius_the_faster_of_two_legs_counts_and_behind_it_the_later_one():
     path = powers((0.0, 1.0), (1.0, 3.0), (4.0, 3.0), (7.0, 1.0))
     radius = Visits(np.array([0.0, 2.0, 4.0]), np.array([0.0, 1.0, 4.0]), np.array([0.0, 3.0, 4.0]))
-    for first, later, passed in ((3.0, 1.0, True), (1.0, 3.0, True), (2.9, 1.0, False), (1.0, 2.9, False), (3.0, 0.9, False)):
+    for first, later, passed in (
+        (3.0, 1.0, True),
+        (1.0, 3.0, True),
+        (2.9, 1.0, False),
+        (1.0, 2.9, False),
+        (3.0, 0.9, False),
+    ):
         check = verdict("speed of legs", path, radius, leg_speed_m_s=np.array([first, later]))
         assert check.passed == passed, (first, later)
 

@@ -124,7 +124,7 @@ def test_one_waypoint_and_equal_ones_are_refused_by_their_numbers(open_sky, dron
 
 
 def test_a_single_path_that_would_turn_on_the_spot_is_referred_to_the_mission(open_sky, drone):
-    with pytest.raises(InputError, match="waypoints 1 and 2 .* two headings; plan this turn as a mission"):
+    with pytest.raises(InputError, match=r"waypoints 1 and 2 .* two headings; plan this turn as a mission"):
         planner.plan(ask([A, A], [0.0, 1.0]).waypoints, open_sky, drone)
 
 
