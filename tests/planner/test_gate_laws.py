@@ -238,6 +238,13 @@ def test_the_first_visit_is_found_wherever_it_begins_and_ends_among_blocks(start
         assert gate._first_visit(way, start, ORIGIN, 1.0) == (start + before + nearest, 0.5)
 
 
+@pytest.mark.parametrize("blocks", [1, 2])
+def test_a_visit_that_ends_at_a_blocks_border_is_over(blocks):
+    """Whatever comes as near again, be it at a border too."""
+    way = distances((blocks * _BLOCK, 0.5), (_BLOCK, 3.0), (7, 0.25))
+    assert gate._first_visit(way, 0, ORIGIN, 1.0) == (0, 0.5)
+
+
 def test_a_visit_may_be_the_first_sample_the_last_one_or_none():
     assert gate._first_visit(distances((1, 0.5), (9, 3.0)), 0, ORIGIN, 1.0) == (0, 0.5)
     assert gate._first_visit(distances((9, 3.0), (1, 0.5)), 0, ORIGIN, 1.0) == (9, 0.5)
