@@ -273,12 +273,22 @@ def test_the_end_is_that_of_the_last_segment_in_units_of_its_size():
     assert not verdict("rest at the end", powers((1.0, 0.0), (1.0, 1.1e-6))).passed
     assert verdict("rest at the end", powers((100.0, 0.0), (50.0, 4e-5))).passed
     assert not verdict("rest at the end", powers((100.0, 0.0), (50.0, 6e-5))).passed
+    assert verdict("rest at the end", powers((1.0, 0.0), (1.0, 0.0), (50.0, 4e-5))).passed
     long = powers((1.0, 0.0), (0.0, 1e-5), duration_s=50.0)
     assert not verdict("rest at the end", long).passed
     assert verdict("rest at the end", long).bound == 1e-6
     # a large coefficient counts as what it is at the segment's end
     quick = powers((0.0,), (0.0, 1.5e-6, 0.0, 1000.0), duration_s=0.1)
     assert verdict("rest at the end", quick).bound == pytest.approx(1e-6)
+
+
+def test_the_distance_from_the_middle_of_a_tube_is_proved():
+    aside = powers((1.0, 1.0))
+    aside = Trajectory(aside.durations_s, aside.coefficients + 0.25 * np.eye(8)[0] * np.eye(4)[1][:, None])
+    for radius, passed in ((1.0, True), (0.2, False)):
+        check = verdict("keep-in", aside, keep_in_world_m=LINE, keep_in_radius_m=radius)
+        assert (check.passed, check.bound) == (passed, radius)
+        assert check.value == pytest.approx(0.25, abs=0.01)
 
 
 def test_a_velocity_is_asked_at_its_own_waypoint():

@@ -366,6 +366,13 @@ def test_a_vehicle_may_reach_just_as_far_as_its_clearance(open_sky, drone):
         assert {check.name: check.passed for check in report.checks}["clearance"] == passed
 
 
+def test_a_trajectory_that_was_not_asked_for_its_limits_has_none_that_binds(open_sky, drone):
+    way = straight((0, 0, 0, 0), (1, 0, 0, 0))
+    report = gate.check(way, open_sky, drone)
+    assert len(report.binding) == 1
+    assert dataclasses.replace(report, usage=None).binding == ()
+
+
 def test_hashes_that_differ_fail_with_their_beginnings():
     assert gate._identity("map", "a" * 64, "a" * 64).value == 0.0
     check = gate._identity("map", "a" * 64, "b" * 64)

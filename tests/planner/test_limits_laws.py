@@ -208,3 +208,30 @@ def test_a_vehicle_turns_as_its_rate_limit_and_the_drag_of_its_rotors_allow(dron
     inertia = drone.value("inertia_zz_kg_m2")
     heavy = limits.yaw_bounds(drone.with_value("inertia_zz_kg_m2", 2.0 * inertia), drone.limits)
     assert heavy.acceleration_rad_s2 == pytest.approx(0.5 * can.acceleration_rad_s2)
+
+
+@pytest.mark.parametrize("seed", [14, 15])
+def test_a_limit_that_decides_is_bounded_to_a_hundredth_and_others_only_as_closely_as_that_needs(drone, seed):
+    """The bound is the truth's within 1 % of the limit's room where the truth is at the limit, and only there."""
+    path = some_path(seed, 3, pace=0.9)
+    seen = sampled(path, drone, path.sample(0.0005))
+    hover = float(invert.hover(drone).mean())
+    tight = replace(
+        drone.limits,
+        tilt_rad=float(seen[2].max()),
+        rate_rad_s=float(seen[3].max()),
+        yaw_rate_rad_s=float(seen[4].max()),
+        rotor_speed_max_rad_s=float(seen[5].max()),
+        rotor_speed_min_rad_s=float(seen[6].min()),
+    )
+    used, loose = (limits.usage(path, drone, bounds, step_s=0.05) for bounds in (tight, drone.with_limits(
+        tilt_rad=3.0, rate_rad_s=90.0, yaw_rate_rad_s=90.0, rotor_speed_max_rad_s=9000.0, rotor_speed_min_rad_s=1.0
+    ).limits))  # fmt: skip
+    coarser = 0.0
+    for k in range(2, len(NAMES)):
+        room = abs(used.bound[k] - (hover if k > 4 else 0.0))
+        exact = seen[k].min() if k == 6 else seen[k].max()
+        near, far = (abs(u.value[k, u.worst(k)] - exact) / room for u in (used, loose))
+        assert near < 0.01, NAMES[k]
+        coarser = max(coarser, far)
+    assert coarser > 0.01
