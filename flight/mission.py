@@ -152,52 +152,54 @@ class Mission:
         for kind, records in of_waypoints.items():
             for record in records:
                 if not 0 <= record.waypoint < count:
-                    raise InputError(f"a {kind} belongs to waypoint {record.waypoint}; there are 0 to {count - 1}")
+                    raise InputError(f"a {kind} belongs to waypoint {record.waypoint + 1}; {_counted(count)}")
         for stay in self.stays:
             if not 0.0 < stay.duration_s <= 3600.0:
-                raise InputError(f"the stay at waypoint {stay.waypoint} lasts {stay.duration_s:g} s; give it 0 to 3600")
+                raise InputError(
+                    f"the stay at waypoint {stay.waypoint + 1} lasts {stay.duration_s:g} s; give it 0 to 3600"
+                )
         for velocity in self.velocities:
             if not np.isfinite(velocity.velocity_world_m_s).all():
                 given = velocity.velocity_world_m_s
-                raise InputError(f"the velocity at waypoint {velocity.waypoint} is {given}; it must be finite")
+                raise InputError(f"the velocity at waypoint {velocity.waypoint + 1} is {given}; it must be finite")
         for fly_by in self.fly_bys:
             if not 0.0 < fly_by.radius_m < 100.0:
-                where = f"waypoint {fly_by.waypoint}"
+                where = f"waypoint {fly_by.waypoint + 1}"
                 raise InputError(f"the radius at {where} is {fly_by.radius_m:g} m; it must be above 0 and below 100 m")
         for leg in self.leg_speeds:
             if not 0 <= leg.first < leg.last < count:
-                raise InputError(
-                    f"a speed is given from waypoint {leg.first} to {leg.last}; there are 0 to {count - 1}"
-                )
+                raise InputError(f"a speed is given from waypoint {leg.first + 1} to {leg.last + 1}; {_counted(count)}")
             if not (np.isfinite(leg.speed_m_s) and leg.speed_m_s > 0.0):
-                raise InputError(f"the speed from waypoint {leg.first} is {leg.speed_m_s:g} m/s; it must be positive")
+                raise InputError(
+                    f"the speed from waypoint {leg.first + 1} is {leg.speed_m_s:g} m/s; it must be positive"
+                )
         for gate in self.gates:
             _check_gate(gate)
         if self.keep_in is not None:
             _check_keep_in(self.keep_in)
         cut = {f.waypoint for f in self.fly_bys} & {s.waypoint for s in self.stays}
         if cut:
-            raise InputError(f"waypoint {min(cut)} has a stay and a radius to pass it by; remove one of them")
+            raise InputError(f"waypoint {min(cut) + 1} has a stay and a radius to pass it by; remove one of them")
         gated = [gate.waypoint for gate in self.gates]
         for kind, records in of_waypoints.items():
             others = [record.waypoint for record in records]
             both = [i for i in gated if others.count(i) > (kind == "gate")]
             if both:
                 other = "another gate" if kind == "gate" else f"a {kind}"
-                raise InputError(f"waypoint {both[0]} has a gate and {other}; remove one of them")
+                raise InputError(f"waypoint {both[0] + 1} has a gate and {other}; remove one of them")
         moving = {v.waypoint for v in self.velocities}
         both = sorted(moving & {s.waypoint for s in self.stays})
         if both:
-            raise InputError(f"waypoint {both[0]} has a stay and a velocity; remove one of them")
+            raise InputError(f"waypoint {both[0] + 1} has a stay and a velocity; remove one of them")
         for name, ground, end in (("take_off", self.take_off, 0), ("landing", self.landing, count - 1)):
             if ground is not None and not np.isfinite(ground.position_world_m).all():
                 raise InputError(f"the {name} is at {ground.position_world_m}; its position must be finite")
             if ground is not None and not 0.0 < ground.climb_m_s < np.inf:
                 raise InputError(f"the {name} climbs at {ground.climb_m_s:g} m/s; climb_m_s must be positive")
             if ground is not None and end in moving:
-                raise InputError(f"waypoint {end} has a velocity and a {name}; remove one of them")
+                raise InputError(f"waypoint {end + 1} has a velocity and a {name}; remove one of them")
             if ground is not None and end in {stay.waypoint for stay in self.stays}:
-                raise InputError(f"waypoint {end} has a stay and a {name}; add a waypoint for one of them")
+                raise InputError(f"waypoint {end + 1} has a stay and a {name}; add a waypoint for one of them")
         if self.yaw is not None and not abs(self.yaw.heading_rad) <= MOST_TURNED_RAD:
             raise InputError(
                 f"the heading to hold is {self.yaw.heading_rad:g} rad; it must be from {-MOST_TURNED_RAD:g} to "
@@ -218,7 +220,7 @@ class Mission:
         if not 1 <= laps.count <= MOST_LAPS:
             raise InputError(f"{laps.count} laps are asked for; 1 to {MOST_LAPS} can be planned")
         if not 0 <= first < last < count:
-            raise InputError(f"laps go from waypoint {first} to {last}; there are 0 to {count - 1}")
+            raise InputError(f"laps go from waypoint {first + 1} to {last + 1}; {_counted(count)}")
 
     @property
     def plain(self) -> bool:
@@ -253,8 +255,12 @@ class Mission:
         )
 
 
+def _counted(count: int) -> str:
+    return f"there are 1 to {count} (0 to {count - 1} in the file)"
+
+
 def _check_gate(gate: Gate) -> None:
-    where = f"the gate at waypoint {gate.waypoint}"
+    where = f"the gate at waypoint {gate.waypoint + 1}"
     for name in ("width_m", "height_m"):
         if not 0.01 <= getattr(gate, name) < 100.0:
             raise InputError(f"{where} has a {name} of {getattr(gate, name):g}; it must be from 0.01 to 100 m")

@@ -113,9 +113,9 @@ class Waypoints:
             )
         broken = np.flatnonzero(~np.isfinite(positions).all(axis=1))
         if broken.size:
-            raise InputError(f"waypoint {int(broken[0])} is not finite: {positions[broken[0]].tolist()}")
+            raise InputError(f"waypoint {int(broken[0]) + 1} is not finite: {positions[broken[0]].tolist()}")
         if np.isinf(yaw).any():
-            raise InputError(f"the yaw of waypoint {int(np.flatnonzero(np.isinf(yaw))[0])} is infinite")
+            raise InputError(f"the yaw of waypoint {int(np.flatnonzero(np.isinf(yaw))[0]) + 1} is infinite")
         object.__setattr__(self, "positions_world_m", positions)
         object.__setattr__(self, "yaw_rad", yaw)
 
@@ -159,7 +159,9 @@ def waypoints_from(document: file_format.Document, path: Path) -> Waypoints:
         yaws = [p.get("yaw_rad") for p in points]
         broken = [i for i, y in enumerate(yaws) if y is not None and np.isnan(float(y))]
         if broken:
-            raise FormatError(f"{path}: the yaw of waypoint {broken[0]} is not a number; null leaves it to the planner")
+            raise FormatError(
+                f"{path}: the yaw of waypoint {broken[0] + 1} is not a number; null leaves it to the planner"
+            )
         return Waypoints(positions, np.array([np.nan if y is None else y for y in yaws], dtype=np.float64))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise FormatError(f"{path} is a damaged waypoint file: {file_format.damage_text(error)}") from error

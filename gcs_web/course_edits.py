@@ -17,7 +17,7 @@ Edited = tuple[Content, str]
 def set_gate(content: Content, edit: protocol.SetGate) -> Edited:
     number = content.number_of(edit.waypoint)
     if number in (0, len(content.points) - 1):
-        raise InputError(f"waypoint {number} is an end of the path and met exactly; give gates to inner waypoints")
+        raise InputError(f"waypoint {number + 1} is an end of the path and met exactly; give gates to inner waypoints")
     lengths = {"width_m": edit.width_m, "height_m": edit.height_m}
     angles = {"heading_rad": edit.heading_deg, "pitch_rad": edit.pitch_deg, "roll_rad": edit.roll_deg}
     wrong = [name for name, degrees in angles.items() if degrees is not None and not math.isfinite(degrees)]
@@ -31,12 +31,12 @@ def set_gate(content: Content, edit: protocol.SetGate) -> Edited:
     }
     gate = msgspec.structs.replace(content.points[number].gate or _upright(content, number), **given)
     size = f"{gate.width_m:.2f} x {gate.height_m:.2f} m, heading {math.degrees(gate.heading_rad):.0f}°"
-    return _with_gate(content, number, gate), f"gate at waypoint {number} {size}"
+    return _with_gate(content, number, gate), f"gate at waypoint {number + 1} {size}"
 
 
 def clear_gate(content: Content, edit: protocol.ClearGate) -> Edited:
     number = content.number_of(edit.waypoint)
-    return _with_gate(content, number, None), f"gate at waypoint {number} dropped"
+    return _with_gate(content, number, None), f"gate at waypoint {number + 1} dropped"
 
 
 def set_tube(content: Content, edit: protocol.SetTube) -> Edited:

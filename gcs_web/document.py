@@ -123,7 +123,7 @@ class Content(msgspec.Struct, frozen=True):
             values = (*point.position_world_m, 0.0 if point.yaw_rad is None else point.yaw_rad)
             if not all(np.isfinite(values)) or max(map(abs, values)) > LARGEST_COORDINATE_M:
                 raise InputError(
-                    f"waypoint {number} would be at {list(point.position_world_m)} m, heading {point.yaw_rad}; "
+                    f"waypoint {number + 1} would be at {list(point.position_world_m)} m, heading {point.yaw_rad}; "
                     f"coordinates must be finite and within {LARGEST_COORDINATE_M:g} m"
                 )
         next_id = max((p.id + 1 for p in points), default=0)

@@ -113,7 +113,7 @@ def _insert(content: Content, edit: protocol.Insert) -> Edited:
         position[axis] = position[axis] if value is None else value
     point = Point(content.next_id, (float(position[0]), float(position[1]), float(position[2])))
     points = [*content.points[: number + 1], point, *content.points[number + 1 :]]
-    return content.with_points(points), f"waypoint {number + 1} inserted"
+    return content.with_points(points), f"waypoint {number + 2} inserted"
 
 
 def _inserted_position(content: Content, number: int) -> Any:
@@ -183,8 +183,8 @@ def _reverse(content: Content, edit: protocol.Reverse) -> Edited:
         asked = points[loop[0]].leg_speed_m_s  # of the leg that is the way back now
         if missions.way_back_speed(after.points, back) != asked:
             raise InputError(
-                f"the leg after waypoint {loop[0]} would be the way back of the laps, which has the largest speed of "
-                "their legs, if all have one; give all of them the same speed, or none, then reverse"
+                f"the leg after waypoint {loop[0] + 1} would be the way back of the laps, which has the largest speed "
+                "of their legs, if all have one; give all of them the same speed, or none, then reverse"
             )
     return after, "order of the waypoints reversed"
 
@@ -349,7 +349,7 @@ def _named(content: Content, waypoints: Sequence[int]) -> str:
     if not waypoints:
         raise InputError("no waypoint is selected")
     numbers = sorted(content.number_of(w) for w in set(waypoints))
-    return f"waypoint {numbers[0]}" if len(numbers) == 1 else f"{len(numbers)} waypoints"
+    return f"waypoint {numbers[0] + 1}" if len(numbers) == 1 else f"{len(numbers)} waypoints"
 
 
 _EDITS: dict[type, Callable[[Content, Any], Edited]] = {

@@ -58,7 +58,7 @@ class Replanner:
         flag = self._flag
         mission = missions.mission_of(content)
         asked = planner.mission.conditions(mission)
-        of_parts = mission.laps is not None or asked.stay_s is not None or asked.ground_world_m is not None
+        of_parts = mission.laps is not None or planner.mission.of_parts(mission)
         if of_parts or mission.keep_in is not None:
             self._kept = None
             return planner.mission.plan(mission, known.field, known.vehicle, known.options, stop=flag)

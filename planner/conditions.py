@@ -187,8 +187,8 @@ class Conditions:
         i = int(inside.argmin())
         if inside[i] < _TOUCHING_M:
             raise InputError(
-                f"waypoint {i} is {self.tube.radius_m - inside[i]:.2f} m from the line to keep in, whose tube has a "
-                f"radius of {self.tube.radius_m:g} m; move the waypoint or widen the tube"
+                f"waypoint {i + 1} is {self.tube.radius_m - inside[i]:.2f} m from the line to keep in, whose tube has "
+                f"a radius of {self.tube.radius_m:g} m; move the waypoint or widen the tube"
             )
 
     def most_speed_m_s(self, waypoint: np.ndarray) -> FloatArray:
@@ -245,26 +245,28 @@ def _check_velocities(velocity: FloatArray | None, leg_speed: FloatArray | None,
         wrong = np.flatnonzero(leg_speed <= 0.0)
         if wrong.size:
             i = int(wrong[0])
-            raise InputError(f"the leg from waypoint {i} to {i + 1} has a speed of {leg_speed[i]:g} m/s; give it some")
+            raise InputError(
+                f"the leg from waypoint {i + 1} to {i + 2} has a speed of {leg_speed[i]:g} m/s; give it some"
+            )
     if velocity is None:
         return
     if np.isfinite(velocity[[0, -1]]).any():
         raise InputError("a velocity at the first or last waypoint is given as `start` or `end`")
     broken = np.isfinite(velocity).any(axis=1) & ~np.isfinite(velocity).all(axis=1)
     if broken.any():
-        raise InputError(f"the velocity at waypoint {int(np.argmax(broken))} is not finite in every axis")
+        raise InputError(f"the velocity at waypoint {int(np.argmax(broken)) + 1} is not finite in every axis")
     for i in np.flatnonzero(np.isfinite(velocity[:, 0])):
         size = float(portable.length(velocity[i]))
         if size > limits.speed_m_s:
             raise InputError(
-                f"waypoint {i} is to be passed at {size:.3g} m/s, limit {limits.speed_m_s:g}; "
+                f"waypoint {i + 1} is to be passed at {size:.3g} m/s, limit {limits.speed_m_s:g}; "
                 "lower it or raise the limit"
             )
         legs = [] if leg_speed is None else [j for j in (i - 1, i) if leg_speed[j] < size]
         if legs:
             raise InputError(
-                f"waypoint {i} is to be passed at {size:.3g} m/s, but the leg from waypoint {legs[0]} is flown at "
-                f"{leg_speed[legs[0]] if leg_speed is not None else 0.0:.3g} m/s at most; change one of the two"
+                f"waypoint {i + 1} is to be passed at {size:.3g} m/s, but the leg from waypoint {legs[0] + 1} is flown "
+                f"at {leg_speed[legs[0]] if leg_speed is not None else 0.0:.3g} m/s at most; change one of the two"
             )
 
 
@@ -274,12 +276,12 @@ def _check_fly_by(radius: FloatArray | None, velocity: FloatArray | None) -> Non
     wrong = np.flatnonzero(~((radius >= 0.0) & (radius < 100.0)))
     if wrong.size:
         i = int(wrong[0])
-        raise InputError(f"waypoint {i} is to be passed within {radius[i]:g} m; that must be from 0 to 100 m")
+        raise InputError(f"waypoint {i + 1} is to be passed within {radius[i]:g} m; that must be from 0 to 100 m")
     if (radius[[0, -1]] > 0.0).any():
         raise InputError("the first and last waypoint are met exactly; give the radius to inner waypoints")
     both = np.flatnonzero((radius > 0.0) & np.isfinite(velocity[:, 0])) if velocity is not None else np.zeros(0)
     if both.size:
-        raise InputError(f"waypoint {int(both[0])} has a velocity and a radius to pass it by; remove one of them")
+        raise InputError(f"waypoint {int(both[0]) + 1} has a velocity and a radius to pass it by; remove one of them")
 
 
 def _check_gates(asked: Conditions) -> None:
@@ -288,10 +290,11 @@ def _check_gates(asked: Conditions) -> None:
         return
     sizes = np.linalg.norm(edges, axis=2)
     there = np.nan_to_num(sizes, nan=1.0).sum(axis=1) > 0.0
-    square = np.abs((edges[:, 0] * edges[:, 1]).sum(axis=1)) <= 1e-6 * np.prod(sizes, axis=1)
+    with np.errstate(invalid="ignore"):  # edges without end are refused below
+        square = np.abs((edges[:, 0] * edges[:, 1]).sum(axis=1)) <= 1e-6 * np.prod(sizes, axis=1)
     wrong = np.flatnonzero(there & ~(np.isfinite(sizes).all(axis=1) & (sizes > 0.0).all(axis=1) & square))
     if wrong.size:
-        raise InputError(f"the gate at waypoint {int(wrong[0])} needs two edges at right angles: {edges[wrong[0]]}")
+        raise InputError(f"the gate at waypoint {int(wrong[0]) + 1} needs two edges at right angles: {edges[wrong[0]]}")
     if there[[0, -1]].any():
         raise InputError("the first and last waypoint are met exactly; give gates to inner waypoints")
     for name, others in (("radius", asked.fly_by_m), ("velocity", asked.velocity_world_m_s)):
@@ -300,7 +303,7 @@ def _check_gates(asked: Conditions) -> None:
         given = others > 0.0 if others.ndim == 1 else np.isfinite(others[:, 0])
         both = np.flatnonzero(there & given)
         if both.size:
-            raise InputError(f"waypoint {int(both[0])} has a gate and a {name}; remove one of them")
+            raise InputError(f"waypoint {int(both[0]) + 1} has a gate and a {name}; remove one of them")
 
 
 def _check_keep_in(line: FloatArray | None, radius: FloatArray | None) -> None:
@@ -390,7 +393,7 @@ def _velocity_checks(trajectory: Trajectory, visits_s: FloatArray, asked: FloatA
     off = np.linalg.norm(trajectory.position(times, 1) - asked[at], axis=1)
     worst = int(off.argmax())
     tolerance = _SAME * max(1.0, float(np.abs(asked[at]).max())) * 100.0
-    reason = f"largest difference at waypoint {int(at[worst])}"
+    reason = f"largest difference at waypoint {int(at[worst]) + 1}"
     return [Check("velocity at waypoints", float(off[worst]), tolerance, "m/s", bool(off[worst] <= tolerance),
                   float(times[worst]), reason=reason)]  # fmt: skip
 
@@ -412,20 +415,19 @@ def _speed_checks(trajectory: Trajectory, visits: Visits, asked: FloatArray) -> 
     worst = int(np.argmax(bound / allowed))
     value, limit = float(bound[worst]), float(allowed[worst])
     segment = int(trajectory.segment_at(middle[worst : worst + 1])[0][0])
-    reason = (
-        f"leg from waypoint {int(leg[worst])} at {time_s[worst]:.1f} s: {value:.3g} m/s, asked for at most {limit:.3g}"
-    )
+    where = f"leg from waypoint {int(leg[worst]) + 1} at {time_s[worst]:.1f} s"
+    reason = f"{where}: {value:.3g} m/s, asked for at most {limit:.3g}"
     return [Check("speed of legs", value, limit, "m/s", value <= limit, float(time_s[worst]), segment, reason)]
 
 
 def _stay_check(trajectory: Trajectory, visits_s: FloatArray, asked_s: FloatArray) -> Check:
-    """How long the vehicle hovers where it is at each visit, against what is asked there."""
-    still = np.all(np.abs(trajectory.coefficients[:, :3, 1:]) <= 0.0, axis=(1, 2))
+    """How long the vehicle hovers where it is, turning nowhere, at each visit, against what is asked there."""
+    still = ~trajectory.coefficients[:, :, 1:].any(axis=(1, 2))
     starts, ends = trajectory.starts_s[:-1][still], trajectory.starts_s[1:][still]
     hover_s = [float((ends - starts)[(starts <= t + _VISIT_S) & (ends >= t - _VISIT_S)].sum()) for t in visits_s]
     lack = asked_s - np.array(hover_s)
     worst = int(lack.argmax())
-    reason = f"waypoint {worst}: {hover_s[worst]:.2f} s of {asked_s[worst]:.2f} s"
+    reason = f"waypoint {worst + 1}: {hover_s[worst]:.2f} s of {asked_s[worst]:.2f} s"
     return Check(
         "stays", float(lack[worst]), 1e-6, "s", bool(lack[worst] <= 1e-6), float(visits_s[worst]), None, reason
     )

@@ -19,13 +19,14 @@ from flight import (
     Progress,
     Trajectory,
     TrajectoryFile,
+    Waypoints,
     portable,
     rotations,
     silent,
 )
 from flight.trajectory import fingerprint
 from planner import conditions as conditions_
-from planner import inputs, limits
+from planner import inputs, limits, routes
 from planner._planner import StopFlag
 from planner.conditions import Conditions, Visits
 from planner.limits import Check
@@ -153,6 +154,8 @@ def check(
         if waypoints_world_m is not None:
             passed, visits = _waypoints(trajectory, waypoints_world_m, asked, options)
             checks += passed
+            if visits is not None and yaw_rad is not None:
+                visits = _turned(trajectory, visits, waypoints_world_m, yaw_rad)
         checks += conditions_.checks(trajectory, visits, asked) + _continuity(trajectory)
         checks += _headings(trajectory, None if visits is None else visits.joins_s(trajectory), yaw_rad, options)
         checks += [_clearance_check(clearance, options.clearance_m, vehicle)]
@@ -333,7 +336,9 @@ def _waypoints(
         worst = max(worst, gap_m - radius)
     if missed >= 0:
         return [
-            Check("waypoints", worst, tolerance_m, "m", False, reason=f"waypoint {missed} is missed by {worst:.3f} m")
+            Check(
+                "waypoints", worst, tolerance_m, "m", False, reason=f"waypoint {missed + 1} is missed by {worst:.3f} m"
+            )
         ], None
     reached.append(len(points))
     for i in np.flatnonzero(in_gate[1:-1]) + 1:
@@ -344,7 +349,8 @@ def _waypoints(
     found = [Check("waypoints", worst, tolerance_m, "m", True, reason=f"all {len(wanted)} in order")]
     if outside_m:
         nearest = int(np.argmax(outside_m))
-        reason = f"all {len(outside_m)} passed; nearest to an edge at waypoint {int(np.flatnonzero(in_gate)[nearest])}"
+        number = int(np.flatnonzero(in_gate)[nearest]) + 1
+        reason = f"all {len(outside_m)} passed; nearest to an edge at waypoint {number}"
         found.append(Check("gates", outside_m[nearest], 0.0, "m", True, reason=reason))
     end_s = trajectory.duration_s
     return found, Visits(*np.array([*visits, (end_s, end_s, end_s)]).T)
@@ -385,9 +391,23 @@ def _gate_missed(
     else:
         fault = f"is passed backwards too, at {back_s:.2f} s"
     reason = (
-        f"the gate at waypoint {waypoint} {fault}: turn the gate, enlarge it, or add a waypoint before or behind it"
+        f"the gate at waypoint {waypoint + 1} {fault}: turn the gate, enlarge it, or add a waypoint before or behind it"
     )
     return Check("waypoints", nearest, tolerance_m, "m", False, reason=reason)
+
+
+def _turned(trajectory: Trajectory, visits: Visits, waypoints_world_m: FloatArray, yaw_rad: FloatArray) -> Visits:
+    """With turns on the spot: another heading in the same place is met at the first join there that has it, if any."""
+    times = np.stack([visits.time_s, visits.enter_s, visits.leave_s])
+    joins_s = trajectory.starts_s
+    motion = trajectory.evaluate(joins_s)
+    for i in routes.turns(Waypoints(waypoints_world_m, yaw_rad)):
+        here = np.linalg.norm(motion[:, :3] - trajectory.position(times[:1, i])[0], axis=1) <= routes.SAME_M
+        facing = np.abs(np.angle(np.exp(1j * (motion[:, 3] - yaw_rad[i + 1])))) <= _SAME_RAD
+        later = np.flatnonzero(here & facing & (joins_s >= times[0, i]))
+        if later.size:
+            times[:, i + 1] = joins_s[later[0]]
+    return Visits(*times)
 
 
 def _headings(

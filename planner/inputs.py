@@ -93,8 +93,8 @@ def check_durations(waypoints: Waypoints, bounds: Limits, leg_speed_m_s: FloatAr
     if times_s.sum() > LONGEST_S:
         name = "speed_m_s" if speed[i] >= bounds.speed_m_s else "the speed asked for there"
         raise InputError(
-            f"the way of {gaps.sum():.3g} m takes more than {LONGEST_S:g} s; most of it is between waypoints {i} and "
-            f"{i + 1}, {gaps[i]:.3g} m at {speed[i]:.3g} m/s: move them, or raise {name}"
+            f"the way of {gaps.sum():.3g} m takes more than {LONGEST_S:g} s; most of it is between waypoints {i + 1} "
+            f"and {i + 2}, {gaps[i]:.3g} m at {speed[i]:.3g} m/s: move them, or raise {name}"
         )
     if 2.0 * np.sqrt(gaps.sum() / bounds.acceleration_m_s2) > LONGEST_S:
         raise InputError(
@@ -111,7 +111,7 @@ def _check_headings(waypoints: Waypoints, bounds: Limits) -> None:
         first, then = given[slow[0]], given[slow[0] + 1]
         turn = float(turns[slow[0]])
         raise InputError(
-            f"waypoints {first} and {then} ask for headings {np.degrees(turn):.0f} deg apart, a turn of "
+            f"waypoints {first + 1} and {then + 1} ask for headings {np.degrees(turn):.0f} deg apart, a turn of "
             f"{turn / bounds.yaw_rate_rad_s:.0f} s at yaw_rate_rad_s {bounds.yaw_rate_rad_s:g}; bring the headings "
             "closer, or raise the limit"
         )

@@ -1,4 +1,4 @@
-"""A mission as one trajectory: take-off, paths between stays, hovering, laps and landing, joined without a jump."""
+"""A mission as one trajectory: take-off, paths, stays, turns on the spot, laps and landing, joined without a jump."""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -9,7 +9,7 @@ import flight.trajectory
 from flight import FloatArray, InputError, Progress, Trajectory, Waypoints, silent
 from flight.mission import Ground, Mission
 from flight.trajectory import LONGEST_S
-from planner import gate, inputs, minimum_snap, planning, routes, space
+from planner import gate, inputs, minimum_snap, planning, routes, space, turn
 from planner._planner import StopFlag
 from planner.conditions import Conditions
 from planner.options import PlanInfeasibleError, PlanOptions
@@ -39,29 +39,27 @@ def plan(
     options = with_yaw(inputs.options_for(vehicle, options), mission)
     # numbered as the pilot listed them, before anything is taken apart
     inputs.check(mission.waypoints, field, vehicle, options)
-    routes.check_waypoints(mission.waypoints, field, options.waypoint_clearance_m)
+    routes.check_waypoints(mission.waypoints, field, options.waypoint_clearance_m, may_turn=True)
     flown = mission.unrolled()
     _check_stays(flown)
+    _check_turns(flown)
     whole = conditions(flown)
     if flown.keep_in is not None:
         whole = replace(whole, **_tube(mission, field, options))
-    if whole.stay_s is None and whole.ground_world_m is None:
+    if not of_parts(flown):
         return planning.plan(flown.waypoints, field, vehicle, options, conditions=whole, progress=progress, stop=stop)
     parts = _parts(flown, whole, field, options)
     plans: list[Plan] = []
     for number, part in enumerate(parts):
         ahead = _turned_on(part.waypoints, plans[-1].trajectory if plans else None)
+        share = _share(progress, number, len(parts))
         try:
+            if part.turns:
+                plans.append(turn.plan(ahead, field, vehicle, options, part.conditions, stop=stop))
+                share("gate", 1.0)
+                continue
             plans.append(
-                planning.plan(
-                    ahead,
-                    field,
-                    vehicle,
-                    options,
-                    conditions=part.conditions,
-                    progress=_share(progress, number, len(parts)),
-                    stop=stop,
-                )
+                planning.plan(ahead, field, vehicle, options, conditions=part.conditions, progress=share, stop=stop)
             )
         except PlanInfeasibleError as error:
             leg = None if error.segment is None else part.first + max(error.segment - part.lead_in, 0)
@@ -100,6 +98,33 @@ def _check_stays(flown: Mission) -> None:
             f"the stays last {total_s:.4g} s in all, laps counted, and a trajectory at most {LONGEST_S:g} s; "
             "shorten them, or plan the flight in parts"
         )
+
+
+def of_parts(mission: Mission) -> bool:
+    """Whether a mission without laps is flown as several paths, with rest or the ground between or beside them."""
+    grounds = mission.take_off is not None or mission.landing is not None
+    return bool(mission.stays) or grounds or bool(routes.turns(mission.waypoints).size)
+
+
+def _check_turns(flown: Mission) -> None:
+    """Refuse what cannot be asked where the vehicle turns on the spot.
+
+    Raises:
+        InputError: a velocity, a radius or a gate is, or a take-off or landing.
+    """
+    turns = routes.turns(flown.waypoints)
+    resting = {*turns.tolist(), *(turns + 1).tolist()}
+    of_waypoints = {"velocity": flown.velocities, "radius to pass it by": flown.fly_bys, "gate": flown.gates}
+    for kind, records in of_waypoints.items():
+        both = sorted(resting & {record.waypoint for record in records})
+        if both:
+            raise InputError(f"waypoint {both[0] + 1} is turned at on the spot and has a {kind}; remove one of them")
+    last = len(flown.waypoints.positions_world_m) - 1
+    for name, ground, end in (("take-off", flown.take_off, 0), ("landing", flown.landing, last)):
+        if ground is not None and end in resting:
+            raise InputError(
+                f"waypoint {end + 1} is turned at on the spot and has a {name}; add a waypoint for one of them"
+            )
 
 
 def with_yaw(options: PlanOptions, mission: Mission) -> PlanOptions:
@@ -180,7 +205,7 @@ def _asked(mission: Mission) -> Waypoints:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """A path from one stay, or end, to the next."""
+    """A path from one stay, turn or end to the next, or a turn."""
 
     waypoints: Waypoints
     conditions: Conditions
@@ -188,13 +213,19 @@ class _Part:
     """Index of its first waypoint among those flown."""
     lead_in: int
     """How many points, above the ground, come before that one."""
+    turns: bool
+    """Whether it only turns on the spot."""
 
 
 def _parts(mission: Mission, whole: Conditions, field: space.DistanceField, options: PlanOptions) -> list[_Part]:
-    """The paths between stays; the first starts and the last ends above the ground where that is asked for."""
+    """The paths between stays and turns on the spot, and those turns.
+
+    The first starts and the last ends above the ground where that is asked for.
+    """
     points, yaw = mission.waypoints.positions_world_m, mission.waypoints.yaw_rad
     before = int(mission.take_off is not None)
-    cuts = sorted({0, len(points) - 1} | {stay.waypoint for stay in mission.stays})
+    turns = routes.turns(mission.waypoints)
+    cuts = sorted({0, len(points) - 1, *turns, *(turns + 1)} | {stay.waypoint for stay in mission.stays})
     parts: list[_Part] = []
     for a, b in pairwise(cuts):
         way, turned = points[a : b + 1], yaw[a : b + 1]
@@ -219,7 +250,7 @@ def _parts(mission: Mission, whole: Conditions, field: space.DistanceField, opti
             arrays = {name: _longer(name, values, -1) for name, values in arrays.items()}
         tube = {"keep_in_world_m": whole.keep_in_world_m, "keep_in_radius_m": whole.keep_in_radius_m}
         asked = Conditions(start=start, end=end, **arrays, **tube)
-        parts.append(_Part(Waypoints(way, turned), asked, a, before if a == 0 else 0))
+        parts.append(_Part(Waypoints(way, turned), asked, a, before if a == 0 else 0, a in turns))
     return parts
 
 
@@ -234,9 +265,10 @@ def _longer(name: str, values: FloatArray | None, at: int) -> FloatArray | None:
 def _above(ground: Ground, field: space.DistanceField, options: PlanOptions) -> FloatArray:
     """The lowest point vertically above the ground point that keeps the clearance of a waypoint."""
     foot = np.array(ground.position_world_m)
-    if not space.distance(field, foot[None])[0] >= -space.GROUND_TOLERANCE_M:
+    below_m = float(space.distance(field, foot[None])[0])
+    if below_m < -space.GROUND_TOLERANCE_M:
         raise InputError(
-            f"the ground point {np.round(foot, 2).tolist()} lies inside an obstacle or in unknown space; "
+            f"the ground point {np.round(foot, 2).tolist()} is {routes.not_free(below_m)}; "
             "move it to where the vehicle can stand"
         )
     points = foot + _HEIGHTS_M[:, None] * np.array([0.0, 0.0, 1.0])

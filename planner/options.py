@@ -178,7 +178,7 @@ class PlanInfeasibleError(InfeasibleError):
     """No trajectory was found that passes the gate."""
 
     def __init__(self, reason: str, remedy: str, segment: int | None = None, *, gap: Gap | None = None) -> None:
-        where = "" if segment is None else f"between waypoints {segment} and {segment + 1}: "
+        where = "" if segment is None else f"between waypoints {segment + 1} and {segment + 2}: "
         super().__init__(f"{where}{reason}; {remedy}")
         self.segment = segment
         """Index of the waypoint where the leg in question starts; None if the failure belongs to no single leg."""

@@ -162,7 +162,7 @@ def _map(
     for point in joins:
         x, y = at(point).split(",")
         parts.append(f'<circle cx="{x}" cy="{y}" r="2" fill="#888"/>')
-    for i, point in enumerate(waypoints):
+    for i, point in enumerate(waypoints, start=1):
         x, y = at(point).split(",")
         label = f"<title>waypoint {i}: {point[0]:.2f}, {point[1]:.2f}, {point[2]:.2f}</title>"
         parts.append(f'<circle cx="{x}" cy="{y}" r="5" fill="{_COLOURS[1]}">{label}</circle>')

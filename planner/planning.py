@@ -115,7 +115,7 @@ def from_scratch(
     check_stop(stop)
     progress("gate", 1.0)
     if not path.report.passed:
-        raise _refused(path)
+        raise refused(path)
     return path, route
 
 
@@ -166,8 +166,8 @@ def _flyable(
         path, _ = optimised(field, fastest.CLEARANCE_PRICE, within(progress, "optimise", 0.2, 1.0))
         if path is not None:
             # a given velocity allows no other pace
-            slower = not path.report.passed and not asked.given_motion
-            return _slowed(path, vehicle, options, ask_gate) if slower else path
+            may_slow = not path.report.passed and not asked.given_motion
+            return slowed(path, vehicle, options, ask_gate) if may_slow else path
     boxes = corridor.boxes(field, dense.points, options.planned_clearance_m)
     tube = corridor.Tube(boxes, options.clearance_m + fastest.AIM_M)
     path, start = optimised(tube, corridor.CLEARANCE_PRICE, within(progress, "corridor", 0.0, 1.0))
@@ -195,7 +195,7 @@ def _timed(
     spline = spline.scale_time(_time_scale(level, vehicle, options))
     trajectory = _with_heading(spline, waypoint, waypoints, vehicle, options)
     path = Path(trajectory, waypoint, method, ask_gate(trajectory), float(spline.durations_s.sum()))
-    return _slowed(path, vehicle, options, ask_gate)
+    return slowed(path, vehicle, options, ask_gate)
 
 
 def _with_heading(
@@ -214,15 +214,15 @@ def _with_heading(
     return minimum_snap.trajectory(minimum_snap.Spline(spline.durations_s, states))
 
 
-def _slowed(path: Path, vehicle: Vehicle, options: PlanOptions, ask_gate: AskGate) -> Path:
+def slowed(path: Path, vehicle: Vehicle, options: PlanOptions, ask_gate: AskGate) -> Path:
     """The same way through space in the time that just keeps every limit: the last resort, as all segments pay."""
     factor = _time_scale(path.trajectory, vehicle, options)
     for more in (1.0, *_SLOWER):
         trajectory = path.trajectory.scale_time(factor * more)
-        slowed = replace(path, trajectory=trajectory, report=ask_gate(trajectory), kept=None)
-        if slowed.report.passed or not all(check.name in limits.NAMES for check in slowed.report.failures):
+        slower = replace(path, trajectory=trajectory, report=ask_gate(trajectory), kept=None)
+        if slower.report.passed or not all(check.name in limits.NAMES for check in slower.report.failures):
             break
-    return slowed
+    return slower
 
 
 def _time_scale(trajectory: Trajectory, vehicle: Vehicle, options: PlanOptions) -> float:
@@ -232,7 +232,7 @@ def _time_scale(trajectory: Trajectory, vehicle: Vehicle, options: PlanOptions) 
         raise PlanInfeasibleError(str(error), "check the vehicle's limits") from error
 
 
-def _refused(path: Path) -> PlanInfeasibleError:
+def refused(path: Path) -> PlanInfeasibleError:
     first = path.report.failures[0]
     segment = None if first.segment is None else int(path.waypoint[: first.segment + 1].max())
     if first.name in limits.NAMES:

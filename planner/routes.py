@@ -11,8 +11,10 @@ from planner.options import PlanInfeasibleError, PlanOptions, check_stop
 
 _CLOSE_M = 0.5
 """Spacing of the points of a way that touches obstacles; it grows with twice the room there is."""
-_SAME_M = 1e-3
+SAME_M = 1e-3
 """Waypoints nearer than this are one point."""
+_SAME_RAD = 1e-3
+"""Headings that differ by less are the same, as in `heading`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,8 +31,20 @@ class Route:
         return int(self.waypoint[: segment + 1].max())
 
 
-def check_waypoints(waypoints: Waypoints, field: space.DistanceField, clearance_m: float) -> None:
+def turns(waypoints: Waypoints) -> np.ndarray:
+    """Indices of the waypoints behind which the next one is in the same place and asks for another heading."""
+    gaps = np.linalg.norm(np.diff(waypoints.positions_world_m, axis=0), axis=1)
+    turned = np.abs(np.angle(np.exp(1j * np.diff(waypoints.yaw_rad)))) >= _SAME_RAD  # not so where one is open
+    return np.flatnonzero((gaps < SAME_M) & turned)
+
+
+def check_waypoints(
+    waypoints: Waypoints, field: space.DistanceField, clearance_m: float, *, may_turn: bool = False
+) -> None:
     """Refuse waypoints that no path can reach.
+
+    Args:
+        may_turn: two may be in the same place if they ask for two headings.
 
     Raises:
         InputError: too few, two in the same place, or one too close to an obstacle or in unknown space.
@@ -38,10 +52,16 @@ def check_waypoints(waypoints: Waypoints, field: space.DistanceField, clearance_
     points = waypoints.positions_world_m
     if len(points) < 2:
         raise InputError(f"{len(points)} waypoints are given; at least two are needed, a start and an end")
-    gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    if gaps.min() < _SAME_M:
-        i = int(gaps.argmin())
-        raise InputError(f"waypoints {i} and {i + 1} are in the same place {_text(points[i])}; remove one of them")
+    same = np.linalg.norm(np.diff(points, axis=0), axis=1) < SAME_M
+    on_the_spot = turns(waypoints)
+    if may_turn:
+        same[on_the_spot] = False
+    if same.any():
+        i = int(np.argmax(same))
+        where = f"waypoints {i + 1} and {i + 2} are in the same place {_text(points[i])}"
+        if i in on_the_spot:
+            raise InputError(f"{where} with two headings; plan this turn as a mission (`planner.mission.plan`)")
+        raise InputError(f"{where}; remove one of them, or give both a heading to turn on the spot")
     distances = space.distance(field, points)
     short = np.flatnonzero(distances < clearance_m)
     if short.size:
@@ -49,15 +69,19 @@ def check_waypoints(waypoints: Waypoints, field: space.DistanceField, clearance_
         raise InputError(_trouble(field, i, points[i], float(distances[i]), clearance_m))
 
 
-def _trouble(field: space.DistanceField, i: int, point: FloatArray, distance_m: float, clearance_m: float) -> str:
+def not_free(distance_m: float) -> str:
+    """Where a point is whose distance is negative, or minus infinity, as `space.distance` gives it."""
     if np.isneginf(distance_m):
-        where = f"waypoint {i} at {_text(point)} is outside of the map or in unknown space"
-    elif distance_m < 0.0:
-        where = f"waypoint {i} at {_text(point)} is {-distance_m:.2f} m inside an obstacle"
+        return "in unknown space or outside of the map"
+    return f"{-distance_m:.2f} m inside an obstacle or beyond a wall"
+
+
+def _trouble(field: space.DistanceField, i: int, point: FloatArray, distance_m: float, clearance_m: float) -> str:
+    if distance_m < 0.0:
+        place = not_free(distance_m)
     else:
-        where = (
-            f"waypoint {i} at {_text(point)} is {distance_m:.3f} m from an obstacle, {clearance_m:.3f} m are required"
-        )
+        place = f"{distance_m:.3f} m from an obstacle or unknown space, {clearance_m:.3f} m are required"
+    where = f"waypoint {i + 1} at {_text(point)} is {place}"
     try:
         free = space.nearest_free(field, point, clearance_m + 0.01)
         return f"{where}; the nearest free point is near {_text(free)}"
@@ -162,7 +186,7 @@ def subdivided(route: Route, field: space.DistanceField) -> Route:
     for i in range(len(route.points) - 1):
         a, b = route.points[i], route.points[i + 1]
         near = space.distance(field, a + np.linspace(0.0, 1.0, 9)[:, None] * (b - a)).min()
-        pieces = int(np.ceil(portable.length(b - a) / (_CLOSE_M + 2.0 * max(near, 0.0))))
+        pieces = max(int(np.ceil(portable.length(b - a) / (_CLOSE_M + 2.0 * max(near, 0.0)))), 1)
         points.append(a + np.linspace(0.0, 1.0, pieces + 1)[1:, None] * (b - a))
         index.append(np.append(np.full(pieces - 1, -1), route.waypoint[i + 1]))
     return Route(np.concatenate(points), np.concatenate(index))

@@ -160,7 +160,7 @@ class Planner:
     def _waypoint(self, index: int) -> Waypoints:
         waypoints = self._plan.waypoints
         if not 0 <= index < len(waypoints.yaw_rad):
-            raise InputError(f"there is no waypoint {index}; there are {len(waypoints.yaw_rad)}")
+            raise InputError(f"there is no waypoint {index + 1}; there are {len(waypoints.yaw_rad)}")
         return waypoints
 
     def _scratch(self, waypoints: Waypoints, asked: Conditions, options: PlanOptions, stop: StopFlag) -> Plan:

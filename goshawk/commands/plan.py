@@ -19,6 +19,10 @@ from planner import could_hide, options, simplify
 _THINNED = 0.1
 """Share of a tube's radius by which the line in its middle may differ from the recorded path."""
 
+_OFF_THE_SURFACE_M = 0.15
+"""The clearance is a lower bound, less than the distance to the surface by two or three voxels at most; a measured
+surface that is farther away than this is not what the clearance is measured to."""
+
 
 @click.command()
 @click.argument("waypoints", type=click.Path(path_type=Path), required=False)
@@ -202,20 +206,30 @@ def _show(
         "clearance_m": plan.gate.clearance_m,
         "top_speed_m_s": batch.top_speed_m_s(plan.trajectory),
     }
-    shown = facts | {"could hide": could_hide.describe(plan.gate)}
+    shown = {"clearance" if name == "clearance_m" else name: value for name, value in facts.items()}
+    shown |= {"clearance": _clearance(plan.gate, nearest), "could hide": could_hide.describe(plan.gate)}
     checked = plan.gate.as_dict()
     document = facts | {"could_hide": checked["could_hide"], "check": checked}
     if nearest is not None:
-        shown["nearest surface"] = _surface(nearest)
+        shown["measured surface"] = _surface(nearest)
         document["nearest_surface"] = asdict(nearest)
     console.show(f"trajectory {out.stem}", shown, as_json=as_json, document=document)
     if could_hide.worth_a_warning(plan.gate):
         click.echo(f"note: {could_hide.describe(plan.gate)}; {could_hide.advice(plan.gate)}", err=True)
 
 
+def _clearance(report: planner.GateReport, nearest: NearestSurface | None) -> str:
+    """The clearance, and from what it is where the measured surface tells."""
+    proved = f"{report.clearance_m:.2f} m"
+    if nearest is None:
+        return proved
+    unknown = nearest.distance_m > report.clearance_m + _OFF_THE_SURFACE_M
+    return f"{proved}, to {'unknown space' if unknown else 'the measured surface'}"
+
+
 def _surface(nearest: NearestSurface) -> str:
     """How far the measured surface is from the point of least clearance, and how well it is known there."""
-    away = f"{nearest.distance_m:.2f} m from the point of least clearance"
+    away = f"{nearest.distance_m:.2f} m from where the clearance is least"
     if nearest.deviation_m is None:
         return f"{away}; its standard deviation is not known"
     images = f"{nearest.images} image{'s' * (nearest.images != 1)}"
@@ -291,7 +305,10 @@ def options_from(
         if not 0.0 < value <= getattr(own, name):
             option, unit = {"speed_m_s": ("--speed", "m/s"), "acceleration_m_s2": ("--acceleration", "m/s2")}[name]
             limit = f"{getattr(own, name):g} {unit}, the vehicle's limit"
-            raise InputError(f"{option} {value:g} must be above 0 and at most {limit}")
+            raise InputError(
+                f"{option} {value:g} must be above 0 and at most {limit}; raise {name} under [limits] in the vehicle "
+                "file if the vehicle can do more"
+            )
     return replace(options, limits=replace(own, **slower))
 
 

@@ -178,7 +178,7 @@ def test_waypoints_read_back_with_free_headings(tmp_path):
 
 
 def test_a_waypoint_that_is_not_finite_is_named():
-    with pytest.raises(InputError, match="waypoint 1 is not finite"):
+    with pytest.raises(InputError, match="waypoint 2 is not finite"):
         project.Waypoints(np.array([[0.0, 0, 0], [0, np.nan, 0]]), np.zeros(2))
 
 

@@ -53,7 +53,7 @@ def edit(kind: type, content: Content | None = None, **arguments) -> tuple[Conte
 def test_a_move_sets_only_the_coordinates_it_names():
     after, label = edit(protocol.Move, waypoints=[1], z_m=1.5)
     assert [p.position_world_m for p in after.points] == [(0.0, 0.0, 1.0), (2.0, 0.0, 1.5), (4.0, 2.0, 1.0)]
-    assert label == "waypoint 1 moved 0.50 m"
+    assert label == "waypoint 2 moved 0.50 m"
 
 
 def test_moving_keeps_every_heading():

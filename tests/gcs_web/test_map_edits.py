@@ -262,7 +262,7 @@ def test_a_document_of_before_map_edits_takes_them_over_and_undo_leaves_them(ses
     again = Session(session.project, Settings())
     try:
         assert in_document(again) == (stairs,)
-        assert again.document().undo == "waypoint 0 inserted"
+        assert again.document().undo == "waypoint 1 inserted"
         again.undo("Ada")
         add(again, "a")
         assert [edit.name for edit in on_disk(again)] == ["stairs", "a"]

@@ -202,7 +202,7 @@ def test_reversing_flies_the_same_legs_backwards_at_the_same_speeds_and_twice_ch
 def test_a_loop_whose_way_back_would_lose_its_speed_is_not_reversed():
     speeds = (LegSpeed(0, 1, 1.0), LegSpeed(1, 2, 2.0))
     content = opened(Mission(Waypoints(POINTS, np.full(4, np.nan)), laps=Laps(2), leg_speeds=speeds))
-    with pytest.raises(InputError, match="the leg after waypoint 0 would be the way back of the laps"):
+    with pytest.raises(InputError, match="the leg after waypoint 1 would be the way back of the laps"):
         edit(content, protocol.Reverse)
 
 
@@ -260,10 +260,10 @@ def test_a_document_of_an_older_version_is_opened_and_written_as_the_new_one(tmp
         (protocol.Ask, {"waypoints": [1], "stay_s": 1.0}, "a stay and a radius"),
         (protocol.Ask, {"waypoints": [2], "stay_s": 1.0}, "a stay and a velocity"),
         (protocol.Ask, {"waypoints": [9], "stay_s": 1.0}, "deleted meanwhile"),
-        (protocol.Ask, {"waypoints": [3], "leg_speed_m_s": 1.0}, "no leg follows waypoint 3"),
+        (protocol.Ask, {"waypoints": [3], "leg_speed_m_s": 1.0}, "no leg follows waypoint 4"),
         (protocol.Pass, {"waypoints": [0], "velocity_m_s": (0.0, 1e9, 0.0)}, "is the most"),
         (protocol.Loop, {"laps": 101}, "from 0"),
-        (protocol.Loop, {"laps": 2, "lap_first": 2, "lap_last": 1}, "laps go from waypoint 2 to 1"),
+        (protocol.Loop, {"laps": 2, "lap_first": 2, "lap_last": 1}, "laps go from waypoint 3 to 2"),
         (protocol.SetGround, {"end": "take_off"}, "a stay and a take_off"),
         (protocol.SetGround, {"end": "landing", "climb_m_s": 0.0}, "more than 0"),
         (protocol.SetGround, {"end": "landing", "x_m": 1e9}, "within"),

@@ -34,7 +34,7 @@ def test_a_stay_is_asked_for_in_the_table_and_taken_back(station, page):
     page.keyboard.type("1.5")
     page.keyboard.press("Enter")
     wait(lambda: station.desk.session.content.points[1].stay_s == 1.5, "the stay")
-    page.get_by_role("status").get_by_text("Stay at waypoint 1 1.5 s").wait_for()
+    page.get_by_role("status").get_by_text("Stay at waypoint 2 1.5 s").wait_for()
     verdict(page).get_by_text("Checked", exact=True).wait_for()
     cell(page, 1, 2).dblclick()
     page.keyboard.type("0.4")
@@ -69,9 +69,9 @@ def test_a_velocity_begins_with_the_plans_own_is_edited_and_dropped(station, pag
 
 def test_a_gate_and_a_tube_are_set_in_the_inspector_drawn_and_planned_with(station, page):
     cell(page, 1, 0).click()
-    page.get_by_role("button", name="Add a gate at waypoint 1").click()
+    page.get_by_role("button", name="Add a gate at waypoint 2").click()
     wait(lambda: station.desk.session.content.points[1].gate is not None, "the gate")
-    form = page.get_by_role("region", name="Gate at waypoint 1")
+    form = page.get_by_role("region", name="Gate at waypoint 2")
     for label, text in (("Width", "1.4"), ("Heading, from x towards y", "20")):
         form.get_by_label(label).fill(text)
         form.get_by_label(label).press("Enter")
@@ -143,7 +143,7 @@ def test_a_waypoint_in_a_pillar_is_refused_in_words(station, page):
     page.keyboard.type("1.5")
     page.keyboard.press("Enter")
     verdict(page).get_by_text("Refused").wait_for()
-    verdict(page).get_by_text("waypoint 1").first.wait_for()
+    verdict(page).get_by_text("waypoint 2").first.wait_for()
     assert page.get_by_role("button", name="Compare and upload").is_disabled()
 
 

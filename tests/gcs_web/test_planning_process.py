@@ -101,7 +101,7 @@ def test_a_waypoint_in_a_pillar_is_refused_in_words(folder, running):
     answer = answers.get(timeout=PATIENCE_S)
     assert answer.file is None
     assert answer.shown.state == "refused"
-    assert "waypoint 1" in answer.shown.sentence
+    assert "waypoint 2" in answer.shown.sentence
 
 
 def test_a_draft_is_answered_beside_the_plans(folder, running, drafts):

@@ -110,6 +110,6 @@ def test_another_project_opens_in_place_for_a_browser_that_came_in_and_not_while
     left = Session(project.open_project(neighbours / "hall"), Settings())
     try:
         assert left.revision == 1
-        assert left.document().undo == "waypoint 0 moved 0.10 m"
+        assert left.document().undo == "waypoint 1 moved 0.10 m"
     finally:
         left.close()

@@ -81,9 +81,9 @@ def test_a_new_change_discards_the_redo_list(session: Session):
 
 def test_undo_says_whose_change_it_takes_back(session: Session):
     raised(session, 0, "Anna")
-    assert session.undo("Ben").endswith("waypoint 0 moved 0.10 m (by Anna)")
+    assert session.undo("Ben").endswith("waypoint 1 moved 0.10 m (by Anna)")
     raised(session, 0, "Ben")
-    assert session.undo("Ben").endswith("waypoint 0 moved 0.10 m")
+    assert session.undo("Ben").endswith("waypoint 1 moved 0.10 m")
 
 
 def test_a_change_that_changes_nothing_is_no_revision(session: Session):
@@ -373,7 +373,7 @@ def test_damage_inside_the_journal_is_told_and_the_rest_is_kept(session: Session
     path = session.project.folder / ".session" / "journal.jsonl"
     session.close()
     lines = path.read_bytes().splitlines(keepends=True)
-    lines[1] = lines[1].replace(b"waypoint 1", b"waypoint 7")
+    lines[1] = lines[1].replace(b"waypoint 2", b"waypoint 7")
     path.write_bytes(b"".join(lines))
     session.project.waypoints.unlink()
     again = Session(session.project, Settings())
@@ -421,7 +421,7 @@ def test_a_flipped_byte_anywhere_in_the_journal_loses_no_waypoint_and_is_told(se
         again = Session(session.project, Settings())
         try:
             np.testing.assert_array_equal(positions(again), after)  # the file had them
-            assert "journal is damaged" in again.take_notice() or "waypoint 2" in whole[place:].decode()
+            assert "journal is damaged" in again.take_notice() or "waypoint 3" in whole[place:].decode()
         finally:
             again.close()
 

@@ -74,8 +74,8 @@ def test_a_recorded_path_is_planned_along(folder):
 @pytest.mark.parametrize(
     ("waypoints", "code", "words"),
     [
-        ([[0.8, 0.8, 1.0], [2.0, 1.5, 1.2]], 2, "waypoint 1"),
-        ([[0.8, 0.8, 1.0], [80.0, 1.5, 1.2]], 2, "waypoint 1"),
+        ([[0.8, 0.8, 1.0], [2.0, 1.5, 1.2]], 2, "waypoint 2"),
+        ([[0.8, 0.8, 1.0], [80.0, 1.5, 1.2]], 2, "waypoint 2"),
         ([[0.8, 0.8, 1.0], [None, 1.5, 1.2]], 2, "waypoint"),
         ([[0.8, 0.8, 1.0]], 2, "waypoint"),
     ],

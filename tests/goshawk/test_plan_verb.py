@@ -400,10 +400,9 @@ def test_a_plan_says_how_well_the_surface_is_known_where_its_clearance_is_least(
     point = np.array(facts["check"]["clearance_point_world_m"])
     assert found["distance_m"] == pytest.approx(np.linalg.norm(vertices - point, axis=1).min())
     assert found["point_world_m"] == pytest.approx(vertices[np.linalg.norm(vertices - point, axis=1).argmin()])
-    shown = goshawk("plan", tmp_path / "asked.json", *where, "--out", tmp_path / "again.json").stdout
-    assert "from the point of least clearance, standard deviation 12 mm, measured by 9 images" in " ".join(
-        shown.split()
-    )
+    shown = " ".join(goshawk("plan", tmp_path / "asked.json", *where, "--out", tmp_path / "again.json").stdout.split())
+    assert "from where the clearance is least, standard deviation 12 mm, measured by 9 images" in shown
+    assert f"clearance {facts['clearance_m']:.2f} m, to the measured surface" in shown
     (tmp_path / "map" / "confidence.npz").unlink()
     shown = goshawk("plan", tmp_path / "asked.json", *where, "--out", tmp_path / "third.json").stdout
     assert "its standard deviation is not known" in " ".join(shown.split())

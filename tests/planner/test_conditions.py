@@ -152,7 +152,7 @@ def test_a_gate_is_passed_anywhere_in_its_opening_forwards_and_faster_than_its_m
     narrow = gates((1, 0.1, 0.1, 0.8), (2, 0.1, 0.1, 2.4))
     report = gate.check(plan.trajectory, open_sky, drone, waypoints_world_m=SQUARE, conditions=narrow)
     assert [check.name for check in report.failures] == ["waypoints"]
-    assert "gate at waypoint 1 is not passed" in report.failures[0].reason
+    assert "gate at waypoint 2 is not passed" in report.failures[0].reason
 
 
 def test_a_gate_is_not_passed_backwards(open_sky, drone):
@@ -226,7 +226,7 @@ def test_a_gate_that_is_only_entered_and_left_again_is_not_passed(open_sky, dron
     once = Conditions(gate_edges_m=np.array([np.zeros((2, 3)), [left, up], np.zeros((2, 3))]))
     report = gate.check(there_and_back, open_sky, drone, waypoints_world_m=points[[0, 1, 3]], conditions=once)
     assert [check.name for check in report.failures] == ["waypoints"]
-    assert "gate at waypoint 1 is passed backwards too" in report.failures[0].reason
+    assert "gate at waypoint 2 is passed backwards too" in report.failures[0].reason
     both = Conditions(gate_edges_m=np.array([np.zeros((2, 3)), [left, up], [-left, up], np.zeros((2, 3))]))
     assert gate.check(there_and_back, open_sky, drone, waypoints_world_m=points, conditions=both).passed
 
@@ -274,12 +274,12 @@ def test_conditions_travel_with_the_file_and_are_asked_by_its_check(open_sky, dr
         (Conditions(start=moving((50.0, 0.0, 0.0))), "start moves at 50 m/s"),
         (Conditions(end=moving((0.0, 0.0, 0.0), (90.0, 0.0, 0.0))), "end moves at 90 m/s2"),
         (Conditions(start=np.full((3, 4), np.nan)), "start's motion is not finite"),
-        (Conditions(leg_speed_m_s=np.array([1.0, 0.0, 1.0])), "leg from waypoint 1 to 2"),
+        (Conditions(leg_speed_m_s=np.array([1.0, 0.0, 1.0])), "leg from waypoint 2 to 3"),
         (Conditions(leg_speed_m_s=np.ones(2)), "expected shape"),
-        (Conditions(fly_by_m=np.array([0.0, -1.0, 0.0, 0.0])), "waypoint 1 is to be passed within -1 m"),
+        (Conditions(fly_by_m=np.array([0.0, -1.0, 0.0, 0.0])), "waypoint 2 is to be passed within -1 m"),
         (Conditions(fly_by_m=np.array([1.0, 0.0, 0.0, 0.0])), "first and last"),
-        (Conditions(velocity_world_m_s=np.array([[np.nan] * 3, [99.0, 0, 0], *[[np.nan] * 3] * 2])), "waypoint 1"),
-        (Conditions(velocity_world_m_s=np.array([[np.nan] * 3, [1, np.nan, 0], *[[np.nan] * 3] * 2])), "waypoint 1"),
+        (Conditions(velocity_world_m_s=np.array([[np.nan] * 3, [99.0, 0, 0], *[[np.nan] * 3] * 2])), "waypoint 2"),
+        (Conditions(velocity_world_m_s=np.array([[np.nan] * 3, [1, np.nan, 0], *[[np.nan] * 3] * 2])), "waypoint 2"),
         (Conditions(velocity_world_m_s=np.array([[1.0, 0, 0], *[[np.nan] * 3] * 3])), "first or last"),
         (gates((0, 1.0, 1.0, 0.0)), "give gates to inner waypoints"),
         (Conditions(gate_edges_m=np.ones((4, 2, 3))), "two edges at right angles"),
@@ -290,14 +290,14 @@ def test_conditions_travel_with_the_file_and_are_asked_by_its_check(open_sky, dr
         (Conditions(keep_in_world_m=SQUARE[:1], keep_in_radius_m=1.0), "at least two points"),
         (
             Conditions(keep_in_world_m=SQUARE + np.array([0.0, 0.0, 3.0]), keep_in_radius_m=1.0),
-            "waypoint 0 is 3.00 m from",
+            "waypoint 1 is 3.00 m from",
         ),
         (
             Conditions(
                 velocity_world_m_s=np.array([[np.nan] * 3, [3.0, 0, 0], *[[np.nan] * 3] * 2]),
                 leg_speed_m_s=np.array([np.nan, 2.0, np.nan]),
             ),
-            "waypoint 1 is to be passed at 3 m/s, but the leg from waypoint 1 is flown at 2 m/s at most",
+            "waypoint 2 is to be passed at 3 m/s, but the leg from waypoint 2 is flown at 2 m/s at most",
         ),
     ],
 )

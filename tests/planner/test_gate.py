@@ -80,7 +80,7 @@ def test_waypoints_in_another_order_are_not_reached(good, pillar, drone):
     assert [c.name for c in report.failures] == ["waypoints"]
     missing = np.vstack([points[:2], [[1.0, 1.0, 1.0]], points[2:]])
     report = gate.check(good.trajectory, pillar, drone, waypoints_world_m=missing)
-    assert "waypoint 2" in report.failures[0].reason
+    assert "waypoint 3" in report.failures[0].reason
 
 
 def test_a_waypoint_is_reached_at_the_nearest_point_of_the_first_visit_however_long_that_lasts():

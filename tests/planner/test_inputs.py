@@ -45,12 +45,12 @@ def test_contradictory_limits_are_named_both(drone):
 
 def test_headings_too_far_apart_for_the_yaw_rate_are_named_by_waypoint(open_sky, drone):
     slow = drone.with_limits(yaw_rate_rad_s=0.01)
-    with pytest.raises(InputError, match=r"waypoints 0 and 2 ask for headings 172 deg apart, a turn of 300 s"):
+    with pytest.raises(InputError, match=r"waypoints 1 and 3 ask for headings 172 deg apart, a turn of 300 s"):
         planner.plan(ask(yaw=[0.0, np.nan, 3.0]), open_sky, slow)
 
 
 def test_a_way_that_takes_hours_is_refused_with_its_longest_leg(open_sky, drone):
-    with pytest.raises(InputError, match="between waypoints 0 and 1"):
+    with pytest.raises(InputError, match="between waypoints 1 and 2"):
         planner.plan(ask(np.array([[0.0, 0, 1], [1e6, 0, 1], [1e6, 5, 1]])), open_sky, drone)
 
 
@@ -63,7 +63,7 @@ def test_ten_thousand_waypoints_are_refused_with_the_remedy(open_sky, drone):
 def test_a_leg_or_a_limit_too_slow_for_any_trajectory_is_named(open_sky, drone):
     crawling = planner.Conditions(leg_speed_m_s=np.array([np.nan, 1e-6]))
     with pytest.raises(
-        InputError, match=r"between waypoints 1 and 2, 4 m at 1e-06 m/s: move them, or raise the speed ask"
+        InputError, match=r"between waypoints 2 and 3, 4 m at 1e-06 m/s: move them, or raise the speed ask"
     ):
         planner.plan(ask(), open_sky, drone, conditions=crawling)
     with pytest.raises(InputError, match="at acceleration_m_s2 1e-09: raise the limit"):

@@ -100,7 +100,7 @@ def test_the_heading_turns_on_by_whole_turns_where_parts_join(hall, drone):
 def test_a_waypoint_in_an_obstacle_is_named_as_the_pilot_counts_it(hall, drone):
     points = np.concatenate([SQUARE, [[0.0, 0.0, -0.5]]])
     whole = Mission(ask(points), laps=Laps(3, 0, 3), stays=(Stay(1, 1.0),), take_off=Ground((-5.0, -3.0, 0.1)))
-    with pytest.raises(InputError, match="waypoint 4 at"):
+    with pytest.raises(InputError, match="waypoint 5 at"):
         mission.plan(whole, hall, drone)
 
 
@@ -114,7 +114,7 @@ def test_a_refusal_counts_waypoints_as_flown(hall, drone):
 @pytest.mark.parametrize("height_m", [0.3, 0.9])  # inside a block, and in its upper half
 def test_a_take_off_from_inside_an_obstacle_is_refused(hall, drone, height_m):
     block = solids.Scene([*hall.solids, solids.Box((-5.5, -3.5, 0.0), (-4.5, -2.5, 1.2))])
-    with pytest.raises(InputError, match="inside an obstacle or in unknown space"):
+    with pytest.raises(InputError, match="m inside an obstacle or beyond a wall"):
         mission.plan(Mission(ask(), take_off=Ground((-5.0, -3.0, height_m))), block, drone)
 
 

@@ -198,17 +198,17 @@ def test_one_waypoint_is_refused(pillar, drone):
 
 
 def test_waypoints_in_one_place_are_refused_by_number(pillar, drone):
-    assert "waypoints 1 and 2" in refusal([[2, 2, 1], [3, 3, 1], [3, 3, 1]], pillar, drone)
+    assert "waypoints 2 and 3" in refusal([[2, 2, 1], [3, 3, 1], [3, 3, 1]], pillar, drone)
 
 
 def test_a_nan_waypoint_is_refused_by_number(pillar, drone):
-    assert "waypoint 1" in refusal([[2, 2, 1], [np.nan, 3, 1]], pillar, drone)
+    assert "waypoint 2" in refusal([[2, 2, 1], [np.nan, 3, 1]], pillar, drone)
 
 
 def test_a_waypoint_inside_an_obstacle_is_refused_with_depth_and_the_nearest_free_point(pillar, drone):
     text = refusal([[-3, 0, 1], [0.4, 0, 1.5], [3, 0, 1]], pillar, drone)
-    assert "waypoint 1" in text
-    assert "0.20 m inside" in text
+    assert "waypoint 2" in text
+    assert "0.20 m inside an obstacle or beyond a wall" in text
     named = np.array([float(x) for x in text.split("near (")[1].split(")")[0].split(",")])
     assert pillar.distance(named[None])[0] >= 0.29
     assert np.linalg.norm(named - [0.9, 0.0, 1.5]) < 0.15
@@ -216,7 +216,7 @@ def test_a_waypoint_inside_an_obstacle_is_refused_with_depth_and_the_nearest_fre
 
 def test_a_waypoint_too_near_an_obstacle_is_refused_with_both_distances(pillar, drone):
     text = refusal([[-3, 0, 1], [0.8, 0, 1.5], [3, 0, 1]], pillar, drone)
-    assert "0.200 m from an obstacle, 0.343 m are required" in text
+    assert "0.200 m from an obstacle or unknown space, 0.343 m are required" in text
 
 
 def test_a_waypoint_outside_the_map_or_in_the_unknown_is_refused(pillar, drone):
@@ -225,8 +225,9 @@ def test_a_waypoint_outside_the_map_or_in_the_unknown_is_refused(pillar, drone):
     state[40:, :10] = esdf.UNKNOWN
     for policy in ("obstacle", "nan"):
         field = esdf.build(state, grid, unknown=policy)
-        assert "waypoint 1" in refusal([[-2, 0, 1], [9, 0, 1]], field, drone)
-        assert "waypoint 1" in refusal([[-2, 0, 1], [2, -2.8, 1]], field, drone)
+        outside = refusal([[-2, 0, 1], [9, 0, 1]], field, drone)
+        assert "waypoint 2 at (9.00, 0.00, 1.00) is in unknown space or outside of the map" in outside
+        assert "waypoint 2" in refusal([[-2, 0, 1], [2, -2.8, 1]], field, drone)
 
 
 def test_a_room_without_a_door_says_between_which_waypoints(drone):
@@ -234,7 +235,7 @@ def test_a_room_without_a_door_says_between_which_waypoints(drone):
     with pytest.raises(PlanInfeasibleError) as caught:
         planner.plan(Waypoints(np.array([[-2.0, 0, 1], [-1.5, 1, 1], [2.0, 0, 1]]), np.full(3, np.nan)), scene, drone)
     assert caught.value.segment == 1
-    assert "between waypoints 1 and 2" in str(caught.value)
+    assert "between waypoints 2 and 3" in str(caught.value)
     assert caught.value.remedy
 
 

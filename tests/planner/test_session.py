@@ -105,9 +105,9 @@ def test_a_refused_edit_leaves_the_plan_as_it_was(pillar, drone):
     points = np.array([[-3.0, -2, 1], [-3, 2, 1], [0, 3, 1]])
     session = Planner(Waypoints(points, np.full(3, np.nan)), pillar, drone)
     before = session.plan
-    with pytest.raises(InputError, match=r"waypoint 1 .* inside an obstacle"):
+    with pytest.raises(InputError, match=r"waypoint 2 .* inside an obstacle"):
         session.move(1, np.array([0.0, 0.0, 1.0]))
-    with pytest.raises(InputError, match="no waypoint 3"):
+    with pytest.raises(InputError, match="no waypoint 4"):
         session.delete(3)
     assert session.plan is before
     assert session.move(1, np.array([-3.0, 1.8, 1.0])).gate.passed

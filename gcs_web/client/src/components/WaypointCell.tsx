@@ -168,7 +168,7 @@ function Editor({ waypoint, column, index, text }: Props & { text: string }) {
     <input
       ref={input}
       class="cell-input"
-      aria-label={`${column.label} of waypoint ${index}, ${column.unit}`}
+      aria-label={`${column.label} of waypoint ${index + 1}, ${column.unit}`}
       inputMode="decimal"
       autoComplete="off"
       defaultValue={text}

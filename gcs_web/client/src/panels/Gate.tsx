@@ -30,14 +30,14 @@ export function Gate() {
           disabled={!connected.value}
           onClick={() => void change({ type: "gate", waypoint: id })}
         >
-          Add a gate at waypoint {index}
+          Add a gate at waypoint {index + 1}
         </button>
       </p>
     );
   }
   return (
-    <section class="form-part gate-form" aria-label={`Gate at waypoint ${index}`}>
-      <b>Gate at waypoint {index}</b>
+    <section class="form-part gate-form" aria-label={`Gate at waypoint ${index + 1}`}>
+      <b>Gate at waypoint {index + 1}</b>
       <p class="quiet">The opening for the vehicle&rsquo;s centre, passed along its heading.</p>
       {FIELDS.map(({ key, label, unit }) => (
         <NumberField

@@ -115,7 +115,7 @@ function WaypointChoice({ label, ids, value, onChange }: WaypointChoiceProps) {
         >
           {ids.map((id, index) => (
             <option key={id} value={id}>
-              {index}
+              {index + 1}
             </option>
           ))}
         </select>

@@ -9,7 +9,7 @@ import type { Segment } from "../protocol";
 /** Above this share a limit decides the time that the segment takes. */
 const SHARE_THAT_BINDS = 0.95;
 
-const numbers = computed(() => new Map((doc.value?.waypoints ?? []).map(({ id }, index) => [id, index])));
+const numbers = computed(() => new Map((doc.value?.waypoints ?? []).map(({ id }, index) => [id, index + 1])));
 
 const place = (id: number | null): string => (id === null ? "ground" : String(numbers.value.get(id) ?? "–"));
 

@@ -54,7 +54,7 @@ function Remedy() {
       {problem.remedy !== "" && <p>{problem.remedy}</p>}
       {index >= 0 && waypoint !== null && (
         <button type="button" class="control" disabled={!connected.value} onClick={() => select([waypoint])}>
-          Go to waypoint {index}
+          Go to waypoint {index + 1}
         </button>
       )}
     </>

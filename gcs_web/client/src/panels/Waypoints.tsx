@@ -150,7 +150,7 @@ function Row({ waypoint, index }: { waypoint: Waypoint; index: number }) {
         onClick={(event) => choose(event, id)}
       >
         <th scope="row">
-          {author ?? index}
+          {author ?? index + 1}
           {isProblem && <span class="danger-text"> !</span>}
           {asked !== "" && (
             <span class="asked" title={asked}>

@@ -1,0 +1,72 @@
+"""A turn on the spot: rest in one place while the heading goes the short way from one to another."""
+
+import numpy as np
+
+from flight import FloatArray, Trajectory, Waypoints
+from planner import gate, heading, inputs, limits, minimum_snap, planning, space
+from planner._planner import StopFlag
+from planner.conditions import Conditions
+from planner.fastest import Path
+from planner.options import PlanOptions, check_stop
+from vehicle import Vehicle
+
+_PEAK_RATE, _PEAK_ACCELERATION = 2.1875, 7.5132
+"""Of the smoothest turn by one radian within one second from rest to rest, a polynomial of degree seven."""
+
+
+def plan(
+    waypoints: Waypoints,
+    field: space.DistanceField,
+    vehicle: Vehicle,
+    options: PlanOptions,
+    conditions: Conditions,
+    *,
+    stop: StopFlag | None = None,
+) -> planning.Plan:
+    """The fastest turn within the limits, checked by the gate.
+
+    Args:
+        waypoints: two, in the same place, with a heading each.
+
+    Raises:
+        InputError: the yaw mode holds another heading.
+        PlanInfeasibleError: it is not within the limits; with `segment`, `reason` and `remedy`.
+        PlanCancelledError: `stop` was set.
+    """
+    check_stop(stop)
+    inputs.check(waypoints, field, vehicle, options)
+    spline = _smoothest(waypoints, limits.yaw_bounds(vehicle, options.limits_for(vehicle)))
+    heading.constant(spline, waypoints.yaw_rad, options)
+
+    def ask_gate(trajectory: Trajectory) -> gate.GateReport:
+        return gate.check(
+            trajectory,
+            field,
+            vehicle,
+            options,
+            waypoints_world_m=waypoints.positions_world_m,
+            yaw_rad=waypoints.yaw_rad,
+            conditions=conditions,
+            stop=stop,
+        )
+
+    trajectory = minimum_snap.trajectory(spline)
+    first = Path(trajectory, np.arange(2), "turn", ask_gate(trajectory), trajectory.duration_s)
+    path = planning.slowed(first, vehicle, options, ask_gate)
+    if not path.report.passed:
+        raise planning.refused(path)
+    return planning.Plan(
+        path.trajectory, path.report, waypoints, waypoints.positions_world_m, path.method, path.trajectory.duration_s
+    )
+
+
+def _smoothest(waypoints: Waypoints, can: heading.Bounds) -> minimum_snap.Spline:
+    """Of least snap from rest to rest, in about the time that yaw rate and yaw torque ask for."""
+    start, end = waypoints.yaw_rad
+    by = float(np.angle(np.exp(1j * (end - start))))
+    duration_s = max(
+        _PEAK_RATE * abs(by) / can.rate_rad_s, np.sqrt(_PEAK_ACCELERATION * abs(by) / can.acceleration_rad_s2)
+    )
+    place = waypoints.positions_world_m[0]
+    knots: FloatArray = np.array([[*place, start], [*place, start + by]])
+    return minimum_snap.solve(knots, np.array([duration_s]))
