@@ -204,6 +204,23 @@ def test_a_visit_lasts_from_where_the_path_enters_the_radius_to_where_it_leaves_
     np.testing.assert_allclose(visits.leave_s, [0.125, 6.0, 8.0], atol=1e-3)
 
 
+def test_a_radius_is_left_sooner_than_it_was_entered_where_the_path_is_faster_behind_it():
+    coefficients = np.zeros((2, 4, 8))
+    coefficients[:, 0, :2] = [[0.0, 1.0], [4.0, 2.0]]
+    way = Trajectory(np.array([4.0, 2.0]), coefficients)
+    visits = visited(way, [(0, 0, 0), (3.5, 0, 0), (8, 0, 0)], fly_by_m=np.array([0.0, 1.875, 0.0]))
+    np.testing.assert_allclose(visits.enter_s, [0.0, 1.5, 6.0], atol=2e-3)
+    np.testing.assert_allclose(visits.leave_s, [0.125, 4.75, 6.0], atol=2e-3)
+
+
+def test_a_gate_with_a_join_in_its_middle_is_asked_for_its_direction_all_the_same(verdicts):
+    edges = np.array([np.zeros((2, 3)), LEFT_UP, np.zeros((2, 3))])
+    for way, passed in (([0, 1, 2], True), ([2, 1, 0], False)):
+        points = [(float(x), 0.0, 0.0) for x in way]
+        path = straight(*[(*point, 0.0) for point in points])
+        assert verdicts(path, points, gate_edges_m=edges)["waypoints"].passed == passed
+
+
 def test_overlapping_radii_are_entered_one_after_the_other():
     way = straight((0, 0, 0, 0), (8, 0, 0, 0), leg_s=8.0)
     points = [(0, 0, 0), (3, 0, 0), (4, 0, 0), (8, 0, 0)]
