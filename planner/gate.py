@@ -304,8 +304,7 @@ def _waypoints(
         found = Check("waypoints", worst, tolerance_m, "m", True, reason=f"all {len(wanted)} in order")
         return [found], Visits(times_s, times_s, times_s)
     # Dense samples, joins included: one that is no join is met to within half a step.
-    times, segment = limits.sample_times(trajectory, 1e-3)
-    times, segment = np.append(times, trajectory.duration_s), np.append(segment, segment[-1])
+    times = np.append(limits.sample_times(trajectory, 1e-3)[0], trajectory.duration_s)
     points = trajectory.position(times)
     ends = max(float(portable.length(points[0] - wanted[0])), float(portable.length(points[-1] - wanted[-1])))
     worst, missed, at = ends, 0 if ends > tolerance_m else -1, 0

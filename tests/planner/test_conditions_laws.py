@@ -288,7 +288,7 @@ def test_the_distance_from_the_middle_of_a_tube_is_proved():
     for radius, passed in ((1.0, True), (0.2, False)):
         check = verdict("keep-in", aside, keep_in_world_m=LINE, keep_in_radius_m=radius)
         assert (check.passed, check.bound) == (passed, radius)
-        assert check.value == pytest.approx(0.25, abs=0.01)
+        assert 0.25 <= check.value < 0.3  # proved, as closely as the radius needs
 
 
 def test_a_velocity_is_asked_at_its_own_waypoint():

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from flight import Trajectory
+from flight import Trajectory, TrajectoryFile
 from planner import Conditions, PlanOptions, gate
 from planner.gate import _BLOCK
 
@@ -204,6 +204,23 @@ def test_a_visit_lasts_from_where_the_path_enters_the_radius_to_where_it_leaves_
     np.testing.assert_allclose(visits.leave_s, [0.125, 6.0, 8.0], atol=1e-3)
 
 
+def test_a_radius_is_left_sooner_than_it_was_entered_where_the_path_is_faster_behind_it():
+    coefficients = np.zeros((2, 4, 8))
+    coefficients[:, 0, :2] = [[0.0, 1.0], [4.0, 2.0]]
+    way = Trajectory(np.array([4.0, 2.0]), coefficients)
+    visits = visited(way, [(0, 0, 0), (3.5, 0, 0), (8, 0, 0)], fly_by_m=np.array([0.0, 1.875, 0.0]))
+    np.testing.assert_allclose(visits.enter_s, [0.0, 1.5, 6.0], atol=2e-3)
+    np.testing.assert_allclose(visits.leave_s, [0.125, 4.75, 6.0], atol=2e-3)
+
+
+def test_a_gate_with_a_join_in_its_middle_is_asked_for_its_direction_all_the_same(verdicts):
+    edges = np.array([np.zeros((2, 3)), LEFT_UP, np.zeros((2, 3))])
+    for way, passed in (([0, 1, 2], True), ([2, 1, 0], False)):
+        points = [(float(x), 0.0, 0.0) for x in way]
+        path = straight(*[(*point, 0.0) for point in points])
+        assert verdicts(path, points, gate_edges_m=edges)["waypoints"].passed == passed
+
+
 def test_overlapping_radii_are_entered_one_after_the_other():
     way = straight((0, 0, 0, 0), (8, 0, 0, 0), leg_s=8.0)
     points = [(0, 0, 0), (3, 0, 0), (4, 0, 0), (8, 0, 0)]
@@ -342,7 +359,7 @@ def test_one_segment_has_no_joins(verdicts):
     assert (check.passed, check.value, check.segment) == (True, 0.0, None)
 
 
-@pytest.mark.parametrize("durations", [(0.0, 1.0), (1.0, 0.0), (-1.0, 3.0), (np.nan, 1.0)])
+@pytest.mark.parametrize("durations", [(0.0, 1.0), (1.0, 0.0), (-1.0, 3.0), (np.nan, 1.0), (np.inf, 1.0)])
 def test_durations_that_are_not_positive_are_caught(verdicts, durations):
     way = straight((0, 0, 0, 0), (1, 0, 0, 0), (2, 0, 0, 0))
     object.__setattr__(way, "durations_s", np.array(durations))
@@ -379,3 +396,28 @@ def test_hashes_that_differ_fail_with_their_beginnings():
     assert (check.passed, check.value) == (False, 1.0)
     assert check.reason == f"the file names {'a' * 12}, here is {'b' * 12}"
     assert gate._identity("map", "", "b").reason == "the file names none, here is b"
+
+
+@pytest.mark.parametrize(
+    ("kept", "passed", "value", "words"),
+    [
+        (True, True, 0.0, "as written"),
+        (False, False, 1.0, "was changed"),
+        (None, True, 0.0, "file version 1 has no hash"),
+    ],
+)
+def test_a_record_that_was_changed_fails_and_one_without_a_hash_is_told(kept, passed, value, words):
+    class Item:
+        record_kept = kept
+
+    check = gate._record_check(Item())
+    assert (check.passed, check.value) == (passed, value)
+    assert words in check.reason
+
+
+def test_conditions_of_a_file_without_any_are_none_and_others_are_read():
+    way = straight((0, 0, 0, 0), (1, 0, 0, 0))
+    item = TrajectoryFile(way, "x", "", "", np.array([[0.0, 0, 0], [1.0, 0, 0]]), {})
+    assert gate.asked_of(item).as_dict() == {}
+    asked = {"conditions": {"leg_speed_m_s": [1.5]}}
+    assert gate.asked_of(dataclasses.replace(item, check=asked)).as_dict() == asked["conditions"]
