@@ -94,3 +94,14 @@ class Problem:
         stop: StopFlag | None,
     ) -> tuple[float, int, bool, bool]:
         """Moves knots and durations; returns cost, evaluations, whether it converged, whether it was stopped."""
+    def refine(
+        self,
+        states: Annotated[NDArray[np.float64], "(k + 1, 4, 4)"],
+        durations: NDArray[np.float64],
+        free: Annotated[NDArray[np.uint8], "(k + 1, 4)"],
+        iterations: int,
+        precision: float,
+        stop: StopFlag | None,
+    ) -> tuple[float, int, bool, bool, float]:
+        """Moves knot states and durations; returns cost, evaluations, whether it converged, whether it was stopped, and
+        the share of the cost that the quadratic model still promises."""

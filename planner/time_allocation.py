@@ -114,6 +114,8 @@ class Solution:
     cost: float
     evaluations: int
     converged: bool
+    residual: float = np.nan
+    """Share of the cost that the quadratic model still promises."""
 
 
 def cost_and_gradient(
@@ -222,6 +224,33 @@ def optimise(
     if stopped:
         check_stop(stop)
     return Solution(knots, T, problem.spline(knots, T), cost, evaluations, converged)
+
+
+def refine(
+    problem: Problem,
+    spline: minimum_snap.Spline,
+    *,
+    iterations: int = 100,
+    precision: float = 1e-5,
+    stop: StopFlag | None = None,
+) -> Solution:
+    """Minimise over log durations, free knots and the derivatives at inner knots, from `spline`.
+
+    Gauss and Newton's method with the damping of Levenberg and Marquardt: unlike `optimise`, the path need not be the
+    one of least snap through its knots. It has converged where its quadratic model, hardly damped, promises to lower
+    the cost by less than `precision` of it.
+
+    Raises:
+        PlanCancelledError: `stop` was set.
+    """
+    states, T = spline.states.copy(), spline.durations_s.copy()
+    free = np.ascontiguousarray(problem.free, dtype=np.uint8)
+    cost, evaluations, converged, stopped, residual = _kernel(problem).refine(
+        states, T, free, iterations, precision, stop
+    )
+    if stopped:
+        check_stop(stop)
+    return Solution(states[:, 0].copy(), T, minimum_snap.Spline(T, states), cost, evaluations, converged, residual)
 
 
 def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:

@@ -12,15 +12,16 @@ namespace {
 struct LimitCost {
     double price;
 
-    Real density(const Demand& demand, const double* offsets, Motion& by) const {
-        Real excess[kLimits], by_excess[kLimits], total{};
+    template <class Number>
+    Number density(const Demand<Number>& demand, const double* offsets, Motion<Number>& by) const {
+        Number excess[kLimits], by_excess[kLimits], total{};
         demand.excess(excess);
         for (int l = 0; l < kLimits; ++l) {
-            const Real over = larger(excess[l] + four(offsets + l * kLanes), Real{});
+            const Number over = larger(excess[l] + four(offsets + l * kLanes), Number{});
             total += over * over;
             by_excess[l] = 2.0 * price * over;
         }
-        if (sum(total) > 0.0) demand.pull_back(by_excess, by);
+        if (sum(value(total)) > 0.0) demand.pull_back(by_excess, by);
         return price * total;
     }
 };
@@ -32,17 +33,19 @@ struct HeadingCost {
     const double* target;                 // x and y to look at; null: along the path
     static constexpr double kSlow = 0.5;  // m/s at which it counts half
 
-    Real density(const Motion& at, Real c, Real s, Motion& by) const {
+    template <class Number>
+    Number density(const Motion<Number>& at, Number c, Number s, Motion<Number>& by) const {
         by.yaw_rate += 2.0 * turning_price * at.yaw_rate;
-        const Real turning = turning_price * at.yaw_rate * at.yaw_rate;
+        const Number turning = turning_price * at.yaw_rate * at.yaw_rate;
         if (price == 0.0) return turning;
-        const Real vx = target ? target[0] - at.position.x : at.velocity.x;
-        const Real vy = target ? target[1] - at.position.y : at.velocity.y;
-        const Real square = vx * vx + vy * vy, pace = root(square + 1e-6), ahead = vx * c + vy * s;
-        const Real scale = price / (square + kSlow * kSlow), off = pace * (pace - ahead);
-        const Real by_pace = scale * (2.0 * pace - ahead) / pace,
-                   by_scale = -2.0 * scale * off / (square + kSlow * kSlow);
-        const Vec by_aim{(by_pace + by_scale) * vx - scale * pace * c, (by_pace + by_scale) * vy - scale * pace * s};
+        const Number vx = target ? target[0] - at.position.x : at.velocity.x;
+        const Number vy = target ? target[1] - at.position.y : at.velocity.y;
+        const Number square = vx * vx + vy * vy, pace = root(square + 1e-6), ahead = vx * c + vy * s;
+        const Number scale = price / (square + kSlow * kSlow), off = pace * (pace - ahead);
+        const Number by_pace = scale * (2.0 * pace - ahead) / pace,
+                     by_scale = -2.0 * scale * off / (square + kSlow * kSlow);
+        const Vec<Number> by_aim{(by_pace + by_scale) * vx - scale * pace * c,
+                                 (by_pace + by_scale) * vy - scale * pace * s};
         if (target)
             by.position -= by_aim;
         else
@@ -56,7 +59,7 @@ struct HeadingCost {
 struct ClearanceCost {
     double price, required;
 
-    Real density(Real distance, const Vec& uphill, Motion& by) const {
+    Real density(Real distance, const Vec<Real>& uphill, Motion<Real>& by) const {
         const Real lack = larger(required - distance, Real{});
         by.position -= uphill * (2.0 * price * lack);
         return price * lack * lack;

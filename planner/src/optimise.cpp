@@ -149,6 +149,20 @@ nb::tuple minimise(Problem& problem, Out knots, Out durations, Flags free, int i
     return nb::make_tuple(found.cost, found.evaluations, found.converged, found.stopped);
 }
 
+nb::tuple refine(Problem& problem, Out states, Out durations, Flags free, int iterations, double precision,
+                 const StopFlag* stop) {
+    Newton method;
+    method.iterations = iterations;
+    method.precision = precision;
+    method.stop = stop ? &stop->raised : nullptr;
+    Refined found;
+    {
+        nb::gil_scoped_release release;
+        found = problem.refine(states.data(), durations.data(), free.data(), method);
+    }
+    return nb::make_tuple(found.cost, found.evaluations, found.converged, found.stopped, found.residual);
+}
+
 }  // namespace
 
 void bind_optimise(nb::module_& m) {
@@ -172,5 +186,7 @@ void bind_optimise(nb::module_& m) {
         .def("set_gates", &set_gates, nb::arg("gates"))
         .def("look_at", &look_at, nb::arg("x"), nb::arg("y"))
         .def("minimise", &minimise, nb::arg("knots"), nb::arg("durations"), nb::arg("free"), nb::arg("iterations"),
+             nb::arg("precision"), nb::arg("stop").none())
+        .def("refine", &refine, nb::arg("states"), nb::arg("durations"), nb::arg("free"), nb::arg("iterations"),
              nb::arg("precision"), nb::arg("stop").none());
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "lbfgs.hpp"
+#include "newton.hpp"
 #include "samples.hpp"
 #include "snap.hpp"
 
@@ -54,6 +55,10 @@ class Problem {
     // From knots and durations to those of least cost, in place; only numbers marked free (k + 1, 4) move.
     Descent minimise(double* knots, double* durations, const unsigned char* free, Lbfgs& method);
 
+    // From knot states (k + 1, 4, 4) and durations to those of least cost, in place: derivatives at the inner knots
+    // move too, but for those that are held.
+    Refined refine(double* states, double* durations, const unsigned char* free, const Newton& method);
+
   private:
     // One way in which a knot may move.
     struct Direction {
@@ -76,12 +81,16 @@ class Problem {
     void ask_distances();
     double segment_cost(std::size_t i, double T, double& by_T);
     Airframe airframe_of(std::size_t segment) const;
-    Samples samples_of(std::size_t segment) const;
+    Samples samples_of(std::size_t segment, double T) const;
     double snap_cost(std::size_t i, double T, double& by_T);
     double ball_cost(const double* knots, double* by_knots) const;
     double gate_cost(const double* knots, double* by_knots) const;
     double passing_cost();
     std::vector<Direction> directions(const unsigned char* free) const;
+    double cost_of_states(const double* durations, const std::vector<double>& knots);
+    void curvature(std::size_t i, double T, const double* units, std::vector<double>& gradient, Banded& second) const;
+    void knot_curvature(const std::vector<double>& knots, const double* units, std::vector<double>& gradient,
+                        Banded& second) const;
     void adjoint(const double* durations, double* by_knots, double* by_durations);
 
     // Place of a number in arrays (segments, packs, rows, lanes).

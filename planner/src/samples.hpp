@@ -5,8 +5,9 @@
 
 namespace goshawk {
 
-constexpr int kAxes = 4;   // x, y, z, yaw
-constexpr int kLanes = 4;  // samples are taken four at a time
+constexpr int kAxes = 4;       // x, y, z, yaw
+constexpr int kLanes = 4;      // samples are taken four at a time
+constexpr int kUnknowns = 33;  // of a segment: eight scaled states of four axes, and log T
 
 enum Limit { kSpeed, kAcceleration, kTilt, kRate, kYawRate, kFastest, kSlowest = kFastest + 4, kLimits = kSlowest + 4 };
 
@@ -32,6 +33,7 @@ struct Samples {
     const double* offsets;   // (packs, limits, 4) added to each excess
     const double* distance;  // (packs, 4) to obstacles
     const double* uphill;    // (packs, 3, 4) its gradient
+    double duration;         // of the segment
     double reference;        // time over which the limits are charged; 0: the segment's own
     const double* target;    // (2,) x and y of the point that the vehicle looks at; null if along its path
 };
@@ -43,6 +45,10 @@ struct Kernels {
     // Excess over each limit, (packs, limits, 4), without the offsets.
     void (*excess)(const Samples& samples, const Airframe& airframe, const double (*scaled)[kAxes], double T,
                    double* out);
+    // Gradient (33) and lower triangle (33, 33) of the second derivatives of the same cost by the scaled states (end
+    // and order, axis) and log T at fixed scaled states.
+    void (*curvature)(const Samples& samples, const Airframe& airframe, const Prices& prices, double clearance_m,
+                      const double (*scaled)[kAxes], double T, double* gradient, double (*second)[kUnknowns]);
 };
 
 extern const Kernels* const kernels_plain;

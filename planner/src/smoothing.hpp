@@ -8,61 +8,11 @@
 #include <cstddef>
 #include <vector>
 
+#include "banded.hpp"
 #include "samples.hpp"
 #include "snap.hpp"
 
 namespace goshawk {
-
-// A symmetric positive definite matrix with so many diagonals below its main one, and its Cholesky factor.
-class Banded {
-  public:
-    Banded(std::size_t size, std::size_t below) : size_(size), below_(below), rows_(size * (below + 1)) {}
-
-    // Entry (i, j) with j <= i <= j + below.
-    double& at(std::size_t i, std::size_t j) { return rows_[i * (below_ + 1) + below_ + j - i]; }
-    double at(std::size_t i, std::size_t j) const { return rows_[i * (below_ + 1) + below_ + j - i]; }
-
-    // Takes an unknown out: its solution is its right-hand side.
-    void pin(std::size_t n) {
-        for (std::size_t j = first(n); j < n; ++j) at(n, j) = 0.0;
-        for (std::size_t i = n + 1; i < std::min(size_, n + below_ + 1); ++i) at(i, n) = 0.0;
-        at(n, n) = 1.0;
-    }
-
-    void factor() {
-        for (std::size_t i = 0; i < size_; ++i)
-            for (std::size_t j = first(i); j <= i; ++j) {
-                double sum = at(i, j);
-                for (std::size_t k = first(i); k < j; ++k) sum -= at(i, k) * (k < first(j) ? 0.0 : at(j, k));
-                at(i, j) = i == j ? 1.0 / std::sqrt(sum) : sum * at(j, j);  // the diagonal is kept inverted
-            }
-    }
-
-    // In place for columns x (size, columns).
-    template <int kColumns>
-    void solve(double* x) const {
-        const auto subtract = [&](std::size_t to, std::size_t from, double factor) {
-            for (int c = 0; c < kColumns; ++c) x[to * kColumns + c] -= factor * x[from * kColumns + c];
-        };
-        const auto scale = [&](std::size_t i) {
-            for (int c = 0; c < kColumns; ++c) x[i * kColumns + c] *= at(i, i);
-        };
-        for (std::size_t i = 0; i < size_; ++i) {
-            for (std::size_t j = first(i); j < i; ++j) subtract(i, j, at(i, j));
-            scale(i);
-        }
-        for (std::size_t i = size_; i-- > 0;) {
-            scale(i);
-            for (std::size_t j = first(i); j < i; ++j) subtract(j, i, at(i, j));
-        }
-    }
-
-  private:
-    std::size_t first(std::size_t i) const { return i > below_ ? i - below_ : 0; }
-
-    std::size_t size_, below_;
-    std::vector<double> rows_;
-};
 
 // Of log durations: their size and their second differences. Of knots: their size and the snap of the spline that they
 // displace, at the durations to start from. Dearer second differences suit routes of many short segments, cheaper ones

@@ -1,0 +1,100 @@
+// Gauss and Newton's method for a cost with a banded matrix of second derivatives, damped where the quadratic model
+// does not hold (Levenberg and Marquardt; the damping as in Nielsen 1999). It ends because the conditions for a minimum
+// hold: the matrix is positive definite and the model, hardly damped, promises less than a given share of the cost.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+#include "banded.hpp"
+
+namespace goshawk {
+
+struct Refined {
+    double cost = 0.0, residual = 0.0;  // the gain that the model still promises, as a share of the cost
+    int evaluations = 0;
+    bool converged = false, stopped = false;
+};
+
+class Newton {
+  public:
+    int iterations = 100;
+    double precision = 1e-8;
+    double longest_step = 0.5;  // of any one unknown
+    const std::atomic<bool>* stop = nullptr;
+
+    // Minimises from x, in place: `cost(x)` alone, and `model(x, gradient, matrix)`, which fills both.
+    template <class Cost, class Model>
+    Refined minimise(std::vector<double>& x, std::size_t below, Cost&& cost, Model&& model) const {
+        const std::size_t n = x.size();
+        std::vector<double> gradient(n), step(n), trial(n), weight(n);
+        Banded second(n, below), factor(n, below);
+        Refined found;
+        double damping = kLeast, growth = 2.0;
+        bool moved = true;
+        found.cost = cost(x);
+        for (int iteration = 0; iteration < iterations; ++iteration) {
+            if (stop && stop->load(std::memory_order_relaxed)) {
+                found.stopped = true;
+                return found;
+            }
+            if (moved) {
+                model(x, gradient, second);
+                // Between equal steps (1) and equal shares of the curvature (Marquardt): ends lowest of the three.
+                for (std::size_t i = 0; i < n; ++i) weight[i] = std::sqrt(std::max(second.at(i, i), 1e-6));
+            }
+            moved = false;
+            factor = second;
+            for (std::size_t i = 0; i < n; ++i) factor.at(i, i) += damping * weight[i];
+            if (factor.factor()) {
+                for (std::size_t i = 0; i < n; ++i) step[i] = -gradient[i];
+                factor.solve<1>(step.data());
+                const double promised = gain(gradient, step, weight, damping);
+                found.residual = promised / std::max(found.cost, 1.0);
+                if (damping <= kSlight && found.residual <= precision) {
+                    found.converged = true;
+                    return found;
+                }
+                double largest = 0.0;
+                for (const double s : step) largest = std::max(largest, std::fabs(s));
+                const double length = std::min(1.0, longest_step / largest);
+                for (std::size_t i = 0; i < n; ++i) trial[i] = x[i] + length * step[i];
+                const double reached = cost(trial);
+                ++found.evaluations;
+                // The model along the step: the gain at a share of it is at least that share of the whole gain.
+                const double ratio = (found.cost - reached) / (promised * length * (2.0 - length));
+                if (ratio > 1e-4) {
+                    x.swap(trial);
+                    found.cost = reached;
+                    moved = true;
+                    const double bend = 2.0 * ratio - 1.0;
+                    damping *= std::max(0.1, 1.0 - bend * bend * bend);
+                    growth = 2.0;
+                    continue;
+                }
+            }
+            damping = std::max(damping, kLeast) * growth;
+            growth *= 2.0;
+            if (damping > kMost) return found;  // rounding hides whatever is still downhill
+        }
+        return found;
+    }
+
+  private:
+    static constexpr double kLeast = 1e-6, kSlight = 1e-1, kMost = 1e12;
+
+    static double gain(const std::vector<double>& gradient, const std::vector<double>& step,
+                       const std::vector<double>& weight, double damping) {
+        double along = 0.0, square = 0.0;
+        for (std::size_t i = 0; i < step.size(); ++i) {
+            along -= gradient[i] * step[i];
+            square += weight[i] * step[i] * step[i];
+        }
+        return 0.5 * (along + damping * square);
+    }
+};
+
+}  // namespace goshawk
