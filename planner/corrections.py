@@ -47,6 +47,12 @@ class Corrections:
             setattr(copy, name, np.concatenate([old[:first], new, old[last:]]))
         return copy
 
+    def unpressed(self) -> "Corrections":
+        """A copy with what was measured, and no multipliers yet."""
+        copy = self.spliced(0, 0, 0)
+        copy.multiplier[:] = 0.0
+        return copy
+
     def total(self) -> FloatArray:
         return self.model + self.between + self.multiplier + self.gate
 

@@ -42,6 +42,10 @@ _SMOOTHING_S = 0.5
 """Turns of the heading are smoothed out over this time to begin with."""
 _WHOLE, _IN_PART = (150, 40, 25), 40
 """Iterations of the rounds about all segments, and of the later ones, which mend what is exceeded here and there."""
+GENTLE, _THOROUGH = ((5.0, 40.0), (1.0, 20.0)), 40
+"""Prices on exceeded limits, before the full one, with which each thorough descent begins, and iterations of each of
+its rounds. At the full price alone it ends 17 % later in the open. The lowest are tried in open space only: among
+obstacles the path then cuts corners that the full price does not mend."""
 _ROUNDS = 40
 _RELIEVED, _LONGER, _AGAIN = 0.03, 1.01, 8
 """Where the vehicle's own model asks for so much less than was believed, a path that passes is optimised once more,
@@ -81,6 +85,8 @@ class Path:
     report: GateReport
     optimum_s: float
     """What the optimiser took for the shortest time when it first ended."""
+    converged: bool = False
+    """Whether the last descent ended by itself, and not because its iterations were used up."""
     kept: Kept | None = None
     """From what it can be optimised further; None for a path in a corridor, and for one that was slowed down."""
 
@@ -217,6 +223,7 @@ def until_flyable(
     iterations: int = _IN_PART,
     corrections: Corrections | None = None,
     used: tuple[Trajectory, limits.Usage] | None = None,
+    gently: tuple[float, ...] = (),
     progress: Progress = silent,
 ) -> Path | None:
     """Optimise until a trajectory passes the gate; None if it stays too close to obstacles.
@@ -229,12 +236,15 @@ def until_flyable(
         spline: durations to start from; where `wrong` is given, the path itself.
         iterations: of the first round about `wrong`.
         corrections, used: those of an earlier answer, and what the gate found of it.
+        gently: choose the whole state of every knot, from `spline` itself, first at these prices on limits.
     """
     corrections = Corrections(len(spline.durations_s)) if corrections is None else corrections
     problem = replace(problem, speed_m_s=conditions.planned_speed_m_s(waypoint, options.limits_for(vehicle)))
     asked_m_s = conditions.most_speed_m_s(waypoint)
     memory = Memory()  # the last path that is measured is the one that the gate looks at
     optimum_s, bends, begun = np.nan, 0, len(_WHOLE) if wrong is not None else 0
+    if gently:
+        spline = _gently(replace(problem, offsets=corrections.total()), spline, gently, stop)
     found, rounds = None, _ROUNDS
     for round_ in range(begun, _ROUNDS):
         if round_ == rounds:
@@ -245,7 +255,11 @@ def until_flyable(
         problem = replace(problem, offsets=corrections.total(), reference_s=charged_s)
         reach, most = (_FAR, iterations) if round_ == begun else (_REACH, _IN_PART)
         most = _WHOLE[min(round_, len(_WHOLE) - 1)] if wrong is None else most
-        spline, touched = _optimised(problem, spline, wrong, reach, most, stop)
+        if gently:
+            spline, touched, ended = _refined(problem, spline, wrong, reach, stop)
+        else:
+            spline, touched, ended = _optimised(problem, spline, wrong, reach, most, stop)
+        _check_lasting(spline.durations_s)
         problem = replace(problem, knots=spline.states[:, 0])
         optimum_s = float(spline.durations_s.sum()) if round_ == begun else optimum_s
         path = minimum_snap.trajectory(spline)
@@ -259,12 +273,12 @@ def until_flyable(
             slower, too_fast = _refused(report, asked_m_s)
             if report.passed or last or not slower.any():  # nothing else gets better by more rounds
                 kept = Kept(problem, spline, corrections.spliced(0, 0, 0))
-                here = Path(path, waypoint, "bent" if bends else "direct", report, optimum_s, kept)
+                here = Path(path, waypoint, "bent" if bends else "direct", report, optimum_s, ended, kept)
                 relieved = (believed - corrections.model).max(axis=(1, 2)) > _RELIEVED
                 longer = path.duration_s > _LONGER * optimum_s
                 once = report.passed and found is None and begun == 0
                 if not (once and (longer or relieved.any())):
-                    return _faster(found, here)
+                    return faster(found, here)
                 found, wrong, rounds = here, None if longer else relieved, round_ + _AGAIN
                 corrections.press(excess, touched)
                 continue
@@ -290,16 +304,41 @@ def _optimised(
     reach: int,
     iterations: int,
     stop: StopFlag | None,
-) -> tuple[minimum_snap.Spline, np.ndarray]:
-    """The spline after a descent, and in which segments (k,): `wrong` and their neighbours up to `reach`; None: all."""
-    if wrong is None:
-        touched = np.ones(len(spline.durations_s), dtype=bool)
-        spline = time_allocation.optimise(problem, spline.durations_s, iterations=iterations, stop=stop).spline
-    else:
-        touched = windows.grown(wrong, reach)
-        spline = windows.optimise(problem, spline, touched, iterations=iterations, stop=stop)
-    _check_lasting(spline.durations_s)
-    return spline, touched
+) -> tuple[minimum_snap.Spline, np.ndarray, bool]:
+    """The spline after a descent, in which segments (k,) - `wrong` and their neighbours up to `reach`; None: all -, and
+    whether it converged."""
+
+    def descend(part: Problem, there: minimum_snap.Spline) -> Solution:
+        return time_allocation.optimise(part, there.durations_s, iterations=iterations, stop=stop)
+
+    return windows.optimise(problem, spline, _touched(spline, wrong, reach), descend)
+
+
+def _refined(
+    problem: Problem, spline: minimum_snap.Spline, wrong: np.ndarray | None, reach: int, stop: StopFlag | None
+) -> tuple[minimum_snap.Spline, np.ndarray, bool]:
+    """As `_optimised`, with all that a knot's state holds free to move."""
+
+    def descend(part: Problem, there: minimum_snap.Spline) -> Solution:
+        return time_allocation.refine(part, there, iterations=_THOROUGH, stop=stop)
+
+    return windows.optimise(problem, spline, _touched(spline, wrong, reach), descend)
+
+
+def _touched(spline: minimum_snap.Spline, wrong: np.ndarray | None, reach: int) -> np.ndarray:
+    return np.ones(len(spline.durations_s), dtype=bool) if wrong is None else windows.grown(wrong, reach)
+
+
+def _gently(
+    problem: Problem, spline: minimum_snap.Spline, prices: tuple[float, ...], stop: StopFlag | None
+) -> minimum_snap.Spline:
+    """Where the descent comes to at low prices on limits and clearance: the way from there is less steep."""
+    for price in prices:
+        less = price / problem.weights.limits
+        weights = replace(problem.weights, limits=price, clearance=less * problem.weights.clearance)
+        gentle = replace(problem, weights=weights)
+        spline = time_allocation.refine(gentle, spline, iterations=_THOROUGH, stop=stop).spline
+    return spline
 
 
 def _refused(report: GateReport, asked_m_s: FloatArray) -> tuple[np.ndarray, np.ndarray]:
@@ -310,7 +349,7 @@ def _refused(report: GateReport, asked_m_s: FloatArray) -> tuple[np.ndarray, np.
     return ~report.usage.passed.all(axis=0) | too_fast, too_fast
 
 
-def _faster(found: Path | None, here: Path) -> Path:
+def faster(found: Path | None, here: Path) -> Path:
     """The path that was found before, unless the one that is here passes and takes less time."""
     if found is None or (here.report.passed and here.trajectory.duration_s < found.trajectory.duration_s):
         return here

@@ -88,7 +88,8 @@ def plan(
         )
     methods = "+".join(sorted({p.method for p in plans}))
     route = np.concatenate([p.route_world_m for p in plans])
-    return Plan(trajectory, report, points, route, methods, float(sum(p.optimum_s for p in plans)))
+    optimum_s, converged = float(sum(p.optimum_s for p in plans)), all(p.converged for p in plans)
+    return Plan(trajectory, report, points, route, methods, optimum_s, converged)
 
 
 def _check_stays(flown: Mission) -> None:

@@ -40,6 +40,9 @@ class Plan:
     """"direct", "bent" (pushed off obstacles after a first attempt), "corridor" or "bry"."""
     optimum_s: float = nan
     """What the optimiser took for the shortest time before the vehicle's own model and the gate had their say."""
+    converged: bool = False
+    """Whether the last descent ended because the conditions for a minimum held, not because its iterations were used
+    up."""
 
     @property
     def binding(self) -> tuple[str, ...]:
@@ -71,7 +74,7 @@ def plan(
     options = inputs.options_for(vehicle, options)
     asked = Conditions() if conditions is None else conditions
     path, route = from_scratch(waypoints, field, vehicle, options, asked, progress=progress, stop=stop)
-    return Plan(path.trajectory, path.report, waypoints, route.points, path.method, path.optimum_s)
+    return Plan(path.trajectory, path.report, waypoints, route.points, path.method, path.optimum_s, path.converged)
 
 
 def from_scratch(
@@ -157,9 +160,17 @@ def _flyable(
             problem, start, dense.waypoint, waypoints.yaw_rad, options, asked, clearance_price
         )
         begin = problem.spline(problem.knots, durations)
-        path = fastest.until_flyable(
-            problem, begin, index, vehicle, options, field, asked, ask_gate, stop, progress=report
-        )
+        rest = (index, vehicle, options, field, asked, ask_gate, stop)
+        path = fastest.until_flyable(problem, begin, *rest, progress=report)
+        if options.effort == "quick" or path is None or path.kept is None:
+            return path, start
+        kept, open_space = path.kept, path.report.clearance_m > 2.0 * options.clearance_m
+        for prices in fastest.GENTLE if open_space else fastest.GENTLE[:1]:
+            begun = kept.corrections.unpressed()
+            other = fastest.until_flyable(
+                kept.problem, kept.spline, *rest, corrections=begun, gently=prices, progress=report
+            )
+            path = path if other is None else fastest.faster(path, other)
         return path, start
 
     if options.method == "fastest":

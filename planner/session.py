@@ -169,7 +169,8 @@ class Planner:
 
     def _accept(self, path: fastest.Path, route_world_m: FloatArray, waypoints: Waypoints) -> Plan:
         self._path, self._conditions = path, path.report.conditions
-        self._plan = Plan(path.trajectory, path.report, waypoints, route_world_m, path.method, path.optimum_s)
+        ended = (path.method, path.optimum_s, path.converged)
+        self._plan = Plan(path.trajectory, path.report, waypoints, route_world_m, *ended)
         return self._plan
 
     def _changed(

@@ -1,11 +1,11 @@
 """A part of a path optimised for itself: the rest stays as it is, and the joins keep their state through jerk."""
 
+from collections.abc import Callable
+
 import numpy as np
 
-from planner import minimum_snap, time_allocation
-from planner._planner import StopFlag
 from planner.minimum_snap import Spline
-from planner.time_allocation import Problem
+from planner.time_allocation import Problem, Solution
 
 
 def grown(segments: np.ndarray, reach: int) -> np.ndarray:
@@ -21,17 +21,24 @@ def runs(segments: np.ndarray) -> list[tuple[int, int]]:
 
 
 def optimise(
-    problem: Problem, spline: Spline, segments: np.ndarray, *, iterations: int, stop: StopFlag | None
-) -> Spline:
+    problem: Problem, spline: Spline, segments: np.ndarray, descend: Callable[[Problem, Spline], Solution]
+) -> tuple[Spline, np.ndarray, bool]:
     """Each run of the chosen segments (k,) optimised for itself, the knots on either side of it held.
 
-    Raises:
-        PlanCancelledError: `stop` was set.
+    Args:
+        descend: from a problem and the spline to start from to where its descent ends.
+
+    Returns:
+        The spline, the segments, and whether every descent converged.
     """
-    durations, states = spline.durations_s.copy(), spline.states.copy()
+    if segments.all():
+        found = descend(problem, spline)
+        return found.spline, segments, found.converged
+    durations, states, converged = spline.durations_s.copy(), spline.states.copy(), True
     for first, last in runs(segments):
-        part = problem.part(first, last, spline)
-        found = time_allocation.optimise(part, durations[first:last], iterations=iterations, stop=stop)
+        before = Spline(durations[first:last], states[first : last + 1])
+        found = descend(problem.part(first, last, Spline(durations, states)), before)
         durations[first:last] = found.durations_s
         states[first : last + 1] = found.spline.states
-    return minimum_snap.Spline(durations, states)
+        converged &= found.converged
+    return Spline(durations, states), segments, converged

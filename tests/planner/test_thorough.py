@@ -1,0 +1,158 @@
+"""The second descent, in which the whole state of every knot is chosen."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import planner
+import vehicle
+from esdf import solids
+from flight import InputError, Waypoints
+from planner import airframe, minimum_snap, time_allocation
+from planner.time_allocation import Problem, Weights
+
+SKY = solids.Scene([solids.Sphere((1000.0, 0.0, 0.0), 1.0)])
+SEEDS = st.integers(0, 100_000)
+
+
+def walk(count: int, seed: int) -> np.ndarray:
+    return np.cumsum(np.random.default_rng(seed).normal(size=(count, 3)) * [3.0, 3.0, 0.7], axis=0)
+
+
+def problem(seed: int, segments: int = 6, **given) -> tuple[Problem, minimum_snap.Spline]:
+    """A walk whose knots, but for the ends, may move by little; and a slow spline through it."""
+    drone, rng = vehicle.example("rigter2019"), np.random.default_rng(seed)
+    knots = np.column_stack([walk(segments + 1, seed), 0.3 * rng.normal(size=segments + 1)])
+    free = np.zeros((segments + 1, 4), dtype=bool)
+    free[1:-1:2] = True
+    frame = airframe.reduced(drone, drone.limits)
+    weights = Weights(snap=1e-7, limits=40.0, clearance=100.0, heading=0.4, turning=1e-4)
+    p = Problem(knots, free, frame, SKY, 0.3, weights, **given)
+    T = rng.uniform(0.7, 1.3, segments) * np.maximum(np.linalg.norm(np.diff(knots[:, :3], axis=0), axis=1), 0.5) / 2.0
+    return p, p.spline(knots, T)
+
+
+def cost(p: Problem, spline: minimum_snap.Spline) -> float:
+    return time_allocation.refine(p, spline, iterations=0).cost
+
+
+def nudged(p: Problem, spline: minimum_snap.Spline, rng: np.random.Generator, size: float) -> minimum_snap.Spline:
+    """Another spline near by that keeps what is given."""
+    T = spline.durations_s
+    powers = np.append(T, T[-1])[:, None] ** -np.arange(4.0)
+    change = size * rng.normal(size=spline.states.shape) * powers[..., None]
+    change[[0, -1], 1:] = 0.0
+    change[:, 0] *= p.free
+    return minimum_snap.Spline(T * np.exp(size * rng.normal(size=T.shape)), spline.states + change)
+
+
+@settings(max_examples=15)
+@given(SEEDS)
+def test_the_cost_of_a_minimum_snap_spline_is_that_of_the_first_descent(seed):
+    p, spline = problem(seed)
+    first, _, _ = time_allocation.cost_and_gradient(p, p.knots, spline.durations_s)
+    assert cost(p, spline) == pytest.approx(first, rel=1e-9)
+
+
+@settings(max_examples=10)
+@given(SEEDS)
+def test_it_costs_less_and_nothing_near_by_costs_less_than_it_promises(seed):
+    p, spline = problem(seed)
+    found = time_allocation.refine(p, spline, iterations=300)
+    assert found.cost <= cost(p, spline)
+    assert found.cost == pytest.approx(cost(p, found.spline), rel=1e-12)
+    rng = np.random.default_rng(seed)
+    if found.converged:
+        for size in (1e-5, 1e-4, 1e-3):
+            least = min(cost(p, nudged(p, found.spline, rng, size)) for _ in range(10))
+            assert least > found.cost * (1.0 - 1e-4)
+
+
+@pytest.mark.parametrize("given", ["nothing", "motion at the ends", "a velocity"])
+def test_what_is_given_stays(given):
+    rng = np.random.default_rng(3)
+    velocity = np.full((7, 4), np.nan)
+    velocity[2] = [1.0, 0.5, 0.0, 0.0]
+    kinds = {
+        "nothing": {},
+        "motion at the ends": {"start": 0.5 * rng.normal(size=(3, 4)), "end": 0.5 * rng.normal(size=(3, 4))},
+        "a velocity": {"velocity": velocity},
+    }
+    p, spline = problem(1, **kinds[given])
+    found = time_allocation.refine(p, spline, iterations=30).spline
+    assert np.allclose(found.states[[0, -1]], spline.states[[0, -1]], rtol=0.0, atol=1e-12)
+    assert np.array_equal(found.states[:, 0][~p.free], spline.states[:, 0][~p.free])
+    if given == "a velocity":
+        assert np.allclose(found.states[2, 1], velocity[2])
+        assert not np.allclose(found.states[3, 1], spline.states[3, 1])
+
+
+def test_a_knot_in_a_gate_moves_in_its_plane_only_and_towards_its_opening():
+    p, spline = problem(2)
+    free = np.zeros_like(p.free)
+    free[3, :3] = True
+    normal = np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)
+    left, up = np.array([-1.0, 1.0, 0.0]) / np.sqrt(2.0), np.array([0.0, 0.0, 1.0])
+    gates = np.zeros((7, 3, 3))
+    gates[3] = p.knots[3, :3] + 1.5 * left, 0.4 * left, 0.4 * up  # the knot begins outside
+    held = replace(p, free=free, gates=gates)
+    found = time_allocation.refine(held, spline, iterations=200).spline
+    moved = found.states[3, 0, :3] - spline.states[3, 0, :3]
+    assert abs(moved @ normal) < 1e-9
+    assert moved @ left == pytest.approx(1.1, abs=0.3)
+    assert found.states[3, 1, :3] @ normal > 0.3 * np.linalg.norm(found.states[3, 1, :3])
+
+
+def test_a_knot_comes_back_into_its_ball():
+    p, spline = problem(4)
+    free = np.zeros_like(p.free)
+    free[3, :3] = True
+    balls = np.zeros((7, 4))
+    balls[3] = [*(p.knots[3, :3] + [1.0, 0.0, 0.0]), 0.2]
+    found = time_allocation.refine(replace(p, free=free, balls=balls), spline, iterations=200).spline
+    assert np.linalg.norm(found.states[3, 0, :3] - balls[3, :3]) < 0.3
+
+
+@pytest.mark.parametrize("seed", [1, 7])
+def test_a_thorough_plan_passes_the_gate_and_is_faster_in_the_open(seed):
+    drone, points = vehicle.example("rigter2019"), walk(8, seed)
+    asked = Waypoints(points, np.full(len(points), np.nan))
+    quick = planner.plan(asked, SKY, drone)
+    thorough = planner.plan(asked, SKY, drone, planner.PlanOptions(effort="thorough"))
+    assert thorough.gate.passed
+    assert thorough.trajectory.duration_s < 0.985 * quick.trajectory.duration_s
+    assert np.array_equal(
+        thorough.trajectory.coefficients,
+        planner.plan(asked, SKY, drone, planner.PlanOptions(effort="thorough")).trajectory.coefficients,
+    )
+
+
+def test_a_thorough_plan_is_never_slower_among_obstacles():
+    drone = vehicle.example("rigter2019")
+    pillars = [solids.Cylinder((5, 4, 1.5), 0.4, 3), solids.Cylinder((10, 3, 1.5), 0.4, 3)]
+    hall = solids.Scene([solids.Room((0, 0, 0), (16, 8, 3)), *pillars])
+    points = np.array([[1, 4, 1], [15, 4, 1.2], [7.5, 1.5, 1.5]])
+    asked = Waypoints(points, np.full(3, np.nan))
+    plans = {
+        effort: planner.plan(asked, hall, drone, planner.PlanOptions(effort=effort)) for effort in ("quick", "thorough")
+    }
+    assert all(plan.gate.passed for plan in plans.values())
+    assert plans["thorough"].trajectory.duration_s <= plans["quick"].trajectory.duration_s
+
+
+def test_a_thorough_plan_can_be_edited():
+    drone, points = vehicle.example("rigter2019"), walk(6, 3)
+    options = planner.PlanOptions(effort="thorough")
+    session = planner.Planner(Waypoints(points, np.full(6, np.nan)), SKY, drone, options)
+    before_s = session.plan.trajectory.duration_s
+    moved = session.move(2, points[2] + [0.2, 0.0, 0.0])
+    assert moved.gate.passed
+    assert session.settle().trajectory.duration_s < 1.05 * before_s
+
+
+def test_an_effort_that_is_none_is_refused():
+    with pytest.raises(InputError, match="effort is 'lazy'"):
+        planner.PlanOptions(effort="lazy")
