@@ -120,7 +120,10 @@ def transform(
         kind.name
     ]
     window = region.grown(recipe.reach, state.shape)  # pyright: ignore[reportArgumentType]
-    scratch = np.empty(window.shape[0] * region.shape[1] * region.shape[2], kind)
+    if window.shape[0] == region.shape[0]:  # no room of its own: a line of squares fits where its distances will be
+        scratch = out.view(kind)[:, :, : region.shape[2]]
+    else:
+        scratch = np.empty((window.shape[0], *region.shape[1:]), kind)
     if threads is None:
         threads = min(cores(), 1 + scratch.size // WORTH_A_THREAD)
     obstacle = recipe.unknown == "obstacle"

@@ -28,7 +28,8 @@ struct Request {
     bool face_is_solid[3][2];  // whether everything beyond that face of the array is solid; otherwise nothing is known
                                // there
     float scale, cap_m;        // metres = scale * sqrt(value), at most cap_m
-    T* scratch;                // at least (window x) * (hi[1] - lo[1]) * (hi[2] - lo[2])
+    T* scratch;                // (window x, hi[1] - lo[1], hi[2] - lo[2]); its line (x, y) may begin where out's does
+    Index scratch_stride[2];   // of x and y; z is contiguous
     float* out;                // metres; voxel lo is out[0]
     Index out_stride[2];       // of x and y, in floats; z is contiguous
     int threads;

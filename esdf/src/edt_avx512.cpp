@@ -8,6 +8,8 @@
 #include "parallel.hpp"
 
 #if GOSHAWK_X86_VARIANTS
+#include <immintrin.h>
+
 #pragma GCC push_options
 #pragma GCC target("avx512f,avx512bw,avx512dq,avx512vl")
 #define GOSHAWK_ISA avx512

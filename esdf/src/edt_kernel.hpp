@@ -2,8 +2,7 @@
 // VECTOR_BYTES set.
 //
 //   1. along z: distance to the nearest voxel of the other class on the same line, by runs
-//   2. along y, 3. along x: out[i] = min over k of in[i +- k] + table[k], for a cache line of neighbouring z at once;
-//      the search for one i stops at the first k whose table[k] alone is no improvement.
+//   2. along y, 3. along x: out[i] = min over k of in[i +- k] + table[k], for a vector of neighbouring z at once
 //
 // Every value is the minimum over sites of one fixed sum (rounding is monotone), so it does not depend on the window,
 // the tiling, the instruction set or the number of threads: a recomputed window is bit-equal to a full rebuild. The
@@ -13,14 +12,10 @@ namespace goshawk {
 namespace GOSHAWK_ISA {
 namespace {
 
-constexpr Index LINE_BYTES = 64;
-constexpr Index TILE_LINES = 4;  // neighbouring cache lines fetched together, so that each page is visited less often
-
 template <class T>
 struct Lanes {
     typedef T Vector __attribute__((vector_size(VECTOR_BYTES)));
-    static constexpr Index per_vector = VECTOR_BYTES / sizeof(T);
-    static constexpr Index per_line = LINE_BYTES / sizeof(T);
+    static constexpr Index count = VECTOR_BYTES / sizeof(T);
 };
 
 template <class T>
@@ -42,10 +37,17 @@ inline V smaller(const V& a, const V& b) {
 
 template <class Mask>
 inline bool any(const Mask& mask) {
-    std::uint64_t words[VECTOR_BYTES / 8], all = 0;
+#if VECTOR_BYTES == 64
+    const __m512i bits = reinterpret_cast<__m512i>(mask);
+    return _mm512_test_epi64_mask(bits, bits) != 0;
+#elif VECTOR_BYTES == 32
+    const __m256i bits = reinterpret_cast<__m256i>(mask);
+    return !_mm256_testz_si256(bits, bits);
+#else
+    std::uint64_t words[2];
     std::memcpy(words, &mask, sizeof mask);
-    for (std::uint64_t w : words) all |= w;
-    return all != 0;
+    return (words[0] | words[1]) != 0;
+#endif
 }
 
 template <class T>
@@ -62,6 +64,14 @@ struct Window {  // the voxels that can affect the requested box
     bool solid_before(const Request<T>& r, int a) const { return lo[a] == 0 && r.face_is_solid[a][0]; }
     bool solid_after(const Request<T>& r, int a) const { return hi[a] == r.n[a] && r.face_is_solid[a][1]; }
 };
+
+// 1 for solid voxels, 0 for free ones.
+inline void mark_solid(const std::uint8_t* state, Index n, bool unknown_is_solid, std::uint8_t* solid) {
+    if (unknown_is_solid)
+        for (Index z = 0; z < n; ++z) solid[z] = state[z] != FREE;
+    else
+        for (Index z = 0; z < n; ++z) solid[z] = state[z] == OCCUPIED;
+}
 
 // One run [a, b) of voxels of one class, `other[0/1]`: whether a voxel of the other class ends it before/after.
 template <class T>
@@ -100,39 +110,6 @@ void scan_line(const std::uint8_t* solid, Index n, const T* table, T cap, bool s
     }
 }
 
-// A column of cache lines, one per row: the unsigned distances of one sign, and how many rows hold any news.
-template <class T>
-struct Column {
-    std::vector<T> value;   // (rows, per_line)
-    std::vector<int> news;  // news[i]: rows before i with a value below cap
-    bool needed = false;    // some value is above zero, so there is something to minimise
-    explicit Column(Index rows) : value(rows * Lanes<T>::per_line), news(rows + 1) {}
-};
-
-template <class T>
-void split_signs(const T* in, Index rows, T cap, Column<T>& free, Column<T>& solid) {
-    using V = typename Lanes<T>::Vector;
-    const V zero{};
-    bool any_free = false, any_solid = false;
-    for (Index i = 0; i < rows; ++i) {
-        bool news_free = false, news_solid = false;
-        for (Index j = 0; j < Lanes<T>::per_line; j += Lanes<T>::per_vector) {
-            const Index at = i * Lanes<T>::per_line + j;
-            const V v = load(in + at), f = v > zero ? v : zero, s = v < zero ? -v : zero;
-            store(&free.value[at], f);
-            store(&solid.value[at], s);
-            news_free |= any(v < cap);
-            news_solid |= any(v > static_cast<T>(-cap));
-            any_free |= any(v > zero);
-            any_solid |= any(v < zero);
-        }
-        free.news[i + 1] = free.news[i] + news_free;
-        solid.news[i + 1] = solid.news[i] + news_solid;
-    }
-    free.needed = any_free;
-    solid.needed = any_solid;
-}
-
 template <class T>
 struct Pass {  // how steps 2 and 3 combine rows; rows [first, last) are computed
     Index rows, first, last, reach;
@@ -141,94 +118,88 @@ struct Pass {  // how steps 2 and 3 combine rows; rows [first, last) are compute
     bool solid_before, solid_after;
 };
 
-// Steps 2 and 3 on row i, lanes from j: the minimum over k. `faces` is where the outside is of the other class.
-template <class T>
-inline typename Lanes<T>::Vector min_plus(const T* value, Index i, const Pass<T>& p, bool faces) {
-    using V = typename Lanes<T>::Vector;
-    constexpr Index L = Lanes<T>::per_line;
-    const T* here = value + i * L;
-    V best = load(here);
-    const Index before = i, after = p.rows - 1 - i, both = before < after ? before : after;
-    if (faces && p.solid_before) best = smaller(best, V{} + p.table[before + 1]);
-    if (faces && p.solid_after) best = smaller(best, V{} + p.table[after + 1]);
-    Index k = 1;
-    const Index end_both = both < p.reach - 1 ? both : p.reach - 1;
-    for (; k <= end_both; ++k) {
-        if ((k < 4 || k % 4 == 0) && !any(best > V{} + p.table[k])) return best;
-        best = smaller(best, smaller(load(here - k * L), load(here + k * L)) + p.table[k]);
-    }
-    const T* side = before > after ? here - k * L : here + k * L;
-    const Index step = before > after ? -L : L;
-    const Index end = (before > after ? before : after) < p.reach - 1 ? (before > after ? before : after) : p.reach - 1;
-    for (; k <= end; ++k, side += step) {
-        if (k % 4 == 0 && !any(best > V{} + p.table[k])) return best;
-        best = smaller(best, load(side) + p.table[k]);
-    }
+// Sums below this are worth storing. In floating point a sum that is larger by rounding alone is, too: it says nothing
+// about the sums farther on. None is at the cap.
+template <class T, class V>
+inline V improvable(const V& best, T) {
     return best;
 }
-
-template <class T>
-inline bool has_news(const Column<T>& c, const Pass<T>& p, Index i, bool faces) {
-    if (faces && ((p.solid_before && i + 1 < p.reach) || (p.solid_after && p.rows - i < p.reach))) return true;
-    const Index from = i < p.reach ? 0 : i - p.reach + 1, to = i + p.reach < p.rows ? i + p.reach : p.rows;
-    return c.news[to] > c.news[from];
+template <class V>
+inline V improvable(const V& best, float cap) {
+    return smaller(V(best * 1.000001f), V{} + cap);
 }
 
-// Both signs of one column; writes (last - first, per_line) signed values to `out`.
+// Steps 2 and 3 on a sheet of signed values: rows along the axis, z within a row, Lanes::count of them at a time. Spare
+// lanes stay zero, which nothing improves.
 template <class T>
-void combine(const Column<T>& free, const Column<T>& solid, const Pass<T>& p, T* out) {
+class Sheet {
+  public:
     using V = typename Lanes<T>::Vector;
-    constexpr Index L = Lanes<T>::per_line;
-    for (Index i = p.first; i < p.last; ++i) {
-        const bool search_free = free.needed && has_news(free, p, i, true);
-        const bool search_solid = solid.needed && has_news(solid, p, i, false);
-        for (Index j = 0; j < L; j += Lanes<T>::per_vector) {
-            const V f = search_free ? min_plus<T>(free.value.data() + j, i, p, true) : load(&free.value[i * L + j]);
-            const V s = search_solid ? min_plus<T>(solid.value.data() + j, i, p, false) : load(&solid.value[i * L + j]);
-            store(out + (i - p.first) * L + j, V(f - s));
-        }
-    }
-}
+    static constexpr Index L = Lanes<T>::count;
+    Sheet(const Pass<T>& pass, Index width)
+        : p(pass), width(width), blocks((width + L - 1) / L), sheet(p.rows * blocks), column(p.rows) {}
 
-// All columns of a (rows, width) sheet of signed values; `emit(row, lane, count, values)` takes the results.
-template <class T>
-struct Sheet {
-    Column<T> free, solid;
-    std::vector<T> gathered, result;
-    Sheet(Index rows, Index wanted)
-        : free(rows),
-          solid(rows),
-          gathered(rows * Lanes<T>::per_line * TILE_LINES),
-          result(wanted * Lanes<T>::per_line) {}
+    T* row(Index i) { return sheet[i * blocks].lane; }
 
-    template <class Emit>
-    void run(const T* in, Index stride, Index width, const Pass<T>& p, const Emit& emit) {
-        constexpr Index L = Lanes<T>::per_line;
-        for (Index tile = 0; tile < width; tile += L * TILE_LINES) {
-            const Index lines = std::min(TILE_LINES, (width - tile + L - 1) / L);
-            gather(in + tile, stride, p.rows, std::min(L * TILE_LINES, width - tile), lines);
-            for (Index line = 0; line < lines; ++line) {
-                split_signs(&gathered[line * p.rows * L], p.rows, p.cap, free, solid);
-                combine(free, solid, p, result.data());
-                const Index z = tile + line * L, count = std::min(L, width - z);
-                for (Index i = p.first; i < p.last; ++i) emit(i - p.first, z, count, &result[(i - p.first) * L]);
-            }
+    void put(Index i, const T* values) { std::memcpy(row(i), values, width * sizeof(T)); }
+
+    void run() {  // in place; only rows [first, last) are right afterwards
+        for (Index block = 0; block < blocks; ++block) {
+            one_sign(&sheet[block], T(1), p.solid_before, p.solid_after);
+            one_sign(&sheet[block], T(-1), false, false);
         }
     }
 
-    void gather(const T* in, Index stride, Index rows, Index width, Index lines) {
-        constexpr Index L = Lanes<T>::per_line;
-        for (Index i = 0; i < rows; ++i)
-            for (Index line = 0; line < lines; ++line) {
-                T* to = &gathered[(line * rows + i) * L];
-                const T* from = in + i * stride + line * L;
-                const Index count = std::min(L, width - line * L);
-                if (count == L) {
-                    std::memcpy(to, from, LINE_BYTES);
-                } else {  // spare lanes repeat the last voxel, so that they never prolong a search
-                    for (Index j = 0; j < L; ++j) to[j] = from[std::min(j, count - 1)];
-                }
+  private:
+    struct alignas(VECTOR_BYTES) Block {
+        T lane[L];
+    };
+    Pass<T> p;
+    Index width, blocks;
+    std::vector<Block> sheet, column;  // column: unsigned values of one sign, zero where the sign is the other
+
+    // `face_before`, `face_after`: beyond that end everything is of the other sign.
+    void one_sign(Block* block, T sign, bool face_before, bool face_after) {
+        const V zero{};
+        Index from = p.rows, to = 0;  // the rows with a value of this sign
+        for (Index i = 0; i < p.rows; ++i) {
+            const V v = load(block[i * blocks].lane) * sign;
+            store(column[i].lane, v > zero ? v : zero);
+            if (any(v > zero)) {
+                from = std::min(from, i);
+                to = i + 1;
             }
+        }
+        // Of the zeros beyond only the nearest count.
+        minimise(std::max<Index>(from - 1, 0), std::min(to + 1, p.rows));
+        for (Index i = std::max(from, p.first); i < std::min(to, p.last); ++i) {
+            T face = p.cap;
+            if (face_before) face = std::min(face, p.table[i + 1]);
+            if (face_after) face = std::min(face, p.table[p.rows - i]);
+            const V v = load(block[i * blocks].lane), best = smaller(load(column[i].lane), V{} + face);
+            store(block[i * blocks].lane, v * sign > zero ? best * sign : v);
+        }
+    }
+
+    // column[i] = min over j in [from, to) of column[j] + table[|i - j|], by offering each row to all above it and then
+    // to all below. The rows between a row and its target have been offered to the target before; the table is convex,
+    // so a row that loses to one of them loses to it ever after, and can stop. In the second sweep a row may hold an
+    // offer of the first: passed on it never wins, as the row it came from was offered there directly.
+    void minimise(Index from, Index to) {
+        const Index first = std::max(from, p.first), last = std::min(to, p.last);
+        for (Index i = to - 1; i >= from; --i) offer(i, 1, std::max<Index>(1, first - i), last - i);
+        for (Index i = from; i < to; ++i) offer(i, -1, std::max<Index>(1, i - last + 1), i - first + 1);
+    }
+
+    // Row i to the rows begin .. end - 1 steps away.
+    void offer(Index i, Index step, Index begin, Index end) {
+        const V value = load(column[i].lane);
+        for (Index k = begin; k < std::min(end, p.reach); ++k) {
+            T* target = column[i + k * step].lane;
+            const V best = load(target), sum = value + p.table[k];
+            if (!any(sum < improvable(best, p.cap))) return;
+            store(target, smaller(best, sum));
+        }
     }
 };
 
@@ -243,35 +214,29 @@ template <class T>
 struct PlaneWorker {
     const Request<T>& r;
     const Window<T>& w;
-    Pass<T> pass;
     std::vector<std::uint8_t> solid;
-    std::vector<T> line, plane;
+    std::vector<T> line;
     Sheet<T> sheet;
     PlaneWorker(const Request<T>& request, const Window<T>& window)
         : r(request),
           w(window),
-          pass(make_pass(request, window, 1)),
           solid(window.size(2)),
           line(window.size(2)),
-          plane(window.size(1) * (request.hi[2] - request.lo[2])),
-          sheet(window.size(1), request.hi[1] - request.lo[1]) {}
+          sheet(make_pass(request, window, 1), request.hi[2] - request.lo[2]) {}
 
-    void operator()(Index item) {
-        const Index width = r.hi[2] - r.lo[2], depth = w.size(2);
+    void operator()(Index x) {
+        const Index depth = w.size(2);
         for (Index y = 0; y < w.size(1); ++y) {
-            const std::uint8_t* state = r.state + ((w.lo[0] + item) * r.n[1] + w.lo[1] + y) * r.n[2] + w.lo[2];
-            if (r.unknown_is_solid)
-                for (Index z = 0; z < depth; ++z) solid[z] = state[z] != FREE;
-            else
-                for (Index z = 0; z < depth; ++z) solid[z] = state[z] == OCCUPIED;
+            const std::uint8_t* state = r.state + ((w.lo[0] + x) * r.n[1] + w.lo[1] + y) * r.n[2] + w.lo[2];
+            mark_solid(state, depth, r.unknown_is_solid, solid.data());
             scan_line<T>(solid.data(), depth, r.table[2], r.cap, w.solid_before(r, 2), w.solid_after(r, 2),
                          line.data());
-            std::memcpy(&plane[y * width], &line[r.lo[2] - w.lo[2]], width * sizeof(T));
+            sheet.put(y, &line[r.lo[2] - w.lo[2]]);
         }
-        T* out = r.scratch + item * (r.hi[1] - r.lo[1]) * width;
-        sheet.run(plane.data(), width, width, pass, [&](Index y, Index z, Index count, const T* values) {
-            std::memcpy(out + y * width + z, values, count * sizeof(T));
-        });
+        sheet.run();
+        for (Index y = r.lo[1]; y < r.hi[1]; ++y)
+            std::memcpy(r.scratch + x * r.scratch_stride[0] + (y - r.lo[1]) * r.scratch_stride[1],
+                        sheet.row(y - w.lo[1]), (r.hi[2] - r.lo[2]) * sizeof(T));
     }
 };
 
@@ -281,31 +246,37 @@ inline float root(std::int32_t v) { return static_cast<float>(std::sqrt(static_c
 
 template <class T>
 void to_metres(const Request<T>& r, const T* values, const std::uint8_t* state, Index count, float* out) {
+    const T cap = r.cap;  // copies, as `out` might overlap the request as far as the compiler knows
+    const float scale = r.scale, cap_m = r.cap_m;
+    // Every root is taken, needed or not, in a loop of its own: that loop the compiler turns into vectors.
+    for (Index j = 0; j < count; ++j) out[j] = root(values[j] < T(0) ? T(-values[j]) : values[j]) * scale;
     for (Index j = 0; j < count; ++j) {
-        const T v = values[j], size = v < T(0) ? T(-v) : v;
-        const float exact = root(size) * r.scale;
-        const float capped = size < r.cap && exact < r.cap_m ? exact : r.cap_m;
+        const T v = values[j];
+        const float nearer = out[j] < cap_m ? out[j] : cap_m, capped = v < cap && v > -cap ? nearer : cap_m;
         out[j] = v < T(0) ? -capped : capped;
     }
     if (r.unknown_is_nan)
         for (Index j = 0; j < count; ++j) out[j] = state[j] == UNKNOWN ? __builtin_nanf("") : out[j];
 }
 
-// Step 3 for one y, and the conversion to metres.
+// Step 3 for one y, and the conversion to metres. `out` is written after all of the plane's scratch has been read.
 template <class T>
 struct SliceWorker {
     const Request<T>& r;
-    Pass<T> pass;
+    const Window<T>& w;
     Sheet<T> sheet;
     SliceWorker(const Request<T>& request, const Window<T>& window)
-        : r(request), pass(make_pass(request, window, 0)), sheet(window.size(0), request.hi[0] - request.lo[0]) {}
+        : r(request), w(window), sheet(make_pass(request, window, 0), request.hi[2] - request.lo[2]) {}
 
-    void operator()(Index item) {
-        const Index width = r.hi[2] - r.lo[2], stride = (r.hi[1] - r.lo[1]) * width;
-        sheet.run(r.scratch + item * width, stride, width, pass, [&](Index x, Index z, Index count, const T* values) {
-            const std::uint8_t* state = r.state + ((r.lo[0] + x) * r.n[1] + r.lo[1] + item) * r.n[2] + r.lo[2] + z;
-            to_metres(r, values, state, count, r.out + x * r.out_stride[0] + item * r.out_stride[1] + z);
-        });
+    void operator()(Index y) {
+        for (Index x = 0; x < w.size(0); ++x)
+            sheet.put(x, r.scratch + x * r.scratch_stride[0] + y * r.scratch_stride[1]);
+        sheet.run();
+        for (Index x = 0; x < r.hi[0] - r.lo[0]; ++x) {
+            const std::uint8_t* state = r.state + ((r.lo[0] + x) * r.n[1] + r.lo[1] + y) * r.n[2] + r.lo[2];
+            to_metres(r, sheet.row(r.lo[0] - w.lo[0] + x), state, r.hi[2] - r.lo[2],
+                      r.out + x * r.out_stride[0] + y * r.out_stride[1]);
+        }
     }
 };
 

@@ -24,7 +24,8 @@ template <class T, int N>
 using In = nb::ndarray<const T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
 template <class T, int N>
 using Out = nb::ndarray<T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
-using OutBox = nb::ndarray<float, nb::ndim<3>, nb::device::cpu>;
+template <class T>
+using OutBox = nb::ndarray<T, nb::ndim<3>, nb::device::cpu>;
 
 struct Shape {  // of an array with three axes
     Index size[3];
@@ -65,9 +66,9 @@ void dispatch(const Request<T>& request, Isa isa) {
 
 // One overload per number type; `faces` has bit 2 * axis + side set where everything beyond that face is solid.
 template <class T>
-void transform(In<std::uint8_t, 3> state, OutBox out, nb::tuple lo, In<T, 1> table_x, In<T, 1> table_y,
+void transform(In<std::uint8_t, 3> state, OutBox<float> out, nb::tuple lo, In<T, 1> table_x, In<T, 1> table_y,
                In<T, 1> table_z, T cap, float scale, float cap_m, bool unknown_is_solid, bool unknown_is_nan, int faces,
-               Out<T, 1> scratch, int threads, const std::string& isa) {
+               OutBox<T> scratch, int threads, const std::string& isa) {
     Request<T> r{};
     const In<T, 1>* tables[3] = {&table_x, &table_y, &table_z};
     r.state = state.data();
@@ -88,8 +89,10 @@ void transform(In<std::uint8_t, 3> state, OutBox out, nb::tuple lo, In<T, 1> tab
     r.cap_m = cap_m;
     r.scratch = scratch.data();
     r.out = out.data();
-    r.out_stride[0] = out.stride(0);
-    r.out_stride[1] = out.stride(1);
+    for (int a = 0; a < 2; ++a) {
+        r.scratch_stride[a] = scratch.stride(a);
+        r.out_stride[a] = out.stride(a);
+    }
     r.threads = threads;
     const Isa chosen = isa_named(isa);
     nb::gil_scoped_release release;

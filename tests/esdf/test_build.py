@@ -15,8 +15,11 @@ from flight import InputError
 
 
 def random_case(rng):
-    """A random map: any density, any policy, cubes or not, capped or not."""
-    shape = tuple(int(n) for n in rng.integers(1, 24, 3))
+    """A random map: any density, any policy, cubes or not, capped or not, one edge sometimes long."""
+    edges = rng.integers(1, 24, 3)
+    if rng.random() < 0.5:  # longer than the lanes of a vector, and than the cap reaches
+        edges[rng.integers(3)] = rng.integers(24, 150)
+    shape = tuple(int(n) for n in edges)
     density = rng.choice([0.0, 0.01, 0.1, 0.5, 0.9])
     state = rng.choice([UNKNOWN, FREE, OCCUPIED], size=shape, p=[density / 2, 1 - density, density / 2]).astype(
         np.uint8
