@@ -402,7 +402,7 @@ def _turned(trajectory: Trajectory, visits: Visits, waypoints_world_m: FloatArra
     motion = trajectory.evaluate(joins_s)
     for i in routes.turns(Waypoints(waypoints_world_m, yaw_rad)):
         here = np.linalg.norm(motion[:, :3] - trajectory.position(times[:1, i])[0], axis=1) <= routes.SAME_M
-        facing = np.abs(np.angle(np.exp(1j * (motion[:, 3] - yaw_rad[i + 1])))) <= _SAME_RAD
+        facing = np.abs(rotations.wrapped(motion[:, 3] - yaw_rad[i + 1])) <= _SAME_RAD
         later = np.flatnonzero(here & facing & (joins_s >= times[0, i]))
         if later.size:
             times[:, i + 1] = joins_s[later[0]]

@@ -32,9 +32,9 @@ _LONGEST_STEPS, _SHORTEST_STEPS = 50, 2
 _SETTLED = 0.003
 """Share of a limit that a bound may lie above the values it bounds."""
 _SLOWEST = NAMES.index("slowest rotor")
-_EASES = (1.0, 0.5, 0.5, 1.0 / 3.0, 1.0, 0.5, 0.5)
-"""Powers of a limit's share that say how much longer it would take to use it just so: speed and yaw rate fall with the
-time, acceleration and what follows from it with its square, rates of the thrust's direction with its cube."""
+_POWERS = (1, 2, 2, 3, 1, 2, 2)
+"""With which power of the time the use of each limit falls: speed and yaw rate with the time, acceleration and what
+follows from it with its square, rates of the thrust's direction with its cube."""
 _GROUP = 100
 """Segments that are looked at together: more would make cancelling slow, fewer the check."""
 _BINDING = 0.97
@@ -158,7 +158,7 @@ def excess_text(used: Usage, limit: int, segment: int, trajectory: Trajectory) -
     where = f"segment {segment} at {time_s:.1f} s"
     if not np.isfinite(value):
         return f"{where}: no rotor speeds produce this motion; give it more than {1.5 * T:.2f} s"
-    longer = T * max(float(used.share[limit, segment]), 1.0) ** _EASES[limit]
+    longer = T * float(_longer(np.maximum(used.share[:, segment], 1.0))[limit])
     unit = _UNITS[limit]
     return f"{where}: {NAMES[limit]} {value:.4g} {unit}, limit {used.bound[limit]:.4g}; give it {longer:.2f} s"
 
@@ -331,8 +331,14 @@ def time_shares(trajectory: Trajectory, vehicle: Vehicle, limits: Limits, times:
     """
     norms = [np.linalg.norm(trajectory.position(times, r), axis=1) for r in (1, 2)]
     value = np.stack(norms + _attitude_values(trajectory, vehicle, times))
-    room = _shares(value, limits, _hover(vehicle)) ** np.array(_EASES)[:, None]
+    room = _longer(_shares(value, limits, _hover(vehicle)))
     return np.where(np.isfinite(room), room, 1.5)
+
+
+def _longer(share: FloatArray) -> FloatArray:
+    """Factor on the time at which each limit (limits, ...), used to such a share, is just met."""
+    roots = {1: share, 2: np.sqrt(share), 3: portable.exponential(portable.logarithm(share) / 3.0)}
+    return np.stack([roots[power][row] for row, power in enumerate(_POWERS)])
 
 
 def sample_times(trajectory: Trajectory, step_s: float) -> tuple[FloatArray, np.ndarray]:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flight import FlightError, FloatArray, InputError, Waypoints, portable
+from flight import FlightError, FloatArray, InputError, Waypoints, portable, rotations
 from planner import sampling, search, space
 from planner._planner import StopFlag
 from planner.options import PlanInfeasibleError, PlanOptions, check_stop
@@ -34,7 +34,7 @@ class Route:
 def turns(waypoints: Waypoints) -> np.ndarray:
     """Indices of the waypoints behind which the next one is in the same place and asks for another heading."""
     gaps = np.linalg.norm(np.diff(waypoints.positions_world_m, axis=0), axis=1)
-    turned = np.abs(np.angle(np.exp(1j * np.diff(waypoints.yaw_rad)))) >= _SAME_RAD  # not so where one is open
+    turned = np.abs(rotations.wrapped(np.diff(waypoints.yaw_rad))) >= _SAME_RAD  # not so where one is open
     return np.flatnonzero((gaps < SAME_M) & turned)
 
 

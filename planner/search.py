@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flight import FloatArray
+from flight import FloatArray, portable
 from planner import simplify, space
 from planner._planner import StopFlag, bottleneck
 from planner._planner import search as grid_search
@@ -79,7 +79,7 @@ def lattice(
         PlanCancelledError: `stop` was set.
     """
     low, high = region(field, points, margin_m)
-    step = max(finest_m, float(np.prod(high - low) / cells) ** (1 / 3))
+    step = max(finest_m, float(portable.exponential(portable.logarithm(np.prod(high - low) / cells) / 3.0)))
     low = points[0] - np.floor((points[0] - low) / step) * step
     shape = np.floor((high - low) / step).astype(int) + 1
     axes = [low[i] + step * np.arange(shape[i]) for i in range(3)]

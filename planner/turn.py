@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flight import FloatArray, Trajectory, Waypoints
+from flight import FloatArray, Trajectory, Waypoints, rotations
 from planner import gate, heading, inputs, limits, minimum_snap, planning, space
 from planner._planner import StopFlag
 from planner.conditions import Conditions
@@ -63,7 +63,7 @@ def plan(
 def _smoothest(waypoints: Waypoints, can: heading.Bounds) -> minimum_snap.Spline:
     """Of least snap from rest to rest, in about the time that yaw rate and yaw torque ask for."""
     start, end = waypoints.yaw_rad
-    by = float(np.angle(np.exp(1j * (end - start))))
+    by = float(rotations.wrapped(end - start))
     duration_s = max(
         _PEAK_RATE * abs(by) / can.rate_rad_s, np.sqrt(_PEAK_ACCELERATION * abs(by) / can.acceleration_rad_s2)
     )
