@@ -38,10 +38,34 @@ def test_the_readmes_twenty_lines_run_and_print_what_it_shows(tmp_path: Path):
         cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
+    assert_same_result(done.stdout, block("text"))
+
+
+def assert_same_result(found: str, printed: str) -> None:
+    """A plan has the same bits on every processor; an estimate from the same noise stays within half of its error."""
+    plan, *estimates = found.splitlines()
+    printed_plan, *printed_estimates = printed.splitlines()
+    assert plan == printed_plan
+    assert [NUMBER.sub("#", line) for line in estimates] == [NUMBER.sub("#", line) for line in printed_estimates]
+    for line, printed_line in zip(estimates, printed_estimates, strict=True):
+        (value, std, true), (said, said_std, said_true) = (
+            [float(number) for number in NUMBER.findall(text.partition(": ")[2])][-3:] for text in (line, printed_line)
+        )
+        assert true == said_true
+        assert std == pytest.approx(said_std, rel=0.15)
+        assert abs(value - said) <= 0.5 * said_std
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [("3.12e-06 +-", "3.2e-06 +-"), ("+- 9e-09", "+- 9e-08"), ("true 0.0175", "true 0.0185"), ("4.9 s,", "5.5 s,")],
+)
+def test_a_wrong_figure_in_the_readme_would_be_noticed(right: str, wrong: str):
     printed = block("text")
-    assert NUMBER.sub("#", done.stdout) == NUMBER.sub("#", printed)
-    found, said = ([float(number) for number in NUMBER.findall(text)] for text in (done.stdout, printed))
-    assert found == pytest.approx(said, rel=0.03)
+    assert right in printed
+    assert_same_result(printed, printed)
+    with pytest.raises(AssertionError):
+        assert_same_result(printed, printed.replace(right, wrong))
 
 
 def test_the_readme_names_every_verb_and_no_other():

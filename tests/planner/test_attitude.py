@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from flight import Trajectory
-from planner import attitude, gate, minimum_snap
+from planner import attitude, minimum_snap, visits
 from planner.options import PlanOptions
 from vehicle import flatness, native
 
@@ -72,13 +72,13 @@ def test_waypoints_at_joins_are_found_without_looking_between_them(drone):
     path = some_path(5)
     wanted = np.vstack([path.coefficients[:, :3, 0], path.position(np.array([path.duration_s]))])
     tolerance = PlanOptions().waypoint_tolerance_m
-    assert gate._at_joins(path, wanted, tolerance) == ([0, 1, 2, 3, 4, 5], pytest.approx(0.0, abs=1e-9))
-    assert gate._at_joins(path, wanted[[0, 2, 5]], tolerance) == ([0, 2, 5], pytest.approx(0.0, abs=1e-9))
-    assert gate._at_joins(path, wanted[[0, 3, 2, 5]], tolerance) is None
-    assert gate._at_joins(path, wanted[:-1], tolerance) is None
-    assert gate._at_joins(path, wanted[1:], tolerance) is None
+    assert visits._at_joins(path, wanted, tolerance) == ([0, 1, 2, 3, 4, 5], pytest.approx(0.0, abs=1e-9))
+    assert visits._at_joins(path, wanted[[0, 2, 5]], tolerance) == ([0, 2, 5], pytest.approx(0.0, abs=1e-9))
+    assert visits._at_joins(path, wanted[[0, 3, 2, 5]], tolerance) is None
+    assert visits._at_joins(path, wanted[:-1], tolerance) is None
+    assert visits._at_joins(path, wanted[1:], tolerance) is None
     moved = wanted + np.array([0.0, 0.0, 0.006])
-    assert gate._at_joins(path, moved, tolerance) == ([0, 1, 2, 3, 4, 5], pytest.approx(0.006))
+    assert visits._at_joins(path, moved, tolerance) == ([0, 1, 2, 3, 4, 5], pytest.approx(0.006))
 
 
 def changed(path: Trajectory, segment: int, number: int) -> Trajectory:

@@ -8,7 +8,7 @@ import planner
 from esdf import solids
 from flight import FormatError, InputError, Trajectory, Waypoints, trajectory
 from flight.trajectory import fingerprint
-from planner import gate
+from planner import gate, visits
 
 
 @pytest.fixture(scope="module")
@@ -87,11 +87,11 @@ def test_a_waypoint_is_reached_at_the_nearest_point_of_the_first_visit_however_l
     """Three thousand samples creep by at less than the tolerance: more than are looked at together."""
     points = np.concatenate([np.full(500, 1.0), np.linspace(0.009, -0.009, 3000), np.full(500, 1.0), np.zeros(5)])
     points = np.stack([points, np.zeros(4005), np.zeros(4005)], axis=1)
-    index, gap_m = gate._first_visit(points, 0, np.zeros(3), 0.01)
+    index, gap_m = visits.first_visit(points, 0, np.zeros(3), 0.01)
     assert index in (1999, 2000)
     assert gap_m < 1e-5
-    assert gate._first_visit(points, 3600, np.zeros(3), 0.01) == (4000, 0.0)
-    assert gate._first_visit(points, 0, np.ones(3), 0.01) is None
+    assert visits.first_visit(points, 3600, np.zeros(3), 0.01) == (4000, 0.0)
+    assert visits.first_visit(points, 0, np.ones(3), 0.01) is None
 
 
 def test_starting_in_flight_is_caught(good, pillar, drone):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from flight import Trajectory, TrajectoryFile
-from planner import Conditions, PlanOptions, gate
-from planner.gate import _BLOCK
+from planner import Conditions, PlanOptions, gate, visits
+from planner.visits import BLOCK
 
 ORIGIN = np.zeros(3)
 LEFT_UP = np.array([[0.0, 0.5, 0.0], [0.0, 0.0, 0.5]])
@@ -43,7 +43,7 @@ def verdicts(open_sky, drone):
 def passes(path, centre, start=0, edges=LEFT_UP, step_s=2.0**-10):
     """What `_first_pass` finds among samples at multiples of the step."""
     times = np.arange(0.0, path.duration_s + 0.5 * step_s, step_s)
-    return gate._first_pass(path, times, path.position(times), start, np.array(centre), edges)
+    return visits.first_pass(path, times, path.position(times), start, np.array(centre), edges)
 
 
 # -- openings ----------------------------------------------------------------------------------------------------------
@@ -53,7 +53,7 @@ def passes(path, centre, start=0, edges=LEFT_UP, step_s=2.0**-10):
 @pytest.mark.parametrize("blocks", [1, 2])
 @pytest.mark.parametrize("start", [0, 3])
 def test_a_crossing_is_found_on_and_between_samples_on_both_sides_of_a_blocks_border(blocks, offset, start):
-    sample = start + blocks * _BLOCK + offset
+    sample = start + blocks * BLOCK + offset
     path = straight((0, 0, 0, 0), (4, 0, 0, 0), leg_s=4.0)  # a sample every 2^-10 m
     found = passes(path, (sample / 1024.0, 0.0, 0.0), start)
     assert found is not None
@@ -193,7 +193,7 @@ def test_a_radius_is_taken_off_the_distance_of_its_own_waypoint(verdicts):
 
 def visited(way, waypoints, tolerance_m=0.125, **conditions):
     options = PlanOptions(waypoint_tolerance_m=tolerance_m)
-    return gate._waypoints(way, np.array(waypoints, dtype=float), Conditions(**conditions), options)[1]
+    return visits.reached(way, np.array(waypoints, dtype=float), Conditions(**conditions), options)[1]
 
 
 def test_a_visit_lasts_from_where_the_path_enters_the_radius_to_where_it_leaves_it():
@@ -245,40 +245,40 @@ def distances(*runs: tuple[int, float]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("start", [0, 5])
-@pytest.mark.parametrize("before", [0, 1, _BLOCK - 1, _BLOCK, 2 * _BLOCK - 1])
-@pytest.mark.parametrize("length", [1, 2, _BLOCK - 1, _BLOCK, _BLOCK + 1, 3 * _BLOCK])
+@pytest.mark.parametrize("before", [0, 1, BLOCK - 1, BLOCK, 2 * BLOCK - 1])
+@pytest.mark.parametrize("length", [1, 2, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK])
 def test_the_first_visit_is_found_wherever_it_begins_and_ends_among_blocks(start, before, length):
     """A nearer visit follows at once, as it does where a waypoint is passed twice."""
     for nearest in sorted({0, length // 2, length - 1}):
         way = distances((start + before, 3.0), (length, 1.0), (1, 2.0), (7, 0.25), (9, 3.0))
         way[start + before + nearest, 0] = 0.5
-        assert gate._first_visit(way, start, ORIGIN, 1.0) == (start + before + nearest, 0.5)
+        assert visits.first_visit(way, start, ORIGIN, 1.0) == (start + before + nearest, 0.5)
 
 
 @pytest.mark.parametrize("blocks", [1, 2])
 def test_a_visit_that_ends_at_a_blocks_border_is_over(blocks):
     """Whatever comes as near again, be it at a border too."""
-    way = distances((blocks * _BLOCK, 0.5), (_BLOCK, 3.0), (7, 0.25))
-    assert gate._first_visit(way, 0, ORIGIN, 1.0) == (0, 0.5)
+    way = distances((blocks * BLOCK, 0.5), (BLOCK, 3.0), (7, 0.25))
+    assert visits.first_visit(way, 0, ORIGIN, 1.0) == (0, 0.5)
 
 
 def test_a_visit_may_be_the_first_sample_the_last_one_or_none():
-    assert gate._first_visit(distances((1, 0.5), (9, 3.0)), 0, ORIGIN, 1.0) == (0, 0.5)
-    assert gate._first_visit(distances((9, 3.0), (1, 0.5)), 0, ORIGIN, 1.0) == (9, 0.5)
-    assert gate._first_visit(distances((_BLOCK, 0.5)), 0, ORIGIN, 1.0) == (0, 0.5)
-    assert gate._first_visit(distances((2 * _BLOCK, 1.001)), 0, ORIGIN, 1.0) is None
-    assert gate._first_visit(distances((9, 0.5), (9, 3.0)), 9, ORIGIN, 1.0) is None
+    assert visits.first_visit(distances((1, 0.5), (9, 3.0)), 0, ORIGIN, 1.0) == (0, 0.5)
+    assert visits.first_visit(distances((9, 3.0), (1, 0.5)), 0, ORIGIN, 1.0) == (9, 0.5)
+    assert visits.first_visit(distances((BLOCK, 0.5)), 0, ORIGIN, 1.0) == (0, 0.5)
+    assert visits.first_visit(distances((2 * BLOCK, 1.001)), 0, ORIGIN, 1.0) is None
+    assert visits.first_visit(distances((9, 0.5), (9, 3.0)), 9, ORIGIN, 1.0) is None
 
 
 def test_of_equally_near_samples_the_first_one_counts():
-    assert gate._first_visit(distances((3, 2.0), (2 * _BLOCK, 0.5)), 0, ORIGIN, 1.0) == (3, 0.5)
+    assert visits.first_visit(distances((3, 2.0), (2 * BLOCK, 0.5)), 0, ORIGIN, 1.0) == (3, 0.5)
 
 
-@pytest.mark.parametrize("count", [1, 2, _BLOCK - 1, _BLOCK, _BLOCK + 1, 2 * _BLOCK, 2 * _BLOCK + 1])
+@pytest.mark.parametrize("count", [1, 2, BLOCK - 1, BLOCK, BLOCK + 1, 2 * BLOCK, 2 * BLOCK + 1])
 def test_a_stay_within_a_radius_ends_with_its_last_sample_at_any_place_in_a_block(count):
-    for after in (0, 1, _BLOCK):
+    for after in (0, 1, BLOCK):
         way = distances((count, 1.0), (after, 1.5), (after, 0.5))
-        assert gate._staying(way, ORIGIN, 1.0) == count - 1
+        assert visits._staying(way, ORIGIN, 1.0) == count - 1
 
 
 # -- headings ----------------------------------------------------------------------------------------------------------

@@ -1,0 +1,201 @@
+// The second descent, in which the whole state of every knot is chosen: gradient and second derivatives of the cost by
+// all knot states and log durations, banded along the path.
+#include <algorithm>
+#include <cstddef>
+#include <vector>
+
+#include "passing.hpp"
+#include "portable.hpp"
+#include "problem.hpp"
+
+namespace goshawk {
+
+namespace {
+
+constexpr int kKnot = kOrders * kAxes;
+constexpr double kStiff = 1e9;             // across the plane of a gate, in which its knot stays
+constexpr std::size_t kBlock = kKnot + 1;  // unknowns of a knot, and the log of the duration after it
+
+}  // namespace
+
+// The cost of states_, with the scaled states and the distances along the path that `curvature` needs.
+double Problem::cost_of_states(const double* durations, const std::vector<double>& knots) {
+    for (std::size_t i = 0; i < segments_; ++i) {
+        scaled_[i] = scaled_ends<kAxes>(states_.data(), i, durations[i]);
+        force_[i] = times_form(scaled_[i]);
+    }
+    if (prices_.clearance > 0.0) ask_distances();
+    std::vector<double> unused(knots.size());
+    double cost = 0.0, by_time = 0.0;
+    for (std::size_t i = 0; i < segments_; ++i)
+        cost += durations[i] + segment_cost(i, durations[i], by_time) + snap_cost(i, durations[i], by_time);
+    return cost + passing_cost() + ball_cost(knots.data(), unused.data()) + gate_cost(knots.data(), unused.data());
+}
+
+// Adds a segment's gradient and second derivatives by the states of both ends, in units (k + 1, 4) of their orders,
+// and log T.
+void Problem::curvature(std::size_t i, double T, const double* units, std::vector<double>& gradient,
+                        Banded& second) const {
+    double slope[kUnknowns], bend[kUnknowns][kUnknowns];
+    const Ends<kAxes>&scaled = scaled_[i], &force = force_[i];
+    kernels_.curvature(samples_of(i, T), airframe_of(i), prices_, clearance_m_, scaled.row, T, slope, bend);
+    constexpr int kTime = kUnknowns - 1;
+    const double snap = prices_.snap / seventh_power(T);
+    for (int a = 0; a < kStates; ++a)
+        for (int x = 0; x < 3; ++x) {
+            const int n = a * kAxes + x;
+            const double pull = 2.0 * snap * force.row[a][x];
+            slope[n] += pull;
+            bend[kTime][n] -= 7.0 * pull;
+            slope[kTime] -= 3.5 * pull * scaled.row[a][x];
+            bend[kTime][kTime] += 24.5 * pull * scaled.row[a][x];
+            for (int b = 0; b <= a; ++b) bend[n][b * kAxes + x] += 2.0 * snap * snap_form()[a][b];
+        }
+    slope[kTime] += T;
+    bend[kTime][kTime] += T;
+    // From scaled states at fixed log T to states: what T changes of the scaled states comes to its own derivatives.
+    double order[kTime], stretch[kTime], unit[kUnknowns];
+    for (int n = 0; n < kTime; ++n) {
+        const int r = n / kAxes % kOrders;
+        order[n] = r;
+        stretch[n] = r * scaled.row[n / kAxes][n % kAxes];
+        unit[n] = units[(i + (n < kKnot ? 0 : 1)) * kOrders + r];
+        for (int k = 0; k < r; ++k) unit[n] *= T;
+    }
+    unit[kTime] = 1.0;
+    double turned[kTime] = {};
+    for (int n = 0; n < kTime; ++n)
+        for (int m = 0; m < kTime; ++m) turned[n] += bend[std::max(n, m)][std::min(n, m)] * stretch[m];
+    for (int n = 0; n < kTime; ++n) {
+        slope[kTime] += slope[n] * stretch[n];
+        bend[kTime][kTime] += stretch[n] * (2.0 * bend[kTime][n] + turned[n]) + order[n] * stretch[n] * slope[n];
+        bend[kTime][n] += turned[n] + order[n] * slope[n];
+    }
+    const auto at = [&](int n) {
+        return n == kTime ? i * kBlock + kKnot : n < kKnot ? i * kBlock + n : (i + 1) * kBlock + n - kKnot;
+    };
+    for (int n = 0; n < kUnknowns; ++n) {
+        gradient[at(n)] += unit[n] * slope[n];
+        for (int m = 0; m <= n; ++m)
+            second.at(std::max(at(n), at(m)), std::min(at(n), at(m))) += unit[n] * unit[m] * bend[n][m];
+    }
+}
+
+// The same of what is charged at single knots: leaving balls and openings, passing openings at a slant.
+void Problem::knot_curvature(const std::vector<double>& knots, const double* units, std::vector<double>& gradient,
+                             Banded& second) const {
+    for (std::size_t i = 0; i <= segments_; ++i) {
+        const std::size_t n = i * kBlock;
+        const double *ball = &balls_[4 * i], *centre = &gates_[9 * i], *p = &knots[i * kAxes];
+        const double price = 2.0 * prices_.limits;
+        const auto add = [&](double over, const double slope[3], double bend, const double along[3]) {
+            for (int x = 0; x < 3; ++x) {
+                gradient[n + x] += price * over * slope[x];
+                for (int y = 0; y <= x; ++y)
+                    second.at(n + x, n + y) += price * (slope[x] * slope[y] + over * bend * along[x] * along[y]);
+            }
+        };
+        if (ball[3] > 0.0) {
+            double slope[3], over = -1.0;
+            const double square = ball[3] * ball[3];
+            for (int x = 0; x < 3; ++x) {
+                over += (p[x] - ball[x]) * (p[x] - ball[x]) / square;
+                slope[x] = 2.0 * (p[x] - ball[x]) / square;
+            }
+            if (over > 0.0) {
+                add(over, slope, 0.0, slope);
+                for (int x = 0; x < 3; ++x) second.at(n + x, n + x) += price * over * 2.0 / square;
+            }
+        }
+        double normal[3];
+        if (!gate_normal(centre, normal)) continue;
+        for (const double* edge : {centre + 3, centre + 6}) {
+            const double square = edge[0] * edge[0] + edge[1] * edge[1] + edge[2] * edge[2];
+            double share = 0.0, slope[3];
+            for (int x = 0; x < 3; ++x) share += (p[x] - centre[x]) * edge[x] / square;
+            const double over = share * share - 1.0;
+            for (int x = 0; x < 3; ++x) slope[x] = 2.0 * share * edge[x] / square;
+            if (over > 0.0) add(over, slope, 2.0 / (square * square), edge);
+        }
+        const PassingCost passing{prices_.limits};
+        const std::size_t v = n + kAxes;
+        for (int x = 0; x < 3; ++x) {  // differences of the exact gradient, as only a few knots are in gates
+            double ahead[3] = {}, back[3] = {}, velocity[3];
+            const double h = 1e-6;
+            std::copy_n(&states_[i * kKnot + kAxes], 3, velocity);
+            velocity[x] += h;
+            passing.value(velocity, normal, ahead);
+            velocity[x] -= 2.0 * h;
+            passing.value(velocity, normal, back);
+            const double unit = units[i * kOrders + 1];
+            gradient[v + x] += 0.5 * unit * (ahead[x] + back[x]);
+            for (int y = 0; y <= x; ++y) second.at(v + x, v + y) += unit * unit * (ahead[y] - back[y]) / (2.0 * h);
+        }
+    }
+}
+
+Refined Problem::refine(double* states, double* durations, const unsigned char* free, const Newton& method) {
+    const std::size_t size = segments_ * kBlock + kKnot, below = kBlock + kKnot - 1;
+    // Each order of a knot's state in units of the mean duration round it, so that all unknowns are about metres.
+    std::vector<double> units((segments_ + 1) * kOrders), x(size), knots((segments_ + 1) * kAxes), began(knots);
+    std::vector<unsigned char> open(size, 1);
+    for (std::size_t i = 0; i <= segments_; ++i) {
+        const double before = durations[i > 0 ? i - 1 : 0], after = durations[i < segments_ ? i : segments_ - 1];
+        for (std::size_t r = 0; r < kOrders; ++r) {
+            units[i * kOrders + r] = r == 0 ? 1.0 : units[i * kOrders + r - 1] * 2.0 / (before + after);
+            const bool end = i == 0 || i == segments_;
+            for (std::size_t a = 0; a < kAxes; ++a) {
+                const std::size_t n = i * kBlock + r * kAxes + a;
+                x[n] = states[i * kKnot + r * kAxes + a] / units[i * kOrders + r];
+                open[n] = r == 0 ? free[i * kAxes + a] : !(end || (r == 1 && held_[i]));
+            }
+        }
+        std::copy_n(states + i * kKnot, kAxes, &began[i * kAxes]);
+        if (i < segments_) x[i * kBlock + kKnot] = logarithm(durations[i]);
+    }
+    const auto unpack = [&](const std::vector<double>& from) {
+        for (std::size_t i = 0; i <= segments_; ++i) {
+            for (std::size_t n = 0; n < kKnot; ++n)
+                states_[i * kKnot + n] = from[i * kBlock + n] * units[i * kOrders + n / kAxes];
+            double normal[3], off = 0.0;
+            double* p = &states_[i * kKnot];
+            if (gate_normal(&gates_[9 * i], normal)) {  // stays in the opening's plane
+                for (int a = 0; a < 3; ++a) off += normal[a] * (p[a] - began[i * kAxes + a]);
+                for (int a = 0; a < 3; ++a) p[a] -= off * normal[a];
+            }
+            std::copy_n(p, kAxes, &knots[i * kAxes]);
+            if (i < segments_) durations[i] = exponential(from[i * kBlock + kKnot]);
+        }
+    };
+    const auto cost = [&](const std::vector<double>& from) {
+        unpack(from);
+        return cost_of_states(durations, knots);
+    };
+    const auto model = [&](const std::vector<double>&, std::vector<double>& gradient, Banded& second) {
+        std::fill(gradient.begin(), gradient.end(), 0.0);
+        second.clear();
+        for (std::size_t i = 0; i < segments_; ++i) curvature(i, durations[i], units.data(), gradient, second);
+        knot_curvature(knots, units.data(), gradient, second);
+        for (std::size_t n = 0; n < size; ++n)
+            if (!open[n]) {
+                gradient[n] = 0.0;
+                second.pin(n);
+            }
+        for (std::size_t i = 0; i <= segments_; ++i) {
+            double normal[3], along = 0.0;
+            const std::size_t n = i * kBlock;
+            if (!free[i * kAxes] || !gate_normal(&gates_[9 * i], normal)) continue;
+            for (int a = 0; a < 3; ++a) along += normal[a] * gradient[n + a];
+            for (int a = 0; a < 3; ++a) {
+                gradient[n + a] -= along * normal[a];
+                for (int b = 0; b <= a; ++b) second.at(n + a, n + b) += kStiff * normal[a] * normal[b];
+            }
+        }
+    };
+    const Refined found = method.minimise(x, below, cost, model);
+    unpack(x);
+    std::copy(states_.begin(), states_.end(), states);
+    return found;
+}
+
+}  // namespace goshawk
