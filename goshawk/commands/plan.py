@@ -12,7 +12,7 @@ import planner
 import vehicle
 from flight import FloatArray, InputError, cells, file_format
 from flight.mission import KeepIn, Laps, Mission, Yaw
-from goshawk import batch, console, map_standing, outputs, thin_obstacles, waypoints_file
+from goshawk import batch, batch_mission, console, map_standing, outputs, thin_obstacles, waypoints_file
 from mapping.dense.confidence import NearestSurface
 from planner import could_hide, options, simplify
 
@@ -200,7 +200,7 @@ def _show(
         "segments": len(plan.trajectory.durations_s),
         "duration_s": plan.trajectory.duration_s,
         "clearance_m": plan.gate.clearance_m,
-        "top_speed_m_s": batch.top_speed_m_s(plan.trajectory),
+        "top_speed_m_s": batch_mission.top_speed_m_s(plan.trajectory),
     }
     shown = facts | {"could hide": could_hide.describe(plan.gate)}
     checked = plan.gate.as_dict()
