@@ -6,77 +6,28 @@ again.
 """
 
 import fcntl
-import hashlib
 import json
 import os
 import signal
-import time
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-import esdf
-import mapping
-import planner
-import vehicle
-from flight import FlightError, InfeasibleError, InputError, Progress, Trajectory, file_format, results, trajectory
-from flight.mission import KeepIn, Laps, Mission, Yaw
-from goshawk import thin_obstacles, waypoints_file
-from mapping.free_space import FreeSpace
+from flight import FlightError, InputError, Progress, file_format, trajectory
+from goshawk import batch_cluster
+from goshawk.batch_mission import COLUMNS, Job, Row, inputs_hash, key_of, plan_one, row_of, trajectory_path
 
 FORMAT, VERSION = "goshawk-batch", 1
 JOURNAL = "journal.jsonl"
 RESULTS = "results.json"
-_COLUMNS: dict[str, type] = {
-    "name": str, "status": str, "reason": str, "segments": int, "duration_s": float, "clearance_m": float,
-    "top_speed_m_s": float, "could_hide_m": float, "could_hide_share": float, "method": str,
-    "trajectory_hash": str, "cpu_s": float,
-}  # fmt: skip
-"""Of the tables; after the first three, a row may be without."""
 _NEWER = ("could_hide_m", "could_hide_share")
 """Columns that a journal of an earlier version is without."""
 SUFFIXES = (".json", ".csv")
-Row = dict[str, Any]
-"""What is known of a mission: name, status, reason, segments, duration_s, clearance_m, top_speed_m_s, method, cpu_s.
-
-`could_hide_m` is how thick an obstacle could hide near it, None where no image looked, and `could_hide_share` the share
-of its length along which more than `mapping.free_space.THRESHOLD_M` could; None where nothing is known of it."""
-
-
-@dataclass(frozen=True, slots=True)
-class Job:
-    """All that a worker needs to plan any of the missions."""
-
-    map_folder: Path
-    vehicle_file: Path
-    options: planner.PlanOptions
-    out: Path
-    laps: Laps | None = None
-    yaw: Yaw | None = None
-    keep_in: KeepIn | None = None
-    """Asked of every mission, instead of what its file says."""
-    thinnest_m: float | None = None
-    """Obstacles so thick must not be able to hide within the clearance; None: not asked."""
-    overwrite: bool = False
-    inputs: bytes = b""
-    """Hash of map, vehicle and options: a worker that lives on reads changed files again."""
-
-    def asked(self, mission: Mission) -> Mission:
-        """The mission with what is asked of all."""
-        return replace(
-            mission,
-            laps=self.laps or mission.laps,
-            yaw=self.yaw or mission.yaw,
-            keep_in=self.keep_in or mission.keep_in,
-        )
 
 
 def mission_files(folder: Path) -> list[Path]:
@@ -109,18 +60,20 @@ def run(
 
     Args:
         jobs: worker processes; 1 plans in this process.
-        scheduler: address of a Dask scheduler, instead of processes of our own; its workers must see the same files.
+        scheduler: address of a Dask scheduler, instead of processes of our own; its workers must see map, vehicle and
+            missions at the same paths.
 
     Raises:
         InputError: the output folder holds results of other inputs, or another batch is writing to it, or the map or
-            vehicle cannot be read.
-        KeyboardInterrupt: Ctrl-C; what was done until then is in the journal and the tables.
+            vehicle cannot be read, or no scheduler answers, or one of its workers is unlike this process.
+        ClusterError: the scheduler was lost, or has no worker.
+        KeyboardInterrupt: Ctrl-C. After these two, what was done is in the journal and the tables.
     """
     job.out.mkdir(parents=True, exist_ok=True)
-    same = _inputs_hash(job)
+    same = inputs_hash(job)
     job = replace(job, inputs=same)
     listed = {path.stem: path for path in files}
-    keys = {name: _key(path, same) for name, path in listed.items()}
+    keys = {name: key_of(path, same) for name, path in listed.items()}
     with open(job.out / JOURNAL, "a") as lines:
         _take_alone(lines.fileno(), job.out)
         done = _done(job, keys)
@@ -129,9 +82,9 @@ def run(
 
         def record(row: Row) -> None:
             name = row["name"]
-            if _key(listed[name], same) != keys[name]:
+            if key_of(listed[name], same) != keys[name]:
                 trajectory_path(job.out, name).unlink(missing_ok=True)
-                row = _row(listed[name], "failed", "the mission's file was changed during the batch; run it again")
+                row = row_of(listed[name], "failed", "the mission's file was changed during the batch; run it again")
             entry = row | {"key": keys[name]}
             lines.write(json.dumps(entry, allow_nan=False) + "\n")
             lines.flush()
@@ -140,8 +93,14 @@ def run(
             progress("missions", len(done) / len(files))
 
         try:
-            with _executor(jobs, scheduler) as executor:
-                _plan_all(executor, todo, job, record)
+            if scheduler is not None:
+                batch_cluster.plan_all(scheduler, todo, job, record, progress)
+            else:
+                with _executor(jobs) as executor:
+                    _plan_all(executor, todo, job, record)
+        except batch_cluster.ClusterError as error:
+            so_far = f"{len(done)} of {len(files)} missions are recorded in {job.out}"
+            raise batch_cluster.ClusterError(f"{error}; {so_far}, and the same command plans the others") from error
         finally:
             rows = [{k: v for k, v in done[p.stem].items() if k != "key"} for p in files if p.stem in done]
             if rows:
@@ -155,24 +114,6 @@ def _take_alone(descriptor: int, out: Path) -> None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         raise InputError(f"another batch is writing to {out}; wait until it is done, or give another --out") from None
-
-
-def _key(path: Path, inputs: bytes) -> str:
-    """Hash of a mission's file and all other inputs; of those alone for a file that cannot be read."""
-    try:
-        content = path.read_bytes()
-    except OSError:
-        content = b""
-    return hashlib.sha256(inputs + content).hexdigest()
-
-
-def _inputs_hash(job: Job) -> bytes:
-    """Of the map, the vehicle and the options."""
-    area = mapping.open_map(job.map_folder)
-    drone = vehicle.vehicle_hash(vehicle.load(job.vehicle_file))
-    asked = (area.field.hash, drone, job.options, job.laps, job.yaw, job.keep_in)
-    asked = asked if job.thinnest_m is None else (*asked, job.thinnest_m)  # else as in journals of earlier versions
-    return hashlib.sha256(repr(asked).encode()).digest()
 
 
 def _done(job: Job, keys: dict[str, str]) -> dict[str, Row]:
@@ -212,10 +153,10 @@ def _done(job: Job, keys: dict[str, str]) -> dict[str, Row]:
 
 def _is_row(row: Any) -> bool:
     """Whether a line of the journal has a row's columns, each of its kind, and a key."""
-    if not isinstance(row, dict) or set(row) != {*_COLUMNS, "key"}:  # pyright: ignore[reportUnknownArgumentType]
+    if not isinstance(row, dict) or set(row) != {*COLUMNS, "key"}:  # pyright: ignore[reportUnknownArgumentType]
         return False
     required = all(isinstance(row[name], str) for name in ("name", "status", "reason", "key"))
-    return required and all(row[name] is None or type(row[name]) is kind for name, kind in _COLUMNS.items())
+    return required and all(row[name] is None or type(row[name]) is kind for name, kind in COLUMNS.items())
 
 
 def _is_that_of(row: Row, path: Path) -> bool:
@@ -227,26 +168,9 @@ def _is_that_of(row: Row, path: Path) -> bool:
     return item.checked and item.as_checked and item.check["trajectory_hash"] == row.get("trajectory_hash")
 
 
-def trajectory_path(out: Path, name: str) -> Path:
-    """Where a mission's trajectory is written."""
-    return out / "trajectories" / f"{name}.json"
-
-
 @contextmanager
-def _executor(jobs: int, scheduler: str | None) -> Generator[Executor | None]:
-    """Dask's, processes of our own, or None for this process."""
-    if scheduler is not None:
-        try:
-            from dask.distributed import Client
-        except ImportError:
-            raise InputError("--scheduler needs Dask: install the package `distributed`") from None
-        try:
-            client = Client(scheduler)
-        except (OSError, ValueError) as error:
-            raise InputError(f"--scheduler {scheduler}: no Dask scheduler answers there ({error})") from error
-        with client:
-            yield client.get_executor()
-        return
+def _executor(jobs: int) -> Generator[Executor | None]:
+    """Processes of our own, or None for this process."""
     if jobs == 1:
         yield None
         return
@@ -282,7 +206,7 @@ def _plan_all(executor: Executor | None, files: Sequence[Path], job: Job, record
             try:
                 record(alone.submit(plan_one, path, job).result())
             except BrokenProcessPool:
-                record(_row(path, "crashed", "the planning process ended without an answer"))
+                record(row_of(path, "crashed", "the planning process ended without an answer"))
 
 
 def _record_answer(future: Future[Row], path: Path, record: Callable[[Row], None], lost: list[Path]) -> None:
@@ -292,60 +216,6 @@ def _record_answer(future: Future[Row], path: Path, record: Callable[[Row], None
         lost.append(path)
 
 
-def plan_one(path: Path, job: Job) -> Row:
-    """Plan one mission and write its trajectory; a mission that fails is a row that says why."""
-    began = time.process_time()
-    trajectory_path(job.out, path.stem).unlink(missing_ok=True)  # of an earlier run with other inputs
-    try:
-        asked = waypoints_file.load_mission(path)
-        area, drone, free, field = _world(job.map_folder, job.vehicle_file, job.thinnest_m, job.inputs)
-        plan = thin_obstacles.plan(job.asked(asked), area, field, drone, job.options, free, job.thinnest_m)
-        trajectory_path(job.out, path.stem).parent.mkdir(exist_ok=True)
-        with results.new_file(trajectory_path(job.out, path.stem), overwrite=True) as placing:
-            planner.save_plan(placing.temporary, plan, name=path.stem)
-    except InfeasibleError as error:
-        return _row(path, "infeasible", str(error), cpu_s=time.process_time() - began)
-    except FlightError as error:
-        return _row(path, "refused", str(error), cpu_s=time.process_time() - began)
-    except Exception as error:  # an error of ours is one mission's, too
-        return _row(path, "failed", f"{type(error).__name__}: {error}", cpu_s=time.process_time() - began)
-    hidden = plan.gate.could_hide
-    return _row(
-        path,
-        "planned",
-        "",
-        segments=len(plan.trajectory.durations_s),
-        duration_s=plan.trajectory.duration_s,
-        clearance_m=plan.gate.clearance_m,
-        top_speed_m_s=top_speed_m_s(plan.trajectory),
-        could_hide_m=None if hidden is None or hidden.unobserved else hidden.thickness_m,
-        could_hide_share=None if hidden is None else hidden.length_share,
-        method=plan.method,
-        trajectory_hash=plan.gate.trajectory_hash,
-        cpu_s=time.process_time() - began,
-    )
-
-
-def top_speed_m_s(flown: Trajectory) -> float:
-    """Largest speed at samples 10 ms apart."""
-    return float(np.linalg.norm(flown.position(flown.sample(0.01), 1), axis=1).max())
-
-
-def _row(path: Path, status: str, reason: str, **facts: Any) -> Row:
-    return dict.fromkeys(_COLUMNS) | {"name": path.stem, "status": status, "reason": reason} | facts
-
-
-@lru_cache(maxsize=1)
-def _world(
-    map_folder: Path, vehicle_file: Path, thinnest_m: float | None, _inputs: bytes
-) -> tuple[mapping.Map, vehicle.Vehicle, FreeSpace | None, esdf.Field]:
-    """Map, vehicle, free space and the field to plan in: read once in each process, and again when the inputs' hash is
-    another one."""
-    area = mapping.open_map(map_folder)
-    free = area.free_space()
-    return area, vehicle.load(vehicle_file), free, thin_obstacles.field_to_plan_in(area, free, thinnest_m)
-
-
 def _write_tables(out: Path, rows: list[Row]) -> None:
     """The same rows as JSON and as Parquet."""
     import pyarrow as pa
@@ -353,6 +223,6 @@ def _write_tables(out: Path, rows: list[Row]) -> None:
 
     file_format.write_json(out / RESULTS, format=FORMAT, version=VERSION, body={"missions": rows})
     types = {str: pa.string(), int: pa.int64(), float: pa.float64()}
-    schema = pa.schema([(name, types[kind]) for name, kind in _COLUMNS.items()])
+    schema = pa.schema([(name, types[kind]) for name, kind in COLUMNS.items()])
     with file_format.atomic_file(out / "results.parquet") as temporary:
         pq.write_table(pa.Table.from_pylist(rows, schema=schema), temporary)

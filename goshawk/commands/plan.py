@@ -12,7 +12,7 @@ import planner
 import vehicle
 from flight import FloatArray, InputError, cells, file_format
 from flight.mission import KeepIn, Laps, Mission, Yaw
-from goshawk import batch, console, map_standing, outputs, thin_obstacles, waypoints_file
+from goshawk import batch, batch_mission, console, map_standing, outputs, thin_obstacles, waypoints_file
 from mapping.dense.confidence import NearestSurface
 from planner import could_hide, options, simplify
 
@@ -214,7 +214,7 @@ def _show(
         "duration_s": plan.trajectory.duration_s,
         "converged": plan.converged,
         "clearance_m": plan.gate.clearance_m,
-        "top_speed_m_s": batch.top_speed_m_s(plan.trajectory),
+        "top_speed_m_s": batch_mission.top_speed_m_s(plan.trajectory),
     }
     shown = {"clearance" if name == "clearance_m" else name: value for name, value in facts.items()}
     shown["converged"] = "yes" if plan.converged else "no: the optimiser's iterations were used up"

@@ -17,12 +17,13 @@ import esdf
 import mapping
 import vehicle
 from esdf.visibility import Visibility, save_visibility
-from flight import InputError, Waypoints, mission, project, trajectory
+from flight import Waypoints, mission, project, trajectory
 from flight.mission import Gate, Ground, KeepIn, Laps, Mission, Stay
-from goshawk import batch, demo
+from goshawk import batch, batch_mission, demo
 from mapping import confidence_layer
 from mapping.dense import mesh_file
 from mapping.dense.confidence import SurfaceConfidence
+from planner import PlanOptions
 from tests.goshawk.running import answer as goshawk
 from tests.waiting import PATIENCE_S
 
@@ -154,21 +155,6 @@ def test_a_batch_goes_on_where_it_was_broken_off(folder, tmp_path, monkeypatch):
     assert "results of other inputs" in ended.stderr
 
 
-@pytest.mark.slow
-def test_processes_and_dask_give_the_same_answer_as_one_process(folder, tmp_path):
-    distributed = pytest.importorskip("dask.distributed", reason="Dask is an optional engine")
-    rows = {}
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
-        for name, options in (
-            ("one", ()),
-            ("two", ("--jobs", 2)),
-            ("dask", ("--scheduler", cluster.scheduler_address)),
-        ):
-            answer = run("--batch", folder / "missions", *world(folder), "--out", tmp_path / name, *options, code=1)
-            rows[name] = [{k: v for k, v in row.items() if k != "cpu_s"} for row in answer["missions"]]
-    assert rows["one"] == rows["two"] == rows["dask"]
-
-
 def die(path, job):
     os._exit(9)
 
@@ -176,8 +162,8 @@ def die(path, job):
 @pytest.mark.slow
 def test_a_process_that_dies_is_one_missions_failure(folder, tmp_path):
     files = batch.mission_files(folder / "missions")[:2]
-    with batch._executor(2, None) as pool:
-        job = batch.Job(folder / "map", folder / "vehicle.toml", batch.planner.PlanOptions(), tmp_path)
+    with batch._executor(2) as pool:
+        job = batch.Job(folder / "map", folder / "vehicle.toml", PlanOptions(), tmp_path)
         assert pool is not None
         pool.submit(die, None, None)
         rows = []
@@ -217,8 +203,8 @@ def test_a_batch_does_not_take_a_changed_trajectory_for_its_own(folder, tmp_path
     ],
 )
 def test_a_damaged_line_of_the_journal_is_passed_over(folder, tmp_path, line):
-    row = batch._row(Path("a.json"), "infeasible", "no way") | {"key": "of a"}
-    job = batch.Job(folder / "map", folder / "vehicle.toml", batch.planner.PlanOptions(), tmp_path)
+    row = batch_mission.row_of(Path("a.json"), "infeasible", "no way") | {"key": "of a"}
+    job = batch.Job(folder / "map", folder / "vehicle.toml", PlanOptions(), tmp_path)
     good = json.dumps(row).encode()
     (tmp_path / batch.JOURNAL).write_bytes(b"\n".join([good, line.encode("latin-1"), good[:-9]]))
     assert batch._done(job, {"a": "of a"}) == {"a": row}
@@ -279,11 +265,6 @@ def test_what_is_finished_after_ctrl_c_is_recorded_too(monkeypatch):
         batch._plan_all(threads, [Path("slow.json"), Path("quick.json")], None, record)
     assert rows[0] == "quick"
     assert rows[-1] == "slow"
-
-
-def test_an_address_without_a_scheduler_is_named():
-    with pytest.raises(InputError, match="--scheduler nonsense: no Dask scheduler answers there"):
-        batch._executor(1, "nonsense").__enter__()
 
 
 @pytest.fixture(scope="module")
