@@ -15,7 +15,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # the command line compiles NumPy, SciPy and ours again, which is half of its CPU time.
 export PYTHONDONTWRITEBYTECODE :=
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-all mutate bench fuzz docs lint lock clean
+.PHONY: help setup demo test test-processors test-all mutate bench fuzz docs lint lock clean
 
 help:  ## what there is to make
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 18
@@ -29,6 +29,15 @@ demo: setup  ## map, plan, fly and learn on a rendered room; leaves the project 
 test:  ## set up and run the tests, on JOBS=2 processors
 	@tools/setup.sh browser
 	$(PYTHON) -m pytest $(WORKERS)
+
+# NumPy's vector paths that this processor has; naming another one is a warning of NumPy's.
+NUMPY_FEATURES = from numpy._core._multiarray_umath import __cpu_dispatch__ as all, __cpu_features__ as has; \
+  print(*[name for name in all if has[name]])
+OTHER_PROCESSORS := tests/test_front_page.py tests/planner/test_gate.py tests/planner/test_thorough.py tests/vehicle/test_laws.py
+test-processors: setup  ## the front page and a small set as on two other processors: BLAS kernel, vector units, C library
+	OPENBLAS_CORETYPE=Sandybridge $(PYTHON) -m pytest -q $(WORKERS) $(OTHER_PROCESSORS)
+	OPENBLAS_CORETYPE=Prescott GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F \
+	  NPY_DISABLE_CPU_FEATURES="$$($(PYTHON) -c '$(NUMPY_FEATURES)')" $(PYTHON) -m pytest -q $(WORKERS) $(OTHER_PROCESSORS)
 
 test-all: lint mutate  ## the slow tests too, lint and mutations; installs the compilers and tools they need
 	@tools/setup.sh slow

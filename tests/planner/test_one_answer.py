@@ -34,6 +34,8 @@ def test_plans_and_reports_are_equal_bit_by_bit_without_vector_units_and_with_an
 
 def test_the_settings_do_change_what_numpy_and_the_c_library_compute(harness):
     """Else the test above shows nothing."""
+    if "avx2" not in Path("/proc/cpuinfo").read_text() or os.environ.keys() & harness.FEATURES_OFF.keys():
+        pytest.skip("this processor, or the environment, has no vector units to switch off")
     code = (
         "import ctypes, numpy as np; m = ctypes.CDLL('libm.so.6'); m.sin.restype = ctypes.c_double;"
         "m.sin.argtypes = [ctypes.c_double]; x = np.random.default_rng(0).uniform(size=(100, 100));"
