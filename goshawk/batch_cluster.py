@@ -89,7 +89,7 @@ async def _kind_of(address: str) -> str:
     from distributed.core import rpc
 
     async with rpc(address, timeout=CONNECT_S) as server:
-        said = await asyncio.wait_for(server.identity(), CONNECT_S)
+        said: Any = await asyncio.wait_for(server.identity(), CONNECT_S)
     return str(said["type"])
 
 
@@ -151,12 +151,12 @@ def _record_ended(
 
     _require_scheduler(client)
     try:
-        ended = wait(list(running), timeout=1.0, return_when="FIRST_COMPLETED").done
+        ended: Any = wait(list(running), timeout=1.0, return_when="FIRST_COMPLETED")
     except TimeoutError:
         return
     except CancelledError as error:
         raise _lost(client) from error
-    for future in ended:
+    for future in ended.done:
         path, key = running.pop(future)
         try:
             row = _answer(client, future, path, key, job)

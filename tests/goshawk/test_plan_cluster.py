@@ -221,3 +221,13 @@ def test_without_dask_the_extra_is_named(folder, monkeypatch):
     got = goshawk(*call(folder, "out", "--scheduler", "tcp://127.0.0.1:1"))
     assert got.returncode == 2
     assert 'pip install "goshawk[cluster]"' in got.stderr
+
+
+@pytest.mark.slow
+def test_sixty_one_missions_survive_killed_workers_a_killed_scheduler_and_a_mission_that_kills(monkeypatch):
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
+    import cluster as benchmark
+
+    rows = benchmark.rows(61)
+    assert [row.value for row in rows] == [61.0] * 6
+    assert all(row.ok and row.peers.get("planned", 61) >= 50 for row in rows)
