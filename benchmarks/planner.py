@@ -32,6 +32,8 @@ def rows() -> list[report.Row]:
         *dragged(drone),
         *cancelled(drone),
         *optimum_and_flown(drone, 30),
+        *thorough(20),
+        *thorough_in_clutter(drone, 4),
         *kernel(drone),
         *in_scenes(drone, 50),
         *in_clutter(drone, 10),
@@ -90,6 +92,69 @@ def optimum_and_flown(drone: vehicle.Vehicle, seeds: int) -> list[report.Row]:
     return [
         report.row(f"flown longer than the optimum, median of {seeds}", median, "%", "< 1", median < 1.0),
         report.row("  worst", worst, "%", "< 2", worst < 2.0),
+    ]
+
+
+def thorough(walks: int) -> list[report.Row]:
+    """Quick and thorough plans of the same walks, and of walks whose waypoints are moved by a micrometre."""
+    found, options = [], planner.PlanOptions(effort="thorough")
+    for name, drone in planner_scenes.vehicles().items():
+        shorter, moved, seconds = [], [], []
+        for seed in range(walks):
+            points = planner_scenes.walk(10, seed)
+            quick_s = planner.plan(unheaded(points), SKY, drone).trajectory.duration_s
+            start = time.process_time()
+            duration_s = planner.plan(unheaded(points), SKY, drone, options).trajectory.duration_s
+            seconds.append(time.process_time() - start)
+            shorter.append(100.0 * (1.0 - duration_s / quick_s))
+            near = points + 1e-6 * np.random.default_rng(seed).normal(size=points.shape)
+            moved.append(
+                100.0 * abs(planner.plan(unheaded(near), SKY, drone, options).trajectory.duration_s / duration_s - 1.0)
+            )
+        least, cpu_s = {"least": min(shorter), "most": max(shorter)}, float(np.median(seconds))
+        found += [
+            report.row(
+                f"thorough, {name}: flight shorter, median of {walks}",
+                float(np.median(shorter)),
+                "%",
+                None,
+                None,
+                least,
+            ),
+            report.row("  planning, median", cpu_s, "CPU s", None, None, {"longest": max(seconds)}),
+            report.row(
+                "  change by 1e-6 m, median", float(np.median(moved)), "%", "< 0.02", float(np.median(moved)) < 0.02
+            ),
+            report.row("  change by 1e-6 m, worst", max(moved), "%", "< 0.3", max(moved) < 0.3),
+        ]
+    return found
+
+
+def thorough_in_clutter(drone: vehicle.Vehicle, seeds: int) -> list[report.Row]:
+    """The same in forests, offices and mazes; checked by brute force."""
+    own = planner_scenes.clutter_vehicle(drone)
+    options = planner.PlanOptions(radius_m=0.1, margin_m=0.1, control_reserve=0.0)
+    shorter, seconds, faulty = [], [], 0
+    for kind, seed in itertools.product(planner_scenes.CLUTTER, range(seeds)):
+        place = planner_scenes.clutter(kind, seed)
+        quick_s = planner.plan(place.waypoints, place.field, own, options).trajectory.duration_s
+        start = time.process_time()
+        plan = planner.plan(place.waypoints, place.field, own, replace(options, effort="thorough"))
+        seconds.append(time.process_time() - start)
+        shorter.append(100.0 * (1.0 - plan.trajectory.duration_s / quick_s))
+        faulty += bool(planner_scenes.faults(plan, place, own, 0.2))
+    most, cpu_s = {"least": min(shorter), "most": max(shorter)}, float(np.median(seconds))
+    return [
+        report.row(
+            f"thorough, {len(shorter)} cluttered scenes: flight shorter, median",
+            float(np.median(shorter)),
+            "%",
+            None,
+            None,
+            most,
+        ),
+        report.row("  planning, median", cpu_s, "CPU s", None, None, {"longest": max(seconds)}),
+        report.row("  plans that fail the brute-force check", faulty, "plans", "0", faulty == 0),
     ]
 
 
