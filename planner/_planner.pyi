@@ -94,6 +94,14 @@ class Problem:
         stop: StopFlag | None,
     ) -> tuple[float, int, bool, bool]:
         """Moves knots and durations; returns cost, evaluations, whether it converged, whether it was stopped."""
+    def slopes(
+        self,
+        states: Annotated[NDArray[np.float64], "(k + 1, 4, 4)"],
+        durations: NDArray[np.float64],
+        by_states: Annotated[NDArray[np.float64], "(k + 1, 4, 4)"],
+        by_log_durations: NDArray[np.float64],
+    ) -> float:
+        """The cost of a spline; fills its gradients by the knot states and by the logarithms of the durations."""
     def refine(
         self,
         states: Annotated[NDArray[np.float64], "(k + 1, 4, 4)"],

@@ -127,6 +127,14 @@ def cost_and_gradient(
     return cost, by_durations, by_knots
 
 
+def slopes(problem: Problem, spline: minimum_snap.Spline) -> tuple[float, FloatArray, FloatArray]:
+    """The cost of any spline, its gradient by the knot states (k + 1, 4, 4) and by the log durations (k,)."""
+    by_states, by_log_durations = np.empty_like(spline.states), np.empty_like(spline.durations_s)
+    states = np.ascontiguousarray(spline.states)
+    cost = _kernel(problem).slopes(states, spline.durations_s, by_states, by_log_durations)
+    return cost, by_states, by_log_durations
+
+
 def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> float:
     """The NumPy reference of the cost."""
     T, weights = durations_s, problem.weights

@@ -149,6 +149,11 @@ nb::tuple minimise(Problem& problem, Out knots, Out durations, Flags free, int i
     return nb::make_tuple(found.cost, found.evaluations, found.converged, found.stopped);
 }
 
+double slopes(Problem& problem, In states, In durations, Out by_states, Out by_log_durations) {
+    nb::gil_scoped_release release;
+    return problem.slopes(states.data(), durations.data(), by_states.data(), by_log_durations.data());
+}
+
 nb::tuple refine(Problem& problem, Out states, Out durations, Flags free, int iterations, double precision,
                  const StopFlag* stop) {
     Newton method;
@@ -187,6 +192,8 @@ void bind_optimise(nb::module_& m) {
         .def("look_at", &look_at, nb::arg("x"), nb::arg("y"))
         .def("minimise", &minimise, nb::arg("knots"), nb::arg("durations"), nb::arg("free"), nb::arg("iterations"),
              nb::arg("precision"), nb::arg("stop").none())
+        .def("slopes", &slopes, nb::arg("states"), nb::arg("durations"), nb::arg("by_states"),
+             nb::arg("by_log_durations"))
         .def("refine", &refine, nb::arg("states"), nb::arg("durations"), nb::arg("free"), nb::arg("iterations"),
              nb::arg("precision"), nb::arg("stop").none());
 }

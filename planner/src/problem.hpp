@@ -55,8 +55,12 @@ class Problem {
     // From knots and durations to those of least cost, in place; only numbers marked free (k + 1, 4) move.
     Descent minimise(double* knots, double* durations, const unsigned char* free, Lbfgs& method);
 
-    // From knot states (k + 1, 4, 4) and durations to those of least cost, in place: derivatives at the inner knots
-    // move too, but for those that are held.
+    // The cost of knot states (k + 1, 4, 4) and durations, and its gradient by them, the durations' by their
+    // logarithms.
+    double slopes(const double* states, const double* durations, double* by_states, double* by_log_durations);
+
+    // From knot states and durations to those of least cost, in place: derivatives at the inner knots move too, but for
+    // those that are held.
     Refined refine(double* states, double* durations, const unsigned char* free, const Newton& method);
 
   private:

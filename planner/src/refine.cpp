@@ -134,6 +134,22 @@ void Problem::knot_curvature(const std::vector<double>& knots, const double* uni
     }
 }
 
+double Problem::slopes(const double* states, const double* durations, double* by_states, double* by_log_durations) {
+    const std::vector<double> units((segments_ + 1) * kOrders, 1.0);
+    std::vector<double> knots((segments_ + 1) * kAxes), gradient(segments_ * kBlock + kKnot);
+    Banded second(gradient.size(), kBlock + kKnot - 1);
+    std::copy_n(states, states_.size(), states_.begin());
+    for (std::size_t i = 0; i <= segments_; ++i) std::copy_n(states + i * kKnot, kAxes, &knots[i * kAxes]);
+    const double cost = cost_of_states(durations, knots);
+    for (std::size_t i = 0; i < segments_; ++i) curvature(i, durations[i], units.data(), gradient, second);
+    knot_curvature(knots, units.data(), gradient, second);
+    for (std::size_t i = 0; i <= segments_; ++i) {
+        std::copy_n(&gradient[i * kBlock], kKnot, by_states + i * kKnot);
+        if (i < segments_) by_log_durations[i] = gradient[i * kBlock + kKnot];
+    }
+    return cost;
+}
+
 Refined Problem::refine(double* states, double* durations, const unsigned char* free, const Newton& method) {
     const std::size_t size = segments_ * kBlock + kKnot, below = kBlock + kKnot - 1;
     // Each order of a knot's state in units of the mean duration round it, so that all unknowns are about metres.

@@ -36,7 +36,7 @@ def problem(seed: int, segments: int = 6, **given) -> tuple[Problem, minimum_sna
 
 
 def cost(p: Problem, spline: minimum_snap.Spline) -> float:
-    return time_allocation.refine(p, spline, iterations=0).cost
+    return time_allocation.slopes(p, spline)[0]
 
 
 def nudged(p: Problem, spline: minimum_snap.Spline, rng: np.random.Generator, size: float) -> minimum_snap.Spline:
@@ -69,6 +69,34 @@ def test_it_costs_less_and_nothing_near_by_costs_less_than_it_promises(seed):
         for size in (1e-5, 1e-4, 1e-3):
             least = min(cost(p, nudged(p, found.spline, rng, size)) for _ in range(10))
             assert least > found.cost * (1.0 - 1e-4)
+
+
+@settings(max_examples=20)
+@given(SEEDS, st.booleans(), st.booleans())
+def test_the_gradient_is_that_of_finite_differences(seed, own_time, target):
+    rng = np.random.default_rng(seed)
+    p, spline = problem(seed, 3)
+    normal, across = np.linalg.qr(rng.normal(size=(3, 3)))[0][:2]
+    gates, balls = np.zeros((4, 3, 3)), np.zeros((4, 4))
+    gates[1] = p.knots[1, :3] + 0.5 * normal + 0.3 * across, 0.3 * normal, 0.2 * across
+    balls[2] = [*(p.knots[2, :3] + 0.4 * normal), 0.3]
+    given = {"reference_s": None if own_time else rng.uniform(0.5, 2.0, 3), "gates": gates, "balls": balls}
+    p = replace(
+        p, weights=replace(p.weights, snap=1e-4), target_world_m=rng.normal(size=3) if target else None, **given
+    )
+    spline = minimum_snap.Spline(0.7 * spline.durations_s, spline.states)
+    _, by_states, by_log_durations = time_allocation.slopes(p, spline)
+    h = 1e-6
+    for _ in range(10):
+        along, longer = rng.normal(size=spline.states.shape), rng.normal(size=3)
+        ahead, back = (
+            time_allocation.slopes(
+                p, minimum_snap.Spline(spline.durations_s * np.exp(s * longer), spline.states + s * along)
+            )[0]
+            for s in (h, -h)
+        )
+        slope = (by_states * along).sum() + by_log_durations @ longer
+        assert (ahead - back) / (2.0 * h) == pytest.approx(slope, rel=1e-4, abs=1e-4)
 
 
 @pytest.mark.parametrize("given", ["nothing", "motion at the ends", "a velocity"])
