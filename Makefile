@@ -30,7 +30,7 @@ test:  ## set up and run the tests, on JOBS=2 processors
 	@tools/setup.sh browser
 	$(PYTHON) -m pytest $(WORKERS)
 
-# NumPy's vector paths that this processor has; naming another one is a warning of NumPy's.
+# NumPy's vector paths that this processor has.
 NUMPY_FEATURES = from numpy._core._multiarray_umath import __cpu_dispatch__ as all, __cpu_features__ as has; \
   print(*[name for name in all if has[name]])
 OTHER_PROCESSORS := tests/test_processors.py tests/test_front_page.py tests/planner/test_gate.py \
