@@ -16,6 +16,7 @@ _MODULES = {
     "open3d": "mapping: needs the system's libusb-1.0-0 and libgl1", "trimesh": "mapping", "pyarrow": "flight logs",
     "viser": "the web page", "aiohttp": "the web page", "matplotlib": "figures",
     "esdf._esdf": "our C++ kernel", "goshawk._rendering": "our C++ kernel", "mapping._mapping": "our C++ kernel",
+    "flight._portable": "our C++ kernel",
     "planner._planner": "our C++ kernel", "sysid._sysid": "our C++ kernel", "vehicle._vehicle": "our C++ kernel",
     "firmware_bridge._controller": "the embedded C controller",
 }  # fmt: skip

@@ -21,7 +21,7 @@ def test_a_cell_is_edited_planned_and_taken_back_by_keyboard(station, page, tmp_
     page.keyboard.press("Enter")
     wait(lambda: positions(station)[1, 2] == 1.55, "the edit")
     page.get_by_text("Checked", exact=True).wait_for()
-    page.get_by_role("status").get_by_text("Waypoint 1 moved 0.35 m").wait_for()
+    page.get_by_role("status").get_by_text("Waypoint 2 moved 0.35 m").wait_for()
     page.keyboard.press("Control+z")
     wait(lambda: np.array_equal(positions(station), START), "undo")
     page.screenshot(path=tmp_path / "page.png")

@@ -60,7 +60,7 @@ def test_a_waypoint_is_dragged_in_the_3d_view(station, page_3d):
     moved = positions(station)
     np.testing.assert_allclose(moved[1], START[1] + offset, atol=0.15)
     np.testing.assert_array_equal(moved[[0, 2]], START[[0, 2]])
-    page_3d.get_by_role("status").get_by_text("Waypoint 1 moved").wait_for()
+    page_3d.get_by_role("status").get_by_text("Waypoint 2 moved").wait_for()
 
 
 def clicked(page, station: GroundStation, point_world_m: np.ndarray, answered) -> bool:
