@@ -55,8 +55,8 @@ surface that is farther away than this is not what the clearance is measured to.
     type=click.Choice(options.EFFORTS),
     default="quick",
     show_default=True,
-    help="quick: the fastest minimum-snap path. thorough: shorter flights, by 4 to 11 % in the open and 1 % among "
-    "obstacles, for 4 to 15 times the planning time; never a longer one.",
+    help="quick: the fastest minimum-snap path. thorough: shorter flights, by 2 to 11 % in the open and to 2 % among "
+    "obstacles, for about ten times the planning time; never a longer one.",
 )
 @click.option(
     "--search",
