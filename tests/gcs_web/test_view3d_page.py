@@ -93,7 +93,7 @@ def test_a_shift_click_on_the_floor_adds_a_waypoint_after_the_last(station, page
     wait(lambda: clicked(page_3d, station, floor, lambda: len(positions(station)) == 4), "the shift-click on the floor")
     page_3d.keyboard.up("Shift")
     np.testing.assert_allclose(positions(station)[3], [5.5, 2.0, START[2, 2]], atol=0.05)
-    page_3d.get_by_role("status").get_by_text("Waypoint 3 inserted").wait_for()
+    page_3d.get_by_role("status").get_by_text("Waypoint 4 inserted").wait_for()
 
 
 def test_waypoints_inside_a_drawn_rectangle_are_selected(station, page_3d):
