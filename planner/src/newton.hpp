@@ -1,12 +1,14 @@
 // Gauss and Newton's method for a cost with a banded matrix of second derivatives, damped where the quadratic model
-// does not hold (Levenberg and Marquardt; the damping as in Nielsen 1999). It ends because the conditions for a minimum
-// hold: the matrix is positive definite and the model, hardly damped, promises less than a given share of the cost.
+// does not hold (Levenberg and Marquardt; the damping as in Nielsen 1999). It has converged where the matrix is
+// positive definite and the model, hardly damped, promises less than a given share of the cost; or, at a kink of the
+// cost, where that model does not hold, ten steps together have gained less than that.
 #pragma once
 
 #include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <vector>
 
 #include "banded.hpp"
@@ -26,23 +28,25 @@ class Newton {
     double longest_step = 0.5;  // of any one unknown
     const std::atomic<bool>* stop = nullptr;
 
-    // Minimises from x, in place: `cost(x)` alone, and `model(x, gradient, matrix)`, which fills both.
+    // Minimises from x, in place: `cost(x)` alone, and `model(gradient, second)`, which fills both where the cost was
+    // asked last.
     template <class Cost, class Model>
-    Refined minimise(std::vector<double>& x, std::size_t below, Cost&& cost, Model&& model) const {
+    Refined minimise(std::vector<double>& x, Banded second, Cost&& cost, Model&& model) const {
         const std::size_t n = x.size();
         std::vector<double> gradient(n), step(n), trial(n), weight(n);
-        Banded second(n, below), factor(n, below);
+        Banded factor = second;
         Refined found;
         double damping = kLeast, growth = 2.0;
         bool moved = true;
         found.cost = cost(x);
+        double earlier = std::numeric_limits<double>::infinity();
         for (int iteration = 0; iteration < iterations; ++iteration) {
             if (stop && stop->load(std::memory_order_relaxed)) {
                 found.stopped = true;
                 return found;
             }
             if (moved) {
-                model(x, gradient, second);
+                model(gradient, second);
                 // Between equal steps (1) and equal shares of the curvature (Marquardt): ends lowest of the three.
                 for (std::size_t i = 0; i < n; ++i) weight[i] = std::sqrt(std::max(second.at(i, i), 1e-6));
             }
@@ -71,10 +75,16 @@ class Newton {
                     found.cost = reached;
                     moved = true;
                     const double bend = 2.0 * ratio - 1.0;
-                    damping *= std::max(0.1, 1.0 - bend * bend * bend);
+                    // where the step was cut, less damping would only turn it to where the cost is flat
+                    if (length == 1.0) damping *= std::max(0.1, 1.0 - bend * bend * bend);
                     growth = 2.0;
-                    continue;
                 }
+                if (found.evaluations % kWindow == 0) {
+                    found.converged = earlier - found.cost <= precision * found.cost;
+                    if (found.converged) return found;
+                    earlier = found.cost;
+                }
+                if (moved) continue;
             }
             damping = std::max(damping, kLeast) * growth;
             growth *= 2.0;
@@ -85,6 +95,7 @@ class Newton {
 
   private:
     static constexpr double kLeast = 1e-6, kSlight = 1e-1, kMost = 1e12;
+    static constexpr int kWindow = 10;
 
     static double gain(const std::vector<double>& gradient, const std::vector<double>& step,
                        const std::vector<double>& weight, double damping) {
