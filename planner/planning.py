@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import nan
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -12,11 +11,11 @@ from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory
 from flight.progress import within
 from planner import bry, corridor, fastest, gate, heading, inputs, limits, minimum_snap, repair, routes, space
 from planner._planner import StopFlag
+from planner.attempts import Attempts
 from planner.conditions import Conditions
-from planner.fastest import Path
+from planner.fastest import Optimum, Path
 from planner.gate import GateReport
 from planner.options import PlanInfeasibleError, PlanOptions, check_stop
-from planner.time_allocation import Solution
 from vehicle import Vehicle
 
 _SLOWER = (1.005, 1.015, 1.04, 1.1, 1.3)
@@ -38,11 +37,23 @@ class Plan:
     """(n, 3) the polyline it follows: the waypoints, and what the search put between them."""
     method: str
     """"direct", "bent" (pushed off obstacles after a first attempt), "corridor" or "bry"."""
-    optimum_s: float = nan
-    """What the optimiser took for the shortest time before the vehicle's own model and the gate had their say."""
-    converged: bool = False
-    """Whether the last descent ended because the conditions for a minimum held, not because its iterations were used
-    up."""
+    optima: tuple[Optimum, ...]
+    """How close to the shortest time each of its paths is: one, or those between the stays of a mission."""
+
+    @property
+    def optimum_s(self) -> float:
+        """What the optimiser took for the shortest time before the vehicle's own model and the gate had their say."""
+        return sum(optimum.shortest_s for optimum in self.optima)
+
+    @property
+    def converged(self) -> bool:
+        """Whether every last descent ended by itself, and not because its iterations were used up."""
+        return all(optimum.converged for optimum in self.optima)
+
+    @property
+    def residual(self) -> float:
+        """The largest share of the flight time that a descent would still gain, by its quadratic model."""
+        return max(optimum.residual for optimum in self.optima)
 
     @property
     def binding(self) -> tuple[str, ...]:
@@ -74,7 +85,12 @@ def plan(
     options = inputs.options_for(vehicle, options)
     asked = Conditions() if conditions is None else conditions
     path, route = from_scratch(waypoints, field, vehicle, options, asked, progress=progress, stop=stop)
-    return Plan(path.trajectory, path.report, waypoints, route.points, path.method, path.optimum_s, path.converged)
+    return of_path(path, waypoints, route.points)
+
+
+def of_path(path: Path, waypoints: Waypoints, route_world_m: FloatArray) -> Plan:
+    """The plan that is this path, which has passed the gate."""
+    return Plan(path.trajectory, path.report, waypoints, route_world_m, path.method, (path.optimum,))
 
 
 def from_scratch(
@@ -152,43 +168,27 @@ def _flyable(
         return _timed(spline, corners.waypoint, "bry", waypoints, vehicle, options, ask_gate)
     dense = routes.subdivided(route, field)
 
-    def optimised(
-        obstacles: space.DistanceField, clearance_price: float, report: Progress
-    ) -> tuple[Path | None, Solution]:
-        problem, start = fastest.rough(dense, obstacles, vehicle, options, asked, stop)
-        problem, durations, index = fastest.whole_vehicle(
-            problem, start, dense.waypoint, waypoints.yaw_rad, options, asked, clearance_price
-        )
-        begin = problem.spline(problem.knots, durations)
-        rest = (index, vehicle, options, field, asked, ask_gate, stop)
-        path = fastest.until_flyable(problem, begin, *rest, progress=report)
-        if options.effort == "quick" or path is None or path.kept is None:
-            return path, start
-        kept, open_space = path.kept, path.report.clearance_m > 2.0 * options.clearance_m
-        for prices in fastest.GENTLE if open_space else fastest.GENTLE[:1]:
-            begun = kept.corrections.unpressed()
-            other = fastest.until_flyable(
-                kept.problem, kept.spline, *rest, corrections=begun, gently=prices, progress=report
-            )
-            path = path if other is None else fastest.faster(path, other)
-        return path, start
+    def attempts(obstacles: space.DistanceField, clearance_price: float, report: Progress) -> Attempts:
+        common = (waypoints, field, vehicle, options, asked, ask_gate, stop)
+        return Attempts(dense, obstacles, *common, clearance_price=clearance_price, progress=report)
 
     if options.method == "fastest":
-        path, _ = optimised(field, fastest.CLEARANCE_PRICE, within(progress, "optimise", 0.2, 1.0))
+        path = attempts(field, fastest.CLEARANCE_PRICE, within(progress, "optimise", 0.2, 1.0)).best()
         if path is not None:
             # a given velocity allows no other pace
             may_slow = not path.report.passed and not asked.given_motion
             return slowed(path, vehicle, options, ask_gate) if may_slow else path
     boxes = corridor.boxes(field, dense.points, options.planned_clearance_m)
     tube = corridor.Tube(boxes, options.clearance_m + fastest.AIM_M)
-    path, start = optimised(tube, corridor.CLEARANCE_PRICE, within(progress, "corridor", 0.0, 1.0))
+    inside = attempts(tube, corridor.CLEARANCE_PRICE, within(progress, "corridor", 0.0, 1.0))
+    path = inside.best()
     if path is not None and (path.report.passed or asked.given_motion):
         return replace(path, method="corridor", kept=None)
     if asked.given_motion:
         raise PlanInfeasibleError(
             "no path with the given velocities keeps clear of the obstacles", "lower them, or give them more room"
         )
-    spline = repair.through_corridor(dense, boxes, start.durations_s, stop)
+    spline = repair.through_corridor(dense, boxes, inside.start.durations_s, stop)
     return _timed(spline, dense.waypoint, "corridor", waypoints, vehicle, options, ask_gate)
 
 
@@ -205,7 +205,7 @@ def _timed(
     level = minimum_snap.trajectory(spline)
     spline = spline.scale_time(_time_scale(level, vehicle, options))
     trajectory = _with_heading(spline, waypoint, waypoints, vehicle, options)
-    path = Path(trajectory, waypoint, method, ask_gate(trajectory), float(spline.durations_s.sum()))
+    path = Path(trajectory, waypoint, method, ask_gate(trajectory), Optimum(float(spline.durations_s.sum())))
     return slowed(path, vehicle, options, ask_gate)
 
 
@@ -230,7 +230,8 @@ def slowed(path: Path, vehicle: Vehicle, options: PlanOptions, ask_gate: AskGate
     factor = _time_scale(path.trajectory, vehicle, options)
     for more in (1.0, *_SLOWER):
         trajectory = path.trajectory.scale_time(factor * more)
-        slower = replace(path, trajectory=trajectory, report=ask_gate(trajectory), kept=None)
+        optimum = replace(path.optimum, converged=False)
+        slower = replace(path, trajectory=trajectory, report=ask_gate(trajectory), optimum=optimum, kept=None)
         if slower.report.passed or not all(check.name in limits.NAMES for check in slower.report.failures):
             break
     return slower

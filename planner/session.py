@@ -22,18 +22,15 @@ from planner.options import PlanOptions, check_stop
 from planner.planning import Plan
 from vehicle import Limits, Vehicle
 
-_DRAWN, _NEW = 40, 200
-"""Iterations from knots that were optimised before, and from new ones."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Leg:
-    """The knots of a leg (n, 4), the waypoints at its ends among them, and the durations between them (n - 1,)."""
+    """Knot states of a leg (n, 4, 4), the waypoints at its ends among them, and the durations between them (n - 1,)."""
 
-    knots: FloatArray
+    states: FloatArray
     durations_s: FloatArray
     drawn: bool
-    """Whether it is the leg before the edit, drawn along."""
+    """Whether it is the leg before the edit, drawn along; else only the places of its knots are known."""
 
 
 class Planner:
@@ -169,8 +166,7 @@ class Planner:
 
     def _accept(self, path: fastest.Path, route_world_m: FloatArray, waypoints: Waypoints) -> Plan:
         self._path, self._conditions = path, path.report.conditions
-        ended = (path.method, path.optimum_s, path.converged)
-        self._plan = Plan(path.trajectory, path.report, waypoints, route_world_m, *ended)
+        self._plan = planning.of_path(path, waypoints, route_world_m)
         return self._plan
 
     def _changed(
@@ -202,13 +198,11 @@ class Planner:
         if any(leg is None for leg in legs):
             return None
         legs = [leg for leg in legs if leg is not None]
-        knots = np.concatenate([legs[0].knots[:1], *(leg.knots[1:] for leg in legs)])
-        index = np.full(len(knots), -1)
+        states = np.concatenate([legs[0].states[:1], *(leg.states[1:] for leg in legs)])
+        index = np.full(len(states), -1)
         index[np.cumsum([0, *(len(leg.durations_s) for leg in legs)])] = np.arange(new[0], new[1] + 1)
         durations = np.concatenate([leg.durations_s for leg in legs])
         after = np.where(number[last + 1 :] < 0, -1, number[last + 1 :] + new[1] - old[1])
-        states = np.zeros((len(knots), 4, 4))
-        states[:, 0] = knots
         for place, there in ((0, first), (-1, last)):
             states[place, 1:] = kept.spline.states[there, 1:]
         spline = minimum_snap.Spline(
@@ -243,7 +237,7 @@ class Planner:
             lambda trajectory, known: self._ask_gate(trajectory, waypoints, asked, known, stop),
             stop,
             wrong=wrong,
-            iterations=_DRAWN if all(leg.drawn for leg in legs) else _NEW,
+            drawn=all(leg.drawn for leg in legs),
             corrections=kept.corrections.spliced(first, last, len(durations)),
             used=None if used is None else (self._path.trajectory, used),
         )
@@ -291,20 +285,22 @@ class Planner:
         straight, pieces = self._free(np.stack([a, b])), self._options.pieces
         if old == new:
             first, last = _leg_knots(self._path.waypoint, leg) or (0, 0)
-            knots, T = kept.spline.states[first : last + 1, 0].copy(), kept.spline.durations_s[first:last]
-            share = np.linspace(0.0, 1.0, len(knots))[:, None]
+            states, T = kept.spline.states[first : last + 1].copy(), kept.spline.durations_s[first:last]
+            knots, share = states[:, 0], np.linspace(0.0, 1.0, len(states))[:, None]
             before_m = portable.length(knots[-1, :3] - knots[0, :3])
             knots[:, :3] += (1.0 - share) * (a - knots[0, :3]) + share * (b - knots[-1, :3])
             if straight == (len(T) <= pieces) and (straight or self._free(knots[:, :3])):
                 longer = np.clip(portable.length(b - a) / max(before_m, 1e-9), 0.5, 3.0)
-                return _Leg(knots, T * longer, drawn=True)
+                return _Leg(states, T * longer, drawn=True)
         if not straight:
             return None
         start, end = (np.append(p, self._yaw_at(leg + n, waypoints, old, new)) for n, p in enumerate((a, b)))
         frame = kept.problem.airframe
         pace = 0.5 * min(frame.speed_m_s, frame.acceleration_m_s2)
         duration = max(float(portable.length(b - a)) / pace, 0.1)
-        return _Leg(np.linspace(start, end, pieces + 1), np.full(pieces, duration / pieces), drawn=False)
+        states = np.zeros((pieces + 1, 4, 4))
+        states[:, 0] = np.linspace(start, end, pieces + 1)
+        return _Leg(states, np.full(pieces, duration / pieces), drawn=False)
 
     def _yaw_at(self, waypoint: int, waypoints: Waypoints, old: tuple[int, int], new: tuple[int, int]) -> float:
         """The heading to start from at a waypoint: as it was, or halfway; the one asked for, up to whole turns."""
