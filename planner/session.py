@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flight import FloatArray, InputError, Trajectory, Waypoints, portable
-from planner import fastest, gate, inputs, limits, minimum_snap, planning, routes, space
+from planner import drafting, fastest, gate, inputs, limits, minimum_snap, planning, routes, space
 from planner._planner import StopFlag
 from planner.conditions import Conditions
+from planner.drafting import Draft
 from planner.gate import GateReport
 from planner.options import PlanOptions, check_stop
 from planner.planning import Plan
@@ -58,7 +59,7 @@ class Planner:
         self._field, self._vehicle = field, vehicle
         self._options = inputs.options_for(vehicle, options)
         self._stop = StopFlag() if stop is None else stop
-        self._flags, self._working = threading.Lock(), threading.Lock()
+        self._flags, self._working, self._swap = threading.Lock(), threading.Lock(), threading.Lock()
         self._scratch(waypoints, asked, self._options, self._stop)
         self._stop = StopFlag()
         self._room = self._conditions.room(field, self._options)
@@ -120,21 +121,20 @@ class Planner:
         with self._edit() as stop:
             return self._scratch(self._plan.waypoints, self._conditions, self._options, stop)
 
-    def draft(self, index: int, position_world_m: ArrayLike) -> Trajectory:
-        """What the path would look like with one waypoint moved and all times kept: quick, and checked by nothing."""
-        path = self._path
-        moved = np.zeros((len(path.waypoint), 4))
-        shift = _point(position_world_m) - self._waypoint(index).positions_world_m[index]
-        at = int(np.flatnonzero(path.waypoint == index)[0])
-        for before in (True, False):
-            leg = _leg_knots(path.waypoint, index - 1 if before else index)
-            if leg is not None:
-                share = np.linspace(0.0, 1.0, leg[1] - leg[0] + 1)
-                moved[leg[0] : leg[1] + 1, :3] = (share if before else 1.0 - share)[:, None] * shift
-        moved[at, :3] = shift
-        change = minimum_snap.solve(moved, path.trajectory.durations_s)
-        more = minimum_snap.coefficients(change.states, change.durations_s)
-        return Trajectory(path.trajectory.durations_s, path.trajectory.coefficients + more)
+    def draft(self, index: int, position_world_m: ArrayLike) -> Draft:
+        """What the path would look like with one waypoint moved: quick, and checked by nothing. The plan stays.
+
+        Raises:
+            InputError: no path can reach the waypoint there.
+        """
+        with self._swap:
+            path, conditions, before = self._path, self._conditions, self._waypoint(index)
+        points = before.positions_world_m.copy()
+        points[index] = _point(position_world_m)
+        after = Waypoints(points, before.yaw_rad)
+        routes.check_waypoints(after, self._field, self._options.waypoint_clearance_m)
+        conditions.check_inside(points)
+        return drafting.draft(path, index, before, after, self._room, self._vehicle, self._options, conditions)
 
     def cancel(self) -> None:
         """End the edit that works, if there is one."""
@@ -168,10 +168,11 @@ class Planner:
         return self._accept(path, route.points, waypoints)
 
     def _accept(self, path: fastest.Path, route_world_m: FloatArray, waypoints: Waypoints) -> Plan:
-        self._path, self._conditions = path, path.report.conditions
         ended = (path.method, path.optimum_s, path.converged)
-        self._plan = Plan(path.trajectory, path.report, waypoints, route_world_m, *ended)
-        return self._plan
+        plan = Plan(path.trajectory, path.report, waypoints, route_world_m, *ended)
+        with self._swap:
+            self._path, self._conditions, self._plan = path, path.report.conditions, plan
+        return plan
 
     def _changed(
         self, waypoints: Waypoints, asked: Conditions, old: tuple[int, int] | None, new: tuple[int, int], stop: StopFlag
