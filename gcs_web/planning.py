@@ -54,7 +54,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Draft:
-    """What the path would look like with one waypoint elsewhere and all times kept; checked by nothing."""
+    """What the path would look like with one waypoint elsewhere; not checked, and no trajectory."""
 
     waypoint: int
     """Its id."""
@@ -62,6 +62,8 @@ class Draft:
     """(3,) where it is dragged."""
     path_world_m: FloatArray | None = None
     """(m, 3); None in a question, and where no draft can be made."""
+    shown: protocol.Draft | None = None
+    """None in a question, and where there is nothing to draw along."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,8 +238,8 @@ def _serve_requests(pipe: connection.Connection, folder: Path, base: planner.Pla
             except (EOFError, OSError):  # the parent is gone
                 os._exit(0)
             if isinstance(message, Draft):
-                path = replanner.draft(message.waypoint, message.position_world_m)
-                send(replace(message, path_world_m=path))
+                if not pipe.poll():  # else a newer one has come, or the drag is over
+                    send(drafted(message, replanner))
                 continue
             with arrived:
                 newest[:] = [message]
@@ -257,6 +259,27 @@ def _serve_requests(pipe: connection.Connection, folder: Path, base: planner.Pla
             send(answer(request, parts, base, replanner))
         except planner.PlanCancelledError:
             continue  # for a newer one, which is taken next
+
+
+def drafted(asked: Draft, replanner: replanning.Replanner) -> Draft:
+    """The path to draw, and its figures or why there is none in words."""
+    try:
+        found = replanner.draft(asked.waypoint, asked.position_world_m)
+    except FlightError as error:
+        return replace(asked, shown=protocol.Draft(asked.waypoint, _sentence(str(error)), "refused"))
+    if found is None:
+        return asked
+    name, share = max(found.shares.items(), key=lambda item: item[1])
+    said = (
+        f"About {found.duration_s:.2f} s, closest {found.clearance_m:.2f} m; {found.required_clearance_m:.2f} m is "
+        f"needed. Up to {100.0 * share:.0f} % of the limit on {name}. Not checked: let go to plan and check."
+    )
+    shown = protocol.Draft(asked.waypoint, said, "clear" if found.is_clear else "too close")
+    return replace(asked, path_world_m=found.position_world_m, shown=shown)
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."
 
 
 def answer(request: Request, parts: inputs.Parts, base: planner.PlanOptions, replanner: replanning.Replanner) -> Answer:
