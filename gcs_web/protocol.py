@@ -133,13 +133,14 @@ class Plan(msgspec.Struct, frozen=True, tag="plan"):
 
 
 class Draft(msgspec.Struct, frozen=True, tag="draft"):
-    """What is foreseen while a waypoint is dragged, checked by nothing; the path itself is in the 3D view only."""
+    """What is foreseen while a waypoint is dragged; the path itself is in the 3D view only."""
 
     waypoint: int | None
     """Id; None: it is not dragged any more."""
     sentence: str = ""
     """The figures in words, or why no path can reach the waypoint there."""
-    state: Literal["clear", "too close", "refused"] = "clear"
+    state: Literal["clear", "too close", "refused", "checked"] = "clear"
+    """`checked`: the plan that letting go here gives, worked out while the waypoint is held still."""
 
 
 class Vehicle(msgspec.Struct, frozen=True, tag="vehicle"):

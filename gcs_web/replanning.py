@@ -86,6 +86,16 @@ class Replanner:
             return None
         return kept.session.draft(kept.content.number_of(waypoint), position_world_m)
 
+    def foresee(self, waypoint: int, position_world_m: FloatArray) -> planner.Plan | None:
+        """The checked plan that moving this waypoint would give; the last plan stays. None as from `draft`.
+
+        Raises as `plan`.
+        """
+        kept, flag = self._kept, self._flag
+        if kept is None or all(point.id != waypoint for point in kept.content.points):
+            return None
+        return kept.session.foresee(kept.content.number_of(waypoint), position_world_m, stop=flag)
+
     def cancel(self) -> None:
         """End the plan that is worked on, if there is one."""
         self._flag.set()

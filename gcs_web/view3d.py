@@ -225,7 +225,7 @@ class View3D:
             if path_world_m is None:
                 self._drop_draft()
             else:
-                colour = _SELECTED if shown.state == "clear" else _CAUTION
+                colour = _CAUTION if shown.state == "too close" else _SELECTED
                 colours = np.full((len(path_world_m), 3), colour, dtype=np.uint8)
                 self._draft = scene.draw_path(self._server, path_world_m, colours, name="/draft")
             if begins != (self._draft is None):

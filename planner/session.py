@@ -37,6 +37,14 @@ class _Leg:
     """Whether it is the leg before the edit, drawn along."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Answer:
+    """A finished plan, and how it came about."""
+
+    path: fastest.Path
+    plan: Plan
+
+
 class Planner:
     """Waypoints that are moved, inserted and deleted, always with a checked plan.
 
@@ -60,7 +68,9 @@ class Planner:
         self._options = inputs.options_for(vehicle, options)
         self._stop = StopFlag() if stop is None else stop
         self._flags, self._working, self._swap = threading.Lock(), threading.Lock(), threading.Lock()
-        self._scratch(waypoints, asked, self._options, self._stop)
+        self._foreseen: _Answer | None = None
+        """Of a move from the plan as it is."""
+        self._accept(self._scratch(waypoints, asked, self._options, self._stop))
         self._stop = StopFlag()
         self._room = self._conditions.room(field, self._options)
 
@@ -72,12 +82,13 @@ class Planner:
     def move(self, index: int, position_world_m: ArrayLike, *, stop: StopFlag | None = None) -> Plan:
         """Move one waypoint. Raises as `planner.plan`; the plan then stays what it was."""
         with self._edit(stop) as stop:
-            old = self._waypoint(index)
-            points = old.positions_world_m.copy()
-            points[index] = _point(position_world_m)
-            first, last = max(index - 1, 0), min(index + 1, len(points) - 1)
-            new = Waypoints(points, old.yaw_rad)
-            return self._changed(new, self._conditions, (first, last), (first, last), stop)
+            return self._accept(self._moved(index, position_world_m, stop))
+
+    def foresee(self, index: int, position_world_m: ArrayLike, *, stop: StopFlag | None = None) -> Plan:
+        """The plan that `move` would give, which then is at hand at once. Raises as `move`; the plan stays."""
+        with self._edit(stop) as stop:
+            self._foreseen = self._moved(index, position_world_m, stop)
+            return self._foreseen.plan
 
     def insert(
         self, index: int, position_world_m: ArrayLike, yaw_rad: float = np.nan, *, stop: StopFlag | None = None
@@ -94,7 +105,8 @@ class Planner:
             new = Waypoints(points, np.insert(old.yaw_rad, index, yaw_rad))
             inside = 0 < index < len(old.yaw_rad)
             asked = self._conditions.inserted(index)
-            return self._changed(new, asked, (index - 1, index) if inside else None, (index - 1, index + 1), stop)
+            old_legs = (index - 1, index) if inside else None
+            return self._accept(self._changed(new, asked, old_legs, (index - 1, index + 1), stop))
 
     def delete(self, index: int, *, stop: StopFlag | None = None) -> Plan:
         """Delete a waypoint and what is asked there; the leg that two become has the lower one of their speeds.
@@ -106,20 +118,21 @@ class Planner:
             new = Waypoints(np.delete(old.positions_world_m, index, axis=0), np.delete(old.yaw_rad, index))
             inside = 0 < index < len(new.yaw_rad)
             asked = self._conditions.deleted(index)
-            return self._changed(new, asked, (index - 1, index + 1) if inside else None, (index - 1, index), stop)
+            old_legs = (index - 1, index + 1) if inside else None
+            return self._accept(self._changed(new, asked, old_legs, (index - 1, index), stop))
 
     def limit(self, bounds: Limits) -> Plan:
         """Plan within other limits. Raises as `planner.plan`."""
         with self._edit() as stop:
             options, waypoints = replace(self._options, limits=bounds), self._plan.waypoints
-            plan = self._scratch(waypoints, self._conditions, options, stop)
+            plan = self._accept(self._scratch(waypoints, self._conditions, options, stop))
             self._options = options
             return plan
 
     def settle(self) -> Plan:
         """Plan the waypoints as they are from scratch: after many edits, a little faster. Raises as `planner.plan`."""
         with self._edit() as stop:
-            return self._scratch(self._plan.waypoints, self._conditions, self._options, stop)
+            return self._accept(self._scratch(self._plan.waypoints, self._conditions, self._options, stop))
 
     def draft(self, index: int, position_world_m: ArrayLike) -> Draft:
         """What the path would look like with one waypoint moved: quick, and checked by nothing. The plan stays.
@@ -163,20 +176,34 @@ class Planner:
             raise InputError(f"there is no waypoint {index + 1}; there are {len(waypoints.yaw_rad)}")
         return waypoints
 
-    def _scratch(self, waypoints: Waypoints, asked: Conditions, options: PlanOptions, stop: StopFlag) -> Plan:
+    def _scratch(self, waypoints: Waypoints, asked: Conditions, options: PlanOptions, stop: StopFlag) -> _Answer:
         path, route = planning.from_scratch(waypoints, self._field, self._vehicle, options, asked, stop=stop)
-        return self._accept(path, route.points, waypoints)
+        return self._answer(path, route.points, waypoints)
 
-    def _accept(self, path: fastest.Path, route_world_m: FloatArray, waypoints: Waypoints) -> Plan:
+    @staticmethod
+    def _answer(path: fastest.Path, route_world_m: FloatArray, waypoints: Waypoints) -> _Answer:
         ended = (path.method, path.optimum_s, path.converged)
-        plan = Plan(path.trajectory, path.report, waypoints, route_world_m, *ended)
+        return _Answer(path, Plan(path.trajectory, path.report, waypoints, route_world_m, *ended))
+
+    def _accept(self, answer: _Answer) -> Plan:
+        path, self._foreseen = answer.path, None
         with self._swap:
-            self._path, self._conditions, self._plan = path, path.report.conditions, plan
-        return plan
+            self._path, self._conditions, self._plan = path, path.report.conditions, answer.plan
+        return answer.plan
+
+    def _moved(self, index: int, position_world_m: ArrayLike, stop: StopFlag) -> _Answer:
+        old, foreseen = self._waypoint(index), self._foreseen
+        points = old.positions_world_m.copy()
+        points[index] = _point(position_world_m)
+        if foreseen is not None and np.array_equal(foreseen.plan.waypoints.positions_world_m, points):
+            return foreseen
+        first, last = max(index - 1, 0), min(index + 1, len(points) - 1)
+        new = Waypoints(points, old.yaw_rad)
+        return self._changed(new, self._conditions, (first, last), (first, last), stop)
 
     def _changed(
         self, waypoints: Waypoints, asked: Conditions, old: tuple[int, int] | None, new: tuple[int, int], stop: StopFlag
-    ) -> Plan:
+    ) -> _Answer:
         """Plan for waypoints of which those from `new[0]` to `new[1]` take the place of `old[0]` to `old[1]`.
 
         `old` is None where the path begins or ends elsewhere: then it is planned from scratch.
@@ -189,7 +216,7 @@ class Planner:
             path = self._mended(waypoints, asked, old, new, stop)
         if path is None or not path.report.passed or path.kept is None:
             return self._scratch(waypoints, asked, self._options, stop)
-        return self._accept(path, path.kept.spline.states[:, 0, :3], waypoints)
+        return self._answer(path, path.kept.spline.states[:, 0, :3], waypoints)
 
     def _mended(
         self, waypoints: Waypoints, asked: Conditions, old: tuple[int, int], new: tuple[int, int], stop: StopFlag

@@ -116,6 +116,7 @@ def test_a_draft_is_answered_beside_the_plans(folder, running, drafts):
     assert np.linalg.norm(draft.path_world_m - target, axis=1).min() < 1e-6
     assert draft.shown.state == "clear"
     assert "Not checked" in draft.shown.sentence
+    assert drafts.get(timeout=PATIENCE_S).shown.state == "checked"  # it was held still
     process.draft(99, target)
     gone = drafts.get(timeout=PATIENCE_S)
     assert (gone.path_world_m, gone.shown) == (None, None)
@@ -136,9 +137,30 @@ def test_of_drafts_that_wait_only_the_newest_is_answered(folder, running, drafts
     while True:
         draft = drafts.get(timeout=PATIENCE_S)
         answered += 1
-        if draft.position_world_m[1] == POINTS[1][1] + 0.001 * 199:
+        if draft.shown.state == "checked":
             break
+    np.testing.assert_array_equal(draft.position_world_m, POINTS[1] + [0.0, 0.001 * 199, 0.0])
     assert answered < 100
+
+
+def test_the_plan_follows_the_draft_of_a_waypoint_that_is_held_still_and_is_the_one_on_letting_go(
+    folder, running, drafts
+):
+    process, answers = running
+    process.request(request(folder, 92))
+    assert answers.get(timeout=PATIENCE_S).shown.state == "checked"
+    target = POINTS[1] + [0.1, 0.15, 0.05]
+    process.draft(1, target)
+    assert drafts.get(timeout=PATIENCE_S).shown.state == "clear"
+    held = drafts.get(timeout=PATIENCE_S)
+    assert held.shown.state == "checked"
+    assert answers.empty()
+    process.request(request(folder, 93, np.array([POINTS[0], target, POINTS[2]])))
+    answer = answers.get(timeout=PATIENCE_S)
+    assert answer.shown.state == "checked"
+    path = answer.file.trajectory
+    drawn = path.position(np.linspace(0.0, path.duration_s, len(held.path_world_m)))
+    np.testing.assert_array_equal(drawn, held.path_world_m)
 
 
 def test_a_draft_carries_no_trajectory_out_of_the_planner(folder):

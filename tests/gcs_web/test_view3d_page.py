@@ -65,9 +65,9 @@ def test_a_waypoint_is_dragged_in_the_3d_view(station, page_3d):
     page_3d.get_by_role("status").get_by_text("Waypoint 2 moved").wait_for()
 
 
-def test_while_a_waypoint_is_held_the_page_shows_a_draft_that_cannot_be_saved_or_uploaded(station, page_3d, tmp_path):
+def test_while_a_waypoint_is_held_the_page_shows_a_draft_that_cannot_be_saved_or_uploaded(station, page_3d):
     page_3d.get_by_role("grid", name="Waypoints").get_by_role("row").nth(2).get_by_role("rowheader").click()
-    verdict(page_3d).get_by_text("Checked").wait_for()
+    verdict(page_3d).get_by_text("Checked", exact=True).wait_for()
     grip, offset = START[1] + np.array([0.0, 0.25, 0.0]), np.array([0.0, 0.35, 0.0])
     before, revision = station.desk.checked(), station.desk.session.revision
 
@@ -81,25 +81,28 @@ def test_while_a_waypoint_is_held_the_page_shows_a_draft_that_cannot_be_saved_or
             page_3d.mouse.move(*(start + share * (end - start)))
             drawn(page_3d)
         again_s = time.monotonic() + 20.0
-        while not (is_draft := verdict(page_3d).get_by_text("Draft").count() > 0) and time.monotonic() < again_s:
+        while (
+            not (is_draft := verdict(page_3d).get_by_text("Draft", exact=True).count() > 0)
+            and time.monotonic() < again_s
+        ):
             drawn(page_3d)
         if not is_draft:
             page_3d.mouse.up()
         return is_draft
 
     wait(held, "a draft while the waypoint is held")
-    page_3d.screenshot(path=tmp_path / "held.png")
-    verdict(page_3d).get_by_text("Not checked").wait_for()
+    verdict(page_3d).get_by_text("Planned and checked: let go here to take it").wait_for()
+    assert verdict(page_3d).get_by_text("Draft", exact=True).count() == 1
     assert page_3d.get_by_role("button", name="Save").first.is_disabled()
     assert page_3d.get_by_role("button", name="Compare and upload").is_disabled()
     assert station.desk.session.revision == revision
     assert fingerprint(station.desk.checked().trajectory) == fingerprint(before.trajectory)
     page_3d.mouse.up()
-    verdict(page_3d).get_by_text("Checked").wait_for()
+    verdict(page_3d).get_by_text("Checked", exact=True).wait_for()
     assert station.desk.session.revision > revision
     page_3d.get_by_role("button", name="Undo").first.click()
     wait(lambda: np.array_equal(positions(station), START), "the waypoint where it was")
-    wait(lambda: verdict(page_3d).get_by_text("Checked").count() > 0, "the plan of before")
+    wait(lambda: verdict(page_3d).get_by_text("Checked", exact=True).count() > 0, "the plan of before")
 
 
 def clicked(page, station: GroundStation, point_world_m: np.ndarray, answered) -> bool:

@@ -154,6 +154,32 @@ def test_plans_after_any_drafts_are_those_without_drafts_bit_by_bit(place, drone
     assert answers[0] == answers[1]
 
 
+def test_a_move_that_was_foreseen_gives_the_plan_that_it_gives_without_bit_by_bit(place, drone):
+    by_m, answers = [0.1, 0.1, 0.0], []
+    for foreseen in (False, True):
+        session = session_in(place, drone)
+        before = session.plan
+        if foreseen:
+            for share in (0.5, 1.0):
+                plan = session.foresee(3, moved(session, 3, share * np.array(by_m)))
+                assert plan.gate.passed
+                assert session.plan is before
+        found = [session.move(3, moved(session, 3, by_m))]
+        found.append(session.move(3, before.waypoints.positions_world_m[3]))  # no more what was foreseen
+        answers.append([fingerprint(plan.trajectory) for plan in found])
+    assert answers[0] == answers[1]
+    assert answers[0][0] != answers[0][1]
+
+
+def test_a_move_takes_what_was_foreseen_of_it_and_of_no_other_plan(in_the_open):
+    session, there = in_the_open, moved(in_the_open, 4, [0.2, 0.1, 0.0])
+    foreseen = session.foresee(4, there)
+    assert session.move(4, there) is foreseen
+    ahead = session.foresee(5, moved(session, 5, [0.2, 0.0, 0.0]))
+    session.move(6, moved(session, 6, [0.1, 0.0, 0.0]))
+    assert session.move(5, ahead.waypoints.positions_world_m[5]) is not ahead
+
+
 def test_the_same_drag_gives_the_same_drafts_whatever_was_drafted_before(in_a_forest):
     session = in_a_forest
     target = moved(session, 5, [0.2, 0.1, 0.0])

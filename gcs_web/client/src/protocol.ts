@@ -988,7 +988,7 @@ export interface Draft {
   type: "draft";
   waypoint: number | null;
   sentence: string;
-  state: "clear" | "too close" | "refused";
+  state: "clear" | "too close" | "refused" | "checked";
 }
 
 export interface Vehicle {

@@ -9,7 +9,7 @@ import { connected, doc, draft, plan, verdict } from "../store";
 
 type State = typeof verdict.value;
 /** Of a draft that is no flight. */
-const DRAFT_TONES = { clear: "accent", "too close": "caution", refused: "danger" } as const;
+const DRAFT_TONES = { clear: "accent", "too close": "caution", refused: "danger", checked: "accent" } as const;
 
 const BADGES: Readonly<Record<State, { tone: Tone; word: string }>> = {
   none: { tone: "neutral", word: "No plan" },
