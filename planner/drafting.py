@@ -130,7 +130,7 @@ def _problem(path: Path, spline: Spline, waypoints: Waypoints, bounds: Limits, a
 
 
 def _optimised(problem: Problem, spline: Spline, changed: np.ndarray) -> Spline:
-    iterations = max(_WORK // int(changed.sum()), 4)
+    iterations = max(_WORK // int(changed.sum()), 1)
 
     def descend(part: Problem, there: Spline) -> time_allocation.Solution:
         return time_allocation.optimise(part, there.durations_s, iterations=iterations)

@@ -291,7 +291,7 @@ def test_one_flag_does_for_edits_one_after_the_other_and_is_the_callers_alone_be
 @pytest.mark.parametrize("wrong", [[1.0, 2.0], [1.0, 2.0, np.nan], "here", None, [[1.0, 2.0, 3.0]]])
 def test_a_position_that_is_not_three_finite_numbers_is_refused_by_every_edit(session, wrong):
     before = session.plan
-    for edit in (session.move, session.insert, session.draft):
+    for edit in (session.move, session.insert, session.draft, session.foresee):
         with pytest.raises(InputError, match="three"):
             edit(2, wrong)
     assert session.plan is before
