@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from planner import bry, corridor, fastest, gate, heading, inputs, limits, minim
 from planner._planner import StopFlag
 from planner.attempts import Attempts
 from planner.conditions import Conditions
+from planner.drafting import Draft
 from planner.fastest import Optimum, Path
 from planner.gate import GateReport
 from planner.options import PlanInfeasibleError, PlanOptions, check_stop
@@ -30,6 +32,8 @@ AskGate = Callable[..., GateReport]
 class Plan:
     """A trajectory that has passed the gate."""
 
+    draft: ClassVar[bool] = False
+    """As `Draft.draft`, which is True."""
     trajectory: Trajectory
     gate: gate.GateReport
     waypoints: Waypoints
@@ -256,17 +260,19 @@ def refused(path: Path) -> PlanInfeasibleError:
     )
 
 
-def save_plan(path: FilePath, plan: Plan, *, name: str) -> None:
+def save_plan(path: FilePath, plan: Plan | Draft, *, name: str) -> None:
     """Write the trajectory file. Raises as `trajectory_file`."""
     flight.trajectory.save(path, trajectory_file(plan, name=name))
 
 
-def trajectory_file(plan: Plan, *, name: str) -> TrajectoryFile:
+def trajectory_file(plan: Plan | Draft, *, name: str) -> TrajectoryFile:
     """The plan as a trajectory file, with the hashes of the map and vehicle it was checked against.
 
     Raises:
-        InputError: this trajectory has not passed the gate.
+        InputError: this trajectory has not passed the gate, or it is a draft.
     """
+    if isinstance(plan, Draft):
+        raise InputError(f"trajectory {name} is not saved: it is a draft, which nothing checked; move the waypoint")
     return checked_file(plan.trajectory, plan.gate, plan.waypoints.positions_world_m, name=name)
 
 

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flight import FloatArray, InputError, Trajectory, Waypoints, portable
-from planner import fastest, gate, inputs, limits, minimum_snap, planning, routes, space
+from planner import drafting, fastest, gate, inputs, limits, minimum_snap, planning, routes, space
 from planner._planner import StopFlag
 from planner.conditions import Conditions
+from planner.drafting import Draft
 from planner.gate import GateReport
 from planner.options import PlanOptions, check_stop
 from planner.planning import Plan
@@ -31,6 +32,14 @@ class _Leg:
     durations_s: FloatArray
     drawn: bool
     """Whether it is the leg before the edit, drawn along; else only the places of its knots are known."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Answer:
+    """A finished plan, and how it came about."""
+
+    path: fastest.Path
+    plan: Plan
 
 
 class Planner:
@@ -55,8 +64,10 @@ class Planner:
         self._field, self._vehicle = field, vehicle
         self._options = inputs.options_for(vehicle, options)
         self._stop = StopFlag() if stop is None else stop
-        self._flags, self._working = threading.Lock(), threading.Lock()
-        self._scratch(waypoints, asked, self._options, self._stop)
+        self._flags, self._working, self._swap = threading.Lock(), threading.Lock(), threading.Lock()
+        self._foreseen: _Answer | None = None
+        """Of a move from the plan as it is."""
+        self._accept(self._scratch(waypoints, asked, self._options, self._stop))
         self._stop = StopFlag()
         self._room = self._conditions.room(field, self._options)
 
@@ -68,12 +79,13 @@ class Planner:
     def move(self, index: int, position_world_m: ArrayLike, *, stop: StopFlag | None = None) -> Plan:
         """Move one waypoint. Raises as `planner.plan`; the plan then stays what it was."""
         with self._edit(stop) as stop:
-            old = self._waypoint(index)
-            points = old.positions_world_m.copy()
-            points[index] = _point(position_world_m)
-            first, last = max(index - 1, 0), min(index + 1, len(points) - 1)
-            new = Waypoints(points, old.yaw_rad)
-            return self._changed(new, self._conditions, (first, last), (first, last), stop)
+            return self._accept(self._moved(index, position_world_m, stop))
+
+    def foresee(self, index: int, position_world_m: ArrayLike, *, stop: StopFlag | None = None) -> Plan:
+        """The plan that `move` would give, which then is at hand at once. Raises as `move`; the plan stays."""
+        with self._edit(stop) as stop:
+            self._foreseen = self._moved(index, position_world_m, stop)
+            return self._foreseen.plan
 
     def insert(
         self, index: int, position_world_m: ArrayLike, yaw_rad: float = np.nan, *, stop: StopFlag | None = None
@@ -90,7 +102,8 @@ class Planner:
             new = Waypoints(points, np.insert(old.yaw_rad, index, yaw_rad))
             inside = 0 < index < len(old.yaw_rad)
             asked = self._conditions.inserted(index)
-            return self._changed(new, asked, (index - 1, index) if inside else None, (index - 1, index + 1), stop)
+            old_legs = (index - 1, index) if inside else None
+            return self._accept(self._changed(new, asked, old_legs, (index - 1, index + 1), stop))
 
     def delete(self, index: int, *, stop: StopFlag | None = None) -> Plan:
         """Delete a waypoint and what is asked there; the leg that two become has the lower one of their speeds.
@@ -102,36 +115,36 @@ class Planner:
             new = Waypoints(np.delete(old.positions_world_m, index, axis=0), np.delete(old.yaw_rad, index))
             inside = 0 < index < len(new.yaw_rad)
             asked = self._conditions.deleted(index)
-            return self._changed(new, asked, (index - 1, index + 1) if inside else None, (index - 1, index), stop)
+            old_legs = (index - 1, index + 1) if inside else None
+            return self._accept(self._changed(new, asked, old_legs, (index - 1, index), stop))
 
     def limit(self, bounds: Limits) -> Plan:
         """Plan within other limits. Raises as `planner.plan`."""
         with self._edit() as stop:
             options, waypoints = replace(self._options, limits=bounds), self._plan.waypoints
-            plan = self._scratch(waypoints, self._conditions, options, stop)
+            plan = self._accept(self._scratch(waypoints, self._conditions, options, stop))
             self._options = options
             return plan
 
     def settle(self) -> Plan:
         """Plan the waypoints as they are from scratch: after many edits, a little faster. Raises as `planner.plan`."""
         with self._edit() as stop:
-            return self._scratch(self._plan.waypoints, self._conditions, self._options, stop)
+            return self._accept(self._scratch(self._plan.waypoints, self._conditions, self._options, stop))
 
-    def draft(self, index: int, position_world_m: ArrayLike) -> Trajectory:
-        """What the path would look like with one waypoint moved and all times kept: quick, and checked by nothing."""
-        path = self._path
-        moved = np.zeros((len(path.waypoint), 4))
-        shift = _point(position_world_m) - self._waypoint(index).positions_world_m[index]
-        at = int(np.flatnonzero(path.waypoint == index)[0])
-        for before in (True, False):
-            leg = _leg_knots(path.waypoint, index - 1 if before else index)
-            if leg is not None:
-                share = np.linspace(0.0, 1.0, leg[1] - leg[0] + 1)
-                moved[leg[0] : leg[1] + 1, :3] = (share if before else 1.0 - share)[:, None] * shift
-        moved[at, :3] = shift
-        change = minimum_snap.solve(moved, path.trajectory.durations_s)
-        more = minimum_snap.coefficients(change.states, change.durations_s)
-        return Trajectory(path.trajectory.durations_s, path.trajectory.coefficients + more)
+    def draft(self, index: int, position_world_m: ArrayLike) -> Draft:
+        """What the path would look like with one waypoint moved: quick, and checked by nothing. The plan stays.
+
+        Raises:
+            InputError: no path can reach the waypoint there.
+        """
+        with self._swap:
+            path, conditions, before = self._path, self._conditions, self._waypoint(index)
+        points = before.positions_world_m.copy()
+        points[index] = _point(position_world_m)
+        after = Waypoints(points, before.yaw_rad)
+        routes.check_waypoints(after, self._field, self._options.waypoint_clearance_m)
+        conditions.check_inside(points)
+        return drafting.draft(path, index, before, after, self._room, self._vehicle, self._options, conditions)
 
     def cancel(self) -> None:
         """End the edit that works, if there is one."""
@@ -160,18 +173,33 @@ class Planner:
             raise InputError(f"there is no waypoint {index + 1}; there are {len(waypoints.yaw_rad)}")
         return waypoints
 
-    def _scratch(self, waypoints: Waypoints, asked: Conditions, options: PlanOptions, stop: StopFlag) -> Plan:
+    def _scratch(self, waypoints: Waypoints, asked: Conditions, options: PlanOptions, stop: StopFlag) -> _Answer:
         path, route = planning.from_scratch(waypoints, self._field, self._vehicle, options, asked, stop=stop)
-        return self._accept(path, route.points, waypoints)
+        return self._answer(path, route.points, waypoints)
 
-    def _accept(self, path: fastest.Path, route_world_m: FloatArray, waypoints: Waypoints) -> Plan:
-        self._path, self._conditions = path, path.report.conditions
-        self._plan = planning.of_path(path, waypoints, route_world_m)
-        return self._plan
+    @staticmethod
+    def _answer(path: fastest.Path, route_world_m: FloatArray, waypoints: Waypoints) -> _Answer:
+        return _Answer(path, planning.of_path(path, waypoints, route_world_m))
+
+    def _accept(self, answer: _Answer) -> Plan:
+        path, self._foreseen = answer.path, None
+        with self._swap:
+            self._path, self._conditions, self._plan = path, path.report.conditions, answer.plan
+        return answer.plan
+
+    def _moved(self, index: int, position_world_m: ArrayLike, stop: StopFlag) -> _Answer:
+        old, foreseen = self._waypoint(index), self._foreseen
+        points = old.positions_world_m.copy()
+        points[index] = _point(position_world_m)
+        if foreseen is not None and np.array_equal(foreseen.plan.waypoints.positions_world_m, points):
+            return foreseen
+        first, last = max(index - 1, 0), min(index + 1, len(points) - 1)
+        new = Waypoints(points, old.yaw_rad)
+        return self._changed(new, self._conditions, (first, last), (first, last), stop)
 
     def _changed(
         self, waypoints: Waypoints, asked: Conditions, old: tuple[int, int] | None, new: tuple[int, int], stop: StopFlag
-    ) -> Plan:
+    ) -> _Answer:
         """Plan for waypoints of which those from `new[0]` to `new[1]` take the place of `old[0]` to `old[1]`.
 
         `old` is None where the path begins or ends elsewhere: then it is planned from scratch.
@@ -184,7 +212,7 @@ class Planner:
             path = self._mended(waypoints, asked, old, new, stop)
         if path is None or not path.report.passed or path.kept is None:
             return self._scratch(waypoints, asked, self._options, stop)
-        return self._accept(path, path.kept.spline.states[:, 0, :3], waypoints)
+        return self._answer(path, path.kept.spline.states[:, 0, :3], waypoints)
 
     def _mended(
         self, waypoints: Waypoints, asked: Conditions, old: tuple[int, int], new: tuple[int, int], stop: StopFlag
