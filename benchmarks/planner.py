@@ -438,7 +438,8 @@ def gate_courses(drone: vehicle.Vehicle, count: int) -> list[report.Row]:
             with contextlib.suppress(planner.PlanInfeasibleError):
                 missions.plan(planner_scenes.gate_course(seed, np.radians(off_deg)), SKY, drone)
                 planned += 1
-        found.append(report.row(f"{count} gate courses, turned up to {off_deg} deg: planned", planned, "plans"))
+        name = f"{count} gate courses, turned up to {off_deg} deg: planned"
+        found.append(report.row(name, planned, "plans", f"{count}", planned == count))
     return found
 
 

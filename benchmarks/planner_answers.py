@@ -68,6 +68,7 @@ def few() -> Iterator[Case]:
             lambda place=place, options=options: planner.plan(place.waypoints, place.field, own, options),
         )
     yield "gates", lambda: missions.plan(_gates(), SKY, drone)
+    yield "gates, one gone round", lambda: missions.plan(_gates(turned_rad=3.0), SKY, drone)
 
 
 _LOOK_AT = {"look_at_world_m": (2.0, 7.0, 1.0)}
@@ -78,9 +79,9 @@ def _walk(count: int, seed: int) -> Waypoints:
     return Waypoints(points, np.full(count, np.nan))
 
 
-def _gates() -> Mission:
+def _gates(turned_rad: float = 0.0) -> Mission:
     points = np.array([[0.0, 0.0, 2.0], [4.0, 1.0, 2.0], [8.0, -1.0, 2.5], [12.0, 2.0, 2.0]])
-    gates = (Gate(1, 1.2, 1.0, 0.3, 0.1, 0.0), Gate(2, 1.0, 1.4, 0.0, 0.0, 0.5))
+    gates = (Gate(1, 1.2, 1.0, 0.3, 0.1, 0.0), Gate(2, 1.0, 1.4, turned_rad, 0.0, 0.5))
     return Mission(Waypoints(points, np.array([np.nan, 0.3, np.nan, np.nan])), gates=gates)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import flight.trajectory
 from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, TrajectoryFile, Waypoints, silent
 from flight.progress import within
-from planner import bry, corridor, fastest, gate, heading, inputs, limits, minimum_snap, repair, routes, space
+from planner import bry, corridor, fastest, gate, heading, inputs, limits, minimum_snap, one_way, repair, routes, space
 from planner._planner import StopFlag
 from planner.attempts import Attempts
 from planner.conditions import Conditions
@@ -134,7 +134,12 @@ def from_scratch(
             stop=stop,
         )
 
-    path = _flyable(route, waypoints, room, vehicle, options, asked, ask_gate, stop, progress)
+    def flyable(route: routes.Route, through: Waypoints, conditions: Conditions) -> Path:
+        return _flyable(route, through, room, vehicle, options, conditions, ask_gate, stop, progress)
+
+    path = flyable(route, waypoints, asked)
+    if not path.report.passed and asked.gate_edges_m is not None:
+        path, route = one_way.planned(path, route, waypoints, asked, room, options, flyable, stop)
     check_stop(stop)
     progress("gate", 1.0)
     if not path.report.passed:

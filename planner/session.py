@@ -240,6 +240,10 @@ class Planner:
         waypoint = np.concatenate([number[:first], index, after])
         centres = waypoints.positions_world_m[np.maximum(waypoint, 0)]
         balls, gates = asked.balls(centres, waypoint), asked.gates(centres, waypoint)
+        if gates is not None and kept.problem.gates is not None:  # openings beside gates (`one_way`) are no waypoints
+            here, before = np.arange(len(waypoint)), np.arange(len(number))
+            for there, was in ((here < first, before < first), (here >= first + len(index), before > last)):
+                gates[there & (waypoint < 0)] = kept.problem.gates[was & (number < 0)]
         may_move = (index < 0) | fastest.may_move(balls, gates, len(waypoint))[first : first + len(index)]
         free = np.repeat(may_move[:, None], 4, axis=1)
         free[:, 3] = (index < 0) | np.isnan(waypoints.yaw_rad[index])
