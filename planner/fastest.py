@@ -269,7 +269,7 @@ def until_flyable(
         touched = _touched(spline, wrong, _FAR if round_ == begun else _REACH)
         if round_ == begun and not drawn:
             spline = descents.redrawn(problem, spline, touched, stop)
-        descended = descents.refined(problem, spline, touched, stop)
+        descended = descents.refined(problem, spline, touched, stop, near=round_ > _WHOLE)
         spline = descended.spline
         _check_lasting(spline.durations_s)
         problem = replace(problem, knots=spline.states[:, 0])

@@ -252,13 +252,17 @@ def refine(
     *,
     iterations: int = 100,
     precision: float = 1e-5,
+    hold: float = 0.0,
     stop: StopFlag | None = None,
 ) -> Solution:
     """Minimise over log durations, free knots and the derivatives at inner knots, from `spline`.
 
     Gauss and Newton's method with the damping of Levenberg and Marquardt: unlike `optimise`, the path need not be the
     one of least snap through its knots. It has converged where its quadratic model, hardly damped, promises to lower
-    the cost by less than `precision` of it.
+    the cost by less than `precision` of it, or ten steps together lowered it by less.
+
+    Args:
+        hold: price, in s/m^2, of squared distance from `spline`.
 
     Raises:
         PlanCancelledError: `stop` was set.
@@ -266,7 +270,7 @@ def refine(
     states, T = spline.states.copy(), spline.durations_s.copy()
     free = problem.free_states().astype(np.uint8)
     cost, evaluations, converged, stopped, residual = _kernel(problem).refine(
-        states, T, free, iterations, precision, stop
+        states, T, free, iterations, precision, hold, stop
     )
     if stopped:
         check_stop(stop)

@@ -26,6 +26,7 @@ class Newton {
     int iterations = 100;
     double precision = 1e-8;
     double longest_step = 0.5;  // of any one unknown
+    double hold = 0.0;          // price of the squared distance from where it begins (the proximal point method)
     const std::atomic<bool>* stop = nullptr;
 
     // Minimises from x, in place: `cost(x)` alone, and `model(gradient, second)`, which fills both where the cost was
@@ -35,10 +36,16 @@ class Newton {
         const std::size_t n = x.size();
         std::vector<double> gradient(n), step(n), trial(n), weight(n);
         Banded factor = second;
+        const std::vector<double> begun = x;
+        const auto held_cost = [&](const std::vector<double>& at) {
+            double square = 0.0;
+            for (std::size_t i = 0; i < n; ++i) square += (at[i] - begun[i]) * (at[i] - begun[i]);
+            return cost(at) + hold * square;
+        };
         Refined found;
         double damping = kLeast, growth = 2.0;
         bool moved = true;
-        found.cost = cost(x);
+        found.cost = held_cost(x);
         double earlier = std::numeric_limits<double>::infinity();
         for (int iteration = 0; iteration < iterations; ++iteration) {
             if (stop && stop->load(std::memory_order_relaxed)) {
@@ -47,6 +54,10 @@ class Newton {
             }
             if (moved) {
                 model(gradient, second);
+                for (std::size_t i = 0; i < n; ++i) {
+                    gradient[i] += 2.0 * hold * (x[i] - begun[i]);
+                    second.at(i, i) += 2.0 * hold;
+                }
                 // Between equal steps (1) and equal shares of the curvature (Marquardt): ends lowest of the three.
                 for (std::size_t i = 0; i < n; ++i) weight[i] = std::sqrt(std::max(second.at(i, i), 1e-6));
             }
@@ -66,7 +77,7 @@ class Newton {
                 for (const double s : step) largest = std::max(largest, std::fabs(s));
                 const double length = std::min(1.0, longest_step / largest);
                 for (std::size_t i = 0; i < n; ++i) trial[i] = x[i] + length * step[i];
-                const double reached = cost(trial);
+                const double reached = held_cost(trial);
                 ++found.evaluations;
                 // The model along the step: the gain at a share of it is at least that share of the whole gain.
                 const double ratio = (found.cost - reached) / (promised * length * (2.0 - length));
