@@ -207,7 +207,7 @@ def test_the_shortest_way_round_comes_first_and_only_legs_that_need_one_go_round
     assert all(way.before is None for way in ways(False, True))
 
 
-def test_openings_stand_in_their_order_among_the_waypoints_and_ask_for_no_heading(open_sky):
+def test_openings_are_inserted_in_order_among_the_waypoints_and_ask_for_no_heading(open_sky):
     headed, conditions = Waypoints(LINE, np.arange(4.0)), asked(LINE, Gate(1, 1.0, 0.8, np.pi), Gate(2, 1.0, 0.8, 3.0))
     both, before = one_way.Fault(True, True), one_way.Fault(True, False)
     chosen = {i: one_way.ways(i, fault, LINE, conditions, open_sky, 0.35)[0] for i, fault in ((1, both), (2, before))}
@@ -255,7 +255,7 @@ def test_the_leg_on_which_an_opening_is_crossed_backwards_is_the_one_to_go_round
         (np.array([[-2.0, 1.0, 1.5], [0.0, 0.0, 1.5], [-2.0, -1.0, 1.5]]), one_way.Fault(False, True)),
     ],
 )
-def test_who_comes_from_in_front_of_a_gate_or_goes_on_behind_it_goes_round_even_unseen(open_sky, drone, points, fault):
+def test_a_start_in_front_of_a_gate_or_an_end_behind_it_goes_round_its_edge(open_sky, drone, points, fault):
     conditions = asked(points, Gate(1, 1.0, 0.8, 0.0))
     line = curve(points + np.array([0.0, 0.0, 1.0]), [0, 1, 2], asked(LINE), open_sky, drone)  # misses the opening
     assert one_way.faults(line, points, conditions) == {1: fault}
