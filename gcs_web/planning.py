@@ -365,6 +365,8 @@ class _Passed:
     """Instants of which each waypoint is passed at one."""
     how: str = ""
     """Said before everything else."""
+    unfinished: str = ""
+    """Said of a plan whose optimiser did not converge."""
 
 
 def _planned(
@@ -380,7 +382,8 @@ def _planned(
         plan = replanner.plan(content, replanning.Known(area.field, believed, asked), afresh=request.afresh)
         plan = replace(plan, gate=could_hide.add(plan.gate, plan.trajectory, free))
         file = planner.trajectory_file(plan, name="plan")
-        found = _Passed(file, plan.gate, asked.limits_for(believed), plan.trajectory.starts_s, found)
+        unfinished = "" if plan.converged else "The optimiser did not converge: a faster flight may exist. "
+        found = _Passed(file, plan.gate, asked.limits_for(believed), plan.trajectory.starts_s, found, unfinished)
     file, report = found.file, found.gate
     page_values.crc32(file)  # a plan that the vehicle cannot store is refused here, in words
     series = page_values.series(file.trajectory, believed, area.field, found.limits)
@@ -400,7 +403,7 @@ def _planned(
             sentence=(
                 f"{found.how}{file.trajectory.duration_s:.2f} s, {_counted(content)}, top speed "
                 f"{top:.2f} m/s. Closest {report.clearance_m:.2f} m; "
-                f"{report.required_clearance_m:.2f} m is needed. {_hidden(report)}" + (f" {doubt}" if doubt else "")
+                f"{report.required_clearance_m:.2f} m is needed. {found.unfinished}{_hidden(report)}" + (f" {doubt}" if doubt else "")
             ),
             duration_s=file.trajectory.duration_s,
             top_speed_m_s=top,

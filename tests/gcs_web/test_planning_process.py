@@ -86,6 +86,16 @@ def test_a_plan_in_a_doubtful_map_says_so(folder, tmp_path):
     assert answer.shown.sentence.endswith(" The map is doubtful: the walk is short.")
 
 
+@pytest.mark.parametrize(("most", "said"), [(150, False), (1, True)])
+def test_a_plan_whose_optimiser_did_not_converge_says_so(folder, monkeypatch, most, said):
+    monkeypatch.setattr(planner.descents, "_MOST", most)
+    asked, replanner = request(folder, 1), replanning.Replanner()
+    replanner.begin()
+    answer = planning.answer(asked, inputs.Parts(folder), planner.PlanOptions(), replanner)
+    assert answer.file is not None
+    assert ("did not converge: a faster flight may exist" in answer.shown.sentence) == said
+
+
 def test_a_plan_says_how_thin_an_obstacle_could_hide_near_it(folder):
     asked, replanner = request(folder, 1), replanning.Replanner()
     replanner.begin()
