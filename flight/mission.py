@@ -112,6 +112,15 @@ class LegSpeed:
 
 
 @dataclass(frozen=True, slots=True)
+class LegJerk:
+    """The largest jerk from waypoint `first` to waypoint `last`; with laps as `LegSpeed`."""
+
+    first: int
+    last: int
+    jerk_m_s3: float
+
+
+@dataclass(frozen=True, slots=True)
 class Ground:
     """A take-off from, or landing on, the point vertically below the first or last waypoint's height."""
 
@@ -141,6 +150,7 @@ class Mission:
     fly_bys: tuple[FlyBy, ...] = ()
     gates: tuple[Gate, ...] = ()
     leg_speeds: tuple[LegSpeed, ...] = ()
+    leg_jerks: tuple[LegJerk, ...] = ()
     take_off: Ground | None = None
     landing: Ground | None = None
     yaw: Yaw | None = None
@@ -167,12 +177,9 @@ class Mission:
                 where = f"waypoint {fly_by.waypoint + 1}"
                 raise InputError(f"the radius at {where} is {fly_by.radius_m:g} m; it must be above 0 and below 100 m")
         for leg in self.leg_speeds:
-            if not 0 <= leg.first < leg.last < count:
-                raise InputError(f"a speed is given from waypoint {leg.first + 1} to {leg.last + 1}; {_counted(count)}")
-            if not (np.isfinite(leg.speed_m_s) and leg.speed_m_s > 0.0):
-                raise InputError(
-                    f"the speed from waypoint {leg.first + 1} is {leg.speed_m_s:g} m/s; it must be positive"
-                )
+            _check_leg("speed", leg.first, leg.last, leg.speed_m_s, "m/s", count)
+        for leg in self.leg_jerks:
+            _check_leg("jerk", leg.first, leg.last, leg.jerk_m_s3, "m/s3", count)
         for gate in self.gates:
             _check_gate(gate)
         if self.keep_in is not None:
@@ -237,12 +244,10 @@ class Mission:
         order = np.array([*range(start), *loop * self.laps.count, start, *range(end + 1, count)])
         places = {i: np.flatnonzero(order == i).tolist() for i in range(count)}
         spans = [_spanned(int(a), int(b)) for a, b in pairwise(order)]
-        legs = [
-            LegSpeed(i, i + 1, record.speed_m_s)
-            for record in self.leg_speeds
-            for i, (first, last) in enumerate(spans)
-            if record.first <= first and last <= record.last
-        ]
+
+        def flown(record: LegSpeed | LegJerk) -> list[int]:
+            return [i for i, (first, last) in enumerate(spans) if record.first <= first and last <= record.last]
+
         return replace(
             self,
             waypoints=Waypoints(self.waypoints.positions_world_m[order], self.waypoints.yaw_rad[order]),
@@ -251,12 +256,20 @@ class Mission:
             velocities=tuple(replace(v, waypoint=i) for v in self.velocities for i in places[v.waypoint]),
             fly_bys=tuple(replace(f, waypoint=i) for f in self.fly_bys for i in places[f.waypoint]),
             gates=tuple(replace(g, waypoint=i) for g in self.gates for i in places[g.waypoint]),
-            leg_speeds=tuple(legs),
+            leg_speeds=tuple(replace(s, first=i, last=i + 1) for s in self.leg_speeds for i in flown(s)),
+            leg_jerks=tuple(replace(j, first=i, last=i + 1) for j in self.leg_jerks for i in flown(j)),
         )
 
 
 def _counted(count: int) -> str:
     return f"there are 1 to {count} (0 to {count - 1} in the file)"
+
+
+def _check_leg(kind: str, first: int, last: int, most: float, unit: str, count: int) -> None:
+    if not 0 <= first < last < count:
+        raise InputError(f"a {kind} is given from waypoint {first + 1} to {last + 1}; {_counted(count)}")
+    if not (np.isfinite(most) and most > 0.0):
+        raise InputError(f"the {kind} from waypoint {first + 1} is {most:g} {unit}; it must be positive")
 
 
 def _check_gate(gate: Gate) -> None:
@@ -292,7 +305,10 @@ def _spanned(start: int, end: int) -> tuple[int, int]:
     return (end, start) if end < start else (end - 1, end)
 
 
-_LISTS = {"stays": Stay, "velocities": Velocity, "fly_bys": FlyBy, "gates": Gate, "leg_speeds": LegSpeed}
+_LISTS = {
+    "stays": Stay, "velocities": Velocity, "fly_bys": FlyBy, "gates": Gate, "leg_speeds": LegSpeed,
+    "leg_jerks": LegJerk,
+}  # fmt: skip
 _SINGLE = {"laps": Laps, "take_off": Ground, "landing": Ground, "yaw": Yaw, "keep_in": KeepIn}
 
 

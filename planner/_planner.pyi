@@ -72,6 +72,8 @@ class Problem:
         """The time (k,) over which each segment's excess is charged, whatever its own becomes."""
     def set_speeds(self, speeds: NDArray[np.float64]) -> None:
         """The speed limit (k,) of each segment."""
+    def set_jerks(self, jerks: NDArray[np.float64]) -> None:
+        """The jerk limit (k,) of each segment."""
     def set_given(
         self,
         states: Annotated[NDArray[np.float64], "(k + 1, 4, 4)"],

@@ -16,7 +16,8 @@ from planner import attitude
 from vehicle import Limits, Vehicle, dynamics, invert
 
 NAMES = (
-    "speed", "acceleration", "tilt", "roll and pitch rate", "yaw rate", *["rotor speed"] * 4, *["slowest rotor"] * 4,
+    "speed", "acceleration", "jerk", "tilt", "roll and pitch rate", "yaw rate",
+    *["rotor speed"] * 4, *["slowest rotor"] * 4,
 )  # fmt: skip
 """What each column of an excess belongs to."""
 COLUMNS = len(NAMES)
@@ -34,6 +35,8 @@ class Airframe:
     gravity_m_s2: float
     speed_m_s: float
     acceleration_m_s2: float
+    jerk_m_s3: float
+    """Infinite: no limit."""
     tilt_rad: float
     rate_rad_s: float
     yaw_rate_rad_s: float
@@ -55,9 +58,9 @@ class Airframe:
     """(4, 4) effort of each rotor by thrust per mass (m/s2) and by the three torques (N m)."""
 
     def packed(self) -> FloatArray:
-        """(41,) in the order of the kernel's struct (planner/src/airframe.hpp)."""
-        first = [self.speed_m_s, self.acceleration_m_s2, _cosine(self.tilt_rad), self.rate_rad_s, self.yaw_rate_rad_s]
-        first += [self.gravity_m_s2, self.drag_per_thrust_1_s, self.drag_per_speed_1_m]
+        """(42,) in the order of the kernel's struct (planner/src/airframe.hpp)."""
+        first = [self.speed_m_s, self.acceleration_m_s2, self.jerk_m_s3, _cosine(self.tilt_rad), self.rate_rad_s]
+        first += [self.yaw_rate_rad_s, self.gravity_m_s2, self.drag_per_thrust_1_s, self.drag_per_speed_1_m]
         first += [self.lift_axial_1_s, self.lift_lateral_1_m]
         rest = (self.inertia_kg_m2, self.effort_least, self.effort_most, self.effort_hover, self.mix.ravel())
         return np.concatenate([first, *rest])
@@ -76,6 +79,7 @@ def reduced(vehicle: Vehicle, limits: Limits) -> Airframe:
         gravity_m_s2=vehicle.gravity_m_s2,
         speed_m_s=limits.speed_m_s,
         acceleration_m_s2=limits.acceleration_m_s2,
+        jerk_m_s3=limits.largest_jerk_m_s3,
         tilt_rad=limits.tilt_rad,
         rate_rad_s=limits.rate_rad_s,
         yaw_rate_rad_s=limits.yaw_rate_rad_s,
@@ -121,7 +125,7 @@ def _cosine(angle_rad: float) -> float:
 
 
 def excess_numpy(airframe: Airframe, derivatives: FloatArray) -> FloatArray:
-    """The NumPy reference of the kernel's `Demand`: relative excess (n, 13) over each limit.
+    """The NumPy reference of the kernel's `Demand`: relative excess (n, 14) over each limit.
 
     Args:
         derivatives: (n, 5, 4) position and yaw with four derivatives.
@@ -160,6 +164,7 @@ def excess_numpy(airframe: Airframe, derivatives: FloatArray) -> FloatArray:
         [
             _dot(v, v) / np.square(w.speed_m_s) - 1.0,
             _dot(a, a) / np.square(w.acceleration_m_s2) - 1.0,
+            _dot(j, j) / np.square(w.jerk_m_s3) - 1.0,
             (cos_tilt - z[:, 2]) / (1.0 - cos_tilt),
             _dot(z_1, z_1) / np.square(w.rate_rad_s) - 1.0,
             rate[:, 2] ** 2 / np.square(w.yaw_rate_rad_s) - 1.0,
@@ -180,25 +185,30 @@ def measured_excess(
     segments: np.ndarray,
     fractions: FloatArray,
     speed_m_s: FloatArray | None = None,
+    jerk_m_s3: FloatArray | None = None,
     memory: attitude.Memory | None = None,
 ) -> FloatArray:
-    """The same quantities (s, f, 13) from the vehicle's full model, at fractions (f,) of the given segments (s,).
+    """The same quantities (s, f, 14) from the vehicle's full model, at fractions (f,) of the given segments (s,).
 
-    NaN where it cannot fly the motion at all. `speed_m_s` (k,) are speed limits of all segments, if not the airframe's.
+    NaN where it cannot fly the motion at all. `speed_m_s` and `jerk_m_s3` (k,) are limits of all segments, if not the
+    airframe's.
     """
-    most = np.full(len(trajectory.durations_s), airframe.speed_m_s) if speed_m_s is None else speed_m_s
+    k = len(trajectory.durations_s)
+    most = np.full(k, airframe.speed_m_s) if speed_m_s is None else speed_m_s
+    most_jerk = np.full(k, airframe.jerk_m_s3) if jerk_m_s3 is None else jerk_m_s3
     w, values = airframe, attitude.sampled(vehicle, trajectory, segments, fractions, memory)
     effort = values[..., attitude.ROTOR] ** 2 / np.mean(invert.hover(vehicle) ** 2)
     rate, cos_tilt = values[..., attitude.RATE], _cosine(w.tilt_rad)
     times = fractions * trajectory.durations_s[segments, None]
     c = trajectory.coefficients[segments, :3]
-    speed, push = (
+    speed, push, jerk = (
         (polynomial.evaluate(polynomial.differentiate(c, r)[:, None], times[..., None]) ** 2).sum(axis=2)
-        for r in (1, 2)
+        for r in (1, 2, 3)
     )
     single = [
         speed / most[segments, None] ** 2 - 1.0,
         push / np.square(w.acceleration_m_s2) - 1.0,
+        jerk / most_jerk[segments, None] / most_jerk[segments, None] - 1.0,  # no square of a huge limit
         (cos_tilt - values[..., attitude.UP]) / (1.0 - cos_tilt),
         (rate[..., :2] ** 2).sum(axis=2) / np.square(w.rate_rad_s) - 1.0,
         rate[..., 2] ** 2 / np.square(w.yaw_rate_rad_s) - 1.0,

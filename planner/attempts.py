@@ -83,8 +83,7 @@ class Attempts:
             self._asked,
             self._clearance_price,
         )
-        speed_m_s = self._asked.planned_speed_m_s(index, options.limits_for(self._vehicle))
-        problem = replace(problem, speed_m_s=speed_m_s)
+        problem = replace(problem, **self._asked.planned_on_legs(index, options.limits_for(self._vehicle)))
         begin, path = problem.spline(problem.knots, durations), None
         for there in descents.starts(problem, begin, options.clearance_m, self._stop):
             path = self._until_flyable(replace(problem, knots=there.knots), there.spline, index, options)

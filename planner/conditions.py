@@ -1,4 +1,5 @@
-"""What may be asked of a path besides its waypoints: motion at ends and waypoints, gates, speeds of legs, a tube."""
+"""What may be asked of a path besides its waypoints: motion at ends and waypoints, gates, speeds and jerks of legs, a
+tube."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -13,6 +14,8 @@ from planner.limits import Check, certified_maxima
 from planner.options import PlanOptions
 from vehicle import Limits
 
+OF_LEGS = ("leg_speed_m_s", "leg_jerk_m_s3")
+"""Conditions with a number for each leg."""
 _SAME = 1e-6
 """Largest difference (SI) from a motion that was asked for, relative to the largest number in it above one."""
 _VISIT_S = 0.1
@@ -26,7 +29,7 @@ _TOUCHING_M = 0.03
 _MOST_RADII = 25_000.0
 """Length of the longest tube, in radii: the space round it is sampled."""
 _PROVABLE = 0.985
-"""Share of a leg's speed that the optimiser uses: the gate's bound is at most 1 % above the truth."""
+"""Share of a leg's speed or jerk that the optimiser uses: the gate's bound is at most 1 % above the truth."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +44,8 @@ class Conditions:
     """(n, 3) velocity at each inner waypoint, where the heading then is steady; rows of NaN are open."""
     leg_speed_m_s: FloatArray | None = None
     """(n - 1,) largest speed on the leg after each waypoint; NaN: the vehicle's own limit."""
+    leg_jerk_m_s3: FloatArray | None = None
+    """(n - 1,) the same of jerk."""
     fly_by_m: FloatArray | None = None
     """(n,) radius of the ball round an inner waypoint that is enough to pass; 0: the waypoint itself."""
     gate_edges_m: FloatArray | None = None
@@ -62,6 +67,11 @@ class Conditions:
         inner = self.velocity_world_m_s
         return self.start is not None or self.end is not None or (inner is not None and bool(np.isfinite(inner).any()))
 
+    @property
+    def leg_limits(self) -> bool:
+        """Whether a leg has limits of its own."""
+        return any(getattr(self, name) is not None for name in OF_LEGS)
+
     def checked(self, count: int, limits: Limits) -> "Conditions":
         """These conditions for `count` waypoints, as float arrays.
 
@@ -72,7 +82,8 @@ class Conditions:
             raise InputError("a single path does not stay, take off or land; plan it as a mission")
         given = self.shaped(count)
         for name in ("start", "end"):
-            _check_end(name, getattr(given, name), limits)
+            _check_end(name, getattr(given, name), limits, given.leg_jerk_m_s3)
+        _check_legs(given)
         _check_velocities(given.velocity_world_m_s, given.leg_speed_m_s, limits)
         _check_fly_by(given.fly_by_m, given.velocity_world_m_s)
         _check_gates(given)
@@ -89,6 +100,7 @@ class Conditions:
             "end": (3, 4),
             "velocity_world_m_s": (count, 3),
             "leg_speed_m_s": (count - 1,),
+            "leg_jerk_m_s3": (count - 1,),
             "fly_by_m": (count,),
             "gate_edges_m": (count, 2, 3),
             "keep_in_radius_m": (),
@@ -110,25 +122,29 @@ class Conditions:
     def inserted(self, index: int) -> "Conditions":
         """For one more inner or outer waypoint, which gets this index and of which nothing is asked.
 
-        The two legs that it makes of one have that one's speed; a leg before the first or behind the last has none.
+        The two legs that it makes of one have that one's limits; a leg before the first or behind the last has none.
         """
-        speed = self.leg_speed_m_s
-        if speed is not None:
-            here = speed[index - 1] if 0 < index <= len(speed) else np.nan
-            speed = np.insert(speed, min(index, len(speed)), here)
+        legs: dict[str, FloatArray] = {}
+        for name, most in self._of_legs():
+            here = most[index - 1] if 0 < index <= len(most) else np.nan
+            legs[name] = np.insert(most, min(index, len(most)), here)
         rows = {name: np.insert(rows, index, nothing, axis=0) for name, nothing, rows in self._of_waypoints()}
-        return replace(self, leg_speed_m_s=speed, **rows)
+        return replace(self, **legs, **rows)
 
     def deleted(self, index: int) -> "Conditions":
-        """For one waypoint less; the leg that two become has the lower one of their speeds."""
-        speed = self.leg_speed_m_s
-        if speed is not None:
-            one = np.delete(speed, min(index, len(speed) - 1))
-            if 0 < index < len(speed):
-                one[index - 1] = np.fmin(speed[index - 1], speed[index])
-            speed = one
+        """For one waypoint less; the leg that two become has the lower ones of their limits."""
+        legs: dict[str, FloatArray] = {}
+        for name, most in self._of_legs():
+            legs[name] = np.delete(most, min(index, len(most) - 1))
+            if 0 < index < len(most):
+                legs[name][index - 1] = np.fmin(most[index - 1], most[index])
         rows = {name: np.delete(rows, index, axis=0) for name, _, rows in self._of_waypoints()}
-        return replace(self, leg_speed_m_s=speed, **rows)
+        return replace(self, **legs, **rows)
+
+    def _of_legs(self) -> list[tuple[str, FloatArray]]:
+        """What is given with a number for each leg, NaN where it asks for nothing."""
+        given = [(name, getattr(self, name)) for name in OF_LEGS]
+        return [item for item in given if item[1] is not None]
 
     def _of_waypoints(self) -> list[tuple[str, float, FloatArray]]:
         """What is given with a row for each waypoint: its name, the number that asks for nothing, and the rows."""
@@ -191,18 +207,21 @@ class Conditions:
                 f"a radius of {self.tube.radius_m:g} m; move the waypoint or widen the tube"
             )
 
-    def most_speed_m_s(self, waypoint: np.ndarray) -> FloatArray:
-        """(k,) the speed asked for between knots, infinite where none is; `waypoint` as in `at_knots`."""
-        leg = np.maximum.accumulate(waypoint)[:-1]
-        if self.leg_speed_m_s is None:
-            return np.full(len(leg), np.inf)
-        return np.where(np.isfinite(self.leg_speed_m_s), self.leg_speed_m_s, np.inf)[leg]
+    def most_on_legs(self, waypoint: np.ndarray) -> dict[str, FloatArray]:
+        """(k,) by name of the limit what is asked for between knots, infinite where nothing is.
 
-    def planned_speed_m_s(self, waypoint: np.ndarray, limits: Limits) -> FloatArray | None:
-        """(k,) speed limits for the optimiser, so that the gate proves those asked for; None if none is."""
-        if self.leg_speed_m_s is None:
-            return None
-        return np.minimum(_PROVABLE * self.most_speed_m_s(waypoint), limits.speed_m_s)
+        `waypoint` is as in `at_knots`.
+        """
+        return {"speed": _between(self.leg_speed_m_s, waypoint), "jerk": _between(self.leg_jerk_m_s3, waypoint)}
+
+    def planned_on_legs(self, waypoint: np.ndarray, limits: Limits) -> dict[str, FloatArray | None]:
+        """(k,) `speed_m_s` and `jerk_m_s3` for the optimiser, so that the gate proves those asked for; None if none."""
+        asked = self.most_on_legs(waypoint)
+        speed, jerk = (_PROVABLE * asked[name] for name in ("speed", "jerk"))
+        return {
+            "speed_m_s": None if self.leg_speed_m_s is None else np.minimum(speed, limits.speed_m_s),
+            "jerk_m_s3": None if self.leg_jerk_m_s3 is None else np.minimum(jerk, limits.largest_jerk_m_s3),
+        }
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able; what is not asked for is left out, open numbers are None."""
@@ -229,25 +248,38 @@ class Conditions:
             raise FormatError(f"the conditions in a trajectory file are damaged: {error}") from error
 
 
-def _check_end(name: str, motion: FloatArray | None, limits: Limits) -> None:
+def _between(most: FloatArray | None, waypoint: np.ndarray) -> FloatArray:
+    """(k,) limits of legs (n - 1,) between knots, infinite where there is none."""
+    leg = np.maximum.accumulate(waypoint)[:-1]
+    if most is None:
+        return np.full(len(leg), np.inf)
+    return np.where(np.isfinite(most), most, np.inf)[leg]
+
+
+def _check_end(name: str, motion: FloatArray | None, limits: Limits, leg_jerk: FloatArray | None) -> None:
     if motion is None:
         return
     if not np.isfinite(motion).all():
         raise InputError(f"the {name}'s motion is not finite: {motion.tolist()}")
-    for row, unit, most in ((0, "m/s", limits.speed_m_s), (1, "m/s2", limits.acceleration_m_s2)):
-        size = float(portable.length(motion[row, :3]))
+    leg = np.inf if leg_jerk is None else np.fmin(leg_jerk[0 if name == "start" else -1], np.inf)
+    bounds = (limits.speed_m_s, "m/s"), (limits.acceleration_m_s2, "m/s2"), (min(limits.largest_jerk_m_s3, leg), "m/s3")
+    for derivative, (most, unit) in zip(motion, bounds, strict=True):
+        size = float(portable.length(derivative[:3]))
         if size > most:
             raise InputError(f"the {name} moves at {size:.3g} {unit}, limit {most:g}; lower it or raise the limit")
 
 
-def _check_velocities(velocity: FloatArray | None, leg_speed: FloatArray | None, limits: Limits) -> None:
-    if leg_speed is not None:
-        wrong = np.flatnonzero(leg_speed <= 0.0)
-        if wrong.size:
+def _check_legs(asked: Conditions) -> None:
+    for most, kind, unit in ((asked.leg_speed_m_s, "speed", "m/s"), (asked.leg_jerk_m_s3, "jerk", "m/s3")):
+        wrong = [] if most is None else np.flatnonzero(most <= 0.0)
+        if most is not None and len(wrong):
             i = int(wrong[0])
             raise InputError(
-                f"the leg from waypoint {i + 1} to {i + 2} has a speed of {leg_speed[i]:g} m/s; give it some"
+                f"the leg from waypoint {i + 1} to {i + 2} has a {kind} of {most[i]:g} {unit}; give it some"
             )
+
+
+def _check_velocities(velocity: FloatArray | None, leg_speed: FloatArray | None, limits: Limits) -> None:
     if velocity is None:
         return
     if np.isfinite(velocity[[0, -1]]).any():
@@ -357,8 +389,12 @@ def checks(trajectory: Trajectory, visits: Visits | None, asked: Conditions) -> 
         return found
     if asked.velocity_world_m_s is not None:
         found += _velocity_checks(trajectory, visits.joins_s(trajectory), asked.velocity_world_m_s)
-    if asked.leg_speed_m_s is not None:
-        found += _speed_checks(trajectory, visits, asked.leg_speed_m_s)
+    for name, unit, derivative, most in (
+        ("speed of legs", "m/s", 1, asked.leg_speed_m_s),
+        ("jerk of legs", "m/s3", 3, asked.leg_jerk_m_s3),
+    ):
+        if most is not None:
+            found += _leg_checks(name, unit, derivative, trajectory, visits, most)
     if asked.stay_s is not None:
         found.append(_stay_check(trajectory, visits.time_s, asked.stay_s))
     return found
@@ -398,16 +434,18 @@ def _velocity_checks(trajectory: Trajectory, visits_s: FloatArray, asked: FloatA
                   float(times[worst]), reason=reason)]  # fmt: skip
 
 
-def _speed_checks(trajectory: Trajectory, visits: Visits, asked: FloatArray) -> list[Check]:
+def _leg_checks(
+    name: str, unit: str, derivative: int, trajectory: Trajectory, visits: Visits, asked: FloatArray
+) -> list[Check]:
     """A proved bound on each leg, from where its first waypoint is left to where its last one is reached.
 
-    Where a waypoint counts as passed, the faster one of the legs on either side will do.
+    Where a waypoint counts as passed, the larger one of the limits on either side will do.
     """
     most = np.where(np.isfinite(asked), asked, np.inf)
     if not np.isfinite(most).any():
         return []
     path = trajectory.cut(np.concatenate([visits.enter_s, visits.leave_s]))
-    bound, time_s = certified_maxima(path, 1)
+    bound, time_s = certified_maxima(path, derivative)
     middle = path.starts_s[:-1] + 0.5 * path.durations_s
     leg = np.clip(np.searchsorted(visits.enter_s, middle, side="right") - 1, 0, len(asked) - 1)  # begun, or passing
     passing = middle < visits.leave_s[leg]
@@ -416,8 +454,8 @@ def _speed_checks(trajectory: Trajectory, visits: Visits, asked: FloatArray) -> 
     value, limit = float(bound[worst]), float(allowed[worst])
     segment = int(trajectory.segment_at(middle[worst : worst + 1])[0][0])
     where = f"leg from waypoint {int(leg[worst]) + 1} at {time_s[worst]:.1f} s"
-    reason = f"{where}: {value:.3g} m/s, asked for at most {limit:.3g}"
-    return [Check("speed of legs", value, limit, "m/s", value <= limit, float(time_s[worst]), segment, reason)]
+    reason = f"{where}: {value:.3g} {unit}, asked for at most {limit:.3g}"
+    return [Check(name, value, limit, unit, value <= limit, float(time_s[worst]), segment, reason)]
 
 
 def _stay_check(trajectory: Trajectory, visits_s: FloatArray, asked_s: FloatArray) -> Check:

@@ -78,7 +78,14 @@ class Corrections:
         for group in np.split(near, range(_GROUP, len(near), _GROUP)) if near.size else []:
             check_stop(stop)
             full = airframe.measured_excess(
-                problem.airframe, vehicle, path, group, time_allocation.FRACTIONS, problem.speed_m_s, memory
+                problem.airframe,
+                vehicle,
+                path,
+                group,
+                time_allocation.FRACTIONS,
+                problem.speed_m_s,
+                problem.jerk_m_s3,
+                memory,
             )
             full = np.where(np.isfinite(full), full, np.maximum(reduced[group], 0.0) + _IMPOSSIBLE)
             self.measured[group] = np.clip(full - reduced[group], -_MOST, _MOST)
@@ -98,15 +105,16 @@ class Corrections:
         held = np.where(touched[:, None, None], now, self.multiplier).sum(axis=1)
         return tuple(airframe.NAMES[most] if held[i, most] > 0.0 else "" for i, most in enumerate(held.argmax(axis=1)))
 
-    def stricter(self, used: limits.Usage, too_fast: np.ndarray) -> None:
+    def stricter(self, used: limits.Usage, on_legs: dict[str, np.ndarray]) -> None:
         """Keep more from the limits that the gate found exceeded, in those segments only.
 
         Args:
-            too_fast: (k,) bool, where the speed asked for on a leg is.
+            on_legs: by name of the limit, (k,) bool, where what is asked for on a leg is.
         """
         columns = np.array([limits.NAMES.index(name) for name in airframe.NAMES])
         exceeded, excess = ~used.passed[columns].T, np.nan_to_num(used.share[columns].T - 1.0, nan=0.0)
-        exceeded[:, 0] |= too_fast
+        for name, beyond in on_legs.items():
+            exceeded[:, airframe.NAMES.index(name)] |= beyond
         least, share = _STRICTER
         self.gate[:, 0] += np.where(exceeded, np.clip(share * excess, least, 10.0 * least), 0.0)
 

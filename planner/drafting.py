@@ -125,7 +125,7 @@ def _problem(path: Path, spline: Spline, waypoints: Waypoints, bounds: Limits, a
         gates=asked.gates(centres, number),
         offsets=kept.corrections.total(),
         reference_s=None,
-        speed_m_s=asked.planned_speed_m_s(number, bounds),
+        **asked.planned_on_legs(number, bounds),
     )
 
 

@@ -117,7 +117,7 @@ def rough(
         field=field,
         clearance_m=space.aim(field, options.clearance_m) + AIM_M,
         weights=Weights(snap=1e-5),
-        speed_m_s=asked.planned_speed_m_s(route.waypoint, options.limits_for(vehicle)),
+        **asked.planned_on_legs(route.waypoint, options.limits_for(vehicle)),
         start=asked.start,
         end=asked.end,
         velocity=velocity,
@@ -158,7 +158,8 @@ def whole_vehicle(
     knots, durations, waypoint = _split(start.spline, waypoint, options.pieces)
     balls, gates = (_at_waypoints(kept, before, waypoint) for kept in (problem.balls, problem.gates))
     asked = np.where(waypoint >= 0, asked_rad[waypoint], np.nan)
-    problem = replace(problem, velocity=conditions.at_knots(waypoint), speed_m_s=None, balls=balls, gates=gates)
+    velocity = conditions.at_knots(waypoint)
+    problem = replace(problem, velocity=velocity, speed_m_s=None, jerk_m_s3=None, balls=balls, gates=gates)
     first = minimum_snap.Spline(durations, problem.spline(knots, durations).states[..., :3])
     held = heading.constant(first, asked, options)
     if held is None:
@@ -254,8 +255,8 @@ def until_flyable(
         corrections, used: those of an earlier answer, and what the gate found of it.
     """
     corrections = Corrections(len(spline.durations_s)) if corrections is None else corrections
-    problem = replace(problem, speed_m_s=conditions.planned_speed_m_s(waypoint, options.limits_for(vehicle)))
-    asked_m_s = conditions.most_speed_m_s(waypoint)
+    problem = replace(problem, **conditions.planned_on_legs(waypoint, options.limits_for(vehicle)))
+    asked = conditions.most_on_legs(waypoint)
     memory = Memory()  # the last path that is measured is the one that the gate looks at
     optimum_s, bends, begun = np.nan, 0, _WHOLE if wrong is not None else 0
     found, rounds = None, _ROUNDS
@@ -282,7 +283,7 @@ def until_flyable(
         if clearance.passed and (last or not exceeded.any()):
             report = ask_gate(path, limits.Known(used, memory))
             used = report.usage and (path, report.usage)
-            slower, too_fast = _refused(report, asked_m_s)
+            slower, on_legs = _refused(report, asked)
             if report.passed or last or not slower.any():  # nothing else gets better by more rounds
                 kept = Kept(problem, spline, corrections.spliced(0, 0, 0))
                 how = "bent" if bends else "direct"
@@ -298,7 +299,7 @@ def until_flyable(
                 corrections.press(touched)
                 continue
             assert report.usage is not None
-            corrections.stricter(report.usage, too_fast)
+            corrections.stricter(report.usage, on_legs)
             exceeded |= slower
         corrections.press(touched)
         if not clearance.passed:
@@ -316,12 +317,14 @@ def _touched(spline: minimum_snap.Spline, wrong: np.ndarray | None, reach: int) 
     return np.ones(len(spline.durations_s), dtype=bool) if wrong is None else windows.grown(wrong, reach)
 
 
-def _refused(report: GateReport, asked_m_s: FloatArray) -> tuple[np.ndarray, np.ndarray]:
-    """(k,) bool: the segments that the gate found too fast for a limit or for their leg, and those for their leg."""
-    if report.usage is None:
-        return np.zeros(len(asked_m_s), dtype=bool), np.zeros(len(asked_m_s), dtype=bool)
-    too_fast = report.usage.value[0] > asked_m_s
-    return ~report.usage.passed.all(axis=0) | too_fast, too_fast
+def _refused(report: GateReport, asked: dict[str, FloatArray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """(k,) bool: the segments that the gate found too fast for a limit or for what is asked of their leg, and by name
+    of the limit those for their leg."""
+    used = report.usage
+    if used is None:
+        return np.zeros(len(asked["speed"]), dtype=bool), {}
+    beyond = {name: used.value[limits.NAMES.index(name)] > most for name, most in asked.items()}
+    return ~used.passed.all(axis=0) | np.any(list(beyond.values()), axis=0), beyond
 
 
 def faster(found: Path | None, here: Path) -> Path:

@@ -101,6 +101,11 @@ def check_durations(waypoints: Waypoints, bounds: Limits, leg_speed_m_s: FloatAr
             f"the way of {gaps.sum():.3g} m takes more than {LONGEST_S:g} s at acceleration_m_s2 "
             f"{bounds.acceleration_m_s2:.3g}: raise the limit"
         )
+    if gaps.sum() > bounds.largest_jerk_m_s3 * (LONGEST_S**3 / 32.0):  # from rest to rest, jerk at its limit all along
+        raise InputError(
+            f"the way of {gaps.sum():.3g} m takes more than {LONGEST_S:g} s at jerk_m_s3 {bounds.jerk_m_s3:.3g}: raise "
+            "the limit"
+        )
 
 
 def _check_headings(waypoints: Waypoints, bounds: Limits) -> None:

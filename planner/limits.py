@@ -1,8 +1,9 @@
 """Whether the vehicle can fly a trajectory: every limit bounded over all time, segment by segment.
 
-Speed and acceleration are polynomials: the bound is the hull of their control points. Tilt, rates and rotor speeds
-follow from the vehicle's own forces (`planner.attitude`, drag included): the hull of the polynomials that interpolate
-them, and an allowance for what those cannot show. Pieces of a path are halved where that decides about a limit.
+Speed, acceleration and jerk are polynomials: the bound is the hull of their control points. Tilt, rates and rotor
+speeds follow from the vehicle's own forces (`planner.attitude`, drag included): the hull of the polynomials that
+interpolate them, and an allowance for what those cannot show. Pieces of a path are halved where that decides about a
+limit.
 """
 
 from dataclasses import asdict, dataclass
@@ -22,19 +23,19 @@ _SIDE_S = 1e-9
 """Distance in seconds of the samples on both sides of a join: snap, and with it the torque, may jump there."""
 
 
-NAMES = ("speed", "acceleration", "tilt", "roll and pitch rate", "yaw rate", "rotor speed", "slowest rotor")
-"""The checks of this module, in order."""
-_UNITS = ("m/s", "m/s2", "rad", "rad/s", "rad/s", "rad/s", "rad/s")
-_PROVED = 2
+NAMES = ("speed", "acceleration", "jerk", "tilt", "roll and pitch rate", "yaw rate", "rotor speed", "slowest rotor")
+"""The checks of this module, in order; that of jerk only where there is a limit."""
+_UNITS = ("m/s", "m/s2", "m/s3", "rad", "rad/s", "rad/s", "rad/s", "rad/s")
+_PROVED = 3
 """The first so many are polynomials; the others are interpolated by some."""
 _LONGEST_STEPS, _SHORTEST_STEPS = 50, 2
 """Length of the pieces to begin with, and from which on they are halved no more, in units of the sampling step."""
 _SETTLED = 0.003
 """Share of a limit that a bound may lie above the values it bounds."""
 _SLOWEST = NAMES.index("slowest rotor")
-_POWERS = (1, 2, 2, 3, 1, 2, 2)
+_POWERS = (1, 2, 3, 2, 3, 1, 2, 2)
 """With which power of the time the use of each limit falls: speed and yaw rate with the time, acceleration and what
-follows from it with its square, rates of the thrust's direction with its cube."""
+follows from it with its square, jerk and rates of the thrust's direction with its cube."""
 _GROUP = 100
 """Segments that are looked at together: more would make cancelling slow, fewer the check."""
 _BINDING = 0.97
@@ -77,7 +78,12 @@ class Usage:
     share: FloatArray
     """Of the limit that it uses; from hover to the limit for rotors."""
     bound: FloatArray
-    """(limits,)."""
+    """(limits,); of jerk infinite where there is no limit."""
+
+    @property
+    def limited(self) -> np.ndarray:
+        """(limits,) bool: all but jerk where it has no limit."""
+        return np.isfinite(self.bound)
 
     @property
     def passed(self) -> np.ndarray:
@@ -135,12 +141,12 @@ def measure(
     except PlanCancelledError:
         raise
     except FlightError as error:
-        rows = zip(NAMES, _bounds(limits).tolist(), _UNITS, strict=True)
+        rows = [row for row in zip(NAMES, _bounds(limits).tolist(), _UNITS, strict=True) if np.isfinite(row[1])]
         return None, [Check(name, np.nan, bound, unit, False, reason=str(error)) for name, bound, unit in rows]
-    return used, [_verdict(used, i, trajectory, step_s) for i in range(len(NAMES))]
+    return used, [_verdict(used, int(i), trajectory) for i in np.flatnonzero(used.limited)]
 
 
-def _verdict(used: Usage, limit: int, trajectory: Trajectory, step_s: float) -> Check:
+def _verdict(used: Usage, limit: int, trajectory: Trajectory) -> Check:
     segment = used.worst(limit)
     value, time_s, bound = float(used.value[limit, segment]), float(used.time_s[limit, segment]), used.bound[limit]
     passed = bool(used.passed[limit, segment])
@@ -197,7 +203,7 @@ def usage(
         some = Trajectory(trajectory.durations_s[group], trajectory.coefficients[group])
         found, time_s = _attitude_bounds(some, vehicle, limits, step_s, known.memory or attitude.Memory())
         found[_SLOWEST] *= -1.0
-        for derivative in (1, 2):
+        for derivative in range(1, _PROVED + 1):
             found[derivative - 1], time_s[derivative - 1] = certified_maxima(some, derivative)
         value[:, group], after_s[:, group] = found, time_s - some.starts_s[:-1]
     return Usage(value, starts + after_s, _shares(value, limits, _hover(vehicle)), _bounds(limits))
@@ -208,7 +214,7 @@ def _attitude_bounds(
 ) -> tuple[FloatArray, FloatArray]:
     """Bounds (limits, segments) of tilt, rates and rotor speeds, and when; those of the slowest rotor are negative.
 
-    NaN where no rotor speeds give the motion. The first rows, speed and acceleration, are left open.
+    NaN where no rotor speeds give the motion. The first rows, speed, acceleration and jerk, are left open.
     """
     k, hover = len(trajectory.durations_s), _hover(vehicle)
     bound, time_s = np.full((len(NAMES), k), -np.inf), np.zeros((len(NAMES), k))
@@ -241,14 +247,14 @@ def _piece_bounds(coefficients: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     inside = attitude.at_nodes(coefficients)
 
     def quantities(values: FloatArray, more: FloatArray | float) -> FloatArray:
-        shown = np.full((len(NAMES), *values.shape[:2]), -np.inf)
+        shown = np.zeros((len(NAMES), *values.shape[:2]))
         more = np.broadcast_to(more, (len(values), 1, attitude.VALUES))
         rate, rotor = np.abs(values[..., attitude.RATE]) + more[..., attitude.RATE], values[..., attitude.ROTOR]
         up = values[..., attitude.UP] - more[..., attitude.UP]
-        shown[2] = portable.arccosine(np.clip(up, -1.0, 1.0))
-        shown[3], shown[4] = portable.length(rate[..., :2]), rate[..., 2]
-        shown[5] = (rotor + more[..., attitude.ROTOR]).max(axis=-1)
-        shown[6] = -(rotor - more[..., attitude.ROTOR]).min(axis=-1)
+        shown[3] = portable.arccosine(np.clip(up, -1.0, 1.0))
+        shown[4], shown[5] = portable.length(rate[..., :2]), rate[..., 2]
+        shown[6] = (rotor + more[..., attitude.ROTOR]).max(axis=-1)
+        shown[7] = -(rotor - more[..., attitude.ROTOR]).min(axis=-1)
         return np.where(np.isnan(shown), np.inf, shown)
 
     bounds = quantities(points, beyond)
@@ -294,6 +300,7 @@ def _bounds(limits: Limits) -> FloatArray:
         [
             limits.speed_m_s,
             limits.acceleration_m_s2,
+            limits.largest_jerk_m_s3,
             limits.tilt_rad,
             limits.rate_rad_s,
             limits.yaw_rate_rad_s,
@@ -309,7 +316,7 @@ def _hover(vehicle: Vehicle) -> float:
 
 def _shares(value: FloatArray, limits: Limits, hover_rad_s: float) -> FloatArray:
     """Shares of the limits that values (limits, n) use; never negative."""
-    base = np.array([0.0, 0.0, 0.0, 0.0, 0.0, hover_rad_s, hover_rad_s])[:, None]
+    base = np.array([0.0] * (_SLOWEST - 1) + [hover_rad_s] * 2)[:, None]
     room = _bounds(limits)[:, None] - base
     room = np.where(np.abs(room) > 1e-9, room, np.array([1e-9] * _SLOWEST + [-1e-9])[:, None])
     return np.maximum((value - base) / room, 0.0)
@@ -327,15 +334,15 @@ def _attitude_values(trajectory: Trajectory, vehicle: Vehicle, times: FloatArray
 def time_shares(trajectory: Trajectory, vehicle: Vehicle, limits: Limits, times: FloatArray) -> FloatArray:
     """Factor on the time at which each limit is just met, (limits, times); below 1 the limit is kept with margin.
 
-    Where the motion is impossible the factor is 1.5.
+    Where the motion is impossible the factor is 1.5. There is no row for a limit that there is not.
     """
     room = _longer(sampled_shares(trajectory, vehicle, limits, times))
-    return np.where(np.isfinite(room), room, 1.5)
+    return np.where(np.isfinite(room), room, 1.5)[np.isfinite(_bounds(limits))]
 
 
 def sampled_shares(trajectory: Trajectory, vehicle: Vehicle, limits: Limits, times: FloatArray) -> FloatArray:
     """Share used of each limit at each of the times (n,), (limits, n); NaN where the motion is impossible."""
-    norms = [np.linalg.norm(trajectory.position(times, r), axis=1) for r in (1, 2)]
+    norms = [np.linalg.norm(trajectory.position(times, r), axis=1) for r in range(1, _PROVED + 1)]
     value = np.stack(norms + _attitude_values(trajectory, vehicle, times))
     return _shares(value, limits, _hover(vehicle))
 

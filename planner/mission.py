@@ -11,13 +11,13 @@ from flight.mission import Ground, Mission
 from flight.trajectory import LONGEST_S
 from planner import gate, inputs, minimum_snap, planning, routes, space, turn
 from planner._planner import StopFlag
-from planner.conditions import Conditions
+from planner.conditions import OF_LEGS, Conditions
 from planner.options import PlanInfeasibleError, PlanOptions
 from planner.planning import Plan
 from vehicle import Vehicle
 
-_OF_WAYPOINTS, _OF_LEGS = ("velocity_world_m_s", "fly_by_m", "gate_edges_m"), ("leg_speed_m_s",)
-"""Conditions with a row for each waypoint, and for each leg."""
+_OF_WAYPOINTS = ("velocity_world_m_s", "fly_by_m", "gate_edges_m")
+"""Conditions with a row for each waypoint."""
 _HEIGHTS_M = np.arange(0.2, 5.0, 0.05)
 """Heights above the ground at which a take-off may join the path: the first with clearance."""
 
@@ -138,7 +138,7 @@ def with_yaw(options: PlanOptions, mission: Mission) -> PlanOptions:
 def conditions(mission: Mission) -> Conditions:
     """What a mission without laps asks of the whole trajectory, take-off and landing points counted as waypoints."""
     count = len(mission.waypoints.positions_world_m)
-    velocity, speed = np.full((count, 3), np.nan), np.full(count - 1, np.nan)
+    velocity, (speed, jerk) = np.full((count, 3), np.nan), np.full((2, count - 1), np.nan)
     stay, radius, edges = np.zeros(count), np.zeros(count), np.zeros((count, 2, 3))
     for record in mission.gates:
         edges[record.waypoint] = record.edges_m
@@ -148,6 +148,8 @@ def conditions(mission: Mission) -> Conditions:
         velocity[record.waypoint] = record.velocity_world_m_s
     for record in mission.leg_speeds:
         speed[record.first : record.last] = np.fmin(speed[record.first : record.last], record.speed_m_s)
+    for record in mission.leg_jerks:
+        jerk[record.first : record.last] = np.fmin(jerk[record.first : record.last], record.jerk_m_s3)
     for record in mission.stays:
         stay[record.waypoint] = max(stay[record.waypoint], record.duration_s)
     grounds = [ground.position_world_m for ground in (mission.take_off, mission.landing) if ground is not None]
@@ -159,6 +161,7 @@ def conditions(mission: Mission) -> Conditions:
         end=_motion(velocity[-1]),
         velocity_world_m_s=None if np.isnan(inner).all() else np.pad(inner, ((before, after), (0, 0)), "edge"),
         leg_speed_m_s=None if np.isnan(speed).all() else np.pad(speed, (before, after), constant_values=np.nan),
+        leg_jerk_m_s3=None if np.isnan(jerk).all() else np.pad(jerk, (before, after), constant_values=np.nan),
         fly_by_m=None if not radius.any() else np.pad(radius, (before, after)),
         gate_edges_m=None if not edges.any() else np.pad(edges, ((before, after), (0, 0), (0, 0))),
         stay_s=None if not stay.any() else np.pad(stay, (before, after)),
@@ -230,10 +233,8 @@ def _parts(mission: Mission, whole: Conditions, field: space.DistanceField, opti
     for a, b in pairwise(cuts):
         way, turned = points[a : b + 1], yaw[a : b + 1]
         arrays = {
-            name: None
-            if getattr(whole, name) is None
-            else getattr(whole, name)[before:][a : b + (name not in _OF_LEGS)]
-            for name in (*_OF_WAYPOINTS, *_OF_LEGS)
+            name: None if getattr(whole, name) is None else getattr(whole, name)[before:][a : b + (name not in OF_LEGS)]
+            for name in (*_OF_WAYPOINTS, *OF_LEGS)
         }
         start, end = (whole.start if a == 0 else None), (whole.end if b == len(points) - 1 else None)
         if mission.take_off is not None and a == 0:

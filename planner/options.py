@@ -1,6 +1,6 @@
 """Planning options, and the error for a plan that is infeasible."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from math import isfinite, sqrt
 from typing import Any, Literal, get_args
 
@@ -87,7 +87,7 @@ class PlanOptions:
             **{name: getattr(self, name) for name in _CHECKED},
             "yaw": self.yaw,
             "look_at_world_m": None if look_at is None else [float(x) for x in look_at],
-            "limits": None if self.limits is None else asdict(self.limits),
+            "limits": None if self.limits is None else self.limits.as_dict(),
         }
 
     @classmethod

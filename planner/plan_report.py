@@ -193,10 +193,11 @@ def _segments(report: GateReport) -> str:
     usage = report.usage
     if usage is None:
         return "<p>The vehicle's model has no answer for this motion.</p>"
-    heads = "".join(f"<th>{html.escape(name)}</th>" for name in ("segment", *limits.NAMES, "binds"))
+    names = [limits.NAMES[i] for i in np.flatnonzero(usage.limited)]
+    heads = "".join(f"<th>{html.escape(name)}</th>" for name in ("segment", *names, "binds"))
     rows: list[str] = []
     for i, binding in enumerate(usage.binding):
-        shares = "".join(f'<td class="number">{100.0 * share:.0f} %</td>' for share in usage.share[:, i])
+        shares = "".join(f'<td class="number">{100.0 * share:.0f} %</td>' for share in usage.share[usage.limited, i])
         rows.append(f'<tr><td class="number">{i}</td>{shares}<td>{html.escape(binding)}</td></tr>')
     return "<p>Share of each limit that is used at most.</p>" + _table(heads, "".join(rows))
 

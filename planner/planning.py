@@ -113,8 +113,10 @@ def from_scratch(
     limits_ = options.limits_for(vehicle)
     asked = conditions.checked(len(waypoints.positions_world_m), limits_)
     inputs.check_durations(waypoints, limits_, asked.leg_speed_m_s)
-    if options.method == "bry" and (asked.given_motion or asked.leg_speed_m_s is not None):
-        raise InputError("Bry's method starts and ends at rest and knows no velocities or speeds of legs; use fastest")
+    if options.method == "bry" and (asked.given_motion or asked.leg_limits):
+        raise InputError(
+            "Bry's method starts and ends at rest and knows no velocities and no speeds or jerks of legs; use fastest"
+        )
     routes.check_waypoints(waypoints, field, options.waypoint_clearance_m)
     asked.check_inside(waypoints.positions_world_m)
     room = asked.room(field, options)

@@ -67,6 +67,8 @@ class Problem:
     else cost less the shorter it is."""
     speed_m_s: FloatArray | None = None
     """(k,) speed limit of each segment; the airframe's own if None."""
+    jerk_m_s3: FloatArray | None = None
+    """(k,) the same of jerk."""
     start: FloatArray | None = None
     """(3, 4) velocity, acceleration and jerk at the first knot; at rest if None."""
     end: FloatArray | None = None
@@ -108,6 +110,7 @@ class Problem:
             offsets=None if self.offsets is None else self.offsets[first:last],
             reference_s=None if self.reference_s is None else self.reference_s[first:last],
             speed_m_s=None if self.speed_m_s is None else self.speed_m_s[first:last],
+            jerk_m_s3=None if self.jerk_m_s3 is None else self.jerk_m_s3[first:last],
             start=spline.states[first, 1:],
             end=spline.states[last, 1:],
             velocity=None if self.velocity is None else self.velocity[first : last + 1],
@@ -192,8 +195,10 @@ def _slant(velocity_m_s: FloatArray, edges_m: FloatArray) -> float:
 def excess_numpy(problem: Problem, motion: FloatArray) -> FloatArray:
     """The NumPy reference of the relative excess (k, SAMPLES, limits), from `derivatives`."""
     over = airframe.excess_numpy(problem.airframe, motion.reshape(-1, 5, 4)).reshape(*motion.shape[:2], -1)
-    if problem.speed_m_s is not None:
-        over[:, :, 0] = (motion[:, :, 1, :3] ** 2).sum(axis=2) / problem.speed_m_s[:, None] ** 2 - 1.0
+    for order, name, most in ((1, "speed", problem.speed_m_s), (3, "jerk", problem.jerk_m_s3)):
+        if most is not None:
+            square = (motion[:, :, order, :3] ** 2).sum(axis=2)
+            over[:, :, airframe.NAMES.index(name)] = square / most[:, None] ** 2 - 1.0
     return over
 
 
@@ -285,6 +290,8 @@ def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
     kernel.set_given(*minimum_snap.given(problem.knots, problem.start, problem.end, problem.velocity))
     if problem.speed_m_s is not None:
         kernel.set_speeds(np.ascontiguousarray(problem.speed_m_s))
+    if problem.jerk_m_s3 is not None:
+        kernel.set_jerks(np.ascontiguousarray(problem.jerk_m_s3))
     if problem.balls is not None:
         kernel.set_balls(np.ascontiguousarray(problem.balls))
     if problem.gates is not None:

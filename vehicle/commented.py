@@ -20,6 +20,7 @@ _LIMITS = {
     "yaw_rate_rad_s": "largest yaw rate",
     "rotor_speed_min_rad_s": "slowest a rotor may turn in flight",
     "rotor_speed_max_rad_s": "fastest a rotor reaches",
+    "jerk_m_s3": "largest jerk",
 }
 
 
@@ -105,7 +106,7 @@ def _entry(name: str, p: Parameter) -> str:
 
 
 def _limits(limits: Limits) -> list[str]:
-    return [f"{name} = {float(getattr(limits, name))!r}  # {meaning}" for name, meaning in _LIMITS.items()]
+    return [f"{name} = {float(value)!r}  # {_LIMITS[name]}" for name, value in limits.as_dict().items()]
 
 
 def _quoted(text: str) -> str:

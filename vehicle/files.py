@@ -34,7 +34,7 @@ def save(path: Path, vehicle: Vehicle) -> None:
             name: {s.name: asdict(vehicle.parameters[f"{name}.{s.name}"]) for s in registry.find(name).parameters}
             for name in vehicle.effects
         },
-        "limits": asdict(vehicle.limits),
+        "limits": vehicle.limits.as_dict(),
         "provenance": dict(vehicle.provenance),
     }
     file_format.write_toml(path, format=FORMAT, version=VERSION, body=body)
@@ -95,7 +95,7 @@ def vehicle_hash(vehicle: Vehicle) -> str:
         [(name, vehicle.parameters[name].value) for name in specs(vehicle)],
         vehicle.hub_body_m.tolist(),
         vehicle.spin.tolist(),
-        asdict(vehicle.limits),
+        vehicle.limits.as_dict(),
     ]
     if vehicle.gravity_m_s2 != GRAVITY_M_S2:  # plans of before, made at standard gravity, keep their vehicle's hash
         facts.append(vehicle.gravity_m_s2)

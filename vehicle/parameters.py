@@ -1,7 +1,7 @@
 """A parameter with its standard deviation and source; and the limits of the vehicle."""
 
-from dataclasses import dataclass, fields
-from math import isfinite
+from dataclasses import asdict, dataclass
+from math import inf, isfinite
 
 from flight import InputError
 
@@ -44,20 +44,30 @@ class Limits:
     """Slowest speed a rotor may turn at in flight."""
     rotor_speed_max_rad_s: float = 2000.0
     """Fastest speed a rotor reaches."""
+    jerk_m_s3: float | None = None
+    """Largest jerk (the third derivative of position); None: no limit."""
+
+    @property
+    def largest_jerk_m_s3(self) -> float:
+        """The limit of jerk, infinite without one."""
+        return inf if self.jerk_m_s3 is None else self.jerk_m_s3
+
+    def as_dict(self) -> dict[str, float]:
+        """By name, without a limit that there is not: files of before, and their hashes, stay what they were."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
 
     def stricter(self, other: "Limits") -> "Limits":
         """Of each limit the stricter one."""
+        ours, theirs = self.as_dict(), other.as_dict()
         least = {"rotor_speed_min_rad_s": max}
-        return Limits(
-            **{f.name: least.get(f.name, min)(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)}
-        )
+        both = {name: least.get(name, min)(ours[name], theirs[name]) for name in ours.keys() & theirs.keys()}
+        return Limits(**(ours | theirs | both))
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            lowest_allowed = field.name == "rotor_speed_min_rad_s"
+        for name, value in self.as_dict().items():
+            lowest_allowed = name == "rotor_speed_min_rad_s"
             if not (isfinite(value) and (value > 0.0 or (lowest_allowed and value >= 0.0))):
-                raise InputError(f"limit {field.name} is {value}; it must be a positive, finite number")
+                raise InputError(f"limit {name} is {value}; it must be a positive, finite number")
         if self.rotor_speed_min_rad_s >= self.rotor_speed_max_rad_s:
             raise InputError(
                 f"rotor_speed_min_rad_s {self.rotor_speed_min_rad_s:g} is not below "

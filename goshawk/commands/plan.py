@@ -21,6 +21,12 @@ from planner import could_hide, options, simplify
 _THINNED = 0.1
 """Share of a tube's radius by which the line in its middle may differ from the recorded path."""
 
+_SLOWER = {
+    "speed_m_s": ("--speed", "m/s"),
+    "acceleration_m_s2": ("--acceleration", "m/s2"),
+    "jerk_m_s3": ("--jerk", "m/s3"),
+}
+"""Option and unit of each limit that the command line may lower."""
 _OFF_THE_SURFACE_M = 0.15
 """The clearance is a lower bound, less than the distance to the surface by two or three voxels at most; a measured
 surface that is farther away than this is not what the clearance is measured to."""
@@ -45,6 +51,12 @@ surface that is farther away than this is not what the clearance is measured to.
 @console.margin_option
 @click.option("--speed", "speed_m_s", type=float, help="Fly no faster than this, m/s.")
 @click.option("--acceleration", "acceleration_m_s2", type=float, help="Accelerate no harder than this, m/s2.")
+@click.option(
+    "--jerk",
+    "jerk_m_s3",
+    type=float,
+    help="Change the acceleration no faster than this, m/s3 [default: the vehicle's].",
+)
 @click.option(
     "--method",
     type=click.Choice(options.METHODS),
@@ -97,6 +109,7 @@ def command(
     margin_m: float | None,
     speed_m_s: float | None,
     acceleration_m_s2: float | None,
+    jerk_m_s3: float | None,
     method: options.Method,
     search: options.Search,
     seed: int,
@@ -122,7 +135,7 @@ def command(
     goshawk plan --batch missions --jobs 4 --map map --vehicle vehicle.toml --out plans
 
     WAYPOINTS is a project's waypoints.json, or CSV with columns x_m, y_m, z_m and, optionally, yaw_deg (empty: free).
-    The JSON may also ask for laps, stays, velocities, gates, speeds of legs, a tube, take-off and landing
+    The JSON may also ask for laps, stays, velocities, gates, speeds and jerks of legs, a tube, take-off and landing
     (docs/missions.md).
     The file is written only if the final gate passes. Exit code 1: there is no such trajectory; the message names
     where, why, and what to change.
@@ -130,7 +143,7 @@ def command(
     if sum(given is not None for given in (waypoints, path, missions)) != 1:
         raise click.UsageError("give either WAYPOINTS or --path or --batch")
     drone = vehicle.load(vehicle_file)
-    wanted = options_from(drone, margin_m, speed_m_s, acceleration_m_s2, radius_m)
+    wanted = options_from(drone, margin_m, speed_m_s, acceleration_m_s2, radius_m, jerk_m_s3)
     how = replace(wanted.sized(drone), method=method, search=search, search_seed=seed)
     repeated, turned = None if laps is None else Laps(laps), yaw_from(yaw, heading_deg, look_at)
     tube = None if keep_in_m is None else KeepIn(keep_in_m)
@@ -216,6 +229,8 @@ def _show(
     del shown["residual"], shown["active_limits"]
     shown |= {"clearance": _clearance(plan.gate, nearest), "could hide": could_hide.describe(plan.gate)}
     checked = plan.gate.as_dict()
+    jerks = [check for check in plan.gate.checks if check.name in ("jerk", "jerk of legs")]
+    shown |= {check.name: f"{check.value:.1f} of {check.bound:g} {check.unit}" for check in jerks}
     document = facts | {"could_hide": checked["could_hide"], "check": checked}
     if nearest is not None:
         shown["measured surface"] = _surface(nearest)
@@ -317,18 +332,22 @@ def options_from(
     speed_m_s: float | None = None,
     acceleration_m_s2: float | None = None,
     radius_m: float | None = None,
+    jerk_m_s3: float | None = None,
 ) -> planner.PlanOptions:
     """The planner's options: the defaults, overridden by the command line."""
     options = console.body_options(radius_m, margin_m)
-    asked = {"speed_m_s": speed_m_s, "acceleration_m_s2": acceleration_m_s2}
+    asked = {"speed_m_s": speed_m_s, "acceleration_m_s2": acceleration_m_s2, "jerk_m_s3": jerk_m_s3}
     slower = {name: value for name, value in asked.items() if value is not None}
     if not slower:
         return options
     own = drone.limits
     for name, value in slower.items():
-        if not 0.0 < value <= getattr(own, name):
-            option, unit = {"speed_m_s": ("--speed", "m/s"), "acceleration_m_s2": ("--acceleration", "m/s2")}[name]
-            limit = f"{getattr(own, name):g} {unit}, the vehicle's limit"
+        most = own.as_dict().get(name)
+        if most is None and not 0.0 < value < np.inf:
+            raise InputError(f"--jerk {value:g} must be a positive, finite number of m/s3; leave it out for no limit")
+        if most is not None and not 0.0 < value <= most:
+            option, unit = _SLOWER[name]
+            limit = f"{most:g} {unit}, the vehicle's limit"
             raise InputError(
                 f"{option} {value:g} must be above 0 and at most {limit}; raise {name} under [limits] in the vehicle "
                 "file if the vehicle can do more"

@@ -69,6 +69,7 @@ class Demand {
     void excess(Number out[kLimits]) const {
         out[kSpeed] = m.velocity.dot(m.velocity) / (w.speed * w.speed) - 1.0;
         out[kAcceleration] = m.acceleration.dot(m.acceleration) / (w.acceleration * w.acceleration) - 1.0;
+        out[kJerk] = m.jerk.dot(m.jerk) / (w.jerk * w.jerk) - 1.0;
         out[kTilt] = (w.cos_tilt - z.z) / (1.0 - w.cos_tilt);
         out[kRate] = zd.dot(zd) / (w.rate * w.rate) - 1.0;
         out[kYawRate] = rate_z * rate_z / (w.yaw_rate * w.yaw_rate) - 1.0;
@@ -130,7 +131,7 @@ class Demand {
         const Number by_drag = m.jerk.dot(by_t2) + m.acceleration.dot(by_t1) + m.velocity.dot(by_t0);
         by_f += by_t0 + f * (w.drag_per_thrust / (w.gravity * force) * by_drag);
         by.snap += by_t2;
-        by.jerk += by_t2 * drag + by_t1;
+        by.jerk += by_t2 * drag + by_t1 + m.jerk * (2.0 * by_excess[kJerk] / (w.jerk * w.jerk));
         by.acceleration +=
             by_t1 * drag + by_f + m.acceleration * (2.0 * by_excess[kAcceleration] / (w.acceleration * w.acceleration));
         by.velocity += by_t0 * drag + z * by_climb + m.velocity * (-2.0 * w.lift_lateral * by_thrust) +

@@ -78,9 +78,9 @@ void snap_coefficients(In states, In durations, Out out) {
 }
 
 Airframe airframe_from(const In& values) {
-    static_assert(sizeof(Airframe) == 41 * sizeof(double), "planner/airframe.py packs as many");
+    static_assert(sizeof(Airframe) == 42 * sizeof(double), "planner/airframe.py packs as many");
     Airframe airframe;
-    std::copy_n(values.data(), 41, reinterpret_cast<double*>(&airframe));
+    std::copy_n(values.data(), 42, reinterpret_cast<double*>(&airframe));
     return airframe;
 }
 
@@ -118,6 +118,10 @@ void set_reference(Problem& problem, In durations) { problem.set_reference(durat
 
 void set_speeds(Problem& problem, In speeds) {
     std::copy_n(speeds.data(), problem.speeds().size(), problem.speeds().data());
+}
+
+void set_jerks(Problem& problem, In jerks) {
+    std::copy_n(jerks.data(), problem.jerks().size(), problem.jerks().data());
 }
 
 void set_given(Problem& problem, In states, Flags held) {
@@ -187,6 +191,7 @@ void bind_optimise(nb::module_& m) {
         .def("set_offsets", &set_offsets, nb::arg("offsets"))
         .def("set_reference", &set_reference, nb::arg("durations"))
         .def("set_speeds", &set_speeds, nb::arg("speeds"))
+        .def("set_jerks", &set_jerks, nb::arg("jerks"))
         .def("set_given", &set_given, nb::arg("states"), nb::arg("held"))
         .def("set_balls", &set_balls, nb::arg("balls"))
         .def("set_gates", &set_gates, nb::arg("gates"))

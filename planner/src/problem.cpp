@@ -62,6 +62,7 @@ Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airf
       given_((segments + 1) * kKnot),
       reference_(segments),
       speeds_(segments, airframe.speed),
+      jerks_(segments, airframe.jerk),
       balls_((segments + 1) * 4),
       gates_((segments + 1) * 9),
       held_(segments + 1),
@@ -88,6 +89,7 @@ void Problem::set_reference(const double* durations) { reference_.assign(duratio
 Airframe Problem::airframe_of(std::size_t segment) const {
     Airframe here = airframe_;
     here.speed = speeds_[segment];
+    here.jerk = jerks_[segment];
     return here;
 }
 

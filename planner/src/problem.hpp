@@ -30,6 +30,9 @@ class Problem {
     // The speed limit of each segment (k); the airframe's own unless set.
     std::vector<double>& speeds() { return speeds_; }
 
+    // The same of jerk.
+    std::vector<double>& jerks() { return jerks_; }
+
     // Velocity, acceleration and jerk at both ends (zero unless set), and the velocity of knots that are held: numbers
     // of states (k + 1, 4, 4), and held (k + 1).
     std::vector<double>& given() { return given_; }
@@ -110,7 +113,7 @@ class Problem {
     const Kernels& kernels_;
     std::vector<double> basis_, share_, offsets_, distance_, uphill_;  // see Samples
     std::vector<Ends<kAxes>> scaled_, force_;  // scaled states of each segment, and what its snap grows by with each
-    std::vector<double> states_, by_states_, given_, reference_, speeds_, balls_, gates_;
+    std::vector<double> states_, by_states_, given_, reference_, speeds_, jerks_, balls_, gates_;
     std::vector<unsigned char> held_;
     std::vector<double> target_;  // x, y; empty if the vehicle looks along its path
     std::vector<double> points_, asked_distance_, asked_gradient_;

@@ -10,11 +10,21 @@ constexpr int kLanes = 4;      // samples are taken four at a time
 constexpr int kUnknowns = 33;  // of a segment: the states of both its ends (end, order, axis), and log T
 constexpr int kPadded = 36;    // the same in whole packs
 
-enum Limit { kSpeed, kAcceleration, kTilt, kRate, kYawRate, kFastest, kSlowest = kFastest + 4, kLimits = kSlowest + 4 };
+enum Limit {
+    kSpeed,
+    kAcceleration,
+    kJerk,
+    kTilt,
+    kRate,
+    kYawRate,
+    kFastest,
+    kSlowest = kFastest + 4,
+    kLimits = kSlowest + 4
+};
 
 // In the order of planner/airframe.py. Effort is a rotor's speed squared, in units of its mean at hover.
 struct Airframe {
-    double speed, acceleration, cos_tilt, rate, yaw_rate, gravity;
+    double speed, acceleration, jerk, cos_tilt, rate, yaw_rate, gravity;  // infinite jerk: no limit
     double drag_per_thrust, drag_per_speed;  // lateral drag per mass over velocity: c |f| / g + c' |v|
     double lift_axial, lift_lateral;  // thrust per mass at steady rotor speeds: by climb rate, by lateral speed^2
     double inertia[3];

@@ -6,7 +6,7 @@ import pytest
 
 from flight import FormatError, InputError, Waypoints, project
 from flight import mission as missions
-from flight.mission import FlyBy, Gate, Ground, KeepIn, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
+from flight.mission import FlyBy, Gate, Ground, KeepIn, Laps, LegJerk, LegSpeed, Mission, Stay, Velocity, Yaw
 
 POINTS = Waypoints(np.arange(15.0).reshape(5, 3), np.array([np.nan, 0.5, np.nan, np.nan, -1.0]))
 FULL = Mission(
@@ -15,6 +15,7 @@ FULL = Mission(
     stays=(Stay(4, 2.0),),
     velocities=(Velocity(2, (1.0, 0.0, 0.5)),),
     leg_speeds=(LegSpeed(0, 2, 1.5),),
+    leg_jerks=(LegJerk(1, 3, 25.0),),
     fly_bys=(FlyBy(3, 0.5),),
     take_off=Ground((0.0, 0.0, 0.1)),
     landing=None,
@@ -42,7 +43,7 @@ def test_waypoints_alone_are_written_as_before_and_an_old_file_is_read(tmp_path)
 
 def test_a_reader_of_waypoints_alone_refuses_a_mission_instead_of_dropping_what_it_asks(tmp_path):
     missions.save(tmp_path / "w.json", FULL)
-    with pytest.raises(FormatError, match="fly_bys, gates, keep_in, laps, leg_speeds, stays"):
+    with pytest.raises(FormatError, match="fly_bys, gates, keep_in, laps, leg_jerks, leg_speeds, stays"):
         project.load_waypoints(tmp_path / "w.json")
 
 
@@ -66,9 +67,11 @@ def test_laps_unroll_to_a_closed_loop_with_a_way_in_and_out():
         (LegSpeed(0, 4, 1.0), [0, 1, 2, 3, 4, 5, 6, 7]),
     ],
 )
-def test_the_legs_of_laps_keep_the_speeds_of_those_that_are_listed(speed, legs):
-    flown = Mission(POINTS, laps=Laps(2, 1, 3), leg_speeds=(speed,)).unrolled()
+def test_the_legs_of_laps_keep_the_limits_of_those_that_are_listed(speed, legs):
+    jerk = LegJerk(speed.first, speed.last, 30.0)
+    flown = Mission(POINTS, laps=Laps(2, 1, 3), leg_speeds=(speed,), leg_jerks=(jerk,)).unrolled()
     assert sorted(leg.first for leg in flown.leg_speeds) == legs
+    assert sorted(flown.leg_jerks, key=lambda leg: leg.first) == [LegJerk(i, i + 1, 30.0) for i in legs]
 
 
 @pytest.mark.parametrize(
@@ -78,7 +81,10 @@ def test_the_legs_of_laps_keep_the_speeds_of_those_that_are_listed(speed, legs):
         ({"stays": (Stay(1, -1.0),)}, "stay at waypoint 2 lasts -1 s"),
         ({"stays": (Stay(2, 1.0),)}, "waypoint 3 has a stay and a velocity"),
         ({"leg_speeds": (LegSpeed(3, 3, 1.0),)}, "from waypoint 4 to 4"),
-        ({"leg_speeds": (LegSpeed(1, 3, 0.0),)}, "from waypoint 2 is 0 m/s"),
+        ({"leg_speeds": (LegSpeed(1, 3, 0.0),)}, "speed from waypoint 2 is 0 m/s"),
+        ({"leg_jerks": (LegJerk(2, 5, 1.0),)}, "a jerk is given from waypoint 3 to 6; there are 1 to 5"),
+        ({"leg_jerks": (LegJerk(1, 3, -1.0),)}, "jerk from waypoint 2 is -1 m/s3; it must be positive"),
+        ({"leg_jerks": (LegJerk(1, 3, np.nan),)}, "jerk from waypoint 2 is nan m/s3"),
         ({"laps": Laps(0)}, "0 laps"),
         ({"fly_bys": (FlyBy(9, 1.0),)}, "waypoint 10"),
         ({"fly_bys": (FlyBy(4, 1.0),)}, "waypoint 5 has a stay and a radius"),

@@ -193,6 +193,7 @@ REFUSED = [  # (the command, words of the sentence): exit code 2
     (f"{PLAN} --speed nan", "speed"),
     (f"{PLAN} --speed 1e9", "speed"),
     (f"{PLAN} --acceleration 0", "acceleration"),
+    *[(f"{PLAN} --jerk {jerk}", f"--jerk {jerk} must be a positive, finite") for jerk in ("0", "-1", "nan", "inf")],
     (f"plan --path p_outside.csv --simplify nan {M} {V} --out new.json", ""),
     (f"{MAP} --voxel 0", "voxel"),
     (f"{MAP} --voxel nan", "voxel"),

@@ -19,7 +19,7 @@ import mapping
 import vehicle
 from esdf.visibility import Visibility, save_visibility
 from flight import Waypoints, mission, project, trajectory
-from flight.mission import Gate, Ground, KeepIn, Laps, Mission, Stay
+from flight.mission import Gate, Ground, KeepIn, Laps, LegJerk, Mission, Stay
 from goshawk import batch, batch_mission, demo
 from mapping import confidence_layer
 from mapping.dense import mesh_file
@@ -91,6 +91,43 @@ def test_gates_and_a_tube_are_planned_and_checked_again_from_the_file(folder, tm
     document["check"]["conditions"]["keep_in_radius_m"] = 0.06
     (tmp_path / "flown.json").write_text(json.dumps(document))
     assert goshawk("check", tmp_path / "flown.json", *world(folder)).returncode == 1
+
+
+def test_jerk_is_limited_by_an_option_and_on_legs_shown_and_checked_again_from_the_file(folder, tmp_path):
+    mission.save(tmp_path / "m.json", Mission(ask(LOOP), leg_jerks=(LegJerk(1, 2, 6.0),)))
+    out = tmp_path / "flown.json"
+    shown = goshawk("plan", tmp_path / "m.json", *world(folder), "--out", out, "--jerk", 20)
+    assert shown.returncode == 0, shown.stderr
+    for row, bound in (("jerk", 20), ("jerk of legs", 6)):
+        found = re.search(rf"^ *{row} +([0-9.]+) of {bound} m/s3 *$", shown.stdout, re.MULTILINE)
+        assert found, shown.stdout
+        assert 0.95 * bound < float(found[1]) <= bound
+    checked = json.loads(goshawk("check", out, *world(folder), "--json").stdout)
+    assert checked["passed"]
+    bounds = {check["name"]: check["bound"] for check in checked["checks"]}
+    assert (bounds["jerk"], bounds["jerk of legs"]) == (20.0, 6.0)
+
+
+def test_no_jerk_is_mentioned_where_none_is_limited_and_a_limit_far_away_changes_nothing(folder, tmp_path):
+    file = folder / "missions" / "a.json"
+    free = run(file, *world(folder), "--out", tmp_path / "free.json")
+    far = run(file, *world(folder), "--out", tmp_path / "far.json", "--jerk", 1e30)
+    assert far["check"]["trajectory_hash"] == free["check"]["trajectory_hash"]
+    names = [[check["name"] for check in facts["check"]["checks"]] for facts in (free, far)]
+    assert names[0] == [name for name in names[1] if name != "jerk"]
+    assert "jerk" in names[1]
+    shown = goshawk("plan", file, *world(folder), "--out", tmp_path / "shown.json").stdout
+    assert "m/s3" not in shown
+
+
+def test_more_jerk_than_the_vehicles_limit_is_refused_with_where_to_raise_it(folder, tmp_path):
+    vehicle.save(tmp_path / "careful.toml", demo.vehicles()[1].with_limits(jerk_m_s3=30.0))
+    call = ("--map", folder / "map", "--vehicle", tmp_path / "careful.toml", "--out", tmp_path / "out.json")
+    ended = goshawk("plan", folder / "missions" / "a.json", *call, "--jerk", 31)
+    assert ended.returncode == 2
+    assert "--jerk 31 must be above 0 and at most 30 m/s3, the vehicle's limit; raise jerk_m_s3" in ended.stderr
+    facts = run(folder / "missions" / "a.json", *call)
+    assert next(check["bound"] for check in facts["check"]["checks"] if check["name"] == "jerk") == 30.0
 
 
 def test_the_path_stays_within_the_tube_round_a_recorded_walk(folder, tmp_path):

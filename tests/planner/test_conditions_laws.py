@@ -46,6 +46,8 @@ def test_what_is_just_within_a_bound_is_taken(drone):
         Conditions(start=motion(0, 0.0, 0.0, 0.0, 99.0)),  # the heading's own rate has another limit
         Conditions(start=motion(2, 99.0)),
         Conditions(leg_speed_m_s=np.array([1e-3, OPEN, speed])),
+        Conditions(leg_jerk_m_s3=np.array([1e-3, OPEN, 1e30])),
+        Conditions(start=motion(2, 9.0), end=motion(2, 0.0, 9.0), leg_jerk_m_s3=np.array([9.0, 1.0, OPEN])),
         Conditions(velocity_world_m_s=rows([speed, 0.0, 0.0], 1)),
         Conditions(velocity_world_m_s=rows([1.5, 0.0, 0.0], 1), leg_speed_m_s=np.array([1.5, 1.5, 0.1])),
         Conditions(fly_by_m=np.array([0.0, 99.9, 0.5, 0.0])),
@@ -69,6 +71,12 @@ def test_what_is_just_within_a_bound_is_taken(drone):
         (Conditions(start=motion(2, OPEN)), "start's motion is not finite"),
         (Conditions(leg_speed_m_s=np.array([1.0, 1.0, 0.0])), "leg from waypoint 3 to 4 has a speed of 0"),
         (Conditions(leg_speed_m_s=np.array([-1.0, 1.0, 1.0])), "leg from waypoint 1 to 2 has a speed of -1"),
+        (Conditions(leg_jerk_m_s3=np.array([1.0, 1.0, 0.0])), "leg from waypoint 3 to 4 has a jerk of 0 m/s3"),
+        (Conditions(leg_jerk_m_s3=np.array([1.0, -1.0, 1.0])), "leg from waypoint 2 to 3 has a jerk of -1 m/s3"),
+        (Conditions(start=motion(2, 0.0, 50.1)), "start moves at 50.1 m/s3, limit 50"),
+        (Conditions(start=motion(2, 9.1), leg_jerk_m_s3=np.array([9.0, 1.0, 1.0])), "start moves at 9.1 m/s3, limit 9"),
+        (Conditions(end=motion(2, 9.1), leg_jerk_m_s3=np.array([1.0, 1.0, 9.0])), "end moves at 9.1 m/s3, limit 9"),
+        (Conditions(leg_jerk_m_s3=np.ones(2)), "leg_jerk_m_s3: expected shape"),
         (Conditions(velocity_world_m_s=rows([1.0, 0.0, 0.0], 3)), "at the first or last waypoint"),
         (Conditions(velocity_world_m_s=rows([OPEN, 0.0, 0.0], 0)), "at the first or last waypoint"),
         (Conditions(velocity_world_m_s=rows([OPEN, 0.0, 0.0], 2)), "velocity at waypoint 3 is not finite in every"),
@@ -120,7 +128,7 @@ def test_what_is_just_within_a_bound_is_taken(drone):
     ],
 )
 def test_what_is_just_beyond_a_bound_is_refused_by_name(drone, given, words):
-    limits = drone.with_limits(speed_m_s=8.0, acceleration_m_s2=12.0).limits
+    limits = drone.with_limits(speed_m_s=8.0, acceleration_m_s2=12.0, jerk_m_s3=50.0).limits
     with pytest.raises(InputError, match=words):
         given.checked(4, limits)
 
@@ -165,12 +173,14 @@ def test_a_path_with_given_motion_is_one_with_any_velocity():
 def test_a_waypoint_inserted_halves_a_leg_and_asks_for_nothing(index, speeds):
     given = Conditions(
         leg_speed_m_s=np.array([1.0, 2.0, 3.0]),
+        leg_jerk_m_s3=np.array([10.0, 20.0, 30.0]),
         fly_by_m=np.arange(1.0, 5.0),
         stay_s=np.arange(1.0, 5.0),
         velocity_world_m_s=np.ones((4, 3)),
         gate_edges_m=np.ones((4, 2, 3)),
     ).inserted(index)
     np.testing.assert_array_equal(given.leg_speed_m_s, speeds)
+    np.testing.assert_array_equal(given.leg_jerk_m_s3, 10.0 * np.array(speeds))
     np.testing.assert_array_equal(given.fly_by_m, np.insert(np.arange(1.0, 5.0), index, 0.0))
     np.testing.assert_array_equal(given.stay_s, np.insert(np.arange(1.0, 5.0), index, 0.0))
     assert np.isnan(given.velocity_world_m_s).all(axis=1).tolist() == [i == index for i in range(5)]
@@ -183,8 +193,10 @@ def test_a_waypoint_inserted_halves_a_leg_and_asks_for_nothing(index, speeds):
     [(0, [2, 1], [2, 1]), (1, [2, 1], [2, 1]), (2, [3, 1], [OPEN, 1]), (3, [3, 2], [OPEN, 2])],
 )
 def test_a_waypoint_deleted_leaves_the_lower_speed_of_two_legs(index, speeds, open_speeds):
-    given = Conditions(leg_speed_m_s=np.array([3.0, 2.0, 1.0]), fly_by_m=np.arange(1.0, 5.0)).deleted(index)
+    most = np.array([3.0, 2.0, 1.0])
+    given = Conditions(leg_speed_m_s=most, leg_jerk_m_s3=most, fly_by_m=np.arange(1.0, 5.0)).deleted(index)
     np.testing.assert_array_equal(given.leg_speed_m_s, speeds)
+    np.testing.assert_array_equal(given.leg_jerk_m_s3, speeds)
     np.testing.assert_array_equal(given.fly_by_m, np.delete(np.arange(1.0, 5.0), index))
     one_open = Conditions(leg_speed_m_s=np.array([OPEN, 2.0, 1.0])).deleted(index)
     np.testing.assert_array_equal(one_open.leg_speed_m_s, open_speeds)
@@ -200,6 +212,7 @@ def test_conditions_of_waypoints_stand_at_their_knots():
         fly_by_m=np.array([0.5, 1.0, 0.0, 2.0]),
         gate_edges_m=edges(at_0=LEFT_UP, at_2=2.0 * LEFT_UP),
         leg_speed_m_s=np.array([OPEN, 1.0, 99.0]),
+        leg_jerk_m_s3=np.array([7.0, OPEN, 8.0]),
     )
     knots = given.at_knots(waypoint)
     assert knots.shape == (6, 4)
@@ -216,19 +229,25 @@ def test_conditions_of_waypoints_stand_at_their_knots():
     assert (openings[[1, 2, 4, 5], 1:] == 0.0).all()
     first = Conditions(velocity_world_m_s=rows([1.0, 0.0, 0.0], 0)).at_knots(waypoint)
     assert first[0].tolist() == [1.0, 0.0, 0.0, 0.0]
-    assert given.most_speed_m_s(waypoint).tolist() == [np.inf, np.inf, 1.0, 99.0, 99.0]
-    assert Conditions().most_speed_m_s(waypoint).tolist() == [np.inf] * 5
+    assert given.most_on_legs(waypoint)["speed"].tolist() == [np.inf, np.inf, 1.0, 99.0, 99.0]
+    assert given.most_on_legs(waypoint)["jerk"].tolist() == [7.0, 7.0, np.inf, 8.0, 8.0]
+    assert [most.tolist() for most in Conditions().most_on_legs(waypoint).values()] == [[np.inf] * 5] * 2
     nothing = Conditions()
     assert nothing.at_knots(waypoint) is None
     assert nothing.balls(points, waypoint) is None
     assert nothing.gates(points, waypoint) is None
 
 
-def test_the_optimiser_aims_a_little_below_a_legs_speed_and_never_above_the_limit(drone):
-    waypoint = np.array([0, -1, 1, 2])
-    speeds = Conditions(leg_speed_m_s=np.array([2.0, OPEN])).planned_speed_m_s(waypoint, drone.limits)
-    np.testing.assert_allclose(speeds, [1.97, 1.97, drone.limits.speed_m_s])
-    assert Conditions().planned_speed_m_s(waypoint, drone.limits) is None
+def test_the_optimiser_aims_a_little_below_the_limits_of_a_leg_and_never_above_the_vehicles(drone):
+    waypoint, most = np.array([0, -1, 1, 2]), np.array([2.0, OPEN])
+    asked = Conditions(leg_speed_m_s=most).planned_on_legs(waypoint, drone.limits)
+    np.testing.assert_allclose(asked["speed_m_s"], [1.97, 1.97, drone.limits.speed_m_s])
+    assert asked["jerk_m_s3"] is None
+    for limited, open_leg in ((drone, np.inf), (drone.with_limits(jerk_m_s3=1.98), 1.98)):
+        asked = Conditions(leg_jerk_m_s3=most).planned_on_legs(waypoint, limited.limits)
+        np.testing.assert_allclose(asked["jerk_m_s3"], [1.97, 1.97, open_leg])
+        assert asked["speed_m_s"] is None
+    assert set(Conditions().planned_on_legs(waypoint, drone.limits).values()) == {None}
 
 
 # -- what the gate asks ------------------------------------------------------------------------------------------------
@@ -344,6 +363,24 @@ def test_each_leg_has_its_own_largest_speed():
     assert check.reason.startswith("leg from waypoint 2 at 1.")
     nothing = {check.name for check in checks(path, points, Conditions(leg_speed_m_s=np.full(3, OPEN)))}
     assert "speed of legs" not in nothing
+
+
+def test_each_leg_has_its_own_largest_jerk():
+    path = powers((0.0, 0.0, 0.0, 1.0), (1.0, 3.0, 3.0, 3.0), (10.0, 18.0, 12.0, 2.0))  # jerk is 6 times the last
+    points = at(0.0, 1.0, 2.0, 3.0)
+    for jerks, passed in (
+        ((6.001, 18.001, 12.001), True),
+        ((OPEN, 18.001, OPEN), True),
+        ((5.999, 18.001, 12.001), False),
+        ((6.001, 17.999, 12.001), False),
+        ((6.001, 18.001, 11.999), False),
+    ):
+        check = verdict("jerk of legs", path, points, leg_jerk_m_s3=np.array(jerks))
+        assert check.passed == passed, jerks
+    check = verdict("jerk of legs", path, points, leg_jerk_m_s3=np.array([5.0, 2.0, 11.0]))
+    assert (check.value, check.bound, check.segment) == (pytest.approx(18.0), 2.0, 1)
+    assert check.reason.startswith("leg from waypoint 2 at 1.")
+    assert check.reason.endswith(": 18 m/s3, asked for at most 2")
 
 
 def test_within_a_radius_the_faster_of_two_legs_counts_and_behind_it_the_later_one():

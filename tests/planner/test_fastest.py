@@ -60,7 +60,8 @@ def test_only_segments_that_exceed_a_limit_are_asked_for_more(walk, drone):
     used = limits.usage(path, drone, replace(drone.limits, speed_m_s=bound), step_s=0.01)
     corrections = Corrections(5)
     before = corrections.total()
-    corrections.stricter(used, np.zeros(5, dtype=bool))
+    nowhere = np.zeros(5, dtype=bool)
+    corrections.stricter(used, {"speed": nowhere, "jerk": nowhere})
     more = corrections.total() - before
     fastest_segment = int(np.argmax(speeds))
     least, share = corrections_module._STRICTER
@@ -69,10 +70,13 @@ def test_only_segments_that_exceed_a_limit_are_asked_for_more(walk, drone):
     assert np.allclose(more[fastest_segment, :, 0], np.clip(share * excess, least, 10.0 * least))
     others = np.delete(np.arange(5), fastest_segment)
     assert np.all(more[others, :, 0] == 0.0)
-    before = corrections.total()
     slow = np.arange(5) == others[0]
-    corrections.stricter(used, slow)
-    assert np.all((corrections.total() - before)[slow].max(axis=(1, 2)) > 0.0)
+    for name in ("speed", "jerk"):  # what is asked for on a leg
+        column, before = airframe.NAMES.index(name), corrections.total()
+        for asked, raised in ((nowhere, False), (slow, True)):
+            corrections.stricter(used, {name: asked})
+            more = (corrections.total() - before)[slow, :, column]
+            assert (more.max() > 0.0) == raised
 
 
 def test_multipliers_rise_where_a_limit_is_exceeded_and_fall_where_it_is_not():

@@ -56,6 +56,7 @@ def test_more_time_eases_every_limit(drone):
     [
         ("speed", {"speed_m_s": 0.5}),
         ("acceleration", {"acceleration_m_s2": 0.5}),
+        ("jerk", {"jerk_m_s3": 0.5}),
         ("tilt", {"tilt_rad": 0.02}),
         ("roll and pitch rate", {"rate_rad_s": 0.02}),
         ("yaw rate", {"yaw_rate_rad_s": 0.02}),

@@ -5,12 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import vehicle
 from flight import Trajectory
 from planner import attitude, limits, minimum_snap
 from planner.limits import NAMES, Check, Known, Usage
 from vehicle import flatness, invert
 
 STEP_S = 0.005
+PROVED = ("speed", "acceleration", "jerk")
+
+
+@pytest.fixture(scope="module")
+def drone() -> vehicle.Vehicle:
+    """With every limit there is."""
+    return vehicle.example("rigter2019").with_limits(jerk_m_s3=60.0)
 
 
 def some_path(seed: int, count: int = 5, pace: float = 1.0) -> Trajectory:
@@ -27,6 +35,7 @@ def sampled(path: Trajectory, drone, times: np.ndarray) -> np.ndarray:
         [
             np.linalg.norm(path.position(times, 1), axis=1),
             np.linalg.norm(path.position(times, 2), axis=1),
+            np.linalg.norm(path.position(times, 3), axis=1),
             state.tilt_rad,
             np.hypot(rate[:, 0], rate[:, 1]),
             np.abs(rate[:, 2]),
@@ -55,14 +64,14 @@ def test_each_segments_value_is_its_own_and_occurs_when_it_says(drone, count):
         hover = float(invert.hover(drone).mean())
         for k, name in enumerate(NAMES):
             assert start - 1e-9 <= used.time_s[k, i] <= end + 1e-9
-            room = abs(used.bound[k] - (hover if k > 4 else 0.0))
+            room = abs(used.bound[k] - (hover if k > 5 else 0.0))
             exact = seen[k].min() if name == "slowest rotor" else seen[k].max()
             beyond = (exact - used.value[k, i] if name == "slowest rotor" else used.value[k, i] - exact) / room
             largest = max(largest, beyond)
             assert beyond > -1e-9, name
             if used.share[k, i] >= 0.97:  # else it is not looked at more closely
                 assert beyond < 0.01, name
-            if name in ("speed", "acceleration"):
+            if name in PROVED:
                 assert beyond < 0.02
                 assert abs(at[k, k] - exact) < 0.06 * exact + 0.02 * room, name
             elif used.share[k, i] > 0.5:
@@ -111,10 +120,10 @@ def test_a_limit_that_is_met_exactly_is_kept():
 
 def test_a_segment_is_decided_by_the_limit_it_uses_most_from_97_percent_on():
     share = np.zeros((len(NAMES), 5))
-    share[2, 0], share[3, 0] = 0.969, 0.5
-    share[2, 1], share[3, 1] = 0.97, 0.5
-    share[2, 2], share[3, 2] = 1.0, 1.1
-    share[6, 3] = np.nan  # cannot be flown
+    share[3, 0], share[4, 0] = 0.969, 0.5
+    share[3, 1], share[4, 1] = 0.97, 0.5
+    share[3, 2], share[4, 2] = 1.0, 1.1
+    share[7, 3] = np.nan  # cannot be flown
     share[0, 4] = np.inf
     found = made(np.zeros(5), share=share).binding
     assert found == ("", "tilt", "roll and pitch rate", "slowest rotor", "speed")
@@ -122,8 +131,8 @@ def test_a_segment_is_decided_by_the_limit_it_uses_most_from_97_percent_on():
 
 def test_the_worst_segment_is_that_with_the_largest_value_of_the_slowest_rotor_the_least():
     used = made([3.0, 5.0, 1.0])
-    assert [used.worst(k) for k in range(len(NAMES))] == [1] * 6 + [2]
-    assert [made([3.0, np.nan, 9.0]).worst(k) for k in (0, 6)] == [1, 1]
+    assert [used.worst(k) for k in range(len(NAMES))] == [1] * 7 + [2]
+    assert [made([3.0, np.nan, 9.0]).worst(k) for k in (0, 7)] == [1, 1]
 
 
 def test_checks_say_by_which_method_they_were_found_and_have_the_worst_segment(drone):
@@ -131,8 +140,8 @@ def test_checks_say_by_which_method_they_were_found_and_have_the_worst_segment(d
     used, checks = limits.measure(path, drone, drone.limits, step_s=STEP_S)
     for k, check in enumerate(checks):
         assert check.passed, check.name
-        assert ("proved" in check.reason) == (check.name in ("speed", "acceleration"))
-        assert ("interpolated" in check.reason) == (check.name not in ("speed", "acceleration"))
+        assert ("proved" in check.reason) == (check.name in PROVED)
+        assert ("interpolated" in check.reason) == (check.name not in PROVED)
         assert check.value == used.value[k, check.segment]
         assert check.value == (used.value[k].min() if check.name == "slowest rotor" else used.value[k].max())
         assert check.time_s == used.time_s[k, check.segment]
@@ -153,7 +162,7 @@ def test_a_check_is_json_able_and_a_ratio():
     assert (broken["value"], broken["bound"], broken["passed"], broken["name"]) == (None, None, False, "x")
 
 
-@pytest.mark.parametrize(("limit", "power"), list(enumerate((1.0, 0.5, 0.5, 1.0 / 3.0, 1.0, 0.5, 0.5))))
+@pytest.mark.parametrize(("limit", "power"), list(enumerate((1.0, 0.5, 1.0 / 3.0, 0.5, 1.0 / 3.0, 1.0, 0.5, 0.5))))
 def test_a_refusal_proposes_the_time_in_which_the_limit_would_be_kept(limit, power):
     path = Trajectory(np.array([2.0]), np.zeros((1, 4, 8)))
     eightfold = made([8.0], share=np.full((len(NAMES), 1), 8.0))
@@ -168,16 +177,16 @@ def test_shares_of_time_are_powers_of_the_shares_of_limits(drone):
     found = limits.time_shares(path, drone, drone.limits, times)
     values, bounds = sampled(path, drone, times), np.array([check.bound for check in limits.check(path, drone)])
     hover = float(invert.hover(drone).mean())
-    base = np.array([0.0] * 5 + [hover] * 2)[:, None]
+    base = np.array([0.0] * 6 + [hover] * 2)[:, None]
     share = np.maximum((values - base) / (bounds[:, None] - base), 0.0)
-    powers = np.array([1.0, 0.5, 0.5, 1.0 / 3.0, 1.0, 0.5, 0.5])[:, None]
+    powers = np.array([1.0, 0.5, 1.0 / 3.0, 0.5, 1.0 / 3.0, 1.0, 0.5, 0.5])[:, None]
     np.testing.assert_allclose(found, share**powers, atol=1e-7)
 
 
 def test_without_room_beside_hover_every_deviation_is_too_much(drone):
     hover = float(invert.hover(drone).mean())
     at = np.full((len(NAMES), 1), hover)
-    for row, limit, sign in ((5, "rotor_speed_max_rad_s", 1.0), (6, "rotor_speed_min_rad_s", -1.0)):
+    for row, limit, sign in ((6, "rotor_speed_max_rad_s", 1.0), (7, "rotor_speed_min_rad_s", -1.0)):
         tight = replace(drone.limits, **{limit: hover})
         assert limits._shares(at, tight, hover)[row, 0] == 0.0
         assert limits._shares(at + sign, tight, hover)[row, 0] > 1e6
@@ -218,19 +227,19 @@ def test_a_limit_that_decides_is_bounded_to_a_hundredth_and_others_only_as_close
     hover = float(invert.hover(drone).mean())
     tight = replace(
         drone.limits,
-        tilt_rad=float(seen[2].max()),
-        rate_rad_s=float(seen[3].max()),
-        yaw_rate_rad_s=float(seen[4].max()),
-        rotor_speed_max_rad_s=float(seen[5].max()),
-        rotor_speed_min_rad_s=float(seen[6].min()),
+        tilt_rad=float(seen[3].max()),
+        rate_rad_s=float(seen[4].max()),
+        yaw_rate_rad_s=float(seen[5].max()),
+        rotor_speed_max_rad_s=float(seen[6].max()),
+        rotor_speed_min_rad_s=float(seen[7].min()),
     )
     used, loose = (limits.usage(path, drone, bounds, step_s=0.05) for bounds in (tight, drone.with_limits(
         tilt_rad=3.0, rate_rad_s=90.0, yaw_rate_rad_s=90.0, rotor_speed_max_rad_s=9000.0, rotor_speed_min_rad_s=1.0
     ).limits))  # fmt: skip
     coarser = 0.0
-    for k in range(2, len(NAMES)):
-        room = abs(used.bound[k] - (hover if k > 4 else 0.0))
-        exact = seen[k].min() if k == 6 else seen[k].max()
+    for k in range(3, len(NAMES)):
+        room = abs(used.bound[k] - (hover if k > 5 else 0.0))
+        exact = seen[k].min() if k == 7 else seen[k].max()
         near, far = (abs(u.value[k, u.worst(k)] - exact) / room for u in (used, loose))
         assert near < 0.01, NAMES[k]
         coarser = max(coarser, far)

@@ -22,6 +22,7 @@ TIGHT = Limits(
     yaw_rate_rad_s=1.0,
     rotor_speed_min_rad_s=600.0,
     rotor_speed_max_rad_s=1200.0,
+    jerk_m_s3=25.0,
 )
 
 
@@ -33,7 +34,7 @@ def problem(seed: int, segments: int = 5, **weights: float) -> tuple[Problem, np
     free[[0, -1]] = False
     frame = airframe.reduced(vehicle.example("rigter2019"), TIGHT)
     price = replace(Weights(snap=1e-4, limits=2.0, clearance=30.0, heading=0.5, turning=0.1), **weights)
-    offsets = 0.1 * rng.normal(size=(segments, time_allocation.SAMPLES, airframe.COLUMNS))
+    offsets = 0.1 * rng.normal(size=(segments, time_allocation.SAMPLES, airframe.COLUMNS - 1))
     velocity = np.full((segments + 1, 4), np.nan)
     velocity[segments // 2] = rng.normal(size=4)
     moving = {"start": rng.normal(size=(3, 4)), "end": rng.normal(size=(3, 4)), "velocity": velocity}
@@ -48,7 +49,11 @@ def problem(seed: int, segments: int = 5, **weights: float) -> tuple[Problem, np
     edges = 0.4 * rng.normal(size=(segments + 1, 2, 3)) * (rng.random(segments + 1) < 0.5)[:, None, None]
     edges[:, 1] -= edges[:, 0] * (edges[:, 1] * edges[:, 0]).sum(1, keepdims=True) / (edges[:, :1] ** 2 + 1e-30).sum(2)
     gates = np.concatenate([knots[:, None, :3] + 0.5 * rng.normal(size=(segments + 1, 1, 3)), edges], axis=1)
-    return replace(p, speed_m_s=rng.uniform(1.0, 4.0, segments), gates=gates), durations
+    speed = rng.uniform(1.0, 4.0, segments)
+    jerk = rng.uniform(10.0, 80.0, segments)
+    # that of jerk is drawn last, so that a seed gives what it gave before there was one
+    offsets = np.insert(offsets, airframe.NAMES.index("jerk"), 0.1 * rng.normal(size=offsets.shape[:2]), axis=2)
+    return replace(p, offsets=offsets, speed_m_s=speed, jerk_m_s3=jerk, gates=gates), durations
 
 
 def agrees_with_differences(p: Problem, T: np.ndarray) -> bool:
@@ -126,15 +131,15 @@ def test_the_reduced_vehicle_is_close_to_the_full_model(pace):
     knots = np.cumsum(rng.normal(size=(7, 4)) * [4.0, 4.0, 1.0, 0.5], axis=0)
     T = pace * np.full(6, 1.3)
     spline = minimum_snap.solve(knots, T)
-    frame = airframe.reduced(drone, drone.limits)
+    frame = airframe.reduced(drone, replace(drone.limits, jerk_m_s3=60.0))
     reduced = airframe.excess_numpy(frame, time_allocation.derivatives(spline).reshape(-1, 5, 4))
     path = minimum_snap.trajectory(spline)
     full = airframe.measured_excess(frame, drone, path, np.arange(6), time_allocation.FRACTIONS).reshape(reduced.shape)
-    assert np.abs(full[:, :2] - reduced[:, :2]).max() < 1e-5
+    assert np.abs(full[:, :3] - reduced[:, :3]).max() < 1e-5
     flown = full.max(axis=1) < 0.1  # motions the optimiser may end with
     assert flown.mean() > 0.7
-    assert np.abs(full[:, 2:5] - reduced[:, 2:5])[flown].max() < 0.12
-    assert np.abs(full[:, 5:] - reduced[:, 5:])[flown].max() < 0.15
+    assert np.abs(full[:, 3:6] - reduced[:, 3:6])[flown].max() < 0.12
+    assert np.abs(full[:, 6:] - reduced[:, 6:])[flown].max() < 0.15
 
 
 def test_optimising_times_never_costs_more_and_is_a_minimum():
@@ -189,7 +194,7 @@ def test_a_path_in_unknown_space_is_drawn_back_to_its_polyline():
     assert by_knots[1, 1] > 0.0
 
 
-@pytest.mark.parametrize("name", ["speed_m_s", "acceleration_m_s2", "tilt_rad", "rotor_speed_max_rad_s"])
+@pytest.mark.parametrize("name", ["speed_m_s", "acceleration_m_s2", "jerk_m_s3", "tilt_rad", "rotor_speed_max_rad_s"])
 def test_more_of_any_limit_is_never_slower(name, open_sky):
     knots = np.array([[0.0, 0, 0, 0], [4, 0, 0, 0], [4, 3, 1, 0], [0, 3, 1, 0]])
     times = []

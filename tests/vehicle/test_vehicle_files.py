@@ -6,6 +6,7 @@ import pytest
 import vehicle
 from flight import FormatError, InputError
 from flight.frames import GRAVITY_M_S2
+from vehicle import commented
 
 
 @pytest.mark.parametrize("name", ["rigter2019", "hummingbird"])
@@ -114,6 +115,9 @@ def test_unknown_names_are_refused_with_the_known_ones():
 
 def test_limits_come_back_as_they_were_set(tmp_path):
     limited = vehicle.example().with_limits(speed_m_s=3.25, acceleration_m_s2=4.5, tilt_rad=0.5)
-    vehicle.save(tmp_path / "v.toml", limited)
-    assert vehicle.load(tmp_path / "v.toml").limits == limited.limits
+    for drone in (limited, limited.with_limits(jerk_m_s3=40.0)):
+        for write in (vehicle.save, commented.write):
+            write(tmp_path / "v.toml", drone)
+            assert vehicle.load(tmp_path / "v.toml").limits == drone.limits
+            assert ("jerk" in (tmp_path / "v.toml").read_text()) == (drone.limits.jerk_m_s3 is not None)
     assert limited.limits != vehicle.example().limits
