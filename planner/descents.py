@@ -15,15 +15,16 @@ from planner._planner import StopFlag
 from planner.minimum_snap import Spline
 from planner.time_allocation import Problem, Solution
 
-_FIRST, _NEW, _MOST = 150, 200, 150
+_FIRST, _NEW, _MOST = 150, 200, 250
 """Iterations of the descent among paths of least snap, of that from new knots of an edited path, and the most of each
 descent through whole states, which commonly ends before."""
 _OPEN, _AMONG = (1.0, 8.0, 60.0), (10.0, 60.0)
 """Prices on exceeded limits, before the full one, with which each descent begins, in open space and among obstacles. At
 the full price alone the path stays where the limits meet it first: it ends 17 % later in the open. Among obstacles low
 prices let the path cut corners that the full price does not mend."""
-_PRECISION, _GENTLE = 1e-4, 1e-3
-"""Share of the cost that ten more steps would gain where a descent ends; the same among obstacles at low prices."""
+_PRECISION, _GENTLE, _STEEP = 1e-5, 1e-4, 1e-3
+"""Share of the cost that ten more steps would gain where a descent ends: at the full price, and at low prices in the
+open and among obstacles."""
 _HOLD = 0.05
 """Price, in s/m^2, of leaving the path that the vehicle's own model was asked along last: many paths take nearly the
 same time, and what was measured holds for one of them. Without it a path near free fall took 40 rounds, with it 14."""
@@ -63,7 +64,7 @@ def _gently(
     for price in prices:
         clearance = full.clearance * np.sqrt(price / full.limits)
         part = replace(problem, weights=replace(full, limits=price, clearance=float(clearance)))
-        precision = _PRECISION if clear else _GENTLE
+        precision = _GENTLE if clear else _STEEP
         spline = time_allocation.refine(part, spline, iterations=_MOST, precision=precision, stop=stop).spline
         problem = replace(problem, knots=spline.states[:, 0])
     return time_allocation.refine(problem, spline, iterations=_MOST, precision=_PRECISION, stop=stop)

@@ -102,7 +102,7 @@ def test_a_legs_limit_holds_on_its_leg_and_on_no_other(open_sky, drone, seed):
     position = plan.trajectory.position(plan.trajectory.sample(0.0005))
     jerk = seen(plan.trajectory)
     first, last = (int(np.linalg.norm(position - point, axis=1).argmin()) for point in points[2:4])
-    assert 0.95 * 5.0 < jerk[first:last].max() <= 5.0
+    assert 0.95 * 5.0 < jerk[first + 1 : last].max() <= 5.0  # the samples nearest to the waypoints may be outside
     assert min(jerk[:first].max(), jerk[last:].max()) > 15.0
     check = check_of(plan.gate, "jerk of legs")
     assert check.passed
