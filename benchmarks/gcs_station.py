@@ -42,6 +42,9 @@ class Hall(inputs.Parts):
         nobody = np.zeros(0)
         return mapping.Map(Path(), self._field, rendered_world.default_rig(), (), nobody, nobody, {})
 
+    def free_space(self, wanted: inputs.Signature) -> None:
+        """Nobody has seen it."""
+
     def vehicle(self, wanted: inputs.Signature) -> vehicle.Vehicle:
         return self._vehicle
 

@@ -5,7 +5,8 @@ import itertools
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from unittest import mock
 
 import numpy as np
 import planner_scenes
@@ -16,8 +17,9 @@ import planner
 import vehicle
 from esdf import solids
 from flight import InfeasibleError, InputError, Waypoints
-from planner import airframe, minimum_snap, repair, time_allocation
+from planner import airframe, descents, minimum_snap, repair, time_allocation
 from planner import mission as missions
+from planner.space import DistanceField
 
 SKY = solids.Scene([solids.Sphere((1000.0, 0.0, 0.0), 1.0)])
 """Nothing to bump into."""
@@ -32,8 +34,8 @@ def rows() -> list[report.Row]:
         *dragged(drone),
         *cancelled(drone),
         *optimum_and_flown(drone, 30),
-        *thorough(20),
-        *thorough_in_clutter(drone, 4),
+        *answers(20),
+        *answers_in_clutter(drone, 4),
         *kernel(drone),
         *in_scenes(drone, 50),
         *in_clutter(drone, 10),
@@ -95,66 +97,83 @@ def optimum_and_flown(drone: vehicle.Vehicle, seeds: int) -> list[report.Row]:
     ]
 
 
-def thorough(walks: int) -> list[report.Row]:
-    """Quick and thorough plans of the same walks, and of walks whose waypoints are moved by a micrometre."""
-    found, options = [], planner.PlanOptions(effort="thorough")
+def answers(walks: int) -> list[report.Row]:
+    """How much an answer depends on what should not matter: the start, the last micrometre, a heading that is free."""
+    found = []
     for name, drone in planner_scenes.vehicles().items():
-        shorter, moved, seconds = [], [], []
+        above, moved, freed, seconds, converged = [], [], [], [], 0
         for seed in range(walks):
             points = planner_scenes.walk(10, seed)
-            quick_s = planner.plan(unheaded(points), SKY, drone).trajectory.duration_s
-            start = time.process_time()
-            duration_s = planner.plan(unheaded(points), SKY, drone, options).trajectory.duration_s
-            seconds.append(time.process_time() - start)
-            shorter.append(100.0 * (1.0 - duration_s / quick_s))
-            near = points + 1e-6 * np.random.default_rng(seed).normal(size=points.shape)
-            moved.append(
-                100.0 * abs(planner.plan(unheaded(near), SKY, drone, options).trajectory.duration_s / duration_s - 1.0)
+            begun = time.process_time()
+            plan = planner.plan(unheaded(points), SKY, drone)
+            seconds.append(time.process_time() - begun)
+            converged += plan.converged
+            duration_s = plan.trajectory.duration_s
+            above.append(100.0 * (duration_s / best_of_starts(unheaded(points), SKY, drone) - 1.0))
+            near = unheaded(points + 1e-6 * np.random.default_rng(seed).normal(size=points.shape))
+            moved.append(100.0 * abs(planner.plan(near, SKY, drone).trajectory.duration_s / duration_s - 1.0))
+            steady, free = (
+                planner.plan(unheaded(points), SKY, drone, planner.PlanOptions(yaw=yaw)).trajectory.duration_s
+                for yaw in ("steady", "free")
             )
-        least, cpu_s = {"least": min(shorter), "most": max(shorter)}, float(np.median(seconds))
+            freed.append(100.0 * (free / min(duration_s, steady) - 1.0))
+        found += _spread(f"{name}: above the best of 8 starts, 10 x iterations", above, 0.1, 0.3)
+        found += _spread("  change by 1e-6 m", moved, 0.02, 0.3)
         found += [
             report.row(
-                f"thorough, {name}: flight shorter, median of {walks}",
-                float(np.median(shorter)),
-                "%",
-                None,
-                None,
-                least,
+                "  yaw free over the better of along_path, steady, worst", max(freed), "%", "< 0.1", max(freed) < 0.1
             ),
-            report.row("  planning, median", cpu_s, "CPU s", None, None, {"longest": max(seconds)}),
-            report.row(
-                "  change by 1e-6 m, median", float(np.median(moved)), "%", "< 0.02", float(np.median(moved)) < 0.02
-            ),
-            report.row("  change by 1e-6 m, worst", max(moved), "%", "< 0.3", max(moved) < 0.3),
+            report.row("  converged", converged, "plans", f"{walks}", converged == walks),
+            report.row("  planning, median", float(np.median(seconds)), "CPU s", None, None, {"longest": max(seconds)}),
         ]
     return found
 
 
-def thorough_in_clutter(drone: vehicle.Vehicle, seeds: int) -> list[report.Row]:
-    """The same in forests, offices and mazes; checked by brute force."""
+def answers_in_clutter(drone: vehicle.Vehicle, seeds: int) -> list[report.Row]:
     own = planner_scenes.clutter_vehicle(drone)
     options = planner.PlanOptions(radius_m=0.1, margin_m=0.1, control_reserve=0.0)
-    shorter, seconds, faulty = [], [], 0
+    above = []
     for kind, seed in itertools.product(planner_scenes.CLUTTER, range(seeds)):
         place = planner_scenes.clutter(kind, seed)
-        quick_s = planner.plan(place.waypoints, place.field, own, options).trajectory.duration_s
-        start = time.process_time()
-        plan = planner.plan(place.waypoints, place.field, own, replace(options, effort="thorough"))
-        seconds.append(time.process_time() - start)
-        shorter.append(100.0 * (1.0 - plan.trajectory.duration_s / quick_s))
-        faulty += bool(planner_scenes.faults(plan, place, own, 0.2))
-    most, cpu_s = {"least": min(shorter), "most": max(shorter)}, float(np.median(seconds))
+        found_s = planner.plan(place.waypoints, place.field, own, options).trajectory.duration_s
+        above.append(100.0 * (found_s / best_of_starts(place.waypoints, place.field, own, options) - 1.0))
+    return _spread(f"{len(above)} cluttered scenes: above the best of 8 starts, 10 x iterations", above, 0.1, 0.3)
+
+
+def best_of_starts(
+    waypoints: Waypoints, field: DistanceField, drone: vehicle.Vehicle, options: planner.PlanOptions | None = None
+) -> float:
+    """The shortest flight of eight: other prices to begin with, other times to start from."""
+    ways = ((1.0, 20.0), (8.0, 60.0), (1.0, 8.0, 60.0), (0.1, 1.0, 8.0, 60.0))
+    times = []
+    for prices, slower in itertools.product(ways, (1.0, 1.4)):
+        original = descents.starts
+
+        def starts(problem, spline, clearance_m, stop, slower=slower, original=original):
+            durations = slower * spline.durations_s
+            return original(problem, problem.spline(problem.knots, durations), clearance_m, stop)
+
+        changed = {
+            "_OPEN": prices,
+            "_AMONG": prices,
+            "_MOST": 1500,
+            "_FIRST": 1500,
+            "_PRECISION": 1e-6,
+            "starts": starts,
+        }
+        with mock.patch.multiple(descents, **changed):
+            try:
+                times.append(planner.plan(waypoints, field, drone, options).trajectory.duration_s)
+            except planner.PlanInfeasibleError:  # a start may lead nowhere
+                continue
+    return min(times)
+
+
+def _spread(title: str, values: list[float], median: float, worst: float) -> list[report.Row]:
+    middle, most = float(np.median(values)), max(values)
     return [
-        report.row(
-            f"thorough, {len(shorter)} cluttered scenes: flight shorter, median",
-            float(np.median(shorter)),
-            "%",
-            None,
-            None,
-            most,
-        ),
-        report.row("  planning, median", cpu_s, "CPU s", None, None, {"longest": max(seconds)}),
-        report.row("  plans that fail the brute-force check", faulty, "plans", "0", faulty == 0),
+        report.row(f"{title}, median of {len(values)}", middle, "%", f"< {median}", middle < median),
+        report.row("  worst", most, "%", f"< {worst}", most < worst),
     ]
 
 
@@ -184,28 +203,71 @@ def in_the_open(drone: vehicle.Vehicle, walks: int = 10) -> list[report.Row]:
 
 
 def dragged(drone: vehicle.Vehicle) -> list[report.Row]:
-    """Six waypoints of fifty dragged, eight steps each: a draft, then a checked plan."""
+    """Six waypoints of fifty in the open, and three of ten in each of eight forests, dragged in eight steps each."""
     rng, session = np.random.default_rng(1), planner.Planner(unheaded(walk(50, 0)), SKY, drone)
-    moves, drafts = [], []
-    for index in rng.integers(1, 49, 6):
-        step = rng.normal(size=3) * [0.1, 0.1, 0.03]
-        for _ in range(8):
-            target = session.plan.waypoints.positions_world_m[index] + step
-            begun = time.perf_counter()
-            session.draft(int(index), target)
-            drafts.append(1e3 * (time.perf_counter() - begun))
-            start = time.process_time()
-            session.move(int(index), target)
-            moves.append(1e3 * (time.process_time() - start))
+    in_the_open = [each for index in rng.integers(1, 49, 6) for each in steps(session, int(index), rng)]
     scratch_s = planner.plan(session.plan.waypoints, SKY, drone).trajectory.duration_s
     longer = 100.0 * (session.plan.trajectory.duration_s / scratch_s - 1.0)
-    median, worst = float(np.median(moves)), float(np.max(moves))
+    in_forests = []
+    for seed in range(100, 108):
+        place = planner_scenes.forest_of_ten(seed)
+        session = planner.Planner(place.waypoints, place.field, drone, planner_scenes.OPTIONS)
+        in_forests += [each for index in rng.integers(0, 10, 3) for each in steps(session, int(index), rng)]
     return [
-        report.row("drag one of 50 waypoints, checked: median", median, "CPU ms", "< 16", median < 16.0),
-        report.row("  worst", worst, "CPU ms", "< 33", worst < 33.0),
-        report.row("  draft, median", np.median(drafts), "ms", "< 10", float(np.median(drafts)) < 10.0),
+        *drag_rows("drag open, one of 50", in_the_open, 16.0, 33.0),
         report.row("  longer than planned from scratch after 48 moves", longer, "%", "< 2", longer < 2.0),
+        *drag_rows("drag forest, one of 10", in_forests, 33.0, None),
     ]
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a drag: CPU time of draft and checked plan, and how much longer a flight the draft foretold."""
+
+    draft_ms: float
+    exact_ms: float
+    longer: float
+    lack_m: float
+    """Of the draft's clearance."""
+
+
+def steps(session: planner.Planner, index: int, rng: np.random.Generator) -> list[Step]:
+    """Eight steps of one drag, or as many as lead through free space."""
+    found, step = [], rng.normal(size=3) * [0.1, 0.1, 0.03]
+    for _ in range(8):
+        target = session.plan.waypoints.positions_world_m[index] + step
+        begun_s = time.process_time()
+        try:
+            draft = session.draft(index, target)
+        except InputError:  # too close to a trunk
+            break
+        drafted_s = time.process_time()
+        exact = session.move(index, target)
+        done_s = time.process_time()
+        longer = draft.duration_s / exact.trajectory.duration_s - 1.0
+        lack_m = max(draft.required_clearance_m - draft.clearance_m, 0.0)
+        found.append(Step(1e3 * (drafted_s - begun_s), 1e3 * (done_s - drafted_s), longer, lack_m))
+    return found
+
+
+def drag_rows(name: str, found: list[Step], draft_ms: float, exact_ms: float | None) -> list[report.Row]:
+    """Bars of the drafts' 95th percentile and of the slowest checked plan."""
+    rows = []
+    for kind, cpu_ms in (("draft", [s.draft_ms for s in found]), ("checked plan", [s.exact_ms for s in found])):
+        median, p95, worst = np.percentile(cpu_ms, [50, 95, 100])
+        rows.append(report.row(f"{name}, {kind}: median", median, "CPU ms"))
+        if kind == "draft":
+            rows.append(report.row("  95th percentile", p95, "CPU ms", f"< {draft_ms:g}", p95 < draft_ms))
+            rows.append(report.row("  worst", worst, "CPU ms"))
+        else:
+            rows.append(report.row("  95th percentile", p95, "CPU ms"))
+            bar = (None, None) if exact_ms is None else (f"< {exact_ms:g}", worst < exact_ms)
+            rows.append(report.row("  worst", worst, "CPU ms", *bar))
+    off = 100.0 * float(np.percentile(np.abs([s.longer for s in found]), 95))
+    close = 1000.0 * max(s.lack_m for s in found)
+    rows.append(report.row("  flight time of drafts off by, 95th percentile", off, "%", "< 3", off < 3.0))
+    rows.append(report.row("  clearance that drafts lack, worst", close, "mm"))
+    return rows
 
 
 def cancelled(drone: vehicle.Vehicle, times: int = 24) -> list[report.Row]:
@@ -376,7 +438,8 @@ def gate_courses(drone: vehicle.Vehicle, count: int) -> list[report.Row]:
             with contextlib.suppress(planner.PlanInfeasibleError):
                 missions.plan(planner_scenes.gate_course(seed, np.radians(off_deg)), SKY, drone)
                 planned += 1
-        found.append(report.row(f"{count} gate courses, turned up to {off_deg} deg: planned", planned, "plans"))
+        name = f"{count} gate courses, turned up to {off_deg} deg: planned"
+        found.append(report.row(name, planned, "plans", f"{count}", planned == count))
     return found
 
 

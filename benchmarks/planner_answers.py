@@ -20,7 +20,6 @@ from planner import mission as missions
 
 SKY = solids.Scene([solids.Sphere((1000.0, 0.0, 0.0), 1.0)])
 CLUTTER = planner.PlanOptions(radius_m=0.1, margin_m=0.1, control_reserve=0.0)
-THOROUGH = planner.PlanOptions(effort="thorough")
 Case = tuple[str, Callable[[], planner.Plan]]
 
 
@@ -61,8 +60,6 @@ def few() -> Iterator[Case]:
     for yaw, more in (("free", {}), ("steady", {}), ("fixed", {"heading_rad": 0.4}), ("look_at", _LOOK_AT)):
         options = replace(planner.PlanOptions(), yaw=yaw, **more)
         yield f"yaw {yaw}", lambda options=options: planner.plan(points, SKY, drone, options)
-    for name, other in drones.items():
-        yield f"thorough, {name}", lambda other=other: planner.plan(points, SKY, other, THOROUGH)
     own = planner_scenes.clutter_vehicle(drone)
     for kind, method in (("office", "fastest"), ("office", "corridor"), ("forest .05", "bry")):
         place, options = planner_scenes.clutter(kind, 1), replace(CLUTTER, method=method)
@@ -70,10 +67,8 @@ def few() -> Iterator[Case]:
             f"{kind}, {method}",
             lambda place=place, options=options: planner.plan(place.waypoints, place.field, own, options),
         )
-    place = planner_scenes.clutter("forest .05", 1)
-    options = replace(CLUTTER, effort="thorough")
-    yield "forest .05, thorough", lambda: planner.plan(place.waypoints, place.field, own, options)
     yield "gates", lambda: missions.plan(_gates(), SKY, drone)
+    yield "gates, one gone round", lambda: missions.plan(_gates(turned_rad=3.0), SKY, drone)
 
 
 _LOOK_AT = {"look_at_world_m": (2.0, 7.0, 1.0)}
@@ -84,9 +79,9 @@ def _walk(count: int, seed: int) -> Waypoints:
     return Waypoints(points, np.full(count, np.nan))
 
 
-def _gates() -> Mission:
+def _gates(turned_rad: float = 0.0) -> Mission:
     points = np.array([[0.0, 0.0, 2.0], [4.0, 1.0, 2.0], [8.0, -1.0, 2.5], [12.0, 2.0, 2.0]])
-    gates = (Gate(1, 1.2, 1.0, 0.3, 0.1, 0.0), Gate(2, 1.0, 1.4, 0.0, 0.0, 0.5))
+    gates = (Gate(1, 1.2, 1.0, 0.3, 0.1, 0.0), Gate(2, 1.0, 1.4, turned_rad, 0.0, 0.5))
     return Mission(Waypoints(points, np.array([np.nan, 0.3, np.nan, np.nan])), gates=gates)
 
 

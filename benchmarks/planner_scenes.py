@@ -46,6 +46,14 @@ def place(seed: int) -> Place:
     return Place(kind, scene, sampled(scene, size), Waypoints(points, np.full(len(points), np.nan)))
 
 
+def forest_of_ten(seed: int) -> Place:
+    """A forest and ten waypoints in it."""
+    rng = np.random.default_rng(seed)
+    scene, size = forest(rng)
+    points = waypoints(rng, scene, size, 10)
+    return Place("forest", scene, sampled(scene, size), Waypoints(points, np.full(len(points), np.nan)))
+
+
 def walked(seed: int) -> Place:
     """The places of `place`, and waypoints along a swaying walk through them.
 

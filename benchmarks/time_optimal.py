@@ -37,18 +37,16 @@ class Answer:
 
 
 def rows(gates: tuple[int, ...] = (5, 7, 10)) -> list[report.Row]:
-    found, options = [], planner.PlanOptions(control_reserve=0.0, yaw="free", effort="thorough")
+    found, options = [], planner.PlanOptions(control_reserve=0.0, yaw="free")
     for (name, drone), count in itertools.product(planner_scenes.vehicles().items(), gates):
         points = walk(count, count)
         asked = Waypoints(points, np.full(count, np.nan))
-        quick_s = planner.plan(asked, SKY, drone, replace(options, effort="quick")).trajectory.duration_s
         begun = time.process_time()
         plan = planner.plan(asked, SKY, drone, options)
         cpu_s = time.process_time() - begun
         reference = solve(points, airframe.reduced(drone, options.limits_for(drone)), drone)
         longer = plan.trajectory.duration_s / reference.duration_s
         peers = {
-            "quick x": quick_s / reference.duration_s,
             "reference s": reference.duration_s,
             "finished": float(reference.finished),
         }

@@ -84,6 +84,7 @@ class Desk:
         self._nonces: dict[str, _Nonce] = {}
         self._lock = threading.RLock()
         self._planner = planning.PlanningProcess(opened.folder, base, self._planned, self._drafted)
+        view.on_draft = hub.publish
         self.map = MapDesk(self)
         self.jobs = Jobs(opened, kinds, self.show_jobs, lambda kind, result: kind.done(self, result), self._job_ended)
         self.flights = Flights(opened, self._flights_changed)
@@ -232,8 +233,8 @@ class Desk:
         self._planner.draft(waypoint, position_world_m)
 
     def _drafted(self, draft: planning.Draft) -> None:
-        if draft.path_world_m is not None:
-            self.view.draw_draft(draft.path_world_m)
+        if draft.shown is not None:
+            self.view.draw_draft(draft.shown, draft.path_world_m)
 
     def checked(self) -> TrajectoryFile:
         """The plan, if it answers the document and the inputs as they are now.

@@ -18,6 +18,7 @@ MOST_WAITING = 1000
 _STATE = (
     protocol.Document,
     protocol.Plan,
+    protocol.Draft,
     protocol.Vehicle,
     protocol.People,
     protocol.Files,

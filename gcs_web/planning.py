@@ -32,6 +32,12 @@ from planner import could_hide
 logger = logging.getLogger(__name__)
 
 PATIENCE_S = 1.0
+PAUSE_S = 0.2
+"""Without another draft asked for, the waypoint is held still: its plan is worked out."""
+PAUSE_S = 0.2
+"""Without another draft being asked for, the waypoint is held still: its plan is worked out."""
+_DRAWN = 500
+"""Points of a path that is foreseen."""
 _SAVED_STEP_S = 0.01
 """A saved trajectory's waypoints need not be where two of its segments join."""
 
@@ -54,7 +60,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Draft:
-    """What the path would look like with one waypoint elsewhere and all times kept; checked by nothing."""
+    """What the path would look like with one waypoint elsewhere; not checked, and no trajectory."""
 
     waypoint: int
     """Its id."""
@@ -62,6 +68,8 @@ class Draft:
     """(3,) where it is dragged."""
     path_world_m: FloatArray | None = None
     """(m, 3); None in a question, and where no draft can be made."""
+    shown: protocol.Draft | None = None
+    """None in a question, and where there is nothing to draw along."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,7 +226,8 @@ class PlanningProcess:
 
 def _serve_requests(pipe: connection.Connection, folder: Path, base: planner.PlanOptions) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends this process
-    newest: list[Request] = []
+    newest: list[Request | Draft] = []
+    foreseen: list[Draft] = []  # what is worked out while a waypoint is held still
     arrived, sending = threading.Condition(), threading.Lock()
     replanner = replanning.Replanner()
 
@@ -236,10 +245,22 @@ def _serve_requests(pipe: connection.Connection, folder: Path, base: planner.Pla
             except (EOFError, OSError):  # the parent is gone
                 os._exit(0)
             if isinstance(message, Draft):
-                path = replanner.draft(message.waypoint, message.position_world_m)
-                send(replace(message, path_world_m=path))
+                with arrived:
+                    if foreseen:
+                        replanner.cancel()
+                    foreseen.clear()
+                    newest[:] = [each for each in newest if isinstance(each, Request)]
+                if pipe.poll():
+                    continue  # a newer one has come, or the drag is over
+                found = drafted(message, replanner)
+                send(found)
+                if found.path_world_m is not None and not pipe.poll(PAUSE_S):
+                    with arrived:
+                        newest[:] = newest or [message]
+                        arrived.notify()
                 continue
             with arrived:
+                foreseen.clear()
                 newest[:] = [message]
                 replanner.cancel()
                 arrived.notify()
@@ -251,12 +272,64 @@ def _serve_requests(pipe: connection.Connection, folder: Path, base: planner.Pla
         with arrived:
             arrived.wait_for(lambda: bool(newest))
             request = newest.pop()
+            foreseen[:] = [request] if isinstance(request, Draft) else []
             replanner.begin()
-        send(_Taken(request.id))
         try:
-            send(answer(request, parts, base, replanner))
+            if isinstance(request, Request):
+                send(_Taken(request.id))
+                send(answer(request, parts, base, replanner))
+                continue
+            found = foreseen_at(request, replanner)
         except planner.PlanCancelledError:
             continue  # for a newer one, which is taken next
+        with arrived:
+            if foreseen:  # still held there
+                send(found)
+            foreseen.clear()
+
+
+def drafted(asked: Draft, replanner: replanning.Replanner) -> Draft:
+    """The path to draw, and its figures or why there is none in words."""
+    try:
+        found = replanner.draft(asked.waypoint, asked.position_world_m)
+    except FlightError as error:
+        return replace(asked, shown=protocol.Draft(asked.waypoint, _sentence(str(error)), "refused"))
+    if found is None:
+        return asked
+    name, share = max(found.shares.items(), key=lambda item: item[1])
+    said = (
+        f"About {found.duration_s:.2f} s, closest {found.clearance_m:.2f} m; {found.required_clearance_m:.2f} m is "
+        f"needed. Up to {100.0 * share:.0f} % of the limit on {name}. Not checked: let go to plan and check."
+    )
+    shown = protocol.Draft(asked.waypoint, said, "clear" if found.is_clear else "too close")
+    return replace(asked, path_world_m=found.position_world_m, shown=shown)
+
+
+def foreseen_at(asked: Draft, replanner: replanning.Replanner) -> Draft:
+    """As `drafted`, of the checked plan.
+
+    Raises:
+        PlanCancelledError: the waypoint was dragged on, or let go.
+    """
+    try:
+        plan = replanner.foresee(asked.waypoint, asked.position_world_m)
+    except planner.PlanCancelledError:
+        raise
+    except FlightError as error:
+        return replace(asked, shown=protocol.Draft(asked.waypoint, _sentence(str(error)), "refused"))
+    if plan is None:
+        return asked
+    path = plan.trajectory
+    said = (
+        f"{path.duration_s:.2f} s, closest {plan.gate.clearance_m:.2f} m; {plan.gate.required_clearance_m:.2f} m is "
+        "needed. Planned and checked: let go here to take it."
+    )
+    drawn = path.position(np.linspace(0.0, path.duration_s, _DRAWN))
+    return replace(asked, path_world_m=drawn, shown=protocol.Draft(asked.waypoint, said, "checked"))
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."
 
 
 def answer(request: Request, parts: inputs.Parts, base: planner.PlanOptions, replanner: replanning.Replanner) -> Answer:
@@ -292,6 +365,8 @@ class _Passed:
     """Instants of which each waypoint is passed at one."""
     how: str = ""
     """Said before everything else."""
+    unfinished: str = ""
+    """Said of a plan whose optimiser did not converge."""
 
 
 def _planned(
@@ -307,7 +382,8 @@ def _planned(
         plan = replanner.plan(content, replanning.Known(area.field, believed, asked), afresh=request.afresh)
         plan = replace(plan, gate=could_hide.add(plan.gate, plan.trajectory, free))
         file = planner.trajectory_file(plan, name="plan")
-        found = _Passed(file, plan.gate, asked.limits_for(believed), plan.trajectory.starts_s, found)
+        unfinished = "" if plan.converged else "The optimiser did not converge: a faster flight may exist. "
+        found = _Passed(file, plan.gate, asked.limits_for(believed), plan.trajectory.starts_s, found, unfinished)
     file, report = found.file, found.gate
     page_values.crc32(file)  # a plan that the vehicle cannot store is refused here, in words
     series = page_values.series(file.trajectory, believed, area.field, found.limits)
@@ -327,7 +403,7 @@ def _planned(
             sentence=(
                 f"{found.how}{file.trajectory.duration_s:.2f} s, {_counted(content)}, top speed "
                 f"{top:.2f} m/s. Closest {report.clearance_m:.2f} m; "
-                f"{report.required_clearance_m:.2f} m is needed. {_hidden(report)}" + (f" {doubt}" if doubt else "")
+                f"{report.required_clearance_m:.2f} m is needed. {found.unfinished}{_hidden(report)}" + (f" {doubt}" if doubt else "")
             ),
             duration_s=file.trajectory.duration_s,
             top_speed_m_s=top,

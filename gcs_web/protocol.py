@@ -132,6 +132,17 @@ class Plan(msgspec.Struct, frozen=True, tag="plan"):
     series: Series | None = None
 
 
+class Draft(msgspec.Struct, frozen=True, tag="draft"):
+    """What is foreseen while a waypoint is dragged; the path itself is in the 3D view only."""
+
+    waypoint: int | None
+    """Id; None: it is not dragged any more."""
+    sentence: str = ""
+    """The figures in words, or why no path can reach the waypoint there."""
+    state: Literal["clear", "too close", "refused", "checked"] = "clear"
+    """`checked`: the plan that letting go here gives, worked out while the waypoint is held still."""
+
+
 class Vehicle(msgspec.Struct, frozen=True, tag="vehicle"):
     """The vehicle as last heard; sent on every change and at least twice a second."""
 
@@ -226,7 +237,7 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
 
 
 ToPage = (
-    Welcome | Document | Plan | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply
+    Welcome | Document | Plan | Draft | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply
     | Projects | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment
     | EffectFiles | Identification | NextFlight | FlightsShown
 )  # fmt: skip

@@ -9,13 +9,11 @@ import msgspec
 import numpy as np
 
 import planner
-from flight import FloatArray, InputError
+from flight import FloatArray
 from gcs_web import missions
 from gcs_web.document import Content, Point
 from planner.space import DistanceField
 from vehicle import Vehicle
-
-DRAFT_POINTS = 400
 
 
 class Known(NamedTuple):
@@ -75,19 +73,28 @@ class Replanner:
         self._kept = _Kept(content, known, kept.session)
         return plan
 
-    def draft(self, waypoint: int, position_world_m: FloatArray) -> FloatArray | None:
-        """(m, 3) of the last plan with one waypoint moved and all times kept; checked by nothing.
+    def draft(self, waypoint: int, position_world_m: FloatArray) -> planner.Draft | None:
+        """The last plan with one waypoint (id) moved, not checked.
 
         Returns None where the last plan has no such waypoint, or is a mission's of several paths.
+
+        Raises:
+            InputError: no path can reach the waypoint there.
         """
         kept = self._kept
-        if kept is None:
+        if kept is None or all(point.id != waypoint for point in kept.content.points):
             return None
-        try:
-            path = kept.session.draft(kept.content.number_of(waypoint), position_world_m)
-        except InputError:
+        return kept.session.draft(kept.content.number_of(waypoint), position_world_m)
+
+    def foresee(self, waypoint: int, position_world_m: FloatArray) -> planner.Plan | None:
+        """The checked plan that moving this waypoint would give; the last plan stays. None as from `draft`.
+
+        Raises as `plan`.
+        """
+        kept, flag = self._kept, self._flag
+        if kept is None or all(point.id != waypoint for point in kept.content.points):
             return None
-        return path.position(np.linspace(0.0, path.duration_s, DRAFT_POINTS))
+        return kept.session.foresee(kept.content.number_of(waypoint), position_world_m, stop=flag)
 
     def cancel(self) -> None:
         """End the plan that is worked on, if there is one."""

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _BALL_M = 0.05
 _STAND_OFF_M = 0.2
 """Beyond the required clearance, for a waypoint that is placed by a click."""
-_WHITE, _SELECTED, _GREY = (233, 237, 240), (121, 176, 255), (120, 120, 120)
+_WHITE, _SELECTED, _GREY, _CAUTION = (233, 237, 240), (121, 176, 255), (120, 120, 120), (240, 184, 73)
 
 
 class View3D:
@@ -67,6 +67,8 @@ class View3D:
         """A waypoint was let go at (3,) world."""
         self.on_pull: Callable[[int, FloatArray], None] = lambda _i, _p: None
         """A waypoint is held at (3,) world."""
+        self.on_draft: Callable[[protocol.Draft], None] = lambda _: None
+        """A draft is drawn now, or none any more; called in the order in which that happens."""
         self.on_moment: Callable[[float], None] = lambda _: None
         """The path was clicked; the plan's time there, s."""
         self.on_add: Callable[[int | None, FloatArray], None] = lambda _i, _p: None
@@ -211,16 +213,24 @@ class View3D:
             if not self._checked:
                 self._ghost.visible = False
 
-    def draw_draft(self, path_world_m: FloatArray) -> None:
-        """Draw (m, 3) a path that nobody has checked while a waypoint is dragged, and the last good one in grey."""
+    def draw_draft(self, shown: protocol.Draft, path_world_m: FloatArray | None) -> None:
+        """Draw (m, 3) a path that nobody has checked while a waypoint is dragged, and the last good one in grey.
+
+        None: there is no path with the waypoint where it is.
+        """
         with self._lock, self._server.atomic():
             if not self._dragged_points:
                 return  # it was let go meanwhile
             begins = self._draft is None
-            colours = np.full((len(path_world_m), 3), _SELECTED, dtype=np.uint8)
-            self._draft = scene.draw_path(self._server, path_world_m, colours, name="/draft")
-            if begins:
+            if path_world_m is None:
+                self._drop_draft()
+            else:
+                colour = _CAUTION if shown.state == "too close" else _SELECTED
+                colours = np.full((len(path_world_m), 3), colour, dtype=np.uint8)
+                self._draft = scene.draw_path(self._server, path_world_m, colours, name="/draft")
+            if begins != (self._draft is None):
                 self._draw_path()
+            self.on_draft(shown)
 
     def drop_draft(self) -> None:
         """For a drag that changed nothing: the plan is as good as before."""
@@ -312,8 +322,13 @@ class View3D:
                 self._balls[waypoint].position = tuple(position)
         if event.phase == "end":
             self.on_drag(waypoint, position)
+            self._end_draft()
         elif event.phase == "update":
             self.on_pull(waypoint, position)
+
+    def _end_draft(self) -> None:
+        with self._lock:
+            self.on_draft(protocol.Draft(None))
 
     def _browser_left(self, client: "viser.ClientHandle") -> None:
         """What was dragged there is where it was: only letting go moves a waypoint."""
@@ -322,6 +337,7 @@ class View3D:
                 return
             self.draw_waypoints(self._points)
             self.drop_draft()
+            self._end_draft()
 
     def _clicked(self, event: "viser.SceneClickEvent") -> None:
         if self.map.measuring:

@@ -3,6 +3,7 @@
 from planner import mission
 from planner._planner import StopFlag
 from planner.conditions import Conditions
+from planner.drafting import Draft
 from planner.gate import GateReport
 from planner.limits import Check
 from planner.options import Gap, PlanCancelledError, PlanInfeasibleError, PlanOptions
@@ -12,6 +13,7 @@ from planner.session import Planner
 __all__ = [
     "Check",
     "Conditions",
+    "Draft",
     "Gap",
     "GateReport",
     "Plan",

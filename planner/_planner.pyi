@@ -108,9 +108,10 @@ class Problem:
         self,
         states: Annotated[NDArray[np.float64], "(k + 1, 4, 4)"],
         durations: NDArray[np.float64],
-        free: Annotated[NDArray[np.uint8], "(k + 1, 4)"],
+        free: Annotated[NDArray[np.uint8], "(k + 1, 4, 4)"],
         iterations: int,
         precision: float,
+        hold: float,
         stop: StopFlag | None,
     ) -> tuple[float, int, bool, bool, float]:
         """Moves knot states and durations; returns cost, evaluations, whether it converged, whether it was stopped, and

@@ -18,8 +18,9 @@ _STRICTER = 0.01, 0.25
 share of the excess."""
 _NEAR = 0.3
 """The vehicle's own model is expensive: it is asked in segments where a limit is nearer than this."""
-_MOST = 0.5
-"""Largest correction of the reduced model in one round."""
+_MOST, _RISE, _FALL = 0.5, 0.1, 0.5
+"""Largest correction of the reduced model; how much it grows in one round, and the share by which it comes down. At a
+large one the path is another, for which it would be wrong again: growing in steps, path and correction come to rest."""
 _GROUP = 100
 """Segments in which it is asked together: more would make cancelling slow."""
 _IMPOSSIBLE = 0.2
@@ -32,6 +33,8 @@ class Corrections:
     def __init__(self, segments: int) -> None:
         shape = (segments, time_allocation.SAMPLES, airframe.COLUMNS)
         self.model, self.between, self.multiplier = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        self.measured, self.believed = np.zeros(shape), np.zeros(shape)
+        """The correction that was measured last, and the excess with the one that is believed."""
         self.gate = np.full((segments, 1, airframe.COLUMNS), _SPARE)
 
     def spliced(self, first: int, last: int, segments: int) -> "Corrections":
@@ -41,8 +44,7 @@ class Corrections:
         """
         fresh = Corrections(segments)
         copy = Corrections(len(self.model) - (last - first) + segments)
-        for name in ("model", "between", "multiplier", "gate"):
-            old = getattr(self, name)
+        for name, old in vars(self).items():
             new = old[first:last] if segments == last - first else getattr(fresh, name)
             setattr(copy, name, np.concatenate([old[:first], new, old[last:]]))
         return copy
@@ -86,14 +88,22 @@ class Corrections:
                 memory,
             )
             full = np.where(np.isfinite(full), full, np.maximum(reduced[group], 0.0) + _IMPOSSIBLE)
-            self.model[group] = np.clip(full - reduced[group], -_MOST, _MOST)
-        self.between = peaks - reduced
-        return peaks + self.model
+            self.measured[group] = np.clip(full - reduced[group], -_MOST, _MOST)
+            self.model[group] = _approached(self.model[group], self.measured[group])
+        self.between = _approached(self.between, peaks - reduced)
+        self.believed = peaks + self.model
+        return peaks + self.measured
 
-    def press(self, excess: FloatArray, touched: np.ndarray) -> None:
-        """Raise the multipliers of what is exceeded, lower those of what is not, where it was optimised."""
-        pressed = np.maximum(0.0, excess + self.gate + self.multiplier)
+    def press(self, touched: np.ndarray) -> None:
+        """Raise the multipliers of what is believed to be exceeded, lower those of what is not."""
+        pressed = np.maximum(0.0, self.believed + self.gate + self.multiplier)
         self.multiplier = np.where(touched[:, None, None], pressed, self.multiplier)
+
+    def active(self, touched: np.ndarray) -> tuple[str, ...]:
+        """The limit of each segment with the largest multipliers, "" for none; where untouched, of the last round."""
+        now = np.maximum(0.0, self.believed + self.gate + self.multiplier)
+        held = np.where(touched[:, None, None], now, self.multiplier).sum(axis=1)
+        return tuple(airframe.NAMES[most] if held[i, most] > 0.0 else "" for i, most in enumerate(held.argmax(axis=1)))
 
     def stricter(self, used: limits.Usage, on_legs: dict[str, np.ndarray]) -> None:
         """Keep more from the limits that the gate found exceeded, in those segments only.
@@ -107,3 +117,9 @@ class Corrections:
             exceeded[:, airframe.NAMES.index(name)] |= beyond
         least, share = _STRICTER
         self.gate[:, 0] += np.where(exceeded, np.clip(share * excess, least, 10.0 * least), 0.0)
+
+
+def _approached(believed: FloatArray, measured: FloatArray) -> FloatArray:
+    """A correction on its way to what was measured."""
+    falling = believed + _FALL * (measured - believed)
+    return np.where(measured > believed, np.minimum(measured, believed + _RISE), falling)

@@ -14,7 +14,7 @@ import numpy as np
 import esdf
 from flight import FloatArray, Progress, Trajectory, portable, silent
 from flight.trajectory import LONGEST_S
-from planner import airframe, heading, hermite, limits, minimum_snap, routes, space, time_allocation, windows
+from planner import airframe, descents, heading, hermite, limits, minimum_snap, routes, space, time_allocation, windows
 from planner._planner import StopFlag
 from planner.attitude import Memory
 from planner.conditions import Conditions
@@ -40,12 +40,8 @@ _SHORTEST_S = 0.2
 """Segments are not cut into shorter pieces: the vehicle could make nothing of them."""
 _SMOOTHING_S = 0.5
 """Turns of the heading are smoothed out over this time to begin with."""
-_WHOLE, _IN_PART = (150, 40, 25), 40
-"""Iterations of the rounds about all segments, and of the later ones, which mend what is exceeded here and there."""
-GENTLE, _THOROUGH = ((5.0, 40.0), (1.0, 20.0)), 40
-"""Prices on exceeded limits, before the full one, with which each thorough descent begins, and iterations of each of
-its rounds. At the full price alone it ends 17 % later in the open. The lowest are tried in open space only: among
-obstacles the path then cuts corners that the full price does not mend."""
+_WHOLE = 3
+"""Rounds about all segments; later ones mend what is exceeded here and there."""
 _ROUNDS = 40
 _RELIEVED, _LONGER, _AGAIN = 0.03, 1.01, 8
 """Where the vehicle's own model asks for so much less than was believed, a path that passes is optimised once more,
@@ -74,6 +70,20 @@ class Kept:
     corrections: Corrections
 
 
+@dataclass(frozen=True, slots=True)
+class Optimum:
+    """How close a path is to the shortest time that the optimiser knows of."""
+
+    shortest_s: float
+    """What it took for the shortest time when it first ended, before the vehicle's own model and the gate spoke."""
+    converged: bool = False
+    """Whether the last descent ended by itself, and not because its iterations were used up."""
+    residual: float = np.nan
+    """Share of the flight time that it would still gain, by its quadratic model."""
+    active: tuple[str, ...] = ()
+    """The limit that holds each segment back most, by its multipliers; "" where none does."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Path:
     """A trajectory as it went through the gate, and how it came about."""
@@ -83,10 +93,7 @@ class Path:
     """(k + 1,) which waypoint each knot is, -1 for none."""
     method: str
     report: GateReport
-    optimum_s: float
-    """What the optimiser took for the shortest time when it first ended."""
-    converged: bool = False
-    """Whether the last descent ended by itself, and not because its iterations were used up."""
+    optimum: Optimum
     kept: Kept | None = None
     """From what it can be optimised further; None for a path in a corridor, and for one that was slowed down."""
 
@@ -165,8 +172,18 @@ def whole_vehicle(
     free = np.repeat(((waypoint < 0) | may_move(balls, gates, len(knots)))[:, None], 4, axis=1)
     free[:, 3] = np.isnan(asked) & (held is None)
     price, turning = _YAW_PRICES[options.yaw]
-    weights = Weights(snap=1e-7, limits=400.0, clearance=clearance_price, heading=price, turning=turning)
-    return replace(problem, knots=knots, free=free, weights=weights), durations, waypoint
+    weights = Weights(snap=2e-7, limits=400.0, clearance=clearance_price, heading=price, turning=turning)
+    problem = replace(problem, knots=knots, free=free, weights=weights, heading_held=held is not None)
+    return problem, durations, waypoint
+
+
+def with_free_heading(problem: Problem, waypoint: np.ndarray, asked_rad: FloatArray) -> Problem:
+    """The same problem with the heading free, but at waypoints that ask for one (NaN: they do not)."""
+    free = problem.free.copy()
+    free[:, 3] = (waypoint < 0) | np.isnan(asked_rad[waypoint])
+    price, turning = _YAW_PRICES["free"]
+    weights = replace(problem.weights, heading=price, turning=turning)
+    return replace(problem, free=free, weights=weights, heading_held=False)
 
 
 def _at_waypoints(kept: FloatArray | None, before: np.ndarray, waypoint: np.ndarray) -> FloatArray | None:
@@ -221,10 +238,9 @@ def until_flyable(
     stop: StopFlag | None,
     *,
     wrong: np.ndarray | None = None,
-    iterations: int = _IN_PART,
+    drawn: bool = True,
     corrections: Corrections | None = None,
     used: tuple[Trajectory, limits.Usage] | None = None,
-    gently: tuple[float, ...] = (),
     progress: Progress = silent,
 ) -> Path | None:
     """Optimise until a trajectory passes the gate; None if it stays too close to obstacles.
@@ -234,18 +250,15 @@ def until_flyable(
     exceeded in spite of it, the last trajectory is returned with its report.
 
     Args:
-        spline: durations to start from; where `wrong` is given, the path itself.
-        iterations: of the first round about `wrong`.
+        spline: the path to go on from.
+        drawn: False where only places of the knots about `wrong` are known.
         corrections, used: those of an earlier answer, and what the gate found of it.
-        gently: choose the whole state of every knot, from `spline` itself, first at these prices on limits.
     """
     corrections = Corrections(len(spline.durations_s)) if corrections is None else corrections
     problem = replace(problem, **conditions.planned_on_legs(waypoint, options.limits_for(vehicle)))
     asked = conditions.most_on_legs(waypoint)
     memory = Memory()  # the last path that is measured is the one that the gate looks at
-    optimum_s, bends, begun = np.nan, 0, len(_WHOLE) if wrong is not None else 0
-    if gently:
-        spline = _gently(replace(problem, offsets=corrections.total()), spline, gently, stop)
+    optimum_s, bends, begun = np.nan, 0, _WHOLE if wrong is not None else 0
     found, rounds = None, _ROUNDS
     for round_ in range(begun, _ROUNDS):
         if round_ == rounds:
@@ -254,12 +267,11 @@ def until_flyable(
         believed = corrections.model.copy()
         charged_s = spline.durations_s if round_ > 0 else None
         problem = replace(problem, offsets=corrections.total(), reference_s=charged_s)
-        reach, most = (_FAR, iterations) if round_ == begun else (_REACH, _IN_PART)
-        most = _WHOLE[min(round_, len(_WHOLE) - 1)] if wrong is None else most
-        if gently:
-            spline, touched, ended = _refined(problem, spline, wrong, reach, stop)
-        else:
-            spline, touched, ended = _optimised(problem, spline, wrong, reach, most, stop)
+        touched = _touched(spline, wrong, _FAR if round_ == begun else _REACH)
+        if round_ == begun and not drawn:
+            spline = descents.redrawn(problem, spline, touched, stop)
+        descended = descents.refined(problem, spline, touched, stop, near=round_ > _WHOLE)
+        spline = descended.spline
         _check_lasting(spline.durations_s)
         problem = replace(problem, knots=spline.states[:, 0])
         optimum_s = float(spline.durations_s.sum()) if round_ == begun else optimum_s
@@ -274,19 +286,22 @@ def until_flyable(
             slower, on_legs = _refused(report, asked)
             if report.passed or last or not slower.any():  # nothing else gets better by more rounds
                 kept = Kept(problem, spline, corrections.spliced(0, 0, 0))
-                here = Path(path, waypoint, "bent" if bends else "direct", report, optimum_s, ended, kept)
+                how = "bent" if bends else "direct"
+                active = corrections.active(touched)
+                optimum = Optimum(optimum_s, descended.converged, descended.residual, active)
+                here = Path(path, waypoint, how, report, optimum, kept)
                 relieved = (believed - corrections.model).max(axis=(1, 2)) > _RELIEVED
                 longer = path.duration_s > _LONGER * optimum_s
                 once = report.passed and found is None and begun == 0
                 if not (once and (longer or relieved.any())):
                     return faster(found, here)
                 found, wrong, rounds = here, None if longer else relieved, round_ + _AGAIN
-                corrections.press(excess, touched)
+                corrections.press(touched)
                 continue
             assert report.usage is not None
             corrections.stricter(report.usage, on_legs)
             exceeded |= slower
-        corrections.press(excess, touched)
+        corrections.press(touched)
         if not clearance.passed:
             if bends == options.repairs:
                 return found
@@ -294,52 +309,12 @@ def until_flyable(
             problem = _farther_away(problem, options.clearance_m - clearance.proven_m)
             exceeded[clearance.segment] = True
         few = windows.grown(exceeded, _REACH).mean() < _FEW
-        wrong = exceeded if wrong is not None or few or round_ + 1 >= len(_WHOLE) else None
+        wrong = exceeded if wrong is not None or few or round_ + 1 >= _WHOLE else None
     return found
-
-
-def _optimised(
-    problem: Problem,
-    spline: minimum_snap.Spline,
-    wrong: np.ndarray | None,
-    reach: int,
-    iterations: int,
-    stop: StopFlag | None,
-) -> tuple[minimum_snap.Spline, np.ndarray, bool]:
-    """The spline after a descent, in which segments (k,) - `wrong` and their neighbours up to `reach`; None: all -, and
-    whether it converged."""
-
-    def descend(part: Problem, there: minimum_snap.Spline) -> Solution:
-        return time_allocation.optimise(part, there.durations_s, iterations=iterations, stop=stop)
-
-    return windows.optimise(problem, spline, _touched(spline, wrong, reach), descend)
-
-
-def _refined(
-    problem: Problem, spline: minimum_snap.Spline, wrong: np.ndarray | None, reach: int, stop: StopFlag | None
-) -> tuple[minimum_snap.Spline, np.ndarray, bool]:
-    """As `_optimised`, with all that a knot's state holds free to move."""
-
-    def descend(part: Problem, there: minimum_snap.Spline) -> Solution:
-        return time_allocation.refine(part, there, iterations=_THOROUGH, stop=stop)
-
-    return windows.optimise(problem, spline, _touched(spline, wrong, reach), descend)
 
 
 def _touched(spline: minimum_snap.Spline, wrong: np.ndarray | None, reach: int) -> np.ndarray:
     return np.ones(len(spline.durations_s), dtype=bool) if wrong is None else windows.grown(wrong, reach)
-
-
-def _gently(
-    problem: Problem, spline: minimum_snap.Spline, prices: tuple[float, ...], stop: StopFlag | None
-) -> minimum_snap.Spline:
-    """Where the descent comes to at low prices on limits and clearance: the way from there is less steep."""
-    for price in prices:
-        less = price / problem.weights.limits
-        weights = replace(problem.weights, limits=price, clearance=less * problem.weights.clearance)
-        gentle = replace(problem, weights=weights)
-        spline = time_allocation.refine(gentle, spline, iterations=_THOROUGH, stop=stop).spline
-    return spline
 
 
 def _refused(report: GateReport, asked: dict[str, FloatArray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:

@@ -336,10 +336,15 @@ def time_shares(trajectory: Trajectory, vehicle: Vehicle, limits: Limits, times:
 
     Where the motion is impossible the factor is 1.5. There is no row for a limit that there is not.
     """
+    room = _longer(sampled_shares(trajectory, vehicle, limits, times))
+    return np.where(np.isfinite(room), room, 1.5)[np.isfinite(_bounds(limits))]
+
+
+def sampled_shares(trajectory: Trajectory, vehicle: Vehicle, limits: Limits, times: FloatArray) -> FloatArray:
+    """Share used of each limit at each of the times (n,), (limits, n); NaN where the motion is impossible."""
     norms = [np.linalg.norm(trajectory.position(times, r), axis=1) for r in range(1, _PROVED + 1)]
     value = np.stack(norms + _attitude_values(trajectory, vehicle, times))
-    room = _longer(_shares(value, limits, _hover(vehicle)))
-    return np.where(np.isfinite(room), room, 1.5)[np.isfinite(_bounds(limits))]
+    return _shares(value, limits, _hover(vehicle))
 
 
 def _longer(share: FloatArray) -> FloatArray:

@@ -88,8 +88,7 @@ def plan(
         )
     methods = "+".join(sorted({p.method for p in plans}))
     route = np.concatenate([p.route_world_m for p in plans])
-    optimum_s, converged = float(sum(p.optimum_s for p in plans)), all(p.converged for p in plans)
-    return Plan(trajectory, report, points, route, methods, optimum_s, converged)
+    return Plan(trajectory, report, points, route, methods, tuple(o for p in plans for o in p.optima))
 
 
 def _check_stays(flown: Mission) -> None:

@@ -12,9 +12,8 @@ from vehicle import Limits, Vehicle
 
 YawMode = Literal["along_path", "smooth", "steady", "fixed", "look_at", "free"]
 Method = Literal["fastest", "corridor", "bry"]
-Effort = Literal["quick", "thorough"]
 Search = Literal["grid", "rrt_star", "informed_rrt_star", "bit_star", "aorrtc"]
-YAW_MODES, METHODS, SEARCHES, EFFORTS = get_args(YawMode), get_args(Method), get_args(Search), get_args(Effort)
+YAW_MODES, METHODS, SEARCHES = get_args(YawMode), get_args(Method), get_args(Search)
 _CHECKED = ("radius_m", "margin_m", "control_reserve", "waypoint_tolerance_m", "heading_rad", "sample_step_s")
 """Options that the gate asks as well, besides limits and where to look."""
 
@@ -39,9 +38,6 @@ class PlanOptions:
     method: Method = "fastest"
     """Least time, least snap inside a corridor of proved boxes (slower; also the fallback when the former fails), or
     Bry's method as published (`planner.bry`)."""
-    effort: Effort = "quick"
-    """Quick: the fastest minimum-snap path. Thorough: goes on from there and chooses velocity, acceleration and jerk at
-    every knot; takes several times as long to plan, and a session's edits are quick again."""
     limits: Limits | None = None
     """Limits to use instead of the vehicle's own."""
     control_reserve: float = 0.08
@@ -80,7 +76,7 @@ class PlanOptions:
             raise InputError(f"look_at_world_m is {self.look_at_world_m}; yaw look_at wants a point to look at")
         if not isfinite(self.heading_rad):
             raise InputError(f"heading_rad is {self.heading_rad}; it must be finite")
-        for name, known in (("yaw", YAW_MODES), ("method", METHODS), ("search", SEARCHES), ("effort", EFFORTS)):
+        for name, known in (("yaw", YAW_MODES), ("method", METHODS), ("search", SEARCHES)):
             if getattr(self, name) not in known:
                 raise InputError(f"{name} is {getattr(self, name)!r}; it must be {' or '.join(known)}")
 

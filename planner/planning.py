@@ -2,21 +2,22 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import nan
 from pathlib import Path as FilePath
+from typing import ClassVar
 
 import numpy as np
 
 import flight.trajectory
 from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, TrajectoryFile, Waypoints, silent
 from flight.progress import within
-from planner import bry, corridor, fastest, gate, heading, inputs, limits, minimum_snap, repair, routes, space
+from planner import bry, corridor, fastest, gate, heading, inputs, limits, minimum_snap, one_way, repair, routes, space
 from planner._planner import StopFlag
+from planner.attempts import Attempts
 from planner.conditions import Conditions
-from planner.fastest import Path
+from planner.drafting import Draft
+from planner.fastest import Optimum, Path
 from planner.gate import GateReport
 from planner.options import PlanInfeasibleError, PlanOptions, check_stop
-from planner.time_allocation import Solution
 from vehicle import Vehicle
 
 _SLOWER = (1.005, 1.015, 1.04, 1.1, 1.3)
@@ -31,6 +32,8 @@ AskGate = Callable[..., GateReport]
 class Plan:
     """A trajectory that has passed the gate."""
 
+    draft: ClassVar[bool] = False
+    """As `Draft.draft`, which is True."""
     trajectory: Trajectory
     gate: gate.GateReport
     waypoints: Waypoints
@@ -38,11 +41,23 @@ class Plan:
     """(n, 3) the polyline it follows: the waypoints, and what the search put between them."""
     method: str
     """"direct", "bent" (pushed off obstacles after a first attempt), "corridor" or "bry"."""
-    optimum_s: float = nan
-    """What the optimiser took for the shortest time before the vehicle's own model and the gate had their say."""
-    converged: bool = False
-    """Whether the last descent ended because the conditions for a minimum held, not because its iterations were used
-    up."""
+    optima: tuple[Optimum, ...]
+    """How close to the shortest time each of its paths is: one, or those between the stays of a mission."""
+
+    @property
+    def optimum_s(self) -> float:
+        """What the optimiser took for the shortest time before the vehicle's own model and the gate had their say."""
+        return sum(optimum.shortest_s for optimum in self.optima)
+
+    @property
+    def converged(self) -> bool:
+        """Whether every last descent ended by itself, and not because its iterations were used up."""
+        return all(optimum.converged for optimum in self.optima)
+
+    @property
+    def residual(self) -> float:
+        """The largest share of the flight time that a descent would still gain, by its quadratic model."""
+        return max(optimum.residual for optimum in self.optima)
 
     @property
     def binding(self) -> tuple[str, ...]:
@@ -74,7 +89,12 @@ def plan(
     options = inputs.options_for(vehicle, options)
     asked = Conditions() if conditions is None else conditions
     path, route = from_scratch(waypoints, field, vehicle, options, asked, progress=progress, stop=stop)
-    return Plan(path.trajectory, path.report, waypoints, route.points, path.method, path.optimum_s, path.converged)
+    return of_path(path, waypoints, route.points)
+
+
+def of_path(path: Path, waypoints: Waypoints, route_world_m: FloatArray) -> Plan:
+    """The plan that is this path, which has passed the gate."""
+    return Plan(path.trajectory, path.report, waypoints, route_world_m, path.method, (path.optimum,))
 
 
 def from_scratch(
@@ -116,7 +136,12 @@ def from_scratch(
             stop=stop,
         )
 
-    path = _flyable(route, waypoints, room, vehicle, options, asked, ask_gate, stop, progress)
+    def flyable(route: routes.Route, through: Waypoints, conditions: Conditions) -> Path:
+        return _flyable(route, through, room, vehicle, options, conditions, ask_gate, stop, progress)
+
+    path = flyable(route, waypoints, asked)
+    if not path.report.passed and asked.gate_edges_m is not None:
+        path, route = one_way.planned(path, route, waypoints, asked, room, options, flyable, stop)
     check_stop(stop)
     progress("gate", 1.0)
     if not path.report.passed:
@@ -154,43 +179,27 @@ def _flyable(
         return _timed(spline, corners.waypoint, "bry", waypoints, vehicle, options, ask_gate)
     dense = routes.subdivided(route, field)
 
-    def optimised(
-        obstacles: space.DistanceField, clearance_price: float, report: Progress
-    ) -> tuple[Path | None, Solution]:
-        problem, start = fastest.rough(dense, obstacles, vehicle, options, asked, stop)
-        problem, durations, index = fastest.whole_vehicle(
-            problem, start, dense.waypoint, waypoints.yaw_rad, options, asked, clearance_price
-        )
-        begin = problem.spline(problem.knots, durations)
-        rest = (index, vehicle, options, field, asked, ask_gate, stop)
-        path = fastest.until_flyable(problem, begin, *rest, progress=report)
-        if options.effort == "quick" or path is None or path.kept is None:
-            return path, start
-        kept, open_space = path.kept, path.report.clearance_m > 2.0 * options.clearance_m
-        for prices in fastest.GENTLE if open_space else fastest.GENTLE[:1]:
-            begun = kept.corrections.unpressed()
-            other = fastest.until_flyable(
-                kept.problem, kept.spline, *rest, corrections=begun, gently=prices, progress=report
-            )
-            path = path if other is None else fastest.faster(path, other)
-        return path, start
+    def attempts(obstacles: space.DistanceField, clearance_price: float, report: Progress) -> Attempts:
+        common = (waypoints, field, vehicle, options, asked, ask_gate, stop)
+        return Attempts(dense, obstacles, *common, clearance_price=clearance_price, progress=report)
 
     if options.method == "fastest":
-        path, _ = optimised(field, fastest.CLEARANCE_PRICE, within(progress, "optimise", 0.2, 1.0))
+        path = attempts(field, fastest.CLEARANCE_PRICE, within(progress, "optimise", 0.2, 1.0)).best()
         if path is not None:
             # a given velocity allows no other pace
             may_slow = not path.report.passed and not asked.given_motion
             return slowed(path, vehicle, options, ask_gate) if may_slow else path
     boxes = corridor.boxes(field, dense.points, options.planned_clearance_m)
     tube = corridor.Tube(boxes, options.clearance_m + fastest.AIM_M)
-    path, start = optimised(tube, corridor.CLEARANCE_PRICE, within(progress, "corridor", 0.0, 1.0))
+    inside = attempts(tube, corridor.CLEARANCE_PRICE, within(progress, "corridor", 0.0, 1.0))
+    path = inside.best()
     if path is not None and (path.report.passed or asked.given_motion):
         return replace(path, method="corridor", kept=None)
     if asked.given_motion:
         raise PlanInfeasibleError(
             "no path with the given velocities keeps clear of the obstacles", "lower them, or give them more room"
         )
-    spline = repair.through_corridor(dense, boxes, start.durations_s, stop)
+    spline = repair.through_corridor(dense, boxes, inside.start.durations_s, stop)
     return _timed(spline, dense.waypoint, "corridor", waypoints, vehicle, options, ask_gate)
 
 
@@ -207,7 +216,7 @@ def _timed(
     level = minimum_snap.trajectory(spline)
     spline = spline.scale_time(_time_scale(level, vehicle, options))
     trajectory = _with_heading(spline, waypoint, waypoints, vehicle, options)
-    path = Path(trajectory, waypoint, method, ask_gate(trajectory), float(spline.durations_s.sum()))
+    path = Path(trajectory, waypoint, method, ask_gate(trajectory), Optimum(float(spline.durations_s.sum())))
     return slowed(path, vehicle, options, ask_gate)
 
 
@@ -232,7 +241,8 @@ def slowed(path: Path, vehicle: Vehicle, options: PlanOptions, ask_gate: AskGate
     factor = _time_scale(path.trajectory, vehicle, options)
     for more in (1.0, *_SLOWER):
         trajectory = path.trajectory.scale_time(factor * more)
-        slower = replace(path, trajectory=trajectory, report=ask_gate(trajectory), kept=None)
+        optimum = replace(path.optimum, converged=False)
+        slower = replace(path, trajectory=trajectory, report=ask_gate(trajectory), optimum=optimum, kept=None)
         if slower.report.passed or not all(check.name in limits.NAMES for check in slower.report.failures):
             break
     return slower
@@ -257,17 +267,19 @@ def refused(path: Path) -> PlanInfeasibleError:
     )
 
 
-def save_plan(path: FilePath, plan: Plan, *, name: str) -> None:
+def save_plan(path: FilePath, plan: Plan | Draft, *, name: str) -> None:
     """Write the trajectory file. Raises as `trajectory_file`."""
     flight.trajectory.save(path, trajectory_file(plan, name=name))
 
 
-def trajectory_file(plan: Plan, *, name: str) -> TrajectoryFile:
+def trajectory_file(plan: Plan | Draft, *, name: str) -> TrajectoryFile:
     """The plan as a trajectory file, with the hashes of the map and vehicle it was checked against.
 
     Raises:
-        InputError: this trajectory has not passed the gate.
+        InputError: this trajectory has not passed the gate, or it is a draft.
     """
+    if isinstance(plan, Draft):
+        raise InputError(f"trajectory {name} is not saved: it is a draft, which nothing checked; move the waypoint")
     return checked_file(plan.trajectory, plan.gate, plan.waypoints.positions_world_m, name=name)
 
 

@@ -14,26 +14,32 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flight import FloatArray, InputError, Trajectory, Waypoints, portable
-from planner import fastest, gate, inputs, limits, minimum_snap, planning, routes, space
+from planner import drafting, fastest, gate, inputs, limits, minimum_snap, planning, routes, space
 from planner._planner import StopFlag
 from planner.conditions import Conditions
+from planner.drafting import Draft
 from planner.gate import GateReport
 from planner.options import PlanOptions, check_stop
 from planner.planning import Plan
 from vehicle import Limits, Vehicle
 
-_DRAWN, _NEW = 40, 200
-"""Iterations from knots that were optimised before, and from new ones."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Leg:
-    """The knots of a leg (n, 4), the waypoints at its ends among them, and the durations between them (n - 1,)."""
+    """Knot states of a leg (n, 4, 4), the waypoints at its ends among them, and the durations between them (n - 1,)."""
 
-    knots: FloatArray
+    states: FloatArray
     durations_s: FloatArray
     drawn: bool
-    """Whether it is the leg before the edit, drawn along."""
+    """Whether it is the leg before the edit, drawn along; else only the places of its knots are known."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Answer:
+    """A finished plan, and how it came about."""
+
+    path: fastest.Path
+    plan: Plan
 
 
 class Planner:
@@ -58,8 +64,10 @@ class Planner:
         self._field, self._vehicle = field, vehicle
         self._options = inputs.options_for(vehicle, options)
         self._stop = StopFlag() if stop is None else stop
-        self._flags, self._working = threading.Lock(), threading.Lock()
-        self._scratch(waypoints, asked, self._options, self._stop)
+        self._flags, self._working, self._swap = threading.Lock(), threading.Lock(), threading.Lock()
+        self._foreseen: _Answer | None = None
+        """Of a move from the plan as it is."""
+        self._accept(self._scratch(waypoints, asked, self._options, self._stop))
         self._stop = StopFlag()
         self._room = self._conditions.room(field, self._options)
 
@@ -71,12 +79,13 @@ class Planner:
     def move(self, index: int, position_world_m: ArrayLike, *, stop: StopFlag | None = None) -> Plan:
         """Move one waypoint. Raises as `planner.plan`; the plan then stays what it was."""
         with self._edit(stop) as stop:
-            old = self._waypoint(index)
-            points = old.positions_world_m.copy()
-            points[index] = _point(position_world_m)
-            first, last = max(index - 1, 0), min(index + 1, len(points) - 1)
-            new = Waypoints(points, old.yaw_rad)
-            return self._changed(new, self._conditions, (first, last), (first, last), stop)
+            return self._accept(self._moved(index, position_world_m, stop))
+
+    def foresee(self, index: int, position_world_m: ArrayLike, *, stop: StopFlag | None = None) -> Plan:
+        """The plan that `move` would give, which then is at hand at once. Raises as `move`; the plan stays."""
+        with self._edit(stop) as stop:
+            self._foreseen = self._moved(index, position_world_m, stop)
+            return self._foreseen.plan
 
     def insert(
         self, index: int, position_world_m: ArrayLike, yaw_rad: float = np.nan, *, stop: StopFlag | None = None
@@ -93,7 +102,8 @@ class Planner:
             new = Waypoints(points, np.insert(old.yaw_rad, index, yaw_rad))
             inside = 0 < index < len(old.yaw_rad)
             asked = self._conditions.inserted(index)
-            return self._changed(new, asked, (index - 1, index) if inside else None, (index - 1, index + 1), stop)
+            old_legs = (index - 1, index) if inside else None
+            return self._accept(self._changed(new, asked, old_legs, (index - 1, index + 1), stop))
 
     def delete(self, index: int, *, stop: StopFlag | None = None) -> Plan:
         """Delete a waypoint and what is asked there; the leg that two become has the lower one of their speeds.
@@ -105,36 +115,36 @@ class Planner:
             new = Waypoints(np.delete(old.positions_world_m, index, axis=0), np.delete(old.yaw_rad, index))
             inside = 0 < index < len(new.yaw_rad)
             asked = self._conditions.deleted(index)
-            return self._changed(new, asked, (index - 1, index + 1) if inside else None, (index - 1, index), stop)
+            old_legs = (index - 1, index + 1) if inside else None
+            return self._accept(self._changed(new, asked, old_legs, (index - 1, index), stop))
 
     def limit(self, bounds: Limits) -> Plan:
         """Plan within other limits. Raises as `planner.plan`."""
         with self._edit() as stop:
             options, waypoints = replace(self._options, limits=bounds), self._plan.waypoints
-            plan = self._scratch(waypoints, self._conditions, options, stop)
+            plan = self._accept(self._scratch(waypoints, self._conditions, options, stop))
             self._options = options
             return plan
 
     def settle(self) -> Plan:
         """Plan the waypoints as they are from scratch: after many edits, a little faster. Raises as `planner.plan`."""
         with self._edit() as stop:
-            return self._scratch(self._plan.waypoints, self._conditions, self._options, stop)
+            return self._accept(self._scratch(self._plan.waypoints, self._conditions, self._options, stop))
 
-    def draft(self, index: int, position_world_m: ArrayLike) -> Trajectory:
-        """What the path would look like with one waypoint moved and all times kept: quick, and checked by nothing."""
-        path = self._path
-        moved = np.zeros((len(path.waypoint), 4))
-        shift = _point(position_world_m) - self._waypoint(index).positions_world_m[index]
-        at = int(np.flatnonzero(path.waypoint == index)[0])
-        for before in (True, False):
-            leg = _leg_knots(path.waypoint, index - 1 if before else index)
-            if leg is not None:
-                share = np.linspace(0.0, 1.0, leg[1] - leg[0] + 1)
-                moved[leg[0] : leg[1] + 1, :3] = (share if before else 1.0 - share)[:, None] * shift
-        moved[at, :3] = shift
-        change = minimum_snap.solve(moved, path.trajectory.durations_s)
-        more = minimum_snap.coefficients(change.states, change.durations_s)
-        return Trajectory(path.trajectory.durations_s, path.trajectory.coefficients + more)
+    def draft(self, index: int, position_world_m: ArrayLike) -> Draft:
+        """What the path would look like with one waypoint moved: quick, and checked by nothing. The plan stays.
+
+        Raises:
+            InputError: no path can reach the waypoint there.
+        """
+        with self._swap:
+            path, conditions, before = self._path, self._conditions, self._waypoint(index)
+        points = before.positions_world_m.copy()
+        points[index] = _point(position_world_m)
+        after = Waypoints(points, before.yaw_rad)
+        routes.check_waypoints(after, self._field, self._options.waypoint_clearance_m)
+        conditions.check_inside(points)
+        return drafting.draft(path, index, before, after, self._room, self._vehicle, self._options, conditions)
 
     def cancel(self) -> None:
         """End the edit that works, if there is one."""
@@ -163,19 +173,33 @@ class Planner:
             raise InputError(f"there is no waypoint {index + 1}; there are {len(waypoints.yaw_rad)}")
         return waypoints
 
-    def _scratch(self, waypoints: Waypoints, asked: Conditions, options: PlanOptions, stop: StopFlag) -> Plan:
+    def _scratch(self, waypoints: Waypoints, asked: Conditions, options: PlanOptions, stop: StopFlag) -> _Answer:
         path, route = planning.from_scratch(waypoints, self._field, self._vehicle, options, asked, stop=stop)
-        return self._accept(path, route.points, waypoints)
+        return self._answer(path, route.points, waypoints)
 
-    def _accept(self, path: fastest.Path, route_world_m: FloatArray, waypoints: Waypoints) -> Plan:
-        self._path, self._conditions = path, path.report.conditions
-        ended = (path.method, path.optimum_s, path.converged)
-        self._plan = Plan(path.trajectory, path.report, waypoints, route_world_m, *ended)
-        return self._plan
+    @staticmethod
+    def _answer(path: fastest.Path, route_world_m: FloatArray, waypoints: Waypoints) -> _Answer:
+        return _Answer(path, planning.of_path(path, waypoints, route_world_m))
+
+    def _accept(self, answer: _Answer) -> Plan:
+        path, self._foreseen = answer.path, None
+        with self._swap:
+            self._path, self._conditions, self._plan = path, path.report.conditions, answer.plan
+        return answer.plan
+
+    def _moved(self, index: int, position_world_m: ArrayLike, stop: StopFlag) -> _Answer:
+        old, foreseen = self._waypoint(index), self._foreseen
+        points = old.positions_world_m.copy()
+        points[index] = _point(position_world_m)
+        if foreseen is not None and np.array_equal(foreseen.plan.waypoints.positions_world_m, points):
+            return foreseen
+        first, last = max(index - 1, 0), min(index + 1, len(points) - 1)
+        new = Waypoints(points, old.yaw_rad)
+        return self._changed(new, self._conditions, (first, last), (first, last), stop)
 
     def _changed(
         self, waypoints: Waypoints, asked: Conditions, old: tuple[int, int] | None, new: tuple[int, int], stop: StopFlag
-    ) -> Plan:
+    ) -> _Answer:
         """Plan for waypoints of which those from `new[0]` to `new[1]` take the place of `old[0]` to `old[1]`.
 
         `old` is None where the path begins or ends elsewhere: then it is planned from scratch.
@@ -188,7 +212,7 @@ class Planner:
             path = self._mended(waypoints, asked, old, new, stop)
         if path is None or not path.report.passed or path.kept is None:
             return self._scratch(waypoints, asked, self._options, stop)
-        return self._accept(path, path.kept.spline.states[:, 0, :3], waypoints)
+        return self._answer(path, path.kept.spline.states[:, 0, :3], waypoints)
 
     def _mended(
         self, waypoints: Waypoints, asked: Conditions, old: tuple[int, int], new: tuple[int, int], stop: StopFlag
@@ -202,13 +226,11 @@ class Planner:
         if any(leg is None for leg in legs):
             return None
         legs = [leg for leg in legs if leg is not None]
-        knots = np.concatenate([legs[0].knots[:1], *(leg.knots[1:] for leg in legs)])
-        index = np.full(len(knots), -1)
+        states = np.concatenate([legs[0].states[:1], *(leg.states[1:] for leg in legs)])
+        index = np.full(len(states), -1)
         index[np.cumsum([0, *(len(leg.durations_s) for leg in legs)])] = np.arange(new[0], new[1] + 1)
         durations = np.concatenate([leg.durations_s for leg in legs])
         after = np.where(number[last + 1 :] < 0, -1, number[last + 1 :] + new[1] - old[1])
-        states = np.zeros((len(knots), 4, 4))
-        states[:, 0] = knots
         for place, there in ((0, first), (-1, last)):
             states[place, 1:] = kept.spline.states[there, 1:]
         spline = minimum_snap.Spline(
@@ -218,6 +240,10 @@ class Planner:
         waypoint = np.concatenate([number[:first], index, after])
         centres = waypoints.positions_world_m[np.maximum(waypoint, 0)]
         balls, gates = asked.balls(centres, waypoint), asked.gates(centres, waypoint)
+        if gates is not None and kept.problem.gates is not None:  # openings beside gates (`one_way`) are no waypoints
+            here, before = np.arange(len(waypoint)), np.arange(len(number))
+            for there, was in ((here < first, before < first), (here >= first + len(index), before > last)):
+                gates[there & (waypoint < 0)] = kept.problem.gates[was & (number < 0)]
         may_move = (index < 0) | fastest.may_move(balls, gates, len(waypoint))[first : first + len(index)]
         free = np.repeat(may_move[:, None], 4, axis=1)
         free[:, 3] = (index < 0) | np.isnan(waypoints.yaw_rad[index])
@@ -243,7 +269,7 @@ class Planner:
             lambda trajectory, known: self._ask_gate(trajectory, waypoints, asked, known, stop),
             stop,
             wrong=wrong,
-            iterations=_DRAWN if all(leg.drawn for leg in legs) else _NEW,
+            drawn=all(leg.drawn for leg in legs),
             corrections=kept.corrections.spliced(first, last, len(durations)),
             used=None if used is None else (self._path.trajectory, used),
         )
@@ -291,20 +317,22 @@ class Planner:
         straight, pieces = self._free(np.stack([a, b])), self._options.pieces
         if old == new:
             first, last = _leg_knots(self._path.waypoint, leg) or (0, 0)
-            knots, T = kept.spline.states[first : last + 1, 0].copy(), kept.spline.durations_s[first:last]
-            share = np.linspace(0.0, 1.0, len(knots))[:, None]
+            states, T = kept.spline.states[first : last + 1].copy(), kept.spline.durations_s[first:last]
+            knots, share = states[:, 0], np.linspace(0.0, 1.0, len(states))[:, None]
             before_m = portable.length(knots[-1, :3] - knots[0, :3])
             knots[:, :3] += (1.0 - share) * (a - knots[0, :3]) + share * (b - knots[-1, :3])
             if straight == (len(T) <= pieces) and (straight or self._free(knots[:, :3])):
                 longer = np.clip(portable.length(b - a) / max(before_m, 1e-9), 0.5, 3.0)
-                return _Leg(knots, T * longer, drawn=True)
+                return _Leg(states, T * longer, drawn=True)
         if not straight:
             return None
         start, end = (np.append(p, self._yaw_at(leg + n, waypoints, old, new)) for n, p in enumerate((a, b)))
         frame = kept.problem.airframe
         pace = 0.5 * min(frame.speed_m_s, frame.acceleration_m_s2)
         duration = max(float(portable.length(b - a)) / pace, 0.1)
-        return _Leg(np.linspace(start, end, pieces + 1), np.full(pieces, duration / pieces), drawn=False)
+        states = np.zeros((pieces + 1, 4, 4))
+        states[:, 0] = np.linspace(start, end, pieces + 1)
+        return _Leg(states, np.full(pieces, duration / pieces), drawn=False)
 
     def _yaw_at(self, waypoint: int, waypoints: Waypoints, old: tuple[int, int], new: tuple[int, int]) -> float:
         """The heading to start from at a waypoint: as it was, or halfway; the one asked for, up to whole turns."""

@@ -82,10 +82,22 @@ class Problem:
     the middle of the left and of the upper edge; zero edges are none."""
     target_world_m: FloatArray | None = None
     """(3,) point that the vehicle looks at, instead of along its path."""
+    heading_held: bool = False
+    """Whether the heading is constant, and not only given at knots."""
 
     def spline(self, knots: FloatArray, durations_s: FloatArray) -> minimum_snap.Spline:
         """The spline of least snap through these knots, with the derivatives that are given."""
         return minimum_snap.solve(knots, durations_s, start=self.start, end=self.end, velocity=self.velocity)
+
+    def free_states(self) -> np.ndarray:
+        """(k + 1, 4, 4) bool: which numbers of the knots' states may move; all derivatives that are not given."""
+        free = np.ones((len(self.knots), hermite.ORDER, 4), dtype=bool)
+        free[[0, -1]] = False
+        free[:, 0] = self.free
+        if self.velocity is not None:
+            free[np.isfinite(self.velocity).all(axis=1), 1] = False
+        free[:, 1:, 3] &= not self.heading_held
+        return free
 
     def part(self, first: int, last: int, spline: minimum_snap.Spline) -> "Problem":
         """The segments from knot `first` to knot `last` alone; both keep the state they have in the spline."""
@@ -245,21 +257,25 @@ def refine(
     *,
     iterations: int = 100,
     precision: float = 1e-5,
+    hold: float = 0.0,
     stop: StopFlag | None = None,
 ) -> Solution:
     """Minimise over log durations, free knots and the derivatives at inner knots, from `spline`.
 
     Gauss and Newton's method with the damping of Levenberg and Marquardt: unlike `optimise`, the path need not be the
     one of least snap through its knots. It has converged where its quadratic model, hardly damped, promises to lower
-    the cost by less than `precision` of it.
+    the cost by less than `precision` of it, or ten steps together lowered it by less.
+
+    Args:
+        hold: price, in s/m^2, of squared distance from `spline`.
 
     Raises:
         PlanCancelledError: `stop` was set.
     """
     states, T = spline.states.copy(), spline.durations_s.copy()
-    free = np.ascontiguousarray(problem.free, dtype=np.uint8)
+    free = problem.free_states().astype(np.uint8)
     cost, evaluations, converged, stopped, residual = _kernel(problem).refine(
-        states, T, free, iterations, precision, stop
+        states, T, free, iterations, precision, hold, stop
     )
     if stopped:
         check_stop(stop)

@@ -1,12 +1,14 @@
 """A turn on the spot: rest in one place while the heading goes the short way from one to another."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from flight import FloatArray, Trajectory, Waypoints, rotations
 from planner import gate, heading, inputs, limits, minimum_snap, planning, space
 from planner._planner import StopFlag
 from planner.conditions import Conditions
-from planner.fastest import Path
+from planner.fastest import Optimum, Path
 from planner.options import PlanOptions, check_stop
 from vehicle import Vehicle
 
@@ -51,13 +53,12 @@ def plan(
         )
 
     trajectory = minimum_snap.trajectory(spline)
-    first = Path(trajectory, np.arange(2), "turn", ask_gate(trajectory), trajectory.duration_s)
-    path = planning.slowed(first, vehicle, options, ask_gate)
+    first = Path(trajectory, np.arange(2), "turn", ask_gate(trajectory), Optimum(trajectory.duration_s))
+    slowed = planning.slowed(first, vehicle, options, ask_gate)
+    path = replace(slowed, optimum=Optimum(slowed.trajectory.duration_s, converged=True, residual=0.0))
     if not path.report.passed:
         raise planning.refused(path)
-    return planning.Plan(
-        path.trajectory, path.report, waypoints, waypoints.positions_world_m, path.method, path.trajectory.duration_s
-    )
+    return planning.of_path(path, waypoints, waypoints.positions_world_m)
 
 
 def _smoothest(waypoints: Waypoints, can: heading.Bounds) -> minimum_snap.Spline:

@@ -122,11 +122,11 @@ def _gate_missed(
     nearest = float(np.linalg.norm(points - centre, axis=1).min())
     if back_s is None:
         fault = f"is not passed forwards within its opening; the path comes within {nearest:.2f} m of its middle"
+        remedy = "enlarge it"
     else:
         fault = f"is passed backwards too, at {back_s:.2f} s"
-    reason = (
-        f"the gate at waypoint {waypoint + 1} {fault}: turn the gate, enlarge it, or add a waypoint before or behind it"
-    )
+        remedy = "make it smaller"
+    reason = f"the gate at waypoint {waypoint + 1} {fault}: turn the gate or {remedy}"
     return Check("waypoints", nearest, tolerance_m, "m", False, reason=reason)
 
 

@@ -1,6 +1,7 @@
 """A part of a path optimised for itself: the rest stays as it is, and the joins keep their state through jerk."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,25 +21,33 @@ def runs(segments: np.ndarray) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Descended:
+    """A path after a descent in some of its segments."""
+
+    spline: Spline
+    converged: bool
+    """Whether every part of it did."""
+    residual: float
+    """The largest share of the cost that the descents would still gain."""
+
+
 def optimise(
     problem: Problem, spline: Spline, segments: np.ndarray, descend: Callable[[Problem, Spline], Solution]
-) -> tuple[Spline, np.ndarray, bool]:
+) -> Descended:
     """Each run of the chosen segments (k,) optimised for itself, the knots on either side of it held.
 
     Args:
         descend: from a problem and the spline to start from to where its descent ends.
-
-    Returns:
-        The spline, the segments, and whether every descent converged.
     """
     if segments.all():
         found = descend(problem, spline)
-        return found.spline, segments, found.converged
-    durations, states, converged = spline.durations_s.copy(), spline.states.copy(), True
+        return Descended(found.spline, found.converged, found.residual)
+    durations, states, converged, residual = spline.durations_s.copy(), spline.states.copy(), True, 0.0
     for first, last in runs(segments):
         before = Spline(durations[first:last], states[first : last + 1])
         found = descend(problem.part(first, last, Spline(durations, states)), before)
         durations[first:last] = found.durations_s
         states[first : last + 1] = found.spline.states
-        converged &= found.converged
-    return Spline(durations, states), segments, converged
+        converged, residual = converged and found.converged, max(residual, found.residual)
+    return Descended(Spline(durations, states), converged, residual)

@@ -1,6 +1,8 @@
 """`goshawk plan`: waypoints or a recorded path to a checked trajectory."""
 
+from collections import Counter
 from dataclasses import asdict, replace
+from math import isfinite
 from pathlib import Path
 
 import click
@@ -63,14 +65,6 @@ surface that is farther away than this is not what the clearance is measured to.
     help="fastest: least time. corridor: least time within a corridor of boxes proved free. bry: as Bry et al. (2015).",
 )
 @click.option(
-    "--effort",
-    type=click.Choice(options.EFFORTS),
-    default="quick",
-    show_default=True,
-    help="quick: the fastest minimum-snap path. thorough: shorter flights, by 2 to 11 % in the open and to 2 % among "
-    "obstacles, for about ten times the planning time; never a longer one.",
-)
-@click.option(
     "--search",
     type=click.Choice(options.SEARCHES),
     default="grid",
@@ -117,7 +111,6 @@ def command(
     acceleration_m_s2: float | None,
     jerk_m_s3: float | None,
     method: options.Method,
-    effort: options.Effort,
     search: options.Search,
     seed: int,
     yaw: options.YawMode | None,
@@ -151,7 +144,7 @@ def command(
         raise click.UsageError("give either WAYPOINTS or --path or --batch")
     drone = vehicle.load(vehicle_file)
     wanted = options_from(drone, margin_m, speed_m_s, acceleration_m_s2, radius_m, jerk_m_s3)
-    how = replace(wanted.sized(drone), method=method, effort=effort, search=search, search_seed=seed)
+    how = replace(wanted.sized(drone), method=method, search=search, search_seed=seed)
     repeated, turned = None if laps is None else Laps(laps), yaw_from(yaw, heading_deg, look_at)
     tube = None if keep_in_m is None else KeepIn(keep_in_m)
     job = batch.Job(map_folder, vehicle_file, how, out, repeated, turned, tube, thinnest_m, overwrite=overwrite)
@@ -226,11 +219,14 @@ def _show(
         "segments": len(plan.trajectory.durations_s),
         "duration_s": plan.trajectory.duration_s,
         "converged": plan.converged,
+        "residual": plan.residual if isfinite(plan.residual) else None,
+        "active_limits": [list(optimum.active) for optimum in plan.optima],
         "clearance_m": plan.gate.clearance_m,
         "top_speed_m_s": batch_mission.top_speed_m_s(plan.trajectory),
     }
     shown = {"clearance" if name == "clearance_m" else name: value for name, value in facts.items()}
-    shown["converged"] = "yes" if plan.converged else "no: the optimiser's iterations were used up"
+    shown |= {"converged": _converged(plan), "active limits": _active(plan)}
+    del shown["residual"], shown["active_limits"]
     shown |= {"clearance": _clearance(plan.gate, nearest), "could hide": could_hide.describe(plan.gate)}
     checked = plan.gate.as_dict()
     jerks = [check for check in plan.gate.checks if check.name in ("jerk", "jerk of legs")]
@@ -242,6 +238,23 @@ def _show(
     console.show(f"trajectory {out.stem}", shown, as_json=as_json, document=document)
     if could_hide.worth_a_warning(plan.gate):
         click.echo(f"note: {could_hide.describe(plan.gate)}; {could_hide.advice(plan.gate)}", err=True)
+
+
+def _converged(plan: planner.Plan) -> str:
+    if plan.converged:
+        return f"yes, to {plan.residual:.0e} of the flight time"
+    if {"corridor", "bry"} & set(plan.method.split("+")):
+        return f"no: method {plan.method} does not look for the least time"
+    return "no: a descent stopped at its bound on iterations, or the whole path was slowed down for a limit"
+
+
+def _active(plan: planner.Plan) -> str:
+    """Which limits hold the flight back, the most frequent first."""
+    limits = Counter(limit for optimum in plan.optima for limit in optimum.active if limit)
+    if not limits:
+        return "none"
+    total = sum(len(optimum.active) for optimum in plan.optima)
+    return ", ".join(f"{limit} in {count}" for limit, count in limits.most_common()) + f" of {total} segments"
 
 
 def _clearance(report: planner.GateReport, nearest: NearestSurface | None) -> str:

@@ -8,38 +8,45 @@
 
 namespace goshawk {
 
-// A symmetric positive definite matrix with so many diagonals below its main one, and its Cholesky factor.
+// A symmetric positive definite matrix with so many diagonals below its main one, and its Cholesky factor. Each column
+// has a last row, below which it is zero. Columns are contiguous.
 class Banded {
   public:
-    Banded(std::size_t size, std::size_t below) : size_(size), below_(below), rows_(size * (below + 1)) {}
+    Banded(std::size_t size, std::size_t below) : size_(size), below_(below), columns_(size * (below + 1)), end_(size) {
+        for (std::size_t j = 0; j < size; ++j) end_[j] = std::min(size, j + below + 1);
+    }
+
+    // Where a column ends: one row beyond its last, at most `below` rows under the diagonal, and not before the column
+    // to the left of it ends.
+    void set_end(std::size_t column, std::size_t row) { end_[column] = row; }
 
     // Entry (i, j) with j <= i <= j + below.
-    double& at(std::size_t i, std::size_t j) { return rows_[i * (below_ + 1) + below_ + j - i]; }
-    double at(std::size_t i, std::size_t j) const { return rows_[i * (below_ + 1) + below_ + j - i]; }
+    double& at(std::size_t i, std::size_t j) { return columns_[j * (below_ + 1) + i - j]; }
+    const double& at(std::size_t i, std::size_t j) const { return columns_[j * (below_ + 1) + i - j]; }
 
     // Takes an unknown out: its solution is its right-hand side.
     void pin(std::size_t n) {
-        for (std::size_t j = first(n); j < n; ++j) at(n, j) = 0.0;
-        for (std::size_t i = n + 1; i < std::min(size_, n + below_ + 1); ++i) at(i, n) = 0.0;
+        for (std::size_t j = n > below_ ? n - below_ : 0; j < n; ++j) at(n, j) = 0.0;
+        std::fill(&at(n, n), &at(n, n) + (end_[n] - n), 0.0);
         at(n, n) = 1.0;
     }
 
-    void clear() { std::fill(rows_.begin(), rows_.end(), 0.0); }
+    void clear() { std::fill(columns_.begin(), columns_.end(), 0.0); }
 
     // In place; false where the matrix is not positive definite.
     bool factor() {
-        for (std::size_t i = 0; i < size_; ++i)
-            for (std::size_t j = first(i); j <= i; ++j) {
-                const double *a = &at(i, first(i)), *b = &at(j, first(i));
-                double sums[4] = {at(i, j)};  // four at a time: one sum would wait for each subtraction
-                std::size_t k = 0, count = j - first(i);
-                for (; k + 4 <= count; k += 4)
-                    for (std::size_t l = 0; l < 4; ++l) sums[l] -= a[k + l] * b[k + l];
-                for (; k < count; ++k) sums[0] -= a[k] * b[k];
-                const double sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
-                if (i == j && !(sum > 0.0)) return false;
-                at(i, j) = i == j ? 1.0 / std::sqrt(sum) : sum * at(j, j);  // the diagonal is kept inverted
+        for (std::size_t j = 0; j < size_; ++j) {
+            double* column = &at(j, j);
+            const std::size_t count = end_[j] - j;
+            if (!(column[0] > 0.0)) return false;
+            column[0] = 1.0 / std::sqrt(column[0]);  // the diagonal is kept inverted
+            for (std::size_t k = 1; k < count; ++k) column[k] *= column[0];
+            for (std::size_t k = 1; k < count; ++k) {
+                double* later = &at(j + k, j + k);
+                const double factor = column[k];
+                for (std::size_t i = k; i < count; ++i) later[i - k] -= factor * column[i];
             }
+        }
         return true;
     }
 
@@ -52,21 +59,20 @@ class Banded {
         const auto scale = [&](std::size_t i) {
             for (int c = 0; c < kColumns; ++c) x[i * kColumns + c] *= at(i, i);
         };
-        for (std::size_t i = 0; i < size_; ++i) {
-            for (std::size_t j = first(i); j < i; ++j) subtract(i, j, at(i, j));
-            scale(i);
+        for (std::size_t j = 0; j < size_; ++j) {
+            scale(j);
+            for (std::size_t i = j + 1; i < end_[j]; ++i) subtract(i, j, at(i, j));
         }
-        for (std::size_t i = size_; i-- > 0;) {
-            scale(i);
-            for (std::size_t j = first(i); j < i; ++j) subtract(j, i, at(i, j));
+        for (std::size_t j = size_; j-- > 0;) {
+            for (std::size_t i = j + 1; i < end_[j]; ++i) subtract(j, i, at(i, j));
+            scale(j);
         }
     }
 
   private:
-    std::size_t first(std::size_t i) const { return i > below_ ? i - below_ : 0; }
-
     std::size_t size_, below_;
-    std::vector<double> rows_;
+    std::vector<double> columns_;
+    std::vector<std::size_t> end_;
 };
 
 }  // namespace goshawk

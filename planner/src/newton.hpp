@@ -1,12 +1,14 @@
 // Gauss and Newton's method for a cost with a banded matrix of second derivatives, damped where the quadratic model
-// does not hold (Levenberg and Marquardt; the damping as in Nielsen 1999). It ends because the conditions for a minimum
-// hold: the matrix is positive definite and the model, hardly damped, promises less than a given share of the cost.
+// does not hold (Levenberg and Marquardt; the damping as in Nielsen 1999). It has converged where the matrix is
+// positive definite and the model, hardly damped, promises less than a given share of the cost; or, at a kink of the
+// cost, where that model does not hold, ten steps together have gained less than that.
 #pragma once
 
 #include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <vector>
 
 #include "banded.hpp"
@@ -24,25 +26,38 @@ class Newton {
     int iterations = 100;
     double precision = 1e-8;
     double longest_step = 0.5;  // of any one unknown
+    double hold = 0.0;          // price of the squared distance from where it begins (the proximal point method)
     const std::atomic<bool>* stop = nullptr;
 
-    // Minimises from x, in place: `cost(x)` alone, and `model(x, gradient, matrix)`, which fills both.
+    // Minimises from x, in place: `cost(x)` alone, and `model(gradient, second)`, which fills both where the cost was
+    // asked last.
     template <class Cost, class Model>
-    Refined minimise(std::vector<double>& x, std::size_t below, Cost&& cost, Model&& model) const {
+    Refined minimise(std::vector<double>& x, Banded second, Cost&& cost, Model&& model) const {
         const std::size_t n = x.size();
         std::vector<double> gradient(n), step(n), trial(n), weight(n);
-        Banded second(n, below), factor(n, below);
+        Banded factor = second;
+        const std::vector<double> begun = x;
+        const auto held_cost = [&](const std::vector<double>& at) {
+            double square = 0.0;
+            for (std::size_t i = 0; i < n; ++i) square += (at[i] - begun[i]) * (at[i] - begun[i]);
+            return cost(at) + hold * square;
+        };
         Refined found;
         double damping = kLeast, growth = 2.0;
         bool moved = true;
-        found.cost = cost(x);
+        found.cost = held_cost(x);
+        double earlier = std::numeric_limits<double>::infinity();
         for (int iteration = 0; iteration < iterations; ++iteration) {
             if (stop && stop->load(std::memory_order_relaxed)) {
                 found.stopped = true;
                 return found;
             }
             if (moved) {
-                model(x, gradient, second);
+                model(gradient, second);
+                for (std::size_t i = 0; i < n; ++i) {
+                    gradient[i] += 2.0 * hold * (x[i] - begun[i]);
+                    second.at(i, i) += 2.0 * hold;
+                }
                 // Between equal steps (1) and equal shares of the curvature (Marquardt): ends lowest of the three.
                 for (std::size_t i = 0; i < n; ++i) weight[i] = std::sqrt(std::max(second.at(i, i), 1e-6));
             }
@@ -62,7 +77,7 @@ class Newton {
                 for (const double s : step) largest = std::max(largest, std::fabs(s));
                 const double length = std::min(1.0, longest_step / largest);
                 for (std::size_t i = 0; i < n; ++i) trial[i] = x[i] + length * step[i];
-                const double reached = cost(trial);
+                const double reached = held_cost(trial);
                 ++found.evaluations;
                 // The model along the step: the gain at a share of it is at least that share of the whole gain.
                 const double ratio = (found.cost - reached) / (promised * length * (2.0 - length));
@@ -71,10 +86,16 @@ class Newton {
                     found.cost = reached;
                     moved = true;
                     const double bend = 2.0 * ratio - 1.0;
-                    damping *= std::max(0.1, 1.0 - bend * bend * bend);
+                    // where the step was cut, less damping would only turn it to where the cost is flat
+                    if (length == 1.0) damping *= std::max(0.1, 1.0 - bend * bend * bend);
                     growth = 2.0;
-                    continue;
                 }
+                if (found.evaluations % kWindow == 0) {
+                    found.converged = earlier - found.cost <= precision * found.cost;
+                    if (found.converged) return found;
+                    earlier = found.cost;
+                }
+                if (moved) continue;
             }
             damping = std::max(damping, kLeast) * growth;
             growth *= 2.0;
@@ -85,6 +106,7 @@ class Newton {
 
   private:
     static constexpr double kLeast = 1e-6, kSlight = 1e-1, kMost = 1e12;
+    static constexpr int kWindow = 10;
 
     static double gain(const std::vector<double>& gradient, const std::vector<double>& step,
                        const std::vector<double>& weight, double damping) {

@@ -158,9 +158,10 @@ double slopes(Problem& problem, In states, In durations, Out by_states, Out by_l
     return problem.slopes(states.data(), durations.data(), by_states.data(), by_log_durations.data());
 }
 
-nb::tuple refine(Problem& problem, Out states, Out durations, Flags free, int iterations, double precision,
+nb::tuple refine(Problem& problem, Out states, Out durations, Flags free, int iterations, double precision, double hold,
                  const StopFlag* stop) {
     Newton method;
+    method.hold = hold;
     method.iterations = iterations;
     method.precision = precision;
     method.stop = stop ? &stop->raised : nullptr;
@@ -200,5 +201,5 @@ void bind_optimise(nb::module_& m) {
         .def("slopes", &slopes, nb::arg("states"), nb::arg("durations"), nb::arg("by_states"),
              nb::arg("by_log_durations"))
         .def("refine", &refine, nb::arg("states"), nb::arg("durations"), nb::arg("free"), nb::arg("iterations"),
-             nb::arg("precision"), nb::arg("stop").none());
+             nb::arg("precision"), nb::arg("hold"), nb::arg("stop").none());
 }

@@ -62,8 +62,7 @@ class Problem {
     // logarithms.
     double slopes(const double* states, const double* durations, double* by_states, double* by_log_durations);
 
-    // From knot states and durations to those of least cost, in place: derivatives at the inner knots move too, but for
-    // those that are held.
+    // From knot states and durations to those of least cost, in place; only numbers marked free (k + 1, 4, 4) move.
     Refined refine(double* states, double* durations, const unsigned char* free, const Newton& method);
 
   private:
@@ -95,6 +94,7 @@ class Problem {
     double passing_cost();
     std::vector<Direction> directions(const unsigned char* free) const;
     double cost_of_states(const double* durations, const std::vector<double>& knots);
+    Banded banded() const;
     void curvature(std::size_t i, double T, const double* units, std::vector<double>& gradient, Banded& second) const;
     void knot_curvature(const std::vector<double>& knots, const double* units, std::vector<double>& gradient,
                         Banded& second) const;

@@ -32,52 +32,41 @@ double Problem::cost_of_states(const double* durations, const std::vector<double
     return cost + passing_cost() + ball_cost(knots.data(), unused.data()) + gate_cost(knots.data(), unused.data());
 }
 
-// Adds a segment's gradient and second derivatives by the states of both ends, in units (k + 1, 4) of their orders,
+// Adds a segment's gradient and Gauss-Newton matrix by the states of both ends, in units (k + 1, 4) of their orders,
 // and log T.
 void Problem::curvature(std::size_t i, double T, const double* units, std::vector<double>& gradient,
                         Banded& second) const {
-    double slope[kUnknowns], bend[kUnknowns][kUnknowns];
-    const Ends<kAxes>&scaled = scaled_[i], &force = force_[i];
-    kernels_.curvature(samples_of(i, T), airframe_of(i), prices_, clearance_m_, scaled.row, T, slope, bend);
     constexpr int kTime = kUnknowns - 1;
-    const double snap = prices_.snap / seventh_power(T);
-    for (int a = 0; a < kStates; ++a)
-        for (int x = 0; x < 3; ++x) {
-            const int n = a * kAxes + x;
-            const double pull = 2.0 * snap * force.row[a][x];
-            slope[n] += pull;
-            bend[kTime][n] -= 7.0 * pull;
-            slope[kTime] -= 3.5 * pull * scaled.row[a][x];
-            bend[kTime][kTime] += 24.5 * pull * scaled.row[a][x];
-            for (int b = 0; b <= a; ++b) bend[n][b * kAxes + x] += 2.0 * snap * snap_form()[a][b];
-        }
-    slope[kTime] += T;
-    bend[kTime][kTime] += T;
-    // From scaled states at fixed log T to states: what T changes of the scaled states comes to its own derivatives.
-    double order[kTime], stretch[kTime], unit[kUnknowns];
+    const Ends<kAxes>&scaled = scaled_[i], &force = force_[i];
+    double slope[kUnknowns], bend[kUnknowns][kPadded], unit[kTime];
     for (int n = 0; n < kTime; ++n) {
         const int r = n / kAxes % kOrders;
-        order[n] = r;
-        stretch[n] = r * scaled.row[n / kAxes][n % kAxes];
         unit[n] = units[(i + (n < kKnot ? 0 : 1)) * kOrders + r];
         for (int k = 0; k < r; ++k) unit[n] *= T;
     }
-    unit[kTime] = 1.0;
-    double turned[kTime] = {};
-    for (int n = 0; n < kTime; ++n)
-        for (int m = 0; m < kTime; ++m) turned[n] += bend[std::max(n, m)][std::min(n, m)] * stretch[m];
-    for (int n = 0; n < kTime; ++n) {
-        slope[kTime] += slope[n] * stretch[n];
-        bend[kTime][kTime] += stretch[n] * (2.0 * bend[kTime][n] + turned[n]) + order[n] * stretch[n] * slope[n];
-        bend[kTime][n] += turned[n] + order[n] * slope[n];
-    }
+    kernels_.curvature(samples_of(i, T), airframe_of(i), prices_, clearance_m_, scaled.row, T, unit, slope, bend);
+    slope[kTime] += T;
+    bend[kTime][kTime] += T;
+    const double snap = 2.0 * prices_.snap / seventh_power(T);
+    for (int a = 0; a < kStates; ++a)
+        for (int x = 0; x < 3; ++x) {  // log T changes the scaled states, and the power of T that snap is divided by
+            const int n = a * kAxes + x;
+            double by_time = 0.0;
+            for (int b = 0; b < kStates; ++b) {
+                by_time += snap_form()[a][b] * (b % kOrders - 3.5) * scaled.row[b][x];
+                if (b <= a) bend[n][b * kAxes + x] += snap * unit[n] * unit[b * kAxes + x] * snap_form()[a][b];
+            }
+            slope[n] += snap * unit[n] * force.row[a][x];
+            slope[kTime] += snap * (a % kOrders - 3.5) * scaled.row[a][x] * force.row[a][x];
+            bend[kTime][n] += snap * unit[n] * by_time;
+            bend[kTime][kTime] += snap * (a % kOrders - 3.5) * scaled.row[a][x] * by_time;
+        }
     const auto at = [&](int n) {
         return n == kTime ? i * kBlock + kKnot : n < kKnot ? i * kBlock + n : (i + 1) * kBlock + n - kKnot;
     };
     for (int n = 0; n < kUnknowns; ++n) {
-        gradient[at(n)] += unit[n] * slope[n];
-        for (int m = 0; m <= n; ++m)
-            second.at(std::max(at(n), at(m)), std::min(at(n), at(m))) += unit[n] * unit[m] * bend[n][m];
+        gradient[at(n)] += slope[n];
+        for (int m = 0; m <= n; ++m) second.at(std::max(at(n), at(m)), std::min(at(n), at(m))) += bend[n][m];
     }
 }
 
@@ -134,10 +123,18 @@ void Problem::knot_curvature(const std::vector<double>& knots, const double* uni
     }
 }
 
+// An empty matrix by all unknowns: a knot's couple with those of the knot before, a duration with the knots round it.
+Banded Problem::banded() const {
+    Banded second(segments_ * kBlock + kKnot, kBlock + kKnot - 1);
+    for (std::size_t i = 0; i < segments_; ++i)
+        for (std::size_t n = 0; n < kBlock; ++n) second.set_end(i * kBlock + n, (i + 1) * kBlock + kKnot);
+    return second;
+}
+
 double Problem::slopes(const double* states, const double* durations, double* by_states, double* by_log_durations) {
     const std::vector<double> units((segments_ + 1) * kOrders, 1.0);
     std::vector<double> knots((segments_ + 1) * kAxes), gradient(segments_ * kBlock + kKnot);
-    Banded second(gradient.size(), kBlock + kKnot - 1);
+    Banded second = banded();
     std::copy_n(states, states_.size(), states_.begin());
     for (std::size_t i = 0; i <= segments_; ++i) std::copy_n(states + i * kKnot, kAxes, &knots[i * kAxes]);
     const double cost = cost_of_states(durations, knots);
@@ -151,7 +148,7 @@ double Problem::slopes(const double* states, const double* durations, double* by
 }
 
 Refined Problem::refine(double* states, double* durations, const unsigned char* free, const Newton& method) {
-    const std::size_t size = segments_ * kBlock + kKnot, below = kBlock + kKnot - 1;
+    const std::size_t size = segments_ * kBlock + kKnot;
     // Each order of a knot's state in units of the mean duration round it, so that all unknowns are about metres.
     std::vector<double> units((segments_ + 1) * kOrders), x(size), knots((segments_ + 1) * kAxes), began(knots);
     std::vector<unsigned char> open(size, 1);
@@ -159,11 +156,10 @@ Refined Problem::refine(double* states, double* durations, const unsigned char* 
         const double before = durations[i > 0 ? i - 1 : 0], after = durations[i < segments_ ? i : segments_ - 1];
         for (std::size_t r = 0; r < kOrders; ++r) {
             units[i * kOrders + r] = r == 0 ? 1.0 : units[i * kOrders + r - 1] * 2.0 / (before + after);
-            const bool end = i == 0 || i == segments_;
             for (std::size_t a = 0; a < kAxes; ++a) {
                 const std::size_t n = i * kBlock + r * kAxes + a;
                 x[n] = states[i * kKnot + r * kAxes + a] / units[i * kOrders + r];
-                open[n] = r == 0 ? free[i * kAxes + a] : !(end || (r == 1 && held_[i]));
+                open[n] = free[i * kKnot + r * kAxes + a];
             }
         }
         std::copy_n(states + i * kKnot, kAxes, &began[i * kAxes]);
@@ -187,7 +183,7 @@ Refined Problem::refine(double* states, double* durations, const unsigned char* 
         unpack(from);
         return cost_of_states(durations, knots);
     };
-    const auto model = [&](const std::vector<double>&, std::vector<double>& gradient, Banded& second) {
+    const auto model = [&](std::vector<double>& gradient, Banded& second) {
         std::fill(gradient.begin(), gradient.end(), 0.0);
         second.clear();
         for (std::size_t i = 0; i < segments_; ++i) curvature(i, durations[i], units.data(), gradient, second);
@@ -200,7 +196,7 @@ Refined Problem::refine(double* states, double* durations, const unsigned char* 
         for (std::size_t i = 0; i <= segments_; ++i) {
             double normal[3], along = 0.0;
             const std::size_t n = i * kBlock;
-            if (!free[i * kAxes] || !gate_normal(&gates_[9 * i], normal)) continue;
+            if (!free[i * kKnot] || !gate_normal(&gates_[9 * i], normal)) continue;
             for (int a = 0; a < 3; ++a) along += normal[a] * gradient[n + a];
             for (int a = 0; a < 3; ++a) {
                 gradient[n + a] -= along * normal[a];
@@ -208,7 +204,7 @@ Refined Problem::refine(double* states, double* durations, const unsigned char* 
             }
         }
     };
-    const Refined found = method.minimise(x, below, cost, model);
+    const Refined found = method.minimise(x, banded(), cost, model);
     unpack(x);
     std::copy(states_.begin(), states_.end(), states);
     return found;

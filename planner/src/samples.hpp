@@ -7,7 +7,8 @@ namespace goshawk {
 
 constexpr int kAxes = 4;       // x, y, z, yaw
 constexpr int kLanes = 4;      // samples are taken four at a time
-constexpr int kUnknowns = 33;  // of a segment: eight scaled states of four axes, and log T
+constexpr int kUnknowns = 33;  // of a segment: the states of both its ends (end, order, axis), and log T
+constexpr int kPadded = 36;    // the same in whole packs
 
 enum Limit {
     kSpeed,
@@ -55,10 +56,11 @@ struct Kernels {
     // Excess over each limit, (packs, limits, 4), without the offsets.
     void (*excess)(const Samples& samples, const Airframe& airframe, const double (*scaled)[kAxes], double T,
                    double* out);
-    // Gradient (33) and lower triangle (33, 33) of the second derivatives of the same cost by the scaled states (end
-    // and order, axis) and log T at fixed scaled states.
+    // Gradient (33) and Gauss-Newton matrix (33, 36), of which the lower triangle counts, of the same cost by the
+    // states of both ends in units of their own, and log T. unit (32): each state's, times T to the power of its order.
     void (*curvature)(const Samples& samples, const Airframe& airframe, const Prices& prices, double clearance_m,
-                      const double (*scaled)[kAxes], double T, double* gradient, double (*second)[kUnknowns]);
+                      const double (*scaled)[kAxes], double T, const double* unit, double* gradient,
+                      double (*second)[kPadded]);
 };
 
 extern const Kernels* const kernels_plain;

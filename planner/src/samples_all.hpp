@@ -31,6 +31,18 @@ struct Instants {
     }
 };
 
+// A cost's slopes by a motion, in the order of `Instants`.
+struct Slopes {
+    Real order[kOrders][kAxes];
+
+    explicit Slopes(const Motion<Real>& by)
+        : order{{by.position.x, by.position.y, by.position.z, by.yaw},
+                {by.velocity.x, by.velocity.y, by.velocity.z, by.yaw_rate},
+                {by.acceleration.x, by.acceleration.y, by.acceleration.z, by.yaw_acceleration},
+                {by.jerk.x, by.jerk.y, by.jerk.z, {}},
+                {by.snap.x, by.snap.y, by.snap.z, {}}} {}
+};
+
 inline void turn(Real angle, Real& cosine, Real& sine) {
     for (int l = 0; l < kLanes; ++l) {
         const goshawk::SineCosine both = goshawk::sine_cosine(angle[l]);
@@ -66,20 +78,15 @@ inline Vec<Real> uphill_at(const Samples& samples, std::size_t pack) {
         if (prices.clearance > 0.0)
             density += clearance.density(four(samples.distance + p * kLanes), uphill_at(samples, p), by);
         mean += share * density;
-        const Real pull[kOrders][kAxes] = {
-            {by.position.x, by.position.y, by.position.z, by.yaw},
-            {by.velocity.x, by.velocity.y, by.velocity.z, by.yaw_rate},
-            {by.acceleration.x, by.acceleration.y, by.acceleration.z, by.yaw_acceleration},
-            {by.jerk.x, by.jerk.y, by.jerk.z, {}},
-            {by.snap.x, by.snap.y, by.snap.z, {}}};
+        const Slopes pull(by);
         Real weight = share * T;
         for (int r = 0; r < kOrders; ++r, weight = weight / T) {
             Real moved{};
-            for (int x = 0; x < kAxes; ++x) moved += pull[r][x] * at.derivative[r][x];
+            for (int x = 0; x < kAxes; ++x) moved += pull.order[r][x] * at.derivative[r][x];
             stretch -= share * static_cast<double>(r) * moved;
             for (int a = 0; a < kEnds; ++a)
                 for (int x = 0; x < kAxes; ++x)
-                    by_ends[a][x] += four(basis + (r * kEnds + a) * kLanes) * (weight * pull[r][x]);
+                    by_ends[a][x] += four(basis + (r * kEnds + a) * kLanes) * (weight * pull.order[r][x]);
         }
     }
     for (int a = 0; a < kEnds; ++a)
@@ -100,157 +107,148 @@ inline Vec<Real> uphill_at(const Samples& samples, std::size_t pack) {
     }
 }
 
-// The numbers of a motion that a cost depends on, in the order of its second derivatives: position, velocity,
-// acceleration, jerk and snap of x, y, z; yaw and two derivatives of it.
-constexpr int kNumbers = 18;
+// Gauss and Newton's sums over the squares in a segment's cost: its gradient, and products of slopes in place of second
+// derivatives, by the segment's unknowns. How the motion bends with the time is kept, as far from the minimum the steps
+// would else be short.
+class Squares {
+  public:
+    // unit (32): each state's unit, times T to the power of its order.
+    Squares(const double (*scaled)[kAxes], double T, const double* unit, double* gradient, double (*second)[kPadded])
+        : scaled_(scaled), T_(T), unit_(unit), gradient_(gradient), second_(second) {}
 
-template <class Number>
-Number* at(Motion<Number>& motion, int n) {
-    Vec<Number>* vectors[] = {&motion.position, &motion.velocity, &motion.acceleration, &motion.jerk, &motion.snap};
-    if (n >= 15) return n == 15 ? &motion.yaw : n == 16 ? &motion.yaw_rate : &motion.yaw_acceleration;
-    Vec<Number>& v = *vectors[n / 3];
-    return n % 3 == 0 ? &v.x : n % 3 == 1 ? &v.y : &v.z;
-}
+    // Samples with their basis (5, 8, 4) follow.
+    void begin(const double* basis, const Instants& path) {
+        basis_ = basis;
+        path_ = &path;
+        pull_ = grown_ = Slopes(Motion<Real>());
+        bend_ = Real{};
+    }
 
-// Order and axis of a number of a motion.
-constexpr int order_of(int n) { return n < 15 ? n / 3 : n - 15; }
-constexpr int axis_of(int n) { return n < 15 ? n % 3 : 3; }
+    // Adds weight times the square of `value` at four samples, from the slopes of the value by the motion. Where the
+    // weight `grows` with the time, the value does with its root.
+    void add(Real weight, Real value, const Motion<Real>& slope, bool grows) {
+        const Slopes by(slope);
+        const Real force = 2.0 * weight * value;
+        Real rows[kEnds][kAxes] = {}, by_time{};
+        double rate = 1.0;
+        for (int r = 0; r < kOrders; ++r, rate /= T_)
+            for (int x = 0; x < kAxes; ++x) {
+                pull_.order[r][x] += force * by.order[r][x];
+                if (grows) grown_.order[r][x] += force * by.order[r][x];
+                by_time -= static_cast<double>(r) * by.order[r][x] * path_->derivative[r][x];
+                const Real slope_of_basis = rate * by.order[r][x];
+                for (int a = 0; a < kEnds; ++a) rows[a][x] += four(basis_ + (r * kEnds + a) * kLanes) * slope_of_basis;
+            }
+        for (int a = 0; a < kEnds; ++a)  // scaled states grow with T to the power of their order
+            for (int x = 0; x < kAxes; ++x) by_time += static_cast<double>(a % 4) * scaled_[a][x] * rows[a][x];
+        if (grows) {
+            bend_ += force * (by_time + 0.25 * value);
+            by_time += 0.5 * value;
+        }
+        for (int l = 0; l < kLanes; ++l) {
+            if (!(weight[l] > 0.0)) continue;
+            double row[kPadded] = {};
+            for (int a = 0; a < kEnds; ++a)
+                for (int x = 0; x < kAxes; ++x) row[a * kAxes + x] = unit_[a * kAxes + x] * rows[a][x][l];
+            row[kUnknowns - 1] = by_time[l];
+            add_row(2.0 * weight[l], value[l], row);
+        }
+    }
 
-Motion<Dual> seeded(Motion<Real> motion, int direction) {
-    Motion<Dual> out;
-    for (int n = 0; n < kNumbers; ++n) *at(out, n) = Dual(*at(motion, n), all(n == direction ? 1.0 : 0.0));
-    return out;
-}
+    // Adds how the motion bends with the time, under what the squares at these samples pull.
+    void end() {
+        Real cross[kEnds][kAxes] = {};
+        double rate = 1.0;
+        for (int r = 0; r < kOrders; ++r, rate /= T_)
+            for (int x = 0; x < kAxes; ++x)
+                for (int a = 0; a < kEnds; ++a) {
+                    const Real row = four(basis_ + (r * kEnds + a) * kLanes) * rate;
+                    const double power = a % 4 - r;
+                    cross[a][x] += row * (power * pull_.order[r][x] + 0.5 * grown_.order[r][x]);
+                    bend_ += power * power * scaled_[a][x] * row * pull_.order[r][x];
+                }
+        double* by_time = second_[kUnknowns - 1];
+        for (int a = 0; a < kEnds; ++a)
+            for (int x = 0; x < kAxes; ++x) by_time[a * kAxes + x] += unit_[a * kAxes + x] * sum(cross[a][x]);
+        by_time[kUnknowns - 1] += sum(bend_);
+    }
 
-// What the costs at one pack of samples contribute, by the numbers of the motion: gradient and second derivatives,
-// both times the time that each sample answers for, and how cost and gradient grow with log T through that time.
-struct Local {
-    Real gradient[kNumbers], stretched[kNumbers], second[kNumbers][kNumbers], by_time;
+  private:
+    void add_row(double weight, double value, const double* row) {
+        for (int i = 0; i < kUnknowns; ++i) {
+            const double factor = weight * row[i];
+            gradient_[i] += factor * value;
+            for (int j = 0; j <= i / kLanes * kLanes + kLanes - 1; ++j) second_[i][j] += factor * row[j];
+        }
+    }
+
+    const double (*scaled_)[kAxes], T_, *unit_;
+    double *gradient_, (*second_)[kPadded];
+    const double* basis_ = nullptr;
+    const Instants* path_ = nullptr;
+    Slopes pull_{Motion<Real>()}, grown_{Motion<Real>()};  // sums over the squares: all, and those that grow
+    Real bend_{};
 };
 
-// The limits by Gauss and Newton: price times the product of the slopes of what is exceeded. How those bend is left
-// out, which keeps the matrix positive and the steps long far from the minimum.
-[[gnu::flatten]] void curve_limits(const Samples& samples, std::size_t p, const Airframe& airframe, double price,
-                                   const Motion<Real>& motion, Real c, Real s, Local& out, Real& density) {
-    const Real share = four(samples.share + p * kLanes);
+inline bool any(Real a) { return sum(a) > 0.0; }
+
+void square_limits(const Samples& samples, std::size_t p, const Airframe& airframe, Real price,
+                   const Motion<Real>& motion, Real c, Real s, Squares& squares) {
     const bool fixed = samples.reference > 0.0;
-    const double whole_s = fixed ? samples.reference : samples.duration;
+    const Real weight = price * (fixed ? samples.reference : samples.duration);
     const Demand<Real> demand(airframe, motion, c, s);
-    Real excess[kLimits], active[kLimits], by_excess[kLimits];
+    Real excess[kLimits];
     demand.excess(excess);
-    density = Real{};
     for (int l = 0; l < kLimits; ++l) {
-        const Real over = larger(excess[l] + four(samples.offsets + (p * kLimits + l) * kLanes), Real{});
-        active[l] = over > Real{} ? share * (2.0 * price * whole_s) : Real{};
-        by_excess[l] = active[l] * over;
-        density += 0.5 * active[l] * over * over;
-    }
-    if (!(sum(density) > 0.0)) return;
-    Motion<Real> by;
-    demand.pull_back(by_excess, by);
-    for (int n = 0; n < kNumbers; ++n) {
-        out.gradient[n] += *at(by, n);
-        if (!fixed) out.stretched[n] += *at(by, n);
-    }
-    for (int n = 3; n < kNumbers; ++n) {  // the limits do not ask where the vehicle is
-        Dual slopes[kLimits];
-        const Motion<Dual> at_n = seeded(motion, n);
-        Demand<Dual>(airframe, at_n, Dual(c, n == 15 ? -s : Real{}), Dual(s, n == 15 ? c : Real{})).excess(slopes);
-        for (int l = 0; l < kLimits; ++l) by_excess[l] = active[l] * slopes[l].d;
-        Motion<Real> column;
-        demand.pull_back(by_excess, column);
-        for (int m = 0; m < kNumbers; ++m) out.second[n][m] += *at(column, m);
+        const Real over = excess[l] + four(samples.offsets + (p * kLimits + l) * kLanes);
+        const Real exceeded = over > Real{} ? weight : Real{};
+        if (!any(exceeded)) continue;
+        Real alone[kLimits] = {};
+        alone[l] = all(1.0);
+        Motion<Real> slope;
+        demand.pull_back(alone, slope);
+        squares.add(exceeded, over, slope, !fixed);
     }
 }
 
-[[gnu::flatten]] void curve(const Samples& samples, std::size_t p, const Airframe& airframe, const Prices& prices,
-                            double clearance_m, Motion<Real> motion, Local& out) {
-    const HeadingCost heading{prices.heading, prices.turning, samples.target};
-    const ClearanceCost clearance{prices.clearance, clearance_m};
-    const Real whole = four(samples.share + p * kLanes) * samples.duration;
-    Real c, s, exceeded;
-    turn(motion.yaw, c, s);
-    out = Local{};
-    curve_limits(samples, p, airframe, prices.limits, motion, c, s, out, exceeded);
-    if (!(samples.reference > 0.0)) out.by_time += exceeded;
-    for (int n = 0; n < kNumbers && (prices.heading > 0.0 || prices.turning > 0.0); ++n) {
-        Motion<Dual> by;
-        const Dual looking =
-            heading.density(seeded(motion, n), Dual(c, n == 15 ? -s : Real{}), Dual(s, n == 15 ? c : Real{}), by);
-        for (int m = 0; m < kNumbers; ++m) out.second[n][m] += whole * at(by, m)->d;
-        if (n > 0) continue;
-        out.by_time += whole * looking.v;
-        for (int m = 0; m < kNumbers; ++m) {
-            out.gradient[m] += whole * at(by, m)->v;
-            out.stretched[m] += whole * at(by, m)->v;
-        }
-    }
-    if (prices.clearance > 0.0) {  // the distance taken for flat: only how it grows with the position
-        const Vec<Real> uphill = uphill_at(samples, p);
-        Motion<Real> by;
-        const Real distance = four(samples.distance + p * kLanes);
-        out.by_time += whole * clearance.density(distance, uphill, by);
-        const Real bend = whole * (distance < all(clearance_m) ? all(2.0 * prices.clearance) : Real{});
-        const Real slope[3] = {uphill.x, uphill.y, uphill.z};
-        for (int x = 0; x < 3; ++x) {
-            out.gradient[x] += whole * *at(by, x);
-            out.stretched[x] += whole * *at(by, x);
-            for (int y = 0; y < 3; ++y) out.second[x][y] += bend * slope[x] * slope[y];
-        }
-    }
-}
-
-// Gradient and second derivatives of a segment's cost by its 32 scaled states (end, order, axis) and log T, the scaled
-// states fixed; see `cost`.
+// Gradient and Gauss-Newton matrix of a segment's cost, see `Kernels`.
 [[gnu::flatten]] void curvature(const Samples& samples, const Airframe& airframe, const Prices& prices,
-                                double clearance_m, const double (*scaled)[kAxes], double T, double* gradient,
-                                double (*second)[kUnknowns]) {
-    constexpr int kEnd = kEnds * kAxes;
+                                double clearance_m, const double (*scaled)[kAxes], double T, const double* unit,
+                                double* gradient, double (*second)[kPadded]) {
+    constexpr double kFlat = 1e-8;  // squared heading error, as a share, below which its curvature fades
+    const HeadingCost heading{prices.heading, 0.0, samples.target};
+    Squares squares(scaled, T, unit, gradient, second);
     std::fill_n(gradient, kUnknowns, 0.0);
-    std::fill_n(second[0], kUnknowns * kUnknowns, 0.0);
+    std::fill_n(second[0], kUnknowns * kPadded, 0.0);
     for (std::size_t p = 0; p < samples.packs; ++p) {
         const double* basis = samples.basis + p * kOrders * kEnds * kLanes;
-        const Instants instants(basis, scaled, T);
-        Local local;
-        curve(samples, p, airframe, prices, clearance_m, instants.motion(), local);
-        Real by[kNumbers][kEnds];  // how each number of the motion grows with the scaled states of its axis
-        Real pull[kNumbers];       // and with log T
-        for (int n = 0; n < kNumbers; ++n) {
-            const int r = order_of(n);
-            double power = 1.0;
-            for (int k = 0; k < r; ++k) power /= T;
-            for (int a = 0; a < kEnds; ++a) by[n][a] = four(basis + (r * kEnds + a) * kLanes) * power;
-            pull[n] = -static_cast<double>(r) * instants.derivative[r][axis_of(n)];
+        const Instants path(basis, scaled, T);
+        const Motion<Real> motion = path.motion();
+        const Real share = four(samples.share + p * kLanes), whole = share * samples.duration;
+        Real c, s;
+        turn(motion.yaw, c, s);
+        squares.begin(basis, path);
+        square_limits(samples, p, airframe, share * prices.limits, motion, c, s, squares);
+        if (prices.heading > 0.0) {
+            Motion<Real> slope;
+            const Real value = root(heading.density(motion, c, s, slope) + kFlat * prices.heading);
+            const Real half = 0.5 / value;
+            slope.position = slope.position * half, slope.velocity = slope.velocity * half, slope.yaw *= half;
+            squares.add(whole, value, slope, true);
         }
-        Real moved[kNumbers][kEnd], turned[kNumbers];  // second derivatives by number and state, by number and log T
-        for (int n = 0; n < kNumbers; ++n) {
-            for (Real& x : moved[n]) x = Real{};
-            turned[n] = Real{};
-            for (int m = 0; m < kNumbers; ++m) {
-                for (int a = 0; a < kEnds; ++a) moved[n][a * kAxes + axis_of(m)] += local.second[n][m] * by[m][a];
-                turned[n] += local.second[n][m] * pull[m];
-            }
+        if (prices.turning > 0.0) {
+            Motion<Real> slope;
+            slope.yaw_rate = all(1.0);
+            squares.add(whole * prices.turning, motion.yaw_rate, slope, true);
         }
-        Real rows[kUnknowns][kUnknowns] = {}, grows[kUnknowns] = {};
-        for (int n = 0; n < kNumbers; ++n) {
-            const double r = order_of(n);
-            const Real to_time = turned[n] - r * local.gradient[n] + local.stretched[n];
-            for (int a = 0; a < kEnds; ++a) {
-                const int i = a * kAxes + axis_of(n);
-                grows[i] += by[n][a] * local.gradient[n];
-                rows[i][kEnd] += by[n][a] * to_time;
-                for (int j = 0; j <= i; ++j) rows[i][j] += by[n][a] * moved[n][j];
-            }
-            grows[kEnd] += pull[n] * local.gradient[n];
-            rows[kEnd][kEnd] += pull[n] * (turned[n] + 2.0 * local.stretched[n] - r * local.gradient[n]);
+        if (prices.clearance > 0.0) {
+            const Real lack = clearance_m - four(samples.distance + p * kLanes);
+            const Real close = lack > Real{} ? whole * prices.clearance : Real{};
+            Motion<Real> slope;
+            slope.position -= uphill_at(samples, p);
+            if (any(close)) squares.add(close, lack, slope, true);
         }
-        grows[kEnd] += local.by_time;
-        rows[kEnd][kEnd] += local.by_time;
-        for (int i = 0; i < kUnknowns; ++i) {
-            gradient[i] += sum(grows[i]);
-            for (int j = 0; j <= i && i < kEnd; ++j) second[i][j] += sum(rows[i][j]);
-            second[kEnd][i] += sum(rows[i][kEnd]);
-        }
+        squares.end();
     }
 }
 

@@ -34,38 +34,7 @@ inline Real root(Real a) {
 
 inline double sum(Real a) { return a[0] + a[1] + a[2] + a[3]; }
 
-// A number and its derivative along one direction (forward differentiation).
-struct Dual {
-    Real v{}, d{};
-
-    Dual() = default;
-    Dual(Real value) : v(value) {}
-    Dual(Real value, Real slope) : v(value), d(slope) {}
-    Dual(double value) : v(all(value)) {}
-    Dual operator-() const { return {-v, -d}; }
-    Dual& operator+=(Dual o) { return *this = {v + o.v, d + o.d}; }
-    Dual& operator-=(Dual o) { return *this = {v - o.v, d - o.d}; }
-    friend Dual operator+(Dual a, Dual b) { return {a.v + b.v, a.d + b.d}; }
-    friend Dual operator-(Dual a, Dual b) { return {a.v - b.v, a.d - b.d}; }
-    friend Dual operator*(Dual a, Dual b) { return {a.v * b.v, a.d * b.v + a.v * b.d}; }
-    friend Dual operator*(Dual a, double b) { return {a.v * b, a.d * b}; }
-    friend Dual operator*(double a, Dual b) { return b * a; }
-    friend Dual operator/(Dual a, Dual b) {
-        const Real ratio = a.v / b.v;
-        return {ratio, (a.d - ratio * b.d) / b.v};
-    }
-    friend Dual operator/(Dual a, double b) { return {a.v / b, a.d / b}; }
-};
-
-inline Dual root(Dual a) {
-    const Real size = root(a.v);
-    return {size, 0.5 * a.d / size};
-}
-
-inline Dual larger(Dual a, Dual b) { return {larger(a.v, b.v), a.v > b.v ? a.d : b.d}; }
-
 inline Real value(Real a) { return a; }
-inline Real value(Dual a) { return a.v; }
 
 template <class Number>
 struct Vec {

@@ -2,11 +2,12 @@
 
 import os
 import queue
+import re
 import shutil
 import signal
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,9 @@ import pytest
 import mapping
 import planner
 import vehicle
-from flight import TrajectoryFile, Waypoints, file_format, project
+from flight import Trajectory, TrajectoryFile, Waypoints, file_format, project
 from flight.mission import Ground, Laps, Mission, Stay
+from flight.trajectory import fingerprint
 from gcs_web import inputs, missions, planning, replanning
 from gcs_web.document import Content
 from tests.waiting import PATIENCE_S, until
@@ -84,6 +86,16 @@ def test_a_plan_in_a_doubtful_map_says_so(folder, tmp_path):
     assert answer.shown.sentence.endswith(" The map is doubtful: the walk is short.")
 
 
+@pytest.mark.parametrize(("most", "said"), [(150, False), (1, True)])
+def test_a_plan_whose_optimiser_did_not_converge_says_so(folder, monkeypatch, most, said):
+    monkeypatch.setattr(planner.descents, "_MOST", most)
+    asked, replanner = request(folder, 1), replanning.Replanner()
+    replanner.begin()
+    answer = planning.answer(asked, inputs.Parts(folder), planner.PlanOptions(), replanner)
+    assert answer.file is not None
+    assert ("did not converge: a faster flight may exist" in answer.shown.sentence) == said
+
+
 def test_a_plan_says_how_thin_an_obstacle_could_hide_near_it(folder):
     asked, replanner = request(folder, 1), replanning.Replanner()
     replanner.begin()
@@ -110,10 +122,71 @@ def test_a_draft_is_answered_beside_the_plans(folder, running, drafts):
     assert answers.get(timeout=PATIENCE_S).shown.state == "checked"
     target = POINTS[1] + [0.0, 0.1, 0.1]
     process.draft(1, target)
-    path = drafts.get(timeout=PATIENCE_S).path_world_m
-    assert np.linalg.norm(path - target, axis=1).min() < 0.05
+    draft = drafts.get(timeout=PATIENCE_S)
+    assert np.linalg.norm(draft.path_world_m - target, axis=1).min() < 1e-6
+    assert draft.shown.state == "clear"
+    assert "Not checked" in draft.shown.sentence
+    assert drafts.get(timeout=PATIENCE_S).shown.state == "checked"  # it was held still
     process.draft(99, target)
-    assert drafts.get(timeout=PATIENCE_S).path_world_m is None
+    gone = drafts.get(timeout=PATIENCE_S)
+    assert (gone.path_world_m, gone.shown) == (None, None)
+    process.draft(1, np.array([2.0, 1.5, 1.2]))
+    refused = drafts.get(timeout=PATIENCE_S)
+    assert (refused.path_world_m, refused.shown.state) == (None, "refused")
+    assert re.match(r"Waypoint 2 .* inside an obstacle", refused.shown.sentence)
+    assert answers.empty()
+
+
+def test_of_drafts_that_wait_only_the_newest_is_answered(folder, running, drafts):
+    process, answers = running
+    process.request(request(folder, 91))
+    assert answers.get(timeout=PATIENCE_S).shown.state == "checked"
+    for k in range(200):
+        process.draft(1, POINTS[1] + [0.0, 0.001 * k, 0.0])
+    answered = 0
+    while True:
+        draft = drafts.get(timeout=PATIENCE_S)
+        answered += 1
+        if draft.shown.state == "checked":
+            break
+    np.testing.assert_array_equal(draft.position_world_m, POINTS[1] + [0.0, 0.001 * 199, 0.0])
+    assert answered < 100
+
+
+def test_the_plan_follows_the_draft_of_a_waypoint_that_is_held_still_and_is_the_one_on_letting_go(
+    folder, running, drafts
+):
+    process, answers = running
+    process.request(request(folder, 92))
+    assert answers.get(timeout=PATIENCE_S).shown.state == "checked"
+    target = POINTS[1] + [0.1, 0.15, 0.05]
+    process.draft(1, target)
+    assert drafts.get(timeout=PATIENCE_S).shown.state == "clear"
+    held = drafts.get(timeout=PATIENCE_S)
+    assert held.shown.state == "checked"
+    assert answers.empty()
+    process.request(request(folder, 93, np.array([POINTS[0], target, POINTS[2]])))
+    answer = answers.get(timeout=PATIENCE_S)
+    assert answer.shown.state == "checked"
+    path = answer.file.trajectory
+    drawn = path.position(np.linspace(0.0, path.duration_s, len(held.path_world_m)))
+    np.testing.assert_array_equal(drawn, held.path_world_m)
+
+
+def test_a_draft_carries_no_trajectory_out_of_the_planner(folder):
+    asked, replanner, parts = request(folder, 1), replanning.Replanner(), inputs.Parts(folder)
+    replanner.begin()
+    before = planning.answer(asked, parts, planner.PlanOptions(), replanner)
+    draft = planning.drafted(planning.Draft(1, POINTS[1] + [0.0, 0.1, 0.1]), replanner)
+    held = [getattr(part, name) for part in (draft, draft.shown) for name in names(part)]
+    assert not any(isinstance(value, TrajectoryFile | Trajectory | planner.Plan) for value in held)
+    replanner.begin()
+    after = planning.answer(asked, parts, planner.PlanOptions(), replanner)
+    assert fingerprint(after.file.trajectory) == fingerprint(before.file.trajectory)
+
+
+def names(part) -> list[str]:
+    return [field.name for field in fields(part)] if is_dataclass(part) else list(part.__struct_fields__)
 
 
 def test_the_newest_of_many_requests_is_answered(folder, running):

@@ -97,12 +97,28 @@ def test_a_drag_in_one_browser_is_not_ended_by_another(view: View3D):
 def test_a_browser_that_leaves_in_the_middle_of_a_drag_moves_nothing_and_ends_the_draft(view: View3D):
     view.on_drag = lambda *_: pytest.fail("nobody let go")
     view._dragged(1, drag("start", browser=1))
-    view.draw_draft(np.zeros((2, 3)))
+    told = []
+    view.on_draft = told.append
+    draft = protocol.Draft(1, "about 5 s")
+    view.draw_draft(draft, np.zeros((2, 3)))
     assert view._draft is not None
     view._browser_left(SimpleNamespace(client_id=1))
     assert view._draft is None
-    view.draw_draft(np.zeros((2, 3)))  # came late
+    view.draw_draft(draft, np.zeros((2, 3)))  # came late
     assert view._draft is None
+    assert told == [draft, protocol.Draft(None)]
+
+
+def test_a_waypoint_dragged_where_no_path_leads_leaves_no_draft_of_before_and_says_so(view: View3D):
+    told = []
+    view.on_draft = told.append
+    view._dragged(1, drag("start", browser=1))
+    view.draw_draft(protocol.Draft(1, "about 5 s"), np.zeros((2, 3)))
+    view.draw_draft(protocol.Draft(1, "waypoint 2 is inside an obstacle", "refused"), None)
+    assert view._draft is None
+    view._dragged(1, drag("end", browser=1))
+    assert [draft.state for draft in told[:2]] == ["clear", "refused"]
+    assert told[2] == protocol.Draft(None)
 
 
 def test_the_trail_begins_with_arming_goes_where_the_vehicle_was_and_stays_after_landing(monkeypatch):

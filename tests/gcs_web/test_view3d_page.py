@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from flight import rotations
+from flight.trajectory import fingerprint
 from gcs_web import GroundStation
-from tests.gcs_web.in_browser import drawn, needs_chromium, positions
+from tests.gcs_web.in_browser import drawn, needs_chromium, positions, verdict
 from tests.gcs_web.two_pillars import START
 from tests.waiting import until as wait
 
@@ -50,7 +51,8 @@ def test_a_waypoint_is_dragged_in_the_3d_view(station, page_3d):
     offset = np.array([0.0, 0.35, 0.0])
     grip = START[1] + np.array([0.0, 0.25, 0.0])  # on the handle's y arrow
     drafts: list[np.ndarray] = []
-    draw, station.view.draw_draft = station.view.draw_draft, lambda path: (drafts.append(path), draw(path))
+    draw = station.view.draw_draft
+    station.view.draw_draft = lambda shown, path: (drafts.append(path), draw(shown, path))
     try:
         wait(lambda: dragged(page_3d, station, grip, grip + offset), "a drag that the view understands")
         wait(lambda: drafts, "a draft of the path while it was dragged")
@@ -61,6 +63,46 @@ def test_a_waypoint_is_dragged_in_the_3d_view(station, page_3d):
     np.testing.assert_allclose(moved[1], START[1] + offset, atol=0.15)
     np.testing.assert_array_equal(moved[[0, 2]], START[[0, 2]])
     page_3d.get_by_role("status").get_by_text("Waypoint 2 moved").wait_for()
+
+
+def test_while_a_waypoint_is_held_the_page_shows_a_draft_that_cannot_be_saved_or_uploaded(station, page_3d):
+    page_3d.get_by_role("grid", name="Waypoints").get_by_role("row").nth(2).get_by_role("rowheader").click()
+    verdict(page_3d).get_by_text("Checked", exact=True).wait_for()
+    grip, offset = START[1] + np.array([0.0, 0.25, 0.0]), np.array([0.0, 0.35, 0.0])
+    before, revision = station.desk.checked(), station.desk.session.revision
+
+    def held() -> bool:
+        drawn(page_3d)
+        start, end = (np.array(pixel(page_3d, station, point)) for point in (grip, grip + offset))
+        page_3d.mouse.move(*start)
+        drawn(page_3d)
+        page_3d.mouse.down()
+        for share in np.linspace(0.1, 1.0, 10):
+            page_3d.mouse.move(*(start + share * (end - start)))
+            drawn(page_3d)
+        again_s = time.monotonic() + 20.0
+        while (
+            not (is_draft := verdict(page_3d).get_by_text("Draft", exact=True).count() > 0)
+            and time.monotonic() < again_s
+        ):
+            drawn(page_3d)
+        if not is_draft:
+            page_3d.mouse.up()
+        return is_draft
+
+    wait(held, "a draft while the waypoint is held")
+    verdict(page_3d).get_by_text("Planned and checked: let go here to take it").wait_for()
+    assert verdict(page_3d).get_by_text("Draft", exact=True).count() == 1
+    assert page_3d.get_by_role("button", name="Save").first.is_disabled()
+    assert page_3d.get_by_role("button", name="Compare and upload").is_disabled()
+    assert station.desk.session.revision == revision
+    assert fingerprint(station.desk.checked().trajectory) == fingerprint(before.trajectory)
+    page_3d.mouse.up()
+    verdict(page_3d).get_by_text("Checked", exact=True).wait_for()
+    assert station.desk.session.revision > revision
+    page_3d.get_by_role("button", name="Undo").first.click()
+    wait(lambda: np.array_equal(positions(station), START), "the waypoint where it was")
+    wait(lambda: verdict(page_3d).get_by_text("Checked", exact=True).count() > 0, "the plan of before")
 
 
 def clicked(page, station: GroundStation, point_world_m: np.ndarray, answered) -> bool:

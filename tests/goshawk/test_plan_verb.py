@@ -58,15 +58,12 @@ def world(folder: Path) -> tuple[object, ...]:
     return ("--map", folder / "map", "--vehicle", folder / "vehicle.toml")
 
 
-def test_more_effort_makes_no_longer_flight_and_the_table_says_whether_the_optimiser_converged(folder, tmp_path):
+def test_the_table_says_whether_the_optimiser_converged(folder, tmp_path):
     file = folder / "missions" / "a.json"
-    quick = run(file, *world(folder), "--out", tmp_path / "quick.json")
-    thorough = run(file, *world(folder), "--out", tmp_path / "thorough.json", "--effort", "thorough")
-    assert thorough["duration_s"] < quick["duration_s"]
-    assert thorough["check"]["passed"]
-    assert {type(plan["converged"]) for plan in (quick, thorough)} == {bool}
+    found = run(file, *world(folder), "--out", tmp_path / "found.json")
+    assert found["converged"] is True
     shown = goshawk("plan", file, *world(folder), "--out", tmp_path / "shown.json").stdout
-    assert ("converged    yes" if quick["converged"] else "converged    no") in shown
+    assert re.search(r"converged +yes, to \d", shown)
 
 
 def test_a_mission_in_the_file_is_planned_and_checked_again_from_its_trajectory(folder):

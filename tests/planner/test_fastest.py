@@ -43,7 +43,8 @@ def test_the_corrected_excess_is_that_of_the_vehicles_own_model(walk, drone, ope
     problem = Problem(knots, np.zeros((6, 4), dtype=bool), frame, open_sky, 0.3, Weights())
     path = minimum_snap.trajectory(walk)
     corrections = Corrections(5)
-    corrections.measure(problem, walk, path, drone, np.ones(5, dtype=bool))
+    for _ in range(25):  # what is measured is believed step by step
+        corrections.measure(problem, walk, path, drone, np.ones(5, dtype=bool))
     reduced, _ = time_allocation.excess(problem, walk)
     full = airframe.measured_excess(frame, drone, path, np.arange(5), time_allocation.FRACTIONS)
     asked = (reduced.max(axis=2) > -0.2) & (np.abs(full - reduced).max(axis=2) < 0.5)
@@ -82,11 +83,22 @@ def test_multipliers_rise_where_a_limit_is_exceeded_and_fall_where_it_is_not():
     corrections = Corrections(1)
     excess = np.full(corrections.model.shape, -1.0)
     excess[0, 3, 2] = 0.05
-    corrections.press(excess, np.array([True]))
+    corrections.believed = excess
+    corrections.press(np.array([True]))
     assert corrections.multiplier[0, 3, 2] == pytest.approx(0.05 + corrections_module._SPARE)
     assert np.count_nonzero(corrections.multiplier) == 1
-    corrections.press(np.full_like(excess, -0.02), np.array([True]))
+    corrections.believed = np.full_like(excess, -0.02)
+    corrections.press(np.array([True]))
     assert 0.0 < corrections.multiplier[0, 3, 2] < 0.05
+
+
+def test_a_correction_rises_in_steps_and_falls_by_halves():
+    believed, measured = np.array([0.0, 0.0, 0.3, 0.3]), np.array([0.4, 0.05, 0.1, -0.1])
+    step = corrections_module._approached(believed, measured)
+    assert np.allclose(step, [corrections_module._RISE, 0.05, 0.2, 0.1])
+    for _ in range(60):
+        believed = corrections_module._approached(believed, measured)
+    assert np.allclose(believed, measured)
 
 
 def test_a_slow_segment_does_not_slow_its_neighbours_down(drone, open_sky):

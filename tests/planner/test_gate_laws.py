@@ -124,6 +124,7 @@ def test_gates_are_passed_in_their_order_and_the_nearest_edge_is_named(verdicts)
     swapped = verdicts(row, [ends[0], (2, 0, 0), (1, 0, 0), ends[1]], gate_edges_m=edges)
     assert not swapped["waypoints"].passed
     assert "gate at waypoint 3 is not passed forwards" in swapped["waypoints"].reason
+    assert swapped["waypoints"].reason.endswith("turn the gate or enlarge it")
 
 
 def test_a_gate_may_be_passed_backwards_before_and_after_the_visits_beside_it_alone(verdicts):
@@ -135,7 +136,7 @@ def test_a_gate_may_be_passed_backwards_before_and_after_the_visits_beside_it_al
     assert found["waypoints"].passed
     found = verdicts(way, [(0, 0, 0), (1, 0, 0), (0, 0, 0)], gate_edges_m=edges[[0, 1, 0]][:3])
     assert not found["waypoints"].passed
-    assert "backwards too, at 2.50 s" in found["waypoints"].reason
+    assert "backwards too, at 2.50 s: turn the gate or make it smaller" in found["waypoints"].reason
     first = straight((2, 0, 0, 0), (0, 0, 0, 0), (2, 0, 0, 0))
     edges = np.zeros((4, 2, 3))
     edges[2] = LEFT_UP

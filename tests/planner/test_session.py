@@ -113,18 +113,6 @@ def test_a_refused_edit_leaves_the_plan_as_it_was(pillar, drone):
     assert session.move(1, np.array([-3.0, 1.8, 1.0])).gate.passed
 
 
-def test_a_draft_goes_through_the_moved_waypoint_in_the_same_times_and_is_the_plan_elsewhere(session):
-    plan = session.plan
-    target = plan.waypoints.positions_world_m[6] + [0.0, 0.5, 0.1]
-    draft = session.draft(6, target)
-    assert np.array_equal(draft.durations_s, plan.trajectory.durations_s)
-    at = np.linalg.norm(draft.position(draft.starts_s[:-1]) - target, axis=1).argmin()
-    assert np.allclose(draft.position(draft.starts_s[at : at + 1]), target)
-    assert max(np.abs(draft.join_jumps(r)).max() for r in range(4)) < 1e-6
-    assert np.abs(draft.position(np.array([0.2])) - plan.trajectory.position(np.array([0.2]))).max() < 0.01
-    assert session.plan is plan
-
-
 class Slow:
     """Free space that takes its time, so that an edit can be met while it works."""
 
@@ -303,7 +291,7 @@ def test_one_flag_does_for_edits_one_after_the_other_and_is_the_callers_alone_be
 @pytest.mark.parametrize("wrong", [[1.0, 2.0], [1.0, 2.0, np.nan], "here", None, [[1.0, 2.0, 3.0]]])
 def test_a_position_that_is_not_three_finite_numbers_is_refused_by_every_edit(session, wrong):
     before = session.plan
-    for edit in (session.move, session.insert, session.draft):
+    for edit in (session.move, session.insert, session.draft, session.foresee):
         with pytest.raises(InputError, match="three"):
             edit(2, wrong)
     assert session.plan is before

@@ -7,6 +7,7 @@ import type {
   Comparison,
   Diagnosis,
   Document,
+  Draft,
   EffectFile,
   Files,
   Flights,
@@ -35,6 +36,8 @@ export const welcome = signal<Welcome | null>(null);
 /** What the pilots edit together; `document` is the browser's. */
 export const doc = signal<Document | null>(null);
 export const plan = signal<Plan | null>(null);
+/** While a waypoint is dragged: what is foreseen, which nothing has checked. */
+export const draft = signal<Draft | null>(null);
 /** The plan with its figures; while another one is planned, or after it became void, the one before. */
 export const figures = signal<Plan | null>(null);
 export const vehicle = signal<Vehicle | null>(null);
@@ -119,9 +122,11 @@ const SAME_TIME_S = 1e-6;
 
 export const connected = computed(() => connection.value === "open");
 
-/** The verdict that may be shown: never "checked" for another revision or without a connection. */
-export const verdict = computed<Plan["state"] | "unknown">(() => {
+/** The verdict that may be shown: never "checked" while a waypoint is dragged, for another revision or without a
+ * connection. */
+export const verdict = computed<Plan["state"] | "draft" | "unknown">(() => {
   if (!connected.value) return "unknown";
+  if (draft.value !== null) return "draft";
   const current = plan.value;
   if (current === null) return "none";
   const isOld = current.revision !== doc.value?.revision;
@@ -130,7 +135,7 @@ export const verdict = computed<Plan["state"] | "unknown">(() => {
 
 /** Whether the figures shown are those of an earlier plan. */
 export const figuresAreOld = computed(
-  () => figures.value !== plan.value || plan.value?.state === "void" || !connected.value,
+  () => figures.value !== plan.value || plan.value?.state === "void" || draft.value !== null || !connected.value,
 );
 export const series = computed(() => figures.value?.series ?? null);
 
@@ -205,6 +210,9 @@ export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
         break;
       case "plan":
         receivePlan(message);
+        break;
+      case "draft":
+        draft.value = message.waypoint === null ? null : message;
         break;
       case "vehicle":
         receiveVehicle(message);

@@ -5,14 +5,17 @@ import type { Tone } from "../components/Badge";
 import { Icon } from "../components/Icon";
 import { select } from "../cursor";
 import { submit } from "../socket";
-import { connected, doc, plan, verdict } from "../store";
+import { connected, doc, draft, plan, verdict } from "../store";
 
 type State = typeof verdict.value;
+/** Of a draft that is no flight. */
+const DRAFT_TONES = { clear: "accent", "too close": "caution", refused: "danger", checked: "accent" } as const;
 
 const BADGES: Readonly<Record<State, { tone: Tone; word: string }>> = {
   none: { tone: "neutral", word: "No plan" },
   planning: { tone: "accent", word: "Planning" },
   checked: { tone: "neutral", word: "Checked" },
+  draft: { tone: "accent", word: "Draft" },
   refused: { tone: "danger", word: "Refused" },
   void: { tone: "caution", word: "Void" },
   unknown: { tone: "caution", word: "Not connected" },
@@ -20,7 +23,9 @@ const BADGES: Readonly<Record<State, { tone: Tone; word: string }>> = {
 
 export function Verdict() {
   const state = verdict.value;
-  const { tone, word } = BADGES[state];
+  const { word } = BADGES[state];
+  const foreseen = state === "draft" ? draft.value : null;
+  const tone = foreseen === null ? BADGES[state].tone : DRAFT_TONES[foreseen.state];
   const shown = plan.value;
   return (
     <section class={`verdict ${state}`} aria-label="Verdict">
@@ -28,11 +33,11 @@ export function Verdict() {
         <h2>{shown?.name ? shown.name : "Plan"}</h2>
         <Badge tone={tone}>
           {state === "checked" && <Icon name="check" />}
-          {(state === "void" || state === "refused") && <Icon name="warning" />}
+          {(tone === "danger" || state === "void" || foreseen?.state === "too close") && <Icon name="warning" />}
           {word}
         </Badge>
       </div>
-      <p>{shown?.sentence ?? "No plan yet. Two waypoints make the first one."}</p>
+      <p>{(foreseen ?? shown)?.sentence ?? "No plan yet. Two waypoints make the first one."}</p>
       {state === "refused" && <Remedy />}
       {state === "void" && (
         <button type="button" class="control" onClick={() => void submit({ type: "plan_again" })}>
