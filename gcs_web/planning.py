@@ -403,7 +403,8 @@ def _planned(
             sentence=(
                 f"{found.how}{file.trajectory.duration_s:.2f} s, {_counted(content)}, top speed "
                 f"{top:.2f} m/s. Closest {report.clearance_m:.2f} m; "
-                f"{report.required_clearance_m:.2f} m is needed. {found.unfinished}{_hidden(report)}" + (f" {doubt}" if doubt else "")
+                f"{report.required_clearance_m:.2f} m is needed. {found.unfinished}{_hidden(report)}"
+                + (f" {doubt}" if doubt else "")
             ),
             duration_s=file.trajectory.duration_s,
             top_speed_m_s=top,
@@ -412,7 +413,7 @@ def _planned(
             closest=report.clearance_point_world_m,
             planning_ms=planning_ms,
             limits=bounds,
-            segments=page_values.segments(passed, bounds, series, judged_m),
+            segments=page_values.segments(passed, bounds, series, judged_m, file.trajectory),
             passings=passed,
             series=series,
         )
