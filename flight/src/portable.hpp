@@ -122,6 +122,10 @@ static inline double arctangent2(double y, double x) {
         across = std::isinf(across) ? 1.0 : 0.0;
         along = std::isinf(along) ? 1.0 : 0.0;
     }
+    if (across < 1e-290 && along < 1e-290) {  // halves of the smallest numbers would be zero
+        across *= 0x1p100;
+        along *= 0x1p100;
+    }
     const bool steep = across > along;
     const double small = steep ? along : across, large = steep ? across : along;
     double angle = 0.0, rest = 0.0;  // of (large, small): from 0 to pi / 4

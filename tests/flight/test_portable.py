@@ -4,7 +4,7 @@ from decimal import Decimal, localcontext
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
@@ -48,6 +48,8 @@ def test_the_logarithm_is_right_of_the_smallest_number_and_the_largest(x):
 
 
 @given(finite, finite)
+@example(5e-324, 5e-324)
+@example(-5e-324, 1e-323)
 def test_the_angle_of_a_vector_is_right_in_every_quadrant(y, x):
     assert off(float(portable.arctangent2(y, x)), np.arctan2(LONG(y), LONG(x))) < 2.0
 
