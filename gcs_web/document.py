@@ -5,7 +5,7 @@ patch the other way round, and the journal (`gcs_web.journal`) stores what chang
 """
 
 from collections.abc import Sequence
-from typing import Any, Literal, Protocol, TypeVar
+from typing import Any, Literal, Protocol, TypeVar, get_args
 
 import msgspec
 import numpy as np
@@ -28,6 +28,11 @@ class Opening(msgspec.Struct, frozen=True):
     roll_rad: float = 0.0
 
 
+LegLimit = Literal["leg_speed_m_s", "leg_jerk_m_s3"]
+"""What a point limits on the leg to the next one."""
+LEG_LIMITS: tuple[LegLimit, ...] = get_args(LegLimit)
+
+
 class Point(msgspec.Struct, frozen=True):
     """A waypoint that keeps its identity however its number changes."""
 
@@ -41,9 +46,16 @@ class Point(msgspec.Struct, frozen=True):
     """Radius within which it is enough to pass; 0: the waypoint itself."""
     leg_speed_m_s: float | None = None
     """Largest speed from here to the next waypoint, as listed; None: that of the settings."""
+    leg_jerk_m_s3: float | None = None
+    """The same of jerk, as the mission's file gives it; None: the vehicle's own."""
     velocity_world_m_s: tuple[float, float, float] | None = None
     """Velocity to have here; None where it is open."""
     gate: Opening | None = None
+
+    @property
+    def legs_plain(self) -> bool:
+        """Whether nothing is asked of the leg from here to the next waypoint."""
+        return all(getattr(self, name) is None for name in LEG_LIMITS)
 
     @property
     def plain(self) -> bool:
@@ -51,8 +63,8 @@ class Point(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(self, **_NOTHING_ASKED) == self
 
 
-_NOTHING_ASKED = {"stay_s": 0.0, "fly_by_m": 0.0, "leg_speed_m_s": None, "velocity_world_m_s": None,
-                  "gate": None}  # fmt: skip
+_NOTHING_ASKED = {"stay_s": 0.0, "fly_by_m": 0.0, "leg_speed_m_s": None, "leg_jerk_m_s3": None,
+                  "velocity_world_m_s": None, "gate": None}  # fmt: skip
 
 
 class Settings(msgspec.Struct, frozen=True):

@@ -11,7 +11,7 @@ from esdf import Edit
 from flight import InputError
 from flight.mission import MOST_LAPS, Ground
 from gcs_web import course_edits, map_edits, missions, protocol, protocol_course
-from gcs_web.document import SETTING_BOUNDS, Content, Point
+from gcs_web.document import LEG_LIMITS, SETTING_BOUNDS, Content, Point
 from gcs_web.map_edits import LARGEST_COORDINATE_M, MapEdit
 
 Edited = tuple[Content, str]
@@ -154,16 +154,13 @@ def _reverse(content: Content, edit: protocol.Reverse) -> Edited:
     A loop begins and closes at its first waypoint whichever way it is flown.
     """
     chosen, points = content.settings, content.points
-    speeds = [p.leg_speed_m_s for p in points[:-1]]
     loop = missions.lap_ends(content)
     if loop is None:
-        order, speeds = points[::-1], speeds[::-1]
+        order = points[::-1]
         ends = {"lap_first": chosen.lap_last, "lap_last": chosen.lap_first}
     else:
         first, last = loop
         order = (*points[:last:-1], points[first], *points[last:first:-1], *points[:first][::-1])
-        way_back = missions.way_back_speed(points, loop)
-        speeds = [*speeds[last:][::-1], way_back, *speeds[first + 1 : last][::-1], *speeds[:first][::-1]]
         ends = {
             "lap_first": points[first].id if last < len(points) - 1 else None,
             "lap_last": points[first + 1].id if first > 0 else None,
@@ -171,22 +168,39 @@ def _reverse(content: Content, edit: protocol.Reverse) -> Edited:
     turned = [
         msgspec.structs.replace(
             point,
-            leg_speed_m_s=speed,
+            **asked,
             velocity_world_m_s=None if (v := point.velocity_world_m_s) is None else (-v[0], -v[1], -v[2]),
             gate=None if point.gate is None else course_edits.turned_round(point.gate),
         )
-        for point, speed in zip(order, [*speeds, None], strict=True)
+        for point, asked in zip(order, _legs_backwards(points, loop), strict=True)
     ]
     after = _with_settings(content.with_points(turned), **ends, take_off=chosen.landing, landing=chosen.take_off)
     back = missions.lap_ends(after)
     if loop is not None and back is not None:
-        asked = points[loop[0]].leg_speed_m_s  # of the leg that is the way back now
-        if missions.way_back_speed(after.points, back) != asked:
-            raise InputError(
-                f"the leg after waypoint {loop[0] + 1} would be the way back of the laps, which has the largest speed "
-                "of their legs, if all have one; give all of them the same speed, or none, then reverse"
-            )
+        for name, words in zip(LEG_LIMITS, ("speed", "jerk"), strict=True):
+            asked = getattr(points[loop[0]], name)  # of the leg that is the way back now
+            if missions.way_back(after.points, back, name) != asked:
+                raise InputError(
+                    f"the leg after waypoint {loop[0] + 1} would be the way back of the laps, which has the largest "
+                    f"{words} of their legs, if all have one; give all of them the same {words}, or none, then reverse"
+                )
     return after, "order of the waypoints reversed"
+
+
+def _legs_backwards(points: Sequence[Point], loop: tuple[int, int] | None) -> list[dict[str, float | None]]:
+    """What is asked of the leg after each waypoint, when the waypoints are flown in the other order."""
+    found: list[dict[str, float | None]] = [{} for _ in points]
+    for name in LEG_LIMITS:
+        legs = [getattr(point, name) for point in points[:-1]]
+        if loop is None:
+            legs = legs[::-1]
+        else:
+            first, last = loop
+            back = missions.way_back(tuple(points), loop, name)
+            legs = [*legs[last:][::-1], back, *legs[first + 1 : last][::-1], *legs[:first][::-1]]
+        for asked, most in zip(found, [*legs, None], strict=True):
+            asked[name] = most
+    return found
 
 
 def _choose(content: Content, edit: protocol.Choose) -> Edited:

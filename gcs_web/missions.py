@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 
 from flight import FloatArray, Waypoints
-from flight.mission import FlyBy, Gate, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
-from gcs_web.document import Content, Opening, Point
+from flight.mission import FlyBy, Gate, Laps, LegJerk, LegSpeed, Mission, Stay, Velocity, Yaw
+from gcs_web.document import Content, LegLimit, Opening, Point
 
 
 def mission_of(content: Content) -> Mission:
@@ -31,7 +31,8 @@ def mission_of(content: Content) -> Mission:
         ),
         gates=tuple(Gate(i, **msgspec.structs.asdict(p.gate)) for i, p in enumerate(points) if p.gate is not None),
         fly_bys=tuple(FlyBy(i, p.fly_by_m) for i, p in enumerate(points) if p.fly_by_m > 0.0),
-        leg_speeds=(*_leg_speeds(points), *_way_back(points, laps)),
+        leg_speeds=tuple(LegSpeed(*record) for record in _leg_records(points, laps, "leg_speed_m_s")),
+        leg_jerks=tuple(LegJerk(*record) for record in _leg_records(points, laps, "leg_jerk_m_s3")),
         take_off=chosen.take_off,
         landing=chosen.landing,
         yaw=_yaw(content),
@@ -51,16 +52,15 @@ def with_mission(content: Content, mission: Mission) -> Content:
         gate.waypoint: Opening(gate.width_m, gate.height_m, gate.heading_rad, gate.pitch_rad, gate.roll_rad)
         for gate in mission.gates
     }
-    speeds: dict[int, float] = {}
-    for record in mission.leg_speeds:
-        for leg in range(record.first, record.last):
-            speeds[leg] = min(speeds.get(leg, math.inf), record.speed_m_s)
+    speeds = _by_leg([(record.first, record.last, record.speed_m_s) for record in mission.leg_speeds])
+    jerks = _by_leg([(record.first, record.last, record.jerk_m_s3) for record in mission.leg_jerks])
     points = [
         msgspec.structs.replace(
             point,
             stay_s=stays.get(i, 0.0),
             fly_by_m=radii.get(i, 0.0),
             leg_speed_m_s=speeds.get(i),
+            leg_jerk_m_s3=jerks.get(i),
             velocity_world_m_s=velocities.get(i),
             gate=gates.get(i),
         )
@@ -122,14 +122,23 @@ def tube_line(content: Content) -> FloatArray:
     return once.unrolled().waypoints.positions_world_m
 
 
-def _leg_speeds(points: tuple[Point, ...]) -> tuple[LegSpeed, ...]:
-    """Legs one after another that have the same largest speed are one record."""
-    found = []
-    for speed, legs in groupby(range(len(points) - 1), lambda leg: points[leg].leg_speed_m_s):
+def _by_leg(records: list[tuple[int, int, float]]) -> dict[int, float]:
+    """The lowest limit of each leg that has one, from records of the first and last waypoint and the limit."""
+    found: dict[int, float] = {}
+    for first, last, most in records:
+        for leg in range(first, last):
+            found[leg] = min(found.get(leg, math.inf), most)
+    return found
+
+
+def _leg_records(points: tuple[Point, ...], laps: Laps | None, name: LegLimit) -> list[tuple[int, int, float]]:
+    """First and last waypoint and limit; legs one after another with the same limit are one record."""
+    found: list[tuple[int, int, float]] = []
+    for most, legs in groupby(range(len(points) - 1), lambda leg: getattr(points[leg], name)):
         numbers = list(legs)
-        if speed is not None:
-            found.append(LegSpeed(numbers[0], numbers[-1] + 1, speed))
-    return tuple(found)
+        if most is not None:
+            found.append((numbers[0], numbers[-1] + 1, most))
+    return found + _way_back(points, laps, name)
 
 
 def lap_ends(content: Content) -> tuple[int, int] | None:
@@ -141,22 +150,22 @@ def lap_ends(content: Content) -> tuple[int, int] | None:
     return first, len(content.points) - 1 if chosen.lap_last is None else content.number_of(chosen.lap_last)
 
 
-def way_back_speed(points: tuple[Point, ...], loop: tuple[int, int]) -> float | None:
-    """The largest speed on the way back of laps: that of their legs, if every one has some; None for no such limit."""
-    asked = [point.leg_speed_m_s for point in points[slice(*loop)]]
-    speeds = [speed for speed in asked if speed is not None]
-    return max(speeds) if speeds and len(speeds) == len(asked) else None
+def way_back(points: tuple[Point, ...], loop: tuple[int, int], name: LegLimit) -> float | None:
+    """The limit on the way back of laps: the largest of their legs, if every one has some; None for no such limit."""
+    asked = [getattr(point, name) for point in points[slice(*loop)]]
+    given = [most for most in asked if most is not None]
+    return max(given) if given and len(given) == len(asked) else None
 
 
-def _way_back(points: tuple[Point, ...], laps: Laps | None) -> tuple[LegSpeed, ...]:
+def _way_back(points: tuple[Point, ...], laps: Laps | None, name: LegLimit) -> list[tuple[int, int, float]]:
     """The record of the limit on the way back, where it needs one of its own."""
     if laps is None:
-        return ()
+        return []
     first, last = laps.ends(len(points))
-    speed = way_back_speed(points, (first, last))
-    if speed is None or all(point.leg_speed_m_s == speed for point in points[first:last]):
-        return ()  # one speed throughout: its record spans the laps
-    return (LegSpeed(first, last, speed),)
+    most = way_back(points, (first, last), name)
+    if most is None or all(getattr(point, name) == most for point in points[first:last]):
+        return []  # one limit throughout: its record spans the laps
+    return [(first, last, most)]
 
 
 def _yaw(content: Content) -> Yaw | None:

@@ -22,7 +22,7 @@ SAMPLES, PER_SECOND, MOST_SAMPLES = 600, 40, 4000
 _NEAR_M = 0.01
 """A waypoint is passed at a join of segments that is so close to it, or to its ball."""
 
-_UNITS = {"rad": ("°", 180.0 / math.pi), "m/s2": ("m/s²", 1.0)}
+_UNITS = {"rad": ("°", 180.0 / math.pi), "m/s2": ("m/s²", 1.0), "m/s3": ("m/s³", 1.0)}
 _RATE = ("°/s", 180.0 / math.pi)
 """Of the body's rates; a rotor's speed stays in rad/s."""
 
@@ -143,7 +143,7 @@ def limits(report: planner.GateReport, shown: protocol.Series, judged_m: FloatAr
         )
     ]
     for check in report.checks:
-        if check.name in (*planner.limits.NAMES, "speed of legs") and check.bound > 0.0:
+        if check.name in (*planner.limits.NAMES, "speed of legs", "jerk of legs") and check.bound > 0.0:
             lowest = check.name == "slowest rotor"
             unit, scale = _RATE if check.name.endswith("rate") else _UNITS.get(check.unit, (check.unit, 1.0))
             share = check.bound / check.value if lowest else check.value / check.bound
@@ -190,17 +190,23 @@ def _first_pass(away_m: FloatArray, radius_m: float) -> int:
 
 
 def segments(
-    passed: list[protocol.Passing], bounds: list[protocol.Limit], shown: protocol.Series, judged_m: FloatArray
+    passed: list[protocol.Passing],
+    bounds: list[protocol.Limit],
+    shown: protocol.Series,
+    judged_m: FloatArray,
+    trajectory: Trajectory,
 ) -> list[protocol.Segment]:
     """Between each two waypoints: the limit of which most is used, and when.
 
     Args:
         judged_m: (n,) of `judged_clearance`.
     """
-    by_name = {limit.name: limit for limit in bounds}
+    by_name, times = {limit.name: limit for limit in bounds}, np.array(shown.time_s)
+    jerk = trajectory.position(np.minimum(times, trajectory.duration_s), 3)
     values = {
         "speed": shown.speed_m_s,
         "acceleration": shown.acceleration_m_s2,
+        "jerk": np.linalg.norm(jerk, axis=1),
         "tilt": shown.tilt_deg,
         "rotor speed": shown.rotor_fastest_rad_s,
         "clearance": judged_m,
@@ -215,7 +221,6 @@ def segments(
             for name in names
         ]
     )
-    times = np.array(shown.time_s)
     found = []
     for a, b in pairwise(passed):
         first = int(np.searchsorted(times, a.time_s))

@@ -413,7 +413,7 @@ def _planned(
             closest=report.clearance_point_world_m,
             planning_ms=planning_ms,
             limits=bounds,
-            segments=page_values.segments(passed, bounds, series, judged_m),
+            segments=page_values.segments(passed, bounds, series, judged_m, file.trajectory),
             passings=passed,
             series=series,
         )

@@ -124,12 +124,12 @@ def _step(kept: _Kept, after: Content, known: Known) -> _Step | None:
     inner = 0 < i < max(len(old), len(new)) - 1
     plain = all(point.plain for point in (*old, *new))
     if _without(new, i) == old:
-        if not (plain or (inner and new[i].plain and old[i - 1].leg_speed_m_s is None)):
-            return None  # the session would give the speed of the leg that it parts to both parts
+        if not (plain or (inner and new[i].plain and old[i - 1].legs_plain)):
+            return None  # the session would give the limits of the leg that it parts to both parts
         asked = new[i].yaw_rad
         yaw_rad = math.nan if asked is None else asked
         return lambda session, stop: session.insert(i, np.array(new[i].position_world_m), yaw_rad, stop=stop)
-    if _without(old, i) == new and (plain or (inner and old[i].leg_speed_m_s is None)):
+    if _without(old, i) == new and (plain or (inner and old[i].legs_plain)):
         return lambda session, stop: session.delete(i, stop=stop)
     return None
 

@@ -2,7 +2,7 @@
 tube."""
 
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -30,6 +30,13 @@ _MOST_RADII = 25_000.0
 """Length of the longest tube, in radii: the space round it is sampled."""
 _PROVABLE = 0.985
 """Share of a leg's speed or jerk that the optimiser uses: the gate's bound is at most 1 % above the truth."""
+
+
+class LegLimits(TypedDict):
+    """Limits between knots, (k,) each; None if none is asked for."""
+
+    speed_m_s: FloatArray | None
+    jerk_m_s3: FloatArray | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -214,8 +221,8 @@ class Conditions:
         """
         return {"speed": _between(self.leg_speed_m_s, waypoint), "jerk": _between(self.leg_jerk_m_s3, waypoint)}
 
-    def planned_on_legs(self, waypoint: np.ndarray, limits: Limits) -> dict[str, FloatArray | None]:
-        """(k,) `speed_m_s` and `jerk_m_s3` for the optimiser, so that the gate proves those asked for; None if none."""
+    def planned_on_legs(self, waypoint: np.ndarray, limits: Limits) -> LegLimits:
+        """Limits for the optimiser, so that the gate proves those asked for."""
         asked = self.most_on_legs(waypoint)
         speed, jerk = (_PROVABLE * asked[name] for name in ("speed", "jerk"))
         return {

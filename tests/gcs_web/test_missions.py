@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 import planner
 from flight import InputError, Waypoints, mission, project
-from flight.mission import FlyBy, Gate, Ground, KeepIn, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
+from flight.mission import FlyBy, Gate, Ground, KeepIn, Laps, LegJerk, LegSpeed, Mission, Stay, Velocity, Yaw
 from gcs_web import course_view, edits, journal, missions, protocol
-from gcs_web.document import Content, Settings, difference, patched
+from gcs_web.document import LEG_LIMITS, Content, Settings, difference, patched
 from gcs_web.session import Session
 
 POINTS = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.3], [5.2, 0.8, 1.0], [5.0, 3.4, 1.6]])
@@ -27,6 +27,7 @@ def full() -> Mission:
         velocities=(Velocity(2, (0.0, 2.0, 0.0)),),
         fly_bys=(FlyBy(1, 0.4),),
         leg_speeds=(LegSpeed(0, 2, 1.0), LegSpeed(2, 3, 2.0)),
+        leg_jerks=(LegJerk(1, 2, 30.0),),
         landing=Ground((4.0, 2.0, 0.1), 0.5),
         yaw=Yaw("look_at", 0.0, (3.0, 2.0, 1.0)),
     )
@@ -56,6 +57,7 @@ def asked_missions(draw) -> Mission:
         stays=tuple(Stay(i, 1.5) for i in sorted(stays)),
         fly_bys=tuple(FlyBy(i, 0.3) for i in sorted(balls)),
         leg_speeds=tuple(LegSpeed(i, draw(st.integers(i + 1, count - 1)), float(i + 1)) for i in starts),
+        leg_jerks=tuple(LegJerk(i, draw(st.integers(i + 1, count - 1)), float(9 * i + 5)) for i in starts[::-1]),
         yaw=draw(st.none() | st.just(Yaw("fixed", 0.7)) | st.just(Yaw("steady"))),
     )
 
@@ -68,13 +70,19 @@ def legs(asked: Mission) -> list[float]:
     return found.tolist()
 
 
+def jerks(asked: Mission) -> list[float]:
+    """The same of jerk."""
+    speeds = tuple(LegSpeed(record.first, record.last, record.jerk_m_s3) for record in asked.leg_jerks)
+    return legs(Mission(asked.waypoints, leg_speeds=speeds))
+
+
 @given(asked_missions())
 def test_a_mission_that_went_through_the_document_asks_for_the_same(asked: Mission):
     content = missions.with_mission(Content(), asked)
     back = missions.mission_of(content)
     assert missions.same(content, asked)
     assert (back.stays, back.fly_bys, back.yaw) == (asked.stays, asked.fly_bys, asked.yaw)
-    assert legs(back) == legs(asked)
+    assert (legs(back), jerks(back)) == (legs(asked), jerks(asked))
     np.testing.assert_array_equal(
         back.unrolled().waypoints.positions_world_m, asked.unrolled().waypoints.positions_world_m
     )
@@ -85,6 +93,7 @@ def test_no_leg_is_flown_faster_for_having_gone_through_the_document(asked: Miss
     """The way back of the laps included, which is no leg between waypoints as they are listed."""
     back = missions.mission_of(missions.with_mission(Content(), asked))
     assert np.all(np.array(legs(back.unrolled())) <= legs(asked.unrolled()))
+    assert np.all(np.array(jerks(back.unrolled())) <= jerks(asked.unrolled()))
 
 
 def test_the_way_back_of_laps_keeps_its_limit_where_one_leg_is_slower():
@@ -190,10 +199,12 @@ def test_reversing_flies_the_same_legs_backwards_at_the_same_speeds_and_twice_ch
     except InputError:  # the only thing that a document cannot say
         loop = missions.lap_ends(content)
         assert loop is not None
-        assert len({p.leg_speed_m_s for p in content.points[slice(*loop)]}) > 1
+        unequal = [{getattr(p, name) for p in content.points[slice(*loop)]} for name in LEG_LIMITS]
+        assert max(map(len, unequal)) > 1
         return
     assert missions.flown(once) == missions.flown(content)[::-1]
     assert legs(missions.mission_of(once).unrolled()) == legs(before)[::-1]
+    assert jerks(missions.mission_of(once).unrolled()) == jerks(before)[::-1]
     twice = edit(once, protocol.Reverse)
     assert twice.points == content.points
     assert missions.mission_of(twice).laps == missions.mission_of(content).laps
