@@ -110,6 +110,7 @@ def rough(
     frame = airframe.reduced(vehicle, options.limits_for(vehicle))
     velocity, balls = asked.at_knots(route.waypoint), asked.balls(route.points, route.waypoint)
     gates = asked.gates(route.points, route.waypoint)
+    on_legs = asked.planned_on_legs(route.waypoint, options.limits_for(vehicle))
     problem = Problem(
         knots=np.column_stack([route.points, np.zeros(len(route.points))]),
         free=np.outer((route.waypoint < 0) | may_move(balls, gates, len(route.points)), [True, True, True, False]),
@@ -117,7 +118,8 @@ def rough(
         field=field,
         clearance_m=space.aim(field, options.clearance_m) + AIM_M,
         weights=Weights(snap=1e-5),
-        **asked.planned_on_legs(route.waypoint, options.limits_for(vehicle)),
+        speed_m_s=on_legs["speed_m_s"],
+        jerk_m_s3=on_legs["jerk_m_s3"],
         start=asked.start,
         end=asked.end,
         velocity=velocity,
