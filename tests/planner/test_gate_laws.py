@@ -271,11 +271,12 @@ def test_a_heading_near_both_of_those_of_a_turn_meets_them_at_once_and_an_earlie
     assert visits.turned(way, instants(1.0, 1.0, 3.0), points, np.array([0.0, 1.0, np.nan])).time_s[1] == 2.0
 
 
-def test_waypoints_just_within_the_tolerance_of_joins_are_met_there():
-    way = straight((0, 0, 0, 0), (1, 0, 0, 0), (2, 0, 0, 0))
-    found = visited(way, [(0, 0.125, 0), (1, -0.125, 0), (2, 0, 0.125)])
+def test_waypoints_just_within_the_tolerance_of_joins_are_met_there(verdicts):
+    way, points = straight((0, 0, 0, 0), (1, 0, 0, 0), (2, 0, 0, 0)), [(0, 0.0625, 0), (1, -0.125, 0), (2, 0, 0)]
+    found = visited(way, points)
     for times in (found.time_s, found.enter_s, found.leave_s):
         assert times.tolist() == [0.0, 1.0, 2.0]
+    assert verdicts(way, points)["waypoints"].value == 0.125
 
 
 def distances(*runs: tuple[int, float]) -> np.ndarray:

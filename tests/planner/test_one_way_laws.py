@@ -61,7 +61,7 @@ def test_openings_are_as_wide_as_their_middle_has_room(room_m, half_m):
 
 
 def test_ways_round_are_sorted_by_what_they_add_on_both_sides(open_sky):
-    points = np.array([[3.0, 1.0, 0.2], [0.0, 0.0, 0.0], [-3.0, 0.3, -1.0]])
+    points = np.array([[3.0, 1.0, 0.2], [0.0, 0.0, 0.0], [-3.0, 0.3, -1.0]]) + CENTRE
     conditions = asked(points, Gate(1, 1.0, 0.8, 0.0))
 
     def length(opening, other):
@@ -137,6 +137,26 @@ def test_a_path_that_is_refused_for_something_else_is_not_the_end_of_the_search(
     tried, refusal = attempts(open_sky, drone, elsewhere, elsewhere)
     assert len({points.tobytes() for points in tried}) == len(tried) == 8
     assert refusal is not None
+
+
+def test_of_several_gates_the_first_one_is_named(open_sky, drone):
+    points = LINE * [1.0, 0.0, 1.0]
+    conditions = asked(points, Gate(1, 1.0, 0.8, 0.0), Gate(2, 1.4, 0.8, 0.0))
+    there = BACK_AND_FORTH[1:6] - BACK_AND_FORTH[3]
+    knots = np.concatenate([points[:1], points[1] + there, points[2] + there, points[3:]])
+    wrong = curve(knots, [0, -1, -1, 1, -1, -1, -1, -1, 2, -1, -1, 3], points, conditions, open_sky, drone)
+    both = one_way.Fault(True, True)
+    assert one_way.faults(wrong, points, conditions) == {1: both, 2: both}
+
+    def again(route, points, there):
+        raise PlanInfeasibleError("none", "none")
+
+    headed, route = Waypoints(points, np.full(4, np.nan)), routes.Route(points, np.arange(4))
+    with pytest.raises(
+        PlanInfeasibleError, match=r"1\.00 m x 0\.80 m, is passed backwards too, and none of 8"
+    ) as refusal:
+        one_way.planned(wrong, route, headed, conditions, open_sky, PlanOptions(0.2), again, None)
+    assert refusal.value.segment == 0
 
 
 def test_a_path_that_no_gate_is_at_fault_for_is_returned_as_it_is(open_sky, drone):
