@@ -63,19 +63,20 @@ def test_multipliers_follow_what_is_believed_in_touched_segments_alone_and_are_n
 
 
 def test_the_active_limit_has_the_largest_sum_of_multipliers_and_untouched_segments_keep_theirs():
-    found = Corrections(5)
+    found = Corrections(6)
     found.believed[:] = -1.0
     found.believed[:4, 2:4, TILT] = 0.1  # more in sum, less at most
     found.believed[:4, 5, YAW_RATE] = 0.15
     found.believed[1, 7, YAW_RATE] = 0.15
     found.multiplier[2:4, 0, 0] = 1e-3
     found.multiplier[3, 0, 0] = 0.0
-    found.believed[4, 0, 0] = -_SPARE
+    found.believed[4, 0, 0], found.believed[5, 0, 0] = -_SPARE, -0.5 * _SPARE
     before = found.multiplier.copy()
-    assert found.active(np.array([True, True, False, False, True])) == ("tilt", "yaw rate", "speed", "", "")
+    touched = np.array([True, True, False, False, True, True])
+    assert found.active(touched) == ("tilt", "yaw rate", "speed", "", "", "speed")
     np.testing.assert_array_equal(found.multiplier, before)
     found.multiplier[0, 5, YAW_RATE] = 0.1
-    assert found.active(np.ones(5, dtype=bool))[0] == "yaw rate"
+    assert found.active(np.ones(6, dtype=bool))[0] == "yaw rate"
 
 
 @pytest.mark.parametrize(

@@ -175,3 +175,11 @@ def test_a_gate_that_is_missed_between_waypoints_before_and_behind_it_has_no_way
     with pytest.raises(PlanInfeasibleError, match="is not passed forwards within its opening") as refusal:
         one_way.planned(beside, route, headed, conditions, open_sky, PlanOptions(0.2), None, None)
     assert refusal.value.segment == 1
+
+
+@pytest.mark.parametrize("fault", [one_way.Fault(True, False), one_way.Fault(False, True), one_way.Fault(True, True)])
+def test_a_gate_without_room_on_any_side_is_refused_on_the_leg_before_it_whichever_leg_is_wrong(fault):
+    conditions, options = asked(LINE, Gate(2, 1.0, 0.8, 0.0)), PlanOptions(0.2)
+    refusal = one_way._refused(2, one_way._Tried(fault), conditions, options)
+    assert "passed backwards too, and on no side of it is" in str(refusal)
+    assert refusal.segment == 1
