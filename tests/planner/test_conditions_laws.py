@@ -331,6 +331,10 @@ def test_a_velocity_is_asked_at_its_own_waypoint():
     still = powers((0.0, 0.01), (0.01, 0.01))
     slow = verdict("velocity at waypoints", still, points, velocity_world_m_s=rows([0.01, 0.0, 0.0], 1))
     assert slow.bound == pytest.approx(1e-4)
+    just_so = verdict(
+        "velocity at waypoints", powers((0.0,), (0.0,)), points, velocity_world_m_s=rows([slow.bound, 0.0, 0.0], 1)
+    )
+    assert (just_so.passed, just_so.value) == (True, slow.bound)
     nothing = {check.name for check in checks(path, points, Conditions(velocity_world_m_s=np.full((4, 3), OPEN)))}
     assert "velocity at waypoints" not in nothing
 

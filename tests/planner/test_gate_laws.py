@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from flight import Trajectory, TrajectoryFile
-from planner import Conditions, PlanOptions, gate, visits
+from planner import Conditions, PlanOptions, gate, routes, visits
+from planner.conditions import Visits
 from planner.visits import BLOCK
 
 ORIGIN = np.zeros(3)
@@ -192,6 +193,10 @@ def test_a_radius_is_taken_off_the_distance_of_its_own_waypoint(verdicts):
     assert not verdicts(way, points, fly_by_m=np.array([0.0, 0.0, 2.0, 0.0]))["waypoints"].passed
 
 
+def instants(*times_s: float) -> Visits:
+    return Visits(*[np.array(times_s)] * 3)
+
+
 def visited(way, waypoints, tolerance_m=0.125, **conditions):
     options = PlanOptions(waypoint_tolerance_m=tolerance_m)
     return visits.reached(way, np.array(waypoints, dtype=float), Conditions(**conditions), options)[1]
@@ -237,6 +242,41 @@ def test_the_visits_of_joins_and_gates_are_instants():
     visits = visited(way, [(0, 0, 0), (1.5, 0, 0), (2, 0, 0)], gate_edges_m=edges)
     for found in (visits.time_s, visits.enter_s, visits.leave_s):
         assert found[1:] == pytest.approx([1.5, 2.0], abs=2e-9)
+
+
+@pytest.mark.parametrize(
+    ("aside_m", "off_rad", "met"),
+    [
+        (0.0, 0.0, True),
+        (routes.SAME_M, -visits.SAME_RAD, True),
+        (1.01 * routes.SAME_M, 0.0, False),
+        (0.0, 1.01 * visits.SAME_RAD, False),
+        (0.0, -1.01 * visits.SAME_RAD, False),
+    ],
+)
+def test_a_turn_on_the_spot_is_met_at_the_join_there_that_has_its_heading(aside_m, off_rad, met):
+    way = straight((-1, 0, 0, 2), (0, 0, 0, 2), (aside_m, 0, 0, off_rad), (5, 0, 0, 0))
+    points = np.array([[-1.0, 0, 0], [0.0, 0, 0], [0.0, 0, 0], [5.0, 0, 0]])
+    found = visits.turned(way, instants(0.0, 1.0, 1.0, 3.0), points, np.array([np.nan, 2.0, 0.0, np.nan]))
+    for times in (found.time_s, found.enter_s, found.leave_s):
+        assert times.tolist() == [0.0, 1.0, 2.0 if met else 1.0, 3.0]
+
+
+def test_a_heading_near_both_of_those_of_a_turn_meets_them_at_once_and_an_earlier_one_counts_for_nothing():
+    points = np.array([[0.0, 0, 0], [0.0, 0, 0], [5.0, 0, 0]])
+    near = 0.75 * visits.SAME_RAD
+    way = straight((0, 0, 0, 0), (0, 0, 0, near), (5, 0, 0, near))
+    assert visits.turned(way, instants(0.0, 0.0, 2.0), points, np.array([0.0, near, np.nan])).time_s[1] == 0.0
+    way = straight((0, 0, 0, 1), (0, 0, 0, 0), (0, 0, 0, 1), (5, 0, 0, 1))
+    assert visits.turned(way, instants(1.0, 1.0, 3.0), points, np.array([0.0, 1.0, np.nan])).time_s[1] == 2.0
+
+
+def test_waypoints_just_within_the_tolerance_of_joins_are_met_there(verdicts):
+    way, points = straight((0, 0, 0, 0), (1, 0, 0, 0), (2, 0, 0, 0)), [(0, 0.0625, 0), (1, -0.125, 0), (2, 0, 0)]
+    found = visited(way, points)
+    for times in (found.time_s, found.enter_s, found.leave_s):
+        assert times.tolist() == [0.0, 1.0, 2.0]
+    assert verdicts(way, points)["waypoints"].value == 0.125
 
 
 def distances(*runs: tuple[int, float]) -> np.ndarray:
