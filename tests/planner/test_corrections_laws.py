@@ -155,7 +155,7 @@ def test_a_limit_the_gate_found_exceeded_is_kept_from_by_a_quarter_of_the_excess
         value[columns[TILT], 1], shares[columns[TILT], 1] = share, share
         used = limits.Usage(value, np.zeros_like(value), shares, np.ones(len(limits.NAMES)))
         found = Corrections(2)
-        found.stricter(used, np.array([True, False]))
+        found.stricter(used, {"speed": np.array([True, False])})
         added = found.gate[:, 0] - _SPARE
         assert added[1, TILT] == pytest.approx(more)
         assert added[0, 0] == pytest.approx(0.01)
