@@ -86,7 +86,8 @@ class Attempts:
         problem = replace(problem, **self._asked.planned_on_legs(index, options.limits_for(self._vehicle)))
         begin, path = problem.spline(problem.knots, durations), None
         for there in descents.starts(problem, begin, options.clearance_m, self._stop):
-            path = self._until_flyable(replace(problem, knots=there.knots), there.spline, index, options)
+            found = self._until_flyable(replace(problem, knots=there.knots), there.spline, index, options)
+            path = path if found is None else found
             if path is not None and path.report.passed:
                 break
         return path
