@@ -362,7 +362,8 @@ def test_a_point_looked_at_counts_from_one_metre_on(verdicts, x, passed):
     away = straight((2.0 + x, 5.0, 1.0, np.pi), (2.0 + x, 5.0, 1.0, np.pi))
     towards = straight((2.0 + x, 5.0, 1.0, 0.0), (2.0 + x, 5.0, 1.0, 0.0))
     assert verdicts(away, options=options)["look at the point"].passed == passed
-    assert verdicts(towards, options=options)["look at the point"].passed
+    straight_at_it = verdicts(towards, options=options)["look at the point"]
+    assert (straight_at_it.passed, straight_at_it.value) == (True, pytest.approx(0.0, abs=1e-9))
 
 
 @pytest.mark.parametrize(("off", "passed"), [(0.59, True), (-0.59, True), (0.61, False), (-0.61, False)])
@@ -410,11 +411,26 @@ def test_durations_that_are_not_positive_are_caught(verdicts, durations):
 
 def test_coefficients_that_are_not_finite_are_counted(verdicts):
     way = straight((0, 0, 0, 0), (1, 0, 0, 0))
-    assert (gate._finite(way).passed, gate._finite(way).value) == (True, 0.0)
+    assert (gate._finite(way).passed, gate._finite(way).value, gate._finite(way).bound) == (True, 0.0, 0.0)
     way.coefficients.setflags(write=True)
     way.coefficients[0, 1, 3:5] = np.nan
     assert (gate._finite(way).passed, gate._finite(way).value) == (False, 2.0)
     assert list(verdicts(way)) == ["finite"]
+
+
+@pytest.mark.parametrize(("off_s", "passed"), [(1.9e-12, True), (2.1e-12, False), (-1.9e-12, True), (-2.1e-12, False)])
+def test_starts_are_the_sums_of_durations_to_a_billionth_of_a_millisecond_and_of_themselves(off_s, passed):
+    way = straight((0, 0, 0, 0), (1, 0, 0, 0), (2, 0, 0, 0))
+    object.__setattr__(way, "starts_s", way.starts_s + np.array([0.0, off_s, 0.0]))
+    assert gate._finite(way).passed == passed
+
+
+def test_a_trajectory_without_end_is_reported_without_duration(open_sky, drone):
+    way = straight((0, 0, 0, 0), (1, 0, 0, 0))
+    object.__setattr__(way, "durations_s", np.array([np.inf]))
+    object.__setattr__(way, "starts_s", np.array([0.0, np.inf]))
+    report = gate.check(way, open_sky, drone)
+    assert (report.passed, report.duration_s) == (False, 0.0)
 
 
 def test_a_vehicle_may_reach_just_as_far_as_its_clearance(open_sky, drone):
@@ -432,7 +448,8 @@ def test_a_trajectory_that_was_not_asked_for_its_limits_has_none_that_binds(open
 
 
 def test_hashes_that_differ_fail_with_their_beginnings():
-    assert gate._identity("map", "a" * 64, "a" * 64).value == 0.0
+    same = gate._identity("map", "a" * 64, "a" * 64)
+    assert (same.value, same.bound) == (0.0, 0.0)
     check = gate._identity("map", "a" * 64, "b" * 64)
     assert (check.passed, check.value) == (False, 1.0)
     assert check.reason == f"the file names {'a' * 12}, here is {'b' * 12}"
@@ -452,7 +469,7 @@ def test_a_record_that_was_changed_fails_and_one_without_a_hash_is_told(kept, pa
         record_kept = kept
 
     check = gate._record_check(Item())
-    assert (check.passed, check.value) == (passed, value)
+    assert (check.passed, check.value, check.bound) == (passed, value, 0.0)
     assert words in check.reason
 
 
