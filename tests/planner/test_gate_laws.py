@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from flight import Trajectory, TrajectoryFile
+from flight import MapError, Trajectory, TrajectoryFile
 from planner import Conditions, PlanOptions, gate, routes, visits
 from planner.conditions import Visits
 from planner.visits import BLOCK
@@ -425,12 +425,28 @@ def test_starts_are_the_sums_of_durations_to_a_billionth_of_a_millisecond_and_of
     assert gate._finite(way).passed == passed
 
 
-def test_a_trajectory_without_end_is_reported_without_duration(open_sky, drone):
+def test_short_segments_are_as_good_as_long_ones():
+    assert gate._finite(straight((0, 0, 0, 0), (1e-3, 0, 0, 0), (2e-3, 0, 0, 0), leg_s=1e-3)).passed
+
+
+def test_a_trajectory_without_end_is_reported_without_duration_and_clearance(open_sky, drone):
     way = straight((0, 0, 0, 0), (1, 0, 0, 0))
     object.__setattr__(way, "durations_s", np.array([np.inf]))
     object.__setattr__(way, "starts_s", np.array([0.0, np.inf]))
     report = gate.check(way, open_sky, drone)
-    assert (report.passed, report.duration_s) == (False, 0.0)
+    assert (report.passed, report.duration_s, report.clearance_m) == (False, 0.0, -np.inf)
+    assert report.clearance_point_world_m == (0.0, 0.0, 0.0)
+
+
+def test_a_field_without_an_answer_fails_the_clearance_with_its_reason(open_sky, drone):
+    class Lost:
+        def distance(self, points_world_m):
+            raise MapError("the map is lost")
+
+    report = gate.check(straight((0, 0, 0, 0), (1, 0, 0, 0)), Lost(), drone)
+    check = {check.name: check for check in report.checks}["clearance"]
+    assert (check.passed, check.value, check.time_s, check.segment) == (False, -np.inf, 0.0, 0)
+    assert check.reason.startswith("the map is lost")
 
 
 def test_a_vehicle_may_reach_just_as_far_as_its_clearance(open_sky, drone):
