@@ -64,6 +64,21 @@ def test_a_crossing_is_found_on_and_between_samples_on_both_sides_of_a_blocks_bo
     assert off_m == -0.5
 
 
+@pytest.mark.parametrize("blocks", [1, 2])
+def test_a_crossing_between_the_last_two_samples_is_found_where_a_block_begins_with_them(blocks):
+    last = blocks * BLOCK + 1
+    found = passes(straight((0, 0, 0, 0), (last / 1024.0, 0, 0, 0), leg_s=last / 1024.0), ((last - 0.5) / 1024.0, 0, 0))
+    assert found is not None
+    assert found[0] == last
+
+
+@pytest.mark.parametrize(("y", "passed"), [(0.019, True), (0.021, False)])
+def test_an_opening_counts_however_small_it_is(verdicts, y, passed):
+    edges = np.array([np.zeros((2, 3)), 0.04 * LEFT_UP, np.zeros((2, 3))])
+    path, points = straight((0, y, 0, 0), (2, y, 0, 0)), [(0, 0, 0), (1, 0, 0), (2, 0, 0)]
+    assert verdicts(path, points, gate_edges_m=edges)["waypoints"].passed == passed
+
+
 def test_a_path_that_begins_in_an_openings_plane_or_ends_before_it_does_not_cross_it():
     path = straight((0, 0, 0, 0), (1, 0, 0, 0))
     assert passes(path, (0.5, 0.0, 0.0), start=512) is None
@@ -106,7 +121,7 @@ def test_a_path_that_crosses_beside_an_opening_and_comes_back_through_it_passes(
     points = [(0, 2, 0), (1, 0, 0), (2, 0, 0)]
     found = verdicts(straight(*way), points, gate_edges_m=edges)
     assert found["waypoints"].passed
-    assert found["gates"].value == pytest.approx(-0.5)
+    assert (found["gates"].value, found["gates"].bound) == (pytest.approx(-0.5), 0.0)
     assert "1 passed" in found["gates"].reason
     beside = verdicts(straight(*way[:2], (2, 0, 0, 0)), points, gate_edges_m=edges)["waypoints"]
     assert not beside.passed
@@ -181,7 +196,9 @@ def test_a_missed_waypoint_is_named_with_its_distance(verdicts):
     found = verdicts(way, [(0, 0.5, 0), (1, 0.125, 0), (2, 0, 0)])["waypoints"]
     assert (found.value, found.reason) == (0.5, "waypoint 1 is missed by 0.500 m")
     found = verdicts(way, [(0, 0, 0), (1, 0.125, 0), (2, 0.75, 0)])["waypoints"]
-    assert (found.value, found.passed) == (0.75, False)
+    assert (found.value, found.passed, found.reason) == (0.75, False, "waypoint 3 is missed by 0.750 m")
+    found = verdicts(way, [(0, 0.5, 0), (1, 0.125, 0), (2, 0.75, 0)])["waypoints"]
+    assert found.reason.startswith("waypoint 1 is missed by")
 
 
 def test_a_radius_is_taken_off_the_distance_of_its_own_waypoint(verdicts):
@@ -208,6 +225,7 @@ def test_a_visit_lasts_from_where_the_path_enters_the_radius_to_where_it_leaves_
     np.testing.assert_allclose(visits.time_s, [0.0, 4.0, 8.0], atol=1e-3)
     np.testing.assert_allclose(visits.enter_s, [0.0, 2.0, 8.0], atol=1e-3)
     np.testing.assert_allclose(visits.leave_s, [0.125, 6.0, 8.0], atol=1e-3)
+    assert visits.enter_s[0] == 0.0
 
 
 def test_a_radius_is_left_sooner_than_it_was_entered_where_the_path_is_faster_behind_it():
