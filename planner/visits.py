@@ -41,8 +41,9 @@ def reached(
     # Dense samples, joins included: one that is no join is met to within half a step.
     times = np.append(limits.sample_times(trajectory, 1e-3)[0], trajectory.duration_s)
     points = trajectory.position(times)
-    ends = max(float(portable.length(points[0] - wanted[0])), float(portable.length(points[-1] - wanted[-1])))
-    worst, missed, at = ends, 0 if ends > tolerance_m else -1, 0
+    ends_m = portable.length(points[[0, -1]] - wanted[[0, -1]])
+    worse = int(ends_m.argmax())
+    worst, missed, at = float(ends_m[worse]), worse * (len(wanted) - 1) if ends_m[worse] > tolerance_m else -1, 0
     outside_m: list[float] = []
     visits: list[tuple[float, float, float]] = []
     reached: list[int] = []

@@ -365,6 +365,8 @@ def test_each_leg_has_its_own_largest_speed():
     check = verdict("speed of legs", path, points, leg_speed_m_s=np.array([0.9, 1.5, 1.9]))
     assert (check.value, check.bound, check.segment) == (pytest.approx(3.0), 1.5, 1)
     assert check.reason.startswith("leg from waypoint 2 at 1.")
+    check = verdict("speed of legs", path, at(0.0, 1.0, 1.5), leg_speed_m_s=np.array([3.0, 1.9]))
+    assert (check.passed, check.bound) == (False, 1.9)  # behind the last visit too
     nothing = {check.name for check in checks(path, points, Conditions(leg_speed_m_s=np.full(3, OPEN)))}
     assert "speed of legs" not in nothing
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from flight import Trajectory, TrajectoryFile
+from flight import MapError, Trajectory, TrajectoryFile
 from planner import Conditions, PlanOptions, gate, routes, visits
 from planner.conditions import Visits
 from planner.visits import BLOCK
@@ -64,6 +64,21 @@ def test_a_crossing_is_found_on_and_between_samples_on_both_sides_of_a_blocks_bo
     assert off_m == -0.5
 
 
+@pytest.mark.parametrize("blocks", [1, 2])
+def test_a_crossing_between_the_last_two_samples_is_found_where_a_block_begins_with_them(blocks):
+    last = blocks * BLOCK + 1
+    found = passes(straight((0, 0, 0, 0), (last / 1024.0, 0, 0, 0), leg_s=last / 1024.0), ((last - 0.5) / 1024.0, 0, 0))
+    assert found is not None
+    assert found[0] == last
+
+
+@pytest.mark.parametrize(("y", "passed"), [(0.019, True), (0.021, False)])
+def test_an_opening_counts_however_small_it_is(verdicts, y, passed):
+    edges = np.array([np.zeros((2, 3)), 0.04 * LEFT_UP, np.zeros((2, 3))])
+    path, points = straight((0, y, 0, 0), (2, y, 0, 0)), [(0, 0, 0), (1, 0, 0), (2, 0, 0)]
+    assert verdicts(path, points, gate_edges_m=edges)["waypoints"].passed == passed
+
+
 def test_a_path_that_begins_in_an_openings_plane_or_ends_before_it_does_not_cross_it():
     path = straight((0, 0, 0, 0), (1, 0, 0, 0))
     assert passes(path, (0.5, 0.0, 0.0), start=512) is None
@@ -106,7 +121,7 @@ def test_a_path_that_crosses_beside_an_opening_and_comes_back_through_it_passes(
     points = [(0, 2, 0), (1, 0, 0), (2, 0, 0)]
     found = verdicts(straight(*way), points, gate_edges_m=edges)
     assert found["waypoints"].passed
-    assert found["gates"].value == pytest.approx(-0.5)
+    assert (found["gates"].value, found["gates"].bound) == (pytest.approx(-0.5), 0.0)
     assert "1 passed" in found["gates"].reason
     beside = verdicts(straight(*way[:2], (2, 0, 0, 0)), points, gate_edges_m=edges)["waypoints"]
     assert not beside.passed
@@ -181,7 +196,9 @@ def test_a_missed_waypoint_is_named_with_its_distance(verdicts):
     found = verdicts(way, [(0, 0.5, 0), (1, 0.125, 0), (2, 0, 0)])["waypoints"]
     assert (found.value, found.reason) == (0.5, "waypoint 1 is missed by 0.500 m")
     found = verdicts(way, [(0, 0, 0), (1, 0.125, 0), (2, 0.75, 0)])["waypoints"]
-    assert (found.value, found.passed) == (0.75, False)
+    assert (found.value, found.passed, found.reason) == (0.75, False, "waypoint 3 is missed by 0.750 m")
+    found = verdicts(way, [(0, 0.5, 0), (1, 0.125, 0), (2, 0.75, 0)])["waypoints"]
+    assert found.reason.startswith("waypoint 1 is missed by")
 
 
 def test_a_radius_is_taken_off_the_distance_of_its_own_waypoint(verdicts):
@@ -208,6 +225,7 @@ def test_a_visit_lasts_from_where_the_path_enters_the_radius_to_where_it_leaves_
     np.testing.assert_allclose(visits.time_s, [0.0, 4.0, 8.0], atol=1e-3)
     np.testing.assert_allclose(visits.enter_s, [0.0, 2.0, 8.0], atol=1e-3)
     np.testing.assert_allclose(visits.leave_s, [0.125, 6.0, 8.0], atol=1e-3)
+    assert visits.enter_s[0] == 0.0
 
 
 def test_a_radius_is_left_sooner_than_it_was_entered_where_the_path_is_faster_behind_it():
@@ -362,7 +380,8 @@ def test_a_point_looked_at_counts_from_one_metre_on(verdicts, x, passed):
     away = straight((2.0 + x, 5.0, 1.0, np.pi), (2.0 + x, 5.0, 1.0, np.pi))
     towards = straight((2.0 + x, 5.0, 1.0, 0.0), (2.0 + x, 5.0, 1.0, 0.0))
     assert verdicts(away, options=options)["look at the point"].passed == passed
-    assert verdicts(towards, options=options)["look at the point"].passed
+    straight_at_it = verdicts(towards, options=options)["look at the point"]
+    assert (straight_at_it.passed, straight_at_it.value) == (True, pytest.approx(0.0, abs=1e-9))
 
 
 @pytest.mark.parametrize(("off", "passed"), [(0.59, True), (-0.59, True), (0.61, False), (-0.61, False)])
@@ -410,11 +429,42 @@ def test_durations_that_are_not_positive_are_caught(verdicts, durations):
 
 def test_coefficients_that_are_not_finite_are_counted(verdicts):
     way = straight((0, 0, 0, 0), (1, 0, 0, 0))
-    assert (gate._finite(way).passed, gate._finite(way).value) == (True, 0.0)
+    assert (gate._finite(way).passed, gate._finite(way).value, gate._finite(way).bound) == (True, 0.0, 0.0)
     way.coefficients.setflags(write=True)
     way.coefficients[0, 1, 3:5] = np.nan
     assert (gate._finite(way).passed, gate._finite(way).value) == (False, 2.0)
     assert list(verdicts(way)) == ["finite"]
+
+
+@pytest.mark.parametrize(("off_s", "passed"), [(1.9e-12, True), (2.1e-12, False), (-1.9e-12, True), (-2.1e-12, False)])
+def test_starts_are_the_sums_of_durations_to_a_billionth_of_a_millisecond_and_of_themselves(off_s, passed):
+    way = straight((0, 0, 0, 0), (1, 0, 0, 0), (2, 0, 0, 0))
+    object.__setattr__(way, "starts_s", way.starts_s + np.array([0.0, off_s, 0.0]))
+    assert gate._finite(way).passed == passed
+
+
+def test_short_segments_are_as_good_as_long_ones():
+    assert gate._finite(straight((0, 0, 0, 0), (1e-3, 0, 0, 0), (2e-3, 0, 0, 0), leg_s=1e-3)).passed
+
+
+def test_a_trajectory_without_end_is_reported_without_duration_and_clearance(open_sky, drone):
+    way = straight((0, 0, 0, 0), (1, 0, 0, 0))
+    object.__setattr__(way, "durations_s", np.array([np.inf]))
+    object.__setattr__(way, "starts_s", np.array([0.0, np.inf]))
+    report = gate.check(way, open_sky, drone)
+    assert (report.passed, report.duration_s, report.clearance_m) == (False, 0.0, -np.inf)
+    assert report.clearance_point_world_m == (0.0, 0.0, 0.0)
+
+
+def test_a_field_without_an_answer_fails_the_clearance_with_its_reason(open_sky, drone):
+    class Lost:
+        def distance(self, points_world_m):
+            raise MapError("the map is lost")
+
+    report = gate.check(straight((0, 0, 0, 0), (1, 0, 0, 0)), Lost(), drone)
+    check = {check.name: check for check in report.checks}["clearance"]
+    assert (check.passed, check.value, check.time_s, check.segment) == (False, -np.inf, 0.0, 0)
+    assert check.reason.startswith("the map is lost")
 
 
 def test_a_vehicle_may_reach_just_as_far_as_its_clearance(open_sky, drone):
@@ -432,7 +482,8 @@ def test_a_trajectory_that_was_not_asked_for_its_limits_has_none_that_binds(open
 
 
 def test_hashes_that_differ_fail_with_their_beginnings():
-    assert gate._identity("map", "a" * 64, "a" * 64).value == 0.0
+    same = gate._identity("map", "a" * 64, "a" * 64)
+    assert (same.value, same.bound) == (0.0, 0.0)
     check = gate._identity("map", "a" * 64, "b" * 64)
     assert (check.passed, check.value) == (False, 1.0)
     assert check.reason == f"the file names {'a' * 12}, here is {'b' * 12}"
@@ -452,7 +503,7 @@ def test_a_record_that_was_changed_fails_and_one_without_a_hash_is_told(kept, pa
         record_kept = kept
 
     check = gate._record_check(Item())
-    assert (check.passed, check.value) == (passed, value)
+    assert (check.passed, check.value, check.bound) == (passed, value, 0.0)
     assert words in check.reason
 
 
