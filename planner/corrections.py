@@ -43,7 +43,7 @@ class Corrections:
         Where the number stays the same, what was measured of the old ones is where the new ones start from.
         """
         fresh = Corrections(segments)
-        copy = Corrections(len(self.model) - (last - first) + segments)
+        copy = Corrections(0)
         for name, old in vars(self).items():
             new = old[first:last] if segments == last - first else getattr(fresh, name)
             setattr(copy, name, np.concatenate([old[:first], new, old[last:]]))

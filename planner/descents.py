@@ -1,7 +1,8 @@
-"""The descents of the optimiser: a path of least snap first, then the whole state of every knot, gently to begin with.
+"""The descents of the optimiser through the whole state of every knot, gently to begin with.
 
 At low prices on exceeded limits the way to the fastest path is less steep, and starts that differ end in the same path:
-of 24 walks in the open, from eight starts each, all end within 0.3 % of the best.
+of 24 walks in the open, from eight starts each, all end within 0.3 % of the best. Among obstacles the best path of
+least snap comes first.
 """
 
 from collections.abc import Iterator
@@ -23,8 +24,8 @@ _OPEN, _AMONG = (1.0, 8.0, 60.0), (10.0, 60.0)
 the full price alone the path stays where the limits meet it first: it ends 17 % later in the open. Among obstacles low
 prices let the path cut corners that the full price does not mend."""
 _PRECISION, _GENTLE, _STEEP = 1e-5, 1e-4, 1e-3
-"""Share of the cost that ten more steps would gain where a descent ends: at the full price, and at low prices in the
-open and among obstacles."""
+"""Share of the cost that ten evaluations together gain where a descent ends: at the full price, and at low prices in
+the open and among obstacles."""
 _HOLD = 0.05
 """Price, in s/m^2, of leaving the path that the vehicle's own model was asked along last: many paths take nearly the
 same time, and what was measured holds for one of them. Without it a path near free fall took 40 rounds, with it 14."""

@@ -56,8 +56,8 @@ class Plan:
 
     @property
     def residual(self) -> float:
-        """The largest share of the flight time that a descent would still gain, by its quadratic model."""
-        return max(optimum.residual for optimum in self.optima)
+        """The largest share of the flight time that a descent would still gain, by its model; NaN without a descent."""
+        return float(np.max([optimum.residual for optimum in self.optima]))
 
     @property
     def binding(self) -> tuple[str, ...]:

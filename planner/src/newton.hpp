@@ -1,7 +1,7 @@
 // Gauss and Newton's method for a cost with a banded matrix of second derivatives, damped where the quadratic model
 // does not hold (Levenberg and Marquardt; the damping as in Nielsen 1999). It has converged where the matrix is
 // positive definite and the model, hardly damped, promises less than a given share of the cost; or, at a kink of the
-// cost, where that model does not hold, ten steps together have gained less than that.
+// cost, where that model does not hold, ten evaluations together have gained less than that.
 #pragma once
 
 #include <algorithm>
