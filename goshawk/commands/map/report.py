@@ -22,9 +22,7 @@ def report(map_folder: Path, out: Path, overwrite: bool, as_json: bool) -> None:
     The verdict with its reasons, every source of the scale, the camera file on trial, reprojection errors over the
     image, coverage seen from above and from the side, and where to look again.
     """
-    from goshawk.commands.map import (
-        report_page,  # with the identification's pages, a third of what `goshawk map` imports
-    )
+    from goshawk.commands.map import report_page  # with its pages, a third of what `goshawk map` would import
 
     outputs.check(out, overwrite=overwrite)
     area = mapping.open_map(map_folder)
