@@ -24,7 +24,7 @@ _OPEN, _AMONG = (1.0, 8.0, 60.0), (10.0, 60.0)
 the full price alone the path stays where the limits meet it first: it ends 17 % later in the open. Among obstacles low
 prices let the path cut corners that the full price does not mend."""
 _PRECISION, _GENTLE, _STEEP = 1e-5, 1e-4, 1e-3
-"""Share of the cost that ten evaluations together gain where a descent ends: at the full price, and at low prices in
+"""Share of the cost that four steps together gain where a descent ends: at the full price, and at low prices in
 the open and among obstacles."""
 _HOLD = 0.05
 """Price, in s/m^2, of leaving the path that the vehicle's own model was asked along last: many paths take nearly the

@@ -79,7 +79,7 @@ class Optimum:
     converged: bool = False
     """Whether the last descent ended by itself, and not because its iterations were used up."""
     residual: float = np.nan
-    """Share of the flight time that it would still gain, by its quadratic model."""
+    """Share of the flight time that it would still gain by its undamped quadratic model; across kinks of limits, less."""
     active: tuple[str, ...] = ()
     """The limit that holds each segment back most, by its multipliers; "" where none does."""
 

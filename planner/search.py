@@ -14,7 +14,7 @@ _CELLS = 800_000
 """Most cells of a search grid; larger regions get larger cells."""
 _CELLS_FINE = 4_000_000
 """The same for the second search, at finer resolution, where the first found no path."""
-_FINEST_M = 0.12
+_FINEST_M = 0.15
 _PRICE = 3.0
 """Added cost per metre of a path at the required clearance rather than at a comfortable one."""
 

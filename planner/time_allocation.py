@@ -264,7 +264,7 @@ def refine(
 
     Gauss and Newton's method with the damping of Levenberg and Marquardt: unlike `optimise`, the path need not be the
     one of least snap through its knots. It has converged where its quadratic model, hardly damped, promises to lower
-    the cost by less than `precision` of it, or ten evaluations together lowered it by less.
+    the cost by less than `precision` of it, or four steps in a row together lowered it by less.
 
     Args:
         hold: price, in s/m^2, of squared distance from `spline`.

@@ -49,5 +49,5 @@ def optimise(
         found = descend(problem.part(first, last, Spline(durations, states)), before)
         durations[first:last] = found.durations_s
         states[first : last + 1] = found.spline.states
-        converged, residual = converged and found.converged, max(residual, found.residual)
+        converged, residual = converged and found.converged, float(np.fmax(residual, found.residual))
     return Descended(Spline(durations, states), converged, residual)

@@ -242,7 +242,7 @@ def _show(
 
 def _converged(plan: planner.Plan) -> str:
     if plan.converged:
-        return f"yes, to {plan.residual:.0e} of the flight time"
+        return f"yes (residual {plan.residual:.0e} of the flight time)"
     if {"corridor", "bry"} & set(plan.method.split("+")):
         return f"no: method {plan.method} does not look for the least time"
     return "no: a descent stopped at its bound on iterations, or the whole path was slowed down for a limit"
