@@ -11,9 +11,10 @@ from flight import Progress, silent
 from planner import descents, fastest, routes, space
 from planner.corrections import Corrections
 from planner.fastest import Path
+from planner.gate import AskGate
 from planner.minimum_snap import Spline
 from planner.options import PlanInfeasibleError
-from planner.request import AskGate, Request
+from planner.request import Request
 from planner.time_allocation import Problem
 
 

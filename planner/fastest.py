@@ -17,9 +17,9 @@ from planner import airframe, descents, heading, hermite, limits, minimum_snap, 
 from planner.attitude import Memory
 from planner.conditions import Conditions
 from planner.corrections import Corrections
-from planner.gate import GateReport
+from planner.gate import AskGate, GateReport
 from planner.options import PlanInfeasibleError
-from planner.request import AskGate, Request
+from planner.request import Request
 from planner.time_allocation import Problem, Solution, Weights
 
 AIM_M = 0.02

@@ -9,7 +9,7 @@ import flight.trajectory
 from flight import FloatArray, InputError, Progress, Trajectory, Waypoints, silent
 from flight.mission import Ground, Mission
 from flight.trajectory import LONGEST_S
-from planner import inputs, minimum_snap, planning, routes, space, turn
+from planner import gate, inputs, minimum_snap, planning, routes, space, turn
 from planner._planner import StopFlag
 from planner.conditions import OF_LEGS, Conditions
 from planner.options import PlanInfeasibleError, PlanOptions
@@ -72,7 +72,7 @@ def plan(
             "shorten the stays, or plan the flight in parts",
         )
     points = _asked(flown)
-    report = Request(points, field, vehicle, options, whole, stop).gate(trajectory)
+    report = gate.judge(Request(points, field, vehicle, options, whole, stop))(trajectory, None)
     if not report.passed:
         first = report.failures[0]
         raise PlanInfeasibleError(

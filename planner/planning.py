@@ -15,9 +15,9 @@ from planner.attempts import Attempts
 from planner.conditions import Conditions
 from planner.drafting import Draft
 from planner.fastest import Optimum, Path
-from planner.gate import GateReport
+from planner.gate import AskGate, GateReport
 from planner.options import PlanInfeasibleError, PlanOptions, check_stop
-from planner.request import AskGate, Request
+from planner.request import Request
 from vehicle import Vehicle
 
 _SLOWER = (1.005, 1.015, 1.04, 1.1, 1.3)
@@ -117,8 +117,10 @@ def from_scratch(request: Request, progress: Progress = silent) -> tuple[Path, r
     route = _route(inside)
     progress("optimise", 0.2)
 
+    ask_gate = gate.judge(request)
+
     def flyable(route: routes.Route, through: Waypoints, conditions: Conditions) -> Path:
-        return _flyable(route, replace(inside, waypoints=through, conditions=conditions), request.gate, progress)
+        return _flyable(route, replace(inside, waypoints=through, conditions=conditions), ask_gate, progress)
 
     path = flyable(route, waypoints, asked)
     if not path.report.passed and asked.gate_edges_m is not None:

@@ -1,19 +1,13 @@
-"""One request to the planner: what is asked for, of which vehicle, in which space; and the gate that judges answers."""
+"""One request to the planner: what is asked for, of which vehicle, in which space."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
-from flight import Trajectory, Waypoints
-from planner import gate, space
+from flight import Waypoints
+from planner import space
 from planner._planner import StopFlag
 from planner.conditions import Conditions
-from planner.gate import GateReport
-from planner.limits import Known
 from planner.options import PlanOptions
 from vehicle import Limits, Vehicle
-
-AskGate = Callable[[Trajectory, Known | None], GateReport]
-"""From a trajectory, and what is known of another one, to the gate's report."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,17 +26,3 @@ class Request:
     def limits(self) -> Limits:
         """Limits to plan within."""
         return self.options.limits_for(self.vehicle)
-
-    def gate(self, trajectory: Trajectory, known: Known | None = None) -> GateReport:
-        """What the gate says of an answer. Raises as `gate.check`."""
-        return gate.check(
-            trajectory,
-            self.field,
-            self.vehicle,
-            self.options,
-            waypoints_world_m=self.waypoints.positions_world_m,
-            yaw_rad=self.waypoints.yaw_rad,
-            conditions=self.conditions,
-            known=known,
-            stop=self.stop,
-        )

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flight import FloatArray, InputError, Waypoints, portable
-from planner import drafting, fastest, inputs, minimum_snap, planning, routes, space
+from planner import drafting, fastest, gate, inputs, minimum_snap, planning, routes, space
 from planner._planner import StopFlag
 from planner.conditions import Conditions
 from planner.drafting import Draft
@@ -264,7 +264,7 @@ class Planner:
             spline,
             waypoint,
             replace(request, field=self._room),
-            request.gate,
+            gate.judge(request),
             wrong=wrong,
             drawn=all(leg.drawn for leg in legs),
             corrections=kept.corrections.spliced(first, last, len(durations)),

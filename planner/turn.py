@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from flight import FloatArray, Waypoints, rotations
-from planner import heading, inputs, limits, minimum_snap, planning
+from planner import gate, heading, inputs, limits, minimum_snap, planning
 from planner.fastest import Optimum, Path
 from planner.options import check_stop
 from planner.request import Request
@@ -27,9 +27,9 @@ def plan(request: Request) -> planning.Plan:
     inputs.check(waypoints, request.field, request.vehicle, request.options)
     spline = _smoothest(waypoints, limits.yaw_bounds(request.vehicle, request.limits))
     heading.constant(spline, waypoints.yaw_rad, request.options)
-    trajectory = minimum_snap.trajectory(spline)
-    first = Path(trajectory, np.arange(2), "turn", request.gate(trajectory), Optimum(trajectory.duration_s))
-    slowed = planning.slowed(first, request, request.gate)
+    trajectory, ask_gate = minimum_snap.trajectory(spline), gate.judge(request)
+    first = Path(trajectory, np.arange(2), "turn", ask_gate(trajectory, None), Optimum(trajectory.duration_s))
+    slowed = planning.slowed(first, request, ask_gate)
     path = replace(slowed, optimum=Optimum(slowed.trajectory.duration_s, converged=True, residual=0.0))
     if not path.report.passed:
         raise planning.refused(path)
