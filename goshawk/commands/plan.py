@@ -16,7 +16,9 @@ from flight import FloatArray, InputError, cells, file_format
 from flight.mission import KeepIn, Laps, Mission, Yaw
 from goshawk import batch, batch_mission, console, map_standing, outputs, thin_obstacles, waypoints_file
 from mapping.dense.confidence import NearestSurface
-from planner import could_hide, options, simplify
+from planner.gate import could_hide
+from planner.request import options
+from planner.route import simplify
 
 _THINNED = 0.1
 """Share of a tube's radius by which the line in its middle may differ from the recorded path."""
