@@ -16,9 +16,10 @@ from gcs_web import inputs, proposed
 from gcs_web.desk import Desk
 from gcs_web.jobs import Kind
 from gcs_web.protocol_next_flight import NextFlight
-from goshawk import console, mapped_flight
-from goshawk.mapped_flight import MappedRanking
+from goshawk.commands.learn import mapped_flight
+from goshawk.commands.learn.mapped_flight import MappedRanking
 from goshawk.station_jobs import flights
+from goshawk.terminal import console
 from sysid.diagnosis import diagnose, next_flight
 from sysid.report import words
 

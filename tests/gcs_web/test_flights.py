@@ -19,7 +19,7 @@ from gcs_web.flights import Flights
 from gcs_web.protocol_flights import Incoming
 from gcs_web.pyramid import Pyramid
 from gcs_web.recorded import MOST_POINTS, Recorded
-from goshawk import log_outputs
+from goshawk.commands.learn import log_outputs
 from sysid.logs import fix
 from tests.waiting import until
 from vehicle import flights, manoeuvres
