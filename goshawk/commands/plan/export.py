@@ -10,7 +10,7 @@ import vehicle
 from flight import InputError, TrajectoryFile, trajectory
 from goshawk.commands.plan import formats
 from goshawk.terminal import console, outputs
-from planner import could_hide, gate, plan_report
+from planner.gate import could_hide, gate, plan_report
 
 
 @click.command()

@@ -17,7 +17,9 @@ from flight.mission import KeepIn, Laps, Mission, Yaw
 from goshawk.commands.plan import batch, batch_mission, map_standing, thin_obstacles, waypoints_file
 from goshawk.terminal import console, outputs
 from mapping.dense.confidence import NearestSurface
-from planner import could_hide, options, simplify
+from planner.gate import could_hide
+from planner.request import options
+from planner.route import simplify
 
 _THINNED = 0.1
 """Share of a tube's radius by which the line in its middle may differ from the recorded path."""
