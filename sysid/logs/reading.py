@@ -41,7 +41,7 @@ def _read(path: Path, column_map: Path | None) -> FlightLog:
         if column_map is None:
             raise FormatError(
                 f"{path} is CSV: give its column map with --columns; "
-                f"`goshawk log {path} --draft-columns columns.toml` drafts one"
+                f"`goshawk log draft-columns {path} --out columns.toml` drafts one"
             )
         return read_csv.read(path, read_csv.load_map(column_map))
     if name.endswith(".ulg"):

@@ -165,7 +165,7 @@ def test_a_try_has_the_figures_of_the_verb_and_keeps_nothing(opened, learning):
     before = opened.vehicle.read_bytes()
     kept = try_effect._run(opened.folder, try_effect.Arguments(["a"], ["b"], effect=DRAG), silent)
     said = told(
-        "vehicle", "add-effect", opened.vehicle, DRAG, "--flights", opened.flight("a"), "--held-out",
+        "vehicle", "effect", "add", opened.vehicle, DRAG, opened.flight("a"), "--held-out",
         opened.flight("b"), "--preview", "--json",
     )  # fmt: skip
     assert kept.shown.verdict == said["verdict"]
