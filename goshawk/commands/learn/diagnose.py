@@ -94,7 +94,7 @@ def command(
     if "gusts" not in fit_options.given(fit):  # the search itself goes over to lasting ones where a fit needs them
         options = replace(options, gusts="white")
     call = DiagnoseCall(flights, vehicle_file, held_out, columns, None, auto, fit_options.typed(fit))
-    key = kept.key((flights, held_out), columns, [vehicle_file], (sorted(fit.items()), auto))
+    key = kept.key((flights, held_out), columns, [vehicle_file], (options, fit["gravity_m_s2"], call))
     result, found, outlooks = None if report_file or plots else kept.find(KIND, flights[0], key), None, {}
     if result is None:
         with console.progress() as progress:

@@ -126,7 +126,7 @@ def command(
     options = fit_options.read(fit, believed)
     groups = [flights, *(stages[stage] for stage in STAGES)]
     first = next(path for group in groups for path in group)
-    key = kept.key(groups, columns, [vehicle_file], (sorted(fit.items()), added, trials))
+    key = kept.key(groups, columns, [vehicle_file], (options, fit["gravity_m_s2"], added, trials))
     result = None if report_file or plots else kept.find(KIND, first, key)
     files: dict[str, Any] = {"report": None, "figures": []}
     if result is None:
