@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flight import FloatArray, Progress, silent
-from gcs_web import course_view, display_mesh, missions, picking, protocol, scene
-from gcs_web.detail_view import DetailView
-from gcs_web.document import Content, Point, Settings
-from gcs_web.flight_scene import FlightScene
-from gcs_web.map_view import MapView
-from gcs_web.vehicle_view import VehicleView
+from gcs_web import protocol
+from gcs_web.comparison.flight_scene import FlightScene
+from gcs_web.document import missions
+from gcs_web.document.document import Content, Point, Settings
+from gcs_web.map import display_mesh
+from gcs_web.map.map_view import MapView
+from gcs_web.scene import course_view, drawing, picking
+from gcs_web.scene.detail_view import DetailView
+from gcs_web.vehicle.vehicle_view import VehicleView
 from mapping import Map
 
 if TYPE_CHECKING:
@@ -87,7 +90,7 @@ class View3D:
         server.scene.set_up_direction("+z")
         self.flights = FlightScene(server)
         self._set_aside = False
-        self._ghost = scene.draw_vehicle(server, "/planned", opacity=0.55)
+        self._ghost = drawing.draw_vehicle(server, "/planned", opacity=0.55)
         self.vehicle = VehicleView(server)
 
     def draw_map(self, area: Map) -> None:
@@ -149,7 +152,7 @@ class View3D:
                 self._recorded = None
             if line_world_m is not None and len(line_world_m) > 1:
                 colours = np.full((len(line_world_m), 3), _SELECTED, dtype=np.uint8)
-                self._recorded = scene.draw_path(
+                self._recorded = drawing.draw_path(
                     self._server, line_world_m, colours, name="/recorded", thickness_m=0.03
                 )
 
@@ -170,7 +173,7 @@ class View3D:
                 mark.remove()
             grounds = [ground.position_world_m for ground in (chosen.take_off, chosen.landing) if ground is not None]
             target = chosen.look_at_world_m if chosen.yaw == "look_at" else None
-            self._marks = scene.draw_marks(self._server, grounds, target)
+            self._marks = drawing.draw_marks(self._server, grounds, target)
 
     def draw_course(self, content: Content) -> None:
         """Show the gates, and the tube that the path keeps in; unless they are as they were."""
@@ -227,7 +230,7 @@ class View3D:
             else:
                 colour = _CAUTION if shown.state == "too close" else _SELECTED
                 colours = np.full((len(path_world_m), 3), colour, dtype=np.uint8)
-                self._draft = scene.draw_path(self._server, path_world_m, colours, name="/draft")
+                self._draft = drawing.draw_path(self._server, path_world_m, colours, name="/draft")
             if begins != (self._draft is None):
                 self._draw_path()
             self.on_draft(shown)
@@ -378,8 +381,8 @@ class View3D:
         positions = np.stack([series.x_m, series.y_m, series.z_m], axis=1)
         is_current = self._checked and self._draft is None
         grey = np.full((len(positions), 3), _GREY, dtype=np.uint8)
-        colours = scene.series_colours(series, self._colour, self._required_m) if is_current else grey
-        self._path = scene.draw_path(self._server, positions, colours)
+        colours = drawing.series_colours(series, self._colour, self._required_m) if is_current else grey
+        self._path = drawing.draw_path(self._server, positions, colours)
 
     def _place_camera(self, area: Map) -> None:
         """Look at the middle of the map from behind and above, high enough to see over the walls."""

@@ -29,6 +29,17 @@ ROOMS = {
     "sysid.estimator": {"sysid.logs"},
     "sysid.diagnosis": {"sysid.logs", "sysid.estimator"},
     "sysid.report": {"sysid.logs", "sysid.estimator", "sysid.diagnosis"},
+    "gcs_web.protocol": set(),
+    "gcs_web.gateway": {"gcs_web.protocol"},
+    "gcs_web.jobs": {"gcs_web.protocol"},
+    "gcs_web.scene": {"gcs_web.protocol"},
+    "gcs_web.document": {"gcs_web.protocol"},
+    "gcs_web.planning": {"gcs_web.protocol", "gcs_web.scene", "gcs_web.document"},
+    "gcs_web.map": {"gcs_web.protocol", "gcs_web.jobs", "gcs_web.scene", "gcs_web.document", "gcs_web.planning"},
+    "gcs_web.vehicle": {"gcs_web.protocol", "gcs_web.scene", "gcs_web.planning"},
+    "gcs_web.flights": {"gcs_web.protocol", "gcs_web.jobs"},
+    "gcs_web.comparison": {"gcs_web.protocol", "gcs_web.gateway", "gcs_web.scene", "gcs_web.flights"},
+    "gcs_web.learning": {"gcs_web.protocol", "gcs_web.flights", "gcs_web.comparison"},
 }
 """Rooms of a package that is large enough to have some, and which of its other rooms each may import."""
 GROUND_FLOOR_LIBRARIES = {"numpy", "pyarrow", "tomli_w"}

@@ -1,206 +1,19 @@
-// Written by tools/page_types.py from gcs_web/protocol.py. Do not edit.
+// Written by tools/page_types.py from gcs_web/protocol. Do not edit.
 
 
 export const PROTOCOL = 4;
 
-export interface Person {
-  id: string;
-  name: string;
-}
-
-export interface Gate {
-  width_m: number;
-  height_m: number;
-  heading_deg: number;
-  pitch_deg: number;
-  roll_deg: number;
-}
-
-export interface Waypoint {
-  id: number;
-  x_m: number;
-  y_m: number;
-  z_m: number;
-  yaw_deg: number | null;
-  stay_s: number;
-  fly_by_m: number;
-  leg_speed_m_s: number | null;
-  velocity_m_s: [number, number, number] | null;
-  gate: Gate | null;
-}
-
-export interface Ground {
-  x_m: number;
-  y_m: number;
-  z_m: number;
-  climb_m_s: number;
-}
-
-export interface Mission {
-  laps: number;
-  lap_first: number | null;
-  lap_last: number | null;
-  take_off: Ground | null;
-  landing: Ground | null;
-  keep_in_m: number | null;
-  keep_in_recorded: boolean;
-}
-
-export interface Shape {
-  form: "box" | "sphere" | "prism" | "stroke" | "other";
-  centre_m: [number, number, number];
-  size_m: [number, number, number];
-  radius_m: number;
-  corners_m: [number, number][];
-  points_m: [number, number, number][];
-}
-
-export interface MapEdit {
-  id: number;
-  action: "add" | "no-fly" | "clear" | "remove";
-  name: string;
-  shape: Shape;
+export interface Aligned {
+  flight: string;
+  by_s: number | null;
   words: string;
 }
 
-export interface Slice {
-  axis: "x" | "y" | "z" | "oblique";
-  at_m: number;
-  of: "distance" | "unknown" | "could_hide" | "surface_std";
-  heading_deg: number;
-  tilt_deg: number;
-}
-
-export interface MapFacts {
-  images: number;
-  images_placed: number;
-  reprojection_px: number | null;
-  free_m3: number;
-  standing: string;
-  doubt: string;
-  hash: string;
-}
-
-export interface Settings {
-  speed_m_s: number;
-  acceleration_m_s2: number;
-  margin_m: number;
-  yaw: "along_path" | "smooth" | "steady" | "fixed" | "look_at" | "free";
-  method: "fastest" | "corridor";
-  heading_deg: number;
-  look_at_m: [number, number, number] | null;
-}
-
-export interface Limit {
-  name: string;
-  value: number;
-  bound: number;
-  sense: "<=" | ">=";
-  unit: string;
-  share: number;
-  time_s: number;
-}
-
-export interface Segment {
-  start_s: number;
-  end_s: number;
-  start: number | null;
-  end: number | null;
-  binding: string;
-  share: number;
-  worst_s: number;
-}
-
-export interface Passing {
-  waypoint: number | null;
-  time_s: number;
-  speed_m_s: number;
-  clearance_m: number;
-}
-
-export interface Series {
-  time_s: number[];
-  x_m: number[];
-  y_m: number[];
-  z_m: number[];
-  speed_m_s: number[];
-  acceleration_m_s2: number[];
-  clearance_m: number[];
-  tilt_deg: number[];
-  rotor_slowest_rad_s: number[];
-  rotor_fastest_rad_s: number[];
-  yaw_rate_deg_s: number[];
-  thrust_n: number[];
-  rotor_margin_percent: number[];
-  q_world_body: number[];
-  could_hide_mm: number[];
-}
-
-export interface Problem {
-  reason: string;
-  remedy: string;
-  waypoint: number | null;
-}
-
-export interface SavedTrajectory {
-  name: string;
-  duration_s: number;
-  checked: boolean;
-  saved_at: string;
-}
-
-export interface Aside {
-  file: string;
-  name: string;
-  duration_s: number;
-  moved_at: string;
-}
-
-export interface PlanSummary {
-  name: string;
-  passes: boolean;
-  failures: string[];
-  duration_s: number;
-  length_m: number;
-  top_speed_m_s: number;
-  limits: Limit[];
-}
-
-export interface Held {
-  name: string;
-  duration_s: number;
-  segments: number;
-  room_m: number;
-  crc32: string;
-}
-
-export interface Job {
-  id: number;
-  kind: string;
-  title: string;
-  state: "waiting" | "running" | "done" | "failed" | "cancelled";
-  author: string;
-  stage: string;
-  share: number;
-  left_s: number | null;
-  elapsed_s: number;
-  words: string;
-}
-
-export interface JobField {
-  name: string;
-  title: string;
-  says: string;
-  form: "text" | "choice" | "several" | "number" | "integer" | "flag";
-  default: string | number | boolean | string[];
-  choices: string[];
-  unit: string;
-}
-
-export interface JobKind {
-  name: string;
-  title: string;
-  fields: JobField[];
+export interface AlignFlights {
+  type: "align_flights";
+  serial: number;
+  flights: string[];
+  by: "trajectory" | "take_off" | "motion" | "speed" | "height";
 }
 
 export interface Command {
@@ -210,6 +23,67 @@ export interface Command {
 export interface Edit {
   serial: number;
   revision: number;
+}
+
+export interface ControllerParameter {
+  name: string;
+  unit: string;
+  flies_with: number;
+  model: number;
+  in_flight: boolean;
+}
+
+export interface NotCompensated {
+  title: string;
+  why: string;
+}
+
+export interface Compensation {
+  vehicle: string;
+  version: number;
+  parameters: ControllerParameter[];
+  not_compensated: NotCompensated[];
+}
+
+export interface PrepareCompensation {
+  type: "prepare_compensation";
+  serial: number;
+}
+
+export interface SendCompensation {
+  type: "send_compensation";
+  serial: number;
+  nonce: string;
+}
+
+export interface EffectFile {
+  name: string;
+  path: string;
+  sha256: string;
+  text: string;
+  needed: boolean;
+  agreed: boolean;
+  changed: boolean;
+  problem: string;
+}
+
+export interface EffectFiles {
+  type: "effect_files";
+  files: EffectFile[];
+}
+
+export interface AgreeToEffectFile {
+  type: "agree_to_effect_file";
+  serial: number;
+  path: string;
+  sha256: string;
+}
+
+export interface DraftEffect {
+  type: "draft_effect";
+  serial: number;
+  name: string;
+  form?: "spline" | "polynomial";
 }
 
 export interface Place {
@@ -263,17 +137,251 @@ export interface TakePath {
   tolerance_m: number;
 }
 
-export interface Aligned {
-  flight: string;
-  by_s: number | null;
-  words: string;
+export interface Gate {
+  width_m: number;
+  height_m: number;
+  heading_deg: number;
+  pitch_deg: number;
+  roll_deg: number;
 }
 
-export interface AlignFlights {
-  type: "align_flights";
+export interface Waypoint {
+  id: number;
+  x_m: number;
+  y_m: number;
+  z_m: number;
+  yaw_deg: number | null;
+  stay_s: number;
+  fly_by_m: number;
+  leg_speed_m_s: number | null;
+  velocity_m_s: [number, number, number] | null;
+  gate: Gate | null;
+}
+
+export interface Ground {
+  x_m: number;
+  y_m: number;
+  z_m: number;
+  climb_m_s: number;
+}
+
+export interface Mission {
+  laps: number;
+  lap_first: number | null;
+  lap_last: number | null;
+  take_off: Ground | null;
+  landing: Ground | null;
+  keep_in_m: number | null;
+  keep_in_recorded: boolean;
+}
+
+export interface Settings {
+  speed_m_s: number;
+  acceleration_m_s2: number;
+  margin_m: number;
+  yaw: "along_path" | "smooth" | "steady" | "fixed" | "look_at" | "free";
+  method: "fastest" | "corridor";
+  heading_deg: number;
+  look_at_m: [number, number, number] | null;
+}
+
+export interface Document {
+  type: "document";
+  revision: number;
+  author: string;
+  waypoints: Waypoint[];
+  settings: Settings;
+  mission: Mission;
+  map_edits: MapEdit[];
+  undo: string;
+  redo: string;
+}
+
+export interface Move {
+  type: "move";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  x_m?: number | null;
+  y_m?: number | null;
+  z_m?: number | null;
+}
+
+export interface Shift {
+  type: "shift";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  x_m?: number;
+  y_m?: number;
+  z_m?: number;
+}
+
+export interface Turn {
+  type: "turn";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  yaw_deg: number | null;
+}
+
+export interface Ask {
+  type: "ask";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  stay_s?: number | null;
+  fly_by_m?: number | null;
+  leg_speed_m_s?: number | null;
+}
+
+export interface Pass {
+  type: "pass";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  velocity_m_s: [number, number, number] | null;
+}
+
+export interface SetGate {
+  type: "gate";
+  serial: number;
+  revision: number;
+  waypoint: number;
+  width_m?: number | null;
+  height_m?: number | null;
+  heading_deg?: number | null;
+  pitch_deg?: number | null;
+  roll_deg?: number | null;
+}
+
+export interface ClearGate {
+  type: "clear_gate";
+  serial: number;
+  revision: number;
+  waypoint: number;
+}
+
+export interface SetTube {
+  type: "tube";
+  serial: number;
+  revision: number;
+  radius_m: number | null;
+}
+
+export interface Insert {
+  type: "insert";
+  serial: number;
+  revision: number;
+  after: number | null;
+  x_m?: number | null;
+  y_m?: number | null;
+  z_m?: number | null;
+}
+
+export interface Delete {
+  type: "delete";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+}
+
+export interface Reverse {
+  type: "reverse";
+  serial: number;
+  revision: number;
+}
+
+export interface Choose {
+  type: "choose";
+  serial: number;
+  revision: number;
+  speed_m_s?: number | null;
+  acceleration_m_s2?: number | null;
+  margin_m?: number | null;
+  yaw?: "along_path" | "smooth" | "steady" | "fixed" | "look_at" | "free" | null;
+  method?: "fastest" | "corridor" | null;
+  heading_deg?: number | null;
+  look_at_m?: [number, number, number] | null;
+}
+
+export interface Loop {
+  type: "loop";
+  serial: number;
+  revision: number;
+  laps: number;
+  lap_first?: number | null;
+  lap_last?: number | null;
+}
+
+export interface SetGround {
+  type: "ground";
+  serial: number;
+  revision: number;
+  end: "take_off" | "landing";
+  x_m?: number | null;
+  y_m?: number | null;
+  z_m?: number | null;
+  climb_m_s?: number | null;
+}
+
+export interface ClearGround {
+  type: "clear_ground";
+  serial: number;
+  revision: number;
+  end: "take_off" | "landing";
+}
+
+export interface Undo {
+  type: "undo";
+  serial: number;
+}
+
+export interface Redo {
+  type: "redo";
+  serial: number;
+}
+
+export interface FlightMoment {
+  type: "flight_moment";
+  time_s: number;
+}
+
+export interface FlightsShown {
+  type: "flights_shown";
+  author: string;
+  flights: string[];
+  arrows: ArrowScale | null;
+  colour_reach: number | null;
+  plan_too: boolean;
+}
+
+export interface ShowFlights {
+  type: "show_flights";
   serial: number;
   flights: string[];
-  by: "trajectory" | "take_off" | "motion" | "speed" | "height";
+  colour?: "" | "F_x" | "F_y" | "F_z" | "M_x" | "M_y" | "M_z";
+  arrows?: boolean;
+  predicted_s?: number | null;
+  moved_s?: Record<string, number>;
+}
+
+export interface LookAtFlight {
+  type: "look_at_flight";
+  serial: number;
+  time_s: number | null;
+}
+
+export interface Stretch {
+  flight: string;
+  from_s: number;
+  to_s: number;
+}
+
+export interface ShowMoments {
+  type: "show_moments";
+  serial: number;
+  stretches: Stretch[];
 }
 
 export interface Finding {
@@ -624,48 +732,6 @@ export interface ReturnTo {
   version: number;
 }
 
-export interface FlightMoment {
-  type: "flight_moment";
-  time_s: number;
-}
-
-export interface FlightsShown {
-  type: "flights_shown";
-  author: string;
-  flights: string[];
-  arrows: ArrowScale | null;
-  colour_reach: number | null;
-  plan_too: boolean;
-}
-
-export interface ShowFlights {
-  type: "show_flights";
-  serial: number;
-  flights: string[];
-  colour?: "" | "F_x" | "F_y" | "F_z" | "M_x" | "M_y" | "M_z";
-  arrows?: boolean;
-  predicted_s?: number | null;
-  moved_s?: Record<string, number>;
-}
-
-export interface LookAtFlight {
-  type: "look_at_flight";
-  serial: number;
-  time_s: number | null;
-}
-
-export interface Stretch {
-  flight: string;
-  from_s: number;
-  to_s: number;
-}
-
-export interface ShowMoments {
-  type: "show_moments";
-  serial: number;
-  stretches: Stretch[];
-}
-
 export interface Identified {
   name: string;
   words: string;
@@ -704,6 +770,35 @@ export interface Identification {
   logs: string;
 }
 
+export interface Job {
+  id: number;
+  kind: string;
+  title: string;
+  state: "waiting" | "running" | "done" | "failed" | "cancelled";
+  author: string;
+  stage: string;
+  share: number;
+  left_s: number | null;
+  elapsed_s: number;
+  words: string;
+}
+
+export interface JobField {
+  name: string;
+  title: string;
+  says: string;
+  form: "text" | "choice" | "several" | "number" | "integer" | "flag";
+  default: string | number | boolean | string[];
+  choices: string[];
+  unit: string;
+}
+
+export interface JobKind {
+  name: string;
+  title: string;
+  fields: JobField[];
+}
+
 export interface Jobs {
   type: "jobs";
   jobs: Job[];
@@ -739,6 +834,41 @@ export interface ForgetJob {
 export interface ListJobs {
   type: "list_jobs";
   serial: number;
+}
+
+export interface Shape {
+  form: "box" | "sphere" | "prism" | "stroke" | "other";
+  centre_m: [number, number, number];
+  size_m: [number, number, number];
+  radius_m: number;
+  corners_m: [number, number][];
+  points_m: [number, number, number][];
+}
+
+export interface MapEdit {
+  id: number;
+  action: "add" | "no-fly" | "clear" | "remove";
+  name: string;
+  shape: Shape;
+  words: string;
+}
+
+export interface Slice {
+  axis: "x" | "y" | "z" | "oblique";
+  at_m: number;
+  of: "distance" | "unknown" | "could_hide" | "surface_std";
+  heading_deg: number;
+  tilt_deg: number;
+}
+
+export interface MapFacts {
+  images: number;
+  images_placed: number;
+  reprojection_px: number | null;
+  free_m3: number;
+  standing: string;
+  doubt: string;
+  hash: string;
 }
 
 export interface MapShown {
@@ -825,6 +955,25 @@ export interface DropMapEdits {
   edits: number[];
 }
 
+export interface Reply {
+  type: "reply";
+  serial: number;
+  error: string;
+  nonce: string;
+  here: Held | null;
+  there: Held | null;
+  name: string;
+  flights: OpenedFlight[];
+  aligned: Aligned[];
+  parts: StreamPart[];
+  scatter: Scatter | null;
+  incoming: Incoming | null;
+  compensation: Compensation | null;
+  plans: PlanSummary[];
+  words: string;
+  recorded_path: RecordedPath | null;
+}
+
 export interface Section {
   low_m: [number, number];
   height_m: number;
@@ -857,90 +1006,9 @@ export interface NextFlight {
   map: string;
 }
 
-export interface ProjectEntry {
-  folder: string;
+export interface Person {
+  id: string;
   name: string;
-  current: boolean;
-  trajectories: number;
-  flights: number;
-  problem: string;
-}
-
-export interface Projects {
-  type: "projects";
-  projects: ProjectEntry[];
-}
-
-export interface ListProjects {
-  type: "list_projects";
-  serial: number;
-}
-
-export interface OpenProject {
-  type: "open_project";
-  serial: number;
-  folder: string;
-}
-
-export interface ControllerParameter {
-  name: string;
-  unit: string;
-  flies_with: number;
-  model: number;
-  in_flight: boolean;
-}
-
-export interface NotCompensated {
-  title: string;
-  why: string;
-}
-
-export interface Compensation {
-  vehicle: string;
-  version: number;
-  parameters: ControllerParameter[];
-  not_compensated: NotCompensated[];
-}
-
-export interface PrepareCompensation {
-  type: "prepare_compensation";
-  serial: number;
-}
-
-export interface SendCompensation {
-  type: "send_compensation";
-  serial: number;
-  nonce: string;
-}
-
-export interface EffectFile {
-  name: string;
-  path: string;
-  sha256: string;
-  text: string;
-  needed: boolean;
-  agreed: boolean;
-  changed: boolean;
-  problem: string;
-}
-
-export interface EffectFiles {
-  type: "effect_files";
-  files: EffectFile[];
-}
-
-export interface AgreeToEffectFile {
-  type: "agree_to_effect_file";
-  serial: number;
-  path: string;
-  sha256: string;
-}
-
-export interface DraftEffect {
-  type: "draft_effect";
-  serial: number;
-  name: string;
-  form?: "spline" | "polynomial";
 }
 
 export interface Welcome {
@@ -952,16 +1020,68 @@ export interface Welcome {
   station: string;
 }
 
-export interface Document {
-  type: "document";
-  revision: number;
-  author: string;
-  waypoints: Waypoint[];
-  settings: Settings;
-  mission: Mission;
-  map_edits: MapEdit[];
-  undo: string;
-  redo: string;
+export interface People {
+  type: "people";
+  people: Person[];
+  in_control: string;
+}
+
+export interface Notice {
+  type: "notice";
+  text: string;
+  level: "fact" | "caution" | "danger";
+  undo: boolean;
+}
+
+export interface Limit {
+  name: string;
+  value: number;
+  bound: number;
+  sense: "<=" | ">=";
+  unit: string;
+  share: number;
+  time_s: number;
+}
+
+export interface Segment {
+  start_s: number;
+  end_s: number;
+  start: number | null;
+  end: number | null;
+  binding: string;
+  share: number;
+  worst_s: number;
+}
+
+export interface Passing {
+  waypoint: number | null;
+  time_s: number;
+  speed_m_s: number;
+  clearance_m: number;
+}
+
+export interface Series {
+  time_s: number[];
+  x_m: number[];
+  y_m: number[];
+  z_m: number[];
+  speed_m_s: number[];
+  acceleration_m_s2: number[];
+  clearance_m: number[];
+  tilt_deg: number[];
+  rotor_slowest_rad_s: number[];
+  rotor_fastest_rad_s: number[];
+  yaw_rate_deg_s: number[];
+  thrust_n: number[];
+  rotor_margin_percent: number[];
+  q_world_body: number[];
+  could_hide_mm: number[];
+}
+
+export interface Problem {
+  reason: string;
+  remedy: string;
+  waypoint: number | null;
 }
 
 export interface Plan {
@@ -991,28 +1111,58 @@ export interface Draft {
   state: "clear" | "too close" | "refused" | "checked";
 }
 
-export interface Vehicle {
-  type: "vehicle";
-  link: "none" | "fresh" | "stale" | "lost";
-  name: string;
-  age_s: number;
-  mission: string;
-  armed: boolean;
-  holds: string;
-  holds_crc32: string;
-  battery_v: number | null;
-  x_m: number | null;
-  y_m: number | null;
-  z_m: number | null;
-  error_m: number | null;
-  largest_error_m: number | null;
-  reason: string;
+export interface PlanAgain {
+  type: "plan_again";
+  serial: number;
 }
 
-export interface People {
-  type: "people";
-  people: Person[];
-  in_control: string;
+export interface ProjectEntry {
+  folder: string;
+  name: string;
+  current: boolean;
+  trajectories: number;
+  flights: number;
+  problem: string;
+}
+
+export interface Projects {
+  type: "projects";
+  projects: ProjectEntry[];
+}
+
+export interface ListProjects {
+  type: "list_projects";
+  serial: number;
+}
+
+export interface OpenProject {
+  type: "open_project";
+  serial: number;
+  folder: string;
+}
+
+export interface SavedTrajectory {
+  name: string;
+  duration_s: number;
+  checked: boolean;
+  saved_at: string;
+}
+
+export interface Aside {
+  file: string;
+  name: string;
+  duration_s: number;
+  moved_at: string;
+}
+
+export interface PlanSummary {
+  name: string;
+  passes: boolean;
+  failures: string[];
+  duration_s: number;
+  length_m: number;
+  top_speed_m_s: number;
+  limits: Limit[];
 }
 
 export interface Files {
@@ -1020,198 +1170,6 @@ export interface Files {
   trajectories: SavedTrajectory[];
   flights: string[];
   bin: Aside[];
-}
-
-export interface Notice {
-  type: "notice";
-  text: string;
-  level: "fact" | "caution" | "danger";
-  undo: boolean;
-}
-
-export interface Cursor {
-  type: "cursor";
-  time_s: number;
-}
-
-export interface Shown {
-  type: "shown";
-  colour: "clearance" | "could_hide" | "speed" | "thrust" | "tilt" | "rotor_margin";
-  author: string;
-}
-
-export interface Selection {
-  type: "selection";
-  waypoints: number[];
-}
-
-export interface Reply {
-  type: "reply";
-  serial: number;
-  error: string;
-  nonce: string;
-  here: Held | null;
-  there: Held | null;
-  name: string;
-  flights: OpenedFlight[];
-  aligned: Aligned[];
-  parts: StreamPart[];
-  scatter: Scatter | null;
-  incoming: Incoming | null;
-  compensation: Compensation | null;
-  plans: PlanSummary[];
-  words: string;
-  recorded_path: RecordedPath | null;
-}
-
-export interface Move {
-  type: "move";
-  serial: number;
-  revision: number;
-  waypoints: number[];
-  x_m?: number | null;
-  y_m?: number | null;
-  z_m?: number | null;
-}
-
-export interface Shift {
-  type: "shift";
-  serial: number;
-  revision: number;
-  waypoints: number[];
-  x_m?: number;
-  y_m?: number;
-  z_m?: number;
-}
-
-export interface Turn {
-  type: "turn";
-  serial: number;
-  revision: number;
-  waypoints: number[];
-  yaw_deg: number | null;
-}
-
-export interface Ask {
-  type: "ask";
-  serial: number;
-  revision: number;
-  waypoints: number[];
-  stay_s?: number | null;
-  fly_by_m?: number | null;
-  leg_speed_m_s?: number | null;
-}
-
-export interface Pass {
-  type: "pass";
-  serial: number;
-  revision: number;
-  waypoints: number[];
-  velocity_m_s: [number, number, number] | null;
-}
-
-export interface SetGate {
-  type: "gate";
-  serial: number;
-  revision: number;
-  waypoint: number;
-  width_m?: number | null;
-  height_m?: number | null;
-  heading_deg?: number | null;
-  pitch_deg?: number | null;
-  roll_deg?: number | null;
-}
-
-export interface ClearGate {
-  type: "clear_gate";
-  serial: number;
-  revision: number;
-  waypoint: number;
-}
-
-export interface SetTube {
-  type: "tube";
-  serial: number;
-  revision: number;
-  radius_m: number | null;
-}
-
-export interface Insert {
-  type: "insert";
-  serial: number;
-  revision: number;
-  after: number | null;
-  x_m?: number | null;
-  y_m?: number | null;
-  z_m?: number | null;
-}
-
-export interface Delete {
-  type: "delete";
-  serial: number;
-  revision: number;
-  waypoints: number[];
-}
-
-export interface Reverse {
-  type: "reverse";
-  serial: number;
-  revision: number;
-}
-
-export interface Choose {
-  type: "choose";
-  serial: number;
-  revision: number;
-  speed_m_s?: number | null;
-  acceleration_m_s2?: number | null;
-  margin_m?: number | null;
-  yaw?: "along_path" | "smooth" | "steady" | "fixed" | "look_at" | "free" | null;
-  method?: "fastest" | "corridor" | null;
-  heading_deg?: number | null;
-  look_at_m?: [number, number, number] | null;
-}
-
-export interface Loop {
-  type: "loop";
-  serial: number;
-  revision: number;
-  laps: number;
-  lap_first?: number | null;
-  lap_last?: number | null;
-}
-
-export interface SetGround {
-  type: "ground";
-  serial: number;
-  revision: number;
-  end: "take_off" | "landing";
-  x_m?: number | null;
-  y_m?: number | null;
-  z_m?: number | null;
-  climb_m_s?: number | null;
-}
-
-export interface ClearGround {
-  type: "clear_ground";
-  serial: number;
-  revision: number;
-  end: "take_off" | "landing";
-}
-
-export interface Undo {
-  type: "undo";
-  serial: number;
-}
-
-export interface Redo {
-  type: "redo";
-  serial: number;
-}
-
-export interface PlanAgain {
-  type: "plan_again";
-  serial: number;
 }
 
 export interface Save {
@@ -1245,22 +1203,30 @@ export interface ComparePlans {
   names: string[];
 }
 
-export interface Select {
-  type: "select";
-  serial: number;
-  waypoints: number[];
+export interface Held {
+  name: string;
+  duration_s: number;
+  segments: number;
+  room_m: number;
+  crc32: string;
 }
 
-export interface Look {
-  type: "look";
-  serial: number;
-  time_s: number | null;
-}
-
-export interface Show {
-  type: "show";
-  serial: number;
-  colour?: "clearance" | "could_hide" | "speed" | "thrust" | "tilt" | "rotor_margin";
+export interface Vehicle {
+  type: "vehicle";
+  link: "none" | "fresh" | "stale" | "lost";
+  name: string;
+  age_s: number;
+  mission: string;
+  armed: boolean;
+  holds: string;
+  holds_crc32: string;
+  battery_v: number | null;
+  x_m: number | null;
+  y_m: number | null;
+  z_m: number | null;
+  error_m: number | null;
+  largest_error_m: number | null;
+  reason: string;
 }
 
 export interface TakeControl {
@@ -1300,6 +1266,40 @@ export interface Order {
 export interface Abort {
   type: "abort";
   serial: number;
+}
+
+export interface Cursor {
+  type: "cursor";
+  time_s: number;
+}
+
+export interface Shown {
+  type: "shown";
+  colour: "clearance" | "could_hide" | "speed" | "thrust" | "tilt" | "rotor_margin";
+  author: string;
+}
+
+export interface Selection {
+  type: "selection";
+  waypoints: number[];
+}
+
+export interface Select {
+  type: "select";
+  serial: number;
+  waypoints: number[];
+}
+
+export interface Look {
+  type: "look";
+  serial: number;
+  time_s: number | null;
+}
+
+export interface Show {
+  type: "show";
+  serial: number;
+  colour?: "clearance" | "could_hide" | "speed" | "thrust" | "tilt" | "rotor_margin";
 }
 
 export type ToPage = Welcome | Document | Plan | Draft | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | Projects | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment | EffectFiles | Identification | NextFlight | FlightsShown;
