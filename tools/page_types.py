@@ -11,7 +11,7 @@ import msgspec
 
 from gcs_web import protocol
 
-TARGET = Path(__file__).parents[1] / "gcs_web" / "client" / "src" / "protocol.ts"
+TARGET = Path(__file__).parents[1] / "gcs_web" / "client" / "src" / "core" / "protocol.ts"
 HEAD = "// Written by tools/page_types.py from gcs_web/protocol. Do not edit.\n"
 _SIMPLE = {str: "string", int: "number", float: "number", bool: "boolean", type(None): "null"}
 

@@ -270,7 +270,7 @@ def test_a_flight_with_gaps_is_refused_in_the_words_of_the_page(opened, tmp_path
             work(folder, asked, silent)
         assert "gaps=" not in str(said.value)
         assert (box if work is not identify._run else 'the box "Fit the pieces between gaps"') in str(said.value)
-    client = Path(comparing.__file__).parents[1] / "client" / "src" / "panels" / "FlightList.tsx"
+    client = Path(comparing.__file__).parents[1] / "client" / "src" / "panels" / "compare" / "FlightList.tsx"
     assert "Take the pieces between them as flights of their own" in client.read_text(encoding="utf-8")
 
 

@@ -53,7 +53,7 @@ def luminance(colour) -> float:
 
 def test_what_is_drawn_stands_out_from_the_background_in_both_themes():
     """3 to 1, as WCAG asks of graphics; the 3D view is the same for all who look, whatever their theme."""
-    backgrounds = re.findall(r"--scene: #(\w{6});", (CLIENT / "style.css").read_text())
+    backgrounds = re.findall(r"--scene: #(\w{6});", (CLIENT / "styles" / "style.css").read_text())
     assert len(backgrounds) == 2
     for hexadecimal in backgrounds:
         behind = luminance(tuple(bytes.fromhex(hexadecimal)))
@@ -62,10 +62,10 @@ def test_what_is_drawn_stands_out_from_the_background_in_both_themes():
 
 
 def test_the_legend_has_the_colours_that_are_drawn():
-    legend = (CLIENT / "learn.css").read_text()
+    legend = (CLIENT / "styles" / "learn.css").read_text()
     for colour in COLOURS:
         assert f"#{bytes(colour).hex()}" in legend
-    scales = (CLIENT / "scales.ts").read_text()
+    scales = (CLIENT / "plots" / "scales.ts").read_text()
     for colour in SCALES[: 2 * len(SHARES)]:
         assert f"#{bytes(colour).hex()}" in scales
 
