@@ -20,9 +20,12 @@ _FIRST, _NEW, _MOST = 150, 200, 250
 """Iterations of the descent among paths of least snap, of that from new knots of an edited path, and the most of each
 descent through whole states, which commonly ends before."""
 _OPEN, _AMONG = (1.0, 8.0, 60.0), (10.0, 60.0)
-"""Prices on exceeded limits, before the full one, with which each descent begins, in open space and among obstacles. At
+"""Prices on exceeded limits, before the full one, with which a descent begins, in open space and among obstacles. At
 the full price alone the path stays where the limits meet it first: it ends 17 % later in the open. Among obstacles low
 prices let the path cut corners that the full price does not mend."""
+_OTHERS = (1.0, 20.0), (8.0, 60.0), (0.1, 1.0, 8.0, 60.0)
+_SLOWER = 1.4
+"""Prices with which other starts begin; the second half of them also from times so much longer."""
 _PRECISION, _GENTLE, _STEEP = 1e-5, 1e-4, 1e-3
 """Share of the cost that four steps together gain where a descent ends: at the full price, and at low prices in
 the open and among obstacles."""
@@ -33,22 +36,29 @@ _SOUND = 1.5
 """Cost over flight time above which a path is not one to go on from: it is flown upside down, say."""
 
 
-def starts(problem: Problem, spline: Spline, clearance_m: float, stop: StopFlag | None) -> Iterator[Solution]:
+def starts(
+    problem: Problem, spline: Spline, clearance_m: float, stop: StopFlag | None, number: int = 0
+) -> Iterator[Solution]:
     """Paths to measure with the vehicle's own model, in the order to try them in; each is worked out when asked for.
 
     Args:
         spline: the durations to start from.
         clearance_m: what the gate will ask for; with twice as much the path is in the open.
+        number: which start, from 0 to `options.MOST_STARTS` - 1; those above 0 differ in times and prices.
 
     Raises:
         PlanCancelledError: `stop` was set.
     """
+    slow, way = divmod(number, 1 + len(_OTHERS))
+    if slow:
+        spline = problem.spline(problem.knots, _SLOWER * spline.durations_s)
+    in_the_open, among = (_OTHERS[way - 1],) * 2 if way else (_OPEN, _AMONG)
     clear = esdf.certify(problem.field, minimum_snap.trajectory(spline), 2.0 * clearance_m).passed
-    if clear and _sound(found := _gently(problem, spline, _OPEN, True, stop)):
+    if clear and _sound(found := _gently(problem, spline, in_the_open, True, stop)):
         yield found
     first = time_allocation.optimise(problem, spline.durations_s, iterations=_FIRST, stop=stop)
     problem = replace(problem, knots=first.knots)
-    if not clear and _sound(found := _gently(problem, first.spline, _AMONG, False, stop)):
+    if not clear and _sound(found := _gently(problem, first.spline, among, False, stop)):
         yield found
     yield first
 

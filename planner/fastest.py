@@ -6,7 +6,6 @@ more strictly there (the multiplier of an augmented Lagrangian), and so is what 
 their speed.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,14 +14,13 @@ import esdf
 from flight import FloatArray, Progress, Trajectory, portable, silent
 from flight.trajectory import LONGEST_S
 from planner import airframe, descents, heading, hermite, limits, minimum_snap, routes, space, time_allocation, windows
-from planner._planner import StopFlag
 from planner.attitude import Memory
 from planner.conditions import Conditions
 from planner.corrections import Corrections
-from planner.gate import GateReport
-from planner.options import PlanInfeasibleError, PlanOptions
+from planner.gate import AskGate, GateReport
+from planner.options import PlanInfeasibleError
+from planner.request import Request
 from planner.time_allocation import Problem, Solution, Weights
-from vehicle import Vehicle
 
 AIM_M = 0.02
 """What the optimiser keeps beyond the required clearance, for what lies between the samples it looks at."""
@@ -79,9 +77,11 @@ class Optimum:
     converged: bool = False
     """Whether the last descent ended by itself, and not because its iterations were used up."""
     residual: float = np.nan
-    """Share of the flight time that it would still gain by its undamped quadratic model; across kinks of limits, less."""
+    """Share of the flight time that it would still gain by its undamped quadratic model; at kinks, less."""
     active: tuple[str, ...] = ()
     """The limit that holds each segment back most, by its multipliers; "" where none does."""
+    spread: float = np.nan
+    """How much longer the slowest path from any start of the descent took, as a share; NaN of a single start."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,25 +98,19 @@ class Path:
     """From what it can be optimised further; None for a path in a corridor, and for one that was slowed down."""
 
 
-def rough(
-    route: routes.Route,
-    field: space.DistanceField,
-    vehicle: Vehicle,
-    options: PlanOptions,
-    asked: Conditions,
-    stop: StopFlag | None,
-) -> tuple[Problem, Solution]:
+def rough(route: routes.Route, obstacles: space.DistanceField, request: Request) -> tuple[Problem, Solution]:
     """Least time with few knots and the heading left alone, at a price on snap that keeps it smooth."""
-    frame = airframe.reduced(vehicle, options.limits_for(vehicle))
+    asked, options = request.conditions, request.options
+    frame = airframe.reduced(request.vehicle, request.limits)
     velocity, balls = asked.at_knots(route.waypoint), asked.balls(route.points, route.waypoint)
     gates = asked.gates(route.points, route.waypoint)
-    on_legs = asked.planned_on_legs(route.waypoint, options.limits_for(vehicle))
+    on_legs = asked.planned_on_legs(route.waypoint, request.limits)
     problem = Problem(
         knots=np.column_stack([route.points, np.zeros(len(route.points))]),
         free=np.outer((route.waypoint < 0) | may_move(balls, gates, len(route.points)), [True, True, True, False]),
         airframe=frame,
-        field=field,
-        clearance_m=space.aim(field, options.clearance_m) + AIM_M,
+        field=obstacles,
+        clearance_m=space.aim(obstacles, options.clearance_m) + AIM_M,
         weights=Weights(snap=1e-5),
         speed_m_s=on_legs["speed_m_s"],
         jerk_m_s3=on_legs["jerk_m_s3"],
@@ -133,34 +127,27 @@ def rough(
         pace[knot] = max(pace[knot], given)
     allowed = np.inf if problem.speed_m_s is None else 0.6 * problem.speed_m_s
     slow = np.maximum(lengths, 0.3) / np.minimum(np.maximum(pace[:-1], pace[1:]), allowed)
-    found = time_allocation.optimise(problem, slow, iterations=_ROUGH, stop=stop)
+    found = time_allocation.optimise(problem, slow, iterations=_ROUGH, stop=request.stop)
     for slower in _START_SLOWER:
         if found.cost < _SOUND * float(found.durations_s.sum()):
             break
-        found = time_allocation.optimise(problem, slower * slow, iterations=_ROUGH, stop=stop)
+        found = time_allocation.optimise(problem, slower * slow, iterations=_ROUGH, stop=request.stop)
     return problem, found
 
 
 def whole_vehicle(
-    problem: Problem,
-    start: Solution,
-    waypoint: np.ndarray,
-    asked_rad: FloatArray,
-    options: PlanOptions,
-    conditions: Conditions,
-    clearance_price: float,
+    problem: Problem, start: Solution, waypoint: np.ndarray, request: Request, clearance_price: float
 ) -> tuple[Problem, FloatArray, np.ndarray]:
     """The problem with more knots, the heading and hardly any price on snap; durations; which waypoint each knot is.
 
     Args:
-        asked_rad: heading asked for at each waypoint, NaN where it is open.
         clearance_price: as `Weights.clearance`.
     """
-    before = waypoint
+    before, options, asked_rad = waypoint, request.options, request.waypoints.yaw_rad
     knots, durations, waypoint = _split(start.spline, waypoint, options.pieces)
     balls, gates = (_at_waypoints(kept, before, waypoint) for kept in (problem.balls, problem.gates))
     asked = np.where(waypoint >= 0, asked_rad[waypoint], np.nan)
-    velocity = conditions.at_knots(waypoint)
+    velocity = request.conditions.at_knots(waypoint)
     problem = replace(problem, velocity=velocity, speed_m_s=None, jerk_m_s3=None, balls=balls, gates=gates)
     first = minimum_snap.Spline(durations, problem.spline(knots, durations).states[..., :3])
     held = heading.constant(first, asked, options)
@@ -175,7 +162,8 @@ def whole_vehicle(
     free[:, 3] = np.isnan(asked) & (held is None)
     price, turning = _YAW_PRICES[options.yaw]
     weights = Weights(snap=2e-7, limits=400.0, clearance=clearance_price, heading=price, turning=turning)
-    problem = replace(problem, knots=knots, free=free, weights=weights, heading_held=held is not None)
+    on_legs = request.conditions.planned_on_legs(waypoint, request.limits)
+    problem = replace(problem, knots=knots, free=free, weights=weights, heading_held=held is not None, **on_legs)
     return problem, durations, waypoint
 
 
@@ -232,12 +220,8 @@ def until_flyable(
     problem: Problem,
     spline: minimum_snap.Spline,
     waypoint: np.ndarray,
-    vehicle: Vehicle,
-    options: PlanOptions,
-    field: space.DistanceField,
-    conditions: Conditions,
-    ask_gate: Callable[[Trajectory, limits.Known], GateReport],
-    stop: StopFlag | None,
+    request: Request,
+    ask_gate: AskGate,
     *,
     wrong: np.ndarray | None = None,
     drawn: bool = True,
@@ -257,8 +241,8 @@ def until_flyable(
         corrections, used: those of an earlier answer, and what the gate found of it.
     """
     corrections = Corrections(len(spline.durations_s)) if corrections is None else corrections
-    problem = replace(problem, **conditions.planned_on_legs(waypoint, options.limits_for(vehicle)))
-    asked = conditions.most_on_legs(waypoint)
+    problem = replace(problem, **request.conditions.planned_on_legs(waypoint, request.limits))
+    asked, clearance_m, stop = request.conditions.most_on_legs(waypoint), request.options.clearance_m, request.stop
     memory = Memory()  # the last path that is measured is the one that the gate looks at
     optimum_s, bends, begun = np.nan, 0, _WHOLE if wrong is not None else 0
     found, rounds = None, _ROUNDS
@@ -278,9 +262,9 @@ def until_flyable(
         problem = replace(problem, knots=spline.states[:, 0])
         optimum_s = float(spline.durations_s.sum()) if round_ == begun else optimum_s
         path = minimum_snap.trajectory(spline)
-        excess = corrections.measure(problem, spline, path, vehicle, touched, memory, stop)
+        excess = corrections.measure(problem, spline, path, request.vehicle, touched, memory, stop)
         exceeded = excess.max(axis=(1, 2)) > 0.0
-        clearance = esdf.certify(field, path, options.clearance_m)
+        clearance = esdf.certify(request.field, path, clearance_m)
         last = round_ == _ROUNDS - 1
         if clearance.passed and (last or not exceeded.any()):
             report = ask_gate(path, limits.Known(used, memory))
@@ -305,10 +289,10 @@ def until_flyable(
             exceeded |= slower
         corrections.press(touched)
         if not clearance.passed:
-            if bends == options.repairs:
+            if bends == request.options.repairs:
                 return found
             bends += 1
-            problem = _farther_away(problem, options.clearance_m - clearance.proven_m)
+            problem = _farther_away(problem, clearance_m - clearance.proven_m)
             exceeded[clearance.segment] = True
         few = windows.grown(exceeded, _REACH).mean() < _FEW
         wrong = exceeded if wrong is not None or few or round_ + 1 >= _WHOLE else None

@@ -4,6 +4,7 @@ It is independent of how the trajectory was made. It does not raise for a failed
 value, the bound, the time and the place.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,12 +24,12 @@ from flight import (
     silent,
 )
 from flight.trajectory import fingerprint
-from planner import conditions as conditions_
-from planner import inputs, limits, visits
+from planner import conditions_met, inputs, limits, visits
 from planner._planner import StopFlag
-from planner.conditions import Conditions, Visits
+from planner.conditions import Conditions
 from planner.limits import Check
 from planner.options import PlanOptions
+from planner.request import Request
 from planner.space import DistanceField, Grounded
 from vehicle import Vehicle
 
@@ -107,6 +108,29 @@ class GateReport:
         }
 
 
+AskGate = Callable[[Trajectory, limits.Known | None], GateReport]
+"""From a trajectory, and what is known of another one, to the gate's report."""
+
+
+def judge(request: Request) -> AskGate:
+    """The gate for answers to one request. Raises as `check`."""
+
+    def ask(trajectory: Trajectory, known: limits.Known | None = None) -> GateReport:
+        return check(
+            trajectory,
+            request.field,
+            request.vehicle,
+            request.options,
+            waypoints_world_m=request.waypoints.positions_world_m,
+            yaw_rad=request.waypoints.yaw_rad,
+            conditions=request.conditions,
+            known=known,
+            stop=request.stop,
+        )
+
+    return ask
+
+
 def check(
     trajectory: Trajectory,
     field: DistanceField,
@@ -142,13 +166,13 @@ def check(
         space_ = field if asked.ground_world_m is None else Grounded(field, asked.ground_world_m, options.clearance_m)
         clearance = _clearance(trajectory, space_, options.clearance_m)
         progress("gate", 0.4)
-        met: Visits | None = None
+        met: visits.Visits | None = None
         if waypoints_world_m is not None:
             passed, met = visits.reached(trajectory, waypoints_world_m, asked, options)
             checks += passed
             if met is not None and yaw_rad is not None:
                 met = visits.turned(trajectory, met, waypoints_world_m, yaw_rad)
-        checks += conditions_.checks(trajectory, met, asked) + _continuity(trajectory)
+        checks += conditions_met.checks(trajectory, met, asked) + _continuity(trajectory)
         checks += _headings(trajectory, None if met is None else met.joins_s(trajectory), yaw_rad, options)
         checks += [_clearance_check(clearance, options.clearance_m, vehicle)]
         bounds = options.limits_for(vehicle)

@@ -1,12 +1,13 @@
 """When a trajectory reaches its waypoints: in order, through the openings of gates, turning on the spot where asked."""
 
+from dataclasses import dataclass
 from math import dist
 
 import numpy as np
 
 from flight import FloatArray, Trajectory, Waypoints, portable, rotations
 from planner import limits, routes
-from planner.conditions import Conditions, Visits
+from planner.conditions import Conditions
 from planner.limits import Check
 from planner.options import PlanOptions
 
@@ -16,6 +17,27 @@ _SAME_S = 1e-9
 """How closely the moment is found at which a gate is passed."""
 SAME_RAD = 0.02
 """Largest difference from a heading that was asked for."""
+_SAMPLE_S = 1e-3
+"""Visits are found among samples so far apart."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Visits:
+    """When the waypoints are passed."""
+
+    time_s: FloatArray
+    """(n,) at each, or nearest to it."""
+    enter_s: FloatArray
+    """(n,) from when on it counts as passed: within its radius, or the tolerance."""
+    leave_s: FloatArray
+    """(n,) until when."""
+
+    def joins_s(self, trajectory: Trajectory) -> FloatArray:
+        """(n,) the nearest join, where a planner sets what is asked at a waypoint, if it belongs to the visit; else the
+        visit itself."""
+        nearest = trajectory.nearest_join(self.time_s)
+        inside = (nearest >= self.enter_s - _SAMPLE_S) & (nearest <= self.leave_s + _SAMPLE_S)
+        return np.where(inside, nearest, self.time_s)
 
 
 def reached(
@@ -39,7 +61,7 @@ def reached(
         found = Check("waypoints", worst, tolerance_m, "m", True, reason=f"all {len(wanted)} in order")
         return [found], Visits(times_s, times_s, times_s)
     # Dense samples, joins included: one that is no join is met to within half a step.
-    times = np.append(limits.sample_times(trajectory, 1e-3)[0], trajectory.duration_s)
+    times = np.append(limits.sample_times(trajectory, _SAMPLE_S)[0], trajectory.duration_s)
     points = trajectory.position(times)
     ends_m = portable.length(points[[0, -1]] - wanted[[0, -1]])
     worse = int(ends_m.argmax())

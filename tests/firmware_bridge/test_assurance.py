@@ -49,9 +49,8 @@ def _has_sanitizers(folder: Path) -> bool:
 def test_every_case_of_codec_link_state_machine_and_failsafes_holds(tmp_path):
     _need("gcc")
     sanitizers = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all") if _has_sanitizers(tmp_path) else ()
-    cases = [LIBRARY / "test" / name for name in assure.CASES]
     flags = ("-std=c11", "-g", *sanitizers, "-fno-math-errno", "-DTC_MAX_SEGMENTS=32")
-    _run("gcc", *flags, *INCLUDES, *cases, *assure.sources(), "-lm", "-o", tmp_path / "cases")
+    _run("gcc", *flags, *INCLUDES, *assure.CASES, *assure.sources(), "-lm", "-o", tmp_path / "cases")
     checks = int(_run(tmp_path / "cases").split()[0])
     assert checks > 100_000
 
@@ -194,7 +193,7 @@ def test_the_fuzz_targets_checksums_are_those_of_the_library(tmp_path):
     quick = LIBRARY / "fuzz" / "quick_crc.c"
     renamed = ("-Dtc_crc16=quick16", "-Dtc_crc32=quick32")
     _run("gcc", "-std=c11", *renamed, *INCLUDES, "-c", quick, "-o", tmp_path / "quick.o")
-    plain = [LIBRARY / "src" / name for name in assure.QUICKER]
+    plain = [assure.source(name) for name in assure.QUICKER]
     _run("gcc", "-std=c11", *INCLUDES, main, tmp_path / "quick.o", *plain, "-o", tmp_path / "checksums")
     _run(tmp_path / "checksums")
 

@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 import planner
 import vehicle
 from esdf import solids
-from flight import Waypoints
-from planner import airframe, descents, fastest, inputs, minimum_snap, routes, time_allocation
+from flight import InputError, Waypoints
+from flight.trajectory import fingerprint
+from planner import airframe, attempts, descents, fastest, inputs, minimum_snap, routes, time_allocation
 from planner.conditions import Conditions
+from planner.request import Request
 from planner.time_allocation import Problem, Weights
 
 SKY = solids.Scene([solids.Sphere((1000.0, 0.0, 0.0), 1.0)])
@@ -148,12 +150,10 @@ def test_a_knot_comes_back_into_its_ball():
 def walked(seed: int) -> tuple[Problem, minimum_snap.Spline]:
     """Eight waypoints, as the planner comes to them."""
     drone, asked = vehicle.example("rigter2019"), Waypoints(walk(8, seed), np.full(8, np.nan))
-    options, open_ends = inputs.options_for(drone, None), Conditions()
-    route = routes.subdivided(routes.find(asked, SKY, options), SKY)
-    rough, start = fastest.rough(route, SKY, drone, options, open_ends, None)
-    p, durations, _ = fastest.whole_vehicle(
-        rough, start, route.waypoint, asked.yaw_rad, options, open_ends, fastest.CLEARANCE_PRICE
-    )
+    request = Request(asked, SKY, drone, inputs.options_for(drone, None), Conditions())
+    route = routes.subdivided(routes.find(asked, SKY, request.options), SKY)
+    rough, start = fastest.rough(route, SKY, request)
+    p, durations, _ = fastest.whole_vehicle(rough, start, route.waypoint, request, fastest.CLEARANCE_PRICE)
     return p, p.spline(p.knots, durations)
 
 
@@ -192,3 +192,36 @@ def test_a_free_heading_never_costs_time(seed):
         planner.plan(asked, SKY, drone, planner.PlanOptions(yaw=yaw)).trajectory.duration_s for yaw in yaws
     )
     assert free <= min(along, steady)
+
+
+@pytest.mark.parametrize("yaw", ["along_path", "free"])
+def test_the_fastest_of_several_starts_is_kept_whatever_the_number_of_processors(yaw, monkeypatch):
+    drone, asked = vehicle.example("rigter2019"), Waypoints(walk(6, 2), np.full(6, np.nan))
+    one, three = (planner.plan(asked, SKY, drone, planner.PlanOptions(starts=n, yaw=yaw)) for n in (1, 3))
+    assert three.trajectory.duration_s <= one.trajectory.duration_s
+    assert np.isnan(one.spread)
+    assert 0.0 <= three.spread < 0.05
+    monkeypatch.setattr(attempts.os, "cpu_count", lambda: 1)
+    again = planner.plan(asked, SKY, drone, planner.PlanOptions(starts=3, yaw=yaw))
+    assert fingerprint(again.trajectory) == fingerprint(three.trajectory)
+
+
+def test_a_start_that_leads_nowhere_does_not_cost_the_plan(monkeypatch):
+    drone, asked = vehicle.example("rigter2019"), Waypoints(walk(6, 2), np.full(6, np.nan))
+    first, every = planner.plan(asked, SKY, drone), descents.starts
+
+    def only_the_first(problem, spline, clearance_m, stop, number):
+        if number:
+            raise planner.PlanInfeasibleError("nowhere", "start elsewhere")
+        yield from every(problem, spline, clearance_m, stop, number)
+
+    monkeypatch.setattr(descents, "starts", only_the_first)
+    plan = planner.plan(asked, SKY, drone, planner.PlanOptions(starts=4))
+    assert fingerprint(plan.trajectory) == fingerprint(first.trajectory)
+    assert plan.spread == 0.0
+
+
+@pytest.mark.parametrize("starts", [0, 9])
+def test_a_number_of_starts_out_of_range_is_refused(starts):
+    with pytest.raises(InputError, match=f"starts is {starts}; it must be from 1 to 8"):
+        planner.PlanOptions(starts=starts)

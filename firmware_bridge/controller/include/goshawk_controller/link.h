@@ -160,7 +160,7 @@ typedef struct {
     uint8_t reason;
 } tc_link_refused_order;
 
-/* What standard ground stations asked for (link_standard.c). */
+/* What standard ground stations asked for (standard.c). */
 typedef struct {
     tc_link_ack ack[TC_LINK_ACKS]; /* the oldest first */
     uint8_t ack_count;
