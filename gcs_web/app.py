@@ -55,7 +55,7 @@ class GroundStation:
         triangles: int = display_mesh.DISPLAY_TRIANGLES,
         progress: Progress = silent,
         on_entry: Callable[[str], None] = lambda _: None,
-        jobs: Sequence[Kind] = (),
+        jobs: Sequence[Kind[Desk]] = (),
         browsers: Sequence[str] = (),
         on_open: Callable[[Path], None] | None = None,
     ) -> None:
@@ -137,7 +137,7 @@ class GroundStation:
         options: planner.PlanOptions,
         triangles: int,
         on_entry: Callable[[str], None],
-        jobs: Sequence[Kind],
+        jobs: Sequence[Kind[Desk]],
         progress: Progress,
         browsers: Sequence[str],
     ) -> None:
@@ -152,7 +152,6 @@ class GroundStation:
         consent = Consent(opened)
         self._stack.callback(consent.close)
         self.desk = Desk(opened, self.hub, self.view, self.watch, options, jobs, consent=consent)
-        self.view.progress = silent
         self._stack.callback(self.desk.close)
         self.view.on_select = lambda waypoint: self._selected([waypoint])
         self.view.on_box = self._selected

@@ -56,7 +56,7 @@ class Desk:
         view: View3D,
         watch: VehicleWatch | None,
         base: planner.PlanOptions,
-        kinds: Sequence[Kind] = (),
+        kinds: "Sequence[Kind[Desk]]" = (),
         *,
         consent: Consent,
     ) -> None:
@@ -87,7 +87,7 @@ class Desk:
         self._lock = threading.RLock()
         self._planner = planning.PlanningProcess(opened.folder, base, self._planned, self._drafted)
         view.on_draft = hub.publish
-        self.map = MapDesk(self)
+        self.map = MapDesk(opened, hub, self.session, view.map, lambda: self.parts.map(self.inputs))
         self.jobs = Jobs(opened, kinds, self.show_jobs, lambda kind, result: kind.done(self, result), self._job_ended)
         self.flights = Flights(opened, self._flights_changed)
         self.comparing = Comparing(opened, self.flights, view.flights)

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Generic, Literal, TypeVar
 
 import msgspec
 
@@ -20,10 +20,10 @@ from flight.project import Project
 from gcs_web import protocol
 from gcs_web.jobs.job_process import Done, JobProcess, Work
 
-if TYPE_CHECKING:
-    from gcs_web.desk import Desk
-
 logger = logging.getLogger(__name__)
+
+Station = TypeVar("Station")
+"""What a kind of job gives its result to: `gcs_web.desk.Desk`."""
 
 MOST_WAITING, MOST_KEPT = 20, 30
 """Jobs that may wait, and finished ones that stay in the list."""
@@ -52,7 +52,7 @@ def _accept(_: Project, __: Any) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class Kind(Generic[Station]):
     """A kind of job: one small file makes one."""
 
     name: str
@@ -63,7 +63,7 @@ class Kind:
     bounds, and `extra_json_schema={"unit": ...}`."""
     run: Work
     """In a process of its own; raises `FlightError` where it fails."""
-    done: "Callable[[Desk, Any], str]"
+    done: Callable[[Station, Any], str]
     """In the station: use the result, and return what came of it in words."""
     choices: Callable[[Project], Choices] = _no_choices
     check: Callable[[Project, Any], None] = _accept
@@ -77,7 +77,7 @@ class Kind:
 @dataclass(slots=True)
 class _Job:
     id: int
-    kind: Kind
+    kind: Kind[Any]
     arguments: msgspec.Struct
     author: str
     state: Literal["waiting", "running", "done", "failed", "cancelled"] = "waiting"
@@ -109,15 +109,15 @@ class _Job:
         )
 
 
-class Jobs:
+class Jobs(Generic[Station]):
     """Thread-safe. `on_change` is called from any thread whenever the list has changed."""
 
     def __init__(
         self,
         opened: Project,
-        kinds: Sequence[Kind],
+        kinds: Sequence[Kind[Station]],
         on_change: Callable[[], None],
-        on_done: Callable[[Kind, Any], str],
+        on_done: Callable[[Kind[Station], Any], str],
         on_end: Callable[[protocol.Job], None],
     ) -> None:
         """
@@ -183,7 +183,7 @@ class Jobs:
             self._closed = all(job.ended_s for job in self._jobs)
             return self._closed
 
-    def _decoded(self, name: str, arguments: Mapping[str, Any]) -> tuple[Kind, msgspec.Struct]:
+    def _decoded(self, name: str, arguments: Mapping[str, Any]) -> tuple[Kind[Station], msgspec.Struct]:
         if name not in self._kinds:
             raise InputError(f"there is no job {name!r}; there are {', '.join(self._kinds) or 'none'}")
         kind = self._kinds[name]
@@ -315,7 +315,7 @@ class Jobs:
             self._told_s = now_s
         self._on_change()
 
-    def _offered(self, kind: Kind) -> protocol.JobKind:
+    def _offered(self, kind: Kind[Any]) -> protocol.JobKind:
         try:
             choices = kind.choices(self._project)
         except OSError:  # a folder that cannot be read, or went away just now

@@ -2,7 +2,7 @@
 
 import contextlib
 import threading
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import msgspec
 import numpy as np
@@ -11,13 +11,16 @@ import esdf
 from esdf import Edit
 from esdf.edits import difference
 from flight import FlightError, FloatArray, InputError
+from flight.project import Project
 from gcs_web import protocol
 from gcs_web.document import map_edits
+from gcs_web.document.session import Session
+from gcs_web.gateway.hub import Hub
+from gcs_web.map.bodies import Place, triple
+from gcs_web.map.map_view import MapView
 from gcs_web.planning import inputs
 from gcs_web.protocol.map import Layer, MapAction, MapFacts, Shape, Slice
-
-if TYPE_CHECKING:
-    from gcs_web.desk import Desk
+from mapping import Map
 
 _LAYERS: list[Layer] = ["mesh", "edits"]
 _LARGEST_BRUSH_M = 10.0
@@ -26,12 +29,14 @@ _LARGEST_BRUSH_M = 10.0
 class MapDesk:
     """Thread-safe."""
 
-    def __init__(self, desk: "Desk") -> None:
-        self._desk, self._view = desk, desk.view.map
+    def __init__(self, opened: Project, hub: Hub, session: Session, view: MapView, area: Callable[[], Map]) -> None:
+        """`area`: the map as it is now; raises `FlightError` if it cannot be read."""
+        self._folder, self._hub, self._session = opened.map / "esdf", hub, session
+        self._view, self._area = view, area
         self._lock = threading.RLock()
         self._slice: Slice | None = None
         self._layers, self._author = _LAYERS, ""
-        self._measured: list[tuple[float, float, float]] = []
+        self._measured: list[Place] = []
         self._preview = protocol.MapPreview("")
         self._action: MapAction = "no-fly"
         self._editor: esdf.Editor | None = None
@@ -40,10 +45,10 @@ class MapDesk:
         """Of the next three, apart: viser's loop takes it, and must not wait for a preview to be computed."""
         self._painter, self._stroke = "", protocol.Paint(serial=0, active=False)
         """Who paints (id), and with which brush."""
-        self._painted: list[tuple[float, float, float]] = []
+        self._painted: list[Place] = []
         self._view.on_shape = self._pulled
-        desk.view.on_paint = self._paint
-        desk.view.on_measure = self.take_click
+        view.mesh.on_paint = self._paint
+        view.on_measure = self._take_place
 
     # --- what is shown ---
 
@@ -56,7 +61,6 @@ class MapDesk:
         with self._lock:
             self._slice, self._layers, self._author = wanted, layers, author
         self._view.show(wanted, layers)
-        self._desk.view.show_mesh("mesh" in layers)
         self._publish()
 
     def changed(self) -> None:
@@ -70,9 +74,8 @@ class MapDesk:
                     self._show_preview(last.author, last.edit, last.shape, drawn=last.drawn)
 
     def _publish(self) -> None:
-        desk = self._desk
         try:
-            area = desk.parts.map(desk.inputs)
+            area = self._area()
         except FlightError:
             return  # said when it was drawn
         grid, facts = area.field.grid, area.facts
@@ -80,12 +83,12 @@ class MapDesk:
         low = np.array(grid.low_world_m)
         high = low + np.array(grid.shape) * np.array(grid.voxel_m)
         reprojection = facts.get("reprojection_error_px")
-        desk.hub.publish(
+        self._hub.publish(
             protocol.MapShown(
                 slice=self._slice,
                 layers=list(self._layers),
-                low_m=_triple(low),
-                high_m=_triple(high),
+                low_m=triple(low),
+                high_m=triple(high),
                 facts=MapFacts(
                     images=int(facts.get("images", 0)),
                     images_placed=int(facts.get("images_placed", len(area.images))),
@@ -106,11 +109,8 @@ class MapDesk:
             self._view.measuring, self._measured = active, []
         self._tell_measured()
 
-    def take_click(self, origin_m: FloatArray, direction: FloatArray, hit_m: FloatArray | None) -> None:
-        """A click in the 3D view while measuring: the first or second point, or the first of a new pair."""
-        point = self._view.pick(origin_m, direction, hit_m)
-        if point is None:
-            return
+    def _take_place(self, point: Place) -> None:
+        """The first or second point, or the first of a new pair."""
         with self._lock:
             self._measured = [point] if len(self._measured) == 2 else [*self._measured, point]
         self._tell_measured()
@@ -121,10 +121,10 @@ class MapDesk:
         self._view.mark(points)
         clearances: list[float | None] = []
         if points:
-            near = self._desk.parts.map(self._desk.inputs).field.distance(np.array(points))
+            near = self._area().field.distance(np.array(points))
             clearances = [None if np.isnan(value) else round(float(value), 3) for value in near]
         apart = float(np.linalg.norm(np.subtract(points[0], points[1]))) if len(points) == 2 else None
-        self._desk.hub.publish(protocol.Measured(self._view.measuring, points, clearances, apart))
+        self._hub.publish(protocol.Measured(self._view.measuring, points, clearances, apart))
 
     # --- what an edit would change ---
 
@@ -157,7 +157,7 @@ class MapDesk:
                 raise InputError(f"a brush of radius {wanted.radius_m:g} m is refused; at most {_LARGEST_BRUSH_M:g} m")
             with self._brush_lock:
                 self._painter, self._stroke = person.id, wanted
-            self._desk.view.paint(True)
+            self._view.mesh.paint(True)
 
     def _paint(self, point_world_m: FloatArray, is_end: bool) -> None:
         """Another place of a stroke, or its end; then the next one begins."""
@@ -165,12 +165,12 @@ class MapDesk:
             if not self._painter:
                 return
             if np.isfinite(point_world_m).all() and len(self._painted) < map_edits.MOST_POINTS:
-                self._painted.append(_triple(point_world_m))
+                self._painted.append(triple(point_world_m))
                 if len(self._painted) == map_edits.MOST_POINTS:
                     said = (
                         f"A stroke has at most {map_edits.MOST_POINTS} places, and ends here; apply it, then draw on."
                     )
-                    self._desk.notice(said, level="caution", to=self._painter)
+                    self._hub.publish(protocol.Notice(said, "caution"), self._painter)
             if not self._painted:
                 return
             brush, author = self._stroke, self._painter
@@ -190,11 +190,11 @@ class MapDesk:
             try:
                 self._show_preview(author, None, shape, drawn=True)
             except FlightError as error:
-                self._desk.notice(str(error), level="danger", to=author)
+                self._hub.publish(protocol.Notice(str(error), "danger"), author)
 
     def _require_free(self, person: protocol.Person) -> None:
         holder = self._preview.author or self._painter
-        if holder not in ("", person.id) and any(p.id == holder for p in self._desk.hub.people):
+        if holder not in ("", person.id) and any(p.id == holder for p in self._hub.people):
             raise InputError("another person is drawing an edit of the map; wait until it is applied or cancelled")
 
     def end_preview(self, author: str = "") -> None:
@@ -203,27 +203,27 @@ class MapDesk:
             if self._painter and author in ("", self._painter):
                 with self._brush_lock:
                     self._painter, self._painted = "", []
-                self._desk.view.paint(False)
+                self._view.mesh.paint(False)
                 self._view.preview("no-fly", None, None)
             if self._preview.author and author in ("", self._preview.author):
                 self._editor, self._preview = None, protocol.MapPreview("")
                 self._view.preview("no-fly", None, None)
-                self._desk.hub.publish(self._preview)
+                self._hub.publish(self._preview)
 
     def require_possible(self, new: Edit) -> None:
         """
         Raises:
             InputError: the edit touches nothing of the map.
         """
-        esdf.open_editor(self._desk.project.map / "esdf").require_reach(new)
+        esdf.open_editor(self._folder).require_reach(new)
 
     def _show_preview(self, author: str, number: int | None, shape: Shape, *, drawn: bool) -> None:
         if self._editor is None or self._preview.edit != number:
-            self._editor = esdf.open_editor(self._desk.project.map / "esdf")
+            self._editor = esdf.open_editor(self._folder)
         editor = self._editor
         new = Edit(self._action, map_edits.solid(shape), "preview" if self._action == "no-fly" else "")
         editor.require_reach(new)
-        listed = self._desk.session.content.map_edits
+        listed = self._session.content.map_edits
         after = [new if each.id == number else each.edit() for each in listed]
         before = editor.snapshot()
         editor.replace(after if number is not None else [*after, new])
@@ -234,7 +234,7 @@ class MapDesk:
         self._preview = protocol.MapPreview(
             author, number, shape, change.closed_m3, change.opened_m3, change.voxels, drawn=drawn
         )
-        self._desk.hub.publish(self._preview)
+        self._hub.publish(self._preview)
 
     def _pulled(self, shape: Shape, is_end: bool) -> None:
         """A handle was moved: the numbers follow; what would change is computed when it is let go."""
@@ -243,12 +243,7 @@ class MapDesk:
                 return
             if not is_end:
                 self._preview = msgspec.structs.replace(self._preview, shape=shape, drawn=True)
-                self._desk.hub.publish(self._preview)
+                self._hub.publish(self._preview)
                 return
             with contextlib.suppress(InputError):  # outside the map: it stays where it is, and cannot be applied
                 self._show_preview(self._preview.author, self._preview.edit, shape, drawn=True)
-
-
-def _triple(values: FloatArray) -> tuple[float, float, float]:
-    x, y, z = (round(float(value), 3) for value in values)
-    return (x, y, z)

@@ -15,7 +15,9 @@ import esdf
 from esdf.visibility import Visibility
 from flight import FlightError, FloatArray
 from gcs_web.document.map_edits import MapEdit, shape_of
-from gcs_web.map import display_points, slices
+from gcs_web.map import bodies, display_points, slices
+from gcs_web.map.bodies import Place
+from gcs_web.map.mesh_view import MeshView
 from gcs_web.protocol.map import Layer, MapAction, Shape, Slice
 from gcs_web.scene import drawing
 from gcs_web.scene.detail_view import DetailView
@@ -32,21 +34,18 @@ _COLOURS: dict[MapAction, tuple[int, int, int]] = {
     "add": (240, 184, 73), "no-fly": (255, 122, 102), "clear": (121, 176, 255), "remove": (121, 176, 255),
 }  # fmt: skip
 _PREVIEW, _CAMERA, _MEASURED = (255, 255, 255), (139, 151, 162), (121, 176, 255)
-_SMALLEST_M = 0.02
-"""Of a body that a handle is drawn together to."""
+_FREE_AXES = {"corner": (True, True, False), "top": (False, False, True), "radius": (True, False, False)}
+"""Axes along which a handle can be moved, by the first word of its name."""
 _FRUSTUM_M = 0.18
 _POINT_M = 0.015
-_MOST_BALLS = 200
-"""Of a drawn stroke."""
-_AROUND = np.linspace(0.0, 2.0 * np.pi, 33)
 
 
 class MapView:
     """Thread-safe."""
 
-    def __init__(self, server: "viser.ViserServer", cache: Path) -> None:
+    def __init__(self, server: "viser.ViserServer", mesh: MeshView, cache: Path) -> None:
         """`cache`: folder for the points as they are shown."""
-        self._server, self._cache = server, cache
+        self._server, self.mesh, self._cache = server, mesh, cache
         self._lock = threading.RLock()
         self._area: Map | None = None
         self._field: esdf.Field | None = None
@@ -70,8 +69,11 @@ class MapView:
         self.measuring = False
         self.on_shape: Callable[[Shape, bool], None] = lambda _s, _e: None
         """A handle of the previewed body was moved: the body now, and whether the handle was let go."""
+        self.on_measure: Callable[[Place], None] = lambda _: None
+        """A place was clicked while measuring."""
 
     def close(self) -> None:
+        self.mesh.close()
         self._points.close()
 
     def draw(self, area: Map) -> None:
@@ -84,6 +86,7 @@ class MapView:
         self._draw_points()
 
     def show(self, wanted: Slice | None, layers: Sequence[Layer]) -> None:
+        self.mesh.show("mesh" in layers)
         with self._lock, self._server.atomic():
             self._slice, self._layers = wanted, frozenset(layers)
             self._draw_slice()
@@ -114,7 +117,7 @@ class MapView:
             if is_other_field:  # not at every place of a stroke: a slice takes tenths of a second
                 self._draw_slice()
 
-    def mark(self, points_world_m: Sequence[tuple[float, float, float]]) -> None:
+    def mark(self, points_world_m: Sequence[Place]) -> None:
         """Draw measured points, and the line between two."""
         with self._lock, self._server.atomic():
             _remove(self._marks)
@@ -127,9 +130,14 @@ class MapView:
             if len(points_world_m) == 2:
                 self._marks.append(self._lines("/measured/line", np.array([points_world_m]), _MEASURED, 2.0))
 
-    def pick(
-        self, origin_m: FloatArray, direction: FloatArray, hit_m: FloatArray | None
-    ) -> tuple[float, float, float] | None:
+    def click(self, origin_m: FloatArray, direction: FloatArray) -> None:
+        """A click while measuring, by its ray: origin (3,) and unit direction, world."""
+        hit = self.mesh.first_hit(origin_m, direction)
+        place = self.pick(origin_m, direction, None if hit is None else hit[0])
+        if place is not None:
+            self.on_measure(place)
+
+    def pick(self, origin_m: FloatArray, direction: FloatArray, hit_m: FloatArray | None) -> Place | None:
         """The point that a click means: on the slice, where it is nearer than the mesh; None where it meets neither.
 
         Args:
@@ -146,8 +154,8 @@ class MapView:
                 along_m = float((wanted.at_m - origin_m @ normal) / (direction @ normal))
                 point = origin_m + along_m * direction
                 if along_m > 0.0 and (near is None or along_m < near) and area.field.grid.contains(point[None])[0]:
-                    return _triple(point)
-        return None if hit_m is None else _triple(hit_m)
+                    return bodies.triple(point)
+        return None if hit_m is None else bodies.triple(hit_m)
 
     # --- slice and layers ---
 
@@ -232,13 +240,13 @@ class MapView:
     def _body(
         self, name: str, shape: Shape, colour: tuple[int, int, int], opacity: float, *, edge: Any = None
     ) -> list[Any]:
-        drawn: list[Any] = [self._lines(f"{name}/edges", outline(shape), edge or colour, 1.5)]
+        drawn: list[Any] = [self._lines(f"{name}/edges", bodies.outline(shape), edge or colour, 1.5)]
         nodes = self._server.scene
         if shape.form == "stroke":
             import trimesh
 
             ball = trimesh.creation.icosphere(subdivisions=2, radius=shape.radius_m)
-            places = along(shape.points_m, 0.5 * shape.radius_m)
+            places = bodies.along(shape.points_m, 0.5 * shape.radius_m)
             still = np.tile([1.0, 0.0, 0.0, 0.0], (len(places), 1))
             drawn.append(
                 nodes.add_batched_meshes_simple(
@@ -275,7 +283,7 @@ class MapView:
                 )
             )
         else:
-            vertices, faces = _walls(shape)
+            vertices, faces = bodies.walls(shape)
             drawn.append(
                 nodes.add_mesh_simple(
                     f"{name}/body", vertices, faces, color=colour, opacity=opacity, side="double", cast_shadow=False
@@ -287,7 +295,7 @@ class MapView:
         shape = self._shape
         if shape is None:
             return
-        places = handles(shape)
+        places = bodies.handles(shape)
         for gone in self._handles.keys() - places.keys():
             self._handles.pop(gone).remove()
         for name, place in places.items():
@@ -309,10 +317,10 @@ class MapView:
         with self._lock, self._server.atomic():
             if self._shape is None or event.phase == "start":
                 return
-            shape = pulled(self._shape, name, np.array(event.target.position, dtype=np.float64))
+            shape = bodies.pulled(self._shape, name, np.array(event.target.position, dtype=np.float64))
             self._shape = shape
             self._draw_preview()
-            for other, place in handles(shape).items():
+            for other, place in bodies.handles(shape).items():
                 if other != name and other in self._handles:
                     self._handles[other].position = place
         self.on_shape(shape, event.phase == "end")
@@ -323,96 +331,6 @@ class MapView:
         )
 
 
-# --- bodies: pure ---
-
-_FREE_AXES = {"corner": (True, True, False), "top": (False, False, True), "radius": (True, False, False)}
-
-
-def outline(shape: Shape) -> FloatArray:
-    """Edges of a body as line segments (m, 2, 3), world."""
-    centre = np.array(shape.centre_m)
-    if shape.form == "stroke":
-        line = np.array([*shape.points_m, shape.points_m[-1]])
-        return np.stack([line[:-1], line[1:]], axis=1)
-    if shape.form == "sphere":
-        circles = []
-        for axis in range(3):
-            ring = np.zeros((len(_AROUND), 3))
-            ring[:, (axis + 1) % 3], ring[:, (axis + 2) % 3] = np.cos(_AROUND), np.sin(_AROUND)
-            circles.append(np.stack([ring[:-1], ring[1:]], axis=1))
-        return centre + shape.radius_m * np.concatenate(circles)
-    half = 0.5 * np.array(shape.size_m)
-    if shape.form == "prism":
-        corners = np.array(shape.corners_m)
-    else:
-        corners = centre[:2] + half[:2] * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    low, high = (np.column_stack([corners, np.full(len(corners), centre[2] + s * half[2])]) for s in (-1.0, 1.0))
-    rings = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in (low, high)]
-    return np.concatenate([*rings, np.stack([low, high], axis=1)])
-
-
-def along(points_m: Sequence[tuple[float, float, float]], step_m: float) -> FloatArray:
-    """Points (n, 3) of a polyline, at most a step apart, and so few that a browser draws them."""
-    line = np.array(points_m)
-    if len(line) == 1:
-        return line
-    way_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    count = int(np.clip(np.ceil(way_m[-1] / step_m) + 1, 2, _MOST_BALLS))
-    at_m = np.linspace(0.0, way_m[-1], count)
-    return np.stack([np.interp(at_m, way_m, line[:, axis]) for axis in range(3)], axis=1)
-
-
-def handles(shape: Shape) -> dict[str, tuple[float, float, float]]:
-    """Where a body can be taken: its centre, and what gives its size."""
-    x, y, z = shape.centre_m
-    if shape.form == "stroke":
-        return {}
-    if shape.form == "sphere":
-        return {"centre": shape.centre_m, "radius": (x + shape.radius_m, y, z)}
-    top = z + 0.5 * shape.size_m[2]
-    if shape.form == "prism":
-        corners = {f"corner_{i}": (cx, cy, z) for i, (cx, cy) in enumerate(shape.corners_m)}
-        return {"centre": shape.centre_m, "top": (x, y, top), **corners}
-    return {"centre": shape.centre_m, "size": (x + 0.5 * shape.size_m[0], y + 0.5 * shape.size_m[1], top)}
-
-
-def pulled(shape: Shape, handle: str, to_world_m: FloatArray) -> Shape:
-    """The body after one of its handles was moved; what is opposite to it stays where it is."""
-    centre, size = np.array(shape.centre_m), np.array(shape.size_m)
-    corners = np.array(shape.corners_m).reshape(-1, 2)
-    radius_m = shape.radius_m
-    if handle == "centre":
-        corners = corners + (to_world_m - centre)[:2]
-        centre = to_world_m
-    elif handle == "radius":
-        radius_m = max(float(to_world_m[0] - centre[0]), _SMALLEST_M)
-    elif handle == "top":
-        low = centre[2] - 0.5 * size[2]
-        size[2] = max(to_world_m[2] - low, _SMALLEST_M)
-        centre[2] = low + 0.5 * size[2]
-    elif handle == "size":
-        low = centre - 0.5 * size
-        size = np.maximum(to_world_m - low, _SMALLEST_M)
-        centre = low + 0.5 * size
-    else:
-        corners[int(handle.removeprefix("corner_"))] = to_world_m[:2]
-    if shape.form == "prism" and len(corners):
-        middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
-        centre = np.array([*middle, centre[2]])
-    flat = [(round(float(x), 3), round(float(y), 3)) for x, y in corners]
-    return Shape(shape.form, _triple(centre), _triple(size), round(radius_m, 3), flat)
-
-
-def _walls(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    """Sides of a prism as triangles."""
-    n = len(shape.corners_m)
-    corners, z, half = np.array(shape.corners_m), shape.centre_m[2], 0.5 * shape.size_m[2]
-    vertices = np.concatenate([np.column_stack([corners, np.full(n, z + s * half)]) for s in (-1.0, 1.0)])
-    i, j = np.arange(n), (np.arange(n) + 1) % n
-    faces = np.concatenate([np.column_stack([i, j, j + n]), np.column_stack([i, j + n, i + n])])
-    return vertices.astype(np.float32), faces.astype(np.uint32)
-
-
 def _frustum(T_world_camera: FloatArray, aspect: float) -> FloatArray:
     """A camera's pyramid as line segments (8, 2, 3)."""
     x, y = 0.5 * aspect * _FRUSTUM_M, 0.5 * _FRUSTUM_M
@@ -421,11 +339,6 @@ def _frustum(T_world_camera: FloatArray, aspect: float) -> FloatArray:
         [np.stack([np.zeros((4, 3)), corners], axis=1), np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)]
     )
     return segments @ T_world_camera[:3, :3].T + T_world_camera[:3, 3]
-
-
-def _triple(values: FloatArray) -> tuple[float, float, float]:
-    x, y, z = (round(float(value), 3) for value in values)
-    return (x, y, z)
 
 
 def _remove(drawn: list[Any]) -> None:

@@ -126,7 +126,7 @@ def test_one_person_paints_at_a_time_and_leaving_frees_the_brush(desk):
     with pytest.raises(InputError, match="a brush of radius nan m is refused"):
         running.map.paint(protocol.Paint(serial=0, active=True, radius_m=float("nan")), ADA)
     running.map.paint(brush, ADA)
-    running.view.paint.assert_called_with(True)
+    running.view.map.mesh.paint.assert_called_with(True)
     for refused in (lambda: running.map.paint(brush, BO), lambda: running.map.preview(preview(), BO)):
         with pytest.raises(InputError, match="another person is drawing"):
             refused()
@@ -134,7 +134,7 @@ def test_one_person_paints_at_a_time_and_leaving_frees_the_brush(desk):
     with pytest.raises(InputError, match="another person is drawing"):
         running.map.paint(brush, BO)
     running.left(ADA)
-    running.view.paint.assert_called_with(False)
+    running.view.map.mesh.paint.assert_called_with(False)
     running.map.paint(brush, BO)
 
 

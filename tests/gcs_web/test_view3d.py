@@ -45,7 +45,7 @@ def series() -> protocol.Series:
 
 def test_the_first_waypoint_before_a_wall_keeps_the_required_clearance(view: View3D):
     view.require_clearance(0.45)
-    view._surface = Wall()
+    view.map.mesh.surface = Wall()
     placed = []
     view.on_add = lambda after, position_m: placed.append(position_m)
     view._shift_clicked(click())
@@ -54,10 +54,11 @@ def test_the_first_waypoint_before_a_wall_keeps_the_required_clearance(view: Vie
 
 def test_the_brush_takes_the_drags_over_the_mesh_and_gives_them_back(view: View3D, monkeypatch):
     taken = []
-    monkeypatch.setattr(view._mesh, "set_drag", taken.append)
+    mesh = view.map.mesh
+    monkeypatch.setattr(mesh._tiles, "set_drag", taken.append)
     for active in (False, True, True, False):
-        view.paint(active)
-    assert taken == [view._painted, None]
+        mesh.paint(active)
+    assert taken == [mesh._painted, None]
 
 
 def test_a_slice_is_drawn_anew_by_a_preview_only_where_it_shows_another_field(view: View3D, monkeypatch):

@@ -14,7 +14,7 @@ from gcs_web import protocol
 from gcs_web.document import map_edits
 from gcs_web.document.document import Settings
 from gcs_web.document.session import Session
-from gcs_web.map.map_view import along, handles, outline, pulled
+from gcs_web.map.bodies import along, handles, outline, pulled
 from gcs_web.protocol.map import Shape
 
 GRID = esdf.Grid((0.0, 0.0, 0.0), 0.1, (30, 20, 10))
