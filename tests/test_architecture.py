@@ -18,6 +18,10 @@ MAY_IMPORT = {
     "gcs_web": {"flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge"},
     "goshawk": {"flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge", "gcs_web"},
 }
+_BELOW_THE_DESK = (
+    "protocol", "gateway", "jobs", "scene", "document", "planning", "map", "vehicle", "flights", "comparison",
+    "learning",
+)  # fmt: skip
 ROOMS = {
     "mapping.camera": set(),
     "mapping.input": {"mapping.camera"},
@@ -48,6 +52,21 @@ ROOMS = {
         "goshawk.commands.learn",
     },
     "goshawk.commands.fly": {"goshawk.terminal", "goshawk.commands.project", "goshawk.station_jobs"},
+    "gcs_web.protocol": set(),
+    "gcs_web.gateway": {"gcs_web.protocol"},
+    "gcs_web.jobs": {"gcs_web.protocol"},
+    "gcs_web.scene": {"gcs_web.protocol"},
+    "gcs_web.document": {"gcs_web.protocol"},
+    "gcs_web.planning": {"gcs_web.protocol", "gcs_web.scene", "gcs_web.document"},
+    "gcs_web.map": {f"gcs_web.{room}" for room in ("protocol", "gateway", "jobs", "scene", "document", "planning")},
+    "gcs_web.vehicle": {"gcs_web.protocol", "gcs_web.scene", "gcs_web.planning"},
+    "gcs_web.flights": {"gcs_web.protocol", "gcs_web.jobs"},
+    "gcs_web.comparison": {"gcs_web.protocol", "gcs_web.gateway", "gcs_web.scene", "gcs_web.flights"},
+    "gcs_web.learning": {"gcs_web.protocol", "gcs_web.flights", "gcs_web.comparison"},
+    "gcs_web.view3d": {f"gcs_web.{room}" for room in ("protocol", "scene", "document", "map", "vehicle", "comparison")},
+    "gcs_web.desk": {f"gcs_web.{room}" for room in (*_BELOW_THE_DESK, "view3d")},
+    "gcs_web.panels": {f"gcs_web.{room}" for room in (*_BELOW_THE_DESK, "view3d", "desk")},
+    "gcs_web.app": {f"gcs_web.{room}" for room in (*_BELOW_THE_DESK, "view3d", "desk", "panels")},
 }
 """Rooms of a package that is large enough to have some, and which of its other rooms each may import."""
 GROUND_FLOOR_LIBRARIES = {"numpy", "pyarrow", "tomli_w"}
@@ -114,7 +133,8 @@ def room_of(module: str) -> str:
 
 
 def files(package: str) -> list[Path]:
-    found = [p for p in (ROOT / package).rglob("*.py") if "generated" not in p.parts]
+    places = [ROOT / f"{package}.py", *(ROOT / package).rglob("*.py")]
+    found = [p for p in places if p.is_file() and "generated" not in p.parts]
     assert found, f"{package} has no Python files"
     return found
 
