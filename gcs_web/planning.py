@@ -27,7 +27,7 @@ from gcs_web import inputs, missions, page_values, protocol, replanning, saved
 from gcs_web.document import Content
 from mapping import Map
 from mapping.free_space import FreeSpace
-from planner import could_hide
+from planner.gate import could_hide
 
 logger = logging.getLogger(__name__)
 

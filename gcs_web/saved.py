@@ -15,7 +15,8 @@ from flight.project import Project
 from gcs_web import page_values, protocol
 from mapping import Map
 from mapping.free_space import FreeSpace
-from planner import GateReport, PlanOptions, could_hide, gate, plan_report
+from planner import GateReport, PlanOptions
+from planner.gate import could_hide, gate, plan_report
 from vehicle import Limits, Vehicle
 
 _ASIDE = "*.json.old-*"

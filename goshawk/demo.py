@@ -25,7 +25,7 @@ from goshawk.map_accuracy import measure
 from goshawk.rendered import scene as rendered_room
 from goshawk.rendered import world as rendered_world
 from goshawk.sitl_process import again_if_link_dies, sitl_vehicle
-from planner import simplify
+from planner.route import simplify
 from vehicle import Vehicle
 
 HIDDEN_EFFECT = "rotor_drag_thrust"

@@ -14,7 +14,10 @@ import numpy as np
 import planner
 from esdf.field import SampledField
 from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, TrajectoryFile, silent
-from planner import GateReport, PlanOptions, gate, placing, space
+from planner import GateReport, PlanOptions
+from planner.gate import gate
+from planner.request import space
+from planner.route import placing
 from sysid.diagnosis.next_flight import NEEDS_A_CEILING, Proposal, Question
 from sysid.diagnosis.procedure import NODE_RATE_HZ
 from sysid.diagnosis.rehearsal import Room, flies_near_ground, rehearse, shrink, waypoints_of

@@ -8,7 +8,8 @@ from flight import InfeasibleError, InputError, Progress, silent
 from flight.mission import Mission
 from mapping import Map
 from mapping.free_space import FreeSpace
-from planner import could_hide, gate, mission
+from planner import mission
+from planner.gate import could_hide, gate
 from vehicle import Vehicle
 
 

@@ -10,7 +10,7 @@ from gcs_web import protocol, protocol_course, snapping
 from gcs_web.desk import Desk
 from gcs_web.document import MOST_WAYPOINTS
 from gcs_web.panels.editing import edit
-from planner import simplify
+from planner.route import simplify
 
 
 def _snap(desk: Desk, person: protocol.Person, wanted: protocol.Snap) -> None:

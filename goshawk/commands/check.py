@@ -11,8 +11,8 @@ import vehicle
 from flight import TrajectoryFile, trajectory
 from flight.progress import within
 from goshawk import console, outputs
-from planner import could_hide, gate
-from planner.limits import Check
+from planner.gate import could_hide, gate
+from planner.gate.limits import Check
 
 LOWER_BOUNDS = ("clearance", "slowest rotor")
 """Checks that need at least their bound."""

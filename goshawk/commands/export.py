@@ -9,7 +9,7 @@ import mapping
 import vehicle
 from flight import InputError, TrajectoryFile, trajectory
 from goshawk import console, outputs, plan_exports
-from planner import could_hide, gate, plan_report
+from planner.gate import could_hide, gate, plan_report
 
 
 @click.command()

@@ -16,7 +16,9 @@ from flight import FloatArray, InputError, cells, file_format
 from flight.mission import KeepIn, Laps, Mission, Yaw
 from goshawk import batch, batch_mission, console, map_standing, outputs, thin_obstacles, waypoints_file
 from mapping.dense.confidence import NearestSurface
-from planner import could_hide, options, simplify
+from planner.gate import could_hide
+from planner.request import options
+from planner.route import simplify
 
 _THINNED = 0.1
 """Share of a tube's radius by which the line in its middle may differ from the recorded path."""
@@ -71,6 +73,13 @@ surface that is farther away than this is not what the clearance is measured to.
     show_default=True,
     help="What finds a way round obstacles: a grid search, or one of OMPL's sampling planners.",
 )
+@click.option(
+    "--starts",
+    type=click.IntRange(1, options.MOST_STARTS),
+    default=1,
+    show_default=True,
+    help="Starts of the descent, of which the fastest path is kept; as many at once as there are processors.",
+)
 @click.option("--seed", type=click.IntRange(1), default=1, show_default=True, help="Seed of a sampling planner.")
 @click.option(
     "--yaw", type=click.Choice(options.YAW_MODES), help="Heading [default: as the waypoint file says, else along_path]."
@@ -112,6 +121,7 @@ def command(
     jerk_m_s3: float | None,
     method: options.Method,
     search: options.Search,
+    starts: int,
     seed: int,
     yaw: options.YawMode | None,
     heading_deg: float | None,
@@ -144,7 +154,7 @@ def command(
         raise click.UsageError("give either WAYPOINTS or --path or --batch")
     drone = vehicle.load(vehicle_file)
     wanted = options_from(drone, margin_m, speed_m_s, acceleration_m_s2, radius_m, jerk_m_s3)
-    how = replace(wanted.sized(drone), method=method, search=search, search_seed=seed)
+    how = replace(wanted.sized(drone), method=method, starts=starts, search=search, search_seed=seed)
     repeated, turned = None if laps is None else Laps(laps), yaw_from(yaw, heading_deg, look_at)
     tube = None if keep_in_m is None else KeepIn(keep_in_m)
     job = batch.Job(map_folder, vehicle_file, how, out, repeated, turned, tube, thinnest_m, overwrite=overwrite)
@@ -220,13 +230,14 @@ def _show(
         "duration_s": plan.trajectory.duration_s,
         "converged": plan.converged,
         "residual": plan.residual if isfinite(plan.residual) else None,
+        "spread_of_starts": plan.spread if isfinite(plan.spread) else None,
         "active_limits": [list(optimum.active) for optimum in plan.optima],
         "clearance_m": plan.gate.clearance_m,
         "top_speed_m_s": batch_mission.top_speed_m_s(plan.trajectory),
     }
     shown = {"clearance" if name == "clearance_m" else name: value for name, value in facts.items()}
     shown |= {"converged": _converged(plan), "active limits": _active(plan)}
-    del shown["residual"], shown["active_limits"]
+    del shown["residual"], shown["active_limits"], shown["spread_of_starts"]
     shown |= {"clearance": _clearance(plan.gate, nearest), "could hide": could_hide.describe(plan.gate)}
     checked = plan.gate.as_dict()
     jerks = [check for check in plan.gate.checks if check.name in ("jerk", "jerk of legs")]
@@ -242,7 +253,8 @@ def _show(
 
 def _converged(plan: planner.Plan) -> str:
     if plan.converged:
-        return f"yes (residual {plan.residual:.0e} of the flight time)"
+        spread = f"; starts end within {plan.spread:.2%} of each other" if isfinite(plan.spread) else ""
+        return f"yes (residual {plan.residual:.0e} of the flight time{spread})"
     if {"corridor", "bry"} & set(plan.method.split("+")):
         return f"no: method {plan.method} does not look for the least time"
     return "no: a descent stopped at its bound on iterations, or the whole path was slowed down for a limit"

@@ -14,7 +14,7 @@ from flight import FlightLog, FormatError, InputError, flight_log, frames, rotat
 from goshawk.commands.plan import read_headings, read_path
 from goshawk.demo import floor_below
 from goshawk.map_accuracy import rigid_alignment
-from planner import simplify
+from planner.route import simplify
 
 ROOT = Path(__file__).parents[2]
 TRACKING_ERROR = 67

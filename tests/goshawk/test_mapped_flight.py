@@ -8,7 +8,8 @@ import vehicle
 from esdf import solids
 from flight import InfeasibleError, trajectory
 from goshawk import mapped_flight
-from planner import PlanOptions, gate
+from planner import PlanOptions
+from planner.gate import gate
 from sysid import Options, identify
 from sysid.diagnosis.examined import examine
 from sysid.diagnosis.next_flight import Question, ask

@@ -13,7 +13,7 @@ import vehicle
 from esdf import solids
 from flight import InputError, Trajectory, Waypoints, trajectory
 from goshawk import plan_exports
-from planner import gate, plan_report
+from planner.gate import gate, plan_report
 from tests.goshawk.running import answer as goshawk
 
 SCENE = solids.Scene([solids.Room((-8.0, -8.0, 0.0), (8.0, 8.0, 3.0)), solids.Cylinder((0.0, 0.0, 1.5), 0.6, 3.0)])

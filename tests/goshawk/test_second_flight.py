@@ -17,7 +17,7 @@ from firmware_bridge import controller
 from flight import Waypoints, trajectory
 from goshawk.demo import vehicles
 from goshawk.sitl_process import sitl_vehicle
-from planner import gate
+from planner.gate import gate
 from tests.goshawk.running import answer as goshawk
 
 ROOT = Path(__file__).parent.parent.parent
@@ -104,7 +104,7 @@ def eight() -> Waypoints:
     return Waypoints(points, np.full(9, np.nan))
 
 
-def rotor_speed(report: planner.GateReport) -> planner.limits.Check:
+def rotor_speed(report: planner.GateReport) -> planner.gate.limits.Check:
     return next(check for check in report.checks if check.name == "rotor speed")
 
 

@@ -13,7 +13,7 @@ from gcs_web.job_process import Done, JobProcess
 from gcs_web.learning import Learning
 from goshawk.station_jobs import next_flight
 from goshawk.station_jobs.next_flight import Arguments
-from planner import gate
+from planner.gate import gate
 from sysid.diagnosis import diagnose
 from sysid.diagnosis.findings import Verdict
 from sysid.diagnosis.next_flight import in_doubt
