@@ -45,7 +45,7 @@ def page(log: FlightLog, report: LogReport, facts: dict[str, str]) -> str:
     found += "".join(f"<li><b>inconclusive</b>: {html.escape(sentence)}</li>" for sentence in report.inconclusive)
     found += "".join(f"<li><b>note</b>: {html.escape(sentence)}</li>" for sentence in report.notes)
     thin = f" Drawn are {len(kept)} of {len(log)} instants." if len(kept) < len(log) else ""
-    script = resources.files("goshawk").joinpath("log_report.js").read_text(encoding="utf-8")
+    script = resources.files("goshawk.commands.learn").joinpath("log_report.js").read_text(encoding="utf-8")
     # `<` is written as an escape: no text in a log can end the script element
     packed = json.dumps(data).replace("<", "\\u003c")
     return f"""<!doctype html>
