@@ -15,7 +15,7 @@ from gcs_web.flights import Flights
 from gcs_web.protocol_flight_view import ShowFlights
 from gcs_web.residuals import Compared
 from gcs_web.view3d import View3D
-from sysid.estimator.comparison import Deviation
+from sysid.estimator.validation.comparison import Deviation
 
 if TYPE_CHECKING:
     from flight.project import Project

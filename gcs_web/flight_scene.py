@@ -11,7 +11,7 @@ from gcs_web import arrows, picking, predicted, scene
 from gcs_web.arrows import Wrench
 from gcs_web.protocol_flights import ArrowScale
 from gcs_web.recorded import Path3D
-from sysid.estimator.comparison import Deviation
+from sysid.estimator.validation.comparison import Deviation
 
 if TYPE_CHECKING:
     import viser

@@ -21,7 +21,7 @@ from gcs_web import protocol, reading, session_files
 from gcs_web.job_process import Failed, JobProcess
 from gcs_web.protocol_flights import ColumnGuess, FlightCard, Incoming, Role
 from gcs_web.recorded import Recorded
-from sysid.logs import draft_columns, draft_topics
+from sysid.logs.readers import draft_columns, draft_topics
 from sysid.logs.reading import is_recording
 
 logger = logging.getLogger(__name__)

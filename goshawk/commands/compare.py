@@ -13,9 +13,9 @@ from flight import FlightLog, InputError, Progress
 from goshawk import console, fit_options, outputs
 from goshawk.flights import load, refuse_repeated
 from goshawk.model_change import prediction_error
-from sysid.estimator.comparison import HORIZONS_S, QUANTITIES
-from sysid.estimator.protocol import KNOWS, PROTOCOLS
 from sysid.estimator.result import CHANNELS, SPAN_S
+from sysid.estimator.validation.comparison import HORIZONS_S, QUANTITIES
+from sysid.estimator.validation.protocol import KNOWS, PROTOCOLS
 
 READING = ("split_gaps", "robust", "gravity_m_s2", "most_steps")
 """Options that matter where nothing is refitted: they say how flights are read and smoothed."""

@@ -13,7 +13,7 @@ from goshawk import console, fit_options, outputs, what_next
 from goshawk.flights import load, refuse_repeated
 from goshawk.what_next import DiagnoseCall
 from sysid.diagnosis import CandidateFinding, Diagnosis, Size, diagnose
-from sysid.diagnosis.outlook import Outlook, outlook
+from sysid.diagnosis.experiment_design.outlook import Outlook, outlook
 from sysid.estimator.verdict import Use
 from sysid.report import diagnosis_figures as figures
 from sysid.report import diagnosis_page as report

@@ -14,7 +14,7 @@ from flight import FlightLog, InputError, flight_log
 from goshawk import console, fit_options, log_outputs, outputs
 from goshawk.flights import marked_file
 from goshawk.words import named
-from sysid.logs.payload import PAYLOAD_CARRIED
+from sysid.logs.checks.payload import PAYLOAD_CARRIED
 
 
 @click.command()
@@ -140,7 +140,7 @@ def _cell(value: float | None) -> float | str:
 
 def draft_columns(flight: Path, out: Path, overwrite: bool, as_json: bool) -> None:
     """Write a first column map of a foreign CSV, or of a ROS recording."""
-    from sysid.logs import draft_columns, draft_topics
+    from sysid.logs.readers import draft_columns, draft_topics
     from sysid.logs.reading import is_recording
 
     outputs.check(out, overwrite=overwrite)

@@ -19,7 +19,8 @@ from gcs_web.protocol_next_flight import NextFlight
 from goshawk import console, mapped_flight
 from goshawk.mapped_flight import MappedRanking
 from goshawk.station_jobs import flights
-from sysid.diagnosis import diagnose, next_flight
+from sysid.diagnosis import diagnose
+from sysid.diagnosis.experiment_design import next_flight
 from sysid.report import words
 
 PATH_POINTS = 200

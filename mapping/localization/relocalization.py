@@ -21,9 +21,9 @@ from mapping.camera.rig import Rig
 from mapping.input.images import ImageSet
 from mapping.localization import neighbours, pose_certainty
 from mapping.localization.pose_certainty import Match
-from mapping.sparse import feature_files, features
-from mapping.sparse.feature_files import FeatureFiles
-from mapping.sparse.features import Features
+from mapping.sparse.features import feature_files, features
+from mapping.sparse.features.feature_files import FeatureFiles
+from mapping.sparse.features.features import Features
 from mapping.sparse.localization_map import LocalizationMap
 
 _STAGE, _SECOND_STAGE = "localizing", "looking again beside neighbours"
@@ -287,7 +287,7 @@ def _pose(rig: Rig, matches: list[Match], options: LocalizationOptions) -> tuple
     """T_world_body (4, 4) from 2D-3D pairs of the cameras of the rig, and which of them (n,) support it."""
     import pycolmap
 
-    from mapping.sparse import colmap_model
+    from mapping.sparse.mapper import colmap_model
 
     ransac = pycolmap.RANSACOptions(max_error=options.outlier_px, random_seed=0, max_num_trials=10_000)
     pixels = np.concatenate([p for _, p, _ in matches])

@@ -16,11 +16,13 @@ from mapping.camera import residual_field
 from mapping.camera.rig import Camera, Rig
 from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
-from mapping.sparse import alignment, calibration, colmap, model_files, overlap, pairing
+from mapping.sparse import alignment, model_files
 from mapping.sparse.alignment import Alignment, Length
-from mapping.sparse.colmap import SparseOptions
+from mapping.sparse.calibration import calibration
 from mapping.sparse.localization_map import LocalizationMap
-from mapping.sparse.overlap import UnplacedRun
+from mapping.sparse.mapper import colmap, overlap, pairing
+from mapping.sparse.mapper.colmap import SparseOptions
+from mapping.sparse.mapper.overlap import UnplacedRun
 from mapping.stages import Work
 
 CALIBRATION = "calibration"

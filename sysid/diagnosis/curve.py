@@ -10,8 +10,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from flight import FloatArray, FormatError, InputError, file_format
+from sysid.diagnosis.evidence.free_form import EVERY_CHANNEL, LIFT, SHOWN_BY_THRUST, THRUST, UNIT, WORLD, unit
 from sysid.diagnosis.findings import OutsideFinding
-from sysid.diagnosis.free_form import EVERY_CHANNEL, LIFT, SHOWN_BY_THRUST, THRUST, UNIT, WORLD, unit
 from vehicle import effects
 
 KNOTS = 9

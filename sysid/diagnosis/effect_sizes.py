@@ -3,12 +3,12 @@
 import numpy as np
 from scipy.special import ndtri
 
-from sysid.diagnosis.candidates import Candidate
+from sysid.diagnosis.evidence.candidates import Candidate
+from sysid.diagnosis.evidence.score import Score
 from sysid.diagnosis.findings import Size
-from sysid.diagnosis.score import Score
 from sysid.diagnosis.thresholds import THRESHOLDS
-from sysid.estimator.errors import NORMAL_90
 from sysid.estimator.result import Identification
+from sysid.estimator.uncertainty.errors import NORMAL_90
 from vehicle import effects
 
 VISIBLE_SIGMAS = -float(ndtri(THRESHOLDS.chance / 2.0) + ndtri(0.1))

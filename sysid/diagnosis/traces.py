@@ -6,11 +6,11 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from flight.rotations import FloatArray
-from sysid.diagnosis.candidates import Candidate
+from sysid.diagnosis.evidence.candidates import Candidate
 from sysid.diagnosis.examined import Model, reproduced
-from sysid.estimator.blocks import motor
-from sysid.estimator.midpoint import middle
-from sysid.estimator.model import slopes_along
+from sysid.estimator.motors import motor
+from sysid.estimator.trajectory.midpoint import middle
+from sysid.estimator.trajectory.model import slopes_along
 
 HORIZON_S = 0.5
 TURN_ERROR = 9.80665 * HORIZON_S**4 / 24.0

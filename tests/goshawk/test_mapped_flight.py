@@ -11,7 +11,7 @@ from goshawk import mapped_flight
 from planner import PlanOptions, gate
 from sysid import Options, identify
 from sysid.diagnosis.examined import examine
-from sysid.diagnosis.next_flight import Question, ask
+from sysid.diagnosis.experiment_design.next_flight import Question, ask
 from vehicle import flights, manoeuvres
 
 PAIR = ("rotor_drag_thrust", "rotor_drag_speed")
