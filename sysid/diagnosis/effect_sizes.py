@@ -1,7 +1,8 @@
 """How large an effect is, or may be, with its interval and the smallest size that would have shown; does it matter?"""
 
+from statistics import NormalDist
+
 import numpy as np
-from scipy.special import ndtri
 
 from sysid.diagnosis.evidence.candidates import Candidate
 from sysid.diagnosis.evidence.score import Score
@@ -11,7 +12,7 @@ from sysid.estimator.result import Identification
 from sysid.estimator.uncertainty.errors import NORMAL_90
 from vehicle import effects
 
-VISIBLE_SIGMAS = -float(ndtri(THRESHOLDS.chance / 2.0) + ndtri(0.1))
+VISIBLE_SIGMAS = -(NormalDist().inv_cdf(THRESHOLDS.chance / 2.0) + NormalDist().inv_cdf(0.1))
 """A size of so many standard errors is called present nine times in ten."""
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from flight.rotations import FloatArray
 from sysid.diagnosis.evidence.candidates import Candidate
@@ -30,6 +29,8 @@ def prediction_error_m(model: Model, sized: Sequence[tuple[Candidate, FloatArray
 
     A wrong force pushes for the whole horizon; a wrong torque tilts the vehicle, and gravity does the rest.
     """
+    from scipy.ndimage import uniform_filter1d
+
     names = tuple(n for candidate, _ in sized for n in candidate.parameters)
     squares, count = {candidate.name: 0.0 for candidate, _ in sized}, 0
     for flight, states in zip(model.flights, model.fit.solution.point.states, strict=True):

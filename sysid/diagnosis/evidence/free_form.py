@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from flight import rotations
 from flight.rotations import FloatArray
@@ -175,6 +174,8 @@ class Curve:
 
     def basis(self, values: FloatArray) -> FloatArray:
         """(k, functions); values beyond the range are taken at its end."""
+        from scipy.interpolate import BSpline
+
         if self.variable == "constant":
             return np.ones((len(values), 1))
         low, high = self.knots[3], self.knots[-4]

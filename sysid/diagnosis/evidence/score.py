@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fdtrc
 
 from flight.rotations import FloatArray
 from sysid.diagnosis.evidence.evidence import Blocks
@@ -83,7 +82,7 @@ def score(blocks: Blocks, given: IndexArray, tested: IndexArray, one_sided: NDAr
     full[kept] = size
     plain = inverse_of(part.information.sum(axis=0))[len(given) :, len(given) :]
     dispersion = max(1.0, float(np.trace(_pseudo(plain) @ covariance)) / q)
-    chance = float(fdtrc(q, freedom, max(wald, 0.0)))
+    chance = _chance(q, freedom, wald)
     return Score(tested, full, wide, gain, float(unseen.sum()), unseen, chance, dispersion)
 
 
@@ -134,7 +133,14 @@ def loss_without(blocks: Blocks, kept: IndexArray, dropped: IndexArray, values: 
     size, wide = values + step[-q:], covariance[-q:, -q:]
     wald = float(size @ _pseudo(wide) @ size) / q
     freedom = max(len(blocks.score) - part.score.shape[1], 4)
-    return Loss(_fall(part, step) - _fall(part, without), float(fdtrc(q, freedom, max(wald, 0.0))))
+    return Loss(_fall(part, step) - _fall(part, without), _chance(q, freedom, wald))
+
+
+def _chance(q: int, freedom: int, wald: float) -> float:
+    """Probability that a Wald statistic of `q` parameters comes out so large by chance."""
+    from scipy.special import fdtrc
+
+    return float(fdtrc(q, freedom, max(wald, 0.0)))
 
 
 def _solve(blocks: Blocks) -> FloatArray:

@@ -12,7 +12,6 @@ from itertools import combinations
 from typing import Any, overload
 
 import numpy as np
-from scipy.special import expit
 
 from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, Waypoints, silent
 from sysid.diagnosis.effect_sizes import VISIBLE_SIGMAS
@@ -226,6 +225,8 @@ class Question:
         expected: dict[str, float],
         smallest: dict[str, float],
     ) -> str:
+        from scipy.special import expit
+
         if len(self.candidates) > 1:
             told = " from ".join(s.name for s in self.candidates)
             sure = float(expit(before + odds))

@@ -1,15 +1,18 @@
 """Signals of a log brought to the nodes of a flight and to the intervals between them."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, PPoly
 
 from flight import FlightLog
 from flight.rotations import FloatArray
 from sysid.estimator.flights.smoothing import most_likely
 from sysid.estimator.options import Options
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,19 +76,23 @@ class Stretch:
 class Signal:
     """A sampled signal between its samples, by polynomials; before the first and after the last it is held."""
 
-    spline: PPoly
-    area: PPoly
+    spline: "PPoly"
+    area: "PPoly"
     """Its antiderivative."""
 
     @staticmethod
     def through(time_s: FloatArray, values: FloatArray) -> "Signal":
         """Through samples (n, c)."""
+        from scipy.interpolate import CubicSpline
+
         spline = CubicSpline(time_s, values, axis=0)
         return Signal(spline, spline.antiderivative())
 
     @staticmethod
     def held(time_s: FloatArray, values: FloatArray) -> "Signal":
         """Each sample (n, c) held until the next, as commands are."""
+        from scipy.interpolate import PPoly
+
         steps = PPoly(values[None], np.append(time_s, np.nextafter(time_s[-1], np.inf)))
         return Signal(steps, steps.antiderivative())
 

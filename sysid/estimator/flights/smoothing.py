@@ -1,8 +1,6 @@
 """A sampled signal as it most likely was, free of its white noise, by a Wiener filter that knows all its channels."""
 
 import numpy as np
-from scipy.signal import ShortTimeFFT
-from scipy.signal.windows import hann
 
 from flight.rotations import FloatArray
 
@@ -23,6 +21,9 @@ def most_likely(time_s: FloatArray, values: FloatArray) -> FloatArray:
     joint spectrum S of all channels. The noise is read off the quietest quarter of the band, where the vehicle no
     longer follows. A signal too short for a spectrum comes back as it is.
     """
+    from scipy.signal import ShortTimeFFT
+    from scipy.signal.windows import hann
+
     n = len(values)
     length = 2 * round(0.5 * min(SEGMENT_S / float(np.median(np.diff(time_s))), n / LEAST_SEGMENTS))
     if length < SHORTEST_SEGMENT:

@@ -8,7 +8,6 @@ is left for the border.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solveh_banded
 
 from flight import InputError
 from flight.rotations import FloatArray
@@ -213,6 +212,8 @@ def eliminate(rows: Rows) -> Eliminated:
 
 def solve_numpy(diagonal: FloatArray, coupling: FloatArray, columns: FloatArray) -> FloatArray:
     """The plain twin of `Factor(...).solve`, by LAPACK's banded Cholesky."""
+    from scipy.linalg import solveh_banded
+
     nodes, size = diagonal.shape[:2]
     tall = np.zeros((nodes, 2 * size, size))
     tall[:, :size] = diagonal

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from flight import rotations
 from flight.rotations import FloatArray
@@ -79,6 +78,8 @@ class States:
 
 def first_guess(flight: Flight, offset_body_m: FloatArray, q_body_sensor: FloatArray) -> States:
     """States from the pose alone, by local cubic fits; without a pose, from the IMU."""
+    from scipy.signal import savgol_filter
+
     if not flight.has_pose:
         return _from_imu(flight)
     uniform_s = np.linspace(flight.time_s[0], flight.time_s[-1], len(flight))

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from flight.rotations import FloatArray
 from sysid.estimator.flights.flight_data import Flight
@@ -57,6 +56,8 @@ def standard_errors(
     Args:
         held: parameters that are held because the fit did not settle with them free.
     """
+    from scipy.special import stdtrit
+
     plain = solution.covariance()
     sandwich, freedom = robust_covariance(solution, len(unknowns.bias) + len(unknowns.delay))
     by_command = assumed(solution, unknowns, flights)

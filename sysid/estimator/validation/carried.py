@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from flight.rotations import FloatArray
 from sysid.estimator.flights.sampling import means_over
@@ -36,6 +35,8 @@ class Disturbance:
             step_s: usual length of an interval.
             blind_s: what was left of the intervals that ended less long ago is not known either.
         """
+        from scipy.signal import lfilter
+
         keeps = np.exp(-step_s / self.lasts_s)
         gain = _gain(keeps, self.size**2 * (1.0 - keeps**2), self.white**2 / step_s)
         seen = [

@@ -8,8 +8,6 @@ The estimator finds the same delays more exactly, with the whole motion; here it
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.signal import butter, sosfiltfilt
 
 from flight import FlightLog, rotations
 from flight.flight_log import COLUMNS
@@ -100,6 +98,8 @@ def rotors_after_gyro(log: FlightLog, motion: Kinematics, vehicle: Vehicle) -> O
 
     In the driven band neither is smoothed, which would leave little above 8 Hz, where a delay shows best.
     """
+    from scipy.interpolate import CubicSpline
+
     rate, speed = _raw(log, "rate_body_rad_s", motion), _raw(log, "rotor_speed_rad_s", motion)
     smooth = _streams(fitted(rate, 0), fitted(rate, 1), fitted(speed, 0), motion, vehicle)
     quick = _streams(rate, CubicSpline(motion.time_s, rate)(motion.time_s, 1), speed, motion, vehicle)
@@ -156,11 +156,15 @@ def _raw(log: FlightLog, quantity: str, motion: Kinematics) -> FloatArray:
 
 def _in_driven_band(values: FloatArray) -> FloatArray:
     """(n, ...) on the grid, without delay."""
+    from scipy.signal import butter, sosfiltfilt
+
     return np.asarray(sosfiltfilt(butter(3, DRIVEN_HZ, "band", fs=1.0 / GRID_S, output="sos"), values, axis=0))
 
 
 def read_later(values: FloatArray, delay_s: float) -> FloatArray:
     """(n, c) on the grid, as they are this much later; held at the ends."""
+    from scipy.interpolate import CubicSpline
+
     time_s = GRID_S * np.arange(len(values))
     return CubicSpline(time_s, values)(np.clip(time_s + delay_s, 0.0, time_s[-1]))
 

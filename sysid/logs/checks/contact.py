@@ -8,7 +8,6 @@ share, and a moment further.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from flight import FlightLog
 from flight.frames import GRAVITY_M_S2
@@ -106,6 +105,8 @@ def _accelerometer(log: FlightLog) -> tuple[FloatArray, FloatArray]:
 
 def _blows(log: FlightLog, time_s: FloatArray, carried: FloatArray) -> list[Span]:
     """Where the accelerometer feels more than rotors, vibration and single bad samples make; judged at its own rate."""
+    from scipy.ndimage import median_filter
+
     sampled_s, felt_g = _accelerometer(log)
     inside = (sampled_s >= time_s[0]) & (sampled_s <= time_s[-1])
     sampled_s, felt_g = sampled_s[inside], felt_g[inside]

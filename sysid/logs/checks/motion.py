@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import savgol_coeffs, savgol_filter
 
 from flight import FlightLog, rotations
 from flight.frames import GRAVITY_M_S2
@@ -68,11 +67,15 @@ def resampled(at: FloatArray, time_s: FloatArray, values: FloatArray) -> FloatAr
 
 
 def fitted(values: FloatArray, derivative: int) -> FloatArray:
+    from scipy.signal import savgol_filter
+
     return np.asarray(savgol_filter(values, WINDOW, 3, deriv=derivative, delta=GRID_S, axis=0))
 
 
 def _slope_noise(grid: FloatArray, step_s: float) -> FloatArray:
     """Noise of `fitted(grid, 1)` by what the fit leaves of the samples, which were `step_s` apart before resampling."""
+    from scipy.signal import savgol_coeffs
+
     left = grid - fitted(grid, 0)
     kept = savgol_coeffs(WINDOW, 3)
     share = np.sqrt(np.sum((np.eye(WINDOW)[WINDOW // 2] - kept) ** 2))  # of white noise that the fit leaves
