@@ -27,42 +27,48 @@ from mapping.sparse.mapper.colmap import PlacedImages, SparseOptions, Stopwatch
 _TRYING = "trying the calibration"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SparseModel:
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Registration:
+    """Which images are placed, by which features, and what speaks for it: the same in whatever world frame."""
+
+    registered: np.ndarray
+    """(instants, cameras) bool."""
+    descriptors: np.ndarray
+    """(m, 128) float32 of unit length: the mean descriptor of each point."""
+    observations: np.ndarray
+    """(o, 3) int: point, instant, camera."""
+    pixels: FloatArray
+    """(o, 2) where the centres of the patches of surface are seen: the features, moved as the adjustment had them."""
+    reprojection_error_px: float
+    """Mean over the points of each one's mean over the images that see it, as COLMAP states it, of these pixels."""
+    least_agreement: float
+    """The worst placed image's share of matches that agree with the map."""
+    breaks: np.ndarray
+    """(b, 2) instants across which the map is broken, see `agreement`; none if depth images placed them."""
+    overlaps: np.ndarray
+    """(p, 3) pairs of instants and the number of verified matches between them."""
+    repeated: float
+    """Share of the features that look like others of the same image; a quarter of the images has more."""
+    by_motion: list[int]
+    """Placed instants that recorded motion joins to the others, as depth and features do not."""
+    motion_notes: list[str]
+    """Why recorded motion placed none, or not all, of the images that needed it; depth images only."""
+    trial: Trial
+    """What the matches say of the camera file; its poses and points are COLMAP's, not the world's."""
+    cpu_s: dict[str, float]
+    """CPU seconds of each step, all threads."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SparseModel(Registration):
     """What COLMAP found, in its own world frame; the scale is metric only if a rig baseline gave it."""
 
     rig: Rig
     """With refined lenses if they were to be refined, and corrected by what the trial of the calibration found."""
     T_world_body: FloatArray
     """(instants, 4, 4); NaN where not registered."""
-    registered: np.ndarray
-    """(instants, cameras) bool."""
     points_world: FloatArray
     """(m, 3)."""
-    descriptors: np.ndarray
-    """(m, 128) float32 of unit length: the mean descriptor of each point."""
-    observations: np.ndarray
-    """(o, 3) int: point, instant, camera."""
-    pixels: FloatArray
-    """(o, 2) where the centres of the patches of surface are seen, see `eccentricity`."""
-    reprojection_error_px: float
-    """Mean over the points of each one's mean over the images that see it, as COLMAP states it, of these pixels."""
-    least_agreement: float
-    """Of the placed instants, see `agreement`."""
-    breaks: np.ndarray
-    """(b, 2) instants across which the map is broken, see `agreement`; none if depth images placed them."""
-    overlaps: np.ndarray
-    """(p, 3) pairs of instants and their verified matches, see `overlap.of_instants`."""
-    repeated: float
-    """Upper quartile over the images of `repetition.share`."""
-    by_motion: list[int]
-    """Instants that recorded motion placed, as depth and features do not join them to the others."""
-    motion_notes: list[str]
-    """Why recorded motion placed none, or not all, of the images that needed it; depth images only."""
-    trial: Trial
-    """Of the camera file's calibration, by the matches."""
-    cpu_s: dict[str, float]
-    """CPU seconds of each step, all threads."""
 
 
 def calibrate(images: ImageSet, options: SparseOptions, placed: PlacedImages, *, progress: Progress) -> SparseModel:
