@@ -41,7 +41,7 @@ def matches_at(T_world_body: FloatArray, noise_px: float, rng: np.random.Generat
 def test_the_covariance_is_that_of_many_draws_of_the_noise() -> None:
     rng, squared = np.random.default_rng(1), []
     for _ in range(60):
-        answer = relocalization._answer(RIG, matches_at(T_WORLD_BODY, 0.5, rng), LocalizationOptions())
+        answer = relocalization._answer(RIG, matches_at(T_WORLD_BODY, 0.5, rng))
         assert answer.T_world_body is not None
         off_m = answer.T_world_body[:3, 3] - T_WORLD_BODY[:3, 3]
         off_rad = rotations.log(rotations.from_matrix(T_WORLD_BODY[:3, :3].T @ answer.T_world_body[:3, :3]))
@@ -102,11 +102,11 @@ def test_four_matches_tell_how_certain_a_pose_is_and_three_do_not() -> None:
 
 
 def test_a_refusal_says_why() -> None:
-    rng, options = np.random.default_rng(3), LocalizationOptions()
-    few = relocalization._answer(RIG, matches_at(T_WORLD_BODY, 0.5, rng, count=10), options)
+    rng = np.random.default_rng(3)
+    few = relocalization._answer(RIG, matches_at(T_WORLD_BODY, 0.5, rng, count=10))
     assert (few.T_world_body, few.refusal) == (None, "20 features look like points of the map; 30 needed")
     wrong = [(n, p, rng.permutation(x)) for n, p, x in matches_at(T_WORLD_BODY, 0.5, rng)]
-    answer = relocalization._answer(RIG, wrong, options)
+    answer = relocalization._answer(RIG, wrong)
     assert answer.T_world_body is None
     assert answer.refusal.endswith("of 400 matches agree with one pose; 60 needed")
     right, rest = matches_at(T_WORLD_BODY, 0.5, rng, count=10), matches_at(T_WORLD_BODY, 0.5, rng, count=50)
@@ -114,7 +114,7 @@ def test_a_refusal_says_why() -> None:
         (n, np.concatenate([p, q]), np.concatenate([x, rng.permutation(y)]))
         for (n, p, x), (_, q, y) in zip(right, rest, strict=True)
     ]
-    assert relocalization._answer(RIG, mixed, options).refusal.endswith("of 120 matches agree with one pose; 30 needed")
+    assert relocalization._answer(RIG, mixed).refusal.endswith("of 120 matches agree with one pose; 30 needed")
 
 
 TIMES_S = np.arange(6.0)
