@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from flight import FlightLog, FormatError, InputError, flight_log
-from sysid.logs import read_bag, read_csv, read_ulog
+from sysid.logs.readers import read_bag, read_csv, read_ulog
 
 FOREIGN = (".csv", ".csv.gz", ".ulg", ".bag", ".db3", ".mcap")
 """Endings of other programs' logs."""

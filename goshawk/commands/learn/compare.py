@@ -14,9 +14,9 @@ from goshawk.commands.learn import fit_options
 from goshawk.commands.learn.flights import load, refuse_repeated
 from goshawk.commands.learn.model_change import prediction_error
 from goshawk.terminal import console, outputs
-from sysid.estimator.comparison import HORIZONS_S, QUANTITIES
-from sysid.estimator.protocol import KNOWS, PROTOCOLS
 from sysid.estimator.result import CHANNELS, SPAN_S
+from sysid.estimator.validation.comparison import HORIZONS_S, QUANTITIES
+from sysid.estimator.validation.protocol import KNOWS, PROTOCOLS
 
 READING = ("split_gaps", "robust", "gravity_m_s2", "most_steps")
 """Options that matter where nothing is refitted: they say how flights are read and smoothed."""

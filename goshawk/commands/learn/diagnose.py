@@ -14,7 +14,7 @@ from goshawk.commands.learn.flights import load, refuse_repeated
 from goshawk.commands.learn.what_next import DiagnoseCall
 from goshawk.terminal import console, outputs
 from sysid.diagnosis import CandidateFinding, Diagnosis, Size, diagnose
-from sysid.diagnosis.outlook import Outlook, outlook
+from sysid.diagnosis.experiment_design.outlook import Outlook, outlook
 from sysid.estimator.verdict import Use
 from sysid.report import diagnosis_figures as figures
 from sysid.report import diagnosis_page as report

@@ -15,7 +15,7 @@ from goshawk.commands.learn import fit_options, log_outputs
 from goshawk.commands.learn.flights import marked_file
 from goshawk.terminal import console, outputs
 from goshawk.terminal.words import named
-from sysid.logs.payload import PAYLOAD_CARRIED
+from sysid.logs.checks.payload import PAYLOAD_CARRIED
 
 
 @click.command()
@@ -141,7 +141,7 @@ def _cell(value: float | None) -> float | str:
 
 def draft_columns(flight: Path, out: Path, overwrite: bool, as_json: bool) -> None:
     """Write a first column map of a foreign CSV, or of a ROS recording."""
-    from sysid.logs import draft_columns, draft_topics
+    from sysid.logs.readers import draft_columns, draft_topics
     from sysid.logs.reading import is_recording
 
     outputs.check(out, overwrite=overwrite)

@@ -15,8 +15,8 @@ from goshawk.commands.learn.flights import load
 from goshawk.commands.learn.vehicle_new import new, schema
 from goshawk.terminal import console, outputs, words
 from goshawk.terminal.verbs import VerbGroup
-from sysid.estimator import changes
-from sysid.estimator.changes import Change, Flights
+from sysid.estimator.validation import changes
+from sysid.estimator.validation.changes import Change, Flights
 from sysid.estimator.verdict import Use
 from vehicle import Vehicle, history
 

@@ -14,7 +14,7 @@ import vehicle
 from flight import flight_log
 from goshawk.cli import main
 from goshawk.commands.learn import model_change
-from sysid.estimator import changes
+from sysid.estimator.validation import changes
 from vehicle import flights, history, manoeuvres
 
 DRAG = "rotor_drag_thrust"
