@@ -19,7 +19,7 @@ from esdf import solids
 from firmware_bridge import Sensors, SitlVehicle, connect, controller
 from firmware_bridge.airborne import in_the_air, tracking
 from flight import FlightLog, Waypoints
-from goshawk.demo import vehicles
+from goshawk.demo.chain import vehicles
 from planner.gate import gate
 from sysid.diagnosis import diagnose
 
