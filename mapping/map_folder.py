@@ -60,10 +60,11 @@ from mapping.input.images import ImageSet
 from mapping.input.selection import SelectionOptions
 from mapping.input.trajectory import MotionKind
 from mapping.map_figures import MapReport
-from mapping.sparse import alignment, colmap, localization_map, reconstruction
+from mapping.sparse import alignment, localization_map, reconstruction
 from mapping.sparse.alignment import DEPTH_SOURCE, Length
-from mapping.sparse.colmap import SparseOptions
 from mapping.sparse.localization_map import LocalizationMap
+from mapping.sparse.mapper import colmap
+from mapping.sparse.mapper.colmap import SparseOptions
 from mapping.stages import Work
 from mapping.verdict import Standing
 

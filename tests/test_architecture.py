@@ -1,7 +1,10 @@
 """The floors of docs/architecture.md: who may import whom. A climb fails here, by file and line."""
 
 import ast
+import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
+from os.path import normpath
 from pathlib import Path
 
 import pytest
@@ -18,6 +21,10 @@ MAY_IMPORT = {
     "gcs_web": {"flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge"},
     "goshawk": {"flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge", "gcs_web"},
 }
+_BELOW_THE_DESK = (
+    "protocol", "gateway", "jobs", "scene", "document", "planning", "map", "vehicle", "flights", "comparison",
+    "learning",
+)  # fmt: skip
 ROOMS = {
     "mapping.camera": set(),
     "mapping.input": {"mapping.camera"},
@@ -48,8 +55,39 @@ ROOMS = {
         "goshawk.commands.learn",
     },
     "goshawk.commands.fly": {"goshawk.terminal", "goshawk.commands.project", "goshawk.station_jobs"},
+    "gcs_web.protocol": set(),
+    "gcs_web.gateway": {"gcs_web.protocol"},
+    "gcs_web.jobs": {"gcs_web.protocol"},
+    "gcs_web.scene": {"gcs_web.protocol"},
+    "gcs_web.document": {"gcs_web.protocol"},
+    "gcs_web.planning": {"gcs_web.protocol", "gcs_web.scene", "gcs_web.document"},
+    "gcs_web.map": {f"gcs_web.{room}" for room in ("protocol", "gateway", "jobs", "scene", "document", "planning")},
+    "gcs_web.vehicle": {"gcs_web.protocol", "gcs_web.scene", "gcs_web.planning"},
+    "gcs_web.flights": {"gcs_web.protocol", "gcs_web.jobs"},
+    "gcs_web.comparison": {"gcs_web.protocol", "gcs_web.gateway", "gcs_web.scene", "gcs_web.flights"},
+    "gcs_web.learning": {"gcs_web.protocol", "gcs_web.flights", "gcs_web.comparison"},
+    "gcs_web.view3d": {f"gcs_web.{room}" for room in ("protocol", "scene", "document", "map", "vehicle", "comparison")},
+    "gcs_web.desk": {f"gcs_web.{room}" for room in (*_BELOW_THE_DESK, "view3d")},
+    "gcs_web.panels": {f"gcs_web.{room}" for room in (*_BELOW_THE_DESK, "view3d", "desk")},
+    "gcs_web.app": {f"gcs_web.{room}" for room in (*_BELOW_THE_DESK, "view3d", "desk", "panels")},
 }
 """Rooms of a package that is large enough to have some, and which of its other rooms each may import."""
+CONTROLLER = ROOT / "firmware_bridge" / "controller" / "src"
+CONTROLLER_ROOMS = ["base", "trajectory", "control", "mission", "link/transport", "link/services", "link"]
+"""Rooms of the embedded C, the lowest floor first: each may call and include those before it."""
+FLOORS = {
+    "mapping.sparse": (".", "calibration", "mapper", "recorded_motion", "features"),
+    "vehicle": ("simulation", "importers", ".", "effects"),
+    "vehicle.effects": ("torque", "thrust", "drag", "surroundings", "motors", "mass", "sensors", "."),
+    "sysid.logs": (".", "checks", "readers"),
+    "sysid.estimator": (
+        "validation", ".", "uncertainty", "joint_problem", "blocks", "trajectory", "motors", "flights", "options",
+    ),
+    "sysid.diagnosis": ("experiment_design", ".", "evidence", "thresholds"),
+}  # fmt: skip
+"""The rooms in a folder from the top down, "." being its own modules: each imports only what stands below it."""
+CODE = {".py", ".c", ".h", ".cpp", ".hpp", ".ts", ".tsx"}
+NOT_PRODUCT = {"generated", "node_modules", "test"}
 GROUND_FLOOR_LIBRARIES = {"numpy", "pyarrow", "tomli_w"}
 HEAVY = {"open3d", "pycolmap", "matplotlib", "viser", "scipy.optimize", "osqp", "ompl", "aiohttp", "pyarrow"}
 
@@ -114,9 +152,16 @@ def room_of(module: str) -> str:
 
 
 def files(package: str) -> list[Path]:
-    found = [p for p in (ROOT / package).rglob("*.py") if "generated" not in p.parts]
+    places = [ROOT / f"{package}.py", *(ROOT / package).rglob("*.py")]
+    found = [p for p in places if p.is_file() and "generated" not in p.parts]
     assert found, f"{package} has no Python files"
     return found
+
+
+def modules_of(package: str) -> dict[str, Path]:
+    """Every module of a package or room by its name, and its file."""
+    found = files(package.replace(".", "/"))
+    return {".".join(p.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): p for p in found}
 
 
 @pytest.mark.parametrize("package", MAY_IMPORT)
@@ -144,10 +189,29 @@ def test_rooms_import_only_rooms_below_them(room):
     assert not climbs
 
 
+@pytest.mark.parametrize("folder", FLOORS)
+def test_rooms_in_a_folder_import_only_what_stands_below_them(folder):
+    floors, places = FLOORS[folder], modules_of(folder)
+
+    def floor(module: str) -> int:
+        first = module.removeprefix(f"{folder}.").split(".")[0]
+        return floors.index(first if first in floors else ".")
+
+    climbs = [
+        f"{name} imports {other}"
+        for name, path in places.items()
+        for other in imported_modules(ast.parse(path.read_text()), set(places))
+        if name != folder and floor(other) < floor(name)
+    ]
+    assert not climbs
+    rooms = {p.parent.name for p in (ROOT / folder.replace(".", "/")).glob("*/*.py")}
+    assert rooms <= set(floors), "a room without a floor"
+
+
 @pytest.mark.parametrize("package", MAY_IMPORT)
 def test_modules_of_a_package_do_not_import_each_other_in_a_circle(package):
     """Imports inside functions count: a circle is a circle however late it closes."""
-    places = {".".join(p.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): p for p in files(package)}
+    places = modules_of(package)
     places |= {f"{package}.{stub.stem}": stub for stub in (ROOT / package).glob("_*.pyi")}
     modules = set(places)
     graph = {name: imported_modules(ast.parse(path.read_text()), modules) for name, path in places.items()}
@@ -161,6 +225,45 @@ def test_a_circle_is_found_however_late_it_closes():
     graph = {"room": set(), "room.a": imported_modules(late, modules), "room.c": imported_modules(typed, modules)}
     assert graph["room.a"] == {"room.b"}
     assert circles(graph | {"room.b": {"room.a", "room.c"}}) == [["room.a", "room.b"]]
+
+
+def c_uses(sources: Mapping[str, str]) -> dict[str, set[str]]:
+    """Of each C file, by its path: the others whose functions it calls or names, and the headers it includes."""
+    comment_or_include = re.compile(r"/\*.*?\*/|^#include .*?$", re.DOTALL | re.MULTILINE)
+    code = {path: comment_or_include.sub("", text) for path, text in sources.items() if path.endswith(".c")}
+    function = re.compile(r"^(?!static\b|typedef\b)[a-z][\w \*]*?\b(\w+)\([^;{}]*\)\s*\{", re.MULTILINE)
+    home = {name: path for path, text in code.items() for name in function.findall(text)}
+    uses = {path: {home[word] for word in re.findall(r"\w+", code.get(path, "")) if word in home} for path in sources}
+    for path, text in sources.items():
+        for name in re.findall(r'^#include "([^"]+)"', text, re.MULTILINE):
+            uses[path].add(normpath(Path(path).parent / name))
+    return {path: (used & set(sources)) - {path} for path, used in uses.items()}
+
+
+def controller_uses() -> dict[str, set[str]]:
+    files = [*CONTROLLER.rglob("*.c"), *CONTROLLER.rglob("*.h")]
+    return c_uses({path.relative_to(CONTROLLER).as_posix(): path.read_text() for path in files})
+
+
+def test_files_of_the_controller_do_not_call_each_other_in_a_circle():
+    assert not circles(controller_uses())
+
+
+def test_rooms_of_the_controller_only_call_and_include_rooms_below_them():
+    uses = controller_uses()
+    floor = {path: CONTROLLER_ROOMS.index(Path(path).parent.as_posix()) for path in uses}
+    climbs = [f"{path} needs {other}" for path, used in uses.items() for other in used if floor[other] > floor[path]]
+    assert not climbs
+    assert {floor[path] for path in uses} == set(range(len(CONTROLLER_ROOMS)))
+
+
+def test_a_circle_of_c_files_is_found_by_calls_and_by_includes():
+    low = '#include "../up/high.h"\nint low(void) { return 1; } /* high() */\n'
+    high = "static int own(void) { return low(); }\nint high(int (*with)(void)) {\n    return own();\n}\n"
+    uses = c_uses({"base/low.c": low, "up/high.c": high, "up/high.h": "int high(int (*with)(void));\n"})
+    assert uses == {"base/low.c": {"up/high.h"}, "up/high.c": {"base/low.c"}, "up/high.h": set()}
+    assert not circles(uses)
+    assert circles(c_uses({"low.c": low.replace("/* high() */", "int x = high(0);"), "high.c": high}))
 
 
 def test_the_ground_floor_needs_only_numpy_and_file_libraries():
@@ -201,3 +304,15 @@ def test_no_module_is_longer_than_five_hundred_lines():
     sources += [p for package in MAY_IMPORT for p in (ROOT / package).rglob("*.cpp")]
     long = {str(p.relative_to(ROOT)): n for p in sources if (n := p.read_text().count("\n")) > 500}
     assert not long
+
+
+def test_no_folder_holds_more_than_twenty_modules():
+    """A header and its source are one module."""
+    sources = [
+        path
+        for package in MAY_IMPORT
+        for path in (ROOT / package).rglob("*")
+        if path.suffix in CODE and path.name != "__init__.py" and not NOT_PRODUCT & set(path.relative_to(ROOT).parts)
+    ]
+    modules = {(path.parent.relative_to(ROOT).as_posix(), path.stem) for path in sources}
+    assert not {folder: n for folder, n in Counter(folder for folder, _ in modules).items() if n > 20}

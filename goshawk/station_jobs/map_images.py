@@ -12,7 +12,7 @@ from esdf.edits import EDITS
 from flight import InputError, Progress
 from flight.project import Project
 from gcs_web.desk import Desk
-from gcs_web.jobs import Choices, Kind
+from gcs_web.jobs.jobs import Choices, Kind
 from goshawk.commands.map.build import CARRIER_M, THINNEST_M, VOXEL_M, length_from
 from mapping.input import trajectory
 

@@ -9,7 +9,7 @@ import vehicle
 from flight import InputError, Progress
 from flight.project import Project, part_name
 from gcs_web.desk import Desk
-from gcs_web.jobs import Choices, Kind
+from gcs_web.jobs.jobs import Choices, Kind
 from goshawk.commands.plan import batch
 from goshawk.commands.plan.plan_options import options_from
 

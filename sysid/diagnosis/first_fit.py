@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from flight import FlightLog, Progress
-from sysid.estimator.clocks import pose_is_late
+from sysid.estimator.flights.clocks import pose_is_late
 from sysid.estimator.identification import identify
 from sysid.estimator.options import Options
 from sysid.estimator.result import NOT_SETTLED, Identification

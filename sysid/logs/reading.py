@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from flight import FlightLog, FormatError, InputError, flight_log
-from sysid.logs import read_bag, read_csv, read_ulog
+from sysid.logs.readers import read_bag, read_csv, read_ulog
 
 FOREIGN = (".csv", ".csv.gz", ".ulg", ".bag", ".db3", ".mcap")
 """Endings of other programs' logs."""
@@ -48,7 +48,7 @@ def _read(path: Path, column_map: Path | None) -> FlightLog:
         return read_ulog.read(path)
     if is_recording(path):
         if column_map is None:
-            raise FormatError(f"{path} is a ROS recording; give its column map with --columns (docs/identification.md)")
+            raise FormatError(f"{path} is a ROS recording; give its column map with --columns")
         return read_bag.read(path, column_map)
     if path.is_dir():
         raise InputError(f"{path} is a folder; give a flight log (a folder is one only as a ROS 2 recording)")

@@ -18,8 +18,8 @@ import mapping
 import sysid
 import vehicle
 from flight import FlightLog, flight_log, trajectory
-from sysid.estimator.comparison import HORIZONS_S, QUANTITIES
-from sysid.estimator.protocol import PROTOCOLS
+from sysid.estimator.validation.comparison import HORIZONS_S, QUANTITIES
+from sysid.estimator.validation.protocol import PROTOCOLS
 from tests.journeys import inputs
 
 PORT = "14561"

@@ -15,9 +15,9 @@ from goshawk.commands.learn.flights import load, refuse_repeated
 from goshawk.commands.learn.model_change import prediction_error
 from goshawk.terminal import console, outputs
 from goshawk.terminal.screen import Screen
-from sysid.estimator.comparison import HORIZONS_S, QUANTITIES
-from sysid.estimator.protocol import KNOWS, PROTOCOLS
 from sysid.estimator.result import CHANNELS, SPAN_S
+from sysid.estimator.validation.comparison import HORIZONS_S, QUANTITIES
+from sysid.estimator.validation.protocol import KNOWS, PROTOCOLS
 
 KIND = "comparison"
 READING = ("split_gaps", "robust", "gravity_m_s2", "most_steps")

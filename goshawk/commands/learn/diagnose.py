@@ -16,8 +16,9 @@ from goshawk.commands.learn.flights import load, refuse_repeated
 from goshawk.commands.learn.what_next import DiagnoseCall
 from goshawk.terminal import console, outputs
 from goshawk.terminal.screen import Screen
-from sysid.diagnosis import CandidateFinding, Diagnosis, Size, diagnose, next_flight
-from sysid.diagnosis.outlook import Outlook, outlook
+from sysid.diagnosis import CandidateFinding, Diagnosis, Size, diagnose
+from sysid.diagnosis.experiment_design import next_flight
+from sysid.diagnosis.experiment_design.outlook import Outlook, outlook
 from sysid.estimator.verdict import Use
 from sysid.report import diagnosis_figures as figures
 from sysid.report import diagnosis_page as report

@@ -10,7 +10,7 @@ from flight import FlightLog, InputError, flight_log
 from goshawk.commands.learn import log_exports, log_outputs
 from goshawk.commands.learn.flights import marked_file
 from goshawk.terminal import console, outputs
-from sysid.logs.payload import PAYLOAD_CARRIED
+from sysid.logs.checks.payload import PAYLOAD_CARRIED
 
 flight_argument = click.argument("flight", type=click.Path(path_type=Path))
 
@@ -153,8 +153,8 @@ def draft_columns(flight: Path, out: Path, overwrite: bool, as_json: bool) -> No
     goshawk log draft-columns flight.csv --out columns.toml
     goshawk log check flight.csv --columns columns.toml
     """
-    from sysid.logs import draft_columns as columns
-    from sysid.logs import draft_topics as topics
+    from sysid.logs.readers import draft_columns as columns
+    from sysid.logs.readers import draft_topics as topics
     from sysid.logs.reading import is_recording
 
     log_outputs.require_others(flight, out)

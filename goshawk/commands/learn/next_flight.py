@@ -16,12 +16,13 @@ from goshawk.commands.learn.flights import load, refuse_repeated
 from goshawk.commands.plan import map_standing
 from goshawk.terminal import console, outputs
 from planner import PlanOptions
-from sysid.diagnosis import diagnose, next_flight
-from sysid.diagnosis.candidates import require_missing
+from sysid.diagnosis import diagnose
+from sysid.diagnosis.evidence.candidates import require_missing
 from sysid.diagnosis.examined import examine
-from sysid.diagnosis.next_flight import Proposal, Ranking
+from sysid.diagnosis.experiment_design import next_flight
+from sysid.diagnosis.experiment_design.next_flight import Proposal, Ranking
+from sysid.diagnosis.experiment_design.rehearsal import Room
 from sysid.diagnosis.procedure import while_searching
-from sysid.diagnosis.rehearsal import Room
 from vehicle import manoeuvres
 
 SCHEMA_VERSION = 2

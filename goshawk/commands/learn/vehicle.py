@@ -14,7 +14,7 @@ from goshawk.commands.learn.vehicle_effect import effect, vehicle_argument
 from goshawk.commands.learn.vehicle_new import new, schema
 from goshawk.terminal import console, outputs, words
 from goshawk.terminal.verbs import VerbGroup
-from sysid.estimator import changes
+from sysid.estimator.validation import changes
 from vehicle import Limits, Vehicle, history
 
 

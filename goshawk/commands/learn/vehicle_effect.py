@@ -14,8 +14,8 @@ from goshawk.commands.learn import fit_options, kept, model_change
 from goshawk.commands.learn.flights import load
 from goshawk.terminal import console, outputs
 from goshawk.terminal.verbs import VerbGroup
-from sysid.estimator import changes
-from sysid.estimator.changes import Change, Flights
+from sysid.estimator.validation import changes
+from sysid.estimator.validation.changes import Change, Flights
 from sysid.estimator.verdict import Use
 from vehicle import Vehicle, history
 

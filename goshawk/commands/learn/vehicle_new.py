@@ -92,7 +92,7 @@ def new(
 
 def imported(path: Path) -> Known:
     """Data of another program's file; the suffix determines the format."""
-    from vehicle import import_px4, import_rotorpy, import_urdf
+    from vehicle.importers import import_px4, import_rotorpy, import_urdf
 
     readers = {
         ".params": import_px4.read,

@@ -10,8 +10,9 @@ import numpy as np
 
 from flight import InputError
 from goshawk.commands.learn.flights import marked_file
-from sysid.diagnosis import Diagnosis, OutsideFinding, curve, next_flight, outlook
-from sysid.diagnosis.outlook import Outlook
+from sysid.diagnosis import Diagnosis, OutsideFinding, curve
+from sysid.diagnosis.experiment_design import next_flight, outlook
+from sysid.diagnosis.experiment_design.outlook import Outlook
 from sysid.estimator.verdict import Use
 
 THRUST = "thrust_bem"

@@ -14,7 +14,7 @@ from mapping import map_folder, stages
 from mapping.dense import confidence
 from mapping.input import examination, trajectory
 from mapping.input.source import Source
-from mapping.sparse.overlap import UnplacedRun
+from mapping.sparse.mapper.overlap import UnplacedRun
 from mapping.verdict import Standing
 
 VOXEL_M, FARTHEST_M, THINNEST_M, CARRIER_M = (0.005, 10.0), (0.1, 1000.0), (0.001, 1.0), (0.01, 2.0)

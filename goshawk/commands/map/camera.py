@@ -51,7 +51,7 @@ def new(images: Path, out: Path, focal_px: float | None, quick: bool, overwrite:
     IMAGES is a folder of images that one camera took from several places, neighbours overlapping. The result is a
     first guess: mapping refines it.
     """
-    from mapping.sparse import lens_guess
+    from mapping.sparse.calibration import lens_guess
 
     outputs.check(out, overwrite=overwrite)
     with console.progress() as report:

@@ -5,11 +5,11 @@ import pytest
 
 import vehicle
 from flight import flight_log, project, silent
-from gcs_web import identified
-from gcs_web.flights import Flights
-from gcs_web.learning import Learning
+from gcs_web.flights.flights import Flights
+from gcs_web.learning import identified
+from gcs_web.learning.learning import Learning
 from goshawk.station_jobs import identify
-from sysid.estimator.unsettled import CONFOUNDED
+from sysid.estimator.uncertainty.unsettled import CONFOUNDED
 from tests.goshawk.station_jobs.test_station_learning import BOB
 from vehicle import flights, manoeuvres
 

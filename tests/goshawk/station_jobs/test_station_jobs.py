@@ -10,7 +10,7 @@ import pytest
 
 import vehicle
 from flight import FormatError, InputError, Waypoints, project, silent, trajectory
-from gcs_web.jobs import Jobs
+from gcs_web.jobs.jobs import Jobs
 from goshawk.station_jobs import KINDS, identify, map_images, plan_batch
 from mapping.camera import rig
 from tests.waiting import until

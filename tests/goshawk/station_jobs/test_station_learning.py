@@ -15,20 +15,22 @@ import pytest
 
 import vehicle
 from flight import InputError, file_format, flight_log, project, silent
-from gcs_web import comparing, diagnosis_values, residuals
-from gcs_web.comparing import Comparing
-from gcs_web.flights import Flights
-from gcs_web.learning import KeptTrial, Learning, save_trial
+from gcs_web.comparison import comparing, residuals
+from gcs_web.comparison.comparing import Comparing
+from gcs_web.flights.flights import Flights
+from gcs_web.learning import diagnosis_values
+from gcs_web.learning.learning import KeptTrial, Learning, save_trial
 from goshawk.cli import main
 from goshawk.station_jobs import compare, diagnose, identify, try_effect
 from goshawk.station_jobs.flights import Chosen
-from sysid.diagnosis import OutsideFinding, explained
-from sysid.diagnosis.free_form import UNIT
-from sysid.estimator import changes
-from sysid.estimator.changes import HORIZON_S
-from sysid.estimator.comparison import HORIZONS_S, QUANTITIES
-from sysid.estimator.comparison import compare as compared_by_sysid
+from sysid.diagnosis import OutsideFinding
+from sysid.diagnosis.evidence import explained
+from sysid.diagnosis.evidence.free_form import UNIT
 from sysid.estimator.options import Options
+from sysid.estimator.validation import changes
+from sysid.estimator.validation.changes import HORIZON_S
+from sysid.estimator.validation.comparison import HORIZONS_S, QUANTITIES
+from sysid.estimator.validation.comparison import compare as compared_by_sysid
 from sysid.report import residual_plots, words
 from sysid.report.pages import SHOWN
 from vehicle import flights, manoeuvres
@@ -269,7 +271,7 @@ def test_a_flight_with_gaps_is_refused_in_the_words_of_the_page(opened, tmp_path
             work(folder, asked, silent)
         assert "gaps=" not in str(said.value)
         assert (box if work is not identify._run else 'the box "Fit the pieces between gaps"') in str(said.value)
-    client = Path(comparing.__file__).with_name("client") / "src" / "panels" / "FlightList.tsx"
+    client = Path(comparing.__file__).parents[1] / "client" / "src" / "panels" / "compare" / "FlightList.tsx"
     assert "Take the pieces between them as flights of their own" in client.read_text(encoding="utf-8")
 
 

@@ -8,15 +8,15 @@ import pytest
 import mapping
 import vehicle
 from flight import InputError, file_format, flight_log, project, silent, trajectory
-from gcs_web.flights import Flights
-from gcs_web.job_process import Done, JobProcess
-from gcs_web.learning import Learning
+from gcs_web.flights.flights import Flights
+from gcs_web.jobs.job_process import Done, JobProcess
+from gcs_web.learning.learning import Learning
 from goshawk.station_jobs import next_flight
 from goshawk.station_jobs.next_flight import Arguments
 from planner.gate import gate
 from sysid.diagnosis import diagnose
+from sysid.diagnosis.experiment_design.next_flight import in_doubt
 from sysid.diagnosis.findings import Verdict
-from sysid.diagnosis.next_flight import in_doubt
 from sysid.estimator.options import Options
 from tests.gcs_web.station_process import alive
 from vehicle import flights, manoeuvres

@@ -12,10 +12,12 @@ import planner
 import vehicle
 from esdf import solids
 from flight import FormatError, InputError, Waypoints, file_format, flight_log, project, silent
-from gcs_web import diagnosis_values, learning, protocol, reading
-from gcs_web.consent import Consent
-from gcs_web.flights import Flights
-from gcs_web.learning import Learning
+from gcs_web import protocol
+from gcs_web.flights import reading
+from gcs_web.flights.flights import Flights
+from gcs_web.learning import diagnosis_values, learning
+from gcs_web.learning.consent import Consent
+from gcs_web.learning.learning import Learning
 from goshawk.station_jobs import compare, try_effect
 from goshawk.station_jobs.flights import Chosen
 from sysid.diagnosis import OutsideFinding, curve

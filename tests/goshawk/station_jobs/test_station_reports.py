@@ -8,7 +8,7 @@ import pytest
 
 import vehicle
 from flight import InputError, flight_log, project, silent
-from gcs_web import reports
+from gcs_web.comparison import reports
 from goshawk.station_jobs import compare, diagnose
 from goshawk.station_jobs.flights import Chosen
 from vehicle import flights, manoeuvres

@@ -2,42 +2,42 @@
 #include "../base/maths.h"
 #include "internal.h"
 
-#define LEAD_M 0.25f             /* the set-point is at most so far below the vehicle */
-#define LEAD_NEAR_M 0.05f        /* of that, for the noise of the estimate */
-#define SPEED_UP_M_S2 0.02f      /* a biased vertical velocity must not keep it up for ever */
-#define FASTEST_M_S 1.0f         /* that far, unless the parameter asks for more */
-#define VERTICAL_BRAKE_M_S2 2.0f /* towards the descent's speed */
-#define BRAKING_M_S 1.0f         /* horizontal: it keeps its height until it is slower */
-#define CONTACT_S 0.12f
-#define CONTACT_SPEED_M_S 0.5f /* horizontal */
-#define CONTACT_RATE_RAD_S 0.52f
-#define RETRY_S 0.3f /* after a stage that found the vehicle flying */
-#define UNLOAD_S 0.5f
-#define UNLOADED 0.1f    /* of the weight */
-#define GAINED_M_S 0.35f /* downwards since UNLOAD began: it flies */
-#define FALLEN_G 0.25f   /* of thrust, from which on the accelerometer is compared with it */
-#define SUPPORT_G 0.5f   /* specific force that the rotors do not give: it stands on something */
-#define FORCE_FILTER_S 0.02f
-#define IDLE_S 0.3f
-#define STILL_RATE_RAD_S 0.5f
-#define STILL_M_S 0.5f
-#define IMPACT_G 0.4f /* above 1 g, in an emergency without vertical velocity */
+static const float LEAD_M = 0.25f;             /* the set-point is at most so far below the vehicle */
+static const float LEAD_NEAR_M = 0.05f;        /* of that, for the noise of the estimate */
+static const float SPEED_UP_M_S2 = 0.02f;      /* a biased vertical velocity must not keep it up for ever */
+static const float FASTEST_M_S = 1.0f;         /* that far, unless the parameter asks for more */
+static const float VERTICAL_BRAKE_M_S2 = 2.0f; /* towards the descent's speed */
+static const float BRAKING_M_S = 1.0f;         /* horizontal: it keeps its height until it is slower */
+static const float CONTACT_S = 0.12f;          /* it must seem to be on something for this long */
+static const float CONTACT_SPEED_M_S = 0.5f;   /* horizontal */
+static const float CONTACT_RATE_RAD_S = 0.52f; /* 30 degrees a second: it turns freely */
+static const float RETRY_S = 0.3f;             /* after a stage that found the vehicle flying */
+static const float UNLOAD_S = 0.5f;            /* the collective falls to UNLOADED */
+static const float UNLOADED = 0.1f;            /* of the weight */
+static const float GAINED_M_S = 0.35f;         /* downwards since UNLOAD began: it flies */
+static const float FALLEN_G = 0.25f;           /* of thrust, from which on the accelerometer is compared with it */
+static const float SUPPORT_G = 0.5f;           /* specific force that the rotors do not give: it stands on something */
+static const float FORCE_FILTER_S = 0.02f;     /* of the accelerometer, whose noise the tests must not see */
+static const float IDLE_S = 0.3f;              /* of stillness, then the rotors stop */
+static const float STILL_RATE_RAD_S = 0.5f;    /* beyond, it moves */
+static const float STILL_M_S = 0.5f;
+static const float IMPACT_G = 0.4f; /* above 1 g, in an emergency without vertical velocity */
 /* Such a descent loses thrust with time, for ground effect must not keep it floating. Slowly: after 15 s (20 m) it is
    4 + 2.25 % short, and with 1.9 % of error still settles below 2.5 m/s, as inflow damps by 0.32/s. Without
    accelerometer no UNLOAD brings it down between gusts, before time ends the descent: more. */
-#define SINK_MORE_1_S 0.0015f
-#define SINK_MORE_UNFELT_1_S 0.002f
-#define SINK_MOST 0.08f
-#define PROBE_S 1.0f         /* ... where UNLOAD is tried this often */
-#define TOUCHED_PROBE_S 0.4f /* ... once something has been hit */
-#define AFTER_IMPACT 0.8f    /* of that thrust, so that ground effect does not keep it floating */
-#define INVERTED 0.5f        /* cosine of the tilt beyond which a vehicle at rest lies on its side or back */
-#define INVERTED_REST_S 0.3f
-#define EMERGENCY_FEEDBACK_M_S2 3.0f
+static const float SINK_MORE_1_S = 0.0015f;
+static const float SINK_MORE_UNFELT_1_S = 0.002f;
+static const float SINK_MOST = 0.08f;      /* never beyond this */
+static const float PROBE_S = 1.0f;         /* ... where UNLOAD is tried this often */
+static const float TOUCHED_PROBE_S = 0.4f; /* ... once something has been hit */
+static const float AFTER_IMPACT = 0.8f;    /* of that thrust, so that ground effect does not keep it floating */
+static const float INVERTED = 0.5f; /* cosine of the tilt beyond which a vehicle at rest lies on its side or back */
+static const float INVERTED_REST_S = 0.3f;         /* it has lain like this, then the rotors stop */
+static const float EMERGENCY_FEEDBACK_M_S2 = 3.0f; /* what vertical feedback may ask for, up or down */
 /* A fall that only the accelerometer tells of, by the velocity reckoned from it: */
-#define FALL_M_S 1.0f        /* it counts beyond this, */
-#define FALL_DRIFT_M_S2 0.1f /* more the longer the reckoning has gone on, */
-#define FALL_KNOWN_S 10.0f   /* and no longer than this */
+static const float FALL_M_S = 1.0f;        /* it counts beyond this, */
+static const float FALL_DRIFT_M_S2 = 0.1f; /* more the longer the reckoning has gone on, */
+static const float FALL_KNOWN_S = 10.0f;   /* and no longer than this */
 
 static float weight_n(const tc_controller* c) { return c->parameters.mass_kg * c->parameters.gravity_m_s2; }
 
@@ -189,17 +189,17 @@ static void unload(tc_controller* c, float step_s) {
     }
 }
 
-static void idle(tc_controller* c) {
+/* Whether the touchdown is certain. */
+static bool idle(tc_controller* c) {
     const bool still = tc_norm(c->telemetry.estimate.rate_body_rad_s) < STILL_RATE_RAD_S && supported(c);
     if (still_flies(c)) {
         enter_stage(c, TC_LANDING_DESCEND);
     } else if (!still) {
         c->landing.stage_us = c->telemetry.time_us;
-    } else if (tc_lasts(c, c->landing.stage_us, IDLE_S)) {
-        (void)tc_post(c, TC_EVENT_TOUCHDOWN, TC_TOUCHDOWN);
     } else {
-        /* not for long enough yet */
+        return tc_lasts(c, c->landing.stage_us, IDLE_S);
     }
+    return false;
 }
 
 bool tc_moves(const tc_controller* c) {
@@ -208,17 +208,17 @@ bool tc_moves(const tc_controller* c) {
 }
 
 /* A vehicle that lies on its side or back and does not move is down, too. */
-static void observe_inverted(tc_controller* c) {
+static bool rests_inverted(tc_controller* c) {
     if (c->axes[2][2] > INVERTED || tc_moves(c)) c->landing.upright_us = c->telemetry.time_us;
-    if (tc_lasts(c, c->landing.upright_us, INVERTED_REST_S)) (void)tc_post(c, TC_EVENT_TOUCHDOWN, TC_TOUCHDOWN);
+    return tc_lasts(c, c->landing.upright_us, INVERTED_REST_S);
 }
 
-void tc_landing_observe(tc_controller* c, float step_s) {
+bool tc_landing_observe(tc_controller* c, float step_s) {
     tc_landing* landing = &c->landing;
     const float force = c->telemetry.estimate.specific_force_body_m_s2[2];
     landing->force_m_s2 += step_s / (FORCE_FILTER_S + step_s) * (force - landing->force_m_s2);
     if (c->mission.state == TC_EMERGENCY) command_speed(c, step_s);
-    observe_inverted(c);
+    if (rests_inverted(c)) return true;
     switch (landing->stage) {
         case TC_LANDING_DESCEND:
             descend(c);
@@ -227,9 +227,9 @@ void tc_landing_observe(tc_controller* c, float step_s) {
             unload(c, step_s);
             break;
         case TC_LANDING_IDLE:
-            idle(c);
-            break;
+            return idle(c);
         default:
             break;
     }
+    return false;
 }

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flight import flight_log
-from sysid.logs.payload import PAYLOAD_CARRIED
+from sysid.logs.checks.payload import PAYLOAD_CARRIED
 from tests.goshawk.running import run
 
 MAP = """

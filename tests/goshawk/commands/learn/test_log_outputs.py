@@ -79,7 +79,7 @@ def test_the_report_holds_every_stream_and_marks_what_the_checks_found(flown, tm
     z = log.columns["position_world_z_m"].copy()
     z[400] += 0.5
     flight_log.save(tmp_path / "a.parquet", FlightLog({**log.columns, "position_world_z_m": z}, log.metadata))
-    run("log", "check", tmp_path / "a.parquet", "--report", tmp_path / "a.html")
+    assert answer("log", "check", tmp_path / "a.parquet", "--report", tmp_path / "a.html").returncode == 1
     data = page_data(tmp_path / "a.html")
     assert sum(len(panel["streams"]) for panel in data["panels"]) == len(log.columns) - 1
     time_s = np.frombuffer(base64.b64decode(data["time"]), "<f8")

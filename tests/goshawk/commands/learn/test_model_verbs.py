@@ -14,7 +14,7 @@ import vehicle
 from flight import flight_log
 from goshawk.cli import main
 from goshawk.commands.learn import model_change
-from sysid.estimator import changes
+from sysid.estimator.validation import changes
 from vehicle import flights, history, manoeuvres
 
 DRAG = "rotor_drag_thrust"
@@ -120,7 +120,7 @@ def test_the_history_is_a_staircase_on_any_flights(file, flown):
     goshawk("effect", "add", file, DRAG, "--set", "drag_s_m=0.0175")
     goshawk("effect", "remove", file, "parasitic_drag", "--yes")
     picture = file.parent / "stairs.svg"
-    found = told("history", file, "--held-out", flown / "b.parquet", "--figure", picture)
+    found = told("history", file, flown / "b.parquet", "--figure", picture)
     position = [found["errors"][str(n)]["position_m"] for n in range(3)]
     assert position[1] < position[2] < position[0]
     assert "<svg" in picture.read_text()

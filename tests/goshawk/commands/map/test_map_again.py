@@ -15,8 +15,8 @@ import mapping
 import vehicle
 from esdf.solids import Box
 from flight import InputError, project, silent
-from gcs_web.document import Settings
-from gcs_web.session import Session
+from gcs_web.document.document import Settings
+from gcs_web.document.session import Session
 from goshawk.station_jobs import look_again
 from planner import PlanOptions
 from tests.goshawk.running import answer, run

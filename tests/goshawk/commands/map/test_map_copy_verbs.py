@@ -17,7 +17,7 @@ from goshawk.rendered import world as rendered_world
 from mapping import map_parts
 from mapping.dense import confidence
 from mapping.map_parts import MapParts
-from mapping.sparse import features
+from mapping.sparse.features import features
 from mapping.sparse.localization_map import LocalizationMap
 from tests.goshawk.running import run
 

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "../../base/maths.h"
-#include "../link_internal.h"
+#include "services.h"
 
 /* MAV_CMD */
 enum {
@@ -30,16 +30,13 @@ enum { RESULT_ACCEPTED = 0, RESULT_TEMPORARILY_REJECTED = 1, RESULT_DENIED = 2, 
 /* MAV_FRAME whose third coordinate is a height upwards */
 enum { FRAME_GLOBAL = 0, FRAME_GLOBAL_RELATIVE = 3, FRAME_GLOBAL_INT = 5, FRAME_GLOBAL_RELATIVE_INT = 6 };
 
-#define MODE_CUSTOM 1u /* MAV_MODE_FLAG */
-#define MISSION_UNSUPPORTED 3u
-#define MISSION_TYPES 3u   /* mission, fence, rally points */
-#define FORCED 21196.0f    /* second parameter of CMD_ARM_DISARM */
-#define REPEAT_US 3000000u /* stations repeat a command that was not acknowledged for about 2 s */
-#define ARM_WITHIN_US 5000000u
-#define LOWEST_TAKE_OFF_M 0.1f
-#define HIGHEST_TAKE_OFF_M 50.0f
-#define SHORTEST_INTERVAL_US 5000.0f
-#define LONGEST_INTERVAL_US 60e6f
+enum { MISSION_UNSUPPORTED = 3 };               /* MAV_MISSION_RESULT */
+enum { MISSION_TYPES = 3 };                     /* mission, fence, rally points */
+static const float FORCED = 21196.0f;           /* second parameter of CMD_ARM_DISARM */
+static const uint32_t REPEAT_US = 3000000u;     /* stations repeat a command that was not acknowledged for about 2 s */
+static const uint32_t ARM_WITHIN_US = 5000000u; /* of a take-off that was asked for before arming */
+static const float SHORTEST_INTERVAL_US = 5000.0f; /* 200 Hz */
+static const float LONGEST_INTERVAL_US = 60e6f;    /* a minute */
 
 /* A COMMAND_LONG or COMMAND_INT. */
 typedef struct {
@@ -49,34 +46,11 @@ typedef struct {
     float parameter[7]; /* NaN where there is none */
 } command;
 
-/* -- refusals --------------------------------------------------------------------------------------------------- */
-
-const char* link_reason_text(uint8_t reason) {
-    switch (reason) {
-        case TC_LINK_NOT_IN_CONTROL:
-            return "this station is not in control";
-        case TC_LINK_UNSUPPORTED:
-            return "not supported";
-        default:
-            return tc_reason_text((tc_reason)reason);
-    }
-}
-
-void link_report_refusal(tc_link* link, const char* what, uint8_t reason) {
-    link->standard.refusal.what = what;
-    link->standard.refusal.reason = reason;
-    link_send(link, LINK_OUT_TEXT);
-}
-
 /* -- orders ----------------------------------------------------------------------------------------------------- */
 
 static bool on_ground(const tc_link* link) {
     const uint8_t state = link->controller->mission.state;
     return state == (uint8_t)TC_DISARMED || state == (uint8_t)TC_ARMED;
-}
-
-static bool is_same(tc_link_station a, tc_link_station b) {
-    return a.system_id == b.system_id && a.component_id == b.component_id;
 }
 
 static void forget_take_off(tc_link* link) { link->standard.take_off.waits = false; }
@@ -85,7 +59,7 @@ static void forget_take_off(tc_link* link) { link->standard.take_off.waits = fal
    remembers it, and takes off when the same station arms it within ARM_WITHIN_US. */
 static uint8_t take_off(tc_link* link, tc_link_station from, float height_m) {
     const float asked_m = isnan(height_m) ? TC_LINK_TAKE_OFF_M : height_m;
-    if (!(asked_m >= LOWEST_TAKE_OFF_M && asked_m <= HIGHEST_TAKE_OFF_M)) {
+    if (!(asked_m >= TC_LOWEST_TAKE_OFF_M && asked_m <= TC_HIGHEST_TAKE_OFF_M)) {
         return TC_OUT_OF_RANGE;
     }
     const bool disarmed = link->controller->mission.state == (uint8_t)TC_DISARMED;
@@ -101,7 +75,7 @@ static uint8_t take_off(tc_link* link, tc_link_station from, float height_m) {
 
 static uint8_t arm(tc_link* link, tc_link_station from) {
     const tc_link_take_off waiting = link->standard.take_off;
-    const bool takes_off = waiting.waits && is_same(waiting.from, from);
+    const bool takes_off = waiting.waits && link_same_station(waiting.from, from);
     forget_take_off(link);
     uint8_t reason = link_do(link, TC_COMMAND_ARM, 0.0f);
     if (reason == (uint8_t)TC_OK && takes_off) {
@@ -301,7 +275,7 @@ static uint8_t operator_control(tc_link* link, const link_message* message, cons
    repeats in `confirmation`; where one is counted, it is a repeat however late. */
 static bool is_repeat(const tc_link* link, tc_link_station from, const command* c) {
     const tc_link_done* done = &link->standard.done;
-    return done->valid && is_same(done->from, from) && done->command == c->id &&
+    return done->valid && link_same_station(done->from, from) && done->command == c->id &&
            memcmp(done->parameter, c->parameter, sizeof c->parameter) == 0 &&
            (c->confirmation != 0u || link->clock_us - done->at_us < REPEAT_US);
 }

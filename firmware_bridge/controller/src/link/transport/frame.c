@@ -1,13 +1,12 @@
 /* MAVLink 2 frames: found in a datagram or in a byte stream, and built. */
 #include <string.h>
 
-#include "../link_internal.h"
-#include "goshawk_controller/link_codec.h"
 #include "signing.h"
+#include "transport.h"
 
-#define MAGIC 0xFDu
-#define SIGNED_FLAG 0x01u
-#define CHECKSUM 2u
+static const uint8_t MAGIC = 0xFDu;       /* MAVLink 2 begins with it */
+static const uint8_t SIGNED_FLAG = 0x01u; /* of the incompatibility flags */
+enum { CHECKSUM = 2 };                    /* bytes */
 
 const goshawk_dialect_row* link_row(unsigned message) { return &goshawk_dialect()[message]; }
 
