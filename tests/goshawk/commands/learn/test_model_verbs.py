@@ -136,6 +136,21 @@ def test_a_preview_writes_nothing(file):
     assert [p.name for p in file.parent.iterdir()] == [file.name]
 
 
+def test_values_are_set_by_name_each_time_as_one_version_that_can_be_undone(file):
+    before = file.read_bytes()
+    assert told("set", file, "mass_kg=0.72", "limits.speed_m_s=12", "gravity_m_s2=9.79")["version"] == 1
+    changed = vehicle.load(file)
+    assert (changed.mass_kg, changed.limits.speed_m_s, changed.gravity_m_s2) == (0.72, 12.0, 9.79)
+    assert changed.parameter("mass_kg").source == "set by hand"
+    goshawk("set", file, "mass_kg=0.9", "--dry-run")
+    assert vehicle.load(file).mass_kg == 0.72
+    for wrong in ("wings=2", "limits.wings=2", "mass_kg", "mass_kg=nan", "gravity_m_s2=3"):
+        goshawk("set", file, "limits.speed_m_s=9", wrong, code=2)
+    assert vehicle.load(file).limits.speed_m_s == 12.0
+    goshawk("undo", file, "--yes")
+    assert file.read_bytes() == before
+
+
 def test_a_destructive_change_needs_confirmation(file):
     before = file.read_bytes()
     assert "--yes" in goshawk("effect", "remove", file, "parasitic_drag", code=2)

@@ -8,6 +8,8 @@ import pytest
 
 import vehicle
 from flight import flight_log
+from goshawk.commands.learn import kept
+from goshawk.terminal.screen import Screen
 from tests.goshawk.running import run, typed
 from vehicle import flights, manoeuvres
 
@@ -57,6 +59,17 @@ def test_the_file_is_written_the_vehicle_untouched_and_the_next_line_adds_the_ef
     words = typed(document["then"].replace("FLIGHT --held-out FLIGHT", "--held-out a.parquet"))
     assert "NOT compensated" in run(*words)  # an effect of one's own is unknown to the controller
     assert "climb_turn" in vehicle.load(folder / "vehicle.toml").effects
+
+
+def test_the_diagnosis_that_was_kept_with_the_flights_is_read(folder):
+    flight = folder / "a.parquet"
+    flight.write_bytes(b"a flight")
+    words = ("vehicle", "effect", "scaffold", "vehicle.toml", flight, "--name", "climb", "--out", "climb.py")
+    assert "no diagnosis of" in run(*words, code=2)
+    found = kept.Kept({"outside": CURVE}, Screen(), None, kept.about([flight], folder / "vehicle.toml"))
+    kept.keep("diagnosis", flight, "0" * 64, found)
+    run(*words)
+    assert "EFFECT = Effect(" in (folder / "climb.py").read_text()
 
 
 def test_a_diagnosis_of_the_first_version_is_read(folder):
