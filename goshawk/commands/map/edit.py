@@ -59,7 +59,7 @@ def shape_options(command: Callable[..., None]) -> Callable[..., None]:
 
 def _finish(command: Callable[..., None]) -> Callable[..., None]:
     preview = console.path_option("--preview", "preview", "Draw before and after to this PNG, and change nothing.")
-    return preview(outputs.overwrite_option(console.common_options(_map_argument(command))))
+    return preview(outputs.overwrite_option(console.common_options(command)))
 
 
 def _changing(action: Any, summary: str) -> None:
@@ -79,7 +79,7 @@ def _changing(action: Any, summary: str) -> None:
     )
     example = "no-fly map kitchen" if action == "no-fly" else f"{action} map"
     help = f"{summary}\n\n\b\ngoshawk map edit {example} --box 1,0,0,2,0.4,1.1\ngoshawk map edit list map"
-    edit.command(action, help=help)(named(shape_options(_finish(command))))
+    edit.command(action, help=help)(_map_argument(named(shape_options(_finish(command)))))
 
 
 _changing("add", "Every voxel the shape touches becomes an obstacle.")
@@ -92,6 +92,7 @@ _changing("no-fly", "A zone that counts as an obstacle and that no other edit fr
 
 
 @edit.command()
+@_map_argument
 @_finish
 def undo(map_folder: Path, preview: Path | None, overwrite: bool, as_json: bool) -> None:
     """Remove the last edit from the list.
@@ -108,6 +109,7 @@ def undo(map_folder: Path, preview: Path | None, overwrite: bool, as_json: bool)
 
 
 @edit.command()
+@_map_argument
 @click.argument("name")
 @_finish
 def drop(map_folder: Path, name: str, preview: Path | None, overwrite: bool, as_json: bool) -> None:

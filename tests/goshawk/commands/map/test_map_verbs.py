@@ -168,6 +168,6 @@ def test_a_video_is_to_be_checked_by_its_frames(tmp_path):
     (tmp_path / "walk.mp4").write_bytes(b"")
     with pytest.raises(InputError, match=r"--until-stage frames, then check the folder MAP\.work/frames"):
         goshawk.main(
-            ["map", "check", str(tmp_path / "walk.mp4"), "--camera", str(tmp_path / "c.toml"), "--check"],
+            ["map", "check", str(tmp_path / "walk.mp4"), "--camera", str(tmp_path / "c.toml")],
             standalone_mode=False,
         )
