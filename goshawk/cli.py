@@ -15,7 +15,7 @@ from typing import Any
 
 import click
 
-from flight import FlightError, FormatError, InputError, file_format
+from flight import FlightError, FormatError, InputError, extras, file_format
 from goshawk.terminal.verbs import VerbGroup
 
 TRACEBACK = "GOSHAWK_TRACEBACK"
@@ -125,6 +125,9 @@ def main(arguments: list[str] | None = None) -> None:
         _report(error, "not enough memory; use fewer or smaller inputs", as_json=_prints_json(given))
         sys.exit(1)
     except Exception as error:
+        if needed := extras.missing(error):
+            _report(error, f"{given[0]} needs {needed}", as_json=_prints_json(given))
+            sys.exit(2)
         if os.environ.get(TRACEBACK):
             raise
         at = traceback.extract_tb(error.__traceback__)[-1]

@@ -156,7 +156,7 @@ def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[object]]) ->
         drawn.add_column(head, justify="right" if numeric else "left", overflow="fold")
     for row in rows:
         drawn.add_row(*[_text(cell) for cell in row])
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False, emoji=False)
     console.width = console.width if console.is_terminal else max(console.width, 120)
     console.print(drawn)
 
