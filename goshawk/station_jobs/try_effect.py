@@ -1,4 +1,4 @@
-"""Add an effect to the project's vehicle, refit, judge: what `goshawk vehicle add-effect` does, but nothing is kept."""
+"""Add an effect to the project's vehicle, refit, judge: what `goshawk vehicle effect add` does, but nothing is kept."""
 
 from pathlib import Path
 from typing import Annotated

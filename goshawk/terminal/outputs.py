@@ -9,6 +9,7 @@ import click
 import vehicle
 from flight import FormatError, InputError, file_format, results
 from flight.results import Placing
+from goshawk.terminal import console
 from vehicle import Vehicle, history
 
 overwrite_option = click.option(
@@ -64,9 +65,7 @@ def write_vehicle(path: Path, fitted: Vehicle, action: str, *, effect: str = "",
     """Write a vehicle file; an existing one gets this as its next version and keeps the earlier ones in its history."""
     if overwrite and path.is_file() and _is_vehicle(path):
         step = history.record(path, fitted, action, effect=effect)
-        click.echo(
-            f"{path} is at version {step.number}; `goshawk vehicle undo {path}` returns to the one before", err=True
-        )
+        console.note(f"{path} is at version {step.number}; `goshawk vehicle undo {path}` returns to the one before")
         return
     with file(path, overwrite=overwrite) as temporary:
         vehicle.save(temporary, fitted)
@@ -74,7 +73,7 @@ def write_vehicle(path: Path, fitted: Vehicle, action: str, *, effect: str = "",
 
 def report_kept(path: Path, kept: Path | None) -> None:
     if kept is not None:
-        click.echo(f"kept: {kept.name}, what {path} was before", err=True)
+        console.note(f"kept: {kept.name}, what {path} was before")
 
 
 def holds_pictures(folder: Path) -> bool:

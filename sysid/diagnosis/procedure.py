@@ -270,7 +270,7 @@ def diagnose(
 
     The vehicle is first fitted to the flights; every effect it lacks is then scored, the likeliest is fitted in full
     and kept only if flights that were not used agree. With `auto` this goes on until nothing significant is left.
-    Disturbances are white unless the first fit then has an impossible inertia; lasting ones take their place there.
+    Disturbances are white unless the first fit is then not to be used; lasting ones take their place there.
 
     Args:
         logs: flights to learn from.

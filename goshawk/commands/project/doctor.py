@@ -32,7 +32,7 @@ class Finding:
 
 
 @click.command()
-@console.json_option
+@console.common_options
 def command(as_json: bool) -> int:
     """Check this installation: libraries, compiled parts, memory, browser.
 

@@ -115,7 +115,7 @@ class Comparison:
                 said.append(
                     f"{name} leaves {force:.2g} m/s2 and {turning:.2g} rad/s2 unexplained: too much for any missing "
                     "effect. It is another vehicle's model, or units, frames or rotor order are wrong; see "
-                    "`goshawk log FLIGHT --vehicle VEHICLE`"
+                    "`goshawk log check FLIGHT --vehicle VEHICLE`"
                 )
         return tuple(said)
 

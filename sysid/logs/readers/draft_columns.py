@@ -340,7 +340,7 @@ def _text(
     """The map, with each guess's reasons above it."""
     lines = [
         f"# Column map of {path.name}, drafted from names and numbers. Each entry is a guess with its reason: check.",
-        f"# Then see what looks wrong: goshawk log {path.name} --columns THIS_FILE --vehicle VEHICLE",
+        f"# Then see what looks wrong: goshawk log check {path.name} --columns THIS_FILE --vehicle VEHICLE",
         '# Keys: unit, frame ("z up", "z down"), order, scale, sign (1, -1, a list), offset, shift_s (added to times).',
         f"format = {json.dumps(FORMAT)}",
         f"version = {VERSION}",

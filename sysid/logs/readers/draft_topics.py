@@ -147,7 +147,7 @@ def _text(path: Path, guesses: list[Guess], unused: tuple[str, ...]) -> str:
     """The map, with each guess's reasons above it."""
     lines = [
         f"# Map of {path.name}, drafted from topics, types and numbers. Each entry is a guess with its reason: check.",
-        f"# Then see what looks wrong: goshawk log {path.name} --columns THIS_FILE --vehicle VEHICLE",
+        f"# Then see what looks wrong: goshawk log check {path.name} --columns THIS_FILE --vehicle VEHICLE",
         '# Keys: topic, frame ("z up", "z down"), fields, unit, scale.',
         f"format = {json.dumps(FORMAT)}",
         f"version = {VERSION}",

@@ -167,8 +167,8 @@ def test_a_try_has_the_figures_of_the_verb_and_keeps_nothing(opened, learning):
     before = opened.vehicle.read_bytes()
     kept = try_effect._run(opened.folder, try_effect.Arguments(["a"], ["b"], effect=DRAG), silent)
     said = told(
-        "vehicle", "add-effect", opened.vehicle, DRAG, "--flights", opened.flight("a"), "--held-out",
-        opened.flight("b"), "--preview", "--json",
+        "vehicle", "effect", "add", opened.vehicle, DRAG, opened.flight("a"), "--held-out",
+        opened.flight("b"), "--dry-run", "--json",
     )  # fmt: skip
     assert kept.shown.verdict == said["verdict"]
     assert kept.shown.changes == said["changes"]

@@ -114,7 +114,7 @@ def test_images_of_another_place_and_blank_ones_are_named_with_where_overlap_was
         return (there if 10 <= instant <= 13 else here)(instant, number)
 
     folder = rendered_world.write_rendered_sequence(tmp_path / "images", rig=rig, flight=flight, picture=picture)
-    ended = answer("map", folder, "--camera", folder / "camera.toml", "--out", tmp_path / "map")
+    ended = answer("map", "build", folder, "--camera", folder / "camera.toml", "--out", tmp_path / "map")
     assert ended.returncode == 0
     said = " ".join((ended.stdout + ended.stderr).split())
     report = json.loads((tmp_path / "map" / "report.json").read_text())

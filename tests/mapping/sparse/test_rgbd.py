@@ -241,7 +241,7 @@ def test_a_map_has_the_images_without_a_feature_by_recorded_motion_and_says_so(
     with pytest.raises(StoppedError):
         mapping.build_map(images, RIG, out, options, until=reconstruction.CALIBRATION)
     given = ("--camera", images / "camera.toml", "--depth", depths.folder, "--poses", tmp_path / "tracker.tum")
-    said = run("map", images, *given, "--out", out)
+    said = run("map", "build", images, *given, "--out", out)
     assert "placed by recorded motion" in said
     assert "4: rgb/0004.png, rgb/0005.png, rgb/0006.png, rgb/0007.png" in said
     assert "8 images, scale" in said  # the others' places do not witness it

@@ -4,20 +4,20 @@
 #include "../base/maths.h"
 #include "internal.h"
 
-#define LONGEST_STEP_US 20000u
-#define MOST_STALLED_TICKS 8u
+static const uint32_t LONGEST_STEP_US = 20000u; /* a longer tick is a fault of the clock */
+static const uint32_t MOST_STALLED_TICKS = 8u;  /* a clock that stands is waited for */
 /* The supervisor's limit follows a step with a slope of at most 0.27 times its ramp: so fast that braking stays within
    brake_m_s2. */
-#define STEP_PEAK 0.2707f
-#define SLOWEST_1_S 1.0f
-#define FASTEST_1_S 8.0f
-#define URGENT_BRAKE 2.0f    /* this much harder without position, as dead reckoning does not last, or far off */
-#define SUPERVISED_RATE 0.1f /* below, the path's own speed is not told by the set-point's */
-#define HOVER_UPRIGHT 0.95f
-#define HOVER_ACCELERATION_M_S2 1.0f
-#define HOVER_SPEED_M_S 1.0f
-#define HOVER_FILTER_S 1.0f
-#define HOVER_SPREAD 0.2f
+static const float STEP_PEAK = 0.2707f;
+static const float SLOWEST_1_S = 1.0f;     /* bounds of the ramp: at walking pace braking is not slower, */
+static const float FASTEST_1_S = 8.0f;     /* ... and at high speed not more abrupt */
+static const float URGENT_BRAKE = 2.0f;    /* harder without position, as dead reckoning does not last, or far off */
+static const float SUPERVISED_RATE = 0.1f; /* below, the path's own speed is not told by the set-point's */
+static const float HOVER_UPRIGHT = 0.95f;  /* cosine of 18 degrees of tilt: hover thrust is learnt below, */
+static const float HOVER_ACCELERATION_M_S2 = 1.0f; /* ... this acceleration asked for, */
+static const float HOVER_SPEED_M_S = 1.0f;         /* ... and this speed */
+static const float HOVER_FILTER_S = 1.0f;          /* time constant of learning it */
+static const float HOVER_SPREAD = 0.2f;            /* around the weight: what is learnt is not believed beyond */
 
 void tc_init(tc_controller* c) {
     memset(c, 0, sizeof *c);

@@ -3,19 +3,20 @@
 #include "../base/maths.h"
 #include "internal.h"
 
-#define LARGEST_POSITION_M 30000.0f
-#define LARGEST_VELOCITY_M_S 150.0f
-#define LARGEST_TURN_RAD 6.3f /* of a relocalization */
-#define LARGEST_RATE_RAD_S 100.0f
-#define LARGEST_FORCE_M_S2 500.0f
-#define LARGEST_BATTERY_V 1000.0f
-#define OLDEST_US 1000000u /* a stamp further from the clock, back or ahead, is implausible */
-#define NEVER_S 1e6f
-#define AFTER_STEP_US 500000u /* stamps that disagree with the clock are put down to its step for this long */
+static const float LARGEST_POSITION_M = 30000.0f; /* float32 still resolves 2 mm there */
+static const float LARGEST_VELOCITY_M_S = 150.0f; /* no quadrotor is as fast */
+static const float LARGEST_TURN_RAD = 6.3f;       /* of a relocalization */
+static const float LARGEST_RATE_RAD_S = 100.0f;   /* 5730 degrees a second, beyond the range of gyros */
+static const float LARGEST_FORCE_M_S2 = 500.0f;   /* 51 g: a collision at most */
+static const float LARGEST_BATTERY_V = 1000.0f;   /* no pack of a quadrotor */
+static const uint32_t OLDEST_US = 1000000u;       /* a stamp further from the clock, back or ahead, is implausible */
+static const float NEVER_S = 1e6f;                /* longer than any limit; finite, to compute with */
+static const uint32_t AFTER_STEP_US =
+    500000u; /* so long stamps that disagree with the clock are put down to its step */
 /* How dead reckoning errs: a velocity of 0.15 m/s, and an acceleration of 0.2 m/s^2 from 1 degree of tilt and the
    accelerometer's bias, in each horizontal axis. */
-#define RECKONED_VELOCITY_STD_M_S 0.15f
-#define RECKONED_ACCELERATION_STD_M_S2 0.2f
+static const float RECKONED_VELOCITY_STD_M_S = 0.15f;
+static const float RECKONED_ACCELERATION_STD_M_S2 = 0.2f;
 
 static bool marked(const tc_estimate* estimate, uint32_t bits) { return (estimate->valid & bits) == bits; }
 
