@@ -122,17 +122,7 @@ def _fit(
     """Solve, hold what is not identifiable from these flights (its names are added to `held`), and solve again."""
     while True:
         prior = _prior(flights, vehicle, unknowns, options)
-        solution = solve(
-            flights,
-            point,
-            noise,
-            unknowns,
-            prior,
-            robust=options.robust,
-            max_iterations=options.max_iterations,
-            block_s=options.block_s,
-            progress=progress,
-        )
+        solution = solve(flights, point, noise, unknowns, prior, options, progress)
         unseen = _least_seen(solution, vehicle, unknowns)
         if unseen is None:
             return solution, unknowns
@@ -312,20 +302,8 @@ def smooth(
     prior = Prior(np.zeros(unknowns.size), width)
     options = options or Options(max_iterations=20)
 
-    def settled(point: Point, noise: Noise, most: int) -> Solution:
-        return solve(
-            flights,
-            point,
-            noise,
-            unknowns,
-            prior,
-            robust=options.robust,
-            max_iterations=most,
-            block_s=options.block_s,
-            progress=progress,
-        )
-
-    solution = settled(point, noise, options.max_iterations)
+    solution = solve(flights, point, noise, unknowns, prior, options, progress)
     if process_scale <= 1.0:
         return solution
-    return settled(solution.point, solution.noise.with_process(process_scale * solution.noise.process), 1)
+    noise = solution.noise.with_process(process_scale * solution.noise.process)
+    return solve(flights, solution.point, noise, unknowns, prior, replace(options, max_iterations=1), progress)
