@@ -208,11 +208,12 @@ def test_heavy_libraries_wait_until_they_are_needed(package):
     assert not eager
 
 
-def test_every_package_is_in_the_wheel_and_on_a_floor():
+def test_every_package_is_in_the_wheel_with_its_types_and_on_a_floor():
     import tomllib
 
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
     assert set(settings["tool"]["scikit-build"]["wheel"]["packages"]) == set(MAY_IMPORT)
+    assert not [package for package in MAY_IMPORT if not (ROOT / package / "py.typed").exists()]
 
 
 def test_no_module_is_longer_than_five_hundred_lines():
