@@ -18,6 +18,7 @@ from vehicle import forces
 
 ROOT = Path(__file__).resolve().parents[1]
 LIBRARY = ROOT / "firmware_bridge" / "controller"
+TEST = LIBRARY / "test" / "driver"
 NOISE = {"noise": True, "delay_s": 0.01, "seed": 1}
 
 
@@ -173,7 +174,7 @@ def _bit_equality() -> list[report.Row]:
     with tempfile.TemporaryDirectory() as folder:
         for compiler, level in builds:
             program = Path(folder) / f"driver_{compiler}{level}"
-            files = [LIBRARY / "test" / "driver.c", LIBRARY / "test" / "host_main.c", *ASSURE.sources()]
+            files = [TEST / "driver.c", TEST / "host_main.c", *ASSURE.sources()]
             _shell(compiler, "-std=c11", level, "-ffp-contract=off", "-fno-math-errno", *ASSURE.INCLUDES, *files, "-lm",
                    "-o", program)  # fmt: skip
             results.add(_shell(program, TICKS))
@@ -186,9 +187,7 @@ def _bit_equality() -> list[report.Row]:
 
 def _instructions(folder: Path, library: Path, *flags: str) -> np.ndarray:
     """Of every tick in flight."""
-    counts = _module(LIBRARY / "test" / "count_instructions.py").count(
-        str(_link(folder, library, *flags)), "mps2-an386"
-    )
+    counts = _module(TEST / "count_instructions.py").count(str(_link(folder, library, *flags)), "mps2-an386")
     flight = np.array(counts[2:])  # the first ticks rest on the ground
     return flight[flight > 0.5 * flight.max()]
 
@@ -200,13 +199,13 @@ def _on_path(folder: Path, library: Path, adjust: str) -> float:
 
 def _link(folder: Path, library: Path, *flags: str) -> Path:
     """The scripted mission with the library as it is built for a vehicle. The driver that counts stays apart."""
-    test, out = LIBRARY / "test", folder / "mission.elf"
+    out = folder / "mission.elf"
     driver = [folder / f"{name}.o" for name in ("driver", "target_main")]
     for file in driver:
         include = f"-I{LIBRARY / 'include'}"
-        _shell("arm-none-eabi-gcc", *ASSURE.ARM, "-std=c11", "-O2", *flags, include, "-c", test / f"{file.stem}.c",
+        _shell("arm-none-eabi-gcc", *ASSURE.ARM, "-std=c11", "-O2", *flags, include, "-c", TEST / f"{file.stem}.c",
                "-o", file)  # fmt: skip
-    link = ["-nostartfiles", "--specs=nosys.specs", "-Wl,--gc-sections", "-T", test / "target.ld"]
+    link = ["-nostartfiles", "--specs=nosys.specs", "-Wl,--gc-sections", "-T", TEST / "target.ld"]
     _shell("arm-none-eabi-gcc", *ASSURE.ARM, *driver, library, *link, "-o", out)
     return out
 

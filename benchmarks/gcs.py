@@ -33,9 +33,10 @@ import planner
 import vehicle
 from firmware_bridge import SitlVehicle, controller, keys
 from flight import Waypoints, project
-from gcs_web import GroundStation, planning, protocol, replanning
-from gcs_web.document import Content, Settings
-from gcs_web.session import Session
+from gcs_web import GroundStation, protocol
+from gcs_web.document.document import Content, Settings
+from gcs_web.document.session import Session
+from gcs_web.planning import planning, replanning
 
 WAYPOINTS, EDITS, KILLS, CLIENTS, MIXED = 50, 10_000, 200, 10, 1000
 

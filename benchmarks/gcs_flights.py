@@ -26,8 +26,8 @@ from report import Row, main, row
 
 from firmware_bridge.controller import State
 from flight import FloatArray, flight_log, project, silent
-from gcs_web import reading
-from gcs_web.job_process import JobProcess
+from gcs_web.flights import reading
+from gcs_web.jobs.job_process import JobProcess
 
 STREAMS = ["speed", "error", "position_z", "rate_x"]
 PIXELS = 1600

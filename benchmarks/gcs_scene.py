@@ -25,8 +25,9 @@ from report import Row, main, row
 
 import gcs_web
 from flight import FloatArray, project
-from gcs_web import display_mesh, display_points, tiles
-from gcs_web.tiles import Tiles
+from gcs_web.map import display_mesh, display_points
+from gcs_web.scene import tiles
+from gcs_web.scene.tiles import Tiles
 from mapping.dense import mesh_file
 
 SIZE_M = (16.0, 12.0, 3.0)

@@ -21,8 +21,9 @@ import mapping
 import vehicle
 from esdf import solids
 from flight import Waypoints, file_format, project
-from gcs_web import GroundStation, inputs
-from gcs_web.document import Content, Settings
+from gcs_web import GroundStation
+from gcs_web.document.document import Content, Settings
+from gcs_web.planning import inputs
 from goshawk.rendered import world as rendered_world
 from mapping import map_folder
 from mapping.camera import rig

@@ -17,9 +17,11 @@ import planner
 import vehicle
 from esdf import solids
 from flight import InfeasibleError, InputError, Waypoints
-from planner import airframe, descents, minimum_snap, repair, time_allocation
 from planner import mission as missions
-from planner.space import DistanceField
+from planner.curve import minimum_snap
+from planner.optimise import airframe, descents, repair, time_allocation
+from planner.request.options import MOST_STARTS
+from planner.request.space import DistanceField
 
 SKY = solids.Scene([solids.Sphere((1000.0, 0.0, 0.0), 1.0)])
 """Nothing to bump into."""
@@ -144,29 +146,9 @@ def best_of_starts(
     waypoints: Waypoints, field: DistanceField, drone: vehicle.Vehicle, options: planner.PlanOptions | None = None
 ) -> float:
     """The shortest flight of eight: other prices to begin with, other times to start from."""
-    ways = ((1.0, 20.0), (8.0, 60.0), (1.0, 8.0, 60.0), (0.1, 1.0, 8.0, 60.0))
-    times = []
-    for prices, slower in itertools.product(ways, (1.0, 1.4)):
-        original = descents.starts
-
-        def starts(problem, spline, clearance_m, stop, slower=slower, original=original):
-            durations = slower * spline.durations_s
-            return original(problem, problem.spline(problem.knots, durations), clearance_m, stop)
-
-        changed = {
-            "_OPEN": prices,
-            "_AMONG": prices,
-            "_MOST": 1500,
-            "_FIRST": 1500,
-            "_PRECISION": 1e-6,
-            "starts": starts,
-        }
-        with mock.patch.multiple(descents, **changed):
-            try:
-                times.append(planner.plan(waypoints, field, drone, options).trajectory.duration_s)
-            except planner.PlanInfeasibleError:  # a start may lead nowhere
-                continue
-    return min(times)
+    asked = replace(planner.PlanOptions() if options is None else options, starts=MOST_STARTS)
+    with mock.patch.multiple(descents, _MOST=1500, _FIRST=1500, _PRECISION=1e-6):
+        return planner.plan(waypoints, field, drone, asked).trajectory.duration_s
 
 
 def _spread(title: str, values: list[float], median: float, worst: float) -> list[report.Row]:

@@ -16,7 +16,7 @@ import matplotlib.pyplot as plt  # noqa: E402
 
 Array = NDArray[np.float64]
 USED = (0.4614, 0.668, 0.395)
-"""In firmware_bridge/controller/src/mixer.c."""
+"""In firmware_bridge/controller/src/control/mixer.c."""
 NEWTON = (0.5, 1.0, 1.0)
 """One Newton step from the solution without lateral speed."""
 PICTURE = Path(__file__).parent / "pictures" / "mixer_initial_value.svg"

@@ -1,6 +1,6 @@
 """MAVLink 2 frames on the ground side: messages to datagrams and back, signed with a shared key.
 
-The vehicle's twin is controller/src/link_frame.c; both are tested against each other and against pymavlink.
+The vehicle's twin is controller/src/link/transport/frame.c; both are tested against each other and against pymavlink.
 """
 
 import binascii

@@ -16,14 +16,18 @@ import msgspec
 
 import planner
 from flight import FloatArray, InputError, LinkError, Progress, project, silent
-from gcs_web import display_mesh, gateway, protocol, reports
-from gcs_web.consent import Consent
+from gcs_web import protocol
+from gcs_web.comparison import reports
 from gcs_web.desk import Desk
-from gcs_web.hub import Hub
-from gcs_web.jobs import Kind
-from gcs_web.page_socket import PageSocket
-from gcs_web.tls import context, is_loopback
-from gcs_web.vehicle_watch import VehicleWatch
+from gcs_web.flights.flights import incoming_file
+from gcs_web.gateway import gateway
+from gcs_web.gateway.hub import Hub
+from gcs_web.gateway.tls import context, is_loopback
+from gcs_web.jobs.jobs import Kind
+from gcs_web.learning.consent import Consent
+from gcs_web.map import display_mesh
+from gcs_web.panels.page_socket import PageSocket
+from gcs_web.vehicle.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
 
 if TYPE_CHECKING:
@@ -51,7 +55,7 @@ class GroundStation:
         triangles: int = display_mesh.DISPLAY_TRIANGLES,
         progress: Progress = silent,
         on_entry: Callable[[str], None] = lambda _: None,
-        jobs: Sequence[Kind] = (),
+        jobs: Sequence[Kind[Desk]] = (),
         browsers: Sequence[str] = (),
         on_open: Callable[[Path], None] | None = None,
     ) -> None:
@@ -133,7 +137,7 @@ class GroundStation:
         options: planner.PlanOptions,
         triangles: int,
         on_entry: Callable[[str], None],
-        jobs: Sequence[Kind],
+        jobs: Sequence[Kind[Desk]],
         progress: Progress,
         browsers: Sequence[str],
     ) -> None:
@@ -148,7 +152,6 @@ class GroundStation:
         consent = Consent(opened)
         self._stack.callback(consent.close)
         self.desk = Desk(opened, self.hub, self.view, self.watch, options, jobs, consent=consent)
-        self.view.progress = silent
         self._stack.callback(self.desk.close)
         self.view.on_select = lambda waypoint: self._selected([waypoint])
         self.view.on_box = self._selected
@@ -166,7 +169,7 @@ class GroundStation:
             self.server.get_port(),
             serve_page=pages.serve,
             state=self._state,
-            incoming=self.desk.flights.incoming,
+            incoming=partial(incoming_file, opened),
             share=self.desk.shared,
             report=partial(reports.read, opened),
             host=self._host,

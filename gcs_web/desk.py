@@ -17,19 +17,21 @@ import vehicle
 from flight import FlightError, FloatArray, InputError, TrajectoryFile, Waypoints, trajectory
 from flight.mission import Mission
 from flight.project import Project
-from gcs_web import inputs, missions, page_values, planning, projects, protocol, protocol_parts, saved, snapping
-from gcs_web.comparing import Comparing
-from gcs_web.consent import Consent
-from gcs_web.document import Content, Settings
-from gcs_web.flights import Flights
-from gcs_web.hub import Hub
-from gcs_web.jobs import Jobs, Kind
-from gcs_web.learning import Learning
-from gcs_web.map_desk import MapDesk
-from gcs_web.map_edits import MapEdit
-from gcs_web.session import Session
-from gcs_web.shown_flights import ShownFlights
-from gcs_web.vehicle_watch import VehicleWatch
+from gcs_web import protocol
+from gcs_web.comparison.comparing import Comparing
+from gcs_web.comparison.shown_flights import ShownFlights
+from gcs_web.document import missions, projects
+from gcs_web.document.document import Content, Settings
+from gcs_web.document.map_edits import MapEdit
+from gcs_web.document.session import Session
+from gcs_web.flights.flights import Flights
+from gcs_web.gateway.hub import Hub
+from gcs_web.jobs.jobs import Jobs, Kind
+from gcs_web.learning.consent import Consent
+from gcs_web.learning.learning import Learning
+from gcs_web.map.map_desk import MapDesk
+from gcs_web.planning import inputs, page_values, planning, saved, snapping
+from gcs_web.vehicle.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
 
 NONCE_LIFE_S = 60.0
@@ -54,7 +56,7 @@ class Desk:
         view: View3D,
         watch: VehicleWatch | None,
         base: planner.PlanOptions,
-        kinds: Sequence[Kind] = (),
+        kinds: "Sequence[Kind[Desk]]" = (),
         *,
         consent: Consent,
     ) -> None:
@@ -85,11 +87,11 @@ class Desk:
         self._lock = threading.RLock()
         self._planner = planning.PlanningProcess(opened.folder, base, self._planned, self._drafted)
         view.on_draft = hub.publish
-        self.map = MapDesk(self)
+        self.map = MapDesk(opened, hub, self.session, view.map, lambda: self.parts.map(self.inputs))
         self.jobs = Jobs(opened, kinds, self.show_jobs, lambda kind, result: kind.done(self, result), self._job_ended)
         self.flights = Flights(opened, self._flights_changed)
-        self.comparing = Comparing(opened, self.flights, view)
-        self.shown_flights = ShownFlights(hub, self.comparing, view)
+        self.comparing = Comparing(opened, self.flights, view.flights)
+        self.shown_flights = ShownFlights(hub, self.comparing, view.flights, view.set_plan_aside)
         self.learning = Learning(opened, self.flights)
         self._watch_files = inputs.Watch(opened.folder, opened.waypoints, self._files_changed)
         self.session.on_change(self._document_changed)
@@ -190,7 +192,7 @@ class Desk:
     def show_jobs(self) -> None:
         self.hub.publish(self.jobs.state())
 
-    def _job_ended(self, job: protocol_parts.Job) -> None:
+    def _job_ended(self, job: protocol.Job) -> None:
         if job.state != "cancelled":
             failed = job.state == "failed"
             self.notice(f"{job.title}{' failed' if failed else ''}: {job.words}", level="danger" if failed else "fact")

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flight import FloatArray, Progress, silent
-from gcs_web import course_view, display_mesh, missions, picking, protocol, scene
-from gcs_web.detail_view import DetailView
-from gcs_web.document import Content, Point, Settings
-from gcs_web.flight_scene import FlightScene
-from gcs_web.map_view import MapView
-from gcs_web.vehicle_view import VehicleView
+from gcs_web import protocol
+from gcs_web.comparison.flight_scene import FlightScene
+from gcs_web.document import missions
+from gcs_web.document.document import Content, Point, Settings
+from gcs_web.map.map_view import MapView
+from gcs_web.map.mesh_view import MeshView
+from gcs_web.scene import course_view, drawing, picking
+from gcs_web.vehicle.vehicle_view import VehicleView
 from mapping import Map
 
 if TYPE_CHECKING:
@@ -34,10 +36,13 @@ class View3D:
     def __init__(
         self, server: "viser.ViserServer", *, triangles: int, cache: Path, progress: Progress = silent
     ) -> None:
-        """`cache`: folder for the mesh as it is shown."""
-        self.progress = progress
-        """Of drawing the first map; `silent` once the station is open."""
-        self._server, self._triangles, self._cache = server, triangles, cache
+        """
+        Args:
+            triangles: of the mesh as it is shown first.
+            cache: folder for what is shown of the map.
+            progress: of drawing the first map.
+        """
+        self._server = server
         self._lock = threading.RLock()
         self._points: tuple[Point, ...] = ()
         self._balls: dict[int, Any] = {}
@@ -50,17 +55,13 @@ class View3D:
         self._required_m = 0.0
         self._colour: protocol.Colour = "clearance"
         self._path: Any = None
-        self._mesh = DetailView(server, "/map", _draw_mesh, display_mesh.FINE_RATIO * triangles)
-        self._mesh_file: tuple[int, int] | None = None
-        """Time of change (ns) and size of the file that is drawn."""
-        self.map = MapView(server, cache)
+        self.map = MapView(server, MeshView(server, triangles, cache, progress), cache)
+        self._has_map = False
         self._checked = False
         self._dragged_points: dict[int | None, int] = {}
         """By browser (viser's id): the waypoint that is dragged there."""
         self._draft: Any = None
-        self._painting = False
         self._recorded: Any = None
-        self._surface: picking.Surface | None = None
         self.on_select: Callable[[int], None] = lambda _: None
         """A waypoint was clicked; its id."""
         self.on_drag: Callable[[int, FloatArray], None] = lambda _i, _p: None
@@ -73,10 +74,6 @@ class View3D:
         """The path was clicked; the plan's time there, s."""
         self.on_add: Callable[[int | None, FloatArray], None] = lambda _i, _p: None
         """The map was shift-clicked: the waypoint to insert after (None: there is none), and where, (3,) world."""
-        self.on_measure: Callable[[FloatArray, FloatArray, FloatArray | None], None] = lambda _o, _d, _h: None
-        """Clicked while measuring: origin and direction of the ray, and where it meets the mesh, (3,) world."""
-        self.on_paint: Callable[[FloatArray, bool], None] = lambda _p, _e: None
-        """The mesh was painted at (3,) world; whether the drag ends there."""
         self.on_box: Callable[[list[int]], None] = lambda _: None
         """A rectangle was drawn round these waypoints (ids)."""
         server.scene.on_click()(self._clicked)
@@ -87,47 +84,20 @@ class View3D:
         server.scene.set_up_direction("+z")
         self.flights = FlightScene(server)
         self._set_aside = False
-        self._ghost = scene.draw_vehicle(server, "/planned", opacity=0.55)
+        self._ghost = drawing.draw_vehicle(server, "/planned", opacity=0.55)
         self.vehicle = VehicleView(server)
 
     def draw_map(self, area: Map) -> None:
-        """Show a map, and look at it if it is the first one; its mesh is only read where the file changed."""
+        """Show a map, and look at it if it is the first one."""
         with self._lock:
-            first = self._mesh_file is None
-            found = area.mesh.stat() if area.mesh.exists() else None
-            file = (0, 0) if found is None else (found.st_mtime_ns, found.st_size)
-            if file != self._mesh_file:
-                mesh = display_mesh.load(area.mesh, self._triangles, self._cache, progress=self.progress)
-                self._surface = picking.Surface(mesh.array("vertices"), mesh.array("faces"))
-                self._mesh.show(mesh)
-                self._mesh_file = file
-            if first:
+            self.map.mesh.draw(area.mesh)
+            if not self._has_map:
                 self._place_camera(area)
+            self._has_map = True
         self.map.draw(area)
 
-    def show_mesh(self, visible: bool) -> None:
-        self._mesh.set_visible(visible)
-
     def close(self) -> None:
-        self._mesh.close()
         self.map.close()
-
-    def paint(self, active: bool) -> None:
-        """Take drags over the mesh for strokes of a brush, instead of turning the camera; or stop."""
-        with self._lock:
-            if active != self._painting:
-                self._mesh.set_drag(self._painted if active else None)
-            self._painting = active
-
-    async def _painted(self, event: Any) -> None:
-        """In the event loop, as only there viser keeps the order of a drag's events."""
-        origin_m = np.array(event.client.camera.position, dtype=np.float64)
-        direction = np.array(event.start_position if event.phase == "start" else event.end_position) - origin_m
-        hit = self._surface and self._surface.first_hit(origin_m, direction / np.linalg.norm(direction))
-        if hit is not None:
-            self.on_paint(hit[0], event.phase == "end")
-        elif event.phase == "end":
-            self.on_paint(np.full(3, np.nan), True)
 
     def _boxed(self, event: "viser.SceneRectSelectEvent") -> None:
         with self._lock:
@@ -149,7 +119,7 @@ class View3D:
                 self._recorded = None
             if line_world_m is not None and len(line_world_m) > 1:
                 colours = np.full((len(line_world_m), 3), _SELECTED, dtype=np.uint8)
-                self._recorded = scene.draw_path(
+                self._recorded = drawing.draw_path(
                     self._server, line_world_m, colours, name="/recorded", thickness_m=0.03
                 )
 
@@ -170,7 +140,7 @@ class View3D:
                 mark.remove()
             grounds = [ground.position_world_m for ground in (chosen.take_off, chosen.landing) if ground is not None]
             target = chosen.look_at_world_m if chosen.yaw == "look_at" else None
-            self._marks = scene.draw_marks(self._server, grounds, target)
+            self._marks = drawing.draw_marks(self._server, grounds, target)
 
     def draw_course(self, content: Content) -> None:
         """Show the gates, and the tube that the path keeps in; unless they are as they were."""
@@ -227,7 +197,7 @@ class View3D:
             else:
                 colour = _CAUTION if shown.state == "too close" else _SELECTED
                 colours = np.full((len(path_world_m), 3), colour, dtype=np.uint8)
-                self._draft = scene.draw_path(self._server, path_world_m, colours, name="/draft")
+                self._draft = drawing.draw_path(self._server, path_world_m, colours, name="/draft")
             if begins != (self._draft is None):
                 self._draw_path()
             self.on_draft(shown)
@@ -341,7 +311,7 @@ class View3D:
 
     def _clicked(self, event: "viser.SceneClickEvent") -> None:
         if self.map.measuring:
-            self._measured(np.array(event.ray_origin), np.array(event.ray_direction))
+            self.map.click(np.array(event.ray_origin), np.array(event.ray_direction))
             return
         with self._lock:
             series = self._series
@@ -352,15 +322,11 @@ class View3D:
         if k is not None:
             self.on_moment(series.time_s[k])
 
-    def _measured(self, origin_m: FloatArray, direction: FloatArray) -> None:
-        hit = self._surface and self._surface.first_hit(origin_m, direction)
-        self.on_measure(origin_m, direction, None if hit is None else hit[0])
-
     def _shift_clicked(self, event: "viser.SceneClickEvent") -> None:
         with self._lock:
-            points, selected, surface = self._points, self._selected, self._surface
+            points, selected = self._points, self._selected
             clearance_m = self._required_m + _STAND_OFF_M
-        hit = surface and surface.first_hit(np.array(event.ray_origin), np.array(event.ray_direction))
+        hit = self.map.mesh.first_hit(np.array(event.ray_origin), np.array(event.ray_direction))
         if hit is None:
             return
         before = next((p for p in points if p.id in selected), points[-1] if points else None)
@@ -378,8 +344,8 @@ class View3D:
         positions = np.stack([series.x_m, series.y_m, series.z_m], axis=1)
         is_current = self._checked and self._draft is None
         grey = np.full((len(positions), 3), _GREY, dtype=np.uint8)
-        colours = scene.series_colours(series, self._colour, self._required_m) if is_current else grey
-        self._path = scene.draw_path(self._server, positions, colours)
+        colours = drawing.series_colours(series, self._colour, self._required_m) if is_current else grey
+        self._path = drawing.draw_path(self._server, positions, colours)
 
     def _place_camera(self, area: Map) -> None:
         """Look at the middle of the map from behind and above, high enough to see over the walls."""
@@ -392,7 +358,3 @@ class View3D:
         def _(client: Any) -> None:
             client.camera.position = tuple(target + np.array([-0.2, -0.28, 0.4]) * reach)
             client.camera.look_at = tuple(target)
-
-
-def _draw_mesh(into: "viser.SceneApi", name: str, glb: np.ndarray, fine: bool) -> Any:
-    return into.add_glb(name, glb.tobytes(), cast_shadow=False)

@@ -9,11 +9,16 @@ import flight.trajectory
 from flight import FloatArray, InputError, Progress, Trajectory, Waypoints, silent
 from flight.mission import Ground, Mission
 from flight.trajectory import LONGEST_S
-from planner import gate, inputs, minimum_snap, planning, routes, space, turn
+from planner import planning, turn
 from planner._planner import StopFlag
-from planner.conditions import OF_LEGS, Conditions
-from planner.options import PlanInfeasibleError, PlanOptions
+from planner.curve import minimum_snap
+from planner.gate import gate
 from planner.planning import Plan
+from planner.request import inputs, space
+from planner.request.conditions import OF_LEGS, Conditions
+from planner.request.options import PlanInfeasibleError, PlanOptions
+from planner.request.request import Request
+from planner.route import routes
 from vehicle import Vehicle
 
 _OF_WAYPOINTS = ("velocity_world_m_s", "fly_by_m", "gate_edges_m")
@@ -55,7 +60,7 @@ def plan(
         share = _share(progress, number, len(parts))
         try:
             if part.turns:
-                plans.append(turn.plan(ahead, field, vehicle, options, part.conditions, stop=stop))
+                plans.append(turn.plan(Request(ahead, field, vehicle, options, part.conditions, stop)))
                 share("gate", 1.0)
                 continue
             plans.append(
@@ -71,16 +76,7 @@ def plan(
             "shorten the stays, or plan the flight in parts",
         )
     points = _asked(flown)
-    report = gate.check(
-        trajectory,
-        field,
-        vehicle,
-        options,
-        waypoints_world_m=points.positions_world_m,
-        yaw_rad=points.yaw_rad,
-        conditions=whole,
-        stop=stop,
-    )
+    report = gate.judge(Request(points, field, vehicle, options, whole, stop))(trajectory, None)
     if not report.passed:
         first = report.failures[0]
         raise PlanInfeasibleError(

@@ -1,6 +1,5 @@
 """From waypoints to a checked trajectory: the planner's main function, one step per line."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import ClassVar
@@ -10,22 +9,24 @@ import numpy as np
 import flight.trajectory
 from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, TrajectoryFile, Waypoints, silent
 from flight.progress import within
-from planner import bry, corridor, fastest, gate, heading, inputs, limits, minimum_snap, one_way, repair, routes, space
+from planner import one_way
 from planner._planner import StopFlag
-from planner.attempts import Attempts
-from planner.conditions import Conditions
+from planner.curve import heading, minimum_snap
 from planner.drafting import Draft
-from planner.fastest import Optimum, Path
-from planner.gate import GateReport
-from planner.options import PlanInfeasibleError, PlanOptions, check_stop
+from planner.gate import gate, limits
+from planner.gate.gate import AskGate, GateReport
+from planner.optimise import bry, fastest, repair
+from planner.optimise.attempts import Attempts
+from planner.optimise.fastest import Optimum, Path
+from planner.request import inputs, space
+from planner.request.conditions import Conditions
+from planner.request.options import PlanInfeasibleError, PlanOptions, check_stop
+from planner.request.request import Request
+from planner.route import corridor, routes
 from vehicle import Vehicle
 
 _SLOWER = (1.005, 1.015, 1.04, 1.1, 1.3)
 """Factors on the time that are tried where the gate, with its finer samples, finds a limit exceeded."""
-
-
-AskGate = Callable[..., GateReport]
-"""From a trajectory, and what is known of another one, to the gate's report."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,6 +61,11 @@ class Plan:
         return float(np.max([optimum.residual for optimum in self.optima]))
 
     @property
+    def spread(self) -> float:
+        """How much longer the slowest path from any start of a descent took, at most; NaN where each had one start."""
+        return float(np.fmax.reduce([optimum.spread for optimum in self.optima]))
+
+    @property
     def binding(self) -> tuple[str, ...]:
         """The limit that decides each segment's time; "" where none is used to the full."""
         return self.gate.binding
@@ -88,7 +94,7 @@ def plan(
     """
     options = inputs.options_for(vehicle, options)
     asked = Conditions() if conditions is None else conditions
-    path, route = from_scratch(waypoints, field, vehicle, options, asked, progress=progress, stop=stop)
+    path, route = from_scratch(Request(waypoints, field, vehicle, options, asked, stop), progress)
     return of_path(path, waypoints, route.points)
 
 
@@ -97,22 +103,13 @@ def of_path(path: Path, waypoints: Waypoints, route_world_m: FloatArray) -> Plan
     return Plan(path.trajectory, path.report, waypoints, route_world_m, path.method, (path.optimum,))
 
 
-def from_scratch(
-    waypoints: Waypoints,
-    field: space.DistanceField,
-    vehicle: Vehicle,
-    options: PlanOptions,
-    conditions: Conditions,
-    *,
-    progress: Progress = silent,
-    stop: StopFlag | None = None,
-) -> tuple[Path, routes.Route]:
+def from_scratch(request: Request, progress: Progress = silent) -> tuple[Path, routes.Route]:
     """As `plan`, with what a later plan can start from."""
     progress("route", 0.0)
-    inputs.check(waypoints, field, vehicle, options)
-    limits_ = options.limits_for(vehicle)
-    asked = conditions.checked(len(waypoints.positions_world_m), limits_)
-    inputs.check_durations(waypoints, limits_, asked.leg_speed_m_s)
+    waypoints, field, options = request.waypoints, request.field, request.options
+    inputs.check(waypoints, field, request.vehicle, options)
+    asked = request.conditions.checked(len(waypoints.positions_world_m), request.limits)
+    inputs.check_durations(waypoints, request.limits, asked.leg_speed_m_s)
     if options.method == "bry" and (asked.given_motion or asked.leg_limits):
         raise InputError(
             "Bry's method starts and ends at rest and knows no velocities and no speeds or jerks of legs; use fastest"
@@ -120,75 +117,55 @@ def from_scratch(
     routes.check_waypoints(waypoints, field, options.waypoint_clearance_m)
     asked.check_inside(waypoints.positions_world_m)
     room = asked.room(field, options)
-    route = _route(waypoints, room, options, asked, stop)
+    request = replace(request, conditions=asked)
+    inside = replace(request, field=room)
+    route = _route(inside)
     progress("optimise", 0.2)
 
-    def ask_gate(trajectory: Trajectory, known: limits.Known | None = None) -> GateReport:
-        return gate.check(
-            trajectory,
-            field,
-            vehicle,
-            options,
-            waypoints_world_m=waypoints.positions_world_m,
-            yaw_rad=waypoints.yaw_rad,
-            conditions=asked,
-            known=known,
-            stop=stop,
-        )
+    ask_gate = gate.judge(request)
 
     def flyable(route: routes.Route, through: Waypoints, conditions: Conditions) -> Path:
-        return _flyable(route, through, room, vehicle, options, conditions, ask_gate, stop, progress)
+        return _flyable(route, replace(inside, waypoints=through, conditions=conditions), ask_gate, progress)
 
     path = flyable(route, waypoints, asked)
     if not path.report.passed and asked.gate_edges_m is not None:
-        path, route = one_way.planned(path, route, waypoints, asked, room, options, flyable, stop)
-    check_stop(stop)
+        path, route = one_way.planned(path, route, waypoints, asked, room, options, flyable, request.stop)
+    check_stop(request.stop)
     progress("gate", 1.0)
     if not path.report.passed:
         raise refused(path)
     return path, route
 
 
-def _route(
-    waypoints: Waypoints, room: space.DistanceField, options: PlanOptions, asked: Conditions, stop: StopFlag | None
-) -> routes.Route:
+def _route(request: Request) -> routes.Route:
+    options = request.options.sampled() if request.options.method == "bry" else request.options
     try:
-        return routes.find(waypoints, room, options.sampled() if options.method == "bry" else options, stop)
+        return routes.find(request.waypoints, request.field, options, request.stop)
     except PlanInfeasibleError as error:
-        if asked.tube is None:
+        if request.conditions.tube is None:
             raise
         raise PlanInfeasibleError(
             f"within the tube, {error.reason}", f"{error.remedy}, or widen the tube", error.segment, gap=error.gap
         ) from error
 
 
-def _flyable(
-    route: routes.Route,
-    waypoints: Waypoints,
-    field: space.DistanceField,
-    vehicle: Vehicle,
-    options: PlanOptions,
-    asked: Conditions,
-    ask_gate: AskGate,
-    stop: StopFlag | None,
-    progress: Progress,
-) -> Path:
+def _flyable(route: routes.Route, request: Request, ask_gate: AskGate, progress: Progress) -> Path:
     """The fastest path; one in a corridor of boxes where that is asked for or the fastest stays too close."""
+    field, options, asked = request.field, request.options, request.conditions
     if options.method == "bry":
-        spline, corners = bry.solve(route, field, options, stop)
-        return _timed(spline, corners.waypoint, "bry", waypoints, vehicle, options, ask_gate)
+        spline, corners = bry.solve(route, field, options, request.stop)
+        return _timed(spline, corners.waypoint, "bry", request, ask_gate)
     dense = routes.subdivided(route, field)
 
     def attempts(obstacles: space.DistanceField, clearance_price: float, report: Progress) -> Attempts:
-        common = (waypoints, field, vehicle, options, asked, ask_gate, stop)
-        return Attempts(dense, obstacles, *common, clearance_price=clearance_price, progress=report)
+        return Attempts(dense, obstacles, request, ask_gate, clearance_price=clearance_price, progress=report)
 
     if options.method == "fastest":
         path = attempts(field, fastest.CLEARANCE_PRICE, within(progress, "optimise", 0.2, 1.0)).best()
         if path is not None:
             # a given velocity allows no other pace
             may_slow = not path.report.passed and not asked.given_motion
-            return slowed(path, vehicle, options, ask_gate) if may_slow else path
+            return slowed(path, request, ask_gate) if may_slow else path
     boxes = corridor.boxes(field, dense.points, options.planned_clearance_m)
     tube = corridor.Tube(boxes, options.clearance_m + fastest.AIM_M)
     inside = attempts(tube, corridor.CLEARANCE_PRICE, within(progress, "corridor", 0.0, 1.0))
@@ -199,35 +176,25 @@ def _flyable(
         raise PlanInfeasibleError(
             "no path with the given velocities keeps clear of the obstacles", "lower them, or give them more room"
         )
-    spline = repair.through_corridor(dense, boxes, inside.start.durations_s, stop)
-    return _timed(spline, dense.waypoint, "corridor", waypoints, vehicle, options, ask_gate)
+    spline = repair.through_corridor(dense, boxes, inside.start.durations_s, request.stop)
+    return _timed(spline, dense.waypoint, "corridor", request, ask_gate)
 
 
-def _timed(
-    spline: minimum_snap.Spline,
-    waypoint: np.ndarray,
-    method: str,
-    waypoints: Waypoints,
-    vehicle: Vehicle,
-    options: PlanOptions,
-    ask_gate: AskGate,
-) -> Path:
+def _timed(spline: minimum_snap.Spline, waypoint: np.ndarray, method: str, request: Request, ask_gate: AskGate) -> Path:
     """A path whose times matter only in proportion, with headings, as fast as the vehicle can fly it."""
     level = minimum_snap.trajectory(spline)
-    spline = spline.scale_time(_time_scale(level, vehicle, options))
-    trajectory = _with_heading(spline, waypoint, waypoints, vehicle, options)
-    path = Path(trajectory, waypoint, method, ask_gate(trajectory), Optimum(float(spline.durations_s.sum())))
-    return slowed(path, vehicle, options, ask_gate)
+    spline = spline.scale_time(_time_scale(level, request))
+    trajectory = _with_heading(spline, waypoint, request)
+    path = Path(trajectory, waypoint, method, ask_gate(trajectory, None), Optimum(float(spline.durations_s.sum())))
+    return slowed(path, request, ask_gate)
 
 
-def _with_heading(
-    spline: minimum_snap.Spline, waypoint: np.ndarray, waypoints: Waypoints, vehicle: Vehicle, options: PlanOptions
-) -> Trajectory:
+def _with_heading(spline: minimum_snap.Spline, waypoint: np.ndarray, request: Request) -> Trajectory:
     """Turn the vehicle along the path as fast as it may turn."""
-    asked = np.where(waypoint >= 0, waypoints.yaw_rad[waypoint], np.nan)
+    asked, options = np.where(waypoint >= 0, request.waypoints.yaw_rad[waypoint], np.nan), request.options
     held = heading.constant(spline, asked, options)
     if held is None:
-        can = limits.yaw_bounds(vehicle, options.limits_for(vehicle))
+        can = limits.yaw_bounds(request.vehicle, request.limits)
         looking, target = options.yaw in ("along_path", "look_at"), options.target_world_m
         yaw = heading.steady_enough(spline, asked, can, along_path=looking, target_world_m=target)
     else:
@@ -236,21 +203,21 @@ def _with_heading(
     return minimum_snap.trajectory(minimum_snap.Spline(spline.durations_s, states))
 
 
-def slowed(path: Path, vehicle: Vehicle, options: PlanOptions, ask_gate: AskGate) -> Path:
+def slowed(path: Path, request: Request, ask_gate: AskGate) -> Path:
     """The same way through space in the time that just keeps every limit: the last resort, as all segments pay."""
-    factor = _time_scale(path.trajectory, vehicle, options)
+    factor = _time_scale(path.trajectory, request)
     for more in (1.0, *_SLOWER):
         trajectory = path.trajectory.scale_time(factor * more)
         optimum = replace(path.optimum, converged=False)
-        slower = replace(path, trajectory=trajectory, report=ask_gate(trajectory), optimum=optimum, kept=None)
+        slower = replace(path, trajectory=trajectory, report=ask_gate(trajectory, None), optimum=optimum, kept=None)
         if slower.report.passed or not all(check.name in limits.NAMES for check in slower.report.failures):
             break
     return slower
 
 
-def _time_scale(trajectory: Trajectory, vehicle: Vehicle, options: PlanOptions) -> float:
+def _time_scale(trajectory: Trajectory, request: Request) -> float:
     try:
-        return repair.time_scale(trajectory, vehicle, options.limits_for(vehicle))
+        return repair.time_scale(trajectory, request.vehicle, request.limits)
     except InfeasibleError as error:
         raise PlanInfeasibleError(str(error), "check the vehicle's limits") from error
 

@@ -13,14 +13,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flight import FloatArray, InputError, Trajectory, Waypoints, portable
-from planner import drafting, fastest, gate, inputs, limits, minimum_snap, planning, routes, space
+from flight import FloatArray, InputError, Waypoints, portable
+from planner import drafting, planning
 from planner._planner import StopFlag
-from planner.conditions import Conditions
+from planner.curve import minimum_snap
 from planner.drafting import Draft
-from planner.gate import GateReport
-from planner.options import PlanOptions, check_stop
+from planner.gate import gate
+from planner.optimise import fastest
 from planner.planning import Plan
+from planner.request import inputs, space
+from planner.request.conditions import Conditions
+from planner.request.options import PlanOptions, check_stop
+from planner.request.request import Request
+from planner.route import routes
 from vehicle import Limits, Vehicle
 
 
@@ -174,7 +179,7 @@ class Planner:
         return waypoints
 
     def _scratch(self, waypoints: Waypoints, asked: Conditions, options: PlanOptions, stop: StopFlag) -> _Answer:
-        path, route = planning.from_scratch(waypoints, self._field, self._vehicle, options, asked, stop=stop)
+        path, route = planning.from_scratch(Request(waypoints, self._field, self._vehicle, options, asked, stop))
         return self._answer(path, route.points, waypoints)
 
     @staticmethod
@@ -258,35 +263,17 @@ class Planner:
         wrong = np.zeros(len(spline.durations_s), dtype=bool)
         wrong[first : first + len(durations)] = True
         used = self._path.report.usage
+        request = Request(waypoints, self._field, self._vehicle, self._options, asked, stop)
         return fastest.until_flyable(
             problem,
             spline,
             waypoint,
-            self._vehicle,
-            self._options,
-            self._room,
-            asked,
-            lambda trajectory, known: self._ask_gate(trajectory, waypoints, asked, known, stop),
-            stop,
+            replace(request, field=self._room),
+            gate.judge(request),
             wrong=wrong,
             drawn=all(leg.drawn for leg in legs),
             corrections=kept.corrections.spliced(first, last, len(durations)),
             used=None if used is None else (self._path.trajectory, used),
-        )
-
-    def _ask_gate(
-        self, trajectory: Trajectory, waypoints: Waypoints, asked: Conditions, known: limits.Known, stop: StopFlag
-    ) -> GateReport:
-        return gate.check(
-            trajectory,
-            self._field,
-            self._vehicle,
-            self._options,
-            waypoints_world_m=waypoints.positions_world_m,
-            yaw_rad=waypoints.yaw_rad,
-            conditions=asked,
-            known=known,
-            stop=stop,
         )
 
     def _points(self, waypoints: Waypoints, old: tuple[int, int], new: tuple[int, int]) -> FloatArray:

@@ -4,57 +4,35 @@ from dataclasses import replace
 
 import numpy as np
 
-from flight import FloatArray, Trajectory, Waypoints, rotations
-from planner import gate, heading, inputs, limits, minimum_snap, planning, space
-from planner._planner import StopFlag
-from planner.conditions import Conditions
-from planner.fastest import Optimum, Path
-from planner.options import PlanOptions, check_stop
-from vehicle import Vehicle
+from flight import FloatArray, Waypoints, rotations
+from planner import planning
+from planner.curve import heading, minimum_snap
+from planner.gate import gate, limits
+from planner.optimise.fastest import Optimum, Path
+from planner.request import inputs
+from planner.request.options import check_stop
+from planner.request.request import Request
 
 _PEAK_RATE, _PEAK_ACCELERATION = 2.1875, 7.5132
 """Of the smoothest turn by one radian within one second from rest to rest, a polynomial of degree seven."""
 
 
-def plan(
-    waypoints: Waypoints,
-    field: space.DistanceField,
-    vehicle: Vehicle,
-    options: PlanOptions,
-    conditions: Conditions,
-    *,
-    stop: StopFlag | None = None,
-) -> planning.Plan:
-    """The fastest turn within the limits, checked by the gate.
-
-    Args:
-        waypoints: two, in the same place, with a heading each.
+def plan(request: Request) -> planning.Plan:
+    """The fastest turn within the limits, checked by the gate, through two waypoints in one place, each with a heading.
 
     Raises:
         InputError: the yaw mode holds another heading.
         PlanInfeasibleError: it is not within the limits; with `segment`, `reason` and `remedy`.
-        PlanCancelledError: `stop` was set.
+        PlanCancelledError: the request's `stop` was set.
     """
-    check_stop(stop)
-    inputs.check(waypoints, field, vehicle, options)
-    spline = _smoothest(waypoints, limits.yaw_bounds(vehicle, options.limits_for(vehicle)))
-    heading.constant(spline, waypoints.yaw_rad, options)
-
-    def ask_gate(trajectory: Trajectory) -> gate.GateReport:
-        return gate.check(
-            trajectory,
-            field,
-            vehicle,
-            options,
-            waypoints_world_m=waypoints.positions_world_m,
-            yaw_rad=waypoints.yaw_rad,
-            conditions=conditions,
-            stop=stop,
-        )
-
-    trajectory = minimum_snap.trajectory(spline)
-    first = Path(trajectory, np.arange(2), "turn", ask_gate(trajectory), Optimum(trajectory.duration_s))
-    slowed = planning.slowed(first, vehicle, options, ask_gate)
+    check_stop(request.stop)
+    waypoints = request.waypoints
+    inputs.check(waypoints, request.field, request.vehicle, request.options)
+    spline = _smoothest(waypoints, limits.yaw_bounds(request.vehicle, request.limits))
+    heading.constant(spline, waypoints.yaw_rad, request.options)
+    trajectory, ask_gate = minimum_snap.trajectory(spline), gate.judge(request)
+    first = Path(trajectory, np.arange(2), "turn", ask_gate(trajectory, None), Optimum(trajectory.duration_s))
+    slowed = planning.slowed(first, request, ask_gate)
     path = replace(slowed, optimum=Optimum(slowed.trajectory.duration_s, converged=True, residual=0.0))
     if not path.report.passed:
         raise planning.refused(path)

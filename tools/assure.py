@@ -35,10 +35,10 @@ INCLUDES = (f"-I{LIBRARY / 'include'}", "-isystem", str(DIALECT))
 MAP_READER = ROOT / "mapping" / "localization" / "reader" / "goshawk_localization_map.c"
 """Flies as well, on a vehicle that localizes itself: held to the same style."""
 TESTS = LIBRARY / "test"
-CASES = (*sorted(path.name for path in TESTS.glob("*cases.c")), "safety_rig.c")
+CASES = tuple(sorted((TESTS / "cases").rglob("*.c")))
 WHOLE = (
     "crc32.c", "failsafe.c", "landing.c", "mission.c", "requests.c", "supervisor.c", "transitions.c",
-    *sorted(path.name for path in (LIBRARY / "src").glob("link*.c")),
+    *sorted(path.name for path in (LIBRARY / "src" / "link").rglob("*.c")),
 )  # fmt: skip
 """Codec, link endpoint, state machine and failsafes: every branch of these files is taken."""
 GROUPS = ("supervisor", "landing", "mixer", "shaping", "tables", "safety", "reaction", "mission")
@@ -66,7 +66,11 @@ class MissingToolError(RuntimeError):
 
 
 def sources() -> list[Path]:
-    return sorted((LIBRARY / "src").glob("*.c"))
+    return sorted((LIBRARY / "src").rglob("*.c"))
+
+
+def source(name: str) -> Path:
+    return next(path for path in sources() if path.name == name)
 
 
 def need(*tools: str) -> None:
@@ -109,8 +113,8 @@ def coverage(folder: Path) -> dict[str, FileCoverage]:
     instrument = ("-fprofile-instr-generate", "-fcoverage-mapping", "-fcoverage-mcdc")
     fuzz, binaries = LIBRARY / "fuzz", []
     for name, files, flags, arguments in (
-        ("cases", [TESTS / case for case in CASES], ["-DTC_MAX_SEGMENTS=32"], []),
-        ("mission", [TESTS / "driver.c", TESTS / "host_main.c"], [], [60_000]),
+        ("cases", [*CASES], ["-DTC_MAX_SEGMENTS=32"], []),
+        ("mission", [TESTS / "driver" / "driver.c", TESTS / "driver" / "host_main.c"], [], [60_000]),
         ("link", [fuzz / "fuzz_link.c", fuzz / "fuzz_main.c"], ["-DTC_MAX_SEGMENTS=32"], [1, 3000]),
         ("controller", [fuzz / "fuzz_controller.c"], ["-DSTANDALONE", "-DTC_MAX_SEGMENTS=8"], [3000]),
     ):
@@ -130,7 +134,7 @@ def _merge(exports: list[dict]) -> dict[str, FileCoverage]:
     decisions: dict[str, dict[tuple[int, int], list[bool]]] = {}
     for file in exports:
         name = Path(file["filename"]).name
-        if Path(file["filename"]).parent not in (LIBRARY / "src", DIALECT):
+        if not any(folder in Path(file["filename"]).parents for folder in (LIBRARY / "src", DIALECT)):
             continue
         counts = branches.setdefault(name, Counter())
         for line, column, _, _, true, false, *_ in file["branches"]:
@@ -247,7 +251,7 @@ def size(folder: Path, level: str = "-O2") -> Size:
     run("arm-none-eabi-gcc", *ARM, *INCLUDES, "-fcommon", "-c", folder / "sizes.c", "-o", folder / "sizes.o")
     listing = [line.split() for line in run("arm-none-eabi-nm", "-S", folder / "sizes.o").splitlines()]
     ram = {row[3].removesuffix("_ram"): int(row[1], 16) for row in listing if row[-1].endswith("_ram")}
-    calls = _module(TESTS / "stack_usage.py").CallGraph(folder)
+    calls = _module(TESTS / "cost" / "stack_usage.py").CallGraph(folder)
     entries = sorted(name for name in calls.own if name.startswith("tc_"))
     return Size({name: calls.deepest(name) for name in entries}, ram)
 
@@ -266,7 +270,7 @@ def flash(folder: Path, library: Path) -> dict[str, int]:
     taken = {}
     for name, flags in (("controller", ["-DWITHOUT_LINK"]), ("controller and link", [])):
         program = folder / f"{name}.elf"
-        run("arm-none-eabi-gcc", "-std=c11", *ARM, "-Os", *flags, *INCLUDES, TESTS / "image.c", library,
+        run("arm-none-eabi-gcc", "-std=c11", *ARM, "-Os", *flags, *INCLUDES, TESTS / "cost" / "image.c", library,
             "-nostartfiles", "--specs=nosys.specs", "-Wl,--gc-sections,-e,reset", "-o", program)  # fmt: skip
         taken[name] = int(run("arm-none-eabi-size", program).splitlines()[1].split()[0])
     return taken
@@ -298,15 +302,15 @@ COST_MARK = "<!-- written by tools/assure.py cost --markdown -->"
 
 
 def cost(folder: Path, library: Path) -> dict[str, int]:
-    """Worst instructions of every public function, by name and situation: test/worst_case.c on an emulated Cortex-M4F.
+    """Worst instructions of every public function, by name and situation: test/cost/worst_case.c, on QEMU.
 
     An emulator counts instructions; it does not model the cycles of a board's memory and pipeline.
     """
     need("arm-none-eabi-gcc", "qemu-system-arm")
     program = folder / "worst_case.elf"
-    files = [TESTS / name for name in ("worst_case.c", "worst_case_link.c", "target_main.c")]
+    files = [TESTS / name for name in ("cost/worst_case.c", "cost/worst_case_link.c", "driver/target_main.c")]
     run("arm-none-eabi-gcc", "-std=c11", *ARM, "-O2", "-DTICKS=0", *INCLUDES, *files, library, "-nostartfiles",
-        "--specs=nosys.specs", "-Wl,--gc-sections", "-T", TESTS / "target.ld", "-o", program)  # fmt: skip
+        "--specs=nosys.specs", "-Wl,--gc-sections", "-T", TESTS / "driver" / "target.ld", "-o", program)  # fmt: skip
     done = subprocess.run(
         ["qemu-system-arm", "-machine", "mps2-an386", "-icount", "shift=6,sleep=off", "-nographic", "-semihosting",
          "-kernel", str(program)], capture_output=True, text=True, check=True, timeout=300,
@@ -345,10 +349,8 @@ def mutate(files: list[str], every: int = 1) -> list[mutation.Score]:
     unknown = sorted(set(files) - set(MUTATED))
     if unknown:
         raise SystemExit(f"no mutants are made of {', '.join(unknown)}; choose from {', '.join(MUTATED)}")
-    tests = [TESTS / name for name in CASES]
     return [
-        mutation.score(LIBRARY / "src" / name, MUTATED[name], tests, every=every, arguments=GROUPS)
-        for name in files or MUTATED
+        mutation.score(source(name), MUTATED[name], CASES, every=every, arguments=GROUPS) for name in files or MUTATED
     ]
 
 
@@ -375,7 +377,7 @@ FUZZ = (
 )  # fmt: skip
 """Both sanitizers; undefined behaviour ends in a trap rather than in a call that describes it, and comparisons are not
 traced, as the targets build good frames themselves: that makes an execution several times as fast."""
-QUICKER = ("crc32.c", "link_crc16.c")
+QUICKER = ("crc32.c", "crc16.c")
 """Sources that fuzz/quick_crc.c replaces: the same values, several times as fast."""
 LONGEST_INPUT = 64
 """Bytes: some 25 steps, enough for a whole flight."""

@@ -6,7 +6,7 @@ The faults are made on clang's syntax tree, so that types are known and nearly a
     a + b, a * b    a - b, a / b                             -a, !a        a
     if (a), a ? ..  if (!(a)); and if (0)                    statement;    ;
     1, 2.0f         2, 3.0f                                  TC_NAME       (TC_NAME + 1)
-    #define X 2.0f  3.0f and 1.33f                           true          false
+    const X = 2.0f  3.0f and 1.33f                           true          false
 
 and, of the table of transitions, [event] = TO(state): left out, and led to the state after that one. A boundary (< for
 <=) of two floats is not tried: it differs for one value in four thousand million.
@@ -29,7 +29,7 @@ BOUNDS = ("-fsanitize=bounds", "-fsanitize-undefined-trap-on-error")
 """An index beyond its array ends the run."""
 FLAGS = (
     "-std=c11", "-O1", "-w", *BOUNDS, "-ffp-contract=off", "-fno-math-errno", "-DTC_MAX_SEGMENTS=32",
-    f"-I{LIBRARY / 'include'}", f"-I{LIBRARY / 'src'}", "-isystem", str(LIBRARY.parent / "dialect" / "generated"),
+    f"-I{LIBRARY / 'include'}", "-isystem", str(LIBRARY.parent / "dialect" / "generated"),
 )  # fmt: skip
 LONGEST_RUN_S = 10.0
 """The case files take a fraction of it; a mutant that takes longer loops for ever, and counts as killed."""
@@ -110,7 +110,7 @@ def mutants(path: Path, functions: frozenset[str] | None = None) -> list[Mutant]
         name = node["name"]
         if not re.search(rf"^[a-z].*\b{name}\(", source, re.MULTILINE) or (functions and name not in functions):
             continue
-        span = _span(node)
+        span = _span(node, operand=True)  # `bool` is a macro
         if span is None or name not in source[span[0] : span[1]]:
             continue
         for begin, end, replacement in _of_tree(node, source):
@@ -202,7 +202,7 @@ def _suffix(value: float) -> str:
 
 
 def _of_tables(source: str) -> Iterator[tuple[int, int, str]]:
-    for match in re.finditer(r"^#define \w+ \(?(-?\d[\d.e+-]*f?)", source, re.MULTILINE):
+    for match in re.finditer(r"^(?:#define \w+|static const \w+ \w+ =) \(?(-?\d[\d.e+-]*f?)", source, re.MULTILINE):
         number = match[1]
         if "." in number or "e" in number:
             yield match.start(1), match.end(1), _scaled(number, 1.5)
@@ -224,17 +224,17 @@ def _of_tables(source: str) -> Iterator[tuple[int, int, str]]:
 class Bench:
     """The case files and all sources, compiled once; then one source again for each mutant."""
 
-    def __init__(self, folder: Path, tests: list[Path], arguments: tuple[str, ...] = ()) -> None:
+    def __init__(self, folder: Path, tests: tuple[Path, ...], arguments: tuple[str, ...] = ()) -> None:
         self.folder, self.arguments = folder, arguments
         self.objects: dict[str, Path] = {}
-        for path in (*sorted((LIBRARY / "src").glob("*.c")), *tests):
+        for path in (*sorted((LIBRARY / "src").rglob("*.c")), *tests):
             self.objects[path.name] = folder / f"{path.stem}.o"
             self._compile(path, self.objects[path.name])
         if not self._passes(self.objects):
             raise SystemExit("the case files fail without any fault; run them by themselves first")
 
-    def _compile(self, path: Path, out: Path) -> bool:
-        command = ["gcc", *FLAGS, "-c", str(path), "-o", str(out)]
+    def _compile(self, path: Path, out: Path, *flags: str) -> bool:
+        command = ["gcc", *FLAGS, *flags, "-c", str(path), "-o", str(out)]
         return subprocess.run(command, capture_output=True, check=False).returncode == 0
 
     def _passes(self, objects: dict[str, Path]) -> bool:
@@ -259,11 +259,11 @@ class Bench:
             return False
         return done.returncode == 0
 
-    def kills(self, mutant: Mutant, source: str) -> bool | None:
+    def kills(self, mutant: Mutant, original: Path) -> bool | None:
         """None: it does not compile."""
         path, out = self.folder / f"mutant_{mutant.file}", self.folder / "mutant.o"
-        path.write_text(mutant.applied(source))
-        if not self._compile(path, out):
+        path.write_text(mutant.applied(original.read_text()))
+        if not self._compile(path, out, f"-I{original.parent}"):
             return None
         return not self._passes({**self.objects, mutant.file: out})
 
@@ -281,13 +281,13 @@ def equivalents() -> dict[str, str]:
 def score(
     path: Path,
     functions: frozenset[str] | None,
-    tests: list[Path],
+    tests: tuple[Path, ...],
     *,
     every: int = 1,
     arguments: tuple[str, ...] = (),
 ) -> Score:
     """Try the mutants of a file, or every so manieth of them."""
-    source, listed, result = path.read_text(), equivalents(), Score(path.name)
+    listed, result = equivalents(), Score(path.name)
     found = mutants(path, functions)
     stale = {key for key in listed if key.startswith(f"{path.name} | ")} - {mutant.key for mutant in found}
     if stale:
@@ -298,7 +298,7 @@ def score(
             if mutant.key in listed:
                 result.equivalent += 1
                 continue
-            killed = bench.kills(mutant, source)
+            killed = bench.kills(mutant, path)
             if killed is None:
                 result.invalid += 1
             elif killed:

@@ -1,63 +1,38 @@
-"""Writes the client's message types from `gcs_web/protocol*.py`: `python tools/page_types.py`."""
+"""Writes the client's message types from the structs of `gcs_web/protocol`: `python tools/page_types.py`."""
 
+import importlib
 import inspect
+import pkgutil
 import types
 import typing
 from pathlib import Path
 
 import msgspec
 
-from gcs_web import (
-    protocol,
-    protocol_aligning,
-    protocol_base,
-    protocol_compensation,
-    protocol_consent,
-    protocol_course,
-    protocol_flight_view,
-    protocol_flights,
-    protocol_identified,
-    protocol_jobs,
-    protocol_map,
-    protocol_next_flight,
-    protocol_parts,
-    protocol_projects,
-)
+from gcs_web import protocol
 
-TARGET = Path(__file__).parents[1] / "gcs_web" / "client" / "src" / "protocol.ts"
-HEAD = "// Written by tools/page_types.py from gcs_web/protocol.py. Do not edit.\n"
-_MODULES = (
-    protocol_parts,
-    protocol_base,
-    protocol_course,
-    protocol_aligning,
-    protocol_flights,
-    protocol_flight_view,
-    protocol_identified,
-    protocol_jobs,
-    protocol_map,
-    protocol_next_flight,
-    protocol_projects,
-    protocol_compensation,
-    protocol_consent,
-    protocol,
-)
+TARGET = Path(__file__).parents[1] / "gcs_web" / "client" / "src" / "core" / "protocol.ts"
+HEAD = "// Written by tools/page_types.py from gcs_web/protocol. Do not edit.\n"
 _SIMPLE = {str: "string", int: "number", float: "number", bool: "boolean", type(None): "null"}
 
 
 def typescript() -> str:
     """All structs of the protocol as interfaces, then the two unions."""
-    structs = [
-        kind
-        for module in _MODULES
-        for kind in vars(module).values()
-        if inspect.isclass(kind) and issubclass(kind, msgspec.Struct) and kind.__module__ == module.__name__
-    ]
+    structs = [kind for module in _modules() for kind in vars(module).values() if _is_struct_of(module, kind)]
     parts = [HEAD, f"export const PROTOCOL = {protocol.PROTOCOL};", *(_interface(kind) for kind in structs)]
     for name in ("ToPage", "FromPage"):
         members = " | ".join(kind.__name__ for kind in typing.get_args(getattr(protocol, name)))
         parts.append(f"export type {name} = {members};")
     return "\n\n".join(parts) + "\n"
+
+
+def _modules() -> list[types.ModuleType]:
+    found = pkgutil.iter_modules(protocol.__path__, f"{protocol.__name__}.")
+    return [*(importlib.import_module(module.name) for module in found), protocol]
+
+
+def _is_struct_of(module: types.ModuleType, kind: object) -> bool:
+    return inspect.isclass(kind) and issubclass(kind, msgspec.Struct) and kind.__module__ == module.__name__
 
 
 def _interface(kind: type[msgspec.Struct]) -> str:

@@ -4,8 +4,9 @@ from collections.abc import Callable
 from typing import Any
 
 from flight.file_format import file_hash
-from gcs_web import compensation, protocol
+from gcs_web import protocol
 from gcs_web.desk import Desk
+from gcs_web.vehicle import compensation
 
 
 def _prepare(desk: Desk, person: protocol.Person, wanted: protocol.PrepareCompensation) -> protocol.Reply:

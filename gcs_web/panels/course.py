@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 
 from flight import FloatArray, InputError, Waypoints, project
-from gcs_web import protocol, protocol_course, snapping
+from gcs_web import protocol
 from gcs_web.desk import Desk
-from gcs_web.document import MOST_WAYPOINTS
+from gcs_web.document.document import MOST_WAYPOINTS
 from gcs_web.panels.editing import edit
-from planner import simplify
+from gcs_web.planning import snapping
+from planner.route import simplify
 
 
 def _snap(desk: Desk, person: protocol.Person, wanted: protocol.Snap) -> None:
@@ -30,7 +31,7 @@ def _snap(desk: Desk, person: protocol.Person, wanted: protocol.Snap) -> None:
     edit(
         desk,
         person,
-        protocol_course.Place(
+        protocol.Place(
             serial=wanted.serial,
             revision=wanted.revision,
             waypoints=wanted.waypoints,

@@ -3,8 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
-from gcs_web import aligning, protocol
+from gcs_web import protocol
 from gcs_web.desk import Desk
+from gcs_web.flights import aligning
 
 
 def _list(desk: Desk, _: protocol.Person, __: protocol.ListFlights) -> None:

@@ -4,8 +4,9 @@ from collections.abc import Callable
 from typing import Any
 
 from esdf import Edit
-from gcs_web import map_edits, protocol
+from gcs_web import protocol
 from gcs_web.desk import Desk
+from gcs_web.document import map_edits
 from gcs_web.panels.editing import edit as edit_document
 
 

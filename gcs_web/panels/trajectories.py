@@ -5,8 +5,9 @@ from dataclasses import replace
 from typing import Any
 
 from flight import InputError, project, results, trajectory
-from gcs_web import protocol, saved
+from gcs_web import protocol
 from gcs_web.desk import Desk
+from gcs_web.planning import saved
 
 
 def _plan_again(desk: Desk, _: protocol.Person, __: protocol.PlanAgain) -> None:

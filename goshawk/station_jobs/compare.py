@@ -6,10 +6,10 @@ import sysid
 import vehicle
 from flight import Progress, within
 from flight.project import Project
-from gcs_web import comparing, reports, residuals
+from gcs_web.comparison import comparing, reports, residuals
+from gcs_web.comparison.residuals import Compared
 from gcs_web.desk import Desk
-from gcs_web.jobs import Kind
-from gcs_web.residuals import Compared
+from gcs_web.jobs.jobs import Kind
 from goshawk.station_jobs import flights
 from goshawk.station_jobs.flights import Chosen
 

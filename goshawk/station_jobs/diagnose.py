@@ -9,12 +9,14 @@ import numpy as np
 import vehicle
 from flight import Progress, file_format, within
 from flight.project import Project
-from gcs_web import diagnosis_values, learning, protocol, reports
+from gcs_web import protocol
+from gcs_web.comparison import reports
 from gcs_web.desk import Desk
-from gcs_web.jobs import Kind
-from goshawk import what_next
+from gcs_web.jobs.jobs import Kind
+from gcs_web.learning import diagnosis_values, learning
+from goshawk.commands.learn import what_next
+from goshawk.commands.learn.what_next import DiagnoseCall
 from goshawk.station_jobs import flights
-from goshawk.what_next import DiagnoseCall
 from sysid.diagnosis import diagnose
 from sysid.diagnosis.experiment_design.outlook import outlook
 from sysid.report import diagnosis_page

@@ -8,12 +8,14 @@ import msgspec
 import vehicle
 from flight import InputError, Progress
 from flight.project import Project, part_name
-from gcs_web import identified, reading
 from gcs_web.desk import Desk
-from gcs_web.jobs import Choices, Kind
-from goshawk import fit_options, outputs
-from goshawk.commands.identify import fit_flights, write
+from gcs_web.flights import reading
+from gcs_web.jobs.jobs import Choices, Kind
+from gcs_web.learning import identified
+from goshawk.commands.learn import fit_options
+from goshawk.commands.learn.identify import fit_flights, write
 from goshawk.station_jobs.flights import in_words_of
+from goshawk.terminal import outputs
 from sysid.estimator.options import Options
 from sysid.estimator.verdict import Use
 

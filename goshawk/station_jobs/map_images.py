@@ -12,8 +12,8 @@ from esdf.edits import EDITS
 from flight import InputError, Progress
 from flight.project import Project
 from gcs_web.desk import Desk
-from gcs_web.jobs import Choices, Kind
-from goshawk.commands.map import CARRIER_M, THINNEST_M, VOXEL_M, length_from
+from gcs_web.jobs.jobs import Choices, Kind
+from goshawk.commands.map.map import CARRIER_M, THINNEST_M, VOXEL_M, length_from
 from mapping.input import trajectory
 
 _IMAGES = (".jpg", ".jpeg", ".png")

@@ -12,13 +12,15 @@ import vehicle
 from esdf.field import SampledField
 from flight import InfeasibleError, InputError, Progress, results, trajectory, within
 from flight.project import Project, part_name
-from gcs_web import inputs, proposed
 from gcs_web.desk import Desk
-from gcs_web.jobs import Kind
-from gcs_web.protocol_next_flight import NextFlight
-from goshawk import console, mapped_flight
-from goshawk.mapped_flight import MappedRanking
+from gcs_web.jobs.jobs import Kind
+from gcs_web.learning import proposed
+from gcs_web.planning import inputs
+from gcs_web.protocol.next_flight import NextFlight
+from goshawk.commands.learn import mapped_flight
+from goshawk.commands.learn.mapped_flight import MappedRanking
 from goshawk.station_jobs import flights
+from goshawk.terminal import console
 from sysid.diagnosis import diagnose
 from sysid.diagnosis.experiment_design import next_flight
 from sysid.report import words

@@ -8,10 +8,10 @@ import msgspec
 import vehicle
 from flight import InputError, Progress, file_format
 from flight.project import Project, part_name
-from gcs_web import diagnosis_values, learning
 from gcs_web.desk import Desk
-from gcs_web.jobs import Kind
-from gcs_web.learning import KeptTrial
+from gcs_web.jobs.jobs import Kind
+from gcs_web.learning import diagnosis_values, learning
+from gcs_web.learning.learning import KeptTrial
 from goshawk.station_jobs import flights
 from sysid.estimator.validation import changes
 from sysid.estimator.validation.changes import Flights

@@ -1,7 +1,7 @@
 // Gauss and Newton's method for a cost with a banded matrix of second derivatives, damped where the quadratic model
 // does not hold (Levenberg and Marquardt; the damping as in Nielsen 1999). It has converged where the matrix is
 // positive definite and the model, hardly damped, promises less than a given share of the cost; or, at a kink of the
-// cost, where that model does not hold, ten evaluations together have gained less than that.
+// cost, where that model does not hold, four steps in a row have together gained less than that.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +16,8 @@
 namespace goshawk {
 
 struct Refined {
-    double cost = 0.0, residual = 0.0;  // the gain that the model still promises, as a share of the cost
+    double cost = 0.0;
+    double residual = std::numeric_limits<double>::quiet_NaN();  // gain that the model promises, as a share of the cost
     int evaluations = 0;
     bool converged = false, stopped = false;
 };
@@ -42,37 +43,38 @@ class Newton {
             for (std::size_t i = 0; i < n; ++i) square += (at[i] - begun[i]) * (at[i] - begun[i]);
             return cost(at) + hold * square;
         };
+        const auto model_here = [&] {
+            model(gradient, second);
+            for (std::size_t i = 0; i < n; ++i) {
+                gradient[i] += 2.0 * hold * (x[i] - begun[i]);
+                second.at(i, i) += 2.0 * hold;
+            }
+            // Between equal steps (1) and equal shares of the curvature (Marquardt): ends lowest of the three.
+            for (std::size_t i = 0; i < n; ++i) weight[i] = std::sqrt(std::max(second.at(i, i), 1e-6));
+        };
+        const auto solved = [&](double damping) {  // the step; false where the damped matrix is not positive definite
+            factor = second;
+            for (std::size_t i = 0; i < n; ++i) factor.at(i, i) += damping * weight[i];
+            if (!factor.factor()) return false;
+            for (std::size_t i = 0; i < n; ++i) step[i] = -gradient[i];
+            factor.solve<1>(step.data());
+            return true;
+        };
         Refined found;
         double damping = kLeast, growth = 2.0;
-        bool moved = true;
+        int steps = 0;
         found.cost = held_cost(x);
+        model_here();
         double earlier = std::numeric_limits<double>::infinity();
-        for (int iteration = 0; iteration < iterations; ++iteration) {
+        for (int iteration = 0; iteration < iterations && !found.converged && damping <= kMost; ++iteration) {
             if (stop && stop->load(std::memory_order_relaxed)) {
                 found.stopped = true;
                 return found;
             }
-            if (moved) {
-                model(gradient, second);
-                for (std::size_t i = 0; i < n; ++i) {
-                    gradient[i] += 2.0 * hold * (x[i] - begun[i]);
-                    second.at(i, i) += 2.0 * hold;
-                }
-                // Between equal steps (1) and equal shares of the curvature (Marquardt): ends lowest of the three.
-                for (std::size_t i = 0; i < n; ++i) weight[i] = std::sqrt(std::max(second.at(i, i), 1e-6));
-            }
-            moved = false;
-            factor = second;
-            for (std::size_t i = 0; i < n; ++i) factor.at(i, i) += damping * weight[i];
-            if (factor.factor()) {
-                for (std::size_t i = 0; i < n; ++i) step[i] = -gradient[i];
-                factor.solve<1>(step.data());
+            if (solved(damping)) {
                 const double promised = gain(gradient, step, weight, damping);
-                found.residual = promised / std::max(found.cost, 1.0);
-                if (damping <= kSlight && found.residual <= precision) {
-                    found.converged = true;
-                    return found;
-                }
+                found.converged = damping <= kSlight && promised <= precision * std::max(found.cost, 1.0);
+                if (found.converged) break;
                 double largest = 0.0;
                 for (const double s : step) largest = std::max(largest, std::fabs(s));
                 const double length = std::min(1.0, longest_step / largest);
@@ -84,29 +86,30 @@ class Newton {
                 if (ratio > 1e-4) {
                     x.swap(trial);
                     found.cost = reached;
-                    moved = true;
+                    model_here();
                     const double bend = 2.0 * ratio - 1.0;
                     // where the step was cut, less damping would only turn it to where the cost is flat
                     if (length == 1.0) damping *= std::max(0.1, 1.0 - bend * bend * bend);
                     growth = 2.0;
+                    if (++steps % kWindow == 0) {
+                        found.converged = earlier - found.cost <= precision * found.cost;
+                        earlier = found.cost;
+                    }
+                    continue;
                 }
-                if (found.evaluations % kWindow == 0) {
-                    found.converged = earlier - found.cost <= precision * found.cost;
-                    if (found.converged) return found;
-                    earlier = found.cost;
-                }
-                if (moved) continue;
             }
-            damping = std::max(damping, kLeast) * growth;
+            damping = std::max(damping, kLeast) * growth;  // above kMost rounding hides whatever is still downhill
             growth *= 2.0;
-            if (damping > kMost) return found;  // rounding hides whatever is still downhill
         }
+        double slight = kLeast;  // as little damping as makes the matrix positive definite
+        while (!solved(slight) && slight <= kMost) slight *= 10.0;
+        found.residual = gain(gradient, step, weight, slight) / std::max(found.cost, 1.0);
         return found;
     }
 
   private:
     static constexpr double kLeast = 1e-6, kSlight = 1e-1, kMost = 1e12;
-    static constexpr int kWindow = 10;
+    static constexpr int kWindow = 4;
 
     static double gain(const std::vector<double>& gradient, const std::vector<double>& step,
                        const std::vector<double>& weight, double damping) {

@@ -35,57 +35,69 @@ std::vector<Step> neighbours(int64_t ny, int64_t nz) {
 
 // Length of the shortest 26-connected way between two cells of an empty grid: never more than the true one.
 float octile(int64_t a, int64_t b, int64_t c) {
-    if (a < b) std::swap(a, b);
-    if (b < c) std::swap(b, c);
-    if (a < b) std::swap(a, b);
-    return static_cast<float>(a - b) + 1.41421356f * static_cast<float>(b - c) + 1.73205081f * static_cast<float>(c);
+    const int64_t most = std::max({a, b, c}), least = std::min({a, b, c}), middle = a + b + c - most - least;
+    return static_cast<float>(most - middle) + 1.41421356f * static_cast<float>(middle - least) +
+           1.73205081f * static_cast<float>(least);
 }
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+struct Cell {
+    float price = kInfinity;  // factor on the length of a step into it; infinite where none may be made (any more)
+    float cost = kInfinity;   // of the cheapest way known
+    int8_t came = -1;         // by which step
+};
 
 // Cells with a distance of at least `required` may be entered; below `comfort` a step costs up to 1 + price as much.
 // A way is at most `greed` times as dear as the cheapest one; 1 is exact, more looks at fewer cells.
 std::vector<int64_t> astar(const float* distance, int64_t nx, int64_t ny, int64_t nz, int64_t start, int64_t goal,
                            float required, float comfort, float price, float greed) {
-    const float infinity = std::numeric_limits<float>::infinity();
     const float scale = comfort > required ? 1.0f / (comfort - required) : 0.0f;
-    std::vector<float> cost(static_cast<size_t>(nx * ny * nz), infinity);
-    std::vector<int8_t> came(static_cast<size_t>(nx * ny * nz), -1);
-    std::vector<bool> done(static_cast<size_t>(nx * ny * nz), false);
-    const std::vector<Step> steps = neighbours(ny, nz);
-    const int64_t gi = goal / (ny * nz), gj = goal / nz % ny, gk = goal % nz;
+    // With a layer of cells that cannot be entered all round, no step needs to ask whether it leaves the grid.
+    const int64_t my = ny + 2, mz = nz + 2;
+    std::vector<Cell> cells(static_cast<size_t>((nx + 2) * my * mz));
+    for (int64_t i = 0; i < nx; ++i)
+        for (int64_t j = 0; j < ny; ++j)
+            for (int64_t k = 0; k < nz; ++k) {
+                const float d = distance[(i * ny + j) * nz + k];
+                if (!(d >= required)) continue;
+                const float lack = std::max(0.0f, (comfort - d) * scale);
+                cells[((i + 1) * my + j + 1) * mz + k + 1].price = 1.0f + price * lack * lack;
+            }
+    const auto padded = [&](int64_t cell) {
+        return ((cell / (ny * nz) + 1) * my + cell / nz % ny + 1) * mz + cell % nz + 1;
+    };
+    const std::vector<Step> steps = neighbours(my, mz);
+    const int64_t first = padded(start), last = padded(goal);
+    const int64_t gi = last / (my * mz), gj = last / mz % my, gk = last % mz;
     using Entry = std::pair<float, int64_t>;
     std::priority_queue<Entry, std::vector<Entry>, std::greater<Entry>> open;
-    const auto estimate = [&](int64_t i, int64_t j, int64_t k) {
-        return greed * octile(std::abs(i - gi), std::abs(j - gj), std::abs(k - gk));
-    };
-    cost[start] = 0.0f;
-    open.push({0.0f, start});
-    while (!open.empty()) {
-        const int64_t cell = open.top().second;
+    cells[first].cost = 0.0f;
+    open.push({0.0f, first});
+    while (!open.empty() && open.top().second != last) {
+        const int64_t here = open.top().second;
         open.pop();
-        if (cell == goal) break;
-        const int64_t i = cell / (ny * nz), j = cell / nz % ny, k = cell % nz;
-        if (done[cell]) continue;  // opened more than once; the first time was the cheapest, or cheap enough
-        done[cell] = true;
+        if (here != first && cells[here].price == kInfinity) continue;  // the first time was cheap enough
+        cells[here].price = kInfinity;
+        const int64_t i = here / (my * mz), j = here / mz % my, k = here % mz;
         for (size_t s = 0; s < steps.size(); ++s) {
             const Step& step = steps[s];
-            const int64_t a = i + step.di, b = j + step.dj, c = k + step.dk;
-            if (a < 0 || b < 0 || c < 0 || a >= nx || b >= ny || c >= nz) continue;
-            const int64_t next = cell + step.offset;
-            if (done[next]) continue;
-            const float d = distance[next];
-            if (!(d >= required)) continue;
-            const float lack = std::max(0.0f, (comfort - d) * scale);
-            const float reached = cost[cell] + step.length * (1.0f + price * lack * lack);
-            if (reached >= cost[next]) continue;
-            cost[next] = reached;
-            came[next] = static_cast<int8_t>(s);
-            open.push({reached + estimate(a, b, c), next});
+            Cell& next = cells[here + step.offset];
+            const float reached = cells[here].cost + step.length * next.price;
+            if (reached >= next.cost) continue;
+            next.cost = reached;
+            next.came = static_cast<int8_t>(s);
+            const float left =
+                octile(std::abs(i + step.di - gi), std::abs(j + step.dj - gj), std::abs(k + step.dk - gk));
+            open.push({reached + greed * left, here + step.offset});
         }
     }
     std::vector<int64_t> path;
-    if (!std::isfinite(cost[goal])) return path;
-    for (int64_t cell = goal; cell != start; cell -= steps[came[cell]].offset) path.push_back(cell);
-    path.push_back(start);
+    if (cells[last].cost == kInfinity) return path;
+    for (int64_t cell = last;; cell -= steps[cells[cell].came].offset) {
+        path.push_back(((cell / (my * mz) - 1) * ny + cell / mz % my - 1) * nz + cell % mz - 1);
+        if (cell == first) break;
+    }
     std::reverse(path.begin(), path.end());
     return path;
 }

@@ -49,9 +49,8 @@ def _has_sanitizers(folder: Path) -> bool:
 def test_every_case_of_codec_link_state_machine_and_failsafes_holds(tmp_path):
     _need("gcc")
     sanitizers = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all") if _has_sanitizers(tmp_path) else ()
-    cases = [LIBRARY / "test" / name for name in assure.CASES]
     flags = ("-std=c11", "-g", *sanitizers, "-fno-math-errno", "-DTC_MAX_SEGMENTS=32")
-    _run("gcc", *flags, *INCLUDES, *cases, *assure.sources(), "-lm", "-o", tmp_path / "cases")
+    _run("gcc", *flags, *INCLUDES, *assure.CASES, *assure.sources(), "-lm", "-o", tmp_path / "cases")
     checks = int(_run(tmp_path / "cases").split()[0])
     assert checks > 100_000
 
@@ -142,7 +141,7 @@ def test_the_case_files_notice_nine_of_ten_faults(name):
 
 TOY = """\
 #include <stdbool.h>
-#define LIMIT 2.0f
+static const float LIMIT = 2.0f;
 int clamp(int x, float y);
 int clamp(int x, float y) {
     bool high = x > 3 && y < LIMIT;
@@ -160,8 +159,8 @@ def test_mutants_are_small_faults_that_compile(tmp_path):
     assert {
         "bool high = x <= 3 && y < LIMIT;", "bool high = x >= 3 && y < LIMIT;", "bool high = x > 4 && y < LIMIT;",
         "bool high = x > 3 || y < LIMIT;", "bool high = x > 3 && y >= LIMIT;", "if (!(high)) x = x + 1;",
-        "if (0) x = x + 1;", "if (high) x = x - 1;", "without x = x + 1", "return x;", "#define LIMIT 3.0f",
-        "#define LIMIT 1.33333333f",
+        "if (0) x = x + 1;", "if (high) x = x - 1;", "without x = x + 1", "return x;", "static const float LIMIT = 3.0f;",
+        "static const float LIMIT = 1.33333333f;",
     } <= texts  # fmt: skip
     assert "bool high = x > 3 && y <= LIMIT;" not in texts  # a boundary of floats
     for mutant in found:
@@ -194,7 +193,7 @@ def test_the_fuzz_targets_checksums_are_those_of_the_library(tmp_path):
     quick = LIBRARY / "fuzz" / "quick_crc.c"
     renamed = ("-Dtc_crc16=quick16", "-Dtc_crc32=quick32")
     _run("gcc", "-std=c11", *renamed, *INCLUDES, "-c", quick, "-o", tmp_path / "quick.o")
-    plain = [LIBRARY / "src" / name for name in assure.QUICKER]
+    plain = [assure.source(name) for name in assure.QUICKER]
     _run("gcc", "-std=c11", *INCLUDES, main, tmp_path / "quick.o", *plain, "-o", tmp_path / "checksums")
     _run(tmp_path / "checksums")
 

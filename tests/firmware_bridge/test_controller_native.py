@@ -1,5 +1,6 @@
 """The C library as a flight-control developer meets it: builds alone, clean, and gives the same bits everywhere."""
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2] / "firmware_bridge" / "controller"
-DRIVER = [ROOT / "test" / "driver.c"]
+TEST = ROOT / "test" / "driver"
 DIALECT = ROOT.parent / "dialect" / "generated"
 INCLUDES = (f"-I{ROOT / 'include'}", "-isystem", DIALECT)
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror")
@@ -36,12 +37,11 @@ def _run(*command: object) -> str:
 
 
 def _sources() -> list[Path]:
-    return sorted((ROOT / "src").glob("*.c"))
+    return sorted((ROOT / "src").rglob("*.c"))
 
 
 def _host(compiler: str, out: Path, *flags: str) -> Path:
-    main = ROOT / "test" / "host_main.c"
-    _run(compiler, *STRICT, *flags, *INCLUDES, *_sources(), *DRIVER, main, "-o", out, "-lm")
+    _run(compiler, *STRICT, *flags, *INCLUDES, *_sources(), TEST / "driver.c", TEST / "host_main.c", "-o", out, "-lm")
     return out
 
 
@@ -49,8 +49,8 @@ def _firmware(target: str, out: Path, *flags: str) -> tuple[Path, str]:
     cpu, machine = TARGETS[target]
     _run(
         "arm-none-eabi-gcc", *STRICT, *cpu.split(), "-mthumb", "-mfloat-abi=hard", "-nostartfiles",
-        "--specs=nosys.specs", "-T", ROOT / "test" / "target.ld", *flags, *INCLUDES,
-        *_sources(), *DRIVER, ROOT / "test" / "target_main.c", "-o", out,
+        "--specs=nosys.specs", "-T", TEST / "target.ld", *flags, *INCLUDES,
+        *_sources(), TEST / "driver.c", TEST / "target_main.c", "-o", out,
     )  # fmt: skip
     return out, machine
 
@@ -64,6 +64,12 @@ def test_the_library_builds_alone(tmp_path):
     _run("cmake", "-S", ROOT, "-B", tmp_path, "-DCMAKE_BUILD_TYPE=Release")
     _run("cmake", "--build", tmp_path)
     assert (tmp_path / "libgoshawk_controller.a").exists()
+
+
+def test_no_two_sources_have_one_name():
+    """Toolchains that collect all objects in one folder would lose one of them."""
+    names = [source.name for source in _sources()]
+    assert len(names) == len(set(names)) > 30
 
 
 def test_headers_stand_alone_in_c_and_in_cpp(tmp_path):
@@ -115,7 +121,7 @@ def test_the_library_needs_no_heap_no_libm_and_no_globals(tmp_path):
 
 
 def test_no_source_uses_double_or_recursion_prone_constructs():
-    for source in [*_sources(), *sorted((ROOT / "src").glob("*.h"))]:
+    for source in [*_sources(), *sorted((ROOT / "src").rglob("*.h"))]:
         code = source.read_text()
         for word in ("double ", "malloc", "free(", "goto ", "setjmp", "alloca"):
             assert word not in code, f"{source.name}: {word}"
@@ -161,11 +167,17 @@ def test_cppcheck_finds_nothing():
     )  # fmt: skip
 
 
+def test_every_number_of_the_sources_has_a_type():
+    """A macro has none, and no debugger shows it; what the preprocessor itself needs is in the public headers."""
+    code = "".join(source.read_text() for source in [*_sources(), *(ROOT / "src").rglob("*.h")])
+    assert re.findall(r"^#define \w+ \(?-?\d", code, re.MULTILINE) == []
+
+
 def test_arbitrary_bytes_break_nothing(tmp_path):
     """A short run of the fuzz target with its own random bytes; docs/c_integration.md tells how to run it for long."""
     _need("gcc")
     flags = ("-O1", "-DSTANDALONE", "-DTC_MAX_SEGMENTS=8", "-fsanitize=undefined", "-fno-sanitize-recover=all")
-    sources = [path for path in _sources() if not path.name.startswith("link")]
+    sources = [path for path in _sources() if "link" not in path.parts]
     out = tmp_path / "fuzz"
     _run("gcc", "-std=c11", *flags, *INCLUDES, *sources, ROOT / "fuzz" / "fuzz_controller.c", "-o", out, "-lm")
     assert _run(out, 5000).strip() == "5000 runs"

@@ -148,7 +148,7 @@ def test_the_library_itself_is_always_compiled_with_the_flags_that_keep_its_bits
     build = tmp_path / "build"
     options = ("-DCMAKE_EXPORT_COMPILE_COMMANDS=ON", "-DCMAKE_C_FLAGS=-ffp-contract=fast", "-DCMAKE_BUILD_TYPE=Release")
     _configure(_consumer(tmp_path, ADDED), build, *options)
-    command = _commands(build, "src/mixer.c")
+    command = _commands(build, "src/control/mixer.c")
     assert command.rindex("-ffp-contract=off") > command.rindex("-ffp-contract=fast")
     assert command.rindex("-O2") > command.rindex("-O3")
     assert "-fno-math-errno" in command

@@ -49,7 +49,7 @@ def controller(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """The library's objects and those of the simulated body, 32 segments a slot."""
     folder = tmp_path_factory.mktemp("controller")
     objects = []
-    for source in [*sorted((LIBRARY / "src").glob("*.c")), BODY]:
+    for source in [*sorted((LIBRARY / "src").rglob("*.c")), BODY]:
         objects.append(folder / f"{source.stem}.o")
         _run("gcc", "-std=c11", "-O2", *STRICT, SEGMENTS, *INCLUDES, "-c", source, "-o", objects[-1])
     return objects
@@ -151,7 +151,7 @@ def test_the_freertos_tasks(freertos, scenario):
 
 def test_the_controller_compiles_where_the_build_puts_system_headers_before_every_source(tmp_path):
     """PX4's does: a static function of ours must not have the name of a POSIX one."""
-    for source in sorted((LIBRARY / "src").glob("*.c")):
+    for source in sorted((LIBRARY / "src").rglob("*.c")):
         headers = ("-include", "unistd.h", "-include", "stdlib.h", "-include", "pthread.h", "-include", "time.h")
         _run("gcc", "-std=gnu11", *headers, *INCLUDES, "-fsyntax-only", source)
 
@@ -162,7 +162,7 @@ def test_the_controller_compiles_where_the_build_puts_system_headers_before_ever
 @pytest.fixture(scope="module")
 def posix(tmp_path_factory: pytest.TempPathFactory) -> Path:
     program = tmp_path_factory.mktemp("posix") / "goshawk_posix"
-    sources = [*sorted((EXAMPLES / "posix").glob("*.c")), *sorted((LIBRARY / "src").glob("*.c"))]
+    sources = [*sorted((EXAMPLES / "posix").glob("*.c")), *sorted((LIBRARY / "src").rglob("*.c"))]
     _run("gcc", "-std=c11", "-O2", *STRICT, *INCLUDES, *sources, "-lm", "-o", program)
     return program
 
@@ -330,7 +330,7 @@ def test_the_three_functions_of_the_documentation_compile_and_make_the_vehicle_r
     block = next(block for block in blocks if "void control_task" in block)
     program = tmp_path / "example.c"
     program.write_text(THREE_FUNCTIONS.replace("EXAMPLE", block))
-    sources = sorted((LIBRARY / "src").glob("*.c"))
+    sources = sorted((LIBRARY / "src").rglob("*.c"))
     _run("gcc", "-std=c11", *STRICT, *INCLUDES, program, *sources, "-lm", "-o", tmp_path / "example")
     _run(tmp_path / "example")
 

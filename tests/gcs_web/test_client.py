@@ -1,11 +1,14 @@
 """The page's bundle and its message types are those of the sources beside them."""
 
+import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 
+from tests.test_architecture import circles
 from tests.waiting import PATIENCE_S
 from tools import page_types
 
@@ -17,6 +20,37 @@ LARGEST_BUNDLE = 150_000
 
 def test_the_clients_message_types_are_those_of_the_protocol():
     assert page_types.TARGET.read_text() == page_types.typescript(), "run `python tools/page_types.py`"
+
+
+FLOORS = ("core", "plots", "components", "panels/jobs", "panels/fly", "panels/plan", "panels/map", "panels/compare",
+          "panels/learn", "panels/frame", ".")  # fmt: skip
+"""Folders of the client's sources: each imports only from those before it."""
+
+
+def client_imports() -> dict[Path, set[Path]]:
+    """By module of the client, those that it imports."""
+    sources = CLIENT / "src"
+    modules = {p.relative_to(sources).with_suffix("") for p in sources.rglob("*.ts*") if not p.name.endswith(".d.ts")}
+    named = {
+        module: re.findall(r'from "(\.[^"]+)"', next(sources.glob(f"{module}.ts*")).read_text()) for module in modules
+    }
+    return {module: {Path(os.path.normpath(module.parent / name)) for name in names} for module, names in named.items()}
+
+
+def test_the_clients_folders_import_only_from_those_below_them():
+    floors = {Path(folder): floor for floor, folder in enumerate(FLOORS)}
+    climbs = [
+        f"{module} imports {other}"
+        for module, others in client_imports().items()
+        for other in others
+        if floors[other.parent] > floors[module.parent]
+    ]
+    assert not climbs
+
+
+def test_the_clients_modules_import_each_other_in_no_circle():
+    named = {str(module): {str(other) for other in others} for module, others in client_imports().items()}
+    assert not circles(named)
 
 
 def test_the_bundle_is_small_and_asks_nobody_else():

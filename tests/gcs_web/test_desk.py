@@ -13,9 +13,10 @@ import mapping
 import planner
 import vehicle
 from flight import InputError, Waypoints, file_format, project
-from gcs_web import planning, protocol, protocol_parts
-from gcs_web.consent import Consent
+from gcs_web import protocol
 from gcs_web.desk import Desk
+from gcs_web.learning.consent import Consent
+from gcs_web.planning import planning
 from tests.gcs_web.station_process import START
 from tests.waiting import until
 
@@ -125,7 +126,7 @@ def test_one_person_paints_at_a_time_and_leaving_frees_the_brush(desk):
     with pytest.raises(InputError, match="a brush of radius nan m is refused"):
         running.map.paint(protocol.Paint(serial=0, active=True, radius_m=float("nan")), ADA)
     running.map.paint(brush, ADA)
-    running.view.paint.assert_called_with(True)
+    running.view.map.mesh.paint.assert_called_with(True)
     for refused in (lambda: running.map.paint(brush, BO), lambda: running.map.preview(preview(), BO)):
         with pytest.raises(InputError, match="another person is drawing"):
             refused()
@@ -133,7 +134,7 @@ def test_one_person_paints_at_a_time_and_leaving_frees_the_brush(desk):
     with pytest.raises(InputError, match="another person is drawing"):
         running.map.paint(brush, BO)
     running.left(ADA)
-    running.view.paint.assert_called_with(False)
+    running.view.map.mesh.paint.assert_called_with(False)
     running.map.paint(brush, BO)
 
 
@@ -148,14 +149,14 @@ def test_the_3d_view_shows_the_plan_when_a_page_has_left_and_nobody_looks_at_fli
 
 
 def preview() -> protocol.PreviewMapEdit:
-    return protocol.PreviewMapEdit(serial=0, shape=protocol_parts.Shape("box", (3.0, 3.4, 0.5), (0.5, 0.5, 0.5)))
+    return protocol.PreviewMapEdit(serial=0, shape=protocol.Shape("box", (3.0, 3.4, 0.5), (0.5, 0.5, 0.5)))
 
 
 def test_a_slice_that_is_nowhere_is_refused(desk):
     running = desk(planner.PlanOptions())
     for numbers in ((np.nan, 0.0, 0.0), (0.0, np.nan, 0.0), (0.0, 0.0, np.inf), (1e5, 0.0, 0.0)):
         with pytest.raises(InputError, match="give a finite place and direction"):
-            running.map.show(protocol_parts.Slice("oblique", numbers[0], "distance", *numbers[1:]), ["mesh"], "Ada")
+            running.map.show(protocol.Slice("oblique", numbers[0], "distance", *numbers[1:]), ["mesh"], "Ada")
 
 
 def test_places_of_a_drag_become_one_stroke_and_those_beside_the_mesh_are_left_out(desk):
@@ -175,7 +176,7 @@ def test_places_of_a_drag_become_one_stroke_and_those_beside_the_mesh_are_left_o
 
 
 def test_a_stroke_that_is_full_says_so_once_and_ends_there(desk, monkeypatch):
-    monkeypatch.setattr("gcs_web.map_edits.MOST_POINTS", 3)
+    monkeypatch.setattr("gcs_web.document.map_edits.MOST_POINTS", 3)
     running = desk(planner.PlanOptions())
     running.hub.people = [ADA]
     running.map.paint(protocol.Paint(serial=0, active=True, radius_m=0.3), ADA)

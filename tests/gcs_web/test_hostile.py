@@ -21,9 +21,10 @@ import viser
 import vehicle
 from firmware_bridge import SitlVehicle, controller, keys
 from flight import project
-from gcs_web import gateway, protocol
-from gcs_web.document import Settings
-from gcs_web.session import Session
+from gcs_web import protocol
+from gcs_web.document.document import Settings
+from gcs_web.document.session import Session
+from gcs_web.gateway import gateway
 from tests.gcs_web.station_process import StationProcess, new_project
 from tests.waiting import PATIENCE_S, goshawk
 

@@ -6,6 +6,7 @@ import pytest
 import esdf
 import vehicle
 from flight import Waypoints, mission, project
+from gcs_web.scene.picking import Surface
 from tests.gcs_web.station_socket import Page, visit
 from tests.gcs_web.two_pillars import START
 
@@ -121,9 +122,10 @@ def test_an_edit_of_the_map_that_makes_no_sense_is_refused_and_changes_nothing(s
 def test_what_is_clicked_to_measure_has_its_clearance_and_the_distance(station):
     async def talk(page: Page):
         await page.command("measure", active=True)
-        down = np.array([0.0, 0.0, -1.0])
+        corners = np.array([[-9.0, -9.0, 1.0], [9.0, -9.0, 1.0], [0.0, 18.0, 1.0]])
+        station.view.map.mesh.surface = Surface(corners, np.array([[0, 1, 2]]))
         for x in (1.0, 4.0):
-            station.desk.map.take_click(np.array([x, 1.0, 5.0]), down, np.array([x, 1.0, 1.0]))
+            station.view.map.click(np.array([x, 1.0, 5.0]), np.array([0.0, 0.0, -1.0]))
         await page.until(lambda p: len(p.state.get("measured", {}).get("points_m", ())) == 2)
         assert page.state["measured"]["distance_m"] == pytest.approx(3.0)
         near = station.desk.parts.map(station.desk.inputs).field.distance([[1.0, 1.0, 1.0], [4.0, 1.0, 1.0]])

@@ -5,7 +5,8 @@ import socket
 import pytest
 
 from flight import InputError
-from gcs_web import GroundStation, gateway
+from gcs_web import GroundStation
+from gcs_web.gateway import gateway
 from tests.gcs_web.station_process import new_project
 
 

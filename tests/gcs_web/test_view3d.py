@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 from flight import rotations
-from gcs_web import flight_scene, protocol, protocol_parts, scene, vehicle_view
-from gcs_web.recorded import Path3D
+from gcs_web import protocol
+from gcs_web.comparison import flight_scene
+from gcs_web.flights.recorded import Path3D
+from gcs_web.scene import drawing
+from gcs_web.vehicle import vehicle_view
 from gcs_web.view3d import View3D
 
 WALL_X_M = 2.0
@@ -23,8 +26,8 @@ class Wall:
 
 @pytest.fixture
 def view(monkeypatch, tmp_path) -> View3D:
-    monkeypatch.setattr(scene, "draw_path", MagicMock())
-    monkeypatch.setattr(scene, "draw_vehicle", MagicMock())
+    monkeypatch.setattr(drawing, "draw_path", MagicMock())
+    monkeypatch.setattr(drawing, "draw_vehicle", MagicMock())
     return View3D(MagicMock(), triangles=1, cache=tmp_path)
 
 
@@ -42,7 +45,7 @@ def series() -> protocol.Series:
 
 def test_the_first_waypoint_before_a_wall_keeps_the_required_clearance(view: View3D):
     view.require_clearance(0.45)
-    view._surface = Wall()
+    view.map.mesh.surface = Wall()
     placed = []
     view.on_add = lambda after, position_m: placed.append(position_m)
     view._shift_clicked(click())
@@ -51,17 +54,18 @@ def test_the_first_waypoint_before_a_wall_keeps_the_required_clearance(view: Vie
 
 def test_the_brush_takes_the_drags_over_the_mesh_and_gives_them_back(view: View3D, monkeypatch):
     taken = []
-    monkeypatch.setattr(view._mesh, "set_drag", taken.append)
+    mesh = view.map.mesh
+    monkeypatch.setattr(mesh._tiles, "set_drag", taken.append)
     for active in (False, True, True, False):
-        view.paint(active)
-    assert taken == [view._painted, None]
+        mesh.paint(active)
+    assert taken == [mesh._painted, None]
 
 
 def test_a_slice_is_drawn_anew_by_a_preview_only_where_it_shows_another_field(view: View3D, monkeypatch):
     drawn = MagicMock()
     monkeypatch.setattr(view.map, "_draw_slice", drawn)
     field = MagicMock()
-    stroke = protocol_parts.Shape("stroke", radius_m=0.1, points_m=[(0.0, 0.0, 0.0)])
+    stroke = protocol.Shape("stroke", radius_m=0.1, points_m=[(0.0, 0.0, 0.0)])
     for shape, shown in ((stroke, None), (stroke, None), (stroke, field), (stroke, field), (None, None)):
         view.map.preview("add", shape, shown)
     assert drawn.call_count == 2
@@ -123,8 +127,8 @@ def test_a_waypoint_dragged_where_no_path_leads_leaves_no_draft_of_before_and_sa
 
 def test_the_trail_begins_with_arming_goes_where_the_vehicle_was_and_stays_after_landing(monkeypatch):
     drawn = []
-    monkeypatch.setattr(scene, "draw_vehicle", MagicMock())
-    monkeypatch.setattr(scene, "draw_path", lambda _, path, *__, **___: drawn.append(path) or MagicMock())
+    monkeypatch.setattr(drawing, "draw_vehicle", MagicMock())
+    monkeypatch.setattr(drawing, "draw_path", lambda _, path, *__, **___: drawn.append(path) or MagicMock())
     monkeypatch.setattr(vehicle_view, "_TRAIL_PERIOD_S", 0.0)
     shown = vehicle_view.VehicleView(MagicMock())
     flown = np.stack([np.linspace(0.0, 1.0, 21), np.zeros(21), np.ones(21)], axis=1)

@@ -1,7 +1,7 @@
 /* The library's two checksums for the fuzz targets: the same values four bytes at a time, because half of an execution
    would go into them. The address sanitizer sees one byte in sixteen of what they read, which is the narrowest guard it
-   puts between objects, and the last. The plain ones of src/crc32.c and src/link_crc16.c are left out of those
-   programs. */
+   puts between objects, and the last. The plain ones of src/base/crc32.c and src/link/transport/crc16.c are left out of
+   those programs. */
 #include <stdbool.h>
 #include <string.h>
 

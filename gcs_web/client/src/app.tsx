@@ -1,26 +1,26 @@
 /** The page: which panel stands where. */
 
 import type { ComponentType } from "preact";
-import { saveFormOpen } from "./actions";
-import { Palette } from "./components/Palette";
+import { saveFormOpen } from "./panels/plan/actions";
+import { Palette } from "./panels/frame/Palette";
 import { Resizer, drawerHeight } from "./components/Resizer";
-import { Compare } from "./panels/Compare";
-import { Drawer } from "./panels/Drawer";
-import { EffectFileConsent } from "./panels/EffectFiles";
-import { FlightDrawer } from "./panels/FlightDrawer";
-import { FlightList } from "./panels/FlightList";
-import { Fly } from "./panels/Fly";
-import { Learn } from "./panels/Learn";
-import { Map } from "./panels/Map";
-import { ModelInspector, Versions } from "./panels/Model";
-import { Plan } from "./panels/Plan";
-import { ProjectList } from "./panels/ProjectList";
-import { SaveForm } from "./panels/SaveForm";
-import { Scene } from "./panels/Scene";
-import { StatusBar } from "./panels/StatusBar";
-import { TopBar } from "./panels/TopBar";
-import { connected, paletteOpen, projectsOpen, step } from "./store";
-import { phone } from "./theme";
+import { Compare } from "./panels/compare/Compare";
+import { Drawer } from "./panels/plan/Drawer";
+import { EffectFileConsent } from "./panels/learn/EffectFiles";
+import { FlightDrawer } from "./panels/compare/FlightDrawer";
+import { FlightList } from "./panels/compare/FlightList";
+import { Fly } from "./panels/fly/Fly";
+import { Learn } from "./panels/learn/Learn";
+import { Map } from "./panels/map/Map";
+import { ModelInspector, Versions } from "./panels/learn/Model";
+import { Plan } from "./panels/plan/Plan";
+import { ProjectList } from "./panels/frame/ProjectList";
+import { SaveForm } from "./panels/plan/SaveForm";
+import { Scene } from "./panels/frame/Scene";
+import { StatusBar } from "./panels/frame/StatusBar";
+import { TopBar } from "./panels/frame/TopBar";
+import { connected, paletteOpen, projectsOpen, step } from "./core/store";
+import { phone } from "./core/theme";
 
 interface Panels {
   inspector: ComponentType;

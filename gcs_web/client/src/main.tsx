@@ -3,17 +3,17 @@
 import { render } from "preact";
 import "uplot/dist/uPlot.min.css";
 import { App } from "./app";
-import { listen } from "./keys";
-import { startLink } from "./link";
-import { connect } from "./socket";
-import "./style.css";
-import "./controls.css";
-import "./panels.css";
-import "./inspector.css";
-import "./jobs.css";
-import "./map.css";
-import "./learn.css";
-import "./narrow.css";
+import { listen } from "./panels/frame/keys";
+import { startLink } from "./panels/compare/link";
+import { connect } from "./core/socket";
+import "./styles/style.css";
+import "./styles/controls.css";
+import "./styles/panels.css";
+import "./styles/inspector.css";
+import "./styles/jobs.css";
+import "./styles/map.css";
+import "./styles/learn.css";
+import "./styles/narrow.css";
 
 const root = document.getElementById("app");
 if (root !== null) render(<App />, root);

@@ -1,4 +1,4 @@
-"""Fly the C controller in the simulated body of `firmware_bridge/controller/test/body*.c`: one call, one flight.
+"""Fly the C controller in the simulated body of `firmware_bridge/controller/test/body`: one call, one flight.
 
     body = harness.load()
     result = body.fly(Scenario(orders=(*TAKE_OFF, Order(Command.LAND, after_s=2.0))))
@@ -244,10 +244,10 @@ def _unpack(r: layout.Result, s: Scenario, trace: Mapping[str, NDArray[np.float6
 @cache
 def load(*, sanitize: bool = False) -> Body:
     """Builds the shared object (a few seconds, once for each version of the sources) and loads it."""
-    sources = [path for path in sorted((CONTROLLER / "src").glob("*.c")) if not path.name.startswith("link")]
-    sources += sorted((CONTROLLER / "test").glob("body*.c"))
-    headers = [*sorted((CONTROLLER / "include").rglob("*.h")), *sorted((CONTROLLER / "src").glob("*.h"))]
-    headers += sorted((CONTROLLER / "test").glob("body*.h"))
+    sources = [path for path in sorted((CONTROLLER / "src").rglob("*.c")) if "link" not in path.parts]
+    sources += sorted((CONTROLLER / "test" / "body").glob("*.c"))
+    headers = [*sorted((CONTROLLER / "include").rglob("*.h")), *sorted((CONTROLLER / "src").rglob("*.h"))]
+    headers += sorted((CONTROLLER / "test" / "body").glob("*.h"))
     flags = ["-std=c11", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Wdouble-promotion", "-Werror"]
     flags += ["-ffp-contract=off", "-fno-math-errno", "-fPIC", f"-DTC_MAXSEGMENTS={SEGMENTS}"]
     if sanitize:

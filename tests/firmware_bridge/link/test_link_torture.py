@@ -183,7 +183,7 @@ def fuzz_target(tmp_path_factory) -> Path:
         pytest.skip("no C compiler here")
     program = tmp_path_factory.mktemp("fuzz") / "fuzz_link"
     fuzz = [CONTROLLER / "fuzz" / name for name in ("fuzz_link.c", "fuzz_main.c")]
-    sources = [*fuzz, *sorted((CONTROLLER / "src").glob("*.c"))]
+    sources = [*fuzz, *sorted((CONTROLLER / "src").rglob("*.c"))]
     options = ["-std=c11", "-O0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     includes = [f"-I{CONTROLLER / 'include'}", f"-I{CONTROLLER.parent / 'dialect' / 'generated'}"]
     built = subprocess.run(

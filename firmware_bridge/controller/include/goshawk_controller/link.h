@@ -160,7 +160,7 @@ typedef struct {
     uint8_t reason;
 } tc_link_refused_order;
 
-/* What standard ground stations asked for (link_standard.c). */
+/* What standard ground stations asked for (standard.c). */
 typedef struct {
     tc_link_ack ack[TC_LINK_ACKS]; /* the oldest first */
     uint8_t ack_count;
@@ -259,7 +259,7 @@ typedef struct {
     tc_controller* controller;
     uint64_t clock_us;  /* the link's time: since the start, without steps of the caller's clock */
     uint64_t caller_us; /* what the caller's clock showed last */
-    uint64_t pending;   /* bits: what is to be sent (link_internal.h) */
+    uint64_t pending;   /* bits: what is to be sent (link_out) */
     tc_link_counts counts;
     tc_link_lease lease;
     tc_link_order_result order;   /* of the station in control, answered again when it is repeated */

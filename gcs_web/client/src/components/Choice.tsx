@@ -1,6 +1,6 @@
 /** One of several, each with a sentence. */
 
-import { connected } from "../store";
+import { connected } from "../core/store";
 
 interface ChoiceProps<K extends string> {
   legend: string;

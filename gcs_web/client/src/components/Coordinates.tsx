@@ -1,7 +1,7 @@
 /** Numbers in a row, each with the name of its axis: Enter or leaving accepts, Escape restores. */
 
 import { useSignal } from "@preact/signals";
-import { editable, parse } from "../format";
+import { editable, parse } from "../core/format";
 
 interface Props {
   label: string;

@@ -2,8 +2,8 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useId, useRef } from "preact/hooks";
-import { number } from "../format";
-import { reducedMotion } from "../theme";
+import { number } from "../core/format";
+import { reducedMotion } from "../core/theme";
 
 const HOLD_MS = 1000;
 const STEP_MS = 40;

@@ -2,7 +2,7 @@
 
 import { useSignal } from "@preact/signals";
 import { useId } from "preact/hooks";
-import { editable, parse } from "../format";
+import { editable, parse } from "../core/format";
 
 interface Props {
   label: string;

@@ -1,7 +1,7 @@
 /** The upper edge of the drawer: dragged or moved with the arrow keys, kept for each step. */
 
-import { remembered } from "../remembered";
-import { low } from "../theme";
+import { remembered } from "../core/remembered";
+import { low } from "../core/theme";
 
 const LOWEST_PX = 162;
 const HIGHEST_PX = 448;

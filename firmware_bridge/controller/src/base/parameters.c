@@ -1,0 +1,215 @@
+/* The parameter table: names for MAVLink (at most 16 characters), ranges, defaults. The defaults are Rigter et al.'s
+   vehicle. Members of tc_parameters and rows of the table stand in the same order; a static assertion counts them. */
+#include "goshawk_controller/parameters.h"
+
+#include "goshawk_controller/trajectory.h"
+#include "maths.h"
+
+/* When a parameter may change, whether it is a choice among whole numbers, whether trajectories are checked by it. */
+enum { GROUND = 0, FLIGHT = 1, WHOLE = 2, LIMIT = 4 };
+
+typedef struct {
+    const char* name;
+    uint16_t index; /* of the member, counted in floats */
+    float minimum, maximum, preset;
+    const char* unit; /* "1": dimensionless */
+    uint8_t flags;
+} parameter_row;
+
+#define AT(member) (uint16_t)(offsetof(tc_parameters, member) / sizeof(float))
+
+/* clang-format off: one parameter per line reads as the table it is */
+static const parameter_row table[] = {
+    {"mass_kg", AT(mass_kg), 0.01f, 50.0f, 0.7f, "kg", FLIGHT},
+    {"gravity_m_s2", AT(gravity_m_s2), 9.7f, 9.9f, 9.80665f, "m/s2", GROUND},
+    {"inertia_xx", AT(inertia_kg_m2[0]), 1.0e-6f, 10.0f, 0.00306f, "kg m2", GROUND},
+    {"inertia_yy", AT(inertia_kg_m2[1]), 1.0e-6f, 10.0f, 0.00442f, "kg m2", GROUND},
+    {"inertia_zz", AT(inertia_kg_m2[2]), 1.0e-6f, 10.0f, 0.00441f, "kg m2", GROUND},
+    {"com_x_m", AT(centre_of_mass_m[0]), -0.2f, 0.2f, 0.0014f, "m", GROUND},
+    {"com_y_m", AT(centre_of_mass_m[1]), -0.2f, 0.2f, 0.00018f, "m", GROUND},
+    {"rotor0_x_m", AT(rotor_x_m[0]), -2.0f, 2.0f, 0.0885f, "m", GROUND},
+    {"rotor1_x_m", AT(rotor_x_m[1]), -2.0f, 2.0f, -0.0885f, "m", GROUND},
+    {"rotor2_x_m", AT(rotor_x_m[2]), -2.0f, 2.0f, -0.0885f, "m", GROUND},
+    {"rotor3_x_m", AT(rotor_x_m[3]), -2.0f, 2.0f, 0.0885f, "m", GROUND},
+    {"rotor0_y_m", AT(rotor_y_m[0]), -2.0f, 2.0f, 0.0885f, "m", GROUND},
+    {"rotor1_y_m", AT(rotor_y_m[1]), -2.0f, 2.0f, 0.0885f, "m", GROUND},
+    {"rotor2_y_m", AT(rotor_y_m[2]), -2.0f, 2.0f, -0.0885f, "m", GROUND},
+    {"rotor3_y_m", AT(rotor_y_m[3]), -2.0f, 2.0f, -0.0885f, "m", GROUND},
+    {"rotor0_spin", AT(rotor_spin[0]), -1.0f, 1.0f, 1.0f, "1", GROUND | WHOLE},
+    {"rotor1_spin", AT(rotor_spin[1]), -1.0f, 1.0f, -1.0f, "1", GROUND | WHOLE},
+    {"rotor2_spin", AT(rotor_spin[2]), -1.0f, 1.0f, 1.0f, "1", GROUND | WHOLE},
+    {"rotor3_spin", AT(rotor_spin[3]), -1.0f, 1.0f, -1.0f, "1", GROUND | WHOLE},
+    {"rotor0_gain", AT(rotor_gain[0]), 0.3f, 2.0f, 1.0f, "1", FLIGHT},
+    {"rotor1_gain", AT(rotor_gain[1]), 0.3f, 2.0f, 1.0f, "1", FLIGHT},
+    {"rotor2_gain", AT(rotor_gain[2]), 0.3f, 2.0f, 1.0f, "1", FLIGHT},
+    {"rotor3_gain", AT(rotor_gain[3]), 0.3f, 2.0f, 1.0f, "1", FLIGHT},
+    {"thrust_model", AT(thrust_model), 0.0f, 2.0f, 2.0f, "1", GROUND | WHOLE},
+    {"k1_n_s2", AT(k1_n_s2), 1.0e-10f, 0.1f, 3.119e-6f, "N s2", GROUND},
+    {"k2_n_s2_m", AT(k2_n_s2_m), -0.1f, 0.0f, -0.0001547f, "N s2/m", GROUND},
+    {"quad_n_s2", AT(quad_n_s2), 1.0e-10f, 0.1f, 1.897e-6f, "N s2", GROUND},
+    {"inflow_kg", AT(inflow_kg), -0.01f, 0.01f, 0.0f, "kg", FLIGHT},
+    {"air_density", AT(air_density_kg_m3), 0.3f, 1.5f, 1.2f, "kg/m3", FLIGHT},
+    {"disk_area_m2", AT(disk_area_m2), 0.0001f, 5.0f, 0.0126677f, "m2", GROUND},
+    {"cq_n_m_s2", AT(cq_n_m_s2), 1.0e-12f, 0.01f, 3.1e-8f, "N m s2", GROUND},
+    {"rotor_min_rad_s", AT(rotor_min_rad_s), 1.0f, 5000.0f, 250.0f, "rad/s", GROUND},
+    {"rotor_max_rad_s", AT(rotor_max_rad_s), 10.0f, 20000.0f, 1800.0f, "rad/s", GROUND},
+    {"rotor_idle_rad_s", AT(rotor_idle_rad_s), 0.0f, 5000.0f, 150.0f, "rad/s", GROUND},
+    {"rotor_drag_s_m", AT(rotor_drag_s_m), 0.0f, 1.0f, 0.0175f, "s/m", FLIGHT},
+    {"rotor_drag_kg", AT(rotor_drag_kg), 0.0f, 0.1f, 0.0f, "kg", FLIGHT},
+    {"drag_x_kg_m", AT(parasitic_kg_m[0]), 0.0f, 1.0f, 0.0055f, "kg/m", FLIGHT},
+    {"drag_y_kg_m", AT(parasitic_kg_m[1]), 0.0f, 1.0f, 0.0055f, "kg/m", FLIGHT},
+    {"drag_z_kg_m", AT(parasitic_kg_m[2]), 0.0f, 1.0f, 0.0185f, "kg/m", FLIGHT},
+    {"drag_norm_x_kg_m", AT(parasitic_norm_kg_m[0]), 0.0f, 1.0f, 0.0f, "kg/m", FLIGHT},
+    {"drag_norm_y_kg_m", AT(parasitic_norm_kg_m[1]), 0.0f, 1.0f, 0.0f, "kg/m", FLIGHT},
+    {"drag_norm_z_kg_m", AT(parasitic_norm_kg_m[2]), 0.0f, 1.0f, 0.0f, "kg/m", FLIGHT},
+    {"lift_kg_m", AT(lift_kg_m), 0.0f, 0.1f, 0.0f, "kg/m", FLIGHT},
+    {"flapping_kg_m", AT(flapping_kg_m), -0.01f, 0.01f, 0.0f, "kg/m", FLIGHT},
+    {"damping_x_n_m_s", AT(damping_n_m_s[0]), 0.0f, 1.0f, 0.0f, "N m s", FLIGHT},
+    {"damping_y_n_m_s", AT(damping_n_m_s[1]), 0.0f, 1.0f, 0.0f, "N m s", FLIGHT},
+    {"damping_z_n_m_s", AT(damping_n_m_s[2]), 0.0f, 1.0f, 0.0f, "N m s", FLIGHT},
+    {"battery_ref_v", AT(battery_reference_v), 0.0f, 100.0f, 0.0f, "V", FLIGHT},
+    {"battery_gain_1_v", AT(battery_gain_1_v), 0.0f, 1.0f, 0.0f, "1/V", FLIGHT},
+    {"rotor_lag_s", AT(rotor_lag_s), 0.0f, 0.2f, 0.0f, "s", FLIGHT},
+    {"lead_filter_s", AT(lead_filter_s), 0.001f, 0.2f, 0.015f, "s", FLIGHT},
+    {"drag_velocity", AT(drag_velocity), 0.0f, 2.0f, 1.0f, "1", FLIGHT | WHOLE},
+    {"airflow_velocity", AT(airflow_velocity), 0.0f, 2.0f, 1.0f, "1", FLIGHT | WHOLE},
+    {"kp_xy_1_s2", AT(kp_xy_1_s2), 0.0f, 100.0f, 9.0f, "1/s2", FLIGHT},
+    {"kp_z_1_s2", AT(kp_z_1_s2), 0.0f, 100.0f, 14.0f, "1/s2", FLIGHT},
+    {"kd_xy_1_s", AT(kd_xy_1_s), 0.0f, 50.0f, 5.0f, "1/s", FLIGHT},
+    {"kd_z_1_s", AT(kd_z_1_s), 0.0f, 50.0f, 7.0f, "1/s", FLIGHT},
+    {"ki_xy_1_s3", AT(ki_xy_1_s3), 0.0f, 50.0f, 0.0f, "1/s3", FLIGHT},
+    {"ki_z_1_s3", AT(ki_z_1_s3), 0.0f, 50.0f, 0.0f, "1/s3", FLIGHT},
+    {"integral_m_s2", AT(integral_m_s2), 0.0f, 5.0f, 1.5f, "m/s2", FLIGHT},
+    {"integral_gate_m", AT(integral_gate_m), 0.0f, 5.0f, 0.3f, "m", FLIGHT},
+    {"feedback_m_s2", AT(feedback_m_s2), 0.1f, 50.0f, 8.0f, "m/s2", FLIGHT},
+    {"attitude_mode", AT(attitude_mode), 0.0f, 1.0f, 0.0f, "1", FLIGHT | WHOLE},
+    {"att_kp_xy_1_s2", AT(att_kp_xy_1_s2), 0.0f, 5000.0f, 220.0f, "1/s2", FLIGHT},
+    {"att_kp_z_1_s2", AT(att_kp_z_1_s2), 0.0f, 5000.0f, 40.0f, "1/s2", FLIGHT},
+    {"att_kd_xy_1_s", AT(att_kd_xy_1_s), 0.0f, 500.0f, 28.0f, "1/s", FLIGHT},
+    {"att_kd_z_1_s", AT(att_kd_z_1_s), 0.0f, 500.0f, 11.0f, "1/s", FLIGHT},
+    {"feed_rate", AT(feed_rate), 0.0f, 1.0f, 1.0f, "1", FLIGHT | WHOLE},
+    {"feed_torque", AT(feed_torque), 0.0f, 1.0f, 1.0f, "1", FLIGHT | WHOLE},
+    {"tilt_slew_rad_s", AT(tilt_slew_rad_s), 1.0f, 200.0f, 30.0f, "rad/s", FLIGHT},
+    {"yaw_slew_rad_s", AT(yaw_slew_rad_s), 0.1f, 50.0f, 8.0f, "rad/s", FLIGHT},
+    {"yaw_share", AT(yaw_share), 0.0f, 0.5f, 0.2f, "1", FLIGHT},
+    {"predict_max_s", AT(predict_max_s), 0.0f, 0.1f, 0.1f, "s", FLIGHT},
+    {"predict_extra_s", AT(predict_extra_s), 0.0f, 0.1f, 0.0f, "s", FLIGHT},
+    {"fence_min_x_m", AT(fence_min_world_m[0]), -10000.0f, 10000.0f, -1000.0f, "m", GROUND | LIMIT},
+    {"fence_min_y_m", AT(fence_min_world_m[1]), -10000.0f, 10000.0f, -1000.0f, "m", GROUND | LIMIT},
+    {"fence_min_z_m", AT(fence_min_world_m[2]), -10000.0f, 10000.0f, -1000.0f, "m", GROUND | LIMIT},
+    {"fence_max_x_m", AT(fence_max_world_m[0]), -10000.0f, 10000.0f, 1000.0f, "m", GROUND | LIMIT},
+    {"fence_max_y_m", AT(fence_max_world_m[1]), -10000.0f, 10000.0f, 1000.0f, "m", GROUND | LIMIT},
+    {"fence_max_z_m", AT(fence_max_world_m[2]), -10000.0f, 10000.0f, 1000.0f, "m", GROUND | LIMIT},
+    {"path_speed_m_s", AT(path_speed_m_s), 0.1f, 50.0f, 12.0f, "m/s", GROUND | LIMIT},
+    {"path_acc_m_s2", AT(path_acceleration_m_s2), 0.1f, 100.0f, 20.0f, "m/s2", GROUND | LIMIT},
+    {"path_jerk_m_s3", AT(path_jerk_m_s3), 1.0f, 10000.0f, 300.0f, "m/s3", GROUND | LIMIT},
+    {"path_yaw_rad_s", AT(path_yaw_rate_rad_s), 0.1f, 30.0f, 7.0f, "rad/s", GROUND | LIMIT},
+    {"start_radius_m", AT(start_radius_m), 0.01f, 10.0f, 0.5f, "m", FLIGHT},
+    {"brake_m_s2", AT(brake_m_s2), 0.2f, 20.0f, 4.0f, "m/s2", FLIGHT},
+    {"take_off_m_s", AT(take_off_m_s), 0.1f, 5.0f, 1.0f, "m/s", FLIGHT},
+    {"landing_m_s", AT(landing_m_s), 0.1f, 3.0f, 0.8f, "m/s", FLIGHT},
+    {"stale_s", AT(estimate_stale_s), 0.01f, 1.0f, 0.1f, "s", FLIGHT},
+    {"tilt_error_rad", AT(tilt_error_rad), 0.2f, 3.0f, 1.2f, "rad", FLIGHT},
+    {"tilt_error_s", AT(tilt_error_s), 0.02f, 2.0f, 0.3f, "s", FLIGHT},
+    {"link_loss_s", AT(link_loss_s), 0.2f, 60.0f, 2.0f, "s", FLIGHT},
+    {"link_hold_s", AT(link_hold_s), 1.0f, 1800.0f, 20.0f, "s", FLIGHT},
+    {"emergency_sink", AT(emergency_sink), 0.5f, 1.0f, 0.96f, "1", FLIGHT},
+    {"emergency_s", AT(emergency_s), 0.5f, 120.0f, 30.0f, "s", FLIGHT},
+    {"gyro_hold_s", AT(gyro_hold_s), 0.0f, 20.0f, 5.0f, "s", FLIGHT},
+    {"reckoning_s", AT(reckoning_s), 0.0f, 10.0f, 2.0f, "s", FLIGHT},
+    {"position_std_m", AT(position_std_m), 0.01f, 100.0f, 1.0f, "m", FLIGHT},
+    {"velocity_std", AT(velocity_std_m_s), 0.01f, 100.0f, 0.5f, "m/s", FLIGHT},
+    {"clearance_m", AT(clearance_m), 0.05f, 10.0f, 0.5f, "m", FLIGHT},
+    {"battery_arm_v", AT(battery_arm_v), 0.0f, 100.0f, 0.0f, "V", FLIGHT},
+    {"battery_warn_v", AT(battery_warn_v), 0.0f, 100.0f, 0.0f, "V", FLIGHT},
+    {"battery_land_v", AT(battery_land_v), 0.0f, 100.0f, 0.0f, "V", FLIGHT},
+};
+/* clang-format on */
+
+#define COUNT ((uint16_t)(sizeof(tc_parameters) / sizeof(float)))
+_Static_assert(sizeof table / sizeof *table == COUNT, "every parameter has a row");
+
+static float read_value(const tc_parameters* parameters, uint16_t index) {
+    float value;
+    memcpy(&value, (const uint8_t*)parameters + sizeof value * index, sizeof value);
+    return value;
+}
+
+static void write_value(tc_parameters* parameters, uint16_t index, float value) {
+    memcpy((uint8_t*)parameters + sizeof value * index, &value, sizeof value);
+}
+
+static tc_reason acceptable(const parameter_row* row, float value) {
+    if (!tc_finite(value)) return TC_NOT_FINITE;
+    if (value < row->minimum || value > row->maximum) return TC_OUT_OF_RANGE;
+    const bool whole =
+        value <= (float)(int32_t)value && value >= (float)(int32_t)value; /* a whole one's range is small */
+    return (row->flags & WHOLE) != 0u && !whole ? TC_OUT_OF_RANGE : TC_OK;
+}
+
+uint16_t tc_parameters_count(void) { return COUNT; }
+
+const char* tc_parameters_name(uint16_t index) { return index < COUNT ? table[index].name : ""; }
+
+const char* tc_parameters_unit(uint16_t index) { return index < COUNT ? table[index].unit : ""; }
+
+uint8_t tc_parameters_changes(const tc_parameters* before, const tc_parameters* after) {
+    uint32_t changes = 0;
+    for (uint16_t i = 0; i < COUNT; i++) {
+        const float x = read_value(before, table[i].index), y = read_value(after, table[i].index);
+        if (x > y || x < y) {
+            changes |= (table[i].flags & FLIGHT) == 0u ? TC_CHANGES_GROUND : 0u;
+            changes |= (table[i].flags & LIMIT) != 0u ? TC_CHANGES_LIMIT : 0u;
+        }
+    }
+    return (uint8_t)changes;
+}
+
+bool tc_parameters_in_flight(uint16_t index) { return index < COUNT && (table[index].flags & FLIGHT) != 0u; }
+
+bool tc_parameters_range(uint16_t index, float* smallest, float* largest, float* preset) {
+    if (index >= COUNT) return false;
+    *smallest = table[index].minimum;
+    *largest = table[index].maximum;
+    *preset = table[index].preset;
+    return true;
+}
+
+int32_t tc_parameters_find(const char* name) {
+    for (uint16_t i = 0; i < COUNT; i++) {
+        if (strncmp(table[i].name, name, TC_PARAMETER_NAME_SIZE - 1u) == 0) return (int32_t)i;
+    }
+    return -1;
+}
+
+void tc_parameters_default(tc_parameters* parameters) {
+    for (uint16_t i = 0; i < COUNT; i++) write_value(parameters, table[i].index, table[i].preset);
+}
+
+float tc_parameters_get(const tc_parameters* parameters, uint16_t index) {
+    return index < COUNT ? read_value(parameters, table[index].index) : 0.0f;
+}
+
+tc_reason tc_parameters_put(tc_parameters* parameters, uint16_t index, float value) {
+    if (index >= COUNT) return TC_UNKNOWN_PARAMETER;
+    const tc_reason reason = acceptable(&table[index], value);
+    if (reason == TC_OK) write_value(parameters, table[index].index, value);
+    return reason;
+}
+
+tc_reason tc_parameters_check(const tc_parameters* parameters, uint16_t* index) {
+    for (uint16_t i = 0; i < COUNT; i++) {
+        const tc_reason reason = acceptable(&table[i], read_value(parameters, table[i].index));
+        if (reason != TC_OK) {
+            if (index != NULL) *index = i;
+            return reason;
+        }
+    }
+    return TC_OK;
+}
+
+uint32_t tc_parameters_crc32(const tc_parameters* parameters) {
+    uint32_t crc = 0;
+    for (uint16_t i = 0; i < COUNT; i++) crc = tc_crc32_u32(crc, tc_bits(read_value(parameters, table[i].index)));
+    return crc;
+}

@@ -1,0 +1,239 @@
+/* Input validation of the estimate: only finite, plausible, sufficiently certain numbers are used; what is missing is
+   dead reckoned. */
+#include "../base/maths.h"
+#include "internal.h"
+
+static const float LARGEST_POSITION_M = 30000.0f; /* float32 still resolves 2 mm there */
+static const float LARGEST_VELOCITY_M_S = 150.0f; /* no quadrotor is as fast */
+static const float LARGEST_TURN_RAD = 6.3f;       /* of a relocalization */
+static const float LARGEST_RATE_RAD_S = 100.0f;   /* 5730 degrees a second, beyond the range of gyros */
+static const float LARGEST_FORCE_M_S2 = 500.0f;   /* 51 g: a collision at most */
+static const float LARGEST_BATTERY_V = 1000.0f;   /* no pack of a quadrotor */
+static const uint32_t OLDEST_US = 1000000u;       /* a stamp further from the clock, back or ahead, is implausible */
+static const float NEVER_S = 1e6f;                /* longer than any limit; finite, to compute with */
+static const uint32_t AFTER_STEP_US =
+    500000u; /* so long stamps that disagree with the clock are put down to its step */
+/* How dead reckoning errs: a velocity of 0.15 m/s, and an acceleration of 0.2 m/s^2 from 1 degree of tilt and the
+   accelerometer's bias, in each horizontal axis. */
+static const float RECKONED_VELOCITY_STD_M_S = 0.15f;
+static const float RECKONED_ACCELERATION_STD_M_S2 = 0.2f;
+
+static bool marked(const tc_estimate* estimate, uint32_t bits) { return (estimate->valid & bits) == bits; }
+
+static uint64_t longer(uint64_t a_us, uint64_t b_us) { return a_us > b_us ? a_us : b_us; }
+
+/* Notes when a usable sample was true, in controller time. A stamp that has come before keeps its time. */
+static void note_sample(const tc_controller* c, tc_sample_time* sample, uint64_t stamp_us) {
+    const bool clock_stands = c->stalled_ticks > 0u && c->step_us > 0u; /* and its stamps, while time goes on */
+    if (stamp_us == sample->stamp_us && sample->true_us != 0u && !clock_stands) return;
+    const uint64_t now_us = c->telemetry.time_us;
+    uint64_t age_us = stamp_us < c->caller_us ? c->caller_us - stamp_us : 0u;
+    const bool in_time = age_us <= OLDEST_US && stamp_us <= c->caller_us + OLDEST_US;
+    const bool clock_stepped = c->telemetry.refused_ticks > 0u && now_us - c->clock_fault_us < AFTER_STEP_US;
+    if (!in_time || clock_stands) age_us = clock_stepped || clock_stands ? sample->age_us : longer(age_us, OLDEST_US);
+    sample->stamp_us = stamp_us;
+    sample->age_us = age_us;
+    const uint64_t true_us = age_us < now_us ? now_us - age_us : 1u;
+    if (true_us > sample->true_us) sample->true_us = true_us; /* an older sample tells nothing new */
+}
+
+/* Of what was true then, in controller time; 0: never. */
+static float age_s(const tc_controller* c, uint64_t true_us) {
+    const uint64_t now_us = c->telemetry.time_us;
+    if (true_us == 0u) return NEVER_S;
+    return true_us < now_us ? tc_seconds(now_us - true_us) : 0.0f;
+}
+
+/* How far a fresh sample is to be carried to the tick. */
+static float ahead_s(const tc_parameters* p, float sample_age_s) {
+    return tc_min(sample_age_s + p->predict_extra_s, p->predict_max_s);
+}
+
+/* What the vehicle accelerates at: by its accelerometer, else as asked of it; upwards by the thrust that was asked for,
+   which has the feedback in it. */
+static void reckoned_acceleration(tc_controller* c, const tc_estimate* estimate, float out[3]) {
+    if (marked(&c->telemetry.estimate, TC_VALID_SPECIFIC_FORCE)) {
+        tc_to_world(c->axes, estimate->specific_force_body_m_s2, out);
+        out[2] -= c->parameters.gravity_m_s2;
+    } else {
+        const bool in_air = tc_mission_in_air(c->mission.state);
+        tc_copy(out, c->telemetry.setpoint.acceleration_world_m_s2);
+        if (in_air)
+            out[2] = c->axes[2][2] * c->telemetry.wrench.thrust_n / c->parameters.mass_kg - c->parameters.gravity_m_s2;
+    }
+}
+
+static bool plausible(const float* values, int count, float largest) {
+    bool all = true;
+    for (int i = 0; i < count; i++) all = all && tc_abs(values[i]) <= largest; /* NaN is not */
+    return all;
+}
+
+static bool certain(float std, float bound) { return tc_finite(std) && std <= bound; }
+
+/* The horizontal or the vertical part of position and velocity. */
+typedef struct {
+    uint32_t position_bits, velocity_bits; /* of tc_estimate.valid */
+    int first, count;                      /* axes */
+    int std;                               /* index of its standard deviations */
+} tc_part;
+
+static const tc_part horizontal = {TC_VALID_POSITION_XY, TC_VALID_VELOCITY_XY, 0, 2, 0};
+static const tc_part vertical = {TC_VALID_POSITION_Z, TC_VALID_VELOCITY_Z, 2, 1, 1};
+
+typedef struct {
+    bool position; /* this sample is usable */
+    bool velocity; /* measured, not dead reckoned */
+    float age_s;   /* of the last usable position */
+} tc_taken;
+
+/* Measured and carried to the tick by the acceleration that is asked for, or dead reckoned from where it was. */
+static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part* part, tc_position_time* times,
+                          const float reckoned_m_s2[3], float step_s) {
+    const tc_parameters* p = &c->parameters;
+    tc_estimate* now = &c->telemetry.estimate;
+    const int first = part->first;
+    const bool velocity = marked(e, part->velocity_bits) &&
+                          plausible(&e->velocity_world_m_s[first], part->count, LARGEST_VELOCITY_M_S) &&
+                          certain(e->velocity_std_m_s[part->std], p->velocity_std_m_s);
+    const bool position = velocity && marked(e, part->position_bits) &&
+                          plausible(&e->position_world_m[first], part->count, LARGEST_POSITION_M) &&
+                          certain(e->position_std_m[part->std], p->position_std_m);
+    if (velocity) note_sample(c, &times->velocity, e->position_time_us);
+    if (position) note_sample(c, &times->position, e->position_time_us);
+    const float position_age_s = age_s(c, times->position.true_us), ahead = ahead_s(p, position_age_s);
+    const bool has_velocity = velocity && age_s(c, times->velocity.true_us) <= p->estimate_stale_s;
+    const bool fresh = position && position_age_s <= p->estimate_stale_s;
+    for (int i = first; i < first + part->count; i++) {
+        if (fresh) {
+            const float gain = ahead * c->telemetry.setpoint.acceleration_world_m_s2[i];
+            now->position_world_m[i] = e->position_world_m[i] + ahead * (e->velocity_world_m_s[i] + 0.5f * gain);
+            now->velocity_world_m_s[i] = e->velocity_world_m_s[i] + gain;
+        } else {
+            const float gain = step_s * reckoned_m_s2[i];
+            if (has_velocity) now->velocity_world_m_s[i] = e->velocity_world_m_s[i] - gain;
+            now->position_world_m[i] += step_s * (now->velocity_world_m_s[i] + 0.5f * gain);
+            now->velocity_world_m_s[i] += gain;
+        }
+    }
+    now->position_std_m[part->std] = tc_finite(e->position_std_m[part->std]) ? e->position_std_m[part->std] : 0.0f;
+    now->velocity_std_m_s[part->std] =
+        tc_finite(e->velocity_std_m_s[part->std]) ? e->velocity_std_m_s[part->std] : 0.0f;
+    return (tc_taken){position, has_velocity, position_age_s};
+}
+
+/* How long position has been dead reckoned, and what it may be off by then (horizontal, both axes). */
+static void describe_reckoning(tc_telemetry* t, float time_s) {
+    const float velocity = RECKONED_VELOCITY_STD_M_S * time_s;
+    const float acceleration = 0.5f * RECKONED_ACCELERATION_STD_M_S2 * time_s * time_s;
+    t->reckoning_s = time_s;
+    t->reckoning_std_m = sqrtf(2.0f * (velocity * velocity + acceleration * acceleration));
+}
+
+static uint32_t take_position(tc_controller* c, const tc_estimate* e, float step_s) {
+    float reckoned[3];
+    reckoned_acceleration(c, e, reckoned);
+    const tc_taken level = take_part(c, e, &horizontal, &c->horizontal, reckoned, step_s);
+    const tc_taken height = take_part(c, e, &vertical, &c->vertical, reckoned, step_s);
+    c->vertical_velocity = height.velocity;
+    if (level.position) c->telemetry.estimate.position_time_us = e->position_time_us;
+    const float late_s = tc_max(tc_max(level.age_s, height.age_s) - c->parameters.estimate_stale_s, 0.0f);
+    describe_reckoning(&c->telemetry, late_s);
+    return (level.position && height.position ? 0u : (uint32_t)TC_FAULT_POSITION_UNUSABLE) |
+           (late_s > 0.0f ? (uint32_t)TC_FAULT_POSITION_STALE : 0u);
+}
+
+/* A small turn by the body rate, second order. The size of a product is the product of the sizes. */
+static void turn(const float q[4], float q_size2, const float rate[3], float time_s, float out[4]) {
+    const float half = 0.5f * time_s;
+    const float scale = 1.0f / sqrtf(q_size2 * (1.0f + half * half * tc_dot(rate, rate)));
+    const float w = scale * q[0], x = scale * q[1], y = scale * q[2], z = scale * q[3];
+    const float a = half * rate[0], b = half * rate[1], c = half * rate[2];
+    out[0] = w - x * a - y * b - z * c;
+    out[1] = x + w * a + y * c - z * b;
+    out[2] = y + w * b + z * a - x * c;
+    out[3] = z + w * c + x * b - y * a;
+}
+
+static uint32_t take_rate(tc_controller* c, const tc_estimate* e) {
+    tc_estimate* now = &c->telemetry.estimate;
+    const bool usable = marked(e, TC_VALID_RATE) && tc_up_to(tc_dot(e->rate_body_rad_s, e->rate_body_rad_s),
+                                                             LARGEST_RATE_RAD_S * LARGEST_RATE_RAD_S);
+    if (usable) {
+        note_sample(c, &c->rate, e->rate_time_us);
+        tc_copy(now->rate_body_rad_s, e->rate_body_rad_s);
+        now->rate_time_us = e->rate_time_us;
+    }
+    return (usable ? 0u : (uint32_t)TC_FAULT_RATE_UNUSABLE) |
+           (age_s(c, c->rate.true_us) > c->parameters.estimate_stale_s ? (uint32_t)TC_FAULT_RATE_STALE : 0u);
+}
+
+/* Measured and carried to the tick, or the last one turned on by the gyro. */
+static uint32_t take_attitude(tc_controller* c, const tc_estimate* e, float step_s) {
+    tc_estimate* now = &c->telemetry.estimate;
+    const float q_size2 = tc_q_size2(e->q_world_body);
+    const bool usable = marked(e, TC_VALID_ATTITUDE) && tc_up_to(q_size2 - 0.8f, 0.4f);
+    if (usable) {
+        note_sample(c, &c->attitude, e->attitude_time_us);
+        now->attitude_time_us = e->attitude_time_us;
+    }
+    const float attitude_age_s = age_s(c, c->attitude.true_us);
+    const bool stale = attitude_age_s > c->parameters.estimate_stale_s;
+    if (usable && !stale) {
+        turn(e->q_world_body, q_size2, now->rate_body_rad_s, ahead_s(&c->parameters, attitude_age_s),
+             now->q_world_body);
+    } else {
+        turn(now->q_world_body, tc_q_size2(now->q_world_body), now->rate_body_rad_s, step_s, now->q_world_body);
+    }
+    return (usable ? 0u : (uint32_t)TC_FAULT_ATTITUDE_UNUSABLE) | (stale ? (uint32_t)TC_FAULT_ATTITUDE_STALE : 0u);
+}
+
+/* The accelerometer, in its valid bit of telemetry.estimate: whether it is there. */
+static void take_force(tc_controller* c, const tc_estimate* e) {
+    tc_estimate* now = &c->telemetry.estimate;
+    const float* force = e->specific_force_body_m_s2;
+    const bool usable = marked(e, TC_VALID_SPECIFIC_FORCE) &&
+                        tc_up_to(tc_dot(force, force), LARGEST_FORCE_M_S2 * LARGEST_FORCE_M_S2) &&
+                        (c->telemetry.estimate_faults & (uint32_t)TC_FAULT_RATE_STALE) == 0u;
+    now->valid = usable ? e->valid : (uint8_t)(e->valid & ~(uint32_t)TC_VALID_SPECIFIC_FORCE);
+    if (usable) tc_copy(now->specific_force_body_m_s2, force);
+}
+
+/* The estimator has moved its frame: what is flown moves with it, so that nothing jumps. */
+static void follow_reset(tc_controller* c, const tc_estimate* e) {
+    const uint8_t steps = (uint8_t)(e->reset_counter - c->reset_counter);
+    const bool known = c->had_estimate;
+    c->reset_counter = e->reset_counter;
+    c->had_estimate = true;
+    if (!known || steps == 0u || !tc_mission_in_air(c->mission.state) || c->mission.state == TC_EMERGENCY) return;
+    if (steps != 1u || !plausible(e->reset_position_world_m, 3, LARGEST_POSITION_M) ||
+        !plausible(e->reset_velocity_world_m_s, 3, LARGEST_VELOCITY_M_S) ||
+        !plausible(&e->reset_yaw_rad, 1, LARGEST_TURN_RAD)) {
+        (void)tc_post(c, TC_EVENT_RELOCALIZED, TC_RELOCALIZED);
+        return;
+    }
+    if (tc_mission_on_path(c->mission.state)) {
+        tc_supervisor_shift(&c->supervisor, e->reset_position_world_m, e->reset_velocity_world_m_s, e->reset_yaw_rad);
+    } else {
+        tc_move_shift(&c->move, e->reset_position_world_m, e->reset_yaw_rad);
+        c->landing.z_m += e->reset_position_world_m[2];
+    }
+    for (int i = 0; i < 3; i++) c->telemetry.setpoint.position_world_m[i] += e->reset_position_world_m[i];
+    c->telemetry.setpoint.yaw_rad += e->reset_yaw_rad;
+    tc_flatness_turn(&c->telemetry.flatness, e->reset_yaw_rad);
+}
+
+void tc_take_estimate(tc_controller* c, const tc_estimate* estimate, float step_s) {
+    const uint32_t rate = take_rate(c, estimate);
+    const uint32_t attitude = take_attitude(c, estimate, step_s);
+    c->telemetry.estimate_faults = (uint8_t)rate;
+    take_force(c, estimate);
+    const uint32_t position = take_position(c, estimate, step_s);
+    const uint32_t faults = rate | attitude | position;
+    c->telemetry.estimate_faults = (uint8_t)faults;
+    if (faults != 0u || c->good_since_us == 0u) c->good_since_us = c->telemetry.time_us;
+    if ((faults & (uint32_t)TC_FAULT_POSITION_UNUSABLE) == 0u) follow_reset(c, estimate);
+    const float battery_v = estimate->battery_v;
+    c->telemetry.estimate.battery_v = tc_up_to(battery_v, LARGEST_BATTERY_V) ? battery_v : 0.0f;
+    tc_q_axes(c->telemetry.estimate.q_world_body, c->axes);
+}

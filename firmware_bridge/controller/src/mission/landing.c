@@ -1,0 +1,235 @@
+/* Coming down and touchdown, in stages. */
+#include "../base/maths.h"
+#include "internal.h"
+
+static const float LEAD_M = 0.25f;             /* the set-point is at most so far below the vehicle */
+static const float LEAD_NEAR_M = 0.05f;        /* of that, for the noise of the estimate */
+static const float SPEED_UP_M_S2 = 0.02f;      /* a biased vertical velocity must not keep it up for ever */
+static const float FASTEST_M_S = 1.0f;         /* that far, unless the parameter asks for more */
+static const float VERTICAL_BRAKE_M_S2 = 2.0f; /* towards the descent's speed */
+static const float BRAKING_M_S = 1.0f;         /* horizontal: it keeps its height until it is slower */
+static const float CONTACT_S = 0.12f;          /* it must seem to be on something for this long */
+static const float CONTACT_SPEED_M_S = 0.5f;   /* horizontal */
+static const float CONTACT_RATE_RAD_S = 0.52f; /* 30 degrees a second: it turns freely */
+static const float RETRY_S = 0.3f;             /* after a stage that found the vehicle flying */
+static const float UNLOAD_S = 0.5f;            /* the collective falls to UNLOADED */
+static const float UNLOADED = 0.1f;            /* of the weight */
+static const float GAINED_M_S = 0.35f;         /* downwards since UNLOAD began: it flies */
+static const float FALLEN_G = 0.25f;           /* of thrust, from which on the accelerometer is compared with it */
+static const float SUPPORT_G = 0.5f;           /* specific force that the rotors do not give: it stands on something */
+static const float FORCE_FILTER_S = 0.02f;     /* of the accelerometer, whose noise the tests must not see */
+static const float IDLE_S = 0.3f;              /* of stillness, then the rotors stop */
+static const float STILL_RATE_RAD_S = 0.5f;    /* beyond, it moves */
+static const float STILL_M_S = 0.5f;
+static const float IMPACT_G = 0.4f; /* above 1 g, in an emergency without vertical velocity */
+/* Such a descent loses thrust with time, for ground effect must not keep it floating. Slowly: after 15 s (20 m) it is
+   4 + 2.25 % short, and with 1.9 % of error still settles below 2.5 m/s, as inflow damps by 0.32/s. Without
+   accelerometer no UNLOAD brings it down between gusts, before time ends the descent: more. */
+static const float SINK_MORE_1_S = 0.0015f;
+static const float SINK_MORE_UNFELT_1_S = 0.002f;
+static const float SINK_MOST = 0.08f;      /* never beyond this */
+static const float PROBE_S = 1.0f;         /* ... where UNLOAD is tried this often */
+static const float TOUCHED_PROBE_S = 0.4f; /* ... once something has been hit */
+static const float AFTER_IMPACT = 0.8f;    /* of that thrust, so that ground effect does not keep it floating */
+static const float INVERTED = 0.5f; /* cosine of the tilt beyond which a vehicle at rest lies on its side or back */
+static const float INVERTED_REST_S = 0.3f;         /* it has lain like this, then the rotors stop */
+static const float EMERGENCY_FEEDBACK_M_S2 = 3.0f; /* what vertical feedback may ask for, up or down */
+/* A fall that only the accelerometer tells of, by the velocity reckoned from it: */
+static const float FALL_M_S = 1.0f;        /* it counts beyond this, */
+static const float FALL_DRIFT_M_S2 = 0.1f; /* more the longer the reckoning has gone on, */
+static const float FALL_KNOWN_S = 10.0f;   /* and no longer than this */
+
+static float weight_n(const tc_controller* c) { return c->parameters.mass_kg * c->parameters.gravity_m_s2; }
+
+static bool force_given(const tc_controller* c) {
+    return (c->telemetry.estimate.valid & (uint8_t)TC_VALID_SPECIFIC_FORCE) != 0u;
+}
+
+static void enter_stage(tc_controller* c, tc_landing_stage stage) {
+    c->landing.stage = (uint8_t)stage;
+    c->landing.stage_us = c->telemetry.time_us;
+    c->landing.airborne_us = c->telemetry.time_us;
+}
+
+void tc_landing_begin(tc_controller* c) {
+    const tc_telemetry* t = &c->telemetry;
+    memset(&c->landing, 0, sizeof c->landing);
+    c->landing.began_us = t->time_us;
+    c->landing.upright_us = t->time_us;
+    c->landing.z_m = t->setpoint.position_world_m[2];
+    c->landing.speed_m_s = -t->setpoint.velocity_world_m_s[2];
+    enter_stage(c, TC_LANDING_DESCEND);
+}
+
+bool tc_landing_unloads(const tc_landing* landing) {
+    return landing->stage == (uint8_t)TC_LANDING_UNLOAD || landing->stage == (uint8_t)TC_LANDING_IDLE;
+}
+
+/* The descent's speed changes gently to what is asked for, which grows with time. */
+static void command_speed(tc_controller* c, float step_s) {
+    tc_landing* landing = &c->landing;
+    const float since_s = tc_seconds(c->telemetry.time_us - landing->began_us);
+    const float asked = c->parameters.landing_m_s;
+    const float* along = c->telemetry.setpoint.velocity_world_m_s;
+    const bool braking = along[0] * along[0] + along[1] * along[1] > BRAKING_M_S * BRAKING_M_S;
+    const float wanted = braking ? 0.0f : tc_min(asked + SPEED_UP_M_S2 * since_s, tc_max(asked, FASTEST_M_S));
+    const float change = VERTICAL_BRAKE_M_S2 * step_s;
+    landing->speed_m_s += tc_clamp(wanted - landing->speed_m_s, -change, change);
+}
+
+void tc_landing_setpoint(tc_controller* c, float step_s) {
+    tc_landing* landing = &c->landing;
+    tc_setpoint* setpoint = &c->telemetry.setpoint;
+    const float lowest_m = c->telemetry.estimate.position_world_m[2] - LEAD_M;
+    command_speed(c, step_s);
+    landing->z_m -= landing->speed_m_s * step_s;
+    landing->lead_limited = landing->z_m <= lowest_m + LEAD_NEAR_M;
+    landing->z_m =
+        tc_landing_unloads(landing) ? c->telemetry.estimate.position_world_m[2] : tc_max(landing->z_m, lowest_m);
+    setpoint->position_world_m[2] = landing->z_m;
+    setpoint->velocity_world_m_s[2] = -landing->speed_m_s;
+    setpoint->acceleration_world_m_s2[2] = 0.0f;
+    setpoint->jerk_world_m_s3[2] = 0.0f;
+    setpoint->snap_world_m_s4[2] = 0.0f;
+}
+
+/* Constant thrust at no air speed is constant rotor speed, so that inflow damps the sink; more against a fall. */
+static float blind_thrust(const tc_controller* c) {
+    const tc_parameters* p = &c->parameters;
+    const float reckoned_s = c->telemetry.reckoning_s;
+    const float since_s = tc_seconds(c->telemetry.time_us - c->landing.began_us);
+    const float more_1_s = force_given(c) ? SINK_MORE_1_S : SINK_MORE_UNFELT_1_S;
+    const float share = p->emergency_sink - tc_min(more_1_s * since_s, SINK_MOST);
+    if (c->landing.touched) return AFTER_IMPACT * share * c->hover_thrust_n;
+    float feedback = 0.0f;
+    if (force_given(c) && reckoned_s < FALL_KNOWN_S) {
+        const float fall_m_s = -c->telemetry.estimate.velocity_world_m_s[2] - (FALL_M_S + FALL_DRIFT_M_S2 * reckoned_s);
+        feedback = tc_clamp(p->kd_z_1_s * fall_m_s, 0.0f, EMERGENCY_FEEDBACK_M_S2);
+    }
+    return share * c->hover_thrust_n + p->mass_kg * feedback;
+}
+
+float tc_emergency_thrust(const tc_controller* c) {
+    const tc_parameters* p = &c->parameters;
+    if (!c->vertical_velocity) return blind_thrust(c);
+    const float off_m_s = -c->landing.speed_m_s - c->telemetry.estimate.velocity_world_m_s[2];
+    const float feedback = tc_clamp(p->kd_z_1_s * off_m_s, -EMERGENCY_FEEDBACK_M_S2, EMERGENCY_FEEDBACK_M_S2);
+    return (c->hover_thrust_n + p->mass_kg * feedback) / tc_max(c->axes[2][2], INVERTED);
+}
+
+/* The accelerometer shows more than the rotors can give in a descent: it has hit something. */
+static bool has_impact(const tc_controller* c) {
+    const float g = c->parameters.gravity_m_s2;
+    return force_given(c) && c->landing.force_m_s2 > (1.0f + IMPACT_G) * g;
+}
+
+/* Whether the vehicle seems to be on something. */
+static bool seems_in_contact(const tc_controller* c) {
+    const tc_landing* landing = &c->landing;
+    const tc_estimate* e = &c->telemetry.estimate;
+    const float horizontal = sqrtf(e->velocity_world_m_s[0] * e->velocity_world_m_s[0] +
+                                   e->velocity_world_m_s[1] * e->velocity_world_m_s[1]);
+    if (tc_norm(e->rate_body_rad_s) > CONTACT_RATE_RAD_S) return false;
+    if (!c->vertical_velocity) { /* a dead reckoned one tells nothing */
+        const float probe_s = landing->touched ? TOUCHED_PROBE_S : PROBE_S;
+        return force_given(c) && (has_impact(c) || tc_lasts(c, landing->stage_us, probe_s));
+    }
+    const bool slow = tc_abs(e->velocity_world_m_s[2]) < 0.5f * landing->speed_m_s;
+    if (c->mission.state == TC_EMERGENCY) return slow;
+    return horizontal <= CONTACT_SPEED_M_S && (landing->lead_limited || slow);
+}
+
+static void descend(tc_controller* c) {
+    tc_landing* landing = &c->landing;
+    const bool blind = !c->vertical_velocity;
+    const bool settled = tc_lasts(c, landing->stage_us, RETRY_S);
+    if (blind && settled && has_impact(c)) landing->touched = true;
+    if (!seems_in_contact(c) || !settled) {
+        landing->airborne_us = c->telemetry.time_us;
+    } else if (blind || tc_lasts(c, landing->airborne_us, CONTACT_S)) {
+        enter_stage(c, TC_LANDING_UNLOAD);
+        landing->start_thrust_n = tc_min(c->telemetry.wrench.thrust_n, weight_n(c));
+        landing->thrust_n = landing->start_thrust_n;
+        landing->start_velocity_m_s = c->telemetry.estimate.velocity_world_m_s[2];
+        landing->start_force_m_s2 = landing->force_m_s2;
+    } else {
+        /* not for long enough yet */
+    }
+}
+
+/* Whether the vehicle falls as its thrust does. */
+static bool still_flies(const tc_controller* c) {
+    const tc_landing* landing = &c->landing;
+    const float mass = c->parameters.mass_kg, g = c->parameters.gravity_m_s2;
+    const float gained = landing->start_velocity_m_s - c->telemetry.estimate.velocity_world_m_s[2];
+    if (c->vertical_velocity && gained > GAINED_M_S) return true;
+    if (!force_given(c)) return false;
+    const float thrust_fell = (landing->start_thrust_n - landing->thrust_n) / mass;
+    const float force_fell = landing->start_force_m_s2 - landing->force_m_s2;
+    return thrust_fell > FALLEN_G * g && force_fell > 0.5f * thrust_fell;
+}
+
+/* Whether something but the rotors carries the vehicle, where that can be known. */
+static bool supported(const tc_controller* c) {
+    const float rotors = c->landing.thrust_n / c->parameters.mass_kg;
+    return !force_given(c) || c->landing.force_m_s2 - rotors > SUPPORT_G * c->parameters.gravity_m_s2;
+}
+
+static void unload(tc_controller* c, float step_s) {
+    tc_landing* landing = &c->landing;
+    const float weight = weight_n(c);
+    const float fall = (1.0f - UNLOADED) * weight / UNLOAD_S * step_s;
+    landing->thrust_n = tc_max(landing->thrust_n - fall, tc_min(landing->start_thrust_n, UNLOADED * weight));
+    if (still_flies(c)) {
+        enter_stage(c, TC_LANDING_DESCEND);
+    } else if (tc_lasts(c, landing->stage_us, UNLOAD_S)) {
+        enter_stage(c, supported(c) ? TC_LANDING_IDLE : TC_LANDING_DESCEND);
+    } else {
+        /* goes on */
+    }
+}
+
+/* Whether the touchdown is certain. */
+static bool idle(tc_controller* c) {
+    const bool still = tc_norm(c->telemetry.estimate.rate_body_rad_s) < STILL_RATE_RAD_S && supported(c);
+    if (still_flies(c)) {
+        enter_stage(c, TC_LANDING_DESCEND);
+    } else if (!still) {
+        c->landing.stage_us = c->telemetry.time_us;
+    } else {
+        return tc_lasts(c, c->landing.stage_us, IDLE_S);
+    }
+    return false;
+}
+
+bool tc_moves(const tc_controller* c) {
+    const tc_estimate* e = &c->telemetry.estimate;
+    return tc_norm(e->rate_body_rad_s) > STILL_RATE_RAD_S || tc_norm(e->velocity_world_m_s) > STILL_M_S;
+}
+
+/* A vehicle that lies on its side or back and does not move is down, too. */
+static bool rests_inverted(tc_controller* c) {
+    if (c->axes[2][2] > INVERTED || tc_moves(c)) c->landing.upright_us = c->telemetry.time_us;
+    return tc_lasts(c, c->landing.upright_us, INVERTED_REST_S);
+}
+
+bool tc_landing_observe(tc_controller* c, float step_s) {
+    tc_landing* landing = &c->landing;
+    const float force = c->telemetry.estimate.specific_force_body_m_s2[2];
+    landing->force_m_s2 += step_s / (FORCE_FILTER_S + step_s) * (force - landing->force_m_s2);
+    if (c->mission.state == TC_EMERGENCY) command_speed(c, step_s);
+    if (rests_inverted(c)) return true;
+    switch (landing->stage) {
+        case TC_LANDING_DESCEND:
+            descend(c);
+            break;
+        case TC_LANDING_UNLOAD:
+            unload(c, step_s);
+            break;
+        case TC_LANDING_IDLE:
+            return idle(c);
+        default:
+            break;
+    }
+    return false;
+}

@@ -1,0 +1,168 @@
+/** The fly step: the vehicle as it is, who is in control, the orders, the flights. */
+
+import { giveOrder } from "./orders";
+import { Badge } from "../../components/Badge";
+import { HoldButton } from "../../components/HoldButton";
+import { Keys } from "../../components/Keys";
+import { age, number, sentenceCase } from "../../core/format";
+import { connected, errors, files, holdsAnother, inControl, link, vehicle, welcome } from "../../core/store";
+import type { Vehicle as VehicleState } from "../../core/protocol";
+import { Control } from "./Control";
+import { ErrorPlot } from "./ErrorPlot";
+
+export function Fly() {
+  return (
+    <>
+      <Now />
+      {errors.value.length > 1 && <ErrorPlot />}
+      {welcome.value?.vehicle === true && <Control />}
+      <Flights />
+      <div class="spring" />
+      {welcome.value?.vehicle === true && <Orders />}
+    </>
+  );
+}
+
+// --- the vehicle now ---
+
+function Now() {
+  const last = vehicle.value;
+  const { state, age_s } = link.value;
+  if (last === null || state === "none") {
+    return (
+      <section class="verdict">
+        <h2>Vehicle</h2>
+        <p>
+          {welcome.value?.vehicle === false ? (
+            <>
+              No vehicle was given. Start the station with <span class="option">--vehicle-url</span> to fly one.
+            </>
+          ) : (
+            "The vehicle was not heard yet."
+          )}
+        </p>
+      </section>
+    );
+  }
+  const position = [last.x_m, last.y_m, last.z_m].map((value) => number(value, 2)).join(", ");
+  return (
+    <section class={`verdict live ${state}`} aria-label="Vehicle">
+      <div class="block-head">
+        <h2>{title(last)}</h2>
+        {state === "fresh" ? (
+          last.armed && <Badge tone="accent">Armed</Badge>
+        ) : (
+          <Badge tone={state === "lost" ? "danger" : "caution"}>
+            {state === "lost" ? "Link lost" : "Stale"}, {age(age_s)}
+          </Badge>
+        )}
+      </div>
+      <dl class="figures">
+        <Figure name="Error now" value={inMillimetres(last.error_m)} unit="mm" />
+        <Figure name="Largest so far" value={inMillimetres(last.largest_error_m)} unit="mm" />
+        <Figure name="Battery" value={number(last.battery_v, 2)} unit="V" />
+      </dl>
+      <p class="quiet">
+        At {position} m{last.reason !== "" && `; last change: ${last.reason}`}
+      </p>
+    </section>
+  );
+}
+
+function title({ mission, holds, name }: VehicleState): string {
+  if (mission === "trajectory") return `Flying ${holds}`;
+  return mission === "" ? name : sentenceCase(mission);
+}
+
+function inMillimetres(value_m: number | null): string {
+  return number(value_m === null ? null : 1000 * value_m, 0);
+}
+
+function Figure({ name, value, unit }: { name: string; value: string; unit: string }) {
+  return (
+    <div>
+      <dt>{name}</dt>
+      <dd>
+        {value} <span class="unit">{unit}</span>
+      </dd>
+    </div>
+  );
+}
+
+// --- orders ---
+
+function Orders() {
+  const last = vehicle.value;
+  const may = connected.value && inControl.value && link.value.state !== "none" && last !== null;
+  const armed = last?.armed === true;
+  return (
+    <div class="acts column">
+      <Start may={may} />
+      {armed && (
+        <div class="acts-row">
+          <button type="button" class="control tall" disabled={!may} onClick={() => void giveOrder("pause")}>
+            Pause and hover <Keys of="p" />
+          </button>
+          <button type="button" class="control tall" disabled={!may} onClick={() => void giveOrder("land")}>
+            Land here <Keys of="l" />
+          </button>
+        </div>
+      )}
+      <HoldButton
+        act={armed ? "disarm: rotors stop" : "arm only"}
+        disabled={!may}
+        onHeld={() => void giveOrder(armed ? "disarm" : "arm")}
+      />
+      {!inControl.value && <p class="quiet centred">Take control to give orders. Abort needs no control.</p>}
+    </div>
+  );
+}
+
+/** The main order: fly what the vehicle holds, or go on with it. */
+function Start({ may }: { may: boolean }) {
+  const last = vehicle.value;
+  if (last?.mission.startsWith("paus") === true) {
+    return <HoldButton act="resume" primary disabled={!may} onHeld={() => void giveOrder("resume")} />;
+  }
+  if (last === null || last.holds_crc32 === "")
+    return <p class="caution-text">The vehicle holds no trajectory; upload one.</p>;
+  if (holdsAnother.value) {
+    return <p class="caution-text">The vehicle holds {last.holds}, not this plan; upload the plan to fly it.</p>;
+  }
+  return (
+    <HoldButton
+      act={last.armed ? `fly ${last.holds}` : `arm and fly ${last.holds}`}
+      primary
+      disabled={!may || isUnderWay(last.mission)}
+      onHeld={() => void giveOrder("start")}
+    />
+  );
+}
+
+/** Whether the vehicle is busy with an order that cannot be followed by a start. */
+function isUnderWay(mission: string): boolean {
+  return !["", "disarmed", "armed", "hold"].includes(mission);
+}
+
+// --- flights ---
+
+function Flights() {
+  const { flights } = files.value;
+  return (
+    <section class="block" aria-labelledby="flights-title">
+      <div class="block-head">
+        <h3 id="flights-title">Flights</h3>
+        {flights.length > 0 && <span class="quiet">{flights.length} recorded</span>}
+      </div>
+      {flights.length === 0 ? (
+        <p class="quiet">No flights yet. Fly a plan; its log is listed here.</p>
+      ) : (
+        <ul class="list">
+          {flights.map((name) => (
+            <li key={name}>{name}</li>
+          ))}
+        </ul>
+      )}
+    </section>
+  );
+}

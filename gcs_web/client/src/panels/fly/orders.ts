@@ -1,0 +1,54 @@
+/** Orders to the vehicle, and the upload before them. */
+
+import { effect, signal } from "@preact/signals";
+import { send, submit } from "../../core/socket";
+import { aborting, announce, inControl } from "../../core/store";
+import type { Order, Reply } from "../../core/protocol";
+
+/**
+ * How far an upload is: `prepared` has what the vehicle holds, what it would get, and the nonce that lets it through,
+ * which is used up by sending whatever the answer.
+ */
+export type UploadState =
+  | { stage: "control" | "comparing" | "sending" }
+  | { stage: "refused"; error: string }
+  | { stage: "prepared"; reply: Reply };
+
+/** Null while the upload panel is closed. */
+export const uploading = signal<UploadState | null>(null);
+
+/** Open the panel; it compares as soon as this person is in control. */
+export function openUpload(): void {
+  uploading.value = { stage: "control" };
+  if (inControl.value) void prepareUpload();
+}
+
+export async function prepareUpload(): Promise<void> {
+  uploading.value = { stage: "comparing" };
+  const reply = await send({ type: "prepare_upload" });
+  if (uploading.value === null) return; // the panel was closed meanwhile
+  uploading.value = reply.error === "" ? { stage: "prepared", reply } : { stage: "refused", error: reply.error };
+}
+
+export async function confirmUpload(nonce: string): Promise<void> {
+  uploading.value = { stage: "sending" };
+  const { error } = await send({ type: "upload", nonce });
+  uploading.value = error === "" ? null : { stage: "refused", error };
+}
+
+effect(() => {
+  if (inControl.value && uploading.peek()?.stage === "control") void prepareUpload();
+});
+
+export async function giveOrder(what: Order["order"]): Promise<void> {
+  const { error, nonce } = await send({ type: "prepare_order" });
+  if (error !== "") announce(error, "danger");
+  else await submit({ type: "order", order: what, nonce });
+}
+
+export async function abort(): Promise<void> {
+  aborting.value = true;
+  const { error } = await send({ type: "abort" });
+  aborting.value = false;
+  if (error !== "") announce(`Abort: ${error}`, "danger");
+}

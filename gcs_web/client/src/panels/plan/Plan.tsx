@@ -1,0 +1,74 @@
+/** The plan step: verdict, waypoints, segments, speed, mission and saved trajectories, limits, save and upload. */
+
+import { signal } from "@preact/signals";
+import { openUpload, uploading } from "../fly/orders";
+import { canSave, canUpload, saveFormOpen } from "./actions";
+import { Keys } from "../../components/Keys";
+import { LimitList } from "./LimitRow";
+import { Tabs } from "../../components/Tabs";
+import type { Tab } from "../../components/Tabs";
+import { figures, figuresAreOld, verdict, welcome } from "../../core/store";
+import { phone } from "../../core/theme";
+import { Drawer } from "./Drawer";
+import { Mission } from "./Mission";
+import { Segments } from "./Segments";
+import { SettingsForm } from "./SettingsForm";
+import { Trajectories } from "./Trajectories";
+import { UploadPanel } from "../fly/UploadPanel";
+import { Verdict } from "./Verdict";
+import { Waypoints } from "./Waypoints";
+
+const TABS = [
+  { key: "waypoints", name: "Waypoints" },
+  { key: "segments", name: "Segments" },
+  { key: "settings", name: "Speed" },
+  { key: "mission", name: "Mission" },
+  { key: "trajectories", name: "Saved" },
+] as const satisfies readonly Tab<string>[];
+
+const tab = signal<(typeof TABS)[number]["key"]>("waypoints");
+
+export function Plan() {
+  if (uploading.value !== null) return <UploadPanel state={uploading.value} />;
+  const limits = figures.value?.limits ?? [];
+  return (
+    <>
+      <Verdict />
+      {phone.value && <Drawer />}
+      <Tabs label="Plan" tabs={TABS} current={tab.value} onChange={(key) => (tab.value = key)}>
+        {tab.value === "waypoints" && <Waypoints />}
+        {tab.value === "segments" && <Segments />}
+        {tab.value === "settings" && <SettingsForm />}
+        {tab.value === "mission" && <Mission />}
+        {tab.value === "trajectories" && <Trajectories />}
+      </Tabs>
+      {limits.length > 0 && <LimitList limits={limits} areOld={figuresAreOld.value} />}
+      <div class="acts">
+        <button type="button" class="control" disabled={!canSave()} onClick={() => (saveFormOpen.value = true)}>
+          Save <Keys of="Ctrl+s" />
+        </button>
+        <button
+          type="button"
+          class="control primary grow"
+          disabled={!canUpload()}
+          title={whyNoUpload()}
+          onClick={openUpload}
+        >
+          Compare and upload
+        </button>
+        {verdict.value === "checked" && !hasVehicle() && <p class="quiet">{NO_VEHICLE} Save it, or upload it later.</p>}
+      </div>
+    </>
+  );
+}
+
+const NO_VEHICLE = "The station was started without a vehicle (--vehicle-url).";
+
+function hasVehicle(): boolean {
+  return welcome.value === null || welcome.value.vehicle;
+}
+
+function whyNoUpload(): string {
+  if (!hasVehicle()) return NO_VEHICLE;
+  return verdict.value === "checked" ? "" : "Only a checked plan can be uploaded.";
+}

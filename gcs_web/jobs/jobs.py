@@ -1,0 +1,347 @@
+"""Background work of the station, one job at a time: a queue, a list of what was done, and the kinds of jobs.
+
+A kind states its name, its arguments (a struct whose fields the page shows as a form), the function that does the work
+in a process of its own, and what becomes of the result. The kinds come from whoever starts the station, so that they
+can call what the verbs call.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Generic, Literal, TypeVar
+
+import msgspec
+
+from flight import FlightError, InputError
+from flight.project import Project
+from gcs_web import protocol
+from gcs_web.jobs.job_process import Done, JobProcess, Work
+
+logger = logging.getLogger(__name__)
+
+Station = TypeVar("Station")
+"""What a kind of job gives its result to: `gcs_web.desk.Desk`."""
+
+MOST_WAITING, MOST_KEPT = 20, 30
+"""Jobs that may wait, and finished ones that stay in the list."""
+_TOLD_EVERY_S = 0.25
+_EARLY = 0.03
+"""Share of a stage before which its remaining time is a guess that nobody should see."""
+
+Choices = Mapping[str, Sequence[str]]
+"""For fields of a kind's arguments: the values that can be chosen now."""
+
+
+def _no_choices(_: Project) -> Choices:
+    return {}
+
+
+def _nothing_foreseen(_: Project, __: Any) -> str:
+    return ""
+
+
+def _nothing_written(_: Project, __: Any) -> Path | None:
+    return None
+
+
+def _accept(_: Project, __: Any) -> None:
+    """Of a kind whose arguments need no look at the project."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kind(Generic[Station]):
+    """A kind of job: one small file makes one."""
+
+    name: str
+    title: str
+    """As people read it: "Plan a folder of missions"."""
+    arguments: type[msgspec.Struct]
+    """Fields of type str, int, float, bool or list[str], each `Annotated` with a `msgspec.Meta` of title, description,
+    bounds, and `extra_json_schema={"unit": ...}`."""
+    run: Work
+    """In a process of its own; raises `FlightError` where it fails."""
+    done: Callable[[Station, Any], str]
+    """In the station: use the result, and return what came of it in words."""
+    choices: Callable[[Project], Choices] = _no_choices
+    check: Callable[[Project, Any], None] = _accept
+    """Before the job is taken: raises `InputError` where it could not succeed."""
+    foresee: Callable[[Project, Any], str] = _nothing_foreseen
+    """What it would do, in words, for a person to read before it is started."""
+    writes: Callable[[Project, Any], Path | None] = _nothing_written
+    """File or folder of its result, which no other job that waits or runs may write; None where none is claimed."""
+
+
+@dataclass(slots=True)
+class _Job:
+    id: int
+    kind: Kind[Any]
+    arguments: msgspec.Struct
+    author: str
+    state: Literal["waiting", "running", "done", "failed", "cancelled"] = "waiting"
+    stage: str = ""
+    share: float = 0.0
+    words: str = ""
+    began_s: float = 0.0
+    ended_s: float = 0.0
+    stage_began_s: float = 0.0
+    process: JobProcess | None = None
+    stop: threading.Event = field(default_factory=threading.Event)
+
+    def shown(self) -> protocol.Job:
+        running = self.state == "running"
+        now_s = time.monotonic()
+        end_s = now_s if running else self.ended_s
+        left_s = (now_s - self.stage_began_s) * (1.0 / self.share - 1.0) if running and self.share > _EARLY else None
+        return protocol.Job(
+            self.id,
+            self.kind.name,
+            self.kind.title,
+            self.state,
+            self.author,
+            stage=self.stage,
+            share=round(self.share, 3),
+            left_s=None if left_s is None else round(left_s, 1),
+            elapsed_s=round(end_s - self.began_s, 1) if self.began_s else 0.0,
+            words=self.words,
+        )
+
+
+class Jobs(Generic[Station]):
+    """Thread-safe. `on_change` is called from any thread whenever the list has changed."""
+
+    def __init__(
+        self,
+        opened: Project,
+        kinds: Sequence[Kind[Station]],
+        on_change: Callable[[], None],
+        on_done: Callable[[Kind[Station], Any], str],
+        on_end: Callable[[protocol.Job], None],
+    ) -> None:
+        """
+        Args:
+            on_done: uses a result and says what came of it; may raise `FlightError`.
+            on_end: called with every job that ended.
+        """
+        self._project = opened
+        self._kinds = {kind.name: kind for kind in kinds}
+        self._on_change, self._on_done, self._on_end = on_change, on_done, on_end
+        self._jobs: list[_Job] = []
+        self._last_id = 0
+        self._closed = False
+        self._changed = threading.Condition()
+        self._offers: list[protocol.JobKind] = []
+        self.look()
+        self._told_s = 0.0
+        self._thread = threading.Thread(target=self._serve, name="jobs", daemon=True)
+        self._thread.start()
+
+    def state(self) -> protocol.Jobs:
+        with self._changed:
+            return protocol.Jobs([job.shown() for job in self._jobs], self._offers)
+
+    def look(self) -> None:
+        """Find anew what can be chosen: not with each progress, as it searches the project's folders."""
+        self._offers = [self._offered(kind) for kind in self._kinds.values()]
+
+    def start(self, name: str, arguments: Mapping[str, Any], author: str) -> int:
+        """Put a job into the queue; its id.
+
+        Raises:
+            InputError: no such kind, the arguments are not valid, another job writes the same result, too many jobs
+                wait, or no more are taken.
+        """
+        kind, wanted = self._decoded(name, arguments)
+        with self._changed:
+            if self._closed:
+                raise InputError("this project is being closed; start the job when it is open again")
+            self._require_unclaimed(kind, wanted)
+            kind.check(self._project, wanted)  # now: a result that is not claimed any more is on disk
+            if sum(job.state == "waiting" for job in self._jobs) >= MOST_WAITING:
+                raise InputError(f"{MOST_WAITING} jobs wait already; cancel one, or wait for them")
+            self._last_id += 1
+            self._jobs.append(_Job(self._last_id, kind, wanted, author))
+            ended = [job for job in self._jobs if job.ended_s]
+            for old in ended[: max(len(ended) - MOST_KEPT, 0)]:
+                self._jobs.remove(old)
+            self._changed.notify_all()
+            number = self._last_id
+        self._on_change()
+        return number
+
+    def foresee(self, name: str, arguments: Mapping[str, Any]) -> str:
+        """What a job would do; empty where the kind does not say. Raises as `start`."""
+        kind, wanted = self._decoded(name, arguments)
+        kind.check(self._project, wanted)
+        return kind.foresee(self._project, wanted)
+
+    def end_if_idle(self) -> bool:
+        """Take no more jobs, if none runs or waits; whether that is so."""
+        with self._changed:
+            self._closed = all(job.ended_s for job in self._jobs)
+            return self._closed
+
+    def _decoded(self, name: str, arguments: Mapping[str, Any]) -> tuple[Kind[Station], msgspec.Struct]:
+        if name not in self._kinds:
+            raise InputError(f"there is no job {name!r}; there are {', '.join(self._kinds) or 'none'}")
+        kind = self._kinds[name]
+        try:
+            wanted = msgspec.convert(arguments, kind.arguments)
+        except msgspec.ValidationError as error:
+            raise InputError(f"{kind.title}: {error}") from error
+        return kind, wanted
+
+    def _require_unclaimed(self, kind: Kind, wanted: msgspec.Struct) -> None:
+        """Refuse a job whose result another one is about to write, or it would fail after its whole work."""
+        place = kind.writes(self._project, wanted)
+        for job in self._jobs:
+            if place is not None and not job.ended_s and job.kind.writes(self._project, job.arguments) == place:
+                raise InputError(
+                    f"{job.author} started {job.kind.title!r} already, which writes {place.name}: "
+                    "wait for its result, cancel it, or choose another name"
+                )
+
+    def cancel(self, number: int) -> None:
+        """End a job that waits or runs.
+
+        Raises:
+            InputError: it is not there, or has ended.
+        """
+        with self._changed:
+            job = self._job(number)
+            if job.ended_s:
+                raise InputError("that job has ended already")
+            job.stop.set()
+            if job.process is not None:
+                job.process.cancel()
+            elif job.state == "waiting":
+                self._ended(job, "cancelled", "cancelled")
+        self._on_change()
+
+    def forget(self, number: int) -> None:
+        """Take a job that has ended off the list.
+
+        Raises:
+            InputError: it is not there, or has not ended.
+        """
+        with self._changed:
+            job = self._job(number)
+            if not job.ended_s:
+                raise InputError("that job has not ended; cancel it first")
+            self._jobs.remove(job)
+        self._on_change()
+
+    def close(self) -> None:
+        """End the running job with all that it started."""
+        with self._changed:
+            self._closed = True
+            for job in self._jobs:
+                if job.process is not None:
+                    job.process.kill()
+            self._changed.notify_all()
+        self._thread.join(timeout=5.0)
+
+    def _job(self, number: int) -> _Job:
+        for job in self._jobs:
+            if job.id == number:
+                return job
+        raise InputError("that job is not in the list (any more)")
+
+    def _serve(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._closed or self._next() is not None)
+                job = self._next()
+                if self._closed or job is None:
+                    return
+                job.state, job.began_s = "running", time.monotonic()
+                job.stage, job.stage_began_s = "starting", job.began_s
+                log = self._project.folder / ".session" / f"job-{job.id}.log"
+                try:
+                    job.process = JobProcess(job.kind.run, self._project.folder, job.arguments, log)
+                except OSError as error:
+                    self._ended(job, "failed", f"no process could be started for it: {error.strerror}")
+            self._on_change()
+            if job.process is not None:
+                self._finish(job, job.process)
+
+    def _next(self) -> _Job | None:
+        return next((job for job in self._jobs if job.state == "waiting"), None)
+
+    def _finish(self, job: _Job, process: JobProcess) -> None:
+
+        def progress(stage: str, fraction: float) -> None:
+            self._progressed(job, stage, fraction)
+
+        outcome = process.outcome(progress)
+        state: Literal["done", "failed", "cancelled"] = "failed"
+        if job.stop.is_set():
+            state, words = "cancelled", "cancelled"
+        elif isinstance(outcome, Done):
+            try:
+                words, state = self._on_done(job.kind, outcome.result), "done"
+            except FlightError as error:
+                words = str(error)
+            except Exception as error:  # the next job must still run
+                logger.exception("the result of %s could not be used", job.kind.name)
+                words = f"internal error: {error}; the station's log has more"
+        else:
+            words = outcome.reason
+        with self._changed:
+            job.process = None
+            self._ended(job, state, words)
+            shown, closed = job.shown(), self._closed
+        if not closed:
+            self.look()
+            self._on_change()
+            self._on_end(shown)
+
+    def _ended(self, job: _Job, state: Literal["done", "failed", "cancelled"], words: str) -> None:
+        job.state, job.words, job.ended_s = state, words, time.monotonic()
+        if state == "done":
+            job.share = 1.0
+
+    def _progressed(self, job: _Job, stage: str, fraction: float) -> None:
+        now_s = time.monotonic()
+        with self._changed:
+            is_new = stage != job.stage
+            if is_new:
+                job.stage, job.stage_began_s = stage, now_s
+            job.share = min(max(fraction, 0.0), 1.0)
+            if not is_new and now_s - self._told_s < _TOLD_EVERY_S:
+                return
+            self._told_s = now_s
+        self._on_change()
+
+    def _offered(self, kind: Kind[Any]) -> protocol.JobKind:
+        try:
+            choices = kind.choices(self._project)
+        except OSError:  # a folder that cannot be read, or went away just now
+            logger.exception("what %s can be started with could not be found", kind.name)
+            choices = {}
+        schema = msgspec.json.schema_components([kind.arguments])[1][kind.arguments.__name__]
+        fields = [_field(name, told, choices.get(name)) for name, told in schema["properties"].items()]
+        return protocol.JobKind(kind.name, kind.title, fields)
+
+
+_FORMS: dict[str, Literal["text", "number", "integer", "flag", "several"]] = {
+    "string": "text", "number": "number", "integer": "integer", "boolean": "flag", "array": "several",
+}  # fmt: skip
+
+
+def _field(name: str, told: Mapping[str, Any], choices: Sequence[str] | None) -> protocol.JobField:
+    """A field of a form, from its JSON schema."""
+    form = _FORMS[told["type"]]
+    first = "" if choices is None else next(iter(choices), "")
+    empty: dict[str, Any] = {"several": [], "flag": False, "number": 0.0, "integer": 0}
+    return protocol.JobField(
+        name,
+        told.get("title", name),
+        told.get("description", ""),
+        "choice" if form == "text" and choices is not None else form,
+        told["default"] if "default" in told else empty.get(form, first),
+        list(choices or ()),
+        told.get("unit", ""),
+    )

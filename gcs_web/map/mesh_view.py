@@ -1,0 +1,76 @@
+"""The map's mesh in the 3D view: drawn in tiles, met by the rays of clicks, and painted on by drags."""
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flight import FloatArray, Progress, silent
+from gcs_web.map import display_mesh
+from gcs_web.scene.detail_view import DetailView
+from gcs_web.scene.picking import Surface
+
+if TYPE_CHECKING:
+    import viser
+
+
+class MeshView:
+    """Thread-safe."""
+
+    def __init__(self, server: "viser.ViserServer", triangles: int, cache: Path, progress: Progress) -> None:
+        """`progress`: of drawing the first mesh."""
+        self._triangles, self._cache, self._progress = triangles, cache, progress
+        self._lock = threading.RLock()
+        self._tiles = DetailView(server, "/map", _draw, display_mesh.FINE_RATIO * triangles)
+        self._file: tuple[int, int] | None = None
+        """Time of change (ns) and size of the file that is drawn."""
+        self._painting = False
+        self.surface: Surface | None = None
+        self.on_paint: Callable[[FloatArray, bool], None] = lambda _p, _e: None
+        """Painted at (3,) world, NaN beside the mesh; whether the drag ends there."""
+
+    def close(self) -> None:
+        self._tiles.close()
+
+    def draw(self, mesh: Path) -> None:
+        """Show a mesh; it is only read where the file changed."""
+        with self._lock:
+            found = mesh.stat() if mesh.exists() else None
+            file = (0, 0) if found is None else (found.st_mtime_ns, found.st_size)
+            if file == self._file:
+                return
+            progress, self._progress = self._progress, silent
+            shown = display_mesh.load(mesh, self._triangles, self._cache, progress=progress)
+            self.surface = Surface(shown.array("vertices"), shown.array("faces"))
+            self._tiles.show(shown)
+            self._file = file
+
+    def show(self, visible: bool) -> None:
+        self._tiles.set_visible(visible)
+
+    def first_hit(self, origin_m: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """As `Surface.first_hit`; None where there is no mesh."""
+        return self.surface and self.surface.first_hit(origin_m, direction)
+
+    def paint(self, active: bool) -> None:
+        """Take drags over the mesh for strokes of a brush, instead of turning the camera; or stop."""
+        with self._lock:
+            if active != self._painting:
+                self._tiles.set_drag(self._painted if active else None)
+            self._painting = active
+
+    async def _painted(self, event: Any) -> None:
+        """In the event loop, as only there viser keeps the order of a drag's events."""
+        origin_m = np.array(event.client.camera.position, dtype=np.float64)
+        direction = np.array(event.start_position if event.phase == "start" else event.end_position) - origin_m
+        hit = self.first_hit(origin_m, direction / np.linalg.norm(direction))
+        if hit is not None:
+            self.on_paint(hit[0], event.phase == "end")
+        elif event.phase == "end":
+            self.on_paint(np.full(3, np.nan), True)
+
+
+def _draw(into: "viser.SceneApi", name: str, glb: np.ndarray, fine: bool) -> Any:
+    return into.add_glb(name, glb.tobytes(), cast_shadow=False)

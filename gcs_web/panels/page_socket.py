@@ -1,0 +1,120 @@
+"""One page's WebSocket: commands in, each checked and answered in its order; messages out, newest state first."""
+
+import asyncio
+import logging
+import secrets
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from flight import FlightError
+from gcs_web import protocol
+from gcs_web.desk import Desk
+from gcs_web.gateway.hub import Client
+from gcs_web.panels import HANDLERS
+
+if TYPE_CHECKING:
+    from aiohttp import web
+
+logger = logging.getLogger(__name__)
+
+MOST_APART = 8
+"""Commands of one page that may wait for the vehicle at a time; aborts may be twice as many, the others counted."""
+
+_DECODER = msgspec.json.Decoder(protocol.FromPage)
+_APART = (
+    protocol.Abort,
+    protocol.Upload,
+    protocol.PrepareUpload,
+    protocol.Order,
+    protocol.PrepareCompensation,
+    protocol.SendCompensation,
+)
+"""Commands that wait for the vehicle: done beside the others, so that nothing (Abort least of all) waits for them."""
+
+
+class PageSocket:
+    """Serves the pages of one desk."""
+
+    def __init__(self, desk: Desk, *, project: str) -> None:
+        self._desk, self._project = desk, project
+        self._id = secrets.token_hex(8)
+        self._for_aborts = ThreadPoolExecutor(2, "abort")  # never behind other work
+
+    async def serve(self, socket: "web.WebSocketResponse") -> None:
+        """Talk to one page until it leaves."""
+        client = self._desk.hub.join()
+        welcome = protocol.Welcome(
+            protocol.PROTOCOL, client.person.id, self._project, self._desk.watch is not None, self._id
+        )
+        writer = asyncio.create_task(_write(socket, client, welcome))
+        await asyncio.to_thread(self._desk.arrived)
+        apart: set[asyncio.Task[None]] = set()
+        try:
+            async for message in socket:
+                if message.type.name != "TEXT":
+                    break
+                if not _names(message.data, _APART):
+                    await self._command(client, message.data)
+                elif len(apart) >= MOST_APART * (2 if _names(message.data, (protocol.Abort,)) else 1):
+                    said = f"{len(apart)} orders of this page still wait for the vehicle; nothing was sent"
+                    self._desk.hub.publish(protocol.Reply(_serial(message.data), error=said), client.person.id)
+                else:
+                    task = asyncio.create_task(self._command(client, message.data))
+                    apart.add(task)
+                    task.add_done_callback(apart.discard)
+        finally:
+            writer.cancel()
+            self._desk.hub.leave(client)
+            await asyncio.to_thread(self._desk.left, client.person)
+
+    async def _command(self, client: Client, text: str) -> None:
+        try:
+            command = _DECODER.decode(text)
+        except msgspec.DecodeError as error:
+            reply = protocol.Reply(_serial(text), error=f"the page sent what this station does not understand: {error}")
+        else:
+            pool = self._for_aborts if isinstance(command, protocol.Abort) else None
+            reply = await asyncio.get_running_loop().run_in_executor(pool, self._done, client.person, command)
+        self._desk.hub.publish(reply, client.person.id)
+
+    def _done(self, person: protocol.Person, command: protocol.Command) -> protocol.Reply:
+        try:
+            return HANDLERS[type(command)](self._desk, person, command) or protocol.Reply(command.serial)
+        except FlightError as error:
+            return protocol.Reply(command.serial, error=str(error))
+        except Exception as error:  # a page must not be able to take the station down
+            logger.exception("%s failed", type(command).__name__)
+            return protocol.Reply(command.serial, error=f"internal error: {error}; the station's log has more")
+
+
+async def _write(socket: "web.WebSocketResponse", client: Client, welcome: protocol.Welcome) -> None:
+    await socket.send_str(msgspec.json.encode(welcome).decode())
+    while True:
+        await client.arrived.wait()
+        if client.lagging:
+            await socket.close(message=b"this page is too slow; it comes back for the newest state")
+            return
+        for message in client.take():
+            await socket.send_str(message.decode())
+
+
+class _Head(msgspec.Struct):
+    type: str = ""
+    serial: int = 0
+
+
+def _head(text: str) -> _Head:
+    try:
+        return msgspec.json.decode(text, type=_Head)
+    except msgspec.DecodeError:
+        return _Head()
+
+
+def _serial(text: str) -> int:
+    return _head(text).serial
+
+
+def _names(text: str, kinds: tuple[type[msgspec.Struct], ...]) -> bool:
+    return _head(text).type in {kind.__struct_config__.tag for kind in kinds}

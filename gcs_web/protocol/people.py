@@ -1,0 +1,40 @@
+"""Who has the page open, and what everybody is told; see `gcs_web.protocol`."""
+
+from typing import Literal
+
+import msgspec
+
+
+class Person(msgspec.Struct, frozen=True):
+    """Someone who has the page open."""
+
+    id: str
+    name: str
+
+
+class Welcome(msgspec.Struct, frozen=True, tag="welcome"):
+    """First message on every connection."""
+
+    protocol: int
+    you: str
+    """Id of this person."""
+    project: str
+    vehicle: bool
+    """Whether a vehicle was given when the station was started."""
+    station: str
+    """Of the open project; another one after another project was opened: what the page shows is then of the old one."""
+
+
+class People(msgspec.Struct, frozen=True, tag="people"):
+    people: list[Person]
+    in_control: str
+    """Id of the person whose orders the station passes on; empty for nobody."""
+
+
+class Notice(msgspec.Struct, frozen=True, tag="notice"):
+    """One line at the foot of the page; stays until the next."""
+
+    text: str
+    level: Literal["fact", "caution", "danger"] = "fact"
+    undo: bool = False
+    """Whether undo takes back what it tells."""

@@ -1,0 +1,73 @@
+"""Messages about the vehicle and the orders to it; see `gcs_web.protocol`."""
+
+from typing import Literal
+
+import msgspec
+
+from gcs_web.protocol.base import Command
+
+
+class Held(msgspec.Struct, frozen=True):
+    """A trajectory as shown before an upload: what the vehicle has, or what it would get."""
+
+    name: str
+    duration_s: float
+    segments: int
+    room_m: float
+    """What is left between the vehicle's surface and every obstacle: room for its tracking error."""
+    crc32: str
+
+
+class Vehicle(msgspec.Struct, frozen=True, tag="vehicle"):
+    """The vehicle as last heard; sent on every change and at least twice a second."""
+
+    link: Literal["none", "fresh", "stale", "lost"]
+    """Stale after 0.5 s, lost after 2 s."""
+    name: str = ""
+    age_s: float = 0.0
+    mission: str = ""
+    armed: bool = False
+    holds: str = ""
+    """Name of the active trajectory."""
+    holds_crc32: str = ""
+    battery_v: float | None = None
+    x_m: float | None = None
+    y_m: float | None = None
+    z_m: float | None = None
+    error_m: float | None = None
+    """Distance from the set-point now, while a trajectory is flown."""
+    largest_error_m: float | None = None
+    reason: str = ""
+    """Why the vehicle last changed its state, in its own words."""
+
+
+class TakeControl(Command, frozen=True, tag="take_control", kw_only=True):
+    """Ask to be the one person whose orders go to the vehicle."""
+
+    force: bool = False
+    """Also from someone who has it; they are told."""
+
+
+class GiveUpControl(Command, frozen=True, tag="give_up_control", kw_only=True):
+    pass
+
+
+class PrepareUpload(Command, frozen=True, tag="prepare_upload", kw_only=True):
+    """Compare the plan with what the vehicle holds; the reply has both and a nonce that `upload` uses up."""
+
+
+class Upload(Command, frozen=True, tag="upload", kw_only=True):
+    nonce: str
+
+
+class PrepareOrder(Command, frozen=True, tag="prepare_order", kw_only=True):
+    """Announce an order; the reply has the nonce that `order` uses up."""
+
+
+class Order(Command, frozen=True, tag="order", kw_only=True):
+    order: Literal["arm", "start", "pause", "resume", "land", "disarm"]
+    nonce: str
+
+
+class Abort(Command, frozen=True, tag="abort", kw_only=True):
+    """Land at once. Needs neither control nor a nonce."""

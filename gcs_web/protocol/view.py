@@ -1,0 +1,47 @@
+"""Messages about what is selected and shown in the 3D view; see `gcs_web.protocol`."""
+
+from typing import Literal
+
+import msgspec
+
+from gcs_web.protocol.base import Command
+
+Colour = Literal["clearance", "could_hide", "speed", "thrust", "tilt", "rotor_margin"]
+
+
+class Cursor(msgspec.Struct, frozen=True, tag="cursor"):
+    """The 3D view was clicked on the path: show this moment everywhere."""
+
+    time_s: float
+
+
+class Shown(msgspec.Struct, frozen=True, tag="shown"):
+    """What the 3D view, which is the same for everybody, draws now."""
+
+    colour: Colour
+    author: str
+    """Id of the person who chose it."""
+
+
+class Selection(msgspec.Struct, frozen=True, tag="selection"):
+    """Waypoints were selected in the 3D view."""
+
+    waypoints: list[int]
+
+
+class Select(Command, frozen=True, tag="select", kw_only=True):
+    """Tell the 3D view which waypoints are selected on the page."""
+
+    waypoints: list[int]
+
+
+class Look(Command, frozen=True, tag="look", kw_only=True):
+    """Show a moment of the plan in the 3D view; None hides the drawn vehicle."""
+
+    time_s: float | None
+
+
+class Show(Command, frozen=True, tag="show", kw_only=True):
+    """What the 3D view draws."""
+
+    colour: Colour = "clearance"

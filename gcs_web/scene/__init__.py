@@ -1,0 +1,1 @@
+"""What viser is given to draw: lines, vehicles, tiles; and what a click on them means."""

@@ -1,0 +1,224 @@
+"""The vehicle as the page knows it: what it said last and how long ago, and how orders get to it.
+
+Listens as one station of the link and takes control only for as long as a person of the page has it.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import firmware_bridge
+from firmware_bridge import wire
+from firmware_bridge.dialect.generated.messages import Command
+from flight import FlightError, FlightLog, FloatArray, LinkError, TrajectoryFile
+from gcs_web import protocol
+from gcs_web.planning import page_values
+
+logger = logging.getLogger(__name__)
+
+STALE_S, LOST_S = 0.5, 2.0
+_PERIOD_S = 0.05
+_QUIET_S = 0.25
+"""A state that has not changed is told again after this long, for its age."""
+_RETRY_S = 2.0
+"""Between attempts to reach a vehicle that does not answer."""
+_GROUND = ("disarmed", "armed")
+
+
+class VehicleWatch:
+    """`on_state` and `on_pose` are called from a thread of this object."""
+
+    def __init__(self, url: str, *, key_file: Path | None = None) -> None:
+        """Begin to listen; a vehicle that does not answer yet is waited for."""
+        self.url = url
+        self._key_file = key_file
+        self._link: firmware_bridge.Link | None = None
+        self._problem = ""
+        self._largest_error_m: float | None = None
+        self._flown: TrajectoryFile | None = None
+        self.on_state: Callable[[protocol.Vehicle], None] = lambda _: None
+        self.on_pose: Callable[[FloatArray, FloatArray], None] = lambda _p, _q: None
+        self.on_setpoint: Callable[[FloatArray | None], None] = lambda _: None
+        """Where a flight of this station has the vehicle now: (4,) x, y, z in metres and yaw in radians, world."""
+        self._stop = threading.Event()
+        self._flight: threading.Event | None = None
+        """Set to give up the flight that is under way; None on the ground."""
+        self._flight_lock = threading.Lock()
+        self._thread = threading.Thread(target=self._run, name="vehicle watch", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    @property
+    def link(self) -> firmware_bridge.Link:
+        """
+        Raises:
+            LinkError: the vehicle has not been heard yet.
+        """
+        if self._link is None:
+            raise LinkError(self._problem or f"no vehicle answers at {self.url} yet")
+        return self._link
+
+    def state(self) -> protocol.Vehicle:
+        """What the page shows of the vehicle."""
+        said = self._link.state if self._link is not None else None
+        if said is None:
+            return protocol.Vehicle("lost", name=self.url, reason=self._problem)
+        link = "fresh" if said.age_s <= STALE_S else "stale" if said.age_s <= LOST_S else "lost"
+        mission = said.mission.name.lower().replace("_", " ")
+        x, y, z = (float(value) for value in said.position_world_m)
+        error_m = self._error_m(said)
+        return protocol.Vehicle(
+            link,
+            name=self.url,
+            age_s=round(said.age_s, 2),
+            mission=mission,
+            armed=mission != "disarmed",
+            holds=said.active_name,
+            holds_crc32=f"{said.active_crc32:08x}" if said.active_name else "",
+            battery_v=said.battery_v or None,
+            x_m=x,
+            y_m=y,
+            z_m=z,
+            error_m=error_m,
+            largest_error_m=self._largest_error_m,
+            reason=said.reason,
+        )
+
+    def held(self) -> protocol.Held | None:
+        """What the vehicle holds, read back from it; None for nothing."""
+        plan = self.link.read_back()
+        return None if plan is None else page_values.held(plan.name, plan)
+
+    def planned(self, file: TrajectoryFile, name: str) -> protocol.Held:
+        """What the vehicle would hold after an upload."""
+        return page_values.held(name, wire.plan_from_file(replace(file, name=name)))
+
+    def upload(self, file: TrajectoryFile, name: str, *, map_hash: str, vehicle_hash: str) -> str:
+        """Send, commit, read back; one line on how it went.
+
+        Raises:
+            FlightError: it was refused (on either side) or the link died; the message says what the vehicle holds.
+        """
+        self.link.take_control()
+        report = self.link.upload(replace(file, name=name), map_hash=map_hash, vehicle_hash=vehicle_hash)
+        return f"uploaded {name}: {report.segments} segments in {report.duration_s:.2f} s, read back and equal"
+
+    def set_parameters(self, values: dict[str, float]) -> None:
+        """Set parameters of the controller, all of them or none.
+
+        Raises:
+            FlightError: another station has control, the vehicle refused or did not answer, or a name is unknown.
+        """
+        self.link.take_control()
+        self.link.set_parameters(values)
+
+    def order(self, command: Command) -> None:
+        """
+        Raises:
+            LinkError: the vehicle refused, or did not answer.
+        """
+        self.link.take_control()
+        self.link.command(command)
+
+    def begin_flight(self) -> threading.Event:
+        """Announce a flight before its preparations, so that an abort during them is not lost; `end_flight` ends it.
+
+        Raises:
+            LinkError: one is under way.
+        """
+        with self._flight_lock:
+            if self._flight is not None:
+                raise LinkError("a flight is under way; land first")
+            self._flight = threading.Event()
+            return self._flight
+
+    def end_flight(self) -> None:
+        self._flight, self._flown = None, None
+
+    def fly(self, file: TrajectoryFile, aborted: threading.Event) -> FlightLog:
+        """Take off, fly what the vehicle holds, land; the flight's log.
+
+        Args:
+            aborted: of `begin_flight`.
+
+        Raises:
+            LinkError: refused, aborted, or the flight ended early; the message says which.
+        """
+        self._flown, self._largest_error_m = file, 0.0
+        self.link.take_control()
+        if aborted.is_set():
+            raise LinkError("aborted before the take-off")
+        return self.link.fly(file, cancel=aborted.is_set)
+
+    def land(self) -> None:
+        """Land now, whoever has control; a flight that is under way is given up."""
+        flight = self._flight
+        if flight is not None:
+            flight.set()
+        state = self.state()
+        if flight is None and state.link == "fresh" and not state.armed:
+            raise LinkError("the vehicle is disarmed; there is nothing to abort")
+        self.link.take_control(force=True)
+        self.link.command(Command.LAND)
+
+    def close(self) -> None:
+        if (flight := self._flight) is not None:
+            flight.set()
+        self._stop.set()
+        self._thread.join(timeout=5)
+        if self._link is not None:
+            self._link.close()
+
+    def _error_m(self, said: firmware_bridge.VehicleState) -> float | None:
+        """Distance from the set-point, while a trajectory that this station started is flown."""
+        wanted = self._setpoint(said)
+        if wanted is None:
+            return None
+        error_m = float(np.linalg.norm(said.position_world_m - wanted[:3]))
+        self._largest_error_m = max(self._largest_error_m or 0.0, error_m)
+        return error_m
+
+    def _setpoint(self, said: firmware_bridge.VehicleState) -> FloatArray | None:
+        """(4,) x, y, z, yaw of the trajectory that this station started, at the moment that is flown."""
+        file = self._flown
+        if file is None or said.trajectory_time_s < 0.0:
+            return None
+        return file.trajectory.evaluate([min(said.trajectory_time_s, file.trajectory.duration_s)])[0]
+
+    def _run(self) -> None:
+        told, told_s = protocol.Vehicle("none"), 0.0
+        while not self._stop.wait(_PERIOD_S):
+            try:
+                if self._link is None:
+                    self._connect()
+                now = self.state()
+                said = self._link.state if self._link is not None else None
+                if said is not None and now.link == "fresh":
+                    self.on_pose(said.position_world_m, said.q_world_body)
+                    self.on_setpoint(self._setpoint(said))
+                if now != told and (_changed(now, told) or time.monotonic() - told_s > _QUIET_S):
+                    told, told_s = now, time.monotonic()
+                    self.on_state(now)
+            except Exception:  # whatever the vehicle says, the watch goes on
+                logger.exception("the vehicle's state could not be shown")
+                told = protocol.Vehicle("lost", name=self.url, reason="its state could not be read; see the log")
+                self.on_state(told)
+
+    def _connect(self) -> None:
+        try:
+            self._link, self._problem = firmware_bridge.connect(self.url, key=self._key_file), ""
+        except FlightError as error:
+            self._problem = str(error)
+            self._stop.wait(_RETRY_S)
+
+
+def _changed(now: protocol.Vehicle, told: protocol.Vehicle) -> bool:
+    """Whether something changed that a pilot must see at once."""
+    names = ("link", "mission", "holds", "holds_crc32", "reason")
+    return any(getattr(now, name) != getattr(told, name) for name in names)

@@ -1,0 +1,112 @@
+"""The mesh as it is shown: fewer triangles, darker in corners, made once."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from flight import MapError
+from gcs_web.map import display_mesh
+from gcs_web.scene import picking
+from mapping.dense import mesh_file
+
+
+def sphere(level: int) -> display_mesh.Mesh:
+    """Of radius 1 m, with the colours of its places."""
+    made = trimesh.creation.icosphere(level)
+    colours = (127.0 * (1.0 + made.vertices)).astype(np.uint8)
+    return display_mesh.Mesh(made.vertices.astype(np.float32), made.faces.astype(np.int32), colours)
+
+
+def test_a_simplified_mesh_has_the_same_shape_and_colours():
+    simple = display_mesh.simplified(sphere(4), 1000)
+    assert 900 <= len(simple.faces) <= 1000
+    np.testing.assert_allclose(np.linalg.norm(simple.vertices_m, axis=1), 1.0, atol=0.05)
+    np.testing.assert_allclose(simple.colours / 127.0 - 1.0, simple.vertices_m, atol=0.1)
+
+
+def test_tiles_cover_the_mesh_and_those_simplified_apart_leave_no_crack(monkeypatch):
+    monkeypatch.setattr(display_mesh, "TILE_TRIANGLES", 1500)
+    whole = sphere(5)
+    fine = display_mesh.cut(whole)
+    assert len(fine) > 4
+    centres = {tuple(np.round(c, 5)) for part in fine for c in part.vertices_m[part.faces].mean(axis=1).tolist()}
+    assert len(centres) == len(whole.faces)
+    for tiles in (fine, [display_mesh.simplified(tile, 200) for tile in fine]):
+        shown = display_mesh.joined(tiles)
+        surface = picking.Surface(shown.vertices_m, shown.faces)
+        for direction in np.random.default_rng(0).normal(size=(300, 3)):
+            direction /= np.linalg.norm(direction)
+            assert surface.first_hit(3.0 * direction, -direction) is not None
+
+
+def test_a_mesh_that_cannot_be_read_is_said_and_not_drawn_as_nothing(tmp_path):
+    for content in (b"", b"not a mesh", b"glTF" + bytes(40)):
+        (tmp_path / "mesh.glb").write_bytes(content)
+        with pytest.raises(MapError, match=r"mesh\.glb (holds no triangles|cannot be read)"):
+            display_mesh.read(tmp_path / "mesh.glb")
+
+
+def test_a_mesh_with_vertices_nowhere_is_refused(tmp_path):
+    made = sphere(1)
+    made.vertices_m[3] = np.nan
+    mesh_file.save(tmp_path / "mesh.ply", made.vertices_m, made.faces, made.colours)
+    with pytest.raises(MapError, match="not finite"):
+        display_mesh.read(tmp_path / "mesh.ply")
+
+
+def test_a_mesh_file_is_read_as_it_was_written(tmp_path):
+    made = sphere(2)
+    for suffix in mesh_file.SUFFIXES:
+        mesh_file.save(tmp_path / f"mesh{suffix}", made.vertices_m, made.faces, made.colours)
+        again = display_mesh.read(tmp_path / f"mesh{suffix}")
+        np.testing.assert_allclose(again.vertices_m, made.vertices_m, atol=1e-6)
+        np.testing.assert_array_equal(again.faces, made.faces)
+        np.testing.assert_array_equal(again.colours, made.colours)
+
+
+def test_a_corner_is_darker_than_the_middle_of_a_floor():
+    floor = trimesh.creation.box(bounds=[[0.0, 0.0, -0.1], [6.0, 6.0, 0.0]])
+    walls = [
+        trimesh.creation.box(bounds=[[-0.1, 0.0, 0.0], [0.0, 6.0, 3.0]]),
+        trimesh.creation.box(bounds=[[0.0, -0.1, 0.0], [6.0, 0.0, 3.0]]),
+    ]
+    room = trimesh.util.concatenate([floor, *walls])
+    places = np.array([[3.0, 3.0, 0.0], [0.3, 3.0, 0.0], [0.3, 0.3, 0.0], [0.05, 0.05, 0.0]])
+    # the light is that of vertices: these stand on the floor, in no triangle of their own
+    vertices = np.concatenate([room.vertices, places])
+    normals = np.concatenate([room.vertex_normals, np.tile([0.0, 0.0, 1.0], (4, 1))])
+    middle, wall, corner, deep = display_mesh.light(vertices, normals, room.faces)[-4:]
+    assert middle == 1.0
+    assert middle > wall > corner > deep
+
+
+def test_normals_of_a_sphere_point_outward():
+    made = sphere(3)
+    np.testing.assert_allclose(display_mesh.normals(made), made.vertices_m, atol=0.02)
+
+
+def test_the_mesh_is_made_once_and_again_when_the_map_or_the_cache_changed(tmp_path: Path):
+    source, cache = tmp_path / "mesh.ply", tmp_path / "session"
+    stages: list[str] = []
+
+    def faces(triangles: int = 200) -> np.ndarray:
+        stages.clear()
+        return display_mesh.load(source, triangles, cache, progress=lambda stage, _: stages.append(stage)).array(
+            "faces"
+        )
+
+    trimesh.creation.icosphere(3).export(source)
+    first = faces()
+    assert "simplifying the mesh" in stages
+    assert len(first) <= 200
+    np.testing.assert_array_equal(faces(), first)
+    assert stages == []
+    (cache / display_mesh.CACHE).write_bytes(b"PK damaged")
+    np.testing.assert_array_equal(faces(), first)
+    trimesh.creation.box().export(source)
+    assert len(faces()) == 12
+    source.unlink()
+    with pytest.raises(MapError, match="build the map again"):
+        faces()

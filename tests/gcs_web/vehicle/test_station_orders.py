@@ -1,0 +1,107 @@
+"""Orders from the page to a SITL vehicle that really flies: who may give them, and how they end."""
+
+import json
+import threading
+
+import numpy as np
+import pytest
+
+from flight import LinkError, Waypoints, flight_log
+from gcs_web.panels import page_socket
+from tests.gcs_web.station_socket import Page, visit
+from tests.waiting import PATIENCE_S, until
+
+pytestmark = pytest.mark.usefixtures("same_waypoints")
+
+
+def test_orders_need_control_and_a_nonce_that_is_good_once(station):
+    async def talk(anna: Page, ben: Page):
+        await anna.checked()
+        assert "nobody is in control" in (await anna.command("prepare_upload"))["error"]
+        assert not (await anna.command("take_control"))["error"]
+        assert "is in control" in (await ben.command("take_control"))["error"]
+        assert "is in control; take control first" in (await ben.command("prepare_upload"))["error"]
+        prepared = await anna.command("prepare_upload")
+        assert prepared["here"]["crc32"] == anna.state["plan"]["crc32"]
+        assert not (await anna.command("upload", nonce=prepared["nonce"]))["error"]
+        assert "given before" in (await anna.command("upload", nonce=prepared["nonce"]))["error"]
+        nonce = (await anna.command("prepare_order"))["nonce"]
+        assert "given before" in (await anna.command("upload", nonce=nonce))["error"]  # nor for another purpose
+        assert not (await ben.command("take_control", force=True))["error"]
+        await anna.until(lambda p: any("took over control" in text for text in p.notices))
+        assert "is in control" in (await anna.command("order", order="arm", nonce="x"))["error"]
+        await ben.until(lambda p: p.state["vehicle"]["holds_crc32"] == p.state["plan"]["crc32"])
+        log = (station.desk.project.folder / ".session" / "audit.jsonl").read_text().splitlines()
+        uploads = [line for line in map(json.loads, log) if line["what"] == "upload"]
+        assert [line["answer"].split(":")[0] for line in uploads[-3:]] == ["done", "refused", "refused"]
+        assert {line["crc32"] for line in uploads[-3:]} == {prepared["here"]["crc32"]}
+
+    visit(station, 2, talk)
+
+
+def test_a_flight_is_flown_logged_and_aborted_from_the_page(station):
+    async def talk(page: Page, other: Page):
+        await page.checked()
+        await page.command("take_control", force=True)
+        prepared = await page.command("prepare_upload")
+        assert not (await page.command("upload", nonce=prepared["nonce"]))["error"]
+        nonce = (await page.command("prepare_order"))["nonce"]
+        assert not (await page.command("order", order="start", nonce=nonce))["error"]
+        await page.until(lambda p: p.state["vehicle"].get("error_m") is not None)
+        until(lambda: station.view.vehicle._setpoint.visible, "the set-point in the 3D view")
+        assert not (await other.command("abort"))["error"]  # by whoever sees the danger
+        await page.until(lambda p: any("The flight ended early" in text for text in p.notices))
+        await page.until(lambda p: p.state["vehicle"]["mission"] in ("disarmed", "armed"))
+        if page.state["vehicle"]["mission"] == "armed":
+            nonce = (await page.command("prepare_order"))["nonce"]
+            await page.command("order", order="disarm", nonce=nonce)
+        await page.until(lambda p: p.state["vehicle"]["mission"] == "disarmed")
+
+    visit(station, 2, talk)
+    assert not list(station.desk.project.flights()) or flight_log.load(station.desk.project.flights()[0])
+
+
+def test_an_abort_while_a_start_is_prepared_keeps_the_vehicle_on_the_ground(station):
+    watch, desk = station.watch, station.desk
+    until(lambda: desk.answer is not None and desk.answer.request.revision == desk.session.revision, "a plan")
+    aborted = watch.begin_flight()
+    with pytest.raises(LinkError):  # on the ground it cannot land; the flight is given up all the same
+        watch.land()
+    assert aborted.is_set()
+    with pytest.raises(LinkError, match="aborted before the take-off"):
+        watch.fly(desk.checked(), aborted)
+    with pytest.raises(LinkError, match="a flight is under way"):
+        watch.begin_flight()
+    watch.end_flight()
+    watch.begin_flight()
+    watch.end_flight()
+
+
+def test_a_path_that_the_vehicle_cannot_store_is_refused_and_the_next_one_is_planned(station):
+    async def talk(page: Page):
+        line = np.stack([np.linspace(0.8, 5.2, 300), np.full(300, 0.6), np.full(300, 1.2)], axis=1)
+        station.desk.session.take(Waypoints(line, np.full(300, np.nan)), "many", "test")
+        await page.until(lambda p: p.state["plan"]["state"] == "refused")
+        await page.command("undo")
+        await page.checked()
+
+    visit(station, 1, talk)
+
+
+def test_orders_beyond_the_bound_are_refused_at_once_and_an_abort_is_not(station, monkeypatch):
+    let_go = threading.Event()
+
+    def held_up() -> None:
+        let_go.wait(PATIENCE_S)
+
+    async def talk(page: Page):
+        monkeypatch.setattr(station.watch, "held", held_up)
+        await page.checked()
+        await page.command("take_control", force=True)
+        for serial in range(1000, 1000 + page_socket.MOST_APART):
+            await page.send("prepare_upload", serial)
+        assert "orders of this page still wait" in (await page.command("prepare_upload"))["error"]
+        assert "still wait" not in (await page.command("abort"))["error"]
+        let_go.set()
+
+    visit(station, 1, talk)
