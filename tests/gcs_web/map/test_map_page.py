@@ -8,7 +8,7 @@ import numpy as np
 import esdf
 from gcs_web import GroundStation, protocol
 from gcs_web.map import slices
-from gcs_web.map.bodies import pulled
+from gcs_web.map.bodies import pulled, triple
 from tests.gcs_web.in_browser import needs_chromium
 from tests.waiting import until as wait
 
@@ -94,7 +94,7 @@ def test_an_oblique_slice_stands_through_the_measured_points(station, page):
     wait(lambda: station.view.map.measuring, "measuring")
     a, b = np.array([1.0, 0.5, 0.4]), np.array([4.0, 2.5, 1.5])
     for point in (a, b):
-        station.view.map.on_measure(tuple(point))
+        station.view.map.on_measure(triple(point))
     page.get_by_role("group", name="Axis of the slice").get_by_role("button", name="oblique").click()
     page.get_by_role("button", name="Through the two measured points").click()
     wait(lambda: station.view.map._slice is not None and station.view.map._slice.at_m != 0.0, "the slice")
