@@ -33,8 +33,8 @@ test:  ## set up and run the tests, on JOBS=2 processors
 # NumPy's vector paths that this processor has.
 NUMPY_FEATURES = from numpy._core._multiarray_umath import __cpu_dispatch__ as all, __cpu_features__ as has; \
   print(*[name for name in all if has[name]])
-OTHER_PROCESSORS := tests/test_processors.py tests/test_front_page.py tests/planner/test_gate.py \
-  tests/planner/test_one_answer.py tests/planner/test_descents.py tests/vehicle/test_laws.py
+OTHER_PROCESSORS := tests/test_processors.py tests/test_front_page.py tests/planner/gate/test_gate.py \
+  tests/planner/test_one_answer.py tests/planner/optimise/test_descents.py tests/vehicle/test_laws.py
 test-processors: setup  ## the front page and a small set as on two other processors: BLAS kernel, vector units, C library
 	OPENBLAS_CORETYPE=Sandybridge $(PYTHON) -m pytest -q $(WORKERS) $(OTHER_PROCESSORS)
 	OPENBLAS_CORETYPE=Prescott GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F \

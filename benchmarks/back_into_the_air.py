@@ -13,7 +13,7 @@ from second_flight import SecondFlight
 
 import sysid
 from firmware_bridge.controller import compensated_effects
-from goshawk.demo import vehicles
+from goshawk.demo.chain import vehicles
 from vehicle import Vehicle
 
 HIDDEN = {

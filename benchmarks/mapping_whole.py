@@ -14,7 +14,7 @@ from report import Row, row
 
 import mapping
 from flight import FloatArray, frames, rotations
-from goshawk import map_accuracy
+from goshawk.demo import map_accuracy
 from goshawk.rendered import accuracy, disturbed, hall
 from goshawk.rendered import scene as rendered_room
 from goshawk.rendered import world as rendered_world

@@ -17,10 +17,11 @@ import planner
 import vehicle
 from esdf import solids
 from flight import InfeasibleError, InputError, Waypoints
-from planner import airframe, descents, minimum_snap, repair, time_allocation
 from planner import mission as missions
-from planner.options import MOST_STARTS
-from planner.space import DistanceField
+from planner.curve import minimum_snap
+from planner.optimise import airframe, descents, repair, time_allocation
+from planner.request.options import MOST_STARTS
+from planner.request.space import DistanceField
 
 SKY = solids.Scene([solids.Sphere((1000.0, 0.0, 0.0), 1.0)])
 """Nothing to bump into."""

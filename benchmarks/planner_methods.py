@@ -13,7 +13,7 @@ import report
 import planner
 import vehicle
 from flight import InfeasibleError
-from planner.options import SEARCHES
+from planner.request.options import SEARCHES
 
 
 def rows(seeds: int = 10) -> list[report.Row]:

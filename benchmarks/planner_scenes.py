@@ -9,7 +9,7 @@ import planner
 from esdf import solids
 from flight import Waypoints
 from flight.mission import Gate, Mission
-from planner import routes, simplify
+from planner.route import routes, simplify
 from vehicle import Parameter, Vehicle, draft, example, flatness, invert
 
 OPTIONS = planner.PlanOptions(radius_m=0.15)

@@ -2,8 +2,8 @@
 
 The reference chooses snap freely, constant over each of many short intervals, and the time of each leg; position and
 yaw are then exact polynomials. At every node it keeps the same limits that the planner's optimiser keeps: speed,
-acceleration, tilt, rates and four rotors of the reduced vehicle with its drag (`planner.airframe`), written down once
-more. It knows no price on snap, no minimum-snap spline and no gate.
+acceleration, tilt, rates and four rotors of the reduced vehicle with its drag (`planner.optimise.airframe`), written
+down once more. It knows no price on snap, no minimum-snap spline and no gate.
 """
 
 import itertools
@@ -20,7 +20,8 @@ import vehicle
 from esdf import solids
 from flight import FloatArray, Waypoints
 from flight.frames import GRAVITY_M_S2
-from planner import airframe, minimum_snap, repair
+from planner.curve import minimum_snap
+from planner.optimise import airframe, repair
 
 SKY = solids.Scene([solids.Sphere((1000.0, 0.0, 0.0), 1.0)])
 INTERVALS = 12
@@ -117,7 +118,7 @@ def _advanced(jet: ca.MX, snap: ca.MX, h: ca.MX) -> ca.MX:
 
 
 def _excess(w: airframe.Airframe) -> ca.Function:
-    """Relative excess over the 13 limits; see `planner.airframe.excess_numpy`, whose formulas these are."""
+    """Relative excess over the 13 limits; see `planner.optimise.airframe.excess_numpy`, whose formulas these are."""
     jet, snap = ca.SX.sym("jet", 4, 4), ca.SX.sym("snap", 4)
     v, a, j, s = jet[:3, 1], jet[:3, 2], jet[:3, 3], snap[:3]
     yaw, yaw_rate, yaw_acceleration = jet[3, 0], jet[3, 1], jet[3, 2]

@@ -17,7 +17,7 @@ from esdf import solids
 from firmware_bridge import Sensors, SitlVehicle, connect, controller
 from firmware_bridge.airborne import in_the_air, tracking
 from flight import FlightLog, TrajectoryFile, Waypoints
-from goshawk.demo import vehicles
+from goshawk.demo.chain import vehicles
 
 OUT = Path(sys.argv[1] if len(sys.argv) > 1 else "example-out")
 KEY = bytes(range(32))  # a key of your own comes from `goshawk sitl`; this one never leaves the process

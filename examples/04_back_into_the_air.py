@@ -19,8 +19,8 @@ from esdf import solids
 from firmware_bridge import Sensors, SitlVehicle, connect, controller
 from firmware_bridge.airborne import in_the_air, tracking
 from flight import FlightLog, Waypoints
-from goshawk.demo import vehicles
-from planner import gate
+from goshawk.demo.chain import vehicles
+from planner.gate import gate
 from sysid.diagnosis import diagnose
 
 OUT = Path(sys.argv[1] if len(sys.argv) > 1 else "example-out")

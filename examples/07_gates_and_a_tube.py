@@ -16,7 +16,7 @@ from esdf import solids
 from flight import Waypoints, mission
 from flight.mission import Gate, KeepIn, Mission
 from planner import mission as missions
-from planner import simplify
+from planner.route import simplify
 
 OUT = Path(sys.argv[1] if len(sys.argv) > 1 else "example-out")
 OUT.mkdir(parents=True, exist_ok=True)

@@ -17,8 +17,9 @@ import vehicle
 from esdf import solids
 from flight import Waypoints
 from flight.mission import KeepIn, Laps, Mission
-from planner import PlanOptions, simplify
+from planner import PlanOptions
 from planner import mission as missions
+from planner.route import simplify
 
 OUT = Path(sys.argv[1] if len(sys.argv) > 1 else "example-out")
 OUT.mkdir(parents=True, exist_ok=True)

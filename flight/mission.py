@@ -293,7 +293,7 @@ def _check_keep_in(tube: KeepIn) -> None:
     if not 2 <= len(line) <= MOST_TUBE_POINTS:
         raise InputError(
             f"the tube to keep in has a polyline of {len(line)} points; 2 to {MOST_TUBE_POINTS} can be planned with: "
-            "thin a recorded walk (`goshawk plan --path`, or `planner.simplify.rdp`)"
+            "thin a recorded walk (`goshawk plan --path`, or `planner.route.simplify.rdp`)"
         )
     broken = [i for i, point in enumerate(line) if not np.isfinite(point).all()]
     if broken:

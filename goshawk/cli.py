@@ -16,7 +16,7 @@ from typing import Any
 import click
 
 from flight import FlightError, FormatError, InputError, file_format
-from goshawk.verbs import VerbGroup
+from goshawk.terminal.verbs import VerbGroup
 
 TRACEBACK = "GOSHAWK_TRACEBACK"
 """Environment variable: let an internal error end with Python's traceback."""
@@ -24,13 +24,13 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """The system's error numbers of a full disk, an exceeded quota and a file that may not grow."""
 
 GROUPS = {
-    "Begin": ("init", "demo", "doctor"),
+    "Project": ("init", "demo", "doctor"),
     "Map": ("camera", "map", "localize"),
     "Plan": ("plan", "check", "export"),
     "Fly": ("gcs", "sitl", "upload", "fly", "params", "proxy"),
     "Learn": ("vehicle", "log", "identify", "diagnose", "compare", "next-flight"),
 }
-"""The verbs by task."""
+"""The verbs by task; a verb's module is in the folder of its task in `goshawk/commands`."""
 VERBS = {
     # verb: what it does, in the words of `goshawk --help`
     "init": "Start a project folder; add a map, a vehicle or flights to it.",
@@ -71,7 +71,8 @@ class Verbs(VerbGroup):
         verb = RENAMED.get(cmd_name, cmd_name)
         if verb not in VERBS:
             return None
-        return importlib.import_module(f"goshawk.commands.{verb.replace('-', '_')}").command
+        room = next(task.lower() for task, verbs in GROUPS.items() if verb in verbs)
+        return importlib.import_module(f"goshawk.commands.{room}.{verb.replace('-', '_')}").command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         for heading, verbs in GROUPS.items():

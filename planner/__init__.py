@@ -2,12 +2,12 @@
 
 from planner import mission
 from planner._planner import StopFlag
-from planner.conditions import Conditions
 from planner.drafting import Draft
-from planner.gate import GateReport
-from planner.limits import Check
-from planner.options import Gap, PlanCancelledError, PlanInfeasibleError, PlanOptions
+from planner.gate.gate import GateReport
+from planner.gate.limits import Check
 from planner.planning import Plan, checked_file, plan, save_plan, trajectory_file
+from planner.request.conditions import Conditions
+from planner.request.options import Gap, PlanCancelledError, PlanInfeasibleError, PlanOptions
 from planner.session import Planner
 
 __all__ = [

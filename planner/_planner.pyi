@@ -40,7 +40,7 @@ class StopFlag:
     def is_set(self) -> bool: ...
 
 class Problem:
-    """The cost of a minimum-snap spline by its durations (k,) and knots (k + 1, 4); see planner/time_allocation.py."""
+    """The cost of a minimum-snap spline by its durations (k,) and knots (k + 1, 4); see `optimise.time_allocation`."""
 
     def __init__(
         self,

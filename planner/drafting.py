@@ -12,12 +12,15 @@ import numpy as np
 
 import esdf
 from flight import FloatArray, Waypoints, portable
-from planner import limits, minimum_snap, space, time_allocation, windows
-from planner.conditions import Conditions
-from planner.fastest import Path
-from planner.minimum_snap import Spline
-from planner.options import PlanOptions
-from planner.time_allocation import Problem, Solution
+from planner.curve import minimum_snap
+from planner.curve.minimum_snap import Spline
+from planner.gate import limits
+from planner.optimise import time_allocation, windows
+from planner.optimise.fastest import Path
+from planner.optimise.time_allocation import Problem, Solution
+from planner.request import space
+from planner.request.conditions import Conditions
+from planner.request.options import PlanOptions
 from vehicle import Limits, Vehicle
 
 _REACH = 2

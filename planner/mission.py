@@ -9,12 +9,16 @@ import flight.trajectory
 from flight import FloatArray, InputError, Progress, Trajectory, Waypoints, silent
 from flight.mission import Ground, Mission
 from flight.trajectory import LONGEST_S
-from planner import gate, inputs, minimum_snap, planning, routes, space, turn
+from planner import planning, turn
 from planner._planner import StopFlag
-from planner.conditions import OF_LEGS, Conditions
-from planner.options import PlanInfeasibleError, PlanOptions
+from planner.curve import minimum_snap
+from planner.gate import gate
 from planner.planning import Plan
-from planner.request import Request
+from planner.request import inputs, space
+from planner.request.conditions import OF_LEGS, Conditions
+from planner.request.options import PlanInfeasibleError, PlanOptions
+from planner.request.request import Request
+from planner.route import routes
 from vehicle import Vehicle
 
 _OF_WAYPOINTS = ("velocity_world_m_s", "fly_by_m", "gate_edges_m")

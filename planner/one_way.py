@@ -12,11 +12,13 @@ from itertools import product
 import numpy as np
 
 from flight import FloatArray, Waypoints, portable
-from planner import limits, routes, space, visits
 from planner._planner import StopFlag
-from planner.conditions import Conditions
-from planner.fastest import Path
-from planner.options import PlanInfeasibleError, PlanOptions
+from planner.gate import limits, visits
+from planner.optimise.fastest import Path
+from planner.request import space
+from planner.request.conditions import Conditions
+from planner.request.options import PlanInfeasibleError, PlanOptions
+from planner.route import routes
 
 _GAP = 0.05
 """Metres between a gate and the opening beside it, or this share of the gate's half size if that is more."""

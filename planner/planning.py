@@ -9,15 +9,20 @@ import numpy as np
 import flight.trajectory
 from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, TrajectoryFile, Waypoints, silent
 from flight.progress import within
-from planner import bry, corridor, fastest, gate, heading, inputs, limits, minimum_snap, one_way, repair, routes, space
+from planner import one_way
 from planner._planner import StopFlag
-from planner.attempts import Attempts
-from planner.conditions import Conditions
+from planner.curve import heading, minimum_snap
 from planner.drafting import Draft
-from planner.fastest import Optimum, Path
-from planner.gate import AskGate, GateReport
-from planner.options import PlanInfeasibleError, PlanOptions, check_stop
-from planner.request import Request
+from planner.gate import gate, limits
+from planner.gate.gate import AskGate, GateReport
+from planner.optimise import bry, fastest, repair
+from planner.optimise.attempts import Attempts
+from planner.optimise.fastest import Optimum, Path
+from planner.request import inputs, space
+from planner.request.conditions import Conditions
+from planner.request.options import PlanInfeasibleError, PlanOptions, check_stop
+from planner.request.request import Request
+from planner.route import corridor, routes
 from vehicle import Vehicle
 
 _SLOWER = (1.005, 1.015, 1.04, 1.1, 1.3)

@@ -14,13 +14,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flight import FloatArray, InputError, Waypoints, portable
-from planner import drafting, fastest, gate, inputs, minimum_snap, planning, routes, space
+from planner import drafting, planning
 from planner._planner import StopFlag
-from planner.conditions import Conditions
+from planner.curve import minimum_snap
 from planner.drafting import Draft
-from planner.options import PlanOptions, check_stop
+from planner.gate import gate
+from planner.optimise import fastest
 from planner.planning import Plan
-from planner.request import Request
+from planner.request import inputs, space
+from planner.request.conditions import Conditions
+from planner.request.options import PlanOptions, check_stop
+from planner.request.request import Request
+from planner.route import routes
 from vehicle import Limits, Vehicle
 
 

@@ -5,10 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from flight import FloatArray, Waypoints, rotations
-from planner import gate, heading, inputs, limits, minimum_snap, planning
-from planner.fastest import Optimum, Path
-from planner.options import check_stop
-from planner.request import Request
+from planner import planning
+from planner.curve import heading, minimum_snap
+from planner.gate import gate, limits
+from planner.optimise.fastest import Optimum, Path
+from planner.request import inputs
+from planner.request.options import check_stop
+from planner.request.request import Request
 
 _PEAK_RATE, _PEAK_ACCELERATION = 2.1875, 7.5132
 """Of the smoothest turn by one radian within one second from rest to rest, a polynomial of degree seven."""

@@ -28,8 +28,8 @@ LONGEST_FIRST = (
 )  # fmt: skip
 """Long files go to the workers first, or one of them works on while the others have nothing left."""
 REAL_TIME = (
-    "tests/firmware_bridge/link", "tests/gcs_web/test_page.py", "tests/goshawk/test_vehicle_verbs.py",
-    "tests/goshawk/test_chain.py",
+    "tests/firmware_bridge/link", "tests/gcs_web/test_page.py", "tests/goshawk/commands/fly/test_vehicle_verbs.py",
+    "tests/goshawk/demo/test_chain.py",
 )  # fmt: skip
 """A vehicle flies here by the clock: never two of these beside each other. Together they take longest, and begin."""
 

@@ -1,7 +1,9 @@
 """The floors of docs/architecture.md: who may import whom. A climb fails here, by file and line."""
 
 import ast
+import re
 from collections.abc import Iterator, Mapping
+from os.path import normpath
 from pathlib import Path
 
 import pytest
@@ -29,10 +31,29 @@ ROOMS = {
     "mapping.dense": {"mapping.camera"},
     "mapping.localization": {"mapping.camera", "mapping.input", "mapping.sparse"},
     "mapping.exploration": {"mapping.camera"},
+    "planner.request": set(),
+    "planner.route": {"planner.request"},
+    "planner.curve": {"planner.request"},
+    "planner.gate": {"planner.request", "planner.route", "planner.curve"},
+    "planner.optimise": {"planner.request", "planner.route", "planner.curve", "planner.gate"},
     "sysid.logs": set(),
     "sysid.estimator": {"sysid.logs"},
     "sysid.diagnosis": {"sysid.logs", "sysid.estimator"},
     "sysid.report": {"sysid.logs", "sysid.estimator", "sysid.diagnosis"},
+    "goshawk.terminal": set(),
+    "goshawk.rendered": set(),
+    "goshawk.demo": {"goshawk.terminal", "goshawk.rendered"},
+    "goshawk.commands.project": {"goshawk.terminal", "goshawk.demo"},
+    "goshawk.commands.plan": {"goshawk.terminal"},
+    "goshawk.commands.map": {"goshawk.terminal", "goshawk.commands.plan"},
+    "goshawk.commands.learn": {"goshawk.terminal", "goshawk.commands.plan"},
+    "goshawk.station_jobs": {
+        "goshawk.terminal",
+        "goshawk.commands.plan",
+        "goshawk.commands.map",
+        "goshawk.commands.learn",
+    },
+    "goshawk.commands.fly": {"goshawk.terminal", "goshawk.commands.project", "goshawk.station_jobs"},
     "gcs_web.protocol": set(),
     "gcs_web.gateway": {"gcs_web.protocol"},
     "gcs_web.jobs": {"gcs_web.protocol"},
@@ -50,6 +71,9 @@ ROOMS = {
     "gcs_web.app": {f"gcs_web.{room}" for room in (*_BELOW_THE_DESK, "view3d", "desk", "panels")},
 }
 """Rooms of a package that is large enough to have some, and which of its other rooms each may import."""
+CONTROLLER = ROOT / "firmware_bridge" / "controller" / "src"
+CONTROLLER_ROOMS = ["base", "trajectory", "control", "mission", "link/transport", "link/services", "link"]
+"""Rooms of the embedded C, the lowest floor first: each may call and include those before it."""
 GROUND_FLOOR_LIBRARIES = {"numpy", "pyarrow", "tomli_w"}
 HEAVY = {"open3d", "pycolmap", "matplotlib", "viser", "scipy.optimize", "osqp", "ompl", "aiohttp", "pyarrow"}
 
@@ -162,6 +186,45 @@ def test_a_circle_is_found_however_late_it_closes():
     graph = {"room": set(), "room.a": imported_modules(late, modules), "room.c": imported_modules(typed, modules)}
     assert graph["room.a"] == {"room.b"}
     assert circles(graph | {"room.b": {"room.a", "room.c"}}) == [["room.a", "room.b"]]
+
+
+def c_uses(sources: Mapping[str, str]) -> dict[str, set[str]]:
+    """Of each C file, by its path: the others whose functions it calls or names, and the headers it includes."""
+    comment_or_include = re.compile(r"/\*.*?\*/|^#include .*?$", re.DOTALL | re.MULTILINE)
+    code = {path: comment_or_include.sub("", text) for path, text in sources.items() if path.endswith(".c")}
+    function = re.compile(r"^(?!static\b|typedef\b)[a-z][\w \*]*?\b(\w+)\([^;{}]*\)\s*\{", re.MULTILINE)
+    home = {name: path for path, text in code.items() for name in function.findall(text)}
+    uses = {path: {home[word] for word in re.findall(r"\w+", code.get(path, "")) if word in home} for path in sources}
+    for path, text in sources.items():
+        for name in re.findall(r'^#include "([^"]+)"', text, re.MULTILINE):
+            uses[path].add(normpath(Path(path).parent / name))
+    return {path: (used & set(sources)) - {path} for path, used in uses.items()}
+
+
+def controller_uses() -> dict[str, set[str]]:
+    files = [*CONTROLLER.rglob("*.c"), *CONTROLLER.rglob("*.h")]
+    return c_uses({path.relative_to(CONTROLLER).as_posix(): path.read_text() for path in files})
+
+
+def test_files_of_the_controller_do_not_call_each_other_in_a_circle():
+    assert not circles(controller_uses())
+
+
+def test_rooms_of_the_controller_only_call_and_include_rooms_below_them():
+    uses = controller_uses()
+    floor = {path: CONTROLLER_ROOMS.index(Path(path).parent.as_posix()) for path in uses}
+    climbs = [f"{path} needs {other}" for path, used in uses.items() for other in used if floor[other] > floor[path]]
+    assert not climbs
+    assert {floor[path] for path in uses} == set(range(len(CONTROLLER_ROOMS)))
+
+
+def test_a_circle_of_c_files_is_found_by_calls_and_by_includes():
+    low = '#include "../up/high.h"\nint low(void) { return 1; } /* high() */\n'
+    high = "static int own(void) { return low(); }\nint high(int (*with)(void)) {\n    return own();\n}\n"
+    uses = c_uses({"base/low.c": low, "up/high.c": high, "up/high.h": "int high(int (*with)(void));\n"})
+    assert uses == {"base/low.c": {"up/high.h"}, "up/high.c": {"base/low.c"}, "up/high.h": set()}
+    assert not circles(uses)
+    assert circles(c_uses({"low.c": low.replace("/* high() */", "int x = high(0);"), "high.c": high}))
 
 
 def test_the_ground_floor_needs_only_numpy_and_file_libraries():

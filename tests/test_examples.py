@@ -17,7 +17,7 @@ def test_examples_are_numbered_without_gaps():
 
 
 LONG = ("04", "05")
-"""Half a minute each; what they show is held by tests/goshawk/test_second_flight.py and
+"""Half a minute each; what they show is held by tests/goshawk/demo/test_second_flight.py and
 tests/sysid/diagnosis/test_diagnosis.py."""
 
 

@@ -17,7 +17,7 @@ def test_it(number):
 
 
 def test_the_tests_of_a_file_stay_on_one_worker_and_flights_by_the_clock_on_one(tmp_path: Path):
-    clocked = ("firmware_bridge/link/test_a.py", "goshawk/test_chain.py")
+    clocked = ("firmware_bridge/link/test_a.py", "goshawk/demo/test_chain.py")
     files = (*clocked, "planner/one/test_b.py", "planner/one/test_c.py")
     for name in files:
         path = tmp_path / "tests" / name

@@ -110,7 +110,7 @@ def mutants(path: Path, functions: frozenset[str] | None = None) -> list[Mutant]
         name = node["name"]
         if not re.search(rf"^[a-z].*\b{name}\(", source, re.MULTILINE) or (functions and name not in functions):
             continue
-        span = _span(node)
+        span = _span(node, operand=True)  # `bool` is a macro
         if span is None or name not in source[span[0] : span[1]]:
             continue
         for begin, end, replacement in _of_tree(node, source):

@@ -11,7 +11,7 @@ from gcs_web.desk import Desk
 from gcs_web.document.document import MOST_WAYPOINTS
 from gcs_web.panels.editing import edit
 from gcs_web.planning import snapping
-from planner import simplify
+from planner.route import simplify
 
 
 def _snap(desk: Desk, person: protocol.Person, wanted: protocol.Snap) -> None:

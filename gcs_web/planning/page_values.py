@@ -6,14 +6,14 @@ from itertools import pairwise
 import numpy as np
 
 import planner
-import planner.limits
-import planner.space
+import planner.gate.limits
+import planner.request.space
 from firmware_bridge import wire
 from flight import FloatArray, Trajectory, TrajectoryFile
 from gcs_web import protocol
 from gcs_web.scene import drawing
 from mapping.free_space import FreeSpace
-from planner.space import DistanceField
+from planner.request.space import DistanceField
 from vehicle import Limits, Vehicle, flatness
 
 SAMPLES, PER_SECOND, MOST_SAMPLES = 600, 40, 4000
@@ -71,7 +71,7 @@ def judged_clearance(
     ground = report.conditions.ground_world_m
     if ground is None:
         return np.array(shown.clearance_m)
-    grounded = planner.space.Grounded(field, ground, report.required_clearance_m)
+    grounded = planner.request.space.Grounded(field, ground, report.required_clearance_m)
     times = np.minimum(shown.time_s, trajectory.duration_s)  # they are rounded
     return np.nan_to_num(grounded.distance(trajectory.position(times)), neginf=0.0)
 
@@ -95,7 +95,7 @@ def limits(report: planner.GateReport, shown: protocol.Series, judged_m: FloatAr
         )
     ]
     for check in report.checks:
-        if check.name in (*planner.limits.NAMES, "speed of legs", "jerk of legs") and check.bound > 0.0:
+        if check.name in (*planner.gate.limits.NAMES, "speed of legs", "jerk of legs") and check.bound > 0.0:
             lowest = check.name == "slowest rotor"
             unit, scale = _RATE if check.name.endswith("rate") else _UNITS.get(check.unit, (check.unit, 1.0))
             share = check.bound / check.value if lowest else check.value / check.bound

@@ -29,7 +29,7 @@ from gcs_web.document.document import Content
 from gcs_web.planning import inputs, page_values, replanning, saved
 from mapping import Map
 from mapping.free_space import FreeSpace
-from planner import could_hide
+from planner.gate import could_hide
 
 logger = logging.getLogger(__name__)
 

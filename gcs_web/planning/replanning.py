@@ -12,7 +12,7 @@ import planner
 from flight import FloatArray
 from gcs_web.document import missions
 from gcs_web.document.document import Content, Point
-from planner.space import DistanceField
+from planner.request.space import DistanceField
 from vehicle import Vehicle
 
 

@@ -16,7 +16,8 @@ from gcs_web import protocol
 from gcs_web.planning import page_values
 from mapping import Map
 from mapping.free_space import FreeSpace
-from planner import GateReport, PlanOptions, could_hide, gate, plan_report
+from planner import GateReport, PlanOptions
+from planner.gate import could_hide, gate, plan_report
 from vehicle import Limits, Vehicle
 
 _ASIDE = "*.json.old-*"

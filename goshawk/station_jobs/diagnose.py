@@ -14,9 +14,9 @@ from gcs_web.comparison import reports
 from gcs_web.desk import Desk
 from gcs_web.jobs.jobs import Kind
 from gcs_web.learning import diagnosis_values, learning
-from goshawk import what_next
+from goshawk.commands.learn import what_next
+from goshawk.commands.learn.what_next import DiagnoseCall
 from goshawk.station_jobs import flights
-from goshawk.what_next import DiagnoseCall
 from sysid.diagnosis import diagnose
 from sysid.diagnosis.outlook import outlook
 from sysid.report import diagnosis_page

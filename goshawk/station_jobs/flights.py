@@ -13,8 +13,8 @@ from flight.project import Project
 from gcs_web.flights import reading
 from gcs_web.jobs.job_process import Work
 from gcs_web.jobs.jobs import Choices
-from goshawk import fit_options
-from goshawk.flights import refuse_repeated
+from goshawk.commands.learn import fit_options
+from goshawk.commands.learn.flights import refuse_repeated
 from sysid.estimator.options import Options
 
 BOXES = {"gaps='split'": 'the box "Take the pieces between them as flights of their own"'}

@@ -12,9 +12,10 @@ from gcs_web.desk import Desk
 from gcs_web.flights import reading
 from gcs_web.jobs.jobs import Choices, Kind
 from gcs_web.learning import identified
-from goshawk import fit_options, outputs
-from goshawk.commands.identify import fit_flights, write
+from goshawk.commands.learn import fit_options
+from goshawk.commands.learn.identify import fit_flights, write
 from goshawk.station_jobs.flights import in_words_of
+from goshawk.terminal import outputs
 from sysid.estimator.options import Options
 from sysid.estimator.verdict import Use
 

@@ -11,7 +11,7 @@ from flight import InputError, Progress, Waypoints, mission
 from flight.project import Project
 from gcs_web.desk import Desk
 from gcs_web.jobs.jobs import Kind
-from goshawk import look_again
+from goshawk.commands.map import look_again
 from mapping.exploration.view_planning import ViewOptions
 
 _DEFAULT = ViewOptions()

@@ -17,9 +17,10 @@ from gcs_web.jobs.jobs import Kind
 from gcs_web.learning import proposed
 from gcs_web.planning import inputs
 from gcs_web.protocol.next_flight import NextFlight
-from goshawk import console, mapped_flight
-from goshawk.mapped_flight import MappedRanking
+from goshawk.commands.learn import mapped_flight
+from goshawk.commands.learn.mapped_flight import MappedRanking
 from goshawk.station_jobs import flights
+from goshawk.terminal import console
 from sysid.diagnosis import diagnose, next_flight
 from sysid.report import words
 

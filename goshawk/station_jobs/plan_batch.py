@@ -10,8 +10,8 @@ from flight import InputError, Progress
 from flight.project import Project, part_name
 from gcs_web.desk import Desk
 from gcs_web.jobs.jobs import Choices, Kind
-from goshawk import batch
-from goshawk.commands.plan import options_from
+from goshawk.commands.plan import batch
+from goshawk.commands.plan.plan import options_from
 
 
 class Arguments(msgspec.Struct, forbid_unknown_fields=True):

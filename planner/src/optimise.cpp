@@ -78,7 +78,7 @@ void snap_coefficients(In states, In durations, Out out) {
 }
 
 Airframe airframe_from(const In& values) {
-    static_assert(sizeof(Airframe) == 42 * sizeof(double), "planner/airframe.py packs as many");
+    static_assert(sizeof(Airframe) == 42 * sizeof(double), "planner/optimise/airframe.py packs as many");
     Airframe airframe;
     std::copy_n(values.data(), 42, reinterpret_cast<double*>(&airframe));
     return airframe;

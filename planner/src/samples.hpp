@@ -22,7 +22,7 @@ enum Limit {
     kLimits = kSlowest + 4
 };
 
-// In the order of planner/airframe.py. Effort is a rotor's speed squared, in units of its mean at hover.
+// In the order of planner/optimise/airframe.py. Effort is a rotor's speed squared, in units of its mean at hover.
 struct Airframe {
     double speed, acceleration, jerk, cos_tilt, rate, yaw_rate, gravity;  // infinite jerk: no limit
     double drag_per_thrust, drag_per_speed;  // lateral drag per mass over velocity: c |f| / g + c' |v|

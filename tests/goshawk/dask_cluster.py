@@ -15,7 +15,7 @@ FAULTS = '''
 """Loaded by a worker: what some missions do to it."""
 import os, signal, time
 from pathlib import Path
-from goshawk import batch_cluster, batch_mission
+from goshawk.commands.plan import batch_cluster, batch_mission
 
 FOLDER = Path(os.environ["FAULTS_FOLDER"])
 

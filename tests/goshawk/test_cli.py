@@ -78,7 +78,7 @@ def test_a_command_keeps_blas_to_one_thread_unless_told_otherwise(asked, set_to)
 
 @pytest.mark.parametrize("verb", ["map", "localize"])
 def test_a_verb_of_mapping_starts_without_packages_that_it_does_not_use(verb):
-    code = f"import sys, goshawk.commands.{verb}; print(*sys.modules)"
+    code = f"import sys, goshawk.commands.map.{verb}; print(*sys.modules)"
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert not {"sysid", "planner", "pycolmap"} & set(answer.stdout.split())
 

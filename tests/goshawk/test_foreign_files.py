@@ -344,7 +344,7 @@ ANSWERED = [  # (the command, exit code, words): bad news, but news
     ("log /dev/null", 2, "/dev/null"),
     ("log map", 2, "map"),
     ("nonsense", 2, "nonsense"),
-    ("", 0, "Begin"),
+    ("", 0, "Project"),
 ]
 
 

@@ -11,10 +11,10 @@ from esdf import solids
 from firmware_bridge.airborne import in_the_air, slowed
 from firmware_bridge.controller import State
 from flight import FlightLog, FormatError, InputError, flight_log, frames, rotations
-from goshawk.commands.plan import read_headings, read_path
-from goshawk.demo import floor_below
-from goshawk.map_accuracy import rigid_alignment
-from planner import simplify
+from goshawk.commands.plan.plan import read_headings, read_path
+from goshawk.demo.chain import floor_below
+from goshawk.demo.map_accuracy import rigid_alignment
+from planner.route import simplify
 
 ROOT = Path(__file__).parents[2]
 TRACKING_ERROR = 67
@@ -179,7 +179,7 @@ def test_a_path_without_clearance_is_refused_with_the_remedy(field):
 
 
 def test_the_doctor_checks_every_compiled_part():
-    from goshawk.commands.doctor import _MODULES
+    from goshawk.commands.project.doctor import _MODULES
 
     compiled = {f"{stub.parent.name}.{stub.stem}" for stub in ROOT.glob("*/_*.pyi")}
     assert compiled

@@ -9,10 +9,10 @@ import time
 import pytest
 from rich.console import Console
 
-from goshawk import progress_line as module
 from goshawk.cli import GROUPS, VERBS
-from goshawk.progress_line import progress_line
-from goshawk.words import named, parameter, with_unit
+from goshawk.terminal import progress_line as module
+from goshawk.terminal.progress_line import progress_line
+from goshawk.terminal.words import named, parameter, with_unit
 from tests.goshawk.running import run
 from vehicle import effects
 

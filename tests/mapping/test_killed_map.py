@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 KILLED_AT = """
 import os, signal, sys
 from collections import Counter
-from goshawk import console
+from goshawk.terminal import console
 from goshawk.cli import main
 
 FILES = ("open", "os.rename", "os.mkdir", "os.remove", "os.rmdir", "os.link", "shutil.rmtree")

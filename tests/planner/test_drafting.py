@@ -10,8 +10,9 @@ import planner
 from esdf import solids
 from flight import InputError, Trajectory, Waypoints
 from flight.trajectory import fingerprint
-from planner import Conditions, Planner, PlanOptions, drafting, space
-from planner.minimum_snap import Spline
+from planner import Conditions, Planner, PlanOptions, drafting
+from planner.curve.minimum_snap import Spline
+from planner.request import space
 
 OPTIONS = PlanOptions(radius_m=0.15)
 

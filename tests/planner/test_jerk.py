@@ -10,7 +10,9 @@ import planner
 import vehicle
 from flight import FormatError, InputError, Waypoints, trajectory
 from flight.mission import Ground, Laps, LegJerk, Mission, Stay
-from planner import Conditions, PlanOptions, gate, limits, minimum_snap
+from planner import Conditions, PlanOptions
+from planner.curve import minimum_snap
+from planner.gate import gate, limits
 
 POINTS = np.array([[0.0, 0.0, 1.0], [4.0, 0.0, 1.5], [4.0, 4.0, 1.0], [0.0, 4.0, 1.5], [-3.0, 2.0, 1.0]])
 JERK = limits.NAMES.index("jerk")

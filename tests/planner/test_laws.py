@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 import planner
 from esdf import solids
 from flight import Waypoints
-from planner import PlanOptions, simplify
+from planner import PlanOptions
+from planner.route import simplify
 
 _EARLY = 0.06
 FEW = settings(max_examples=6, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -5,8 +5,9 @@ import planner
 from esdf import solids
 from flight import InputError, Waypoints
 from flight.mission import FlyBy, Gate, Ground, KeepIn, Laps, LegSpeed, Mission, Stay, Velocity, Yaw
-from planner import gate, mission
-from planner.options import PlanInfeasibleError
+from planner import mission
+from planner.gate import gate
+from planner.request.options import PlanInfeasibleError
 
 SQUARE = np.array([[-3.0, -3.0, 1.2], [3.0, -3.0, 1.4], [3.0, 3.0, 1.2], [-3.0, 3.0, 1.4]])
 

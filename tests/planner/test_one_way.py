@@ -11,8 +11,11 @@ import planner
 from esdf import solids
 from flight import Trajectory, Waypoints
 from flight.mission import Gate, Laps, Mission, Stay
-from planner import Conditions, PlanInfeasibleError, PlanOptions, gate, minimum_snap, mission, one_way, planning, routes
-from planner.fastest import Path
+from planner import Conditions, PlanInfeasibleError, PlanOptions, mission, one_way, planning
+from planner.curve import minimum_snap
+from planner.gate import gate
+from planner.optimise.fastest import Path
+from planner.route import routes
 
 LINE = np.array([[0.0, 0.0, 1.5], [3.0, 0.0, 1.5], [6.0, 0.5, 1.5], [9.0, 0.0, 1.5]])
 FEW = settings(max_examples=8, deadline=None, derandomize=True)

@@ -6,8 +6,11 @@ import pytest
 from esdf import solids
 from flight import Waypoints
 from flight.mission import Gate
-from planner import Conditions, PlanInfeasibleError, PlanOptions, gate, minimum_snap, one_way, routes
-from planner.fastest import Path
+from planner import Conditions, PlanInfeasibleError, PlanOptions, one_way
+from planner.curve import minimum_snap
+from planner.gate import gate
+from planner.optimise.fastest import Path
+from planner.route import routes
 
 CENTRE = np.array([1.0, 2.0, 3.0])
 LINE = np.array([[0.0, 0.0, 1.5], [3.0, 0.0, 1.5], [6.0, 0.5, 1.5], [9.0, 0.0, 1.5]])

@@ -38,7 +38,7 @@ def test_waypoints_a_centimetre_apart_are_refused_in_words(open_sky, drone, thro
 
 def test_some_limit_is_used_to_the_full(open_sky, drone, through):
     plan = planner.plan(through((0, 0, 1), (4, 0, 2), (4, 4, 1), (0, 4, 2)), open_sky, drone)
-    assert not planner.gate.check(plan.trajectory.scale_time(0.97), open_sky, drone).passed
+    assert not planner.gate.gate.check(plan.trajectory.scale_time(0.97), open_sky, drone).passed
 
 
 def test_what_is_flown_is_within_two_percent_of_the_optimum(open_sky, drone):
@@ -101,7 +101,7 @@ def test_the_corridor_method_keeps_the_same_promise_without_a_stop(two_rooms, dr
 
 
 def test_least_snap_in_the_boxes_is_the_last_resort_and_stops_nowhere(two_rooms, drone, through, monkeypatch):
-    monkeypatch.setattr(planner.fastest, "until_flyable", lambda *_, **__: None)
+    monkeypatch.setattr(planner.optimise.fastest, "until_flyable", lambda *_, **__: None)
     plan = planner.plan(through((-3, -2, 1), (3, -2, 1)), two_rooms, drone)
     assert plan.method == "corridor"
     assert dense_clearance(plan, two_rooms) >= 0.339
@@ -113,8 +113,8 @@ def test_a_quadratic_program_without_an_answer_is_refused_with_a_remedy(two_room
     def fails(self, durations_s, stop):
         raise InfeasibleError("no answer")
 
-    monkeypatch.setattr(planner.fastest, "until_flyable", lambda *_, **__: None)
-    monkeypatch.setattr(planner.repair.quadratic.SnapProgram, "solve", fails)
+    monkeypatch.setattr(planner.optimise.fastest, "until_flyable", lambda *_, **__: None)
+    monkeypatch.setattr(planner.optimise.repair.quadratic.SnapProgram, "solve", fails)
     with pytest.raises(PlanInfeasibleError, match="no answer; lower margin_m"):
         planner.plan(through((-3, -2, 1), (3, -2, 1)), two_rooms, drone)
 

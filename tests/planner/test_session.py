@@ -10,8 +10,10 @@ from esdf import solids
 from flight import InputError, Waypoints
 from flight.mission import Gate
 from flight.trajectory import fingerprint
-from planner import Conditions, Planner, StopFlag, fastest, gate, limits
-from planner.options import PlanCancelledError
+from planner import Conditions, Planner, StopFlag
+from planner.gate import gate, limits
+from planner.optimise import fastest
+from planner.request.options import PlanCancelledError
 
 
 def walk(count: int, seed: int) -> Waypoints:

@@ -9,7 +9,9 @@ import planner
 from esdf import solids
 from flight import InputError, Trajectory, Waypoints
 from flight.mission import FlyBy, Gate, Ground, KeepIn, Laps, Mission, Stay, Velocity
-from planner import PlanOptions, gate, limits, mission, routes
+from planner import PlanOptions, mission
+from planner.gate import gate, limits
+from planner.route import routes
 
 A, B, C = (0.0, 0.0, 1.0), (3.0, 0.6, 1.0), (4.0, 3.0, 1.2)
 OPEN = np.nan

@@ -174,7 +174,7 @@ def test_the_tube_that_is_shown_is_the_one_that_is_kept_in():
     line = missions.tube_line(missions.with_mission(Content(), loop))
     np.testing.assert_array_equal(line, [*POINTS, POINTS[0]])
     vertices, faces = course_view.tube_mesh(line, 0.5)
-    tube = planner.space.KeepIn(line, 0.5)
+    tube = planner.request.space.KeepIn(line, 0.5)
     depth = tube.distance(vertices)
     assert np.abs(depth).min() < 1e-6
     assert depth.min() > -1e-6  # nothing is drawn outside

@@ -20,7 +20,7 @@ from gcs_web.flights.flights import Flights, incoming_file
 from gcs_web.flights.pyramid import Pyramid
 from gcs_web.flights.recorded import MOST_POINTS, Recorded
 from gcs_web.protocol.flights import Incoming
-from goshawk import log_outputs
+from goshawk.commands.learn import log_outputs
 from sysid.logs import fix
 from tests.waiting import until
 from vehicle import flights, manoeuvres

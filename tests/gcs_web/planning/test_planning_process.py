@@ -89,7 +89,7 @@ def test_a_plan_in_a_doubtful_map_says_so(folder, tmp_path):
 
 @pytest.mark.parametrize(("most", "said"), [(150, False), (1, True)])
 def test_a_plan_whose_optimiser_did_not_converge_says_so(folder, monkeypatch, most, said):
-    monkeypatch.setattr(planner.descents, "_MOST", most)
+    monkeypatch.setattr(planner.optimise.descents, "_MOST", most)
     asked, replanner = request(folder, 1), replanning.Replanner()
     replanner.begin()
     answer = planning.answer(asked, inputs.Parts(folder), planner.PlanOptions(), replanner)

@@ -52,7 +52,7 @@ def turning_when_climbing(velocity: np.ndarray, rate: np.ndarray, speed: np.ndar
     return 0.0 * velocity, torque
 
 
-@pytest.mark.slow  # tests/goshawk/test_diagnose.py holds the same law through the command line
+@pytest.mark.slow  # tests/goshawk/commands/learn/test_diagnose.py holds the same law through the command line
 def test_a_hidden_effect_is_named_sized_and_confirmed_by_unseen_flights():
     found = diagnose(
         flights(damping, 1, 16.0), vehicle.example(), held_out=flights(damping, 2, 10.0, spread=0.2), auto=True

@@ -8,8 +8,8 @@ import pytest
 
 import vehicle
 from flight import FlightLog
-from goshawk import what_next
-from goshawk.what_next import DiagnoseCall
+from goshawk.commands.learn import what_next
+from goshawk.commands.learn.what_next import DiagnoseCall
 from sysid import Options, identify
 from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.examined import Model, examine

@@ -259,7 +259,7 @@ typedef struct {
     tc_controller* controller;
     uint64_t clock_us;  /* the link's time: since the start, without steps of the caller's clock */
     uint64_t caller_us; /* what the caller's clock showed last */
-    uint64_t pending;   /* bits: what is to be sent (link_internal.h) */
+    uint64_t pending;   /* bits: what is to be sent (link_out) */
     tc_link_counts counts;
     tc_link_lease lease;
     tc_link_order_result order;   /* of the station in control, answered again when it is repeated */

@@ -124,6 +124,10 @@ uint16_t tc_parameters_count(void);
 const char* tc_parameters_name(uint16_t index); /* "" beyond the table */
 const char* tc_parameters_unit(uint16_t index); /* "1": dimensionless; "" beyond the table */
 bool tc_parameters_in_flight(uint16_t index);   /* whether it may change in the air */
+/* What differs: TC_CHANGES_GROUND, some that may change on the ground only; TC_CHANGES_LIMIT, some that trajectories
+   are checked by at upload. */
+uint8_t tc_parameters_changes(const tc_parameters* before, const tc_parameters* after);
+enum { TC_CHANGES_GROUND = 1, TC_CHANGES_LIMIT = 2 };
 /* False beyond the table, with nothing written. */
 bool tc_parameters_range(uint16_t index, float* smallest, float* largest, float* preset);
 int32_t tc_parameters_find(const char* name); /* -1 when there is none; reads at most 16 characters */

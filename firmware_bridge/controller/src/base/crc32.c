@@ -13,3 +13,8 @@ uint32_t tc_crc32(uint32_t crc, const uint8_t* bytes, size_t count) {
     }
     return ~crc;
 }
+
+uint32_t tc_crc32_u32(uint32_t crc, uint32_t value) {
+    const uint8_t bytes[4] = {(uint8_t)value, (uint8_t)(value >> 8), (uint8_t)(value >> 16), (uint8_t)(value >> 24)};
+    return tc_crc32(crc, bytes, sizeof bytes);
+}

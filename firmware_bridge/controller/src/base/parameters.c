@@ -5,8 +5,8 @@
 #include "goshawk_controller/trajectory.h"
 #include "maths.h"
 
-/* When a parameter may change, and whether it is a choice among whole numbers. */
-enum { GROUND = 0, FLIGHT = 1, WHOLE = 2 };
+/* When a parameter may change, whether it is a choice among whole numbers, whether trajectories are checked by it. */
+enum { GROUND = 0, FLIGHT = 1, WHOLE = 2, LIMIT = 4 };
 
 typedef struct {
     const char* name;
@@ -94,16 +94,16 @@ static const parameter_row table[] = {
     {"yaw_share", AT(yaw_share), 0.0f, 0.5f, 0.2f, "1", FLIGHT},
     {"predict_max_s", AT(predict_max_s), 0.0f, 0.1f, 0.1f, "s", FLIGHT},
     {"predict_extra_s", AT(predict_extra_s), 0.0f, 0.1f, 0.0f, "s", FLIGHT},
-    {"fence_min_x_m", AT(fence_min_world_m[0]), -10000.0f, 10000.0f, -1000.0f, "m", GROUND},
-    {"fence_min_y_m", AT(fence_min_world_m[1]), -10000.0f, 10000.0f, -1000.0f, "m", GROUND},
-    {"fence_min_z_m", AT(fence_min_world_m[2]), -10000.0f, 10000.0f, -1000.0f, "m", GROUND},
-    {"fence_max_x_m", AT(fence_max_world_m[0]), -10000.0f, 10000.0f, 1000.0f, "m", GROUND},
-    {"fence_max_y_m", AT(fence_max_world_m[1]), -10000.0f, 10000.0f, 1000.0f, "m", GROUND},
-    {"fence_max_z_m", AT(fence_max_world_m[2]), -10000.0f, 10000.0f, 1000.0f, "m", GROUND},
-    {"path_speed_m_s", AT(path_speed_m_s), 0.1f, 50.0f, 12.0f, "m/s", GROUND},
-    {"path_acc_m_s2", AT(path_acceleration_m_s2), 0.1f, 100.0f, 20.0f, "m/s2", GROUND},
-    {"path_jerk_m_s3", AT(path_jerk_m_s3), 1.0f, 10000.0f, 300.0f, "m/s3", GROUND},
-    {"path_yaw_rad_s", AT(path_yaw_rate_rad_s), 0.1f, 30.0f, 7.0f, "rad/s", GROUND},
+    {"fence_min_x_m", AT(fence_min_world_m[0]), -10000.0f, 10000.0f, -1000.0f, "m", GROUND | LIMIT},
+    {"fence_min_y_m", AT(fence_min_world_m[1]), -10000.0f, 10000.0f, -1000.0f, "m", GROUND | LIMIT},
+    {"fence_min_z_m", AT(fence_min_world_m[2]), -10000.0f, 10000.0f, -1000.0f, "m", GROUND | LIMIT},
+    {"fence_max_x_m", AT(fence_max_world_m[0]), -10000.0f, 10000.0f, 1000.0f, "m", GROUND | LIMIT},
+    {"fence_max_y_m", AT(fence_max_world_m[1]), -10000.0f, 10000.0f, 1000.0f, "m", GROUND | LIMIT},
+    {"fence_max_z_m", AT(fence_max_world_m[2]), -10000.0f, 10000.0f, 1000.0f, "m", GROUND | LIMIT},
+    {"path_speed_m_s", AT(path_speed_m_s), 0.1f, 50.0f, 12.0f, "m/s", GROUND | LIMIT},
+    {"path_acc_m_s2", AT(path_acceleration_m_s2), 0.1f, 100.0f, 20.0f, "m/s2", GROUND | LIMIT},
+    {"path_jerk_m_s3", AT(path_jerk_m_s3), 1.0f, 10000.0f, 300.0f, "m/s3", GROUND | LIMIT},
+    {"path_yaw_rad_s", AT(path_yaw_rate_rad_s), 0.1f, 30.0f, 7.0f, "rad/s", GROUND | LIMIT},
     {"start_radius_m", AT(start_radius_m), 0.01f, 10.0f, 0.5f, "m", FLIGHT},
     {"brake_m_s2", AT(brake_m_s2), 0.2f, 20.0f, 4.0f, "m/s2", FLIGHT},
     {"take_off_m_s", AT(take_off_m_s), 0.1f, 5.0f, 1.0f, "m/s", FLIGHT},
@@ -152,6 +152,18 @@ uint16_t tc_parameters_count(void) { return COUNT; }
 const char* tc_parameters_name(uint16_t index) { return index < COUNT ? table[index].name : ""; }
 
 const char* tc_parameters_unit(uint16_t index) { return index < COUNT ? table[index].unit : ""; }
+
+uint8_t tc_parameters_changes(const tc_parameters* before, const tc_parameters* after) {
+    uint32_t changes = 0;
+    for (uint16_t i = 0; i < COUNT; i++) {
+        const float x = read_value(before, table[i].index), y = read_value(after, table[i].index);
+        if (x > y || x < y) {
+            changes |= (table[i].flags & FLIGHT) == 0u ? TC_CHANGES_GROUND : 0u;
+            changes |= (table[i].flags & LIMIT) != 0u ? TC_CHANGES_LIMIT : 0u;
+        }
+    }
+    return (uint8_t)changes;
+}
 
 bool tc_parameters_in_flight(uint16_t index) { return index < COUNT && (table[index].flags & FLIGHT) != 0u; }
 

@@ -8,10 +8,6 @@
 #define BACK_S 0.2f   /* ... once everything has been good for this long */
 #define CLOCK_WARNING_S 5.0f
 
-bool tc_lasts(const tc_controller* c, uint64_t since_us, float limit_s) {
-    return tc_seconds(c->telemetry.time_us - since_us) > limit_s;
-}
-
 bool tc_inside_fence(const tc_parameters* p, const float position_world_m[3]) {
     bool inside = true;
     for (int i = 0; i < 3 && inside; i++) {
@@ -137,7 +133,7 @@ static void observe_setpoint(tc_controller* c, float step_s) {
             break;
         case TC_LANDING:
         case TC_EMERGENCY:
-            tc_landing_observe(c, step_s);
+            if (tc_landing_observe(c, step_s)) (void)tc_post(c, TC_EVENT_TOUCHDOWN, TC_TOUCHDOWN);
             break;
         default:
             break;

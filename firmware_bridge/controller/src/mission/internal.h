@@ -2,7 +2,13 @@
 #ifndef GOSHAWK_CONTROLLER_INTERNAL_H
 #define GOSHAWK_CONTROLLER_INTERNAL_H
 
+#include "../base/maths.h"
 #include "goshawk_controller/controller.h"
+
+/* Whether it has been so for longer than this; `since_us` in controller time. */
+static inline bool tc_lasts(const tc_controller* c, uint64_t since_us, float limit_s) {
+    return tc_seconds(c->telemetry.time_us - since_us) > limit_s;
+}
 
 /* estimate.c: takes what is usable of `estimate`, dead reckons the rest, folds relocalizations into the set-point, and
    writes telemetry.estimate, its faults and what is known of the dead reckoning. */
@@ -18,8 +24,6 @@ void tc_setpoint_here(tc_controller* c);
 /* failsafe.c: posts everything that may change the state by itself, after the set-point has been advanced. */
 void tc_observe(tc_controller* c);
 bool tc_inside_fence(const tc_parameters* p, const float position_world_m[3]);
-/* Whether it has been so for longer than this; `since_us` in controller time. */
-bool tc_lasts(const tc_controller* c, uint64_t since_us, float limit_s);
 /* What the supervisor measures errors by: the clearance of the active trajectory, or the parameter. */
 float tc_clearance(const tc_controller* c);
 
@@ -27,8 +31,8 @@ float tc_clearance(const tc_controller* c);
 void tc_landing_begin(tc_controller* c);
 /* The vertical part of the set-point; the horizontal part is a move to rest. */
 void tc_landing_setpoint(tc_controller* c, float step_s);
-/* Goes through the stages; posts the touchdown. */
-void tc_landing_observe(tc_controller* c, float step_s);
+/* Goes through the stages; whether the vehicle has come to rest on the ground. */
+bool tc_landing_observe(tc_controller* c, float step_s);
 /* The collective is the stage's, and the attitude is only damped: UNLOAD and IDLE. */
 bool tc_landing_unloads(const tc_landing* landing);
 /* It flies along or turns, by the estimate; a vehicle that hovers does not. */

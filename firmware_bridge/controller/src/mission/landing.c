@@ -189,17 +189,17 @@ static void unload(tc_controller* c, float step_s) {
     }
 }
 
-static void idle(tc_controller* c) {
+/* Whether the touchdown is certain. */
+static bool idle(tc_controller* c) {
     const bool still = tc_norm(c->telemetry.estimate.rate_body_rad_s) < STILL_RATE_RAD_S && supported(c);
     if (still_flies(c)) {
         enter_stage(c, TC_LANDING_DESCEND);
     } else if (!still) {
         c->landing.stage_us = c->telemetry.time_us;
-    } else if (tc_lasts(c, c->landing.stage_us, IDLE_S)) {
-        (void)tc_post(c, TC_EVENT_TOUCHDOWN, TC_TOUCHDOWN);
     } else {
-        /* not for long enough yet */
+        return tc_lasts(c, c->landing.stage_us, IDLE_S);
     }
+    return false;
 }
 
 bool tc_moves(const tc_controller* c) {
@@ -208,17 +208,17 @@ bool tc_moves(const tc_controller* c) {
 }
 
 /* A vehicle that lies on its side or back and does not move is down, too. */
-static void observe_inverted(tc_controller* c) {
+static bool rests_inverted(tc_controller* c) {
     if (c->axes[2][2] > INVERTED || tc_moves(c)) c->landing.upright_us = c->telemetry.time_us;
-    if (tc_lasts(c, c->landing.upright_us, INVERTED_REST_S)) (void)tc_post(c, TC_EVENT_TOUCHDOWN, TC_TOUCHDOWN);
+    return tc_lasts(c, c->landing.upright_us, INVERTED_REST_S);
 }
 
-void tc_landing_observe(tc_controller* c, float step_s) {
+bool tc_landing_observe(tc_controller* c, float step_s) {
     tc_landing* landing = &c->landing;
     const float force = c->telemetry.estimate.specific_force_body_m_s2[2];
     landing->force_m_s2 += step_s / (FORCE_FILTER_S + step_s) * (force - landing->force_m_s2);
     if (c->mission.state == TC_EMERGENCY) command_speed(c, step_s);
-    observe_inverted(c);
+    if (rests_inverted(c)) return true;
     switch (landing->stage) {
         case TC_LANDING_DESCEND:
             descend(c);
@@ -227,9 +227,9 @@ void tc_landing_observe(tc_controller* c, float step_s) {
             unload(c, step_s);
             break;
         case TC_LANDING_IDLE:
-            idle(c);
-            break;
+            return idle(c);
         default:
             break;
     }
+    return false;
 }

@@ -122,17 +122,6 @@ tc_reason tc_shadow_end(tc_controller* c) {
 tc_reason tc_release(tc_controller* c) { return tc_post(c, TC_EVENT_RELEASE, TC_RELEASED); }
 
 #define LARGEST_MASS_CHANGE 0.2f
-#define AT(field) (offsetof(tc_parameters, field) / sizeof(float))
-
-/* Whether any of the parameters from `first` to before `end` differs that may change on the ground only. */
-static bool differ(const tc_parameters* a, const tc_parameters* b, uint16_t first, uint16_t end) {
-    for (uint16_t i = first; i < end; i++) {
-        const float x = tc_parameters_get(a, i), y = tc_parameters_get(b, i);
-        if ((x > y || x < y) && !tc_parameters_in_flight(i)) return true;
-    }
-    return false;
-}
-
 static void tell_active(tc_controller* c) {
     const tc_trajectory* active = tc_store_active(&c->store);
     c->telemetry.trajectory_id = active != NULL ? active->header.id : 0u;
@@ -140,8 +129,7 @@ static void tell_active(tc_controller* c) {
 }
 
 /* Takes the new parameters. A trajectory was accepted under the limits of its time: new limits, new upload. */
-static void adopt(tc_controller* c, const tc_parameters* parameters) {
-    const bool other_limits = differ(&c->parameters, parameters, AT(fence_min_world_m), AT(start_radius_m));
+static void adopt(tc_controller* c, const tc_parameters* parameters, bool other_limits) {
     memcpy(&c->parameters, parameters, sizeof c->parameters);
     c->configured = true;
     if (other_limits) {
@@ -168,7 +156,8 @@ static void prepare(tc_controller* c) {
 tc_reason tc_parameters_set(tc_controller* c, const tc_parameters* parameters) {
     tc_reason reason = tc_parameters_check(parameters, NULL);
     if (reason != TC_OK) return reason;
-    if (c->mission.state != TC_DISARMED && differ(&c->parameters, parameters, 0u, tc_parameters_count())) {
+    const uint32_t changes = tc_parameters_changes(&c->parameters, parameters);
+    if (c->mission.state != TC_DISARMED && (changes & (uint32_t)TC_CHANGES_GROUND) != 0u) {
         return TC_ONLY_WHEN_DISARMED;
     }
     const float mass_change = parameters->mass_kg - c->parameters.mass_kg;
@@ -180,7 +169,7 @@ tc_reason tc_parameters_set(tc_controller* c, const tc_parameters* parameters) {
         if (c->configured) (void)tc_mixer_configure(&c->mixer, &c->parameters);
         return reason;
     }
-    adopt(c, parameters);
+    adopt(c, parameters, (changes & (uint32_t)TC_CHANGES_LIMIT) != 0u);
     prepare(c);
     return TC_OK;
 }

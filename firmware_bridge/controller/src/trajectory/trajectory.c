@@ -31,11 +31,6 @@ uint32_t tc_trajectory_duration_us(const tc_trajectory* trajectory) {
     return trajectory->start_us[trajectory->header.segment_count];
 }
 
-uint32_t tc_crc32_u32(uint32_t crc, uint32_t value) {
-    const uint8_t bytes[4] = {(uint8_t)value, (uint8_t)(value >> 8), (uint8_t)(value >> 16), (uint8_t)(value >> 24)};
-    return tc_crc32(crc, bytes, sizeof bytes);
-}
-
 uint32_t tc_trajectory_header_crc32(const tc_trajectory_header* header) {
     const uint32_t counts = (uint32_t)header->segment_count | ((uint32_t)header->coefficient_count << 16) |
                             ((uint32_t)header->link_loss_policy << 24);

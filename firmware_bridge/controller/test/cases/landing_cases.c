@@ -45,7 +45,7 @@ static void step(void) {
     c.telemetry.time_us += STEP_US;
     if (!stuck) e->position_world_m[2] += e->velocity_world_m_s[2] * STEP_S;
     if (c.mission.state == TC_LANDING) tc_landing_setpoint(&c, STEP_S);
-    tc_landing_observe(&c, STEP_S);
+    if (tc_landing_observe(&c, STEP_S)) (void)tc_post(&c, TC_EVENT_TOUCHDOWN, TC_TOUCHDOWN); /* as tc_observe does */
 }
 
 /* Steps until the stage, at most so long; how long it took, or 1e9. */

@@ -1,6 +1,6 @@
 """The deepest stack of each entry point, from the compiler's own call graph (gcc -fcallgraph-info=su).
 
-There is no recursion and there are no function pointers in the library, so the longest path is a bound, not a sample.
+There is no recursion, and function pointers stand in two tables only, so the longest path is a bound, not a sample.
 Left out are what the C library's memcpy and its kind use (a few words) and what an interrupt needs.
 """
 
@@ -10,6 +10,8 @@ from pathlib import Path
 _NODE = re.compile(r'node: \{ title: "([^"]+)" label: "([^"]*)"')
 _EDGE = re.compile(r'edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"')
 _BYTES = re.compile(r"(\d+) bytes \((\w+)\)")
+TABLES = {"link_dispatch": "link_receive_", "link_encode_next": "link_encode_"}
+"""Who calls through a table of functions, and how the names of those in it begin."""
 
 
 class CallGraph:
@@ -26,6 +28,11 @@ class CallGraph:
                     self.own[name] = int(found[1])
             for source, target in _EDGE.findall(text):
                 self.calls.setdefault(source, set()).add(target)
+        for source, targets in self.calls.items():
+            if "__indirect_call" in targets:
+                assert source in TABLES, f"{source} calls through a pointer; which functions?"
+                targets.remove("__indirect_call")
+                targets |= {name for name in self.own if name.startswith(TABLES[source]) and name != source}
 
     def deepest(self, function: str, above: tuple[str, ...] = ()) -> tuple[int, list[str]]:
         """Bytes, and the path of calls that needs them."""

@@ -1,7 +1,7 @@
 /* The on-board log: GOSHAWK_STATE payloads in memory of the integrator. */
 #include <string.h>
 
-#include "../link_internal.h"
+#include "services.h"
 
 _Static_assert(TC_LINK_RECORD == GOSHAWK_STATE_LENGTH, "a record is the payload of a GOSHAWK_STATE");
 

@@ -1,13 +1,14 @@
 /* Parameters over the link: read one by one as MAVLink does, set as a whole or not at all. */
 #include <string.h>
 
-#include "../link_internal.h"
+#include "services.h"
 
 #define MAV_PARAM_TYPE_REAL32 9u
 
 static unsigned group_count(void) { return (tc_parameters_count() + TC_LINK_GROUP - 1u) / TC_LINK_GROUP; }
 
-void link_send_parameters(tc_link* link, uint16_t first, uint16_t end) {
+/* Has those from `first` up to `end` sent. */
+static void send_parameters(tc_link* link, uint16_t first, uint16_t end) {
     link->reading.value_next = first;
     link->reading.value_end = end;
     link_send(link, LINK_OUT_PARAMETER);
@@ -18,8 +19,13 @@ void link_receive_parameter_request(tc_link* link, const link_message* message) 
     param_request_read_decode(&m, message->payload, message->length);
     const int32_t index = m.param_index >= 0 ? m.param_index : tc_parameters_find(m.param_id);
     if (index >= 0 && index < (int32_t)tc_parameters_count()) {
-        link_send_parameters(link, (uint16_t)index, (uint16_t)(index + 1));
+        send_parameters(link, (uint16_t)index, (uint16_t)(index + 1));
     }
+}
+
+void link_receive_parameter_list(tc_link* link, const link_message* message) {
+    (void)message;
+    send_parameters(link, 0, tc_parameters_count());
 }
 
 /* Reports how the set stands. */

@@ -3,7 +3,7 @@
 #include <math.h>
 
 #include "../../base/maths.h"
-#include "../link_internal.h"
+#include "services.h"
 
 /* MAV_SYS_STATUS_SENSOR */
 #define SENSOR_GYRO 0x1u

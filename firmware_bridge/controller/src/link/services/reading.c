@@ -1,7 +1,7 @@
 /* Reading: pieces of the active trajectory and of the log, as bits of a request ask for them. */
 #include <string.h>
 
-#include "../link_internal.h"
+#include "services.h"
 
 #define PIECES (8u * TC_LINK_WANTED)
 

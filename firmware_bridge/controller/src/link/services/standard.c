@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "../../base/maths.h"
-#include "../link_internal.h"
+#include "services.h"
 
 /* MAV_CMD */
 enum {
@@ -49,34 +49,11 @@ typedef struct {
     float parameter[7]; /* NaN where there is none */
 } command;
 
-/* -- refusals --------------------------------------------------------------------------------------------------- */
-
-const char* link_reason_text(uint8_t reason) {
-    switch (reason) {
-        case TC_LINK_NOT_IN_CONTROL:
-            return "this station is not in control";
-        case TC_LINK_UNSUPPORTED:
-            return "not supported";
-        default:
-            return tc_reason_text((tc_reason)reason);
-    }
-}
-
-void link_report_refusal(tc_link* link, const char* what, uint8_t reason) {
-    link->standard.refusal.what = what;
-    link->standard.refusal.reason = reason;
-    link_send(link, LINK_OUT_TEXT);
-}
-
 /* -- orders ----------------------------------------------------------------------------------------------------- */
 
 static bool on_ground(const tc_link* link) {
     const uint8_t state = link->controller->mission.state;
     return state == (uint8_t)TC_DISARMED || state == (uint8_t)TC_ARMED;
-}
-
-static bool is_same(tc_link_station a, tc_link_station b) {
-    return a.system_id == b.system_id && a.component_id == b.component_id;
 }
 
 static void forget_take_off(tc_link* link) { link->standard.take_off.waits = false; }
@@ -101,7 +78,7 @@ static uint8_t take_off(tc_link* link, tc_link_station from, float height_m) {
 
 static uint8_t arm(tc_link* link, tc_link_station from) {
     const tc_link_take_off waiting = link->standard.take_off;
-    const bool takes_off = waiting.waits && is_same(waiting.from, from);
+    const bool takes_off = waiting.waits && link_same_station(waiting.from, from);
     forget_take_off(link);
     uint8_t reason = link_do(link, TC_COMMAND_ARM, 0.0f);
     if (reason == (uint8_t)TC_OK && takes_off) {
@@ -301,7 +278,7 @@ static uint8_t operator_control(tc_link* link, const link_message* message, cons
    repeats in `confirmation`; where one is counted, it is a repeat however late. */
 static bool is_repeat(const tc_link* link, tc_link_station from, const command* c) {
     const tc_link_done* done = &link->standard.done;
-    return done->valid && is_same(done->from, from) && done->command == c->id &&
+    return done->valid && link_same_station(done->from, from) && done->command == c->id &&
            memcmp(done->parameter, c->parameter, sizeof c->parameter) == 0 &&
            (c->confirmation != 0u || link->clock_us - done->at_us < REPEAT_US);
 }

@@ -1,7 +1,7 @@
 /* The upload: pieces into the staged slot, reports of what arrived, the commit. */
 #include <string.h>
 
-#include "../link_internal.h"
+#include "services.h"
 
 #define STATUS_EVERY 8u         /* frames between two reports at the most */
 #define STATUS_GAP_US 3000u     /* and at most this long after a frame */

@@ -6,8 +6,8 @@
    held back cannot be used later. */
 #include <string.h>
 
-#include "../link_internal.h"
 #include "signing.h"
+#include "transport.h"
 
 static const uint8_t label[] = "goshawk challenge";
 
@@ -40,12 +40,6 @@ static void renew_challenge(tc_link* link) {
 }
 
 void link_admission_init(tc_link* link) { renew_challenge(link); }
-
-link_encoded link_encode_challenge(tc_link* link, uint8_t* payload) {
-    const ping_msg m = {.time_usec = link->challenge.time_usec, .seq = link->challenge.seq}; /* a request to all */
-    ping_encode(&m, payload);
-    return LINK_ENCODED;
-}
 
 /* Has a challenge sent, unless one has been just now. A challenge is sent for half of its time only, so that there is
    time to answer. Whether it was. */
@@ -137,27 +131,27 @@ static void challenge_station(tc_link* link, const tc_frame* frame) {
 }
 
 /* A frame whose signature may be checked now. */
-static void check(tc_link* link, const tc_frame* frame, bool opens) {
+static bool check(tc_link* link, const tc_frame* frame, bool opens) {
     if (!tc_signing_verify(&link->signing, frame)) {
         link->counts.wrong_key++;
-        return;
+        return false;
     }
     if (opens) {
         const tc_sender keep = {link->lease.holder.system_id, link->lease.holder.component_id, 0u};
         if (!tc_signing_open(&link->signing, frame, &keep)) {
             link->counts.unopened++;
-            return;
+            return false;
         }
         renew_challenge(link); /* this one is used up */
     } else {
         tc_signing_accept(&link->signing, frame);
     }
     link->counts.accepted++;
-    link_dispatch(link, frame);
+    return true;
 }
 
 /* What is left of a frame that is for us: its signature. `free`: the budget is not asked. */
-static void judge(tc_link* link, const tc_frame* frame, bool free) {
+static bool judge(tc_link* link, const tc_frame* frame, bool free) {
     const tc_signature screened = tc_signing_screen(&link->signing, frame);
     const bool opens = screened == TC_SIGNATURE_UNOPENED && answers_challenge(link, frame);
     if (screened == TC_SIGNATURE_MISSING) {
@@ -167,26 +161,29 @@ static void judge(tc_link* link, const tc_frame* frame, bool free) {
     } else if (screened == TC_SIGNATURE_UNOPENED && !opens) {
         challenge_station(link, frame);
     } else if (free || may_check(link, frame)) {
-        check(link, frame, opens);
+        return check(link, frame, opens);
     } else {
         enter_lottery(link, frame);
     }
+    return false;
 }
 
-void link_receive_frame(tc_link* link, const tc_frame* frame) {
+bool link_admit(tc_link* link, const tc_frame* frame) {
     if (!is_for_us(link, frame)) {
         link->counts.not_for_us++;
-    } else if (link->config->sign) {
-        judge(link, frame, false);
-    } else {
-        link->counts.accepted++;
-        link_dispatch(link, frame);
+        return false;
     }
+    if (link->config->sign) {
+        return judge(link, frame, false);
+    }
+    link->counts.accepted++;
+    return true;
 }
 
-void link_draw_lottery(tc_link* link) {
-    if (link->lottery.candidates > 0u) {
-        link->lottery.candidates = 0;
-        judge(link, &link->lottery.frame, true);
+const tc_frame* link_draw_lottery(tc_link* link) {
+    if (link->lottery.candidates == 0u) {
+        return NULL;
     }
+    link->lottery.candidates = 0;
+    return judge(link, &link->lottery.frame, true) ? &link->lottery.frame : NULL;
 }

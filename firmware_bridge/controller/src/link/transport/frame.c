@@ -1,9 +1,8 @@
 /* MAVLink 2 frames: found in a datagram or in a byte stream, and built. */
 #include <string.h>
 
-#include "../link_internal.h"
-#include "goshawk_controller/link_codec.h"
 #include "signing.h"
+#include "transport.h"
 
 #define MAGIC 0xFDu
 #define SIGNED_FLAG 0x01u

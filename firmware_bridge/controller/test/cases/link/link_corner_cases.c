@@ -2,7 +2,7 @@
    upload is gone. */
 #include <string.h>
 
-#include "../../../src/link/link_internal.h"
+#include "../../../src/link/services/services.h"
 #include "link_cases.h"
 
 /* No order of either protocol reaches a vehicle that another controller flies; KILL neither. */

@@ -1,0 +1,101 @@
+/* The two tables of messages: what is received, with its handler; what is sent, with its encoder. */
+#include "messages.h"
+
+typedef void (*handler)(tc_link* link, const link_message* message);
+
+/* By row of the dialect. What has none is not carried out: heartbeats, and what only a vehicle sends. */
+static const handler received[GOSHAWK_DIALECT_ROWS] = {
+    [GOSHAWK_LEASE_REQUEST_ROW] = link_receive_lease_request,
+    [GOSHAWK_MISSION_COMMAND_ROW] = link_receive_mission_command,
+    [GOSHAWK_TRAJECTORY_BEGIN_ROW] = link_receive_begin,
+    [GOSHAWK_TRAJECTORY_SEGMENT_ROW] = link_receive_segment,
+    [GOSHAWK_TRAJECTORY_SAMPLES_ROW] = link_receive_samples,
+    [GOSHAWK_TRAJECTORY_COMMIT_ROW] = link_receive_commit,
+    [GOSHAWK_TRAJECTORY_READ_ROW] = link_receive_trajectory_read,
+    [GOSHAWK_PARAMETERS_STAGE_ROW] = link_receive_parameters_stage,
+    [GOSHAWK_PARAMETERS_COMMIT_ROW] = link_receive_parameters_commit,
+    [PARAM_REQUEST_READ_ROW] = link_receive_parameter_request,
+    [PARAM_REQUEST_LIST_ROW] = link_receive_parameter_list,
+    [GOSHAWK_LOG_REQUEST_ROW] = link_receive_log_request,
+    [COMMAND_LONG_ROW] = link_receive_command_long,
+    [COMMAND_INT_ROW] = link_receive_command_int,
+    [SET_MODE_ROW] = link_receive_set_mode,
+    [PARAM_SET_ROW] = link_receive_parameter_set,
+    [MISSION_REQUEST_LIST_ROW] = link_receive_mission_request_list,
+    [MISSION_COUNT_ROW] = link_receive_mission_count,
+    [TIMESYNC_ROW] = link_receive_timesync,
+};
+
+typedef struct {
+    uint8_t row; /* of the dialect's table */
+    link_encoded (*encode)(tc_link* link, uint8_t* payload);
+} outgoing;
+
+/* The first one that is pending is sent first. */
+static const outgoing sent[LINK_OUT_COUNT] = {
+    [LINK_OUT_ORDER_RESULT] = {GOSHAWK_MISSION_RESULT_ROW, link_encode_order_result},
+    [LINK_OUT_FOREIGN_RESULT] = {GOSHAWK_MISSION_RESULT_ROW, link_encode_foreign_result},
+    [LINK_OUT_LEASE] = {GOSHAWK_LEASE_STATUS_ROW, link_encode_lease},
+    [LINK_OUT_CHALLENGE] = {PING_ROW, link_encode_challenge},
+    [LINK_OUT_TIMESYNC] = {TIMESYNC_ROW, link_encode_timesync},
+    [LINK_OUT_COMMAND_ACK] = {COMMAND_ACK_ROW, link_encode_command_ack},
+    [LINK_OUT_COMMIT_RESULT] = {GOSHAWK_TRAJECTORY_RESULT_ROW, link_encode_commit_result},
+    [LINK_OUT_UPLOAD_REFUSED] = {GOSHAWK_TRAJECTORY_STATUS_ROW, link_encode_upload_refused},
+    [LINK_OUT_UPLOAD_STATUS] = {GOSHAWK_TRAJECTORY_STATUS_ROW, link_encode_upload_status},
+    [LINK_OUT_HEARTBEAT] = {HEARTBEAT_ROW, link_encode_heartbeat},
+    [LINK_OUT_MISSION_STATUS] = {GOSHAWK_MISSION_STATUS_ROW, link_encode_mission_status},
+    [LINK_OUT_STATE] = {GOSHAWK_STATE_ROW, link_encode_state},
+    [LINK_OUT_TEXT] = {STATUSTEXT_ROW, link_encode_text},
+    [LINK_OUT_MISSION_COUNT] = {MISSION_COUNT_ROW, link_encode_mission_count},
+    [LINK_OUT_MISSION_ACK] = {MISSION_ACK_ROW, link_encode_mission_ack},
+    [LINK_OUT_PARAMETER_SET] = {PARAM_VALUE_ROW, link_encode_parameter_set},
+    [LINK_OUT_PROTOCOL] = {PROTOCOL_VERSION_ROW, link_encode_protocol},
+    [LINK_OUT_SYS_STATUS] = {SYS_STATUS_ROW, link_encode_sys_status},
+    [LINK_OUT_EXTENDED_STATE] = {EXTENDED_SYS_STATE_ROW, link_encode_extended_state},
+    [LINK_OUT_VERSION] = {AUTOPILOT_VERSION_ROW, link_encode_version},
+    [LINK_OUT_HOME] = {HOME_POSITION_ROW, link_encode_home},
+    [LINK_OUT_ATTITUDE] = {ATTITUDE_QUATERNION_ROW, link_encode_attitude},
+    [LINK_OUT_POSITION] = {LOCAL_POSITION_NED_ROW, link_encode_position},
+    [LINK_OUT_ALTITUDE] = {ALTITUDE_ROW, link_encode_altitude},
+    [LINK_OUT_ROTORS] = {ESC_STATUS_ROW, link_encode_rotors},
+    [LINK_OUT_BATTERY] = {BATTERY_STATUS_ROW, link_encode_battery},
+    [LINK_OUT_ODOMETRY] = {ODOMETRY_ROW, link_encode_odometry},
+    [LINK_OUT_PARAMETERS_RESULT] = {GOSHAWK_PARAMETERS_RESULT_ROW, link_encode_parameters_result},
+    [LINK_OUT_PARAMETER] = {PARAM_VALUE_ROW, link_encode_parameter},
+    [LINK_OUT_TRAJECTORY_HEADER] = {GOSHAWK_TRAJECTORY_BEGIN_ROW, link_encode_trajectory_header},
+    [LINK_OUT_TRAJECTORY_SEGMENT] = {GOSHAWK_TRAJECTORY_SEGMENT_ROW, link_encode_trajectory_segment},
+    [LINK_OUT_LOG_INFO] = {GOSHAWK_LOG_INFO_ROW, link_encode_log_info},
+    [LINK_OUT_LOG_RECORD] = {GOSHAWK_LOG_RECORD_ROW, link_encode_log_record},
+};
+
+void link_dispatch(tc_link* link, const tc_frame* frame) {
+    link_message message;
+    message.payload = frame->raw + TC_FRAME_HEADER;
+    message.length = frame->raw[TC_FRAME_LENGTH];
+    message.from.system_id = frame->raw[TC_FRAME_SYSTEM];
+    message.from.component_id = frame->raw[TC_FRAME_COMPONENT];
+    message.in_control = link_is_holder(link, message.from);
+    if (message.in_control) {
+        link_note_operator(link);
+    }
+    if (received[frame->message] != NULL) {
+        received[frame->message](link, &message);
+    }
+}
+
+bool link_encode_next(tc_link* link, uint8_t* payload, uint8_t* row) {
+    for (unsigned i = 0; i < (unsigned)LINK_OUT_COUNT; i++) {
+        const link_out what = (link_out)i;
+        if (link_is_pending(link, what)) {
+            const link_encoded encoded = sent[i].encode(link, payload);
+            if (encoded != LINK_MORE) {
+                link_cancel(link, what);
+            }
+            if (encoded != LINK_NOTHING) {
+                *row = sent[i].row;
+                return true;
+            }
+        }
+    }
+    return false;
+}

@@ -1,0 +1,125 @@
+/* What messages say: a handler for each that is received, an encoder for each that is sent. Internal.
+
+   session.c             requests for control, challenges, time
+   orders.c              orders of our own dialect
+   standard.c            standard ground stations: commands, missions
+   presentation.c        what they are shown: identity, mode, health, heights
+   telemetry.c           messages about the vehicle
+   texts.c               sentences for the pilot
+   log.c                 the on-board log
+   upload.c              a trajectory into the staged slot
+   reading.c             pieces of the active trajectory and of the log on request
+   parameter_protocol.c  parameters, one by one and as a set
+
+   To add a message: its XML, its handler (link_receive_...) or encoder (link_encode_...) here, and a row in the tables
+   of ../messages.c; one that is sent has a place in transport.h's list, too. */
+#ifndef LINK_SERVICES_H
+#define LINK_SERVICES_H
+
+#include "../transport/transport.h"
+
+/* A message that was let in. A handler decodes it by the generated decoder of its kind:
+   timesync_decode(&m, message->payload, message->length). */
+typedef struct {
+    const uint8_t* payload;
+    size_t length;
+    tc_link_station from;
+    bool in_control; /* its sender */
+} link_message;
+
+/* What an encoder has done with the payload. */
+typedef enum {
+    LINK_NOTHING, /* there was nothing to send after all */
+    LINK_ENCODED,
+    LINK_MORE /* encoded one, and there is another: stays pending */
+} link_encoded;
+
+/* session.c */
+void link_receive_lease_request(tc_link* link, const link_message* message);
+void link_receive_timesync(tc_link* link, const link_message* message);
+link_encoded link_encode_lease(tc_link* link, uint8_t* payload);
+link_encoded link_encode_challenge(tc_link* link, uint8_t* payload);
+link_encoded link_encode_timesync(tc_link* link, uint8_t* payload);
+
+/* orders.c */
+/* tc_do for the station in control. In shadow nothing, not even KILL: the vehicle is not ours to stop. */
+uint8_t link_do(tc_link* link, tc_command command, float value);
+void link_receive_mission_command(tc_link* link, const link_message* message);
+link_encoded link_encode_order_result(tc_link* link, uint8_t* payload);
+link_encoded link_encode_foreign_result(tc_link* link, uint8_t* payload);
+
+/* telemetry.c */
+void link_fill_state(const tc_link* link, goshawk_state_msg* m);
+link_encoded link_encode_mission_status(tc_link* link, uint8_t* payload);
+link_encoded link_encode_state(tc_link* link, uint8_t* payload);
+link_encoded link_encode_home(tc_link* link, uint8_t* payload);
+link_encoded link_encode_attitude(tc_link* link, uint8_t* payload);
+link_encoded link_encode_position(tc_link* link, uint8_t* payload);
+link_encoded link_encode_rotors(tc_link* link, uint8_t* payload);
+link_encoded link_encode_battery(tc_link* link, uint8_t* payload);
+link_encoded link_encode_odometry(tc_link* link, uint8_t* payload);
+
+/* log.c */
+uint8_t link_log_start(tc_link* link, uint32_t id);
+void link_log_stop(tc_link* link);
+void link_log_update(tc_link* link);
+link_encoded link_encode_log_info(tc_link* link, uint8_t* payload);
+
+/* upload.c */
+void link_receive_begin(tc_link* link, const link_message* message);
+void link_receive_segment(tc_link* link, const link_message* message);
+void link_receive_samples(tc_link* link, const link_message* message);
+void link_receive_commit(tc_link* link, const link_message* message);
+void link_upload_update(tc_link* link);   /* a slice of a commit */
+void link_upload_schedule(tc_link* link); /* repeats the report while pieces are missing */
+link_encoded link_encode_upload_status(tc_link* link, uint8_t* payload);
+link_encoded link_encode_upload_refused(tc_link* link, uint8_t* payload);
+link_encoded link_encode_commit_result(tc_link* link, uint8_t* payload);
+
+/* reading.c */
+void link_receive_trajectory_read(tc_link* link, const link_message* message);
+void link_receive_log_request(tc_link* link, const link_message* message);
+link_encoded link_encode_trajectory_header(tc_link* link, uint8_t* payload);
+link_encoded link_encode_trajectory_segment(tc_link* link, uint8_t* payload);
+link_encoded link_encode_log_record(tc_link* link, uint8_t* payload);
+
+/* parameter_protocol.c */
+void link_receive_parameters_stage(tc_link* link, const link_message* message);
+void link_receive_parameters_commit(tc_link* link, const link_message* message);
+void link_receive_parameter_request(tc_link* link, const link_message* message);
+void link_receive_parameter_list(tc_link* link, const link_message* message);
+link_encoded link_encode_parameters_result(tc_link* link, uint8_t* payload);
+link_encoded link_encode_parameter(tc_link* link, uint8_t* payload);
+void link_receive_parameter_set(tc_link* link, const link_message* message);
+link_encoded link_encode_parameter_set(tc_link* link, uint8_t* payload);
+
+/* PX4's modes, as heartbeats carry them and as stations ask for them: main mode in byte 2, sub mode in byte 3. */
+enum { PX4_MANUAL = 1, PX4_AUTO = 4 };
+enum { AUTO_TAKE_OFF = 2, AUTO_HOLD = 3, AUTO_MISSION = 4, AUTO_LAND = 6 };
+
+/* standard.c */
+void link_receive_command_long(tc_link* link, const link_message* message);
+void link_receive_command_int(tc_link* link, const link_message* message);
+void link_receive_set_mode(tc_link* link, const link_message* message);
+void link_receive_mission_request_list(tc_link* link, const link_message* message);
+void link_receive_mission_count(tc_link* link, const link_message* message);
+void link_standard_update(tc_link* link); /* forgets a take-off that nobody armed for */
+link_encoded link_encode_command_ack(tc_link* link, uint8_t* payload);
+link_encoded link_encode_mission_count(tc_link* link, uint8_t* payload);
+link_encoded link_encode_mission_ack(tc_link* link, uint8_t* payload);
+
+/* presentation.c */
+link_encoded link_encode_heartbeat(tc_link* link, uint8_t* payload);
+link_encoded link_encode_version(tc_link* link, uint8_t* payload);
+link_encoded link_encode_protocol(tc_link* link, uint8_t* payload);
+link_encoded link_encode_sys_status(tc_link* link, uint8_t* payload);
+link_encoded link_encode_extended_state(tc_link* link, uint8_t* payload);
+link_encoded link_encode_altitude(tc_link* link, uint8_t* payload);
+
+/* texts.c */
+void link_note_changes(tc_link* link); /* has texts sent about what changed */
+/* Has the pilot told what was refused, and why. */
+void link_report_refusal(tc_link* link, const char* what, uint8_t reason);
+link_encoded link_encode_text(tc_link* link, uint8_t* payload);
+
+#endif

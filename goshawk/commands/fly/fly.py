@@ -1,0 +1,47 @@
+"""`goshawk fly`: take off, fly the uploaded trajectory, land; write the flight log."""
+
+from pathlib import Path
+
+import click
+
+import firmware_bridge
+from firmware_bridge.airborne import slowed, tracking
+from flight import flight_log, trajectory
+from goshawk.terminal import console, outputs
+
+
+@click.command()
+@console.path_option("--out", "out", "Flight log to write.", required=True)
+@console.path_option("--trajectory", "trajectory_file", "Refuse to fly unless this is the vehicle's active trajectory.")
+@console.url_option
+@console.key_option
+@outputs.overwrite_option
+@console.json_option
+def command(
+    out: Path, trajectory_file: Path | None, url: str, key_file: Path | None, overwrite: bool, as_json: bool
+) -> None:
+    """Fly the vehicle's active trajectory, and write the flight log.
+
+    \b
+    goshawk fly --out flights/walk.parquet
+    goshawk fly --trajectory walk.json --out flights/walk.parquet
+
+    Ctrl-C brakes along the path and lands; `goshawk log --download` then downloads the log.
+    """
+    outputs.check(out, overwrite=overwrite)
+    item = trajectory.load(trajectory_file) if trajectory_file is not None else None
+    with (
+        console.cancel_by_ctrl_c() as cancel,
+        firmware_bridge.connect(url, key=key_file) as link,
+        console.progress() as report,
+    ):
+        link.take_control()
+        log = link.fly(item, progress=report, cancel=cancel)
+    with outputs.file(out, overwrite=overwrite) as temporary:
+        flight_log.save(temporary, log)
+    planned = {"planned_s": item.trajectory.duration_s} if item is not None else {}
+    facts = {"written": str(out), "rows": len(log), **planned, **tracking(log)}
+    why = slowed(log)
+    console.show("flight", facts, as_json=as_json, document=facts | {"slowed": why})
+    if not as_json and why:
+        click.echo(f"note: {why}")

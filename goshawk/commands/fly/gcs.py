@@ -1,0 +1,106 @@
+"""`goshawk gcs`: the ground station's page, until Ctrl-C."""
+
+import queue
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from flight import FlightError
+from goshawk.terminal import console
+
+
+@click.command()
+@click.argument("project", type=click.Path(path_type=Path))
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=8080,
+    show_default=True,
+    help="Port on this machine; 0 takes a free one.",
+)
+@click.option(
+    "--host", default="127.0.0.1", show_default=True, help="Name or address to listen at; others need a certificate."
+)
+@click.option("--tls-cert", type=click.Path(path_type=Path), help="Certificate (PEM) for HOST: the page is https.")
+@click.option("--tls-key", type=click.Path(path_type=Path), help="Its private key (PEM, without a password).")
+@click.option("--vehicle-url", help="Address of the vehicle, e.g. udp://127.0.0.1:14550.")
+@console.key_option
+@console.radius_option
+@console.margin_option
+@click.option(
+    "--triangles",
+    default=60_000,
+    show_default=True,
+    help="Triangles of the mesh as it is shown first; near the camera up to eight times as many.",
+)
+def command(
+    project: Path,
+    port: int,
+    host: str,
+    tls_cert: Path | None,
+    tls_key: Path | None,
+    vehicle_url: str | None,
+    key_file: Path | None,
+    radius_m: float | None,
+    margin_m: float | None,
+    triangles: int,
+) -> None:
+    """Serve the page of PROJECT: plan with undo, check, compare with the vehicle and upload, fly, abort.
+
+    \b
+    goshawk gcs demo-out
+    goshawk gcs demo-out --vehicle-url udp://127.0.0.1:14550
+    goshawk gcs demo-out --host station.example --tls-cert station.pem --tls-key station.key
+
+    PROJECT is a folder of `goshawk init` (or the demo's) with a map and a vehicle; a missing part is reported with the
+    command that adds it. Each printed address lets one browser in; then the next one is printed. The page listens on
+    this machine only, unless a certificate is given. It lists the projects in the folder that PROJECT is in, and opens
+    another one in its place. From another machine, forward its port:
+
+    \b
+    ssh -L 8080:127.0.0.1:8080 THIS-MACHINE
+    """
+    if (tls_cert is None) != (tls_key is None):
+        raise click.UsageError("--tls-cert and --tls-key belong together; give both")
+    import vehicle
+    from goshawk.commands.project.project_parts import check_for_station
+
+    vehicle.effects.run_only(())  # between two projects, too: nothing of a project runs before somebody agrees
+    check_for_station(project)
+    from gcs_web import GroundStation
+    from goshawk.station_jobs import KINDS
+
+    options, wanted = console.body_options(radius_m, margin_m), queue.SimpleQueue[Path]()
+
+    def opened(folder: Path, *, port: int, browsers: Sequence[str]) -> GroundStation:
+        with console.progress() as report:
+            return GroundStation(
+                folder,
+                port=port,
+                host=host,
+                tls=None if tls_cert is None or tls_key is None else (tls_cert, tls_key),
+                vehicle_url=vehicle_url,
+                key_file=key_file,
+                options=options,
+                triangles=triangles,
+                progress=report,
+                on_entry=lambda url: click.echo(f"a browser has connected; the address for another one: {url}"),
+                jobs=KINDS,
+                browsers=browsers,
+                on_open=wanted.put,
+            )
+
+    station = opened(project, port=port, browsers=())
+    click.echo("stop with Ctrl-C; every change is saved at once", err=True)
+    while True:
+        with station:
+            click.echo(f"open  {station.url}")
+            other = wanted.get()
+            port, browsers = station.port, station.browsers
+        try:
+            station = opened(other, port=port, browsers=browsers)
+            project = other
+        except (FlightError, OSError) as error:
+            station = opened(project, port=port, browsers=browsers)
+            station.desk.notice(f"{other.name} could not be opened: {error}", level="danger")

@@ -1,0 +1,1 @@
+"""Flight logs, the vehicle model, and what it lacks."""

@@ -1,0 +1,225 @@
+"""`goshawk diagnose`: which effect the vehicle model lacks: one of the catalogue, none, or an unknown one."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+import vehicle
+from flight import FlightLog, InputError
+from goshawk.commands.learn import fit_options, what_next
+from goshawk.commands.learn.flights import load, refuse_repeated
+from goshawk.commands.learn.what_next import DiagnoseCall
+from goshawk.terminal import console, outputs
+from sysid.diagnosis import CandidateFinding, Diagnosis, Size, diagnose
+from sysid.diagnosis.outlook import Outlook, outlook
+from sysid.estimator.verdict import Use
+from sysid.report import diagnosis_figures as figures
+from sysid.report import diagnosis_page as report
+from sysid.report import residual_plots, words
+
+
+@click.command()
+@click.argument("flights", nargs=-1, required=True, type=click.Path(path_type=Path))
+@console.vehicle_option
+@click.option(
+    "--held-out",
+    "held_out",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Held-out flight: used for evaluation only. Repeatable.",
+)
+@fit_options.fit_options(gusts="white", hold_unidentifiable=True)
+@click.option("--auto", is_flag=True, help="Repeat until no candidate effect is significant.")
+@console.path_option("--out", "out", "Vehicle file to write: the fitted model with the added effects.")
+@click.option("--anyway", is_flag=True, help="Write --out even if the verdict on the fit is `do not use`.")
+@outputs.overwrite_option
+@console.columns_option
+@console.path_option("--report", "report_file", "HTML page to write: verdict, evidence and figures in one file.")
+@console.path_option("--plots", "plots", "Folder for figures (SVG).")
+@click.option("--json", "json_file", is_flag=False, flag_value="-", metavar="FILE", help="JSON to write, - to print.")
+def command(
+    flights: tuple[Path, ...],
+    vehicle_file: Path,
+    held_out: tuple[Path, ...],
+    auto: bool,
+    fit: fit_options.Chosen,
+    out: Path | None,
+    anyway: bool,
+    overwrite: bool,
+    columns: Path | None,
+    report_file: Path | None,
+    plots: Path | None,
+    json_file: str | None,
+) -> int:
+    """Find the effect that the vehicle model lacks on FLIGHTS, its size and the confidence.
+
+    \b
+    goshawk diagnose a.parquet b.parquet --vehicle vehicle.toml --held-out c.parquet
+    goshawk diagnose a.parquet b.parquet --vehicle vehicle.toml --held-out c.parquet \\
+        --auto --out better.toml --report diagnosis.html
+
+    The model is fitted to FLIGHTS; then every effect of the catalogue that it lacks is a candidate:
+
+    \b
+    present       added and fitted; held-out flights confirm it
+    useful proxy  added, because held-out errors fall; another law is missing
+    excluded      at most the given bound (95 %), which is too small to matter
+    inconclusive  these flights cannot decide; a flight that can is proposed
+
+    If a free curve explains more than any candidate, the verdict is "no known effect", with the force or torque and
+    the variable that it depends on.
+
+    Hold out whole flights (--held-out), preferably of another kind; without them flights are cross-validated. One
+    step adds at most one effect; --auto repeats it. A few flights of half a minute take about a minute.
+
+    --out may be the file of --vehicle if --overwrite is given: the result becomes its next version, and `goshawk
+    vehicle undo` restores the old one. A fit with the verdict `do not use` is only written with --anyway.
+
+    Exit code 0 whatever the diagnosis; 1 if the verdict on the fit is `do not use`, 2 for invalid input.
+    """
+    _check_usage(flights, held_out, json_file)
+    kept = Path(json_file) if json_file not in (None, "-") else None
+    outputs.check(out, report_file, kept, overwrite=overwrite, folders=[plots])
+    given = fit_options.at_place(fit, vehicle.load(vehicle_file))
+    options = fit_options.read(fit, given)
+    with console.progress() as progress:
+        training, evaluation = ([_read(path, columns) for path in paths] for paths in (flights, held_out))
+        found = diagnose(training, given, held_out=evaluation, auto=auto, options=options, progress=progress)
+        outlooks = outlook(found, rng=np.random.default_rng(0))
+    document = found.as_dict()
+    usable = found.fit_verdict.use is not Use.REJECTED
+    written_to = out if usable or anyway else None
+    refused = None if written_to else out
+    call = DiagnoseCall(
+        flights, vehicle_file, held_out, columns, written_to, kept, auto, fit_options.typed(fit), refused
+    )
+    document["next"] = what_next.lines(found, call, outlooks)
+    document["outlook"] = {name: view.as_dict() for name, view in outlooks.items()}
+    document |= _write(found, written_to, report_file, plots, document["next"], outlooks, overwrite)
+    if kept is not None:
+        outputs.write_json(kept, document, overwrite=overwrite)
+    if json_file == "-":
+        console.show("", {}, as_json=True, document=document)
+    else:
+        _show(found, document, outlooks, refused)
+    return 0 if usable else 1
+
+
+def _read(path: Path, columns: Path | None) -> FlightLog:
+    log = load(path, columns)
+    return FlightLog(log.columns, {**log.metadata, "name": path.stem})
+
+
+def _check_usage(
+    flights: Sequence[Path],
+    held_out: Sequence[Path],
+    json_file: str | None,
+) -> None:
+    if json_file not in (None, "-") and not json_file.endswith(".json"):
+        raise InputError(f"--json: expected a file that ends in .json, or - for standard output, got {json_file}")
+    refuse_repeated((*flights, *held_out), "for fitting or held out")
+
+
+def _write(
+    found: Diagnosis,
+    out: Path | None,
+    report_file: Path | None,
+    plots: Path | None,
+    further: Sequence[str],
+    outlooks: Mapping[str, Outlook],
+    overwrite: bool,
+) -> dict[str, Any]:
+    """Write the requested files, each whole or not at all; returns their paths for the document."""
+    if out is not None:
+        outputs.write_vehicle(
+            out, found.vehicle, "diagnose", effect=" + ".join((*found.additions, *found.proxies)), overwrite=overwrite
+        )
+    if report_file is not None:
+        with outputs.file(report_file, overwrite=overwrite) as temporary:
+            report.write(temporary, found, further=further, outlooks=outlooks)
+    placed: list[str] = []
+    if plots is not None:
+        with outputs.pictures(plots, overwrite=overwrite) as drawn:
+            placed = [str(drawn.placed(figure)) for figure in figures.write(found, drawn.temporary)]
+    return {"written": out and str(out), "report": report_file and str(report_file), "figures": placed}
+
+
+def _show(found: Diagnosis, document: dict[str, Any], outlooks: Mapping[str, Outlook], refused: Path | None) -> None:
+    of = "" if found.says_missing else " that nothing is missing within the flown envelope"
+    click.echo(f"{found.verdict} (confidence {found.confidence:.0%}{of})")
+    click.echo(f"  {found.belief.sentence(named=found.says_missing)}")
+    click.echo(f"  {found.envelope.sentence}")
+    click.echo(f"  the fit is {found.fit_verdict.sentence}")
+    for attempt in found.attempts:
+        click.echo(f"  {attempt.name} {attempt.sentence}")
+    if found.outside is not None:
+        click.echo(f"  outside the catalogue: {outside_sentence(found)}")
+    _show_staircase(found)
+    heads = ("candidate", "verdict", "parameter", "size ± sigma", "excl. >", "detectable >", "mm", "confidence")
+    console.table(
+        "candidate effects (mm: position error that the effect causes within 0.5 s)",
+        heads,
+        [row for s in found.candidates for row in _rows(s)],
+    )
+    alike = [(s.name, ", ".join(f"{n} ({share:.0%})" for n, share in s.confounded)) for s in found.candidates]
+    if any(names for _, names in alike):
+        console.table(
+            "confounded effects in these flights", ("candidate", "collinear with"), [a for a in alike if a[1]]
+        )
+    reasons = [
+        (s.name, f"{s.reason}; {outlooks[s.name].sentence}" if s.name in outlooks else s.reason)
+        for s in found.candidates
+        if s.verdict == "inconclusive"
+    ]
+    reasons += [(name, f"unobservable: {why}") for name, why in found.invisible]
+    if reasons:
+        console.table("inconclusive from these flights, and why", ("effect", "reason"), reasons)
+    for finding in found.findings:
+        click.echo(f"note: {finding}")
+    for line in document["next"]:
+        click.echo(f"next: {line}")
+    for path in (document["written"], document["report"], *document["figures"]):
+        if path:
+            click.echo(f"written: {path}")
+    if refused is not None:
+        click.echo(f"not written: {refused}, as the fit is not to be used (see --anyway)")
+
+
+def outside_sentence(found: Diagnosis) -> str:
+    """A sentence on the curve that no known effect explains."""
+    o = found.outside
+    assert o is not None
+    scale, unit = residual_plots.unit(o.channel)
+    curve = scale * o.acceleration * o.force_or_torque
+    return (
+        f"{words.channel(o.channel)} ({o.channel}) follows {words.variable(o.variable)} ({o.variable}), "
+        f"from {curve.min():.2g} to {curve.max():.2g} {unit} over "
+        f"{o.at[0]:.3g} to {o.at[-1]:.3g} {o.variable_unit} (confidence {o.confidence:.0%})"
+    )
+
+
+def _show_staircase(found: Diagnosis) -> None:
+    horizons = list(found.staircase[0].position_m)
+    on = ", ".join(found.held_out) if found.held_out else "the training flights (none was held out)"
+    rows = [(s.model, *(f"{1000.0 * s.position_m[h]:.1f}" for h in horizons)) for s in found.staircase]
+    console.table(f"position error (mm, rms) on {on}", ("model", *(f"after {h}" for h in horizons)), rows)
+
+
+def _rows(candidate: CandidateFinding) -> list[tuple[str, ...]]:
+    """One line per parameter; the values of the candidate as a whole are in the first."""
+    heads = ((candidate.name, candidate.verdict), *((("", ""),) * (len(candidate.sizes) - 1)))
+    whole = (f"{1000.0 * candidate.error_m:.1f}", f"{candidate.confidence:.0%}")
+    return [
+        (*head, size.parameter.split(".")[-1], *_size(size), *(whole if head[0] else ("", "")))
+        for head, size in zip(heads, candidate.sizes, strict=True)
+    ]
+
+
+def _size(size: Size) -> tuple[str, str, str]:
+    """Size with sigma, upper bound, smallest detectable size; the unit is in the parameter's name."""
+    if size.sigma == 0.0:
+        return "not flown", "", ""
+    return f"{size.value:.3g} ± {size.sigma:.1g}", f"{size.excluded_above:.2g}", f"{size.smallest_visible:.2g}"

@@ -1,0 +1,272 @@
+"""`goshawk identify`: the vehicle model from flights, with standard errors."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from pathlib import Path
+from typing import Any
+
+import click
+
+import sysid
+import vehicle
+from flight import FlightLog, InputError, Progress
+from goshawk.commands.learn import fit_options
+from goshawk.commands.learn.flights import load, refuse_repeated
+from goshawk.terminal import console, outputs
+from sysid.estimator.stages import STAGES
+from sysid.estimator.verdict import Use, Verdict, of_logs
+
+STAGES_SCHEMA_VERSION = 1
+
+stage_options = [
+    click.option(f"--{stage}", stage, multiple=True, type=click.Path(path_type=Path), help=said)
+    for stage, said in (
+        ("vertical", "Flight for the first of three stages. Repeatable."),
+        ("horizontal", "Flight for the second stage. Repeatable."),
+        ("rotation", "Flight for the third stage. Repeatable."),
+    )
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Fits:
+    """The fits; the final result is the last."""
+
+    stages: Mapping[str, sysid.Identification]
+    """One under the name "", or one per stage."""
+    logs: Mapping[str, sysid.LogReport]
+    trials: Sequence[sysid.Identification]
+
+    @property
+    def answer(self) -> sysid.Identification:
+        return list(self.stages.values())[-1]
+
+    @property
+    def converged(self) -> bool:
+        return all(fit.converged for fit in self.stages.values())
+
+    @property
+    def verdict(self) -> Verdict:
+        """On all stages and logs together."""
+        return reduce(Verdict.beside, (fit.verdict for fit in self.stages.values()), of_logs(self.logs.values()))
+
+
+def _with_stages(function: Any) -> Any:
+    for option in reversed(stage_options):
+        function = option(function)
+    return function
+
+
+@click.command()
+@click.argument("flights", nargs=-1, type=click.Path(path_type=Path))
+@console.vehicle_option
+@console.path_option("--out", "out", "Vehicle file to write.", required=True)
+@click.option("--add-effect", "added", multiple=True, metavar="NAME", help="Add this effect to the model. Repeatable.")
+@fit_options.fit_options()
+@_with_stages
+@click.option("--trials", type=click.IntRange(2), help="FLIGHTS are this many repeated trials; fit each one too.")
+@console.columns_option
+@console.path_option("--report", "report_file", "HTML page to write: everything in one file.")
+@console.path_option("--plots", "plots", "Folder for figures (SVG).")
+@click.option("--json", "json_file", is_flag=False, flag_value="-", metavar="FILE", help="JSON to write, - to print.")
+@click.option("--anyway", is_flag=True, help="Write the vehicle file even if the verdict is `do not use`.")
+@outputs.overwrite_option
+def command(
+    flights: tuple[Path, ...],
+    vehicle_file: Path,
+    out: Path,
+    added: tuple[str, ...],
+    fit: fit_options.Chosen,
+    trials: int | None,
+    columns: Path | None,
+    report_file: Path | None,
+    plots: Path | None,
+    json_file: str | None,
+    anyway: bool,
+    overwrite: bool,
+    **stages: tuple[Path, ...],
+) -> int:
+    """Fit the vehicle model to FLIGHTS: joint maximum likelihood over parameters and all states.
+
+    \b
+    goshawk identify flights/*.parquet --vehicle vehicle.toml --out fitted.toml --report fit.html
+    goshawk identify flights/*.parquet --vehicle vehicle.toml --out with_drag.toml --add-effect rotor_drag_thrust
+    goshawk identify flights/*.parquet --vehicle vehicle.toml --out f.toml --hold 'inertia_*'
+
+    FLIGHTS are our own logs (.parquet), PX4's (.ulg), ROS recordings (.bag, .db3, .mcap) or CSV, the last two with
+    --columns. Each is checked first; faults are reported with a fix, and no log is changed.
+
+    NAME is a parameter as the vehicle file names it (rotor_drag_thrust.drag_s_m), an effect (motor_lag), or a pattern
+    ('inertia_*'). The mass is given, not estimated: pose and rotor speed determine only ratios to it.
+
+    Three stages instead of one joint fit, as in the paper; each fixes parameters that the next ones need:
+
+    \b
+    goshawk identify --vertical a.parquet --horizontal b.parquet --rotation c.parquet \\
+        --vehicle vehicle.toml --out fitted.toml
+
+    Repeated trials: the result is the joint fit; each trial is also fitted on its own and plotted for comparison:
+
+    \b
+    goshawk identify trial*.parquet --trials 8 --vehicle vehicle.toml --out f.toml --plots figures
+
+    The first line is the verdict: usable, doubtful (exit code 0; the reasons name what to check), or do not use
+    (exit code 1). In the last case no vehicle file is written without --anyway; report, figures and JSON are.
+
+    Where --out is a vehicle file already, --overwrite makes this its next version; `goshawk vehicle undo` restores it.
+    """
+    _check_usage(flights, stages, trials, fit["free"], json_file)
+    kept = Path(json_file) if json_file not in (None, "-") else None
+    outputs.check(out, report_file, kept, overwrite=overwrite, folders=[plots])
+    believed = fit_options.at_place(fit, vehicle.load(vehicle_file))
+    for effect in added:
+        believed = believed.with_effect(effect)
+    options = fit_options.read(fit, believed)
+    with console.progress() as progress:
+        fits = fit_flights(flights, stages, trials, believed, options, columns, progress)
+    usable = fits.verdict.use is not Use.REJECTED
+    written = write(fits, out if usable or anyway else None, report_file, plots, overwrite=overwrite)
+    document = _document(fits) | written
+    if kept is not None:
+        outputs.write_json(kept, document, overwrite=overwrite)
+    if json_file == "-":
+        console.show("", {}, as_json=True, document=document)
+    else:
+        _show(fits, written)
+    return 0 if usable else 1
+
+
+def _check_usage(
+    flights: tuple[Path, ...],
+    stages: Mapping[str, tuple[Path, ...]],
+    trials: int | None,
+    free: tuple[str, ...],
+    json_file: str | None,
+) -> None:
+    if json_file not in (None, "-") and not json_file.endswith(".json"):
+        raise InputError(f"--json: expected a file that ends in .json, or - for standard output, got {json_file}")
+    if bool(flights) == any(stages.values()):
+        raise InputError("give FLIGHTS for one joint fit, or --vertical, --horizontal and --rotation for three stages")
+    if free and any(stages.values()):
+        raise InputError("--free and the three stages exclude each other: each stage frees its own parameters")
+    if trials and (any(stages.values()) or len(flights) % trials):
+        raise InputError(
+            f"--trials {trials}: expected {trials} groups of equally many FLIGHTS, got {len(flights)} flights"
+        )
+    for together in (flights, *stages.values()):  # the stages may share a flight
+        refuse_repeated(together, "in one fit")
+
+
+def fit_flights(
+    flights: tuple[Path, ...],
+    stages: Mapping[str, tuple[Path, ...]],
+    trials: int | None,
+    believed: vehicle.Vehicle,
+    options: sysid.Options,
+    columns: Path | None,
+    progress: Progress,
+) -> Fits:
+    """One joint fit of FLIGHTS, or three stages, or a joint fit and one of each trial; every log is checked first."""
+    checked: dict[str, sysid.LogReport] = {}
+
+    def read(paths: Iterable[Path]) -> list[FlightLog]:
+        logs = {str(path): load(path, columns) for path in paths}
+        for path, log in logs.items():
+            checked[path] = _checked(path, log, believed)
+        return list(logs.values())
+
+    if any(stages.values()):
+        staged = {stage: read(stages[stage]) for stage in STAGES}
+        return Fits(sysid.identify_in_stages(staged, believed, options, progress=progress), checked, ())
+    logs = read(flights)
+    joint = sysid.identify(logs, believed, options, progress=progress)
+    each = len(logs) // trials if trials else 1
+    groups = [logs[i : i + each] for i in range(0, len(logs), each)] if trials else []
+    # a parameter that one trial does not identify must not stop the other fits
+    alone = replace(options, unseen="hold")
+    return Fits({"": joint}, checked, [sysid.identify(g, believed, alone, progress=progress) for g in groups])
+
+
+def _checked(path: str, log: FlightLog, believed: vehicle.Vehicle) -> sysid.LogReport:
+    """Check a log; the findings are printed at once and returned with the options of this command."""
+    found = fit_options.worded_report(sysid.check_log(log, believed))
+    for finding in found.findings:
+        click.echo(f"{path}: {finding.level}: {finding.sentence}; {finding.fix}", err=True)
+    return replace(found, name=path)
+
+
+def write(
+    fits: Fits, out: Path | None, report_file: Path | None, plots: Path | None, *, overwrite: bool
+) -> dict[str, Any]:
+    """Write the requested files, each whole or not at all; returns their paths for the document."""
+    figures: list[Path] = []
+    if plots is not None:
+        with outputs.pictures(plots, overwrite=overwrite) as drawn:
+            figures = [drawn.placed(figure) for figure in _figures(fits, drawn.temporary)]
+    if report_file is not None:
+        result = dict(fits.stages) if len(fits.stages) > 1 else fits.answer
+        with outputs.file(report_file, overwrite=overwrite) as temporary:
+            sysid.report.write(temporary, result, logs=list(fits.logs.values()), trials=fits.trials)
+    if out is not None:
+        outputs.write_vehicle(out, fits.answer.vehicle, "identify", overwrite=overwrite)
+    return {
+        "written": out and str(out),
+        "report": str(report_file) if report_file is not None else None,
+        "figures": [str(figure) for figure in figures],
+    }
+
+
+def _figures(fits: Fits, folder: Path) -> list[Path]:
+    figures: list[Path] = []
+    for stage, fit in fits.stages.items():
+        figures += sysid.plots.identification(fit, folder / stage)
+    if fits.trials:
+        figures.append(sysid.plots.repeated(fits.trials, fits.answer.free_names, folder / "repeated.svg"))
+    return figures
+
+
+def _document(fits: Fits) -> dict[str, Any]:
+    logs = {path: found.as_dict() for path, found in fits.logs.items()}
+    if len(fits.stages) > 1:
+        stages = {stage: fit.as_dict() for stage, fit in fits.stages.items()}
+        head = {"schema": "goshawk-identification-stages", "version": STAGES_SCHEMA_VERSION}
+        head |= {"verdict": fits.verdict.as_dict(), "converged": fits.converged}
+        return head | {"stages": stages, "logs": logs}
+    trials = [{key: fit.as_dict()[key] for key in ("converged", "parameters")} for fit in fits.trials]
+    return (
+        fits.answer.as_dict()
+        | {"verdict": fits.verdict.as_dict(), "logs": logs}
+        | ({"trials": trials} if trials else {})
+    )
+
+
+def _show(fits: Fits, written: Mapping[str, Any]) -> None:
+    click.echo(f"verdict: {fits.verdict.use}")
+    for reason in fits.verdict.reasons:
+        click.echo(f"  {fit_options.worded(reason)}")
+    for stage, fit in fits.stages.items():
+        rows = [
+            (
+                e.name,
+                f"{e.value:.5g}",
+                f"{e.std_robust:.2g}" if e.status == "free" else e.status,
+                e.unit,
+                f"{e.start:.4g}",
+            )
+            for e in fit.parameters
+            if not stage or e.status == "free"
+        ]
+        heads = ("parameter", "value", "robust std", "unit", "started from")
+        console.table(f"identified: {stage}" if stage else "identified", heads, rows)
+        for finding in (f for f in fit.findings if f not in (*fit.verdict.against, *fit.verdict.doubts)):
+            click.echo(f"note: {fit_options.worded(finding)}")
+        steps = len(fit.solution.record)
+        click.echo(f"converged in {steps} steps" if fit.converged else f"NOT converged in {steps} steps")
+    failed = sum(not trial.converged for trial in fits.trials)
+    if failed:
+        click.echo(f"{failed} of {len(fits.trials)} trials did not converge")
+    click.echo(f"written: {written['written']}" if written["written"] else "no vehicle file written (see --anyway)")
+    for path in (written["report"], *written["figures"]):
+        if path:
+            click.echo(f"written: {path}")

@@ -1,0 +1,76 @@
+"""Output files of `goshawk log`: a report page, CSV, MCAP, and the corrected log."""
+
+from pathlib import Path
+
+from firmware_bridge.airborne import aloft_s
+from flight import FlightLog, InputError, Progress, flight_log, silent
+from goshawk.commands.learn import log_exports, log_report
+from goshawk.terminal import outputs, words
+from sysid.logs import fix as fixes
+from sysid.logs.check import LogReport
+from vehicle import Vehicle
+
+
+def write(
+    log: FlightLog,
+    checked: LogReport,
+    files: tuple[Path | None, Path | None, Path | None],
+    *,
+    overwrite: bool,
+    progress: Progress = silent,
+) -> list[Path]:
+    """Write those of (report, CSV, MCAP) whose path is given; returns the paths."""
+    report_file, csv_file, mcap_file = files
+    if report_file is not None:
+        progress("drawing the report", 0.0)
+        with outputs.file(report_file, overwrite=overwrite) as temporary:
+            temporary.write_text(log_report.page(log, checked, _facts(log, checked)), encoding="utf-8")
+    if csv_file is not None:
+        with outputs.file(csv_file, overwrite=overwrite) as temporary:
+            log_exports.write_csv(temporary, log, progress)
+    if mcap_file is not None:
+        with outputs.file(mcap_file, overwrite=overwrite) as temporary:
+            log_exports.write_mcap(temporary, log, progress)
+    return [path for path in files if path is not None]
+
+
+def _facts(log: FlightLog, checked: LogReport) -> dict[str, str]:
+    """Rows of the table at the top of the page."""
+    duration_s = float(log.time_s[-1] - log.time_s[0]) if len(log) else 0.0
+    facts = {"rows": str(len(log)), "duration": f"{duration_s:.2f} s"}
+    if checked.duration_s < duration_s:
+        facts["checked, in the air"] = f"{checked.duration_s:.2f} s"
+    facts["rate"] = f"{checked.rate_hz:.1f} Hz"
+    stored = {str(key): value for key, value in log.metadata.items() if key not in ("name", fixes.FIXES)}
+    for key, value in stored.items():
+        title, unit = words.named(key)
+        facts[key if title in facts else title] = f"{value} {unit}".rstrip()
+    return facts | {f"fix {i + 1}": str(done) for i, done in enumerate(log.metadata.get(fixes.FIXES, []))}
+
+
+def require_others(source: Path, *files: Path | None) -> None:
+    """
+    Raises:
+        InputError: one of the files to write is the log itself.
+    """
+    for file in files:
+        if file is not None and file.exists() and source.exists() and file.samefile(source):
+            raise InputError(f"{file} is the log itself, which is never changed; give another name")
+
+
+def write_fixed(
+    log: FlightLog, source: Path, out: Path, believed: Vehicle | None, *, overwrite: bool, progress: Progress = silent
+) -> tuple[FlightLog, tuple[str, ...], LogReport]:
+    """Write the log with every fix that the checks propose; returns it, the fixes, and what the checks still find.
+
+    Raises:
+        InputError: `out` is the log itself or no .parquet.
+    """
+    if out.suffix != ".parquet":
+        raise InputError(f"--out {out}: a corrected log is written in our own format; call it {out.stem}.parquet")
+    require_others(source, out)
+    fixed = fixes.fix(log, believed, aloft=aloft_s(log), progress=progress)
+    corrected = FlightLog(fixed.log.columns, {**fixed.log.metadata, "fixed_from": source.name})
+    with outputs.file(out, overwrite=overwrite) as temporary:
+        flight_log.save(temporary, corrected)
+    return corrected, fixed.done, fixed.report

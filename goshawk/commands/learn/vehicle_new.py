@@ -1,0 +1,227 @@
+"""`goshawk vehicle new` and `goshawk vehicle schema`: make a vehicle file."""
+
+import json
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import click
+import numpy as np
+
+import vehicle
+from flight import InputError
+from flight.units import RAD_S_PER_RPM
+from goshawk.terminal import console, outputs, words
+from vehicle import Parameter, Vehicle, commented, draft
+from vehicle.draft import Known
+
+RANGES = {
+    "--mass": (0.0, 1000.0, "kg"),
+    "--prop-diameter": (0.0, 5.0, "m"),
+    "--hover-rpm": (10.0, 200_000.0, "rpm"),
+    "--max-rpm": (10.0, 400_000.0, "rpm"),
+}
+"""Smaller and larger numbers are in another unit."""
+
+
+@click.command("new")
+@click.argument("out", type=click.Path(path_type=Path), required=False)
+@click.option("--mass", "mass_kg", type=float, help="Mass ready to fly, battery included, kg.")
+@click.option("--arm", "arm_m", type=float, help="Distance from the centre to a motor, metres.")
+@click.option(
+    "--frame", type=click.Choice(draft.FRAMES), help="Arms to the corners (x) or ahead and aside (+) [default: x]."
+)
+@click.option(
+    "--props-out",
+    is_flag=True,
+    help="Reverse all rotors: the usual (front left clockwise, seen from above), or those of --from.",
+)
+@click.option("--prop-diameter", "diameter_m", type=float, help="Diameter of a propeller, metres (5 inches: 0.127).")
+@click.option("--hover-rpm", type=float, help="Rotor speed in hover, if known: gives a much better thrust coefficient.")
+@click.option("--max-rpm", type=float, help="Fastest rotor speed, if known.")
+@click.option("--name", help="Name of the vehicle [default: the file's name].")
+@console.path_option("--from", "source", "Import from PX4 (.params, .ulg), RotorPy (.py) or URDF (.urdf).")
+@outputs.overwrite_option
+@console.json_option
+def new(
+    out: Path | None,
+    mass_kg: float | None,
+    arm_m: float | None,
+    frame: str | None,
+    props_out: bool,
+    diameter_m: float | None,
+    hover_rpm: float | None,
+    max_rpm: float | None,
+    name: str | None,
+    source: Path | None,
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Make a vehicle file from a data sheet or another program's file; missing values are marked estimates.
+
+    \b
+    goshawk vehicle new my.toml --mass 0.72 --arm 0.125 --prop-diameter 0.127
+    goshawk vehicle new my.toml --from px4.params --mass 0.72 --prop-diameter 0.127
+    goshawk vehicle new my.toml --from hummingbird_params.py
+
+    On a terminal it asks for missing values. Every number in the file has a standard deviation and a source; a
+    default is marked as one.
+    """
+    asks = sys.stdin.isatty() and not as_json
+    if out is None:
+        if not asks:
+            raise click.UsageError(
+                "give the file to write: goshawk vehicle new my.toml --mass ... --arm ... --prop-diameter ..."
+            )
+        out = Path(click.prompt("Vehicle file to write", default="vehicle.toml", err=True))
+    if out.suffix != ".toml":
+        raise InputError(f"{out} does not end in .toml; call it {out.name}.toml")
+    outputs.check(out, overwrite=overwrite)
+    known = imported(source) if source is not None else Known()
+    known = with_options(known, mass_kg, arm_m, frame, diameter_m, hover_rpm, max_rpm)
+    if asks:
+        known = _asked(known, frame)
+    if props_out:
+        known = reversed_spins(known)
+    made = draft.draft(replace(known, name=name or known.name or out.stem))
+    with outputs.file(out, overwrite=overwrite) as temporary:
+        commented.write(temporary, made)
+    _show(out, made, known, as_json)
+
+
+def imported(path: Path) -> Known:
+    """Data of another program's file; the suffix determines the format."""
+    from vehicle import import_px4, import_rotorpy, import_urdf
+
+    readers = {
+        ".params": import_px4.read,
+        ".param": import_px4.read,
+        ".ulg": import_px4.read,
+        ".py": import_rotorpy.read,
+        ".urdf": import_urdf.read,
+    }
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        raise InputError(f"--from {path}: the suffix must be one of {', '.join(readers)}, which identify the format")
+    return reader(path)
+
+
+def with_options(
+    known: Known,
+    mass_kg: float | None,
+    arm_m: float | None,
+    frame: str | None,
+    diameter_m: float | None,
+    hover_rpm: float | None,
+    max_rpm: float | None,
+) -> Known:
+    """Options override imported values. `--arm` without `--frame` scales an imported geometry."""
+    given = {
+        "--mass": mass_kg,
+        "--arm": arm_m,
+        "--prop-diameter": diameter_m,
+        "--hover-rpm": hover_rpm,
+        "--max-rpm": max_rpm,
+    }
+    for option, value in given.items():
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise InputError(f"{option} is {value:g}; a positive number is expected")
+        least, most, unit = RANGES.get(option, (0.0, math.inf, ""))
+        if value is not None and not least <= value <= most:
+            bound = f"at least {least:g}" if value < least else f"at most {most:g}"
+            raise InputError(f"{option} is {value:g} {unit}; {bound} {unit} is expected: give it in {unit}")
+    if mass_kg is not None:
+        source = "given on the command line; std: 1 %, as of a kitchen scale"
+        known = replace(known, mass_kg=Parameter(mass_kg, float(f"{0.01 * mass_kg:.2g}"), "kg", source))
+    if diameter_m is not None:
+        radius = Parameter(0.5 * diameter_m, 0.0, "m", "given on the command line: half the propeller's diameter")
+        known = replace(known, rotor_radius_m=radius)
+    if arm_m is not None and frame is None and known.hub_body_m is not None:
+        own_m = float(np.hypot(known.hub_body_m[:, 0], known.hub_body_m[:, 1]).mean())
+        draft.layout(arm_m, "x")  # refuses an impossible arm
+        note = f"rotor places were scaled from a mean arm of {own_m:.4g} m to the given {arm_m:g} m"
+        hubs = np.round(known.hub_body_m * (arm_m / own_m), 6)
+        known = replace(known, hub_body_m=hubs, notes=(*known.notes, note))
+    elif arm_m is not None:
+        hubs, spin = draft.layout(arm_m, frame or "x")
+        note = f"defaults to check against your vehicle: {frame or 'x'} frame; rotors {draft.ORDER[frame or 'x']}"
+        known = replace(known, hub_body_m=hubs, spin=spin, notes=(*known.notes, note))
+    elif frame is not None and known.hub_body_m is not None:
+        raise click.UsageError("--frame replaces the imported places of the rotors: give --arm too")
+    if hover_rpm is not None:
+        known = replace(known, hover_rad_s=hover_rpm * RAD_S_PER_RPM)
+    return known if max_rpm is None else replace(known, rotor_speed_max_rad_s=max_rpm * RAD_S_PER_RPM)
+
+
+def reversed_spins(known: Known) -> Known:
+    """All rotors turn the other way than the default, or than another program's file says."""
+    spin = -draft.spins(known)
+    note = f"--props-out: all spins reversed, rotors 0 to 3 {', '.join(draft.TURNS[int(s)] for s in spin)}"
+    return replace(known, spin=spin, notes=(*known.notes, note))
+
+
+def _asked(known: Known, frame: str | None) -> Known:
+    """Ask for the data that no formula can estimate."""
+    if known.mass_kg is None:
+        grams = click.prompt("Mass ready to fly, in grams", type=click.FloatRange(1.0, 1e6), err=True)
+        known = with_options(known, grams / 1000.0, None, None, None, None, None)
+    if known.hub_body_m is None:
+        frame = frame or click.prompt("Frame", type=click.Choice(draft.FRAMES), default="x", err=True)
+        arm = click.prompt("From the centre to a motor, in millimetres", type=click.FloatRange(1.0, 1e4), err=True)
+        known = with_options(known, None, arm / 1000.0, frame, None, None, None)
+    if known.rotor_radius_m is None:
+        inches = click.prompt("Propeller diameter, in inches", type=click.FloatRange(0.1, 100.0), err=True)
+        known = with_options(known, None, None, None, 0.0254 * inches, None, None)
+    return known
+
+
+def _show(out: Path, made: Vehicle, known: Known, as_json: bool) -> None:
+    shown = {n: made.parameters[n] for n in vehicle.specs(made) if not n.startswith("pose_sensor")}
+    guessed = [n for n, p in shown.items() if p.source.startswith(("default", "estimated"))]
+    if as_json:
+        parameters = {n: {"value": p.value, "std": p.std, "unit": p.unit, "source": p.source} for n, p in shown.items()}
+        document = {"written": str(out), "name": made.name, "effects": list(made.effects)}
+        console.show(
+            "",
+            {},
+            as_json=True,
+            document=document | {"parameters": parameters, "not_measured": guessed, "notes": list(known.notes)},
+        )
+        return
+    rows = [
+        (words.parameter(n), f"{p.value:.4g} ± {p.std:.1g}" if p.std else f"{p.value:.4g}", p.unit, p.source)
+        for n, p in shown.items()
+    ]
+    console.table(made.name, ("parameter", "value", "unit", "where it came from"), rows)
+    for note in known.notes:
+        click.echo(f"note: {note}")
+    click.echo(f"written: {out}; {len(guessed)} of {len(shown)} numbers are defaults or estimates")
+    click.echo(
+        f"next, to simulate it: goshawk sitl --vehicle {out}\n"
+        f"or to fit it to its flights: goshawk identify FLIGHTS --vehicle {out} --out fitted.toml"
+    )
+
+
+@click.command("schema")
+@console.path_option("--out", "out", "File to write [default: print it].")
+@outputs.overwrite_option
+def schema(out: Path | None, overwrite: bool) -> None:
+    """Write the JSON schema of vehicle files, for completion and checks in editors.
+
+    \b
+    goshawk vehicle schema --out vehicle.schema.json
+    goshawk vehicle schema | less
+
+    Write `#:schema vehicle.schema.json` into the first line of a vehicle file (taplo, Even Better TOML).
+    """
+    from vehicle.schema import schema as described
+
+    outputs.check(out, overwrite=overwrite)
+    text = json.dumps(described(), indent=1) + "\n"
+    if out is None:
+        click.echo(text, nl=False)
+        return
+    with outputs.file(out, overwrite=overwrite) as temporary:
+        temporary.write_text(text)
+    click.echo(f"written: {out}")

@@ -1,0 +1,169 @@
+"""Commands that follow a diagnosis: add the effect, make an effect of the curve, or fly the next manoeuvre."""
+
+import re
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from flight import InputError
+from goshawk.commands.learn.flights import marked_file
+from sysid.diagnosis import Diagnosis, OutsideFinding, curve, next_flight, outlook
+from sysid.diagnosis.outlook import Outlook
+from sysid.estimator.verdict import Use
+
+THRUST = "thrust_bem"
+"""This candidate replaces the vehicle's thrust law, so `add-effect` alone does not add it."""
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnoseCall:
+    """Arguments of the diagnosis, which its follow-up commands repeat."""
+
+    flights: Sequence[Path]
+    vehicle_file: Path
+    held_out: Sequence[Path] = ()
+    columns: Path | None = None
+    out: Path | None = None
+    """The vehicle file that was written, if any."""
+    json_file: Path | None = None
+    auto: bool = False
+    fit: str = ""
+    """Options of the fit, as they are typed."""
+    refused: Path | None = None
+    """The vehicle file that was asked for and not written, as the fit is not to be used."""
+
+    @property
+    def model_file(self) -> Path:
+        """The newest vehicle file."""
+        return self.out or self.vehicle_file
+
+    def training(self) -> str:
+        """FLIGHTS as arguments."""
+        return _words(*self.flights)
+
+    def judging(self) -> str:
+        """Options for held-out flights and the column map."""
+        return "".join(f" --held-out {_words(path)}" for path in self.held_out) + self.reading()
+
+    def reading(self) -> str:
+        return f" --columns {_words(self.columns)}" if self.columns else ""
+
+    def refitting(self) -> str:
+        """Options of `goshawk vehicle add-effect`."""
+        return "".join(f" --flights {_words(path)}" for path in self.flights) + self.judging()
+
+    def again(self, vehicle_file: Path) -> str:
+        """The diagnosis once more."""
+        return f"goshawk diagnose {self.training()} --vehicle {_words(vehicle_file)}{self.judging()}{self.fit}"
+
+
+def lines(found: Diagnosis, call: DiagnoseCall, outlooks: Mapping[str, Outlook] | None = None) -> list[str]:
+    """Follow-up commands, in order; a line in brackets is a remark.
+
+    Args:
+        outlooks: by candidate in doubt, whether a flight would tell; a flight that would not is not proposed.
+    """
+    marking, call = _marking(found, call)
+    said = _fit_first(found, call)
+    said += [*marking, *_after_additions(found, call)] if _added(found) else []
+    if (outside := _to_be_adopted(found)) is not None:
+        said += _after_curve(outside, call)
+    return said + _next_flight(found, call, outlooks)
+
+
+def _fit_first(found: Diagnosis, call: DiagnoseCall) -> list[str]:
+    """What to do about a fit that is not to be used, before anything that rests on it."""
+    if found.fit_verdict.use is not Use.REJECTED:
+        return []
+    fit = found.search.models[-1].fit
+    if fit.converged:
+        return ["(the fit is not to be used: settle first what its verdict says)"]
+    longer = f"{re.sub(r' --steps [0-9]+', '', call.fit)} --steps {2 * len(fit.solution.record)}"
+    asked = f"{' --auto' if call.auto else ''}{f' --out {_words(call.refused)}' if call.refused else ''}"
+    again = f"{replace(call, fit=longer).again(call.vehicle_file)}{asked}"
+    return ["(the fit has not converged: let it go on, or mend what the log's checks find, before all else)", again]
+
+
+def _added(found: Diagnosis) -> tuple[str, ...]:
+    """What the fitted vehicle holds beyond the given one: what is missing, and proxies that help."""
+    return (*found.additions, *found.proxies)
+
+
+def _after_additions(found: Diagnosis, call: DiagnoseCall) -> list[str]:
+    if call.refused is not None:
+        return []  # the fit comes first, and adds them again
+    if call.out is not None:
+        return [] if call.auto else [call.again(call.out)]
+    effects = list(dict.fromkeys(name.partition("[")[0] for name in _added(found)))
+    if THRUST in effects and THRUST not in found.base.effects:
+        return [call.again(call.vehicle_file) + (" --auto" if call.auto else "") + " --out better.toml"]
+    change = f"goshawk vehicle add-effect {_words(call.vehicle_file)} {{}}{call.refitting()}"
+    return [change.format(effect) for effect in effects]
+
+
+def _marking(found: Diagnosis, call: DiagnoseCall) -> tuple[list[str], DiagnoseCall]:
+    """Commands that mark the logs of flights without the payload; the others need no mark.
+
+    Returns:
+        The commands, and the arguments with the marked logs.
+    """
+    paths = (*call.flights, *call.held_out)
+    left = [path for path, carries in zip(paths, found.payload_carried, strict=False) if not carries]
+    marked = [marked_file(path) if path in left else path for path in paths]
+    many = len(call.flights)
+    commands = [f"goshawk log {_words(path)}{call.reading()} --payload left" for path in left]
+    return commands, replace(call, flights=marked[:many], held_out=marked[many:])
+
+
+def _to_be_adopted(found: Diagnosis) -> OutsideFinding | None:
+    """The curve; None while the diagnosis names confounded effects, none of which is confirmed."""
+    return None if found.undecided else found.outside
+
+
+def _after_curve(outside: OutsideFinding, call: DiagnoseCall) -> list[str]:
+    """Commands from the curve to an own effect; a remark where its variable is no state of the vehicle."""
+    advice = curve.advice(outside)
+    if advice:
+        return [f"({outside.channel} against {outside.variable}: {advice})"]
+    name = curve.suggested_name(outside)
+    first = []
+    diagnosis = call.json_file or Path("diagnosis.json")
+    if call.json_file is None:
+        first = [f"{call.again(call.vehicle_file)}{' --auto' if call.auto else ''} --json {diagnosis}"]
+    model = _words(call.model_file)
+    return [
+        *first,
+        f"goshawk vehicle scaffold-effect {model} --diagnosis {_words(diagnosis)} --name {name} --out {name}.py",
+        f"goshawk vehicle add-effect {model} {name}.py{call.refitting()}",
+    ]
+
+
+def _next_flight(found: Diagnosis, call: DiagnoseCall, outlooks: Mapping[str, Outlook] | None) -> list[str]:
+    """The command that proposes the next flight, if any candidate is in doubt."""
+    worth_flying = None if outlooks is None else [name for name, view in outlooks.items() if view.would_tell]
+    try:
+        candidates = next_flight.in_doubt(found, worth_flying)
+    except InputError:
+        return []
+    named = bool(set(candidates) & set(_added(found)))
+    to_be_adopted_first = _to_be_adopted(found) is not None or (_added(found) and call.out is None)
+    if not named and to_be_adopted_first:
+        return []
+    size, corner = (_numbers(values) for values in outlook.space(found))
+    model = _words(call.vehicle_file if named else call.model_file)
+    options = "".join(f" --candidate {_words(name)}" for name in candidates)
+    return [
+        f"goshawk next-flight {call.training()} --vehicle {model}{call.reading()}{options}"
+        f" --space {size} --corner={corner} --out waypoints.json  # in the space that these flights took up"
+    ]
+
+
+def _numbers(values: np.ndarray) -> str:
+    return ",".join(f"{v:.1f}" for v in values)
+
+
+def _words(*paths: object) -> str:
+    return shlex.join(str(path) for path in paths)

@@ -1,0 +1,1 @@
+"""Cameras, maps, and places in them."""

@@ -1,0 +1,1 @@
+"""Trajectories: planned, checked, exported."""

@@ -1,0 +1,69 @@
+"""Plans that say how thin an obstacle could hide near them, and plans that keep out of space where one could."""
+
+from dataclasses import replace
+
+import esdf
+import planner
+from flight import InfeasibleError, InputError, Progress, silent
+from flight.mission import Mission
+from mapping import Map
+from mapping.free_space import FreeSpace
+from planner import mission
+from planner.gate import could_hide, gate
+from vehicle import Vehicle
+
+
+def field_to_plan_in(area: Map, free: FreeSpace | None, thinnest_m: float | None) -> esdf.Field:
+    """The map's field; if a thickness is given, with space not free where an obstacle so thick could hide.
+
+    Raises:
+        InputError: the thickness is out of its range, or what the map's images resolve is not known.
+    """
+    if thinnest_m is None:
+        return area.field
+    could_hide.require_thickness(thinnest_m)
+    if free is None:
+        raise InputError(
+            f"{area.folder} has no images: how thin an obstacle could hide in it is not known; leave out --thinnest"
+        )
+    return free.resolving(thinnest_m)
+
+
+def free_share(field: esdf.Field, area: Map) -> float:
+    """Share of the map's free space that is free in that field, too."""
+    return float((field.state == esdf.FREE).sum()) / max(1.0, float((area.field.state == esdf.FREE).sum()))
+
+
+def plan(
+    asked: Mission,
+    area: Map,
+    field: esdf.Field,
+    drone: Vehicle,
+    options: planner.PlanOptions,
+    free: FreeSpace | None,
+    thinnest_m: float | None,
+    *,
+    progress: Progress = silent,
+) -> planner.Plan:
+    """Plan in a field of `field_to_plan_in`; the gate's report is about the map itself, and says what could hide.
+
+    Raises:
+        InfeasibleError, InputError: as `planner.mission.plan`.
+    """
+    found = mission.plan(asked, field, drone, options, progress=progress)
+    report = found.gate
+    if field is not area.field:
+        report = gate.check(
+            found.trajectory,
+            area.field,
+            drone,
+            report.options,
+            waypoints_world_m=found.waypoints.positions_world_m,
+            yaw_rad=report.yaw_rad,
+            conditions=report.conditions,
+        )
+    report = could_hide.add(report, found.trajectory, free, thinnest_m)
+    if not report.passed:
+        first = report.failures[0]
+        raise InfeasibleError(f"the plan fails in the map: {first.name} ({first.reason}); keep more margin")
+    return replace(found, gate=report)

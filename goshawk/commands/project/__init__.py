@@ -1,0 +1,1 @@
+"""The project folder, the demo and this installation."""

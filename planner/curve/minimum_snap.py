@@ -1,0 +1,129 @@
+"""The smoothest way through waypoints at given times: least integral of squared snap, in closed form.
+
+Unknown are velocity, acceleration and jerk at the interior knots; the conditions for the minimum are block tridiagonal,
+symmetric and positive definite, and the same for every axis. Degree 7 is optimal when only positions are given.
+"""
+
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+from scipy.linalg import cho_solve_banded, cholesky_banded
+
+from flight import FloatArray, InputError, Trajectory, polynomial, portable
+from planner._planner import snap_coefficients, snap_states
+from planner.curve import hermite
+
+_BAND = 6  # a knot couples with the next one: 3 + 3 unknowns
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spline:
+    """A path of degree-7 segments, given by its knots."""
+
+    durations_s: FloatArray
+    """(k,)."""
+    states: FloatArray
+    """(k + 1, 4, axes): position, velocity, acceleration and jerk at each knot."""
+
+    def snap_cost(self) -> float:
+        """Integral of the squared snap over the whole path, all axes together."""
+        d = hermite.segment_states(self.states)
+        return float(np.sum(d * portable.product(energy(self.durations_s), d)))
+
+    def scale_time(self, factor: float) -> "Spline":
+        """The same path `factor` times as slowly."""
+        powers = polynomial.powers(1.0 / factor, hermite.ORDER)
+        return Spline(self.durations_s * factor, self.states * powers[:, None])
+
+
+def energy(durations_s: FloatArray) -> FloatArray:
+    """(k, 8, 8): the snap integral of each segment as a quadratic form in the states of its two ends."""
+    inverse = 7 - hermite.POWERS[:, None] - hermite.POWERS[None, :]
+    return hermite.snap_matrix() * polynomial.powers(1.0 / np.asarray(durations_s), 8)[:, inverse]
+
+
+def solve(
+    positions: FloatArray,
+    durations_s: FloatArray,
+    *,
+    start: FloatArray | None = None,
+    end: FloatArray | None = None,
+    velocity: FloatArray | None = None,
+) -> Spline:
+    """The minimum-snap spline through `positions` (k + 1, axes) with segments of `durations_s` (k,).
+
+    Args:
+        start, end: (3, axes) velocity, acceleration and jerk at the two ends; at rest if left out.
+        velocity: (k + 1, axes) to be had at inner knots; a row of NaN, or None, leaves it open.
+
+    Raises:
+        InputError: a duration is not positive and finite, or the shapes do not fit.
+    """
+    positions = np.asarray(positions, dtype=np.float64)
+    T = np.ascontiguousarray(durations_s, dtype=np.float64)
+    k = T.size
+    if positions.ndim != 2 or T.shape != (len(positions) - 1,) or k == 0 or not 1 <= positions.shape[1] <= 4:
+        raise InputError(f"positions {positions.shape} and durations {T.shape} do not fit (k + 1, axes) and (k,)")
+    if not (T.min() > 0.0 and isfinite(float(T.sum())) and isfinite(float(positions.sum()))):
+        raise InputError("positions and durations must be finite, and durations positive")
+    states, held = given(positions, start, end, velocity)
+    snap_states(states, T, held)
+    return Spline(T, states)
+
+
+def given(
+    positions: FloatArray, start: FloatArray | None, end: FloatArray | None, velocity: FloatArray | None
+) -> tuple[FloatArray, np.ndarray]:
+    """Knot states (k + 1, 4, axes) with what is given and zeros elsewhere, and which knots' velocities are held."""
+    states = np.zeros((len(positions), hermite.ORDER, positions.shape[1]))
+    states[:, 0] = positions
+    if start is not None:
+        states[0, 1:] = start
+    if end is not None:
+        states[-1, 1:] = end
+    held = np.zeros(len(positions), dtype=np.uint8)
+    if velocity is not None:
+        held[1:-1] = np.isfinite(velocity[1:-1]).all(axis=1)
+        states[held > 0, 1] = velocity[held > 0]
+    return states, held
+
+
+def solve_numpy(states: FloatArray, durations_s: FloatArray) -> None:
+    """The NumPy reference of the kernel: fills in the interior v, a, j of knot states (k + 1, 4, axes)."""
+    if len(durations_s) == 1:
+        return
+    H = energy(durations_s)
+    states[1:-1, 1:] = 0.0
+    force = H @ hermite.segment_states(states)
+    right = -(force[:-1, 5:] + force[1:, 1:4])
+    factor = cholesky_banded(_banded(H), lower=True, check_finite=False, overwrite_ab=True)
+    solved = cho_solve_banded((factor, True), right.reshape(-1, states.shape[2]), check_finite=False)
+    states[1:-1, 1:] = solved.reshape(-1, 3, states.shape[2])
+
+
+def _banded(H: FloatArray) -> FloatArray:
+    """The conditions for interior (v, a, j) in LAPACK's lower banded storage."""
+    diagonal = H[:-1, 5:, 5:] + H[1:, 1:4, 1:4]
+    below = H[1:-1, 5:, 1:4]
+    band = np.zeros((_BAND, 3 * len(diagonal)))
+    for row in range(3):
+        for column in range(3):
+            if row >= column:
+                band[row - column, column::3] = diagonal[:, row, column]
+            band[3 + row - column, column:-3:3] = below[:, row, column]
+    return band
+
+
+def coefficients(states: FloatArray, durations_s: FloatArray) -> FloatArray:
+    """Ascending coefficients in seconds, (k, axes, 8), from knot states (k + 1, 4, axes)."""
+    found = np.empty((len(durations_s), states.shape[2], hermite.SIZE))
+    snap_coefficients(np.ascontiguousarray(states), durations_s, found)
+    return found
+
+
+def trajectory(spline: Spline) -> Trajectory:
+    """A flyable trajectory of a spline with axes x, y, z and yaw (0 where it has none)."""
+    c = coefficients(spline.states, spline.durations_s)
+    level = np.zeros((len(c), 4 - c.shape[1], hermite.SIZE))
+    return Trajectory(spline.durations_s, np.concatenate([c, level], axis=1))

@@ -1,0 +1,361 @@
+"""The final gate: the checks that every plan must pass, repeated before an upload.
+
+It is independent of how the trajectory was made. It does not raise for a failed check: the report names the check, the
+value, the bound, the time and the place.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+import esdf
+import vehicle as vehicles
+from esdf.visibility import CouldHide
+from flight import (
+    FlightError,
+    FloatArray,
+    FormatError,
+    Progress,
+    Trajectory,
+    TrajectoryFile,
+    portable,
+    rotations,
+    silent,
+)
+from flight.trajectory import fingerprint
+from planner._planner import StopFlag
+from planner.gate import conditions_met, limits, visits
+from planner.gate.limits import Check
+from planner.request import inputs
+from planner.request.conditions import Conditions
+from planner.request.options import PlanOptions
+from planner.request.request import Request
+from planner.request.space import DistanceField, Grounded
+from vehicle import Vehicle
+
+_ORDER_UNITS = ("m", "m/s", "m/s2", "m/s3")
+_NAMES = ("position", "velocity", "acceleration", "jerk")
+_LOOK_RAD = 0.6
+"""Largest angle between the heading and the direction of a point that is looked at."""
+_NEAR_M = 1.0
+"""Horizontal distance of that point below which any heading will do."""
+_JUMP = 1e-6
+"""Largest jump (SI) at a join, relative to the largest value of that derivative where that is above one."""
+
+
+@dataclass(frozen=True, slots=True)
+class GateReport:
+    """Every check with its value and bound, and what it was checked against."""
+
+    checks: tuple[Check, ...]
+    clearance_m: float
+    """Proved lower bound of the distance to obstacles along the curve; minus infinity where there is none."""
+    required_clearance_m: float
+    body_radius_m: float
+    """Radius of the sphere that bounds the vehicle; the rest of the clearance is margin for its tracking error."""
+    clearance_point_world_m: tuple[float, float, float]
+    """Point of least clearance, or where it meets unknown space."""
+    duration_s: float
+    map_hash: str
+    """Hash of the field, empty for a formula."""
+    vehicle_hash: str
+    trajectory_hash: str
+    """`flight.trajectory.fingerprint` of the trajectory that was checked."""
+    conditions: Conditions
+    """What was asked of it besides its waypoints."""
+    options: PlanOptions
+    """Radius, margin, limits, reserve, tolerance and yaw mode that it was checked for."""
+    yaw_rad: FloatArray | None = None
+    """(n,) heading asked for at each waypoint, NaN where any will do; None if none is."""
+    usage: limits.Usage | None = None
+    """What each segment uses of each limit; None where that could not be asked."""
+    could_hide: CouldHide | None = None
+    """How thin an obstacle could hide within the required clearance; None where that is not known (`could_hide`)."""
+    thinnest_m: float | None = None
+    """The thinnest obstacle that must not; None if that was not asked."""
+
+    @property
+    def passed(self) -> bool:
+        return all(check.passed for check in self.checks)
+
+    @property
+    def failures(self) -> tuple[Check, ...]:
+        return tuple(check for check in self.checks if not check.passed)
+
+    @property
+    def binding(self) -> tuple[str, ...]:
+        """The limit that decides the time of each segment; "" where none is used to the full."""
+        return () if self.usage is None else self.usage.binding
+
+    def as_dict(self) -> dict[str, object]:
+        """JSON-able, for the trajectory file and for screens."""
+        return {
+            "passed": self.passed,
+            "clearance_m": self.clearance_m if np.isfinite(self.clearance_m) else None,
+            "required_clearance_m": self.required_clearance_m,
+            "body_radius_m": self.body_radius_m,
+            "clearance_point_world_m": list(self.clearance_point_world_m),
+            "duration_s": self.duration_s,
+            "map_hash": self.map_hash,
+            "vehicle_hash": self.vehicle_hash,
+            "trajectory_hash": self.trajectory_hash,
+            "conditions": self.conditions.as_dict(),
+            "yaw_rad": None if self.yaw_rad is None else [float(y) if np.isfinite(y) else None for y in self.yaw_rad],
+            "asked": self.options.as_dict(),
+            "checks": [check.as_dict() for check in self.checks],
+            "could_hide": None if self.could_hide is None else self.could_hide.as_dict(),
+            "thinnest_m": self.thinnest_m,
+        }
+
+
+AskGate = Callable[[Trajectory, limits.Known | None], GateReport]
+"""From a trajectory, and what is known of another one, to the gate's report."""
+
+
+def judge(request: Request) -> AskGate:
+    """The gate for answers to one request. Raises as `check`."""
+
+    def ask(trajectory: Trajectory, known: limits.Known | None = None) -> GateReport:
+        return check(
+            trajectory,
+            request.field,
+            request.vehicle,
+            request.options,
+            waypoints_world_m=request.waypoints.positions_world_m,
+            yaw_rad=request.waypoints.yaw_rad,
+            conditions=request.conditions,
+            known=known,
+            stop=request.stop,
+        )
+
+    return ask
+
+
+def check(
+    trajectory: Trajectory,
+    field: DistanceField,
+    vehicle: Vehicle,
+    options: PlanOptions | None = None,
+    *,
+    waypoints_world_m: FloatArray | None = None,
+    yaw_rad: FloatArray | None = None,
+    conditions: Conditions | None = None,
+    known: limits.Known | None = None,
+    stop: StopFlag | None = None,
+    progress: Progress = silent,
+) -> GateReport:
+    """Check a trajectory against a field and a vehicle.
+
+    Args:
+        waypoints_world_m: (n, 3) points it must reach in this order; None if it need not reach any.
+        yaw_rad: (n,) heading to have at each of them, NaN where any will do; None if none is asked for.
+        conditions: of motion at its ends, its waypoints and on its legs; at rest at both ends if left out.
+        known: what was found of another trajectory with the same vehicle and options; limits are not worked out again
+            for segments that both have in common. Everything else is.
+
+    Raises:
+        PlanCancelledError: `stop` was set, from another thread.
+    """
+    options = (PlanOptions() if options is None else options).sized(vehicle)
+    asked = Conditions() if conditions is None else conditions
+    finite = _finite(trajectory)
+    checks = [finite]
+    usage = None
+    clearance = _no_clearance("not checked: the trajectory is not finite")
+    if finite.passed:
+        space_ = field if asked.ground_world_m is None else Grounded(field, asked.ground_world_m, options.clearance_m)
+        clearance = _clearance(trajectory, space_, options.clearance_m)
+        progress("gate", 0.4)
+        met: visits.Visits | None = None
+        if waypoints_world_m is not None:
+            passed, met = visits.reached(trajectory, waypoints_world_m, asked, options)
+            checks += passed
+            if met is not None and yaw_rad is not None:
+                met = visits.turned(trajectory, met, waypoints_world_m, yaw_rad)
+        checks += conditions_met.checks(trajectory, met, asked) + _continuity(trajectory)
+        checks += _headings(trajectory, None if met is None else met.joins_s(trajectory), yaw_rad, options)
+        checks += [_clearance_check(clearance, options.clearance_m, vehicle)]
+        bounds = options.limits_for(vehicle)
+        usage, found = limits.measure(trajectory, vehicle, bounds, step_s=options.sample_step_s, known=known, stop=stop)
+        checks += found
+    progress("gate", 1.0)
+    return GateReport(
+        checks=tuple(checks),
+        clearance_m=clearance.proven_m,
+        required_clearance_m=options.clearance_m,
+        body_radius_m=options.body_radius_m,
+        clearance_point_world_m=tuple(np.nan_to_num(clearance.point_world_m).tolist()),
+        duration_s=trajectory.duration_s if np.isfinite(trajectory.duration_s) else 0.0,
+        map_hash=str(getattr(field, "hash", "")),
+        vehicle_hash=vehicles.vehicle_hash(vehicle),
+        trajectory_hash=fingerprint(trajectory),
+        conditions=asked,
+        options=options,
+        yaw_rad=yaw_rad,
+        usage=usage,
+    )
+
+
+def options_of(item: TrajectoryFile) -> PlanOptions:
+    """Radius, margin, limits, yaw mode ... that a file was checked for; the defaults where it does not say.
+
+    Raises:
+        FormatError: what it says is damaged.
+    """
+    asked = item.check.get("asked")
+    return PlanOptions() if asked is None else PlanOptions.from_dict(asked)
+
+
+def check_file(
+    item: TrajectoryFile,
+    field: DistanceField,
+    vehicle: Vehicle,
+    options: PlanOptions | None = None,
+    *,
+    progress: Progress = silent,
+) -> GateReport:
+    """Check a file's trajectory, and that it is the one that was checked, planned for this map and this vehicle.
+
+    Args:
+        options: what to check for; if left out, what the file was checked for, and the vehicle's limits where they
+            are stricter.
+    """
+    if options is None:
+        options = options_of(item)
+        options = replace(options, limits=options.limits and options.limits.stricter(vehicle.limits))
+    report = check(
+        item.trajectory,
+        field,
+        vehicle,
+        options,
+        waypoints_world_m=item.waypoints_world_m,
+        yaw_rad=headings_of(item),
+        conditions=asked_of(item),
+        progress=progress,
+    )
+    same = [
+        _record_check(item),
+        _identity("trajectory", str(item.check.get("trajectory_hash") or ""), report.trajectory_hash),
+        _identity("map", item.map_hash, report.map_hash),
+        _identity("vehicle", item.vehicle_hash, report.vehicle_hash),
+    ]
+    return replace(report, checks=(*report.checks, *same))
+
+
+def asked_of(item: TrajectoryFile) -> Conditions:
+    """What was asked of a file's trajectory besides its waypoints.
+
+    Raises:
+        FormatError: its record of that is damaged.
+    """
+    return Conditions.from_dict(item.check.get("conditions") or {}, len(item.waypoints_world_m))
+
+
+def headings_of(item: TrajectoryFile) -> FloatArray | None:
+    """(n,) the heading asked for at each of a file's waypoints, NaN where it is open; None where the file has none.
+
+    Raises:
+        FormatError: its record of that is damaged.
+    """
+    given = item.check.get("yaw_rad")
+    if given is None:
+        return None
+    try:
+        yaw = np.array([np.nan if y is None else float(y) for y in given])
+    except (TypeError, ValueError) as error:
+        raise FormatError(f"the headings in a trajectory file are damaged: {error}") from error
+    if yaw.shape != (len(item.waypoints_world_m),):
+        raise FormatError(f"a trajectory file has {len(yaw)} headings for {len(item.waypoints_world_m)} waypoints")
+    return yaw
+
+
+def _record_check(item: TrajectoryFile) -> Check:
+    """Whether the file's record of what it was checked for is the one that was written."""
+    kept = item.record_kept
+    if kept is None:
+        reason = (
+            "file version 1 has no hash of conditions and limits: whether they were changed after the check is not "
+            "known; renew its check, or plan it again"
+        )
+    else:
+        reason = "conditions, limits, waypoints and results as written" if kept else "the file's record was changed"
+    return Check("record", float(kept is False), 0.0, "", kept is not False, reason=reason)
+
+
+def _identity(name: str, planned: str, here: str) -> Check:
+    """Whether a file is about what is here; hashes that differ are shown by their beginnings."""
+    reason = f"the file names {planned[:12] or 'none'}, here is {here[:12] or 'none'}"
+    return Check(name, float(planned != here), 0.0, "", planned == here, reason=reason)
+
+
+def _finite(trajectory: Trajectory) -> Check:
+    T = np.asarray(trajectory.durations_s)
+    good = bool(np.isfinite(T).all() and (T > 0.0).all() and np.isfinite(trajectory.coefficients).all())
+    starts = np.concatenate([[0.0], np.cumsum(T)])
+    good = good and np.allclose(starts, trajectory.starts_s, rtol=1e-12, atol=1e-12)
+    broken = int((~np.isfinite(trajectory.coefficients)).sum())
+    return Check(
+        "finite", float(broken), 0.0, "", good, reason="durations positive; start times and coefficients finite"
+    )
+
+
+def _headings(
+    trajectory: Trajectory, visits_s: FloatArray | None, yaw_rad: FloatArray | None, options: PlanOptions
+) -> list[Check]:
+    """Headings asked for at waypoints, held all along, or towards a point."""
+    checks = []
+    times = trajectory.sample(options.sample_step_s)
+    motion = trajectory.evaluate(times)
+    if visits_s is not None and yaw_rad is not None and np.isfinite(yaw_rad).any():
+        off = np.abs(rotations.wrapped(trajectory.evaluate(visits_s)[:, 3] - yaw_rad))
+        off = np.where(np.isfinite(off), off, 0.0)
+        checks.append(_heading_check("heading at waypoints", off, visits_s, visits.SAME_RAD))
+    if options.yaw in ("fixed", "steady"):
+        held = options.heading_rad if options.yaw == "fixed" else motion[0, 3]
+        off = np.abs(rotations.wrapped(motion[:, 3] - held))
+        checks.append(_heading_check("heading held", off, times, visits.SAME_RAD))
+    if options.target_world_m is not None:
+        aim = options.target_world_m[:2] - motion[:, :2]
+        off = np.abs(rotations.wrapped(motion[:, 3] - portable.arctangent2(aim[:, 1], aim[:, 0])))
+        off = np.where(portable.length(aim) > _NEAR_M, off, 0.0)
+        checks.append(_heading_check("look at the point", off, times, _LOOK_RAD))
+    return checks
+
+
+def _heading_check(name: str, off_rad: FloatArray, times_s: FloatArray, bound_rad: float) -> Check:
+    worst = int(off_rad.argmax())
+    value, time_s = float(off_rad[worst]), float(times_s[worst])
+    reason = f"{np.degrees(value):.1f} deg off at {time_s:.1f} s, at most {np.degrees(bound_rad):.1f} are allowed"
+    return Check(name, value, bound_rad, "rad", value <= bound_rad, time_s, reason=reason)
+
+
+def _continuity(trajectory: Trajectory) -> list[Check]:
+    checks = []
+    for r, (name, unit) in enumerate(zip(_NAMES, _ORDER_UNITS, strict=True)):
+        jumps = np.abs(trajectory.join_jumps(r))
+        size = np.abs(trajectory.evaluate(trajectory.starts_s, r)).max()
+        tolerance = _JUMP * max(1.0, float(size))
+        worst = float(jumps.max(initial=0.0))
+        where = int(jumps.max(axis=1).argmax()) if len(jumps) else None
+        checks.append(Check(f"{name} at joins", worst, tolerance, unit, worst <= tolerance, segment=where))
+    return checks
+
+
+def _no_clearance(why: str) -> esdf.Clearance:
+    return esdf.Clearance(np.nan, -np.inf, 0.0, np.full(3, np.nan), 0, False, why)  # pyright: ignore[reportArgumentType]
+
+
+def _clearance(trajectory: Trajectory, field: DistanceField, required_m: float) -> esdf.Clearance:
+    try:
+        return esdf.certify(field, trajectory, required_m)
+    except FlightError as error:
+        return _no_clearance(str(error))
+
+
+def _clearance_check(found: esdf.Clearance, required_m: float, vehicle: Vehicle) -> Check:
+    point = " at ({:.2f}, {:.2f}, {:.2f}) m".format(*found.point_world_m) if np.isfinite(found.time_s) else ""
+    reason = f"proved along the whole curve; closest{point}" if found.passed else f"{found.reason}{point}"
+    value, fits = found.proven_m, vehicle.reach_m <= required_m
+    reason = reason if fits else inputs.beyond_clearance(vehicle, required_m)
+    return Check("clearance", value, required_m, "m", found.passed and fits, found.time_s, found.segment, reason)

@@ -1,0 +1,1 @@
+"""From a route to the fastest path along it."""

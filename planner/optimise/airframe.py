@@ -1,0 +1,216 @@
+"""The vehicle as the optimiser sees it, fitted to the vehicle's own model; and what the full model says instead.
+
+Thrust makes up for a lateral drag c |f| / g + c' |v| times the velocity (Faessler et al. 2018, with the coefficients of
+the vehicle's own effects), and turns with the path and with yaw; rotor speeds squared follow thrust and torque linearly
+from hover, less the lift that air speed adds. All else that the model knows is measured with `planner.curve.attitude`
+along the path and handed to the optimiser as offsets.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import vehicle as vehicles
+from flight import FloatArray, Trajectory, polynomial, portable
+from planner.curve import attitude
+from vehicle import Limits, Vehicle, dynamics, invert
+
+NAMES = (
+    "speed", "acceleration", "jerk", "tilt", "roll and pitch rate", "yaw rate",
+    *["rotor speed"] * 4, *["slowest rotor"] * 4,
+)  # fmt: skip
+"""What each column of an excess belongs to."""
+COLUMNS = len(NAMES)
+_FIT_LATERAL_M_S = np.linspace(1.0, 10.0, 10)
+_FIT_CLIMB_M_S = np.linspace(-6.0, 6.0, 7)
+_LEAST_FORCE = 1e-6
+"""Added to |f|^2, and below to |v|^2 (SI): lengths stay smooth at zero."""
+_LEAST_PACE = 1e-2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Airframe:
+    """Limits, and a vehicle reduced to what the optimiser can differentiate a million times a second."""
+
+    gravity_m_s2: float
+    speed_m_s: float
+    acceleration_m_s2: float
+    jerk_m_s3: float
+    """Infinite: no limit."""
+    tilt_rad: float
+    rate_rad_s: float
+    yaw_rate_rad_s: float
+    drag_per_thrust_1_s: float
+    """Lateral drag per mass and velocity, at one g of thrust."""
+    drag_per_speed_1_m: float
+    """What it grows by with the speed."""
+    lift_axial_1_s: float
+    """What thrust per mass gains, at steady rotor speeds, for each m/s along the thrust axis (negative)."""
+    lift_lateral_1_m: float
+    """The same for each m2/s2 of squared speed across it."""
+    inertia_kg_m2: FloatArray
+    """(3,) about the body axes."""
+    effort_least: FloatArray
+    """(4,) lower limit of each rotor's speed squared, in units of the mean at hover."""
+    effort_most: FloatArray
+    effort_hover: FloatArray
+    mix: FloatArray
+    """(4, 4) effort of each rotor by thrust per mass (m/s2) and by the three torques (N m)."""
+
+    def packed(self) -> FloatArray:
+        """(42,) in the order of the kernel's struct (planner/src/airframe.hpp)."""
+        first = [self.speed_m_s, self.acceleration_m_s2, self.jerk_m_s3, _cosine(self.tilt_rad), self.rate_rad_s]
+        first += [self.yaw_rate_rad_s, self.gravity_m_s2, self.drag_per_thrust_1_s, self.drag_per_speed_1_m]
+        first += [self.lift_axial_1_s, self.lift_lateral_1_m]
+        rest = (self.inertia_kg_m2, self.effort_least, self.effort_most, self.effort_hover, self.mix.ravel())
+        return np.concatenate([first, *rest])
+
+
+def reduced(vehicle: Vehicle, limits: Limits) -> Airframe:
+    """The vehicle near hover, with these limits."""
+    hover = invert.hover(vehicle)
+    mean_square = float(np.mean(hover**2))
+    still, mass = np.zeros((1, 3)), vehicle.mass_kg
+    slope = dynamics.wrench_jacobian(vehicle, still, still, hover[None]).rotor_speed[0, 2:]
+    mix = 2.0 * hover[:, None] / mean_square * portable.solve(slope, np.eye(4))
+    mix[:, 0] *= mass
+    drag, lift = _in_flight(vehicle, hover)
+    return Airframe(
+        gravity_m_s2=vehicle.gravity_m_s2,
+        speed_m_s=limits.speed_m_s,
+        acceleration_m_s2=limits.acceleration_m_s2,
+        jerk_m_s3=limits.largest_jerk_m_s3,
+        tilt_rad=limits.tilt_rad,
+        rate_rad_s=limits.rate_rad_s,
+        yaw_rate_rad_s=limits.yaw_rate_rad_s,
+        drag_per_thrust_1_s=float(drag[0]),
+        drag_per_speed_1_m=float(drag[1]),
+        lift_axial_1_s=float(lift[0]),
+        lift_lateral_1_m=float(lift[1]),
+        inertia_kg_m2=np.array([vehicle.value(f"inertia_{axis}_kg_m2") for axis in ("xx", "yy", "zz")]),
+        effort_least=np.full(4, np.square(limits.rotor_speed_min_rad_s) / mean_square),
+        effort_most=np.full(4, np.square(limits.rotor_speed_max_rad_s) / mean_square),
+        effort_hover=hover**2 / mean_square,
+        mix=mix,
+    )
+
+
+def _in_flight(vehicle: Vehicle, hover: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What air speed does at hover's rotor speeds, by least squares over level and vertical motion.
+
+    Returns:
+        Drag per mass over lateral speed as a + b |v|, never negative; thrust per mass as a u + b (v_x^2 + v_y^2).
+    """
+    grids = np.meshgrid(np.arange(8) * np.pi / 4.0, _FIT_LATERAL_M_S, _FIT_CLIMB_M_S)
+    turn, lateral, up = (np.asarray(grid, dtype=np.float64).ravel() for grid in grids)
+    sine, cosine = portable.sine_cosine(turn)
+    velocity: FloatArray = np.stack([lateral * cosine, lateral * sine, up], axis=1)
+    force, _ = vehicles.wrench(vehicle, velocity, np.zeros_like(velocity), np.broadcast_to(hover, (len(velocity), 4)))
+    per_mass = force / vehicle.mass_kg
+    drag = -np.sum(per_mass[:, :2] * velocity[:, :2], axis=1) / lateral**2
+    by_speed = np.stack([np.ones_like(lateral), np.sqrt(lateral**2 + up**2)], axis=1)
+    by_climb = np.stack([up, lateral**2], axis=1)
+    lift = per_mass[:, 2] - vehicle.gravity_m_s2
+    fitted = [_least_squares(x, y) for x, y in ((by_speed, drag), (by_climb, lift))]
+    return np.maximum(fitted[0], 0.0), fitted[1]
+
+
+def _least_squares(x: FloatArray, y: FloatArray) -> FloatArray:
+    """By the normal equations: two columns that are far from parallel."""
+    return portable.solve(portable.product(x.T, x), portable.product(x.T, y[:, None]))[:, 0]
+
+
+def _cosine(angle_rad: float) -> float:
+    return float(portable.sine_cosine(angle_rad)[1])
+
+
+def excess_numpy(airframe: Airframe, derivatives: FloatArray) -> FloatArray:
+    """The NumPy reference of the kernel's `Demand`: relative excess (n, 14) over each limit.
+
+    Args:
+        derivatives: (n, 5, 4) position and yaw with four derivatives.
+    """
+    w, up = airframe, np.array([0.0, 0.0, airframe.gravity_m_s2])
+    v, a, j, s = (derivatives[:, r, :3] for r in range(1, 5))
+    yaw, yaw_rate, yaw_acceleration = derivatives[:, :3, 3].T
+    f = a + up
+    force, pace = (np.sqrt(_dot(x, x) + least)[:, None] for x, least in ((f, _LEAST_FORCE), (v, _LEAST_PACE)))
+    drag = w.drag_per_thrust_1_s * force / w.gravity_m_s2 + w.drag_per_speed_1_m * pace
+    thrust, thrust_1, thrust_2 = f + drag * v, j + drag * a, s + drag * j
+    size = np.sqrt(np.maximum(_dot(thrust, thrust), 0.04 * np.square(w.gravity_m_s2)))[:, None]
+    z = thrust / size
+    change = _dot(z, thrust_1)[:, None]
+    z_1 = (thrust_1 - z * change) / size
+    z_2 = (thrust_2 - z * _dot(z, thrust_2)[:, None] - 2.0 * change * z_1) / size  # across z only
+    low = np.maximum(1.0 + z[:, 2], 0.1)[:, None]
+    flat_1, flat_2 = ((d - z * d[:, 2:] / low)[:, :2] for d in (z_1, z_2))
+    sine, cosine = portable.sine_cosine(yaw)
+    forward, left = np.stack([cosine, sine], axis=1), np.stack([-sine, cosine], axis=1)
+    rate = np.stack([-_dot(left, flat_1), _dot(forward, flat_1), np.zeros(len(v))], axis=1)
+    turn = np.stack([-_dot(left, flat_2), _dot(forward, flat_2), np.zeros(len(v))], axis=1)
+    spin_1, spin_2 = (z[:, 0] * d[:, 1] - z[:, 1] * d[:, 0] for d in (z_1, z_2))
+    rate[:, 2] = yaw_rate - spin_1 / low[:, 0]
+    turn[:, 2] = yaw_acceleration - spin_2 / low[:, 0] + spin_1 * z_1[:, 2] / low[:, 0] ** 2
+    # the body's axes turn with it: what that adds to the change of the rates
+    turn[:, 0] += rate[:, 1] * rate[:, 2]
+    turn[:, 1] -= rate[:, 0] * rate[:, 2]
+    torque = turn * w.inertia_kg_m2 + np.cross(rate, rate * w.inertia_kg_m2)
+    climb = _dot(v, z)
+    lift = w.lift_axial_1_s * climb + w.lift_lateral_1_m * (_dot(v, v) - climb**2)
+    asked = np.concatenate([(_dot(f, z) - lift - w.gravity_m_s2)[:, None], torque], axis=1)
+    effort = w.effort_hover + portable.product(asked, w.mix.T)
+    cos_tilt = _cosine(w.tilt_rad)
+    return np.column_stack(
+        [
+            _dot(v, v) / np.square(w.speed_m_s) - 1.0,
+            _dot(a, a) / np.square(w.acceleration_m_s2) - 1.0,
+            _dot(j, j) / np.square(w.jerk_m_s3) - 1.0,
+            (cos_tilt - z[:, 2]) / (1.0 - cos_tilt),
+            _dot(z_1, z_1) / np.square(w.rate_rad_s) - 1.0,
+            rate[:, 2] ** 2 / np.square(w.yaw_rate_rad_s) - 1.0,
+            effort - w.effort_most,
+            w.effort_least - effort,
+        ]
+    )
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.einsum("ni,ni->n", a, b)
+
+
+def measured_excess(
+    airframe: Airframe,
+    vehicle: Vehicle,
+    trajectory: Trajectory,
+    segments: np.ndarray,
+    fractions: FloatArray,
+    speed_m_s: FloatArray | None = None,
+    jerk_m_s3: FloatArray | None = None,
+    memory: attitude.Memory | None = None,
+) -> FloatArray:
+    """The same quantities (s, f, 14) from the vehicle's full model, at fractions (f,) of the given segments (s,).
+
+    NaN where it cannot fly the motion at all. `speed_m_s` and `jerk_m_s3` (k,) are limits of all segments, if not the
+    airframe's.
+    """
+    k = len(trajectory.durations_s)
+    most = np.full(k, airframe.speed_m_s) if speed_m_s is None else speed_m_s
+    most_jerk = np.full(k, airframe.jerk_m_s3) if jerk_m_s3 is None else jerk_m_s3
+    w, values = airframe, attitude.sampled(vehicle, trajectory, segments, fractions, memory)
+    effort = values[..., attitude.ROTOR] ** 2 / np.mean(invert.hover(vehicle) ** 2)
+    rate, cos_tilt = values[..., attitude.RATE], _cosine(w.tilt_rad)
+    times = fractions * trajectory.durations_s[segments, None]
+    c = trajectory.coefficients[segments, :3]
+    speed, push, jerk = (
+        (polynomial.evaluate(polynomial.differentiate(c, r)[:, None], times[..., None]) ** 2).sum(axis=2)
+        for r in (1, 2, 3)
+    )
+    single = [
+        speed / most[segments, None] ** 2 - 1.0,
+        push / np.square(w.acceleration_m_s2) - 1.0,
+        jerk / most_jerk[segments, None] / most_jerk[segments, None] - 1.0,  # no square of a huge limit
+        (cos_tilt - values[..., attitude.UP]) / (1.0 - cos_tilt),
+        (rate[..., :2] ** 2).sum(axis=2) / np.square(w.rate_rad_s) - 1.0,
+        rate[..., 2] ** 2 / np.square(w.yaw_rate_rad_s) - 1.0,
+    ]
+    return np.concatenate([np.stack(single, axis=2), effort - w.effort_most, w.effort_least - effort], axis=2)

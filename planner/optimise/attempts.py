@@ -1,0 +1,130 @@
+"""From a route to the fastest of several optimised paths: other starts of the descent, other uses of the heading."""
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+
+from flight import Progress, silent
+from planner.curve.minimum_snap import Spline
+from planner.gate.gate import AskGate
+from planner.optimise import descents, fastest
+from planner.optimise.corrections import Corrections
+from planner.optimise.fastest import Path
+from planner.optimise.time_allocation import Problem
+from planner.request import space
+from planner.request.options import PlanInfeasibleError
+from planner.request.request import Request
+from planner.route import routes
+
+
+class Attempts:
+    """What all attempts have in common: the route, what is asked for, and the gate."""
+
+    def __init__(
+        self,
+        route: routes.Route,
+        obstacles: space.DistanceField,
+        request: Request,
+        ask_gate: AskGate,
+        *,
+        clearance_price: float,
+        progress: Progress = silent,
+    ) -> None:
+        """Finds the path with few knots that all begin with.
+
+        Args:
+            obstacles: what the optimiser keeps away from; paths must keep clear in the request's `field`.
+            clearance_price: as `Weights.clearance`.
+
+        Raises:
+            PlanCancelledError: the request's `stop` was set.
+        """
+        self._route, self._request, self._ask_gate = route, request, ask_gate
+        self._clearance_price, self._progress = clearance_price, progress
+        self._rough, self.start = fastest.rough(route, obstacles, request)
+
+    def best(self) -> Path | None:
+        """The fastest path that passes the gate, or the last one that does not; None if all stay too close.
+
+        A free heading is not only tried for itself, but also from the answers with one that is bound, so that it never
+        costs time.
+        """
+        options, yaw_rad = self._request.options, self._request.waypoints.yaw_rad
+        found = self._from_starts(self._request)
+        if options.yaw != "free":
+            return found
+        given = int(np.isfinite(yaw_rad).sum())
+        for mode in ("along_path", "steady") if given < 2 else ("along_path",):
+            bound = self._from_starts(replace(self._request, options=replace(options, yaw=mode)))
+            if bound is None or not bound.report.passed:
+                continue
+            found = bound if found is None or not found.report.passed else fastest.faster(found, bound)
+        if found is None or found.kept is None:
+            return found
+        freed = self._freed(found)
+        return found if freed is None else fastest.faster(found, freed)
+
+    def _from_starts(self, request: Request) -> Path | None:
+        """The fastest path from as many starts of the descent as are asked for, the first of equals."""
+        problem, durations, index = fastest.whole_vehicle(
+            self._rough, self.start, self._route.waypoint, request, self._clearance_price
+        )
+        begin = problem.spline(problem.knots, durations)
+
+        def attempt(number: int) -> Path | None:
+            try:
+                return self._from_start(number, problem, begin, index, request)
+            except PlanInfeasibleError:
+                if number == 0:
+                    raise
+                return None
+
+        if request.options.starts == 1:
+            return attempt(0)
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            return _fastest(pool.map(attempt, range(request.options.starts)))
+
+    def _from_start(
+        self, number: int, problem: Problem, begin: Spline, index: np.ndarray, request: Request
+    ) -> Path | None:
+        """The path from one start of the descent: the first on its way that comes through the gate."""
+        path = None
+        for there in descents.starts(problem, begin, request.options.clearance_m, request.stop, number):
+            found = self._until_flyable(replace(problem, knots=there.knots), there.spline, index, request)
+            path = path if found is None else found
+            if path is not None and path.report.passed:
+                break
+        return path
+
+    def _freed(self, bound: Path) -> Path | None:
+        assert bound.kept is not None
+        problem = fastest.with_free_heading(bound.kept.problem, bound.waypoint, self._request.waypoints.yaw_rad)
+        corrections = bound.kept.corrections.unpressed()
+        freed = self._until_flyable(problem, bound.kept.spline, bound.waypoint, self._request, corrections)
+        return freed and replace(freed, optimum=replace(freed.optimum, spread=bound.optimum.spread))
+
+    def _until_flyable(
+        self,
+        problem: Problem,
+        spline: Spline,
+        index: np.ndarray,
+        request: Request,
+        corrections: Corrections | None = None,
+    ) -> Path | None:
+        return fastest.until_flyable(
+            problem, spline, index, request, self._ask_gate, corrections=corrections, progress=self._progress
+        )
+
+
+def _fastest(found: Iterator[Path | None]) -> Path | None:
+    """The fastest path that passes the gate, with the spread of all that do; else the first one."""
+    paths = [path for path in found if path is not None]
+    passed = [path for path in paths if path.report.passed]
+    if not passed:
+        return paths[0] if paths else None
+    best = min(passed, key=lambda path: path.trajectory.duration_s)
+    longest_s = max(path.trajectory.duration_s for path in passed)
+    return replace(best, optimum=replace(best.optimum, spread=longest_s / best.trajectory.duration_s - 1.0))

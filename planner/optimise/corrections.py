@@ -1,0 +1,126 @@
+"""What the optimiser's idea of each limit lacks, measured with the vehicle's own model along the path."""
+
+import numpy as np
+
+from flight import FloatArray, Trajectory
+from planner._planner import StopFlag
+from planner.curve.attitude import Memory
+from planner.curve.minimum_snap import Spline
+from planner.gate import limits
+from planner.optimise import airframe, time_allocation
+from planner.optimise.time_allocation import Problem
+from planner.request.options import check_stop
+from vehicle import Vehicle
+
+_SPARE = 0.006
+"""Relative excess that is kept from every limit, for what is not measured."""
+_STRICTER = 0.01, 0.25
+"""The same where the gate, with its finer samples, found a limit exceeded, more each time it does: at least, and as a
+share of the excess."""
+_NEAR = 0.3
+"""The vehicle's own model is expensive: it is asked in segments where a limit is nearer than this."""
+_MOST, _RISE, _FALL = 0.5, 0.1, 0.5
+"""Largest correction of the reduced model; how much it grows in one round, and the share by which it comes down. At a
+large one the path is another, for which it would be wrong again: growing in steps, path and correction come to rest."""
+_GROUP = 100
+"""Segments in which it is asked together: more would make cancelling slow."""
+_IMPOSSIBLE = 0.2
+"""Excess of every rotor where no rotor speeds give the motion."""
+
+
+class Corrections:
+    """What is added to the reduced model's excess at each sample, (k, samples, limits)."""
+
+    def __init__(self, segments: int) -> None:
+        shape = (segments, time_allocation.SAMPLES, airframe.COLUMNS)
+        self.model, self.between, self.multiplier = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        self.measured, self.believed = np.zeros(shape), np.zeros(shape)
+        """The correction that was measured last, and the excess with the one that is believed."""
+        self.gate = np.full((segments, 1, airframe.COLUMNS), _SPARE)
+
+    def spliced(self, first: int, last: int, segments: int) -> "Corrections":
+        """A copy in which the segments from `first` up to `last` are replaced by so many new ones, none measured yet.
+
+        Where the number stays the same, what was measured of the old ones is where the new ones start from.
+        """
+        fresh = Corrections(segments)
+        copy = Corrections(0)
+        for name, old in vars(self).items():
+            new = old[first:last] if segments == last - first else getattr(fresh, name)
+            setattr(copy, name, np.concatenate([old[:first], new, old[last:]]))
+        return copy
+
+    def unpressed(self) -> "Corrections":
+        """A copy with what was measured, and no multipliers yet."""
+        copy = self.spliced(0, 0, 0)
+        copy.multiplier[:] = 0.0
+        return copy
+
+    def total(self) -> FloatArray:
+        return self.model + self.between + self.multiplier + self.gate
+
+    def measure(
+        self,
+        problem: Problem,
+        spline: Spline,
+        path: Trajectory,
+        vehicle: Vehicle,
+        touched: np.ndarray,
+        memory: Memory | None = None,
+        stop: StopFlag | None = None,
+    ) -> FloatArray:
+        """Ask the vehicle's own model in segments `touched` (k,); what it says each excess is, (k, samples, limits).
+
+        Raises:
+            PlanCancelledError: `stop` was set.
+        """
+        reduced, peaks = time_allocation.excess(problem, spline)
+        near = np.flatnonzero(touched & ((peaks + self.model).max(axis=(1, 2)) > -_NEAR))
+        for group in np.split(near, range(_GROUP, len(near), _GROUP)) if near.size else []:
+            check_stop(stop)
+            full = airframe.measured_excess(
+                problem.airframe,
+                vehicle,
+                path,
+                group,
+                time_allocation.FRACTIONS,
+                problem.speed_m_s,
+                problem.jerk_m_s3,
+                memory,
+            )
+            full = np.where(np.isfinite(full), full, np.maximum(reduced[group], 0.0) + _IMPOSSIBLE)
+            self.measured[group] = np.clip(full - reduced[group], -_MOST, _MOST)
+            self.model[group] = _approached(self.model[group], self.measured[group])
+        self.between = _approached(self.between, peaks - reduced)
+        self.believed = peaks + self.model
+        return peaks + self.measured
+
+    def press(self, touched: np.ndarray) -> None:
+        """Raise the multipliers of what is believed to be exceeded, lower those of what is not."""
+        pressed = np.maximum(0.0, self.believed + self.gate + self.multiplier)
+        self.multiplier = np.where(touched[:, None, None], pressed, self.multiplier)
+
+    def active(self, touched: np.ndarray) -> tuple[str, ...]:
+        """The limit of each segment with the largest multipliers, "" for none; where untouched, of the last round."""
+        now = np.maximum(0.0, self.believed + self.gate + self.multiplier)
+        held = np.where(touched[:, None, None], now, self.multiplier).sum(axis=1)
+        return tuple(airframe.NAMES[most] if held[i, most] > 0.0 else "" for i, most in enumerate(held.argmax(axis=1)))
+
+    def stricter(self, used: limits.Usage, on_legs: dict[str, np.ndarray]) -> None:
+        """Keep more from the limits that the gate found exceeded, in those segments only.
+
+        Args:
+            on_legs: by name of the limit, (k,) bool, where what is asked for on a leg is.
+        """
+        columns = np.array([limits.NAMES.index(name) for name in airframe.NAMES])
+        exceeded, excess = ~used.passed[columns].T, np.nan_to_num(used.share[columns].T - 1.0, nan=0.0)
+        for name, beyond in on_legs.items():
+            exceeded[:, airframe.NAMES.index(name)] |= beyond
+        least, share = _STRICTER
+        self.gate[:, 0] += np.where(exceeded, np.clip(share * excess, least, 10.0 * least), 0.0)
+
+
+def _approached(believed: FloatArray, measured: FloatArray) -> FloatArray:
+    """A correction on its way to what was measured."""
+    falling = believed + _FALL * (measured - believed)
+    return np.where(measured > believed, np.minimum(measured, believed + _RISE), falling)

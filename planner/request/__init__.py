@@ -1,0 +1,1 @@
+"""What is asked for: waypoints, conditions, options, and the space to fly in."""

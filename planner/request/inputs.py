@@ -1,0 +1,122 @@
+"""What cannot be planned is refused before any work, with the waypoint or the limit, the bound and the way out."""
+
+import numpy as np
+
+from flight import FloatArray, InfeasibleError, InputError, Waypoints, rotations
+from flight.trajectory import LONGEST_S
+from planner.request.options import PlanInfeasibleError, PlanOptions
+from vehicle import Limits, Vehicle, invert
+
+MOST_WAYPOINTS = 2000
+"""More would take minutes; a recorded path is thinned first."""
+_LONGEST_TURN_S = 60.0
+"""A turn between two headings that takes longer than this is taken for a mistake in the headings or the limit."""
+
+
+def options_for(vehicle: object, options: PlanOptions | None) -> PlanOptions:
+    """The options, the defaults if None, with the vehicle's own radius where they leave it open.
+
+    Raises:
+        InputError: there is no vehicle.
+    """
+    if not isinstance(vehicle, Vehicle):
+        raise InputError(f"expected a vehicle, got {vehicle!r}; read one with `vehicle.load`, or use `vehicle.example`")
+    return (PlanOptions() if options is None else options).sized(vehicle)
+
+
+def check(waypoints: Waypoints, field: object, vehicle: Vehicle, options: PlanOptions) -> None:
+    """Refuse what no plan can come of.
+
+    Raises:
+        InputError: no map, a vehicle larger than the clearance, too many waypoints, two too far apart, or
+            headings that take too long to turn.
+        PlanInfeasibleError: the limits do not let the vehicle hover.
+    """
+    if not hasattr(field, "distance"):
+        raise InputError(f"expected a map, got {field!r}; give a field with `distance(points)`, say of `esdf.load`")
+    count = len(waypoints.positions_world_m)
+    if count > MOST_WAYPOINTS:
+        raise InputError(
+            f"{count} waypoints are given; at most {MOST_WAYPOINTS} are planned at once: "
+            "thin them (`goshawk plan --path`, or `planner.route.simplify.rdp`), or plan in parts"
+        )
+    if vehicle.reach_m > options.clearance_m:
+        raise InputError(beyond_clearance(vehicle, options.clearance_m))
+    bounds = options.limits_for(vehicle)
+    _check_hover(vehicle, bounds, options)
+    check_durations(waypoints, bounds)
+    _check_headings(waypoints, bounds)
+
+
+def beyond_clearance(vehicle: Vehicle, clearance_m: float) -> str:
+    """Why a clearance is too small for a vehicle, and the way out."""
+    least_m = np.ceil(1e3 * vehicle.reach_m) / 1e3
+    return (
+        f"the propellers of {vehicle.name} reach {vehicle.reach_m:.3f} m from its centre, beyond the clearance of "
+        f"{clearance_m:.3f} m that is asked for; raise radius_m (--radius) to {least_m:g} or more"
+    )
+
+
+def _check_hover(vehicle: Vehicle, bounds: Limits, options: PlanOptions) -> None:
+    try:
+        hover = invert.hover(vehicle)
+    except InfeasibleError as error:
+        raise PlanInfeasibleError(
+            str(error), "change rotor_speed_max_rad_s, or correct the vehicle's mass or thrust coefficients"
+        ) from error
+    low, high = bounds.rotor_speed_min_rad_s, bounds.rotor_speed_max_rad_s
+    if hover.min() >= low and hover.max() <= high:
+        return
+    name = "rotor_speed_min_rad_s" if hover.min() < low else "rotor_speed_max_rad_s"
+    raise PlanInfeasibleError(
+        f"the vehicle cannot hover: its rotors need {hover.min():.0f} to {hover.max():.0f} rad/s, and the limits with "
+        f"a control_reserve of {options.control_reserve:g} leave {low:.0f} to {high:.0f}",
+        f"change {name}, or lower control_reserve",
+    )
+
+
+def check_durations(waypoints: Waypoints, bounds: Limits, leg_speed_m_s: FloatArray | None = None) -> None:
+    """Refuse what takes longer than a trajectory may last.
+
+    Args:
+        leg_speed_m_s: (n - 1,) the largest speed asked for on each leg, NaN for none.
+
+    Raises:
+        InputError: it does, even at the largest speeds or the largest acceleration.
+    """
+    gaps = np.linalg.norm(np.diff(waypoints.positions_world_m, axis=0), axis=1)
+    speed = np.full(len(gaps), bounds.speed_m_s)
+    if leg_speed_m_s is not None:
+        speed = np.fmin(speed, leg_speed_m_s)
+    times_s = gaps / speed
+    i = int(times_s.argmax()) if len(gaps) else 0
+    if times_s.sum() > LONGEST_S:
+        name = "speed_m_s" if speed[i] >= bounds.speed_m_s else "the speed asked for there"
+        raise InputError(
+            f"the way of {gaps.sum():.3g} m takes more than {LONGEST_S:g} s; most of it is between waypoints {i + 1} "
+            f"and {i + 2}, {gaps[i]:.3g} m at {speed[i]:.3g} m/s: move them, or raise {name}"
+        )
+    if 2.0 * np.sqrt(gaps.sum() / bounds.acceleration_m_s2) > LONGEST_S:
+        raise InputError(
+            f"the way of {gaps.sum():.3g} m takes more than {LONGEST_S:g} s at acceleration_m_s2 "
+            f"{bounds.acceleration_m_s2:.3g}: raise the limit"
+        )
+    if gaps.sum() > bounds.largest_jerk_m_s3 * (LONGEST_S**3 / 32.0):  # from rest to rest, jerk at its limit all along
+        raise InputError(
+            f"the way of {gaps.sum():.3g} m takes more than {LONGEST_S:g} s at jerk_m_s3 {bounds.jerk_m_s3:.3g}: raise "
+            "the limit"
+        )
+
+
+def _check_headings(waypoints: Waypoints, bounds: Limits) -> None:
+    given = np.flatnonzero(np.isfinite(waypoints.yaw_rad))
+    turns = np.abs(rotations.wrapped(np.diff(waypoints.yaw_rad[given])))
+    slow = np.flatnonzero(turns > _LONGEST_TURN_S * bounds.yaw_rate_rad_s)
+    if slow.size:
+        first, then = given[slow[0]], given[slow[0] + 1]
+        turn = float(turns[slow[0]])
+        raise InputError(
+            f"waypoints {first + 1} and {then + 1} ask for headings {np.degrees(turn):.0f} deg apart, a turn of "
+            f"{turn / bounds.yaw_rate_rad_s:.0f} s at yaw_rate_rad_s {bounds.yaw_rate_rad_s:g}; bring the headings "
+            "closer, or raise the limit"
+        )

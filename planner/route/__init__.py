@@ -1,0 +1,1 @@
+"""A way round obstacles, before anything is known of how it is flown."""
