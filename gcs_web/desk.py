@@ -17,7 +17,6 @@ import vehicle
 from flight import FlightError, FloatArray, InputError, TrajectoryFile, Waypoints, trajectory
 from flight.mission import Mission
 from flight.project import Project
-from gcs_web import protocol
 from gcs_web.comparison.comparing import Comparing
 from gcs_web.comparison.shown_flights import ShownFlights
 from gcs_web.document import missions, projects
@@ -31,6 +30,13 @@ from gcs_web.learning.consent import Consent
 from gcs_web.learning.learning import Learning
 from gcs_web.map.map_desk import MapDesk
 from gcs_web.planning import inputs, page_values, planning, saved, snapping
+from gcs_web.protocol import flights as flights_messages
+from gcs_web.protocol.consent import EffectFiles
+from gcs_web.protocol.jobs import Job
+from gcs_web.protocol.people import Notice, People, Person
+from gcs_web.protocol.plan import Plan
+from gcs_web.protocol.projects import Projects
+from gcs_web.protocol.trajectories import Files
 from gcs_web.vehicle.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
 
@@ -114,10 +120,10 @@ class Desk:
 
     def notice(self, text: str, *, level: str = "fact", undo: bool = False, to: str = "") -> None:
         kind = "danger" if level == "danger" else "caution" if level == "caution" else "fact"
-        self.hub.publish(protocol.Notice(text, kind, undo), to)
+        self.hub.publish(Notice(text, kind, undo), to)
 
     def show_people(self) -> None:
-        self.hub.publish(protocol.People(self.hub.people, self.in_control))
+        self.hub.publish(People(self.hub.people, self.in_control))
 
     def show_files(self) -> None:
         """List the saved trajectories and flights, with whether each is checked for the inputs as they are now."""
@@ -127,16 +133,16 @@ class Desk:
             hashes = ("", "")
         listed = [saved.listed(path, hashes) for path in self.project.trajectories()]
         flights = [path.stem for path in self.project.flights()]
-        self.hub.publish(protocol.Files(listed, flights, saved.aside(self.project)))
+        self.hub.publish(Files(listed, flights, saved.aside(self.project)))
         self.flights.refresh()
 
-    def _flights_changed(self, now: protocol.Flights) -> None:
+    def _flights_changed(self, now: flights_messages.Flights) -> None:
         self.hub.publish(now)
         self.show_learning()
 
     def show_learning(self) -> None:
         """The comparison, the diagnosis, the model and its effect files as they are now."""
-        self.hub.publish(protocol.EffectFiles(self.consent.files()))
+        self.hub.publish(EffectFiles(self.consent.files()))
         self.hub.publish(self.comparing.state())
         self.hub.publish(self.learning.diagnosis())
         self.hub.publish(self.learning.identification())
@@ -163,9 +169,9 @@ class Desk:
             return vehicle.Limits()
 
     def show_projects(self) -> None:
-        self.hub.publish(protocol.Projects(projects.beside(self.project)))
+        self.hub.publish(Projects(projects.beside(self.project)))
 
-    def open_project(self, folder: str, person: protocol.Person) -> None:
+    def open_project(self, folder: str, person: Person) -> None:
         """Have the station close this project and open a neighbour of it.
 
         Raises:
@@ -192,7 +198,7 @@ class Desk:
     def show_jobs(self) -> None:
         self.hub.publish(self.jobs.state())
 
-    def _job_ended(self, job: protocol.Job) -> None:
+    def _job_ended(self, job: Job) -> None:
         if job.state != "cancelled":
             failed = job.state == "failed"
             self.notice(f"{job.title}{' failed' if failed else ''}: {job.words}", level="danger" if failed else "fact")
@@ -206,16 +212,16 @@ class Desk:
             revision, content = self.session.revision, self.session.content
             if behind := self.session.map_edits_behind:
                 said = f"Nothing is planned: {behind}, so the map lacks your edit. Make room, then edit again."
-                self._show_plan(protocol.Plan(revision, "void", said))
+                self._show_plan(Plan(revision, "void", said))
                 return
             few = len(content.points) < 2
             if few:
                 sentence = (
                     "Add at least two waypoints: Insert under the table, the key Insert, or a Shift-click on the map."
                 )
-                self._show_plan(protocol.Plan(revision, "none", sentence))
+                self._show_plan(Plan(revision, "none", sentence))
                 return
-            self._show_plan(protocol.Plan(revision, "planning", "Planning and checking ..."))
+            self._show_plan(Plan(revision, "planning", "Planning and checking ..."))
             if afresh:
                 self._as_saved = None
             known = self._as_saved
@@ -297,7 +303,7 @@ class Desk:
             self.answer = answer
             self._show_plan(answer.shown)
 
-    def _show_plan(self, plan: protocol.Plan) -> None:
+    def _show_plan(self, plan: Plan) -> None:
         crc32 = ""
         if self.answer is not None and self.answer.file is not None and plan.state == "checked":
             crc32 = page_values.crc32(replace(self.answer.file, name=self.name))
@@ -353,7 +359,7 @@ class Desk:
             self.inputs = now
             said = "The map or the vehicle changed since the check: this plan is void. Plan again."
             self._show_clearance()
-            self._show_plan(protocol.Plan(self.session.revision, "void", said))
+            self._show_plan(Plan(self.session.revision, "void", said))
         self._notice_with_map(said, level="caution")
         self._draw_map()  # takes seconds for a large mesh: not under the lock
         self.show_files()
@@ -377,7 +383,7 @@ class Desk:
 
     # --- who may give orders ---
 
-    def take_control(self, person: protocol.Person, *, force: bool) -> None:
+    def take_control(self, person: Person, *, force: bool) -> None:
         """
         Raises:
             InputError: somebody else has control, and `force` was not given; or another project is being opened.
@@ -393,13 +399,13 @@ class Desk:
             self.in_control = person.id
         self.show_people()
 
-    def give_up_control(self, person: protocol.Person) -> None:
+    def give_up_control(self, person: Person) -> None:
         with self._lock:
             if self.in_control == person.id:
                 self.in_control = ""
         self.show_people()
 
-    def require_control(self, person: protocol.Person) -> VehicleWatch:
+    def require_control(self, person: Person) -> VehicleWatch:
         """The vehicle, for the person in control.
 
         Raises:
@@ -412,7 +418,7 @@ class Desk:
             raise InputError(f"{whose}; take control first")
         return self.watch
 
-    def new_nonce(self, person: protocol.Person, purpose: str) -> str:
+    def new_nonce(self, person: Person, purpose: str) -> str:
         """A word that is good once, for this person and purpose, for a minute."""
         with self._lock:
             now_s = time.monotonic()
@@ -421,7 +427,7 @@ class Desk:
             self._nonces[word] = _Nonce(person.id, purpose, now_s)
             return word
 
-    def use_nonce(self, word: str, person: protocol.Person, purpose: str) -> None:
+    def use_nonce(self, word: str, person: Person, purpose: str) -> None:
         """
         Raises:
             InputError: it was used before, is too old, or was given to somebody else or for something else.
@@ -443,7 +449,7 @@ class Desk:
         crc32 = "" if file is None else page_values.crc32(replace(file, name=self.name))
         return {"revision": self.session.revision, "plan": self.name, "crc32": crc32}
 
-    def audit(self, person: protocol.Person, what: str, answer: str, about: dict[str, object]) -> None:
+    def audit(self, person: Person, what: str, answer: str, about: dict[str, object]) -> None:
         """One line for whoever asks later: who ordered what, about which plan, and what came of it."""
         now = datetime.now(UTC).isoformat(timespec="milliseconds")
         line = {"time": now, "who": person.name, "what": what, **about, "answer": answer}
@@ -453,7 +459,7 @@ class Desk:
         except OSError as error:  # the order was carried out all the same
             self.notice(f"the audit log could not be written: {error.strerror}", level="danger")
 
-    def audited(self, person: protocol.Person, what: str, do: Callable[[], None], about: dict[str, object]) -> None:
+    def audited(self, person: Person, what: str, do: Callable[[], None], about: dict[str, object]) -> None:
         """Do what a person ordered, and write down what came of it.
 
         Args:
@@ -471,7 +477,7 @@ class Desk:
         self.show_people()
         self.shown_flights.people_changed()
 
-    def left(self, person: protocol.Person) -> None:
+    def left(self, person: Person) -> None:
         """Somebody closed the page: control is free again."""
         self.map.end_preview(person.id)
         self.give_up_control(person)

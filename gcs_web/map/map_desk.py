@@ -12,14 +12,25 @@ from esdf import Edit
 from esdf.edits import difference
 from flight import FlightError, FloatArray, InputError
 from flight.project import Project
-from gcs_web import protocol
 from gcs_web.document import map_edits
 from gcs_web.document.session import Session
 from gcs_web.gateway.hub import Hub
 from gcs_web.map.bodies import Place, triple
 from gcs_web.map.map_view import MapView
 from gcs_web.planning import inputs
-from gcs_web.protocol.map import Layer, MapAction, MapFacts, Shape, Slice
+from gcs_web.protocol.map import (
+    Layer,
+    MapAction,
+    MapFacts,
+    MapPreview,
+    MapShown,
+    Measured,
+    Paint,
+    PreviewMapEdit,
+    Shape,
+    Slice,
+)
+from gcs_web.protocol.people import Notice, Person
 from mapping import Map
 
 _LAYERS: list[Layer] = ["mesh", "edits"]
@@ -37,13 +48,13 @@ class MapDesk:
         self._slice: Slice | None = None
         self._layers, self._author = _LAYERS, ""
         self._measured: list[Place] = []
-        self._preview = protocol.MapPreview("")
+        self._preview = MapPreview("")
         self._action: MapAction = "no-fly"
         self._editor: esdf.Editor | None = None
         """Of the map without the previewed edit, while there is one."""
         self._brush_lock = threading.Lock()
         """Of the next three, apart: viser's loop takes it, and must not wait for a preview to be computed."""
-        self._painter, self._stroke = "", protocol.Paint(serial=0, active=False)
+        self._painter, self._stroke = "", Paint(serial=0, active=False)
         """Who paints (id), and with which brush."""
         self._painted: list[Place] = []
         self._view.on_shape = self._pulled
@@ -84,7 +95,7 @@ class MapDesk:
         high = low + np.array(grid.shape) * np.array(grid.voxel_m)
         reprojection = facts.get("reprojection_error_px")
         self._hub.publish(
-            protocol.MapShown(
+            MapShown(
                 slice=self._slice,
                 layers=list(self._layers),
                 low_m=triple(low),
@@ -124,11 +135,11 @@ class MapDesk:
             near = self._area().field.distance(np.array(points))
             clearances = [None if np.isnan(value) else round(float(value), 3) for value in near]
         apart = float(np.linalg.norm(np.subtract(points[0], points[1]))) if len(points) == 2 else None
-        self._hub.publish(protocol.Measured(self._view.measuring, points, clearances, apart))
+        self._hub.publish(Measured(self._view.measuring, points, clearances, apart))
 
     # --- what an edit would change ---
 
-    def preview(self, wanted: protocol.PreviewMapEdit, person: protocol.Person) -> None:
+    def preview(self, wanted: PreviewMapEdit, person: Person) -> None:
         """
         Raises:
             InputError: somebody else looks at a preview, or the edit is not possible.
@@ -142,7 +153,7 @@ class MapDesk:
             self._action = wanted.action
             self._show_preview(person.id, wanted.edit, wanted.shape, drawn=False)
 
-    def paint(self, wanted: protocol.Paint, person: protocol.Person) -> None:
+    def paint(self, wanted: Paint, person: Person) -> None:
         """Take drags over the mesh for this person's strokes, or stop.
 
         Raises:
@@ -170,7 +181,7 @@ class MapDesk:
                     said = (
                         f"A stroke has at most {map_edits.MOST_POINTS} places, and ends here; apply it, then draw on."
                     )
-                    self._hub.publish(protocol.Notice(said, "caution"), self._painter)
+                    self._hub.publish(Notice(said, "caution"), self._painter)
             if not self._painted:
                 return
             brush, author = self._stroke, self._painter
@@ -190,9 +201,9 @@ class MapDesk:
             try:
                 self._show_preview(author, None, shape, drawn=True)
             except FlightError as error:
-                self._hub.publish(protocol.Notice(str(error), "danger"), author)
+                self._hub.publish(Notice(str(error), "danger"), author)
 
-    def _require_free(self, person: protocol.Person) -> None:
+    def _require_free(self, person: Person) -> None:
         holder = self._preview.author or self._painter
         if holder not in ("", person.id) and any(p.id == holder for p in self._hub.people):
             raise InputError("another person is drawing an edit of the map; wait until it is applied or cancelled")
@@ -206,7 +217,7 @@ class MapDesk:
                 self._view.mesh.paint(False)
                 self._view.preview("no-fly", None, None)
             if self._preview.author and author in ("", self._preview.author):
-                self._editor, self._preview = None, protocol.MapPreview("")
+                self._editor, self._preview = None, MapPreview("")
                 self._view.preview("no-fly", None, None)
                 self._hub.publish(self._preview)
 
@@ -231,7 +242,7 @@ class MapDesk:
         editor.undo()
         change = difference(before, field)
         self._view.preview(self._action, shape, field)
-        self._preview = protocol.MapPreview(
+        self._preview = MapPreview(
             author, number, shape, change.closed_m3, change.opened_m3, change.voxels, drawn=drawn
         )
         self._hub.publish(self._preview)

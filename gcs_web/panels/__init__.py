@@ -1,10 +1,5 @@
 """What each command of the page does, one file a panel; a new panel is one new file and its line here."""
 
-from collections.abc import Callable
-from typing import Any
-
-from gcs_web import protocol
-from gcs_web.desk import Desk
 from gcs_web.panels import (
     compensation,
     consent,
@@ -19,11 +14,9 @@ from gcs_web.panels import (
     vehicle_orders,
     view,
 )
+from gcs_web.panels.handlers import Handlers
 
-Handler = Callable[[Desk, protocol.Person, Any], protocol.Reply | None]
-"""Does a command; a reply only where it has something to say. Raises `FlightError` to refuse it."""
-
-HANDLERS: dict[type, Handler] = {
+HANDLERS: Handlers = {
     **editing.HANDLERS,
     **course.HANDLERS,
     **projects.HANDLERS,

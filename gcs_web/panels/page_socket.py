@@ -4,15 +4,18 @@ import asyncio
 import logging
 import secrets
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Union
 
 import msgspec
 
 from flight import FlightError
-from gcs_web import protocol
 from gcs_web.desk import Desk
 from gcs_web.gateway.hub import Client
 from gcs_web.panels import HANDLERS
+from gcs_web.protocol.base import Command, VehicleCommand
+from gcs_web.protocol.people import PROTOCOL, Person, Welcome
+from gcs_web.protocol.reply import Reply
+from gcs_web.protocol.vehicle import Abort
 
 if TYPE_CHECKING:
     from aiohttp import web
@@ -22,16 +25,7 @@ logger = logging.getLogger(__name__)
 MOST_APART = 8
 """Commands of one page that may wait for the vehicle at a time; aborts may be twice as many, the others counted."""
 
-_DECODER = msgspec.json.Decoder(protocol.FromPage)
-_APART = (
-    protocol.Abort,
-    protocol.Upload,
-    protocol.PrepareUpload,
-    protocol.Order,
-    protocol.PrepareCompensation,
-    protocol.SendCompensation,
-)
-"""Commands that wait for the vehicle: done beside the others, so that nothing (Abort least of all) waits for them."""
+_DECODER: msgspec.json.Decoder[Command] = msgspec.json.Decoder(Union[tuple(HANDLERS)])  # noqa: UP007 - made at run time
 
 
 class PageSocket:
@@ -45,9 +39,7 @@ class PageSocket:
     async def serve(self, socket: "web.WebSocketResponse") -> None:
         """Talk to one page until it leaves."""
         client = self._desk.hub.join()
-        welcome = protocol.Welcome(
-            protocol.PROTOCOL, client.person.id, self._project, self._desk.watch is not None, self._id
-        )
+        welcome = Welcome(PROTOCOL, client.person.id, self._project, self._desk.watch is not None, self._id)
         writer = asyncio.create_task(_write(socket, client, welcome))
         await asyncio.to_thread(self._desk.arrived)
         apart: set[asyncio.Task[None]] = set()
@@ -55,11 +47,11 @@ class PageSocket:
             async for message in socket:
                 if message.type.name != "TEXT":
                     break
-                if not _names(message.data, _APART):
+                if not _names(message.data, VehicleCommand):
                     await self._command(client, message.data)
-                elif len(apart) >= MOST_APART * (2 if _names(message.data, (protocol.Abort,)) else 1):
+                elif len(apart) >= MOST_APART * (2 if _names(message.data, Abort) else 1):
                     said = f"{len(apart)} orders of this page still wait for the vehicle; nothing was sent"
-                    self._desk.hub.publish(protocol.Reply(_serial(message.data), error=said), client.person.id)
+                    self._desk.hub.publish(Reply(_serial(message.data), error=said), client.person.id)
                 else:
                     task = asyncio.create_task(self._command(client, message.data))
                     apart.add(task)
@@ -73,23 +65,23 @@ class PageSocket:
         try:
             command = _DECODER.decode(text)
         except msgspec.DecodeError as error:
-            reply = protocol.Reply(_serial(text), error=f"the page sent what this station does not understand: {error}")
+            reply = Reply(_serial(text), error=f"the page sent what this station does not understand: {error}")
         else:
-            pool = self._for_aborts if isinstance(command, protocol.Abort) else None
+            pool = self._for_aborts if isinstance(command, Abort) else None
             reply = await asyncio.get_running_loop().run_in_executor(pool, self._done, client.person, command)
         self._desk.hub.publish(reply, client.person.id)
 
-    def _done(self, person: protocol.Person, command: protocol.Command) -> protocol.Reply:
+    def _done(self, person: Person, command: Command) -> Reply:
         try:
-            return HANDLERS[type(command)](self._desk, person, command) or protocol.Reply(command.serial)
+            return HANDLERS[type(command)](self._desk, person, command) or Reply(command.serial)
         except FlightError as error:
-            return protocol.Reply(command.serial, error=str(error))
+            return Reply(command.serial, error=str(error))
         except Exception as error:  # a page must not be able to take the station down
             logger.exception("%s failed", type(command).__name__)
-            return protocol.Reply(command.serial, error=f"internal error: {error}; the station's log has more")
+            return Reply(command.serial, error=f"internal error: {error}; the station's log has more")
 
 
-async def _write(socket: "web.WebSocketResponse", client: Client, welcome: protocol.Welcome) -> None:
+async def _write(socket: "web.WebSocketResponse", client: Client, welcome: Welcome) -> None:
     await socket.send_str(msgspec.json.encode(welcome).decode())
     while True:
         await client.arrived.wait()
@@ -116,5 +108,6 @@ def _serial(text: str) -> int:
     return _head(text).serial
 
 
-def _names(text: str, kinds: tuple[type[msgspec.Struct], ...]) -> bool:
-    return _head(text).type in {kind.__struct_config__.tag for kind in kinds}
+def _names(text: str, kind: type[Command]) -> bool:
+    tags = {each.__struct_config__.tag for each in HANDLERS if issubclass(each, kind)}
+    return _head(text).type in tags
