@@ -10,13 +10,13 @@ from gcs_web.vehicle import compensation
 
 
 def _prepare(desk: Desk, person: Person, wanted: PrepareCompensation) -> Reply:
-    found = compensation.read(desk.require_control(person), desk.project)
-    nonce = desk.new_nonce(person, compensation.purpose(found))
+    found = compensation.read(desk.control.required(person), desk.project)
+    nonce = desk.control.new_nonce(person, compensation.purpose(found))
     return Reply(wanted.serial, nonce=nonce, compensation=found)
 
 
 def _send(desk: Desk, person: Person, wanted: SendCompensation) -> Reply:
-    watch = desk.require_control(person)
+    watch = desk.control.required(person)
     about: dict[str, object] = {}
     answers: list[tuple[Compensation, Compensation]] = []
 
@@ -24,11 +24,11 @@ def _send(desk: Desk, person: Person, wanted: SendCompensation) -> Reply:
         shown = compensation.read(watch, desk.project)
         changed = compensation.changes(shown)
         about.update(version=shown.version, vehicle_sha256=file_hash(desk.project.vehicle), changes=changed)
-        desk.require_control(person)  # reading takes a while
-        desk.use_nonce(wanted.nonce, person, compensation.purpose(shown))
+        desk.control.required(person)  # reading takes a while
+        desk.control.use_nonce(wanted.nonce, person, compensation.purpose(shown))
         answers.append((shown, compensation.send(watch, desk.project, shown)))
 
-    desk.audited(person, "compensation", send, about)
+    desk.control.audited(person, "compensation", send, about)
     ((shown, now),) = answers
     desk.notice(
         f"{person.name} set {len(compensation.changes(shown))} parameters of the controller from {shown.vehicle}, "

@@ -12,7 +12,7 @@ def _agree(desk: Desk, person: Person, wanted: AgreeToEffectFile) -> None:
         file = desk.consent.agree(wanted.path, wanted.sha256)
         desk.notice(f"{person.name} agreed to run {file.name} (SHA-256 {file.sha256[:12]}).")
 
-    desk.audited(person, "run effect file", agree, {"path": wanted.path, "sha256": wanted.sha256})
+    desk.control.audited(person, "run effect file", agree, {"path": wanted.path, "sha256": wanted.sha256})
     desk.vehicle_readable()
 
 

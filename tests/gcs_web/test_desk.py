@@ -201,10 +201,10 @@ def test_another_project_is_refused_while_somebody_is_in_control_a_job_waits_or_
     with pytest.raises(InputError, match="goshawk gcs yard"):
         running.open_project("yard", ADA)
     running.on_open = went.append
-    running.take_control(ADA, force=False)
+    running.control.take(ADA, force=False)
     with pytest.raises(InputError, match="Ada is in control"):
         running.open_project("yard", ADA)
-    running.give_up_control(ADA)
+    running.control.give_up(ADA)
     running.watch = MagicMock()
     running.watch.state.return_value = Vehicle("lost", armed=True)
     with pytest.raises(InputError, match="the vehicle is armed"):
@@ -222,4 +222,4 @@ def test_another_project_is_refused_while_somebody_is_in_control_a_job_waits_or_
     with pytest.raises(InputError):  # once
         running.open_project("yard", ADA)
     with pytest.raises(InputError, match="another project is being opened"):
-        running.take_control(ADA, force=True)
+        running.control.take(ADA, force=True)
