@@ -29,7 +29,7 @@ from gcs_web.planning import inputs, page_values, planning, saved, snapping
 from gcs_web.protocol import flights as flights_messages
 from gcs_web.protocol.consent import EffectFiles
 from gcs_web.protocol.jobs import Job
-from gcs_web.protocol.people import Notice, Person
+from gcs_web.protocol.people import Level, Notice, Person
 from gcs_web.protocol.plan import Plan
 from gcs_web.protocol.projects import Projects
 from gcs_web.protocol.trajectories import Files
@@ -103,9 +103,8 @@ class Desk:
 
     # --- telling people ---
 
-    def notice(self, text: str, *, level: str = "fact", undo: bool = False, to: str = "") -> None:
-        kind = "danger" if level == "danger" else "caution" if level == "caution" else "fact"
-        self.hub.publish(Notice(text, kind, undo), to)
+    def notice(self, text: str, *, level: Level = "fact", undo: bool = False) -> None:
+        self.hub.publish(Notice(text, level, undo))
 
     def show_files(self) -> None:
         """List the saved trajectories and flights, with whether each is checked for the inputs as they are now."""
@@ -345,7 +344,7 @@ class Desk:
         self._draw_map()  # takes seconds for a large mesh: not under the lock
         self.show_files()
 
-    def _notice_with_map(self, said: str, *, level: str) -> None:
+    def _notice_with_map(self, said: str, *, level: Level) -> None:
         """One notice, for who comes in later is shown the last one only."""
         try:
             doubt = inputs.doubt(self.parts.map(self.inputs))

@@ -1,23 +1,24 @@
 """What each command of the page does, one file a panel; a new panel is one new file and its line here."""
 
 from gcs_web.panels import (
+    comparison,
     compensation,
     consent,
     course,
-    editing,
+    document,
     flights,
     jobs,
     learning,
     map,
     projects,
     trajectories,
-    vehicle_orders,
+    vehicle,
     view,
 )
 from gcs_web.panels.handlers import Handlers
 
 HANDLERS: Handlers = {
-    **editing.HANDLERS,
+    **document.HANDLERS,
     **course.HANDLERS,
     **projects.HANDLERS,
     **trajectories.HANDLERS,
@@ -25,8 +26,9 @@ HANDLERS: Handlers = {
     **jobs.HANDLERS,
     **map.HANDLERS,
     **flights.HANDLERS,
+    **comparison.HANDLERS,
     **learning.HANDLERS,
-    **vehicle_orders.HANDLERS,
+    **vehicle.HANDLERS,
     **compensation.HANDLERS,
     **consent.HANDLERS,
 }

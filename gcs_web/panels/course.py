@@ -5,7 +5,7 @@ import numpy as np
 from flight import FloatArray, InputError, Waypoints, project
 from gcs_web.desk import Desk
 from gcs_web.document.document import MOST_WAYPOINTS
-from gcs_web.panels.editing import edit
+from gcs_web.panels.document import edit
 from gcs_web.panels.handlers import Handlers
 from gcs_web.planning import snapping
 from gcs_web.protocol.course import DropPath, Place, RandomYaw, RecordedPath, Snap, TakePath, ThinPath

@@ -3,7 +3,6 @@
 from gcs_web.desk import Desk
 from gcs_web.flights import aligning
 from gcs_web.panels.handlers import Handlers
-from gcs_web.protocol.comparison import LookAtFlight, ShowFlights, ShowMoments
 from gcs_web.protocol.flights import (
     AlignFlights,
     DiscardFlight,
@@ -38,18 +37,6 @@ def _align(desk: Desk, _: Person, wanted: AlignFlights) -> Reply:
 def _read(desk: Desk, _: Person, wanted: ReadStreams) -> Reply:
     parts = desk.comparing.read(wanted.flight, wanted.streams, wanted.from_s, wanted.to_s, wanted.points)
     return Reply(wanted.serial, parts=parts)
-
-
-def _show(desk: Desk, person: Person, wanted: ShowFlights) -> None:
-    desk.shown_flights.show(person.id, wanted)
-
-
-def _moments(desk: Desk, person: Person, wanted: ShowMoments) -> None:
-    desk.shown_flights.mark(person.id, wanted.stretches)
-
-
-def _look(desk: Desk, person: Person, wanted: LookAtFlight) -> None:
-    desk.shown_flights.look(person.id, wanted.time_s)
 
 
 def _fix(desk: Desk, _: Person, wanted: FixFlight) -> Reply:
@@ -87,9 +74,6 @@ HANDLERS: Handlers = {
     OpenFlights: _open,
     AlignFlights: _align,
     ReadStreams: _read,
-    ShowFlights: _show,
-    ShowMoments: _moments,
-    LookAtFlight: _look,
     FixFlight: _fix,
     DiscardFlight: _discard,
     RestoreFlight: _restore,

@@ -3,7 +3,7 @@
 from esdf import Edit
 from gcs_web.desk import Desk
 from gcs_web.document import map_edits
-from gcs_web.panels.editing import edit as edit_document
+from gcs_web.panels.document import edit as edit_document
 from gcs_web.panels.handlers import Handlers
 from gcs_web.protocol.map import AddMapEdit, ChangeMapEdit, DropMapEdits, Measure, Paint, PreviewMapEdit, ShowMap
 from gcs_web.protocol.people import Person

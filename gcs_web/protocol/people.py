@@ -36,10 +36,13 @@ class People(State, frozen=True, tag="people"):
     """Id of the person whose orders the station passes on; empty for nobody."""
 
 
+Level = Literal["fact", "caution", "danger"]
+
+
 class Notice(Message, frozen=True, tag="notice"):
     """One line at the foot of the page; stays until the next."""
 
     text: str
-    level: Literal["fact", "caution", "danger"] = "fact"
+    level: Level = "fact"
     undo: bool = False
     """Whether undo takes back what it tells."""
