@@ -21,11 +21,12 @@ from gcs_web.desk import Desk
 from gcs_web.flights.flights import incoming_file
 from gcs_web.gateway import gateway
 from gcs_web.gateway.hub import Hub
+from gcs_web.gateway.page_socket import PageSocket
 from gcs_web.gateway.tls import context, is_loopback
 from gcs_web.jobs.jobs import Kind
 from gcs_web.learning.consent import Consent
 from gcs_web.map import display_mesh
-from gcs_web.panels.page_socket import PageSocket
+from gcs_web.panels import HANDLERS
 from gcs_web.protocol.base import Edit
 from gcs_web.protocol.document import Insert, Move
 from gcs_web.protocol.people import Person
@@ -168,7 +169,14 @@ class GroundStation:
             self._stack.callback(self.watch.close)
         else:
             self.hub.publish(Vehicle("none"))
-        pages = PageSocket(self.desk, project=opened.name)
+        pages = PageSocket(
+            self.hub,
+            {command: partial(handler, self.desk) for command, handler in HANDLERS.items()},
+            project=opened.name,
+            vehicle=self.watch is not None,
+            arrived=self.desk.arrived,
+            left=self.desk.left,
+        )
         self._gateway = gateway.Gateway(
             self.server.get_port(),
             serve_page=pages.serve,
