@@ -14,24 +14,8 @@ from gcs_web.document import course_edits, map_edits, missions
 from gcs_web.document.document import LEG_LIMITS, SETTING_BOUNDS, Content, Point
 from gcs_web.document.map_edits import LARGEST_COORDINATE_M, MapEdit
 from gcs_web.protocol import base as base_messages
+from gcs_web.protocol import document as messages
 from gcs_web.protocol.course import Place, RandomYaw
-from gcs_web.protocol.document import (
-    Ask,
-    Choose,
-    ClearGate,
-    ClearGround,
-    Delete,
-    Insert,
-    Loop,
-    Move,
-    Pass,
-    Reverse,
-    SetGate,
-    SetGround,
-    SetTube,
-    Shift,
-    Turn,
-)
 from gcs_web.protocol.map import AddMapEdit, ChangeMapEdit, DropMapEdits
 
 Edited = tuple[Content, str]
@@ -48,7 +32,7 @@ def apply(content: Content, edit: base_messages.Edit) -> Edited:
     return after, label
 
 
-def _move(content: Content, edit: Move) -> Edited:
+def _move(content: Content, edit: messages.Move) -> Edited:
     wanted = (edit.x_m, edit.y_m, edit.z_m)
 
     def moved(point: Point) -> Point:
@@ -58,7 +42,7 @@ def _move(content: Content, edit: Move) -> Edited:
     return _each(content, edit.waypoints, moved)
 
 
-def _shift(content: Content, edit: Shift) -> Edited:
+def _shift(content: Content, edit: messages.Shift) -> Edited:
     def moved(point: Point) -> Point:
         x, y, z = point.position_world_m
         return msgspec.structs.replace(point, position_world_m=(x + edit.x_m, y + edit.y_m, z + edit.z_m))
@@ -82,7 +66,7 @@ def _random_yaw(content: Content, edit: RandomYaw) -> Edited:
     return after, f"random headings for {_named(content, edit.waypoints)}"
 
 
-def _turn(content: Content, edit: Turn) -> Edited:
+def _turn(content: Content, edit: messages.Turn) -> Edited:
     yaw_rad = None if edit.yaw_deg is None else math.remainder(math.radians(edit.yaw_deg), 2.0 * math.pi)
     after, _ = _each(content, edit.waypoints, lambda point: msgspec.structs.replace(point, yaw_rad=yaw_rad))
     heading = "free" if edit.yaw_deg is None else f"{edit.yaw_deg:.0f}°"
@@ -94,7 +78,7 @@ _ASKED = {"stay_s": (3600.0, "s", "stay at"), "fly_by_m": (100.0, "m", "radius o
 """Of each request at a waypoint: the largest value, its unit and its name."""
 
 
-def _ask(content: Content, edit: Ask) -> Edited:
+def _ask(content: Content, edit: messages.Ask) -> Edited:
     named, chosen = _named(content, edit.waypoints), set(edit.waypoints)
     asked = {name: value for name in _ASKED if (value := getattr(edit, name)) is not None}
     for name, value in asked.items():
@@ -116,7 +100,7 @@ def _ask(content: Content, edit: Ask) -> Edited:
     return content.with_points(points), said
 
 
-def _pass(content: Content, edit: Pass) -> Edited:
+def _pass(content: Content, edit: messages.Pass) -> Edited:
     named, chosen, wanted = _named(content, edit.waypoints), set(edit.waypoints), edit.velocity_m_s
     most = SETTING_BOUNDS["speed_m_s"][1]
     if wanted is not None and not math.hypot(*wanted) <= most:
@@ -126,7 +110,7 @@ def _pass(content: Content, edit: Pass) -> Edited:
     return content.with_points(points), f"velocity at {named} {said}"
 
 
-def _insert(content: Content, edit: Insert) -> Edited:
+def _insert(content: Content, edit: messages.Insert) -> Edited:
     number = -1 if edit.after is None else content.number_of(edit.after)
     position = _inserted_position(content, number)
     for axis, value in enumerate((edit.x_m, edit.y_m, edit.z_m)):
@@ -148,7 +132,7 @@ def _inserted_position(content: Content, number: int) -> Any:
     return 0.5 * np.add(here[0].position_world_m, after[0].position_world_m)
 
 
-def _delete(content: Content, edit: Delete) -> Edited:
+def _delete(content: Content, edit: messages.Delete) -> Edited:
     label = f"{_named(content, edit.waypoints)} deleted"
     gone = set(edit.waypoints)
     points = [p for p in content.points if p.id not in gone]
@@ -168,7 +152,7 @@ def _survivor(points: Sequence[Point], waypoint: int | None, gone: set[int]) -> 
     return None if waypoint is None else next((i for i in ids[ids.index(waypoint) :] if i not in gone), None)
 
 
-def _reverse(content: Content, edit: Reverse) -> Edited:
+def _reverse(content: Content, edit: messages.Reverse) -> Edited:
     """The same flight backwards: legs keep their speeds, velocities and gates turn round, take-off and landing swap.
 
     A loop begins and closes at its first waypoint whichever way it is flown.
@@ -223,7 +207,7 @@ def _legs_backwards(points: Sequence[Point], loop: tuple[int, int] | None) -> li
     return found
 
 
-def _choose(content: Content, edit: Choose) -> Edited:
+def _choose(content: Content, edit: messages.Choose) -> Edited:
     given = {n: v for n in edit.__struct_fields__ if (v := getattr(edit, n)) is not None and n not in _NOT_SETTINGS}
     for name, value in given.items():
         if name in SETTING_BOUNDS and not SETTING_BOUNDS[name][0] <= value <= SETTING_BOUNDS[name][1]:
@@ -275,7 +259,7 @@ def _checked_place(position_m: tuple[float, float, float]) -> tuple[float, float
     return position_m
 
 
-def _loop(content: Content, edit: Loop) -> Edited:
+def _loop(content: Content, edit: messages.Loop) -> Edited:
     if not 0 <= edit.laps <= MOST_LAPS:
         raise InputError(f"{edit.laps} laps are refused; it must be from 0 (an open path) to {MOST_LAPS}")
     first = None if edit.lap_first is None or content.number_of(edit.lap_first) == 0 else edit.lap_first
@@ -289,7 +273,7 @@ def _loop(content: Content, edit: Loop) -> Edited:
 _FASTEST_CLIMB_M_S = 20.0
 
 
-def _ground(content: Content, edit: SetGround) -> Edited:
+def _ground(content: Content, edit: messages.SetGround) -> Edited:
     old: Ground | None = getattr(content.settings, edit.end)
     if not content.points:
         raise InputError("there is no path to take off for or to land from; add waypoints first")
@@ -304,7 +288,7 @@ def _ground(content: Content, edit: SetGround) -> Edited:
     return _with_settings(content, **{edit.end: ground}), f"{_END_WORDS[edit.end]} at {where}, {climb_m_s:g} m/s"
 
 
-def _clear_ground(content: Content, edit: ClearGround) -> Edited:
+def _clear_ground(content: Content, edit: messages.ClearGround) -> Edited:
     return _with_settings(content, **{edit.end: None}), f"no {_END_WORDS[edit.end]}"
 
 
@@ -387,23 +371,23 @@ def _named(content: Content, waypoints: Sequence[int]) -> str:
 
 
 _EDITS: dict[type, Callable[[Content, Any], Edited]] = {
-    Move: _move,
-    Shift: _shift,
-    Turn: _turn,
+    messages.Move: _move,
+    messages.Shift: _shift,
+    messages.Turn: _turn,
     Place: _place,
     RandomYaw: _random_yaw,
-    Insert: _insert,
-    Delete: _delete,
-    Reverse: _reverse,
-    Choose: _choose,
-    Ask: _ask,
-    Pass: _pass,
-    Loop: _loop,
-    SetGround: _ground,
-    ClearGround: _clear_ground,
-    SetGate: course_edits.set_gate,
-    ClearGate: course_edits.clear_gate,
-    SetTube: course_edits.set_tube,
+    messages.Insert: _insert,
+    messages.Delete: _delete,
+    messages.Reverse: _reverse,
+    messages.Choose: _choose,
+    messages.Ask: _ask,
+    messages.Pass: _pass,
+    messages.Loop: _loop,
+    messages.SetGround: _ground,
+    messages.ClearGround: _clear_ground,
+    messages.SetGate: course_edits.set_gate,
+    messages.ClearGate: course_edits.clear_gate,
+    messages.SetTube: course_edits.set_tube,
     AddMapEdit: _add_map_edit,
     ChangeMapEdit: _change_map_edit,
     DropMapEdits: _drop_map_edits,

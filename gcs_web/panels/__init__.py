@@ -17,18 +17,8 @@ from gcs_web.panels import (
 )
 from gcs_web.panels.handlers import Handlers
 
-HANDLERS: Handlers = {
-    **document.HANDLERS,
-    **course.HANDLERS,
-    **projects.HANDLERS,
-    **trajectories.HANDLERS,
-    **view.HANDLERS,
-    **jobs.HANDLERS,
-    **map.HANDLERS,
-    **flights.HANDLERS,
-    **comparison.HANDLERS,
-    **learning.HANDLERS,
-    **vehicle.HANDLERS,
-    **compensation.HANDLERS,
-    **consent.HANDLERS,
-}
+PANELS = (
+    document, course, projects, trajectories, view, jobs, map, flights, comparison, learning, vehicle, compensation,
+    consent,
+)  # fmt: skip
+HANDLERS: Handlers = {command: handler for panel in PANELS for command, handler in panel.HANDLERS.items()}

@@ -4,26 +4,8 @@ import msgspec
 
 from gcs_web.desk import Desk
 from gcs_web.panels.handlers import Handlers
+from gcs_web.protocol import document as messages
 from gcs_web.protocol.base import Edit
-from gcs_web.protocol.document import (
-    Ask,
-    Choose,
-    ClearGate,
-    ClearGround,
-    Delete,
-    Insert,
-    Loop,
-    Move,
-    Pass,
-    Redo,
-    Reverse,
-    SetGate,
-    SetGround,
-    SetTube,
-    Shift,
-    Turn,
-    Undo,
-)
 from gcs_web.protocol.people import Person
 
 
@@ -34,7 +16,7 @@ def edit(desk: Desk, person: Person, change: Edit) -> None:
         desk.notice(f"{done[0].upper()}{done[1:]}.", undo=True)
 
 
-def _set_ground(desk: Desk, person: Person, change: SetGround) -> None:
+def _set_ground(desk: Desk, person: Person, change: messages.SetGround) -> None:
     """Where no height is given and none was before: the floor below the waypoint."""
     points, old = desk.session.content.points, getattr(desk.session.content.settings, change.end)
     if points and old is None and change.z_m is None:
@@ -44,32 +26,32 @@ def _set_ground(desk: Desk, person: Person, change: SetGround) -> None:
     edit(desk, person, change)
 
 
-def _undo(desk: Desk, person: Person, _: Undo) -> None:
+def _undo(desk: Desk, person: Person, _: messages.Undo) -> None:
     done = desk.session.undo(person.name)
     desk.notice(f"{done[0].upper()}{done[1:]}.")
 
 
-def _redo(desk: Desk, person: Person, _: Redo) -> None:
+def _redo(desk: Desk, person: Person, _: messages.Redo) -> None:
     done = desk.session.redo(person.name)
     desk.notice(f"{done[0].upper()}{done[1:]}.", undo=True)
 
 
 HANDLERS: Handlers = {
-    Move: edit,
-    Shift: edit,
-    Turn: edit,
-    Insert: edit,
-    Delete: edit,
-    Reverse: edit,
-    Choose: edit,
-    Ask: edit,
-    Pass: edit,
-    Loop: edit,
-    SetGround: _set_ground,
-    ClearGround: edit,
-    SetGate: edit,
-    ClearGate: edit,
-    SetTube: edit,
-    Undo: _undo,
-    Redo: _redo,
+    messages.Move: edit,
+    messages.Shift: edit,
+    messages.Turn: edit,
+    messages.Insert: edit,
+    messages.Delete: edit,
+    messages.Reverse: edit,
+    messages.Choose: edit,
+    messages.Ask: edit,
+    messages.Pass: edit,
+    messages.Loop: edit,
+    messages.SetGround: _set_ground,
+    messages.ClearGround: edit,
+    messages.SetGate: edit,
+    messages.ClearGate: edit,
+    messages.SetTube: edit,
+    messages.Undo: _undo,
+    messages.Redo: _redo,
 }

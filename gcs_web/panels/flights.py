@@ -3,61 +3,51 @@
 from gcs_web.desk import Desk
 from gcs_web.flights import aligning
 from gcs_web.panels.handlers import Handlers
-from gcs_web.protocol.flights import (
-    AlignFlights,
-    DiscardFlight,
-    FixFlight,
-    ListFlights,
-    OpenFlights,
-    ReadStreams,
-    RestoreFlight,
-    SetRole,
-    TakeLog,
-)
+from gcs_web.protocol import flights as messages
 from gcs_web.protocol.people import Person
 from gcs_web.protocol.reply import Reply
 
 
-def _list(desk: Desk, _: Person, __: ListFlights) -> None:
+def _list(desk: Desk, _: Person, __: messages.ListFlights) -> None:
     desk.flights.refresh()
 
 
-def _set_role(desk: Desk, _: Person, wanted: SetRole) -> None:
+def _set_role(desk: Desk, _: Person, wanted: messages.SetRole) -> None:
     desk.flights.set_role(wanted.flight, wanted.role)
 
 
-def _open(desk: Desk, _: Person, wanted: OpenFlights) -> Reply:
+def _open(desk: Desk, _: Person, wanted: messages.OpenFlights) -> Reply:
     return Reply(wanted.serial, flights=[desk.comparing.opened(name) for name in wanted.flights])
 
 
-def _align(desk: Desk, _: Person, wanted: AlignFlights) -> Reply:
+def _align(desk: Desk, _: Person, wanted: messages.AlignFlights) -> Reply:
     return Reply(wanted.serial, aligned=aligning.align(desk.flights.recorded, wanted.flights, wanted.by))
 
 
-def _read(desk: Desk, _: Person, wanted: ReadStreams) -> Reply:
+def _read(desk: Desk, _: Person, wanted: messages.ReadStreams) -> Reply:
     parts = desk.comparing.read(wanted.flight, wanted.streams, wanted.from_s, wanted.to_s, wanted.points)
     return Reply(wanted.serial, parts=parts)
 
 
-def _fix(desk: Desk, _: Person, wanted: FixFlight) -> Reply:
+def _fix(desk: Desk, _: Person, wanted: messages.FixFlight) -> Reply:
     name, done = desk.flights.fix(wanted.flight)
     desk.notice(f"{wanted.flight}: {'; '.join(done)}. Saved as {name}; {wanted.flight} stays as it is, left out.")
     return Reply(wanted.serial, name=name)
 
 
-def _discard(desk: Desk, _: Person, wanted: DiscardFlight) -> Reply:
+def _discard(desk: Desk, _: Person, wanted: messages.DiscardFlight) -> Reply:
     kept = desk.flights.discard(wanted.flight)
     desk.notice(f"{wanted.flight} discarded; it is kept as {kept}.")
     return Reply(wanted.serial, name=kept)
 
 
-def _restore(desk: Desk, _: Person, wanted: RestoreFlight) -> Reply:
+def _restore(desk: Desk, _: Person, wanted: messages.RestoreFlight) -> Reply:
     name = desk.flights.restore(wanted.kept)
     desk.notice(f"{name} is back.")
     return Reply(wanted.serial, name=name)
 
 
-def _take(desk: Desk, _: Person, wanted: TakeLog) -> Reply:
+def _take(desk: Desk, _: Person, wanted: messages.TakeLog) -> Reply:
     if wanted.column_map:
         taken = desk.flights.take_with_map(wanted.file, wanted.column_map)
     else:
@@ -69,13 +59,13 @@ def _take(desk: Desk, _: Person, wanted: TakeLog) -> Reply:
 
 
 HANDLERS: Handlers = {
-    ListFlights: _list,
-    SetRole: _set_role,
-    OpenFlights: _open,
-    AlignFlights: _align,
-    ReadStreams: _read,
-    FixFlight: _fix,
-    DiscardFlight: _discard,
-    RestoreFlight: _restore,
-    TakeLog: _take,
+    messages.ListFlights: _list,
+    messages.SetRole: _set_role,
+    messages.OpenFlights: _open,
+    messages.AlignFlights: _align,
+    messages.ReadStreams: _read,
+    messages.FixFlight: _fix,
+    messages.DiscardFlight: _discard,
+    messages.RestoreFlight: _restore,
+    messages.TakeLog: _take,
 }
