@@ -320,6 +320,7 @@ from pathlib import Path
 from flight import InputError, project
 from gcs_web.document.document import Settings
 from gcs_web.document.session import Session
+from gcs_web.protocol.document import Shift
 session = Session(project.open_project(Path({str(opened.folder)!r})), Settings())
 def shift(z):
     session.edit(Shift(serial=0, revision=session.revision, waypoints=[0], z_m=z), "Anna")
@@ -448,6 +449,7 @@ from pathlib import Path
 from flight import project
 from gcs_web.document.document import Settings
 from gcs_web.document.session import Session
+from gcs_web.protocol.document import Shift
 session = Session(project.open_project(Path({str(opened.folder)!r})), Settings())
 while True:
     session.edit(Shift(serial=0, revision=session.revision, waypoints=[0], z_m=0.001), "Anna")
