@@ -406,7 +406,7 @@ class Desk:
             InputError: there is no vehicle, or this person is not in control.
         """
         if self.watch is None:
-            raise InputError("the ground station was started without a vehicle; give --vehicle-url")
+            raise InputError("the ground station was started without a vehicle; give --url")
         if self.in_control != person.id:
             whose = f"{self._name_of(self.in_control)} is in control" if self.in_control else "nobody is in control"
             raise InputError(f"{whose}; take control first")

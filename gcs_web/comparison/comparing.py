@@ -17,7 +17,7 @@ from gcs_web.flights import pyramid, reading
 from gcs_web.flights.flights import Flights
 from gcs_web.protocol import flights as parts
 from gcs_web.protocol.flight_view import ShowFlights
-from sysid.estimator.comparison import Deviation
+from sysid.estimator.validation.comparison import Deviation
 
 if TYPE_CHECKING:
     from flight.project import Project

@@ -7,24 +7,32 @@ from dataclasses import replace
 import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent
-from sysid.estimator import driven_band, excitation, gusts
-from sysid.estimator.blocks import motor, rotor_speed
 from sysid.estimator.blocks.catalogue import BLOCKS
 from sysid.estimator.blocks.motion import LEAST_PROCESS
+from sysid.estimator.blocks.noise import Noise
 from sysid.estimator.blocks.pose import DELAY, POSE, PoseSensor
-from sysid.estimator.clocks import widths_s
-from sysid.estimator.flight_data import Flight
-from sysid.estimator.model import unexplained
-from sysid.estimator.noise import Noise
+from sysid.estimator.flights import excitation
+from sysid.estimator.flights.clocks import widths_s
+from sysid.estimator.flights.flight_data import Flight
+from sysid.estimator.joint_problem import driven_band, gusts
+from sysid.estimator.joint_problem.problem import Point, with_values
+from sysid.estimator.joint_problem.solver import Prior, Solution, solve
+from sysid.estimator.joint_problem.unknowns import (
+    SENSOR_NAMES,
+    Unknowns,
+    biases,
+    chosen_names,
+    nuisances,
+    sensor_values,
+)
+from sysid.estimator.motors import motor, rotor_speed
 from sysid.estimator.options import Options, Reference
 from sysid.estimator.prepare import gravity_of, prepare_all
-from sysid.estimator.problem import Point, with_values
 from sysid.estimator.result import Identification, conclude
-from sysid.estimator.solver import Prior, Solution, solve
-from sysid.estimator.states import first_guess
-from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns, biases, chosen_names, nuisances, sensor_values
-from sysid.estimator.unsettled import Unsettled, least_settled
-from sysid.logs.payload import PAYLOAD
+from sysid.estimator.trajectory.model import unexplained
+from sysid.estimator.trajectory.states import first_guess
+from sysid.estimator.uncertainty.unsettled import Unsettled, least_settled
+from sysid.logs.checks.payload import PAYLOAD
 from vehicle import Vehicle, specs
 
 logger = logging.getLogger(__name__)

@@ -8,18 +8,18 @@ import numpy as np
 from flight import FlightLog, InputError
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
-from sysid.estimator import clocks
-from sysid.estimator.blocks import battery, motor, rotor_speed
 from sysid.estimator.blocks.catalogue import BLOCKS
-from sysid.estimator.flight_data import Flight, IndexArray, LeadIn
+from sysid.estimator.flights import clocks
+from sysid.estimator.flights.flight_data import Flight, IndexArray, LeadIn
+from sysid.estimator.flights.sampling import Stretch
+from sysid.estimator.motors import battery, motor, rotor_speed
 from sysid.estimator.options import Options
-from sysid.estimator.sampling import Stretch
-from sysid.logs import contact, gyro_clock
-from sysid.logs.clocks import Offset
-from sysid.logs.finding import Span
-from sysid.logs.motion import kinematics
-from sysid.logs.payload import carries_payload
-from sysid.logs.streams import longest_pause_s
+from sysid.logs.checks import contact, gyro_clock
+from sysid.logs.checks.clocks import Offset
+from sysid.logs.checks.finding import Span
+from sysid.logs.checks.motion import kinematics
+from sysid.logs.checks.payload import carries_payload
+from sysid.logs.readers.streams import longest_pause_s
 from vehicle import Vehicle
 
 LEAD_IN_S = 0.3

@@ -22,8 +22,8 @@ from mapping.localization import relocalization
 from mapping.map_folder import MapOptions
 from mapping.sparse import localization_map, reconstruction
 from mapping.sparse.alignment import Alignment
-from mapping.sparse.calibration import SparseModel
-from mapping.sparse.colmap import SparseOptions
+from mapping.sparse.calibration.calibration import SparseModel
+from mapping.sparse.mapper.colmap import SparseOptions
 from mapping.sparse.reconstruction import SparseMap
 
 RIG = rigs.Rig((rigs.forward_camera("SIMPLE_RADIAL_FISHEYE", 160, 120, [90.0, 80.0, 60.0, 0.0]),))
