@@ -1,7 +1,7 @@
-"""Distance to the nearest surface: build a distance field from solids, query it, edit it, draw a slice.
+"""Distance to the nearest surface: build a distance field from solids, query, edit and draw it.
 
-You will see: the closed-form distance met, and `distance_field.png` before and after a box is added. The idea: the
-field is exact, and unknown space is never free.
+You will see: agreement with the closed form, and an edit in `distance_field.png`. The idea: the field is exact, and
+unknown space is never free.
 """
 
 import sys

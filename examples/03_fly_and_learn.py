@@ -1,7 +1,7 @@
 """Fly a figure of eight in the SITL vehicle, learn its rotor drag from the log, fly again with less error.
 
-You will see: the drag coefficient with its standard error beside the true one, and both flights in `learn.png`. The
-idea: the controller uses the learned model at once.
+You will see: the drag coefficient beside the true one, and both flights in `learn.png`. The idea: the controller uses
+the learned model at once.
 """
 
 import sys

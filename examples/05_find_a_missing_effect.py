@@ -1,4 +1,4 @@
-"""A model predicts a flight badly for an unknown reason. Diagnose the missing effect, add it, compare the errors.
+"""A model predicts a flight badly: diagnose the missing effect, add it, compare the errors.
 
 You will see: the verdict beside the truth, and the held-out error before and after in `error_falls.svg`. Set
 OPENBLAS_NUM_THREADS=1: it is four times as fast.

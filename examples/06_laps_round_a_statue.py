@@ -1,7 +1,6 @@
 """Laps round a statue that the vehicle keeps looking at, with a take-off and a stay, as one checked flight.
 
-You will see: the mission's file, what the gate checked, the time that less precision saves, and `mission.png`. The
-idea: requests are plain records.
+You will see: the mission's file, what the gate checked, and `mission.png`. The idea: requests are plain records.
 """
 
 import sys

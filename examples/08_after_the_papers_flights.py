@@ -1,7 +1,7 @@
 """Two flights after those of Rigter et al. (2019): through a cluttered hall as walked, and a fast figure of eight.
 
-You will see: a walk thinned and flown within half a metre, and a figure of eight at the paper's 8.5 m/s and 10.8 m/s2.
-Halls, trees and paths are ours. The idea: the same call plans both.
+You will see: a walk flown within half a metre, and a figure of eight at the paper's 8.5 m/s and 10.8 m/s2. Halls,
+trees and paths are ours. The idea: the same call plans both.
 """
 
 import itertools
