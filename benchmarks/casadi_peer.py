@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from sysid.estimator.flight_data import Flight
-from sysid.estimator.noise import Noise
-from sysid.estimator.states import States
+from sysid.estimator.blocks.noise import Noise
+from sysid.estimator.flights.flight_data import Flight
+from sysid.estimator.trajectory.states import States
 from vehicle import Vehicle
 
 GRAVITY = 9.80665

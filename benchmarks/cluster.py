@@ -65,7 +65,7 @@ def batch(folder: Path, out: str, missions: str, *options: str) -> subprocess.Po
     """The command as a program of its own."""
     made = folder / "project"
     where = ("--map", made / "map", "--vehicle", made / "vehicle.toml", "--out", folder / out)
-    command = [sys.executable, "-m", "goshawk", "plan", "--batch", folder / missions, *where, *options]
+    command = [sys.executable, "-m", "goshawk", "plan", "batch", folder / missions, *where, *options]
     return subprocess.Popen(list(map(str, command)), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 

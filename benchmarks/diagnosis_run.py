@@ -13,7 +13,7 @@ import sysid
 import vehicle
 from flight import FlightLog, InputError, file_format, flight_log
 from sysid.diagnosis.procedure import while_searching
-from sysid.estimator.comparison import HORIZONS_S
+from sysid.estimator.validation.comparison import HORIZONS_S
 
 HORIZON = HORIZONS_S.index(0.5)
 SAME = while_searching(sysid.Options())

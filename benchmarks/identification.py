@@ -19,9 +19,10 @@ import rotorpy_flights
 import sysid
 import vehicle
 from flight import FlightLog
-from sysid.estimator import identification, problem
-from sysid.estimator.errors import NORMAL_90
-from sysid.estimator.unknowns import model_parameters
+from sysid.estimator import identification
+from sysid.estimator.joint_problem import problem
+from sysid.estimator.joint_problem.unknowns import model_parameters
+from sysid.estimator.uncertainty.errors import NORMAL_90
 
 KINDS = ("vertical", "horizontal", "rotation")
 COVERAGE_CAMPAIGNS = 60

@@ -49,7 +49,8 @@ from mapping.camera.trial import Trial
 from mapping.dense import surface
 from mapping.input.trajectory import MotionKind
 from mapping.localization import relocalization
-from mapping.sparse import colmap, colmap_model, localization_map, reconstruction, rgbd
+from mapping.sparse import localization_map, reconstruction
+from mapping.sparse.mapper import colmap, colmap_model, rgbd
 from mapping.stages import StoppedError
 from mapping.verdict import Standing
 

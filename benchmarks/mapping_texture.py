@@ -26,10 +26,10 @@ VIEWS = 6
 
 
 def texture(work: Path, pairs: int) -> list[Row]:
-    """`goshawk map` and `goshawk map texture` on the furnished room, compared at views beside the path."""
+    """`goshawk map build` and `goshawk map texture` on the furnished room, compared at views beside the path."""
     flight = rendered_world.loop_flight(pairs)
     images = rendered_world.write_rendered_sequence(work / "images", flight=flight)
-    mapping_whole.command("map", images, "--camera", images / "camera.toml", "--out", work / "map")
+    mapping_whole.command("map", "build", images, "--camera", images / "camera.toml", "--out", work / "map")
     cost = mapping_whole.command("map", "texture", work / "map")
     made = mapping.open_map(work / "map")
     true = flight.T_world_body[[int(Path(name).stem) for name in made.images]]

@@ -46,7 +46,7 @@ def walk(work: Path, data: Path) -> list[Row]:
     work.mkdir(parents=True)
     tool.convert(data, images)
     cost = mapping_whole.command(
-        "map", images, "--camera", images / "camera.toml", "--out", work / "map", "--carrier-radius", CARRIER_M
+        "map", "build", images, "--camera", images / "camera.toml", "--out", work / "map", "--carrier-radius", CARRIER_M
     )
     made, figures = mapping.open_map(work / "map"), json.loads((work / "map" / "report.json").read_text())
     recorded = tool.image_rotations(data, list(made.images))

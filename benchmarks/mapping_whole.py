@@ -77,7 +77,7 @@ def room(work: Path, pairs: int) -> list[Row]:
     flight, queries = rendered_world.loop_flight(pairs), beside(rendered_world.loop_flight(4 * QUERIES))
     rendered_world.write_rendered_sequence(work / "images", flight=flight)
     rendered_world.write_rendered_sequence(work / "queries", flight=queries, seed=9)
-    cost = command("map", work / "images", "--camera", work / "images" / "camera.toml", "--out", work / "map")
+    cost = command("map", "build", work / "images", "--camera", work / "images" / "camera.toml", "--out", work / "map")
     made = mapping.open_map(work / "map")
     index = np.array([int(Path(image).stem) for image in made.images])
     T_true = flight.T_world_body[index]

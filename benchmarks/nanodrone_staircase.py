@@ -15,7 +15,8 @@ import numpy as np
 
 import sysid
 from flight import FlightLog
-from sysid.diagnosis import Diagnosis, diagnose, load
+from sysid.diagnosis import Diagnosis, diagnose
+from sysid.diagnosis.evidence import load
 from vehicle import Vehicle
 
 QUANTITIES = {"position": "m", "velocity": "m/s", "attitude": "rad"}

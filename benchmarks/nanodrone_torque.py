@@ -17,7 +17,7 @@ from scipy.signal import butter, csd, sosfiltfilt
 
 import vehicle
 from flight import FlightLog, FloatArray, rotations
-from sysid.logs.consistency import GRID_S, kinematics
+from sysid.logs.checks.consistency import GRID_S, kinematics
 
 MOMENTS = {
     "none": {},

@@ -22,15 +22,16 @@ import real_logs
 
 import sysid
 from flight import FlightLog, rotations
-from sysid.estimator import measured
 from sysid.estimator.blocks.pose import PoseSensor
-from sysid.estimator.comparison import QUANTITIES, means_over
-from sysid.estimator.midpoint import middle
-from sysid.estimator.model import slopes_along
+from sysid.estimator.flights.sampling import means_over
+from sysid.estimator.joint_problem.problem import with_values
 from sysid.estimator.prepare import prepare
-from sysid.estimator.problem import with_values
-from sysid.estimator.protocol import KNOWS, PROTOCOLS, Judged, Way
 from sysid.estimator.result import CHANNELS, SPAN_S
+from sysid.estimator.trajectory.midpoint import middle
+from sysid.estimator.trajectory.model import slopes_along
+from sysid.estimator.validation import measured
+from sysid.estimator.validation.comparison import QUANTITIES
+from sysid.estimator.validation.protocol import KNOWS, PROTOCOLS, Judged, Way
 from vehicle import Vehicle
 
 KINDS = ("multisine", "random", "square")

@@ -21,9 +21,9 @@ from scipy.interpolate import CubicSpline
 import sysid
 import vehicle
 from flight import FlightError, FlightLog, rotations
-from sysid.logs import gyro_clock
-from sysid.logs.clocks import rotors_after_gyro
-from sysid.logs.motion import kinematics
+from sysid.logs.checks import gyro_clock
+from sysid.logs.checks.clocks import rotors_after_gyro
+from sysid.logs.checks.motion import kinematics
 
 MAPS = Path(__file__).parent / "column_maps"
 SPIN = np.array([1.0, -1.0, 1.0, -1.0])

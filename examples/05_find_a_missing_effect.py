@@ -15,7 +15,7 @@ from flight import FlightLog
 from sysid.diagnosis import diagnose
 from sysid.report import diagnosis_figures, drawing
 from vehicle import flights, manoeuvres
-from vehicle.simulate import Wind
+from vehicle.simulation.simulate import Wind
 
 OUT = Path(sys.argv[1] if len(sys.argv) > 1 else "example-out")
 HIDDEN = {"x_n_m_s": 0.0012, "y_n_m_s": 0.0012, "z_n_m_s": 0.0008}

@@ -1,7 +1,7 @@
 """A project folder: the map, the vehicle, the waypoints, the trajectories and the flights of one place.
 
 project.toml        what this folder is
-map/                written by `goshawk map`
+map/                written by `goshawk map build`
 vehicle.toml        what we believe about the vehicle
 waypoints.json      the pilot's waypoints (see `Waypoints`)
 trajectories/*.json checked trajectories

@@ -1,7 +1,7 @@
 """The command `goshawk`: finds the verb, runs it, and reports every expected failure in one sentence.
 
-Exit codes: 0 done, 1 the result is negative (infeasible, unsafe, no link, no map), 2 wrong usage or bad input, 70 an
-internal error, 130 interrupted.
+Exit codes: 0 done; 1 the answer is no (what was looked at is not good, infeasible, unsafe, no link, no map); 2 wrong
+usage or bad input; 130 interrupted. 70 is a fault of Goshawk itself.
 """
 
 import contextlib
@@ -15,11 +15,12 @@ from typing import Any
 
 import click
 
-from flight import FlightError, FormatError, InputError, file_format
 from goshawk.terminal.verbs import VerbGroup
 
 TRACEBACK = "GOSHAWK_TRACEBACK"
 """Environment variable: let an internal error end with Python's traceback."""
+INTERNAL = 70
+"""Exit code of a fault of Goshawk itself: sysexits' EX_SOFTWARE."""
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """The system's error numbers of a full disk, an exceeded quota and a file that may not grow."""
 
@@ -35,30 +36,26 @@ VERBS = {
     # verb: what it does, in the words of `goshawk --help`
     "init": "Start a project folder; add a map, a vehicle or flights to it.",
     "camera": "Make a camera file from images, or from Kalibr's or COLMAP's.",
-    "map": "Turn images into a map: poses, mesh, distance field.",
+    "map": "Turn images into a map: poses, mesh, distance field; measure, edit and join maps.",
     "localize": "Find the poses of other images in a map (relocalization).",
-    "plan": "Plan a checked trajectory through waypoints or along a recorded path.",
+    "plan": "Plan a checked trajectory through waypoints, along a recorded path, or of many missions.",
     "check": "Check a trajectory against a map and a vehicle.",
     "export": "Write a trajectory for other autopilots and planners, or as a page.",
     "sitl": "Run a SITL vehicle: the embedded C code on a simulated body.",
     "upload": "Send a checked trajectory to the vehicle and read it back.",
     "fly": "Fly the uploaded trajectory and record a flight log.",
-    "log": "Show, check, draw, convert or correct a flight log; download the vehicle's log.",
+    "log": "Show, check, fix or convert a flight log; download the vehicle's log.",
     "params": "List, read and set the controller's parameters on the vehicle.",
     "proxy": "Connect QGroundControl or MAVSDK, which cannot sign, to the vehicle.",
     "identify": "Fit the vehicle model to flight logs.",
     "diagnose": "Find which effect the vehicle model lacks, from measured flights.",
     "compare": "Compare vehicle models with measured flights.",
     "next-flight": "Propose the manoeuvre that best separates the candidate effects.",
-    "vehicle": "Make a vehicle file, show it, add or remove effects, undo, history.",
+    "vehicle": "Make a vehicle file, show it, set values, add or remove effects, undo, history.",
     "gcs": "Serve the ground station's page.",
     "demo": "Run the whole chain on a rendered room.",
     "doctor": "Check this installation.",
 }
-
-
-RENAMED = {"vehicle-sim": "sitl", "suspect": "candidate", "hold-unseen": "hold-unidentifiable"}
-"""Earlier names of verbs and options, still accepted; `--help` shows the new ones."""
 
 
 class Verbs(VerbGroup):
@@ -68,11 +65,10 @@ class Verbs(VerbGroup):
         return list(VERBS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        verb = RENAMED.get(cmd_name, cmd_name)
-        if verb not in VERBS:
+        if cmd_name not in VERBS:
             return None
-        room = next(task.lower() for task, verbs in GROUPS.items() if verb in verbs)
-        return importlib.import_module(f"goshawk.commands.{room}.{verb.replace('-', '_')}").command
+        room = next(task.lower() for task, verbs in GROUPS.items() if cmd_name in verbs)
+        return importlib.import_module(f"goshawk.commands.{room}.{cmd_name.replace('-', '_')}").command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         for heading, verbs in GROUPS.items():
@@ -83,7 +79,7 @@ class Verbs(VerbGroup):
 @click.command(
     cls=Verbs,
     epilog="Each verb has a help of its own: goshawk VERB --help.",
-    context_settings={"token_normalize_func": lambda name: RENAMED.get(name, name)},
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 @click.version_option(package_name="goshawk", message="goshawk %(version)s")
 def goshawk() -> None:
@@ -104,45 +100,48 @@ def main(arguments: list[str] | None = None) -> None:
                 warnings.simplefilter("ignore")
             code = goshawk.main(args=given, prog_name="goshawk", standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
-    except click.ClickException as error:
-        _report(error, _usage(error), as_json=_prints_json(given))
-        sys.exit(2)
-    except FlightError as error:
-        _report(error, str(error), as_json=_prints_json(given))
-        sys.exit(2 if isinstance(error, InputError | FormatError) else 1)
     except (KeyboardInterrupt, click.Abort):
         click.echo("goshawk: stopped; nothing half-written was left behind", err=True)
         sys.exit(130)
     except BrokenPipeError:
         sys.stderr.close()  # the reader closed the pipe (`goshawk ... | head`), which is no error
         sys.exit(0)
-    except OSError as error:  # a full disk, a folder without write permission: the system's message names the cause
+    except Exception as error:
+        sentence, code = _answer(error)
+        if code == INTERNAL and os.environ.get(TRACEBACK):
+            raise
+        _report(error, sentence, as_json="--json" in given)
+        sys.exit(code)
+
+
+def _answer(error: Exception) -> tuple[str, int]:
+    """What to say about an error, and the exit code."""
+    from flight import (  # with NumPy, which `goshawk --version` does not need
+        FlightError,
+        FormatError,
+        InputError,
+        extras,
+    )
+
+    if isinstance(error, click.ClickException):
+        return _usage(error), 2
+    if isinstance(error, FlightError):
+        return str(error), 2 if isinstance(error, InputError | FormatError) else 1
+    if isinstance(error, OSError):  # a full disk, a folder without write permission: the system names the cause
         where = f"{error.filename2 or error.filename}: " if error.filename else ""
         remedy = "; free some space there, or write to another disk" if error.errno in FULL else ""
-        _report(error, f"{where}{error.strerror or error}{remedy}", as_json=_prints_json(given))
-        sys.exit(2)
-    except MemoryError as error:
-        _report(error, "not enough memory; use fewer or smaller inputs", as_json=_prints_json(given))
-        sys.exit(1)
-    except Exception as error:
-        if os.environ.get(TRACEBACK):
-            raise
-        at = traceback.extract_tb(error.__traceback__)[-1]
-        said = f"{type(error).__name__}: {error}".splitlines()[0]
-        where = f"{os.path.basename(at.filename)}, line {at.lineno}"
-        sentence = (
-            f"an internal error of Goshawk: {said} ({where}); {TRACEBACK}=1 shows the traceback, for a bug report"
-        )
-        _report(error, sentence, as_json=_prints_json(given))
-        sys.exit(70)
-
-
-def _prints_json(given: list[str]) -> bool:
-    """Whether standard output is JSON: `--json` alone or with `-`, not with the name of a file."""
-    if "--json" not in given:
-        return False
-    after = given[given.index("--json") + 1 :]
-    return not (after and after[0].endswith(".json"))
+        return f"{where}{error.strerror or error}{remedy}", 2
+    if isinstance(error, MemoryError):
+        return "not enough memory; use fewer or smaller inputs", 1
+    if needed := extras.missing(error):
+        return f"this verb needs {needed}", 2
+    at = traceback.extract_tb(error.__traceback__)[-1]
+    said = f"{type(error).__name__}: {error}".splitlines()[0]
+    where = f"{os.path.basename(at.filename)}, line {at.lineno}"
+    return (
+        f"an internal error of Goshawk: {said} ({where}); {TRACEBACK}=1 shows the traceback, for a bug report",
+        INTERNAL,
+    )
 
 
 def _usage(error: click.ClickException) -> str:
@@ -157,6 +156,8 @@ def _report(error: Exception, sentence: str, *, as_json: bool) -> None:
     with contextlib.suppress(OSError):  # what cannot be written there must not change the exit code
         click.echo(f"goshawk: {sentence}", err=True)
     if as_json:
+        from flight import file_format
+
         body: dict[str, Any] = {"error": {"kind": type(error).__name__, "message": sentence}}
         with contextlib.suppress(OSError):
             click.echo(file_format.json_text(body), nl=False)

@@ -17,8 +17,8 @@ from mapping.map_figures import MapReport
 from mapping.map_folder import Map, MapOptions, build_map, open_map
 from mapping.poses_file import read_poses, write_poses
 from mapping.sparse.alignment import Length
-from mapping.sparse.colmap import SparseOptions
-from mapping.sparse.feature_files import FeatureFiles
+from mapping.sparse.features.feature_files import FeatureFiles
+from mapping.sparse.mapper.colmap import SparseOptions
 from mapping.sparse.reconstruction import SparseMap
 
 __all__ = [

@@ -35,8 +35,8 @@ class FreeSpace:
     def resolving(self, thickness_m: float) -> Field:
         """The field in which space is unknown, hence not free, where an obstacle this thick could hide.
 
-        Occupied and unknown voxels stay as they are. It is what `goshawk map --thinnest` leaves free, but for pockets
-        that are free only apart from the recorded path: they stay.
+        Occupied and unknown voxels stay as they are. It is what `goshawk map build --thinnest` leaves free, but for
+        pockets that are free only apart from the recorded path: they stay.
 
         Raises:
             InputError: the thickness is not positive.

@@ -48,7 +48,7 @@ class MapReport:
     """Every source of scale: its name, the map's scale divided by its, and its relative standard deviation."""
     motions: list[dict[str, Any]]
     """How recorded poses and odometry fit the map where they did not place its images, see
-    `mapping.sparse.motion.MotionCheck`."""
+    `mapping.sparse.recorded_motion.motion.MotionCheck`."""
     verdict: str
     """"good", "doubtful" or "refused"; see `verdict`."""
     reasons: list[str]

@@ -60,10 +60,11 @@ from mapping.input.images import ImageSet
 from mapping.input.selection import SelectionOptions
 from mapping.input.trajectory import MotionKind
 from mapping.map_figures import MapReport
-from mapping.sparse import alignment, colmap, localization_map, reconstruction
+from mapping.sparse import alignment, localization_map, reconstruction
 from mapping.sparse.alignment import DEPTH_SOURCE, Length
-from mapping.sparse.colmap import SparseOptions
 from mapping.sparse.localization_map import LocalizationMap
+from mapping.sparse.mapper import colmap
+from mapping.sparse.mapper.colmap import SparseOptions
 from mapping.stages import Work
 from mapping.verdict import Standing
 
@@ -438,7 +439,7 @@ def open_map(folder: Path) -> Map:
     """
     folder = Path(folder)
     if not (folder / "map.toml").is_file():
-        raise InputError(f"{folder} is not a map: it has no map.toml; `goshawk map` makes one")
+        raise InputError(f"{folder} is not a map: it has no map.toml; `goshawk map build` makes one")
     facts = file_format.read_toml(folder / "map.toml", format=FORMAT, version=VERSION)
     _standing(facts, folder)  # a verdict that cannot be read must not pass for none
     images, time_s, T_world_body = poses_file.read_poses(folder / "poses.csv")

@@ -13,10 +13,12 @@ from flight import FloatArray
 from mapping.camera.errors import OF_THE_LENS, Kind
 from mapping.camera.trial import SIGMAS90, Finding, Verdict
 from mapping.input.trajectory import MotionKind
-from mapping.sparse import overlap, reconstruction, repetition
+from mapping.sparse import reconstruction
 from mapping.sparse.alignment import GRAVITY, ScaleWitness
-from mapping.sparse.motion import MotionCheck
+from mapping.sparse.features import repetition
+from mapping.sparse.mapper import overlap
 from mapping.sparse.reconstruction import SparseMap
+from mapping.sparse.recorded_motion.motion import MotionCheck
 
 LEAST_PLACED = 0.9
 """Share of the images that a good map has placed."""

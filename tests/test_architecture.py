@@ -2,6 +2,7 @@
 
 import ast
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from os.path import normpath
 from pathlib import Path
@@ -74,8 +75,23 @@ ROOMS = {
 CONTROLLER = ROOT / "firmware_bridge" / "controller" / "src"
 CONTROLLER_ROOMS = ["base", "trajectory", "control", "mission", "link/transport", "link/services", "link"]
 """Rooms of the embedded C, the lowest floor first: each may call and include those before it."""
+FLOORS = {
+    "mapping.sparse": (".", "calibration", "mapper", "recorded_motion", "features"),
+    "vehicle": ("simulation", "importers", ".", "effects"),
+    "vehicle.effects": ("torque", "thrust", "drag", "surroundings", "motors", "mass", "sensors", "."),
+    "sysid.logs": (".", "checks", "readers"),
+    "sysid.estimator": (
+        "validation", ".", "uncertainty", "joint_problem", "blocks", "trajectory", "motors", "flights", "options",
+    ),
+    "sysid.diagnosis": ("experiment_design", ".", "evidence", "thresholds"),
+}  # fmt: skip
+"""The rooms in a folder from the top down, "." being its own modules: each imports only what stands below it."""
+CODE = {".py", ".c", ".h", ".cpp", ".hpp", ".ts", ".tsx"}
+NOT_PRODUCT = {"generated", "node_modules", "test"}
 GROUND_FLOOR_LIBRARIES = {"numpy", "pyarrow", "tomli_w"}
 HEAVY = {"open3d", "pycolmap", "matplotlib", "viser", "scipy.optimize", "osqp", "ompl", "aiohttp", "pyarrow"}
+WITHOUT_SCIPY = {"flight", "esdf", "vehicle", "planner", "sysid"}
+"""Packages that import no SciPy either until they need it: half a second or more of processor time."""
 
 
 def typing_only(tree: ast.AST) -> set[int]:
@@ -144,6 +160,12 @@ def files(package: str) -> list[Path]:
     return found
 
 
+def modules_of(package: str) -> dict[str, Path]:
+    """Every module of a package or room by its name, and its file."""
+    found = files(package.replace(".", "/"))
+    return {".".join(p.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): p for p in found}
+
+
 @pytest.mark.parametrize("package", MAY_IMPORT)
 def test_imports_only_go_down(package):
     climbs = [
@@ -169,10 +191,29 @@ def test_rooms_import_only_rooms_below_them(room):
     assert not climbs
 
 
+@pytest.mark.parametrize("folder", FLOORS)
+def test_rooms_in_a_folder_import_only_what_stands_below_them(folder):
+    floors, places = FLOORS[folder], modules_of(folder)
+
+    def floor(module: str) -> int:
+        first = module.removeprefix(f"{folder}.").split(".")[0]
+        return floors.index(first if first in floors else ".")
+
+    climbs = [
+        f"{name} imports {other}"
+        for name, path in places.items()
+        for other in imported_modules(ast.parse(path.read_text()), set(places))
+        if name != folder and floor(other) < floor(name)
+    ]
+    assert not climbs
+    rooms = {p.parent.name for p in (ROOT / folder.replace(".", "/")).glob("*/*.py")}
+    assert rooms <= set(floors), "a room without a floor"
+
+
 @pytest.mark.parametrize("package", MAY_IMPORT)
 def test_modules_of_a_package_do_not_import_each_other_in_a_circle(package):
     """Imports inside functions count: a circle is a circle however late it closes."""
-    places = {".".join(p.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): p for p in files(package)}
+    places = modules_of(package)
     places |= {f"{package}.{stub.stem}": stub for stub in (ROOT / package).glob("_*.pyi")}
     modules = set(places)
     graph = {name: imported_modules(ast.parse(path.read_text()), modules) for name, path in places.items()}
@@ -242,20 +283,22 @@ def test_the_ground_floor_needs_only_numpy_and_file_libraries():
 @pytest.mark.parametrize("package", MAY_IMPORT)
 def test_heavy_libraries_wait_until_they_are_needed(package):
     """`goshawk --help` must not pay for a mesh library."""
+    heavy = HEAVY | {"scipy"} if package in WITHOUT_SCIPY else HEAVY
     eager = [
         f"{path.relative_to(ROOT)}:{line} imports {module}"
         for path in files(package)
         for module, line, at_import in imports(ast.parse(path.read_text()))
-        if at_import and any(module == heavy or module.startswith(heavy + ".") for heavy in HEAVY)
+        if at_import and any(module == library or module.startswith(library + ".") for library in heavy)
     ]
     assert not eager
 
 
-def test_every_package_is_in_the_wheel_and_on_a_floor():
+def test_every_package_is_in_the_wheel_with_its_types_and_on_a_floor():
     import tomllib
 
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
     assert set(settings["tool"]["scikit-build"]["wheel"]["packages"]) == set(MAY_IMPORT)
+    assert not [package for package in MAY_IMPORT if not (ROOT / package / "py.typed").exists()]
 
 
 def test_no_module_is_longer_than_five_hundred_lines():
@@ -265,3 +308,15 @@ def test_no_module_is_longer_than_five_hundred_lines():
     sources += [p for package in MAY_IMPORT for p in (ROOT / package).rglob("*.cpp")]
     long = {str(p.relative_to(ROOT)): n for p in sources if (n := p.read_text().count("\n")) > 500}
     assert not long
+
+
+def test_no_folder_holds_more_than_twenty_modules():
+    """A header and its source are one module."""
+    sources = [
+        path
+        for package in MAY_IMPORT
+        for path in (ROOT / package).rglob("*")
+        if path.suffix in CODE and path.name != "__init__.py" and not NOT_PRODUCT & set(path.relative_to(ROOT).parts)
+    ]
+    modules = {(path.parent.relative_to(ROOT).as_posix(), path.stem) for path in sources}
+    assert not {folder: n for folder, n in Counter(folder for folder, _ in modules).items() if n > 20}

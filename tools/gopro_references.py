@@ -1,7 +1,7 @@
-"""Turn a GoPro walk (frames/ and telemetry/ as CSV) into an image folder that `goshawk map` reads.
+"""Turn a GoPro walk (frames/ and telemetry/ as CSV) into an image folder that `goshawk map build` reads.
 
     python tools/gopro_references.py WALK OUT
-    goshawk map OUT --camera OUT/camera.toml --out MAP
+    goshawk map build OUT --camera OUT/camera.toml --out MAP
 
 Writes the frames, `times.csv`, `references.csv` (GPS as local east, north, up in metres; gravity in the body frame)
 and a rough `camera.toml` whose lens the mapping then calibrates.

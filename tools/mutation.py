@@ -6,7 +6,7 @@ The faults are made on clang's syntax tree, so that types are known and nearly a
     a + b, a * b    a - b, a / b                             -a, !a        a
     if (a), a ? ..  if (!(a)); and if (0)                    statement;    ;
     1, 2.0f         2, 3.0f                                  TC_NAME       (TC_NAME + 1)
-    #define X 2.0f  3.0f and 1.33f                           true          false
+    const X = 2.0f  3.0f and 1.33f                           true          false
 
 and, of the table of transitions, [event] = TO(state): left out, and led to the state after that one. A boundary (< for
 <=) of two floats is not tried: it differs for one value in four thousand million.
@@ -202,7 +202,7 @@ def _suffix(value: float) -> str:
 
 
 def _of_tables(source: str) -> Iterator[tuple[int, int, str]]:
-    for match in re.finditer(r"^#define \w+ \(?(-?\d[\d.e+-]*f?)", source, re.MULTILINE):
+    for match in re.finditer(r"^(?:#define \w+|static const \w+ \w+ =) \(?(-?\d[\d.e+-]*f?)", source, re.MULTILINE):
         number = match[1]
         if "." in number or "e" in number:
             yield match.start(1), match.end(1), _scaled(number, 1.5)

@@ -1,24 +1,12 @@
 """The vehicle model: parameters, effects, forces, flatness, simulation."""
 
-from vehicle import (
-    commented,
-    draft,
-    effects,
-    flatness,
-    flights,
-    history,
-    invert,
-    manoeuvres,
-    self_test,
-    simulate,
-    sizes,
-    tracking,
-)
+from vehicle import commented, draft, effects, flatness, history, invert, sizes
 from vehicle.dynamics import Jacobian, acceleration, acceleration_jacobian, wrench, wrench_jacobian
 from vehicle.files import effect_files, example, load, save, vehicle_hash
 from vehicle.forces import Surroundings
 from vehicle.model import Vehicle, rigid_body, specs
 from vehicle.parameters import Limits, Parameter
+from vehicle.simulation import flights, manoeuvres, self_test, simulate, tracking
 
 __all__ = [
     "Jacobian",

@@ -48,7 +48,7 @@ def text(vehicle: Vehicle, *, schema: str | None = None) -> str:
         f"name = {_quoted(vehicle.name)}",
         f"gravity_m_s2 = {vehicle.gravity_m_s2!r}  # where it flies; 9.780 at the equator, 9.832 at the poles",
         "",
-        "# The laws the model is made of, in the order in which they act; `goshawk vehicle add-effect` adds one.",
+        "# The laws the model is made of, in the order in which they act; `goshawk vehicle effect add` adds one.",
         f"effects = [{', '.join(json.dumps(name) for name in vehicle.effects)}]",
         "",
         *_rotors(vehicle),

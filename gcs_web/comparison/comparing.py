@@ -16,7 +16,7 @@ from gcs_web.flights import pyramid, reading
 from gcs_web.flights.flights import Flights
 from gcs_web.protocol.comparison import ArrowScale, Comparison, Scatter, ShowFlights
 from gcs_web.protocol.flights import CurvePart, OpenedFlight, StreamPart
-from sysid.estimator.comparison import Deviation
+from sysid.estimator.validation.comparison import Deviation
 
 if TYPE_CHECKING:
     from flight.project import Project

@@ -12,7 +12,7 @@ from gcs_web.comparison.arrows import Wrench
 from gcs_web.flights.recorded import Path3D
 from gcs_web.protocol.comparison import ArrowScale
 from gcs_web.scene import drawing, picking
-from sysid.estimator.comparison import Deviation
+from sysid.estimator.validation.comparison import Deviation
 
 if TYPE_CHECKING:
     import viser

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flight import FloatArray, rotations
-from sysid.estimator.comparison import Deviation
+from sysid.estimator.validation.comparison import Deviation
 
 
 def at(

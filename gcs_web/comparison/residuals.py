@@ -10,13 +10,14 @@ from flight import FlightLog, FloatArray, InputError, Progress, file_format
 from gcs_web.flights import session_files
 from gcs_web.protocol.comparison import ChannelResidual, HorizonError, Scatter, VariableName
 from gcs_web.protocol.flights import CurveKind, CurvePart, Stream
-from sysid.diagnosis import explained
-from sysid.diagnosis.free_form import UNIT, VARIABLE
-from sysid.estimator.comparison import HORIZONS_S, QUANTITIES, Comparison, Deviation, Residual, compare, means_over
-from sysid.estimator.model import along
+from sysid.diagnosis.evidence import explained
+from sysid.diagnosis.evidence.free_form import UNIT, VARIABLE
+from sysid.estimator.flights.sampling import means_over
 from sysid.estimator.options import Options
 from sysid.estimator.result import CHANNELS, SPAN_S
-from sysid.logs.payload import as_flown
+from sysid.estimator.trajectory.model import along
+from sysid.estimator.validation.comparison import HORIZONS_S, QUANTITIES, Comparison, Deviation, Residual, compare
+from sysid.logs.checks.payload import as_flown
 from sysid.report import drawing, words
 from sysid.report.pages import SHOWN
 from sysid.report.residual_plots import SIGMAS, unit
@@ -33,7 +34,7 @@ class Predicted(msgspec.Struct, frozen=True):
     time_s: list[float]
     """(k,) on the log's clock."""
     deviation: list[list[float]]
-    """Six of (k,): predicted less measured pose there; see `sysid.estimator.comparison.Deviation`."""
+    """Six of (k,): predicted less measured pose there; see `sysid.estimator.validation.comparison.Deviation`."""
 
 
 class FlightResidual(msgspec.Struct, frozen=True):

@@ -22,7 +22,7 @@ from gcs_web.flights.recorded import Recorded
 from gcs_web.jobs.job_process import Failed, JobProcess
 from gcs_web.protocol import flights as flights_messages
 from gcs_web.protocol.flights import ColumnGuess, FlightCard, Incoming, Role
-from sysid.logs import draft_columns, draft_topics
+from sysid.logs.readers import draft_columns, draft_topics
 from sysid.logs.reading import is_recording
 
 logger = logging.getLogger(__name__)

@@ -197,7 +197,7 @@ def _path(log: FlightLog) -> list[float]:
 
 
 def fixed(opened: Project, name: str) -> tuple[FlightLog, tuple[str, ...]]:
-    """A flight's log with every fix that its checks propose, and what was done; as `goshawk log --fix`.
+    """A flight's log with every fix that its checks propose, and what was done; as `goshawk log fix`.
 
     Raises:
         InputError: no finding proposes a change of the log.

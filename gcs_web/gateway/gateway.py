@@ -243,9 +243,7 @@ class Gateway:
                 while data := await asyncio.wait_for(request.content.read(1 << 16), BODY_PAUSE_S):
                     size += len(data)
                     if size > LARGEST_LOG:
-                        said = (
-                            f"{place.name} is larger than {LARGEST_LOG >> 30} GiB; read it with `goshawk log` instead"
-                        )
+                        said = f"{place.name} is larger than {LARGEST_LOG >> 30} GiB; `goshawk log check` reads it"
                         return web.Response(status=413, text=said)
                     file.write(data)
                 file.close()

@@ -8,16 +8,17 @@ import vehicle
 from gcs_web.comparison.residuals import variable
 from gcs_web.protocol import learning as learning_messages
 from gcs_web.protocol.learning import Attempt, Confounded, EffectSize, Evidence, OutsideCurve, Stair, Tried
-from sysid.diagnosis import Diagnosis, explained
-from sysid.diagnosis.candidates import Candidate
+from sysid.diagnosis import Diagnosis
 from sysid.diagnosis.curve import advice, suggested_name
+from sysid.diagnosis.evidence import explained
+from sysid.diagnosis.evidence.candidates import Candidate
+from sysid.diagnosis.evidence.free_form import UNIT, VARIABLE
+from sysid.diagnosis.experiment_design.outlook import Outlook
 from sysid.diagnosis.findings import CandidateFinding, OutsideFinding, Size
-from sysid.diagnosis.free_form import UNIT, VARIABLE
-from sysid.diagnosis.outlook import Outlook
-from sysid.estimator import changes
-from sysid.estimator.changes import Change
-from sysid.estimator.comparison import QUANTITIES
 from sysid.estimator.result import CHANNELS
+from sysid.estimator.validation import changes
+from sysid.estimator.validation.changes import Change
+from sysid.estimator.validation.comparison import QUANTITIES
 from sysid.report import diagnosis_figures as figures
 from sysid.report import diagnosis_page, drawing, words
 from sysid.report.added_variable import added_variable, left_of

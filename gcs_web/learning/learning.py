@@ -136,7 +136,7 @@ class Learning:
             file.unlink(missing_ok=True)
 
     def draft_effect(self, name: str, form: Literal["spline", "polynomial"]) -> Path:
-        """Write an effect file of the curve that no known effect explains, as `goshawk vehicle scaffold-effect` does.
+        """Write an effect file of the curve that no known effect explains, as `goshawk vehicle effect scaffold` does.
 
         Raises:
             FlightError: there is no such curve, no effect can be made of it, or the name is taken or no name.

@@ -1,6 +1,6 @@
 """The controller's compensation: what the vehicle flies with, what the kept model asks for, and setting that.
 
-By the same functions as `goshawk params set --from VEHICLE`.
+By the same functions as `goshawk params set --vehicle VEHICLE`.
 """
 
 import hashlib

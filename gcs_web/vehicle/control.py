@@ -67,7 +67,7 @@ class Control:
             InputError: there is no vehicle, or this person is not in control.
         """
         if self._watch is None:
-            raise InputError("the ground station was started without a vehicle; give --vehicle-url")
+            raise InputError("the ground station was started without a vehicle; give --url")
         if self.holder != person.id:
             whose = f"{self._name()} is in control" if self.holder else "nobody is in control"
             raise InputError(f"{whose}; take control first")

@@ -11,10 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import click
-
 from flight import FormatError, InputError, file_format, project, results
-from goshawk.terminal import outputs
+from goshawk.terminal import console, outputs
 
 FORMAT, FACTS = "goshawk-demo", "demo.json"
 UNFINISHED = "unfinished.json"
@@ -70,7 +68,7 @@ def making(out: Path, settings: Mapping[str, Any]) -> Generator[Steps]:
     out = out.resolve()  # a link stays a link
     steps, earlier = _unfinished(out, settings), None
     if steps is not None:
-        click.echo(f"going on with the demo in {out} after: {', '.join(steps.done) or 'nothing yet'}", err=True)
+        console.note(f"going on with the demo in {out} after: {', '.join(steps.done) or 'nothing yet'}")
     else:
         steps, earlier = Steps(out, settings), _moved_aside(out)
         project.create(out, NAME)
@@ -79,11 +77,11 @@ def making(out: Path, settings: Mapping[str, Any]) -> Generator[Steps]:
         yield steps
     except BaseException:
         done = ", ".join(steps.done) or "nothing yet"
-        click.echo(f"finished: {done}; the same command continues from there", err=True)
+        console.note(f"finished: {done}; the same command continues from there")
         raise
     if earlier is not None:
         shutil.rmtree(earlier)
-        click.echo(f"the earlier demo in {out} was replaced; nothing in it had been changed", err=True)
+        console.note(f"the earlier demo in {out} was replaced; nothing in it had been changed")
 
 
 def _moved_aside(out: Path) -> Path | None:

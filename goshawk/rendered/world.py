@@ -148,7 +148,7 @@ def write_rendered_sequence(
     seed: int = 1,
     progress: Progress = silent,
 ) -> Path:
-    """Render a flight into an image folder that `goshawk map` reads; 60 pairs of the furnished room by default.
+    """Render a flight into an image folder that `goshawk map build` reads; 60 pairs of the furnished room by default.
 
     Writes `CAMERA/0000.png`..., `times.csv`, `references.csv` (the direction of up, as the flight controller of a real
     vehicle knows it), `camera.toml`, and, apart from what a mapper reads, `truth/poses.csv`.

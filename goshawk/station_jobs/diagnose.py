@@ -18,7 +18,7 @@ from goshawk.commands.learn import what_next
 from goshawk.commands.learn.what_next import DiagnoseCall
 from goshawk.station_jobs import flights
 from sysid.diagnosis import diagnose
-from sysid.diagnosis.outlook import outlook
+from sysid.diagnosis.experiment_design.outlook import outlook
 from sysid.report import diagnosis_page
 
 HOW_TO_GO_ON = "(on the page's step Learn, or in the project's folder by these commands)"

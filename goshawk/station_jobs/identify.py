@@ -13,7 +13,7 @@ from gcs_web.flights import reading
 from gcs_web.jobs.jobs import Choices, Kind
 from gcs_web.learning import identified
 from goshawk.commands.learn import fit_options
-from goshawk.commands.learn.identify import fit_flights, write
+from goshawk.commands.learn.identify import fit_flights, write_figures
 from goshawk.station_jobs.flights import in_words_of
 from goshawk.terminal import outputs
 from sysid.estimator.options import Options
@@ -81,8 +81,10 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
     fits = fit_flights(flights, {}, trials, believed, options, None, progress)
     out, report = _paths(folder, asked.out)
     usable = fits.verdict.use is not Use.REJECTED
-    written = write(fits, out if usable else None, report, None, overwrite=asked.overwrite)
-    files = [Path(written[key]).name for key in ("written", "report") if written[key]]
+    write_figures(fits, report, None, overwrite=asked.overwrite)
+    if usable:
+        outputs.write_vehicle(out, fits.answer.vehicle, "identify", overwrite=asked.overwrite)
+    files = [out.name, report.name] if usable else [report.name]
     reasons = [fit_options.worded(str(reason), BOXES) for reason in fits.verdict.reasons]
     shown = identified.shown(
         fits.answer,

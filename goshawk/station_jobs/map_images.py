@@ -1,4 +1,4 @@
-"""Make the project's map from images in its folder: what `goshawk map` does."""
+"""Make the project's map from images in its folder: what `goshawk map build` does."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +13,7 @@ from flight import InputError, Progress
 from flight.project import Project
 from gcs_web.desk import Desk
 from gcs_web.jobs.jobs import Choices, Kind
-from goshawk.commands.map.map import CARRIER_M, THINNEST_M, VOXEL_M, length_from
+from goshawk.commands.map.build import CARRIER_M, THINNEST_M, VOXEL_M, length_from
 from mapping.input import trajectory
 
 _IMAGES = (".jpg", ".jpeg", ".png")

@@ -21,7 +21,8 @@ from goshawk.commands.learn import mapped_flight
 from goshawk.commands.learn.mapped_flight import MappedRanking
 from goshawk.station_jobs import flights
 from goshawk.terminal import console
-from sysid.diagnosis import diagnose, next_flight
+from sysid.diagnosis import diagnose
+from sysid.diagnosis.experiment_design import next_flight
 from sysid.report import words
 
 PATH_POINTS = 200

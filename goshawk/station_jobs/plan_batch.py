@@ -1,4 +1,4 @@
-"""Plan every mission of a folder in the project: what `goshawk plan --batch` does."""
+"""Plan every mission of a folder in the project: what `goshawk plan batch` does."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,7 +11,7 @@ from flight.project import Project, part_name
 from gcs_web.desk import Desk
 from gcs_web.jobs.jobs import Choices, Kind
 from goshawk.commands.plan import batch
-from goshawk.commands.plan.plan import options_from
+from goshawk.commands.plan.plan_options import options_from
 
 
 class Arguments(msgspec.Struct, forbid_unknown_fields=True):
@@ -35,7 +35,7 @@ class Arguments(msgspec.Struct, forbid_unknown_fields=True):
 def folders(project: Project) -> list[str]:
     """Names of the project's folders that hold waypoint files."""
     names = [path.name for path in sorted(project.folder.iterdir()) if path.is_dir() and not path.name.startswith(".")]
-    own = {"map", "trajectories", "flights"}
+    own = {"map", "trajectories", "flights", "learned"}
     return [name for name in names if name not in own and _holds_missions(project.folder / name)]
 
 

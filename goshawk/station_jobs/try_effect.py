@@ -1,4 +1,4 @@
-"""Add an effect to the project's vehicle, refit, judge: what `goshawk vehicle add-effect` does, but nothing is kept."""
+"""Add an effect to the project's vehicle, refit, judge: what `goshawk vehicle effect add` does, but nothing is kept."""
 
 from pathlib import Path
 from typing import Annotated
@@ -13,8 +13,8 @@ from gcs_web.jobs.jobs import Kind
 from gcs_web.learning import diagnosis_values, learning
 from gcs_web.learning.learning import KeptTrial
 from goshawk.station_jobs import flights
-from sysid.estimator import changes
-from sysid.estimator.changes import Flights
+from sysid.estimator.validation import changes
+from sysid.estimator.validation.changes import Flights
 from vehicle import Vehicle
 
 

@@ -12,13 +12,40 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flight import InputError, Progress, file_format
+from flight import InputError, Progress, file_format, silent
 from goshawk.terminal.words import with_unit
 
 if TYPE_CHECKING:
     from planner import PlanOptions
 
-json_option = click.option("--json", "as_json", is_flag=True, help="Print the facts as JSON instead of a table.")
+_QUIET = "goshawk.quiet"
+
+
+def _keep_quiet(context: click.Context, _: click.Parameter, quiet: bool) -> None:
+    if quiet:
+        context.meta[_QUIET] = True
+
+
+def common_options(verb: Any) -> Any:
+    """`-q` and `--json`, which every verb has."""
+    quiet = click.option(
+        "-q", "--quiet", is_flag=True, expose_value=False, callback=_keep_quiet,
+        help="Print no progress and no notes on stderr.",
+    )  # fmt: skip
+    as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout instead of a table.")
+    return quiet(as_json(verb))
+
+
+def is_quiet() -> bool:
+    """Whether the verb that runs was given `-q`."""
+    context = click.get_current_context(silent=True)
+    return context is not None and bool(context.meta.get(_QUIET))
+
+
+def note(sentence: str) -> None:
+    """A remark on stderr, which `-q` suppresses; warnings and errors are not remarks."""
+    if not is_quiet():
+        click.echo(sentence, err=True)
 
 
 def path_option(name: str, destination: str, help: str, *, required: bool = False) -> Any:
@@ -26,8 +53,10 @@ def path_option(name: str, destination: str, help: str, *, required: bool = Fals
     return click.option(name, destination, type=click.Path(path_type=Path), required=required, help=help)
 
 
-map_option = path_option("--map", "map_folder", "Map folder, as `goshawk map` wrote it.", required=True)
+map_option = path_option("--map", "map_folder", "Map folder, as `goshawk map build` writes it.", required=True)
 vehicle_option = path_option("--vehicle", "vehicle_file", "Vehicle file.", required=True)
+yes_option = click.option("--yes", is_flag=True, help="Do not ask for confirmation.")
+dry_run_option = click.option("--dry-run", is_flag=True, help="Show the changes without making them.")
 radius_option = click.option(
     "--radius",
     "radius_m",
@@ -35,14 +64,14 @@ radius_option = click.option(
     help="Radius of the sphere that encloses the vehicle, metres [default: its propellers'].",
 )
 margin_option = click.option(
-    "--margin", "margin_m", type=float, help="Clearance to keep beyond that sphere, metres [default: 0.15]."
+    "--margin", "margin_m", type=float, help="Clearance to keep beyond the vehicle's sphere, metres [default: 0.15]."
 )
 
 columns_option = path_option(
     "--columns", "columns", "Column map: TOML file that describes a CSV's columns or ROS topics."
 )
 url_option = click.option(
-    "--vehicle-url",
+    "--url",
     "url",
     default="udp://127.0.0.1:14550",
     show_default=True,
@@ -84,9 +113,26 @@ def assignment(text: str) -> tuple[str, float]:
         raise InputError(f"{text!r} is not NAME=VALUE with a number, like mass_kg=0.72") from None
 
 
+def confirm(question: str, *, yes: bool, as_json: bool) -> None:
+    """Ask before a change; `yes` is the answer already.
+
+    Raises:
+        Abort: the answer is no.
+        UsageError: there is nobody to ask.
+    """
+    if yes:
+        return
+    if as_json or not sys.stdin.isatty():
+        raise click.UsageError("this needs a confirmation: give --yes, or --dry-run to see the changes")
+    click.confirm(question, abort=True, err=True)
+
+
 @contextlib.contextmanager
 def progress() -> Generator[Progress]:
-    """A progress callable: one line on a terminal, a line per stage elsewhere; always on stderr."""
+    """A progress callable: one line on a terminal, a line per stage elsewhere; on stderr, and none with `-q`."""
+    if is_quiet():
+        yield silent
+        return
     if not sys.stderr.isatty():
         yield _LinePerStage()
         return
@@ -144,21 +190,45 @@ def show(title: str, facts: Mapping[str, object], *, as_json: bool, document: Ma
 
 
 def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+    """Print a table; as one paragraph a row where the terminal is too narrow for the names in its columns."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
 
+    console = Console(highlight=False, markup=False, emoji=False)
+    console.width = console.width if console.is_terminal else max(console.width, 120)
+    if _least_width(heads, rows) > console.width:
+        _paragraphs(console, title, heads, rows)
+        return
     with_heads = any(heads)
     drawn = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, show_header=with_heads)
     for i, head in enumerate(heads):
         numeric = with_heads and all(isinstance(row[i], int | float) for row in rows)
-        # names are typed again: a long one is folded, never cut
-        drawn.add_column(head, justify="right" if numeric else "left", overflow="fold")
+        drawn.add_column(head, justify="right" if numeric else "left", min_width=_longest_word(head, rows, i))
     for row in rows:
         drawn.add_row(*[_text(cell) for cell in row])
-    console = Console(highlight=False)
-    console.width = console.width if console.is_terminal else max(console.width, 120)
     console.print(drawn)
+
+
+def _least_width(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> int:
+    """Of a table that folds no word: names are typed again."""
+    return sum(_longest_word(head, rows, i) + 3 for i, head in enumerate(heads)) + 1
+
+
+def _longest_word(head: str, rows: Sequence[Sequence[object]], column: int) -> int:
+    words = " ".join([head, *(_text(row[column]) for row in rows)]).split()
+    return max(map(len, words), default=0)
+
+
+def _paragraphs(console: Any, title: str, heads: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+    """Each row as a line for its first cell, and lines of the others that are not empty below it."""
+    console.print(title, style="bold", soft_wrap=True)
+    for row in rows:
+        console.print(f"\n  {_text(row[0])}", soft_wrap=True)
+        for head, cell in zip(heads[1:], row[1:], strict=True):
+            if (text := _text(cell)) != "":
+                console.print(f"    {head}: {text}" if head else f"    {text}", soft_wrap=True)
+    console.print()
 
 
 def _text(value: object) -> str:

@@ -7,8 +7,9 @@ from pathlib import Path
 import click
 
 import vehicle
-from flight import FormatError, InputError, file_format, results
+from flight import FormatError, InputError, results
 from flight.results import Placing
+from goshawk.terminal import console
 from vehicle import Vehicle, history
 
 overwrite_option = click.option(
@@ -55,18 +56,11 @@ def pictures(path: Path, *, overwrite: bool) -> Generator[Placing]:
     report_kept(path, placing.kept)
 
 
-def write_json(path: Path, document: object, *, overwrite: bool) -> None:
-    with file(path, overwrite=overwrite) as temporary:
-        file_format.write_bytes(temporary, file_format.json_text(document).encode())
-
-
 def write_vehicle(path: Path, fitted: Vehicle, action: str, *, effect: str = "", overwrite: bool) -> None:
     """Write a vehicle file; an existing one gets this as its next version and keeps the earlier ones in its history."""
     if overwrite and path.is_file() and _is_vehicle(path):
         step = history.record(path, fitted, action, effect=effect)
-        click.echo(
-            f"{path} is at version {step.number}; `goshawk vehicle undo {path}` returns to the one before", err=True
-        )
+        console.note(f"{path} is at version {step.number}; `goshawk vehicle undo {path}` returns to the one before")
         return
     with file(path, overwrite=overwrite) as temporary:
         vehicle.save(temporary, fitted)
@@ -74,7 +68,7 @@ def write_vehicle(path: Path, fitted: Vehicle, action: str, *, effect: str = "",
 
 def report_kept(path: Path, kept: Path | None) -> None:
     if kept is not None:
-        click.echo(f"kept: {kept.name}, what {path} was before", err=True)
+        console.note(f"kept: {kept.name}, what {path} was before")
 
 
 def holds_pictures(folder: Path) -> bool:

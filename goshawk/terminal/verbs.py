@@ -1,6 +1,8 @@
 """Groups of verbs: a bare one shows its help, a mistyped one gets a suggestion."""
 
 import difflib
+from collections.abc import Sequence
+from typing import Any
 
 import click
 
@@ -35,3 +37,18 @@ class VerbGroup(click.Group):
         near += difflib.get_close_matches(word, known, n=2, cutoff=0.55)
         found = list(dict.fromkeys(near))[:2]
         return f"; did you mean {' or '.join(found)}?" if found else ""
+
+
+class DefaultVerbGroup(VerbGroup):
+    """A group that is a verb too: `goshawk plan WAYPOINTS` beside `goshawk plan batch`."""
+
+    def __init__(self, name: str, own: click.Command, commands: Sequence[click.Command]) -> None:
+        super().__init__(name, commands=commands, help=own.help)
+        self.own = own
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
+        if args and args[0] in self.commands:
+            return super().make_context(info_name, args, parent, **extra)
+        return self.own.make_context(info_name, args, parent, **extra)

@@ -58,6 +58,11 @@ class Volume:
     def voxel_m(self) -> float:
         return self.grid.voxel_m[0]
 
+    def _arrays(self):
+        """The grid and the bricks, as the kernels take them."""
+        grid, measured = self.grid, (self.distance, self.weight, self.scatter, self.images)
+        return grid.low_world_m, self.voxel_m, grid.shape, self.bricks, *measured, self.colour, self.colour_weight
+
     def integrate(
         self,
         view: ImageView,
@@ -71,16 +76,7 @@ class Volume:
         height, width = inverse_range.shape
         channels = self.colour.shape[4]
         _mapping.integrate(
-            self.grid.low_world_m,
-            self.voxel_m,
-            self.grid.shape,
-            self.bricks,
-            self.distance,
-            self.weight,
-            self.scatter,
-            self.images,
-            self.colour,
-            self.colour_weight,
+            *self._arrays(),
             np.ascontiguousarray(inverse_range, dtype=np.float32),
             np.ascontiguousarray(deviation, dtype=np.float32),
             np.ascontiguousarray(facing, dtype=np.float32),
@@ -121,16 +117,7 @@ class Volume:
         """Marching cubes where all eight corners were seen: vertices (n, 3), faces (m, 3), colours (n, 3), and how well
         each vertex is known."""
         vertices, faces, colours, weight, scatter, images = _mapping.marching_cubes(
-            self.grid.low_world_m,
-            self.voxel_m,
-            self.grid.shape,
-            self.bricks,
-            self.distance,
-            self.weight,
-            self.scatter,
-            self.images,
-            self.colour,
-            self.colour_weight,
+            *self._arrays(),
             least_weight,
         )
         shades = np.clip(np.round(colours), 0, 255).astype(np.uint8)

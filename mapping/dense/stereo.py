@@ -36,22 +36,22 @@ class StereoOptions:
     """How many partners must agree on a depth."""
     baseline_ratio: float = 0.08
     """Baseline to aim for, over the typical distance of the scene."""
-    depth_scale: float = 0.5
-    """Size of the depth images over that of the images."""
-    column_px: float = 1.3
-    """Width of a rectified column, in pixels of the image's centre."""
-    row_px: float = 2.0
-    """Height of a rectified row."""
-    block_columns: int = 5
-    """Edge of the blocks that are compared; larger ones bridge weak texture and blur edges."""
-    disparity_std_px: float = 0.35
-    """Standard deviation of a match, in columns."""
-    largest_relative_std: float = 0.12
-    """Depths less certain than this share of themselves are dropped."""
     tolerance: float = 2.0
     """Depths agree when they differ by at most this many standard deviations."""
 
 
+DEPTH_SCALE = 0.5
+"""Size of the depth images over that of the images."""
+COLUMN_PX = 1.3
+"""Width of a rectified column, in pixels of the image's centre."""
+ROW_PX = 2.0
+"""Height of a rectified row."""
+BLOCK_COLUMNS = 5
+"""Edge of the blocks that are compared; larger ones bridge weak texture and blur edges."""
+DISPARITY_STD = 0.35
+"""Standard deviation of a match, in columns."""
+LARGEST_RELATIVE_STD = 0.12
+"""Depths less certain than this share of themselves are dropped."""
 LARGEST_BASELINE_RATIO = 0.5
 """Over the typical distance; from farther apart, two images look too different to be matched."""
 BOUND_DEVIATIONS = 3.0
@@ -137,10 +137,10 @@ def depth_of_pair(
     R_camera_grid = axes_about(baseline_camera_m / baseline_m)
     R_partner_grid = np.ascontiguousarray(T_partner_camera[:3, :3] @ R_camera_grid)
     near_m = view.near_m or options.near_m
-    grid, disparities = _grid(view, rays_camera, R_camera_grid, baseline_m / near_m, options)
+    grid, disparities = _grid(view, rays_camera, R_camera_grid, baseline_m / near_m)
     left = _mapping.rectify(view.grey, lens_row(view.camera), R_camera_grid, grid)
     right = _mapping.rectify(partner.grey, lens_row(partner.camera), R_partner_grid, grid)
-    disparity = _match(left, right, disparities, options.block_columns)
+    disparity = _match(left, right, disparities, BLOCK_COLUMNS)
     return _mapping.inverse_range(
         disparity,
         consistency.nearest_disparity(left, right, disparity, disparities),
@@ -150,8 +150,8 @@ def depth_of_pair(
         np.ascontiguousarray(T_partner_camera),
         lens_row(partner.camera),
         rays_camera,
-        options.disparity_std_px,
-        options.largest_relative_std,
+        DISPARITY_STD,
+        LARGEST_RELATIVE_STD,
         BOUND_DEVIATIONS,
     )
 
@@ -171,7 +171,6 @@ def _grid(
     rays_camera: FloatArray,
     R_camera_grid: FloatArray,
     baseline_over_near: float,
-    options: StereoOptions,
 ) -> tuple[FloatArray, int]:
     """The kernel's grid row, and the number of disparities, for the part of the sphere that `view` sees."""
     nearest, farthest = np.arccos(np.clip(_range(rays_camera @ R_camera_grid[:, 0])[::-1], -1.0, 1.0))
@@ -180,9 +179,9 @@ def _grid(
     angles = np.linspace(low, high, 64)
     towards = np.maximum(1.0 / baseline_over_near - np.cos(angles), 1e-3)
     parallax = min(float(np.arctan(np.sin(angles) / towards).max()), 1.2)
-    column_step = max(options.column_px / focal_px, parallax / MOST_DISPARITIES)
+    column_step = max(COLUMN_PX / focal_px, parallax / MOST_DISPARITIES)
     disparities = 16 * int(np.ceil(parallax / column_step / 16))
-    row_step = options.row_px / focal_px
+    row_step = ROW_PX / focal_px
     if nearest < LEAST_ANGLE_RAD or farthest > np.pi - LEAST_ANGLE_RAD:
         first, last = -np.pi, np.pi  # the baseline is in view: all directions round it are
     else:
@@ -223,13 +222,13 @@ def depth_image(views: Sequence[ImageView], index: int, options: StereoOptions) 
     partners = choose_partners(views, index, options)
     if len(partners) < options.least_agreeing:
         return None
-    rays = depth_rays(view, options.depth_scale)
+    rays = depth_rays(view, DEPTH_SCALE)
     layers = [depth_of_pair(view, views[p], rays, options) for p in partners]
     values, deviations, bounds = (np.stack(part) for part in zip(*layers, strict=True))
     value, deviation = _mapping.fuse(values, deviations, options.tolerance, options.least_agreeing)
     bound = agreed_bound(bounds, value, deviation, options.least_agreeing)
     value = without_jumps(value)
-    return DepthImage(value, deviation, facing(value, rays), bound, options.depth_scale)
+    return DepthImage(value, deviation, facing(value, rays), bound, DEPTH_SCALE)
 
 
 def agreed_bound(bounds: FloatImage, value: FloatImage, deviation: FloatImage, least_agreeing: int) -> FloatImage:

@@ -114,21 +114,9 @@ class Measured:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reconstruction:
+class Reconstruction(Measured):
     """The mesh and the grid of voxel states."""
 
-    vertices_world_m: FloatArray
-    """(n, 3)."""
-    faces: NDArray[np.int32]
-    """(m, 3) counter-clockwise seen from free space."""
-    colours: NDArray[np.uint8]
-    """(n, 3) RGB of each vertex."""
-    confidence: SurfaceConfidence
-    """Of each vertex."""
-    state: NDArray[np.uint8]
-    """(nx, ny, nz) `esdf.UNKNOWN`, `FREE` or `OCCUPIED`."""
-    grid: Grid
-    """Where the voxels of `state` are."""
     seen: Visibility
     """The thinnest object that the images resolve."""
     swept_occupied_m3: float

@@ -20,8 +20,8 @@ from flight import FloatArray, Progress, frames, silent
 from mapping.camera.rig import Camera, Rig
 from mapping.input.images import ImageSet
 from mapping.localization.relocalization import Localization
-from mapping.sparse import features
-from mapping.sparse.features import Features
+from mapping.sparse.features import features
+from mapping.sparse.features.features import Features
 from mapping.sparse.localization_map import LocalizationMap
 
 _CELL_M = 0.3

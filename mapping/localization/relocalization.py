@@ -21,12 +21,18 @@ from mapping.camera.rig import Rig
 from mapping.input.images import ImageSet
 from mapping.localization import neighbours, pose_certainty
 from mapping.localization.pose_certainty import Match
-from mapping.sparse import feature_files, features
-from mapping.sparse.feature_files import FeatureFiles
-from mapping.sparse.features import Features
+from mapping.sparse.features import feature_files, features
+from mapping.sparse.features.feature_files import FeatureFiles
+from mapping.sparse.features.features import Features
 from mapping.sparse.localization_map import LocalizationMap
 
 _STAGE, _SECOND_STAGE = "localizing", "looking again beside neighbours"
+_OUTLIER_PX = 4.0
+"""Largest reprojection error of a match that supports a pose."""
+_LEAST_INLIERS, _LEAST_SHARE = 30, 0.15
+"""A pose that fewer matches, or a smaller share of them, support is rejected."""
+_BESIDE_RAD = 0.35
+"""Angle from a feature within which its point is looked for again: what a vehicle turns between two images."""
 _ROWS = 256
 """Features that are compared with the whole map at once: fresh memory for 2000 takes half as long as the comparison."""
 
@@ -39,18 +45,10 @@ class LocalizationOptions:
     """Most features an image."""
     ratio: float = 0.85
     """A match counts if its distance is less than this share of the second best's."""
-    outlier_px: float = 4.0
-    """Largest reprojection error of a match that supports a pose."""
-    least_inliers: int = 30
-    """A pose with fewer supporting matches is rejected."""
-    least_share: float = 0.15
-    """A pose supported by a smaller share of the matches is rejected."""
     fastest_m_s: float = 15.0
     """A pose that is not reached at this speed from its neighbours in time is rejected."""
     neighbours_s: float = 2.0
     """How far in time a neighbour may be that says where to look for an instant again."""
-    beside_rad: float = 0.35
-    """Angle from a feature within which its point is then looked for: what a vehicle turns between two images."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,7 +124,7 @@ def localize_here(
     known: LocalizationMap, images: ImageSet, options: LocalizationOptions, keep: Path, *, progress: Progress
 ) -> Localization:
     """The work of `localize`, in this process."""
-    answers = [_answer(images.rig, matches, options) for matches in _matched(known, images, options, keep, progress)]
+    answers = [_answer(images.rig, matches) for matches in _matched(known, images, options, keep, progress)]
     if (np.diff(images.time_s) > 0.0).all():  # not where a time is unknown (NaN)
         answers = _reachable(answers, images.time_s, options)
         answers = _looked_for_again(answers, known, images, FeatureFiles(keep), options, progress)
@@ -196,7 +194,7 @@ def _looked_for_again(
     for done, instant in enumerate(failed, start=1):
         expected = neighbours.predicted(images.time_s, T_world_body, instant, options.neighbours_s)
         if expected is not None:
-            again = _answer(images.rig, _matched_beside(known, images, found, instant, expected, options), options)
+            again = _answer(images.rig, _matched_beside(known, images, found, instant, expected, options))
             result[instant] = again if again.T_world_body is not None else result[instant]
         progress(_SECOND_STAGE, done / len(failed))
     return _reachable(result, images.time_s, options)
@@ -218,7 +216,7 @@ def _matched_beside(
         image, camera = found[index], images.rig.cameras[number]
         in_camera = frames.apply(frames.invert(expected @ camera.T_body_camera), known.points_world_m)
         rays = in_camera / np.linalg.norm(in_camera, axis=1, keepdims=True)
-        beside = Beside(camera.unproject(image.pixels), rays, float(np.cos(options.beside_rad)))
+        beside = Beside(camera.unproject(image.pixels), rays, float(np.cos(_BESIDE_RAD)))
         feature, point = match(features.unit(image.descriptors), known.descriptors, options.ratio, beside)
         matches.append((number, image.pixels[feature], known.points_world_m[point]))
     return matches
@@ -269,13 +267,13 @@ def match(
     return chosen, best[chosen]
 
 
-def _answer(rig: Rig, matches: list[Match], options: LocalizationOptions) -> _Answer:
+def _answer(rig: Rig, matches: list[Match]) -> _Answer:
     """The pose that matches of one instant support, or why there is none."""
     total = sum(len(pixels) for _, pixels, _ in matches)
-    if total < options.least_inliers:
-        return _Answer(None, [], total, f"{total} features look like points of the map; {options.least_inliers} needed")
-    T_world_body, supports = _pose(rig, matches, options)
-    count, needed = int(supports.sum()), max(options.least_inliers, round(options.least_share * total))
+    if total < _LEAST_INLIERS:
+        return _Answer(None, [], total, f"{total} features look like points of the map; {_LEAST_INLIERS} needed")
+    T_world_body, supports = _pose(rig, matches)
+    count, needed = int(supports.sum()), max(_LEAST_INLIERS, round(_LEAST_SHARE * total))
     if T_world_body is None or count < needed:
         return _Answer(None, [], total, f"{count} of {total} matches agree with one pose; {needed} needed")
     ends = np.cumsum([len(pixels) for _, pixels, _ in matches])
@@ -283,13 +281,13 @@ def _answer(rig: Rig, matches: list[Match], options: LocalizationOptions) -> _An
     return _Answer(T_world_body, [(camera, p[good], x[good]) for (camera, p, x), good in parts], total)
 
 
-def _pose(rig: Rig, matches: list[Match], options: LocalizationOptions) -> tuple[FloatArray | None, np.ndarray]:
+def _pose(rig: Rig, matches: list[Match]) -> tuple[FloatArray | None, np.ndarray]:
     """T_world_body (4, 4) from 2D-3D pairs of the cameras of the rig, and which of them (n,) support it."""
     import pycolmap
 
-    from mapping.sparse import colmap_model
+    from mapping.sparse.mapper import colmap_model
 
-    ransac = pycolmap.RANSACOptions(max_error=options.outlier_px, random_seed=0, max_num_trials=10_000)
+    ransac = pycolmap.RANSACOptions(max_error=_OUTLIER_PX, random_seed=0, max_num_trials=10_000)
     pixels = np.concatenate([p for _, p, _ in matches])
     points = np.concatenate([p for _, _, p in matches])
     if len(rig) == 1:

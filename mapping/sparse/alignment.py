@@ -21,8 +21,8 @@ from mapping import reach
 from mapping.camera.rig import Rig
 from mapping.input.images import ImageSet, read_table
 from mapping.input.trajectory import MotionKind
-from mapping.sparse import motion
-from mapping.sparse.motion import MotionCheck
+from mapping.sparse.recorded_motion import motion
+from mapping.sparse.recorded_motion.motion import MotionCheck
 
 _POSITION = ("x_m", "y_m", "z_m")
 _UP = ("up_body_x", "up_body_y", "up_body_z")

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from flight import FloatArray, FormatError, InputError, file_format
-from mapping.sparse import features
+from mapping.sparse.features import features
 
 FILE = "points.bin"
 MAGIC = b"goshloc\0"

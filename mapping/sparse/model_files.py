@@ -7,7 +7,7 @@ import numpy as np
 
 from mapping.camera import rig as rigs
 from mapping.camera.trial import Finding, Trial
-from mapping.sparse.calibration import SparseModel
+from mapping.sparse.calibration.calibration import SparseModel
 
 _ARRAYS = ("T_world_body", "registered", "points_world", "descriptors", "observations", "pixels", "breaks", "overlaps")
 _NUMBERS = ("reprojection_error_px", "least_agreement", "repeated", "by_motion", "motion_notes", "cpu_s")

@@ -14,13 +14,15 @@ from flight import FloatArray, MapError, Progress, silent
 from mapping import child, stages
 from mapping.camera import residual_field
 from mapping.camera.rig import Camera, Rig
-from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
-from mapping.sparse import alignment, calibration, colmap, model_files, overlap, pairing
+from mapping.sparse import alignment, model_files
 from mapping.sparse.alignment import Alignment, Length
-from mapping.sparse.colmap import SparseOptions
+from mapping.sparse.calibration import calibration
+from mapping.sparse.calibration.calibration import Registration
 from mapping.sparse.localization_map import LocalizationMap
-from mapping.sparse.overlap import UnplacedRun
+from mapping.sparse.mapper import colmap, overlap, pairing
+from mapping.sparse.mapper.colmap import SparseOptions
+from mapping.sparse.mapper.overlap import UnplacedRun
 from mapping.stages import Work
 
 CALIBRATION = "calibration"
@@ -28,44 +30,18 @@ CALIBRATION = "calibration"
 _LEAST_SHARE = 0.5
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SparseMap:
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SparseMap(Registration):
     """Where the images were taken, and the points they share."""
 
     images: ImageSet
     """The images; their rig has the lenses the map was made with."""
     T_world_body: FloatArray
     """(instants, 4, 4) metres, z up; NaN where an instant could not be placed."""
-    registered: np.ndarray
-    """(instants, cameras) bool."""
     points_world_m: FloatArray
     """(m, 3)."""
-    descriptors: np.ndarray
-    """(m, 128) float32 of unit length."""
-    observations: np.ndarray
-    """(o, 3) point, instant, camera."""
-    pixels: FloatArray
-    """(o, 2) where the centres of the patches of surface are seen: the features, moved as the adjustment had them."""
-    reprojection_error_px: float
-    """Mean over the points of each one's mean over the images that see it, as COLMAP states it, of these pixels."""
-    least_agreement: float
-    """The worst placed image's share of matches that agree with the map."""
-    breaks: np.ndarray
-    """(b, 2) instants across which the map is broken: no pair of images across agrees with it."""
-    overlaps: np.ndarray
-    """(p, 3) pairs of instants and the number of verified matches between them."""
-    repeated: float
-    """Share of the features that look like others of the same image; a quarter of the images has more."""
-    by_motion: list[int]
-    """Placed instants that recorded motion joins to the others, as depth and features do not."""
-    motion_notes: list[str]
-    """Why recorded motion placed none, or not all, of the images that needed it; depth images only."""
-    trial: Trial
-    """What the matches say of the camera file; its poses and points are COLMAP's, not the world's."""
     alignment: Alignment
     """Where scale and up came from."""
-    cpu_s: dict[str, float]
-    """CPU seconds of each step."""
 
     @property
     def rig(self) -> Rig:
@@ -142,21 +118,9 @@ def reconstruct(
     return SparseMap(
         images=dataclasses.replace(images, rig=model.rig),
         T_world_body=aligned.poses(model.T_world_body),
-        registered=model.registered,
         points_world_m=aligned.points(model.points_world),
-        descriptors=model.descriptors,
-        observations=model.observations,
-        pixels=model.pixels,
-        reprojection_error_px=model.reprojection_error_px,
-        least_agreement=model.least_agreement,
-        breaks=model.breaks,
-        overlaps=model.overlaps,
-        repeated=model.repeated,
-        by_motion=model.by_motion,
-        motion_notes=model.motion_notes,
-        trial=model.trial,
         alignment=aligned,
-        cpu_s=model.cpu_s,
+        **{kept.name: getattr(model, kept.name) for kept in dataclasses.fields(Registration)},
     )
 
 

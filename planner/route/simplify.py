@@ -85,7 +85,7 @@ def waypoints_along(
         raise InputError(
             f"{len(roomy)} of {len(walked_world_m)} recorded positions keep {how.waypoint_clearance_m:.3f} m from "
             "obstacles and unknown space; lower --margin, or map again with images that show the space beside them "
-            "(or state how much the carrier swept: `goshawk map --carrier-radius`)"
+            "(or state how much the carrier swept: `goshawk map build --carrier-radius`)"
         )
     kept = rdp(roomy, tolerance_m, field=field, clearance_m=how.clearance_m, yaw_rad=yaw)
     headings = np.full(len(kept), np.nan) if yaw is None else yaw[kept]

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from flight import FloatArray, FormatError, InputError, file_format
+from sysid.diagnosis.evidence.free_form import EVERY_CHANNEL, LIFT, SHOWN_BY_THRUST, THRUST, UNIT, WORLD, unit
 from sysid.diagnosis.findings import OutsideFinding
-from sysid.diagnosis.free_form import EVERY_CHANNEL, LIFT, SHOWN_BY_THRUST, THRUST, UNIT, WORLD, unit
 from vehicle import effects
 
 KNOTS = 9
@@ -181,6 +180,8 @@ def _check(file: Path, curve: Drawn, name: str) -> None:
 
 def _spline(curve: Drawn) -> tuple[str, str, str]:
     """Data, the function, and the form in words."""
+    from scipy.interpolate import CubicSpline
+
     knots = np.linspace(curve.at[0], curve.at[-1], KNOTS)
     spline = CubicSpline(curve.at, curve.residual)
     values, slopes = spline(knots), spline(knots, 1)

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from sysid.diagnosis.candidates import Candidate
+from sysid.diagnosis.evidence.candidates import Candidate
+from sysid.diagnosis.evidence.free_form import axes_of
+from sysid.diagnosis.evidence.score import Score
 from sysid.diagnosis.examined import Outside
 from sysid.diagnosis.findings import Outcome, Size, Verdict
-from sysid.diagnosis.free_form import axes_of
-from sysid.diagnosis.score import Score
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.diagnosis.trial import Trial
 

@@ -1,17 +1,18 @@
 """How large an effect is, or may be, with its interval and the smallest size that would have shown; does it matter?"""
 
-import numpy as np
-from scipy.special import ndtri
+from statistics import NormalDist
 
-from sysid.diagnosis.candidates import Candidate
+import numpy as np
+
+from sysid.diagnosis.evidence.candidates import Candidate
+from sysid.diagnosis.evidence.score import Score
 from sysid.diagnosis.findings import Size
-from sysid.diagnosis.score import Score
 from sysid.diagnosis.thresholds import THRESHOLDS
-from sysid.estimator.errors import NORMAL_90
 from sysid.estimator.result import Identification
+from sysid.estimator.uncertainty.errors import NORMAL_90
 from vehicle import effects
 
-VISIBLE_SIGMAS = -float(ndtri(THRESHOLDS.chance / 2.0) + ndtri(0.1))
+VISIBLE_SIGMAS = -(NormalDist().inv_cdf(THRESHOLDS.chance / 2.0) + NormalDist().inv_cdf(0.1))
 """A size of so many standard errors is called present nine times in ten."""
 
 

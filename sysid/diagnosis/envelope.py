@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from sysid.estimator.states import States
+from sysid.estimator.trajectory.states import States
 
 REACHED = 0.995
 """A limit is what this share of the states stays below, as at the ends of a curve."""

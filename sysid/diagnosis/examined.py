@@ -7,19 +7,27 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sysid.diagnosis import load
 from sysid.diagnosis.belief import curve_is_there
-from sysid.diagnosis.candidates import Candidate, CandidateSet, candidate_set
-from sysid.diagnosis.confirm import Judge
-from sysid.diagnosis.evidence import Evidence
-from sysid.diagnosis.free_form import EVERY_CHANNEL, LIFT, ROTORS, SHOWN_BY_THRUST, THRUST, WORLD, of_thrust
-from sysid.diagnosis.load import Load
-from sysid.diagnosis.score import Loss, Score, inverse_of, loss_without, score
+from sysid.diagnosis.evidence import load
+from sysid.diagnosis.evidence.candidates import Candidate, CandidateSet, candidate_set
+from sysid.diagnosis.evidence.confirm import Judge
+from sysid.diagnosis.evidence.evidence import Evidence
+from sysid.diagnosis.evidence.free_form import (
+    EVERY_CHANNEL,
+    LIFT,
+    ROTORS,
+    SHOWN_BY_THRUST,
+    THRUST,
+    WORLD,
+    of_thrust,
+)
+from sysid.diagnosis.evidence.load import Load
+from sysid.diagnosis.evidence.score import Loss, Score, inverse_of, loss_without, score
+from sysid.diagnosis.evidence.weigh import Fitted, Scales
 from sysid.diagnosis.thresholds import THRESHOLDS
-from sysid.diagnosis.weigh import Fitted, Scales
-from sysid.estimator.flight_data import Flight
+from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.result import CHANNELS, Identification
-from sysid.logs.payload import PAYLOAD
+from sysid.logs.checks.payload import PAYLOAD
 
 logger = logging.getLogger(__name__)
 

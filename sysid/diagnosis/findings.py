@@ -10,7 +10,7 @@ from enum import StrEnum
 from typing import Any
 
 from flight.rotations import FloatArray
-from sysid.diagnosis.free_form import unit
+from sysid.diagnosis.evidence.free_form import unit
 
 SCHEMA_VERSION = 2
 """Version of `Diagnosis.as_dict` of `sysid.diagnosis.diagnose`."""

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from flight import FlightLog, Progress
-from sysid.estimator.clocks import pose_is_late
+from sysid.estimator.flights.clocks import pose_is_late
 from sysid.estimator.identification import identify
 from sysid.estimator.options import Options
 from sysid.estimator.result import NOT_SETTLED, Identification
-from sysid.estimator.verdict import too_large_inertias
+from sysid.estimator.verdict import Use
 from vehicle import Vehicle
 
 
@@ -25,7 +25,7 @@ class First:
 
 def first_fit(logs: Sequence[FlightLog], vehicle: Vehicle, options: Options, progress: Progress) -> First:
     """The first fit, with disturbances and clock as these flights need them."""
-    found = _of_possible_body(logs, vehicle, First(identify(logs, vehicle, options, progress=progress), options, ()))
+    found = _to_be_used(logs, vehicle, First(identify(logs, vehicle, options, progress=progress), options, ()))
     if not pose_is_late(found.fit.clocks):
         return found
     # then that is an effect to be named, measured by the clock of the rotors
@@ -33,23 +33,22 @@ def first_fit(logs: Sequence[FlightLog], vehicle: Vehicle, options: Options, pro
     return First(identify(logs, vehicle, options, near=found.fit), options, found.said)
 
 
-def _of_possible_body(logs: Sequence[FlightLog], vehicle: Vehicle, white: First) -> First:
-    """The fit made again with lasting disturbances where white ones made a body of it that cannot be.
+def _to_be_used(logs: Sequence[FlightLog], vehicle: Vehicle, white: First) -> First:
+    """The fit made again with lasting disturbances, as `identify` has them, where it is not to be used with white ones.
 
     Rotors that answer disturbances for long look like a heavy body then, and every candidate torque would be judged
     beside that. What did not settle is held for good: each fit of the search would find it out anew.
     """
-    wrong = too_large_inertias(vehicle, white.fit.vehicle, white.fit.free_names)
-    if white.options.gusts != "white" or not wrong:
+    if white.options.gusts != "white" or not white.fit.converged or white.fit.verdict.use is not Use.REJECTED:
         return white
     options = replace(white.options, gusts="estimate")
     fit = identify(logs, vehicle, options, near=white.fit)
-    if fit.noise.gusts is None or too_large_inertias(vehicle, fit.vehicle, fit.free_names):
+    if fit.noise.gusts is None or fit.verdict.use is Use.REJECTED:
         return white
     unsettled = [e for e in fit.parameters if e.status == NOT_SETTLED]
     said = (
-        f"with disturbances taken for white noise {' and '.join(wrong)} came out too large for any such vehicle; all "
-        "fits were made with lasting disturbances among the states",
+        f"with disturbances taken for white noise the fit is not to be used ({white.fit.verdict.reasons[0]}); all fits "
+        "were made with lasting disturbances among the states",
         *(
             f"{e.name} was held at {e.value:.4g} {e.unit} throughout: its estimate did not settle; the errors of what "
             "goes along with it do not allow for that"

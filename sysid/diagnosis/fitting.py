@@ -5,11 +5,11 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from flight import FlightLog, InputError
-from sysid.diagnosis import candidates
-from sysid.diagnosis.candidates import POSE_DELAY, Candidate
+from sysid.diagnosis.evidence import candidates
+from sysid.diagnosis.evidence.candidates import POSE_DELAY, Candidate
+from sysid.diagnosis.evidence.weigh import Fitted
 from sysid.diagnosis.examined import Model, alike, as_good_as, examine, reproduced, significant, stated_curve
 from sysid.diagnosis.thresholds import THRESHOLDS
-from sysid.diagnosis.weigh import Fitted
 from sysid.estimator.identification import identify
 from sysid.estimator.options import Options
 from sysid.estimator.result import Identification

@@ -7,11 +7,14 @@ from typing import Any
 import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent, within
-from sysid.diagnosis import effect_sizes, load, traces
+from sysid.diagnosis import effect_sizes, traces
 from sysid.diagnosis.belief import Belief, belief, curve_is_there
-from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.decision import Case, decide, sentence, stated
 from sysid.diagnosis.envelope import Envelope, flown
+from sysid.diagnosis.evidence import load
+from sysid.diagnosis.evidence.candidates import Candidate
+from sysid.diagnosis.evidence.free_form import UNIT, axes_of, of_thrust
+from sysid.diagnosis.evidence.score import Score
 from sysid.diagnosis.examined import Model, Outside
 from sysid.diagnosis.findings import (
     SCHEMA_VERSION,
@@ -23,19 +26,17 @@ from sysid.diagnosis.findings import (
     Verdict,
 )
 from sysid.diagnosis.first_fit import First, first_fit
-from sysid.diagnosis.free_form import UNIT, axes_of, of_thrust
-from sysid.diagnosis.score import Score
 from sysid.diagnosis.search import Search, search
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.diagnosis.trial import Trial
 from sysid.estimator import verdict as fits
-from sysid.estimator.clocks import gyro_is_early
-from sysid.estimator.comparison import HORIZONS_S, Comparison, compare
-from sysid.estimator.flight_data import left_out
+from sysid.estimator.flights.clocks import gyro_is_early
+from sysid.estimator.flights.flight_data import left_out
 from sysid.estimator.options import Options
 from sysid.estimator.prepare import prepare_all
+from sysid.estimator.validation.comparison import HORIZONS_S, Comparison, compare
 from sysid.logs.check import check_log
-from sysid.logs.payload import PAYLOAD, carries_payload
+from sysid.logs.checks.payload import PAYLOAD, carries_payload
 from vehicle import Vehicle, rigid_body
 
 NODE_RATE_HZ = 100.0
@@ -269,7 +270,7 @@ def diagnose(
 
     The vehicle is first fitted to the flights; every effect it lacks is then scored, the likeliest is fitted in full
     and kept only if flights that were not used agree. With `auto` this goes on until nothing significant is left.
-    Disturbances are white unless the first fit then has an impossible inertia; lasting ones take their place there.
+    Disturbances are white unless the first fit is then not to be used; lasting ones take their place there.
 
     Args:
         logs: flights to learn from.

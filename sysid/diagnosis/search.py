@@ -9,9 +9,10 @@ import numpy as np
 from flight import FlightLog, Progress, silent
 from sysid.diagnosis import effect_sizes
 from sysid.diagnosis.belief import supported
-from sysid.diagnosis.candidates import Candidate
-from sysid.diagnosis.confirm import CostReduction, Judge
-from sysid.diagnosis.evidence import BLOCK_S, block_edges
+from sysid.diagnosis.evidence.candidates import Candidate
+from sysid.diagnosis.evidence.confirm import CostReduction, Judge
+from sysid.diagnosis.evidence.evidence import BLOCK_S, block_edges
+from sysid.diagnosis.evidence.weigh import Fitted, Scales
 from sysid.diagnosis.examined import (
     Form,
     Model,
@@ -29,8 +30,7 @@ from sysid.diagnosis.findings import JudgedBy, Outcome
 from sysid.diagnosis.fitting import candidates_fitted, fitted_once, refit_without
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.diagnosis.trial import Trial
-from sysid.diagnosis.weigh import Fitted, Scales
-from sysid.estimator.flight_data import Flight
+from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.options import Options
 from sysid.estimator.result import Identification
 

@@ -3,14 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from flight.rotations import FloatArray
-from sysid.diagnosis.candidates import Candidate
+from sysid.diagnosis.evidence.candidates import Candidate
 from sysid.diagnosis.examined import Model, reproduced
-from sysid.estimator.blocks import motor
-from sysid.estimator.midpoint import middle
-from sysid.estimator.model import slopes_along
+from sysid.estimator.motors import motor
+from sysid.estimator.trajectory.midpoint import middle
+from sysid.estimator.trajectory.model import slopes_along
 
 HORIZON_S = 0.5
 TURN_ERROR = 9.80665 * HORIZON_S**4 / 24.0
@@ -30,6 +29,8 @@ def prediction_error_m(model: Model, sized: Sequence[tuple[Candidate, FloatArray
 
     A wrong force pushes for the whole horizon; a wrong torque tilts the vehicle, and gravity does the rest.
     """
+    from scipy.ndimage import uniform_filter1d
+
     names = tuple(n for candidate, _ in sized for n in candidate.parameters)
     squares, count = {candidate.name: 0.0 for candidate, _ in sized}, 0
     for flight, states in zip(model.flights, model.fit.solution.point.states, strict=True):

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.diagnosis.candidates import Candidate
-from sysid.diagnosis.confirm import CostReduction
+from sysid.diagnosis.evidence.candidates import Candidate
+from sysid.diagnosis.evidence.confirm import CostReduction
 from sysid.diagnosis.examined import Outside
 from sysid.diagnosis.findings import JudgedBy, Outcome
 from sysid.diagnosis.thresholds import THRESHOLDS

@@ -33,7 +33,7 @@ class Options:
     all."""
     estimate_command_delay: bool = False
     """Of logs without rotor speed: estimate how late the commands are. That is confounded with the motor lag, so they
-    are taken to be on time unless another recorder than the gyro's stamped them; see `sysid.estimator.clocks`."""
+    are taken to be on time unless another recorder than the gyro's stamped them; see `flights.clocks`."""
     gaps: Gaps = "refuse"
     """A log with a gap: refuse it, or fit the pieces between gaps as separate flights."""
     unseen: Literal["refuse", "hold"] = "hold"

@@ -8,18 +8,18 @@ import numpy as np
 from flight import FlightLog, InputError
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
-from sysid.estimator import clocks
-from sysid.estimator.blocks import battery, motor, rotor_speed
 from sysid.estimator.blocks.catalogue import BLOCKS
-from sysid.estimator.flight_data import Flight, IndexArray, LeadIn
+from sysid.estimator.flights import clocks
+from sysid.estimator.flights.flight_data import Flight, IndexArray, LeadIn
+from sysid.estimator.flights.sampling import Stretch
+from sysid.estimator.motors import battery, motor, rotor_speed
 from sysid.estimator.options import Options
-from sysid.estimator.sampling import Stretch
-from sysid.logs import contact, gyro_clock
-from sysid.logs.clocks import Offset
-from sysid.logs.finding import Span
-from sysid.logs.motion import kinematics
-from sysid.logs.payload import carries_payload
-from sysid.logs.streams import longest_pause_s
+from sysid.logs.checks import contact, gyro_clock
+from sysid.logs.checks.clocks import Offset
+from sysid.logs.checks.finding import Span
+from sysid.logs.checks.motion import kinematics
+from sysid.logs.checks.payload import carries_payload
+from sysid.logs.readers.streams import longest_pause_s
 from vehicle import Vehicle
 
 LEAD_IN_S = 0.3
@@ -54,6 +54,13 @@ def prepare_all(logs: Sequence[FlightLog], options: Options, models: Iterable[Ve
     """
     gravity_m_s2 = gravity_of(models)
     return [flight for i, log in enumerate(logs) for flight in prepare(log, i, options, gravity_m_s2=gravity_m_s2)]
+
+
+def require_pose(flights: Iterable[Flight]) -> None:
+    """Raises `InputError` if a flight shows no motion to compare models by."""
+    for flight in flights:
+        if not flight.has_pose:
+            raise InputError(f"{flight.name} has no pose; models are compared along a measured motion")
 
 
 def gravity_of(models: Iterable[Vehicle]) -> float:

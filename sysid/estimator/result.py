@@ -8,21 +8,23 @@ import numpy as np
 
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
-from sysid.estimator import clocks, mass, weight
 from sysid.estimator import verdict as verdicts
-from sysid.estimator.agreement import odd_flights
-from sysid.estimator.blocks import motor
 from sysid.estimator.blocks.catalogue import BLOCKS, acting, places, reported
 from sysid.estimator.blocks.gyro import GYRO
 from sysid.estimator.blocks.motion import Motion
-from sysid.estimator.clocks import Clock
-from sysid.estimator.errors import NORMAL_90, Errors, standard_errors
-from sysid.estimator.flight_data import Flight, left_out
-from sysid.estimator.noise import Noise
+from sysid.estimator.blocks.noise import Noise
+from sysid.estimator.flights import clocks
+from sysid.estimator.flights.clocks import Clock
+from sysid.estimator.flights.flight_data import Flight, left_out
+from sysid.estimator.joint_problem import weight
+from sysid.estimator.joint_problem.solver import Solution
+from sysid.estimator.joint_problem.unknowns import SENSOR_NAMES, Unknowns
+from sysid.estimator.motors import motor
 from sysid.estimator.options import Options, Reference
-from sysid.estimator.solver import Solution
-from sysid.estimator.unknowns import SENSOR_NAMES, Unknowns
-from sysid.estimator.unsettled import CONFOUNDED, Unsettled
+from sysid.estimator.uncertainty import mass
+from sysid.estimator.uncertainty.agreement import odd_flights
+from sysid.estimator.uncertainty.errors import NORMAL_90, Errors, standard_errors
+from sysid.estimator.uncertainty.unsettled import CONFOUNDED, Unsettled
 from sysid.estimator.verdict import Verdict
 from vehicle import Vehicle, specs
 

@@ -6,18 +6,18 @@ from dataclasses import replace
 import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent
-from sysid.estimator.blocks import motor
 from sysid.estimator.blocks.pose import PoseSensor
-from sysid.estimator.comparison import means_over
+from sysid.estimator.flights.sampling import means_over
 from sysid.estimator.identification import identify
-from sysid.estimator.midpoint import middle
-from sysid.estimator.model import slopes_along, unexplained
+from sysid.estimator.joint_problem.problem import with_values
+from sysid.estimator.joint_problem.unknowns import chosen_names, model_parameters
+from sysid.estimator.motors import motor
 from sysid.estimator.options import Options
 from sysid.estimator.prepare import prepare_all
-from sysid.estimator.problem import with_values
 from sysid.estimator.result import Identification
-from sysid.estimator.states import first_guess
-from sysid.estimator.unknowns import chosen_names, model_parameters
+from sysid.estimator.trajectory.midpoint import middle
+from sysid.estimator.trajectory.model import slopes_along, unexplained
+from sysid.estimator.trajectory.states import first_guess
 from vehicle import Vehicle, effects, specs
 
 STAGES = ("vertical", "horizontal", "rotation")

@@ -9,7 +9,7 @@ import numpy as np
 
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
-from sysid.estimator.flight_data import Flight
+from sysid.estimator.flights.flight_data import Flight
 from sysid.logs.check import LogReport
 from vehicle import Vehicle, wrench
 from vehicle.invert import open_air

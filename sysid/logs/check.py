@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from flight import FlightLog, Progress, silent
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
-from sysid.logs import consistency, contact
-from sysid.logs.finding import Finding, Repair, Span, error, warning
-from sysid.logs.read_ulog import LOST
-from sysid.logs.streams import GAP_FACTOR, longest_pause_s
+from sysid.logs.checks import consistency, contact
+from sysid.logs.checks.finding import Finding, Repair, Span, error, warning
+from sysid.logs.readers.read_ulog import LOST
+from sysid.logs.readers.streams import GAP_FACTOR, longest_pause_s
 from vehicle import Vehicle
 
 FROZEN_S = 0.25

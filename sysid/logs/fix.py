@@ -12,8 +12,8 @@ from flight import FlightLog, InputError, Progress, frames, rotations, silent
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs.check import LogReport, check_log
-from sysid.logs.finding import Finding, Repair, turn_in_words
-from sysid.logs.streams import shifted
+from sysid.logs.checks.finding import Finding, Repair, turn_in_words
+from sysid.logs.readers.streams import shifted
 from vehicle import Vehicle
 
 MOST_FIXES = 40

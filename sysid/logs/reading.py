@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from flight import FlightLog, FormatError, InputError, flight_log
-from sysid.logs import read_bag, read_csv, read_ulog
+from sysid.logs.readers import read_bag, read_csv, read_ulog
 
 FOREIGN = (".csv", ".csv.gz", ".ulg", ".bag", ".db3", ".mcap")
 """Endings of other programs' logs."""
@@ -41,14 +41,14 @@ def _read(path: Path, column_map: Path | None) -> FlightLog:
         if column_map is None:
             raise FormatError(
                 f"{path} is CSV: give its column map with --columns; "
-                f"`goshawk log {path} --draft-columns columns.toml` drafts one"
+                f"`goshawk log draft-columns {path} --out columns.toml` drafts one"
             )
         return read_csv.read(path, read_csv.load_map(column_map))
     if name.endswith(".ulg"):
         return read_ulog.read(path)
     if is_recording(path):
         if column_map is None:
-            raise FormatError(f"{path} is a ROS recording; give its column map with --columns (docs/identification.md)")
+            raise FormatError(f"{path} is a ROS recording; give its column map with --columns")
         return read_bag.read(path, column_map)
     if path.is_dir():
         raise InputError(f"{path} is a folder; give a flight log (a folder is one only as a ROS 2 recording)")

@@ -10,13 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid.diagnosis.candidates import Candidate, base_names
+from sysid.diagnosis.evidence.candidates import Candidate, base_names
 from sysid.diagnosis.examined import Model
-from sysid.estimator.blocks import motor
-from sysid.estimator.comparison import SPAN_S, Residual, means_over, residual
-from sysid.estimator.model import slopes_along
+from sysid.estimator.flights.sampling import means_over
+from sysid.estimator.joint_problem.unknowns import SENSOR_NAMES
+from sysid.estimator.motors import motor
 from sysid.estimator.result import CHANNELS
-from sysid.estimator.unknowns import SENSOR_NAMES
+from sysid.estimator.trajectory.model import slopes_along
+from sysid.estimator.validation.comparison import SPAN_S, Residual, residual
 from vehicle import rigid_body
 
 SHOWN = 0.3

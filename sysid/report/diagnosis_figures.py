@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid.diagnosis import explained
-from sysid.diagnosis.candidates import Candidate
+from sysid.diagnosis.evidence import explained
+from sysid.diagnosis.evidence.candidates import Candidate
+from sysid.diagnosis.evidence.free_form import VARIABLE, along_axes, of_thrust
 from sysid.diagnosis.examined import reproduced
 from sysid.diagnosis.findings import OutsideFinding
-from sysid.diagnosis.free_form import VARIABLE, along_axes, of_thrust
 from sysid.diagnosis.procedure import Diagnosis
-from sysid.estimator.comparison import SPAN_S, Residual, means_over
+from sysid.estimator.flights.sampling import means_over
+from sysid.estimator.validation.comparison import SPAN_S, Residual
 from sysid.report import drawing, residual_plots, words
 from sysid.report.added_variable import added_variable, left_of
 

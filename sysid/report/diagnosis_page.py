@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
+from sysid.diagnosis.evidence.free_form import EVERY_CHANNEL, UNIT
+from sysid.diagnosis.experiment_design.outlook import Outlook
 from sysid.diagnosis.findings import Outcome, OutsideFinding, Verdict
-from sysid.diagnosis.free_form import EVERY_CHANNEL, UNIT
-from sysid.diagnosis.outlook import Outlook
 from sysid.diagnosis.procedure import Diagnosis
 from sysid.estimator.verdict import Use
 from sysid.report import diagnosis_figures, diagnosis_tables, residual_plots, words

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid.estimator.blocks import motor
 from sysid.estimator.blocks.catalogue import acting
-from sysid.estimator.comparison import means_over
-from sysid.estimator.flight_data import Flight
-from sysid.estimator.midpoint import middle, rates_of_change
-from sysid.estimator.model import unexplained
-from sysid.estimator.noise import Noise
-from sysid.estimator.problem import located
+from sysid.estimator.blocks.noise import Noise
+from sysid.estimator.flights.flight_data import Flight
+from sysid.estimator.flights.sampling import means_over
+from sysid.estimator.joint_problem.problem import located
+from sysid.estimator.joint_problem.solver import CONVERGED_SIGMA
+from sysid.estimator.motors import motor
 from sysid.estimator.result import SPAN_S, Identification
-from sysid.estimator.solver import CONVERGED_SIGMA
-from sysid.estimator.states import States
+from sysid.estimator.trajectory.midpoint import middle, rates_of_change
+from sysid.estimator.trajectory.model import unexplained
+from sysid.estimator.trajectory.states import States
 from sysid.report import drawing
 from vehicle import rigid_body
 

@@ -9,11 +9,9 @@ from importlib.metadata import version
 from pathlib import Path
 
 from flight import file_format
-from sysid.diagnosis import explained
+from sysid.diagnosis.evidence import explained
 from sysid.estimator.blocks.catalogue import BLOCKS
-from sysid.estimator.comparison import HORIZONS_S, JUDGED_S, QUANTITIES, Comparison
-from sysid.estimator.noise import MOTION
-from sysid.estimator.protocol import KNOWS, Judged
+from sysid.estimator.blocks.noise import MOTION
 from sysid.estimator.result import (
     CHANNELS,
     NOT_IDENTIFIABLE,
@@ -23,8 +21,10 @@ from sysid.estimator.result import (
     Identification,
     residual_statistics,
 )
+from sysid.estimator.validation.comparison import HORIZONS_S, JUDGED_S, QUANTITIES, Comparison
+from sysid.estimator.validation.protocol import KNOWS, Judged
+from sysid.estimator.validation.wrench_error import WrenchErrors
 from sysid.estimator.verdict import Use
-from sysid.estimator.wrench_error import WrenchErrors
 from sysid.logs.check import LogReport
 from sysid.report import plots, residual_plots, words
 

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sysid.estimator.comparison import HORIZONS_S, Comparison, means_over
+from sysid.estimator.flights.sampling import means_over
 from sysid.estimator.result import CHANNELS, SPAN_S
+from sysid.estimator.validation.comparison import HORIZONS_S, Comparison
 from sysid.report import drawing, residual_plots
 from sysid.report.fit_plots import identification, repeated
 

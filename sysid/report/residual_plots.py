@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid.diagnosis import explained
-from sysid.diagnosis.free_form import THRUST, UNIT, VARIABLE
-from sysid.estimator.comparison import SPAN_S, Residual, means_over
+from sysid.diagnosis.evidence import explained
+from sysid.diagnosis.evidence.free_form import THRUST, UNIT, VARIABLE
+from sysid.estimator.flights.sampling import means_over
 from sysid.estimator.result import CHANNELS
+from sysid.estimator.validation.comparison import SPAN_S, Residual
 from sysid.report import drawing
 
 if TYPE_CHECKING:

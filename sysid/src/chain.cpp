@@ -1,5 +1,5 @@
 // Least squares on a chain of states with a border of parameters, and the lag of motors: binding of the kernels.
-// The callers (sysid/estimator/chain.py, blocks/motor.py) own names, shapes and checks.
+// The callers (estimator/joint_problem/chain.py, estimator/motors/motor.py) own names, shapes and checks.
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>

@@ -7,7 +7,7 @@ import vehicle
 from firmware_bridge import controller
 from flight import rotations
 from vehicle import effects
-from vehicle.simulate import Battery
+from vehicle.simulation.simulate import Battery
 
 BASE = vehicle.example("rigter2019")
 TABLE = controller.compensated_effects()

@@ -1,5 +1,6 @@
 """The C library as a flight-control developer meets it: builds alone, clean, and gives the same bits everywhere."""
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -164,6 +165,12 @@ def test_cppcheck_finds_nothing():
         "cppcheck", "--enable=warning,performance,portability", "--std=c11", "--error-exitcode=1", "--quiet",
         "--inline-suppr", f"-I{ROOT / 'include'}", ROOT / "src",
     )  # fmt: skip
+
+
+def test_every_number_of_the_sources_has_a_type():
+    """A macro has none, and no debugger shows it; what the preprocessor itself needs is in the public headers."""
+    code = "".join(source.read_text() for source in [*_sources(), *(ROOT / "src").rglob("*.h")])
+    assert re.findall(r"^#define \w+ \(?-?\d", code, re.MULTILINE) == []
 
 
 def test_arbitrary_bytes_break_nothing(tmp_path):

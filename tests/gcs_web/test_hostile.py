@@ -48,7 +48,7 @@ def station(opened: project.Project) -> Iterator[StationProcess]:
     plant = vehicle.simulate.Plant(believed, vehicle.simulate.State(), ground_m=0.0)
     with (
         SitlVehicle(plant, controller.parameters_of(believed).parameters, key=keys.create(key_file)) as simulated,
-        StationProcess(opened.folder, "--vehicle-url", simulated.url, "--key", key_file) as running,
+        StationProcess(opened.folder, "--url", simulated.url, "--key", key_file) as running,
     ):
         yield running
 

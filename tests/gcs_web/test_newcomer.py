@@ -36,7 +36,7 @@ def test_from_a_map_to_a_flown_plan_on_the_page_alone(pillar_map: Path, tmp_path
     with (
         sync_playwright() as playwright,
         SitlVehicle(plant, controller.parameters_of(believed).parameters, key=keys.create(key_file)) as simulated,
-        StationProcess(opened.folder, "--vehicle-url", simulated.url, "--key", key_file) as station,
+        StationProcess(opened.folder, "--url", simulated.url, "--key", key_file) as station,
     ):
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS, timeout=1000 * PATIENCE_S)
         page = browser.new_context(viewport={"width": 1440, "height": 900}, accept_downloads=True).new_page()

@@ -33,9 +33,9 @@ def typed(line: str) -> list[str]:
     words = shlex.split(line, comments=True)
     assert words[0] == "goshawk"
     command, name, rest = goshawk.get_command(cast("Any", None), words[1]), words[1], words[2:]
-    if isinstance(command, click.Group):
+    while isinstance(command, click.Group) and rest[0] in command.commands:
         name, rest = rest[0], rest[1:]
-        command = command.get_command(cast("Any", None), name)
+        command = command.commands[name]
     assert command is not None
     command.make_context(name, list(rest))
     return words[1:]

@@ -62,7 +62,7 @@ def test_one_broken_image_is_named_and_the_earlier_map_stays(images: Path, earli
     broken = tmp_path / "broken" / "front" / "0004.png"
     broken.write_bytes(broken.read_bytes()[:3000])
     before = hashes(earlier)
-    words = ("map", tmp_path / "broken", "--camera", images / "camera.toml", "--out", earlier)
+    words = ("map", "build", tmp_path / "broken", "--camera", images / "camera.toml", "--out", earlier)
     assert "--overwrite" in refused(*words)
     assert "front/0004.png" in refused(*words, "--overwrite")
     assert hashes(earlier) == before
@@ -73,17 +73,19 @@ def test_an_output_that_is_no_map_is_refused(images: Path, tmp_path: Path):
     precious.parent.mkdir()
     precious.write_text("precious")
     for out in (precious, precious.parent):
-        assert str(out) in refused("map", images, "--camera", images / "camera.toml", "--out", out)
+        assert str(out) in refused("map", "build", images, "--camera", images / "camera.toml", "--out", out)
     assert precious.read_text() == "precious"
 
 
 def test_a_camera_file_of_wrong_types_is_refused(images: Path, tmp_path: Path):
     (tmp_path / "camera.toml").write_text('format = "goshawk-camera"\nversion = 1\ncamera = [3]\n')
-    assert "[[camera]]" in refused("map", images, "--camera", tmp_path / "camera.toml", "--out", tmp_path / "map")
+    assert "[[camera]]" in refused(
+        "map", "build", images, "--camera", tmp_path / "camera.toml", "--out", tmp_path / "map"
+    )
 
 
 def test_wrong_usage_is_one_sentence(images: Path):
-    assert "--out" in refused("map", images, "--camera", images / "camera.toml")
+    assert "--out" in refused("map", "build", images, "--camera", images / "camera.toml")
 
 
 @pytest.mark.parametrize("stage", ["finding features", "placing images", "dense depth"])
@@ -114,7 +116,7 @@ def interrupted(
 ) -> tuple[int, list[str], int]:
     """Interrupt `goshawk map` (or abort its child) at a stage: exit code, words after it, process id."""
     temporary.mkdir()
-    arguments = ["map", str(images), "--camera", str(images / "camera.toml"), "--out", str(out), "--overwrite"]
+    arguments = ["map", "build", str(images), "--camera", str(images / "camera.toml"), "--out", str(out), "--overwrite"]
     process = subprocess.Popen(
         [*PROGRAM, *arguments],
         stdout=subprocess.DEVNULL,
@@ -150,7 +152,7 @@ def test_a_lost_link_ends_with_exit_code_1(tmp_path: Path):
     key = tmp_path / "link.key"
     key.write_text("5a" * 32)
     key.chmod(0o600)
-    words = refused("fly", "--out", tmp_path / "f.parquet", "--vehicle-url", "udp://127.0.0.1:9", "--key", key, code=1)
+    words = refused("fly", "--out", tmp_path / "f.parquet", "--url", "udp://127.0.0.1:9", "--key", key, code=1)
     assert "no vehicle answers" in words
     assert not (tmp_path / "f.parquet").exists()
 
@@ -166,7 +168,7 @@ def test_a_damaged_log_is_named(tmp_path: Path, header: str):
     path = tmp_path / "flight.parquet"
     flight_log.save(path, FlightLog({"time_s": np.arange(3.0)}, {}))
     parquet.write_table(parquet.read_table(path).replace_schema_metadata({"goshawk": header}), path)
-    assert str(path) in refused("log", path)
+    assert str(path) in refused("log", "show", path)
 
 
 def test_a_missing_map_and_a_cut_off_trajectory_are_named(tmp_path: Path):

@@ -31,19 +31,19 @@ def test_the_help_of_every_verb_has_lines_to_paste(verb):
 
 
 def test_wrong_usage_ends_with_2():
-    for arguments in (["nonsense"], ["plan"], ["log"], ["log", "a", "b"]):
+    for arguments in (["nonsense"], ["plan"], ["log", "show"], ["log", "show", "a", "b"]):
         assert goshawk(*arguments).returncode == 2
 
 
 def test_a_missing_file_is_one_sentence_and_no_traceback(tmp_path):
-    answer = program("log", tmp_path / "none.parquet")
+    answer = program("log", "show", tmp_path / "none.parquet")
     assert answer.returncode == 2
     assert answer.stderr.startswith("goshawk: ")
     assert len(answer.stderr.splitlines()) == 1
 
 
 def test_with_json_an_error_is_json_too(tmp_path):
-    answer = goshawk("log", tmp_path / "none.parquet", "--json")
+    answer = goshawk("log", "show", tmp_path / "none.parquet", "--json")
     assert json.loads(answer.stdout)["error"]["kind"] == "InputError"
 
 
@@ -51,15 +51,15 @@ def test_a_log_is_described_with_its_gap(tmp_path):
     time_s = np.delete(np.arange(200) / 100.0, np.arange(50, 70))
     log = flight_log.from_vectors(time_s, {"position_world_m": np.ones((180, 3))}, metadata={"vehicle": "kestrel"})
     flight_log.save(tmp_path / "f.parquet", log)
-    document = json.loads(goshawk("log", tmp_path / "f.parquet", "--json").stdout)
+    document = json.loads(goshawk("log", "show", tmp_path / "f.parquet", "--json").stdout)
     assert document["rows"] == 180
     assert document["gaps"] == 1
     assert document["longest_gap_s"] == pytest.approx(0.21)
     assert document["rate_hz"] == pytest.approx(100.0)
-    assert "gap" in {finding["what"] for finding in document["check"]["findings"]}
-    said = goshawk("log", tmp_path / "f.parquet").stdout
-    assert "position_world_x_m" in said
-    assert "error: 1 gap," in said
+    assert "position_world_x_m" in goshawk("log", "show", tmp_path / "f.parquet").stdout
+    checked = json.loads(goshawk("log", "check", tmp_path / "f.parquet", "--json").stdout)["check"]
+    assert "gap" in {finding["what"] for finding in checked["findings"]}
+    assert "error: 1 gap," in goshawk("log", "check", tmp_path / "f.parquet").stdout
 
 
 @pytest.mark.parametrize(("asked", "set_to"), [(None, "1"), ("2", "2")])

@@ -132,8 +132,8 @@ def test_a_path_is_read_whatever_stands_beside_it(tmp_path):
         (("x_m,y_m,z_m", "1,2,3", "1,two,3"), "two"),
         (("x_m,y_m,z_m", "1,2,3", "1,2"), "p.csv"),
         (("x_m,y_m,z_m", "1,2,3", "1,,3"), "p.csv"),
-        (("x_m,y_m,z_m", "1,2,3", "1,nan,3"), "position 1 is not finite"),
-        (("x_m,y_m,z_m", "inf,2,3", "1,2,3"), "position 0 is not finite"),
+        (("x_m,y_m,z_m", "1,2,3", "1,nan,3"), "position 2 is not finite"),
+        (("x_m,y_m,z_m", "inf,2,3", "1,2,3"), "position 1 is not finite"),
     ],
 )
 def test_a_bad_row_is_refused_with_the_reason(tmp_path, rows, words):

@@ -114,20 +114,6 @@ def test_parameters_are_called_by_words_without_their_units():
             assert not units & set(parameter(f"{effect.name}.{spec.name}").split(": ")[1].split()), spec.name
 
 
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        (("vehicle-sim",), ("sitl",)),
-        (("next-flight", "--suspect", "x"), ("next-flight", "--candidate", "x")),
-        (("identify", "--hold-unseen"), ("identify", "--hold-unidentifiable")),
-    ],
-)
-def test_an_earlier_name_of_a_verb_or_option_still_works_and_is_hidden(old, new):
-    assert run(*old, code=2).replace(old[0], new[0]) == run(*new, code=2)
-    renamed = next(word for word, other in zip(old, new, strict=False) if word != other)
-    assert renamed not in run("--help") + run(new[0], "--help")
-
-
-@pytest.mark.parametrize("group", ["camera", "vehicle", "params"])
+@pytest.mark.parametrize("group", ["camera", "map", "log", "vehicle", "params"])
 def test_a_groups_help_has_the_whole_sentence_of_each_verb(group):
     assert "..." not in run(group, "--help").split("Commands:")[1]

@@ -1,6 +1,6 @@
 # A CSV of Crazyflie's log variables to a better vehicle.
 # You have: flight.csv, a kitchen scale, a ruler, and the propeller's size (5 inches).
 goshawk vehicle new quad.toml --mass 0.72 --arm 0.125 --prop-diameter 0.127
-goshawk log flight.csv --draft-columns columns.toml
-goshawk log flight.csv --columns columns.toml --vehicle quad.toml --fix --out flight.parquet
+goshawk log draft-columns flight.csv --out columns.toml
+goshawk log fix flight.csv --columns columns.toml --vehicle quad.toml --out flight.parquet
 goshawk diagnose flight.parquet --vehicle quad.toml --auto --out better.toml --report better.html

@@ -1,4 +1,4 @@
-"""`goshawk map` killed at moments of every stage: the same command goes on, to the map of an undisturbed run."""
+"""`goshawk map build` killed at moments of every stage: the same command goes on, to the map of an undisturbed run."""
 
 import contextlib
 import os
@@ -77,7 +77,7 @@ def run(images: Path, out: Path, steps: Iterable[str] = (), last: str = "", at: 
     """
     temporary = out.parent / "tmp"
     temporary.mkdir(exist_ok=True)
-    words = ["map", images, "--camera", images / "camera.toml", "--out", out, "--voxel", "0.1"]
+    words = ["map", "build", images, "--camera", images / "camera.toml", "--out", out, "--voxel", "0.1"]
     ended = subprocess.run(
         [sys.executable, "-c", KILLED_AT, str(out.parent), ",".join(steps), last, str(at), *map(str, words)],
         capture_output=True,
@@ -188,7 +188,7 @@ def test_a_kill_between_moving_the_old_map_aside_and_placing_the_new_keeps_the_e
     coarse = mapping.MapOptions(dense=mapping.DenseOptions(voxel_m=0.11))
     mapping.build_map(images, rig, out, coarse)
     esdf.save_edits(out / "esdf" / EDITS, [esdf.Edit("add", Sphere((0.0, 0.0, 1.0), 0.5), "the pilot's")])
-    words = ["map", str(images), "--camera", str(images / "camera.toml"), "--out", str(out), "--voxel", "0.1"]
+    words = ["map", "build", str(images), "--camera", str(images / "camera.toml"), "--out", str(out), "--voxel", "0.1"]
     ended = subprocess.run([sys.executable, "-c", KILLED_BETWEEN, *words, "--overwrite"], check=False)
     assert ended.returncode == 9
     assert not out.exists()

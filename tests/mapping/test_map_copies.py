@@ -17,7 +17,7 @@ from mapping.camera import rig as rigs
 from mapping.dense import confidence, resolution
 from mapping.dense.confidence import SurfaceConfidence
 from mapping.map_parts import MapParts
-from mapping.sparse import features
+from mapping.sparse.features import features
 from mapping.sparse.localization_map import LocalizationMap
 from mapping.verdict import Standing
 

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 import vehicle
 from flight import FormatError, InputError
-from vehicle import Parameter, commented, draft, import_px4, import_rotorpy, import_urdf
+from vehicle import Parameter, commented, draft
 from vehicle.draft import Known
+from vehicle.importers import import_px4, import_rotorpy, import_urdf
 
 
 def sheet(mass_kg: float, arm_m: float, diameter_m: float, frame: str = "x", **more: float) -> Known:

@@ -6,7 +6,8 @@ import pytest
 import vehicle
 from flight import rotations
 from flight.frames import GRAVITY_M_S2
-from vehicle import dynamics, integrate
+from vehicle import dynamics
+from vehicle.simulation import integrate
 
 rotorpy = pytest.importorskip("rotorpy.vehicles.multirotor", reason="RotorPy is a development dependency")
 OUR_ORDER = [0, 3, 2, 1]  # theirs runs clockwise from front left, ours the other way

@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 
 from flight import FormatError, InputError
+from vehicle.effects import base
 from vehicle.effects.base import Effect
 
 __all__ = [
@@ -27,7 +28,6 @@ __all__ = [
     "text_hash",
 ]
 
-_NOT_EFFECTS = ("base",)
 _registered: dict[str, Effect] = {}
 _AGREED = "GOSHAWK_AGREED_EFFECT_FILES"
 """Environment variable, so that processes started from this one obey it too: SHA-256 of the files that may be run, with
@@ -39,8 +39,8 @@ _origins: dict[str, tuple[Path, bytes]] = {}
 @cache
 def catalogue() -> dict[str, Effect]:
     """Every effect that comes with the package, by name, in the order of the catalogue."""
-    names = [m.name for m in pkgutil.iter_modules(__path__) if m.name not in _NOT_EFFECTS]
-    found = [importlib.import_module(f"{__name__}.{name}").EFFECT for name in names]
+    files = [m.name for m in pkgutil.walk_packages(__path__, f"{__name__}.") if not m.ispkg and m.name != base.__name__]
+    found = [importlib.import_module(name).EFFECT for name in files]
     return {effect.name: effect for effect in sorted(found, key=lambda e: (e.number, e.name))}
 
 

@@ -16,7 +16,7 @@ from goshawk.terminal import console, outputs
 @console.url_option
 @console.key_option
 @outputs.overwrite_option
-@console.json_option
+@console.common_options
 def command(
     out: Path, trajectory_file: Path | None, url: str, key_file: Path | None, overwrite: bool, as_json: bool
 ) -> None:
@@ -26,7 +26,7 @@ def command(
     goshawk fly --out flights/walk.parquet
     goshawk fly --trajectory walk.json --out flights/walk.parquet
 
-    Ctrl-C brakes along the path and lands; `goshawk log --download` then downloads the log.
+    Ctrl-C brakes along the path and lands; `goshawk log download` then downloads the log.
     """
     outputs.check(out, overwrite=overwrite)
     item = trajectory.load(trajectory_file) if trajectory_file is not None else None

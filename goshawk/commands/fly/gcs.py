@@ -1,5 +1,6 @@
 """`goshawk gcs`: the ground station's page, until Ctrl-C."""
 
+import json
 import queue
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,14 +18,14 @@ from goshawk.terminal import console
     type=click.IntRange(0, 65535),
     default=8080,
     show_default=True,
-    help="Port on this machine; 0 takes a free one.",
+    help="Port to listen at; 0 takes a free one.",
 )
 @click.option(
     "--host", default="127.0.0.1", show_default=True, help="Name or address to listen at; others need a certificate."
 )
 @click.option("--tls-cert", type=click.Path(path_type=Path), help="Certificate (PEM) for HOST: the page is https.")
 @click.option("--tls-key", type=click.Path(path_type=Path), help="Its private key (PEM, without a password).")
-@click.option("--vehicle-url", help="Address of the vehicle, e.g. udp://127.0.0.1:14550.")
+@click.option("--url", "url", help="Address of the vehicle's MAVLink endpoint [default: none].")
 @console.key_option
 @console.radius_option
 @console.margin_option
@@ -34,23 +35,25 @@ from goshawk.terminal import console
     show_default=True,
     help="Triangles of the mesh as it is shown first; near the camera up to eight times as many.",
 )
+@console.common_options
 def command(
     project: Path,
     port: int,
     host: str,
     tls_cert: Path | None,
     tls_key: Path | None,
-    vehicle_url: str | None,
+    url: str | None,
     key_file: Path | None,
     radius_m: float | None,
     margin_m: float | None,
     triangles: int,
+    as_json: bool,
 ) -> None:
     """Serve the page of PROJECT: plan with undo, check, compare with the vehicle and upload, fly, abort.
 
     \b
     goshawk gcs demo-out
-    goshawk gcs demo-out --vehicle-url udp://127.0.0.1:14550
+    goshawk gcs demo-out --url udp://127.0.0.1:14550
     goshawk gcs demo-out --host station.example --tls-cert station.pem --tls-key station.key
 
     PROJECT is a folder of `goshawk init` (or the demo's) with a map and a vehicle; a missing part is reported with the
@@ -80,22 +83,22 @@ def command(
                 port=port,
                 host=host,
                 tls=None if tls_cert is None or tls_key is None else (tls_cert, tls_key),
-                vehicle_url=vehicle_url,
+                vehicle_url=url,
                 key_file=key_file,
                 options=options,
                 triangles=triangles,
                 progress=report,
-                on_entry=lambda url: click.echo(f"a browser has connected; the address for another one: {url}"),
+                on_entry=lambda url: _address(url, "a browser has connected; the address for another one: ", as_json),
                 jobs=KINDS,
                 browsers=browsers,
                 on_open=wanted.put,
             )
 
     station = opened(project, port=port, browsers=())
-    click.echo("stop with Ctrl-C; every change is saved at once", err=True)
+    console.note("stop with Ctrl-C; every change is saved at once")
     while True:
         with station:
-            click.echo(f"open  {station.url}")
+            _address(station.url, "open  ", as_json)
             other = wanted.get()
             port, browsers = station.port, station.browsers
         try:
@@ -104,3 +107,8 @@ def command(
         except (FlightError, OSError) as error:
             station = opened(project, port=port, browsers=browsers)
             station.desk.notice(f"{other.name} could not be opened: {error}", level="danger")
+
+
+def _address(url: str, words: str, as_json: bool) -> None:
+    """Print an address of the page: a sentence, or a line of JSON."""
+    click.echo(json.dumps({"url": url}) if as_json else f"{words}{url}")

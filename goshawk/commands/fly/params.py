@@ -1,6 +1,5 @@
 """`goshawk params`: list, read and set the controller's parameters on the vehicle; a set is all or nothing."""
 
-import sys
 from pathlib import Path
 
 import click
@@ -22,7 +21,7 @@ def command() -> None:
     goshawk params list
     goshawk params get mass_kg kp_xy_1_s2
     goshawk params set mass_kg=0.72 kp_xy_1_s2=8
-    goshawk params set --from vehicle.toml --dry-run
+    goshawk params set --vehicle vehicle.toml --dry-run
 
     A set is sent as one block with a checksum: the vehicle accepts all of it or nothing, and reports the reason.
     """
@@ -31,7 +30,7 @@ def command() -> None:
 @command.command("list")
 @console.url_option
 @console.key_option
-@console.json_option
+@console.common_options
 def list_(url: str, key_file: Path | None, as_json: bool) -> None:
     """List every parameter of the vehicle, with its bounds.
 
@@ -52,7 +51,7 @@ def list_(url: str, key_file: Path | None, as_json: bool) -> None:
 @click.argument("names", nargs=-1, required=True, metavar="NAME...")
 @console.url_option
 @console.key_option
-@console.json_option
+@console.common_options
 def get(names: tuple[str, ...], url: str, key_file: Path | None, as_json: bool) -> None:
     """Read some parameters.
 
@@ -69,13 +68,13 @@ def get(names: tuple[str, ...], url: str, key_file: Path | None, as_json: bool) 
 @command.command("set")
 @click.argument("assignments", nargs=-1, metavar="NAME=VALUE...")
 @console.path_option(
-    "--from", "vehicle_file", "Set the parameters that follow from this vehicle file; NAME=VALUE overrides them."
+    "--vehicle", "vehicle_file", "Vehicle file: set the parameters that follow from it; NAME=VALUE overrides them."
 )
-@click.option("--dry-run", is_flag=True, help="Show the changes without making them.")
-@click.option("--yes", is_flag=True, help="Do not ask for confirmation on a terminal.")
+@console.dry_run_option
+@console.yes_option
 @console.url_option
 @console.key_option
-@console.json_option
+@console.common_options
 def set_(
     assignments: tuple[str, ...],
     vehicle_file: Path | None,
@@ -89,12 +88,12 @@ def set_(
 
     \b
     goshawk params set mass_kg=0.72
-    goshawk params set --from vehicle.toml kp_xy_1_s2=8
-    goshawk params set --from vehicle.toml --dry-run --json
+    goshawk params set --vehicle vehicle.toml kp_xy_1_s2=8
+    goshawk params set --vehicle vehicle.toml --dry-run --json
     """
     requested = from_vehicle(vehicle_file) | dict(console.assignment(text) for text in assignments)
     if not requested:
-        raise InputError("nothing to set: give NAME=VALUE, or --from a vehicle file")
+        raise InputError("nothing to set: give NAME=VALUE, or --vehicle FILE")
     controller.checked(requested)
     with firmware_bridge.connect(url, key=key_file) as link:
         present = link.parameters()
@@ -103,10 +102,8 @@ def set_(
         rows = [(name, before, after, _unit(name)) for name, (before, after) in changed.items()]
         if rows and not as_json:
             console.table("", ("name", "vehicle has", "will have", "unit"), rows)
-        asked = not (dry_run or yes or as_json) and bool(rows) and sys.stdin.isatty()
-        if asked and not click.confirm("Set these?", default=False, err=True):
-            dry_run = True
         if rows and not dry_run:
+            console.confirm("Set these?", yes=yes, as_json=as_json)
             link.set_parameters({name: after for name, (_, after) in changed.items()})
     document = {
         "vehicle": url,
@@ -116,7 +113,7 @@ def set_(
     if as_json:
         console.show("", {}, as_json=True, document=document)
     else:
-        click.echo(_verdict(len(rows), dry_run=dry_run), err=True)
+        console.note(_verdict(len(rows), dry_run=dry_run))
 
 
 def _verdict(changes: int, *, dry_run: bool) -> str:
@@ -131,7 +128,7 @@ def from_vehicle(file: Path | None) -> dict[str, float]:
         return {}
     made = controller.parameters_of(vehicle.load(file))
     if made.not_compensated:
-        click.echo(f"not compensated by the controller: {', '.join(made.not_compensated)}", err=True)
+        click.echo(f"warning: not compensated by the controller: {', '.join(made.not_compensated)}", err=True)
     return dict(made.parameters)
 
 

@@ -21,17 +21,17 @@ _LOOK_S = 0.5
     "--listen", default=DEFAULT_LISTEN, show_default=True, metavar="HOST:PORT", help="Where stations connect."
 )
 @click.option("--control", is_flag=True, help="Hold control of the vehicle for the first station; else it only reads.")
-@click.option("--json", "as_json", is_flag=True, help="Print a line of JSON at every change instead of sentences.")
+@console.common_options
 def command(url: str, key_file: Path | None, listen: str, control: bool, as_json: bool) -> None:
     """Serve ground stations that cannot sign: frames are signed towards the vehicle and verified from it.
 
     \b
-    goshawk proxy --vehicle-url udp://192.168.4.1:14550
+    goshawk proxy --url udp://192.168.4.1:14550
     goshawk proxy --control --json
 
     The first line printed is the address to connect QGroundControl or MAVSDK to. With --control the proxy renews the
     vehicle's operator lease for the first station, and stops 2.5 s after that station's last message. Stop with
-    Ctrl-C, which releases control.
+    Ctrl-C, which releases control. --json prints a line at every change.
 
     A station at the address needs no key. The address is local to this computer unless --listen changes it.
     """
@@ -43,7 +43,7 @@ def command(url: str, key_file: Path | None, listen: str, control: bool, as_json
     with Proxy(url, key, listen=listen, control=control) as proxy:
         click.echo(_line(proxy) if as_json else proxy.url)
         if not as_json:
-            click.echo("connect a ground station there; stop with Ctrl-C", err=True)
+            console.note("connect a ground station there; stop with Ctrl-C")
         _watch(proxy, as_json)
 
 
@@ -59,7 +59,7 @@ def _watch(proxy: Proxy, as_json: bool) -> None:
             click.echo(_line(proxy))
         else:
             for sentence in _changes(before, now):
-                click.echo(sentence, err=True)
+                console.note(sentence)
         before = now
 
 

@@ -1,5 +1,6 @@
 """`goshawk sitl`: the SITL vehicle, until Ctrl-C."""
 
+import json
 import math
 from pathlib import Path
 
@@ -30,29 +31,36 @@ LONGEST_DELAY_S = 60.0
     "--ground", "ground_m", default=0.0, show_default=True, help="Height of the floor for --start-of, metres."
 )
 @click.option(
-    "--port", type=click.IntRange(0, 65535), default=14550, show_default=True, help="UDP port; 0 takes a free one."
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=14550,
+    show_default=True,
+    help="Port to listen at; 0 takes a free one.",
 )
 @console.key_option
-@click.option("--speed", default=1.0, show_default=True, help="Real-time factor; 0 is as fast as possible.")
+@click.option(
+    "--time-factor", "speed", default=1.0, show_default=True, help="Real-time factor; 0 is as fast as possible."
+)
 @click.option("--perfect-sensors", is_flag=True, help="No noise and no delay in the estimate.")
 @click.option("--loss", "loss_ratio", default=0.0, show_default=True, help="Share of datagrams lost each way.")
 @click.option("--delay", "delay_s", default=0.0, show_default=True, help="Delay of datagrams each way, seconds.")
 @click.option("--wind", default="0,0,0", show_default=True, help="Steady wind, x,y,z (world, m/s).")
 @click.option(
-    "--gusts",
+    "--gust-std",
     "gust_std_m_s",
     type=click.FloatRange(min=0.0),
     default=0.0,
     show_default=True,
     help="Standard deviation of gusts, m/s.",
 )
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of all noise.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed: of all noise.")
 @click.option(
     "--state",
     "state_file",
     type=click.Path(dir_okay=False, path_type=Path),
     help="Permanent memory of the link: boot count and signature stamp. Without it, a random boot number.",
 )
+@console.common_options
 def command(
     vehicle_file: Path,
     believed_file: Path | None,
@@ -69,22 +77,23 @@ def command(
     gust_std_m_s: float,
     seed: int,
     state_file: Path | None,
+    as_json: bool,
 ) -> None:
     """Run a SITL vehicle: the embedded controller and link (the same C files) on a simulated body, over UDP.
 
     \b
     goshawk sitl --vehicle vehicle.toml --start-of walk.json
-    goshawk sitl --vehicle truth.toml --believed vehicle.toml --speed 0 --loss 0.2 --delay 0.005
+    goshawk sitl --vehicle truth.toml --believed vehicle.toml --time-factor 0 --loss 0.2 --delay 0.005
 
     --vehicle is the true vehicle that is simulated; --believed gives its controller's parameters. A link key is made on
-    first use. The first line printed is the address.
+    first use. The first line printed is the address; --json makes it an object.
     """
     if not (math.isfinite(speed) and speed >= 0.0):
-        raise InputError(f"--speed {speed:g} is not a number of at least 0")
+        raise InputError(f"--time-factor {speed:g} is not a number of at least 0")
     if not abs(ground_m) <= FARTHEST_M:
         raise InputError(f"--ground {ground_m:g} is not a height within {FARTHEST_M:g} m of 0")
     blowing = _vector("--wind", wind)
-    for option, value_m_s in (("--wind", float(np.abs(blowing).max())), ("--gusts", gust_std_m_s)):
+    for option, value_m_s in (("--wind", float(np.abs(blowing).max())), ("--gust-std", gust_std_m_s)):
         if not value_m_s <= STRONGEST_M_S:
             raise InputError(f"{option} {value_m_s:g} m/s is too strong; at most {STRONGEST_M_S:g} m/s is simulated")
     if delay_s > LONGEST_DELAY_S:
@@ -113,10 +122,10 @@ def command(
         seed=seed,
         state_file=state_file,
     )
-    click.echo(served.url)
-    click.echo(f"{truth.name} stands at {place.round(2).tolist()}; stop with Ctrl-C", err=True)
+    click.echo(json.dumps({"url": served.url}) if as_json else served.url)
+    console.note(f"{truth.name} stands at {place.round(2).tolist()}; stop with Ctrl-C")
     if setup.not_compensated:
-        click.echo(f"not compensated by the controller: {', '.join(setup.not_compensated)}", err=True)
+        click.echo(f"warning: not compensated by the controller: {', '.join(setup.not_compensated)}", err=True)
     served.serve()
 
 

@@ -17,14 +17,16 @@ from goshawk.terminal import console
 @click.argument("trajectory_file", metavar="TRAJECTORY", type=click.Path(path_type=Path))
 @console.url_option
 @console.key_option
-@console.path_option("--map", "map_folder", "Refuse unless it was checked in this map.")
+@console.path_option("--map", "map_folder", "Map folder: refuse unless it was checked in this map.")
 @console.path_option(
-    "--vehicle", "vehicle_file", "Refuse unless it was checked for this vehicle, and the controller has its parameters."
+    "--vehicle",
+    "vehicle_file",
+    "Vehicle file: refuse unless it was checked for it, and the controller has its parameters.",
 )
 @click.option(
     "--other-parameters", is_flag=True, help="With --vehicle: only warn if the controller's parameters differ."
 )
-@console.json_option
+@console.common_options
 def command(
     trajectory_file: Path,
     url: str,
@@ -38,10 +40,10 @@ def command(
 
     \b
     goshawk upload walk.json
-    goshawk upload walk.json --map map --vehicle vehicle.toml --vehicle-url udp://192.168.4.1:14550
+    goshawk upload walk.json --map map --vehicle vehicle.toml --url udp://192.168.4.1:14550
 
     A trajectory is refused if it has not passed the final gate, was checked for another map or vehicle, or the
-    controller's parameters do not match the vehicle (`goshawk params set --from VEHICLE`). After any failure the
+    controller's parameters do not match the vehicle (`goshawk params set --vehicle VEHICLE`). After any failure the
     vehicle keeps its active trajectory. Ctrl-C stops the upload and shows which one that is.
     """
     item = trajectory.load(trajectory_file)
@@ -67,7 +69,7 @@ def command(
         if believed is not None and (said := set_otherwise(link.parameters(), believed)):
             if not other_parameters:
                 raise InputError(
-                    f"{said}; run `goshawk params set --from {vehicle_file}` first, or give --other-parameters"
+                    f"{said}; run `goshawk params set --vehicle {vehicle_file}` first, or give --other-parameters"
                 )
             click.echo(f"warning: {said}", err=True)
         outcome = link.upload(item, map_hash=map_hash, vehicle_hash=vehicle_hash, progress=report, cancel=cancel)

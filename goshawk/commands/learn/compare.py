@@ -10,14 +10,16 @@ import click
 import sysid
 import vehicle
 from flight import FlightLog, InputError, Progress
-from goshawk.commands.learn import fit_options
+from goshawk.commands.learn import fit_options, kept
 from goshawk.commands.learn.flights import load, refuse_repeated
 from goshawk.commands.learn.model_change import prediction_error
 from goshawk.terminal import console, outputs
-from sysid.estimator.comparison import HORIZONS_S, QUANTITIES
-from sysid.estimator.protocol import KNOWS, PROTOCOLS
+from goshawk.terminal.screen import Screen
 from sysid.estimator.result import CHANNELS, SPAN_S
+from sysid.estimator.validation.comparison import HORIZONS_S, QUANTITIES
+from sysid.estimator.validation.protocol import KNOWS, PROTOCOLS
 
+KIND = "comparison"
 READING = ("split_gaps", "robust", "gravity_m_s2", "most_steps")
 """Options that matter where nothing is refitted: they say how flights are read and smoothed."""
 
@@ -45,12 +47,12 @@ READING = ("split_gaps", "robust", "gravity_m_s2", "most_steps")
     type=click.Path(path_type=Path),
     help="Refit the models to this flight first; predictors that learn, learn from it too. Repeatable.",
 )
-@fit_options.fit_options(hold_unidentifiable=True)
+@fit_options.fit_options()
 @console.columns_option
 @console.path_option("--report", "report_file", "HTML page to write: tables and figures in one file.")
 @console.path_option("--plots", "plots", "Folder for figures (SVG).")
 @outputs.overwrite_option
-@console.json_option
+@console.common_options
 def command(
     flights: tuple[Path, ...],
     vehicle_files: tuple[Path, ...],
@@ -87,15 +89,25 @@ def command(
         raise InputError("two vehicle files have the same name; rename one: the table names models by their files")
     _check_options(fit, training)
     refuse_repeated((*flights, *training), "in FLIGHTS or with --train")
-    logs, taught = ([load(path, columns) for path in paths] for paths in (flights, training))
-    options = {name: fit_options.read(fit, model) for name, model in models.items()}
-    with console.progress() as report:
-        found = _compare(logs, taught, models, options, protocol_name, report)
-    figures = _write(found, report_file, plots, overwrite=overwrite)
+    key = kept.key((flights, training), columns, vehicle_files, (sorted(fit.items()), protocol_name))
+    result = None if report_file or plots else kept.find(KIND, flights[0], key)
+    figures: list[Path] = []
+    if result is None:
+        logs, taught = ([load(path, columns) for path in paths] for paths in (flights, training))
+        options = {name: fit_options.read(fit, model) for name, model in models.items()}
+        with console.progress() as report:
+            found = _compare(logs, taught, models, options, protocol_name, report)
+        result = kept.Kept(_document(found), _screen(found))
+        kept.keep(KIND, flights[0], key, result)
+        figures = _write(found, report_file, plots, overwrite=overwrite)
+    files = {"figures": [str(figure) for figure in figures], "report": report_file and str(report_file)}
     if as_json:
-        console.show("", {}, as_json=True, document=_document(found, report_file, figures))
-    else:
-        _show(found, report_file, figures)
+        console.show("", {}, as_json=True, document={**result.document, **files})
+        return
+    result.screen.show()
+    for path in (*figures, report_file):
+        if path is not None:
+            click.echo(f"written: {path}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,37 +154,33 @@ def _write(found: Found, report_file: Path | None, plots: Path | None, *, overwr
     return figures
 
 
-def _document(found: Found, report_file: Path | None, figures: Sequence[Path]) -> dict[str, Any]:
+def _document(found: Found) -> dict[str, Any]:
     return found.errors.as_dict() | {
-        "figures": [str(figure) for figure in figures],
-        "report": report_file and str(report_file),
         "protocol": found.judged and found.judged.as_dict(),
         "wrench": found.wrench.as_dict(),
         "refitted": {name: fit.verdict.as_dict() for name, fit in found.fits.items()},
     }
 
 
-def _show(found: Found, report_file: Path | None, figures: Sequence[Path]) -> None:
+def _screen(found: Found) -> Screen:
+    screen = Screen()
     heads = ("model", "error of", *(f"after {h:g} s" for h in HORIZONS_S))
     rows = [
         (model, quantity, *(prediction_error(quantity, error) for error in errors))
         for model, quantities in found.errors.errors.items()
         for quantity, errors in quantities.items()
     ]
-    console.table(f"open-loop prediction error, rms of {found.errors.predictions} predictions", heads, rows)
-    _show_wrench(found.wrench)
+    screen.table(f"open-loop prediction error, rms of {found.errors.predictions} predictions", heads, rows)
+    _show_wrench(screen, found.wrench)
     if found.judged is not None:
-        _show_protocol(found.judged)
+        _show_protocol(screen, found.judged)
     for name, fit in found.fits.items():
-        click.echo(f"{name}: the fit to --train is {fit.verdict.sentence}")
+        screen.line(f"{name}: the fit to --train is {fit.verdict.sentence}")
     judged = found.judged.findings if found.judged is not None else ()
     own = (*found.errors.remarks, *found.errors.left_out, *found.wrench.not_converged)
     for remark in dict.fromkeys((*own, *judged)):
-        click.echo(f"note: {remark}")
-    for figure in figures:
-        click.echo(f"figure: {figure}")
-    if report_file is not None:
-        click.echo(f"written: {report_file}")
+        screen.line(f"note: {remark}")
+    return screen
 
 
 def _check_options(fit: fit_options.Chosen, training: tuple[Path, ...]) -> None:
@@ -184,7 +192,7 @@ def _check_options(fit: fit_options.Chosen, training: tuple[Path, ...]) -> None:
         raise InputError(f"only a refit reads {' and '.join(options[n] for n in idle)}; give --train FLIGHT too")
 
 
-def _show_wrench(wrench: sysid.WrenchErrors) -> None:
+def _show_wrench(screen: Screen, wrench: sysid.WrenchErrors) -> None:
     heads = ("model", *(f"{channel} ({'N' if channel[0] == 'F' else 'mN m'})" for channel in CHANNELS))
     scale = [1.0 if channel[0] == "F" else 1e3 for channel in CHANNELS]
     rows = [("none (measured)", *(f"{s * size:.3g}" for s, size in zip(scale, wrench.size, strict=True)))]
@@ -192,7 +200,7 @@ def _show_wrench(wrench: sysid.WrenchErrors) -> None:
         both = zip(scale, rmse, wrench.explained[model], strict=True)
         rows.append((model, *(f"{s * error:.3g} ({share:.0%})" for s, error, share in both)))
     by = "accelerometer" if wrench.accelerometer else "measured velocity"
-    console.table(
+    screen.table(
         f"rms error of force (by {by}) and moment, means over {SPAN_S:g} s (share of the variance explained; "
         "negative: worse than the mean)",
         heads,
@@ -200,9 +208,9 @@ def _show_wrench(wrench: sysid.WrenchErrors) -> None:
     )
 
 
-def _show_protocol(judged: sysid.Judged) -> None:
+def _show_protocol(screen: Screen, judged: sysid.Judged) -> None:
     heads = ("predictor", *(f"{quantity} ({unit})" for quantity, unit in QUANTITIES.items()))
     rows = [(way.name, *(f"{error:.3f}" for error in judged.pooled(way).values())) for way in judged.errors]
     horizon_s, starts = judged.protocol.horizon_s, sum(judged.starts)
-    console.table(f"after {horizon_s:g} s from {starts} measured states, mean absolute error", heads, rows)
-    click.echo(f"predictors: {KNOWS}")
+    screen.table(f"after {horizon_s:g} s from {starts} measured states, mean absolute error", heads, rows)
+    screen.line(f"predictors: {KNOWS}")

@@ -1,6 +1,8 @@
 """`goshawk diagnose`: which effect the vehicle model lacks: one of the catalogue, none, or an unknown one."""
 
+import shlex
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,16 +11,22 @@ import numpy as np
 
 import vehicle
 from flight import FlightLog, InputError
-from goshawk.commands.learn import fit_options, what_next
+from goshawk.commands.learn import fit_options, kept, what_next
 from goshawk.commands.learn.flights import load, refuse_repeated
 from goshawk.commands.learn.what_next import DiagnoseCall
 from goshawk.terminal import console, outputs
+from goshawk.terminal.screen import Screen
 from sysid.diagnosis import CandidateFinding, Diagnosis, Size, diagnose
-from sysid.diagnosis.outlook import Outlook, outlook
+from sysid.diagnosis.experiment_design import next_flight
+from sysid.diagnosis.experiment_design.outlook import Outlook, outlook
 from sysid.estimator.verdict import Use
 from sysid.report import diagnosis_figures as figures
 from sysid.report import diagnosis_page as report
 from sysid.report import residual_plots, words
+
+KIND = "diagnosis"
+_OUT = Path("OUT.toml")
+"""In the next steps that are kept, the vehicle file that a call asks for."""
 
 
 @click.command()
@@ -31,15 +39,15 @@ from sysid.report import residual_plots, words
     type=click.Path(path_type=Path),
     help="Held-out flight: used for evaluation only. Repeatable.",
 )
-@fit_options.fit_options(gusts="white", hold_unidentifiable=True)
+@fit_options.fit_options()
 @click.option("--auto", is_flag=True, help="Repeat until no candidate effect is significant.")
 @console.path_option("--out", "out", "Vehicle file to write: the fitted model with the added effects.")
-@click.option("--anyway", is_flag=True, help="Write --out even if the verdict on the fit is `do not use`.")
+@fit_options.anyway_option
 @outputs.overwrite_option
 @console.columns_option
 @console.path_option("--report", "report_file", "HTML page to write: verdict, evidence and figures in one file.")
 @console.path_option("--plots", "plots", "Folder for figures (SVG).")
-@click.option("--json", "json_file", is_flag=False, flag_value="-", metavar="FILE", help="JSON to write, - to print.")
+@console.common_options
 def command(
     flights: tuple[Path, ...],
     vehicle_file: Path,
@@ -52,7 +60,7 @@ def command(
     columns: Path | None,
     report_file: Path | None,
     plots: Path | None,
-    json_file: str | None,
+    as_json: bool,
 ) -> int:
     """Find the effect that the vehicle model lacks on FLIGHTS, its size and the confidence.
 
@@ -80,32 +88,65 @@ def command(
 
     Exit code 0 whatever the diagnosis; 1 if the verdict on the fit is `do not use`, 2 for invalid input.
     """
-    _check_usage(flights, held_out, json_file)
-    kept = Path(json_file) if json_file not in (None, "-") else None
-    outputs.check(out, report_file, kept, overwrite=overwrite, folders=[plots])
+    refuse_repeated((*flights, *held_out), "for fitting or held out")
+    outputs.check(out, report_file, overwrite=overwrite, folders=[plots])
     given = fit_options.at_place(fit, vehicle.load(vehicle_file))
     options = fit_options.read(fit, given)
-    with console.progress() as progress:
-        training, evaluation = ([_read(path, columns) for path in paths] for paths in (flights, held_out))
-        found = diagnose(training, given, held_out=evaluation, auto=auto, options=options, progress=progress)
-        outlooks = outlook(found, rng=np.random.default_rng(0))
-    document = found.as_dict()
-    usable = found.fit_verdict.use is not Use.REJECTED
-    written_to = out if usable or anyway else None
-    refused = None if written_to else out
-    call = DiagnoseCall(
-        flights, vehicle_file, held_out, columns, written_to, kept, auto, fit_options.typed(fit), refused
-    )
-    document["next"] = what_next.lines(found, call, outlooks)
-    document["outlook"] = {name: view.as_dict() for name, view in outlooks.items()}
-    document |= _write(found, written_to, report_file, plots, document["next"], outlooks, overwrite)
-    if kept is not None:
-        outputs.write_json(kept, document, overwrite=overwrite)
-    if json_file == "-":
+    if "gusts" not in fit_options.given(fit):  # the search itself goes over to lasting ones where a fit needs them
+        options = replace(options, gusts="white")
+    call = DiagnoseCall(flights, vehicle_file, held_out, columns, None, auto, fit_options.typed(fit))
+    key = kept.key((flights, held_out), columns, [vehicle_file], (options, fit["gravity_m_s2"], call))
+    result, found, outlooks = None if report_file or plots else kept.find(KIND, flights[0], key), None, {}
+    if result is None:
+        with console.progress() as progress:
+            training, evaluation = ([_read(path, columns) for path in paths] for paths in (flights, held_out))
+            found = diagnose(training, given, held_out=evaluation, auto=auto, options=options, progress=progress)
+            outlooks = outlook(found, rng=np.random.default_rng(0))
+        result = _result(found, outlooks, call)
+        kept.keep(KIND, flights[0], key, result)
+    usable = result.document["fit"]["use"] != Use.REJECTED
+    written = out if usable or anyway else None
+    refused = None if written else out
+    further = _further(result, written, refused)
+    if written is not None and result.vehicle is not None:
+        added = [*result.document["additions"], *result.document["proxies"]]
+        outputs.write_vehicle(written, result.vehicle, "diagnose", effect=" + ".join(added), overwrite=overwrite)
+    files: dict[str, Any] = {"report": None, "figures": []}
+    if found is not None:
+        files = _write(found, report_file, plots, further, outlooks, overwrite)
+    if as_json:
+        document = {**result.document, "next": further, "written": written and str(written), **files}
         console.show("", {}, as_json=True, document=document)
-    else:
-        _show(found, document, outlooks, refused)
+        return 0 if usable else 1
+    result.screen.show()
+    for line in further:
+        click.echo(f"next: {line}")
+    for path in (written, files["report"], *files["figures"]):
+        if path:
+            click.echo(f"written: {path}")
+    if refused is not None:
+        click.echo(f"not written: {refused}, as the fit is not to be used (see --anyway)")
     return 0 if usable else 1
+
+
+def _result(found: Diagnosis, outlooks: Mapping[str, Outlook], call: DiagnoseCall) -> kept.Kept:
+    """What is kept of a diagnosis: its next steps too, for each fate of a vehicle file that may be asked for."""
+    worth_flying = [name for name, view in outlooks.items() if view.would_tell]
+    try:
+        in_doubt = list(next_flight.in_doubt(found, worth_flying))
+    except InputError:
+        in_doubt = []
+    fates = {"next": call, "written": replace(call, out=_OUT), "refused": replace(call, refused=_OUT)}
+    more = {fate: what_next.lines(found, each, outlooks) for fate, each in fates.items()} | {"in_doubt": in_doubt}
+    more |= kept.about(call.flights, call.vehicle_file)
+    document = found.as_dict() | {"outlook": {name: view.as_dict() for name, view in outlooks.items()}}
+    return kept.Kept(document, _screen(found, outlooks), found.vehicle, more)
+
+
+def _further(result: kept.Kept, written: Path | None, refused: Path | None) -> list[str]:
+    """The next steps of this call."""
+    fate, file = ("written", written) if written else ("refused", refused) if refused else ("next", _OUT)
+    return [line.replace(str(_OUT), shlex.quote(str(file))) for line in result.more[fate]]
 
 
 def _read(path: Path, columns: Path | None) -> FlightLog:
@@ -113,19 +154,8 @@ def _read(path: Path, columns: Path | None) -> FlightLog:
     return FlightLog(log.columns, {**log.metadata, "name": path.stem})
 
 
-def _check_usage(
-    flights: Sequence[Path],
-    held_out: Sequence[Path],
-    json_file: str | None,
-) -> None:
-    if json_file not in (None, "-") and not json_file.endswith(".json"):
-        raise InputError(f"--json: expected a file that ends in .json, or - for standard output, got {json_file}")
-    refuse_repeated((*flights, *held_out), "for fitting or held out")
-
-
 def _write(
     found: Diagnosis,
-    out: Path | None,
     report_file: Path | None,
     plots: Path | None,
     further: Sequence[str],
@@ -133,10 +163,6 @@ def _write(
     overwrite: bool,
 ) -> dict[str, Any]:
     """Write the requested files, each whole or not at all; returns their paths for the document."""
-    if out is not None:
-        outputs.write_vehicle(
-            out, found.vehicle, "diagnose", effect=" + ".join((*found.additions, *found.proxies)), overwrite=overwrite
-        )
     if report_file is not None:
         with outputs.file(report_file, overwrite=overwrite) as temporary:
             report.write(temporary, found, further=further, outlooks=outlooks)
@@ -144,31 +170,30 @@ def _write(
     if plots is not None:
         with outputs.pictures(plots, overwrite=overwrite) as drawn:
             placed = [str(drawn.placed(figure)) for figure in figures.write(found, drawn.temporary)]
-    return {"written": out and str(out), "report": report_file and str(report_file), "figures": placed}
+    return {"report": report_file and str(report_file), "figures": placed}
 
 
-def _show(found: Diagnosis, document: dict[str, Any], outlooks: Mapping[str, Outlook], refused: Path | None) -> None:
+def _screen(found: Diagnosis, outlooks: Mapping[str, Outlook]) -> Screen:
+    screen = Screen()
     of = "" if found.says_missing else " that nothing is missing within the flown envelope"
-    click.echo(f"{found.verdict} (confidence {found.confidence:.0%}{of})")
-    click.echo(f"  {found.belief.sentence(named=found.says_missing)}")
-    click.echo(f"  {found.envelope.sentence}")
-    click.echo(f"  the fit is {found.fit_verdict.sentence}")
+    screen.line(f"{found.verdict} (confidence {found.confidence:.0%}{of})")
+    screen.line(f"  {found.belief.sentence(named=found.says_missing)}")
+    screen.line(f"  {found.envelope.sentence}")
+    screen.line(f"  the fit is {found.fit_verdict.sentence}")
     for attempt in found.attempts:
-        click.echo(f"  {attempt.name} {attempt.sentence}")
+        screen.line(f"  {attempt.name} {attempt.sentence}")
     if found.outside is not None:
-        click.echo(f"  outside the catalogue: {outside_sentence(found)}")
-    _show_staircase(found)
+        screen.line(f"  outside the catalogue: {outside_sentence(found)}")
+    _staircase(screen, found)
     heads = ("candidate", "verdict", "parameter", "size ± sigma", "excl. >", "detectable >", "mm", "confidence")
-    console.table(
+    screen.table(
         "candidate effects (mm: position error that the effect causes within 0.5 s)",
         heads,
         [row for s in found.candidates for row in _rows(s)],
     )
     alike = [(s.name, ", ".join(f"{n} ({share:.0%})" for n, share in s.confounded)) for s in found.candidates]
     if any(names for _, names in alike):
-        console.table(
-            "confounded effects in these flights", ("candidate", "collinear with"), [a for a in alike if a[1]]
-        )
+        screen.table("confounded effects in these flights", ("candidate", "collinear with"), [a for a in alike if a[1]])
     reasons = [
         (s.name, f"{s.reason}; {outlooks[s.name].sentence}" if s.name in outlooks else s.reason)
         for s in found.candidates
@@ -176,16 +201,10 @@ def _show(found: Diagnosis, document: dict[str, Any], outlooks: Mapping[str, Out
     ]
     reasons += [(name, f"unobservable: {why}") for name, why in found.invisible]
     if reasons:
-        console.table("inconclusive from these flights, and why", ("effect", "reason"), reasons)
+        screen.table("inconclusive from these flights, and why", ("effect", "reason"), reasons)
     for finding in found.findings:
-        click.echo(f"note: {finding}")
-    for line in document["next"]:
-        click.echo(f"next: {line}")
-    for path in (document["written"], document["report"], *document["figures"]):
-        if path:
-            click.echo(f"written: {path}")
-    if refused is not None:
-        click.echo(f"not written: {refused}, as the fit is not to be used (see --anyway)")
+        screen.line(f"note: {finding}")
+    return screen
 
 
 def outside_sentence(found: Diagnosis) -> str:
@@ -201,11 +220,11 @@ def outside_sentence(found: Diagnosis) -> str:
     )
 
 
-def _show_staircase(found: Diagnosis) -> None:
+def _staircase(screen: Screen, found: Diagnosis) -> None:
     horizons = list(found.staircase[0].position_m)
     on = ", ".join(found.held_out) if found.held_out else "the training flights (none was held out)"
     rows = [(s.model, *(f"{1000.0 * s.position_m[h]:.1f}" for h in horizons)) for s in found.staircase]
-    console.table(f"position error (mm, rms) on {on}", ("model", *(f"after {h}" for h in horizons)), rows)
+    screen.table(f"position error (mm, rms) on {on}", ("model", *(f"after {h}" for h in horizons)), rows)
 
 
 def _rows(candidate: CandidateFinding) -> list[tuple[str, ...]]:

@@ -18,6 +18,10 @@ from vehicle import Vehicle
 FLAGS = {"gaps='split'": "--split-gaps", "robust=True": "--robust", "gusts='estimate'": "--gusts estimate"}
 """Arguments that the library's messages name, and the corresponding options."""
 
+anyway_option = click.option(
+    "--anyway", is_flag=True, help="Write the vehicle file even if the verdict is `do not use`."
+)
+
 Chosen = Mapping[str, Any]
 """Values of the options, by the names of the verb's arguments."""
 
@@ -35,14 +39,10 @@ _NAMES = (
 )
 
 
-def fit_options(*, gusts: str = "estimate", hold_unidentifiable: bool = False) -> Callable[[Any], Any]:
+def fit_options() -> Callable[[Any], Any]:
     """A decorator that gives a verb these options; their values reach it as one argument `fit`.
 
     Errors of the library leave the verb with the names of options instead of arguments.
-
-    Args:
-        gusts: what `--gusts` is where it is not given.
-        hold_unidentifiable: the same of `--hold-unidentifiable`.
     """
     options = [
         click.option("--hold", "held", multiple=True, metavar="NAME", help="Keep this parameter as it is. Repeatable."),
@@ -63,7 +63,7 @@ def fit_options(*, gusts: str = "estimate", hold_unidentifiable: bool = False) -
         click.option("--split-gaps", is_flag=True, help="Fit the pieces between gaps as separate flights."),
         click.option(
             "--hold-unidentifiable/--refuse-unidentifiable",
-            default=hold_unidentifiable,
+            default=True,
             show_default=True,
             help="Hold parameters that these flights do not identify, or refuse.",
         ),
@@ -73,7 +73,7 @@ def fit_options(*, gusts: str = "estimate", hold_unidentifiable: bool = False) -
         click.option(
             "--gusts",
             type=click.Choice(("estimate", "white")),
-            default=gusts,
+            default="estimate",
             show_default=True,
             help="Disturbances that last: estimate them with the states, or take all of them for white noise.",
         ),

@@ -11,12 +11,14 @@ import click
 import sysid
 import vehicle
 from flight import FlightLog, InputError, Progress
-from goshawk.commands.learn import fit_options
+from goshawk.commands.learn import fit_options, kept
 from goshawk.commands.learn.flights import load, refuse_repeated
 from goshawk.terminal import console, outputs
+from goshawk.terminal.screen import Screen
 from sysid.estimator.stages import STAGES
 from sysid.estimator.verdict import Use, Verdict, of_logs
 
+KIND = "identification"
 STAGES_SCHEMA_VERSION = 1
 
 stage_options = [
@@ -69,9 +71,9 @@ def _with_stages(function: Any) -> Any:
 @console.columns_option
 @console.path_option("--report", "report_file", "HTML page to write: everything in one file.")
 @console.path_option("--plots", "plots", "Folder for figures (SVG).")
-@click.option("--json", "json_file", is_flag=False, flag_value="-", metavar="FILE", help="JSON to write, - to print.")
-@click.option("--anyway", is_flag=True, help="Write the vehicle file even if the verdict is `do not use`.")
+@fit_options.anyway_option
 @outputs.overwrite_option
+@console.common_options
 def command(
     flights: tuple[Path, ...],
     vehicle_file: Path,
@@ -82,9 +84,9 @@ def command(
     columns: Path | None,
     report_file: Path | None,
     plots: Path | None,
-    json_file: str | None,
     anyway: bool,
     overwrite: bool,
+    as_json: bool,
     **stages: tuple[Path, ...],
 ) -> int:
     """Fit the vehicle model to FLIGHTS: joint maximum likelihood over parameters and all states.
@@ -116,24 +118,37 @@ def command(
 
     Where --out is a vehicle file already, --overwrite makes this its next version; `goshawk vehicle undo` restores it.
     """
-    _check_usage(flights, stages, trials, fit["free"], json_file)
-    kept = Path(json_file) if json_file not in (None, "-") else None
-    outputs.check(out, report_file, kept, overwrite=overwrite, folders=[plots])
+    _check_usage(flights, stages, trials, fit["free"])
+    outputs.check(out, report_file, overwrite=overwrite, folders=[plots])
     believed = fit_options.at_place(fit, vehicle.load(vehicle_file))
     for effect in added:
         believed = believed.with_effect(effect)
     options = fit_options.read(fit, believed)
-    with console.progress() as progress:
-        fits = fit_flights(flights, stages, trials, believed, options, columns, progress)
-    usable = fits.verdict.use is not Use.REJECTED
-    written = write(fits, out if usable or anyway else None, report_file, plots, overwrite=overwrite)
-    document = _document(fits) | written
-    if kept is not None:
-        outputs.write_json(kept, document, overwrite=overwrite)
-    if json_file == "-":
+    groups = [flights, *(stages[stage] for stage in STAGES)]
+    first = next(path for group in groups for path in group)
+    key = kept.key(groups, columns, [vehicle_file], (options, fit["gravity_m_s2"], added, trials))
+    result = None if report_file or plots else kept.find(KIND, first, key)
+    files: dict[str, Any] = {"report": None, "figures": []}
+    if result is None:
+        with console.progress() as progress:
+            fits = fit_flights(flights, stages, trials, believed, options, columns, progress)
+        result = kept.Kept(_document(fits), _screen(fits), fits.answer.vehicle)
+        kept.keep(KIND, first, key, result)
+        files = write_figures(fits, report_file, plots, overwrite=overwrite)
+    assert result.vehicle is not None
+    usable = result.document["verdict"]["use"] != Use.REJECTED
+    written = out if usable or anyway else None
+    if written is not None:
+        outputs.write_vehicle(written, result.vehicle, "identify", overwrite=overwrite)
+    if as_json:
+        document = {**result.document, "written": written and str(written), **files}
         console.show("", {}, as_json=True, document=document)
-    else:
-        _show(fits, written)
+        return 0 if usable else 1
+    result.screen.show()
+    click.echo(f"written: {written}" if written else "no vehicle file written (see --anyway)")
+    for path in (files["report"], *files["figures"]):
+        if path:
+            click.echo(f"written: {path}")
     return 0 if usable else 1
 
 
@@ -142,10 +157,7 @@ def _check_usage(
     stages: Mapping[str, tuple[Path, ...]],
     trials: int | None,
     free: tuple[str, ...],
-    json_file: str | None,
 ) -> None:
-    if json_file not in (None, "-") and not json_file.endswith(".json"):
-        raise InputError(f"--json: expected a file that ends in .json, or - for standard output, got {json_file}")
     if bool(flights) == any(stages.values()):
         raise InputError("give FLIGHTS for one joint fit, or --vertical, --horizontal and --rotation for three stages")
     if free and any(stages.values()):
@@ -196,10 +208,8 @@ def _checked(path: str, log: FlightLog, believed: vehicle.Vehicle) -> sysid.LogR
     return replace(found, name=path)
 
 
-def write(
-    fits: Fits, out: Path | None, report_file: Path | None, plots: Path | None, *, overwrite: bool
-) -> dict[str, Any]:
-    """Write the requested files, each whole or not at all; returns their paths for the document."""
+def write_figures(fits: Fits, report_file: Path | None, plots: Path | None, *, overwrite: bool) -> dict[str, Any]:
+    """Write the page and the figures that are asked for, each whole or not at all; returns their paths."""
     figures: list[Path] = []
     if plots is not None:
         with outputs.pictures(plots, overwrite=overwrite) as drawn:
@@ -208,13 +218,7 @@ def write(
         result = dict(fits.stages) if len(fits.stages) > 1 else fits.answer
         with outputs.file(report_file, overwrite=overwrite) as temporary:
             sysid.report.write(temporary, result, logs=list(fits.logs.values()), trials=fits.trials)
-    if out is not None:
-        outputs.write_vehicle(out, fits.answer.vehicle, "identify", overwrite=overwrite)
-    return {
-        "written": out and str(out),
-        "report": str(report_file) if report_file is not None else None,
-        "figures": [str(figure) for figure in figures],
-    }
+    return {"report": report_file and str(report_file), "figures": [str(figure) for figure in figures]}
 
 
 def _figures(fits: Fits, folder: Path) -> list[Path]:
@@ -241,10 +245,11 @@ def _document(fits: Fits) -> dict[str, Any]:
     )
 
 
-def _show(fits: Fits, written: Mapping[str, Any]) -> None:
-    click.echo(f"verdict: {fits.verdict.use}")
+def _screen(fits: Fits) -> Screen:
+    screen = Screen()
+    screen.line(f"verdict: {fits.verdict.use}")
     for reason in fits.verdict.reasons:
-        click.echo(f"  {fit_options.worded(reason)}")
+        screen.line(f"  {fit_options.worded(reason)}")
     for stage, fit in fits.stages.items():
         rows = [
             (
@@ -258,15 +263,12 @@ def _show(fits: Fits, written: Mapping[str, Any]) -> None:
             if not stage or e.status == "free"
         ]
         heads = ("parameter", "value", "robust std", "unit", "started from")
-        console.table(f"identified: {stage}" if stage else "identified", heads, rows)
+        screen.table(f"identified: {stage}" if stage else "identified", heads, rows)
         for finding in (f for f in fit.findings if f not in (*fit.verdict.against, *fit.verdict.doubts)):
-            click.echo(f"note: {fit_options.worded(finding)}")
+            screen.line(f"note: {fit_options.worded(finding)}")
         steps = len(fit.solution.record)
-        click.echo(f"converged in {steps} steps" if fit.converged else f"NOT converged in {steps} steps")
+        screen.line(f"converged in {steps} steps" if fit.converged else f"NOT converged in {steps} steps")
     failed = sum(not trial.converged for trial in fits.trials)
     if failed:
-        click.echo(f"{failed} of {len(fits.trials)} trials did not converge")
-    click.echo(f"written: {written['written']}" if written["written"] else "no vehicle file written (see --anyway)")
-    for path in (written["report"], *written["figures"]):
-        if path:
-            click.echo(f"written: {path}")
+        screen.line(f"{failed} of {len(fits.trials)} trials did not converge")
+    return screen

@@ -1,37 +1,23 @@
-"""Output files of `goshawk log`: a report page, CSV, MCAP, and the corrected log."""
+"""Output files of `goshawk log check` and `fix`: the page of a log, and the corrected log."""
 
 from pathlib import Path
 
 from firmware_bridge.airborne import aloft_s
 from flight import FlightLog, InputError, Progress, flight_log, silent
-from goshawk.commands.learn import log_exports, log_report
+from goshawk.commands.learn import log_report
 from goshawk.terminal import outputs, words
 from sysid.logs import fix as fixes
 from sysid.logs.check import LogReport
 from vehicle import Vehicle
 
 
-def write(
-    log: FlightLog,
-    checked: LogReport,
-    files: tuple[Path | None, Path | None, Path | None],
-    *,
-    overwrite: bool,
-    progress: Progress = silent,
-) -> list[Path]:
-    """Write those of (report, CSV, MCAP) whose path is given; returns the paths."""
-    report_file, csv_file, mcap_file = files
-    if report_file is not None:
-        progress("drawing the report", 0.0)
-        with outputs.file(report_file, overwrite=overwrite) as temporary:
-            temporary.write_text(log_report.page(log, checked, _facts(log, checked)), encoding="utf-8")
-    if csv_file is not None:
-        with outputs.file(csv_file, overwrite=overwrite) as temporary:
-            log_exports.write_csv(temporary, log, progress)
-    if mcap_file is not None:
-        with outputs.file(mcap_file, overwrite=overwrite) as temporary:
-            log_exports.write_mcap(temporary, log, progress)
-    return [path for path in files if path is not None]
+def write_report(
+    path: Path, log: FlightLog, checked: LogReport, *, overwrite: bool, progress: Progress = silent
+) -> None:
+    """Write the page of a log."""
+    progress("drawing the report", 0.0)
+    with outputs.file(path, overwrite=overwrite) as temporary:
+        temporary.write_text(log_report.page(log, checked, _facts(log, checked)), encoding="utf-8")
 
 
 def _facts(log: FlightLog, checked: LogReport) -> dict[str, str]:
@@ -60,8 +46,8 @@ def require_others(source: Path, *files: Path | None) -> None:
 
 def write_fixed(
     log: FlightLog, source: Path, out: Path, believed: Vehicle | None, *, overwrite: bool, progress: Progress = silent
-) -> tuple[FlightLog, tuple[str, ...], LogReport]:
-    """Write the log with every fix that the checks propose; returns it, the fixes, and what the checks still find.
+) -> tuple[tuple[str, ...], LogReport]:
+    """Write the log with every fix that the checks propose; returns the fixes and what the checks still find.
 
     Raises:
         InputError: `out` is the log itself or no .parquet.
@@ -73,4 +59,4 @@ def write_fixed(
     corrected = FlightLog(fixed.log.columns, {**fixed.log.metadata, "fixed_from": source.name})
     with outputs.file(out, overwrite=overwrite) as temporary:
         flight_log.save(temporary, corrected)
-    return corrected, fixed.done, fixed.report
+    return fixed.done, fixed.report

@@ -12,7 +12,7 @@ from flight import FlightLog, FloatArray
 from flight.flight_log import COLUMNS
 from goshawk.terminal.words import component, named
 from sysid.logs.check import LogReport
-from sysid.logs.finding import Finding
+from sysid.logs.checks.finding import Finding
 
 MOST_POINTS = 20_000
 """Most instants drawn; of a longer log the smallest and largest value of every few rows are kept."""

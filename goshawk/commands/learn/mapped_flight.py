@@ -18,9 +18,9 @@ from planner import GateReport, PlanOptions
 from planner.gate import gate
 from planner.request import space
 from planner.route import placing
-from sysid.diagnosis.next_flight import NEEDS_A_CEILING, Proposal, Question
+from sysid.diagnosis.experiment_design.next_flight import NEEDS_A_CEILING, Proposal, Question
+from sysid.diagnosis.experiment_design.rehearsal import Room, flies_near_ground, rehearse, shrink, waypoints_of
 from sysid.diagnosis.procedure import NODE_RATE_HZ
-from sysid.diagnosis.rehearsal import Room, flies_near_ground, rehearse, shrink, waypoints_of
 from vehicle import Vehicle, manoeuvres
 
 logger = logging.getLogger(__name__)

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flight import InputError, file_format
-from sysid.estimator.changes import HORIZON_S, KEYS
-from sysid.estimator.comparison import QUANTITIES
+from sysid.estimator.validation.changes import HORIZON_S, KEYS
+from sysid.estimator.validation.comparison import QUANTITIES
 from sysid.report.pages import SHOWN
 from vehicle.history import Step
 

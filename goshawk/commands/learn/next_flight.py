@@ -11,17 +11,18 @@ import mapping
 import sysid
 import vehicle
 from flight import FlightLog, InfeasibleError, InputError, Progress, project, trajectory
-from goshawk.commands.learn import mapped_flight
+from goshawk.commands.learn import kept, mapped_flight
 from goshawk.commands.learn.flights import load, refuse_repeated
 from goshawk.commands.plan import map_standing
 from goshawk.terminal import console, outputs
 from planner import PlanOptions
-from sysid.diagnosis import diagnose, next_flight
-from sysid.diagnosis.candidates import require_missing
+from sysid.diagnosis import diagnose
+from sysid.diagnosis.evidence.candidates import require_missing
 from sysid.diagnosis.examined import examine
-from sysid.diagnosis.next_flight import Proposal, Ranking
+from sysid.diagnosis.experiment_design import next_flight
+from sysid.diagnosis.experiment_design.next_flight import Proposal, Ranking
+from sysid.diagnosis.experiment_design.rehearsal import Room
 from sysid.diagnosis.procedure import while_searching
-from sysid.diagnosis.rehearsal import Room
 from vehicle import manoeuvres
 
 SCHEMA_VERSION = 2
@@ -38,7 +39,7 @@ SCHEMA_VERSION = 2
     metavar="X,Y,Z",
     help="Lowest corner of --space [default: about the origin, 0.5 m up].",
 )
-@console.path_option("--map", "map_folder", "Map to fit the flight into, in place of --space.")
+@console.path_option("--map", "map_folder", "Map folder: to fit the flight into, in place of --space.")
 @console.radius_option
 @console.margin_option
 @map_standing.accept_option
@@ -46,7 +47,7 @@ SCHEMA_VERSION = 2
 @console.path_option("--out", "out", "Waypoints of the best flight to write; with --map its checked trajectory.")
 @console.columns_option
 @outputs.overwrite_option
-@console.json_option
+@console.common_options
 def command(
     flights: tuple[Path, ...],
     vehicle_file: Path,
@@ -73,8 +74,9 @@ def command(
     goshawk next-flight flights/*.parquet --vehicle vehicle.toml --map map --out next.json
 
     For two candidates or more the evidence is that which separates them; for one, that which determines its size.
-    Without --candidate the flights are diagnosed first, and the candidates are those left inconclusive. Every manoeuvre
-    is scaled to the space and simulated with the fitted vehicle, and its evidence is added to that of FLIGHTS.
+    Without --candidate they are those that the diagnosis of FLIGHTS leaves inconclusive: the kept
+    one, or one that is made first. Every manoeuvre is scaled to the space and simulated with the fitted vehicle, and
+    its evidence is added to that of FLIGHTS.
 
     With --map, place, heading and size of every manoeuvre are searched for in the map, with the clearance that `goshawk
     plan` keeps; the one with the most evidence is written as a trajectory that passed the gate.
@@ -87,6 +89,8 @@ def command(
         manoeuvres.make(name)
     for name in candidates:
         require_missing(name, believed)
+    if not candidates:
+        candidates, believed = _kept_question(flights, vehicle_file, believed)
     asked = Question(flights, columns, believed, candidates, library)
     if map_folder is not None:
         area = mapping.open_map(map_folder)
@@ -101,6 +105,23 @@ def command(
         chosen = _write(ranking, out, overwrite=overwrite) if out is not None else ranking[0]
         then = f"goshawk plan {out} --map MAP --vehicle {vehicle_file} --out next.json" if out is not None else None
         _show(ranking, chosen, then, out, as_json)
+
+
+def _kept_question(
+    flights: tuple[Path, ...], vehicle_file: Path, believed: vehicle.Vehicle
+) -> tuple[tuple[str, ...], vehicle.Vehicle]:
+    """Candidates that a kept diagnosis of these flights leaves open, and the vehicle it fitted, without them.
+
+    Without such a diagnosis: no candidates, and the vehicle as it is.
+    """
+    diagnosis = kept.newest("diagnosis", flights, vehicle_file)
+    if diagnosis is None or diagnosis.vehicle is None or not diagnosis.more["in_doubt"]:
+        return (), believed
+    fitted = diagnosis.vehicle
+    for name in diagnosis.more["in_doubt"]:
+        if (effect := name.partition("[")[0]) in fitted.effects:
+            fitted = fitted.without_effect(effect)
+    return tuple(diagnosis.more["in_doubt"]), fitted
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,15 +35,15 @@ RANGES = {
 @click.option(
     "--props-out",
     is_flag=True,
-    help="Reverse all rotors: the usual (front left clockwise, seen from above), or those of --from.",
+    help="Reverse all rotors: the usual (front left clockwise, seen from above), or those of --import.",
 )
 @click.option("--prop-diameter", "diameter_m", type=float, help="Diameter of a propeller, metres (5 inches: 0.127).")
 @click.option("--hover-rpm", type=float, help="Rotor speed in hover, if known: gives a much better thrust coefficient.")
 @click.option("--max-rpm", type=float, help="Fastest rotor speed, if known.")
-@click.option("--name", help="Name of the vehicle [default: the file's name].")
-@console.path_option("--from", "source", "Import from PX4 (.params, .ulg), RotorPy (.py) or URDF (.urdf).")
+@click.option("--name", help="Name: of the vehicle [default: the file's name].")
+@console.path_option("--import", "source", "Import from PX4 (.params, .ulg), RotorPy (.py) or URDF (.urdf).")
 @outputs.overwrite_option
-@console.json_option
+@console.common_options
 def new(
     out: Path | None,
     mass_kg: float | None,
@@ -62,8 +62,8 @@ def new(
 
     \b
     goshawk vehicle new my.toml --mass 0.72 --arm 0.125 --prop-diameter 0.127
-    goshawk vehicle new my.toml --from px4.params --mass 0.72 --prop-diameter 0.127
-    goshawk vehicle new my.toml --from hummingbird_params.py
+    goshawk vehicle new my.toml --import px4.params --mass 0.72 --prop-diameter 0.127
+    goshawk vehicle new my.toml --import hummingbird_params.py
 
     On a terminal it asks for missing values. Every number in the file has a standard deviation and a source; a
     default is marked as one.
@@ -92,7 +92,7 @@ def new(
 
 def imported(path: Path) -> Known:
     """Data of another program's file; the suffix determines the format."""
-    from vehicle import import_px4, import_rotorpy, import_urdf
+    from vehicle.importers import import_px4, import_rotorpy, import_urdf
 
     readers = {
         ".params": import_px4.read,
@@ -103,7 +103,7 @@ def imported(path: Path) -> Known:
     }
     reader = readers.get(path.suffix.lower())
     if reader is None:
-        raise InputError(f"--from {path}: the suffix must be one of {', '.join(readers)}, which identify the format")
+        raise InputError(f"--import {path}: the suffix must be one of {', '.join(readers)}, which identify the format")
     return reader(path)
 
 
@@ -206,7 +206,8 @@ def _show(out: Path, made: Vehicle, known: Known, as_json: bool) -> None:
 @click.command("schema")
 @console.path_option("--out", "out", "File to write [default: print it].")
 @outputs.overwrite_option
-def schema(out: Path | None, overwrite: bool) -> None:
+@console.common_options
+def schema(out: Path | None, overwrite: bool, as_json: bool) -> None:
     """Write the JSON schema of vehicle files, for completion and checks in editors.
 
     \b
@@ -224,4 +225,4 @@ def schema(out: Path | None, overwrite: bool) -> None:
         return
     with outputs.file(out, overwrite=overwrite) as temporary:
         temporary.write_text(text)
-    click.echo(f"written: {out}")
+    console.show("schema", {"written": str(out)}, as_json=as_json)

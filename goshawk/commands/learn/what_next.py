@@ -10,12 +10,13 @@ import numpy as np
 
 from flight import InputError
 from goshawk.commands.learn.flights import marked_file
-from sysid.diagnosis import Diagnosis, OutsideFinding, curve, next_flight, outlook
-from sysid.diagnosis.outlook import Outlook
+from sysid.diagnosis import Diagnosis, OutsideFinding, curve
+from sysid.diagnosis.experiment_design import next_flight, outlook
+from sysid.diagnosis.experiment_design.outlook import Outlook
 from sysid.estimator.verdict import Use
 
 THRUST = "thrust_bem"
-"""This candidate replaces the vehicle's thrust law, so `add-effect` alone does not add it."""
+"""This candidate replaces the vehicle's thrust law, so `effect add` alone does not add it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +29,6 @@ class DiagnoseCall:
     columns: Path | None = None
     out: Path | None = None
     """The vehicle file that was written, if any."""
-    json_file: Path | None = None
     auto: bool = False
     fit: str = ""
     """Options of the fit, as they are typed."""
@@ -52,8 +52,8 @@ class DiagnoseCall:
         return f" --columns {_words(self.columns)}" if self.columns else ""
 
     def refitting(self) -> str:
-        """Options of `goshawk vehicle add-effect`."""
-        return "".join(f" --flights {_words(path)}" for path in self.flights) + self.judging()
+        """Flights and options of `goshawk vehicle effect add`."""
+        return f" {self.training()}{self.judging()}"
 
     def again(self, vehicle_file: Path) -> str:
         """The diagnosis once more."""
@@ -100,7 +100,7 @@ def _after_additions(found: Diagnosis, call: DiagnoseCall) -> list[str]:
     effects = list(dict.fromkeys(name.partition("[")[0] for name in _added(found)))
     if THRUST in effects and THRUST not in found.base.effects:
         return [call.again(call.vehicle_file) + (" --auto" if call.auto else "") + " --out better.toml"]
-    change = f"goshawk vehicle add-effect {_words(call.vehicle_file)} {{}}{call.refitting()}"
+    change = f"goshawk vehicle effect add {_words(call.vehicle_file)} {{}}{call.refitting()}"
     return [change.format(effect) for effect in effects]
 
 
@@ -114,7 +114,7 @@ def _marking(found: Diagnosis, call: DiagnoseCall) -> tuple[list[str], DiagnoseC
     left = [path for path, carries in zip(paths, found.payload_carried, strict=False) if not carries]
     marked = [marked_file(path) if path in left else path for path in paths]
     many = len(call.flights)
-    commands = [f"goshawk log {_words(path)}{call.reading()} --payload left" for path in left]
+    commands = [f"goshawk log mark {_words(path)}{call.reading()} --payload left" for path in left]
     return commands, replace(call, flights=marked[:many], held_out=marked[many:])
 
 
@@ -129,15 +129,10 @@ def _after_curve(outside: OutsideFinding, call: DiagnoseCall) -> list[str]:
     if advice:
         return [f"({outside.channel} against {outside.variable}: {advice})"]
     name = curve.suggested_name(outside)
-    first = []
-    diagnosis = call.json_file or Path("diagnosis.json")
-    if call.json_file is None:
-        first = [f"{call.again(call.vehicle_file)}{' --auto' if call.auto else ''} --json {diagnosis}"]
     model = _words(call.model_file)
     return [
-        *first,
-        f"goshawk vehicle scaffold-effect {model} --diagnosis {_words(diagnosis)} --name {name} --out {name}.py",
-        f"goshawk vehicle add-effect {model} {name}.py{call.refitting()}",
+        f"goshawk vehicle effect scaffold {model} {call.training()} --name {name} --out {name}.py",
+        f"goshawk vehicle effect add {model} {name}.py{call.refitting()}",
     ]
 
 

@@ -16,15 +16,13 @@ _DEFAULT = ViewOptions()
 
 @click.command()
 @click.argument("map_folder", metavar="MAP", type=click.Path(path_type=Path))
-@console.path_option("--out", "out", "Waypoints file (.json) to write, for `goshawk plan` [default: only list them].")
-@console.path_option("--vehicle", "vehicle_file", "Vehicle file, whose radius is kept clear [default: the carrier's].")
+@console.path_option("--out", "out", "Waypoints file to write (.json), for `goshawk plan` [default: only list them].")
+@console.path_option("--vehicle", "vehicle_file", "Vehicle file: its radius is kept clear [default: the carrier's].")
 @console.radius_option
 @console.margin_option
 @console.path_option("--near", "near", "Waypoints of a flight to come: only unknown space near it counts.")
 @click.option("--within", "within_m", default=_DEFAULT.within_m, show_default=True, help="How near, metres.")
-@click.option(
-    "--farthest", "farthest_m", default=_DEFAULT.farthest_m, show_default=True, help="Range of a look, metres."
-)
+@click.option("--range", "farthest_m", default=_DEFAULT.farthest_m, show_default=True, help="Range of a look, metres.")
 @click.option(
     "--least",
     "least_m3",
@@ -35,7 +33,7 @@ _DEFAULT = ViewOptions()
 @click.option("--most", "most_views", default=_DEFAULT.most_views, show_default=True, help="Most views of the tour.")
 @click.option("--on-foot", "on_foot", is_flag=True, help="Only at the heights at which the images were taken.")
 @outputs.overwrite_option
-@console.json_option
+@console.common_options
 def again(
     map_folder: Path,
     out: Path | None,
@@ -105,7 +103,7 @@ def again(
                 f"{view.heading_deg:.0f}",
                 f"{view.shows_m3:.2f}",
             )
-            for number, view in enumerate(found.views)  # from 0, as `goshawk plan` and the page count waypoints
+            for number, view in enumerate(found.views, start=1)
         ]
         console.table("views", ("waypoint", "x (m)", "y (m)", "z (m)", "heading (deg)", "shows (m3)"), rows)
     console.show("again", facts, as_json=as_json, document=document)

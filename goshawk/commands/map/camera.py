@@ -16,14 +16,14 @@ from mapping.camera.rig import Rig
 
 out_option = console.path_option("--out", "out", "Camera file to write.", required=True)
 WAYS_TO_SCALE = (
-    "give goshawk map the length of the path (--length 13.2) or between two images (--length A.jpg,B.jpg,2.5), or "
+    "give goshawk map build the path's length (--length 13.2) or between two images (--length A.jpg,B.jpg,2.5), or "
     "positions of the vehicle (references.csv: odometry, a tracker, GPS)"
 )
 
 
 @click.group(cls=VerbGroup)
 def command() -> None:
-    """Make the camera file that `goshawk map` reads.
+    """Make the camera file that `goshawk map build` reads.
 
     \b
     goshawk camera new photos --out camera.toml
@@ -39,19 +39,19 @@ def command() -> None:
 @click.option("--focal-px", "focal_px", type=float, help="Focal length in pixels, if known.")
 @click.option("--quick", is_flag=True, help="No self-calibration: EXIF or a default, with its error, at once.")
 @outputs.overwrite_option
-@console.json_option
+@console.common_options
 def new(images: Path, out: Path, focal_px: float | None, quick: bool, overwrite: bool, as_json: bool) -> None:
     """Guess the lens of the camera that took IMAGES: from EXIF, then by self-calibration.
 
     \b
     goshawk camera new photos --out camera.toml
     goshawk camera new photos --out camera.toml --quick
-    goshawk map photos --camera camera.toml --length 13.2 --out map
+    goshawk map build photos --camera camera.toml --length 13.2 --out map
 
     IMAGES is a folder of images that one camera took from several places, neighbours overlapping. The result is a
     first guess: mapping refines it.
     """
-    from mapping.sparse import lens_guess
+    from mapping.sparse.calibration import lens_guess
 
     outputs.check(out, overwrite=overwrite)
     with console.progress() as report:
@@ -87,7 +87,7 @@ def new(images: Path, out: Path, focal_px: float | None, quick: bool, overwrite:
 @out_option
 @console.path_option("--rig", "rigs", "COLMAP's rigs.txt: poses of several cameras on the vehicle.")
 @outputs.overwrite_option
-@console.json_option
+@console.common_options
 def bring(calibration: Path, out: Path, rigs: Path | None, overwrite: bool, as_json: bool) -> None:
     """Turn Kalibr's camchain YAML, Basalt's JSON or COLMAP's cameras.txt into a camera file.
 
@@ -124,7 +124,7 @@ def bring(calibration: Path, out: Path, rigs: Path | None, overwrite: bool, as_j
 @click.argument("source", metavar="CAMERA|MAP", type=click.Path(path_type=Path))
 @console.path_option("--out", "out", "Folder to write.", required=True)
 @outputs.overwrite_option
-@console.json_option
+@console.common_options
 def export(source: Path, out: Path, overwrite: bool, as_json: bool) -> None:
     """Write a camera file for COLMAP (cameras.txt, rigs.txt); of a map also its poses as TUM does (poses.tum).
 

@@ -15,7 +15,7 @@ from mapping.camera.rig import Camera, Rig
 
 @click.command("diagnose")
 @click.argument("map_folder", metavar="MAP", type=click.Path(path_type=Path))
-@console.json_option
+@console.common_options
 def diagnose(map_folder: Path, as_json: bool) -> None:
     """Show which errors of the camera file the matches of MAP show, exclude, or cannot tell.
 
@@ -60,7 +60,7 @@ def _findings(folder: Path) -> list[dict[str, Any]]:
 @click.argument("map_folder", metavar="MAP", type=click.Path(path_type=Path))
 @console.path_option("--out", "out", "Camera file to write.", required=True)
 @outputs.overwrite_option
-@console.json_option
+@console.common_options
 def add(map_folder: Path, out: Path, overwrite: bool, as_json: bool) -> None:
     """Write the calibration that MAP was made with, corrections included, as a camera file.
 
@@ -78,7 +78,7 @@ def add(map_folder: Path, out: Path, overwrite: bool, as_json: bool) -> None:
 
 @click.command("undo")
 @click.argument("camera_file", metavar="CAMERA", type=click.Path(path_type=Path))
-@console.json_option
+@console.common_options
 def undo(camera_file: Path, as_json: bool) -> None:
     """Return to the camera file that the last --overwrite replaced; the present one is kept beside it.
 
@@ -97,7 +97,7 @@ def undo(camera_file: Path, as_json: bool) -> None:
 @click.command("compare")
 @click.argument("first", type=click.Path(path_type=Path))
 @click.argument("second", type=click.Path(path_type=Path))
-@console.json_option
+@console.common_options
 def compare(first: Path, second: Path, as_json: bool) -> None:
     """Show how far two camera files differ: their lenses in pixels, their poses in degrees and millimetres.
 

@@ -25,7 +25,7 @@ _out = console.path_option("--out", "out", "Map folder to write.", required=True
 
 
 def _result(command: Callable[..., Any]) -> Callable[..., Any]:
-    return _out(outputs.overwrite_option(console.json_option(command)))
+    return _out(outputs.overwrite_option(console.common_options(command)))
 
 
 @click.command()
@@ -54,23 +54,23 @@ def crop(map_folder: Path, out: Path, overwrite: bool, as_json: bool, **shapes: 
 
 @click.command()
 @click.argument("map_folder", metavar="MAP", type=click.Path(path_type=Path))
-@click.option("--at", "at", metavar="X,Y,Z", required=True, help="Where the new origin is in MAP, metres.")
-@click.option("--heading", "heading_deg", type=float, default=0.0, help="Heading of the new x axis in MAP, degrees.")
+@click.option("--place", "place", metavar="X,Y,Z", required=True, help="Where the new origin is in MAP, metres.")
+@click.option("--turn", "turn_deg", type=float, default=0.0, help="Heading of the new x axis in MAP, degrees.")
 @_result
-def origin(map_folder: Path, at: str, heading_deg: float, out: Path, overwrite: bool, as_json: bool) -> None:
+def origin(map_folder: Path, place: str, turn_deg: float, out: Path, overwrite: bool, as_json: bool) -> None:
     """Set the origin, and the heading of the x axis, of a map.
 
     \b
-    goshawk map origin map --at 1.20,0.35,0 --out map-from-pad
-    goshawk map origin map --at 0,0,0 --heading 90 --out turned
+    goshawk map origin map --place 1.20,0.35,0 --out map-from-pad
+    goshawk map origin map --place 0,0,0 --turn 90 --out turned
 
-    Without --heading the voxels stay exactly as they are. A turned map's surfaces grow by up to a voxel, so turn once.
+    Without --turn the voxels stay exactly as they are. A turned map's surfaces grow by up to a voxel, so turn once.
     """
-    if not abs(heading_deg) <= 360.0:
-        raise InputError(f"--heading is {heading_deg:g} degrees; it must be from -360 to 360")
-    x, y, z = console.numbers("--at", at, 3)
-    T_old_new = frames.transform(rotations.from_yaw(math.radians(heading_deg)), [x, y, z])
-    sentence = f"origin set to {x:g}, {y:g}, {z:g} m, heading {heading_deg:g} degrees, of"
+    if not abs(turn_deg) <= 360.0:
+        raise InputError(f"--turn is {turn_deg:g} degrees; it must be from -360 to 360")
+    x, y, z = console.numbers("--place", place, 3)
+    T_old_new = frames.transform(rotations.from_yaw(math.radians(turn_deg)), [x, y, z])
+    sentence = f"origin set to {x:g}, {y:g}, {z:g} m, heading {turn_deg:g} degrees, of"
     _move(map_folder, frames.invert(T_old_new), sentence, {}, {}, out, overwrite, as_json)
 
 

@@ -31,23 +31,23 @@ DIMENSIONS = {
 }
 
 
+_map_argument = click.argument("map_folder", metavar="MAP", type=click.Path(path_type=Path))
+
+
 @click.group(cls=VerbGroup)
-@click.argument("map_folder", metavar="MAP", type=click.Path(path_type=Path))
-@click.pass_context
-def edit(context: click.Context, map_folder: Path) -> None:
-    """Edit MAP by hand: missing obstacles, no-fly zones, mapping errors.
+def edit() -> None:
+    """Edit a map by hand: missing obstacles, no-fly zones, mapping errors.
 
     \b
-    goshawk map edit map add --box 1,0,0,2,0.4,1.1 --name workbench
-    goshawk map edit map no-fly kitchen --prism 0,2.5,3,0,5,0,5,4 --preview kitchen.png
-    goshawk map edit map remove --sphere 2,1,1.2,0.3
-    goshawk map edit map list
-    goshawk map edit map undo
+    goshawk map edit add map --box 1,0,0,2,0.4,1.1 --name workbench
+    goshawk map edit no-fly map kitchen --prism 0,2.5,3,0,5,0,5,4 --preview kitchen.png
+    goshawk map edit remove map --sphere 2,1,1.2,0.3
+    goshawk map edit list map
+    goshawk map edit undo map
 
     Coordinates are in metres in the world frame. Edits are a list beside the map: the mapped voxels stay unchanged, and
     a rebuilt map in the same folder keeps them. They change the map's hash, so earlier plans must be made anew.
     """
-    context.obj = map_folder
 
 
 def shape_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -59,7 +59,7 @@ def shape_options(command: Callable[..., None]) -> Callable[..., None]:
 
 def _finish(command: Callable[..., None]) -> Callable[..., None]:
     preview = console.path_option("--preview", "preview", "Draw before and after to this PNG, and change nothing.")
-    return preview(outputs.overwrite_option(console.json_option(click.pass_obj(command))))
+    return preview(outputs.overwrite_option(console.common_options(command)))
 
 
 def _changing(action: Any, summary: str) -> None:
@@ -75,11 +75,11 @@ def _changing(action: Any, summary: str) -> None:
     named = (
         click.argument("name")
         if action == "no-fly"
-        else click.option("--name", default="", help="Name by which drop removes the edit.")
+        else click.option("--name", default="", help="Name: drop removes the edit by it.")
     )
-    example = "no-fly kitchen" if action == "no-fly" else action
-    help = f"{summary}\n\n\b\ngoshawk map edit map {example} --box 1,0,0,2,0.4,1.1\ngoshawk map edit map list"
-    edit.command(action, help=help)(named(shape_options(_finish(command))))
+    example = "no-fly map kitchen" if action == "no-fly" else f"{action} map"
+    help = f"{summary}\n\n\b\ngoshawk map edit {example} --box 1,0,0,2,0.4,1.1\ngoshawk map edit list map"
+    edit.command(action, help=help)(_map_argument(named(shape_options(_finish(command)))))
 
 
 _changing("add", "Every voxel the shape touches becomes an obstacle.")
@@ -92,13 +92,14 @@ _changing("no-fly", "A zone that counts as an obstacle and that no other edit fr
 
 
 @edit.command()
+@_map_argument
 @_finish
 def undo(map_folder: Path, preview: Path | None, overwrite: bool, as_json: bool) -> None:
     """Remove the last edit from the list.
 
     \b
-    goshawk map edit map undo
-    goshawk map edit map undo --preview undone.png
+    goshawk map edit undo map
+    goshawk map edit undo map --preview undone.png
     """
     folder = field_folder(map_folder)
     editor = esdf.open_editor(folder)
@@ -108,14 +109,15 @@ def undo(map_folder: Path, preview: Path | None, overwrite: bool, as_json: bool)
 
 
 @edit.command()
+@_map_argument
 @click.argument("name")
 @_finish
 def drop(map_folder: Path, name: str, preview: Path | None, overwrite: bool, as_json: bool) -> None:
     """Remove every edit of that NAME from the list.
 
     \b
-    goshawk map edit map drop kitchen
-    goshawk map edit map list
+    goshawk map edit drop map kitchen
+    goshawk map edit list map
     """
     folder = field_folder(map_folder)
     editor = esdf.open_editor(folder)
@@ -123,14 +125,14 @@ def drop(map_folder: Path, name: str, preview: Path | None, overwrite: bool, as_
 
 
 @edit.command("list")
-@console.json_option
-@click.pass_obj
+@_map_argument
+@console.common_options
 def list_(map_folder: Path, as_json: bool) -> None:
     """List the present edits, in the order in which they were made.
 
     \b
-    goshawk map edit map list
-    goshawk map edit map list --json
+    goshawk map edit list map
+    goshawk map edit list map --json
     """
     folder = field_folder(map_folder)
     edits = esdf.open_editor(folder).edits

@@ -21,7 +21,7 @@ _NAMED = 5
 @click.command()
 @click.argument("images", type=click.Path(path_type=Path))
 @console.map_option
-@console.path_option("--camera", "camera", "The rig that took IMAGES [default: that of the map].")
+@console.path_option("--camera", "camera", "Camera file: the rig that took IMAGES [default: that of the map].")
 @click.option(
     "--fastest",
     "fastest_m_s",
@@ -29,9 +29,9 @@ _NAMED = 5
     show_default=True,
     help="A pose that is not reached from its neighbours in time at this speed is refused, m/s.",
 )
-@console.path_option("--out", "out", "Poses to write, as CSV; `goshawk plan --path` reads them.", required=True)
+@console.path_option("--out", "out", "Poses (CSV) to write; `goshawk plan --path` reads them.", required=True)
 @outputs.overwrite_option
-@console.json_option
+@console.common_options
 def command(
     images: Path,
     map_folder: Path,

@@ -18,22 +18,22 @@ from mapping.verdict import Standing
 
 @click.command()
 @click.argument("map_folder", metavar="MAP", type=click.Path(path_type=Path))
-@click.option("--from", "start", metavar="X,Y,Z|IMAGE", required=True, help="First point: metres, or an image's name.")
-@click.option("--to", "end", metavar="X,Y,Z|IMAGE", required=True, help="Second point.")
-@console.json_option
+@click.option("--first", "start", metavar="X,Y,Z|IMAGE", required=True, help="First point: metres, or an image's name.")
+@click.option("--second", "end", metavar="X,Y,Z|IMAGE", required=True, help="Second point.")
+@console.common_options
 def measure(map_folder: Path, start: str, end: str, as_json: bool) -> None:
     """Measure the length between two places of MAP, and the clearance at each.
 
     \b
-    goshawk map measure map --from 1.2,0.35,0.8 --to 4.1,0.4,0.8
-    goshawk map measure map --from 0003.png --to 0027.png          between the places of two images
+    goshawk map measure map --first 1.2,0.35,0.8 --second 4.1,0.4,0.8
+    goshawk map measure map --first 0003.png --second 0027.png          between the places of two images
 
     Points are in metres in the map's world frame; of an image it is the place of the body. The standard deviation is
     that of the map's scale; how well a point was chosen comes on top. To measure with a tape and make the map agree,
-    give goshawk map --length.
+    give goshawk map build --length.
     """
     area = mapping.open_map(map_folder)
-    points_world_m = np.array([_point(area, "--from", start), _point(area, "--to", end)])
+    points_world_m = np.array([_point(area, "--first", start), _point(area, "--second", end)])
     step_m = points_world_m[1] - points_world_m[0]
     length_m = float(np.linalg.norm(step_m))
     witnesses = read_report(map_folder).get("scale_witnesses", [])

@@ -10,9 +10,9 @@ from goshawk.terminal import console, outputs
 
 @click.command()
 @click.argument("map_folder", metavar="MAP", type=click.Path(path_type=Path))
-@console.path_option("--out", "out", "HTML file to write.", required=True)
+@console.path_option("--out", "out", "HTML page to write.", required=True)
 @outputs.overwrite_option
-@console.json_option
+@console.common_options
 def report(map_folder: Path, out: Path, overwrite: bool, as_json: bool) -> None:
     """Write all that is known of MAP as one HTML file that needs no network.
 

@@ -16,7 +16,7 @@ from goshawk.commands.map import look_again
 from mapping import Map, map_folder, map_parts
 from mapping.dense import confidence
 from mapping.exploration.view_planning import ViewOptions
-from mapping.sparse.overlap import UnplacedRun
+from mapping.sparse.mapper.overlap import UnplacedRun
 from mapping.verdict import Standing
 from sysid.report.drawing import COLOURS, INK, PALE, figure, plain, written
 from sysid.report.pages import picture, table, write_page

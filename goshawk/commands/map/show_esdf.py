@@ -16,7 +16,7 @@ CLEARANCES_M = (0.3, 0.5, 1.0)
 
 @click.command("show-esdf")
 @click.argument("map_folder", metavar="MAP", type=click.Path(path_type=Path))
-@console.path_option("--out", "out", "Folder for the images; without it, statistics alone.")
+@console.path_option("--out", "out", "Folder of images to write; without it, statistics alone.")
 @click.option("--slice", "slices", multiple=True, metavar="AXIS=METRES", help="A slice, as z=1.2; may be repeated.")
 @click.option(
     "--plane", "planes", nargs=3, multiple=True, metavar="A B C",
@@ -27,7 +27,7 @@ CLEARANCES_M = (0.3, 0.5, 1.0)
     help="The iso-surface at this distance, as a mesh (PLY); 0 is the obstacles' surface.",
 )  # fmt: skip
 @outputs.overwrite_option
-@console.json_option
+@console.common_options
 def show_esdf(
     map_folder: Path,
     out: Path | None,

@@ -17,9 +17,9 @@ FACES, SIZE = (100, 500_000), (256, 8192)
 @click.option("--faces", "faces", default=20_000, show_default=True, help="Simplify the mesh to at most so many faces.")
 @click.option("--size", "size", default=2048, show_default=True, help="Edge of the texture, pixels.")
 @console.path_option("--images", "images", "The map's images, if they were moved since the map was made.")
-@console.path_option("--masks", "masks", "Their masks, if they were moved.")
+@console.path_option("--masks", "masks", "Folder of masks, if they were moved since.")
 @outputs.overwrite_option
-@console.json_option
+@console.common_options
 def texture(
     map_folder: Path,
     faces: int,

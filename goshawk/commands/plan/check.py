@@ -23,18 +23,21 @@ LOWER_BOUNDS = ("clearance", "slowest rotor")
 @console.map_option
 @console.vehicle_option
 @click.option(
-    "--margin", "margin_m", type=float, help="Free space to keep round the vehicle, metres [default: the file's]."
+    "--margin",
+    "margin_m",
+    type=float,
+    help="Clearance to keep beyond the vehicle's sphere, metres [default: the file's].",
 )
 @click.option(
     "--thinnest",
     "thinnest_m",
     type=float,
-    help="Fail where an obstacle this thick could hide within the clearance, metres [default: as planned].",
+    help="Obstacle thickness, metres: fail where one could hide within the clearance [default: as planned].",
 )
 @click.option(
     "--renew", is_flag=True, help="If it passes, record it as checked for this map and vehicle; the old file is kept."
 )
-@console.json_option
+@console.common_options
 def command(
     trajectory_file: Path,
     map_folder: Path,

@@ -19,11 +19,11 @@ from planner.gate import could_hide, gate, plan_report
 @console.path_option("--mav-trajectory", "mav", "YAML of segments for mav_trajectory_generation.")
 @console.path_option("--px4", "px4", "CSV of setpoints (NED) for PX4's offboard mode.")
 @click.option("--step", "step_s", default=0.02, show_default=True, help="Seconds between setpoints for --px4.")
-@console.path_option("--report", "report", "HTML page of the plan; needs --map and --vehicle.")
+@console.path_option("--report", "report", "HTML page to write: the plan; needs --map and --vehicle.")
 @console.path_option("--map", "map_folder", "Map folder, for --report.")
 @console.path_option("--vehicle", "vehicle_file", "Vehicle file, for --report.")
 @outputs.overwrite_option
-@console.json_option
+@console.common_options
 def command(
     trajectory_file: Path,
     crazyflie: Path | None,

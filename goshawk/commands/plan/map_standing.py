@@ -5,6 +5,7 @@ import sys
 import click
 
 from flight import InputError
+from goshawk.terminal import console
 from mapping import Map
 from mapping.verdict import Standing
 
@@ -22,7 +23,7 @@ def require(area: Map, *, accept_doubtful: bool) -> None:
     area.require_not_refused()
     reasons = "; ".join(area.reasons)
     if area.standing is Standing.NOT_JUDGED:
-        click.echo(f"note: {area.folder} is of a version that did not try its calibration; make it again", err=True)
+        console.note(f"note: {area.folder} is of a version that did not try its calibration; make it again")
     if area.standing is not Standing.DOUBTFUL or accept_doubtful:
         return
     if sys.stdin.isatty() and click.confirm(f"{area.folder} is doubtful: {reasons}. Plan in it?", err=True):

@@ -11,7 +11,7 @@ from goshawk.terminal import console, outputs
 
 
 @click.command()
-@console.path_option("--out", "out", "Project folder to make.", required=True)
+@console.path_option("--out", "out", "Project folder to write.", required=True)
 @click.option(
     "--pairs",
     type=click.IntRange(2),
@@ -19,7 +19,7 @@ from goshawk.terminal import console, outputs
     show_default=True,
     help="Image pairs to render; fewer take less time and give a less accurate map.",
 )
-@console.json_option
+@console.common_options
 def command(out: Path, pairs: int, as_json: bool) -> None:
     """Map a rendered room, plan through it, fly the SITL vehicle, learn its model. About two minutes.
 
@@ -34,7 +34,7 @@ def command(out: Path, pairs: int, as_json: bool) -> None:
     """
     from goshawk.demo import chain
 
-    click.echo("rendered room -> map -> checked trajectories -> SITL flights -> learned vehicle", err=True)
+    console.note("rendered room -> map -> checked trajectories -> SITL flights -> learned vehicle")
     with console.progress() as report:
         facts = chain.run(out, pairs=pairs, progress=report)
     if as_json:

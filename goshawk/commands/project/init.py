@@ -10,19 +10,17 @@ from goshawk.terminal import console
 
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
-@console.path_option("--map", "map_folder", "Map folder to copy in.")
-@console.path_option("--vehicle", "vehicle_file", "Vehicle file to copy in, with its history.")
-@click.option(
-    "--flights", multiple=True, type=click.Path(path_type=Path), help="Flight log to copy in, of any kind. Repeatable."
-)
+@click.argument("flights", nargs=-1, type=click.Path(path_type=Path))
+@console.path_option("--map", "map_folder", "Map folder: copied in.")
+@console.path_option("--vehicle", "vehicle_file", "Vehicle file: copied in, with its history.")
 @console.columns_option
-@click.option("--name", help="Name of the project [default: the folder's name].")
-@console.json_option
+@click.option("--name", help="Name: of the project [default: the folder's name].")
+@console.common_options
 def command(
     folder: Path,
+    flights: tuple[Path, ...],
     map_folder: Path | None,
     vehicle_file: Path | None,
-    flights: tuple[Path, ...],
     columns: Path | None,
     name: str | None,
     as_json: bool,
@@ -31,10 +29,11 @@ def command(
 
     \b
     goshawk init my-room
-    goshawk init my-room --map map --vehicle my.toml --flights monday.parquet --flights tuesday.ulg
+    goshawk init my-room --map map --vehicle my.toml
+    goshawk init my-room monday.parquet tuesday.ulg
     goshawk gcs my-room              then: the ground station on it
 
-    Parts are copied, all or none; nothing in the project is ever replaced.
+    Map, vehicle and FLIGHTS (logs of any kind) are copied, all or none; nothing in the project is ever replaced.
     """
     from goshawk.commands.project import project_parts
 

@@ -24,12 +24,12 @@ def parts(opened: Project) -> list[tuple[str, str, str]]:
         "flights": f"{flights} in {folder / 'flights'}" if flights else "",
     }
     give = {
-        "map": f"goshawk map IMAGES --camera camera.toml --out {opened.map}, or goshawk init {folder} --map MAP",
+        "map": f"goshawk map build IMAGES --camera camera.toml --out {opened.map}, or goshawk init {folder} --map MAP",
         "vehicle": f"goshawk vehicle new {opened.vehicle}, or goshawk init {folder} --vehicle vehicle.toml",
         "waypoints": f"goshawk gcs {folder}: place them on the page",
         "trajectories": f"goshawk plan {opened.waypoints} --map {opened.map} --vehicle {opened.vehicle} --out "
         f"{opened.trajectory('lap')}",
-        "flights": f"goshawk fly --out {opened.flight('lap')}, or goshawk init {folder} --flights LOG",
+        "flights": f"goshawk fly --out {opened.flight('lap')}, or goshawk init {folder} LOG",
     }
     return [(name, found, give[name]) for name, found in there.items()]
 

@@ -1,1 +1,1 @@
-"""Residual blocks of the estimator, one file each, and the inputs that drive its model."""
+"""Residual blocks of the estimator, one file each, and their noise levels."""

@@ -7,12 +7,12 @@ import numpy as np
 from flight import rotations
 from flight.rotations import FloatArray
 from sysid.estimator.blocks.base import At, Block, Channel, Linear
-from sysid.estimator.clocks import ACCELEROMETER as QUANTITY
-from sysid.estimator.clocks import delay_name, moved_reading
-from sysid.estimator.flight_data import Flight
-from sysid.estimator.midpoint import Middle, rates_of_change
-from sysid.estimator.sampling import Stretch
-from sysid.estimator.states import ATTITUDE, VELOCITY, States
+from sysid.estimator.flights.clocks import ACCELEROMETER as QUANTITY
+from sysid.estimator.flights.clocks import delay_name, moved_reading
+from sysid.estimator.flights.flight_data import Flight
+from sysid.estimator.flights.sampling import Stretch
+from sysid.estimator.trajectory.midpoint import Middle, rates_of_change
+from sysid.estimator.trajectory.states import ATTITUDE, VELOCITY, States
 
 
 class Accelerometer(Block):

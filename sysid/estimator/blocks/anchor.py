@@ -5,8 +5,8 @@ import numpy as np
 from flight import rotations
 from flight.rotations import FloatArray
 from sysid.estimator.blocks.base import At, Block, Linear
-from sysid.estimator.flight_data import Flight
-from sysid.estimator.states import ATTITUDE, POSITION, VELOCITY
+from sysid.estimator.flights.flight_data import Flight
+from sysid.estimator.trajectory.states import ATTITUDE, POSITION, VELOCITY
 
 STILL_M_S = 2.0
 """The velocity is taken to be zero within this much: it hovers about in a room. That ties the tilt to gravity."""

@@ -12,11 +12,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid.estimator.flight_data import Flight
-from sysid.estimator.midpoint import Middle
-from sysid.estimator.noise import Noise
-from sysid.estimator.sampling import Stretch
-from sysid.estimator.states import States
+from sysid.estimator.blocks.noise import Noise
+from sysid.estimator.flights.flight_data import Flight
+from sysid.estimator.flights.sampling import Stretch
+from sysid.estimator.trajectory.midpoint import Middle
+from sysid.estimator.trajectory.states import States
 from vehicle import Vehicle
 
 HUBER = 2.0

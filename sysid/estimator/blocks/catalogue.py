@@ -1,7 +1,6 @@
 """All residual blocks. A new sensor is one file beside this one and one line in the list below.
 
-Beside them stand the inputs of the model, which have no residual: `rotor_speed` (measured), `motor` (simulated from
-commands) and `battery`.
+The inputs of the model, which have no residual, are in `sysid.estimator.motors`.
 """
 
 from collections.abc import Sequence
@@ -14,9 +13,9 @@ from sysid.estimator.blocks.base import Block
 from sysid.estimator.blocks.gust import Gust
 from sysid.estimator.blocks.gyro import GYRO
 from sysid.estimator.blocks.motion import Motion
+from sysid.estimator.blocks.noise import Noise
 from sysid.estimator.blocks.pose import POSE
-from sysid.estimator.flight_data import Flight
-from sysid.estimator.noise import Noise
+from sysid.estimator.flights.flight_data import Flight
 
 BLOCKS: list[Block] = [  # in the order of their rows
     Motion(),

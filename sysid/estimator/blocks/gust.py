@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid.estimator import noise as levels_of
+from sysid.estimator.blocks import noise as levels_of
 from sysid.estimator.blocks.base import At, Block, Linear
 from sysid.estimator.blocks.motion import over_relaxed
-from sysid.estimator.flight_data import Flight
-from sysid.estimator.noise import Gusts, Noise
-from sysid.estimator.states import GUST, MOTION
+from sysid.estimator.blocks.noise import Gusts, Noise
+from sysid.estimator.flights.flight_data import Flight
+from sysid.estimator.trajectory.states import GUST, MOTION
 
 LEAST_SIZE = np.array([1e-3, 1e-3, 1e-3, 1e-2, 1e-2, 1e-2])
 """Floor of a disturbance's size, m/s2 and rad/s2: it keeps the equations regular."""

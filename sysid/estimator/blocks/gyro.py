@@ -4,11 +4,11 @@ import numpy as np
 
 from flight.rotations import FloatArray
 from sysid.estimator.blocks.base import At, Block, Channel, Linear
-from sysid.estimator.clocks import GYRO as QUANTITY
-from sysid.estimator.clocks import delay_name, moved_reading
-from sysid.estimator.flight_data import Flight
-from sysid.estimator.sampling import Stretch
-from sysid.estimator.states import RATE
+from sysid.estimator.flights.clocks import GYRO as QUANTITY
+from sysid.estimator.flights.clocks import delay_name, moved_reading
+from sysid.estimator.flights.flight_data import Flight
+from sysid.estimator.flights.sampling import Stretch
+from sysid.estimator.trajectory.states import RATE
 
 
 class Gyro(Block):

@@ -14,14 +14,14 @@ import numpy as np
 from flight import rotations
 from flight.rotations import FloatArray
 from sysid import _sysid
-from sysid.estimator.blocks import motor, rotor_speed
 from sysid.estimator.blocks.base import At, Block, Channel, Linear
-from sysid.estimator.clocks import delay_name, delay_of
-from sysid.estimator.flight_data import Flight, IndexArray
-from sysid.estimator.midpoint import Middle, rates_of_change
-from sysid.estimator.model import along, slopes_along
-from sysid.estimator.noise import MOTION, Noise
-from sysid.estimator.states import ATTITUDE, GUST_FORCE, GUST_TORQUE, POSITION, RATE, VELOCITY, States
+from sysid.estimator.blocks.noise import MOTION, Noise
+from sysid.estimator.flights.clocks import delay_name, delay_of
+from sysid.estimator.flights.flight_data import Flight, IndexArray
+from sysid.estimator.motors import motor, rotor_speed
+from sysid.estimator.trajectory.midpoint import Middle, rates_of_change
+from sysid.estimator.trajectory.model import along, slopes_along
+from sysid.estimator.trajectory.states import ATTITUDE, GUST_FORCE, GUST_TORQUE, POSITION, RATE, VELOCITY, States
 from vehicle import Jacobian
 
 ROWS = 12

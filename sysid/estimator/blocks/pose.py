@@ -8,9 +8,9 @@ import numpy as np
 from flight import InputError, rotations
 from flight.rotations import FloatArray
 from sysid.estimator.blocks.base import At, Block, Channel, Linear
-from sysid.estimator.flight_data import Flight
-from sysid.estimator.sampling import Stretch
-from sysid.estimator.states import ATTITUDE, POSITION, RATE, VELOCITY, States
+from sysid.estimator.flights.flight_data import Flight
+from sysid.estimator.flights.sampling import Stretch
+from sysid.estimator.trajectory.states import ATTITUDE, POSITION, RATE, VELOCITY, States
 from vehicle import Vehicle
 
 DELAY = "pose_delay.delay_s"

@@ -189,7 +189,7 @@ def test_the_verb_serves_until_ctrl_c_and_gives_control_back(serve, plans, dial,
     key_file = tmp_path / "link.key"
     key_file.write_text(plans.key.hex())
     key_file.chmod(0o600)
-    arguments = [sys.executable, "-m", "goshawk", "proxy", "--vehicle-url", served.url, "--key", str(key_file)]
+    arguments = [sys.executable, "-m", "goshawk", "proxy", "--url", served.url, "--key", str(key_file)]
     arguments += ["--listen", LISTEN, "--control", "--json"]
     running = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:

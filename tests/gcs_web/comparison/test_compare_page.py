@@ -23,8 +23,8 @@ from goshawk.station_jobs import KINDS, compare
 from goshawk.station_jobs.flights import Chosen
 from sysid.diagnosis import OutsideFinding
 from sysid.diagnosis.envelope import Envelope
-from sysid.estimator import changes
-from sysid.estimator.comparison import HORIZONS_S
+from sysid.estimator.validation import changes
+from sysid.estimator.validation.comparison import HORIZONS_S
 from tests.gcs_web.in_browser import CHROMIUM, FLAGS, SERIOUS, SIZE, drawn
 from tests.gcs_web.two_pillars import START
 from tests.waiting import PATIENCE_S

@@ -12,7 +12,7 @@ from flight import rotations
 from gcs_web.comparison import predicted
 from gcs_web.comparison.flight_scene import FlightScene
 from gcs_web.flights.recorded import Path3D
-from sysid.estimator.comparison import Deviation
+from sysid.estimator.validation.comparison import Deviation
 
 TIME_S = np.linspace(0.0, 10.0, 101)
 

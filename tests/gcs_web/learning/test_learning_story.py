@@ -102,7 +102,7 @@ def test_the_missing_effect_is_seen_named_kept_sent_and_flown_on_the_page_alone(
     with (
         sync_playwright() as playwright,
         SitlVehicle(plant, flies_with, key=keys.create(key_file), sensors=Sensors.typical()) as simulated,
-        StationProcess(opened.folder, "--vehicle-url", simulated.url, "--key", key_file) as station,
+        StationProcess(opened.folder, "--url", simulated.url, "--key", key_file) as station,
     ):
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS, timeout=1000 * PATIENCE_S)
         page = browser.new_context(viewport={"width": 1440, "height": 900}).new_page()

@@ -109,5 +109,5 @@ def test_real_flights_come_to_a_verdict_on_the_page(opened: project.Project, tmp
 
 def by_the_verb(opened: project.Project) -> dict[str, Any]:
     learn, held_out = (opened.flight(f"{name}-fixed") for name in FLIGHTS)
-    options = ("--vehicle", opened.vehicle, "--held-out", held_out, "--auto", "--split-gaps", "--json", "-")
+    options = ("--vehicle", opened.vehicle, "--held-out", held_out, "--auto", "--split-gaps", "--json")
     return json.loads(goshawk("diagnose", learn, *options).stdout)

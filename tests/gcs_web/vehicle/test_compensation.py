@@ -103,7 +103,7 @@ def test_the_learned_model_is_sent_whole_read_back_and_tracks_better(station, tr
         shown = await page.command("prepare_compensation")
         assert shown["compensation"]["vehicle"] == truth.name
         expected = parameters.difference(held(station), dict(controller.parameters_of(truth).parameters))
-        assert differing(shown) == expected  # what `goshawk params set --from` would change
+        assert differing(shown) == expected  # what `goshawk params set --vehicle` would change
         assert {"rotor_drag_s_m", "drag_x_kg_m", "drag_y_kg_m", "drag_z_kg_m"} <= set(expected)
         units = {row["name"]: row["unit"] for row in shown["compensation"]["parameters"]}
         assert (units["rotor_drag_s_m"], units["mass_kg"]) == ("s/m", "kg")

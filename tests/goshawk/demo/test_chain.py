@@ -96,9 +96,9 @@ def flown(folder: Path) -> Path:
     """The loop flown in the SITL vehicle by the verbs."""
     key = folder / "link.key"
     options = ("--vehicle", folder / "truth.toml", "--believed", folder / "vehicle.toml")
-    start = ("--start-of", folder / "loop.json", "--speed", 0)
+    start = ("--start-of", folder / "loop.json", "--time-factor", 0)
     with sitl_vehicle(*options, *start, key_file=key) as url:
-        link = ("--vehicle-url", url, "--key", key)
+        link = ("--url", url, "--key", key)
         sent = run("upload", folder / "loop.json", *link, *world(folder))
         assert sent["read_back_equal"]
         facts = run("fly", "--trajectory", folder / "loop.json", "--out", folder / "loop.parquet", *link)
@@ -108,9 +108,9 @@ def flown(folder: Path) -> Path:
 
 
 def test_the_flown_loop_is_logged_with_rotor_speeds(flown):
-    document = run("log", flown)
+    document = run("log", "show", flown)
     assert document["gaps"] == 0
-    assert document["check"]["worst"] != "error"
+    assert run("log", "check", flown)["check"]["worst"] != "error"
     assert document["rate_hz"] == pytest.approx(200.0, rel=0.01)
     assert document["columns"]["rotor_speed_0_rad_s"]["missing"] == 0
 
@@ -123,14 +123,14 @@ def test_a_trajectory_for_another_map_is_not_uploaded(folder, flown, tmp_path):
     trajectory.save(tmp_path / "unchecked.json", replace(item, check={}))
     key = folder / "link.key"
     with sitl_vehicle("--vehicle", folder / "truth.toml", key_file=key) as url:
-        link = ("--vehicle-url", url, "--key", key)
+        link = ("--url", url, "--key", key)
         refused = run("upload", tmp_path / "other.json", *link, *world(folder), code=2)
         assert "map" in refused["error"]["message"]
         assert "final gate" in run("upload", tmp_path / "unchecked.json", *link, code=2)["error"]["message"]
 
 
 def test_a_lost_link_is_reported_in_one_sentence(folder, flown):
-    link = ("--vehicle-url", "udp://127.0.0.1:9", "--key", folder / "link.key")
+    link = ("--url", "udp://127.0.0.1:9", "--key", folder / "link.key")
     error = run("upload", folder / "loop.json", *link, code=1)["error"]
     assert error["kind"] == "LinkError"
 

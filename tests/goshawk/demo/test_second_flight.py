@@ -151,13 +151,13 @@ def test_after_learning_a_plan_is_renewed_and_the_controller_set_before_anything
     assert run("check", file, *learned, "--renew")["passed"]
     assert run("check", file, *learned)["passed"]
     key = project / "link.key"
-    options = ("--vehicle", project / "believed.toml", "--start-of", file, "--speed", 0)
+    options = ("--vehicle", project / "believed.toml", "--start-of", file, "--time-factor", 0)
     with sitl_vehicle(*options, key_file=key) as url:
-        link = ("--vehicle-url", url, "--key", key)
+        link = ("--url", url, "--key", key)
         refused = run("upload", file, "--vehicle", project / "learned.toml", *link, code=2)["error"]["message"]
         assert "rotor_drag_s_m 0 (model 0.0175)" in refused
-        assert "goshawk params set --from" in refused
-        run("params", "set", "--from", project / "learned.toml", *link)
+        assert "goshawk params set --vehicle" in refused
+        run("params", "set", "--vehicle", project / "learned.toml", "--yes", *link)
         assert run("upload", file, "--vehicle", project / "learned.toml", *link)["read_back_equal"]
 
 

@@ -9,7 +9,7 @@ from gcs_web.flights.flights import Flights
 from gcs_web.learning import identified
 from gcs_web.learning.learning import Learning
 from goshawk.station_jobs import identify
-from sysid.estimator.unsettled import CONFOUNDED
+from sysid.estimator.uncertainty.unsettled import CONFOUNDED
 from tests.goshawk.station_jobs.test_station_learning import BOB
 from vehicle import flights, manoeuvres
 

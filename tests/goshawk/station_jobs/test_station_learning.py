@@ -23,13 +23,14 @@ from gcs_web.learning.learning import KeptTrial, Learning, save_trial
 from goshawk.cli import main
 from goshawk.station_jobs import compare, diagnose, identify, try_effect
 from goshawk.station_jobs.flights import Chosen
-from sysid.diagnosis import OutsideFinding, explained
-from sysid.diagnosis.free_form import UNIT
-from sysid.estimator import changes
-from sysid.estimator.changes import HORIZON_S
-from sysid.estimator.comparison import HORIZONS_S, QUANTITIES
-from sysid.estimator.comparison import compare as compared_by_sysid
+from sysid.diagnosis import OutsideFinding
+from sysid.diagnosis.evidence import explained
+from sysid.diagnosis.evidence.free_form import UNIT
 from sysid.estimator.options import Options
+from sysid.estimator.validation import changes
+from sysid.estimator.validation.changes import HORIZON_S
+from sysid.estimator.validation.comparison import HORIZONS_S, QUANTITIES
+from sysid.estimator.validation.comparison import compare as compared_by_sysid
 from sysid.report import residual_plots, words
 from sysid.report.pages import SHOWN
 from vehicle import flights, manoeuvres
@@ -166,8 +167,8 @@ def test_a_try_has_the_figures_of_the_verb_and_keeps_nothing(opened, learning):
     before = opened.vehicle.read_bytes()
     kept = try_effect._run(opened.folder, try_effect.Arguments(["a"], ["b"], effect=DRAG), silent)
     said = told(
-        "vehicle", "add-effect", opened.vehicle, DRAG, "--flights", opened.flight("a"), "--held-out",
-        opened.flight("b"), "--preview", "--json",
+        "vehicle", "effect", "add", opened.vehicle, DRAG, opened.flight("a"), "--held-out",
+        opened.flight("b"), "--dry-run", "--json",
     )  # fmt: skip
     assert kept.shown.verdict == said["verdict"]
     assert kept.shown.changes == said["changes"]

@@ -15,8 +15,8 @@ from goshawk.station_jobs import next_flight
 from goshawk.station_jobs.next_flight import Arguments
 from planner.gate import gate
 from sysid.diagnosis import diagnose
+from sysid.diagnosis.experiment_design.next_flight import in_doubt
 from sysid.diagnosis.findings import Verdict
-from sysid.diagnosis.next_flight import in_doubt
 from sysid.estimator.options import Options
 from tests.gcs_web.station_process import alive
 from vehicle import flights, manoeuvres

@@ -7,13 +7,14 @@ import vehicle
 from flight import FlightLog
 from flight.flight_log import COLUMNS
 from sysid import Options, identify
-from sysid.diagnosis import diagnose, free_form
-from sysid.diagnosis.candidates import candidate_set
+from sysid.diagnosis import diagnose
+from sysid.diagnosis.evidence import free_form
+from sysid.diagnosis.evidence.candidates import candidate_set
 from sysid.diagnosis.examined import best_curve, examine
 from sysid.diagnosis.thresholds import THRESHOLDS
-from sysid.estimator.flight_data import Flight
+from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.prepare import prepare
-from sysid.estimator.states import States, first_guess
+from sysid.estimator.trajectory.states import States, first_guess
 from tests.sysid import flying
 
 LAG_S = 0.03

@@ -11,8 +11,8 @@ from flight import FormatError, InputError
 from sysid import Options, compare, identify
 from sysid.diagnosis import diagnose
 from sysid.diagnosis.curve import scaffold
+from sysid.diagnosis.evidence.free_form import THRUST, UNIT, VARIABLE
 from sysid.diagnosis.findings import OutsideFinding
-from sysid.diagnosis.free_form import THRUST, UNIT, VARIABLE
 from tests.sysid.diagnosis.test_diagnosis import flights, turning_when_climbing
 from vehicle import Surroundings, forces, wrench_jacobian
 

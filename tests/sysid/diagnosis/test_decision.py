@@ -9,8 +9,8 @@ import pytest
 
 import vehicle
 from sysid.diagnosis import procedure
-from sysid.diagnosis.candidates import Candidate
 from sysid.diagnosis.decision import Case, Reason, decide, sentence
+from sysid.diagnosis.evidence.candidates import Candidate
 from sysid.diagnosis.findings import CandidateFinding, Outcome, Size, Verdict
 from sysid.diagnosis.procedure import Diagnosis
 from sysid.diagnosis.thresholds import THRESHOLDS

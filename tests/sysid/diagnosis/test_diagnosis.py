@@ -9,18 +9,19 @@ import pytest
 import vehicle
 from flight import FlightLog, InputError
 from sysid import Identification, Options, identify
-from sysid.diagnosis import diagnose, fitting, free_form
-from sysid.diagnosis.candidates import candidate_set
-from sysid.diagnosis.confirm import Judge, settle
-from sysid.diagnosis.evidence import Blocks, Evidence, block_edges
+from sysid.diagnosis import diagnose, fitting
+from sysid.diagnosis.evidence import free_form
+from sysid.diagnosis.evidence.candidates import candidate_set
+from sysid.diagnosis.evidence.confirm import Judge, settle
+from sysid.diagnosis.evidence.evidence import Blocks, Evidence, block_edges
+from sysid.diagnosis.evidence.score import loss_without, score
 from sysid.diagnosis.examined import examine, stated_curve
 from sysid.diagnosis.fitting import refit
 from sysid.diagnosis.procedure import while_searching
-from sysid.diagnosis.score import loss_without, score
-from sysid.estimator.chain import eliminate
-from sysid.estimator.midpoint import middle
-from sysid.estimator.model import along
-from sysid.estimator.problem import linearise
+from sysid.estimator.joint_problem.chain import eliminate
+from sysid.estimator.joint_problem.problem import linearise
+from sysid.estimator.trajectory.midpoint import middle
+from sysid.estimator.trajectory.model import along
 from tests.sysid import flying
 
 OFF_M = (0.006, -0.004)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sysid.diagnosis.envelope import flown
-from sysid.estimator.states import States
+from sysid.estimator.trajectory.states import States
 
 
 def states(velocity: np.ndarray, rate: np.ndarray) -> States:

@@ -9,6 +9,7 @@ import vehicle
 from flight import silent
 from sysid import Options
 from sysid.diagnosis import first_fit
+from sysid.estimator import verdict
 from sysid.estimator.result import NOT_SETTLED
 
 YAW = "inertia_zz_kg_m2"
@@ -21,9 +22,11 @@ def fit(times: float, *, lasting: bool = False, settled: bool = True) -> Any:
     estimate = SimpleNamespace(
         name=YAW, value=TRUTH.value(YAW), unit="kg m2", status="free" if settled else NOT_SETTLED
     )
+    fitted, free = TRUTH.with_value(YAW, times * TRUTH.value(YAW)), (YAW,) if settled else ()
     return SimpleNamespace(
-        vehicle=TRUTH.with_value(YAW, times * TRUTH.value(YAW)),
-        free_names=(YAW,) if settled else (),
+        vehicle=fitted,
+        verdict=verdict.of_fit(TRUTH, fitted, (), free, ()),
+        converged=True,
         noise=SimpleNamespace(gusts="half a second" if lasting else None),
         parameters=(estimate,),
         clocks="late" if times == 1.5 else "",

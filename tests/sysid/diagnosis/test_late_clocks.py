@@ -5,9 +5,10 @@ import pytest
 
 from flight import FlightLog
 from sysid import Options
-from sysid.diagnosis import candidates, diagnose
+from sysid.diagnosis import diagnose
+from sysid.diagnosis.evidence import candidates
+from sysid.estimator.flights.sampling import Signal
 from sysid.estimator.prepare import prepare
-from sysid.estimator.sampling import Signal
 from tests.sysid import flying
 
 SPEED, POSE = "rotor_speed_rad_s", ("position_world", "q_world_body")

@@ -12,15 +12,16 @@ import pytest
 import vehicle
 from flight import FlightLog
 from sysid import Options, identify
-from sysid.diagnosis import Diagnosis, diagnose, next_flight
+from sysid.diagnosis import Diagnosis, diagnose
 from sysid.diagnosis.belief import curve_is_there
+from sysid.diagnosis.evidence.weigh import Fitted, Scales
 from sysid.diagnosis.examined import Model, as_good_as, best_curve, examine, stands
+from sysid.diagnosis.experiment_design import next_flight
+from sysid.diagnosis.experiment_design.rehearsal import Room, fitted_into
 from sysid.diagnosis.fitting import candidates_fitted, refit
-from sysid.diagnosis.rehearsal import Room, fitted_into
 from sysid.diagnosis.thresholds import THRESHOLDS
-from sysid.diagnosis.weigh import Fitted, Scales
 from vehicle import Vehicle, flights, manoeuvres
-from vehicle.simulate import Wind
+from vehicle.simulation.simulate import Wind
 
 SPACE = Room.of((6.0, 6.0, 3.0))
 OPTIONS = Options(node_rate_hz=100.0, gusts="white")

@@ -9,7 +9,7 @@ import vehicle
 from flight import InputError
 from sysid import Options
 from sysid.diagnosis import fitting, search
-from sysid.diagnosis.candidates import Candidate
+from sysid.diagnosis.evidence.candidates import Candidate
 
 VEHICLE = vehicle.example().with_effect("angular_damping").with_effect("flapping_moment")
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from sysid.diagnosis import effect_sizes, examined, search
-from sysid.diagnosis.candidates import Candidate
-from sysid.diagnosis.confirm import CostReduction
+from sysid.diagnosis.evidence.candidates import Candidate
+from sysid.diagnosis.evidence.confirm import CostReduction
+from sysid.diagnosis.evidence.free_form import VARIABLE
 from sysid.diagnosis.examined import Outside
 from sysid.diagnosis.findings import JudgedBy, Outcome
-from sysid.diagnosis.free_form import VARIABLE
 from sysid.diagnosis.trial import Trial
 from sysid.estimator.result import NOT_IDENTIFIABLE
 from vehicle import effects

@@ -10,7 +10,7 @@ import pytest
 import sysid
 from flight import FlightLog, InputError
 from flight.flight_log import from_vectors
-from sysid.estimator.errors import NORMAL_90, standard_errors
+from sysid.estimator.uncertainty.errors import NORMAL_90, standard_errors
 
 
 @pytest.fixture(scope="module")

@@ -87,7 +87,7 @@ def test_thrust_inertia_and_lag_come_out_of_imu_and_commands_alone(truth):
 
 def _imu_flight(model, rng: np.random.Generator, rate_hz: float = 400.0, duration_s: float = 12.0) -> FlightLog:
     """The plant under commands that wobble about hover, held upright by a little feedback."""
-    from vehicle.simulate import Plant, hovering
+    from vehicle.simulation.simulate import Plant, hovering
 
     hover = np.sqrt(model.mass_kg * 9.80665 / (4.0 * 2.0e-6))
     plant = Plant(model, hovering(model, np.array([0.0, 0.0, 50.0])))

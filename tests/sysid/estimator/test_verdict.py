@@ -8,12 +8,12 @@ import pytest
 
 import vehicle
 from flight.units import RAD_S_PER_RPM
-from sysid.estimator.noise import Noise
+from sysid.estimator.blocks.noise import Noise
 from sysid.estimator.result import unpredicted_turning
-from sysid.estimator.states import States
+from sysid.estimator.trajectory.states import States
 from sysid.estimator.verdict import WRONG_KINDS, Use, Verdict, of_fit, of_logs, too_large_inertias
 from sysid.logs.check import LogReport
-from sysid.logs.finding import Finding
+from sysid.logs.checks.finding import Finding
 from vehicle import Vehicle
 
 FREE = ("thrust_bem.k1_n_s2", "inertia_xx_kg_m2", "inertia_yy_kg_m2", "inertia_zz_kg_m2")

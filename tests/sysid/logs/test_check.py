@@ -11,7 +11,7 @@ from scipy.signal import butter, sosfiltfilt
 import vehicle
 from flight import FlightLog, frames
 from flight.flight_log import COLUMNS
-from sysid.estimator.sampling import Signal
+from sysid.estimator.flights.sampling import Signal
 from sysid.logs.check import check_log as check
 from vehicle import flights as vehicle_flights
 from vehicle import manoeuvres

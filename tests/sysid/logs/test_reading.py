@@ -9,7 +9,7 @@ import pytest
 
 from flight import FlightLog, FormatError, InputError, flight_log, rotations
 from sysid.logs.check import check_log
-from sysid.logs.read_csv import from_roll_pitch_yaw
+from sysid.logs.readers.read_csv import from_roll_pitch_yaw
 from sysid.logs.reading import read_log as read
 
 MAP = """

@@ -9,9 +9,9 @@ import pytest
 import sysid
 import vehicle
 from flight import FlightLog
-from sysid.diagnosis import explained
-from sysid.estimator.comparison import Comparison, Residual
+from sysid.diagnosis.evidence import explained
 from sysid.estimator.result import CHANNELS
+from sysid.estimator.validation.comparison import Comparison, Residual
 from sysid.report import residual_plots, write_comparison
 from tests.sysid import flying
 

@@ -2,8 +2,8 @@
 
 import pytest
 
+from sysid.diagnosis.evidence.free_form import EVERY_CHANNEL, UNIT, VARIABLES
 from sysid.diagnosis.findings import CandidateFinding, Size, Verdict
-from sysid.diagnosis.free_form import EVERY_CHANNEL, UNIT, VARIABLES
 from sysid.report import words
 from sysid.report.diagnosis_tables import candidates, chance, measured, plain, unit
 from vehicle import effects

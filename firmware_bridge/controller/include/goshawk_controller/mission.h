@@ -37,11 +37,15 @@ typedef enum {
     TC_MISSION_STATE_COUNT = 14
 } tc_mission_state;
 
+/* Heights of a take-off; others are taken for a mistake. */
+#define TC_LOWEST_TAKE_OFF_M 0.1f
+#define TC_HIGHEST_TAKE_OFF_M 50.0f
+
 /* What the ground may ask for. */
 typedef enum {
     TC_COMMAND_ARM = 0,
     TC_COMMAND_DISARM = 1,     /* refused in the air */
-    TC_COMMAND_TAKE_OFF = 2,   /* value: height above the present position, m */
+    TC_COMMAND_TAKE_OFF = 2,   /* value: height above the present position, m, within the two above */
     TC_COMMAND_START = 3,      /* fly the active trajectory from its beginning */
     TC_COMMAND_PAUSE = 4,      /* stand still on the path */
     TC_COMMAND_RESUME = 5,     /* go on after a pause */

@@ -12,10 +12,10 @@
 #error "-ffast-math takes the rounding out of the sine"
 #endif
 
-#define TC_PI 3.14159265f
+static const float TC_PI = 3.14159265f;
 /* Added to a number below 2^21 it leaves no room for what follows the point: it rounds to whole numbers, and these are
    the lowest bits of the sum. */
-#define TC_WHOLE 12582912.0f
+static const float TC_WHOLE = 12582912.0f;
 
 static inline uint32_t tc_bits(float x) {
     uint32_t bits;

@@ -4,12 +4,12 @@
 #include "../base/maths.h"
 
 /* Thrust below 5 % of the weight has no usable direction; up to 10 % the axis follows more and more. */
-#define NO_DIRECTION 0.05f
-#define FULL_DIRECTION 0.10f
+static const float NO_DIRECTION = 0.05f;
+static const float FULL_DIRECTION = 0.10f;
 /* The chart's yaw is followed fully down to cos(tilt) = -0.7, not at all beyond -0.95. */
-#define CHART_LOST 0.05f
-#define CHART_GOOD 0.30f
-#define LARGEST_ANGULAR_ACCELERATION_RAD_S2 300.0f
+static const float CHART_LOST = 0.05f;
+static const float CHART_GOOD = 0.30f;
+static const float LARGEST_ANGULAR_ACCELERATION_RAD_S2 = 300.0f; /* of the feed-forward: beyond what rotors give */
 
 static void z_axis(const float q[4], float axis_world[3]) {
     axis_world[0] = 2.0f * (q[1] * q[3] + q[0] * q[2]);

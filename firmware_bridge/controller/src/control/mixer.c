@@ -14,9 +14,9 @@
 #include "mixer_parts.h"
 
 /* Squared speeds beyond the limits by this share, a few roundings of float32, still count as inside. */
-#define ROUNDINGS 3e-7f
+static const float ROUNDINGS = 3e-7f;
 /* Less than this share of collective or cut counts as given in full. */
-#define SMALL 1e-3f
+static const float SMALL = 1e-3f;
 
 /* One rotor: its demand, the air at its hub, and the operating point solved last. */
 typedef struct {

@@ -4,16 +4,16 @@
 #include "goshawk_controller/mixer.h"
 #include "mixer_parts.h"
 
-#define SHORTEST_ARM_M 0.01f
+static const float SHORTEST_ARM_M = 0.01f; /* a shorter one is a mistake in the parameters */
 /* Share of the hover load added to a rotor's own when a change of load is called small. */
-#define NEAR 0.03f
+static const float NEAR = 0.03f;
 /* Squared speeds outside the limits by less than this share of the highest still count as inside at first. */
-#define TOLERANCE 0.01f
+static const float TOLERANCE = 0.01f;
 /* The limits are kept this far inside, so that rounding does not lead beyond them. */
-#define ROUNDING 2e-6f
-#define TINY 1e-30f
+static const float ROUNDING = 2e-6f;
+static const float TINY = 1e-30f; /* not zero, so that it can be divided by */
 /* Below, a rotor's operating point is extrapolated: at zero its slopes would be infinite. */
-#define LEAST_THRUST_N 1e-3f
+static const float LEAST_THRUST_N = 1e-3f;
 
 static float determinant(const float a[3], const float b[3], const float c[3]) {
     float bc[3];

@@ -6,6 +6,6 @@
    hovering takes), its operating point is found once more: strong yaw together with fast air, or with a rotor that is
    asked for next to nothing. What is left is less than 1e-5 of full speed for every feasible demand, see
    tests/firmware_bridge/test_controller_numbers.py. */
-#define TC_MIXER_FAR 0.05f
+static const float TC_MIXER_FAR = 0.05f;
 
 #endif

@@ -3,10 +3,10 @@
 #include "../base/maths.h"
 #include "internal.h"
 
-#define BATTERY_FILTER_S 1.0f
-#define UPRIGHT 0.05f /* 1 - cosine of the attitude error at which an emergency may end */
-#define BACK_S 0.2f   /* ... once everything has been good for this long */
-#define CLOCK_WARNING_S 5.0f
+static const float BATTERY_FILTER_S = 1.0f; /* the sag of a manoeuvre is no low battery */
+static const float UPRIGHT = 0.05f;         /* 1 - cosine of the attitude error at which an emergency may end */
+static const float BACK_S = 0.2f;           /* ... once everything has been good for this long */
+static const float CLOCK_WARNING_S = 5.0f;  /* the warning stays after the last fault of the clock */
 
 bool tc_inside_fence(const tc_parameters* p, const float position_world_m[3]) {
     bool inside = true;

@@ -2,42 +2,42 @@
 #include "../base/maths.h"
 #include "internal.h"
 
-#define LEAD_M 0.25f             /* the set-point is at most so far below the vehicle */
-#define LEAD_NEAR_M 0.05f        /* of that, for the noise of the estimate */
-#define SPEED_UP_M_S2 0.02f      /* a biased vertical velocity must not keep it up for ever */
-#define FASTEST_M_S 1.0f         /* that far, unless the parameter asks for more */
-#define VERTICAL_BRAKE_M_S2 2.0f /* towards the descent's speed */
-#define BRAKING_M_S 1.0f         /* horizontal: it keeps its height until it is slower */
-#define CONTACT_S 0.12f
-#define CONTACT_SPEED_M_S 0.5f /* horizontal */
-#define CONTACT_RATE_RAD_S 0.52f
-#define RETRY_S 0.3f /* after a stage that found the vehicle flying */
-#define UNLOAD_S 0.5f
-#define UNLOADED 0.1f    /* of the weight */
-#define GAINED_M_S 0.35f /* downwards since UNLOAD began: it flies */
-#define FALLEN_G 0.25f   /* of thrust, from which on the accelerometer is compared with it */
-#define SUPPORT_G 0.5f   /* specific force that the rotors do not give: it stands on something */
-#define FORCE_FILTER_S 0.02f
-#define IDLE_S 0.3f
-#define STILL_RATE_RAD_S 0.5f
-#define STILL_M_S 0.5f
-#define IMPACT_G 0.4f /* above 1 g, in an emergency without vertical velocity */
+static const float LEAD_M = 0.25f;             /* the set-point is at most so far below the vehicle */
+static const float LEAD_NEAR_M = 0.05f;        /* of that, for the noise of the estimate */
+static const float SPEED_UP_M_S2 = 0.02f;      /* a biased vertical velocity must not keep it up for ever */
+static const float FASTEST_M_S = 1.0f;         /* that far, unless the parameter asks for more */
+static const float VERTICAL_BRAKE_M_S2 = 2.0f; /* towards the descent's speed */
+static const float BRAKING_M_S = 1.0f;         /* horizontal: it keeps its height until it is slower */
+static const float CONTACT_S = 0.12f;          /* it must seem to be on something for this long */
+static const float CONTACT_SPEED_M_S = 0.5f;   /* horizontal */
+static const float CONTACT_RATE_RAD_S = 0.52f; /* 30 degrees a second: it turns freely */
+static const float RETRY_S = 0.3f;             /* after a stage that found the vehicle flying */
+static const float UNLOAD_S = 0.5f;            /* the collective falls to UNLOADED */
+static const float UNLOADED = 0.1f;            /* of the weight */
+static const float GAINED_M_S = 0.35f;         /* downwards since UNLOAD began: it flies */
+static const float FALLEN_G = 0.25f;           /* of thrust, from which on the accelerometer is compared with it */
+static const float SUPPORT_G = 0.5f;           /* specific force that the rotors do not give: it stands on something */
+static const float FORCE_FILTER_S = 0.02f;     /* of the accelerometer, whose noise the tests must not see */
+static const float IDLE_S = 0.3f;              /* of stillness, then the rotors stop */
+static const float STILL_RATE_RAD_S = 0.5f;    /* beyond, it moves */
+static const float STILL_M_S = 0.5f;
+static const float IMPACT_G = 0.4f; /* above 1 g, in an emergency without vertical velocity */
 /* Such a descent loses thrust with time, for ground effect must not keep it floating. Slowly: after 15 s (20 m) it is
    4 + 2.25 % short, and with 1.9 % of error still settles below 2.5 m/s, as inflow damps by 0.32/s. Without
    accelerometer no UNLOAD brings it down between gusts, before time ends the descent: more. */
-#define SINK_MORE_1_S 0.0015f
-#define SINK_MORE_UNFELT_1_S 0.002f
-#define SINK_MOST 0.08f
-#define PROBE_S 1.0f         /* ... where UNLOAD is tried this often */
-#define TOUCHED_PROBE_S 0.4f /* ... once something has been hit */
-#define AFTER_IMPACT 0.8f    /* of that thrust, so that ground effect does not keep it floating */
-#define INVERTED 0.5f        /* cosine of the tilt beyond which a vehicle at rest lies on its side or back */
-#define INVERTED_REST_S 0.3f
-#define EMERGENCY_FEEDBACK_M_S2 3.0f
+static const float SINK_MORE_1_S = 0.0015f;
+static const float SINK_MORE_UNFELT_1_S = 0.002f;
+static const float SINK_MOST = 0.08f;      /* never beyond this */
+static const float PROBE_S = 1.0f;         /* ... where UNLOAD is tried this often */
+static const float TOUCHED_PROBE_S = 0.4f; /* ... once something has been hit */
+static const float AFTER_IMPACT = 0.8f;    /* of that thrust, so that ground effect does not keep it floating */
+static const float INVERTED = 0.5f; /* cosine of the tilt beyond which a vehicle at rest lies on its side or back */
+static const float INVERTED_REST_S = 0.3f;         /* it has lain like this, then the rotors stop */
+static const float EMERGENCY_FEEDBACK_M_S2 = 3.0f; /* what vertical feedback may ask for, up or down */
 /* A fall that only the accelerometer tells of, by the velocity reckoned from it: */
-#define FALL_M_S 1.0f        /* it counts beyond this, */
-#define FALL_DRIFT_M_S2 0.1f /* more the longer the reckoning has gone on, */
-#define FALL_KNOWN_S 10.0f   /* and no longer than this */
+static const float FALL_M_S = 1.0f;        /* it counts beyond this, */
+static const float FALL_DRIFT_M_S2 = 0.1f; /* more the longer the reckoning has gone on, */
+static const float FALL_KNOWN_S = 10.0f;   /* and no longer than this */
 
 static float weight_n(const tc_controller* c) { return c->parameters.mass_kg * c->parameters.gravity_m_s2; }
 

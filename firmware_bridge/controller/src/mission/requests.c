@@ -2,10 +2,8 @@
 #include "../base/maths.h"
 #include "internal.h"
 
-#define LEVEL 0.3f /* 1 - cos(tilt): arming is refused beyond 45 degrees */
-#define SMALLEST_TIME_SCALE 0.1f
-#define LOWEST_TAKE_OFF_M 0.1f
-#define HIGHEST_TAKE_OFF_M 50.0f
+static const float LEVEL = 0.3f;               /* 1 - cos(tilt): arming is refused beyond 45 degrees */
+static const float SMALLEST_TIME_SCALE = 0.1f; /* ten times as long as planned */
 
 tc_reason tc_arming_check(const tc_controller* c) {
     const uint32_t faults = c->telemetry.estimate_faults;
@@ -19,7 +17,7 @@ tc_reason tc_arming_check(const tc_controller* c) {
 }
 
 static tc_reason guard_take_off(const tc_controller* c, float height_m) {
-    if (height_m < LOWEST_TAKE_OFF_M || height_m > HIGHEST_TAKE_OFF_M) return TC_OUT_OF_RANGE;
+    if (height_m < TC_LOWEST_TAKE_OFF_M || height_m > TC_HIGHEST_TAKE_OFF_M) return TC_OUT_OF_RANGE;
     if (c->telemetry.estimate_faults != 0u) return TC_ESTIMATE_STALE;
     float top[3];
     tc_copy(top, c->telemetry.estimate.position_world_m);
@@ -70,10 +68,10 @@ tc_reason tc_do(tc_controller* c, tc_command command, float value) {
 }
 
 /* Within these another controller's flight can be taken over. */
-#define ENGAGE_GOOD_S 1.0f
-#define ENGAGE_TILT 0.819f /* cosine of 35 degrees */
-#define ENGAGE_RATE_RAD_S 2.0f
-#define ENGAGE_SPEED_M_S 5.0f
+static const float ENGAGE_GOOD_S = 1.0f;     /* the estimate has been without fault */
+static const float ENGAGE_TILT = 0.819f;     /* cosine of 35 degrees */
+static const float ENGAGE_RATE_RAD_S = 2.0f; /* hard turns are for who began them */
+static const float ENGAGE_SPEED_M_S = 5.0f;  /* brake_m_s2 ends it within metres */
 
 static tc_reason guard_engage(const tc_controller* c) {
     const tc_estimate* e = &c->telemetry.estimate;
@@ -121,12 +119,7 @@ tc_reason tc_shadow_end(tc_controller* c) {
 
 tc_reason tc_release(tc_controller* c) { return tc_post(c, TC_EVENT_RELEASE, TC_RELEASED); }
 
-#define LARGEST_MASS_CHANGE 0.2f
-static void tell_active(tc_controller* c) {
-    const tc_trajectory* active = tc_store_active(&c->store);
-    c->telemetry.trajectory_id = active != NULL ? active->header.id : 0u;
-    c->telemetry.trajectory_crc32 = active != NULL ? active->header.crc32 : 0u;
-}
+static const float LARGEST_MASS_CHANGE = 0.2f; /* of the mass, in flight: more is taken for a mistake */
 
 /* Takes the new parameters. A trajectory was accepted under the limits of its time: new limits, new upload. */
 static void adopt(tc_controller* c, const tc_parameters* parameters, bool other_limits) {
@@ -135,7 +128,6 @@ static void adopt(tc_controller* c, const tc_parameters* parameters, bool other_
     if (other_limits) {
         c->store.has_active = false;
         tc_store_discard(&c->store);
-        tell_active(c);
     }
 }
 
@@ -201,10 +193,8 @@ tc_reason tc_upload_may_activate(const tc_controller* c, uint32_t id, uint32_t c
 }
 
 tc_reason tc_upload_activate(tc_controller* c, uint32_t id, uint32_t crc32) {
-    if (tc_upload_may_activate(c, id, crc32) != TC_OK) return TC_SLOT_IN_USE;
-    const tc_reason reason = tc_store_activate(&c->store, id, crc32);
-    tell_active(c);
-    return reason;
+    const tc_reason reason = tc_upload_may_activate(c, id, crc32);
+    return reason == TC_OK ? tc_store_activate(&c->store, id, crc32) : reason;
 }
 
 void tc_ground_alive(tc_controller* c, uint64_t ago_us) {

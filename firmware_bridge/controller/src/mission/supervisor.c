@@ -5,16 +5,16 @@
 #include "../trajectory/setpoint_parts.h"
 
 /* Of the clearance. */
-#define SLOW_FROM 0.3f
-#define STOP_AT 0.7f
-#define GO_ON_BELOW 0.35f
-#define NEARER 0.05f        /* what counts as an approach */
-#define TOO_FAR_US 300000u  /* beyond the clearance for this long: give up */
-#define STANDS_US 2000000u  /* standing for this long without an approach: give up */
-#define FULL_RATE 0.999f    /* of the limit: nothing limits any more */
-#define STANDING 1e-3f      /* of the limit */
-#define SHIFT_1_S 1.0f      /* the shift decays critically damped, 1 / time constant */
-#define SMALLEST_RATE 0.01f /* below, the set-point's velocity tells no direction */
+static const float SLOW_FROM = 0.3f;        /* the path slows down */
+static const float STOP_AT = 0.7f;          /* it stands */
+static const float GO_ON_BELOW = 0.35f;     /* half of that, so that it does not go to and fro */
+static const float NEARER = 0.05f;          /* what counts as an approach */
+static const uint32_t TOO_FAR_US = 300000u; /* beyond the clearance for this long: give up */
+static const uint32_t STANDS_US = 2000000u; /* standing for this long without an approach: give up */
+static const float FULL_RATE = 0.999f;      /* of the limit: nothing limits any more */
+static const float STANDING = 1e-3f;        /* of the limit */
+static const float SHIFT_1_S = 1.0f;        /* the shift decays critically damped, 1 / time constant */
+static const float SMALLEST_RATE = 0.01f;   /* below, the set-point's velocity tells no direction */
 
 void tc_supervisor_reset(tc_supervisor* s, uint64_t time_us) {
     memset(s, 0, sizeof *s);

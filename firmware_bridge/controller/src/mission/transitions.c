@@ -2,9 +2,9 @@
 #include "../base/maths.h"
 #include "internal.h"
 
-#define RAMP_SHORTEST_S 0.5f
-#define RAMP_PEAK 1.875f /* largest slope of the quintic over its mean */
-#define APPROACH_M_S 0.7f
+static const float RAMP_SHORTEST_S = 0.5f; /* a faster change of the rate would be felt as jerk */
+static const float RAMP_PEAK = 1.875f;     /* largest slope of the quintic over its mean */
+static const float APPROACH_M_S = 0.7f;    /* to the start of a path: slow, as no plan has checked that way */
 
 void tc_change_rate(tc_controller* c, float rate) {
     const float speed = tc_norm(c->telemetry.setpoint.velocity_world_m_s) / tc_max(c->clock.flown[0], 0.1f);

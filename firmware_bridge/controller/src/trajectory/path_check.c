@@ -8,16 +8,17 @@
 #include "../base/maths.h"
 
 /* Room for what float32 storage and evaluation cost; far below what a vehicle feels. */
-#define JOIN_POSITION_M 1e-3f
-#define JOIN_VELOCITY_M_S 5e-3f
-#define JOIN_ACCELERATION_M_S2 0.05f
-#define JOIN_YAW_RAD 1e-3f
-#define JOIN_YAW_RATE_RAD_S 1e-2f
-#define REST_VELOCITY_M_S 0.02f
-#define REST_ACCELERATION_M_S2 0.1f
-#define SAMPLE_M 1e-3f
-#define LARGEST_YAW_RAD 900.0f
-#define PIECES_FINEST 16
+static const float JOIN_POSITION_M = 1e-3f; /* between the two values at a join */
+static const float JOIN_VELOCITY_M_S = 5e-3f;
+static const float JOIN_ACCELERATION_M_S2 = 0.05f;
+static const float JOIN_YAW_RAD = 1e-3f;
+static const float JOIN_YAW_RATE_RAD_S = 1e-2f; /* and at the ends */
+static const float REST_VELOCITY_M_S = 0.02f;   /* at the beginning and the end of a path */
+static const float REST_ACCELERATION_M_S2 = 0.1f;
+static const float SAMPLE_M = 1e-3f;         /* the planner's value against ours; of the yaw in rad */
+static const float LARGEST_YAW_RAD = 900.0f; /* 143 turns: float32 still resolves 0.06 mrad there */
+static const uint32_t PIECES_FINEST =
+    16u; /* of a segment: what a hull of so many pieces still exceeds, the path does */
 
 typedef float points[TC_MAX_COEFFICIENTS];
 

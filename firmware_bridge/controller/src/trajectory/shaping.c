@@ -4,11 +4,11 @@
 #include "../base/maths.h"
 #include "setpoint_parts.h"
 
-#define STANDING_RATE 1e-6f
-#define LONGEST_STEP_S 0.02f
-#define MOVE_ACCELERATION_M_S2 2.0f
-#define MOVE_YAW_RATE_RAD_S 1.0f
-#define SHORTEST_MOVE_S 0.5f
+static const float STANDING_RATE = 1e-6f;         /* the path clock stands: a microsecond of path in a second */
+static const float LONGEST_STEP_S = 0.02f;        /* what a late tick may advance the path by */
+static const float MOVE_ACCELERATION_M_S2 = 2.0f; /* of a move: a fifth of g tilts by 11 degrees */
+static const float MOVE_YAW_RATE_RAD_S = 1.0f;    /* of a move */
+static const float SHORTEST_MOVE_S = 0.5f;        /* a shorter one would ask for jerk that nothing needs */
 
 /* The product of two functions of time, each with its first three derivatives (Leibniz). */
 static void multiply(const float a[4], const float b[4], float out[4]) {

@@ -3,7 +3,7 @@
 #include "goshawk_controller/trajectory.h"
 #include "path_check.h"
 
-#define LONGEST_US 3600000000u
+static const uint32_t LONGEST_US = 3600000000u; /* an hour; 32 bits hold 71 minutes */
 
 static tc_trajectory* staged_slot(tc_store* store) { return &store->slot[1u - store->active]; }
 

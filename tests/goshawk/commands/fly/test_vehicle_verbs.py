@@ -55,15 +55,15 @@ def save_hops(path: Path, segments: int) -> None:
 def link(folder: Path) -> Iterator[tuple[object, ...]]:
     """Options that reach a SITL vehicle on the floor."""
     key = folder / "link.key"
-    with sitl_vehicle("--vehicle", folder / "vehicle.toml", "--speed", 2, key_file=key) as url:
-        yield ("--vehicle-url", url, "--key", key)
+    with sitl_vehicle("--vehicle", folder / "vehicle.toml", "--time-factor", 2, key_file=key) as url:
+        yield ("--url", url, "--key", key)
 
 
 @pytest.fixture(scope="module")
 def standing(folder: Path) -> Iterator[tuple[object, ...]]:
     """The same for the tests that change nothing, which share it."""
     with sitl_vehicle("--vehicle", folder / "vehicle.toml", key_file=folder / "link.key") as url:
-        yield ("--vehicle-url", url, "--key", folder / "link.key")
+        yield ("--url", url, "--key", folder / "link.key")
 
 
 def parameters(link: tuple[object, ...]) -> dict[str, float]:
@@ -83,7 +83,10 @@ def test_parameters_are_listed_read_and_set_after_showing_what_changes(link):
     assert "nothing was changed" in looked.stderr
     assert "0.72" in looked.stdout
     assert parameters(link) == before
-    done = goshawk("params", "set", "mass_kg=0.72", "kp_xy_1_s2=8", *link)
+    unasked = goshawk("params", "set", "mass_kg=0.72", *link, code=2)
+    assert "--yes" in unasked.stderr
+    assert parameters(link) == before
+    done = goshawk("params", "set", "mass_kg=0.72", "kp_xy_1_s2=8", "--yes", *link)
     assert "confirmed by checksum: 2 parameters" in done.stderr
     assert parameters(link) == before | {"mass_kg": 0.72, "kp_xy_1_s2": 8.0}
     again = goshawk("params", "set", "mass_kg=0.72", *link)
@@ -93,13 +96,14 @@ def test_parameters_are_listed_read_and_set_after_showing_what_changes(link):
 def test_parameters_follow_a_vehicle_file_and_single_values_override_it(link, folder, tmp_path):
     heavier = vehicle.load(folder / "vehicle.toml").with_value("mass_kg", 0.81)
     vehicle.save(tmp_path / "heavier.toml", heavier)
-    answer = goshawk("params", "set", "--from", tmp_path / "heavier.toml", "kp_xy_1_s2=8", "--json", *link)
+    answer = goshawk("params", "set", "--vehicle", tmp_path / "heavier.toml", "kp_xy_1_s2=8", "--yes", "--json", *link)
     document = json.loads(answer.stdout)
     assert document["set"]
     assert document["changes"]["mass_kg"] == {"before": 0.7, "after": 0.81, "unit": "kg"}
     assert document["changes"]["kp_xy_1_s2"]["after"] == 8.0
     assert parameters(link)["mass_kg"] == 0.81
-    assert not json.loads(goshawk("params", "set", "--from", tmp_path / "heavier.toml", "--json", *link).stdout)["set"]
+    once_more = goshawk("params", "set", "--vehicle", tmp_path / "heavier.toml", "--json", *link)
+    assert not json.loads(once_more.stdout)["set"]
 
 
 @pytest.mark.parametrize(
@@ -152,7 +156,7 @@ def test_ctrl_c_in_flight_lands_the_vehicle_and_its_log_can_be_fetched(link, fol
         until(lambda: mission(watcher) in (State.ARMED, State.DISARMED), "the landing")
         assert watcher.state is not None
         assert watcher.state.position_world_m[2] < 0.1
-    goshawk("log", tmp_path / "fetched.parquet", "--download", *link)
+    goshawk("log", "download", "--out", tmp_path / "fetched.parquet", *link)
     flown = set(flight_log.load(tmp_path / "fetched.parquet").columns["mission_state"])
     assert {State.TRAJECTORY, State.ABORTING, State.LANDING} <= flown
     assert State.FAULT not in flown
@@ -161,8 +165,10 @@ def test_ctrl_c_in_flight_lands_the_vehicle_and_its_log_can_be_fetched(link, fol
 def test_a_flight_that_wind_slowed_down_says_how_far_and_why(folder, tmp_path):
     save_hops(tmp_path / "hops.json", 3)
     wind = ("--wind", "9,0,0")  # steady: whether gusts end the flight depends on when it starts
-    with sitl_vehicle("--vehicle", folder / "vehicle.toml", "--speed", 0, *wind, key_file=folder / "link.key") as url:
-        link = ("--vehicle-url", url, "--key", folder / "link.key")
+    with sitl_vehicle(
+        "--vehicle", folder / "vehicle.toml", "--time-factor", 0, *wind, key_file=folder / "link.key"
+    ) as url:
+        link = ("--url", url, "--key", folder / "link.key")
         goshawk("upload", tmp_path / "hops.json", *link)
         said = goshawk("fly", "--out", tmp_path / "flight.parquet", *link).stdout
     assert re.search(r"note: slowed by its tracking error, to \d+% of the planned speed", said)
@@ -171,7 +177,7 @@ def test_a_flight_that_wind_slowed_down_says_how_far_and_why(folder, tmp_path):
 def test_ctrl_c_during_an_upload_names_the_active_trajectory(folder):
     key = folder / "link.key"
     with sitl_vehicle("--vehicle", folder / "vehicle.toml", "--delay", 0.15, "--loss", 0.3, key_file=key) as url:
-        link = ("--vehicle-url", url, "--key", key)
+        link = ("--url", url, "--key", key)
         sending = start("upload", folder / "many.json", *link)
         until_said(sending, "] upload")
         sending.send_signal(signal.SIGINT)
@@ -181,6 +187,6 @@ def test_ctrl_c_during_an_upload_names_the_active_trajectory(folder):
 
 
 def test_a_log_that_the_vehicle_does_not_have_is_refused(standing, tmp_path):
-    answer = goshawk("log", tmp_path / "none.parquet", "--download", *standing, code=1)
+    answer = goshawk("log", "download", "--out", tmp_path / "none.parquet", *standing, code=1)
     assert "the vehicle has no log of a flight" in answer.stderr
     assert not (tmp_path / "none.parquet").exists()

@@ -11,7 +11,8 @@ import pytest
 
 import vehicle
 from flight import flight_log
-from tests.goshawk.running import run
+from goshawk.commands.learn import kept
+from tests.goshawk.running import answer, run
 
 DAMPING = 0.0008
 
@@ -44,13 +45,13 @@ def base(folder: Path) -> list[object]:
 
 
 def test_the_missing_effect_is_named_written_and_the_next_command_works(folder, tmp_path):
-    out, facts, page = tmp_path / "better.toml", tmp_path / "d.json", tmp_path / "d.html"
-    written = ("--out", out, "--json", facts, "--report", page, "--plots", tmp_path / "p")
-    said = run(*base(folder), "--held-out", folder / "held_out.parquet", *written)
+    out, page = tmp_path / "better.toml", tmp_path / "d.html"
+    asked = (*base(folder), "--held-out", folder / "held_out.parquet", "--out", out)
+    said = run(*asked, "--report", page, "--plots", tmp_path / "p")
     assert said.startswith("missing was angular_damping (confidence ")
     for expected in ("helped: ", "+ angular_damping", "excluded", "inconclusive", "unobservable", f"written: {out}"):
         assert expected in said
-    document = json.loads(facts.read_text())
+    document = json.loads(run(*asked, "--overwrite", "--json"))  # what the first call kept
     assert (document["schema"], document["version"]) == ("goshawk-diagnosis", 2)
     assert said.startswith(f"missing was angular_damping (confidence {document['confidence']:.0%})")
     assert document["confidence"] == document["probabilities"]["as_stated"]
@@ -93,11 +94,30 @@ def test_the_vehicle_is_replaced_only_with_overwrite_and_can_be_restored(folder,
     assert mine.read_bytes() == (folder / "vehicle.toml").read_bytes()
 
 
+def test_a_diagnosis_is_kept_with_the_flights_and_read_by_the_next_call_until_anything_differs(folder, tmp_path):
+    for file in folder.glob("*.parquet"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    (tmp_path / "vehicle.toml").write_bytes((folder / "vehicle.toml").read_bytes())
+    words = (*base(tmp_path)[:3], "--vehicle", tmp_path / "vehicle.toml")
+    first = answer(*words)
+    (file,) = (tmp_path / kept.FOLDER).glob("diagnosis-*.json")
+    assert f"kept: {file}" in first.stderr
+    again = answer(*words, "--out", tmp_path / "fitted.toml")
+    assert f"read from {file}" in again.stderr
+    assert first.stdout.splitlines()[:5] == again.stdout.splitlines()[:5]
+    assert "fitting" not in again.stderr
+    assert vehicle.load(tmp_path / "fitted.toml").parameters == vehicle.load(file.with_suffix(".toml")).parameters
+    changed = vehicle.load(tmp_path / "vehicle.toml").with_value("mass_kg", 0.71)
+    vehicle.save(tmp_path / "vehicle.toml", changed)
+    assert "read from" not in answer(*words).stderr
+    assert "read from" not in answer(*words, "--hold", "inertia_*").stderr
+
+
 @pytest.mark.slow
 def test_without_out_the_next_line_adds_the_effect(folder):
     document = json.loads(run(*base(folder), "--json"))
     assert document["written"] is None
-    assert "goshawk vehicle add-effect" in document["next"][0]
+    assert "goshawk vehicle effect add" in document["next"][0]
     assert "angular_damping" in document["next"][0]
 
 
@@ -114,7 +134,6 @@ def test_bad_input_is_one_sentence(folder, tmp_path):
         "other.toml": ["diagnose", fast, "--vehicle", tmp_path / "other.toml"],
         "empty.parquet": ["diagnose", empty, "--vehicle", car],
         "Missing argument": ["diagnose", "--vehicle", car],
-        ".json": ["diagnose", fast, "--vehicle", car, "--json", "facts.txt"],
     }
     for words, arguments in refused.items():
         said = run(*arguments, code=2)
@@ -129,7 +148,7 @@ def test_a_short_held_out_flight_is_reported_as_too_little_and_lowers_the_confid
     log = flight_log.load(folder / "held_out.parquet")
     start_s = float(log.time_s[0])
     flight_log.save(tmp_path / "short.parquet", log.slice(start_s + 2.0, start_s + 5.0))
-    said = run(*base(folder), "--held-out", tmp_path / "short.parquet", "--json", "-")
+    said = run(*base(folder), "--held-out", tmp_path / "short.parquet", "--json")
     document = json.loads(said, parse_constant=pytest.fail)
     assert "too little to judge by" in document["findings"][0]
     assert "too short to confirm" in document["verdict"]

@@ -1,10 +1,12 @@
-"""`goshawk log --payload` writes into a log whether the payload was on board, and nothing else."""
+"""`goshawk log mark` writes into a log whether the payload was on board, and nothing else."""
+
+import re
 
 import numpy as np
 import pytest
 
 from flight import flight_log
-from sysid.logs.payload import PAYLOAD_CARRIED
+from sysid.logs.checks.payload import PAYLOAD_CARRIED
 from tests.goshawk.running import run
 
 MAP = """
@@ -25,7 +27,7 @@ def test_a_log_is_marked_and_stays_as_it_is_otherwise(tmp_path, word, carried):
     vectors = {"position_world_m": np.random.default_rng(0).normal(size=(200, 3))}
     log = flight_log.from_vectors(np.arange(200) / 100.0, vectors, metadata={"site": "hall"})
     flight_log.save(path, log)
-    run("log", path, "--payload", word)
+    run("log", "mark", path, "--payload", word)
     marked = flight_log.load(path)
     assert marked.metadata == {"site": "hall", PAYLOAD_CARRIED: carried}
     for name, values in log.columns.items():
@@ -37,9 +39,9 @@ def test_a_foreign_log_stays_and_gets_a_marked_one_of_ours_beside_it(tmp_path):
     (tmp_path / "lap.csv").write_text("\n".join(["t,x,y,z", *rows]))
     (tmp_path / "map.toml").write_text(MAP)
     before = (tmp_path / "lap.csv").read_bytes()
-    asked = ("log", tmp_path / "lap.csv", "--columns", tmp_path / "map.toml", "--payload", "left")
+    asked = ("log", "mark", tmp_path / "lap.csv", "--columns", tmp_path / "map.toml", "--payload", "left")
     said = run(*asked)
-    assert "payload carried" in said
+    assert re.search(r"payload +left", said)
     assert (tmp_path / "lap.csv").read_bytes() == before
     assert flight_log.load(tmp_path / "lap.parquet").metadata[PAYLOAD_CARRIED] is False
     assert "exists" in run(*asked, code=2)

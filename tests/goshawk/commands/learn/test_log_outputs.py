@@ -16,7 +16,7 @@ from flight import FlightLog, flight_log
 from goshawk.commands.learn import log_report
 from sysid.logs.check import check_log
 from tests.goshawk import foreign_log
-from tests.goshawk.running import run
+from tests.goshawk.running import answer, run
 
 BAG_MAP = """
 format = "goshawk-bag-map"
@@ -50,7 +50,7 @@ def clean(flown: Path) -> FlightLog:
 
 
 def test_csv_holds_the_log_to_the_last_bit(flown, tmp_path):
-    run("log", flown / "clean.parquet", "--csv", tmp_path / "a.csv")
+    run("log", "export", flown / "clean.parquet", "--csv", tmp_path / "a.csv")
     head, *rows = (tmp_path / "a.csv").read_text().splitlines()
     values = np.array([[float(v) if v else np.nan for v in row.split(",")] for row in rows])
     for name, column in zip(head.split(","), values.T, strict=True):
@@ -58,7 +58,7 @@ def test_csv_holds_the_log_to_the_last_bit(flown, tmp_path):
 
 
 def test_mcap_reads_back_as_ros_messages(flown, tmp_path):
-    run("log", flown / "clean.parquet", "--mcap", tmp_path / "a.mcap")
+    run("log", "export", flown / "clean.parquet", "--mcap", tmp_path / "a.mcap")
     (tmp_path / "map.toml").write_text(BAG_MAP)
     read, log = sysid.read_log(tmp_path / "a.mcap", tmp_path / "map.toml"), clean(flown)
     for quantity in ("position_world_m", "q_world_body", "rotor_speed_rad_s"):
@@ -79,7 +79,7 @@ def test_the_report_holds_every_stream_and_marks_what_the_checks_found(flown, tm
     z = log.columns["position_world_z_m"].copy()
     z[400] += 0.5
     flight_log.save(tmp_path / "a.parquet", FlightLog({**log.columns, "position_world_z_m": z}, log.metadata))
-    run("log", tmp_path / "a.parquet", "--report", tmp_path / "a.html")
+    assert answer("log", "check", tmp_path / "a.parquet", "--report", tmp_path / "a.html").returncode == 1
     data = page_data(tmp_path / "a.html")
     assert sum(len(panel["streams"]) for panel in data["panels"]) == len(log.columns) - 1
     time_s = np.frombuffer(base64.b64decode(data["time"]), "<f8")
@@ -101,8 +101,8 @@ def test_a_log_that_no_vehicle_can_be_identified_from_is_named(flown, tmp_path):
     flight_log.save(tmp_path / "with.parquet", log)
     flight_log.save(tmp_path / "without.parquet", FlightLog(without, log.metadata))
     for name, count in (("with", 0), ("without", 1)):
-        said = run("log", tmp_path / f"{name}.parquet", "--report", tmp_path / f"{name}.html")
-        document = json.loads(run("log", tmp_path / f"{name}.parquet", "--json"))
+        said = run("log", "check", tmp_path / f"{name}.parquet", "--report", tmp_path / f"{name}.html")
+        document = json.loads(run("log", "check", tmp_path / f"{name}.parquet", "--json"))
         assert len(document["check"]["notes"]) == count
         for text in (said, (tmp_path / f"{name}.html").read_text()):
             assert text.count("no vehicle can be identified") == count
@@ -120,7 +120,7 @@ def test_the_facts_on_top_of_the_report_are_those_of_the_log_and_of_what_was_che
         "payload": "left",
     }
     flight_log.save(tmp_path / "a.parquet", FlightLog({**log.columns, "mission_state": aloft}, metadata))
-    run("log", tmp_path / "a.parquet", "--report", tmp_path / "a.html")
+    run("log", "check", tmp_path / "a.parquet", "--report", tmp_path / "a.html")
     table = (tmp_path / "a.html").read_text().split("<table>")[1].split("</table>")[0]
     facts = dict(re.findall(r"<tr><td>(.*?)</td><td>(.*?)</td></tr>", table))
     whole_s, air_s = np.ptp(log.time_s), np.ptp(log.time_s[100:-100])
@@ -149,9 +149,9 @@ def test_thinning_loses_no_spike():
 
 
 def test_a_foreign_csv_becomes_a_clean_log_of_ours_in_two_commands(flown, tmp_path):
-    run("log", flown / "foreign.csv", "--draft-columns", tmp_path / "map.toml")
+    run("log", "draft-columns", flown / "foreign.csv", "--out", tmp_path / "map.toml")
     asked = ("--columns", tmp_path / "map.toml", "--vehicle", flown / "v.toml")
-    document = json.loads(run("log", flown / "foreign.csv", *asked, "--fix", "--out", tmp_path / "f.parquet", "--json"))
+    document = json.loads(run("log", "fix", flown / "foreign.csv", *asked, "--out", tmp_path / "f.parquet", "--json"))
     assert any("time stamps of rotor_speed" in done for done in document["fixed"])
     assert document["check"]["worst"] == "fine"
     mended, log = flight_log.load(tmp_path / "f.parquet"), clean(flown)
@@ -166,22 +166,43 @@ def test_a_foreign_csv_becomes_a_clean_log_of_ours_in_two_commands(flown, tmp_pa
 
 def test_a_fix_never_touches_the_log_it_was_given(flown, tmp_path):
     before = (flown / "clean.parquet").read_bytes()
-    said = run("log", flown / "clean.parquet", "--fix", "--out", flown / "clean.parquet", "--overwrite", code=2)
+    said = run("log", "fix", flown / "clean.parquet", "--out", flown / "clean.parquet", "--overwrite", code=2)
     assert "never changed" in said
     assert (flown / "clean.parquet").read_bytes() == before
-    assert "go together" in run("log", flown / "clean.parquet", "--fix", code=2)
-    assert ".parquet" in run("log", flown / "clean.parquet", "--fix", "--out", tmp_path / "a.csv", code=2)
+    assert ".parquet" in run("log", "fix", flown / "clean.parquet", "--out", tmp_path / "a.csv", code=2)
 
 
 def test_an_existing_output_is_kept(flown, tmp_path):
-    for option in ("--csv", "--report", "--mcap", "--draft-columns"):
-        source = flown / ("foreign.csv" if option == "--draft-columns" else "clean.parquet")
+    clean, foreign = flown / "clean.parquet", flown / "foreign.csv"
+    asked = (
+        ("export", clean, "--csv"), ("export", clean, "--mcap"), ("check", clean, "--report"),
+        ("draft-columns", foreign, "--out"),
+    )  # fmt: skip
+    for words in asked:
         (tmp_path / "there").write_text("mine")
-        assert "there" in run("log", source, option, tmp_path / "there", code=2)
+        assert "there" in run("log", *words, tmp_path / "there", code=2)
         assert (tmp_path / "there").read_text() == "mine"
 
 
 def test_the_table_shows_display_names_and_units(flown):
-    said = run("log", flown / "clean.parquet")
+    said = run("log", "show", flown / "clean.parquet")
     assert "body rate (gyro)" in said
     assert re.search(r"duration\s+4\.\d+ s", said)
+
+
+def test_errors_found_are_exit_code_1_and_no_fault_is_0(flown, tmp_path):
+    log = clean(flown)
+    assert "found no fault" in run("log", "check", flown / "clean.parquet")
+    keep = (log.time_s < 1.0) | (log.time_s > 2.0)
+    flight_log.save(tmp_path / "gap.parquet", FlightLog({k: v[keep] for k, v in log.columns.items()}, log.metadata))
+    for words, code in ((("check",), 1), (("show",), 0)):
+        assert answer("log", *words, tmp_path / "gap.parquet").returncode == code
+
+
+def test_another_programs_log_is_imported_as_it_is(flown, tmp_path):
+    run("log", "draft-columns", flown / "foreign.csv", "--out", tmp_path / "map.toml")
+    read = sysid.read_log(flown / "foreign.csv", tmp_path / "map.toml")
+    run("log", "import", flown / "foreign.csv", "--columns", tmp_path / "map.toml", "--out", tmp_path / "own.parquet")
+    own = flight_log.load(tmp_path / "own.parquet")
+    for name, values in read.columns.items():
+        np.testing.assert_array_equal(own.columns[name], values)

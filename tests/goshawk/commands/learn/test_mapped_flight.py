@@ -12,7 +12,7 @@ from planner import PlanOptions
 from planner.gate import gate
 from sysid import Options, identify
 from sysid.diagnosis.examined import examine
-from sysid.diagnosis.next_flight import Question, ask
+from sysid.diagnosis.experiment_design.next_flight import Question, ask
 from vehicle import flights, manoeuvres
 
 PAIR = ("rotor_drag_thrust", "rotor_drag_speed")

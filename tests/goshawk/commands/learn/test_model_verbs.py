@@ -14,7 +14,7 @@ import vehicle
 from flight import flight_log
 from goshawk.cli import main
 from goshawk.commands.learn import model_change
-from sysid.estimator import changes
+from sysid.estimator.validation import changes
 from vehicle import flights, history, manoeuvres
 
 DRAG = "rotor_drag_thrust"
@@ -60,12 +60,12 @@ def file(tmp_path):
 
 
 def logs(flown: Path) -> tuple[object, ...]:
-    return ("--flights", flown / "a.parquet", "--held-out", flown / "b.parquet")
+    return (flown / "a.parquet", "--held-out", flown / "b.parquet")
 
 
 def test_the_missing_effect_helps_on_a_flight_that_was_not_used_and_undo_brings_the_file_back(file, flown):
     before = file.read_bytes()
-    found = told("add-effect", file, DRAG, *logs(flown))
+    found = told("effect", "add", file, DRAG, *logs(flown))
     assert found["verdict"].startswith("helped")
     assert found["compensated"] is True
     errors = found["errors"]
@@ -89,7 +89,7 @@ def fit_ends_early(monkeypatch: pytest.MonkeyPatch, model_has_drag: bool) -> Non
 
 def test_a_refit_that_did_not_converge_is_written_only_when_asked(file, flown, monkeypatch):
     fit_ends_early(monkeypatch, model_has_drag=True)
-    before, arguments = file.read_bytes(), ("add-effect", file, DRAG, "--flights", flown / "a.parquet")
+    before, arguments = file.read_bytes(), ("effect", "add", file, DRAG, flown / "a.parquet")
     refused = json.loads(streams(*arguments, "--json", code=1)[0])
     assert refused["fit"]["use"] == "do not use"
     assert "converge" in refused["fit"]["reasons"][0]
@@ -104,23 +104,23 @@ def test_a_refit_that_did_not_converge_is_written_only_when_asked(file, flown, m
 
 def test_a_comparison_with_a_refit_that_did_not_converge_is_doubtful(file, flown, monkeypatch):
     fit_ends_early(monkeypatch, model_has_drag=False)
-    found = told("add-effect", file, DRAG, *logs(flown))
+    found = told("effect", "add", file, DRAG, *logs(flown))
     assert found["fit"]["use"] == "doubtful"
     assert any("compared with" in reason for reason in found["fit"]["reasons"])
 
 
 def test_an_effect_that_is_not_there_does_not_help(file, flown):
-    goshawk("add-effect", file, DRAG, "drag_s_m=0.0175")
-    said = goshawk("add-effect", file, "gyroscopic_torque", *logs(flown))
+    goshawk("effect", "add", file, DRAG, "--set", "drag_s_m=0.0175")
+    said = goshawk("effect", "add", file, "gyroscopic_torque", *logs(flown))
     assert "did not" in said
     assert "NOT compensated by the controller" in said
 
 
 def test_the_history_is_a_staircase_on_any_flights(file, flown):
-    goshawk("add-effect", file, DRAG, "drag_s_m=0.0175")
-    goshawk("remove-effect", file, "parasitic_drag", "--yes")
+    goshawk("effect", "add", file, DRAG, "--set", "drag_s_m=0.0175")
+    goshawk("effect", "remove", file, "parasitic_drag", "--yes")
     picture = file.parent / "stairs.svg"
-    found = told("history", file, "--held-out", flown / "b.parquet", "--figure", picture)
+    found = told("history", file, flown / "b.parquet", "--figure", picture)
     position = [found["errors"][str(n)]["position_m"] for n in range(3)]
     assert position[1] < position[2] < position[0]
     assert "<svg" in picture.read_text()
@@ -130,15 +130,30 @@ def test_the_history_is_a_staircase_on_any_flights(file, flown):
 
 def test_a_preview_writes_nothing(file):
     before = file.read_bytes()
-    assert "nothing was written" in goshawk("add-effect", file, DRAG, "--preview")
-    assert "- effect parasitic_drag" in goshawk("remove-effect", file, "parasitic_drag", "--preview")
+    assert "nothing was written" in goshawk("effect", "add", file, DRAG, "--dry-run")
+    assert "- effect parasitic_drag" in goshawk("effect", "remove", file, "parasitic_drag", "--dry-run")
     assert file.read_bytes() == before
     assert [p.name for p in file.parent.iterdir()] == [file.name]
 
 
+def test_values_are_set_by_name_each_time_as_one_version_that_can_be_undone(file):
+    before = file.read_bytes()
+    assert told("set", file, "mass_kg=0.72", "limits.speed_m_s=12", "gravity_m_s2=9.79")["version"] == 1
+    changed = vehicle.load(file)
+    assert (changed.mass_kg, changed.limits.speed_m_s, changed.gravity_m_s2) == (0.72, 12.0, 9.79)
+    assert changed.parameter("mass_kg").source == "set by hand"
+    goshawk("set", file, "mass_kg=0.9", "--dry-run")
+    assert vehicle.load(file).mass_kg == 0.72
+    for wrong in ("wings=2", "limits.wings=2", "mass_kg", "mass_kg=nan", "gravity_m_s2=3"):
+        goshawk("set", file, "limits.speed_m_s=9", wrong, code=2)
+    assert vehicle.load(file).limits.speed_m_s == 12.0
+    goshawk("undo", file, "--yes")
+    assert file.read_bytes() == before
+
+
 def test_a_destructive_change_needs_confirmation(file):
     before = file.read_bytes()
-    assert "--yes" in goshawk("remove-effect", file, "parasitic_drag", code=2)
+    assert "--yes" in goshawk("effect", "remove", file, "parasitic_drag", code=2)
     assert file.read_bytes() == before
 
 
@@ -151,7 +166,7 @@ def test_show_lists_values_sources_and_compensations(file):
         "source": "Rigter et al. 2019, weighed",
     }
     assert all(effect["compensated"] for effect in found["effects"])
-    goshawk("add-effect", file, "gyroscopic_torque")
+    goshawk("effect", "add", file, "gyroscopic_torque")
     effects = {effect["name"]: effect for effect in told("show", file)["effects"]}
     assert effects["gyroscopic_torque"]["compensated"] is False
     assert effects["gyroscopic_torque"]["how"] == "attitude feedback takes it"
@@ -159,9 +174,9 @@ def test_show_lists_values_sources_and_compensations(file):
 
 def test_an_effect_of_ones_own_comes_as_a_file(file):
     (file.parent / "guard.py").write_text(OWN)
-    assert told("add-effect", file, file.parent / "guard.py", "drag_kg_m=0.03")["compensated"] is False
+    assert told("effect", "add", file, file.parent / "guard.py", "--set", "drag_kg_m=0.03")["compensated"] is False
     assert vehicle.load(file).value("side_guard_here.drag_kg_m") == 0.03
-    goshawk("remove-effect", file, "side_guard_here", "--yes")
+    goshawk("effect", "remove", file, "side_guard_here", "--yes")
     assert vehicle.load(file).effect_files == ()
 
 
@@ -180,14 +195,14 @@ EFFECT = Effect(name="side_guard_here", number=0, stage=Stage.FORCE, apply=apply
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("add-effect", "{file}", "rotor_drag"), "near it: rotor_drag_thrust"),
-        (("add-effect", "{file}", DRAG, "drag=0.1"), "it has drag_s_m"),
-        (("add-effect", "{file}", DRAG, "drag_s_m"), "NAME=VALUE"),
-        (("add-effect", "{file}", "parasitic_drag"), "already"),
-        (("remove-effect", "{file}", DRAG, "--yes"), "not active"),
+        (("effect", "add", "{file}", "rotor_drag"), "near it: rotor_drag_thrust"),
+        (("effect", "add", "{file}", DRAG, "--set", "drag=0.1"), "it has drag_s_m"),
+        (("effect", "add", "{file}", DRAG, "--set", "drag_s_m"), "NAME=VALUE"),
+        (("effect", "add", "{file}", "parasitic_drag"), "already"),
+        (("effect", "remove", "{file}", DRAG, "--yes"), "not active"),
         (("undo", "{file}", "--yes"), "nothing to undo"),
         (("show", "{folder}/none.toml"), "does not exist"),
-        (("add-effect", "{file}", DRAG, "--flights", "{a}", "--held-out", "{a}"), "cannot be both"),
+        (("effect", "add", "{file}", DRAG, "{a}", "--held-out", "{a}"), "cannot be both"),
     ],
 )
 def test_bad_input_is_refused_in_one_sentence(file, flown, arguments, words):

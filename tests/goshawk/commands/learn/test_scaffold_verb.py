@@ -1,4 +1,4 @@
-"""`goshawk vehicle scaffold-effect` as a stranger uses it: from a diagnosis in JSON to an effect that can be added."""
+"""`goshawk vehicle effect scaffold` as a stranger uses it: from a diagnosis in JSON to an effect that can be added."""
 
 import json
 from pathlib import Path
@@ -8,6 +8,8 @@ import pytest
 
 import vehicle
 from flight import flight_log
+from goshawk.commands.learn import kept
+from goshawk.terminal.screen import Screen
 from tests.goshawk.running import run, typed
 from vehicle import flights, manoeuvres
 
@@ -40,7 +42,7 @@ def diagnosis(path: Path, outside: object, version: int = 2) -> None:
 
 def scaffolding(name: str = "climb_twist", *more: object, source: str = "diagnosis.json") -> list[object]:
     options = ["--diagnosis", source, "--name", name, "--out", f"{name}.py", *more]
-    return ["vehicle", "scaffold-effect", "vehicle.toml", *options]
+    return ["vehicle", "effect", "scaffold", "vehicle.toml", *options]
 
 
 def test_the_file_is_written_the_vehicle_untouched_and_the_next_line_adds_the_effect(folder):
@@ -54,9 +56,20 @@ def test_the_file_is_written_the_vehicle_untouched_and_the_next_line_adds_the_ef
     flown = flights.fly_trajectory(vehicle.example(), steps, rng=rng)
     flight_log.save(folder / "a.parquet", flights.measure(flown, rng=rng))
     document = json.loads(run(*scaffolding("climb_turn"), "--json"))
-    words = typed(document["then"].replace("--flights FLIGHT --held-out FLIGHT", "--held-out a.parquet"))
+    words = typed(document["then"].replace("FLIGHT --held-out FLIGHT", "--held-out a.parquet"))
     assert "NOT compensated" in run(*words)  # an effect of one's own is unknown to the controller
     assert "climb_turn" in vehicle.load(folder / "vehicle.toml").effects
+
+
+def test_the_diagnosis_that_was_kept_with_the_flights_is_read(folder):
+    flight = folder / "a.parquet"
+    flight.write_bytes(b"a flight")
+    words = ("vehicle", "effect", "scaffold", "vehicle.toml", flight, "--name", "climb", "--out", "climb.py")
+    assert "no diagnosis of" in run(*words, code=2)
+    found = kept.Kept({"outside": CURVE}, Screen(), None, kept.about([flight], folder / "vehicle.toml"))
+    kept.keep("diagnosis", flight, "0" * 64, found)
+    run(*words)
+    assert "EFFECT = Effect(" in (folder / "climb.py").read_text()
 
 
 def test_a_diagnosis_of_the_first_version_is_read(folder):
@@ -103,8 +116,17 @@ def test_bad_input_is_one_sentence_and_writes_nothing(folder):
         "do not fit together": scaffolding(source="cut.json"),
         "cannot name an effect": scaffolding("Climb-Twist"),
         "is taken by the catalogue": scaffolding("angular_damping"),
-        "Missing option '--diagnosis'": ["vehicle", "scaffold-effect", "vehicle.toml", "--name", "a", "--out", "a.py"],
-        "no.toml": ["vehicle", "scaffold-effect", "no.toml", *scaffolding()[3:]],
+        "give the FLIGHTS that were diagnosed, or --diagnosis FILE": [
+            "vehicle",
+            "effect",
+            "scaffold",
+            "vehicle.toml",
+            "--name",
+            "a",
+            "--out",
+            "a.py",
+        ],
+        "no.toml": ["vehicle", "effect", "scaffold", "no.toml", *scaffolding()[4:]],
     }
     for words, arguments in refused.items():
         said = run(*arguments, code=2)

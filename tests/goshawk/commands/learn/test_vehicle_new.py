@@ -53,8 +53,8 @@ def test_an_existing_file_is_replaced_only_with_overwrite_and_then_kept_beside_i
         (("--mass", -1, "--arm", 0.1, "--prop-diameter", 0.1), "positive number"),
         (("--mass", 700, "--arm", 125, "--prop-diameter", 127), "in m"),
         (("--mass", 2000, "--arm", 0.1, "--prop-diameter", 0.1), "--mass is 2000 kg"),
-        (("--from", "x.step"), "suffix"),
-        (("--from", "none.params"), "does not exist"),
+        (("--import", "x.step"), "suffix"),
+        (("--import", "none.params"), "does not exist"),
         ((*SHEET, "--max-rpm", 100), "does not lift its weight"),
     ],
 )

@@ -21,7 +21,7 @@ from tests.sysid import flying
 
 CALL = DiagnoseCall((Path("a.parquet"), Path("my b.parquet")), Path("vehicle.toml"), (Path("c.parquet"),))
 AGAIN = ["diagnose", "a.parquet", "my b.parquet", "--vehicle", "vehicle.toml", "--held-out", "c.parquet"]
-FITTED = ["--flights", "a.parquet", "--flights", "my b.parquet", "--held-out", "c.parquet"]
+FITTED = ["a.parquet", "my b.parquet", "--held-out", "c.parquet"]
 
 
 def candidate(name: str, verdict: Any, significance: float, *alike: str) -> CandidateFinding:
@@ -69,7 +69,7 @@ def found(
 def test_an_addition_is_made_to_the_vehicle_file_and_the_diagnosis_goes_on_from_a_new_one():
     damping = candidate("weak_rotor[2]", "present", 1e-9)
     (line,) = what_next.lines(found(damping), CALL)
-    assert typed(line) == ["vehicle", "add-effect", "vehicle.toml", "weak_rotor", *FITTED]
+    assert typed(line) == ["vehicle", "effect", "add", "vehicle.toml", "weak_rotor", *FITTED]
     call = DiagnoseCall(CALL.flights, CALL.vehicle_file, CALL.held_out, out=Path("better.toml"))
     (line,) = what_next.lines(found(damping), call)
     assert typed(line) == [*AGAIN[:4], "better.toml", *AGAIN[5:]]
@@ -78,34 +78,25 @@ def test_an_addition_is_made_to_the_vehicle_file_and_the_diagnosis_goes_on_from_
 def test_flights_without_the_payload_are_marked_before_the_vehicle_gets_it():
     load = found(candidate("payload", "present", 1e-9), carried=(True, False, False))
     marked, judging, line = what_next.lines(load, CALL)
-    assert typed(marked) == ["log", "my b.parquet", "--payload", "left"]
-    assert typed(judging) == ["log", "c.parquet", "--payload", "left"]
-    assert typed(line) == ["vehicle", "add-effect", "vehicle.toml", "payload", *FITTED]
+    assert typed(marked) == ["log", "mark", "my b.parquet", "--payload", "left"]
+    assert typed(judging) == ["log", "mark", "c.parquet", "--payload", "left"]
+    assert typed(line) == ["vehicle", "effect", "add", "vehicle.toml", "payload", *FITTED]
 
 
 def test_a_foreign_log_is_marked_beside_itself_and_the_marked_one_is_fitted():
     call = DiagnoseCall((Path("a.csv"), Path("b.csv")), CALL.vehicle_file, columns=Path("map.toml"))
     load = found(candidate("payload", "present", 1e-9), carried=(True, False))
     marked, line = what_next.lines(load, call)
-    assert typed(marked) == ["log", "b.csv", "--columns", "map.toml", "--payload", "left"]
-    assert typed(line)[4:] == ["--flights", "a.csv", "--flights", "b.parquet", "--columns", "map.toml"]
+    assert typed(marked) == ["log", "mark", "b.csv", "--columns", "map.toml", "--payload", "left"]
+    assert typed(line)[5:] == ["a.csv", "b.parquet", "--columns", "map.toml"]
 
 
 def test_a_curve_outside_the_catalogue_becomes_an_effect_and_is_evaluated():
-    call = DiagnoseCall(CALL.flights, CALL.vehicle_file, CALL.held_out, json_file=Path("d.json"))
+    call = DiagnoseCall(CALL.flights, CALL.vehicle_file, CALL.held_out)
     first, second = what_next.lines(found(outside=drawn("dn_0/dt")), call)
-    scaffold = ["vehicle", "scaffold-effect", "vehicle.toml", "--diagnosis", "d.json"]
+    scaffold = ["vehicle", "effect", "scaffold", "vehicle.toml", "a.parquet", "my b.parquet"]
     assert typed(first) == [*scaffold, "--name", "m_z_of_dn_0_dt", "--out", "m_z_of_dn_0_dt.py"]
-    assert typed(second) == ["vehicle", "add-effect", "vehicle.toml", "m_z_of_dn_0_dt.py", *FITTED]
-
-
-def test_without_a_json_file_the_diagnosis_is_written_first():
-    lines = what_next.lines(
-        found(outside=drawn()), DiagnoseCall(CALL.flights, CALL.vehicle_file, CALL.held_out, auto=True)
-    )
-    assert typed(lines[0]) == [*AGAIN, "--auto", "--json", "diagnosis.json"]
-    assert typed(lines[1])[3:5] == ["--diagnosis", "diagnosis.json"]
-    assert len(lines) == 3
+    assert typed(second) == ["vehicle", "effect", "add", "vehicle.toml", "m_z_of_dn_0_dt.py", *FITTED]
 
 
 @pytest.mark.parametrize(
@@ -169,16 +160,16 @@ def test_a_file_that_was_not_written_is_asked_for_again_and_in_no_other_line():
     assert typed(again) == [*AGAIN, "--robust", "--steps", "60", "--auto", "--out", "b.toml"]
     assert "b.toml" not in typed(fly)
     named = found(candidate("rotor_drag_speed", "present", 1e-9), against=("not converged",), converged=False)
-    assert not [line for line in what_next.lines(named, call) if "add-effect" in line]
+    assert not [line for line in what_next.lines(named, call) if "effect add" in line]
 
 
 def test_the_column_map_of_a_foreign_log_is_repeated():
     call = DiagnoseCall((Path("a.csv"),), Path("vehicle.toml"), columns=Path("columns.toml"))
     lines = what_next.lines(found(candidate("ground_effect", "inconclusive", 0.4), outside=None), call)
     lines += what_next.lines(found(outside=drawn()), call)
-    assert len(lines) == 4
+    assert len(lines) == 3
     for line in lines:
-        assert ("--columns columns.toml" in line) == ("scaffold-effect" not in line)
+        assert ("--columns columns.toml" in line) == ("effect scaffold" not in line)
         typed(line)
 
 
@@ -196,7 +187,7 @@ def test_typed_one_after_the_other_the_lines_lead_from_an_unknown_effect_to_a_be
         flight_log.save(tmp_path / f"{name}.parquet", log)
     vehicle.save(tmp_path / "vehicle.toml", vehicle.example())
     said = run("diagnose", "vertical.parquet", "fast.parquet", "turning.parquet", "--vehicle", "vehicle.toml",
-               "--held-out", "held_out.parquet", "--json", "d.json", "--report", "d.html")  # fmt: skip
+               "--held-out", "held_out.parquet", "--report", "d.html")  # fmt: skip
     assert "something is missing that no known effect is: M_z against v_z" in said
     assert "outside the catalogue: torque about z (M_z) follows velocity along z (v_z), from" in said
     lines = [line.removeprefix("next: ") for line in said.splitlines() if line.startswith("next: ")]

@@ -100,7 +100,7 @@ def test_only_what_is_near_the_flight_to_come_is_asked_for(folder: Path, tmp_pat
     csv.write_text("x_m,y_m,z_m\n5.5,3.5,1\n5.5,2.5,1\n")
     assert json.loads(run("map", "again", folder, "--near", csv, "--within", "1", "--json"))["unknown_m3"] == 0.0
     table = run("map", "again", folder, "--on-foot")
-    assert re.search(r"^\s+0\s", table, re.MULTILINE)  # counted as the messages of `goshawk plan` do
+    assert re.search(r"^\s+1\s", table, re.MULTILINE)  # counted as the messages of `goshawk plan` do
     assert re.search(r"views would show about 0\.\d+ m3", table)
 
 
@@ -109,7 +109,7 @@ def test_only_what_is_near_the_flight_to_come_is_asked_for(folder: Path, tmp_pat
     [
         ("--least", "nan", "least_m3"),
         ("--within", "-1", "within_m"),
-        ("--farthest", "1e300", "at most 1000 m"),
+        ("--range", "1e300", "at most 1000 m"),
         ("--radius", "50", "smaller clearance"),
     ],
 )

@@ -17,7 +17,7 @@ from goshawk.rendered import world as rendered_world
 from mapping import map_parts
 from mapping.dense import confidence
 from mapping.map_parts import MapParts
-from mapping.sparse import features
+from mapping.sparse.features import features
 from mapping.sparse.localization_map import LocalizationMap
 from tests.goshawk.running import run
 
@@ -50,7 +50,7 @@ def folder(tmp_path: Path, pillar_map: Path) -> Path:
 
 
 def test_the_origin_moves_and_nothing_else(folder: Path, tmp_path: Path) -> None:
-    said = json.loads(run("map", "origin", folder, "--at", "1,0.5,0", "--out", tmp_path / "new", "--json"))
+    said = json.loads(run("map", "origin", folder, "--place", "1,0.5,0", "--out", tmp_path / "new", "--json"))
     old, new = mapping.open_map(folder), mapping.open_map(tmp_path / "new")
     points = np.random.default_rng(1).uniform([0.2, 0.2, 0.2], [5.8, 3.8, 2.3], (200, 3))
     np.testing.assert_allclose(new.field.distance(points - [1.0, 0.5, 0.0]), old.field.distance(points), atol=1e-5)
@@ -60,7 +60,7 @@ def test_the_origin_moves_and_nothing_else(folder: Path, tmp_path: Path) -> None
 
 
 def test_a_heading_turns_the_x_axis(folder: Path, tmp_path: Path) -> None:
-    run("map", "origin", folder, "--at", "0,0,0", "--heading", "90", "--out", tmp_path / "new")
+    run("map", "origin", folder, "--place", "0,0,0", "--turn", "90", "--out", tmp_path / "new")
     # what was ahead along y is now ahead along x
     np.testing.assert_allclose(mapping.open_map(tmp_path / "new").T_world_body[0, :3, 3], [1.0, -1.0, 1.0], atol=1e-8)
 
@@ -141,15 +141,15 @@ def test_points_of_a_spreadsheet_are_read_and_no_table_is_refused(folder: Path, 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["origin", "{map}", "--at", "1,2", "--out", "{new}"], "--at '1,2' is not 3 finite numbers"),
-        (["origin", "{map}", "--at", "1,2,nan", "--out", "{new}"], "3 finite numbers"),
-        (["origin", "{map}", "--at", "0,0,0", "--heading", "inf", "--out", "{new}"], "must be from -360 to 360"),
+        (["origin", "{map}", "--place", "1,2", "--out", "{new}"], "--place '1,2' is not 3 finite numbers"),
+        (["origin", "{map}", "--place", "1,2,nan", "--out", "{new}"], "3 finite numbers"),
+        (["origin", "{map}", "--place", "0,0,0", "--turn", "inf", "--out", "{new}"], "must be from -360 to 360"),
         (["align", "{map}", "--out", "{new}"], "either --points or --up"),
         (["align", "{map}", "--up", "0,0,0", "--out", "{new}"], "has no direction"),
         (["align", "{map}", "--points", "{new}", "--out", "{new}"], "does not exist"),
         (["align", "{map}", "--points", "{map}/poses.csv", "--out", "{new}"], "a number for each of map_x_m"),
         (["crop", "{new}", "--sphere", "0,0,0,1", "--out", "{map}2"], "is not a map"),
-        (["origin", "{map}", "--at", "0,0,0", "--out", "{map}"], "exists; give another name, or --overwrite"),
+        (["origin", "{map}", "--place", "0,0,0", "--out", "{map}"], "exists; give another name, or --overwrite"),
         (["merge", "{map}", "{new}", "--out", "{map}2"], "is not a map"),
     ],
 )
@@ -164,13 +164,13 @@ def test_bad_requests_are_refused_in_one_sentence(
 
 
 def test_a_map_is_replaced_only_when_asked_and_kept_beside(folder: Path, tmp_path: Path) -> None:
-    run("map", "origin", folder, "--at", "0,0,1", "--out", folder, "--overwrite")
+    run("map", "origin", folder, "--place", "0,0,1", "--out", folder, "--overwrite")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["map", "map.old-1"]
     assert mapping.open_map(folder).hash != mapping.open_map(tmp_path / "map.old-1").hash
 
 
 def test_a_map_joined_with_its_moved_copy_is_the_map(folder: Path, tmp_path: Path) -> None:
-    run("map", "origin", folder, "--at", "1,0.5,0", "--heading", "20", "--out", tmp_path / "moved")
+    run("map", "origin", folder, "--place", "1,0.5,0", "--turn", "20", "--out", tmp_path / "moved")
     said = json.loads(run("map", "merge", folder, tmp_path / "moved", "--out", tmp_path / "both", "--json"))
     T = frames.transform(rotations.from_yaw(math.radians(20.0)), [1.0, 0.5, 0.0])
     np.testing.assert_allclose(said["T_first_second"], T, atol=2e-3)
@@ -192,4 +192,4 @@ def test_a_damaged_history_is_refused(folder: Path, tmp_path: Path) -> None:
     opened = mapping.open_map(folder)
     body = {"hash": opened.field.hash, "history": "once upon a time"}
     file_format.write_toml(folder / "map.toml", format="goshawk-map", version=1, body=body)
-    assert "a list of sentences" in run("map", "origin", folder, "--at", "0,0,1", "--out", tmp_path / "new", code=2)
+    assert "a list of sentences" in run("map", "origin", folder, "--place", "0,0,1", "--out", tmp_path / "new", code=2)

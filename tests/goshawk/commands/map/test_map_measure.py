@@ -16,7 +16,7 @@ PILLAR = "2.0,1.5,1.2"
 
 
 def measured(folder: Path, start: str, end: str) -> dict:
-    return json.loads(run("map", "measure", folder, "--from", start, "--to", end, "--json"))
+    return json.loads(run("map", "measure", folder, "--first", start, "--second", end, "--json"))
 
 
 def test_a_length_is_that_of_the_two_points_either_way(pillar_map: Path) -> None:
@@ -36,7 +36,7 @@ def test_an_image_is_the_place_where_it_was_taken(pillar_map: Path) -> None:
 def test_the_clearance_is_the_distance_to_the_pillar_and_negative_inside(pillar_map: Path) -> None:
     found = measured(pillar_map, PILLAR, "2.75,1.5,1.2")["clearance_m"]
     assert found == pytest.approx([-0.25, 0.5], abs=0.06)
-    table = run("map", "measure", pillar_map, "--from", PILLAR, "--to", "2.75,1.5,1.2")
+    table = run("map", "measure", pillar_map, "--first", PILLAR, "--second", "2.75,1.5,1.2")
     assert "inside an obstacle" in table
     assert "from obstacles and unknown space" in table
 
@@ -55,12 +55,12 @@ def test_the_standard_deviation_is_that_of_the_scale_in_use(pillar_map: Path, tm
         folder / "report.json", format=map_folder.REPORT_FORMAT, version=1, body={"scale_witnesses": witnesses}
     )
     assert measured(folder, "1,1,1", "4,1,1")["length_std_m"] == pytest.approx(0.06)
-    assert "3.000 m ± 0.060 m" in run("map", "measure", folder, "--from", "1,1,1", "--to", "4,1,1")
+    assert "3.000 m ± 0.060 m" in run("map", "measure", folder, "--first", "1,1,1", "--second", "4,1,1")
 
 
 @pytest.mark.parametrize("point", ["1,2", "1,2,nan", "7.png", ""])
 def test_what_is_neither_a_point_nor_an_image_is_refused_by_name(pillar_map: Path, point: str) -> None:
-    said = run("map", "measure", pillar_map, "--from", "1,1,1", "--to", point, code=2)
+    said = run("map", "measure", pillar_map, "--first", "1,1,1", "--second", point, code=2)
     assert f"--to '{point}' is neither X,Y,Z in metres nor an image" in said
 
 
@@ -71,7 +71,7 @@ def test_a_length_in_a_refused_map_comes_with_the_reasons(pillar_map: Path, tmp_
     file_format.write_toml(folder / "map.toml", format=map_folder.FORMAT, version=1, body=facts)
     found = measured(folder, "1,1,1", "4,1,1")
     assert (found["verdict"], found["reasons"]) == ("refused", ["two sources of scale disagree"])
-    ends = ("--from", "1,1,1", "--to", "4,1,1")
+    ends = ("--first", "1,1,1", "--second", "4,1,1")
     assert "refused: two sources of scale disagree" in run("map", "measure", folder, *ends)
     assert measured(pillar_map, "1,1,1", "4,1,1")["verdict"] == "good"
     assert "good" not in run("map", "measure", pillar_map, *ends)
@@ -80,6 +80,6 @@ def test_a_length_in_a_refused_map_comes_with_the_reasons(pillar_map: Path, tmp_
 def test_a_point_farther_than_any_map_reaches_is_refused_with_the_bound(pillar_map: Path) -> None:
     assert measured(pillar_map, "1,1,1", "1,10000,1")["length_m"] == pytest.approx(9999.0)
     for far in ("10001,1,1", "1,-1e308,1"):
-        refusal = run("map", "measure", pillar_map, "--from", "1,1,1", "--to", far, code=2)
+        refusal = run("map", "measure", pillar_map, "--first", "1,1,1", "--second", far, code=2)
         assert "--to is 1" in refusal
         assert "a map reaches at most 10000 m" in refusal

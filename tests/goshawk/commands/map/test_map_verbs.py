@@ -68,17 +68,17 @@ def test_a_map_without_free_or_known_space_still_has_statistics(capsys, tmp_path
 
 
 def test_edits_are_saved_listed_undone_and_dropped(capsys, folder, field):
-    add = run(capsys, "map", "edit", folder, "add", "--box", "-0.5,-0.5,0.5,0,0,1", "--name", "shelf")
+    add = run(capsys, "map", "edit", "add", folder, "--box", "-0.5,-0.5,0.5,0,0,1", "--name", "shelf")
     assert add["closed_m3"] == pytest.approx(0.125)
-    zone = run(capsys, "map", "edit", folder, "no-fly", "corner", "--prism", "0,2,1,1,1.8,1,1.8,1.8")
+    zone = run(capsys, "map", "edit", "no-fly", folder, "corner", "--prism", "0,2,1,1,1.8,1,1.8,1.8")
     assert zone["edits"] == 2
     assert esdf.load(folder / "esdf").hash == zone["hash"]
-    assert [e["name"] for e in run(capsys, "map", "edit", folder, "list")["edits"]] == ["shelf", "corner"]
-    opened = run(capsys, "map", "edit", folder, "remove", "--turned-box", "2.5,0,1,0.5,0.5,0.5,30")
+    assert [e["name"] for e in run(capsys, "map", "edit", "list", folder)["edits"]] == ["shelf", "corner"]
+    opened = run(capsys, "map", "edit", "remove", folder, "--turned-box", "2.5,0,1,0.5,0.5,0.5,30")
     assert opened["opened_m3"] == pytest.approx(0.125, rel=0.3)
-    assert run(capsys, "map", "edit", folder, "undo")["hash"] == zone["hash"]
-    assert run(capsys, "map", "edit", folder, "drop", "corner")["hash"] == add["hash"]
-    assert run(capsys, "map", "edit", folder, "undo")["hash"] == field.hash
+    assert run(capsys, "map", "edit", "undo", folder)["hash"] == zone["hash"]
+    assert run(capsys, "map", "edit", "drop", folder, "corner")["hash"] == add["hash"]
+    assert run(capsys, "map", "edit", "undo", folder)["hash"] == field.hash
     esdf.save(folder / "esdf", field)
     assert esdf.open_editor(folder / "esdf").edits == ()
 
@@ -98,26 +98,26 @@ def test_edits_are_saved_listed_undone_and_dropped(capsys, folder, field):
 )
 def test_every_shape_can_be_previewed_without_saving(capsys, folder, field, tmp_path, shape):
     picture = tmp_path / "preview.png"
-    tried = run(capsys, "map", "edit", folder, "add", *shape, "--preview", picture)
+    tried = run(capsys, "map", "edit", "add", folder, *shape, "--preview", picture)
     assert tried["closed_m3"] > 0.0
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert esdf.load(folder / "esdf").hash == field.hash
-    assert run(capsys, "map", "edit", folder, "add", *shape)["hash"] == tried["hash"]
+    assert run(capsys, "map", "edit", "add", folder, *shape)["hash"] == tried["hash"]
 
 
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["edit", "MAP", "undo"], "nothing to undo"),
-        (["edit", "MAP", "drop", "attic"], "no edit is called"),
-        (["edit", "MAP", "add"], "give one shape"),
-        (["edit", "MAP", "add", "--sphere", "0,0,1,1", "--box", "0,0,0,1,1,1"], "give one shape"),
-        (["edit", "MAP", "add", "--sphere", "0,0,1"], "not 4 finite numbers"),
-        (["edit", "MAP", "add", "--sphere", "0,0,nan,1"], "not 4 finite numbers"),
-        (["edit", "MAP", "add", "--sphere", "0,0,1,-1"], "positive"),
-        (["edit", "MAP", "add", "--sphere", "90,0,1,1"], "no voxel"),
-        (["edit", "MAP", "add", "--prism", "0,1,0,0,1,1,2"], "takes ZLOW"),
-        (["edit", "MAP", "add", "--stroke", "1,2,3"], "takes RADIUS"),
+        (["edit", "undo", "MAP"], "nothing to undo"),
+        (["edit", "drop", "MAP", "attic"], "no edit is called"),
+        (["edit", "add", "MAP"], "give one shape"),
+        (["edit", "add", "MAP", "--sphere", "0,0,1,1", "--box", "0,0,0,1,1,1"], "give one shape"),
+        (["edit", "add", "MAP", "--sphere", "0,0,1"], "not 4 finite numbers"),
+        (["edit", "add", "MAP", "--sphere", "0,0,nan,1"], "not 4 finite numbers"),
+        (["edit", "add", "MAP", "--sphere", "0,0,1,-1"], "positive"),
+        (["edit", "add", "MAP", "--sphere", "90,0,1,1"], "no voxel"),
+        (["edit", "add", "MAP", "--prism", "0,1,0,0,1,1,2"], "takes ZLOW"),
+        (["edit", "add", "MAP", "--stroke", "1,2,3"], "takes RADIUS"),
         (["show-esdf", "MAP", "--slice", "z=1"], "--out"),
         (["show-esdf", "MAP", "--out", "OUT", "--slice", "w=1"], "x=, y= or z="),
         (["show-esdf", "MAP", "--out", "OUT", "--slice", "z=9"], "outside of it"),
@@ -135,7 +135,7 @@ def test_bad_input_is_refused_with_the_reason_and_changes_nothing(folder, field,
     assert not (folder / "esdf" / "edits.json").exists()
 
 
-@pytest.mark.parametrize("verb", [["show-esdf"], ["edit"], *[["edit", "MAP", v] for v in ("add", "no-fly", "undo")]])
+@pytest.mark.parametrize("verb", [["show-esdf"], ["edit"], *[["edit", v] for v in ("add", "no-fly", "undo")]])
 def test_the_help_of_every_sub_verb_has_lines_to_paste(capsys, verb):
     goshawk.main(["map", *verb, "--help"], prog_name="goshawk", standalone_mode=False)
     assert capsys.readouterr().out.split("Options:")[0].count("\n  goshawk map ") >= 2
@@ -149,7 +149,7 @@ def test_an_edit_that_the_ground_station_made_meanwhile_is_not_written_over(caps
     theirs = esdf.Edit("no-fly", esdf.solids.Sphere((0.0, 0.0, 1.0), 0.2), "stairs")
     monkeypatch.setattr(edit, "difference", at_the_same_time)
     with pytest.raises(InputError, match=r"changed .* meanwhile; nothing was written"):
-        run(capsys, "map", "edit", folder, "add", "--sphere", "1,0,1,0.2")
+        run(capsys, "map", "edit", "add", folder, "--sphere", "1,0,1,0.2")
     assert esdf.load_edits(folder / "esdf" / "edits.json") == (theirs,)
 
 
@@ -160,13 +160,14 @@ def test_a_run_that_is_to_stop_says_so_as_json_too(capsys, tmp_path):
         cv2.imwrite(str(tmp_path / "images" / f"{k}.png"), rng.integers(0, 255, (120, 160), dtype=np.uint8))
     rigs.save(tmp_path / "c.toml", rigs.Rig((rigs.forward_camera("PINHOLE", 160, 120, [100, 100, 80, 60]),)))
     given = (tmp_path / "images", "--camera", tmp_path / "c.toml", "--length", 1, "--out", tmp_path / "map")
-    assert run(capsys, "map", *given, "--until", "check") == {"stopped_after": "check"}
+    assert run(capsys, "map", "build", *given, "--until-stage", "check") == {"stopped_after": "check"}
 
 
 def test_a_video_is_to_be_checked_by_its_frames(tmp_path):
     rigs.save(tmp_path / "c.toml", rigs.Rig((rigs.forward_camera("PINHOLE", 160, 120, [100, 100, 80, 60]),)))
     (tmp_path / "walk.mp4").write_bytes(b"")
-    with pytest.raises(InputError, match=r"--until frames, then check the folder MAP\.work/frames"):
+    with pytest.raises(InputError, match=r"--until-stage frames, then check the folder MAP\.work/frames"):
         goshawk.main(
-            ["map", str(tmp_path / "walk.mp4"), "--camera", str(tmp_path / "c.toml"), "--check"], standalone_mode=False
+            ["map", "check", str(tmp_path / "walk.mp4"), "--camera", str(tmp_path / "c.toml")],
+            standalone_mode=False,
         )

@@ -1,4 +1,4 @@
-"""`goshawk plan --batch --scheduler`: a Dask cluster whose parts fail."""
+"""`goshawk plan batch --scheduler`: a Dask cluster whose parts fail."""
 
 import contextlib
 import json
@@ -49,7 +49,7 @@ def ask(folder: Path, *names: str) -> None:
 
 def call(folder: Path, out: str, *options: object) -> tuple[object, ...]:
     where = ("--map", folder / "map", "--vehicle", folder / "vehicle.toml", "--out", folder / out)
-    return ("plan", "--batch", folder / "missions", *where, *options)
+    return ("plan", "batch", folder / "missions", *where, *options)
 
 
 def results(folder: Path, out: str) -> list[dict]:
@@ -89,7 +89,7 @@ def test_a_cluster_plans_what_one_process_plans(folder, monkeypatch):
     with cluster(folder / "dask") as made:
         monkeypatch.chdir(folder)  # workers are elsewhere: relative paths are this process's
         relative = ("--map", "map", "--vehicle", "vehicle.toml", "--out", "out", "--scheduler", made.address)
-        got = goshawk("plan", "--batch", "missions", *relative)
+        got = goshawk("plan", "batch", "missions", *relative)
     assert got.returncode == 0, got.stderr
     assert results(folder, "out") == by_one_process(folder)
     assert trajectories(folder, "out") == trajectories(folder, "one")

@@ -153,7 +153,7 @@ def test_the_path_stays_within_the_tube_round_a_recorded_walk(folder, tmp_path):
         (("--yaw", "fixed"), "needs --heading"),
         (("--yaw", "smooth", "--heading", "10"), "contradict"),
         (("--heading", "10", "--look-at", "1", "2", "3"), "contradict"),
-        (("--batch", "x"), "give either WAYPOINTS or --path or --batch"),
+        (("--path", "x"), "give either WAYPOINTS or --path"),
     ],
 )
 def test_options_that_contradict_each_other_are_wrong_usage(folder, options, words):
@@ -163,7 +163,7 @@ def test_options_that_contradict_each_other_are_wrong_usage(folder, options, wor
 
 
 def test_a_batch_plans_what_can_be_flown_and_says_why_the_rest_cannot(folder, tmp_path):
-    ended = goshawk("plan", "--batch", folder / "missions", *world(folder), "--out", tmp_path / "out", "--json")
+    ended = goshawk("plan", "batch", folder / "missions", *world(folder), "--out", tmp_path / "out", "--json")
     assert ended.returncode == 1
     where = tmp_path / "out" / "results.json"
     assert f"goshawk: 2 of 4 missions have no plan; {where} gives the reason of each" in ended.stderr.splitlines()[-1]
@@ -187,17 +187,17 @@ def test_a_batch_goes_on_where_it_was_broken_off(folder, tmp_path, monkeypatch):
         return real(path, job)
 
     monkeypatch.setattr(batch, "plan_one", broken_off)
-    assert goshawk("plan", "--batch", folder / "missions", *world(folder), "--out", out).returncode == 130
+    assert goshawk("plan", "batch", folder / "missions", *world(folder), "--out", out).returncode == 130
     assert [row["name"] for row in json.loads((out / "results.json").read_text())["missions"]] == ["a"]
     with open(out / batch.JOURNAL, "a") as journal:
         journal.write('{"name": "b", "sta')  # and a crash in the middle of a line
     planned.append("")
-    run("--batch", folder / "missions", *world(folder), "--out", out, code=1)
+    run("batch", folder / "missions", *world(folder), "--out", out, code=1)
     assert planned == ["a", "", "b", "inside", "torn"]
-    answer = run("--batch", folder / "missions", *world(folder), "--out", out, code=1)
+    answer = run("batch", folder / "missions", *world(folder), "--out", out, code=1)
     assert len(answer["missions"]) == 4
     assert len(planned) == 5  # nothing is planned twice
-    ended = goshawk("plan", "--batch", folder / "missions", *world(folder), "--out", out, "--margin", 0.1)
+    ended = goshawk("plan", "batch", folder / "missions", *world(folder), "--out", out, "--margin", 0.1)
     assert ended.returncode == 2
     assert "results of other inputs" in ended.stderr
 
@@ -221,7 +221,7 @@ def test_a_process_that_dies_is_one_missions_failure(folder, tmp_path):
 def test_a_batch_does_not_take_a_changed_trajectory_for_its_own(folder, tmp_path):
     (tmp_path / "in").mkdir()
     os.symlink(folder / "missions" / "a.json", tmp_path / "in" / "a.json")
-    call = ("--batch", tmp_path / "in", *world(folder), "--out", tmp_path / "out")
+    call = ("batch", tmp_path / "in", *world(folder), "--out", tmp_path / "out")
     first = run(*call)
     path = batch.trajectory_path(tmp_path / "out", "a")
     document = json.loads(path.read_text())
@@ -258,7 +258,7 @@ def test_a_damaged_line_of_the_journal_is_passed_over(folder, tmp_path, line):
 
 
 def test_two_batches_do_not_write_to_one_folder(folder, tmp_path):
-    call = ("--batch", folder / "missions", *world(folder), "--out", tmp_path)
+    call = ("batch", folder / "missions", *world(folder), "--out", tmp_path)
     with open(tmp_path / batch.JOURNAL, "a") as other:
         fcntl.flock(other, fcntl.LOCK_EX)
         ended = goshawk("plan", *call)
@@ -269,7 +269,7 @@ def test_two_batches_do_not_write_to_one_folder(folder, tmp_path):
 def test_a_mission_that_changes_between_runs_or_during_one_is_noticed(folder, tmp_path, monkeypatch):
     file, out, real = tmp_path / "in" / "a.json", tmp_path / "out", batch.plan_one
     file.parent.mkdir()
-    call = ("--batch", file.parent, *world(folder), "--out", out)
+    call = ("batch", file.parent, *world(folder), "--out", out)
 
     def changed_meanwhile(path, job):
         row = real(path, job)
@@ -372,7 +372,7 @@ def test_a_thinner_obstacle_asked_for_is_refused_where_nothing_resolves_it_and_w
 def test_a_batch_tells_what_could_hide_near_each_plan(patchy, tmp_path):
     (tmp_path / "missions").mkdir()
     shutil.copy(patchy / "across.json", tmp_path / "missions")
-    call = ("--batch", tmp_path / "missions", *world(patchy))
+    call = ("batch", tmp_path / "missions", *world(patchy))
     row = run(*call, "--out", tmp_path / "plain")["missions"][0]
     assert row["could_hide_m"] == pytest.approx(0.08)
     row = run(*call, "--out", tmp_path / "careful", "--thinnest", 0.03)["missions"][0]

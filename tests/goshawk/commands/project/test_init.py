@@ -28,7 +28,7 @@ def test_parts_are_copied_in_and_the_originals_stay(tmp_path):
     vehicle.save(tmp_path / "v.toml", vehicle.example())
     made_map(tmp_path / "m")
     run("init", tmp_path / "room", "--vehicle", tmp_path / "v.toml", "--map", tmp_path / "m",
-        "--flights", log(tmp_path / "a.parquet"), "--flights", log(tmp_path / "b.parquet"))  # fmt: skip
+        log(tmp_path / "a.parquet"), log(tmp_path / "b.parquet"))  # fmt: skip
     opened = project.open_project(tmp_path / "room")
     assert vehicle.load(opened.vehicle).name == "rigter2019"
     assert (opened.map / "map.toml").read_bytes() == (tmp_path / "m" / "map.toml").read_bytes()
@@ -41,8 +41,8 @@ def test_nothing_in_a_project_is_replaced(tmp_path):
     arguments = ("--vehicle", tmp_path / "v.toml")
     run("init", tmp_path / "room", *arguments)
     assert "exists and is kept" in run("init", tmp_path / "room", *arguments, code=2)
-    run("init", tmp_path / "room", "--flights", log(tmp_path / "a.parquet"))
-    assert "exists and is kept" in run("init", tmp_path / "room", "--flights", tmp_path / "a.parquet", code=2)
+    run("init", tmp_path / "room", log(tmp_path / "a.parquet"))
+    assert "exists and is kept" in run("init", tmp_path / "room", tmp_path / "a.parquet", code=2)
 
 
 def test_a_vehicle_brings_its_history_along(tmp_path):
@@ -57,19 +57,19 @@ def test_a_folder_or_file_that_is_no_map_vehicle_or_log_is_refused(tmp_path):
     (tmp_path / "v.toml").write_text("format = 'goshawk-camera'\nversion = 1\n")
     assert "goshawk-vehicle" in run("init", tmp_path / "room", "--vehicle", tmp_path / "v.toml", code=2)
     assert "is not a map" in run("init", tmp_path / "room", "--map", tmp_path, code=2)
-    assert "does not exist" in run("init", tmp_path / "new", "--flights", tmp_path / "none.ulg", code=2)
+    assert "does not exist" in run("init", tmp_path / "new", tmp_path / "none.ulg", code=2)
     assert not (tmp_path / "new").exists()
     assert "is a file" in run("init", tmp_path / "v.toml", code=2)
 
 
 def test_a_part_that_is_refused_leaves_nothing_new(tmp_path):
     vehicle.save(tmp_path / "v.toml", vehicle.example())
-    good = ("--vehicle", tmp_path / "v.toml", "--flights", log(tmp_path / "a.parquet"))
+    good = ("--vehicle", tmp_path / "v.toml", log(tmp_path / "a.parquet"))
     (tmp_path / "b.parquet").write_bytes(b"PAR1")
     bad = ("--map", tmp_path)
     run("init", tmp_path / "new" / "room", *good, *bad, code=2)
     assert not (tmp_path / "new").exists()
-    run("init", tmp_path / "room", "--flights", tmp_path / "b.parquet", code=2)
+    run("init", tmp_path / "room", tmp_path / "b.parquet", code=2)
     assert not (tmp_path / "room").exists()
     run("init", tmp_path / "room")
     before = sorted((tmp_path / "room").rglob("*"))

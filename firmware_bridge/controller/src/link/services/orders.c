@@ -8,8 +8,8 @@ typedef struct {
     uint32_t trajectory_id, crc32; /* for START */
 } link_order;
 
-#define LEAST_STATE_RATE_HZ 0.1f
-#define LARGEST_STATE_RATE_HZ 1000.0f
+static const float LEAST_STATE_RATE_HZ = 0.1f;      /* less is never */
+static const float LARGEST_STATE_RATE_HZ = 1000.0f; /* as many as the ticks of a fast control task */
 
 static uint8_t set_state_rate(tc_link* link, float rate_hz) {
     if (!(rate_hz >= 0.0f && rate_hz <= LARGEST_STATE_RATE_HZ)) {

@@ -3,7 +3,7 @@
 
 #include "services.h"
 
-#define MAV_PARAM_TYPE_REAL32 9u
+enum { MAV_PARAM_TYPE_REAL32 = 9 }; /* MAV_PARAM_TYPE */
 
 static unsigned group_count(void) { return (tc_parameters_count() + TC_LINK_GROUP - 1u) / TC_LINK_GROUP; }
 

@@ -5,29 +5,25 @@
 #include "../../base/maths.h"
 #include "services.h"
 
-/* MAV_SYS_STATUS_SENSOR */
-#define SENSOR_GYRO 0x1u
-#define SENSOR_ACCELEROMETER 0x2u
-#define SENSOR_POSITION 0x80u /* by vision: what stations read as "there is a local position" */
-#define SENSOR_ATTITUDE 0x200000u
-#define SENSOR_BATTERY 0x2000000u
-#define SENSOR_ARMING_CHECK 0x10000000u
+/* MAV_SYS_STATUS_SENSOR, bits */
+static const uint32_t SENSOR_GYRO = 0x1u;
+static const uint32_t SENSOR_ACCELEROMETER = 0x2u;
+static const uint32_t SENSOR_POSITION = 0x80u; /* by vision: what stations read as "there is a local position" */
+static const uint32_t SENSOR_ATTITUDE = 0x200000u;
+static const uint32_t SENSOR_BATTERY = 0x2000000u;
+static const uint32_t SENSOR_ARMING_CHECK = 0x10000000u;
 
 enum { LANDED_UNKNOWN = 0, LANDED_ON_GROUND = 1, LANDED_IN_AIR = 2, LANDED_TAKING_OFF = 3, LANDED_LANDING = 4 };
 
-#define AUTOPILOT_GENERIC 0u /* MAV_AUTOPILOT */
-#define AUTOPILOT_PX4 12u
-#define TYPE_QUADROTOR 2u
-#define MODE_CUSTOM 1u /* MAV_MODE_FLAG */
-#define MODE_GUIDED 8u
-#define MODE_ARMED 128u
-#define STATE_STANDBY 3u /* MAV_STATE */
-#define STATE_ACTIVE 4u
-#define STATE_EMERGENCY 6u
-#define CAPABILITIES (2u + 8u + 2048u + 8192u) /* float parameters, COMMAND_INT, termination, MAVLink 2 */
-#define SOFTWARE_VERSION 0x00010000u
-#define MAVLINK_2 200u
-#define MOST_BATTERY_V 65.0f
+enum { AUTOPILOT_GENERIC = 0, AUTOPILOT_PX4 = 12 }; /* MAV_AUTOPILOT */
+enum { TYPE_QUADROTOR = 2 };                        /* MAV_TYPE */
+static const uint32_t MODE_GUIDED = 8u;
+static const uint32_t MODE_ARMED = 128u;
+enum { STATE_STANDBY = 3, STATE_ACTIVE = 4, STATE_EMERGENCY = 6 }; /* MAV_STATE */
+/* float parameters, COMMAND_INT, termination, MAVLink 2 */
+static const uint32_t CAPABILITIES = 2u + 8u + 2048u + 8192u;
+static const uint32_t SOFTWARE_VERSION = 0x00010000u; /* 0.1.0, a byte each, as MAVLink packs it */
+static const uint16_t MAVLINK_2 = 200u;               /* as PROTOCOL_VERSION states version 2.00 */
 
 /* -- identity --------------------------------------------------------------------------------------------------- */
 
@@ -96,7 +92,7 @@ link_encoded link_encode_sys_status(tc_link* link, uint8_t* payload) {
     const unsigned faults = t->estimate_faults;
     uint32_t present = SENSOR_GYRO | SENSOR_POSITION | SENSOR_ATTITUDE | SENSOR_ARMING_CHECK;
     uint32_t health = 0;
-    sys_status_msg m = {.voltage_battery = UINT16_MAX, .current_battery = -1, .battery_remaining = -1};
+    sys_status_msg m = {.voltage_battery = link_battery_mv(link), .current_battery = -1, .battery_remaining = -1};
     if ((faults & (unsigned)(TC_FAULT_RATE_STALE | TC_FAULT_RATE_UNUSABLE)) == 0u) {
         health |= SENSOR_GYRO;
     }
@@ -110,10 +106,9 @@ link_encoded link_encode_sys_status(tc_link* link, uint8_t* payload) {
         present |= SENSOR_ACCELEROMETER;
         health |= SENSOR_ACCELEROMETER;
     }
-    if (e->battery_v > 0.0f && e->battery_v < MOST_BATTERY_V) {
+    if (m.voltage_battery != UINT16_MAX) {
         present |= SENSOR_BATTERY;
         health |= (t->warnings & (unsigned)TC_WARNING_BATTERY) == 0u ? SENSOR_BATTERY : 0u;
-        m.voltage_battery = (uint16_t)(e->battery_v * 1000.0f);
     }
     if (t->ticks == 0u) {
         health = 0u; /* nothing was ever received from the estimator */

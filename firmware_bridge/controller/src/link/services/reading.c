@@ -3,7 +3,7 @@
 
 #include "services.h"
 
-#define PIECES (8u * TC_LINK_WANTED)
+enum { PIECES = 8 * TC_LINK_WANTED }; /* in one request */
 
 /* Notes a request for pieces, or, when it asks for none, for what describes the whole. The newest request counts. */
 static void request(tc_link* link, const uint8_t wanted[TC_LINK_WANTED], uint32_t first, link_out pieces,

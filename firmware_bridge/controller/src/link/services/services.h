@@ -56,6 +56,7 @@ link_encoded link_encode_home(tc_link* link, uint8_t* payload);
 link_encoded link_encode_attitude(tc_link* link, uint8_t* payload);
 link_encoded link_encode_position(tc_link* link, uint8_t* payload);
 link_encoded link_encode_rotors(tc_link* link, uint8_t* payload);
+uint16_t link_battery_mv(const tc_link* link); /* UINT16_MAX where it is not known */
 link_encoded link_encode_battery(tc_link* link, uint8_t* payload);
 link_encoded link_encode_odometry(tc_link* link, uint8_t* payload);
 
@@ -93,6 +94,7 @@ link_encoded link_encode_parameter(tc_link* link, uint8_t* payload);
 void link_receive_parameter_set(tc_link* link, const link_message* message);
 link_encoded link_encode_parameter_set(tc_link* link, uint8_t* payload);
 
+static const uint32_t MODE_CUSTOM = 1u; /* MAV_MODE_FLAG: the mode is the autopilot's own, as follows */
 /* PX4's modes, as heartbeats carry them and as stations ask for them: main mode in byte 2, sub mode in byte 3. */
 enum { PX4_MANUAL = 1, PX4_AUTO = 4 };
 enum { AUTO_TAKE_OFF = 2, AUTO_HOLD = 3, AUTO_MISSION = 4, AUTO_LAND = 6 };

@@ -1,9 +1,7 @@
 /* Requests for control, challenges, time. */
 #include "services.h"
 
-#define LEASE_GIVE_BACK 0u /* the actions of a GOSHAWK_LEASE_REQUEST */
-#define LEASE_TAKE 1u
-#define LEASE_TAKE_OVER 2u
+enum { LEASE_GIVE_BACK = 0, LEASE_TAKE = 1, LEASE_TAKE_OVER = 2 }; /* the actions of a GOSHAWK_LEASE_REQUEST */
 
 /* Whatever is asked, the answer names the station in control. */
 void link_receive_lease_request(tc_link* link, const link_message* message) {

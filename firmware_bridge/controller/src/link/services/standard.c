@@ -30,16 +30,13 @@ enum { RESULT_ACCEPTED = 0, RESULT_TEMPORARILY_REJECTED = 1, RESULT_DENIED = 2, 
 /* MAV_FRAME whose third coordinate is a height upwards */
 enum { FRAME_GLOBAL = 0, FRAME_GLOBAL_RELATIVE = 3, FRAME_GLOBAL_INT = 5, FRAME_GLOBAL_RELATIVE_INT = 6 };
 
-#define MODE_CUSTOM 1u /* MAV_MODE_FLAG */
-#define MISSION_UNSUPPORTED 3u
-#define MISSION_TYPES 3u   /* mission, fence, rally points */
-#define FORCED 21196.0f    /* second parameter of CMD_ARM_DISARM */
-#define REPEAT_US 3000000u /* stations repeat a command that was not acknowledged for about 2 s */
-#define ARM_WITHIN_US 5000000u
-#define LOWEST_TAKE_OFF_M 0.1f
-#define HIGHEST_TAKE_OFF_M 50.0f
-#define SHORTEST_INTERVAL_US 5000.0f
-#define LONGEST_INTERVAL_US 60e6f
+enum { MISSION_UNSUPPORTED = 3 };               /* MAV_MISSION_RESULT */
+enum { MISSION_TYPES = 3 };                     /* mission, fence, rally points */
+static const float FORCED = 21196.0f;           /* second parameter of CMD_ARM_DISARM */
+static const uint32_t REPEAT_US = 3000000u;     /* stations repeat a command that was not acknowledged for about 2 s */
+static const uint32_t ARM_WITHIN_US = 5000000u; /* of a take-off that was asked for before arming */
+static const float SHORTEST_INTERVAL_US = 5000.0f; /* 200 Hz */
+static const float LONGEST_INTERVAL_US = 60e6f;    /* a minute */
 
 /* A COMMAND_LONG or COMMAND_INT. */
 typedef struct {
@@ -62,7 +59,7 @@ static void forget_take_off(tc_link* link) { link->standard.take_off.waits = fal
    remembers it, and takes off when the same station arms it within ARM_WITHIN_US. */
 static uint8_t take_off(tc_link* link, tc_link_station from, float height_m) {
     const float asked_m = isnan(height_m) ? TC_LINK_TAKE_OFF_M : height_m;
-    if (!(asked_m >= LOWEST_TAKE_OFF_M && asked_m <= HIGHEST_TAKE_OFF_M)) {
+    if (!(asked_m >= TC_LOWEST_TAKE_OFF_M && asked_m <= TC_HIGHEST_TAKE_OFF_M)) {
         return TC_OUT_OF_RANGE;
     }
     const bool disarmed = link->controller->mission.state == (uint8_t)TC_DISARMED;

@@ -5,11 +5,10 @@
 #include "../../base/maths.h"
 #include "services.h"
 
-#define FRAME_LOCAL_FRD 20u /* MAV_FRAME */
-#define FRAME_BODY_FRD 12u
-#define RPM_PER_RAD_S 9.5492966f
-#define BATTERY_LIPO 1u
-#define MOST_BATTERY_V 65.0f
+enum { FRAME_LOCAL_FRD = 20, FRAME_BODY_FRD = 12 }; /* MAV_FRAME */
+static const float RPM_PER_RAD_S = 9.5492966f;      /* 60 / (2 pi) */
+enum { BATTERY_LIPO = 1 };                          /* MAV_BATTERY_TYPE */
+static const float MOST_BATTERY_V = 65.0f;          /* that millivolts in 16 bits hold */
 
 /* World (z up) to NED, body (y left, z up) to FRD, and back: a half turn about x. */
 static void flip(const float in[3], float out[3]) {
@@ -63,7 +62,7 @@ void link_fill_state(const tc_link* link, goshawk_state_msg* m) {
     tc_copy4(m->q_world_body, e->q_world_body);
     tc_copy(m->rate_body_rad_s, e->rate_body_rad_s);
     tc_copy(m->specific_force_body_m_s2, e->specific_force_body_m_s2);
-    tc_copy4(m->rotor_speed_rad_s, link->measured.rotor_speed_rad_s);
+    tc_copy4(m->rotor_speed_rad_s, e->rotor_speed_rad_s);
     tc_copy4(m->rotor_speed_command_rad_s, t->rotor_speed_rad_s);
     tc_copy(m->setpoint_position_world_m, t->setpoint.position_world_m);
     tc_copy(m->setpoint_velocity_world_m_s, t->setpoint.velocity_world_m_s);
@@ -173,16 +172,20 @@ link_encoded link_encode_rotors(tc_link* link, uint8_t* payload) {
     const tc_telemetry* t = &link->controller->telemetry;
     esc_status_msg m = {.time_usec = t->time_us};
     for (unsigned i = 0; i < TC_ROTORS; i++) {
-        m.rpm[i] = (int32_t)(link->measured.rotor_speed_rad_s[i] * RPM_PER_RAD_S);
+        m.rpm[i] = (int32_t)(t->estimate.rotor_speed_rad_s[i] * RPM_PER_RAD_S);
         m.voltage[i] = t->estimate.battery_v;
     }
     esc_status_encode(&m, payload);
     return LINK_ENCODED;
 }
 
+uint16_t link_battery_mv(const tc_link* link) {
+    const float battery_v = link->controller->telemetry.estimate.battery_v;
+    return battery_v > 0.0f && battery_v < MOST_BATTERY_V ? (uint16_t)(battery_v * 1000.0f) : UINT16_MAX;
+}
+
 /* Nothing but the voltage is known. */
 link_encoded link_encode_battery(tc_link* link, uint8_t* payload) {
-    const float battery_v = link->controller->telemetry.estimate.battery_v;
     battery_status_msg m = {.current_consumed = -1,
                             .energy_consumed = -1,
                             .temperature = INT16_MAX,
@@ -192,9 +195,7 @@ link_encoded link_encode_battery(tc_link* link, uint8_t* payload) {
     for (unsigned i = 0; i < sizeof m.voltages / sizeof m.voltages[0]; i++) {
         m.voltages[i] = UINT16_MAX;
     }
-    if (battery_v > 0.0f && battery_v < MOST_BATTERY_V) {
-        m.voltages[0] = (uint16_t)(battery_v * 1000.0f);
-    }
+    m.voltages[0] = link_battery_mv(link);
     battery_status_encode(&m, payload);
     return LINK_ENCODED;
 }

@@ -1,10 +1,8 @@
 /* Sentences for the pilot: what was refused, what has changed. */
 #include "services.h"
 
-#define SEVERITY_ERROR 3u /* MAV_SEVERITY */
-#define SEVERITY_WARNING 4u
-#define SEVERITY_INFO 6u
-#define TEXT_US 200000u /* least time between texts about limits and warnings */
+enum { SEVERITY_ERROR = 3, SEVERITY_WARNING = 4, SEVERITY_INFO = 6 }; /* MAV_SEVERITY */
+static const uint32_t TEXT_US = 200000u; /* least time between texts about limits and warnings */
 
 static const char* reason_text(uint8_t reason) {
     switch (reason) {

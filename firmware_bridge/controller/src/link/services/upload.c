@@ -3,10 +3,10 @@
 
 #include "services.h"
 
-#define STATUS_EVERY 8u         /* frames between two reports at the most */
-#define STATUS_GAP_US 3000u     /* and at most this long after a frame */
-#define STATUS_REPEAT_US 10000u /* while pieces are missing and the ground is busy sending */
-#define STATUS_BUSY_US 1000000u /* ... which it is until so long after its last frame */
+static const uint32_t STATUS_EVERY = 8u;         /* frames between two reports at the most */
+static const uint32_t STATUS_GAP_US = 3000u;     /* and at most this long after a frame */
+static const uint32_t STATUS_REPEAT_US = 10000u; /* while pieces are missing and the ground is busy sending */
+static const uint32_t STATUS_BUSY_US = 1000000u; /* ... which it is until so long after its last frame */
 
 _Static_assert(TC_MAX_SEGMENTS <= 8u * sizeof(((goshawk_trajectory_status_msg*)0)->bitmap), "the report's bitmap");
 

@@ -4,9 +4,9 @@
 #include "signing.h"
 #include "transport.h"
 
-#define MAGIC 0xFDu
-#define SIGNED_FLAG 0x01u
-#define CHECKSUM 2u
+static const uint8_t MAGIC = 0xFDu;       /* MAVLink 2 begins with it */
+static const uint8_t SIGNED_FLAG = 0x01u; /* of the incompatibility flags */
+enum { CHECKSUM = 2 };                    /* bytes */
 
 const goshawk_dialect_row* link_row(unsigned message) { return &goshawk_dialect()[message]; }
 

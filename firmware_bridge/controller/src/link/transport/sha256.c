@@ -3,8 +3,7 @@
 
 #include "goshawk_controller/link_codec.h"
 
-#define BLOCK 64u
-#define LENGTH_AT 56u /* where the length lies in the last block */
+enum { BLOCK = 64, LENGTH_AT = 56 }; /* bytes of a block, and where the length lies in the last one */
 
 /* Section 4.2.2. */
 static const uint32_t K[64] = {

@@ -3,8 +3,7 @@
 
 #include <string.h>
 
-#define STAMP 6u /* bytes */
-#define HASH 6u
+enum { STAMP = 6, HASH = 6 }; /* bytes */
 
 /* The bytes that sign a frame: over the key and everything up to and with link id and time stamp. */
 static void hash_frame(const tc_signing* signing, const uint8_t* frame, size_t n, uint8_t digest[32]) {

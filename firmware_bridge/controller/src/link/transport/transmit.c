@@ -1,7 +1,7 @@
 /* What is to be sent: what is pending, when the periodic messages are due, the byte rate. */
 #include "transport.h"
 
-#define BURST_US 20000 /* how much of the byte rate may be saved up */
+static const int32_t BURST_US = 20000; /* how much of the byte rate may be saved up */
 
 _Static_assert(LINK_OUT_COUNT <= 64, "bits of `pending`");
 

@@ -35,7 +35,7 @@ function Now() {
         <p>
           {welcome.value?.vehicle === false ? (
             <>
-              No vehicle was given. Start the station with <span class="option">--vehicle-url</span> to fly one.
+              No vehicle was given. Start the station with <span class="option">--url</span> to fly one.
             </>
           ) : (
             "The vehicle was not heard yet."

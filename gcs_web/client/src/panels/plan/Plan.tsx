@@ -62,7 +62,7 @@ export function Plan() {
   );
 }
 
-const NO_VEHICLE = "The station was started without a vehicle (--vehicle-url).";
+const NO_VEHICLE = "The station was started without a vehicle (--url).";
 
 function hasVehicle(): boolean {
   return welcome.value === null || welcome.value.vehicle;

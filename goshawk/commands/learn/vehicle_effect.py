@@ -1,0 +1,278 @@
+"""`goshawk vehicle effect`: add an effect to a vehicle model, remove one, make one; evaluate the change."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import click
+
+import vehicle
+from firmware_bridge import controller
+from flight import FormatError, InputError
+from goshawk.commands.learn import fit_options, kept, model_change
+from goshawk.commands.learn.flights import load
+from goshawk.terminal import console, outputs
+from goshawk.terminal.verbs import VerbGroup
+from sysid.estimator.validation import changes
+from sysid.estimator.validation.changes import Change, Flights
+from sysid.estimator.verdict import Use
+from vehicle import Vehicle, history
+
+vehicle_argument = click.argument("vehicle_file", metavar="VEHICLE", type=click.Path(path_type=Path))
+_flights = click.argument("flights", nargs=-1, type=click.Path(path_type=Path))
+_held_out = click.option(
+    "--held-out",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Held-out flight: used for evaluation only. Repeatable.",
+)
+
+
+def _flights_options(verb: Any) -> Any:
+    """What `add` and `remove` share."""
+    for option in (
+        console.common_options,
+        fit_options.anyway_option,
+        console.dry_run_option,
+        console.columns_option,
+        _held_out,
+        _flights,
+    ):
+        verb = option(verb)
+    return verb
+
+
+@click.group(cls=VerbGroup)
+def effect() -> None:
+    """Add an effect to a vehicle model, remove one, or make one of your own.
+
+    \b
+    goshawk vehicle effect add vehicle.toml rotor_drag_thrust a.parquet --held-out b.parquet
+    goshawk vehicle undo vehicle.toml
+    """
+
+
+@effect.command("add")
+@vehicle_argument
+@click.argument("name", metavar="EFFECT")
+@click.option("--set", "values", multiple=True, metavar="NAME=VALUE", help="Set this parameter of it. Repeatable.")
+@_flights_options
+def add(
+    vehicle_file: Path,
+    name: str,
+    values: tuple[str, ...],
+    flights: tuple[Path, ...],
+    held_out: tuple[Path, ...],
+    columns: Path | None,
+    dry_run: bool,
+    anyway: bool,
+    as_json: bool,
+) -> int:
+    """Add EFFECT, a name of the catalogue or a Python file of your own, to the model.
+
+    \b
+    goshawk vehicle effect add vehicle.toml rotor_drag_thrust --set drag_s_m=0.0175
+    goshawk vehicle effect add vehicle.toml rotor_drag_thrust a.parquet --held-out b.parquet
+    goshawk vehicle effect add vehicle.toml side_guard.py --set drag_kg_m=0.03
+
+    The whole model is refitted to FLIGHTS; with --held-out the errors on held-out flights are printed for the changed
+    model and for the present one fitted to the same flights. `goshawk vehicle undo` reverts the change.
+
+    A refit ends in a verdict as `goshawk identify` gives it: usable, doubtful, or do not use (exit code 1; the file is
+    then written only with --anyway).
+    """
+    present, given = vehicle.load(vehicle_file), dict(console.assignment(word) for word in values)
+    if name.endswith(".py"):
+        changed = present.with_effect_file(name, source="set by hand" if given else "assumed", **given)
+        name = next(iter(set(changed.effects) - set(present.effects)), Path(name).stem)
+    else:
+        name = vehicle.effects.find(name).name
+        changed = present.with_effect(name, source="set by hand" if given else "assumed", **given)
+    if name in present.effects:
+        raise InputError(f"{vehicle_file} has {name} already; remove it first, or refit with goshawk identify")
+    logs, writing = (flights, held_out, columns), (dry_run, anyway)
+    return _change(vehicle_file, present, changed, ("add-effect", name), logs, writing, as_json)
+
+
+@effect.command("remove")
+@vehicle_argument
+@click.argument("name", metavar="EFFECT")
+@_flights_options
+@console.yes_option
+def remove(
+    vehicle_file: Path,
+    name: str,
+    flights: tuple[Path, ...],
+    held_out: tuple[Path, ...],
+    columns: Path | None,
+    dry_run: bool,
+    anyway: bool,
+    yes: bool,
+    as_json: bool,
+) -> int:
+    """Remove EFFECT and its parameters from the model, after confirmation.
+
+    \b
+    goshawk vehicle effect remove vehicle.toml flapping_moment
+    goshawk vehicle effect remove vehicle.toml flapping_moment a.parquet --held-out b.parquet --yes
+
+    Refit and evaluation are as for `add`.
+    """
+    present = vehicle.load(vehicle_file)
+    changed = present.without_effect(name)
+    if not dry_run:
+        lost = {n: p for n, p in present.parameters.items() if n.startswith(name + ".")}
+        said = ", ".join(f"{n} = {p.value:.4g} {p.unit} ({p.source})" for n, p in lost.items())
+        console.confirm(f"remove {name} from {vehicle_file}, and with it {said}?", yes=yes, as_json=as_json)
+    logs, writing = (flights, held_out, columns), (dry_run, anyway)
+    return _change(vehicle_file, present, changed, ("remove-effect", name), logs, writing, as_json)
+
+
+@effect.command("scaffold")
+@vehicle_argument
+@_flights
+@console.path_option("--diagnosis", "diagnosis", "JSON of `goshawk diagnose --json` [default: kept with FLIGHTS].")
+@click.option("--name", required=True, help="Name: of the effect, in small letters, digits, _.")
+@console.path_option("--out", "out", "Python file to write.", required=True)
+@click.option(
+    "--form",
+    type=click.Choice(["spline", "polynomial"]),
+    default="spline",
+    show_default=True,
+    help="Function that is put through the curve.",
+)
+@outputs.overwrite_option
+@console.common_options
+def scaffold(
+    vehicle_file: Path,
+    flights: tuple[Path, ...],
+    diagnosis: Path | None,
+    name: str,
+    out: Path,
+    form: Literal["spline", "polynomial"],
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Turn the residual curve of the diagnosis of FLIGHTS, without a known effect, into an effect of your own.
+
+    \b
+    goshawk vehicle effect scaffold vehicle.toml a.parquet --name climb_twist --out climb_twist.py
+    goshawk vehicle effect add vehicle.toml climb_twist.py a.parquet --held-out b.parquet
+
+    The vehicle file is not changed; the last command does that, and reports whether the errors fell.
+    """
+    from sysid.diagnosis import curve
+
+    present, facts = vehicle.load(vehicle_file), _outside(flights, diagnosis)
+    if name in present.effects:
+        raise InputError(f"{vehicle_file} has an effect {name} already; choose another name")
+    outputs.check(out, overwrite=overwrite)
+    with outputs.file(out, overwrite=overwrite) as temporary:
+        curve.scaffold(facts, temporary, name=name, form=form)
+    told = {"effect": name, "channel": facts["channel"], "variable": facts["variable"], "form": form}
+    then = f"goshawk vehicle effect add {vehicle_file} {out} FLIGHT --held-out FLIGHT"
+    document = told | {"written": str(out.resolve()), "then": then}
+    console.show(f"{name}: {facts['channel']} against {facts['variable']}", document, as_json=as_json)
+
+
+def _outside(flights: tuple[Path, ...], diagnosis: Path | None) -> dict[str, Any]:
+    """The curve in a diagnosis: of a file, or the newest that is kept with the flights."""
+    if (diagnosis is None) == (not flights):
+        raise click.UsageError("give the FLIGHTS that were diagnosed, or --diagnosis FILE")
+    if diagnosis is None:
+        found = kept.newest("diagnosis", flights)
+        if found is None:
+            raise InputError(f"no diagnosis of {' '.join(map(str, flights))} is kept; run goshawk diagnose on them")
+        return _curve(found.document, "the diagnosis of these flights")
+    try:
+        document = json.loads(diagnosis.read_text())
+    except FileNotFoundError:
+        raise InputError(f"{diagnosis} does not exist; write it with goshawk diagnose --json") from None
+    except (ValueError, RecursionError) as error:
+        raise FormatError(f"{diagnosis} is not JSON: {error}") from error
+    if not isinstance(document, dict) or document.get("schema") != "goshawk-diagnosis":
+        raise FormatError(f"{diagnosis} is not a diagnosis of goshawk diagnose --json")
+    return _curve(document, str(diagnosis))
+
+
+def _curve(document: Mapping[str, Any], of: str) -> dict[str, Any]:
+    """Raises `InputError` where the diagnosis found none."""
+    if not isinstance(document.get("outside"), dict):
+        raise InputError(f"{of} has no residual curve: {document.get('verdict', 'nothing is outside the catalogue')}")
+    return document["outside"]
+
+
+def _change(
+    file: Path,
+    present: Vehicle,
+    changed: Vehicle,
+    what: tuple[str, str],
+    logs: tuple[tuple[Path, ...], tuple[Path, ...], Path | None],
+    writing: tuple[bool, bool],
+    as_json: bool,
+) -> int:
+    """Refit and evaluate if flights were given; write and report.
+
+    Args:
+        writing: show only, and write in spite of the verdict `do not use`.
+
+    Returns:
+        The exit code: 1 if the verdict on the refit is `do not use`.
+    """
+    dry_run, anyway = writing
+    training, held_out, columns = logs
+    with console.progress() as report:
+        flights = Flights({p: load(p, columns) for p in training}, {p: load(p, columns) for p in held_out})
+        change = Change(changed, {}, None, (), None)
+        if training:
+            change = changes.refitted(present, changed, flights, progress=report)
+        elif held_out:
+            change = changes.evaluated(present, changed, flights, progress=report)
+    usable = change.fit is None or change.fit.use is not Use.REJECTED
+    step = None
+    if not dry_run and (usable or anyway):
+        step = history.record(file, change.vehicle, what[0], effect=what[1], held_out=change.held_out)
+    _show_change(file, present, change, what, step, as_json)
+    return 0 if usable else 1
+
+
+def _show_change(
+    file: Path, present: Vehicle, change: Change, what: tuple[str, str], step: history.Step | None, as_json: bool
+) -> None:
+    helped = change.held_out.verdict if change.held_out else "not evaluated: no held-out flight was given"
+    facts: dict[str, Any] = {"vehicle": str(file), "action": what[0], "effect": what[1], "verdict": helped}
+    facts |= {"version": step.number if step else None}
+    cancelled, how = controller.compensations(change.vehicle).get(what[1], (None, ""))
+    if as_json:
+        document = facts | {"errors": change.errors, "changes": history.differences(present, change.vehicle)}
+        document |= {
+            "fit": change.fit.as_dict() if change.fit else None,
+            "findings": change.findings,
+            "compensated": cancelled,
+            "how": how,
+        }
+        console.show("", {}, as_json=True, document=document)
+        return
+    reasons = change.fit.reasons if change.fit else ()
+    if change.fit:
+        click.echo(f"verdict on the refit: {change.fit.use}")
+    for reason in reasons:
+        click.echo(f"  {reason}")
+    for line in history.differences(present, change.vehicle):
+        click.echo(line)
+    if change.errors:
+        rows = [
+            (model, *(model_change.prediction_error(q, errors[key]) for q, key in changes.KEYS.items()))
+            for model, errors in change.errors.items()
+        ]
+        heads = ("model", *changes.KEYS)
+        console.table(f"held-out error after {changes.HORIZON_S:g} s, rms", heads, rows)
+    for finding in (f for f in change.findings if f not in reasons):
+        click.echo(f"note: {finding}")
+    click.echo(f"{what[1]} {helped}" if change.held_out else helped)
+    if cancelled is not None:
+        click.echo(f"{'compensated' if cancelled else 'NOT compensated'} by the controller: {how}")
+    refused = change.fit is not None and change.fit.use is Use.REJECTED
+    unwritten = f"nothing was written{' (see --anyway)' if refused else ''}"
+    click.echo(f"written: {file}, version {step.number}" if step else unwritten)

@@ -1,0 +1,1 @@
+"""Lenses and rigs from the images themselves: a first guess, self-calibration, the calibration on trial."""

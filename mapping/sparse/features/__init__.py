@@ -1,0 +1,1 @@
+"""Features of images: found, kept on disk, matched, and where they repeat."""

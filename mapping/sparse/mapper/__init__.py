@@ -1,0 +1,1 @@
+"""Incremental mapping with COLMAP: pairs, growth, what disagrees, what has no place."""

@@ -1,0 +1,343 @@
+"""The steps that COLMAP runs: features, matches, incremental mapping. Runs in a child process only (see `child`)."""
+
+import json
+import logging
+import shutil
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flight import InputError, MapError, Progress
+from mapping import workers
+from mapping.camera.rig import Rig
+from mapping.input.images import ImageSet
+from mapping.sparse.features import features, matching, repetition
+from mapping.sparse.mapper import agreement, colmap_model, growth, pairing, rgbd
+from mapping.stages import Work
+
+logger = logging.getLogger(__name__)
+
+_MATCHES = "matching features"
+_MAPPING = "placing images"
+_REFINING = "refining"
+_DATABASE = "database.db"
+_SIGNATURES, _REPEATED, _BY_MOTION = "signatures.npz", "repeated.npy", "by_motion.json"
+_CHUNK = 100
+_LEAST_TRIALS = 30
+"""At least, to verify the matches of a pair; the confidence of .999 asks for more where fewer than nine tenths agree.
+COLMAP's own 100 take 1.6 times as long and find .01 % more."""
+
+_REPAIRS = 4
+
+_LEAST_IMAGES = 2
+_OUTLIER_PX = 3.0
+"""Observations with a larger reprojection error are dropped; 4 keeps moving leaves, 2 drops good ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class SparseOptions:
+    """How the sparse map is made."""
+
+    features: int = 1500
+    """Most features an image; more cost time in every later step."""
+    window: int = 5
+    """Each image is matched with this many later ones of the same camera."""
+    similar: int = 2
+    """And with this many of the most similar ones elsewhere: closes loops."""
+    seed: int = 1
+    """COLMAP's random number generator."""
+
+    def __post_init__(self) -> None:
+        for name, least in (("features", 100), ("window", 1), ("similar", 0)):
+            if getattr(self, name) < least:
+                raise InputError(f"{name} is {getattr(self, name)}; it must be at least {least}")
+
+
+FEATURES, MATCHES, POSES = "features", "matches", "poses"
+"""Stages whose results survive an interrupted work."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedImages:
+    """Where the finished stages of an image set are, and what they report."""
+
+    database: Path
+    """COLMAP's: features and verified matches."""
+    model: Path
+    """Folder of COLMAP's model, whose scale is metric only if a rig baseline gave it."""
+    repeated: float
+    """Upper quartile over the images of `repetition.share`."""
+    by_motion: list[int]
+    """Instants that recorded motion placed, as depth and features do not join them to the others."""
+    motion_notes: list[str]
+    """Why recorded motion placed none, or not all, of the images that needed it; depth images only."""
+    cpu_s: dict[str, float]
+    """CPU seconds of each step, all threads."""
+
+
+def place_images(images: ImageSet, options: SparseOptions, work: Work, *, progress: Progress) -> PlacedImages:
+    """Features, matches and poses of an image set; finished stages of `work` are not done again."""
+    watch = Stopwatch()
+    work = work.on(options)
+    extracted = work.stage(FEATURES, lambda folder: _features(folder, images, options, progress))
+    watch.lap("features")
+    work = work.on(pairing.near_in_space(images, options.window))
+    matched = work.stage(MATCHES, lambda folder: _matches(folder, extracted, images, options, progress))
+    watch.lap("matches")
+    database = matched / _DATABASE
+    repeated = float(np.percentile(np.load(extracted / _REPEATED), 75.0))
+    placing = work.on(placing_motion(images))
+    with repetition.explained(repeated):
+        placed = placing.stage(POSES, lambda folder: _placed(folder, database, images, options, progress))
+    watch.lap("placing")
+    motion = json.loads((placed / _BY_MOTION).read_text())
+    return PlacedImages(database, placed, repeated, **motion, cpu_s=watch.cpu_s)
+
+
+def placing_motion(images: ImageSet) -> list[object]:
+    """The recorded motion that places images: depth images need it where features fail, without depth none does."""
+    return images.motion_digests() if images.depths is not None else []
+
+
+def _features(folder: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
+    signatures, repeated = extract(folder / _DATABASE, images, options, progress)
+    np.savez(folder / _SIGNATURES, *signatures)
+    np.save(folder / _REPEATED, repeated)
+
+
+def _matches(folder: Path, extracted: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
+    shutil.copyfile(extracted / _DATABASE, folder / _DATABASE)
+    with np.load(extracted / _SIGNATURES, allow_pickle=False) as kept:
+        signatures = [kept[name] for name in kept.files]
+    match(folder / _DATABASE, images, signatures, options, progress)
+
+
+def _placed(folder: Path, database: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
+    """COLMAP's model, adjusted; with depth images the poses are those that the depth asks for."""
+    by_motion: dict[str, list[Any]] = {"by_motion": [], "motion_notes": []}
+    if images.depths is not None:
+        placed = rgbd.place(database, images, _mapping_options(options), progress)
+        model = placed.model
+        by_motion = {"by_motion": np.flatnonzero(placed.by_motion).tolist(), "motion_notes": placed.notes}
+    else:
+        model = place(database, images, options, progress)
+        refine(database, model, images.rig, options, progress)
+    model.write(folder)
+    (folder / _BY_MOTION).write_text(json.dumps(by_motion))
+
+
+class Stopwatch:
+    """CPU seconds between laps."""
+
+    def __init__(self) -> None:
+        self._last_s = time.process_time()
+        self.cpu_s: dict[str, float] = {}
+
+    def lap(self, name: str) -> None:
+        now_s = time.process_time()
+        self.cpu_s[name] = round(now_s - self._last_s, 2)
+        self._last_s = now_s
+
+
+def extract(
+    database: Path, images: ImageSet, options: SparseOptions, progress: Progress
+) -> tuple[list[np.ndarray], list[float]]:
+    """Write cameras, rig, instants and the features of all images to `database`.
+
+    Returns:
+        For each image the descriptors of its largest features, as unit vectors, for image retrieval; and its
+        `repetition.share`.
+    """
+    import pycolmap
+
+    signatures: list[np.ndarray] = []
+    repeated: list[float] = []
+    with pycolmap.Database.open(database) as opened, pycolmap.DatabaseTransaction(opened):
+        _write_rig(opened, images.rig)
+        instants = [pycolmap.Frame(rig_id=1) for _ in images.instants]
+        found = features.of_set(images, options.features, progress=progress)
+        for (instant, camera), image in zip(images.pairs(), found, strict=True):
+            name = images.relative(instant, camera)
+            row = pycolmap.Image(name=name, keypoints=np.zeros((0, 2)), camera_id=camera + 1)
+            image_id = opened.write_image(row)
+            columns = (image.pixels, image.size_px[:, None], image.angle_rad[:, None])
+            opened.write_keypoints(image_id, np.concatenate(columns, axis=1).astype(np.float32))
+            kind = pycolmap.FeatureExtractorType.SIFT
+            opened.write_descriptors(image_id, pycolmap.FeatureDescriptors(kind, image.descriptors))
+            sensor = pycolmap.sensor_t(pycolmap.SensorType.CAMERA, camera + 1)
+            instants[instant].add_data_id(pycolmap.data_t(sensor, image_id))
+            largest = np.argsort(-image.size_px, kind="stable")[: pairing.SIGNATURE_SIZE]
+            signatures.append(features.unit(image.descriptors[largest]))
+            repeated.append(repetition.share(image))
+        for frame in instants:
+            opened.write_frame(frame)
+    return signatures, repeated
+
+
+def _write_rig(opened: Any, rig: Rig) -> None:
+    import pycolmap
+
+    made = pycolmap.Rig(rig_id=1)
+    for index, (camera, pose) in enumerate(zip(rig, colmap_model.cam_from_rig(rig), strict=True)):
+        opened.write_camera(colmap_model.colmap_camera(camera, camera_id=index + 1), use_camera_id=True)
+        sensor = pycolmap.sensor_t(pycolmap.SensorType.CAMERA, index + 1)
+        if index == 0:
+            made.add_ref_sensor(sensor)
+        else:
+            made.add_sensor(sensor, pose)
+    opened.write_rig(made, use_rig_id=True)
+
+
+def match(
+    database: Path, images: ImageSet, signatures: list[np.ndarray], options: SparseOptions, progress: Progress
+) -> None:
+    """Match neighbours in time, the cameras of the rig with each other, and similar images anywhere."""
+    import pycolmap
+
+    progress(_MATCHES, 0.0)
+    near = pairing.near_in_space(images, options.window)
+    pairs = pairing.choose(images.pairs(), signatures, window=options.window, similar=options.similar, near=near)
+    verification = pycolmap.TwoViewGeometryOptions()
+    verification.ransac.random_seed = options.seed
+    verification.ransac.min_num_trials = _LEAST_TRIALS
+    listed = database.parent / "pairs.txt"
+    done = 0
+    for chunk in _chunks(pairs, _CHUNK):
+        names = [(images.relative(*a), images.relative(*b)) for a, b in chunk]
+        _write_matches(database, names)
+        listed.write_text("\n".join(f"{a} {b}" for a, b in names), encoding="utf-8")
+        pycolmap.verify_matches(database, listed, verification)
+        done += len(chunk)
+        progress(_MATCHES, done / len(pairs))
+
+
+def _write_matches(database: Path, names: list[tuple[str, str]]) -> None:
+    """Match the features of pairs of images, given by their names; the matches are still to be verified.
+
+    Pairs that were matched before keep their matches, which do not depend on the lens.
+    """
+    import pycolmap
+
+    with pycolmap.Database.open(database) as opened, pycolmap.DatabaseTransaction(opened):
+        ids = {row.name: row.image_id for row in opened.read_all_images()}
+        pairs = [(ids[a], ids[b]) for a, b in names if not opened.exists_matches(ids[a], ids[b])]
+        descriptors = {k: features.unit(opened.read_descriptors(k).data) for k in {k for pair in pairs for k in pair}}
+        found = workers.in_order(lambda pair: matching.match(descriptors[pair[0]], descriptors[pair[1]]), pairs)
+        for (a, b), matches in zip(pairs, found, strict=True):
+            opened.write_matches(a, b, matches.astype(np.uint32))
+
+
+def place(database: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> Any:
+    """Incremental mapping; returns COLMAP's largest model, without images that are in the wrong place.
+
+    The relative pose of the first two images is sometimes wrong. The others still get right poses relative to each
+    other, so the wrong images are removed and placed again, now in a correct map. So is what lies beyond a break.
+    """
+    model = _grow(database, images, options, None, progress)
+    for _ in range(_REPAIRS):
+        wrong = _wrong_instants(database, images, model)
+        if not wrong:
+            return model
+        logger.info("placing %d images again", len(wrong))
+        _take_out(model, wrong)
+        if model.num_reg_images() < _LEAST_IMAGES:
+            break
+        model = _grow(database, images, options, model, progress)
+    _take_out(model, _wrong_instants(database, images, model))
+    if model.num_reg_images() < _LEAST_IMAGES:
+        raise MapError(
+            "no map: the matches between the images contradict each other; check that the camera file is that of these "
+            "images"
+        )
+    return model
+
+
+def _grow(database: Path, images: ImageSet, options: SparseOptions, start: Any, progress: Progress) -> Any:
+    """Place all images that can be placed, from scratch or from a model.
+
+    Lenses stay fixed here: freed on two images of a forward-moving camera they diverge (a focal length of
+    138 px and k = 30 where 375 and 0.06 are right). `refine` frees them once all images constrain them.
+    """
+    placed = 0
+
+    def count() -> None:
+        nonlocal placed
+        placed += 1
+        progress(_MAPPING, min(placed / len(images.instants), 1.0))
+
+    progress(_MAPPING, 0.0)
+    growing = _mapping_options(options)
+    # nothing is adjusted to the end while more is to come: `refine` does that, with COLMAP's own limits
+    growing.ba_local_max_refinements, growing.ba_local_function_tolerance = 1, 1e-4
+    growing.ba_global_max_refinements, growing.ba_global_function_tolerance = 2, 1e-5
+    model = growth.largest_model(database, growing, start, count)
+    if model is None:
+        raise MapError(
+            "no map: no two of these images could be placed against each other; "
+            "they need texture, overlap and a camera that moves sideways or forward, not only turns"
+        )
+    return model
+
+
+def _wrong_instants(database: Path, images: ImageSet, model: Any) -> set[str]:
+    """Names of the instants whose matches disagree with the map, or with its largest part."""
+    T_world_body, _, rig = colmap_model.poses(model, images)
+    pairs = agreement.of_pairs(database, images, rig, T_world_body)
+    instants = np.flatnonzero((pairs.of_instants() < agreement.LEAST) | (pairs.part() > 0))
+    return {images.relative(i, c) for i, c in images.pairs() if i in instants}
+
+
+def _take_out(model: Any, names: set[str]) -> None:
+    """Remove instants and every point they saw: those points are the wrong copy of the scene."""
+    wrong = [model.image(k) for k in model.reg_image_ids() if model.image(k).name in names]
+    for point_id in {p.point3D_id for image in wrong for p in image.get_observation_points2D()}:
+        model.delete_point3D(point_id)
+    for frame_id in {image.frame_id for image in wrong}:
+        model.deregister_frame(frame_id)
+
+
+def _mapping_options(options: SparseOptions) -> Any:
+    import pycolmap
+
+    mapping = pycolmap.IncrementalPipelineOptions()
+    mapping.random_seed = options.seed
+    mapping.extract_colors = False
+    mapping.min_model_size = 3
+    mapping.ba_refine_focal_length = False
+    mapping.ba_refine_extra_params = False
+    mapping.ba_refine_principal_point = False
+    mapping.ba_refine_sensor_from_rig = False
+    mapping.mapper.abs_pose_max_error = 2.0 * _OUTLIER_PX
+    mapping.mapper.filter_max_reproj_error = _OUTLIER_PX
+    mapping.triangulation.merge_max_reproj_error = _OUTLIER_PX
+    mapping.triangulation.complete_max_reproj_error = _OUTLIER_PX
+    mapping.mapper.abs_pose_refine_focal_length = False
+    mapping.mapper.abs_pose_refine_extra_params = False
+    return mapping
+
+
+def refine(database: Path, model: Any, rig: Rig, options: SparseOptions, progress: Progress) -> None:
+    """Adjust everything together, lenses freed where asked; the rig and the principal points stay."""
+    import pycolmap
+
+    progress(_REFINING, 0.0)
+    mapping = _mapping_options(options)
+    mapping.ba_refine_focal_length = rig.refine_intrinsics
+    mapping.ba_refine_extra_params = rig.refine_intrinsics
+    with pycolmap.Database.open(database) as opened:
+        cache = pycolmap.DatabaseCache.create(opened, pycolmap.DatabaseCacheOptions())
+        mapper = pycolmap.IncrementalMapper(cache)
+        mapper.begin_reconstruction(model)
+        growth.adjust(mapper, mapping, normalize=False)
+        mapper.end_reconstruction(False)
+        if len(rig) > 1 and not pycolmap.align_reconstruction_to_orig_rig_scales(cache.rigs, model):
+            raise MapError(f"{_REFINING}: the distance between the cameras of the rig could not be restored")
+    progress(_REFINING, 1.0)
+
+
+def _chunks(items: list[Any], size: int) -> Iterable[list[Any]]:
+    return (items[start : start + size] for start in range(0, len(items), size))

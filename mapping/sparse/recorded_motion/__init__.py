@@ -1,0 +1,1 @@
+"""Recorded motion beside the poses of images: same flight, same time, where the camera sits."""

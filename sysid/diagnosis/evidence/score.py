@@ -1,0 +1,169 @@
+"""One question at a time, asked of the evidence: how much would these columns explain, and can it be chance?"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight.rotations import FloatArray
+from sysid.diagnosis.evidence.evidence import Blocks
+from sysid.estimator.flights.flight_data import IndexArray
+
+FOLDS = 8
+"""Blocks are dealt out to this many folds in turn for cross-validation."""
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """What a set of columns would change, were it added to the model."""
+
+    columns: IndexArray
+    """Which columns of the blocks were tested."""
+    size: FloatArray
+    """(q,) one-step estimates."""
+    covariance: FloatArray
+    """(q, q) that allows for errors correlated within a block and for slightly wrong forms."""
+    gain: float
+    """Predicted fall of half the sum of squares on these flights."""
+    gain_unseen: float
+    """The same on blocks that were left out of the estimate (cross-validation): falls below zero for chance."""
+    unseen_by_block: FloatArray
+    """(b,) its parts."""
+    significance: float
+    """Probability that chance alone would explain as much."""
+    dispersion: float
+    """By how much the sizes vary more than white noise would make them: true over plain variance, at least one."""
+
+    def first(self, count: int) -> "Score":
+        """The same, but sizes of the first columns alone."""
+        return replace(
+            self, columns=self.columns[:count], size=self.size[:count], covariance=self.covariance[:count, :count]
+        )
+
+    @property
+    def log_odds(self) -> float:
+        """What unseen blocks say for these columns, gusts allowed for."""
+        return self.gain_unseen / self.dispersion
+
+    @property
+    def sigma(self) -> FloatArray:
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+
+def score(blocks: Blocks, given: IndexArray, tested: IndexArray, one_sided: NDArray[np.bool_] | None = None) -> Score:
+    """Test columns on top of others that are in the model already and stay free.
+
+    Args:
+        one_sided: (q,) true where a size cannot be negative; such columns are dropped when they come out so.
+    """
+    kept = np.ones(len(tested), dtype=bool)
+    wide = np.zeros((len(tested), len(tested)))
+    while True:
+        columns = np.concatenate([given, tested[kept]])
+        part = blocks.only(columns)
+        step, covariance = _robust(part)
+        size = step[len(given) :]
+        wide[np.ix_(kept, kept)] = covariance[len(given) :, len(given) :]
+        wrong = np.zeros(kept.sum(), dtype=bool) if one_sided is None else one_sided[kept] & (size < 0.0)
+        if not wrong.any():
+            break
+        kept[np.flatnonzero(kept)[wrong]] = False
+        if not kept.any():
+            nothing = np.zeros(len(tested))
+            return Score(tested, nothing, wide, 0.0, 0.0, np.zeros(len(blocks.score)), 1.0, 1.0)
+    base = np.arange(len(given))
+    gain = _fall(part, step) - _fall(part.only(base), _solve(part.only(base)))
+    unseen = _cross_validated(part) - _cross_validated(part.only(base))
+    q = int(kept.sum())
+    covariance = covariance[len(given) :, len(given) :]
+    wald = float(size @ _pseudo(covariance) @ size) / q
+    freedom = max(len(blocks.score) - len(columns), 4)
+    full = np.zeros(len(tested))
+    full[kept] = size
+    plain = inverse_of(part.information.sum(axis=0))[len(given) :, len(given) :]
+    dispersion = max(1.0, float(np.trace(_pseudo(plain) @ covariance)) / q)
+    chance = _chance(q, freedom, wald)
+    return Score(tested, full, wide, gain, float(unseen.sum()), unseen, chance, dispersion)
+
+
+def _robust(blocks: Blocks) -> tuple[FloatArray, FloatArray]:
+    """Gauss-Newton step and its sandwich covariance, each block's score freed of its own pull (CR3 jackknife)."""
+    information = blocks.information.sum(axis=0)
+    inverse = inverse_of(information)
+    step = -inverse @ blocks.score.sum(axis=0)
+    left = blocks.score + blocks.information @ step
+    count, p = left.shape
+    freed = np.linalg.solve(np.eye(p) - blocks.information @ inverse + 1e-9 * np.eye(p), left[:, :, None])[:, :, 0]
+    return step, inverse @ (freed.T @ freed) @ inverse * ((count - 1) / count)
+
+
+def inverse_of(information: FloatArray) -> FloatArray:
+    """Inverse of an information matrix with rows of any size; directions without information are left out."""
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    inverse = np.where(values > 1e-9, 1.0 / np.maximum(values, 1e-9), 0.0)
+    return (vectors * inverse) @ vectors.T / np.outer(scale, scale)
+
+
+def _pseudo(covariance: FloatArray) -> FloatArray:
+    """Pseudo-inverse of a covariance with rows of any size."""
+    std = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    return np.linalg.pinv(covariance / np.outer(std, std), hermitian=True) / np.outer(std, std)
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """What would be lost if parts of the model were taken out again."""
+
+    gain: float
+    """Rise of half the sum of squares."""
+    significance: float
+    """Probability that chance alone would make them as needed."""
+
+
+def loss_without(blocks: Blocks, kept: IndexArray, dropped: IndexArray, values: FloatArray) -> Loss:
+    """Set parameters that stand at `values` to zero, all the others in `kept` at their best before and after."""
+    part = blocks.only(np.concatenate([kept, dropped]))
+    step, covariance = _robust(part)
+    q = len(dropped)
+    rest = blocks.only(kept)
+    cross = part.information[:, :-q, -q:]
+    forced = Blocks(rest.score - np.einsum("bij,j->bi", cross, values), rest.information)
+    without = np.concatenate([_solve(forced), -values])
+    size, wide = values + step[-q:], covariance[-q:, -q:]
+    wald = float(size @ _pseudo(wide) @ size) / q
+    freedom = max(len(blocks.score) - part.score.shape[1], 4)
+    return Loss(_fall(part, step) - _fall(part, without), _chance(q, freedom, wald))
+
+
+def _chance(q: int, freedom: int, wald: float) -> float:
+    """Probability that a Wald statistic of `q` parameters comes out so large by chance."""
+    from scipy.special import fdtrc
+
+    return float(fdtrc(q, freedom, max(wald, 0.0)))
+
+
+def _solve(blocks: Blocks) -> FloatArray:
+    return -inverse_of(blocks.information.sum(axis=0)) @ blocks.score.sum(axis=0)
+
+
+def _fall(blocks: Blocks, step: FloatArray) -> float:
+    """How much the cost falls by a step, over all blocks."""
+    return float(fall_by_block(blocks, step).sum())
+
+
+def fall_by_block(blocks: Blocks, step: FloatArray) -> FloatArray:
+    """(b,) how much each block's cost falls by a step."""
+    return -(blocks.score @ step) - 0.5 * np.einsum("i,bij,j->b", step, blocks.information, step)
+
+
+def _cross_validated(blocks: Blocks) -> FloatArray:
+    """(b,) fall of each block's cost by the step that the other folds call for."""
+    fold = np.arange(len(blocks.score)) % FOLDS
+    score, information = blocks.score.sum(axis=0), blocks.information.sum(axis=0)
+    fall = np.zeros(len(blocks.score))
+    for k in np.unique(fold):
+        own = fold == k
+        out = inverse_of(information - blocks.information[own].sum(axis=0)) @ (score - blocks.score[own].sum(axis=0))
+        fall[own] = fall_by_block(Blocks(blocks.score[own], blocks.information[own]), -out)
+    return fall

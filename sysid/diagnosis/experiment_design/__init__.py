@@ -1,0 +1,1 @@
+"""Which flight to fly next, rehearsed in simulation."""

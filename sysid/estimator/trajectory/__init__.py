@@ -1,0 +1,1 @@
+"""The states of a flight, and the vehicle's acceleration along them."""

@@ -1,0 +1,1 @@
+"""How sure the estimates are: standard errors, what was held, whether flights agree."""

@@ -1,0 +1,1 @@
+"""Each check of a log: clocks, axes, units, rotor order, contact."""

@@ -1,0 +1,336 @@
+"""Which column of rotor speed is which rotor, and which way does each turn? From the torque that each column makes.
+
+Roll and pitch come from thrust times arm; yaw from the rotors' drag torque and from the reaction to their acceleration
+(k: thrust coefficient; x_i, y_i: hub; k_m: torque coefficient; s_i: spin; J: a rotor's moment of inertia):
+
+    I_xx dw_x/dt =  sum k y_i n_i^2
+    I_yy dw_y/dt = -sum k x_i n_i^2
+    I_zz dw_z/dt = -sum s_i (k_m n_i^2 + J dn_i/dt) + (I_xx - I_yy) w_x w_y
+
+The last term (Euler's equations), large in loops and rolls, is fitted along: rotors that counteract it would show yaw
+with the opposite sign.
+
+Angular acceleration is regressed on the squares of all four columns, in a band in which rotors cause the turning and do
+not respond to it. Each order, and each balanced set of spins, predicts the pattern of the gains. Scales (inertias,
+coefficients) are free but positive, so that place and sign alone decide. A decision needs 5 standard errors; otherwise
+it is inconclusive.
+"""
+
+from dataclasses import dataclass
+from itertools import permutations, product
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight import FlightLog
+from flight.flight_log import COLUMNS
+from flight.rotations import FloatArray
+from sysid.logs.checks.finding import Finding, Repair, error
+from sysid.logs.checks.motion import GRID_S, LONGEST_S
+from vehicle import Vehicle
+
+WINDOW_S = 2.0
+"""Length of the windows (Hann, half overlapping) of which spectra are taken."""
+BAND_HZ = (2.0, 15.0)
+"""Slower, the controller responds to disturbances with the rotors, which reverses cause and effect; faster is noise."""
+LONGEST_DELAY_S, DELAY_STEP_S = 0.5, 0.004
+"""Rotor speed may be this much late or early."""
+YAW_EVERY = 3
+"""Of these delays, those tried for yaw alone: rotor acceleration, which is fitted along, makes up for the rest."""
+COARSE_S = 0.1
+"""Delays are shifts of the windows by multiples of this, and a phase for the rest."""
+SEARCH_WINDOWS = 60
+"""Windows on which delays are compared."""
+LEAST_POWER = 1e-6
+"""Of the combination of columns that moves least, to that which moves most."""
+NEARLY_BEST = 0.9
+"""Delays with this share of what the best one explains must decide alike: an oscillation fits half a period later, too,
+but with the opposite sign."""
+LARGEST_GAP_S = 0.05
+"""A window with a longer gap between samples is left out."""
+LEAST_WINDOWS = 6
+CERTAIN = 25.0
+"""Difference of chi square (5 standard errors) that decides between two hypotheses."""
+LEAST_EXPLAINED = 0.1
+"""Of yaw acceleration, by which yaw alone decides: rotors that answer gusts explain up to a twentieth with any sign."""
+LEAST_TURN_RAD = np.deg2rad(15.0)
+"""Hubs whose places are turned alike to within this are turned as a whole."""
+AS_GIVEN = (0, 1, 2, 3)
+
+Hypothesis = TypeVar("Hypothesis")
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True)
+class Rotors:
+    """What a log shows of order and spin."""
+
+    order: tuple[int, ...] | None
+    """Which column is rotor 0, 1, 2, 3 of the vehicle file; None: inconclusive."""
+    spin: tuple[int, ...] | None
+    """+1 or -1 for each rotor of the file, in the file's sense; None: inconclusive. Where the order is, of each column
+    as if it were the rotor of that number."""
+    explained: FloatArray
+    """(3,) share of roll, pitch and yaw acceleration within `BAND_HZ` that the four columns explain."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spectra:
+    """Windows of a flight within `BAND_HZ`."""
+
+    hz: FloatArray
+    """(f,)"""
+    squared: dict[int, ComplexArray]
+    """(w, f, 4), of squared rotor speed in windows that begin so many times `COARSE_S` later."""
+    turning: ComplexArray
+    """(w, f, 3), of angular acceleration."""
+    coupling: ComplexArray
+    """(w, f), of w_x w_y."""
+
+    def advanced(self, delay_s: float) -> ComplexArray:
+        """(w, f, 4) of squared rotor speed, which is this much later than the turning."""
+        coarse = round(delay_s / COARSE_S)
+        rest_s = delay_s - coarse * COARSE_S
+        return self.squared[coarse] * np.exp(2j * np.pi * self.hz * rest_s)[:, None]
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """Linear effect of some regressors on one axis."""
+
+    value: FloatArray
+    """(m,)"""
+    information: FloatArray
+    """(m, m) inverse of their covariance; errors correlated within a window are allowed for."""
+    explained: float
+
+    def misfit(self, pattern: FloatArray) -> float:
+        """Chi square of gains that are a sum of the pattern's columns, (m, s), each with a positive factor."""
+        from scipy.optimize import nnls
+
+        root = np.linalg.cholesky(self.information).T
+        return float(nnls(root @ pattern, root @ self.value)[1] ** 2)
+
+
+def check(
+    log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicle, *, gyro: bool = True
+) -> tuple[list[Finding], list[str]]:
+    """Findings about order and spin, and what is inconclusive, in sentences.
+
+    Args:
+        log: with rotor speed.
+        rate: time stamps (n,) and body rates (n, 3).
+        gyro: whether the log has one; without, an attitude with turned body axes looks like another order.
+    """
+    found = examine(log, rate, vehicle)
+    roll, pitch, yaw = (f"{share:.0%}" for share in found.explained)
+    wrong = [] if found.spin is None else [i for i in range(4) if found.spin[i] != int(np.sign(vehicle.spin[i]))]
+    if found.order is None and wrong:
+        sentence = (
+            f"yaw turns against the rotors' torque (they explain {yaw} of yaw acceleration): {_spins(wrong)} the other "
+            "way, or the rotors are in another order"
+        )
+        fix = f"turn the sign of {_which(wrong)} in the vehicle file, or take the columns of rotor_speed in its order"
+        return [error("rotor spin", sentence, f"{fix}; roll and pitch do not show which: fly doublets about them")], []
+    if found.order is None:
+        shares = f"rotor speeds explain {roll} of roll and {pitch} of pitch acceleration"
+        why = shares if found.explained.any() else "there is no motion, or less than 8 s of it without gaps"
+        return [], [f"rotor order and spins: {why}; fly doublets about roll, pitch and yaw to decide"]
+    if found.order != AS_GIVEN:
+        columns = list(found.order)
+        sentence = (
+            f"roll and pitch do not follow the rotors in this order; in order {columns} rotor speeds explain {roll} of "
+            f"roll and {pitch} of pitch acceleration"
+        )
+        repair = Repair("rotor order", COLUMNS["rotor_speed_rad_s"], order=found.order)
+        fix = f"take columns {columns} of rotor_speed as rotors 0 to 3"
+        if not gyro and _may_be_turned(found, vehicle):
+            return [error("rotor order", sentence, f"{fix}, or turn the attitude's body axes about z: see which")], []
+        return [error("rotor order", sentence, fix, repair=repair)], []
+    if found.spin is None:
+        return [], [f"spins: rotor speeds explain {yaw} of yaw acceleration; fly yaw doublets to decide"]
+    if not wrong:
+        return [], []
+    sentence = (
+        f"yaw turns against the rotors' torque: {_spins(wrong)} the other way (they explain {yaw} of yaw acceleration)"
+    )
+    return [error("rotor spin", sentence, f"turn the sign of {_which(wrong)} in the vehicle file{_option(wrong)}")], []
+
+
+def _spins(wrong: list[int]) -> str:
+    return "all spins are" if len(wrong) == 4 else f"the spins of rotors {wrong} are"
+
+
+def _option(wrong: list[int]) -> str:
+    """What does the same from the start, if anything."""
+    if len(wrong) < 4:
+        return ""
+    return " (`goshawk vehicle new` writes them so with --props-out, or without it if the file was made with it)"
+
+
+def _which(wrong: list[int]) -> str:
+    return "every spin" if len(wrong) == 4 else f"the spins of rotors {wrong}"
+
+
+def _may_be_turned(found: Rotors, vehicle: Vehicle) -> bool:
+    """Whether columns in the order of the file, beside an attitude turned about body z, would look the same.
+
+    They would if the order turns the hubs as a whole; unless the spins, which turn along, decide for the order.
+    """
+    assert found.order is not None
+    order = list(found.order)
+    hubs = vehicle.hub_body_m[:, 0] + 1j * vehicle.hub_body_m[:, 1]
+    arm = np.abs(hubs)
+    turned = np.angle(hubs[order] * hubs.conj())
+    about = np.angle(np.exp(1j * (turned - turned[0])))
+    whole = bool((np.abs(about) < LEAST_TURN_RAD).all() and np.allclose(arm[order], arm, rtol=0.1))
+    given = np.sign(vehicle.spin).astype(int)
+    decided = found.spin == tuple(given.tolist()) and (given[order] != given).any()
+    return whole and not decided
+
+
+def examine(log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicle) -> Rotors:
+    """Order and spin of the rotors of a log, as far as the flight shows them."""
+    spectra = _spectra(log, rate)
+    if spectra is None or not _excited(spectra):
+        return Rotors(None, None, np.zeros(3))
+    fits = {delay_s: _roll_and_pitch(spectra, delay_s, SEARCH_WINDOWS) for delay_s in _delays_s()}
+    share = {delay_s: roll.explained + pitch.explained for delay_s, (roll, pitch) in fits.items()}
+    best = max(share, key=lambda delay_s: share[delay_s])
+    orders = {_order(*fits[d], vehicle) for d in fits if share[d] > NEARLY_BEST * share[best]} - {None}
+    roll, pitch = _roll_and_pitch(spectra, best)
+    yaw = _yaw(spectra, best)
+    explained = np.array([roll.explained, pitch.explained, yaw.explained])
+    order = _order(roll, pitch, vehicle)
+    if order is None or orders != {order}:
+        by_yaw = _by_yaw_alone(spectra, vehicle)
+        return by_yaw if by_yaw.spin is not None else Rotors(None, None, explained)
+    spin = _spin(yaw, order, vehicle)
+    hubs = vehicle.hub_body_m[:, :2]
+    if spin is None and np.allclose(hubs[list(order)], -hubs):
+        return Rotors(None, None, explained)  # could be a clock that is off by more than `LONGEST_DELAY_S`
+    return Rotors(order, spin, explained)
+
+
+def _by_yaw_alone(spectra: Spectra, vehicle: Vehicle) -> Rotors:
+    """The spins if the columns are in the file's order, which roll and pitch do not show."""
+    yaw = {delay_s: _yaw(spectra, delay_s, SEARCH_WINDOWS) for delay_s in _delays_s()[::YAW_EVERY]}
+    best = max(yaw, key=lambda delay_s: yaw[delay_s].explained)
+    near = [one for one in yaw.values() if one.explained > NEARLY_BEST * yaw[best].explained]
+    whole = _yaw(spectra, best)
+    spin = _spin(whole, AS_GIVEN, vehicle)
+    explained = np.array([one.explained for one in (*_roll_and_pitch(spectra, best), whole)])
+    sure = {_spin(one, AS_GIVEN, vehicle) for one in near} - {None} == {spin}
+    return Rotors(None, spin if sure and whole.explained > LEAST_EXPLAINED else None, explained)
+
+
+def _delays_s() -> FloatArray:
+    return np.arange(-LONGEST_DELAY_S, LONGEST_DELAY_S + 1e-9, DELAY_STEP_S)
+
+
+def _excited(spectra: Spectra) -> bool:
+    """Whether all four columns move, each in its own way, and the body turns."""
+    squared = spectra.advanced(0.0)
+    powers = np.linalg.eigvalsh(np.einsum("wfi,wfj->ij", squared.conj(), squared).real)
+    return powers[0] > LEAST_POWER * powers[-1] and bool((np.abs(spectra.turning).sum(axis=(0, 1)) > 0.0).all())
+
+
+def _roll_and_pitch(spectra: Spectra, delay_s: float, most_windows: int | None = None) -> tuple[Gains, Gains]:
+    every = 1 if most_windows is None else max(len(spectra.turning) // most_windows, 1)
+    squared, turning = spectra.advanced(delay_s)[::every], spectra.turning[::every]
+    return _gains(squared, turning[..., 0]), _gains(squared, turning[..., 1])
+
+
+def _yaw(spectra: Spectra, delay_s: float, most_windows: int | None = None) -> Gains:
+    """Of rotor speed's squares, then of their slopes, on what w_x w_y leaves of the acceleration."""
+    every = 1 if most_windows is None else max(len(spectra.turning) // most_windows, 1)
+    squared = spectra.advanced(delay_s)[::every]
+    change = squared * (2j * np.pi * spectra.hz)[:, None]
+    columns = np.concatenate([squared, change, spectra.turning[::every, :, 2:]], axis=2)
+    coupling = spectra.coupling[::every]
+    power = max(float((np.abs(coupling) ** 2).sum()), np.finfo(float).tiny)
+    columns = columns - coupling[..., None] * (np.einsum("wf,wfi->i", coupling.conj(), columns).real / power)
+    return _gains(columns[..., :-1], columns[..., -1])
+
+
+def _order(roll: Gains, pitch: Gains, vehicle: Vehicle) -> tuple[int, ...] | None:
+    def misfit(order: tuple[int, ...]) -> float:
+        place = np.argsort(order)  # rotor of each column
+        arms = ((roll, vehicle.hub_body_m[:, 1]), (pitch, -vehicle.hub_body_m[:, 0]))
+        return sum(gains.misfit(arm[place][:, None]) for gains, arm in arms)
+
+    return _decided({order: misfit(order) for order in permutations(range(4))}, freedom=6)
+
+
+def _spin(yaw: Gains, order: tuple[int, ...], vehicle: Vehicle) -> tuple[int, ...] | None:
+    place, nothing = np.argsort(order), np.zeros(4)
+
+    def misfit(spin: tuple[int, ...]) -> float:
+        sense = -np.array(spin, dtype=np.float64)[place]
+        return yaw.misfit(np.stack([np.r_[sense, nothing], np.r_[nothing, sense]], axis=1))
+
+    balanced = {spin for spin in product((-1, 1), repeat=4) if sum(spin) == 0}  # or the vehicle would not hold its yaw
+    given = tuple(int(sense) for sense in np.sign(vehicle.spin))
+    return _decided({spin: misfit(spin) for spin in balanced | {given}}, freedom=6)
+
+
+def _decided(misfit: dict[Hypothesis, float], freedom: int) -> Hypothesis | None:
+    """The hypothesis that fits better than all others by `CERTAIN`, errors being enlarged until it fits; or None."""
+    best, second = sorted(misfit, key=lambda one: misfit[one])[:2]
+    return best if misfit[second] - misfit[best] > CERTAIN * max(1.0, misfit[best] / freedom) else None
+
+
+def _spectra(log: FlightLog, rate: tuple[FloatArray, FloatArray]) -> Spectra | None:
+    """None where fewer than `LEAST_WINDOWS` windows are without gaps, or the time is in another unit."""
+    streams = []
+    for time_s, values in ((log.time_s, log.vector("rotor_speed_rad_s")), rate):
+        known = np.isfinite(values).all(axis=1)
+        streams.append((time_s[known], values[known]))
+    first_s = max(float(time_s[0]) for time_s, _ in streams)
+    last_s = min(float(time_s[-1]) for time_s, _ in streams)
+    if not 0.0 < last_s - first_s < LONGEST_S:
+        return None
+    length, margin, step = (round(part_s / GRID_S) for part_s in (WINDOW_S, LONGEST_DELAY_S, COARSE_S))
+    grid_s = np.arange(first_s, last_s, GRID_S)
+    around_s = WINDOW_S + 2.0 * LONGEST_DELAY_S
+    starts = np.arange(margin, len(grid_s) - length - margin + 1, length // 2)
+    starts = [s for s in starts if not any(_gap(time_s, grid_s[s - margin], around_s) for time_s, _ in streams)]
+    if len(starts) < LEAST_WINDOWS:
+        return None
+    hz = np.asarray(np.fft.rfftfreq(length, GRID_S), dtype=np.float64)
+    band = (hz > BAND_HZ[0]) & (hz < BAND_HZ[1])
+    speed, rate_body = (np.stack([np.interp(grid_s, t, column) for column in x.T], axis=1) for t, x in streams)
+
+    def spectrum(values: FloatArray, later: int) -> ComplexArray:
+        windows = np.stack([values[s + later : s + later + length] for s in starts])
+        windows = (windows - windows.mean(axis=1, keepdims=True)) * np.hanning(length)[:, None]
+        return np.fft.rfft(windows, axis=1)[:, band]
+
+    squared = {later // step: spectrum(speed**2, later) for later in range(-margin, margin + 1, step)}
+    turning = spectrum(rate_body, 0) * (2j * np.pi * hz[band])[:, None]
+    return Spectra(hz[band], squared, turning, spectrum(rate_body[:, :1] * rate_body[:, 1:2], 0)[..., 0])
+
+
+def _gap(time_s: FloatArray, start_s: float, length_s: float) -> bool:
+    first, end = np.searchsorted(time_s, [start_s, start_s + length_s])
+    inside = time_s[first:end]
+    return len(inside) < 2 or float(np.diff(np.r_[start_s, inside, start_s + length_s]).max()) > LARGEST_GAP_S
+
+
+def _gains(regressors: ComplexArray, acceleration: ComplexArray) -> Gains:
+    """Real gains by least squares over all windows and frequencies.
+
+    Args:
+        regressors: (w, f, m) spectra.
+        acceleration: (w, f) spectra.
+    """
+    normal = np.einsum("wfi,wfj->ij", regressors.conj(), regressors).real
+    value = np.linalg.solve(normal, np.einsum("wfi,wf->i", regressors.conj(), acceleration).real)
+    left = acceleration - regressors @ value
+    pulls = np.einsum("wfi,wf->wi", regressors.conj(), left).real
+    squares = float((np.abs(left) ** 2).sum())
+    variance = squares / max(2 * left.size - len(value), 1)
+    scatter = float(np.trace(np.linalg.solve(normal, pulls.T @ pulls))) / (len(value) * variance)
+    share = 1.0 - squares / float((np.abs(acceleration) ** 2).sum())
+    return Gains(value, normal / (variance * max(1.0, scatter)), share)

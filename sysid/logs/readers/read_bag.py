@@ -1,0 +1,180 @@
+"""ROS recordings (.bag, .mcap, .db3, or the folder of a rosbag2), with a map that says which topic holds what."""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flight import FlightLog, FormatError, InputError, file_format, frames
+from flight.flight_log import COLUMNS
+from flight.rotations import FloatArray
+from sysid.logs.readers.read_csv import UNITS, table_of
+from sysid.logs.readers.streams import Stream, interpolated, joined
+
+FORMAT = "goshawk-bag-map"
+VERSION = 1
+
+KNOWN = {
+    "geometry_msgs/msg/PoseStamped": "pose",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose",
+    "nav_msgs/msg/Odometry": "pose.pose",
+}
+"""Message types that hold a pose, and where."""
+XYZ = ("x", "y", "z")
+
+
+def read(path: Path, map_file: Path) -> FlightLog:
+    """Read a recording; rows are the instants of the pose (without one, of the IMU), others are interpolated there.
+
+    Rotor speeds and commands keep their own rows, NaN elsewhere.
+
+    Raises:
+        InputError: there is no such file, or no such topic or field in it.
+        FormatError: it is not a recording, or the map is not one.
+    """
+    wanted = file_format.read_toml(Path(map_file), format=FORMAT, version=VERSION)
+    path = Path(path)
+    topics = _topics(wanted, Path(map_file))
+    messages = _messages(path, {entry["topic"] for entry in topics.values()})
+    streams = {name: _stream(name, entry, *messages[entry["topic"]]) for name, entry in topics.items()}
+    base = next((streams.pop(name) for name in ("pose", "imu") if name in streams), None)
+    if base is None:
+        raise InputError(f"{map_file} names neither a [pose] nor an [imu] topic: nothing shows the motion")
+    rotors = [streams.pop(name) for name in list(streams) if name.startswith("rotor_speed")]
+    for stream in streams.values():
+        base |= interpolated(base["time_s"], stream)
+    for stream in rotors:
+        base = joined(base, stream)
+    return FlightLog(base, {"name": path.stem, "source": path.name, **wanted.get("metadata", {})})
+
+
+def _topics(wanted: dict[str, Any], map_file: Path) -> dict[str, dict[str, Any]]:
+    """Stream name to `{topic, ...}`."""
+    found = {name: wanted[name] for name in ("pose", "imu") if name in wanted}
+    for key in ("quantity", "scalar"):
+        found |= table_of(map_file, key, wanted.get(key, {}))
+    table_of(map_file, "metadata", wanted.get("metadata", {}))
+    for name, entry in found.items():
+        table_of(map_file, name, entry)
+        if not isinstance(entry.get("topic"), str):
+            raise InputError(f'{map_file}: {name} names no topic; write topic = "/..."')
+        if not isinstance(entry.get("scale", 1.0), int | float):
+            raise InputError(f"{map_file}: {name}.scale is {entry['scale']!r}, not a number")
+        fields = entry.get("fields")
+        if name not in ("pose", "imu") and not (isinstance(fields, list) and all(isinstance(f, str) for f in fields)):
+            raise InputError(f"{map_file}: {name} names no fields; write fields = ['data[0]', 'data[1]']")
+        if str(entry.get("unit", "1")) not in UNITS:
+            raise InputError(f"{map_file}: unknown unit {entry['unit']!r}; known are {', '.join(UNITS)}")
+    for name in wanted.get("quantity", {}):
+        if name not in COLUMNS:
+            raise InputError(f"{map_file}: unknown quantity {name}; known are {', '.join(COLUMNS)}")
+    return found
+
+
+def sampled(path: Path, count: int) -> list[tuple[str, str, int, list[Any]]]:
+    """Per topic with messages: its name, its type, how many messages it has, and the first `count` that can be read.
+
+    A topic of a type that the recording does not define is left out.
+
+    Raises:
+        InputError: there is no such file.
+        FormatError: it is no recording.
+    """
+    found: dict[str, tuple[str, str, int, list[Any]]] = {}
+    with _opened(path) as reader:
+        known = [c for c in reader.connections if c.msgtype in reader.typestore.fielddefs]
+        for connection, _, raw in reader.messages(known):
+            name, kind, many, kept = found.get(connection.topic, (connection.topic, connection.msgtype, 0, []))
+            if many < count:
+                kept.append(reader.deserialize(raw, kind))
+            found[name] = (name, kind, many + 1, kept)
+    return list(found.values())
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """A reader of the recording; what goes wrong inside is said of the recording."""
+    from rosbags.highlevel import AnyReader, AnyReaderError
+    from rosbags.typesys import Stores, get_typestore
+
+    if not path.exists():
+        raise InputError(f"{path} does not exist")
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            yield reader
+    except (AnyReaderError, OSError, KeyError, ValueError) as error:
+        raise FormatError(f"{path} is not a readable ROS recording: {error}") from error
+
+
+def _messages(path: Path, topics: set[str]) -> dict[str, tuple[str, FloatArray, list[Any]]]:
+    """Per topic its type, the instants (s from the first of all) and the messages.
+
+    The instant is the header's stamp where there is one, else when the recorder received it.
+    """
+    stamps: dict[str, list[int]] = {topic: [] for topic in topics}
+    kept: dict[str, list[Any]] = {topic: [] for topic in topics}
+    with _opened(path) as reader:
+        kinds = {c.topic: c.msgtype for c in reader.connections}
+        missing = sorted(topics - set(kinds))
+        if missing:
+            raise InputError(f"{path} has no topic {missing[0]}; it has {', '.join(sorted(kinds))}")
+        for connection, received_ns, raw in reader.messages([c for c in reader.connections if c.topic in topics]):
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp = getattr(getattr(message, "header", None), "stamp", None)
+            stamped_ns = 0 if stamp is None else stamp.sec * 10**9 + stamp.nanosec
+            stamps[connection.topic].append(stamped_ns or received_ns)
+            kept[connection.topic].append(message)
+    empty = [topic for topic in topics if not kept[topic]]
+    if empty:
+        raise InputError(f"{path} has no message on {empty[0]}")
+    first_ns = min(min(times) for times in stamps.values())
+    return {
+        topic: (kinds[topic], 1e-9 * np.array([t - first_ns for t in stamps[topic]], dtype=np.float64), kept[topic])
+        for topic in topics
+    }
+
+
+def _stream(name: str, entry: dict[str, Any], kind: str, time_s: FloatArray, messages: list[Any]) -> Stream:
+    """Columns of one stream in our frames and units; of equal stamps the first counts."""
+    flipped = entry.get("frame", "z up") == "z down"
+    columns: Stream = {}
+    for quantity, fields in _fields(name, entry, kind):
+        values = np.array([[_value(m, f, entry["topic"]) for f in fields] for m in messages], dtype=np.float64)
+        values *= UNITS[entry.get("unit", "1")] * float(entry.get("scale", 1.0))
+        if flipped:
+            values = frames.flip_attitude(values) if quantity == "q_world_body" else frames.flip_vector(values)
+        columns |= dict(zip(COLUMNS.get(quantity, (quantity,)), values.T, strict=True))
+    time_s, rows = np.unique(time_s, return_index=True)
+    return {"time_s": time_s} | {column: values[rows] for column, values in columns.items()}
+
+
+def _fields(name: str, entry: dict[str, Any], kind: str) -> Iterator[tuple[str, list[str]]]:
+    if name == "pose":
+        if kind not in KNOWN:
+            raise InputError(f"{entry['topic']} is {kind}; a pose comes as {', '.join(KNOWN)}")
+        yield "position_world_m", [f"{KNOWN[kind]}.position.{axis}" for axis in XYZ]
+        yield "q_world_body", [f"{KNOWN[kind]}.orientation.{axis}" for axis in ("w", *XYZ)]
+    elif name == "imu":
+        if kind != "sensor_msgs/msg/Imu":
+            raise InputError(f"{entry['topic']} is {kind}; an IMU comes as sensor_msgs/msg/Imu")
+        yield "rate_body_rad_s", [f"angular_velocity.{axis}" for axis in XYZ]
+        yield "specific_force_body_m_s2", [f"linear_acceleration.{axis}" for axis in XYZ]
+    else:
+        fields = entry["fields"]
+        if len(fields) != len(COLUMNS.get(name, (name,))):
+            raise InputError(f"{name} needs {len(COLUMNS.get(name, (name,)))} fields, the map names {len(fields)}")
+        yield name, list(fields)
+
+
+def _value(message: Any, field: str, topic: str) -> float:
+    """The number at a path like `twist.linear.x` or `data[2]`."""
+    found = message
+    try:
+        for part in re.findall(r"\w+", field):
+            found = found[int(part)] if part.isdigit() else getattr(found, part)
+        return float(found)
+    except (AttributeError, IndexError, TypeError, ValueError):
+        raise InputError(f"messages on {topic} have no number at {field}") from None

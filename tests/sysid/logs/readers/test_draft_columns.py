@@ -1,0 +1,137 @@
+"""Drafted column maps: many namings are understood, units come from names or sizes, each guess has a reason."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from flight import FormatError, InputError
+from sysid.logs.readers import draft_columns, read_csv
+
+T = np.arange(50) / 100.0
+
+
+def written(tmp_path, columns: dict[str, np.ndarray], separator: str = ","):
+    path = tmp_path / "log.csv"
+    rows = np.column_stack(list(columns.values()))
+    text = separator.join(columns) + "\n" + "\n".join(separator.join(f"{v:.9g}" for v in row) for row in rows)
+    path.write_text(text + "\n")
+    return path
+
+
+def drafted(path):
+    text = draft_columns.draft(path).text
+    document = tomllib.loads(text)
+    (path.parent / "map.toml").write_text(text)
+    return document, read_csv.read(path, read_csv.load_map(path.parent / "map.toml"))
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", "|", " "])
+def test_every_separator_is_found_and_the_log_reads_back(tmp_path, separator):
+    columns = {"t": T, "x": np.sin(T), "y": np.cos(T), "z": 1 + T}
+    document, log = drafted(written(tmp_path, columns, separator))
+    assert document["separator"] == separator
+    np.testing.assert_allclose(log.vector("position_world_m")[:, 2], 1 + T, rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("names", "quantity"),
+    [
+        (("x", "y", "z"), "position_world_m"),
+        (("pos_x", "pos_y", "pos_z"), "position_world_m"),
+        (("mocap.x [m]", "mocap.y [m]", "mocap.z [m]"), "position_world_m"),
+        (("stateEstimate.vx", "stateEstimate.vy", "stateEstimate.vz"), "velocity_world_m_s"),
+        (("vel_x(m/s)", "vel_y(m/s)", "vel_z(m/s)"), "velocity_world_m_s"),
+        (("gyro.x", "gyro.y", "gyro.z"), "rate_body_rad_s"),
+        (("wx_radps", "wy_radps", "wz_radps"), "rate_body_rad_s"),
+        (("p", "q", "r"), "rate_body_rad_s"),
+        (("acc.x", "acc.y", "acc.z"), "specific_force_body_m_s2"),
+        (("ref_x_m", "ref_y_m", "ref_z_m"), "setpoint_position_world_m"),
+        (("m1", "m2", "m3", "m4"), "rotor_speed_rad_s"),
+        (("rpm0", "rpm1", "rpm2", "rpm3"), "rotor_speed_rad_s"),
+        (("qw", "qx", "qy", "qz"), "q_world_body"),
+        (("roll", "pitch", "yaw"), "q_world_body"),
+    ],
+)
+def test_names_of_many_houses_are_understood(tmp_path, names, quantity):
+    columns = {"t": T} | {name: 0.1 * (i + 1) + 0.01 * np.sin(T) for i, name in enumerate(names)}
+    document, _ = drafted(written(tmp_path, columns))
+    assert document["quantity"][quantity]["columns"] == list(names)
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "s"), (1e3, "ms"), (1e6, "us"), (1e9, "ns")])
+def test_the_clock_s_unit_follows_from_its_steps(tmp_path, factor, unit):
+    document, log = drafted(written(tmp_path, {"timestamp": factor * (5.0 + T), "x": T, "y": T, "z": T}))
+    assert document["time"]["unit"] == unit
+    assert log.time_s[0] == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize(
+    ("names", "quantity", "size", "unit"),
+    [
+        (("x", "y", "z"), "position_world_m", 1500.0, "mm"),
+        (("wx", "wy", "wz"), "rate_body_rad_s", 120.0, "deg/s"),
+        (("ax", "ay", "az"), "specific_force_body_m_s2", 0.577, "g"),
+        (("m1", "m2", "m3", "m4"), "rotor_speed_rad_s", 9000.0, "rpm"),
+        (("m1", "m2", "m3", "m4"), "rotor_speed_rad_s", 950.0, "rad/s"),
+        (("roll", "pitch", "yaw"), "q_world_body", 40.0, "deg"),
+        (("vx_mmps", "vy_mmps", "vz_mmps"), "velocity_world_m_s", 1.0, "mm/s"),
+        (("w_x_deg_s", "w_y_deg_s", "w_z_deg_s"), "rate_body_rad_s", 1.0, "deg/s"),
+        (("vel_x_m_s", "vel_y_m_s", "vel_z_m_s"), "velocity_world_m_s", 1.0, "m/s"),
+    ],
+)
+def test_units_come_from_the_name_or_else_from_the_size(tmp_path, names, quantity, size, unit):
+    columns = {"t": T} | {name: size * (1.0 + 0.01 * np.sin(9 * T)) for name in names}
+    document, _ = drafted(written(tmp_path, columns))
+    assert document["quantity"][quantity]["unit"] == unit
+
+
+def test_a_numbered_quaternion_is_ordered_by_which_is_near_one(tmp_path):
+    columns = {"t": T, "q0": 0.01 * T, "q1": 0.02 * T, "q2": 0.0 * T, "q3": 1.0 - 0.001 * T}
+    assert drafted(written(tmp_path, columns))[0]["quantity"]["q_world_body"]["order"] == "x y z w"
+
+
+def test_a_vehicle_that_would_fly_underground_has_z_down(tmp_path):
+    columns = {"t": T, "x": T, "y": T, "z": -1.0 - T, "qw": 1 + 0 * T, "qx": 0 * T, "qy": 0 * T, "qz": 0 * T}
+    document, log = drafted(written(tmp_path, columns))
+    assert document["quantity"]["position_world_m"]["frame"] == "z down"
+    assert document["quantity"]["q_world_body"]["frame"] == "z down"
+    assert log.vector("position_world_m")[0, 2] == pytest.approx(1.0)
+
+
+def test_every_guess_has_a_reason_as_a_comment_and_unused_columns_are_named(tmp_path):
+    columns = {"t": T, "x": T, "y": T, "z": T, "flux": T**2}
+    path = written(tmp_path, columns)
+    draft = draft_columns.draft(path)
+    assert all(guess.reasons for guess in draft.guesses)
+    assert all(f"# {reason}" in draft.text for guess in draft.guesses for reason in guess.reasons)
+    assert draft.unused == ("flux",)
+    assert "# Not used: flux" in draft.text
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "0 lines"),
+        ("a,b\n" + "1,2\n" * 30, "could be the time"),
+        ("t;x\n" + "".join(f"{i}.0;1,5\n" for i in range(30)), "decimal commas"),
+        ("".join(f"{i},2\n" for i in range(30)), "first line holds numbers"),
+        ("t,t\n" + "".join(f"{i},2\n" for i in range(30)), "same name"),
+        ("t,x\n" + "".join(f"{i},2{',3' * (i % 3)}\n" for i in range(30)), "same number in each"),
+        ("\x00\xff", "readable CSV"),
+    ],
+)
+def test_what_is_no_table_of_numbers_is_refused_in_one_sentence(tmp_path, text, words):
+    path = tmp_path / "log.csv"
+    path.write_bytes(text.encode("latin-1"))
+    with pytest.raises((InputError, FormatError), match=words):
+        draft_columns.draft(path)
+
+
+def test_duty_cycles_are_no_rotor_speeds(tmp_path):
+    """Crazyflie's `motor.m1` counts to 65535 and stands before `rpm.m1`."""
+    columns = {"t": T} | {f"motor.m{i}": 40_000.0 + T for i in range(1, 5)}
+    assert "quantity" not in drafted(written(tmp_path, columns))[0]
+    columns |= {f"rpm.m{i}": 16_000.0 + T for i in range(1, 5)}
+    document, _ = drafted(written(tmp_path, columns))
+    assert document["quantity"]["rotor_speed_rad_s"]["columns"] == [f"rpm.m{i}" for i in range(1, 5)]

@@ -1,0 +1,1 @@
+"""Drag of airframe and rotors."""

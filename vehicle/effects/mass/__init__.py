@@ -1,0 +1,1 @@
+"""Effects on mass, inertia and centre of mass."""

@@ -1,0 +1,1 @@
+"""Effects between command and rotor speed."""

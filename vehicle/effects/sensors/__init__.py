@@ -1,0 +1,1 @@
+"""Errors of sensors: what they report, not what the vehicle does."""

@@ -1,0 +1,1 @@
+"""Torques on the body, once thrust is known."""

@@ -1,0 +1,1 @@
+"""Vehicles of other programs: PX4, RotorPy, URDF."""

@@ -1,0 +1,99 @@
+"""Rotor geometry from PX4's parameters: a `.params` file of QGroundControl, or the parameters in a ULog.
+
+PX4's parameters give the rotors' positions (`CA_ROTOR*_PX, _PY, _PZ`, x forward, y right, z down), their spins (sign
+of `_KM`) and little else: no mass, no inertia, no size of propeller, and thrust only as a share of full throttle.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from flight import FormatError, InputError
+from vehicle.draft import Known
+
+GENERIC_KM = 0.05
+"""PX4's default ratio of torque to thrust, which is not a measured value."""
+LARGEST_BYTES = 4_000_000
+
+
+def read(path: Path) -> Known:
+    """Rotors of a PX4 vehicle, in PX4's order of motors (as its logs have them).
+
+    Raises:
+        InputError: no such file, or not four rotors.
+        FormatError: it holds no parameters.
+    """
+    values = parameters(path)
+    count = values.get("CA_ROTOR_COUNT")
+    if count is None and "CA_ROTOR0_PX" not in values:
+        raise InputError(
+            f"{path} has no CA_ROTOR0_PX: its PX4 is older than 1.13 or geometry was never set; give --arm and --frame"
+        )
+    if count is not None and int(count) != 4:
+        raise InputError(f"{path} has CA_ROTOR_COUNT = {count:g}; only quadrotors, of 4 rotors, can be modelled")
+    # parameters at PX4's defaults are not saved: 0 for places
+    places = [[values.get(f"CA_ROTOR{i}_P{axis}", 0.0) for axis in "XYZ"] for i in range(4)]
+    hubs = np.array(places) * [1.0, -1.0, -1.0]
+    if len(np.unique(np.round(hubs, 6), axis=0)) < 4 or not np.isfinite(hubs).all():
+        raise InputError(f"{path}: CA_ROTOR0_PX ... CA_ROTOR3_PY are not four different places; give --arm and --frame")
+    moment = np.array([values.get(f"CA_ROTOR{i}_KM", GENERIC_KM) for i in range(4)])
+    if (moment == 0.0).any() or abs(np.sign(moment).sum()) == 4:
+        raise InputError(f"{path}: CA_ROTOR0_KM ... CA_ROTOR3_KM are {moment.tolist()}; two of each sign are expected")
+    size_m = float(np.abs(moment).mean())
+    measured = not np.allclose(np.abs(moment), GENERIC_KM)
+    return Known(
+        hub_body_m=hubs + 0.0,
+        spin=np.sign(moment),
+        yaw_torque_to_thrust_m=size_m if measured else None,
+        notes=_notes(Path(path).name, hubs, measured),
+    )
+
+
+def _notes(name: str, hubs: np.ndarray, measured: bool) -> tuple[str, ...]:
+    notes = [f"rotors 0 to 3 are PX4's motors 1 to 4 of {name}"]
+    arms = np.hypot(hubs[:, 0], hubs[:, 1])
+    if np.allclose(np.abs(hubs[:, :2]), 0.15, atol=1e-3) or (np.ptp(arms) < 1e-6 and arms[0] > 0.6):
+        notes.append("the places of the rotors look like PX4's generic ones: measure one arm and give --arm")
+    if not measured:
+        notes.append(f"CA_ROTOR*_KM = {GENERIC_KM} is PX4's generic ratio of torque to thrust: only its sign was used")
+    return tuple(notes)
+
+
+def parameters(path: Path) -> dict[str, float]:
+    """Every parameter of a `.params` file (QGroundControl or `NAME VALUE` lines) or of a ULog (`.ulg`)."""
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path} does not exist or is not a file")
+    if path.suffix.lower() == ".ulg":
+        return _of_ulog(path)
+    if path.stat().st_size > LARGEST_BYTES:
+        raise FormatError(f"{path} has {path.stat().st_size} bytes; a parameter file has less than {LARGEST_BYTES}")
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        raise FormatError(
+            f"{path} is not text: save the parameters from QGroundControl (Tools, Save to file), not from the SD card"
+        ) from None
+    found: dict[str, float] = {}
+    for number, line in enumerate(lines, 1):
+        words = line.replace(",", " ").replace("=", " ").split()
+        if not words or words[0].startswith("#"):
+            continue
+        name, value = (words[2], words[3]) if len(words) >= 4 and words[0].isdigit() else (words[0], words[-1])
+        try:
+            found[name] = float(value)
+        except ValueError:
+            raise FormatError(f"{path}, line {number}: {value!r} is not the number of a parameter") from None
+    if not found:
+        raise FormatError(f"{path} holds no parameters")
+    return found
+
+
+def _of_ulog(path: Path) -> dict[str, float]:
+    from pyulog import ULog
+
+    try:
+        values = ULog(str(path)).initial_parameters
+    except Exception as error:  # pyulog's parser raises many types
+        raise FormatError(f"{path} is not a readable ULog file: {error}") from error
+    return {str(name): float(value) for name, value in values.items()}
