@@ -1,6 +1,7 @@
 """The wheel, installed outside the repository, is whole: kernels, packaged files, command."""
 
 import importlib.util
+import shutil
 import sys
 import sysconfig
 from pathlib import Path
@@ -29,8 +30,10 @@ def test_the_wheel_is_tried_on_every_python_that_it_is_made_for():
     assert wheels.interpreter("{}.{}".format(*sys.version_info)) == sys.executable
 
 
-@pytest.mark.slow
-def test_the_wheel_works_outside_the_repository(tmp_path):
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory) -> Path:
+    """A folder with the wheel, and with `venv`, where it is installed."""
+    tmp_path = tmp_path_factory.mktemp("wheel")
     if not wheels.UV.exists():
         pytest.skip("uv is not beside this Python; `make setup` puts it there")
     wheel = wheels.build(sys.executable, tmp_path, isolated=False)
@@ -41,9 +44,27 @@ def test_the_wheel_works_outside_the_repository(tmp_path):
     site = Path(run(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))").strip())
     # the libraries are those of this environment; only Goshawk itself is the wheel's
     (site / "libraries.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    return tmp_path
+
+
+@pytest.mark.slow
+def test_the_wheel_works_outside_the_repository(installed):
+    tmp_path, python = installed, installed / "venv" / "bin" / "python"
     where = run(python, "-c", "import esdf, vehicle; vehicle.example('rigter2019'); print(esdf.__file__)", cwd=tmp_path)
     assert str(tmp_path) in where
-    wheels.doctor(environment)
-    listed = run(python, "-m", "zipfile", "-l", wheel)
+    wheels.doctor(installed / "venv")
+    listed = run(python, "-m", "zipfile", "-l", next(tmp_path.glob("*.whl")))
     assert "tests/" not in listed
     assert ".cpp" not in listed
+
+
+@pytest.mark.slow
+def test_a_users_file_runs_and_is_clean_under_two_type_checkers(installed):
+    python, file = (
+        installed / "venv" / "bin" / "python",
+        Path(shutil.copy(ROOT / "tests" / "a_users_file.py", installed)),
+    )
+    run(python, "-c", "import vehicle; vehicle.save('vehicle.toml', vehicle.example('rigter2019'))", cwd=installed)
+    assert run(python, file, installed, cwd=installed).startswith("k1 = 3.1")
+    run(sys.executable, "-m", "mypy", "--strict", "--python-executable", python, file, cwd=installed)
+    run(sys.executable, "-m", "pyright", "--pythonpath", python, file, cwd=installed)
