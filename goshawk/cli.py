@@ -116,12 +116,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _answer(error: Exception) -> tuple[str, int]:
     """What to say about an error, and the exit code."""
-    from flight import (  # with NumPy, which `goshawk --version` does not need
-        FlightError,
-        FormatError,
-        InputError,
-        extras,
-    )
+    from flight import FlightError, FormatError, InputError, extras  # brings NumPy: not for `goshawk --version`
 
     if isinstance(error, click.ClickException):
         return _usage(error), 2

@@ -55,7 +55,7 @@ print(json.dumps(answers))
 WORKS = {
     "plan": "plan waypoints.json --map map --vehicle vehicle.toml --out plan.json",
     "check": "check plan.json --map map --vehicle vehicle.toml",
-    "export": "export plan.json plan.html",
+    "export": "export plan.json --report plan.html --map map --vehicle vehicle.toml",
     "log": "log show flight.parquet --json",
     "log check": "log check flight.parquet",
     "vehicle": "vehicle show vehicle.toml",
@@ -70,9 +70,9 @@ WORKS = {
 }
 REFUSES = {
     "map": ("map build images --camera map/camera.toml --out other", "map"),
-    "localize": ("localize images --map map --out found.csv", "map"),
+    "camera": ("camera new images/front --out camera.toml", "map"),
     "gcs": ("gcs project --port 0", "gcs"),
-    "log": ("log show flight.bag --columns columns.toml", "ros"),
+    "log": ("log draft-columns flight.bag --out columns.toml", "ros"),
     "plan batch": (
         "plan batch missions --map map --vehicle vehicle.toml --out batch --scheduler tcp://127.0.0.1:1", "cluster",
     ),
@@ -92,7 +92,9 @@ def without_extras(tmp_path_factory, pillar_map) -> dict[str, list]:
     (folder / "missions").mkdir()
     (folder / "missions" / "one.json").write_bytes((folder / "waypoints.json").read_bytes())
     (folder / "flight.bag").write_bytes(b"#ROSBAG V2.0\n")
-    (folder / "columns.toml").write_text("")
+    for image in ("front/0.png", "front/1.png", "down/0.png", "down/1.png"):
+        (folder / "images" / image).parent.mkdir(parents=True, exist_ok=True)
+        (folder / "images" / image).write_bytes(b"\x89PNG")
     (folder / "refusing").mkdir()
     (folder / "refusing" / "sitecustomize.py").write_text(REFUSING)
     lines = {**WORKS, **{f"{verb} refused": line for verb, (line, _) in REFUSES.items()}}
