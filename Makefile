@@ -15,7 +15,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # the command line compiles NumPy, SciPy and ours again, which is half of its CPU time.
 export PYTHONDONTWRITEBYTECODE :=
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-processors test-all mutate bench fuzz docs lint lock clean
+.PHONY: help setup demo test test-processors test-all mutate bench fuzz docs lint lock wheels clean
 
 help:  ## what there is to make
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 18
@@ -68,6 +68,9 @@ lint: setup  ## ruff, clang-format, pyright; the slowest last
 lock: setup  ## pin the newest allowed versions in requirements.lock
 	.venv/bin/uv pip compile --quiet --universal --python-version 3.11 --no-emit-index-url --no-emit-find-links \
 	  --custom-compile-command "make lock" --extra dev --extra docs pyproject.toml -o requirements.lock
+
+wheels: setup  ## build the wheel for Python 3.11, 3.12 and 3.13, and try each in an environment of its own
+	$(PYTHON) tools/wheels.py
 
 clean:  ## remove what was built; .venv stays
 	rm -rf build dist docs/_build

@@ -33,10 +33,11 @@ import planner
 import vehicle
 from firmware_bridge import SitlVehicle, controller, keys
 from flight import Waypoints, project
-from gcs_web import GroundStation, protocol
+from gcs_web import GroundStation
 from gcs_web.document.document import Content, Settings
 from gcs_web.document.session import Session
 from gcs_web.planning import planning, replanning
+from gcs_web.protocol.document import Shift
 
 WAYPOINTS, EDITS, KILLS, CLIENTS, MIXED = 50, 10_000, 200, 10, 1000
 
@@ -90,8 +91,8 @@ def new_session(folder: Path) -> Session:
     return Session(opened, Settings())
 
 
-def shift(session: Session, k: int) -> protocol.Shift:
-    return protocol.Shift(serial=0, revision=session.revision, waypoints=[k % WAYPOINTS], z_m=0.001)
+def shift(session: Session, k: int) -> Shift:
+    return Shift(serial=0, revision=session.revision, waypoints=[k % WAYPOINTS], z_m=0.001)
 
 
 def edits(folder: Path) -> list[Row]:

@@ -1,8 +1,7 @@
-"""Distance to the nearest surface: build a distance field from solids, query it, edit it, draw a slice.
+"""Distance to the nearest surface: build a distance field from solids, query, edit and draw it.
 
-You will see: the field of a room with two pillars agrees with the closed-form distance, a box added to the map changes
-only what is near it, and `distance_field.png` shows a slice before and after. The idea: the field is exact, and unknown
-space is never free.
+You will see: agreement with the closed form, and an edit in `distance_field.png`. The idea: the field is exact, and
+unknown space is never free.
 """
 
 import sys

@@ -1,8 +1,7 @@
 """The fastest smooth way through a forest of pillars, proven clear over its whole length.
 
-You will see: flight time, the proven clearance, how near each limit came, and `plan.png` with the path
-coloured by speed. The idea: the planner takes any distance function, here a formula, and every plan has
-passed the final gate.
+You will see: flight time, clearance, the share of each limit, and `plan.png`. The idea: the planner takes any
+distance function, here a formula.
 """
 
 import sys

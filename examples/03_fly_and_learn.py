@@ -1,8 +1,7 @@
-"""Fly a figure of eight in the SITL vehicle, learn its rotor drag from the log, fly again: the tracking error falls.
+"""Fly a figure of eight in the SITL vehicle, learn its rotor drag from the log, fly again with less error.
 
-You will see: an upload that is read back, a flight at 5 m/s by the embedded C controller, the drag coefficient with its
-standard error beside the true one, and a second flight that follows better; `learn.png` shows both. The idea: the
-controller uses the model learned from the log at once.
+You will see: the drag coefficient beside the true one, and both flights in `learn.png`. The idea: the controller uses
+the learned model at once.
 """
 
 import sys

@@ -1,9 +1,7 @@
 """A vehicle with a shifted battery and unknown rotor drag flies, learns from its log, and flies again with less error.
 
-You will see: a flight at 6 m/s by the embedded C controller, whose model is a balanced vehicle without rotor drag;
-the diagnosis of its log, without any hint, with the sizes it finds beside the true ones; the plan checked anew for
-the new model; new parameters through the link, in the same session; and the same flight again with a fraction of the
-tracking error, in `again.png`. With OPENBLAS_NUM_THREADS=1 in the environment it takes half of the time.
+You will see: the diagnosis beside the truth, the plan checked anew, new parameters over the link, and `again.png`.
+Set OPENBLAS_NUM_THREADS=1: it takes half of the time.
 """
 
 import sys

@@ -1,8 +1,7 @@
-"""A model predicts a flight badly for an unknown reason. Diagnose the missing effect, add it, and compare the errors.
+"""A model predicts a flight badly: diagnose the missing effect, add it, compare the errors.
 
-You will see: three simulated flights by a vehicle whose body turns against a damping that its model lacks; the
-verdict with size and standard error beside the truth; the prediction error on held-out flights, before and
-after; and one figure of it, `error_falls.svg`. OPENBLAS_NUM_THREADS=1 in the environment makes it four times as fast.
+You will see: the verdict beside the truth, and the held-out error before and after in `error_falls.svg`. Set
+OPENBLAS_NUM_THREADS=1: it is four times as fast.
 """
 
 import sys

@@ -1,7 +1,6 @@
 """Laps round a statue that the vehicle keeps looking at, with a take-off and a stay, as one checked flight.
 
-You will see: the mission's file, what the gate checked of it, the time that asking for less precision saves, and
-`mission.png`. The idea: what a pilot asks besides waypoints are plain records, and the whole flight passes one gate.
+You will see: the mission's file, what the gate checked, and `mission.png`. The idea: requests are plain records.
 """
 
 import sys

@@ -1,8 +1,7 @@
 """A race through gates, and a path that keeps near a recorded walk: both proved along the whole curve.
 
-You will see: what flying through the openings of gates instead of their middles saves, what a tube round a walk costs,
-what the gate of the planner checked of both, and `gates.png`. The idea: a pilot says where the vehicle may be, and the
-planner uses all of it.
+You will see: what openings save over their middles, what a tube costs, and `gates.png`. The idea: the planner uses
+all the room that the pilot allows.
 """
 
 import sys

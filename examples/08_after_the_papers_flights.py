@@ -1,9 +1,7 @@
 """Two flights after those of Rigter et al. (2019): through a cluttered hall as walked, and a fast figure of eight.
 
-You will see: a recorded walk through a doorway and between shelves thinned to a few waypoints and flown within half a
-metre of the walk; and a level figure of eight among trees at the paper's speed and acceleration (8.5 m/s, 10.8 m/s2).
-Halls, trees and paths are ours; of the paper's flights only the vehicle, the kind of place and these two numbers are
-taken. The idea: the same call plans both, and both have passed the same final gate.
+You will see: a walk flown within half a metre, and a figure of eight at the paper's 8.5 m/s and 10.8 m/s2. Halls,
+trees and paths are ours. The idea: the same call plans both.
 """
 
 import itertools

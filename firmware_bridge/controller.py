@@ -46,6 +46,7 @@ class Valid(IntFlag):
     ATTITUDE = 16
     RATE = 32
     SPECIFIC_FORCE = 64
+    ROTOR_SPEED = 128
 
 
 _POSE = 63
@@ -320,6 +321,7 @@ class Controller:
         rate_time_us: int | None = None,
         battery_v: float = 0.0,
         specific_force_body_m_s2: ArrayLike | None = None,
+        rotor_speed_rad_s: ArrayLike | None = None,
         valid: int = _POSE,
         position_std_m: tuple[float, float] = (0.0, 0.0),
         velocity_std_m_s: tuple[float, float] = (0.0, 0.0),
@@ -331,6 +333,7 @@ class Controller:
             state: (13,): position 3, velocity 3, q_world_body 4, body rate 3.
             position_time_us, attitude_time_us, rate_time_us: when those were true; `time_us` unless given.
             specific_force_body_m_s2: (3,) of the accelerometer; None: there is none.
+            rotor_speed_rad_s: (4,) as measured; None: they are not.
             valid: bits of `Valid`, of the pose.
             position_std_m, velocity_std_m_s: horizontal, vertical; 0 = not told.
             reset: the estimator's last relocalization.
@@ -345,10 +348,13 @@ class Controller:
         attitude_at = time_us if attitude_time_us is None else attitude_time_us
         moved = reset or Reset()
         force = np.zeros(3) if specific_force_body_m_s2 is None else np.asarray(specific_force_body_m_s2, np.float64)
+        rotors = np.zeros(4) if rotor_speed_rad_s is None else np.asarray(rotor_speed_rad_s, np.float64)
         more = np.concatenate([
-            force, position_std_m, velocity_std_m_s, moved.position_world_m, moved.velocity_world_m_s, [moved.yaw_rad]
+            force, position_std_m, velocity_std_m_s, moved.position_world_m, moved.velocity_world_m_s, [moved.yaw_rad],
+            rotors,
         ])  # fmt: skip
         bits = valid if specific_force_body_m_s2 is None else valid | Valid.SPECIFIC_FORCE
+        bits = bits if rotor_speed_rad_s is None else bits | Valid.ROTOR_SPEED
         speeds, _ = self.raw.tick(
             time_us, row, at, attitude_at, battery_v, rate_time_us, int(bits), moved.counter % 256, more
         )

@@ -41,8 +41,8 @@ _CHECKS_PER_S = 50_000
 _COMMIT_SLICES = 64
 """A whole commit in one tick: here nothing else waits for the processor."""
 _KEEP_S = 30.0
-_VALID_ALL = 127
-"""TC_VALID_ALL: pose and accelerometer."""
+_VALID_ALL = 255
+"""Pose, accelerometer and rotor speeds."""
 _STATE_FORMAT, _STATE_VERSION = "goshawk-sitl-state", 1
 _CHALLENGE_ID = Ping.ID.to_bytes(3, "little")
 _DATAGRAMS_AT_ONCE = 64  # then the controller has its turn: a flood must not keep it from flying
@@ -305,8 +305,6 @@ class SitlVehicle:
         self._truth.append((self._time_us, truth))
         pose_us, seen = self._truth[0]
         estimate = sensors.estimate(np.concatenate([seen[:10], truth[10:]]), rng)
-        rotor = np.asarray(plant.rotor_speed_rad_s, dtype=np.float64) + 0.0
-        rotor += rng.normal(0.0, sensors.rotor_speed_std_rad_s, 4) if sensors.rotor_speed_std_rad_s else 0.0
         command, _ = self._controller.tick(
             self._time_us,
             estimate,
@@ -315,18 +313,21 @@ class SitlVehicle:
             plant.battery_v,
             rate_time_us=self._time_us,
             valid=_VALID_ALL,
-            more=self._accelerometer(),
+            more=self._imu_and_rotors(),
         )
         self._command = command.astype(np.float64)
-        self._link.update(rotor, self._now_us())
+        self._link.update(self._now_us())
         plant.step(self._command, self._tick_us * 1e-6)
 
-    def _accelerometer(self) -> FloatArray:
-        """What else the estimate holds: specific force (3,), then eleven numbers that are not used here."""
-        more = np.zeros(14)
+    def _imu_and_rotors(self) -> FloatArray:
+        """What else the estimate holds: specific force (3,), eleven unused numbers, rotor speeds (4,)."""
+        sensors, rng, more = self._sensors, self._rng, np.zeros(18)
+        more[14:] = self.plant.rotor_speed_rad_s
+        if sensors.rotor_speed_std_rad_s:  # drawn first
+            more[14:] += rng.normal(0.0, sensors.rotor_speed_std_rad_s, 4)
         more[:3] = self.plant.specific_force_body_m_s2
-        if self._sensors.specific_force_std_m_s2:
-            more[:3] += self._rng.normal(0.0, self._sensors.specific_force_std_m_s2, 3)
+        if sensors.specific_force_std_m_s2:
+            more[:3] += rng.normal(0.0, sensors.specific_force_std_m_s2, 3)
         return more
 
     def _receive(self) -> None:

@@ -16,17 +16,22 @@ import msgspec
 
 import planner
 from flight import FloatArray, InputError, LinkError, Progress, project, silent
-from gcs_web import protocol
 from gcs_web.comparison import reports
 from gcs_web.desk import Desk
 from gcs_web.flights.flights import incoming_file
 from gcs_web.gateway import gateway
 from gcs_web.gateway.hub import Hub
+from gcs_web.gateway.page_socket import PageSocket
 from gcs_web.gateway.tls import context, is_loopback
 from gcs_web.jobs.jobs import Kind
 from gcs_web.learning.consent import Consent
 from gcs_web.map import display_mesh
-from gcs_web.panels.page_socket import PageSocket
+from gcs_web.panels import HANDLERS
+from gcs_web.protocol.base import Edit
+from gcs_web.protocol.document import Insert, Move
+from gcs_web.protocol.people import Person
+from gcs_web.protocol.vehicle import Vehicle
+from gcs_web.protocol.view import Cursor, Selection
 from gcs_web.vehicle.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
 
@@ -35,7 +40,7 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-_DRAGGER = protocol.Person("3d", "3D view")
+_DRAGGER = Person("3d", "3D view")
 """Author of what is dragged in the 3D view: viser does not say whose browser it was."""
 
 
@@ -163,8 +168,15 @@ class GroundStation:
             self.watch.start()
             self._stack.callback(self.watch.close)
         else:
-            self.hub.publish(protocol.Vehicle("none"))
-        pages = PageSocket(self.desk, project=opened.name)
+            self.hub.publish(Vehicle("none"))
+        pages = PageSocket(
+            self.hub,
+            {command: partial(handler, self.desk) for command, handler in HANDLERS.items()},
+            project=opened.name,
+            vehicle=self.watch is not None,
+            arrived=self.desk.arrived,
+            left=self.desk.left,
+        )
         self._gateway = gateway.Gateway(
             self.server.get_port(),
             serve_page=pages.serve,
@@ -185,7 +197,7 @@ class GroundStation:
             where = f"port {port}" if self._host == gateway.LOOPBACK else f"port {port} at {self._host}"
             raise InputError(f"{where} cannot be used ({error.strerror}); choose another with --port") from error
 
-    def _vehicle_changed(self, now: protocol.Vehicle) -> None:
+    def _vehicle_changed(self, now: Vehicle) -> None:
         self.hub.publish(now)
         self.view.vehicle.set_armed(now.armed)
         if now.link == "lost":
@@ -193,25 +205,25 @@ class GroundStation:
 
     def _selected(self, waypoints: list[int]) -> None:
         self.view.select(waypoints)
-        self.hub.publish(protocol.Selection(waypoints))
+        self.hub.publish(Selection(waypoints))
 
     def _moment_chosen(self, time_s: float) -> None:
-        self.hub.publish(protocol.Cursor(time_s))
+        self.hub.publish(Cursor(time_s))
         self.view.look(time_s)
 
     def _dragged(self, waypoint: int, position_world_m: FloatArray) -> None:
         x, y, z = (float(value) for value in position_world_m)
         revision = self.desk.session.revision
-        self._edit(protocol.Move(serial=0, revision=revision, waypoints=[waypoint], x_m=x, y_m=y, z_m=z))
+        self._edit(Move(serial=0, revision=revision, waypoints=[waypoint], x_m=x, y_m=y, z_m=z))
         if self.desk.session.revision == revision:
             self.view.drop_draft()
 
     def _added(self, after: int | None, position_world_m: FloatArray) -> None:
         x, y, z = (float(value) for value in position_world_m)
         revision = self.desk.session.revision
-        self._edit(protocol.Insert(serial=0, revision=revision, after=after, x_m=x, y_m=y, z_m=z))
+        self._edit(Insert(serial=0, revision=revision, after=after, x_m=x, y_m=y, z_m=z))
 
-    def _edit(self, edit: protocol.Edit) -> None:
+    def _edit(self, edit: Edit) -> None:
         """Make an edit of the 3D view and say what was done."""
         try:
             done = self.desk.session.edit(edit, _DRAGGER.name)

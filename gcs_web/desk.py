@@ -1,12 +1,8 @@
 """What the panels work with: the session, the newest plan, the vehicle, the 3D view and the people."""
 
-import json
-import secrets
 import threading
-import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -17,7 +13,6 @@ import vehicle
 from flight import FlightError, FloatArray, InputError, TrajectoryFile, Waypoints, trajectory
 from flight.mission import Mission
 from flight.project import Project
-from gcs_web import protocol
 from gcs_web.comparison.comparing import Comparing
 from gcs_web.comparison.shown_flights import ShownFlights
 from gcs_web.document import missions, projects
@@ -31,19 +26,19 @@ from gcs_web.learning.consent import Consent
 from gcs_web.learning.learning import Learning
 from gcs_web.map.map_desk import MapDesk
 from gcs_web.planning import inputs, page_values, planning, saved, snapping
+from gcs_web.protocol import flights as flights_messages
+from gcs_web.protocol.consent import EffectFiles
+from gcs_web.protocol.jobs import Job
+from gcs_web.protocol.people import Level, Notice, Person
+from gcs_web.protocol.plan import Plan
+from gcs_web.protocol.projects import Projects
+from gcs_web.protocol.trajectories import Files
+from gcs_web.vehicle.control import Control
 from gcs_web.vehicle.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
 
-NONCE_LIFE_S = 60.0
 _STANDING_M = 0.1
 """Height of a standing vehicle's centre above the floor, which the pilot may correct."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Nonce:
-    person: str
-    purpose: str
-    given_s: float
 
 
 class Desk:
@@ -75,16 +70,12 @@ class Desk:
         self.answer: planning.Answer | None = None
         self._as_saved: tuple[Content, TrajectoryFile] | None = None
         """A saved trajectory that was opened, and the document of which it is the plan."""
-        self.in_control = ""
-        """Id of the person whose orders are passed on to the vehicle."""
         self._map_edits: tuple[tuple[MapEdit, ...], str] = ((), "")
         """Those that the inputs' signature and the 3D view have, and why the map on disk lacked some."""
         self.on_open: Callable[[Path], None] | None = None
         """Opens another project in the place of this one; None where whoever started the station cannot."""
-        self._is_left = False
-        """From when another project is to be opened: nobody takes control of the vehicle here any more."""
-        self._nonces: dict[str, _Nonce] = {}
         self._lock = threading.RLock()
+        self.control = Control(opened, hub, watch, self._lock)
         self._planner = planning.PlanningProcess(opened.folder, base, self._planned, self._drafted)
         view.on_draft = hub.publish
         self.map = MapDesk(opened, hub, self.session, view.map, lambda: self.parts.map(self.inputs))
@@ -112,12 +103,8 @@ class Desk:
 
     # --- telling people ---
 
-    def notice(self, text: str, *, level: str = "fact", undo: bool = False, to: str = "") -> None:
-        kind = "danger" if level == "danger" else "caution" if level == "caution" else "fact"
-        self.hub.publish(protocol.Notice(text, kind, undo), to)
-
-    def show_people(self) -> None:
-        self.hub.publish(protocol.People(self.hub.people, self.in_control))
+    def notice(self, text: str, *, level: Level = "fact", undo: bool = False) -> None:
+        self.hub.publish(Notice(text, level, undo))
 
     def show_files(self) -> None:
         """List the saved trajectories and flights, with whether each is checked for the inputs as they are now."""
@@ -127,16 +114,16 @@ class Desk:
             hashes = ("", "")
         listed = [saved.listed(path, hashes) for path in self.project.trajectories()]
         flights = [path.stem for path in self.project.flights()]
-        self.hub.publish(protocol.Files(listed, flights, saved.aside(self.project)))
+        self.hub.publish(Files(listed, flights, saved.aside(self.project)))
         self.flights.refresh()
 
-    def _flights_changed(self, now: protocol.Flights) -> None:
+    def _flights_changed(self, now: flights_messages.Flights) -> None:
         self.hub.publish(now)
         self.show_learning()
 
     def show_learning(self) -> None:
         """The comparison, the diagnosis, the model and its effect files as they are now."""
-        self.hub.publish(protocol.EffectFiles(self.consent.files()))
+        self.hub.publish(EffectFiles(self.consent.files()))
         self.hub.publish(self.comparing.state())
         self.hub.publish(self.learning.diagnosis())
         self.hub.publish(self.learning.identification())
@@ -163,9 +150,9 @@ class Desk:
             return vehicle.Limits()
 
     def show_projects(self) -> None:
-        self.hub.publish(protocol.Projects(projects.beside(self.project)))
+        self.hub.publish(Projects(projects.beside(self.project)))
 
-    def open_project(self, folder: str, person: protocol.Person) -> None:
+    def open_project(self, folder: str, person: Person) -> None:
         """Have the station close this project and open a neighbour of it.
 
         Raises:
@@ -181,18 +168,17 @@ class Desk:
                 raise InputError(f"this station stays with its project; start another with: goshawk gcs {folder}")
             if self.watch is not None and self.watch.state().armed:
                 raise InputError("the vehicle is armed; land it and disarm, then open another project")
-            if self.in_control:
-                raise InputError(f"{self._name_of(self.in_control)} is in control; give up control first")
+            self.control.require_free()
             if not self.jobs.end_if_idle():
                 raise InputError("a job runs or waits; wait for it, or cancel it, then open another project")
-            self._is_left, on_open, self.on_open = True, self.on_open, None
+            self.control.is_left, on_open, self.on_open = True, self.on_open, None
         self.notice(f"{person.name} opens {entry.name}; this page follows in a moment.", level="caution")
         on_open(self.project.folder.resolve().parent / folder)
 
     def show_jobs(self) -> None:
         self.hub.publish(self.jobs.state())
 
-    def _job_ended(self, job: protocol.Job) -> None:
+    def _job_ended(self, job: Job) -> None:
         if job.state != "cancelled":
             failed = job.state == "failed"
             self.notice(f"{job.title}{' failed' if failed else ''}: {job.words}", level="danger" if failed else "fact")
@@ -206,16 +192,16 @@ class Desk:
             revision, content = self.session.revision, self.session.content
             if behind := self.session.map_edits_behind:
                 said = f"Nothing is planned: {behind}, so the map lacks your edit. Make room, then edit again."
-                self._show_plan(protocol.Plan(revision, "void", said))
+                self._show_plan(Plan(revision, "void", said))
                 return
             few = len(content.points) < 2
             if few:
                 sentence = (
                     "Add at least two waypoints: Insert under the table, the key Insert, or a Shift-click on the map."
                 )
-                self._show_plan(protocol.Plan(revision, "none", sentence))
+                self._show_plan(Plan(revision, "none", sentence))
                 return
-            self._show_plan(protocol.Plan(revision, "planning", "Planning and checking ..."))
+            self._show_plan(Plan(revision, "planning", "Planning and checking ..."))
             if afresh:
                 self._as_saved = None
             known = self._as_saved
@@ -297,7 +283,7 @@ class Desk:
             self.answer = answer
             self._show_plan(answer.shown)
 
-    def _show_plan(self, plan: protocol.Plan) -> None:
+    def _show_plan(self, plan: Plan) -> None:
         crc32 = ""
         if self.answer is not None and self.answer.file is not None and plan.state == "checked":
             crc32 = page_values.crc32(replace(self.answer.file, name=self.name))
@@ -353,12 +339,12 @@ class Desk:
             self.inputs = now
             said = "The map or the vehicle changed since the check: this plan is void. Plan again."
             self._show_clearance()
-            self._show_plan(protocol.Plan(self.session.revision, "void", said))
+            self._show_plan(Plan(self.session.revision, "void", said))
         self._notice_with_map(said, level="caution")
         self._draw_map()  # takes seconds for a large mesh: not under the lock
         self.show_files()
 
-    def _notice_with_map(self, said: str, *, level: str) -> None:
+    def _notice_with_map(self, said: str, *, level: Level) -> None:
         """One notice, for who comes in later is shown the last one only."""
         try:
             doubt = inputs.doubt(self.parts.map(self.inputs))
@@ -375,66 +361,6 @@ class Desk:
             self.notice(f"the map cannot be shown: {error}", level="danger")
         self.map.changed()
 
-    # --- who may give orders ---
-
-    def take_control(self, person: protocol.Person, *, force: bool) -> None:
-        """
-        Raises:
-            InputError: somebody else has control, and `force` was not given; or another project is being opened.
-        """
-        with self._lock:
-            if self._is_left:
-                raise InputError("another project is being opened; take control there")
-            holder = self._name_of(self.in_control)
-            if self.in_control not in ("", person.id) and not force:
-                raise InputError(f"{holder} is in control; ask for it, or take it over")
-            if self.in_control not in ("", person.id):
-                self.notice(f"{person.name} took over control of the vehicle", level="caution", to=self.in_control)
-            self.in_control = person.id
-        self.show_people()
-
-    def give_up_control(self, person: protocol.Person) -> None:
-        with self._lock:
-            if self.in_control == person.id:
-                self.in_control = ""
-        self.show_people()
-
-    def require_control(self, person: protocol.Person) -> VehicleWatch:
-        """The vehicle, for the person in control.
-
-        Raises:
-            InputError: there is no vehicle, or this person is not in control.
-        """
-        if self.watch is None:
-            raise InputError("the ground station was started without a vehicle; give --url")
-        if self.in_control != person.id:
-            whose = f"{self._name_of(self.in_control)} is in control" if self.in_control else "nobody is in control"
-            raise InputError(f"{whose}; take control first")
-        return self.watch
-
-    def new_nonce(self, person: protocol.Person, purpose: str) -> str:
-        """A word that is good once, for this person and purpose, for a minute."""
-        with self._lock:
-            now_s = time.monotonic()
-            self._nonces = {k: n for k, n in self._nonces.items() if now_s - n.given_s < NONCE_LIFE_S}
-            word = secrets.token_urlsafe(16)
-            self._nonces[word] = _Nonce(person.id, purpose, now_s)
-            return word
-
-    def use_nonce(self, word: str, person: protocol.Person, purpose: str) -> None:
-        """
-        Raises:
-            InputError: it was used before, is too old, or was given to somebody else or for something else.
-        """
-        with self._lock:
-            known = self._nonces.pop(word, None)
-        if (
-            known is None
-            or (known.person, known.purpose) != (person.id, purpose)
-            or time.monotonic() - known.given_s > NONCE_LIFE_S
-        ):
-            raise InputError("this order was given before, or too long ago; look at the page again and repeat it")
-
     def about(self) -> dict[str, object]:
         """Which plan an order given now is about."""
         answer = self.answer
@@ -443,42 +369,16 @@ class Desk:
         crc32 = "" if file is None else page_values.crc32(replace(file, name=self.name))
         return {"revision": self.session.revision, "plan": self.name, "crc32": crc32}
 
-    def audit(self, person: protocol.Person, what: str, answer: str, about: dict[str, object]) -> None:
-        """One line for whoever asks later: who ordered what, about which plan, and what came of it."""
-        now = datetime.now(UTC).isoformat(timespec="milliseconds")
-        line = {"time": now, "who": person.name, "what": what, **about, "answer": answer}
-        try:
-            with self._lock, open(self.project.folder / ".session" / "audit.jsonl", "a") as log:
-                log.write(json.dumps(line) + "\n")
-        except OSError as error:  # the order was carried out all the same
-            self.notice(f"the audit log could not be written: {error.strerror}", level="danger")
-
-    def audited(self, person: protocol.Person, what: str, do: Callable[[], None], about: dict[str, object]) -> None:
-        """Do what a person ordered, and write down what came of it.
-
-        Args:
-            about: of `audit`, as it was when the order was given.
-        """
-        try:
-            do()
-        except Exception as error:
-            self.audit(person, what, f"refused: {error}", about)
-            raise
-        self.audit(person, what, "done", about)
-
     def arrived(self) -> None:
         """Somebody opened the page."""
-        self.show_people()
+        self.control.show()
         self.shown_flights.people_changed()
 
-    def left(self, person: protocol.Person) -> None:
+    def left(self, person: Person) -> None:
         """Somebody closed the page: control is free again."""
         self.map.end_preview(person.id)
-        self.give_up_control(person)
+        self.control.give_up(person)
         self.shown_flights.people_changed()
-
-    def _name_of(self, person: str) -> str:
-        return next((p.name for p in self.hub.people if p.id == person), "somebody who left")
 
 
 def _first_settings(base: planner.PlanOptions, limits: vehicle.Limits) -> Settings:

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flight import FloatArray, Progress, silent
-from gcs_web import protocol
 from gcs_web.comparison.flight_scene import FlightScene
 from gcs_web.document import missions
 from gcs_web.document.document import Content, Point, Settings
 from gcs_web.map.map_view import MapView
 from gcs_web.map.mesh_view import MeshView
+from gcs_web.protocol.plan import Draft, Series
+from gcs_web.protocol.view import Colour
 from gcs_web.scene import course_view, drawing, picking
 from gcs_web.vehicle.vehicle_view import VehicleView
 from mapping import Map
@@ -51,9 +52,9 @@ class View3D:
         self._course_shown = ""
         self._selected: tuple[int, ...] = ()
         self._handle: Any = None
-        self._series: protocol.Series | None = None
+        self._series: Series | None = None
         self._required_m = 0.0
-        self._colour: protocol.Colour = "clearance"
+        self._colour: Colour = "clearance"
         self._path: Any = None
         self.map = MapView(server, MeshView(server, triangles, cache, progress), cache)
         self._has_map = False
@@ -68,7 +69,7 @@ class View3D:
         """A waypoint was let go at (3,) world."""
         self.on_pull: Callable[[int, FloatArray], None] = lambda _i, _p: None
         """A waypoint is held at (3,) world."""
-        self.on_draft: Callable[[protocol.Draft], None] = lambda _: None
+        self.on_draft: Callable[[Draft], None] = lambda _: None
         """A draft is drawn now, or none any more; called in the order in which that happens."""
         self.on_moment: Callable[[float], None] = lambda _: None
         """The path was clicked; the plan's time there, s."""
@@ -172,7 +173,7 @@ class View3D:
             self._required_m = required_m
         self.map.require_clearance(required_m)
 
-    def draw_plan(self, series: protocol.Series | None, *, is_coming: bool = False) -> None:
+    def draw_plan(self, series: Series | None, *, is_coming: bool = False) -> None:
         """Draw a checked plan; None leaves the last good path there in grey, and a draft if a plan `is_coming`."""
         with self._lock, self._server.atomic():
             if not is_coming:
@@ -183,7 +184,7 @@ class View3D:
             if not self._checked:
                 self._ghost.visible = False
 
-    def draw_draft(self, shown: protocol.Draft, path_world_m: FloatArray | None) -> None:
+    def draw_draft(self, shown: Draft, path_world_m: FloatArray | None) -> None:
         """Draw (m, 3) a path that nobody has checked while a waypoint is dragged, and the last good one in grey.
 
         None: there is no path with the waypoint where it is.
@@ -238,7 +239,7 @@ class View3D:
             self._ghost.wxyz = tuple(series.q_world_body[4 * k : 4 * k + 4])
             self._ghost.visible = True
 
-    def show(self, colour: protocol.Colour) -> None:
+    def show(self, colour: Colour) -> None:
         with self._lock:
             self._colour = colour
             self._draw_path()
@@ -298,7 +299,7 @@ class View3D:
 
     def _end_draft(self) -> None:
         with self._lock:
-            self.on_draft(protocol.Draft(None))
+            self.on_draft(Draft(None))
 
     def _browser_left(self, client: "viser.ClientHandle") -> None:
         """What was dragged there is where it was: only letting go moves a waypoint."""

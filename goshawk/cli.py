@@ -116,7 +116,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _answer(error: Exception) -> tuple[str, int]:
     """What to say about an error, and the exit code."""
-    from flight import FlightError, FormatError, InputError  # with NumPy, which `goshawk --version` does not need
+    from flight import FlightError, FormatError, InputError, extras  # brings NumPy: not for `goshawk --version`
 
     if isinstance(error, click.ClickException):
         return _usage(error), 2
@@ -128,6 +128,8 @@ def _answer(error: Exception) -> tuple[str, int]:
         return f"{where}{error.strerror or error}{remedy}", 2
     if isinstance(error, MemoryError):
         return "not enough memory; use fewer or smaller inputs", 1
+    if needed := extras.missing(error):
+        return f"this verb needs {needed}", 2
     at = traceback.extract_tb(error.__traceback__)[-1]
     said = f"{type(error).__name__}: {error}".splitlines()[0]
     where = f"{os.path.basename(at.filename)}, line {at.lineno}"

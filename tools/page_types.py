@@ -1,48 +1,66 @@
-"""Writes the client's message types from the structs of `gcs_web/protocol`: `python tools/page_types.py`."""
+"""Writes the client's message types from the messages and commands of `gcs_web`: `python tools/page_types.py`."""
 
-import importlib
-import inspect
-import pkgutil
 import types
 import typing
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 
-from gcs_web import protocol
+from gcs_web.panels import HANDLERS
+from gcs_web.protocol.base import Command, Message
+from gcs_web.protocol.people import PROTOCOL
 
 TARGET = Path(__file__).parents[1] / "gcs_web" / "client" / "src" / "core" / "protocol.ts"
-HEAD = "// Written by tools/page_types.py from gcs_web/protocol. Do not edit.\n"
+HEAD = "// Written by tools/page_types.py from the structs of gcs_web. Do not edit.\n"
 _SIMPLE = {str: "string", int: "number", float: "number", bool: "boolean", type(None): "null"}
+
+Struct = type[msgspec.Struct]
 
 
 def typescript() -> str:
-    """All structs of the protocol as interfaces, then the two unions."""
-    structs = [kind for module in _modules() for kind in vars(module).values() if _is_struct_of(module, kind)]
-    parts = [HEAD, f"export const PROTOCOL = {protocol.PROTOCOL};", *(_interface(kind) for kind in structs)]
-    for name in ("ToPage", "FromPage"):
-        members = " | ".join(kind.__name__ for kind in typing.get_args(getattr(protocol, name)))
-        parts.append(f"export type {name} = {members};")
+    """What a panel has handlers for, every message to pages, and all structs that these are made of, as interfaces."""
+    unions = {"ToPage": set(tagged(Message)), "FromPage": set(HANDLERS)}
+    structs: dict[str, Struct] = {}
+    for kind in set.union(*unions.values()):
+        _collect(kind, structs)
+    parts = [HEAD, f"export const PROTOCOL = {PROTOCOL};", *(_interface(structs[name]) for name in sorted(structs))]
+    for name, members in unions.items():
+        parts.append(f"export type {name} = {' | '.join(sorted(kind.__name__ for kind in members))};")
     return "\n\n".join(parts) + "\n"
 
 
-def _modules() -> list[types.ModuleType]:
-    found = pkgutil.iter_modules(protocol.__path__, f"{protocol.__name__}.")
-    return [*(importlib.import_module(module.name) for module in found), protocol]
+def tagged(base: Struct) -> Iterator[Struct]:
+    """Those that come on the socket."""
+    for kind in base.__subclasses__():
+        if kind.__struct_config__.tag is not None:
+            yield kind
+        yield from tagged(kind)
 
 
-def _is_struct_of(module: types.ModuleType, kind: object) -> bool:
-    return inspect.isclass(kind) and issubclass(kind, msgspec.Struct) and kind.__module__ == module.__name__
+def _collect(hint: object, into: dict[str, Struct]) -> None:
+    """Every struct that a type is made of, by name."""
+    for inside in typing.get_args(hint):
+        _collect(inside, into)
+    if not (isinstance(hint, type) and issubclass(hint, msgspec.Struct) and hint.__struct_fields__):
+        return
+    if into.get(hint.__name__) is hint:
+        return
+    if hint.__name__ in into:
+        raise TypeError(f"two structs of the page's protocol are named {hint.__name__}; rename one")
+    into[hint.__name__] = hint
+    for inside in (*typing.get_type_hints(hint).values(), *hint.__bases__):
+        _collect(inside, into)
 
 
-def _interface(kind: type[msgspec.Struct]) -> str:
+def _interface(kind: Struct) -> str:
     lines = []
     if (tag := kind.__struct_config__.tag) is not None:
-        lines.append(f"  type: {tag!r};".replace("'", '"'))
+        lines.append(f'  type: "{tag}";')
     hints = typing.get_type_hints(kind)
     for field in msgspec.structs.fields(kind):
         # Commands may leave out what has a default; the server sends every field.
-        optional = "?" if not field.required and issubclass(kind, protocol.Command) else ""
+        optional = "?" if not field.required and issubclass(kind, Command) else ""
         lines.append(f"  {field.name}{optional}: {_type(hints[field.name])};")
     return "\n".join([f"export interface {kind.__name__} {{", *lines, "}"])
 
@@ -66,5 +84,4 @@ def _type(hint: object) -> str:
 
 
 if __name__ == "__main__":
-    TARGET.parent.mkdir(parents=True, exist_ok=True)
     TARGET.write_text(typescript())

@@ -58,7 +58,6 @@ class Known:
     """(4, 3) from the centre of mass."""
     spin: FloatArray | None = None
     """(4,) +1 turns counter-clockwise seen from above."""
-    hub_source: str = ""
     rotor_radius_m: Parameter | None = None
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     """Inertias, and parameters of effects by full name: the vehicle gets those effects."""

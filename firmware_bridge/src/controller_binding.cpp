@@ -59,10 +59,10 @@ tc_estimate estimate_from(const double* row, uint64_t position_time_us, uint64_t
 }
 
 // What else a tick may be told: a row of specific force 3, standard deviations of position and velocity (horizontal,
-// vertical) 2 + 2, and the last reset's position 3, velocity 3, yaw 1.
+// vertical) 2 + 2, the last reset's position 3, velocity 3, yaw 1, and measured rotor speeds 4.
 std::tuple<Out, int> tick(Controller& self, uint64_t time_us, In<double, 13> state, uint64_t position_time_us,
                           uint64_t attitude_time_us, double battery_v, std::optional<uint64_t> rate_time_us,
-                          uint8_t valid, uint8_t reset_counter, std::optional<In<double, 14>> more) {
+                          uint8_t valid, uint8_t reset_counter, std::optional<In<double, 18>> more) {
     tc_estimate e = estimate_from(state.data(), position_time_us, attitude_time_us, battery_v);
     e.rate_time_us = rate_time_us.value_or(attitude_time_us);
     e.valid = valid;
@@ -75,6 +75,7 @@ std::tuple<Out, int> tick(Controller& self, uint64_t time_us, In<double, 13> sta
         std::copy_n(row + 7, 3, e.reset_position_world_m);
         std::copy_n(row + 10, 3, e.reset_velocity_world_m_s);
         e.reset_yaw_rad = static_cast<float>(row[13]);
+        std::copy_n(row + 14, TC_ROTORS, e.rotor_speed_rad_s);
     }
     tc_output output{};
     const tc_reason reason = tc_tick(self.c.get(), time_us, &e, &output);
@@ -155,8 +156,9 @@ nb::dict telemetry(const Controller& self) {
     d["reckoning_std_m"] = t.reckoning_std_m;
     d["shift_world_m"] = copied(self.c->supervisor.shift, 3);
     d["path_time_us"] = t.path_time_us;
-    d["trajectory_id"] = t.trajectory_id;
-    d["trajectory_crc32"] = t.trajectory_crc32;
+    const tc_trajectory* active = tc_store_active(&self.c->store);
+    d["trajectory_id"] = active != nullptr ? active->header.id : 0u;
+    d["trajectory_crc32"] = active != nullptr ? active->header.crc32 : 0u;
     d["ticks"] = t.ticks;
     d["refused_ticks"] = t.refused_ticks;
     return d;

@@ -55,11 +55,7 @@ class Link {
         return link_->counts.accepted - before;
     }
 
-    void update(Row<4> rotor_speed, uint64_t now_us) {
-        tc_link_measured measured{};
-        std::copy_n(rotor_speed.data(), 4, measured.rotor_speed_rad_s);
-        tc_link_update(link_.get(), &measured, now_us);
-    }
+    void update(uint64_t now_us) { tc_link_update(link_.get(), now_us); }
 
     nb::bytes transmit(uint64_t now_us) {
         uint8_t frame[TC_FRAME_MAX];
@@ -125,7 +121,7 @@ void bind_link(nb::module_& m) {
              "log_records"_a, "log_period_us"_a, "now_us"_a, "signature_checks_per_s"_a = 0, "commit_slices"_a = 0,
              nb::keep_alive<1, 2>())
         .def("receive", &Link::receive, "data"_a, "datagram"_a, "now_us"_a)
-        .def("update", &Link::update, "rotor_speed_rad_s"_a, "now_us"_a)
+        .def("update", &Link::update, "now_us"_a)
         .def("transmit", &Link::transmit, "now_us"_a)
         .def("counts", &Link::counts)
         .def("stamp_to_keep", &Link::stamp_to_keep)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FloatArray, rotations
-from gcs_web.protocol.flights import ArrowScale
+from gcs_web.protocol.comparison import ArrowScale
 
 LONGEST_M = 1.0
 """About the length of the arrow of a large residual; few are longer."""

@@ -8,15 +8,14 @@ import numpy as np
 
 import vehicle
 from flight import FlightError, FloatArray, InputError
-from gcs_web import protocol
 from gcs_web.comparison import reports, residuals
 from gcs_web.comparison.arrows import Wrench
 from gcs_web.comparison.flight_scene import FlightScene
 from gcs_web.comparison.residuals import Compared
 from gcs_web.flights import pyramid, reading
 from gcs_web.flights.flights import Flights
-from gcs_web.protocol import flights as parts
-from gcs_web.protocol.flight_view import ShowFlights
+from gcs_web.protocol.comparison import ArrowScale, Comparison, Scatter, ShowFlights
+from gcs_web.protocol.flights import CurvePart, OpenedFlight, StreamPart
 from sysid.estimator.validation.comparison import Deviation
 
 if TYPE_CHECKING:
@@ -42,14 +41,14 @@ class Comparing:
         with self._lock:
             self._compared = compared
 
-    def state(self) -> protocol.Comparison:
+    def state(self) -> Comparison:
         """The newest comparison as the page shows it; `old` if vehicle or flights are others now."""
         compared = self._compared
         if compared is None:
-            return protocol.Comparison("none")
+            return Comparison("none")
         held_out = [flight.name for flight in compared.flights if flight.held_out]
         learn = [flight.name for flight in compared.flights if not flight.held_out]
-        return protocol.Comparison(
+        return Comparison(
             "current" if self._is_current(compared, learn, held_out) else "old",
             learn,
             held_out,
@@ -63,7 +62,7 @@ class Comparing:
             reports.report_file(self._project.folder, "comparison").is_file(),
         )
 
-    def opened(self, name: str) -> parts.OpenedFlight:
+    def opened(self, name: str) -> OpenedFlight:
         """A flight with all its streams, those of the comparison too.
 
         Raises:
@@ -74,9 +73,9 @@ class Comparing:
         forces = [] if flight is None else [stream for stream, _, _ in residuals.forces(flight).values()]
         flown = [stream for stream in found.streams if stream.group == "flight"]
         columns = [stream for stream in found.streams if stream.group == "column"]
-        return parts.OpenedFlight(name, found.start_s, found.end_s, found.shift_s, [*flown, *forces, *columns])
+        return OpenedFlight(name, found.start_s, found.end_s, found.shift_s, [*flown, *forces, *columns])
 
-    def read(self, name: str, keys: list[str], from_s: float, to_s: float, points: int) -> list[parts.StreamPart]:
+    def read(self, name: str, keys: list[str], from_s: float, to_s: float, points: int) -> list[StreamPart]:
         """Streams of a flight over a stretch of its shifted time.
 
         Raises:
@@ -91,13 +90,12 @@ class Comparing:
                 _, curves, band = ours[key]
                 when, lines = self._with_gaps(name, flight.time_s, [np.array(curve.values) for curve in curves])
                 drawn = [
-                    parts.CurvePart(curve.label, curve.kind, line.tolist())
-                    for curve, line in zip(curves, lines, strict=True)
+                    CurvePart(curve.label, curve.kind, line.tolist()) for curve, line in zip(curves, lines, strict=True)
                 ]
-                answer[key] = parts.StreamPart(name, key, when.tolist(), drawn, band)
+                answer[key] = StreamPart(name, key, when.tolist(), drawn, band)
         return [answer[key] for key in keys]
 
-    def scatter(self, channel: str, variable: str) -> parts.Scatter:
+    def scatter(self, channel: str, variable: str) -> Scatter:
         """
         Raises:
             FlightError: there is no comparison, or it does not have these.
@@ -107,7 +105,7 @@ class Comparing:
             raise InputError("nothing was compared yet; compare the flights with the model first")
         return residuals.scatter(compared, channel, variable, self._shifts(compared))
 
-    def draw(self, wanted: ShowFlights) -> tuple[parts.ArrowScale | None, float | None]:
+    def draw(self, wanted: ShowFlights) -> tuple[ArrowScale | None, float | None]:
         """Draw these flights in the 3D view, and no others.
 
         Returns:

@@ -10,7 +10,7 @@ from flight import FloatArray
 from gcs_web.comparison import arrows, predicted
 from gcs_web.comparison.arrows import Wrench
 from gcs_web.flights.recorded import Path3D
-from gcs_web.protocol.flights import ArrowScale
+from gcs_web.protocol.comparison import ArrowScale
 from gcs_web.scene import drawing, picking
 from sysid.estimator.validation.comparison import Deviation
 

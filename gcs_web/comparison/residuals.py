@@ -8,7 +8,8 @@ import numpy as np
 
 from flight import FlightLog, FloatArray, InputError, Progress, file_format
 from gcs_web.flights import session_files
-from gcs_web.protocol import flights as parts
+from gcs_web.protocol.comparison import ChannelResidual, HorizonError, Scatter, VariableName
+from gcs_web.protocol.flights import CurveKind, CurvePart, Stream
 from sysid.diagnosis.evidence import explained
 from sysid.diagnosis.evidence.free_form import UNIT, VARIABLE
 from sysid.estimator.flights.sampling import means_over
@@ -194,24 +195,24 @@ def _can_be_shown(found: Compared) -> bool:
 # --- as the page shows it ---
 
 
-def variable(name: str) -> parts.VariableName:
-    return parts.VariableName(name, UNIT[name], words.variable(name))
+def variable(name: str) -> VariableName:
+    return VariableName(name, UNIT[name], words.variable(name))
 
 
-def channels(compared: Compared) -> list[parts.ChannelResidual]:
+def channels(compared: Compared) -> list[ChannelResidual]:
     rows = []
     for channel, rms, shares in zip(CHANNELS, compared.rms, compared.shares, strict=True):
         scale, written = unit(channel)
-        rows.append(parts.ChannelResidual(channel, written, scale * rms, shares))
+        rows.append(ChannelResidual(channel, written, scale * rms, shares))
     return rows
 
 
-def errors(compared: Compared) -> list[parts.HorizonError]:
+def errors(compared: Compared) -> list[HorizonError]:
     """In the units that people read."""
     rows = []
     for quantity, values in compared.errors.items():
         written, scale = SHOWN[quantity]
-        rows.append(parts.HorizonError(quantity, written, [scale * value for value in values]))
+        rows.append(HorizonError(quantity, written, [scale * value for value in values]))
     return rows
 
 
@@ -219,7 +220,7 @@ def horizons_s() -> list[float]:
     return list(HORIZONS_S)
 
 
-def scatter(compared: Compared, channel: str, name: str, shift_s: dict[str, float]) -> parts.Scatter:
+def scatter(compared: Compared, channel: str, name: str, shift_s: dict[str, float]) -> Scatter:
     """
     Args:
         shift_s: by flight, what is taken off the log's clock.
@@ -234,7 +235,7 @@ def scatter(compared: Compared, channel: str, name: str, shift_s: dict[str, floa
     x = np.concatenate([flight.variables[column] for flight in compared.flights])
     y = scale * np.concatenate([flight.residual[row] for flight in compared.flights])
     centre, mean, error = drawing.binned(x, y)
-    return parts.Scatter(
+    return Scatter(
         channel,
         written,
         variable(name),
@@ -252,24 +253,24 @@ def scatter(compared: Compared, channel: str, name: str, shift_s: dict[str, floa
     )
 
 
-def forces(flight: FlightResidual) -> dict[str, tuple[parts.Stream, list[parts.CurvePart], float | None]]:
+def forces(flight: FlightResidual) -> dict[str, tuple[Stream, list[CurvePart], float | None]]:
     """Streams of the comparison on one flight, by key: model and measured, and the residual with its band."""
-    found: dict[str, tuple[parts.Stream, list[parts.CurvePart], float | None]] = {}
+    found: dict[str, tuple[Stream, list[CurvePart], float | None]] = {}
     for i, channel in enumerate(CHANNELS):
         scale, written = unit(channel)
         modelled, left = scale * np.array(flight.modelled[i]), scale * np.array(flight.residual[i])
         what = f"{'Force' if channel[0] == 'F' else 'Torque'} {channel[2]}"
         both = [_curve("model", modelled), _curve("measured", modelled + left)]
-        found[channel] = (parts.Stream(channel, what, written, "force"), both, None)
+        found[channel] = (Stream(channel, what, written, "force"), both, None)
         key = f"residual_{channel}"
         band = SIGMAS * scale * flight.sigma[i]
         found[key] = (
-            parts.Stream(key, f"Residual {channel[2] if channel[0] == 'F' else what.lower()}", written, "force"),
+            Stream(key, f"Residual {channel[2] if channel[0] == 'F' else what.lower()}", written, "force"),
             [_curve("residual", left)],
             band,
         )
     return found
 
 
-def _curve(kind: parts.CurveKind, values: FloatArray) -> parts.CurvePart:
-    return parts.CurvePart(kind, kind, values.tolist())
+def _curve(kind: CurveKind, values: FloatArray) -> CurvePart:
+    return CurvePart(kind, kind, values.tolist())

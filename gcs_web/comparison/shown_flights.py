@@ -12,7 +12,7 @@ from flight import FlightError
 from gcs_web.comparison.comparing import Comparing
 from gcs_web.comparison.flight_scene import FlightScene
 from gcs_web.gateway.hub import Hub
-from gcs_web.protocol.flight_view import FlightMoment, FlightsShown, ShowFlights, Stretch
+from gcs_web.protocol.comparison import FlightMoment, FlightsShown, ShowFlights, Stretch
 
 _NONE = ShowFlights(serial=0, flights=[])
 

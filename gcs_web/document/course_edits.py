@@ -8,13 +8,13 @@ import numpy as np
 
 from flight import InputError
 from flight.mission import KeepIn
-from gcs_web import protocol
 from gcs_web.document.document import Content, Opening
+from gcs_web.protocol.document import ClearGate, SetGate, SetTube
 
 Edited = tuple[Content, str]
 
 
-def set_gate(content: Content, edit: protocol.SetGate) -> Edited:
+def set_gate(content: Content, edit: SetGate) -> Edited:
     number = content.number_of(edit.waypoint)
     if number in (0, len(content.points) - 1):
         raise InputError(f"waypoint {number + 1} is an end of the path and met exactly; give gates to inner waypoints")
@@ -34,12 +34,12 @@ def set_gate(content: Content, edit: protocol.SetGate) -> Edited:
     return _with_gate(content, number, gate), f"gate at waypoint {number + 1} {size}"
 
 
-def clear_gate(content: Content, edit: protocol.ClearGate) -> Edited:
+def clear_gate(content: Content, edit: ClearGate) -> Edited:
     number = content.number_of(edit.waypoint)
     return _with_gate(content, number, None), f"gate at waypoint {number + 1} dropped"
 
 
-def set_tube(content: Content, edit: protocol.SetTube) -> Edited:
+def set_tube(content: Content, edit: SetTube) -> Edited:
     old = content.settings.keep_in
     tube = None if edit.radius_m is None else replace(old or KeepIn(edit.radius_m), radius_m=edit.radius_m)
     settings = msgspec.structs.replace(content.settings, keep_in=tube)

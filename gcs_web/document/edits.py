@@ -10,16 +10,19 @@ import numpy as np
 from esdf import Edit
 from flight import InputError
 from flight.mission import MOST_LAPS, Ground
-from gcs_web import protocol
 from gcs_web.document import course_edits, map_edits, missions
 from gcs_web.document.document import LEG_LIMITS, SETTING_BOUNDS, Content, Point
 from gcs_web.document.map_edits import LARGEST_COORDINATE_M, MapEdit
+from gcs_web.protocol import base as base_messages
+from gcs_web.protocol import document as messages
+from gcs_web.protocol.course import Place, RandomYaw
+from gcs_web.protocol.map import AddMapEdit, ChangeMapEdit, DropMapEdits
 
 Edited = tuple[Content, str]
 """The document after an edit, and what was done in words: "waypoint 8 moved 0.31 m up"."""
 
 
-def apply(content: Content, edit: protocol.Edit) -> Edited:
+def apply(content: Content, edit: base_messages.Edit) -> Edited:
     """
     Raises:
         InputError: the edit cannot be done; the message says why.
@@ -29,7 +32,7 @@ def apply(content: Content, edit: protocol.Edit) -> Edited:
     return after, label
 
 
-def _move(content: Content, edit: protocol.Move) -> Edited:
+def _move(content: Content, edit: messages.Move) -> Edited:
     wanted = (edit.x_m, edit.y_m, edit.z_m)
 
     def moved(point: Point) -> Point:
@@ -39,7 +42,7 @@ def _move(content: Content, edit: protocol.Move) -> Edited:
     return _each(content, edit.waypoints, moved)
 
 
-def _shift(content: Content, edit: protocol.Shift) -> Edited:
+def _shift(content: Content, edit: messages.Shift) -> Edited:
     def moved(point: Point) -> Point:
         x, y, z = point.position_world_m
         return msgspec.structs.replace(point, position_world_m=(x + edit.x_m, y + edit.y_m, z + edit.z_m))
@@ -47,7 +50,7 @@ def _shift(content: Content, edit: protocol.Shift) -> Edited:
     return _each(content, edit.waypoints, moved)
 
 
-def _place(content: Content, edit: protocol.Place) -> Edited:
+def _place(content: Content, edit: Place) -> Edited:
     places = dict(zip(edit.waypoints, edit.positions_m, strict=True))
     after, _ = _each(
         content, edit.waypoints, lambda point: msgspec.structs.replace(point, position_world_m=places[point.id])
@@ -55,7 +58,7 @@ def _place(content: Content, edit: protocol.Place) -> Edited:
     return after, f"{_named(content, edit.waypoints)} {edit.label}"
 
 
-def _random_yaw(content: Content, edit: protocol.RandomYaw) -> Edited:
+def _random_yaw(content: Content, edit: RandomYaw) -> Edited:
     """The same for the same revision; a plan that cannot turn as fast slows down, or is refused as any other."""
     yaw_rad = np.random.default_rng(edit.revision).uniform(-np.pi, np.pi, len(content.points)).tolist()
     of = {point.id: angle for point, angle in zip(content.points, yaw_rad, strict=True)}
@@ -63,7 +66,7 @@ def _random_yaw(content: Content, edit: protocol.RandomYaw) -> Edited:
     return after, f"random headings for {_named(content, edit.waypoints)}"
 
 
-def _turn(content: Content, edit: protocol.Turn) -> Edited:
+def _turn(content: Content, edit: messages.Turn) -> Edited:
     yaw_rad = None if edit.yaw_deg is None else math.remainder(math.radians(edit.yaw_deg), 2.0 * math.pi)
     after, _ = _each(content, edit.waypoints, lambda point: msgspec.structs.replace(point, yaw_rad=yaw_rad))
     heading = "free" if edit.yaw_deg is None else f"{edit.yaw_deg:.0f}°"
@@ -75,7 +78,7 @@ _ASKED = {"stay_s": (3600.0, "s", "stay at"), "fly_by_m": (100.0, "m", "radius o
 """Of each request at a waypoint: the largest value, its unit and its name."""
 
 
-def _ask(content: Content, edit: protocol.Ask) -> Edited:
+def _ask(content: Content, edit: messages.Ask) -> Edited:
     named, chosen = _named(content, edit.waypoints), set(edit.waypoints)
     asked = {name: value for name in _ASKED if (value := getattr(edit, name)) is not None}
     for name, value in asked.items():
@@ -97,7 +100,7 @@ def _ask(content: Content, edit: protocol.Ask) -> Edited:
     return content.with_points(points), said
 
 
-def _pass(content: Content, edit: protocol.Pass) -> Edited:
+def _pass(content: Content, edit: messages.Pass) -> Edited:
     named, chosen, wanted = _named(content, edit.waypoints), set(edit.waypoints), edit.velocity_m_s
     most = SETTING_BOUNDS["speed_m_s"][1]
     if wanted is not None and not math.hypot(*wanted) <= most:
@@ -107,7 +110,7 @@ def _pass(content: Content, edit: protocol.Pass) -> Edited:
     return content.with_points(points), f"velocity at {named} {said}"
 
 
-def _insert(content: Content, edit: protocol.Insert) -> Edited:
+def _insert(content: Content, edit: messages.Insert) -> Edited:
     number = -1 if edit.after is None else content.number_of(edit.after)
     position = _inserted_position(content, number)
     for axis, value in enumerate((edit.x_m, edit.y_m, edit.z_m)):
@@ -129,7 +132,7 @@ def _inserted_position(content: Content, number: int) -> Any:
     return 0.5 * np.add(here[0].position_world_m, after[0].position_world_m)
 
 
-def _delete(content: Content, edit: protocol.Delete) -> Edited:
+def _delete(content: Content, edit: messages.Delete) -> Edited:
     label = f"{_named(content, edit.waypoints)} deleted"
     gone = set(edit.waypoints)
     points = [p for p in content.points if p.id not in gone]
@@ -149,7 +152,7 @@ def _survivor(points: Sequence[Point], waypoint: int | None, gone: set[int]) -> 
     return None if waypoint is None else next((i for i in ids[ids.index(waypoint) :] if i not in gone), None)
 
 
-def _reverse(content: Content, edit: protocol.Reverse) -> Edited:
+def _reverse(content: Content, edit: messages.Reverse) -> Edited:
     """The same flight backwards: legs keep their speeds, velocities and gates turn round, take-off and landing swap.
 
     A loop begins and closes at its first waypoint whichever way it is flown.
@@ -204,7 +207,7 @@ def _legs_backwards(points: Sequence[Point], loop: tuple[int, int] | None) -> li
     return found
 
 
-def _choose(content: Content, edit: protocol.Choose) -> Edited:
+def _choose(content: Content, edit: messages.Choose) -> Edited:
     given = {n: v for n in edit.__struct_fields__ if (v := getattr(edit, n)) is not None and n not in _NOT_SETTINGS}
     for name, value in given.items():
         if name in SETTING_BOUNDS and not SETTING_BOUNDS[name][0] <= value <= SETTING_BOUNDS[name][1]:
@@ -256,7 +259,7 @@ def _checked_place(position_m: tuple[float, float, float]) -> tuple[float, float
     return position_m
 
 
-def _loop(content: Content, edit: protocol.Loop) -> Edited:
+def _loop(content: Content, edit: messages.Loop) -> Edited:
     if not 0 <= edit.laps <= MOST_LAPS:
         raise InputError(f"{edit.laps} laps are refused; it must be from 0 (an open path) to {MOST_LAPS}")
     first = None if edit.lap_first is None or content.number_of(edit.lap_first) == 0 else edit.lap_first
@@ -270,7 +273,7 @@ def _loop(content: Content, edit: protocol.Loop) -> Edited:
 _FASTEST_CLIMB_M_S = 20.0
 
 
-def _ground(content: Content, edit: protocol.SetGround) -> Edited:
+def _ground(content: Content, edit: messages.SetGround) -> Edited:
     old: Ground | None = getattr(content.settings, edit.end)
     if not content.points:
         raise InputError("there is no path to take off for or to land from; add waypoints first")
@@ -285,7 +288,7 @@ def _ground(content: Content, edit: protocol.SetGround) -> Edited:
     return _with_settings(content, **{edit.end: ground}), f"{_END_WORDS[edit.end]} at {where}, {climb_m_s:g} m/s"
 
 
-def _clear_ground(content: Content, edit: protocol.ClearGround) -> Edited:
+def _clear_ground(content: Content, edit: messages.ClearGround) -> Edited:
     return _with_settings(content, **{edit.end: None}), f"no {_END_WORDS[edit.end]}"
 
 
@@ -295,12 +298,12 @@ _END_WORDS = {"take_off": "take-off", "landing": "landing"}
 _ACTIONS = {"add": "obstacle", "no-fly": "no-fly zone", "clear": "cleared", "remove": "declared free"}
 
 
-def _add_map_edit(content: Content, edit: protocol.AddMapEdit) -> Edited:
+def _add_map_edit(content: Content, edit: AddMapEdit) -> Edited:
     new = map_edits.of(content.next_id, Edit(edit.action, map_edits.solid(edit.shape), _edit_name(edit.name)))
     return content.with_map_edits([*content.map_edits, new]), f"{_map_words(new)} added to the map"
 
 
-def _change_map_edit(content: Content, edit: protocol.ChangeMapEdit) -> Edited:
+def _change_map_edit(content: Content, edit: ChangeMapEdit) -> Edited:
     old = _map_edit(content, edit.edit)
     before = old.edit()
     body = before.solid if edit.shape is None else map_edits.solid(edit.shape)
@@ -310,7 +313,7 @@ def _change_map_edit(content: Content, edit: protocol.ChangeMapEdit) -> Edited:
     return content.with_map_edits(after), f"{_map_words(new)} changed"
 
 
-def _drop_map_edits(content: Content, edit: protocol.DropMapEdits) -> Edited:
+def _drop_map_edits(content: Content, edit: DropMapEdits) -> Edited:
     gone = [_map_edit(content, number) for number in edit.edits]
     if not gone:
         raise InputError("no edit of the map is selected")
@@ -368,24 +371,24 @@ def _named(content: Content, waypoints: Sequence[int]) -> str:
 
 
 _EDITS: dict[type, Callable[[Content, Any], Edited]] = {
-    protocol.Move: _move,
-    protocol.Shift: _shift,
-    protocol.Turn: _turn,
-    protocol.Place: _place,
-    protocol.RandomYaw: _random_yaw,
-    protocol.Insert: _insert,
-    protocol.Delete: _delete,
-    protocol.Reverse: _reverse,
-    protocol.Choose: _choose,
-    protocol.Ask: _ask,
-    protocol.Pass: _pass,
-    protocol.Loop: _loop,
-    protocol.SetGround: _ground,
-    protocol.ClearGround: _clear_ground,
-    protocol.SetGate: course_edits.set_gate,
-    protocol.ClearGate: course_edits.clear_gate,
-    protocol.SetTube: course_edits.set_tube,
-    protocol.AddMapEdit: _add_map_edit,
-    protocol.ChangeMapEdit: _change_map_edit,
-    protocol.DropMapEdits: _drop_map_edits,
+    messages.Move: _move,
+    messages.Shift: _shift,
+    messages.Turn: _turn,
+    Place: _place,
+    RandomYaw: _random_yaw,
+    messages.Insert: _insert,
+    messages.Delete: _delete,
+    messages.Reverse: _reverse,
+    messages.Choose: _choose,
+    messages.Ask: _ask,
+    messages.Pass: _pass,
+    messages.Loop: _loop,
+    messages.SetGround: _ground,
+    messages.ClearGround: _clear_ground,
+    messages.SetGate: course_edits.set_gate,
+    messages.ClearGate: course_edits.clear_gate,
+    messages.SetTube: course_edits.set_tube,
+    AddMapEdit: _add_map_edit,
+    ChangeMapEdit: _change_map_edit,
+    DropMapEdits: _drop_map_edits,
 }

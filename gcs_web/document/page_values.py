@@ -3,32 +3,34 @@
 import math
 
 from flight.mission import Ground
-from gcs_web import protocol
 from gcs_web.document import document, map_edits
 from gcs_web.document.map_edits import MapEdit
+from gcs_web.protocol import document as document_messages
+from gcs_web.protocol import map as map_messages
+from gcs_web.protocol.document import Gate, Mission, Settings, Waypoint
 
 
-def waypoint(point: document.Point) -> protocol.Waypoint:
+def waypoint(point: document.Point) -> Waypoint:
     x, y, z = point.position_world_m
     yaw_deg = None if point.yaw_rad is None else math.degrees(point.yaw_rad)
     asked = point.stay_s, point.fly_by_m, point.leg_speed_m_s, point.velocity_world_m_s, _gate(point.gate)
-    return protocol.Waypoint(point.id, x, y, z, yaw_deg, *asked)
+    return Waypoint(point.id, x, y, z, yaw_deg, *asked)
 
 
-def _gate(asked: document.Opening | None) -> protocol.Gate | None:
+def _gate(asked: document.Opening | None) -> Gate | None:
     if asked is None:
         return None
     turned = (math.degrees(angle) for angle in (asked.heading_rad, asked.pitch_rad, asked.roll_rad))
-    return protocol.Gate(asked.width_m, asked.height_m, *turned)
+    return Gate(asked.width_m, asked.height_m, *turned)
 
 
-def map_edit(edit: MapEdit) -> protocol.MapEdit:
+def map_edit(edit: MapEdit) -> map_messages.MapEdit:
     solid = edit.edit().solid
-    return protocol.MapEdit(edit.id, edit.action, edit.name, map_edits.shape_of(solid), map_edits.words(solid))
+    return map_messages.MapEdit(edit.id, edit.action, edit.name, map_edits.shape_of(solid), map_edits.words(solid))
 
 
-def settings(chosen: document.Settings) -> protocol.Settings:
-    return protocol.Settings(
+def settings(chosen: document.Settings) -> Settings:
+    return Settings(
         chosen.speed_m_s,
         chosen.acceleration_m_s2,
         chosen.margin_m,
@@ -39,12 +41,12 @@ def settings(chosen: document.Settings) -> protocol.Settings:
     )
 
 
-def mission(chosen: document.Settings) -> protocol.Mission:
-    def ground(asked: Ground | None) -> protocol.Ground | None:
-        return None if asked is None else protocol.Ground(*asked.position_world_m, asked.climb_m_s)
+def mission(chosen: document.Settings) -> Mission:
+    def ground(asked: Ground | None) -> document_messages.Ground | None:
+        return None if asked is None else document_messages.Ground(*asked.position_world_m, asked.climb_m_s)
 
     tube = chosen.keep_in
-    return protocol.Mission(
+    return Mission(
         chosen.laps,
         chosen.lap_first,
         chosen.lap_last,

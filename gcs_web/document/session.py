@@ -13,11 +13,12 @@ from typing import Literal, NamedTuple
 from flight import FlightError, InputError, Waypoints
 from flight.mission import Mission
 from flight.project import Project
-from gcs_web import protocol
 from gcs_web.document import edits, missions, page_values
 from gcs_web.document.document import Content, Settings, difference, patched
 from gcs_web.document.journal import VERSION, WITH_MAP_EDITS, Entry, Journal
 from gcs_web.document.mirrors import Left, MapEditsFile, Mirror, WaypointsFile
+from gcs_web.protocol.base import Edit
+from gcs_web.protocol.document import Document
 
 logger = logging.getLogger(__name__)
 
@@ -92,11 +93,11 @@ class Session:
         said, self._notice = self._notice, ""
         return said
 
-    def document(self) -> protocol.Document:
+    def document(self) -> Document:
         """The document as the page shows it."""
         with self._lock:
             saved = self._journal.saved
-            return protocol.Document(
+            return Document(
                 revision=saved.revision,
                 author=self.author,
                 waypoints=[page_values.waypoint(point) for point in saved.content.points],
@@ -107,7 +108,7 @@ class Session:
                 redo=saved.redo[-1].label if saved.redo else "",
             )
 
-    def edit(self, edit: protocol.Edit, author: str) -> str:
+    def edit(self, edit: Edit, author: str) -> str:
         """Make a change; returns what was done in words, empty when nothing changed.
 
         Raises:
@@ -188,7 +189,7 @@ class Session:
                 mirror.written = last  # stays foreign too
                 raise
 
-    def _refuse_conflict(self, edit: protocol.Edit, touched: frozenset[int | str], author: str) -> None:
+    def _refuse_conflict(self, edit: Edit, touched: frozenset[int | str], author: str) -> None:
         if edit.revision >= self.revision:
             return
         oldest = self._recent[0].revision if self._recent else self.revision + 1

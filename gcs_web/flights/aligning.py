@@ -6,7 +6,7 @@ from typing import TypeVar
 from flight import InputError
 from gcs_web.flights import alignment
 from gcs_web.flights.recorded import Recorded
-from gcs_web.protocol import aligning as parts
+from gcs_web.protocol.flights import AlignBy, Aligned
 
 T = TypeVar("T")
 FLAT = 0.05
@@ -14,7 +14,7 @@ FLAT = 0.05
 _STREAMS = {"speed": "speed", "height": "position_z"}
 
 
-def align(recorded: Recorded, names: Sequence[str], how: parts.AlignBy) -> list[parts.Aligned]:
+def align(recorded: Recorded, names: Sequence[str], how: AlignBy) -> list[Aligned]:
     """How far each flight but the first is to be moved, on their shifted times; one that cannot be says why.
 
     Raises:
@@ -28,18 +28,18 @@ def align(recorded: Recorded, names: Sequence[str], how: parts.AlignBy) -> list[
     return [_aligned(recorded, first, name, how) for name in others]
 
 
-def _aligned(recorded: Recorded, first: str, name: str, how: parts.AlignBy) -> parts.Aligned:
+def _aligned(recorded: Recorded, first: str, name: str, how: AlignBy) -> Aligned:
     try:
         if how in _STREAMS:
             return _correlated(recorded, first, name, how)
         find, words = _EVENTS[how]
         by_s = _of(recorded, first, find, words) - _of(recorded, name, find, words)
     except InputError as error:
-        return parts.Aligned(name, None, f"cannot tell: {error}")
-    return parts.Aligned(name, by_s, f"{words} at the same time")
+        return Aligned(name, None, f"cannot tell: {error}")
+    return Aligned(name, by_s, f"{words} at the same time")
 
 
-def _correlated(recorded: Recorded, first: str, name: str, what: str) -> parts.Aligned:
+def _correlated(recorded: Recorded, first: str, name: str, what: str) -> Aligned:
     signals = (
         _of(recorded, each, lambda log, flight: log.measured(flight, _STREAMS[what]), what) for each in (first, name)
     )
@@ -48,7 +48,7 @@ def _correlated(recorded: Recorded, first: str, name: str, what: str) -> parts.A
         f"correlation of {what} {found.peak:.2f}, half of it within ±{found.half_width_s:.2f} s, "
         f"elsewhere at most {found.elsewhere:.2f}"
     )
-    return parts.Aligned(name, found.shift_s, words)
+    return Aligned(name, found.shift_s, words)
 
 
 def _of(recorded: Recorded, name: str, find: Callable[[Recorded, str], T], words: str) -> T:

@@ -17,10 +17,10 @@ import sysid
 import vehicle
 from flight import FlightError, FlightLog, InputError, file_format, flight_log, project, results
 from flight.project import Project
-from gcs_web import protocol
 from gcs_web.flights import reading, session_files
 from gcs_web.flights.recorded import Recorded
 from gcs_web.jobs.job_process import Failed, JobProcess
+from gcs_web.protocol import flights as flights_messages
 from gcs_web.protocol.flights import ColumnGuess, FlightCard, Incoming, Role
 from sysid.logs.readers import draft_columns, draft_topics
 from sysid.logs.reading import is_recording
@@ -36,7 +36,7 @@ OWN_KINDS = (".parquet", ".ulg")
 class Flights:
     """Thread-safe. `on_change` is called from any thread with every new list."""
 
-    def __init__(self, opened: Project, on_change: Callable[[protocol.Flights], None]) -> None:
+    def __init__(self, opened: Project, on_change: Callable[[flights_messages.Flights], None]) -> None:
         self.recorded = Recorded(opened)
         self._project, self._on_change = opened, on_change
         self._lock = threading.RLock()
@@ -50,7 +50,7 @@ class Flights:
     def refresh(self) -> None:
         """List the flights as they are on disk now; cards that are missing follow when they are made."""
         listed = self.listed()
-        self._on_change(protocol.Flights(listed))
+        self._on_change(flights_messages.Flights(listed))
         with self._lock:
             missing = [card.name for card in listed if card.state == "reading"]
             if missing and not self._closed and (self._reader is None or not self._reader.is_alive()):
@@ -233,7 +233,7 @@ class Flights:
 
         def progress(stage: str, fraction: float) -> None:
             logger.debug("read %s, %.0f %%", stage, 100.0 * fraction)
-            self._on_change(protocol.Flights(self.listed()))
+            self._on_change(flights_messages.Flights(self.listed()))
 
         outcome = self._process.outcome(progress)
         if self._closed:

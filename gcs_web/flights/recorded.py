@@ -20,7 +20,7 @@ from flight.project import Project
 from gcs_web.flights import pyramid, streams
 from gcs_web.flights.alignment import Signal
 from gcs_web.flights.pyramid import Pyramid
-from gcs_web.protocol import flights as parts
+from gcs_web.protocol.flights import CurvePart, OpenedFlight, Stream, StreamGroup, StreamPart
 
 MOST_BYTES = 160 << 20
 """Four flights side by side, each of a million samples in four plots."""
@@ -73,17 +73,17 @@ class Recorded:
         self._opened: dict[str, _Opened] = {}
         self._kept: OrderedDict[tuple[str, str], list[Pyramid]] = OrderedDict()
 
-    def open(self, name: str) -> parts.OpenedFlight:
+    def open(self, name: str) -> OpenedFlight:
         """
         Raises:
             FlightError: there is no such flight, or it cannot be read.
         """
         found = self._found(name)
         time_s = found.time_s - found.shift_s
-        listed = [parts.Stream(q.key, q.name, q.unit, _group(q)) for q in found.quantities.values()]
-        return parts.OpenedFlight(name, float(time_s[0]), float(time_s[-1]), found.shift_s, listed)
+        listed = [Stream(q.key, q.name, q.unit, _group(q)) for q in found.quantities.values()]
+        return OpenedFlight(name, float(time_s[0]), float(time_s[-1]), found.shift_s, listed)
 
-    def read(self, name: str, keys: Sequence[str], from_s: float, to_s: float, points: int) -> list[parts.StreamPart]:
+    def read(self, name: str, keys: Sequence[str], from_s: float, to_s: float, points: int) -> list[StreamPart]:
         """Streams of a flight over a stretch of its shifted time.
 
         Raises:
@@ -102,10 +102,10 @@ class Recorded:
             part = pyramid.part(found.time_s, curves, from_s + found.shift_s, to_s + found.shift_s, wanted)
             when, values = pyramid.parted(*part, found.gaps_s)
             lines = [
-                parts.CurvePart(curve.label, curve.kind, line.tolist())
+                CurvePart(curve.label, curve.kind, line.tolist())
                 for curve, line in zip(quantity.curves, values, strict=True)
             ]
-            answer.append(parts.StreamPart(name, quantity.key, (when - found.shift_s).tolist(), lines))
+            answer.append(StreamPart(name, quantity.key, (when - found.shift_s).tolist(), lines))
         return answer
 
     def states(self, name: str) -> States:
@@ -246,5 +246,5 @@ def _rows(path: Path, quantities: Sequence[str], rows: np.ndarray) -> dict[str, 
     return {quantity: np.concatenate(parts_read) for quantity, parts_read in read.items()}
 
 
-def _group(quantity: streams.Quantity) -> parts.StreamGroup:
+def _group(quantity: streams.Quantity) -> StreamGroup:
     return "column" if quantity.key.startswith(streams.COLUMN) else "flight"

@@ -10,46 +10,24 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from gcs_web import protocol
+from gcs_web.protocol.base import Message, State
+from gcs_web.protocol.people import Notice, Person
 
 MOST_WAITING = 1000
 """Replies and notices that may wait for one browser; then it is cut off and comes back for the newest state."""
-
-_STATE = (
-    protocol.Document,
-    protocol.Plan,
-    protocol.Draft,
-    protocol.Vehicle,
-    protocol.People,
-    protocol.Files,
-    protocol.Projects,
-    protocol.Jobs,
-    protocol.Shown,
-    protocol.MapShown,
-    protocol.Measured,
-    protocol.MapPreview,
-    protocol.Flights,
-    protocol.FlightsShown,
-    protocol.Comparison,
-    protocol.Diagnosis,
-    protocol.Model,
-    protocol.EffectFiles,
-    protocol.Identification,
-    protocol.NextFlight,
-)
 
 
 @dataclass(slots=True)
 class Client:
     """One open page."""
 
-    person: protocol.Person
+    person: Person
     waiting: dict[str, bytes] = field(default_factory=dict[str, bytes])
     arrived: asyncio.Event = field(default_factory=asyncio.Event)
     lagging: bool = False
 
-    def put(self, message: protocol.ToPage, serial: int) -> None:
-        key = type(message).__name__ if isinstance(message, _STATE) else f"{serial}"
+    def put(self, message: Message, serial: int) -> None:
+        key = type(message).__name__ if isinstance(message, State) else f"{serial}"
         self.waiting.pop(key, None)
         self.waiting[key] = msgspec.json.encode(message)
         self.lagging = len(self.waiting) > MOST_WAITING
@@ -68,18 +46,18 @@ class Hub:
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
         self._clients: dict[str, Client] = {}
-        self._newest: dict[type, protocol.ToPage] = {}
+        self._newest: dict[type, Message] = {}
         self._joined = 0
         self._serial = 0
 
     @property
-    def people(self) -> list[protocol.Person]:
+    def people(self) -> list[Person]:
         return [client.person for client in list(self._clients.values())]
 
     def join(self) -> Client:
         """A new page, with all it has to know waiting for it."""
         self._joined += 1
-        client = Client(protocol.Person(secrets.token_hex(8), f"Pilot {self._joined}"))
+        client = Client(Person(secrets.token_hex(8), f"Pilot {self._joined}"))
         self._clients[client.person.id] = client
         for message in list(self._newest.values()):
             self._put(client, message)
@@ -88,17 +66,17 @@ class Hub:
     def leave(self, client: Client) -> None:
         self._clients.pop(client.person.id, None)
 
-    def publish(self, message: protocol.ToPage, to: str = "") -> None:
+    def publish(self, message: Message, to: str = "") -> None:
         """Send to everybody, or to one person."""
         self._loop.call_soon_threadsafe(self._publish, message, to)
 
-    def _publish(self, message: protocol.ToPage, to: str) -> None:
-        if isinstance(message, _STATE) or (isinstance(message, protocol.Notice) and not to):
+    def _publish(self, message: Message, to: str) -> None:
+        if isinstance(message, State) or (isinstance(message, Notice) and not to):
             self._newest[type(message)] = message
         for name, client in self._clients.items():
             if to in ("", name):
                 self._put(client, message)
 
-    def _put(self, client: Client, message: protocol.ToPage) -> None:
+    def _put(self, client: Client, message: Message) -> None:
         self._serial += 1
         client.put(message, self._serial)

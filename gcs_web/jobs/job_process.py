@@ -17,7 +17,7 @@ from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
-from flight import FlightError, Progress
+from flight import FlightError, Progress, extras
 
 logger = logging.getLogger(__name__)
 
@@ -133,7 +133,9 @@ def _main(pipe: connection.Connection, work: Work, folder: Path, arguments: obje
         pipe.send(Failed(str(error)))
     except Exception as error:
         logger.exception("the job failed")
-        pipe.send(Failed(f"internal error: {type(error).__name__}: {error}; see {log.name}"))
+        needed = extras.missing(error)
+        fault = f"internal error: {type(error).__name__}: {error}; see {log.name}"
+        pipe.send(Failed(f"this needs {needed}" if needed else fault))
 
 
 def _end_with_station(pipe: connection.Connection) -> None:

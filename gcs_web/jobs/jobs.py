@@ -17,8 +17,9 @@ import msgspec
 
 from flight import FlightError, InputError
 from flight.project import Project
-from gcs_web import protocol
 from gcs_web.jobs.job_process import Done, JobProcess, Work
+from gcs_web.protocol import jobs as jobs_messages
+from gcs_web.protocol.jobs import Job, JobField, JobKind
 
 logger = logging.getLogger(__name__)
 
@@ -90,12 +91,12 @@ class _Job:
     process: JobProcess | None = None
     stop: threading.Event = field(default_factory=threading.Event)
 
-    def shown(self) -> protocol.Job:
+    def shown(self) -> Job:
         running = self.state == "running"
         now_s = time.monotonic()
         end_s = now_s if running else self.ended_s
         left_s = (now_s - self.stage_began_s) * (1.0 / self.share - 1.0) if running and self.share > _EARLY else None
-        return protocol.Job(
+        return Job(
             self.id,
             self.kind.name,
             self.kind.title,
@@ -118,7 +119,7 @@ class Jobs(Generic[Station]):
         kinds: Sequence[Kind[Station]],
         on_change: Callable[[], None],
         on_done: Callable[[Kind[Station], Any], str],
-        on_end: Callable[[protocol.Job], None],
+        on_end: Callable[[Job], None],
     ) -> None:
         """
         Args:
@@ -132,15 +133,15 @@ class Jobs(Generic[Station]):
         self._last_id = 0
         self._closed = False
         self._changed = threading.Condition()
-        self._offers: list[protocol.JobKind] = []
+        self._offers: list[JobKind] = []
         self.look()
         self._told_s = 0.0
         self._thread = threading.Thread(target=self._serve, name="jobs", daemon=True)
         self._thread.start()
 
-    def state(self) -> protocol.Jobs:
+    def state(self) -> jobs_messages.Jobs:
         with self._changed:
-            return protocol.Jobs([job.shown() for job in self._jobs], self._offers)
+            return jobs_messages.Jobs([job.shown() for job in self._jobs], self._offers)
 
     def look(self) -> None:
         """Find anew what can be chosen: not with each progress, as it searches the project's folders."""
@@ -315,7 +316,7 @@ class Jobs(Generic[Station]):
             self._told_s = now_s
         self._on_change()
 
-    def _offered(self, kind: Kind[Any]) -> protocol.JobKind:
+    def _offered(self, kind: Kind[Any]) -> JobKind:
         try:
             choices = kind.choices(self._project)
         except OSError:  # a folder that cannot be read, or went away just now
@@ -323,7 +324,7 @@ class Jobs(Generic[Station]):
             choices = {}
         schema = msgspec.json.schema_components([kind.arguments])[1][kind.arguments.__name__]
         fields = [_field(name, told, choices.get(name)) for name, told in schema["properties"].items()]
-        return protocol.JobKind(kind.name, kind.title, fields)
+        return JobKind(kind.name, kind.title, fields)
 
 
 _FORMS: dict[str, Literal["text", "number", "integer", "flag", "several"]] = {
@@ -331,12 +332,12 @@ _FORMS: dict[str, Literal["text", "number", "integer", "flag", "several"]] = {
 }  # fmt: skip
 
 
-def _field(name: str, told: Mapping[str, Any], choices: Sequence[str] | None) -> protocol.JobField:
+def _field(name: str, told: Mapping[str, Any], choices: Sequence[str] | None) -> JobField:
     """A field of a form, from its JSON schema."""
     form = _FORMS[told["type"]]
     first = "" if choices is None else next(iter(choices), "")
     empty: dict[str, Any] = {"several": [], "flag": False, "number": 0.0, "integer": 0}
-    return protocol.JobField(
+    return JobField(
         name,
         told.get("title", name),
         told.get("description", ""),

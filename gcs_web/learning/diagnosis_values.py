@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import vehicle
-from gcs_web import protocol
 from gcs_web.comparison.residuals import variable
-from gcs_web.protocol import flights as parts
+from gcs_web.protocol import learning as learning_messages
+from gcs_web.protocol.learning import Attempt, Confounded, EffectSize, Evidence, OutsideCurve, Stair, Tried
 from sysid.diagnosis import Diagnosis
 from sysid.diagnosis.curve import advice, suggested_name
 from sysid.diagnosis.evidence import explained
@@ -29,11 +29,11 @@ from vehicle import Vehicle, history
 
 def diagnosis(
     found: Diagnosis, outlooks: Mapping[str, Outlook], vehicle_hash: str, contents: str
-) -> protocol.Diagnosis:
+) -> learning_messages.Diagnosis:
     belief = found.belief
     named = functools.partial(diagnosis_page.named, found)
     pictures = {candidate.name: evidence(found, candidate) for candidate in figures.leading(found)}
-    return protocol.Diagnosis(
+    return learning_messages.Diagnosis(
         "current",
         _sentence(named(found.verdict)),
         belief.as_stated,
@@ -43,9 +43,9 @@ def diagnosis(
         sorted(found.flights),
         sorted(found.held_out),
         [_candidate(found, one, outlooks.get(one.name), pictures.get(one.name)) for one in found.candidates],
-        [parts.Attempt(a.name, words.effect(a.name), str(a.outcome), named(a.sentence)) for a in found.attempts],
+        [Attempt(a.name, words.effect(a.name), str(a.outcome), named(a.sentence)) for a in found.attempts],
         list(found.staircase[0].position_m),
-        [parts.Stair(named(s.model), [1e3 * e for e in s.position_m.values()]) for s in found.staircase],
+        [Stair(named(s.model), [1e3 * e for e in s.position_m.values()]) for s in found.staircase],
         None if found.outside is None else _outside(found.outside),
         [f"{words.effect(name)}: {named(why)}" for name, why in found.invisible],
         [named(sentence) for sentence in found.findings],
@@ -56,10 +56,10 @@ def diagnosis(
 
 
 def _candidate(
-    whole: Diagnosis, found: CandidateFinding, outlook: Outlook | None, picture: parts.Evidence | None
-) -> parts.Candidate:
+    whole: Diagnosis, found: CandidateFinding, outlook: Outlook | None, picture: Evidence | None
+) -> learning_messages.Candidate:
     effect = found.name.partition("[")[0]
-    return parts.Candidate(
+    return learning_messages.Candidate(
         found.name,
         words.effect(found.name),
         found.verdict.value,
@@ -68,14 +68,14 @@ def _candidate(
         vehicle.effects.find(effect).law,
         [_size(size) for size in found.sizes],
         1e3 * found.error_m,
-        [parts.Confounded(name, words.effect(name), share) for name, share in found.confounded],
+        [Confounded(name, words.effect(name), share) for name, share in found.confounded],
         "" if outlook is None else outlook.sentence,
         picture,
     )
 
 
-def _size(size: Size) -> parts.EffectSize:
-    return parts.EffectSize(
+def _size(size: Size) -> EffectSize:
+    return EffectSize(
         words.parameter(size.parameter),
         size.unit,
         size.value,
@@ -87,7 +87,7 @@ def _size(size: Size) -> parts.EffectSize:
     )
 
 
-def evidence(found: Diagnosis, candidate: Candidate) -> parts.Evidence:
+def evidence(found: Diagnosis, candidate: Candidate) -> Evidence:
     """The points of the report's picture of a candidate."""
     model = found.search.models[0]
     shown, before = added_variable(model, candidate), left_of(model)
@@ -100,7 +100,7 @@ def evidence(found: Diagnosis, candidate: Candidate) -> parts.Evidence:
     if judged:
         held_x = explained.read(judged[figures.AFTER], VARIABLE[name]).tolist()
         held = {key: (scale * figures.in_channel(left, shown.channel)).tolist() for key, left in judged.items()}
-    return parts.Evidence(
+    return Evidence(
         shown.channel,
         written,
         variable(name),
@@ -114,9 +114,9 @@ def evidence(found: Diagnosis, candidate: Candidate) -> parts.Evidence:
     )
 
 
-def _outside(found: OutsideFinding) -> parts.OutsideCurve:
+def _outside(found: OutsideFinding) -> OutsideCurve:
     scale, written = unit(found.channel)
-    return parts.OutsideCurve(
+    return OutsideCurve(
         found.channel,
         words.channel(found.channel),
         written,
@@ -129,7 +129,7 @@ def _outside(found: OutsideFinding) -> parts.OutsideCurve:
     )
 
 
-def curve_facts(shown: parts.OutsideCurve) -> dict[str, Any]:
+def curve_facts(shown: OutsideCurve) -> dict[str, Any]:
     """The curve as `goshawk diagnose --json` has it, in SI."""
     scale, _ = unit(shown.channel)
     return {
@@ -149,7 +149,7 @@ def _left(found: Diagnosis) -> list[str]:
     return [f"{channel} {scale * value:.2g} {written}" for channel, scale, written, value in rows]
 
 
-def tried(present: Vehicle, effect: str, change: Change, held_out: Sequence[str]) -> parts.Tried:
+def tried(present: Vehicle, effect: str, change: Change, held_out: Sequence[str]) -> Tried:
     """What came of adding an effect, in the units that people read."""
 
     def errors(model: str) -> list[float]:
@@ -157,7 +157,7 @@ def tried(present: Vehicle, effect: str, change: Change, held_out: Sequence[str]
         return [] if found is None else [SHOWN[q][1] * found[changes.KEYS[q]] for q in QUANTITIES]
 
     said = change.held_out.verdict if change.held_out else "not judged: no flight is held out"
-    return parts.Tried(
+    return Tried(
         effect,
         words.effect(effect),
         said,

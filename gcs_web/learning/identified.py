@@ -7,7 +7,8 @@ import msgspec
 
 from flight import file_format
 from gcs_web.flights import session_files
-from gcs_web.protocol import identified as parts
+from gcs_web.protocol import identified as identified_messages
+from gcs_web.protocol.identified import ConfoundedPair, Identified, Trial
 from sysid.estimator.result import Identification
 from sysid.report import words
 
@@ -25,7 +26,7 @@ def shown(
     contents: str,
     written: Sequence[str],
     reasons: Sequence[str],
-) -> parts.Identification:
+) -> identified_messages.Identification:
     """
     Args:
         trials: fits of each flight alone, in their order; none where it was not asked for.
@@ -33,18 +34,15 @@ def shown(
     """
     names = [e.name for e in fit.parameters]
     said = dict(zip(names, _in_words(names), strict=True))
-    return parts.Identification(
+    return identified_messages.Identification(
         "current",
         str(fit.verdict.use),
         [words.parameters_named(reason, names) for reason in reasons],
         list(flights),
-        [
-            parts.Identified(e.name, said[e.name], e.unit, e.start, e.value, e.std_robust, e.status)
-            for e in fit.parameters
-        ],
+        [Identified(e.name, said[e.name], e.unit, e.start, e.value, e.std_robust, e.status) for e in fit.parameters],
         list(fit.free_names),
         fit.correlation.tolist(),
-        [parts.ConfoundedPair(said[a], said[b], r) for a, b, r in fit.confounded()],
+        [ConfoundedPair(said[a], said[b], r) for a, b, r in fit.confounded()],
         [_trial(flight, alone, fit.free_names) for flight, alone in zip(flights, trials, strict=False)],
         list(written),
         vehicle_hash,
@@ -52,10 +50,10 @@ def shown(
     )
 
 
-def _trial(flight: str, alone: Identification, names: Sequence[str]) -> parts.Trial:
+def _trial(flight: str, alone: Identification, names: Sequence[str]) -> Trial:
     found = [alone.estimate(name) for name in names]
     sigmas = [e.std_robust if e.status == "free" else 0.0 for e in found]
-    return parts.Trial(flight, [e.value for e in found], sigmas)
+    return Trial(flight, [e.value for e in found], sigmas)
 
 
 def _in_words(names: Sequence[str]) -> list[str]:
@@ -67,10 +65,12 @@ def _in_words(names: Sequence[str]) -> list[str]:
     ]
 
 
-def save(folder: Path, found: parts.Identification) -> None:
+def save(folder: Path, found: identified_messages.Identification) -> None:
     file_format.write_bytes(identification_file(folder), msgspec.json.encode(found))
 
 
-def load(folder: Path) -> parts.Identification:
+def load(folder: Path) -> identified_messages.Identification:
     """The newest one; state `none` where there is none that can be read."""
-    return session_files.read(identification_file(folder), parts.Identification) or parts.Identification("none")
+    return session_files.read(
+        identification_file(folder), identified_messages.Identification
+    ) or identified_messages.Identification("none")

@@ -9,12 +9,13 @@ import msgspec
 import vehicle
 from flight import FlightError, InputError, file_format
 from flight.project import Project
-from gcs_web import protocol
 from gcs_web.comparison import reports
 from gcs_web.flights import reading, session_files
 from gcs_web.flights.flights import Flights
 from gcs_web.learning import diagnosis_values, identified, proposed
-from gcs_web.protocol.flights import ParameterRow, Tried, VehicleVersion
+from gcs_web.protocol.identified import Identification
+from gcs_web.protocol.learning import Diagnosis, Model, ParameterRow, Tried, VehicleVersion
+from gcs_web.protocol.next_flight import NextFlight
 from sysid.diagnosis import curve
 from sysid.report import words
 from vehicle import history
@@ -51,11 +52,11 @@ class Learning:
         self._project, self._flights = opened, flights
         self._lock = threading.RLock()
 
-    def diagnosis(self) -> protocol.Diagnosis:
+    def diagnosis(self) -> Diagnosis:
         """The newest diagnosis; `old` if vehicle or flights are others now."""
-        found = session_files.read(diagnosis_file(self._project.folder), protocol.Diagnosis)
+        found = session_files.read(diagnosis_file(self._project.folder), Diagnosis)
         if found is None:
-            return protocol.Diagnosis("none")
+            return Diagnosis("none")
         same = (found.vehicle, found.logs, found.learn, found.held_out) == (
             self._hash(),
             reading.contents(self._project, [*found.learn, *found.held_out]),
@@ -65,7 +66,7 @@ class Learning:
         has_report = reports.report_file(self._project.folder, "diagnosis").is_file()
         return msgspec.structs.replace(found, state="current" if same else "old", has_report=has_report)
 
-    def identification(self) -> protocol.Identification:
+    def identification(self) -> Identification:
         """The newest identification; `old` if the vehicle or its flights are others now."""
         found = identified.load(self._project.folder)
         if found.state == "none":
@@ -73,7 +74,7 @@ class Learning:
         same = (found.vehicle, found.logs) == (self._hash(), reading.contents(self._project, found.flights))
         return msgspec.structs.replace(found, state="current" if same else "old")
 
-    def next_flight(self) -> protocol.NextFlight:
+    def next_flight(self) -> NextFlight:
         """The flight that was proposed last; `old` if the vehicle, the flights or the map are others now."""
         found = proposed.load(self._project.folder)
         if found.state == "none":
@@ -88,14 +89,14 @@ class Learning:
         )
         return msgspec.structs.replace(found, state="current" if same else "old")
 
-    def model(self) -> protocol.Model:
+    def model(self) -> Model:
         """
         Raises:
             FlightError: the vehicle file or its history cannot be read.
         """
         present = vehicle.load(self._project.vehicle)
         kept = self._trial()
-        return protocol.Model(
+        return Model(
             present.name,
             [words.effect(effect) for effect in present.effects],
             list(present.effects),

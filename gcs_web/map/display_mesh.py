@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from flight import FloatArray, MapError, Progress, silent
-from gcs_web.jobs.job_process import Failed, JobProcess
+from gcs_web.map.prepared import load_or_make
 from gcs_web.scene import tiles
 from gcs_web.scene.tiles import Tile, Tiles
 from mapping.dense.mesh_file import WORLD_NODE
@@ -79,16 +79,7 @@ def load(path: Path, triangles: int, folder: Path, *, progress: Progress = silen
         MapError: the file holds no mesh that can be read.
     """
     key = _key(path, triangles)
-    shown = tiles.load(folder / CACHE, key)
-    if shown is None:
-        folder.mkdir(parents=True, exist_ok=True)
-        made = JobProcess(_make, folder, (path, triangles, key), folder / "display_mesh.log").outcome(progress)
-        if isinstance(made, Failed):
-            raise MapError(made.reason)
-        shown = tiles.load(folder / CACHE, key)
-    if shown is None:
-        raise MapError(f"{path.name} could not be prepared for display; see {folder / 'display_mesh.log'}")
-    return shown
+    return load_or_make(folder / CACHE, key, path, _make, (path, triangles, key), progress)
 
 
 def read(path: Path) -> Mesh:

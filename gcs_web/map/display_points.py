@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from flight import InputError, Progress, silent
-from gcs_web.jobs.job_process import Failed, JobProcess
+from flight import MapError, Progress, silent
+from gcs_web.map.prepared import load_or_make
 from gcs_web.scene import tiles
 from gcs_web.scene.tiles import Tile, Tiles
 from mapping.sparse import localization_map
@@ -29,23 +29,14 @@ def load(path: Path, folder: Path, *, progress: Progress = silent) -> Tiles:
         path: file of a localization map.
 
     Raises:
-        InputError: they cannot be read.
+        MapError: they cannot be read.
     """
     try:
         found = path.stat()
     except OSError as error:
-        raise InputError(f"the map has no points ({path.name}: {error.strerror})") from error
+        raise MapError(f"the map has no points ({path.name}: {error.strerror})") from error
     key = f"{_VERSION} {found.st_mtime_ns} {found.st_size}"
-    shown = tiles.load(folder / CACHE, key)
-    if shown is None:
-        folder.mkdir(parents=True, exist_ok=True)
-        made = JobProcess(_make, folder, (path, key), folder / "display_points.log").outcome(progress)
-        if isinstance(made, Failed):
-            raise InputError(made.reason)
-        shown = tiles.load(folder / CACHE, key)
-    if shown is None:
-        raise InputError(f"{path.name} could not be prepared for display; see {folder / 'display_points.log'}")
-    return shown
+    return load_or_make(folder / CACHE, key, path, _make, (path, key), progress)
 
 
 def _make(folder: Path, asked: tuple[Path, str], progress: Progress) -> None:
@@ -54,7 +45,7 @@ def _make(folder: Path, asked: tuple[Path, str], progress: Progress) -> None:
     points = localization_map.load_points(path).astype(np.float32)
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
-        raise InputError(f"{path.name} holds no points; build the map again")
+        raise MapError(f"{path.name} holds no points; build the map again")
     tiles.save(folder / CACHE, key, cut(points, progress=progress), {})
 
 

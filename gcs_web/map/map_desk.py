@@ -12,17 +12,17 @@ from esdf import Edit
 from esdf.edits import difference
 from flight import FlightError, FloatArray, InputError
 from flight.project import Project
-from gcs_web import protocol
 from gcs_web.document import map_edits
 from gcs_web.document.session import Session
 from gcs_web.gateway.hub import Hub
 from gcs_web.map.bodies import Place, triple
 from gcs_web.map.map_view import MapView
 from gcs_web.planning import inputs
-from gcs_web.protocol.map import Layer, MapAction, MapFacts, Shape, Slice
+from gcs_web.protocol import map as messages
+from gcs_web.protocol.people import Notice, Person
 from mapping import Map
 
-_LAYERS: list[Layer] = ["mesh", "edits"]
+_LAYERS: list[messages.Layer] = ["mesh", "edits"]
 _LARGEST_BRUSH_M = 10.0
 
 
@@ -34,16 +34,16 @@ class MapDesk:
         self._folder, self._hub, self._session = opened.map / "esdf", hub, session
         self._view, self._area = view, area
         self._lock = threading.RLock()
-        self._slice: Slice | None = None
+        self._slice: messages.Slice | None = None
         self._layers, self._author = _LAYERS, ""
         self._measured: list[Place] = []
-        self._preview = protocol.MapPreview("")
-        self._action: MapAction = "no-fly"
+        self._preview = messages.MapPreview("")
+        self._action: messages.MapAction = "no-fly"
         self._editor: esdf.Editor | None = None
         """Of the map without the previewed edit, while there is one."""
         self._brush_lock = threading.Lock()
         """Of the next three, apart: viser's loop takes it, and must not wait for a preview to be computed."""
-        self._painter, self._stroke = "", protocol.Paint(serial=0, active=False)
+        self._painter, self._stroke = "", messages.Paint(serial=0, active=False)
         """Who paints (id), and with which brush."""
         self._painted: list[Place] = []
         self._view.on_shape = self._pulled
@@ -52,7 +52,7 @@ class MapDesk:
 
     # --- what is shown ---
 
-    def show(self, wanted: Slice | None, layers: list[Layer], author: str) -> None:
+    def show(self, wanted: messages.Slice | None, layers: list[messages.Layer], author: str) -> None:
         """Raises `InputError` if the slice is not at a finite place."""
         if wanted is not None:
             numbers = (wanted.at_m, wanted.heading_deg, wanted.tilt_deg)
@@ -84,12 +84,12 @@ class MapDesk:
         high = low + np.array(grid.shape) * np.array(grid.voxel_m)
         reprojection = facts.get("reprojection_error_px")
         self._hub.publish(
-            protocol.MapShown(
+            messages.MapShown(
                 slice=self._slice,
                 layers=list(self._layers),
                 low_m=triple(low),
                 high_m=triple(high),
-                facts=MapFacts(
+                facts=messages.MapFacts(
                     images=int(facts.get("images", 0)),
                     images_placed=int(facts.get("images_placed", len(area.images))),
                     reprojection_px=None if reprojection is None else float(reprojection),
@@ -124,11 +124,11 @@ class MapDesk:
             near = self._area().field.distance(np.array(points))
             clearances = [None if np.isnan(value) else round(float(value), 3) for value in near]
         apart = float(np.linalg.norm(np.subtract(points[0], points[1]))) if len(points) == 2 else None
-        self._hub.publish(protocol.Measured(self._view.measuring, points, clearances, apart))
+        self._hub.publish(messages.Measured(self._view.measuring, points, clearances, apart))
 
     # --- what an edit would change ---
 
-    def preview(self, wanted: protocol.PreviewMapEdit, person: protocol.Person) -> None:
+    def preview(self, wanted: messages.PreviewMapEdit, person: Person) -> None:
         """
         Raises:
             InputError: somebody else looks at a preview, or the edit is not possible.
@@ -142,7 +142,7 @@ class MapDesk:
             self._action = wanted.action
             self._show_preview(person.id, wanted.edit, wanted.shape, drawn=False)
 
-    def paint(self, wanted: protocol.Paint, person: protocol.Person) -> None:
+    def paint(self, wanted: messages.Paint, person: Person) -> None:
         """Take drags over the mesh for this person's strokes, or stop.
 
         Raises:
@@ -170,11 +170,11 @@ class MapDesk:
                     said = (
                         f"A stroke has at most {map_edits.MOST_POINTS} places, and ends here; apply it, then draw on."
                     )
-                    self._hub.publish(protocol.Notice(said, "caution"), self._painter)
+                    self._hub.publish(Notice(said, "caution"), self._painter)
             if not self._painted:
                 return
             brush, author = self._stroke, self._painter
-            drawn = Shape("stroke", radius_m=brush.radius_m, points_m=list(self._painted))
+            drawn = messages.Shape("stroke", radius_m=brush.radius_m, points_m=list(self._painted))
             self._painted = [] if is_end else self._painted
         shape = map_edits.shape_of(map_edits.solid(drawn))
         if is_end:
@@ -182,7 +182,7 @@ class MapDesk:
         else:
             self._view.preview(brush.action, shape, None)
 
-    def _show_stroke(self, author: str, action: MapAction, shape: Shape) -> None:
+    def _show_stroke(self, author: str, action: messages.MapAction, shape: messages.Shape) -> None:
         with self._lock:
             if self._painter != author:
                 return  # the brush was put away meanwhile
@@ -190,9 +190,9 @@ class MapDesk:
             try:
                 self._show_preview(author, None, shape, drawn=True)
             except FlightError as error:
-                self._hub.publish(protocol.Notice(str(error), "danger"), author)
+                self._hub.publish(Notice(str(error), "danger"), author)
 
-    def _require_free(self, person: protocol.Person) -> None:
+    def _require_free(self, person: Person) -> None:
         holder = self._preview.author or self._painter
         if holder not in ("", person.id) and any(p.id == holder for p in self._hub.people):
             raise InputError("another person is drawing an edit of the map; wait until it is applied or cancelled")
@@ -206,7 +206,7 @@ class MapDesk:
                 self._view.mesh.paint(False)
                 self._view.preview("no-fly", None, None)
             if self._preview.author and author in ("", self._preview.author):
-                self._editor, self._preview = None, protocol.MapPreview("")
+                self._editor, self._preview = None, messages.MapPreview("")
                 self._view.preview("no-fly", None, None)
                 self._hub.publish(self._preview)
 
@@ -217,7 +217,7 @@ class MapDesk:
         """
         esdf.open_editor(self._folder).require_reach(new)
 
-    def _show_preview(self, author: str, number: int | None, shape: Shape, *, drawn: bool) -> None:
+    def _show_preview(self, author: str, number: int | None, shape: messages.Shape, *, drawn: bool) -> None:
         if self._editor is None or self._preview.edit != number:
             self._editor = esdf.open_editor(self._folder)
         editor = self._editor
@@ -231,12 +231,12 @@ class MapDesk:
         editor.undo()
         change = difference(before, field)
         self._view.preview(self._action, shape, field)
-        self._preview = protocol.MapPreview(
+        self._preview = messages.MapPreview(
             author, number, shape, change.closed_m3, change.opened_m3, change.voxels, drawn=drawn
         )
         self._hub.publish(self._preview)
 
-    def _pulled(self, shape: Shape, is_end: bool) -> None:
+    def _pulled(self, shape: messages.Shape, is_end: bool) -> None:
         """A handle was moved: the numbers follow; what would change is computed when it is let go."""
         with self._lock:
             if self._preview.shape is None:

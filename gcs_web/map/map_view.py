@@ -241,55 +241,23 @@ class MapView:
         self, name: str, shape: Shape, colour: tuple[int, int, int], opacity: float, *, edge: Any = None
     ) -> list[Any]:
         drawn: list[Any] = [self._lines(f"{name}/edges", bodies.outline(shape), edge or colour, 1.5)]
-        nodes = self._server.scene
+        nodes, name = self._server.scene, f"{name}/body"
+        style: dict[str, Any] = {"opacity": opacity, "cast_shadow": False}
         if shape.form == "stroke":
             import trimesh
 
             ball = trimesh.creation.icosphere(subdivisions=2, radius=shape.radius_m)
             places = bodies.along(shape.points_m, 0.5 * shape.radius_m)
             still = np.tile([1.0, 0.0, 0.0, 0.0], (len(places), 1))
-            drawn.append(
-                nodes.add_batched_meshes_simple(
-                    f"{name}/body",
-                    ball.vertices.astype(np.float32),
-                    ball.faces.astype(np.uint32),
-                    still,
-                    places,
-                    batched_colors=colour,
-                    opacity=opacity,
-                    cast_shadow=False,
-                )
-            )
-        elif shape.form == "sphere":
-            drawn.append(
-                nodes.add_icosphere(
-                    f"{name}/body",
-                    radius=shape.radius_m,
-                    color=colour,
-                    opacity=opacity,
-                    position=shape.centre_m,
-                    cast_shadow=False,
-                )
-            )
-        elif shape.form != "prism":
-            drawn.append(
-                nodes.add_box(
-                    f"{name}/body",
-                    color=colour,
-                    dimensions=shape.size_m,
-                    opacity=opacity,
-                    position=shape.centre_m,
-                    cast_shadow=False,
-                )
-            )
-        else:
-            vertices, faces = bodies.walls(shape)
-            drawn.append(
-                nodes.add_mesh_simple(
-                    f"{name}/body", vertices, faces, color=colour, opacity=opacity, side="double", cast_shadow=False
-                )
-            )
-        return drawn
+            mesh = ball.vertices.astype(np.float32), ball.faces.astype(np.uint32)
+            return [*drawn, nodes.add_batched_meshes_simple(name, *mesh, still, places, batched_colors=colour, **style)]
+        if shape.form == "prism":
+            walls = nodes.add_mesh_simple(name, *bodies.walls(shape), color=colour, side="double", **style)
+            return [*drawn, walls]
+        style |= {"color": colour, "position": shape.centre_m}
+        if shape.form == "sphere":
+            return [*drawn, nodes.add_icosphere(name, radius=shape.radius_m, **style)]
+        return [*drawn, nodes.add_box(name, dimensions=shape.size_m, **style)]
 
     def _draw_handles(self) -> None:
         shape = self._shape

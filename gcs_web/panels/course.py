@@ -1,20 +1,20 @@
 """Many waypoints at once: snapped, turned, and taken from a recorded path."""
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
 from flight import FloatArray, InputError, Waypoints, project
-from gcs_web import protocol
 from gcs_web.desk import Desk
 from gcs_web.document.document import MOST_WAYPOINTS
-from gcs_web.panels.editing import edit
+from gcs_web.panels.document import edit
+from gcs_web.panels.handlers import Handlers
 from gcs_web.planning import snapping
+from gcs_web.protocol.course import DropPath, Place, RandomYaw, RecordedPath, Snap, TakePath, ThinPath
+from gcs_web.protocol.people import Person
+from gcs_web.protocol.reply import Reply
 from planner.route import simplify
 
 
-def _snap(desk: Desk, person: protocol.Person, wanted: protocol.Snap) -> None:
+def _snap(desk: Desk, person: Person, wanted: Snap) -> None:
     content = desk.session.content
     points = [content.points[content.number_of(waypoint)] for waypoint in wanted.waypoints]
     before = np.array([point.position_world_m for point in points]).reshape(-1, 3)
@@ -31,7 +31,7 @@ def _snap(desk: Desk, person: protocol.Person, wanted: protocol.Snap) -> None:
     edit(
         desk,
         person,
-        protocol.Place(
+        Place(
             serial=wanted.serial,
             revision=wanted.revision,
             waypoints=wanted.waypoints,
@@ -41,19 +41,19 @@ def _snap(desk: Desk, person: protocol.Person, wanted: protocol.Snap) -> None:
     )
 
 
-def _thin(desk: Desk, _: protocol.Person, wanted: protocol.ThinPath) -> protocol.Reply:
+def _thin(desk: Desk, _: Person, wanted: ThinPath) -> Reply:
     recorded = _recorded(desk, wanted.source)
     found, left_out = _along(desk, recorded, wanted.tolerance_m)
     desk.view.draw_recorded(found.positions_world_m)
-    told = protocol.RecordedPath(wanted.source, len(recorded), left_out, len(found.positions_world_m))
-    return protocol.Reply(wanted.serial, recorded_path=told)
+    told = RecordedPath(wanted.source, len(recorded), left_out, len(found.positions_world_m))
+    return Reply(wanted.serial, recorded_path=told)
 
 
-def _drop(desk: Desk, _: protocol.Person, __: protocol.DropPath) -> None:
+def _drop(desk: Desk, _: Person, __: DropPath) -> None:
     desk.view.draw_recorded(None)
 
 
-def _take(desk: Desk, person: protocol.Person, wanted: protocol.TakePath) -> None:
+def _take(desk: Desk, person: Person, wanted: TakePath) -> None:
     found, _ = _along(desk, _recorded(desk, wanted.source), wanted.tolerance_m)
     label = f"waypoints along {wanted.source or 'the walk of the map'}"
     desk.session.take(found, label, person.name)
@@ -79,10 +79,10 @@ def _along(desk: Desk, recorded_world_m: FloatArray, tolerance_m: float) -> tupl
     return found, left_out
 
 
-HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], protocol.Reply | None]] = {
-    protocol.Snap: _snap,
-    protocol.RandomYaw: edit,
-    protocol.ThinPath: _thin,
-    protocol.DropPath: _drop,
-    protocol.TakePath: _take,
+HANDLERS: Handlers = {
+    Snap: _snap,
+    RandomYaw: edit,
+    ThinPath: _thin,
+    DropPath: _drop,
+    TakePath: _take,
 }

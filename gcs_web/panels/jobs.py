@@ -1,37 +1,37 @@
 """Background work: start, cancel, forget."""
 
-from collections.abc import Callable
-from typing import Any
-
-from gcs_web import protocol
 from gcs_web.desk import Desk
+from gcs_web.panels.handlers import Handlers
+from gcs_web.protocol.jobs import CancelJob, ForeseeJob, ForgetJob, ListJobs, StartJob
+from gcs_web.protocol.people import Person
+from gcs_web.protocol.reply import Reply
 
 
-def _start(desk: Desk, person: protocol.Person, wanted: protocol.StartJob) -> None:
+def _start(desk: Desk, person: Person, wanted: StartJob) -> None:
     desk.jobs.start(wanted.kind, wanted.arguments, person.name)
 
 
-def _foresee(desk: Desk, _: protocol.Person, wanted: protocol.ForeseeJob) -> protocol.Reply:
-    return protocol.Reply(wanted.serial, words=desk.jobs.foresee(wanted.kind, wanted.arguments))
+def _foresee(desk: Desk, _: Person, wanted: ForeseeJob) -> Reply:
+    return Reply(wanted.serial, words=desk.jobs.foresee(wanted.kind, wanted.arguments))
 
 
-def _cancel(desk: Desk, _: protocol.Person, unwanted: protocol.CancelJob) -> None:
+def _cancel(desk: Desk, _: Person, unwanted: CancelJob) -> None:
     desk.jobs.cancel(unwanted.job)
 
 
-def _forget(desk: Desk, _: protocol.Person, ended: protocol.ForgetJob) -> None:
+def _forget(desk: Desk, _: Person, ended: ForgetJob) -> None:
     desk.jobs.forget(ended.job)
 
 
-def _list(desk: Desk, _: protocol.Person, __: protocol.ListJobs) -> None:
+def _list(desk: Desk, _: Person, __: ListJobs) -> None:
     desk.jobs.look()
     desk.show_jobs()
 
 
-HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], protocol.Reply | None]] = {
-    protocol.StartJob: _start,
-    protocol.ForeseeJob: _foresee,
-    protocol.CancelJob: _cancel,
-    protocol.ForgetJob: _forget,
-    protocol.ListJobs: _list,
+HANDLERS: Handlers = {
+    StartJob: _start,
+    ForeseeJob: _foresee,
+    CancelJob: _cancel,
+    ForgetJob: _forget,
+    ListJobs: _list,
 }

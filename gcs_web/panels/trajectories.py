@@ -1,20 +1,22 @@
 """Saved trajectories: save, open, compare, discard, restore."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 from flight import InputError, project, results, trajectory
-from gcs_web import protocol
 from gcs_web.desk import Desk
+from gcs_web.panels.handlers import Handlers
 from gcs_web.planning import saved
+from gcs_web.protocol.people import Person
+from gcs_web.protocol.plan import PlanAgain
+from gcs_web.protocol.reply import Reply
+from gcs_web.protocol.trajectories import ComparePlans, Discard, Open, Restore, Save
 
 
-def _plan_again(desk: Desk, _: protocol.Person, __: protocol.PlanAgain) -> None:
+def _plan_again(desk: Desk, _: Person, __: PlanAgain) -> None:
     desk.request_plan(afresh=True)
 
 
-def _save(desk: Desk, _: protocol.Person, save: protocol.Save) -> None:
+def _save(desk: Desk, _: Person, save: Save) -> None:
     name = project.part_name(save.name)
     file = desk.checked()
     path = desk.project.trajectory(name)
@@ -27,7 +29,7 @@ def _save(desk: Desk, _: protocol.Person, save: protocol.Save) -> None:
     desk.notice(f"Saved as {path.relative_to(desk.project.folder)}{kept}.")
 
 
-def _open(desk: Desk, person: protocol.Person, wanted: protocol.Open) -> None:
+def _open(desk: Desk, person: Person, wanted: Open) -> None:
     name = project.part_name(wanted.name)
     desk.open_saved(replace(trajectory.load(desk.project.trajectory(name)), name=name), person.name)
     said = (
@@ -36,7 +38,7 @@ def _open(desk: Desk, person: protocol.Person, wanted: protocol.Open) -> None:
     desk.notice(said, undo=True)
 
 
-def _discard(desk: Desk, _: protocol.Person, unwanted: protocol.Discard) -> None:
+def _discard(desk: Desk, _: Person, unwanted: Discard) -> None:
     name = project.part_name(unwanted.name)
     path = desk.project.trajectory(name)
     if not path.is_file():
@@ -46,7 +48,7 @@ def _discard(desk: Desk, _: protocol.Person, unwanted: protocol.Discard) -> None
     desk.notice(f"{name} discarded; it is kept as {moved.name}, and can be restored from the bin.")
 
 
-def _restore(desk: Desk, _: protocol.Person, wanted: protocol.Restore) -> None:
+def _restore(desk: Desk, _: Person, wanted: Restore) -> None:
     name = saved.restore(desk.project, wanted.file)
     desk.show_files()
     desk.notice(f"{name} restored.")
@@ -55,19 +57,19 @@ def _restore(desk: Desk, _: protocol.Person, wanted: protocol.Restore) -> None:
 _MOST_COMPARED = 2
 
 
-def _compare(desk: Desk, _: protocol.Person, asked: protocol.ComparePlans) -> protocol.Reply:
+def _compare(desk: Desk, _: Person, asked: ComparePlans) -> Reply:
     if not 1 <= len(asked.names) <= _MOST_COMPARED:
         raise InputError(f"{len(asked.names)} trajectories cannot be compared; choose two")
     area, believed = desk.parts.map(desk.inputs), desk.parts.vehicle(desk.inputs)
     plans = [saved.summary(desk.trajectory(name), area, believed) for name in asked.names]
-    return protocol.Reply(asked.serial, plans=plans)
+    return Reply(asked.serial, plans=plans)
 
 
-HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], protocol.Reply | None]] = {
-    protocol.PlanAgain: _plan_again,
-    protocol.Save: _save,
-    protocol.Open: _open,
-    protocol.Discard: _discard,
-    protocol.Restore: _restore,
-    protocol.ComparePlans: _compare,
+HANDLERS: Handlers = {
+    PlanAgain: _plan_again,
+    Save: _save,
+    Open: _open,
+    Discard: _discard,
+    Restore: _restore,
+    ComparePlans: _compare,
 }

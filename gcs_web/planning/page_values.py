@@ -10,7 +10,8 @@ import planner.gate.limits
 import planner.request.space
 from firmware_bridge import wire
 from flight import FloatArray, Trajectory, TrajectoryFile
-from gcs_web import protocol
+from gcs_web.protocol.plan import Limit, Passing, Segment, Series
+from gcs_web.protocol.vehicle import Held
 from gcs_web.scene import drawing
 from mapping.free_space import FreeSpace
 from planner.request.space import DistanceField
@@ -26,7 +27,7 @@ _RATE = ("°/s", 180.0 / math.pi)
 """Of the body's rates; a rotor's speed stays in rad/s."""
 
 
-def series(trajectory: Trajectory, vehicle: Vehicle, field: DistanceField, bounds: Limits) -> protocol.Series:
+def series(trajectory: Trajectory, vehicle: Vehicle, field: DistanceField, bounds: Limits) -> Series:
     """What the plots show.
 
     Args:
@@ -38,7 +39,7 @@ def series(trajectory: Trajectory, vehicle: Vehicle, field: DistanceField, bound
     x, y, z = flat.position_world_m.T
     slowest, fastest = flat.rotor_speed_rad_s.min(axis=1), flat.rotor_speed_rad_s.max(axis=1)
     low, high = bounds.rotor_speed_min_rad_s**2, bounds.rotor_speed_max_rad_s**2  # thrust goes with the square
-    return protocol.Series(
+    return Series(
         time_s=_list(times),
         x_m=_list(x),
         y_m=_list(y),
@@ -56,7 +57,7 @@ def series(trajectory: Trajectory, vehicle: Vehicle, field: DistanceField, bound
     )
 
 
-def could_hide_mm(shown: protocol.Series, free: FreeSpace | None, reach_m: float) -> list[float]:
+def could_hide_mm(shown: Series, free: FreeSpace | None, reach_m: float) -> list[float]:
     """How thick an obstacle could hide at each sample of `series`; none where that is not known."""
     if free is None:
         return []
@@ -65,7 +66,7 @@ def could_hide_mm(shown: protocol.Series, free: FreeSpace | None, reach_m: float
 
 
 def judged_clearance(
-    trajectory: Trajectory, field: DistanceField, report: planner.GateReport, shown: protocol.Series
+    trajectory: Trajectory, field: DistanceField, report: planner.GateReport, shown: Series
 ) -> FloatArray:
     """Clearance at the samples as the gate judges it: above the ground of a take-off or landing less is required."""
     ground = report.conditions.ground_world_m
@@ -76,7 +77,7 @@ def judged_clearance(
     return np.nan_to_num(grounded.distance(trajectory.position(times)), neginf=0.0)
 
 
-def limits(report: planner.GateReport, shown: protocol.Series, judged_m: FloatArray) -> list[protocol.Limit]:
+def limits(report: planner.GateReport, shown: Series, judged_m: FloatArray) -> list[Limit]:
     """The gate's limits, the one of which most is used first; clearance among them.
 
     Args:
@@ -84,7 +85,7 @@ def limits(report: planner.GateReport, shown: protocol.Series, judged_m: FloatAr
     """
     closest = int(np.argmin(judged_m))
     found = [
-        protocol.Limit(
+        Limit(
             "clearance",
             report.clearance_m,
             report.required_clearance_m,
@@ -101,7 +102,7 @@ def limits(report: planner.GateReport, shown: protocol.Series, judged_m: FloatAr
             share = check.bound / check.value if lowest else check.value / check.bound
             sense = ">=" if lowest else "<="
             at_s = check.time_s or 0.0
-            found.append(protocol.Limit(check.name, scale * check.value, scale * check.bound, sense, unit, share, at_s))
+            found.append(Limit(check.name, scale * check.value, scale * check.bound, sense, unit, share, at_s))
     return sorted(found, key=lambda limit: -limit.share)
 
 
@@ -111,7 +112,7 @@ def passings(
     flown: list[int | None],
     radii_m: dict[int, float],
     field: DistanceField,
-) -> list[protocol.Passing]:
+) -> list[Passing]:
     """When, how fast and how far from obstacles each waypoint is passed, in the order of time.
 
     Args:
@@ -130,7 +131,7 @@ def passings(
     speeds = np.linalg.norm(file.trajectory.position(joins[at], 1), axis=1)
     clearances = field.distance(path[at])
     rows = zip(flown, _list(joins[at]), _list(speeds), _list(clearances), strict=True)
-    return [protocol.Passing(*row) for row in rows]
+    return [Passing(*row) for row in rows]
 
 
 def _first_pass(away_m: FloatArray, radius_m: float) -> int:
@@ -142,12 +143,12 @@ def _first_pass(away_m: FloatArray, radius_m: float) -> int:
 
 
 def segments(
-    passed: list[protocol.Passing],
-    bounds: list[protocol.Limit],
-    shown: protocol.Series,
+    passed: list[Passing],
+    bounds: list[Limit],
+    shown: Series,
     judged_m: FloatArray,
     trajectory: Trajectory,
-) -> list[protocol.Segment]:
+) -> list[Segment]:
     """Between each two waypoints: the limit of which most is used, and when.
 
     Args:
@@ -181,14 +182,14 @@ def segments(
         most, k = np.unravel_index(int(np.argmax(shares[:, first:last])), shares[:, first:last].shape)
         worst_s = min(max(shown.time_s[first + int(k)], a.time_s), b.time_s)
         share = float(shares[most, first + k])
-        found.append(protocol.Segment(a.time_s, b.time_s, a.waypoint, b.waypoint, names[int(most)], share, worst_s))
+        found.append(Segment(a.time_s, b.time_s, a.waypoint, b.waypoint, names[int(most)], share, worst_s))
     return found
 
 
-def held(name: str, plan: wire.WirePlan) -> protocol.Held:
+def held(name: str, plan: wire.WirePlan) -> Held:
     """A trajectory as the vehicle holds it."""
     duration_s = float(plan.durations_us.sum()) * 1e-6
-    return protocol.Held(name, duration_s, len(plan.durations_us), plan.clearance_m, f"{plan.crc32:08x}")
+    return Held(name, duration_s, len(plan.durations_us), plan.clearance_m, f"{plan.crc32:08x}")
 
 
 def crc32(file: TrajectoryFile) -> str:

@@ -23,10 +23,11 @@ import numpy as np
 import planner
 import vehicle
 from flight import FlightError, FloatArray, TrajectoryFile
-from gcs_web import protocol
 from gcs_web.document import missions
 from gcs_web.document.document import Content
 from gcs_web.planning import inputs, page_values, replanning, saved
+from gcs_web.protocol import plan as plan_messages
+from gcs_web.protocol.plan import Plan, Problem
 from mapping import Map
 from mapping.free_space import FreeSpace
 from planner.gate import could_hide
@@ -70,7 +71,7 @@ class Draft:
     """(3,) where it is dragged."""
     path_world_m: FloatArray | None = None
     """(m, 3); None in a question, and where no draft can be made."""
-    shown: protocol.Draft | None = None
+    shown: plan_messages.Draft | None = None
     """None in a question, and where there is nothing to draw along."""
 
 
@@ -89,7 +90,7 @@ class Answer:
     request: Request
     file: TrajectoryFile | None
     """The checked trajectory, or None."""
-    shown: protocol.Plan
+    shown: Plan
 
 
 class PlanningProcess:
@@ -192,8 +193,8 @@ class PlanningProcess:
             self._restart()
         if request is not None and not self._closed:
             reason = "the planner's process ended unexpectedly"
-            problem = protocol.Problem(reason, "try again, or change the waypoints", None)
-            shown = protocol.Plan(request.revision, "refused", reason, problem=problem)
+            problem = Problem(reason, "try again, or change the waypoints", None)
+            shown = Plan(request.revision, "refused", reason, problem=problem)
             self._take(Answer(request, None, shown))
 
     def _start(self) -> None:
@@ -295,7 +296,7 @@ def drafted(asked: Draft, replanner: replanning.Replanner) -> Draft:
     try:
         found = replanner.draft(asked.waypoint, asked.position_world_m)
     except FlightError as error:
-        return replace(asked, shown=protocol.Draft(asked.waypoint, _sentence(str(error)), "refused"))
+        return replace(asked, shown=plan_messages.Draft(asked.waypoint, _sentence(str(error)), "refused"))
     if found is None:
         return asked
     name, share = max(found.shares.items(), key=lambda item: item[1])
@@ -303,7 +304,7 @@ def drafted(asked: Draft, replanner: replanning.Replanner) -> Draft:
         f"About {found.duration_s:.2f} s, closest {found.clearance_m:.2f} m; {found.required_clearance_m:.2f} m is "
         f"needed. Up to {100.0 * share:.0f} % of the limit on {name}. Not checked: let go to plan and check."
     )
-    shown = protocol.Draft(asked.waypoint, said, "clear" if found.is_clear else "too close")
+    shown = plan_messages.Draft(asked.waypoint, said, "clear" if found.is_clear else "too close")
     return replace(asked, path_world_m=found.position_world_m, shown=shown)
 
 
@@ -318,7 +319,7 @@ def foreseen_at(asked: Draft, replanner: replanning.Replanner) -> Draft:
     except planner.PlanCancelledError:
         raise
     except FlightError as error:
-        return replace(asked, shown=protocol.Draft(asked.waypoint, _sentence(str(error)), "refused"))
+        return replace(asked, shown=plan_messages.Draft(asked.waypoint, _sentence(str(error)), "refused"))
     if plan is None:
         return asked
     path = plan.trajectory
@@ -327,7 +328,7 @@ def foreseen_at(asked: Draft, replanner: replanning.Replanner) -> Draft:
         "needed. Planned and checked: let go here to take it."
     )
     drawn = path.position(np.linspace(0.0, path.duration_s, _DRAWN))
-    return replace(asked, path_world_m=drawn, shown=protocol.Draft(asked.waypoint, said, "checked"))
+    return replace(asked, path_world_m=drawn, shown=plan_messages.Draft(asked.waypoint, said, "checked"))
 
 
 def _sentence(text: str) -> str:
@@ -350,8 +351,8 @@ def answer(request: Request, parts: inputs.Parts, base: planner.PlanOptions, rep
         reason = getattr(error, "reason", str(error))
         flown = [name for name in missions.flown(request.content) if name is not None]
         waypoint = None if where is None else flown[min(where, len(flown) - 1)]
-        problem = protocol.Problem(reason, remedy, waypoint)
-        return Answer(request, None, protocol.Plan(request.revision, "refused", str(error), problem=problem))
+        problem = Problem(reason, remedy, waypoint)
+        return Answer(request, None, Plan(request.revision, "refused", str(error), problem=problem))
     elapsed_ms = 1000.0 * (time.perf_counter() - begun_s)
     return Answer(request, file, shown(elapsed_ms))
 
@@ -373,7 +374,7 @@ class _Passed:
 
 def _planned(
     request: Request, parts: inputs.Parts, base: planner.PlanOptions, replanner: replanning.Replanner
-) -> tuple[TrajectoryFile, Callable[[float], protocol.Plan]]:
+) -> tuple[TrajectoryFile, Callable[[float], Plan]]:
     content = request.content
     area, believed = parts.map(request.inputs), parts.vehicle(request.inputs)
     asked = options(content, believed, base)
@@ -397,9 +398,9 @@ def _planned(
     passed = page_values.passings(file, found.join_s, missions.flown(content), radii_m, area.field)
     doubt = inputs.doubt(area)
 
-    def shown(planning_ms: float) -> protocol.Plan:
+    def shown(planning_ms: float) -> Plan:
         top = max(series.speed_m_s)
-        return protocol.Plan(
+        return Plan(
             revision=request.revision,
             state="checked",
             sentence=(

@@ -12,8 +12,8 @@ import numpy as np
 
 from flight import FlightError, FloatArray, FormatError, InputError, TrajectoryFile, trajectory
 from flight.project import Project
-from gcs_web import protocol
 from gcs_web.planning import page_values
+from gcs_web.protocol.trajectories import Aside, PlanSummary, SavedTrajectory
 from mapping import Map
 from mapping.free_space import FreeSpace
 from planner import GateReport, PlanOptions
@@ -45,13 +45,13 @@ def judge(item: TrajectoryFile, area: Map, free: FreeSpace | None, believed: Veh
     return Judged(report, options, options.limits_for(believed))
 
 
-def summary(item: TrajectoryFile, area: Map, believed: Vehicle) -> protocol.PlanSummary:
+def summary(item: TrajectoryFile, area: Map, believed: Vehicle) -> PlanSummary:
     """What two trajectories are compared by."""
     judged = judge(item, area, area.free_space(), believed)
     series = page_values.series(item.trajectory, believed, area.field, judged.limits)
     judged_m = page_values.judged_clearance(item.trajectory, area.field, judged.report, series)
     path_m = np.stack([series.x_m, series.y_m, series.z_m], axis=1)
-    return protocol.PlanSummary(
+    return PlanSummary(
         name=item.name,
         passes=judged.report.passed,
         failures=[check.name for check in judged.report.failures],
@@ -72,7 +72,7 @@ def page(item: TrajectoryFile, area: Map, believed: Vehicle) -> str:
     return plan_report.page(item, judged.report, area.field, believed, judged.limits)
 
 
-def aside(project: Project) -> list[protocol.Aside]:
+def aside(project: Project) -> list[Aside]:
     """Trajectories that were discarded or replaced, newest first."""
     found: list[tuple[Path, os.stat_result]] = []
     for path in (project.folder / "trajectories").glob(_ASIDE):
@@ -101,23 +101,23 @@ def restore(project: Project, file: str) -> str:
     return found.name
 
 
-def listed(path: Path, hashes: tuple[str, str]) -> protocol.SavedTrajectory:
+def listed(path: Path, hashes: tuple[str, str]) -> SavedTrajectory:
     """A saved trajectory, checked if it was for this map and vehicle (their hashes)."""
     saved_at = ""
     try:
         saved_at = datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="seconds")
         file = trajectory.load(path)
     except (FormatError, InputError, OSError):
-        return protocol.SavedTrajectory(path.stem, 0.0, False, saved_at)
+        return SavedTrajectory(path.stem, 0.0, False, saved_at)
     current = file.checked and file.as_checked and (file.map_hash, file.vehicle_hash) == hashes
-    return protocol.SavedTrajectory(path.stem, file.trajectory.duration_s, current, saved_at)
+    return SavedTrajectory(path.stem, file.trajectory.duration_s, current, saved_at)
 
 
-def _aside(path: Path, status: os.stat_result) -> protocol.Aside:
+def _aside(path: Path, status: os.stat_result) -> Aside:
     name = path.name.rpartition(".json.old-")[0]
     moved_at = datetime.fromtimestamp(status.st_ctime, UTC).isoformat(timespec="seconds")
     duration_s = _duration_s(path, (status.st_ino, status.st_mtime_ns, status.st_size))
-    return protocol.Aside(path.name, name, duration_s, moved_at)
+    return Aside(path.name, name, duration_s, moved_at)
 
 
 @lru_cache(maxsize=1000)

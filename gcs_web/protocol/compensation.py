@@ -1,8 +1,8 @@
-"""Messages about the controller's compensation; see `gcs_web.protocol`."""
+"""Messages about the controller's compensation."""
 
 import msgspec
 
-from gcs_web.protocol.base import Command
+from gcs_web.protocol.base import VehicleCommand
 
 
 class ControllerParameter(msgspec.Struct, frozen=True):
@@ -38,11 +38,11 @@ class Compensation(msgspec.Struct, frozen=True):
     not_compensated: list[NotCompensated]
 
 
-class PrepareCompensation(Command, frozen=True, tag="prepare_compensation", kw_only=True):
+class PrepareCompensation(VehicleCommand, frozen=True, tag="prepare_compensation", kw_only=True):
     """Read what the vehicle flies with; the reply has `compensation` and a nonce that `send_compensation` uses up."""
 
 
-class SendCompensation(Command, frozen=True, tag="send_compensation", kw_only=True):
+class SendCompensation(VehicleCommand, frozen=True, tag="send_compensation", kw_only=True):
     """Set what differs, all of it or nothing; the reply has what was read back."""
 
     nonce: str

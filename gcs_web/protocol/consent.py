@@ -1,10 +1,10 @@
-"""Messages about effect files of the user's own, which are code; see `gcs_web.protocol`."""
+"""Messages about effect files of the user's own, which are code."""
 
 from typing import Literal
 
 import msgspec
 
-from gcs_web.protocol.base import Command
+from gcs_web.protocol.base import Command, State
 
 
 class EffectFile(msgspec.Struct, frozen=True):
@@ -26,7 +26,7 @@ class EffectFile(msgspec.Struct, frozen=True):
     """Why it cannot be shown, and is therefore not run; empty for nothing."""
 
 
-class EffectFiles(msgspec.Struct, frozen=True, tag="effect_files"):
+class EffectFiles(State, frozen=True, tag="effect_files"):
     files: list[EffectFile]
 
 

@@ -7,7 +7,7 @@ import msgspec
 from gcs_web.protocol.base import Command, Edit
 
 
-class Place(Edit, frozen=True, tag="place", kw_only=True):
+class Place(Edit, frozen=True, kw_only=True):
     """Put each waypoint to a place of its own; what `Snap` comes to."""
 
     waypoints: list[int]

@@ -1,10 +1,10 @@
-"""Messages about what the pilots edit together; see `gcs_web.protocol`."""
+"""Messages about what the pilots edit together."""
 
 from typing import Literal
 
 import msgspec
 
-from gcs_web.protocol.base import Command, Edit
+from gcs_web.protocol.base import Command, Edit, State
 from gcs_web.protocol.map import MapEdit
 
 
@@ -86,7 +86,7 @@ class Settings(msgspec.Struct, frozen=True):
     """Of yaw mode `look_at`, world frame."""
 
 
-class Document(msgspec.Struct, frozen=True, tag="document"):
+class Document(State, frozen=True, tag="document"):
     """What the pilots edit together."""
 
     revision: int

@@ -1,14 +1,18 @@
-"""Messages about recorded flights and the model, and their parts; see `gcs_web.protocol`."""
+"""Messages about recorded flights: the list, their streams, their clocks moved to stand side by side."""
 
 from typing import Literal
 
 import msgspec
 
-from gcs_web.protocol.base import Command
+from gcs_web.protocol.base import Command, State
 
 Role = Literal["learn", "hold_out", "leave"]
 """What a flight is for: models are fitted to it, judged by it, or it is left out of both."""
+
+
 CurveKind = Literal["measured", "plan", "model", "residual"]
+
+
 StreamGroup = Literal["flight", "force", "column"]
 
 
@@ -75,13 +79,6 @@ class OpenedFlight(msgspec.Struct, frozen=True):
     streams: list[Stream]
 
 
-class ArrowScale(msgspec.Struct, frozen=True):
-    """Of the arrows at the vehicles: so much for each metre of their length."""
-
-    force_n_per_m: float
-    torque_n_m_per_m: float
-
-
 class CurvePart(msgspec.Struct, frozen=True):
     """One curve of a stream, as many values as there are times."""
 
@@ -120,263 +117,10 @@ class Incoming(msgspec.Struct, frozen=True):
     unused: list[str]
 
 
-class ChannelResidual(msgspec.Struct, frozen=True):
-    """What the model leaves unexplained in one axis, and what that depends on."""
-
-    channel: str
-    unit: str
-    rms: float
-    """Of the residual, means over 0.1 s of all flights."""
-    shares: list[float]
-    """By variable, the share of its mean square that a curve of the variable predicts, 0 to 1."""
-
-
-class VariableName(msgspec.Struct, frozen=True):
-    name: str
-    unit: str
-    words: str
-
-
-class HorizonError(msgspec.Struct, frozen=True):
-    """Root mean square prediction error on the flights that judge, after each horizon."""
-
-    quantity: str
-    unit: str
-    values: list[float]
-
-
-class Scatter(msgspec.Struct, frozen=True):
-    """A residual against a variable: one point for each mean over 0.1 s."""
-
-    channel: str
-    unit: str
-    variable: VariableName
-    share: float
-    x: list[float]
-    y: list[float]
-    flight: list[int]
-    """Which of `flights` each point is of."""
-    time_s: list[float]
-    """On the flight's shifted time, the middle of the mean."""
-    flights: list[str]
-    held_out: list[bool]
-    """By flight."""
-    bin_x: list[float]
-    bin_mean: list[float]
-    bin_band: list[float]
-    """Half of the 95 % band of the bin's mean."""
-    span_s: float
-    """Over which a point is the mean."""
-
-
-class EffectSize(msgspec.Struct, frozen=True):
-    """One parameter of a candidate effect."""
-
-    name: str
-    unit: str
-    value: float
-    sigma: float
-    """0: nothing was flown that would show it."""
-    low: float
-    high: float
-    """Between these with 90 %."""
-    excluded_above: float
-    smallest_visible: float
-    """A size of this much would have been found nine times in ten; 0: none would have."""
-    usual: float
-
-
-class Evidence(msgspec.Struct, frozen=True):
-    """What speaks for a candidate: means over 0.1 s against the variable that it follows most."""
-
-    channel: str
-    unit: str
-    variable: VariableName
-    x: list[float]
-    y: list[float]
-    """The effect at its size, and what is left beside it, on the flights that were learned on."""
-    effect_x: list[float]
-    effect_y: list[float]
-    """The effect at its size."""
-    held_x: list[float]
-    held_before: list[float]
-    held_after: list[float]
-    """What the fitted model and the last one leave of the held-out flights."""
-
-
-class Confounded(msgspec.Struct, frozen=True):
-    name: str
-    title: str
-    share: float
-
-
-class Candidate(msgspec.Struct, frozen=True):
-    """An effect that the model may lack."""
-
-    name: str
-    title: str
-    verdict: Literal["present", "useful proxy", "inconclusive", "excluded"]
-    reason: str
-    probability: float
-    law: str
-    sizes: list[EffectSize]
-    error_mm: float
-    """Position error after 0.5 s that the effect makes at its estimated size."""
-    confounded: list[Confounded]
-    outlook: str
-    """For one that these flights cannot tell: the flight that would; else empty."""
-    evidence: Evidence | None
-
-
-class Stair(msgspec.Struct, frozen=True):
-    """A model of the diagnosis and its prediction errors on the flights that judge, mm."""
-
-    model: str
-    errors_mm: list[float]
-
-
-class Attempt(msgspec.Struct, frozen=True):
-    name: str
-    title: str
-    outcome: str
-    sentence: str
-
-
-class OutsideCurve(msgspec.Struct, frozen=True):
-    """Something is missing that no known effect is."""
-
-    channel: str
-    words: str
-    """Of the channel; one of rotor thrust is no axis of force or torque."""
-    unit: str
-    variable: VariableName
-    x: list[float]
-    y: list[float]
-    band: list[float]
-    probability: float
-    effect: str = ""
-    """Name for an effect of it; empty where none can be made."""
-    advice: str = ""
-    """Why none can be made, and where to look instead."""
-
-
-class Tried(msgspec.Struct, frozen=True):
-    """The model with an effect added and refitted, not kept yet."""
-
-    effect: str
-    title: str
-    verdict: str
-    use: str
-    """The verdict on the refit: usable, doubtful or do not use."""
-    reasons: list[str]
-    quantities: list[str]
-    units: list[str]
-    as_it_was: list[float]
-    before: list[float]
-    """Refitted without the effect."""
-    after: list[float]
-    """Refitted with it; each after 0.5 s, by quantity. All empty without held-out flights."""
-    held_out: list[str]
-    changes: list[str]
-    vehicle_hash: str
-    """Of the vehicle with it: which trial this is."""
-
-
-class ParameterRow(msgspec.Struct, frozen=True):
-    name: str
-    words: str
-    value: float
-    sigma: float
-    unit: str
-    source: str
-
-
-class VehicleVersion(msgspec.Struct, frozen=True):
-    number: int
-    action: str
-    effect: str
-    when: str
-    current: bool
-    undone: bool
-    position_mm: float | None
-    """Position error after 0.5 s on held-out flights as found when it was made; None where nothing was."""
-    verdict: str
-    changes: list[str]
-    """From the version before."""
-
-
-# --- from the server ---
-
-
-class Flights(msgspec.Struct, frozen=True, tag="flights"):
+class Flights(State, frozen=True, tag="flights"):
     """The project's flights, the newest first."""
 
     flights: list[FlightCard]
-
-
-class Comparison(msgspec.Struct, frozen=True, tag="comparison"):
-    """Where the model fails on the flights."""
-
-    state: Literal["none", "current", "old"]
-    """`old`: the vehicle, the flights or what they are for have changed since."""
-    learn: list[str] = []
-    held_out: list[str] = []
-    judged_how: str = ""
-    """On what the shares are judged, in words."""
-    variables: list[VariableName] = []
-    channels: list[ChannelResidual] = []
-    horizons_s: list[float] = []
-    errors: list[HorizonError] = []
-    predictions: int = 0
-    remarks: list[str] = []
-    has_report: bool = False
-
-
-class Diagnosis(msgspec.Struct, frozen=True, tag="diagnosis"):
-    """Which effect the model lacks."""
-
-    state: Literal["none", "current", "old"]
-    verdict: str = ""
-    probability: float = 0.0
-    probabilities: str = ""
-    """In a sentence: that one, that of something unknown and that of another effect, each with what it is of."""
-    envelope: str = ""
-    """How far the flights went, in a sentence: what is stated holds within it."""
-    fit: str = ""
-    """The verdict on the fit in a sentence."""
-    learn: list[str] = []
-    held_out: list[str] = []
-    candidates: list[Candidate] = []
-    attempts: list[Attempt] = []
-    horizons: list[str] = []
-    staircase: list[Stair] = []
-    outside: OutsideCurve | None = None
-    unobservable: list[str] = []
-    """Effects that no flight of this kind can show, each with the reason."""
-    findings: list[str] = []
-    left: list[str] = []
-    """What the last model leaves unexplained, root mean square, by channel in words."""
-    vehicle: str = ""
-    """Hash of the vehicle that was diagnosed."""
-    logs: str = ""
-    """Of the flights as they were then."""
-    has_report: bool = False
-
-
-class Model(msgspec.Struct, frozen=True, tag="model"):
-    """The project's vehicle file: its parameters, its versions, and a change that was tried."""
-
-    name: str
-    titles: list[str]
-    """Of its effects, in words."""
-    effects: list[str]
-    parameters: list[ParameterRow]
-    versions: list[VehicleVersion]
-    """In the order they were made."""
-    tried: Tried | None = None
-
-
-# --- from the page ---
 
 
 class ListFlights(Command, frozen=True, tag="list_flights", kw_only=True):
@@ -430,25 +174,22 @@ class TakeLog(Command, frozen=True, tag="take_log", kw_only=True):
     column_map: str = ""
 
 
-class ReadScatter(Command, frozen=True, tag="read_scatter", kw_only=True):
-    """Ask for a residual against a variable; the reply has `scatter`."""
-
-    channel: str
-    variable: str
+AlignBy = Literal["trajectory", "take_off", "motion", "speed", "height"]
+"""Two flights stand side by side by an event of both, or by the correlation of a stream."""
 
 
-class Keep(Command, frozen=True, tag="keep", kw_only=True):
-    """Make the tried change the next version of the vehicle file."""
+class Aligned(msgspec.Struct, frozen=True):
+    """How far a flight is moved to stand beside the first one, on their shifted times."""
 
-    vehicle_hash: str
-    """Of the trial that the page showed."""
+    flight: str
+    by_s: float | None
+    """None where that cannot be told."""
+    words: str
+    """By what, and how sure it is; or why it cannot be told."""
 
 
-class DropTried(Command, frozen=True, tag="drop_tried", kw_only=True):
-    """Forget the change that was tried; the vehicle file stays as it is."""
+class AlignFlights(Command, frozen=True, tag="align_flights", kw_only=True):
+    """Ask how far to move flights beside the first of them; the reply has `aligned`."""
 
-
-class ReturnTo(Command, frozen=True, tag="return_to", kw_only=True):
-    """Restore a version of the vehicle file; the present one stays in the history."""
-
-    version: int
+    flights: list[str]
+    by: AlignBy

@@ -1,8 +1,10 @@
-"""Messages about the newest identification; see `gcs_web.protocol`."""
+"""Messages about the newest identification."""
 
 from typing import Literal
 
 import msgspec
+
+from gcs_web.protocol.base import State
 
 
 class Identified(msgspec.Struct, frozen=True):
@@ -39,7 +41,7 @@ class Trial(msgspec.Struct, frozen=True):
     """Robust standard errors; 0 where this flight alone does not identify it."""
 
 
-class Identification(msgspec.Struct, frozen=True, tag="identification"):
+class Identification(State, frozen=True, tag="identification"):
     """What `identify` found last."""
 
     state: Literal["none", "current", "old"]

@@ -1,10 +1,10 @@
-"""Messages about background work; see `gcs_web.protocol`."""
+"""Messages about background work."""
 
 from typing import Literal
 
 import msgspec
 
-from gcs_web.protocol.base import Command
+from gcs_web.protocol.base import Command, State
 
 
 class Job(msgspec.Struct, frozen=True):
@@ -46,7 +46,7 @@ class JobKind(msgspec.Struct, frozen=True):
     fields: list[JobField]
 
 
-class Jobs(msgspec.Struct, frozen=True, tag="jobs"):
+class Jobs(State, frozen=True, tag="jobs"):
     """Background work, in the order it was asked for, and what kinds of it there are."""
 
     jobs: list[Job]

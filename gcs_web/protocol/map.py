@@ -1,10 +1,10 @@
-"""Messages about the map; see `gcs_web.protocol`."""
+"""Messages about the map."""
 
 from typing import Literal
 
 import msgspec
 
-from gcs_web.protocol.base import Command, Edit
+from gcs_web.protocol.base import Command, Edit, State
 
 
 class Shape(msgspec.Struct, frozen=True):
@@ -75,7 +75,7 @@ class MapFacts(msgspec.Struct, frozen=True):
     hash: str = ""
 
 
-class MapShown(msgspec.Struct, frozen=True, tag="map_shown"):
+class MapShown(State, frozen=True, tag="map_shown"):
     """What the 3D view draws of the map, and what it is: the same for everybody."""
 
     slice: Slice | None
@@ -87,7 +87,7 @@ class MapShown(msgspec.Struct, frozen=True, tag="map_shown"):
     author: str
 
 
-class Measured(msgspec.Struct, frozen=True, tag="measured"):
+class Measured(State, frozen=True, tag="measured"):
     """Points that were clicked to measure, at most two."""
 
     active: bool
@@ -98,7 +98,7 @@ class Measured(msgspec.Struct, frozen=True, tag="measured"):
     distance_m: float | None = None
 
 
-class MapPreview(msgspec.Struct, frozen=True, tag="map_preview"):
+class MapPreview(State, frozen=True, tag="map_preview"):
     """What an edit of the map would change, before anybody makes it."""
 
     author: str

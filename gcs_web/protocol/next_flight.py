@@ -1,8 +1,10 @@
-"""Messages about the proposed next flight; see `gcs_web.protocol`."""
+"""Messages about the proposed next flight."""
 
 from typing import Literal
 
 import msgspec
+
+from gcs_web.protocol.base import State
 
 
 class Section(msgspec.Struct, frozen=True):
@@ -16,7 +18,7 @@ class Section(msgspec.Struct, frozen=True):
     """Along x, the lowest y first; a cell is `.` where there is room, `#` where there is none or nobody knows."""
 
 
-class NextFlight(msgspec.Struct, frozen=True, tag="next_flight"):
+class NextFlight(State, frozen=True, tag="next_flight"):
     """The flight that was proposed last, or why none was."""
 
     state: Literal["none", "current", "old"]

@@ -1,8 +1,13 @@
-"""Who has the page open, and what everybody is told; see `gcs_web.protocol`."""
+"""Who has the page open, and what everybody is told."""
 
 from typing import Literal
 
 import msgspec
+
+from gcs_web.protocol.base import Message, State
+
+PROTOCOL = 4
+"""Raised when an old page could misread a new server."""
 
 
 class Person(msgspec.Struct, frozen=True):
@@ -12,7 +17,7 @@ class Person(msgspec.Struct, frozen=True):
     name: str
 
 
-class Welcome(msgspec.Struct, frozen=True, tag="welcome"):
+class Welcome(Message, frozen=True, tag="welcome"):
     """First message on every connection."""
 
     protocol: int
@@ -25,16 +30,19 @@ class Welcome(msgspec.Struct, frozen=True, tag="welcome"):
     """Of the open project; another one after another project was opened: what the page shows is then of the old one."""
 
 
-class People(msgspec.Struct, frozen=True, tag="people"):
+class People(State, frozen=True, tag="people"):
     people: list[Person]
     in_control: str
     """Id of the person whose orders the station passes on; empty for nobody."""
 
 
-class Notice(msgspec.Struct, frozen=True, tag="notice"):
+Level = Literal["fact", "caution", "danger"]
+
+
+class Notice(Message, frozen=True, tag="notice"):
     """One line at the foot of the page; stays until the next."""
 
     text: str
-    level: Literal["fact", "caution", "danger"] = "fact"
+    level: Level = "fact"
     undo: bool = False
     """Whether undo takes back what it tells."""

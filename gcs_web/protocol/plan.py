@@ -1,10 +1,10 @@
-"""Messages about the plan of the document; see `gcs_web.protocol`."""
+"""Messages about the plan of the document."""
 
 from typing import Literal
 
 import msgspec
 
-from gcs_web.protocol.base import Command
+from gcs_web.protocol.base import Command, State
 
 
 class Limit(msgspec.Struct, frozen=True):
@@ -81,7 +81,7 @@ class Problem(msgspec.Struct, frozen=True):
     """Id of the waypoint in question."""
 
 
-class Plan(msgspec.Struct, frozen=True, tag="plan"):
+class Plan(State, frozen=True, tag="plan"):
     """The answer to a revision of the document."""
 
     revision: int
@@ -105,7 +105,7 @@ class Plan(msgspec.Struct, frozen=True, tag="plan"):
     series: Series | None = None
 
 
-class Draft(msgspec.Struct, frozen=True, tag="draft"):
+class Draft(State, frozen=True, tag="draft"):
     """What is foreseen while a waypoint is dragged; the path itself is in the 3D view only."""
 
     waypoint: int | None

@@ -1,8 +1,8 @@
-"""Messages about the projects beside this one; see `gcs_web.protocol`."""
+"""Messages about the projects beside this one."""
 
 import msgspec
 
-from gcs_web.protocol.base import Command
+from gcs_web.protocol.base import Command, State
 
 
 class ProjectEntry(msgspec.Struct, frozen=True):
@@ -18,7 +18,7 @@ class ProjectEntry(msgspec.Struct, frozen=True):
     """Why it cannot be opened; empty where it can."""
 
 
-class Projects(msgspec.Struct, frozen=True, tag="projects"):
+class Projects(State, frozen=True, tag="projects"):
     projects: list[ProjectEntry]
 
 

@@ -1,8 +1,8 @@
-"""Messages about saved trajectories; see `gcs_web.protocol`."""
+"""Messages about saved trajectories."""
 
 import msgspec
 
-from gcs_web.protocol.base import Command
+from gcs_web.protocol.base import Command, State
 from gcs_web.protocol.plan import Limit
 
 
@@ -44,7 +44,7 @@ class PlanSummary(msgspec.Struct, frozen=True):
     """Clearance among them; that of which most is used first."""
 
 
-class Files(msgspec.Struct, frozen=True, tag="files"):
+class Files(State, frozen=True, tag="files"):
     trajectories: list[SavedTrajectory]
     flights: list[str]
     bin: list[Aside] = []

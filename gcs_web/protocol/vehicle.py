@@ -1,10 +1,10 @@
-"""Messages about the vehicle and the orders to it; see `gcs_web.protocol`."""
+"""Messages about the vehicle and the orders to it."""
 
 from typing import Literal
 
 import msgspec
 
-from gcs_web.protocol.base import Command
+from gcs_web.protocol.base import Command, State, VehicleCommand
 
 
 class Held(msgspec.Struct, frozen=True):
@@ -18,7 +18,7 @@ class Held(msgspec.Struct, frozen=True):
     crc32: str
 
 
-class Vehicle(msgspec.Struct, frozen=True, tag="vehicle"):
+class Vehicle(State, frozen=True, tag="vehicle"):
     """The vehicle as last heard; sent on every change and at least twice a second."""
 
     link: Literal["none", "fresh", "stale", "lost"]
@@ -52,11 +52,11 @@ class GiveUpControl(Command, frozen=True, tag="give_up_control", kw_only=True):
     pass
 
 
-class PrepareUpload(Command, frozen=True, tag="prepare_upload", kw_only=True):
+class PrepareUpload(VehicleCommand, frozen=True, tag="prepare_upload", kw_only=True):
     """Compare the plan with what the vehicle holds; the reply has both and a nonce that `upload` uses up."""
 
 
-class Upload(Command, frozen=True, tag="upload", kw_only=True):
+class Upload(VehicleCommand, frozen=True, tag="upload", kw_only=True):
     nonce: str
 
 
@@ -64,10 +64,10 @@ class PrepareOrder(Command, frozen=True, tag="prepare_order", kw_only=True):
     """Announce an order; the reply has the nonce that `order` uses up."""
 
 
-class Order(Command, frozen=True, tag="order", kw_only=True):
+class Order(VehicleCommand, frozen=True, tag="order", kw_only=True):
     order: Literal["arm", "start", "pause", "resume", "land", "disarm"]
     nonce: str
 
 
-class Abort(Command, frozen=True, tag="abort", kw_only=True):
+class Abort(VehicleCommand, frozen=True, tag="abort", kw_only=True):
     """Land at once. Needs neither control nor a nonce."""

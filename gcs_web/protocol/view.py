@@ -1,21 +1,19 @@
-"""Messages about what is selected and shown in the 3D view; see `gcs_web.protocol`."""
+"""Messages about what is selected and shown in the 3D view."""
 
 from typing import Literal
 
-import msgspec
-
-from gcs_web.protocol.base import Command
+from gcs_web.protocol.base import Command, Message, State
 
 Colour = Literal["clearance", "could_hide", "speed", "thrust", "tilt", "rotor_margin"]
 
 
-class Cursor(msgspec.Struct, frozen=True, tag="cursor"):
+class Cursor(Message, frozen=True, tag="cursor"):
     """The 3D view was clicked on the path: show this moment everywhere."""
 
     time_s: float
 
 
-class Shown(msgspec.Struct, frozen=True, tag="shown"):
+class Shown(State, frozen=True, tag="shown"):
     """What the 3D view, which is the same for everybody, draws now."""
 
     colour: Colour
@@ -23,7 +21,7 @@ class Shown(msgspec.Struct, frozen=True, tag="shown"):
     """Id of the person who chose it."""
 
 
-class Selection(msgspec.Struct, frozen=True, tag="selection"):
+class Selection(Message, frozen=True, tag="selection"):
     """Waypoints were selected in the 3D view."""
 
     waypoints: list[int]

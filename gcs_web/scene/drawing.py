@@ -7,7 +7,7 @@ import numpy as np
 
 from flight import FloatArray
 from flight.rotations import IDENTITY
-from gcs_web import protocol
+from gcs_web.protocol.plan import Series
 
 if TYPE_CHECKING:
     import viser
@@ -56,7 +56,7 @@ def signed_colours(share: FloatArray) -> np.ndarray:
     return np.stack([np.interp(place, [-1.0, 0.0, 1.0], ends[:, i]) for i in range(3)], axis=1).astype(np.uint8)
 
 
-def series_colours(series: protocol.Series, what: str, required_m: float) -> np.ndarray:
+def series_colours(series: Series, what: str, required_m: float) -> np.ndarray:
     """Colours of a path by one of its figures, from the smallest to the largest: (n, 3) uint8."""
     if what == "clearance":
         return clearance_colours(np.array(series.clearance_m), required_m)

@@ -9,13 +9,13 @@ import vehicle
 from firmware_bridge import controller, parameters
 from flight import InputError, LinkError
 from flight.project import Project
-from gcs_web.protocol import compensation as parts
+from gcs_web.protocol.compensation import Compensation, ControllerParameter, NotCompensated
 from gcs_web.vehicle.vehicle_watch import VehicleWatch
 from sysid.report import words
 from vehicle import Vehicle, history
 
 
-def read(watch: VehicleWatch, opened: Project) -> parts.Compensation:
+def read(watch: VehicleWatch, opened: Project) -> Compensation:
     """Read the vehicle's parameters, beside those that follow from the project's vehicle file.
 
     Raises:
@@ -27,7 +27,7 @@ def read(watch: VehicleWatch, opened: Project) -> parts.Compensation:
     present = watch.link.parameters()
     parameters.refuse_unknown(wanted, present)
     here, there = parameters.shortest(wanted), parameters.shortest(present)
-    return parts.Compensation(
+    return Compensation(
         believed.name,
         max(0, history.read(opened.vehicle).current),
         [_row(name, value, here[name]) for name, value in there.items() if name in here],
@@ -35,17 +35,17 @@ def read(watch: VehicleWatch, opened: Project) -> parts.Compensation:
     )
 
 
-def changes(found: parts.Compensation) -> dict[str, tuple[float, float]]:
+def changes(found: Compensation) -> dict[str, tuple[float, float]]:
     """By name, what the vehicle flies with and what it would get, where they differ."""
     return {row.name: (row.flies_with, row.model) for row in found.parameters if row.flies_with != row.model}
 
 
-def purpose(found: parts.Compensation) -> str:
+def purpose(found: Compensation) -> str:
     """What a nonce for these changes is good for: them and no others."""
     return f"compensation {hashlib.sha256(repr(changes(found)).encode()).hexdigest()}"
 
 
-def send(watch: VehicleWatch, opened: Project, shown: parts.Compensation) -> parts.Compensation:
+def send(watch: VehicleWatch, opened: Project, shown: Compensation) -> Compensation:
     """Set what differs as one block, and read it back.
 
     Raises:
@@ -63,11 +63,11 @@ def send(watch: VehicleWatch, opened: Project, shown: parts.Compensation) -> par
     return now
 
 
-def _row(name: str, flies_with: float, model: float) -> parts.ControllerParameter:
+def _row(name: str, flies_with: float, model: float) -> ControllerParameter:
     known = controller.PARAMETERS[name]
-    return parts.ControllerParameter(name, known.unit, flies_with, model, known.in_flight)
+    return ControllerParameter(name, known.unit, flies_with, model, known.in_flight)
 
 
-def _not_compensated(believed: Vehicle) -> list[parts.NotCompensated]:
+def _not_compensated(believed: Vehicle) -> list[NotCompensated]:
     every = controller.compensations(believed)
-    return [parts.NotCompensated(words.effect(name), how) for name, (done, how) in every.items() if not done]
+    return [NotCompensated(words.effect(name), how) for name, (done, how) in every.items() if not done]

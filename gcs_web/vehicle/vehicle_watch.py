@@ -16,8 +16,8 @@ import firmware_bridge
 from firmware_bridge import wire
 from firmware_bridge.dialect.generated.messages import Command
 from flight import FlightError, FlightLog, FloatArray, LinkError, TrajectoryFile
-from gcs_web import protocol
 from gcs_web.planning import page_values
+from gcs_web.protocol.vehicle import Held, Vehicle
 
 logger = logging.getLogger(__name__)
 
@@ -41,7 +41,7 @@ class VehicleWatch:
         self._problem = ""
         self._largest_error_m: float | None = None
         self._flown: TrajectoryFile | None = None
-        self.on_state: Callable[[protocol.Vehicle], None] = lambda _: None
+        self.on_state: Callable[[Vehicle], None] = lambda _: None
         self.on_pose: Callable[[FloatArray, FloatArray], None] = lambda _p, _q: None
         self.on_setpoint: Callable[[FloatArray | None], None] = lambda _: None
         """Where a flight of this station has the vehicle now: (4,) x, y, z in metres and yaw in radians, world."""
@@ -64,16 +64,16 @@ class VehicleWatch:
             raise LinkError(self._problem or f"no vehicle answers at {self.url} yet")
         return self._link
 
-    def state(self) -> protocol.Vehicle:
+    def state(self) -> Vehicle:
         """What the page shows of the vehicle."""
         said = self._link.state if self._link is not None else None
         if said is None:
-            return protocol.Vehicle("lost", name=self.url, reason=self._problem)
+            return Vehicle("lost", name=self.url, reason=self._problem)
         link = "fresh" if said.age_s <= STALE_S else "stale" if said.age_s <= LOST_S else "lost"
         mission = said.mission.name.lower().replace("_", " ")
         x, y, z = (float(value) for value in said.position_world_m)
         error_m = self._error_m(said)
-        return protocol.Vehicle(
+        return Vehicle(
             link,
             name=self.url,
             age_s=round(said.age_s, 2),
@@ -90,12 +90,12 @@ class VehicleWatch:
             reason=said.reason,
         )
 
-    def held(self) -> protocol.Held | None:
+    def held(self) -> Held | None:
         """What the vehicle holds, read back from it; None for nothing."""
         plan = self.link.read_back()
         return None if plan is None else page_values.held(plan.name, plan)
 
-    def planned(self, file: TrajectoryFile, name: str) -> protocol.Held:
+    def planned(self, file: TrajectoryFile, name: str) -> Held:
         """What the vehicle would hold after an upload."""
         return page_values.held(name, wire.plan_from_file(replace(file, name=name)))
 
@@ -192,7 +192,7 @@ class VehicleWatch:
         return file.trajectory.evaluate([min(said.trajectory_time_s, file.trajectory.duration_s)])[0]
 
     def _run(self) -> None:
-        told, told_s = protocol.Vehicle("none"), 0.0
+        told, told_s = Vehicle("none"), 0.0
         while not self._stop.wait(_PERIOD_S):
             try:
                 if self._link is None:
@@ -207,7 +207,7 @@ class VehicleWatch:
                     self.on_state(now)
             except Exception:  # whatever the vehicle says, the watch goes on
                 logger.exception("the vehicle's state could not be shown")
-                told = protocol.Vehicle("lost", name=self.url, reason="its state could not be read; see the log")
+                told = Vehicle("lost", name=self.url, reason="its state could not be read; see the log")
                 self.on_state(told)
 
     def _connect(self) -> None:
@@ -218,7 +218,7 @@ class VehicleWatch:
             self._stop.wait(_RETRY_S)
 
 
-def _changed(now: protocol.Vehicle, told: protocol.Vehicle) -> bool:
+def _changed(now: Vehicle, told: Vehicle) -> bool:
     """Whether something changed that a pilot must see at once."""
     names = ("link", "mission", "holds", "holds_crc32", "reason")
     return any(getattr(now, name) != getattr(told, name) for name in names)

@@ -155,7 +155,7 @@ def fly(opened: Project, name: str, believed_file: Path, save_as: str, progress:
     item = trajectory.load(opened.trajectory(name))
     key_file = opened.folder / "link.key"
     truth_file, start = opened.folder / TRUTH, opened.trajectory(name)
-    options = ("--vehicle", truth_file, "--believed", believed_file, "--start-of", start, "--speed", 0)
+    options = ("--vehicle", truth_file, "--believed", believed_file, "--start-of", start, "--time-factor", 0)
     ground = ("--ground", _ground_m(opened))
 
     def fly_once() -> FlightLog:

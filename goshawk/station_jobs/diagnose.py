@@ -9,11 +9,11 @@ import numpy as np
 import vehicle
 from flight import Progress, file_format, within
 from flight.project import Project
-from gcs_web import protocol
 from gcs_web.comparison import reports
 from gcs_web.desk import Desk
 from gcs_web.jobs.jobs import Kind
 from gcs_web.learning import diagnosis_values, learning
+from gcs_web.protocol.learning import Diagnosis
 from goshawk.commands.learn import what_next
 from goshawk.commands.learn.what_next import DiagnoseCall
 from goshawk.station_jobs import flights
@@ -30,7 +30,7 @@ class Arguments(flights.Chosen):
 
 
 @flights.in_words_of(flights.BOXES)
-def _run(folder: Path, asked: Arguments, progress: Progress) -> protocol.Diagnosis:
+def _run(folder: Path, asked: Arguments, progress: Progress) -> Diagnosis:
     project = Project(folder, "")
     believed = vehicle.load(project.vehicle)
     contents = flights.contents(folder, asked)
@@ -59,7 +59,7 @@ def _call(project: Project, asked: Arguments) -> DiagnoseCall:
     return DiagnoseCall(learn, model, held_out, auto=asked.auto, fit=gaps)
 
 
-def _done(desk: Desk, found: protocol.Diagnosis) -> str:
+def _done(desk: Desk, found: Diagnosis) -> str:
     desk.show_learning()
     return found.verdict
 

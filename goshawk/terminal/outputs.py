@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 import vehicle
-from flight import FormatError, InputError, file_format, results
+from flight import FormatError, InputError, results
 from flight.results import Placing
 from goshawk.terminal import console
 from vehicle import Vehicle, history
@@ -54,11 +54,6 @@ def pictures(path: Path, *, overwrite: bool) -> Generator[Placing]:
     with results.new_folder(path, overwrite=overwrite, ours=holds_pictures) as placing:
         yield placing
     report_kept(path, placing.kept)
-
-
-def write_json(path: Path, document: object, *, overwrite: bool) -> None:
-    with file(path, overwrite=overwrite) as temporary:
-        file_format.write_bytes(temporary, file_format.json_text(document).encode())
 
 
 def write_vehicle(path: Path, fitted: Vehicle, action: str, *, effect: str = "", overwrite: bool) -> None:

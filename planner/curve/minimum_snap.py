@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from math import isfinite
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from flight import FloatArray, InputError, Trajectory, polynomial, portable
 from planner._planner import snap_coefficients, snap_states
@@ -91,6 +90,8 @@ def given(
 
 def solve_numpy(states: FloatArray, durations_s: FloatArray) -> None:
     """The NumPy reference of the kernel: fills in the interior v, a, j of knot states (k + 1, 4, axes)."""
+    from scipy.linalg import cho_solve_banded, cholesky_banded
+
     if len(durations_s) == 1:
         return
     H = energy(durations_s)

@@ -1,5 +1,7 @@
 """The descents of the optimiser through the whole state of every knot, gently to begin with.
 
+Their iterations are compiled: `planner/src/refine.cpp` and `newton.hpp`.
+
 At low prices on exceeded limits the way to the fastest path is less steep, and starts that differ end in the same path:
 of 24 walks in the open, from eight starts each, all end within 0.3 % of the best. Among obstacles the best path of
 least snap comes first.

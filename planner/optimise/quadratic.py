@@ -7,15 +7,17 @@ are put on the Bernstein control points of each segment: the curve lies in their
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import sparse
 
 from flight import FloatArray, InfeasibleError, InputError, polynomial
 from planner.curve import hermite, minimum_snap
 from planner.request.options import StopFlag, check_stop
 from planner.route.corridor import Box
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_matrix
 
 _FACES = 6
 _PRECISION = 1e-6
@@ -103,7 +105,7 @@ class SnapProgram:
         return minimum_snap.Spline(T, states)
 
     def _run(
-        self, P: sparse.csc_matrix, A: sparse.csc_matrix, low: FloatArray, high: FloatArray, stop: StopFlag | None
+        self, P: "csc_matrix", A: "csc_matrix", low: FloatArray, high: FloatArray, stop: StopFlag | None
     ) -> FloatArray:
         if self._solver is None:
             self._solver = self._set_up(P, A, low, high)
@@ -124,9 +126,7 @@ class SnapProgram:
             )
         return x
 
-    def _set_up(
-        self, P: sparse.csc_matrix, A: sparse.csc_matrix, low: FloatArray, high: FloatArray, **settings: Any
-    ) -> Any:
+    def _set_up(self, P: "csc_matrix", A: "csc_matrix", low: FloatArray, high: FloatArray, **settings: Any) -> Any:
         """OSQP with a problem of its own."""
         import osqp
 
@@ -220,7 +220,7 @@ def _solved(solver: Any, iterations: int, stop: StopFlag | None) -> tuple[FloatA
     return np.asarray(result.x, dtype=np.float64), result.info.status
 
 
-def _violation(A: sparse.csc_matrix, x: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+def _violation(A: "csc_matrix", x: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """(m,) how far each bound is missed; negative where it is kept."""
     product = A @ x
     return np.maximum(low - product, product - high)
@@ -237,6 +237,8 @@ class _Pattern:
         self._index = (places % shape[0], np.concatenate([[0], np.cumsum(counts)]))
         self._shape = shape
 
-    def fill(self, values: FloatArray) -> sparse.csc_matrix:
+    def fill(self, values: FloatArray) -> "csc_matrix":
+        from scipy.sparse import csc_matrix
+
         data = np.bincount(self._target, weights=values[self._used], minlength=len(self._index[0]))
-        return sparse.csc_matrix((data, *self._index), shape=self._shape)
+        return csc_matrix((data, *self._index), shape=self._shape)

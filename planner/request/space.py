@@ -6,7 +6,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import KDTree
 
 from flight import FloatArray, InputError, portable
 
@@ -120,6 +119,8 @@ class KeepIn:
     """
 
     def __init__(self, polyline_world_m: FloatArray, radius_m: float) -> None:
+        from scipy.spatial import KDTree
+
         self.polyline_world_m, self.radius_m = polyline_world_m, radius_m
         self._along_m = 0.25 * radius_m
         lengths = np.linalg.norm(np.diff(polyline_world_m, axis=0), axis=1)

@@ -1,4 +1,4 @@
-"""Path search round obstacles: compiled A* on a grid of the field, then shortcuts by free straight lines."""
+"""Path search round obstacles: A* on a grid of the field (`planner/src/search.cpp`), then free straight lines."""
 
 from dataclasses import dataclass
 

@@ -1,6 +1,6 @@
 // The vehicle as the optimiser sees it: how far a motion exceeds each limit, and the exact adjoint of that.
-// The NumPy reference is in planner/optimise/airframe.py. What this leaves out comes in as offsets, measured with the full
-// model.
+// The NumPy reference is in planner/optimise/airframe.py. What this leaves out comes in as offsets, measured with the
+// full model.
 #pragma once
 
 #include "samples.hpp"

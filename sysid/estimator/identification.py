@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -80,7 +80,8 @@ def identify(
     unknowns, clock = _unknowns(vehicle, flights, options)
     point, noise = _beside(near, vehicle, unknowns) if near else start(vehicle, flights, unknowns.model)
     held: list[str] = []
-    solution, unknowns = _fit(flights, vehicle, point, noise, unknowns, held, options, progress)
+    fit = _Fit(flights, vehicle, options, progress)
+    solution, unknowns = fit.solved(point, noise, unknowns, held)
     lasting = (
         _with_gusts(_on_time(flights, solution), solution, unknowns.model) if options.gusts == "estimate" else None
     )
@@ -88,7 +89,7 @@ def identify(
     unsettled: tuple[Unsettled, ...] = ()
     if lasting is not None:
         also_held = list(held)
-        carried, free, newly_held = _fit_settled(flights, vehicle, *lasting, unknowns, also_held, options, progress)
+        carried, free, newly_held = fit.settled(*lasting, unknowns, also_held)
         if carried.converged:
             unknowns, held, unsettled = free, also_held, newly_held
             solution = replace(carried, record=solution.record + carried.record)
@@ -109,66 +110,48 @@ def identify(
     return replace(found, findings=(*found.findings, *doubts), verdict=found.verdict.doubted(*doubts))
 
 
-def _fit(
-    flights: list[Flight],
-    vehicle: Vehicle,
-    point: Point,
-    noise: Noise,
-    unknowns: Unknowns,
-    held: list[str],
-    options: Options,
-    progress: Progress,
-) -> tuple[Solution, Unknowns]:
-    """Solve, hold what is not identifiable from these flights (its names are added to `held`), and solve again."""
-    while True:
-        prior = _prior(flights, vehicle, unknowns, options)
-        solution = solve(
-            flights,
-            point,
-            noise,
-            unknowns,
-            prior,
-            robust=options.robust,
-            max_iterations=options.max_iterations,
-            block_s=options.block_s,
-            progress=progress,
-        )
-        unseen = _least_seen(solution, vehicle, unknowns)
-        if unseen is None:
-            return solution, unknowns
-        if options.unseen == "refuse":
-            raise InputError(_unseen_message(unseen))
-        held.append(unseen)
-        logger.info("holding %s: not identifiable from these flights", unseen)
-        unknowns = unknowns.without(unseen)
-        point, noise = _reset(solution.point, vehicle, unseen), solution.noise
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """What is fitted, and how it is to be."""
 
+    flights: list[Flight]
+    vehicle: Vehicle
+    options: Options
+    progress: Progress
 
-def _fit_settled(
-    flights: list[Flight],
-    vehicle: Vehicle,
-    point: Point,
-    noise: Noise,
-    unknowns: Unknowns,
-    held: list[str],
-    options: Options,
-    progress: Progress,
-) -> tuple[Solution, Unknowns, tuple[Unsettled, ...]]:
-    """`_fit`; where that does not converge and flights tell a parameter only together with another one, it is held too.
+    def solved(self, point: Point, noise: Noise, unknowns: Unknowns, held: list[str]) -> tuple[Solution, Unknowns]:
+        """Solve, hold what is not identifiable from these flights (its names are added to `held`), and solve again."""
+        while True:
+            prior = _prior(self.flights, self.vehicle, unknowns, self.options)
+            solution = solve(self.flights, point, noise, unknowns, prior, self.options, self.progress)
+            unseen = _least_seen(solution, self.vehicle, unknowns)
+            if unseen is None:
+                return solution, unknowns
+            if self.options.unseen == "refuse":
+                raise InputError(_unseen_message(unseen))
+            held.append(unseen)
+            logger.info("holding %s: not identifiable from these flights", unseen)
+            unknowns = unknowns.without(unseen)
+            point, noise = _reset(solution.point, self.vehicle, unseen), solution.noise
 
-    The others go on from where they stand. The last result: what was held so.
-    """
-    solution, unknowns = _fit(flights, vehicle, point, noise, unknowns, held, options, progress)
-    unsettled: list[Unsettled] = []
-    while not solution.converged and unknowns.model and len(solution.record) > 1:
-        found = least_settled(solution, unknowns, vehicle)
-        if found is None:
-            break
-        unsettled.append(found)
-        logger.info("holding %s: it does not settle beside %s", found.name, found.confounded)
-        begin = _reset(solution.point, vehicle, found.name), solution.noise
-        solution, unknowns = _fit(flights, vehicle, *begin, unknowns.without(found.name), held, options, progress)
-    return solution, unknowns, tuple(unsettled)
+    def settled(
+        self, point: Point, noise: Noise, unknowns: Unknowns, held: list[str]
+    ) -> tuple[Solution, Unknowns, tuple[Unsettled, ...]]:
+        """`solved`; where that does not converge and flights tell a parameter only with another one, it is held too.
+
+        The others go on from where they stand. The last result: what was held so.
+        """
+        solution, unknowns = self.solved(point, noise, unknowns, held)
+        unsettled: list[Unsettled] = []
+        while not solution.converged and unknowns.model and len(solution.record) > 1:
+            found = least_settled(solution, unknowns, self.vehicle)
+            if found is None:
+                break
+            unsettled.append(found)
+            logger.info("holding %s: it does not settle beside %s", found.name, found.confounded)
+            point = _reset(solution.point, self.vehicle, found.name)
+            solution, unknowns = self.solved(point, solution.noise, unknowns.without(found.name), held)
+        return solution, unknowns, tuple(unsettled)
 
 
 def _with_gusts(flights: list[Flight], solution: Solution, names: tuple[str, ...]) -> tuple[Point, Noise] | None:
@@ -312,20 +295,8 @@ def smooth(
     prior = Prior(np.zeros(unknowns.size), width)
     options = options or Options(max_iterations=20)
 
-    def settled(point: Point, noise: Noise, most: int) -> Solution:
-        return solve(
-            flights,
-            point,
-            noise,
-            unknowns,
-            prior,
-            robust=options.robust,
-            max_iterations=most,
-            block_s=options.block_s,
-            progress=progress,
-        )
-
-    solution = settled(point, noise, options.max_iterations)
+    solution = solve(flights, point, noise, unknowns, prior, options, progress)
     if process_scale <= 1.0:
         return solution
-    return settled(solution.point, solution.noise.with_process(process_scale * solution.noise.process), 1)
+    noise = solution.noise.with_process(process_scale * solution.noise.process)
+    return solve(flights, solution.point, noise, unknowns, prior, replace(options, max_iterations=1), progress)

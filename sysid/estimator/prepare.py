@@ -56,6 +56,13 @@ def prepare_all(logs: Sequence[FlightLog], options: Options, models: Iterable[Ve
     return [flight for i, log in enumerate(logs) for flight in prepare(log, i, options, gravity_m_s2=gravity_m_s2)]
 
 
+def require_pose(flights: Iterable[Flight]) -> None:
+    """Raises `InputError` if a flight shows no motion to compare models by."""
+    for flight in flights:
+        if not flight.has_pose:
+            raise InputError(f"{flight.name} has no pose; models are compared along a measured motion")
+
+
 def gravity_of(models: Iterable[Vehicle]) -> float:
     """Gravity where the models fly, m/s2. Raises `InputError` if it is not the same for all."""
     first, *others = models

@@ -290,7 +290,6 @@ THREE_FUNCTIONS = """\
 #include <stdlib.h>
 #include "goshawk_controller/link.h"
 static tc_link_config link_config;
-static tc_link_measured measured;
 static uint8_t bytes[TC_FRAME_MAX], frame[TC_FRAME_MAX];
 static size_t count;
 static unsigned sent;

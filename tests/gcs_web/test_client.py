@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from gcs_web.panels import HANDLERS
+from gcs_web.protocol.base import Command
 from tests.test_architecture import circles
 from tests.waiting import PATIENCE_S
 from tools import page_types
@@ -22,8 +24,10 @@ def test_the_clients_message_types_are_those_of_the_protocol():
     assert page_types.TARGET.read_text() == page_types.typescript(), "run `python tools/page_types.py`"
 
 
-FLOORS = ("core", "plots", "components", "panels/jobs", "panels/fly", "panels/plan", "panels/map", "panels/compare",
-          "panels/learn", "panels/frame", ".")  # fmt: skip
+FLOORS = (
+    "core", "plots", "components", "panels/jobs", "panels/timeline", "panels/fly", "panels/plan", "panels/map",
+    "panels/compare", "panels/learn", "panels/frame", ".",
+)  # fmt: skip
 """Folders of the client's sources: each imports only from those before it."""
 
 
@@ -35,6 +39,10 @@ def client_imports() -> dict[Path, set[Path]]:
         module: re.findall(r'from "(\.[^"]+)"', next(sources.glob(f"{module}.ts*")).read_text()) for module in modules
     }
     return {module: {Path(os.path.normpath(module.parent / name)) for name in names} for module, names in named.items()}
+
+
+def test_every_command_of_the_protocol_has_a_handler():
+    assert set(page_types.tagged(Command)) == set(HANDLERS)
 
 
 def test_the_clients_folders_import_only_from_those_below_them():
@@ -73,7 +81,7 @@ def test_the_committed_bundle_equals_a_rebuild(tmp_path):
     for command in (
         ["npm", "ci", "--silent"],
         ["npm", "run", "--silent", "check"],
-        ["npm", "run", "--silent", "build"],
+        ["npm", "run", "--silent", "bundle"],
     ):
         done = subprocess.run(
             command, cwd=tmp_path / "client", capture_output=True, text=True, timeout=PATIENCE_S, check=False

@@ -13,10 +13,13 @@ import mapping
 import planner
 import vehicle
 from flight import InputError, Waypoints, file_format, project
-from gcs_web import protocol
 from gcs_web.desk import Desk
 from gcs_web.learning.consent import Consent
 from gcs_web.planning import planning
+from gcs_web.protocol.document import Choose, Move
+from gcs_web.protocol.map import Paint, PreviewMapEdit, Shape, Slice
+from gcs_web.protocol.people import Notice, Person
+from gcs_web.protocol.vehicle import Vehicle
 from tests.gcs_web.station_process import START
 from tests.waiting import until
 
@@ -47,7 +50,7 @@ def desk(opened: project.Project, monkeypatch) -> Iterator[Callable[[planner.Pla
 def test_waypoints_are_placed_at_the_documents_clearance_before_any_plan(desk):
     running = desk(planner.PlanOptions(radius_m=0.3, margin_m=0.2))
     running.view.require_clearance.assert_called_once_with(pytest.approx(0.5))
-    running.session.edit(protocol.Choose(serial=0, revision=0, margin_m=0.4), "Anna")
+    running.session.edit(Choose(serial=0, revision=0, margin_m=0.4), "Anna")
     running.view.require_clearance.assert_called_with(pytest.approx(0.7))
 
 
@@ -56,9 +59,9 @@ def test_a_method_that_the_page_cannot_set_is_refused_when_the_desk_opens(desk):
         desk(planner.PlanOptions(method="bry"))
 
 
-def notices(running: Desk) -> list[protocol.Notice]:
+def notices(running: Desk) -> list[Notice]:
     published = [call.args[0] for call in running.hub.publish.call_args_list]
-    return [message for message in published if isinstance(message, protocol.Notice)]
+    return [message for message in published if isinstance(message, Notice)]
 
 
 def judge_map(opened: project.Project, verdict: str, reasons: list[str]) -> None:
@@ -108,7 +111,7 @@ def test_an_opened_trajectory_is_the_plan_until_its_waypoints_change_or_are_plan
     assert (asked(), running.name) == ("kept", "kept")
     first = running.session.content.points[0].id
     now = running.session.revision
-    running.session.edit(protocol.Move(serial=0, revision=now, waypoints=[first], x_m=0.9), "Anna")
+    running.session.edit(Move(serial=0, revision=now, waypoints=[first], x_m=0.9), "Anna")
     assert asked() == ""
     running.session.undo("Anna")
     assert asked() == "kept"
@@ -116,21 +119,21 @@ def test_an_opened_trajectory_is_the_plan_until_its_waypoints_change_or_are_plan
     assert asked() == ""
 
 
-ADA, BO = protocol.Person("a", "Ada"), protocol.Person("b", "Bo")
+ADA, BO = Person("a", "Ada"), Person("b", "Bo")
 
 
 def test_one_person_paints_at_a_time_and_leaving_frees_the_brush(desk):
     running = desk(planner.PlanOptions())
     running.hub.people = [ADA, BO]
-    brush = protocol.Paint(serial=0, active=True, radius_m=0.3)
+    brush = Paint(serial=0, active=True, radius_m=0.3)
     with pytest.raises(InputError, match="a brush of radius nan m is refused"):
-        running.map.paint(protocol.Paint(serial=0, active=True, radius_m=float("nan")), ADA)
+        running.map.paint(Paint(serial=0, active=True, radius_m=float("nan")), ADA)
     running.map.paint(brush, ADA)
     running.view.map.mesh.paint.assert_called_with(True)
     for refused in (lambda: running.map.paint(brush, BO), lambda: running.map.preview(preview(), BO)):
         with pytest.raises(InputError, match="another person is drawing"):
             refused()
-    running.map.preview(protocol.PreviewMapEdit(serial=0), ADA)  # the end of an earlier preview, that came late
+    running.map.preview(PreviewMapEdit(serial=0), ADA)  # the end of an earlier preview, that came late
     with pytest.raises(InputError, match="another person is drawing"):
         running.map.paint(brush, BO)
     running.left(ADA)
@@ -148,21 +151,21 @@ def test_the_3d_view_shows_the_plan_when_a_page_has_left_and_nobody_looks_at_fli
         running.view.set_plan_aside.assert_called_once_with(False)
 
 
-def preview() -> protocol.PreviewMapEdit:
-    return protocol.PreviewMapEdit(serial=0, shape=protocol.Shape("box", (3.0, 3.4, 0.5), (0.5, 0.5, 0.5)))
+def preview() -> PreviewMapEdit:
+    return PreviewMapEdit(serial=0, shape=Shape("box", (3.0, 3.4, 0.5), (0.5, 0.5, 0.5)))
 
 
 def test_a_slice_that_is_nowhere_is_refused(desk):
     running = desk(planner.PlanOptions())
     for numbers in ((np.nan, 0.0, 0.0), (0.0, np.nan, 0.0), (0.0, 0.0, np.inf), (1e5, 0.0, 0.0)):
         with pytest.raises(InputError, match="give a finite place and direction"):
-            running.map.show(protocol.Slice("oblique", numbers[0], "distance", *numbers[1:]), ["mesh"], "Ada")
+            running.map.show(Slice("oblique", numbers[0], "distance", *numbers[1:]), ["mesh"], "Ada")
 
 
 def test_places_of_a_drag_become_one_stroke_and_those_beside_the_mesh_are_left_out(desk):
     running = desk(planner.PlanOptions())
     running.hub.people = [ADA]
-    running.map.paint(protocol.Paint(serial=0, active=True, radius_m=0.3), ADA)
+    running.map.paint(Paint(serial=0, active=True, radius_m=0.3), ADA)
     for x in (1.0, 1.5, np.nan, 2.5):
         running.map._paint(np.array([x, 1.0, 0.5]), False)
     running.map._paint(np.full(3, np.nan), True)
@@ -179,7 +182,7 @@ def test_a_stroke_that_is_full_says_so_once_and_ends_there(desk, monkeypatch):
     monkeypatch.setattr("gcs_web.document.map_edits.MOST_POINTS", 3)
     running = desk(planner.PlanOptions())
     running.hub.people = [ADA]
-    running.map.paint(protocol.Paint(serial=0, active=True, radius_m=0.3), ADA)
+    running.map.paint(Paint(serial=0, active=True, radius_m=0.3), ADA)
     for x in (1.0, 1.5, 2.0, 2.5, 3.0):
         running.map._paint(np.array([x, 1.0, 0.5]), False)
     said = [notice.text for notice in notices(running) if "stroke" in notice.text]
@@ -198,15 +201,15 @@ def test_another_project_is_refused_while_somebody_is_in_control_a_job_waits_or_
     with pytest.raises(InputError, match="goshawk gcs yard"):
         running.open_project("yard", ADA)
     running.on_open = went.append
-    running.take_control(ADA, force=False)
+    running.control.take(ADA, force=False)
     with pytest.raises(InputError, match="Ada is in control"):
         running.open_project("yard", ADA)
-    running.give_up_control(ADA)
+    running.control.give_up(ADA)
     running.watch = MagicMock()
-    running.watch.state.return_value = protocol.Vehicle("lost", armed=True)
+    running.watch.state.return_value = Vehicle("lost", armed=True)
     with pytest.raises(InputError, match="the vehicle is armed"):
         running.open_project("yard", ADA)
-    running.watch.state.return_value = protocol.Vehicle("fresh")
+    running.watch.state.return_value = Vehicle("fresh")
     running.jobs.close()
     running.jobs = MagicMock()
     running.jobs.end_if_idle.return_value = False
@@ -219,4 +222,4 @@ def test_another_project_is_refused_while_somebody_is_in_control_a_job_waits_or_
     with pytest.raises(InputError):  # once
         running.open_project("yard", ADA)
     with pytest.raises(InputError, match="another project is being opened"):
-        running.take_control(ADA, force=True)
+        running.control.take(ADA, force=True)

@@ -21,10 +21,10 @@ import viser
 import vehicle
 from firmware_bridge import SitlVehicle, controller, keys
 from flight import project
-from gcs_web import protocol
 from gcs_web.document.document import Settings
 from gcs_web.document.session import Session
 from gcs_web.gateway import gateway
+from gcs_web.protocol.document import Shift
 from tests.gcs_web.station_process import StationProcess, new_project
 from tests.waiting import PATIENCE_S, goshawk
 
@@ -418,7 +418,7 @@ def test_a_journal_cut_off_at_any_byte_of_its_last_record_opens_with_all_before(
     opened = new_project(tmp_path / "project", pillar_map)
     session = Session(opened, Settings())
     for k in range(3):
-        edit = protocol.Shift(serial=0, revision=session.revision, waypoints=[k], z_m=0.01)
+        edit = Shift(serial=0, revision=session.revision, waypoints=[k], z_m=0.01)
         session.edit(edit, "Anna")
     session.close()
     path = opened.folder / ".session" / "journal.jsonl"
@@ -433,7 +433,7 @@ def test_a_journal_cut_off_at_any_byte_of_its_last_record_opens_with_all_before(
         again = Session(opened, Settings())
         try:
             assert (again.revision, len(again.content.points)) == (2, 3)
-            again.edit(protocol.Shift(serial=0, revision=2, waypoints=[0], z_m=0.01), "Ben")
+            again.edit(Shift(serial=0, revision=2, waypoints=[0], z_m=0.01), "Ben")
         finally:
             again.close()
     opened.waypoints.write_bytes(kept)

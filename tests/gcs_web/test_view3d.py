@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from flight import rotations
-from gcs_web import protocol
 from gcs_web.comparison import flight_scene
 from gcs_web.flights.recorded import Path3D
+from gcs_web.protocol.map import Shape
+from gcs_web.protocol.plan import Draft, Series
 from gcs_web.scene import drawing
 from gcs_web.vehicle import vehicle_view
 from gcs_web.view3d import View3D
@@ -36,11 +37,11 @@ def click(y_m: float = 0.0) -> SimpleNamespace:
     return SimpleNamespace(ray_origin=(0.0, y_m, 1.0), ray_direction=(1.0, 0.0, 0.0))
 
 
-def series() -> protocol.Series:
+def series() -> Series:
     """Along y at x = 1 m and z = 1 m, with 1 m/s."""
     y_m = np.linspace(-1.0, 1.0, 21).tolist()
-    same = dict.fromkeys(protocol.Series.__struct_fields__, [1.0] * 21)
-    return protocol.Series(**{**same, "y_m": y_m, "time_s": [y + 1.0 for y in y_m]})
+    same = dict.fromkeys(Series.__struct_fields__, [1.0] * 21)
+    return Series(**{**same, "y_m": y_m, "time_s": [y + 1.0 for y in y_m]})
 
 
 def test_the_first_waypoint_before_a_wall_keeps_the_required_clearance(view: View3D):
@@ -65,7 +66,7 @@ def test_a_slice_is_drawn_anew_by_a_preview_only_where_it_shows_another_field(vi
     drawn = MagicMock()
     monkeypatch.setattr(view.map, "_draw_slice", drawn)
     field = MagicMock()
-    stroke = protocol.Shape("stroke", radius_m=0.1, points_m=[(0.0, 0.0, 0.0)])
+    stroke = Shape("stroke", radius_m=0.1, points_m=[(0.0, 0.0, 0.0)])
     for shape, shown in ((stroke, None), (stroke, None), (stroke, field), (stroke, field), (None, None)):
         view.map.preview("add", shape, shown)
     assert drawn.call_count == 2
@@ -103,26 +104,26 @@ def test_a_browser_that_leaves_in_the_middle_of_a_drag_moves_nothing_and_ends_th
     view._dragged(1, drag("start", browser=1))
     told = []
     view.on_draft = told.append
-    draft = protocol.Draft(1, "about 5 s")
+    draft = Draft(1, "about 5 s")
     view.draw_draft(draft, np.zeros((2, 3)))
     assert view._draft is not None
     view._browser_left(SimpleNamespace(client_id=1))
     assert view._draft is None
     view.draw_draft(draft, np.zeros((2, 3)))  # came late
     assert view._draft is None
-    assert told == [draft, protocol.Draft(None)]
+    assert told == [draft, Draft(None)]
 
 
 def test_a_waypoint_dragged_where_no_path_leads_leaves_no_draft_of_before_and_says_so(view: View3D):
     told = []
     view.on_draft = told.append
     view._dragged(1, drag("start", browser=1))
-    view.draw_draft(protocol.Draft(1, "about 5 s"), np.zeros((2, 3)))
-    view.draw_draft(protocol.Draft(1, "waypoint 2 is inside an obstacle", "refused"), None)
+    view.draw_draft(Draft(1, "about 5 s"), np.zeros((2, 3)))
+    view.draw_draft(Draft(1, "waypoint 2 is inside an obstacle", "refused"), None)
     assert view._draft is None
     view._dragged(1, drag("end", browser=1))
     assert [draft.state for draft in told[:2]] == ["clear", "refused"]
-    assert told[2] == protocol.Draft(None)
+    assert told[2] == Draft(None)
 
 
 def test_the_trail_begins_with_arming_goes_where_the_vehicle_was_and_stays_after_landing(monkeypatch):

@@ -167,7 +167,7 @@ def test_a_stroke_of_the_brush_is_drawn_applied_as_one_change_and_undone(station
     page_3d.keyboard.press("1")
     tools = page_3d.get_by_role("toolbar", name="Map")
     tools.get_by_role("button", name="Brush").click()
-    wait(lambda: station.view._painting, "the brush")
+    wait(lambda: station.view.map.mesh._painting, "the brush")
     before = station.desk.session.revision
 
     ends = np.array([4.0, 1.0, 0.0]), np.array([5.0, 2.0, 0.0])
@@ -186,7 +186,7 @@ def test_a_stroke_of_the_brush_is_drawn_applied_as_one_change_and_undone(station
     line = np.array(zone.edit().solid.points_world_m)
     assert np.abs(line[:, 2]).max() < 0.1  # on the floor
     assert np.linalg.norm(line[[0, -1], :2] - [[4.0, 1.0], [5.0, 2.0]], axis=1).max() < 0.4
-    assert not station.view._painting
+    assert not station.view.map.mesh._painting
     page_3d.keyboard.press("Control+z")
     wait(lambda: station.desk.session.content.map_edits == (), "undo")
     page_3d.keyboard.press("2")

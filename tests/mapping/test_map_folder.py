@@ -343,10 +343,11 @@ def test_images_are_placed_and_the_calibration_is_tried_in_two_children_of_one_w
 def test_too_few_placed_images_are_no_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     images = sparse_map(tmp_path).images
     model = SparseModel(
-        RIG, np.stack([np.eye(4), *[np.full((4, 4), np.nan)] * 2]), np.zeros((3, 1), bool), np.zeros((0, 3)),
-        np.zeros((0, 128)), np.zeros((0, 3), int), np.zeros((0, 2)), 0.3, 1.0,
-        np.zeros((0, 2), int), np.array([[0, 1, 16]]), 0.05, [], [],
-        Trial((), RIG, np.zeros((3, 4, 4)), np.zeros((0, 3)), 0.2, 0.001), {},
+        rig=RIG, T_world_body=np.stack([np.eye(4), *[np.full((4, 4), np.nan)] * 2]), points_world=np.zeros((0, 3)),
+        registered=np.zeros((3, 1), bool), descriptors=np.zeros((0, 128)), observations=np.zeros((0, 3), int),
+        pixels=np.zeros((0, 2)), reprojection_error_px=0.3, least_agreement=1.0, breaks=np.zeros((0, 2), int),
+        overlaps=np.array([[0, 1, 16]]), repeated=0.05, by_motion=[], motion_notes=[],
+        trial=Trial((), RIG, np.zeros((3, 4, 4)), np.zeros((0, 3)), 0.2, 0.001), cpu_s={},
     )  # fmt: skip
     monkeypatch.setattr("mapping.child.run", lambda *_, **__: model)
     with pytest.raises(MapError, match=r"only 1 of 3 images.*16 between a.png and b.png"):

@@ -44,7 +44,6 @@ def read(path: Path) -> Known:
     return Known(
         hub_body_m=hubs + 0.0,
         spin=np.sign(moment),
-        hub_source=f"PX4 parameters in {Path(path).name}",
         yaw_torque_to_thrust_m=size_m if measured else None,
         notes=_notes(Path(path).name, hubs, measured),
     )

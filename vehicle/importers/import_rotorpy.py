@@ -85,7 +85,6 @@ def read(path: Path) -> Known:
         mass_kg=Parameter(number("mass"), 0.0, "kg", source),
         hub_body_m=hubs,
         spin=-directions,
-        hub_source=source,
         rotor_radius_m=radius,
         parameters=parameters,
         rotor_speed_min_rad_s=number("rotor_speed_min") if "rotor_speed_min" in given else None,

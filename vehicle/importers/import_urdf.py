@@ -73,7 +73,6 @@ def read(path: Path) -> Known:
         mass_kg=Parameter(total_kg, 0.0, "kg", source),
         hub_body_m=np.round(hubs, 6) + 0.0,
         spin=_alternating(hubs),
-        hub_source=source,
         rotor_radius_m=known.pop("rotor_radius_m", None),
         parameters=parameters | known,
         notes=tuple(notes),

@@ -1,4 +1,4 @@
-// Effects on mass, motors, air, force and torque; each is the compiled form of vehicle/effects/<name>.py.
+// Effects on mass, motors, air, force and torque; each is the compiled form of vehicle/effects/<room>/<name>.py.
 #pragma once
 
 #include "effects_thrust.hpp"

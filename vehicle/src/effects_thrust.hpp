@@ -1,5 +1,5 @@
-// Effects on the thrust of each rotor; each is the compiled form of vehicle/effects/<name>.py, which has sources and
-// units.
+// Effects on the thrust of each rotor; each is the compiled form of vehicle/effects/<room>/<name>.py, which has sources
+// and units.
 #pragma once
 
 #include "state.hpp"

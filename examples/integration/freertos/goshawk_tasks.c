@@ -36,17 +36,15 @@ static void write_outputs(const tc_output* output) {
    tick is left out and the watchdog decides. */
 static void control_task(void* unused) {
     static tc_estimate estimate;
-    static tc_link_measured measured;
     TickType_t woken = xTaskGetTickCount();
     (void)unused;
     for (;;) {
         tc_output output;
         (void)xTaskDelayUntil(&woken, pdMS_TO_TICKS(CONTROL_PERIOD_MS));
         board_estimate(&estimate);
-        board_measured(&measured);
         if (xSemaphoreTake(mutex, pdMS_TO_TICKS(CONTROL_PERIOD_MS)) != pdTRUE) continue;
         (void)tc_tick(&controller, board_time_us(), &estimate, &output);
-        tc_link_update(&ground_link, &measured, board_time_us());
+        tc_link_update(&ground_link, board_time_us());
         (void)xSemaphoreGive(mutex);
         write_outputs(&output);
         finished_ticks = finished_ticks + 1u;

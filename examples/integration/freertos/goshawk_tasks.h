@@ -16,15 +16,12 @@ bool goshawk_tasks_start(const tc_parameters* parameters, const tc_link_config* 
 
 /* Your board. Each returns at once.
    board_time_us       a 64-bit microsecond timer that never jumps
-   board_estimate      the newest output of your estimator; its old content stands where nothing new has come
-   board_measured      what the sensors and ESCs read, for the flight log
-   board_rotor_speeds  to the ESCs: rad/s; their throttle curve is yours
-   board_receive       up to `size` bytes of the radio, how many there were
-   board_send          a frame to the radio; false when it has no room, the frame is then lost
-   The watchdog calls board_rotor_speeds too, from a task of higher priority. */
+   board_estimate      the newest output of your estimator, and what the ESCs report of the rotors; its old content
+   stands where nothing new has come board_rotor_speeds  to the ESCs: rad/s; their throttle curve is yours board_receive
+   up to `size` bytes of the radio, how many there were board_send          a frame to the radio; false when it has no
+   room, the frame is then lost The watchdog calls board_rotor_speeds too, from a task of higher priority. */
 uint64_t board_time_us(void);
 void board_estimate(tc_estimate* estimate);
-void board_measured(tc_link_measured* measured);
 void board_rotor_speeds(const float rotor_speed_rad_s[TC_ROTORS]);
 size_t board_receive(uint8_t* bytes, size_t size);
 bool board_send(const uint8_t* frame, size_t size);

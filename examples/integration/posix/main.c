@@ -30,7 +30,6 @@ enum {
 static tc_controller controller;
 static tc_link ground_link;
 static tc_link_config link_config;
-static tc_link_measured measured;
 static uint8_t log_memory[LOG_RECORDS * TC_LINK_RECORD]; /* 5 minutes at 100 Hz */
 static int motors = -1;                                  /* socket to the process that owns the rotors */
 static int udp = -1;
@@ -42,12 +41,11 @@ static uint64_t station_us;        /* when it last sent one that was accepted */
    a bit of `valid` for what holds, the standard deviations if your estimator knows them, and reset_counter with its
    deltas when it moves its frame. Leave the old content where nothing new has come: its time stamps show its age.
    Here: from the simulated body. */
-static bool read_estimator(tc_estimate* estimate, float rotor_speed_rad_s[TC_ROTORS]) {
+static bool read_estimator(tc_estimate* estimate) {
     motor_sample sample;
     ssize_t n;
     while ((n = recv(motors, &sample, sizeof sample, MSG_DONTWAIT)) == (ssize_t)sizeof sample) {
         *estimate = sample.estimate;
-        memcpy(rotor_speed_rad_s, sample.rotor_speed_rad_s, sizeof sample.rotor_speed_rad_s);
     }
     return n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR);
 }
@@ -95,10 +93,10 @@ static int control_loop(void) {
         if (now_us() > next_us + 10u * PERIOD_US)
             next_us = now_us(); /* fell behind: missed ticks are not made up for */
         tc_output output;
-        if (!read_estimator(&estimate, measured.rotor_speed_rad_s)) return 1; /* the rotors' process is gone */
+        if (!read_estimator(&estimate)) return 1; /* the rotors' process is gone */
         (void)tc_tick(&controller, now_us(), &estimate, &output);
         if (!write_rotor_speeds(&output)) return 1;
-        tc_link_update(&ground_link, &measured, now_us());
+        tc_link_update(&ground_link, now_us());
         serve_link();
     }
 }

@@ -84,7 +84,6 @@ int motor_output_run(int socket_to_controller, bool print) {
         if (step % SAMPLE_EVERY == 0u) {
             motor_sample sample;
             simulated_body_estimate(&body, time_us, &sample.estimate);
-            memcpy(sample.rotor_speed_rad_s, body.rotor_speed_rad_s, sizeof sample.rotor_speed_rad_s);
             (void)send(socket_to_controller, &sample, sizeof sample, MSG_DONTWAIT | MSG_NOSIGNAL); /* full: it hangs */
         }
         if (print && step % PRINT_EVERY == 0u) print_body(&body, time_us - start_us);

@@ -20,7 +20,6 @@ typedef struct {
 
 typedef struct {
     tc_estimate estimate;
-    float rotor_speed_rad_s[TC_ROTORS]; /* measured by the ESCs */
 } motor_sample;
 
 /* The clock of everything here. It does not jump when somebody sets the date. */

@@ -97,5 +97,6 @@ void simulated_body_estimate(const simulated_body* body, uint64_t time_us, tc_es
     memcpy(estimate->rate_body_rad_s, body->rate_body_rad_s, sizeof body->rate_body_rad_s);
     memcpy(estimate->specific_force_body_m_s2, body->specific_force_body_m_s2, sizeof body->specific_force_body_m_s2);
     estimate->battery_v = 15.5f;
-    estimate->valid = TC_VALID_ALL;
+    memcpy(estimate->rotor_speed_rad_s, body->rotor_speed_rad_s, sizeof body->rotor_speed_rad_s);
+    estimate->valid = TC_VALID_ALL | TC_VALID_ROTOR_SPEED;
 }

@@ -113,6 +113,10 @@ static void tick(bench* b, bytes* in) {
     if ((spoil & 1u) != 0u) take(in, estimate.position_world_m, 24);
     if ((spoil & 2u) != 0u) take(in, estimate.q_world_body, 16);
     if ((spoil & 4u) != 0u) take(in, estimate.rate_body_rad_s, 24);
+    if ((spoil & 16u) != 0u) {
+        estimate.valid |= TC_VALID_ROTOR_SPEED;
+        take(in, estimate.rotor_speed_rad_s, 16);
+    }
     if ((more & 1u) != 0u) estimate.valid = take_byte(in);
     if ((more & 2u) != 0u) take(in, estimate.position_std_m, 16);
     if ((more & 4u) != 0u) {

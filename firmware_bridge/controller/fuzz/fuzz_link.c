@@ -299,14 +299,13 @@ static void send_signed(vehicle* v, uint64_t now_us, tc_signing* station, bytes*
 }
 
 static void one_tick(vehicle* v, const tc_estimate* estimate, uint64_t now_us) {
-    const tc_link_measured measured = {{0}};
     tc_output output;
     (void)tc_tick(&v->controller, now_us, estimate, &output);
     const tc_parameters* p = tc_parameters_now(&v->controller);
     for (unsigned i = 0; i < TC_ROTORS; i++) {
         must(output.rotor_speed_rad_s[i] >= 0.0f && output.rotor_speed_rad_s[i] <= p->rotor_max_rad_s);
     }
-    tc_link_update(&v->link, &measured, now_us);
+    tc_link_update(&v->link, now_us);
 }
 
 /* Time goes on. Low half of the byte: 0 to 11 the vehicle is where it should be, 12 it is not, 13 it is for half a

@@ -1,49 +1,19 @@
 /** The page: which panel stands where. */
 
-import type { ComponentType } from "preact";
-import { saveFormOpen } from "./panels/plan/actions";
 import { Palette } from "./panels/frame/Palette";
 import { Resizer, drawerHeight } from "./components/Resizer";
-import { Compare } from "./panels/compare/Compare";
-import { Drawer } from "./panels/plan/Drawer";
-import { EffectFileConsent } from "./panels/learn/EffectFiles";
-import { FlightDrawer } from "./panels/compare/FlightDrawer";
-import { FlightList } from "./panels/compare/FlightList";
-import { Fly } from "./panels/fly/Fly";
-import { Learn } from "./panels/learn/Learn";
-import { Map } from "./panels/map/Map";
-import { ModelInspector, Versions } from "./panels/learn/Model";
-import { Plan } from "./panels/plan/Plan";
+import { PANELS } from "./panels/frame/panels";
+import { PLAN } from "./panels/plan/panel";
 import { ProjectList } from "./panels/frame/ProjectList";
-import { SaveForm } from "./panels/plan/SaveForm";
 import { Scene } from "./panels/frame/Scene";
 import { StatusBar } from "./panels/frame/StatusBar";
 import { TopBar } from "./panels/frame/TopBar";
 import { connected, paletteOpen, projectsOpen, step } from "./core/store";
 import { phone } from "./core/theme";
 
-interface Panels {
-  inspector: ComponentType;
-  /** What stands left of the 3D view. */
-  list?: ComponentType;
-  /** What stands in the place of the 3D view. */
-  cards?: ComponentType;
-  /** The timeline below the 3D view. */
-  drawer?: ComponentType<{ height?: number }>;
-}
-
-const PLAN: Panels = { inspector: Plan, drawer: Drawer };
-const PANELS: Readonly<Record<number, Panels>> = {
-  1: { inspector: Map },
-  2: PLAN,
-  3: { inspector: Fly, drawer: Drawer },
-  4: { inspector: Compare, list: FlightList, drawer: FlightDrawer },
-  5: { inspector: ModelInspector, list: Versions, cards: Learn },
-};
-
 export function App() {
-  const panel = PANELS[step.value] ?? PLAN;
-  const { inspector: Inspector, list: List, cards: Cards, drawer: Below } = panel;
+  const shown = PANELS.find((panel) => panel.step === step.value) ?? PLAN;
+  const { inspector: Inspector, list: List, cards: Cards, drawer: Below } = shown;
   const isPhone = phone.value;
   const hasDrawer = Below !== undefined && !isPhone;
   const height = drawerHeight(step.value);
@@ -68,8 +38,7 @@ export function App() {
       </aside>
       <StatusBar />
       {paletteOpen.value && <Palette />}
-      {saveFormOpen.value && <SaveForm />}
-      <EffectFileConsent />
+      {PANELS.map(({ step, dialog: Dialog }) => Dialog !== undefined && <Dialog key={step} />)}
       {projectsOpen.value && <ProjectList />}
     </div>
   );

@@ -2,17 +2,14 @@
 
 import { render } from "preact";
 import "uplot/dist/uPlot.min.css";
-import { App } from "./app";
-import { listen } from "./panels/frame/keys";
-import { startLink } from "./panels/compare/link";
-import { connect } from "./core/socket";
 import "./styles/style.css";
 import "./styles/controls.css";
 import "./styles/panels.css";
 import "./styles/inspector.css";
-import "./styles/jobs.css";
-import "./styles/map.css";
-import "./styles/learn.css";
+import { App } from "./app";
+import { listen } from "./panels/frame/keys";
+import { startLink } from "./panels/compare/link";
+import { connect } from "./core/socket";
 import "./styles/narrow.css";
 
 const root = document.getElementById("app");

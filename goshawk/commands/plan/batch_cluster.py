@@ -61,10 +61,8 @@ def plan_all(address: str, files: Sequence[Path], job: Job, record: Callable[[Ro
 @contextmanager
 def _connected(address: str) -> Generator[Any]:
     """A client of the scheduler."""
-    try:
-        from distributed import Client
-    except ImportError:
-        raise InputError('--scheduler needs Dask: pip install "goshawk[cluster]"') from None
+    from distributed import Client
+
     for name in ("distributed", "distributed.client"):  # else it prints what our one sentence says
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:

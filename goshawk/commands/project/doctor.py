@@ -4,22 +4,24 @@ import importlib
 import os
 import platform
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import click
 
+from flight import extras
+from goshawk import installation
 from goshawk.terminal import console
 
 _MODULES = {
-    "numpy": "", "scipy": "", "osqp": "planning", "ompl": "planning", "pycolmap": "mapping", "cv2": "mapping",
-    "open3d": "mapping: needs the system's libusb-1.0-0 and libgl1", "trimesh": "mapping", "pyarrow": "flight logs",
-    "viser": "the web page", "aiohttp": "the web page", "matplotlib": "figures",
+    "numpy": "", "scipy": "", "osqp": "planning", "ompl": "planning", "pyarrow": "flight logs",
+    "pyulog": "PX4's flight logs", "matplotlib": "figures",
     "esdf._esdf": "our C++ kernel", "goshawk._rendering": "our C++ kernel", "mapping._mapping": "our C++ kernel",
     "flight._portable": "our C++ kernel",
     "planner._planner": "our C++ kernel", "sysid._sysid": "our C++ kernel", "vehicle._vehicle": "our C++ kernel",
     "firmware_bridge._controller": "the embedded C controller",
 }  # fmt: skip
+_SYSTEM = {"open3d": "; needs the system's libusb-1.0-0 and libgl1"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +40,9 @@ def command(as_json: bool) -> int:
     goshawk doctor
     goshawk doctor --json
     """
-    findings = [_module(name, use) for name, use in _MODULES.items()] + [check() for check in _CHECKS]
+    findings = [_module(name, use) for name, use in _MODULES.items()]
+    findings += [_extra(name, libraries) for name, libraries in extras.EXTRAS.items()]
+    findings += [check() for check in _CHECKS]
     healthy = all(finding.ok for finding in findings)
     if as_json:
         items = [{"name": f.name, "ok": f.ok, "detail": f.detail} for f in findings]
@@ -47,17 +51,42 @@ def command(as_json: bool) -> int:
         rows = [(f.name, "ok" if f.ok else "NOT OK", f.detail) for f in findings]
         console.table("Goshawk's installation", ("what", "state", "detail"), rows)
         click.echo(
-            "everything works" if healthy else "run `make setup` in the repository, or install what is named above"
+            "everything that is installed works"
+            if healthy
+            else "run `make setup` in the repository, or install what is named above"
         )
     return 0 if healthy else 1
 
 
 def _module(name: str, use: str) -> Finding:
     try:
-        module = importlib.import_module(name)
+        return Finding(name, True, _version(name))
     except Exception as error:  # a broken wheel may raise anything
         return Finding(name, False, f"{error} ({use})" if use else str(error))
-    return Finding(name, True, str(getattr(module, "__version__", "")))
+
+
+def _extra(name: str, libraries: Mapping[str, str]) -> Finding:
+    """Libraries may be missing, but those that are there must work."""
+    works, missing = [], []
+    for module, distribution in libraries.items():
+        try:
+            works.append(f"{distribution} {_version(module)}".strip())
+        except Exception as error:
+            if not extras.missing(error):
+                return Finding(f"extra {name}", False, f"{distribution}: {error}{_SYSTEM.get(module, '')}")
+            missing.append(distribution)
+    added = f"not installed; {extras.install(name)} adds {', '.join(missing)}"
+    return Finding(f"extra {name}", True, added if missing else ", ".join(works))
+
+
+def _version(module: str) -> str:
+    return str(getattr(importlib.import_module(module), "__version__", ""))
+
+
+def _names() -> Finding:
+    others = [f"{name} is also in {', '.join(found)}" for name, found in installation.other_owners().items()]
+    remedy = "; uninstall that, then install Goshawk again" if others else ""
+    return Finding("names of packages", not others, "; ".join(others) + remedy)
 
 
 def _python() -> Finding:
@@ -74,4 +103,4 @@ def _browser() -> Finding:
     return Finding("browser", True, found or "none on this machine; open the page from another through an SSH tunnel")
 
 
-_CHECKS: tuple[Callable[[], Finding], ...] = (_python, _memory, _browser)
+_CHECKS: tuple[Callable[[], Finding], ...] = (_names, _python, _memory, _browser)

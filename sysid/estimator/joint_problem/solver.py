@@ -17,6 +17,7 @@ from sysid.estimator.joint_problem import weight
 from sysid.estimator.joint_problem.chain import Eliminated, Rows, eliminate
 from sysid.estimator.joint_problem.problem import Point, Residuals, cost_of, curvature_of, linearise, residuals_of
 from sysid.estimator.joint_problem.unknowns import Unknowns
+from sysid.estimator.options import Options
 from sysid.estimator.trajectory.states import States
 from vehicle import specs
 
@@ -95,21 +96,18 @@ def solve(
     noise: Noise,
     unknowns: Unknowns,
     prior: Prior,
-    *,
-    robust: bool,
-    max_iterations: int,
-    block_s: float,
+    options: Options,
     progress: Progress,
 ) -> Solution:
     """Iterate to the joint maximum of the likelihood over states, parameters and noise levels.
 
     Args:
-        block_s: length of the blocks whose scores the solution has.
+        options: robust loss, most steps, length of the blocks whose scores the solution has.
     """
     record: list[Iteration] = []
     converged = False
-    while not converged and len(record) < max_iterations:
-        parts = linearised(flights, point, unknowns, noise, robust)
+    while not converged and len(record) < options.max_iterations:
+        parts = linearised(flights, point, unknowns, noise, options.robust)
         border = point.shared(unknowns)
         carried = weight.balance(flights, point, unknowns, noise)
         hessian = prior.information + carried.information + sum(p.eliminated.information for p in parts)
@@ -123,7 +121,7 @@ def solve(
         changes = [p.eliminated.states(step) for p in parts]
         rows_left, before = [p.rows_left for p in parts], sum(p.cost for p in parts)
         del parts  # they are large, and the next ones are made before this name is given anew
-        lowered = _take(flights, point, unknowns, noise, prior, step, changes, robust, before)
+        lowered = _take(flights, point, unknowns, noise, prior, step, changes, options.robust, before)
         if lowered is None and not record:
             raise InputError(
                 "the fit does not get better in any direction; the start values may be of another vehicle, "
@@ -147,7 +145,7 @@ def solve(
         last = record[-1]
         logger.info("iteration %d: cost %.6g, step %.3g sigma", len(record), last.cost, last.step_sigma)
         logger.debug("values %s, noise %s", dict(zip(unknowns.names, last.values, strict=True)), noise)
-    return _solution(flights, point, noise, unknowns, prior, tuple(record), converged, robust, block_s)
+    return _solution(flights, point, noise, unknowns, prior, tuple(record), converged, options)
 
 
 def _settled(record: Sequence[Iteration], unknowns: Unknowns) -> bool:
@@ -202,15 +200,14 @@ def _solution(
     prior: Prior,
     record: tuple[Iteration, ...],
     converged: bool,
-    robust: bool,
-    block_s: float,
+    options: Options,
 ) -> Solution:
     """What statistics need of the point where the iterations ended."""
 
     def one(flight: Flight, states: States) -> tuple[Residuals, tuple[Score, ...], FloatArray]:
-        rows = linearise(flight, states, point, unknowns, noise, robust)
+        rows = linearise(flight, states, point, unknowns, noise, options.robust)
         eliminated = eliminate(rows)
-        scores = _block_scores(rows, eliminated.sensitivity(), flight.time_s, block_s)
+        scores = _block_scores(rows, eliminated.sensitivity(), flight.time_s, options.block_s)
         return (rows.defect, rows.sensor), scores, eliminated.information
 
     residuals, scores, information = zip(*each(point.vehicle, one, flights, point.states), strict=True)

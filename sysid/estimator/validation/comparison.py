@@ -14,7 +14,7 @@ from sysid.estimator.flights.sampling import means_over
 from sysid.estimator.identification import not_settled, smooth
 from sysid.estimator.motors import motor, rotor_speed
 from sysid.estimator.options import Options
-from sysid.estimator.prepare import prepare_all
+from sysid.estimator.prepare import prepare_all, require_pose
 from sysid.estimator.result import CHANNELS, LARGE_FORCE_M_S2, LARGE_TORQUE_RAD_S2, SPAN_S
 from sysid.estimator.trajectory.midpoint import Middle, middle
 from sysid.estimator.trajectory.model import unexplained
@@ -165,9 +165,7 @@ def compare(
         raise InputError("compare needs at least one flight and one model")
     options = options or Options(max_iterations=SMOOTHING_STEPS)
     flights = prepare_all(logs, options, models.values())
-    for flight in flights:
-        if not flight.has_pose:
-            raise InputError(f"{flight.name} has no pose; predictions are judged against one")
+    require_pose(flights)
     longest_s = max(HORIZONS_S)
     touched = left_out(flights)
     flights = [f for f in flights if f.time_s[-1] - f.time_s[0] > 2.0 * longest_s]

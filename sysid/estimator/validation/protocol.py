@@ -21,7 +21,7 @@ from sysid.estimator.blocks.pose import PoseSensor
 from sysid.estimator.flights.flight_data import Flight, left_out
 from sysid.estimator.motors import motor, rotor_speed
 from sysid.estimator.options import Options
-from sysid.estimator.prepare import gravity_of, prepare
+from sysid.estimator.prepare import gravity_of, prepare, require_pose
 from sysid.estimator.trajectory.states import WINDOW_S, States
 from sysid.estimator.validation import carried, closed_loop, measured
 from sysid.estimator.validation.carried import Disturbance
@@ -223,9 +223,7 @@ def _stretches(
     for i, log in enumerate(logs):
         flights = prepare(log, i, options, gravity_m_s2=gravity_m_s2)
         by_log.append([flight for flight in flights if flight.time_s[-1] - flight.time_s[0] > least_s])
-        for flight in flights:
-            if not flight.has_pose:
-                raise InputError(f"{flight.name} has no pose; predictions are judged against one")
+        require_pose(flights)
         if not by_log[-1]:
             raise InputError(f"flight {i + 1} has no stretch of {least_s:g} s")
     flights = [flight for own in by_log for flight in own]

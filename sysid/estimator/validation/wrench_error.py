@@ -18,7 +18,7 @@ from sysid.estimator.flights.flight_data import Flight, left_out
 from sysid.estimator.flights.sampling import means_over
 from sysid.estimator.motors import motor, rotor_speed
 from sysid.estimator.options import Options
-from sysid.estimator.prepare import prepare_all
+from sysid.estimator.prepare import prepare_all, require_pose
 from sysid.estimator.result import CHANNELS, SPAN_S
 from sysid.estimator.trajectory.midpoint import Middle
 from sysid.estimator.trajectory.model import along
@@ -82,9 +82,7 @@ def wrench_errors(
     options = replace(options or Options(), use_accelerometer=True)
     first = next(iter(models.values()))
     flights = prepare_all(logs, options, models.values())
-    for flight in flights:
-        if not flight.has_pose:
-            raise InputError(f"{flight.name} has no pose; forces are compared along a measured motion")
+    require_pose(flights)
     found = measured.delays(flights, models, options)
     truth, modelled = [], {name: [] for name in models}
     for raw in flights:

@@ -76,9 +76,6 @@ void board_estimate(tc_estimate* estimate) {
     while (hangs) sleep_until(now_ms + 1u);
     simulated_body_estimate(&body, board_time_us(), estimate);
 }
-void board_measured(tc_link_measured* measured) {
-    memcpy(measured->rotor_speed_rad_s, body.rotor_speed_rad_s, sizeof body.rotor_speed_rad_s);
-}
 void board_rotor_speeds(const float rotor_speed_rad_s[TC_ROTORS]) {
     memcpy(outputs, rotor_speed_rad_s, sizeof outputs);
 }

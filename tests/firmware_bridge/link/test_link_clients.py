@@ -75,7 +75,7 @@ def test_odometry_reports_velocity_in_body_axes():
     reader, sent = Codec(9, 1, None), []
     for time_us in range(100_000, 400_000, 10_000):
         endpoint.tick(time_us, state, time_us, time_us, 0.0)
-        link.update(np.zeros(4), time_us)
+        link.update(time_us)
         while frame := link.transmit(time_us):
             sent += [received.message for received in reader.decode(frame)]
     odometry = next(message for message in sent if isinstance(message, m.Odometry))

@@ -27,20 +27,17 @@ def boot(kept: bytes | None) -> _controller.Link:
     return link
 
 
-STILL = np.zeros(4)
-
-
 def receive(link: _controller.Link, frame: bytes, now_us: int) -> None:
     """A frame, and the update that follows a tick."""
     link.receive(frame, True, now_us)
-    link.update(STILL, now_us)
+    link.update(now_us)
 
 
 def held(link: _controller.Link, reader: Codec, codec: Codec) -> tuple[int, int, bytes]:
     """Id, CRC and every segment's bytes of the active plan, as read back over a perfect line."""
     answers: list = []
     for _ in range(4):  # a commit may still be in progress
-        link.update(STILL, 10**9)
+        link.update(10**9)
     for wanted in ((), (0xFF,)):
         request = m.TrajectoryRead(target_system=1, target_component=1, transfer_id=5, wanted=(*wanted, *[0] * 64)[:64])
         link.receive(codec.encode(request), True, 10**9)

@@ -13,7 +13,7 @@ from gcs_web.comparison import arrows
 from gcs_web.comparison.arrows import Wrench
 from gcs_web.comparison.flight_scene import FlightScene
 from gcs_web.flights.recorded import Path3D
-from gcs_web.protocol.flights import ArrowScale
+from gcs_web.protocol.comparison import ArrowScale
 
 TIME_S = np.linspace(0.0, 10.0, 101)
 SIDEWAYS = rotations.from_yaw(np.pi / 2)

@@ -14,9 +14,10 @@ import mapping
 import sysid
 import vehicle
 from flight import FlightLog, Waypoints, file_format, flight_log, project, silent
-from gcs_web import GroundStation, protocol
+from gcs_web import GroundStation
 from gcs_web.learning import diagnosis_values, learning, proposed
-from gcs_web.protocol import flights as parts
+from gcs_web.protocol.comparison import VariableName
+from gcs_web.protocol.learning import Candidate, Confounded, Diagnosis, EffectSize, Evidence
 from gcs_web.protocol.next_flight import NextFlight, Section
 from goshawk.station_jobs import KINDS, compare
 from goshawk.station_jobs.flights import Chosen
@@ -253,14 +254,14 @@ def test_learn_says_what_is_missing_before_any_diagnosis(page):
 FLOWN = Envelope(level_speed_m_s=3.0, climb_m_s=1.0, sink_m_s=1.0, rate_rad_s=4.0).sentence
 
 
-def diagnosed() -> protocol.Diagnosis:
+def diagnosed() -> Diagnosis:
     """Drag is missing, and beside it something of one rotor's thrust that no known effect is."""
     at = [0.1 * k for k in range(20)]
-    v_x = parts.VariableName("v_x", "m/s", "velocity along x")
-    size = parts.EffectSize("rotor drag", "N s/m", 0.02, 0.001, 0.018, 0.022, 0.022, 0.002, 0.02)
-    evidence = parts.Evidence("F_x", "N", v_x, at, at, at, at, at, at, at)
-    confounded = [parts.Confounded("drag_linear", "linear drag", 0.4)]
-    found = parts.Candidate(
+    v_x = VariableName("v_x", "m/s", "velocity along x")
+    size = EffectSize("rotor drag", "N s/m", 0.02, 0.001, 0.018, 0.022, 0.022, 0.002, 0.02)
+    evidence = Evidence("F_x", "N", v_x, at, at, at, at, at, at, at)
+    confounded = [Confounded("drag_linear", "linear drag", 0.4)]
+    found = Candidate(
         DRAG, HOSTILE, "present", "follows the velocity", 0.9, "F = -c v", [size], 4.0, confounded, "", evidence
     )
     others = [
@@ -269,7 +270,7 @@ def diagnosed() -> protocol.Diagnosis:
     ]
     x = np.array(at)
     outside = OutsideFinding("T_2", "n_2", "rad/s", x, -0.1 * x, np.full(20, 0.01), 1.0, 9.0, 0.0, 0.8)
-    return protocol.Diagnosis(
+    return Diagnosis(
         "current", "Rotor drag is missing.", 0.8, "Probability 80% that this is right.", FLOWN, "usable", ["a"],
         ["b"], [found, *others],
         outside=diagnosis_values._outside(outside), unobservable=["mass: only ratios to it show"], left=["F_x 0.01 N"],

@@ -6,10 +6,10 @@ import pytest
 import esdf
 from esdf import solids
 from flight import InputError, rotations
-from gcs_web import protocol
 from gcs_web.document import edits
 from gcs_web.document.document import Content, Point
 from gcs_web.planning import snapping
+from gcs_web.protocol.course import Place, RandomYaw
 from gcs_web.scene import picking
 
 GRID = esdf.Grid((0.0, 0.0, 0.0), 0.05, (80, 60, 50))
@@ -64,16 +64,16 @@ def content() -> Content:
 
 
 def test_random_headings_are_one_change_of_the_named_waypoints_and_the_same_for_the_same_revision():
-    wanted = protocol.RandomYaw(serial=0, revision=7, waypoints=[1, 3])
+    wanted = RandomYaw(serial=0, revision=7, waypoints=[1, 3])
     after, label = edits.apply(content(), wanted)
     assert [p.yaw_rad is None for p in after.points] == [True, False, True, False]
     assert edits.apply(content(), wanted)[0] == after
-    assert edits.apply(content(), protocol.RandomYaw(serial=0, revision=8, waypoints=[1, 3]))[0] != after
+    assert edits.apply(content(), RandomYaw(serial=0, revision=8, waypoints=[1, 3]))[0] != after
     assert label == "random headings for 2 waypoints"
 
 
 def test_places_are_taken_by_each_waypoint_for_itself():
-    wanted = protocol.Place(
+    wanted = Place(
         serial=0, revision=0, waypoints=[2, 0], positions_m=[(5.0, 5.0, 5.0), (6.0, 6.0, 6.0)], label="snapped"
     )
     after, label = edits.apply(content(), wanted)

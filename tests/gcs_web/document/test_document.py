@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flight import InputError, Waypoints
-from gcs_web import protocol
 from gcs_web.document import edits
 from gcs_web.document.document import Content, Patch, Point, Settings, difference, patched
+from gcs_web.protocol.document import Choose, Delete, Insert, Move, Reverse, Shift, Turn
 
 coordinates = st.floats(-1000.0, 1000.0, allow_nan=False)
 headings = st.none() | st.floats(-3.0, 3.0)
@@ -52,32 +52,32 @@ def edit(kind: type, content: Content | None = None, **arguments) -> tuple[Conte
 
 
 def test_a_move_sets_only_the_coordinates_it_names():
-    after, label = edit(protocol.Move, waypoints=[1], z_m=1.5)
+    after, label = edit(Move, waypoints=[1], z_m=1.5)
     assert [p.position_world_m for p in after.points] == [(0.0, 0.0, 1.0), (2.0, 0.0, 1.5), (4.0, 2.0, 1.0)]
     assert label == "waypoint 2 moved 0.50 m"
 
 
 def test_moving_keeps_every_heading():
-    turned, _ = edit(protocol.Turn, waypoints=[0, 2], yaw_deg=450.0)
-    after, _ = edit(protocol.Shift, turned, waypoints=[0, 1, 2], x_m=1.0)
+    turned, _ = edit(Turn, waypoints=[0, 2], yaw_deg=450.0)
+    after, _ = edit(Shift, turned, waypoints=[0, 1, 2], x_m=1.0)
     assert [p.yaw_rad for p in after.points] == pytest.approx([np.pi / 2, None, np.pi / 2])
 
 
 def test_an_inserted_waypoint_stands_half_way_or_a_metre_beyond_the_ends():
     for after_id, number, expected in ((1, 2, (3.0, 1.0, 1.0)), (2, 3, (5.0, 2.0, 1.0)), (None, 0, (-1.0, 0.0, 1.0))):
-        content, _ = edit(protocol.Insert, after=after_id)
+        content, _ = edit(Insert, after=after_id)
         assert content.points[number].position_world_m == expected
         assert content.points[number].id == 3
 
 
 def test_an_id_is_never_used_again():
-    fewer, _ = edit(protocol.Delete, waypoints=[2])
-    more, _ = edit(protocol.Insert, fewer, after=1)
+    fewer, _ = edit(Delete, waypoints=[2])
+    more, _ = edit(Insert, fewer, after=1)
     assert [p.id for p in more.points] == [0, 1, 3]
 
 
 def test_reversing_keeps_who_is_who():
-    after, _ = edit(protocol.Reverse)
+    after, _ = edit(Reverse)
     assert [p.id for p in after.points] == [2, 1, 0]
     assert difference(three(), after).touched == {0, 1, 2}
 
@@ -85,14 +85,14 @@ def test_reversing_keeps_who_is_who():
 @pytest.mark.parametrize(
     ("kind", "arguments", "said"),
     [
-        (protocol.Move, {"waypoints": []}, "no waypoint is selected"),
-        (protocol.Move, {"waypoints": [7], "x_m": 1.0}, "deleted meanwhile"),
-        (protocol.Move, {"waypoints": [0], "x_m": 1e9}, "within 10000 m"),
-        (protocol.Move, {"waypoints": [0], "x_m": float("inf")}, "must be finite"),
-        (protocol.Move, {"waypoints": [0], "x_m": float("nan")}, "must be finite"),
-        (protocol.Delete, {"waypoints": [0, 1]}, "two waypoints are the least"),
-        (protocol.Choose, {"speed_m_s": 0.0}, "speed 0 is refused; it must be from 0.1 to 40"),
-        (protocol.Choose, {"margin_m": float("nan")}, "must be from 0 to 10"),
+        (Move, {"waypoints": []}, "no waypoint is selected"),
+        (Move, {"waypoints": [7], "x_m": 1.0}, "deleted meanwhile"),
+        (Move, {"waypoints": [0], "x_m": 1e9}, "within 10000 m"),
+        (Move, {"waypoints": [0], "x_m": float("inf")}, "must be finite"),
+        (Move, {"waypoints": [0], "x_m": float("nan")}, "must be finite"),
+        (Delete, {"waypoints": [0, 1]}, "two waypoints are the least"),
+        (Choose, {"speed_m_s": 0.0}, "speed 0 is refused; it must be from 0.1 to 40"),
+        (Choose, {"margin_m": float("nan")}, "must be from 0 to 10"),
     ],
 )
 def test_what_cannot_be_done_is_refused_with_the_bound(kind, arguments, said):

@@ -10,12 +10,12 @@ import pytest
 import esdf
 from esdf import Edit, solids
 from flight import FormatError, InputError, project
-from gcs_web import protocol
 from gcs_web.document import map_edits
 from gcs_web.document.document import Settings
 from gcs_web.document.session import Session
 from gcs_web.map.bodies import along, handles, outline, pulled
-from gcs_web.protocol.map import Shape
+from gcs_web.protocol.document import Insert
+from gcs_web.protocol.map import AddMapEdit, ChangeMapEdit, DropMapEdits, Shape
 
 GRID = esdf.Grid((0.0, 0.0, 0.0), 0.1, (30, 20, 10))
 BOX = Shape("box", (1.0, 1.0, 0.5), (0.4, 0.4, 0.4))
@@ -44,7 +44,7 @@ def in_document(session: Session) -> tuple[Edit, ...]:
 
 def add(session: Session, name: str, shape: Shape = BOX, author: str = "Ada", *, revision: int | None = None) -> None:
     seen = session.revision if revision is None else revision
-    session.edit(protocol.AddMapEdit(serial=0, revision=seen, action="no-fly", name=name, shape=shape), author)
+    session.edit(AddMapEdit(serial=0, revision=seen, action="no-fly", name=name, shape=shape), author)
 
 
 def by_hand(session: Session, *edits: Edit) -> None:
@@ -108,9 +108,7 @@ def test_a_zone_that_another_program_put_back_while_the_station_was_closed_is_ke
     """The list equals that of before the last edit, and yet it is no file that we left."""
     add(session, "a")
     whole = on_disk(session)
-    session.edit(
-        protocol.DropMapEdits(serial=0, revision=session.revision, edits=[session.content.map_edits[0].id]), "Ada"
-    )
+    session.edit(DropMapEdits(serial=0, revision=session.revision, edits=[session.content.map_edits[0].id]), "Ada")
     session.close()
     by_hand(session, *whole)
     again = Session(session.project, Settings())
@@ -141,7 +139,7 @@ def test_what_goshawk_map_edit_writes_is_a_change_that_can_be_undone(session: Se
 def test_an_edit_of_a_waypoint_never_writes_over_the_maps_edits(session: Session):
     by_hand(session, Edit("add", solids.Sphere((1.0, 1.0, 0.5), 0.2)))
     theirs = on_disk(session)
-    session.edit(protocol.Insert(serial=0, revision=session.revision, after=None, x_m=1.0, y_m=1.0, z_m=0.5), "Ada")
+    session.edit(Insert(serial=0, revision=session.revision, after=None, x_m=1.0, y_m=1.0, z_m=0.5), "Ada")
     assert on_disk(session) == theirs
     session.take_files()
     assert in_document(session) == theirs
@@ -153,14 +151,14 @@ def test_two_people_edit_different_zones_together_and_the_same_one_not(session: 
     seen = session.revision
     a, b = (each.id for each in session.content.map_edits)
     change = {"serial": 0, "revision": seen}
-    session.edit(protocol.ChangeMapEdit(**change, edit=a, name="hall"), "Ada")
-    session.edit(protocol.ChangeMapEdit(**change, edit=b, name="cable"), "Bo")
+    session.edit(ChangeMapEdit(**change, edit=a, name="hall"), "Ada")
+    session.edit(ChangeMapEdit(**change, edit=b, name="cable"), "Bo")
     add(session, "c", COLUMN, "Bo", revision=seen)
     assert [each.name for each in session.content.map_edits] == ["hall", "cable", "c"]
     with pytest.raises(InputError, match="Ada changed the same"):
-        session.edit(protocol.DropMapEdits(**change, edits=[a]), "Bo")
+        session.edit(DropMapEdits(**change, edits=[a]), "Bo")
     with pytest.raises(InputError, match="already"):
-        session.edit(protocol.ChangeMapEdit(serial=0, revision=session.revision, edit=a, name="c"), "Ada")
+        session.edit(ChangeMapEdit(serial=0, revision=session.revision, edit=a, name="c"), "Ada")
 
 
 def test_a_stroke_is_one_edit_of_the_map_that_survives_a_restart_and_can_be_undone(session: Session):
@@ -252,7 +250,7 @@ def test_the_handle_of_a_side_leaves_the_opposite_corner_where_it_is():
 
 def test_a_document_of_before_map_edits_takes_them_over_and_undo_leaves_them(session: Session):
     """Ctrl+Z for a waypoint must not drop the no-fly zones that were drawn before the document knew of them."""
-    session.edit(protocol.Insert(serial=0, revision=session.revision, after=None, x_m=1.0, y_m=1.0, z_m=0.5), "Ada")
+    session.edit(Insert(serial=0, revision=session.revision, after=None, x_m=1.0, y_m=1.0, z_m=0.5), "Ada")
     session.close()
     stairs = Edit("no-fly", solids.Sphere((1.0, 1.0, 0.5), 0.2), "stairs")
     by_hand(session, stairs)

@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 import planner
 from flight import InputError, Waypoints, mission, project
 from flight.mission import FlyBy, Gate, Ground, KeepIn, Laps, LegJerk, LegSpeed, Mission, Stay, Velocity, Yaw
-from gcs_web import protocol
 from gcs_web.document import edits, journal, missions
 from gcs_web.document.document import LEG_LIMITS, Content, Settings, difference, patched
 from gcs_web.document.session import Session
+from gcs_web.protocol.base import Edit
+from gcs_web.protocol.document import Ask, Choose, ClearGate, Delete, Loop, Pass, Reverse, SetGate, SetGround, SetTube
 from gcs_web.scene import course_view
 
 POINTS = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.3], [5.2, 0.8, 1.0], [5.0, 3.4, 1.6]])
@@ -117,23 +118,23 @@ def test_gates_and_a_tube_are_kept_through_edits_undo_and_another_program(tmp_pa
     mission.save(folder.waypoints, course())
     session = Session(folder, Settings())
 
-    def edit(change: protocol.Edit) -> Mission:
+    def edit(change: Edit) -> Mission:
         session.edit(change, "Anna")
         return missions.mission_of(session.content)
 
     try:
         ids = [p.id for p in session.content.points]
         assert missions.same(session.content, course())
-        wider = edit(protocol.SetGate(serial=0, revision=0, waypoint=ids[2], width_m=2.0, heading_deg=90.0))
+        wider = edit(SetGate(serial=0, revision=0, waypoint=ids[2], width_m=2.0, heading_deg=90.0))
         assert wider.gates == (course().gates[0], Gate(2, 2.0, 1.2, np.pi / 2, 0.2, -0.4))
         assert mission.load(folder.waypoints).gates == wider.gates
         session.undo("Anna")
         assert missions.same(session.content, course())
         revision = session.revision
-        assert len(edit(protocol.ClearGate(serial=0, revision=revision, waypoint=ids[1])).gates) == 1
-        tube = edit(protocol.SetTube(serial=0, revision=session.revision, radius_m=0.7)).keep_in
+        assert len(edit(ClearGate(serial=0, revision=revision, waypoint=ids[1])).gates) == 1
+        tube = edit(SetTube(serial=0, revision=session.revision, radius_m=0.7)).keep_in
         assert tube == replace(course().keep_in, radius_m=0.7)
-        assert edit(protocol.SetTube(serial=0, revision=session.revision, radius_m=None)).keep_in is None
+        assert edit(SetTube(serial=0, revision=session.revision, radius_m=None)).keep_in is None
         mission.save(folder.waypoints, course())
         assert session.take_files()
         assert missions.same(session.content, course())
@@ -144,23 +145,23 @@ def test_gates_and_a_tube_are_kept_through_edits_undo_and_another_program(tmp_pa
 def test_a_new_gate_stands_across_the_way_and_is_refused_where_it_cannot_be():
     content = missions.with_mission(Content(), Mission(Waypoints(POINTS, np.full(4, np.nan))))
     ids = [p.id for p in content.points]
-    after, _ = edits.apply(content, protocol.SetGate(serial=0, revision=0, waypoint=ids[1]))
+    after, _ = edits.apply(content, SetGate(serial=0, revision=0, waypoint=ids[1]))
     (gate,) = missions.mission_of(after).gates
     x, y, _ = POINTS[2] - POINTS[0]
     assert gate == Gate(1, 1.0, 1.0, float(np.arctan2(y, x)))
     wrong = ({"waypoint": ids[0]}, {"waypoint": ids[1], "width_m": 0.0}, {"waypoint": ids[1], "roll_deg": np.inf})
     for values in wrong:
         with pytest.raises(InputError):
-            edits.apply(content, protocol.SetGate(serial=0, revision=0, **values))
+            edits.apply(content, SetGate(serial=0, revision=0, **values))
     with pytest.raises(InputError, match="gate and a radius"):
-        edits.apply(after, protocol.Ask(serial=0, revision=0, waypoints=[ids[1]], fly_by_m=0.5))
+        edits.apply(after, Ask(serial=0, revision=0, waypoints=[ids[1]], fly_by_m=0.5))
     with pytest.raises(InputError, match="radius_m"):
-        edits.apply(content, protocol.SetTube(serial=0, revision=0, radius_m=0.01))
+        edits.apply(content, SetTube(serial=0, revision=0, radius_m=0.01))
 
 
 def test_reversed_gates_are_the_same_openings_passed_the_other_way():
     content = missions.with_mission(Content(), course())
-    back, _ = edits.apply(content, protocol.Reverse(serial=0, revision=0))
+    back, _ = edits.apply(content, Reverse(serial=0, revision=0))
     turned = {3 - gate.waypoint: gate.edges_m for gate in missions.mission_of(back).gates}
     for gate in course().gates:
         (left, up), (other_left, other_up) = gate.edges_m, turned[gate.waypoint]
@@ -197,7 +198,7 @@ def test_reversing_flies_the_same_legs_backwards_at_the_same_speeds_and_twice_ch
     content = missions.with_mission(Content(), asked)
     before = missions.mission_of(content).unrolled()
     try:
-        once = edit(content, protocol.Reverse)
+        once = edit(content, Reverse)
     except InputError:  # the only thing that a document cannot say
         loop = missions.lap_ends(content)
         assert loop is not None
@@ -207,7 +208,7 @@ def test_reversing_flies_the_same_legs_backwards_at_the_same_speeds_and_twice_ch
     assert missions.flown(once) == missions.flown(content)[::-1]
     assert legs(missions.mission_of(once).unrolled()) == legs(before)[::-1]
     assert jerks(missions.mission_of(once).unrolled()) == jerks(before)[::-1]
-    twice = edit(once, protocol.Reverse)
+    twice = edit(once, Reverse)
     assert twice.points == content.points
     assert missions.mission_of(twice).laps == missions.mission_of(content).laps
 
@@ -216,7 +217,7 @@ def test_a_loop_whose_way_back_would_lose_its_speed_is_not_reversed():
     speeds = (LegSpeed(0, 1, 1.0), LegSpeed(1, 2, 2.0))
     content = opened(Mission(Waypoints(POINTS, np.full(4, np.nan)), laps=Laps(2), leg_speeds=speeds))
     with pytest.raises(InputError, match="the leg after waypoint 1 would be the way back of the laps"):
-        edit(content, protocol.Reverse)
+        edit(content, Reverse)
 
 
 def test_a_mission_file_is_opened_edited_saved_and_the_undo_brings_the_file_back(tmp_path):
@@ -227,8 +228,8 @@ def test_a_mission_file_is_opened_edited_saved_and_the_undo_brings_the_file_back
     try:
         assert missions.same(session.content, full())
         first = session.content.points[0].id
-        session.edit(protocol.Ask(serial=0, revision=0, waypoints=[first], stay_s=4.0), "Anna")
-        session.edit(protocol.Loop(serial=0, revision=1, laps=0), "Anna")
+        session.edit(Ask(serial=0, revision=0, waypoints=[first], stay_s=4.0), "Anna")
+        session.edit(Loop(serial=0, revision=1, laps=0), "Anna")
         written = mission.load(folder.waypoints)
         assert (written.stays, written.laps) == ((Stay(0, 4.0),), None)
         session.undo("Anna")
@@ -268,20 +269,20 @@ def test_a_document_of_an_older_version_is_opened_and_written_as_the_new_one(tmp
 @pytest.mark.parametrize(
     ("kind", "arguments", "reason"),
     [
-        (protocol.Ask, {"waypoints": [0], "stay_s": 3601.0}, "from 0 to 3600 s"),
-        (protocol.Ask, {"waypoints": [0], "stay_s": float("nan")}, "from 0 to 3600 s"),
-        (protocol.Ask, {"waypoints": [1], "stay_s": 1.0}, "a stay and a radius"),
-        (protocol.Ask, {"waypoints": [2], "stay_s": 1.0}, "a stay and a velocity"),
-        (protocol.Ask, {"waypoints": [9], "stay_s": 1.0}, "deleted meanwhile"),
-        (protocol.Ask, {"waypoints": [3], "leg_speed_m_s": 1.0}, "no leg follows waypoint 4"),
-        (protocol.Pass, {"waypoints": [0], "velocity_m_s": (0.0, 1e9, 0.0)}, "is the most"),
-        (protocol.Loop, {"laps": 101}, "from 0"),
-        (protocol.Loop, {"laps": 2, "lap_first": 2, "lap_last": 1}, "laps go from waypoint 3 to 2"),
-        (protocol.SetGround, {"end": "take_off"}, "a stay and a take_off"),
-        (protocol.SetGround, {"end": "landing", "climb_m_s": 0.0}, "more than 0"),
-        (protocol.SetGround, {"end": "landing", "x_m": 1e9}, "within"),
-        (protocol.Choose, {"look_at_m": (0.0, float("inf"), 0.0)}, "within"),
-        (protocol.Choose, {"heading_deg": float("nan")}, "no heading"),
+        (Ask, {"waypoints": [0], "stay_s": 3601.0}, "from 0 to 3600 s"),
+        (Ask, {"waypoints": [0], "stay_s": float("nan")}, "from 0 to 3600 s"),
+        (Ask, {"waypoints": [1], "stay_s": 1.0}, "a stay and a radius"),
+        (Ask, {"waypoints": [2], "stay_s": 1.0}, "a stay and a velocity"),
+        (Ask, {"waypoints": [9], "stay_s": 1.0}, "deleted meanwhile"),
+        (Ask, {"waypoints": [3], "leg_speed_m_s": 1.0}, "no leg follows waypoint 4"),
+        (Pass, {"waypoints": [0], "velocity_m_s": (0.0, 1e9, 0.0)}, "is the most"),
+        (Loop, {"laps": 101}, "from 0"),
+        (Loop, {"laps": 2, "lap_first": 2, "lap_last": 1}, "laps go from waypoint 3 to 2"),
+        (SetGround, {"end": "take_off"}, "a stay and a take_off"),
+        (SetGround, {"end": "landing", "climb_m_s": 0.0}, "more than 0"),
+        (SetGround, {"end": "landing", "x_m": 1e9}, "within"),
+        (Choose, {"look_at_m": (0.0, float("inf"), 0.0)}, "within"),
+        (Choose, {"heading_deg": float("nan")}, "no heading"),
     ],
 )
 def test_a_request_that_cannot_be_met_is_refused_in_words(kind, arguments, reason):
@@ -290,23 +291,23 @@ def test_a_request_that_cannot_be_met_is_refused_in_words(kind, arguments, reaso
 
 
 def test_zero_drops_a_request():
-    after = edit(opened(), protocol.Ask, waypoints=[0], stay_s=0.0, leg_speed_m_s=0.0)
+    after = edit(opened(), Ask, waypoints=[0], stay_s=0.0, leg_speed_m_s=0.0)
     assert after.points[0].plain
 
 
 def test_a_speed_of_all_legs_is_none_of_the_last_waypoint_which_no_leg_follows():
-    after = edit(opened(), protocol.Ask, waypoints=[0, 1, 2, 3], leg_speed_m_s=1.5)
+    after = edit(opened(), Ask, waypoints=[0, 1, 2, 3], leg_speed_m_s=1.5)
     assert [point.leg_speed_m_s for point in after.points] == [1.5, 1.5, 1.5, None]
 
 
 def test_deleting_an_end_of_the_loop_takes_its_neighbour_instead():
-    content = edit(edit(opened(), protocol.Loop, laps=2, lap_first=1, lap_last=None), protocol.Delete, waypoints=[1])
+    content = edit(edit(opened(), Loop, laps=2, lap_first=1, lap_last=None), Delete, waypoints=[1])
     assert missions.mission_of(content).laps == Laps(2, 1, -1)
     assert content.settings.lap_first == 2
 
 
 def test_looking_at_a_point_begins_with_the_middle_of_the_waypoints():
-    content = edit(opened(Mission(Waypoints(POINTS, np.full(4, np.nan)))), protocol.Choose, yaw="look_at")
+    content = edit(opened(Mission(Waypoints(POINTS, np.full(4, np.nan)))), Choose, yaw="look_at")
     np.testing.assert_allclose(content.settings.look_at_world_m, POINTS.mean(axis=0), atol=0.01)
-    turned = edit(content, protocol.Choose, yaw="fixed", heading_deg=450.0)
+    turned = edit(content, Choose, yaw="fixed", heading_deg=450.0)
     assert missions.mission_of(turned).yaw == Yaw("fixed", pytest.approx(np.pi / 2))

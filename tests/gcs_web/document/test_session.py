@@ -13,10 +13,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from flight import FormatError, InputError, Waypoints, mission, project
-from gcs_web import protocol
 from gcs_web.document import journal
 from gcs_web.document.document import Settings
 from gcs_web.document.session import Session
+from gcs_web.protocol.document import Delete, Insert, Move, Shift
 
 START = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.2], [5.2, 0.8, 1.2]])
 HEADINGS = np.array([np.nan, 0.5, np.nan])
@@ -47,7 +47,7 @@ def positions(session: Session) -> np.ndarray:
 def raised(session: Session, waypoint: int, author: str = "Anna", *, revision: int | None = None) -> np.ndarray:
     """Lift a waypoint by 0.1 m; the positions after it."""
     seen = session.revision if revision is None else revision
-    session.edit(protocol.Shift(serial=0, revision=seen, waypoints=[waypoint], z_m=0.1), author)
+    session.edit(Shift(serial=0, revision=seen, waypoints=[waypoint], z_m=0.1), author)
     return positions(session)
 
 
@@ -88,7 +88,7 @@ def test_undo_says_whose_change_it_takes_back(session: Session):
 
 
 def test_a_change_that_changes_nothing_is_no_revision(session: Session):
-    move = protocol.Move(serial=0, revision=0, waypoints=[1], x_m=3.0)
+    move = Move(serial=0, revision=0, waypoints=[1], x_m=3.0)
     assert session.edit(move, "Anna") == ""
     assert session.revision == 0
 
@@ -131,7 +131,7 @@ def test_an_edit_of_what_another_person_changed_meanwhile_is_refused(session: Se
 
 
 def test_an_edit_of_a_waypoint_that_another_person_deleted_is_refused(session: Session):
-    session.edit(protocol.Delete(serial=0, revision=0, waypoints=[1]), "Anna")
+    session.edit(Delete(serial=0, revision=0, waypoints=[1]), "Anna")
     with pytest.raises(InputError, match="deleted meanwhile"):
         raised(session, 1, "Ben", revision=0)
 
@@ -195,7 +195,7 @@ def test_a_file_that_another_program_wrote_into_a_project_without_one_is_kept_at
     try:
         path = edited.project.waypoints
         project.save_waypoints(path, Waypoints(START, HEADINGS))
-        edited.edit(protocol.Insert(serial=0, revision=0, after=None, x_m=1.0, y_m=1.0, z_m=1.0), "Anna")
+        edited.edit(Insert(serial=0, revision=0, after=None, x_m=1.0, y_m=1.0, z_m=1.0), "Anna")
         assert len(project.load_waypoints(path).positions_world_m) == 1
         kept = project.load_waypoints(path.with_name("waypoints.json.old-1"))
         np.testing.assert_array_equal(kept.positions_world_m, START)
@@ -318,12 +318,12 @@ def test_a_full_disk_refuses_the_change_and_loses_nothing(opened: project.Projec
 import resource, sys
 from pathlib import Path
 from flight import InputError, project
-from gcs_web import protocol
 from gcs_web.document.document import Settings
 from gcs_web.document.session import Session
+from gcs_web.protocol.document import Shift
 session = Session(project.open_project(Path({str(opened.folder)!r})), Settings())
 def shift(z):
-    session.edit(protocol.Shift(serial=0, revision=session.revision, waypoints=[0], z_m=z), "Anna")
+    session.edit(Shift(serial=0, revision=session.revision, waypoints=[0], z_m=z), "Anna")
 shift(0.1)
 size = (Path({str(opened.folder)!r}) / ".session" / "journal.jsonl").stat().st_size
 import signal
@@ -447,12 +447,12 @@ def test_a_process_that_is_killed_loses_no_change_it_has_acknowledged(opened: pr
 import sys
 from pathlib import Path
 from flight import project
-from gcs_web import protocol
 from gcs_web.document.document import Settings
 from gcs_web.document.session import Session
+from gcs_web.protocol.document import Shift
 session = Session(project.open_project(Path({str(opened.folder)!r})), Settings())
 while True:
-    session.edit(protocol.Shift(serial=0, revision=session.revision, waypoints=[0], z_m=0.001), "Anna")
+    session.edit(Shift(serial=0, revision=session.revision, waypoints=[0], z_m=0.001), "Anna")
     print(session.revision, flush=True)
 """
     acknowledged = 0

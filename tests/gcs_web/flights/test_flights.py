@@ -14,11 +14,11 @@ import vehicle
 from firmware_bridge.controller import State
 from flight import FlightError, FlightLog, InputError, flight_log, project, silent
 from flight.flight_log import COLUMNS
-from gcs_web import protocol
 from gcs_web.flights import pyramid, reading
 from gcs_web.flights.flights import Flights, incoming_file
 from gcs_web.flights.pyramid import Pyramid
 from gcs_web.flights.recorded import MOST_POINTS, Recorded
+from gcs_web.protocol import flights as flights_messages
 from gcs_web.protocol.flights import Incoming
 from goshawk.commands.learn import log_outputs
 from sysid.logs import fix
@@ -121,14 +121,14 @@ def opened(tmp_path: Path) -> project.Project:
 
 
 @pytest.fixture
-def listing(opened: project.Project) -> Iterator[tuple[Flights, list[protocol.Flights]]]:
-    told: list[protocol.Flights] = []
+def listing(opened: project.Project) -> Iterator[tuple[Flights, list[flights_messages.Flights]]]:
+    told: list[flights_messages.Flights] = []
     made = Flights(opened, told.append)
     yield made, told
     made.close()
 
 
-def ready(told: list[protocol.Flights]) -> Callable[[], bool]:
+def ready(told: list[flights_messages.Flights]) -> Callable[[], bool]:
     return lambda: bool(told) and all(card.state != "reading" for card in told[-1].flights)
 
 
@@ -194,7 +194,7 @@ def test_cards_are_kept_and_made_again_when_the_log_changes(opened, listing):
     flight_log.save(opened.flight("circle"), flown())
     made.refresh()
     until(ready(told), "the card")
-    again: list[protocol.Flights] = []
+    again: list[flights_messages.Flights] = []
     other = Flights(opened, again.append)
     other.refresh()
     assert again[0].flights == told[-1].flights

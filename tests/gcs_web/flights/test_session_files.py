@@ -6,11 +6,11 @@ import msgspec
 import pytest
 
 from flight import project
-from gcs_web import protocol
 from gcs_web.comparison import comparing, residuals
 from gcs_web.flights.flights import Flights
 from gcs_web.learning import identified, learning, proposed
 from gcs_web.learning.learning import Learning
+from gcs_web.protocol.learning import Diagnosis
 
 DAMAGED = {
     "empty": b"",
@@ -38,7 +38,7 @@ def test_a_damaged_file_counts_as_missing(tmp_path: Path, data: bytes):
     for file in kept:
         file.write_bytes(data)
     shown = Learning(opened, Flights(opened, lambda _: None))
-    assert shown.diagnosis() == protocol.Diagnosis("none")
+    assert shown.diagnosis() == Diagnosis("none")
     assert (shown.identification().state, shown.next_flight().state) == ("none", "none")
     assert shown._trial() is None
     assert residuals.load(comparing.comparison_file(folder)) is None

@@ -38,6 +38,11 @@ def crash(folder: Path, asked: Arguments, progress: Progress) -> None:
     os.abort()
 
 
+def lack(folder: Path, asked: Arguments, progress: Progress) -> None:
+    sys.modules["cv2"] = None  # type: ignore[assignment]  as in an installation without it; this process is the job's
+    import cv2  # noqa: F401
+
+
 def hold_on(folder: Path, asked: Arguments, progress: Progress) -> None:
     """Works for ever with a child of its own, and does not listen to SIGTERM."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
@@ -51,7 +56,7 @@ def echo(_: Any, result: Any) -> str:
     return f"said {result}"
 
 
-KINDS = [Kind(work.__name__, work.__name__, Arguments, work, echo) for work in (say, refuse, crash, hold_on)]
+KINDS = [Kind(work.__name__, work.__name__, Arguments, work, echo) for work in (say, refuse, crash, lack, hold_on)]
 
 
 @pytest.fixture
@@ -92,6 +97,13 @@ def test_jobs_run_one_after_the_other_and_keep_what_came_of_them(jobs: Jobs):
         jobs.cancel(1)
     jobs.forget(1)
     assert [job.id for job in jobs.state().jobs] == [2, 3]
+
+
+def test_a_job_that_lacks_a_library_says_which_extra_brings_it(jobs: Jobs):
+    jobs.start("lack", {"word": "image"}, "Ada")
+    until(lambda: states(jobs)[0][0] == "failed", "the job's end")
+    said = 'this needs opencv-python-headless, which comes with an extra: pip install "goshawk[map]"'
+    assert states(jobs)[0][1] == said
 
 
 def test_cancel_ends_a_deaf_job_with_its_children_within_a_second_and_the_next_one_starts(jobs: Jobs, tmp_path: Path):

@@ -6,9 +6,10 @@ import msgspec
 import numpy as np
 
 import esdf
-from gcs_web import GroundStation, protocol
+from gcs_web import GroundStation
 from gcs_web.map import slices
-from gcs_web.map.bodies import pulled
+from gcs_web.map.bodies import pulled, triple
+from gcs_web.protocol.map import AddMapEdit, ChangeMapEdit, Shape
 from tests.gcs_web.in_browser import needs_chromium
 from tests.waiting import until as wait
 
@@ -68,16 +69,16 @@ def test_a_no_fly_zone_is_drawn_by_numbers_and_by_its_handle_previewed_applied_a
 
 def test_what_another_person_made_of_a_zone_meanwhile_is_not_overwritten(page, station: GroundStation):
     session = station.desk.session
-    shape = protocol.Shape("box", (3.0, 3.4, 0.5), (0.5, 0.5, 0.5))
+    shape = Shape("box", (3.0, 3.4, 0.5), (0.5, 0.5, 0.5))
     asked = {"serial": 0, "revision": session.revision, "shape": shape}
-    session.edit(protocol.AddMapEdit(action="no-fly", name="cable", **asked), "Ada")
+    session.edit(AddMapEdit(action="no-fly", name="cable", **asked), "Ada")
     page.keyboard.press("1")
     page.get_by_role("button", name="No-fly: cable").click()
     form = page.get_by_role("form", name="Edit of the map")
     form.get_by_label("Centre, m x").wait_for()
     wide = msgspec.structs.replace(shape, size_m=(1.5, 0.5, 0.5))
     asked = {"serial": 0, "revision": session.revision, "shape": wide}
-    session.edit(protocol.ChangeMapEdit(edit=session.content.map_edits[0].id, **asked), "Ada")
+    session.edit(ChangeMapEdit(edit=session.content.map_edits[0].id, **asked), "Ada")
     page.get_by_role("button", name="No-fly: cable").get_by_text("0.4 m³").wait_for()
     form.get_by_label("Name").fill("wire")
     form.get_by_role("button", name="Apply").click()
@@ -94,7 +95,7 @@ def test_an_oblique_slice_stands_through_the_measured_points(station, page):
     wait(lambda: station.view.map.measuring, "measuring")
     a, b = np.array([1.0, 0.5, 0.4]), np.array([4.0, 2.5, 1.5])
     for point in (a, b):
-        station.view.map.on_measure(tuple(point))
+        station.view.map.on_measure(triple(point))
     page.get_by_role("group", name="Axis of the slice").get_by_role("button", name="oblique").click()
     page.get_by_role("button", name="Through the two measured points").click()
     wait(lambda: station.view.map._slice is not None and station.view.map._slice.at_m != 0.0, "the slice")

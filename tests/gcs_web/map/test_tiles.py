@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flight import InputError
+from flight import MapError
 from gcs_web.map import display_points
 from gcs_web.scene import tiles
 from gcs_web.scene.detail_view import DetailView
@@ -186,8 +186,8 @@ def test_points_are_all_there_once_and_those_not_finite_are_left_out(tmp_path, m
 
 
 def test_a_map_without_points_or_with_damaged_ones_says_so(tmp_path):
-    with pytest.raises(InputError, match="no points"):
+    with pytest.raises(MapError, match="no points"):
         display_points.load(tmp_path / "points.npz", tmp_path / "cache")
     (tmp_path / "points.npz").write_bytes(b"PK no")
-    with pytest.raises(InputError, match=r"points\.npz cannot be read"):
+    with pytest.raises(MapError, match=r"points\.npz cannot be read"):
         display_points.load(tmp_path / "points.npz", tmp_path / "cache")

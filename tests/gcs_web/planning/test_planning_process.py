@@ -22,6 +22,7 @@ from flight.trajectory import fingerprint
 from gcs_web.document import missions
 from gcs_web.document.document import Content
 from gcs_web.planning import inputs, planning, replanning
+from gcs_web.protocol.plan import Plan
 from tests.waiting import PATIENCE_S, until
 
 POINTS = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.2], [5.2, 0.8, 1.2]])
@@ -206,7 +207,7 @@ def test_the_answer_to_an_older_request_of_the_same_revision_leaves_the_newer_on
     process, answers = running
     older, newer = request(folder, 150), request(folder, 150)
     process.request(newer)
-    process._take(planning.Answer(older, None, planning.protocol.Plan(150, "refused", "of the older map")))
+    process._take(planning.Answer(older, None, Plan(150, "refused", "of the older map")))
     assert answers.get(timeout=PATIENCE_S).request == older
     assert process._newest == newer
     assert answers.get(timeout=PATIENCE_S).request == newer

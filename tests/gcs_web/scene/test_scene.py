@@ -62,7 +62,7 @@ def test_what_is_drawn_stands_out_from_the_background_in_both_themes():
 
 
 def test_the_legend_has_the_colours_that_are_drawn():
-    legend = (CLIENT / "styles" / "learn.css").read_text()
+    legend = (CLIENT / "panels" / "learn" / "learn.css").read_text()
     for colour in COLOURS:
         assert f"#{bytes(colour).hex()}" in legend
     scales = (CLIENT / "plots" / "scales.ts").read_text()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flight import LinkError, Waypoints, flight_log
-from gcs_web.panels import page_socket
+from gcs_web.gateway import page_socket
 from tests.gcs_web.station_socket import Page, visit
 from tests.waiting import PATIENCE_S, until
 

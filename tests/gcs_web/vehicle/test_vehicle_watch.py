@@ -13,7 +13,7 @@ import vehicle
 from firmware_bridge import SitlVehicle, keys
 from firmware_bridge.dialect.generated.messages import Heartbeat, MissionStatus, State
 from firmware_bridge.mavlink import Codec, Signing
-from gcs_web import protocol
+from gcs_web.protocol.vehicle import Vehicle
 from gcs_web.vehicle.vehicle_watch import VehicleWatch
 from tests.waiting import until
 
@@ -25,7 +25,7 @@ def key_file(tmp_path: Path) -> Path:
 
 
 @contextlib.contextmanager
-def watching(port: int, key_file: Path) -> Iterator[tuple[VehicleWatch, list[protocol.Vehicle]]]:
+def watching(port: int, key_file: Path) -> Iterator[tuple[VehicleWatch, list[Vehicle]]]:
     watch, told = VehicleWatch(f"udp://127.0.0.1:{port}", key_file=key_file), []
     watch.on_state = told.append
     watch.start()

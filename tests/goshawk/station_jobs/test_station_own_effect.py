@@ -12,12 +12,12 @@ import planner
 import vehicle
 from esdf import solids
 from flight import FormatError, InputError, Waypoints, file_format, flight_log, project, silent
-from gcs_web import protocol
 from gcs_web.flights import reading
 from gcs_web.flights.flights import Flights
 from gcs_web.learning import diagnosis_values, learning
 from gcs_web.learning.consent import Consent
 from gcs_web.learning.learning import Learning
+from gcs_web.protocol.learning import Diagnosis
 from goshawk.station_jobs import compare, try_effect
 from goshawk.station_jobs.flights import Chosen
 from sysid.diagnosis import OutsideFinding, curve
@@ -49,7 +49,7 @@ def finding(channel: str = "F_y", variable: str = "v_y", unit: str = "m/s") -> O
 
 def diagnosed(opened: project.Project, found: OutsideFinding) -> None:
     """Save a diagnosis of the project as it is now, with this curve."""
-    shown = protocol.Diagnosis(
+    shown = Diagnosis(
         "current",
         "Something unknown is missing.",
         learn=["a"],

@@ -49,7 +49,6 @@
 
 static tc_controller controller_state;
 static tc_link ground_link;
-static tc_link_measured measured;
 static tc_parser stream;
 static tc_estimate estimate;
 static tc_output output;
@@ -179,8 +178,8 @@ static void obey(const setpoint_t* setpoint) {
 
 /* A path that check_path has not found good is not begun. */
 static void guard_path(void) {
-    const tc_telemetry* t = tc_telemetry_now(&controller_state);
-    const bool checked = t->trajectory_id == checked_id && t->trajectory_crc32 == checked_crc32;
+    const tc_trajectory* active = tc_store_active(&controller_state.store);
+    const bool checked = active != NULL && active->header.id == checked_id && active->header.crc32 == checked_crc32;
     const bool begun = controller_state.mission.state == TC_APPROACH || controller_state.mission.state == TC_TRAJECTORY;
     if (begun && (tumbles || !checked)) (void)tc_do(&controller_state, TC_COMMAND_HOLD, 0.0f);
 }
@@ -224,7 +223,7 @@ void controllerOutOfTree(control_t* control, const setpoint_t* setpoint, const s
         (void)tc_tick(&controller_state, now_us, &estimate, &output);
         in_command = ours && tc_mission_rotors_on(output.state);
         if (ours) feed_commander(stabilizerStep); /* after landing too: it counts as flying for 2 s more */
-        if (link_ready) tc_link_update(&ground_link, &measured, now_us);
+        if (link_ready) tc_link_update(&ground_link, now_us);
         (void)xSemaphoreGive(mutex);
         missed = 0u;
     } /* else the app task holds it: the last output is kept for another millisecond */

@@ -34,8 +34,9 @@ enum {
     TC_VALID_ATTITUDE = 16,
     TC_VALID_RATE = 32,
     TC_VALID_SPECIFIC_FORCE = 64,
-    TC_VALID_POSE = 63, /* all but the accelerometer */
-    TC_VALID_ALL = 127
+    TC_VALID_ROTOR_SPEED = 128,
+    TC_VALID_POSE = 63, /* all but the accelerometer and the rotors */
+    TC_VALID_ALL = 127  /* all but the rotors, whose speeds few vehicles measure */
 };
 
 /* What the autopilot's estimator knows. Three groups, each with the time it was true at, on the clock of tc_tick:
@@ -46,9 +47,10 @@ typedef struct {
     uint64_t rate_time_us; /* gyro and accelerometer */
     float position_world_m[3];
     float velocity_world_m_s[3];
-    float q_world_body[4];             /* w x y z */
-    float rate_body_rad_s[3];          /* gyro, bias removed */
-    float specific_force_body_m_s2[3]; /* accelerometer, bias removed: +9.8 along body z at rest on level ground */
+    float q_world_body[4];              /* w x y z */
+    float rate_body_rad_s[3];           /* gyro, bias removed */
+    float specific_force_body_m_s2[3];  /* accelerometer, bias removed: +9.8 along body z at rest on level ground */
+    float rotor_speed_rad_s[TC_ROTORS]; /* measured, as ESCs report them; without them the model's lag is taken */
     /* Standard deviations: horizontal, vertical. 0 = not told; beyond position_std_m, velocity_std_m_s (parameters)
        they make the axis count as not valid. */
     float position_std_m[2];
@@ -97,16 +99,14 @@ typedef struct {
     float rate_reference_rad_s[3]; /* how it turns, in the body axes of the estimate */
     tc_wrench wrench;              /* as demanded */
     float rotor_speed_rad_s[TC_ROTORS];
-    float path_rate;        /* 1 = as planned, 0 = standing on the path */
-    float path_limit;       /* what the supervisor leaves of the rate asked for, 0 .. 1 */
-    uint8_t limit_reason;   /* tc_reason: why that is less than 1, else TC_OK */
-    uint8_t warnings;       /* TC_WARNING_ bits */
-    uint8_t landing_stage;  /* tc_landing_stage */
-    float reckoning_s;      /* how long position has been dead reckoned, 0 = measured */
-    float reckoning_std_m;  /* standard deviation that the horizontal position has grown to by that */
-    uint32_t path_time_us;  /* since the trajectory's start */
-    uint32_t trajectory_id; /* active slot, 0 = none */
-    uint32_t trajectory_crc32;
+    float path_rate;       /* 1 = as planned, 0 = standing on the path */
+    float path_limit;      /* what the supervisor leaves of the rate asked for, 0 .. 1 */
+    uint8_t limit_reason;  /* tc_reason: why that is less than 1, else TC_OK */
+    uint8_t warnings;      /* TC_WARNING_ bits */
+    uint8_t landing_stage; /* tc_landing_stage */
+    float reckoning_s;     /* how long position has been dead reckoned, 0 = measured */
+    float reckoning_std_m; /* standard deviation that the horizontal position has grown to by that */
+    uint32_t path_time_us; /* since the trajectory's start */
     uint32_t ticks;
     uint32_t refused_ticks; /* time went back, stood still, or jumped by more than 20 ms */
 } tc_telemetry;

@@ -4,7 +4,7 @@
        tc_link link;                                            // yours
        tc_link_init(&link, &controller, &config, now_us);       // after tc_init; log memory and key are in config
        tc_link_receive(&link, bytes, n, NULL, now_us);          // whatever came in
-       tc_link_update(&link, &measured, now_us);                // once after every tc_tick
+       tc_link_update(&link, now_us);                           // once after every tc_tick
        while ((n = tc_link_transmit(&link, frame, now_us)) > 0) send(frame, n);
 
    Who gets in
@@ -91,11 +91,6 @@ typedef struct {
     uint32_t log_records;            /* how many records of TC_LINK_RECORD bytes fit */
     uint32_t log_period_us;          /* controller time between records */
 } tc_link_config;
-
-/* What the controller does not know but a flight log wants. */
-typedef struct {
-    float rotor_speed_rad_s[TC_ROTORS];
-} tc_link_measured;
 
 typedef struct {
     uint32_t accepted;          /* frames that passed everything */
@@ -274,8 +269,7 @@ typedef struct {
     tc_link_log log;
     tc_link_text text;
     tc_link_reported reported;
-    tc_link_measured measured; /* at the last tick */
-    float home_world_m[3];     /* where it last stood */
+    float home_world_m[3]; /* where it last stood */
     uint64_t next_us[TC_LINK_PERIODS];
     uint32_t period_us[TC_LINK_PERIODS]; /* of a series, where it is not TC_LINK_PRESET */
     uint16_t state_sequence;
@@ -298,7 +292,7 @@ void tc_link_receive(tc_link* link, const uint8_t* bytes, size_t n, tc_parser* s
 
 /* Once after every tick: notes what is to be sent, writes the log, goes on with a commit by a slice, and reports to
    the controller for how long the operator has been silent. */
-void tc_link_update(tc_link* link, const tc_link_measured* measured, uint64_t now_us);
+void tc_link_update(tc_link* link, uint64_t now_us);
 
 /* The next frame to send, or 0 when there is nothing to send or the byte rate is used up. */
 size_t tc_link_transmit(tc_link* link, uint8_t frame[TC_FRAME_MAX], uint64_t now_us);

@@ -30,7 +30,7 @@ void tc_link_receive(tc_link* link, const uint8_t* bytes, size_t n, tc_parser* s
     }
 }
 
-void tc_link_update(tc_link* link, const tc_link_measured* measured, uint64_t now_us) {
+void tc_link_update(tc_link* link, uint64_t now_us) {
     const tc_telemetry* t = &link->controller->telemetry;
     link_set_clock(link, now_us);
     const tc_frame* drawn = link_draw_lottery(link);
@@ -39,7 +39,6 @@ void tc_link_update(tc_link* link, const tc_link_measured* measured, uint64_t no
     }
     link_lease_update(link);
     link_upload_update(link);
-    link->measured = *measured;
     link_log_update(link);
     link_schedule_vehicle(link);
     link_standard_update(link);

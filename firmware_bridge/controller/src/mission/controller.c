@@ -84,12 +84,22 @@ static void chosen_velocity(tc_controller* c, uint8_t source, float velocity_bod
                velocity_body_m_s);
 }
 
+/* What the rotors do: as measured, else as this says. */
+static const float* measured_else(const tc_controller* c, const float guess_rad_s[TC_ROTORS]) {
+    const tc_estimate* e = &c->telemetry.estimate;
+    return (e->valid & (uint8_t)TC_VALID_ROTOR_SPEED) != 0u ? e->rotor_speed_rad_s : guess_rad_s;
+}
+
+static float mean_speed(const tc_controller* c) {
+    const float* n = measured_else(c, c->telemetry.rotor_speed_rad_s);
+    return 0.25f * (n[0] + n[1] + n[2] + n[3]);
+}
+
 /* Eq. (9); returns the slope of the drag over speed. */
 static float flight_force(tc_controller* c, const float velocity_body_m_s[3], float step_s, float force_world_n[3]) {
     tc_telemetry* t = &c->telemetry;
-    const float* n = t->rotor_speed_rad_s;
     float drag[3], drag_world_n[3];
-    const float mean_n = c->parameters.rotor_drag_kg > 0.0f ? 0.25f * (n[0] + n[1] + n[2] + n[3]) : 0.0f;
+    const float mean_n = c->parameters.rotor_drag_kg > 0.0f ? mean_speed(c) : 0.0f;
     const float slope_n_s_m = tc_drag(&c->parameters, velocity_body_m_s, t->wrench.thrust_n, mean_n, drag);
     tc_to_world(c->axes, drag, drag_world_n);
     const bool limited = tc_position_step(
@@ -176,8 +186,8 @@ static void fly(tc_controller* c, float step_s) {
     steer(c, air, step_s);
     if (airflow != drag) chosen_velocity(c, airflow, air);
     if (c->has_moments) {
-        tc_cancel_moments(&c->parameters, &c->mixer, air, t->estimate.rate_body_rad_s, c->slow_speed_rad_s,
-                          t->wrench.torque_n_m);
+        tc_cancel_moments(&c->parameters, &c->mixer, air, t->estimate.rate_body_rad_s,
+                          measured_else(c, c->slow_speed_rad_s), t->wrench.torque_n_m);
     }
     t->saturation |=
         tc_mixer_solve(&c->mixer, &t->wrench, air,

@@ -9,8 +9,9 @@ static const float LARGEST_TURN_RAD = 6.3f;       /* of a relocalization */
 static const float LARGEST_RATE_RAD_S = 100.0f;   /* 5730 degrees a second, beyond the range of gyros */
 static const float LARGEST_FORCE_M_S2 = 500.0f;   /* 51 g: a collision at most */
 static const float LARGEST_BATTERY_V = 1000.0f;   /* no pack of a quadrotor */
-static const uint32_t OLDEST_US = 1000000u;       /* a stamp further from the clock, back or ahead, is implausible */
-static const float NEVER_S = 1e6f;                /* longer than any limit; finite, to compute with */
+static const float OVERSPEED = 1.5f; /* of rotor_max: no rotor turns faster, but a counter of pulses may say so */
+static const uint32_t OLDEST_US = 1000000u; /* a stamp further from the clock, back or ahead, is implausible */
+static const float NEVER_S = 1e6f;          /* longer than any limit; finite, to compute with */
 static const uint32_t AFTER_STEP_US =
     500000u; /* so long stamps that disagree with the clock are put down to its step */
 /* How dead reckoning errs: a velocity of 0.15 m/s, and an acceleration of 0.2 m/s^2 from 1 degree of tilt and the
@@ -188,15 +189,31 @@ static uint32_t take_attitude(tc_controller* c, const tc_estimate* e, float step
     return (usable ? 0u : (uint32_t)TC_FAULT_ATTITUDE_UNUSABLE) | (stale ? (uint32_t)TC_FAULT_ATTITUDE_STALE : 0u);
 }
 
-/* The accelerometer, in its valid bit of telemetry.estimate: whether it is there. */
-static void take_force(tc_controller* c, const tc_estimate* e) {
-    tc_estimate* now = &c->telemetry.estimate;
+/* Whether the accelerometer tells something. */
+static bool take_force(tc_controller* c, const tc_estimate* e) {
     const float* force = e->specific_force_body_m_s2;
     const bool usable = marked(e, TC_VALID_SPECIFIC_FORCE) &&
                         tc_up_to(tc_dot(force, force), LARGEST_FORCE_M_S2 * LARGEST_FORCE_M_S2) &&
                         (c->telemetry.estimate_faults & (uint32_t)TC_FAULT_RATE_STALE) == 0u;
-    now->valid = usable ? e->valid : (uint8_t)(e->valid & ~(uint32_t)TC_VALID_SPECIFIC_FORCE);
-    if (usable) tc_copy(now->specific_force_body_m_s2, force);
+    if (usable) tc_copy(c->telemetry.estimate.specific_force_body_m_s2, force);
+    return usable;
+}
+
+/* Whether rotor speeds are measured; zero where not. */
+static bool take_rotors(tc_controller* c, const tc_estimate* e) {
+    tc_estimate* now = &c->telemetry.estimate;
+    const bool told = marked(e, TC_VALID_ROTOR_SPEED);
+    if (!told && !marked(now, TC_VALID_ROTOR_SPEED)) return false; /* as in the last tick */
+    const bool usable = told && plausible(e->rotor_speed_rad_s, TC_ROTORS, OVERSPEED * c->parameters.rotor_max_rad_s);
+    for (int i = 0; i < TC_ROTORS; i++) now->rotor_speed_rad_s[i] = usable ? e->rotor_speed_rad_s[i] : 0.0f;
+    return usable;
+}
+
+/* What is measured beside the pose, in its valid bits of telemetry.estimate: whether it is there. */
+static void take_more(tc_controller* c, const tc_estimate* e) {
+    const uint32_t force = take_force(c, e) ? 0u : (uint32_t)TC_VALID_SPECIFIC_FORCE;
+    const uint32_t rotors = take_rotors(c, e) ? 0u : (uint32_t)TC_VALID_ROTOR_SPEED;
+    c->telemetry.estimate.valid = (uint8_t)(e->valid & ~(force | rotors));
 }
 
 /* The estimator has moved its frame: what is flown moves with it, so that nothing jumps. */
@@ -227,7 +244,7 @@ void tc_take_estimate(tc_controller* c, const tc_estimate* estimate, float step_
     const uint32_t rate = take_rate(c, estimate);
     const uint32_t attitude = take_attitude(c, estimate, step_s);
     c->telemetry.estimate_faults = (uint8_t)rate;
-    take_force(c, estimate);
+    take_more(c, estimate);
     const uint32_t position = take_position(c, estimate, step_s);
     const uint32_t faults = rate | attitude | position;
     c->telemetry.estimate_faults = (uint8_t)faults;

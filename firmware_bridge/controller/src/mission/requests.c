@@ -120,11 +120,6 @@ tc_reason tc_shadow_end(tc_controller* c) {
 tc_reason tc_release(tc_controller* c) { return tc_post(c, TC_EVENT_RELEASE, TC_RELEASED); }
 
 static const float LARGEST_MASS_CHANGE = 0.2f; /* of the mass, in flight: more is taken for a mistake */
-static void tell_active(tc_controller* c) {
-    const tc_trajectory* active = tc_store_active(&c->store);
-    c->telemetry.trajectory_id = active != NULL ? active->header.id : 0u;
-    c->telemetry.trajectory_crc32 = active != NULL ? active->header.crc32 : 0u;
-}
 
 /* Takes the new parameters. A trajectory was accepted under the limits of its time: new limits, new upload. */
 static void adopt(tc_controller* c, const tc_parameters* parameters, bool other_limits) {
@@ -133,7 +128,6 @@ static void adopt(tc_controller* c, const tc_parameters* parameters, bool other_
     if (other_limits) {
         c->store.has_active = false;
         tc_store_discard(&c->store);
-        tell_active(c);
     }
 }
 
@@ -199,10 +193,8 @@ tc_reason tc_upload_may_activate(const tc_controller* c, uint32_t id, uint32_t c
 }
 
 tc_reason tc_upload_activate(tc_controller* c, uint32_t id, uint32_t crc32) {
-    if (tc_upload_may_activate(c, id, crc32) != TC_OK) return TC_SLOT_IN_USE;
-    const tc_reason reason = tc_store_activate(&c->store, id, crc32);
-    tell_active(c);
-    return reason;
+    const tc_reason reason = tc_upload_may_activate(c, id, crc32);
+    return reason == TC_OK ? tc_store_activate(&c->store, id, crc32) : reason;
 }
 
 void tc_ground_alive(tc_controller* c, uint64_t ago_us) {

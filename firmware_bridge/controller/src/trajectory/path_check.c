@@ -17,7 +17,8 @@ static const float REST_VELOCITY_M_S = 0.02f;   /* at the beginning and the end 
 static const float REST_ACCELERATION_M_S2 = 0.1f;
 static const float SAMPLE_M = 1e-3f;         /* the planner's value against ours; of the yaw in rad */
 static const float LARGEST_YAW_RAD = 900.0f; /* 143 turns: float32 still resolves 0.06 mrad there */
-static const int32_t PIECES_FINEST = 16;
+static const uint32_t PIECES_FINEST =
+    16u; /* of a segment: what a hull of so many pieces still exceeds, the path does */
 
 typedef float points[TC_MAX_COEFFICIENTS];
 

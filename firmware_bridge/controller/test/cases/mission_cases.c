@@ -292,7 +292,7 @@ static void needs(void) {
     uint64_t time_us = 0;
     set_out(&c, &time_us, TC_LINK_LOSS_FINISH, TC_HOLD);
     must(!c.has_lead && !c.has_integral && !c.was_flying, "the preset vehicle needs neither lead nor integrator");
-    must(c.telemetry.trajectory_id != 0u, "the active plan is told");
+    must(tc_store_active(&c.store) != NULL, "a plan is active");
     tc_parameters parameters = *tc_parameters_now(&c);
     parameters.rotor_lag_s = 0.03f;
     parameters.ki_z_1_s3 = 1.0f;

@@ -366,7 +366,44 @@ static void engage_limits(void) {
     must(all_speeds_finite(), "with speeds of its own, too");
 }
 
+static void rotor_drag(tc_parameters* p) { p->rotor_drag_kg = 1.0e-5f; }
+
+/* Yaw torque asked of the rotors in the next tick, in a hover that turns. */
+static float yaw_torque(void) {
+    g.e.rate_body_rad_s[2] = 1.0f;
+    tick();
+    return g.c.telemetry.wrench.torque_n_m[2];
+}
+
+/* The drag of the rotors follows their speeds as measured; what cannot be a speed is not used, and shows as none. */
+static void measured_rotors(void) {
+    start_in(TC_HOLD, 0);
+    set(rotor_drag);
+    ticks(1.0f);
+    const rig before = g;
+    const float by_the_model = yaw_torque();
+    const float* told = g.c.telemetry.estimate.rotor_speed_rad_s;
+    must(told[0] <= 0.0f && (g.c.telemetry.estimate.valid & TC_VALID_ROTOR_SPEED) == 0u, "none is measured");
+    g = before;
+    for (unsigned i = 0; i < TC_ROTORS; i++) g.e.rotor_speed_rad_s[i] = g.c.slow_speed_rad_s[i];
+    g.e.valid |= TC_VALID_ROTOR_SPEED;
+    const rig measured = g;
+    must(near(yaw_torque(), by_the_model, 1e-9f), "measured as the model has them: the same");
+    must(told[3] > 0.0f && (g.c.telemetry.estimate.valid & TC_VALID_ROTOR_SPEED) != 0u, "and noted");
+    g = measured;
+    for (unsigned i = 0; i < TC_ROTORS; i++) g.e.rotor_speed_rad_s[i] *= 2.0f;
+    must(yaw_torque() > by_the_model + 1e-6f, "faster rotors brake the turn more");
+    const float impossible[] = {NAN, INFINITY, -1e4f, 1e4f};
+    for (unsigned i = 0; i < sizeof impossible / sizeof impossible[0]; i++) {
+        g = measured;
+        g.e.rotor_speed_rad_s[2] = impossible[i];
+        must(near(yaw_torque(), by_the_model, 1e-9f), "as without");
+        must(told[0] <= 0.0f && told[2] <= 0.0f && (g.c.telemetry.estimate.valid & TC_VALID_ROTOR_SPEED) == 0u, "none");
+    }
+}
+
 void reaction_cases(void) {
+    measured_rotors();
     engage_limits();
     a_jittering_clock_keeps_no_sample_fresh();
     shadow_takes_no_commands();

@@ -14,7 +14,6 @@ void reset(void);
 static tc_link link;
 static tc_link_config config;
 static tc_parser stream;
-tc_link_measured measured;
 uint8_t port[TC_FRAME_MAX];
 #endif
 
@@ -29,7 +28,7 @@ void reset(void) {
     for (;;) {
         (void)tc_tick(&controller, now_us, &estimate, &output);
 #ifndef WITHOUT_LINK
-        tc_link_update(&link, &measured, now_us);
+        tc_link_update(&link, now_us);
         tc_link_receive(&link, port, sizeof port, &stream, now_us);
         (void)tc_link_transmit(&link, port, now_us);
 #else

@@ -22,7 +22,6 @@ static bool sign;
 static const char* situation = "";
 
 static void tick_and_update(void) {
-    static const tc_link_measured measured = {{0}};
     tc_estimate e;
     tc_output output;
     memset(&e, 0, sizeof e);
@@ -33,7 +32,7 @@ static void tick_and_update(void) {
     e.position_time_us = e.attitude_time_us = e.rate_time_us = now_us;
     (void)tc_tick(&c, now_us, &e, &output);
     count_begin();
-    tc_link_update(&ln, &measured, now_us);
+    tc_link_update(&ln, now_us);
     count_end("tc_link_update", ln.upload.checking ? "a slice of a commit" : situation);
 }
 

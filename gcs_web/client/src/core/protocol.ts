@@ -1,12 +1,27 @@
-// Written by tools/page_types.py from gcs_web/protocol. Do not edit.
+// Written by tools/page_types.py from the structs of gcs_web. Do not edit.
 
 
 export const PROTOCOL = 4;
 
-export interface Aligned {
-  flight: string;
-  by_s: number | null;
-  words: string;
+export interface Abort {
+  type: "abort";
+  serial: number;
+}
+
+export interface AddMapEdit {
+  type: "add_map_edit";
+  serial: number;
+  revision: number;
+  action: "add" | "no-fly" | "clear" | "remove";
+  name: string;
+  shape: Shape;
+}
+
+export interface AgreeToEffectFile {
+  type: "agree_to_effect_file";
+  serial: number;
+  path: string;
+  sha256: string;
 }
 
 export interface AlignFlights {
@@ -16,13 +31,153 @@ export interface AlignFlights {
   by: "trajectory" | "take_off" | "motion" | "speed" | "height";
 }
 
+export interface Aligned {
+  flight: string;
+  by_s: number | null;
+  words: string;
+}
+
+export interface ArrowScale {
+  force_n_per_m: number;
+  torque_n_m_per_m: number;
+}
+
+export interface Aside {
+  file: string;
+  name: string;
+  duration_s: number;
+  moved_at: string;
+}
+
+export interface Ask {
+  type: "ask";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  stay_s?: number | null;
+  fly_by_m?: number | null;
+  leg_speed_m_s?: number | null;
+}
+
+export interface Attempt {
+  name: string;
+  title: string;
+  outcome: string;
+  sentence: string;
+}
+
+export interface CancelJob {
+  type: "cancel_job";
+  serial: number;
+  job: number;
+}
+
+export interface Candidate {
+  name: string;
+  title: string;
+  verdict: "present" | "useful proxy" | "inconclusive" | "excluded";
+  reason: string;
+  probability: number;
+  law: string;
+  sizes: EffectSize[];
+  error_mm: number;
+  confounded: Confounded[];
+  outlook: string;
+  evidence: Evidence | null;
+}
+
+export interface ChangeMapEdit {
+  type: "change_map_edit";
+  serial: number;
+  revision: number;
+  edit: number;
+  action?: "add" | "no-fly" | "clear" | "remove" | null;
+  name?: string | null;
+  shape?: Shape | null;
+}
+
+export interface ChannelResidual {
+  channel: string;
+  unit: string;
+  rms: number;
+  shares: number[];
+}
+
+export interface Choose {
+  type: "choose";
+  serial: number;
+  revision: number;
+  speed_m_s?: number | null;
+  acceleration_m_s2?: number | null;
+  margin_m?: number | null;
+  yaw?: "along_path" | "smooth" | "steady" | "fixed" | "look_at" | "free" | null;
+  method?: "fastest" | "corridor" | null;
+  heading_deg?: number | null;
+  look_at_m?: [number, number, number] | null;
+}
+
+export interface ClearGate {
+  type: "clear_gate";
+  serial: number;
+  revision: number;
+  waypoint: number;
+}
+
+export interface ClearGround {
+  type: "clear_ground";
+  serial: number;
+  revision: number;
+  end: "take_off" | "landing";
+}
+
+export interface ColumnGuess {
+  name: string;
+  columns: string[];
+  reasons: string[];
+}
+
 export interface Command {
   serial: number;
 }
 
-export interface Edit {
+export interface ComparePlans {
+  type: "compare_plans";
   serial: number;
-  revision: number;
+  names: string[];
+}
+
+export interface Comparison {
+  type: "comparison";
+  state: "none" | "current" | "old";
+  learn: string[];
+  held_out: string[];
+  judged_how: string;
+  variables: VariableName[];
+  channels: ChannelResidual[];
+  horizons_s: number[];
+  errors: HorizonError[];
+  predictions: number;
+  remarks: string[];
+  has_report: boolean;
+}
+
+export interface Compensation {
+  vehicle: string;
+  version: number;
+  parameters: ControllerParameter[];
+  not_compensated: NotCompensated[];
+}
+
+export interface Confounded {
+  name: string;
+  title: string;
+  share: number;
+}
+
+export interface ConfoundedPair {
+  first: string;
+  second: string;
+  correlation: number;
 }
 
 export interface ControllerParameter {
@@ -33,27 +188,105 @@ export interface ControllerParameter {
   in_flight: boolean;
 }
 
-export interface NotCompensated {
-  title: string;
-  why: string;
+export interface Cursor {
+  type: "cursor";
+  time_s: number;
 }
 
-export interface Compensation {
+export interface CurvePart {
+  label: string;
+  kind: "measured" | "plan" | "model" | "residual";
+  values: (number | null)[];
+}
+
+export interface Delete {
+  type: "delete";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+}
+
+export interface Diagnosis {
+  type: "diagnosis";
+  state: "none" | "current" | "old";
+  verdict: string;
+  probability: number;
+  probabilities: string;
+  envelope: string;
+  fit: string;
+  learn: string[];
+  held_out: string[];
+  candidates: Candidate[];
+  attempts: Attempt[];
+  horizons: string[];
+  staircase: Stair[];
+  outside: OutsideCurve | null;
+  unobservable: string[];
+  findings: string[];
+  left: string[];
   vehicle: string;
-  version: number;
-  parameters: ControllerParameter[];
-  not_compensated: NotCompensated[];
+  logs: string;
+  has_report: boolean;
 }
 
-export interface PrepareCompensation {
-  type: "prepare_compensation";
+export interface Discard {
+  type: "discard";
+  serial: number;
+  name: string;
+}
+
+export interface DiscardFlight {
+  type: "discard_flight";
+  serial: number;
+  flight: string;
+}
+
+export interface Document {
+  type: "document";
+  revision: number;
+  author: string;
+  waypoints: Waypoint[];
+  settings: Settings;
+  mission: Mission;
+  map_edits: MapEdit[];
+  undo: string;
+  redo: string;
+}
+
+export interface Draft {
+  type: "draft";
+  waypoint: number | null;
+  sentence: string;
+  state: "clear" | "too close" | "refused" | "checked";
+}
+
+export interface DraftEffect {
+  type: "draft_effect";
+  serial: number;
+  name: string;
+  form?: "spline" | "polynomial";
+}
+
+export interface DropMapEdits {
+  type: "drop_map_edits";
+  serial: number;
+  revision: number;
+  edits: number[];
+}
+
+export interface DropPath {
+  type: "drop_path";
   serial: number;
 }
 
-export interface SendCompensation {
-  type: "send_compensation";
+export interface DropTried {
+  type: "drop_tried";
   serial: number;
-  nonce: string;
+}
+
+export interface Edit {
+  serial: number;
+  revision: number;
 }
 
 export interface EffectFile {
@@ -70,429 +303,6 @@ export interface EffectFile {
 export interface EffectFiles {
   type: "effect_files";
   files: EffectFile[];
-}
-
-export interface AgreeToEffectFile {
-  type: "agree_to_effect_file";
-  serial: number;
-  path: string;
-  sha256: string;
-}
-
-export interface DraftEffect {
-  type: "draft_effect";
-  serial: number;
-  name: string;
-  form?: "spline" | "polynomial";
-}
-
-export interface Place {
-  type: "place";
-  serial: number;
-  revision: number;
-  waypoints: number[];
-  positions_m: [number, number, number][];
-  label: string;
-}
-
-export interface Snap {
-  type: "snap";
-  serial: number;
-  revision: number;
-  waypoints: number[];
-  to: "grid" | "height" | "clearance";
-  by_m: number;
-}
-
-export interface RandomYaw {
-  type: "random_yaw";
-  serial: number;
-  revision: number;
-  waypoints: number[];
-}
-
-export interface RecordedPath {
-  source: string;
-  positions: number;
-  left_out: number;
-  waypoints: number;
-}
-
-export interface ThinPath {
-  type: "thin_path";
-  serial: number;
-  source: string;
-  tolerance_m: number;
-}
-
-export interface DropPath {
-  type: "drop_path";
-  serial: number;
-}
-
-export interface TakePath {
-  type: "take_path";
-  serial: number;
-  source: string;
-  tolerance_m: number;
-}
-
-export interface Gate {
-  width_m: number;
-  height_m: number;
-  heading_deg: number;
-  pitch_deg: number;
-  roll_deg: number;
-}
-
-export interface Waypoint {
-  id: number;
-  x_m: number;
-  y_m: number;
-  z_m: number;
-  yaw_deg: number | null;
-  stay_s: number;
-  fly_by_m: number;
-  leg_speed_m_s: number | null;
-  velocity_m_s: [number, number, number] | null;
-  gate: Gate | null;
-}
-
-export interface Ground {
-  x_m: number;
-  y_m: number;
-  z_m: number;
-  climb_m_s: number;
-}
-
-export interface Mission {
-  laps: number;
-  lap_first: number | null;
-  lap_last: number | null;
-  take_off: Ground | null;
-  landing: Ground | null;
-  keep_in_m: number | null;
-  keep_in_recorded: boolean;
-}
-
-export interface Settings {
-  speed_m_s: number;
-  acceleration_m_s2: number;
-  margin_m: number;
-  yaw: "along_path" | "smooth" | "steady" | "fixed" | "look_at" | "free";
-  method: "fastest" | "corridor";
-  heading_deg: number;
-  look_at_m: [number, number, number] | null;
-}
-
-export interface Document {
-  type: "document";
-  revision: number;
-  author: string;
-  waypoints: Waypoint[];
-  settings: Settings;
-  mission: Mission;
-  map_edits: MapEdit[];
-  undo: string;
-  redo: string;
-}
-
-export interface Move {
-  type: "move";
-  serial: number;
-  revision: number;
-  waypoints: number[];
-  x_m?: number | null;
-  y_m?: number | null;
-  z_m?: number | null;
-}
-
-export interface Shift {
-  type: "shift";
-  serial: number;
-  revision: number;
-  waypoints: number[];
-  x_m?: number;
-  y_m?: number;
-  z_m?: number;
-}
-
-export interface Turn {
-  type: "turn";
-  serial: number;
-  revision: number;
-  waypoints: number[];
-  yaw_deg: number | null;
-}
-
-export interface Ask {
-  type: "ask";
-  serial: number;
-  revision: number;
-  waypoints: number[];
-  stay_s?: number | null;
-  fly_by_m?: number | null;
-  leg_speed_m_s?: number | null;
-}
-
-export interface Pass {
-  type: "pass";
-  serial: number;
-  revision: number;
-  waypoints: number[];
-  velocity_m_s: [number, number, number] | null;
-}
-
-export interface SetGate {
-  type: "gate";
-  serial: number;
-  revision: number;
-  waypoint: number;
-  width_m?: number | null;
-  height_m?: number | null;
-  heading_deg?: number | null;
-  pitch_deg?: number | null;
-  roll_deg?: number | null;
-}
-
-export interface ClearGate {
-  type: "clear_gate";
-  serial: number;
-  revision: number;
-  waypoint: number;
-}
-
-export interface SetTube {
-  type: "tube";
-  serial: number;
-  revision: number;
-  radius_m: number | null;
-}
-
-export interface Insert {
-  type: "insert";
-  serial: number;
-  revision: number;
-  after: number | null;
-  x_m?: number | null;
-  y_m?: number | null;
-  z_m?: number | null;
-}
-
-export interface Delete {
-  type: "delete";
-  serial: number;
-  revision: number;
-  waypoints: number[];
-}
-
-export interface Reverse {
-  type: "reverse";
-  serial: number;
-  revision: number;
-}
-
-export interface Choose {
-  type: "choose";
-  serial: number;
-  revision: number;
-  speed_m_s?: number | null;
-  acceleration_m_s2?: number | null;
-  margin_m?: number | null;
-  yaw?: "along_path" | "smooth" | "steady" | "fixed" | "look_at" | "free" | null;
-  method?: "fastest" | "corridor" | null;
-  heading_deg?: number | null;
-  look_at_m?: [number, number, number] | null;
-}
-
-export interface Loop {
-  type: "loop";
-  serial: number;
-  revision: number;
-  laps: number;
-  lap_first?: number | null;
-  lap_last?: number | null;
-}
-
-export interface SetGround {
-  type: "ground";
-  serial: number;
-  revision: number;
-  end: "take_off" | "landing";
-  x_m?: number | null;
-  y_m?: number | null;
-  z_m?: number | null;
-  climb_m_s?: number | null;
-}
-
-export interface ClearGround {
-  type: "clear_ground";
-  serial: number;
-  revision: number;
-  end: "take_off" | "landing";
-}
-
-export interface Undo {
-  type: "undo";
-  serial: number;
-}
-
-export interface Redo {
-  type: "redo";
-  serial: number;
-}
-
-export interface FlightMoment {
-  type: "flight_moment";
-  time_s: number;
-}
-
-export interface FlightsShown {
-  type: "flights_shown";
-  author: string;
-  flights: string[];
-  arrows: ArrowScale | null;
-  colour_reach: number | null;
-  plan_too: boolean;
-}
-
-export interface ShowFlights {
-  type: "show_flights";
-  serial: number;
-  flights: string[];
-  colour?: "" | "F_x" | "F_y" | "F_z" | "M_x" | "M_y" | "M_z";
-  arrows?: boolean;
-  predicted_s?: number | null;
-  moved_s?: Record<string, number>;
-}
-
-export interface LookAtFlight {
-  type: "look_at_flight";
-  serial: number;
-  time_s: number | null;
-}
-
-export interface Stretch {
-  flight: string;
-  from_s: number;
-  to_s: number;
-}
-
-export interface ShowMoments {
-  type: "show_moments";
-  serial: number;
-  stretches: Stretch[];
-}
-
-export interface Finding {
-  level: "warning" | "error";
-  sentence: string;
-  fix: string;
-  fixable: boolean;
-  spans_s: [number, number][];
-  what: string;
-}
-
-export interface FlightCard {
-  name: string;
-  state: "reading" | "ready" | "unreadable";
-  role: "learn" | "hold_out" | "leave";
-  sentence: string;
-  recorded_at: string;
-  vehicle: string;
-  trajectory: string;
-  duration_s: number;
-  rows: number;
-  tracking_mean_m: number | null;
-  tracking_worst_m: number | null;
-  path_m: number[];
-  findings: Finding[];
-  inconclusive: string[];
-  notes: string[];
-  fixed: string[];
-}
-
-export interface Stream {
-  key: string;
-  name: string;
-  unit: string;
-  group: "flight" | "force" | "column";
-}
-
-export interface OpenedFlight {
-  name: string;
-  start_s: number;
-  end_s: number;
-  shift_s: number;
-  streams: Stream[];
-}
-
-export interface ArrowScale {
-  force_n_per_m: number;
-  torque_n_m_per_m: number;
-}
-
-export interface CurvePart {
-  label: string;
-  kind: "measured" | "plan" | "model" | "residual";
-  values: (number | null)[];
-}
-
-export interface StreamPart {
-  flight: string;
-  key: string;
-  time_s: number[];
-  curves: CurvePart[];
-  band: number | null;
-}
-
-export interface ColumnGuess {
-  name: string;
-  columns: string[];
-  reasons: string[];
-}
-
-export interface Incoming {
-  name: string;
-  column_map: string;
-  guesses: ColumnGuess[];
-  unused: string[];
-}
-
-export interface ChannelResidual {
-  channel: string;
-  unit: string;
-  rms: number;
-  shares: number[];
-}
-
-export interface VariableName {
-  name: string;
-  unit: string;
-  words: string;
-}
-
-export interface HorizonError {
-  quantity: string;
-  unit: string;
-  values: number[];
-}
-
-export interface Scatter {
-  channel: string;
-  unit: string;
-  variable: VariableName;
-  share: number;
-  x: number[];
-  y: number[];
-  flight: number[];
-  time_s: number[];
-  flights: string[];
-  held_out: boolean[];
-  bin_x: number[];
-  bin_mean: number[];
-  bin_band: number[];
-  span_s: number;
 }
 
 export interface EffectSize {
@@ -520,167 +330,20 @@ export interface Evidence {
   held_after: number[];
 }
 
-export interface Confounded {
-  name: string;
-  title: string;
-  share: number;
-}
-
-export interface Candidate {
-  name: string;
-  title: string;
-  verdict: "present" | "useful proxy" | "inconclusive" | "excluded";
-  reason: string;
-  probability: number;
-  law: string;
-  sizes: EffectSize[];
-  error_mm: number;
-  confounded: Confounded[];
-  outlook: string;
-  evidence: Evidence | null;
-}
-
-export interface Stair {
-  model: string;
-  errors_mm: number[];
-}
-
-export interface Attempt {
-  name: string;
-  title: string;
-  outcome: string;
-  sentence: string;
-}
-
-export interface OutsideCurve {
-  channel: string;
-  words: string;
-  unit: string;
-  variable: VariableName;
-  x: number[];
-  y: number[];
-  band: number[];
-  probability: number;
-  effect: string;
-  advice: string;
-}
-
-export interface Tried {
-  effect: string;
-  title: string;
-  verdict: string;
-  use: string;
-  reasons: string[];
-  quantities: string[];
-  units: string[];
-  as_it_was: number[];
-  before: number[];
-  after: number[];
-  held_out: string[];
-  changes: string[];
-  vehicle_hash: string;
-}
-
-export interface ParameterRow {
-  name: string;
-  words: string;
-  value: number;
-  sigma: number;
-  unit: string;
-  source: string;
-}
-
-export interface VehicleVersion {
-  number: number;
-  action: string;
-  effect: string;
-  when: string;
-  current: boolean;
-  undone: boolean;
-  position_mm: number | null;
-  verdict: string;
-  changes: string[];
-}
-
-export interface Flights {
-  type: "flights";
-  flights: FlightCard[];
-}
-
-export interface Comparison {
-  type: "comparison";
-  state: "none" | "current" | "old";
-  learn: string[];
-  held_out: string[];
-  judged_how: string;
-  variables: VariableName[];
-  channels: ChannelResidual[];
-  horizons_s: number[];
-  errors: HorizonError[];
-  predictions: number;
-  remarks: string[];
-  has_report: boolean;
-}
-
-export interface Diagnosis {
-  type: "diagnosis";
-  state: "none" | "current" | "old";
-  verdict: string;
-  probability: number;
-  probabilities: string;
-  envelope: string;
-  fit: string;
-  learn: string[];
-  held_out: string[];
-  candidates: Candidate[];
-  attempts: Attempt[];
-  horizons: string[];
-  staircase: Stair[];
-  outside: OutsideCurve | null;
-  unobservable: string[];
-  findings: string[];
-  left: string[];
-  vehicle: string;
-  logs: string;
-  has_report: boolean;
-}
-
-export interface Model {
-  type: "model";
-  name: string;
-  titles: string[];
-  effects: string[];
-  parameters: ParameterRow[];
-  versions: VehicleVersion[];
-  tried: Tried | null;
-}
-
-export interface ListFlights {
-  type: "list_flights";
-  serial: number;
-}
-
-export interface SetRole {
-  type: "set_role";
-  serial: number;
-  flight: string;
-  role: "learn" | "hold_out" | "leave";
-}
-
-export interface OpenFlights {
-  type: "open_flights";
-  serial: number;
+export interface Files {
+  type: "files";
+  trajectories: SavedTrajectory[];
   flights: string[];
+  bin: Aside[];
 }
 
-export interface ReadStreams {
-  type: "read_streams";
-  serial: number;
-  flight: string;
-  streams: string[];
-  from_s: number;
-  to_s: number;
-  points: number;
+export interface Finding {
+  level: "warning" | "error";
+  sentence: string;
+  fix: string;
+  fixable: boolean;
+  spans_s: [number, number][];
+  what: string;
 }
 
 export interface FixFlight {
@@ -689,69 +352,89 @@ export interface FixFlight {
   flight: string;
 }
 
-export interface DiscardFlight {
-  type: "discard_flight";
-  serial: number;
-  flight: string;
-}
-
-export interface RestoreFlight {
-  type: "restore_flight";
-  serial: number;
-  kept: string;
-}
-
-export interface TakeLog {
-  type: "take_log";
-  serial: number;
-  file: string;
-  column_map?: string;
-}
-
-export interface ReadScatter {
-  type: "read_scatter";
-  serial: number;
-  channel: string;
-  variable: string;
-}
-
-export interface Keep {
-  type: "keep";
-  serial: number;
-  vehicle_hash: string;
-}
-
-export interface DropTried {
-  type: "drop_tried";
-  serial: number;
-}
-
-export interface ReturnTo {
-  type: "return_to";
-  serial: number;
-  version: number;
-}
-
-export interface Identified {
+export interface FlightCard {
   name: string;
-  words: string;
+  state: "reading" | "ready" | "unreadable";
+  role: "learn" | "hold_out" | "leave";
+  sentence: string;
+  recorded_at: string;
+  vehicle: string;
+  trajectory: string;
+  duration_s: number;
+  rows: number;
+  tracking_mean_m: number | null;
+  tracking_worst_m: number | null;
+  path_m: number[];
+  findings: Finding[];
+  inconclusive: string[];
+  notes: string[];
+  fixed: string[];
+}
+
+export interface FlightMoment {
+  type: "flight_moment";
+  time_s: number;
+}
+
+export interface Flights {
+  type: "flights";
+  flights: FlightCard[];
+}
+
+export interface FlightsShown {
+  type: "flights_shown";
+  author: string;
+  flights: string[];
+  arrows: ArrowScale | null;
+  colour_reach: number | null;
+  plan_too: boolean;
+}
+
+export interface ForeseeJob {
+  type: "foresee_job";
+  serial: number;
+  kind: string;
+  arguments: Record<string, string | number | boolean | string[]>;
+}
+
+export interface ForgetJob {
+  type: "forget_job";
+  serial: number;
+  job: number;
+}
+
+export interface Gate {
+  width_m: number;
+  height_m: number;
+  heading_deg: number;
+  pitch_deg: number;
+  roll_deg: number;
+}
+
+export interface GiveUpControl {
+  type: "give_up_control";
+  serial: number;
+}
+
+export interface Ground {
+  x_m: number;
+  y_m: number;
+  z_m: number;
+  climb_m_s: number;
+}
+
+export interface Held {
+  name: string;
+  duration_s: number;
+  segments: number;
+  room_m: number;
+  crc32: string;
+}
+
+export interface HorizonError {
+  quantity: string;
   unit: string;
-  start: number;
-  value: number;
-  sigma: number;
-  status: string;
-}
-
-export interface ConfoundedPair {
-  first: string;
-  second: string;
-  correlation: number;
-}
-
-export interface Trial {
-  flight: string;
   values: number[];
-  sigmas: number[];
 }
 
 export interface Identification {
@@ -768,6 +451,33 @@ export interface Identification {
   written: string[];
   vehicle: string;
   logs: string;
+}
+
+export interface Identified {
+  name: string;
+  words: string;
+  unit: string;
+  start: number;
+  value: number;
+  sigma: number;
+  status: string;
+}
+
+export interface Incoming {
+  name: string;
+  column_map: string;
+  guesses: ColumnGuess[];
+  unused: string[];
+}
+
+export interface Insert {
+  type: "insert";
+  serial: number;
+  revision: number;
+  after: number | null;
+  x_m?: number | null;
+  y_m?: number | null;
+  z_m?: number | null;
 }
 
 export interface Job {
@@ -805,30 +515,25 @@ export interface Jobs {
   kinds: JobKind[];
 }
 
-export interface StartJob {
-  type: "start_job";
+export interface Keep {
+  type: "keep";
   serial: number;
-  kind: string;
-  arguments: Record<string, string | number | boolean | string[]>;
+  vehicle_hash: string;
 }
 
-export interface ForeseeJob {
-  type: "foresee_job";
-  serial: number;
-  kind: string;
-  arguments: Record<string, string | number | boolean | string[]>;
+export interface Limit {
+  name: string;
+  value: number;
+  bound: number;
+  sense: "<=" | ">=";
+  unit: string;
+  share: number;
+  time_s: number;
 }
 
-export interface CancelJob {
-  type: "cancel_job";
+export interface ListFlights {
+  type: "list_flights";
   serial: number;
-  job: number;
-}
-
-export interface ForgetJob {
-  type: "forget_job";
-  serial: number;
-  job: number;
 }
 
 export interface ListJobs {
@@ -836,13 +541,30 @@ export interface ListJobs {
   serial: number;
 }
 
-export interface Shape {
-  form: "box" | "sphere" | "prism" | "stroke" | "other";
-  centre_m: [number, number, number];
-  size_m: [number, number, number];
-  radius_m: number;
-  corners_m: [number, number][];
-  points_m: [number, number, number][];
+export interface ListProjects {
+  type: "list_projects";
+  serial: number;
+}
+
+export interface Look {
+  type: "look";
+  serial: number;
+  time_s: number | null;
+}
+
+export interface LookAtFlight {
+  type: "look_at_flight";
+  serial: number;
+  time_s: number | null;
+}
+
+export interface Loop {
+  type: "loop";
+  serial: number;
+  revision: number;
+  laps: number;
+  lap_first?: number | null;
+  lap_last?: number | null;
 }
 
 export interface MapEdit {
@@ -853,14 +575,6 @@ export interface MapEdit {
   words: string;
 }
 
-export interface Slice {
-  axis: "x" | "y" | "z" | "oblique";
-  at_m: number;
-  of: "distance" | "unknown" | "could_hide" | "surface_std";
-  heading_deg: number;
-  tilt_deg: number;
-}
-
 export interface MapFacts {
   images: number;
   images_placed: number;
@@ -869,24 +583,6 @@ export interface MapFacts {
   standing: string;
   doubt: string;
   hash: string;
-}
-
-export interface MapShown {
-  type: "map_shown";
-  slice: Slice | null;
-  layers: ("mesh" | "cameras" | "points" | "edits")[];
-  low_m: [number, number, number];
-  high_m: [number, number, number];
-  facts: MapFacts;
-  author: string;
-}
-
-export interface Measured {
-  type: "measured";
-  active: boolean;
-  points_m: [number, number, number][];
-  clearances_m: (number | null)[];
-  distance_m: number | null;
 }
 
 export interface MapPreview {
@@ -900,11 +596,14 @@ export interface MapPreview {
   drawn: boolean;
 }
 
-export interface ShowMap {
-  type: "show_map";
-  serial: number;
+export interface MapShown {
+  type: "map_shown";
   slice: Slice | null;
   layers: ("mesh" | "cameras" | "points" | "edits")[];
+  low_m: [number, number, number];
+  high_m: [number, number, number];
+  facts: MapFacts;
+  author: string;
 }
 
 export interface Measure {
@@ -913,72 +612,42 @@ export interface Measure {
   active: boolean;
 }
 
-export interface Paint {
-  type: "paint";
-  serial: number;
+export interface Measured {
+  type: "measured";
   active: boolean;
-  action?: "add" | "no-fly" | "clear" | "remove";
-  radius_m?: number;
+  points_m: [number, number, number][];
+  clearances_m: (number | null)[];
+  distance_m: number | null;
 }
 
-export interface PreviewMapEdit {
-  type: "preview_map_edit";
-  serial: number;
-  action?: "add" | "no-fly" | "clear" | "remove";
-  shape?: Shape | null;
-  edit?: number | null;
+export interface Mission {
+  laps: number;
+  lap_first: number | null;
+  lap_last: number | null;
+  take_off: Ground | null;
+  landing: Ground | null;
+  keep_in_m: number | null;
+  keep_in_recorded: boolean;
 }
 
-export interface AddMapEdit {
-  type: "add_map_edit";
-  serial: number;
-  revision: number;
-  action: "add" | "no-fly" | "clear" | "remove";
+export interface Model {
+  type: "model";
   name: string;
-  shape: Shape;
+  titles: string[];
+  effects: string[];
+  parameters: ParameterRow[];
+  versions: VehicleVersion[];
+  tried: Tried | null;
 }
 
-export interface ChangeMapEdit {
-  type: "change_map_edit";
+export interface Move {
+  type: "move";
   serial: number;
   revision: number;
-  edit: number;
-  action?: "add" | "no-fly" | "clear" | "remove" | null;
-  name?: string | null;
-  shape?: Shape | null;
-}
-
-export interface DropMapEdits {
-  type: "drop_map_edits";
-  serial: number;
-  revision: number;
-  edits: number[];
-}
-
-export interface Reply {
-  type: "reply";
-  serial: number;
-  error: string;
-  nonce: string;
-  here: Held | null;
-  there: Held | null;
-  name: string;
-  flights: OpenedFlight[];
-  aligned: Aligned[];
-  parts: StreamPart[];
-  scatter: Scatter | null;
-  incoming: Incoming | null;
-  compensation: Compensation | null;
-  plans: PlanSummary[];
-  words: string;
-  recorded_path: RecordedPath | null;
-}
-
-export interface Section {
-  low_m: [number, number];
-  height_m: number;
-  cell_m: number;
-  rows: string[];
+  waypoints: number[];
+  x_m?: number | null;
+  y_m?: number | null;
+  z_m?: number | null;
 }
 
 export interface NextFlight {
@@ -1006,24 +675,9 @@ export interface NextFlight {
   map: string;
 }
 
-export interface Person {
-  id: string;
-  name: string;
-}
-
-export interface Welcome {
-  type: "welcome";
-  protocol: number;
-  you: string;
-  project: string;
-  vehicle: boolean;
-  station: string;
-}
-
-export interface People {
-  type: "people";
-  people: Person[];
-  in_control: string;
+export interface NotCompensated {
+  title: string;
+  why: string;
 }
 
 export interface Notice {
@@ -1033,24 +687,75 @@ export interface Notice {
   undo: boolean;
 }
 
-export interface Limit {
+export interface Open {
+  type: "open";
+  serial: number;
   name: string;
-  value: number;
-  bound: number;
-  sense: "<=" | ">=";
-  unit: string;
-  share: number;
-  time_s: number;
 }
 
-export interface Segment {
+export interface OpenFlights {
+  type: "open_flights";
+  serial: number;
+  flights: string[];
+}
+
+export interface OpenProject {
+  type: "open_project";
+  serial: number;
+  folder: string;
+}
+
+export interface OpenedFlight {
+  name: string;
   start_s: number;
   end_s: number;
-  start: number | null;
-  end: number | null;
-  binding: string;
-  share: number;
-  worst_s: number;
+  shift_s: number;
+  streams: Stream[];
+}
+
+export interface Order {
+  type: "order";
+  serial: number;
+  order: "arm" | "start" | "pause" | "resume" | "land" | "disarm";
+  nonce: string;
+}
+
+export interface OutsideCurve {
+  channel: string;
+  words: string;
+  unit: string;
+  variable: VariableName;
+  x: number[];
+  y: number[];
+  band: number[];
+  probability: number;
+  effect: string;
+  advice: string;
+}
+
+export interface Paint {
+  type: "paint";
+  serial: number;
+  active: boolean;
+  action?: "add" | "no-fly" | "clear" | "remove";
+  radius_m?: number;
+}
+
+export interface ParameterRow {
+  name: string;
+  words: string;
+  value: number;
+  sigma: number;
+  unit: string;
+  source: string;
+}
+
+export interface Pass {
+  type: "pass";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  velocity_m_s: [number, number, number] | null;
 }
 
 export interface Passing {
@@ -1060,28 +765,15 @@ export interface Passing {
   clearance_m: number;
 }
 
-export interface Series {
-  time_s: number[];
-  x_m: number[];
-  y_m: number[];
-  z_m: number[];
-  speed_m_s: number[];
-  acceleration_m_s2: number[];
-  clearance_m: number[];
-  tilt_deg: number[];
-  rotor_slowest_rad_s: number[];
-  rotor_fastest_rad_s: number[];
-  yaw_rate_deg_s: number[];
-  thrust_n: number[];
-  rotor_margin_percent: number[];
-  q_world_body: number[];
-  could_hide_mm: number[];
+export interface People {
+  type: "people";
+  people: Person[];
+  in_control: string;
 }
 
-export interface Problem {
-  reason: string;
-  remedy: string;
-  waypoint: number | null;
+export interface Person {
+  id: string;
+  name: string;
 }
 
 export interface Plan {
@@ -1104,16 +796,48 @@ export interface Plan {
   series: Series | null;
 }
 
-export interface Draft {
-  type: "draft";
-  waypoint: number | null;
-  sentence: string;
-  state: "clear" | "too close" | "refused" | "checked";
-}
-
 export interface PlanAgain {
   type: "plan_again";
   serial: number;
+}
+
+export interface PlanSummary {
+  name: string;
+  passes: boolean;
+  failures: string[];
+  duration_s: number;
+  length_m: number;
+  top_speed_m_s: number;
+  limits: Limit[];
+}
+
+export interface PrepareCompensation {
+  type: "prepare_compensation";
+  serial: number;
+}
+
+export interface PrepareOrder {
+  type: "prepare_order";
+  serial: number;
+}
+
+export interface PrepareUpload {
+  type: "prepare_upload";
+  serial: number;
+}
+
+export interface PreviewMapEdit {
+  type: "preview_map_edit";
+  serial: number;
+  action?: "add" | "no-fly" | "clear" | "remove";
+  shape?: Shape | null;
+  edit?: number | null;
+}
+
+export interface Problem {
+  reason: string;
+  remedy: string;
+  waypoint: number | null;
 }
 
 export interface ProjectEntry {
@@ -1130,46 +854,83 @@ export interface Projects {
   projects: ProjectEntry[];
 }
 
-export interface ListProjects {
-  type: "list_projects";
+export interface RandomYaw {
+  type: "random_yaw";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+}
+
+export interface ReadScatter {
+  type: "read_scatter";
+  serial: number;
+  channel: string;
+  variable: string;
+}
+
+export interface ReadStreams {
+  type: "read_streams";
+  serial: number;
+  flight: string;
+  streams: string[];
+  from_s: number;
+  to_s: number;
+  points: number;
+}
+
+export interface RecordedPath {
+  source: string;
+  positions: number;
+  left_out: number;
+  waypoints: number;
+}
+
+export interface Redo {
+  type: "redo";
   serial: number;
 }
 
-export interface OpenProject {
-  type: "open_project";
+export interface Reply {
+  type: "reply";
   serial: number;
-  folder: string;
-}
-
-export interface SavedTrajectory {
+  error: string;
+  nonce: string;
+  here: Held | null;
+  there: Held | null;
   name: string;
-  duration_s: number;
-  checked: boolean;
-  saved_at: string;
+  flights: OpenedFlight[];
+  aligned: Aligned[];
+  parts: StreamPart[];
+  scatter: Scatter | null;
+  incoming: Incoming | null;
+  compensation: Compensation | null;
+  plans: PlanSummary[];
+  words: string;
+  recorded_path: RecordedPath | null;
 }
 
-export interface Aside {
+export interface Restore {
+  type: "restore";
+  serial: number;
   file: string;
-  name: string;
-  duration_s: number;
-  moved_at: string;
 }
 
-export interface PlanSummary {
-  name: string;
-  passes: boolean;
-  failures: string[];
-  duration_s: number;
-  length_m: number;
-  top_speed_m_s: number;
-  limits: Limit[];
+export interface RestoreFlight {
+  type: "restore_flight";
+  serial: number;
+  kept: string;
 }
 
-export interface Files {
-  type: "files";
-  trajectories: SavedTrajectory[];
-  flights: string[];
-  bin: Aside[];
+export interface ReturnTo {
+  type: "return_to";
+  serial: number;
+  version: number;
+}
+
+export interface Reverse {
+  type: "reverse";
+  serial: number;
+  revision: number;
 }
 
 export interface Save {
@@ -1179,36 +940,305 @@ export interface Save {
   overwrite?: boolean;
 }
 
-export interface Open {
-  type: "open";
-  serial: number;
-  name: string;
-}
-
-export interface Discard {
-  type: "discard";
-  serial: number;
-  name: string;
-}
-
-export interface Restore {
-  type: "restore";
-  serial: number;
-  file: string;
-}
-
-export interface ComparePlans {
-  type: "compare_plans";
-  serial: number;
-  names: string[];
-}
-
-export interface Held {
+export interface SavedTrajectory {
   name: string;
   duration_s: number;
-  segments: number;
-  room_m: number;
-  crc32: string;
+  checked: boolean;
+  saved_at: string;
+}
+
+export interface Scatter {
+  channel: string;
+  unit: string;
+  variable: VariableName;
+  share: number;
+  x: number[];
+  y: number[];
+  flight: number[];
+  time_s: number[];
+  flights: string[];
+  held_out: boolean[];
+  bin_x: number[];
+  bin_mean: number[];
+  bin_band: number[];
+  span_s: number;
+}
+
+export interface Section {
+  low_m: [number, number];
+  height_m: number;
+  cell_m: number;
+  rows: string[];
+}
+
+export interface Segment {
+  start_s: number;
+  end_s: number;
+  start: number | null;
+  end: number | null;
+  binding: string;
+  share: number;
+  worst_s: number;
+}
+
+export interface Select {
+  type: "select";
+  serial: number;
+  waypoints: number[];
+}
+
+export interface Selection {
+  type: "selection";
+  waypoints: number[];
+}
+
+export interface SendCompensation {
+  type: "send_compensation";
+  serial: number;
+  nonce: string;
+}
+
+export interface Series {
+  time_s: number[];
+  x_m: number[];
+  y_m: number[];
+  z_m: number[];
+  speed_m_s: number[];
+  acceleration_m_s2: number[];
+  clearance_m: number[];
+  tilt_deg: number[];
+  rotor_slowest_rad_s: number[];
+  rotor_fastest_rad_s: number[];
+  yaw_rate_deg_s: number[];
+  thrust_n: number[];
+  rotor_margin_percent: number[];
+  q_world_body: number[];
+  could_hide_mm: number[];
+}
+
+export interface SetGate {
+  type: "gate";
+  serial: number;
+  revision: number;
+  waypoint: number;
+  width_m?: number | null;
+  height_m?: number | null;
+  heading_deg?: number | null;
+  pitch_deg?: number | null;
+  roll_deg?: number | null;
+}
+
+export interface SetGround {
+  type: "ground";
+  serial: number;
+  revision: number;
+  end: "take_off" | "landing";
+  x_m?: number | null;
+  y_m?: number | null;
+  z_m?: number | null;
+  climb_m_s?: number | null;
+}
+
+export interface SetRole {
+  type: "set_role";
+  serial: number;
+  flight: string;
+  role: "learn" | "hold_out" | "leave";
+}
+
+export interface SetTube {
+  type: "tube";
+  serial: number;
+  revision: number;
+  radius_m: number | null;
+}
+
+export interface Settings {
+  speed_m_s: number;
+  acceleration_m_s2: number;
+  margin_m: number;
+  yaw: "along_path" | "smooth" | "steady" | "fixed" | "look_at" | "free";
+  method: "fastest" | "corridor";
+  heading_deg: number;
+  look_at_m: [number, number, number] | null;
+}
+
+export interface Shape {
+  form: "box" | "sphere" | "prism" | "stroke" | "other";
+  centre_m: [number, number, number];
+  size_m: [number, number, number];
+  radius_m: number;
+  corners_m: [number, number][];
+  points_m: [number, number, number][];
+}
+
+export interface Shift {
+  type: "shift";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  x_m?: number;
+  y_m?: number;
+  z_m?: number;
+}
+
+export interface Show {
+  type: "show";
+  serial: number;
+  colour?: "clearance" | "could_hide" | "speed" | "thrust" | "tilt" | "rotor_margin";
+}
+
+export interface ShowFlights {
+  type: "show_flights";
+  serial: number;
+  flights: string[];
+  colour?: "" | "F_x" | "F_y" | "F_z" | "M_x" | "M_y" | "M_z";
+  arrows?: boolean;
+  predicted_s?: number | null;
+  moved_s?: Record<string, number>;
+}
+
+export interface ShowMap {
+  type: "show_map";
+  serial: number;
+  slice: Slice | null;
+  layers: ("mesh" | "cameras" | "points" | "edits")[];
+}
+
+export interface ShowMoments {
+  type: "show_moments";
+  serial: number;
+  stretches: Stretch[];
+}
+
+export interface Shown {
+  type: "shown";
+  colour: "clearance" | "could_hide" | "speed" | "thrust" | "tilt" | "rotor_margin";
+  author: string;
+}
+
+export interface Slice {
+  axis: "x" | "y" | "z" | "oblique";
+  at_m: number;
+  of: "distance" | "unknown" | "could_hide" | "surface_std";
+  heading_deg: number;
+  tilt_deg: number;
+}
+
+export interface Snap {
+  type: "snap";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  to: "grid" | "height" | "clearance";
+  by_m: number;
+}
+
+export interface Stair {
+  model: string;
+  errors_mm: number[];
+}
+
+export interface StartJob {
+  type: "start_job";
+  serial: number;
+  kind: string;
+  arguments: Record<string, string | number | boolean | string[]>;
+}
+
+export interface Stream {
+  key: string;
+  name: string;
+  unit: string;
+  group: "flight" | "force" | "column";
+}
+
+export interface StreamPart {
+  flight: string;
+  key: string;
+  time_s: number[];
+  curves: CurvePart[];
+  band: number | null;
+}
+
+export interface Stretch {
+  flight: string;
+  from_s: number;
+  to_s: number;
+}
+
+export interface TakeControl {
+  type: "take_control";
+  serial: number;
+  force?: boolean;
+}
+
+export interface TakeLog {
+  type: "take_log";
+  serial: number;
+  file: string;
+  column_map?: string;
+}
+
+export interface TakePath {
+  type: "take_path";
+  serial: number;
+  source: string;
+  tolerance_m: number;
+}
+
+export interface ThinPath {
+  type: "thin_path";
+  serial: number;
+  source: string;
+  tolerance_m: number;
+}
+
+export interface Trial {
+  flight: string;
+  values: number[];
+  sigmas: number[];
+}
+
+export interface Tried {
+  effect: string;
+  title: string;
+  verdict: string;
+  use: string;
+  reasons: string[];
+  quantities: string[];
+  units: string[];
+  as_it_was: number[];
+  before: number[];
+  after: number[];
+  held_out: string[];
+  changes: string[];
+  vehicle_hash: string;
+}
+
+export interface Turn {
+  type: "turn";
+  serial: number;
+  revision: number;
+  waypoints: number[];
+  yaw_deg: number | null;
+}
+
+export interface Undo {
+  type: "undo";
+  serial: number;
+}
+
+export interface Upload {
+  type: "upload";
+  serial: number;
+  nonce: string;
+}
+
+export interface VariableName {
+  name: string;
+  unit: string;
+  words: string;
 }
 
 export interface Vehicle {
@@ -1229,79 +1259,44 @@ export interface Vehicle {
   reason: string;
 }
 
-export interface TakeControl {
-  type: "take_control";
-  serial: number;
-  force?: boolean;
-}
-
-export interface GiveUpControl {
-  type: "give_up_control";
+export interface VehicleCommand {
   serial: number;
 }
 
-export interface PrepareUpload {
-  type: "prepare_upload";
-  serial: number;
+export interface VehicleVersion {
+  number: number;
+  action: string;
+  effect: string;
+  when: string;
+  current: boolean;
+  undone: boolean;
+  position_mm: number | null;
+  verdict: string;
+  changes: string[];
 }
 
-export interface Upload {
-  type: "upload";
-  serial: number;
-  nonce: string;
+export interface Waypoint {
+  id: number;
+  x_m: number;
+  y_m: number;
+  z_m: number;
+  yaw_deg: number | null;
+  stay_s: number;
+  fly_by_m: number;
+  leg_speed_m_s: number | null;
+  velocity_m_s: [number, number, number] | null;
+  gate: Gate | null;
 }
 
-export interface PrepareOrder {
-  type: "prepare_order";
-  serial: number;
+export interface Welcome {
+  type: "welcome";
+  protocol: number;
+  you: string;
+  project: string;
+  vehicle: boolean;
+  station: string;
 }
 
-export interface Order {
-  type: "order";
-  serial: number;
-  order: "arm" | "start" | "pause" | "resume" | "land" | "disarm";
-  nonce: string;
-}
+export type ToPage = Comparison | Cursor | Diagnosis | Document | Draft | EffectFiles | Files | FlightMoment | Flights | FlightsShown | Identification | Jobs | MapPreview | MapShown | Measured | Model | NextFlight | Notice | People | Plan | Projects | Reply | Selection | Shown | Vehicle | Welcome;
 
-export interface Abort {
-  type: "abort";
-  serial: number;
-}
-
-export interface Cursor {
-  type: "cursor";
-  time_s: number;
-}
-
-export interface Shown {
-  type: "shown";
-  colour: "clearance" | "could_hide" | "speed" | "thrust" | "tilt" | "rotor_margin";
-  author: string;
-}
-
-export interface Selection {
-  type: "selection";
-  waypoints: number[];
-}
-
-export interface Select {
-  type: "select";
-  serial: number;
-  waypoints: number[];
-}
-
-export interface Look {
-  type: "look";
-  serial: number;
-  time_s: number | null;
-}
-
-export interface Show {
-  type: "show";
-  serial: number;
-  colour?: "clearance" | "could_hide" | "speed" | "thrust" | "tilt" | "rotor_margin";
-}
-
-export type ToPage = Welcome | Document | Plan | Draft | Vehicle | People | Files | Jobs | Notice | Cursor | Shown | Selection | Reply | Projects | MapShown | Measured | MapPreview | Flights | Comparison | Diagnosis | Model | FlightMoment | EffectFiles | Identification | NextFlight | FlightsShown;
-
-export type FromPage = Move | Shift | Turn | Ask | Pass | Insert | Delete | Reverse | Choose | Loop | SetGround | ClearGround | SetGate | ClearGate | SetTube | Snap | RandomYaw | ThinPath | DropPath | TakePath | ListProjects | OpenProject | Undo | Redo | PlanAgain | Save | Open | Discard | Restore | ComparePlans | Select | Look | Show | TakeControl | GiveUpControl | PrepareUpload | Upload | PrepareOrder | Order | Abort | ShowMap | Measure | Paint | PreviewMapEdit | AddMapEdit | ChangeMapEdit | DropMapEdits | StartJob | ForeseeJob | CancelJob | ForgetJob | ListJobs | ListFlights | SetRole | OpenFlights | AlignFlights | ReadStreams | ShowFlights | LookAtFlight | FixFlight | DiscardFlight | RestoreFlight | TakeLog | ReadScatter | Keep | DropTried | ReturnTo | PrepareCompensation | SendCompensation | AgreeToEffectFile | DraftEffect | ShowMoments;
+export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Delete | Discard | DiscardFlight | DraftEffect | DropMapEdits | DropPath | DropTried | FixFlight | ForeseeJob | ForgetJob | GiveUpControl | Insert | Keep | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | Loop | Measure | Move | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadScatter | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;

@@ -1,6 +1,7 @@
 /** The one connection to the server: commands out, messages in, and again when it breaks. */
 
-import { announce, connected, connection, doc, now_ms, receive, retryAt_ms } from "./store";
+import { announce, connected, connection, doc, now_ms, retryAt_ms } from "./store";
+import { receive } from "./receive";
 import type { Edit, FromPage, Reply, ToPage } from "./protocol";
 
 type WithoutSerial<T> = T extends unknown ? Omit<T, "serial"> : never;

@@ -1,34 +1,10 @@
-/** Everything the page shows, and the one place where the server's messages are taken in. */
+/** Everything the page shows. */
 
-import { batch, computed, signal } from "@preact/signals";
+import { computed, signal } from "@preact/signals";
 import { initials } from "./format";
 import { PROTOCOL } from "./protocol";
-import type {
-  Comparison,
-  Diagnosis,
-  Document,
-  Draft,
-  EffectFile,
-  Files,
-  Flights,
-  FlightsShown,
-  Identification,
-  NextFlight,
-  Jobs,
-  MapPreview,
-  MapShown,
-  Measured,
-  Model,
-  Notice,
-  People,
-  Plan,
-  Projects,
-  Show,
-  ToPage,
-  Vehicle,
-  Waypoint,
-  Welcome,
-} from "./protocol";
+import { newest, on } from "./receive";
+import type { Document, Draft, EffectFile, MapShown, Notice, Plan, Show, Vehicle, Waypoint, Welcome } from "./protocol";
 
 // --- as the server sent it ---
 
@@ -41,12 +17,12 @@ export const draft = signal<Draft | null>(null);
 /** The plan with its figures; while another one is planned, or after it became void, the one before. */
 export const figures = signal<Plan | null>(null);
 export const vehicle = signal<Vehicle | null>(null);
-export const people = signal<People>({ type: "people", people: [], in_control: "" });
-export const files = signal<Files>({ type: "files", trajectories: [], flights: [], bin: [] });
+export const people = newest("people", { type: "people", people: [], in_control: "" });
+export const files = newest("files", { type: "files", trajectories: [], flights: [], bin: [] });
 /** Those in the folder that this one is in. */
-export const projects = signal<Projects>({ type: "projects", projects: [] });
+export const projects = newest("projects", { type: "projects", projects: [] });
 export const mapShown = signal<MapShown | null>(null);
-export const measured = signal<Measured>({
+export const measured = newest("measured", {
   type: "measured",
   active: false,
   points_m: [],
@@ -54,7 +30,7 @@ export const measured = signal<Measured>({
   distance_m: null,
 });
 /** What an edit of the map would change; a shape of null: nobody draws one. */
-export const mapPreview = signal<MapPreview>({
+export const mapPreview = newest("map_preview", {
   type: "map_preview",
   author: "",
   edit: null,
@@ -64,11 +40,11 @@ export const mapPreview = signal<MapPreview>({
   voxels: 0,
   drawn: false,
 });
-export const jobs = signal<Jobs>({ type: "jobs", jobs: [], kinds: [] });
+export const jobs = newest("jobs", { type: "jobs", jobs: [], kinds: [] });
 /** Recorded flights; null until the server has listed them. */
-export const flights = signal<Flights | null>(null);
+export const flights = newest("flights", null);
 /** The flights that stand in the 3D view, of whoever asked last. */
-export const flightsShown = signal<FlightsShown>({
+export const flightsShown = newest("flights_shown", {
   type: "flights_shown",
   author: "",
   flights: [],
@@ -76,14 +52,14 @@ export const flightsShown = signal<FlightsShown>({
   colour_reach: null,
   plan_too: false,
 });
-export const comparison = signal<Comparison | null>(null);
-export const diagnosis = signal<Diagnosis | null>(null);
-export const identification = signal<Identification | null>(null);
-export const nextFlight = signal<NextFlight | null>(null);
-export const model = signal<Model | null>(null);
+export const comparison = newest("comparison", null);
+export const diagnosis = newest("diagnosis", null);
+export const identification = newest("identification", null);
+export const nextFlight = newest("next_flight", null);
+export const model = newest("model", null);
 /** Effect files of the user's own that the vehicle file names. */
 export const effectFiles = signal<readonly EffectFile[]>([]);
-export const notice = signal<Notice>({ type: "notice", text: "", level: "fact", undo: false });
+export const notice = newest("notice", { type: "notice", text: "", level: "fact", undo: false });
 
 /** Tracking errors as they were heard, of the last minute. */
 export const errors = signal<readonly { heardAt_ms: number; error_m: number }[]>([]);
@@ -195,94 +171,28 @@ export const segmentAtCursor = computed(() => {
 
 // --- messages ---
 
-/** Take in a message; replies to commands go to `socket.ts`. */
-export function receive(message: Exclude<ToPage, { type: "reply" }>): void {
-  batch(() => {
-    switch (message.type) {
-      case "welcome":
-        // Another project was opened in the place of this one: nothing that is shown holds any more.
-        if (welcome.value !== null && welcome.value.station !== message.station) location.reload();
-        welcome.value = message;
-        connection.value = message.protocol === PROTOCOL ? "open" : "outdated";
-        break;
-      case "document":
-        receiveDocument(message);
-        break;
-      case "plan":
-        receivePlan(message);
-        break;
-      case "draft":
-        draft.value = message.waypoint === null ? null : message;
-        break;
-      case "vehicle":
-        receiveVehicle(message);
-        break;
-      case "people":
-        people.value = message;
-        break;
-      case "files":
-        files.value = message;
-        break;
-      case "projects":
-        projects.value = message;
-        break;
-      case "jobs":
-        jobs.value = message;
-        break;
-      case "flights":
-        flights.value = message;
-        break;
-      case "flights_shown":
-        flightsShown.value = message;
-        break;
-      case "comparison":
-        comparison.value = message;
-        break;
-      case "diagnosis":
-        diagnosis.value = message;
-        break;
-      case "model":
-        model.value = message;
-        break;
-      case "identification":
-        identification.value = message;
-        break;
-      case "next_flight":
-        nextFlight.value = message;
-        break;
-      case "effect_files":
-        effectFiles.value = message.files;
-        break;
-      case "flight_moment":
-        flightCursor_s.value = message.time_s;
-        break;
-      case "notice":
-        notice.value = message;
-        break;
-      case "cursor":
-        cursor_s.value = message.time_s;
-        break;
-      case "shown": // what this person chose may have changed again since it was sent
-        if (message.author !== welcome.value?.you) {
-          view.value = { colour: message.colour };
-        }
-        break;
-      case "map_shown":
-        if (mapShown.value === null || message.author !== welcome.value?.you) mapShown.value = message;
-        else mapShown.value = { ...message, slice: mapShown.value.slice, layers: mapShown.value.layers };
-        break;
-      case "measured":
-        measured.value = message;
-        break;
-      case "map_preview":
-        mapPreview.value = message;
-        break;
-      case "selection":
-        selected.value = new Set(message.waypoints);
-        break;
-    }
-  });
-}
+on("welcome", (message) => {
+  // Another project was opened in the place of this one: nothing that is shown holds any more.
+  if (welcome.value !== null && welcome.value.station !== message.station) location.reload();
+  welcome.value = message;
+  connection.value = message.protocol === PROTOCOL ? "open" : "outdated";
+});
+on("document", receiveDocument);
+on("plan", receivePlan);
+on("draft", (message) => (draft.value = message.waypoint === null ? null : message));
+on("vehicle", receiveVehicle);
+on("effect_files", (message) => (effectFiles.value = message.files));
+on("flight_moment", (message) => (flightCursor_s.value = message.time_s));
+on("cursor", (message) => (cursor_s.value = message.time_s));
+on("shown", ({ author, colour }) => {
+  // What this person chose may have changed again since it was sent.
+  if (author !== welcome.value?.you) view.value = { colour };
+});
+on("map_shown", (message) => {
+  if (mapShown.value === null || message.author !== welcome.value?.you) mapShown.value = message;
+  else mapShown.value = { ...message, slice: mapShown.value.slice, layers: mapShown.value.layers };
+});
+on("selection", (message) => (selected.value = new Set(message.waypoints)));
 
 function receiveVehicle(next: Vehicle): void {
   const heardAt_ms = performance.now();

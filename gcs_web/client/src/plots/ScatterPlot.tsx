@@ -1,10 +1,10 @@
 /** A drawing of `scatter.ts` as wide as its place; a click gives the value of x there. */
 
-import { useSignal } from "@preact/signals";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { draw } from "./scatter";
 import type { Drawing, Frame } from "./scatter";
 import { isLight } from "../core/theme";
+import { useWidth } from "./width";
 
 interface Props {
   what: Drawing;
@@ -18,16 +18,8 @@ export function ScatterPlot({ what, height, label, onPick }: Props) {
   const box = useRef<HTMLDivElement>(null);
   const canvas = useRef<HTMLCanvasElement>(null);
   const frame = useRef<Frame | null>(null);
-  const width = useSignal(0);
+  const width = useWidth(box);
   const isThemeLight = isLight.value;
-  useLayoutEffect(() => {
-    const element = box.current;
-    if (element === null) return undefined;
-    const observer = new ResizeObserver(() => (width.value = element.clientWidth));
-    observer.observe(element);
-    width.value = element.clientWidth;
-    return () => observer.disconnect();
-  }, []);
   useLayoutEffect(() => {
     if (canvas.current !== null && width.value > 80) frame.current = draw(canvas.current, what, width.value, height);
   }, [what, height, width.value, isThemeLight]);

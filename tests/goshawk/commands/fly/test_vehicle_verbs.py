@@ -115,7 +115,7 @@ def test_parameters_follow_a_vehicle_file_and_single_values_override_it(link, fo
         (["set", "kp_z_1_s2=-5"], 2, "it must be 0 to 100"),
         (["set"], 2, "nothing to set"),
         (["get", "masss"], 2, "did you mean mass_kg"),
-        (["set", "mass_kg=40", "kp_z_1_s2=1"], 1, "rotors cannot carry the mass; nothing was changed"),
+        (["set", "mass_kg=40", "kp_z_1_s2=1", "--yes"], 1, "rotors cannot carry the mass; nothing was changed"),
     ],
 )
 def test_a_refused_set_names_its_reason_and_changes_nothing(standing, arguments, code, words):

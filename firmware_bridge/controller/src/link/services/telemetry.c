@@ -62,7 +62,7 @@ void link_fill_state(const tc_link* link, goshawk_state_msg* m) {
     tc_copy4(m->q_world_body, e->q_world_body);
     tc_copy(m->rate_body_rad_s, e->rate_body_rad_s);
     tc_copy(m->specific_force_body_m_s2, e->specific_force_body_m_s2);
-    tc_copy4(m->rotor_speed_rad_s, link->measured.rotor_speed_rad_s);
+    tc_copy4(m->rotor_speed_rad_s, e->rotor_speed_rad_s);
     tc_copy4(m->rotor_speed_command_rad_s, t->rotor_speed_rad_s);
     tc_copy(m->setpoint_position_world_m, t->setpoint.position_world_m);
     tc_copy(m->setpoint_velocity_world_m_s, t->setpoint.velocity_world_m_s);
@@ -172,7 +172,7 @@ link_encoded link_encode_rotors(tc_link* link, uint8_t* payload) {
     const tc_telemetry* t = &link->controller->telemetry;
     esc_status_msg m = {.time_usec = t->time_us};
     for (unsigned i = 0; i < TC_ROTORS; i++) {
-        m.rpm[i] = (int32_t)(link->measured.rotor_speed_rad_s[i] * RPM_PER_RAD_S);
+        m.rpm[i] = (int32_t)(t->estimate.rotor_speed_rad_s[i] * RPM_PER_RAD_S);
         m.voltage[i] = t->estimate.battery_v;
     }
     esc_status_encode(&m, payload);

@@ -54,10 +54,9 @@ const uint8_t* answer(uint32_t id) {
 }
 
 void update(unsigned times) {
-    const tc_link_measured measured = {{0}};
     for (unsigned i = 0; i < times; i++) {
         clock_us += 1000u;
-        tc_link_update(&ln, &measured, clock_us);
+        tc_link_update(&ln, clock_us);
     }
 }
 
@@ -90,12 +89,11 @@ static void leases_and_addresses(void) {
     must(ln.lease.holder.system_id == 0u && answer(GOSHAWK_LEASE_STATUS_ID) != NULL, "given back");
     lease(PILOT, 1);
     (void)answer(0);
-    const tc_link_measured measured = {{0}};
     const uint64_t left_us = ln.lease.until_us - ln.clock_us;
-    for (uint64_t i = 1; i < 4u; i++) tc_link_update(&ln, &measured, clock_us + i * left_us / 4u);
-    tc_link_update(&ln, &measured, clock_us + left_us - 1u);
+    for (uint64_t i = 1; i < 4u; i++) tc_link_update(&ln, clock_us + i * left_us / 4u);
+    tc_link_update(&ln, clock_us + left_us - 1u);
     must(ln.lease.holder.system_id == PILOT, "still held");
-    tc_link_update(&ln, &measured, clock_us + left_us);
+    tc_link_update(&ln, clock_us + left_us);
     must(ln.lease.holder.system_id == 0u, "expired");
     clock_us += left_us;
     SEND(PILOT, TIMESYNC, timesync, .tc1 = 5, .ts1 = 6);
@@ -160,18 +158,17 @@ static void orders(void) {
 
 /* The operator is back after a long silence, in control again or still, and orders at once. */
 static void silences(void) {
-    const tc_link_measured measured = {{0}};
     const trouble none = {0};
     uint64_t now;
     for (unsigned still = 0; still < 2u; still++) {
         start_link(false, 4);
         set_out(&controller, &now, 0, TC_HOLD);
         lease(PILOT, 1);
-        tc_link_update(&ln, &measured, clock_us);
+        tc_link_update(&ln, clock_us);
         for (unsigned i = 0; i < 28u; i++) {
             clock_us += 100000u;
             (void)run(&controller, &now, 0.1f, &none);
-            tc_link_update(&ln, &measured, clock_us);
+            tc_link_update(&ln, clock_us);
         }
         must(controller.ground_seen_us + 2500000u < controller.telemetry.time_us, "a silence");
         must((ln.lease.holder.system_id == PILOT) && controller.mission.state == TC_HOLD, "it hovers");
@@ -186,7 +183,6 @@ static void silences(void) {
 }
 
 static void logs(void) {
-    const tc_link_measured measured = {.rotor_speed_rad_s = {1.0f}};
     const trouble none = {0};
     uint64_t now = 2000000u;
     start_link(false, 0);
@@ -202,9 +198,9 @@ static void logs(void) {
     must(send_order(PILOT, 4, GOSHAWK_COMMAND_LOG_START, 0.0f, 0, 0) == TC_OK, "runs");
     for (unsigned i = 0; i < 8u; i++) {
         (void)run(&controller, &now, 0.011f, &none);
-        tc_link_update(&ln, &measured, clock_us);
+        tc_link_update(&ln, clock_us);
     }
-    tc_link_update(&ln, &measured, clock_us); /* no time has passed: nothing is due */
+    tc_link_update(&ln, clock_us); /* no time has passed: nothing is due */
     SEND(OTHER, GOSHAWK_LOG_REQUEST, goshawk_log_request, TO_VEHICLE, .first = 0);
     const uint8_t* info = answer(GOSHAWK_LOG_INFO_ID);
     must(info[GOSHAWK_LOG_INFO_RECORDS_AT] == 4u && info[GOSHAWK_LOG_INFO_NOT_STORED_AT] > 0u, "full, and says so");
@@ -312,23 +308,22 @@ static void slow_line(void) {
 }
 
 static void telemetry(void) {
-    const tc_link_measured measured = {{0}};
     const trouble lost = {.no_attitude = true}, none = {0};
     uint64_t now;
     start_link(false, 4);
     set_out(&controller, &now, 0, TC_HOLD);
     controller.telemetry.estimate.battery_v = 15.0f;
-    tc_link_update(&ln, &measured, clock_us);
+    tc_link_update(&ln, clock_us);
     must(answer(HEARTBEAT_ID)[HEARTBEAT_SYSTEM_STATUS_AT] == 4u, "active");
     (void)memset(ln.next_us, 0, sizeof ln.next_us);
     (void)run(&controller, &now, 0.3f, &lost);
-    tc_link_update(&ln, &measured, clock_us);
+    tc_link_update(&ln, clock_us);
     must(answer(HEARTBEAT_ID)[HEARTBEAT_SYSTEM_STATUS_AT] == 6u, "in trouble");
     set_out(&controller, &now, 0, TC_TRAJECTORY);
     (void)run(&controller, &now, 0.05f, &none);
     controller.telemetry.estimate.battery_v = 70.0f;
     (void)memset(ln.next_us, 0, sizeof ln.next_us);
-    tc_link_update(&ln, &measured, clock_us);
+    tc_link_update(&ln, clock_us);
     must(answer(GOSHAWK_MISSION_STATUS_ID)[GOSHAWK_MISSION_STATUS_MISSION_STATE_AT] == TC_TRAJECTORY, "flies");
 }
 
@@ -404,7 +399,6 @@ static void texts(void) {
 
 /* A GOSHAWK_STATE holds what the controller knows, field by field; a record of the log is the same. */
 static void states(void) {
-    const tc_link_measured measured = {.rotor_speed_rad_s = {1.0f, 2.0f, 3.0f, 4.0f}};
     tc_telemetry* t = &controller.telemetry;
     goshawk_state_msg m;
     start_link(false, 4);
@@ -421,11 +415,12 @@ static void states(void) {
     t->reckoning_std_m = 0.2f;
     t->estimate_faults = 3;
     t->estimate.valid = 127;
+    for (unsigned i = 0; i < TC_ROTORS; i++) t->estimate.rotor_speed_rad_s[i] = (float)(i + 1u);
     t->estimate.specific_force_body_m_s2[2] = 9.5f;
     t->estimate.battery_v = 15.5f;
     must(send_order(PILOT, 4, GOSHAWK_COMMAND_LOG_START, 0.0f, 0, 0) == TC_OK, "a log");
     t->time_us += 20000u;
-    tc_link_update(&ln, &measured, clock_us);
+    tc_link_update(&ln, clock_us);
     goshawk_state_decode(&m, answer(GOSHAWK_STATE_ID), GOSHAWK_STATE_LENGTH);
     must(m.time_us == 7020000u && m.reason == TC_REACHED && m.limit_reason == TC_TRACKING_ERROR, "time, reasons");
     must(m.warnings == 5u && m.landing_stage == 2u && m.estimate_faults == 3u && m.estimate_valid == 127u, "bits");

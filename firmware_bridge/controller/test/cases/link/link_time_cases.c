@@ -42,12 +42,11 @@ static void two_paces(void) {
 
 /* A link task that read its clock just before or after the control task; and one that seldom gets to send. */
 static void other_clocks(void) {
-    const tc_link_measured measured = {0};
     uint8_t frame[TC_FRAME_MAX];
     start_link(false, 4);
     controller.telemetry.time_us = clock_us;
     lease(PILOT, 1);
-    tc_link_update(&ln, &measured, clock_us - 5u);
+    tc_link_update(&ln, clock_us - 5u);
     must(ln.lease.holder.system_id == PILOT, "still in control");
     must(controller.ground_seen_us == controller.telemetry.time_us, "received just now");
     (void)answer(0);
@@ -56,7 +55,7 @@ static void other_clocks(void) {
     for (unsigned i = 0; i < 400u; i++) {
         clock_us += 25000u;
         controller.telemetry.time_us = clock_us;
-        tc_link_update(&ln, &measured, clock_us);
+        tc_link_update(&ln, clock_us);
         for (size_t n = 1; n > 0u; sent += n) n = tc_link_transmit(&ln, frame, clock_us);
     }
     must(sent > 9000u && sent < 11000u, "keeps to its share however seldom it is asked");

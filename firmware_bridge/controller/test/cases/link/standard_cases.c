@@ -15,12 +15,11 @@ static command_ack_msg ack; /* the last one */
 
 /* Flies for a while with the link. */
 static uint8_t go(float seconds) {
-    static const tc_link_measured nothing = {{0}};
     uint64_t time_us = controller.telemetry.time_us;
     for (unsigned i = 0; i < (unsigned)(seconds * 100.0f); i++) {
         (void)run(&controller, &time_us, 0.0101f, &none);
         clock_us += 10000u;
-        tc_link_update(&ln, &nothing, clock_us);
+        tc_link_update(&ln, clock_us);
         if (i % 100u == 99u) lease(PILOT, 1);
     }
     return controller.mission.state;

@@ -3,7 +3,7 @@
 import { useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import uPlot from "uplot";
-import { Icon } from "../../components/Icon";
+import { PlayButton } from "../../components/PlayButton";
 import { editable, number, short } from "../../core/format";
 import {
   LETTERS,
@@ -97,14 +97,7 @@ function byKey(event: KeyboardEvent): void {
 function DrawerHead() {
   return (
     <div class="drawer-head">
-      <button
-        type="button"
-        class="control square"
-        onClick={togglePlaying}
-        aria-label={playing.value ? "Pause" : "Play"}
-      >
-        <Icon name={playing.value ? "pause" : "play"} filled={!playing.value} />
-      </button>
+      <PlayButton playing={playing.value} onClick={togglePlaying} />
       <span class="drawer-time">
         <CursorTime /> of {number(whole.value[1], 2)} s
       </span>

@@ -3,6 +3,7 @@
 import { signal } from "@preact/signals";
 import { Badge } from "../../components/Badge";
 import { HoldButton } from "../../components/HoldButton";
+import { TableHead } from "../../components/TableHead";
 import { number, plural } from "../../core/format";
 import { send } from "../../core/socket";
 import { connected, inControl, model, vehicle, welcome } from "../../core/store";
@@ -114,19 +115,7 @@ function Difference({ rows, found }: { rows: readonly ControllerParameter[]; fou
       {rows.length > 0 && (
         <div class="table-scroll">
           <table class="table compensation">
-            <thead>
-              <tr>
-                <th scope="col" class="words">
-                  parameter
-                </th>
-                <th scope="col">vehicle</th>
-                <th scope="col">model</th>
-                <th scope="col">change</th>
-                <th scope="col" class="words">
-                  unit
-                </th>
-              </tr>
-            </thead>
+            <TableHead columns={["parameter", "vehicle", "model", "change", "unit"]} words={["parameter", "unit"]} />
             <tbody>
               {rows.map((row) => (
                 <tr key={row.name} class={row.flies_with === row.model ? "" : "touched"}>

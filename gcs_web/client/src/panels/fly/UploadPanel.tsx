@@ -4,6 +4,7 @@ import { confirmUpload, prepareUpload, uploading } from "./orders";
 import type { UploadState } from "./orders";
 import { Badge } from "../../components/Badge";
 import { HoldButton } from "../../components/HoldButton";
+import { TableHead } from "../../components/TableHead";
 import { checksum, number } from "../../core/format";
 import { connected, inControl, plan, verdict } from "../../core/store";
 import type { Held } from "../../core/protocol";
@@ -94,15 +95,7 @@ function differences(here: Held | null, there: Held | null): string {
 function Difference({ here, there }: { here: Held | null; there: Held | null }) {
   return (
     <table class="table difference">
-      <thead>
-        <tr>
-          <th scope="col" class="words">
-            Difference
-          </th>
-          <th scope="col">vehicle</th>
-          <th scope="col">plan</th>
-        </tr>
-      </thead>
+      <TableHead columns={["Difference", "vehicle", "plan"]} words={["Difference"]} />
       <tbody>
         {ROWS.map(({ name, of }) => {
           const [theirs, ours] = [there === null ? "–" : of(there), here === null ? "–" : of(here)];

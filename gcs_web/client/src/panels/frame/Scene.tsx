@@ -2,7 +2,7 @@
 
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import { show } from "../plan/cursor";
+import { show } from "../timeline/cursor";
 import { number, short } from "../../core/format";
 import { listenIn } from "./keys";
 import { LETTERS, horizon_s, opened, pathColour, showOurs, withArrows, withPredicted } from "../compare/flights";

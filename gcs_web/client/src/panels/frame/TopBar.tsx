@@ -3,7 +3,7 @@
 import { abort } from "../fly/orders";
 import { Icon } from "../../components/Icon";
 import { Keys } from "../../components/Keys";
-import { STEPS } from "./commands";
+import { PANELS } from "./panels";
 import { age, checksum, number } from "../../core/format";
 import {
   aborting,
@@ -47,16 +47,16 @@ export function TopBar() {
 function StepBar() {
   return (
     <nav class="steps" aria-label="Steps">
-      {STEPS.map((each) => (
+      {PANELS.map((each) => (
         <button
-          key={each.number}
+          key={each.step}
           type="button"
-          aria-current={step.value === each.number ? "step" : undefined}
-          onClick={() => (step.value = each.number)}
+          aria-current={step.value === each.step ? "step" : undefined}
+          onClick={() => (step.value = each.step)}
         >
-          <span class="step-number">{each.number}</span>
+          <span class="step-number">{each.step}</span>
           <span>{each.name}</span>
-          <StepMark of={each.number} />
+          <StepMark of={each.step} />
         </button>
       ))}
     </nav>

@@ -1,7 +1,7 @@
 /** The keyboard: finds the command of a key, on the page and inside the 3D view. */
 
 import { COMMANDS } from "./commands";
-import type { PageCommand } from "./commands";
+import type { PageCommand } from "../../core/panel";
 
 const byKeys = new Map(COMMANDS.flatMap((command) => (command.keys ?? []).map((keys) => [keys, command] as const)));
 

@@ -2,6 +2,7 @@
 
 import { signal, useSignal } from "@preact/signals";
 import { useEffect, useId, useRef } from "preact/hooks";
+import "./jobs.css";
 import { parse, sentenceCase, span } from "../../core/format";
 import { send, submit } from "../../core/socket";
 import { connected, jobs } from "../../core/store";

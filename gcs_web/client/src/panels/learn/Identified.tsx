@@ -2,6 +2,7 @@
 
 import { useSignal } from "@preact/signals";
 import { Badge } from "../../components/Badge";
+import { TableHead } from "../../components/TableHead";
 import { number, plural, sentenceCase } from "../../core/format";
 import { identification } from "../../core/store";
 import type { Identification, Identified as Row, Trial } from "../../core/protocol";
@@ -49,19 +50,7 @@ function Values({ rows }: { rows: readonly Row[] }) {
     <>
       <div class="table-scroll">
         <table class="table compensation">
-          <thead>
-            <tr>
-              <th scope="col" class="words">
-                parameter
-              </th>
-              <th scope="col">before</th>
-              <th scope="col">after</th>
-              <th scope="col">± σ</th>
-              <th scope="col" class="words">
-                unit
-              </th>
-            </tr>
-          </thead>
+          <TableHead columns={["parameter", "before", "after", "± σ", "unit"]} words={["parameter", "unit"]} />
           <tbody>
             {free.map(({ name, words, unit, start, value, sigma }) => (
               <tr key={name}>

@@ -148,17 +148,16 @@ function Numbers({ wanted, off }: { wanted: Draft; off: boolean }) {
   const { form, centre_m, size_m, radius_m, corners_m } = wanted.shape;
   const [x, y, z] = centre_m;
   if (form === "other") return null;
-  if (form === "stroke") {
-    return (
-      <Coordinates
-        label="Radius, m"
-        axes={["r"]}
-        values={[radius_m]}
-        disabled={off}
-        onChange={([r = 0]) => reshape({ radius_m: r })}
-      />
-    );
-  }
+  const radius = (
+    <Coordinates
+      label="Radius, m"
+      axes={["r"]}
+      values={[radius_m]}
+      disabled={off}
+      onChange={([r = 0]) => reshape({ radius_m: r })}
+    />
+  );
+  if (form === "stroke") return radius;
   if (form === "prism") {
     return (
       <>
@@ -209,13 +208,7 @@ function Numbers({ wanted, off }: { wanted: Draft; off: boolean }) {
         onChange={([cx = 0, cy = 0, cz = 0]) => reshape({ centre_m: [cx, cy, cz] })}
       />
       {form === "sphere" ? (
-        <Coordinates
-          label="Radius, m"
-          axes={["r"]}
-          values={[radius_m]}
-          disabled={off}
-          onChange={([r = 0]) => reshape({ radius_m: r })}
-        />
+        radius
       ) : (
         <Coordinates
           label="Size, m"

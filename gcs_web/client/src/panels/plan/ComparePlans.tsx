@@ -1,5 +1,6 @@
 /** Two trajectories beside each other: time, length, clearance and what each uses of its limits. */
 
+import { TableHead } from "../../components/TableHead";
 import { effect, signal } from "@preact/signals";
 import { number, sentenceCase } from "../../core/format";
 import { send } from "../../core/socket";
@@ -77,15 +78,7 @@ function Table({ a, b }: { a: PlanSummary; b: PlanSummary }) {
   const names = [...new Set([...a.limits, ...b.limits].map(({ name }) => name))];
   return (
     <table class="table difference">
-      <thead>
-        <tr>
-          <th scope="col" class="words">
-            As map and vehicle are now
-          </th>
-          <th scope="col">first</th>
-          <th scope="col">second</th>
-        </tr>
-      </thead>
+      <TableHead columns={["As map and vehicle are now", "first", "second"]} words={["As map and vehicle are now"]} />
       <tbody>
         <Row name="Gate" a={gateWords(a)} b={gateWords(b)} />
         {FIGURES.map(({ name, of }) => (

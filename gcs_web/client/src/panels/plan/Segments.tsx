@@ -1,7 +1,7 @@
 /** What binds each stretch between two waypoints, and the way to the moment where it binds most. */
 
 import { computed } from "@preact/signals";
-import { goTo, select } from "./cursor";
+import { goTo, select } from "../timeline/cursor";
 import { number, sentenceCase } from "../../core/format";
 import { doc, figures, figuresAreOld, segmentAtCursor } from "../../core/store";
 import type { Segment } from "../../core/protocol";

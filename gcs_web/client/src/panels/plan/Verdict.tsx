@@ -3,7 +3,7 @@
 import { Badge } from "../../components/Badge";
 import type { Tone } from "../../components/Badge";
 import { Icon } from "../../components/Icon";
-import { select } from "./cursor";
+import { select } from "../timeline/cursor";
 import { submit } from "../../core/socket";
 import { connected, doc, draft, plan, verdict } from "../../core/store";
 

@@ -3,7 +3,7 @@
 import { signal, useComputed } from "@preact/signals";
 import { canSplit, deleteSelected, insertAfterSelected, reverse, splitAtCursor } from "./actions";
 import { Cell, active, columns, focusCell, refused, shownColumns } from "./WaypointCell";
-import { goTo, select } from "./cursor";
+import { goTo, select } from "../timeline/cursor";
 import { number } from "../../core/format";
 import { clearanceColour } from "../../plots/scales";
 import { connected, doc, figures, figuresAreOld, plan, selected, touched, waypointAtCursor } from "../../core/store";

@@ -259,7 +259,12 @@ bool GoshawkControl::read_topics() {
 
     _esc_status_sub.copy(&escs);
 
-    if (!rotor_speeds(escs, now, _rotor_speed_rad_s) && _motors_sub.copy(&motors)) {
+    const bool measured = rotor_speeds(escs, now, _rotor_speed_rad_s);
+    memcpy(_estimate.rotor_speed_rad_s, _rotor_speed_rad_s, sizeof(_rotor_speed_rad_s));
+    _estimate.valid =
+        static_cast<uint8_t>((_estimate.valid & ~TC_VALID_ROTOR_SPEED) | (measured ? TC_VALID_ROTOR_SPEED : 0));
+
+    if (!measured && _motors_sub.copy(&motors)) {
         rotor_speeds(motors, _full_rad_s, _rotor_speed_rad_s);
     }
 
@@ -371,8 +376,7 @@ void GoshawkControl::serve_link() {
         return;
     }
 
-    memcpy(_measured.rotor_speed_rad_s, _rotor_speed_rad_s, sizeof(_rotor_speed_rad_s));
-    tc_link_update(&_link, &_measured, now);
+    tc_link_update(&_link, now);
     uint8_t bytes[64];
     uint8_t frame[TC_FRAME_MAX];
 

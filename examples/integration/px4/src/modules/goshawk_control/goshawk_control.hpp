@@ -81,7 +81,6 @@ class GoshawkControl : public ModuleBase, public ModuleParams, public px4::WorkI
     tc_controller _controller{};
     tc_link _link{};
     tc_link_config _link_config{};
-    tc_link_measured _measured{};
     tc_parser _stream{};
     tc_estimate _estimate{};
     bool _configured{false};

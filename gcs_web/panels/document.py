@@ -1,22 +1,22 @@
 """Changes of the document: edits, undo and redo."""
 
-from collections.abc import Callable
-from typing import Any
-
 import msgspec
 
-from gcs_web import protocol
 from gcs_web.desk import Desk
+from gcs_web.panels.handlers import Handlers
+from gcs_web.protocol import document as messages
+from gcs_web.protocol.base import Edit
+from gcs_web.protocol.people import Person
 
 
-def edit(desk: Desk, person: protocol.Person, change: protocol.Edit) -> None:
+def edit(desk: Desk, person: Person, change: Edit) -> None:
     """Make a change of the document and say what was done."""
     done = desk.session.edit(change, person.name)
     if done:
         desk.notice(f"{done[0].upper()}{done[1:]}.", undo=True)
 
 
-def _set_ground(desk: Desk, person: protocol.Person, change: protocol.SetGround) -> None:
+def _set_ground(desk: Desk, person: Person, change: messages.SetGround) -> None:
     """Where no height is given and none was before: the floor below the waypoint."""
     points, old = desk.session.content.points, getattr(desk.session.content.settings, change.end)
     if points and old is None and change.z_m is None:
@@ -26,32 +26,32 @@ def _set_ground(desk: Desk, person: protocol.Person, change: protocol.SetGround)
     edit(desk, person, change)
 
 
-def _undo(desk: Desk, person: protocol.Person, _: protocol.Undo) -> None:
+def _undo(desk: Desk, person: Person, _: messages.Undo) -> None:
     done = desk.session.undo(person.name)
     desk.notice(f"{done[0].upper()}{done[1:]}.")
 
 
-def _redo(desk: Desk, person: protocol.Person, _: protocol.Redo) -> None:
+def _redo(desk: Desk, person: Person, _: messages.Redo) -> None:
     done = desk.session.redo(person.name)
     desk.notice(f"{done[0].upper()}{done[1:]}.", undo=True)
 
 
-HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], None]] = {
-    protocol.Move: edit,
-    protocol.Shift: edit,
-    protocol.Turn: edit,
-    protocol.Insert: edit,
-    protocol.Delete: edit,
-    protocol.Reverse: edit,
-    protocol.Choose: edit,
-    protocol.Ask: edit,
-    protocol.Pass: edit,
-    protocol.Loop: edit,
-    protocol.SetGround: _set_ground,
-    protocol.ClearGround: edit,
-    protocol.SetGate: edit,
-    protocol.ClearGate: edit,
-    protocol.SetTube: edit,
-    protocol.Undo: _undo,
-    protocol.Redo: _redo,
+HANDLERS: Handlers = {
+    messages.Move: edit,
+    messages.Shift: edit,
+    messages.Turn: edit,
+    messages.Insert: edit,
+    messages.Delete: edit,
+    messages.Reverse: edit,
+    messages.Choose: edit,
+    messages.Ask: edit,
+    messages.Pass: edit,
+    messages.Loop: edit,
+    messages.SetGround: _set_ground,
+    messages.ClearGround: edit,
+    messages.SetGate: edit,
+    messages.ClearGate: edit,
+    messages.SetTube: edit,
+    messages.Undo: _undo,
+    messages.Redo: _redo,
 }

@@ -1,16 +1,17 @@
 """Orders to the vehicle. All but Abort need control and a nonce, and all are written into the audit log."""
 
 import threading
-from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import Any
 
 import vehicle
 from firmware_bridge.dialect.generated.messages import Command
 from flight import FlightError, InputError, flight_log, results
-from gcs_web import protocol
 from gcs_web.desk import Desk
+from gcs_web.panels.handlers import Handlers
+from gcs_web.protocol.people import Person
+from gcs_web.protocol.reply import Reply
+from gcs_web.protocol.vehicle import Abort, GiveUpControl, Order, PrepareOrder, PrepareUpload, TakeControl, Upload
 
 _COMMANDS = {
     "arm": Command.ARM,
@@ -21,61 +22,61 @@ _COMMANDS = {
 }
 
 
-def _take_control(desk: Desk, person: protocol.Person, take: protocol.TakeControl) -> None:
-    desk.take_control(person, force=take.force)
+def _take_control(desk: Desk, person: Person, take: TakeControl) -> None:
+    desk.control.take(person, force=take.force)
 
 
-def _give_up_control(desk: Desk, person: protocol.Person, _: protocol.GiveUpControl) -> None:
-    desk.give_up_control(person)
+def _give_up_control(desk: Desk, person: Person, _: GiveUpControl) -> None:
+    desk.control.give_up(person)
 
 
-def _prepare_upload(desk: Desk, person: protocol.Person, prepare: protocol.PrepareUpload) -> protocol.Reply:
-    watch = desk.require_control(person)
+def _prepare_upload(desk: Desk, person: Person, prepare: PrepareUpload) -> Reply:
+    watch = desk.control.required(person)
     here = watch.planned(desk.checked(), desk.name)
     there = watch.held()
-    return protocol.Reply(prepare.serial, nonce=desk.new_nonce(person, here.crc32), here=here, there=there)
+    return Reply(prepare.serial, nonce=desk.control.new_nonce(person, here.crc32), here=here, there=there)
 
 
-def _upload(desk: Desk, person: protocol.Person, upload: protocol.Upload) -> None:
+def _upload(desk: Desk, person: Person, upload: Upload) -> None:
     def send() -> None:
-        watch, name, file = desk.require_control(person), desk.name, desk.checked()
-        desk.use_nonce(upload.nonce, person, watch.planned(file, name).crc32)
+        watch, name, file = desk.control.required(person), desk.name, desk.checked()
+        desk.control.use_nonce(upload.nonce, person, watch.planned(file, name).crc32)
         hashes = {
             "map_hash": desk.parts.map(desk.inputs).hash,
             "vehicle_hash": vehicle.vehicle_hash(desk.parts.vehicle(desk.inputs)),
         }
         desk.notice(watch.upload(file, name, **hashes))
 
-    desk.audited(person, "upload", send, desk.about())
+    desk.control.audited(person, "upload", send, desk.about())
 
 
-def _prepare_order(desk: Desk, person: protocol.Person, prepare: protocol.PrepareOrder) -> protocol.Reply:
-    desk.require_control(person)
-    return protocol.Reply(prepare.serial, nonce=desk.new_nonce(person, "order"))
+def _prepare_order(desk: Desk, person: Person, prepare: PrepareOrder) -> Reply:
+    desk.control.required(person)
+    return Reply(prepare.serial, nonce=desk.control.new_nonce(person, "order"))
 
 
-def _order(desk: Desk, person: protocol.Person, order: protocol.Order) -> None:
+def _order(desk: Desk, person: Person, order: Order) -> None:
     def give() -> None:
-        watch = desk.require_control(person)
-        desk.use_nonce(order.nonce, person, "order")
+        watch = desk.control.required(person)
+        desk.control.use_nonce(order.nonce, person, "order")
         if order.order == "start":
             _start(desk, person)
         else:
             watch.order(_COMMANDS[order.order])
 
-    desk.audited(person, order.order, give, desk.about())
+    desk.control.audited(person, order.order, give, desk.about())
 
 
-def _start(desk: Desk, person: protocol.Person) -> None:
+def _start(desk: Desk, person: Person) -> None:
     """Fly what the vehicle holds, if it is the checked plan; the log is saved when it has landed."""
-    watch = desk.require_control(person)
+    watch = desk.control.required(person)
     aborted = watch.begin_flight()
     try:
         name, file = desk.name, desk.checked()
         wanted, held = watch.planned(file, name), watch.held()
         if held is None or held.crc32 != wanted.crc32:
             raise InputError(f"the vehicle holds {held.name if held else 'nothing'}, not this plan; upload it first")
-        desk.require_control(person)  # reading back takes a while
+        desk.control.required(person)  # reading back takes a while
     except BaseException:
         watch.end_flight()
         raise
@@ -87,10 +88,10 @@ def _start(desk: Desk, person: protocol.Person) -> None:
             with results.new_file(path, overwrite=False) as placing:
                 flight_log.save(placing.temporary, log)
             desk.notice(f"Landed; the log is saved as {path.relative_to(desk.project.folder)}.")
-            desk.audit(person, "flight", "landed", desk.about())
+            desk.control.audit(person, "flight", "landed", desk.about())
         except (FlightError, OSError) as error:
             desk.notice(f"The flight ended early: {error}", level="danger")
-            desk.audit(person, "flight", f"ended early: {error}", desk.about())
+            desk.control.audit(person, "flight", f"ended early: {error}", desk.about())
         finally:
             watch.end_flight()
             desk.show_files()
@@ -98,20 +99,20 @@ def _start(desk: Desk, person: protocol.Person) -> None:
     threading.Thread(target=fly, name="flight", daemon=True).start()
 
 
-def _abort(desk: Desk, person: protocol.Person, _: protocol.Abort) -> None:
+def _abort(desk: Desk, person: Person, _: Abort) -> None:
     watch = desk.watch
     if watch is None:
         raise InputError("the ground station was started without a vehicle; there is nothing to abort")
-    desk.audited(person, "abort", watch.land, desk.about())
+    desk.control.audited(person, "abort", watch.land, desk.about())
     desk.notice(f"{person.name} aborted: the vehicle brakes and lands", level="danger")
 
 
-HANDLERS: dict[type, Callable[[Desk, protocol.Person, Any], protocol.Reply | None]] = {
-    protocol.TakeControl: _take_control,
-    protocol.GiveUpControl: _give_up_control,
-    protocol.PrepareUpload: _prepare_upload,
-    protocol.Upload: _upload,
-    protocol.PrepareOrder: _prepare_order,
-    protocol.Order: _order,
-    protocol.Abort: _abort,
+HANDLERS: Handlers = {
+    TakeControl: _take_control,
+    GiveUpControl: _give_up_control,
+    PrepareUpload: _prepare_upload,
+    Upload: _upload,
+    PrepareOrder: _prepare_order,
+    Order: _order,
+    Abort: _abort,
 }

@@ -2,9 +2,9 @@
 
 import { useSignal, useSignalEffect } from "@preact/signals";
 import type { Signal } from "@preact/signals";
-import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
 import type uPlot from "uplot";
-import { Icon } from "../../components/Icon";
+import { PlayButton } from "../../components/PlayButton";
 import { goTo, nextRate, playing, rate, togglePlaying } from "./cursor";
 import { number } from "../../core/format";
 import { STREAMS, applyZoom, drawPlot, limitWords, limitsOf, plotHeight, valueAt, zoom } from "../../plots/plots";
@@ -14,6 +14,7 @@ import { cursor_s, figures, figuresAreOld, series } from "../../core/store";
 import { isLight, phone } from "../../core/theme";
 import { BindingStrip, BindingWords } from "./BindingStrip";
 import type { Series } from "../../core/protocol";
+import { useWidth } from "../../plots/width";
 
 const isKeys = (value: unknown): value is string[] =>
   Array.isArray(value) && value.every((key) => STREAMS.some((stream) => stream.key === key));
@@ -62,14 +63,7 @@ function DrawerHead({ current }: { current: Series }) {
   };
   return (
     <div class="drawer-head">
-      <button
-        type="button"
-        class="control square"
-        onClick={togglePlaying}
-        aria-label={playing.value ? "Pause" : "Play"}
-      >
-        <Icon name={playing.value ? "pause" : "play"} filled={!playing.value} />
-      </button>
+      <PlayButton playing={playing.value} onClick={togglePlaying} />
       <span class="drawer-time">
         <CursorTime /> of {number(current.time_s.at(-1), 2)} s
       </span>
@@ -100,15 +94,7 @@ function CursorTime() {
 
 function Plots({ shown, current, row_px }: { shown: readonly Stream[]; current: Series; row_px: number }) {
   const box = useRef<HTMLDivElement>(null);
-  const width = useSignal(0);
-  useLayoutEffect(() => {
-    const element = box.current;
-    if (element === null) return undefined;
-    const observer = new ResizeObserver(() => (width.value = element.clientWidth));
-    observer.observe(element);
-    width.value = element.clientWidth;
-    return () => observer.disconnect();
-  }, []);
+  const width = useWidth(box);
   const margins = phone.value ? PHONE_MARGINS : MARGINS;
   return (
     <div class="plots" ref={box} role="group" aria-label="Plots" tabIndex={0}>

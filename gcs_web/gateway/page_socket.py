@@ -1,0 +1,126 @@
+"""One page's WebSocket: commands in, each checked and answered in its order; messages out, newest state first."""
+
+import asyncio
+import logging
+import secrets
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any, Union
+
+import msgspec
+
+from flight import FlightError
+from gcs_web.gateway.hub import Client, Hub
+from gcs_web.protocol.base import Command, VehicleCommand
+from gcs_web.protocol.people import PROTOCOL, Person, Welcome
+from gcs_web.protocol.reply import Reply
+from gcs_web.protocol.vehicle import Abort
+
+if TYPE_CHECKING:
+    from aiohttp import web
+
+logger = logging.getLogger(__name__)
+
+MOST_APART = 8
+"""Commands of one page that may wait for the vehicle at a time; aborts may be twice as many, the others counted."""
+
+
+class PageSocket:
+    """Serves the pages of one project."""
+
+    def __init__(
+        self,
+        hub: Hub,
+        handlers: Mapping[type[Command], Callable[[Person, Any], Reply | None]],
+        *,
+        project: str,
+        vehicle: bool,
+        arrived: Callable[[], None],
+        left: Callable[[Person], None],
+    ) -> None:
+        """
+        Args:
+            handlers: by command, what does it, in a thread; a reply only where it has something to say. Raises
+                `FlightError` to refuse it.
+            vehicle: whether there is one.
+            arrived, left: called when somebody opened or closed the page.
+        """
+        self._hub, self._handlers = hub, handlers
+        self._decoder: msgspec.json.Decoder[Command] = msgspec.json.Decoder(Union[tuple(handlers)])  # noqa: UP007
+        self._project, self._vehicle, self._arrived, self._left = project, vehicle, arrived, left
+        self._id = secrets.token_hex(8)
+        self._for_aborts = ThreadPoolExecutor(2, "abort")  # never behind other work
+
+    async def serve(self, socket: "web.WebSocketResponse") -> None:
+        """Talk to one page until it leaves."""
+        client = self._hub.join()
+        welcome = Welcome(PROTOCOL, client.person.id, self._project, self._vehicle, self._id)
+        writer = asyncio.create_task(_write(socket, client, welcome))
+        await asyncio.to_thread(self._arrived)
+        apart: set[asyncio.Task[None]] = set()
+        try:
+            async for message in socket:
+                if message.type.name != "TEXT":
+                    break
+                if not self._names(message.data, VehicleCommand):
+                    await self._command(client, message.data)
+                elif len(apart) >= MOST_APART * (2 if self._names(message.data, Abort) else 1):
+                    said = f"{len(apart)} orders of this page still wait for the vehicle; nothing was sent"
+                    self._hub.publish(Reply(_serial(message.data), error=said), client.person.id)
+                else:
+                    task = asyncio.create_task(self._command(client, message.data))
+                    apart.add(task)
+                    task.add_done_callback(apart.discard)
+        finally:
+            writer.cancel()
+            self._hub.leave(client)
+            await asyncio.to_thread(self._left, client.person)
+
+    async def _command(self, client: Client, text: str) -> None:
+        try:
+            command = self._decoder.decode(text)
+        except msgspec.DecodeError as error:
+            reply = Reply(_serial(text), error=f"the page sent what this station does not understand: {error}")
+        else:
+            pool = self._for_aborts if isinstance(command, Abort) else None
+            reply = await asyncio.get_running_loop().run_in_executor(pool, self._done, client.person, command)
+        self._hub.publish(reply, client.person.id)
+
+    def _done(self, person: Person, command: Command) -> Reply:
+        try:
+            return self._handlers[type(command)](person, command) or Reply(command.serial)
+        except FlightError as error:
+            return Reply(command.serial, error=str(error))
+        except Exception as error:  # a page must not be able to take the station down
+            logger.exception("%s failed", type(command).__name__)
+            return Reply(command.serial, error=f"internal error: {error}; the station's log has more")
+
+    def _names(self, text: str, kind: type[Command]) -> bool:
+        return _head(text).type in {each.__struct_config__.tag for each in self._handlers if issubclass(each, kind)}
+
+
+async def _write(socket: "web.WebSocketResponse", client: Client, welcome: Welcome) -> None:
+    await socket.send_str(msgspec.json.encode(welcome).decode())
+    while True:
+        await client.arrived.wait()
+        if client.lagging:
+            await socket.close(message=b"this page is too slow; it comes back for the newest state")
+            return
+        for message in client.take():
+            await socket.send_str(message.decode())
+
+
+class _Head(msgspec.Struct):
+    type: str = ""
+    serial: int = 0
+
+
+def _head(text: str) -> _Head:
+    try:
+        return msgspec.json.decode(text, type=_Head)
+    except msgspec.DecodeError:
+        return _Head()
+
+
+def _serial(text: str) -> int:
+    return _head(text).serial
