@@ -209,11 +209,11 @@ def test_a_package_of_ours_that_is_missing_is_named(tmp_path):
     assert "ImportError: sysid, a package of Goshawk, is not in" in first_import(tmp_path).stderr
 
 
-def test_the_doctor_names_a_distribution_that_installs_into_a_package_of_ours(tmp_path, monkeypatch):
+def test_the_doctor_names_a_distribution_that_installs_into_a_package_of_ours(tmp_path):
     record = tmp_path / "route_planner-1.0.dist-info"
     record.mkdir()
     (record / "METADATA").write_text("Metadata-Version: 2.1\nName: route-planner\nVersion: 1.0\n")
     (record / "RECORD").write_text("planner/__init__.py,,\nplanner/route.py,,\n")
-    assert installation.other_owners() == {}
-    monkeypatch.syspath_prepend(tmp_path)
-    assert installation.other_owners() == {"planner": ["route-planner"]}
+    code = "from goshawk import installation; print(installation.other_owners())"
+    assert first_import(ROOT, code=code).stdout == "{}\n"
+    assert first_import(tmp_path, ROOT, code=code).stdout == "{'planner': ['route-planner']}\n"

@@ -61,7 +61,7 @@ def test_the_standard_deviation_is_that_of_the_scale_in_use(pillar_map: Path, tm
 @pytest.mark.parametrize("point", ["1,2", "1,2,nan", "7.png", ""])
 def test_what_is_neither_a_point_nor_an_image_is_refused_by_name(pillar_map: Path, point: str) -> None:
     said = run("map", "measure", pillar_map, "--first", "1,1,1", "--second", point, code=2)
-    assert f"--to '{point}' is neither X,Y,Z in metres nor an image" in said
+    assert f"--second '{point}' is neither X,Y,Z in metres nor an image" in said
 
 
 def test_a_length_in_a_refused_map_comes_with_the_reasons(pillar_map: Path, tmp_path: Path) -> None:
@@ -81,5 +81,5 @@ def test_a_point_farther_than_any_map_reaches_is_refused_with_the_bound(pillar_m
     assert measured(pillar_map, "1,1,1", "1,10000,1")["length_m"] == pytest.approx(9999.0)
     for far in ("10001,1,1", "1,-1e308,1"):
         refusal = run("map", "measure", pillar_map, "--first", "1,1,1", "--second", far, code=2)
-        assert "--to is 1" in refusal
+        assert "--second is 1" in refusal
         assert "a map reaches at most 10000 m" in refusal

@@ -47,7 +47,7 @@ def test_nothing_in_a_project_is_replaced(tmp_path):
 
 def test_a_vehicle_brings_its_history_along(tmp_path):
     vehicle.save(tmp_path / "v.toml", vehicle.example())
-    run("vehicle", "remove-effect", tmp_path / "v.toml", "parasitic_drag", "--yes")
+    run("vehicle", "effect", "remove", tmp_path / "v.toml", "parasitic_drag", "--yes")
     run("init", tmp_path / "room", "--vehicle", tmp_path / "v.toml")
     run("vehicle", "undo", tmp_path / "room" / "vehicle.toml", "--yes")
     assert "parasitic_drag" in vehicle.load(tmp_path / "room" / "vehicle.toml").effects
@@ -87,7 +87,7 @@ def test_the_ground_station_names_missing_parts_and_the_commands_that_add_them(t
     assert "no project.toml" in run("gcs", tmp_path, code=2)
     run("init", tmp_path / "room")
     said = run("gcs", tmp_path / "room", code=2)
-    assert "goshawk map IMAGES" in said
+    assert "goshawk map build IMAGES" in said
     assert "goshawk vehicle new" in said
     vehicle.save(tmp_path / "room" / "vehicle.toml", vehicle.example())
     assert "vehicle new" not in run("gcs", tmp_path / "room", code=2)
