@@ -15,7 +15,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # the command line compiles NumPy, SciPy and ours again, which is half of its CPU time.
 export PYTHONDONTWRITEBYTECODE :=
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-processors test-all mutate bench fuzz docs lint lock wheels clean
+.PHONY: help setup demo test test-quick test-processors test-all mutate bench fuzz docs lint lock wheels clean
 
 help:  ## what there is to make
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 18
@@ -29,6 +29,10 @@ demo: setup  ## map, plan, fly and learn on a rendered room; leaves the project 
 test:  ## set up and run the tests, on JOBS=2 processors
 	@tools/setup.sh browser
 	$(PYTHON) -m pytest $(WORKERS)
+
+PACKAGE ?= planner
+test-quick: setup  ## a minute of one package's tests, those that took least before: make test-quick PACKAGE=planner
+	$(PYTHON) -m pytest -q $(WORKERS) --quick tests/$(PACKAGE)
 
 # NumPy's vector paths that this processor has.
 NUMPY_FEATURES = from numpy._core._multiarray_umath import __cpu_dispatch__ as all, __cpu_features__ as has; \

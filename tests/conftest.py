@@ -17,6 +17,7 @@ from hypothesis import settings
 
 settings.register_profile("goshawk", deadline=None)  # no test asserts wall-clock times, Hypothesis' own limit included
 settings.load_profile("goshawk")
+pytest_plugins = ["tests.quick"]
 
 # A shell that starts the tests in the background has Ctrl-C ignored, and every child would inherit that.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
