@@ -1,6 +1,6 @@
-"""Pytest plugin of `make test-quick`: of the chosen tests the files that took least when they last ran, a minute of them.
+"""Pytest plugin of `make test-quick`: of the chosen tests' files those that took least before, a minute of them.
 
-Every run writes down what each file took, set-ups included; a file that never ran counts as taking nothing.
+Every run of whole files writes down what each took, set-ups included; one that never ran counts as taking nothing.
 """
 
 from collections import defaultdict
@@ -22,11 +22,10 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    cache = getattr(session.config, "cache", None)
-    whole = not session.config.getoption("keyword") and not session.shouldstop
-    if (
-        cache is not None and whole and not hasattr(session.config, "workerinput")
-    ):  # workers report to the first process
+    config, cache = session.config, session.config.cache
+    whole = not (config.getoption("keyword") or session.shouldstop or any("::" in place for place in config.args))
+    reports = not hasattr(config, "workerinput")  # workers report to the first process
+    if cache is not None and whole and reports:
         cache.set(KEY, {**cache.get(KEY, {}), **{file: round(took_s, 3) for file, took_s in _took_s.items()}})
 
 
