@@ -135,11 +135,15 @@ def evidence_for(found: Diagnosis, candidate: Candidate) -> "Figure":
 
 
 def follows(trace: FloatArray, residuals: Sequence[Residual]) -> str:
-    """The variable that a candidate's trace follows most: by the share of its variance between bins of the variable."""
+    """The variable that a candidate's trace follows most: by the share of its variance between bins of the variable.
+
+    Of those that the flights hold; a voltage, say, that was not recorded is NaN.
+    """
     shares = {}
     for variable in VARIABLE.values():
-        if variable.name not in NO_CAUSE:
-            _, mean, _ = drawing.binned(explained.read(residuals, variable), trace)
+        values = explained.read(residuals, variable)
+        if variable.name not in NO_CAUSE and np.isfinite(values).all():
+            _, mean, _ = drawing.binned(values, trace)
             shares[variable.name] = float(mean.var())
     return max(shares, key=lambda name: shares[name])
 

@@ -10,9 +10,10 @@ import sysid
 import vehicle
 from flight import FlightLog
 from sysid.diagnosis.evidence import explained
+from sysid.diagnosis.evidence.free_form import VARIABLE
 from sysid.estimator.result import CHANNELS
 from sysid.estimator.validation.comparison import Comparison, Residual
-from sysid.report import residual_plots, write_comparison
+from sysid.report import diagnosis_figures, residual_plots, write_comparison
 from tests.sysid import flying
 
 DAMPING = 0.002
@@ -93,6 +94,15 @@ def test_a_law_goes_on_beyond_the_range_that_was_flown(compared):
     mid = replace(slow.mid, velocity_body_m_s=3.0 * slow.mid.velocity_body_m_s)
     fast = replace(slow, mid=mid, velocity_body_m_s=3.0 * slow.velocity_body_m_s)
     assert share_of_v_x([with_force(slow, 0.1)], [with_force(fast, 0.1)]) > 0.95
+
+
+def test_a_trace_is_drawn_over_what_was_recorded_and_not_over_a_voltage_that_was_not(compared):
+    flights = [with_force(r, 0.1) for r in compared.residuals["lacking"]]
+    assert all(np.isnan(r.flight.battery_v).all() for r in flights)
+    trace = np.concatenate([r.means()[:, 0] for r in flights])
+    assert diagnosis_figures.follows(trace, flights) == "v_x"
+    drift = diagnosis_figures.follows(np.linspace(-1.0, 1.0, len(trace)), flights)
+    assert np.isfinite(explained.read(flights, VARIABLE[drift])).all()
 
 
 def test_noise_is_explained_by_nothing(compared):
