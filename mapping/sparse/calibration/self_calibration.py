@@ -102,7 +102,8 @@ def _tried(database: Path, images: ImageSet, signatures: list[np.ndarray], progr
         return None
     seen = colmap_model.observations(model, images)
     camera, error_px = seen.rig.cameras[0], _errors_px(seen)
-    if not 0.1 * camera.width < camera.focal_px[0] < 10.0 * camera.width:
+    shows_a_point = bool(np.isfinite(error_px).any())  # a lens that was bent out of shape may show none
+    if not shows_a_point or not 0.1 * camera.width < camera.focal_px[0] < 10.0 * camera.width:
         return None
     focal = next(f for f in calibration_trial.hold(seen).findings if f.candidate.kind is Kind.FOCAL)
     return Found(
