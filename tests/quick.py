@@ -22,7 +22,7 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    config, cache = session.config, session.config.cache
+    config, cache = session.config, _cache(session.config)
     whole = not (config.getoption("keyword") or session.shouldstop or any("::" in place for place in config.args))
     reports = not hasattr(config, "workerinput")  # workers report to the first process
     if cache is not None and whole and reports:
@@ -51,4 +51,10 @@ def within(budget_s: float, took_s: dict[str, float]) -> set[str]:
 
 
 def _known_s(config: pytest.Config) -> dict[str, float]:
-    return {} if config.cache is None else config.cache.get(KEY, {})
+    cache = _cache(config)
+    return {} if cache is None else cache.get(KEY, {})
+
+
+def _cache(config: pytest.Config) -> pytest.Cache | None:
+    """None under `-p no:cacheprovider`."""
+    return getattr(config, "cache", None)
