@@ -1,13 +1,14 @@
 """From a route to the fastest of several optimised paths: other starts of the descent, other uses of the heading."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 
 from flight import Progress, silent
+from planner._planner import StopFlag
 from planner.curve.minimum_snap import Spline
 from planner.gate.gate import AskGate
 from planner.optimise import descents, fastest
@@ -73,19 +74,23 @@ class Attempts:
             self._rough, self.start, self._route.waypoint, request, self._clearance_price
         )
         begin = problem.spline(problem.knots, durations)
+        if request.options.starts == 1:
+            return self._from_start(0, problem, begin, index, request)
+        stop = StopFlag() if request.stop is None else request.stop
+        request = replace(request, stop=stop)
 
-        def attempt(number: int) -> Path | None:
+        def attempt(number: int) -> Path | PlanInfeasibleError | None:
             try:
                 return self._from_start(number, problem, begin, index, request)
-            except PlanInfeasibleError:
-                if number == 0:
-                    raise
-                return None
+            except PlanInfeasibleError as error:
+                return error
 
-        if request.options.starts == 1:
-            return attempt(0)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            return _fastest(pool.map(attempt, range(request.options.starts)))
+            try:
+                return _fastest(list(pool.map(attempt, range(request.options.starts))))
+            except KeyboardInterrupt:
+                stop.set()  # or those that work would be waited for
+                raise
 
     def _from_start(
         self, number: int, problem: Problem, begin: Spline, index: np.ndarray, request: Request
@@ -93,7 +98,8 @@ class Attempts:
         """The path from one start of the descent: the first on its way that comes through the gate."""
         path = None
         for there in descents.starts(problem, begin, request.options.clearance_m, request.stop, number):
-            found = self._until_flyable(replace(problem, knots=there.knots), there.spline, index, request)
+            problem_there, progress = replace(problem, knots=there.knots), self._progress if number == 0 else silent
+            found = self._until_flyable(problem_there, there.spline, index, request, progress=progress)
             path = path if found is None else found
             if path is not None and path.report.passed:
                 break
@@ -103,7 +109,9 @@ class Attempts:
         assert bound.kept is not None
         problem = fastest.with_free_heading(bound.kept.problem, bound.waypoint, self._request.waypoints.yaw_rad)
         corrections = bound.kept.corrections.unpressed()
-        freed = self._until_flyable(problem, bound.kept.spline, bound.waypoint, self._request, corrections)
+        freed = self._until_flyable(
+            problem, bound.kept.spline, bound.waypoint, self._request, corrections, progress=self._progress
+        )
         return freed and replace(freed, optimum=replace(freed.optimum, spread=bound.optimum.spread))
 
     def _until_flyable(
@@ -113,16 +121,24 @@ class Attempts:
         index: np.ndarray,
         request: Request,
         corrections: Corrections | None = None,
+        *,
+        progress: Progress,
     ) -> Path | None:
         return fastest.until_flyable(
-            problem, spline, index, request, self._ask_gate, corrections=corrections, progress=self._progress
+            problem, spline, index, request, self._ask_gate, corrections=corrections, progress=progress
         )
 
 
-def _fastest(found: Iterator[Path | None]) -> Path | None:
-    """The fastest path that passes the gate, with the spread of all that do; else the first one."""
-    paths = [path for path in found if path is not None]
+def _fastest(found: Sequence[Path | PlanInfeasibleError | None]) -> Path | None:
+    """The fastest path that passes the gate, with the spread of all that do; else the first one.
+
+    Raises:
+        PlanInfeasibleError: as the first start, where none led to a path.
+    """
+    paths = [path for path in found if isinstance(path, Path)]
     passed = [path for path in paths if path.report.passed]
+    if not paths and isinstance(found[0], PlanInfeasibleError):
+        raise found[0]
     if not passed:
         return paths[0] if paths else None
     best = min(passed, key=lambda path: path.trajectory.duration_s)

@@ -209,19 +209,47 @@ def test_the_fastest_of_several_starts_is_kept_whatever_the_number_of_processors
     assert fingerprint(again.trajectory) == fingerprint(three.trajectory)
 
 
-def test_a_start_that_leads_nowhere_does_not_cost_the_plan(monkeypatch):
-    drone, asked = vehicle.example("rigter2019"), Waypoints(walk(6, 2), np.full(6, np.nan))
-    first, every = planner.plan(asked, SKY, drone), descents.starts
+def failing(which: set[int], error: BaseException):
+    """`descents.starts`, of which some fail."""
+    every = descents.starts
 
-    def only_the_first(problem, spline, clearance_m, stop, number):
-        if number:
-            raise planner.PlanInfeasibleError("nowhere", "start elsewhere")
+    def starts(problem, spline, clearance_m, stop, number=0):
+        if number in which:
+            raise error
         yield from every(problem, spline, clearance_m, stop, number)
 
-    monkeypatch.setattr(descents, "starts", only_the_first)
-    plan = planner.plan(asked, SKY, drone, planner.PlanOptions(starts=4))
-    assert fingerprint(plan.trajectory) == fingerprint(first.trajectory)
-    assert plan.spread == 0.0
+    return starts
+
+
+@pytest.mark.parametrize("lost", [{0}, {1, 2}])
+def test_starts_that_lead_nowhere_do_not_cost_the_plan(lost, monkeypatch):
+    drone, asked = vehicle.example("rigter2019"), Waypoints(walk(6, 2), np.full(6, np.nan))
+    nowhere = planner.PlanInfeasibleError("nowhere", "start elsewhere")
+    monkeypatch.setattr(descents, "starts", failing(lost, nowhere))
+    assert planner.plan(asked, SKY, drone, planner.PlanOptions(starts=3)).gate.passed
+    monkeypatch.setattr(descents, "starts", failing({0, 1, 2}, nowhere))
+    with pytest.raises(planner.PlanInfeasibleError, match="nowhere; start elsewhere"):
+        planner.plan(asked, SKY, drone, planner.PlanOptions(starts=3))
+
+
+def test_ctrl_c_ends_the_starts_that_work(monkeypatch):
+    drone, asked, flags = vehicle.example("rigter2019"), Waypoints(walk(6, 2), np.full(6, np.nan)), []
+    interrupted = failing({0}, KeyboardInterrupt())
+
+    def starts(problem, spline, clearance_m, stop, number=0):
+        flags.append(stop)
+        return interrupted(problem, spline, clearance_m, stop, number)
+
+    monkeypatch.setattr(descents, "starts", starts)
+    with pytest.raises(KeyboardInterrupt):
+        planner.plan(asked, SKY, drone, planner.PlanOptions(starts=3))
+    assert all(flag.is_set() for flag in flags)
+
+
+def test_the_progress_of_several_starts_never_goes_back():
+    drone, asked, told = vehicle.example("rigter2019"), Waypoints(walk(6, 2), np.full(6, np.nan)), []
+    planner.plan(asked, SKY, drone, planner.PlanOptions(starts=3), progress=lambda _, fraction: told.append(fraction))
+    assert told == sorted(told)
 
 
 @pytest.mark.parametrize("starts", [0, 9])
