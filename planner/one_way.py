@@ -12,12 +12,12 @@ from itertools import product
 import numpy as np
 
 from flight import FloatArray, Waypoints, portable
-from planner._planner import StopFlag
 from planner.gate import limits, visits
 from planner.optimise.fastest import Path
 from planner.request import space
 from planner.request.conditions import Conditions
-from planner.request.options import PlanInfeasibleError, PlanOptions
+from planner.request.options import PlanInfeasibleError
+from planner.request.request import Request
 from planner.route import routes
 
 _GAP = 0.05
@@ -31,7 +31,7 @@ _ATTEMPTS = 8
 _STEP_S = 1e-3
 """Crossings of openings are looked for between samples so far apart."""
 
-PlanAgain = Callable[[routes.Route, Waypoints, Conditions], Path]
+PlanAgain = Callable[[routes.Route, Request], Path]
 """The fastest path for another route, through other waypoints, under other conditions."""
 
 
@@ -62,32 +62,23 @@ class _Tried:
     number: int = 0
 
 
-def planned(
-    path: Path,
-    route: routes.Route,
-    waypoints: Waypoints,
-    asked: Conditions,
-    room: space.DistanceField,
-    options: PlanOptions,
-    plan_again: PlanAgain,
-    stop: StopFlag | None,
-) -> tuple[Path, routes.Route]:
+def planned(path: Path, route: routes.Route, request: Request, plan_again: PlanAgain) -> tuple[Path, routes.Route]:
     """A path that the gate refused, and its route, or others round the edges of gates that it passes backwards.
 
     Raises:
         PlanInfeasibleError: there is no way round an edge, or none of those that were tried passes the gate.
     """
-    points, tried = waypoints.positions_world_m, dict[int, _Tried]()
+    points, asked, tried = request.waypoints.positions_world_m, request.conditions, dict[int, _Tried]()
     wrong = faults(path, points, asked)
     for _ in range(_ATTEMPTS):
         if not wrong:
             break
         for i, fault in wrong.items():
-            _next_way(i, fault, tried, points, asked, room, options)
+            _next_way(i, fault, tried, request)
         try:
             chosen = {i: gate.ways[gate.number] for i, gate in tried.items()}
-            around, through, number, there = led_through(chosen, waypoints, asked, room, options, stop)
-            found = plan_again(around, through, there)
+            around, through, number = led_through(chosen, request)
+            found = plan_again(around, through)
         except PlanInfeasibleError:  # no way to such an opening; `wrong` stays what it was
             continue
         found = replace(found, waypoint=np.append(number, -1)[found.waypoint])
@@ -96,7 +87,7 @@ def planned(
         wrong = faults(found, points, asked) or wrong
     if wrong:
         i = min(wrong)
-        raise _refused(i, tried[i], asked, options)
+        raise _refused(i, tried[i], request)
     return path, route
 
 
@@ -121,24 +112,17 @@ def faults(path: Path, points_world_m: FloatArray, asked: Conditions) -> dict[in
     return found
 
 
-def _next_way(
-    i: int,
-    fault: Fault,
-    tried: dict[int, _Tried],
-    points_world_m: FloatArray,
-    asked: Conditions,
-    room: space.DistanceField,
-    options: PlanOptions,
-) -> None:
+def _next_way(i: int, fault: Fault, tried: dict[int, _Tried], request: Request) -> None:
     """Choose the next way round the edges of gate `i`: the first one if its fault is another than before."""
     old = tried.get(i)
     both = fault if old is None else Fault(old.fault.before or fault.before, old.fault.behind or fault.behind)
     if old is None or both != old.fault:
-        tried[i] = _Tried(both, ways(i, both, points_world_m, asked, room, options.waypoint_clearance_m))
+        points, free_m = request.waypoints.positions_world_m, request.options.waypoint_clearance_m
+        tried[i] = _Tried(both, ways(i, both, points, request.conditions, request.field, free_m))
     else:
         old.number += 1
     if tried[i].number >= len(tried[i].ways):
-        raise _refused(i, tried[i], asked, options)
+        raise _refused(i, tried[i], request)
 
 
 def ways(
@@ -180,23 +164,17 @@ def openings_beside(
     return found
 
 
-def led_through(
-    chosen: dict[int, Around],
-    waypoints: Waypoints,
-    asked: Conditions,
-    room: space.DistanceField,
-    options: PlanOptions,
-    stop: StopFlag | None,
-) -> tuple[routes.Route, Waypoints, np.ndarray, Conditions]:
+def led_through(chosen: dict[int, Around], request: Request) -> tuple[routes.Route, Request, np.ndarray]:
     """A route through openings chosen beside gates, as if they were waypoints, and what is asked along it.
 
     Returns:
-        The route, its (n,) waypoints, the index that each has among those given (-1: an opening), and the conditions.
+        The route, the request with its (n,) waypoints, and the index that each has among those given (-1: an opening).
 
     Raises:
         PlanInfeasibleError: there is no path to an opening.
     """
-    points, number, there = list(waypoints.positions_world_m), list(range(len(waypoints.yaw_rad))), asked
+    waypoints, there = request.waypoints, request.conditions
+    points, number = list(waypoints.positions_world_m), list(range(len(waypoints.yaw_rad)))
     for i in sorted(chosen, reverse=True):
         way = chosen[i]
         for at, opening in ((i + 1, way.behind), (i, way.before)):
@@ -209,10 +187,12 @@ def led_through(
             there.gate_edges_m[at] = opening[1:]
     own = np.array(number)
     through = Waypoints(np.array(points), np.where(own < 0, np.nan, waypoints.yaw_rad[own]))
-    return routes.find(through, room, options, stop), through, own, there
+    route = routes.find(through, request.field, request.options, request.stop)
+    return route, replace(request, waypoints=through, conditions=there), own
 
 
-def _refused(i: int, tried: _Tried, asked: Conditions, options: PlanOptions) -> PlanInfeasibleError:
+def _refused(i: int, tried: _Tried, request: Request) -> PlanInfeasibleError:
+    asked = request.conditions
     assert asked.gate_edges_m is not None
     gate = "the gate at the latter, {:.2f} m x {:.2f} m, is".format(*(2.0 * portable.length(asked.gate_edges_m[i])))
     if tried.ways:
@@ -221,8 +201,8 @@ def _refused(i: int, tried: _Tried, asked: Conditions, options: PlanOptions) -> 
         return PlanInfeasibleError(reason, "turn the gate, make it smaller, or move a waypoint beside it", i - 1)
     if tried.fault.before or tried.fault.behind:
         reason = (
-            f"{gate} passed backwards too, and on no side of it is {options.waypoint_clearance_m:.3f} m of clearance "
-            "to come round its edge"
+            f"{gate} passed backwards too, and on no side of it is {request.options.waypoint_clearance_m:.3f} m of "
+            "clearance to come round its edge"
         )
         return PlanInfeasibleError(reason, "turn the gate, make it smaller, or move the waypoints beside it", i - 1)
     return PlanInfeasibleError(f"{gate} not passed forwards within its opening", "turn the gate or enlarge it", i - 1)

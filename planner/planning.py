@@ -124,12 +124,12 @@ def from_scratch(request: Request, progress: Progress = silent) -> tuple[Path, r
 
     ask_gate = gate.judge(request)
 
-    def flyable(route: routes.Route, through: Waypoints, conditions: Conditions) -> Path:
-        return _flyable(route, replace(inside, waypoints=through, conditions=conditions), ask_gate, progress)
+    def flyable(route: routes.Route, inside: Request) -> Path:
+        return _flyable(route, inside, ask_gate, progress)
 
-    path = flyable(route, waypoints, asked)
+    path = flyable(route, inside)
     if not path.report.passed and asked.gate_edges_m is not None:
-        path, route = one_way.planned(path, route, waypoints, asked, room, options, flyable, request.stop)
+        path, route = one_way.planned(path, route, inside, flyable)
     check_stop(request.stop)
     progress("gate", 1.0)
     if not path.report.passed:

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import planner
+import vehicle
 from esdf import solids
 from flight import Trajectory, Waypoints
 from flight.mission import Gate, Laps, Mission, Stay
@@ -15,6 +16,7 @@ from planner import Conditions, PlanInfeasibleError, PlanOptions, mission, one_w
 from planner.curve import minimum_snap
 from planner.gate import gate
 from planner.optimise.fastest import Path
+from planner.request.request import Request
 from planner.route import routes
 
 LINE = np.array([[0.0, 0.0, 1.5], [3.0, 0.0, 1.5], [6.0, 0.5, 1.5], [9.0, 0.0, 1.5]])
@@ -214,7 +216,8 @@ def test_openings_are_inserted_in_order_among_the_waypoints_and_ask_for_no_headi
     headed, conditions = Waypoints(LINE, np.arange(4.0)), asked(LINE, Gate(1, 1.0, 0.8, np.pi), Gate(2, 1.0, 0.8, 3.0))
     both, before = one_way.Fault(True, True), one_way.Fault(True, False)
     chosen = {i: one_way.ways(i, fault, LINE, conditions, open_sky, 0.35)[0] for i, fault in ((1, both), (2, before))}
-    route, through, number, there = one_way.led_through(chosen, headed, conditions, open_sky, PlanOptions(0.2), None)
+    route, asked_there, number = one_way.led_through(chosen, request(headed, conditions, open_sky, PlanOptions(0.2)))
+    through, there = asked_there.waypoints, asked_there.conditions
     assert number.tolist() == [0, -1, 1, -1, -1, 2, 3]
     assert np.array_equal(through.yaw_rad, [0.0, np.nan, 1.0, np.nan, np.nan, 2.0, 3.0], equal_nan=True)
     assert np.array_equal(route.points[route.waypoint >= 0], through.positions_world_m)
@@ -228,6 +231,10 @@ TO_AND_FRO = np.array(
     [[0, 0, 1.5], [3, 0, 1.5], [3.6, 0.1, 1.5], [2.4, 0.1, 1.5], [3, 0, 1.5], [6, 0.5, 1.5], [9, 0, 1.5]]
 )
 """Through the gate forwards, backwards and forwards again."""
+
+
+def request(waypoints: Waypoints, conditions: Conditions, field, options: PlanOptions) -> Request:
+    return Request(waypoints, field, vehicle.example(), options, conditions)
 
 
 def curve(knots: np.ndarray, waypoint: list[int], conditions: Conditions, field, drone) -> Path:
@@ -271,9 +278,10 @@ def test_ways_are_tried_in_turn_and_both_legs_go_round_where_each_was_wrong_once
     good = flown(open_sky, drone, LINE, GATE)
     answers = [PlanInfeasibleError("none", "none"), *wrong[1:]]
 
-    def again(route, points, there):
-        through.append(points.positions_world_m)
-        own = [int(np.flatnonzero((points.positions_world_m == point).all(axis=1))[0]) for point in LINE]
+    def again(route, asked):
+        points = asked.waypoints.positions_world_m
+        through.append(points)
+        own = [int(np.flatnonzero((points == point).all(axis=1))[0]) for point in LINE]
         if len(through) <= len(answers):
             answer = answers[len(through) - 1]
             if isinstance(answer, PlanInfeasibleError):
@@ -283,7 +291,7 @@ def test_ways_are_tried_in_turn_and_both_legs_go_round_where_each_was_wrong_once
 
     route = routes.Route(LINE, np.arange(4))
     found, round_it = one_way.planned(
-        wrong[0], route, open_headings(LINE), conditions, open_sky, PlanOptions(0.2), again, None
+        wrong[0], route, request(open_headings(LINE), conditions, open_sky, PlanOptions(0.2)), again
     )
     assert found.report.passed
     assert found.waypoint.tolist() == [0, 3]
@@ -296,11 +304,11 @@ def test_a_gate_that_no_way_round_helps_is_refused_after_a_few(open_sky, drone):
     conditions, tried = asked(LINE, GATE), []
     wrong = curve(TO_AND_FRO, [0, 1, -1, -1, -1, 2, 3], conditions, open_sky, drone)
 
-    def again(route, points, there):
-        tried.append(points)
+    def again(route, asked):
+        tried.append(asked)
         raise PlanInfeasibleError("none", "none")
 
     route = routes.Route(LINE, np.arange(4))
     with pytest.raises(PlanInfeasibleError, match="none of 4 ways round its edges can be flown"):
-        one_way.planned(wrong, route, open_headings(LINE), conditions, open_sky, PlanOptions(0.2), again, None)
+        one_way.planned(wrong, route, request(open_headings(LINE), conditions, open_sky, PlanOptions(0.2)), again)
     assert len(tried) == 4

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import vehicle
 from esdf import solids
 from flight import Waypoints
 from flight.mission import Gate
@@ -10,6 +11,7 @@ from planner import Conditions, PlanInfeasibleError, PlanOptions, one_way
 from planner.curve import minimum_snap
 from planner.gate import gate
 from planner.optimise.fastest import Path
+from planner.request.request import Request
 from planner.route import routes
 
 CENTRE = np.array([1.0, 2.0, 3.0])
@@ -25,6 +27,10 @@ def asked(points: np.ndarray, *gates: Gate) -> Conditions:
     for there in gates:
         edges[there.waypoint] = there.edges_m
     return Conditions(gate_edges_m=edges)
+
+
+def request(waypoints: Waypoints, conditions: Conditions, field, options: PlanOptions) -> Request:
+    return Request(waypoints, field, vehicle.example(), options, conditions)
 
 
 def curve(knots, waypoint: list[int], points: np.ndarray, conditions: Conditions, field, drone) -> Path:
@@ -109,8 +115,8 @@ def attempts(open_sky, drone, *answers: Path) -> tuple[list[np.ndarray], PlanInf
     conditions, tried, left = asked(LINE[:3], Gate(1, 1.0, 0.8, 0.0)), [], list(answers)
     wrong = curve(BACK_AND_FORTH, [0, -1, -1, 1, -1, -1, 2], LINE[:3], conditions, open_sky, drone)
 
-    def again(route, points, there):
-        tried.append(points.positions_world_m)
+    def again(route, asked):
+        tried.append(asked.waypoints.positions_world_m)
         if left:
             return left.pop(0)
         raise PlanInfeasibleError("none", "none")
@@ -118,7 +124,7 @@ def attempts(open_sky, drone, *answers: Path) -> tuple[list[np.ndarray], PlanInf
     headed = Waypoints(LINE[:3], np.full(3, np.nan))
     route = routes.Route(LINE[:3], np.arange(3))
     try:
-        one_way.planned(wrong, route, headed, conditions, open_sky, PlanOptions(0.2), again, None)
+        one_way.planned(wrong, route, request(headed, conditions, open_sky, PlanOptions(0.2)), again)
     except PlanInfeasibleError as refusal:
         return tried, refusal
     return tried, None
@@ -151,14 +157,14 @@ def test_of_several_gates_the_first_one_is_named(open_sky, drone):
     both = one_way.Fault(True, True)
     assert one_way.faults(wrong, points, conditions) == {1: both, 2: both}
 
-    def again(route, points, there):
+    def again(route, asked):
         raise PlanInfeasibleError("none", "none")
 
     headed, route = Waypoints(points, np.full(4, np.nan)), routes.Route(points, np.arange(4))
     with pytest.raises(
         PlanInfeasibleError, match=r"1\.00 m x 0\.80 m, is passed backwards too, and none of 8"
     ) as refusal:
-        one_way.planned(wrong, route, headed, conditions, open_sky, PlanOptions(0.2), again, None)
+        one_way.planned(wrong, route, request(headed, conditions, open_sky, PlanOptions(0.2)), again)
     assert refusal.value.segment == 0
 
 
@@ -167,7 +173,7 @@ def test_a_path_that_no_gate_is_at_fault_for_is_returned_as_it_is(open_sky, dron
     path = curve(LINE, [0, 1, 2, 3], LINE, conditions, open_sky, drone)
     route = routes.Route(LINE, np.arange(4))
     headed = Waypoints(LINE, np.full(4, np.nan))
-    found = one_way.planned(path, route, headed, conditions, open_sky, PlanOptions(0.2), None, None)
+    found = one_way.planned(path, route, request(headed, conditions, open_sky, PlanOptions(0.2)), None)
     assert found == (path, route)
 
 
@@ -176,13 +182,13 @@ def test_a_gate_that_is_missed_between_waypoints_before_and_behind_it_has_no_way
     beside = curve(LINE + np.array([0.0, 2.0, 0.0]), [0, 1, 2, 3], LINE, conditions, open_sky, drone)
     headed, route = Waypoints(LINE, np.full(4, np.nan)), routes.Route(LINE, np.arange(4))
     with pytest.raises(PlanInfeasibleError, match="is not passed forwards within its opening") as refusal:
-        one_way.planned(beside, route, headed, conditions, open_sky, PlanOptions(0.2), None, None)
+        one_way.planned(beside, route, request(headed, conditions, open_sky, PlanOptions(0.2)), None)
     assert refusal.value.segment == 1
 
 
 @pytest.mark.parametrize("fault", [one_way.Fault(True, False), one_way.Fault(False, True), one_way.Fault(True, True)])
-def test_a_gate_without_room_on_any_side_is_refused_on_the_leg_before_it_whichever_leg_is_wrong(fault):
-    conditions, options = asked(LINE, Gate(2, 1.0, 0.8, 0.0)), PlanOptions(0.2)
-    refusal = one_way._refused(2, one_way._Tried(fault), conditions, options)
+def test_a_gate_without_room_on_any_side_is_refused_on_the_leg_before_it_whichever_leg_is_wrong(fault, open_sky):
+    conditions, headed = asked(LINE, Gate(2, 1.0, 0.8, 0.0)), Waypoints(LINE, np.full(4, np.nan))
+    refusal = one_way._refused(2, one_way._Tried(fault), request(headed, conditions, open_sky, PlanOptions(0.2)))
     assert "passed backwards too, and on no side of it is" in str(refusal)
     assert refusal.segment == 1
