@@ -102,6 +102,8 @@ def read(file: Path) -> tuple[str, Kept] | None:
         learned = file.with_suffix(".toml")
         parts = Screen(body["screen"])
         fitted = vehicle.load(learned) if body["vehicle"] else None
+        if fitted is not None and vehicle.vehicle_hash(fitted) != body["vehicle"]:
+            return None  # somebody changed the file: it is no result of these flights any more
         return body["key"], Kept(body["document"], parts, fitted, body["more"])
     except (FlightError, OSError, KeyError, TypeError):
         return None
@@ -114,7 +116,7 @@ def keep(kind: str, flight: Path, key: str, result: Kept) -> None:
         "key": key,
         "document": result.document,
         "screen": result.screen.parts,
-        "vehicle": result.vehicle is not None,
+        "vehicle": None if result.vehicle is None else vehicle.vehicle_hash(result.vehicle),
         "more": result.more,
     }
     try:

@@ -72,6 +72,13 @@ def test_a_damaged_file_is_as_if_it_were_not_there(flight, damage):
     assert kept.newest("diagnosis", [flight]) is None
 
 
+def test_a_fitted_vehicle_that_was_changed_by_hand_is_no_result_any_more(flight):
+    kept.keep("diagnosis", flight, key(flight), result(flight))
+    file = kept.place("diagnosis", flight, key(flight)).with_suffix(".toml")
+    vehicle.save(file, vehicle.load(file).with_value("mass_kg", 0.8))
+    assert kept.find("diagnosis", flight, key(flight)) is None
+
+
 def test_flights_of_a_project_have_their_results_in_the_project(flight):
     assert kept.folder(flight) == flight.parent / kept.FOLDER
     (flight.parents[1] / "project.toml").touch()
