@@ -48,11 +48,10 @@ def messages(node: ast.AST) -> Iterator[tuple[int, str]]:
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant):
             continue
-        text = literal(child) if isinstance(child, ast.expr) else None
-        if text is None:
-            yield from messages(child)
-        else:
+        if isinstance(child, ast.expr) and (text := literal(child)) is not None:
             yield child.lineno, text
+        else:
+            yield from messages(child)
 
 
 def too_long(source: str) -> list[str]:
