@@ -1,4 +1,4 @@
-"""The floors of docs/architecture.md: who may import whom. A climb fails here, by file and line."""
+"""The floors of docs/explain/architecture.md: who may import whom. A climb fails here, by file and line."""
 
 import ast
 import re

@@ -91,10 +91,10 @@ def test_links_and_pictures_of_a_page_lead_somewhere(page: Path):
 
 
 def test_the_gallery_shows_the_docstring_and_picture_of_every_example():
-    gallery = (ROOT / "docs" / "examples.md").read_text()
+    gallery = (ROOT / "docs" / "start" / "examples.md").read_text()
     for script in EXAMPLES:
         assert script.read_text().split('"""')[1].strip() in gallery, f"{script.name} says something else now"
-        assert f"../examples/{script.name}" in gallery
+        assert f"../../examples/{script.name}" in gallery
     assert gallery.count("![") == len(EXAMPLES)
 
 
@@ -110,7 +110,7 @@ def test_the_moving_picture_is_small_and_needs_no_script_and_no_network():
 
 
 def test_every_term_of_the_glossary_is_explained_in_a_few_lines():
-    lines = (ROOT / "docs" / "glossary.md").read_text().splitlines()
+    lines = (ROOT / "docs" / "reference" / "glossary.md").read_text().splitlines()
     starts = [i for i, line in enumerate(lines) if line.startswith(": ")]
     assert len(starts) >= 60
     for i in starts:
@@ -128,7 +128,7 @@ COINED = re.compile(
     r"|knows nothing|stands for|vehicle-sim)\b",
     re.IGNORECASE,
 )
-"""Words this project coined; docs/terms.md has the standard term for each."""
+"""Words this project coined; docs/reference/terms.md has the standard term for each."""
 COINED_NAMES = re.compile(
     r"\b(?:def|class) +\w*(suspect|crumb|obituary|look_alike|unseen|silence|stand_in|line_?up|wanted)"
 )
@@ -154,4 +154,4 @@ def test_coined_words_do_not_come_back():
         if path.name not in EARLIER_NAMES and "sysid" not in path.parts and "_build" not in path.parts
         for match in (*COINED.finditer(prose(path)), *COINED_NAMES.finditer(path.read_text()))
     ]
-    assert not found, "docs/terms.md has the standard terms for: " + "; ".join(found)
+    assert not found, "docs/reference/terms.md has the standard terms for: " + "; ".join(found)

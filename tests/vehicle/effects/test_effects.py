@@ -114,7 +114,7 @@ def test_a_missing_surrounding_is_named():
 
 
 def test_the_page_on_the_model_lists_the_whole_catalogue():
-    page = (Path(__file__).parents[3] / "docs" / "vehicle_model.md").read_text()
+    page = (Path(__file__).parents[3] / "docs" / "reference" / "vehicle_model.md").read_text()
     for effect in CATALOGUE.values():
         law = effect.law.replace("|", "\\|")
         assert f"| {effect.number or '-'} | `{effect.name}` | {law} |" in page
