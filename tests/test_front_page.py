@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+from tests.goshawk.test_grammar import VERBS, commands_in
 from tests.waiting import PATIENCE_S
 from tools import reference
 
@@ -71,6 +72,12 @@ def test_a_wrong_figure_in_the_readme_would_be_noticed(right: str, wrong: str):
     assert_same_result(printed, printed)
     with pytest.raises(AssertionError):
         assert_same_result(printed, printed.replace(right, wrong))
+
+
+def test_every_verb_is_shown_at_work_in_a_tutorial_or_a_how_to():
+    pages = [page.read_text() for kind in ("start", "how-to") for page in (ROOT / "docs" / kind).glob("*.md")]
+    shown = {tuple(words[1:n]) for words in commands_in("\n".join(pages)) for n in (2, 3, 4)}
+    assert not set(VERBS) - shown
 
 
 def anchors(page: Path) -> set[str]:
