@@ -13,6 +13,7 @@ from tests.goshawk.running import run
 from tests.journeys import inputs as journeys
 
 MadeOnce = Callable[[str, Callable[[Path], None]], Path]
+SURVEYED = "map_x_m,map_y_m,map_z_m,x_m,y_m,z_m"
 ROOT = Path(__file__).parents[2]
 
 
@@ -30,12 +31,36 @@ class Inputs:
         shutil.copytree(self._demo(), folder / "demo-out")
 
     def demo_map(self, folder: Path) -> None:
-        """The demo's map with its images, its vehicle, waypoints, and a second walk to find one's way by."""
+        """The demo's map with its images, its camera file, its vehicle and waypoints."""
         made = self._demo()
-        for name in ("map", "images"):
-            shutil.copytree(made / name, folder / name, dirs_exist_ok=True)
-        for name in ("vehicle.toml", "waypoints.json"):
-            shutil.copy(made / name, folder / name)
+        for name in ("map", "rendered"):
+            shutil.copytree(made / name, folder / name)
+        for name in ("vehicle.toml", "waypoints.json", "rendered/camera.toml"):
+            shutil.copy(made / name, folder)
+
+    def second_walk(self, folder: Path) -> None:
+        """A few of the images again, as somebody's who walks there later."""
+        for image in sorted((folder / "rendered").rglob("000?.png")):
+            place = folder / "walk" / image.relative_to(folder / "rendered")
+            place.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(image, place)
+
+    def surveyed(self, folder: Path) -> None:
+        """Points of the map, and where they were measured."""
+        points = ((0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (3.0, 2.0, 0.0), (0.0, 2.0, 1.0))
+        rows = [f"{x},{y},{z},{x + 10.0},{y - 4.0},{z + 2.0}" for x, y, z in points]
+        (folder / "surveyed.csv").write_text("\n".join([SURVEYED, *rows, ""]))
+
+    def two_maps(self, folder: Path) -> None:
+        """Two parts of that map that overlap."""
+        for name, box in (("hall", "-9,-9,-9,2,9,9"), ("corridor", "-2,-9,-9,9,9,9")):
+            run("map", "crop", folder / "map", "--box", box, "--out", folder / name)
+
+    def slow(self, folder: Path) -> None:
+        """A slow trajectory through the demo's waypoints."""
+        made = folder / "demo-out"
+        world = ("--map", made / "map", "--vehicle", made / "vehicle.toml")
+        run("plan", made / "waypoints.json", *world, "--speed", 3, "--out", folder / "slow.json")
 
     def _demo(self) -> Path:
         return self._made_once("documented_demo", lambda out: run("demo", "--out", out / "demo-out")) / "demo-out"

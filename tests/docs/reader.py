@@ -36,7 +36,7 @@ class Reader:
     def type(self, block: Block) -> None:
         """Run a block; fails with what the command said where it does not end well."""
         if block.language == "python":
-            self._python += block.text + "\n"
+            self._python += block.text.replace(PORT, self.port) + "\n"
             (self.folder / "typed.py").write_text(self._python)
             self._finish(f"{sys.executable} -W error typed.py")
             return

@@ -35,7 +35,7 @@ def test_every_block_runs_or_says_why_not(page: Path):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
-def test_commands_stand_in_fenced_blocks_only(page: Path):
+def test_no_command_is_set_as_an_indented_block(page: Path):
     """Indented ones would run nowhere."""
     indented = [line for line in page.read_text().splitlines() if line.startswith(("    goshawk ", "    python "))]
     assert not indented
