@@ -30,10 +30,6 @@ def block(language: str) -> str:
     return section.split(f"```{language}\n")[1].split("```")[0]
 
 
-def test_the_readme_takes_two_minutes_to_read():
-    assert len(README.split()) <= 700
-
-
 def test_the_readmes_ten_lines_run_and_print_what_it_shows(tmp_path: Path):
     program = block("python")
     assert len([line for line in program.splitlines() if line and not line.startswith(("import", "from"))]) <= 10
