@@ -371,7 +371,6 @@ WRITERS = [
     f"log fix rpm.parquet {V} --out new.parquet",
     "log import good.parquet --out new.parquet",
     "log draft-columns good.csv --out new.toml",
-    "log show good.csv",
     f"{FIT.format('good.parquet')} --hold-unidentifiable --anyway",
     "map edit add map --box 1,1,1,2,2,2",
     "map edit add map --box 1,1,1,2,2,2 --preview new.html",

@@ -1,6 +1,7 @@
 """Which program wrote a recording, by its content; its name decides only where the content does not."""
 
 import gzip
+import zlib
 from pathlib import Path
 
 from sysid.logs.readers import dataflash
@@ -48,7 +49,7 @@ def _head(path: Path) -> bytes:
         try:
             with gzip.open(path) as packed:
                 return packed.read(LOOKED_AT)
-        except (OSError, EOFError):
+        except (OSError, EOFError, zlib.error):
             return head
     return head
 
