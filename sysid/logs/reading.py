@@ -4,15 +4,15 @@ import tomllib
 from pathlib import Path
 
 from flight import FlightLog, FormatError, InputError, flight_log
-from sysid.logs.readers import draft_columns, draft_topics, read_ardupilot, read_bag, read_csv, read_ulog
+from sysid.logs.readers import draft_columns, draft_topics, read_ardupilot, read_bag, read_blackbox, read_csv, read_ulog
 from sysid.logs.readers.draft_columns import Draft
 from sysid.logs.readers.kinds import kind_of
 
 DRAFTED = "drafted"
 """Key of a log's metadata: what the columns of a file without a map were taken for, one sentence each."""
-READERS = {"ulog": read_ulog.read, "ardupilot": read_ardupilot.read}
+READERS = {"ulog": read_ulog.read, "ardupilot": read_ardupilot.read, "blackbox": read_blackbox.read}
 """Kinds that say themselves what their columns are."""
-KINDS = "PX4 (.ulg), ArduPilot (.BIN, .log), CSV, ROS (.bag, .mcap, .db3) or our own (.parquet)"
+KINDS = "PX4 (.ulg), ArduPilot (.BIN, .log), blackbox (.BBL, .BFL), CSV, ROS (.bag, .mcap, .db3) or our own (.parquet)"
 
 
 def read_log(path: Path, column_map: Path | None = None) -> FlightLog:

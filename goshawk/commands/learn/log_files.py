@@ -6,10 +6,12 @@ import click
 
 import firmware_bridge
 from flight import FlightLog, InputError, flight_log
+from flight.units import RAD_S_PER_RPM
 from goshawk.commands.learn import flights, log_exports, log_outputs
 from goshawk.commands.learn.flights import marked_file
 from goshawk.terminal import console, outputs
 from sysid.logs.checks.payload import PAYLOAD_CARRIED
+from sysid.logs.full_throttle import with_command_speeds
 
 flight_argument = click.argument("flight", type=click.Path(path_type=Path))
 
@@ -48,14 +50,17 @@ def export(
 @flight_argument
 @console.path_option("--out", "out", "Flight log (.parquet) to write.", required=True)
 @console.columns_option
+@click.option("--full-throttle", "full_rpm", type=float, help="Rotor speed at full throttle, rpm.")
 @outputs.overwrite_option
 @console.common_options
-def bring(flight: Path, out: Path, columns: Path | None, overwrite: bool, as_json: bool) -> None:
+def bring(
+    flight: Path, out: Path, columns: Path | None, full_rpm: float | None, overwrite: bool, as_json: bool
+) -> None:
     """Write another program's log in Goshawk's own format, as it is.
 
     \b
     goshawk log import flight.ulg --out flight.parquet
-    goshawk log import flight.csv --columns columns.toml --out flight.parquet
+    goshawk log import LOG00001.BFL --full-throttle 24000 --out flight.parquet
 
     `goshawk log fix` does the same and applies the fixes that its checks propose.
     """
@@ -64,6 +69,8 @@ def bring(flight: Path, out: Path, columns: Path | None, overwrite: bool, as_jso
     log_outputs.require_others(flight, out)
     outputs.check(out, overwrite=overwrite)
     log = flights.read(flight, columns)
+    if full_rpm is not None:
+        log = with_command_speeds(log, full_rpm * RAD_S_PER_RPM)
     with outputs.file(out, overwrite=overwrite) as temporary:
         flight_log.save(temporary, log)
     console.show("import", {"rows": len(log), "written": str(out)}, as_json=as_json)

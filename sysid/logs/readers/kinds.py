@@ -4,7 +4,7 @@ import gzip
 import zlib
 from pathlib import Path
 
-from sysid.logs.readers import dataflash
+from sysid.logs.readers import blackbox, dataflash
 
 LOOKED_AT = 1 << 16
 """Bytes from the beginning that are looked at."""
@@ -20,11 +20,12 @@ _ENDINGS = (
     ((".ulg",), "ulog"),
     ((".mcap", ".bag", ".db3"), "ros"),
     ((".bin",), "ardupilot"),
+    ((".bbl", ".bfl", ".bf"), "blackbox"),
 )
 
 
 def kind_of(path: Path) -> str:
-    """`parquet`, `ulog`, `ros`, `ardupilot`, `csv`; `unknown` for what is none of them.
+    """`parquet`, `ulog`, `ros`, `ardupilot`, `blackbox`, `csv`; `unknown` for what is none of them.
 
     Raises:
         OSError: it cannot be read.
@@ -37,6 +38,8 @@ def kind_of(path: Path) -> str:
         return by_magic
     if dataflash.is_binary(head) or dataflash.is_text(head):
         return "ardupilot"
+    if blackbox.is_blackbox(head):
+        return "blackbox"
     name = path.name.lower()
     by_name = next((kind for endings, kind in _ENDINGS if name.endswith(endings)), "")
     return by_name or ("csv" if _is_text(head) else "unknown")

@@ -38,7 +38,9 @@ class Writer:
             self.add("FMT", kind, self._formats[name].len, name.encode(), letters.encode(), fields.encode())
 
     def add(self, name: str, *values: Any) -> None:
-        self.content += DFMessage(self._formats[name], list(values), False, None).get_msgbuf()
+        packed = DFMessage(self._formats[name], list(values), False, None).get_msgbuf()
+        assert packed is not None, (name, values)
+        self.content += packed
 
 
 def _struct(letters: str) -> str:
