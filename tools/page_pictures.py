@@ -13,7 +13,7 @@ from PIL import Image
 
 from flight import InputError
 
-NAMES = ("ground_station", "ground_station_map")
+NAMES = ("ground_station",)
 SIZE = {"width": 1440, "height": 900}
 FLAGS = ("--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 """3D without a graphics card."""
@@ -22,7 +22,7 @@ _ADDRESS = re.compile(r"https?://\S+/\?token=\S+")
 
 
 def shots(demo: Path, name: str) -> Iterator[tuple[str, Image.Image]]:
-    """Name and image in both styles of the plan, or of the step Map.
+    """Name and image of the step Plan in both styles.
 
     Raises:
         InputError: there is no Chromium.
@@ -40,8 +40,6 @@ def shots(demo: Path, name: str) -> Iterator[tuple[str, Image.Image]]:
                 page.set_default_timeout(PATIENCE_MS)
                 page.goto(address)
                 page.get_by_text("Checked", exact=True).wait_for()
-                if name == "ground_station_map":
-                    page.get_by_role("button", name="Map").first.click()
                 page.wait_for_load_state("networkidle")
                 page.wait_for_timeout(20_000)  # the mesh comes in pieces, and nothing on the page says when it is whole
                 yield f"{name}_{style}", Image.open(io.BytesIO(page.screenshot()))

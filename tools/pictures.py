@@ -1,4 +1,4 @@
-"""Rebuilds docs/pictures: `make pictures`; `python tools/pictures.py DEMO NAME ...` for some of them.
+"""Rebuilds docs/pictures: `make pictures`; `python -m tools.pictures DEMO NAME ...` for some of them.
 
 DEMO is the folder of a finished `goshawk demo`. What is drawn in both styles is written as NAME_light.png and
 NAME_dark.png; every file stays below 150 kB, so that a page loads at once.
@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
-import page_pictures
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -25,6 +24,7 @@ from flight import InputError, file_format, flight_log, project, trajectory
 from goshawk import plot
 from goshawk.plot import flights, maps, plans
 from sysid.report import diagnosis_figures, drawing
+from tools import page_pictures
 
 ROOT = Path(__file__).parents[1]
 OUT = ROOT / "docs" / "pictures"
@@ -40,11 +40,11 @@ EXAMPLES = {
 }
 """Example to the picture of it in the gallery; 05 has `error_falls`."""
 SCRIPTS = {
-    "mixer_initial_value": "docs/firmware/mixer_fit.py",
-    "identification_cost": "benchmarks/identification_chart.py",
-    "ladder": "benchmarks/ladder.py",
+    "mixer_initial_value": ("docs/firmware/mixer_fit.py",),
+    "identification_cost": ("benchmarks/identification_chart.py", "docs/pictures/identification_cost.svg"),
+    "ladder": ("benchmarks/ladder.py", "--figure", "docs/pictures/ladder.svg"),
 }
-"""SVG to the script that measures and draws it, given `--figure FILE`; the last two take minutes."""
+"""SVG to the script that measures and draws it, and its arguments; the last two take minutes."""
 
 
 def hero(demo: Path, style: drawing.Style) -> Figure:
@@ -138,7 +138,7 @@ def small(image: Image.Image) -> bytes:
     """A PNG of as many colours as keep it below `MOST_BYTES`, at most 256.
 
     Raises:
-        InputError: 16 colours do not.
+        InputError: even 16 colours take more.
     """
     for colours in (256, 128, 64, 32, 16):
         data = io.BytesIO()
@@ -149,8 +149,12 @@ def small(image: Image.Image) -> bytes:
 
 
 def write(name: str, image: Image.Image) -> None:
-    file_format.write_bytes(OUT / f"{name}.png", small(image))
-    print(f"{name}.png  {(OUT / f'{name}.png').stat().st_size / 1000.0:.0f} kB")
+    keep(f"{name}.png", small(image))
+
+
+def keep(name: str, data: bytes) -> None:
+    file_format.write_bytes(OUT / name, data)
+    print(f"{name}  {len(data) / 1000.0:.0f} kB")
 
 
 def drawn(figure: Figure) -> Image.Image:
@@ -168,18 +172,29 @@ def rebuild(name: str, demo: Path) -> None:
             subprocess.run([sys.executable, ROOT / "examples" / f"{name}.py", folder], check=True)
             write(f"examples/{name}", Image.open(Path(folder) / EXAMPLES[name]))
     elif name in SCRIPTS:
-        subprocess.run([sys.executable, ROOT / SCRIPTS[name], "--figure", OUT / f"{name}.svg"], check=True)
+        subprocess.run([sys.executable, *SCRIPTS[name]], cwd=ROOT, check=True)
     else:
         for shot, image in page_pictures.shots(demo, name):
-            write(shot, image)
+            data = io.BytesIO()
+            image.convert("RGB").save(data, "WEBP", quality=80, method=6)  # few colours would cost the path its own
+            keep(f"{shot}.webp", data.getvalue())
 
 
+BY_HAND = {
+    "mesh_textured": "a wall of a map before and after `goshawk map texture`, in a viewer of meshes",
+    "ground_station_map": "the step Map with a box drawn, not yet applied",
+    "ground_station_import": "the step Map with an oblique slice and the form for images",
+    "ground_station_mission": "a mission with laps, a landing and a point to look at",
+    "ground_station_compare": "`moments.png` of tests/gcs_web/learning/test_learning_story.py",
+    "ground_station_learn": "`tried.png` of the same",
+}
+"""What is not rebuilt here, and what it shows."""
 NAMES = (*STYLED, *EXAMPLES, *page_pictures.NAMES, *SCRIPTS)
 
 
 def main() -> int:
     if len(sys.argv) < 2 or set(sys.argv[2:]) - set(NAMES):
-        print(f"usage: python tools/pictures.py DEMO [NAME ...]\nnames: {', '.join(NAMES)}", file=sys.stderr)
+        print(f"usage: python -m tools.pictures DEMO [NAME ...]\nnames: {', '.join(NAMES)}", file=sys.stderr)
         return 2
     for name in sys.argv[2:] or NAMES:
         rebuild(name, Path(sys.argv[1]))
