@@ -38,8 +38,11 @@ def slices(shown: Mapping[str, pictures.Slice], *, style: drawing.Style = "light
     full = max(map(_farthest, shown.values()))
     deepest = min(float(np.nanmin(_known(p), initial=0.0)) for p in shown.values())
     tallest = max(p.distance_m.shape[0] / p.distance_m.shape[1] for p in shown.values())
+    wide = 8.0 if len(shown) == 1 else 6.0  # a page shows a wide figure smaller, and its words with it
     with drawing.styled(style):
-        figure, axes = drawing.figure(1, len(shown), (8.0 * len(shown), float(np.clip(7.0 * tallest + 0.8, 2.5, 8.0))))
+        figure, axes = drawing.figure(
+            1, len(shown), (wide * len(shown), wide * float(np.clip(0.9 * tallest, 0.2, 0.9)) + 0.8)
+        )
         for panel, (title, picture) in zip(axes[0], shown.items(), strict=True):
             draw_slice(panel, picture, full)
             drawing.plain(panel, title, _label(picture.right_world_m), _label(picture.up_world_m))
