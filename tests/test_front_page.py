@@ -12,6 +12,7 @@ import pytest
 
 from goshawk.cli import VERBS
 from tests.waiting import PATIENCE_S
+from tools import reference
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -76,13 +77,13 @@ def test_the_readme_names_every_verb_and_no_other():
 
 def anchors(page: Path) -> set[str]:
     """What a link may name after `#`: the page's headings, as GitHub and Sphinx write them."""
-    headings = re.findall(r"^#+ (.+)$", page.read_text(), re.MULTILINE)
+    headings = re.findall(r"^#+ (.+)$", reference.expand(page.read_text()), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_and_pictures_of_a_page_lead_somewhere(page: Path):
-    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
+    for target in re.findall(r"\]\(([^)\s]+)\)", reference.expand(page.read_text())):
         if not target.startswith(("http:", "https:", "mailto:")):
             name, _, anchor = target.partition("#")
             goal = page.parent / name if name else page
