@@ -33,7 +33,7 @@ class Envelope:
     def sentence(self) -> str:
         """What was flown, and what that leaves open."""
         return (
-            f"flown envelope: {self.extent}; what acts only beyond it, or is smaller than what these flights detect, "
+            f"flown envelope: {self.extent}. What acts only beyond it, or is smaller than what these flights detect, "
             "cannot be excluded"
         )
 

@@ -169,9 +169,9 @@ def commands_on_time(flights: Iterable[Flight]) -> list[str]:
     if not any(flight.commands_on_time for flight in flights):
         return []
     return [
-        "rotor speed was not logged, and late or early commands are confounded with motor_lag: commands were taken to "
-        "be on time, so that the lag holds what they are off by; log rotor speed, or, if another recorder than the "
-        "gyro's stamped the commands, use `goshawk identify --estimate-command-delay`"
+        "rotor speed was not logged, and a delay of commands is confounded with motor_lag. Commands were taken to be "
+        "on time, so the lag includes their delay. Log rotor speed; if another recorder than the gyro's stamped the "
+        "commands, use `goshawk identify --estimate-command-delay`"
     ]
 
 
