@@ -15,7 +15,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # the command line compiles NumPy, SciPy and ours again, which is half of its CPU time.
 export PYTHONDONTWRITEBYTECODE :=
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-quick test-processors test-all mutate bench fuzz docs pictures lint lock wheels clean
+.PHONY: help setup demo test test-quick test-processors test-all mutate bench fuzz docs words pictures lint lock wheels clean
 
 help:  ## what there is to make
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 18
@@ -67,6 +67,9 @@ pictures: setup  ## the pictures of the docs, from the demo in DEMO_OUT, the exa
 	@tools/setup.sh browser
 	[ -d $(DEMO_OUT) ] || .venv/bin/goshawk demo --out $(DEMO_OUT)
 	$(PYTHON) -m tools.pictures $(DEMO_OUT)
+
+words: setup  ## words of README and docs beside their budgets
+	$(PYTHON) tools/word_budget.py
 
 lint: setup  ## ruff, clang-format, pyright; the slowest last
 	.venv/bin/ruff check .

@@ -258,5 +258,6 @@ def test_a_style_that_is_not_there_is_refused_by_name(plan):
 
 def test_the_same_drawing_makes_the_same_file(tmp_path, field):
     for suffix in ("svg", "png"):
-        first, second = (drawing.written(plot.distances(field), tmp_path / f"{i}.{suffix}").read_bytes() for i in range(2))
+        paths = [tmp_path / f"{i}.{suffix}" for i in range(2)]
+        first, second = (drawing.written(plot.distances(field), path).read_bytes() for path in paths)
         assert first == second
