@@ -63,13 +63,13 @@ fuzz: setup  ## feed the link and the state machine 1e8 inputs each (hours); HOU
 docs: setup  ## the documentation, as HTML in docs/_build
 	$(PYTHON) -m sphinx -W --keep-going -b html docs docs/_build
 
+words: setup  ## words of README and docs beside their budgets
+	$(PYTHON) tools/word_budget.py
+
 pictures: setup  ## the pictures of the docs, from the demo in DEMO_OUT, the examples and benchmarks (half an hour)
 	@tools/setup.sh browser
 	[ -d $(DEMO_OUT) ] || .venv/bin/goshawk demo --out $(DEMO_OUT)
 	$(PYTHON) -m tools.pictures $(DEMO_OUT)
-
-words: setup  ## words of README and docs beside their budgets
-	$(PYTHON) tools/word_budget.py
 
 lint: setup  ## ruff, clang-format, pyright; the slowest last
 	.venv/bin/ruff check .
