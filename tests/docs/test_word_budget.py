@@ -15,3 +15,10 @@ def test_pages_above_their_budget_are_named():
 def test_comments_and_fences_are_no_words(tmp_path):
     (tmp_path / "page.md").write_text("Two words\n<!-- run: map -->\n```text\ngoshawk demo\n```\n")
     assert word_budget.count(tmp_path / "page.md") == 4
+
+
+def test_a_table_that_a_tool_wrote_is_no_reading(tmp_path):
+    (tmp_path / "page.md").write_text(
+        "Two words\n\n<!-- written by a tool -->\n\n| a | b |\n|---|---|\n\nand three more\n"
+    )
+    assert word_budget.count(tmp_path / "page.md") == 5

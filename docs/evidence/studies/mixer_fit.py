@@ -1,6 +1,6 @@
 """Fits the constants of the mixer's initial value, prints the errors, draws the figure.
 
-python docs/firmware/mixer_fit.py     writes docs/pictures/mixer_initial_value.svg
+python docs/evidence/studies/mixer_fit.py     writes docs/pictures/mixer_initial_value.svg
 """
 
 from pathlib import Path
@@ -19,7 +19,7 @@ USED = (0.4614, 0.668, 0.395)
 """In firmware_bridge/controller/src/control/mixer.c."""
 NEWTON = (0.5, 1.0, 1.0)
 """One Newton step from the solution without lateral speed."""
-PICTURE = Path(__file__).parents[1] / "pictures" / "mixer_initial_value.svg"
+PICTURE = Path(__file__).parents[2] / "pictures" / "mixer_initial_value.svg"
 
 
 def induced_velocity(axial: Array, lateral2: Array) -> Array:
