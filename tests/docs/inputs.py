@@ -117,7 +117,7 @@ class Inputs:
 
     def logs(self, folder: Path) -> None:
         """Two flights of a vehicle with rotor drag, and where a page has them."""
-        (folder / "flights").mkdir()
+        (folder / "flights").mkdir(exist_ok=True)
         for name, log in (("a", journeys.lap()), ("b", journeys.other_flight())):
             flight_log.save(folder / f"{name}.parquet", log)
             flight_log.save(folder / "flights" / f"{name}.parquet", log)
