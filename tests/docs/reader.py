@@ -61,6 +61,7 @@ class Reader:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
+        self._serving.clear()
 
     def _here(self, line: str) -> str:
         """The line with this test's port in place of the usual one."""
