@@ -70,6 +70,8 @@ class Reader:
             line += f" --port {PORT}"
         elif "--url" in options and "--url" not in line and verb != ("gcs",):
             line += f" --url udp://127.0.0.1:{PORT}"
+        if "--yes" in options and "--yes" not in line:
+            line += " --yes"  # the reader confirms
         return line.replace(PORT, self.port)
 
     def start(self, line: str) -> None:
