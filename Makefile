@@ -15,7 +15,8 @@ export OPENBLAS_NUM_THREADS ?= 1
 # the command line compiles NumPy, SciPy and ours again, which is half of its CPU time.
 export PYTHONDONTWRITEBYTECODE :=
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-quick test-processors test-all mutate bench fuzz docs figures words pictures lint lock wheels clean
+.PHONY: help setup demo test test-quick test-processors test-all mutate bench fuzz docs figures words pictures lint lock wheels \
+  clean
 
 help:  ## what there is to make
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 18
