@@ -26,8 +26,9 @@ from numpy.typing import NDArray
 from flight import FlightLog
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
-from sysid.logs.checks.finding import Finding, Repair, error
+from sysid.logs.checks.finding import Finding, error
 from sysid.logs.checks.motion import GRID_S, LONGEST_S
+from sysid.logs.events.repair import Repair
 from vehicle import Vehicle
 
 WINDOW_S = 2.0
