@@ -285,7 +285,7 @@ def test_a_posix_controller_that_dies_loses_its_rotors_and_ends_the_program(posi
 
 # The documentation.
 
-PAGE = (ROOT / "docs" / "c_integration.md").read_text()
+PAGE = (ROOT / "docs" / "firmware" / "c_integration.md").read_text()
 THREE_FUNCTIONS = """\
 #include <stdlib.h>
 #include "goshawk_controller/link.h"

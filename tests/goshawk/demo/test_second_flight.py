@@ -22,7 +22,7 @@ from tests.goshawk.running import answer as goshawk
 
 ROOT = Path(__file__).parents[3]
 HALL = solids.Room((-7.0, -5.0, 0.0), (7.0, 5.0, 4.0))
-PAGE = ROOT / "docs" / "back_into_the_air.md"
+PAGE = ROOT / "docs" / "how-to" / "back_into_the_air.md"
 
 
 @pytest.fixture(scope="module")
