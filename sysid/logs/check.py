@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from flight import FlightLog, Progress, silent
+from flight import FlightLog, InputError, Progress, silent
 from sysid.logs.apply import apply
 from sysid.logs.checks import attitude, consistency, contact, samples
 from sysid.logs.checks.finding import Finding, error, warning
@@ -76,8 +76,11 @@ def check_log(log: FlightLog, vehicle: Vehicle | None = None, *, progress: Progr
 def _tried(finding: Finding, log: FlightLog, vehicle: Vehicle | None) -> Finding:
     """The finding without its repair, if that does not take it away."""
     assert finding.repair is not None
-    after = examine(apply(log, finding.repair), vehicle)
-    return finding if is_gone(finding, after) else replace(finding, repair=None, fix=f"unknown: not {finding.fix}")
+    try:
+        helps = is_gone(finding, examine(apply(log, finding.repair), vehicle))
+    except InputError:  # nothing would be left of the log
+        helps = False
+    return finding if helps else replace(finding, repair=None, fix="no change of the log that was tried mends it")
 
 
 def is_gone(finding: Finding, after: LogReport) -> bool:

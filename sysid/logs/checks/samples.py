@@ -69,7 +69,7 @@ def _unsplit(log: FlightLog) -> NDArray[np.bool_]:
 
 def _not_finite(log: FlightLog) -> list[Finding]:
     found = []
-    for name, values in log.columns.items():
+    for name, values in log.columns.items() if len(log) else ():
         bad = ~np.isfinite(values)
         if np.isinf(values).any():
             row = int(np.flatnonzero(np.isinf(values))[0])

@@ -107,7 +107,7 @@ def _jump(time_s: FloatArray, leap: Leap, turn: FloatArray, expected: FloatArray
 def _excursion(time_s: FloatArray, there: Leap, back: Leap, turn: FloatArray) -> Event:
     span = (float(time_s[there.before + 1]), float(time_s[back.after - 1]))
     sentence = (
-        f"the attitude is turned by {_words(turn)} from {span[0]:.3f} to {span[1]:.3f} s, and back: swapped or hidden "
+        f"the attitude jumps by {_words(turn)} at {span[0]:.3f} s, and back after {span[1]:.3f} s: swapped or hidden "
         "markers?"
     )
     size = float(np.rad2deg(_angle(turn)))

@@ -79,6 +79,6 @@ def _jump(time_s: FloatArray, leap: Leap, size: float, seen_by: str, expected: F
 
 def _excursion(time_s: FloatArray, there: Leap, back: Leap, size: float) -> Event:
     span = (float(time_s[there.before + 1]), float(time_s[back.after - 1]))
-    sentence = f"the position is {size:.3f} m elsewhere from {span[0]:.3f} to {span[1]:.3f} s, and back"
+    sentence = f"the position jumps by {size:.3f} m at {span[0]:.3f} s, and back after {span[1]:.3f} s"
     repair = Repair("blank", (*COLUMNS[QUANTITY], *COLUMNS["q_world_body"]), spans=(span,))
     return Event("position excursion", QUANTITY, span, size, "m", sentence, WAY_OUT_BLANK, certain=True, repair=repair)

@@ -26,6 +26,8 @@ KNOWN = {
 }
 """Message types that hold a pose, and where."""
 XYZ = ("x", "y", "z")
+LONG_AGO_NS = 10**12
+"""A recording that begins so late after the zero of its clock has no message at 0."""
 
 
 def read(path: Path, map_file: Path) -> FlightLog:
@@ -148,8 +150,9 @@ def _messages(path: Path, topics: set[str]) -> dict[str, tuple[str, FloatArray, 
 
 
 def _seconds(times_ns: list[int], first_ns: int) -> FloatArray:
-    """Times after the first; a stamp of 0 stays that, which no other can be."""
-    return np.array([1e-9 * (t - first_ns) if t else np.nan for t in times_ns], dtype=np.float64)
+    """Times after the first. On a clock that began long ago a stamp of 0 is none."""
+    unset = first_ns > LONG_AGO_NS
+    return np.array([np.nan if unset and not t else 1e-9 * (t - first_ns) for t in times_ns], dtype=np.float64)
 
 
 def _stream(name: str, entry: dict[str, Any], kind: str, time_s: FloatArray, messages: list[Any]) -> Stream:
