@@ -22,6 +22,7 @@ from sysid.logs.events import recording
 from sysid.logs.events.event import splits
 from sysid.logs.events.repair import Span
 from sysid.logs.events.stamps import longest_pause_s
+from sysid.logs.full_throttle import RATIOS
 from vehicle import Vehicle
 
 LEAD_IN_S = 0.3
@@ -118,6 +119,11 @@ def _source(log: FlightLog, name: str) -> _Source:
         missing = " and ".join(q for q in pose if not log.has(q))
         raise InputError(f"{name} has no {missing}; without them it needs both gyro and accelerometer")
     rotors = rotor_speed.QUANTITY if log.has(rotor_speed.QUANTITY) else motor.QUANTITY
+    if not log.has(rotors) and all(ratio in log.columns for ratio in RATIOS):
+        raise InputError(
+            f"{name} has motor commands from 0 to 1 and no rotor speed: give the speed at full throttle "
+            "(goshawk log import --full-throttle RPM)"
+        )
     if not log.has(rotors):
         raise InputError(
             f"{name} has no rotor_speed_rad_s and no rotor_speed_command_rad_s: something must drive the model; "

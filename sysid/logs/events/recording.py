@@ -10,7 +10,7 @@ from sysid.logs.events import attitude_leaps, clipped, frozen, position_leaps
 from sysid.logs.events.event import Event, of_log, splits
 from sysid.logs.events.repair import Span
 
-POSE = ("position_world_m", "q_world_body")
+POSE = POSITION, ATTITUDE = "position_world_m", "q_world_body"
 SAME_S = 0.05
 """A jump this close to a reset that the file's own counter shows is that reset."""
 
@@ -33,9 +33,9 @@ def leaps(log: FlightLog) -> list[Event]:
 def _leaps(log: FlightLog, still: Sequence[Event]) -> list[Event]:
     """What was frozen leaps when it goes on: that is no other event."""
     cuts = splits(log)
-    over = [*cuts, *(cut_out(log, event) for event in still if event.stream in POSE)]
+    over = {name: [*cuts, *(cut_out(log, event) for event in still if event.stream == name)] for name in POSE}
     resets = [event for event in of_log(log) if not event.done and not _split_there(event, cuts)]
-    found = [*attitude_leaps.find(log, over), *position_leaps.find(log, over)]
+    found = [*attitude_leaps.find(log, over[ATTITUDE]), *position_leaps.find(log, over[POSITION])]
     for k, reset in enumerate(resets):
         jump = next((event for event in found if _same(event, reset)), None)
         if jump is not None:  # its size is without what the vehicle itself moved
