@@ -9,7 +9,7 @@ from sysid.logs.events.event import KINDS
 from sysid.logs.events.stamps import PERIODS_S
 
 N, STEP_S = 1000, 0.01
-TIME_S = 5.0 + STEP_S * np.arange(N)
+TIME_S: np.ndarray = 5.0 + STEP_S * np.arange(N)
 
 
 def motion(time_s: np.ndarray, seed: int = 0) -> dict[str, np.ndarray]:
