@@ -8,7 +8,17 @@ from flight import FlightLog, rotations
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs.events.event import DETECTABLE_TURN_DEG, WAY_OUT_BLANK, WAY_OUT_SPLIT, Event
-from sysid.logs.events.leaps import Leap, around, integrated, leaps, outside, parted, steps_of, witness_counts
+from sysid.logs.events.leaps import (
+    EXPLAINED,
+    Leap,
+    around,
+    integrated,
+    leaps,
+    outside,
+    parted,
+    steps_of,
+    witness_counts,
+)
 from sysid.logs.events.repair import Repair, Span
 from sysid.logs.events.stamps import longest_pause_s
 
@@ -38,8 +48,8 @@ def find(log: FlightLog, over: Sequence[Span] = ()) -> list[Event]:
     left, gyro = turned - expected, _by_gyro(log, time_s)
     seen_by = "the turning before and after"
     if gyro is not None and witness_counts(turned - gyro, turned, left):
-        both = np.linalg.norm(turned - gyro, axis=1) < np.linalg.norm(left, axis=1)
-        left, seen_by = np.where(both[:, None], turned - gyro, left), "the gyro"
+        explained = np.linalg.norm(turned - gyro, axis=1) < EXPLAINED * np.linalg.norm(left, axis=1)
+        left, seen_by = np.where(explained[:, None], turned - gyro, left), "the gyro"
         expected = np.where(np.isfinite(gyro), gyro, expected)
     free = outside(log.time_s, rows[:-1], rows[1:], over)
     found = leaps(np.where(free[:, None], left, 0.0), step_s, least=2.0 * LEAST_RAD, longest_s=longest_pause_s(step_s))

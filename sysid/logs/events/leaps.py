@@ -27,6 +27,8 @@ MOST = 2000
 """Candidates that are looked at: a stream with more is noise or read wrongly, which other checks say."""
 RETURNED = 0.4
 """A leap is taken back when less than this share of it is left."""
+EXPLAINED = 0.4
+"""A step is a second sensor's too if that leaves less than this share of what the motion around leaves."""
 WITNESS = 0.5
 """A second sensor counts if it leaves at most this share of what moves; or as little as the motion around does."""
 

@@ -8,7 +8,17 @@ from flight import FlightLog
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs.events.event import DETECTABLE_JUMP_M, WAY_OUT_BLANK, WAY_OUT_SPLIT, Event
-from sysid.logs.events.leaps import Leap, around, integrated, leaps, outside, parted, steps_of, witness_counts
+from sysid.logs.events.leaps import (
+    EXPLAINED,
+    Leap,
+    around,
+    integrated,
+    leaps,
+    outside,
+    parted,
+    steps_of,
+    witness_counts,
+)
 from sysid.logs.events.repair import Repair, Span
 from sysid.logs.events.stamps import longest_pause_s
 
@@ -37,9 +47,10 @@ def find(log: FlightLog, over: Sequence[Span] = ()) -> list[Event]:
     left, by_velocity = moved - expected, _by_velocity(log, time_s)
     seen_by = "the motion before and after"
     if by_velocity is not None and witness_counts(moved - by_velocity, moved, left):
-        smaller = np.linalg.norm(moved - by_velocity, axis=1) < np.linalg.norm(left, axis=1)
-        left, seen_by = np.where(smaller[:, None], moved - by_velocity, left), "the velocity"
-        expected = np.where(np.isfinite(by_velocity), by_velocity, expected)
+        # a velocity that was differentiated from the position jumps by half as much with it
+        explained = np.linalg.norm(moved - by_velocity, axis=1) < EXPLAINED * np.linalg.norm(left, axis=1)
+        left, seen_by = np.where(explained[:, None], moved - by_velocity, left), "the velocity"
+        expected = np.where(explained[:, None], by_velocity, expected)
     free = outside(log.time_s, rows[:-1], rows[1:], over)
     left = np.where(free[:, None], left, 0.0)
     found = leaps(left, step_s, least=2.0 * LEAST_M, longest_s=longest_pause_s(step_s))
