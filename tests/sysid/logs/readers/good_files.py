@@ -21,7 +21,7 @@ RENAMED = (b"x", b"TimeUS", b"time", b"motor[0]", b"", b"\xff\xfe", b"ATT", b"1e
 
 def flight() -> FlightLog:
     """A second of smooth motion."""
-    time_s = 0.01 * np.arange(100)
+    time_s = np.linspace(0.0, 0.99, 100)
     wave = np.stack([np.sin(3.0 * time_s + k) for k in range(3)], axis=1)
     vectors = {
         "position_world_m": wave + np.array([0.0, 0.0, 2.0]),
@@ -83,6 +83,6 @@ def mutated(content: bytes, rng: np.random.Generator, *, text: bool) -> bytes:
         data = bytearray(b"\n".join(lines))
     else:
         words = data.split(b",")
-        words[int(rng.integers(min(len(words), 30)))] = RENAMED[int(rng.integers(len(RENAMED)))]
+        words[int(rng.integers(min(len(words), 30)))] = bytearray(RENAMED[int(rng.integers(len(RENAMED)))])
         data = bytearray(b",".join(words))
     return bytes(data)
