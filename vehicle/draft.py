@@ -42,6 +42,8 @@ ORDER = {
     "+": "front (clockwise unless --props-out), left, rear, right, neighbours opposite",
 }
 """Rotors 0 to 3 of `layout`, in words."""
+LEAST_AUTHORITY = 0.2
+"""Smallest singular value of lift and torques by rotor, arms scaled to one; a square X has 1.4."""
 USUAL_SPINS = (-1.0, 1.0, -1.0, 1.0)
 """Front left clockwise, seen from above; neighbours turn opposite ways."""
 TURNS = {-1: "clockwise", 1: "counter-clockwise"}
@@ -56,6 +58,8 @@ class Known:
     mass_kg: Parameter | None = None
     hub_body_m: FloatArray | None = None
     """(4, 3) from the centre of mass."""
+    arm_known: bool = True
+    """False: only the directions of the hubs are known, not how far they are."""
     spin: FloatArray | None = None
     """(4,) +1 turns counter-clockwise seen from above."""
     rotor_radius_m: Parameter | None = None
@@ -94,9 +98,10 @@ def spins(known: Known) -> FloatArray:
 
 def missing(known: Known) -> list[str]:
     """The data that no formula can estimate: a description of each, with the option that sets it."""
+    hubs = known.hub_body_m if known.arm_known else None
     required = {
         "the mass (--mass, kg: weigh it ready to fly)": known.mass_kg,
-        "where the rotors are (--arm, metres from the centre to a motor)": known.hub_body_m,
+        "where the rotors are (--arm, metres from the centre to a motor)": hubs,
         "the propeller's diameter (--prop-diameter, metres)": known.rotor_radius_m,
     }
     return [description for description, value in required.items() if value is None]
@@ -129,6 +134,7 @@ def draft(known: Known) -> Vehicle:
     if hover_rad_s is not None:
         _check_propellers(known.mass_kg.value, hover_rad_s, radius_m, body["air_density_kg_m3"].value)
     spin = spins(known)
+    require_controllable(known.hub_body_m, spin)
     return Vehicle(
         name=known.name or "my-vehicle",
         parameters=body | acting,
@@ -138,6 +144,27 @@ def draft(known: Known) -> Vehicle:
         limits=_limits(known, hover_rad_s),
         provenance={"made_by": "goshawk vehicle new", "notes": list(known.notes)},
     )
+
+
+def require_controllable(hub_body_m: FloatArray, spin: FloatArray) -> None:
+    """Refuse rotors that cannot hold a level hover and turn about all axes: in another order or unit.
+
+    Raises:
+        InputError: an arm of another unit, spins alike, or a torque that cannot be made.
+    """
+    arms = np.hypot(hub_body_m[:, 0], hub_body_m[:, 1])
+    if not (arms.min() >= 1e-3 and arms.max() <= 10.0):
+        raise InputError(f"arms of {arms.min():.4g} to {arms.max():.4g} m are not from 0.001 to 10 m; give --arm")
+    turns = ", ".join(TURNS[int(s)] for s in spin)
+    if abs(spin.sum()) > 0.0:
+        raise InputError(f"rotors 0 to 3 turn {turns}; two each way are needed to hold the heading: mend the spins")
+    x, y = (hub_body_m[:, :2] / arms.max()).T
+    efforts = np.stack([np.ones(4), y, -x, -spin])
+    if np.linalg.svd(efforts, compute_uv=False)[-1] < LEAST_AUTHORITY:
+        raise InputError(
+            f"rotors 0 to 3 turn {turns} at {np.round(hub_body_m[:, :2], 4).tolist()} m: they cannot lift and turn "
+            "about all three axes; neighbours turn opposite ways: mend places or spins"
+        )
 
 
 def _check_propellers(mass_kg: float, hover_rad_s: float, radius_m: float, density_kg_m3: float) -> None:
@@ -248,7 +275,7 @@ def _limits(known: Known, hover_rad_s: float | None) -> Limits:
             f"at its fastest rotor speed, {fastest:.0f} rad/s ({fastest / RAD_S_PER_RPM:.0f} rpm), it does not lift "
             f"its weight: hover takes {hover_rad_s:.0f} rad/s with this mass and thrust; check all three"
         )
-    slowest = known.rotor_speed_min_rad_s if known.rotor_speed_min_rad_s is not None else _short(usual_min)
+    slowest = known.rotor_speed_min_rad_s or _short(usual_min)  # rotors that stop cannot be controlled
     return Limits(
         gentle.speed_m_s,
         gentle.acceleration_m_s2,

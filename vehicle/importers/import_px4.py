@@ -25,6 +25,8 @@ def read(path: Path) -> Known:
     """
     values = parameters(path)
     count = values.get("CA_ROTOR_COUNT")
+    if count is not None and 0.0 < count < 1e-40:  # an integer saved as the bits of a float
+        count = float(round(count / 2.0**-149))
     if count is None and "CA_ROTOR0_PX" not in values:
         raise InputError(
             f"{path} has no CA_ROTOR0_PX: its PX4 is older than 1.13 or geometry was never set; give --arm and --frame"
@@ -75,12 +77,18 @@ def parameters(path: Path) -> dict[str, float]:
             f"{path} is not text: save the parameters from QGroundControl (Tools, Save to file), not from the SD card"
         ) from None
     found: dict[str, float] = {}
+    senders: dict[str, str] = {}
     for number, line in enumerate(lines, 1):
         words = line.replace(",", " ").replace("=", " ").split()
         if not words or words[0].startswith("#"):
             continue
-        name, value = (words[2], words[3]) if len(words) >= 4 and words[0].isdigit() else (words[0], words[-1])
+        numbered = len(words) >= 4 and words[0].isdigit()
+        name, value = (words[2], words[3]) if numbered else (words[0], words[-1])
         try:
+            if numbered and senders.setdefault(name, words[0]) != words[0]:
+                raise InputError(
+                    f"{path} holds {name} of vehicles {senders[name]} and {words[0]}; keep the lines of one"
+                )
             found[name] = float(value)
         except ValueError:
             raise FormatError(f"{path}, line {number}: {value!r} is not the number of a parameter") from None

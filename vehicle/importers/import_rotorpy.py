@@ -77,6 +77,10 @@ def read(path: Path) -> Known:
     notes = [
         f"rotors 0 to 3 are r1 to r4 of {path.name}; its rotor_directions are torques on the body, so spins are turned"
     ]
+    if given.get("rotor_speed_min") == 0:
+        notes.append(
+            "rotor_speed_min is 0: a fifth of the hover speed is written, as rotors that stop cannot be controlled"
+        )
     if products := [name for name in ("Ixy", "Ixz", "Iyz") if given.get(name)]:
         notes.append(f"{', '.join(products)} were not taken over: add the effect products_of_inertia")
     radius = Parameter(number("rotor_radius"), 0.0, "m", source) if "rotor_radius" in given else None

@@ -41,7 +41,9 @@ RANGES = {
 @click.option("--hover-rpm", type=float, help="Rotor speed in hover, if known: gives a much better thrust coefficient.")
 @click.option("--max-rpm", type=float, help="Fastest rotor speed, if known.")
 @click.option("--name", help="Name: of the vehicle [default: the file's name].")
-@console.path_option("--import", "source", "Import from PX4 (.params, .ulg), RotorPy (.py) or URDF (.urdf).")
+@console.path_option(
+    "--import", "source", "Import from a file of PX4, ArduPilot, Betaflight, RotorPy, URDF or drone-models."
+)
 @outputs.overwrite_option
 @console.common_options
 def new(
@@ -92,18 +94,29 @@ def new(
 
 def imported(path: Path) -> Known:
     """Data of another program's file; the suffix determines the format."""
-    from vehicle.importers import import_px4, import_rotorpy, import_urdf
+    from vehicle.importers import (
+        import_ardupilot,
+        import_betaflight,
+        import_drone_models,
+        import_px4,
+        import_rotorpy,
+        import_urdf,
+    )
 
+    suffix = path.suffix.lower()
+    if suffix in (".params", ".param", ".parm"):
+        return (import_ardupilot if import_ardupilot.is_ardupilot(path) else import_px4).read(path)
     readers = {
-        ".params": import_px4.read,
-        ".param": import_px4.read,
         ".ulg": import_px4.read,
         ".py": import_rotorpy.read,
         ".urdf": import_urdf.read,
+        ".txt": import_betaflight.read,
+        ".toml": import_drone_models.read,
     }
-    reader = readers.get(path.suffix.lower())
+    reader = readers.get(suffix)
     if reader is None:
-        raise InputError(f"--import {path}: the suffix must be one of {', '.join(readers)}, which identify the format")
+        endings = ", ".join((".params", ".param", *readers))
+        raise InputError(f"--import {path}: the suffix must be one of {endings}, which identify the format")
     return reader(path)
 
 
@@ -141,12 +154,13 @@ def with_options(
         own_m = float(np.hypot(known.hub_body_m[:, 0], known.hub_body_m[:, 1]).mean())
         draft.layout(arm_m, "x")  # refuses an impossible arm
         note = f"rotor places were scaled from a mean arm of {own_m:.4g} m to the given {arm_m:g} m"
+        note = note if known.arm_known else f"rotor places are at the given arm of {arm_m:g} m"
         hubs = np.round(known.hub_body_m * (arm_m / own_m), 6)
-        known = replace(known, hub_body_m=hubs, notes=(*known.notes, note))
+        known = replace(known, hub_body_m=hubs, arm_known=True, notes=(*known.notes, note))
     elif arm_m is not None:
         hubs, spin = draft.layout(arm_m, frame or "x")
         note = f"defaults to check against your vehicle: {frame or 'x'} frame; rotors {draft.ORDER[frame or 'x']}"
-        known = replace(known, hub_body_m=hubs, spin=spin, notes=(*known.notes, note))
+        known = replace(known, hub_body_m=hubs, arm_known=True, spin=spin, notes=(*known.notes, note))
     elif frame is not None and known.hub_body_m is not None:
         raise click.UsageError("--frame replaces the imported places of the rotors: give --arm too")
     if hover_rpm is not None:
@@ -166,7 +180,7 @@ def _asked(known: Known, frame: str | None) -> Known:
     if known.mass_kg is None:
         grams = click.prompt("Mass ready to fly, in grams", type=click.FloatRange(1.0, 1e6), err=True)
         known = with_options(known, grams / 1000.0, None, None, None, None, None)
-    if known.hub_body_m is None:
+    if known.hub_body_m is None or not known.arm_known:
         frame = frame or click.prompt("Frame", type=click.Choice(draft.FRAMES), default="x", err=True)
         arm = click.prompt("From the centre to a motor, in millimetres", type=click.FloatRange(1.0, 1e4), err=True)
         known = with_options(known, None, arm / 1000.0, frame, None, None, None)

@@ -55,7 +55,8 @@ def flights(content: bytes) -> list[tuple[int, int]]:
     while at >= 0:
         starts.append(at)
         at = content.find(START, at + 1)
-    return list(zip(starts, [*starts[1:], len(content)], strict=True))
+    ends = [*starts[1:], len(content)] if starts else []
+    return list(zip(starts, ends, strict=True))
 
 
 def read(path: Path, content: bytes, begin: int, end: int) -> Recorded:

@@ -120,26 +120,25 @@ def _opened(path: Path) -> Iterator[Any]:
 
     if not path.exists():
         raise InputError(f"{path} does not exist")
-    if path.is_file() and is_cut_database(path):
-        yield salvage(path, "the database is cut")
-        return
+    reader: Any = None
+    if not (path.is_file() and is_cut_database(path)):
+        try:
+            reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+            reader.open()
+        except Exception as error:  # rosbags raises whatever its parsers stumble over
+            reader = salvage(path, " ".join(str(error).split()) or type(error).__name__)
     try:
-        reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
-        reader.open()
-    except Exception as error:  # rosbags raises whatever its parsers stumble over
-        yield salvage(path, " ".join(str(error).split()) or type(error).__name__)
-        return
-    try:
-        yield reader
+        yield reader if reader is not None else salvage(path, "the database is cut")
     except FlightError:
         raise
     except Exception as error:
         said = " ".join(str(error).split()) or type(error).__name__
         raise FormatError(
-            f"{path} is a damaged ROS recording: {said}; `ros2 bag reindex` or `rosbag fix` may help"
+            f"{path} is a damaged ROS recording: {said}; copy it again, or mend it (`ros2 bag reindex`, `rosbag fix`)"
         ) from error
     finally:
-        reader.close()
+        if isinstance(reader, AnyReader):
+            reader.close()
 
 
 def _messages(path: Path, topics: set[str]) -> tuple[dict[str, tuple[str, FloatArray, list[Any]]], str]:

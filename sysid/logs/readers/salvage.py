@@ -206,15 +206,20 @@ def _unpacked(name: str, data: bytes, size: int) -> bytes:
         return data
     if size > LARGEST_CHUNK:
         raise ValueError(size)
-    if name == "bz2":
-        return bz2.BZ2Decompressor().decompress(data, LARGEST_CHUNK)
-    if name == "lz4":
-        import lz4.frame
+    try:
+        if name == "bz2":
+            return bz2.BZ2Decompressor().decompress(data, LARGEST_CHUNK)
+        if name == "lz4":
+            import lz4.frame
 
-        return lz4.frame.LZ4FrameDecompressor().decompress(data, size)
-    import zstandard
+            return lz4.frame.LZ4FrameDecompressor().decompress(data, size)
+        import zstandard
 
-    return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+        return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+    except ImportError:
+        raise
+    except Exception as error:  # each library has errors of its own
+        raise ValueError(name) from error
 
 
 def is_cut_database(path: Path) -> bool:
