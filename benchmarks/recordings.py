@@ -238,7 +238,7 @@ def false_events(flights: list[FlightLog], data: Path | None) -> None:
 def fits(flights: list[FlightLog], folder: Path) -> None:
     """Parameters after the repair against those of the clean log, in stated standard errors of the clean fit."""
     model, off = vehicle.example("rigter2019"), []
-    options = sysid.Options(gusts="white")
+    options = sysid.Options(gusts="white", gaps="split")
     for log in flights:
         base = files.recorded(log)
         clean = sysid.identify([files.FORMATS["ulog"](folder, base)], model, options)
