@@ -128,7 +128,7 @@ ASSURE = _module(ROOT / "tools" / "assure.py")
 def _target() -> list[report.Row]:
     """Instructions, stack, memory and flash on a Cortex-M4F, all of one build; nothing when the tools are missing.
 
-    Instructions, not cycles: QEMU models no pipeline and no wait states. All functions: docs/controller_cost.md.
+    Instructions, not cycles: QEMU models no pipeline and no wait states. All functions: docs/firmware/cost.md.
     """
     if not (shutil.which("arm-none-eabi-gcc") and shutil.which("qemu-system-arm") and shutil.which("cmake")):
         print("no arm-none-eabi-gcc, qemu-system-arm or cmake: the Cortex-M rows are left out")

@@ -313,7 +313,9 @@ def main() -> None:
     name, work = SETS[chosen.set]
     folder = chosen.data / name
     if not folder.is_dir():
-        sys.exit(f"{folder} does not exist; give the folder of the logs with --data (sources: docs/real_logs_*.md)")
+        sys.exit(
+            f"{folder} does not exist; give the folder of the logs with --data (sources: docs/evidence/studies/real_logs_*.md)"
+        )
     if chosen.no_fit:
         plain_gains(folder)
         return

@@ -22,8 +22,8 @@ class SampledField(ABC):
     """The queries that every field answers, however it stores its values.
 
     Between centres the value is trilinear. The exact distance d(p) to the solid voxels and the value f(p) obey
-    |f - d| <= half a voxel's diagonal, and, where f > 0, d >= sqrt(f^2 - half_diagonal^2) (see docs/distance_field.md):
-    at 0.5 m from a wall in 5 cm voxels that is 2 mm.
+    |f - d| <= half a voxel's diagonal, and, where f > 0, d >= sqrt(f^2 - half_diagonal^2):
+    at 0.5 m from a wall in 5 cm voxels that is 2 mm (docs/explain/distance_field.md).
     """
 
     grid: Grid
@@ -92,7 +92,7 @@ class SampledField(ABC):
         """A lower bound on the exact distance from each point to the solid voxels (at most `cap_m`), (n,).
 
         Squared distance minus |p|^2 is concave (a minimum of affine functions), so interpolation never overestimates
-        it; what that costs is at most a quarter of the voxel's squared diagonal. See docs/distance_field.md.
+        it; what that costs is at most a quarter of the voxel's squared diagonal. See docs/explain/distance_field.md.
         """
         points = checked_points(points_world_m)
         return self.proven_from_value(points, self.distance(points))

@@ -93,9 +93,9 @@ class Grid:
         if counts.prod() > MAX_VOXELS:
             fitting_m = 1.01 * voxel_m * (counts.prod() / MAX_VOXELS) ** (1 / 3)
             raise InputError(
-                f"a box of {' x '.join(f'{edge_m:.4g}' for edge_m in high - low)} m at {voxel_m:g} m has "
-                f"{counts.prod():.3g} voxels; at most {MAX_VOXELS:.3g}: take voxels of {fitting_m:.2g} m, or correct "
-                "the lengths if the box is too large"
+                f"a box of {' x '.join(f'{edge_m:.4g}' for edge_m in high - low)} m at {voxel_m:g} m is "
+                f"{counts.prod():.3g} voxels; at most {MAX_VOXELS:.3g}: take voxels of {fitting_m:.2g} m, or less "
+                "space"
             )
         return Grid(tuple(first * voxel_m), (voxel_m, voxel_m, voxel_m), tuple(counts.astype(int)))
 

@@ -1,15 +1,13 @@
-"""Looking at a field: slices in any direction, iso-surfaces as meshes, a histogram."""
+"""Looking at a field: slices in any direction, iso-surfaces as meshes, a histogram. `goshawk.plot` draws them."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from esdf.field import OUTSIDE, UNMAPPED, Field, SampledField
-from flight import FloatArray, InputError, file_format
+from esdf.field import Field, SampledField
+from flight import FloatArray, InputError
 
 Axis = Literal["x", "y", "z"]
 
@@ -132,57 +130,6 @@ def colours(distance_m: FloatArray, *, full_m: float = 2.0) -> NDArray[np.uint8]
     rgb = np.concatenate([np.interp(d, anchors, palette[:, channel]) for channel in range(3)], axis=-1)
     rgb[np.isnan(distance_m)] = 128
     return np.rint(rgb).astype(np.uint8)
-
-
-def write_slice(path: Path, picture: Slice, *, title: str = "") -> None:
-    """A PNG with scale bar in metres and contour lines; the zero contour is the surface."""
-    write_slices(path, {title: picture})
-
-
-def write_slices(path: Path, pictures: Mapping[str, Slice]) -> None:
-    """Slices side by side in one PNG, in the same colours, each under its title; grey is unknown."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8 * len(pictures), 6), layout="constrained")
-    FigureCanvasAgg(figure)
-    full = max(float(np.nanmax(np.abs(p.distance_m), initial=1e-3)) for p in pictures.values())
-    for axes, (title, picture) in zip(
-        figure.subplots(1, len(pictures), squeeze=False)[0], pictures.items(), strict=True
-    ):
-        rgb = colours(picture.distance_m, full_m=full)
-        rgb[picture.status == UNMAPPED], rgb[picture.status == OUTSIDE] = 128, 255
-        axes.imshow(rgb, origin="lower", extent=picture.extent_m, interpolation="nearest")
-        if np.isfinite(picture.distance_m).sum() > 3 and min(picture.distance_m.shape) > 1:
-            levels = np.arange(np.ceil(-full / 0.5), full / 0.5) * 0.5
-            lines = axes.contour(
-                picture.distance_m, levels=levels, colors="k", linewidths=0.5, extent=picture.extent_m, origin="lower"
-            )
-            axes.clabel(lines, fmt="%g m", fontsize=7)
-        axes.set(title=title, xlabel=_label(picture.right_world_m), ylabel=_label(picture.up_world_m))
-    with file_format.atomic_file(Path(path)) as temporary:
-        figure.savefig(temporary, format="png", dpi=110)
-
-
-def _label(step_world_m: FloatArray) -> str:
-    """Label of a picture's axis: the world coordinate, if it runs along one."""
-    along = np.flatnonzero(step_world_m)
-    return f"{'xyz'[along[0]]} (m)" if len(along) == 1 and step_world_m[along[0]] > 0.0 else "m"
-
-
-def write_histogram(path: Path, field: Field) -> None:
-    """A PNG of how much of the known map is how far from the nearest surface."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    edges_m, volume_m3 = histogram(field)
-    figure = Figure(figsize=(7, 4), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    axes.stairs(volume_m3, edges_m, fill=True, color="#4477aa")
-    axes.set(xlabel="signed distance to the nearest surface (m)", ylabel="volume (m³)", yscale="log")
-    with file_format.atomic_file(Path(path)) as temporary:
-        figure.savefig(temporary, format="png", dpi=110)
 
 
 def histogram(field: Field, *, bins: int = 60) -> tuple[FloatArray, FloatArray]:

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 import esdf
-from esdf import Edit, Editor, solids
+from esdf import Edit, Editor, pictures, solids
+from goshawk import plot
 
 OUT = Path(sys.argv[1] if len(sys.argv) > 1 else "example-out")
 
@@ -40,18 +41,8 @@ unchanged = np.array_equal(before.values_m[:20], editor.field.values_m[:20])
 share = np.prod(changed.shape) / field.values_m.size
 print(f"a no-fly zone recomputed {100 * share:.0f} % of the voxels; those far from it are untouched: {unchanged}")
 
-from matplotlib.figure import Figure  # noqa: E402  (heavy: after what needs no figure)
-
-x, y = np.linspace(0.0, 6.0, 241), np.linspace(0.0, 4.0, 161)
-plane = np.stack([*np.meshgrid(x, y), np.full((len(y), len(x)), 1.2)], axis=-1).reshape(-1, 3)
-figure = Figure(figsize=(9.5, 3.4), layout="constrained")
-axes_pair = figure.subplots(1, 2, sharey=True)
-for axes, shown, title in zip(axes_pair, (before, editor.field), ("mapped", "with a no-fly zone"), strict=True):
-    distance = shown.distance(plane).reshape(len(y), len(x))
-    image = axes.contourf(x, y, distance, levels=np.arange(-0.4, 1.7, 0.1), cmap="RdYlGn", extend="both")
-    axes.contour(x, y, distance, levels=[0.0, 0.3], colors="black", linewidths=(1.5, 0.7))
-    axes.set(title=title, xlabel="x (m)", ylabel="y (m)", aspect="equal")
-figure.colorbar(image, ax=axes_pair, label="distance (m); lines at 0 and 0.3 m")
+shown = {"mapped": before, "with a no-fly zone": editor.field}
+figure = plot.slices({title: pictures.axis_slice(each, "z", 1.2) for title, each in shown.items()})
 OUT.mkdir(parents=True, exist_ok=True)
 figure.savefig(OUT / "distance_field.png", dpi=130)
 print(f"wrote {OUT / 'distance_field.png'}")

@@ -13,6 +13,7 @@ import planner
 import vehicle
 from esdf import solids
 from flight import Waypoints
+from goshawk import plot
 
 OUT = Path(sys.argv[1] if len(sys.argv) > 1 else "example-out")
 
@@ -41,17 +42,6 @@ for check in plan.gate.checks:
     verdict = "passed" if check.passed else "FAILED"
     print(f"  {verdict}  {check.name:22s} {check.value:10.4g} of {check.bound:.4g} {check.unit}")
 
-from matplotlib.figure import Figure  # noqa: E402  (heavy: after what needs no figure)
-from matplotlib.patches import Circle  # noqa: E402
-
-figure = Figure(figsize=(9.5, 4.4), layout="constrained")
-axes = figure.subplots()
-for x, y in centres:
-    axes.add_patch(Circle((x, y), 0.2, color="0.35"))
-dots = axes.scatter(*path.position(t)[:, :2].T, c=speed, s=6, cmap="plasma")
-axes.plot(*waypoints.positions_world_m[:, :2].T, "k+", markersize=10)
-axes.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", xlim=(0, 16), ylim=(-1, 7), title=f"{path.duration_s:.2f} s")
-figure.colorbar(dots, label="speed (m/s)")
 OUT.mkdir(parents=True, exist_ok=True)
-figure.savefig(OUT / "plan.png", dpi=130)
+plot.plan(plan, kestrel, forest).savefig(OUT / "plan.png", dpi=130)
 print(f"wrote {OUT / 'plan.png'}")

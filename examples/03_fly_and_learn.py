@@ -16,6 +16,7 @@ from esdf import solids
 from firmware_bridge import Sensors, SitlVehicle, connect, controller
 from firmware_bridge.airborne import in_the_air, tracking
 from flight import FlightLog, TrajectoryFile, Waypoints
+from goshawk import plot
 from goshawk.demo.chain import vehicles
 
 OUT = Path(sys.argv[1] if len(sys.argv) > 1 else "example-out")
@@ -52,17 +53,9 @@ for name in ("rotor_drag_thrust.drag_s_m", "thrust_bem.k1_n_s2", "inertia_xx_kg_
     print(f"{name:28s} {found.value:.4g} +- {found.std_robust:.1g} {found.unit} (truth {truth.value(name):.4g})")
 after = fly(figure_of_eight, fit.vehicle)
 
-from matplotlib.figure import Figure  # noqa: E402  (heavy: after what needs no figure)
-
-drawn = Figure(figsize=(9.5, 3.2), layout="constrained")
-axes = drawn.subplots()
-for log, label in ((before, "first model"), (after, "learned model")):
-    rows = log.columns["mission_state"] == controller.State.TRAJECTORY
-    error = np.linalg.norm(log.vector("position_world_m") - log.vector("setpoint_position_world_m"), axis=1)[rows]
-    axes.plot(log.time_s[rows] - log.time_s[rows][0], 1000 * error, label=label)
+flights = {"first model": before, "learned model": after}
+for label, log in flights.items():
     print(f"{label}: {1000 * tracking(log)['tracking_mean_m']:.0f} mm mean tracking error")
-axes.set(xlabel="time (s)", ylabel="tracking error (mm)", ylim=(0, None))
-axes.legend(frameon=False)
 OUT.mkdir(parents=True, exist_ok=True)
-drawn.savefig(OUT / "learn.png", dpi=130)
+plot.tracking(flights).savefig(OUT / "learn.png", dpi=130)
 print(f"wrote {OUT / 'learn.png'}")

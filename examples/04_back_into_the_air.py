@@ -17,6 +17,7 @@ from esdf import solids
 from firmware_bridge import Sensors, SitlVehicle, connect, controller
 from firmware_bridge.airborne import in_the_air, tracking
 from flight import FlightLog, Waypoints
+from goshawk import plot
 from goshawk.demo.chain import vehicles
 from planner.gate import gate
 from sysid.diagnosis import diagnose
@@ -75,19 +76,9 @@ def fly_learn_fly(teach: Callable[[list[FlightLog], vehicle.Vehicle], vehicle.Ve
         return [before, link.fly(item)]
 
 
-flights = fly_learn_fly(learn)
-
-from matplotlib.figure import Figure  # noqa: E402  (heavy: after what needs no figure)
-
-drawn = Figure(figsize=(9.5, 3.2), layout="constrained")
-axes = drawn.subplots()
-for log, label in zip(flights, ("first model", "after learning"), strict=True):
-    rows = log.columns["mission_state"] == controller.State.TRAJECTORY
-    error = np.linalg.norm(log.vector("position_world_m") - log.vector("setpoint_position_world_m"), axis=1)[rows]
-    axes.plot(log.time_s[rows] - log.time_s[rows][0], 100 * error, label=label)
+flights = dict(zip(("first model", "after learning"), fly_learn_fly(learn), strict=True))
+for label, log in flights.items():
     print(f"{label}: {100 * tracking(log)['tracking_mean_m']:.1f} cm mean tracking error")
-axes.set(xlabel="time (s)", ylabel="tracking error (cm)", ylim=(0, None))
-axes.legend(frameon=False)
 OUT.mkdir(parents=True, exist_ok=True)
-drawn.savefig(OUT / "again.png", dpi=130)
+plot.tracking(flights).savefig(OUT / "again.png", dpi=130)
 print(f"wrote {OUT / 'again.png'}")

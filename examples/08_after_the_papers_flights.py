@@ -15,6 +15,7 @@ import vehicle
 from esdf import solids
 from flight import Waypoints
 from flight.mission import KeepIn, Laps, Mission
+from goshawk import plot
 from planner import PlanOptions
 from planner import mission as missions
 from planner.route import simplify
@@ -73,27 +74,7 @@ def facts(name: str, plan: planner.Plan) -> str:
 print(f"{len(walk)} recorded positions, {len(kept)} waypoints")
 print(facts("indoors", indoors))
 print(facts("outdoors", outdoors))
-
-from matplotlib.figure import Figure  # noqa: E402  (heavy: after what needs no figure)
-from matplotlib.patches import Circle, Rectangle  # noqa: E402
-
-figure = Figure(figsize=(10.0, 3.6), layout="constrained")
-for axes, plan, scene, title in zip(
-    figure.subplots(1, 2), (indoors, outdoors), (hall, wood), ("as walked", "figure of eight"), strict=True
-):
-    for solid in scene.solids:
-        if isinstance(solid, solids.Cylinder):
-            axes.add_patch(Circle(solid.centre_world_m[:2], solid.radius_m, color="0.35"))
-        elif isinstance(solid, solids.Box | solids.Room):
-            low, high = np.array(solid.low_world_m)[:2], np.array(solid.high_world_m)[:2]
-            inside_out = isinstance(solid, solids.Room)
-            axes.add_patch(Rectangle(tuple(low), *(high - low), color="0.35", fill=not inside_out))
-    path = plan.trajectory
-    t = path.sample(0.01)
-    speed = np.linalg.norm(path.position(t, 1), axis=1)
-    dots = axes.scatter(*path.position(t)[:, :2].T, c=speed, s=5, cmap="plasma")
-    figure.colorbar(dots, ax=axes, label="speed (m/s)")
-    axes.plot(*plan.waypoints.positions_world_m[:, :2].T, "k+")
-    axes.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", title=f"{title}, {path.duration_s:.2f} s")
-figure.savefig(OUT / "flights.png", dpi=130)
-print(f"wrote {OUT / 'flights.png'}")
+OUT.mkdir(parents=True, exist_ok=True)
+for name, plan, scene in (("walk", indoors, hall), ("eight", outdoors, wood)):
+    plot.plan(plan, kestrel, scene).savefig(OUT / f"{name}.png", dpi=130)
+    print(f"wrote {OUT / f'{name}.png'}")

@@ -297,7 +297,7 @@ def _check_keep_in(tube: KeepIn) -> None:
         )
     broken = [i for i, point in enumerate(line) if not np.isfinite(point).all()]
     if broken:
-        raise InputError(f"point {broken[0]} of the tube to keep in is {line[broken[0]]}; it must be finite")
+        raise InputError(f"point {broken[0] + 1} of the tube to keep in is {line[broken[0]]}; it must be finite")
 
 
 def _spanned(start: int, end: int) -> tuple[int, int]:

@@ -107,14 +107,14 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stderr.close()  # the reader closed the pipe (`goshawk ... | head`), which is no error
         sys.exit(0)
     except Exception as error:
-        sentence, code = _answer(error)
+        sentence, code = explained(error)
         if code == INTERNAL and os.environ.get(TRACEBACK):
             raise
         _report(error, sentence, as_json="--json" in given)
         sys.exit(code)
 
 
-def _answer(error: Exception) -> tuple[str, int]:
+def explained(error: Exception) -> tuple[str, int]:
     """What to say about an error, and the exit code."""
     from flight import FlightError, FormatError, InputError, extras  # brings NumPy: not for `goshawk --version`
 

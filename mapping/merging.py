@@ -85,8 +85,8 @@ def register(first: MapParts, second: MapParts, *, progress: Progress = silent) 
     kept, scale = _agreeing(a.points_world_m[of_a], b.points_world_m[of_b])
     if kept.sum() < max(_LEAST_PAIRS, _LEAST_SHARE * len(pairs)):
         raise MapError(
-            f"{first.name} and {second.name} have too little in common: {int(kept.sum())} of {len(pairs)} points that "
-            f"look alike agree on one motion, at least {_LEAST_PAIRS} and {_LEAST_SHARE:.0%} must; take images of the "
+            f"{first.name} and {second.name} have too little in common: {int(kept.sum())} of {len(pairs)} similar "
+            f"points agree on one motion, at least {_LEAST_PAIRS} and {_LEAST_SHARE:.0%} must; take images of the "
             "space between them"
         )
     if abs(scale - 1.0) > SCALE_DOUBT:

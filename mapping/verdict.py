@@ -166,8 +166,8 @@ def _motion_refusals(check: MotionCheck) -> list[str]:
         return []
     return [
         f"the {check.source} turn and move along other axes than the images "
-        f"({np.degrees(off_rad):.0f} deg apart): they are of another flight, or their quaternions "
-        "are in another order (TUM: x y z w, EuRoC: w x y z) or those of world to body"
+        f"({np.degrees(off_rad):.0f} deg apart). They are of another flight, or their quaternions are of another order "
+        "(TUM: x y z w, EuRoC: w x y z) or direction (world to body)"
     ]
 
 
@@ -177,7 +177,7 @@ def _hanging_doubts(T_world_body: FloatArray) -> list[str]:
         return []
     return [
         f"by the recorded gravity the vehicle hangs upside down (its z axis is {np.degrees(tilt_rad):.0f} deg from up, "
-        "median): up_body points up, as an accelerometer at rest does; change the signs if yours points down"
+        "median). up_body must point up, as an accelerometer at rest shows; change the signs if yours points down"
     ]
 
 
@@ -191,8 +191,8 @@ def _tilt_doubts(T_world_body: FloatArray) -> list[str]:
     if tilt_rad < TILT_DOUBT_RAD:
         return []
     return [
-        f"by the recorded poses the vehicle is tilted by {np.degrees(tilt_rad):.0f} deg (median): their z axis is "
-        "not up (give them with z up, or as --odometry), or the camera file has the camera look another way"
+        f"by the recorded poses the vehicle is tilted by {np.degrees(tilt_rad):.0f} deg (median). Give them with z "
+        "up, or as --odometry, or correct the direction in which the camera file has the camera look"
     ]
 
 

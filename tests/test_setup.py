@@ -1,10 +1,13 @@
 """Set-up on a machine where the package manager is busy or the network is away for a moment."""
 
 import os
+import re
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parents[1]
 
@@ -55,3 +58,25 @@ def test_set_up_fetches_nothing_without_a_second_try():
     fetching = [line for line in fetching if not line.strip().startswith(("#", "say"))]
     assert len(fetching) == 4
     assert all("again " in line for line in fetching)
+
+
+def test_pre_commit_runs_the_commands_of_make_lint():
+    """In the same order, with the tools of .venv, so that what a commit passes is what the lint of .ci/run passes."""
+    printed = subprocess.run(
+        ["make", "-n", "lint", "JOBS=2"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
+    commands = [" ".join(line.split()) for line in printed.splitlines() if line.startswith(".venv/bin/")]
+    repositories = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"]
+    hooks = [hook for repository in repositories for hook in repository["hooks"]]
+    asked = [re.sub(r'^bash -c "(.*)"$', r"\1", hook["entry"]) for hook in hooks]
+    assert len(commands) == 4
+    assert asked == commands
+    assert all(repository["repo"] == "local" for repository in repositories), "a hook would be fetched"
+    assert all(hook["language"] == "system" and not hook["pass_filenames"] for hook in hooks)
+    assert "make lint" in (ROOT / ".ci" / "run").read_text().splitlines()
+
+
+def test_pre_commit_reads_its_settings():
+    command = [sys.executable, "-m", "pre_commit", "validate-config", str(ROOT / ".pre-commit-config.yaml")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout

@@ -8,7 +8,7 @@
     python tools/assure.py fuzz [HOURS]       libFuzzer with address and undefined-behaviour sanitizers, 8 hours
 
 Each needs its tools (clang-19 with libclang-rt-19-dev and llvm-19; cppcheck; gcc-arm-none-eabi, qemu-system-arm) and
-reports which is missing. The slow tests run all of them, the last for a minute. See docs/assurance.md.
+reports which is missing. The slow tests run all of them, the last for a minute. See docs/firmware/assurance.md.
 """
 
 import importlib.util
@@ -30,7 +30,7 @@ import mutation
 ROOT = Path(__file__).resolve().parents[1]
 LIBRARY = ROOT / "firmware_bridge" / "controller"
 DIALECT = LIBRARY.parent / "dialect" / "generated"
-DEVIATIONS = ROOT / "docs" / "misra_deviations.md"
+DEVIATIONS = ROOT / "docs" / "firmware" / "misra.md"
 INCLUDES = (f"-I{LIBRARY / 'include'}", "-isystem", str(DIALECT))
 MAP_READER = ROOT / "mapping" / "localization" / "reader" / "goshawk_localization_map.c"
 """Flies as well, on a vehicle that localizes itself: held to the same style."""
@@ -297,7 +297,7 @@ def print_size() -> bool:
 
 # -- worst instructions ------------------------------------------------------------------------------------------------
 
-COST_PAGE = ROOT / "docs" / "controller_cost.md"
+COST_PAGE = ROOT / "docs" / "firmware" / "cost.md"
 COST_MARK = "<!-- written by tools/assure.py cost --markdown -->"
 
 

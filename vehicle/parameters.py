@@ -3,7 +3,9 @@
 from dataclasses import asdict, dataclass
 from math import inf, isfinite
 
-from flight import InputError
+import numpy as np
+
+from flight import FloatArray, InputError
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +53,15 @@ class Limits:
     def largest_jerk_m_s3(self) -> float:
         """The limit of jerk, infinite without one."""
         return inf if self.jerk_m_s3 is None else self.jerk_m_s3
+
+    def rotor_margin(self, rotor_speed_rad_s: FloatArray) -> FloatArray:
+        """Share of the thrust range between slowest and fastest that the busiest rotor has left, (n,) of (n, rotors).
+
+        Thrust goes with the square of the speed; negative outside the limits.
+        """
+        low, high = self.rotor_speed_min_rad_s**2, self.rotor_speed_max_rad_s**2
+        slowest, fastest = rotor_speed_rad_s.min(axis=1) ** 2, rotor_speed_rad_s.max(axis=1) ** 2
+        return np.minimum(high - fastest, slowest - low) / (high - low)
 
     def as_dict(self) -> dict[str, float]:
         """By name, without a limit that there is not: files of before, and their hashes, stay what they were."""

@@ -185,8 +185,8 @@ def _reverse(content: Content, edit: messages.Reverse) -> Edited:
             asked = getattr(points[loop[0]], name)  # of the leg that is the way back now
             if missions.way_back(after.points, back, name) != asked:
                 raise InputError(
-                    f"the leg after waypoint {loop[0] + 1} would be the way back of the laps, which has the largest "
-                    f"{words} of their legs, if all have one; give all of them the same {words}, or none, then reverse"
+                    f"the leg after waypoint {loop[0] + 1} would be the way back of the laps, which takes the largest "
+                    f"{words} of their legs. Give all of them the same {words}, or none, then reverse"
                 )
     return after, "order of the waypoints reversed"
 

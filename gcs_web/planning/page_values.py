@@ -38,7 +38,6 @@ def series(trajectory: Trajectory, vehicle: Vehicle, field: DistanceField, bound
     flat = flatness.state(vehicle, trajectory, np.minimum(times, trajectory.duration_s * (1.0 - 1e-9)))
     x, y, z = flat.position_world_m.T
     slowest, fastest = flat.rotor_speed_rad_s.min(axis=1), flat.rotor_speed_rad_s.max(axis=1)
-    low, high = bounds.rotor_speed_min_rad_s**2, bounds.rotor_speed_max_rad_s**2  # thrust goes with the square
     return Series(
         time_s=_list(times),
         x_m=_list(x),
@@ -52,7 +51,7 @@ def series(trajectory: Trajectory, vehicle: Vehicle, field: DistanceField, bound
         rotor_fastest_rad_s=_list(fastest),
         yaw_rate_deg_s=_list(np.degrees(flat.rate_body_rad_s[:, 2])),
         thrust_n=_list(flat.thrust_n),
-        rotor_margin_percent=_list(100.0 * np.minimum(high - fastest**2, slowest**2 - low) / (high - low)),
+        rotor_margin_percent=_list(100.0 * bounds.rotor_margin(flat.rotor_speed_rad_s)),
         q_world_body=_list(flat.q_world_body.ravel()),
     )
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 EXPECTED_SHARE, OBSERVED_SHARE = 0.25, 0.25
 """Of the variance that the deviations of the depths let expect of the mean, if they were independent, and of the
 observed variance of one measurement. Fitted to the rendered room and the disturbed room, judged on others: the
-surface's error over its standard deviation has an RMS of 0.9 to 1.2 (docs/studies/surface_confidence.md)."""
+surface's error over its standard deviation has an RMS of 0.9 to 1.2 (docs/evidence/studies/surface_confidence.md)."""
 FIGURES = ("surface_std_median_m", "surface_std_90_percent_m", "surface_share_worse_than_voxel")
 """Of a map, by their names in `map.toml` and `report.json`."""
 

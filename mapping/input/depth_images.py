@@ -80,8 +80,8 @@ class DepthFolder:
             return
         other = "millimetres" if middle_m > FARTHEST_M else "metres"
         raise InputError(
-            f"{path}: its median depth would be {middle_m:.3g} m, and it must lie between {NEAREST_M:g} and "
-            f"{FARTHEST_M:g} m; it seems to be in {other}: say what a value of 1 means with --depth-unit (0.001 or 1)"
+            f"{path}: its median depth would be {middle_m:.3g} m, not {NEAREST_M:g} to {FARTHEST_M:g} m; it seems to "
+            f"be in {other}: give the metres of 1 by --depth-unit (0.001 or 1)"
         )
 
 

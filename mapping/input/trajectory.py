@@ -104,9 +104,9 @@ def read_motion(kind: MotionKind, path: Path, time_s: FloatArray) -> Motion:
     if covered < LEAST_INSTANTS:
         first_s, last_s = trajectory.time_s[[0, -1]]
         raise InputError(
-            f"{path} covers {covered} of {len(time_s)} images, at least {LEAST_INSTANTS} are needed: its times go from "
+            f"{path} covers {covered} of {len(time_s)} images, at least {LEAST_INSTANTS} are needed. Its times go from "
             f"{first_s:.3f} to {last_s:.3f} s, those of the images from {known_s.min():.3f} to {known_s.max():.3f} s; "
-            "both must be of one clock, in seconds (EuRoC: nanoseconds)"
+            "give both by one clock, in seconds (EuRoC: nanoseconds)"
         )
     if kind is MotionKind.POSES:
         reach.require_near_origin(trajectory.T_start_body[:, :3, 3], f"with the poses of {path} the map")

@@ -78,8 +78,8 @@ def _frames(video: Path, camera: Camera, stage: str, progress: Progress) -> Gene
     try:
         if not capture.isOpened():
             raise InputError(
-                f"{video} cannot be opened as a video: it is damaged or cut off (an MP4 has its index at the end), or "
-                "of a codec that OpenCV cannot decode; convert it: ffmpeg -i VIDEO -c:v libx264 -crf 18 NEW.mp4"
+                f"{video} cannot be opened as a video: it is damaged, cut off (an MP4 has its index at the end), or of "
+                "an unknown codec. Convert it: ffmpeg -i VIDEO -c:v libx264 -crf 18 NEW.mp4"
             )
         announced = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
         read = 0

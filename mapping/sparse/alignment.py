@@ -44,11 +44,11 @@ GRAVITY = "recorded gravity"
 LONGEST_M = 1e5
 """A longer length is in another unit."""
 NO_SCALE = (
-    "no metric scale: the images of a single camera, or of several that never have images of the same name (of one "
-    "instant), do not determine it; give the length of the path "
-    "(--length 13.2) or between two images (--length A.jpg,B.jpg,2.5), depth images (--depth FOLDER), a rig of cameras "
-    "with the distance between them in camera.toml, recorded motion (--poses FILE, --odometry FILE), or at least "
-    f"{_LEAST_POSITIONS} positions in references.csv (image,x_m,y_m,z_m; --references FILE)"
+    "no metric scale: images of a single camera do not determine it, nor those of several without images of one name "
+    "(one instant). Give the length of the path (--length 13.2) or between two images (--length A.jpg,B.jpg,2.5), "
+    "depth images (--depth FOLDER), or recorded motion (--poses FILE, --odometry FILE). A rig with the distance "
+    f"between its cameras in camera.toml will do, too, or {_LEAST_POSITIONS} positions in references.csv "
+    "(image,x_m,y_m,z_m; --references FILE)"
 )
 
 

@@ -1,7 +1,8 @@
 """What relocalization needs of a map: its points with their descriptors, and their file of 57 bytes a point.
 
-The file is for vehicles as much as for us: docs/formats.md describes it byte by byte, and `mapping/localization/reader`
-reads it in plain C. A descriptor's 128 elements are kept as the nearest of eight levels, three bits each.
+The file is for vehicles as much as for us: docs/reference/formats.md describes it byte by byte, and
+`mapping/localization/reader` reads it in plain C. A descriptor's 128 elements are kept as the nearest of eight levels,
+three bits each.
 """
 
 import zipfile

@@ -348,6 +348,6 @@ def _check_keep_in(line: FloatArray | None, radius: FloatArray | None) -> None:
         length_m, most_m = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()), _MOST_RADII * float(radius)
         if not length_m <= most_m:
             raise InputError(
-                f"the tube to keep in is {length_m:.3g} m long; with a radius of {radius:g} m at most {most_m:g} m can "
-                "be planned with: shorten its polyline, widen the tube, or plan in parts"
+                f"the tube to keep in is {length_m:.3g} m long; with a radius of {radius:g} m at most {most_m:g} m are "
+                "allowed: shorten its polyline, widen it, or plan in parts"
             )

@@ -80,7 +80,7 @@ class PlanOptions:
         if self.repairs < 0:
             raise InputError(f"repairs is {self.repairs}; it must be at least 0")
         if self.yaw == "look_at" and (self.look_at_world_m is None or not np.isfinite(self.look_at_world_m).all()):
-            raise InputError(f"look_at_world_m is {self.look_at_world_m}; yaw look_at wants a point to look at")
+            raise InputError(f"look_at_world_m is {self.look_at_world_m}; yaw look_at needs a point to look at")
         if not isfinite(self.heading_rad):
             raise InputError(f"heading_rad is {self.heading_rad}; it must be finite")
         for name, known in (("yaw", YAW_MODES), ("method", METHODS), ("search", SEARCHES)):

@@ -36,7 +36,7 @@ def rdp(
         raise InputError(f"the path: expected shape (n, 3) with n >= 1, got {points.shape}")
     broken = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if broken.size:
-        raise InputError(f"point {int(broken[0])} of the path is not finite: {points[broken[0]].tolist()}")
+        raise InputError(f"point {int(broken[0]) + 1} of the path is not finite: {points[broken[0]].tolist()}")
     if not tolerance_m >= 0.0:
         raise InputError(f"tolerance_m is {tolerance_m:g}; it must be zero or more")
     keep = np.zeros(len(points), dtype=bool)
@@ -84,8 +84,8 @@ def waypoints_along(
     if len(roomy) < 2:
         raise InputError(
             f"{len(roomy)} of {len(walked_world_m)} recorded positions keep {how.waypoint_clearance_m:.3f} m from "
-            "obstacles and unknown space; lower --margin, or map again with images that show the space beside them "
-            "(or state how much the carrier swept: `goshawk map build --carrier-radius`)"
+            "obstacles and unknown space. Lower --margin, map again with images of the space beside them, or state how "
+            "much the carrier swept: `goshawk map build --carrier-radius`"
         )
     kept = rdp(roomy, tolerance_m, field=field, clearance_m=how.clearance_m, yaw_rad=yaw)
     headings = np.full(len(kept), np.nan) if yaw is None else yaw[kept]

@@ -178,7 +178,7 @@ nb::tuple refine(Problem& problem, Out states, Out durations, Flags free, int it
 void bind_optimise(nb::module_& m) {
     m.def("snap_states", &snap_states, nb::arg("states"), nb::arg("durations"), nb::arg("held"));
     m.def("snap_coefficients", &snap_coefficients, nb::arg("states"), nb::arg("durations"), nb::arg("coefficients"));
-    nb::class_<StopFlag>(m, "StopFlag")
+    nb::class_<StopFlag>(m, "StopFlag", "Set it from any thread to end an optimisation within one iteration.")
         .def(nb::init<>())
         .def("set", [](StopFlag& flag) { flag.raised = true; })
         .def("is_set", [](const StopFlag& flag) { return flag.raised.load(); });

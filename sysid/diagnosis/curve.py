@@ -26,9 +26,8 @@ UNSEEN = {
 }
 """Variables that a vehicle model cannot see, and where to look instead."""
 PULLED = (
-    "a level pull along the world's axes whatever the heading comes from the room, not from the vehicle; look for what "
-    "holds it (a tether, a cable) or blows at it (a draught), and whether the pose's frame is level (1 deg looks "
-    "like 0.17 N per kilogram)"
+    "a level pull along the world's axes whatever the heading comes from the room, not from the vehicle. Look for a "
+    "tether, a cable or a draught, and check that the pose's frame is level (1 deg looks like 0.17 N per kilogram)"
 )
 """What to look for behind a force that is fixed in the world."""
 CONSTANT = {

@@ -26,7 +26,7 @@ class Envelope:
         """What was flown, and what that leaves open."""
         return (
             f"flown envelope: level speed to {self.level_speed_m_s:.1f} m/s, climb to {self.climb_m_s:.1f} m/s, sink "
-            f"to {self.sink_m_s:.1f} m/s, body rate to {self.rate_rad_s:.1f} rad/s; what acts only beyond it, or is "
+            f"to {self.sink_m_s:.1f} m/s, body rate to {self.rate_rad_s:.1f} rad/s. What acts only beyond it, or is "
             "smaller than what these flights detect, cannot be excluded"
         )
 

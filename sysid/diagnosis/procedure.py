@@ -214,7 +214,7 @@ class Diagnosis:
         return self.belief.as_stated
 
     def as_dict(self) -> dict[str, Any]:
-        """The facts as plain JSON values; schema in `docs/formats.md`."""
+        """The facts as plain JSON values; schema in `docs/reference/formats.md`."""
         return {
             "schema": "goshawk-diagnosis",
             "version": SCHEMA_VERSION,

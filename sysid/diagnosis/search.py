@@ -80,7 +80,7 @@ class Search:
     """One of its confounded effects is missing from the last model."""
     drawn_at: Model
     """Where `outside` was looked for: the last model before any proxy, with the likelier one in it where two could not
-    be told apart."""
+    be separated."""
     unseen: tuple[Flight, ...]
     """Held-out flights, with what they were found to carry."""
     left: float

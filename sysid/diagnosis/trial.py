@@ -43,7 +43,7 @@ class Trial:
 
     @property
     def between(self) -> tuple[str, ...]:
-        """Names that nothing tells apart: its own and those of rivals almost as likely."""
+        """Names that nothing separates: its own and those of rivals almost as likely."""
         least = self.confidence * np.exp(-THRESHOLDS.clear_lead)
         return (self.candidate.name, *(name for name, p in self.rivals if p > least))
 
@@ -68,7 +68,7 @@ class Trial:
             case Outcome.ADDED:
                 return f"helped: {numbers}"
             case Outcome.NOT_CONFIRMED if self.vanishes:
-                return f"not added: its fitted size cannot be told from zero; {numbers}"
+                return f"not added: its fitted size is not significantly different from zero; {numbers}"
             case Outcome.NOT_CONFIRMED:
                 return f"{'fell, but not surely enough' if judged.total > 0.0 else 'did not help'}: {numbers}"
             case Outcome.UNDECIDED:

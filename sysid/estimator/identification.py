@@ -38,8 +38,8 @@ from vehicle import Vehicle, specs
 logger = logging.getLogger(__name__)
 
 UNSETTLED = (
-    "disturbances that last (gusts) were seen, and carrying them among the states did not settle; they were taken for "
-    "white noise, so inertias and torques may be off by a few of their standard errors; fly in calmer air"
+    "lasting disturbances (gusts) were found, but their estimation did not settle. They were taken for white noise, so "
+    "inertias and torques may be off by a few of their standard errors; fly in calmer air"
 )
 PLACE_OF_LOAD = tuple(f"{PAYLOAD}.{axis}_m" for axis in "xyz")
 """Fitted with the catalogue's width as a prior: a load of no weight has no place, and its height hardly ever shows."""

@@ -334,7 +334,7 @@ def unpredicted_turning(solution: Solution, flights: Sequence[Flight], free: Ite
     left, turned = _unexplained_axes(solution.noise)[3:], _turning_rad_s2(solution, flights)
     return tuple(
         f"about {axis} the model leaves {left[i]:.3g} rad/s2 unexplained (over 0.1 s) where the body turned with "
-        f"{turned[i]:.3g}: it does not predict how the vehicle turns; check the clocks of gyro and rotor speed and the "
+        f"{turned[i]:.3g}: it does not predict how the vehicle turns. Check the clocks of gyro and rotor speed and the "
         "rotor order, fly quicker turns, or hold the inertias"
         for i, axis in enumerate("xyz")
         if f"inertia_{2 * axis}_kg_m2" in free and left[i] > turned[i]
@@ -361,8 +361,8 @@ def _findings(
         size = noise.gusts.size
         force, torque, lasts_s = size[:3].max(), size[3:].max(), np.median(noise.gusts.lasts_s)
         found.append(
-            f"what the model leaves unexplained lasts: up to {force:.2g} m/s2 and {torque:.2g} rad/s2 for about "
-            f"{lasts_s:.1f} s (gusts, a swinging load, or an effect the model lacks); the fit allows for it"
+            f"up to {force:.2g} m/s2 and {torque:.2g} rad/s2 stay unexplained for about {lasts_s:.1f} s (gusts, a "
+            "swinging load, or an effect that the model lacks); the fit allows for it"
         )
     found += left_out(flights)
     if any(e.name in (motor.RISE, motor.FALL) and e.status == "free" for e in estimates):
@@ -430,7 +430,7 @@ def _held_up(flights: list[Flight], solution: Solution, unknowns: Unknowns) -> l
     share = 1.0 - lacking_m_s2 / flights[0].gravity_m_s2
     return [
         f"the turning asks for {'less' if lacking_m_s2 > 0.0 else 'more'} thrust than carries the weight; it was held "
-        f"at {share:.0%} of that: a held inertia, an arm or the rotor order may be wrong, or a large moment is missing"
+        f"at {share:.0%} of that. A held inertia, an arm or the rotor order may be wrong, or a large moment is missing"
     ]
 
 
@@ -439,8 +439,7 @@ def _disagreement(vehicle: Vehicle, unknowns: Unknowns, solution: Solution, flig
     odd = odd_flights(solution, flights, unknowns.model, sizes)
     return [
         f"{o.flight} does not fit the other flights: without it {o.name} would be {o.others:.4g} instead of "
-        f"{solution.point.value(o.name):.4g} ({o.sigma:.0f} standard errors); was another vehicle, load or set of "
-        "propellers flown (fit it by itself, or leave it out), or does the model lack an effect that this flight shows "
-        "most (`goshawk diagnose`)?"
+        f"{solution.point.value(o.name):.4g} ({o.sigma:.0f} standard errors). If another vehicle, load or set of "
+        "propellers was flown, fit it by itself; else an effect may be missing (`goshawk diagnose`)"
         for o in odd[:2]
     ]

@@ -28,7 +28,7 @@ TRIANGLE = 1.1
 WRONG_KINDS = ("time unit", "unit", "frame", "rotor order", "rotor spin")
 """Errors of the log check that forbid the use of numbers, whatever the fit says.
 
-On real flights (docs/real_logs_nanodrone.md) the check found none in logs that were read rightly, and a fit to
+On real flights (docs/evidence/studies/real_logs_nanodrone.md) the check found none in logs that were read rightly, and a fit to
 positions read with z down converged and stayed within every limit.
 """
 
@@ -158,7 +158,7 @@ def _thrust(given: Vehicle, fitted: Vehicle, flights: Sequence[Flight]) -> Verdi
     if np.isfinite(coefficient) and not COEFFICIENT_USUAL[0] < coefficient < COEFFICIENT_USUAL[1]:
         said = (
             f"the thrust coefficient of a rotor of {radius_m:.3g} m came out {coefficient:.2g} (thrust over density, "
-            f"disc area and tip speed squared), where propellers have 0.005 to 0.04: check the unit of rotor speed "
+            "disc area and tip speed squared), where propellers have 0.005 to 0.04. Check the unit of rotor speed "
             "(rpm or rad/s), rotor_radius_m and mass_kg"
         )
         possible = COEFFICIENT_POSSIBLE[0] < coefficient < COEFFICIENT_POSSIBLE[1]

@@ -86,15 +86,15 @@ def staircase(found: Diagnosis) -> "Figure":
     figure, axes = drawing.figure(1, len(horizons), (12.0, 1.2 + 0.42 * len(labels)), sharey=True)
     for panel, horizon in zip(axes[0], horizons, strict=True):
         values = 1000.0 * np.array([s.position_m[horizon] for s in found.staircase])
-        colours = [drawing.PALE] * len(values)
+        colours = [drawing.look().pale] * len(values)
         if len(values) > 2:  # something was added to the fitted model
-            colours[-1] = drawing.COLOURS[2] if values[-1] <= values[1] else drawing.COLOURS[0]
+            colours[-1] = drawing.look().colours[2] if values[-1] <= values[1] else drawing.look().colours[0]
         panel.barh(range(len(values)), values, color=colours, height=0.7)
         for place, value in enumerate(values):
             fell = 0.0 if place == 0 else value / values[place - 1] - 1.0
             number = f" {value:.0f}" if value >= 1000.0 else f" {value:.3g}"
             said = f"{number}  {fell:+.0%}" if abs(fell) >= 0.005 else number
-            panel.text(value, place, said.replace("-", "−"), va="center", fontsize=8, color=drawing.INK)
+            panel.text(value, place, said.replace("-", "−"), va="center", fontsize=8, color=drawing.look().ink)
         panel.set_xlim(0.0, 1.55 * values.max())
         panel.set_yticks(range(len(labels)), labels, fontsize=9)
         panel.set_ylim(len(labels) - 0.5, -0.5)
@@ -117,15 +117,15 @@ def evidence_for(found: Diagnosis, candidate: Candidate) -> "Figure":
     title, label = words.effect(candidate.name), residual_plots.labelled(variable)
     panel = axes[0, 0]
     at = explained.read(before, VARIABLE[variable])
-    residual_plots.scatter(panel, at, scale * shown.partial_residual, drawing.COLOURS[0])
+    residual_plots.scatter(panel, at, scale * shown.partial_residual, drawing.look().colours[0])
     centre, mean, _ = drawing.binned(at, scale * shown.trace)
-    panel.plot(centre, mean, "--", color=drawing.COLOURS[1], linewidth=1.6, label="the effect at its size")
+    panel.plot(centre, mean, "--", color=drawing.look().colours[1], linewidth=1.6, label="the effect at its size")
     panel.legend(frameon=False, fontsize=8)
     drawing.plain(panel, "the effect and what is left beside it", label, f"{shown.channel} ({written})")
     panel = axes[0, 1]
-    residual_plots.scatter(panel, scale * shown.trace_alone, scale * shown.residual_alone, drawing.COLOURS[3])
+    residual_plots.scatter(panel, scale * shown.trace_alone, scale * shown.residual_alone, drawing.look().colours[3])
     reach = np.quantile(scale * shown.trace_alone, [0.005, 0.995])
-    panel.plot(reach, reach, "--", color=drawing.COLOURS[1], linewidth=1.6, label="as the effect would have it")
+    panel.plot(reach, reach, "--", color=drawing.look().colours[1], linewidth=1.6, label="as the effect would have it")
     panel.legend(frameon=False, fontsize=8)
     drawing.plain(panel, "less what other parameters explain", f"{title} ({written})", "")
     if judged:
@@ -153,11 +153,11 @@ def _left_on_held_out(panel: "Axes", judged: dict[str, Sequence[Residual]], chan
     scale, _ = residual_plots.unit(channel)
     last = judged[AFTER]
     at = explained.read(last, VARIABLE[variable])
-    residual_plots.scatter(panel, at, scale * in_channel(last, channel), drawing.COLOURS[2])
+    residual_plots.scatter(panel, at, scale * in_channel(last, channel), drawing.look().colours[2])
     first = judged[BEFORE]
     if first is not last:
         centre, mean, _ = drawing.binned(explained.read(first, VARIABLE[variable]), scale * in_channel(first, channel))
-        panel.plot(centre, mean, ":", color=drawing.INK, linewidth=1.4, label="before anything was added")
+        panel.plot(centre, mean, ":", color=drawing.look().ink, linewidth=1.4, label="before anything was added")
         panel.legend(frameon=False, fontsize=8)
     drawing.plain(panel, "left on held-out flights by the last model", residual_plots.labelled(variable), "")
 
@@ -173,9 +173,9 @@ def outside(found: Diagnosis, curve: OutsideFinding) -> "Figure":
     figure, axes = drawing.figure(1, 1 if of_thrust(curve.channel) else 2, (12.0, 3.8), sharex=True, sharey=True)
     label = residual_plots.labelled(curve.variable)
     for panel in axes[0]:
-        panel.fill_between(curve.at, mean - band, mean + band, color=drawing.COLOURS[1], alpha=0.25, linewidth=0)
-        panel.plot(curve.at, mean, color=drawing.COLOURS[1], linewidth=1.8, label="the curve")
-        panel.axhline(0.0, color=drawing.INK, linewidth=0.6)
+        panel.fill_between(curve.at, mean - band, mean + band, color=drawing.look().colours[1], alpha=0.25, linewidth=0)
+        panel.plot(curve.at, mean, color=drawing.look().colours[1], linewidth=1.8, label="the curve")
+        panel.axhline(0.0, color=drawing.look().ink, linewidth=0.6)
     axes[0, -1].legend(frameon=False, fontsize=8)
     drawing.plain(axes[0, 0], "the curve, from the training flights", label, f"{curve.channel} ({written})")
     sentence = f"{curve.channel} against {curve.variable}: what no known effect explains"
@@ -184,7 +184,7 @@ def outside(found: Diagnosis, curve: OutsideFinding) -> "Figure":
         return figure
     left = found.judged.residuals[found.staircase[-1].model] if found.held_out else left_of(found.search.models[-1])
     at = explained.read(left, VARIABLE[curve.variable])
-    residual_plots.scatter(axes[0, 1], at, scale * in_channel(left, curve.channel), drawing.COLOURS[0])
+    residual_plots.scatter(axes[0, 1], at, scale * in_channel(left, curve.channel), drawing.look().colours[0])
     judged = f"unexplained on {', '.join(found.held_out)}, not used" if found.held_out else "unexplained there"
     if found.proxies:
         judged = f"{judged}, beside {' and '.join(map(words.effect, found.proxies))}"
@@ -213,7 +213,7 @@ def confounded(found: Diagnosis) -> "Figure":
     panel = axes[0, 0]
     image = panel.imshow(table, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
     for i, j in np.ndindex(*table.shape):
-        colour = "white" if table[i, j] > 0.6 else drawing.INK
+        colour = "white" if table[i, j] > 0.6 else drawing.CELL_INK
         panel.text(j, i, f"{100 * table[i, j]:.0f}", ha="center", va="center", fontsize=7.5, color=colour)
     titles = [words.effect(name) for name in shown]
     panel.set_yticks(range(len(shown)), titles, fontsize=8)

@@ -1,21 +1,73 @@
-"""How all our figures are drawn: without a display, plain axes, written whole or not at all."""
+"""How all our figures are drawn: without a display, plain axes, light or dark, written whole or not at all."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from flight import file_format
+from flight import InputError, file_format
 from flight.rotations import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLOURS = ("#b0413e", "#1f6f8b", "#548c2f", "#8d5a97", "#c98a1b")
-INK = "#2b2b2b"
-PALE = "#cfd8dc"
+DPI = 130
+CELL_INK = "#2b2b2b"
+"""What is written on pale cells, in either style."""
+Style = Literal["light", "dark"]
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """The colours of a style; curves keep a contrast of 3 to 1 with the paper."""
+
+    paper: str
+    ink: str
+    pale: str
+    """Bands and what stands back."""
+    grid: str
+    colours: tuple[str, ...]
+    """Of curves, in their order."""
+
+
+LOOKS: dict[str, Look] = {
+    "light": Look("#ffffff", "#2b2b2b", "#cfd8dc", "#e6e6e6", ("#b0413e", "#1f6f8b", "#548c2f", "#8d5a97", "#c98a1b")),
+    "dark": Look("#14181d", "#d5dbe1", "#3b444d", "#2a3138", ("#f0837d", "#54b3d6", "#8fcb63", "#c99bd4", "#ecb95a")),
+}
+_chosen: ContextVar[str] = ContextVar("style", default="light")
+
+
+def look() -> Look:
+    """The colours to draw with now."""
+    return LOOKS[_chosen.get()]
+
+
+@contextmanager
+def styled(style: Style) -> Iterator[Look]:
+    """Draw in this style, whatever Matplotlib's own settings are.
+
+    Raises:
+        InputError: there is no such style.
+    """
+    from matplotlib import rc_context, rcParamsDefault
+
+    if style not in LOOKS:
+        raise InputError(f"style {style!r} is not known; choose one of: {', '.join(LOOKS)}")
+    here = LOOKS[style]
+    inks = ("text.color", "axes.edgecolor", "axes.labelcolor", "axes.titlecolor", "xtick.color", "ytick.color")
+    wanted: Any = {name: value for name, value in rcParamsDefault.items() if not name.startswith("backend")}
+    wanted |= {"axes.facecolor": here.paper, "savefig.facecolor": "auto", **dict.fromkeys(inks, here.ink)}
+    token = _chosen.set(style)
+    try:
+        with rc_context(wanted):
+            yield here
+    finally:
+        _chosen.reset(token)
 
 
 def figure(
@@ -29,7 +81,7 @@ def figure(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    drawn = Figure(figsize=size, layout=layout, facecolor="white")
+    drawn = Figure(figsize=size, layout=layout, facecolor=look().paper)
     FigureCanvasAgg(drawn)
     return drawn, drawn.subplots(rows, columns, squeeze=False, **options)
 
@@ -40,18 +92,19 @@ def written(drawn: "Figure", path: Path) -> Path:
 
     kind = path.suffix[1:]
     with file_format.atomic_file(path) as temporary, rc_context({"svg.hashsalt": "goshawk"}):
-        drawn.savefig(temporary, format=kind, dpi=130, metadata={"Date": None} if kind == "svg" else None)
+        drawn.savefig(temporary, format=kind, dpi=DPI, metadata={"Date": None} if kind == "svg" else None)
     return path
 
 
 def plain(axes: "Axes", title: str, x: str, y: str) -> None:
     """Title, labels and a quiet look."""
-    axes.set_title(title, loc="left", fontsize=10, color=INK)
-    axes.set_xlabel(x, fontsize=9, color=INK)
-    axes.set_ylabel(y, fontsize=9, color=INK)
-    axes.tick_params(labelsize=8, colors=INK)
+    here = look()
+    axes.set_title(title, loc="left", fontsize=10, color=here.ink)
+    axes.set_xlabel(x, fontsize=9, color=here.ink)
+    axes.set_ylabel(y, fontsize=9, color=here.ink)
+    axes.tick_params(labelsize=8, colors=here.ink)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(True, color="#e6e6e6", linewidth=0.6)
+    axes.grid(True, color=here.grid, linewidth=0.6)
     axes.set_axisbelow(True)
 
 
@@ -62,7 +115,8 @@ def headed(drawn: "Figure", sentence: str) -> None:
 
 def cycle(names: Iterable[Any]) -> Sequence[str]:
     """A colour for each."""
-    return [COLOURS[i % len(COLOURS)] for i, _ in enumerate(names)]
+    colours = look().colours
+    return [colours[i % len(colours)] for i, _ in enumerate(names)]
 
 
 def readable_log(axes: "Axes") -> None:

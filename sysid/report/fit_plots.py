@@ -58,8 +58,8 @@ def repeated(results: Sequence[Identification], names: Sequence[str], path: Path
     for i, (panel, name) in enumerate(zip(axes.flat, names, strict=False)):
         found = [r.estimate(name) for r in results]
         value, std = np.array([e.value for e in found]), np.array([e.std_robust for e in found])
-        panel.errorbar(trial, value, std, fmt="o", color=drawing.COLOURS[1], capsize=3, markersize=4)
-        panel.axhline(value.mean(), color=drawing.INK, linewidth=0.8, linestyle="--")
+        panel.errorbar(trial, value, std, fmt="o", color=drawing.look().colours[1], capsize=3, markersize=4)
+        panel.axhline(value.mean(), color=drawing.look().ink, linewidth=0.8, linestyle="--")
         panel.margins(y=0.18)
         panel.set_xlim(0.5, len(results) + 0.5)
         panel.set_xticks(trial)
@@ -81,14 +81,15 @@ def _overlay(result: Identification, flight: Flight, states: States) -> "Figure"
     Force is mass times acceleration less gravity; torque is inertia times angular acceleration.
     """
     figure, axes = drawing.figure(2, 3, (12.0, 5.2), sharex=True)
+    here = drawing.look()
     left = _left_over(result, flight, states)
     shown = _motion(result, flight, states)
     time_s = _middles(flight, shown)
     for i, panel in enumerate(axes.ravel()):
         scale, unit = (1.0, "N") if i < 3 else (1000.0, "mN m")
-        panel.plot(time_s, scale * shown[:, i], color=drawing.INK, linewidth=1.4, label="from the motion")
+        panel.plot(time_s, scale * shown[:, i], color=here.ink, linewidth=1.4, label="from the motion")
         modelled = scale * (shown - left)[:, i]
-        panel.plot(time_s, modelled, color=drawing.COLOURS[1], linewidth=1.0, label="model at these rotor speeds")
+        panel.plot(time_s, modelled, color=here.colours[1], linewidth=1.0, label="model at these rotor speeds")
         drawing.plain(panel, _channel(i), "time (s)" if i >= 3 else "", unit)
     _legend_outside(axes[0, 0])
     drawing.headed(figure, f"{flight.name}: force and torque in body axes, means over {SPAN_S:g} s")
@@ -122,12 +123,12 @@ def _residuals(result: Identification, flight: Flight, states: States) -> "Figur
     for panels, (name, unit, time_s, values, level, dots) in zip(axes, rows, strict=True):
         lowest = name == rows[-1][0]
         for i, panel in enumerate(panels):
-            panel.axhspan(-2.0 * level[i], 2.0 * level[i], color=drawing.PALE, alpha=0.6, linewidth=0)
+            panel.axhspan(-2.0 * level[i], 2.0 * level[i], color=drawing.look().pale, alpha=0.6, linewidth=0)
             if dots:
-                panel.plot(time_s, values[:, i], ".", color=drawing.COLOURS[1], markersize=1.2, rasterized=True)
+                panel.plot(time_s, values[:, i], ".", color=drawing.look().colours[1], markersize=1.2, rasterized=True)
             else:
-                panel.plot(time_s, values[:, i], color=drawing.COLOURS[0], linewidth=1.0)
-            panel.axhline(0.0, color=drawing.INK, linewidth=0.6)
+                panel.plot(time_s, values[:, i], color=drawing.look().colours[0], linewidth=1.0)
+            panel.axhline(0.0, color=drawing.look().ink, linewidth=0.6)
             outside = 100.0 * float((np.abs(values[:, i]) > 2.0 * level[i]).mean())
             title = f"{name} {'xyz'[i]}: {outside:.0f} % outside"
             drawing.plain(panel, title, "time (s)" if lowest else "", unit if i == 0 else "")
@@ -181,7 +182,7 @@ def _parameters(result: Identification) -> "Figure":
     robust = 100.0 * np.array([e.std_robust for e in free]) / size
     simple = 100.0 * np.array([e.std for e in free]) / size
     panel = axes[0, 0]
-    panel.barh(place, robust, color=drawing.COLOURS[1], height=0.7, label="robust")
+    panel.barh(place, robust, color=drawing.look().colours[1], height=0.7, label="robust")
     panel.barh(place, simple, color="#9ec6d3", height=0.35, label="plain")
     panel.set_xscale("log")
     panel.set_xlim(max(1e-3, 0.5 * float(np.min([robust.min(initial=1.0), simple.min(initial=1.0)]))), 100.0)
@@ -193,8 +194,8 @@ def _parameters(result: Identification) -> "Figure":
     left, panel = np.zeros(len(free)), axes[0, 1]
     for i, flight in enumerate(result.flights):
         share = 100.0 * np.array([e.information[i] for e in free])
-        colour = drawing.COLOURS[i % len(drawing.COLOURS)]
-        panel.barh(place, share, left=left, color=colour, height=0.7, label=flight.name, edgecolor="white")
+        colour = drawing.look().colours[i % len(drawing.look().colours)]
+        panel.barh(place, share, left=left, color=colour, height=0.7, label=flight.name, edgecolor=drawing.look().paper)
         left += share
     panel.set_yticks(place, [])
     panel.set_xlim(0.0, 100.0)
@@ -207,12 +208,13 @@ def _parameters(result: Identification) -> "Figure":
 
 def _convergence(result: Identification) -> "Figure":
     record = result.solution.record
+    here = drawing.look()
     figure, axes = drawing.figure(1, 2, (12.0, 3.8))
     number = np.arange(1, len(record) + 1)
     panel = axes[0, 0]
-    panel.semilogy(number, [max(i.step_sigma, 1e-6) for i in record], "o-", color=drawing.COLOURS[1], linewidth=1.6)
-    panel.axhline(CONVERGED_SIGMA, color=drawing.INK, linewidth=0.8, linestyle="--")
-    panel.text(1.0, 1.15 * CONVERGED_SIGMA, "small enough", fontsize=8, color=drawing.INK)
+    panel.semilogy(number, [max(i.step_sigma, 1e-6) for i in record], "o-", color=here.colours[1], linewidth=1.6)
+    panel.axhline(CONVERGED_SIGMA, color=here.ink, linewidth=0.8, linestyle="--")
+    panel.text(1.0, 1.15 * CONVERGED_SIGMA, "small enough", fontsize=8, color=here.ink)
     drawing.readable_log(panel)
     drawing.plain(panel, "Largest step of a parameter", "iteration", "standard errors")
     panel = axes[0, 1]
@@ -220,7 +222,8 @@ def _convergence(result: Identification) -> "Figure":
     for i, e in enumerate(e for e in result.parameters if e.status == "free"):
         path = np.array([r.values[i] for r in record if len(r.values) == len(record[-1].values)])
         if abs(e.value) > 0.0 and not e.name.startswith("pose_sensor"):
-            colour, style = drawing.COLOURS[i % len(drawing.COLOURS)], styles[i // len(drawing.COLOURS) % len(styles)]
+            colour = here.colours[i % len(here.colours)]
+            style = styles[i // len(here.colours) % len(styles)]
             whole = len(path) == len(record)  # else a parameter was held on the way, and what came before is left out
             values = (np.concatenate([[e.start], path]) if whole else path) / e.value
             panel.plot(
@@ -247,7 +250,7 @@ def _correlation(result: Identification) -> "Figure":
     for i, row in enumerate(result.correlation):
         for j, value in enumerate(row):
             if i != j and abs(value) >= 0.3:
-                colour = "white" if abs(value) > 0.7 else drawing.INK
+                colour = "white" if abs(value) > 0.7 else drawing.CELL_INK
                 panel.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=7, color=colour)
     panel.set_title("Correlation of the estimates", loc="left", fontsize=10)
     figure.colorbar(image, ax=panel, shrink=0.7)

@@ -36,10 +36,12 @@ def unit(channel: str) -> tuple[float, str]:
     return (1000.0, "mN m") if channel[0] == "M" else (1.0, "N")
 
 
-def over_time(named: Residuals, flight: int, title: str) -> "Figure":
+def over_time(named: Residuals, flight: int, title: str, channels: Sequence[str] = CHANNELS) -> "Figure":
     """Residual force and torque per body axis on one flight, with the band that white noise would keep to."""
-    figure, axes = drawing.figure(2, 3, (12.0, 5.2 + 0.3 * len(named)), sharex="col")
-    for i, (panel, channel) in enumerate(zip(axes.ravel(), CHANNELS, strict=True)):
+    rows = len(channels) // 3
+    figure, axes = drawing.figure(rows, 3, (12.0, 2.6 * rows + 0.3 * len(named)), sharex="col")
+    for place, (panel, channel) in enumerate(zip(axes.ravel(), channels, strict=True)):
+        i = CHANNELS.index(channel)
         scale, written = unit(channel)
         for colour, (name, residuals) in zip(drawing.cycle(named), named.items(), strict=True):
             one = residuals[flight]
@@ -49,10 +51,10 @@ def over_time(named: Residuals, flight: int, title: str) -> "Figure":
             label = f"{name}: {drawing.rms(smooth):.2g} {written}, {outside:.0%} outside its band"
             panel.plot(time_s, smooth, color=colour, linewidth=1.0, label=label)
         band = SIGMAS * scale * list(named.values())[-1][flight].sigma[i]
-        panel.axhspan(-band, band, color=drawing.PALE, alpha=0.5, linewidth=0, zorder=0)
-        panel.axhline(0.0, color=drawing.INK, linewidth=0.6)
+        panel.axhspan(-band, band, color=drawing.look().pale, alpha=0.5, linewidth=0, zorder=0)
+        panel.axhline(0.0, color=drawing.look().ink, linewidth=0.6)
         panel.legend(frameon=False, fontsize=7.5, loc="lower right", bbox_to_anchor=(1.02, 0.97), borderpad=0.2)
-        drawing.plain(panel, "", "time (s)" if i >= 3 else "", f"unexplained {channel} ({written})")
+        drawing.plain(panel, "", "time (s)" if place >= 3 * (rows - 1) else "", f"unexplained {channel} ({written})")
     drawing.headed(figure, f"{title} (means over {SPAN_S:g} s; grey: 95 % band of the white noise of the last model)")
     return figure
 
@@ -70,11 +72,11 @@ def heat_map(named: Residuals, unseen: Residuals | None = None) -> "Figure":
     for panel, (name, (variables, shares)) in zip(axes[:, 0], found.items(), strict=True):
         image = panel.imshow(shares, cmap="YlOrRd", vmin=0.0, vmax=1.0, aspect="auto")
         for i, j in zip(*np.nonzero(shares > NOTABLE), strict=True):
-            colour = "white" if shares[i, j] > 0.6 else drawing.INK
+            colour = "white" if shares[i, j] > 0.6 else drawing.CELL_INK
             panel.text(j, i, f"{100 * shares[i, j]:.0f}", ha="center", va="center", fontsize=7, color=colour)
         panel.set_yticks(range(6), CHANNELS, fontsize=8)
         panel.set_xticks(range(len(variables)), variables, rotation=60, ha="right", fontsize=8)
-        panel.set_title(name, loc="left", fontsize=10, color=drawing.INK)
+        panel.set_title(name, loc="left", fontsize=10, color=drawing.look().ink)
         panel.tick_params(length=0)
     assert image is not None
     figure.colorbar(image, ax=axes[:, 0].tolist(), label="share explained", format="{x:.0%}", fraction=0.03, pad=0.01)
@@ -135,9 +137,9 @@ def against_all(named: Residuals) -> "Figure":
             panel.plot(x, mean, color=colour, linewidth=1.2, label=name)
     for panel, channel in zip(axes[:, 0], CHANNELS, strict=True):
         panel.set_ylabel(f"{channel} ({unit(channel)[1]})", fontsize=8)
-        panel.axhline(0.0, color=drawing.INK, linewidth=0.5)
+        panel.axhline(0.0, color=drawing.look().ink, linewidth=0.5)
         panel.vlines(
-            np.arange(len(variables) + 1) - _GAP, 0.0, 1.0, drawing.PALE, transform=panel.get_xaxis_transform()
+            np.arange(len(variables) + 1) - _GAP, 0.0, 1.0, drawing.look().pale, transform=panel.get_xaxis_transform()
         )
         panel.tick_params(labelsize=6, axis="both", length=0)
     names = [labelled(v.name).replace(" (", "\n(") for v in variables]
@@ -185,11 +187,12 @@ def loudest(residuals: Sequence[Residual]) -> int:
 
 def scatter(panel: "Axes", x: FloatArray, y: FloatArray, colour: str) -> None:
     """Points, and their binned mean with its band."""
+    here = drawing.look()
     panel.plot(x, y, ".", color=colour, alpha=0.25, markersize=3.5, rasterized=True)
     centre, mean, error = drawing.binned(x, y)
-    panel.fill_between(centre, mean - SIGMAS * error, mean + SIGMAS * error, color=drawing.INK, alpha=0.25, linewidth=0)
-    panel.plot(centre, mean, "o-", color=drawing.INK, markersize=3.5, linewidth=1.2)
-    panel.axhline(0.0, color=drawing.INK, linewidth=0.6)
+    panel.fill_between(centre, mean - SIGMAS * error, mean + SIGMAS * error, color=here.ink, alpha=0.25, linewidth=0)
+    panel.plot(centre, mean, "o-", color=here.ink, markersize=3.5, linewidth=1.2)
+    panel.axhline(0.0, color=here.ink, linewidth=0.6)
     low, high = np.quantile(y, [0.003, 0.997])
     reach = max(-low, high, float(np.abs(mean).max()))
     if not panel.get_autoscaley_on():  # panels that share their axis: room for all
@@ -206,7 +209,7 @@ def path(named: Residuals, flight: int, title: str) -> "Figure":
         size = np.sqrt(((one.means() / one.sigma) ** 2).mean(axis=1))
         place = means_over(one.position_world_m, one.time_s, SPAN_S)
         for panel, (down, label) in zip(axes[:, i], ((1, "y (m)"), (2, "z (m)")), strict=True):
-            panel.plot(place[:, 0], place[:, down], color=drawing.PALE, linewidth=0.8, zorder=1)
+            panel.plot(place[:, 0], place[:, down], color=drawing.look().pale, linewidth=0.8, zorder=1)
             image = panel.scatter(place[:, 0], place[:, down], c=size, s=14, cmap="inferno_r", vmin=0.0, vmax=4.0)
             side = f"{name}, from {'above' if down == 1 else 'the side'}"
             drawing.plain(panel, side, "x (m)" if down == 2 else "", label if i == 0 else "")

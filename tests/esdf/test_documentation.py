@@ -7,7 +7,7 @@ import numpy as np
 
 from flight import Trajectory
 
-PAGE = Path(__file__).parents[2] / "docs" / "distance_field.md"
+PAGE = Path(__file__).parents[2] / "docs" / "explain" / "distance_field.md"
 
 
 def test_the_first_example_runs(tmp_path, monkeypatch, capsys):

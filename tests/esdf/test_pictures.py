@@ -53,13 +53,6 @@ def test_unknown_is_grey_and_the_surface_changes_colour():
     assert len(np.unique(rgb, axis=0)) == 5
 
 
-def test_pictures_are_written_as_png(tmp_path, field):
-    pictures.write_slice(tmp_path / "slice.png", pictures.axis_slice(field, "z", 0.9), title="z = 0.9 m")
-    pictures.write_histogram(tmp_path / "histogram.png", field)
-    for path in tmp_path.iterdir():
-        assert path.read_bytes().startswith(b"\x89PNG")
-
-
 def test_the_histogram_counts_every_known_cubic_metre_once(field):
     edges, volume = pictures.histogram(field)
     assert volume.sum() == pytest.approx((field.state != UNKNOWN).sum() * 0.05**3)

@@ -99,7 +99,7 @@ def counts(tmp_path_factory) -> dict[str, int]:
 
 @pytest.mark.slow
 def test_no_tick_in_any_situation_takes_more_than_the_documented_instructions(counts):
-    """The bar of 5,000 is missed by plain code (docs/performance.md); what it takes must not grow."""
+    """The bar of 5,000 is missed by plain code (docs/evidence/performance.md); what it takes must not grow."""
     ticks = {name: count for name, count in counts.items() if name.startswith("tc_tick")}
     assert {name.split(":")[1].split(",")[0].strip() for name in ticks} >= {
         "disarmed", "armed", "take-off", "hold", "approach", "trajectory", "pausing", "paused", "stopping",
@@ -110,7 +110,7 @@ def test_no_tick_in_any_situation_takes_more_than_the_documented_instructions(co
 
 @pytest.mark.slow
 def test_the_documentation_lists_the_worst_instructions_of_every_public_function(counts):
-    page = (ROOT / "docs" / "controller_cost.md").read_text()
+    page = (ROOT / "docs" / "firmware" / "cost.md").read_text()
     assert assure.cost_table(counts) in page, "python tools/assure.py cost --markdown"
     headers = [(LIBRARY / "include" / "goshawk_controller" / name).read_text() for name in ("controller.h", "link.h")]
     declared = set(re.findall(r"^[a-z].*?\b(tc_\w+)\(", "\n".join(headers), re.MULTILINE))

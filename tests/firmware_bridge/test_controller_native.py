@@ -174,7 +174,7 @@ def test_every_number_of_the_sources_has_a_type():
 
 
 def test_arbitrary_bytes_break_nothing(tmp_path):
-    """A short run of the fuzz target with its own random bytes; docs/c_integration.md tells how to run it for long."""
+    """A short run of the fuzz target with its own random bytes; docs/firmware/c_integration.md has long runs."""
     _need("gcc")
     flags = ("-O1", "-DSTANDALONE", "-DTC_MAX_SEGMENTS=8", "-fsanitize=undefined", "-fno-sanitize-recover=all")
     sources = [path for path in _sources() if "link" not in path.parts]

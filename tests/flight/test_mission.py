@@ -109,7 +109,7 @@ def test_the_legs_of_laps_keep_the_limits_of_those_that_are_listed(speed, legs):
         ({"keep_in": KeepIn(np.nan)}, "radius_m of nan"),
         ({"keep_in": KeepIn(0.01)}, "radius_m of 0.01"),
         ({"keep_in": KeepIn(1.0, ((0.0, 0.0, 0.0),))}, "polyline of 1 points"),
-        ({"keep_in": KeepIn(1.0, ((0.0, 0.0, 0.0), (0.0, np.inf, 0.0)))}, "point 1 of the tube"),
+        ({"keep_in": KeepIn(1.0, ((0.0, 0.0, 0.0), (0.0, np.inf, 0.0)))}, "point 2 of the tube"),
     ],
 )
 def test_requests_that_make_no_sense_are_refused_by_number(change, words):

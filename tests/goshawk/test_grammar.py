@@ -131,7 +131,8 @@ def commands_in(text: str) -> Iterator[list[str]]:
             continue
 
 
-DOCUMENTS = ["README.md", *(str(p.relative_to(ROOT)) for p in sorted((ROOT / "docs").glob("*.md")))]
+PAGES = [p for p in sorted((ROOT / "docs").rglob("*.md")) if not {"_build", "studies"} & set(p.parts)]
+DOCUMENTS = ["README.md", *(str(p.relative_to(ROOT)) for p in PAGES)]
 
 
 @pytest.mark.parametrize("document", [*DOCUMENTS, "packages"])

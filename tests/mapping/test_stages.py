@@ -237,7 +237,7 @@ def test_what_a_killed_run_left_half_made_is_removed(tmp_path: Path) -> None:
 
 
 def test_a_full_disk_is_named_and_loses_only_the_stage_at_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A disk that is really full would need the rights to mount one; that run is in docs/performance.md."""
+    """A disk that is really full would need the rights to mount one; that run is in docs/evidence/performance.md."""
 
     def fill(folder: Path) -> None:
         (folder / "half").write_text("x")

@@ -189,7 +189,7 @@ class Effect:
 
     name: str
     number: int
-    """Number in the catalogue (`docs/vehicle_model.md`); 0 for one of the user's own."""
+    """Number in the catalogue; 0 for one of the user's own."""
     stage: Stage
     apply: Callable[[Any, Values], None]
     """`apply(flow, values)` adds to a `Flow` (or `RigidBody`, `Drive`, `Reading`, by stage) in place."""

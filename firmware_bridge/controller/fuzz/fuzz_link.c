@@ -12,7 +12,7 @@
    - a second endpoint, which signs, lets nothing in: no lease, no upload, no order.
 
    With libFuzzer:  clang -fsanitize=fuzzer,address,undefined with this file and those of src.
-   Without:         fuzz_main.c drives it with random inputs (see docs/link.md). */
+   Without:         fuzz_main.c drives it with random inputs (see docs/reference/link.md). */
 #include <stdlib.h>
 #include <string.h>
 

@@ -172,7 +172,7 @@ static inline void sys_status_decode(sys_status_msg *m, const uint8_t *payload, 
     memcpy(&m->onboard_control_sensors_health_extended, whole + SYS_STATUS_ONBOARD_CONTROL_SENSORS_HEALTH_EXTENDED_AT, 4u);
 }
 
-/* A request (target 0, 0) is returned as it came, its target the one who asked. The vehicle's challenge: see docs/link.md. */
+/* A request (target 0, 0) is returned as it came, its target the one who asked. The vehicle's challenge: see docs/reference/link.md. */
 #define PING_ID 4u
 #define PING_LENGTH 14u
 #define PING_CRC_EXTRA 237u

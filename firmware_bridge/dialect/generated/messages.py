@@ -147,7 +147,7 @@ class SysStatus(Message):
 
 @dataclass(slots=True)
 class Ping(Message):
-    """A request (target 0, 0) is returned as it came, its target the one who asked. The vehicle's challenge: see docs/link.md."""
+    """A request (target 0, 0) is returned as it came, its target the one who asked. The vehicle's challenge: see docs/reference/link.md."""
 
     ID: ClassVar[int] = 4
     CRC_EXTRA: ClassVar[int] = 237

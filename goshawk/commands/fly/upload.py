@@ -57,8 +57,8 @@ def command(
     refuse_unfit(item, map_hash, vehicle_hash, False)
     if item.record_kept is None:
         click.echo(
-            f"warning: {trajectory_file} is of file version 1, which has no hash of its limits and conditions: whether "
-            "they were changed after its check is not known; `goshawk check --renew` writes the present version",
+            f"warning: {trajectory_file} is of file version 1, which does not show whether its limits and conditions "
+            "were changed after its check; `goshawk check --renew` writes the present version",
             err=True,
         )
     with (

@@ -172,7 +172,7 @@ def _fit(
 def _designed(name: str) -> Trajectory:
     design = manoeuvres.make(name)
     if name in NEEDS_A_CEILING:
-        raise InfeasibleError("it wants a known ceiling over it, not free space")
+        raise InfeasibleError("it needs a known ceiling above it, not free space")
     if flies_near_ground(design):
         raise InfeasibleError("it flies nearer to the ground than the clearance allows")
     if float(np.ptp(_path(design), axis=0).max()) <= 0.0:

@@ -2,16 +2,15 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from flight import InputError, file_format
+import numpy as np
+
+from flight import InputError
 from sysid.estimator.validation.changes import HORIZON_S, KEYS
 from sysid.estimator.validation.comparison import QUANTITIES
+from sysid.report import drawing
 from sysid.report.pages import SHOWN
 from vehicle.history import Step
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def prediction_error(quantity: str, value: float) -> str:
@@ -22,37 +21,29 @@ def prediction_error(quantity: str, value: float) -> str:
 
 def staircase(steps: Sequence[Step], errors: Sequence[Mapping[str, float]], flights: Sequence[str], path: Path) -> None:
     """Draw the held-out errors over a model's versions, one panel per quantity; SVG or PNG by the file's name."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     if path.suffix not in (".svg", ".png"):
         raise InputError(f"{path}: a figure is an .svg or a .png")
-    figure = Figure(figsize=(9.0, 0.9 + 0.3 * len(steps) + 1.2), layout="constrained", facecolor="white")
-    FigureCanvasAgg(figure)
-    _draw(figure, [_label(step) for step in steps], errors)
-    figure.suptitle(f"error after {HORIZON_S:g} s on {', '.join(flights)}", fontsize=9, x=0.01, ha="left")
-    with file_format.atomic_file(path) as temporary:
-        figure.savefig(temporary, format=path.suffix[1:], dpi=130)
+    figure, panels = drawing.figure(1, len(QUANTITIES), (9.0, 2.1 + 0.3 * len(steps)), sharey=True)
+    _draw(panels[0], [_label(step) for step in steps], errors)
+    drawing.headed(figure, f"error after {HORIZON_S:g} s on {', '.join(flights)}")
+    drawing.written(figure, path)
 
 
 def _label(step: Step) -> str:
     return f"{step.number}  {step.action} {step.effect}".rstrip()
 
 
-def _draw(figure: "Figure", labels: list[str], errors: Sequence[Mapping[str, float]]) -> None:
+def _draw(panels: np.ndarray, labels: list[str], errors: Sequence[Mapping[str, float]]) -> None:
     places = range(len(labels))
-    panels = figure.subplots(1, len(QUANTITIES), sharey=True)
+    colour = drawing.look().colours[1]
     for axes, (quantity, unit) in zip(panels, QUANTITIES.items(), strict=True):
         values = [error[KEYS[quantity]] for error in errors]
-        axes.stairs(
-            values, [p - 0.5 for p in range(len(labels) + 1)], orientation="horizontal", color="#1f6f8b", lw=1.6
-        )
+        axes.stairs(values, np.arange(len(labels) + 1) - 0.5, orientation="horizontal", color=colour, linewidth=1.6)
         for place, value in zip(places, values, strict=True):
             axes.annotate(f"{value:.3g}", (value, place), (3, 0), textcoords="offset points", va="center", fontsize=7.5)
         axes.set_xlim(0.0, 1.35 * max(values))
         axes.set_ylim(len(labels) - 0.5, -0.5)
-        axes.set_title(f"{quantity} ({unit})", loc="left", fontsize=9)
-        axes.set_yticks(list(places), labels, fontsize=8)
-        axes.tick_params(axis="x", labelsize=7.5)
+        drawing.plain(axes, quantity, unit, "")
+        axes.set_yticks(list(places), labels)
         axes.locator_params(axis="x", nbins=4)
-        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(False, axis="y")

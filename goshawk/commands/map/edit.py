@@ -214,10 +214,14 @@ def _change(
         esdf.save_edits(folder / EDITS, editor.edits)
         document["written"] = str(folder / EDITS)
     else:
+        from goshawk import plot
+        from sysid.report import drawing
+
         z_m = _height(set(old) ^ set(editor.edits), after)
-        slices = [(when, pictures.axis_slice(f, "z", z_m)) for when, f in (("before", before), ("after", after))]
+        fields = {"before": before, "after": after}
+        slices = {f"{when}, z = {z_m:.2f} m": pictures.axis_slice(shown, "z", z_m) for when, shown in fields.items()}
         with outputs.file(preview, overwrite=overwrite) as temporary:
-            pictures.write_slices(temporary, {f"{when}, z = {z_m:.2f} m": picture for when, picture in slices})
+            plot.slices(slices).savefig(temporary, format="png", dpi=drawing.DPI)
         document["preview"] = str(preview)
     facts = {
         "no longer free": f"{document['closed_m3']:.3f} m3",

@@ -18,7 +18,7 @@ from mapping.dense import confidence
 from mapping.exploration.view_planning import ViewOptions
 from mapping.sparse.mapper.overlap import UnplacedRun
 from mapping.verdict import Standing
-from sysid.report.drawing import COLOURS, INK, PALE, figure, plain, written
+from sysid.report.drawing import figure, look, plain, written
 from sysid.report.pages import picture, table, write_page
 
 if TYPE_CHECKING:
@@ -213,9 +213,11 @@ def _draw_radius(place: "Axes", rings: dict[str, Any]) -> None:
     middle_deg = 0.5 * (bounds_deg[:-1] + bounds_deg[1:])
     # half of the squared error lies along the radius
     std_px = rms_px / np.sqrt(2.0 * np.maximum(count, 1))
-    place.plot(middle_deg, rms_px, ".-", color=PALE, label="RMS")
-    place.errorbar(middle_deg, mean_px, std_px, fmt=".-", color=COLOURS[0], capsize=2, label="mean along the radius")
-    place.axhline(0.0, color=INK, linewidth=0.6)
+    place.plot(middle_deg, rms_px, ".-", color=look().pale, label="RMS")
+    place.errorbar(
+        middle_deg, mean_px, std_px, fmt=".-", color=look().colours[0], capsize=2, label="mean along the radius"
+    )
+    place.axhline(0.0, color=look().ink, linewidth=0.6)
     plain(place, rings["camera"], "angle from the optical axis (°)", "error (px)")
     place.legend(fontsize=8, frameon=False)
 
@@ -225,10 +227,10 @@ def _draw_time(place: "Axes", images: dict[str, Any]) -> None:
     is_timed = bool(np.isfinite(time_s).all())
     at = time_s if is_timed else np.arange(len(time_s))
     mean_px = np.array([mean or (math.nan, math.nan) for mean in images["mean_px"]], dtype=float).reshape(-1, 2)
-    place.plot(at, np.array(images["rms_px"], dtype=float), ".-", color=PALE, label="RMS")
+    place.plot(at, np.array(images["rms_px"], dtype=float), ".-", color=look().pale, label="RMS")
     for axis, name in enumerate(("mean x", "mean y")):
-        place.plot(at, mean_px[:, axis], ".-", color=COLOURS[axis], linewidth=0.8, label=name)
-    place.axhline(0.0, color=INK, linewidth=0.6)
+        place.plot(at, mean_px[:, axis], ".-", color=look().colours[axis], linewidth=0.8, label=name)
+    place.axhline(0.0, color=look().ink, linewidth=0.6)
     plain(place, images["camera"], "time (s)" if is_timed else "placed image, in order", "error (px)")
     place.legend(fontsize=8, frameon=False, ncols=3)
 
@@ -255,7 +257,7 @@ def _coverage(area: Map, folder: Path) -> str:
         plain(place, f"free along {names[along]}", f"{names[across]} (m)", f"{names[up]} (m)")
         place.grid(False)
         bar = drawn.colorbar(image, ax=place, shrink=0.8)
-        bar.set_label("free (m)", color=INK)
+        bar.set_label("free (m)", color=look().ink)
     path = written(drawn, folder / "coverage.svg")
     note = (
         "<p class='small'>From above and from the side: metres of free space along the view, edits included; grey "
@@ -289,10 +291,10 @@ def _again(area: Map, folder: Path) -> str:
         place.plot(cells[:, 0], cells[:, 1], "s", color=colour, markersize=3, label=name)
     positions = np.array([view.position_world_m for view in found.views])
     heading = np.array([view.heading_rad for view in found.views])
-    place.plot(positions[:, 0], positions[:, 1], "-", color=INK, linewidth=0.8, label="order")
+    place.plot(positions[:, 0], positions[:, 1], "-", color=look().ink, linewidth=0.8, label="order")
     place.quiver(positions[:, 0], positions[:, 1], np.cos(heading), np.sin(heading), color="#b0413e", scale=25.0)
     for number, (x, y, _) in enumerate(positions):
-        place.annotate(str(number), (x, y), color=INK, xytext=(3, 3), textcoords="offset points")
+        place.annotate(str(number), (x, y), color=look().ink, xytext=(3, 3), textcoords="offset points")
     plain(place, "from above", "x (m)", "y (m)")
     place.grid(False)
     drawn.legend(loc="outside lower center", ncols=3, frameon=False)

@@ -78,8 +78,7 @@ def _drawn(
         *[_surface(field, out, level_m) for level_m in (levels_m if named else (0.0,))],
     ]
     if not named and document["free_m3"] + document["occupied_m3"] > 0.0:
-        pictures.write_histogram(out / "histogram.png", field)
-        written.append(str(out / "histogram.png"))
+        written.append(_histogram(field, out))
     return written
 
 
@@ -146,6 +145,9 @@ def _facts(document: dict[str, Any]) -> dict[str, object]:
 
 
 def _slices(field: Field, out: Path, chosen: tuple[str, ...]) -> list[str]:
+    from goshawk import plot
+    from sysid.report import drawing
+
     written: list[str] = []
     for text in chosen:
         axis, _, at = text.partition("=")
@@ -153,16 +155,24 @@ def _slices(field: Field, out: Path, chosen: tuple[str, ...]) -> list[str]:
             raise InputError(f"--slice {text!r} does not begin with x=, y= or z=")
         at_m = console.numbers("--slice", at, 1)[0]
         path = out / f"slice_{axis}_{at_m:g}.png"
-        pictures.write_slice(path, pictures.axis_slice(field, axis, at_m), title=f"{axis} = {at_m:g} m")
-        written.append(str(path))
+        written.append(str(drawing.written(plot.map_slice(field, at_m, axis), path)))
     return written
 
 
 def _plane(field: Field, out: Path, number: int, points: tuple[str, str, str]) -> str:
+    from goshawk import plot
+    from sysid.report import drawing
+
     a, b, c = (console.numbers("--plane", text, 3) for text in points)
-    path = out / f"plane_{number}.png"
-    pictures.write_slice(path, pictures.plane_through(field, a, b, c), title=f"through {', '.join(points)}")
-    return str(path)
+    figure = plot.slices({f"through {', '.join(points)}": pictures.plane_through(field, a, b, c)})
+    return str(drawing.written(figure, out / f"plane_{number}.png"))
+
+
+def _histogram(field: Field, out: Path) -> str:
+    from goshawk import plot
+    from sysid.report import drawing
+
+    return str(drawing.written(plot.distances(field), out / "histogram.png"))
 
 
 def _surface(field: Field, out: Path, level_m: float) -> str:

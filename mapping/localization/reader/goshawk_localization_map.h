@@ -12,7 +12,7 @@
            }
        }
 
-   The format is described in docs/formats.md. C99; compiles as C++ as well. */
+   The format is described in docs/reference/formats.md. C99; compiles as C++ as well. */
 #ifndef GOSHAWK_LOCALIZATION_MAP_H
 #define GOSHAWK_LOCALIZATION_MAP_H
 

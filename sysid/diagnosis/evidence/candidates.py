@@ -179,7 +179,7 @@ def _wanted(effect: Effect) -> list[Spec]:
 
 
 def _names(effect: Effect) -> list[str]:
-    """The names of an effect's candidates: one for each rotor where they are told apart."""
+    """The names of an effect's candidates: one for each rotor where they are separated."""
     return [f"{effect.name}[{i}]" for i in range(len(_wanted(effect)))] if effect.separate else [effect.name]
 
 

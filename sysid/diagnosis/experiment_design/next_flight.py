@@ -2,7 +2,7 @@
 
 A flight that has not been flown has no residuals, but its information is known: the estimator's own linearisation at
 the simulated states, with the noise of the fit. Added to the information of the flights so far, it says how well two
-confounded effects will be told apart, or how small a size will show.
+confounded effects will be separated, or how small a size will show.
 """
 
 import logging
@@ -127,7 +127,7 @@ def rank(
     """Every manoeuvre that fits, by what it would tell about the candidates per second flown.
 
     Args:
-        candidates: two or more to be told apart, or one whose size is in doubt; else what the diagnosis leaves open.
+        candidates: two or more to be separated, or one whose size is in doubt; else what the diagnosis leaves open.
         free_volume_m: where the vehicle's centre may go, along x, y and z.
         corner_world_m: lowest corner of that volume; without it, the volume's floor is 0.5 m above the ground.
         library: names of manoeuvres; else all of `vehicle.manoeuvres.LIBRARY`.
@@ -143,7 +143,7 @@ def rank(
         progress("rehearse", i / len(names))
         try:
             if name in NEEDS_A_CEILING:
-                raise InfeasibleError("it wants a known ceiling over it, not free space")
+                raise InfeasibleError("it needs a known ceiling above it, not free space")
             trajectory = fitted_into(manoeuvres.make(name), room, question.model.fit.vehicle)
             flown = rehearse(question.model.fit, trajectory, room, NODE_RATE_HZ, rng)
         except InfeasibleError as error:
@@ -158,7 +158,7 @@ def rank(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Question:
-    """Candidates to be told apart, or one to be sized, and what the flights so far know about them."""
+    """Candidates to be separated, or one to be sized, and what the flights so far know about them."""
 
     model: Model
     candidates: tuple[Candidate, ...]

@@ -5,8 +5,9 @@ itself may be late by the vehicle's effect `pose_delay`; while that is estimated
 logs that hold commands alone the gyro.
 
 Commands in place of rotor speed are taken to be on time: their delay is a motor lag to first order, and of motors that
-do not follow one lag (the Crazyflie of docs/real_logs_motor_lag.md) the fit takes 15 ms for a delay, halves the lag and
-puts inertias 45 % too high. Only on request (`Options.estimate_command_delay`) have they a clock of their own.
+do not follow one lag (the Crazyflie of docs/evidence/studies/real_logs_motor_lag.md) the fit takes 15 ms for a delay, halves
+the lag and puts inertias 45 % too high. Only on request (`Options.estimate_command_delay`) have they a clock of
+their own.
 
 A stream that is late by d showed at time t what was at t - d; read at t + d it agrees with the motion at t.
 """
@@ -168,9 +169,9 @@ def commands_on_time(flights: Iterable[Flight]) -> list[str]:
     if not any(flight.commands_on_time for flight in flights):
         return []
     return [
-        "rotor speed was not logged, and late or early commands are confounded with motor_lag: commands were taken to "
-        "be on time, so that the lag holds what they are off by; log rotor speed, or, if another recorder than the "
-        "gyro's stamped the commands, use `goshawk identify --estimate-command-delay`"
+        "rotor speed was not logged, and a delay of commands is confounded with motor_lag. Commands were taken to be "
+        "on time, so the lag includes their delay. Log rotor speed; if another recorder than the gyro's stamped the "
+        "commands, use `goshawk identify --estimate-command-delay`"
     ]
 
 

@@ -84,8 +84,8 @@ def what_is_known(given: Vehicle, fitted: Mapping[str, tuple[float, float]]) -> 
         fitted: as in `common_factor`.
     """
     said = (
-        f"the mass was given as {given.mass_kg:g} kg and not estimated: pose and rotor speed show only ratios to it, "
-        "so thrust, drag and inertia are as right as the mass is; "
+        f"the mass was given as {given.mass_kg:g} kg and not estimated: only ratios to it are identifiable, so thrust, "
+        "drag and inertia are as right as the mass is; "
     )
     common = common_factor(given, fitted)
     if common is None:
@@ -115,7 +115,7 @@ def sentences(
         agrees_kg = given.mass_kg / common.value
         return [
             f"the {common.witnesses} estimates that scale with the mass came out {common.value:.3f} ± "
-            f"{common.sigma:.3f} times the vehicle file's in the mean (thrust {thrust:.2f} times): the mass given "
+            f"{common.sigma:.3f} times the vehicle file's in the mean (thrust {thrust:.2f} times). The mass given "
             f"({given.mass_kg:.4g} kg) is likely wrong; weigh the vehicle. With {agrees_kg:.4g} ± "
             f"{agrees_kg * common.sigma / common.value:.2g} kg the rest of the file would be right. Correct it and fit "
             "again: thrust, drag and inertia all follow it"

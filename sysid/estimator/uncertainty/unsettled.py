@@ -41,9 +41,9 @@ class Unsettled:
     @property
     def sentence(self) -> str:
         return (
-            f"{self.name} did not settle and was held at {self.held:.4g} {self.unit}, where the fit began: these "
+            f"{self.name} did not settle and was held at {self.held:.4g} {self.unit}, where the fit began. These "
             f"flights tell it only together with {' and '.join(self.confounded)}, as right as that value; intervals "
-            f"allow for its being {self.off:.2g} {self.unit} off; measure it, or fly quicker manoeuvres that excite it"
+            f"allow for its being {self.off:.2g} {self.unit} off. Measure it, or fly quicker manoeuvres that excite it"
         )
 
 

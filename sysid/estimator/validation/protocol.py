@@ -73,8 +73,8 @@ TURNING = {"held": "rate held", "model": "moment of the model", "closed loop": "
 KNOWS = (
     "zero: velocity and rate held. Rate held: the model's force acts, the rate stays. Model alone: its force and "
     "moment act. Past carried: the disturbance estimated from the past acts too and fades, its time constant "
-    "learned from other flights. Closed loop: the body turns as the controller of these flights makes it turn, a "
-    "linear law of rate, tilt and velocity learned from other flights; rotor speed has no part in the turning. All "
+    "learned from other flights. Closed loop: the body turns as the controller of these flights makes it turn, by a "
+    "linear law of rate, tilt and velocity learned from other flights. Rotor speed has no part in it. All "
     "know the measured state at the start and, but for zero, the rotor speeds over the horizon. A velocity or rate "
     "that was not measured comes from fits to the pose that also see a moment after the start; a note names them"
 )
@@ -203,8 +203,8 @@ def _seen_ahead(stretches: Sequence[_Stretch]) -> tuple[str, ...]:
         flights.setdefault(s.fitted, []).append(s.flight.name)
     return tuple(
         f"{' and '.join(fitted)} not measured throughout in {', '.join(names)}, so taken from fits to the pose centred "
-        f"on each instant: the state at the start knows up to {0.5 * WINDOW_S:.2f} s of what is predicted, and errors "
-        "of every predictor may come out too small; what is carried from the past is from before that"
+        f"on each instant. The state at the start knows up to {0.5 * WINDOW_S:.2f} s of what is predicted, so errors "
+        "of every predictor may be too small. What is carried from the past is from before that"
         for fitted, names in flights.items()
         if fitted
     )

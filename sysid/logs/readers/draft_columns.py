@@ -59,6 +59,12 @@ class Guess:
     """Further keys, as unit."""
     reasons: list[str] = field(default_factory=list)
 
+    @property
+    def sentence(self) -> str:
+        """What was taken for what, without the reasons."""
+        keys = [f"{key} {value}" if key == "unit" else value for key, value in self.entries.items() if key != "topic"]
+        return f"{self.name}: {', '.join([*(self.columns or [self.entries.get('topic', '')]), *keys])}"
+
 
 @dataclass(frozen=True, slots=True)
 class Draft:

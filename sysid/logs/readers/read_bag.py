@@ -35,9 +35,13 @@ def read(path: Path, map_file: Path) -> FlightLog:
         InputError: there is no such file, or no such topic or field in it.
         FormatError: it is not a recording, or the map is not one.
     """
-    wanted = file_format.read_toml(Path(map_file), format=FORMAT, version=VERSION)
+    return read_with(path, file_format.read_toml(Path(map_file), format=FORMAT, version=VERSION), Path(map_file))
+
+
+def read_with(path: Path, wanted: dict[str, Any], map_file: Path) -> FlightLog:
+    """The same with a map that was read; `map_file` is what errors name."""
     path = Path(path)
-    topics = _topics(wanted, Path(map_file))
+    topics = _topics(wanted, map_file)
     messages = _messages(path, {entry["topic"] for entry in topics.values()})
     streams = {name: _stream(name, entry, *messages[entry["topic"]]) for name, entry in topics.items()}
     base = next((streams.pop(name) for name in ("pose", "imu") if name in streams), None)

@@ -163,7 +163,7 @@ def test_quaternions_of_another_convention_are_refused(tmp_path: Path, order: li
     np.savetxt(path, rows, fmt="%.9f")
     found = aligned(beside(MotionKind.POSES, path), old())
     assert doubts(found) == []
-    assert "quaternions are in another order" in verdict._motion_refusals(found.motions[0])[0]
+    assert "quaternions are of another order" in verdict._motion_refusals(found.motions[0])[0]
     assert verdict._motion_refusals(right.motions[0]) == []
 
 
@@ -192,7 +192,7 @@ def test_poses_whose_z_is_not_up_are_named(tmp_path: Path) -> None:
     tipped = frames.transform(rotations.exp([0.5 * np.pi, 0.0, 0.0]), np.zeros(3)) @ pose(RECORDED_S)
     found = aligned(beside(MotionKind.POSES, write_tum(tmp_path / "p", RECORDED_S, tipped)), old())
     assert found.scale == pytest.approx(OLD_SCALE, rel=1e-3)
-    assert "z axis is not up" in verdict._tilt_doubts(found.poses(old()))[0]
+    assert "Give them with z up" in verdict._tilt_doubts(found.poses(old()))[0]
     assert verdict._tilt_doubts(TRUTH) == []
 
 
@@ -237,7 +237,7 @@ FAULTS = [
     (scaled(1000.0), "must be in metres, not in millimetres"),
     (lambda rows: rows.__delitem__(slice(1, None)), "has 1 poses"),
     (lambda rows: rows.__delitem__(slice(270, None)), "covers 3 of 40 images"),
-    (lambda rows: [row.__setitem__(0, str(float(row[0]) + 1.7e9)) for row in rows], "must be of one clock"),
+    (lambda rows: [row.__setitem__(0, str(float(row[0]) + 1.7e9)) for row in rows], "give both by one clock"),
 ]
 
 

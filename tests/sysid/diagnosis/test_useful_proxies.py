@@ -234,7 +234,7 @@ def test_what_fell_too_little_is_said_so():
         )
         assert refused.sentence.startswith(words)
         assert replace(refused, vanishes=True).sentence.startswith(
-            "not added: its fitted size cannot be told from zero; the cost"
+            "not added: its fitted size is not significantly different from zero; the cost"
         )
 
 

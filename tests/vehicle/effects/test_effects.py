@@ -1,7 +1,5 @@
 """Every effect of the catalogue: compiled and plain forms agree, derivatives are exact, units and sources are there."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -111,10 +109,3 @@ def test_a_missing_surrounding_is_named():
     for call in (vehicle.wrench, forces.wrench_numpy, vehicle.wrench_jacobian):
         with pytest.raises(InputError, match="ground_effect reads height_m"):
             call(v, velocity, rate, speed)
-
-
-def test_the_page_on_the_model_lists_the_whole_catalogue():
-    page = (Path(__file__).parents[3] / "docs" / "vehicle_model.md").read_text()
-    for effect in CATALOGUE.values():
-        law = effect.law.replace("|", "\\|")
-        assert f"| {effect.number or '-'} | `{effect.name}` | {law} |" in page

@@ -15,7 +15,7 @@ from vehicle import dynamics, effects, flatness, forces, manoeuvres, native, sim
 from vehicle.effects.base import Effect, Spec, Stage
 from vehicle.simulation import integrate
 
-PAGE = Path(__file__).parents[3] / "docs" / "add_an_effect.md"
+PAGE = Path(__file__).parents[3] / "docs" / "how-to" / "add_an_effect.md"
 
 
 @pytest.fixture(scope="module")

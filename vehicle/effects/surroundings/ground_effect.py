@@ -25,8 +25,8 @@ EFFECT = Effect(
     apply=apply,
     parameters=(Spec("strength", "1", prior=1.0, bounds=(0.0, 20.0), planted=1.3),),
     law="T / (1 - g (R / 4h)^2)",
-    source="Cheeseman and Bennett 1955, ARC R&M 3021 (g = 1); Sanchez-Cuevas, Heredia, Ollero 2017, Characterization "
-    "of the Aerodynamic Ground Effect and Its Influence in Multirotor Control, for why g is free",
+    source="Cheeseman and Bennett 1955, ARC R&M 3021 (g = 1); for why g is free: Sanchez-Cuevas, "
+    "Heredia, Ollero 2017, Characterization of the Aerodynamic Ground Effect",
     channel="F_z",
     regressor="height",
     excited_by=("ground_sweep",),

@@ -58,9 +58,9 @@ extern "C" {
 #define TC_LINK_PRESET 0u       /* as a period of a message: as it was at the start */
 #define TC_LINK_NEVER UINT32_MAX
 
-/* How the vehicle introduces itself to standard ground stations (docs/ground_stations.md). PX4: with its modes, so that
-   QGroundControl offers arm, take-off, hold and land. Generic: as what it is, with the mission state as its mode; then
-   QGroundControl shows the vehicle, and offers no buttons. */
+/* How the vehicle introduces itself to standard ground stations (docs/how-to/standard_stations.md). PX4: with its
+   modes, so that QGroundControl offers arm, take-off, hold and land. Generic: as what it is, with the mission state as
+   its mode; then QGroundControl shows the vehicle, and offers no buttons. */
 typedef enum { TC_IDENTITY_PX4 = 0, TC_IDENTITY_GENERIC = 1 } tc_link_identity;
 
 /* Reasons of the link itself; the values below 70 are tc_reason. Part of the protocol: only append. */

@@ -72,7 +72,7 @@ def test_folders_that_are_no_photographs_of_one_camera_are_refused(photos, tmp_p
 def test_a_missing_scale_is_reported_before_any_work(photos, tmp_path):
     run("camera", "new", photos, "--quick", "--out", tmp_path / "c.toml")
     said = run("map", "build", photos, "--camera", tmp_path / "c.toml", "--out", tmp_path / "m", code=1)
-    for way in ("--length 13.2", "A.jpg,B.jpg", "rig of cameras", "references.csv", "odometry"):
+    for way in ("--length 13.2", "A.jpg,B.jpg", "A rig", "references.csv", "odometry"):
         assert way in said
     assert "checking images" not in said
     rows = "\n".join(["image,x_m,y_m,z_m", *(f"{i}.jpg,0,0,{i}" for i in range(3))])

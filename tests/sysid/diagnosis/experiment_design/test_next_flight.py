@@ -1,4 +1,4 @@
-"""The proposed flight: it fits, it can be planned, and confounded effects are really told apart better by it."""
+"""The proposed flight: it fits, it can be planned, and confounded effects are really separated better by it."""
 
 from dataclasses import replace
 

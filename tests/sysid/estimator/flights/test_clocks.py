@@ -105,7 +105,7 @@ def taken_on_time(early_logs, truth) -> sysid.Identification:
 def test_unless_asked_for_no_delay_of_commands_is_taken_out_of_the_lag_and_the_fit_says_so(taken_on_time, sent_early):
     assert not any(clock.stream == "rotor speed command" for clock in taken_on_time.clocks)
     assert taken_on_time.estimate("motor_lag.rise_s").value == pytest.approx(0.03 + EARLY / 200.0, rel=0.05)
-    said = "commands were taken to be on time"
+    said = "Commands were taken to be on time"
     assert any(said in finding for finding in taken_on_time.findings)
     assert not any(said in finding for finding in sent_early.findings)
 
@@ -133,7 +133,7 @@ def test_a_curve_must_explain_more_than_a_delay_of_commands_that_is_not_estimate
 
 
 def test_where_rotor_speed_is_logged_nothing_is_said_of_commands(fitted):
-    assert not any("commands were taken" in f or "fit better with commands" in f for f in fitted.findings)
+    assert not any("Commands were taken" in f or "fit better with commands" in f for f in fitted.findings)
 
 
 def test_commands_that_are_early_are_told_from_the_lag_of_motors_and_from_a_late_pose(sent_early):

@@ -61,7 +61,7 @@ def test_size_and_duration_of_gusts_are_estimated(flying, truth):
     # three flights hold some 120 independent gusts, less what looks like drag and thrust
     np.testing.assert_allclose(found.size, [0.3] * 3 + [1.0] * 3, rtol=0.25)
     assert ((found.lasts_s > 0.25) & (found.lasts_s < 1.2)).all()
-    assert any("what the model leaves unexplained lasts" in sentence for sentence in result.findings)
+    assert any("stay unexplained for about" in sentence for sentence in result.findings)
     assert result.as_dict()["noise"]["gusts"]["force_m_s2"] == found.size[:3].tolist()
 
 

@@ -45,7 +45,7 @@ def test_a_flight_that_excites_what_the_model_lacks_is_named_with_the_way_to_fin
     findings = sysid.identify(same, truth.without_effect("rotor_drag_thrust")).findings
     doubts = [s for s in findings if "does not fit the other flights" in s]
     assert doubts
-    assert "does the model lack an effect" in doubts[0]
+    assert "else an effect may be missing" in doubts[0]
     assert "`goshawk diagnose`" in doubts[0]
 
 

@@ -1,5 +1,5 @@
 /* How the vehicle presents itself to standard ground stations: as which autopilot, in which mode, how it is, where it
-   stands, how high it is. docs/ground_stations.md says what the identity promises. */
+   stands, how high it is. docs/how-to/standard_stations.md says what the identity promises. */
 #include <math.h>
 
 #include "../../base/maths.h"

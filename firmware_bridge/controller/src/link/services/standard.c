@@ -1,5 +1,5 @@
 /* Standard ground stations: what QGroundControl, MAVSDK and pymavlink ask for in MAVLink's common set, carried out as
-   our own orders. What cannot be carried out is refused with its reason; nothing is half done. docs/ground_stations.md
+   our own orders. What cannot be carried out is refused with its reason; nothing is half done. docs/how-to/standard_stations.md
    has the table of commands. */
 #include <math.h>
 #include <string.h>

@@ -63,7 +63,7 @@ function summary(found: Diagnosis): string {
     found.candidates.filter((candidate) => candidate.verdict === verdict).length;
   const parts = [
     `${plural(count("present"), "candidate", "candidates")} present`,
-    `${count("inconclusive")} cannot be told`,
+    `${count("inconclusive")} inconclusive`,
     `${count("excluded")} excluded`,
   ];
   const held = found.held_out.length > 0 ? ` and ${found.held_out.length} held-out` : ", judged by each other";
