@@ -185,7 +185,7 @@ typedef struct {
     uint64_t observed_us;     /* stamp of the pose that was last compared with the IMU */
     float mean_rate_rad_s[3]; /* that the attitude is carried by */
     float ground_z_m;         /* where it last stood */
-    float drag_body_n[3];     /* of the model, in this tick */
+    float drag_world_n[3];    /* of the model, in this tick */
     float cancelled_n_m[3];   /* torque against modelled moments, in this tick */
     tc_store store;
 } tc_controller;

@@ -27,16 +27,16 @@ typedef enum {
 typedef struct {
     float force_world_n[3]; /* of everything that is not modelled */
     float torque_body_n_m[3];
-    float force_std_n; /* of one axis, by the noise of what was measured */
-    float torque_std_n_m[3];
-    float bias_m_s2[3]; /* of the accelerometer, body axes: measured less true */
-    uint8_t state;      /* tc_observer_state */
+    float force_variance_n2; /* of one axis, by the noise of what was measured */
+    float torque_variance_n2_m2[3];
+    float noise_m2_s4; /* variance of one axis of the accelerometer */
+    uint8_t state;     /* tc_observer_state */
 
-    /* First stages of the low-passes, variances, the slow state's velocity; the rotors as they lag. */
+    /* First stages of the low-passes, what has lasted; the slow state: accelerometer's integral, and how much it is
+       short of the estimate's velocity; the rotors as they lag. */
     float force_stage_n[3], rate_stage_rad_s[3], torque_stage_n_m[3];
     float lasting_force_n[3], lasting_torque_n_m[3];
-    float force_variance_n2, torque_variance_n2_m2[3];
-    float velocity_world_m_s[3];
+    float velocity_world_m_s[3], missing_m_s2[3];
     float rotor_speed_rad_s[TC_ROTORS];
     float induced[TC_ROTORS]; /* the mixer's units */
     bool started;
@@ -44,12 +44,12 @@ typedef struct {
 
 /* What one step works with, all of now, but the torque that modelled moments were cancelled by. */
 typedef struct {
-    const float* specific_force_body_m_s2;
+    const float* acceleration_world_m_s2; /* by the accelerometer */
     const float* rate_body_rad_s;
     const float* velocity_world_m_s;
-    const float* drag_body_n;   /* modelled */
+    const float* known_world_n; /* the rotors' thrust and drag, by the model */
     const float* cancelled_n_m; /* torque added against modelled moments */
-    const tc_wrench* rotors;    /* of the rotors, by the model */
+    const float* torque_n_m;    /* of the rotors, by the model */
 } tc_observed;
 
 /* Forgets everything. */
@@ -59,9 +59,7 @@ void tc_observer_reset(tc_observer* observer);
 void tc_observer_rotors(tc_observer* observer, const tc_parameters* parameters, const float command_rad_s[TC_ROTORS],
                         float per_battery, float step_s);
 
-/* One step. `axes`: the body's in world coordinates, one a row. */
-void tc_observer_step(tc_observer* observer, const tc_parameters* parameters, const tc_observed* now, float axes[3][3],
-                      float step_s);
+void tc_observer_step(tc_observer* observer, const tc_parameters* parameters, const tc_observed* now, float step_s);
 
 /* From now on what has lasted, until the next step. */
 void tc_observer_hold(tc_observer* observer);

@@ -23,8 +23,8 @@ typedef struct {
     const float* acceleration_world_m_s2; /* by the accelerometer */
     const float* planned_world_m_s2;      /* that of the set-point: without noise, which would pass for a delay */
     const float* rate_body_rad_s;
-    float noise_m_s2; /* deviation of one axis of the accelerometer */
-    bool fresh;       /* with a new pose */
+    float noise_m2_s4; /* variance of one axis of the accelerometer */
+    bool fresh;        /* with a new pose */
 } tc_pose_compared;
 
 typedef struct {
@@ -34,7 +34,9 @@ typedef struct {
     float velocity_world_m_s[3], bias_m_s2[3], slow_m_s2[3], slower_m_s3[3];
     /* Attitude: at the last pose, what the gyro has turned since, what is missing, and the rate's slow part. */
     float q_world_body[4], turned_rad[3], missing_rad[3], slow_rad_s[3];
-    float since_s; /* of the last pose */
+    float gained_m_s[3];          /* by the accelerometer, since the last pose */
+    float velocity_s, attitude_s; /* since when each was compared */
+    bool attitude_due;            /* in the tick after the velocity, so that no tick does both */
     bool started;
 } tc_pose_delay;
 

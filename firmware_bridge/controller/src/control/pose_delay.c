@@ -27,25 +27,30 @@ static void follow(tc_delay_fit* fit, const float missing[3], const float motion
 static bool jumped(const float missing[3]) { return !(tc_dot(missing, missing) < LARGEST_MISSING * LARGEST_MISSING); }
 
 /* Integrals of acceleration with the corrections of a slow filter of second order; the motion takes the same one. */
-static void compare_velocity(tc_pose_delay* d, const tc_pose_compared* now, float step_s) {
-    const float slow = SLOW_VELOCITY_RAD_S * step_s, slower = 0.25f * SLOW_VELOCITY_RAD_S * slow;
+static void compare_velocity(tc_pose_delay* d, const tc_pose_compared* now) {
+    const float slow = tc_min(SLOW_VELOCITY_RAD_S * d->velocity_s, 0.5f);
+    const float slower = 0.25f * SLOW_VELOCITY_RAD_S * slow;
     float missing[3], motion[3];
     for (int i = 0; i < 3; i++) {
+        d->velocity_world_m_s[i] += d->gained_m_s[i] + d->velocity_s * d->bias_m_s2[i];
+        d->slow_m_s2[i] += d->velocity_s * d->slower_m_s3[i];
         missing[i] = now->velocity_world_m_s[i] - d->velocity_world_m_s[i];
         motion[i] = now->planned_world_m_s2[i] - d->slow_m_s2[i];
-        d->velocity_world_m_s[i] += step_s * (now->acceleration_world_m_s2[i] + d->bias_m_s2[i]) + slow * missing[i];
+        d->velocity_world_m_s[i] += slow * missing[i];
         d->bias_m_s2[i] += slower * missing[i];
-        d->slow_m_s2[i] += step_s * d->slower_m_s3[i] + slow * motion[i];
+        d->slow_m_s2[i] += slow * motion[i];
         d->slower_m_s3[i] += slower * motion[i];
+        d->gained_m_s[i] = 0.0f;
     }
-    const float prior = VELOCITY_PRIOR_M2_S3 * tc_max(now->noise_m_s2 * now->noise_m_s2, 1.0f);
+    const float prior = VELOCITY_PRIOR_M2_S3 * tc_max(now->noise_m2_s4, 1.0f);
     if (jumped(missing)) d->started = false;
-    if (now->fresh && d->started) follow(&d->velocity, missing, motion, VELOCITY_MEMORY_S, prior, d->since_s);
+    if (d->started) follow(&d->velocity, missing, motion, VELOCITY_MEMORY_S, prior, d->velocity_s);
+    d->velocity_s = 0.0f;
 }
 
 static void compare_attitude(tc_pose_delay* d, const float q[4], const float rate[3]) {
     const float back[4] = {d->q_world_body[0], -d->q_world_body[1], -d->q_world_body[2], -d->q_world_body[3]};
-    const float slow = tc_min(SLOW_ATTITUDE_RAD_S * d->since_s, 1.0f);
+    const float slow = tc_min(SLOW_ATTITUDE_RAD_S * d->attitude_s, 1.0f);
     float turn[4], motion[3];
     tc_q_multiply(back, q, turn);
     const float twice = turn[0] < 0.0f ? -2.0f : 2.0f;
@@ -57,7 +62,8 @@ static void compare_attitude(tc_pose_delay* d, const float q[4], const float rat
     }
     tc_copy4(d->q_world_body, q);
     if (jumped(d->missing_rad)) d->started = false;
-    if (d->started) follow(&d->attitude, d->missing_rad, motion, ATTITUDE_MEMORY_S, ATTITUDE_PRIOR_RAD2_S, d->since_s);
+    if (d->started)
+        follow(&d->attitude, d->missing_rad, motion, ATTITUDE_MEMORY_S, ATTITUDE_PRIOR_RAD2_S, d->attitude_s);
 }
 
 static void start(tc_pose_delay* d, const tc_pose_compared* now) {
@@ -74,10 +80,20 @@ static void start(tc_pose_delay* d, const tc_pose_compared* now) {
 
 void tc_pose_delay_step(tc_pose_delay* d, const tc_pose_compared* now, float step_s) {
     if (!d->started) start(d, now);
-    d->since_s += step_s;
-    for (int i = 0; i < 3; i++) d->turned_rad[i] += step_s * now->rate_body_rad_s[i];
-    compare_velocity(d, now, step_s);
-    if (!now->fresh) return;
-    compare_attitude(d, now->q_world_body, now->rate_body_rad_s);
-    d->since_s = 0.0f;
+    d->velocity_s += step_s;
+    d->attitude_s += step_s;
+    for (int i = 0; i < 3; i++) {
+        d->turned_rad[i] += step_s * now->rate_body_rad_s[i];
+        d->gained_m_s[i] += step_s * now->acceleration_world_m_s2[i];
+    }
+    if (d->attitude_due) {
+        compare_attitude(d, now->q_world_body, now->rate_body_rad_s);
+        d->attitude_due = false;
+        d->attitude_s = 0.0f;
+    } else if (now->fresh) {
+        compare_velocity(d, now);
+        d->attitude_due = true;
+    } else {
+        /* nothing to compare */
+    }
 }

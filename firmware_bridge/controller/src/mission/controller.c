@@ -101,11 +101,11 @@ static float mean_speed(const tc_controller* c) {
 /* Eq. (9); returns the slope of the drag over speed. */
 static float flight_force(tc_controller* c, const float velocity_body_m_s[3], float step_s, float force_world_n[3]) {
     tc_telemetry* t = &c->telemetry;
-    float drag_world_n[3];
-    float* drag = c->drag_body_n;
+    float drag[3], drag_world_n[3];
     const float mean_n = c->parameters.rotor_drag_kg > 0.0f ? mean_speed(c) : 0.0f;
     const float slope_n_s_m = tc_drag(&c->parameters, velocity_body_m_s, t->wrench.thrust_n, mean_n, drag);
     tc_to_world(c->axes, drag, drag_world_n);
+    tc_copy(c->drag_world_n, drag_world_n);
     if (tc_cancels_disturbance(c)) {
         const float share = tc_disturbance_share(c);
         for (int i = 0; i < 3; i++) drag_world_n[i] += (i < 2 ? share : 1.0f) * c->observer.force_world_n[i];

@@ -22,10 +22,6 @@ static tc_observer_state wanted_state(const tc_controller* c) {
     return lifted(c) ? TC_OBSERVER_RUNS : TC_OBSERVER_WAITS;
 }
 
-bool tc_cancels_disturbance(const tc_controller* c) {
-    return c->observer.state == (uint8_t)TC_OBSERVER_RUNS || c->observer.state == (uint8_t)TC_OBSERVER_HOLDS;
-}
-
 float tc_disturbance_share(const tc_controller* c) {
     const float weight_n = c->parameters.mass_kg * c->parameters.gravity_m_s2;
     if (c->observer.state != (uint8_t)TC_OBSERVER_HOLDS) return 1.0f;
@@ -47,43 +43,42 @@ static void enter(tc_controller* c, tc_observer_state state) {
 }
 
 /* Estimate against the IMU: which of them is late. */
-static void compare_pose(tc_controller* c, float step_s) {
+static void compare_pose(tc_controller* c, const float acceleration_world_m_s2[3], float step_s) {
     const tc_estimate* e = &c->telemetry.estimate;
-    const bool fresh = e->position_time_us != c->observed_us;
-    float acceleration[3];
-    c->observed_us = e->position_time_us;
-    tc_to_world(c->axes, e->specific_force_body_m_s2, acceleration);
-    acceleration[2] -= c->parameters.gravity_m_s2;
     const tc_pose_compared now = {e->velocity_world_m_s,
                                   e->q_world_body,
-                                  acceleration,
+                                  acceleration_world_m_s2,
                                   c->telemetry.setpoint.acceleration_world_m_s2,
                                   e->rate_body_rad_s,
-                                  sqrtf(c->observer.force_variance_n2) / c->parameters.mass_kg,
-                                  fresh};
+                                  c->observer.noise_m2_s4,
+                                  e->position_time_us != c->observed_us};
+    c->observed_us = e->position_time_us;
     tc_pose_delay_step(&c->delay, &now, step_s);
+}
+
+static void observe(tc_controller* c, const float air_body_m_s[3], const float rate_body_rad_s[3], float step_s) {
+    const tc_estimate* e = &c->telemetry.estimate;
+    tc_wrench rotors;
+    float acceleration[3], known[3];
+    tc_mixer_wrench(&c->mixer, c->observer.rotor_speed_rad_s, air_body_m_s, rate_body_rad_s, c->observer.induced,
+                    &rotors);
+    tc_to_world(c->axes, e->specific_force_body_m_s2, acceleration);
+    acceleration[2] -= c->parameters.gravity_m_s2;
+    for (int i = 0; i < 3; i++) known[i] = rotors.thrust_n * c->axes[2][i] + c->drag_world_n[i];
+    const tc_observed now = {acceleration, e->rate_body_rad_s, e->velocity_world_m_s,
+                             known,        c->cancelled_n_m,   rotors.torque_n_m};
+    tc_observer_step(&c->observer, &c->parameters, &now, step_s);
+    compare_pose(c, acceleration, step_s);
 }
 
 void tc_observe_disturbance(tc_controller* c, const float air_body_m_s[3], const float rate_body_rad_s[3],
                             float step_s) {
-    const tc_parameters* p = &c->parameters;
     const tc_estimate* e = &c->telemetry.estimate;
     enter(c, wanted_state(c));
     if (c->observer.state == (uint8_t)TC_OBSERVER_OFF) return;
     const bool measured = (e->valid & (uint8_t)TC_VALID_ROTOR_SPEED) != 0u;
     if (measured) tc_copy4(c->observer.rotor_speed_rad_s, e->rotor_speed_rad_s);
-    if (c->observer.state == (uint8_t)TC_OBSERVER_RUNS) {
-        tc_wrench rotors;
-        tc_mixer_wrench(&c->mixer, c->observer.rotor_speed_rad_s, air_body_m_s, rate_body_rad_s, c->observer.induced,
-                        &rotors);
-        const tc_observed now = {e->specific_force_body_m_s2,
-                                 e->rate_body_rad_s,
-                                 e->velocity_world_m_s,
-                                 c->drag_body_n,
-                                 c->cancelled_n_m,
-                                 &rotors};
-        tc_observer_step(&c->observer, p, &now, c->axes, step_s);
-        compare_pose(c, step_s);
-    }
-    tc_observer_rotors(&c->observer, p, c->telemetry.rotor_speed_rad_s, tc_per_battery(c), step_s);
+    if (c->observer.state == (uint8_t)TC_OBSERVER_RUNS) observe(c, air_body_m_s, rate_body_rad_s, step_s);
+    if (measured) return;
+    tc_observer_rotors(&c->observer, &c->parameters, c->telemetry.rotor_speed_rad_s, tc_per_battery(c), step_s);
 }

@@ -393,7 +393,7 @@ static void write_row(const flight* f, double* row) {
         row[52 + k] = (double)o->force_world_n[k];
         row[55 + k] = (double)o->torque_body_n_m[k];
     }
-    row[58] = (double)o->force_std_n;
+    row[58] = sqrt((double)o->force_variance_n2);
     row[59] = (double)o->state;
     row[60] = (double)(f->controller.delay.velocity.delay_s + f->controller.delay.attitude.delay_s);
     row[61] = (double)f->controller.delay.attitude.delay_s;
