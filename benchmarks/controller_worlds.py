@@ -73,7 +73,7 @@ class World:
     wind_m_s: float = 0.0
     gusts_m_s: float = 0.0
     vehicle: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
-    rotors: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    rotors: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
     """Thrust and torque of each over the model's."""
     late_s: float = 0.0
     """Pose later than its stamps say."""
