@@ -155,7 +155,9 @@ def test_a_fence_breach_lands_on_the_floor_that_is_there(body, floor_m):
     """A gust carries it out of a narrow fence."""
     blown = Fault(Kind.GUST, (0.0, 16.0, 0.0), after_s=1.0, duration_s=3.0)
     faults = (blown, Fault(Kind.FLOOR, (floor_m,))) if floor_m < 0 else (blown,)
-    scenario = Scenario(faults=faults, parameters={"fence_max_y_m": 0.35, "fence_min_y_m": -2.0, "kp_xy_1_s2": 3.0})
+    scenario = Scenario(
+        faults=faults, parameters={"fence_max_y_m": 0.35, "fence_min_y_m": -2.0, "kp_xy_1_s2": 3.0, "observer": 0.0}
+    )
     result = body.fly(scenario)
     assert landed_by(result, Reason.FENCE_BREACH)
     assert violations(result) == []

@@ -92,6 +92,14 @@ typedef struct {
     float predict_max_s;   /* the estimate is carried forward to the tick, at most this far; 0 = off */
     float predict_extra_s; /* delay of the estimate beyond its own time stamp */
 
+    /* Disturbance observer (observer.h). */
+    float observer;          /* 1: what it finds is cancelled, 0: it is off */
+    float observer_force_hz; /* cut-off frequencies */
+    float observer_torque_hz;
+    float observer_fuse_rad_s;  /* below, the estimated velocity tells the acceleration, above, the accelerometer */
+    float observer_force_m_s2;  /* largest force, per mass, */
+    float observer_turn_rad_s2; /* ... and torque, per inertia, that it may find */
+
     /* Limits and the mission. */
     float fence_min_world_m[3];
     float fence_max_world_m[3];

@@ -88,6 +88,13 @@ typedef struct {
     float age_s;   /* of the last usable position */
 } tc_taken;
 
+/* The acceleration has changed on the way, which counts where the pose is later than its stamp says. */
+static void bend(tc_controller* c, int axis, float ahead) {
+    const float change = 0.5f * ahead * ahead * c->telemetry.setpoint.jerk_world_m_s3[axis];
+    c->telemetry.estimate.velocity_world_m_s[axis] -= change;
+    c->telemetry.estimate.position_world_m[axis] -= 0.6667f * ahead * change;
+}
+
 /* Measured and carried to the tick by the acceleration that is asked for, or dead reckoned from where it was. */
 static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part* part, tc_position_time* times,
                           const float reckoned_m_s2[3], float step_s) {
@@ -102,7 +109,8 @@ static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part*
                           certain(e->position_std_m[part->std], p->position_std_m);
     if (velocity) note_sample(c, &times->velocity, e->position_time_us);
     if (position) note_sample(c, &times->position, e->position_time_us);
-    const float position_age_s = age_s(c, times->position.true_us), ahead = ahead_s(p, position_age_s);
+    const float position_age_s = age_s(c, times->position.true_us);
+    const float ahead = ahead_s(p, position_age_s + tc_position_delay_s(c));
     const bool has_velocity = velocity && age_s(c, times->velocity.true_us) <= p->estimate_stale_s;
     const bool fresh = position && position_age_s <= p->estimate_stale_s;
     for (int i = first; i < first + part->count; i++) {
@@ -110,6 +118,7 @@ static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part*
             const float gain = ahead * c->telemetry.setpoint.acceleration_world_m_s2[i];
             now->position_world_m[i] = e->position_world_m[i] + ahead * (e->velocity_world_m_s[i] + 0.5f * gain);
             now->velocity_world_m_s[i] = e->velocity_world_m_s[i] + gain;
+            if (tc_cancels_disturbance(c)) bend(c, i, ahead);
         } else {
             const float gain = step_s * reckoned_m_s2[i];
             if (has_velocity) now->velocity_world_m_s[i] = e->velocity_world_m_s[i] - gain;
@@ -169,6 +178,18 @@ static uint32_t take_rate(tc_controller* c, const tc_estimate* e) {
            (age_s(c, c->rate.true_us) > c->parameters.estimate_stale_s ? (uint32_t)TC_FAULT_RATE_STALE : 0u);
 }
 
+/* Over the way that the attitude is to be carried: its middle is half as far back, as a low-pass of that time is. */
+static const float* mean_rate(tc_controller* c, float ahead, float step_s) {
+    const float* rate = c->telemetry.estimate.rate_body_rad_s;
+    if (!tc_cancels_disturbance(c)) {
+        tc_copy(c->mean_rate_rad_s, rate);
+        return rate;
+    }
+    const float pass = step_s / (step_s + 0.5f * ahead + 1e-6f);
+    for (int i = 0; i < 3; i++) c->mean_rate_rad_s[i] += pass * (rate[i] - c->mean_rate_rad_s[i]);
+    return c->mean_rate_rad_s;
+}
+
 /* Measured and carried to the tick, or the last one turned on by the gyro. */
 static uint32_t take_attitude(tc_controller* c, const tc_estimate* e, float step_s) {
     tc_estimate* now = &c->telemetry.estimate;
@@ -181,8 +202,8 @@ static uint32_t take_attitude(tc_controller* c, const tc_estimate* e, float step
     const float attitude_age_s = age_s(c, c->attitude.true_us);
     const bool stale = attitude_age_s > c->parameters.estimate_stale_s;
     if (usable && !stale) {
-        turn(e->q_world_body, q_size2, now->rate_body_rad_s, ahead_s(&c->parameters, attitude_age_s),
-             now->q_world_body);
+        const float ahead = ahead_s(&c->parameters, attitude_age_s + c->delay.attitude.delay_s);
+        turn(e->q_world_body, q_size2, mean_rate(c, ahead, step_s), ahead, now->q_world_body);
     } else {
         turn(now->q_world_body, tc_q_size2(now->q_world_body), now->rate_body_rad_s, step_s, now->q_world_body);
     }
@@ -238,6 +259,8 @@ static void follow_reset(tc_controller* c, const tc_estimate* e) {
     for (int i = 0; i < 3; i++) c->telemetry.setpoint.position_world_m[i] += e->reset_position_world_m[i];
     c->telemetry.setpoint.yaw_rad += e->reset_yaw_rad;
     tc_flatness_turn(&c->telemetry.flatness, e->reset_yaw_rad);
+    tc_observer_turn(&c->observer, e->reset_yaw_rad);
+    c->delay.started = false;
 }
 
 void tc_take_estimate(tc_controller* c, const tc_estimate* estimate, float step_s) {

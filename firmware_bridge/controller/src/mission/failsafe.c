@@ -147,6 +147,7 @@ static uint8_t warnings(const tc_controller* c) {
     if (c->telemetry.reckoning_s > 0.0f) bits |= TC_WARNING_DEAD_RECKONING;
     if (c->telemetry.refused_ticks > 0u && !tc_lasts(c, c->clock_fault_us, CLOCK_WARNING_S)) bits |= TC_WARNING_CLOCK;
     if (faulty(c, TC_FAULT_ATTITUDE_STALE) && !faulty(c, TC_FAULT_RATE_STALE)) bits |= TC_WARNING_GYRO_ONLY;
+    if (c->observer.state == (uint8_t)TC_OBSERVER_NO_ACCELEROMETER) bits |= TC_WARNING_NO_OBSERVER;
     return (uint8_t)bits;
 }
 

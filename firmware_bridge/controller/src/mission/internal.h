@@ -27,6 +27,21 @@ bool tc_inside_fence(const tc_parameters* p, const float position_world_m[3]);
 /* What the supervisor measures errors by: the clearance of the active trajectory, or the parameter. */
 float tc_clearance(const tc_controller* c);
 
+static inline float tc_position_delay_s(const tc_controller* c) {
+    return c->delay.attitude.delay_s + c->delay.velocity.delay_s;
+}
+
+/* disturbance.c: runs the observer where it may run; at the end of a tick, as it works with that tick's model. */
+void tc_observe_disturbance(tc_controller* c, const float air_body_m_s[3], const float rate_body_rad_s[3],
+                            float step_s);
+static inline bool tc_cancels_disturbance(const tc_controller* c) {
+    return c->observer.state == (uint8_t)TC_OBSERVER_RUNS || c->observer.state == (uint8_t)TC_OBSERVER_HOLDS;
+}
+/* Of what it holds, 0 .. 1: as the thrust falls on the ground, the vehicle is not to lean into the wind any further. */
+float tc_disturbance_share(const tc_controller* c);
+/* controller.c: what speed commands are raised by against the battery's sag. */
+float tc_per_battery(const tc_controller* c);
+
 /* landing.c */
 void tc_landing_begin(tc_controller* c);
 /* The vertical part of the set-point; the horizontal part is a move to rest. */

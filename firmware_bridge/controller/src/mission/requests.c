@@ -98,6 +98,7 @@ static void start_bumpless(tc_controller* c, const float rotor_speed_rad_s[TC_RO
     if (rotor_speed_rad_s != NULL && tc_all_finite(rotor_speed_rad_s, TC_ROTORS)) {
         tc_copy4(t->rotor_speed_rad_s, rotor_speed_rad_s);
         tc_copy4(c->slow_speed_rad_s, rotor_speed_rad_s);
+        tc_copy4(c->observer.rotor_speed_rad_s, rotor_speed_rad_s);
         c->was_flying = true;
     }
 }

@@ -355,7 +355,9 @@ const char* body_trace_names(void) {
            "estimate_vy estimate_vz setpoint_x setpoint_y setpoint_z setpoint_vx setpoint_vy setpoint_vz clearance_m "
            "tilt_rad specific_force_z command0 command1 command2 command3 rotor0 rotor1 rotor2 rotor3 state reason "
            "tick_reason limit_reason path_rate path_limit landing_stage warnings estimate_faults reckoning_s "
-           "reckoning_std_m thrust_n saturation in_command";
+           "reckoning_std_m thrust_n saturation in_command force_x force_y force_z torque_x torque_y torque_z "
+           "force_std "
+           "observer position_delay_s attitude_delay_s";
 }
 
 static void write_row(const flight* f, double* row) {
@@ -386,6 +388,15 @@ static void write_row(const flight* f, double* row) {
                           (double)t->reckoning_std_m, (double)t->wrench.thrust_n,
                           (double)t->saturation,      f->output.in_command ? 1.0 : 0.0};
     memcpy(row + 38, end, sizeof end);
+    const tc_observer* o = tc_observer_now(&f->controller);
+    for (int k = 0; k < 3; k++) {
+        row[52 + k] = (double)o->force_world_n[k];
+        row[55 + k] = (double)o->torque_body_n_m[k];
+    }
+    row[58] = sqrt((double)o->force_variance_n2);
+    row[59] = (double)o->state;
+    row[60] = (double)(f->controller.delay.velocity.delay_s + f->controller.delay.attitude.delay_s);
+    row[61] = (double)f->controller.delay.attitude.delay_s;
 }
 
 static tc_reason upload(flight* f) {

@@ -111,7 +111,7 @@ typedef struct {
     double fault_s[BODY_MOST_FAULTS];       /* when it began; 0 = never */
 } body_result;
 
-#define BODY_TRACE_COLUMNS 52
+#define BODY_TRACE_COLUMNS 62
 
 void body_scenario_default(body_scenario* scenario);
 
