@@ -90,7 +90,8 @@ typedef struct {
    limits allow. */
 static progress move_on(tc_flatness_state* state, const tc_parameters* p, const float force_n[3], float weights,
                         float yaw_rad, float step_s) {
-    progress out = {tc_clamp((weights - NO_DIRECTION) / (FULL_DIRECTION - NO_DIRECTION), 0.0f, 1.0f), 0.0f, false, false};
+    progress out = {tc_clamp((weights - NO_DIRECTION) / (FULL_DIRECTION - NO_DIRECTION), 0.0f, 1.0f), 0.0f, false,
+                    false};
     float wanted[3], q[4];
     const float size_n = tc_max(tc_norm(force_n), 1e-6f);
     for (int i = 0; i < 3; i++) wanted[i] = force_n[i] / size_n;
