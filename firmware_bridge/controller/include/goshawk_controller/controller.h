@@ -15,6 +15,7 @@
 #include "goshawk_controller/landing.h"
 #include "goshawk_controller/mission.h"
 #include "goshawk_controller/mixer.h"
+#include "goshawk_controller/monitor.h"
 #include "goshawk_controller/observer.h"
 #include "goshawk_controller/parameters.h"
 #include "goshawk_controller/pose_delay.h"
@@ -159,9 +160,16 @@ typedef struct {
     uint8_t reset_counter;  /* of the estimate, as last seen */
     bool had_estimate;
     bool vertical_velocity; /* measured, not dead reckoned */
-    float battery_v;        /* low-passed */
-    float hover_thrust_n;   /* low-passed: what the vehicle really takes to hover */
-    float axes[3][3];       /* of the estimated attitude: body x, y, z in world coordinates */
+    tc_monitor monitor;
+    uint64_t position_good_us; /* when position was last not stale */
+    float last_q[4];           /* of the last attitude with a stamp of its own */
+    float turning_rad_s[3];    /* body rate by such attitudes, low-passed: for an axis that the gyro does not give */
+    uint64_t gyro_good_us;     /* when the gyro last gave all axes */
+    uint64_t moved_us;         /* when the vehicle last moved, turned or fell; 0 = never */
+    float felt_m_s2[3];        /* specific force, low-passed over 20 ms */
+    float battery_v;           /* low-passed */
+    float hover_thrust_n;      /* low-passed: what the vehicle really takes to hover */
+    float axes[3][3];          /* of the estimated attitude: body x, y, z in world coordinates */
 
     /* What was asked for. */
     float time_scale; /* path rate */

@@ -123,6 +123,9 @@ typedef struct {
     float position_std_m; /* a position whose standard deviation is larger counts as lost */
     float velocity_std_m_s;
     float clearance_m;   /* tracking error that counts as too large where a trajectory states no clearance */
+    float hold_error_m;  /* the same while hovering or landing */
+    float plan_margin_m; /* a flown trajectory's own box and this margin are a fence; 0 = none */
+    float monitor;       /* 1: the pose is checked against the IMU; 0: believed */
     float battery_arm_v; /* arming is refused below; 0 = not asked, as for the next two */
     float battery_warn_v;
     float battery_land_v; /* lands below */

@@ -29,6 +29,7 @@ void tc_init(tc_controller* c) {
     tc_parameters_default(&c->parameters);
     c->telemetry.estimate.q_world_body[0] = 1.0f;
     tc_flatness_reset(&c->telemetry.flatness, c->telemetry.estimate.q_world_body);
+    c->felt_m_s2[2] = c->parameters.gravity_m_s2; /* a fall has to be felt first */
     c->time_scale = 1.0f;
     tc_supervisor_reset(&c->supervisor, 0u);
 }

@@ -24,7 +24,9 @@ void tc_setpoint_here(tc_controller* c);
 /* failsafe.c: posts everything that may change the state by itself, after the set-point has been advanced. */
 void tc_observe(tc_controller* c);
 bool tc_inside_fence(const tc_parameters* p, const float position_world_m[3]);
-/* What the supervisor measures errors by: the clearance of the active trajectory, or the parameter. */
+/* By the accelerometer: next to nothing carries it. */
+bool tc_falls(const tc_controller* c);
+/* What the supervisor measures errors by: the clearance of the active trajectory, or a parameter's. */
 float tc_clearance(const tc_controller* c);
 
 static inline float tc_position_delay_s(const tc_controller* c) {
@@ -41,6 +43,16 @@ static inline bool tc_cancels_disturbance(const tc_controller* c) {
 float tc_disturbance_share(const tc_controller* c);
 /* controller.c: what speed commands are raised by against the battery's sag. */
 float tc_per_battery(const tc_controller* c);
+
+/* monitor.c */
+/* Whether the pose is believed now. */
+bool tc_monitor_believes(const tc_controller* c);
+/* The attitude of `estimate`, turned back to its old heading when that has jumped. */
+void tc_monitor_heading(tc_controller* c, const tc_estimate* estimate, float step_s, float q[4]);
+/* One step with a usable pose that is `ahead_s` old; `acceleration_m_s2` by the accelerometer, world axes. Where the
+   pose turns out to be wrong, telemetry.estimate goes back to what the IMU makes of the pose before. */
+void tc_monitor_step(tc_controller* c, const tc_estimate* estimate, const float acceleration_m_s2[3], float ahead_s,
+                     float step_s);
 
 /* landing.c */
 void tc_landing_begin(tc_controller* c);

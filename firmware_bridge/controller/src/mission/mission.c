@@ -61,6 +61,7 @@ static const uint8_t next[TC_MISSION_STATE_COUNT][TC_EVENT_COUNT] = {
             IN_FLIGHT,
             OFF_PATH,
             [TC_EVENT_TILT] = TO(TC_EMERGENCY),
+            [TC_EVENT_TRACKING_LOST] = TO(TC_LANDING),
             [TC_COMMAND_START] = TO(TC_APPROACH),
         },
     [TC_APPROACH] =
@@ -117,6 +118,7 @@ static const uint8_t next[TC_MISSION_STATE_COUNT][TC_EVENT_COUNT] = {
         {
             IN_FLIGHT,
             [TC_EVENT_TILT] = TO(TC_EMERGENCY),
+            [TC_EVENT_TRACKING_LOST] = TO(TC_EMERGENCY),
             [TC_COMMAND_HOLD] = TO(TC_HOLD),
             [TC_COMMAND_LAND] = TO(TC_LANDING),
             [TC_EVENT_TOUCHDOWN] = TO(TC_DISARMED),
