@@ -4,7 +4,7 @@ Each kind of flight is left out in turn. The vehicle is fitted to the other kind
 it by `identify`; what the predictors learn is learned from them too; and all are judged on the kind left out, from
 every instant, beside a model that holds velocity and rate (zero) and the model's force with the rate held. The bar is
 set against the better force. The sets are not part of this repository; `--data`, or the environment variable
-GOSHAWK_FLIGHT_DATA, is the folder that holds them. Figures: docs/evidence/real_logs_nanodrone.md.
+GOSHAWK_FLIGHT_DATA, is the folder that holds them. Figures: docs/evidence/studies/real_logs_nanodrone.md.
 """
 
 import argparse
@@ -41,7 +41,7 @@ BAR = 0.9
 """Of every error of the model with the rate held; the best predictor is to be below."""
 FIT = replace(real_logs.NANODRONE, gusts="white", held=tuple(f"inertia_{axis}_kg_m2" for axis in ("xx", "yy", "zz")))
 """With lasting disturbances among the states these flights give thrust 3 % below what hover needs, and white ones make
-inertias eight times too large: so white, inertias as the source has them (docs/evidence/real_logs_nanodrone.md)."""
+inertias eight times too large: so white, inertias as the source has them (docs/evidence/studies/real_logs_nanodrone.md)."""
 FORCES = ("thrust_quadratic.k_n_s2", "inflow_linear.inflow_kg", "rotor_drag_speed.drag_kg")
 """What the force fit frees; the model's force is linear in them."""
 WORLD_FORCE = tuple(f"specific_force_world_{axis}_m_s2" for axis in "xyz")

@@ -22,15 +22,26 @@ from gcs_web.flights.recorded import Recorded
 from gcs_web.jobs.job_process import Failed, JobProcess
 from gcs_web.protocol import flights as flights_messages
 from gcs_web.protocol.flights import ColumnGuess, FlightCard, Incoming, Role
-from sysid.logs.readers import draft_columns, draft_topics
-from sysid.logs.reading import is_recording
+from sysid.logs import reading as log_reading
 
 logger = logging.getLogger(__name__)
 
-KINDS = (".parquet", ".ulg", ".csv", ".csv.gz", ".mcap", ".bag", ".db3")
+KINDS = (
+    ".parquet",
+    ".ulg",
+    ".bin",
+    ".log",
+    ".bbl",
+    ".bfl",
+    ".tlog",
+    ".tum",
+    ".csv",
+    ".csv.gz",
+    ".mcap",
+    ".bag",
+    ".db3",
+)
 """Endings of logs that can be read."""
-OWN_KINDS = (".parquet", ".ulg")
-"""Those that say themselves what their columns are."""
 
 
 class Flights:
@@ -131,9 +142,9 @@ class Flights:
             FlightError: it is not there, or cannot be read.
         """
         path = self._dropped(file)
-        if path.name.lower().endswith(OWN_KINDS):
+        if not log_reading.needs_map(path):
             return self._import(path, None)
-        drafted = (draft_topics if is_recording(path) else draft_columns).draft(path)
+        drafted = log_reading.draft(path)
         guesses = [ColumnGuess(g.name, g.columns or [g.entries["topic"]], g.reasons) for g in drafted.guesses]
         return Incoming(file, drafted.text, guesses, list(drafted.unused))
 

@@ -19,6 +19,7 @@ from sysid.logs.checks.clocks import Offset
 from sysid.logs.checks.finding import Span
 from sysid.logs.checks.motion import kinematics
 from sysid.logs.checks.payload import carries_payload
+from sysid.logs.full_throttle import RATIOS
 from sysid.logs.readers.streams import longest_pause_s
 from vehicle import Vehicle
 
@@ -116,6 +117,11 @@ def _source(log: FlightLog, name: str) -> _Source:
         missing = " and ".join(q for q in pose if not log.has(q))
         raise InputError(f"{name} has no {missing}; without them it needs both gyro and accelerometer")
     rotors = rotor_speed.QUANTITY if log.has(rotor_speed.QUANTITY) else motor.QUANTITY
+    if not log.has(rotors) and all(ratio in log.columns for ratio in RATIOS):
+        raise InputError(
+            f"{name} has motor commands from 0 to 1 and no rotor speed: give the speed at full throttle "
+            "(goshawk log import --full-throttle RPM)"
+        )
     if not log.has(rotors):
         raise InputError(
             f"{name} has no rotor_speed_rad_s and no rotor_speed_command_rad_s: something must drive the model; "

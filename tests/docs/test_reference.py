@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import sysid
-from firmware_bridge.controller import PARAMETERS
+from firmware_bridge.controller import PARAMETERS, compensated_effects
 from flight import FlightLog
 from goshawk import cli
 from tests.goshawk.test_grammar import VERBS
@@ -50,6 +50,12 @@ def test_every_effect_has_its_law_its_parameters_and_what_shows_it():
         assert f"\n{effect.law}\n" in text
         assert f"Shows in {effect.channel}" in text.replace("\\", "")
         assert all(f"| `{spec.name}` | {spec.unit} |" in text for spec in effect.parameters)
+
+
+def test_every_effect_has_one_row_that_says_whether_the_controller_compensates_it():
+    rows = re.findall(r"^\| `(\w+)` \| (yes|no) \|", made("compensation"), re.MULTILINE)
+    assert rows == [(name, "yes" if entry else "no") for name, entry in compensated_effects().items()]
+    assert {name for name, _ in rows} == set(catalogue())
 
 
 def test_every_parameter_of_the_controller_has_one_row():

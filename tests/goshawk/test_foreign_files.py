@@ -254,7 +254,7 @@ REFUSED = [  # (the command, words of the sentence): exit code 2
     ("camera import huge_cameras.txt --out new.toml", "at most 65535"),
     ("camera import vehicle.toml --out new.toml", "is not CAMERA_ID"),
     ("init new_project --name ''", "--name"),
-    ("log show good.csv", "draft-columns"),
+    ("log show words.csv", "words.csv"),
     ("vehicle effect add vehicle.toml rotor_drag_thrust", "rotor_drag_thrust"),
     ("vehicle effect add vehicle.toml raises.py", "boom"),
     ("vehicle effect add vehicle.toml no_effect.py", "no_effect"),

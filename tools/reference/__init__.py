@@ -12,6 +12,7 @@ from tools.reference import command_line, effects, log_checks, messages, paramet
 MARK = re.compile(r"^<!-- generated: ([a-z_]+) -->$", re.MULTILINE)
 MAKERS: dict[str, Callable[[], str]] = {
     "command_line": command_line.page,
+    "compensation": effects.compensation,
     "effects": effects.page,
     "log_checks": log_checks.page,
     "error_kinds": messages.error_kinds,

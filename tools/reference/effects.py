@@ -1,5 +1,6 @@
 """The catalogue of effects: of each its law, its parameters with units, what shows it, what excites it, its source."""
 
+from firmware_bridge.controller import compensated_effects
 from tools.reference.markdown import code, codes, number, plain, table
 from vehicle.effects import catalogue
 from vehicle.effects.base import Effect, Spec
@@ -28,6 +29,12 @@ def page() -> str:
         parts.append(f"## {title}")
         parts += [_section(effect) for effect in effects if family(effect) == folder]
     return "\n\n".join(parts)
+
+
+def compensation() -> str:
+    """Whether the controller cancels each effect, and how, or why not."""
+    rows = ([code(name), "yes" if entry else "no", plain(entry.how)] for name, entry in compensated_effects().items())
+    return table(("effect", "compensated", "how, or why not"), rows)
 
 
 def family(effect: Effect) -> str:

@@ -6,6 +6,8 @@ from pathlib import Path
 import sysid
 from firmware_bridge.airborne import in_the_air
 from flight import FlightLog, InputError, file_format
+from goshawk.terminal import console
+from sysid.logs.reading import DRAFTED, read_joined
 
 
 def load(path: Path, columns: Path | None = None) -> FlightLog:
@@ -17,8 +19,22 @@ def load(path: Path, columns: Path | None = None) -> FlightLog:
     Raises:
         InputError: the vehicle was never in the air.
     """
-    log = sysid.read_log(path, columns)
+    log = read(path, columns)
     return in_the_air(log, str(path)) if log.has("mission_state") else log
+
+
+def read(path: Path, columns: Path | None = None, *, imu: Path | None = None) -> FlightLog:
+    """A log as it is; where its columns were drafted on the spot, the draft is shown.
+
+    Args:
+        imu: a second file of the same clock, from which the IMU comes.
+    """
+    log = sysid.read_log(path, columns) if imu is None else read_joined(path, imu, columns)
+    for sentence in log.metadata.get(DRAFTED, ()):
+        console.note(f"{path}, drafted {sentence}")
+    if DRAFTED in log.metadata:
+        console.note(f"to correct it: goshawk log draft-columns {path} --out columns.toml, then --columns columns.toml")
+    return log
 
 
 def refuse_repeated(paths: Iterable[Path], use: str) -> None:

@@ -11,11 +11,12 @@ import sysid
 import vehicle
 from firmware_bridge.airborne import IN_FREE_AIR, in_the_air
 from flight import FlightLog
-from goshawk.commands.learn import fit_options, log_files, log_outputs
+from goshawk.commands.learn import fit_options, flights, log_files, log_outputs
 from goshawk.terminal import console, outputs
 from goshawk.terminal.verbs import VerbGroup
 from goshawk.terminal.words import named
 from sysid.logs.check import LogReport
+from sysid.logs.reading import DRAFTED
 from vehicle import Vehicle
 
 flight_argument = log_files.flight_argument
@@ -30,8 +31,8 @@ def command() -> None:
     goshawk log show demo-out/flights/walk.parquet
     goshawk log check flight.csv --columns columns.toml --vehicle vehicle.toml
 
-    A log is Goshawk's own (.parquet) or PX4's (.ulg); a CSV or a ROS recording needs --columns, which `draft-columns`
-    drafts.
+    Logs of PX4, ArduPilot, Betaflight, INAV, Crazyflie, ROS, EuRoC and TUM are told by their content. Columns of CSV
+    and topics of ROS are drafted, and told; --columns corrects them.
     """
 
 
@@ -50,7 +51,7 @@ def show(flight: Path, columns: Path | None, as_json: bool) -> None:
     goshawk log show demo-out/flights/walk.parquet
     goshawk log show flight.csv --columns columns.toml
     """
-    document = describe(sysid.read_log(flight, columns))
+    document = describe(flights.read(flight, columns))
     if as_json:
         console.show("", {}, as_json=True, document=document)
     else:
@@ -82,7 +83,7 @@ def check(
     """
     log_outputs.require_others(flight, report_file)
     outputs.check(report_file, overwrite=overwrite)
-    log, believed = sysid.read_log(flight, columns), _vehicle(vehicle_file)
+    log, believed = flights.read(flight, columns), _vehicle(vehicle_file)
     with console.progress() as report:
         checked = _named(sysid.check_log(_aloft(log, flight), believed, progress=report), flight)
         if report_file is not None:
@@ -113,7 +114,7 @@ def fix(
     """
     log_outputs.require_others(flight, out)
     outputs.check(out, overwrite=overwrite)
-    log, believed = sysid.read_log(flight, columns), _vehicle(vehicle_file)
+    log, believed = flights.read(flight, columns), _vehicle(vehicle_file)
     with console.progress() as report:
         done, checked = log_outputs.write_fixed(log, flight, out, believed, overwrite=overwrite, progress=report)
     _tell(_named(checked, out), {"fixed": list(done), "written": [str(out)]}, fix="", as_json=as_json)
@@ -157,8 +158,12 @@ def _tell(checked: LogReport, more: dict[str, Any], *, fix: str, as_json: bool) 
 
 def _show(title: str, document: dict[str, Any]) -> None:
     facts = {key: value for key, value in document.items() if key not in ("columns", "metadata")}
-    facts |= {key: value for key, value in document["metadata"].items() if key not in ("fixes", "lost")}
+    facts |= {
+        key: value for key, value in document["metadata"].items() if key not in ("fixes", "lost", "read", DRAFTED)
+    }
     console.show(title, facts, as_json=False)
+    for sentence in document["metadata"].get("read", ()):
+        click.echo(f"read: {sentence}")
     rows = [
         (*named(name), *(_cell(c[end]) for end in ("smallest", "largest")), c["missing"], name)
         for name, c in document["columns"].items()

@@ -5,12 +5,13 @@ from pathlib import Path
 import click
 
 import firmware_bridge
-import sysid
 from flight import FlightLog, InputError, flight_log
-from goshawk.commands.learn import log_exports, log_outputs
+from flight.units import RAD_S_PER_RPM
+from goshawk.commands.learn import flights, log_exports, log_outputs
 from goshawk.commands.learn.flights import marked_file
 from goshawk.terminal import console, outputs
 from sysid.logs.checks.payload import PAYLOAD_CARRIED
+from sysid.logs.full_throttle import with_command_speeds
 
 flight_argument = click.argument("flight", type=click.Path(path_type=Path))
 
@@ -35,7 +36,7 @@ def export(
         raise click.UsageError("say what to write: --csv or --mcap")
     log_outputs.require_others(flight, csv_file, mcap_file)
     outputs.check(csv_file, mcap_file, overwrite=overwrite)
-    log = sysid.read_log(flight, columns)
+    log = flights.read(flight, columns)
     with console.progress() as report:
         for path, write in ((csv_file, log_exports.write_csv), (mcap_file, log_exports.write_mcap)):
             if path is not None:
@@ -46,25 +47,45 @@ def export(
 
 
 @click.command("import")
-@flight_argument
+@click.argument("flight", type=click.Path(path_type=Path), required=False)
+@console.path_option("--pose", "pose", "In place of FLIGHT: the file of the poses ...")
+@console.path_option("--imu", "imu", "... and that of the IMU, stamped by the same clock.")
 @console.path_option("--out", "out", "Flight log (.parquet) to write.", required=True)
 @console.columns_option
+@click.option("--full-throttle", "full_rpm", type=float, help="Rotor speed at full throttle, rpm.")
 @outputs.overwrite_option
 @console.common_options
-def bring(flight: Path, out: Path, columns: Path | None, overwrite: bool, as_json: bool) -> None:
+def bring(
+    flight: Path | None,
+    pose: Path | None,
+    imu: Path | None,
+    out: Path,
+    columns: Path | None,
+    full_rpm: float | None,
+    overwrite: bool,
+    as_json: bool,
+) -> None:
     """Write another program's log in Goshawk's own format, as it is.
 
     \b
     goshawk log import flight.ulg --out flight.parquet
-    goshawk log import flight.csv --columns columns.toml --out flight.parquet
+    goshawk log import LOG00001.BFL --full-throttle 24000 --out flight.parquet
+    goshawk log import --pose poses.tum --imu imu.csv --out flight.parquet
 
     `goshawk log fix` does the same and applies the fixes that its checks propose.
     """
     if out.suffix != ".parquet":
         raise InputError(f"--out {out}: our own format is written; call it {out.stem}.parquet")
-    log_outputs.require_others(flight, out)
+    if (flight is None) == (pose is None and imu is None) or (pose is None) != (imu is None):
+        raise click.UsageError("give FLIGHT, or both --pose FILE and --imu FILE")
+    first = flight or pose
+    assert first is not None
+    for source in (first, imu or first):
+        log_outputs.require_others(source, out)
     outputs.check(out, overwrite=overwrite)
-    log = sysid.read_log(flight, columns)
+    log = flights.read(first, columns, imu=imu)
+    if full_rpm is not None:
+        log = with_command_speeds(log, full_rpm * RAD_S_PER_RPM)
     with outputs.file(out, overwrite=overwrite) as temporary:
         flight_log.save(temporary, log)
     console.show("import", {"rows": len(log), "written": str(out)}, as_json=as_json)
@@ -131,7 +152,7 @@ def _marked(path: Path, columns: Path | None, carried: bool, *, overwrite: bool)
     if path.is_dir():
         raise InputError(f"{path} is a folder; give the log of one flight")
     own = marked_file(path)
-    log = flight_log.load(path) if own == path else sysid.read_log(path, columns)
+    log = flight_log.load(path) if own == path else flights.read(path, columns)
     if own != path and own.exists() and not overwrite:
         raise InputError(f"{own} exists; mark that one, or give --overwrite if it is not {path.name} in our own format")
     if own == path and log.metadata.get(PAYLOAD_CARRIED) is carried:
@@ -153,13 +174,11 @@ def draft_columns(flight: Path, out: Path, overwrite: bool, as_json: bool) -> No
     goshawk log draft-columns flight.csv --out columns.toml
     goshawk log check flight.csv --columns columns.toml
     """
-    from sysid.logs.readers import draft_columns as columns
-    from sysid.logs.readers import draft_topics as topics
-    from sysid.logs.reading import is_recording
+    from sysid.logs import reading
 
     log_outputs.require_others(flight, out)
     outputs.check(out, overwrite=overwrite)
-    drafted = (topics if is_recording(flight) else columns).draft(flight)
+    drafted = reading.draft(flight)
     with outputs.file(out, overwrite=overwrite) as temporary:
         temporary.write_text(drafted.text, encoding="utf-8")
     rows = [(g.name, ", ".join(g.columns or [g.entries["topic"]]), "; ".join(g.reasons)) for g in drafted.guesses]

@@ -75,7 +75,11 @@ def load_map(path: Path) -> ColumnMap:
         InputError: a quantity or unit is not known.
         FormatError: the file is not a column map.
     """
-    document = file_format.read_toml(Path(path), format=FORMAT, version=VERSION)
+    return map_of(file_format.read_toml(Path(path), format=FORMAT, version=VERSION), Path(path))
+
+
+def map_of(document: dict[str, Any], path: Path) -> ColumnMap:
+    """A map from its document; `path` is what errors name. Raises as `load_map`."""
     if "time" not in document:
         raise FormatError(f"{path} names no column of the time; write [time] and below it column = '...', unit = 's'")
     _only(

@@ -13,7 +13,6 @@ import pytest
 import planner
 import vehicle
 from esdf import solids
-from firmware_bridge import controller
 from flight import Waypoints, trajectory
 from goshawk.demo.chain import vehicles
 from goshawk.demo.sitl_process import sitl_vehicle
@@ -22,7 +21,6 @@ from tests.goshawk.running import answer as goshawk
 
 ROOT = Path(__file__).parents[3]
 HALL = solids.Room((-7.0, -5.0, 0.0), (7.0, 5.0, 4.0))
-PAGE = ROOT / "docs" / "how-to" / "back_into_the_air.md"
 
 
 @pytest.fixture(scope="module")
@@ -85,17 +83,6 @@ def test_a_diagnosis_of_its_logs_makes_the_second_flight_as_good_without_a_given
 def test_an_effect_that_the_controller_does_not_compensate_is_reported(loops):
     flown = loops.second("airframe_side_moment")
     assert flown.not_compensated == ("airframe_side_moment",)
-
-
-def test_the_page_has_the_table_of_compensated_effects():
-    rows = [
-        f"| `{name}` | {'yes' if entry else 'no'} | {entry.how} |"
-        for name, entry in controller.compensated_effects().items()
-    ]
-    page = PAGE.read_text().split("## What the controller compensates")[1].split("\n## ")[0]
-    missing = [row for row in rows if row not in page]
-    assert not missing, "\n".join(missing)
-    assert page.count("\n| `") == len(rows)
 
 
 def eight() -> Waypoints:

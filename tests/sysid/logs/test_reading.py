@@ -117,11 +117,24 @@ def test_a_wrong_map_is_refused(tmp_path, map_file, old, new, message):
         read(path, map_file)
 
 
-def test_csv_without_a_map_is_refused(tmp_path):
+def test_a_csv_without_a_map_is_read_by_a_drafted_one_that_is_told(tmp_path):
+    rows = "".join(f"{0.01 * i:.2f},{i},2,3,1,0,0,0,{100 + i}\n" for i in range(40))
+    (tmp_path / "log.csv").write_text("time,x,y,z,qw,qx,qy,qz,other\n" + rows)
+    log = read(tmp_path / "log.csv")
+    np.testing.assert_allclose(log.vector("position_world_m")[2], [2.0, 2.0, 3.0])
+    said = log.metadata["drafted"]
+    assert said[0] == "time: time, unit s"
+    assert {"position_world_m: x, y, z, unit m", "q_world_body: qw, qx, qy, qz, w x y z"} <= set(said)
+    assert said[-1] == "not used: other"
+
+
+def test_a_csv_of_which_nothing_can_be_drafted_is_refused(tmp_path):
     (tmp_path / "log.csv").write_text(HEADER)
-    for name, message in (("log.csv", "column map"), ("log.mcap", "column map")):
-        with pytest.raises(FormatError, match=message):
-            read(tmp_path / name)
+    with pytest.raises(FormatError, match=r"log\.csv has 1 lines"):
+        read(tmp_path / "log.csv")
+    (tmp_path / "log.mcap").write_text(HEADER)
+    with pytest.raises(FormatError, match=r"log\.mcap is not a readable ROS recording"):
+        read(tmp_path / "log.mcap")
 
 
 def test_roll_pitch_yaw_turns_about_x_then_y_then_z():

@@ -2,8 +2,8 @@
 
    Collective, roll and pitch are linear in the four thrusts; one direction of thrusts is left free and is set so that
    sum spin_i c_q n_i^2 is the wanted yaw torque. Induced velocities, speeds and the free direction are found together
-   by one step of third order (docs/firmware/mixer.md). A demand that the rotors can meet is met exactly. When they
-   cannot give all of it, torque about x and y comes first, then the collective, then yaw, which keeps a guaranteed
+   by one step of third order (docs/evidence/studies/mixer.md). A demand that the rotors can meet is met exactly. When
+   they cannot give all of it, torque about x and y comes first, then the collective, then yaw, which keeps a guaranteed
    share. */
 #ifndef GOSHAWK_CONTROLLER_MIXER_H
 #define GOSHAWK_CONTROLLER_MIXER_H

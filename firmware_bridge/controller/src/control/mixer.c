@@ -1,5 +1,5 @@
 /* Exact inverse of eqs. (1)-(3), with desaturation. Derivation, accuracy and the origin of each constant:
-   docs/firmware/mixer.md.
+   docs/evidence/studies/mixer.md.
 
    One form covers all three thrust laws, T = a n^2 + (c v_z - k v) n, with v from eq. (2); its root is
    2 a n = sqrt(b^2 + 4 a T) - b, b = c v_z - k v. Air speeds are kept times k, rotor speeds times 2 a, and thrusts as

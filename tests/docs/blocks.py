@@ -1,0 +1,66 @@
+"""Blocks of commands and of Python in a page, and what the comment above each says about running it.
+
+`<!-- run -->` runs the block in the page's folder, after the blocks above it; `<!-- run: room, flights -->` first puts
+the named files there (`tests/docs/inputs.py`). `<!-- run each: room -->` runs every line in a fresh copy of the folder:
+they are alternatives. `<!-- run by: tests/a_test.py -->` names the test that runs it. `<!-- not run: why -->` has one
+of the reasons of `REASONS`.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+COMMANDS = ("goshawk", "python", ".venv/bin/python", "make", "pip", "uv", "dask", "cmake", "git")
+"""A block that begins with one of these is a block of commands."""
+REASONS = (
+    "another machine",
+    "data of others",
+    "installs",
+    "a tool of the repository",
+)
+"""Why a block may be left out: it needs other computers or a vehicle, data that are not ours to copy, or changes the
+machine; a tool of the repository runs in tests of its own."""
+FENCE = re.compile(
+    r"^(?P<margin> *)(?:<!-- (?P<how>(?:not )?run[^>]*?) -->\n+ *)?```(?P<language>\w*)\n(?P<body>.*?)^ *```$",
+    re.M | re.S,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """One fenced block that a reader may copy."""
+
+    line: int
+    language: str
+    text: str
+    how: str
+    """`run`, `run each`, `run by`, `not run`, or empty where nothing is said."""
+    named: tuple[str, ...]
+    """What the comment names after its colon."""
+
+    @property
+    def commands(self) -> list[str]:
+        """Lines to type, continued lines joined, without remarks; of a transcript those after `$ `."""
+        lines = self.text.replace("\\\n", " ").splitlines()
+        if any(line.startswith("$ ") for line in lines):
+            lines = [line.removeprefix("$ ") for line in lines if line.startswith("$ ")]
+        return [line.split("  #")[0].strip() for line in lines if line.strip() and not line.startswith("#")]
+
+
+def read(page: Path) -> list[Block]:
+    """The blocks of commands and of Python, in order."""
+    text = page.read_text()
+    found = []
+    for fence in FENCE.finditer(text):
+        body = "\n".join(line.removeprefix(fence["margin"]) for line in fence["body"].splitlines())
+        how, _, named = (fence["how"] or "").partition(": ")
+        names = tuple(name.strip() for name in named.split(",")) if named else ()
+        block = Block(text[: fence.start()].count("\n") + 1, fence["language"], body, how, names)
+        if fence["language"] == "python" or is_command(block):
+            found.append(block)
+    return found
+
+
+def is_command(block: Block) -> bool:
+    first = block.text.removeprefix("$ ").split(maxsplit=1)[:1]
+    return block.language in ("", "text", "sh", "bash", "console") and first[0:1] != [] and first[0] in COMMANDS
