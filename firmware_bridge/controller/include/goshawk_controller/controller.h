@@ -176,6 +176,7 @@ typedef struct {
     float take_off_m;
     bool ground_ever_seen;
     uint64_t ground_seen_us;
+    uint64_t uncrashed_us; /* when it was last upright, or turned */
     uint64_t tilt_good_us; /* when the attitude error was last small */
     bool battery_low;      /* never taken back in flight */
 

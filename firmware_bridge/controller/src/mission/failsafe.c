@@ -8,7 +8,12 @@ static const float UPRIGHT = 0.05f;         /* 1 - cosine of the attitude error 
 static const float BACK_S = 0.2f;           /* ... once everything has been good for this long */
 static const float GYRO_AXIS_S = 0.5f;      /* an axis of the gyro may be missing for this long before it lands */
 static const float FALLING_M_S2 = 3.0f;     /* specific force below: nothing carries it */
-static const float CLOCK_WARNING_S = 5.0f;  /* the warning stays after the last fault of the clock */
+/* A crash, after ArduPilot's check (30 degrees of attitude error): in the air 30 degrees of error accelerate the body
+   by 100 rad/s2, so that half a second without a turn is the ground's doing. */
+static const float CRASH_TILT = 0.134f; /* 1 - cos of 30 degrees */
+static const float CRASH_RATE_RAD_S = 1.0f;
+static const float CRASH_S = 0.5f;
+static const float CLOCK_WARNING_S = 5.0f; /* the warning stays after the last fault of the clock */
 
 bool tc_inside_fence(const tc_parameters* p, const float position_world_m[3]) {
     bool inside = true;
@@ -62,6 +67,14 @@ static void observe_attitude(tc_controller* c) {
     const float tilt = 1.0f - tc_dot(c->telemetry.flatness.axis, c->axes[2]);
     if (tilt <= c->tilt_bound) c->tilt_good_us = c->telemetry.time_us;
     if (tc_lasts(c, c->tilt_good_us, p->tilt_error_s)) (void)tc_post(c, TC_EVENT_TILT, TC_TILT_ERROR);
+}
+
+/* A body that neither turns nor comes right, under rotors that would turn it: it lies against something. */
+static void observe_crash(tc_controller* c) {
+    const float tilt = 1.0f - tc_dot(c->telemetry.flatness.axis, c->axes[2]);
+    const bool turns = tc_norm(c->telemetry.estimate.rate_body_rad_s) > CRASH_RATE_RAD_S;
+    if (tilt <= CRASH_TILT || turns) c->uncrashed_us = c->telemetry.time_us;
+    if (tc_lasts(c, c->uncrashed_us, CRASH_S)) (void)tc_post(c, TC_EVENT_CRASHED, TC_CRASHED);
 }
 
 /* Where neither vertical velocity nor the accelerometer tells of the ground, time has to. */
@@ -192,6 +205,7 @@ void tc_observe(tc_controller* c) {
     if (tc_moves(c) || tc_falls(c)) c->moved_us = c->telemetry.time_us;
     if (tc_mission_in_air(c->mission.state)) {
         observe_attitude(c);
+        observe_crash(c);
         observe_fence(c);
         observe_tracking(c);
         if (c->mission.state == TC_EMERGENCY) observe_emergency(c);

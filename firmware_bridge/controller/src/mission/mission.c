@@ -9,7 +9,7 @@
 /* What every flying state shares: the operator's cut-off, the other controller's call, lost attitude or position. */
 #define IN_FLIGHT                                                                                                  \
     [TC_COMMAND_KILL] = TO(TC_FAULT), [TC_EVENT_RELEASE] = TO(TC_SHADOW), [TC_EVENT_ATTITUDE_LOST] = TO(TC_FAULT), \
-    [TC_EVENT_POSITION_LOST] = TO(TC_EMERGENCY)
+    [TC_EVENT_POSITION_LOST] = TO(TC_EMERGENCY), [TC_EVENT_CRASHED] = TO(TC_FAULT)
 
 /* What states that hover or move from point to point share: stay, or go straight down. */
 #define OFF_PATH                                                                                            \
@@ -131,6 +131,7 @@ static const uint8_t next[TC_MISSION_STATE_COUNT][TC_EVENT_COUNT] = {
             [TC_EVENT_ATTITUDE_LOST] = TO(TC_FAULT),
             [TC_EVENT_TILT] = TO(TC_FAULT),
             [TC_EVENT_TIMEOUT] = TO(TC_FAULT),
+            [TC_EVENT_CRASHED] = TO(TC_FAULT),
             [TC_EVENT_TOUCHDOWN] = TO(TC_DISARMED),
             [TC_EVENT_POSITION_BACK] = TO(TC_LANDING),
         },

@@ -69,6 +69,7 @@ static void enter_landing(tc_controller* c) {
 static void enter(tc_controller* c) {
     const uint64_t now_us = c->telemetry.time_us;
     c->tilt_good_us = now_us;
+    c->uncrashed_us = now_us;
     c->landing.stage = (uint8_t)TC_LANDING_NONE;
     if (!tc_mission_on_path(c->mission.state) || c->mission.previous_state == TC_APPROACH) {
         tc_supervisor_reset(&c->supervisor, now_us);

@@ -42,6 +42,7 @@ static const char* const table[TC_EVENT_COUNT] = {
     "h............h", /* engage */
     ".dwwwwwwwwww.w", /* release */
     ".............d", /* shadow's end */
+    "..!!!!!!!!!!..", /* crashed */
 };
 
 static void transitions_are_those_of_the_table(void) {
