@@ -154,13 +154,6 @@ static void steer(tc_controller* c, const float velocity_body_m_s[3], float step
     if (tc_landing_unloads(&c->landing)) unload(c);
 }
 
-float tc_per_battery(const tc_controller* c) {
-    const tc_parameters* p = &c->parameters;
-    const float battery_v = c->telemetry.estimate.battery_v;
-    if (!(battery_v > 0.0f)) return 1.0f;
-    return 1.0f / tc_max(1.0f - p->battery_gain_1_v * (p->battery_reference_v - battery_v), 0.5f);
-}
-
 /* Battery sag and rotor lag, taken off the speed commands. The lead (lag s + 1) / (filter s + 1) undoes the rotors' lag
    up to the filter's frequency; the plain inverse would drive the rotors with nothing but sensor noise. */
 static void lead_speeds(tc_controller* c, float step_s) {
