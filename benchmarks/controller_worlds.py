@@ -2,6 +2,7 @@
 
     python benchmarks/controller_worlds.py                      # every world, observer on and off
     python benchmarks/controller_worlds.py --only wind --set observer=0
+    python benchmarks/controller_worlds.py --picture docs/pictures/disturbances.svg
 
 500 Hz, pose at 100 Hz and 10 ms old with its noise, the learned model compensated. Errors are true position less
 set-point, over the path; a flight that gives its path up has none.
@@ -169,12 +170,38 @@ def summary(world: World, seeds: int, parameters: Mapping[str, float]) -> Flown:
     )
 
 
+def draw(path: Path, seeds: int) -> None:
+    """Mean error of every world with the observer off and on; a path given up is a bar to the edge."""
+    import matplotlib.pyplot as plt  # only here: a plain table needs none
+
+    edge_mm, rows = 125.0, np.arange(len(WORLDS))
+    figure, axes = plt.subplots(figsize=(8.0, 5.5), layout="constrained")
+    for offset, name, colour, values in ((-0.2, "off", "0.7", {"observer": 0.0}), (0.2, "on", "tab:blue", {})):
+        mean = [summary(world, seeds, values).mean_mm for world in WORLDS]
+        axes.barh(rows + offset, np.nan_to_num(mean, nan=edge_mm), 0.4, color=colour, label=f"observer {name}")
+        for row, value in zip(rows, mean, strict=True):
+            text = "gives up" if np.isnan(value) else f"{value:.0f}"
+            axes.text(
+                min(np.nan_to_num(value, nan=edge_mm), edge_mm) + 1.0, row + offset, text, va="center", fontsize=7
+            )
+    axes.set(
+        yticks=rows, yticklabels=[w.name for w in WORLDS], xlabel="mean tracking error, mm", xlim=(0, edge_mm + 15)
+    )
+    axes.invert_yaxis()
+    axes.legend()
+    figure.savefig(path, metadata={"Date": None})
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", default="", help="worlds whose name has this in it")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a controller parameter")
+    parser.add_argument("--picture", type=Path, metavar="SVG", help="draw observer off and on instead")
     args = parser.parse_args()
+    if args.picture:
+        draw(args.picture, args.seeds)
+        return
     values = {name: float(value) for name, value in (entry.split("=") for entry in args.set)}
     print(f"{'':30}{'bar':>6}{'mean':>8}{'worst':>8}{'commands':>10}{'touch':>7}")
     for world in WORLDS:

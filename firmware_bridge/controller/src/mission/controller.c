@@ -155,13 +155,6 @@ static void steer(tc_controller* c, const float velocity_body_m_s[3], float step
     if (tc_landing_unloads(&c->landing)) unload(c);
 }
 
-float tc_per_battery(const tc_controller* c) {
-    const tc_parameters* p = &c->parameters;
-    const float battery_v = c->telemetry.estimate.battery_v;
-    if (!(battery_v > 0.0f)) return 1.0f;
-    return 1.0f / tc_max(1.0f - p->battery_gain_1_v * (p->battery_reference_v - battery_v), 0.5f);
-}
-
 /* Battery sag and rotor lag, taken off the speed commands. The lead (lag s + 1) / (filter s + 1) undoes the rotors' lag
    up to the filter's frequency; the plain inverse would drive the rotors with nothing but sensor noise. */
 static void lead_speeds(tc_controller* c, float step_s) {
@@ -202,7 +195,7 @@ static void cancel_torques(tc_controller* c, const float air_body_m_s[3]) {
                           measured_else(c, c->slow_speed_rad_s), torque);
         for (int i = 0; i < 3; i++) c->cancelled_n_m[i] = torque[i] - before[i];
     }
-    if (!tc_cancels_disturbance(c) || tc_landing_unloads(&c->landing)) return;
+    if (!tc_cancels_disturbance(c) || tc_landing_unloads(&c->landing) || c->gyro_good_us != c->telemetry.time_us) return;
     const float share = tc_disturbance_share(c);
     for (int i = 0; i < 3; i++) torque[i] -= share * c->observer.torque_body_n_m[i];
 }

@@ -4,6 +4,8 @@
 
 static const float LIFTED_M = 0.08f; /* above where it stood: off the ground, and out of the thick of its effect */
 
+static const float FOLLOWS = 0.85f; /* cosine of the attitude error beyond which an attitude is not believed */
+
 static bool lifted(const tc_controller* c) {
     return c->mission.state != TC_TAKE_OFF || c->observer.state == (uint8_t)TC_OBSERVER_RUNS ||
            c->telemetry.estimate.position_world_m[2] > c->ground_z_m + LIFTED_M;
@@ -16,6 +18,7 @@ static tc_observer_state wanted_state(const tc_controller* c) {
     if (c->parameters.observer < 0.5f) return TC_OBSERVER_OFF;
     if (!tc_mission_in_air(state) || !gyro_whole) return TC_OBSERVER_WAITS;
     if ((c->telemetry.estimate.valid & (uint8_t)TC_VALID_SPECIFIC_FORCE) == 0u) return TC_OBSERVER_NO_ACCELEROMETER;
+    if (tc_dot(c->telemetry.flatness.axis, c->axes[2]) < FOLLOWS) return TC_OBSERVER_WAITS;
     if (state == TC_LANDING || state == TC_EMERGENCY || (c->telemetry.estimate_faults & faults) != 0u) {
         const bool known = now == (uint8_t)TC_OBSERVER_RUNS || now == (uint8_t)TC_OBSERVER_HOLDS;
         return known ? TC_OBSERVER_HOLDS : TC_OBSERVER_WAITS;

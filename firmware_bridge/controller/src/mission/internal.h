@@ -41,8 +41,13 @@ static inline bool tc_cancels_disturbance(const tc_controller* c) {
 }
 /* Of what it holds, 0 .. 1: as the thrust falls on the ground, the vehicle is not to lean into the wind any further. */
 float tc_disturbance_share(const tc_controller* c);
-/* controller.c: what speed commands are raised by against the battery's sag. */
-float tc_per_battery(const tc_controller* c);
+/* What speed commands are raised by against the battery's sag. */
+static inline float tc_per_battery(const tc_controller* c) {
+    const tc_parameters* p = &c->parameters;
+    const float battery_v = c->telemetry.estimate.battery_v;
+    if (!(battery_v > 0.0f)) return 1.0f;
+    return 1.0f / tc_max(1.0f - p->battery_gain_1_v * (p->battery_reference_v - battery_v), 0.5f);
+}
 
 /* monitor.c */
 /* Whether the pose is believed now. */
