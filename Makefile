@@ -15,7 +15,8 @@ export OPENBLAS_NUM_THREADS ?= 1
 # the command line compiles NumPy, SciPy and ours again, which is half of its CPU time.
 export PYTHONDONTWRITEBYTECODE :=
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-quick test-processors test-all mutate bench fuzz docs words pictures lint lock wheels clean
+.PHONY: help setup demo test test-quick test-processors test-all mutate bench fuzz docs figures words pictures lint lock wheels \
+  clean
 
 help:  ## what there is to make
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 18
@@ -62,6 +63,9 @@ fuzz: setup  ## feed the link and the state machine 1e8 inputs each (hours); HOU
 
 docs: setup  ## the documentation, as HTML in docs/_build
 	$(PYTHON) -m sphinx -W --keep-going -b html docs docs/_build
+
+figures: setup  ## quote the committed results (docs/evidence/results) in README and docs anew
+	$(PYTHON) tools/results.py
 
 words: setup  ## words of README and docs beside their budgets
 	$(PYTHON) tools/word_budget.py

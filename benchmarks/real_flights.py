@@ -41,7 +41,8 @@ BAR = 0.9
 """Of every error of the model with the rate held; the best predictor is to be below."""
 FIT = replace(real_logs.NANODRONE, gusts="white", held=tuple(f"inertia_{axis}_kg_m2" for axis in ("xx", "yy", "zz")))
 """With lasting disturbances among the states these flights give thrust 3 % below what hover needs, and white ones make
-inertias eight times too large: so white, inertias as the source has them (docs/evidence/studies/real_logs_nanodrone.md)."""
+inertias eight times too large: so white, inertias as the source has
+them (docs/evidence/studies/real_logs_nanodrone.md)."""
 FORCES = ("thrust_quadratic.k_n_s2", "inflow_linear.inflow_kg", "rotor_drag_speed.drag_kg")
 """What the force fit frees; the model's force is linear in them."""
 WORLD_FORCE = tuple(f"specific_force_world_{axis}_m_s2" for axis in "xyz")

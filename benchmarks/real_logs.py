@@ -314,7 +314,7 @@ def main() -> None:
     folder = chosen.data / name
     if not folder.is_dir():
         sys.exit(
-            f"{folder} does not exist; give the folder of the logs with --data (sources: docs/evidence/studies/real_logs_*.md)"
+            f"{folder} does not exist; give the folder of the logs with --data (docs/evidence/studies/real_logs_*.md)"
         )
     if chosen.no_fit:
         plain_gains(folder)

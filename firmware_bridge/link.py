@@ -120,7 +120,7 @@ def connect(
         secret = key if isinstance(key, bytes) else keys.load(key)
         if len(secret) != 32:
             raise InputError(f"a link key has 32 bytes, this one {len(secret)}")
-        # a stream of our own, beside stations of the same id: 0 is what others use, 1 the proxy
+        # a stream of our own, beside stations of the same id; others use 0
         signing = Signing(secret, 2 + secrets.randbelow(254))
     port = Port(url, Codec(system_id, 190, signing), timeout_s)
     try:

@@ -35,7 +35,6 @@ STATION_SILENT_S = 2.5
 _STATION_FORGOTTEN_S = 15.0
 _STATIONS = 4
 _HEARTBEAT_S = 0.5
-_LINK_ID = 1  # a stream of its own beside a station of the same id on the same computer
 _COMPONENT, _GROUND_STATION, _NO_AUTOPILOT = 190, 6, 8
 _MAVLINK_1 = b"\xfe"
 _BUFFER_BYTES = 4 << 20
@@ -145,7 +144,8 @@ class Proxy:
         if len(key) != 32:
             raise InputError(f"a link key has 32 bytes, this one {len(key)}")
         self.vehicle_url, self.control, self.timeout_s = vehicle_url, control, timeout_s
-        self._signing = Signing(key, _LINK_ID)
+        # a stream of its own beside other proxies and stations of the same id
+        self._signing = Signing(key, 2 + secrets.randbelow(254))
         self._own = Codec(OWN_SYSTEM, _COMPONENT, self._signing)
         self._stations: dict[Address, _Station] = {}
         self._vehicle: tuple[int, int] | None = None
@@ -317,8 +317,17 @@ class Proxy:
         if isinstance(message, MissionStatus):
             self._note_operator((message.operator_system, message.operator_component))
         if isinstance(message, LeaseStatus) and self._lease.nonce and message.nonce == self._lease.nonce:
-            self._lease.granted = (message.operator_system, message.operator_component) == self._lease.holder
+            self._note_answer(message)
         self._to_stations(received)
+
+    def _note_answer(self, status: LeaseStatus) -> None:
+        """Whether control is held in our stream; another one may be of a station with the same id."""
+        lease, operator = self._lease, (status.operator_system, status.operator_component)
+        ours = operator == lease.holder and status.operator_link == self._signing.link_id
+        if lease.granted and operator == lease.holder and not ours:
+            lease.lost = True
+            logger.warning("another station %d took control of the vehicle; start the proxy again", operator[0])
+        lease.granted = ours
 
     def _answer_challenge(self, ping: Ping) -> None:
         """Return the vehicle's nonce in the name of everybody behind the proxy, so that their streams open."""

@@ -80,7 +80,7 @@ FLOORS = {
     "mapping.sparse": (".", "calibration", "mapper", "recorded_motion", "features"),
     "vehicle": ("simulation", "importers", ".", "effects"),
     "vehicle.effects": ("torque", "thrust", "drag", "surroundings", "motors", "mass", "sensors", "."),
-    "sysid.logs": (".", "checks", "readers"),
+    "sysid.logs": (".", "checks", "readers", "events"),
     "sysid.estimator": (
         "validation", ".", "uncertainty", "joint_problem", "blocks", "trajectory", "motors", "flights", "options",
     ),

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.goshawk.test_grammar import VERBS
+
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge", "gcs_web", "goshawk")
 MODULES = [p for package in PACKAGES for p in (ROOT / package).rglob("*.py") if "generated" not in p.parts]
@@ -67,6 +69,13 @@ def too_long(source: str) -> list[str]:
 def test_no_sentence_of_a_message_has_more_than_thirty_words():
     found = [f"{p.relative_to(ROOT)}, {said}" for p in MODULES for said in too_long(p.read_text())]
     assert not found, "say it in two sentences:\n" + "\n".join(found)
+
+
+@pytest.mark.parametrize("words", VERBS, ids=" ".join)
+def test_the_help_of_a_verb_has_no_longer_sentence(words: tuple[str, ...]):
+    said = re.sub(r"^\s*\x08.*?(?:\n\s*\n|\Z)", "\n", VERBS[words].help or "", flags=re.MULTILINE | re.DOTALL)  # tables
+    paragraphs = [" ".join(part.split()) for part in re.split(r"\n\s*\n", said)]
+    assert not [s for part in paragraphs for s in sentences(part) if len(s.split()) > LONGEST]
 
 
 @pytest.mark.parametrize("count", [30, 31])

@@ -16,11 +16,13 @@ from sysid.estimator.motors import battery, motor, rotor_speed
 from sysid.estimator.options import Options
 from sysid.logs.checks import contact, gyro_clock
 from sysid.logs.checks.clocks import Offset
-from sysid.logs.checks.finding import Span
 from sysid.logs.checks.motion import kinematics
 from sysid.logs.checks.payload import carries_payload
+from sysid.logs.events import recording
+from sysid.logs.events.event import splits
+from sysid.logs.events.repair import Span
+from sysid.logs.events.stamps import longest_pause_s
 from sysid.logs.full_throttle import RATIOS
-from sysid.logs.readers.streams import longest_pause_s
 from vehicle import Vehicle
 
 LEAD_IN_S = 0.3
@@ -162,25 +164,42 @@ def _sampled(log: FlightLog, source: _Source) -> tuple[FloatArray, FloatArray, s
     return pose_s, rotor_s, kind
 
 
-def _split(log: FlightLog, source: _Source, options: Options) -> list[tuple[float, float]]:
-    """Start and end of each stretch where both pose (or IMU) and rotor speed (or command) were sampled."""
+def _split(log: FlightLog, source: _Source, options: Options) -> list[Span]:
+    """Start and end of each stretch where both pose (or IMU) and rotor speed (or command) were sampled, and went on."""
     name = source.name
     pose_s, rotor_s, kind = _sampled(log, source)
-    found = sorted(_gaps(pose_s, kind) + _gaps(rotor_s, "rotor speed"))
-    start_s, end_s = max(pose_s[0], rotor_s[0]), min(pose_s[-1], rotor_s[-1])
+    cuts = splits(log)
+    found = [gap for gap in sorted(_gaps(pose_s, kind) + _gaps(rotor_s, "rotor speed")) if not _cut_there(gap, cuts)]
     if found and options.gaps == "refuse":
         raise InputError(
             f"{name} has {gaps_sentence(found)}; "
             "fit the pieces between as separate flights with gaps='split', or cut the log there"
         )
-    edges = [start_s]
-    for begin, end, _ in found:
-        edges += [begin, end]
-    edges.append(end_s)
-    pieces = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= SHORTEST_S]
+    broken = [] if options.robust and options.gaps == "refuse" else recording.leaps(log)
+    if broken and options.gaps == "refuse":
+        more = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
+        raise InputError(
+            f"{name}: {broken[0].sentence}{more}; fit the pieces between as separate flights with gaps='split', or "
+            "write a log that is mended there with `goshawk log fix`"
+        )
+    out = [*cuts, *((begin, end) for begin, end, _ in found), *(recording.cut_out(log, event) for event in broken)]
+    pieces = _outside(max(pose_s[0], rotor_s[0]), min(pose_s[-1], rotor_s[-1]), out)
     if not pieces:
         raise InputError(f"{name} has no stretch of {SHORTEST_S:g} s with both pose and rotor speed")
     return pieces
+
+
+def _cut_there(gap: Gap, cuts: list[Span]) -> bool:
+    return any(begin_s < gap[1] and gap[0] < end_s for begin_s, end_s in cuts)
+
+
+def _outside(start_s: float, end_s: float, out: list[Span]) -> list[Span]:
+    """What is left of a stretch without these, less what is too short to say anything."""
+    pieces: list[Span] = []
+    for begin, end in sorted(out):
+        pieces.append((start_s, min(begin, end_s)))
+        start_s = max(start_s, end)
+    return [(a, b) for a, b in [*pieces, (start_s, end_s)] if b - a >= SHORTEST_S]
 
 
 def _finite_rows(log: FlightLog, quantities: tuple[str, ...], name: str) -> IndexArray:

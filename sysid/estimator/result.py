@@ -17,6 +17,7 @@ from sysid.estimator.flights import clocks
 from sysid.estimator.flights.clocks import Clock
 from sysid.estimator.flights.flight_data import Flight, left_out
 from sysid.estimator.joint_problem import weight
+from sysid.estimator.joint_problem.gusts import left_over
 from sysid.estimator.joint_problem.solver import Solution
 from sysid.estimator.joint_problem.unknowns import SENSOR_NAMES, Unknowns
 from sysid.estimator.motors import motor
@@ -94,7 +95,7 @@ class Identification:
     @property
     def leaves_too_much(self) -> bool:
         """Whether so much stays unexplained that the model cannot be called right; the findings say how much."""
-        force, torque = _unexplained(self.noise)
+        force, torque = _unexplained(self.solution, self.flights)
         return force > LARGE_FORCE_M_S2 or torque > LARGE_TORQUE_RAD_S2
 
     def estimate(self, name: str) -> Estimate:
@@ -207,7 +208,7 @@ def conclude(
     disagreement = _disagreement(vehicle, unknowns, solution, flights)
     unsettled = [one.sentence for one in not_settled]
     lasting = [name for name, so in zip(names, errors.correlated[: len(names)], strict=True) if so]
-    verdict = verdicts.of_fit(given, solution.point.vehicle, flights, unknowns.model, _against(solution))
+    verdict = verdicts.of_fit(given, solution.point.vehicle, flights, unknowns.model, _against(solution, flights))
     return Identification(
         vehicle=_updated(vehicle, estimates, flights),
         parameters=tuple(estimates),
@@ -305,15 +306,30 @@ def _updated(vehicle: Vehicle, estimates: list[Estimate], flights: list[Flight])
     return replace(vehicle, provenance={**vehicle.provenance, "identified_from": [f.name for f in flights]})
 
 
-def _unexplained_axes(noise: Noise) -> FloatArray:
-    """(6,) unexplained acceleration of each axis over 0.1 s: m/s2 and rad/s2."""
-    lasting = np.zeros(6) if noise.gusts is None else noise.gusts.size
-    return np.sqrt(noise.process**2 / SPAN_S + lasting**2)
+LONG_S = 1.0
+"""Of disturbances that last longer only size squared over time is known: the process may be of any size."""
 
 
-def _unexplained(noise: Noise) -> tuple[float, float]:
+def _unexplained_axes(solution: Solution, flights: Sequence[Flight]) -> FloatArray:
+    """(6,) unexplained acceleration of each axis over 0.1 s: m/s2 and rad/s2.
+
+    A smooth disturbance, such as a drag that is missing, fits a process that lasts for long and is far larger than the
+    disturbance: there what the model leaves along the states is taken, if that is less.
+    """
+    gusts = solution.noise.gusts
+    white = solution.noise.process**2 / SPAN_S
+    if gusts is None:
+        return np.sqrt(white)
+    size = np.sqrt(white + gusts.size**2)
+    point = solution.point
+    left = [left_over(f, s, point.vehicle) for f, s in zip(flights, point.states, strict=True)]
+    measured = np.sqrt((np.concatenate(left) ** 2).mean(axis=0))
+    return np.where(gusts.lasts_s > LONG_S, np.minimum(size, measured), size)
+
+
+def _unexplained(solution: Solution, flights: Sequence[Flight]) -> tuple[float, float]:
     """The largest of `_unexplained_axes`: m/s2 and rad/s2."""
-    size = _unexplained_axes(noise)
+    size = _unexplained_axes(solution, flights)
     return float(size[:3].max()), float(size[3:].max())
 
 
@@ -331,7 +347,7 @@ def _turning_rad_s2(solution: Solution, flights: Sequence[Flight]) -> FloatArray
 
 def unpredicted_turning(solution: Solution, flights: Sequence[Flight], free: Iterable[str]) -> tuple[str, ...]:
     """A sentence for each axis about which the model with its inertia leaves more than the vehicle turned."""
-    left, turned = _unexplained_axes(solution.noise)[3:], _turning_rad_s2(solution, flights)
+    left, turned = _unexplained_axes(solution, flights)[3:], _turning_rad_s2(solution, flights)
     return tuple(
         f"about {axis} the model leaves {left[i]:.3g} rad/s2 unexplained (over 0.1 s) where the body turned with "
         f"{turned[i]:.3g}: it does not predict how the vehicle turns. Check the clocks of gyro and rotor speed and the "
@@ -358,8 +374,7 @@ def _findings(
         )
     noise = solution.noise
     if noise.gusts is not None:
-        size = noise.gusts.size
-        force, torque, lasts_s = size[:3].max(), size[3:].max(), np.median(noise.gusts.lasts_s)
+        (force, torque), lasts_s = _unexplained(solution, flights), np.median(noise.gusts.lasts_s)
         found.append(
             f"up to {force:.2g} m/s2 and {torque:.2g} rad/s2 stay unexplained for about {lasts_s:.1f} s (gusts, a "
             "swinging load, or an effect that the model lacks); the fit allows for it"
@@ -367,7 +382,7 @@ def _findings(
     found += left_out(flights)
     if any(e.name in (motor.RISE, motor.FALL) and e.status == "free" for e in estimates):
         found += clocks.commands_on_time(flights)
-    found += _against(solution) + _at_bounds(vehicle, estimates)
+    found += _against(solution, flights) + _at_bounds(vehicle, estimates)
     for e in estimates:
         if e.status == NOT_IDENTIFIABLE:
             found.append(f"{e.name} was held at {e.value:g} {e.unit}: not identifiable from these flights")
@@ -379,12 +394,12 @@ def _findings(
     return found
 
 
-def _against(solution: Solution) -> list[str]:
+def _against(solution: Solution, flights: Sequence[Flight]) -> list[str]:
     """What forbids the use of a solution, whatever it is a solution of."""
     found = []
     if not solution.converged:
         found.append(f"not converged after {len(solution.record)} iterations")
-    worst, turning = _unexplained(solution.noise)
+    worst, turning = _unexplained(solution, flights)
     if worst > LARGE_FORCE_M_S2:
         found.append(
             f"the model leaves {worst:.1f} m/s2 unexplained (over 0.1 s): a held parameter may be wrong (a wrong "

@@ -28,8 +28,8 @@ TRIANGLE = 1.1
 WRONG_KINDS = ("time unit", "unit", "frame", "rotor order", "rotor spin")
 """Errors of the log check that forbid the use of numbers, whatever the fit says.
 
-On real flights (docs/evidence/studies/real_logs_nanodrone.md) the check found none in logs that were read rightly, and a fit to
-positions read with z down converged and stayed within every limit.
+On real flights (docs/evidence/studies/real_logs_nanodrone.md) the check found none in logs that were read rightly, and
+a fit to positions read with z down converged and stayed within every limit.
 """
 
 

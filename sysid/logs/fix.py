@@ -4,23 +4,26 @@ After each fix the log is checked again: what the next finding proposes is judge
 goes first, because everything else is judged by it.
 """
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from flight import FlightLog, InputError, Progress, frames, rotations, silent
+from flight import FlightLog, Progress, silent
 from flight.flight_log import COLUMNS
-from flight.rotations import FloatArray
-from sysid.logs.check import LogReport, check_log
-from sysid.logs.checks.finding import Finding, Repair, turn_in_words
-from sysid.logs.readers.streams import shifted
+from sysid.logs.apply import apply, words
+from sysid.logs.check import LogReport, examine, is_gone
+from sysid.logs.checks.finding import Finding
+from sysid.logs.events.repair import Repair
 from vehicle import Vehicle
 
 MOST_FIXES = 40
 SMALLEST_SHIFT_S = 1e-3
 """A clock is read to about a millisecond; what is left below that is not shifted again."""
 FIXES = "fixes"
-"""Where the log's metadata say what was done."""
+"""Where the log's metadata say what was done, in sentences."""
+REPAIRS = "repairs"
+"""Where they say it as `Repair` has it, in the order in which it was done."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,42 +47,79 @@ def fix(
     vehicle: Vehicle | None = None,
     *,
     aloft: tuple[float, float] | None = None,
+    leave: Collection[str] = (),
     progress: Progress = silent,
 ) -> Fixed:
-    """Apply every fix that is a change of the log.
+    """Apply every fix that is a change of the log: first of all events that are certain, then of one finding at a time.
+
+    A change that does not take its finding away is taken back.
 
     Args:
         vehicle: as in `check_log`.
         aloft: first and last instant in the air: only there is the log judged; the whole of it is changed.
+        leave: kinds of findings (`Finding.what`) that are left as they are.
     """
-    done: list[str] = []
+    given, done, repairs = log, list[str](), list[Repair]()
+    report = examine(_part(log, aloft), vehicle)
+    for finding in _events(report.findings, leave):
+        assert finding.repair is not None
+        log = apply(log, finding.repair)
+        done.append(f"{finding.sentence}: {words(finding.repair)}")
+        repairs.append(finding.repair)
     times: dict[tuple[str, str, tuple[str, ...]], int] = {}
+    if done:
+        report = examine(_part(log, aloft), vehicle)
     fixable = 1
-    while True:
+    of_events = len(done)
+    while len(done) < MOST_FIXES + of_events:
         progress("fixing and checking again", min(len(done) / fixable, 1.0))
-        report = check_log(_part(log, aloft), vehicle)
-        found = report.findings
-        fixable = len(done) + 1 + sum(finding.repair is not None for finding in found)
-        finding = _next(found, times)
-        if finding is None or len(done) == MOST_FIXES:
+        fixable = len(done) + 1 + sum(finding.repair is not None for finding in report.findings)
+        finding = _next(report.findings, times, leave)
+        if finding is None:
             break
         assert finding.repair is not None
-        kind = (finding.what, finding.repair.action, finding.repair.columns)
+        kind = _kind(finding.what, finding.repair)
         times[kind] = times.get(kind, 0) + 1
-        log = apply(log, finding.repair)
+        mended, where = apply(log, finding.repair), aloft
         if finding.repair.columns == ("time_s",) and aloft is not None:
-            aloft = (aloft[0] * finding.repair.factor, aloft[1] * finding.repair.factor)
+            where = (aloft[0] * finding.repair.factor, aloft[1] * finding.repair.factor)
+        after = examine(_part(mended, where), vehicle)
+        if not is_gone(finding, after):
+            times[kind] = MOST_FIXES
+            continue
+        log, aloft, report = mended, where, after
         done.append(f"{finding.sentence}: {words(finding.repair)}")
-    before = list(log.metadata.get(FIXES, []))
-    mended = FlightLog(log.columns, {**log.metadata, FIXES: before + done}) if done else log
-    return Fixed(mended, tuple(done), report)
+        repairs.append(finding.repair)
+    if not done:
+        return Fixed(given, (), report)
+    before = [list(log.metadata.get(key, [])) for key in (FIXES, REPAIRS)]
+    said = {FIXES: before[0] + done, REPAIRS: before[1] + [asdict(repair) for repair in repairs]}
+    return Fixed(FlightLog(log.columns, {**log.metadata, **said}), tuple(done), report)
+
+
+def _events(found: tuple[Finding, ...], leave: Collection[str]) -> list[Finding]:
+    """What happened during the recording, where only one repair is right."""
+    return [
+        finding
+        for finding in found
+        if finding.event is not None
+        and finding.event.certain
+        and finding.repair is not None
+        and finding.what not in leave
+    ]
+
+
+def _kind(what: str, repair: Repair) -> tuple[str, str, tuple[str, ...]]:
+    return what, repair.action, repair.columns
 
 
 def _part(log: FlightLog, aloft: tuple[float, float] | None) -> FlightLog:
     return log if aloft is None else log.slice(aloft[0], np.nextafter(aloft[1], np.inf))
 
 
-def _next(found: tuple[Finding, ...], times: dict[tuple[str, str, tuple[str, ...]], int]) -> Finding | None:
+def _next(
+    found: tuple[Finding, ...], times: dict[tuple[str, str, tuple[str, ...]], int], leave: Collection[str]
+) -> Finding | None:
     """The finding to mend next: the time's unit, then the pose, then the others; the same fix at most twice."""
 
     def rank(finding: Finding) -> int:
@@ -90,92 +130,13 @@ def _next(found: tuple[Finding, ...], times: dict[tuple[str, str, tuple[str, ...
 
     def worth(finding: Finding) -> bool:
         repair = finding.repair
-        if repair is None or (repair.action == "shift" and abs(repair.shift_s) < SMALLEST_SHIFT_S):
+        if (
+            repair is None
+            or finding.what in leave
+            or (repair.action == "shift" and abs(repair.shift_s) < SMALLEST_SHIFT_S)
+        ):
             return False
         most = 1 if repair.action in ("scale", "rotor order", "quaternion order", "conjugate", "drop") else 2
-        return times.get((finding.what, repair.action, repair.columns), 0) < most
+        return times.get(_kind(finding.what, repair), 0) < most
 
     return min(filter(worth, found), key=rank, default=None)
-
-
-def apply(log: FlightLog, repair: Repair) -> FlightLog:
-    """The log after one repair.
-
-    Raises:
-        InputError: the log would hold fewer than two rows.
-    """
-    columns = dict(log.columns)
-    there = [name for name in repair.columns if name in columns]
-    match repair.action:
-        case "scale":
-            columns |= {name: columns[name] * repair.factor for name in there}
-        case "drop":
-            columns = {name: values for name, values in columns.items() if name not in there}
-        case "blank":
-            inside = np.zeros(len(log), dtype=bool)
-            for first_s, last_s in repair.spans:
-                inside |= (log.time_s >= first_s) & (log.time_s <= last_s)
-            columns |= {name: np.where(inside, np.nan, columns[name]) for name in there}
-        case "rotor order":
-            for quantity in ("rotor_speed_rad_s", "rotor_speed_command_rad_s"):  # the same motors, in the same order
-                names = COLUMNS[quantity]
-                if log.has(quantity):
-                    columns |= {names[i]: log.columns[names[k]] for i, k in enumerate(repair.order)}
-        case _:
-            for quantity, names in COLUMNS.items():
-                if log.has(quantity) and set(names) <= set(there):
-                    columns |= dict(zip(names, _changed(log, quantity, repair).T, strict=True))
-    mended = FlightLog(columns, log.metadata)
-    return _trimmed(mended, there) if repair.action == "shift" else mended
-
-
-def _changed(log: FlightLog, quantity: str, repair: Repair) -> FloatArray:
-    values, is_attitude = log.vector(quantity), quantity.endswith("q_world_body")
-    if repair.action == "shift":
-        return shifted(log.time_s, values, repair.shift_s, quaternion=is_attitude)
-    if repair.action in ("turn", "turn body"):
-        turn = rotations.exp(np.array(repair.turn_rad))
-        if not is_attitude:
-            return rotations.rotate(turn, values)
-        return rotations.multiply(turn, values) if repair.action == "turn" else rotations.multiply(values, turn)
-    if repair.action == "conjugate":
-        return rotations.conjugate(values)
-    if repair.action == "quaternion order":
-        return np.roll(values, 1, axis=1)
-    return frames.flip_attitude(values) if is_attitude else frames.flip_vector(values)
-
-
-def _trimmed(log: FlightLog, names: list[str]) -> FlightLog:
-    """Without the rows at the ends for which the shifted stream has nothing."""
-    known = np.flatnonzero(np.isfinite([log.columns[name] for name in names]).all(axis=0))
-    if len(known) < 2:
-        raise InputError(f"nothing is left of {names[0]} after the shift: it is longer than the log")
-    kept = slice(known[0], known[-1] + 1)
-    return FlightLog({name: values[kept] for name, values in log.columns.items()}, log.metadata)
-
-
-def words(repair: Repair) -> str:
-    """What was done, in words."""
-    names = repair.columns[0] if len(repair.columns) == 1 else f"{repair.columns[0]} ... {repair.columns[-1]}"
-    match repair.action:
-        case "scale":
-            return f"multiplied {names} by {repair.factor:.6g}"
-        case "shift":
-            return f"shifted the time stamps of {names} by {1000.0 * repair.shift_s:+.1f} ms"
-        case "blank":
-            return f"wrote NaN into {names} at {', '.join(f'{first:.3f}' for first, _ in repair.spans[:5])} s" + (
-                f" and {len(repair.spans) - 5} more places" if len(repair.spans) > 5 else ""
-            )
-        case "rotor order":
-            return f"took columns {list(repair.order)} of rotor speed (and of its command) as rotors 0 to 3"
-        case "drop":
-            return f"dropped {names}"
-        case "flip":
-            return f"turned {names} from z down to z up"
-        case "turn" | "turn body":
-            axes = "world" if repair.action == "turn" else "body"
-            return f"turned the {axes} axes of {names} by {turn_in_words(repair.turn_rad)}"
-        case "conjugate":
-            return f"conjugated {names}"
-        case "quaternion order":
-            return f"reordered {names} from x y z w to w x y z"

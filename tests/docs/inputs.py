@@ -7,8 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+import esdf
 import vehicle
-from flight import Waypoints, flight_log, project
+from esdf import solids
+from flight import Waypoints, file_format, flight_log, project
+from mapping import map_folder
 from tests.goshawk.running import run
 from tests.journeys import inputs as journeys
 
@@ -72,6 +75,17 @@ class Inputs:
         rows = (f"{i}.png,{0.5 * i},{x[i]:.3f},{0.8 + 0.02 * i:.3f},1.2,1,0,0,0" for i in range(len(x)))
         (folder / "map" / "poses.csv").write_text("\n".join(["image,time_s,x_m,y_m,z_m,qw,qx,qy,qz", *rows, ""]))
 
+    def hall(self, folder: Path) -> None:
+        """A map of an empty hall of 8 by 8 m round the origin."""
+        self.map(folder)
+        room = solids.Scene([solids.Room((-4.0, -4.0, -0.5), (4.0, 4.0, 4.0))])
+        grid = esdf.Grid.covering((-4.2, -4.2, -0.7), (4.2, 4.2, 4.2), 0.1)
+        shutil.rmtree(folder / "map" / "esdf")
+        field = esdf.build(esdf.rasterize(room, grid), grid)
+        esdf.save(folder / "map" / "esdf", field)
+        body = {"hash": field.hash, "verdict": "good", "reasons": []}
+        file_format.write_toml(folder / "map" / "map.toml", format=map_folder.FORMAT, version=1, body=body)
+
     def vehicle(self, folder: Path) -> None:
         """A vehicle file from a data sheet: no rotor drag."""
         journeys.with_vehicle(folder)
@@ -85,7 +99,9 @@ class Inputs:
         """A checked trajectory in that room."""
         self.waypoints(folder)
         world = ("--map", folder / "map", "--vehicle", folder / "vehicle.toml")
-        run("plan", folder / "waypoints.csv", *world, "--speed", 2, "--out", folder / "walk.json")
+        run(
+            "plan", folder / "waypoints.csv", *world, "--speed", 1, "--acceleration", 1.5, "--out", folder / "walk.json"
+        )
 
     def lap(self, folder: Path) -> None:
         """The same, of another name."""
@@ -101,7 +117,7 @@ class Inputs:
 
     def logs(self, folder: Path) -> None:
         """Two flights of a vehicle with rotor drag, and where a page has them."""
-        (folder / "flights").mkdir()
+        (folder / "flights").mkdir(exist_ok=True)
         for name, log in (("a", journeys.lap()), ("b", journeys.other_flight())):
             flight_log.save(folder / f"{name}.parquet", log)
             flight_log.save(folder / "flights" / f"{name}.parquet", log)

@@ -61,6 +61,7 @@ class Reader:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
+        self._serving.clear()
 
     def _here(self, line: str) -> str:
         """The line with this test's port in place of the usual one."""
@@ -70,6 +71,8 @@ class Reader:
             line += f" --port {PORT}"
         elif "--url" in options and "--url" not in line and verb != ("gcs",):
             line += f" --url udp://127.0.0.1:{PORT}"
+        if "--yes" in options and "--yes" not in line:
+            line += " --yes"  # the reader confirms
         return line.replace(PORT, self.port)
 
     def start(self, line: str) -> None:

@@ -50,6 +50,7 @@ def test_the_blocks_of_a_page_run_one_after_the_other(page: Path, tmp_path: Path
             if block.how in ("run", "run each"):
                 for needed in block.named:
                     if needed == FLYING:
+                        reader.stop()  # one that landed elsewhere
                         reader.start(SITL)
                     else:
                         inputs.put(needed, reader.folder)

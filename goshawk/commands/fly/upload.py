@@ -44,8 +44,8 @@ def command(
     goshawk upload walk.json
     goshawk upload walk.json --map map --vehicle vehicle.toml --url udp://192.168.4.1:14550
 
-    A trajectory is refused if it has not passed the final gate, was checked for another map or vehicle, or the
-    controller's parameters do not match the vehicle (`goshawk params set --vehicle VEHICLE`). After any failure the
+    A trajectory is refused if it has not passed the final gate, or was checked for another map or vehicle. So it is if
+    the controller's parameters do not match the vehicle (`goshawk params set --vehicle VEHICLE`). After any failure the
     vehicle keeps its active trajectory. Ctrl-C stops the upload and shows which one that is.
     """
     item = trajectory.load(trajectory_file)

@@ -19,6 +19,8 @@ from sysid.logs.check import LogReport
 from sysid.logs.reading import DRAFTED
 from vehicle import Vehicle
 
+HIDDEN = ("fixes", "repairs", "lost", "events", "splits_s", "read", DRAFTED)
+"""Metadata that `goshawk log check` says in sentences."""
 flight_argument = log_files.flight_argument
 vehicle_option = console.path_option("--vehicle", "vehicle_file", "Vehicle file: its rotor order, spin and units too.")
 
@@ -100,23 +102,35 @@ def check(
 @flight_argument
 @console.path_option("--out", "out", "Flight log (.parquet) to write; it records the fixes.", required=True)
 @vehicle_option
+@click.option("--leave", multiple=True, metavar="KIND", help="Leave what is found of this kind as it is. Repeatable.")
 @console.columns_option
 @outputs.overwrite_option
 @console.common_options
 def fix(
-    flight: Path, out: Path, vehicle_file: Path | None, columns: Path | None, overwrite: bool, as_json: bool
+    flight: Path,
+    out: Path,
+    vehicle_file: Path | None,
+    leave: tuple[str, ...],
+    columns: Path | None,
+    overwrite: bool,
+    as_json: bool,
 ) -> None:
     """Write a new log with the fixes that `goshawk log check` proposes, where they change the log.
 
     \b
     goshawk log fix flight.parquet --vehicle vehicle.toml --out fixed.parquet
     goshawk log fix flight.csv --columns columns.toml --vehicle vehicle.toml --out flight.parquet
+    goshawk log fix flight.parquet --leave "attitude jump" --out fixed.parquet
+
+    FLIGHT itself is never changed; the new log names it, its SHA-256 and every change.
     """
     log_outputs.require_others(flight, out)
     outputs.check(out, overwrite=overwrite)
     log, believed = flights.read(flight, columns), _vehicle(vehicle_file)
     with console.progress() as report:
-        done, checked = log_outputs.write_fixed(log, flight, out, believed, overwrite=overwrite, progress=report)
+        done, checked = log_outputs.write_fixed(
+            log, flight, out, believed, leave=leave, overwrite=overwrite, progress=report
+        )
     _tell(_named(checked, out), {"fixed": list(done), "written": [str(out)]}, fix="", as_json=as_json)
 
 
@@ -158,9 +172,7 @@ def _tell(checked: LogReport, more: dict[str, Any], *, fix: str, as_json: bool) 
 
 def _show(title: str, document: dict[str, Any]) -> None:
     facts = {key: value for key, value in document.items() if key not in ("columns", "metadata")}
-    facts |= {
-        key: value for key, value in document["metadata"].items() if key not in ("fixes", "lost", "read", DRAFTED)
-    }
+    facts |= {key: value for key, value in document["metadata"].items() if key not in HIDDEN}
     console.show(title, facts, as_json=False)
     for sentence in document["metadata"].get("read", ()):
         click.echo(f"read: {sentence}")

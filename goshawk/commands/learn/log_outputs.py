@@ -1,13 +1,15 @@
 """Output files of `goshawk log check` and `fix`: the page of a log, and the corrected log."""
 
+from collections.abc import Collection
 from pathlib import Path
 
 from firmware_bridge.airborne import aloft_s
-from flight import FlightLog, InputError, Progress, flight_log, silent
+from flight import FlightLog, InputError, Progress, file_format, flight_log, silent
 from goshawk.commands.learn import log_report
 from goshawk.terminal import outputs, words
 from sysid.logs import fix as fixes
 from sysid.logs.check import LogReport
+from sysid.logs.events.event import EVENTS, SPLITS
 from vehicle import Vehicle
 
 
@@ -27,7 +29,11 @@ def _facts(log: FlightLog, checked: LogReport) -> dict[str, str]:
     if checked.duration_s < duration_s:
         facts["checked, in the air"] = f"{checked.duration_s:.2f} s"
     facts["rate"] = f"{checked.rate_hz:.1f} Hz"
-    stored = {str(key): value for key, value in log.metadata.items() if key not in ("name", fixes.FIXES)}
+    stored = {
+        str(key): value
+        for key, value in log.metadata.items()
+        if key not in ("name", fixes.FIXES, fixes.REPAIRS, EVENTS, SPLITS)
+    }
     for key, value in stored.items():
         title, unit = words.named(key)
         facts[key if title in facts else title] = f"{value} {unit}".rstrip()
@@ -45,9 +51,18 @@ def require_others(source: Path, *files: Path | None) -> None:
 
 
 def write_fixed(
-    log: FlightLog, source: Path, out: Path, believed: Vehicle | None, *, overwrite: bool, progress: Progress = silent
+    log: FlightLog,
+    source: Path,
+    out: Path,
+    believed: Vehicle | None,
+    *,
+    leave: Collection[str] = (),
+    overwrite: bool,
+    progress: Progress = silent,
 ) -> tuple[tuple[str, ...], LogReport]:
-    """Write the log with every fix that the checks propose; returns the fixes and what the checks still find.
+    """Write the log with every fix that the checks propose, but for kinds to leave.
+
+    Returns the fixes and what the checks still find.
 
     Raises:
         InputError: `out` is the log itself or no .parquet.
@@ -55,8 +70,9 @@ def write_fixed(
     if out.suffix != ".parquet":
         raise InputError(f"--out {out}: a corrected log is written in our own format; call it {out.stem}.parquet")
     require_others(source, out)
-    fixed = fixes.fix(log, believed, aloft=aloft_s(log), progress=progress)
-    corrected = FlightLog(fixed.log.columns, {**fixed.log.metadata, "fixed_from": source.name})
+    fixed = fixes.fix(log, believed, aloft=aloft_s(log), leave=leave, progress=progress)
+    from_hash = {"fixed_from_sha256": file_format.file_hash(source)} if source.is_file() else {}
+    corrected = FlightLog(fixed.log.columns, {**fixed.log.metadata, "fixed_from": source.name, **from_hash})
     with outputs.file(out, overwrite=overwrite) as temporary:
         flight_log.save(temporary, corrected)
     return fixed.done, fixed.report

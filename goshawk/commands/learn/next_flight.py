@@ -78,8 +78,8 @@ def command(
     one, or one that is made first. Every manoeuvre is scaled to the space and simulated with the fitted vehicle, and
     its evidence is added to that of FLIGHTS.
 
-    With --map, place, heading and size of every manoeuvre are searched for in the map, with the clearance that `goshawk
-    plan` keeps; the one with the most evidence is written as a trajectory that passed the gate.
+    With --map, place, heading and size of every manoeuvre are searched for in the map, with the clearance of `goshawk
+    plan`. The one with the most evidence is written as a trajectory that passed the gate.
     """
     outputs.check(out, overwrite=overwrite)
     _check_where(space, corner, map_folder, radius_m, margin_m)

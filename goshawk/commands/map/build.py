@@ -118,8 +118,8 @@ def build(
     An earlier map in --out is replaced only with --overwrite and when the new one is complete: its edits are copied,
     and it is kept beside as OUT.old-1.
 
-    Space is free where three images saw through it, and where what carried the cameras, a vehicle or a person, must
-    have been itself: --carrier-radius states how far about each camera. Measured surfaces stay occupied.
+    Space is free where three images saw through it, and where the vehicle or person that carried the cameras must have
+    been: --carrier-radius states how far about each camera. Measured surfaces stay occupied.
 
     An interrupted run leaves its finished stages in OUT.work; the same command goes on from there. So does one
     after --until-stage.

@@ -19,8 +19,8 @@ def report(map_folder: Path, out: Path, overwrite: bool, as_json: bool) -> None:
     \b
     goshawk map report map --out map.html
 
-    The verdict with its reasons, every source of the scale, the camera file on trial, reprojection errors over the
-    image, coverage seen from above and from the side, and where to look again.
+    The verdict with its reasons, every source of the scale, the camera file on trial and reprojection errors. Then
+    coverage, from above and from the side, and where to look again.
     """
     from goshawk.commands.map import report_page  # with its pages, a third of what `goshawk map` would import
 

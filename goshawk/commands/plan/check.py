@@ -54,9 +54,9 @@ def command(
     goshawk check walk.json --map other-map --vehicle vehicle.toml --json
     goshawk check walk.json --map map --vehicle learned.toml --renew
 
-    It is checked for what the file records: radius, margin, limits, control reserve, headings and how to look, and
-    what its mission asked for, and the vehicle's limits where they are stricter; --margin replaces that margin. How
-    thin an obstacle could hide within the clearance is told, and fails only where --thinnest asked for it.
+    It is checked for what the file records: radius, margin, limits, control reserve, headings and its mission's
+    requests. The vehicle's limits hold where they are stricter; --margin replaces that margin. How thin an obstacle
+    could hide within the clearance is stated, and fails only where --thinnest asked for it.
 
     Exit code 0: it passes and may be flown. 1: it fails, and the table shows which check. A trajectory planned for
     another map or vehicle, or changed since its check, fails, unless it passes every other check and --renew records

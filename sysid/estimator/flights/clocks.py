@@ -5,9 +5,9 @@ itself may be late by the vehicle's effect `pose_delay`; while that is estimated
 logs that hold commands alone the gyro.
 
 Commands in place of rotor speed are taken to be on time: their delay is a motor lag to first order, and of motors that
-do not follow one lag (the Crazyflie of docs/evidence/studies/real_logs_motor_lag.md) the fit takes 15 ms for a delay, halves
-the lag and puts inertias 45 % too high. Only on request (`Options.estimate_command_delay`) have they a clock of
-their own.
+do not follow one lag (the Crazyflie of docs/evidence/studies/real_logs_motor_lag.md) the fit takes 15 ms for a
+delay, halves the lag and puts inertias 45 % too high. Only on request (`Options.estimate_command_delay`) have they a
+clock of their own.
 
 A stream that is late by d showed at time t what was at t - d; read at t + d it agrees with the motion at t.
 """

@@ -42,7 +42,7 @@ def find(
     Args:
         bandwidth_rad_s: (6,) beyond which the smoother, not the disturbance, shapes what is left; half of it is used.
     """
-    series = [_series(f, s, vehicle) for f, s in zip(flights, states, strict=True)]
+    series = [left_over(f, s, vehicle) for f, s in zip(flights, states, strict=True)]
     fits = [fit([s[:, channel] for s in series], 0.5 * bandwidth_rad_s[channel]) for channel in range(6)]
     if not any(one.sureness > SURE for one in fits):
         return None
@@ -51,7 +51,7 @@ def find(
     return Gusts(size, np.array([one.lasts_s for one in fits])), white
 
 
-def _series(flight: Flight, states: States, vehicle: Vehicle) -> FloatArray:
+def left_over(flight: Flight, states: States, vehicle: Vehicle) -> FloatArray:
     """(bins, 6) unexplained acceleration: force in world axes, turning in body axes."""
     left = unexplained(motor.driven(flight, vehicle), states, vehicle)
     world = rotations.rotate(middle(flight, states).q_world_body, left[:, :3])

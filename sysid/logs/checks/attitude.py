@@ -14,8 +14,9 @@ from flight.flight_log import COLUMNS
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.logs.checks import clocks
-from sysid.logs.checks.finding import Finding, Repair, error, warning
+from sysid.logs.checks.finding import Finding, error, warning
 from sysid.logs.checks.motion import GRID_S, Kinematics, on_grid, sampled
+from sysid.logs.events.repair import Repair
 
 DEGREES = 180.0 / np.pi
 XYZW = "reorder the quaternion, which is stored x y z w, to w x y z"

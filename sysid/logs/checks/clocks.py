@@ -12,8 +12,9 @@ import numpy as np
 from flight import FlightLog, rotations
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
-from sysid.logs.checks.finding import Finding, Repair, warning
+from sysid.logs.checks.finding import Finding, warning
 from sysid.logs.checks.motion import GRID_S, Kinematics, correlation, fitted, on_grid, resampled, sampled
+from sysid.logs.events.repair import Repair
 from vehicle import Vehicle, acceleration
 from vehicle.invert import open_air
 

@@ -13,9 +13,10 @@ from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
 from sysid.logs.checks import attitude, clocks, gyro_clock, mounting, position_unit, rotor_order
 from sysid.logs.checks.attitude import DEGREES, LEAST_RATE_RAD_S
-from sysid.logs.checks.finding import Finding, Repair, error, warning
+from sysid.logs.checks.finding import Finding, error, warning
 from sysid.logs.checks.motion import GRID_S, Kinematics, kinematics, on_grid, sampled
 from sysid.logs.checks.payload import as_flown, carries_payload
+from sysid.logs.events.repair import Repair
 from vehicle import Vehicle, wrench
 from vehicle.invert import open_air
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from flight import FlightLog
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
-from sysid.logs.checks.finding import Span
 from sysid.logs.checks.motion import LONGEST_S
+from sysid.logs.events.repair import Span
 
 UP = np.array([0.0, 0.0, 1.0])
 SLOW = 0.5

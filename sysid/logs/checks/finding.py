@@ -6,31 +6,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-Span = tuple[float, float]
-"""First and last instant, seconds of the log's clock."""
-
-
-@dataclass(frozen=True, slots=True)
-class Repair:
-    """A change of some columns of a log, as a fix proposes it; `sysid.logs.fix` carries it out."""
-
-    action: Literal[
-        "scale", "flip", "turn", "turn body", "conjugate", "quaternion order", "rotor order", "shift", "blank", "drop"
-    ]
-    """`flip`: between z up and z down; `turn`: of the world axes of attitudes; `turn body`: of the body axes of
-    attitudes and vectors; `shift`: of time stamps; `blank`: not sampled within `spans`."""
-    columns: tuple[str, ...]
-    """The columns it changes; where the log has none of a quantity's, it has nothing to change there."""
-    factor: float = 1.0
-    """Of `scale`."""
-    shift_s: float = 0.0
-    """Of `shift`: added to the time stamps."""
-    turn_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Of `turn`, that takes what is logged to what is right in world axes; of `turn body`, in body axes."""
-    order: tuple[int, ...] = ()
-    """Of `rotor order`: which column becomes rotor 0, 1, 2, 3."""
-    spans: tuple[Span, ...] = ()
-    """Of `blank`."""
+from sysid.logs.events.event import Event
+from sysid.logs.events.repair import Repair, Span
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +26,8 @@ class Finding:
     """The fix as a change of this log; None where the fix is something else (the vehicle file, another flight)."""
     spans: tuple[Span, ...] = ()
     """Where in the log it is; empty: all over."""
+    event: Event | None = None
+    """The event of the recording that it is about."""
 
 
 def turn_in_words(turn_rad: ArrayLike) -> str:

@@ -15,8 +15,9 @@ from flight import FlightLog
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs.checks.clocks import BLOCK_S, LONGEST_S, STEPS, SYSTEMATIC_S, Offset, clock_offset, read_later
-from sysid.logs.checks.finding import Finding, Repair, warning
+from sysid.logs.checks.finding import Finding, warning
 from sysid.logs.checks.motion import GRID_S, WINDOW, Kinematics, correlation, on_grid
+from sysid.logs.events.repair import Repair
 
 SIGMAS = 3.5
 """An offset within so many standard errors is not worth a word: 3 of a normal distribution, with some 15 blocks."""

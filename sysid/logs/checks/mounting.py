@@ -17,8 +17,9 @@ from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs.checks import clocks, rotor_order
 from sysid.logs.checks.attitude import LEAST_RATE_RAD_S
-from sysid.logs.checks.finding import Finding, Repair, error, turn_in_words
+from sysid.logs.checks.finding import Finding, error, turn_in_words
 from sysid.logs.checks.motion import GRID_S, Kinematics, correlation, on_grid, sampled
+from sysid.logs.events.repair import Repair
 from vehicle import Vehicle
 
 LEAST_RAD = np.deg2rad(45.0)

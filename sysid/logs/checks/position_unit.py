@@ -6,8 +6,9 @@ from flight import rotations
 from flight.flight_log import COLUMNS
 from flight.frames import GRAVITY_M_S2
 from sysid.logs.checks import attitude
-from sysid.logs.checks.finding import Finding, Repair, error
+from sysid.logs.checks.finding import Finding, error
 from sysid.logs.checks.motion import Kinematics
+from sysid.logs.events.repair import Repair
 
 UNITS = {"millimetres": 1000.0, "centimetres": 100.0}
 WITHIN = 1.5

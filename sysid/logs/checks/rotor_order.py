@@ -11,12 +11,12 @@ The last term (Euler's equations), large in loops and rolls, is fitted along: ro
 with the opposite sign.
 
 Angular acceleration is regressed on the squares of all four columns, in a band in which rotors cause the turning and do
-not respond to it. Each order, and each balanced set of spins, predicts the pattern of the gains. Scales (inertias,
-coefficients) are free but positive, so that place and sign alone decide. A decision needs 5 standard errors; otherwise
-it is inconclusive.
+not respond to it; where noise leaves nothing there, with the slower motion, if the rotors explain most of it.
+Each order, and each balanced set of spins, predicts the pattern of the gains. Scales (inertias, coefficients) are free
+but positive, so that place and sign alone decide. A decision needs 5 standard errors; otherwise it is inconclusive.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations, product
 from typing import TypeVar
 
@@ -26,14 +26,18 @@ from numpy.typing import NDArray
 from flight import FlightLog
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
-from sysid.logs.checks.finding import Finding, Repair, error
+from sysid.logs.checks.finding import Finding, error
 from sysid.logs.checks.motion import GRID_S, LONGEST_S
+from sysid.logs.events.repair import Repair
 from vehicle import Vehicle
 
 WINDOW_S = 2.0
 """Length of the windows (Hann, half overlapping) of which spectra are taken."""
 BAND_HZ = (2.0, 15.0)
 """Slower, the controller responds to disturbances with the rotors, which reverses cause and effect; faster is noise."""
+SLOW_BAND_HZ, CLEAR = (0.4, 15.0), 0.8
+"""Tried where the other does not decide: the rotors are believed there only if they explain this share of roll and of
+pitch acceleration (for spins, of yaw), which rotors that answer disturbances do not."""
 LONGEST_DELAY_S, DELAY_STEP_S = 0.5, 0.004
 """Rotor speed may be this much late or early."""
 YAW_EVERY = 3
@@ -72,12 +76,12 @@ class Rotors:
     """+1 or -1 for each rotor of the file, in the file's sense; None: inconclusive. Where the order is, of each column
     as if it were the rotor of that number."""
     explained: FloatArray
-    """(3,) share of roll, pitch and yaw acceleration within `BAND_HZ` that the four columns explain."""
+    """(3,) share of roll, pitch and yaw acceleration within the band that the four columns explain."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spectra:
-    """Windows of a flight within `BAND_HZ`."""
+    """Windows of a flight within a band."""
 
     hz: FloatArray
     """(f,)"""
@@ -192,7 +196,16 @@ def _may_be_turned(found: Rotors, vehicle: Vehicle) -> bool:
 
 def examine(log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicle) -> Rotors:
     """Order and spin of the rotors of a log, as far as the flight shows them."""
-    spectra = _spectra(log, rate)
+    found = _examined(_spectra(log, rate, BAND_HZ), vehicle)
+    if found.order is not None and found.spin is not None:
+        return found
+    slow = _examined(_spectra(log, rate, SLOW_BAND_HZ), vehicle)
+    if slow.order is not None and slow.explained[:2].min() > CLEAR:
+        return slow if slow.explained[2] > CLEAR else replace(slow, spin=found.spin if found.order else None)
+    return found
+
+
+def _examined(spectra: Spectra | None, vehicle: Vehicle) -> Rotors:
     if spectra is None or not _excited(spectra):
         return Rotors(None, None, np.zeros(3))
     fits = {delay_s: _roll_and_pitch(spectra, delay_s, SEARCH_WINDOWS) for delay_s in _delays_s()}
@@ -281,7 +294,7 @@ def _decided(misfit: dict[Hypothesis, float], freedom: int) -> Hypothesis | None
     return best if misfit[second] - misfit[best] > CERTAIN * max(1.0, misfit[best] / freedom) else None
 
 
-def _spectra(log: FlightLog, rate: tuple[FloatArray, FloatArray]) -> Spectra | None:
+def _spectra(log: FlightLog, rate: tuple[FloatArray, FloatArray], band_hz: tuple[float, float]) -> Spectra | None:
     """None where fewer than `LEAST_WINDOWS` windows are without gaps, or the time is in another unit."""
     streams = []
     for time_s, values in ((log.time_s, log.vector("rotor_speed_rad_s")), rate):
@@ -299,7 +312,7 @@ def _spectra(log: FlightLog, rate: tuple[FloatArray, FloatArray]) -> Spectra | N
     if len(starts) < LEAST_WINDOWS:
         return None
     hz = np.asarray(np.fft.rfftfreq(length, GRID_S), dtype=np.float64)
-    band = (hz > BAND_HZ[0]) & (hz < BAND_HZ[1])
+    band = (hz > band_hz[0]) & (hz < band_hz[1])
     speed, rate_body = (np.stack([np.interp(grid_s, t, column) for column in x.T], axis=1) for t, x in streams)
 
     def spectrum(values: FloatArray, later: int) -> ComplexArray:

@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import FlightLog, InputError, rotations
+from flight import FlightError, FlightLog, InputError, rotations
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
+from sysid.logs.events import clock
+from sysid.logs.events.event import noted
 from sysid.logs.readers.read_ulog import LOST
 from sysid.logs.readers.streams import Stream, interpolated, joined
 
@@ -28,7 +30,7 @@ def assembled(
 ) -> FlightLog:
     """One log; its rows are the instants of the position, without one of the attitude, the gyro or the accelerometer.
 
-    Rows whose stamps go back or repeat are left out and counted. Rotor speeds keep their own rows.
+    Each stream's clock is examined first (`clock`). Rotor speeds keep their own rows.
 
     Args:
         streams: by their first quantity; each has `time_s` and the columns of one or more quantities.
@@ -37,16 +39,14 @@ def assembled(
         own_clock: keep the recorder's times; else the first row is at 0 s.
 
     Raises:
-        InputError: no stream shows motion, or the attitude and the position share no time.
+        FormatError: a stream's times are none.
+        InputError: no stream shows motion, or streams share no time.
     """
-    ordered: dict[str, Stream] = {}
-    wrong: list[str] = []
-    for name, stream in streams.items():
-        rows = in_order(stream["time_s"])
-        if count := len(stream["time_s"]) - len(rows):
-            wrong.append(f"{count} of {len(stream['time_s'])} rows of {name}: their stamps go back, repeat or are wild")
-        if len(rows) >= 2:
-            ordered[name] = {column: values[rows] for column, values in stream.items()}
+    try:
+        ordered, events = clock.examined({name: s for name, s in streams.items() if len(s["time_s"]) >= 2})
+    except FlightError as error:
+        raise type(error)(f"{path}: {error}") from None
+    ordered = {name: stream for name, stream in ordered.items() if len(stream["time_s"]) >= 2}
     base = next((ordered.pop(name) for name in (POSE, ATTITUDE, RATE, FORCE) if name in ordered), None)
     if base is None:
         had = ", ".join(streams) or "nothing that is known"
@@ -60,16 +60,15 @@ def assembled(
         base |= interpolated(base["time_s"], stream)
     for stream in rotors:
         base = joined(base, stream)
-    if not own_clock:
-        base["time_s"] = base["time_s"] - base["time_s"][0]
-    return FlightLog(base, metadata(path, notes, lost, wrong))
+    begin_s = 0.0 if own_clock else float(base["time_s"][0])
+    base["time_s"] = base["time_s"] - begin_s
+    return FlightLog(base, metadata(path, notes, lost) | noted(events, begin_s=begin_s))
 
 
-def metadata(path: Path, notes: Sequence[str], lost: str, wrong: Sequence[str] = ()) -> dict[str, object]:
+def metadata(path: Path, notes: Sequence[str], lost: str) -> dict[str, object]:
     """Name and source, what was read, and what could not be."""
-    said = [*([lost] if lost else []), *([f"left out: {'; '.join(wrong)}"] if wrong else [])]
     found: dict[str, object] = {"name": path.name.split(".")[0], "source": path.name}
-    return found | ({"read": list(notes)} if notes else {}) | ({LOST: "; ".join(said)} if said else {})
+    return found | ({"read": list(notes)} if notes else {}) | ({LOST: lost} if lost else {})
 
 
 def in_order(time_s: FloatArray) -> NDArray[np.intp]:

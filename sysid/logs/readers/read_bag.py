@@ -11,6 +11,8 @@ import numpy as np
 from flight import FlightError, FlightLog, FormatError, InputError, file_format, frames
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
+from sysid.logs.events import clock
+from sysid.logs.events.event import noted
 from sysid.logs.readers.read_csv import UNITS, table_of
 from sysid.logs.readers.read_ulog import LOST
 from sysid.logs.readers.salvage import is_cut_database, salvage
@@ -26,6 +28,8 @@ KNOWN = {
 }
 """Message types that hold a pose, and where."""
 XYZ = ("x", "y", "z")
+LONG_AGO_NS = 10**12
+"""A recording that begins so late after the zero of its clock has no message at 0."""
 
 
 def read(path: Path, map_file: Path) -> FlightLog:
@@ -45,7 +49,11 @@ def read_with(path: Path, wanted: dict[str, Any], map_file: Path) -> FlightLog:
     path = Path(path)
     topics = _topics(wanted, map_file)
     messages, lost = _messages(path, {entry["topic"] for entry in topics.values()})
-    streams = {name: _stream(name, entry, *messages[entry["topic"]]) for name, entry in topics.items()}
+    raw = {name: _stream(name, entry, *messages[entry["topic"]]) for name, entry in topics.items()}
+    try:
+        streams, events = clock.examined(raw)
+    except FlightError as error:
+        raise type(error)(f"{path}: {error}") from None
     base = next((streams.pop(name) for name in ("pose", "imu") if name in streams), None)
     if base is None:
         raise InputError(f"{map_file} names neither a [pose] nor an [imu] topic: nothing shows the motion")
@@ -54,8 +62,11 @@ def read_with(path: Path, wanted: dict[str, Any], map_file: Path) -> FlightLog:
         base |= interpolated(base["time_s"], stream)
     for stream in rotors:
         base = joined(base, stream)
+    begin_s = float(base["time_s"][0])
+    base["time_s"] = base["time_s"] - begin_s
+    found = noted(events, begin_s=begin_s)
     told = {LOST: lost} if lost else {}
-    return FlightLog(base, {"name": path.stem, "source": path.name, **told, **wanted.get("metadata", {})})
+    return FlightLog(base, {"name": path.stem, "source": path.name, **told, **found, **wanted.get("metadata", {})})
 
 
 def _topics(wanted: dict[str, Any], map_file: Path) -> dict[str, dict[str, Any]]:
@@ -132,11 +143,12 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def _messages(path: Path, topics: set[str]) -> tuple[dict[str, tuple[str, FloatArray, list[Any]]], str]:
-    """Per topic its type, the instants (s from the first of all) and the messages; and what could not be read.
+    """Per topic its type, the instants (s from a common zero) and the messages; and what could not be read.
 
     The instant is the header's stamp where there is one, else when the recorder received it.
     """
     stamps: dict[str, list[int]] = {topic: [] for topic in topics}
+    received: dict[str, list[int]] = {topic: [] for topic in topics}
     kept: dict[str, list[Any]] = {topic: [] for topic in topics}
     with _opened(path) as reader:
         kinds = {c.topic: c.msgtype for c in reader.connections}
@@ -155,21 +167,26 @@ def _messages(path: Path, topics: set[str]) -> tuple[dict[str, tuple[str, FloatA
             message = reader.deserialize(raw, connection.msgtype)
             stamp = getattr(getattr(message, "header", None), "stamp", None)
             stamped_ns = 0 if stamp is None else stamp.sec * 10**9 + stamp.nanosec
-            stamps[connection.topic].append(stamped_ns or received_ns)
+            stamps[connection.topic].append(stamped_ns)
+            received[connection.topic].append(received_ns)
             kept[connection.topic].append(message)
     empty = [topic for topic in topics if not kept[topic]]
     if empty:
         raise InputError(f"{path} has no message on {empty[0]}")
-    first_ns = min(min(times) for times in stamps.values())
-    found = {
-        topic: (kinds[topic], 1e-9 * np.array([t - first_ns for t in stamps[topic]], dtype=np.float64), kept[topic])
-        for topic in topics
-    }
-    return found, lost
+    # where most messages bear no stamp the recorder's counts; a single one without is a fault of its stream
+    times = {topic: stamps[topic] if np.median(stamps[topic]) > 0 else received[topic] for topic in topics}
+    first_ns = min(int(np.median(ns)) for ns in times.values())
+    return {topic: (kinds[topic], _seconds(times[topic], first_ns), kept[topic]) for topic in topics}, lost
+
+
+def _seconds(times_ns: list[int], first_ns: int) -> FloatArray:
+    """Times after the first. On a clock that began long ago a stamp of 0 is none."""
+    unset = first_ns > LONG_AGO_NS
+    return np.array([np.nan if unset and not t else 1e-9 * (t - first_ns) for t in times_ns], dtype=np.float64)
 
 
 def _stream(name: str, entry: dict[str, Any], kind: str, time_s: FloatArray, messages: list[Any]) -> Stream:
-    """Columns of one stream in our frames and units; of equal stamps the first counts."""
+    """Columns of one stream in our frames and units, in the order of the file."""
     flipped = entry.get("frame", "z up") == "z down"
     columns: Stream = {}
     for quantity, fields in _fields(name, entry, kind):
@@ -178,8 +195,7 @@ def _stream(name: str, entry: dict[str, Any], kind: str, time_s: FloatArray, mes
         if flipped:
             values = frames.flip_attitude(values) if quantity == "q_world_body" else frames.flip_vector(values)
         columns |= dict(zip(COLUMNS.get(quantity, (quantity,)), values.T, strict=True))
-    time_s, rows = np.unique(time_s, return_index=True)
-    return {"time_s": time_s} | {column: values[rows] for column, values in columns.items()}
+    return {"time_s": time_s} | columns
 
 
 def _fields(name: str, entry: dict[str, Any], kind: str) -> Iterator[tuple[str, list[str]]]:

@@ -16,6 +16,8 @@ from flight import FlightLog, FormatError, InputError, cells, file_format, frame
 from flight.flight_log import COLUMNS, from_vectors
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
+from sysid.logs.events import clock
+from sysid.logs.events.event import Event, noted
 from sysid.logs.readers.streams import shifted
 
 FORMAT = "goshawk-csv-map"
@@ -166,7 +168,7 @@ def read(path: Path, column_map: ColumnMap) -> FlightLog:
 
     Raises:
         InputError: the file or a column is not there.
-        FormatError: a row does not fit the header.
+        FormatError: a row does not fit the header, or the time is none.
     """
     table = _table(Path(path), column_map.separator)
     time = column_map.time
@@ -176,16 +178,20 @@ def read(path: Path, column_map: ColumnMap) -> FlightLog:
         if not table.rows:
             raise InputError(f"{path}: no row has {column} = {column_map.keep['equals']}")
     time_s = table.column(time["column"]) * UNITS[time.get("unit", "s")] * float(time.get("scale", 1.0))
-    vectors = {
-        name: _in_time(_vector(table, name, entry, path), time_s, entry, name)
-        for name, entry in column_map.quantities.items()
+    vectors = {name: _vector(table, name, entry, path) for name, entry in column_map.quantities.items()}
+    for name, entry in column_map.scalars.items():
+        vectors[name] = _scaled(table.column(entry["column"])[:, None], name, entry, path)
+    time_s, vectors, events = _clocked(time_s, vectors)
+    entries = {**column_map.quantities, **column_map.scalars}
+    vectors = {name: _in_time(values, time_s, entries[name], name) for name, values in vectors.items()}
+    scalars = {name: vectors.pop(name)[:, 0] for name in column_map.scalars}
+    metadata = {
+        "name": Path(path).name.split(".")[0],
+        "source": Path(path).name,
+        **noted(events),
+        **column_map.metadata,
     }
-    scalars = {
-        name: _in_time(_scaled(table.column(entry["column"])[:, None], name, entry, path), time_s, entry, name)[:, 0]
-        for name, entry in column_map.scalars.items()
-    }
-    metadata = {"name": Path(path).name.split(".")[0], "source": Path(path).name, **column_map.metadata}
-    moved = [n for n, entry in {**column_map.quantities, **column_map.scalars}.items() if entry.get("shift_s")]
+    moved = [n for n, entry in entries.items() if entry.get("shift_s")]
     known = np.ones(len(time_s), dtype=bool)
     for name in moved:
         rows = np.flatnonzero(np.isfinite(vectors[name]).all(axis=1) if name in vectors else np.isfinite(scalars[name]))
@@ -195,6 +201,18 @@ def read(path: Path, column_map: ColumnMap) -> FlightLog:
     vectors = {name: values[known] for name, values in vectors.items()}
     scalars = {name: values[known] for name, values in scalars.items()}
     return from_vectors(time_s[known], vectors, scalars=scalars, metadata=metadata)
+
+
+def _clocked(
+    time_s: FloatArray, vectors: dict[str, FloatArray]
+) -> tuple[FloatArray, dict[str, FloatArray], tuple[Event, ...]]:
+    """Rising times, the rows that have them, and what was found and done about the others."""
+    row = "row"
+    columns = {f"{name} {i}": column for name, values in vectors.items() for i, column in enumerate(values.T)}
+    own = {"time_s": time_s, row: np.arange(len(time_s), dtype=np.float64)}
+    streams, events = clock.examined({"the log": own | columns}, not_motion=(row,))
+    rows = streams["the log"][row].astype(np.intp)
+    return streams["the log"]["time_s"], {name: values[rows] for name, values in vectors.items()}, events
 
 
 def _in_time(values: FloatArray, time_s: FloatArray, entry: dict[str, Any], name: str) -> FloatArray:

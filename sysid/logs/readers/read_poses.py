@@ -101,7 +101,7 @@ def joined_on_clocks(path: Path, pose: FlightLog, imu: FlightLog) -> FlightLog:
     if max(begins) >= min(ends):
         raise InputError(
             f"{path}: the pose lasts from {begins[0]:.3f} to {ends[0]:.3f} s, the IMU from {begins[1]:.3f} to "
-            f"{ends[1]:.3f} s: they share no time; give both in one clock (unit or scale in a column map)"
+            f"{ends[1]:.3f} s: they share no time. Give both in one clock (unit or scale in a column map)"
         )
     streams: dict[str, Stream] = {POSE: own, RATE: rest}
     notes = [f"pose: {pose.metadata.get('source')}", f"IMU: {imu.metadata.get('source')}"]

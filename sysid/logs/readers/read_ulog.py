@@ -7,14 +7,28 @@ from typing import Any
 
 import numpy as np
 
-from flight import FlightLog, FormatError, InputError, frames, rotations
+from flight import FlightError, FlightLog, FormatError, InputError, frames, rotations
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
-from sysid.logs.readers.streams import interpolated, joined
+from sysid.logs.events import clock, resets
+from sysid.logs.events.event import Event, noted
+from sysid.logs.events.stamps import longest_pause_s
+from sysid.logs.readers.streams import Stream, interpolated, joined
 
 LOST = "lost"
 """Key of a log's metadata: a sentence on what of the file could not be read."""
+POSITION, ATTITUDE = "vehicle_local_position", "vehicle_attitude"
+RESETS = (
+    ("position_world_m", POSITION, "xy_reset_counter", ("delta_xy[0]", "delta_xy[1]"), "m"),
+    ("position_world_m", POSITION, "z_reset_counter", ("delta_z",), "m"),
+    ("velocity_world_m_s", POSITION, "vxy_reset_counter", ("delta_vxy[0]", "delta_vxy[1]"), "m/s"),
+    ("velocity_world_m_s", POSITION, "vz_reset_counter", ("delta_vz",), "m/s"),
+    ("q_world_body", ATTITUDE, "quat_reset_counter", (), "deg"),
+)
+"""What the estimator resets, the topic that says so, its counter, by how much it moved, and the unit of that."""
+_COUNTED = tuple(name for _, _, counter, deltas, _ in RESETS for name in (counter, *deltas))
+_XYZ = ("xyz[0]", "xyz[1]", "xyz[2]")
 _HEADER_BYTES = 16
 _MESSAGE_TYPES = b"ABCDFILMOPQRS"  # https://docs.px4.io/main/en/dev_log/ulog_file_format
 
@@ -42,19 +56,26 @@ def read(path: Path) -> FlightLog:
         topics = {d.name: d.data for d in ulog.data_list if d.multi_id == 0}
     except Exception as error:  # pyulog raises whatever its parser stumbles over
         raise FormatError(f"{path} is not a readable ULog file: {error}") from error
-    for name in ("vehicle_local_position", "vehicle_attitude"):
+    for name in (POSITION, ATTITUDE):
         if name not in topics:
             raise InputError(f"{path} has no {name}; it has {', '.join(sorted(topics)) or 'no messages'}")
-    columns = _pose(topics)
-    for part in (_rates(topics), _accelerations(topics), _motors(topics), _battery(topics)):
-        columns |= interpolated(columns["time_s"], part)
-    columns = joined(columns, _rotor_speeds(topics))
+    try:
+        streams, events = clock.examined(_streams(topics), not_motion=_COUNTED)
+    except FlightError as error:
+        raise type(error)(f"{path}: {error}") from None
+    events += tuple(_resets(streams))
+    columns = _pose(streams.pop(POSITION), streams.pop(ATTITUDE))
+    speeds = streams.pop("esc_status", {})
+    for stream in streams.values():
+        columns |= interpolated(columns["time_s"], stream)
+    columns = joined(columns, speeds)
     if not len(columns["time_s"]):
         raise InputError(f"{path}: no position falls within the time of the attitude; record both for 10 s or more")
     begin_s = columns["time_s"][0]
     columns["time_s"] = columns["time_s"] - begin_s
     lost = _lost(path.read_bytes(), 1e-6 * ulog.last_timestamp - begin_s, damaged=ulog.file_corruption)
-    return FlightLog(columns, {"name": path.stem, "source": path.name} | ({LOST: lost} if lost else {}))
+    found = noted(events, begin_s=begin_s)
+    return FlightLog(columns, {"name": path.stem, "source": path.name, **found} | ({LOST: lost} if lost else {}))
 
 
 def _lost(content: bytes, last_s: float, *, damaged: bool) -> str:
@@ -97,64 +118,102 @@ def _columns(quantity: str, values: FloatArray) -> dict[str, FloatArray]:
     return dict(zip(COLUMNS[quantity], values.T, strict=True))
 
 
-def _pose(topics: dict[str, Any]) -> dict[str, FloatArray]:
-    local, attitude = topics["vehicle_local_position"], topics["vehicle_attitude"]
-    time_s, attitude_s = _time(local), _time(attitude)
-    rows = (time_s >= attitude_s[0]) & (time_s <= attitude_s[-1])
-    rows[1:] &= np.diff(time_s) > 0.0
-    q = np.stack([np.asarray(attitude[f"q[{i}]"], dtype=np.float64) for i in range(4)], axis=1)
-    after = np.clip(np.searchsorted(attitude_s, time_s[rows]), 1, len(attitude_s) - 1)
-    span = np.maximum(attitude_s[after] - attitude_s[after - 1], 1e-9)
-    share = (time_s[rows] - attitude_s[after - 1]) / span
-    at = rotations.slerp(rotations.normalise(q[after - 1]), rotations.normalise(q[after]), share)
-    return {
-        "time_s": time_s[rows],
-        **_columns("position_world_m", _three(local, ("x", "y", "z"))[rows]),
-        **_columns("velocity_world_m_s", _three(local, ("vx", "vy", "vz"))[rows]),
-        **_columns("q_world_body", frames.flip_attitude(at)),
+def _streams(topics: dict[str, Any]) -> dict[str, Stream]:
+    """Each topic's columns with its own times, in the order of the file."""
+    found = {POSITION: _position(topics[POSITION]), ATTITUDE: _attitude(topics[ATTITUDE])}
+    for part in (_rates, _accelerations, _motors, _battery, _rotor_speeds):
+        name, stream = part(topics)
+        if stream:
+            found[name] = found.get(name, {}) | stream
+    return found
+
+
+def _position(local: dict[str, Any]) -> Stream:
+    stream = {
+        "time_s": _time(local),
+        **_columns("position_world_m", _three(local, ("x", "y", "z"))),
+        **_columns("velocity_world_m_s", _three(local, ("vx", "vy", "vz"))),
     }
+    return stream | {name: np.asarray(local[name], dtype=np.float64) for name in _COUNTED if name in local}
 
 
-def _rates(topics: dict[str, Any]) -> dict[str, FloatArray]:
-    if "vehicle_angular_velocity" in topics:
-        data = topics["vehicle_angular_velocity"]
-        return {"time_s": _time(data), **_columns("rate_body_rad_s", _three(data, ("xyz[0]", "xyz[1]", "xyz[2]")))}
-    if "sensor_combined" in topics:
-        data = topics["sensor_combined"]
-        names = ("gyro_rad[0]", "gyro_rad[1]", "gyro_rad[2]")
-        return {"time_s": _time(data), **_columns("rate_body_rad_s", _three(data, names))}
-    return {}
+def _attitude(attitude: dict[str, Any]) -> Stream:
+    q = np.stack([np.asarray(attitude[f"q[{i}]"], dtype=np.float64) for i in range(4)], axis=1)
+    stream = {"time_s": _time(attitude), **_columns("q_world_body", frames.flip_attitude(q))}
+    return stream | {name: np.asarray(attitude[name], dtype=np.float64) for name in _COUNTED if name in attitude}
 
 
-def _accelerations(topics: dict[str, Any]) -> dict[str, FloatArray]:
-    if "vehicle_acceleration" in topics:
-        data, names = topics["vehicle_acceleration"], ("xyz[0]", "xyz[1]", "xyz[2]")
-    elif "sensor_combined" in topics:
-        data, names = topics["sensor_combined"], tuple(f"accelerometer_m_s2[{i}]" for i in range(3))
-    else:
-        return {}
-    return {"time_s": _time(data), **_columns("specific_force_body_m_s2", _three(data, names))}
+def _resets(streams: dict[str, Stream]) -> list[Event]:
+    """What the estimator says of itself."""
+    events: list[Event] = []
+    for quantity, topic, name, deltas, unit in RESETS:
+        stream = streams[topic]
+        if name not in stream:
+            continue
+        moved = np.full(len(stream["time_s"]), np.nan)
+        if topic == ATTITUDE:
+            q = rotations.normalise(np.stack([stream[column] for column in COLUMNS["q_world_body"]], axis=1))
+            moved[1:] = np.rad2deg(rotations.angle_between(q[:-1], q[1:]))
+        elif all(delta in stream for delta in deltas):
+            moved = np.linalg.norm([stream[delta] for delta in deltas], axis=0)
+        events += resets.of_counter(quantity, stream["time_s"], stream[name], moved, name=name, unit=unit)
+    return events
 
 
-def _motors(topics: dict[str, Any]) -> dict[str, FloatArray]:
+def _pose(position: Stream, attitude: Stream) -> Stream:
+    """The rows of the position within the time of the attitude, less its pauses, and the attitude there."""
+    time_s, attitude_s = position["time_s"], attitude["time_s"]
+    after = np.clip(np.searchsorted(attitude_s, time_s), 1, len(attitude_s) - 1)
+    span_s = attitude_s[after] - attitude_s[after - 1]
+    rows = (time_s >= attitude_s[0]) & (time_s <= attitude_s[-1]) & (span_s <= longest_pause_s(np.diff(attitude_s)))
+    time_s, after, span_s = time_s[rows], after[rows], span_s[rows]
+    q = rotations.normalise(np.stack([attitude[name] for name in COLUMNS["q_world_body"]], axis=1))
+    at = rotations.slerp(q[after - 1], q[after], (time_s - attitude_s[after - 1]) / span_s)
+    kept = ("time_s", *COLUMNS["position_world_m"], *COLUMNS["velocity_world_m_s"])
+    return {name: position[name][rows] for name in kept} | _columns("q_world_body", at)
+
+
+Named = tuple[str, Stream]
+"""A topic's name and its columns; none where the log has no such topic."""
+
+
+def _first_of(topics: dict[str, Any], wanted: dict[str, tuple[str, ...]], quantity: str) -> Named:
+    for topic, names in wanted.items():
+        if topic in topics:
+            data = topics[topic]
+            return topic, {"time_s": _time(data), **_columns(quantity, _three(data, names))}
+    return "", {}
+
+
+def _rates(topics: dict[str, Any]) -> Named:
+    wanted = {"vehicle_angular_velocity": _XYZ, "sensor_combined": tuple(f"gyro_rad[{i}]" for i in range(3))}
+    return _first_of(topics, wanted, "rate_body_rad_s")
+
+
+def _accelerations(topics: dict[str, Any]) -> Named:
+    wanted = {"vehicle_acceleration": _XYZ, "sensor_combined": tuple(f"accelerometer_m_s2[{i}]" for i in range(3))}
+    return _first_of(topics, wanted, "specific_force_body_m_s2")
+
+
+def _motors(topics: dict[str, Any]) -> Named:
     if "actuator_motors" not in topics:
-        return {}
+        return "", {}
     data = topics["actuator_motors"]
     commands = {f"motor_command_{i}_ratio": np.asarray(data[f"control[{i}]"], dtype=np.float64) for i in range(4)}
-    return {"time_s": _time(data), **commands}
+    return "actuator_motors", {"time_s": _time(data), **commands}
 
 
-def _battery(topics: dict[str, Any]) -> dict[str, FloatArray]:
+def _battery(topics: dict[str, Any]) -> Named:
     if "battery_status" not in topics:
-        return {}
+        return "", {}
     data = topics["battery_status"]
-    return {"time_s": _time(data), "battery_v": np.asarray(data["voltage_v"], dtype=np.float64)}
+    return "battery_status", {"time_s": _time(data), "battery_v": np.asarray(data["voltage_v"], dtype=np.float64)}
 
 
-def _rotor_speeds(topics: dict[str, Any]) -> dict[str, FloatArray]:
+def _rotor_speeds(topics: dict[str, Any]) -> Named:
     """Speeds in the order of PX4's motors 1 to 4, sizes only."""
     if "esc_status" not in topics:
-        return {}
+        return "", {}
     data = topics["esc_status"]
     speeds = np.stack([np.asarray(data[f"esc[{i}].esc_rpm"], dtype=np.float64) for i in range(4)], axis=1)
-    return {"time_s": _time(data), **_columns("rotor_speed_rad_s", np.abs(speeds) * RAD_S_PER_RPM)}
+    return "esc_status", {"time_s": _time(data), **_columns("rotor_speed_rad_s", np.abs(speeds) * RAD_S_PER_RPM)}

@@ -4,27 +4,27 @@ import numpy as np
 
 from flight import rotations
 from flight.rotations import FloatArray
+from sysid.logs.events.stamps import longest_pause_s
 
 Stream = dict[str, FloatArray]
 
-GAP_FACTOR = 4.0
-"""A pause is a gap when it lasts this many usual sample intervals ..."""
-GAP_LEAST_S = 0.04
-"""... and at least this long: single lost frames are harmless."""
-
-
-def longest_pause_s(step_s: FloatArray) -> float:
-    """Between samples so far apart as these (n,), what is longer is a gap."""
-    return max(GAP_FACTOR * float(np.median(step_s)), GAP_LEAST_S)
+SAME_DIGITS = 6
+"""Times that are alike to a microsecond are one row."""
 
 
 def interpolated(time_s: FloatArray, stream: Stream) -> Stream:
-    """Columns of another stream at these instants; NaN beyond its ends."""
+    """Columns of another stream at these instants; NaN beyond its ends and where it pauses."""
     own_s = stream.get("time_s")
     if own_s is None:
         return {}
+    unknown = np.zeros(len(time_s), dtype=bool)
+    if len(own_s) > 1:
+        step_s = np.diff(own_s)
+        after = np.clip(np.searchsorted(own_s, time_s), 1, len(own_s) - 1)
+        between = (time_s > own_s[after - 1]) & (time_s < own_s[after])
+        unknown = between & (step_s[after - 1] > longest_pause_s(step_s))
     return {
-        name: np.interp(time_s, own_s, values, left=np.nan, right=np.nan)
+        name: np.where(unknown, np.nan, np.interp(time_s, own_s, values, left=np.nan, right=np.nan))
         for name, values in stream.items()
         if name != "time_s"
     }
@@ -34,12 +34,12 @@ def joined(first: Stream, second: Stream) -> Stream:
     """One table with the rows of both while the first lasts, NaN where a stream was not sampled."""
     if not second:
         return first
-    inside = (second["time_s"] >= first["time_s"][0]) & (second["time_s"] <= first["time_s"][-1])
-    time_s = np.unique(np.concatenate([first["time_s"], second["time_s"][inside]]))
+    own_s, other_s = (np.round(part["time_s"], SAME_DIGITS) for part in (first, second))
+    time_s = np.unique(np.concatenate([own_s, other_s[(other_s >= own_s[0]) & (other_s <= own_s[-1])]]))
     table = {"time_s": time_s}
-    for part in (first, second):
-        place = np.searchsorted(time_s, part["time_s"])
-        rows = (part["time_s"] >= time_s[0]) & (part["time_s"] <= time_s[-1])
+    for part, part_s in ((first, own_s), (second, other_s)):
+        place = np.searchsorted(time_s, part_s)
+        rows = (part_s >= time_s[0]) & (part_s <= time_s[-1])
         for name, values in part.items():
             if name != "time_s":
                 table[name] = np.full(len(time_s), np.nan)

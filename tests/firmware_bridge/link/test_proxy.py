@@ -221,3 +221,15 @@ def test_the_verb_names_the_fault(tmp_path, capsys):
         main(["proxy", "--key", str(tmp_path / "none.key")])
     assert ended.value.code == 2
     assert "no link key at" in capsys.readouterr().err
+
+
+def test_of_two_proxies_for_stations_of_one_id_one_is_in_control(serve, plans, station):
+    served = serve()
+    with Proxy(served.url, plans.key, listen=LISTEN, control=True) as first:
+        one = station(first)
+        one.until(lambda: first.status.in_control == "77/190")
+        with Proxy(served.url, plans.key, listen=LISTEN, control=True) as second:
+            other = station(second)
+            other.until(lambda: second.status.operator_system == 77)
+            assert second.status.in_control == ""
+            one.until(lambda: one.order(m.Command.ARM) == 0)

@@ -83,3 +83,24 @@ def test_an_upload_ends_when_another_station_takes_over_and_nothing_is_changed(s
     with pytest.raises(LinkError, match="took control of the vehicle; the vehicle still holds plan old"):
         first.upload(plans.file(80, name="new"), progress=interfere, rate_bytes_s=50e3)
     assert second.read_back().name == "old"
+
+
+def test_a_station_that_dies_in_mid_upload_and_is_started_anew_begins_cleanly(stations, plans):
+    """Nothing of the first transfer is taken over: its pieces carry the number of a session that is gone."""
+    _, station = stations
+    first = station()
+    first.upload(plans.file(3, name="old"))
+    died = []
+
+    def die(_: str, fraction: float) -> None:
+        if fraction > 0.3 and not died:
+            died.append(True)
+            first._port.keep_lease = False  # neither renewals nor pieces from here on
+
+    with pytest.raises(LinkError, match="the vehicle still holds plan old"):
+        first.upload(plans.file(60, name="new"), progress=die, rate_bytes_s=50e3)
+    again = station()
+    report = again.upload(plans.file(60, name="new"))
+    assert report.restarts == 0
+    assert report.datagrams >= 62
+    assert again.read_back().name == "new"

@@ -162,7 +162,7 @@ def test_a_gap_is_said_with_its_place(log):
 def test_a_position_that_jumps(log):
     z = log.columns["position_world_z_m"].copy()
     z[500] += 0.4
-    found = [f for f in check(_changed(log, position_world_z_m=z)).findings if f.what == "jump"]
+    found = [f for f in check(_changed(log, position_world_z_m=z)).findings if f.what == "position excursion"]
     assert "5.00" in found[0].sentence
 
 

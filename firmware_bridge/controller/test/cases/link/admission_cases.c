@@ -1,6 +1,7 @@
 /* Who gets in: challenges, recordings, floods. The vehicle signs; its stations have its key or another. */
 #include <string.h>
 
+#include "../../../src/link/transport/transport.h"
 #include "link_cases.h"
 
 static const uint8_t vehicle_key[TC_KEY_BYTES] = {0}, wrong_key[TC_KEY_BYTES] = {1};
@@ -55,6 +56,12 @@ static recording challenge_answer(station* s, const ping_msg* m) {
     recording r;
     MAKE(&r, s, PING, ping, TO_VEHICLE, .time_usec = m->time_usec, .seq = m->seq);
     return r;
+}
+
+/* Whether a message that is asked for is sent now. */
+static bool sent_now(uint32_t id) {
+    must(link_send_by_id(&ln, id), "it is sent periodically");
+    return answer(id) != NULL;
 }
 
 /* A frame in vain, the challenge, its answer. */
@@ -306,6 +313,25 @@ static void room_beside_the_holder(void) {
     must(ln.lease.until_us == ln.clock_us + TC_LINK_LEASE_US, "and the stream in control stays open");
 }
 
+/* On the ground telemetry makes way for a challenge; where somebody is in control, or in the air, it does not. */
+static void quiet_for_a_challenge(void) {
+    boot(1, 1000);
+    station pilot = station_of(PILOT, vehicle_key, 2000), guest = station_of(OTHER, vehicle_key, 2000);
+    const uint32_t id = ATTITUDE_QUATERNION_ID;
+    for (unsigned in_air = 0; in_air < 2u; in_air++) {
+        controller.mission.state = (uint8_t)(in_air != 0u ? TC_HOLD : TC_DISARMED);
+        clock_us += TC_LINK_CHALLENGE_US;
+        heartbeat(&guest);
+        must(sent_now(id) == (in_air != 0u), "only on the ground");
+    }
+    controller.mission.state = (uint8_t)TC_DISARMED;
+    open_stream(&pilot);
+    signed_lease(&pilot, 1);
+    clock_us += TC_LINK_CHALLENGE_US;
+    heartbeat(&guest);
+    must(sent_now(id), "not where somebody is in control");
+}
+
 /* How many signatures a second are checked is the integrator's choice. */
 static void budget_of_choice(void) {
     boot(1, 1000);
@@ -330,5 +356,6 @@ void admission_cases(void) {
     flood_as_the_holder();
     cheap_first();
     room_beside_the_holder();
+    quiet_for_a_challenge();
     budget_of_choice();
 }

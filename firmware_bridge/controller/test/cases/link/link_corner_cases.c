@@ -1,5 +1,6 @@
 /* What seldom happens to a link: another controller flies, texts without end, a budget of one's own, a commit whose
    upload is gone. */
+#include <math.h>
 #include <string.h>
 
 #include "../../../src/link/services/services.h"
@@ -204,6 +205,83 @@ static void vehicle_changed_in_the_air(void) {
     must(tc_parameters_set(&controller, &p) == TC_OK, "but for a fifth");
 }
 
+/* The float fields of what is received, by message: where they lie and how many. */
+typedef struct {
+    uint8_t row, length, at, count;
+} float_fields;
+
+static const float_fields floats[] = {
+    {GOSHAWK_MISSION_COMMAND_ROW, GOSHAWK_MISSION_COMMAND_LENGTH, GOSHAWK_MISSION_COMMAND_VALUE_AT, 1},
+    {GOSHAWK_TRAJECTORY_BEGIN_ROW, GOSHAWK_TRAJECTORY_BEGIN_LENGTH, GOSHAWK_TRAJECTORY_BEGIN_CLEARANCE_M_AT, 1},
+    {GOSHAWK_TRAJECTORY_SEGMENT_ROW, GOSHAWK_TRAJECTORY_SEGMENT_LENGTH, GOSHAWK_TRAJECTORY_SEGMENT_COEFFICIENTS_AT, 48},
+    {GOSHAWK_TRAJECTORY_SAMPLES_ROW, GOSHAWK_TRAJECTORY_SAMPLES_LENGTH, GOSHAWK_TRAJECTORY_SAMPLES_VALUES_AT, 8},
+    {GOSHAWK_PARAMETERS_STAGE_ROW, GOSHAWK_PARAMETERS_STAGE_LENGTH, GOSHAWK_PARAMETERS_STAGE_VALUES_AT, 48},
+    {PARAM_SET_ROW, PARAM_SET_LENGTH, PARAM_SET_PARAM_VALUE_AT, 1},
+    {COMMAND_LONG_ROW, COMMAND_LONG_LENGTH, COMMAND_LONG_PARAM1_AT, 7},
+    {COMMAND_INT_ROW, COMMAND_INT_LENGTH, COMMAND_INT_PARAM1_AT, 4},
+    {COMMAND_INT_ROW, COMMAND_INT_LENGTH, COMMAND_INT_Z_AT, 1},
+};
+
+/* A message that would be obeyed but for the number: ARM by its own dialect, arm by MAVLink's, pieces of what is open.
+ */
+static void fill(uint8_t row, uint8_t payload[TC_PAYLOAD_MAX]) {
+    memset(payload, 0, TC_PAYLOAD_MAX);
+    if (row == (uint8_t)GOSHAWK_MISSION_COMMAND_ROW) {
+        const goshawk_mission_command_msg m = {TO_VEHICLE, .request_id = ln.order.request_id + 1u,
+                                               .command = TC_COMMAND_TIME_SCALE};
+        goshawk_mission_command_encode(&m, payload);
+    } else if (row == (uint8_t)GOSHAWK_TRAJECTORY_BEGIN_ROW) {
+        const goshawk_trajectory_begin_msg m = {TO_VEHICLE, .transfer_id = 4, .trajectory_id = 1, .segments = 2,
+                                                .coefficient_count = 12};
+        goshawk_trajectory_begin_encode(&m, payload);
+    } else if (row == (uint8_t)GOSHAWK_TRAJECTORY_SEGMENT_ROW) {
+        const goshawk_trajectory_segment_msg m = {TO_VEHICLE, .transfer_id = 3, .duration_us = 1000000};
+        goshawk_trajectory_segment_encode(&m, payload);
+    } else if (row == (uint8_t)GOSHAWK_TRAJECTORY_SAMPLES_ROW) {
+        const goshawk_trajectory_samples_msg m = {TO_VEHICLE, .transfer_id = 3};
+        goshawk_trajectory_samples_encode(&m, payload);
+    } else if (row == (uint8_t)GOSHAWK_PARAMETERS_STAGE_ROW) {
+        goshawk_parameters_stage_msg m = {TO_VEHICLE, .transfer_id = 8};
+        for (uint16_t i = 0; i < TC_LINK_GROUP; i++) m.values[i] = tc_parameters_get(tc_parameters_now(&controller), i);
+        goshawk_parameters_stage_encode(&m, payload);
+    } else if (row == (uint8_t)PARAM_SET_ROW) {
+        const param_set_msg m = {TO_VEHICLE, .param_id = "mass_kg", .param_type = 9};
+        param_set_encode(&m, payload);
+    } else if (row == (uint8_t)COMMAND_LONG_ROW) {
+        const command_long_msg m = {TO_VEHICLE, .command = 400, .param1 = 1.0f};
+        command_long_encode(&m, payload);
+    } else {
+        const command_int_msg m = {TO_VEHICLE, .command = 22, .frame = 3, .param1 = 1.0f, .z = 1.0f};
+        command_int_encode(&m, payload);
+    }
+}
+
+/* No number that is none, or infinite, in any field of any message gets into parameters, plan or mission. */
+static void numbers_that_are_none(void) {
+    static const float wrong[] = {NAN, INFINITY, -INFINITY};
+    uint8_t payload[TC_PAYLOAD_MAX];
+    for (unsigned k = 0; k < sizeof floats / sizeof *floats; k++) {
+        for (unsigned i = 0; i < 3u * floats[k].count; i++) {
+            const float_fields* f = &floats[k];
+            start_link(false, 4);
+            lease(PILOT, 1);
+            SEND(PILOT, GOSHAWK_TRAJECTORY_BEGIN, goshawk_trajectory_begin, TO_VEHICLE, .transfer_id = 3,
+                 .trajectory_id = 1, .segments = 2, .coefficient_count = 12, .samples = 2);
+            const tc_parameters before = *tc_parameters_now(&controller);
+            fill(f->row, payload);
+            memcpy(payload + f->at + 4u * (i / 3u), &wrong[i % 3u], 4u);
+            deliver(PILOT, 190, f->row, payload, f->length);
+            update(1);
+            must(memcmp(&before, tc_parameters_now(&controller), sizeof before) == 0, "parameters");
+            must(!tc_store_has_segment(&controller.store, 0) && !ln.upload.has_samples, "plan");
+            must(ln.upload.transfer_id == 3u || tc_store_staged(&controller.store) == NULL, "no upload with it");
+            must(ln.set.groups == 0u, "set");
+            must(f->row != (uint8_t)GOSHAWK_MISSION_COMMAND_ROW || ln.order.reason != (uint8_t)TC_OK, "order");
+            must(isfinite(ln.standard.take_off.height_m), "a take-off that waits");
+        }
+    }
+}
+
 void link_corner_cases(void) {
     orders_in_shadow();
     graveness_of_reasons();
@@ -211,6 +289,7 @@ void link_corner_cases(void) {
     time_on_the_path();
     lease_that_has_run_out();
     two_sessions();
+    numbers_that_are_none();
     take_offs_in_frames();
     upload_that_is_gone();
     stream_that_is_not_open();
