@@ -15,7 +15,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # the command line compiles NumPy, SciPy and ours again, which is half of its CPU time.
 export PYTHONDONTWRITEBYTECODE :=
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-quick test-processors test-all mutate bench fuzz docs words lint lock wheels clean
+.PHONY: help setup demo test test-quick test-processors test-all mutate bench fuzz docs words pictures lint lock wheels clean
 
 help:  ## what there is to make
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 18
@@ -65,6 +65,11 @@ docs: setup  ## the documentation, as HTML in docs/_build
 
 words: setup  ## words of README and docs beside their budgets
 	$(PYTHON) tools/word_budget.py
+
+pictures: setup  ## the pictures of the docs, from the demo in DEMO_OUT, the examples and benchmarks (half an hour)
+	@tools/setup.sh browser
+	[ -d $(DEMO_OUT) ] || .venv/bin/goshawk demo --out $(DEMO_OUT)
+	$(PYTHON) -m tools.pictures $(DEMO_OUT)
 
 lint: setup  ## ruff, clang-format, pyright; the slowest last
 	.venv/bin/ruff check .

@@ -12,6 +12,7 @@ import report
 import rotorpy_flights
 
 import sysid
+from sysid.report import drawing
 
 LENGTHS_S = (5.0, 10.0, 20.0, 40.0)
 STEPS = 3
@@ -36,21 +37,19 @@ def main(path: Path) -> None:
 
 
 def _draw(path: Path, unknowns: np.ndarray, seconds: np.ndarray) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
     slope = float((unknowns @ seconds) / (unknowns @ unknowns))
-    figure, axes = pyplot.subplots(figsize=(5.2, 3.2), layout="constrained")
-    axes.plot([0.0, unknowns[-1]], [0.0, slope * unknowns[-1]], color="0.7", label=f"{1e6 * slope:.2f} µs per unknown")
-    axes.plot(unknowns, seconds, "o", color="tab:blue", label="measured")
+    look = drawing.look()
+    figure, ((axes,),) = drawing.figure(1, 1, (5.2, 3.2))
+    axes.plot(
+        [0.0, unknowns[-1]], [0.0, slope * unknowns[-1]], color=look.pale, label=f"{1e6 * slope:.2f} µs per unknown"
+    )
+    axes.plot(unknowns, seconds, "o", color=look.colours[1], label="measured")
     for x, y, length_s in zip(unknowns, seconds, LENGTHS_S, strict=True):
         axes.annotate(f"3 x {length_s:g} s", (x, y), xytext=(6, -12), textcoords="offset points", fontsize=8)
-    axes.set(xlabel="unknowns", ylabel="CPU s per iteration", xlim=(0.0, None), ylim=(0.0, None))
-    axes.spines[["top", "right"]].set_visible(False)
+    drawing.plain(axes, "", "unknowns", "CPU s per iteration")
+    axes.set(xlim=(0.0, None), ylim=(0.0, None))
     axes.legend(frameon=False, fontsize=8)
-    figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
+    drawing.written(figure, path)
 
 
 if __name__ == "__main__":

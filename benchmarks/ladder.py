@@ -19,6 +19,7 @@ import vehicle
 from firmware_bridge import Sensors, closed_loop
 from firmware_bridge.controller import ThrustModel, Velocity, parameters_of
 from flight import FloatArray, Trajectory
+from sysid.report import drawing
 from vehicle import Vehicle, simulate
 
 SEEDS = range(1, 9)
@@ -115,29 +116,24 @@ def rows() -> list[report.Row]:
 
 def draw(path: Path) -> None:
     """Every run as a dot, their mean as a bar, the paper's figure as a diamond."""
-    import matplotlib
-    from matplotlib.figure import Figure
-
-    matplotlib.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "ladder", "font.size": 9})
-    figure = Figure(figsize=(10.0, 3.4), layout="constrained", facecolor="white")
-    panels = figure.subplots(1, 2)
+    look = drawing.look()
+    figure, (panels,) = drawing.figure(1, 2, (10.0, 3.4))
     titles = {"level": "level figure of eight, 8.5 m/s, 10.8 m/s²", "vertical": "vertical, 3.1 m/s"}
     for axes, course in zip(panels, courses(), strict=True):
         for i, rung in enumerate(RUNGS):
             runs = measured()[course.name, rung.name]
-            axes.bar(i, runs.mean(), width=0.62, color="#1f6f8b" if i < 3 else "#9db9c4")
-            axes.plot(i + np.linspace(-0.18, 0.18, len(runs)), runs, "o", ms=2.5, color="#2b2b2b")
-            ink = "white" if i < 3 else "#2b2b2b"
+            axes.bar(i, runs.mean(), width=0.62, color=look.colours[1] if i < 3 else look.pale)
+            axes.plot(i + np.linspace(-0.18, 0.18, len(runs)), runs, "o", ms=2.5, color=look.ink)
+            ink = look.paper if i < 3 else look.ink
             axes.annotate(f"{runs.mean():.1f}", (i, 0.0), (0, 5), textcoords="offset points", ha="center", color=ink)
-        axes.plot(range(3), course.flown_cm, "D", ms=7, mfc="none", mec="#b0413e", mew=1.6, label="paper, flown")
-        axes.plot([], [], "o", ms=2.5, color="#2b2b2b", label="simulated runs")
+        axes.plot(range(3), course.flown_cm, "D", ms=7, mfc="none", mec=look.colours[0], mew=1.6, label="paper, flown")
+        axes.plot([], [], "o", ms=2.5, color=look.ink, label="simulated runs")
         axes.set_xticks(range(len(RUNGS)), [_folded(r.name) for r in RUNGS], fontsize=7)
-        axes.set_title(titles[course.name], loc="left", fontsize=10)
-        axes.set_ylabel("mean tracking error (cm)")
-        axes.spines[["top", "right"]].set_visible(False)
+        drawing.plain(axes, titles[course.name], "", "mean tracking error (cm)")
+        axes.grid(False, axis="x")
         axes.legend(frameon=False)
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None, dpi=130)
+    drawing.written(figure, path)
 
 
 def _folded(name: str) -> str:

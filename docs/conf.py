@@ -8,6 +8,7 @@ from sphinx.application import Sphinx
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tools.reference import docstrings, expand
+from tools.two_styles import for_sphinx
 
 project = "Goshawk"
 author = "The Goshawk authors"
@@ -28,6 +29,6 @@ suppress_warnings = ["ref.python"]
 
 def setup(app: Sphinx) -> None:
     """Fill in what is generated, and read docstrings as they are written."""
-    app.connect("source-read", lambda app, name, source: source.__setitem__(0, expand(source[0])))
+    app.connect("source-read", lambda app, name, source: source.__setitem__(0, for_sphinx(expand(source[0]))))
     app.connect("autodoc-process-docstring", docstrings.prepare)
     app.connect("autodoc-process-signature", docstrings.shorten)

@@ -6,7 +6,6 @@ Set OPENBLAS_NUM_THREADS=1: it takes half of the time.
 
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -68,7 +67,7 @@ def fly_learn_fly(teach: Callable[[list[FlightLog], vehicle.Vehicle], vehicle.Ve
         for old, new in zip(plan.gate.checks, report.checks, strict=True):
             if new.name in ("tilt", "rotor speed"):
                 print(f"{new.name}: {old.value:.4g} {new.unit} by the old model, {new.value:.4g} by the new one")
-        item = replace(item, vehicle_hash=report.vehicle_hash, check=report.as_dict())
+        item = planner.checked_file(item.trajectory, report, item.waypoints_world_m, name="eight")
         configuration = controller.parameters_of(learned)
         link.set_parameters(dict(configuration.parameters))
         print(f"not compensated by the controller: {', '.join(configuration.not_compensated) or 'nothing'}")

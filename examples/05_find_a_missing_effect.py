@@ -12,6 +12,7 @@ import numpy as np
 import vehicle
 from flight import FlightLog
 from sysid.diagnosis import diagnose
+from sysid.diagnosis.procedure import Diagnosis
 from sysid.report import diagnosis_figures, drawing
 from vehicle import flights, manoeuvres
 from vehicle.simulation.simulate import Wind
@@ -32,9 +33,14 @@ def fly(name: str, seed: int) -> FlightLog:
     return FlightLog(log.columns, {**log.metadata, "name": name})
 
 
-def main() -> None:
+def diagnosis() -> Diagnosis:
+    """Three flights to learn from, two that only judge."""
     learned_from = [fly(name, seed) for seed, name in enumerate(("rotation", "yaw_doublets", "oblique"))]
-    found = diagnose(learned_from, known, held_out=[fly("doublets", 9), fly("yaw_sweep", 10)], auto=True)
+    return diagnose(learned_from, known, held_out=[fly("doublets", 9), fly("yaw_sweep", 10)], auto=True)
+
+
+def main() -> None:
+    found = diagnosis()
     print(f"verdict: {found.verdict} (confidence {found.confidence:.0%})")
     for candidate in found.candidates:
         if candidate.verdict == "present":

@@ -60,6 +60,7 @@ EFFECTS: Mapping[str, Compensation] = MappingProxyType({
     "parasitic_drag_speed": _yes(
         "fed forward at the set-point velocity", {f"drag_{a}_kg_m": (f"drag_norm_{a}_kg_m",) for a in "xyz"}
     ),
+    "parasitic_drag_linear": _no("the controller has no drag that is linear alone; feedback takes it"),
     "constant_wind": _no("the controller knows no wind; its integrator (ki_xy_1_s3) takes the steady part"),
     # moments
     "rotor_yaw_torque": _yes("inverted exactly", _same("torque_n_m_s2", "cq_n_m_s2")),

@@ -36,8 +36,6 @@ _GROUND = (MissionState.DISARMED, MissionState.ARMED)
 class Pilot(Protocol):
     """Whose orders the vehicle follows: the link."""
 
-    def take_control(self) -> None: ...
-
     def command(self, command: Command, value: float = 0.0, *, plan: wire.WirePlan | None = None) -> None:
         """Give an order; an error if it is refused."""
         ...
@@ -61,6 +59,8 @@ class _Watch:
         """Take in what came; wait a moment if nothing did."""
         if self.cancel():
             raise CancelledError("flight cancelled")
+        if self.port.control_lost:
+            raise LinkError(f"{self.port.control_lost} during the flight, which is theirs now: {self.words()}")
         try:
             message = self.inbox.get(timeout=0.05)
         except queue.Empty:
@@ -109,8 +109,6 @@ def fly(
     pilot: Pilot, port: Port, file: TrajectoryFile | None, *, rate_hz: float, progress: Progress, cancel: Cancel
 ) -> FlightLog:
     """See `Link.fly`."""
-    if not port.keep_lease:
-        pilot.take_control()
     plan = transfer.read_back(port, progress=silent, cancel=cancel)
     if plan is None:
         raise LinkError("the vehicle holds no trajectory; upload one first")

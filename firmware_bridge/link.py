@@ -21,7 +21,7 @@ from firmware_bridge.dialect.generated.messages import (
     AutopilotVersion,
     Command,
     LeaseRequest,
-    LeaseStatus,
+    LinkReason,
     MissionCommand,
     MissionResult,
     MissionState,
@@ -31,7 +31,7 @@ from firmware_bridge.dialect.generated.messages import (
     TrajectoryResult,
 )
 from firmware_bridge.mavlink import Codec, Counts, Signing
-from firmware_bridge.port import Port
+from firmware_bridge.port import Port, station_words
 from firmware_bridge.transfer import Cancel, CancelledError, UploadReport
 from firmware_bridge.wire import WirePlan
 from firmware_bridge.words import reason_text
@@ -40,6 +40,9 @@ from flight import FlightLog, FloatArray, FormatError, InputError, LinkError, Pr
 __all__ = ["CancelledError", "Link", "OnLinkLoss", "Statistics", "UploadReport", "VehicleState", "connect"]
 
 
+_LEASE_POLL_S = 0.4
+"""A live station renews within this time, unless the line loses it."""
+_TAKE_OVER = "wait until it disconnects, or take over: take_control(force=True), --take-over"
 _RETRY_S = 0.1
 _KILL_RETRY_S = 0.02
 """In a flood of forged frames only some of ours are looked at: more tries, sooner through."""
@@ -103,7 +106,7 @@ def connect(
     Args:
         key: 32 bytes, or a key file; None takes the default key file (`keys.default_path`).
         unsigned: talk without signatures, to a vehicle that does.
-        system_id: of this ground station; stations on one vehicle need different ones.
+        system_id: of this ground station.
         timeout_s: silence longer than this is a dead link; on a busy machine, as many times longer as it is overloaded.
 
     Raises:
@@ -117,7 +120,8 @@ def connect(
         secret = key if isinstance(key, bytes) else keys.load(key)
         if len(secret) != 32:
             raise InputError(f"a link key has 32 bytes, this one {len(secret)}")
-        signing = Signing(secret)
+        # a stream of our own, beside stations of the same id: 0 is what others use, 1 the proxy
+        signing = Signing(secret, 2 + secrets.randbelow(254))
     port = Port(url, Codec(system_id, 190, signing), timeout_s)
     try:
         port.wait_for_vehicle()
@@ -202,18 +206,24 @@ class Link:
     # -- control ---------------------------------------------------------------------------------------------------
 
     def take_control(self, *, force: bool = False) -> None:
-        """Become the station whose orders count; kept until the link closes.
+        """Become the station whose orders count; kept until the link closes, or another station takes over.
+
+        A station that fell silent, such as this one before it was started anew, keeps control for 3 s more: that is
+        waited for.
+
+        Args:
+            force: take it from the station that has it.
 
         Raises:
             LinkError: another station has control (and not `force`), or no answer.
         """
-        if not self._port.lease(2 if force else 1):
-            status = self._port.latest[LeaseStatus]
-            assert isinstance(status, LeaseStatus)
-            raise LinkError(
-                f"station {status.operator_system} is in control of the vehicle; "
-                "wait until it disconnects, or take over by force"
-            )
+        status = self._port.lease(2 if force else 1)
+        while not self._port.keep_lease:
+            left_s, asked_s = status.left_ms * 1e-3, time.monotonic()
+            time.sleep(_LEASE_POLL_S)
+            status = self._port.lease(1)
+            if status.left_ms * 1e-3 > left_s - 0.5 * (time.monotonic() - asked_s) and not self._port.keep_lease:
+                raise LinkError(f"{station_words(status)} is in control of the vehicle; {_TAKE_OVER}")
 
     def command(self, command: Command, value: float = 0.0, *, plan: WirePlan | None = None) -> None:
         """Give an order and wait for its acknowledgement. START needs `plan`.
@@ -223,16 +233,33 @@ class Link:
         """
         reason = self.try_command(command, value, plan=plan)
         if reason:
-            raise LinkError(f"the vehicle refused to {command.name.lower().replace('_', ' ')}: {reason_text(reason)}")
+            what = command.name.lower().replace("_", " ")
+            if reason == LinkReason.NOT_IN_CONTROL:
+                self._refuse_without_control()
+            raise LinkError(f"the vehicle refused to {what}: {reason_text(reason)}")
+
+    def _need_control(self) -> None:
+        """Take control if it is free; never back from a station that took it from us."""
+        self._refuse_without_control()
+        if not self._port.keep_lease:
+            self.take_control()
+
+    def _refuse_without_control(self) -> None:
+        if self._port.control_lost:
+            raise LinkError(f"{self._port.control_lost}; {_TAKE_OVER}")
 
     def try_command(self, command: Command, value: float = 0.0, *, plan: WirePlan | None = None) -> int:
         """The same; returns the reason code, 0 when done."""
         order = MissionCommand(request_id=secrets.randbits(32) or 1, command=command, value=value)
         if plan:
             order.trajectory_id, order.crc32 = plan.id, plan.crc32
-        retry_s = _KILL_RETRY_S if command is Command.KILL else _RETRY_S
+        kill = command is Command.KILL
         return self._port.ask(
-            order, MissionResult, lambda result: result.request_id == order.request_id, retry_s=retry_s
+            order,
+            MissionResult,
+            lambda result: result.request_id == order.request_id,
+            retry_s=_KILL_RETRY_S if kill else _RETRY_S,
+            steady=kill,
         ).reason
 
     # -- trajectories ----------------------------------------------------------------------------------------------
@@ -264,8 +291,7 @@ class Link:
         """
         refuse_unfit(file, map_hash, vehicle_hash, allow_unchecked)
         plan = wire.plan_from_file(file, on_link_loss=on_link_loss)
-        if not self._port.keep_lease:
-            self.take_control()
+        self._need_control()
         try:
             result, report = transfer.upload(
                 self._port, plan, file.trajectory, rate_bytes_s=rate_bytes_s, progress=progress, cancel=cancel
@@ -326,6 +352,7 @@ class Link:
         Raises:
             LinkError: refused, the flight ended early, or the link died; the message says which.
         """
+        self._need_control()
         return flying.fly(self, self._port, file, rate_hz=rate_hz, progress=progress, cancel=cancel)
 
     def download_log(self, *, progress: Progress = silent, cancel: Cancel = never) -> FlightLog:
@@ -353,8 +380,7 @@ class Link:
             InputError: a name the vehicle does not know, or a value that is not finite.
             LinkError: the vehicle refused a value (the message says which), or stopped answering.
         """
-        if not self._port.keep_lease:
-            self.take_control()
+        self._need_control()
         parameters.write(self._port, values)
 
 

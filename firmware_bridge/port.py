@@ -2,6 +2,7 @@
 
 import contextlib
 import logging
+import os
 import queue
 import secrets
 import socket
@@ -20,6 +21,7 @@ from firmware_bridge.dialect.generated.messages import (
     State,
 )
 from firmware_bridge.dialect.message import Message
+from firmware_bridge.line import LineMeter
 from firmware_bridge.mavlink import Codec, Received
 from firmware_bridge.patience import patience_s
 from flight import InputError, LinkError
@@ -29,6 +31,13 @@ logger = logging.getLogger(__name__)
 Answer = TypeVar("Answer", bound=Message)
 DEFAULT_PORT = 14550
 _HEARTBEAT_S = 0.5
+_RENEWAL_S = 0.33  # nine tries to keep a lease of 3 s
+_SLOW_BYTES_S = 4e3  # on a line that carries less both come half as often
+_RETRY_S = 0.1
+_PATIENT_TRIES, _LONGEST_RETRY_S = 8, 0.5
+_NAME_BYTES = 24
+_LEASE_S = 3.0
+"""TC_LINK_LEASE_US: control ends so long after its last renewal."""
 _LEAST_TRIES = 5  # on a stalled machine time runs out without the vehicle having had a chance
 _GROUND_STATION, _NO_AUTOPILOT = 6, 8
 _BUFFER_BYTES = 4 << 20  # a log download comes in bursts
@@ -64,6 +73,14 @@ class Port:
         self.heard_s: dict[type[Message], float] = {}
         """When the latest of each kind came: positions may stop while heartbeats go on."""
         self.keep_lease = False
+        self.session = secrets.randbits(32) or 1
+        """What the vehicle knows us by: two stations may have the same id."""
+        self.control_lost = ""
+        """Who took control from us, in words; empty while nobody did."""
+        self.line = LineMeter()
+        self._answered = False
+        self._renewed: dict[int, tuple[float, float]] = {}
+        """When the renewals under way were sent, and the limit that they reported, by nonce."""
         self._subscribers: list[tuple[tuple[type[Message], ...], queue.SimpleQueue[Message]]] = []
         self._lock = threading.Lock()
         self._closing = threading.Event()
@@ -93,6 +110,10 @@ class Port:
         """Send to the vehicle. Whether it arrives only an answer can tell."""
         if self.vehicle and hasattr(message, "target_system"):
             message.target_system, message.target_component = self.vehicle  # pyright: ignore[reportAttributeAccessIssue]
+        if hasattr(message, "session"):
+            message.session = self.session  # pyright: ignore[reportAttributeAccessIssue]
+        if isinstance(message, LeaseRequest):
+            message.line_bytes_per_s = round(self.line.limit_bytes_s)
         self._send(message)
 
     def _send(self, message: Message) -> None:
@@ -114,12 +135,22 @@ class Port:
                 self._subscribers.remove(entry)
 
     def ask(
-        self, request: Message, kind: type[Answer], fits: Callable[[Answer], bool], *, retry_s: float = 0.1
+        self,
+        request: Message,
+        kind: type[Answer],
+        fits: Callable[[Answer], bool],
+        *,
+        retry_s: float = _RETRY_S,
+        steady: bool = False,
     ) -> Answer:
         """Send a request until an answer fits.
 
+        Args:
+            retry_s: between tries, at least; longer where the round trip is, and after some tries.
+            steady: never longer.
+
         Raises:
-            LinkError: none came within the time-out.
+            LinkError: none came within the time-out; the message has what was measured of the line.
         """
         started_s = time.monotonic()
         tries = 0
@@ -127,30 +158,43 @@ class Port:
             while time.monotonic() - started_s < self.timeout_s or tries < _LEAST_TRIES:
                 tries += 1
                 self.send(request)
-                until_s = time.monotonic() + retry_s
+                sent_s = time.monotonic()
+                until_s = sent_s + (retry_s if steady else self._backed_off_s(retry_s, tries))
                 while (left_s := until_s - time.monotonic()) > 0.0:
                     try:
                         answer = inbox.get(timeout=left_s)
                     except queue.Empty:
                         break
                     if isinstance(answer, kind) and fits(answer):
+                        self._answered = True
+                        if tries == 1:  # else which of the tries it answers is not known (Karn's rule)
+                            self.line.round_trip.measured(time.monotonic() - sent_s)
                         return answer
         raise self.silence()
 
-    def lease(self, action: int) -> bool:
-        """Ask for control (see GOSHAWK_LEASE_REQUEST); whether we have it now. If so it is renewed from now on.
+    def _backed_off_s(self, retry_s: float, tries: int) -> float:
+        """On a slow line a try costs what others need; on a lossy one it costs nothing."""
+        trip_s = self.line.round_trip.mean_s if self.line.limit_bytes_s > 0.0 else 0.0
+        backed_off_s = max(retry_s, 1.5 * trip_s) * 1.5 ** max(tries - _PATIENT_TRIES, 0)
+        return min(backed_off_s, max(_LONGEST_RETRY_S, 1.5 * trip_s))
+
+    def lease(self, action: int) -> LeaseStatus:
+        """Ask for control (see GOSHAWK_LEASE_REQUEST): who has it now. If it is us it is renewed from now on.
 
         Raises:
             LinkError: no answer.
         """
         nonce = secrets.randbits(32)
-        answer = self.ask(LeaseRequest(nonce=nonce, action=action), LeaseStatus, lambda status: status.nonce == nonce)
-        self.keep_lease = (answer.operator_system, answer.operator_component) == self._we
-        return self.keep_lease
+        request = LeaseRequest(nonce=nonce, action=action, name=_own_name())
+        answer = self.ask(request, LeaseStatus, lambda status: status.nonce == nonce)
+        self.keep_lease = self._is_ours(answer)
+        if self.keep_lease:
+            self.control_lost = ""
+        return answer
 
-    @property
-    def _we(self) -> tuple[int, int]:
-        return self.codec.system_id, self.codec.component_id
+    def _is_ours(self, status: LeaseStatus) -> bool:
+        holder = status.operator_system, status.operator_component, status.operator_session
+        return holder == (self.codec.system_id, self.codec.component_id, self.session)
 
     def silence(self) -> LinkError:
         """The error for a vehicle that does not answer, with what is known about why."""
@@ -167,10 +211,15 @@ class Port:
         silent_s = time.monotonic() - self.last_heard_s
         if silent_s < 1.5:
             return LinkError(
-                f"the vehicle at {self.url} is alive but did not answer within {self.timeout_s:.3g} s; "
-                "does it have our key?"
+                f"the vehicle at {self.url} is alive but did not answer within {self.timeout_s:.3g} s "
+                f"({self.line.words()}); {self._advice()}"
             )
         return LinkError(f"the link to {self.url} is lost: no message for {silent_s:.1f} s")
+
+    def _advice(self) -> str:
+        if self.codec.signing is not None and not self._answered:
+            return "does it have our key?"
+        return "come closer, or make the link's time-out longer"
 
     def wait_for_vehicle(self) -> None:
         """Return once a vehicle was heard.
@@ -187,22 +236,46 @@ class Port:
             time.sleep(0.005)
 
     def _listen(self) -> None:
-        next_heartbeat_s = 0.0
+        next_heartbeat_s = next_renewal_s = 0.0
         while not self._closing.is_set():
             now_s = time.monotonic()
+            limit_bytes_s = self.line.limit_bytes_s
+            spread = 2.0 if 0.0 < limit_bytes_s < _SLOW_BYTES_S else 1.0
             if now_s >= next_heartbeat_s:
-                next_heartbeat_s = now_s + _HEARTBEAT_S
+                next_heartbeat_s = now_s + spread * _HEARTBEAT_S
                 self.send(Heartbeat(type=_GROUND_STATION, autopilot=_NO_AUTOPILOT, system_status=4, mavlink_version=3))
-                if self.keep_lease:
-                    self.send(LeaseRequest(nonce=secrets.randbits(32), action=1))
+            if now_s >= next_renewal_s and (self.keep_lease or limit_bytes_s > 0.0):
+                next_renewal_s = now_s + spread * _RENEWAL_S
+                self._renew(now_s)
             try:
                 datagram = self._socket.recv(65536)
             except OSError:  # a time-out, or "connection refused" for an earlier datagram
                 if self._socket.fileno() >= 0 and self.last_heard_s < now_s - 1.0:
                     self._closing.wait(0.01)
                 continue
-            for received in self.codec.decode(datagram):
+            found = self.codec.decode(datagram)
+            for received in found:
+                if (received.system_id, received.component_id) == self.vehicle:
+                    self.line.received(received.sequence, len(datagram) // len(found), time.monotonic())
                 self._deliver(received)
+
+    def _renew(self, now_s: float) -> None:
+        """Keep control, if we have it, and report what the line carries."""
+        nonce = secrets.randbits(32)
+        under_way = {nonce: sent for nonce, sent in self._renewed.items() if sent[0] > now_s - _LEASE_S}
+        self._renewed = under_way | {nonce: (now_s, self.line.limit_bytes_s)}
+        self.send(LeaseRequest(nonce=nonce, action=1 if self.keep_lease else 3))
+
+    def _note_lease(self, status: LeaseStatus, now_s: float) -> None:
+        """An answer to whoever asked: how long it took if it was us, and whether control is lost."""
+        if (renewal := self._renewed.pop(status.nonce, None)) is not None:
+            sent_s, limit_bytes_s = renewal
+            self.line.round_trip.measured(now_s - sent_s)
+            self.line.reported(limit_bytes_s, now_s)
+        if status.operator_system and self.keep_lease and not self._is_ours(status):
+            self.keep_lease = False
+            self.control_lost = f"{station_words(status)} took control of the vehicle"
+            logger.warning("%s at %s", self.control_lost, self.url)
 
     def _deliver(self, received: Received) -> None:
         message = received.message
@@ -218,14 +291,26 @@ class Port:
         if sender != self.vehicle:
             return
         self.last_heard_s = time.monotonic()
-        if isinstance(message, LeaseStatus) and message.operator_system:
-            self.keep_lease = self.keep_lease and (message.operator_system, message.operator_component) == self._we
+        if isinstance(message, LeaseStatus):
+            self._note_lease(message, self.last_heard_s)
         with self._lock:
             self.heard_s[type(message)] = self.last_heard_s
             self.latest[type(message)] = message
             for kinds, inbox in self._subscribers:
                 if isinstance(message, kinds):
                     inbox.put(message)
+
+
+def station_words(status: LeaseStatus) -> str:
+    """The station in control, for people."""
+    name = f" ({status.operator_name})" if status.operator_name else ""
+    return f"station {status.operator_system}{name}"
+
+
+def _own_name() -> str:
+    """Computer and process: two stations of one computer differ."""
+    process = f":{os.getpid()}"
+    return socket.gethostname().encode("ascii", "replace").decode()[: _NAME_BYTES - len(process)] + process
 
 
 def _speaks_for_a_vehicle(message: Message) -> bool:

@@ -1,8 +1,9 @@
-"""Many pieces over a lossy line: upload by selective repeat, reading by asking for what is missing.
+"""Many pieces over a lossy or slow line: upload by selective repeat, reading by asking for what is missing.
 
 The vehicle reports which pieces it has (a bitmap, again and again while some are missing). A piece is taken for lost,
-and sent again, when a report that must have seen it does not name it: so nothing is sent twice without need, and no
-timer is guessed.
+and sent again, when one sent after it has arrived (RACK, RFC 8985), or when a report that must have seen it does not
+name it: so nothing is sent twice without need, and no timer is guessed. How many pieces are under way follows what the
+reports confirm, so that the ground sends no faster than the line carries.
 """
 
 import itertools
@@ -23,14 +24,21 @@ from firmware_bridge.dialect.generated.messages import (
     TrajectoryStatus,
 )
 from firmware_bridge.dialect.message import Message
+from firmware_bridge.line import RoundTrip
 from firmware_bridge.port import Answer, Port
 from flight import LinkError, Progress, Trajectory
 
 Cancel = Callable[[], bool]
 _SLACK_S = 0.004  # a report may be this much older than the round trip says: scheduling, reordering
 _PROBE_S = 0.15  # without a report for so long, ask for one
+_LONGEST_PROBE_S = 1.5
+_FIRST_WINDOW, _FIRST_WINDOW_FAR, _FAR_S = 16, 4, 0.05  # pieces under way at first; where the round trip is long
+_LEAST_WINDOW = 2
+_FULL_LOSS, _FULL_LOSS_FAR = 0.75, 0.35
+"""Of a window: a radio that loses so many is rarer than a line that is full; more so where the round trip is long."""
 _LEAST_PROBES = 5  # a stalled machine is not a silent vehicle
 _RESTARTS = 5
+_LONGEST_GAP_S = 0.5
 _SPAN = 512  # bits of a request
 _AT_ONCE = 192  # pieces asked for with one request
 
@@ -53,14 +61,24 @@ class UploadReport:
 
 @dataclass(slots=True)
 class Pacer:
-    """Keeps to a byte rate; slows down when the round trip grows (a queue is filling), speeds up when it does not."""
+    """Keeps to a byte rate and to a number of pieces under way.
+
+    Both shrink when the round trip grows (a queue is filling) and recover when it does not. The window also shrinks to
+    what arrived when most of it was lost; it grows by what arrives, slowly once it has been too large.
+    """
 
     rate_bytes_s: float
     most_bytes_s: float
     next_s: float = 0.0
     shortest_rtt_s: float = float("inf")
-    rtt_s: float = 0.03
-    """Smoothed."""
+    round_trip: RoundTrip = field(default_factory=RoundTrip)
+    window: float = _FIRST_WINDOW
+    slow_from: float = float("inf")
+    """Window from which on it grows by one a round trip."""
+    arrived: int = 0
+    lost: int = 0
+    crowded: bool = False
+    """Of the present window."""
 
     def sent(self, frame_bytes: int, now_s: float) -> None:
         # a late wake-up may catch up 5 ms, not more: the line's queue is shallow
@@ -68,10 +86,24 @@ class Pacer:
 
     def measured(self, rtt_s: float) -> None:
         self.shortest_rtt_s = min(self.shortest_rtt_s, rtt_s)
-        self.rtt_s += 0.25 * (rtt_s - self.rtt_s)
+        self.round_trip.measured(rtt_s)
         crowded = rtt_s > 2.0 * self.shortest_rtt_s + 0.03
+        self.crowded |= crowded
         changed = self.rate_bytes_s * (0.8 if crowded else 1.02)
         self.rate_bytes_s = min(max(changed, 2e4), self.most_bytes_s)
+
+    def fates(self, arrived: int, lost: int) -> None:
+        """So many of the pieces under way are known to have arrived, or to be lost."""
+        self.arrived, self.lost = self.arrived + arrived, self.lost + lost
+        self.window += arrived if self.window < self.slow_from else arrived / self.window
+        known = self.arrived + self.lost
+        if known < self.window:
+            return
+        if self.lost > (_FULL_LOSS_FAR if self.round_trip.mean_s > 2.0 * _FAR_S else _FULL_LOSS) * known:
+            self.window = self.slow_from = float(max(self.arrived, _LEAST_WINDOW))
+        elif self.crowded:
+            self.window = self.slow_from = max(0.7 * self.window, float(_LEAST_WINDOW))
+        self.arrived, self.lost, self.crowded = 0, 0, False
 
 
 @dataclass(slots=True)
@@ -102,22 +134,35 @@ class Outgoing:
                 return self.pieces[index]
         return None
 
-    def reported(self, status: TrajectoryStatus, now_s: float, pacer: Pacer) -> None:
-        """Take a report in: what arrived, and what must have been lost."""
+    def newest(self) -> Message:
+        """The piece not known to have arrived that was sent last; sent once more it is not counted (RFC 8985, TLP)."""
+        lacking = [i for i in range(len(self.pieces)) if i not in self.arrived]
+        index = max(lacking, key=lambda i: self.sent_at_s.get(i, 0.0))
+        self.times_sent[index] = self.times_sent.get(index, 0) + 1
+        return self.pieces[index]
+
+    def reported(self, status: TrajectoryStatus, now_s: float, pacer: Pacer) -> bool:
+        """Take a report in: what arrived, and what must have been lost. Whether it shows something new."""
         last = status.last_index
-        if self.times_sent.get(last) == 1 and last in self.sent_at_s:
-            pacer.measured(now_s - self.sent_at_s[last])
         present = {i for i in range(status.segments) if status.bitmap[i // 8] >> (i % 8) & 1}
+        if last in present and self.times_sent.get(last) == 1 and last in self.sent_at_s:
+            pacer.measured(now_s - self.sent_at_s[last])
         if status.samples:
             present.add(len(self.pieces) - 1)
+        newest_s = max(
+            (self.sent_at_s[i] for i in present if i in self.sent_at_s and self.times_sent[i] == 1), default=0.0
+        )
+        new = present - self.arrived
         self.arrived |= present
         for index in present:
             self.sent_at_s.pop(index, None)
-        seen_before_s = now_s - pacer.rtt_s - _SLACK_S
+        seen_before_s = max(now_s - pacer.round_trip.longest_s, newest_s) - _SLACK_S
         lost = [index for index, at_s in self.sent_at_s.items() if at_s < seen_before_s]
         for index in lost:
             del self.sent_at_s[index]
         self.waiting.extend(sorted(lost, reverse=True))
+        pacer.fates(len(new), len(lost))
+        return bool(new)
 
 
 def upload(
@@ -159,49 +204,65 @@ def _attempt(
         )
         if opened.reason:
             return _refused(port, transfer_id, opened)
-        pacer.rtt_s = min(time.monotonic() - asked_s, 0.2)
+        if pacer.round_trip.mean_s <= 0.0:
+            pacer.round_trip.measured(port.line.round_trip.mean_s or time.monotonic() - asked_s)
+            pacer.window = _FIRST_WINDOW_FAR if pacer.round_trip.mean_s > _FAR_S else _FIRST_WINDOW
         pieces: list[Message] = [plan.segment(transfer_id, i) for i in range(len(plan.durations_us))]
         pieces.append(wire.samples(plan, trajectory, transfer_id))
         outgoing = Outgoing(pieces)
-        heard_s = probed_s = time.monotonic()
+        heard_s = gained_s = probed_s = time.monotonic()
         unanswered = 0
         while not outgoing.complete:
             now_s = time.monotonic()
             if cancel():
                 raise CancelledError("upload cancelled")
             if not port.keep_lease:
-                raise LinkError("another station took control of the vehicle")
-            if now_s - heard_s > port.timeout_s and unanswered > _LEAST_PROBES:
+                raise LinkError(port.control_lost or "another station took control of the vehicle")
+            if now_s - heard_s > port.timeout_s and unanswered >= _LEAST_PROBES:
                 raise port.silence()
-            if now_s - max(heard_s, probed_s) > _PROBE_S:
+            if now_s - max(gained_s, probed_s) > _probe_s(pacer.round_trip, unanswered):
                 probed_s = now_s
                 unanswered += 1
-                port.send(plan.begin(transfer_id))  # a known beginning is answered with a report
-            if now_s >= pacer.next_s and (piece := outgoing.next(now_s)) is not None:
+                # a known beginning is answered with a report and shows a restart; a piece may be the one lacking
+                port.send(outgoing.newest() if unanswered % 2 else plan.begin(transfer_id))
+            may_send = now_s >= pacer.next_s and len(outgoing.sent_at_s) < pacer.window
+            if may_send and (piece := outgoing.next(now_s)) is not None:
                 before = port.codec.counts.sent_bytes
                 port.send(piece)
                 pacer.sent(port.codec.counts.sent_bytes - before, now_s)
-            wait_s = pacer.next_s - time.monotonic() if outgoing.waiting else 0.02
+                gained_s = now_s
+            ready = outgoing.waiting and len(outgoing.sent_at_s) < pacer.window
+            wait_s = pacer.next_s - time.monotonic() if ready else 0.02
             for status in _drain(inbox, wait_s):
                 if not isinstance(status, TrajectoryStatus):
                     continue
-                heard_s, unanswered = time.monotonic(), 0
+                heard_s = time.monotonic()
                 if status.transfer_id == 0:
                     return None
                 if status.transfer_id != transfer_id:
                     continue  # an older report, still under way when this transfer began
                 if status.reason:
                     return _refused(port, transfer_id, status)
-                outgoing.reported(status, heard_s, pacer)
+                if outgoing.reported(status, heard_s, pacer):
+                    gained_s, unanswered = heard_s, 0
                 progress("upload", 0.95 * len(outgoing.arrived) / len(pieces))
         commit = TrajectoryCommit(transfer_id=transfer_id, trajectory_id=plan.id, crc32=plan.crc32)
-        return port.ask(commit, TrajectoryResult, lambda r: r.transfer_id == transfer_id, retry_s=pacer.rtt_s + 0.015)
+        return port.ask(
+            commit, TrajectoryResult, lambda r: r.transfer_id == transfer_id, retry_s=pacer.round_trip.mean_s + 0.015
+        )
+
+
+def _probe_s(round_trip: RoundTrip, unanswered: int) -> float:
+    """How long to wait for a report before asking for one."""
+    return max(min(_PROBE_S * 2.0**unanswered, _LONGEST_PROBE_S), 1.5 * round_trip.mean_s)
 
 
 def _refused(port: Port, transfer_id: int, status: TrajectoryStatus) -> TrajectoryResult | None:
     """The verdict in a refusing report; None if all that is missing is control, lost in a restart and taken again."""
-    if status.reason == LinkReason.NOT_IN_CONTROL and port.keep_lease and port.lease(1):
-        return None
+    if status.reason == LinkReason.NOT_IN_CONTROL and port.keep_lease:
+        port.lease(1)
+        if port.keep_lease:
+            return None
     return TrajectoryResult(transfer_id=transfer_id, reason=status.reason, segment=status.last_index)
 
 
@@ -239,6 +300,7 @@ def collect(
     found: dict[int, Answer] = {}
     heard_s = time.monotonic()
     first = unanswered = 0
+    gap_s = 0.0  # between pieces, smoothed: a slow line is not a silent one
     with port.inbox(kind) as inbox:
         while len(found) < count:
             if cancel():
@@ -251,7 +313,7 @@ def collect(
             span = range(first, min(first + _SPAN, count))
             missing = set(itertools.islice((i for i in span if i not in found), _AT_ONCE))
             port.send(request(first, _bits(i - first for i in missing)))
-            quiet_s = 0.1
+            quiet_s = max(0.1, port.line.round_trip.longest_s, 2.0 * gap_s)
             while missing:
                 try:
                     answer = inbox.get(timeout=quiet_s)
@@ -260,7 +322,9 @@ def collect(
                 if isinstance(answer, kind) and (i := index(answer)) is not None and 0 <= i < count:
                     found[i] = answer
                     missing.discard(i)
-                    heard_s, quiet_s, unanswered = time.monotonic(), 0.03, 0
+                    now_s = time.monotonic()
+                    gap_s += 0.25 * (min(now_s - heard_s, _LONGEST_GAP_S) - gap_s)
+                    heard_s, quiet_s, unanswered = now_s, max(0.03, 4.0 * gap_s), 0
             progress(stage, len(found) / count)
     return found
 

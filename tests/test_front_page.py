@@ -7,18 +7,16 @@ import sys
 import tokenize
 from collections.abc import Iterator
 from pathlib import Path
-from xml.etree import ElementTree
 
 import pytest
 
 from tests.goshawk.test_grammar import VERBS, commands_in
 from tests.waiting import PATIENCE_S
-from tools import reference
+from tools import pictures, reference, two_styles
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9][0-9]_*.py"))
-PICTURE = ROOT / "docs" / "pictures" / "map_plan_fly_learn.svg"
 DOCS = [page for page in (ROOT / "docs").rglob("*.md") if "_build" not in page.parts]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS]
 NUMBER = re.compile(r"(?<![\w.])\d+\.?\d*(?:e-?\d+)?")
@@ -82,9 +80,14 @@ def anchors(page: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
+def targets(text: str) -> list[str]:
+    """Of a page's links and pictures."""
+    return re.findall(r"\]\(([^)\s]+)\)", text) + two_styles.targets(text)
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_and_pictures_of_a_page_lead_somewhere(page: Path):
-    for target in re.findall(r"\]\(([^)\s]+)\)", reference.expand(page.read_text())):
+    for target in targets(reference.expand(page.read_text())):
         if not target.startswith(("http:", "https:", "mailto:")):
             name, _, anchor = target.partition("#")
             goal = page.parent / name if name else page
@@ -96,18 +99,27 @@ def test_the_gallery_shows_the_code_and_picture_of_every_example():
     gallery = (ROOT / "docs" / "start" / "examples.md").read_text()
     for script in EXAMPLES:
         assert f"{{literalinclude}} ../../examples/{script.name}\n" in gallery
-    assert gallery.count("![") == len(EXAMPLES)
+    assert gallery.count("![") + gallery.count("<picture>") == len(EXAMPLES)
 
 
-def test_the_moving_picture_is_small_and_needs_no_script_and_no_network():
-    assert PICTURE.stat().st_size < 800_000
-    picture = ElementTree.fromstring(PICTURE.read_text())
-    tags = {element.tag.rpartition("}")[2] for element in picture.iter()}
-    assert "animate" in tags
-    assert "script" not in tags
-    links = [value for element in picture.iter() for name, value in element.attrib.items() if name.endswith("href")]
-    assert links
-    assert all(link.startswith("data:image/png;base64,") for link in links)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_a_picture_in_two_styles_is_written_so_that_the_documentation_shows_both(page: Path):
+    text = page.read_text()
+    found = two_styles.PICTURE.findall(text)
+    assert text.count("<picture") == len(found), "not in the one form that tools/two_styles.py reads"
+    for dark, words, light in found:
+        assert dark == light.replace("_light.", "_dark.")
+        assert len(words) > 20
+    assert two_styles.for_sphinx(text).count("{image}") == text.count("{image}") + 2 * len(found)
+
+
+def test_every_picture_is_shown_small_and_rebuilt_by_make_pictures():
+    shown = {(page.parent / target).resolve() for page in PAGES for target in targets(page.read_text())}
+    kept = {path for path in (ROOT / "docs" / "pictures").rglob("*") if path.is_file()}
+    assert not kept - shown, "no page shows these"
+    assert not [path.name for path in kept if path.stat().st_size >= pictures.MOST_BYTES]
+    assert {re.sub("_(light|dark)$", "", path.stem) for path in kept} == {*pictures.NAMES, *pictures.BY_HAND}
+    assert "-m tools.pictures" in (ROOT / "Makefile").read_text()
 
 
 def test_every_term_of_the_glossary_is_explained_in_a_few_lines():

@@ -56,9 +56,9 @@ def pages() -> list[Path]:
 
 
 def count(page: Path) -> int:
-    """Words that a reader sees, code included; comments, marks of fences and tables that a tool wrote are none."""
+    """Words that a reader sees, code included; comments, pictures, fences and tables that a tool wrote are none."""
     text = re.sub(r"<!-- written by [^>]*-->\n+(?:\|.*\n)+", "", page.read_text())
-    text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
+    text = re.sub(r"<!--.*?-->|<picture>.*?</picture>", "", text, flags=re.DOTALL)
     return len([word for word in text.split() if not word.startswith("```")])
 
 

@@ -121,7 +121,9 @@ def header(messages: list[Definition], enums: list[tuple[str, list[tuple[str, in
         lines = [f"    {entry} = {value}, /* {description} */" for entry, value, description in entries]
         parts.append(f"/* {name} */\nenum {{\n" + "\n".join(lines) + "\n};\n")
     parts += [_c_message(message) for message in messages]
-    rows = [f"    {{{m.name}_ID, {m.name}_CRC_EXTRA, {m.name}_LENGTH, {_target(m)}u}}," for m in messages]
+    rows = [
+        f"    {{{m.name}_ID, {m.name}_CRC_EXTRA, {m.name}_LENGTH, {_target(m)}u, {_session(m)}u}}," for m in messages
+    ]
     numbers = [f"    {m.name}_ROW," for m in messages]
     bottom = _C_BOTTOM.replace("\nROWS\n", "\n" + "\n".join(rows) + "\n").replace("NUMBERS", "\n".join(numbers))
     parts.append(bottom.replace("NO_TARGET_VALUE", f"{_NO_TARGET}u"))
@@ -131,6 +133,16 @@ def header(messages: list[Definition], enums: list[tuple[str, list[tuple[str, in
 def _target(message: Definition) -> int:
     """Where the system a message is meant for stands in it."""
     return _NO_TARGET if message.target_offset < 0 else message.target_offset
+
+
+def _session(message: Definition) -> int:
+    """Where the session of its sender stands in it."""
+    offset = 0
+    for field in message.fields:
+        if field.name == "session":
+            return offset
+        offset += field.size
+    return _NO_TARGET
 
 
 def _c_message(message: Definition) -> str:
@@ -258,7 +270,8 @@ typedef struct {
     uint16_t id;
     uint8_t crc_extra;
     uint8_t length; /* of the whole payload, before zeros at its end are cut off */
-    uint8_t target; /* where target_system lies in the payload (target_component follows), or GOSHAWK_NO_TARGET */
+    uint8_t target;  /* where target_system lies in the payload (target_component follows), or GOSHAWK_NO_TARGET */
+    uint8_t session; /* where the sender's session lies, or GOSHAWK_NO_TARGET */
 } goshawk_dialect_row;
 
 /* All messages. For one file of a program: every file that calls this has the table. */

@@ -26,7 +26,21 @@ from sysid.logs import reading as log_reading
 
 logger = logging.getLogger(__name__)
 
-KINDS = (".parquet", ".ulg", ".bin", ".log", ".bbl", ".bfl", ".csv", ".csv.gz", ".mcap", ".bag", ".db3")
+KINDS = (
+    ".parquet",
+    ".ulg",
+    ".bin",
+    ".log",
+    ".bbl",
+    ".bfl",
+    ".tlog",
+    ".tum",
+    ".csv",
+    ".csv.gz",
+    ".mcap",
+    ".bag",
+    ".db3",
+)
 """Endings of logs that can be read."""
 
 

@@ -106,7 +106,7 @@ def draw_tracking(panel: "Axes", flights: Mapping[str, FlightLog]) -> None:
     for colour, (label, flown) in zip(drawing.cycle(flights), flights.items(), strict=True):
         time_s, error_m = _tracking_error(label, flown)
         mean_mm = 1000.0 * float(np.nanmean(error_m))
-        panel.plot(time_s, 1000.0 * error_m, color=colour, linewidth=1.5, label=f"{label}: {mean_mm:.0f} mm mean")
+        panel.plot(time_s, 1000.0 * error_m, color=colour, linewidth=1.0, label=f"{label}: {mean_mm:.0f} mm mean")
     drawing.plain(panel, "distance to the set-point", "time on the trajectory (s)", "mm")
     panel.set_ylim(0.0, None)
     panel.legend(frameon=False, fontsize=9)

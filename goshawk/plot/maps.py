@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from esdf import Field, pictures
-from esdf.field import OUTSIDE, UNMAPPED, SampledField
+from esdf.field import KNOWN, OUTSIDE, UNMAPPED, SampledField
 from flight import FloatArray
 from planner.request.space import DistanceField
 from sysid.report import drawing
@@ -34,14 +34,17 @@ def map_slice(
 
 
 def slices(shown: Mapping[str, pictures.Slice], *, style: drawing.Style = "light") -> "Figure":
-    """Slices of fields side by side in the same colours, each under its title; the line at 0 m is the surface."""
-    full = max(float(np.nanmax(np.abs(p.distance_m), initial=1e-3)) for p in shown.values())
-    deepest = min(float(np.nanmin(p.distance_m, initial=0.0)) for p in shown.values())
+    """Slices of fields side by side in the same colours, each under its title; from red to orange is the surface."""
+    full = max(map(_farthest, shown.values()))
+    deepest = min(float(np.nanmin(_known(p), initial=0.0)) for p in shown.values())
     tallest = max(p.distance_m.shape[0] / p.distance_m.shape[1] for p in shown.values())
+    wide = 8.0 if len(shown) == 1 else 6.0  # a page shows a wide figure smaller, and its words with it
     with drawing.styled(style):
-        figure, axes = drawing.figure(1, len(shown), (8.0 * len(shown), float(np.clip(7.0 * tallest + 0.8, 2.5, 8.0))))
+        figure, axes = drawing.figure(
+            1, len(shown), (wide * len(shown), wide * float(np.clip(0.9 * tallest, 0.2, 0.9)) + 0.8)
+        )
         for panel, (title, picture) in zip(axes[0], shown.items(), strict=True):
-            _draw(panel, picture, full)
+            draw_slice(panel, picture, full)
             drawing.plain(panel, title, _label(picture.right_world_m), _label(picture.up_world_m))
             panel.grid(False)
         figure.colorbar(
@@ -50,18 +53,28 @@ def slices(shown: Mapping[str, pictures.Slice], *, style: drawing.Style = "light
     return figure
 
 
-def _draw(panel: "Axes", picture: pictures.Slice, full: float) -> None:
+def draw_slice(panel: "Axes", picture: pictures.Slice, full: float | None = None) -> None:
+    """A slice in its colours, with contour lines, on axes that are there; `full` is the distance of the last colour."""
+    full, known = full or _farthest(picture), _known(picture)
     rgba = np.full((*picture.distance_m.shape, 4), 255, dtype=np.uint8)
     rgba[..., :3] = pictures.colours(picture.distance_m, full_m=full)
     rgba[picture.status == UNMAPPED, :3] = 128
     rgba[picture.status == OUTSIDE, 3] = 0
     panel.imshow(rgba, origin="lower", extent=picture.extent_m, interpolation="nearest")
-    if np.isfinite(picture.distance_m).sum() > 3 and min(picture.distance_m.shape) > 1:
-        levels = np.arange(np.ceil(-full / _LINES_M), full / _LINES_M) * _LINES_M
-        widths = np.where(levels == 0.0, 1.2, 0.5).tolist()
+    if full > _LINES_M and np.isfinite(known).sum() > 3 and min(picture.distance_m.shape) > 1:
+        levels = np.arange(_LINES_M, full, _LINES_M)
         how: dict[str, Any] = {"extent": picture.extent_m, "origin": "lower", "colors": drawing.CELL_INK}
-        lines = panel.contour(picture.distance_m, levels=levels, linewidths=widths, **how)
-        panel.clabel(lines, levels[levels > 0.0], fmt="%g m", fontsize=7)
+        lines = panel.contour(known, levels=levels, linewidths=0.5, **how)
+        panel.clabel(lines, fmt="%g m", fontsize=7)
+
+
+def _known(picture: pictures.Slice) -> FloatArray:
+    """Its distances, NaN also where the map counts unknown space as an obstacle."""
+    return np.where(picture.status == UNMAPPED, np.nan, picture.distance_m)
+
+
+def _farthest(picture: pictures.Slice) -> float:
+    return float(np.nanmax(np.abs(_known(picture)), initial=1e-3))
 
 
 def _scale(deepest: float, full: float) -> "ScalarMappable":
@@ -108,7 +121,9 @@ def behind(panel: "Axes", field: DistanceField, low_m: FloatArray, high_m: Float
     from matplotlib.colors import to_rgba
 
     cells = np.zeros((len(y), len(x), 4))
-    cells[np.isnan(distance_m)] = to_rgba(look.pale, 0.6)
+    status = getattr(field, "status", None)  # a formula knows all of space
+    unknown = np.isnan(distance_m) if status is None else (status(points) != KNOWN).reshape(distance_m.shape)
     cells[distance_m < 0.0] = to_rgba(look.ink, 0.55)
+    cells[unknown] = to_rgba(look.pale, 0.6)
     extent = (x[0] - 0.5 * step, x[-1] + 0.5 * step, y[0] - 0.5 * step, y[-1] + 0.5 * step)
     panel.imshow(cells, origin="lower", extent=extent, interpolation="nearest", zorder=0)

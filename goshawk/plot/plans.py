@@ -51,7 +51,7 @@ def plan(
     Raises:
         InputError: the vehicle is not the plan's, or a file comes without a map.
     """
-    report = _report(shown, vehicle, field)
+    report = report_of(shown, vehicle, field)
     points = shown.waypoints_world_m if isinstance(shown, TrajectoryFile) else shown.waypoints.positions_world_m
     with drawing.styled(style):
         figure, axes = drawing.figure(1, 1, (12.0, 4.6))
@@ -60,7 +60,7 @@ def plan(
         above = figure.add_subplot(grid[:, 0])
         speed = figure.add_subplot(grid[0, 1])
         margin = figure.add_subplot(grid[1, 1], sharex=speed)
-        colours = _segment_colours(report, len(shown.trajectory.durations_s), style)
+        colours = segment_colours(report, shown.trajectory, style)
         from_above(above, shown.trajectory, colours, points, field)
         bounds = report.options.limits_for(vehicle)
         _over_time(speed, margin, shown.trajectory, vehicle, bounds, colours)
@@ -69,7 +69,12 @@ def plan(
     return figure
 
 
-def _report(shown: Plan | TrajectoryFile, vehicle: Vehicle, field: DistanceField | None) -> GateReport:
+def report_of(shown: Plan | TrajectoryFile, vehicle: Vehicle, field: DistanceField | None) -> GateReport:
+    """What the gate says: of a plan when it was made, of a file now.
+
+    Raises:
+        InputError: the vehicle is not the plan's, or a file comes without a map.
+    """
     if isinstance(shown, TrajectoryFile):
         if field is None:
             raise InputError("a trajectory file is checked again before it is drawn; give `field`, the map it is for")
@@ -94,10 +99,10 @@ def _colours(style: drawing.Style) -> dict[str, str]:
     return dict(zip(names, _COLOURS[style], strict=True))
 
 
-def _segment_colours(report: GateReport, segments: int, style: drawing.Style) -> list[str]:
+def segment_colours(report: GateReport, path: Trajectory, style: drawing.Style) -> list[str]:
     """A colour for each segment; grey where no limit is used to the full or none is known."""
     colours = _colours(style)
-    return [colours.get(name, _NONE) for name in report.binding or [""] * segments]
+    return [colours.get(name, _NONE) for name in report.binding or [""] * len(path.durations_s)]
 
 
 def _legend(figure: "Figure", report: GateReport, style: drawing.Style) -> None:
@@ -120,9 +125,15 @@ def _legend(figure: "Figure", report: GateReport, style: drawing.Style) -> None:
 
 
 def from_above(
-    panel: "Axes", path: Trajectory, colours: list[str], points_world_m: FloatArray, field: DistanceField | None
+    panel: "Axes",
+    path: Trajectory,
+    colours: list[str],
+    points_world_m: FloatArray,
+    field: DistanceField | None,
+    *,
+    numbered: bool = True,
 ) -> None:
-    """The path, a colour a segment, its numbered waypoints, and the map at its middle height."""
+    """The path, a colour a segment, its waypoints, numbered or not, and the map at its middle height."""
     times, segment = _sampled(path)
     position = path.position(times)
     low, high = _shown(np.concatenate([position, points_world_m])[:, :2])
@@ -132,7 +143,7 @@ def from_above(
     _coloured(panel, position[:, 0], position[:, 1], segment, colours, 2.6)
     look = drawing.look()
     panel.plot(*points_world_m[:, :2].T, "o", markersize=4.5, color=look.paper, markeredgecolor=look.ink, zorder=3)
-    for number, (x, y) in enumerate(points_world_m[:, :2], start=1):
+    for number, (x, y) in enumerate(points_world_m[:, :2], start=1) if numbered else ():
         panel.annotate(str(number), (x, y), (5, 5), textcoords="offset points", fontsize=8, color=look.ink)
     title = "from above" if field is None else f"from above; the map at z = {z_m:.1f} m"
     drawing.plain(panel, title, "x (m)", "y (m)")

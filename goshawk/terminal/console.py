@@ -77,6 +77,7 @@ url_option = click.option(
     show_default=True,
     help="Address of the vehicle's MAVLink endpoint.",
 )
+take_over_option = click.option("--take-over", is_flag=True, help="Take control from the station that has it.")
 key_option = path_option("--key", "key_file", "Key file that signs the link [default: ~/.config/goshawk/link.key].")
 
 

@@ -22,12 +22,19 @@ class Envelope:
     """Size of the body's rate."""
 
     @property
+    def extent(self) -> str:
+        """What was flown."""
+        return (
+            f"level speed to {self.level_speed_m_s:.1f} m/s, climb to {self.climb_m_s:.1f} m/s, sink to "
+            f"{self.sink_m_s:.1f} m/s, body rate to {self.rate_rad_s:.1f} rad/s"
+        )
+
+    @property
     def sentence(self) -> str:
         """What was flown, and what that leaves open."""
         return (
-            f"flown envelope: level speed to {self.level_speed_m_s:.1f} m/s, climb to {self.climb_m_s:.1f} m/s, sink "
-            f"to {self.sink_m_s:.1f} m/s, body rate to {self.rate_rad_s:.1f} rad/s. What acts only beyond it, or is "
-            "smaller than what these flights detect, cannot be excluded"
+            f"flown envelope: {self.extent}. What acts only beyond it, or is smaller than what these flights detect, "
+            "cannot be excluded"
         )
 
     def as_dict(self) -> dict[str, float]:

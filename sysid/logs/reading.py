@@ -4,15 +4,36 @@ import tomllib
 from pathlib import Path
 
 from flight import FlightLog, FormatError, InputError, flight_log
-from sysid.logs.readers import draft_columns, draft_topics, read_ardupilot, read_bag, read_blackbox, read_csv, read_ulog
+from sysid.logs.readers import (
+    draft_columns,
+    draft_topics,
+    read_ardupilot,
+    read_bag,
+    read_blackbox,
+    read_csv,
+    read_poses,
+    read_tlog,
+    read_ulog,
+    read_usdlog,
+)
 from sysid.logs.readers.draft_columns import Draft
 from sysid.logs.readers.kinds import kind_of
 
 DRAFTED = "drafted"
 """Key of a log's metadata: what the columns of a file without a map were taken for, one sentence each."""
-READERS = {"ulog": read_ulog.read, "ardupilot": read_ardupilot.read, "blackbox": read_blackbox.read}
+READERS = {
+    "ulog": read_ulog.read,
+    "ardupilot": read_ardupilot.read,
+    "blackbox": read_blackbox.read,
+    "usdlog": read_usdlog.read,
+    "tlog": read_tlog.read,
+    "tum": read_poses.read_tum,
+}
 """Kinds that say themselves what their columns are."""
-KINDS = "PX4 (.ulg), ArduPilot (.BIN, .log), blackbox (.BBL, .BFL), CSV, ROS (.bag, .mcap, .db3) or our own (.parquet)"
+KINDS = (
+    "PX4 (.ulg), ArduPilot (.BIN, .log), blackbox (.BBL, .BFL), Crazyflie's SD card, telemetry (.tlog), TUM, EuRoC's "
+    "folder, CSV, ROS (.bag, .mcap, .db3) or our own (.parquet)"
+)
 
 
 def read_log(path: Path, column_map: Path | None = None) -> FlightLog:
@@ -70,8 +91,12 @@ def _read(path: Path, column_map: Path | None) -> FlightLog:
         return _drafted(path) if column_map is None else read_csv.read(path, read_csv.load_map(column_map))
     if kind == "ros":
         return _drafted_topics(path) if column_map is None else read_bag.read(path, column_map)
+    if kind == "euroc":
+        return _euroc(path)
     if kind == "folder":
-        raise InputError(f"{path} is a folder; give a flight log (a folder is one only as a ROS 2 recording)")
+        raise InputError(
+            f"{path} is a folder; give a flight log (a folder is one as a ROS 2 recording or EuRoC's mav0)"
+        )
     if kind in READERS:
         return READERS[kind](path)
     try:
@@ -81,6 +106,33 @@ def _read(path: Path, column_map: Path | None) -> FlightLog:
             raise
         raise FormatError(f"{path} is not a flight log: by its content it is none of {KINDS}") from error
     return FlightLog(log.columns, {"name": path.stem, **log.metadata})
+
+
+def read_joined(pose: Path, imu: Path, column_map: Path | None = None) -> FlightLog:
+    """One log of a pose and an IMU in two files that one clock stamped.
+
+    Args:
+        column_map: of both, where they are CSV with the same names; else each is drafted.
+
+    Raises:
+        InputError: one lacks what it should hold, or the clocks share no time.
+        FormatError: one cannot be read.
+    """
+    logs = [read_log(path, column_map if needs_map(path) else None) for path in (pose, imu)]
+    joined = read_poses.joined_on_clocks(pose, *logs)
+    drafted = [f"{log.metadata['source']}: {s}" for log in logs for s in log.metadata.get(DRAFTED, ())]
+    return FlightLog(joined.columns, {**joined.metadata, **({DRAFTED: drafted} if drafted else {})})
+
+
+def _euroc(folder: Path) -> FlightLog:
+    pose, imu = read_poses.euroc_files(folder)
+    if pose is not None and imu is not None:
+        log = read_joined(pose, imu)
+    elif (one := pose or imu) is not None:
+        log = read_log(one)
+    else:
+        raise InputError(f"{folder} has neither imu0/data.csv nor a pose (state_groundtruth_estimate0/data.csv ...)")
+    return FlightLog(log.columns, {**log.metadata, "name": folder.resolve().name, "source": folder.name})
 
 
 def _drafted(path: Path) -> FlightLog:

@@ -130,7 +130,7 @@ def evidence_for(found: Diagnosis, candidate: Candidate) -> "Figure":
     drawing.plain(panel, "less what other parameters explain", f"{title} ({written})", "")
     if judged:
         _left_on_held_out(axes[0, 2], judged, shown.channel, variable)
-    drawing.headed(figure, f"{title}: {candidate.regressor} (means over 0.1 s; dark: binned mean, 95 % band)")
+    drawing.headed(figure, f"{title}: {candidate.regressor} (means over 0.1 s; line: binned mean, 95 % band)")
     return figure
 
 
@@ -189,7 +189,7 @@ def outside(found: Diagnosis, curve: OutsideFinding) -> "Figure":
     if found.proxies:
         judged = f"{judged}, beside {' and '.join(map(words.effect, found.proxies))}"
     drawing.plain(axes[0, 1], judged, label, "")
-    drawing.headed(figure, f"{sentence} (95 % band; dots: means over 0.1 s; dark: binned mean)")
+    drawing.headed(figure, f"{sentence} (95 % band; dots: means over 0.1 s; line: binned mean)")
     return figure
 
 

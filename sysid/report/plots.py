@@ -82,6 +82,6 @@ def _residual_against_speed(result: Comparison) -> "Figure":
             drawing.plain(panel, f"{name}: F_{'xyz'[i]}", label, "unexplained force (N)" if i == 0 else "")
     drawing.headed(
         figure,
-        "Unexplained force against air speed; a slope or curve is an effect the model lacks (dark: mean, 95 % band)",
+        "Unexplained force against air speed; a slope or curve is an effect the model lacks (line: mean, 95 % band)",
     )
     return figure

@@ -111,7 +111,7 @@ def against(named: Residuals, pairs: Sequence[tuple[str, str]]) -> "Figure":
             drawing.plain(panel, title, labelled(variable), f"unexplained {channel} ({written})" if i == 0 else "")
     how = explained.judged_how(next(iter(named.values())))
     drawing.headed(
-        figure, f"The variables that explain most of force and torque {how}; dark: binned mean with 95 % band"
+        figure, f"The variables that explain most of force and torque {how}; line: binned mean with 95 % band"
     )
     return figure
 

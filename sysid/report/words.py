@@ -50,6 +50,7 @@ TITLES = {
     "rotor_drag_thrust": "rotor drag with thrust",
     "rotor_drag_speed": "rotor drag with rotor speed",
     "parasitic_drag": "airframe drag per axis",
+    "parasitic_drag_linear": "drag in proportion to air speed",
     "parasitic_drag_speed": "airframe drag with air speed",
     "imu_errors": "errors of the IMU",
     "pose_delay": "delay of the pose",

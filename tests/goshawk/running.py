@@ -37,5 +37,5 @@ def typed(line: str) -> list[str]:
         name, rest = rest[0], rest[1:]
         command = command.commands[name]
     assert command is not None
-    command.make_context(name, list(rest))
+    command.make_context(name, list(rest), **goshawk.context_settings)  # click keeps the help option it makes first
     return words[1:]

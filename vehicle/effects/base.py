@@ -143,6 +143,8 @@ ADVANCE: Scaling = (0.0, -1.0, -1.0)
 """A share of thrust per air speed, which counts in tip speeds (`arm * rotor speed`)."""
 BLADE: Scaling = (1.0, -1.0, -2.0)
 """A force per rotor speed and air speed: thrust times air speed over tip speed."""
+ADVANCE_OF_WEIGHT: Scaling = (1.0, -1.0, -1.0)
+"""A force per air speed: a share of the weight over tip speed."""
 ADVANCE_SQUARED: Scaling = (1.0, -2.0, -2.0)
 """A force per square of air speed that comes from the rotors."""
 AREA: Scaling = (0.0, 2.0, 0.0)

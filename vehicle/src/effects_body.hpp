@@ -101,6 +101,11 @@ void parasitic_drag(Flow<T>& flow, const T* p) {
 }
 
 template <class T>
+void parasitic_drag_linear(Flow<T>& flow, const T* p) {
+    for (int k = 0; k < 3; ++k) flow.force[k] -= p[k] * flow.velocity[k];
+}
+
+template <class T>
 T speed_of(const Flow<T>& flow) {
     const T* v = flow.velocity;
     return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);

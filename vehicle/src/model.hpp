@@ -49,6 +49,7 @@ struct Entry {
     X(rotor_drag_thrust, flow, 1)         \
     X(rotor_drag_speed, flow, 1)          \
     X(parasitic_drag, flow, 2)            \
+    X(parasitic_drag_linear, flow, 3)     \
     X(parasitic_drag_speed, flow, 3)      \
     X(flapping_moment, flow, 1)           \
     X(wake_skew_moment, flow, 2)          \

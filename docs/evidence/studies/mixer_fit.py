@@ -5,14 +5,11 @@ python docs/evidence/studies/mixer_fit.py     writes docs/pictures/mixer_initial
 
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
-mpl.use("svg")
-mpl.rcParams["svg.hashsalt"] = "goshawk"
-import matplotlib.pyplot as plt  # noqa: E402
+from sysid.report import drawing
 
 Array = NDArray[np.float64]
 USED = (0.4614, 0.668, 0.395)
@@ -69,7 +66,7 @@ def main() -> None:
     for name, constants in (("Newton", NEWTON), ("used", USED), ("fitted again", tuple(fit.x))):
         print(f"{name:14}{100 * worst(constants):8.3f} %   after one step {worst(constants, stepped=True):.1e}")
 
-    figure, (left, right) = plt.subplots(1, 2, figsize=(8.0, 3.2), constrained_layout=True)
+    figure, ((left, right),) = drawing.figure(1, 2, (8.0, 3.2))
     lateral = np.logspace(-1.5, 1.5, 200)
     for value in (-1.0, -0.5, 0.0, 1.0, 3.0):
         z = np.full_like(lateral, value)
@@ -77,10 +74,11 @@ def main() -> None:
         start = initial_value(USED, z, lateral**2)
         left.semilogx(lateral, 100 * (start / exact - 1.0), label=f"$v_z$ = {value:g}")
         right.loglog(lateral, np.abs(chebyshev(start, z, lateral**2) / exact - 1.0) + 1e-12)
-    left.set(xlabel="$v_{xy}$ / root of load", ylabel="error of the initial value / %")
-    right.set(xlabel="$v_{xy}$ / root of load", ylabel="relative error after one step", ylim=(1e-10, 1e-4))
+    drawing.plain(left, "", "$v_{xy}$ / root of load", "error of the initial value (%)")
+    drawing.plain(right, "", "$v_{xy}$ / root of load", "relative error after one step")
+    right.set_ylim(1e-10, 1e-4)
     left.legend(frameon=False, fontsize=8)
-    figure.savefig(PICTURE, metadata={"Date": None})
+    drawing.written(figure, PICTURE)
 
 
 if __name__ == "__main__":

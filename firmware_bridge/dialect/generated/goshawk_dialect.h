@@ -1307,7 +1307,7 @@ static inline void goshawk_log_record_decode(goshawk_log_record_msg *m, const ui
 
 /* Opens (or re-opens) a transfer into the staging slot; also the header sent on read-back. */
 #define GOSHAWK_TRAJECTORY_BEGIN_ID 54010u
-#define GOSHAWK_TRAJECTORY_BEGIN_LENGTH 63u
+#define GOSHAWK_TRAJECTORY_BEGIN_LENGTH 67u
 #define GOSHAWK_TRAJECTORY_BEGIN_CRC_EXTRA 54u
 typedef struct {
     uint32_t transfer_id; /* Chosen by the sender, new for every upload; never 0. */
@@ -1323,6 +1323,7 @@ typedef struct {
     uint8_t map_hash[8]; /* First bytes of the map's hash. */
     uint8_t vehicle_hash[8]; /* First bytes of the vehicle's hash. */
     char name[24]; /* Zero-padded. */
+    uint32_t session; /* Of the sender, as in its request for control. */
 } goshawk_trajectory_begin_msg;
 enum {
     GOSHAWK_TRAJECTORY_BEGIN_TRANSFER_ID_AT = 0,
@@ -1338,18 +1339,46 @@ enum {
     GOSHAWK_TRAJECTORY_BEGIN_MAP_HASH_AT = 23,
     GOSHAWK_TRAJECTORY_BEGIN_VEHICLE_HASH_AT = 31,
     GOSHAWK_TRAJECTORY_BEGIN_NAME_AT = 39,
+    GOSHAWK_TRAJECTORY_BEGIN_SESSION_AT = 63,
 };
 
 static inline void goshawk_trajectory_begin_encode(const goshawk_trajectory_begin_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_BEGIN_LENGTH])
 {
-    _Static_assert(offsetof(goshawk_trajectory_begin_msg, name) == GOSHAWK_TRAJECTORY_BEGIN_NAME_AT, "no gaps");
-    memcpy(payload, m, GOSHAWK_TRAJECTORY_BEGIN_LENGTH);
+    memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_TRANSFER_ID_AT, &m->transfer_id, 4u);
+    memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_TRAJECTORY_ID_AT, &m->trajectory_id, 4u);
+    memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_CRC32_AT, &m->crc32, 4u);
+    memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_CLEARANCE_M_AT, &m->clearance_m, 4u);
+    memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_SEGMENTS_AT, &m->segments, 2u);
+    memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_TARGET_SYSTEM_AT, &m->target_system, 1u);
+    memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_TARGET_COMPONENT_AT, &m->target_component, 1u);
+    memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_COEFFICIENT_COUNT_AT, &m->coefficient_count, 1u);
+    memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_LINK_LOSS_POLICY_AT, &m->link_loss_policy, 1u);
+    memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_SAMPLES_AT, &m->samples, 1u);
+    memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_MAP_HASH_AT, m->map_hash, 8u);
+    memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_VEHICLE_HASH_AT, m->vehicle_hash, 8u);
+    memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_NAME_AT, m->name, 24u);
+    memcpy(payload + GOSHAWK_TRAJECTORY_BEGIN_SESSION_AT, &m->session, 4u);
 }
 
 static inline void goshawk_trajectory_begin_decode(goshawk_trajectory_begin_msg *m, const uint8_t *payload, size_t length)
 {
+    uint8_t whole[GOSHAWK_TRAJECTORY_BEGIN_LENGTH] = {0};
+    memcpy(whole, payload, length < GOSHAWK_TRAJECTORY_BEGIN_LENGTH ? length : GOSHAWK_TRAJECTORY_BEGIN_LENGTH);
     memset(m, 0, sizeof *m);
-    memcpy(m, payload, length < GOSHAWK_TRAJECTORY_BEGIN_LENGTH ? length : GOSHAWK_TRAJECTORY_BEGIN_LENGTH);
+    memcpy(&m->transfer_id, whole + GOSHAWK_TRAJECTORY_BEGIN_TRANSFER_ID_AT, 4u);
+    memcpy(&m->trajectory_id, whole + GOSHAWK_TRAJECTORY_BEGIN_TRAJECTORY_ID_AT, 4u);
+    memcpy(&m->crc32, whole + GOSHAWK_TRAJECTORY_BEGIN_CRC32_AT, 4u);
+    memcpy(&m->clearance_m, whole + GOSHAWK_TRAJECTORY_BEGIN_CLEARANCE_M_AT, 4u);
+    memcpy(&m->segments, whole + GOSHAWK_TRAJECTORY_BEGIN_SEGMENTS_AT, 2u);
+    memcpy(&m->target_system, whole + GOSHAWK_TRAJECTORY_BEGIN_TARGET_SYSTEM_AT, 1u);
+    memcpy(&m->target_component, whole + GOSHAWK_TRAJECTORY_BEGIN_TARGET_COMPONENT_AT, 1u);
+    memcpy(&m->coefficient_count, whole + GOSHAWK_TRAJECTORY_BEGIN_COEFFICIENT_COUNT_AT, 1u);
+    memcpy(&m->link_loss_policy, whole + GOSHAWK_TRAJECTORY_BEGIN_LINK_LOSS_POLICY_AT, 1u);
+    memcpy(&m->samples, whole + GOSHAWK_TRAJECTORY_BEGIN_SAMPLES_AT, 1u);
+    memcpy(m->map_hash, whole + GOSHAWK_TRAJECTORY_BEGIN_MAP_HASH_AT, 8u);
+    memcpy(m->vehicle_hash, whole + GOSHAWK_TRAJECTORY_BEGIN_VEHICLE_HASH_AT, 8u);
+    memcpy(m->name, whole + GOSHAWK_TRAJECTORY_BEGIN_NAME_AT, 24u);
+    memcpy(&m->session, whole + GOSHAWK_TRAJECTORY_BEGIN_SESSION_AT, 4u);
 }
 
 /* One polynomial segment in the centred variable s = 2 t / T - 1. */
@@ -1424,7 +1453,7 @@ static inline void goshawk_trajectory_status_decode(goshawk_trajectory_status_ms
 
 /* Check the staged trajectory and make it the active one. */
 #define GOSHAWK_TRAJECTORY_COMMIT_ID 54013u
-#define GOSHAWK_TRAJECTORY_COMMIT_LENGTH 14u
+#define GOSHAWK_TRAJECTORY_COMMIT_LENGTH 18u
 #define GOSHAWK_TRAJECTORY_COMMIT_CRC_EXTRA 180u
 typedef struct {
     uint32_t transfer_id; /* Of the transfer. */
@@ -1432,6 +1461,7 @@ typedef struct {
     uint32_t crc32; /* As in the beginning. */
     uint8_t target_system; /* Vehicle. */
     uint8_t target_component; /* Vehicle. */
+    uint32_t session; /* Of the sender, as in its request for control. */
 } goshawk_trajectory_commit_msg;
 enum {
     GOSHAWK_TRAJECTORY_COMMIT_TRANSFER_ID_AT = 0,
@@ -1439,18 +1469,30 @@ enum {
     GOSHAWK_TRAJECTORY_COMMIT_CRC32_AT = 8,
     GOSHAWK_TRAJECTORY_COMMIT_TARGET_SYSTEM_AT = 12,
     GOSHAWK_TRAJECTORY_COMMIT_TARGET_COMPONENT_AT = 13,
+    GOSHAWK_TRAJECTORY_COMMIT_SESSION_AT = 14,
 };
 
 static inline void goshawk_trajectory_commit_encode(const goshawk_trajectory_commit_msg *m, uint8_t payload[GOSHAWK_TRAJECTORY_COMMIT_LENGTH])
 {
-    _Static_assert(offsetof(goshawk_trajectory_commit_msg, target_component) == GOSHAWK_TRAJECTORY_COMMIT_TARGET_COMPONENT_AT, "no gaps");
-    memcpy(payload, m, GOSHAWK_TRAJECTORY_COMMIT_LENGTH);
+    memcpy(payload + GOSHAWK_TRAJECTORY_COMMIT_TRANSFER_ID_AT, &m->transfer_id, 4u);
+    memcpy(payload + GOSHAWK_TRAJECTORY_COMMIT_TRAJECTORY_ID_AT, &m->trajectory_id, 4u);
+    memcpy(payload + GOSHAWK_TRAJECTORY_COMMIT_CRC32_AT, &m->crc32, 4u);
+    memcpy(payload + GOSHAWK_TRAJECTORY_COMMIT_TARGET_SYSTEM_AT, &m->target_system, 1u);
+    memcpy(payload + GOSHAWK_TRAJECTORY_COMMIT_TARGET_COMPONENT_AT, &m->target_component, 1u);
+    memcpy(payload + GOSHAWK_TRAJECTORY_COMMIT_SESSION_AT, &m->session, 4u);
 }
 
 static inline void goshawk_trajectory_commit_decode(goshawk_trajectory_commit_msg *m, const uint8_t *payload, size_t length)
 {
+    uint8_t whole[GOSHAWK_TRAJECTORY_COMMIT_LENGTH] = {0};
+    memcpy(whole, payload, length < GOSHAWK_TRAJECTORY_COMMIT_LENGTH ? length : GOSHAWK_TRAJECTORY_COMMIT_LENGTH);
     memset(m, 0, sizeof *m);
-    memcpy(m, payload, length < GOSHAWK_TRAJECTORY_COMMIT_LENGTH ? length : GOSHAWK_TRAJECTORY_COMMIT_LENGTH);
+    memcpy(&m->transfer_id, whole + GOSHAWK_TRAJECTORY_COMMIT_TRANSFER_ID_AT, 4u);
+    memcpy(&m->trajectory_id, whole + GOSHAWK_TRAJECTORY_COMMIT_TRAJECTORY_ID_AT, 4u);
+    memcpy(&m->crc32, whole + GOSHAWK_TRAJECTORY_COMMIT_CRC32_AT, 4u);
+    memcpy(&m->target_system, whole + GOSHAWK_TRAJECTORY_COMMIT_TARGET_SYSTEM_AT, 1u);
+    memcpy(&m->target_component, whole + GOSHAWK_TRAJECTORY_COMMIT_TARGET_COMPONENT_AT, 1u);
+    memcpy(&m->session, whole + GOSHAWK_TRAJECTORY_COMMIT_SESSION_AT, 4u);
 }
 
 /* Answer to a commit; whatever the answer, what is active now. */
@@ -1548,7 +1590,7 @@ static inline void goshawk_trajectory_samples_decode(goshawk_trajectory_samples_
 
 /* An order to the mission. A repeated request_id is answered again and not carried out again. */
 #define GOSHAWK_MISSION_COMMAND_ID 54020u
-#define GOSHAWK_MISSION_COMMAND_LENGTH 19u
+#define GOSHAWK_MISSION_COMMAND_LENGTH 23u
 #define GOSHAWK_MISSION_COMMAND_CRC_EXTRA 90u
 typedef struct {
     uint32_t request_id; /* New for every order; never 0. */
@@ -1558,6 +1600,7 @@ typedef struct {
     uint8_t target_system; /* Vehicle. */
     uint8_t target_component; /* Vehicle. */
     uint8_t command; /* GOSHAWK_COMMAND. */
+    uint32_t session; /* Of the sender, as in its request for control. */
 } goshawk_mission_command_msg;
 enum {
     GOSHAWK_MISSION_COMMAND_REQUEST_ID_AT = 0,
@@ -1567,18 +1610,34 @@ enum {
     GOSHAWK_MISSION_COMMAND_TARGET_SYSTEM_AT = 16,
     GOSHAWK_MISSION_COMMAND_TARGET_COMPONENT_AT = 17,
     GOSHAWK_MISSION_COMMAND_COMMAND_AT = 18,
+    GOSHAWK_MISSION_COMMAND_SESSION_AT = 19,
 };
 
 static inline void goshawk_mission_command_encode(const goshawk_mission_command_msg *m, uint8_t payload[GOSHAWK_MISSION_COMMAND_LENGTH])
 {
-    _Static_assert(offsetof(goshawk_mission_command_msg, command) == GOSHAWK_MISSION_COMMAND_COMMAND_AT, "no gaps");
-    memcpy(payload, m, GOSHAWK_MISSION_COMMAND_LENGTH);
+    memcpy(payload + GOSHAWK_MISSION_COMMAND_REQUEST_ID_AT, &m->request_id, 4u);
+    memcpy(payload + GOSHAWK_MISSION_COMMAND_TRAJECTORY_ID_AT, &m->trajectory_id, 4u);
+    memcpy(payload + GOSHAWK_MISSION_COMMAND_CRC32_AT, &m->crc32, 4u);
+    memcpy(payload + GOSHAWK_MISSION_COMMAND_VALUE_AT, &m->value, 4u);
+    memcpy(payload + GOSHAWK_MISSION_COMMAND_TARGET_SYSTEM_AT, &m->target_system, 1u);
+    memcpy(payload + GOSHAWK_MISSION_COMMAND_TARGET_COMPONENT_AT, &m->target_component, 1u);
+    memcpy(payload + GOSHAWK_MISSION_COMMAND_COMMAND_AT, &m->command, 1u);
+    memcpy(payload + GOSHAWK_MISSION_COMMAND_SESSION_AT, &m->session, 4u);
 }
 
 static inline void goshawk_mission_command_decode(goshawk_mission_command_msg *m, const uint8_t *payload, size_t length)
 {
+    uint8_t whole[GOSHAWK_MISSION_COMMAND_LENGTH] = {0};
+    memcpy(whole, payload, length < GOSHAWK_MISSION_COMMAND_LENGTH ? length : GOSHAWK_MISSION_COMMAND_LENGTH);
     memset(m, 0, sizeof *m);
-    memcpy(m, payload, length < GOSHAWK_MISSION_COMMAND_LENGTH ? length : GOSHAWK_MISSION_COMMAND_LENGTH);
+    memcpy(&m->request_id, whole + GOSHAWK_MISSION_COMMAND_REQUEST_ID_AT, 4u);
+    memcpy(&m->trajectory_id, whole + GOSHAWK_MISSION_COMMAND_TRAJECTORY_ID_AT, 4u);
+    memcpy(&m->crc32, whole + GOSHAWK_MISSION_COMMAND_CRC32_AT, 4u);
+    memcpy(&m->value, whole + GOSHAWK_MISSION_COMMAND_VALUE_AT, 4u);
+    memcpy(&m->target_system, whole + GOSHAWK_MISSION_COMMAND_TARGET_SYSTEM_AT, 1u);
+    memcpy(&m->target_component, whole + GOSHAWK_MISSION_COMMAND_TARGET_COMPONENT_AT, 1u);
+    memcpy(&m->command, whole + GOSHAWK_MISSION_COMMAND_COMMAND_AT, 1u);
+    memcpy(&m->session, whole + GOSHAWK_MISSION_COMMAND_SESSION_AT, 4u);
 }
 
 /* Answer to an order. */
@@ -1665,65 +1724,103 @@ static inline void goshawk_mission_status_decode(goshawk_mission_status_msg *m, 
 
 /* Take (or keep, or give back) control. The holder renews it; it ends 3 s after the last renewal. */
 #define GOSHAWK_LEASE_REQUEST_ID 54030u
-#define GOSHAWK_LEASE_REQUEST_LENGTH 7u
+#define GOSHAWK_LEASE_REQUEST_LENGTH 39u
 #define GOSHAWK_LEASE_REQUEST_CRC_EXTRA 167u
 typedef struct {
     uint32_t nonce; /* Returned in the answer. */
     uint8_t target_system; /* Vehicle. */
     uint8_t target_component; /* Vehicle. */
-    uint8_t action; /* 0 give back, 1 take if free or renew, 2 take over. */
+    uint8_t action; /* 0 give back, 1 take if free or renew, 2 take over, 3 only ask and report. */
+    uint32_t session; /* Drawn at random by every start of a station: the operator is known by it. 0: a standard station, known by its ids. */
+    uint32_t line_bytes_per_s; /* What the line to this station was measured to carry; 0 no limit found. */
+    char name[24]; /* Of the station, for people; when it takes control. */
 } goshawk_lease_request_msg;
 enum {
     GOSHAWK_LEASE_REQUEST_NONCE_AT = 0,
     GOSHAWK_LEASE_REQUEST_TARGET_SYSTEM_AT = 4,
     GOSHAWK_LEASE_REQUEST_TARGET_COMPONENT_AT = 5,
     GOSHAWK_LEASE_REQUEST_ACTION_AT = 6,
+    GOSHAWK_LEASE_REQUEST_SESSION_AT = 7,
+    GOSHAWK_LEASE_REQUEST_LINE_BYTES_PER_S_AT = 11,
+    GOSHAWK_LEASE_REQUEST_NAME_AT = 15,
 };
 
 static inline void goshawk_lease_request_encode(const goshawk_lease_request_msg *m, uint8_t payload[GOSHAWK_LEASE_REQUEST_LENGTH])
 {
-    _Static_assert(offsetof(goshawk_lease_request_msg, action) == GOSHAWK_LEASE_REQUEST_ACTION_AT, "no gaps");
-    memcpy(payload, m, GOSHAWK_LEASE_REQUEST_LENGTH);
+    memcpy(payload + GOSHAWK_LEASE_REQUEST_NONCE_AT, &m->nonce, 4u);
+    memcpy(payload + GOSHAWK_LEASE_REQUEST_TARGET_SYSTEM_AT, &m->target_system, 1u);
+    memcpy(payload + GOSHAWK_LEASE_REQUEST_TARGET_COMPONENT_AT, &m->target_component, 1u);
+    memcpy(payload + GOSHAWK_LEASE_REQUEST_ACTION_AT, &m->action, 1u);
+    memcpy(payload + GOSHAWK_LEASE_REQUEST_SESSION_AT, &m->session, 4u);
+    memcpy(payload + GOSHAWK_LEASE_REQUEST_LINE_BYTES_PER_S_AT, &m->line_bytes_per_s, 4u);
+    memcpy(payload + GOSHAWK_LEASE_REQUEST_NAME_AT, m->name, 24u);
 }
 
 static inline void goshawk_lease_request_decode(goshawk_lease_request_msg *m, const uint8_t *payload, size_t length)
 {
+    uint8_t whole[GOSHAWK_LEASE_REQUEST_LENGTH] = {0};
+    memcpy(whole, payload, length < GOSHAWK_LEASE_REQUEST_LENGTH ? length : GOSHAWK_LEASE_REQUEST_LENGTH);
     memset(m, 0, sizeof *m);
-    memcpy(m, payload, length < GOSHAWK_LEASE_REQUEST_LENGTH ? length : GOSHAWK_LEASE_REQUEST_LENGTH);
+    memcpy(&m->nonce, whole + GOSHAWK_LEASE_REQUEST_NONCE_AT, 4u);
+    memcpy(&m->target_system, whole + GOSHAWK_LEASE_REQUEST_TARGET_SYSTEM_AT, 1u);
+    memcpy(&m->target_component, whole + GOSHAWK_LEASE_REQUEST_TARGET_COMPONENT_AT, 1u);
+    memcpy(&m->action, whole + GOSHAWK_LEASE_REQUEST_ACTION_AT, 1u);
+    memcpy(&m->session, whole + GOSHAWK_LEASE_REQUEST_SESSION_AT, 4u);
+    memcpy(&m->line_bytes_per_s, whole + GOSHAWK_LEASE_REQUEST_LINE_BYTES_PER_S_AT, 4u);
+    memcpy(m->name, whole + GOSHAWK_LEASE_REQUEST_NAME_AT, 24u);
 }
 
 /* Answer to a request. */
 #define GOSHAWK_LEASE_STATUS_ID 54031u
-#define GOSHAWK_LEASE_STATUS_LENGTH 10u
+#define GOSHAWK_LEASE_STATUS_LENGTH 39u
 #define GOSHAWK_LEASE_STATUS_CRC_EXTRA 34u
 typedef struct {
     uint32_t nonce; /* Of the request. */
     uint32_t left_ms; /* Until it ends. */
     uint8_t operator_system; /* Holder; 0 nobody. */
     uint8_t operator_component; /* Holder. */
+    uint32_t operator_session; /* Holder. */
+    uint8_t operator_link; /* Link id of the holder's signatures; 0 unsigned. */
+    char operator_name[24]; /* Holder; sent when somebody else asks. */
 } goshawk_lease_status_msg;
 enum {
     GOSHAWK_LEASE_STATUS_NONCE_AT = 0,
     GOSHAWK_LEASE_STATUS_LEFT_MS_AT = 4,
     GOSHAWK_LEASE_STATUS_OPERATOR_SYSTEM_AT = 8,
     GOSHAWK_LEASE_STATUS_OPERATOR_COMPONENT_AT = 9,
+    GOSHAWK_LEASE_STATUS_OPERATOR_SESSION_AT = 10,
+    GOSHAWK_LEASE_STATUS_OPERATOR_LINK_AT = 14,
+    GOSHAWK_LEASE_STATUS_OPERATOR_NAME_AT = 15,
 };
 
 static inline void goshawk_lease_status_encode(const goshawk_lease_status_msg *m, uint8_t payload[GOSHAWK_LEASE_STATUS_LENGTH])
 {
-    _Static_assert(offsetof(goshawk_lease_status_msg, operator_component) == GOSHAWK_LEASE_STATUS_OPERATOR_COMPONENT_AT, "no gaps");
-    memcpy(payload, m, GOSHAWK_LEASE_STATUS_LENGTH);
+    memcpy(payload + GOSHAWK_LEASE_STATUS_NONCE_AT, &m->nonce, 4u);
+    memcpy(payload + GOSHAWK_LEASE_STATUS_LEFT_MS_AT, &m->left_ms, 4u);
+    memcpy(payload + GOSHAWK_LEASE_STATUS_OPERATOR_SYSTEM_AT, &m->operator_system, 1u);
+    memcpy(payload + GOSHAWK_LEASE_STATUS_OPERATOR_COMPONENT_AT, &m->operator_component, 1u);
+    memcpy(payload + GOSHAWK_LEASE_STATUS_OPERATOR_SESSION_AT, &m->operator_session, 4u);
+    memcpy(payload + GOSHAWK_LEASE_STATUS_OPERATOR_LINK_AT, &m->operator_link, 1u);
+    memcpy(payload + GOSHAWK_LEASE_STATUS_OPERATOR_NAME_AT, m->operator_name, 24u);
 }
 
 static inline void goshawk_lease_status_decode(goshawk_lease_status_msg *m, const uint8_t *payload, size_t length)
 {
+    uint8_t whole[GOSHAWK_LEASE_STATUS_LENGTH] = {0};
+    memcpy(whole, payload, length < GOSHAWK_LEASE_STATUS_LENGTH ? length : GOSHAWK_LEASE_STATUS_LENGTH);
     memset(m, 0, sizeof *m);
-    memcpy(m, payload, length < GOSHAWK_LEASE_STATUS_LENGTH ? length : GOSHAWK_LEASE_STATUS_LENGTH);
+    memcpy(&m->nonce, whole + GOSHAWK_LEASE_STATUS_NONCE_AT, 4u);
+    memcpy(&m->left_ms, whole + GOSHAWK_LEASE_STATUS_LEFT_MS_AT, 4u);
+    memcpy(&m->operator_system, whole + GOSHAWK_LEASE_STATUS_OPERATOR_SYSTEM_AT, 1u);
+    memcpy(&m->operator_component, whole + GOSHAWK_LEASE_STATUS_OPERATOR_COMPONENT_AT, 1u);
+    memcpy(&m->operator_session, whole + GOSHAWK_LEASE_STATUS_OPERATOR_SESSION_AT, 4u);
+    memcpy(&m->operator_link, whole + GOSHAWK_LEASE_STATUS_OPERATOR_LINK_AT, 1u);
+    memcpy(m->operator_name, whole + GOSHAWK_LEASE_STATUS_OPERATOR_NAME_AT, 24u);
 }
 
 /* Some values of a set that is to be applied as a whole; every value has to be sent. */
 #define GOSHAWK_PARAMETERS_STAGE_ID 54040u
-#define GOSHAWK_PARAMETERS_STAGE_LENGTH 199u
+#define GOSHAWK_PARAMETERS_STAGE_LENGTH 203u
 #define GOSHAWK_PARAMETERS_STAGE_CRC_EXTRA 78u
 typedef struct {
     uint32_t transfer_id; /* New for every set; never 0. */
@@ -1731,6 +1828,7 @@ typedef struct {
     uint8_t target_system; /* Vehicle. */
     uint8_t target_component; /* Vehicle. */
     uint8_t group; /* Values 48 group to 48 group + 47. */
+    uint32_t session; /* Of the sender, as in its request for control. */
 } goshawk_parameters_stage_msg;
 enum {
     GOSHAWK_PARAMETERS_STAGE_TRANSFER_ID_AT = 0,
@@ -1738,47 +1836,70 @@ enum {
     GOSHAWK_PARAMETERS_STAGE_TARGET_SYSTEM_AT = 196,
     GOSHAWK_PARAMETERS_STAGE_TARGET_COMPONENT_AT = 197,
     GOSHAWK_PARAMETERS_STAGE_GROUP_AT = 198,
+    GOSHAWK_PARAMETERS_STAGE_SESSION_AT = 199,
 };
 
 static inline void goshawk_parameters_stage_encode(const goshawk_parameters_stage_msg *m, uint8_t payload[GOSHAWK_PARAMETERS_STAGE_LENGTH])
 {
-    _Static_assert(offsetof(goshawk_parameters_stage_msg, group) == GOSHAWK_PARAMETERS_STAGE_GROUP_AT, "no gaps");
-    memcpy(payload, m, GOSHAWK_PARAMETERS_STAGE_LENGTH);
+    memcpy(payload + GOSHAWK_PARAMETERS_STAGE_TRANSFER_ID_AT, &m->transfer_id, 4u);
+    memcpy(payload + GOSHAWK_PARAMETERS_STAGE_VALUES_AT, m->values, 192u);
+    memcpy(payload + GOSHAWK_PARAMETERS_STAGE_TARGET_SYSTEM_AT, &m->target_system, 1u);
+    memcpy(payload + GOSHAWK_PARAMETERS_STAGE_TARGET_COMPONENT_AT, &m->target_component, 1u);
+    memcpy(payload + GOSHAWK_PARAMETERS_STAGE_GROUP_AT, &m->group, 1u);
+    memcpy(payload + GOSHAWK_PARAMETERS_STAGE_SESSION_AT, &m->session, 4u);
 }
 
 static inline void goshawk_parameters_stage_decode(goshawk_parameters_stage_msg *m, const uint8_t *payload, size_t length)
 {
+    uint8_t whole[GOSHAWK_PARAMETERS_STAGE_LENGTH] = {0};
+    memcpy(whole, payload, length < GOSHAWK_PARAMETERS_STAGE_LENGTH ? length : GOSHAWK_PARAMETERS_STAGE_LENGTH);
     memset(m, 0, sizeof *m);
-    memcpy(m, payload, length < GOSHAWK_PARAMETERS_STAGE_LENGTH ? length : GOSHAWK_PARAMETERS_STAGE_LENGTH);
+    memcpy(&m->transfer_id, whole + GOSHAWK_PARAMETERS_STAGE_TRANSFER_ID_AT, 4u);
+    memcpy(m->values, whole + GOSHAWK_PARAMETERS_STAGE_VALUES_AT, 192u);
+    memcpy(&m->target_system, whole + GOSHAWK_PARAMETERS_STAGE_TARGET_SYSTEM_AT, 1u);
+    memcpy(&m->target_component, whole + GOSHAWK_PARAMETERS_STAGE_TARGET_COMPONENT_AT, 1u);
+    memcpy(&m->group, whole + GOSHAWK_PARAMETERS_STAGE_GROUP_AT, 1u);
+    memcpy(&m->session, whole + GOSHAWK_PARAMETERS_STAGE_SESSION_AT, 4u);
 }
 
 /* Apply the staged set if it is whole, its CRC fits and the controller accepts it. */
 #define GOSHAWK_PARAMETERS_COMMIT_ID 54041u
-#define GOSHAWK_PARAMETERS_COMMIT_LENGTH 10u
+#define GOSHAWK_PARAMETERS_COMMIT_LENGTH 14u
 #define GOSHAWK_PARAMETERS_COMMIT_CRC_EXTRA 168u
 typedef struct {
     uint32_t transfer_id; /* Of the set. */
     uint32_t crc32; /* CRC-32 of all values, little-endian float32 in table order. */
     uint8_t target_system; /* Vehicle. */
     uint8_t target_component; /* Vehicle. */
+    uint32_t session; /* Of the sender, as in its request for control. */
 } goshawk_parameters_commit_msg;
 enum {
     GOSHAWK_PARAMETERS_COMMIT_TRANSFER_ID_AT = 0,
     GOSHAWK_PARAMETERS_COMMIT_CRC32_AT = 4,
     GOSHAWK_PARAMETERS_COMMIT_TARGET_SYSTEM_AT = 8,
     GOSHAWK_PARAMETERS_COMMIT_TARGET_COMPONENT_AT = 9,
+    GOSHAWK_PARAMETERS_COMMIT_SESSION_AT = 10,
 };
 
 static inline void goshawk_parameters_commit_encode(const goshawk_parameters_commit_msg *m, uint8_t payload[GOSHAWK_PARAMETERS_COMMIT_LENGTH])
 {
-    _Static_assert(offsetof(goshawk_parameters_commit_msg, target_component) == GOSHAWK_PARAMETERS_COMMIT_TARGET_COMPONENT_AT, "no gaps");
-    memcpy(payload, m, GOSHAWK_PARAMETERS_COMMIT_LENGTH);
+    memcpy(payload + GOSHAWK_PARAMETERS_COMMIT_TRANSFER_ID_AT, &m->transfer_id, 4u);
+    memcpy(payload + GOSHAWK_PARAMETERS_COMMIT_CRC32_AT, &m->crc32, 4u);
+    memcpy(payload + GOSHAWK_PARAMETERS_COMMIT_TARGET_SYSTEM_AT, &m->target_system, 1u);
+    memcpy(payload + GOSHAWK_PARAMETERS_COMMIT_TARGET_COMPONENT_AT, &m->target_component, 1u);
+    memcpy(payload + GOSHAWK_PARAMETERS_COMMIT_SESSION_AT, &m->session, 4u);
 }
 
 static inline void goshawk_parameters_commit_decode(goshawk_parameters_commit_msg *m, const uint8_t *payload, size_t length)
 {
+    uint8_t whole[GOSHAWK_PARAMETERS_COMMIT_LENGTH] = {0};
+    memcpy(whole, payload, length < GOSHAWK_PARAMETERS_COMMIT_LENGTH ? length : GOSHAWK_PARAMETERS_COMMIT_LENGTH);
     memset(m, 0, sizeof *m);
-    memcpy(m, payload, length < GOSHAWK_PARAMETERS_COMMIT_LENGTH ? length : GOSHAWK_PARAMETERS_COMMIT_LENGTH);
+    memcpy(&m->transfer_id, whole + GOSHAWK_PARAMETERS_COMMIT_TRANSFER_ID_AT, 4u);
+    memcpy(&m->crc32, whole + GOSHAWK_PARAMETERS_COMMIT_CRC32_AT, 4u);
+    memcpy(&m->target_system, whole + GOSHAWK_PARAMETERS_COMMIT_TARGET_SYSTEM_AT, 1u);
+    memcpy(&m->target_component, whole + GOSHAWK_PARAMETERS_COMMIT_TARGET_COMPONENT_AT, 1u);
+    memcpy(&m->session, whole + GOSHAWK_PARAMETERS_COMMIT_SESSION_AT, 4u);
 }
 
 /* Answer to a stage or a commit. */
@@ -1870,58 +1991,59 @@ typedef struct {
     uint16_t id;
     uint8_t crc_extra;
     uint8_t length; /* of the whole payload, before zeros at its end are cut off */
-    uint8_t target; /* where target_system lies in the payload (target_component follows), or GOSHAWK_NO_TARGET */
+    uint8_t target;  /* where target_system lies in the payload (target_component follows), or GOSHAWK_NO_TARGET */
+    uint8_t session; /* where the sender's session lies, or GOSHAWK_NO_TARGET */
 } goshawk_dialect_row;
 
 /* All messages. For one file of a program: every file that calls this has the table. */
 static inline const goshawk_dialect_row *goshawk_dialect(void)
 {
     static const goshawk_dialect_row rows[GOSHAWK_DIALECT_ROWS] = {
-    {HEARTBEAT_ID, HEARTBEAT_CRC_EXTRA, HEARTBEAT_LENGTH, 255u},
-    {SYS_STATUS_ID, SYS_STATUS_CRC_EXTRA, SYS_STATUS_LENGTH, 255u},
-    {PING_ID, PING_CRC_EXTRA, PING_LENGTH, 12u},
-    {SET_MODE_ID, SET_MODE_CRC_EXTRA, SET_MODE_LENGTH, 4u},
-    {PARAM_REQUEST_READ_ID, PARAM_REQUEST_READ_CRC_EXTRA, PARAM_REQUEST_READ_LENGTH, 2u},
-    {PARAM_REQUEST_LIST_ID, PARAM_REQUEST_LIST_CRC_EXTRA, PARAM_REQUEST_LIST_LENGTH, 0u},
-    {PARAM_VALUE_ID, PARAM_VALUE_CRC_EXTRA, PARAM_VALUE_LENGTH, 255u},
-    {PARAM_SET_ID, PARAM_SET_CRC_EXTRA, PARAM_SET_LENGTH, 4u},
-    {ATTITUDE_QUATERNION_ID, ATTITUDE_QUATERNION_CRC_EXTRA, ATTITUDE_QUATERNION_LENGTH, 255u},
-    {LOCAL_POSITION_NED_ID, LOCAL_POSITION_NED_CRC_EXTRA, LOCAL_POSITION_NED_LENGTH, 255u},
-    {MISSION_REQUEST_LIST_ID, MISSION_REQUEST_LIST_CRC_EXTRA, MISSION_REQUEST_LIST_LENGTH, 0u},
-    {MISSION_COUNT_ID, MISSION_COUNT_CRC_EXTRA, MISSION_COUNT_LENGTH, 2u},
-    {MISSION_ACK_ID, MISSION_ACK_CRC_EXTRA, MISSION_ACK_LENGTH, 0u},
-    {COMMAND_INT_ID, COMMAND_INT_CRC_EXTRA, COMMAND_INT_LENGTH, 30u},
-    {COMMAND_LONG_ID, COMMAND_LONG_CRC_EXTRA, COMMAND_LONG_LENGTH, 30u},
-    {COMMAND_ACK_ID, COMMAND_ACK_CRC_EXTRA, COMMAND_ACK_LENGTH, 8u},
-    {TIMESYNC_ID, TIMESYNC_CRC_EXTRA, TIMESYNC_LENGTH, 16u},
-    {ALTITUDE_ID, ALTITUDE_CRC_EXTRA, ALTITUDE_LENGTH, 255u},
-    {BATTERY_STATUS_ID, BATTERY_STATUS_CRC_EXTRA, BATTERY_STATUS_LENGTH, 255u},
-    {AUTOPILOT_VERSION_ID, AUTOPILOT_VERSION_CRC_EXTRA, AUTOPILOT_VERSION_LENGTH, 255u},
-    {HOME_POSITION_ID, HOME_POSITION_CRC_EXTRA, HOME_POSITION_LENGTH, 255u},
-    {EXTENDED_SYS_STATE_ID, EXTENDED_SYS_STATE_CRC_EXTRA, EXTENDED_SYS_STATE_LENGTH, 255u},
-    {STATUSTEXT_ID, STATUSTEXT_CRC_EXTRA, STATUSTEXT_LENGTH, 255u},
-    {ESC_STATUS_ID, ESC_STATUS_CRC_EXTRA, ESC_STATUS_LENGTH, 255u},
-    {PROTOCOL_VERSION_ID, PROTOCOL_VERSION_CRC_EXTRA, PROTOCOL_VERSION_LENGTH, 255u},
-    {ODOMETRY_ID, ODOMETRY_CRC_EXTRA, ODOMETRY_LENGTH, 255u},
-    {GOSHAWK_STATE_ID, GOSHAWK_STATE_CRC_EXTRA, GOSHAWK_STATE_LENGTH, 255u},
-    {GOSHAWK_LOG_REQUEST_ID, GOSHAWK_LOG_REQUEST_CRC_EXTRA, GOSHAWK_LOG_REQUEST_LENGTH, 4u},
-    {GOSHAWK_LOG_INFO_ID, GOSHAWK_LOG_INFO_CRC_EXTRA, GOSHAWK_LOG_INFO_LENGTH, 255u},
-    {GOSHAWK_LOG_RECORD_ID, GOSHAWK_LOG_RECORD_CRC_EXTRA, GOSHAWK_LOG_RECORD_LENGTH, 255u},
-    {GOSHAWK_TRAJECTORY_BEGIN_ID, GOSHAWK_TRAJECTORY_BEGIN_CRC_EXTRA, GOSHAWK_TRAJECTORY_BEGIN_LENGTH, 18u},
-    {GOSHAWK_TRAJECTORY_SEGMENT_ID, GOSHAWK_TRAJECTORY_SEGMENT_CRC_EXTRA, GOSHAWK_TRAJECTORY_SEGMENT_LENGTH, 10u},
-    {GOSHAWK_TRAJECTORY_STATUS_ID, GOSHAWK_TRAJECTORY_STATUS_CRC_EXTRA, GOSHAWK_TRAJECTORY_STATUS_LENGTH, 255u},
-    {GOSHAWK_TRAJECTORY_COMMIT_ID, GOSHAWK_TRAJECTORY_COMMIT_CRC_EXTRA, GOSHAWK_TRAJECTORY_COMMIT_LENGTH, 12u},
-    {GOSHAWK_TRAJECTORY_RESULT_ID, GOSHAWK_TRAJECTORY_RESULT_CRC_EXTRA, GOSHAWK_TRAJECTORY_RESULT_LENGTH, 255u},
-    {GOSHAWK_TRAJECTORY_READ_ID, GOSHAWK_TRAJECTORY_READ_CRC_EXTRA, GOSHAWK_TRAJECTORY_READ_LENGTH, 6u},
-    {GOSHAWK_TRAJECTORY_SAMPLES_ID, GOSHAWK_TRAJECTORY_SAMPLES_CRC_EXTRA, GOSHAWK_TRAJECTORY_SAMPLES_LENGTH, 164u},
-    {GOSHAWK_MISSION_COMMAND_ID, GOSHAWK_MISSION_COMMAND_CRC_EXTRA, GOSHAWK_MISSION_COMMAND_LENGTH, 16u},
-    {GOSHAWK_MISSION_RESULT_ID, GOSHAWK_MISSION_RESULT_CRC_EXTRA, GOSHAWK_MISSION_RESULT_LENGTH, 255u},
-    {GOSHAWK_MISSION_STATUS_ID, GOSHAWK_MISSION_STATUS_CRC_EXTRA, GOSHAWK_MISSION_STATUS_LENGTH, 255u},
-    {GOSHAWK_LEASE_REQUEST_ID, GOSHAWK_LEASE_REQUEST_CRC_EXTRA, GOSHAWK_LEASE_REQUEST_LENGTH, 4u},
-    {GOSHAWK_LEASE_STATUS_ID, GOSHAWK_LEASE_STATUS_CRC_EXTRA, GOSHAWK_LEASE_STATUS_LENGTH, 255u},
-    {GOSHAWK_PARAMETERS_STAGE_ID, GOSHAWK_PARAMETERS_STAGE_CRC_EXTRA, GOSHAWK_PARAMETERS_STAGE_LENGTH, 196u},
-    {GOSHAWK_PARAMETERS_COMMIT_ID, GOSHAWK_PARAMETERS_COMMIT_CRC_EXTRA, GOSHAWK_PARAMETERS_COMMIT_LENGTH, 8u},
-    {GOSHAWK_PARAMETERS_RESULT_ID, GOSHAWK_PARAMETERS_RESULT_CRC_EXTRA, GOSHAWK_PARAMETERS_RESULT_LENGTH, 255u},
+    {HEARTBEAT_ID, HEARTBEAT_CRC_EXTRA, HEARTBEAT_LENGTH, 255u, 255u},
+    {SYS_STATUS_ID, SYS_STATUS_CRC_EXTRA, SYS_STATUS_LENGTH, 255u, 255u},
+    {PING_ID, PING_CRC_EXTRA, PING_LENGTH, 12u, 255u},
+    {SET_MODE_ID, SET_MODE_CRC_EXTRA, SET_MODE_LENGTH, 4u, 255u},
+    {PARAM_REQUEST_READ_ID, PARAM_REQUEST_READ_CRC_EXTRA, PARAM_REQUEST_READ_LENGTH, 2u, 255u},
+    {PARAM_REQUEST_LIST_ID, PARAM_REQUEST_LIST_CRC_EXTRA, PARAM_REQUEST_LIST_LENGTH, 0u, 255u},
+    {PARAM_VALUE_ID, PARAM_VALUE_CRC_EXTRA, PARAM_VALUE_LENGTH, 255u, 255u},
+    {PARAM_SET_ID, PARAM_SET_CRC_EXTRA, PARAM_SET_LENGTH, 4u, 255u},
+    {ATTITUDE_QUATERNION_ID, ATTITUDE_QUATERNION_CRC_EXTRA, ATTITUDE_QUATERNION_LENGTH, 255u, 255u},
+    {LOCAL_POSITION_NED_ID, LOCAL_POSITION_NED_CRC_EXTRA, LOCAL_POSITION_NED_LENGTH, 255u, 255u},
+    {MISSION_REQUEST_LIST_ID, MISSION_REQUEST_LIST_CRC_EXTRA, MISSION_REQUEST_LIST_LENGTH, 0u, 255u},
+    {MISSION_COUNT_ID, MISSION_COUNT_CRC_EXTRA, MISSION_COUNT_LENGTH, 2u, 255u},
+    {MISSION_ACK_ID, MISSION_ACK_CRC_EXTRA, MISSION_ACK_LENGTH, 0u, 255u},
+    {COMMAND_INT_ID, COMMAND_INT_CRC_EXTRA, COMMAND_INT_LENGTH, 30u, 255u},
+    {COMMAND_LONG_ID, COMMAND_LONG_CRC_EXTRA, COMMAND_LONG_LENGTH, 30u, 255u},
+    {COMMAND_ACK_ID, COMMAND_ACK_CRC_EXTRA, COMMAND_ACK_LENGTH, 8u, 255u},
+    {TIMESYNC_ID, TIMESYNC_CRC_EXTRA, TIMESYNC_LENGTH, 16u, 255u},
+    {ALTITUDE_ID, ALTITUDE_CRC_EXTRA, ALTITUDE_LENGTH, 255u, 255u},
+    {BATTERY_STATUS_ID, BATTERY_STATUS_CRC_EXTRA, BATTERY_STATUS_LENGTH, 255u, 255u},
+    {AUTOPILOT_VERSION_ID, AUTOPILOT_VERSION_CRC_EXTRA, AUTOPILOT_VERSION_LENGTH, 255u, 255u},
+    {HOME_POSITION_ID, HOME_POSITION_CRC_EXTRA, HOME_POSITION_LENGTH, 255u, 255u},
+    {EXTENDED_SYS_STATE_ID, EXTENDED_SYS_STATE_CRC_EXTRA, EXTENDED_SYS_STATE_LENGTH, 255u, 255u},
+    {STATUSTEXT_ID, STATUSTEXT_CRC_EXTRA, STATUSTEXT_LENGTH, 255u, 255u},
+    {ESC_STATUS_ID, ESC_STATUS_CRC_EXTRA, ESC_STATUS_LENGTH, 255u, 255u},
+    {PROTOCOL_VERSION_ID, PROTOCOL_VERSION_CRC_EXTRA, PROTOCOL_VERSION_LENGTH, 255u, 255u},
+    {ODOMETRY_ID, ODOMETRY_CRC_EXTRA, ODOMETRY_LENGTH, 255u, 255u},
+    {GOSHAWK_STATE_ID, GOSHAWK_STATE_CRC_EXTRA, GOSHAWK_STATE_LENGTH, 255u, 255u},
+    {GOSHAWK_LOG_REQUEST_ID, GOSHAWK_LOG_REQUEST_CRC_EXTRA, GOSHAWK_LOG_REQUEST_LENGTH, 4u, 255u},
+    {GOSHAWK_LOG_INFO_ID, GOSHAWK_LOG_INFO_CRC_EXTRA, GOSHAWK_LOG_INFO_LENGTH, 255u, 255u},
+    {GOSHAWK_LOG_RECORD_ID, GOSHAWK_LOG_RECORD_CRC_EXTRA, GOSHAWK_LOG_RECORD_LENGTH, 255u, 255u},
+    {GOSHAWK_TRAJECTORY_BEGIN_ID, GOSHAWK_TRAJECTORY_BEGIN_CRC_EXTRA, GOSHAWK_TRAJECTORY_BEGIN_LENGTH, 18u, 63u},
+    {GOSHAWK_TRAJECTORY_SEGMENT_ID, GOSHAWK_TRAJECTORY_SEGMENT_CRC_EXTRA, GOSHAWK_TRAJECTORY_SEGMENT_LENGTH, 10u, 255u},
+    {GOSHAWK_TRAJECTORY_STATUS_ID, GOSHAWK_TRAJECTORY_STATUS_CRC_EXTRA, GOSHAWK_TRAJECTORY_STATUS_LENGTH, 255u, 255u},
+    {GOSHAWK_TRAJECTORY_COMMIT_ID, GOSHAWK_TRAJECTORY_COMMIT_CRC_EXTRA, GOSHAWK_TRAJECTORY_COMMIT_LENGTH, 12u, 14u},
+    {GOSHAWK_TRAJECTORY_RESULT_ID, GOSHAWK_TRAJECTORY_RESULT_CRC_EXTRA, GOSHAWK_TRAJECTORY_RESULT_LENGTH, 255u, 255u},
+    {GOSHAWK_TRAJECTORY_READ_ID, GOSHAWK_TRAJECTORY_READ_CRC_EXTRA, GOSHAWK_TRAJECTORY_READ_LENGTH, 6u, 255u},
+    {GOSHAWK_TRAJECTORY_SAMPLES_ID, GOSHAWK_TRAJECTORY_SAMPLES_CRC_EXTRA, GOSHAWK_TRAJECTORY_SAMPLES_LENGTH, 164u, 255u},
+    {GOSHAWK_MISSION_COMMAND_ID, GOSHAWK_MISSION_COMMAND_CRC_EXTRA, GOSHAWK_MISSION_COMMAND_LENGTH, 16u, 19u},
+    {GOSHAWK_MISSION_RESULT_ID, GOSHAWK_MISSION_RESULT_CRC_EXTRA, GOSHAWK_MISSION_RESULT_LENGTH, 255u, 255u},
+    {GOSHAWK_MISSION_STATUS_ID, GOSHAWK_MISSION_STATUS_CRC_EXTRA, GOSHAWK_MISSION_STATUS_LENGTH, 255u, 255u},
+    {GOSHAWK_LEASE_REQUEST_ID, GOSHAWK_LEASE_REQUEST_CRC_EXTRA, GOSHAWK_LEASE_REQUEST_LENGTH, 4u, 7u},
+    {GOSHAWK_LEASE_STATUS_ID, GOSHAWK_LEASE_STATUS_CRC_EXTRA, GOSHAWK_LEASE_STATUS_LENGTH, 255u, 255u},
+    {GOSHAWK_PARAMETERS_STAGE_ID, GOSHAWK_PARAMETERS_STAGE_CRC_EXTRA, GOSHAWK_PARAMETERS_STAGE_LENGTH, 196u, 199u},
+    {GOSHAWK_PARAMETERS_COMMIT_ID, GOSHAWK_PARAMETERS_COMMIT_CRC_EXTRA, GOSHAWK_PARAMETERS_COMMIT_LENGTH, 8u, 10u},
+    {GOSHAWK_PARAMETERS_RESULT_ID, GOSHAWK_PARAMETERS_RESULT_CRC_EXTRA, GOSHAWK_PARAMETERS_RESULT_LENGTH, 255u, 255u},
     };
     return rows;
 }

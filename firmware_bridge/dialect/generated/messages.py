@@ -849,8 +849,8 @@ class TrajectoryBegin(Message):
 
     ID: ClassVar[int] = 54010
     CRC_EXTRA: ClassVar[int] = 54
-    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IIIfHBBBBB8B8B24s")
-    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 8, 8, -1)
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IIIfHBBBBB8B8B24sI")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 8, 8, -1, 0)
     transfer_id: int = 0
     """Chosen by the sender, new for every upload; never 0."""
     trajectory_id: int = 0
@@ -877,6 +877,8 @@ class TrajectoryBegin(Message):
     """First bytes of the vehicle's hash."""
     name: str = ""
     """Zero-padded."""
+    session: int = 0
+    """Of the sender, as in its request for control."""
 
 
 @dataclass(slots=True)
@@ -933,8 +935,8 @@ class TrajectoryCommit(Message):
 
     ID: ClassVar[int] = 54013
     CRC_EXTRA: ClassVar[int] = 180
-    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IIIBB")
-    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0)
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IIIBBI")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0, 0)
     transfer_id: int = 0
     """Of the transfer."""
     trajectory_id: int = 0
@@ -945,6 +947,8 @@ class TrajectoryCommit(Message):
     """Vehicle."""
     target_component: int = 0
     """Vehicle."""
+    session: int = 0
+    """Of the sender, as in its request for control."""
 
 
 @dataclass(slots=True)
@@ -1013,8 +1017,8 @@ class MissionCommand(Message):
 
     ID: ClassVar[int] = 54020
     CRC_EXTRA: ClassVar[int] = 90
-    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IIIfBBB")
-    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0, 0, 0)
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IIIfBBBI")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0, 0, 0, 0)
     request_id: int = 0
     """New for every order; never 0."""
     trajectory_id: int = 0
@@ -1029,6 +1033,8 @@ class MissionCommand(Message):
     """Vehicle."""
     command: int = 0
     """GOSHAWK_COMMAND."""
+    session: int = 0
+    """Of the sender, as in its request for control."""
 
 
 @dataclass(slots=True)
@@ -1097,8 +1103,8 @@ class LeaseRequest(Message):
 
     ID: ClassVar[int] = 54030
     CRC_EXTRA: ClassVar[int] = 167
-    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IBBB")
-    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0)
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IBBBII24s")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0, 0, -1)
     nonce: int = 0
     """Returned in the answer."""
     target_system: int = 0
@@ -1106,7 +1112,13 @@ class LeaseRequest(Message):
     target_component: int = 0
     """Vehicle."""
     action: int = 0
-    """0 give back, 1 take if free or renew, 2 take over."""
+    """0 give back, 1 take if free or renew, 2 take over, 3 only ask and report."""
+    session: int = 0
+    """Drawn at random by every start of a station: the operator is known by it. 0: a standard station, known by its ids."""
+    line_bytes_per_s: int = 0
+    """What the line to this station was measured to carry; 0 no limit found."""
+    name: str = ""
+    """Of the station, for people; when it takes control."""
 
 
 @dataclass(slots=True)
@@ -1115,8 +1127,8 @@ class LeaseStatus(Message):
 
     ID: ClassVar[int] = 54031
     CRC_EXTRA: ClassVar[int] = 34
-    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IIBB")
-    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0)
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IIBBIB24s")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0, 0, -1)
     nonce: int = 0
     """Of the request."""
     left_ms: int = 0
@@ -1125,6 +1137,12 @@ class LeaseStatus(Message):
     """Holder; 0 nobody."""
     operator_component: int = 0
     """Holder."""
+    operator_session: int = 0
+    """Holder."""
+    operator_link: int = 0
+    """Link id of the holder's signatures; 0 unsigned."""
+    operator_name: str = ""
+    """Holder; sent when somebody else asks."""
 
 
 @dataclass(slots=True)
@@ -1133,8 +1151,8 @@ class ParametersStage(Message):
 
     ID: ClassVar[int] = 54040
     CRC_EXTRA: ClassVar[int] = 78
-    STRUCT: ClassVar[struct.Struct] = struct.Struct("<I48fBBB")
-    ARRAYS: ClassVar[tuple[int, ...]] = (0, 48, 0, 0, 0)
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<I48fBBBI")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 48, 0, 0, 0, 0)
     transfer_id: int = 0
     """New for every set; never 0."""
     values: tuple[float, ...] = (0.0,) * 48
@@ -1145,6 +1163,8 @@ class ParametersStage(Message):
     """Vehicle."""
     group: int = 0
     """Values 48 group to 48 group + 47."""
+    session: int = 0
+    """Of the sender, as in its request for control."""
 
 
 @dataclass(slots=True)
@@ -1153,8 +1173,8 @@ class ParametersCommit(Message):
 
     ID: ClassVar[int] = 54041
     CRC_EXTRA: ClassVar[int] = 168
-    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IIBB")
-    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0)
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IIBBI")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0)
     transfer_id: int = 0
     """Of the set."""
     crc32: int = 0
@@ -1163,6 +1183,8 @@ class ParametersCommit(Message):
     """Vehicle."""
     target_component: int = 0
     """Vehicle."""
+    session: int = 0
+    """Of the sender, as in its request for control."""
 
 
 @dataclass(slots=True)

@@ -15,10 +15,17 @@ from goshawk.terminal import console, outputs
 @console.path_option("--trajectory", "trajectory_file", "Refuse to fly unless this is the vehicle's active trajectory.")
 @console.url_option
 @console.key_option
+@console.take_over_option
 @outputs.overwrite_option
 @console.common_options
 def command(
-    out: Path, trajectory_file: Path | None, url: str, key_file: Path | None, overwrite: bool, as_json: bool
+    out: Path,
+    trajectory_file: Path | None,
+    url: str,
+    key_file: Path | None,
+    take_over: bool,
+    overwrite: bool,
+    as_json: bool,
 ) -> None:
     """Fly the vehicle's active trajectory, and write the flight log.
 
@@ -35,7 +42,7 @@ def command(
         firmware_bridge.connect(url, key=key_file) as link,
         console.progress() as report,
     ):
-        link.take_control()
+        link.take_control(force=take_over)
         log = link.fly(item, progress=report, cancel=cancel)
     with outputs.file(out, overwrite=overwrite) as temporary:
         flight_log.save(temporary, log)

@@ -74,6 +74,7 @@ def get(names: tuple[str, ...], url: str, key_file: Path | None, as_json: bool) 
 @console.yes_option
 @console.url_option
 @console.key_option
+@console.take_over_option
 @console.common_options
 def set_(
     assignments: tuple[str, ...],
@@ -82,6 +83,7 @@ def set_(
     yes: bool,
     url: str,
     key_file: Path | None,
+    take_over: bool,
     as_json: bool,
 ) -> None:
     """Set parameters, all of them or none; the changes are shown first.
@@ -104,6 +106,7 @@ def set_(
             console.table("", ("name", "vehicle has", "will have", "unit"), rows)
         if rows and not dry_run:
             console.confirm("Set these?", yes=yes, as_json=as_json)
+            link.take_control(force=take_over)
             link.set_parameters({name: after for name, (_, after) in changed.items()})
     document = {
         "vehicle": url,

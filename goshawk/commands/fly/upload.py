@@ -17,6 +17,7 @@ from goshawk.terminal import console
 @click.argument("trajectory_file", metavar="TRAJECTORY", type=click.Path(path_type=Path))
 @console.url_option
 @console.key_option
+@console.take_over_option
 @console.path_option("--map", "map_folder", "Map folder: refuse unless it was checked in this map.")
 @console.path_option(
     "--vehicle",
@@ -34,6 +35,7 @@ def command(
     map_folder: Path | None,
     vehicle_file: Path | None,
     other_parameters: bool,
+    take_over: bool,
     as_json: bool,
 ) -> None:
     """Send TRAJECTORY to the vehicle, commit it, read it back and compare.
@@ -72,6 +74,7 @@ def command(
                     f"{said}; run `goshawk params set --vehicle {vehicle_file}` first, or give --other-parameters"
                 )
             click.echo(f"warning: {said}", err=True)
+        link.take_control(force=take_over)
         outcome = link.upload(item, map_hash=map_hash, vehicle_hash=vehicle_hash, progress=report, cancel=cancel)
         line = link.statistics
     facts = {

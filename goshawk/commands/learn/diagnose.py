@@ -11,18 +11,16 @@ import numpy as np
 
 import vehicle
 from flight import FlightLog, InputError
-from goshawk.commands.learn import fit_options, kept, what_next
+from goshawk.commands.learn import diagnosis_screen, fit_options, kept, what_next
 from goshawk.commands.learn.flights import load, refuse_repeated
 from goshawk.commands.learn.what_next import DiagnoseCall
 from goshawk.terminal import console, outputs
-from goshawk.terminal.screen import Screen
-from sysid.diagnosis import CandidateFinding, Diagnosis, Size, diagnose
+from sysid.diagnosis import Diagnosis, diagnose
 from sysid.diagnosis.experiment_design import next_flight
 from sysid.diagnosis.experiment_design.outlook import Outlook, outlook
 from sysid.estimator.verdict import Use
 from sysid.report import diagnosis_figures as figures
 from sysid.report import diagnosis_page as report
-from sysid.report import residual_plots, words
 
 KIND = "diagnosis"
 _OUT = Path("OUT.toml")
@@ -47,6 +45,7 @@ _OUT = Path("OUT.toml")
 @console.columns_option
 @console.path_option("--report", "report_file", "HTML page to write: verdict, evidence and figures in one file.")
 @console.path_option("--plots", "plots", "Folder for figures (SVG).")
+@click.option("--details", is_flag=True, help="Also print every candidate, attempt and note.")
 @console.common_options
 def command(
     flights: tuple[Path, ...],
@@ -60,6 +59,7 @@ def command(
     columns: Path | None,
     report_file: Path | None,
     plots: Path | None,
+    details: bool,
     as_json: bool,
 ) -> int:
     """Find the effect that the vehicle model lacks on FLIGHTS, its size and the confidence.
@@ -79,6 +79,8 @@ def command(
 
     If a free curve explains more than any candidate, the verdict is "no known effect", with the force or torque and
     the variable that it depends on.
+
+    --details prints all candidates, also later: the diagnosis is kept, and the same call reads it.
 
     Hold out whole flights (--held-out), preferably of another kind; without them flights are cross-validated. One
     step adds at most one effect; --auto repeats it. A few flights of half a minute take about a minute.
@@ -119,6 +121,8 @@ def command(
         console.show("", {}, as_json=True, document=document)
         return 0 if usable else 1
     result.screen.show()
+    if details:
+        result.details.show()
     for line in further:
         click.echo(f"next: {line}")
     for path in (written, files["report"], *files["figures"]):
@@ -140,7 +144,8 @@ def _result(found: Diagnosis, outlooks: Mapping[str, Outlook], call: DiagnoseCal
     more = {fate: what_next.lines(found, each, outlooks) for fate, each in fates.items()} | {"in_doubt": in_doubt}
     more |= kept.about(call.flights, call.vehicle_file)
     document = found.as_dict() | {"outlook": {name: view.as_dict() for name, view in outlooks.items()}}
-    return kept.Kept(document, _screen(found, outlooks), found.vehicle, more)
+    details = diagnosis_screen.details(found, outlooks)
+    return kept.Kept(document, diagnosis_screen.short(found), found.vehicle, more, details)
 
 
 def _further(result: kept.Kept, written: Path | None, refused: Path | None) -> list[str]:
@@ -171,74 +176,3 @@ def _write(
         with outputs.pictures(plots, overwrite=overwrite) as drawn:
             placed = [str(drawn.placed(figure)) for figure in figures.write(found, drawn.temporary)]
     return {"report": report_file and str(report_file), "figures": placed}
-
-
-def _screen(found: Diagnosis, outlooks: Mapping[str, Outlook]) -> Screen:
-    screen = Screen()
-    of = "" if found.says_missing else " that nothing is missing within the flown envelope"
-    screen.line(f"{found.verdict} (confidence {found.confidence:.0%}{of})")
-    screen.line(f"  {found.belief.sentence(named=found.says_missing)}")
-    screen.line(f"  {found.envelope.sentence}")
-    screen.line(f"  the fit is {found.fit_verdict.sentence}")
-    for attempt in found.attempts:
-        screen.line(f"  {attempt.name} {attempt.sentence}")
-    if found.outside is not None:
-        screen.line(f"  outside the catalogue: {outside_sentence(found)}")
-    _staircase(screen, found)
-    heads = ("candidate", "verdict", "parameter", "size ± sigma", "excl. >", "detectable >", "mm", "confidence")
-    screen.table(
-        "candidate effects (mm: position error that the effect causes within 0.5 s)",
-        heads,
-        [row for s in found.candidates for row in _rows(s)],
-    )
-    alike = [(s.name, ", ".join(f"{n} ({share:.0%})" for n, share in s.confounded)) for s in found.candidates]
-    if any(names for _, names in alike):
-        screen.table("confounded effects in these flights", ("candidate", "collinear with"), [a for a in alike if a[1]])
-    reasons = [
-        (s.name, f"{s.reason}; {outlooks[s.name].sentence}" if s.name in outlooks else s.reason)
-        for s in found.candidates
-        if s.verdict == "inconclusive"
-    ]
-    reasons += [(name, f"unobservable: {why}") for name, why in found.invisible]
-    if reasons:
-        screen.table("inconclusive from these flights, and why", ("effect", "reason"), reasons)
-    for finding in found.findings:
-        screen.line(f"note: {finding}")
-    return screen
-
-
-def outside_sentence(found: Diagnosis) -> str:
-    """A sentence on the curve that no known effect explains."""
-    o = found.outside
-    assert o is not None
-    scale, unit = residual_plots.unit(o.channel)
-    curve = scale * o.acceleration * o.force_or_torque
-    return (
-        f"{words.channel(o.channel)} ({o.channel}) follows {words.variable(o.variable)} ({o.variable}), "
-        f"from {curve.min():.2g} to {curve.max():.2g} {unit} over "
-        f"{o.at[0]:.3g} to {o.at[-1]:.3g} {o.variable_unit} (confidence {o.confidence:.0%})"
-    )
-
-
-def _staircase(screen: Screen, found: Diagnosis) -> None:
-    horizons = list(found.staircase[0].position_m)
-    on = ", ".join(found.held_out) if found.held_out else "the training flights (none was held out)"
-    rows = [(s.model, *(f"{1000.0 * s.position_m[h]:.1f}" for h in horizons)) for s in found.staircase]
-    screen.table(f"position error (mm, rms) on {on}", ("model", *(f"after {h}" for h in horizons)), rows)
-
-
-def _rows(candidate: CandidateFinding) -> list[tuple[str, ...]]:
-    """One line per parameter; the values of the candidate as a whole are in the first."""
-    heads = ((candidate.name, candidate.verdict), *((("", ""),) * (len(candidate.sizes) - 1)))
-    whole = (f"{1000.0 * candidate.error_m:.1f}", f"{candidate.confidence:.0%}")
-    return [
-        (*head, size.parameter.split(".")[-1], *_size(size), *(whole if head[0] else ("", "")))
-        for head, size in zip(heads, candidate.sizes, strict=True)
-    ]
-
-
-def _size(size: Size) -> tuple[str, str, str]:
-    """Size with sigma, upper bound, smallest detectable size; the unit is in the parameter's name."""
-    if size.sigma == 0.0:
-        return "not flown", "", ""
-    return f"{size.value:.3g} ± {size.sigma:.1g}", f"{size.excluded_above:.2g}", f"{size.smallest_visible:.2g}"

@@ -7,7 +7,7 @@ import sysid
 from firmware_bridge.airborne import in_the_air
 from flight import FlightLog, InputError, file_format
 from goshawk.terminal import console
-from sysid.logs.reading import DRAFTED
+from sysid.logs.reading import DRAFTED, read_joined
 
 
 def load(path: Path, columns: Path | None = None) -> FlightLog:
@@ -23,9 +23,13 @@ def load(path: Path, columns: Path | None = None) -> FlightLog:
     return in_the_air(log, str(path)) if log.has("mission_state") else log
 
 
-def read(path: Path, columns: Path | None = None) -> FlightLog:
-    """A log as it is; where its columns were drafted on the spot, the draft is shown."""
-    log = sysid.read_log(path, columns)
+def read(path: Path, columns: Path | None = None, *, imu: Path | None = None) -> FlightLog:
+    """A log as it is; where its columns were drafted on the spot, the draft is shown.
+
+    Args:
+        imu: a second file of the same clock, from which the IMU comes.
+    """
+    log = sysid.read_log(path, columns) if imu is None else read_joined(path, imu, columns)
     for sentence in log.metadata.get(DRAFTED, ()):
         console.note(f"{path}, drafted {sentence}")
     if DRAFTED in log.metadata:

@@ -19,7 +19,7 @@ from goshawk.terminal.screen import Screen
 from vehicle import Vehicle
 
 FOLDER = "learned"
-FORMAT, VERSION = "goshawk-kept-result", 1
+FORMAT, VERSION = "goshawk-kept-result", 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +33,8 @@ class Kept:
     """The fitted vehicle."""
     more: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """What the next verbs need besides."""
+    details: Screen = field(default_factory=Screen)
+    """What is printed on request."""
 
 
 def key(flights: Sequence[Iterable[Path]], columns: Path | None, vehicles: Iterable[Path], options: object) -> str:
@@ -100,11 +102,11 @@ def read(file: Path) -> tuple[str, Kept] | None:
     try:
         body = file_format.read_json(file, format=FORMAT, version=VERSION)
         learned = file.with_suffix(".toml")
-        parts = Screen(body["screen"])
+        parts, details = Screen(body["screen"]), Screen(body["details"])
         fitted = vehicle.load(learned) if body["vehicle"] else None
         if fitted is not None and vehicle.vehicle_hash(fitted) != body["vehicle"]:
             return None  # somebody changed the file: it is no result of these flights any more
-        return body["key"], Kept(body["document"], parts, fitted, body["more"])
+        return body["key"], Kept(body["document"], parts, fitted, body["more"], details)
     except (FlightError, OSError, KeyError, TypeError):
         return None
 
@@ -118,6 +120,7 @@ def keep(kind: str, flight: Path, key: str, result: Kept) -> None:
         "screen": result.screen.parts,
         "vehicle": None if result.vehicle is None else vehicle.vehicle_hash(result.vehicle),
         "more": result.more,
+        "details": result.details.parts,
     }
     try:
         if result.vehicle is not None:

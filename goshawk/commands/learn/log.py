@@ -31,8 +31,8 @@ def command() -> None:
     goshawk log show demo-out/flights/walk.parquet
     goshawk log check flight.csv --columns columns.toml --vehicle vehicle.toml
 
-    A log is Goshawk's own (.parquet), PX4's (.ulg) or ArduPilot's (.BIN, .log). The columns of a CSV or a ROS recording
-    are drafted, and told; --columns corrects them.
+    Logs of PX4, ArduPilot, Betaflight, INAV, Crazyflie, ROS, EuRoC and TUM are told by their content. Columns of CSV
+    and topics of ROS are drafted, and told; --columns corrects them.
     """
 
 

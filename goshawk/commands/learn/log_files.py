@@ -47,28 +47,43 @@ def export(
 
 
 @click.command("import")
-@flight_argument
+@click.argument("flight", type=click.Path(path_type=Path), required=False)
+@console.path_option("--pose", "pose", "In place of FLIGHT: the file of the poses ...")
+@console.path_option("--imu", "imu", "... and that of the IMU, stamped by the same clock.")
 @console.path_option("--out", "out", "Flight log (.parquet) to write.", required=True)
 @console.columns_option
 @click.option("--full-throttle", "full_rpm", type=float, help="Rotor speed at full throttle, rpm.")
 @outputs.overwrite_option
 @console.common_options
 def bring(
-    flight: Path, out: Path, columns: Path | None, full_rpm: float | None, overwrite: bool, as_json: bool
+    flight: Path | None,
+    pose: Path | None,
+    imu: Path | None,
+    out: Path,
+    columns: Path | None,
+    full_rpm: float | None,
+    overwrite: bool,
+    as_json: bool,
 ) -> None:
     """Write another program's log in Goshawk's own format, as it is.
 
     \b
     goshawk log import flight.ulg --out flight.parquet
     goshawk log import LOG00001.BFL --full-throttle 24000 --out flight.parquet
+    goshawk log import --pose poses.tum --imu imu.csv --out flight.parquet
 
     `goshawk log fix` does the same and applies the fixes that its checks propose.
     """
     if out.suffix != ".parquet":
         raise InputError(f"--out {out}: our own format is written; call it {out.stem}.parquet")
-    log_outputs.require_others(flight, out)
+    if (flight is None) == (pose is None and imu is None) or (pose is None) != (imu is None):
+        raise click.UsageError("give FLIGHT, or both --pose FILE and --imu FILE")
+    first = flight or pose
+    assert first is not None
+    for source in (first, imu or first):
+        log_outputs.require_others(source, out)
     outputs.check(out, overwrite=overwrite)
-    log = flights.read(flight, columns)
+    log = flights.read(first, columns, imu=imu)
     if full_rpm is not None:
         log = with_command_speeds(log, full_rpm * RAD_S_PER_RPM)
     with outputs.file(out, overwrite=overwrite) as temporary:

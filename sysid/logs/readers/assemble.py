@@ -23,7 +23,9 @@ def columns(quantity: str, values: FloatArray) -> Stream:
     return dict(zip(COLUMNS[quantity], values.T, strict=True))
 
 
-def assembled(path: Path, streams: Mapping[str, Stream], notes: Sequence[str] = (), lost: str = "") -> FlightLog:
+def assembled(
+    path: Path, streams: Mapping[str, Stream], notes: Sequence[str] = (), lost: str = "", *, own_clock: bool = False
+) -> FlightLog:
     """One log; its rows are the instants of the position, without one of the attitude, the gyro or the accelerometer.
 
     Rows whose stamps go back or repeat are left out and counted. Rotor speeds keep their own rows.
@@ -32,6 +34,7 @@ def assembled(path: Path, streams: Mapping[str, Stream], notes: Sequence[str] = 
         streams: by their first quantity; each has `time_s` and the columns of one or more quantities.
         notes: what the reader took from the file, one sentence each; kept in the metadata under `read`.
         lost: what of the file could not be read, in one sentence.
+        own_clock: keep the recorder's times; else the first row is at 0 s.
 
     Raises:
         InputError: no stream shows motion, or the attitude and the position share no time.
@@ -57,7 +60,8 @@ def assembled(path: Path, streams: Mapping[str, Stream], notes: Sequence[str] = 
         base |= interpolated(base["time_s"], stream)
     for stream in rotors:
         base = joined(base, stream)
-    base["time_s"] = base["time_s"] - base["time_s"][0]
+    if not own_clock:
+        base["time_s"] = base["time_s"] - base["time_s"][0]
     return FlightLog(base, metadata(path, notes, lost, wrong))
 
 

@@ -8,12 +8,14 @@ import json
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from flight import FormatError, InputError
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
+from sysid.logs.readers import known_names
 from sysid.logs.readers.read_csv import FORMAT, SEPARATORS, VERSION, header_names
 
 ROWS = 20_000
@@ -24,24 +26,30 @@ _UNITS = {
     "mps": "m/s", "ms1": "m/s", "cmps": "cm/s", "mmps": "mm/s", "radps": "rad/s", "rads": "rad/s", "degps": "deg/s",
     "degs": "deg/s", "dps": "deg/s", "rpm": "rpm", "mps2": "m/s2", "ms2": "m/s2", "mss": "m/s2", "mm": "mm",
     "cm": "cm", "deg": "deg", "rad": "rad", "us": "us", "ns": "ns", "ms": "ms", "sec": "s", "seconds": "s", "s": "s",
-    "m": "m", "g": "g", "mv": "mV", "v": "V", "volt": "V", "volts": "V",
+    "rads1": "rad/s", "m": "m", "g": "g", "mv": "mV", "v": "V", "volt": "V", "volts": "V",
 }  # fmt: skip
 _TIME = re.compile(r"(time|timestamp|stamp|t|time_boot|timestamp_sample|clock)$")
+_OF = r"(?:_[a-z]{2}(?:_[a-z])?)?_?"
+"""Of which frames, as EuRoC writes (`p_RS_R_x`)."""
+_BIAS = re.compile(r"(^|_)(b|bias)_")
 _ASKED = r"(?P<asked>(?:ref|sp|setpoint|set|des|desired|target|cmd|command)_)?"
 _PATTERNS = (
     # quantity, its name with component c
-    ("q_world_body", _ASKED + r"(?:q|quat|quaternion|orientation|attitude|att|rot)_?(?P<c>[wxyz0-3])$"),
+    ("q_world_body", _ASKED + r"(?:q|quat|quaternion|orientation|attitude|att|rot)" + _OF + r"(?P<c>[wxyz0-3])$"),
     ("q_world_body", _ASKED + r"(?P<c>roll|pitch|yaw|phi|theta|psi)$"),
-    ("velocity_world_m_s", _ASKED + r"(?:v|vel|velocity)_?(?P<c>[xyz])$"),
-    ("rate_body_rad_s", r"(?:gyro|gyr|w|omega|rate|rates|ang_?vel|angular_?velocity|body_?rate)_?(?P<c>[xyz])$"),
+    ("velocity_world_m_s", _ASKED + r"(?:v|vel|velocity)" + _OF + r"(?P<c>[xyz])$"),
+    (
+        "rate_body_rad_s",
+        r"(?:gyro|gyr|w|omega|rate|rates|ang_?vel|angular_?velocity|body_?rate)" + _OF + r"(?P<c>[xyz])$",
+    ),
     ("rate_body_rad_s", r"(?P<c>[pqr])$"),
-    ("specific_force_body_m_s2", r"(?:a|acc|accel|accelerometer|acceleration|specific_force)_?(?P<c>[xyz])$"),
+    ("specific_force_body_m_s2", r"(?:a|acc|accel|accelerometer|acceleration|specific_force)" + _OF + r"(?P<c>[xyz])$"),
     ("rotor_speed_command_rad_s", r"(?:rotor_speed|motor_speed|rotor|motor|rpm)_?(?:cmd|command|ref)_?(?P<c>[0-4])$"),
     (
         "rotor_speed_rad_s",
         r"(?:m|mot|motor|rotor|prop|esc|rpm|erpm|rotor_?speed|motor_?speed|motor_?rpm)_?(?P<c>[0-4])$",
     ),
-    ("position_world_m", _ASKED + r"(?:p|pos|position)?_?(?P<c>[xyz])$"),
+    ("position_world_m", _ASKED + r"(?:p|pos|position)?" + _OF + r"(?P<c>[xyz])$"),
 )
 _ORDER = {"roll": 0, "phi": 0, "pitch": 1, "theta": 1, "yaw": 2, "psi": 2, "w": -1, "p": 0, "q": 1, "r": 2}
 _PWM = re.compile(r"(^|_)(pwm|motor_m)")
@@ -55,14 +63,14 @@ class Guess:
     name: str
     """`time`, a quantity, or a scalar."""
     columns: list[str]
-    entries: dict[str, str] = field(default_factory=dict)
+    entries: dict[str, Any] = field(default_factory=dict)
     """Further keys, as unit."""
     reasons: list[str] = field(default_factory=list)
 
     @property
     def sentence(self) -> str:
         """What was taken for what, without the reasons."""
-        keys = [f"{key} {value}" if key == "unit" else value for key, value in self.entries.items() if key != "topic"]
+        keys = [f"{key} {value}" if key != "order" else value for key, value in self.entries.items() if key != "topic"]
         return f"{self.name}: {', '.join([*(self.columns or [self.entries.get('topic', '')]), *keys])}"
 
 
@@ -85,13 +93,20 @@ def draft(path: Path) -> Draft:
     """
     separator, why, table = _table(Path(path))
     time = _time(table, path)
-    groups = _groups([name for name in table if name != time.columns[0]])
-    guesses = [time]
+    known = [
+        Guess(quantity, list(columns), dict(keys), [f"by their names, {', '.join(columns)}, which say the unit"])
+        for quantity, (columns, keys) in known_names.found(table).items()
+    ]
+    used = {time.columns[0]} | {name for guess in known for name in guess.columns}
+    groups = _groups([name for name in table if name not in used])
+    groups = {quantity: columns for quantity, columns in groups.items() if quantity not in {g.name for g in known}}
+    guesses = []
     for quantity, columns in groups.items():
         guess = Guess(quantity, list(columns.values()))
         _describe(guess, list(columns), table)
         guesses.append(guess)
-    _frames(guesses, table)
+    _frames(guesses, table, down=any(guess.entries.get("frame") == "z down" for guess in known))
+    guesses = [time, *known, *guesses]
     guesses += _scalars(table, {name for guess in guesses for name in guess.columns})
     used = {name for guess in guesses for name in guess.columns}
     keep = next((n for n in table if n not in used and _is_flag(n, table[n])), None)
@@ -155,9 +170,9 @@ def _is_number(text: str) -> bool:
 def _base(name: str) -> tuple[str, str]:
     """A column's name in small letters without its unit, and the unit it names (empty: none)."""
     plain = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
-    if found := re.search(r"[\[(]\s*([a-z0-9/^ .°]+?)\s*[\])]$", plain):
+    if found := re.search(r"[\[(]\s*([a-z0-9/^ .°-]*?)\s*[\])]$", plain):
         unit = _UNITS.get(re.sub(r"[^a-z0-9]", "", found[1].replace("°", "deg")), "")
-        if unit:
+        if unit or not found[1]:
             return _joined(plain[: found.start()]), unit
     plain = _joined(plain)
     for words in (2, 1):  # `_m_s` before `_s`
@@ -203,7 +218,7 @@ def _groups(names: list[str]) -> dict[str, dict[str, str]]:
         base = _base(name)[0]
         for number, (quantity, pattern) in enumerate(_PATTERNS):
             match = re.search(r"(?:^|_)" + pattern, base)
-            if match is None or ("rotor" in quantity and _PWM.search(base)):
+            if match is None or ("rotor" in quantity and _PWM.search(base)) or _BIAS.search(base):
                 continue
             groups = match.groupdict()
             if groups.get("asked"):
@@ -289,10 +304,10 @@ def _attitude(guess: Guess, components: list[str], values: FloatArray, told: str
     )
 
 
-def _frames(guesses: list[Guess], table: dict[str, FloatArray]) -> None:
+def _frames(guesses: list[Guess], table: dict[str, FloatArray], *, down: bool) -> None:
     """z up, or z down where the vehicle would fly below the ground or gravity would pull up."""
     by_name = {guess.name: guess for guess in guesses}
-    downward = ""
+    downward = "as north, east and down" if down else ""
     if (position := by_name.get("position_world_m")) is not None:
         z = table[position.columns[2]]
         low, high = np.nanpercentile(z, [5.0, 95.0])

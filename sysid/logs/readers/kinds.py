@@ -4,7 +4,7 @@ import gzip
 import zlib
 from pathlib import Path
 
-from sysid.logs.readers import blackbox, dataflash
+from sysid.logs.readers import blackbox, dataflash, read_poses, read_tlog, read_usdlog
 
 LOOKED_AT = 1 << 16
 """Bytes from the beginning that are looked at."""
@@ -20,18 +20,21 @@ _ENDINGS = (
     ((".ulg",), "ulog"),
     ((".mcap", ".bag", ".db3"), "ros"),
     ((".bin",), "ardupilot"),
+    ((".tlog",), "tlog"),
     ((".bbl", ".bfl", ".bf"), "blackbox"),
 )
 
 
 def kind_of(path: Path) -> str:
-    """`parquet`, `ulog`, `ros`, `ardupilot`, `blackbox`, `csv`; `unknown` for what is none of them.
+    """The kind: `parquet`, `ulog`, `ros`, `csv`, `ardupilot`, `blackbox`, `usdlog`, `tlog`, `tum`.
+
+    Of folders `ros`, `euroc` and `folder`; `unknown` for what is none of them.
 
     Raises:
         OSError: it cannot be read.
     """
     if path.is_dir():
-        return "ros" if (path / "metadata.yaml").is_file() else "folder"
+        return "ros" if (path / "metadata.yaml").is_file() else "euroc" if read_poses.is_euroc(path) else "folder"
     head = _head(path)
     by_magic = next((kind for magic, kind in _MAGIC if head.startswith(magic)), "")
     if by_magic:
@@ -40,6 +43,12 @@ def kind_of(path: Path) -> str:
         return "ardupilot"
     if blackbox.is_blackbox(head):
         return "blackbox"
+    if read_usdlog.is_usdlog(head):
+        return "usdlog"
+    if read_tlog.is_tlog(head):
+        return "tlog"
+    if read_poses.is_tum(head):
+        return "tum"
     name = path.name.lower()
     by_name = next((kind for endings, kind in _ENDINGS if name.endswith(endings)), "")
     return by_name or ("csv" if _is_text(head) else "unknown")

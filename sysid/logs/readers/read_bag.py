@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from flight import FlightLog, FormatError, InputError, file_format, frames
+from flight import FlightError, FlightLog, FormatError, InputError, file_format, frames
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs.readers.read_csv import UNITS, table_of
+from sysid.logs.readers.read_ulog import LOST
+from sysid.logs.readers.salvage import is_cut_database, salvage
 from sysid.logs.readers.streams import Stream, interpolated, joined
 
 FORMAT = "goshawk-bag-map"
@@ -42,7 +44,7 @@ def read_with(path: Path, wanted: dict[str, Any], map_file: Path) -> FlightLog:
     """The same with a map that was read; `map_file` is what errors name."""
     path = Path(path)
     topics = _topics(wanted, map_file)
-    messages = _messages(path, {entry["topic"] for entry in topics.values()})
+    messages, lost = _messages(path, {entry["topic"] for entry in topics.values()})
     streams = {name: _stream(name, entry, *messages[entry["topic"]]) for name, entry in topics.items()}
     base = next((streams.pop(name) for name in ("pose", "imu") if name in streams), None)
     if base is None:
@@ -52,7 +54,8 @@ def read_with(path: Path, wanted: dict[str, Any], map_file: Path) -> FlightLog:
         base |= interpolated(base["time_s"], stream)
     for stream in rotors:
         base = joined(base, stream)
-    return FlightLog(base, {"name": path.stem, "source": path.name, **wanted.get("metadata", {})})
+    told = {LOST: lost} if lost else {}
+    return FlightLog(base, {"name": path.stem, "source": path.name, **told, **wanted.get("metadata", {})})
 
 
 def _topics(wanted: dict[str, Any], map_file: Path) -> dict[str, dict[str, Any]]:
@@ -101,20 +104,35 @@ def sampled(path: Path, count: int) -> list[tuple[str, str, int, list[Any]]]:
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """A reader of the recording; what goes wrong inside is said of the recording."""
-    from rosbags.highlevel import AnyReader, AnyReaderError
+    from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
     if not path.exists():
         raise InputError(f"{path} does not exist")
+    if path.is_file() and is_cut_database(path):
+        yield salvage(path, "the database is cut")
+        return
     try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            yield reader
-    except (AnyReaderError, OSError, KeyError, ValueError) as error:
-        raise FormatError(f"{path} is not a readable ROS recording: {error}") from error
+        reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+        reader.open()
+    except Exception as error:  # rosbags raises whatever its parsers stumble over
+        yield salvage(path, " ".join(str(error).split()) or type(error).__name__)
+        return
+    try:
+        yield reader
+    except FlightError:
+        raise
+    except Exception as error:
+        said = " ".join(str(error).split()) or type(error).__name__
+        raise FormatError(
+            f"{path} is a damaged ROS recording: {said}; `ros2 bag reindex` or `rosbag fix` may help"
+        ) from error
+    finally:
+        reader.close()
 
 
-def _messages(path: Path, topics: set[str]) -> dict[str, tuple[str, FloatArray, list[Any]]]:
-    """Per topic its type, the instants (s from the first of all) and the messages.
+def _messages(path: Path, topics: set[str]) -> tuple[dict[str, tuple[str, FloatArray, list[Any]]], str]:
+    """Per topic its type, the instants (s from the first of all) and the messages; and what could not be read.
 
     The instant is the header's stamp where there is one, else when the recorder received it.
     """
@@ -125,6 +143,14 @@ def _messages(path: Path, topics: set[str]) -> dict[str, tuple[str, FloatArray, 
         missing = sorted(topics - set(kinds))
         if missing:
             raise InputError(f"{path} has no topic {missing[0]}; it has {', '.join(sorted(kinds))}")
+        unknown = next((topic for topic in sorted(topics) if kinds[topic] not in reader.typestore.fielddefs), None)
+        if unknown is not None:
+            raise InputError(
+                f"{path}: topic {unknown} is {kinds[unknown]}, which the recording does not define; leave it out of "
+                "the map, "
+                "or record with ROS 2 Iron or newer, or to MCAP"
+            )
+        lost = str(getattr(reader, "lost", ""))
         for connection, received_ns, raw in reader.messages([c for c in reader.connections if c.topic in topics]):
             message = reader.deserialize(raw, connection.msgtype)
             stamp = getattr(getattr(message, "header", None), "stamp", None)
@@ -135,10 +161,11 @@ def _messages(path: Path, topics: set[str]) -> dict[str, tuple[str, FloatArray, 
     if empty:
         raise InputError(f"{path} has no message on {empty[0]}")
     first_ns = min(min(times) for times in stamps.values())
-    return {
+    found = {
         topic: (kinds[topic], 1e-9 * np.array([t - first_ns for t in stamps[topic]], dtype=np.float64), kept[topic])
         for topic in topics
     }
+    return found, lost
 
 
 def _stream(name: str, entry: dict[str, Any], kind: str, time_s: FloatArray, messages: list[Any]) -> Stream:

@@ -136,7 +136,7 @@ def test_a_flight_that_another_station_ends_early_is_not_taken_for_a_whole_one(s
             other.take_control(force=True)
             other.command(Command.HOLD)
 
-    with pytest.raises(LinkError, match="the trajectory was not finished: the vehicle went to"):
+    with pytest.raises(LinkError, match=r"station 200 \(.+\) took control of the vehicle during the flight"):
         pilot.fly(progress=interfere)
 
 
@@ -265,7 +265,9 @@ def test_a_vehicle_whose_operator_vanishes_does_what_was_agreed_at_the_upload(se
 def test_a_message_that_was_overtaken_does_not_turn_the_mission_back():
     """Seen on a jittering line: HOLD, then a TAKE_OFF that was sent before it, was taken for a refusal to start."""
     inbox: queue.SimpleQueue[State] = queue.SimpleQueue()
-    watch = flying._Watch(SimpleNamespace(timeout_s=1.0, last_heard_s=time.monotonic()), inbox, lambda: False)
+    watch = flying._Watch(
+        SimpleNamespace(timeout_s=1.0, last_heard_s=time.monotonic(), control_lost=""), inbox, lambda: False
+    )
     sent = [(10_000_000, MissionState.TAKE_OFF), (10_020_000, MissionState.HOLD), (10_010_000, MissionState.TAKE_OFF)]
     for time_us, mission in sent:
         inbox.put(State(time_us=time_us, mission_state=mission))

@@ -17,8 +17,8 @@ from goshawk import plot
 from planner.gate.limits import NAMES
 from sysid.report import drawing
 
-DRONE = vehicle.example("rigter2019")
-HALL = solids.Scene([solids.Room((0, 0, 0), (8, 5, 3)), solids.Cylinder((4, 2.5, 1.5), 0.3, 3)])
+DRONE = vehicle.example("rigter2019").with_limits(speed_m_s=3.0)
+HALL = solids.Scene([solids.Room((0, 0, 0), (8, 5, 3)), solids.Cylinder((4, 2.2, 1.5), 0.3, 3)])
 POINTS = np.array([[1.0, 2.5, 1.2], [4.0, 3.6, 1.4], [7.0, 2.5, 1.2]])
 
 
@@ -86,6 +86,7 @@ def test_a_segment_has_the_colour_that_the_legend_gives_to_the_limit_that_binds_
     colours = {
         text.get_text(): key.get_color() for text, key in zip(legend.get_texts(), legend.get_lines(), strict=True)
     }
+    assert len(set(plan.binding)) > 1
     assert set(colours) == {name or "none used to the full" for name in plan.binding}
     starts = plan.trajectory.starts_s
     for line in figure.axes[1].lines:
@@ -112,7 +113,7 @@ def test_a_file_is_checked_again_before_it_is_drawn(plan):
 
 def test_a_plan_is_not_drawn_for_another_vehicle(plan):
     with pytest.raises(InputError, match="plan again"):
-        plot.plan(plan, DRONE.with_limits(speed_m_s=3.0))
+        plot.plan(plan, DRONE.with_limits(speed_m_s=2.0))
 
 
 def test_the_map_behind_a_path_is_where_the_obstacles_are():
@@ -121,6 +122,7 @@ def test_the_map_behind_a_path_is_where_the_obstacles_are():
     _, axes = drawing.figure(1, 1, (4.0, 3.0))
     maps.behind(axes[0, 0], HALL, np.array([-1.0, 0.0]), np.array([8.0, 5.0]), 1.2)
     image = axes[0, 0].images[0]
+    assert image.origin == "lower"
     left, right, bottom, top = image.get_extent()
     alpha = image.get_array()[..., 3]
     rows, columns = alpha.shape
@@ -254,7 +256,8 @@ def test_a_style_that_is_not_there_is_refused_by_name(plan):
         plot.plan(plan, DRONE, style="sepia")  # pyright: ignore[reportArgumentType]
 
 
-def test_the_same_drawing_makes_the_same_file(tmp_path, log):
+def test_the_same_drawing_makes_the_same_file(tmp_path, field):
     for suffix in ("svg", "png"):
-        first, second = (drawing.written(plot.log(log), tmp_path / f"{i}.{suffix}").read_bytes() for i in range(2))
+        paths = [tmp_path / f"{i}.{suffix}" for i in range(2)]
+        first, second = (drawing.written(plot.distances(field), path).read_bytes() for path in paths)
         assert first == second

@@ -12,12 +12,15 @@
      sends a PING that holds 96 unpredictable bits of this boot, the station returns it signed (MAVSDK and
    QGroundControl do so by themselves), and the stamp of that answer is the stream's floor. So nothing recorded earlier
    can come back, whatever the clocks say. What is refused is counted.
-   - One station at a time is in control (a lease it renews); the others may watch and read.
+   - One station at a time is in control (a lease it renews, known by the session it drew at its start, never by its
+     id); the others may watch and read.
    - An upload fills the staged slot piece by piece, reports a bitmap of what arrived, and is committed by transfer, id
      and CRC. Lost, doubled, swapped or damaged pieces, and restarts, leave either the whole new plan or the whole old
      one. Parameters gather in memory of their own and take effect by a commit, all or none.
    - An order carried out once is not carried out again when its frame is repeated.
    - Nothing blocks: answers wait in their own places, at most one of each kind, and leave as the byte rate allows.
+     That is `bytes_per_s`, or less where the operator has measured that the line carries less. Bulk (read-back, log,
+     parameters, reports of an upload) and telemetry each have their share of it; telemetry takes turns.
 
    Bounds. Address, stream and time stamp are looked at before any hash is computed. Signatures are checked at
    `signature_checks_per_s` for frames that claim to be of the station in control and at a quarter of that for all
@@ -45,11 +48,14 @@ extern "C" {
 #define TC_LINK_LEASE_US 3000000u /* control ends this long after the last renewal */
 #define TC_LINK_GROUP 48u         /* parameters per frame */
 #define TC_LINK_WANTED 64u        /* bytes of bits in a request for pieces */
+#define TC_LINK_NAME 24u          /* characters of a station's name */
 #define TC_LINK_LONGEST_STEP_US 1000000u
 #define TC_LINK_CHECKS_PER_S 2000u   /* signature checks where the configuration says 0 */
 #define TC_LINK_RESERVE_US 4000u     /* how much of that rate may be saved up */
 #define TC_LINK_CHALLENGE_US 100000u /* at most one challenge in this time */
 #define TC_LINK_ANSWER_US 10000000u  /* an older challenge is no longer answered */
+#define TC_LINK_QUIET_US 500000u     /* so long telemetry makes way for a challenge, on the ground */
+#define TC_LINK_LEAST_RATE 200u      /* bytes/s: less is not believed of a line */
 #define TC_LINK_KEEP_PERIOD_S 60u    /* keep the stamp at least this often (tc_link_stamp_to_keep) */
 #define TC_LINK_PERIODS 9u           /* how many series of telemetry there are */
 
@@ -104,12 +110,20 @@ typedef struct {
     tc_frame_faults faults; /* what was no frame at all */
 } tc_link_counts;
 
+/* A stream of frames. Two stations may have the same ids; signed ones still differ in link id, as each start of a
+   station draws its own. */
 typedef struct {
     uint8_t system_id, component_id; /* 0, 0: nobody */
+    uint8_t link_id;                 /* of its signatures; 0 unsigned */
 } tc_link_station;
 
+/* The operator is a session: a number that a station draws at random when it starts. All orders of our dialect carry
+   it. A standard station has none (0) and is known by its stream. */
 typedef struct {
     tc_link_station holder;
+    uint32_t session;
+    char name[TC_LINK_NAME]; /* for people */
+    bool names_holder;       /* whether the answer to come does */
     uint64_t until_us;
     bool ever_heard;   /* a holder, since the start */
     uint64_t heard_us; /* its last frame */
@@ -170,6 +184,7 @@ typedef struct {
 
 typedef struct {
     uint32_t transfer_id; /* 0: none is open; else it fills the staged slot */
+    uint32_t session;     /* of the station that opened it */
     uint32_t frames;
     uint16_t received, last_index;
     uint8_t samples_wanted;
@@ -219,8 +234,15 @@ typedef struct {
     uint32_t seq;
     uint32_t counter;
     uint64_t issued_us;
-    uint64_t next_us; /* not sent again before */
+    uint64_t next_us;  /* not sent again before */
+    uint64_t quiet_us; /* until then telemetry makes way for it */
 } tc_link_challenge;
+
+/* What the operator measured that the line carries, for as long as it reports it. */
+typedef struct {
+    uint32_t bytes_per_s;
+    uint64_t until_us;
+} tc_link_line;
 
 /* Spends at a rate: free again at `next_us` minus the reserve. */
 typedef struct {
@@ -274,6 +296,9 @@ typedef struct {
     uint32_t period_us[TC_LINK_PERIODS]; /* of a series, where it is not TC_LINK_PRESET */
     uint16_t state_sequence;
     uint8_t sequence;
+    tc_link_line line;
+    uint8_t turn;           /* link_out: the telemetry whose turn it is */
+    int32_t bulk_lead;      /* weighted bytes by which bulk is ahead of its share beside telemetry */
     int64_t byte_credit_us; /* bytes that may be sent now, times a million */
     uint64_t credit_at_us;
     tc_link_budget holder_checks, other_checks;

@@ -124,8 +124,8 @@ bool tc_signing_verify(const tc_signing* signing, const tc_frame* frame);
 void tc_signing_accept(tc_signing* signing, const tc_frame* frame);
 
 /* Opens a stream whose floor is this verified frame's stamp. Where there is no room the one unused for longest goes,
-   but never one of `keep` (system and component). False: all of them are. */
-bool tc_signing_open(tc_signing* signing, const tc_frame* frame, const tc_sender* keep);
+   but never `keep`. */
+void tc_signing_open(tc_signing* signing, const tc_frame* frame, const tc_sender* keep);
 
 /* Makes a frame of a payload that lies in `out` already, behind TC_FRAME_HEADER bytes; `message` is its row in the
    table of the dialect. Cuts off the zeros at its end; signs if `signing` is not NULL. Returns the frame's length. */

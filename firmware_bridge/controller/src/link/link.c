@@ -8,6 +8,7 @@ void tc_link_init(tc_link* link, tc_controller* controller, const tc_link_config
     link->config = config;
     link->controller = controller;
     link->caller_us = now_us;
+    link->turn = LINK_TELEMETRY;
     link->reported.transitions = controller->mission.transitions;
     tc_signing_init(&link->signing, config->key, config->start_10us);
     link_admission_init(link);
@@ -56,5 +57,11 @@ size_t tc_link_transmit(tc_link* link, uint8_t frame[TC_FRAME_MAX], uint64_t now
     }
     link_schedule_link(link);
     link_upload_schedule(link);
-    return link_encode_next(link, frame + TC_FRAME_HEADER, &row) ? link_send_frame(link, frame, row) : 0u;
+    const link_out what = link_next_message(link, frame + TC_FRAME_HEADER, &row);
+    if (what == LINK_OUT_COUNT) {
+        return 0;
+    }
+    const size_t n = link_send_frame(link, frame, row);
+    link_account(link, what, n);
+    return n;
 }

@@ -68,13 +68,22 @@ static const outgoing sent[LINK_OUT_COUNT] = {
     [LINK_OUT_LOG_RECORD] = {GOSHAWK_LOG_RECORD_ROW, link_encode_log_record},
 };
 
+/* The session that a message carries; 0 where it has none. */
+static uint32_t session_of(const tc_frame* frame) {
+    const unsigned at = link_row(frame->message)->session;
+    uint32_t session = 0;
+    for (unsigned i = 0; i < 4u && at + i < frame->raw[TC_FRAME_LENGTH]; i++) {
+        session |= (uint32_t)frame->raw[TC_FRAME_HEADER + at + i] << (8u * i);
+    }
+    return session;
+}
+
 void link_dispatch(tc_link* link, const tc_frame* frame) {
     link_message message;
     message.payload = frame->raw + TC_FRAME_HEADER;
     message.length = frame->raw[TC_FRAME_LENGTH];
-    message.from.system_id = frame->raw[TC_FRAME_SYSTEM];
-    message.from.component_id = frame->raw[TC_FRAME_COMPONENT];
-    message.in_control = link_is_holder(link, message.from);
+    message.from = link_sender(frame);
+    message.in_control = link_is_holder(link, message.from, session_of(frame));
     if (message.in_control) {
         link_note_operator(link);
     }
@@ -83,19 +92,56 @@ void link_dispatch(tc_link* link, const tc_frame* frame) {
     }
 }
 
-bool link_encode_next(tc_link* link, uint8_t* payload, uint8_t* row) {
-    for (unsigned i = 0; i < (unsigned)LINK_OUT_COUNT; i++) {
-        const link_out what = (link_out)i;
-        if (link_is_pending(link, what)) {
-            const link_encoded encoded = sent[i].encode(link, payload);
-            if (encoded != LINK_MORE) {
-                link_cancel(link, what);
-            }
-            if (encoded != LINK_NOTHING) {
-                *row = sent[i].row;
-                return true;
-            }
+/* Encodes what is pending if it has something to say after all. */
+static bool encode(tc_link* link, link_out what, uint8_t* payload) {
+    if (!link_is_pending(link, what)) {
+        return false;
+    }
+    const link_encoded encoded = sent[what].encode(link, payload);
+    if (encoded != LINK_MORE) {
+        link_cancel(link, what);
+    }
+    return encoded != LINK_NOTHING;
+}
+
+/* The first of [first, end) that has something to say; LINK_OUT_COUNT when none has. */
+static link_out encode_among(tc_link* link, unsigned first, unsigned end, uint8_t* payload) {
+    for (unsigned i = first; i < end; i++) {
+        if (encode(link, (link_out)i, payload)) {
+            return (link_out)i;
         }
     }
-    return false;
+    return LINK_OUT_COUNT;
+}
+
+/* Telemetry takes turns, so that a slow line carries some of each. */
+static link_out encode_telemetry(tc_link* link, uint8_t* payload) {
+    const unsigned turn = link_is_quiet(link) ? (unsigned)LINK_BULK : link->turn;
+    link_out what = encode_among(link, turn, LINK_BULK, payload);
+    if (what == LINK_OUT_COUNT && !link_is_quiet(link)) {
+        what = encode_among(link, LINK_TELEMETRY, turn, payload);
+    }
+    if (what != LINK_OUT_COUNT) {
+        link->turn = (uint8_t)((unsigned)what + 1u);
+    }
+    return what;
+}
+
+static link_out encode_bulk(tc_link* link, uint8_t* payload) {
+    return encode_among(link, LINK_BULK, LINK_OUT_COUNT, payload);
+}
+
+link_out link_next_message(tc_link* link, uint8_t* payload, uint8_t* row) {
+    const bool bulk_first = link_bulk_first(link);
+    link_out what = encode_among(link, 0u, LINK_TELEMETRY, payload);
+    if (what == LINK_OUT_COUNT) {
+        what = bulk_first ? encode_bulk(link, payload) : encode_telemetry(link, payload);
+    }
+    if (what == LINK_OUT_COUNT) {
+        what = bulk_first ? encode_telemetry(link, payload) : encode_bulk(link, payload);
+    }
+    if (what != LINK_OUT_COUNT) {
+        *row = sent[what].row;
+    }
+    return what;
 }

@@ -6,7 +6,7 @@
 
 /* Carries a frame out that was let in. */
 void link_dispatch(tc_link* link, const tc_frame* frame);
-/* Encodes the most urgent pending message; false when nothing is pending. */
-bool link_encode_next(tc_link* link, uint8_t* payload, uint8_t* row);
+/* Encodes the pending message whose turn it is, an answer before all others; LINK_OUT_COUNT when there is none. */
+link_out link_next_message(tc_link* link, uint8_t* payload, uint8_t* row);
 
 #endif

@@ -47,7 +47,7 @@ def base(folder: Path) -> list[object]:
 def test_the_missing_effect_is_named_written_and_the_next_command_works(folder, tmp_path):
     out, page = tmp_path / "better.toml", tmp_path / "d.html"
     asked = (*base(folder), "--held-out", folder / "held_out.parquet", "--out", out)
-    said = run(*asked, "--report", page, "--plots", tmp_path / "p")
+    said = run(*asked, "--report", page, "--plots", tmp_path / "p", "--details")
     assert said.startswith("missing was angular_damping (confidence ")
     for expected in ("helped: ", "+ angular_damping", "excluded", "inconclusive", "unobservable", f"written: {out}"):
         assert expected in said
@@ -111,6 +111,24 @@ def test_a_diagnosis_is_kept_with_the_flights_and_read_by_the_next_call_until_an
     vehicle.save(tmp_path / "vehicle.toml", changed)
     assert "read from" not in answer(*words).stderr
     assert "read from" not in answer(*words, "--hold", "inertia_*").stderr
+
+
+def lines_of_80_columns(text: str) -> int:
+    return sum(max(1, -(-len(line) // 80)) for line in text.splitlines())
+
+
+def test_the_answer_fits_one_screen_and_details_come_from_what_was_kept(folder):
+    words = (*base(folder), "--held-out", folder / "held_out.parquet")
+    said = run(*words)
+    assert lines_of_80_columns(re.sub(r"\S+/", "", said)) <= 24  # paths are as long as the caller's are
+    assert said.startswith("missing was angular_damping (confidence ")
+    for expected in ("as given", "fitted", "+ angular_damping", "the fit is usable", "\nnext: ", "x_n_m_s"):
+        assert expected in said
+    more = answer(*words, "--details")
+    assert "read from" in more.stderr
+    assert all(line in more.stdout for line in said.splitlines())
+    document = json.loads(run(*words, "--json"))
+    assert all(f"  {c['name']}" in more.stdout for c in document["candidates"])
 
 
 @pytest.mark.slow

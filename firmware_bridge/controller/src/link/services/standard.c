@@ -259,10 +259,11 @@ static bool answer_request(tc_link* link, const command* c, uint8_t* reason) {
     }
 }
 
-/* MAVLink's own request for control (second parameter: 1 take or renew, 0 give back). Never by force. */
+/* MAVLink's own request for control (second parameter: 1 take or renew, 0 give back). Never by force. It names no
+   session: such a station is known by its stream. */
 static uint8_t operator_control(tc_link* link, const link_message* message, const command* c) {
     if (c->parameter[1] >= 0.5f) {
-        return link_take_lease(link, message->from, false) ? (uint8_t)TC_OK : (uint8_t)TC_LINK_NOT_IN_CONTROL;
+        return link_take_lease(link, message->from, 0u, false) ? (uint8_t)TC_OK : (uint8_t)TC_LINK_NOT_IN_CONTROL;
     }
     if (!message->in_control) {
         return TC_LINK_NOT_IN_CONTROL;

@@ -6,6 +6,7 @@
 static const uint32_t STATUS_EVERY = 8u;         /* frames between two reports at the most */
 static const uint32_t STATUS_GAP_US = 3000u;     /* and at most this long after a frame */
 static const uint32_t STATUS_REPEAT_US = 10000u; /* while pieces are missing and the ground is busy sending */
+static const uint32_t STATUS_REPEAT_B = 200u;    /* ... and after at least so many bytes that the line carries */
 static const uint32_t STATUS_BUSY_US = 1000000u; /* ... which it is until so long after its last frame */
 
 _Static_assert(TC_MAX_SEGMENTS <= 8u * sizeof(((goshawk_trajectory_status_msg*)0)->bitmap), "the report's bitmap");
@@ -48,6 +49,7 @@ static tc_reason begin(tc_link* link, const goshawk_trajectory_begin_msg* m) {
         (void)tc_upload_origin(link->controller, &origin);
         link->upload.samples_wanted = m->samples;
         link->upload.transfer_id = m->transfer_id;
+        link->upload.session = m->session;
     }
     return reason;
 }
@@ -72,18 +74,20 @@ void link_receive_begin(tc_link* link, const link_message* message) {
     link_send(link, LINK_OUT_UPLOAD_STATUS);
 }
 
-/* Whether a piece belongs to the open transfer. One that does not is answered with what is open (0: nothing), so that
-   the ground learns of a restart at once. */
+/* Whether a piece belongs to the open transfer, which the session in control opened: a piece carries no session, the
+   transfer's number takes its place. One that does not is answered with what is open (0: nothing), so that the ground
+   learns of a restart at once. */
 static bool belongs(tc_link* link, const link_message* message, uint32_t transfer_id) {
     tc_link_upload* upload = &link->upload;
-    if (!message->in_control) {
+    if (!link_is_holder_stream(link, message->from)) {
         return false;
     }
     if (transfer_id == link->commit.transfer_id && upload->transfer_id == 0u) {
         return false; /* a late copy of a piece of a finished transfer */
     }
-    const bool fits = transfer_id != 0u && transfer_id == upload->transfer_id;
+    const bool fits = transfer_id != 0u && transfer_id == upload->transfer_id && upload->session == link->lease.session;
     if (fits) {
+        link_note_operator(link);
         upload->frames++;
         upload->last_frame_us = link->clock_us;
     }
@@ -218,8 +222,10 @@ void link_upload_update(tc_link* link) {
 
 void link_upload_schedule(tc_link* link) {
     const tc_link_upload* upload = &link->upload;
+    const uint64_t carried_us = (uint64_t)STATUS_REPEAT_B * 1000000u / link_bytes_per_s(link);
+    const uint64_t repeat_us = carried_us > STATUS_REPEAT_US ? carried_us : STATUS_REPEAT_US;
     if (upload->transfer_id != 0u && link->clock_us - upload->last_frame_us < STATUS_BUSY_US &&
-        link->clock_us - upload->last_status_us >= STATUS_REPEAT_US) {
+        link->clock_us - upload->last_status_us >= repeat_us) {
         link_send(link, LINK_OUT_UPLOAD_STATUS);
     }
 }

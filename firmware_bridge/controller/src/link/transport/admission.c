@@ -36,6 +36,7 @@ static void renew_challenge(tc_link* link) {
     challenge->time_usec = (uint64_t)get_u32(digest) | ((uint64_t)get_u32(digest + 4) << 32);
     challenge->seq = get_u32(digest + 8);
     challenge->issued_us = link->clock_us;
+    challenge->quiet_us = 0;
     link->random = get_u32(digest + 12) | 1u; /* not sent, and not zero */
 }
 
@@ -52,6 +53,7 @@ static bool send_challenge(tc_link* link) {
         renew_challenge(link);
     }
     challenge->next_us = link->clock_us + TC_LINK_CHALLENGE_US;
+    challenge->quiet_us = link->clock_us + TC_LINK_QUIET_US;
     link_send(link, LINK_OUT_CHALLENGE);
     return true;
 }
@@ -93,9 +95,9 @@ static bool spend(tc_link_budget* budget, uint64_t now_us, uint32_t per_s) {
 static bool may_check(tc_link* link, const tc_frame* frame) {
     const uint32_t asked = link->config->signature_checks_per_s;
     const uint32_t per_s = asked != 0u ? asked : TC_LINK_CHECKS_PER_S;
-    const tc_link_station from = {frame->raw[TC_FRAME_SYSTEM], frame->raw[TC_FRAME_COMPONENT]};
-    return link_is_holder(link, from) ? spend(&link->holder_checks, link->clock_us, per_s)
-                                      : spend(&link->other_checks, link->clock_us, per_s / 4u + 1u);
+    return link_is_holder_stream(link, link_sender(frame))
+               ? spend(&link->holder_checks, link->clock_us, per_s)
+               : spend(&link->other_checks, link->clock_us, per_s / 4u + 1u);
 }
 
 /* xorshift32 (Marsaglia 2003), from a seed that is secret. */
@@ -137,11 +139,9 @@ static bool check(tc_link* link, const tc_frame* frame, bool opens) {
         return false;
     }
     if (opens) {
-        const tc_sender keep = {link->lease.holder.system_id, link->lease.holder.component_id, 0u};
-        if (!tc_signing_open(&link->signing, frame, &keep)) {
-            link->counts.unopened++;
-            return false;
-        }
+        const tc_link_station holder = link->lease.holder;
+        const tc_sender keep = {holder.system_id, holder.component_id, holder.link_id};
+        tc_signing_open(&link->signing, frame, &keep);
         renew_challenge(link); /* this one is used up */
     } else {
         tc_signing_accept(&link->signing, frame);

@@ -14,8 +14,8 @@ static void hash_frame(const tc_signing* signing, const uint8_t* frame, size_t n
     tc_sha256_final(&hash, digest);
 }
 
-static bool same_station(const tc_sender* a, const tc_sender* b) {
-    return a->system_id == b->system_id && a->component_id == b->component_id;
+static bool same_sender(const tc_sender* a, const tc_sender* b) {
+    return a->system_id == b->system_id && a->component_id == b->component_id && a->link_id == b->link_id;
 }
 
 /* The stream's index; TC_STREAMS when it is not open. */
@@ -24,7 +24,7 @@ static unsigned find(const tc_signing* signing, const tc_frame* frame) {
     unsigned found = TC_STREAMS;
     for (unsigned i = 0; i < TC_STREAMS; i++) {
         const tc_stream* stream = &signing->streams[i];
-        if (stream->open && same_station(&stream->sender, &sender) && stream->sender.link_id == sender.link_id) {
+        if (stream->open && same_sender(&stream->sender, &sender)) {
             found = i;
         }
     }
@@ -115,7 +115,7 @@ static tc_stream* make_room(tc_signing* signing, const tc_sender* keep) {
     tc_stream* place = NULL;
     for (unsigned i = 0; i < TC_STREAMS; i++) {
         tc_stream* stream = &signing->streams[i];
-        const bool kept = stream->open && same_station(&stream->sender, keep);
+        const bool kept = stream->open && same_sender(&stream->sender, keep);
         if (!kept && (place == NULL || (place->open && (!stream->open || stream->last_used < place->last_used)))) {
             place = stream;
         }
@@ -123,11 +123,8 @@ static tc_stream* make_room(tc_signing* signing, const tc_sender* keep) {
     return place;
 }
 
-bool tc_signing_open(tc_signing* signing, const tc_frame* frame, const tc_sender* keep) {
+void tc_signing_open(tc_signing* signing, const tc_frame* frame, const tc_sender* keep) {
     tc_stream* stream = make_room(signing, keep);
-    if (stream == NULL) {
-        return false; /* all of them belong to the one that is kept */
-    }
     const uint64_t stamp_10us = tc_frame_stamp_10us(frame);
     stream->sender = tc_frame_sender(frame);
     stream->open = true;
@@ -139,7 +136,6 @@ bool tc_signing_open(tc_signing* signing, const tc_frame* frame, const tc_sender
     signing->accepted++;
     stream->last_used = signing->accepted;
     signing->now_10us = later(signing->now_10us, stamp_10us);
-    return true;
 }
 
 size_t link_sign(tc_signing* signing, uint8_t* frame, size_t n, uint8_t link_id) {

@@ -129,10 +129,52 @@ bool link_set_period(tc_link* link, uint32_t id, uint32_t period_us) {
     return true;
 }
 
+/* -- what goes first -------------------------------------------------------------------------------------------- */
+
+/* A line that is full of telemetry loses the challenge, and nobody gets in to say so. Only on the ground, and only
+   while nobody is in control: who has no key must not silence a flight. */
+bool link_is_quiet(const tc_link* link) {
+    return link->clock_us < link->challenge.quiet_us && link->lease.holder.system_id == 0u &&
+           !tc_mission_in_air(link->controller->mission.state);
+}
+
+bool link_bulk_first(const tc_link* link) { return link->bulk_lead < 0; }
+
+/* Where both wait, bulk gets three quarters of the bytes on the ground and one quarter in the air. */
+void link_account(tc_link* link, link_out what, size_t n) {
+    const uint64_t telemetry = bit_of((link_out)LINK_BULK) - bit_of((link_out)LINK_TELEMETRY);
+    const uint64_t bulk = bit_of(LINK_OUT_COUNT) - bit_of((link_out)LINK_BULK);
+    const int32_t bulk_share = tc_mission_in_air(link->controller->mission.state) ? 1 : 3;
+    const bool is_bulk = (unsigned)what >= (unsigned)LINK_BULK;
+    if ((unsigned)what < (unsigned)LINK_TELEMETRY) {
+        return; /* answers are nobody's share */
+    }
+    if ((link->pending & (is_bulk ? telemetry : bulk)) == 0u) {
+        link->bulk_lead = 0;
+        return;
+    }
+    link->bulk_lead += is_bulk ? (int32_t)n * (4 - bulk_share) : -(int32_t)n * bulk_share;
+}
+
 /* -- the byte rate ---------------------------------------------------------------------------------------------- */
 
+void link_set_line(tc_link* link, uint32_t bytes_per_s) {
+    link->line.bytes_per_s = bytes_per_s;
+    link->line.until_us = link->clock_us + TC_LINK_LEASE_US;
+}
+
+uint32_t link_bytes_per_s(const tc_link* link) {
+    const uint32_t own = link->config->bytes_per_s > 0u ? link->config->bytes_per_s : 1u;
+    const tc_link_line* line = &link->line;
+    if (line->bytes_per_s == 0u || link->clock_us >= line->until_us) {
+        return own;
+    }
+    const uint32_t measured = line->bytes_per_s > TC_LINK_LEAST_RATE ? line->bytes_per_s : TC_LINK_LEAST_RATE;
+    return measured < own ? measured : own;
+}
+
 bool link_may_send(tc_link* link) {
-    const int64_t rate = link->config->bytes_per_s;
+    const int64_t rate = link_bytes_per_s(link);
     const int64_t most = rate * BURST_US + (int64_t)TC_FRAME_MAX * 1000000;
     const uint64_t waited_us = link->clock_us - link->credit_at_us;
     const int64_t earned = rate * (int64_t)(waited_us < TC_LINK_LONGEST_STEP_US ? waited_us : TC_LINK_LONGEST_STEP_US);

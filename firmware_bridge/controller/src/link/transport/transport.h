@@ -12,7 +12,7 @@
 #include "goshawk_controller/link.h"
 #include "goshawk_dialect.h"
 
-/* What the link may have to send, bits of `pending`, the most urgent first: answers, then telemetry, then bulk. */
+/* What the link may have to send, bits of `pending`: answers, the most urgent first; telemetry, in turns; bulk. */
 typedef enum {
     LINK_OUT_ORDER_RESULT,
     LINK_OUT_FOREIGN_RESULT,
@@ -22,11 +22,10 @@ typedef enum {
     LINK_OUT_COMMAND_ACK,
     LINK_OUT_COMMIT_RESULT,
     LINK_OUT_UPLOAD_REFUSED,
-    LINK_OUT_UPLOAD_STATUS,
     LINK_OUT_HEARTBEAT,
-    LINK_OUT_MISSION_STATUS,
-    LINK_OUT_STATE,
     LINK_OUT_TEXT,
+    LINK_OUT_MISSION_STATUS, /* telemetry from here */
+    LINK_OUT_STATE,
     LINK_OUT_MISSION_COUNT,
     LINK_OUT_MISSION_ACK,
     LINK_OUT_PARAMETER_SET,
@@ -41,6 +40,7 @@ typedef enum {
     LINK_OUT_ROTORS,
     LINK_OUT_BATTERY,
     LINK_OUT_ODOMETRY,
+    LINK_OUT_UPLOAD_STATUS, /* bulk from here */
     LINK_OUT_PARAMETERS_RESULT,
     LINK_OUT_PARAMETER,
     LINK_OUT_TRAJECTORY_HEADER,
@@ -50,13 +50,19 @@ typedef enum {
     LINK_OUT_COUNT
 } link_out;
 
+enum { LINK_TELEMETRY = LINK_OUT_MISSION_STATUS, LINK_BULK = LINK_OUT_UPLOAD_STATUS }; /* where they begin */
+
 /* lease.c */
 static inline bool link_same_station(tc_link_station a, tc_link_station b) {
-    return a.system_id == b.system_id && a.component_id == b.component_id;
+    return a.system_id == b.system_id && a.component_id == b.component_id && a.link_id == b.link_id;
 }
-bool link_is_holder(const tc_link* link, tc_link_station station);
-/* Takes control, or keeps it: by force, or if it is free or the station's already. Whether it has control now. */
-bool link_take_lease(tc_link* link, tc_link_station station, bool by_force);
+/* Who sent a frame. */
+tc_link_station link_sender(const tc_frame* frame);
+/* Whether somebody is in control over this stream; whether it is this session. */
+bool link_is_holder_stream(const tc_link* link, tc_link_station station);
+bool link_is_holder(const tc_link* link, tc_link_station station, uint32_t session);
+/* Takes control, or keeps it: by force, or if it is free or the session's already. Whether it has control now. */
+bool link_take_lease(tc_link* link, tc_link_station station, uint32_t session, bool by_force);
 void link_release_lease(tc_link* link);
 void link_expire_lease(tc_link* link);
 /* The operator was received. The controller learns it before the order that comes along. */
@@ -93,6 +99,15 @@ void link_hurry_status(tc_link* link);
    TC_LINK_NEVER. False where it is not one that is sent periodically. */
 bool link_send_by_id(tc_link* link, uint32_t id);
 bool link_set_period(tc_link* link, uint32_t id, uint32_t period_us);
+/* Notes what the line carries, in bytes per second; 0: no limit is known. */
+void link_set_line(tc_link* link, uint32_t bytes_per_s);
+/* What may be sent: the configured rate, or less where the line carries less; never 0. */
+uint32_t link_bytes_per_s(const tc_link* link);
+/* Whether telemetry makes way for a challenge; whether bulk goes before telemetry; what was sent, and how long it was.
+ */
+bool link_is_quiet(const tc_link* link);
+bool link_bulk_first(const tc_link* link);
+void link_account(tc_link* link, link_out what, size_t n);
 /* Earns what the byte rate gives since the last time; whether anything may be sent. */
 bool link_may_send(tc_link* link);
 /* The frame around a payload that stands in it already; its length, which is taken off the byte rate. */

@@ -287,22 +287,23 @@ static void cheap_first(void) {
     must(ln.counts.without_signature == 1u, "unsigned; heartbeats are not counted");
 }
 
-/* The station in control has all streams for its links: another one's answer finds no room. */
-static void no_room(void) {
+/* A station under the id of the one in control, over another link, has all other streams: a third one still finds
+   room, and the one in control keeps its own. */
+static void room_beside_the_holder(void) {
     boot(1, 1000);
     station pilot = station_of(PILOT, vehicle_key, 2000), guest = station_of(OTHER, vehicle_key, 2000);
     for (pilot.link_id = 0; pilot.link_id < TC_STREAMS; pilot.link_id++) {
         open_stream(&pilot);
         if (pilot.link_id == 0u) signed_lease(&pilot, 1);
     }
-    ping_msg m;
-    clock_us += TC_LINK_CHALLENGE_US;
-    heartbeat(&guest);
-    must(challenge(&m), "challenged");
-    const uint32_t accepted = ln.counts.accepted, unopened = ln.counts.unopened;
-    const recording r = challenge_answer(&guest, &m);
-    receive(&r);
-    must(ln.counts.accepted == accepted && ln.counts.unopened == unopened + 1u, "but not let in");
+    pilot.link_id = 1;
+    signed_lease(&pilot, 1);
+    must(ln.lease.holder.link_id == 0u, "the same id over another link is another station");
+    open_stream(&guest);
+    pilot.link_id = 0;
+    clock_us += 1000u;
+    signed_lease(&pilot, 1);
+    must(ln.lease.until_us == ln.clock_us + TC_LINK_LEASE_US, "and the stream in control stays open");
 }
 
 /* How many signatures a second are checked is the integrator's choice. */
@@ -328,6 +329,6 @@ void admission_cases(void) {
     flood_from_others();
     flood_as_the_holder();
     cheap_first();
-    no_room();
+    room_beside_the_holder();
     budget_of_choice();
 }

@@ -70,6 +70,66 @@ static void time_on_the_path(void) {
     must(m.trajectory_time_s == 2.5f, "since the trajectory's start");
 }
 
+enum { FIRST = 7, SECOND = 8 }; /* sessions of two stations with the same id */
+
+static void session_lease(uint32_t session, uint8_t action) {
+    SEND(PILOT, GOSHAWK_LEASE_REQUEST, goshawk_lease_request, TO_VEHICLE, .action = action, .session = session,
+         .name = "desk");
+}
+
+static uint8_t session_order(uint32_t session, uint32_t request, uint8_t command) {
+    goshawk_mission_result_msg m;
+    SEND(PILOT, GOSHAWK_MISSION_COMMAND, goshawk_mission_command, TO_VEHICLE, .request_id = request, .command = command,
+         .session = session);
+    goshawk_mission_result_decode(&m, answer(GOSHAWK_MISSION_RESULT_ID), GOSHAWK_MISSION_RESULT_LENGTH);
+    return m.reason;
+}
+
+static goshawk_lease_status_msg lease_status(void) {
+    goshawk_lease_status_msg m;
+    goshawk_lease_status_decode(&m, answer(GOSHAWK_LEASE_STATUS_ID), GOSHAWK_LEASE_STATUS_LENGTH);
+    return m;
+}
+
+/* Two stations with the same ids: the operator is the session. Nothing of the other's counts, neither an order nor a
+   heartbeat, until it takes over; then nothing of the first one's does. */
+static void two_sessions(void) {
+    start_link(false, 4);
+    session_lease(FIRST, 1);
+    must(lease_status().operator_session == (uint32_t)FIRST, "the first has control");
+    session_lease(SECOND, 1);
+    session_lease(SECOND, 0);
+    const goshawk_lease_status_msg refused = lease_status();
+    must(refused.operator_session == (uint32_t)FIRST && strcmp(refused.operator_name, "desk") == 0, "and is named");
+    must(session_order(SECOND, 1, GOSHAWK_COMMAND_LOG_STOP) == TC_LINK_NOT_IN_CONTROL, "no order of the second");
+    must(session_order(0, 2, GOSHAWK_COMMAND_LOG_STOP) == TC_LINK_NOT_IN_CONTROL, "nor one without a session");
+    must(stage_parameters(PILOT, 5) == 255u, "nor parameters");
+    must(session_order(FIRST, 3, GOSHAWK_COMMAND_LOG_STOP) == TC_OK, "orders of the first");
+    const uint64_t heard_us = ln.lease.heard_us;
+    clock_us += 1000u;
+    SEND(PILOT, HEARTBEAT, heartbeat, .type = 6);
+    session_lease(SECOND, 1);
+    must(ln.lease.heard_us == heard_us, "the second does not keep the link of the first alive");
+    SEND(PILOT, GOSHAWK_TRAJECTORY_BEGIN, goshawk_trajectory_begin, TO_VEHICLE, .transfer_id = 9, .trajectory_id = 1,
+         .segments = 2, .coefficient_count = 8, .session = FIRST);
+    must(ln.upload.transfer_id == 9u, "the first uploads");
+    session_lease(SECOND, 2);
+    must(lease_status().operator_session == (uint32_t)SECOND, "taken over");
+    must(session_order(FIRST, 4, GOSHAWK_COMMAND_LOG_STOP) == TC_LINK_NOT_IN_CONTROL, "the first has lost it");
+    SEND(PILOT, GOSHAWK_TRAJECTORY_SEGMENT, goshawk_trajectory_segment, TO_VEHICLE, .transfer_id = 9,
+         .duration_us = 1000000);
+    SEND(PILOT, GOSHAWK_TRAJECTORY_COMMIT, goshawk_trajectory_commit, TO_VEHICLE, .transfer_id = 9, .trajectory_id = 1,
+         .session = FIRST);
+    must(ln.upload.frames == 0u && ln.commit.transfer_id == 0u, "and its upload goes no further");
+    session_lease(FIRST, 2);
+    SEND(PILOT, GOSHAWK_TRAJECTORY_SEGMENT, goshawk_trajectory_segment, TO_VEHICLE, .transfer_id = 9,
+         .duration_us = 1000000);
+    must(ln.upload.frames == 1u, "until it takes control back");
+    session_lease(FIRST, 0);
+    lease(PILOT, 1);
+    must(session_order(FIRST, 5, GOSHAWK_COMMAND_LOG_STOP) == TC_LINK_NOT_IN_CONTROL, "a standard station has none");
+}
+
 /* A lease that has run out is not told of as one, even where no update has taken it back yet. */
 static void lease_that_has_run_out(void) {
     goshawk_lease_status_msg m;
@@ -150,6 +210,7 @@ void link_corner_cases(void) {
     warnings_without_a_name();
     time_on_the_path();
     lease_that_has_run_out();
+    two_sessions();
     take_offs_in_frames();
     upload_that_is_gone();
     stream_that_is_not_open();

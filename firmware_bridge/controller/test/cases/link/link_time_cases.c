@@ -106,10 +106,78 @@ static void long_times(void) {
     must(ln.lease.holder.system_id == PILOT, "may be taken anew");
 }
 
+/* What is sent within `us`, a millisecond a step: bytes, and how many of them are parameters, which are bulk. */
+static unsigned sent_within(uint32_t us, unsigned* bulk) {
+    uint8_t frame[TC_FRAME_MAX];
+    unsigned bytes = 0;
+    *bulk = 0;
+    for (uint32_t t = 0; t < us; t += 1000u) {
+        clock_us += 1000u;
+        controller.telemetry.time_us += 1000u;
+        tc_link_update(&ln, clock_us);
+        for (size_t n = tc_link_transmit(&ln, frame, clock_us); n != 0u; n = tc_link_transmit(&ln, frame, clock_us)) {
+            const uint32_t id = (uint32_t)frame[7] | ((uint32_t)frame[8] << 8) | ((uint32_t)frame[9] << 16);
+            bytes += (unsigned)n;
+            *bulk += id == PARAM_VALUE_ID ? (unsigned)n : 0u;
+        }
+    }
+    return bytes;
+}
+
+static void report_line(uint8_t action, uint32_t bytes_per_s) {
+    SEND(PILOT, GOSHAWK_LEASE_REQUEST, goshawk_lease_request, TO_VEHICLE, .action = action,
+         .line_bytes_per_s = bytes_per_s);
+}
+
+/* A slow line carries bulk and telemetry, in their shares: on the ground and in the air. */
+static void shares_of_a_slow_line(void) {
+    unsigned bulk;
+    for (unsigned in_air = 0; in_air < 2u; in_air++) {
+        start_link(false, 4);
+        link_config.bytes_per_s = 2000;
+        controller.mission.state = (uint8_t)(in_air != 0u ? TC_HOLD : TC_DISARMED);
+        (void)sent_within(1000000, &bulk);
+        SEND(PILOT, PARAM_REQUEST_LIST, param_request_list, TO_VEHICLE);
+        const unsigned bytes = sent_within(1000000, &bulk);
+        must(bytes > 1700u && bytes < 2300u, "as fast as it carries");
+        must(in_air != 0u ? bulk > bytes / 7u && bulk < bytes / 3u : bulk > bytes / 2u && bulk < 5u * bytes / 6u,
+             "in shares");
+    }
+}
+
+/* What the operator measured limits what is sent, for as long as it is reported; what another one says does not. */
+static void measured_line(void) {
+    unsigned bulk;
+    start_link(false, 4);
+    const unsigned whole = sent_within(1000000, &bulk);
+    report_line(3, 1000);
+    const unsigned any = sent_within(1000000, &bulk);
+    must(any < 1700u && any > 700u && whole > 4u * any, "while nobody is in control any station's report counts");
+    report_line(1, 2000);
+    SEND(OTHER, GOSHAWK_LEASE_REQUEST, goshawk_lease_request, TO_VEHICLE, .action = 1, .line_bytes_per_s = 300);
+    const unsigned measured = sent_within(1000000, &bulk);
+    must(measured > 1600u && measured < 2400u, "then only the operator's");
+    report_line(1, 1);
+    (void)sent_within(1000000, &bulk);
+    report_line(1, 1);
+    const unsigned least = sent_within(1000000, &bulk);
+    must(least > 0u && least < 3u * TC_LINK_LEAST_RATE, "a line carries something");
+    (void)sent_within(TC_LINK_LEASE_US, &bulk);
+    must(sent_within(1000000, &bulk) > whole / 2u, "forgotten when it is no longer reported");
+    report_line(1, 2000);
+    report_line(1, 0);
+    must(sent_within(1000000, &bulk) > whole / 2u, "taken back");
+    link_config.bytes_per_s = 0;
+    (void)sent_within(1000000, &bulk);
+    must(sent_within(1000000, &bulk) < 1000u, "no rate at all is no division by it");
+}
+
 void link_time_cases(void) {
     rates();
     two_paces();
     clock_steps();
     long_times();
     other_clocks();
+    shares_of_a_slow_line();
+    measured_line();
 }

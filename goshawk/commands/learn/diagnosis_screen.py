@@ -1,0 +1,154 @@
+"""What `goshawk diagnose` prints: the diagnosis on one screen, and its details."""
+
+import textwrap
+from collections.abc import Iterable, Mapping
+
+from goshawk.terminal.screen import Screen
+from sysid.diagnosis import CandidateFinding, Diagnosis, Size
+from sysid.diagnosis.experiment_design.outlook import Outlook
+from sysid.diagnosis.findings import Verdict
+from sysid.report import residual_plots, words
+
+COLUMNS = 80
+MOST_NAMED = 3
+"""Of effects of one kind; of more than that a short report gives the number."""
+HORIZONS = ("0.1 s", "0.5 s", "1 s")
+
+
+def short(found: Diagnosis) -> Screen:
+    """Verdict, size, what it does to the prediction, what could not be told."""
+    screen = Screen()
+    _paragraph(screen, f"{found.verdict} (confidence {found.confidence:.0%})", indent="")
+    if found.outside is not None:
+        _paragraph(screen, outside_sentence(found))
+    stated = [s for s in found.candidates if s.verdict in (Verdict.PRESENT, Verdict.PROXY)]
+    for finding in stated[:MOST_NAMED]:
+        _paragraph(screen, _size_sentence(finding))
+    others = (
+        f"{found.belief.something_unknown:.0%} something unknown, {found.belief.otherwise:.0%} another known effect"
+    )
+    _paragraph(screen, f"besides or instead: {others}; within the flown envelope: {found.envelope.extent}")
+    _prediction(screen, found)
+    _paragraph(screen, f"the fit is {found.fit_verdict.sentence}", indent="")
+    _paragraph(screen, _told_and_not(found), indent="")
+    if found.findings:
+        first = found.findings[0].partition(": ")[0].partition("; ")[0]
+        more = f", and {len(found.findings) - 1} more notes" if len(found.findings) > 1 else ""
+        _paragraph(screen, f"note: {first}{more} (--details)", indent="")
+    return screen
+
+
+def details(found: Diagnosis, outlooks: Mapping[str, Outlook]) -> Screen:
+    """Everything that was looked at: probabilities, attempts, all models, all candidates, all notes."""
+    screen = Screen()
+    screen.line(found.belief.sentence(named=found.says_missing))
+    screen.line(found.envelope.sentence)
+    for attempt in found.attempts:
+        screen.line(f"{attempt.name} {attempt.sentence}")
+    _staircase(screen, found)
+    heads = ("candidate", "verdict", "parameter", "size ± sigma", "excl. >", "detectable >", "mm", "confidence")
+    screen.table(
+        "candidate effects (mm: position error that the effect causes within 0.5 s)",
+        heads,
+        [row for s in found.candidates for row in _rows(s)],
+    )
+    alike = [(s.name, ", ".join(f"{n} ({share:.0%})" for n, share in s.confounded)) for s in found.candidates]
+    if any(names for _, names in alike):
+        screen.table("confounded effects in these flights", ("candidate", "collinear with"), [a for a in alike if a[1]])
+    reasons = [
+        (s.name, f"{s.reason}; {outlooks[s.name].sentence}" if s.name in outlooks else s.reason)
+        for s in _inconclusive(found)
+    ]
+    reasons += [(name, f"unobservable: {why}") for name, why in found.invisible]
+    if reasons:
+        screen.table("inconclusive from these flights, and why", ("effect", "reason"), reasons)
+    for finding in found.findings:
+        screen.line(f"note: {finding}")
+    return screen
+
+
+def outside_sentence(found: Diagnosis) -> str:
+    """A sentence on the curve that no known effect explains."""
+    o = found.outside
+    assert o is not None
+    scale, unit = residual_plots.unit(o.channel)
+    curve = scale * o.acceleration * o.force_or_torque
+    return (
+        f"{words.channel(o.channel)} ({o.channel}) follows {words.variable(o.variable)} ({o.variable}), "
+        f"from {curve.min():.2g} to {curve.max():.2g} {unit} over "
+        f"{o.at[0]:.3g} to {o.at[-1]:.3g} {o.variable_unit} (confidence {o.confidence:.0%})"
+    )
+
+
+def _paragraph(screen: Screen, text: str, indent: str = "  ") -> None:
+    """Folded to the width of a terminal; names are not broken."""
+    for line in textwrap.wrap(
+        text, COLUMNS, initial_indent=indent, subsequent_indent=indent + "  ", break_long_words=False,
+        break_on_hyphens=False,
+    ):  # fmt: skip
+        screen.line(line)
+
+
+def _size_sentence(finding: CandidateFinding) -> str:
+    """Sizes with their intervals, and what the effect does to the prediction."""
+    sizes = [
+        f"{s.parameter.split('.')[-1]} {s.value:.3g} ({s.interval90[0]:.3g} to {s.interval90[1]:.3g}) {s.unit}".rstrip()
+        for s in finding.sizes
+        if s.sigma > 0.0
+    ]
+    return (
+        f"{finding.name}: {', '.join(sizes)}; alone it moves the vehicle by {1000.0 * finding.error_m:.1f} mm in 0.5 s"
+    )
+
+
+def _prediction(screen: Screen, found: Diagnosis) -> None:
+    """Errors of the model as given, of the fitted one and of the one with all that was added."""
+    stairs = [*found.staircase[:2], *found.staircase[2:][-1:]]
+    horizons = [h for h in HORIZONS if h in stairs[0].position_m]
+    rows = [(s.model, *(f"{1000.0 * s.position_m[h]:.1f}" for h in horizons)) for s in stairs]
+    on = "held-out flights" if found.held_out else "the training flights"
+    screen.table(f"position error, mm rms, on {on}", ("model", *(f"after {h}" for h in horizons)), rows)
+
+
+def _told_and_not(found: Diagnosis) -> str:
+    """How many effects are excluded; which these flights cannot tell."""
+    excluded = sum(s.verdict == Verdict.EXCLUDED for s in found.candidates)
+    open_ = [s.name for s in _inconclusive(found)]
+    sentence = f"excluded at sizes that matter: {excluded} effects"
+    if open_:
+        sentence += f"; inconclusive: {_some(open_)}"
+    return f"{sentence}; unobservable here: {len(found.invisible)}"
+
+
+def _some(names: Iterable[str]) -> str:
+    names = list(names)
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return ", ".join(names[:MOST_NAMED]) + more
+
+
+def _inconclusive(found: Diagnosis) -> list[CandidateFinding]:
+    return [s for s in found.candidates if s.verdict == Verdict.INCONCLUSIVE]
+
+
+def _staircase(screen: Screen, found: Diagnosis) -> None:
+    horizons = list(found.staircase[0].position_m)
+    on = ", ".join(found.held_out) if found.held_out else "the training flights (none was held out)"
+    rows = [(s.model, *(f"{1000.0 * s.position_m[h]:.1f}" for h in horizons)) for s in found.staircase]
+    screen.table(f"position error (mm, rms) on {on}", ("model", *(f"after {h}" for h in horizons)), rows)
+
+
+def _rows(candidate: CandidateFinding) -> list[tuple[str, ...]]:
+    """One line per parameter; the values of the candidate as a whole are in the first."""
+    heads = ((candidate.name, candidate.verdict), *((("", ""),) * (len(candidate.sizes) - 1)))
+    whole = (f"{1000.0 * candidate.error_m:.1f}", f"{candidate.confidence:.0%}")
+    return [
+        (*head, size.parameter.split(".")[-1], *_size(size), *(whole if head[0] else ("", "")))
+        for head, size in zip(heads, candidate.sizes, strict=True)
+    ]
+
+
+def _size(size: Size) -> tuple[str, str, str]:
+    """Size with sigma, upper bound, smallest detectable size; the unit is in the parameter's name."""
+    if size.sigma == 0.0:
+        return "not flown", "", ""
+    return f"{size.value:.3g} ± {size.sigma:.1g}", f"{size.excluded_above:.2g}", f"{size.smallest_visible:.2g}"
