@@ -195,7 +195,7 @@ static void cancel_torques(tc_controller* c, const float air_body_m_s[3]) {
                           measured_else(c, c->slow_speed_rad_s), torque);
         for (int i = 0; i < 3; i++) c->cancelled_n_m[i] = torque[i] - before[i];
     }
-    if (!tc_cancels_disturbance(c) || tc_landing_unloads(&c->landing) || c->gyro_good_us != c->telemetry.time_us) return;
+    if (!tc_cancels_disturbance(c) || tc_landing_unloads(&c->landing) || !tc_gyro_is_whole(c)) return;
     const float share = tc_disturbance_share(c);
     for (int i = 0; i < 3; i++) torque[i] -= share * c->observer.torque_body_n_m[i];
 }

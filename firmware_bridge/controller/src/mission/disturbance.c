@@ -14,12 +14,12 @@ static bool lifted(const tc_controller* c) {
 static tc_observer_state wanted_state(const tc_controller* c) {
     const uint8_t state = c->mission.state, now = c->observer.state;
     const uint32_t faults = (uint32_t)TC_FAULT_POSITION_STALE | TC_FAULT_ATTITUDE_STALE;
-    const bool gyro_whole = c->gyro_good_us == c->telemetry.time_us; /* else an axis is told by the attitude, late */
     if (c->parameters.observer < 0.5f) return TC_OBSERVER_OFF;
-    if (!tc_mission_in_air(state) || !gyro_whole) return TC_OBSERVER_WAITS;
+    if (!tc_mission_in_air(state)) return TC_OBSERVER_WAITS;
     if ((c->telemetry.estimate.valid & (uint8_t)TC_VALID_SPECIFIC_FORCE) == 0u) return TC_OBSERVER_NO_ACCELEROMETER;
     if (tc_dot(c->telemetry.flatness.axis, c->axes[2]) < FOLLOWS) return TC_OBSERVER_WAITS;
-    if (state == TC_LANDING || state == TC_EMERGENCY || (c->telemetry.estimate_faults & faults) != 0u) {
+    if (state == TC_LANDING || state == TC_EMERGENCY || (c->telemetry.estimate_faults & faults) != 0u ||
+        !tc_gyro_is_whole(c)) {
         const bool known = now == (uint8_t)TC_OBSERVER_RUNS || now == (uint8_t)TC_OBSERVER_HOLDS;
         return known ? TC_OBSERVER_HOLDS : TC_OBSERVER_WAITS;
     }

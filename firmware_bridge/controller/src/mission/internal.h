@@ -49,6 +49,9 @@ static inline float tc_per_battery(const tc_controller* c) {
     return 1.0f / tc_max(1.0f - p->battery_gain_1_v * (p->battery_reference_v - battery_v), 0.5f);
 }
 
+/* Whether the gyro gives all three axes; else the missing ones are told by the attitude, late. */
+static inline bool tc_gyro_is_whole(const tc_controller* c) { return c->gyro_good_us == c->telemetry.time_us; }
+
 /* monitor.c */
 /* Whether the pose is believed now. */
 bool tc_monitor_believes(const tc_controller* c);
