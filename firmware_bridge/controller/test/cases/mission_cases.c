@@ -238,8 +238,8 @@ static void misfortunes(void) {
         {TC_HOLD, {.no_position = true}, 3.0f, TC_EMERGENCY},
         {TC_HOLD, {.bad_position = true}, 3.0f, TC_EMERGENCY},
         {TC_HOLD, {.no_position = true}, 60.0f, TC_FAULT},
-        {TC_HOLD, {.offset_m = 5000.0f}, 0.5f, TC_LANDING},
-        {TC_HOLD, {.offset_m = -5000.0f}, 0.5f, TC_LANDING},
+        {TC_HOLD, {.offset_m = 5000.0f}, 0.5f, TC_EMERGENCY},
+        {TC_HOLD, {.offset_m = -5000.0f}, 0.5f, TC_EMERGENCY},
         {TC_TRAJECTORY, {.offset_m = 5000.0f}, 0.2f, TC_ABORTING},
         {TC_ARMED, {.no_attitude = true}, 2.0f, TC_DISARMED},
     };
