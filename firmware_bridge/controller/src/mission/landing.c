@@ -171,7 +171,9 @@ static void begin_unload(tc_controller* c, bool sure) {
 static bool comes_no_lower(tc_controller* c) {
     tc_landing* landing = &c->landing;
     const float z_m = c->telemetry.estimate.position_world_m[2];
-    const bool known = c->vertical_velocity && landing->speed_m_s >= 0.9f * c->parameters.landing_m_s;
+    const float* v = c->telemetry.estimate.velocity_world_m_s;
+    const bool slides = v[0] * v[0] + v[1] * v[1] > CONTACT_SPEED_M_S * CONTACT_SPEED_M_S;
+    const bool known = c->vertical_velocity && !slides && landing->speed_m_s >= 0.9f * c->parameters.landing_m_s;
     if (!known || z_m < landing->lowest_m - SUNK_M) {
         landing->lowest_m = z_m;
         landing->sunk_us = c->telemetry.time_us;

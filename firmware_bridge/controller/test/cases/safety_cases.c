@@ -35,7 +35,7 @@ static const char* const table[TC_EVENT_COUNT] = {
     ".dhhhooh......", /* link lost: hold */
     ".dlllxxlx.....", /* link lost: land */
     "...........!..", /* timeout */
-    "..llllllll.e..", /* tracking lost */
+    "..lllllllle...", /* tracking lost */
     "....hooho.....", /* relocalized */
     ".dlllxxlx.....", /* battery low */
     "w............w", /* shadow */
