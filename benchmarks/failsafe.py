@@ -61,12 +61,15 @@ def fly(seed: int) -> Flown:
     may_stop = result.stop_s >= may_stop_from_s(drawn.scenario, result)
     killed = result.stop_state == State.FAULT and result.stop_reason == Reason.COMMANDED  # it may fall from any height
     excused = killed or (stopped_high and (tumbling or may_stop))
-    found = judge.violations(result, touchdown_m_s=drawn.touchdown_m_s, may_stop_in_air=excused)
+    found = judge.violations(
+        result, touchdown_m_s=drawn.touchdown_m_s, may_stop_in_air=excused, must_fly=drawn.must_fly
+    )
     found += (
         unordered(result, drawn.scenario.tick_s)
         + groundless(drawn.scenario, result)
         + slow_kill(drawn.scenario, result)
     )
+    found += unsafe_end(drawn.scenario, result)
     return Flown(
         seed,
         drawn.classes,
@@ -80,6 +83,27 @@ def fly(seed: int) -> Flown:
         result.end_tilt_rad,
         story(result),
     )
+
+
+LONGEST_ON_GROUND_S = 5.0
+FURTHEST_M = 20.0
+
+
+def unsafe_end(scenario: Scenario, result: harness.Result) -> list[str]:
+    """Rotors that go on turning on the ground, a flight away from its path, an order taken that must not be."""
+    found = []
+    stopped_s = result.stop_s if result.at_rest else result.end_s
+    on_ground_s = stopped_s - max(result.last_airborne_s, result.first_touchdown_s)
+    if result.touchdowns and on_ground_s > LONGEST_ON_GROUND_S:
+        found.append(f"rotors turned {on_ground_s:.1f} s on the ground")
+    reach_m = max(float(np.abs(scenario.path.coefficients[:, axis]).sum(axis=-1).max()) for axis in (0, 1))
+    if max(abs(x) for x in result.end_position_m[:2]) > reach_m + FURTHEST_M:
+        found.append(f"ended {max(abs(x) for x in result.end_position_m[:2]):.0f} m off, path reaches {reach_m:.0f} m")
+    for order, at, reason in zip(scenario.orders, result.order_times_s, result.order_reasons, strict=True):
+        hands = (f for f in scenario.faults if f.kind == Kind.CARRIED and 0 < at < f.after_s + f.duration_s)
+        if any(hands) and reason == 0 and order.command in (Command.ARM, Command.TAKE_OFF):
+            found.append(f"{order.command.name} was accepted while it was carried")
+    return found
 
 
 def may_stop_from_s(scenario: Scenario, result: harness.Result) -> float:
@@ -165,6 +189,9 @@ def rows(flown: list[Flown]) -> list[report.Row]:
         ("outputs not finite or out of range", "outputs"),
         ("KILL later than the next tick", "KILL took"),
         ("never flew", "never flew"),
+        ("rotors on for more than 5 s on the ground", "on the ground"),
+        ("ended more than 20 m away", " m off, path"),
+        ("orders accepted while carried", "while it was carried"),
     ):
         number = count(flown, text)
         table.append(report.row(name, number, "flights", "0", number == 0))

@@ -37,6 +37,8 @@ class Drawn:
     touchdown_m_s: float | None
     may_tumble: bool
     """After a rotor's death."""
+    must_fly: bool = True
+    """It had no reason to stay on the ground."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +49,13 @@ class Effect:
     orders: tuple[Order, ...] = ()
     world: dict = None  # type: ignore[assignment]
     sensors: dict = None  # type: ignore[assignment]
+    vehicle: dict = None  # type: ignore[assignment]
     blind: bool = False
     """Vertical speed is lost: the touchdown has a bar of its own."""
     dead: bool = False
     """A rotor's death: any touchdown, and rotors may stop once it tumbles."""
+    held: bool = False
+    """A hand has it and lets it fall: it need not fly, and touches as it falls."""
 
 
 Draw = Callable[[np.random.Generator], Effect]
@@ -213,6 +218,50 @@ def floor_lower(rng: np.random.Generator) -> Effect:
     return Effect(world=TABLE | {"floor_m": -log_uniform(rng, 0.3, 20.0)})
 
 
+def heading_jump(rng: np.random.Generator) -> Effect:
+    return Effect((Fault(Kind.HEADING_JUMP, (float(rng.uniform(-3.1, 3.1)),), **when(rng)),), blind=True)
+
+
+def pose_stuck(rng: np.random.Generator) -> Effect:
+    lasts_s = float(rng.choice([0.0, 0.5, 2.0]))
+    return Effect((Fault(Kind.STUCK, (), duration_s=lasts_s, **when(rng)),), blind=True)
+
+
+def pose_old(rng: np.random.Generator) -> Effect:
+    age_s = float(rng.choice([rng.uniform(0.12, 1.9), rng.uniform(-5.0, -1.1)]))
+    return Effect((Fault(Kind.POSE_AGE, (age_s,), duration_s=float(rng.choice([0.0, 1.0])), **when(rng)),), blind=True)
+
+
+def speed_wrong(rng: np.random.Generator) -> Effect:
+    wrong = direction(rng, float(rng.uniform(0.3, 5.0)))
+    return Effect((Fault(Kind.SPEED_WRONG, wrong, duration_s=float(rng.choice([0.0, 1.0])), **when(rng)),), blind=True)
+
+
+def gyro_axis(rng: np.random.Generator) -> Effect:
+    lost = Fault(Kind.GYRO_AXIS, (int(rng.integers(3)),), duration_s=log_uniform(rng, 0.05, 2.0), **when(rng))
+    return Effect((lost,), blind=True)
+
+
+def rotor_speed_wrong(rng: np.random.Generator) -> Effect:
+    value = float(rng.choice([np.nan, np.inf, -np.inf, -800.0, 1e30]))
+    return Effect((Fault(Kind.ROTOR_SPEED, (int(rng.integers(4)), value), **when(rng)),))
+
+
+def vibration(rng: np.random.Generator) -> Effect:
+    return Effect((Fault(Kind.VIBRATION, (float(rng.uniform(4.0, 12.0)),), **when(rng)),))
+
+
+def bouncy(rng: np.random.Generator) -> Effect:
+    return Effect(vehicle={"contact_n_s_m": float(rng.uniform(0.5, 4.0)), "contact_n_m": log_uniform(rng, 600, 3000)})
+
+
+def carried(rng: np.random.Generator) -> Effect:
+    """A hand has it when it is ordered to arm and to take off, and throws it soon after."""
+    hand = (*direction(rng, float(rng.uniform(0.55, 2.0))), float(rng.uniform(-3.0, 3.0)))
+    early = (Order(Command.ARM, 0, 0.15, FROM_START), Order(Command.TAKE_OFF, 1.5, 0.17, FROM_START))
+    return Effect((Fault(Kind.CARRIED, hand, 0.0, 0.2, FROM_START),), orders=early, held=True)
+
+
 def floor_higher(rng: np.random.Generator) -> Effect:
     """The floor rises beneath a hovering vehicle, as over a crate or a roof's edge."""
     return Effect((Fault(Kind.FLOOR, (float(rng.uniform(0.1, 0.9)),), 0.2),))
@@ -247,6 +296,15 @@ DRAWS: dict[str, Draw] = {
     "parameter change": parameter,
     "no specific force": no_specific_force,
     "no vertical velocity": no_vertical_velocity,
+    "heading jump": heading_jump,
+    "pose stuck": pose_stuck,
+    "pose old or ahead": pose_old,
+    "speed wrong": speed_wrong,
+    "gyro axis lost": gyro_axis,
+    "rotor speed no number": rotor_speed_wrong,
+    "vibration": vibration,
+    "bouncy floor": bouncy,
+    "carried": carried,
     "floor lower": floor_lower,
     "floor higher": floor_higher,
 }
@@ -297,9 +355,11 @@ def draw(seed: int) -> Drawn:
         "delay_s": float(rng.uniform(0, 0.02)),
         "vibration_m_s2": float(rng.uniform(0, 3)),
     }
+    vehicle: dict = {}
     for effect in effects:
         world |= effect.world or {}
         sensors |= effect.sensors or {}
+        vehicle |= effect.vehicle or {}
     path = draw_path(rng, away="plate_m" in world)
     if "slope" in world:  # the hill must stay below the path
         steepest = 0.3 / reach_m(path)
@@ -313,6 +373,7 @@ def draw(seed: int) -> Drawn:
         parameters={"battery_arm_v": 14.0, "battery_warn_v": 13.6, "battery_land_v": 13.2, "link_hold_s": 8.0},
         world=world,
         sensors=sensors,
+        vehicle=vehicle,
         seed=seed,
         tick_s=float(rng.choice(TICKS_S)),
         tick_jitter=float(rng.choice([0.0, 0.2])),
@@ -321,4 +382,5 @@ def draw(seed: int) -> Drawn:
     blind = any(effect.blind for effect in effects)
     dead = any(effect.dead for effect in effects)
     bar = judge.HARDEST_BLIND_TOUCHDOWN_M_S if blind else judge.HARDEST_TOUCHDOWN_M_S
-    return Drawn(seed, tuple(names), scenario, None if dead else bar, dead)
+    held = any(effect.held for effect in effects)
+    return Drawn(seed, tuple(names), scenario, None if dead or held else bar, dead, not held)

@@ -87,6 +87,8 @@ class Sensors:
     rotor_speed_std_rad_s: float = 0.0
     delay_s: float = 0.0
     """Age of the pose and velocity when they reach the controller; it is told the true time stamp."""
+    untold_delay_s: float = 0.0
+    """What is older still, without the time stamp telling."""
 
     @staticmethod
     def typical() -> "Sensors":
@@ -161,7 +163,9 @@ class SitlVehicle:
         self._stations: dict[Address, float] = {}
         self._guests: dict[Address, float] = {}
         self._listeners = listeners
-        self._truth: deque[tuple[int, FloatArray]] = deque(maxlen=1 + round(self._sensors.delay_s * tick_hz))
+        self._truth: deque[tuple[int, FloatArray]] = deque(
+            maxlen=1 + round((self._sensors.delay_s + self._sensors.untold_delay_s) * tick_hz)
+        )
         self._time_us, self._kept_at_s = 0, 0.0
         self._boots, self._kept_stamp = (secrets.randbits(32), 0) if state_file is None else _load_state(state_file)
         self._lock = threading.RLock()
@@ -304,6 +308,7 @@ class SitlVehicle:
         )
         self._truth.append((self._time_us, truth))
         pose_us, seen = self._truth[0]
+        pose_us = min(pose_us + round(sensors.untold_delay_s * 1e6), self._time_us)
         estimate = sensors.estimate(np.concatenate([seen[:10], truth[10:]]), rng)
         command, _ = self._controller.tick(
             self._time_us,

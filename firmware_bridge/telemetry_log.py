@@ -25,6 +25,8 @@ _SCALARS = {
     "landing_stage": "landing_stage",
     "estimate_valid": "estimate_valid",
     "estimate_faults": "estimate_faults",
+    "observer_state": "observer_state",
+    "disturbance_force_std_n": "disturbance_force_std_n",
 }
 """Column to field of the message."""
 
@@ -44,6 +46,7 @@ def flight_log(states: Iterable[State], metadata: Mapping[str, Any]) -> FlightLo
         column: np.array([getattr(state, name) for state in ordered], dtype=np.float64)
         for column, name in _SCALARS.items()
     }
+    scalars["position_delay_s"], scalars["attitude_delay_s"] = np.array([state.pose_delay_s for state in ordered]).T
     scalars["battery_v"][scalars["battery_v"] <= 0.0] = np.nan  # 0: the vehicle does not measure it
     scalars["trajectory_time_s"][scalars["trajectory_time_s"] < 0.0] = np.nan
     return from_vectors(time_s, vectors, scalars=scalars, metadata=metadata)

@@ -41,6 +41,9 @@ _GROUPS: dict[str, tuple[str, tuple[str, ...], str]] = {
     "setpoint_velocity_world_m_s": ("setpoint_velocity_world", _AXES, "_m_s"),
     "setpoint_q_world_body": ("setpoint_q_world_body", _QUATERNION, ""),
     "wind_world_m_s": ("wind_world", _AXES, "_m_s"),
+    "disturbance_force_world_n": ("disturbance_force_world", _AXES, "_n"),
+    "disturbance_torque_body_n_m": ("disturbance_torque_body", _AXES, "_n_m"),
+    "disturbance_torque_std_n_m": ("disturbance_torque_std", _AXES, "_n_m"),
 }
 
 COLUMNS: dict[str, tuple[str, ...]] = {
@@ -59,6 +62,7 @@ SCALARS = (
     "landing_stage",
     "estimate_valid",
     "estimate_faults",
+    "observer_state",
 )
 """Further standard columns. All from `mission_state` on are codes or bits of the controller (see its headers)."""
 

@@ -154,6 +154,11 @@ nb::dict telemetry(const Controller& self) {
     d["landing_stage"] = t.landing_stage;
     d["reckoning_s"] = t.reckoning_s;
     d["reckoning_std_m"] = t.reckoning_std_m;
+    const tc_observer& o = self.c->observer;
+    d["observer_state"] = o.state;
+    d["disturbance_force_world_n"] = copied(o.force_world_n, 3);
+    d["disturbance_torque_body_n_m"] = copied(o.torque_body_n_m, 3);
+    d["position_delay_s"] = self.c->delay.attitude.delay_s + self.c->delay.velocity.delay_s;
     d["shift_world_m"] = copied(self.c->supervisor.shift, 3);
     d["path_time_us"] = t.path_time_us;
     const tc_trajectory* active = tc_store_active(&self.c->store);

@@ -90,6 +90,7 @@ class Flight:
     truth: vehicle.Vehicle = field(default_factory=lambda: vehicle.example("rigter2019"))
     believed: vehicle.Vehicle | None = None
     overrides: dict[str, float] = field(default_factory=dict)
+    """The observer is off unless asked for: it hides what most of these flights measure."""
     step_us: int = 2000
     noise: bool = False
     delay_s: float = 0.0
@@ -99,7 +100,8 @@ class Flight:
     accelerometer: bool = True
 
     def __post_init__(self) -> None:
-        configuration = ctl.parameters_of(self.believed or self.truth).with_values(**self.overrides)
+        values = {"observer": 0.0, **self.overrides}
+        configuration = ctl.parameters_of(self.believed or self.truth).with_values(**values)
         self.controller = ctl.Controller(configuration)
         start = simulate.State(np.array(self.start_m))
         self.plant = simulate.Plant(self.truth, start, ground_m=self.start_m[2], battery=self.battery)

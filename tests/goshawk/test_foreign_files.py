@@ -236,6 +236,8 @@ REFUSED = [  # (the command, words of the sentence): exit code 2
     ("sitl --vehicle vehicle.toml --delay -1 --key new.key", "delay"),
     ("sitl --vehicle vehicle.toml --delay inf --key new.key", "--delay"),
     ("sitl --vehicle vehicle.toml --wind 1e300,0,0 --key new.key", "at most 100 m/s"),
+    ("sitl --vehicle vehicle.toml --rotor 4=.9 --key new.key", "rotor 0 to 3"),
+    ("sitl --vehicle vehicle.toml --rotor 2=nan --key new.key", "ratio from 0 to 1.5"),
     ("sitl --vehicle vehicle.toml --gust-std 1e300 --key new.key", "at most 100 m/s"),
     ("sitl --vehicle vehicle.toml --time-factor nan --key new.key", "time-factor"),
     ("sitl --vehicle vehicle.toml --gust-std nan --key new.key", "gust-std"),

@@ -1070,7 +1070,7 @@ static inline void odometry_decode(odometry_msg *m, const uint8_t *payload, size
 
 /* All a flight log needs of one instant; also the record of the on-board log. */
 #define GOSHAWK_STATE_ID 54000u
-#define GOSHAWK_STATE_LENGTH 178u
+#define GOSHAWK_STATE_LENGTH 227u
 #define GOSHAWK_STATE_CRC_EXTRA 231u
 typedef struct {
     uint64_t time_us; /* Vehicle time. */
@@ -1099,6 +1099,12 @@ typedef struct {
     uint8_t estimate_valid; /* TC_VALID_ bits of the estimate. */
     uint8_t estimate_faults; /* What the controller found wrong with it: bits of tc_telemetry.estimate_faults. */
     uint8_t saturation; /* Bits of the mixer's saturation report. */
+    float disturbance_force_world_n[3]; /* Of everything that is not modelled; zero where the observer does not run. */
+    float disturbance_torque_body_n_m[3]; /* The same. */
+    float disturbance_torque_std_n_m[3]; /* Standard deviation by the gyroscope's noise. */
+    float disturbance_force_std_n; /* Standard deviation of one axis by the noise of accelerometer and pose. */
+    float pose_delay_s[2]; /* Of position and attitude beyond their stamps. */
+    uint8_t observer_state; /* tc_observer_state. */
 } goshawk_state_msg;
 enum {
     GOSHAWK_STATE_TIME_US_AT = 0,
@@ -1127,18 +1133,87 @@ enum {
     GOSHAWK_STATE_ESTIMATE_VALID_AT = 175,
     GOSHAWK_STATE_ESTIMATE_FAULTS_AT = 176,
     GOSHAWK_STATE_SATURATION_AT = 177,
+    GOSHAWK_STATE_DISTURBANCE_FORCE_WORLD_N_AT = 178,
+    GOSHAWK_STATE_DISTURBANCE_TORQUE_BODY_N_M_AT = 190,
+    GOSHAWK_STATE_DISTURBANCE_TORQUE_STD_N_M_AT = 202,
+    GOSHAWK_STATE_DISTURBANCE_FORCE_STD_N_AT = 214,
+    GOSHAWK_STATE_POSE_DELAY_S_AT = 218,
+    GOSHAWK_STATE_OBSERVER_STATE_AT = 226,
 };
 
 static inline void goshawk_state_encode(const goshawk_state_msg *m, uint8_t payload[GOSHAWK_STATE_LENGTH])
 {
-    _Static_assert(offsetof(goshawk_state_msg, saturation) == GOSHAWK_STATE_SATURATION_AT, "no gaps");
-    memcpy(payload, m, GOSHAWK_STATE_LENGTH);
+    memcpy(payload + GOSHAWK_STATE_TIME_US_AT, &m->time_us, 8u);
+    memcpy(payload + GOSHAWK_STATE_POSITION_WORLD_M_AT, m->position_world_m, 12u);
+    memcpy(payload + GOSHAWK_STATE_VELOCITY_WORLD_M_S_AT, m->velocity_world_m_s, 12u);
+    memcpy(payload + GOSHAWK_STATE_Q_WORLD_BODY_AT, m->q_world_body, 16u);
+    memcpy(payload + GOSHAWK_STATE_RATE_BODY_RAD_S_AT, m->rate_body_rad_s, 12u);
+    memcpy(payload + GOSHAWK_STATE_SPECIFIC_FORCE_BODY_M_S2_AT, m->specific_force_body_m_s2, 12u);
+    memcpy(payload + GOSHAWK_STATE_ROTOR_SPEED_RAD_S_AT, m->rotor_speed_rad_s, 16u);
+    memcpy(payload + GOSHAWK_STATE_ROTOR_SPEED_COMMAND_RAD_S_AT, m->rotor_speed_command_rad_s, 16u);
+    memcpy(payload + GOSHAWK_STATE_SETPOINT_POSITION_WORLD_M_AT, m->setpoint_position_world_m, 12u);
+    memcpy(payload + GOSHAWK_STATE_SETPOINT_VELOCITY_WORLD_M_S_AT, m->setpoint_velocity_world_m_s, 12u);
+    memcpy(payload + GOSHAWK_STATE_SETPOINT_Q_WORLD_BODY_AT, m->setpoint_q_world_body, 16u);
+    memcpy(payload + GOSHAWK_STATE_BATTERY_V_AT, &m->battery_v, 4u);
+    memcpy(payload + GOSHAWK_STATE_TRAJECTORY_TIME_S_AT, &m->trajectory_time_s, 4u);
+    memcpy(payload + GOSHAWK_STATE_PATH_RATE_AT, &m->path_rate, 4u);
+    memcpy(payload + GOSHAWK_STATE_PATH_LIMIT_AT, &m->path_limit, 4u);
+    memcpy(payload + GOSHAWK_STATE_RECKONING_S_AT, &m->reckoning_s, 4u);
+    memcpy(payload + GOSHAWK_STATE_RECKONING_STD_M_AT, &m->reckoning_std_m, 4u);
+    memcpy(payload + GOSHAWK_STATE_SEQUENCE_AT, &m->sequence, 2u);
+    memcpy(payload + GOSHAWK_STATE_MISSION_STATE_AT, &m->mission_state, 1u);
+    memcpy(payload + GOSHAWK_STATE_REASON_AT, &m->reason, 1u);
+    memcpy(payload + GOSHAWK_STATE_LIMIT_REASON_AT, &m->limit_reason, 1u);
+    memcpy(payload + GOSHAWK_STATE_WARNINGS_AT, &m->warnings, 1u);
+    memcpy(payload + GOSHAWK_STATE_LANDING_STAGE_AT, &m->landing_stage, 1u);
+    memcpy(payload + GOSHAWK_STATE_ESTIMATE_VALID_AT, &m->estimate_valid, 1u);
+    memcpy(payload + GOSHAWK_STATE_ESTIMATE_FAULTS_AT, &m->estimate_faults, 1u);
+    memcpy(payload + GOSHAWK_STATE_SATURATION_AT, &m->saturation, 1u);
+    memcpy(payload + GOSHAWK_STATE_DISTURBANCE_FORCE_WORLD_N_AT, m->disturbance_force_world_n, 12u);
+    memcpy(payload + GOSHAWK_STATE_DISTURBANCE_TORQUE_BODY_N_M_AT, m->disturbance_torque_body_n_m, 12u);
+    memcpy(payload + GOSHAWK_STATE_DISTURBANCE_TORQUE_STD_N_M_AT, m->disturbance_torque_std_n_m, 12u);
+    memcpy(payload + GOSHAWK_STATE_DISTURBANCE_FORCE_STD_N_AT, &m->disturbance_force_std_n, 4u);
+    memcpy(payload + GOSHAWK_STATE_POSE_DELAY_S_AT, m->pose_delay_s, 8u);
+    memcpy(payload + GOSHAWK_STATE_OBSERVER_STATE_AT, &m->observer_state, 1u);
 }
 
 static inline void goshawk_state_decode(goshawk_state_msg *m, const uint8_t *payload, size_t length)
 {
+    uint8_t whole[GOSHAWK_STATE_LENGTH] = {0};
+    memcpy(whole, payload, length < GOSHAWK_STATE_LENGTH ? length : GOSHAWK_STATE_LENGTH);
     memset(m, 0, sizeof *m);
-    memcpy(m, payload, length < GOSHAWK_STATE_LENGTH ? length : GOSHAWK_STATE_LENGTH);
+    memcpy(&m->time_us, whole + GOSHAWK_STATE_TIME_US_AT, 8u);
+    memcpy(m->position_world_m, whole + GOSHAWK_STATE_POSITION_WORLD_M_AT, 12u);
+    memcpy(m->velocity_world_m_s, whole + GOSHAWK_STATE_VELOCITY_WORLD_M_S_AT, 12u);
+    memcpy(m->q_world_body, whole + GOSHAWK_STATE_Q_WORLD_BODY_AT, 16u);
+    memcpy(m->rate_body_rad_s, whole + GOSHAWK_STATE_RATE_BODY_RAD_S_AT, 12u);
+    memcpy(m->specific_force_body_m_s2, whole + GOSHAWK_STATE_SPECIFIC_FORCE_BODY_M_S2_AT, 12u);
+    memcpy(m->rotor_speed_rad_s, whole + GOSHAWK_STATE_ROTOR_SPEED_RAD_S_AT, 16u);
+    memcpy(m->rotor_speed_command_rad_s, whole + GOSHAWK_STATE_ROTOR_SPEED_COMMAND_RAD_S_AT, 16u);
+    memcpy(m->setpoint_position_world_m, whole + GOSHAWK_STATE_SETPOINT_POSITION_WORLD_M_AT, 12u);
+    memcpy(m->setpoint_velocity_world_m_s, whole + GOSHAWK_STATE_SETPOINT_VELOCITY_WORLD_M_S_AT, 12u);
+    memcpy(m->setpoint_q_world_body, whole + GOSHAWK_STATE_SETPOINT_Q_WORLD_BODY_AT, 16u);
+    memcpy(&m->battery_v, whole + GOSHAWK_STATE_BATTERY_V_AT, 4u);
+    memcpy(&m->trajectory_time_s, whole + GOSHAWK_STATE_TRAJECTORY_TIME_S_AT, 4u);
+    memcpy(&m->path_rate, whole + GOSHAWK_STATE_PATH_RATE_AT, 4u);
+    memcpy(&m->path_limit, whole + GOSHAWK_STATE_PATH_LIMIT_AT, 4u);
+    memcpy(&m->reckoning_s, whole + GOSHAWK_STATE_RECKONING_S_AT, 4u);
+    memcpy(&m->reckoning_std_m, whole + GOSHAWK_STATE_RECKONING_STD_M_AT, 4u);
+    memcpy(&m->sequence, whole + GOSHAWK_STATE_SEQUENCE_AT, 2u);
+    memcpy(&m->mission_state, whole + GOSHAWK_STATE_MISSION_STATE_AT, 1u);
+    memcpy(&m->reason, whole + GOSHAWK_STATE_REASON_AT, 1u);
+    memcpy(&m->limit_reason, whole + GOSHAWK_STATE_LIMIT_REASON_AT, 1u);
+    memcpy(&m->warnings, whole + GOSHAWK_STATE_WARNINGS_AT, 1u);
+    memcpy(&m->landing_stage, whole + GOSHAWK_STATE_LANDING_STAGE_AT, 1u);
+    memcpy(&m->estimate_valid, whole + GOSHAWK_STATE_ESTIMATE_VALID_AT, 1u);
+    memcpy(&m->estimate_faults, whole + GOSHAWK_STATE_ESTIMATE_FAULTS_AT, 1u);
+    memcpy(&m->saturation, whole + GOSHAWK_STATE_SATURATION_AT, 1u);
+    memcpy(m->disturbance_force_world_n, whole + GOSHAWK_STATE_DISTURBANCE_FORCE_WORLD_N_AT, 12u);
+    memcpy(m->disturbance_torque_body_n_m, whole + GOSHAWK_STATE_DISTURBANCE_TORQUE_BODY_N_M_AT, 12u);
+    memcpy(m->disturbance_torque_std_n_m, whole + GOSHAWK_STATE_DISTURBANCE_TORQUE_STD_N_M_AT, 12u);
+    memcpy(&m->disturbance_force_std_n, whole + GOSHAWK_STATE_DISTURBANCE_FORCE_STD_N_AT, 4u);
+    memcpy(m->pose_delay_s, whole + GOSHAWK_STATE_POSE_DELAY_S_AT, 8u);
+    memcpy(&m->observer_state, whole + GOSHAWK_STATE_OBSERVER_STATE_AT, 1u);
 }
 
 /* Ask for records of the on-board log; nothing wanted asks for GOSHAWK_LOG_INFO. */
@@ -1205,12 +1280,12 @@ static inline void goshawk_log_info_decode(goshawk_log_info_msg *m, const uint8_
 
 /* One record. */
 #define GOSHAWK_LOG_RECORD_ID 54003u
-#define GOSHAWK_LOG_RECORD_LENGTH 186u
-#define GOSHAWK_LOG_RECORD_CRC_EXTRA 198u
+#define GOSHAWK_LOG_RECORD_LENGTH 235u
+#define GOSHAWK_LOG_RECORD_CRC_EXTRA 137u
 typedef struct {
     uint32_t log_id; /* Of GOSHAWK_LOG_INFO. */
     uint32_t index; /* Which record. */
-    uint8_t record[178]; /* Payload of a GOSHAWK_STATE. */
+    uint8_t record[227]; /* Payload of a GOSHAWK_STATE. */
 } goshawk_log_record_msg;
 enum {
     GOSHAWK_LOG_RECORD_LOG_ID_AT = 0,

@@ -719,8 +719,8 @@ class State(Message):
 
     ID: ClassVar[int] = 54000
     CRC_EXTRA: ClassVar[int] = 231
-    STRUCT: ClassVar[struct.Struct] = struct.Struct("<Q3f3f4f3f3f4f4f3f3f4fffffffHBBBBBBBB")
-    ARRAYS: ClassVar[tuple[int, ...]] = (0, 3, 3, 4, 3, 3, 4, 4, 3, 3, 4, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<Q3f3f4f3f3f4f4f3f3f4fffffffHBBBBBBBB3f3f3ff2fB")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 3, 3, 4, 3, 3, 4, 4, 3, 3, 4, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 3, 3, 3, 0, 2, 0)
     time_us: int = 0
     """Vehicle time."""
     position_world_m: tuple[float, ...] = (0.0,) * 3
@@ -773,6 +773,18 @@ class State(Message):
     """What the controller found wrong with it: bits of tc_telemetry.estimate_faults."""
     saturation: int = 0
     """Bits of the mixer's saturation report."""
+    disturbance_force_world_n: tuple[float, ...] = (0.0,) * 3
+    """Of everything that is not modelled; zero where the observer does not run."""
+    disturbance_torque_body_n_m: tuple[float, ...] = (0.0,) * 3
+    """The same."""
+    disturbance_torque_std_n_m: tuple[float, ...] = (0.0,) * 3
+    """Standard deviation by the gyroscope's noise."""
+    disturbance_force_std_n: float = 0.0
+    """Standard deviation of one axis by the noise of accelerometer and pose."""
+    pose_delay_s: tuple[float, ...] = (0.0,) * 2
+    """Of position and attitude beyond their stamps."""
+    observer_state: int = 0
+    """tc_observer_state."""
 
 
 @dataclass(slots=True)
@@ -820,14 +832,14 @@ class LogRecord(Message):
     """One record."""
 
     ID: ClassVar[int] = 54003
-    CRC_EXTRA: ClassVar[int] = 198
-    STRUCT: ClassVar[struct.Struct] = struct.Struct("<II178B")
-    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 178)
+    CRC_EXTRA: ClassVar[int] = 137
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<II227B")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 227)
     log_id: int = 0
     """Of GOSHAWK_LOG_INFO."""
     index: int = 0
     """Which record."""
-    record: tuple[int, ...] = (0,) * 178
+    record: tuple[int, ...] = (0,) * 227
     """Payload of a GOSHAWK_STATE."""
 
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -44,14 +45,23 @@ LONGEST_DELAY_S = 60.0
 @click.option("--perfect-sensors", is_flag=True, help="No noise and no delay in the estimate.")
 @click.option("--loss", "loss_ratio", default=0.0, show_default=True, help="Share of datagrams lost each way.")
 @click.option("--delay", "delay_s", default=0.0, show_default=True, help="Delay of datagrams each way, seconds.")
-@click.option("--wind", default="0,0,0", show_default=True, help="Steady wind, x,y,z (world, m/s).")
+@click.option("--wind", default="0,0,0", show_default=True, help="Steady wind, x,y,z or x alone (world, m/s).")
 @click.option(
     "--gust-std",
+    "--gusts",
     "gust_std_m_s",
     type=click.FloatRange(min=0.0),
     default=0.0,
     show_default=True,
     help="Standard deviation of gusts, m/s.",
+)
+@click.option("--mass", "mass_ratio", type=click.FloatRange(0.5, 1.5), default=1.0, help="True mass over the file's.")
+@click.option("--rotor", "rotors", multiple=True, metavar="I=RATIO", help="Thrust of rotor 0 to 3 over the file's.")
+@click.option(
+    "--pose-delay", "pose_delay_s", type=click.FloatRange(0.0, 0.2), default=0.0, help="Delay of the pose, untold, s."
+)
+@click.option(
+    "--observer", type=click.Choice(["on", "off"]), default="on", show_default=True, help="Disturbance observer."
 )
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed: of all noise.")
 @click.option(
@@ -75,6 +85,10 @@ def command(
     delay_s: float,
     wind: str,
     gust_std_m_s: float,
+    mass_ratio: float,
+    rotors: tuple[str, ...],
+    pose_delay_s: float,
+    observer: str,
     seed: int,
     state_file: Path | None,
     as_json: bool,
@@ -83,7 +97,7 @@ def command(
 
     \b
     goshawk sitl --vehicle vehicle.toml --start-of walk.json
-    goshawk sitl --vehicle truth.toml --believed vehicle.toml --time-factor 0 --loss 0.2 --delay 0.005
+    goshawk sitl --wind 3 --gusts 1 --mass 1.05 --rotor 2=.85 --pose-delay .02 --observer off
 
     --vehicle is the true vehicle that is simulated; --believed gives its controller's parameters. A link key is made on
     first use. The first line printed is the address; --json makes it an object.
@@ -92,15 +106,16 @@ def command(
         raise InputError(f"--time-factor {speed:g} is not a number of at least 0")
     if not abs(ground_m) <= FARTHEST_M:
         raise InputError(f"--ground {ground_m:g} is not a height within {FARTHEST_M:g} m of 0")
-    blowing = _vector("--wind", wind)
+    blowing = _vector("--wind", wind if "," in wind else f"{wind},0,0")
     for option, value_m_s in (("--wind", float(np.abs(blowing).max())), ("--gust-std", gust_std_m_s)):
         if not value_m_s <= STRONGEST_M_S:
             raise InputError(f"{option} {value_m_s:g} m/s is too strong; at most {STRONGEST_M_S:g} m/s is simulated")
     if delay_s > LONGEST_DELAY_S:
         raise InputError(f"--delay {delay_s:g} s is too long; at most {LONGEST_DELAY_S:g} s is simulated")
     line = Impairment(loss_ratio=loss_ratio, delay_s=delay_s)
-    truth = vehicle.load(vehicle_file)
-    setup = controller.parameters_of(vehicle.load(believed_file) if believed_file is not None else truth)
+    learned = vehicle.load(vehicle_file)
+    setup = controller.parameters_of(vehicle.load(believed_file) if believed_file is not None else learned)
+    truth = _changed(learned, mass_ratio, rotors)
     place = _vector("--at", at) if trajectory_file is None else _below(trajectory_file, ground_m)
     if np.abs(place).max() > FARTHEST_M:
         raise InputError(f"--at {at}: the start is more than {FARTHEST_M:g} m from the origin")
@@ -113,11 +128,11 @@ def command(
     )
     served = SitlVehicle(
         plant,
-        setup.parameters,
+        {**setup.parameters, "observer": float(observer == "on")},
         key=keys.load_or_create(key_file),
         port=port,
         speed=speed,
-        sensors=Sensors() if perfect_sensors else Sensors.typical(),
+        sensors=replace(Sensors() if perfect_sensors else Sensors.typical(), untold_delay_s=pose_delay_s),
         line=line,
         seed=seed,
         state_file=state_file,
@@ -137,6 +152,29 @@ def _vector(option: str, text: str) -> FloatArray:
     if values.shape != (3,) or not all(map(math.isfinite, values)):
         raise InputError(f"{option} {text!r} is not three numbers like 1.0,2.5,0")
     return values
+
+
+def _changed(learned: vehicle.Vehicle, mass_ratio: float, rotors: tuple[str, ...]) -> vehicle.Vehicle:
+    """The vehicle that flies, where it is not the one of the file."""
+    truth = learned.with_value("mass_kg", learned.mass_kg * mass_ratio) if mass_ratio != 1.0 else learned
+    if rotors and "weak_rotor" not in truth.effects:
+        truth = truth.with_effect("weak_rotor")
+    for text in rotors:
+        rotor, ratio = _rotor(text)
+        name = f"weak_rotor.loss_{rotor}"
+        truth = truth.with_value(name, 1.0 - (1.0 - truth.value(name)) * ratio)
+    return truth
+
+
+def _rotor(text: str) -> tuple[int, float]:
+    rotor, _, value = text.partition("=")
+    try:
+        ratio = float(value)
+    except ValueError:
+        ratio = math.nan
+    if rotor not in ("0", "1", "2", "3") or not 0.0 <= ratio <= 1.5:
+        raise InputError(f"--rotor {text!r} is not a rotor 0 to 3 and a ratio from 0 to 1.5, like 2=.85")
+    return int(rotor), ratio
 
 
 def _below(trajectory_file: Path, ground_m: float) -> FloatArray:

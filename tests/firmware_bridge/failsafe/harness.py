@@ -157,7 +157,7 @@ class Body:
         packed = layout.Scenario()
         self._c.body_scenario_default(ctypes.byref(packed))
         packed.seed, packed.tick_s, packed.tick_jitter, packed.limit_s = s.seed, s.tick_s, s.tick_jitter, s.limit_s
-        packed.has_link, packed.in_air = int(s.link), int(s.start_m is not None)
+        packed.has_link, packed.in_air = int(s.link), int(s.start_m is not None) + int(s.falling)
         packed.start_m[:] = s.start_m or (0.0, 0.0, 0.0)
         packed.start_m_s[:], packed.pilot_m_s[:] = s.start_m_s, s.pilot_m_s
         _put(packed.vehicle, s.vehicle)

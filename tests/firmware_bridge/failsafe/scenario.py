@@ -89,6 +89,14 @@ class Kind(IntEnum):
     BLOCKED = 21
     HANG = 22
     VELOCITY_BIAS = 23
+    POSE_AGE = 24
+    HEADING_JUMP = 25
+    GYRO_AXIS = 26
+    ROTOR_SPEED = 27
+    STUCK = 28
+    CARRIED = 29
+    VIBRATION = 30
+    SPEED_WRONG = 31
 
 
 class Loss(IntEnum):
@@ -239,6 +247,8 @@ class Scenario:
     start_m: tuple[float, float, float] | None = None
     """In the air at first, another controller flying; None: standing on the floor."""
     start_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    falling: bool = False
+    """With `start_m`: nobody flies it, its rotors stand."""
     pilot_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Velocity that the other controller flies."""
 

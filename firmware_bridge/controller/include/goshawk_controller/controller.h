@@ -15,7 +15,10 @@
 #include "goshawk_controller/landing.h"
 #include "goshawk_controller/mission.h"
 #include "goshawk_controller/mixer.h"
+#include "goshawk_controller/monitor.h"
+#include "goshawk_controller/observer.h"
 #include "goshawk_controller/parameters.h"
+#include "goshawk_controller/pose_delay.h"
 #include "goshawk_controller/position.h"
 #include "goshawk_controller/shaping.h"
 #include "goshawk_controller/supervisor.h"
@@ -73,7 +76,13 @@ typedef struct {
 } tc_output;
 
 /* Bits of tc_telemetry.warnings. */
-enum { TC_WARNING_BATTERY = 1, TC_WARNING_DEAD_RECKONING = 2, TC_WARNING_CLOCK = 4, TC_WARNING_GYRO_ONLY = 8 };
+enum {
+    TC_WARNING_BATTERY = 1,
+    TC_WARNING_DEAD_RECKONING = 2,
+    TC_WARNING_CLOCK = 4,
+    TC_WARNING_GYRO_ONLY = 8,
+    TC_WARNING_NO_OBSERVER = 64 /* no accelerometer: disturbances are not cancelled */
+};
 
 /* Bits of tc_telemetry.estimate_faults: unusable, this tick's sample is not finite, implausible, not valid or too
    uncertain; stale, the last usable one is older than the parameter stale_s. */
@@ -133,6 +142,8 @@ typedef struct {
     tc_supervisor supervisor;
     tc_landing landing;
     tc_position_state position;
+    tc_observer observer;
+    tc_pose_delay delay;
     tc_telemetry telemetry; /* its time_us is controller time: accepted steps added up, what all timers run on */
 
     /* Time. */
@@ -149,15 +160,23 @@ typedef struct {
     uint8_t reset_counter;  /* of the estimate, as last seen */
     bool had_estimate;
     bool vertical_velocity; /* measured, not dead reckoned */
-    float battery_v;        /* low-passed */
-    float hover_thrust_n;   /* low-passed: what the vehicle really takes to hover */
-    float axes[3][3];       /* of the estimated attitude: body x, y, z in world coordinates */
+    tc_monitor monitor;
+    uint64_t position_good_us; /* when position was last not stale */
+    float last_q[4];           /* of the last attitude with a stamp of its own */
+    float turning_rad_s[3];    /* body rate by such attitudes, low-passed: for an axis that the gyro does not give */
+    uint64_t gyro_good_us;     /* when the gyro last gave all axes */
+    uint64_t moved_us;         /* when the vehicle last moved, turned or fell; 0 = never */
+    float felt_m_s2[3];        /* specific force, low-passed over 20 ms */
+    float battery_v;           /* low-passed */
+    float hover_thrust_n;      /* low-passed: what the vehicle really takes to hover */
+    float axes[3][3];          /* of the estimated attitude: body x, y, z in world coordinates */
 
     /* What was asked for. */
     float time_scale; /* path rate */
     float take_off_m;
     bool ground_ever_seen;
     uint64_t ground_seen_us;
+    uint64_t uncrashed_us; /* when it was last upright, or turned */
     uint64_t tilt_good_us; /* when the attitude error was last small */
     bool battery_low;      /* never taken back in flight */
 
@@ -172,6 +191,11 @@ typedef struct {
 
     float slow_speed_rad_s[TC_ROTORS]; /* the mixer's, filtered: what the rotors are taken to do */
     bool was_flying;
+    uint64_t observed_us;     /* stamp of the pose that was last compared with the IMU */
+    float mean_rate_rad_s[3]; /* that the attitude is carried by */
+    float ground_z_m;         /* where it last stood */
+    float drag_world_n[3];    /* of the model, in this tick */
+    float cancelled_n_m[3];   /* torque against modelled moments, in this tick */
     tc_store store;
 } tc_controller;
 
@@ -227,6 +251,8 @@ tc_reason tc_upload_activate(tc_controller* controller, uint32_t id, uint32_t cr
 void tc_ground_alive(tc_controller* controller, uint64_t ago_us);
 
 const tc_telemetry* tc_telemetry_now(const tc_controller* controller);
+/* What it finds of forces and torques that are not modelled. */
+const tc_observer* tc_observer_now(const tc_controller* controller);
 
 #ifdef __cplusplus
 }

@@ -17,6 +17,7 @@ extern "C" {
 typedef struct {
     float q_reference[4]; /* world from body */
     float axis[3];        /* its z axis in world coordinates */
+    float yaw_cut_rad_s;  /* low-passed: how fast it turns about that axis while the yaw slew limit holds it back */
 } tc_flatness_state;
 
 /* How the reference turns, in world axes. The reference itself is in the state. */

@@ -8,7 +8,9 @@
    within 0.2 s and 3 cm), and its accelerometer falls with the thrust: back to DESCEND. What counts is the change since
    the stage began, so that a bias of the vertical velocity does not. IDLE     0.3 s of stillness, then the rotors stop.
 
-   Without vertical velocity (an emergency) only the accelerometer can tell: an impact, or every second, starts UNLOAD.
+   Whatever bounces or vibrates: where 3 s of descent bring it no lower by 0.1 m, one UNLOAD is judged by height alone,
+   and ends with the rotors stopped unless the vehicle falls by 0.15 m. Without vertical velocity (an emergency) only
+   the accelerometer can tell: an impact, or every second, starts UNLOAD.
  */
 #ifndef GOSHAWK_CONTROLLER_LANDING_H
 #define GOSHAWK_CONTROLLER_LANDING_H
@@ -32,11 +34,18 @@ typedef struct {
     float z_m;            /* height of the set-point */
     float speed_m_s;      /* downwards, as commanded now */
     bool lead_limited;    /* the set-point is held back to 0.25 m below the vehicle */
+    uint64_t touched_us;  /* when it first was, */
+    uint8_t impacts;      /* how often since, */
+    bool impact;          /* and whether just now */
     bool touched;         /* something has been hit in a descent without vertical velocity */
     float thrust_n;       /* collective in UNLOAD and IDLE */
     float start_thrust_n; /* when UNLOAD began */
     float start_velocity_m_s;
-    float start_force_m_s2;
+    float start_m;    /* height */
+    float gained_m_s; /* downwards since UNLOAD began, by the accelerometer */
+    float lowest_m;   /* height that the descent has come down to, */
+    uint64_t sunk_us; /* when it last was on its way there */
+    bool sure;        /* it has not come down for so long that this UNLOAD is judged by height alone */
     float force_m_s2; /* specific force along body z, low-passed; 0 while it is not given */
 } tc_landing;
 

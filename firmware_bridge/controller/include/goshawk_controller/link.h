@@ -44,7 +44,7 @@
 extern "C" {
 #endif
 
-#define TC_LINK_RECORD 178u       /* bytes of a log record: the payload of a GOSHAWK_STATE */
+#define TC_LINK_RECORD 227u       /* bytes of a log record: the payload of a GOSHAWK_STATE */
 #define TC_LINK_LEASE_US 3000000u /* control ends this long after the last renewal */
 #define TC_LINK_GROUP 48u         /* parameters per frame */
 #define TC_LINK_WANTED 64u        /* bytes of bits in a request for pieces */

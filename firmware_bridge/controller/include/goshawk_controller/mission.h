@@ -77,7 +77,8 @@ typedef enum {
     TC_EVENT_ENGAGE = 26,     /* tc_engage: take over in flight */
     TC_EVENT_RELEASE = 27,    /* tc_release: give back in flight */
     TC_EVENT_SHADOW_END = 28, /* tc_shadow_end: on the ground, back in command */
-    TC_EVENT_COUNT = 29
+    TC_EVENT_CRASHED = 29,    /* lies on the ground, and not as a landing leaves it */
+    TC_EVENT_COUNT = 30
 } tc_event;
 
 typedef struct {

@@ -26,7 +26,8 @@ enum {
 typedef struct {
     float arm_x_m, arm_y_m;                           /* hub relative to the centre of mass */
     float per_collective, per_torque_x, per_torque_y; /* load of least norm for each of the three */
-    float free; /* loads that change none of the three, per newton of the largest */
+    float free;     /* loads that change none of the three, per newton of the largest */
+    float thrust_n; /* of a unit of load */
     float spin;
     float spin_free;  /* spin times free */
     float spin_free2; /* spin times free squared */
@@ -69,6 +70,12 @@ tc_reason tc_mixer_configure(tc_mixer* mixer, const tc_parameters* parameters);
    [rotor_min_rad_s, rotor_max_rad_s]; returns TC_SATURATED_ bits. */
 uint8_t tc_mixer_solve(const tc_mixer* mixer, const tc_wrench* wrench, const float air_velocity_body_m_s[3],
                        const float rate_body_rad_s[3], float rotor_speed_rad_s[TC_ROTORS]);
+
+/* The other way round: the wrench of rotors that turn at these speeds. `induced`: velocities of the last call, in the
+   mixer's units, improved by each call; begin with zero. */
+void tc_mixer_wrench(const tc_mixer* mixer, const float rotor_speed_rad_s[TC_ROTORS],
+                     const float air_velocity_body_m_s[3], const float rate_body_rad_s[3], float induced[TC_ROTORS],
+                     tc_wrench* wrench);
 
 #ifdef __cplusplus
 }

@@ -92,6 +92,14 @@ typedef struct {
     float predict_max_s;   /* the estimate is carried forward to the tick, at most this far; 0 = off */
     float predict_extra_s; /* delay of the estimate beyond its own time stamp */
 
+    /* Disturbance observer (observer.h). */
+    float observer;          /* 1: what it finds is cancelled, 0: it is off */
+    float observer_force_hz; /* cut-off frequencies */
+    float observer_torque_hz;
+    float observer_fuse_rad_s;  /* below, the estimated velocity tells the acceleration, above, the accelerometer */
+    float observer_force_m_s2;  /* largest force, per mass, */
+    float observer_turn_rad_s2; /* ... and torque, per inertia, that it may find */
+
     /* Limits and the mission. */
     float fence_min_world_m[3];
     float fence_max_world_m[3];
@@ -115,6 +123,9 @@ typedef struct {
     float position_std_m; /* a position whose standard deviation is larger counts as lost */
     float velocity_std_m_s;
     float clearance_m;   /* tracking error that counts as too large where a trajectory states no clearance */
+    float hold_error_m;  /* the same while hovering or landing */
+    float plan_margin_m; /* a flown trajectory's own box and this margin are a fence; 0 = none */
+    float monitor;       /* 1: the pose is checked against the IMU; 0: believed */
     float battery_arm_v; /* arming is refused below; 0 = not asked, as for the next two */
     float battery_warn_v;
     float battery_land_v; /* lands below */

@@ -71,7 +71,15 @@ typedef enum {
     TC_CHANGE_TOO_LARGE = 65,
     TC_GYRO_ONLY = 66,
     TC_TRACKING_ERROR = 67,
-    TC_MOVING = 68
+    TC_MOVING = 68,
+    TC_POSE_VELOCITY = 69,
+    TC_POSE_POSITION = 70,
+    TC_POSE_HEADING = 71,
+    TC_POSE_FROZEN = 72,
+    TC_POSE_DRIFTS = 73,
+    TC_GYRO_AXIS = 74,
+    TC_FALLING = 75,
+    TC_CRASHED = 76
 } tc_reason;
 
 /* At most 50 characters, so that it fits a MAVLink STATUSTEXT; never NULL, "unknown reason" for a number not above. */

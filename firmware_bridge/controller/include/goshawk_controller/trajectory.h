@@ -67,6 +67,7 @@ typedef struct {
     tc_origin origin;
     uint32_t start_us[TC_MAX_SEGMENTS + 1]; /* when each segment starts; entry segment_count is the duration */
     tc_segment segment[TC_MAX_SEGMENTS];    /* in an upload: duration 0 until it has arrived */
+    float least_m[3], most_m[3];            /* a box round the path, by the sizes of its coefficients */
 } tc_trajectory;
 
 /* A point of the curve as the planner evaluates it (float64 there); the vehicle compares with its own evaluation. */

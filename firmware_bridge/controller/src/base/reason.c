@@ -60,6 +60,14 @@ static const char* const texts[] = {
     [TC_GYRO_ONLY] = "attitude is lost, level on the gyro",
     [TC_TRACKING_ERROR] = "slowed by its tracking error",
     [TC_MOVING] = "the vehicle moves",
+    [TC_POSE_VELOCITY] = "velocity disagrees with the accelerometer",
+    [TC_POSE_POSITION] = "position disagrees with its own velocity",
+    [TC_POSE_HEADING] = "heading jumped against the gyro",
+    [TC_POSE_FROZEN] = "pose is frozen",
+    [TC_POSE_DRIFTS] = "position drifts from its own velocity",
+    [TC_GYRO_AXIS] = "an axis of the gyro is lost",
+    [TC_FALLING] = "the vehicle falls",
+    [TC_CRASHED] = "crashed",
 };
 
 const char* tc_reason_text(tc_reason reason) {

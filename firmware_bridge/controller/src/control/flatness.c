@@ -10,6 +10,9 @@ static const float FULL_DIRECTION = 0.10f;
 static const float CHART_LOST = 0.05f;
 static const float CHART_GOOD = 0.30f;
 static const float LARGEST_ANGULAR_ACCELERATION_RAD_S2 = 300.0f; /* of the feed-forward: beyond what rotors give */
+/* Noise of the force turns the chart to and fro about its axis: seen from tick to tick, faster than the slew limit once
+   ticks are short (2 kHz and above). Only what stays one-sided for this long is a turn that is cut, and fed forward. */
+static const float YAW_CUT_S = 0.01f;
 
 static void z_axis(const float q[4], float axis_world[3]) {
     axis_world[0] = 2.0f * (q[1] * q[3] + q[0] * q[2]);
@@ -21,6 +24,7 @@ void tc_flatness_reset(tc_flatness_state* state, const float q_world_body[4]) {
     tc_copy4(state->q_reference, q_world_body);
     tc_q_normalise(state->q_reference);
     z_axis(state->q_reference, state->axis);
+    state->yaw_cut_rad_s = 0.0f;
 }
 
 void tc_flatness_turn(tc_flatness_state* state, float yaw_rad) {
@@ -79,13 +83,15 @@ typedef struct {
     float direction; /* how far the force tells where to: 0 not at all, 1 */
     float yaw_rad_s; /* rate about the axis where the chart's is not to be used */
     bool on_chart;
+    bool chart_lost; /* near straight down, where the chart's own rate means nothing */
 } progress;
 
 /* Where the chart cannot be followed at once: little thrust (`weights`), near straight down, or further than the slew
    limits allow. */
 static progress move_on(tc_flatness_state* state, const tc_parameters* p, const float force_n[3], float weights,
                         float yaw_rad, float step_s) {
-    progress out = {tc_clamp((weights - NO_DIRECTION) / (FULL_DIRECTION - NO_DIRECTION), 0.0f, 1.0f), 0.0f, false};
+    progress out = {tc_clamp((weights - NO_DIRECTION) / (FULL_DIRECTION - NO_DIRECTION), 0.0f, 1.0f), 0.0f, false,
+                    false};
     float wanted[3], q[4];
     const float size_n = tc_max(tc_norm(force_n), 1e-6f);
     for (int i = 0; i < 3; i++) wanted[i] = force_n[i] / size_n;
@@ -98,6 +104,7 @@ static progress move_on(tc_flatness_state* state, const tc_parameters* p, const 
     tc_flatness_chart(state->axis, yaw_rad, state->q_reference);
     const float turned_rad = turn_towards(q, turn_limit, state->q_reference, &out.on_chart);
     if (step_s > 0.0f) out.yaw_rad_s = turned_rad / step_s;
+    out.chart_lost = trust < 1.0f;
     return out;
 }
 
@@ -131,7 +138,7 @@ static inline void shorten(float v[3], float largest) {
    turns by w = z x f1, and that changes by z x f2 - 2 (z f1) w. The chart's own turn about the axis is told by the z
    components of both. */
 static inline void rates(const tc_parameters* p, const tc_setpoint* setpoint, const float z[3], float per_mass,
-                         float drag_1_s, const progress* gone, tc_turning* out) {
+                         float drag_1_s, const progress* gone, float cut_rad_s, tc_turning* out) {
     float f1[3], f2[3], w[3], a[3];
     for (int i = 0; i < 3; i++) {
         const float jerk = setpoint->jerk_world_m_s3[i];
@@ -149,8 +156,13 @@ static inline void rates(const tc_parameters* p, const tc_setpoint* setpoint, co
     const float swirl = -w[2] * below;
     const float swirl1 = -(a[2] + swirl * f1[2]) * below;
     const float most = gone->direction * LARGEST_ANGULAR_ACCELERATION_RAD_S2;
-    float turn = gone->on_chart ? setpoint->yaw_rate_rad_s + swirl : gone->yaw_rad_s;
-    float turn1 = gone->on_chart ? setpoint->yaw_acceleration_rad_s2 + swirl1 : 0.0f;
+    float cut = tc_min(tc_abs(cut_rad_s) / p->yaw_slew_rad_s, 1.0f), cut_rate = cut_rad_s;
+    if (gone->chart_lost && !gone->on_chart) {
+        cut = 1.0f;
+        cut_rate = gone->yaw_rad_s;
+    }
+    float turn = (1.0f - cut) * (setpoint->yaw_rate_rad_s + swirl) + cut_rate;
+    float turn1 = (1.0f - cut) * (setpoint->yaw_acceleration_rad_s2 + swirl1);
     turn = tc_clamp(turn, -p->yaw_slew_rad_s, p->yaw_slew_rad_s);
     turn1 = tc_clamp(turn1, -most, most);
     for (int i = 0; i < 3; i++) a[i] += turn * f1[i];
@@ -168,10 +180,11 @@ void tc_flatness_step(tc_flatness_state* state, const tc_parameters* p, const fl
     const float weight_n = p->mass_kg * p->gravity_m_s2;
     const float inverse = 1.0f / tc_max(size_n, NO_DIRECTION * weight_n);
     float axis[3];
-    progress gone = {1.0f, 0.0f, true};
+    progress gone = {1.0f, 0.0f, true, false};
     for (int i = 0; i < 3; i++) axis[i] = force_world_n[i] * inverse;
     if (size_n < FULL_DIRECTION * weight_n || !follow_chart(state, p, axis, setpoint->yaw_rad, step_s)) {
         gone = move_on(state, p, force_world_n, size_n / weight_n, setpoint->yaw_rad, step_s);
     }
-    rates(p, setpoint, state->axis, p->mass_kg * inverse, drag_1_s, &gone, out);
+    state->yaw_cut_rad_s += step_s / (YAW_CUT_S + step_s) * (gone.yaw_rad_s - state->yaw_cut_rad_s);
+    rates(p, setpoint, state->axis, p->mass_kg * inverse, drag_1_s, &gone, state->yaw_cut_rad_s, out);
 }

@@ -60,6 +60,7 @@ static tc_reason invert_geometry(tc_mixer* mixer, const tc_parameters* p, float 
         m->per_torque_x = per_torque * tc_dot(adjugate[1], column[i]);
         m->per_torque_y = per_torque * tc_dot(adjugate[2], column[i]);
         m->free = unit * share;
+        m->thrust_n = p->rotor_gain[i] / load_per_n;
         m->spin = p->rotor_spin[i];
         m->spin_free = m->spin * m->free;
         m->spin_free2 = m->spin_free * m->free;

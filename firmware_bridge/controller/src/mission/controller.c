@@ -19,6 +19,9 @@ static const float HOVER_SPEED_M_S = 1.0f;         /* ... and this speed */
 static const float HOVER_FILTER_S = 1.0f;          /* time constant of learning it */
 static const float HOVER_SPREAD = 0.2f;            /* around the weight: what is learnt is not believed beyond */
 
+/* Of the weight, upwards, while the observer holds a force: a vehicle that bounces must not turn on what is left. */
+static const float HELD_LEAST = 0.25f;
+
 void tc_init(tc_controller* c) {
     memset(c, 0, sizeof *c);
     tc_store_init(&c->store);
@@ -26,6 +29,7 @@ void tc_init(tc_controller* c) {
     tc_parameters_default(&c->parameters);
     c->telemetry.estimate.q_world_body[0] = 1.0f;
     tc_flatness_reset(&c->telemetry.flatness, c->telemetry.estimate.q_world_body);
+    c->felt_m_s2[2] = c->parameters.gravity_m_s2; /* a fall has to be felt first */
     c->time_scale = 1.0f;
     tc_supervisor_reset(&c->supervisor, 0u);
 }
@@ -102,10 +106,18 @@ static float flight_force(tc_controller* c, const float velocity_body_m_s[3], fl
     const float mean_n = c->parameters.rotor_drag_kg > 0.0f ? mean_speed(c) : 0.0f;
     const float slope_n_s_m = tc_drag(&c->parameters, velocity_body_m_s, t->wrench.thrust_n, mean_n, drag);
     tc_to_world(c->axes, drag, drag_world_n);
+    tc_copy(c->drag_world_n, drag_world_n);
+    if (tc_cancels_disturbance(c)) {
+        const float share = tc_disturbance_share(c);
+        for (int i = 0; i < 3; i++) drag_world_n[i] += (i < 2 ? share : 1.0f) * c->observer.force_world_n[i];
+    }
     const bool limited = tc_position_step(
         &c->position, &c->parameters, &t->setpoint, t->estimate.position_world_m, t->estimate.velocity_world_m_s,
         drag_world_n, 0.95f * c->mixer.largest_thrust_n,
         c->has_integral && c->mission.state != TC_TAKE_OFF && t->saturation == 0u, step_s, force_world_n);
+    if (c->observer.state == (uint8_t)TC_OBSERVER_HOLDS) {
+        force_world_n[2] = tc_max(force_world_n[2], HELD_LEAST * c->parameters.mass_kg * c->parameters.gravity_m_s2);
+    }
     t->saturation = limited ? TC_SATURATED_INPUT : 0u;
     return c->drag_source != (uint8_t)TC_VELOCITY_NONE ? slope_n_s_m : 0.0f;
 }
@@ -151,11 +163,7 @@ static void lead_speeds(tc_controller* c, float step_s) {
     const float filter_s = tc_max(p->lead_filter_s, step_s);
     const float per_filter = 1.0f / filter_s;
     const float pass = step_s * per_filter, lead = p->rotor_lag_s * per_filter;
-    const float battery_v = c->telemetry.estimate.battery_v;
-    float per_battery = 1.0f;
-    if (battery_v > 0.0f) {
-        per_battery = 1.0f / tc_max(1.0f - p->battery_gain_1_v * (p->battery_reference_v - battery_v), 0.5f);
-    }
+    const float per_battery = tc_per_battery(c);
     for (int i = 0; i < TC_ROTORS; i++) {
         float behind = c->was_flying ? speed[i] - c->slow_speed_rad_s[i] : 0.0f;
         behind -= pass * behind;
@@ -176,6 +184,22 @@ static void learn_hover_thrust(tc_controller* c, float step_s) {
     c->hover_thrust_n = tc_clamp(c->hover_thrust_n, (1.0f - HOVER_SPREAD) * weight_n, (1.0f + HOVER_SPREAD) * weight_n);
 }
 
+/* Of modelled moments, and of what the observer finds beside them while the rotors have an attitude to hold. */
+static void cancel_torques(tc_controller* c, const float air_body_m_s[3]) {
+    tc_telemetry* t = &c->telemetry;
+    float* torque = t->wrench.torque_n_m;
+    if (c->has_moments) {
+        float before[3];
+        tc_copy(before, torque);
+        tc_cancel_moments(&c->parameters, &c->mixer, air_body_m_s, t->estimate.rate_body_rad_s,
+                          measured_else(c, c->slow_speed_rad_s), torque);
+        for (int i = 0; i < 3; i++) c->cancelled_n_m[i] = torque[i] - before[i];
+    }
+    if (!tc_cancels_disturbance(c) || tc_landing_unloads(&c->landing) || !tc_gyro_is_whole(c)) return;
+    const float share = tc_disturbance_share(c);
+    for (int i = 0; i < 3; i++) torque[i] -= share * c->observer.torque_body_n_m[i];
+}
+
 static void fly(tc_controller* c, float step_s) {
     const bool known = c->mission.state != TC_EMERGENCY; /* where the vehicle goes */
     const uint8_t drag = known ? c->drag_source : (uint8_t)TC_VELOCITY_NONE;
@@ -185,18 +209,15 @@ static void fly(tc_controller* c, float step_s) {
     chosen_velocity(c, drag, air);
     steer(c, air, step_s);
     if (airflow != drag) chosen_velocity(c, airflow, air);
-    if (c->has_moments) {
-        tc_cancel_moments(&c->parameters, &c->mixer, air, t->estimate.rate_body_rad_s,
-                          measured_else(c, c->slow_speed_rad_s), t->wrench.torque_n_m);
-    }
-    t->saturation |=
-        tc_mixer_solve(&c->mixer, &t->wrench, air,
-                       chosen(airflow, t->rate_reference_rad_s, t->estimate.rate_body_rad_s), t->rotor_speed_rad_s);
+    cancel_torques(c, air);
+    const float* rate = chosen(airflow, t->rate_reference_rad_s, t->estimate.rate_body_rad_s);
+    t->saturation |= tc_mixer_solve(&c->mixer, &t->wrench, air, rate, t->rotor_speed_rad_s);
     learn_hover_thrust(c, step_s);
     if (c->has_lead) {
         lead_speeds(c, step_s);
         c->was_flying = true;
     }
+    tc_observe_disturbance(c, air, rate, step_s);
 }
 
 /* Another controller flies: what this one would do to keep the vehicle's velocity. */
@@ -220,6 +241,12 @@ static void rest(tc_controller* c) {
     tc_copy4(t->flatness.q_reference, t->estimate.q_world_body);
     t->saturation = 0;
     c->was_flying = false;
+    c->ground_z_m = t->estimate.position_world_m[2];
+    if (c->observer.state != (uint8_t)TC_OBSERVER_OFF) {
+        tc_observer_reset(&c->observer);
+        tc_pose_delay_reset(&c->delay);
+    }
+    c->observer.state = c->parameters.observer > 0.5f ? (uint8_t)TC_OBSERVER_WAITS : (uint8_t)TC_OBSERVER_OFF;
     c->hover_thrust_n = c->parameters.mass_kg * c->parameters.gravity_m_s2;
 }
 
@@ -303,3 +330,5 @@ tc_reason tc_tick(tc_controller* c, uint64_t time_us, const tc_estimate* estimat
 }
 
 const tc_telemetry* tc_telemetry_now(const tc_controller* c) { return &c->telemetry; }
+
+const tc_observer* tc_observer_now(const tc_controller* c) { return &c->observer; }

@@ -18,6 +18,9 @@ static const uint32_t AFTER_STEP_US =
    accelerometer's bias, in each horizontal axis. */
 static const float RECKONED_VELOCITY_STD_M_S = 0.15f;
 static const float RECKONED_ACCELERATION_STD_M_S2 = 0.2f;
+static const float LONGEST_APART_S = 0.1f;   /* two attitudes that tell how it turns, */
+static const float TURNING_FILTER_S = 0.03f; /* whose noise (0.3 rad/s at 100 Hz) is brought to 0.1 */
+static const float FELT_FILTER_S = 0.02f;
 
 static bool marked(const tc_estimate* estimate, uint32_t bits) { return (estimate->valid & bits) == bits; }
 
@@ -88,13 +91,20 @@ typedef struct {
     float age_s;   /* of the last usable position */
 } tc_taken;
 
+/* The acceleration has changed on the way, which counts where the pose is later than its stamp says. */
+static void bend(tc_controller* c, int axis, float ahead) {
+    const float change = 0.5f * ahead * ahead * c->telemetry.setpoint.jerk_world_m_s3[axis];
+    c->telemetry.estimate.velocity_world_m_s[axis] -= change;
+    c->telemetry.estimate.position_world_m[axis] -= 0.6667f * ahead * change;
+}
+
 /* Measured and carried to the tick by the acceleration that is asked for, or dead reckoned from where it was. */
 static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part* part, tc_position_time* times,
-                          const float reckoned_m_s2[3], float step_s) {
+                          const float reckoned_m_s2[3], bool believed, float step_s) {
     const tc_parameters* p = &c->parameters;
     tc_estimate* now = &c->telemetry.estimate;
     const int first = part->first;
-    const bool velocity = marked(e, part->velocity_bits) &&
+    const bool velocity = believed && marked(e, part->velocity_bits) &&
                           plausible(&e->velocity_world_m_s[first], part->count, LARGEST_VELOCITY_M_S) &&
                           certain(e->velocity_std_m_s[part->std], p->velocity_std_m_s);
     const bool position = velocity && marked(e, part->position_bits) &&
@@ -102,7 +112,8 @@ static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part*
                           certain(e->position_std_m[part->std], p->position_std_m);
     if (velocity) note_sample(c, &times->velocity, e->position_time_us);
     if (position) note_sample(c, &times->position, e->position_time_us);
-    const float position_age_s = age_s(c, times->position.true_us), ahead = ahead_s(p, position_age_s);
+    const float position_age_s = age_s(c, times->position.true_us);
+    const float ahead = ahead_s(p, position_age_s + tc_position_delay_s(c));
     const bool has_velocity = velocity && age_s(c, times->velocity.true_us) <= p->estimate_stale_s;
     const bool fresh = position && position_age_s <= p->estimate_stale_s;
     for (int i = first; i < first + part->count; i++) {
@@ -110,6 +121,7 @@ static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part*
             const float gain = ahead * c->telemetry.setpoint.acceleration_world_m_s2[i];
             now->position_world_m[i] = e->position_world_m[i] + ahead * (e->velocity_world_m_s[i] + 0.5f * gain);
             now->velocity_world_m_s[i] = e->velocity_world_m_s[i] + gain;
+            if (tc_cancels_disturbance(c)) bend(c, i, ahead);
         } else {
             const float gain = step_s * reckoned_m_s2[i];
             if (has_velocity) now->velocity_world_m_s[i] = e->velocity_world_m_s[i] - gain;
@@ -131,17 +143,45 @@ static void describe_reckoning(tc_telemetry* t, float time_s) {
     t->reckoning_std_m = sqrtf(2.0f * (velocity * velocity + acceleration * acceleration));
 }
 
+/* Whether there is a pose that the monitor can judge: all of it, in the air. */
+static void monitor(tc_controller* c, const tc_estimate* e, const float reckoned_m_s2[3], float step_s) {
+    const uint32_t pose =
+        (uint32_t)TC_VALID_POSITION_XY | TC_VALID_POSITION_Z | TC_VALID_VELOCITY_XY | TC_VALID_VELOCITY_Z;
+    if (!tc_mission_in_air(c->mission.state) || c->parameters.monitor < 0.5f) {
+        c->monitor.running = false;
+        c->monitor.reason = (uint8_t)TC_OK;
+        c->monitor.final = c->monitor.turned = c->monitor.drifts = c->monitor.doubted = false;
+        c->monitor.alarms = 0;
+        c->monitor.drift_m[0] = c->monitor.drift_m[1] = 0.0f;
+    } else if (marked(e, pose) && plausible(e->position_world_m, 3, LARGEST_POSITION_M) &&
+               plausible(e->velocity_world_m_s, 3, LARGEST_VELOCITY_M_S)) {
+        const uint64_t age_us = e->position_time_us < c->caller_us ? c->caller_us - e->position_time_us : 0u;
+        const float age = tc_seconds(age_us);
+        const bool clock_stepped = c->telemetry.refused_ticks > 0u && c->clock_fault_us == c->telemetry.time_us;
+        if (age > c->parameters.estimate_stale_s || clock_stepped) {
+            c->monitor.running = false;
+        } else {
+            tc_monitor_step(c, e, reckoned_m_s2, ahead_s(&c->parameters, age), step_s);
+        }
+    } else {
+        c->monitor.running = false;
+    }
+}
+
 static uint32_t take_position(tc_controller* c, const tc_estimate* e, float step_s) {
     float reckoned[3];
     reckoned_acceleration(c, e, reckoned);
-    const tc_taken level = take_part(c, e, &horizontal, &c->horizontal, reckoned, step_s);
-    const tc_taken height = take_part(c, e, &vertical, &c->vertical, reckoned, step_s);
+    monitor(c, e, reckoned, step_s);
+    const bool believed = tc_monitor_believes(c);
+    const tc_taken level = take_part(c, e, &horizontal, &c->horizontal, reckoned, believed, step_s);
+    const tc_taken height = take_part(c, e, &vertical, &c->vertical, reckoned, believed, step_s);
     c->vertical_velocity = height.velocity;
     if (level.position) c->telemetry.estimate.position_time_us = e->position_time_us;
-    const float late_s = tc_max(tc_max(level.age_s, height.age_s) - c->parameters.estimate_stale_s, 0.0f);
-    describe_reckoning(&c->telemetry, late_s);
+    const bool stale = tc_max(level.age_s, height.age_s) > c->parameters.estimate_stale_s;
+    if (!stale) c->position_good_us = c->telemetry.time_us;
+    describe_reckoning(&c->telemetry, stale ? age_s(c, c->position_good_us) : 0.0f);
     return (level.position && height.position ? 0u : (uint32_t)TC_FAULT_POSITION_UNUSABLE) |
-           (late_s > 0.0f ? (uint32_t)TC_FAULT_POSITION_STALE : 0u);
+           (stale ? (uint32_t)TC_FAULT_POSITION_STALE : 0u);
 }
 
 /* A small turn by the body rate, second order. The size of a product is the product of the sizes. */
@@ -156,17 +196,61 @@ static void turn(const float q[4], float q_size2, const float rate[3], float tim
     out[3] = z + w * c + x * b - y * a;
 }
 
+/* An axis that the gyro does not give is taken from how the attitude turns, while that is fresh: its lag of 35 ms takes
+   half a radian of phase at the attitude loop's 15 rad/s. Whether any axis was measured. */
+static bool replace_axes(const tc_controller* c, float rate_rad_s[3]) {
+    bool any = false;
+    if ((c->telemetry.estimate_faults & (uint32_t)TC_FAULT_ATTITUDE_STALE) != 0u) return false;
+    for (int i = 0; i < 3; i++) {
+        const bool good = tc_abs(rate_rad_s[i]) <= LARGEST_RATE_RAD_S;
+        any = any || good;
+        if (!good) rate_rad_s[i] = c->turning_rad_s[i];
+    }
+    return any;
+}
+
+/* Body rate by two attitudes in a row. */
+static void measure_turning(tc_controller* c, const float q[4], uint64_t stamp_us) {
+    const uint64_t apart_us = stamp_us - c->telemetry.estimate.attitude_time_us;
+    if (apart_us == 0u) return;
+    const float apart_s = tc_seconds(apart_us);
+    if (apart_s < LONGEST_APART_S && c->telemetry.estimate.attitude_time_us != 0u) {
+        const float back[4] = {c->last_q[0], -c->last_q[1], -c->last_q[2], -c->last_q[3]};
+        float change[4];
+        tc_q_multiply(back, q, change);
+        const float per_s = (change[0] < 0.0f ? -2.0f : 2.0f) / apart_s, pass = apart_s / (TURNING_FILTER_S + apart_s);
+        for (int i = 0; i < 3; i++) c->turning_rad_s[i] += pass * (per_s * change[i + 1] - c->turning_rad_s[i]);
+    }
+    tc_copy4(c->last_q, q);
+}
+
 static uint32_t take_rate(tc_controller* c, const tc_estimate* e) {
     tc_estimate* now = &c->telemetry.estimate;
-    const bool usable = marked(e, TC_VALID_RATE) && tc_up_to(tc_dot(e->rate_body_rad_s, e->rate_body_rad_s),
-                                                             LARGEST_RATE_RAD_S * LARGEST_RATE_RAD_S);
+    const bool whole =
+        tc_up_to(tc_dot(e->rate_body_rad_s, e->rate_body_rad_s), LARGEST_RATE_RAD_S * LARGEST_RATE_RAD_S);
+    float rate[3];
+    tc_copy(rate, e->rate_body_rad_s);
+    const bool usable = marked(e, TC_VALID_RATE) && (whole || replace_axes(c, rate));
+    if (whole && usable) c->gyro_good_us = c->telemetry.time_us;
     if (usable) {
         note_sample(c, &c->rate, e->rate_time_us);
-        tc_copy(now->rate_body_rad_s, e->rate_body_rad_s);
+        tc_copy(now->rate_body_rad_s, rate);
         now->rate_time_us = e->rate_time_us;
     }
     return (usable ? 0u : (uint32_t)TC_FAULT_RATE_UNUSABLE) |
            (age_s(c, c->rate.true_us) > c->parameters.estimate_stale_s ? (uint32_t)TC_FAULT_RATE_STALE : 0u);
+}
+
+/* Over the way that the attitude is to be carried: its middle is half as far back, as a low-pass of that time is. */
+static const float* mean_rate(tc_controller* c, float ahead, float step_s) {
+    const float* rate = c->telemetry.estimate.rate_body_rad_s;
+    if (!tc_cancels_disturbance(c)) {
+        tc_copy(c->mean_rate_rad_s, rate);
+        return rate;
+    }
+    const float pass = step_s / (step_s + 0.5f * ahead + 1e-6f);
+    for (int i = 0; i < 3; i++) c->mean_rate_rad_s[i] += pass * (rate[i] - c->mean_rate_rad_s[i]);
+    return c->mean_rate_rad_s;
 }
 
 /* Measured and carried to the tick, or the last one turned on by the gyro. */
@@ -176,13 +260,16 @@ static uint32_t take_attitude(tc_controller* c, const tc_estimate* e, float step
     const bool usable = marked(e, TC_VALID_ATTITUDE) && tc_up_to(q_size2 - 0.8f, 0.4f);
     if (usable) {
         note_sample(c, &c->attitude, e->attitude_time_us);
+        measure_turning(c, e->q_world_body, e->attitude_time_us);
         now->attitude_time_us = e->attitude_time_us;
     }
     const float attitude_age_s = age_s(c, c->attitude.true_us);
     const bool stale = attitude_age_s > c->parameters.estimate_stale_s;
     if (usable && !stale) {
-        turn(e->q_world_body, q_size2, now->rate_body_rad_s, ahead_s(&c->parameters, attitude_age_s),
-             now->q_world_body);
+        const float ahead = ahead_s(&c->parameters, attitude_age_s + c->delay.attitude.delay_s);
+        float q[4];
+        tc_monitor_heading(c, e, step_s, q);
+        turn(q, q_size2, mean_rate(c, ahead, step_s), ahead, now->q_world_body);
     } else {
         turn(now->q_world_body, tc_q_size2(now->q_world_body), now->rate_body_rad_s, step_s, now->q_world_body);
     }
@@ -190,12 +277,16 @@ static uint32_t take_attitude(tc_controller* c, const tc_estimate* e, float step
 }
 
 /* Whether the accelerometer tells something. */
-static bool take_force(tc_controller* c, const tc_estimate* e) {
+static bool take_force(tc_controller* c, const tc_estimate* e, float step_s) {
     const float* force = e->specific_force_body_m_s2;
     const bool usable = marked(e, TC_VALID_SPECIFIC_FORCE) &&
                         tc_up_to(tc_dot(force, force), LARGEST_FORCE_M_S2 * LARGEST_FORCE_M_S2) &&
                         (c->telemetry.estimate_faults & (uint32_t)TC_FAULT_RATE_STALE) == 0u;
-    if (usable) tc_copy(c->telemetry.estimate.specific_force_body_m_s2, force);
+    if (usable) {
+        tc_copy(c->telemetry.estimate.specific_force_body_m_s2, force);
+        const float pass = step_s / (FELT_FILTER_S + step_s);
+        for (int i = 0; i < 3; i++) c->felt_m_s2[i] += pass * (force[i] - c->felt_m_s2[i]);
+    }
     return usable;
 }
 
@@ -210,8 +301,8 @@ static bool take_rotors(tc_controller* c, const tc_estimate* e) {
 }
 
 /* What is measured beside the pose, in its valid bits of telemetry.estimate: whether it is there. */
-static void take_more(tc_controller* c, const tc_estimate* e) {
-    const uint32_t force = take_force(c, e) ? 0u : (uint32_t)TC_VALID_SPECIFIC_FORCE;
+static void take_more(tc_controller* c, const tc_estimate* e, float step_s) {
+    const uint32_t force = take_force(c, e, step_s) ? 0u : (uint32_t)TC_VALID_SPECIFIC_FORCE;
     const uint32_t rotors = take_rotors(c, e) ? 0u : (uint32_t)TC_VALID_ROTOR_SPEED;
     c->telemetry.estimate.valid = (uint8_t)(e->valid & ~(force | rotors));
 }
@@ -238,13 +329,15 @@ static void follow_reset(tc_controller* c, const tc_estimate* e) {
     for (int i = 0; i < 3; i++) c->telemetry.setpoint.position_world_m[i] += e->reset_position_world_m[i];
     c->telemetry.setpoint.yaw_rad += e->reset_yaw_rad;
     tc_flatness_turn(&c->telemetry.flatness, e->reset_yaw_rad);
+    tc_observer_turn(&c->observer, e->reset_yaw_rad);
+    c->delay.started = false;
 }
 
 void tc_take_estimate(tc_controller* c, const tc_estimate* estimate, float step_s) {
     const uint32_t rate = take_rate(c, estimate);
     const uint32_t attitude = take_attitude(c, estimate, step_s);
     c->telemetry.estimate_faults = (uint8_t)rate;
-    take_more(c, estimate);
+    take_more(c, estimate, step_s);
     const uint32_t position = take_position(c, estimate, step_s);
     const uint32_t faults = rate | attitude | position;
     c->telemetry.estimate_faults = (uint8_t)faults;

@@ -6,7 +6,14 @@
 static const float BATTERY_FILTER_S = 1.0f; /* the sag of a manoeuvre is no low battery */
 static const float UPRIGHT = 0.05f;         /* 1 - cosine of the attitude error at which an emergency may end */
 static const float BACK_S = 0.2f;           /* ... once everything has been good for this long */
-static const float CLOCK_WARNING_S = 5.0f;  /* the warning stays after the last fault of the clock */
+static const float GYRO_AXIS_S = 0.5f;      /* an axis of the gyro may be missing for this long before it lands */
+static const float FALLING_M_S2 = 3.0f;     /* specific force below: nothing carries it */
+/* A crash, after ArduPilot's check (30 degrees of attitude error): in the air 30 degrees of error accelerate the body
+   by 100 rad/s2, so that half a second without a turn is the ground's doing. */
+static const float CRASH_TILT = 0.134f; /* 1 - cos of 30 degrees */
+static const float CRASH_RATE_RAD_S = 1.0f;
+static const float CRASH_S = 0.5f;
+static const float CLOCK_WARNING_S = 5.0f; /* the warning stays after the last fault of the clock */
 
 bool tc_inside_fence(const tc_parameters* p, const float position_world_m[3]) {
     bool inside = true;
@@ -17,6 +24,9 @@ bool tc_inside_fence(const tc_parameters* p, const float position_world_m[3]) {
 }
 
 float tc_clearance(const tc_controller* c) {
+    const uint8_t state = c->mission.state;
+    const bool planned = tc_mission_on_path(state) || state == TC_APPROACH || state == TC_TAKE_OFF;
+    if (!planned) return c->parameters.hold_error_m;
     const tc_trajectory* active = tc_store_active(&c->store);
     return active != NULL && active->header.clearance_m > 0.0f ? active->header.clearance_m : c->parameters.clearance_m;
 }
@@ -38,8 +48,10 @@ static void observe_attitude_estimate(tc_controller* c) {
 static void observe_position_estimate(tc_controller* c) {
     if (faulty(c, TC_FAULT_POSITION_STALE)) {
         if (c->telemetry.reckoning_s > c->parameters.reckoning_s || !tc_mission_in_air(c->mission.state)) {
-            const bool unusable = faulty(c, TC_FAULT_POSITION_UNUSABLE);
-            (void)tc_post(c, TC_EVENT_POSITION_LOST, unusable ? TC_ESTIMATE_NOT_FINITE : TC_ESTIMATE_STALE);
+            const tc_reason reason = faulty(c, TC_FAULT_POSITION_UNUSABLE) ? TC_ESTIMATE_NOT_FINITE : TC_ESTIMATE_STALE;
+            const bool lies = !tc_monitor_believes(c);
+            c->monitor.final = lies; /* one that lied for so long is not landed by */
+            (void)tc_post(c, TC_EVENT_POSITION_LOST, lies ? (tc_reason)c->monitor.reason : reason);
         }
     } else if (c->mission.state == TC_EMERGENCY) {
         const float tilt = 1.0f - tc_dot(c->telemetry.flatness.axis, c->axes[2]);
@@ -57,6 +69,14 @@ static void observe_attitude(tc_controller* c) {
     if (tc_lasts(c, c->tilt_good_us, p->tilt_error_s)) (void)tc_post(c, TC_EVENT_TILT, TC_TILT_ERROR);
 }
 
+/* A body that neither turns nor comes right, under rotors that would turn it: it lies against something. */
+static void observe_crash(tc_controller* c) {
+    const float tilt = 1.0f - tc_dot(c->telemetry.flatness.axis, c->axes[2]);
+    const bool turns = tc_norm(c->telemetry.estimate.rate_body_rad_s) > CRASH_RATE_RAD_S;
+    if (tilt <= CRASH_TILT || turns) c->uncrashed_us = c->telemetry.time_us;
+    if (tc_lasts(c, c->uncrashed_us, CRASH_S)) (void)tc_post(c, TC_EVENT_CRASHED, TC_CRASHED);
+}
+
 /* Where neither vertical velocity nor the accelerometer tells of the ground, time has to. */
 static void observe_emergency(tc_controller* c) {
     const bool blind = !c->vertical_velocity && (c->telemetry.estimate.valid & (uint8_t)TC_VALID_SPECIFIC_FORCE) == 0u;
@@ -65,8 +85,22 @@ static void observe_emergency(tc_controller* c) {
     }
 }
 
+/* The box of the trajectory that is or was flown last, and its margin. */
+static bool inside_plan(const tc_controller* c) {
+    const tc_trajectory* plan = tc_store_active(&c->store);
+    const float margin_m = c->parameters.plan_margin_m;
+    const bool since = c->mission.state == TC_HOLD && tc_mission_on_path(c->mission.previous_state);
+    if (plan == NULL || !(margin_m > 0.0f) || !(since || tc_mission_on_path(c->mission.state))) return true;
+    const float* at = c->telemetry.estimate.position_world_m;
+    bool inside = true;
+    for (int i = 0; i < 3; i++) {
+        inside = inside && at[i] >= plan->least_m[i] - margin_m && at[i] <= plan->most_m[i] + margin_m;
+    }
+    return inside;
+}
+
 static void observe_fence(tc_controller* c) {
-    if (!tc_inside_fence(&c->parameters, c->telemetry.estimate.position_world_m)) {
+    if (!inside_plan(c) || !tc_inside_fence(&c->parameters, c->telemetry.estimate.position_world_m)) {
         (void)tc_post(c, TC_EVENT_FENCE, TC_FENCE_BREACH);
     }
 }
@@ -76,10 +110,20 @@ static void observe_tracking(tc_controller* c) {
     if (on_path && tc_norm(c->supervisor.shift) > tc_clearance(c)) {
         (void)tc_post(c, TC_EVENT_RELOCALIZED, TC_RELOCALIZED);
     }
-    const bool checked = on_path || c->mission.state == TC_APPROACH || c->mission.state == TC_TAKE_OFF;
-    if (checked && tc_supervisor_gives_up(&c->supervisor, c->telemetry.time_us)) {
+    if (c->mission.state != TC_EMERGENCY && tc_supervisor_gives_up(&c->supervisor, c->telemetry.time_us)) {
         (void)tc_post(c, TC_EVENT_TRACKING_LOST, TC_TRACKING_LOST);
+    } else if (c->mission.state != TC_LANDING && c->monitor.drifts) {
+        (void)tc_post(c, TC_EVENT_TRACKING_LOST, TC_POSE_DRIFTS);
+    } else if (c->mission.state != TC_LANDING && tc_lasts(c, c->gyro_good_us, GYRO_AXIS_S)) {
+        (void)tc_post(c, TC_EVENT_TRACKING_LOST, TC_GYRO_AXIS);
+    } else {
+        /* tracked */
     }
+}
+
+bool tc_falls(const tc_controller* c) {
+    const bool felt = (c->telemetry.estimate.valid & (uint8_t)TC_VALID_SPECIFIC_FORCE) != 0u;
+    return felt && tc_dot(c->felt_m_s2, c->felt_m_s2) < FALLING_M_S2 * FALLING_M_S2;
 }
 
 static void observe_battery(tc_controller* c, float step_s) {
@@ -147,6 +191,7 @@ static uint8_t warnings(const tc_controller* c) {
     if (c->telemetry.reckoning_s > 0.0f) bits |= TC_WARNING_DEAD_RECKONING;
     if (c->telemetry.refused_ticks > 0u && !tc_lasts(c, c->clock_fault_us, CLOCK_WARNING_S)) bits |= TC_WARNING_CLOCK;
     if (faulty(c, TC_FAULT_ATTITUDE_STALE) && !faulty(c, TC_FAULT_RATE_STALE)) bits |= TC_WARNING_GYRO_ONLY;
+    if (c->observer.state == (uint8_t)TC_OBSERVER_NO_ACCELEROMETER) bits |= TC_WARNING_NO_OBSERVER;
     return (uint8_t)bits;
 }
 
@@ -157,8 +202,10 @@ void tc_observe(tc_controller* c) {
     observe_setpoint(c, step_s);
     observe_battery(c, step_s);
     observe_link(c);
+    if (tc_moves(c) || tc_falls(c)) c->moved_us = c->telemetry.time_us;
     if (tc_mission_in_air(c->mission.state)) {
         observe_attitude(c);
+        observe_crash(c);
         observe_fence(c);
         observe_tracking(c);
         if (c->mission.state == TC_EMERGENCY) observe_emergency(c);

@@ -24,8 +24,43 @@ void tc_setpoint_here(tc_controller* c);
 /* failsafe.c: posts everything that may change the state by itself, after the set-point has been advanced. */
 void tc_observe(tc_controller* c);
 bool tc_inside_fence(const tc_parameters* p, const float position_world_m[3]);
-/* What the supervisor measures errors by: the clearance of the active trajectory, or the parameter. */
+/* By the accelerometer: next to nothing carries it. */
+bool tc_falls(const tc_controller* c);
+/* What the supervisor measures errors by: the clearance of the active trajectory, or a parameter's. */
 float tc_clearance(const tc_controller* c);
+
+static inline float tc_position_delay_s(const tc_controller* c) {
+    return c->delay.attitude.delay_s + c->delay.velocity.delay_s;
+}
+
+/* disturbance.c: runs the observer where it may run; at the end of a tick, as it works with that tick's model. */
+void tc_observe_disturbance(tc_controller* c, const float air_body_m_s[3], const float rate_body_rad_s[3],
+                            float step_s);
+static inline bool tc_cancels_disturbance(const tc_controller* c) {
+    return c->observer.state == (uint8_t)TC_OBSERVER_RUNS || c->observer.state == (uint8_t)TC_OBSERVER_HOLDS;
+}
+/* Of what it holds, 0 .. 1: as the thrust falls on the ground, the vehicle is not to lean into the wind any further. */
+float tc_disturbance_share(const tc_controller* c);
+/* What speed commands are raised by against the battery's sag. */
+static inline float tc_per_battery(const tc_controller* c) {
+    const tc_parameters* p = &c->parameters;
+    const float battery_v = c->telemetry.estimate.battery_v;
+    if (!(battery_v > 0.0f)) return 1.0f;
+    return 1.0f / tc_max(1.0f - p->battery_gain_1_v * (p->battery_reference_v - battery_v), 0.5f);
+}
+
+/* Whether the gyro gives all three axes; else the missing ones are told by the attitude, late. */
+static inline bool tc_gyro_is_whole(const tc_controller* c) { return c->gyro_good_us == c->telemetry.time_us; }
+
+/* monitor.c */
+/* Whether the pose is believed now. */
+bool tc_monitor_believes(const tc_controller* c);
+/* The attitude of `estimate`, turned back to its old heading when that has jumped. */
+void tc_monitor_heading(tc_controller* c, const tc_estimate* estimate, float step_s, float q[4]);
+/* One step with a usable pose that is `ahead_s` old; `acceleration_m_s2` by the accelerometer, world axes. Where the
+   pose turns out to be wrong, telemetry.estimate goes back to what the IMU makes of the pose before. */
+void tc_monitor_step(tc_controller* c, const tc_estimate* estimate, const float acceleration_m_s2[3], float ahead_s,
+                     float step_s);
 
 /* landing.c */
 void tc_landing_begin(tc_controller* c);

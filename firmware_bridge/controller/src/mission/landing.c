@@ -15,13 +15,18 @@ static const float RETRY_S = 0.3f;             /* after a stage that found the v
 static const float UNLOAD_S = 0.5f;            /* the collective falls to UNLOADED */
 static const float UNLOADED = 0.1f;            /* of the weight */
 static const float GAINED_M_S = 0.35f;         /* downwards since UNLOAD began: it flies */
-static const float FALLEN_G = 0.25f;           /* of thrust, from which on the accelerometer is compared with it */
 static const float SUPPORT_G = 0.5f;           /* specific force that the rotors do not give: it stands on something */
 static const float FORCE_FILTER_S = 0.02f;     /* of the accelerometer, whose noise the tests must not see */
-static const float IDLE_S = 0.3f;              /* of stillness, then the rotors stop */
-static const float STILL_RATE_RAD_S = 0.5f;    /* beyond, it moves */
+static const float FELT_GAINED_M_S = 0.7f;  /* the same by the accelerometer, whose noise of 10 m/s2 makes 0.3 of it */
+static const float SUNK_M = 0.1f;           /* lower by this, it still comes down */
+static const float NO_LOWER_S = 3.0f;       /* so long without: the ground is there, whatever else is felt */
+static const float FALLEN_M = 0.15f;        /* ... unless it then falls by this, unloaded: 0.4 m within 0.5 s */
+static const float IDLE_S = 0.3f;           /* of stillness, then the rotors stop */
+static const float STILL_RATE_RAD_S = 0.5f; /* beyond, it moves */
 static const float STILL_M_S = 0.5f;
-static const float IMPACT_G = 0.4f; /* above 1 g, in an emergency without vertical velocity */
+static const float IMPACT_SIGMAS2 = 9.0f; /* three standard deviations of what vibration leaves of the filter */
+static const uint8_t MOST_IMPACTS = 3u;   /* of a bounce */
+static const float IMPACT_G = 0.4f;       /* above 1 g, in an emergency without vertical velocity */
 /* Such a descent loses thrust with time, for ground effect must not keep it floating. Slowly: after 15 s (20 m) it is
    4 + 2.25 % short, and with 1.9 % of error still settles below 2.5 m/s, as inflow damps by 0.32/s. Without
    accelerometer no UNLOAD brings it down between gusts, before time ends the descent: more. */
@@ -58,6 +63,8 @@ void tc_landing_begin(tc_controller* c) {
     c->landing.upright_us = t->time_us;
     c->landing.z_m = t->setpoint.position_world_m[2];
     c->landing.speed_m_s = -t->setpoint.velocity_world_m_s[2];
+    c->landing.lowest_m = t->estimate.position_world_m[2];
+    c->landing.sunk_us = t->time_us;
     enter_stage(c, TC_LANDING_DESCEND);
 }
 
@@ -119,8 +126,18 @@ float tc_emergency_thrust(const tc_controller* c) {
 
 /* The accelerometer shows more than the rotors can give in a descent: it has hit something. */
 static bool has_impact(const tc_controller* c) {
-    const float g = c->parameters.gravity_m_s2;
-    return force_given(c) && c->landing.force_m_s2 > (1.0f + IMPACT_G) * g;
+    const float over = c->landing.force_m_s2 - (1.0f + IMPACT_G) * c->parameters.gravity_m_s2;
+    const float noise2 = c->monitor.shake_m2_s4 * (0.5f / 3.0f) * tc_seconds(c->step_us) / FORCE_FILTER_S;
+    return force_given(c) && over > 0.0f && over * over > IMPACT_SIGMAS2 * noise2;
+}
+
+/* Bouncing without end: in the air such a descent, 23 % short of thrust since the first impact, would be over. */
+static bool bounces(tc_controller* c) {
+    tc_landing* landing = &c->landing;
+    const bool impact = has_impact(c);
+    if (impact && !landing->impact && landing->impacts < MOST_IMPACTS) landing->impacts++;
+    landing->impact = impact;
+    return landing->touched && landing->impacts >= MOST_IMPACTS && tc_lasts(c, landing->touched_us, NO_LOWER_S);
 }
 
 /* Whether the vehicle seems to be on something. */
@@ -139,19 +156,47 @@ static bool seems_in_contact(const tc_controller* c) {
     return horizontal <= CONTACT_SPEED_M_S && (landing->lead_limited || slow);
 }
 
+static void begin_unload(tc_controller* c, bool sure) {
+    tc_landing* landing = &c->landing;
+    enter_stage(c, TC_LANDING_UNLOAD);
+    landing->start_thrust_n = tc_min(c->telemetry.wrench.thrust_n, weight_n(c));
+    landing->thrust_n = landing->start_thrust_n;
+    landing->start_velocity_m_s = c->telemetry.estimate.velocity_world_m_s[2];
+    landing->start_m = c->telemetry.estimate.position_world_m[2];
+    landing->gained_m_s = 0.0f;
+    landing->sure = sure;
+}
+
+/* Whether a descent that is commanded has for long brought it no lower. */
+static bool comes_no_lower(tc_controller* c) {
+    tc_landing* landing = &c->landing;
+    const float z_m = c->telemetry.estimate.position_world_m[2];
+    const float* v = c->telemetry.estimate.velocity_world_m_s;
+    const bool slides = v[0] * v[0] + v[1] * v[1] > CONTACT_SPEED_M_S * CONTACT_SPEED_M_S;
+    const bool known = c->vertical_velocity && !slides && landing->speed_m_s >= 0.9f * c->parameters.landing_m_s;
+    if (!known || z_m < landing->lowest_m - SUNK_M) {
+        landing->lowest_m = z_m;
+        landing->sunk_us = c->telemetry.time_us;
+    }
+    return tc_lasts(c, landing->sunk_us, NO_LOWER_S);
+}
+
 static void descend(tc_controller* c) {
     tc_landing* landing = &c->landing;
     const bool blind = !c->vertical_velocity;
     const bool settled = tc_lasts(c, landing->stage_us, RETRY_S);
-    if (blind && settled && has_impact(c)) landing->touched = true;
+    if (blind && settled && !landing->touched && has_impact(c)) {
+        landing->touched = true;
+        landing->touched_us = c->telemetry.time_us;
+    }
+    if (comes_no_lower(c)) {
+        begin_unload(c, true);
+        return;
+    }
     if (!seems_in_contact(c) || !settled) {
         landing->airborne_us = c->telemetry.time_us;
     } else if (blind || tc_lasts(c, landing->airborne_us, CONTACT_S)) {
-        enter_stage(c, TC_LANDING_UNLOAD);
-        landing->start_thrust_n = tc_min(c->telemetry.wrench.thrust_n, weight_n(c));
-        landing->thrust_n = landing->start_thrust_n;
-        landing->start_velocity_m_s = c->telemetry.estimate.velocity_world_m_s[2];
-        landing->start_force_m_s2 = landing->force_m_s2;
+        begin_unload(c, false);
     } else {
         /* not for long enough yet */
     }
@@ -160,13 +205,10 @@ static void descend(tc_controller* c) {
 /* Whether the vehicle falls as its thrust does. */
 static bool still_flies(const tc_controller* c) {
     const tc_landing* landing = &c->landing;
-    const float mass = c->parameters.mass_kg, g = c->parameters.gravity_m_s2;
+    if (landing->sure) return landing->start_m - c->telemetry.estimate.position_world_m[2] > FALLEN_M;
     const float gained = landing->start_velocity_m_s - c->telemetry.estimate.velocity_world_m_s[2];
     if (c->vertical_velocity && gained > GAINED_M_S) return true;
-    if (!force_given(c)) return false;
-    const float thrust_fell = (landing->start_thrust_n - landing->thrust_n) / mass;
-    const float force_fell = landing->start_force_m_s2 - landing->force_m_s2;
-    return thrust_fell > FALLEN_G * g && force_fell > 0.5f * thrust_fell;
+    return force_given(c) && landing->gained_m_s > FELT_GAINED_M_S;
 }
 
 /* Whether something but the rotors carries the vehicle, where that can be known. */
@@ -175,25 +217,31 @@ static bool supported(const tc_controller* c) {
     return !force_given(c) || c->landing.force_m_s2 - rotors > SUPPORT_G * c->parameters.gravity_m_s2;
 }
 
-static void unload(tc_controller* c, float step_s) {
+/* One step of UNLOAD; whether the touchdown is certain already. */
+static bool unload(tc_controller* c, float step_s) {
     tc_landing* landing = &c->landing;
     const float weight = weight_n(c);
     const float fall = (1.0f - UNLOADED) * weight / UNLOAD_S * step_s;
     landing->thrust_n = tc_max(landing->thrust_n - fall, tc_min(landing->start_thrust_n, UNLOADED * weight));
     if (still_flies(c)) {
         enter_stage(c, TC_LANDING_DESCEND);
+        landing->sunk_us = c->telemetry.time_us;
     } else if (tc_lasts(c, landing->stage_us, UNLOAD_S)) {
+        if (landing->sure) return true;
         enter_stage(c, supported(c) ? TC_LANDING_IDLE : TC_LANDING_DESCEND);
     } else {
         /* goes on */
     }
+    return false;
 }
 
 /* Whether the touchdown is certain. */
 static bool idle(tc_controller* c) {
-    const bool still = tc_norm(c->telemetry.estimate.rate_body_rad_s) < STILL_RATE_RAD_S && supported(c);
+    const bool still = tc_norm(c->telemetry.estimate.rate_body_rad_s) < STILL_RATE_RAD_S;
     if (still_flies(c)) {
         enter_stage(c, TC_LANDING_DESCEND);
+    } else if (comes_no_lower(c)) {
+        return true;
     } else if (!still) {
         c->landing.stage_us = c->telemetry.time_us;
     } else {
@@ -218,14 +266,17 @@ bool tc_landing_observe(tc_controller* c, float step_s) {
     const float force = c->telemetry.estimate.specific_force_body_m_s2[2];
     landing->force_m_s2 += step_s / (FORCE_FILTER_S + step_s) * (force - landing->force_m_s2);
     if (c->mission.state == TC_EMERGENCY) command_speed(c, step_s);
-    if (rests_inverted(c)) return true;
+    if (force_given(c) && tc_landing_unloads(landing)) {
+        landing->gained_m_s +=
+            step_s * (c->parameters.gravity_m_s2 - c->telemetry.estimate.specific_force_body_m_s2[2]);
+    }
+    if (rests_inverted(c) || (!c->vertical_velocity && bounces(c))) return true;
     switch (landing->stage) {
         case TC_LANDING_DESCEND:
             descend(c);
             break;
         case TC_LANDING_UNLOAD:
-            unload(c, step_s);
-            break;
+            return unload(c, step_s);
         case TC_LANDING_IDLE:
             return idle(c);
         default:

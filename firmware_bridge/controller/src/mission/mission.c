@@ -9,7 +9,7 @@
 /* What every flying state shares: the operator's cut-off, the other controller's call, lost attitude or position. */
 #define IN_FLIGHT                                                                                                  \
     [TC_COMMAND_KILL] = TO(TC_FAULT), [TC_EVENT_RELEASE] = TO(TC_SHADOW), [TC_EVENT_ATTITUDE_LOST] = TO(TC_FAULT), \
-    [TC_EVENT_POSITION_LOST] = TO(TC_EMERGENCY)
+    [TC_EVENT_POSITION_LOST] = TO(TC_EMERGENCY), [TC_EVENT_CRASHED] = TO(TC_FAULT)
 
 /* What states that hover or move from point to point share: stay, or go straight down. */
 #define OFF_PATH                                                                                            \
@@ -61,6 +61,7 @@ static const uint8_t next[TC_MISSION_STATE_COUNT][TC_EVENT_COUNT] = {
             IN_FLIGHT,
             OFF_PATH,
             [TC_EVENT_TILT] = TO(TC_EMERGENCY),
+            [TC_EVENT_TRACKING_LOST] = TO(TC_LANDING),
             [TC_COMMAND_START] = TO(TC_APPROACH),
         },
     [TC_APPROACH] =
@@ -117,6 +118,7 @@ static const uint8_t next[TC_MISSION_STATE_COUNT][TC_EVENT_COUNT] = {
         {
             IN_FLIGHT,
             [TC_EVENT_TILT] = TO(TC_EMERGENCY),
+            [TC_EVENT_TRACKING_LOST] = TO(TC_EMERGENCY),
             [TC_COMMAND_HOLD] = TO(TC_HOLD),
             [TC_COMMAND_LAND] = TO(TC_LANDING),
             [TC_EVENT_TOUCHDOWN] = TO(TC_DISARMED),
@@ -129,6 +131,7 @@ static const uint8_t next[TC_MISSION_STATE_COUNT][TC_EVENT_COUNT] = {
             [TC_EVENT_ATTITUDE_LOST] = TO(TC_FAULT),
             [TC_EVENT_TILT] = TO(TC_FAULT),
             [TC_EVENT_TIMEOUT] = TO(TC_FAULT),
+            [TC_EVENT_CRASHED] = TO(TC_FAULT),
             [TC_EVENT_TOUCHDOWN] = TO(TC_DISARMED),
             [TC_EVENT_POSITION_BACK] = TO(TC_LANDING),
         },

@@ -3,7 +3,14 @@
 #include "internal.h"
 
 static const float LEVEL = 0.3f;               /* 1 - cos(tilt): arming is refused beyond 45 degrees */
+static const float STILL_S = 0.2f;             /* it has not moved for this long */
 static const float SMALLEST_TIME_SCALE = 0.1f; /* ten times as long as planned */
+
+/* By pose, gyro and accelerometer: whoever carries it, or a fall, shows. */
+static tc_reason at_rest(const tc_controller* c) {
+    if (tc_falls(c)) return TC_FALLING;
+    return c->moved_us == 0u || tc_lasts(c, c->moved_us, STILL_S) ? TC_OK : TC_MOVING;
+}
 
 tc_reason tc_arming_check(const tc_controller* c) {
     const uint32_t faults = c->telemetry.estimate_faults;
@@ -12,6 +19,8 @@ tc_reason tc_arming_check(const tc_controller* c) {
     if (c->telemetry.ticks == 0u || (faults & ~position) != 0u) return TC_ATTITUDE_STALE;
     if (faults != 0u) return TC_ESTIMATE_STALE;
     if (1.0f - c->axes[2][2] > LEVEL) return TC_TILT_ERROR;
+    const tc_reason rest = at_rest(c);
+    if (rest != TC_OK) return rest;
     if (c->battery_v > 0.0f && c->battery_v < c->parameters.battery_arm_v) return TC_BATTERY_LOW;
     return tc_inside_fence(&c->parameters, c->telemetry.estimate.position_world_m) ? TC_OK : TC_FENCE_BREACH;
 }
@@ -19,6 +28,9 @@ tc_reason tc_arming_check(const tc_controller* c) {
 static tc_reason guard_take_off(const tc_controller* c, float height_m) {
     if (height_m < TC_LOWEST_TAKE_OFF_M || height_m > TC_HIGHEST_TAKE_OFF_M) return TC_OUT_OF_RANGE;
     if (c->telemetry.estimate_faults != 0u) return TC_ESTIMATE_STALE;
+    if (1.0f - c->axes[2][2] > LEVEL) return TC_TILT_ERROR;
+    const tc_reason rest = at_rest(c);
+    if (rest != TC_OK) return rest;
     float top[3];
     tc_copy(top, c->telemetry.estimate.position_world_m);
     top[2] += height_m;
@@ -98,6 +110,7 @@ static void start_bumpless(tc_controller* c, const float rotor_speed_rad_s[TC_RO
     if (rotor_speed_rad_s != NULL && tc_all_finite(rotor_speed_rad_s, TC_ROTORS)) {
         tc_copy4(t->rotor_speed_rad_s, rotor_speed_rad_s);
         tc_copy4(c->slow_speed_rad_s, rotor_speed_rad_s);
+        tc_copy4(c->observer.rotor_speed_rad_s, rotor_speed_rad_s);
         c->was_flying = true;
     }
 }

@@ -60,7 +60,8 @@ static void enter_trajectory(tc_controller* c) {
 
 static void enter_landing(tc_controller* c) {
     const uint8_t from = c->mission.previous_state;
-    const bool anew = from == TC_EMERGENCY || c->mission.reason == (uint8_t)TC_TRACKING_LOST;
+    const bool anew = from == TC_EMERGENCY || c->mission.reason == (uint8_t)TC_TRACKING_LOST ||
+                      c->mission.reason == (uint8_t)TC_FENCE_BREACH;
     if (anew) tc_setpoint_here(c); /* the set-point is not where the vehicle is */
     tc_move_stop(&c->move, &c->telemetry.setpoint, c->parameters.brake_m_s2);
     tc_landing_begin(c);
@@ -69,6 +70,7 @@ static void enter_landing(tc_controller* c) {
 static void enter(tc_controller* c) {
     const uint64_t now_us = c->telemetry.time_us;
     c->tilt_good_us = now_us;
+    c->uncrashed_us = now_us;
     c->landing.stage = (uint8_t)TC_LANDING_NONE;
     if (!tc_mission_on_path(c->mission.state) || c->mission.previous_state == TC_APPROACH) {
         tc_supervisor_reset(&c->supervisor, now_us);

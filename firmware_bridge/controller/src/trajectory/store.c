@@ -108,6 +108,20 @@ static void refuse(tc_store* store, uint16_t segment, tc_reason reason) {
     }
 }
 
+/* The box of the whole takes the segment's in: a polynomial of s in [-1, 1] is no further from its constant term than
+   its other coefficients add up to. */
+static void widen_box(tc_trajectory* slot, uint16_t index) {
+    const tc_segment* segment = &slot->segment[index];
+    for (int axis = 0; axis < 3; axis++) {
+        const float* c = segment->coefficient[axis];
+        float reach = 0.0f;
+        for (int i = 1; i < TC_MAX_COEFFICIENTS; i++) reach += tc_abs(c[i]);
+        const float least = c[0] - reach, most = c[0] + reach;
+        slot->least_m[axis] = index == 0u ? least : tc_min(slot->least_m[axis], least);
+        slot->most_m[axis] = index == 0u ? most : tc_max(slot->most_m[axis], most);
+    }
+}
+
 /* Takes the next segment in: where it starts, CRC, join to the one before. */
 static void check_next(tc_store* store) {
     tc_trajectory* slot = staged_slot(store);
@@ -120,6 +134,7 @@ static void check_next(tc_store* store) {
     if (end_us > LONGEST_US) refuse(store, i, TC_SEGMENT_DURATION);
     check->crc32 = tc_trajectory_segment_crc32(check->crc32, segment, slot->header.coefficient_count);
     if (i > 0u) refuse(store, i, tc_check_join(slot, i));
+    widen_box(slot, i);
     check->next++;
 }
 

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "body_lies.h"
 #include "body_pilot.h"
 
 #define NEVER (-1.0) /* a state that has not been entered */
@@ -28,6 +29,7 @@ typedef struct {
     double clock_offset_s, clock_jitter_s;
     uint64_t clock_us; /* as read last */
     bool clock_stuck, link_lost, hanging, flying;
+    const body_fault* carried; /* a hand moves it */
     double link_s;
     double command_rad_s[BODY_ROTORS];
     uint8_t state;
@@ -147,6 +149,18 @@ static void begin_fault(flight* f, int i) {
         case BODY_VELOCITY_BIAS:
             s->config.vertical_bias_m_s = value[0];
             break;
+        case BODY_POSE_AGE:
+        case BODY_HEADING_JUMP:
+        case BODY_GYRO_AXIS:
+        case BODY_ROTOR_SPEED:
+        case BODY_STUCK:
+        case BODY_VIBRATION:
+        case BODY_SPEED_WRONG:
+            body_lie(s, fault);
+            break;
+        case BODY_CARRIED:
+            f->carried = fault;
+            break;
         case BODY_GUST:
         case BODY_FAULT_COUNT:
             break;
@@ -211,7 +225,11 @@ static void end_fault(flight* f, int i) {
         case BODY_VELOCITY_BIAS:
             s->config.vertical_bias_m_s = normal->vertical_bias_m_s;
             break;
+        case BODY_CARRIED:
+            f->carried = NULL;
+            break;
         default:
+            body_lie_ends(s, normal, fault->kind);
             break;
     }
 }
@@ -323,7 +341,7 @@ static void note_output(flight* f) {
 
 /* Before this controller has been in command for the first time in the air, and whenever it is not: the other's. */
 static void choose_command(flight* f) {
-    const bool not_yet = f->scenario->in_air != 0 && f->entered_s[TC_HOLD] < 0.0;
+    const bool not_yet = f->scenario->in_air == 1 && f->entered_s[TC_HOLD] < 0.0;
     const bool theirs = !f->output.in_command || not_yet;
     if (theirs) {
         body_pilot(&f->b, f->scenario->pilot_m_s, f->command_rad_s);
@@ -355,7 +373,9 @@ const char* body_trace_names(void) {
            "estimate_vy estimate_vz setpoint_x setpoint_y setpoint_z setpoint_vx setpoint_vy setpoint_vz clearance_m "
            "tilt_rad specific_force_z command0 command1 command2 command3 rotor0 rotor1 rotor2 rotor3 state reason "
            "tick_reason limit_reason path_rate path_limit landing_stage warnings estimate_faults reckoning_s "
-           "reckoning_std_m thrust_n saturation in_command";
+           "reckoning_std_m thrust_n saturation in_command force_x force_y force_z torque_x torque_y torque_z "
+           "force_std "
+           "observer position_delay_s attitude_delay_s";
 }
 
 static void write_row(const flight* f, double* row) {
@@ -386,6 +406,15 @@ static void write_row(const flight* f, double* row) {
                           (double)t->reckoning_std_m, (double)t->wrench.thrust_n,
                           (double)t->saturation,      f->output.in_command ? 1.0 : 0.0};
     memcpy(row + 38, end, sizeof end);
+    const tc_observer* o = tc_observer_now(&f->controller);
+    for (int k = 0; k < 3; k++) {
+        row[52 + k] = (double)o->force_world_n[k];
+        row[55 + k] = (double)o->torque_body_n_m[k];
+    }
+    row[58] = sqrt((double)o->force_variance_n2);
+    row[59] = (double)o->state;
+    row[60] = (double)(f->controller.delay.velocity.delay_s + f->controller.delay.attitude.delay_s);
+    row[61] = (double)f->controller.delay.attitude.delay_s;
 }
 
 static tc_reason upload(flight* f) {
@@ -411,6 +440,7 @@ static void prepare(flight* f) {
     for (int i = 0; i < TC_MISSION_STATE_COUNT; i++) f->entered_s[i] = NEVER;
     if (s->in_air != 0) {
         body_place(&f->b, s->start_m, s->start_m_s);
+        if (s->in_air == 2) memcpy(f->b.rotor_rad_s, still, sizeof f->b.rotor_rad_s);
         memcpy(f->command_rad_s, f->b.rotor_rad_s, sizeof f->command_rad_s);
     } else {
         for (double t = 0.0; t < SETTLE_S; t += s->tick_s) body_step(&f->b, still, s->tick_s);
@@ -445,7 +475,11 @@ int32_t body_fly(const body_scenario* scenario, body_result* result, double* tra
         if (trace != NULL && written < rows && i % (uint32_t)every == 0u) {
             write_row(&f, trace + (size_t)written++ * BODY_TRACE_COLUMNS);
         }
-        body_step(&f.b, f.command_rad_s, step_s);
+        if (f.carried != NULL) {
+            body_carry(&f.b, f.carried->value, step_s);
+        } else {
+            body_step(&f.b, f.command_rad_s, step_s);
+        }
         f.time_s += step_s;
     }
     const tc_telemetry* t = tc_telemetry_now(&f.controller);

@@ -38,7 +38,15 @@ typedef enum {
     BODY_BLOCKED = 21,       /* held horizontally where it is */
     BODY_HANG = 22,          /* the controller is not called; the rotors hold their last speeds */
     BODY_VELOCITY_BIAS = 23, /* value[0]: vertical, m/s */
-    BODY_FAULT_COUNT = 24
+    BODY_POSE_AGE = 24,      /* value[0]: seconds by which position and velocity are stamped earlier than they are */
+    BODY_HEADING_JUMP = 25,  /* value[0]: rad, of the attitude alone; the estimator does not know */
+    BODY_GYRO_AXIS = 26,     /* value[0]: axis that is not a number */
+    BODY_ROTOR_SPEED = 27,   /* value[0]: rotor, value[1]: what its measured speed is replaced by */
+    BODY_STUCK = 28,         /* position and velocity repeat their last values under fresh stamps */
+    BODY_CARRIED = 29,       /* value[0..2]: m/s at which a hand moves it, value[3]: rad/s about body x */
+    BODY_VIBRATION = 30,     /* value[0]: m/s2, of the accelerometer */
+    BODY_SPEED_WRONG = 31,   /* value[0..2]: m/s, added to the estimated velocity */
+    BODY_FAULT_COUNT = 32
 } body_fault_kind;
 
 typedef struct {
@@ -66,7 +74,8 @@ typedef struct {
     double tick_s, tick_jitter; /* the true step varies by this share */
     double limit_s;
     int32_t has_link; /* ground messages ten times a second */
-    int32_t in_air;   /* starts hovering in the air at `start_m`, another controller flying */
+    /* 1: starts hovering in the air at `start_m`, another controller flying; 2: falls there, rotors stopped. */
+    int32_t in_air;
     double start_m[3], start_m_s[3];
     double pilot_m_s[3]; /* what the other controller flies while the output is not in command */
     body_vehicle vehicle;
@@ -111,7 +120,7 @@ typedef struct {
     double fault_s[BODY_MOST_FAULTS];       /* when it began; 0 = never */
 } body_result;
 
-#define BODY_TRACE_COLUMNS 52
+#define BODY_TRACE_COLUMNS 62
 
 void body_scenario_default(body_scenario* scenario);
 

@@ -26,6 +26,7 @@ void body_sensors_init(body_sensors* s, const body_sensors_config* config, uint6
     s->config = *config;
     s->latest.q_world_body[0] = 1.0f;
     s->random.state = seed * 0x9e3779b97f4a7c15u + 77u;
+    s->bad_axis = s->bad_rotor = -1;
 }
 
 static void yawed(double yaw_rad, const double in[3], double out[3]) {
@@ -70,12 +71,14 @@ static void measure_pose(body_sensors* s, const body* b, uint64_t time_us, uint6
     velocity[2] += c->vertical_bias_m_s;
     for (int k = 0; k < 3; k++) {
         e->position_world_m[k] = (float)(position[k] + c->position_noise_m * body_normal(&s->random));
+        velocity[k] += s->velocity_error_m_s[k];
         e->velocity_world_m_s[k] = (float)(velocity[k] + c->velocity_noise_m_s * body_normal(&s->random));
         turn[k] = c->attitude_noise_rad * body_normal(&s->random) + (k < 2 ? c->tilt_error_rad[k] : 0.0);
         e->reset_position_world_m[k] = (float)s->reset_position_m[k];
         e->reset_velocity_world_m_s[k] = (float)s->reset_velocity_m_s[k];
     }
-    const double w = cos(0.5 * s->yaw_rad), z = sin(0.5 * s->yaw_rad), *p = b->q;
+    const double seen_rad = s->yaw_rad + s->heading_rad;
+    const double w = cos(0.5 * seen_rad), z = sin(0.5 * seen_rad), *p = b->q;
     const double seen[4] = {w * p[0] - z * p[3], w * p[1] - z * p[2], w * p[2] + z * p[1], w * p[3] + z * p[0]};
     body_turn(seen, turn, q);
     for (int k = 0; k < 4; k++) e->q_world_body[k] = (float)q[k];
@@ -102,7 +105,10 @@ static void take_poses(body_sensors* s, const body* b, uint64_t time_us, uint64_
         memcpy(now->reset_position_world_m, e->reset_position_world_m, sizeof e->reset_position_world_m);
         memcpy(now->reset_velocity_world_m_s, e->reset_velocity_world_m_s, sizeof e->reset_velocity_world_m_s);
         if (s->position != BODY_FROZEN) {
-            now->position_time_us = e->position_time_us;
+            const uint64_t older_us = (uint64_t)(int64_t)(1e6 * s->pose_age_s);
+            now->position_time_us = e->position_time_us - older_us;
+        }
+        if (s->position != BODY_FROZEN && !s->stuck) {
             memcpy(now->position_world_m, e->position_world_m, sizeof e->position_world_m);
             memcpy(now->velocity_world_m_s, e->velocity_world_m_s, sizeof e->velocity_world_m_s);
         }
@@ -162,6 +168,12 @@ void body_sensors_read(body_sensors* s, const body* b, uint64_t time_us, uint64_
     if (s->attitude == BODY_NAN || s->attitude == BODY_NOT_VALID) spoil(out->q_world_body, 4);
     if (c->has_vertical_velocity == 0) spoil(out->velocity_world_m_s + 2, 1);
     if (c->has_specific_force == 0) spoil(out->specific_force_body_m_s2, 3);
+    if (s->bad_axis >= 0) spoil(out->rate_body_rad_s + s->bad_axis, 1);
+    if (s->bad_rotor >= 0) {
+        for (int i = 0; i < BODY_ROTORS; i++) out->rotor_speed_rad_s[i] = (float)b->rotor_rad_s[i];
+        out->rotor_speed_rad_s[s->bad_rotor] = (float)s->rotor_rad_s;
+        out->valid |= (uint8_t)TC_VALID_ROTOR_SPEED;
+    }
     if (s->rate == BODY_NAN || s->rate == BODY_NOT_VALID) {
         spoil(out->rate_body_rad_s, 3);
         spoil(out->specific_force_body_m_s2, 3);

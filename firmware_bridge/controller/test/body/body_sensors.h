@@ -43,6 +43,13 @@ typedef struct {
     double shift_m[3], yaw_rad;
     double drift_m_s[3];
     double pose_stamp_offset_s; /* stamps on a clock of their own */
+    double pose_age_s;          /* position and velocity are stamped earlier by this */
+    double heading_rad;         /* by which the attitude alone is turned about the world's z axis */
+    double velocity_error_m_s[3];
+    bool stuck;         /* position and velocity repeat, under fresh stamps */
+    int32_t bad_axis;   /* of the gyro, whose value is not a number; -1: none */
+    int32_t bad_rotor;  /* whose measured speed is replaced; -1: none */
+    double rotor_rad_s; /* ... by this */
     uint8_t reset_counter;
     double reset_position_m[3], reset_velocity_m_s[3], reset_yaw_rad;
     uint64_t next_pose_us;

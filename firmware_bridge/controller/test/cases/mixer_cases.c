@@ -377,6 +377,30 @@ static void square_law_of_any_size(void) {
     }
 }
 
+/* The wrench of the speeds that the mixer finds is the demand, under every thrust law and for rotors of unlike gains.
+ */
+static void forwards_and_back(void) {
+    for (int k = 0; k < 3000; k++) {
+        tc_parameters p = vehicle((float)(k % 3));
+        tc_mixer mixer;
+        for (int i = 0; i < 4; i++) p.rotor_gain[i] = (float)draw(0.8, 1.2);
+        p.lift_kg_m = k % 2 == 0 ? 0.002f : 0.0f;
+        must(tc_mixer_configure(&mixer, &p) == TC_OK, "accepted");
+        const tc_wrench demand = {
+            p.mass_kg * p.gravity_m_s2 * (float)draw(0.7, 1.8),
+            {(float)draw(-0.05, 0.05), (float)draw(-0.05, 0.05), (float)draw(-0.005, 0.005)},
+        };
+        const float air[3] = {(float)draw(-8.0, 8.0), (float)draw(-8.0, 8.0), (float)draw(-2.0, 4.0)};
+        const float rate[3] = {(float)draw(-4.0, 4.0), (float)draw(-4.0, 4.0), (float)draw(-2.0, 2.0)};
+        float speed[TC_ROTORS], induced[TC_ROTORS] = {0.0f, 0.0f, 0.0f, 0.0f};
+        if (tc_mixer_solve(&mixer, &demand, air, rate, speed) != 0u) continue;
+        tc_wrench found;
+        for (int round = 0; round < 12; round++) tc_mixer_wrench(&mixer, speed, air, rate, induced, &found);
+        must(fabsf(found.thrust_n - demand.thrust_n) < 1e-3f * demand.thrust_n, "the collective");
+        for (int i = 0; i < 3; i++) must(fabsf(found.torque_n_m[i] - demand.torque_n_m[i]) < 1e-3f, "the torque");
+    }
+}
+
 /* What cannot produce an arbitrary wrench, or cannot hover, is refused. */
 static void configurations_refused(void) {
     tc_mixer mixer;
@@ -406,5 +430,6 @@ void mixer_cases(void) {
     saturated_in_fast_air();
     nonsense_is_clipped();
     square_law_of_any_size();
+    forwards_and_back();
     configurations_refused();
 }

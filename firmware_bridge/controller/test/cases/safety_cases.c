@@ -35,13 +35,14 @@ static const char* const table[TC_EVENT_COUNT] = {
     ".dhhhooh......", /* link lost: hold */
     ".dlllxxlx.....", /* link lost: land */
     "...........!..", /* timeout */
-    "..l.llllll....", /* tracking lost */
+    "..lllllllle...", /* tracking lost */
     "....hooho.....", /* relocalized */
     ".dlllxxlx.....", /* battery low */
     "w............w", /* shadow */
     "h............h", /* engage */
     ".dwwwwwwwwww.w", /* release */
     ".............d", /* shadow's end */
+    "..!!!!!!!!!!..", /* crashed */
 };
 
 static void transitions_are_those_of_the_table(void) {

@@ -78,6 +78,7 @@ void start_in(uint8_t state, uint8_t link_loss_policy) {
     g.e.specific_force_body_m_s2[2] = 9.81f;
     tc_init(&g.c);
     tc_parameters_default(&p);
+    p.monitor = 0.0f; /* a vehicle that follows its set-point exactly has no IMU to speak of */
     must(tc_parameters_set(&g.c, &p) == TC_OK, "presets are accepted");
     upload_plan(link_loss_policy);
     ticks(0.1f);

@@ -108,7 +108,10 @@ static void move(body* b, float step_s) {
         b->rate[i] =
             flying ? b->rate[i] + step_s * t->wrench.torque_n_m[i] / controller.parameters.inertia_kg_m2[i] : 0.0f;
     }
-    if (b->position[2] < 0.0f) b->position[2] = 0.0f;
+    if (b->position[2] < 0.0f) {
+        b->position[2] = 0.0f;
+        b->velocity[2] = b->velocity[2] > 0.0f ? b->velocity[2] : 0.0f;
+    }
     turn(b, step_s);
 }
 

@@ -52,6 +52,17 @@ link_encoded link_encode_mission_status(tc_link* link, uint8_t* payload) {
     return LINK_ENCODED;
 }
 
+static void fill_disturbance(const tc_controller* c, goshawk_state_msg* m) {
+    const tc_observer* o = tc_observer_now(c);
+    tc_copy(m->disturbance_force_world_n, o->force_world_n);
+    tc_copy(m->disturbance_torque_body_n_m, o->torque_body_n_m);
+    for (int i = 0; i < 3; i++) m->disturbance_torque_std_n_m[i] = sqrtf(o->torque_variance_n2_m2[i]);
+    m->disturbance_force_std_n = sqrtf(o->force_variance_n2);
+    m->pose_delay_s[0] = c->delay.attitude.delay_s + c->delay.velocity.delay_s;
+    m->pose_delay_s[1] = c->delay.attitude.delay_s;
+    m->observer_state = o->state;
+}
+
 void link_fill_state(const tc_link* link, goshawk_state_msg* m) {
     const tc_telemetry* t = &link->controller->telemetry;
     const tc_estimate* e = &t->estimate;
@@ -82,6 +93,7 @@ void link_fill_state(const tc_link* link, goshawk_state_msg* m) {
     m->estimate_valid = e->valid;
     m->estimate_faults = t->estimate_faults;
     m->saturation = t->saturation;
+    fill_disturbance(link->controller, m);
 }
 
 link_encoded link_encode_state(tc_link* link, uint8_t* payload) {

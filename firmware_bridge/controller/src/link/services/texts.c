@@ -40,6 +40,8 @@ static const char* warning_text(uint8_t bit) {
             return tc_reason_text(TC_TIME_WENT_BACK);
         case TC_WARNING_GYRO_ONLY:
             return tc_reason_text(TC_GYRO_ONLY);
+        case TC_WARNING_NO_OBSERVER:
+            return "no accelerometer, wind is not cancelled";
         default:
             return "unknown warning";
     }

@@ -1,0 +1,88 @@
+/* When the disturbance observer runs, and what of it is cancelled. */
+#include "../base/maths.h"
+#include "internal.h"
+
+static const float LIFTED_M = 0.08f; /* above where it stood: off the ground, and out of the thick of its effect */
+
+static const float FOLLOWS = 0.85f; /* cosine of the attitude error beyond which an attitude is not believed */
+
+static bool lifted(const tc_controller* c) {
+    return c->mission.state != TC_TAKE_OFF || c->observer.state == (uint8_t)TC_OBSERVER_RUNS ||
+           c->telemetry.estimate.position_world_m[2] > c->ground_z_m + LIFTED_M;
+}
+
+static tc_observer_state wanted_state(const tc_controller* c) {
+    const uint8_t state = c->mission.state, now = c->observer.state;
+    const uint32_t faults = (uint32_t)TC_FAULT_POSITION_STALE | TC_FAULT_ATTITUDE_STALE;
+    if (c->parameters.observer < 0.5f) return TC_OBSERVER_OFF;
+    if (!tc_mission_in_air(state)) return TC_OBSERVER_WAITS;
+    if ((c->telemetry.estimate.valid & (uint8_t)TC_VALID_SPECIFIC_FORCE) == 0u) return TC_OBSERVER_NO_ACCELEROMETER;
+    if (tc_dot(c->telemetry.flatness.axis, c->axes[2]) < FOLLOWS) return TC_OBSERVER_WAITS;
+    if (state == TC_LANDING || state == TC_EMERGENCY || (c->telemetry.estimate_faults & faults) != 0u ||
+        !tc_gyro_is_whole(c)) {
+        const bool known = now == (uint8_t)TC_OBSERVER_RUNS || now == (uint8_t)TC_OBSERVER_HOLDS;
+        return known ? TC_OBSERVER_HOLDS : TC_OBSERVER_WAITS;
+    }
+    return lifted(c) ? TC_OBSERVER_RUNS : TC_OBSERVER_WAITS;
+}
+
+float tc_disturbance_share(const tc_controller* c) {
+    const float weight_n = c->parameters.mass_kg * c->parameters.gravity_m_s2;
+    if (c->observer.state != (uint8_t)TC_OBSERVER_HOLDS) return 1.0f;
+    return tc_clamp(c->telemetry.wrench.thrust_n / weight_n, 0.0f, 1.0f);
+}
+
+static void enter(tc_controller* c, tc_observer_state state) {
+    if (state == (tc_observer_state)c->observer.state) return;
+    c->observer.state = (uint8_t)state;
+    c->observer.started = false;
+    c->delay.started = false;
+    if (state == TC_OBSERVER_RUNS && c->observer.rotor_speed_rad_s[0] < c->parameters.rotor_min_rad_s) {
+        tc_copy4(c->observer.rotor_speed_rad_s, c->telemetry.rotor_speed_rad_s); /* engaged, and not told */
+    }
+    if (state == TC_OBSERVER_HOLDS) tc_observer_hold(&c->observer);
+    if (tc_cancels_disturbance(c)) return;
+    tc_observer_reset(&c->observer);
+    tc_pose_delay_reset(&c->delay);
+}
+
+/* Estimate against the IMU: which of them is late. */
+static void compare_pose(tc_controller* c, const float acceleration_world_m_s2[3], float step_s) {
+    const tc_estimate* e = &c->telemetry.estimate;
+    const tc_pose_compared now = {e->velocity_world_m_s,
+                                  e->q_world_body,
+                                  acceleration_world_m_s2,
+                                  c->telemetry.setpoint.acceleration_world_m_s2,
+                                  e->rate_body_rad_s,
+                                  c->observer.noise_m2_s4,
+                                  e->position_time_us != c->observed_us};
+    c->observed_us = e->position_time_us;
+    tc_pose_delay_step(&c->delay, &now, step_s);
+}
+
+static void observe(tc_controller* c, const float air_body_m_s[3], const float rate_body_rad_s[3], float step_s) {
+    const tc_estimate* e = &c->telemetry.estimate;
+    tc_wrench rotors;
+    float acceleration[3], known[3];
+    tc_mixer_wrench(&c->mixer, c->observer.rotor_speed_rad_s, air_body_m_s, rate_body_rad_s, c->observer.induced,
+                    &rotors);
+    tc_to_world(c->axes, e->specific_force_body_m_s2, acceleration);
+    acceleration[2] -= c->parameters.gravity_m_s2;
+    for (int i = 0; i < 3; i++) known[i] = rotors.thrust_n * c->axes[2][i] + c->drag_world_n[i];
+    const tc_observed now = {acceleration, e->rate_body_rad_s, e->velocity_world_m_s,
+                             known,        c->cancelled_n_m,   rotors.torque_n_m};
+    tc_observer_step(&c->observer, &c->parameters, &now, step_s);
+    compare_pose(c, acceleration, step_s);
+}
+
+void tc_observe_disturbance(tc_controller* c, const float air_body_m_s[3], const float rate_body_rad_s[3],
+                            float step_s) {
+    const tc_estimate* e = &c->telemetry.estimate;
+    enter(c, wanted_state(c));
+    if (c->observer.state == (uint8_t)TC_OBSERVER_OFF) return;
+    const bool measured = (e->valid & (uint8_t)TC_VALID_ROTOR_SPEED) != 0u;
+    if (measured) tc_copy4(c->observer.rotor_speed_rad_s, e->rotor_speed_rad_s);
+    if (c->observer.state == (uint8_t)TC_OBSERVER_RUNS) observe(c, air_body_m_s, rate_body_rad_s, step_s);
+    if (measured) return;
+    tc_observer_rotors(&c->observer, &c->parameters, c->telemetry.rotor_speed_rad_s, tc_per_battery(c), step_s);
+}

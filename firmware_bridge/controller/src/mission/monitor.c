@@ -1,0 +1,199 @@
+/* Whether the pose agrees with the IMU, and with itself. */
+#include "../base/maths.h"
+#include "internal.h"
+
+static const float WINDOW_S = 0.3f;
+static const float VELOCITY_GAP_M_S = 0.8f; /* largest of good flights: 0.34 */
+static const float POSITION_GAP_M = 0.25f;  /* ... 0.03 */
+static const float SIGMAS2 = 16.0f;         /* four standard deviations of the integrated accelerometer noise */
+static const float SHAKE_FILTER_S = 0.3f;
+static const float HEADING_GAP = 0.174f; /* half of 0.35 rad, its sine */
+static const float REPEATED_S = 0.2f;    /* a pose that has repeated itself for so long is frozen */
+static const float SHAKES_M2_S4 = 4e-4f; /* ... if the accelerometer's noise is above 0.02 m/s2 */
+static const float DISTRUST_S = 0.5f;    /* after the last alarm */
+static const float TOGETHER_S = 10.0f;   /* alarms within are counted */
+static const uint8_t MOST_ALARMS = 3u;   /* this one is final */
+static const float DRIFT_M = 0.4f;       /* of position from its velocity */
+static const float DRIFT_S = 3.0f;       /* time constant of forgetting it */
+
+bool tc_monitor_believes(const tc_controller* c) {
+    const tc_monitor* m = &c->monitor;
+    return !m->final && (m->reason == (uint8_t)TC_OK || tc_lasts(c, m->alarm_us, DISTRUST_S));
+}
+
+static void alarm(tc_controller* c, tc_reason reason) {
+    tc_monitor* m = &c->monitor;
+    if (tc_monitor_believes(c)) {
+        if (m->alarms == 0u || tc_lasts(c, m->first_us, TOGETHER_S)) {
+            m->first_us = c->telemetry.time_us;
+            m->alarms = 0;
+        }
+        m->alarms++;
+        m->final = m->alarms >= MOST_ALARMS;
+        m->reason = (uint8_t)reason;
+        m->drift_m[0] = m->drift_m[1] = 0.0f;
+    }
+    m->alarm_us = c->telemetry.time_us;
+}
+
+/* Position and velocity as they were before, carried on by the IMU. */
+static void restore(tc_controller* c) {
+    const tc_monitor* m = &c->monitor;
+    const tc_monitor_window* older = &m->window[m->window[0].age_s > m->window[1].age_s ? 0 : 1];
+    tc_estimate* now = &c->telemetry.estimate;
+    tc_copy(now->position_world_m, older->forced ? older->reckoned_m : older->position_m);
+    if (older->forced) tc_copy(now->velocity_world_m_s, older->velocity_m_s);
+}
+
+void tc_monitor_heading(tc_controller* c, const tc_estimate* e, float step_s, float q[4]) {
+    tc_monitor* m = &c->monitor;
+    const float* old = c->telemetry.estimate.q_world_body;
+    const float* rate = c->telemetry.estimate.rate_body_rad_s;
+    tc_copy4(q, e->q_world_body);
+    if (m->turned) tc_q_multiply(m->turn, e->q_world_body, q);
+    const float turned_z = q[3] * old[0] - q[0] * old[3] - q[1] * old[2] + q[2] * old[1]; /* q times conjugate(old) */
+    const float gyro = 0.5f * step_s * (tc_abs(rate[0]) + tc_abs(rate[1]) + tc_abs(rate[2]));
+    const bool told = e->reset_counter != c->reset_counter;
+    const bool known = (c->telemetry.estimate_faults & (uint32_t)TC_FAULT_ATTITUDE_STALE) == 0u;
+    if (tc_abs(turned_z) <= HEADING_GAP + gyro || told || !known || !m->running) return;
+    const float back[4] = {old[0], -old[1], -old[2], -old[3]};
+    float change[4], sine, cosine, turned[4];
+    tc_q_multiply(q, back, change);
+    tc_sin_cos(-0.5f * tc_q_yaw(change), &sine, &cosine);
+    const float turn[4] = {cosine, 0.0f, 0.0f, sine}; /* the heading stays what it was */
+    tc_q_multiply(turn, q, turned);
+    tc_copy4(q, turned);
+    if (m->turned) {
+        tc_q_multiply(turn, m->turn, change);
+        tc_copy4(m->turn, change);
+    } else {
+        tc_copy4(m->turn, turn);
+    }
+    m->turned = true;
+    if (tc_monitor_believes(c)) restore(c);
+    alarm(c, TC_POSE_HEADING);
+    m->final = true;
+}
+
+static void begin_window(tc_monitor_window* w, const float position_m[3], const float velocity_m_s[3], float age_s) {
+    tc_copy(w->velocity_m_s, velocity_m_s);
+    tc_copy(w->position_m, position_m);
+    tc_copy(w->reckoned_m, position_m);
+    w->age_s = age_s;
+    w->forced = true;
+}
+
+static float gap2(const float a[3], const float b[3]) {
+    const float gap[3] = {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+    return tc_dot(gap, gap);
+}
+
+/* Goes on by a step; what is wrong with the pose as seen from the window's beginning. */
+static tc_reason judge(tc_monitor* m, tc_monitor_window* w, const float position_m[3], const float velocity_m_s[3],
+                       const float acceleration_m_s2[3], bool forced, float step_s) {
+    for (int i = 0; i < 3; i++) {
+        w->velocity_m_s[i] += step_s * acceleration_m_s2[i];
+        w->reckoned_m[i] += step_s * w->velocity_m_s[i];
+        w->position_m[i] += step_s * velocity_m_s[i];
+    }
+    w->age_s += step_s;
+    w->forced = w->forced && forced;
+    const float noise2 = SIGMAS2 * m->shake_m2_s4 * step_s * WINDOW_S;
+    if (w->forced && gap2(velocity_m_s, w->velocity_m_s) > VELOCITY_GAP_M_S * VELOCITY_GAP_M_S + noise2) {
+        return TC_POSE_VELOCITY;
+    }
+    return gap2(position_m, w->position_m) > POSITION_GAP_M * POSITION_GAP_M ? TC_POSE_POSITION : TC_OK;
+}
+
+/* How much the accelerometer shakes from tick to tick. */
+static void measure_shaking(tc_monitor* m, const float force_body_m_s2[3], float step_s) {
+    const float pass = step_s / (SHAKE_FILTER_S + step_s);
+    m->shake_m2_s4 += pass * (0.5f * gap2(force_body_m_s2, m->last_force) - m->shake_m2_s4);
+    tc_copy(m->last_force, force_body_m_s2);
+}
+
+/* Whether poses with new stamps bring the same numbers. */
+static bool repeats(tc_controller* c, const tc_estimate* e) {
+    tc_monitor* m = &c->monitor;
+    const bool same = memcmp(m->last_pose, e->position_world_m, sizeof e->position_world_m) == 0 &&
+                      memcmp(m->last_pose + 3, e->velocity_world_m_s, sizeof e->velocity_world_m_s) == 0;
+    if (!same) {
+        tc_copy(m->last_pose, e->position_world_m);
+        tc_copy(m->last_pose + 3, e->velocity_world_m_s);
+        m->changed_us = c->telemetry.time_us;
+    }
+    return tc_lasts(c, m->changed_us, REPEATED_S) && m->shake_m2_s4 > SHAKES_M2_S4;
+}
+
+static void measure_drift(tc_monitor* m, const float position_m[3], const float velocity_m_s[3], float step_s) {
+    for (int i = 0; i < 2; i++) {
+        const float moved_m = position_m[i] - m->before_m[i] - step_s * velocity_m_s[i];
+        m->drift_m[i] += moved_m - step_s * (1.0f / DRIFT_S) * m->drift_m[i];
+        m->before_m[i] = position_m[i];
+    }
+    m->drifts = m->drift_m[0] * m->drift_m[0] + m->drift_m[1] * m->drift_m[1] > DRIFT_M * DRIFT_M;
+}
+
+static void begin(tc_controller* c, const float position_m[3], const float velocity_m_s[3]) {
+    tc_monitor* m = &c->monitor;
+    begin_window(&m->window[0], position_m, velocity_m_s, 0.0f);
+    begin_window(&m->window[1], position_m, velocity_m_s, 0.5f * WINDOW_S);
+    m->before_m[0] = position_m[0];
+    m->before_m[1] = position_m[1];
+    m->changed_us = c->telemetry.time_us;
+    m->running = true;
+}
+
+/* A pose that is believed again has moved its frame: off the path, what is flown moves with it. */
+static void accept(tc_controller* c, const float position_m[3]) {
+    tc_monitor* m = &c->monitor;
+    float gap_m[3];
+    for (int i = 0; i < 3; i++) gap_m[i] = position_m[i] - c->telemetry.estimate.position_world_m[i];
+    m->before_m[0] = position_m[0];
+    m->before_m[1] = position_m[1];
+    if (tc_mission_on_path(c->mission.state) || c->mission.state == TC_EMERGENCY) return;
+    tc_move_shift(&c->move, gap_m, 0.0f);
+    c->landing.z_m += gap_m[2];
+    for (int i = 0; i < 3; i++) c->telemetry.setpoint.position_world_m[i] += gap_m[i];
+}
+
+void tc_monitor_step(tc_controller* c, const tc_estimate* e, const float acceleration_m_s2[3], float ahead_s,
+                     float step_s) {
+    tc_monitor* m = &c->monitor;
+    const bool forced = (c->telemetry.estimate.valid & (uint8_t)TC_VALID_SPECIFIC_FORCE) != 0u;
+    const bool told = e->reset_counter != c->reset_counter;
+    float position_m[3], velocity_m_s[3];
+    for (int i = 0; i < 3; i++) {
+        const float gain = ahead_s * acceleration_m_s2[i];
+        position_m[i] = e->position_world_m[i] + ahead_s * (e->velocity_world_m_s[i] + 0.5f * gain);
+        velocity_m_s[i] = e->velocity_world_m_s[i] + gain;
+    }
+    const bool believed = tc_monitor_believes(c);
+    if (!m->running || told || tc_landing_unloads(&c->landing)) { /* what touches the ground proves nothing */
+        const uint64_t changed_us = m->running ? m->changed_us : c->telemetry.time_us;
+        begin(c, position_m, velocity_m_s);
+        m->changed_us = changed_us;
+        if (!believed) m->alarm_us = c->telemetry.time_us;
+        return;
+    }
+    if (believed && m->doubted) accept(c, position_m);
+    m->doubted = !believed;
+    if (forced) measure_shaking(m, c->telemetry.estimate.specific_force_body_m_s2, step_s);
+    tc_reason reason = forced && repeats(c, e) ? TC_POSE_FROZEN : TC_OK;
+    for (int i = 0; i < 2; i++) {
+        const tc_reason found = judge(m, &m->window[i], position_m, velocity_m_s, acceleration_m_s2, forced, step_s);
+        if (reason == TC_OK) reason = found;
+    }
+    if (believed) measure_drift(m, position_m, velocity_m_s, step_s);
+    if (reason != TC_OK) {
+        if (tc_monitor_believes(c)) restore(c);
+        alarm(c, reason);
+        const uint64_t changed_us = m->changed_us;
+        begin(c, position_m, velocity_m_s);
+        m->changed_us = changed_us;
+        return;
+    }
+    for (int i = 0; i < 2; i++) {
+        if (m->window[i].age_s >= WINDOW_S) begin_window(&m->window[i], position_m, velocity_m_s, 0.0f);
+    }
+}

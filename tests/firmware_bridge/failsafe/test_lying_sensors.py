@@ -1,0 +1,112 @@
+"""Sensors that lie under fresh stamps, or tell the truth about a vehicle that must not be armed."""
+
+import math
+
+import pytest
+from judge import violations
+from scenario import START, TAKE_OFF, Command, Fault, Kind, Order, Reason, Scenario, State, circle, land
+
+BLIND_M_S = 2.5
+
+
+def hover(*faults: Fault, land_s: float = 15.0, **options) -> Scenario:
+    return Scenario(orders=(*TAKE_OFF, land(land_s)), faults=faults, **options)
+
+
+def away_m(result) -> float:
+    return math.hypot(*result.end_position_m[:2])
+
+
+@pytest.mark.parametrize("age_s", [0.15, 0.5, 1.9, -1.2])
+def test_a_pose_that_stays_old_or_ahead_of_the_clock_counts_as_none(body, age_s):
+    """The time-out counts how long there has been no usable sample, not how old the samples are."""
+    wind = {"wind_m_s": (2.0, 0.0, 0.0)}
+    result = body.fly(hover(Fault(Kind.POSE_AGE, (age_s,), 1.0), land_s=40.0, world=wind))
+    assert result.entered_s(State.EMERGENCY) - result.fault_times_s[0] < 2.5
+    assert away_m(result) < 8.0
+    assert violations(result, touchdown_m_s=BLIND_M_S) == []
+
+
+@pytest.mark.parametrize("force", [1, 0])
+@pytest.mark.parametrize("jump_rad", [1.5, -2.0, 3.1])
+def test_a_heading_that_jumps_in_hover_ends_nearby(body, jump_rad, force):
+    sensors = {"has_specific_force": force}
+    result = body.fly(hover(Fault(Kind.HEADING_JUMP, (jump_rad,), 1.0), land_s=30.0, sensors=sensors))
+    assert away_m(result) < 3.0
+    assert result.had(Reason.POSE_HEADING)
+    assert violations(result, touchdown_m_s=BLIND_M_S) == []
+
+
+@pytest.mark.parametrize("jump_m", [(2.0, 0.0, 0.0), (0.0, -5.0, 0.0)])
+def test_a_position_that_jumps_in_hover_is_not_followed(body, jump_m):
+    result = body.fly(hover(Fault(Kind.JUMP, jump_m, 1.0), land_s=30.0))
+    assert away_m(result) < 1.5
+    assert violations(result, touchdown_m_s=BLIND_M_S) == []
+
+
+def test_a_pose_that_is_stuck_is_found_in_hover(body):
+    result = body.fly(hover(Fault(Kind.STUCK, (), 1.0), land_s=30.0, world={"wind_m_s": (1.0, 0.0, 0.0)}))
+    assert result.had(Reason.POSE_FROZEN)
+    assert result.entered_s(State.EMERGENCY) - result.fault_times_s[0] < 3.0
+    assert violations(result, touchdown_m_s=BLIND_M_S) == []
+
+
+def test_a_pose_that_is_stuck_is_found_at_speed(body):
+    path = circle(5.0, radius_m=6.0, clearance_m=0.6)
+    stuck = Fault(Kind.STUCK, (), 4.0, since=State.TRAJECTORY)
+    result = body.fly(Scenario(orders=(*TAKE_OFF, START), path=path, faults=(stuck,)))
+    assert Reason.DEAD_RECKONING in result.limit_reasons
+    assert violations(result, touchdown_m_s=BLIND_M_S) == []
+
+
+def test_a_position_that_drifts_from_its_velocity_ends_in_a_landing(body):
+    result = body.fly(hover(Fault(Kind.DRIFT, (0.25, 0.0, 0.0), 1.0), land_s=40.0))
+    assert result.reason_of(State.LANDING) == Reason.POSE_DRIFTS
+    assert result.entered_s(State.LANDING) - result.fault_times_s[0] < 6.0
+    assert away_m(result) < 3.5
+
+
+def test_one_gyro_axis_that_is_no_number_does_not_stop_the_rotors(body):
+    for axis in range(3):
+        for seconds in (0.11, 0.4):
+            path = circle(5.0, radius_m=6.0, clearance_m=0.6)
+            lost = Fault(Kind.GYRO_AXIS, (axis,), 4.0, seconds, since=State.TRAJECTORY)
+            orders = (*TAKE_OFF, START, land(path.duration_s + 2.0, State.TRAJECTORY))
+            result = body.fly(Scenario(orders=orders, path=path, faults=(lost,)))
+            assert result.had(Reason.FINISHED)
+            assert violations(result) == []
+
+
+def test_a_gyro_axis_that_is_gone_for_good_ends_in_a_landing(body):
+    for axis in range(3):
+        result = body.fly(hover(Fault(Kind.GYRO_AXIS, (axis,), 1.0), land_s=30.0))
+        assert result.reason_of(State.LANDING) == Reason.GYRO_AXIS
+        # A third of such landings is hard: attitude loops on a rate that is 35 ms late.
+        assert violations(result, touchdown_m_s=None, may_stop_in_air=True) == []
+
+
+@pytest.mark.parametrize("speed", [math.nan, math.inf, -math.inf, -500.0, 1e30])
+def test_a_measured_rotor_speed_that_cannot_be_changes_nothing(body, speed):
+    wrong = Fault(Kind.ROTOR_SPEED, (1, speed), 1.0)
+    result = body.fly(hover(wrong, land_s=3.0, parameters={"rotor_drag_kg": 1e-5, "rotor_lag_s": 0.02}))
+    assert violations(result) == []
+
+
+@pytest.mark.parametrize("tumbling", [0.0, 2.0])
+def test_a_vehicle_that_is_carried_is_neither_armed_nor_taken_off(body, tumbling):
+    hand = Fault(Kind.CARRIED, (0.6, 0.0, 0.3, tumbling), 0.0, since=100)
+    orders = (Order(Command.ARM, 0, 0.6, 100), Order(Command.TAKE_OFF, 1.5, 1.0, 100))
+    result = body.fly(Scenario(orders=orders, faults=(hand,), limit_s=2.0))
+    assert result.order_reasons[0] in (Reason.MOVING, Reason.TILT_ERROR)
+    hand = Fault(Kind.CARRIED, (0.6, 0.0, 0.3, tumbling), 0.6, since=100)
+    orders = (Order(Command.ARM, 0, 0.5, 100), Order(Command.TAKE_OFF, 1.5, 1.0, 100))
+    result = body.fly(Scenario(orders=orders, faults=(hand,), limit_s=2.0))
+    assert result.order_reasons[0] == 0
+    assert result.order_reasons[1] in (Reason.MOVING, Reason.TILT_ERROR)
+
+
+def test_a_vehicle_that_falls_is_not_armed(body):
+    """By the accelerometer too: 20 ms suffice, long before the fall is fast."""
+    for after_s in (0.04, 0.5, 1.07):
+        fall = Scenario(orders=(Order(Command.ARM, 0, after_s, 100),), start_m=(0, 0, 30.0), falling=True, limit_s=2.0)
+        assert body.fly(fall).order_reasons[0] in (Reason.FALLING, Reason.MOVING)
