@@ -252,7 +252,7 @@ static void what_still_flies(void) {
         step();
         when += STEP_S;
     }
-    must(c.landing.stage == TC_LANDING_DESCEND && within(when, 0.135f, 0.15f), "after a quarter of the weight");
+    must(c.landing.stage == TC_LANDING_DESCEND && within(when, 0.27f, 0.295f), "after 0.7 m/s of fall");
     unloading(true); /* carried a little */
     for (int i = 0; i < 240 && c.landing.stage == TC_LANDING_UNLOAD; i++) {
         c.telemetry.estimate.specific_force_body_m_s2[2] =

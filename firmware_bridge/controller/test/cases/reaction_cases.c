@@ -36,13 +36,19 @@ static void tracking_lost(void) {
         must(g.c.mission.state == watched[i], "within it");
     }
     start_in(TC_HOLD, 0);
-    g.offset_m[0] = 2.0f;
-    ticks(3.0f);
-    must(g.c.mission.state == TC_HOLD, "a hovering vehicle has no path to lose");
+    g.offset_m[0] = 1.02f;
+    ticks(1.0f);
+    must(g.c.mission.state == TC_HOLD, "a hovering vehicle has a limit of its own");
+    g.offset_m[0] = 1.52f;
+    enters(TC_LANDING, 0.3f, 0.32f, TC_TRACKING_LOST, "beyond that it lands");
     start_in(TC_HOLD, 0);
     upload_with_clearance(0.8f);
+    must(near(tc_clearance(&g.c), 1.5f, 0.0f), "the hover's own");
+    g.c.mission.state = TC_APPROACH;
     must(near(tc_clearance(&g.c), 0.8f, 0.0f), "the plan's clearance");
+    g.c.mission.state = TC_HOLD;
     upload_with_clearance(0.0f);
+    g.c.mission.state = TC_APPROACH;
     must(near(tc_clearance(&g.c), 0.5f, 0.0f), "or the parameter's");
     tc_store_discard(&g.c.store);
     g.c.store.has_active = false;

@@ -134,7 +134,9 @@ static void tilt_times(void) {
     enters(TC_FAULT, 0.3f, 0.32f, TC_TILT_ERROR, "and once more");
     start_in(TC_HOLD, 0);
     g.tilt_rad = 1.15f;
+    g.e.rate_body_rad_s[0] = 1.2f; /* or it would be taken to have crashed */
     ticks(2.0f);
+    g.e.rate_body_rad_s[0] = 0.0f;
     must(g.c.mission.state == TC_HOLD, "within 1.2 rad nothing happens");
     for (int i = 0; i < 5; i++) {
         g.tilt_rad = 1.25f;
@@ -150,8 +152,12 @@ static void tilt_times(void) {
     g.tilt_rad = 1.25f;
     ticks(2.0f);
     must(g.c.mission.state == TC_ARMED, "on the ground tilt is not watched");
-    order(TC_COMMAND_TAKE_OFF, 1.0f);
+    must(tc_do(&g.c, TC_COMMAND_TAKE_OFF, 1.0f) == TC_TILT_ERROR, "but it does not take off");
     g.tilt_rad = 0.0f;
+    g.e.q_world_body[0] = 1.0f;
+    g.e.q_world_body[1] = 0.0f;
+    ticks(0.3f);
+    order(TC_COMMAND_TAKE_OFF, 1.0f);
     ticks(0.1f);
     must(g.c.mission.state == TC_TAKE_OFF, "and what was before take-off does not count");
 }
