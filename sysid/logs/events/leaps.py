@@ -1,4 +1,4 @@
-"""Steps between samples that neither the motion around nor a second sensor explains; told apart by what follows.
+"""Steps between samples that neither the motion around nor a second sensor explains; what follows says of which kind.
 
 A leap that is taken back within `EXCURSION_S` is an excursion (swapped markers, a value that dropped to zero); one that
 is not is a jump (an estimator that was reset).

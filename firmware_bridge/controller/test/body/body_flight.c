@@ -469,8 +469,7 @@ int32_t body_fly(const body_scenario* scenario, body_result* result, double* tra
     f.result = result;
     prepare(&f);
     for (uint32_t i = 0; f.time_s < scenario->limit_s && !over(&f); i++) {
-        const double vary = scenario->tick_jitter * (2.0 * body_uniform(&f.random) - 1.0);
-        const double step_s = scenario->tick_s * (1.0 + vary);
+        const double step_s = scenario->tick_s * (1.0 + scenario->tick_jitter * (2.0 * body_uniform(&f.random) - 1.0));
         tick(&f, step_s);
         if (trace != NULL && written < rows && i % (uint32_t)every == 0u) {
             write_row(&f, trace + (size_t)written++ * BODY_TRACE_COLUMNS);
