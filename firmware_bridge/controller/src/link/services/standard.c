@@ -1,6 +1,6 @@
 /* Standard ground stations: what QGroundControl, MAVSDK and pymavlink ask for in MAVLink's common set, carried out as
-   our own orders. What cannot be carried out is refused with its reason; nothing is half done. docs/how-to/standard_stations.md
-   has the table of commands. */
+   our own orders. What cannot be carried out is refused with its reason; nothing is half done.
+   docs/how-to/standard_stations.md has the table of commands. */
 #include <math.h>
 #include <string.h>
 
