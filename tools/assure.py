@@ -276,7 +276,7 @@ def flash(folder: Path, library: Path) -> dict[str, int]:
     return taken
 
 
-STACK_BAR, MEMORY_BAR, FLASH_BAR, TICK_BAR = 1024, 4608, 52 * 1024, 5000
+STACK_BAR, MEMORY_BAR, FLASH_BAR, TICK_BAR = 1024, 4608, 52 * 1024, 7500
 """Bytes of the deepest call, of what the caller owns besides trajectory slots, of flash with the link; instructions of
 a tick in any situation."""
 

@@ -42,6 +42,7 @@ EXAMPLES = {
 SCRIPTS = {
     "mixer_initial_value": ("docs/firmware/mixer_fit.py",),
     "identification_cost": ("benchmarks/identification_chart.py", "docs/pictures/identification_cost.svg"),
+    "disturbances": ("benchmarks/controller_worlds.py", "--picture", "docs/pictures/disturbances.svg"),
     "ladder": ("benchmarks/ladder.py", "--figure", "docs/pictures/ladder.svg"),
 }
 """SVG to the script that measures and draws it, and its arguments; the last two take minutes."""
