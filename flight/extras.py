@@ -8,7 +8,7 @@ EXTRAS = {
     "gcs": {
         "aiohttp": "aiohttp", "msgspec": "msgspec", "open3d": "open3d", "trimesh": "trimesh", "viser": "viser",
     },
-    "ros": {"rosbags": "rosbags"},
+    "ros": {"rosbags": "rosbags", "lz4": "lz4", "zstandard": "zstandard"},
     "cluster": {"dask": "dask", "distributed": "distributed"},
 }  # fmt: skip
 """By extra: the modules that some verbs import when they need them, and the distribution of each."""

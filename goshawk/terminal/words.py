@@ -7,6 +7,7 @@ _UNITS = {
     "n_m_s2": "N m s2",
     "n_s2_m": "N s2/m",
     "n_m_s": "N m s",
+    "n_s_m": "N s/m",
     "kg_m3": "kg/m3",
     "per_v": "1/V",
     "rad_s2": "rad/s2",

@@ -174,7 +174,7 @@ def test_recorded_headings_are_read_and_kept(field, tmp_path):
 
 def test_a_path_without_clearance_is_refused_with_the_remedy(field):
     wall = np.array([[0.05, 1.0, 1.0], [0.05, 2.0, 1.0], [9.0, 9.0, 9.0]])
-    with pytest.raises(InputError, match=r"0 of 3 recorded positions .* lower --margin"):
+    with pytest.raises(InputError, match=r"0 of 3 recorded positions .* Lower --margin"):
         simplify.waypoints_along(wall, 0.10, field, planner.PlanOptions(radius_m=0.15))
 
 

@@ -48,14 +48,16 @@ LONGEST_DELAY_S = 60.0
 @click.option("--wind", default="0,0,0", show_default=True, help="Steady wind, x,y,z or x alone (world, m/s).")
 @click.option(
     "--gust-std",
-    "--gusts",
+    "--gust-std",
     "gust_std_m_s",
     type=click.FloatRange(min=0.0),
     default=0.0,
     show_default=True,
     help="Standard deviation of gusts, m/s.",
 )
-@click.option("--mass", "mass_ratio", type=click.FloatRange(0.5, 1.5), default=1.0, help="True mass over the file's.")
+@click.option(
+    "--mass-ratio", "mass_ratio", type=click.FloatRange(0.5, 1.5), default=1.0, help="True mass over the file's."
+)
 @click.option("--rotor", "rotors", multiple=True, metavar="I=RATIO", help="Thrust of rotor 0 to 3 over the file's.")
 @click.option(
     "--pose-delay", "pose_delay_s", type=click.FloatRange(0.0, 0.2), default=0.0, help="Delay of the pose, untold, s."
@@ -97,7 +99,7 @@ def command(
 
     \b
     goshawk sitl --vehicle vehicle.toml --start-of walk.json
-    goshawk sitl --wind 3 --gusts 1 --mass 1.05 --rotor 2=.85 --pose-delay .02 --observer off
+    goshawk sitl --wind 3 --gust-std 1 --mass-ratio 1.05 --rotor 2=.85 --pose-delay .02 --observer off
 
     --vehicle is the true vehicle that is simulated; --believed gives its controller's parameters. A link key is made on
     first use. The first line printed is the address; --json makes it an object.

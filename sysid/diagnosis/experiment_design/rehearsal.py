@@ -158,6 +158,8 @@ def rehearse(
     Raises:
         InfeasibleError: the vehicle cannot follow, leaves the room, or touches the ground.
     """
+    if trajectory.position(np.zeros(1))[0, 2] < ground_m:
+        raise InfeasibleError("the flight would begin below the ground")
     truth = flights.fly_trajectory(fit.vehicle, trajectory, rng=rng, ground_m=ground_m)
     place = truth.rows[:, 0, :3]
     if not np.isfinite(place).all() or ((place < room.low_world_m) | (place > room.high_world_m)).any():

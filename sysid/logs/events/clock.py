@@ -218,7 +218,7 @@ def _require_one_base(times: Mapping[str, FloatArray]) -> None:
         if all(last_s < begin_s or end_s < first_s for begin_s, end_s in rest):
             begin_s, end_s = max(rest, key=lambda span: span[1] - span[0])
             raise InputError(
-                f"{name} runs from {first_s:.3f} to {last_s:.3f} s, the others from {begin_s:.3f} to {end_s:.3f} s: "
-                f"its clock has another zero, {abs(first_s - begin_s):.3f} s "
+                f"{name} runs from {first_s:.3f} to {last_s:.3f} s, the others from {begin_s:.3f} to {end_s:.3f} s. "
+                f"Its clock has another zero, {abs(first_s - begin_s):.3f} s "
                 f"{'later' if first_s > begin_s else 'earlier'}; record it on the clock of the others, or leave it out"
             )

@@ -21,7 +21,7 @@ bool tc_monitor_believes(const tc_controller* c) {
     return !m->final && (m->reason == (uint8_t)TC_OK || tc_lasts(c, m->alarm_us, DISTRUST_S));
 }
 
-static void alarm(tc_controller* c, tc_reason reason) {
+static void raise_alarm(tc_controller* c, tc_reason reason) {
     tc_monitor* m = &c->monitor;
     if (tc_monitor_believes(c)) {
         if (m->alarms == 0u || tc_lasts(c, m->first_us, TOGETHER_S)) {
@@ -71,7 +71,7 @@ void tc_monitor_heading(tc_controller* c, const tc_estimate* e, float step_s, fl
     }
     m->turned = true;
     if (tc_monitor_believes(c)) restore(c);
-    alarm(c, TC_POSE_HEADING);
+    raise_alarm(c, TC_POSE_HEADING);
     m->final = true;
 }
 
@@ -187,7 +187,7 @@ void tc_monitor_step(tc_controller* c, const tc_estimate* e, const float acceler
     if (believed) measure_drift(m, position_m, velocity_m_s, step_s);
     if (reason != TC_OK) {
         if (tc_monitor_believes(c)) restore(c);
-        alarm(c, reason);
+        raise_alarm(c, reason);
         const uint64_t changed_us = m->changed_us;
         begin(c, position_m, velocity_m_s);
         m->changed_us = changed_us;

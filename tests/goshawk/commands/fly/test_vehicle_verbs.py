@@ -164,7 +164,7 @@ def test_ctrl_c_in_flight_lands_the_vehicle_and_its_log_can_be_fetched(link, fol
 
 def test_a_flight_that_wind_slowed_down_says_how_far_and_why(folder, tmp_path):
     save_hops(tmp_path / "hops.json", 3)
-    wind = ("--wind", "9,0,0")  # steady: whether gusts end the flight depends on when it starts
+    wind = ("--wind", "9,0,0", "--observer", "off")  # steady: whether gusts end the flight depends on when it starts
     with sitl_vehicle(
         "--vehicle", folder / "vehicle.toml", "--time-factor", 0, *wind, key_file=folder / "link.key"
     ) as url:

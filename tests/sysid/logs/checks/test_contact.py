@@ -117,7 +117,7 @@ def test_fits_leave_contact_out_and_say_so():
     assert wrench_errors([log], models).left_out == (flight.left_out,)
     assert flight.left_out in judge([log], models, PROTOCOLS["h10"]).findings
     with pytest.raises(InputError, match="no stretch of 1 s in the air is left"):
-        prepare(only(joined(standing(4.0, rng), flown().slice(0.0, 0.8)), *POSE), 0, Options())
+        prepare(only(joined(standing(4.0, rng), flown().slice(0.0, 0.8)), *POSE), 0, Options(gaps="split"))
 
 
 def test_rotors_that_read_zero_on_the_ground_are_at_rest_and_not_frozen():
