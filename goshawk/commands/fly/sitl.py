@@ -48,7 +48,6 @@ LONGEST_DELAY_S = 60.0
 @click.option("--wind", default="0,0,0", show_default=True, help="Steady wind, x,y,z or x alone (world, m/s).")
 @click.option(
     "--gust-std",
-    "--gust-std",
     "gust_std_m_s",
     type=click.FloatRange(min=0.0),
     default=0.0,
