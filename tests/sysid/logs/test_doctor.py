@@ -87,7 +87,7 @@ def test_a_kind_that_is_left_is_left(log, truth):
 
 
 def test_an_attitude_on_another_clock_is_refused_in_one_sentence(recorded, log):
-    with pytest.raises(InputError, match=r"its clock has another zero, 59\.000 s earlier"):
+    with pytest.raises(InputError, match=r"Its clock has another zero, 59\.000 s earlier"):
         recorded(stamps={"vehicle_attitude": stamps_us(log) - 59_000_000})
 
 
