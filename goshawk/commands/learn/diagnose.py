@@ -123,13 +123,7 @@ def command(
     result.screen.show()
     if details:
         result.details.show()
-    for line in further:
-        click.echo(f"next: {line}")
-    for path in (written, files["report"], *files["figures"]):
-        if path:
-            click.echo(f"written: {path}")
-    if refused is not None:
-        click.echo(f"not written: {refused}, as the fit is not to be used (see --anyway)")
+    _tell_next(further, [written, files["report"], *files["figures"]], refused)
     return 0 if usable else 1
 
 
@@ -146,6 +140,17 @@ def _result(found: Diagnosis, outlooks: Mapping[str, Outlook], call: DiagnoseCal
     document = found.as_dict() | {"outlook": {name: view.as_dict() for name, view in outlooks.items()}}
     details = diagnosis_screen.details(found, outlooks)
     return kept.Kept(document, diagnosis_screen.short(found), found.vehicle, more, details)
+
+
+def _tell_next(further: Sequence[str], written: Sequence[Path | str | None], refused: Path | None) -> None:
+    """What to do next, what was written, and what was not."""
+    for line in further:
+        click.echo(f"next: {line}")
+    for path in written:
+        if path:
+            click.echo(f"written: {path}")
+    if refused is not None:
+        click.echo(f"not written: {refused}, as the fit is not to be used (see --anyway)")
 
 
 def _further(result: kept.Kept, written: Path | None, refused: Path | None) -> list[str]:
