@@ -142,8 +142,8 @@ def _from_deg(both: tuple[Known, Known]) -> float:
 def _offset_sentence(offset: Sequence[Known]) -> str:
     x, y = (f"{1000.0 * one.value:.1f} ± {1000.0 * SIGMA90 * one.std:.1f}" for one in offset)
     return (
-        f"a torque goes with thrust: the centre of mass is x {x}, y {y} mm beside the file's, or an arm is bent, or "
-        "rotors are unlike; it is no effect of flight"
+        f"a torque goes with thrust: the centre of mass is x {x}, y {y} mm beside the file's, an arm bent or "
+        "rotors unlike; it is no effect of flight"
     )
 
 
