@@ -78,8 +78,9 @@ class Verdict:
     def beside(self, other: "Verdict") -> "Verdict":
         """Of two fits that are used together."""
         pairs = ((self.against, other.against), (self.doubts, other.doubts), (self.unphysical, other.unphysical))
-        both = [tuple(dict.fromkeys((*a, *b))) for a, b in pairs]
-        return Verdict(*both, self.misread or other.misread, other.predicts or self.predicts)
+        against, doubts, unphysical = (tuple(dict.fromkeys((*a, *b))) for a, b in pairs)
+        misread, judged = self.misread or other.misread, other.predicts or self.predicts
+        return Verdict(against, doubts, unphysical, misread, judged)
 
     @property
     def reasons(self) -> tuple[str, ...]:

@@ -132,9 +132,10 @@ def command(
     \b
     goshawk identify trial*.parquet --trials 8 --vehicle vehicle.toml --out f.toml --plots figures
 
-    The first line is the verdict: usable, doubtful (the reasons name what to check), for prediction, not for design
-    (it predicts --held-out flights, or else FLIGHTS, clearly better than the file given; written and marked), or do not
-    use (exit code 1). In the last case no vehicle file is written without --anyway; report, figures and JSON are.
+    The first line is the verdict: usable, doubtful (the reasons name what to check), for prediction, not for design, or
+    do not use (exit code 1). A model for prediction has impossible values, yet predicts --held-out flights (else
+    FLIGHTS) clearly better than the file given; it is written and marked. One not to be used is only written with
+    --anyway; report, figures and JSON are.
 
     Where --out is a vehicle file already, --overwrite makes this its next version; `goshawk vehicle undo` restores it.
     """
