@@ -16,6 +16,7 @@ from goshawk.commands.learn.model_change import prediction_error
 from goshawk.terminal import console, outputs
 from goshawk.terminal.screen import Screen
 from sysid.estimator.result import CHANNELS, SPAN_S
+from sysid.estimator.validation.better import predicts
 from sysid.estimator.validation.comparison import HORIZONS_S, QUANTITIES
 from sysid.estimator.validation.protocol import KNOWS, PROTOCOLS
 
@@ -173,6 +174,7 @@ def _screen(found: Found, lasting: Sequence[str], commands: Sequence[str]) -> Sc
         for quantity, errors in quantities.items()
     ]
     screen.table(f"open-loop prediction error, rms of {found.errors.predictions} predictions", heads, rows)
+    _show_verdicts(screen, found)
     _show_wrench(screen, found.wrench, found.errors.disturbance_rms())
     for sentence in lasting:
         screen.line(sentence)
@@ -189,6 +191,17 @@ def _screen(found: Found, lasting: Sequence[str], commands: Sequence[str]) -> Sc
     for remark in dict.fromkeys((*own, *judged)):
         screen.line(f"note: {remark}")
     return screen
+
+
+def _show_verdicts(screen: Screen, found: Found) -> None:
+    """How each model predicts beside the first, and what it is not for."""
+    first, *others = found.errors.models
+    for name in others:
+        judged = predicts(found.errors, first, name, "these flights")
+        screen.line(f"{name} {judged.sentence.replace('the model given', first)}")
+    for name, model in found.errors.models.items():
+        if mark := vehicle.purpose.mark_sentence(model):
+            screen.line(f"{name} is {mark}")
 
 
 def _check_options(fit: fit_options.Chosen, training: tuple[Path, ...]) -> None:
