@@ -111,7 +111,8 @@ def test_bytes_after_the_end_of_an_image_are_not_read(folder: Path, name: str, m
 @pytest.mark.parametrize("name", ["01.jpg", "01.png", "01.tif"])
 def test_an_orientation_tag_turns_no_pixel_and_is_named(tmp_path: Path, name: str, tag: int) -> None:
     write(tmp_path / "00.png")
-    picture = Image.fromarray(np.random.default_rng(tag).integers(0, 255, (48, 64, 3), dtype=np.uint8))
+    noise = np.random.default_rng(tag).integers(0, 255, (6, 8, 3), dtype=np.uint8)
+    picture = Image.fromarray(noise).resize((64, 48))
     exif = Image.Exif()
     exif[0x0112] = tag
     picture.save(tmp_path / name, exif=exif)
@@ -120,8 +121,8 @@ def test_an_orientation_tag_turns_no_pixel_and_is_named(tmp_path: Path, name: st
         f"1 of 2 images of camera 'camera' have an orientation tag ({image_file.ORIENTATIONS[tag]}); pixels were taken "
         "as they are stored",
     )
-    stored = np.asarray(Image.open(tmp_path / name).convert("RGB"), float)
-    assert np.abs(images.pixels(1, 0) - stored).mean() < 1.0
+    off = np.abs(images.pixels(1, 0) - np.asarray(picture, float)).mean()
+    assert off == 0.0 or (name == "01.jpg" and off < 5.0)
     assert images.gray(1, 0).shape == (48, 64)
 
 
