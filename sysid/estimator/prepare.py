@@ -142,6 +142,7 @@ def gaps(log: FlightLog) -> list[Gap]:
     Raises:
         InputError: as `prepare`, but not for gaps.
     """
+    log = full_throttle.by_limit(log, 1.0)
     pose_s, rotor_s, kind = _sampled(log, _source(log, str(log.metadata.get("name", "flight"))))
     return sorted(_gaps(pose_s, kind) + _gaps(rotor_s, "rotor speed"))
 

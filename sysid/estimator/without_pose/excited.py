@@ -30,8 +30,8 @@ def require(flights: Sequence[Flight]) -> None:
         rate_hz = 1.0 / float(np.median(flight.step_s))
         if rate_hz < SLOWEST_HZ:
             raise InputError(
-                f"{flight.name} has gyro and accelerometer at {rate_hz:.0f} Hz and no pose: motor lag and inertia "
-                f"are one number there; log the IMU at {SLOWEST_HZ:g} Hz or more (1 kHz is best), or record a pose"
+                f"{flight.name} has gyro and accelerometer at {rate_hz:.0f} Hz and no pose, where lag and inertia "
+                f"are one number. Log the IMU at {SLOWEST_HZ:g} Hz or more (1 kHz is best), or record a pose"
             )
     speed = [flight.rotor_speed_rad_s for flight in flights]
     if max(float(s.max()) for s in speed) <= 0.0:

@@ -41,9 +41,9 @@ def unanswered(flights: Sequence[Flight], solution: Solution) -> list[str]:
     if explained > ANSWERED:
         return []
     return [
-        f"commands explain {max(explained, 0.0):.0%} of what the accelerometer feels along the thrust: propellers off, "
-        "the outputs of another vehicle, too little throttle to see above vibration, or an accelerometer turned on its "
-        "side. Fly throttle steps, and check rotor order and axes"
+        f"commands explain {max(explained, 0.0):.0%} of what the accelerometer feels along the thrust: another "
+        "vehicle's outputs, an accelerometer on its side, or too little throttle to see above vibration. Fly throttle "
+        "steps, and check rotor order and axes"
     ]
 
 
@@ -90,7 +90,7 @@ def _nominal(flights: Sequence[Flight]) -> list[str]:
         return []
     return [
         f"rotor speed was not logged: commands 0 to 1 were taken for 0 to {min(full):.0f} rad/s, the vehicle file's "
-        "fastest; thrust per command, lag and inertia do not depend on that, speeds in rad/s do"
+        "fastest. Thrust per command, lag and inertia do not depend on that"
     ]
 
 
