@@ -83,8 +83,8 @@ def _rotor_sentence(rotor: int, weight: Known) -> str:
     lost = 4.0 * (1.0 - 1.0 / weight.value)
     half = 4.0 * SIGMA90 * weight.std / weight.value**2
     return (
-        f"rotor {rotor} gives {lost:.0%} less thrust than the file's (90 %: {lost - half:.1%} to {lost + half:.1%}), as "
-        "a nicked propeller does: missing thrust and torque fit it together"
+        f"rotor {rotor} gives {lost:.0%} less thrust than the file's (90 %: {lost - half:.1%} to {lost + half:.1%}), "
+        "as a nicked propeller does: missing thrust and torque fit it together"
     )
 
 
