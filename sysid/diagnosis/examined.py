@@ -13,6 +13,7 @@ from sysid.diagnosis.evidence.candidates import Candidate, CandidateSet, candida
 from sysid.diagnosis.evidence.confirm import Judge
 from sysid.diagnosis.evidence.evidence import Evidence
 from sysid.diagnosis.evidence.free_form import (
+    DRAG,
     EVERY_CHANNEL,
     LIFT,
     ROTORS,
@@ -28,6 +29,7 @@ from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.result import CHANNELS, Identification
 from sysid.logs.checks.payload import PAYLOAD
+from vehicle import effects
 
 logger = logging.getLogger(__name__)
 
@@ -230,6 +232,22 @@ def left_unexplained(model: Model, named: Sequence[tuple[Candidate, float]]) -> 
     drawn = model.tried.drawn
     left = [curve.score.log_odds for curve in drawn if form_of(curve, named, drawn) is None]
     return float(np.max(left, initial=0.0))  # nan stays nan
+
+
+def left_of_forms(model: Model, named: Sequence[tuple[Candidate, float]]) -> dict[str, float]:
+    """By named effect, log odds on blocks left out of the best curve beside the model that is of its law's form.
+
+    Args:
+        named: effects, each with the fall of the cost as it was added.
+    """
+    stated_curve(model)
+    found: dict[str, float] = {}
+    for curve in model.tried.drawn:
+        if (of := form_of(curve, named, model.tried.drawn)) is not None:
+            found[of.name] = max(curve.score.log_odds, found.get(of.name, 0.0))
+    drags = [candidate.name for candidate, _ in named if effects.find(candidate.effect).family == DRAG]
+    of_drag = max((curve.score.log_odds for curve in _curves(model, [DRAG])), default=0.0) if drags else 0.0
+    return found | {name: max(of_drag, found.get(name, 0.0)) for name in drags}
 
 
 def form_of(

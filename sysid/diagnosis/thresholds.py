@@ -56,6 +56,8 @@ class Thresholds:
     """A name stands if, with the best curve beside it, it keeps this share of its own gain."""
     clear_lead: float = 3.0
     """Log odds from which on one explanation is clearly better than another."""
+    contested: float = 9.0
+    """Log odds on training flights below which forms of one family are also judged by held-out flights."""
     rivals: int = 3
     """So many of the best candidates are fitted in full before one is chosen."""
     rival_share: float = 0.3
