@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from sysid.diagnosis.belief import curve_is_there
 from sysid.diagnosis.thresholds import THRESHOLDS
 from vehicle import effects
 from vehicle.effects.base import Effect
@@ -100,53 +99,54 @@ def _effect(candidate: str) -> Effect:
     return effects.find(candidate.partition("[")[0])
 
 
-def family(stated: Mapping[str, float], left: float, *, most: float) -> Family:
+def family(stated: Mapping[str, float], another: float, *, most: float) -> Family:
     """One family from the probabilities of its forms.
 
     Args:
         stated: probability of each form by the name of its candidate; all of one family.
-        left: log odds, on blocks left out, of the best curve of the same physics beside these forms.
+        another: probability that it is none of these forms, given the family.
         most: nothing is believed more.
     """
     together = min(most, sum(stated.values()))
     share = together / max(sum(stated.values()), 1e-300)
-    another = curve_is_there(left)
     forms = [Form(name, _effect(name).form, (1.0 - another) * share * p) for name, p in stated.items()]
     ordered = tuple(sorted(forms, key=lambda form: -form.probability))
     return Family(family_of(ordered[0].name), together, ordered, together * another)
 
 
 def families(
-    named: Sequence[tuple[str, float, Sequence[tuple[str, float]]]], left: Mapping[str, float], *, most: float
+    named: Sequence[tuple[str, float, Sequence[tuple[str, float]]]], another: Mapping[str, float], *, most: float
 ) -> tuple[Family, ...]:
     """Of everything that is named, the likeliest first.
 
     Args:
         named: each candidate that is said to be missing, its probability, and its rivals' with theirs.
-        left: by candidate, as `family` takes it; none where no curve is of its form.
+        another: by candidate, as `family` takes it; none where no curve is of its form.
     """
     most = min(most, THRESHOLDS.most_confidence)
     groups: dict[str, list[tuple[str, float, Sequence[tuple[str, float]]]]] = {}
     for one in named:
         groups.setdefault(family_of(one[0]), []).append(one)
-    found = [_single(*own[0], left, most) if len(own) == 1 else _together(own, left, most) for own in groups.values()]
+    found = [
+        _single(*own[0], another, most) if len(own) == 1 else _together(own, another, most) for own in groups.values()
+    ]
     return tuple(sorted(found, key=lambda one: -one.probability))
 
 
 def _single(
-    name: str, probability: float, rivals: Sequence[tuple[str, float]], left: Mapping[str, float], most: float
+    name: str, probability: float, rivals: Sequence[tuple[str, float]], another: Mapping[str, float], most: float
 ) -> Family:
     own = {name: probability} | {n: p for n, p in rivals if family_of(n) == family_of(name) and n != name}
-    return family(own, left.get(name, 0.0), most=most)
+    return family(own, another.get(name, 0.0), most=most)
 
 
 def _together(
-    named: Sequence[tuple[str, float, Sequence[tuple[str, float]]]], left: Mapping[str, float], most: float
+    named: Sequence[tuple[str, float, Sequence[tuple[str, float]]]], another: Mapping[str, float], most: float
 ) -> Family:
     """Several forms of one family that are all named: two laws, or one that the catalogue lacks."""
     names = [name for name, _, _ in named]
     probability = min(most, max(p for _, p, _ in named))
-    another = curve_is_there(max(left.get(name, 0.0) for name in names))
+    share = max(another.get(name, 0.0) for name in names)
     both = min(probability, float(np.prod([p for _, p, _ in named])))
-    form = Form(TOGETHER.join(names), " and ".join(_effect(name).form for name in names), (1.0 - another) * both)
-    return Family(family_of(names[0]), probability, (form,), probability * another)
+    form = Form(TOGETHER.join(names), " and ".join(_effect(name).form for name in names), (1.0 - share) * both)
+    return Family(family_of(names[0]), probability, (form,), probability * share)

@@ -198,7 +198,7 @@ class Diagnosis:
             apart = {family_of(name): name for name in reversed(open_.between)}  # the likeliest of each
             between = [(name, open_.probability(name)) for name in open_.between]
             named += [(name, dict(between)[name], between) for name in apart.values()]
-        return families(named, self.search.left_of_forms, most=most)
+        return families(named, self.search.another_form, most=most)
 
     @property
     def leaves_too_much(self) -> bool:

@@ -21,9 +21,9 @@ from sysid.diagnosis.examined import (
     as_good_as,
     examine,
     forms_and_curve,
-    left_of_forms,
     left_unexplained,
     loss,
+    of_another_form,
     significant,
     stands,
 )
@@ -108,8 +108,8 @@ class Search:
     """Log odds of the best curve at `drawn_at` that is of no named effect's form, stated or not."""
     left_anywhere: float
     """The same of any form."""
-    left_of_forms: Mapping[str, float]
-    """By named effect, the same of its own form."""
+    another_form: Mapping[str, float]
+    """By named effect, probability that its law is of a form that the catalogue lacks."""
     too_short: str
     """In words, that the held-out flights are too short to judge by; empty if they are not, or none were given."""
 
@@ -183,7 +183,7 @@ def search(
         unseen=judge.flights if judge else tuple(held_out),
         left=left_unexplained(at, _explained(named, found.trials)),
         left_anywhere=left_unexplained(at, ()),
-        left_of_forms=left_of_forms(at, _explained(named, found.trials)),
+        another_form=of_another_form(at, _explained(named, found.trials)),
         too_short=too_short,
     )
 
