@@ -164,7 +164,7 @@ class GroundStation:
         self.view.on_drag, self.view.on_add, self.view.on_pull = self._dragged, self._added, self.desk.draft
         if self.watch is not None:
             self.watch.on_state, self.watch.on_pose = self._vehicle_changed, self.view.vehicle.move
-            self.watch.on_setpoint = self.view.vehicle.follow
+            self.watch.on_setpoint, self.watch.plan_start = self.view.vehicle.follow, self.desk.plan_start
             self.watch.start()
             self._stack.callback(self.watch.close)
         else:
