@@ -89,7 +89,7 @@ def _level(state: State) -> ArmingCheck:
 
 def _at_rest(state: State) -> ArmingCheck:
     speed_m_s, rate_rad_s = (float(np.linalg.norm(v)) for v in (state.velocity_world_m_s, state.rate_body_rad_s))
-    finding = f"{speed_m_s:.2f} m/s of at most {_STILL_M_S:.2f}, {rate_rad_s:.2f} rad/s of at most {_STILL_RAD_S:.2f}"
+    finding = f"{speed_m_s:.2f} m/s, {rate_rad_s:.2f} rad/s; at most {_STILL_M_S:.1f} of each"
     return ArmingCheck("at rest", speed_m_s <= _STILL_M_S and rate_rad_s <= _STILL_RAD_S, finding, "let it stand still")
 
 
@@ -97,7 +97,7 @@ def _battery(state: State, parameters: Mapping[str, float]) -> ArmingCheck:
     least_v = parameters.get("battery_arm_v", 0.0)
     if not state.battery_v > 0.0:
         return ArmingCheck("battery", True, "not measured")
-    finding = f"{state.battery_v:.1f} V, at least {least_v:.1f} V"
+    finding = f"{state.battery_v:.1f} V, {f'at least {least_v:.1f} V' if least_v else 'without a limit'}"
     return ArmingCheck("battery", state.battery_v >= least_v, finding, "charge or change it")
 
 

@@ -16,11 +16,11 @@ pytestmark = needs_chromium
 @pytest.fixture
 def armed(station, page):
     station.watch.order(Command.ARM)
-    page.get_by_role("region", name="Flight").wait_for()
+    page.get_by_role("region", name="Flight", exact=True).wait_for()
     yield page
     if station.watch.state().mission != "disarmed":
         station.watch.order(Command.DISARM)
-    page.get_by_role("region", name="Flight").wait_for(state="detached")
+    page.get_by_role("region", name="Flight", exact=True).wait_for(state="detached")
 
 
 @pytest.mark.parametrize("size", [(360, 740), (768, 1024), (1440, 900)])
