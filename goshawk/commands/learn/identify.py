@@ -269,7 +269,7 @@ def _predicts(
         if held_out:
             raise
         return None
-    return predicts(found, *models, "held-out flights" if held_out else "the flights it was fitted to")
+    return predicts(found, "given", "fitted", "held-out flights" if held_out else "the flights it was fitted to")
 
 
 def _checked(path: str, log: FlightLog, believed: vehicle.Vehicle) -> sysid.LogReport:

@@ -23,7 +23,8 @@ def predicts(found: Comparison, given: str, fitted: str, on: str) -> Predicts:
         on: in words, what the flights are.
     """
     both = np.stack([_squares(found.deviations[name]) for name in (given, fitted)], axis=1)
-    sums = np.stack([np.bincount(_blocks(found.deviations[given]), weights=squares) for squares in both.T], axis=1)
+    blocks = _blocks(found.deviations[given])
+    sums = np.stack([np.bincount(blocks, weights=squares) for squares in both.T], axis=1).astype(np.float64)
     errors = np.sqrt(sums.sum(axis=0) / len(both))
     return Predicts(JUDGED_S, float(errors[0]), float(errors[1]), ratio90(sums), on)
 
