@@ -13,6 +13,7 @@ from sysid.estimator.validation.steady import (
     SEEN_WEIGHT,
     SEEN_WIND_M_S,
     SIGMA90,
+    SIGMAS,
     Known,
     Steady,
 )
@@ -40,21 +41,59 @@ class Lasting:
 
 def lasting(found: Mapping[str, Steady], model: Vehicle) -> Lasting:
     """What flights, by name, say of one vehicle: weight and centre of mass of all of them, the wind of each."""
-    said: list[str] = []
-    changes: list[tuple[str, Mapping[str, float]]] = []
     if not found:
         return Lasting()
+    said = [sentence for name, one in found.items() for sentence in _horizontal(name, one, model)]
+    changes: list[tuple[str, Mapping[str, float]]] = []
     weight = _mean([one.weight for one in found.values()])
-    if Known(weight.value - 1.0, weight.std).shows(SEEN_WEIGHT):
+    offset = [_mean([one.offset_m[axis] for one in found.values()]) for axis in range(2)]
+    weighs = Known(weight.value - 1.0, weight.std).shows(SEEN_WEIGHT)
+    is_off = any(one.shows(SEEN_OFFSET_M) for one in offset)
+    rotor = _weak_rotor(weight, offset, model) if weighs and is_off else None
+    if rotor is not None:
+        said.append(_rotor_sentence(rotor, weight))
+        changes += _rotor_changes(rotor, weight, model)
+        return Lasting(tuple(said), tuple(changes))
+    if weighs:
         said += _weight_sentences(weight)
         changes += _weight_changes(weight.value, model)
-    for name, one in found.items():
-        said += _horizontal(name, one, model)
-    offset = [_mean([one.offset_m[axis] for one in found.values()]) for axis in range(2)]
-    if any(one.shows(SEEN_OFFSET_M) for one in offset):
+    if is_off:
         said.append(_offset_sentence(offset))
         changes += _offset_changes(offset, model)
     return Lasting(tuple(said), tuple(changes))
+
+
+def _weak_rotor(weight: Known, offset: Sequence[Known], model: Vehicle) -> int | None:
+    """The rotor whose loss makes both the missing thrust and the torque; None where none does."""
+    lost = 1.0 - 1.0 / weight.value
+    if not 0.0 < 4.0 * lost < 1.0:
+        return None
+    arms_m = model.hub_body_m - rigid_body(model).centre_of_mass_m
+    for i in range(len(arms_m)):
+        expected_m = [float(arm_m) * lost for arm_m in arms_m[i, :2]]
+        off = [
+            abs(one.value - at) <= SIGMAS * one.std + SEEN_OFFSET_M for one, at in zip(offset, expected_m, strict=True)
+        ]
+        if all(off):
+            return i
+    return None
+
+
+def _rotor_sentence(rotor: int, weight: Known) -> str:
+    lost = 4.0 * (1.0 - 1.0 / weight.value)
+    half = 4.0 * SIGMA90 * weight.std / weight.value**2
+    return (
+        f"rotor {rotor} gives {lost:.0%} less thrust than the file's (90 %: {lost - half:.1%} to {lost + half:.1%}), "
+        "as a nicked propeller does: missing thrust and torque fit it together"
+    )
+
+
+def _rotor_changes(rotor: int, weight: Known, model: Vehicle) -> list[tuple[str, Mapping[str, float]]]:
+    name = f"weak_rotor.loss_{rotor}"
+    if "weak_rotor" not in model.effects:
+        return []  # `goshawk vehicle effect add` fits it
+    left = (1.0 - model.value(name)) * (1.0 - 4.0 * (1.0 - 1.0 / weight.value))
+    return [("the propeller stays", {name: 1.0 - left})]
 
 
 def _mean(parts: Sequence[Known]) -> Known:

@@ -26,6 +26,8 @@ def flown(what: str) -> FlightLog:
         truth = truth.with_value("mass_kg", 1.05 * truth.mass_kg)
     elif what == "weak":
         truth = truth.with_effect("weak_rotor", loss_0=0.05, loss_1=0.05, loss_2=0.05, loss_3=0.05)
+    elif what == "nicked":
+        truth = truth.with_effect("weak_rotor", loss_2=0.15)
     elif what == "off centre":
         truth = truth.with_value("centre_of_mass.x_m", truth.value("centre_of_mass.x_m") + 0.005)
     elif what == "more drag":
@@ -73,6 +75,18 @@ def test_weight_over_thrust_is_found_and_both_readings_are_offered(what, ratio):
     again = steady(flown(what), weaker, FILE)
     assert again is not None
     assert again.weight.value == pytest.approx(1.0, abs=0.005)
+
+
+def test_missing_thrust_and_a_torque_that_fit_one_rotor_are_that_rotor():
+    said = lasting({"walk": found("nicked")}, FILE)
+    assert len(said.sentences) == 1
+    assert "rotor 2 gives 1" in said.sentences[0]
+    assert said.changes == ()
+    known = FILE.with_effect("weak_rotor")
+    one = steady(flown("nicked"), known, known)
+    assert one is not None
+    ((_, values),) = lasting({"walk": one}, known).changes
+    assert values["weak_rotor.loss_2"] == pytest.approx(0.15, abs=0.02)
 
 
 def test_a_lasting_wind_is_neither_weight_nor_drag():
