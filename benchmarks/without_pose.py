@@ -91,11 +91,11 @@ def real(folder: Path) -> list[report.Row]:
         off = float(np.abs(thrust / published - 1.0).max())
         said = ", ".join(names)
         rows.append(report.row(f"{said}: thrust from the published", off, "share", "<= 0.05", off <= 0.05))
-        lag_s = np.mean([found.estimate(f"motor_lag.{which}_s").value for which in ("rise", "fall")])
-        rows.append(report.row(f"{said}: motor lag", lag_s, "s", "0.06 to 0.09", 0.06 <= lag_s <= 0.09))
+        lag_s = float(np.mean([found.estimate(f"motor_lag.{which}_s").value for which in ("rise", "fall")]))
+        rows.append(report.row(f"{said}: motor lag", lag_s, "s", "0.06 to 0.09", bool(0.06 <= lag_s <= 0.09)))
         for axis, value in (("xx", 1.03e-5), ("yy", 1.105e-5)):
             one = found.estimate(f"inertia_{axis}_kg_m2")
-            inside = abs(one.value - value) < one.interval90
+            inside = bool(abs(one.value - value) < one.interval90)
             rows.append(report.row(f"{said}: inertia {axis}", one.value, "kg m2", f"holds {value:g}", inside))
     return rows
 
