@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from flight import FlightLog, Progress
+from flight import FlightLog, InputError, Progress
 from sysid.estimator.fit_to_use import Chosen, fit_to_use
 from sysid.estimator.flights.clocks import pose_is_late
 from sysid.estimator.identification import identify
@@ -12,7 +12,16 @@ from vehicle import Vehicle
 
 
 def first_fit(logs: Sequence[FlightLog], vehicle: Vehicle, options: Options, progress: Progress) -> Chosen:
-    """The first fit, with disturbances and clock as these flights need them."""
+    """The first fit, with disturbances and clock as these flights need them.
+
+    Raises:
+        InputError: no flight has a pose.
+    """
+    if not any(log.has("position_world_m") and log.has("q_world_body") for log in logs):
+        raise InputError(
+            "no flight has a pose, and effects are told apart along a measured motion. Fit these flights "
+            "(`goshawk identify`): thrust by command, lag, inertia and centre of mass need none"
+        )
     found = fit_to_use(logs, vehicle, options, progress=progress)
     if not pose_is_late(found.fit.clocks):
         return found

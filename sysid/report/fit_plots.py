@@ -18,6 +18,7 @@ from sysid.estimator.result import SPAN_S, Identification
 from sysid.estimator.trajectory.midpoint import middle, rates_of_change
 from sysid.estimator.trajectory.model import unexplained
 from sysid.estimator.trajectory.states import States
+from sysid.estimator.without_pose import sensing
 from sysid.report import drawing
 from vehicle import rigid_body
 
@@ -149,12 +150,16 @@ def _unmodelled_std(noise: Noise) -> FloatArray:
 
 def _left_over(result: Identification, flight: Flight, states: States) -> FloatArray:
     """(k, 6) force (N) and torque (N m) the model does not explain, means over `SPAN_S`."""
+    if not flight.has_pose:
+        return _means(result, flight, sensing.left(flight, result.vehicle, result.solution.point.sensors))
     driven = motor.driven(flight, result.vehicle)
     return _means(result, flight, unexplained(driven, states, result.vehicle))
 
 
 def _motion(result: Identification, flight: Flight, states: States) -> FloatArray:
     """(k, 6) force and torque (less the gyroscopic term) that the smoothed motion shows."""
+    if not flight.has_pose:
+        return _means(result, flight, sensing.measured(flight))
     return _means(result, flight, rates_of_change(states, middle(flight, states)))
 
 

@@ -61,7 +61,7 @@ def left(flight: Flight, vehicle: Vehicle, values: Mapping[str, float]) -> Float
     felt, turned = (
         along(vehicle, rotors.turned(flight, vehicle, (), v).flight, mid) for v in (_when_felt(flight, values), values)
     )
-    return _measured(flight) - _seen(flight, mid, felt, turned, values)
+    return measured(flight) - _seen(flight, mid, felt, turned, values)
 
 
 def shown(
@@ -80,7 +80,7 @@ def shown(
         by[:, FELT, place[name]] = _at_place(felt.value[:, TURNED], mid.rate_body_rad_s, np.eye(3)[i])
     by[:, [0, 1, 2], [place[name] for name in own[:3]]] = 1.0
     by[:, 0, place[own[4]]], by[:, 1, place[own[3]]] = -felt.value[:, 2], felt.value[:, 2]
-    return Shown(_measured(flight) - _seen(flight, mid, felt.value, turned.value, values), by)
+    return Shown(measured(flight) - _seen(flight, mid, felt.value, turned.value, values), by)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,7 +124,8 @@ def resting(flight: Flight) -> Middle:
     return Middle(flight.step_s[:, None], axes, still, level, high, still, still, rate, gravity)
 
 
-def _measured(flight: Flight) -> FloatArray:
+def measured(flight: Flight) -> FloatArray:
+    """(k, 6) mean specific force and angular acceleration over each interval by the IMU."""
     turning = np.diff(flight.rate_body_rad_s, axis=0) / flight.step_s[:, None]
     return np.concatenate([flight.specific_force_body_m_s2, turning], axis=1)
 

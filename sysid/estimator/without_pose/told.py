@@ -65,8 +65,8 @@ def thrust_by_command(
 
 
 def _slow(values: FloatArray, width: int) -> FloatArray:
-    """Running mean over `width` samples."""
-    ones = np.ones(width)
+    """Running mean over `width` samples, or all."""
+    ones = np.ones(min(width, len(values)))
     return np.convolve(values, ones, "same") / np.convolve(np.ones_like(values), ones, "same")
 
 

@@ -9,6 +9,7 @@ import pytest
 
 import sysid
 from flight import FlightLog, InputError
+from sysid.diagnosis.procedure import diagnose
 from sysid.estimator.without_pose import sensing, told
 
 BENCHMARKS = Path(__file__).parents[4] / "benchmarks"
@@ -157,3 +158,20 @@ def test_outputs_of_another_flight_forbid_the_use_of_the_fit(twins, start):
     found = sysid.identify([_with_commands(own, _commands(other)[::-1])], start)
     assert str(found.verdict.use) == "do not use"
     assert any("commands explain" in reason for reason in found.verdict.reasons)
+
+
+def test_a_diagnosis_of_flights_without_a_pose_is_refused_with_what_needs_none(twins, start):
+    with pytest.raises(InputError, match=r"no flight has a pose.*thrust by command, lag, inertia"):
+        diagnose(twins[1], start)
+
+
+def test_the_report_draws_what_the_imu_shows(fitted, tmp_path):
+    """Force along the thrust, not gravity turned about: the overlay's model is beside the measured."""
+    from sysid.report import fit_plots
+
+    found = fitted[0]
+    flight, states = found.flights[0], found.solution.point.states[0]
+    shown = fit_plots._motion(found, flight, states)
+    left = fit_plots._left_over(found, flight, states)
+    assert shown[:, 2].mean() == pytest.approx(0.65 * 9.8, rel=0.1)
+    assert left[:, 2].std() < 0.5 * shown[:, 2].std()

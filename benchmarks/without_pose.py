@@ -1,0 +1,119 @@
+"""Identification without a pose: `python benchmarks/without_pose.py --draws 60`, `--data` for the real Crazyflie.
+
+Simulated twins (`without_pose_flights`) have truth: error and 90 % intervals of inertia, lag and thrust by command. The
+real flights are `log10`, `log15` and `log16` of github.com/arplaboratory/data-driven-system-identification, with the
+thrust curve that its authors publish; their program multiplies the vertical force by 9.18 instead of 9.81.
+"""
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT))
+
+import report  # noqa: E402
+import without_pose_flights as flights  # noqa: E402
+
+import sysid  # noqa: E402
+import vehicle  # noqa: E402
+from sysid.estimator.without_pose import told  # noqa: E402
+
+JUDGED = tuple(name for name in flights.VARIED if name.startswith(("inertia_", "motor_lag.")))
+COMMANDS = np.array([0.35, 0.48, 0.65])
+PUBLISHED_N = (0.0213, -0.0112, 0.1201)
+"""Of one rotor by command, constant to quadratic."""
+TYPED, GRAVITY = 9.18, 9.81
+REAL_COMMANDS = np.arange(0.2, 0.91, 0.1)
+
+
+def twins(draws: int, duration_s: float, seed: int) -> list[report.Row]:
+    """Errors and intervals over simulated vehicles."""
+    rng = np.random.default_rng(seed)
+    values, body, start = flights.drawn(draws, rng), flights.body(), flights.start()
+    logs = flights.flown(body, values, rng, duration_s=duration_s)
+    errors: dict[str, list[float]] = {name: [] for name in (*JUDGED, "thrust by command")}
+    held: dict[str, list[bool]] = {name: [] for name in errors}
+    began = time.process_time()
+    for i, log in enumerate(logs):
+        found = sysid.identify([log], start)
+        for name in JUDGED:
+            estimate, truth = found.estimate(name), values[name][i]
+            errors[name].append(estimate.value / truth - 1.0)
+            held[name].append(abs(estimate.value - truth) < estimate.interval90)
+        speed = flights.FULL_RAD_S * COMMANDS
+        truth = values["thrust_quadratic.k_n_s2"][i] * speed**2 + body.value("thrust_affine.slope_n_s") * speed
+        thrust, half = told.thrust_by_command(found.flights, found.solution, found.unknowns, COMMANDS)
+        errors["thrust by command"] += list(thrust / truth - 1.0)
+        held["thrust by command"] += list(np.abs(thrust - truth) < half)
+    cpu_s = (time.process_time() - began) / len(logs)
+    rows = []
+    for name, found in errors.items():
+        within = float(np.mean(np.abs(found) <= 0.05))
+        rows.append(report.row(f"{name}: within 5 %", within, "share", ">= 0.9", within >= 0.9))
+        share = float(np.mean(held[name]))
+        rows.append(report.row(f"{name}: in its 90 % interval", share, "share", "0.85 to 0.95", 0.85 <= share <= 0.95))
+    pooled = float(np.mean(np.concatenate(list(held.values()))))
+    rows.append(report.row("all: in their 90 % intervals", pooled, "share", "0.85 to 0.95", 0.85 <= pooled <= 0.95))
+    return [
+        *rows,
+        report.row(f"a fit of {duration_s:g} s", cpu_s, "CPU s", "<= 20 a minute", cpu_s <= duration_s / 3.0),
+    ]
+
+
+def crazyflie() -> vehicle.Vehicle:
+    """Mass and hubs as published; the rest estimated from them, as `goshawk vehicle new` does."""
+    from vehicle import draft
+
+    arm = 0.028
+    hubs = arm * np.array([[1.0, -1.0, 0.0], [-1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [1.0, 1.0, 0.0]])
+    known = draft.Known(
+        name="crazyflie",
+        mass_kg=vehicle.Parameter(0.027, 2.7e-4, "kg", "published"),
+        hub_body_m=hubs,
+        spin=np.array([1.0, -1.0, 1.0, -1.0]),
+        rotor_radius_m=vehicle.Parameter(0.023, 0.0, "m", "published"),
+    )
+    return draft.draft(known)
+
+
+def real(folder: Path) -> list[report.Row]:
+    """The published flights of a Crazyflie, fitted together and, one of them, held out."""
+    rows: list[report.Row] = []
+    start, logs = crazyflie(), {n: sysid.read_log(folder / n) for n in ("log10", "log15", "log16")}
+    for names in (("log10", "log15"), ("log16",), ("log10", "log15", "log16")):
+        found = sysid.identify([logs[n] for n in names], start, sysid.Options(gaps="split"))
+        thrust, _ = told.thrust_by_command(found.flights, found.solution, found.unknowns, REAL_COMMANDS)
+        published = sum(c * REAL_COMMANDS**i for i, c in enumerate(PUBLISHED_N))
+        off = float(np.abs(thrust / published - 1.0).max())
+        said = ", ".join(names)
+        rows.append(report.row(f"{said}: thrust from the published", off, "share", "<= 0.05", off <= 0.05))
+        lag_s = float(np.mean([found.estimate(f"motor_lag.{which}_s").value for which in ("rise", "fall")]))
+        rows.append(report.row(f"{said}: motor lag", lag_s, "s", "0.06 to 0.09", bool(0.06 <= lag_s <= 0.09)))
+        for axis, value in (("xx", 1.03e-5), ("yy", 1.105e-5)):
+            one = found.estimate(f"inertia_{axis}_kg_m2")
+            inside = bool(abs(one.value - value) < one.interval90)
+            rows.append(report.row(f"{said}: inertia {axis}", one.value, "kg m2", f"holds {value:g}", inside))
+    return rows
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--draws", type=int, default=60)
+    parser.add_argument("--duration", type=float, default=30.0)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--data", type=Path, help="folder with log10, log15 and log16")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows here")
+    given = parser.parse_args()
+    rows = twins(given.draws, given.duration, given.seed) if given.draws else []
+    rows += real(given.data) if given.data else []
+    report.print_table(rows)
+    if given.json:
+        report.write(rows, given.json)
+
+
+if __name__ == "__main__":
+    main()
