@@ -189,6 +189,11 @@ def _middles(one: Residual) -> FloatArray:
     return means_over(one.time_s[:, None], one.time_s, SPAN_S)[:, 0]
 
 
+def remarked(compared: Compared, more: Sequence[str]) -> Compared:
+    """The comparison with further remarks."""
+    return msgspec.structs.replace(compared, remarks=[*compared.remarks, *more])
+
+
 def save(path: Path, compared: Compared) -> None:
     file_format.write_bytes(path, msgspec.msgpack.encode(compared))
 

@@ -5,10 +5,12 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from flight import FlightLog, InputError, Progress, silent, within
+from sysid.diagnosis import told
 from sysid.diagnosis.belief import Belief, belief, curve_is_there
 from sysid.diagnosis.envelope import Envelope, flown
 from sysid.diagnosis.evidence import load
 from sysid.diagnosis.evidence.free_form import axes_of
+from sysid.diagnosis.families import Family, families, family_of
 from sysid.diagnosis.findings import (
     SCHEMA_VERSION,
     Attempt,
@@ -132,10 +134,15 @@ class Diagnosis:
         """The whole diagnosis in a sentence or two."""
         parts = []
         if self.additions:
-            parts.append(f"missing was {' and '.join(self._said(name) for name in self.additions)}")
+            lacking = [one for one in self.families if one.is_another_form]
+            nearest = {name for one in lacking for name in one.names}
+            names = [self._said(name) for name in self.additions if name not in nearest]
+            parts.append(f"missing was {' and '.join((*names, *(one.lacking for one in lacking)))}")
         if self.undecided:
-            besides = "besides, " if parts else ""
-            parts.append(f"{besides}{' or '.join(self.undecided)} is missing: they are confounded in these flights")
+            one_family = {family_of(name) for name in self.undecided}
+            what = f"{one_family.pop()} is missing, as " if len(one_family) == 1 else ""
+            said = f"{' or '.join(self.undecided)}{'' if what else ' is missing'}"
+            parts.append(f"{'besides, ' if parts else ''}{what}{said}: they are confounded in these flights")
         if self.outside is not None:
             o = self.outside
             parts.append(
@@ -177,7 +184,21 @@ class Diagnosis:
     def _said(self, name: str) -> str:
         both = zip((*self.flights, *self.held_out), self.payload_carried, strict=False)
         loaded = [flight for flight, carries in both if carries]
-        return f"{name} (carried by {', '.join(loaded)} alone)" if name == PAYLOAD and loaded else name
+        if name == PAYLOAD and loaded:
+            return f"{name} (carried by {', '.join(loaded)} alone)"
+        return name
+
+    @property
+    def families(self) -> tuple[Family, ...]:
+        """What is missing by family, with the probability of each form."""
+        most = THRESHOLDS.even_confidence if self.fit_verdict.against else THRESHOLDS.most_confidence
+        named = [told.by_form(self.search, s) for s in self.candidates if s.name in self.additions]
+        open_ = self.search.undecided
+        if open_ is not None:
+            apart = {family_of(name): name for name in reversed(open_.between)}  # the likeliest of each
+            between = [(name, open_.probability(name)) for name in open_.between]
+            named += [(name, dict(between)[name], between) for name in apart.values()]
+        return families(named, self.search.another_form, most=most)
 
     @property
     def leaves_too_much(self) -> bool:
@@ -196,6 +217,7 @@ class Diagnosis:
         unsure = bool(self.fit_verdict.against) or bool(self.search.too_short) or self.pose_may_be_late
         unsure |= bool(self.proxies and self.search.doubted)  # for something unknown, or for one of these
         names = [s.confidence for s in self.candidates if s.verdict is Verdict.PRESENT]
+        names += [one.known_form for one in self.families]
         if self.undecided:
             names.append(min(1.0, sum(s.confidence for s in self.candidates if s.name in self.undecided)))
         names.append(1.0 - max((s.confidence for s in self.unsaid), default=0.0))
@@ -228,6 +250,7 @@ class Diagnosis:
             "held_out": list(self.held_out),
             "base": {"vehicle": self.base.name, "effects": list(self.base.effects)},
             "candidates": [s.as_dict() for s in self.candidates],
+            "families": [one.as_dict() for one in self.families],
             "additions": list(self.additions),
             "negligible": list(self.negligible),
             "proxies": list(self.proxies),

@@ -8,7 +8,7 @@ from sysid.diagnosis.evidence.candidates import Candidate
 from sysid.diagnosis.evidence.free_form import UNIT, of_thrust
 from sysid.diagnosis.evidence.score import Score
 from sysid.diagnosis.examined import Model, Outside
-from sysid.diagnosis.findings import Attempt, CandidateFinding, OutsideFinding, Verdict
+from sysid.diagnosis.findings import Attempt, CandidateFinding, Outcome, OutsideFinding, Verdict
 from sysid.diagnosis.search import Search
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.diagnosis.trial import Trial
@@ -24,6 +24,16 @@ def of_candidates(found: Search, *, unsure: bool) -> tuple[CandidateFinding, ...
     result = [_finding(found, s, errors[s.name], unsure=unsure) for s in first.candidate_set.candidates]
     order = list(Verdict)
     return tuple(sorted(result, key=lambda f: (order.index(f.verdict), f.significance, -f.gain)))
+
+
+def by_form(found: Search, named: CandidateFinding) -> tuple[str, float, tuple[tuple[str, float], ...]]:
+    """A named candidate, its probability, and its rivals with theirs, as the attempt that added it left them."""
+    added = (t for t in reversed(found.trials) if t.candidate.name == named.name and t.outcome is Outcome.ADDED)
+    trial = next(added, None)
+    if trial is None or not trial.confidence > 0.0:
+        return named.name, named.confidence, ()
+    share = named.confidence / trial.confidence
+    return named.name, named.confidence, tuple((name, share * p) for name, p in trial.rivals)
 
 
 def _model_without(found: Search, candidate: Candidate) -> Model:

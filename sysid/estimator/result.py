@@ -334,7 +334,8 @@ def _unexplained_axes(solution: Solution, flights: Sequence[Flight]) -> FloatArr
 def _unexplained(solution: Solution, flights: Sequence[Flight]) -> tuple[float, float]:
     """The largest of `_unexplained_axes`: m/s2 and rad/s2."""
     size = _unexplained_axes(solution, flights)
-    return float(size[:3].max()), float(size[3:].max())
+    known = slice(0, 3) if any(flight.has_pose for flight in flights) else slice(2, 3)  # without a pose no drag shows
+    return float(size[known].max()), float(size[3:].max())
 
 
 def _turning_rad_s2(solution: Solution, flights: Sequence[Flight]) -> FloatArray:
@@ -436,6 +437,8 @@ def _at_bounds(vehicle: Vehicle, estimates: list[Estimate], *, but: float | None
 
 def _against_belief(given: Vehicle, estimates: list[Estimate], solution: Solution, flights: list[Flight]) -> list[str]:
     """What a wrong mass looks like, if the estimates do."""
+    if verdicts.by_nominal_speed(flights):
+        return []
     speed = verdicts.usual_rotor_speed(flights)
     fitted, believed = (verdicts.thrust_n(v, speed) for v in (solution.point.vehicle, given))
     return mass.sentences(given, _free(estimates), fitted / believed if believed > 0.0 else 1.0, float(speed.mean()))

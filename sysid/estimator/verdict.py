@@ -161,6 +161,11 @@ def usual_rotor_speed(flights: Sequence[Flight]) -> FloatArray:
     return np.median(np.concatenate([f.rotor_speed_rad_s for f in flights]), axis=0)
 
 
+def by_nominal_speed(flights: Sequence[Flight]) -> bool:
+    """Whether rotor speeds are commands from 0 to 1 times a speed that nobody measured: their size says nothing."""
+    return any(flight.full_throttle_rad_s is not None for flight in flights)
+
+
 def thrust_n(vehicle: Vehicle, speed_rad_s: FloatArray) -> float:
     """Of all rotors, in still air."""
     still = np.zeros((1, 3))
@@ -172,6 +177,8 @@ def _thrust(given: Vehicle, fitted: Vehicle, flights: Sequence[Flight]) -> Verdi
     speed = usual_rotor_speed(flights)
     found, believed = thrust_n(fitted, speed), thrust_n(given, speed)
     verdict = Verdict()
+    if by_nominal_speed(flights) and found > 0.0:
+        return verdict
     if believed > 0.0 and found > 0.0:
         ratio = found / believed
         said = f"thrust at {speed.mean():.0f} rad/s came out {ratio:.3g} times the vehicle file's"

@@ -115,7 +115,8 @@ def _fit_sentence(found: Diagnosis) -> list[str]:
 
 
 def _belief_sentence(found: Diagnosis) -> str:
-    sentences = (found.belief.sentence(named=found.says_missing), found.envelope.sentence)
+    of_families = [named(found, one.sentence) for one in found.families if one.has_forms]
+    sentences = (*of_families, found.belief.sentence(named=found.says_missing), found.envelope.sentence)
     return " ".join(f"{said[0].upper()}{said[1:]}." for said in sentences)
 
 

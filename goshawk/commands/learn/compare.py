@@ -10,7 +10,7 @@ import click
 import sysid
 import vehicle
 from flight import FlightLog, FloatArray, InputError, Progress
-from goshawk.commands.learn import fit_options, kept
+from goshawk.commands.learn import fit_options, kept, lasting_offers
 from goshawk.commands.learn.flights import load, refuse_repeated
 from goshawk.commands.learn.model_change import prediction_error
 from goshawk.terminal import console, outputs
@@ -85,7 +85,8 @@ def command(
     No flight may be among both.
     """
     outputs.check(report_file, overwrite=overwrite, folders=[plots])
-    models = {path.stem: fit_options.at_place(fit, vehicle.load(path)) for path in vehicle_files}
+    files = {path: fit_options.at_place(fit, vehicle.load(path)) for path in vehicle_files}
+    models = {path.stem: model for path, model in files.items()}
     if len(models) < len(vehicle_files):
         raise InputError("two vehicle files have the same name; rename one: the table names models by their files")
     _check_options(fit, training)
@@ -98,12 +99,13 @@ def command(
         options = {name: fit_options.read(fit, model) for name, model in models.items()}
         with console.progress() as report:
             found = _compare(logs, taught, models, options, protocol_name, report)
-        result = kept.Kept(_document(found), _screen(found))
+        lasts = lasting_offers.offers(logs, files)
+        result = kept.Kept(_document(found) | {"lasting": lasts[0], "next": lasts[1]}, _screen(found, *lasts))
         kept.keep(KIND, flights[0], key, result)
         figures = _write(found, report_file, plots, overwrite=overwrite)
-    files = {"figures": [str(figure) for figure in figures], "report": report_file and str(report_file)}
+    written = {"figures": [str(figure) for figure in figures], "report": report_file and str(report_file)}
     if as_json:
-        console.show("", {}, as_json=True, document={**result.document, **files})
+        console.show("", {}, as_json=True, document={**result.document, **written})
         return
     result.screen.show()
     for path in (*figures, report_file):
@@ -163,7 +165,7 @@ def _document(found: Found) -> dict[str, Any]:
     }
 
 
-def _screen(found: Found) -> Screen:
+def _screen(found: Found, lasting: Sequence[str], commands: Sequence[str]) -> Screen:
     screen = Screen()
     heads = ("model", "error of", *(f"after {h:g} s" for h in HORIZONS_S))
     rows = [
@@ -174,6 +176,12 @@ def _screen(found: Found) -> Screen:
     screen.table(f"open-loop prediction error, rms of {found.errors.predictions} predictions", heads, rows)
     _show_verdicts(screen, found)
     _show_wrench(screen, found.wrench, found.errors.disturbance_rms())
+    for sentence in lasting:
+        screen.line(sentence)
+    for command in commands:
+        screen.line(f"next, {command}")
+    if commands:
+        screen.line("(a preview; without --dry-run it is written, and `goshawk vehicle undo` takes it back)")
     if found.judged is not None:
         _show_protocol(screen, found.judged)
     for name, fit in found.fits.items():

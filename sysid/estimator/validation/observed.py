@@ -7,6 +7,7 @@ angular acceleration, and passes two equal low-passes: by its default cut-offs t
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flight import FlightLog, rotations
 from flight.rotations import FloatArray
@@ -23,8 +24,8 @@ NEAR_S = 0.1
 class Observed:
     """The samples at which the observer ran."""
 
-    rows: FloatArray
-    """(n,) which rows of the log, as booleans."""
+    rows: NDArray[np.bool_]
+    """(n,) which rows of the log."""
     time_s: FloatArray
     """(k,) on the log's clock."""
     force_world_n: FloatArray

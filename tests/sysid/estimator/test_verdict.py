@@ -24,6 +24,7 @@ class Flown:
 
     def __init__(self, speed_rad_s: float = 950.0) -> None:
         self.rotor_speed_rad_s = np.full((10, 4), speed_rad_s)
+        self.full_throttle_rad_s = None
 
 
 def scaled(believed: Vehicle, by: float, *names: str) -> Vehicle:
