@@ -242,7 +242,9 @@ def fits(flights: list[FlightLog], folder: Path) -> None:
     for log in flights:
         base = files.recorded(log)
         clean = sysid.identify([files.FORMATS["ulog"](folder, base)], model, options)
-        for name in ("heading jump", "swapped markers", "position jump", "clock back", "zero stamp"):
+        for name in FAULTS:
+            if (name, "ulog") in NEVER:
+                continue
             one = FAULTS[name](base, 500, 5.0)
             mended = fix(files.FORMATS["ulog"](folder, one.recorded), model).log
             again = sysid.identify([mended], model, options)

@@ -87,10 +87,13 @@ class Flights:
         """Flights that can be read and are for this, in the order of their names."""
         return sorted(card.name for card in self.listed() if card.role == role and card.state != "unreadable")
 
-    def fix(self, name: str) -> tuple[str, tuple[str, ...]]:
+    def fix(self, name: str, only: str = "") -> tuple[str, tuple[str, ...]]:
         """Write a flight's log with the fixes its checks propose as a new flight; its name, and what was done.
 
         The new one takes the role of the other, which is left out: one flight would otherwise count as two.
+
+        Args:
+            only: the sentence of the one finding whose fix is applied; empty: all.
 
         Raises:
             FlightError: there is no such flight, nothing to fix, or the new log is there already.
@@ -98,7 +101,7 @@ class Flights:
         path = self._require(name)
         new = project.part_name(f"{name}-fixed")
         results.require_free(self._project.flight(new), overwrite=False)
-        log, done = reading.fixed(self._project, path.stem)
+        log, done = reading.fixed(self._project, path.stem, only)
         self._save(new, log, {new: self._role(name), name: "leave"})
         return new, done
 

@@ -196,15 +196,27 @@ def _path(log: FlightLog) -> list[float]:
     return [round(float(value), 3) for value in chosen.ravel()]
 
 
-def fixed(opened: Project, name: str) -> tuple[FlightLog, tuple[str, ...]]:
+def fixed(opened: Project, name: str, only: str = "") -> tuple[FlightLog, tuple[str, ...]]:
     """A flight's log with every fix that its checks propose, and what was done; as `goshawk log fix`.
 
+    Args:
+        only: the sentence of the one finding whose fix is applied; empty: all.
+
     Raises:
-        InputError: no finding proposes a change of the log.
+        InputError: no finding proposes a change of the log, or none has that sentence.
     """
     log = flight_log.load(opened.flight(name))
     log = FlightLog(log.columns, {"name": name, **log.metadata})
-    found = fix.fix(log, _believed(opened), aloft=aloft_s(log))
-    if not found.done:
+    if only:
+        found = sysid.check_log(_judged(log, opened.flight(name)), _believed(opened)).findings
+        chosen = next((finding for finding in found if finding.sentence == only), None)
+        if chosen is None:
+            raise InputError(f"{name}: the checks no longer find this: {only}")
+        new = fix.repaired(log, chosen)
+        done = tuple(map(str, new.metadata[fix.FIXES][-1:]))
+    else:
+        mended = fix.fix(log, _believed(opened), aloft=aloft_s(log))
+        new, done = mended.log, mended.done
+    if not done:
         raise InputError(f"{name}: no finding proposes a change of the log")
-    return FlightLog(found.log.columns, {**found.log.metadata, "fixed_from": f"{name}.parquet"}), found.done
+    return FlightLog(new.columns, {**new.metadata, "fixed_from": f"{name}.parquet"}), done

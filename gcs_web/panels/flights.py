@@ -30,7 +30,7 @@ def _read(desk: Desk, _: Person, wanted: messages.ReadStreams) -> Reply:
 
 
 def _fix(desk: Desk, _: Person, wanted: messages.FixFlight) -> Reply:
-    name, done = desk.flights.fix(wanted.flight)
+    name, done = desk.flights.fix(wanted.flight, wanted.only)
     desk.notice(f"{wanted.flight}: {'; '.join(done)}. Saved as {name}; {wanted.flight} stays as it is, left out.")
     return Reply(wanted.serial, name=name)
 

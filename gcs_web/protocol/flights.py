@@ -153,6 +153,8 @@ class FixFlight(Command, frozen=True, tag="fix_flight", kw_only=True):
     """Apply the fixes that the checks propose, into a new log; the reply has its name."""
 
     flight: str
+    only: str = ""
+    """The sentence of the one finding whose fix is applied; empty: all."""
 
 
 class DiscardFlight(Command, frozen=True, tag="discard_flight", kw_only=True):

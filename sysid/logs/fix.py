@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from flight import FlightLog, Progress, silent
+from flight import FlightLog, InputError, Progress, silent
 from flight.flight_log import COLUMNS
 from sysid.logs.apply import apply, words
 from sysid.logs.check import LogReport, examine, is_gone
@@ -64,7 +64,7 @@ def fix(
     for finding in _events(report.findings, leave):
         assert finding.repair is not None
         log = apply(log, finding.repair)
-        done.append(f"{finding.sentence}: {words(finding.repair)}")
+        done.append(_said(finding, finding.repair))
         repairs.append(finding.repair)
     times: dict[tuple[str, str, tuple[str, ...]], int] = {}
     if done:
@@ -88,13 +88,32 @@ def fix(
             times[kind] = MOST_FIXES
             continue
         log, aloft, report = mended, where, after
-        done.append(f"{finding.sentence}: {words(finding.repair)}")
+        done.append(_said(finding, finding.repair))
         repairs.append(finding.repair)
     if not done:
         return Fixed(given, (), report)
+    return Fixed(_noted(log, done, repairs), tuple(done), report)
+
+
+def repaired(log: FlightLog, finding: Finding) -> FlightLog:
+    """The log with what one finding proposes, and nothing else; it is noted as by `fix`.
+
+    Raises:
+        InputError: it proposes no change of the log, or nothing would be left of it.
+    """
+    if finding.repair is None:
+        raise InputError(f"no change of the log is proposed for: {finding.sentence}")
+    return _noted(apply(log, finding.repair), [_said(finding, finding.repair)], [finding.repair])
+
+
+def _said(finding: Finding, repair: Repair) -> str:
+    return f"{finding.sentence}: {words(repair)}"
+
+
+def _noted(log: FlightLog, done: list[str], repairs: list[Repair]) -> FlightLog:
     before = [list(log.metadata.get(key, [])) for key in (FIXES, REPAIRS)]
     said = {FIXES: before[0] + done, REPAIRS: before[1] + [asdict(repair) for repair in repairs]}
-    return Fixed(FlightLog(log.columns, {**log.metadata, **said}), tuple(done), report)
+    return FlightLog(log.columns, {**log.metadata, **said})
 
 
 def _events(found: tuple[Finding, ...], leave: Collection[str]) -> list[Finding]:

@@ -285,6 +285,8 @@ def test_a_log_without_a_fixable_finding_is_not_fixed(opened, listing):
     flight_log.save(opened.flight("circle"), FlightLog(plain, {}))
     with pytest.raises(InputError, match="no finding proposes a change"):
         listing[0].fix("circle")
+    with pytest.raises(InputError, match="the checks no longer find this: the rotors sing"):
+        listing[0].fix("circle", "the rotors sing")
 
 
 def test_a_foreign_csv_asks_for_its_columns_and_is_then_a_flight(opened, listing):

@@ -357,6 +357,7 @@ export interface FixFlight {
   type: "fix_flight";
   serial: number;
   flight: string;
+  only?: string;
 }
 
 export interface FlightCard {

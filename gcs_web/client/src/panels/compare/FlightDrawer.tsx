@@ -29,7 +29,7 @@ import {
 } from "./flights";
 import type { AlignBy } from "./flights";
 import { copyLink } from "./link";
-import { FindingMarks, MARKS_PX } from "./FindingMarks";
+import { FindingMarks, marksPx } from "./FindingMarks";
 import { plotHeight } from "../../plots/plots";
 import { flightCursor_s } from "../../core/store";
 import { isLight, phone, token } from "../../core/theme";
@@ -59,7 +59,7 @@ export function FlightDrawer({ height }: { height?: number }) {
     return () => observer.disconnect();
   }, [margins]);
   const rows = drawn.value;
-  const room = (height ?? 0) - HEAD_PX - AXIS_PX - (marks.value.length > 0 ? MARKS_PX : 0);
+  const room = (height ?? 0) - HEAD_PX - AXIS_PX - marksPx.value;
   const row_px = phone.value ? PHONE_ROW_PX : Math.max(SMALLEST_ROW_PX, Math.floor(room / Math.max(1, rows.length)));
   return (
     <div class="drawer">

@@ -258,6 +258,11 @@ function FindingLine({ finding, flight }: { finding: Finding; flight: string }) 
         <button type="button" class="link small" onClick={() => goToMark(first)}>
           Go there
         </button>
+      )}{" "}
+      {finding.fixable && (
+        <button type="button" class="link small" onClick={() => void fixFlight(flight, finding.sentence)}>
+          Apply this to a new log
+        </button>
       )}
     </p>
   );

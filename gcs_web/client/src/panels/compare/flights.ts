@@ -344,6 +344,9 @@ export interface Mark {
   to_s: number;
 }
 
+/** The one that was clicked last: its words and its fix stand below the strip. */
+export const chosenMark = signal<Mark | null>(null);
+
 export const marks = computed<readonly Mark[]>(() =>
   opened.value.flatMap(({ name, shift_s }) => {
     const by_s = (moved_s.value.get(name) ?? 0) - shift_s;
@@ -392,10 +395,12 @@ export async function takeLog(file: string, column_map: string): Promise<string>
   return "";
 }
 
-export async function fixFlight(flight: string): Promise<void> {
-  const reply = await send({ type: "fix_flight", flight });
-  if (reply.error !== "") announce(reply.error, "danger");
-  else undo.value = { words: `${reply.name} was made`, act: () => discardFlight(reply.name) };
+/** Apply what the checks propose to a new log: all of it, or what the finding with one sentence does. */
+export async function fixFlight(flight: string, only = ""): Promise<void> {
+  const reply = await send({ type: "fix_flight", flight, only });
+  if (reply.error !== "") return announce(reply.error, "danger");
+  if (only !== "") open.value = open.value.map((name) => (name === flight ? reply.name : name));
+  undo.value = { words: `${reply.name} was made`, act: () => discardFlight(reply.name) };
 }
 
 export async function discardFlight(flight: string): Promise<void> {
