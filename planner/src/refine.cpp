@@ -26,9 +26,12 @@ double Problem::cost_of_states(const double* durations, const std::vector<double
     }
     if (prices_.clearance > 0.0) ask_distances();
     std::vector<double> unused(knots.size());
-    double cost = 0.0, by_time = 0.0;
-    for (std::size_t i = 0; i < segments_; ++i)
-        cost += durations[i] + segment_cost(i, durations[i], by_time) + snap_cost(i, durations[i], by_time);
+    double cost = 0.0;
+    for (std::size_t i = 0; i < segments_; ++i) {
+        const double T = durations[i];
+        cost += T + kernels_.cost_alone(samples_of(i, T), airframe_of(i), prices_, clearance_m_, scaled_[i].row, T) +
+                snap_alone(i, T);
+    }
     return cost + passing_cost() + ball_cost(knots.data(), unused.data()) + gate_cost(knots.data(), unused.data());
 }
 
