@@ -81,7 +81,7 @@ def _gently(
         precision = _GENTLE if clear else _STEEP
         spline = time_allocation.refine(part, spline, iterations=_MOST, precision=precision, stop=stop).spline
         problem = replace(problem, knots=spline.states[:, 0])
-    return time_allocation.refine(problem, spline, iterations=_MOST, precision=_PRECISION, stop=stop)
+    return time_allocation.refine(problem, spline, iterations=_MOST, precision=_GENTLE if clear else _STEEP, stop=stop)
 
 
 def refined(
