@@ -64,13 +64,17 @@ void Problem::curvature(std::size_t i, double T, const double* units, std::vecto
             bend[kTime][n] += snap * unit[n] * by_time;
             bend[kTime][kTime] += snap * (a % kOrders - 3.5) * scaled.row[a][x] * by_time;
         }
-    const auto at = [&](int n) {
-        return n == kTime ? i * kBlock + kKnot : n < kKnot ? i * kBlock + n : (i + 1) * kBlock + n - kKnot;
-    };
-    for (int n = 0; n < kUnknowns; ++n) {
-        gradient[at(n)] += slope[n];
-        for (int m = 0; m <= n; ++m) second.at(std::max(at(n), at(m)), std::min(at(n), at(m))) += bend[n][m];
+    // Behind the unknowns of the first knot comes log T, then the second knot's.
+    const auto at = [&](int n) { return i * kBlock + (n == kTime ? kKnot : n < kKnot ? n : n + 1); };
+    for (int n = 0; n < kUnknowns; ++n) gradient[at(n)] += slope[n];
+    for (int m = 0; m < kTime; ++m) {
+        double* column = &second.at(at(m), at(m));
+        for (int n = m; n < kTime; ++n) column[at(n) - at(m)] += bend[n][m];
+        if (m < kKnot) column[at(kTime) - at(m)] += bend[kTime][m];
     }
+    double* column = &second.at(at(kTime), at(kTime));
+    column[0] += bend[kTime][kTime];
+    for (int n = kKnot; n < kTime; ++n) column[at(n) - at(kTime)] += bend[kTime][n];
 }
 
 // The same of what is charged at single knots: leaving balls and openings, passing openings at a slant.

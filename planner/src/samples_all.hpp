@@ -186,14 +186,20 @@ class Squares {
     void end() {
         Real cross[kEnds][kAxes] = {};
         double rate = 1.0;
-        for (int r = 0; r < kOrders; ++r, rate /= T_)
-            for (int x = 0; x < kAxes; ++x)
+        for (int r = 0; r < kOrders; ++r, rate /= T_) {
+            if (!any(pull_.order[r])) continue;
+            for (int x = 0; x < kAxes; ++x) {
+                const Real pull = pull_.order[r][x] * rate, grown = grown_.order[r][x] * (0.5 * rate);
+                Real bent{};
                 for (int a = 0; a < kEnds; ++a) {
-                    const Real row = four(basis_ + (r * kEnds + a) * kLanes) * rate;
+                    const Real row = four(basis_ + (r * kEnds + a) * kLanes);
                     const double power = a % 4 - r;
-                    cross[a][x] += row * (power * pull_.order[r][x] + 0.5 * grown_.order[r][x]);
-                    bend_ += power * power * scaled_[a][x] * row * pull_.order[r][x];
+                    cross[a][x] += row * (power * pull + grown);
+                    bent += row * (power * power * scaled_[a][x]);
                 }
+                bend_ += bent * pull;
+            }
+        }
         double* by_time = second_[kUnknowns - 1];
         for (int a = 0; a < kEnds; ++a)
             for (int x = 0; x < kAxes; ++x) by_time[a * kAxes + x] += unit_[a * kAxes + x] * sum(cross[a][x]);
