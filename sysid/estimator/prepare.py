@@ -14,6 +14,7 @@ from sysid.estimator.flights.flight_data import Flight, IndexArray, LeadIn
 from sysid.estimator.flights.sampling import Stretch
 from sysid.estimator.motors import battery, motor, rotor_speed
 from sysid.estimator.options import Options
+from sysid.logs.apply import apply
 from sysid.logs.checks import contact, gyro_clock
 from sysid.logs.checks.clocks import Offset
 from sysid.logs.checks.motion import kinematics
@@ -86,6 +87,7 @@ def prepare(log: FlightLog, index: int, options: Options, *, gravity_m_s2: float
             refuse gaps.
     """
     source = _source(log, str(log.metadata.get("name", f"flight {index + 1}")))
+    log = _without_leaps(log, source.name, options)
     touched = contact.spans(log)
     pieces = _aloft(_split(log, source, options), touched, source.name)
     flights = [_flight(log, piece, source, index, len(pieces), options) for piece in pieces]
@@ -175,6 +177,19 @@ def _split(log: FlightLog, source: _Source, options: Options) -> list[Span]:
             f"{name} has {gaps_sentence(found)}; "
             "fit the pieces between as separate flights with gaps='split', or cut the log there"
         )
+    out = [*cuts, *((begin, end) for begin, end, _ in found)]
+    pieces = _outside(max(pose_s[0], rotor_s[0]), min(pose_s[-1], rotor_s[-1]), out)
+    if not pieces:
+        raise InputError(f"{name} has no stretch of {SHORTEST_S:g} s with both pose and rotor speed")
+    return pieces
+
+
+def _without_leaps(log: FlightLog, name: str, options: Options) -> FlightLog:
+    """The log, split or without a value where its pose leaps.
+
+    Raises:
+        InputError: it leaps, and the options refuse gaps.
+    """
     broken = [] if options.robust and options.gaps == "refuse" else recording.leaps(log)
     if broken and options.gaps == "refuse":
         more = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
@@ -182,11 +197,10 @@ def _split(log: FlightLog, source: _Source, options: Options) -> list[Span]:
             f"{name}: {broken[0].sentence}{more}; fit the pieces between as separate flights with gaps='split', or "
             "write a log that is mended there with `goshawk log fix`"
         )
-    out = [*cuts, *((begin, end) for begin, end, _ in found), *(recording.cut_out(log, event) for event in broken)]
-    pieces = _outside(max(pose_s[0], rotor_s[0]), min(pose_s[-1], rotor_s[-1]), out)
-    if not pieces:
-        raise InputError(f"{name} has no stretch of {SHORTEST_S:g} s with both pose and rotor speed")
-    return pieces
+    for event in broken:
+        if event.repair is not None:
+            log = apply(log, event.repair)
+    return log
 
 
 def _cut_there(gap: Gap, cuts: list[Span]) -> bool:

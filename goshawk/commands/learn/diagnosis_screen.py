@@ -29,7 +29,14 @@ def short(found: Diagnosis) -> Screen:
     )
     _paragraph(screen, f"besides or instead: {others}; within the flown envelope: {found.envelope.extent}")
     _prediction(screen, found)
+    low, high = found.predicts.ratio90
+    if high < float("inf"):
+        _paragraph(
+            screen, f"0.5 s ahead it is {low:.2g} to {high:.2g} times as far off as the model given (90 %)", indent=""
+        )
     _paragraph(screen, f"the fit is {found.fit_verdict.sentence}", indent="")
+    if found.cause is not None:
+        _paragraph(screen, f"likely cause, by a trial: {found.cause.sentence}", indent="")
     _paragraph(screen, _told_and_not(found), indent="")
     if found.findings:
         first = found.findings[0].partition(": ")[0].partition("; ")[0]

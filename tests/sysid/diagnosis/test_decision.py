@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import vehicle
-from sysid.diagnosis import procedure
+from sysid.diagnosis import told
 from sysid.diagnosis.decision import Case, Reason, decide, sentence
 from sysid.diagnosis.evidence.candidates import Candidate
 from sysid.diagnosis.findings import CandidateFinding, Outcome, Size, Verdict
@@ -157,14 +157,14 @@ def test_neither_a_name_nor_a_curve_nor_an_attempt_is_surer_than_the_sentence_on
     model: Any = SimpleNamespace(
         evidence=SimpleNamespace(curves=[constant]), fit=SimpleNamespace(vehicle=vehicle.example())
     )
-    assert procedure._outside(model, curve, unsure=False).confidence == 0.9
-    assert procedure._outside(model, curve, unsure=True).confidence == THRESHOLDS.even_confidence
+    assert told.of_curve(model, curve, unsure=False).confidence == 0.9
+    assert told.of_curve(model, curve, unsure=True).confidence == THRESHOLDS.even_confidence
     fell = SimpleNamespace(total=60.0, sigma=5.0)
     tried: Any = SimpleNamespace(
         **vars(trial(Outcome.ADDED)), candidate=CANDIDATE, rivals=(), held_out=fell, judged_on="held-out flights"
     )
-    assert procedure._attempt(tried, unsure=False).confidence == 0.9
-    assert procedure._attempt(tried, unsure=True).confidence == THRESHOLDS.even_confidence
+    assert told.of_attempt(tried, unsure=False).confidence == 0.9
+    assert told.of_attempt(tried, unsure=True).confidence == THRESHOLDS.even_confidence
 
 
 @pytest.mark.parametrize("says_missing", [True, False])
@@ -177,6 +177,7 @@ def test_no_sentence_has_more_than_even_odds_on_a_rejected_fit(of_logs, of_fit, 
     whole.candidates, whole.undecided, whole.proxies, whole.outside = (name,) if says_missing else (), (), (), None
     last: Any = SimpleNamespace(fit=SimpleNamespace(verdict=of_fit))
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=0.0, forms=(), doubted=(), models=(last,))
+    whole.predicts = None
     whole.fit_verdict = Diagnosis.fit_verdict.fget(whole)  # type: ignore[attr-defined]
     usual = 0.96 if says_missing else THRESHOLDS.most_confidence
     most = THRESHOLDS.even_confidence if REJECTED in (of_logs, of_fit) else usual
