@@ -108,6 +108,8 @@ class SampledField(ABC):
         bound = bound - 1e-6 * (1.0 + np.abs(value_m))
         half = 0.5 * np.array(self.grid.voxel_m)
         low, high = self.grid.low_world_m + half, self.grid.high_world_m - half
+        if not len(points_world_m) or ((points_world_m >= low) & (points_world_m <= high)).all():
+            return bound
         overhang = np.linalg.norm(points_world_m - np.clip(points_world_m, low, high), axis=1)
         return bound - overhang
 

@@ -29,9 +29,9 @@ prices let the path cut corners that the full price does not mend."""
 _OTHERS = (1.0, 20.0), (8.0, 60.0), (0.1, 1.0, 8.0, 60.0)
 _SLOWER = 1.4
 """Prices with which other starts begin; the second half of them also from times so much longer."""
-_PRECISION, _GENTLE, _STEEP = 1e-5, 1e-4, 1e-3
-"""Share of the cost that four steps together gain where a descent ends: at the full price, and at low prices in
-the open and among obstacles."""
+_PRECISION, _GENTLE, _STEEP = 2e-5, 1e-4, 1e-3
+"""Share of the cost that four steps together gain where a descent ends: the one before the vehicle's own model is
+asked, and those that lead to it in the open and among obstacles."""
 _HOLD = 0.05
 """Price, in s/m^2, of leaving the path that the vehicle's own model was asked along last: many paths take nearly the
 same time, and what was measured holds for one of them. Without it a path near free fall took 40 rounds, with it 14."""
@@ -74,14 +74,14 @@ def _gently(
     problem: Problem, spline: Spline, prices: tuple[float, ...], clear: bool, stop: StopFlag | None
 ) -> Solution:
     """Where the descent comes to at rising prices on limits and clearance: the way from there is less steep."""
-    full = problem.weights
-    for price in prices:
+    full, precision = problem.weights, _GENTLE if clear else _STEEP
+    for price in (*prices, full.limits):
         clearance = full.clearance * np.sqrt(price / full.limits)
-        part = replace(problem, weights=replace(full, limits=price, clearance=float(clearance)))
-        precision = _GENTLE if clear else _STEEP
-        spline = time_allocation.refine(part, spline, iterations=_MOST, precision=precision, stop=stop).spline
-        problem = replace(problem, knots=spline.states[:, 0])
-    return time_allocation.refine(problem, spline, iterations=_MOST, precision=_PRECISION, stop=stop)
+        weights = replace(full, limits=price, clearance=float(clearance))
+        part = replace(problem, knots=spline.states[:, 0], weights=weights)
+        found = time_allocation.refine(part, spline, iterations=_MOST, precision=precision, stop=stop)
+        spline = found.spline
+    return found
 
 
 def refined(

@@ -78,6 +78,9 @@ def around_path(field: DistanceField, polyline: FloatArray, near_m: float) -> Di
 
     def ask(points: FloatArray) -> tuple[FloatArray, FloatArray]:
         d, gradient = _value_and_gradient(field, points, near_m)
+        if np.isfinite(d.sum() + gradient.sum()):  # nearly always, and much sooner known
+            return d, gradient
+        d, gradient = d.copy(), gradient.copy()
         unknown = np.flatnonzero(~(np.isfinite(d) & np.isfinite(gradient).all(axis=1)))
         if unknown.size:
             back = _nearest_on(polyline, points[unknown]) - points[unknown]
@@ -92,7 +95,7 @@ def _value_and_gradient(field: DistanceField, points: FloatArray, near_m: float)
     exact = getattr(field, "distance_and_gradient", None)
     if exact is not None:
         value, gradient = exact(points)
-        return np.array(value, dtype=np.float64), np.array(gradient, dtype=np.float64)
+        return np.asarray(value, dtype=np.float64), np.asarray(gradient, dtype=np.float64)
     value, gradient = np.array(field.distance(points), dtype=np.float64), np.zeros_like(points)
     near = np.flatnonzero(~(value >= near_m))
     if near.size:

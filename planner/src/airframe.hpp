@@ -79,6 +79,21 @@ class Demand {
         }
     }
 
+    // Adds the slope of one excess by the motion; of speed, acceleration and jerk without the way through the attitude.
+    void slope_of(int limit, Motion& by) const {
+        if (limit == kSpeed) {
+            by.velocity += m.velocity * (2.0 / (w.speed * w.speed));
+        } else if (limit == kAcceleration) {
+            by.acceleration += m.acceleration * (2.0 / (w.acceleration * w.acceleration));
+        } else if (limit == kJerk) {
+            by.jerk += m.jerk * (2.0 / (w.jerk * w.jerk));
+        } else {
+            Number alone[kLimits] = {};
+            alone[limit] = all(1.0);
+            pull_back(alone, by);
+        }
+    }
+
     // From the cost's gradient by each excess to its gradient by the motion: the constructor, backwards.
     void pull_back(const Number by_excess[kLimits], Motion& by) const {
         const double* I = w.inertia;

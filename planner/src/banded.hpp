@@ -2,9 +2,10 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <vector>
+
+#include "samples.hpp"
 
 namespace goshawk {
 
@@ -34,21 +35,7 @@ class Banded {
     void clear() { std::fill(columns_.begin(), columns_.end(), 0.0); }
 
     // In place; false where the matrix is not positive definite.
-    bool factor() {
-        for (std::size_t j = 0; j < size_; ++j) {
-            double* column = &at(j, j);
-            const std::size_t count = end_[j] - j;
-            if (!(column[0] > 0.0)) return false;
-            column[0] = 1.0 / std::sqrt(column[0]);  // the diagonal is kept inverted
-            for (std::size_t k = 1; k < count; ++k) column[k] *= column[0];
-            for (std::size_t k = 1; k < count; ++k) {
-                double* later = &at(j + k, j + k);
-                const double factor = column[k];
-                for (std::size_t i = k; i < count; ++i) later[i - k] -= factor * column[i];
-            }
-        }
-        return true;
-    }
+    bool factor() { return kernels().factor(columns_.data(), size_, below_, end_.data()); }
 
     // In place for columns x (size, columns).
     template <int kColumns>

@@ -31,14 +31,14 @@ std::vector<double> basis_at(double u) {
     return rows;
 }
 
+}  // namespace
+
 const Kernels& kernels() {
 #if defined(__x86_64__)
     if (kernels_avx2 && __builtin_cpu_supports("avx2")) return *kernels_avx2;
 #endif
     return *kernels_plain;
 }
-
-}  // namespace
 
 Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airframe, const Prices& prices,
                  double clearance_m, Distances distances)
@@ -164,20 +164,28 @@ double Problem::segment_cost(std::size_t i, double T, double& by_T) {
 }
 
 // Price of the snap of x, y, z along one segment.
+double Problem::snap_alone(std::size_t i, double T) const {
+    const double scale = prices_.snap / seventh_power(T);
+    double cost = 0.0;
+    for (int r = 0; r < kOrders; ++r)
+        for (int a = r; a < kStates; a += kOrders)
+            for (int x = 0; x < 3; ++x) cost += scale * scaled_[i].row[a][x] * force_[i].row[a][x];
+    return cost;
+}
+
+// The same; its gradient goes to the states of both ends and to T.
 double Problem::snap_cost(std::size_t i, double T, double& by_T) {
     const Ends<kAxes>&scaled = scaled_[i], &force = force_[i];
     const double scale = prices_.snap / seventh_power(T);
-    double cost = 0.0, power = scale;
+    double power = scale;
     double* out = &by_states_[i * kKnot];
     for (int r = 0; r < kOrders; ++r, power *= T)
-        for (int end = 0; end < 2; ++end)
+        for (int a = r; a < kStates; a += kOrders)
             for (int x = 0; x < 3; ++x) {
-                const int a = end * kOrders + r;
-                cost += scale * scaled.row[a][x] * force.row[a][x];
                 by_T += scale * (2.0 * r - 7.0) / T * scaled.row[a][x] * force.row[a][x];
                 out[a * kAxes + x] += 2.0 * power * force.row[a][x];
             }
-    return cost;
+    return snap_alone(i, T);
 }
 
 // With K x = r the conditions for minimum snap, dJ = (dJ/dx) dx, and K dx = dr - dK x: one solve with K of dJ/dx gives

@@ -88,6 +88,7 @@ class Problem {
     double segment_cost(std::size_t i, double T, double& by_T);
     Airframe airframe_of(std::size_t segment) const;
     Samples samples_of(std::size_t segment, double T) const;
+    double snap_alone(std::size_t i, double T) const;
     double snap_cost(std::size_t i, double T, double& by_T);
     double ball_cost(const double* knots, double* by_knots) const;
     double gate_cost(const double* knots, double* by_knots) const;

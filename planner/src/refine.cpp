@@ -26,9 +26,12 @@ double Problem::cost_of_states(const double* durations, const std::vector<double
     }
     if (prices_.clearance > 0.0) ask_distances();
     std::vector<double> unused(knots.size());
-    double cost = 0.0, by_time = 0.0;
-    for (std::size_t i = 0; i < segments_; ++i)
-        cost += durations[i] + segment_cost(i, durations[i], by_time) + snap_cost(i, durations[i], by_time);
+    double cost = 0.0;
+    for (std::size_t i = 0; i < segments_; ++i) {
+        const double T = durations[i];
+        cost += T + kernels_.cost_alone(samples_of(i, T), airframe_of(i), prices_, clearance_m_, scaled_[i].row, T) +
+                snap_alone(i, T);
+    }
     return cost + passing_cost() + ball_cost(knots.data(), unused.data()) + gate_cost(knots.data(), unused.data());
 }
 
@@ -61,13 +64,17 @@ void Problem::curvature(std::size_t i, double T, const double* units, std::vecto
             bend[kTime][n] += snap * unit[n] * by_time;
             bend[kTime][kTime] += snap * (a % kOrders - 3.5) * scaled.row[a][x] * by_time;
         }
-    const auto at = [&](int n) {
-        return n == kTime ? i * kBlock + kKnot : n < kKnot ? i * kBlock + n : (i + 1) * kBlock + n - kKnot;
-    };
-    for (int n = 0; n < kUnknowns; ++n) {
-        gradient[at(n)] += slope[n];
-        for (int m = 0; m <= n; ++m) second.at(std::max(at(n), at(m)), std::min(at(n), at(m))) += bend[n][m];
+    // Behind the unknowns of the first knot comes log T, then the second knot's.
+    const auto at = [&](int n) { return i * kBlock + (n == kTime ? kKnot : n < kKnot ? n : n + 1); };
+    for (int n = 0; n < kUnknowns; ++n) gradient[at(n)] += slope[n];
+    for (int m = 0; m < kTime; ++m) {
+        double* column = &second.at(at(m), at(m));
+        for (int n = m; n < kTime; ++n) column[at(n) - at(m)] += bend[n][m];
+        if (m < kKnot) column[at(kTime) - at(m)] += bend[kTime][m];
     }
+    double* column = &second.at(at(kTime), at(kTime));
+    column[0] += bend[kTime][kTime];
+    for (int n = kKnot; n < kTime; ++n) column[at(n) - at(kTime)] += bend[kTime][n];
 }
 
 // The same of what is charged at single knots: leaving balls and openings, passing openings at a slant.

@@ -50,7 +50,10 @@ struct Samples {
 };
 
 struct Kernels {
-    // Cost of a segment, over its time T; its gradient by the scaled states (8, 4), and by T at fixed scaled states.
+    // Cost of a segment alone, and
+    double (*cost_alone)(const Samples& samples, const Airframe& airframe, const Prices& prices, double clearance_m,
+                         const double (*scaled)[kAxes], double T);
+    // cost of a segment, over its time T; its gradient by the scaled states (8, 4), and by T at fixed scaled states.
     double (*cost)(const Samples& samples, const Airframe& airframe, const Prices& prices, double clearance_m,
                    const double (*scaled)[kAxes], double T, double (*by_scaled)[kAxes], double& by_T);
     // Excess over each limit, (packs, limits, 4), without the offsets.
@@ -61,9 +64,15 @@ struct Kernels {
     void (*curvature)(const Samples& samples, const Airframe& airframe, const Prices& prices, double clearance_m,
                       const double (*scaled)[kAxes], double T, const double* unit, double* gradient,
                       double (*second)[kPadded]);
+    // Cholesky factor of a banded matrix in place, as in `Banded`, with its diagonal inverted; false where it is not
+    // positive definite.
+    bool (*factor)(double* columns, std::size_t size, std::size_t below, const std::size_t* end);
 };
 
 extern const Kernels* const kernels_plain;
 extern const Kernels* const kernels_avx2;  // null where it was not compiled
+
+// Those for the processor at hand.
+const Kernels& kernels();
 
 }  // namespace goshawk

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "costs.hpp"
+#include "factor.hpp"
 
 namespace {
 
@@ -56,8 +57,9 @@ inline Vec<Real> uphill_at(const Samples& samples, std::size_t pack) {
     return {four(g), four(g + kLanes), four(g + 2 * kLanes)};
 }
 
-[[gnu::flatten]] double cost(const Samples& samples, const Airframe& airframe, const Prices& prices, double clearance_m,
-                             const double (*scaled)[kAxes], double T, double (*by_scaled)[kAxes], double& by_T) {
+template <bool kSlopes>
+inline double cost_of(const Samples& samples, const Airframe& airframe, const Prices& prices, double clearance_m,
+                      const double (*scaled)[kAxes], double T, double (*by_scaled)[kAxes], double* by_T) {
     const LimitCost limits{prices.limits * (samples.reference > 0.0 ? samples.reference / T : 1.0)};
     const HeadingCost heading{prices.heading, prices.turning, samples.target};
     const ClearanceCost clearance{prices.clearance, clearance_m};
@@ -78,6 +80,7 @@ inline Vec<Real> uphill_at(const Samples& samples, std::size_t pack) {
         if (prices.clearance > 0.0)
             density += clearance.density(four(samples.distance + p * kLanes), uphill_at(samples, p), by);
         mean += share * density;
+        if constexpr (!kSlopes) continue;
         const Slopes pull(by);
         Real weight = share * T;
         for (int r = 0; r < kOrders; ++r, weight = weight / T) {
@@ -89,10 +92,22 @@ inline Vec<Real> uphill_at(const Samples& samples, std::size_t pack) {
                     by_ends[a][x] += four(basis + (r * kEnds + a) * kLanes) * (weight * pull.order[r][x]);
         }
     }
-    for (int a = 0; a < kEnds; ++a)
-        for (int x = 0; x < kAxes; ++x) by_scaled[a][x] = sum(by_ends[a][x]);
-    by_T = sum(mean) + sum(stretch) + sum(by_weight);
+    if constexpr (kSlopes) {
+        for (int a = 0; a < kEnds; ++a)
+            for (int x = 0; x < kAxes; ++x) by_scaled[a][x] = sum(by_ends[a][x]);
+        *by_T = sum(mean) + sum(stretch) + sum(by_weight);
+    }
     return T * sum(mean);
+}
+
+[[gnu::flatten]] double cost_alone(const Samples& samples, const Airframe& airframe, const Prices& prices,
+                                   double clearance_m, const double (*scaled)[kAxes], double T) {
+    return cost_of<false>(samples, airframe, prices, clearance_m, scaled, T, nullptr, nullptr);
+}
+
+[[gnu::flatten]] double cost(const Samples& samples, const Airframe& airframe, const Prices& prices, double clearance_m,
+                             const double (*scaled)[kAxes], double T, double (*by_scaled)[kAxes], double& by_T) {
+    return cost_of<true>(samples, airframe, prices, clearance_m, scaled, T, by_scaled, &by_T);
 }
 
 [[gnu::flatten]] void excess(const Samples& samples, const Airframe& airframe, const double (*scaled)[kAxes], double T,
@@ -105,6 +120,16 @@ inline Vec<Real> uphill_at(const Samples& samples, std::size_t pack) {
         for (int limit = 0; limit < kLimits; ++limit)
             for (int l = 0; l < kLanes; ++l) *out++ = over[limit][l];
     }
+}
+
+inline bool any(Real a) { return sum(a) > 0.0; }
+
+// Whether any of the slopes by one order is not zero.
+inline bool any(const Real (&order)[kAxes]) {
+    bool found = false;
+    for (int x = 0; x < kAxes; ++x)
+        for (int l = 0; l < kLanes; ++l) found |= order[x][l] != 0.0;
+    return found;
 }
 
 // Gauss and Newton's sums over the squares in a segment's cost: its gradient, and products of slopes in place of second
@@ -131,7 +156,8 @@ class Squares {
         const Real force = 2.0 * weight * value;
         Real rows[kEnds][kAxes] = {}, by_time{};
         double rate = 1.0;
-        for (int r = 0; r < kOrders; ++r, rate /= T_)
+        for (int r = 0; r < kOrders; ++r, rate /= T_) {
+            if (!any(by.order[r])) continue;
             for (int x = 0; x < kAxes; ++x) {
                 pull_.order[r][x] += force * by.order[r][x];
                 if (grows) grown_.order[r][x] += force * by.order[r][x];
@@ -139,6 +165,7 @@ class Squares {
                 const Real slope_of_basis = rate * by.order[r][x];
                 for (int a = 0; a < kEnds; ++a) rows[a][x] += four(basis_ + (r * kEnds + a) * kLanes) * slope_of_basis;
             }
+        }
         for (int a = 0; a < kEnds; ++a)  // scaled states grow with T to the power of their order
             for (int x = 0; x < kAxes; ++x) by_time += static_cast<double>(a % 4) * scaled_[a][x] * rows[a][x];
         if (grows) {
@@ -159,14 +186,20 @@ class Squares {
     void end() {
         Real cross[kEnds][kAxes] = {};
         double rate = 1.0;
-        for (int r = 0; r < kOrders; ++r, rate /= T_)
-            for (int x = 0; x < kAxes; ++x)
+        for (int r = 0; r < kOrders; ++r, rate /= T_) {
+            if (!any(pull_.order[r])) continue;
+            for (int x = 0; x < kAxes; ++x) {
+                const Real pull = pull_.order[r][x] * rate, grown = grown_.order[r][x] * (0.5 * rate);
+                Real bent{};
                 for (int a = 0; a < kEnds; ++a) {
-                    const Real row = four(basis_ + (r * kEnds + a) * kLanes) * rate;
+                    const Real row = four(basis_ + (r * kEnds + a) * kLanes);
                     const double power = a % 4 - r;
-                    cross[a][x] += row * (power * pull_.order[r][x] + 0.5 * grown_.order[r][x]);
-                    bend_ += power * power * scaled_[a][x] * row * pull_.order[r][x];
+                    cross[a][x] += row * (power * pull + grown);
+                    bent += row * (power * power * scaled_[a][x]);
                 }
+                bend_ += bent * pull;
+            }
+        }
         double* by_time = second_[kUnknowns - 1];
         for (int a = 0; a < kEnds; ++a)
             for (int x = 0; x < kAxes; ++x) by_time[a * kAxes + x] += unit_[a * kAxes + x] * sum(cross[a][x]);
@@ -176,6 +209,7 @@ class Squares {
   private:
     void add_row(double weight, double value, const double* row) {
         for (int i = 0; i < kUnknowns; ++i) {
+            if (row[i] == 0.0) continue;  // the heading, in most limits
             const double factor = weight * row[i];
             gradient_[i] += factor * value;
             for (int j = 0; j <= i / kLanes * kLanes + kLanes - 1; ++j) second_[i][j] += factor * row[j];
@@ -190,8 +224,6 @@ class Squares {
     Real bend_{};
 };
 
-inline bool any(Real a) { return sum(a) > 0.0; }
-
 void square_limits(const Samples& samples, std::size_t p, const Airframe& airframe, Real price,
                    const Motion<Real>& motion, Real c, Real s, Squares& squares) {
     const bool fixed = samples.reference > 0.0;
@@ -203,10 +235,8 @@ void square_limits(const Samples& samples, std::size_t p, const Airframe& airfra
         const Real over = excess[l] + four(samples.offsets + (p * kLimits + l) * kLanes);
         const Real exceeded = over > Real{} ? weight : Real{};
         if (!any(exceeded)) continue;
-        Real alone[kLimits] = {};
-        alone[l] = all(1.0);
         Motion<Real> slope;
-        demand.pull_back(alone, slope);
+        demand.slope_of(l, slope);
         squares.add(exceeded, over, slope, !fixed);
     }
 }
@@ -252,6 +282,6 @@ void square_limits(const Samples& samples, std::size_t p, const Airframe& airfra
     }
 }
 
-constexpr Kernels kAll = {cost, excess, curvature};
+constexpr Kernels kAll = {cost_alone, cost, excess, curvature, factor};
 
 }  // namespace

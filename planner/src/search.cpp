@@ -48,6 +48,29 @@ struct Cell {
     int8_t came = -1;         // by which step
 };
 
+// Cells in order of the cost of a way through them, to an eighth of a step; among equals the last one in comes first.
+class Queue {
+  public:
+    void push(float cost, int64_t cell) {
+        const auto row = static_cast<size_t>(64.0f * cost);
+        if (row >= rows_.size()) rows_.resize(row + 1);
+        rows_[row].push_back(cell);
+        first_ = std::min(first_, row);
+    }
+    // The next cell, or -1 where there is none.
+    int64_t pop() {
+        while (first_ < rows_.size() && rows_[first_].empty()) ++first_;
+        if (first_ == rows_.size()) return -1;
+        const int64_t cell = rows_[first_].back();
+        rows_[first_].pop_back();
+        return cell;
+    }
+
+  private:
+    std::vector<std::vector<int64_t>> rows_;
+    size_t first_ = 0;
+};
+
 // Cells with a distance of at least `required` may be entered; below `comfort` a step costs up to 1 + price as much.
 // A way is at most `greed` times as dear as the cheapest one; 1 is exact, more looks at fewer cells.
 std::vector<int64_t> astar(const float* distance, int64_t nx, int64_t ny, int64_t nz, int64_t start, int64_t goal,
@@ -70,13 +93,10 @@ std::vector<int64_t> astar(const float* distance, int64_t nx, int64_t ny, int64_
     const std::vector<Step> steps = neighbours(my, mz);
     const int64_t first = padded(start), last = padded(goal);
     const int64_t gi = last / (my * mz), gj = last / mz % my, gk = last % mz;
-    using Entry = std::pair<float, int64_t>;
-    std::priority_queue<Entry, std::vector<Entry>, std::greater<Entry>> open;
+    Queue open;
     cells[first].cost = 0.0f;
-    open.push({0.0f, first});
-    while (!open.empty() && open.top().second != last) {
-        const int64_t here = open.top().second;
-        open.pop();
+    open.push(0.0f, first);
+    for (int64_t here = open.pop(); here >= 0 && here != last; here = open.pop()) {
         if (here != first && cells[here].price == kInfinity) continue;  // the first time was cheap enough
         cells[here].price = kInfinity;
         const int64_t i = here / (my * mz), j = here / mz % my, k = here % mz;
@@ -89,7 +109,7 @@ std::vector<int64_t> astar(const float* distance, int64_t nx, int64_t ny, int64_
             next.came = static_cast<int8_t>(s);
             const float left =
                 octile(std::abs(i + step.di - gi), std::abs(j + step.dj - gj), std::abs(k + step.dk - gk));
-            open.push({reached + greed * left, here + step.offset});
+            open.push(reached + greed * left, here + step.offset);
         }
     }
     std::vector<int64_t> path;
