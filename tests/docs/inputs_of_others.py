@@ -8,10 +8,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-import vehicle
 from esdf import Grid
 from esdf.visibility import Visibility, save_visibility
-from flight import flight_log
 from goshawk.rendered import scene as rendered_room
 from goshawk.rendered import world as rendered_world
 from goshawk.rendered.world import RenderedFlight
@@ -23,22 +21,9 @@ from tests.mapping.camera.test_rig_import import EQUI
 from tests.mapping.sparse import test_rgbd as rgbd
 from tests.sysid.logs.readers import encode_blackbox, test_read_blackbox, test_read_poses
 from tests.vehicle import test_draft as sheets_of_others
-from vehicle import flights, manoeuvres
 
 ROOT = Path(__file__).parents[2]
 CAMERA = rigs.forward_camera("SIMPLE_PINHOLE", 320, 240, [228.5, 160.0, 120.0])
-CURVE = '''"""Climbing turns the vehicle."""
-from vehicle.effects.base import Effect, Spec, Stage
-
-def apply(flow, p):
-    flow.torque_n_m[2] += p.scale * flow.velocity_m_s[2]
-
-EFFECT = Effect(
-    name="climb_turn", number=0, stage=Stage.FORCE, apply=apply,
-    parameters=(Spec("scale", "N s", prior=0.01, bounds=(-1.0, 1.0), default=0.004, planted=0.004),),
-    law="M_z = c v_z", source="test", channel="M_z", regressor="v_z", excited_by=("throttle_steps",),
-)
-'''
 
 
 class InputsOfOthers:
@@ -54,7 +39,7 @@ class InputsOfOthers:
         """The map in the folder, of images that resolve 20 mm."""
         grid = open_map(folder / "map").field.grid
         nx, ny, nz = (-(-n // 4) for n in grid.shape)
-        coarse = Grid(grid.origin_world_m, np.full(3, 0.2), (nx, ny, nz))
+        coarse = Grid(grid.origin_world_m, (0.2, 0.2, 0.2), (nx, ny, nz))
         finest = np.full(coarse.shape, 0.02, np.float32)
         save_visibility(folder / "map" / "visibility.npz", Visibility(coarse, finest))
 
@@ -118,17 +103,6 @@ class InputsOfOthers:
 
         (folder / "hummingbird_params.py").write_text(Path(str(hummingbird.__file__)).read_text())
         sheets_of_others.urdf(folder).rename(folder / "quad.urdf")
-
-    def curve_flights(self, folder: Path) -> None:
-        """Flights of a vehicle that an effect turns which the catalogue does not have."""
-        (folder / "hidden.py").write_text(CURVE)
-        known = vehicle.example("rigter2019")
-        vehicle.save(folder / "vehicle.toml", known)
-        truth = known.with_effect_file(folder / "hidden.py", scale=0.004)
-        for name, manoeuvre, seed in (("a", "throttle_steps", 1), ("b", "vertical", 2)):
-            rng = np.random.default_rng(seed)
-            flown = flights.fly_trajectory(truth, manoeuvres.make(manoeuvre), rng=rng)
-            flight_log.save(folder / f"{name}.parquet", flights.measure(flown, rng=rng))
 
     def certificate(self, folder: Path) -> None:
         """One for this machine, which signs itself."""
