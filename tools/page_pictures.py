@@ -89,7 +89,9 @@ def shots(demo: Path, name: str) -> Iterator[tuple[str, Image.Image]]:
         project = shutil.copytree(demo, Path(folder) / "room")
         browser = playwright.chromium.launch(executable_path=chromium, args=list(FLAGS), timeout=PATIENCE_MS)
         with served(project) as address:
-            page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, color_scheme="light", reduced_motion="reduce")
+            page = browser.new_page(
+                viewport={"width": WIDTH, "height": HEIGHT}, color_scheme="light", reduced_motion="reduce"
+            )
             page.set_default_timeout(PATIENCE_MS)
             page.goto(address)
             SCENES[name](page)
