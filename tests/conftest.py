@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from tests.docs import blocks
+
 settings.register_profile("goshawk", deadline=None)  # no test asserts wall-clock times, Hypothesis' own limit included
 settings.load_profile("goshawk")
 pytest_plugins = ["tests.quick"]
@@ -75,6 +77,14 @@ def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callab
         return folder
 
     return get
+
+
+@pytest.fixture
+def documented(request: pytest.FixtureRequest) -> list[blocks.Block]:
+    """The blocks of README and docs that say `run by:` this test, to be run as they stand there."""
+    found = blocks.run_by(request.node.nodeid.partition("[")[0])
+    assert found, "no page names this test"
+    return found
 
 
 @pytest.fixture(scope="session")

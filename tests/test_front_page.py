@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.docs.blocks import Block
 from tests.goshawk.test_grammar import VERBS, commands_in
 from tests.waiting import PATIENCE_S
 from tools import pictures, reference, two_styles
@@ -28,8 +29,8 @@ def block(language: str) -> str:
     return section.split(f"```{language}\n")[1].split("```")[0]
 
 
-def test_the_readmes_ten_lines_run_and_print_what_it_shows(tmp_path: Path):
-    program = block("python")
+def test_the_readmes_ten_lines_run_and_print_what_it_shows(documented: list[Block], tmp_path: Path):
+    program = documented[0].text
     assert len([line for line in program.splitlines() if line and not line.startswith(("import", "from"))]) <= 10
     (tmp_path / "ten_lines.py").write_text(program)
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}

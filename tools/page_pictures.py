@@ -1,28 +1,81 @@
-"""The page as it looks in a browser, light and dark: for tools/pictures.py."""
+"""The page as it looks in a browser, light and dark: for tools/pictures.py.
+
+A copy of the demo's project is served and driven as a person would; nothing of it stays.
+"""
 
 import io
 import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from PIL import Image
 
 from flight import InputError
 
-NAMES = ("ground_station",)
-SIZE = {"width": 1440, "height": 900}
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+WIDTH, HEIGHT = 1440, 900
 FLAGS = ("--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 """3D without a graphics card."""
-PATIENCE_MS = 300_000
+PATIENCE_MS, DRAWN_MS = 900_000, 20_000
+"""For a comparison; for the mesh, which comes in pieces, and nothing on the page says when it is whole."""
+HELD_OUT = "walk"
+"""The demo's flight that judges."""
 _ADDRESS = re.compile(r"https?://\S+/\?token=\S+")
 
 
+def step(page: "Page", name: str) -> None:
+    page.get_by_role("navigation", name="Steps").get_by_role("button", name=re.compile(name)).click()
+
+
+def the_plan(page: "Page") -> None:
+    """The step Plan, as it opens."""
+    page.get_by_text("Checked", exact=True).wait_for()
+    page.wait_for_load_state("networkidle")
+    page.wait_for_timeout(DRAWN_MS)
+
+
+def the_map(page: "Page") -> None:
+    """The step Map with a no-fly box that is drawn, not yet applied."""
+    the_plan(page)
+    step(page, "Map")
+    page.get_by_role("toolbar", name="Map").get_by_role("button", name="Box").click()
+    form = page.get_by_role("form", name="New edit of the map")
+    form.get_by_label("Name").fill("workbench")
+    form.get_by_label("Size, m x").fill("1.2")
+    form.get_by_label("Size, m x").press("Enter")
+    form.get_by_text("no longer free").wait_for()
+    page.wait_for_timeout(DRAWN_MS)
+
+
+def compare(page: "Page") -> None:
+    """Where the model fails, and the moments of it on the timeline."""
+    the_plan(page)
+    step(page, "Compare")
+    page.get_by_label(f"What {HELD_OUT} is for").select_option("held-out")
+    page.get_by_role("button", name="Compare with the model").click()
+    page.get_by_role("heading", name=re.compile("^Residual")).wait_for()
+    page.get_by_role("img", name=re.compile(r"^Residual . in|^Residual ._. in")).click(position={"x": 250, "y": 80})
+    page.get_by_text("of the open flights, shaded").wait_for()
+
+
+SCENES: dict[str, Callable[["Page"], None]] = {
+    "ground_station": the_plan,
+    "ground_station_map": the_map,
+    "ground_station_compare": compare,
+}
+NAMES = tuple(SCENES)
+
+
 def shots(demo: Path, name: str) -> Iterator[tuple[str, Image.Image]]:
-    """Name and image of the step Plan in both styles.
+    """Name and image of a scene in both styles.
 
     Raises:
         InputError: there is no Chromium.
@@ -32,25 +85,28 @@ def shots(demo: Path, name: str) -> Iterator[tuple[str, Image.Image]]:
     chromium = shutil.which("chromium")
     if chromium is None:
         raise InputError("pictures of the page need Chromium: apt-get install chromium")
-    with sync_playwright() as playwright:
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        project = shutil.copytree(demo, Path(folder) / "room")
         browser = playwright.chromium.launch(executable_path=chromium, args=list(FLAGS), timeout=PATIENCE_MS)
-        for style in ("light", "dark"):
-            with served(demo) as address:
-                page = browser.new_page(viewport=SIZE, color_scheme=style, reduced_motion="reduce")
-                page.set_default_timeout(PATIENCE_MS)
-                page.goto(address)
-                page.get_by_text("Checked", exact=True).wait_for()
-                page.wait_for_load_state("networkidle")
-                page.wait_for_timeout(20_000)  # the mesh comes in pieces, and nothing on the page says when it is whole
+        with served(project) as address:
+            page = browser.new_page(
+                viewport={"width": WIDTH, "height": HEIGHT}, color_scheme="light", reduced_motion="reduce"
+            )
+            page.set_default_timeout(PATIENCE_MS)
+            page.goto(address)
+            SCENES[name](page)
+            for style in ("light", "dark"):
+                page.emulate_media(color_scheme=style)
+                page.mouse.move(5.0, 5.0)  # nothing is pointed at
+                page.wait_for_timeout(DRAWN_MS // 4)
                 yield f"{name}_{style}", Image.open(io.BytesIO(page.screenshot()))
-                page.close()
         browser.close()
 
 
 @contextmanager
-def served(demo: Path) -> Iterator[str]:
-    """The address of a ground station with the demo's project."""
-    command = [sys.executable, "-u", "-m", "goshawk", "gcs", str(demo), "--port", "0"]
+def served(project: Path) -> Iterator[str]:
+    """The address of a ground station with a project."""
+    command = [sys.executable, "-u", "-m", "goshawk", "gcs", str(project), "--port", "0"]
     station = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert station.stdout is not None
     try:
@@ -58,7 +114,7 @@ def served(demo: Path) -> Iterator[str]:
             if address := _ADDRESS.search(line):
                 yield address[0]
                 return
-        raise InputError(f"goshawk gcs {demo} ended without an address; run it by hand to see why")
+        raise InputError(f"goshawk gcs {project} ended without an address; run it by hand to see why")
     finally:
         station.terminate()
         station.wait()

@@ -183,10 +183,8 @@ def rebuild(name: str, demo: Path) -> None:
 
 BY_HAND = {
     "mesh_textured": "a wall of a map before and after `goshawk map texture`, in a viewer of meshes",
-    "ground_station_map": "the step Map with a box drawn, not yet applied",
     "ground_station_mission": "a mission with laps, a landing and a point to look at",
-    "ground_station_compare": "`moments.png` of tests/gcs_web/learning/test_learning_story.py",
-    "ground_station_learn": "`tried.png` of the same",
+    "ground_station_learn": "`tried.png` of tests/gcs_web/learning/test_learning_story.py",
 }
 """What is not rebuilt here, and what it shows."""
 NAMES = (*STYLED, *EXAMPLES, *page_pictures.NAMES, *SCRIPTS)

@@ -2,24 +2,21 @@
 
 `<!-- run -->` runs the block in the page's folder, after the blocks above it; `<!-- run: room, flights -->` first puts
 the named files there (`tests/docs/inputs.py`). `<!-- run each: room -->` runs every line in a fresh copy of the folder:
-they are alternatives. `<!-- run by: tests/a_test.py -->` names the test that runs it. `<!-- not run: why -->` has one
-of the reasons of `REASONS`.
+they are alternatives. `<!-- run by: tests/test_a.py::test_b -->` names a test that takes the block from the page, by
+the fixture `documented`, and runs it. `<!-- not run: why -->` has one of the reasons of `REASONS`.
 """
 
+import ast
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
-COMMANDS = ("goshawk", "python", ".venv/bin/python", "make", "pip", "uv", "dask", "cmake", "git")
+COMMANDS = ("goshawk", "python", "python3", ".venv/bin/python", "make", "pip", "uv", "dask", "cmake", "git")
 """A block that begins with one of these is a block of commands."""
-REASONS = (
-    "another machine",
-    "data of others",
-    "installs",
-    "a tool of the repository",
-)
-"""Why a block may be left out: it needs other computers or a vehicle, data that are not ours to copy, or changes the
-machine; a tool of the repository runs in tests of its own."""
+ROOT = Path(__file__).parents[2]
+REASONS = ("data of others", "installs", "a tool of the repository")
+"""Why a block may be left out: it needs data that are not ours to copy, or changes the machine; a tool of the
+repository runs in tests of its own."""
 FENCE = re.compile(
     r"^(?P<margin> *)(?:<!-- (?P<how>(?:not )?run[^>]*?) -->\n+ *)?```(?P<language>\w*)\n(?P<body>.*?)^ *```$",
     re.M | re.S,
@@ -46,6 +43,10 @@ class Block:
             lines = [line.removeprefix("$ ") for line in lines if line.startswith("$ ")]
         return [line.split("  #")[0].strip() for line in lines if line.strip() and not line.startswith("#")]
 
+    def remark(self, command: str) -> str:
+        """What stands behind a command."""
+        return next((line.partition("  #")[2] for line in self.text.splitlines() if line.startswith(command)), "")
+
 
 def read(page: Path) -> list[Block]:
     """The blocks of commands and of Python, in order."""
@@ -64,3 +65,23 @@ def read(page: Path) -> list[Block]:
 def is_command(block: Block) -> bool:
     first = block.text.removeprefix("$ ").split(maxsplit=1)[:1]
     return block.language in ("", "text", "sh", "bash", "console") and first[0:1] != [] and first[0] in COMMANDS
+
+
+def pages() -> list[Path]:
+    """README, CONTRIBUTING and the docs; studies tell what was done, on data of others."""
+    docs = sorted(page for page in (ROOT / "docs").rglob("*.md") if not {"_build", "studies"} & set(page.parts))
+    return [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *docs]
+
+
+def run_by(test: str) -> list[Block]:
+    """The blocks that name this test (`tests/test_a.py::test_b`), page by page."""
+    return [block for page in pages() for block in read(page) if block.how == "run by" and test in block.named]
+
+
+def takes_its_blocks(test: str) -> bool:
+    """Whether `tests/test_a.py::test_b` is a test function that asks for the fixture `documented`."""
+    file, _, name = test.partition("::")
+    if not name or not (ROOT / file).is_file():
+        return False
+    functions = [node for node in ast.parse((ROOT / file).read_text()).body if isinstance(node, ast.FunctionDef)]
+    return any(f.name == name and "documented" in [argument.arg for argument in f.args.args] for f in functions)

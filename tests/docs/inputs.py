@@ -12,6 +12,7 @@ import vehicle
 from esdf import solids
 from flight import Waypoints, file_format, flight_log, project
 from mapping import map_folder
+from tests.docs.inputs_of_others import InputsOfOthers
 from tests.goshawk.running import run
 from tests.journeys import inputs as journeys
 
@@ -20,7 +21,7 @@ SURVEYED = "map_x_m,map_y_m,map_z_m,x_m,y_m,z_m"
 ROOT = Path(__file__).parents[2]
 
 
-class Inputs:
+class Inputs(InputsOfOthers):
     """`put(name, folder)` puts what is called so into the folder; what takes long is made once for all tests."""
 
     def __init__(self, made_once: MadeOnce, pillar_map: Path) -> None:

@@ -1,4 +1,4 @@
-"""Every block of commands and of Python in README and docs runs from an empty folder, or says which test runs it."""
+"""Every block of commands and of Python in README and docs runs from an empty folder, or in the test that it names."""
 
 from pathlib import Path
 
@@ -8,12 +8,12 @@ from tests.docs import blocks
 from tests.docs.inputs import Inputs
 from tests.docs.reader import Reader
 
-ROOT = Path(__file__).parents[2]
-DOCS = sorted(page for page in (ROOT / "docs").rglob("*.md") if not {"_build", "studies"} & set(page.parts))
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS]
+ROOT, PAGES = blocks.ROOT, blocks.pages()
 RUN = [page for page in PAGES if any(block.how in ("run", "run each") for block in blocks.read(page))]
 FLYING, SITL = "flying", "goshawk sitl --vehicle vehicle.toml --at 0.8,0.8,0"
 """A vehicle that listens before the block."""
+ALONE = "alone"
+"""Nothing of the blocks above runs or is remembered any more."""
 
 
 def name(page: Path) -> str:
@@ -26,12 +26,14 @@ def test_every_block_runs_or_says_why_not(page: Path):
         where = f"{name(page)}, line {block.line}"
         if block.how == "run by":
             for test in block.named:
-                assert (ROOT / test).is_file(), where
+                assert blocks.takes_its_blocks(test), f"{where}: {test} is no test that takes its blocks from the page"
         elif block.how == "not run":
             assert set(block.named) <= set(blocks.REASONS), where
         else:
             assert block.how in ("run", "run each"), f"{where}: say how it is run, see tests/docs/blocks.py"
-            assert all(hasattr(Inputs, needed.replace("-", "_")) for needed in set(block.named) - {FLYING}), where
+            assert all(hasattr(Inputs, needed.replace("-", "_")) for needed in set(block.named) - {FLYING, ALONE}), (
+                where
+            )
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
@@ -49,11 +51,26 @@ def test_the_blocks_of_a_page_run_one_after_the_other(page: Path, tmp_path: Path
         for block in blocks.read(page):
             if block.how in ("run", "run each"):
                 for needed in block.named:
-                    if needed == FLYING:
+                    if needed in (FLYING, ALONE):
                         reader.stop()  # one that landed elsewhere
+                    if needed == FLYING:
                         reader.start(SITL)
-                    else:
+                    elif needed != ALONE:
                         inputs.put(needed, reader.folder)
                 (reader.type if block.how == "run" else reader.type_each)(block)
     finally:
         reader.stop()
+
+
+@pytest.mark.parametrize(
+    ("test", "taken"),
+    [
+        ("tests/test_front_page.py::test_the_readmes_ten_lines_run_and_print_what_it_shows", True),
+        ("tests/test_front_page.py::test_of_another_name", False),
+        ("tests/test_front_page.py::test_coined_words_do_not_come_back", False),  # takes no block
+        ("tests/test_front_page.py", False),
+        ("tests/test_nothing.py::test_nothing", False),
+    ],
+)
+def test_a_block_may_only_name_a_test_that_takes_it_from_the_page(test: str, taken: bool):
+    assert blocks.takes_its_blocks(test) == taken

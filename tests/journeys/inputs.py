@@ -80,18 +80,22 @@ def dragged() -> vehicle.Vehicle:
 @cache
 def lap() -> FlightLog:
     """Doublets and weaves of that vehicle, 24 s at 100 Hz."""
+    return _measured(lap_path(), seed=1)
+
+
+def lap_path() -> Trajectory:
+    """The path of it."""
 
     def back_and_forth(duration_s: float, size: float, repeats: int = 1) -> list[tuple[float, float]]:
         return [(duration_s, size), (duration_s, -size)] * repeats
 
     short, still = back_and_forth(0.8, 0.42, 3), [(4.8, 0.0)]
-    flown = manoeuvres.from_legs(
+    return manoeuvres.from_legs(
         x=[*short, *still, *back_and_forth(2.5, 8.0, 2), *back_and_forth(2.0, 4.0)],
         y=[*still, *short, *back_and_forth(2.0, 4.0), *back_and_forth(2.5, 8.0, 2)],
         z=[*still, *still, *back_and_forth(1.25, 1.0, 5)],
         yaw=back_and_forth(1.4, 0.8, 8),
     )
-    return _measured(flown, seed=1)
 
 
 @cache

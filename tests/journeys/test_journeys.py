@@ -130,7 +130,7 @@ def test_a_real_csv_whose_gyro_clock_is_unsure_is_put_in_order_and_not_shifted(t
     with gzip.open(REAL.with_name("random1_20251017_run1.csv.gz"), "rt") as file:
         (tmp_path / "flight.csv").write_text(file.read())
     said = walk("real_csv", tmp_path)
-    clock = re.search(r"compared plainly it is ([\d.]+) ± ([\d.]+) ms early", said)
+    clock = re.search(r"Compared plainly it is ([\d.]+) ± ([\d.]+) ms early", said)
     assert clock is not None
     early_ms, std_ms = map(float, clock.groups())
     # The same data: processors only round differently, far below the standard error.

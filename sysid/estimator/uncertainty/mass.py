@@ -84,18 +84,18 @@ def what_is_known(given: Vehicle, fitted: Mapping[str, tuple[float, float]]) -> 
         fitted: as in `common_factor`.
     """
     said = (
-        f"the mass was given as {given.mass_kg:g} kg and not estimated: only ratios to it are identifiable, so thrust, "
-        "drag and inertia are as right as the mass is; "
+        f"the mass was given as {given.mass_kg:g} kg and not estimated: only ratios to it are identifiable. "
+        "Thrust, drag and inertia are as right as the mass is. "
     )
     common = common_factor(given, fitted)
     if common is None:
         return said + (
-            f"whether it is right does not show: that takes {LEAST_WITNESSES} estimates, a thrust and an inertia among "
+            f"Whether it is right does not show: that takes {LEAST_WITNESSES} estimates, a thrust and an inertia among "
             "them, whose errors the vehicle file states"
         )
     agrees_kg, off = given.mass_kg / common.value, np.exp(SIGMAS * common.sigma / common.value)
     return said + (
-        f"with the vehicle file's other numbers and their errors masses of {agrees_kg / off:.3g} to "
+        f"With the vehicle file's other numbers and their errors masses of {agrees_kg / off:.3g} to "
         f"{agrees_kg * off:.3g} kg agree ({SIGMAS:g} standard errors)"
     )
 

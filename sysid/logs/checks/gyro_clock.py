@@ -59,7 +59,7 @@ def _inconclusive(offset: Offset, plain: Offset) -> str:
     known = f"known to ±{1e3 * SIGMAS * offset.sigma_s:.1f} ms only" if np.isfinite(offset.sigma_s) else "not known"
     said = f"the gyro's clock, against the attitude, is {known}: this flight turns too little for the gyro's noise"
     if np.isfinite(plain.sigma_s):
-        said += f"; compared plainly it is {plain.words}, {_worth(plain)}, and nothing is shifted"
+        said += f". Compared plainly it is {plain.words}, {_worth(plain)}. Nothing is shifted"
     return f"{said}; fly doublets or fast turns to tell (a fit estimates this clock in any case)"
 
 

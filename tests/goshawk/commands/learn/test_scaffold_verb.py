@@ -11,6 +11,7 @@ from flight import flight_log
 from goshawk.commands.learn import kept
 from goshawk.terminal.screen import Screen
 from tests.goshawk.running import run, typed
+from tests.journeys import inputs as journeys
 from vehicle import flights, manoeuvres
 
 AT = np.linspace(-2.0, 2.0, 80)
@@ -70,6 +71,26 @@ def test_the_diagnosis_that_was_kept_with_the_flights_is_read(folder):
     kept.keep("diagnosis", flight, "0" * 64, found)
     run(*words)
     assert "EFFECT = Effect(" in (folder / "climb.py").read_text()
+
+
+@pytest.mark.slow
+def test_the_documented_lines_make_an_effect_of_a_kept_curve_and_add_it(folder, documented):
+    """The first line's result is put in its place: what a diagnosis finds is tested elsewhere."""
+    diagnose, scaffold, add = documented[0].commands
+    for seed, name in enumerate(("a", "b")):
+        rng = np.random.default_rng(seed)
+        flown = flights.fly_trajectory(vehicle.example(), journeys.lap_path(), rng=rng)
+        flight_log.save(folder / f"{name}.parquet", flights.measure(flown, rng=rng))
+    flight = folder / typed(diagnose)[1]
+    kept.keep(
+        "diagnosis",
+        flight,
+        "0" * 64,
+        kept.Kept({"outside": CURVE}, Screen(), None, kept.about([flight], folder / "vehicle.toml")),
+    )
+    run(*typed(scaffold))
+    run(*typed(add))
+    assert "climb_twist" in vehicle.load(folder / "vehicle.toml").effects
 
 
 def test_a_diagnosis_of_the_first_version_is_read(folder):

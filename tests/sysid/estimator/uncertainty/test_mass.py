@@ -114,4 +114,4 @@ def test_without_stated_errors_or_an_inertia_nothing_is_known_of_the_mass(truth)
     assert mass.common_factor(given, {name: found[name] for name in THROUGH_AIR}) is None
     unstated = replace(given, parameters={n: replace(p, std=0.0) for n, p in given.parameters.items()})
     assert mass.common_factor(unstated, found) is None
-    assert "whether it is right does not show" in mass.what_is_known(unstated, found)
+    assert "Whether it is right does not show" in mass.what_is_known(unstated, found)

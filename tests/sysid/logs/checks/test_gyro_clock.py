@@ -136,7 +136,7 @@ def test_what_is_inconclusive_is_told_with_the_plain_comparison_and_what_that_is
     for late_ms, worth in ((-5.0, "can only hide"), (5.0, "may be the cause")):
         named, (said,) = gyro_clock.findings(*_offsets(_late(noisy[1], 1e-3 * late_ms)))
         assert not named
-        assert "compared plainly it is" in said
+        assert "Compared plainly it is" in said
         assert worth in said
 
 
