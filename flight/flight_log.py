@@ -258,7 +258,8 @@ def head(path: Path) -> tuple[tuple[str, ...], Mapping[str, Any]]:
 
 
 def _unreadable(path: Path, error: Exception) -> FormatError:
-    return FormatError(f"{path} is not a readable Parquet file ({error}); it may have been cut off")
+    said = " ".join(str(error).split())
+    return FormatError(f"{path} is not a readable Parquet file ({said}); it may have been cut off")
 
 
 def _header(schema_metadata: dict[bytes, bytes] | None) -> dict[str, Any]:

@@ -63,14 +63,16 @@ def read(path: Path) -> FlightLog:
         streams, events = clock.examined(_streams(topics), not_motion=_COUNTED)
     except FlightError as error:
         raise type(error)(f"{path}: {error}") from None
+    except KeyError as error:
+        raise FormatError(f"{path}: one of its topics lacks the field {error}; copy the file again") from None
     events += tuple(_resets(streams))
     columns = _pose(streams.pop(POSITION), streams.pop(ATTITUDE))
     speeds = streams.pop("esc_status", {})
     for stream in streams.values():
         columns |= interpolated(columns["time_s"], stream)
-    columns = joined(columns, speeds)
     if not len(columns["time_s"]):
         raise InputError(f"{path}: no position falls within the time of the attitude; record both for 10 s or more")
+    columns = joined(columns, speeds)
     begin_s = columns["time_s"][0]
     columns["time_s"] = columns["time_s"] - begin_s
     lost = _lost(path.read_bytes(), 1e-6 * ulog.last_timestamp - begin_s, damaged=ulog.file_corruption)
