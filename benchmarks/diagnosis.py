@@ -21,6 +21,8 @@ import numpy as np
 import report
 from diagnosis_run import effect_of, score
 
+from sysid.diagnosis.families import family_of
+
 MOST_JOBS = 2
 ABOVE = 2.0
 """Singles and pairs count when their size is this many times the smallest detectable one."""
@@ -39,6 +41,13 @@ def right(result: Result) -> list[str]:
 def names(result: Result) -> list[str]:
     """Effects added, in order, without those that are present in every campaign."""
     return [effect_of(n) for n in result["diagnosis"]["additions"] if effect_of(n) != "imu_errors"]
+
+
+def family_is_right(result: Result) -> bool:
+    """Whether something is named, and every name is of a family that is hidden, or as good as one."""
+    diagnosed = result["diagnosis"]
+    said = {family_of(name) for name in (*names(result), *map(effect_of, diagnosed.get("undecided") or ()))}
+    return bool(said) and said <= {family_of(name) for name in right(result)}
 
 
 def visible(result: Result) -> bool:
@@ -90,11 +99,18 @@ def rows(results: list[Result]) -> list[report.Row]:
         *_conditions(kind["single"] + kind["pair"]),
         *_nothing_and_outside(kind["none"], kind["outside"]),
         _share("law of another form: nearest name or curve, no other", map(sentence_is_right, kind["form"]), 0.85),
+        _share("effects or forms hidden: family named, no other", map(family_is_right, _hiding(kind)), 0.9),
         *_names(results, kind["foreign"]),
         *_sizes(results),
         *_belief(results),
         *_time(results),
     ]
+
+
+def _hiding(kind: dict[str, list[Result]]) -> list[Result]:
+    """Campaigns whose hidden physics has a name in the catalogue, and shows."""
+    known = [r for r in kind["single"] + kind["pair"] if visible(r)]
+    return known + [r for r in kind["form"] if r["truth"]["near"]]
 
 
 def _share(name: str, flags: Iterable[bool], bar: float, *, most: bool = False, peers: Any = None) -> report.Row:

@@ -82,6 +82,7 @@ def stated(found: Any) -> dict[str, Any]:
         "proxies": list(found.proxies),
         "undecided": list(found.undecided),
         "doubts": list(found.doubts),
+        "families": [one.as_dict() for one in found.families],
         "attempts": [[a.name, a.outcome, a.sentence] for a in found.attempts],
         "confidence": float(found.confidence),
         "probabilities": found.belief.as_dict(),

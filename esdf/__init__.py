@@ -1,6 +1,6 @@
 """The distance field: how far every point of a map is from the nearest surface; NaN where the map is unknown."""
 
-from esdf import solids
+from esdf import observe, regrid, solids
 from esdf.block_field import BlockField, build_blocks, edit_blocks, open_blocks, update_blocks
 from esdf.blocks import ArraySource, SolidSource
 from esdf.build import build
@@ -32,10 +32,12 @@ __all__ = [
     "edit_blocks",
     "load",
     "load_edits",
+    "observe",
     "open_blocks",
     "open_editor",
     "profile",
     "rasterize",
+    "regrid",
     "save",
     "save_edits",
     "solids",

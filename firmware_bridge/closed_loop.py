@@ -16,6 +16,11 @@ TICK_US = 2500
 _LOG_EVERY = 2  # ticks: 200 Hz, as on the vehicle
 _FREE_AIR_M = 10.0
 """Clearance: there is nothing to hit here, and a path that is slowed for its tracking error is not comparable."""
+_OBSERVER = (
+    "disturbance_force_world_n", "disturbance_torque_body_n_m", "disturbance_torque_std_n_m", "disturbance_force_std_n",
+    "observer_state",
+)  # fmt: skip
+_SCALARS = ("mission_state", "battery_v", "disturbance_force_std_n", "observer_state")
 _STEP_S = 20.0  # more than any take-off or approach takes
 
 
@@ -38,17 +43,20 @@ def fly(
     *,
     sensors: Sensors | None = None,
     seed: int = 0,
+    imu: bool = False,
 ) -> Flown:
     """Take off below the start of a trajectory, fly it, and hover.
 
     Args:
         plant: at rest on the ground, below the start of the trajectory.
+        imu: give the controller the accelerometer and the rotor speeds, as the SITL vehicle does. Its disturbance
+            observer then runs, and the log holds what it finds.
 
     Raises:
         RefusedError: the controller refuses its parameters or the trajectory.
         LinkError: the flight ended in another way than at the end of the trajectory.
     """
-    loop = _Loop(plant, Controller(configuration), sensors or Sensors(), np.random.default_rng(seed))
+    loop = _Loop(plant, Controller(configuration), sensors or Sensors(), np.random.default_rng(seed), imu)
     loop.tick()
     loop.controller.command(Command.ARM)
     start_m = float(trajectory.position([0.0])[0, 2] - plant.position_world_m[2])
@@ -68,8 +76,10 @@ def fly(
 class _Loop:
     """Sense, control, move; and what is kept of it."""
 
-    def __init__(self, plant: PlantLike, controller: Controller, sensors: Sensors, rng: np.random.Generator) -> None:
-        self.plant, self.controller, self.sensors, self.rng = plant, controller, sensors, rng
+    def __init__(
+        self, plant: PlantLike, controller: Controller, sensors: Sensors, rng: np.random.Generator, imu: bool
+    ) -> None:
+        self.plant, self.controller, self.sensors, self.rng, self.imu = plant, controller, sensors, rng, imu
         self.recording = False
         self._time_us = 0
         self._past: list[tuple[int, FloatArray]] = []
@@ -86,13 +96,25 @@ class _Loop:
         pose_us, seen = self._past[0]
         estimate = self.sensors.estimate(np.concatenate([seen[:10], truth[10:]]), self.rng)
         command = self.controller.tick(
-            self._time_us, estimate, position_time_us=pose_us, attitude_time_us=pose_us, battery_v=p.battery_v
+            self._time_us,
+            estimate,
+            position_time_us=pose_us,
+            attitude_time_us=pose_us,
+            battery_v=p.battery_v,
+            specific_force_body_m_s2=self._specific_force() if self.imu else None,
+            rotor_speed_rad_s=self._rotor_speed() if self.imu else None,
         )
         state = self.controller.state
         if self.recording:
             self._keep(truth, command, state)
         p.step(command, TICK_US * 1e-6)
         return state
+
+    def _specific_force(self) -> FloatArray:
+        return self.plant.specific_force_body_m_s2 + self.rng.normal(0.0, self.sensors.specific_force_std_m_s2, 3)
+
+    def _rotor_speed(self) -> FloatArray:
+        return self.plant.rotor_speed_rad_s + self.rng.normal(0.0, self.sensors.rotor_speed_std_rad_s, 4)
 
     def _keep(self, truth: FloatArray, command: FloatArray, state: State) -> None:
         telemetry = self.controller.telemetry
@@ -101,8 +123,7 @@ class _Loop:
             self._errors.append(truth[:3] - wanted)
         if (self._time_us // TICK_US) % _LOG_EVERY:
             return
-        s, rng = self.sensors, self.rng
-        seen = s.estimate(truth, rng)
+        seen = self.sensors.estimate(truth, self.rng)
         self._kept.append(
             {
                 "time_s": np.array(self._time_us * 1e-6),
@@ -110,13 +131,13 @@ class _Loop:
                 "velocity_world_m_s": seen[3:6],
                 "q_world_body": seen[6:10],
                 "rate_body_rad_s": seen[10:],
-                "rotor_speed_rad_s": self.plant.rotor_speed_rad_s + rng.normal(0.0, s.rotor_speed_std_rad_s, 4),
-                "specific_force_body_m_s2": self.plant.specific_force_body_m_s2
-                + rng.normal(0.0, s.specific_force_std_m_s2, 3),
+                "rotor_speed_rad_s": self._rotor_speed(),
+                "specific_force_body_m_s2": self._specific_force(),
                 "rotor_speed_command_rad_s": command,
                 "setpoint_position_world_m": np.asarray(wanted, dtype=np.float64),
                 "mission_state": np.array(float(state)),
                 "battery_v": np.array(float(self.plant.battery_v)),
+                **({name: np.asarray(telemetry[name], dtype=np.float64) for name in _OBSERVER} if self.imu else {}),
             }
         )
 
@@ -133,7 +154,7 @@ class _Loop:
     def flown(self) -> Flown:
         columns = {name: np.array([row[name] for row in self._kept]) for name in self._kept[0]}
         time_s = columns.pop("time_s")
-        scalars = {name: columns.pop(name) for name in ("mission_state", "battery_v")}
+        scalars = {name: columns.pop(name) for name in _SCALARS if name in columns}
         error = np.array(self._errors)
         log = from_vectors(time_s, columns, scalars=scalars, metadata={"source": "closed loop"})
         return Flown(log, np.linalg.norm(error, axis=1), error)

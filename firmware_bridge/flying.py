@@ -1,11 +1,12 @@
 """One flight from the ground: arm, take off, fly the active trajectory, land, fetch the log."""
 
+import contextlib
 import queue
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-from firmware_bridge import transfer, wire
+from firmware_bridge import arming, parameters, transfer, wire
 from firmware_bridge.dialect.generated.messages import (
     Command,
     LinkReason,
@@ -20,17 +21,20 @@ from firmware_bridge.port import Port
 from firmware_bridge.telemetry_log import flight_log, lost_ratio
 from firmware_bridge.transfer import Cancel, CancelledError
 from firmware_bridge.words import reason_text
-from flight import FlightLog, LinkError, Progress, TrajectoryFile, silent
+from flight import FlightLog, FloatArray, LinkError, Progress, TrajectoryFile, silent
 
 _STEP_S = 60.0
 """Vehicle time that arming, climbing, approaching or landing may take."""
-_LOWEST_TAKE_OFF_M = 0.3
+_DOWN_S = 90.0
+"""How long a flight that ended early is waited for, until its rotors stand; a lost link may come back within it."""
 _END_S = 0.5
 """The last telemetry on the path may be lost: this close to its end counts as the end."""
 _RESTART_S = 5.0
 """A clock that steps back by more than this has been started anew; by less, a message was overtaken by a later one."""
 _ON_PATH = (MissionState.APPROACH, MissionState.TRAJECTORY, MissionState.PAUSING, MissionState.PAUSED)
 _GROUND = (MissionState.DISARMED, MissionState.ARMED)
+_ROTORS_STAND = (MissionState.DISARMED, MissionState.FAULT)
+KeepLog = Callable[[FlightLog], None]
 
 
 class Pilot(Protocol):
@@ -91,9 +95,24 @@ class _Watch:
             self.listen()
 
     def first(self) -> None:
-        """Wait for the first message."""
-        while not self.time_s:
+        """Wait for the first message of the vehicle's state."""
+        while not self.states:
             self.listen()
+
+    def state(self) -> State:
+        """The newest one."""
+        return self.states[-1]
+
+    @property
+    def left_the_ground(self) -> bool:
+        return any(state.mission_state not in _GROUND for state in self.states)
+
+    def until_rotors_stand(self) -> None:
+        """Wait, also for a link that comes back, until the rotors stand or `_DOWN_S` of our time have passed."""
+        end_s = time.monotonic() + _DOWN_S
+        while self.mission not in _ROTORS_STAND and time.monotonic() < end_s:
+            with contextlib.suppress(LinkError):
+                self.listen()
 
     def words(self) -> str:
         return self.mission.name.lower().replace("_", " ")
@@ -106,7 +125,14 @@ class _Watch:
 
 
 def fly(
-    pilot: Pilot, port: Port, file: TrajectoryFile | None, *, rate_hz: float, progress: Progress, cancel: Cancel
+    pilot: Pilot,
+    port: Port,
+    file: TrajectoryFile | None,
+    *,
+    rate_hz: float,
+    progress: Progress,
+    cancel: Cancel,
+    ended_early: KeepLog | None,
 ) -> FlightLog:
     """See `Link.fly`."""
     plan = transfer.read_back(port, progress=silent, cancel=cancel)
@@ -115,45 +141,66 @@ def fly(
     if file is not None and plan.crc32 != wire.plan_from_file(file, on_link_loss=plan.on_link_loss).crc32:
         raise LinkError(f"the vehicle holds {plan.name} (crc {plan.crc32:08x}), not {file.name}; upload it first")
     pilot.command(Command.STATE_RATE, rate_hz)
-    has_log = pilot.try_command(Command.LOG_START) != LinkReason.NO_LOG_MEMORY
+    metadata = {
+        "source": "telemetry",
+        "trajectory": plan.name,
+        "trajectory_crc32": f"{plan.crc32:08x}",
+        "map_hash": plan.map_hash.hex(),
+        "vehicle_hash": plan.vehicle_hash.hex(),
+    }
     with port.inbox(State, MissionStatus) as inbox:
         watch = _Watch(port, inbox, cancel)
+        start_world_m = plan.trajectory().position([0.0])[0]
+        watch.first()
+        if watch.mission in _GROUND:
+            arming.required(arming.checks(watch.state(), parameters.read(port), start_world_m))
+        has_log = pilot.try_command(Command.LOG_START) != LinkReason.NO_LOG_MEMORY  # empties the last flight's
         try:
-            _mission(pilot, watch, plan, progress)
-        except CancelledError:
-            raise CancelledError(f"flight cancelled; {_land(pilot)}") from None
+            _mission(pilot, watch, plan, start_world_m, progress)
         except KeyboardInterrupt:
             _land(pilot)
             raise
-        metadata = {
-            "source": "telemetry",
-            "trajectory": plan.name,
-            "trajectory_crc32": f"{plan.crc32:08x}",
-            "map_hash": plan.map_hash.hex(),
-            "vehicle_hash": plan.vehicle_hash.hex(),
-            "telemetry_lost_ratio": round(lost_ratio(watch.states), 6),
-        }
-        if not has_log:
-            return flight_log(watch.states, metadata)
+        except LinkError as error:
+            if isinstance(error, CancelledError):
+                error = CancelledError(f"flight cancelled; {_land(pilot)}")
+            if ended_early is not None and watch.left_the_ground:
+                _keep(pilot, watch, metadata | {"ended_early": str(error)}, has_log, ended_early)
+            raise error from None
+        return _recorded(pilot, watch, metadata, has_log, progress)
+
+
+def _recorded(pilot: Pilot, watch: _Watch, metadata: dict[str, Any], has_log: bool, progress: Progress) -> FlightLog:
+    """The on-board log; of a vehicle without log memory the telemetry."""
+    if not has_log:
+        return flight_log(watch.states, metadata | {"telemetry_lost_ratio": round(lost_ratio(watch.states), 6)})
     pilot.command(Command.LOG_STOP)
-    log = download_log(port, progress=progress, cancel=cancel)
+    log = download_log(watch.port, progress=progress, cancel=watch.cancel)
     return FlightLog(log.columns, metadata | dict(log.metadata))
 
 
-def _mission(pilot: Pilot, watch: _Watch, plan: wire.WirePlan, progress: Progress) -> None:
+def _keep(pilot: Pilot, watch: _Watch, metadata: dict[str, Any], has_log: bool, keep: KeepLog) -> None:
+    """Wait until the rotors stand, then hand over the log; where the vehicle does not give it, what was heard of it."""
+    watch.cancel = _never
+    theirs = bool(watch.port.control_lost)  # the log of what another station flies on is not ours to stop
+    if not theirs:
+        watch.until_rotors_stand()
+    try:
+        log = _recorded(pilot, watch, metadata, has_log and not theirs, silent)
+    except LinkError:
+        log = _recorded(pilot, watch, metadata, False, silent)
+    keep(log)
+
+
+def _mission(pilot: Pilot, watch: _Watch, plan: wire.WirePlan, start_world_m: FloatArray, progress: Progress) -> None:
     """The flight itself, one step per line."""
     S = MissionState
-    start_world_m = plan.trajectory().position([0.0])[0]
     duration_s = float(plan.durations_us.sum()) * 1e-6
-    watch.first()
     if watch.mission is S.DISARMED:
         pilot.command(Command.ARM)
         watch.until([S.ARMED], [S.DISARMED], _STEP_S, "arming")
     if watch.mission is S.ARMED:
         progress("take-off", 0.0)
-        state = watch.port.latest.get(State)
-        height_m = float(start_world_m[2] - (state.position_world_m[2] if isinstance(state, State) else 0.0))
-        pilot.command(Command.TAKE_OFF, max(height_m, _LOWEST_TAKE_OFF_M))
+        pilot.command(Command.TAKE_OFF, arming.take_off_height_m(watch.state(), start_world_m))
         watch.until([S.HOLD], [S.ARMED, S.TAKE_OFF], _STEP_S, "take-off")
     pilot.command(Command.START, plan=plan)
     along_s = _follow(watch, duration_s, progress)
@@ -176,6 +223,10 @@ def _follow(watch: _Watch, duration_s: float, progress: Progress) -> float:
         furthest_s = max(furthest_s, along_s)
         progress("flight", min(furthest_s / duration_s, 1.0))
     return furthest_s
+
+
+def _never() -> bool:
+    return False
 
 
 def _land(pilot: Pilot) -> str:

@@ -15,7 +15,7 @@ from typing import Self
 
 import numpy as np
 
-from firmware_bridge import flying, keys, parameters, transfer, wire
+from firmware_bridge import arming, flying, keys, parameters, transfer, wire
 from firmware_bridge.controller import LinkLoss as OnLinkLoss
 from firmware_bridge.dialect.generated.messages import (
     AutopilotVersion,
@@ -203,6 +203,18 @@ class Link:
         version = self._port.latest.get(AutopilotVersion)
         return version if isinstance(version, AutopilotVersion) else None
 
+    def arming_checks(
+        self, parameters: Mapping[str, float], start_world_m: FloatArray | None = None
+    ) -> tuple[arming.ArmingCheck, ...]:
+        """What must hold before the rotors start, as the vehicle last said; none before its first telemetry.
+
+        Args:
+            parameters: of the vehicle, by name.
+            start_world_m: (3,) where the trajectory begins.
+        """
+        state = self._port.latest.get(State)
+        return arming.checks(state, parameters, start_world_m) if isinstance(state, State) else ()
+
     # -- control ---------------------------------------------------------------------------------------------------
 
     def take_control(self, *, force: bool = False) -> None:
@@ -339,8 +351,11 @@ class Link:
         rate_hz: float = 100.0,
         progress: Progress = silent,
         cancel: Cancel = never,
+        ended_early: flying.KeepLog | None = None,
     ) -> FlightLog:
         """Arm, take off, fly the trajectory the vehicle holds, land, disarm; the flight's log.
+
+        On the ground, what `arming.checks` looks at is required first.
 
         The log is the vehicle's own, fetched after landing (nothing is lost on the way); a vehicle without log
         memory is recorded from its telemetry at `rate_hz`.
@@ -348,12 +363,16 @@ class Link:
         Args:
             file: what the vehicle should hold; refused when it holds something else.
             cancel: when it says so the vehicle brakes and lands, and `CancelledError` is raised.
+            ended_early: is given the log of a flight that is not finished, once the rotors stand, before the error is
+                raised; the metadata's `ended_early` has the reason.
 
         Raises:
-            LinkError: refused, the flight ended early, or the link died; the message says which.
+            LinkError: not fit to arm, refused, the flight ended early, or the link died; the message says which.
         """
         self._need_control()
-        return flying.fly(self, self._port, file, rate_hz=rate_hz, progress=progress, cancel=cancel)
+        return flying.fly(
+            self, self._port, file, rate_hz=rate_hz, progress=progress, cancel=cancel, ended_early=ended_early
+        )
 
     def download_log(self, *, progress: Progress = silent, cancel: Cancel = never) -> FlightLog:
         """The vehicle's on-board log of its last flight.

@@ -20,6 +20,7 @@ from gcs_web.comparison import reports
 from gcs_web.desk import Desk
 from gcs_web.flights.flights import incoming_file
 from gcs_web.gateway import gateway
+from gcs_web.gateway.entrants import Entrants
 from gcs_web.gateway.hub import Hub
 from gcs_web.gateway.page_socket import PageSocket
 from gcs_web.gateway.tls import context, is_loopback
@@ -61,7 +62,7 @@ class GroundStation:
         progress: Progress = silent,
         on_entry: Callable[[str], None] = lambda _: None,
         jobs: Sequence[Kind[Desk]] = (),
-        browsers: Sequence[str] = (),
+        browsers: Sequence[tuple[str, float]] = (),
         on_open: Callable[[Path], None] | None = None,
     ) -> None:
         """Open the project and listen, on loopback unless told otherwise.
@@ -78,7 +79,8 @@ class GroundStation:
             triangles: of the mesh as it is shown first; see `display_mesh`.
             on_entry: called with the next address when a browser has come in.
             jobs: kinds of background work that the page offers.
-            browsers: those that came in to a station which had this port before, and stay in.
+            browsers: those that came in to a station of another project which had this port before, and stay in; who
+                came in to this project's stays in for `entrants.LIFE_S`.
             on_open: called with the folder of the project that somebody wants instead of this one; whoever started the
                 station closes it then and opens another. None: the page says that it cannot.
 
@@ -111,8 +113,8 @@ class GroundStation:
         return self._gateway.port
 
     @property
-    def browsers(self) -> Sequence[str]:
-        return self._gateway.browsers
+    def browsers(self) -> Sequence[tuple[str, float]]:
+        return self._entrants.known
 
     def close(self) -> None:
         self._stack.close()
@@ -144,7 +146,7 @@ class GroundStation:
         on_entry: Callable[[str], None],
         jobs: Sequence[Kind[Desk]],
         progress: Progress,
-        browsers: Sequence[str],
+        browsers: Sequence[tuple[str, float]],
     ) -> None:
         opened = project.open_project(folder)
         self._thread.start()
@@ -164,7 +166,7 @@ class GroundStation:
         self.view.on_drag, self.view.on_add, self.view.on_pull = self._dragged, self._added, self.desk.draft
         if self.watch is not None:
             self.watch.on_state, self.watch.on_pose = self._vehicle_changed, self.view.vehicle.move
-            self.watch.on_setpoint = self.view.vehicle.follow
+            self.watch.on_setpoint, self.watch.plan_start = self.view.vehicle.follow, self.desk.plan_start
             self.watch.start()
             self._stack.callback(self.watch.close)
         else:
@@ -177,6 +179,7 @@ class GroundStation:
             arrived=self.desk.arrived,
             left=self.desk.left,
         )
+        self._entrants = Entrants(opened.folder / ".session" / "entrants.json", browsers)
         self._gateway = gateway.Gateway(
             self.server.get_port(),
             serve_page=pages.serve,
@@ -187,7 +190,7 @@ class GroundStation:
             host=self._host,
             port=port,
             tls=self._tls,
-            browsers=browsers,
+            entrants=self._entrants,
         )
         self._gateway.on_entry = on_entry
         self._stack.callback(self._in_loop, self._gateway.stop)

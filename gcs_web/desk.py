@@ -240,6 +240,13 @@ class Desk:
                 raise InputError("the map or the vehicle changed since the check; plan again")
             return answer.file
 
+    def plan_start(self) -> FloatArray | None:
+        """(3,) where the checked plan begins, in the world; None without one."""
+        try:
+            return self.checked().trajectory.position([0.0])[0]
+        except InputError:
+            return None
+
     def trajectory(self, name: str) -> TrajectoryFile:
         """A saved trajectory; the checked plan for an empty name.
 

@@ -27,6 +27,8 @@ class MapReport:
     """Images placed by recorded motion, as depth and features do not join them to the others."""
     motion_notes: list[str]
     """Why recorded motion placed none, or not all, of the images that needed it; with depth images only."""
+    image_notes: list[str]
+    """What was done, or not, in reading the images: orientation tags."""
     unplaced_runs: list[dict[str, Any]]
     """Runs of instants without a pose, and their matches with their neighbours; see `sparse.overlap.UnplacedRun`."""
     reprojection_error_px: float
@@ -134,6 +136,7 @@ def report(
         not_placed=list(reconstruction.unplaced(placed)),
         placed_by_motion=[placed.images.relative(instant, 0) for instant in placed.by_motion],
         motion_notes=placed.motion_notes,
+        image_notes=list(placed.images.notes),
         unplaced_runs=[dataclasses.asdict(run) for run in reconstruction.unplaced_runs(placed)],
         reprojection_error_px=placed.reprojection_error_px,
         least_agreement=placed.least_agreement,

@@ -14,7 +14,7 @@ from mapping.camera.errors import OF_THE_LENS, Kind
 from mapping.camera.trial import SIGMAS90, Finding, Verdict
 from mapping.input.trajectory import MotionKind
 from mapping.sparse import reconstruction
-from mapping.sparse.alignment import GRAVITY, ScaleWitness
+from mapping.sparse.alignment import GRAVITY, LARGE_RESIDUAL, Alignment, ScaleWitness
 from mapping.sparse.features import repetition
 from mapping.sparse.mapper import overlap
 from mapping.sparse.reconstruction import SparseMap
@@ -37,6 +37,8 @@ DIRECTION_REFUSED_RAD = float(np.radians(25.0))
 """Poses with a noise of 5 cm and 2 deg differ by 9 deg; quaternions in another order, or inverted, by 40 to 54 deg."""
 TILT_DOUBT_RAD = float(np.radians(60.0))
 """No vehicle flies like this for half of its images."""
+UP_DOUBT_RAD = float(np.radians(10.0))
+"""Between two sources of up: an accelerometer in flight is off by less."""
 HANGING_DOUBT_RAD = float(np.radians(120.0))
 """Nor does anybody carry one like this; less may be a camera file that does not say how the camera looks."""
 OTHER_LENS = 0.02
@@ -124,6 +126,7 @@ def judge(placed: SparseMap) -> MapVerdict:
             doubts.append(f"the {witness.source} gives the scale to ± {100 * SIGMAS90 * witness.std:.0f} % only")
     for witness in placed.alignment.witnesses[1:]:
         _weigh(placed.alignment.witnesses[0], witness, doubts, refusals)
+    doubts += _frame_doubts(placed.alignment)
     for check in placed.alignment.motions:
         doubts += _motion_doubts(check)
         refusals += _motion_refusals(check)
@@ -169,6 +172,24 @@ def _motion_refusals(check: MotionCheck) -> list[str]:
         f"({np.degrees(off_rad):.0f} deg apart). They are of another flight, or their quaternions are of another order "
         "(TUM: x y z w, EuRoC: w x y z) or direction (world to body)"
     ]
+
+
+def _frame_doubts(alignment: Alignment) -> list[str]:
+    """Recorded positions that lie beside the map, and poses whose up is not the map's."""
+    doubts: list[str] = []
+    residual_m, up_off_rad = alignment.position_residual_m or 0.0, alignment.poses_up_off_rad or 0.0
+    if residual_m > LARGE_RESIDUAL * alignment.position_extent_m:
+        better = f"; they fit if {alignment.better_axes}" if alignment.better_axes else ""
+        doubts.append(
+            f"recorded and mapped positions are {residual_m:.2g} m apart (median; the path extends over "
+            f"{alignment.position_extent_m:.2g} m): their frame is another, or they are wrong{better}"
+        )
+    if alignment.up_source != MotionKind.POSES and up_off_rad > UP_DOUBT_RAD:
+        doubts.append(
+            f"up by the recorded poses is {np.degrees(up_off_rad):.0f} deg from the {alignment.up_source}: give them "
+            "with z up, or as --odometry"
+        )
+    return doubts
 
 
 def _hanging_doubts(T_world_body: FloatArray) -> list[str]:

@@ -82,7 +82,8 @@ FLOORS = {
     "vehicle.effects": ("torque", "thrust", "drag", "surroundings", "motors", "mass", "sensors", "."),
     "sysid.logs": (".", "checks", "readers", "events"),
     "sysid.estimator": (
-        "validation", ".", "uncertainty", "joint_problem", "blocks", "trajectory", "motors", "flights", "options",
+        "validation", ".", "without_pose", "uncertainty", "joint_problem", "blocks", "trajectory", "motors", "flights",
+        "options",
     ),
     "sysid.diagnosis": ("experiment_design", ".", "evidence", "thresholds"),
 }  # fmt: skip

@@ -18,6 +18,7 @@ BUDGETS = {
     "docs/start/install.md": 300,
     "docs/start/tour.md": 600,
     "docs/start/plan_in_a_mesh.md": 500,
+    "docs/start/learn_from_a_log.md": 700,
     "docs/start/journeys.md": 700,
     "docs/how-to/map.md": 900,
     "docs/how-to/other_maps.md": 700,

@@ -9,6 +9,7 @@
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <optional>
 #include <string>
@@ -158,6 +159,10 @@ nb::dict telemetry(const Controller& self) {
     d["observer_state"] = o.state;
     d["disturbance_force_world_n"] = copied(o.force_world_n, 3);
     d["disturbance_torque_body_n_m"] = copied(o.torque_body_n_m, 3);
+    d["disturbance_force_std_n"] = std::sqrt(o.force_variance_n2);
+    float torque_std_n_m[3];
+    for (int i = 0; i < 3; i++) torque_std_n_m[i] = std::sqrt(o.torque_variance_n2_m2[i]);
+    d["disturbance_torque_std_n_m"] = copied(torque_std_n_m, 3);
     d["position_delay_s"] = self.c->delay.attitude.delay_s + self.c->delay.velocity.delay_s;
     d["shift_world_m"] = copied(self.c->supervisor.shift, 3);
     d["path_time_us"] = t.path_time_us;

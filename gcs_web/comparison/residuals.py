@@ -23,9 +23,11 @@ from sysid.report.pages import SHOWN
 from sysid.report.residual_plots import SIGMAS, unit
 from vehicle import Vehicle, rigid_body
 
-FORMAT, VERSION = "goshawk-page-comparison", 4
+FORMAT, VERSION = "goshawk-page-comparison", 5
 MODEL = "vehicle"
 """Name of the one model in the comparison, as the verb calls the project's vehicle file."""
+DISTURBANCE = "measured disturbance"
+"""Label of what the vehicle's observer found, as the verb has it."""
 
 
 class Predicted(msgspec.Struct, frozen=True):
@@ -53,6 +55,8 @@ class FlightResidual(msgspec.Struct, frozen=True):
     """Each of the comparison's variables, (m,)."""
     predicted: list[Predicted]
     """For each of `HORIZONS_S`."""
+    disturbance: list[list[float | None]]
+    """Measured disturbance: six channels of (m,), N and N m, body axes; empty where the log holds none."""
 
 
 class Compared(msgspec.Struct, frozen=True):
@@ -128,6 +132,7 @@ def made(
                 pieces[0].sigma.tolist(),
                 read,
                 [_predicted(ends) for ends in zip(*deviations[i], strict=True)],
+                _disturbance(pieces),
             )
         )
     shown = Compared(
@@ -172,8 +177,21 @@ def _modelled(one: Residual, model: Vehicle) -> FloatArray:
     return means_over(wrench, one.time_s, SPAN_S)
 
 
+def _disturbance(pieces: Sequence[Residual]) -> list[list[float | None]]:
+    parts = [one.disturbance_means() for one in pieces]
+    known = [part for part in parts if part is not None]
+    if not known:
+        return []  # of one log: all of its pieces have it, or none
+    return [[value if value == value else None for value in column] for column in np.concatenate(known).T.tolist()]
+
+
 def _middles(one: Residual) -> FloatArray:
     return means_over(one.time_s[:, None], one.time_s, SPAN_S)[:, 0]
+
+
+def remarked(compared: Compared, more: Sequence[str]) -> Compared:
+    """The comparison with further remarks."""
+    return msgspec.structs.replace(compared, remarks=[*compared.remarks, *more])
 
 
 def save(path: Path, compared: Compared) -> None:
@@ -264,9 +282,13 @@ def forces(flight: FlightResidual) -> dict[str, tuple[Stream, list[CurvePart], f
         found[channel] = (Stream(channel, what, written, "force"), both, None)
         key = f"residual_{channel}"
         band = SIGMAS * scale * flight.sigma[i]
+        curves = [_curve("residual", left)]
+        if flight.disturbance:
+            values = scale * np.array(flight.disturbance[i], dtype=np.float64)
+            curves.append(CurvePart(DISTURBANCE, "measured", values.tolist()))
         found[key] = (
             Stream(key, f"Residual {channel[2] if channel[0] == 'F' else what.lower()}", written, "force"),
-            [_curve("residual", left)],
+            curves,
             band,
         )
     return found

@@ -22,12 +22,13 @@ import hmac
 import logging
 import secrets
 import tempfile
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from flight import FlightError, InputError
+from gcs_web.gateway.entrants import Entrants
 
 if TYPE_CHECKING:
     import ssl
@@ -49,8 +50,6 @@ PING_S = 20.0
 """Between two pings of a WebSocket; half of it is the time for an answer, then the socket is closed."""
 BODY_PAUSE_S = 30.0
 """Longest pause inside a flight log that is sent."""
-MOST_BROWSERS = 64
-"""Cookies that are good at a time; the oldest is forgotten first."""
 REFUSED_MESSAGES = frozenset({"ShareUrlRequest", "ShareUrlDisconnect"})
 _HOP_HEADERS = frozenset({"connection", "transfer-encoding", "content-length", "content-encoding", "date", "server"})
 _SAFETY_HEADERS = {
@@ -92,7 +91,7 @@ class Gateway:
         host: str = LOOPBACK,
         port: int = 0,
         tls: "ssl.SSLContext | None" = None,
-        browsers: Sequence[str] = (),
+        entrants: Entrants | None = None,
     ) -> None:
         """
         Args:
@@ -104,7 +103,7 @@ class Gateway:
             host: name or address to listen at, and the only name that is answered to beside this machine's own.
             port: 0 lets the system choose.
             tls: proves that it is `host`; then the page is https and its sockets are wss.
-            browsers: cookies of those that came in before, at this port.
+            entrants: who came in before, at this port; None: nobody.
         """
         self._incoming = incoming
         self._host, self._tls = host.lower(), tls  # lower, as browsers send it
@@ -112,8 +111,7 @@ class Gateway:
         self._upstream = f"{LOOPBACK}:{upstream_port}"
         self._serve_page, self._state, self._wanted_port = serve_page, state, port
         self._token = secrets.token_urlsafe(24)
-        self.browsers = list(browsers)
-        """Cookies of those that came in."""
+        self._entrants = entrants or Entrants()
         self._sockets = 0
         self._runner: web.AppRunner | None = None
         self._client: ClientSession | None = None
@@ -173,8 +171,7 @@ class Gateway:
         given = request.query.get("token")
         if given is not None:
             return self._enter(given)
-        cookie = request.cookies.get(self._cookie, "").encode()
-        if not any(hmac.compare_digest(cookie, known.encode()) for known in self.browsers):
+        if not self._entrants.knows(request.cookies.get(self._cookie, "")):
             return self._refuse("a token is needed; open the address that `goshawk gcs` printed last")
         origin = request.headers.get("Origin")
         is_socket = request.headers.get("Upgrade", "").lower() == "websocket"
@@ -196,11 +193,9 @@ class Gateway:
         if not hmac.compare_digest(token.encode(), self._token.encode()):
             return self._refuse("that token is not valid (any more); open the address that `goshawk gcs` printed last")
         self._token = secrets.token_urlsafe(24)
-        self.browsers = [*self.browsers, secrets.token_urlsafe(24)][-MOST_BROWSERS:]
+        cookie = self._entrants.admit()
         entry = web.HTTPFound("/")
-        entry.set_cookie(
-            self._cookie, self.browsers[-1], httponly=True, samesite="Strict", secure=self._tls is not None
-        )
+        entry.set_cookie(self._cookie, cookie, httponly=True, samesite="Strict", secure=self._tls is not None)
         self.on_entry(self.url)
         return entry
 

@@ -14,7 +14,7 @@ from gcs_web.gateway.hub import Client, Hub
 from gcs_web.protocol.base import Command, VehicleCommand
 from gcs_web.protocol.people import PROTOCOL, Person, Welcome
 from gcs_web.protocol.reply import Reply
-from gcs_web.protocol.vehicle import Abort
+from gcs_web.protocol.vehicle import Abort, Kill
 
 if TYPE_CHECKING:
     from aiohttp import web
@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 MOST_APART = 8
-"""Commands of one page that may wait for the vehicle at a time; aborts may be twice as many, the others counted."""
+"""Commands of one page that may wait for the vehicle at a time; with its emergencies twice as many."""
+EMERGENCY = (Abort, Kill)
+"""Never wait behind other commands."""
 
 
 class PageSocket:
@@ -49,7 +51,7 @@ class PageSocket:
         self._decoder: msgspec.json.Decoder[Command] = msgspec.json.Decoder(Union[tuple(handlers)])  # noqa: UP007
         self._project, self._vehicle, self._arrived, self._left = project, vehicle, arrived, left
         self._id = secrets.token_hex(8)
-        self._for_aborts = ThreadPoolExecutor(2, "abort")  # never behind other work
+        self._for_emergencies = ThreadPoolExecutor(2, "abort")  # never behind other work
 
     async def serve(self, socket: "web.WebSocketResponse") -> None:
         """Talk to one page until it leaves."""
@@ -64,7 +66,7 @@ class PageSocket:
                     break
                 if not self._names(message.data, VehicleCommand):
                     await self._command(client, message.data)
-                elif len(apart) >= MOST_APART * (2 if self._names(message.data, Abort) else 1):
+                elif len(apart) >= MOST_APART * (2 if self._names(message.data, EMERGENCY) else 1):
                     said = f"{len(apart)} orders of this page still wait for the vehicle; nothing was sent"
                     self._hub.publish(Reply(_serial(message.data), error=said), client.person.id)
                 else:
@@ -82,7 +84,7 @@ class PageSocket:
         except msgspec.DecodeError as error:
             reply = Reply(_serial(text), error=f"the page sent what this station does not understand: {error}")
         else:
-            pool = self._for_aborts if isinstance(command, Abort) else None
+            pool = self._for_emergencies if isinstance(command, EMERGENCY) else None
             reply = await asyncio.get_running_loop().run_in_executor(pool, self._done, client.person, command)
         self._hub.publish(reply, client.person.id)
 
@@ -95,7 +97,7 @@ class PageSocket:
             logger.exception("%s failed", type(command).__name__)
             return Reply(command.serial, error=f"internal error: {error}; the station's log has more")
 
-    def _names(self, text: str, kind: type[Command]) -> bool:
+    def _names(self, text: str, kind: type[Command] | tuple[type[Command], ...]) -> bool:
         return _head(text).type in {each.__struct_config__.tag for each in self._handlers if issubclass(each, kind)}
 
 

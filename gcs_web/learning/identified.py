@@ -10,6 +10,7 @@ from gcs_web.flights import session_files
 from gcs_web.protocol import identified as identified_messages
 from gcs_web.protocol.identified import ConfoundedPair, Identified, Trial
 from sysid.estimator.result import Identification
+from sysid.estimator.verdict import Use
 from sysid.report import words
 
 
@@ -25,18 +26,20 @@ def shown(
     vehicle_hash: str,
     contents: str,
     written: Sequence[str],
+    use: Use,
     reasons: Sequence[str],
 ) -> identified_messages.Identification:
     """
     Args:
         trials: fits of each flight alone, in their order; none where it was not asked for.
         contents: `reading.contents` of the flights, taken before they were read.
+        use: of the verdict on fit, logs and predictions together.
     """
     names = [e.name for e in fit.parameters]
     said = dict(zip(names, _in_words(names), strict=True))
     return identified_messages.Identification(
         "current",
-        str(fit.verdict.use),
+        str(use),
         [words.parameters_named(reason, names) for reason in reasons],
         list(flights),
         [Identified(e.name, said[e.name], e.unit, e.start, e.value, e.std_robust, e.status) for e in fit.parameters],

@@ -1,4 +1,4 @@
-"""Orders to the vehicle. All but Abort need control and a nonce, and all are written into the audit log."""
+"""Orders to the vehicle. All but Abort and Kill need control and a nonce, and all are written into the audit log."""
 
 import threading
 from dataclasses import replace
@@ -6,15 +6,14 @@ from datetime import UTC, datetime
 
 import vehicle
 from firmware_bridge.dialect.generated.messages import Command
-from flight import FlightError, InputError, flight_log, results
+from flight import FlightError, FlightLog, InputError, flight_log, results
 from gcs_web.desk import Desk
 from gcs_web.panels.handlers import Handlers
 from gcs_web.protocol.people import Person
 from gcs_web.protocol.reply import Reply
-from gcs_web.protocol.vehicle import Abort, GiveUpControl, Order, PrepareOrder, PrepareUpload, TakeControl, Upload
+from gcs_web.protocol.vehicle import Abort, GiveUpControl, Kill, Order, PrepareOrder, PrepareUpload, TakeControl, Upload
 
 _COMMANDS = {
-    "arm": Command.ARM,
     "pause": Command.PAUSE,
     "resume": Command.RESUME,
     "land": Command.LAND,
@@ -61,6 +60,9 @@ def _order(desk: Desk, person: Person, order: Order) -> None:
         desk.control.use_nonce(order.nonce, person, "order")
         if order.order == "start":
             _start(desk, person)
+        elif order.order == "arm":
+            watch.require_fit()
+            watch.order(Command.ARM)
         else:
             watch.order(_COMMANDS[order.order])
 
@@ -76,18 +78,22 @@ def _start(desk: Desk, person: Person) -> None:
         wanted, held = watch.planned(file, name), watch.held()
         if held is None or held.crc32 != wanted.crc32:
             raise InputError(f"the vehicle holds {held.name if held else 'nothing'}, not this plan; upload it first")
+        watch.require_fit()
         desk.control.required(person)  # reading back takes a while
     except BaseException:
         watch.end_flight()
         raise
 
+    def save(log: FlightLog) -> None:
+        path = desk.project.flight(f"{name}-{datetime.now(UTC):%Y%m%d-%H%M%S}")
+        with results.new_file(path, overwrite=False) as placing:
+            flight_log.save(placing.temporary, log)
+        how = "Ended early" if "ended_early" in log.metadata else "Landed"
+        desk.notice(f"{how}; the log is saved as {path.relative_to(desk.project.folder)}.")
+
     def fly() -> None:
         try:
-            log = watch.fly(replace(file, name=name), aborted)
-            path = desk.project.flight(f"{name}-{datetime.now(UTC):%Y%m%d-%H%M%S}")
-            with results.new_file(path, overwrite=False) as placing:
-                flight_log.save(placing.temporary, log)
-            desk.notice(f"Landed; the log is saved as {path.relative_to(desk.project.folder)}.")
+            save(watch.fly(replace(file, name=name), aborted, save))
             desk.control.audit(person, "flight", "landed", desk.about())
         except (FlightError, OSError) as error:
             desk.notice(f"The flight ended early: {error}", level="danger")
@@ -97,6 +103,14 @@ def _start(desk: Desk, person: Person) -> None:
             desk.show_files()
 
     threading.Thread(target=fly, name="flight", daemon=True).start()
+
+
+def _kill(desk: Desk, person: Person, _: Kill) -> None:
+    watch = desk.watch
+    if watch is None:
+        raise InputError("the ground station was started without a vehicle; there is nothing to kill")
+    desk.control.audited(person, "kill", watch.kill, desk.about())
+    desk.notice(f"{person.name} stopped the rotors", level="danger")
 
 
 def _abort(desk: Desk, person: Person, _: Abort) -> None:
@@ -115,4 +129,5 @@ HANDLERS: Handlers = {
     PrepareOrder: _prepare_order,
     Order: _order,
     Abort: _abort,
+    Kill: _kill,
 }

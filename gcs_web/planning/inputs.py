@@ -49,6 +49,12 @@ def doubt(area: mapping.Map) -> str:
     return f"The map is doubtful: {'; '.join(area.reasons)}."
 
 
+def model_doubt(model: vehicle.Vehicle) -> str:
+    """What people must know of the rotor margins: that the model is not for design, and why; empty for nothing."""
+    mark = vehicle.purpose.mark_sentence(model)
+    return f"The rotor margins rest on a model {mark}." if mark else ""
+
+
 class Parts:
     """Map and vehicle of a project, read again when asked for with another signature."""
 

@@ -396,7 +396,7 @@ def _planned(
     bounds = page_values.limits(report, series, judged_m)
     radii_m = {point.id: point.fly_by_m for point in content.points}
     passed = page_values.passings(file, found.join_s, missions.flown(content), radii_m, area.field)
-    doubt = inputs.doubt(area)
+    doubt = " ".join(said for said in (inputs.doubt(area), inputs.model_doubt(believed)) if said)
 
     def shown(planning_ms: float) -> Plan:
         top = max(series.speed_m_s)

@@ -6,7 +6,7 @@ import msgspec
 
 from gcs_web.protocol.base import Message, State
 
-PROTOCOL = 4
+PROTOCOL = 5
 """Raised when an old page could misread a new server."""
 
 

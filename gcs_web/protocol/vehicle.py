@@ -18,6 +18,15 @@ class Held(msgspec.Struct, frozen=True):
     crc32: str
 
 
+class ArmingCheck(msgspec.Struct, frozen=True):
+    """One thing that must hold before the rotors start."""
+
+    name: str
+    passed: bool
+    finding: str
+    remedy: str
+
+
 class Vehicle(State, frozen=True, tag="vehicle"):
     """The vehicle as last heard; sent on every change and at least twice a second."""
 
@@ -36,6 +45,13 @@ class Vehicle(State, frozen=True, tag="vehicle"):
     z_m: float | None = None
     error_m: float | None = None
     """Distance from the set-point now, while a trajectory is flown."""
+    speed_m_s: float | None = None
+    along_s: float | None = None
+    """Time along the trajectory, while one is flown."""
+    duration_s: float | None = None
+    """Of that trajectory, if this station started it."""
+    checks: list[ArmingCheck] = []
+    """On the ground: all of them must pass before it is armed."""
     largest_error_m: float | None = None
     reason: str = ""
     """Why the vehicle last changed its state, in its own words."""
@@ -71,3 +87,7 @@ class Order(VehicleCommand, frozen=True, tag="order", kw_only=True):
 
 class Abort(VehicleCommand, frozen=True, tag="abort", kw_only=True):
     """Land at once. Needs neither control nor a nonce."""
+
+
+class Kill(VehicleCommand, frozen=True, tag="kill", kw_only=True):
+    """Stop the rotors now, in the air too. Needs neither control nor a nonce; the page asks by a slide."""

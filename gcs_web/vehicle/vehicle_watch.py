@@ -17,7 +17,7 @@ from firmware_bridge import wire
 from firmware_bridge.dialect.generated.messages import Command
 from flight import FlightError, FlightLog, FloatArray, LinkError, TrajectoryFile
 from gcs_web.planning import page_values
-from gcs_web.protocol.vehicle import Held, Vehicle
+from gcs_web.protocol.vehicle import ArmingCheck, Held, Vehicle
 
 logger = logging.getLogger(__name__)
 
@@ -45,6 +45,9 @@ class VehicleWatch:
         self.on_pose: Callable[[FloatArray, FloatArray], None] = lambda _p, _q: None
         self.on_setpoint: Callable[[FloatArray | None], None] = lambda _: None
         """Where a flight of this station has the vehicle now: (4,) x, y, z in metres and yaw in radians, world."""
+        self.plan_start: Callable[[], FloatArray | None] = lambda: None
+        """(3,) where the plan that is shown begins; None without a checked one."""
+        self._parameters: dict[str, float] = {}
         self._stop = threading.Event()
         self._flight: threading.Event | None = None
         """Set to give up the flight that is under way; None on the ground."""
@@ -87,8 +90,25 @@ class VehicleWatch:
             z_m=z,
             error_m=error_m,
             largest_error_m=self._largest_error_m,
+            speed_m_s=float(np.linalg.norm(said.velocity_world_m_s)),
+            along_s=said.trajectory_time_s if said.trajectory_time_s >= 0.0 else None,
+            duration_s=None if self._flown is None else self._flown.trajectory.duration_s,
+            checks=self._checks() if mission in _GROUND and link == "fresh" else [],
             reason=said.reason,
         )
+
+    def _checks(self) -> list[ArmingCheck]:
+        found = self.link.arming_checks(self._parameters, self.plan_start())
+        return [ArmingCheck(each.name, each.passed, each.finding, each.remedy) for each in found]
+
+    def require_fit(self) -> None:
+        """
+        Raises:
+            LinkError: the vehicle is on the ground and not fit to arm for the plan; the message says why.
+        """
+        failed = [each for each in self.state().checks if not each.passed]
+        if failed:
+            raise LinkError(f"not armed. {'. '.join(f'{e.name}: {e.finding}; {e.remedy}' for e in failed)}")
 
     def held(self) -> Held | None:
         """What the vehicle holds, read back from it; None for nothing."""
@@ -117,6 +137,7 @@ class VehicleWatch:
         """
         self.link.take_control()
         self.link.set_parameters(values)
+        self._parameters = self.link.parameters()
 
     def order(self, command: Command) -> None:
         """
@@ -141,11 +162,14 @@ class VehicleWatch:
     def end_flight(self) -> None:
         self._flight, self._flown = None, None
 
-    def fly(self, file: TrajectoryFile, aborted: threading.Event) -> FlightLog:
+    def fly(
+        self, file: TrajectoryFile, aborted: threading.Event, ended_early: Callable[[FlightLog], None]
+    ) -> FlightLog:
         """Take off, fly what the vehicle holds, land; the flight's log.
 
         Args:
             aborted: of `begin_flight`.
+            ended_early: is given the log of a flight that is not finished.
 
         Raises:
             LinkError: refused, aborted, or the flight ended early; the message says which.
@@ -154,7 +178,7 @@ class VehicleWatch:
         self.link.take_control()
         if aborted.is_set():
             raise LinkError("aborted before the take-off")
-        return self.link.fly(file, cancel=aborted.is_set)
+        return self.link.fly(file, cancel=aborted.is_set, ended_early=ended_early)
 
     def land(self) -> None:
         """Land now, whoever has control; a flight that is under way is given up."""
@@ -166,6 +190,17 @@ class VehicleWatch:
             raise LinkError("the vehicle is disarmed; there is nothing to abort")
         self.link.take_control(force=True)
         self.link.command(Command.LAND)
+
+    def kill(self) -> None:
+        """Stop the rotors now, in the air too, whoever has control.
+
+        Raises:
+            LinkError: the vehicle did not answer.
+        """
+        if (flight := self._flight) is not None:
+            flight.set()
+        self.link.take_control(force=True)
+        self.link.command(Command.KILL)
 
     def close(self) -> None:
         if (flight := self._flight) is not None:
@@ -212,7 +247,9 @@ class VehicleWatch:
 
     def _connect(self) -> None:
         try:
-            self._link, self._problem = firmware_bridge.connect(self.url, key=self._key_file), ""
+            link = firmware_bridge.connect(self.url, key=self._key_file)
+            self._parameters = link.parameters()
+            self._link, self._problem = link, ""
         except FlightError as error:
             self._problem = str(error)
             self._stop.wait(_RETRY_S)

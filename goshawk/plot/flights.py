@@ -19,6 +19,8 @@ _PANELS = {
     "rate_body_rad_s": ("body rate", "rad/s", "xyz"),
     "specific_force_body_m_s2": ("specific force", "m/s²", "xyz"),
     "rotor_speed_rad_s": ("rotor speed", "rad/s", "0123"),
+    "disturbance_force_world_n": ("measured disturbance force, world axes", "N", "xyz"),
+    "disturbance_torque_body_n_m": ("measured disturbance torque, body axes", "N m", "xyz"),
 }
 """Quantity to its title, unit and components."""
 _SET_POINTS = {"position_world_m": "setpoint_position_world_m", "velocity_world_m_s": "setpoint_velocity_world_m_s"}

@@ -10,6 +10,7 @@ from gcs_web.comparison import comparing, reports, residuals
 from gcs_web.comparison.residuals import Compared
 from gcs_web.desk import Desk
 from gcs_web.jobs.jobs import Kind
+from goshawk.commands.learn import lasting_offers
 from goshawk.station_jobs import flights
 from goshawk.station_jobs.flights import Chosen
 
@@ -23,6 +24,9 @@ def _run(folder: Path, asked: Chosen, progress: Progress) -> Compared:
     comparison = within(progress, "compare", 0.0, 0.8)
     believed_hash = vehicle.vehicle_hash(believed)
     found, errors = residuals.made(learn, held_out, believed, believed_hash, contents, options, comparison)
+    file = Project(folder, "").vehicle
+    lasts, commands = lasting_offers.offers([*learn, *held_out], {file.relative_to(folder): believed})
+    found = residuals.remarked(found, [*lasts, *(f"next, {command}" for command in commands)])
     progress("forces and torques", 0.8)
     wrench = sysid.wrench_errors(held_out or learn, {residuals.MODEL: believed}, options)
     report = reports.withdrawn(folder, "comparison")

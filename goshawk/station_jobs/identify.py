@@ -13,7 +13,7 @@ from gcs_web.flights import reading
 from gcs_web.jobs.jobs import Choices, Kind
 from gcs_web.learning import identified
 from goshawk.commands.learn import fit_options
-from goshawk.commands.learn.identify import fit_flights, write_figures
+from goshawk.commands.learn.identify import Asked, fit_flights, write_figures
 from goshawk.station_jobs.flights import in_words_of
 from goshawk.terminal import outputs
 from sysid.estimator.options import Options
@@ -78,14 +78,16 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
     flights = tuple(project.flight(name) for name in names)
     contents = reading.contents(project, names)
     trials = len(names) if asked.trials and len(names) > 1 else None
-    fits = fit_flights(flights, {}, trials, believed, options, None, progress)
+    fits = fit_flights(Asked(flights, trials=trials), believed, options, None, progress)
     out, report = _paths(folder, asked.out)
     usable = fits.verdict.use is not Use.REJECTED
     write_figures(fits, report, None, overwrite=asked.overwrite)
     if usable:
         outputs.write_vehicle(out, fits.answer.vehicle, "identify", overwrite=asked.overwrite)
     files = [out.name, report.name] if usable else [report.name]
-    reasons = [fit_options.worded(str(reason), BOXES) for reason in fits.verdict.reasons]
+    mark = vehicle.purpose.mark_sentence(fits.answer.vehicle)
+    extra = (fits.predicts and fits.predicts.sentence, mark, fits.cause and f"likely cause: {fits.cause.sentence}")
+    reasons = [fit_options.worded(str(reason), BOXES) for reason in (*fits.verdict.reasons, *filter(None, extra))]
     shown = identified.shown(
         fits.answer,
         fits.trials,
@@ -93,6 +95,7 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
         vehicle_hash=vehicle.vehicle_hash(believed),
         contents=contents,
         written=files,
+        use=fits.verdict.use,
         reasons=reasons,
     )
     identified.save(folder, shown)

@@ -48,10 +48,15 @@ _WHOLE = {
     "setpoint_position_world_m": ("position set-point", "m"),
     "setpoint_velocity_world_m_s": ("velocity set-point", "m/s"),
     "wind_world_m_s": ("wind", "m/s"),
+    "disturbance_force_world_n": ("measured disturbance force", "N"),
+    "disturbance_torque_body_n_m": ("measured disturbance torque", "N m"),
+    "disturbance_force_std_n": ("disturbance force std", "N"),
+    "disturbance_torque_std_n_m": ("disturbance torque std", "N m"),
     "rotor_speed_rad_s": ("rotor speed", "rad/s"),
     "battery_v": ("battery", "V"),
     "mission_state": ("mission state (code)", ""),
     "saturation": ("saturation (code)", ""),
+    "observer_state": ("disturbance observer (code)", ""),
 }
 _LABELS = ("0", "1", "2", "3", "w", "x", "y", "z")
 

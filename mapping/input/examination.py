@@ -189,7 +189,7 @@ def _facts(images: ImageSet, seen: dict[tuple[int, int], _Seen], shot: tuple[int
 
 
 def _set_problems(images: ImageSet, facts: Sequence[ImageFacts]) -> list[str]:
-    problems: list[str] = []
+    problems = list(images.notes)
     if (count := len(images.instants)) < FEW_INSTANTS:
         problems.append(f"only {count} instants; a map wants at least {FEW_INSTANTS}")
     if len(images.rig) > 1 and not images.has_pairs:

@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -14,8 +15,22 @@ MOST_PIXELS = 1 << 28
 os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))
 
 
+ORIENTATIONS = {
+    2: "mirrored",
+    3: "turned by 180 deg",
+    4: "mirrored upside down",
+    5: "mirrored and turned by 90 deg",
+    6: "turned by 90 deg",
+    7: "mirrored and turned by 270 deg",
+    8: "turned by 270 deg",
+}
+"""How a viewer shows an image with this orientation tag (EXIF 0x0112); 1: as it is stored."""
+_STANDALONE = (0x01, *range(0xD0, 0xD9))
+"""Second bytes of JPEG markers without a length (ITU-T T.81, table B.1)."""
+
+
 def decode(path: Path, flags: int) -> np.ndarray:
-    """The image as OpenCV decodes it.
+    """The image as it is stored: an orientation tag turns no pixels, and what follows the image's end is not read.
 
     Args:
         flags: `cv2.IMREAD_...`.
@@ -25,10 +40,13 @@ def decode(path: Path, flags: int) -> np.ndarray:
     """
     import cv2
 
+    if flags != cv2.IMREAD_UNCHANGED:
+        flags |= cv2.IMREAD_IGNORE_ORIENTATION
     data = np.fromfile(path, dtype=np.uint8)
-    whole = data.size and not _cut_off(data)  # checked first: decoders write to stderr about a truncated file
+    _remove_tiff_orientation(data)
+    end = _end(data)  # checked first: decoders fill the missing part with grey, and write to stderr about it
     try:
-        image = cv2.imdecode(data, flags) if whole else None
+        image = cv2.imdecode(data[:end], flags) if end else None
     except cv2.error as error:
         said = error.err if hasattr(error, "err") else str(error)
         raise InputError(f"{path} cannot be decoded ({said}); an image has at most {MOST_PIXELS:.2g} pixels") from None
@@ -37,9 +55,65 @@ def decode(path: Path, flags: int) -> np.ndarray:
     return np.asarray(image)
 
 
-def _cut_off(data: np.ndarray) -> bool:
-    """Whether a JPEG or PNG lacks its end mark: decoders fill the missing part with grey and report no error."""
-    head, tail = data[:4].tobytes(), data[-64:].tobytes()
+def orientation(path: Path) -> str:
+    """How the file's orientation tag asks to show it; empty: as it is stored, or it has no such tag."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as image:
+            return ORIENTATIONS.get(int(image.getexif().get(0x0112, 1)), "")
+    except (OSError, ValueError, TypeError, SyntaxError):  # Pillow raises these on damaged EXIF
+        return ""
+
+
+def _remove_tiff_orientation(data: np.ndarray) -> None:
+    """In place, in the first directory of a TIFF (TIFF 6.0, section 2): OpenCV obeys it, whatever its flags."""
+    order: Literal["little", "big"] = "little" if data[:2].tobytes() == b"II" else "big"
+    if data[:4].tobytes() not in (b"II*\0", b"MM\0*"):
+        return
+
+    def number(at: int, size: int) -> int:
+        return int.from_bytes(data[at : at + size].tobytes(), order)
+
+    first = number(4, 4) + 2
+    for at in range(first, first + 12 * number(first - 2, 2), 12):
+        if number(at, 2) == 0x0112 and at + 12 <= len(data):
+            data[at + 8 : at + 10] = np.frombuffer((1).to_bytes(2, order), np.uint8)
+
+
+def _end(data: np.ndarray) -> int:
+    """Bytes up to the end mark of a JPEG or PNG, all of another file; 0: there is none, it is empty or cut off."""
+    head = data[:8].tobytes()
     if head.startswith(b"\xff\xd8"):
-        return b"\xff\xd9" not in tail
-    return head == b"\x89PNG" and b"IEND" not in tail
+        return _jpeg_end(data)
+    return _png_end(data.tobytes()) if head == b"\x89PNG\r\n\x1a\n" else len(data)
+
+
+def _jpeg_end(data: np.ndarray) -> int:
+    """From marker to marker; within a scan, 0xFF is followed by 0 or a restart mark."""
+    after = np.append(data[1:], np.uint8(0))
+    marks = np.flatnonzero((data == 0xFF) & (after != 0) & (after != 0xFF) & ((after < 0xD0) | (after > 0xD7)))
+    at = 2
+    while (k := int(np.searchsorted(marks, at))) < len(marks):
+        place = int(marks[k])
+        kind = int(data[place + 1])
+        if kind == 0xD9:
+            return place + 2
+        if kind in _STANDALONE:
+            at = place + 2
+        elif place + 4 <= len(data):
+            at = place + 2 + 256 * int(data[place + 2]) + int(data[place + 3])
+        else:
+            break
+    return 0
+
+
+def _png_end(data: bytes) -> int:
+    """From chunk to chunk."""
+    at = 8
+    while at + 12 <= len(data):
+        length, kind = int.from_bytes(data[at : at + 4]), data[at + 4 : at + 8]
+        at += 12 + length
+        if kind == b"IEND":
+            return at if at <= len(data) else 0
+    return 0

@@ -7,6 +7,7 @@ Optional beside the images: `times.csv` (image,time_s) and `references.csv` (see
 import csv
 import dataclasses
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,6 +42,8 @@ class ImageSet:
     """What a depth camera measured with each image."""
     motions: tuple[Motion, ...] = ()
     """Recorded poses and odometry."""
+    notes: tuple[str, ...] = ()
+    """What was done, or not, in reading the files."""
 
     @property
     def count(self) -> int:
@@ -71,8 +74,10 @@ class ImageSet:
         image = image_file.decode(path, cv2.IMREAD_GRAYSCALE)
         height, width = image.shape
         if (width, height) != (expected.width, expected.height):
+            shown = image_file.orientation(path)
+            tag = f" as stored (its tag says {shown})" if shown else ""
             raise InputError(
-                f"{path} is {width}x{height} pixels; camera {expected.name!r} of the camera file has "
+                f"{path} is {width}x{height} pixels{tag}; camera {expected.name!r} of the camera file has "
                 f"{expected.width}x{expected.height}; use the camera file of these images"
             )
         return np.asarray(image, dtype=np.uint8)
@@ -131,9 +136,7 @@ class ImageSet:
         """(height, width, 3) RGB, or (height, width) if the image is grey."""
         import cv2
 
-        read = cv2.imread(str(self.path(instant, camera)), cv2.IMREAD_ANYCOLOR)
-        if read is None:
-            raise InputError(f"{self.path(instant, camera)} can no longer be read")
+        read = image_file.decode(self.path(instant, camera), cv2.IMREAD_ANYCOLOR)
         return np.asarray(read if read.ndim == 2 else np.ascontiguousarray(read[:, :, ::-1]), dtype=np.uint8)
 
     def pairs(self) -> list[tuple[int, int]]:
@@ -176,7 +179,7 @@ def read_folder(
     present = np.array([[name in names for names in listed] for name in instants])
     images = ImageSet(folder, rig, instants, present, _times(folder, instants), masks, depths)
     _decode_all(images, progress)
-    return images
+    return dataclasses.replace(images, notes=_tag_notes(images))
 
 
 def _decode_all(images: ImageSet, progress: Progress) -> None:
@@ -195,6 +198,20 @@ def _decode_all(images: ImageSet, progress: Progress) -> None:
     if images.depths is not None and not measured:
         raise InputError(f"{images.depths.folder}: all depths are 0; no depth image has measured anything")
     progress("checking images", 1.0)
+
+
+def _tag_notes(images: ImageSet) -> tuple[str, ...]:
+    """Orientation tags, by camera."""
+    notes: list[str] = []
+    for number, camera in enumerate(images.rig):
+        shots = [shot for shot in images.pairs() if shot[1] == number]
+        tags = Counter(tag for shot in shots if (tag := image_file.orientation(images.path(*shot))))
+        for tag, count in sorted(tags.items()):
+            notes.append(
+                f"{count} of {len(shots)} images of camera {camera.name!r} have an orientation tag ({tag}); pixels "
+                "were taken as they are stored"
+            )
+    return tuple(notes)
 
 
 def _names(folder: Path, camera: Camera) -> set[str]:

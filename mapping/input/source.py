@@ -1,5 +1,6 @@
 """A folder of images or a video as what a map is made of: read, selected, and examined before any long work."""
 
+import dataclasses
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -70,7 +71,8 @@ class Source:
         folder = work.stage(
             FRAMES, lambda new: video.extract(self.path, self.rig, new, chosen, used=used, progress=progress)
         )
-        return read_folder(folder, self.rig, masks=self.masks, progress=progress)
+        read = read_folder(folder, self.rig, masks=self.masks, progress=progress)
+        return dataclasses.replace(read, notes=video.notes(self.path))
 
     def _camera_mask(self) -> np.ndarray | None:
         """The mask that the first camera has for all its images."""

@@ -25,6 +25,8 @@ _SAME_S = 6e-4
 FASTEST_M_S, HARDEST_M_S2 = 100.0, 20.0
 """What seems to be faster, or to accelerate harder for a tenth of the time, was recorded in another unit than metres:
 at walking pace positions in centimetres are below 100 m/s, and their accelerations beyond 2 g."""
+SLOWEST_S = 20.0
+"""Poses that are farther apart have times in another unit."""
 _SMOOTHED_S = 0.25
 """Accelerations are differences over this: 1 cm of noise is 0.4 m/s2."""
 _COLUMNS = 8
@@ -136,12 +138,11 @@ def read(path: Path) -> Trajectory:
     rows = np.array([_row(path, k, line.split(",") if is_euroc else line.split(), is_euroc) for k, line in used])
     time_s, positions_m = rows[:, 0], rows[:, 1:4]
     q = rows[:, 4:] if is_euroc else rows[:, [7, 4, 5, 6]]
-    if (late := np.flatnonzero(np.diff(time_s) <= 0.0)).size:
-        number = used[int(late[0]) + 1][0]
-        raise FormatError(f"{path}, line {number}: its time is not after that of the pose before; sort and thin them")
+    _require_rising(path, time_s, [number for number, _ in used])
     if (off := np.flatnonzero(np.abs(np.linalg.norm(q, axis=1) - 1.0) > 0.01)).size:
         order = "w x y z" if is_euroc else "x y z w"
         raise FormatError(f"{path}, line {used[int(off[0])][0]}: its quaternion ({order}) is not of unit length")
+    _require_seconds(path, time_s)
     _require_metres(path, time_s, positions_m)
     return Trajectory(path, time_s, frames.transform(rotations.normalise(q), positions_m))
 
@@ -179,6 +180,38 @@ def _row(path: Path, number: int, words: Sequence[str], is_euroc: bool) -> list[
     return values
 
 
+def _require_rising(path: Path, time_s: FloatArray, lines: Sequence[int]) -> None:
+    """
+    Raises:
+        FormatError: a time is not after the one before, or one is far from its neighbours' times.
+    """
+    late = np.flatnonzero(np.diff(time_s) <= 0.0)
+    if not late.size:
+        return
+    k = int(late[0])
+    if 0 < k < len(time_s) - 2 and time_s[k - 1] < time_s[k + 1] < time_s[k + 2] and time_s[k] > time_s[k + 2]:
+        raise FormatError(
+            f"{path}, line {lines[k]}: its time ({time_s[k]:g} s) is after those of the lines below, which are in "
+            "order; take the line out"
+        )
+    raise FormatError(f"{path}, line {lines[k + 1]}: its time is not after that of the pose before; sort and thin them")
+
+
+def _require_seconds(path: Path, time_s: FloatArray) -> None:
+    """
+    Raises:
+        InputError: poses are so far apart that the times are in another unit.
+    """
+    step = float(np.median(np.diff(time_s)))
+    if step < SLOWEST_S:
+        return
+    unit = "nanoseconds" if step > 1e6 else "microseconds" if step > 1e3 else "milliseconds"
+    raise InputError(
+        f"{path}: times from {time_s[0]:.6g} to {time_s[-1]:.6g} s, a pose every {step:.3g} s (median): {unit}? TUM's "
+        "format holds seconds, EuRoC's nanoseconds: divide the first column"
+    )
+
+
 def _require_metres(path: Path, time_s: FloatArray, positions_m: FloatArray) -> None:
     """
     Raises:
@@ -200,7 +233,8 @@ def _require_metres(path: Path, time_s: FloatArray, positions_m: FloatArray) -> 
 
 def _acceleration_m_s2(time_s: FloatArray, positions_m: FloatArray) -> float:
     """90th percentile over the recorded stretches without a gap; 0 where there are none."""
-    middle_s = np.arange(time_s[0] + _SMOOTHED_S, time_s[-1] - _SMOOTHED_S, _SMOOTHED_S)
+    middle_s = np.unique(np.floor(time_s / _SMOOTHED_S)) * _SMOOTHED_S  # as many as poses at most, however long a gap
+    middle_s = middle_s[(middle_s >= time_s[0] + _SMOOTHED_S) & (middle_s <= time_s[-1] - _SMOOTHED_S)]
     ends_s = (middle_s - _SMOOTHED_S, middle_s, middle_s + _SMOOTHED_S)
     before_m, at_m, after_m = (
         np.stack([np.interp(when, time_s, axis) for axis in positions_m.T], axis=1) for when in ends_s

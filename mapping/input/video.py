@@ -3,6 +3,7 @@
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from flight import FloatArray, InputError, Progress, file_format, silent
 from mapping.camera.rig import Camera, Rig
 from mapping.input import selection
 from mapping.input.selection import SelectionOptions
+
+if TYPE_CHECKING:
+    import cv2
 
 SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".mpg", ".mpeg", ".ts", ".mts", ".360")
 _MISSING = 0.02
@@ -68,13 +72,33 @@ def extract(
     _write(video, camera, folder, chosen, times_s, progress)
 
 
+def notes(video: Path) -> tuple[str, ...]:
+    """What was not done in reading it: its orientation tag turns no pixels."""
+    import cv2
+
+    capture = _opened(video)
+    turned_deg = capture.get(cv2.CAP_PROP_ORIENTATION_META) % 360.0
+    capture.release()
+    if not turned_deg:
+        return ()
+    return (f"the video's tag asks to turn it by {turned_deg:.0f} deg; pixels are taken as they are stored",)
+
+
+def _opened(video: Path) -> "cv2.VideoCapture":
+    import cv2
+
+    capture = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
+    capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0.0)
+    return capture
+
+
 def _frames(video: Path, camera: Camera, stage: str, progress: Progress) -> Generator[_Frame]:
     """All frames, one after the other."""
     import cv2
 
     if not video.is_file():
         raise InputError(f"{video} does not exist; give a folder of images or a video")
-    capture = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
+    capture = _opened(video)
     try:
         if not capture.isOpened():
             raise InputError(
@@ -88,9 +112,10 @@ def _frames(video: Path, camera: Camera, stage: str, progress: Progress) -> Gene
             if not met:
                 break
             if (pixels.shape[1], pixels.shape[0]) != (camera.width, camera.height):
+                tag = "".join(f" as stored ({note})" for note in notes(video))
                 raise InputError(
-                    f"{video} has frames of {pixels.shape[1]}x{pixels.shape[0]} pixels; camera {camera.name!r} of the "
-                    f"camera file has {camera.width}x{camera.height}; use the camera file of this video"
+                    f"{video} has frames of {pixels.shape[1]}x{pixels.shape[0]} pixels{tag}; camera {camera.name!r} of "
+                    f"the camera file has {camera.width}x{camera.height}; use the camera file of this video"
                 )
             read += 1
             yield _Frame(capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0, np.asarray(pixels, dtype=np.uint8))

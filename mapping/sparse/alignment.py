@@ -20,15 +20,16 @@ from flight import FloatArray, FormatError, InputError, MapError, frames, rotati
 from mapping import reach
 from mapping.camera.rig import Rig
 from mapping.input.images import ImageSet, read_table
-from mapping.input.trajectory import MotionKind
+from mapping.input.trajectory import Motion, MotionKind
 from mapping.sparse.recorded_motion import motion
 from mapping.sparse.recorded_motion.motion import MotionCheck
+from mapping.sparse.similarity import Fit, about_z, better_axes
 
 _POSITION = ("x_m", "y_m", "z_m")
 _UP = ("up_body_x", "up_body_y", "up_body_z")
-_TRIALS = 400
 _LEAST_POSITIONS = 4
-_MOST_DRIFT = 0.98
+LARGE_RESIDUAL = 0.1
+"""Of the extent of the recorded positions: beyond, they lie beside the map."""
 _LENGTH_STD = 0.01
 """A length that a user measured is taken to be good to 1 %."""
 _DEPTH_STD = 0.01
@@ -108,6 +109,12 @@ class Alignment:
     """Median distance between aligned and recorded positions; none without them."""
     positions_used: int = 0
     """Recorded positions that agree with the map."""
+    position_extent_m: float = 0.0
+    """Root mean square distance of the recorded positions from their centre: what the residual is beside."""
+    better_axes: str = ""
+    """Other axes of the recorded positions with which they fit far better, in words; empty: none."""
+    poses_up_off_rad: float | None = None
+    """Angle between up by the recorded poses and the map's up; none where they do not show it."""
     scale_ratio_to_positions: float | None = None
     """This scale divided by the scale from recorded positions alone; 1 when they agree."""
     up_spread_rad: float | None = None
@@ -246,9 +253,10 @@ def align(
         if recorded.kind is MotionKind.POSES and found is not None:
             references = _with_poses(references, recorded.trajectory.at(images.time_s), T_old_body, found.scale)
     R_level, up_source, up_spread_rad = _level(T_old_body, references, known)
+    poses_up_off_rad = _off_up(checks, images.time_s, T_old_body, R_level[2])
     level = positions @ R_level.T
     usable = known & np.isfinite(references.position_m).all(axis=1)
-    fit = _Fit.robust(level[usable], references.position_m[usable]) if usable.sum() >= _LEAST_POSITIONS else None
+    fit = Fit.robust(level[usable], references.position_m[usable]) if usable.sum() >= _LEAST_POSITIONS else None
     sources: list[tuple[str, float, float]] = []
     if has_depth:  # first: surfaces are where the depth images say
         sources.append((DEPTH_SOURCE, 1.0, _DEPTH_STD))
@@ -271,8 +279,20 @@ def align(
     motions = tuple(dataclasses.replace(c, scale=c.scale / scale) for _, c in checks if c is not None)
     if fit is None:
         T = _start_at_first(scale * level[known][0], R_level, T_old_body[known][0])
-        return Alignment(scale, T, source, up_source, up_spread_rad=up_spread_rad, witnesses=witnesses, motions=motions)
-    placed = _Fit.robust(level[usable], references.position_m[usable], scale=scale)
+        return Alignment(
+            scale,
+            T,
+            source,
+            up_source,
+            poses_up_off_rad=poses_up_off_rad,
+            up_spread_rad=up_spread_rad,
+            witnesses=witnesses,
+            motions=motions,
+        )
+    recorded_m = references.position_m[usable]
+    placed = Fit.robust(level[usable], recorded_m, scale=scale)
+    extent_m = float(np.sqrt(((recorded_m - recorded_m.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    is_far = placed.residual_m > LARGE_RESIDUAL * extent_m
     T = np.eye(4)
     T[:3, :3] = placed.R @ R_level
     T[:3, 3] = placed.t
@@ -283,11 +303,27 @@ def align(
         up_source,
         placed.residual_m,
         int(placed.inliers.sum()),
+        extent_m,
+        better_axes(level[usable], recorded_m, placed.residual_m) if is_far else "",
+        poses_up_off_rad,
         scale / fit.scale,
         up_spread_rad,
         witnesses,
         motions,
     )
+
+
+def _off_up(
+    checks: Sequence[tuple[Motion, MotionCheck | None]], time_s: FloatArray, T_old_body: FloatArray, up_old: FloatArray
+) -> float | None:
+    """Angle between up in recorded poses and `up_old` (3,), both in COLMAP's world; None where nothing shows it."""
+    for recorded, found in checks:
+        if recorded.kind is MotionKind.POSES and found is not None:
+            T_start_body = recorded.trajectory.at(time_s)
+            both = np.isfinite(T_start_body[:, 0, 0]) & np.isfinite(T_old_body[:, 0, 0])
+            if (up := motion.up_old(T_start_body[both], T_old_body[both], found.scale)) is not None:
+                return float(np.arccos(np.clip(up @ up_old, -1.0, 1.0)))
+    return None
 
 
 def _with_poses(references: References, T_start_body: FloatArray, T_old_body: FloatArray, scale: float) -> References:
@@ -336,16 +372,11 @@ def _start_at_first(first_m: FloatArray, R_level: FloatArray, T_old_body: FloatA
     """World with its origin at the first body and x along its heading."""
     forward = R_level @ T_old_body[:3, 0]
     yaw_rad = np.arctan2(forward[1], forward[0])
-    R_yaw = _about_z(-yaw_rad)
+    R_yaw = about_z(-yaw_rad)
     T = np.eye(4)
     T[:3, :3] = R_yaw @ R_level
     T[:3, 3] = -R_yaw @ first_m
     return T
-
-
-def _about_z(angle_rad: float) -> FloatArray:
-    c, s = np.cos(angle_rad), np.sin(angle_rad)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _from_length(images: ImageSet, positions: FloatArray, length: Length) -> float:
@@ -362,70 +393,3 @@ def _from_length(images: ImageSet, positions: FloatArray, length: Length) -> flo
     if units < 1e-9:
         raise InputError("the given length is between two images at one and the same place")
     return length.metres / units
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Fit:
-    """Scale, heading and translation from level map positions to recorded ones."""
-
-    scale: float
-    R: FloatArray
-    t: FloatArray
-    residual_m: float
-    inliers: np.ndarray
-
-    def scale_std(self, level: FloatArray, recorded_m: FloatArray) -> float:
-        """Relative standard deviation of the scale: the recorded positions' error over the extent of the path.
-
-        Errors that drift count as fewer positions: n (1 - r) / (1 + r), r that of neighbours (Bartlett, 1946).
-
-        Args:
-            level, recorded_m: (n, 3) the positions that were fitted, in order of time.
-        """
-        used, truth_m = self.scale * level[self.inliers], recorded_m[self.inliers]
-        extent_m = np.linalg.norm(used - used.mean(axis=0), axis=1)
-        noise_m = self.residual_m / 1.5382  # median of the length of a normal vector in space
-        off_m = used @ self.R.T + self.t - truth_m
-        alike = float((off_m[1:] * off_m[:-1]).sum() / max((off_m**2).sum(), 1e-30))
-        drift = np.sqrt((1.0 + (r := float(np.clip(alike, 0.0, _MOST_DRIFT)))) / (1.0 - r))
-        return float(drift * noise_m / max(np.sqrt((extent_m**2).sum()), 1e-12))
-
-    @staticmethod
-    def robust(level: FloatArray, recorded_m: FloatArray, *, scale: float | None = None) -> "_Fit":
-        """Least median of squares over pairs, then least squares over the inliers: up to half may be outliers."""
-        rng = np.random.default_rng(0)
-        everyone = np.ones(len(level))
-        best = _similarity(level, recorded_m, everyone, scale)
-        best_median = np.median(_residuals(best, level, recorded_m))
-        for _ in range(_TRIALS):
-            weight = np.zeros(len(level))
-            weight[rng.choice(len(level), 2, replace=False)] = 1.0
-            trial = _similarity(level, recorded_m, weight, scale)
-            median = np.median(_residuals(trial, level, recorded_m))
-            if median < best_median:
-                best, best_median = trial, median
-        inliers = _residuals(best, level, recorded_m) <= max(3.7 * float(best_median), 1e-9)
-        s, R, t = _similarity(level, recorded_m, inliers.astype(float), scale)
-        return _Fit(s, R, t, float(np.median(_residuals((s, R, t), level, recorded_m)[inliers])), inliers)
-
-
-def _similarity(
-    level: FloatArray, recorded_m: FloatArray, weight: FloatArray, scale: float | None
-) -> tuple[float, FloatArray, FloatArray]:
-    """Weighted least squares, rotation about z only; closed form."""
-    w = weight / weight.sum()
-    a, b = w @ level, w @ recorded_m
-    p, q = level - a, recorded_m - b
-    cosine = w @ (p[:, 0] * q[:, 0] + p[:, 1] * q[:, 1])
-    sine = w @ (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
-    R = _about_z(float(np.arctan2(sine, cosine)))
-    if scale is None:
-        scale = max(
-            float((np.hypot(cosine, sine) + w @ (p[:, 2] * q[:, 2])) / max(w @ (p * p).sum(axis=1), 1e-30)), 1e-9
-        )
-    return scale, R, b - scale * (R @ a)
-
-
-def _residuals(fit: tuple[float, FloatArray, FloatArray], level: FloatArray, recorded_m: FloatArray) -> FloatArray:
-    scale, R, t = fit
-    return np.linalg.norm(scale * level @ R.T + t - recorded_m, axis=1)

@@ -76,14 +76,14 @@ def belief(names: Sequence[float], *, curve: float | None, left: float, most: fl
 
 def curve_is_there(log_odds: float) -> float:
     """Probability that a curve which blocks left out favour by so much is there at all; others may be as good."""
-    return _rising(log_odds, THRESHOLDS.even_odds_curve, 4)
+    return rising(log_odds, THRESHOLDS.even_odds_curve, 4)
 
 
 def supported(reduction: float, dispersion: float) -> float:
     """Probability that an effect which lowers the cost of judging flights by so much is there at all."""
-    return _rising(reduction / max(dispersion, 1.0), THRESHOLDS.even_reduction, 2)
+    return rising(reduction / max(dispersion, 1.0), THRESHOLDS.even_reduction, 2)
 
 
-def _rising(log_odds: float, even: float, power: int) -> float:
-    """From 0 over 0.5 at `even` to 1. Slower than the logistic curve that log odds would mean were they exact."""
-    return 1.0 / (1.0 + (even / max(log_odds, 1e-9)) ** power)
+def rising(size: float, even: float, power: int) -> float:
+    """From 0 over 0.5 at `even` to 1; of log odds, slower than the logistic curve that exact ones would mean."""
+    return 1.0 / (1.0 + (even / max(size, 1e-9)) ** power)

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sysid.diagnosis.belief import curve_is_there
+from sysid.diagnosis.belief import curve_is_there, rising
 from sysid.diagnosis.evidence import load
 from sysid.diagnosis.evidence.candidates import Candidate, CandidateSet, candidate_set
 from sysid.diagnosis.evidence.confirm import Judge
 from sysid.diagnosis.evidence.evidence import Evidence
 from sysid.diagnosis.evidence.free_form import (
+    DRAG,
     EVERY_CHANNEL,
     LIFT,
     ROTORS,
@@ -28,6 +29,7 @@ from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.result import CHANNELS, Identification
 from sysid.logs.checks.payload import PAYLOAD
+from vehicle import effects
 
 logger = logging.getLogger(__name__)
 
@@ -230,6 +232,38 @@ def left_unexplained(model: Model, named: Sequence[tuple[Candidate, float]]) -> 
     drawn = model.tried.drawn
     left = [curve.score.log_odds for curve in drawn if form_of(curve, named, drawn) is None]
     return float(np.max(left, initial=0.0))  # nan stays nan
+
+
+def of_another_form(model: Model, named: Sequence[tuple[Candidate, float]]) -> dict[str, float]:
+    """Probability, by named effect, that its law is of a form that the catalogue lacks.
+
+    For that a curve of the same physics is there beside the named law, and moves the vehicle by a share of what the law
+    does that is no matter of time stamps or mass.
+
+    Args:
+        named: effects, each with the fall of the cost as it was added.
+    """
+    stated_curve(model)
+    drags = [candidate for candidate, _ in named if effects.find(candidate.effect).family == DRAG]
+    own = [(curve, [of]) for curve in model.tried.drawn if (of := form_of(curve, named, model.tried.drawn)) is not None]
+    own += [(curve, drags) for curve in _curves(model, [DRAG])] if drags else []
+    found: dict[str, float] = {}
+    for curve, laws in own:
+        share = _of_what_they_do(model, curve, laws)
+        known = curve_is_there(curve.score.log_odds) * rising(share, THRESHOLDS.even_form, 4)
+        found |= {law.name: max(known, found.get(law.name, 0.0)) for law in laws}
+    return found
+
+
+def _of_what_they_do(model: Model, curve: Outside, laws: Sequence[Candidate]) -> float:
+    """Root mean square of a curve over that of laws in the model, what else is fitted having its share of both."""
+    names = [n for law in laws for n in law.parameters if n in model.fit.free_names]
+    if not names or not curve.score.gain_unseen > 0.0:
+        return 0.0
+    own = model.evidence.place(names)
+    values = np.array([model.fit.vehicle.value(n) for n in names])
+    lost = loss_without(model.evidence.named, np.setdiff1d(model.evidence.base, own), own, values).gain
+    return float(np.sqrt(curve.score.gain_unseen / lost)) if lost > 0.0 else np.inf
 
 
 def form_of(

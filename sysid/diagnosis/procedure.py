@@ -4,18 +4,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from flight import FlightLog, InputError, Progress, silent, within
-from sysid.diagnosis import effect_sizes, traces
+from sysid.diagnosis import told
 from sysid.diagnosis.belief import Belief, belief, curve_is_there
-from sysid.diagnosis.decision import Case, decide, sentence, stated
 from sysid.diagnosis.envelope import Envelope, flown
 from sysid.diagnosis.evidence import load
-from sysid.diagnosis.evidence.candidates import Candidate
-from sysid.diagnosis.evidence.free_form import UNIT, axes_of, of_thrust
-from sysid.diagnosis.evidence.score import Score
-from sysid.diagnosis.examined import Model, Outside
+from sysid.diagnosis.evidence.free_form import axes_of
+from sysid.diagnosis.families import Family, families, family_of
 from sysid.diagnosis.findings import (
     SCHEMA_VERSION,
     Attempt,
@@ -25,19 +20,22 @@ from sysid.diagnosis.findings import (
     Stair,
     Verdict,
 )
-from sysid.diagnosis.first_fit import First, first_fit
+from sysid.diagnosis.first_fit import first_fit
 from sysid.diagnosis.search import Search, search
 from sysid.diagnosis.thresholds import THRESHOLDS
-from sysid.diagnosis.trial import Trial
+from sysid.diagnosis.told import of_attempt, of_candidates, of_curve, of_forms
 from sysid.estimator import verdict as fits
+from sysid.estimator.fit_to_use import Cause, Chosen, likely_cause
 from sysid.estimator.flights.clocks import gyro_is_early
 from sysid.estimator.flights.flight_data import left_out
 from sysid.estimator.options import Options
+from sysid.estimator.predicts import Predicts
 from sysid.estimator.prepare import prepare_all
+from sysid.estimator.validation.better import predicts
 from sysid.estimator.validation.comparison import HORIZONS_S, Comparison, compare
 from sysid.logs.check import check_log
 from sysid.logs.checks.payload import PAYLOAD, carries_payload
-from vehicle import Vehicle, rigid_body
+from vehicle import Vehicle
 
 NODE_RATE_HZ = 100.0
 """States per second while searching; the vehicle's motion is slower than this by far."""
@@ -79,6 +77,10 @@ class Diagnosis:
     """Every model of the staircase on the flights it was judged by, for plots."""
     input_verdict: fits.Verdict
     """Of the checks of all logs and of the first fit: what is against their use with this vehicle file."""
+    predicts: Predicts
+    """Of the last model, beside the vehicle as it was given."""
+    cause: Cause | None
+    """Why the fit is not to be used, by a trial; None where it may be, or where no trial tells."""
 
     @property
     def undecided(self) -> tuple[str, ...]:
@@ -132,10 +134,15 @@ class Diagnosis:
         """The whole diagnosis in a sentence or two."""
         parts = []
         if self.additions:
-            parts.append(f"missing was {' and '.join(self._said(name) for name in self.additions)}")
+            lacking = [one for one in self.families if one.is_another_form]
+            nearest = {name for one in lacking for name in one.names}
+            names = [self._said(name) for name in self.additions if name not in nearest]
+            parts.append(f"missing was {' and '.join((*names, *(one.lacking for one in lacking)))}")
         if self.undecided:
-            besides = "besides, " if parts else ""
-            parts.append(f"{besides}{' or '.join(self.undecided)} is missing: they are confounded in these flights")
+            one_family = {family_of(name) for name in self.undecided}
+            what = f"{one_family.pop()} is missing, as " if len(one_family) == 1 else ""
+            said = f"{' or '.join(self.undecided)}{'' if what else ' is missing'}"
+            parts.append(f"{'besides, ' if parts else ''}{what}{said}: they are confounded in these flights")
         if self.outside is not None:
             o = self.outside
             parts.append(
@@ -177,7 +184,21 @@ class Diagnosis:
     def _said(self, name: str) -> str:
         both = zip((*self.flights, *self.held_out), self.payload_carried, strict=False)
         loaded = [flight for flight, carries in both if carries]
-        return f"{name} (carried by {', '.join(loaded)} alone)" if name == PAYLOAD and loaded else name
+        if name == PAYLOAD and loaded:
+            return f"{name} (carried by {', '.join(loaded)} alone)"
+        return name
+
+    @property
+    def families(self) -> tuple[Family, ...]:
+        """What is missing by family, with the probability of each form."""
+        most = THRESHOLDS.even_confidence if self.fit_verdict.against else THRESHOLDS.most_confidence
+        named = [told.by_form(self.search, s) for s in self.candidates if s.name in self.additions]
+        open_ = self.search.undecided
+        if open_ is not None:
+            apart = {family_of(name): name for name in reversed(open_.between)}  # the likeliest of each
+            between = [(name, open_.probability(name)) for name in open_.between]
+            named += [(name, dict(between)[name], between) for name in apart.values()]
+        return families(named, self.search.another_form, most=most)
 
     @property
     def leaves_too_much(self) -> bool:
@@ -187,14 +208,16 @@ class Diagnosis:
     @property
     def fit_verdict(self) -> fits.Verdict:
         """Whether to use the numbers of the last model."""
-        return self.input_verdict.beside(self.search.models[-1].fit.verdict)
+        verdict = self.input_verdict.beside(self.search.models[-1].fit.verdict)
+        return replace(verdict, predicts=self.predicts)
 
     @property
     def belief(self) -> Belief:
         """Probability that the whole sentence is right, and of what else may be true."""
-        unsure = self.fit_verdict.use is fits.Use.REJECTED or bool(self.search.too_short) or self.pose_may_be_late
+        unsure = bool(self.fit_verdict.against) or bool(self.search.too_short) or self.pose_may_be_late
         unsure |= bool(self.proxies and self.search.doubted)  # for something unknown, or for one of these
         names = [s.confidence for s in self.candidates if s.verdict is Verdict.PRESENT]
+        names += [one.known_form for one in self.families]
         if self.undecided:
             names.append(min(1.0, sum(s.confidence for s in self.candidates if s.name in self.undecided)))
         names.append(1.0 - max((s.confidence for s in self.unsaid), default=0.0))
@@ -227,6 +250,7 @@ class Diagnosis:
             "held_out": list(self.held_out),
             "base": {"vehicle": self.base.name, "effects": list(self.base.effects)},
             "candidates": [s.as_dict() for s in self.candidates],
+            "families": [one.as_dict() for one in self.families],
             "additions": list(self.additions),
             "negligible": list(self.negligible),
             "proxies": list(self.proxies),
@@ -290,11 +314,15 @@ def diagnose(
         why = "".join(f"; {sentence}" for sentence in input_verdict.against[:1])
         raise InputError(f"{error}{why}") from error
     last = found.models[-1].fit
-    unsure = input_verdict.beside(last.verdict).use is fits.Use.REJECTED
+    unsure = bool(input_verdict.beside(last.verdict).against)
     models = {"as given": vehicle, "fitted": first.fit.vehicle}
     models |= {label: model.fit.vehicle for label, model in zip(_labels(found), found.models[1:], strict=True)}
     carried = _carried(found, logs, held_out)
     judged = compare(carried[len(logs) :] or carried[: len(logs)], models, first.options)
+    on = "held-out flights" if held_out else "the training flights"
+    better = predicts(judged, "as given", list(models)[-1], on)
+    refused = unsure and not (input_verdict.misread or better.better)
+    cause = likely_cause(logs, last.vehicle, replace(first, fit=last)) if refused else None
     progress("diagnose", 1.0)
     return Diagnosis(
         base=vehicle,
@@ -302,16 +330,16 @@ def diagnose(
         additions=tuple(s.name for s in found.added),
         negligible=tuple(s.name for s in found.negligible),
         proxies=tuple(s.name for s in found.proxies),
-        candidates=_findings(found, unsure=unsure),
-        outside=_outside(found.drawn_at, found.outside, unsure=unsure) if found.outside else None,
-        attempts=tuple(_attempt(t, unsure=unsure) for t in found.trials),
+        candidates=of_candidates(found, unsure=unsure),
+        outside=of_curve(found.drawn_at, found.outside, unsure=unsure) if found.outside else None,
+        attempts=tuple(of_attempt(t, unsure=unsure) for t in found.trials),
         staircase=_staircase(judged, models),
         invisible=found.models[0].candidate_set.invisible,
         flights=tuple(names[: len(logs)]),
         held_out=tuple(names[len(logs) :]),
         findings=first.said
         + ((found.too_short,) if found.too_short else ())
-        + _other_forms(found)
+        + of_forms(found)
         + last.findings
         + left_out(found.unseen)
         + judged.not_converged,
@@ -319,6 +347,8 @@ def diagnose(
         payload_carried=_newly_told((*logs, *held_out), carried),
         judged=judged,
         input_verdict=input_verdict.doubted(*first.said),
+        predicts=better,
+        cause=cause,
     )
 
 
@@ -339,7 +369,7 @@ def _searched(
     options: Options,
     most: int,
     progress: Progress,
-) -> tuple[First, Search]:
+) -> tuple[Chosen, Search]:
     """The fit of the vehicle as it is, and the search from there."""
     first = first_fit(logs, vehicle, options, within(progress, "diagnose", 0.0, 0.1))
     progress("diagnose", 0.15)
@@ -371,126 +401,3 @@ def _staircase(judged: Comparison, models: Iterable[str]) -> tuple[Stair, ...]:
 def _labels(found: Search) -> list[str]:
     signs = {Outcome.ADDED: "+ {}", Outcome.REMOVED: "- {}", Outcome.USEFUL_PROXY: "+ {} (proxy)"}
     return [signs[t.outcome].format(t.candidate.name) for t in found.trials if t.outcome in signs]
-
-
-def _findings(found: Search, *, unsure: bool) -> tuple[CandidateFinding, ...]:
-    """Args: unsure: whether the fit is rejected, so that nothing is excluded, or named with more than even odds."""
-    first = found.models[0]
-    sized = [(s, _scored(found, s).size) for s in first.candidate_set.candidates]
-    errors = traces.prediction_error_m(first, sized)
-    result = [_finding(found, s, errors[s.name], unsure=unsure) for s in first.candidate_set.candidates]
-    order = list(Verdict)
-    return tuple(sorted(result, key=lambda f: (order.index(f.verdict), f.significance, -f.gain)))
-
-
-def _model_without(found: Search, candidate: Candidate) -> Model:
-    """The last model that lacked it."""
-    return next(m for m in reversed(found.models) if candidate.name in m.scores)
-
-
-def _scored(found: Search, candidate: Candidate) -> Score:
-    return _model_without(found, candidate).scores[candidate.name]
-
-
-def _finding(found: Search, candidate: Candidate, error_m: float, *, unsure: bool) -> CandidateFinding:
-    scored = _scored(found, candidate)
-    trial = next((t for t in reversed(found.trials) if t.candidate.name == candidate.name), None)
-    present = trial is not None and candidate.name in {s.name for s in found.added}
-    proxy = trial is not None and candidate.name in {s.name for s in found.proxies}
-    negligible = candidate.name in {s.name for s in found.negligible}
-    in_model = present or proxy or negligible
-    if in_model:
-        sizes = effect_sizes.fitted(candidate, scored, found.models[-1].fit)
-    else:
-        sizes = effect_sizes.scored(candidate, scored)
-    case = Case(
-        candidate=candidate,
-        score=scored,
-        sizes=sizes,
-        trial=trial,
-        added=present,
-        curve=found.outside,
-        undecided=found.undecided if found.undecided and candidate.name in found.undecided.between else None,
-        doubted=candidate.name in found.doubted,
-        carried_by=_carriers(found) if candidate.name == PAYLOAD else (),
-        no_load=_no_load(found.models[-1]) if candidate.name == PAYLOAD else "",
-        rejected=unsure,
-        useful_proxy=proxy,
-        negligible=negligible,
-    )
-    decision = decide(case)
-    before = _model_without(found, candidate) if in_model else found.models[-1]
-    known = candidate.name in before.scores
-    return CandidateFinding(
-        name=candidate.name,
-        verdict=decision.verdict,
-        reason=sentence(case, decision),
-        sizes=sizes,
-        gain=trial.training.total if trial is not None and in_model else scored.gain_unseen,
-        significance=scored.significance,
-        error_m=error_m,
-        confidence=decision.confidence,
-        confounded=traces.confounded(before, candidate, THRESHOLDS.confounded) if known else (),
-        settled_by=candidate.excited_by,
-        channels=candidate.channels,
-        regressor=candidate.regressor,
-    )
-
-
-def _other_forms(found: Search) -> tuple[str, ...]:
-    """Which named effects have not exactly the catalogue's law, and where that shows."""
-    return tuple(
-        f"the law of {candidate.name} is not exactly the catalogue's: what it leaves of {curve.channel} follows "
-        f"{curve.variable}, less than {THRESHOLDS.form_share:.0%} of what it explains"
-        for candidate, curve in found.forms
-    )
-
-
-def _carriers(found: Search) -> tuple[str, ...]:
-    """Flights that carry the load, the held-out ones too."""
-    flights = (*found.models[-1].fit.flights, *found.unseen)
-    return tuple(f.name for f in flights if f.carries_payload is not False)
-
-
-def _no_load(model: Model) -> str:
-    return model.load.doubt if model.load else ""
-
-
-def _attempt(trial: Trial, *, unsure: bool) -> Attempt:
-    judged = trial.held_out
-    return Attempt(
-        name=trial.candidate.name,
-        outcome=trial.outcome,
-        sentence=trial.sentence,
-        confidence=stated(trial.confidence, unsure=unsure),
-        rivals=trial.rivals,
-        reduction=judged.total,
-        reduction_sigma=judged.sigma,
-        judged_on=trial.judged_on,
-    )
-
-
-def _outside(model: Model, found: Outside, *, unsure: bool) -> OutsideFinding:
-    blocks = found.score
-    curve = next(c for c in model.evidence.curves if c.variable == found.variable)
-    low, high = (0.0, 1.0) if found.variable == "constant" else (curve.knots[3], curve.knots[-4])
-    at = np.linspace(low, high, 80)
-    basis = curve.basis(at)
-    variance = np.einsum("ij,jk,ik->i", basis, blocks.covariance, basis)
-    body = rigid_body(model.fit.vehicle)
-    scale = 1.0
-    if not of_thrust(found.channel):
-        axis = "xyz".index(found.channel[2])
-        scale = body.mass_kg if found.channel[0] == "F" else body.inertia_kg_m2[axis, axis]
-    return OutsideFinding(
-        channel=found.channel,
-        variable=found.variable,
-        variable_unit=UNIT[found.variable],
-        at=at,
-        acceleration=basis @ blocks.size,
-        band=np.sqrt(np.maximum(variance, 0.0)),
-        force_or_torque=float(scale),
-        gain=blocks.gain_unseen,
-        significance=blocks.significance,
-        confidence=stated(found.confidence, unsure=unsure),
-    )

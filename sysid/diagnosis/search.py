@@ -1,7 +1,7 @@
 """Forward and backward: add the candidate that explains most, keep it if unseen flights agree, look again."""
 
 import logging
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -23,9 +23,11 @@ from sysid.diagnosis.examined import (
     forms_and_curve,
     left_unexplained,
     loss,
+    of_another_form,
     significant,
     stands,
 )
+from sysid.diagnosis.families import family_of
 from sysid.diagnosis.findings import JudgedBy, Outcome
 from sysid.diagnosis.fitting import candidates_fitted, fitted_once, refit_without
 from sysid.diagnosis.thresholds import THRESHOLDS
@@ -39,8 +41,11 @@ logger = logging.getLogger(__name__)
 NONE_HELD_OUT, TOO_SHORT = "no flight was held out", "the held-out flights are too short"
 
 
-def _weighed(model: Model, tried: Sequence[Fitted]) -> tuple[list[Fitted], Model]:
-    """Candidates by their weight, the heaviest first, and the model that this one makes."""
+def _weighed(model: Model, tried: Sequence[Fitted], unseen: Judge | str) -> tuple[list[Fitted], Model]:
+    """Candidates by their weight, the heaviest first, and the model that this one makes.
+
+    Forms of one family that the training flights hardly tell apart are told by the held-out ones too.
+    """
     after = None
     first = max(tried, key=lambda c: c.reduction.total)
     if model.tried.scales is None:
@@ -48,11 +53,27 @@ def _weighed(model: Model, tried: Sequence[Fitted]) -> tuple[list[Fitted], Model
         model.tried.scales = Scales(first, model.judge, after.evidence)
     scales = model.tried.scales
     ordered = sorted(tried, key=scales.weight, reverse=True)
+    if not isinstance(unseen, str):
+        _compete(scales, ordered, unseen)
+        ordered.sort(key=scales.weight, reverse=True)
     for c in ordered:
         logger.info(
             "%s: log odds %.1f, dispersion %.1f", c.candidate.name, scales.weight(c), scales.dispersion(c.candidate)
         )
     return ordered, after if after is not None and ordered[0] is first else examine(ordered[0].fit)
+
+
+def _compete(scales: Scales, ordered: Sequence[Fitted], unseen: Judge) -> None:
+    """Let forms of the best one's family predict the held-out flights, where its lead is no clear one."""
+    best, *others = ordered
+    own = family_of(best.candidate.name)
+    for rival in others:
+        close = scales.weight(best) - scales.weight(rival) < THRESHOLDS.contested
+        if close and family_of(rival.candidate.name) == own and rival.candidate.name not in scales.held_out:
+            unseen.set_noise(best.fit.noise)
+            reduction = unseen.reduction(best.fit.vehicle, rival.fit.vehicle)
+            scales.held_out[rival.candidate.name] = reduction.total / scales.dispersion(rival.candidate)
+            logger.info("%s against %s, held out: %.1f", rival.candidate.name, best.candidate.name, reduction.total)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +108,8 @@ class Search:
     """Log odds of the best curve at `drawn_at` that is of no named effect's form, stated or not."""
     left_anywhere: float
     """The same of any form."""
+    another_form: Mapping[str, float]
+    """By named effect, probability that its law is of a form that the catalogue lacks."""
     too_short: str
     """In words, that the held-out flights are too short to judge by; empty if they are not, or none were given."""
 
@@ -160,6 +183,7 @@ def search(
         unseen=judge.flights if judge else tuple(held_out),
         left=left_unexplained(at, _explained(named, found.trials)),
         left_anywhere=left_unexplained(at, ()),
+        another_form=of_another_form(at, _explained(named, found.trials)),
         too_short=too_short,
     )
 
@@ -253,7 +277,7 @@ def _next(
     tried = candidates_fitted(logs, model, options, refused)
     if not tried:
         return None, None
-    (best, *others), after = _weighed(model, tried)
+    (best, *others), after = _weighed(model, tried, unseen)
     odds = {c.candidate.name: _odds(model, best, c) for c in (*others, *model.tried.undecided)}
     share = 1.0 / (1.0 + sum(odds.values()))
     outdone_by = stands(after, best.candidate, refused)

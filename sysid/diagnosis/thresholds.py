@@ -42,6 +42,9 @@ class Thresholds:
     form_share: float = 0.2
     """A curve in a channel of a named effect that explains less than this share of what the effect does is of its law's
     form: a drag with the exponent 2.6 left 0.10; a curve beside a false name explained 0.51 of what the name did."""
+    even_form: float = 0.03
+    """Share of what a named effect does at which a curve of the same physics is as likely another form as a matter of
+    time stamps: rotor drag and quadratic drag that stood in for a linear one left 0.051."""
     even_reduction: float = 6.0
     """Reduction of the cost of judging flights, over its dispersion, at which a name is as likely wrong as right. False
     ones came to 17, 24 and 464, of 47; of the 29 names that it was chosen on four right ones came to 8, 19, 21, 55."""
@@ -56,6 +59,8 @@ class Thresholds:
     """A name stands if, with the best curve beside it, it keeps this share of its own gain."""
     clear_lead: float = 3.0
     """Log odds from which on one explanation is clearly better than another."""
+    contested: float = 9.0
+    """Log odds on training flights below which forms of one family are also judged by held-out flights."""
     rivals: int = 3
     """So many of the best candidates are fitted in full before one is chosen."""
     rival_share: float = 0.3

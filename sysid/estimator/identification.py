@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent
+from sysid.estimator import from_imu
 from sysid.estimator.blocks.catalogue import BLOCKS
 from sysid.estimator.blocks.motion import LEAST_PROCESS
 from sysid.estimator.blocks.noise import Noise
@@ -31,6 +32,7 @@ from sysid.estimator.prepare import gravity_of, prepare_all
 from sysid.estimator.result import Identification, conclude
 from sysid.estimator.trajectory.model import unexplained
 from sysid.estimator.trajectory.states import first_guess
+from sysid.estimator.uncertainty import identifiable
 from sysid.estimator.uncertainty.unsettled import Unsettled, least_settled
 from sysid.logs.checks.payload import PAYLOAD
 from vehicle import Vehicle, specs
@@ -43,8 +45,6 @@ UNSETTLED = (
 )
 PLACE_OF_LOAD = tuple(f"{PAYLOAD}.{axis}_m" for axis in "xyz")
 """Fitted with the catalogue's width as a prior: a load of no weight has no place, and its height hardly ever shows."""
-UNSEEN_SHARE = 0.5
-"""A parameter is not identifiable when its standard error exceeds this share of its typical size."""
 
 
 def identify(
@@ -76,6 +76,8 @@ def identify(
     if near:
         gravity_of((near.vehicle, vehicle))  # the flights of `near` keep theirs
     flights = list(near.flights) if near else prepare_all(logs, options, [vehicle])
+    if not any(flight.has_pose for flight in flights):
+        return from_imu.identify(flights, vehicle, options, given or (near.given if near else vehicle), progress)
     excitation.require(flights, _names(vehicle, flights, options))
     unknowns, clock = _unknowns(vehicle, flights, options)
     point, noise = _beside(near, vehicle, unknowns) if near else start(vehicle, flights, unknowns.model)
@@ -124,11 +126,11 @@ class _Fit:
         while True:
             prior = _prior(self.flights, self.vehicle, unknowns, self.options)
             solution = solve(self.flights, point, noise, unknowns, prior, self.options, self.progress)
-            unseen = _least_seen(solution, self.vehicle, unknowns)
+            unseen = identifiable.least_seen(solution, self.vehicle, unknowns)
             if unseen is None:
                 return solution, unknowns
             if self.options.unseen == "refuse":
-                raise InputError(_unseen_message(unseen))
+                raise InputError(identifiable.message(unseen))
             held.append(unseen)
             logger.info("holding %s: not identifiable from these flights", unseen)
             unknowns = unknowns.without(unseen)
@@ -235,31 +237,6 @@ def _prior(flights: list[Flight], vehicle: Vehicle, unknowns: Unknowns, options:
     believed = {name: specs(vehicle)[name].prior for name in PLACE_OF_LOAD if name in vehicle.parameters}
     std = [(believed | dict(options.prior_std)).get(name, np.inf) for name in named]
     return Prior(np.array(mean), np.array([*std, *width]))
-
-
-def usual_size(vehicle: Vehicle, point: Point, name: str) -> float:
-    """The size a standard error is judged by: the value itself, or what is typical of the effect if larger."""
-    value = max(abs(point.value(name)), abs(vehicle.value(name)))
-    never_zero = name.startswith(("inertia_", "thrust_", "rotor_yaw_torque"))
-    return value if never_zero and value > 0.0 else max(value, specs(vehicle)[name].prior)
-
-
-def _least_seen(solution: Solution, vehicle: Vehicle, unknowns: Unknowns) -> str | None:
-    """The parameter these flights show least, if they do not show it at all."""
-    named = (*unknowns.model, *unknowns.sensor)
-    if not named:
-        return None
-    std = np.sqrt(np.diag(solution.covariance()))[: len(named)]
-    share = std / np.array([usual_size(vehicle, solution.point, name) for name in named])
-    worst = int(np.argmax(share))
-    return named[worst] if share[worst] > UNSEEN_SHARE else None
-
-
-def _unseen_message(name: str) -> str:
-    return (
-        f"{name} is not identifiable from these flights: its standard error is larger than half its typical size; "
-        "fly a manoeuvre that excites it, or hold it (--hold-unidentifiable)"
-    )
 
 
 def not_settled(name: str, smoothed: Solution) -> list[str]:

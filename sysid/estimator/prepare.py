@@ -14,6 +14,8 @@ from sysid.estimator.flights.flight_data import Flight, IndexArray, LeadIn
 from sysid.estimator.flights.sampling import Stretch
 from sysid.estimator.motors import battery, motor, rotor_speed
 from sysid.estimator.options import Options
+from sysid.logs import full_throttle
+from sysid.logs.apply import apply
 from sysid.logs.checks import contact, gyro_clock
 from sysid.logs.checks.clocks import Offset
 from sysid.logs.checks.motion import kinematics
@@ -22,7 +24,6 @@ from sysid.logs.events import recording
 from sysid.logs.events.event import splits
 from sysid.logs.events.repair import Span
 from sysid.logs.events.stamps import longest_pause_s
-from sysid.logs.full_throttle import RATIOS
 from vehicle import Vehicle
 
 LEAD_IN_S = 0.3
@@ -55,7 +56,9 @@ def prepare_all(logs: Sequence[FlightLog], options: Options, models: Iterable[Ve
     Raises:
         InputError: a log cannot be used, or the models' gravities differ.
     """
+    models = list(models)
     gravity_m_s2 = gravity_of(models)
+    logs = [full_throttle.by_limit(log, models[0].limits.rotor_speed_max_rad_s) for log in logs]
     return [flight for i, log in enumerate(logs) for flight in prepare(log, i, options, gravity_m_s2=gravity_m_s2)]
 
 
@@ -86,6 +89,7 @@ def prepare(log: FlightLog, index: int, options: Options, *, gravity_m_s2: float
             refuse gaps.
     """
     source = _source(log, str(log.metadata.get("name", f"flight {index + 1}")))
+    log = _without_leaps(log, source.name, options)
     touched = contact.spans(log)
     pieces = _aloft(_split(log, source, options), touched, source.name)
     flights = [_flight(log, piece, source, index, len(pieces), options) for piece in pieces]
@@ -119,7 +123,7 @@ def _source(log: FlightLog, name: str) -> _Source:
         missing = " and ".join(q for q in pose if not log.has(q))
         raise InputError(f"{name} has no {missing}; without them it needs both gyro and accelerometer")
     rotors = rotor_speed.QUANTITY if log.has(rotor_speed.QUANTITY) else motor.QUANTITY
-    if not log.has(rotors) and all(ratio in log.columns for ratio in RATIOS):
+    if not log.has(rotors) and full_throttle.has_ratios(log):
         raise InputError(
             f"{name} has motor commands from 0 to 1 and no rotor speed: give the speed at full throttle "
             "(goshawk log import --full-throttle RPM)"
@@ -138,6 +142,7 @@ def gaps(log: FlightLog) -> list[Gap]:
     Raises:
         InputError: as `prepare`, but not for gaps.
     """
+    log = full_throttle.by_limit(log, 1.0)
     pose_s, rotor_s, kind = _sampled(log, _source(log, str(log.metadata.get("name", "flight"))))
     return sorted(_gaps(pose_s, kind) + _gaps(rotor_s, "rotor speed"))
 
@@ -175,6 +180,19 @@ def _split(log: FlightLog, source: _Source, options: Options) -> list[Span]:
             f"{name} has {gaps_sentence(found)}; "
             "fit the pieces between as separate flights with gaps='split', or cut the log there"
         )
+    out = [*cuts, *((begin, end) for begin, end, _ in found)]
+    pieces = _outside(max(pose_s[0], rotor_s[0]), min(pose_s[-1], rotor_s[-1]), out)
+    if not pieces:
+        raise InputError(f"{name} has no stretch of {SHORTEST_S:g} s with both pose and rotor speed")
+    return pieces
+
+
+def _without_leaps(log: FlightLog, name: str, options: Options) -> FlightLog:
+    """The log, split or without a value where its pose leaps.
+
+    Raises:
+        InputError: it leaps, and the options refuse gaps.
+    """
     broken = [] if options.robust and options.gaps == "refuse" else recording.leaps(log)
     if broken and options.gaps == "refuse":
         more = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
@@ -182,11 +200,10 @@ def _split(log: FlightLog, source: _Source, options: Options) -> list[Span]:
             f"{name}: {broken[0].sentence}{more}; fit the pieces between as separate flights with gaps='split', or "
             "write a log that is mended there with `goshawk log fix`"
         )
-    out = [*cuts, *((begin, end) for begin, end, _ in found), *(recording.cut_out(log, event) for event in broken)]
-    pieces = _outside(max(pose_s[0], rotor_s[0]), min(pose_s[-1], rotor_s[-1]), out)
-    if not pieces:
-        raise InputError(f"{name} has no stretch of {SHORTEST_S:g} s with both pose and rotor speed")
-    return pieces
+    for event in broken:
+        if event.repair is not None:
+            log = apply(log, event.repair)
+    return log
 
 
 def _cut_there(gap: Gap, cuts: list[Span]) -> bool:
@@ -257,6 +274,7 @@ def _flight(
         streams=streams,
         carries_payload=carries_payload(log),
         commands_on_time=by_command and not options.estimate_command_delay,
+        full_throttle_rad_s=log.metadata.get(full_throttle.KEY) if by_command else None,
     )
     return _after_lead_in(flight) if by_command else flight
 

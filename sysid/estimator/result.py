@@ -8,6 +8,7 @@ import numpy as np
 
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
+from sysid.estimator import known_ratio
 from sysid.estimator import verdict as verdicts
 from sysid.estimator.blocks.catalogue import BLOCKS, acting, places, reported
 from sysid.estimator.blocks.gyro import GYRO
@@ -27,7 +28,7 @@ from sysid.estimator.uncertainty.agreement import odd_flights
 from sysid.estimator.uncertainty.errors import NORMAL_90, Errors, standard_errors
 from sysid.estimator.uncertainty.unsettled import CONFOUNDED, Unsettled
 from sysid.estimator.verdict import Verdict
-from vehicle import Vehicle, specs
+from vehicle import Vehicle, purpose, specs
 
 SCHEMA_VERSION = 2
 """Version of `Identification.as_dict`."""
@@ -209,10 +210,19 @@ def conclude(
     unsettled = [one.sentence for one in not_settled]
     lasting = [name for name, so in zip(names, errors.correlated[: len(names)], strict=True) if so]
     verdict = verdicts.of_fit(given, solution.point.vehicle, flights, unknowns.model, _against(solution, flights))
+    correlation = errors.correlation[: len(names), : len(names)]
+    verdict = verdict.doubted(
+        *_held_up(flights, solution, unknowns),
+        *unsettled,
+        *_at_bounds(vehicle, estimates, but=0.0),
+        *unpredicted_turning(solution, flights, unknowns.model),
+        *disagreement,
+    )
+    mark = known_ratio.doubtful(verdict, names, _free(estimates), correlation)
     return Identification(
-        vehicle=_updated(vehicle, estimates, flights),
+        vehicle=purpose.marked(_updated(vehicle, estimates, flights), mark),
         parameters=tuple(estimates),
-        correlation=errors.correlation[: len(names), : len(names)],
+        correlation=correlation,
         free_names=names,
         noise=solution.noise,
         gyro_bias_rad_s=_gyro_bias(flights, solution),
@@ -228,13 +238,7 @@ def conclude(
             *disagreement,
             *unsettled,
         ),
-        verdict=verdict.doubted(
-            *_held_up(flights, solution, unknowns),
-            *unsettled,
-            *_at_bounds(vehicle, estimates, but=0.0),
-            *unpredicted_turning(solution, flights, unknowns.model),
-            *disagreement,
-        ),
+        verdict=verdict,
         given=given,
         clock=clock,
         clocks=delays,
@@ -330,7 +334,8 @@ def _unexplained_axes(solution: Solution, flights: Sequence[Flight]) -> FloatArr
 def _unexplained(solution: Solution, flights: Sequence[Flight]) -> tuple[float, float]:
     """The largest of `_unexplained_axes`: m/s2 and rad/s2."""
     size = _unexplained_axes(solution, flights)
-    return float(size[:3].max()), float(size[3:].max())
+    known = slice(0, 3) if any(flight.has_pose for flight in flights) else slice(2, 3)  # without a pose no drag shows
+    return float(size[known].max()), float(size[3:].max())
 
 
 def _turning_rad_s2(solution: Solution, flights: Sequence[Flight]) -> FloatArray:
@@ -432,6 +437,8 @@ def _at_bounds(vehicle: Vehicle, estimates: list[Estimate], *, but: float | None
 
 def _against_belief(given: Vehicle, estimates: list[Estimate], solution: Solution, flights: list[Flight]) -> list[str]:
     """What a wrong mass looks like, if the estimates do."""
+    if verdicts.by_nominal_speed(flights):
+        return []
     speed = verdicts.usual_rotor_speed(flights)
     fitted, believed = (verdicts.thrust_n(v, speed) for v in (solution.point.vehicle, given))
     return mass.sentences(given, _free(estimates), fitted / believed if believed > 0.0 else 1.0, float(speed.mean()))

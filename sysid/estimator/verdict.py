@@ -10,6 +10,7 @@ import numpy as np
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
 from sysid.estimator.flights.flight_data import Flight
+from sysid.estimator.predicts import Predicts
 from sysid.logs.check import LogReport
 from vehicle import Vehicle, wrench
 from vehicle.invert import open_air
@@ -38,6 +39,8 @@ class Use(StrEnum):
 
     USABLE = "usable"
     DOUBTFUL = "doubtful"
+    PREDICTION = "for prediction, not for design"
+    """It predicts clearly better than the model that was given, and something forbids to design by its values."""
     REJECTED = "do not use"
 
 
@@ -49,10 +52,24 @@ class Verdict:
     """Sentences that forbid its use."""
     doubts: tuple[str, ...] = ()
     """Sentences that call for a second look."""
+    unphysical: tuple[str, ...] = ()
+    """Names of parameters that came out at values no vehicle of this mass and size has."""
+    misread: bool = False
+    """Whether the logs contradict themselves or the vehicle file: then no prediction speaks for the fit."""
+    predicts: Predicts | None = None
+    """How far its predictions are off; None where that was not asked."""
 
     @property
     def use(self) -> Use:
-        return Use.REJECTED if self.against else Use.DOUBTFUL if self.doubts else Use.USABLE
+        if self.against:
+            helps = self.predicts is not None and self.predicts.better and not self.misread
+            return Use.PREDICTION if helps else Use.REJECTED
+        return Use.DOUBTFUL if self.doubts else Use.USABLE
+
+    @property
+    def physical(self) -> bool:
+        """Whether every estimated parameter is one that a vehicle can have."""
+        return not self.unphysical
 
     def doubted(self, *sentences: str) -> "Verdict":
         """The same with more doubts."""
@@ -60,8 +77,10 @@ class Verdict:
 
     def beside(self, other: "Verdict") -> "Verdict":
         """Of two fits that are used together."""
-        both = [tuple(dict.fromkeys((*a, *b))) for a, b in ((self.against, other.against), (self.doubts, other.doubts))]
-        return Verdict(*both)
+        pairs = ((self.against, other.against), (self.doubts, other.doubts), (self.unphysical, other.unphysical))
+        against, doubts, unphysical = (tuple(dict.fromkeys((*a, *b))) for a, b in pairs)
+        misread, judged = self.misread or other.misread, other.predicts or self.predicts
+        return Verdict(against, doubts, unphysical, misread, judged)
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -77,7 +96,13 @@ class Verdict:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        return {"use": str(self.use), "reasons": list(self.reasons)}
+        return {
+            "use": str(self.use),
+            "reasons": list(self.reasons),
+            "physical": self.physical,
+            "unphysical": list(self.unphysical),
+            "predicts": self.predicts and self.predicts.as_dict(),
+        }
 
 
 def of_fit(
@@ -118,19 +143,27 @@ def _mass_at_rotors(vehicle: Vehicle) -> float:
 
 def of_logs(reports: Iterable[LogReport]) -> Verdict:
     """What the checks of the logs mean for a fit to them."""
-    return Verdict(
-        against=tuple(
-            f"{report.name}: {finding.sentence}; {finding.fix}"
-            for report in reports
-            for finding in report.findings
-            if finding.level == "error" and finding.what in WRONG_KINDS
-        )
+    against = tuple(
+        f"{report.name}: {finding.sentence}; {finding.fix}"
+        for report in reports
+        for finding in report.findings
+        if finding.level == "error" and finding.what in WRONG_KINDS
     )
+    return Verdict(against=against, misread=bool(against))
+
+
+THRUST = "thrust"
+"""Stands among the parameters for those of the thrust curve."""
 
 
 def usual_rotor_speed(flights: Sequence[Flight]) -> FloatArray:
     """(4,) median over the flights."""
     return np.median(np.concatenate([f.rotor_speed_rad_s for f in flights]), axis=0)
+
+
+def by_nominal_speed(flights: Sequence[Flight]) -> bool:
+    """Whether rotor speeds are commands from 0 to 1 times a speed that nobody measured: their size says nothing."""
+    return any(flight.full_throttle_rad_s is not None for flight in flights)
 
 
 def thrust_n(vehicle: Vehicle, speed_rad_s: FloatArray) -> float:
@@ -144,15 +177,17 @@ def _thrust(given: Vehicle, fitted: Vehicle, flights: Sequence[Flight]) -> Verdi
     speed = usual_rotor_speed(flights)
     found, believed = thrust_n(fitted, speed), thrust_n(given, speed)
     verdict = Verdict()
+    if by_nominal_speed(flights) and found > 0.0:
+        return verdict
     if believed > 0.0 and found > 0.0:
         ratio = found / believed
         said = f"thrust at {speed.mean():.0f} rad/s came out {ratio:.3g} times the vehicle file's"
         if not 1.0 / THRUST_ABSURD < ratio < THRUST_ABSURD:
-            verdict = verdict.beside(Verdict(against=(f"{said}: {_cause(ratio)}",)))
+            verdict = verdict.beside(_no_vehicle(f"{said}: {_cause(ratio)}", THRUST))
         elif not 1.0 / THRUST_UNUSUAL < ratio < THRUST_UNUSUAL:
             verdict = verdict.doubted(f"{said}; weigh the vehicle, and check mass_kg and the thrust in its file")
     else:
-        verdict = Verdict(against=(f"thrust at {speed.mean():.0f} rad/s came out {found:.3g} N",))
+        verdict = _no_vehicle(f"thrust at {speed.mean():.0f} rad/s came out {found:.3g} N", THRUST)
     radius_m, density = fitted.value("rotor_radius_m"), fitted.value("air_density_kg_m3")
     coefficient = found / (density * np.pi * radius_m**4 * float((speed**2).sum())) if density > 0.0 else np.nan
     if np.isfinite(coefficient) and not COEFFICIENT_USUAL[0] < coefficient < COEFFICIENT_USUAL[1]:
@@ -162,7 +197,7 @@ def _thrust(given: Vehicle, fitted: Vehicle, flights: Sequence[Flight]) -> Verdi
             "(rpm or rad/s), rotor_radius_m and mass_kg"
         )
         possible = COEFFICIENT_POSSIBLE[0] < coefficient < COEFFICIENT_POSSIBLE[1]
-        verdict = verdict.doubted(said) if possible else verdict.beside(Verdict(against=(said,)))
+        verdict = verdict.doubted(said) if possible else verdict.beside(_no_vehicle(said, THRUST))
     return verdict
 
 
@@ -195,12 +230,17 @@ def _inertia(given: Vehicle, fitted: Vehicle, free: Iterable[str]) -> Verdict:
                     "in calm air, leave out take-off and landing, or hold the inertias"
                 )
             possible = name not in too_large and INERTIA_POSSIBLE[0] < share < INERTIA_POSSIBLE[1]
-            verdict = verdict.doubted(said) if possible else verdict.beside(Verdict(against=(said,)))
+            verdict = verdict.doubted(said) if possible else verdict.beside(_no_vehicle(said, name))
     total = sum(inertia.values())
     for axis, value in inertia.items():
         if value > TRIANGLE * (total - value):
             verdict = verdict.doubted(
                 f"inertia_{axis}_kg_m2 of {value:.3g} exceeds the sum of the other two ({total - value:.3g}), which no "
                 "body's does: these flights turn too little about some axis"
-            )
+            ).beside(Verdict(unphysical=(f"inertia_{axis}_kg_m2",)))
     return verdict
+
+
+def _no_vehicle(sentence: str, parameter: str) -> Verdict:
+    """Against a value that no vehicle has."""
+    return Verdict(against=(sentence,), unphysical=(parameter,))

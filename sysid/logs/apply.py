@@ -6,7 +6,7 @@ from flight import FlightLog, InputError, frames, rotations
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs.checks.finding import turn_in_words
-from sysid.logs.events.event import SPLITS, splits
+from sysid.logs.events.event import SPLITS, UPRIGHT, splits
 from sysid.logs.events.frozen import within
 from sysid.logs.events.repair import Repair
 from sysid.logs.readers.streams import shifted
@@ -29,7 +29,8 @@ def apply(log: FlightLog, repair: Repair) -> FlightLog:
             columns |= {name: np.where(within(log.time_s, repair.spans), np.nan, columns[name]) for name in there}
         case "split":
             both = sorted({*splits(log), *repair.spans})
-            return FlightLog(columns, {**log.metadata, SPLITS: [list(span) for span in both]})
+            log = FlightLog(columns, {**log.metadata, SPLITS: [list(span) for span in both]})
+            return _one_attitude(log, repair)
         case "rotor order":
             for quantity in ("rotor_speed_rad_s", "rotor_speed_command_rad_s"):  # the same motors, in the same order
                 names = COLUMNS[quantity]
@@ -44,6 +45,44 @@ def apply(log: FlightLog, repair: Repair) -> FlightLog:
                     columns |= dict(zip(names, values.T, strict=True))
     mended = FlightLog(columns, log.metadata)
     return _trimmed(mended, there) if repair.action == "shift" else mended
+
+
+def joined(log: FlightLog) -> FlightLog:
+    """The log with its positions going on over each split as they went before it: for what is told by derivatives."""
+    if not splits(log) or not log.has("position_world_m"):
+        return log
+    position = log.vector("position_world_m").copy()
+    known = np.flatnonzero(np.isfinite(position).all(axis=1))
+    if len(known) < 3:
+        return log
+    for begin_s, end_s in splits(log):
+        k = int(np.searchsorted(log.time_s[known], 0.5 * (begin_s + end_s)))
+        if 1 < k < len(known) - 1:
+            moved = np.diff(position[known[k - 2 : k + 2]], axis=0) / np.diff(log.time_s[known[k - 2 : k + 2]])[:, None]
+            expected = 0.5 * (moved[0] + moved[2]) * (log.time_s[known[k]] - log.time_s[known[k - 1]])
+            position[known[k] :] -= position[known[k]] - position[known[k - 1]] - expected
+    return FlightLog({**log.columns, **dict(zip(COLUMNS["position_world_m"], position.T, strict=True))}, log.metadata)
+
+
+def _one_attitude(log: FlightLog, split: Repair) -> FlightLog:
+    """The log with the shorter piece turned back by what the attitude jumped.
+
+    About the vertical it is a heading that was reset: the world's axes; about another axis it is taken for what is
+    tracked that slipped: the body's.
+    """
+    turn, (begin_s, end_s) = np.array(split.turn_rad), split.spans[0]
+    if not turn.any():
+        return log
+    action = "turn"
+    if abs(turn[2]) < UPRIGHT * float(np.linalg.norm(turn)):
+        q = log.vector("q_world_body")[int(np.searchsorted(log.time_s, end_s))]
+        action, turn = "turn body", rotations.rotate(rotations.conjugate(q), turn)
+    first_s, last_s = float(log.time_s[0]), float(log.time_s[-1])
+    spans = ((first_s, begin_s),)
+    if last_s - end_s <= begin_s - first_s:
+        turn, spans = -turn, ((end_s, last_s),)
+    x, y, z = map(float, turn)
+    return apply(log, Repair(action, COLUMNS["q_world_body"], turn_rad=(x, y, z), spans=spans))
 
 
 def _changed(log: FlightLog, quantity: str, repair: Repair) -> FloatArray:
@@ -84,7 +123,9 @@ def words(repair: Repair) -> str:
                 f" and {len(repair.spans) - 5} more places" if len(repair.spans) > 5 else ""
             )
         case "split":
-            return f"split the flight at {', '.join(f'{last:.3f}' for _, last in repair.spans)} s"
+            return f"split the flight at {', '.join(f'{last:.3f}' for _, last in repair.spans)} s" + (
+                ", and turned the shorter piece's attitude back" if any(repair.turn_rad) else ""
+            )
         case "rotor order":
             return f"took columns {list(repair.order)} of rotor speed (and of its command) as rotors 0 to 3"
         case "drop":

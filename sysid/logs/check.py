@@ -1,24 +1,19 @@
 """What is wrong with a log, said before anything is fitted; every finding proposes a fix and none is applied."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent
-from sysid.logs.apply import apply
-from sysid.logs.checks import attitude, consistency, contact, samples
+from sysid.logs.apply import apply, joined
+from sysid.logs.checks import consistency, contact, samples
 from sysid.logs.checks.finding import Finding, error, warning
-from sysid.logs.checks.motion import kinematics
 from sysid.logs.events import recording
-from sysid.logs.events.event import Event, splits
+from sysid.logs.events.event import Event
 from sysid.logs.events.repair import Span
 from sysid.logs.readers.read_ulog import LOST
 from vehicle import Vehicle
-
-LEAST_PIECE_S = 9.0
-"""Shorter pieces between splits are not compared channel by channel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,8 +105,9 @@ def examine(log: FlightLog, vehicle: Vehicle | None = None, *, progress: Progres
     for event in events:
         if event.repair is not None:
             log = apply(log, event.repair)
-    in_seconds = not any(finding.what == "time unit" for finding in findings)
-    compared, inconclusive = _compared(log, events, touching, vehicle, progress) if in_seconds else ([], [])
+    compared, inconclusive = list[Finding](), list[str]()
+    if not any(finding.what == "time unit" for finding in findings):
+        compared, inconclusive = consistency.check(joined(log), vehicle, progress)
     progress("checking", 0.9)
     return LogReport(
         name=str(log.metadata.get("name", "log")),
@@ -127,73 +123,6 @@ def _of_event(event: Event) -> Finding:
     make = warning if event.done and event.certain else error
     found = make(event.kind, event.sentence, event.way_out, repair=event.repair, spans=(event.span,))
     return replace(found, event=event)
-
-
-def _compared(
-    log: FlightLog,
-    events: Sequence[Event],
-    touching: Sequence[Span],
-    vehicle: Vehicle | None,
-    progress: Progress,
-) -> tuple[list[Finding], list[str]]:
-    """Channels against each other within the piece that flies longest; the headings of the other pieces, too."""
-    parts = _pieces(log)
-    if len(parts) == 1:
-        return consistency.check(log, vehicle, progress)
-    longest = max(parts, key=lambda span: _aloft_s(span, touching))
-    found, inconclusive = consistency.check(_piece(log, longest), vehicle, progress)
-    found = [_within(finding, longest) for finding in found]
-    for span in parts:
-        if span != longest and span[1] - span[0] >= LEAST_PIECE_S:
-            part = _piece(log, span)
-            motion = kinematics(part)
-            headings = attitude.check(part, motion) if motion is not None else []
-            found += [_within(f, span) for f in headings if f.repair is not None and f.repair.action == "turn"]
-    return [_by_jump(finding, events) for finding in found], inconclusive
-
-
-def _by_jump(finding: Finding, events: Sequence[Event]) -> Finding:
-    """A heading of a piece that another piece has not: turned by what the jump between them measured by the gyro."""
-    if finding.repair is None or finding.repair.action != "turn":
-        return finding
-    begin_s, end_s = finding.spans[0]
-    wanted = np.array(finding.repair.turn_rad)
-    for event in events:
-        if event.repair is None or event.repair.action != "split":
-            continue
-        turn = np.array(event.repair.turn_rad)
-        back = -turn if abs(event.span[1] - begin_s) < 1e-6 else turn if abs(event.span[0] - end_s) < 1e-6 else None
-        if back is not None and np.linalg.norm(back - wanted) < attitude.LEAST_HEADING_RAD:
-            x, y, z = map(float, back)
-            fix = f"turn the attitude there by {np.rad2deg(z):+.1f} deg about the vertical, as far as it jumped"
-            return replace(finding, fix=fix, repair=replace(finding.repair, turn_rad=(x, y, z)))
-    return finding
-
-
-def _aloft_s(span: Span, touching: Sequence[Span]) -> float:
-    """How long the vehicle is in the air within a span."""
-    stood_s = sum(max(0.0, min(span[1], end_s) - max(span[0], begin_s)) for begin_s, end_s in touching)
-    return span[1] - span[0] - stood_s
-
-
-def _pieces(log: FlightLog) -> list[Span]:
-    edges = [float(log.time_s[0])] if len(log) else [0.0]
-    for begin_s, end_s in splits(log):
-        edges += [begin_s, end_s]
-    edges.append(float(log.time_s[-1]) if len(log) else 0.0)
-    return list(zip(edges[::2], edges[1::2], strict=True))
-
-
-def _piece(log: FlightLog, span: Span) -> FlightLog:
-    return log.slice(span[0], float(np.nextafter(span[1], np.inf)))
-
-
-def _within(finding: Finding, span: Span) -> Finding:
-    """A heading is that of its piece; all else holds for the whole log."""
-    if finding.repair is None or finding.repair.action != "turn":
-        return finding
-    sentence = f"from {span[0]:.2f} to {span[1]:.2f} s {finding.sentence}"
-    return replace(finding, sentence=sentence, repair=replace(finding.repair, spans=(span,)), spans=(span,))
 
 
 def _notes(log: FlightLog) -> tuple[str, ...]:

@@ -9,6 +9,21 @@ from flight.flight_log import COLUMNS
 
 RATIOS = tuple(f"motor_command_{i}_ratio" for i in range(4))
 COMMAND = "rotor_speed_command_rad_s"
+KEY = "full_throttle_rad_s"
+"""Of a log's metadata: the speed that a command of 1 was taken for."""
+
+
+def has_ratios(log: FlightLog) -> bool:
+    return all(name in log.columns for name in RATIOS)
+
+
+def by_limit(log: FlightLog, fastest_rad_s: float) -> FlightLog:
+    """A log without rotor speed whose commands from 0 to 1 become 0 to the vehicle's fastest; others as they are.
+
+    Any speed will do: what is fitted is thrust per command.
+    """
+    known = log.has("rotor_speed_rad_s") or log.has(COMMAND)
+    return log if known or not has_ratios(log) else with_command_speeds(log, fastest_rad_s)
 
 
 def with_command_speeds(log: FlightLog, full_throttle_rad_s: float) -> FlightLog:
@@ -22,10 +37,10 @@ def with_command_speeds(log: FlightLog, full_throttle_rad_s: float) -> FlightLog
     """
     if not (math.isfinite(full_throttle_rad_s) and full_throttle_rad_s > 0.0):
         raise InputError(f"the speed at full throttle is {full_throttle_rad_s:g} rad/s; a positive number is expected")
-    if not all(name in log.columns for name in RATIOS):
+    if not has_ratios(log):
         raise InputError("the log has no motor commands from 0 to 1 (motor_command_0_ratio ...); give no full throttle")
     if log.has(COMMAND):
         raise InputError("the log has commanded rotor speeds already; give no full throttle")
     ratios = np.stack([log.columns[name] for name in RATIOS], axis=1)
     added = dict(zip(COLUMNS[COMMAND], (full_throttle_rad_s * ratios).T, strict=True))
-    return FlightLog({**log.columns, **added}, {**log.metadata, "full_throttle_rad_s": full_throttle_rad_s})
+    return FlightLog({**log.columns, **added}, {**log.metadata, KEY: full_throttle_rad_s})

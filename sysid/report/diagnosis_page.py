@@ -13,6 +13,7 @@ from sysid.diagnosis.procedure import Diagnosis
 from sysid.estimator.verdict import Use
 from sysid.report import diagnosis_figures, diagnosis_tables, residual_plots, words
 from sysid.report.pages import AXES, LETTERS, picture, stamp, write_page
+from vehicle import purpose
 
 CAPTIONS = {
     "staircase": "Prediction error, model by model",
@@ -103,13 +104,19 @@ def _fit_sentence(found: Diagnosis) -> list[str]:
     """What speaks against the fit that all of this rests on; nothing if it is usable."""
     if found.fit_verdict.use is Use.USABLE:
         return []
-    style = " class='bad'" if found.fit_verdict.use is Use.REJECTED else ""
+    style = " class='bad'" if found.fit_verdict.against else ""
     reasons = escape(named(found, "; ".join(found.fit_verdict.reasons)))
-    return [f"<span{style}>The verdict on the fit that this rests on: {found.fit_verdict.use}. {reasons}.</span>"]
+    cause = f" Likely cause, by a trial: {escape(named(found, found.cause.sentence))}." if found.cause else ""
+    mark = purpose.mark_sentence(found.vehicle)
+    cause += f" The model is {escape(mark)}." if mark else ""
+    return [
+        f"<span{style}>The verdict on the fit that this rests on: {found.fit_verdict.use}. {reasons}.{cause}</span>"
+    ]
 
 
 def _belief_sentence(found: Diagnosis) -> str:
-    sentences = (found.belief.sentence(named=found.says_missing), found.envelope.sentence)
+    of_families = [named(found, one.sentence) for one in found.families if one.has_forms]
+    sentences = (*of_families, found.belief.sentence(named=found.says_missing), found.envelope.sentence)
     return " ".join(f"{said[0].upper()}{said[1:]}." for said in sentences)
 
 

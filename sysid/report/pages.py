@@ -27,6 +27,7 @@ from sysid.estimator.validation.wrench_error import WrenchErrors
 from sysid.estimator.verdict import Use
 from sysid.logs.check import LogReport
 from sysid.report import plots, residual_plots, words
+from vehicle import purpose
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #2b2b2b; max-width: 1180px; margin: 2em auto; padding: 0 1em }
@@ -210,10 +211,12 @@ def _known(result: Identification) -> str:
 def _verdict(result: Identification) -> str:
     steps = len(result.solution.record)
     said = f"converged in {steps} steps." if result.converged else f"not converged after {steps} steps."
-    style = {Use.USABLE: "good", Use.DOUBTFUL: "held", Use.REJECTED: "bad"}[result.verdict.use]
+    style = {Use.USABLE: "good", Use.DOUBTFUL: "held", Use.PREDICTION: "held", Use.REJECTED: "bad"}[result.verdict.use]
     reasons = result.verdict.reasons
     listed = f"<ul>{''.join(f'<li>{escape(reason)}</li>' for reason in reasons)}</ul>" if reasons else ""
-    return f"<b class='{style}'>{result.verdict.use}</b>; {said}{listed}"
+    mark = purpose.mark_sentence(result.vehicle)
+    physical = f" The model is {escape(mark)}." if mark else " Every parameter is within what mass and size allow."
+    return f"<b class='{style}'>{result.verdict.use}</b>; {said}{physical}{listed}"
 
 
 def _fit(stage: str, result: Identification, folder: Path) -> str:

@@ -50,6 +50,7 @@ def over_time(named: Residuals, flight: int, title: str, channels: Sequence[str]
             outside = float((np.abs(smooth) > SIGMAS * scale * one.sigma[i]).mean())
             label = f"{name}: {drawing.rms(smooth):.2g} {written}, {outside:.0%} outside its band"
             panel.plot(time_s, smooth, color=colour, linewidth=1.0, label=label)
+        _measured_disturbance(panel, next(iter(named.values()))[flight], i)
         band = SIGMAS * scale * list(named.values())[-1][flight].sigma[i]
         panel.axhspan(-band, band, color=drawing.look().pale, alpha=0.5, linewidth=0, zorder=0)
         panel.axhline(0.0, color=drawing.look().ink, linewidth=0.6)
@@ -57,6 +58,18 @@ def over_time(named: Residuals, flight: int, title: str, channels: Sequence[str]
         drawing.plain(panel, "", "time (s)" if place >= 3 * (rows - 1) else "", f"unexplained {channel} ({written})")
     drawing.headed(figure, f"{title} (means over {SPAN_S:g} s; grey: 95 % band of the white noise of the last model)")
     return figure
+
+
+def _measured_disturbance(panel: "Axes", one: Residual, channel: int) -> None:
+    """What the vehicle's observer found, where the log holds it."""
+    found = one.disturbance_means()
+    if found is None or not np.isfinite(found).any():
+        return
+    scale, written = unit(CHANNELS[channel])
+    values = scale * found[:, channel]
+    time_s = one.time_s[0] + SPAN_S * (np.arange(len(values)) + 0.5)
+    label = f"measured disturbance: {drawing.rms(values[np.isfinite(values)]):.2g} {written}"
+    panel.plot(time_s, values, "--", color=drawing.look().ink, linewidth=1.0, label=label)
 
 
 def heat_map(named: Residuals, unseen: Residuals | None = None) -> "Figure":

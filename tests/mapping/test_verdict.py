@@ -80,6 +80,23 @@ def test_gravity_that_has_the_vehicle_hang_upside_down_is_doubted(tilt_deg: floa
     assert not verdict.judge(dataclasses.replace(sparse, T_world_body=tilted, alignment=level)).reasons
 
 
+def test_recorded_positions_beside_the_map_and_another_up_are_doubted() -> None:
+    sparse = placed()
+    beside = dataclasses.replace(
+        sparse.alignment, position_residual_m=3.5, position_extent_m=4.0, better_axes="their z points down (0.01 m)"
+    )
+    (reason,) = verdict.judge(dataclasses.replace(sparse, alignment=beside)).reasons
+    assert "3.5 m apart" in reason
+    assert "they fit if their z points down (0.01 m)" in reason
+    tilted = dataclasses.replace(sparse.alignment, poses_up_off_rad=np.pi)
+    (reason,) = verdict.judge(dataclasses.replace(sparse, alignment=tilted)).reasons
+    assert "up by the recorded poses is 180 deg from the recorded gravity" in reason
+    near = dataclasses.replace(
+        sparse.alignment, position_residual_m=0.05, position_extent_m=4.0, poses_up_off_rad=np.radians(3.0)
+    )
+    assert verdict.judge(dataclasses.replace(sparse, alignment=near)).standing is Standing.GOOD
+
+
 def test_a_map_without_reasons_is_good() -> None:
     found = verdict.judge(placed(findings=(finding(Kind.ROTATION, Verdict.PRESENT),)))
     assert found.standing is Standing.GOOD

@@ -206,6 +206,10 @@ class Effect:
     """What to plot that residual against."""
     excited_by: tuple[str, ...]
     """Manoeuvres of `vehicle.manoeuvres` that excite it."""
+    family: str = ""
+    """Physics of which it is one form, as `drag`; empty: it is the only one."""
+    form: str = ""
+    """Which form of its family's law it is, in words."""
     needs: tuple[str, ...] = ()
     """Which of `q_world_body`, `height_m`, `ceiling_gap_m`, `rotor_acceleration_rad_s2` it reads."""
     strength: tuple[str, ...] = ()

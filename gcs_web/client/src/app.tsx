@@ -2,6 +2,7 @@
 
 import { Palette } from "./panels/frame/Palette";
 import { Resizer, drawerHeight } from "./components/Resizer";
+import { FlightBar } from "./panels/frame/FlightBar";
 import { PANELS } from "./panels/frame/panels";
 import { PLAN } from "./panels/plan/panel";
 import { ProjectList } from "./panels/frame/ProjectList";
@@ -36,6 +37,7 @@ export function App() {
         <Inspector />
         {isPhone && Cards !== undefined && List !== undefined && <List />}
       </aside>
+      <FlightBar />
       <StatusBar />
       {paletteOpen.value && <Palette />}
       {PANELS.map(({ step, dialog: Dialog }) => Dialog !== undefined && <Dialog key={step} />)}

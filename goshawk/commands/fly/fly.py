@@ -6,7 +6,7 @@ import click
 
 import firmware_bridge
 from firmware_bridge.airborne import slowed, tracking
-from flight import flight_log, trajectory
+from flight import FlightLog, flight_log, trajectory
 from goshawk.terminal import console, outputs
 
 
@@ -33,9 +33,17 @@ def command(
     goshawk fly --out flights/walk.parquet
     goshawk fly --trajectory walk.json --out flights/walk.parquet
 
-    Ctrl-C brakes along the path and lands; `goshawk log download` then downloads the log.
+    Refused on the ground: a start too far away, a tilted or moving vehicle, a low battery, no estimate, the geofence.
+    Ctrl-C brakes along the path and lands. The log of a flight that ends early is written too.
     """
     outputs.check(out, overwrite=overwrite)
+
+    def write(log: FlightLog) -> None:
+        with outputs.file(out, overwrite=overwrite) as temporary:
+            flight_log.save(temporary, log)
+        if "ended_early" in log.metadata:
+            click.echo(f"note: wrote the log as far as it goes to {out}", err=True)
+
     item = trajectory.load(trajectory_file) if trajectory_file is not None else None
     with (
         console.cancel_by_ctrl_c() as cancel,
@@ -43,9 +51,8 @@ def command(
         console.progress() as report,
     ):
         link.take_control(force=take_over)
-        log = link.fly(item, progress=report, cancel=cancel)
-    with outputs.file(out, overwrite=overwrite) as temporary:
-        flight_log.save(temporary, log)
+        log = link.fly(item, progress=report, cancel=cancel, ended_early=write)
+    write(log)
     planned = {"planned_s": item.trajectory.duration_s} if item is not None else {}
     facts = {"written": str(out), "rows": len(log), **planned, **tracking(log)}
     why = slowed(log)

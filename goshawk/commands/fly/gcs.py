@@ -76,7 +76,7 @@ def command(
 
     options, wanted = console.body_options(radius_m, margin_m), queue.SimpleQueue[Path]()
 
-    def opened(folder: Path, *, port: int, browsers: Sequence[str]) -> GroundStation:
+    def opened(folder: Path, *, port: int, browsers: Sequence[tuple[str, float]]) -> GroundStation:
         with console.progress() as report:
             return GroundStation(
                 folder,

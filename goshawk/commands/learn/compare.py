@@ -9,13 +9,14 @@ import click
 
 import sysid
 import vehicle
-from flight import FlightLog, InputError, Progress
-from goshawk.commands.learn import fit_options, kept
+from flight import FlightLog, FloatArray, InputError, Progress
+from goshawk.commands.learn import fit_options, kept, lasting_offers
 from goshawk.commands.learn.flights import load, refuse_repeated
 from goshawk.commands.learn.model_change import prediction_error
 from goshawk.terminal import console, outputs
 from goshawk.terminal.screen import Screen
 from sysid.estimator.result import CHANNELS, SPAN_S
+from sysid.estimator.validation.better import predicts
 from sysid.estimator.validation.comparison import HORIZONS_S, QUANTITIES
 from sysid.estimator.validation.protocol import KNOWS, PROTOCOLS
 
@@ -84,7 +85,8 @@ def command(
     No flight may be among both.
     """
     outputs.check(report_file, overwrite=overwrite, folders=[plots])
-    models = {path.stem: fit_options.at_place(fit, vehicle.load(path)) for path in vehicle_files}
+    files = {path: fit_options.at_place(fit, vehicle.load(path)) for path in vehicle_files}
+    models = {path.stem: model for path, model in files.items()}
     if len(models) < len(vehicle_files):
         raise InputError("two vehicle files have the same name; rename one: the table names models by their files")
     _check_options(fit, training)
@@ -97,12 +99,13 @@ def command(
         options = {name: fit_options.read(fit, model) for name, model in models.items()}
         with console.progress() as report:
             found = _compare(logs, taught, models, options, protocol_name, report)
-        result = kept.Kept(_document(found), _screen(found))
+        lasts = lasting_offers.offers(logs, files)
+        result = kept.Kept(_document(found) | {"lasting": lasts[0], "next": lasts[1]}, _screen(found, *lasts))
         kept.keep(KIND, flights[0], key, result)
         figures = _write(found, report_file, plots, overwrite=overwrite)
-    files = {"figures": [str(figure) for figure in figures], "report": report_file and str(report_file)}
+    written = {"figures": [str(figure) for figure in figures], "report": report_file and str(report_file)}
     if as_json:
-        console.show("", {}, as_json=True, document={**result.document, **files})
+        console.show("", {}, as_json=True, document={**result.document, **written})
         return
     result.screen.show()
     for path in (*figures, report_file):
@@ -162,7 +165,7 @@ def _document(found: Found) -> dict[str, Any]:
     }
 
 
-def _screen(found: Found) -> Screen:
+def _screen(found: Found, lasting: Sequence[str], commands: Sequence[str]) -> Screen:
     screen = Screen()
     heads = ("model", "error of", *(f"after {h:g} s" for h in HORIZONS_S))
     rows = [
@@ -171,7 +174,14 @@ def _screen(found: Found) -> Screen:
         for quantity, errors in quantities.items()
     ]
     screen.table(f"open-loop prediction error, rms of {found.errors.predictions} predictions", heads, rows)
-    _show_wrench(screen, found.wrench)
+    _show_verdicts(screen, found)
+    _show_wrench(screen, found.wrench, found.errors.disturbance_rms())
+    for sentence in lasting:
+        screen.line(sentence)
+    for command in commands:
+        screen.line(f"next, {command}")
+    if commands:
+        screen.line("(a preview; without --dry-run it is written, and `goshawk vehicle undo` takes it back)")
     if found.judged is not None:
         _show_protocol(screen, found.judged)
     for name, fit in found.fits.items():
@@ -183,6 +193,17 @@ def _screen(found: Found) -> Screen:
     return screen
 
 
+def _show_verdicts(screen: Screen, found: Found) -> None:
+    """How each model predicts beside the first, and what it is not for."""
+    first, *others = found.errors.models
+    for name in others:
+        judged = predicts(found.errors, first, name, "these flights")
+        screen.line(f"{name} {judged.sentence.replace('the model given', first)}")
+    for name, model in found.errors.models.items():
+        if mark := vehicle.purpose.mark_sentence(model):
+            screen.line(f"{name} is {mark}")
+
+
 def _check_options(fit: fit_options.Chosen, training: tuple[Path, ...]) -> None:
     """Refuse what has no meaning: without a refit no parameter is estimated."""
     context = click.get_current_context()
@@ -192,13 +213,15 @@ def _check_options(fit: fit_options.Chosen, training: tuple[Path, ...]) -> None:
         raise InputError(f"only a refit reads {' and '.join(options[n] for n in idle)}; give --train FLIGHT too")
 
 
-def _show_wrench(screen: Screen, wrench: sysid.WrenchErrors) -> None:
+def _show_wrench(screen: Screen, wrench: sysid.WrenchErrors, disturbance: FloatArray | None) -> None:
     heads = ("model", *(f"{channel} ({'N' if channel[0] == 'F' else 'mN m'})" for channel in CHANNELS))
     scale = [1.0 if channel[0] == "F" else 1e3 for channel in CHANNELS]
     rows = [("none (measured)", *(f"{s * size:.3g}" for s, size in zip(scale, wrench.size, strict=True)))]
     for model, rmse in wrench.rmse.items():
         both = zip(scale, rmse, wrench.explained[model], strict=True)
         rows.append((model, *(f"{s * error:.3g} ({share:.0%})" for s, error, share in both)))
+    if disturbance is not None:
+        rows.append(("measured disturbance", *(f"{s * size:.3g}" for s, size in zip(scale, disturbance, strict=True))))
     by = "accelerometer" if wrench.accelerometer else "measured velocity"
     screen.table(
         f"rms error of force (by {by}) and moment, means over {SPAN_S:g} s (share of the variance explained; "

@@ -86,7 +86,8 @@ def command(
     step adds at most one effect; --auto repeats it. A few flights of half a minute take about a minute.
 
     --out may be the file of --vehicle if --overwrite is given: the result becomes its next version, and `goshawk
-    vehicle undo` restores the old one. A fit with the verdict `do not use` is only written with --anyway.
+    vehicle undo` restores the old one. A fit with the verdict `do not use` is only written with --anyway; one that
+    clearly predicts better than the file given is written and marked "for prediction, not for design".
 
     Exit code 0 whatever the diagnosis; 1 if the verdict on the fit is `do not use`, 2 for invalid input.
     """
@@ -123,7 +124,8 @@ def command(
     result.screen.show()
     if details:
         result.details.show()
-    _tell_next(further, [written, files["report"], *files["figures"]], refused)
+    mark = "" if result.vehicle is None or written is None else vehicle.purpose.mark_sentence(result.vehicle)
+    _tell_next(further, [written and f"{written}{mark and f', {mark}'}", files["report"], *files["figures"]], refused)
     return 0 if usable else 1
 
 

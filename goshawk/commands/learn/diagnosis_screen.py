@@ -19,6 +19,8 @@ def short(found: Diagnosis) -> Screen:
     """Verdict, size, what it does to the prediction, what could not be told."""
     screen = Screen()
     _paragraph(screen, f"{found.verdict} (confidence {found.confidence:.0%})", indent="")
+    for family in [one for one in found.families if one.has_forms][:MOST_NAMED]:
+        _paragraph(screen, family.sentence)
     if found.outside is not None:
         _paragraph(screen, outside_sentence(found))
     stated = [s for s in found.candidates if s.verdict in (Verdict.PRESENT, Verdict.PROXY)]
@@ -29,7 +31,14 @@ def short(found: Diagnosis) -> Screen:
     )
     _paragraph(screen, f"besides or instead: {others}; within the flown envelope: {found.envelope.extent}")
     _prediction(screen, found)
+    low, high = found.predicts.ratio90
+    if high < float("inf"):
+        _paragraph(
+            screen, f"0.5 s ahead it is {low:.2g} to {high:.2g} times as far off as the model given (90 %)", indent=""
+        )
     _paragraph(screen, f"the fit is {found.fit_verdict.sentence}", indent="")
+    if found.cause is not None:
+        _paragraph(screen, f"likely cause, by a trial: {found.cause.sentence}", indent="")
     _paragraph(screen, _told_and_not(found), indent="")
     if found.findings:
         first = found.findings[0].partition(": ")[0].partition("; ")[0]

@@ -1,6 +1,7 @@
 """How a fit is done, as options: the same for `identify`, `diagnose` and `compare`."""
 
 import functools
+import re
 import shlex
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
@@ -11,6 +12,7 @@ import click
 from click.core import ParameterSource
 
 from flight import FlightError, InputError
+from sysid.estimator.fit_to_use import Cause
 from sysid.estimator.options import Options
 from sysid.logs.check import LogReport
 from vehicle import Vehicle
@@ -150,6 +152,13 @@ def typed(fit: Chosen) -> str:
             values = value if isinstance(value, tuple) else (value,)
             words += [f"{option.opts[0]} {shlex.quote(str(v))}" for v in values]
     return "".join(f" {word}" for word in words)
+
+
+def with_cause(typed: str, cause: Cause) -> str:
+    """Options as they were typed, with what a trial found in place of or beside them."""
+    if cause.steps:
+        typed = re.sub(r" --steps [0-9]+", "", typed) + f" --steps {cause.steps}"
+    return typed + "".join(f" --hold {shlex.quote(name)}" for name in cause.held)
 
 
 def given(fit: Chosen) -> list[str]:

@@ -1,7 +1,8 @@
 """`goshawk identify`: the vehicle model from flights, with standard errors."""
 
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,10 @@ from goshawk.commands.learn import fit_options, kept
 from goshawk.commands.learn.flights import load, refuse_repeated
 from goshawk.terminal import console, outputs
 from goshawk.terminal.screen import Screen
+from sysid.estimator.fit_to_use import Cause, Chosen, fit_to_use, likely_cause
+from sysid.estimator.predicts import Predicts
 from sysid.estimator.stages import STAGES
+from sysid.estimator.validation.better import predicts
 from sysid.estimator.verdict import Use, Verdict, of_logs
 
 KIND = "identification"
@@ -39,6 +43,12 @@ class Fits:
     """One under the name "", or one per stage."""
     logs: Mapping[str, sysid.LogReport]
     trials: Sequence[sysid.Identification]
+    predicts: Predicts | None = None
+    """Of the answer, beside the vehicle as it was given; None where that was not asked."""
+    cause: Cause | None = None
+    """Why the answer is not to be used, by a trial."""
+    said: tuple[str, ...] = ()
+    """What differs from the options that were asked for."""
 
     @property
     def answer(self) -> sysid.Identification:
@@ -51,7 +61,8 @@ class Fits:
     @property
     def verdict(self) -> Verdict:
         """On all stages and logs together."""
-        return reduce(Verdict.beside, (fit.verdict for fit in self.stages.values()), of_logs(self.logs.values()))
+        found = reduce(Verdict.beside, (fit.verdict for fit in self.stages.values()), of_logs(self.logs.values()))
+        return replace(found, predicts=self.predicts)
 
 
 def _with_stages(function: Any) -> Any:
@@ -64,6 +75,13 @@ def _with_stages(function: Any) -> Any:
 @click.argument("flights", nargs=-1, type=click.Path(path_type=Path))
 @console.vehicle_option
 @console.path_option("--out", "out", "Vehicle file to write.", required=True)
+@click.option(
+    "--held-out",
+    "held_out",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Held-out flight: used for evaluation only. Repeatable.",
+)
 @click.option("--add-effect", "added", multiple=True, metavar="NAME", help="Add this effect to the model. Repeatable.")
 @fit_options.fit_options()
 @_with_stages
@@ -78,6 +96,7 @@ def command(
     flights: tuple[Path, ...],
     vehicle_file: Path,
     out: Path,
+    held_out: tuple[Path, ...],
     added: tuple[str, ...],
     fit: fit_options.Chosen,
     trials: int | None,
@@ -113,26 +132,30 @@ def command(
     \b
     goshawk identify trial*.parquet --trials 8 --vehicle vehicle.toml --out f.toml --plots figures
 
-    The first line is the verdict: usable, doubtful (exit code 0; the reasons name what to check), or do not use
-    (exit code 1). In the last case no vehicle file is written without --anyway; report, figures and JSON are.
+    The first line is the verdict: usable, doubtful (the reasons name what to check), for prediction, not for design, or
+    do not use (exit code 1). A model for prediction has impossible values, yet predicts --held-out flights (else
+    FLIGHTS) clearly better than the file given; it is written and marked. One not to be used is only written with
+    --anyway; report, figures and JSON are.
 
     Where --out is a vehicle file already, --overwrite makes this its next version; `goshawk vehicle undo` restores it.
     """
-    _check_usage(flights, stages, trials, fit["free"])
+    _check_usage(flights, stages, trials, fit["free"], held_out)
     outputs.check(out, report_file, overwrite=overwrite, folders=[plots])
     believed = fit_options.at_place(fit, vehicle.load(vehicle_file))
     for effect in added:
         believed = believed.with_effect(effect)
     options = fit_options.read(fit, believed)
-    groups = [flights, *(stages[stage] for stage in STAGES)]
+    asked = Asked(flights, stages, trials, held_out, both_gusts="gusts" not in fit_options.given(fit))
+    groups = [flights, *(stages[stage] for stage in STAGES), held_out]
     first = next(path for group in groups for path in group)
     key = kept.key(groups, columns, [vehicle_file], (options, fit["gravity_m_s2"], added, trials))
     result = None if report_file or plots else kept.find(KIND, first, key)
     files: dict[str, Any] = {"report": None, "figures": []}
     if result is None:
         with console.progress() as progress:
-            fits = fit_flights(flights, stages, trials, believed, options, columns, progress)
-        result = kept.Kept(_document(fits), _screen(fits), fits.answer.vehicle)
+            fits = fit_flights(asked, believed, options, columns, progress)
+        further = _next(fits.cause, asked, vehicle_file, added, out, columns, fit_options.typed(fit))
+        result = kept.Kept(_document(fits), _screen(fits), fits.answer.vehicle, {"next": further})
         kept.keep(KIND, first, key, result)
         files = write_figures(fits, report_file, plots, overwrite=overwrite)
     assert result.vehicle is not None
@@ -145,7 +168,10 @@ def command(
         console.show("", {}, as_json=True, document=document)
         return 0 if usable else 1
     result.screen.show()
-    click.echo(f"written: {written}" if written else "no vehicle file written (see --anyway)")
+    mark = vehicle.purpose.mark_sentence(result.vehicle)
+    click.echo(f"written: {written}{mark and f', {mark}'}" if written else "no vehicle file written (see --anyway)")
+    for line in result.more["next"]:
+        click.echo(f"next: {line}")
     for path in (files["report"], *files["figures"]):
         if path:
             click.echo(f"written: {path}")
@@ -157,6 +183,7 @@ def _check_usage(
     stages: Mapping[str, tuple[Path, ...]],
     trials: int | None,
     free: tuple[str, ...],
+    held_out: tuple[Path, ...],
 ) -> None:
     if bool(flights) == any(stages.values()):
         raise InputError("give FLIGHTS for one joint fit, or --vertical, --horizontal and --rotation for three stages")
@@ -167,19 +194,35 @@ def _check_usage(
             f"--trials {trials}: expected {trials} groups of equally many FLIGHTS, got {len(flights)} flights"
         )
     for together in (flights, *stages.values()):  # the stages may share a flight
-        refuse_repeated(together, "in one fit")
+        refuse_repeated((*together, *held_out), "in one fit, or for fitting and held out")
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """Which flights are fitted, and how."""
+
+    flights: tuple[Path, ...]
+    stages: Mapping[str, tuple[Path, ...]] = field(default_factory=dict[str, tuple[Path, ...]])
+    """Flights of each stage; all empty: one joint fit of `flights`."""
+    trials: int | None = None
+    """`flights` are so many repeated trials."""
+    held_out: tuple[Path, ...] = ()
+    both_gusts: bool = True
+    """Whether disturbances may be treated in the other way where only that makes the fit one to use."""
 
 
 def fit_flights(
-    flights: tuple[Path, ...],
-    stages: Mapping[str, tuple[Path, ...]],
-    trials: int | None,
+    asked: Asked,
     believed: vehicle.Vehicle,
     options: sysid.Options,
     columns: Path | None,
     progress: Progress,
 ) -> Fits:
-    """One joint fit of FLIGHTS, or three stages, or a joint fit and one of each trial; every log is checked first."""
+    """One joint fit of FLIGHTS, or three stages, or a joint fit and one of each trial; every log is checked first.
+
+    The answer's predictions are judged by the held-out flights; without them, where something forbids its use, by the
+    flights it was fitted to.
+    """
     checked: dict[str, sysid.LogReport] = {}
 
     def read(paths: Iterable[Path]) -> list[FlightLog]:
@@ -188,16 +231,45 @@ def fit_flights(
             checked[path] = _checked(path, log, believed)
         return list(logs.values())
 
-    if any(stages.values()):
-        staged = {stage: read(stages[stage]) for stage in STAGES}
-        return Fits(sysid.identify_in_stages(staged, believed, options, progress=progress), checked, ())
-    logs = read(flights)
-    joint = sysid.identify(logs, believed, options, progress=progress)
+    if any(asked.stages.values()):
+        staged = {stage: read(asked.stages[stage]) for stage in STAGES}
+        fits = Fits(sysid.identify_in_stages(staged, believed, options, progress=progress), checked, ())
+        return replace(fits, predicts=_predicts(fits, read(asked.held_out), (), believed, options))
+    logs, trials = read(asked.flights), asked.trials
+    if asked.both_gusts:
+        made = fit_to_use(logs, believed, options, progress=progress)
+    else:
+        made = Chosen(sysid.identify(logs, believed, options, progress=progress), options)
     each = len(logs) // trials if trials else 1
     groups = [logs[i : i + each] for i in range(0, len(logs), each)] if trials else []
     # a parameter that one trial does not identify must not stop the other fits
-    alone = replace(options, unseen="hold")
-    return Fits({"": joint}, checked, [sysid.identify(g, believed, alone, progress=progress) for g in groups])
+    alone = replace(made.options, unseen="hold")
+    own = [sysid.identify(g, believed, alone, progress=progress) for g in groups]
+    fits = Fits({"": made.fit}, checked, own, said=made.said)
+    fits = replace(fits, predicts=_predicts(fits, read(asked.held_out), logs, believed, options))
+    refused = fits.verdict.use is Use.REJECTED and not fits.verdict.misread
+    return replace(fits, cause=likely_cause(logs, believed, made)) if refused else fits
+
+
+def _predicts(
+    fits: Fits,
+    held_out: Sequence[FlightLog],
+    fitted_to: Sequence[FlightLog],
+    believed: vehicle.Vehicle,
+    options: sysid.Options,
+) -> Predicts | None:
+    """How far the answer's predictions are off; None where nothing asks for it, or no flight can judge."""
+    judges = held_out or (fitted_to if fits.verdict.against else ())
+    if not judges:
+        return None
+    models = {"given": believed, "fitted": fits.answer.vehicle}
+    try:
+        found = sysid.compare(judges, models, options)
+    except InputError:
+        if held_out:
+            raise
+        return None
+    return predicts(found, *models, "held-out flights" if held_out else "the flights it was fitted to")
 
 
 def _checked(path: str, log: FlightLog, believed: vehicle.Vehicle) -> sysid.LogReport:
@@ -206,6 +278,26 @@ def _checked(path: str, log: FlightLog, believed: vehicle.Vehicle) -> sysid.LogR
     for finding in found.findings:
         click.echo(f"{path}: {finding.level}: {finding.sentence}; {finding.fix}", err=True)
     return replace(found, name=path)
+
+
+def _next(
+    cause: Cause | None,
+    asked: Asked,
+    vehicle_file: Path,
+    added: Sequence[str],
+    out: Path,
+    columns: Path | None,
+    typed: str,
+) -> list[str]:
+    """The command that the trial calls for; none where no trial told."""
+    if cause is None:
+        return []
+    named = [path for path in asked.flights if path.stem != cause.without and str(path) != cause.without]
+    words = ["goshawk", "identify", *named, "--vehicle", vehicle_file, "--out", out]
+    words += [word for path in asked.held_out for word in ("--held-out", path)]
+    words += [word for name in added for word in ("--add-effect", name)]
+    words += ["--columns", columns] if columns else []
+    return [f"{shlex.join(str(word) for word in words)}{fit_options.with_cause(typed, cause)}"]
 
 
 def write_figures(fits: Fits, report_file: Path | None, plots: Path | None, *, overwrite: bool) -> dict[str, Any]:
@@ -245,11 +337,24 @@ def _document(fits: Fits) -> dict[str, Any]:
     )
 
 
+def _physical(fits: Fits) -> str:
+    """Whether every parameter can be a vehicle's, in words."""
+    mark = vehicle.purpose.mark_sentence(fits.answer.vehicle)
+    return f"not physical: {mark}" if mark else "physical: every parameter is within what mass and size allow"
+
+
 def _screen(fits: Fits) -> Screen:
     screen = Screen()
     screen.line(f"verdict: {fits.verdict.use}")
     for reason in fits.verdict.reasons:
         screen.line(f"  {fit_options.worded(reason)}")
+    if fits.predicts is not None:
+        screen.line(fits.predicts.sentence)
+    screen.line(_physical(fits))
+    if fits.cause is not None:
+        screen.line(f"likely cause, by a trial: {fits.cause.sentence}")
+    for sentence in fits.said:
+        screen.line(f"note: {sentence}")
     for stage, fit in fits.stages.items():
         rows = [
             (

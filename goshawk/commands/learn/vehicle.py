@@ -60,8 +60,11 @@ def show(vehicle_file: Path, as_json: bool) -> None:
     }
     if as_json:
         document = {"name": shown.name, "hash": vehicle.vehicle_hash(shown), "effects": effects}
-        console.show("", {}, as_json=True, document=document | {"parameters": parameters})
+        document |= {"parameters": parameters, vehicle.purpose.KEY: vehicle.purpose.not_for_design(shown)}
+        console.show("", {}, as_json=True, document=document)
         return
+    if mark := vehicle.purpose.mark_sentence(shown):
+        click.echo(f"{shown.name} is {mark}")
     rows = [
         (words.parameter(n), f"{p['value']:.5g}", f"{p['std']:.2g}", p["unit"], p["source"], n)
         for n, p in parameters.items()

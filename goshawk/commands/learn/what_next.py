@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from flight import InputError
+from goshawk.commands.learn import fit_options
 from goshawk.commands.learn.flights import marked_file
 from sysid.diagnosis import Diagnosis, OutsideFinding, curve
 from sysid.diagnosis.experiment_design import next_flight, outlook
@@ -79,10 +80,14 @@ def _fit_first(found: Diagnosis, call: DiagnoseCall) -> list[str]:
     if found.fit_verdict.use is not Use.REJECTED:
         return []
     fit = found.search.models[-1].fit
+    asked = f"{' --auto' if call.auto else ''}{f' --out {_words(call.refused)}' if call.refused else ''}"
+    if found.cause is not None:
+        kept = [path for path in call.flights if found.cause.without not in (path.stem, str(path))]
+        tried = replace(call, flights=kept, fit=fit_options.with_cause(call.fit, found.cause))
+        return [f"({found.cause.sentence})", f"{tried.again(call.vehicle_file)}{asked}"]
     if fit.converged:
         return ["(the fit is not to be used: settle first what its verdict says)"]
     longer = f"{re.sub(r' --steps [0-9]+', '', call.fit)} --steps {2 * len(fit.solution.record)}"
-    asked = f"{' --auto' if call.auto else ''}{f' --out {_words(call.refused)}' if call.refused else ''}"
     again = f"{replace(call, fit=longer).again(call.vehicle_file)}{asked}"
     return ["(the fit has not converged: let it go on, or mend what the log's checks find, before all else)", again]
 

@@ -281,6 +281,8 @@ def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
         facts["scale beside"] = "; ".join(
             f"{w['ratio']:.3f} ± {w['std']:.3f} of the {w['source']}" for w in report.scale_witnesses[1:]
         )
+    if report.position_residual_m is not None:
+        facts["recorded positions"] = f"{report.position_residual_m:.3g} m from the map (median)"
     for check in report.motions:
         facts[check["source"]] = (
             f"{check['instants']} images, scale {check['scale']:.3f} ± {check['scale_std']:.3f} of the map's"
@@ -288,6 +290,8 @@ def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
         )
     if report.placed_by_motion:
         facts["placed by recorded motion"] = f"{len(report.placed_by_motion)}: {', '.join(report.placed_by_motion)}"
+    if report.image_notes:
+        facts["orientation"] = "; ".join(report.image_notes)
     if report.motion_notes:
         facts["recorded motion"] = "; ".join(report.motion_notes)
     if report.not_placed:

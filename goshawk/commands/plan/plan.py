@@ -94,7 +94,7 @@ def plan_one(
         planner.save_plan(temporary, plan, name=job.out.stem)
     surface = area.surface()
     nearest = None if surface is None else surface.nearest(np.array(plan.gate.clearance_point_world_m))
-    _show(plan, job.out, len(asked.waypoints.positions_world_m), left_out, nearest, as_json=as_json)
+    _show(plan, drone, job.out, len(asked.waypoints.positions_world_m), left_out, nearest, as_json=as_json)
 
 
 def mission_along(path: Path, tolerance_m: float, field: esdf.Field, job: Job) -> tuple[Mission, int]:
@@ -111,6 +111,7 @@ def mission_along(path: Path, tolerance_m: float, field: esdf.Field, job: Job) -
 
 def _show(
     plan: planner.Plan,
+    drone: vehicle.Vehicle,
     out: Path,
     waypoints: int,
     left_out: int | None,
@@ -145,10 +146,13 @@ def _show(
     jerks = [check for check in plan.gate.checks if check.name in ("jerk", "jerk of legs")]
     shown |= {check.name: f"{check.value:.1f} of {check.bound:g} {check.unit}" for check in jerks}
     document = facts | {"could_hide": checked["could_hide"], "check": checked}
+    document |= {vehicle.purpose.KEY: vehicle.purpose.not_for_design(drone)}
     if nearest is not None:
         shown["measured surface"] = _surface(nearest)
         document["nearest_surface"] = asdict(nearest)
     console.show(f"trajectory {out.stem}", shown, as_json=as_json, document=document)
+    if mark := vehicle.purpose.mark_sentence(drone):
+        console.note(f"note: the rotor margins rest on a model {mark}")
     if could_hide.worth_a_warning(plan.gate):
         console.note(f"note: {could_hide.describe(plan.gate)}; {could_hide.advice(plan.gate)}")
 

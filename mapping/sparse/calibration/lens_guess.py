@@ -14,6 +14,7 @@ import numpy as np
 from flight import InputError, MapError, Progress, silent
 from mapping import child
 from mapping.camera.rig import FOCAL_WIDTHS, Camera, Rig, forward_camera
+from mapping.input import image_file
 from mapping.input.image_file import SUFFIXES
 from mapping.input.images import ImageSet, read_folder
 from mapping.sparse.calibration import self_calibration
@@ -99,9 +100,7 @@ def sizes(paths: Sequence[Path]) -> tuple[int, int]:
 
     found: dict[tuple[int, int], Path] = {}
     for path in [*paths[:5], paths[len(paths) // 2], paths[-1]]:
-        image = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_GRAYSCALE) if path.stat().st_size else None
-        if image is None:
-            raise InputError(f"{path} is damaged: it cannot be decoded as an image; restore it or take it out")
+        image = image_file.decode(path, cv2.IMREAD_GRAYSCALE)
         found.setdefault((image.shape[1], image.shape[0]), path)
     if len(found) > 1:
         (one, first), (other, second) = list(found.items())[:2]

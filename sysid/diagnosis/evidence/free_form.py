@@ -95,6 +95,29 @@ def _downstream(flight: Flight, mid: Middle, vehicle: Vehicle) -> FloatArray:
     return -mid.velocity_body_m_s[:, :2] @ (arm / np.linalg.norm(arm, axis=1, keepdims=True)).T
 
 
+@dataclass(frozen=True, slots=True)
+class LevelVariable:
+    """One thing that both level axes of the body have of their own."""
+
+    name: str
+    unit: str
+    carrier: Callable[[Flight, Middle], FloatArray]
+    """(k,) what the level airspeed is multiplied by."""
+    functions: int = 5
+
+    def read(self, flight: Flight, mid: Middle) -> FloatArray:
+        """(k, 2) its value in the middle of each interval."""
+        return self.carrier(flight, mid)[:, None] * mid.velocity_body_m_s[:, :2]
+
+
+LEVEL = (
+    LevelVariable("v level", "m/s", lambda flight, mid: np.ones(len(mid.step_s))),
+    LevelVariable("n v level", "m/s rad/s", lambda flight, mid: flight.rotor_speed_rad_s.mean(axis=1)),
+    LevelVariable("|v| v level", "m2/s2", lambda flight, mid: np.linalg.norm(mid.velocity_body_m_s, axis=1)),
+)
+"""The airspeed along each level axis, alone or with what carries it."""
+LEVEL_OWN = {v.name: v for v in LEVEL}
+
 PER_ROTOR = (
     RotorVariable("n", "rad/s", lambda flight, mid, vehicle: flight.rotor_speed_rad_s, 9),
     RotorVariable("s", "m/s", _downstream, 6),
@@ -128,10 +151,15 @@ WORLD = ("F_x_world", "F_y_world")
 OF_THE_WORLD = ("constant", "time", "x", "y", "height")
 """What such a force may depend on; a constant one is what a pose frame that is not level shows."""
 EVERY_CHANNEL = (*CHANNELS, *WORLD, THRUST, *ROTORS, LIFT)
+DRAG = "drag"
+"""Level force along both axes of the body by one law for both: what forms of drag are made of. It is asked what a drag
+in the model leaves of its own physics, which a curve along one axis cannot take over from it; it is never named."""
 
 
 def belongs(variable: str, channel: str) -> bool:
     """Whether curves of a variable are drawn in a channel."""
+    if channel == DRAG or variable in LEVEL_OWN:
+        return channel == DRAG and variable in LEVEL_OWN
     if channel in CHANNELS:
         return variable not in ROTORS_OWN
     if channel in WORLD:
@@ -197,6 +225,11 @@ def curves(flights: Sequence[Flight], states: Sequence[States], vehicle: Vehicle
         family = curves_of(variable, values)
         if family is not None:
             found.append(family)
+    for variable in LEVEL:
+        values = np.concatenate([variable.read(f, m).ravel() for f, m in zip(driven, mids, strict=True)])
+        family = curves_of(variable, values)
+        if family is not None:
+            found.append(family)
     by_command = any(f.driven_by_command for f in flights)
     for variable in (v for v in VARIABLES if by_command or not v.of_commands):
         values = np.concatenate([variable.read(f, m) for f, m in zip(driven, mids, strict=True)])
@@ -206,7 +239,7 @@ def curves(flights: Sequence[Flight], states: Sequence[States], vehicle: Vehicle
     return tuple(found)
 
 
-def curves_of(variable: Variable | RotorVariable, values: FloatArray) -> Curve | None:
+def curves_of(variable: Variable | RotorVariable | LevelVariable, values: FloatArray) -> Curve | None:
     """Curves of one variable over the range of its values; none if it hardly changes, or was not logged."""
     if variable.name == "constant":
         return Curve("constant", np.zeros(0))
@@ -232,6 +265,11 @@ def accelerations(
     Args:
         vehicle: with the effects `weak_rotor` and `thrust_affine`, by whose parameters thrust is changed.
     """
+    if channel == DRAG:
+        values = [LEVEL_OWN[c.variable].read(flight, mid) for c in curves_]
+        both = list(zip(curves_, values, strict=True))
+        along = [np.concatenate([c.basis(v[:, i]) for c, v in both], axis=1) for i in (0, 1)]
+        return np.arange(2), np.stack(along, axis=1)
     if not of_thrust(channel):
         which, share = along_axes(channel, mid)
         return which, share[:, :, None] * columns(curves_, flight, mid)[:, None]

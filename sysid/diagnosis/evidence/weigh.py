@@ -44,12 +44,15 @@ class Scales:
         self._judge = judge.at(fit.noise, fit.solution.point)
         self._zero: FloatArray = self._judge.costs(fit.vehicle)
         self._blocks, self._base, self._names = evidence.named, evidence.base, evidence.names
+        self.held_out: dict[str, float] = {}
+        """Log odds that held-out flights add, by candidate, against the one that was best then."""
 
     def weight(self, fitted: Fitted) -> float:
         """Log odds against the best; each parameter costs what Schwarz's criterion asks."""
         fit, candidate = fitted.fit, fitted.candidate
         lead = float((self._zero - self._judge.costs(fit.vehicle, fit.solution.point)).sum())
-        return lead / self.dispersion(candidate) - 0.5 * len(candidate.columns) * np.log(len(self._zero))
+        told = self.held_out.get(candidate.name, 0.0)
+        return lead / self.dispersion(candidate) - 0.5 * len(candidate.columns) * np.log(len(self._zero)) + told
 
     def dispersion(self, rival: Candidate) -> float:
         """By how much errors vary more than white noise would along the best candidate or along this one."""

@@ -47,6 +47,8 @@ class Flight:
     """How late its log's gyro is against the attitude by instrumental variables; None where that was not to be had."""
     commands_on_time: bool = False
     """Whether its commands are taken to be on time: they have a delay as other streams have, and it is held at zero."""
+    full_throttle_rad_s: float | None = None
+    """Speed that a command of 1 was taken for, where commands were logged from 0 to 1; None: they were speeds."""
     left_out: str = ""
     """In words, which stretches of its log are not part of any flight, and why."""
 

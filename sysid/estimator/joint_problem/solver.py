@@ -115,7 +115,7 @@ def solve(
         gradient = prior.information @ (border - prior.mean) + carried.gradient + pulls
         # For the step alone: with it, at the optimum, errors of delays in gusts change by 5 %, others by 1 %.
         left_out = np.diag(np.maximum(sum(p.curvature for p in parts), 0.0))
-        step = _parameter_step(hessian + left_out, gradient, _room(point, unknowns))
+        step = parameter_step(hessian + left_out, gradient, step_room(point, unknowns))
         sigma = np.sqrt(np.diag(covariance_of(hessian)))
         judged = slice(unknowns.size - len(unknowns.delay) if unknowns.model else None)
         changes = [p.eliminated.states(step) for p in parts]
@@ -232,7 +232,7 @@ def all_residuals(flights: Sequence[Flight], point: Point, noise: Noise, robust:
     return each(point.vehicle, one, flights, point.states)
 
 
-def _parameter_step(hessian: FloatArray, gradient: FloatArray, room: tuple[FloatArray, FloatArray]) -> FloatArray:
+def parameter_step(hessian: FloatArray, gradient: FloatArray, room: tuple[FloatArray, FloatArray]) -> FloatArray:
     """Newton step (p,) that stays within `room` (lowest and highest step).
 
     A parameter that would leave its bounds goes to the bound, and the others are solved for again with it there.
@@ -264,7 +264,7 @@ def covariance_of(hessian: FloatArray) -> FloatArray:
     return (vectors / np.maximum(values, 1e-24)) @ vectors.T / np.outer(scale, scale)
 
 
-def _room(point: Point, unknowns: Unknowns) -> tuple[FloatArray, FloatArray]:
+def step_room(point: Point, unknowns: Unknowns) -> tuple[FloatArray, FloatArray]:
     """How far each parameter may step down and up; inertias and time constants at most to a third or threefold, delays
     no further than slopes tell."""
     bounds = specs(point.vehicle)

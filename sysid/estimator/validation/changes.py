@@ -1,13 +1,14 @@
 """One change of a vehicle model and its effect: refit, then compare prediction errors on held-out flights."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from flight import FlightLog, InputError, Progress, file_format, silent
 from sysid.estimator.identification import identify
 from sysid.estimator.options import Gaps, Options
-from sysid.estimator.validation.comparison import HORIZONS_S, QUANTITIES, SMOOTHING_STEPS, compare
+from sysid.estimator.validation.better import predicts
+from sysid.estimator.validation.comparison import HORIZONS_S, QUANTITIES, SMOOTHING_STEPS, Comparison, compare
 from sysid.estimator.verdict import Verdict
 from vehicle import Vehicle
 from vehicle.history import HeldOut
@@ -68,9 +69,10 @@ def refitted(
         return Change(after.vehicle, {}, None, after.findings, after.verdict)
     before = identify(training, present, options, progress=progress)
     models = {PRESENT: present, BEFORE: before.vehicle, AFTER: after.vehicle}
-    errors, left_out = held_out_errors(models, list(flights.held_out.values()), gaps=gaps, progress=progress)
+    judged = _compared(models, list(flights.held_out.values()), gaps, progress)
+    errors, left_out = _errors(judged), (*judged.left_out, *judged.not_converged)
     evidence = HeldOut(named(flights.held_out), errors[BEFORE], errors[AFTER], verdict(errors[BEFORE], errors[AFTER]))
-    fit = after.verdict
+    fit = replace(after.verdict, predicts=predicts(judged, PRESENT, AFTER, "held-out flights"))
     if not before.converged:
         fit = fit.doubted("the present model, which the change is compared with, was refitted without converging")
     return Change(after.vehicle, errors, evidence, (*after.findings, *left_out), fit)
@@ -91,12 +93,20 @@ def held_out_errors(
 ) -> tuple[dict[str, dict[str, float]], tuple[str, ...]]:
     """Root mean square open-loop prediction error of each model after `HORIZON_S`, by quantity with its unit; and in
     words which stretches of the flights were left out, and which models' errors are not settled."""
-    result = compare(logs, models, Options(max_iterations=SMOOTHING_STEPS, gaps=gaps), progress=progress)
+    result = _compared(models, logs, gaps, progress)
+    return _errors(result), (*result.left_out, *result.not_converged)
+
+
+def _compared(models: Mapping[str, Vehicle], logs: Sequence[FlightLog], gaps: Gaps, progress: Progress) -> Comparison:
+    return compare(logs, models, Options(max_iterations=SMOOTHING_STEPS, gaps=gaps), progress=progress)
+
+
+def _errors(found: Comparison) -> dict[str, dict[str, float]]:
+    """By model, after `HORIZON_S`."""
     at = HORIZONS_S.index(HORIZON_S)
-    errors = {
-        model: {key: float(result.errors[model][quantity][at]) for quantity, key in KEYS.items()} for model in models
+    return {
+        m: {key: float(errors[quantity][at]) for quantity, key in KEYS.items()} for m, errors in found.errors.items()
     }
-    return errors, (*result.left_out, *result.not_converged)
 
 
 def named(flights: Mapping[Path, FlightLog]) -> dict[str, str]:

@@ -19,6 +19,7 @@ from sysid.estimator.result import CHANNELS, LARGE_FORCE_M_S2, LARGE_TORQUE_RAD_
 from sysid.estimator.trajectory.midpoint import Middle, middle
 from sysid.estimator.trajectory.model import unexplained
 from sysid.estimator.trajectory.states import States
+from sysid.estimator.validation.observed import Observed, observed, wrench_at
 from sysid.estimator.validation.prediction import Predictor, predict
 from sysid.logs.checks.payload import as_flown
 from vehicle import Vehicle, rigid_body
@@ -60,10 +61,17 @@ class Residual:
     """With the rotor speeds that drove the model."""
     mid: Middle
     """The smoothed motion in the middle of each interval."""
+    disturbance: FloatArray | None = None
+    """(k, 6) measured disturbance: what the vehicle's observer found, N and N m, body axes, NaN where it did not run.
+    None: the log holds none."""
 
     def means(self) -> FloatArray:
         """(m, 6) wrench as means over `SPAN_S`: what is faster is noise."""
         return means_over(self.wrench, self.time_s, SPAN_S)
+
+    def disturbance_means(self) -> FloatArray | None:
+        """(m, 6) measured disturbance as such means; None where the log holds none."""
+        return None if self.disturbance is None else means_over(self.disturbance, self.time_s, SPAN_S)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +111,13 @@ class Comparison:
         parts = [r.means() for r in self.residuals[model]]
         return np.sqrt((np.concatenate(parts) ** 2).mean(axis=0))
 
+    def disturbance_rms(self) -> FloatArray | None:
+        """(6,) root mean square of the measured disturbance after a 0.1 s mean, N and N m; None where no log has it."""
+        parts = [r.disturbance_means() for r in next(iter(self.residuals.values()))]
+        means = np.concatenate([part for part in parts if part is not None] or [np.empty((0, 6))])
+        means = means[np.isfinite(means).all(axis=1)]
+        return np.sqrt((means**2).mean(axis=0)) if len(means) else None
+
     @property
     def remarks(self) -> tuple[str, ...]:
         """A sentence on each model that cannot be these flights' vehicle as it is, or whose figures are not settled."""
@@ -121,6 +136,7 @@ class Comparison:
 
     def as_dict(self) -> dict[str, Any]:
         """The figures as plain JSON values."""
+        disturbance = self.disturbance_rms()
         return {
             "schema": "goshawk-comparison",
             "version": SCHEMA_VERSION,
@@ -129,6 +145,9 @@ class Comparison:
             "predictions": self.predictions,
             "remarks": list(self.remarks),
             "left_out": list(self.left_out),
+            "measured_disturbance_rms": None
+            if disturbance is None
+            else dict(zip(CHANNELS, disturbance.tolist(), strict=True)),
             "models": {
                 name: {
                     "vehicle": vehicle.name,
@@ -169,6 +188,7 @@ def compare(
     longest_s = max(HORIZONS_S)
     touched = left_out(flights)
     flights = [f for f in flights if f.time_s[-1] - f.time_s[0] > 2.0 * longest_s]
+    found = [observed(log) for log in logs]
     if not flights:
         raise InputError(f"no flight is longer than {2.0 * longest_s:g} s; predictions need that")
     first = next(iter(models.values()))
@@ -191,7 +211,8 @@ def compare(
         }
         flight_errors[name] = tuple(_rms(p["position"][HORIZONS_S.index(JUDGED_S)]) for p in parts)
         residuals[name] = tuple(
-            residual(f, s, vehicle, smoothed.noise.process) for f, s in zip(driven, states, strict=True)
+            residual(f, s, vehicle, smoothed.noise.process, found[f.log_index])
+            for f, s in zip(driven, states, strict=True)
         )
         count = sum(len(p["position"][0]) for p in parts)
         progress("compare", FIRST_SHARE + (1.0 - FIRST_SHARE) * (i + 1) / len(models))
@@ -222,19 +243,23 @@ def _errors(
     return found, tuple(deviations)
 
 
-def residual(flight: Flight, states: States, vehicle: Vehicle, process: FloatArray) -> Residual:
+def residual(
+    flight: Flight, states: States, vehicle: Vehicle, process: FloatArray, found: Observed | None = None
+) -> Residual:
     """What a vehicle leaves unexplained of smoothed states.
 
     Args:
         process: (6,) strength of the unmodelled acceleration, m/s2 and rad/s2 times root second.
+        found: what the vehicle's observer measured on this flight.
     """
+    time_s = 0.5 * (flight.time_s[1:] + flight.time_s[:-1])
     mid = middle(flight, states)
     driven = motor.driven(flight, vehicle)
     left = unexplained(driven, states, vehicle)
     body = rigid_body(as_flown(vehicle, flight.carries_payload))
     turning = np.sqrt(body.inertia_kg_m2**2 @ process[3:] ** 2)
     return Residual(
-        time_s=0.5 * (flight.time_s[1:] + flight.time_s[:-1]),
+        time_s=time_s,
         wrench=np.concatenate([body.mass_kg * left[:, :3], left[:, 3:] @ body.inertia_kg_m2], axis=1),
         velocity_body_m_s=mid.velocity_body_m_s,
         rate_body_rad_s=mid.rate_body_rad_s,
@@ -242,6 +267,7 @@ def residual(flight: Flight, states: States, vehicle: Vehicle, process: FloatArr
         sigma=np.concatenate([body.mass_kg * process[:3], turning]) / np.sqrt(SPAN_S),
         flight=driven,
         mid=mid,
+        disturbance=None if found is None else wrench_at(found, time_s),
     )
 
 

@@ -36,7 +36,8 @@ def _time_base(log: FlightLog) -> list[Finding]:
     usual = float(np.median(step_s))
     found = []
     if usual >= 0.5:
-        unit, divisor = ("microseconds", "1e6") if usual > 100.0 else ("milliseconds", "1000")
+        units = (("nanoseconds", "1e9", 1e5), ("microseconds", "1e6", 100.0), ("milliseconds", "1000", 0.0))
+        unit, divisor, _ = next(one for one in units if usual > one[2])
         sentence = f"rows are {usual:g} s apart: the time looks like {unit}"
         repair = Repair("scale", ("time_s",), factor=1.0 / float(divisor))
         found.append(error("time unit", sentence, f"divide time_s by {divisor}", repair=repair))

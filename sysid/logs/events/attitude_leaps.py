@@ -7,7 +7,7 @@ import numpy as np
 from flight import FlightLog, rotations
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
-from sysid.logs.events.event import DETECTABLE_TURN_DEG, WAY_OUT_BLANK, WAY_OUT_SPLIT, Event
+from sysid.logs.events.event import DETECTABLE_TURN_DEG, UPRIGHT, WAY_OUT_BLANK, WAY_OUT_SPLIT, Event
 from sysid.logs.events.leaps import (
     EXPLAINED,
     Leap,
@@ -23,8 +23,6 @@ from sysid.logs.events.repair import Repair, Span
 from sysid.logs.events.stamps import longest_pause_s
 
 QUANTITY = "q_world_body"
-UPRIGHT = 0.9
-"""Cosine of the axis and the vertical, from which on a turn is one of the heading."""
 LEAST_RAD = np.deg2rad(0.9 * DETECTABLE_TURN_DEG)
 
 

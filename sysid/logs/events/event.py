@@ -34,6 +34,8 @@ DETECTABLE_CLOCK_S = 0.2
 """Least step of a clock that is told from a gap."""
 DETECTABLE_FROZEN_S = 0.3
 """Least time that a moving value repeats itself."""
+UPRIGHT = 0.9
+"""Cosine of the axis and the vertical, from which on a turn is one of the heading."""
 
 WAY_OUT_SPLIT = "fit the pieces before and after as separate flights (gaps='split')"
 WAY_OUT_BLANK = "write NaN there"
@@ -65,7 +67,7 @@ KINDS: Mapping[str, Kind] = {
     "attitude jump": Kind(
         "The attitude turns between two samples, and stays so; neither the gyro nor the turning around shows it.",
         f"{DETECTABLE_TURN_DEG:g} deg",
-        "the flight is split there",
+        "the flight is split there, and the shorter piece turned back",
     ),
     "attitude excursion": Kind(
         "The attitude jumps and jumps back within 2 s: swapped or hidden markers.",

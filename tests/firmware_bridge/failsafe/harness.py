@@ -119,6 +119,7 @@ class Body:
         self._c.tc_reason_text.restype = ctypes.c_char_p
         self._c.tc_crc32.restype = ctypes.c_uint32
         self._c.body_rotor_thrust_n.restype = ctypes.c_double
+        self._c.body_uniform.restype = ctypes.c_double
         sizes = (ctypes.c_int32 * 2)()
         self._c.body_sizes(sizes)
         assert list(sizes) == [ctypes.sizeof(layout.Scenario), ctypes.sizeof(layout.Result)], (
@@ -134,6 +135,12 @@ class Body:
         if index < 0:
             raise KeyError(f"the controller has no parameter {name}")
         return index
+
+    def uniform(self, seed: int, stream: int, count: int) -> NDArray[np.float64]:
+        """The first numbers of a stream of noise, (count,) in 0 .. 1."""
+        state = ctypes.byref(ctypes.c_uint64())
+        self._c.body_seed(state, ctypes.c_uint64(seed), ctypes.c_uint64(stream))
+        return np.array([self._c.body_uniform(state) for _ in range(count)])
 
     def rotor_thrust_n(self, rotor_rad_s: float, axial_m_s: float, lateral_m_s: float) -> float:
         vehicle = layout.Vehicle()

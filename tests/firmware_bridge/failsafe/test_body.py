@@ -57,6 +57,18 @@ def test_the_plate_is_a_table_and_the_floor_is_beside_it(body):
     assert flight.end_position_m[2] == pytest.approx(-0.75, abs=0.1)
 
 
+def test_the_noise_of_close_seeds_has_nothing_in_common(body):
+    """Neither of two seeds, nor of two streams of one: no sequence is another one's, some draws on."""
+    seen: set[float] = set()
+    for seed in range(8):
+        for stream in range(3):
+            draws = body.uniform(seed, stream, 1000)
+            assert draws.mean() == pytest.approx(0.5, abs=0.05)
+            assert len(set(draws)) == 1000
+            assert not seen & set(draws)
+            seen |= set(draws)
+
+
 def test_the_same_seed_gives_the_same_flight(body):
     scenario = Scenario(orders=(*TAKE_OFF, land(1.0)), world={"gust_std_m_s": 1.0})
     first, second = body.fly(scenario), body.fly(scenario)

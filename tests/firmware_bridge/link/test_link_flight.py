@@ -115,15 +115,68 @@ def test_flying_something_else_than_expected_is_refused_on_the_ground(serve, dia
     assert served.plant.position_world_m[2] < 0.01
 
 
-def test_cancelling_lands_the_vehicle(serve, dial, plans):
-    served = serve(speed=4.0)
+@pytest.mark.parametrize("log_records", [100_000, 0])
+def test_cancelling_lands_the_vehicle_and_keeps_the_log(serve, dial, plans, log_records):
+    served = serve(speed=4.0, log_records=log_records)
     link = dial(served)
     link.upload(plans.file(3))
-    seen = []
+    seen, kept = [], []
     with pytest.raises(CancelledError):
-        link.fly(progress=lambda stage, _: seen.append(stage), cancel=lambda: "flight" in seen)
-    waiting.until(lambda: link.state.mission in (MissionState.DISARMED, MissionState.ARMED))
+        link.fly(progress=lambda stage, _: seen.append(stage), cancel=lambda: "flight" in seen, ended_early=kept.append)
+    waiting.until(lambda: link.state.mission is MissionState.DISARMED)
     assert served.plant.position_world_m[2] < 0.05
+    (log,) = kept
+    assert log.metadata["source"] == ("on-board log" if log_records else "telemetry")
+    assert "flight cancelled" in log.metadata["ended_early"]
+    assert log.vector("position_world_m")[:, 2].max() > 0.3
+    assert log.columns["mission_state"][-1] in (MissionState.DISARMED, MissionState.LANDING)  # to its end
+
+
+def test_a_flight_that_is_killed_keeps_its_log(serve, dial, plans):
+    served = serve(speed=2.0)
+    link = dial(served)
+    link.upload(plans.file(4))
+    kept = []
+
+    def kill(stage: str, fraction: float) -> None:
+        if stage == "flight" and fraction > 0.3 and not killed.is_set():
+            killed.set()
+            link.command(Command.KILL)
+
+    killed = threading.Event()
+    with pytest.raises(LinkError, match="because"):
+        link.fly(progress=kill, ended_early=kept.append)
+    assert kept[0].vector("rotor_speed_command_rad_s")[-1].max() == 0.0
+
+
+def test_a_flight_whose_link_is_lost_keeps_what_was_heard(serve, dial, plans, monkeypatch):
+    monkeypatch.setattr("firmware_bridge.flying._DOWN_S", 1.0)
+    served = serve(speed=2.0)
+    link = dial(served, timeout_s=0.5)
+    link.upload(plans.file(4))
+    kept = []
+
+    def lose(stage: str, fraction: float) -> None:
+        if stage == "flight" and fraction > 0.3:
+            served.stop()
+
+    with pytest.raises(LinkError):
+        link.fly(progress=lose, ended_early=kept.append)
+    assert kept[0].metadata["source"] == "telemetry"
+    assert kept[0].vector("position_world_m")[-1, 2] > 0.3
+
+
+def test_a_start_too_far_away_is_refused_with_the_rotors_still_and_the_last_log_kept(serve, dial, plans):
+    served = serve(speed=0.0)
+    link = dial(served)
+    link.upload(plans.file(1))
+    before = link.fly()
+    link.take_control()
+    link.set_parameters({"start_radius_m": 0.01})
+    with pytest.raises(LinkError, match=r"not armed\. start: the trajectory begins .* put the vehicle at x"):
+        link.fly()
+    assert served.plant.rotor_speed_rad_s.max() < 1.0
+    assert len(link.download_log()) == len(before)
 
 
 def test_a_flight_that_another_station_ends_early_is_not_taken_for_a_whole_one(serve, dial, plans):

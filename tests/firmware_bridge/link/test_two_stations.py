@@ -38,7 +38,7 @@ def test_the_first_station_is_told_when_the_second_takes_over(stations, plans, c
     with caplog.at_level(logging.WARNING):
         second.take_control(force=True)
         waiting.until(lambda: not first._port.keep_lease)
-    assert any("took control of the vehicle" in record.message for record in caplog.records)
+        waiting.until(lambda: any("took control of the vehicle" in record.message for record in caplog.records))
     for attempt in (lambda: first.upload(plans.file(1)), lambda: first.command(Command.ARM), first.fly):
         with pytest.raises(LinkError, match=r"station 255 \(.+\) took control .* take_control\(force=True\)"):
             attempt()

@@ -1,4 +1,7 @@
-"""Orders from the page to a SITL vehicle that really flies: who may give them, and how they end."""
+"""Orders from the page to a SITL vehicle that really flies: who may give them, and how they end.
+
+The last flight is killed in the air: the vehicle lies as it fell.
+"""
 
 import json
 import threading
@@ -39,26 +42,68 @@ def test_orders_need_control_and_a_nonce_that_is_good_once(station):
     visit(station, 2, talk)
 
 
-def test_a_flight_is_flown_logged_and_aborted_from_the_page(station):
-    async def talk(page: Page, other: Page):
+async def flying(page: Page) -> None:
+    """Return once the vehicle is on the plan's path."""
+    await page.checked()
+    await page.command("take_control", force=True)
+    prepared = await page.command("prepare_upload")
+    assert not (await page.command("upload", nonce=prepared["nonce"]))["error"]
+    nonce = (await page.command("prepare_order"))["nonce"]
+    assert not (await page.command("order", order="start", nonce=nonce))["error"]
+    await page.until(lambda p: p.state["vehicle"].get("error_m") is not None)
+
+
+async def ordered(page: Page, order: str) -> str:
+    nonce = (await page.command("prepare_order"))["nonce"]
+    return (await page.command("order", order=order, nonce=nonce))["error"]
+
+
+def test_neither_a_start_nor_arming_lifts_a_vehicle_that_is_not_fit(station):
+    far = np.array([[3.0, 3.6, 1.0], [5.2, 0.8, 1.2]])
+    station.desk.session.take(Waypoints(far, np.full(2, np.nan)), "elsewhere", "test")
+
+    async def talk(page: Page, _: Page):
         await page.checked()
         await page.command("take_control", force=True)
         prepared = await page.command("prepare_upload")
         assert not (await page.command("upload", nonce=prepared["nonce"]))["error"]
-        nonce = (await page.command("prepare_order"))["nonce"]
-        assert not (await page.command("order", order="start", nonce=nonce))["error"]
-        await page.until(lambda p: p.state["vehicle"].get("error_m") is not None)
+        await page.until(lambda p: any(not check["passed"] for check in p.state["vehicle"]["checks"]))
+        (failed,) = (check for check in page.state["vehicle"]["checks"] if not check["passed"])
+        assert failed["name"] == "start"
+        for order in ("arm", "start"):
+            assert "not armed. start: the trajectory begins" in await ordered(page, order)
+        assert page.state["vehicle"]["mission"] == "disarmed"
+
+    visit(station, 2, talk)
+
+
+def plan_from_where_it_stands(station) -> None:
+    x_m, y_m, _ = station.watch.link.state.position_world_m
+    away = np.array([[x_m, y_m, 1.0], [5.2, 0.8, 1.2] if x_m < 3.0 else [0.8, 0.8, 1.2]])
+    station.desk.session.take(Waypoints(away, np.full(2, np.nan)), "from here", "test")
+
+
+@pytest.mark.parametrize("emergency", ["abort", "kill"])
+def test_a_flight_that_anybody_aborts_or_kills_leaves_its_log(station, emergency):
+    before = set(station.desk.project.flights())
+    plan_from_where_it_stands(station)
+
+    async def talk(page: Page, other: Page):
+        await flying(page)
         until(lambda: station.view.vehicle._setpoint.visible, "the set-point in the 3D view")
-        assert not (await other.command("abort"))["error"]  # by whoever sees the danger
+        assert not (await other.command(emergency))["error"]  # by whoever sees the danger
+        await page.until(lambda p: p.state["vehicle"]["mission"] in ("disarmed", "armed", "fault"))
+        until(lambda: set(station.desk.project.flights()) - before, "the log")
         await page.until(lambda p: any("The flight ended early" in text for text in p.notices))
-        await page.until(lambda p: p.state["vehicle"]["mission"] in ("disarmed", "armed"))
-        if page.state["vehicle"]["mission"] == "armed":
-            nonce = (await page.command("prepare_order"))["nonce"]
-            await page.command("order", order="disarm", nonce=nonce)
+        if page.state["vehicle"]["mission"] != "disarmed":
+            assert not await ordered(page, "disarm")
         await page.until(lambda p: p.state["vehicle"]["mission"] == "disarmed")
 
     visit(station, 2, talk)
-    assert not list(station.desk.project.flights()) or flight_log.load(station.desk.project.flights()[0])
+    (new,) = set(station.desk.project.flights()) - before
+    log = flight_log.load(new)
+    assert log.metadata["ended_early"]
+    assert log.vector("position_world_m")[:, 2].max() > 0.5
 
 
 def test_an_abort_while_a_start_is_prepared_keeps_the_vehicle_on_the_ground(station):
@@ -69,7 +114,7 @@ def test_an_abort_while_a_start_is_prepared_keeps_the_vehicle_on_the_ground(stat
         watch.land()
     assert aborted.is_set()
     with pytest.raises(LinkError, match="aborted before the take-off"):
-        watch.fly(desk.checked(), aborted)
+        watch.fly(desk.checked(), aborted, lambda _: None)
     with pytest.raises(LinkError, match="a flight is under way"):
         watch.begin_flight()
     watch.end_flight()

@@ -6,9 +6,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from flight import FormatError, InputError
 from mapping.camera.rig import Camera, Rig, forward_camera
+from mapping.input import image_file
 from mapping.input.images import read_folder, read_table
 
 SINGLE = Rig((forward_camera("SIMPLE_RADIAL_FISHEYE", 64, 48, [40.0, 32.0, 24.0, 0.0]),))
@@ -88,6 +90,40 @@ def test_cut_off_image_among_good_ones_is_named(folder: Path, name: str) -> None
     whole = (folder / name).read_bytes()
     (folder / name).write_bytes(whole[: len(whole) * 2 // 3])
     refused(folder, SINGLE, InputError, f"{name} is damaged")
+
+
+@pytest.mark.parametrize(
+    "more", [bytes(512), b"\0\0\0\x18ftypmp42" + bytes(range(256)) * 20, b"SEFH\xff\xd9SEFT", None]
+)
+@pytest.mark.parametrize("name", ["02.jpg", "04.png"])
+def test_bytes_after_the_end_of_an_image_are_not_read(folder: Path, name: str, more: bytes | None) -> None:
+    if not (folder / name).exists():
+        write(folder / name)
+    whole = (folder / name).read_bytes()
+    expected = image_file.decode(folder / name, cv2.IMREAD_GRAYSCALE)
+    (folder / name).write_bytes(whole + (whole if more is None else more))  # of a multi-picture file, the first one
+    np.testing.assert_array_equal(image_file.decode(folder / name, cv2.IMREAD_GRAYSCALE), expected)
+    (folder / name).write_bytes(whole[: len(whole) * 2 // 3] + bytes(5000))
+    refused(folder, SINGLE, InputError, f"{name} is damaged")
+
+
+@pytest.mark.parametrize("tag", [2, 3, 4, 5, 6, 7, 8])
+@pytest.mark.parametrize("name", ["01.jpg", "01.png", "01.tif"])
+def test_an_orientation_tag_turns_no_pixel_and_is_named(tmp_path: Path, name: str, tag: int) -> None:
+    write(tmp_path / "00.png")
+    noise = np.random.default_rng(tag).integers(0, 255, (6, 8, 3), dtype=np.uint8)
+    picture = Image.fromarray(noise).resize((64, 48))
+    exif = Image.Exif()
+    exif[0x0112] = tag
+    picture.save(tmp_path / name, exif=exif)
+    images = read_folder(tmp_path, SINGLE)
+    assert images.notes == (
+        f"1 of 2 images of camera 'camera' have an orientation tag ({image_file.ORIENTATIONS[tag]}); pixels were taken "
+        "as they are stored",
+    )
+    off = np.abs(images.pixels(1, 0) - np.asarray(picture, float)).mean()
+    assert off == 0.0 or (name == "01.jpg" and off < 5.0)
+    assert images.gray(1, 0).shape == (48, 64)
 
 
 @pytest.mark.parametrize("content", [b"", b"not a picture at all"])

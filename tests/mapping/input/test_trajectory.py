@@ -1,6 +1,7 @@
 """Recorded poses and odometry: read in both formats, laid beside a map in any frame, and every fault of them named."""
 
 import dataclasses
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -373,3 +374,36 @@ def test_a_map_needs_no_other_scale(tmp_path: Path) -> None:
 def test_references_without_poses_stay_what_they_are() -> None:
     nothing = References(np.full((COUNT, 3), np.nan), np.full((COUNT, 3), np.nan))
     assert (nothing.position_source, nothing.up_source) == ("recorded positions", "recorded gravity")
+
+
+@pytest.mark.parametrize(
+    ("factor", "wild", "said"),
+    [
+        (1e9, None, "times from 0 to .* nanoseconds.* divide the first column"),
+        (1e6, None, "microseconds"),
+        (1.0, 10, r"line 12: its time \(1e\+09 s\) is after those of the lines below.*take the line out"),
+    ],
+)
+def test_times_that_are_none_are_one_sentence_and_memory_goes_by_the_poses(
+    tmp_path: Path, factor: float, wild: int | None, said: str
+) -> None:
+    seconds = np.linspace(0.0, 3.267, 100)
+    time_s = factor * seconds
+    if wild is not None:
+        time_s[wild] = 1e9
+    path = write_tum(tmp_path / "poses.tum", time_s, pose(seconds))
+    tracemalloc.start()
+    with pytest.raises((InputError, FormatError), match=said):
+        trajectory.read(path)
+    assert tracemalloc.get_traced_memory()[1] < 10e6
+    tracemalloc.stop()
+
+
+def test_one_pose_that_is_far_ahead_at_the_end_takes_no_memory(tmp_path: Path) -> None:
+    seconds = np.linspace(0.0, 3.267, 100)
+    time_s = seconds.copy()
+    time_s[-1] = 1e9
+    tracemalloc.start()
+    assert len(trajectory.read(write_tum(tmp_path / "poses.tum", time_s, pose(seconds))).time_s) == 100
+    assert tracemalloc.get_traced_memory()[1] < 10e6
+    tracemalloc.stop()

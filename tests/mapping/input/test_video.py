@@ -1,5 +1,6 @@
 """A video becomes the frames worth mapping, with their times; what is no whole video is refused in one sentence."""
 
+import struct
 from pathlib import Path
 
 import cv2
@@ -50,6 +51,19 @@ def test_chosen_frames_come_with_their_times(tmp_path: Path, name: str, codec: s
     numbers = np.array([int(Path(instant).stem) for instant in images.instants])
     np.testing.assert_allclose(images.time_s, numbers / RATE_HZ, atol=1e-3)
     assert images.pixels(0, 0).shape == (120, 160, 3)
+
+
+def test_a_tag_that_asks_to_turn_a_video_turns_no_pixel_and_is_named(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.mp4", moving(), "mp4v")
+    data = bytearray(path.read_bytes())
+    matrix = data.index(b"tkhd") + 44  # of the track's header: 3 x 3, 16.16 and 2.30 (ISO/IEC 14496-12, 8.3.2)
+    data[matrix : matrix + 20] = struct.pack(">5i", 0, 1 << 16, 0, -(1 << 16), 0)
+    path.write_bytes(data)
+    assert video.notes(path)[0].startswith("the video's tag asks to turn it by 90 deg")
+    assert extracted(path, tmp_path / "frames").pixels(0, 0).shape == (120, 160, 3)
+    portrait = rigs.Rig((rigs.forward_camera("PINHOLE", 120, 160, [100.0, 100.0, 60.0, 80.0]),))
+    with pytest.raises(InputError, match=r"160x120 pixels as stored .*turn it by 90 deg"):
+        extracted(path, tmp_path / "turned", portrait)
 
 
 @pytest.mark.parametrize(("name", "codec"), [("a.avi", "MJPG"), ("a.mp4", "mp4v")])

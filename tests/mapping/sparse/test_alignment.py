@@ -78,6 +78,24 @@ def test_the_baseline_gives_the_scale_and_positions_only_the_pose_and_a_check(tr
     assert found.scale_ratio_to_positions == pytest.approx(1 / 1.1)
 
 
+@pytest.mark.parametrize(
+    ("axes", "words"),
+    [
+        ([[0, 1, 0], [1, 0, 0], [0, 0, -1]], "their z points down"),
+        ([[1, 0, 0], [0, 0, 1], [0, -1, 0]], "their y points up"),
+        ([[0, 1, 0], [1, 0, 0], [0, 0, 1]], "they are left-handed"),
+    ],
+)
+def test_positions_in_other_axes_beside_gravity_name_the_axes_in_which_they_fit(
+    truth: FloatArray, axes: list[list[int]], words: str
+) -> None:
+    given = References(truth[:, :3, 3] @ np.array(axes, float).T, up_of(truth))
+    found = alignment.align(image_set(), as_colmap_gives_it(truth, 1.0), given, baseline_std=0.001, length=None)
+    assert found.better_axes.startswith(words)
+    assert found.position_residual_m is not None
+    assert found.position_residual_m > alignment.LARGE_RESIDUAL * found.position_extent_m
+
+
 @pytest.mark.parametrize("between", [None, ("003.jpg", "021.jpg")])
 def test_a_given_length_overrides_every_other_scale(truth: FloatArray, between: tuple[str, str] | None) -> None:
     p = truth[:, :3, 3]

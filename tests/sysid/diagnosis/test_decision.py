@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import vehicle
-from sysid.diagnosis import procedure
+from sysid.diagnosis import told
 from sysid.diagnosis.decision import Case, Reason, decide, sentence
 from sysid.diagnosis.evidence.candidates import Candidate
 from sysid.diagnosis.findings import CandidateFinding, Outcome, Size, Verdict
@@ -157,14 +157,14 @@ def test_neither_a_name_nor_a_curve_nor_an_attempt_is_surer_than_the_sentence_on
     model: Any = SimpleNamespace(
         evidence=SimpleNamespace(curves=[constant]), fit=SimpleNamespace(vehicle=vehicle.example())
     )
-    assert procedure._outside(model, curve, unsure=False).confidence == 0.9
-    assert procedure._outside(model, curve, unsure=True).confidence == THRESHOLDS.even_confidence
+    assert told.of_curve(model, curve, unsure=False).confidence == 0.9
+    assert told.of_curve(model, curve, unsure=True).confidence == THRESHOLDS.even_confidence
     fell = SimpleNamespace(total=60.0, sigma=5.0)
     tried: Any = SimpleNamespace(
         **vars(trial(Outcome.ADDED)), candidate=CANDIDATE, rivals=(), held_out=fell, judged_on="held-out flights"
     )
-    assert procedure._attempt(tried, unsure=False).confidence == 0.9
-    assert procedure._attempt(tried, unsure=True).confidence == THRESHOLDS.even_confidence
+    assert told.of_attempt(tried, unsure=False).confidence == 0.9
+    assert told.of_attempt(tried, unsure=True).confidence == THRESHOLDS.even_confidence
 
 
 @pytest.mark.parametrize("says_missing", [True, False])
@@ -172,11 +172,18 @@ def test_neither_a_name_nor_a_curve_nor_an_attempt_is_surer_than_the_sentence_on
 @pytest.mark.parametrize("of_fit", [fits.Verdict(), POSSIBLE, REJECTED])
 def test_no_sentence_has_more_than_even_odds_on_a_rejected_fit(of_logs, of_fit, says_missing: bool):
     """Whatever it says, and whether the fit itself or the check of the logs is against it."""
-    name = SimpleNamespace(verdict=Verdict.PRESENT, confidence=0.96)
-    whole: Any = SimpleNamespace(input_verdict=of_logs, pose_may_be_late=False, says_missing=says_missing, unsaid=())
+    name = SimpleNamespace(name="angular_damping", verdict=Verdict.PRESENT, confidence=0.96)
+    whole: Any = SimpleNamespace(
+        families=(),
+        input_verdict=of_logs,
+        pose_may_be_late=False,
+        says_missing=says_missing,
+        unsaid=(),
+    )
     whole.candidates, whole.undecided, whole.proxies, whole.outside = (name,) if says_missing else (), (), (), None
     last: Any = SimpleNamespace(fit=SimpleNamespace(verdict=of_fit))
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=0.0, forms=(), doubted=(), models=(last,))
+    whole.predicts = None
     whole.fit_verdict = Diagnosis.fit_verdict.fget(whole)  # type: ignore[attr-defined]
     usual = 0.96 if says_missing else THRESHOLDS.most_confidence
     most = THRESHOLDS.even_confidence if REJECTED in (of_logs, of_fit) else usual
@@ -223,7 +230,14 @@ def test_a_load_below_what_matters_is_not_said_to_be_missing_perhaps():
 )
 def test_a_proxy_alone_says_that_something_unknown_is_missing(left: float, doubted, least: float, most: float):
     """With even odds at most where a known effect is as good as what is unknown."""
-    whole: Any = SimpleNamespace(additions=(), undecided=(), outside=None, proxies=("parasitic_drag",), candidates=())
+    whole: Any = SimpleNamespace(
+        families=(),
+        additions=(),
+        undecided=(),
+        outside=None,
+        proxies=("parasitic_drag",),
+        candidates=(),
+    )
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=left, forms=(), doubted=doubted)
     whole.input_verdict = whole.fit_verdict = fits.Verdict()
     whole.pose_may_be_late, whole.unsaid = False, ()
@@ -244,7 +258,12 @@ def test_a_proxy_beside_a_name_is_for_its_form_or_for_something_unknown(forms: b
     """What is said of the proxy has the probability that is stated: curves in the channels of the name count too."""
     name: Any = SimpleNamespace(name="angular_damping", verdict=Verdict.PRESENT, confidence=0.9)
     whole: Any = SimpleNamespace(
-        additions=("angular_damping",), undecided=(), outside=None, proxies=("flapping_moment",), candidates=(name,)
+        families=(),
+        additions=("angular_damping",),
+        undecided=(),
+        outside=None,
+        proxies=("flapping_moment",),
+        candidates=(name,),
     )
     whole.leaves_too_much = whole.pose_may_be_late = False
     whole.says_missing, whole._said, whole.negligible = True, str, ()
@@ -265,7 +284,14 @@ def test_a_proxy_beside_a_name_is_for_its_form_or_for_something_unknown(forms: b
     ],
 )
 def test_what_shows_and_is_too_small_to_matter_is_said_and_not_called_missing(doubts: tuple[str, ...], words: str):
-    whole: Any = SimpleNamespace(additions=(), undecided=(), outside=None, proxies=(), negligible=("centre_of_mass",))
+    whole: Any = SimpleNamespace(
+        families=(),
+        additions=(),
+        undecided=(),
+        outside=None,
+        proxies=(),
+        negligible=("centre_of_mass",),
+    )
     whole.leaves_too_much = whole.pose_may_be_late = whole.says_missing = False
     whole.doubts, whole.unsaid = doubts, tuple(SimpleNamespace(name=name) for name in doubts)
     whole.search, whole.input_verdict = SimpleNamespace(too_short=""), fits.Verdict()
@@ -298,7 +324,9 @@ def test_the_sentence_is_only_as_likely_as_that_nothing_is_missing_where_nothing
         for name, shown in channels.items()
     ]
     drawn = outside and SimpleNamespace(channel=outside, confidence=1.0)
-    whole: Any = SimpleNamespace(candidates=found, additions=additions, undecided=(), proxies=(), outside=drawn)
+    whole: Any = SimpleNamespace(
+        families=(), candidates=found, additions=additions, undecided=(), proxies=(), outside=drawn
+    )
     whole.pose_may_be_late = False
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=0.0, forms=(), doubted=())
     whole.input_verdict = whole.fit_verdict = fits.Verdict()

@@ -241,3 +241,16 @@ def test_unseen_flights_do_not_refuse_a_name_for_what_the_model_without_it_takes
     said = diagnosis_run.score(tmp_path / "campaign_087")["diagnosis"]
     assert said["additions"] == ["rotor_acceleration_torque", *truth.real]
     assert said["outside"] is None
+
+
+def test_a_name_of_the_right_family_counts_for_the_family_and_one_of_another_family_beside_it_does_not():
+    from diagnosis import family_is_right
+
+    drag = ["parasitic_drag"]
+    assert family_is_right(result("single", drag, ["rotor_drag_thrust"]))
+    assert family_is_right(result("form", said=["parasitic_drag_linear"], near=drag))
+    assert not family_is_right(result("single", drag))
+    assert not family_is_right(result("single", drag, ["rotor_drag_thrust", "angular_damping"]))
+    undecided = result("single", drag)
+    undecided["diagnosis"]["undecided"] = ["parasitic_drag_speed", "rotor_drag_speed"]
+    assert family_is_right(undecided)

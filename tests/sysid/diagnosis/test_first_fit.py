@@ -9,7 +9,7 @@ import vehicle
 from flight import silent
 from sysid import Options
 from sysid.diagnosis import first_fit
-from sysid.estimator import verdict
+from sysid.estimator import fit_to_use, verdict
 from sysid.estimator.result import NOT_SETTLED
 
 YAW = "inertia_zz_kg_m2"
@@ -41,7 +41,8 @@ def fit(times: float, *, lasting: bool = False, settled: bool = True) -> Any:
         ([fit(40.0), fit(1.0, lasting=True, settled=False)], WHITE, 1, "estimate", (YAW,), 2),
         ([fit(40.0), fit(1.0)], WHITE, 0, "white", (), 0),  # lasting ones did not settle
         ([fit(40.0), fit(40.0, lasting=True)], WHITE, 0, "white", (), 0),
-        ([fit(40.0, lasting=True)], Options(), 0, "estimate", (), 0),
+        ([fit(40.0, lasting=True), fit(40.0)], Options(), 0, "estimate", (), 0),
+        ([fit(40.0, lasting=True), fit(1.1)], Options(), 1, "white", (), 1),  # lasting ones take up what is the model's
         ([fit(1.5), fit(1.0)], WHITE, 1, "white", (), 0),  # a late pose is measured by the rotors' clock
         ([fit(40.0), fit(1.5, lasting=True), fit(1.0, lasting=True)], WHITE, 2, "estimate", (), 1),
     ],
@@ -56,6 +57,7 @@ def test_the_first_fit_decides_how_all_fits_are_made(
         return fits[len(made) - 1]
 
     monkeypatch.setattr(first_fit, "identify", identify)
+    monkeypatch.setattr(fit_to_use, "identify", identify)
     monkeypatch.setattr(first_fit, "pose_is_late", lambda clocks: clocks == "late")
     found = first_fit.first_fit((), TRUTH, options, silent)
     assert len(made) == len(fits)

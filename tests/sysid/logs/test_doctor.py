@@ -61,14 +61,16 @@ def test_an_esc_clock_that_goes_back_is_shifted_and_no_spin_is_turned(recorded, 
     assert not any("spin" in f.what for f in check_log(read, truth).findings)
 
 
-def test_a_heading_reset_splits_the_log_and_turns_what_is_after_it_only(log, truth):
+def test_a_heading_reset_splits_the_log_and_gives_both_pieces_one_heading(log, truth):
     reset = heading_reset(log, 30.0)
-    mended = fix(reset, truth)
-    assert mended.log.metadata["splits_s"] == [[log.time_s[AT - 1], log.time_s[AT]]]
-    before = slice(0, AT)
-    np.testing.assert_array_equal(mended.log.vector("q_world_body")[before], log.vector("q_world_body")[before])
-    assert not any(f.what == "attitude jump" for f in mended.left)
-    assert len(mended.log.metadata[FIXES]) == len(mended.log.metadata[REPAIRS])
+    for given in (reset, reset.slice(2.0, np.inf)):  # the piece after the reset is the shorter one, then the longer
+        mended = fix(given, truth)
+        assert mended.log.metadata["splits_s"] == [[log.time_s[AT - 1], log.time_s[AT]]]
+        q, was = mended.log.vector("q_world_body"), log.slice(given.time_s[0], np.inf).vector("q_world_body")
+        turns = rotations.multiply(q, rotations.conjugate(was))
+        assert float(rotations.angle_between(turns, turns[:1]).max()) < np.deg2rad(1.0)
+        assert not any(f.what == "attitude jump" for f in mended.left)
+        assert len(mended.log.metadata[FIXES]) == len(mended.log.metadata[REPAIRS])
 
 
 def test_a_fit_refuses_a_leap_or_splits_there_and_takes_a_mended_log_as_it_is(log, truth):

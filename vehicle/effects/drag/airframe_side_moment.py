@@ -13,6 +13,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="airframe_side_moment",
     number=9,
+    family="moments",
+    form="quadratic in airspeed",
     stage=Stage.FORCE,
     apply=apply,
     parameters=(

@@ -13,6 +13,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="parasitic_drag",
     number=5,
+    family="drag",
+    form="quadratic in each axis's airspeed",
     stage=Stage.FORCE,
     apply=apply,
     parameters=(

@@ -13,6 +13,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="parasitic_drag_linear",
     number=5,
+    family="drag",
+    form="linear in airspeed",
     stage=Stage.FORCE,
     apply=apply,
     parameters=(

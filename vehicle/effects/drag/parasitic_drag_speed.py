@@ -14,6 +14,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="parasitic_drag_speed",
     number=6,
+    family="drag",
+    form="quadratic in the whole airspeed",
     stage=Stage.FORCE,
     apply=apply,
     parameters=(

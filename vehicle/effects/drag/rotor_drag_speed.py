@@ -10,6 +10,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="rotor_drag_speed",
     number=4,
+    family="drag",
+    form="linear in airspeed, times rotor speed",
     stage=Stage.FORCE,
     apply=apply,
     parameters=(Spec("drag_kg", "kg", prior=3e-5, bounds=(0.0, 1e-2), planted=3.2e-5, scaling=BLADE),),

@@ -10,6 +10,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="rotor_drag_thrust",
     number=3,
+    family="drag",
+    form="linear in airspeed, times thrust",
     stage=Stage.FORCE,
     apply=apply,
     parameters=(Spec("drag_s_m", "s/m", prior=0.02, bounds=(0.0, 0.5), planted=0.0175, scaling=ADVANCE),),

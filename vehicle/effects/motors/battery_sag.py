@@ -10,6 +10,8 @@ def apply(drive: Drive, p: Values) -> None:
 EFFECT = Effect(
     name="battery_sag",
     number=15,
+    family="motor",
+    form="speed falls with voltage",
     stage=Stage.COMMAND,
     apply=apply,
     parameters=(

@@ -13,6 +13,8 @@ def apply(drive: Drive, p: Values) -> None:
 EFFECT = Effect(
     name="motor_lag",
     number=12,
+    family="motor",
+    form="first order, rise and fall apart",
     stage=Stage.DRIVE,
     apply=apply,
     parameters=(

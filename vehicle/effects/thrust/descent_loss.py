@@ -18,6 +18,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="descent_loss",
     number=20,
+    family="inflow",
+    form="lost in descent",
     stage=Stage.THRUST_FACTOR,
     apply=apply,
     parameters=(

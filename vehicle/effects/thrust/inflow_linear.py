@@ -10,6 +10,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="inflow_linear",
     number=2,
+    family="inflow",
+    form="linear in axial airspeed",
     stage=Stage.THRUST,
     apply=apply,
     parameters=(Spec("inflow_kg", "kg", prior=1e-4, bounds=(-1e-2, 1e-2), planted=1.2e-4, scaling=BLADE),),

@@ -13,6 +13,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="rotor_interaction",
     number=19,
+    family="inflow",
+    form="lost in the others' wake",
     stage=Stage.THRUST_FACTOR,
     apply=apply,
     parameters=(

@@ -10,6 +10,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="thrust_affine",
     number=25,
+    family="thrust curve",
+    form="affine below the square",
     stage=Stage.THRUST,
     apply=apply,
     parameters=(

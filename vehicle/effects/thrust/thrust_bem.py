@@ -52,6 +52,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="thrust_bem",
     number=1,
+    family="inflow",
+    form="momentum and blade element",
     stage=Stage.THRUST,
     apply=apply,
     parameters=(

@@ -26,6 +26,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="thrust_blade_element",
     number=1,
+    family="inflow",
+    form="blade element, inflow of hover",
     stage=Stage.THRUST,
     apply=apply,
     parameters=THRUST_BEM.parameters,

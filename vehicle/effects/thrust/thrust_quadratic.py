@@ -10,6 +10,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="thrust_quadratic",
     number=0,
+    family="thrust curve",
+    form="quadratic",
     stage=Stage.THRUST,
     apply=apply,
     parameters=(

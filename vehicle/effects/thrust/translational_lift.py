@@ -11,6 +11,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="translational_lift",
     number=7,
+    family="inflow",
+    form="quadratic in level airspeed",
     stage=Stage.THRUST,
     apply=apply,
     parameters=(Spec("lift_kg_m", "N s2/m2", prior=3e-3, bounds=(-0.1, 0.1), planted=3.4e-3, scaling=ADVANCE_SQUARED),),

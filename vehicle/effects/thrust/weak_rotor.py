@@ -13,6 +13,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="weak_rotor",
     number=18,
+    family="thrust curve",
+    form="one rotor loses a share",
     stage=Stage.THRUST_FACTOR,
     apply=apply,
     parameters=(

@@ -12,6 +12,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="angular_damping",
     number=21,
+    family="damping",
+    form="linear in body rate",
     stage=Stage.FORCE,
     apply=apply,
     parameters=(

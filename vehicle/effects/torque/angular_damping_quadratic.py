@@ -13,6 +13,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="angular_damping_quadratic",
     number=21,
+    family="damping",
+    form="quadratic in body rate",
     stage=Stage.FORCE,
     apply=apply,
     parameters=(

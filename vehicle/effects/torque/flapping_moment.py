@@ -12,6 +12,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="flapping_moment",
     number=8,
+    family="flapping",
+    form="alike in roll and pitch",
     stage=Stage.FORCE,
     apply=apply,
     parameters=(

@@ -11,6 +11,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="rotor_acceleration_torque",
     number=14,
+    family="torque curve",
+    form="by rotor acceleration",
     stage=Stage.FORCE,
     apply=apply,
     parameters=(Spec("rotor_inertia_kg_m2", "kg m2", prior=5e-6, bounds=(0.0, 1e-2), planted=6e-6, scaling=INERTIA),),

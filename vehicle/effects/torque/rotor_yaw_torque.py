@@ -10,6 +10,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="rotor_yaw_torque",
     number=0,
+    family="torque curve",
+    form="quadratic",
     stage=Stage.FORCE,
     apply=apply,
     parameters=(

@@ -14,6 +14,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="uneven_rotor_torque",
     number=18,
+    family="torque curve",
+    form="quadratic, each rotor's own",
     stage=Stage.FORCE,
     apply=apply,
     parameters=tuple(

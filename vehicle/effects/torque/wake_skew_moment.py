@@ -26,6 +26,8 @@ def apply(flow: Flow, p: Values) -> None:
 EFFECT = Effect(
     name="wake_skew_moment",
     number=8,
+    family="flapping",
+    form="each axis, fading with airspeed",
     stage=Stage.FORCE,
     apply=apply,
     parameters=(

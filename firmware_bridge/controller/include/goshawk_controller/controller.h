@@ -162,16 +162,19 @@ typedef struct {
     bool vertical_velocity; /* measured, not dead reckoned */
     tc_monitor monitor;
     uint64_t position_good_us; /* when position was last not stale */
-    float last_q[4];           /* of the last attitude with a stamp of its own */
-    float turning_rad_s[3];    /* body rate by such attitudes, low-passed: for an axis that the gyro does not give */
-    uint64_t gyro_good_us;     /* when the gyro last gave all axes */
-    uint64_t moved_us;         /* when the vehicle last moved, turned or fell; 0 = never */
-    float felt_m_s2[3];        /* specific force, low-passed over 20 ms */
-    float support_m_s2;        /* of it, what the rotors do not give, low-passed over 0.3 s */
-    float battery_v;           /* low-passed */
-    float hover_thrust_n;      /* averaged: what the vehicle really takes to hover */
-    float hover_s;             /* over so long */
-    float axes[3][3];          /* of the estimated attitude: body x, y, z in world coordinates */
+    /* For an axis that the gyro does not give: body rate by torque and attitudes, now and at the last attitude, which
+       was stamped so; the rotors' torque as they lag. */
+    float turning_rad_s[3], turned_rad_s[3], last_q[4], lagging_n_m[3];
+    uint64_t turning_us;
+    bool turning_known;
+    uint64_t gyro_good_us; /* when the gyro last gave all axes */
+    uint64_t moved_us;     /* when the vehicle last moved, turned or fell; 0 = never */
+    float felt_m_s2[3];    /* specific force, low-passed over 20 ms */
+    float support_m_s2;    /* of it, what the rotors do not give, low-passed over 1 s */
+    float battery_v;       /* low-passed */
+    float hover_thrust_n;  /* averaged: what the vehicle really takes to hover */
+    float hover_s;         /* over so long */
+    float axes[3][3];      /* of the estimated attitude: body x, y, z in world coordinates */
 
     /* What was asked for. */
     float time_scale; /* path rate */

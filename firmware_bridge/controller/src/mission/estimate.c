@@ -19,7 +19,8 @@ static const uint32_t AFTER_STEP_US =
 static const float RECKONED_VELOCITY_STD_M_S = 0.15f;
 static const float RECKONED_ACCELERATION_STD_M_S2 = 0.2f;
 static const float LONGEST_APART_S = 0.1f;   /* two attitudes that tell how it turns, */
-static const float TURNING_FILTER_S = 0.03f; /* whose noise (0.3 rad/s at 100 Hz) is brought to 0.1 */
+static const float TURNING_FILTER_S = 0.05f; /* whose noise (0.3 rad/s at 100 Hz) is brought to 0.1 */
+static const float UNKNOWN_LAG_S = 0.025f;   /* of rotors whose lag nobody has learnt */
 static const float FELT_FILTER_S = 0.02f;
 
 static bool marked(const tc_estimate* estimate, uint32_t bits) { return (estimate->valid & bits) == bits; }
@@ -48,9 +49,9 @@ static float age_s(const tc_controller* c, uint64_t true_us) {
     return true_us < now_us ? tc_seconds(now_us - true_us) : 0.0f;
 }
 
-/* How far a fresh sample is to be carried to the tick. */
+/* How far a fresh sample is to be carried to the tick: never back, whatever delay was found. */
 static float ahead_s(const tc_parameters* p, float sample_age_s) {
-    return tc_min(sample_age_s + p->predict_extra_s, p->predict_max_s);
+    return tc_clamp(sample_age_s + p->predict_extra_s, 0.0f, p->predict_max_s);
 }
 
 /* What the vehicle accelerates at: by its accelerometer, else as asked of it; upwards by the thrust that was asked for,
@@ -196,11 +197,46 @@ static void turn(const float q[4], float q_size2, const float rate[3], float tim
     out[3] = z + w * c + x * b - y * a;
 }
 
-/* An axis that the gyro does not give is taken from how the attitude turns, while that is fresh: its lag of 35 ms takes
-   half a radian of phase at the attitude loop's 15 rad/s. Whether any axis was measured. */
-static bool replace_axes(const tc_controller* c, float rate_rad_s[3]) {
+/* The rate without a gyro: the torque that is asked of the rotors, as they lag, over the inertia. */
+static void predict_turning(tc_controller* c, float step_s) {
+    const tc_parameters* p = &c->parameters;
+    const float lag_s = p->rotor_lag_s > 0.0f ? p->lead_filter_s : UNKNOWN_LAG_S;
+    const float pass = step_s / (lag_s + step_s);
+    if (!c->turning_known) {
+        tc_copy(c->turning_rad_s, c->telemetry.estimate.rate_body_rad_s);
+        tc_copy(c->lagging_n_m, c->telemetry.wrench.torque_n_m);
+        c->turning_us = 0u;
+        c->turning_known = true;
+    }
+    for (int i = 0; i < 3; i++) {
+        c->lagging_n_m[i] += pass * (c->telemetry.wrench.torque_n_m[i] - c->lagging_n_m[i]);
+        c->turning_rad_s[i] += step_s * c->lagging_n_m[i] / p->inertia_kg_m2[i];
+    }
+}
+
+/* ... corrected by two attitudes in a row. They tell the rate of half their distance and the pose's delay ago, so that
+   it is compared with what was predicted at the first of them. */
+static void measure_turning(tc_controller* c, const float q[4], uint64_t stamp_us) {
+    const uint64_t apart_us = stamp_us - c->turning_us;
+    if (apart_us == 0u) return;
+    const float apart_s = tc_seconds(apart_us);
+    if (apart_s < LONGEST_APART_S && c->turning_us != 0u) {
+        const float back[4] = {c->last_q[0], -c->last_q[1], -c->last_q[2], -c->last_q[3]};
+        float change[4];
+        tc_q_multiply(back, q, change);
+        const float per_s = (change[0] < 0.0f ? -2.0f : 2.0f) / apart_s, pass = apart_s / (TURNING_FILTER_S + apart_s);
+        for (int i = 0; i < 3; i++) c->turning_rad_s[i] += pass * (per_s * change[i + 1] - c->turned_rad_s[i]);
+    }
+    tc_copy(c->turned_rad_s, c->turning_rad_s);
+    tc_copy4(c->last_q, q);
+    c->turning_us = stamp_us;
+}
+
+/* Axes that the gyro does not give are told by torque and attitude, while that is fresh. Whether any was measured. */
+static bool replace_axes(tc_controller* c, float rate_rad_s[3], float step_s) {
     bool any = false;
     if ((c->telemetry.estimate_faults & (uint32_t)TC_FAULT_ATTITUDE_STALE) != 0u) return false;
+    predict_turning(c, step_s);
     for (int i = 0; i < 3; i++) {
         const bool good = tc_abs(rate_rad_s[i]) <= LARGEST_RATE_RAD_S;
         any = any || good;
@@ -209,29 +245,17 @@ static bool replace_axes(const tc_controller* c, float rate_rad_s[3]) {
     return any;
 }
 
-/* Body rate by two attitudes in a row. */
-static void measure_turning(tc_controller* c, const float q[4], uint64_t stamp_us) {
-    const uint64_t apart_us = stamp_us - c->telemetry.estimate.attitude_time_us;
-    if (apart_us == 0u) return;
-    const float apart_s = tc_seconds(apart_us);
-    if (apart_s < LONGEST_APART_S && c->telemetry.estimate.attitude_time_us != 0u) {
-        const float back[4] = {c->last_q[0], -c->last_q[1], -c->last_q[2], -c->last_q[3]};
-        float change[4];
-        tc_q_multiply(back, q, change);
-        const float per_s = (change[0] < 0.0f ? -2.0f : 2.0f) / apart_s, pass = apart_s / (TURNING_FILTER_S + apart_s);
-        for (int i = 0; i < 3; i++) c->turning_rad_s[i] += pass * (per_s * change[i + 1] - c->turning_rad_s[i]);
-    }
-    tc_copy4(c->last_q, q);
-}
-
-static uint32_t take_rate(tc_controller* c, const tc_estimate* e) {
+static uint32_t take_rate(tc_controller* c, const tc_estimate* e, float step_s) {
     tc_estimate* now = &c->telemetry.estimate;
     const bool whole =
         tc_up_to(tc_dot(e->rate_body_rad_s, e->rate_body_rad_s), LARGEST_RATE_RAD_S * LARGEST_RATE_RAD_S);
     float rate[3];
     tc_copy(rate, e->rate_body_rad_s);
-    const bool usable = marked(e, TC_VALID_RATE) && (whole || replace_axes(c, rate));
-    if (whole && usable) c->gyro_good_us = c->telemetry.time_us;
+    const bool usable = marked(e, TC_VALID_RATE) && (whole || replace_axes(c, rate, step_s));
+    if (whole && usable) {
+        c->gyro_good_us = c->telemetry.time_us;
+        c->turning_known = false;
+    }
     if (usable) {
         note_sample(c, &c->rate, e->rate_time_us);
         tc_copy(now->rate_body_rad_s, rate);
@@ -260,7 +284,7 @@ static uint32_t take_attitude(tc_controller* c, const tc_estimate* e, float step
     const bool usable = marked(e, TC_VALID_ATTITUDE) && tc_up_to(q_size2 - 0.8f, 0.4f);
     if (usable) {
         note_sample(c, &c->attitude, e->attitude_time_us);
-        measure_turning(c, e->q_world_body, e->attitude_time_us);
+        if (c->turning_known) measure_turning(c, e->q_world_body, e->attitude_time_us);
         now->attitude_time_us = e->attitude_time_us;
     }
     const float attitude_age_s = age_s(c, c->attitude.true_us);
@@ -335,7 +359,7 @@ static void follow_reset(tc_controller* c, const tc_estimate* e) {
 }
 
 void tc_take_estimate(tc_controller* c, const tc_estimate* estimate, float step_s) {
-    const uint32_t rate = take_rate(c, estimate);
+    const uint32_t rate = take_rate(c, estimate, step_s);
     const uint32_t attitude = take_attitude(c, estimate, step_s);
     c->telemetry.estimate_faults = (uint8_t)rate;
     take_more(c, estimate, step_s);

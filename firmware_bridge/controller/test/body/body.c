@@ -13,13 +13,20 @@
 #define BLOCK_N_M 60.0
 #define BLOCK_N_S_M 8.0
 
-double body_uniform(body_random* random) { /* SplitMix64 */
+static uint64_t next(body_random* random) { /* SplitMix64 */
     random->state += 0x9e3779b97f4a7c15u;
     uint64_t z = random->state;
     z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
     z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    z ^= z >> 31;
-    return (double)(z >> 11) * 0x1p-53;
+    return z ^ (z >> 31);
+}
+
+double body_uniform(body_random* random) { return (double)(next(random) >> 11) * 0x1p-53; }
+
+void body_seed(body_random* random, uint64_t seed, uint64_t stream) {
+    random->state = seed;
+    random->state = next(random) + stream;
+    random->state = next(random);
 }
 
 double body_normal(body_random* random) { /* sum of twelve uniform numbers: tails end at 6, which is enough here */
@@ -339,7 +346,7 @@ void body_init(body* b, const body_vehicle* vehicle, const body_world* world, ui
     memset(b, 0, sizeof *b);
     b->vehicle = *vehicle;
     b->world = *world;
-    b->random.state = seed * 0x2545f4914f6cdd1du + 1u;
+    body_seed(&b->random, seed, 0u);
     b->q[0] = 1.0;
     for (int i = 0; i < BODY_ROTORS; i++) b->health[i] = 1.0;
     memcpy(b->wind_m_s, world->wind_m_s, sizeof b->wind_m_s);

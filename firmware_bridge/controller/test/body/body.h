@@ -69,6 +69,9 @@ typedef struct {
     body_record record;
 } body;
 
+/* Of close seeds and streams the sequences have nothing in common: a state that goes with the seed would make each the
+   next one's, some draws on. */
+void body_seed(body_random* random, uint64_t seed, uint64_t stream);
 double body_uniform(body_random* random); /* [0, 1) */
 double body_normal(body_random* random);  /* mean 0, standard deviation 1 */
 

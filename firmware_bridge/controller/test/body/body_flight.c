@@ -434,7 +434,7 @@ static void prepare(flight* f) {
     tc_parameters parameters;
     body_init(&f->b, &s->vehicle, &s->world, s->seed);
     body_sensors_init(&f->sensors, &s->sensors, s->seed);
-    f->random.state = s->seed * 0xd1342543de82ef95u + 5u;
+    body_seed(&f->random, s->seed, 2u);
     for (int i = 0; i < TC_MISSION_STATE_COUNT; i++) f->entered_s[i] = NEVER;
     if (s->in_air != 0) {
         body_place(&f->b, s->start_m, s->start_m_s);

@@ -25,7 +25,7 @@ void body_sensors_init(body_sensors* s, const body_sensors_config* config, uint6
     memset(s, 0, sizeof *s);
     s->config = *config;
     s->latest.q_world_body[0] = 1.0f;
-    s->random.state = seed * 0x9e3779b97f4a7c15u + 77u;
+    body_seed(&s->random, seed, 1u);
     s->bad_axis = s->bad_rotor = -1;
 }
 

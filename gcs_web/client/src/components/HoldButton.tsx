@@ -17,9 +17,13 @@ interface Props {
   disabled?: boolean;
   /** The one main button of its panel. */
   primary?: boolean;
+  /** It ends a flight. */
+  danger?: boolean;
+  /** What is shown of `act` where there is little room. */
+  short?: string;
 }
 
-export function HoldButton({ act, onHeld, disabled = false, primary = false }: Props) {
+export function HoldButton({ act, onHeld, disabled = false, primary = false, danger = false, short = act }: Props) {
   const held_ms = useSignal<number | null>(null);
   const timer = useRef<number | undefined>(undefined);
   const hint = useId();
@@ -52,8 +56,9 @@ export function HoldButton({ act, onHeld, disabled = false, primary = false }: P
     <div class="hold">
       <button
         type="button"
-        class={`hold-button ${primary ? "primary" : ""} ${held_ms.value === null ? "" : "held"}`}
+        class={`hold-button ${primary ? "primary" : ""} ${danger ? "danger" : ""} ${held_ms.value === null ? "" : "held"}`}
         disabled={disabled}
+        aria-label={`Hold to ${act}`}
         aria-describedby={hint}
         onPointerDown={(event) => event.button === 0 && press()}
         onPointerUp={release}
@@ -71,8 +76,8 @@ export function HoldButton({ act, onHeld, disabled = false, primary = false }: P
         {!reducedMotion.value && <span class="hold-fill" style={{ transform: `scaleX(${share})` }} />}
         <span class="hold-words">
           {held_ms.value === null
-            ? `Hold to ${act}`
-            : `Keep holding: ${number((HOLD_MS * (1 - share)) / 1000, 1)} s to ${act}`}
+            ? `Hold to ${short}`
+            : `Keep holding: ${number((HOLD_MS * (1 - share)) / 1000, 1)} s to ${short}`}
         </span>
       </button>
       <span id={hint} class="visually-hidden">

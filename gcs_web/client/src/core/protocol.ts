@@ -1,7 +1,7 @@
 // Written by tools/page_types.py from the structs of gcs_web. Do not edit.
 
 
-export const PROTOCOL = 4;
+export const PROTOCOL = 5;
 
 export interface Abort {
   type: "abort";
@@ -35,6 +35,13 @@ export interface Aligned {
   flight: string;
   by_s: number | null;
   words: string;
+}
+
+export interface ArmingCheck {
+  name: string;
+  passed: boolean;
+  finding: string;
+  remedy: string;
 }
 
 export interface ArrowScale {
@@ -519,6 +526,11 @@ export interface Keep {
   type: "keep";
   serial: number;
   vehicle_hash: string;
+}
+
+export interface Kill {
+  type: "kill";
+  serial: number;
 }
 
 export interface Limit {
@@ -1255,6 +1267,10 @@ export interface Vehicle {
   y_m: number | null;
   z_m: number | null;
   error_m: number | null;
+  speed_m_s: number | null;
+  along_s: number | null;
+  duration_s: number | null;
+  checks: ArmingCheck[];
   largest_error_m: number | null;
   reason: string;
 }
@@ -1299,4 +1315,4 @@ export interface Welcome {
 
 export type ToPage = Comparison | Cursor | Diagnosis | Document | Draft | EffectFiles | Files | FlightMoment | Flights | FlightsShown | Identification | Jobs | MapPreview | MapShown | Measured | Model | NextFlight | Notice | People | Plan | Projects | Reply | Selection | Shown | Vehicle | Welcome;
 
-export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Delete | Discard | DiscardFlight | DraftEffect | DropMapEdits | DropPath | DropTried | FixFlight | ForeseeJob | ForgetJob | GiveUpControl | Insert | Keep | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | Loop | Measure | Move | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadScatter | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;
+export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Delete | Discard | DiscardFlight | DraftEffect | DropMapEdits | DropPath | DropTried | FixFlight | ForeseeJob | ForgetJob | GiveUpControl | Insert | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | Loop | Measure | Move | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadScatter | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;

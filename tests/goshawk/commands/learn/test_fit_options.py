@@ -11,6 +11,7 @@ import pytest
 import vehicle
 from goshawk.cli import goshawk
 from goshawk.commands.learn import fit_options
+from sysid.estimator.fit_to_use import Cause
 from tests.goshawk.running import run
 from tests.goshawk.test_grammar import VERBS
 
@@ -98,3 +99,10 @@ def test_given_options_are_typed_again():
     for line in ([], ["--hold", "a b", "--hold", "c"], ["--split-gaps", "--steps", "5"], ["--refuse-unidentifiable"]):
         verb.main(line, standalone_mode=False)
     assert found == ["", " --hold 'a b' --hold c", " --split-gaps --steps 5", " --refuse-unidentifiable"]
+
+
+def test_the_next_command_has_what_a_trial_found_in_place_of_what_was_typed():
+    assert fit_options.with_cause(" --steps 30 --robust", Cause("", steps=60)) == " --robust --steps 60"
+    held = Cause("", held=("inertia_zz_kg_m2",))
+    assert fit_options.with_cause(" --gusts white", held) == " --gusts white --hold inertia_zz_kg_m2"
+    assert fit_options.with_cause(" --robust", Cause("", without="lap")) == " --robust"

@@ -172,6 +172,15 @@ def test_show_lists_values_sources_and_compensations(file):
     assert effects["gyroscopic_torque"]["how"] == "attitude feedback takes it"
 
 
+def test_show_says_what_a_model_is_not_for(file):
+    fitted = vehicle.load(file).with_value("inertia_zz_kg_m2", 0.08, source="identified from lap")
+    vehicle.save(file, vehicle.purpose.marked(fitted, {"inertia_zz_kg_m2": "c_q / I_zz = 3.9e-07 ± 1 % is known"}))
+    assert told("show", file)["not_for_design"] == {"inertia_zz_kg_m2": "c_q / I_zz = 3.9e-07 ± 1 % is known"}
+    assert "is for prediction, not for design: inertia_zz_kg_m2 (c_q / I_zz" in goshawk("show", file)
+    goshawk("set", file, "inertia_zz_kg_m2=0.0044")
+    assert told("show", file)["not_for_design"] == {}
+
+
 def test_an_effect_of_ones_own_comes_as_a_file(file):
     (file.parent / "guard.py").write_text(OWN)
     assert told("effect", "add", file, file.parent / "guard.py", "--set", "drag_kg_m=0.03")["compensated"] is False

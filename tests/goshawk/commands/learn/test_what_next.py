@@ -16,6 +16,7 @@ from goshawk.commands.learn.what_next import DiagnoseCall
 from sysid.diagnosis import Diagnosis, OutsideFinding, Verdict
 from sysid.diagnosis.findings import CandidateFinding
 from sysid.estimator import verdict as fits
+from sysid.estimator.fit_to_use import Cause
 from tests.goshawk.running import run, typed
 from tests.sysid import flying
 
@@ -43,6 +44,7 @@ def found(
     carried: tuple[bool, ...] = (),
     against: tuple[str, ...] = (),
     converged: bool = True,
+    cause: Cause | None = None,
 ) -> Diagnosis:
     """A diagnosis whose flights took up 4 m x 2 m x 1 m round (1, 0, 1.5), one axis hardly moved."""
     place = np.array([[-1.0, -1.0, 1.49], [3.0, 1.0, 1.51]])
@@ -62,7 +64,7 @@ def found(
     nothing = cast("Any", None)
     return Diagnosis(
         body, body, additions, (), (), candidates, outside, (), (), (), (), (), (), cast("Any", search), carried,
-        nothing, fits.Verdict(),
+        nothing, fits.Verdict(), nothing, cause,
     )  # fmt: skip
 
 

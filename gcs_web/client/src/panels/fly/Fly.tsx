@@ -1,11 +1,12 @@
 /** The fly step: the vehicle as it is, who is in control, the orders, the flights. */
 
-import { giveOrder } from "./orders";
+import { computed } from "@preact/signals";
+import { giveOrder, mayOrder } from "./orders";
 import { Badge } from "../../components/Badge";
 import { HoldButton } from "../../components/HoldButton";
-import { Keys } from "../../components/Keys";
+import { Icon } from "../../components/Icon";
 import { age, number, sentenceCase } from "../../core/format";
-import { connected, errors, files, holdsAnother, inControl, link, vehicle, welcome } from "../../core/store";
+import { errors, files, holdsAnother, inControl, link, vehicle, welcome } from "../../core/store";
 import type { Vehicle as VehicleState } from "../../core/protocol";
 import { Control } from "./Control";
 import { ErrorPlot } from "./ErrorPlot";
@@ -15,6 +16,7 @@ export function Fly() {
     <>
       <Now />
       {errors.value.length > 1 && <ErrorPlot />}
+      <BeforeFlight />
       {welcome.value?.vehicle === true && <Control />}
       <Flights />
       <div class="spring" />
@@ -89,40 +91,61 @@ function Figure({ name, value, unit }: { name: string; value: string; unit: stri
   );
 }
 
+// --- before the flight ---
+
+/** The first thing that must hold before the rotors start and does not. */
+const failing = computed(() => vehicle.value?.checks.find(({ passed }) => !passed) ?? null);
+
+function BeforeFlight() {
+  const checks = vehicle.value?.checks ?? [];
+  if (checks.length === 0) return null;
+  return (
+    <section class="block" aria-labelledby="before-title">
+      <div class="block-head">
+        <h3 id="before-title">Before the flight</h3>
+        <span class="quiet">{failing.value === null ? "all pass" : "not fit to arm"}</span>
+      </div>
+      <ul class="checks">
+        {checks.map(({ name, passed, finding, remedy }) => (
+          <li key={name} class={passed ? "" : "caution-text"}>
+            <Icon name={passed ? "check" : "warning"} />
+            <span class="visually-hidden">{passed ? "passed" : "failed"}</span>
+            <span>
+              <b>{sentenceCase(name)}</b> {finding}
+              {!passed && <span class="remedy">{sentenceCase(remedy)}.</span>}
+            </span>
+          </li>
+        ))}
+      </ul>
+    </section>
+  );
+}
+
 // --- orders ---
 
 function Orders() {
-  const last = vehicle.value;
-  const may = connected.value && inControl.value && link.value.state !== "none" && last !== null;
-  const armed = last?.armed === true;
+  const onGround = ["disarmed", "armed"].includes(vehicle.value?.mission ?? "");
+  const armed = vehicle.value?.armed === true;
   return (
     <div class="acts column">
-      <Start may={may} />
-      {armed && (
-        <div class="acts-row">
-          <button type="button" class="control tall" disabled={!may} onClick={() => void giveOrder("pause")}>
-            Pause and hover <Keys of="p" />
-          </button>
-          <button type="button" class="control tall" disabled={!may} onClick={() => void giveOrder("land")}>
-            Land here <Keys of="l" />
-          </button>
-        </div>
+      <Start />
+      {onGround && (
+        <HoldButton
+          act={armed ? "disarm: rotors stop" : "arm only"}
+          disabled={!mayOrder.value || (!armed && failing.value !== null)}
+          onHeld={() => void giveOrder(armed ? "disarm" : "arm")}
+        />
       )}
-      <HoldButton
-        act={armed ? "disarm: rotors stop" : "arm only"}
-        disabled={!may}
-        onHeld={() => void giveOrder(armed ? "disarm" : "arm")}
-      />
-      {!inControl.value && <p class="quiet centred">Take control to give orders. Abort needs no control.</p>}
+      {!inControl.value && <p class="quiet centred">Take control to give orders. Abort and Kill need no control.</p>}
     </div>
   );
 }
 
 /** The main order: fly what the vehicle holds, or go on with it. */
-function Start({ may }: { may: boolean }) {
+function Start() {
   const last = vehicle.value;
   if (last?.mission.startsWith("paus") === true) {
-    return <HoldButton act="resume" primary disabled={!may} onHeld={() => void giveOrder("resume")} />;
+    return <HoldButton act="resume" primary disabled={!mayOrder.value} onHeld={() => void giveOrder("resume")} />;
   }
   if (last === null || last.holds_crc32 === "")
     return <p class="caution-text">The vehicle holds no trajectory; upload one.</p>;
@@ -133,7 +156,7 @@ function Start({ may }: { may: boolean }) {
     <HoldButton
       act={last.armed ? `fly ${last.holds}` : `arm and fly ${last.holds}`}
       primary
-      disabled={!may || isUnderWay(last.mission)}
+      disabled={!mayOrder.value || isUnderWay(last.mission) || failing.value !== null}
       onHeld={() => void giveOrder("start")}
     />
   );

@@ -1,8 +1,8 @@
 /** Orders to the vehicle, and the upload before them. */
 
-import { effect, signal } from "@preact/signals";
+import { computed, effect, signal } from "@preact/signals";
 import { send, submit } from "../../core/socket";
-import { aborting, announce, inControl } from "../../core/store";
+import { aborting, announce, connected, inControl, link, vehicle } from "../../core/store";
 import type { Order, Reply } from "../../core/protocol";
 
 /**
@@ -40,6 +40,11 @@ effect(() => {
   if (inControl.value && uploading.peek()?.stage === "control") void prepareUpload();
 });
 
+/** Whether this person's orders can reach the vehicle. */
+export const mayOrder = computed(
+  () => connected.value && inControl.value && link.value.state !== "none" && vehicle.value !== null,
+);
+
 export async function giveOrder(what: Order["order"]): Promise<void> {
   const { error, nonce } = await send({ type: "prepare_order" });
   if (error !== "") announce(error, "danger");
@@ -51,4 +56,10 @@ export async function abort(): Promise<void> {
   const { error } = await send({ type: "abort" });
   aborting.value = false;
   if (error !== "") announce(`Abort: ${error}`, "danger");
+}
+
+/** Stop the rotors, in the air too. */
+export async function kill(): Promise<void> {
+  const { error } = await send({ type: "kill" });
+  if (error !== "") announce(`Kill: ${error}`, "danger");
 }

@@ -1,12 +1,12 @@
 /** The step Fly, and its commands. */
 
 import type { PageCommand, Panel } from "../../core/panel";
-import { connected, inControl, step, vehicle } from "../../core/store";
+import { vehicle } from "../../core/store";
 import { Drawer } from "../timeline/Drawer";
 import { Fly } from "./Fly";
-import { giveOrder } from "./orders";
+import { giveOrder, mayOrder } from "./orders";
 
-const inFlight = (): boolean => connected.value && step.value === 3 && inControl.value && vehicle.value?.armed === true;
+const inFlight = (): boolean => mayOrder.value && vehicle.value?.armed === true;
 
 const COMMANDS: readonly PageCommand[] = [
   { name: "Pause and hover", keys: ["p"], enabled: inFlight, run: () => void giveOrder("pause") },

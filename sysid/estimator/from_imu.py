@@ -1,0 +1,161 @@
+"""Identification of flights without a pose, from gyro, accelerometer and what drives the rotors.
+
+Thrust and torque per command, lag and latency, and inertia show in what the IMU feels; drag against wind and anything
+that needs the velocity do not, and are held.
+"""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from flight import InputError, Progress, rotations
+from sysid.estimator.flights.clocks import PRIOR_S
+from sysid.estimator.flights.flight_data import Flight
+from sysid.estimator.joint_problem.problem import Point, with_values
+from sysid.estimator.joint_problem.solver import Prior, Solution, robust_covariance
+from sysid.estimator.joint_problem.unknowns import Unknowns, chosen_names, sensor_values
+from sysid.estimator.motors import rotor_speed
+from sysid.estimator.options import Options
+from sysid.estimator.result import Identification, conclude
+from sysid.estimator.trajectory.states import first_guess
+from sysid.estimator.uncertainty import identifiable
+from sysid.estimator.without_pose import fit, level, sensing, told
+from sysid.estimator.without_pose.excited import require
+from sysid.estimator.without_pose.sensing import BIAS, PLACE, PRIOR_STD, delay_names, own_names, with_delays
+from vehicle import Vehicle
+
+logger = logging.getLogger(__name__)
+
+TRIED = ("thrust_affine", "centre_of_mass")
+"""Effects that commands and propellers of all vehicles have a little of: thrust in the command is a parabola with all
+three terms, and a lasting moment balances the body. Each is kept if the flights show it."""
+SURE = 16.0
+"""Square of an effect's size in standard errors from which on it counts as shown: one in 3,000 by chance."""
+
+
+def identify(
+    flights: Sequence[Flight], vehicle: Vehicle, options: Options, given: Vehicle, progress: Progress
+) -> Identification:
+    """Fit a vehicle's parameters to flights without a pose.
+
+    Args:
+        given: the vehicle as the user gave it.
+
+    Raises:
+        InputError: the flights show too little, or a name is unknown.
+    """
+    flights = [with_delays(flight) for flight in flights]
+    tried = [] if options.free is not None else _tried(flights, vehicle)
+    started = vehicle
+    for effect in tried:
+        started = started.with_effect(effect)
+    by_command = any(flight.driven_by_command for flight in flights)
+    names = chosen_names(started, options.free, options.held, by_command)
+    require(flights)
+    mute = _mute(flights, started, names)
+    unknowns = _unknowns(flights, tuple(name for name in names if name not in mute))
+    states = tuple(first_guess(f, np.zeros(3), rotations.IDENTITY) for f in flights)
+    point, held = Point(started, sensor_values(started), states), list(mute)
+    near = False
+    while True:
+        prior = _prior(flights, point, unknowns, options, started)
+        solution = fit.solve(flights, point, unknowns, prior, options, progress, near=near)
+        near = True
+        surplus = next((effect for effect in tried if not _is_shown(effect, solution, unknowns)), None)
+        if surplus is not None:
+            tried.remove(surplus)
+            started, unknowns = started.without_effect(surplus), _without(unknowns, surplus)
+            point = replace(solution.point, vehicle=solution.point.vehicle.without_effect(surplus))
+            continue
+        unseen = identifiable.least_seen(solution, started, unknowns)
+        if unseen is None:
+            break
+        if options.unseen == "refuse":
+            raise InputError(identifiable.message(unseen))
+        held.append(unseen)
+        logger.info("holding %s: not identifiable from these flights", unseen)
+        unknowns = unknowns.without(unseen)
+        back = with_values(solution.point.vehicle, (unseen,), np.array([started.value(unseen)]))
+        point = replace(solution.point, vehicle=back)
+    progress("identify", 1.0)
+    return _concluded(flights, started, unknowns, solution, tuple(held), options, given)
+
+
+def _tried(flights: Sequence[Flight], vehicle: Vehicle) -> list[str]:
+    """Effects to be tried: where commands were shares of full throttle, and the thrust is quadratic so far."""
+    if not any(flight.full_throttle_rad_s is not None for flight in flights):
+        return []
+    wanted = TRIED if "thrust_quadratic" in vehicle.effects else TRIED[1:]
+    return [effect for effect in wanted if effect not in vehicle.effects]
+
+
+def _is_shown(effect: str, solution: Solution, unknowns: Unknowns) -> bool:
+    """Whether its parameters together are surely not zero: Wald's test, by the scatter of blocks of time."""
+    own = [i for i, name in enumerate(unknowns.model) if name.startswith(f"{effect}.")]
+    if not own:
+        return True
+    value = solution.point.shared(unknowns)[own]
+    robust = robust_covariance(solution, unknowns.size)[0]
+    return float(value @ np.linalg.pinv(robust[np.ix_(own, own)], hermitian=True) @ value) > SURE * len(own)
+
+
+def _without(unknowns: Unknowns, effect: str) -> Unknowns:
+    return replace(unknowns, model=tuple(name for name in unknowns.model if not name.startswith(f"{effect}.")))
+
+
+def _concluded(
+    flights: Sequence[Flight],
+    vehicle: Vehicle,
+    unknowns: Unknowns,
+    solution: Solution,
+    held: tuple[str, ...],
+    options: Options,
+    given: Vehicle,
+) -> Identification:
+    on_time = [rotor_speed.aligned(flight, solution.point.sensors) for flight in flights]
+    found = conclude(vehicle, on_time, unknowns, solution, held, (), options, given, options.clock)
+    against = told.unanswered(flights, solution)
+    verdict = replace(found.verdict, against=(*found.verdict.against, *against))
+    return replace(
+        found, findings=(*against, *found.findings, *told.sentences(on_time, solution, unknowns)), verdict=verdict
+    )
+
+
+def _unknowns(flights: Sequence[Flight], model: tuple[str, ...]) -> Unknowns:
+    logs = sorted({flight.log_index for flight in flights})
+    bias = (*PLACE, *(name for log in logs for name in own_names(log)))
+    delay = dict.fromkeys(name for flight in flights for name in delay_names(flight))
+    return Unknowns(model, (), bias, tuple(delay))
+
+
+def _mute(flights: Sequence[Flight], vehicle: Vehicle, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names that nothing measured depends on: drag, and whatever else needs the velocity."""
+    unknowns = _unknowns(flights, names)
+    size = np.zeros(len(names))
+    for flight in flights:
+        by = sensing.shown(flight, vehicle, unknowns.names, names, {}).by[:, :, : len(names)]
+        size = np.maximum(size, np.abs(by).max(axis=(0, 1)))
+    return tuple(name for name, largest in zip(names, size, strict=True) if not largest > 0.0)
+
+
+def _prior(flights: Sequence[Flight], point: Point, unknowns: Unknowns, options: Options, vehicle: Vehicle) -> Prior:
+    for name in options.prior_std:
+        vehicle.parameter(name)
+    mean, std = dict.fromkeys(unknowns.names, 0.0), dict.fromkeys(unknowns.names, np.inf)
+    for name in unknowns.model:
+        mean[name], std[name] = vehicle.value(name), dict(options.prior_std).get(name, np.inf)
+    std |= {name: PRIOR_STD[name.split("[")[0]] for name in unknowns.bias}
+    std |= dict.fromkeys(unknowns.delay, PRIOR_S)
+    for log in {flight.log_index for flight in flights}:
+        pieces = [one for one in zip(flights, point.states, strict=True) if one[0].log_index == log]
+        name = f"{BIAS[2]}[{log}]"
+        mean[name], std[name] = _both(level.bias(pieces), (0.0, std[name]))
+    return Prior(np.array(list(mean.values())), np.array(list(std.values())))
+
+
+def _both(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
+    """Mean and standard deviation of two Gaussian beliefs together."""
+    weights = np.array([one[1], other[1]]) ** -2.0
+    return float(np.average([one[0], other[0]], weights=weights)), float(weights.sum() ** -0.5)

@@ -1,0 +1,37 @@
+"""Which parameter these flights show least, and whether they show it at all."""
+
+import numpy as np
+
+from sysid.estimator.joint_problem.problem import Point
+from sysid.estimator.joint_problem.solver import Solution
+from sysid.estimator.joint_problem.unknowns import Unknowns
+from vehicle import Vehicle, specs
+
+UNSEEN_SHARE = 0.5
+"""A parameter is not identifiable when its standard error exceeds this share of its typical size."""
+
+
+def usual_size(vehicle: Vehicle, point: Point, name: str) -> float:
+    """The size a standard error is judged by: the value itself, or what is typical of the effect if larger."""
+    value = max(abs(point.value(name)), abs(vehicle.value(name)))
+    never_zero = name.startswith(("inertia_", "thrust_", "rotor_yaw_torque"))
+    return value if never_zero and value > 0.0 else max(value, specs(vehicle)[name].prior)
+
+
+def least_seen(solution: Solution, vehicle: Vehicle, unknowns: Unknowns) -> str | None:
+    """The parameter these flights show least, if they do not show it at all."""
+    named = (*unknowns.model, *unknowns.sensor)
+    if not named:
+        return None
+    std = np.sqrt(np.diag(solution.covariance()))[: len(named)]
+    share = std / np.array([usual_size(vehicle, solution.point, name) for name in named])
+    worst = int(np.argmax(share))
+    return named[worst] if share[worst] > UNSEEN_SHARE else None
+
+
+def message(name: str) -> str:
+    """Why a parameter is refused."""
+    return (
+        f"{name} is not identifiable from these flights: its standard error is larger than half its typical size; "
+        "fly a manoeuvre that excites it, or hold it (--hold-unidentifiable)"
+    )

@@ -1,0 +1,1 @@
+"""Fits to flights without a pose: what gyro and accelerometer show beside what drives the rotors."""

@@ -1,0 +1,73 @@
+"""Do flights without a pose show enough? Asked before the fit; each refusal says what to fly, or what to record."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flight import InputError
+from sysid.estimator.flights.flight_data import Flight
+from sysid.estimator.flights.sampling import means_over
+
+SLOWEST_HZ = 90.0
+"""Samples of the IMU: below, motor lag, latency and inertia are one number."""
+NEVER = 0.01
+"""Share of their mean within which motors count as not varying."""
+LEAST_COMMAND_STEP = 0.02
+"""Standard deviation of what drives the rotors together over its mean: a hover has less."""
+LEAST_TURN_RAD_S2 = 2.0
+"""Root mean square of the angular acceleration over 20 ms: a hover has less."""
+LIVELY, ANSWERED = 0.1, 0.2
+"""Commands whose squares vary by this share, and the least part of that which flying rotors make felt."""
+
+
+def require(flights: Sequence[Flight]) -> None:
+    """Refuse flights that say nothing.
+
+    Raises:
+        InputError: samples are too far apart, the rotors do not vary or are not felt, or the vehicle only hovers.
+    """
+    for flight in flights:
+        rate_hz = 1.0 / float(np.median(flight.step_s))
+        if rate_hz < SLOWEST_HZ:
+            raise InputError(
+                f"{flight.name} has gyro and accelerometer at {rate_hz:.0f} Hz and no pose, where lag and inertia "
+                f"are one number. Log the IMU at {SLOWEST_HZ:g} Hz or more (1 kHz is best), or record a pose"
+            )
+    speed = [flight.rotor_speed_rad_s for flight in flights]
+    if max(float(s.max()) for s in speed) <= 0.0:
+        raise InputError("what drives the rotors is zero throughout: log the motors' commands of a flight")
+    if all(float((s.std(axis=0) / s.mean(axis=0).clip(1e-12)).max()) < NEVER for s in speed):
+        raise InputError(
+            "the motors never vary: every command stays within 1 % of its mean. Are these the outputs to the motors? "
+            "Log those, and fly throttle steps and quick rolls, pitches and yaws"
+        )
+    unfelt = [f.name for f in flights if _unfelt(f)]
+    if len(unfelt) == len(flights):
+        raise InputError(
+            f"the accelerometer of {unfelt[0]} does not feel what is commanded: propellers off, a vehicle held fast, "
+            "or another's outputs; record a free flight"
+        )
+    together = max(float(s.sum(axis=1).std() / max(s.sum(axis=1).mean(), 1e-12)) for s in speed)
+    turned = max(_turned(flight) for flight in flights)
+    if together < LEAST_COMMAND_STEP and turned < LEAST_TURN_RAD_S2:
+        raise InputError(
+            f"these flights only hover: what drives the rotors varies by {together:.1%} and the body turns with "
+            f"{turned:.1f} rad/s2. Fly for a minute: throttle up and down in steps, then quick rolls, pitches and yaws"
+        )
+
+
+def _unfelt(flight: Flight) -> bool:
+    """Whether commands vary, and the force along the thrust hardly does, over a tenth of a second."""
+    squares = (flight.rotor_speed_rad_s**2).sum(axis=1, keepdims=True)
+    both = np.concatenate([squares, flight.specific_force_body_m_s2[:, 2:]], axis=1)
+    means = means_over(both, flight.time_s[:-1], 0.1)
+    commanded, felt = means.std(axis=0) / np.maximum(np.abs(means.mean(axis=0)), 1e-12)
+    return bool(commanded > LIVELY and felt < ANSWERED * commanded)
+
+
+def _turned(flight: Flight) -> float:
+    """Root mean square of the angular acceleration about the liveliest axis, rad/s2."""
+    every = max(1, round(0.02 / float(np.median(flight.step_s))))
+    rate, time_s = flight.rate_body_rad_s[::every], flight.time_s[::every]
+    turning = np.diff(rate, axis=0) / np.diff(time_s)[:, None]
+    return float(np.sqrt((turning**2).mean(axis=0)).max())

@@ -1,0 +1,116 @@
+"""What a fit without a pose tells besides its parameters: thrust by command, the accelerometer's place."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flight.rotations import FloatArray
+from sysid.estimator.flights.flight_data import Flight
+from sysid.estimator.joint_problem.solver import Solution, robust_covariance
+from sysid.estimator.joint_problem.unknowns import Unknowns
+from sysid.estimator.uncertainty.errors import NORMAL_90
+from sysid.estimator.without_pose.sensing import PLACE, left
+from vehicle import Vehicle, wrench
+from vehicle.invert import open_air
+
+COMMANDS = (0.3, 0.5, 0.7, 0.9)
+"""Commands that the thrust is told at, where the flights reached them."""
+ANSWERED = 0.3
+"""Share of the vertical force's variance within a second that commands must explain."""
+SPAN_S = 1.0
+UNKNOWN = (
+    "without a pose drag against wind, the size of mass and inertia (only their ratios to the mass given) and errors "
+    "of the accelerometer's scale stay unknown"
+)
+
+
+def sentences(flights: Sequence[Flight], solution: Solution, unknowns: Unknowns) -> list[str]:
+    """For the reader of the fit."""
+    return [*_nominal(flights), *_thrust(flights, solution, unknowns), _place(solution, unknowns.names), UNKNOWN]
+
+
+def unanswered(flights: Sequence[Flight], solution: Solution) -> list[str]:
+    """A sentence if the accelerometer does not feel what is commanded: propellers off, another's outputs."""
+    point = solution.point
+    squares = np.zeros(2)
+    for flight in flights:
+        force, over = flight.specific_force_body_m_s2[:, 2], left(flight, point.vehicle, point.sensors)[:, 2]
+        width = max(2, round(SPAN_S / float(np.median(flight.step_s))))
+        squares += [float(((values - _slow(values, width)) ** 2).sum()) for values in (force, over)]
+    explained = 1.0 - squares[1] / max(squares[0], 1e-300)
+    if explained > ANSWERED:
+        return []
+    return [
+        f"commands explain {max(explained, 0.0):.0%} of what the accelerometer feels along the thrust: another "
+        "vehicle's outputs, an accelerometer on its side, or too little throttle to see above vibration. Fly throttle "
+        "steps, and check rotor order and axes"
+    ]
+
+
+def thrust_by_command(
+    flights: Sequence[Flight], solution: Solution, unknowns: Unknowns, ratio: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Thrust of one rotor at commands (n,) from 0 to 1, and half widths of the 90 % intervals, N.
+
+    The flights must have had such commands (`full_throttle_rad_s`).
+    """
+    full = next(f.full_throttle_rad_s for f in flights if f.full_throttle_rad_s is not None)
+    names, vehicle = unknowns.model, solution.point.vehicle
+    thrust = [i for i, name in enumerate(names) if name.startswith("thrust_")]
+    covariance = robust_covariance(solution, len(unknowns.bias) + len(unknowns.delay))[0]
+    plain = solution.covariance()
+    slopes = np.stack([_slope(vehicle, names[i], full * ratio) for i in thrust], axis=1)
+    both = [np.einsum("ni,ij,nj->n", slopes, c[np.ix_(thrust, thrust)], slopes) for c in (covariance, plain)]
+    return _rotor_thrust(vehicle, full * ratio), NORMAL_90 * np.sqrt(np.maximum(*both))
+
+
+def _slow(values: FloatArray, width: int) -> FloatArray:
+    """Running mean over `width` samples."""
+    ones = np.ones(width)
+    return np.convolve(values, ones, "same") / np.convolve(np.ones_like(values), ones, "same")
+
+
+def _rotor_thrust(vehicle: Vehicle, speed_rad_s: FloatArray) -> FloatArray:
+    still = np.zeros((len(speed_rad_s), 3))
+    speeds = np.repeat(speed_rad_s[:, None], 4, axis=1)
+    return 0.25 * wrench(vehicle, still, still, speeds, open_air(len(speed_rad_s)))[0][:, 2]
+
+
+def _slope(vehicle: Vehicle, name: str, speed_rad_s: FloatArray) -> FloatArray:
+    """Derivative of a rotor's thrust by a parameter, by central differences: thrust is all but linear in them."""
+    value = vehicle.value(name)
+    step = 1e-4 * max(abs(value), 1e-9)
+    up, down = (_rotor_thrust(vehicle.with_value(name, value + sign * step), speed_rad_s) for sign in (1.0, -1.0))
+    return (up - down) / (2.0 * step)
+
+
+def _nominal(flights: Sequence[Flight]) -> list[str]:
+    full = {f.full_throttle_rad_s for f in flights if f.full_throttle_rad_s is not None}
+    if not full:
+        return []
+    return [
+        f"rotor speed was not logged: commands 0 to 1 were taken for 0 to {min(full):.0f} rad/s, the vehicle file's "
+        "fastest. Thrust per command, lag and inertia do not depend on that"
+    ]
+
+
+def _thrust(flights: Sequence[Flight], solution: Solution, unknowns: Unknowns) -> list[str]:
+    ratios = [
+        f.rotor_command_rad_s.ravel() / f.full_throttle_rad_s for f in flights if f.full_throttle_rad_s is not None
+    ]
+    if not ratios or not any(name.startswith("thrust_") for name in unknowns.model):
+        return []
+    ratio = np.concatenate(ratios)
+    low, high = np.quantile(ratio, [0.01, 0.99])
+    at = np.array([u for u in COMMANDS if low <= u <= high] or [float(np.median(ratio))])
+    value, half = thrust_by_command(flights, solution, unknowns, at)
+    listed = ", ".join(f"{v:.3g} ± {h:.1g} at {u:.2g}" for u, v, h in zip(at, value, half, strict=True))
+    return [f"thrust of a rotor by command (N, 90 % interval): {listed}"]
+
+
+def _place(solution: Solution, names: Sequence[str]) -> str:
+    columns = [names.index(name) for name in PLACE]
+    place = 1e3 * np.array([solution.point.sensors.get(name, 0.0) for name in PLACE])
+    std = 1e3 * np.sqrt(np.diag(solution.covariance()))[columns]
+    listed = ", ".join(f"{axis} {p:.1f} ± {s:.1f}" for axis, p, s in zip("xyz", place, std, strict=True))
+    return f"the accelerometer is at {listed} mm from the centre of mass"

@@ -1,0 +1,159 @@
+"""Gyro, accelerometer and motor commands from 0 to 1, without pose and rotor speed, to a vehicle's parameters."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sysid
+from flight import FlightLog, InputError
+from sysid.estimator.without_pose import sensing, told
+
+BENCHMARKS = Path(__file__).parents[4] / "benchmarks"
+INERTIAS = tuple(f"inertia_{2 * axis}_kg_m2" for axis in "xyz")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def benchmarks_on_path():
+    sys.path.insert(0, str(BENCHMARKS))
+    yield
+    sys.path.remove(str(BENCHMARKS))
+
+
+@pytest.fixture(scope="module")
+def twins(benchmarks_on_path):
+    """Two vehicles: their parameters, and their logs."""
+    import without_pose_flights as flights
+
+    rng = np.random.default_rng(11)
+    values = flights.drawn(2, rng)
+    return values, flights.flown(flights.body(), values, rng, duration_s=18.0)
+
+
+@pytest.fixture(scope="module")
+def start(benchmarks_on_path):
+    import without_pose_flights as flights
+
+    return flights.start()
+
+
+@pytest.fixture(scope="module")
+def fitted(twins, start):
+    return [sysid.identify([log], start) for log in twins[1]]
+
+
+def _changed(log: FlightLog, **columns: np.ndarray) -> FlightLog:
+    return FlightLog({**log.columns, **columns}, log.metadata)
+
+
+def _with_commands(log: FlightLog, ratio: np.ndarray) -> FlightLog:
+    return _changed(log, **{f"motor_command_{i}_ratio": ratio[:, i] for i in range(4)})
+
+
+def _commands(log: FlightLog) -> np.ndarray:
+    return np.stack([log.columns[f"motor_command_{i}_ratio"] for i in range(4)], axis=1)
+
+
+def test_inertia_and_lag_are_found_within_five_percent(twins, fitted):
+    for i, found in enumerate(fitted):
+        assert found.converged
+        assert str(found.verdict.use) == "usable"
+        for name in (*INERTIAS, "motor_lag.rise_s", "motor_lag.fall_s"):
+            assert found.estimate(name).value == pytest.approx(twins[0][name][i], rel=0.05)
+
+
+def test_thrust_by_command_is_found_whatever_speed_full_throttle_is(twins, fitted, start):
+    import without_pose_flights as flights
+
+    ratio, body = np.array([0.35, 0.48, 0.65]), flights.body()
+    assert start.limits.rotor_speed_max_rad_s != flights.FULL_RAD_S
+    for i, found in enumerate(fitted):
+        speed = flights.FULL_RAD_S * ratio
+        truth = twins[0]["thrust_quadratic.k_n_s2"][i] * speed**2 + body.value("thrust_affine.slope_n_s") * speed
+        thrust, half = told.thrust_by_command(found.flights, found.solution, found.unknowns, ratio)
+        assert thrust == pytest.approx(truth, rel=0.05)
+        assert (half < 0.1 * thrust).all()
+
+
+def test_the_command_is_found_late_and_the_accelerometer_beside_the_centre_of_mass(fitted):
+    import without_pose_flights as flights
+
+    recorder = flights.Recorder()
+    filtered_s = 1.0 / (2.0 * np.pi * recorder.gyro_cutoff_hz)
+    for found in fitted:
+        (command,) = (clock for clock in found.clocks if clock.stream == "rotor speed command")
+        assert -command.delay_s == pytest.approx(recorder.latency_s + filtered_s, abs=1.5e-3)
+        place = [found.solution.point.sensors[name] for name in sensing.PLACE]
+        assert place == pytest.approx(recorder.place_m, abs=5e-3)
+
+
+def test_what_stays_unknown_without_a_pose_is_told_in_one_line(fitted):
+    assert sum(finding == told.UNKNOWN for finding in fitted[0].findings) == 1
+
+
+def test_the_derivatives_are_those_of_what_is_left(fitted):
+    found = fitted[0]
+    flight, point, unknowns = sensing.with_delays(found.flights[0]), found.solution.point, found.unknowns
+    point = replace(point, states=())
+    by = sensing.shown(flight, point.vehicle, unknowns.names, unknowns.model, point.sensors).by
+    values = point.shared(unknowns)
+    for i, name in enumerate(unknowns.names):
+        step = np.zeros(len(values))
+        late = "delay" in name  # commands step, so that a delay has slopes only on average
+        step[i] = 1e-3 if late else 1e-4 * max(abs(values[i]), 1e-3 if i >= len(unknowns.model) else 0.0)
+        up, down = (point.moved(unknowns, sign * step, ()) for sign in (1.0, -1.0))
+        there, here = (sensing.left(flight, one.vehicle, one.sensors) for one in (up, down))
+        slope = (here - there) / (2.0 * step[i])
+        # small products are left out: of the accelerometer's turn or place with what the model's slopes are
+        of_model = late or i < len(unknowns.model)
+        rows, share = (slice(2, 6), 0.2 if late else 0.02) if of_model else (slice(0, 6), 1e-3)
+        off, size = (np.sqrt((v[:, rows] ** 2).mean(axis=0)) for v in (by[:, :, i] - slope, slope))
+        assert (off <= share * size.max()).all(), name
+
+
+def test_drag_is_held_because_nothing_measured_depends_on_it(twins, start):
+    with_drag = start.with_effect("parasitic_drag")
+    found = sysid.identify([twins[1][0]], with_drag, sysid.Options(free=("parasitic_drag.drag_xy_kg_m", *INERTIAS)))
+    assert found.estimate("parasitic_drag.drag_xy_kg_m").status == "not identifiable"
+
+
+def test_motors_that_never_vary_are_refused(twins, start):
+    log = twins[1][0]
+    with pytest.raises(InputError, match="the motors never vary"):
+        sysid.identify([_with_commands(log, np.full((len(log), 4), 0.5))], start)
+
+
+def test_a_hover_is_refused_with_what_to_fly(twins, start):
+    log, rng = twins[1][0], np.random.default_rng(0)
+    n = len(log)
+    still = {f"rate_body_{axis}_rad_s": 2e-3 * rng.standard_normal(n) for axis in "xyz"}
+    force = {f"specific_force_body_{axis}_m_s2": 0.05 * rng.standard_normal(n) for axis in "xyz"}
+    force["specific_force_body_z_m_s2"] += 9.81
+    hover = _with_commands(_changed(log, **still, **force), 0.48 + 0.012 * rng.standard_normal((n, 4)))
+    with pytest.raises(InputError, match=r"only hover.*throttle up and down in steps, then quick rolls"):
+        sysid.identify([hover], start)
+
+
+def test_an_imu_at_50_hz_is_refused_with_the_rate_that_does(twins, start):
+    every = {name: values[::10] for name, values in twins[1][0].columns.items()}
+    with pytest.raises(InputError, match=r"at 50 Hz and no pose.*90 Hz or more"):
+        sysid.identify([FlightLog(every, {"name": "slow"})], start)
+
+
+def test_propellers_off_are_refused(twins, start):
+    """The accelerometer feels gravity and shaking, whatever is commanded."""
+    log, rng = twins[1][0], np.random.default_rng(0)
+    force = {f"specific_force_body_{axis}_m_s2": 0.5 * rng.standard_normal(len(log)) for axis in "xyz"}
+    force["specific_force_body_z_m_s2"] += 9.81
+    rates = {f"rate_body_{axis}_rad_s": 0.05 * rng.standard_normal(len(log)) for axis in "xyz"}
+    with pytest.raises(InputError, match="does not feel what is commanded: propellers off"):
+        sysid.identify([_changed(log, **force, **rates)], start)
+
+
+def test_outputs_of_another_flight_forbid_the_use_of_the_fit(twins, start):
+    own, other = twins[1]
+    found = sysid.identify([_with_commands(own, _commands(other)[::-1])], start)
+    assert str(found.verdict.use) == "do not use"
+    assert any("commands explain" in reason for reason in found.verdict.reasons)
