@@ -284,3 +284,55 @@ def test_no_rotor_turns_long_after_a_crash(body, rotor):
         dead = Fault(Kind.ROTOR_HEALTH, (rotor, 0.0), after_s)
         result = body.fly(Scenario(faults=(dead,), seed=rotor))
         assert _after_touch_s(result) < LONGEST_AFTER_TOUCH_S
+
+
+@pytest.mark.parametrize(
+    "drift_m_s", [(-0.27, -0.03, -0.26), (0.0, 0.3, -0.04), (-0.12, -0.23, -0.13), (0.25, 0.25, 0.0)]
+)
+def test_an_estimate_that_drifts_on_the_ground_does_not_keep_the_rotors_turning(body, drift_m_s):
+    """It leans against the drift and turns on its feet; what carries it is more than its rotors give."""
+    for seed in range(4):
+        drift = Fault(Kind.DRIFT, drift_m_s, after_s=0.2, since=State.LANDING)
+        result = body.fly(Scenario(orders=(*TAKE_OFF, land(1.0)), faults=(drift,), seed=seed))
+        assert _after_touch_s(result) < LONGEST_AFTER_TOUCH_S
+
+
+def test_a_hover_that_has_sunk_to_the_ground_unseen_lands(body):
+    """Estimated height and its velocity rise together while it stands."""
+    faults = (Fault(Kind.VELOCITY_BIAS, (0.3,)), Fault(Kind.DRIFT, (0.0, 0.0, 0.3)))
+    result = body.fly(Scenario(faults=faults, orders=TAKE_OFF, limit_s=30.0))
+    assert result.reason_of(State.LANDING) == Reason.GROUNDED
+    assert _after_touch_s(result) < LONGEST_AFTER_TOUCH_S
+
+
+def test_braking_upwards_is_no_ground(body):
+    """Little thrust is asked for while the mixer, turning hard, gives more."""
+    for seed in range(6):
+        path = legs([(0, 0, 1.5), (0.5, 0, 4.5), (0, 0.5, 1.5)], speed_m_s=6.0, acceleration_m_s2=8.0)
+        kick = Fault(Kind.KICK, (0.0, 0.0, 0.0, 3.0), 0.45, since=State.TRAJECTORY)
+        orders = (*TAKE_OFF, START, land(path.duration_s + 1.0, State.TRAJECTORY))
+        result = body.fly(Scenario(orders=orders, path=path, faults=(kick,), seed=seed))
+        assert not result.had(Reason.GROUNDED)
+
+
+def test_a_blind_descent_from_high_up_touches_softly(body):
+    """Each look for the ground costs speed, and is given back."""
+    up = legs([(0, 0, 1.5), (0, 0, 18.0)], speed_m_s=6.0)
+    for seed in range(6):
+        lost = Fault(Kind.POSITION_LOST, (Loss.FROZEN,), up.duration_s + 1.0, since=State.TRAJECTORY)
+        world = {"gust_std_m_s": 0.8, "wind_m_s": (1.5, 0.0, 0.0)}
+        result = body.fly(
+            Scenario(orders=(*TAKE_OFF, START), path=up, faults=(lost,), world=world, seed=seed, limit_s=90.0)
+        )
+        assert violations(result, touchdown_m_s=2.5) == []
+        assert np.hypot(*result.end_position_m[:2]) < 25.0
+
+
+def test_an_edge_that_was_touched_in_a_blind_descent_is_not_the_ground(body):
+    """Less thrust after an impact, and 15 m to fall."""
+    for x_m in (0.5, 0.55, 0.6, 0.65, 0.7):
+        path = legs([(0, 0, 1.5), (x_m, 0, 1.2)], speed_m_s=1.0)
+        lost = Fault(Kind.POSITION_LOST, (Loss.FROZEN,), path.duration_s + 1.0, since=State.TRAJECTORY)
+        world = TABLE | {"floor_m": -15.0}
+        result = body.fly(Scenario(orders=(*TAKE_OFF, START), path=path, faults=(lost,), world=world, limit_s=90.0))
+        assert violations(result, touchdown_m_s=2.5) == []

@@ -37,6 +37,15 @@ def test_a_heading_that_jumps_in_hover_ends_nearby(body, jump_rad, force):
     assert violations(result, touchdown_m_s=BLIND_M_S) == []
 
 
+def test_a_heading_that_jumped_does_not_take_the_height_with_it(body):
+    """The descent is at the landing speed, not blind."""
+    for seed in range(4):
+        faults = (Fault(Kind.HEADING_JUMP, (-1.9,), 1.0), Fault(Kind.FLOOR, (-15.0,)))
+        result = body.fly(hover(*faults, land_s=60.0, limit_s=90.0, world={"gust_std_m_s": 0.8}, seed=seed))
+        assert result.reason_of(State.EMERGENCY) == Reason.POSE_HEADING
+        assert violations(result, touchdown_m_s=1.3) == []
+
+
 @pytest.mark.parametrize("jump_m", [(2.0, 0.0, 0.0), (0.0, -5.0, 0.0)])
 def test_a_position_that_jumps_in_hover_is_not_followed(body, jump_m):
     result = body.fly(hover(Fault(Kind.JUMP, jump_m, 1.0), land_s=30.0))

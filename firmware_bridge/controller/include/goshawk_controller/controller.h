@@ -170,8 +170,10 @@ typedef struct {
     uint64_t gyro_good_us; /* when the gyro last gave all axes */
     uint64_t moved_us;     /* when the vehicle last moved, turned or fell; 0 = never */
     float felt_m_s2[3];    /* specific force, low-passed over 20 ms */
+    float support_m_s2;    /* of it, what the rotors do not give, low-passed over 1 s */
     float battery_v;       /* low-passed */
-    float hover_thrust_n;  /* low-passed: what the vehicle really takes to hover */
+    float hover_thrust_n;  /* averaged: what the vehicle really takes to hover */
+    float hover_s;         /* over so long */
     float axes[3][3];      /* of the estimated attitude: body x, y, z in world coordinates */
 
     /* What was asked for. */

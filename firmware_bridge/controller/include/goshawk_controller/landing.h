@@ -8,8 +8,10 @@
    within 0.2 s and 3 cm), and its accelerometer falls with the thrust: back to DESCEND. What counts is the change since
    the stage began, so that a bias of the vertical velocity does not. IDLE     0.3 s of stillness, then the rotors stop.
 
-   Whatever bounces or vibrates: where 3 s of descent bring it no lower by 0.1 m, one UNLOAD is judged by height alone,
-   and ends with the rotors stopped unless the vehicle falls by 0.15 m. Without vertical velocity (an emergency) only
+   Whatever bounces or vibrates: where 2 s of descent bring it no lower by 0.1 m, one UNLOAD is judged by height alone,
+   and ends with the rotors stopped unless the vehicle falls by 0.15 m. So does what stands: carried by 0.2 g more than
+   its rotors give for a second, at less than half the weight asked for. A blind descent gives back the speed that each
+   UNLOAD costs. Without vertical velocity (an emergency) only
    the accelerometer can tell: an impact, or every second, starts UNLOAD.
  */
 #ifndef GOSHAWK_CONTROLLER_LANDING_H
@@ -37,6 +39,7 @@ typedef struct {
     uint64_t touched_us;  /* when it first was, */
     uint8_t impacts;      /* how often since, */
     bool impact;          /* and whether just now */
+    uint64_t impact_us;   /* the last one */
     bool touched;         /* something has been hit in a descent without vertical velocity */
     float thrust_n;       /* collective in UNLOAD and IDLE */
     float start_thrust_n; /* when UNLOAD began */

@@ -79,7 +79,8 @@ typedef enum {
     TC_POSE_DRIFTS = 73,
     TC_GYRO_AXIS = 74,
     TC_FALLING = 75,
-    TC_CRASHED = 76
+    TC_CRASHED = 76,
+    TC_GROUNDED = 77
 } tc_reason;
 
 /* At most 50 characters, so that it fits a MAVLink STATUSTEXT; never NULL, "unknown reason" for a number not above. */

@@ -68,6 +68,7 @@ static const char* const texts[] = {
     [TC_GYRO_AXIS] = "an axis of the gyro is lost",
     [TC_FALLING] = "the vehicle falls",
     [TC_CRASHED] = "crashed",
+    [TC_GROUNDED] = "stands on the ground",
 };
 
 const char* tc_reason_text(tc_reason reason) {

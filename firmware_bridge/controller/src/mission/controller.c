@@ -16,8 +16,11 @@ static const float SUPERVISED_RATE = 0.1f; /* below, the path's own speed is not
 static const float HOVER_UPRIGHT = 0.95f;  /* cosine of 18 degrees of tilt: hover thrust is learnt below, */
 static const float HOVER_ACCELERATION_M_S2 = 1.0f; /* ... this acceleration asked for, */
 static const float HOVER_SPEED_M_S = 1.0f;         /* ... and this speed */
-static const float HOVER_FILTER_S = 1.0f;          /* time constant of learning it */
-static const float HOVER_SPREAD = 0.2f;            /* around the weight: what is learnt is not believed beyond */
+static const float HOVER_FILTER_S = 1.0f; /* time constant of learning it, at first: the model's mass counts as this */
+static const float HOVER_LONGEST_S = 10.0f; /* ... and at last: gusts of a second average out */
+static const float HOVER_SPREAD = 0.2f;     /* around the weight: what is learnt is not believed beyond */
+
+static const float LEAN = 0.15f; /* tangent of 8 degrees: at most so far into the wind in an emergency */
 
 /* Of the weight, upwards, while the observer holds a force: a vehicle that bounces must not turn on what is left. */
 static const float HELD_LEAST = 0.25f;
@@ -65,12 +68,15 @@ static void make_setpoint(tc_controller* c, float step_s) {
     }
 }
 
-/* Level, heading kept, what attitude alone can do. */
+/* Upright, heading kept, what attitude alone can do; against the wind that was found before, so that it drifts less. */
 static void emergency_force(tc_controller* c, float force_world_n[3]) {
     tc_setpoint* setpoint = &c->telemetry.setpoint;
     memset(setpoint->velocity_world_m_s, 0, sizeof *setpoint - offsetof(tc_setpoint, velocity_world_m_s));
-    force_world_n[0] = 0.0f;
-    force_world_n[1] = 0.0f;
+    const float most_n = LEAN * c->parameters.mass_kg * c->parameters.gravity_m_s2;
+    for (int i = 0; i < 2; i++) {
+        const float wind_n = tc_cancels_disturbance(c) ? c->observer.force_world_n[i] : 0.0f;
+        force_world_n[i] = -tc_clamp(tc_disturbance_share(c) * wind_n, -most_n, most_n);
+    }
     force_world_n[2] = tc_emergency_thrust(c);
 }
 
@@ -180,7 +186,10 @@ static void learn_hover_thrust(tc_controller* c, float step_s) {
                         tc_norm(t->setpoint.acceleration_world_m_s2) < HOVER_ACCELERATION_M_S2 &&
                         tc_norm(t->estimate.velocity_world_m_s) < HOVER_SPEED_M_S && t->saturation == 0u &&
                         c->mission.state != TC_TAKE_OFF && c->mission.state != TC_LANDING;
-    if (steady) c->hover_thrust_n += step_s / (HOVER_FILTER_S + step_s) * (t->wrench.thrust_n - c->hover_thrust_n);
+    if (steady) {
+        c->hover_s = tc_min(c->hover_s + step_s, HOVER_LONGEST_S);
+        c->hover_thrust_n += step_s / (c->hover_s + step_s) * (t->wrench.thrust_n - c->hover_thrust_n);
+    }
     c->hover_thrust_n = tc_clamp(c->hover_thrust_n, (1.0f - HOVER_SPREAD) * weight_n, (1.0f + HOVER_SPREAD) * weight_n);
 }
 
@@ -241,6 +250,7 @@ static void rest(tc_controller* c) {
     tc_copy4(t->flatness.q_reference, t->estimate.q_world_body);
     t->saturation = 0;
     c->was_flying = false;
+    c->support_m_s2 = 0.0f;
     c->ground_z_m = t->estimate.position_world_m[2];
     if (c->observer.state != (uint8_t)TC_OBSERVER_OFF) {
         tc_observer_reset(&c->observer);
@@ -248,6 +258,7 @@ static void rest(tc_controller* c) {
     }
     c->observer.state = c->parameters.observer > 0.5f ? (uint8_t)TC_OBSERVER_WAITS : (uint8_t)TC_OBSERVER_OFF;
     c->hover_thrust_n = c->parameters.mass_kg * c->parameters.gravity_m_s2;
+    c->hover_s = HOVER_FILTER_S;
 }
 
 static void describe(tc_controller* c) {

@@ -173,9 +173,9 @@ static uint32_t take_position(tc_controller* c, const tc_estimate* e, float step
     float reckoned[3];
     reckoned_acceleration(c, e, reckoned);
     monitor(c, e, reckoned, step_s);
-    const bool believed = tc_monitor_believes(c);
-    const tc_taken level = take_part(c, e, &horizontal, &c->horizontal, reckoned, believed, step_s);
-    const tc_taken height = take_part(c, e, &vertical, &c->vertical, reckoned, believed, step_s);
+    const bool level_good = tc_monitor_believes(c), height_good = tc_monitor_believes_height(c);
+    const tc_taken level = take_part(c, e, &horizontal, &c->horizontal, reckoned, level_good, step_s);
+    const tc_taken height = take_part(c, e, &vertical, &c->vertical, reckoned, height_good, step_s);
     c->vertical_velocity = height.velocity;
     if (level.position) c->telemetry.estimate.position_time_us = e->position_time_us;
     const bool stale = tc_max(level.age_s, height.age_s) > c->parameters.estimate_stale_s;
@@ -308,6 +308,7 @@ static bool take_force(tc_controller* c, const tc_estimate* e, float step_s) {
                         (c->telemetry.estimate_faults & (uint32_t)TC_FAULT_RATE_STALE) == 0u;
     if (usable) {
         tc_copy(c->telemetry.estimate.specific_force_body_m_s2, force);
+        tc_monitor_shaking(&c->monitor, force, step_s);
         const float pass = step_s / (FELT_FILTER_S + step_s);
         for (int i = 0; i < 3; i++) c->felt_m_s2[i] += pass * (force[i] - c->felt_m_s2[i]);
     }

@@ -112,6 +112,8 @@ static void observe_tracking(tc_controller* c) {
     }
     if (c->mission.state != TC_EMERGENCY && tc_supervisor_gives_up(&c->supervisor, c->telemetry.time_us)) {
         (void)tc_post(c, TC_EVENT_TRACKING_LOST, TC_TRACKING_LOST);
+    } else if (c->mission.state != TC_LANDING && c->mission.state != TC_TAKE_OFF && tc_stands(c)) {
+        (void)tc_post(c, TC_EVENT_TRACKING_LOST, TC_GROUNDED);
     } else if (c->mission.state != TC_LANDING && c->monitor.drifts) {
         (void)tc_post(c, TC_EVENT_TRACKING_LOST, TC_POSE_DRIFTS);
     } else if (c->mission.state != TC_LANDING && tc_lasts(c, c->gyro_good_us, GYRO_AXIS_S)) {
@@ -204,6 +206,7 @@ void tc_observe(tc_controller* c) {
     observe_link(c);
     if (tc_moves(c) || tc_falls(c)) c->moved_us = c->telemetry.time_us;
     if (tc_mission_in_air(c->mission.state)) {
+        tc_measure_support(c, step_s);
         observe_attitude(c);
         observe_crash(c);
         observe_fence(c);

@@ -55,8 +55,11 @@ static inline bool tc_gyro_is_whole(const tc_controller* c) { return c->gyro_goo
 /* monitor.c */
 /* Whether the pose is believed now. */
 bool tc_monitor_believes(const tc_controller* c);
+bool tc_monitor_believes_height(const tc_controller* c);
 /* The attitude of `estimate`, turned back to its old heading when that has jumped. */
 void tc_monitor_heading(tc_controller* c, const tc_estimate* estimate, float step_s, float q[4]);
+/* How much the accelerometer shakes from tick to tick. */
+void tc_monitor_shaking(tc_monitor* m, const float force_body_m_s2[3], float step_s);
 /* One step with a usable pose that is `ahead_s` old; `acceleration_m_s2` by the accelerometer, world axes. Where the
    pose turns out to be wrong, telemetry.estimate goes back to what the IMU makes of the pose before. */
 void tc_monitor_step(tc_controller* c, const tc_estimate* estimate, const float acceleration_m_s2[3], float ahead_s,
@@ -70,6 +73,9 @@ void tc_landing_setpoint(tc_controller* c, float step_s);
 bool tc_landing_observe(tc_controller* c, float step_s);
 /* The collective is the stage's, and the attitude is only damped: UNLOAD and IDLE. */
 bool tc_landing_unloads(const tc_landing* landing);
+/* Something carries it beside the rotors: their thrust is small, and yet it neither falls nor moves. */
+bool tc_stands(const tc_controller* c);
+void tc_measure_support(tc_controller* c, float step_s);
 /* It flies along or turns, by the estimate; a vehicle that hovers does not. */
 bool tc_moves(const tc_controller* c);
 /* The collective of the emergency descent, N. */

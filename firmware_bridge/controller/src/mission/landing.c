@@ -16,11 +16,18 @@ static const float UNLOAD_S = 0.5f;            /* the collective falls to UNLOAD
 static const float UNLOADED = 0.1f;            /* of the weight */
 static const float GAINED_M_S = 0.35f;         /* downwards since UNLOAD began: it flies */
 static const float SUPPORT_G = 0.5f;           /* specific force that the rotors do not give: it stands on something */
+static const float STANDS_G = 0.2f;            /* the same on average, with the rotors' noise in it, */
+static const float SUPPORT_S = 1.0f;           /* over so long, */
+static const float SUPPORTED_THRUST = 0.5f;    /* while less thrust than this share of the weight is asked for */
+static const float SUPPORTED_M_S = 1.0f;       /* ... and slower than this: a fast fall's drag carries, too */
 static const float FORCE_FILTER_S = 0.02f;     /* of the accelerometer, whose noise the tests must not see */
 static const float FELT_GAINED_M_S = 0.7f;  /* the same by the accelerometer, whose noise of 10 m/s2 makes 0.3 of it */
+static const float BLIND_GAINED_M_S = 0.5f; /* ... before anything has been hit, as each try makes the touch harder */
+static const float SURE_GAINED_M_S = 1.5f;  /* ... and where only the height has a say: more than a bounce */
 static const float SUNK_M = 0.1f;           /* lower by this, it still comes down */
-static const float NO_LOWER_S = 3.0f;       /* so long without: the ground is there, whatever else is felt */
+static const float NO_LOWER_S = 2.0f;       /* so long without: the ground is there, whatever else is felt */
 static const float FALLEN_M = 0.15f;        /* ... unless it then falls by this, unloaded: 0.4 m within 0.5 s */
+static const float HIT_THRUST = 0.7f;       /* ... or is hit while it gives less than this share of the weight */
 static const float IDLE_S = 0.3f;           /* of stillness, then the rotors stop */
 static const float STILL_RATE_RAD_S = 0.5f; /* beyond, it moves */
 static const float STILL_M_S = 0.5f;
@@ -30,11 +37,12 @@ static const float IMPACT_G = 0.4f;       /* above 1 g, in an emergency without 
 /* Such a descent loses thrust with time, for ground effect must not keep it floating. Slowly: after 15 s (20 m) it is
    4 + 2.25 % short, and with 1.9 % of error still settles below 2.5 m/s, as inflow damps by 0.32/s. Without
    accelerometer no UNLOAD brings it down between gusts, before time ends the descent: more. */
-static const float SINK_MORE_1_S = 0.0015f;
+static const float SINK_MORE_1_S = 0.0007f;
 static const float SINK_MORE_UNFELT_1_S = 0.002f;
 static const float SINK_MOST = 0.08f;      /* never beyond this */
 static const float PROBE_S = 1.0f;         /* ... where UNLOAD is tried this often */
 static const float TOUCHED_PROBE_S = 0.4f; /* ... once something has been hit */
+static const float FALLS_AGAIN_S = 2.5f;   /* ... and not again for so long: it was an edge */
 static const float AFTER_IMPACT = 0.8f;    /* of that thrust, so that ground effect does not keep it floating */
 static const float INVERTED = 0.5f; /* cosine of the tilt beyond which a vehicle at rest lies on its side or back */
 static const float INVERTED_REST_S = 0.3f;         /* it has lain like this, then the rotors stop */
@@ -100,6 +108,11 @@ void tc_landing_setpoint(tc_controller* c, float step_s) {
     setpoint->snap_world_m_s4[2] = 0.0f;
 }
 
+/* Against a fall, and nothing upwards. */
+static float brake_m_s2(const tc_controller* c, float fall_m_s) {
+    return tc_clamp(c->parameters.kd_z_1_s * fall_m_s, 0.0f, EMERGENCY_FEEDBACK_M_S2);
+}
+
 /* Constant thrust at no air speed is constant rotor speed, so that inflow damps the sink; more against a fall. */
 static float blind_thrust(const tc_controller* c) {
     const tc_parameters* p = &c->parameters;
@@ -107,13 +120,13 @@ static float blind_thrust(const tc_controller* c) {
     const float since_s = tc_seconds(c->telemetry.time_us - c->landing.began_us);
     const float more_1_s = force_given(c) ? SINK_MORE_1_S : SINK_MORE_UNFELT_1_S;
     const float share = p->emergency_sink - tc_min(more_1_s * since_s, SINK_MOST);
-    if (c->landing.touched) return AFTER_IMPACT * share * c->hover_thrust_n;
-    float feedback = 0.0f;
+    const bool touched = c->landing.touched;
+    float fall_m_s = touched ? 0.0f : c->landing.gained_m_s;
     if (force_given(c) && reckoned_s < FALL_KNOWN_S) {
-        const float fall_m_s = -c->telemetry.estimate.velocity_world_m_s[2] - (FALL_M_S + FALL_DRIFT_M_S2 * reckoned_s);
-        feedback = tc_clamp(p->kd_z_1_s * fall_m_s, 0.0f, EMERGENCY_FEEDBACK_M_S2);
+        const float sink_m_s = -c->telemetry.estimate.velocity_world_m_s[2];
+        fall_m_s = tc_max(fall_m_s, sink_m_s - (FALL_M_S + FALL_DRIFT_M_S2 * reckoned_s));
     }
-    return share * c->hover_thrust_n + p->mass_kg * feedback;
+    return (touched ? AFTER_IMPACT : 1.0f) * share * c->hover_thrust_n + p->mass_kg * brake_m_s2(c, fall_m_s);
 }
 
 float tc_emergency_thrust(const tc_controller* c) {
@@ -137,8 +150,38 @@ static bool bounces(tc_controller* c) {
     const bool impact = has_impact(c);
     if (impact && !landing->impact && landing->impacts < MOST_IMPACTS) landing->impacts++;
     landing->impact = impact;
-    return landing->touched && landing->impacts >= MOST_IMPACTS && tc_lasts(c, landing->touched_us, NO_LOWER_S);
+    if (impact) landing->impact_us = c->telemetry.time_us;
+    if (impact && !c->vertical_velocity && !landing->touched && tc_lasts(c, landing->began_us, RETRY_S)) {
+        landing->touched = true;
+        landing->touched_us = c->telemetry.time_us;
+    }
+    if (tc_lasts(c, landing->impact_us, FALLS_AGAIN_S)) {
+        landing->touched = false;
+        landing->impacts = 0;
+    }
+    return !c->vertical_velocity && impact && landing->touched && landing->impacts >= MOST_IMPACTS &&
+           tc_lasts(c, landing->touched_us, NO_LOWER_S);
 }
+
+/* By the speeds that are commanded, in still air; the thrust asked for says less where the mixer saturates. */
+static float rotors_m_s2(const tc_controller* c) {
+    const float* n = c->telemetry.rotor_speed_rad_s;
+    const float most = c->parameters.rotor_max_rad_s;
+    const float share = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2] + n[3] * n[3]) / (4.0f * most * most);
+    return share * c->mixer.largest_thrust_n / c->parameters.mass_kg;
+}
+
+void tc_measure_support(tc_controller* c, float step_s) {
+    const tc_telemetry* t = &c->telemetry;
+    const float rotors = rotors_m_s2(c);
+    const bool carried = force_given(c) && c->vertical_velocity &&
+                         t->wrench.thrust_n < SUPPORTED_THRUST * weight_n(c) &&
+                         tc_norm(t->estimate.velocity_world_m_s) < SUPPORTED_M_S;
+    const float force = t->estimate.specific_force_body_m_s2[2] - rotors;
+    c->support_m_s2 += step_s / (SUPPORT_S + step_s) * ((carried ? force : 0.0f) - c->support_m_s2);
+}
+
+bool tc_stands(const tc_controller* c) { return c->support_m_s2 > STANDS_G * c->parameters.gravity_m_s2; }
 
 /* Whether the vehicle seems to be on something. */
 static bool seems_in_contact(const tc_controller* c) {
@@ -147,7 +190,8 @@ static bool seems_in_contact(const tc_controller* c) {
     const float horizontal = sqrtf(e->velocity_world_m_s[0] * e->velocity_world_m_s[0] +
                                    e->velocity_world_m_s[1] * e->velocity_world_m_s[1]);
     if (tc_norm(e->rate_body_rad_s) > CONTACT_RATE_RAD_S) return false;
-    if (!c->vertical_velocity) { /* a dead reckoned one tells nothing */
+    if (!c->vertical_velocity) {                            /* a dead reckoned one tells nothing */
+        if (c->mission.state != TC_EMERGENCY) return false; /* a gap: what shakes the pose would lengthen it */
         const float probe_s = landing->touched ? TOUCHED_PROBE_S : PROBE_S;
         return force_given(c) && (has_impact(c) || tc_lasts(c, landing->stage_us, probe_s));
     }
@@ -185,11 +229,8 @@ static void descend(tc_controller* c) {
     tc_landing* landing = &c->landing;
     const bool blind = !c->vertical_velocity;
     const bool settled = tc_lasts(c, landing->stage_us, RETRY_S);
-    if (blind && settled && !landing->touched && has_impact(c)) {
-        landing->touched = true;
-        landing->touched_us = c->telemetry.time_us;
-    }
-    if (comes_no_lower(c)) {
+    const bool stays = comes_no_lower(c);
+    if (settled && (stays || tc_stands(c))) {
         begin_unload(c, true);
         return;
     }
@@ -205,10 +246,12 @@ static void descend(tc_controller* c) {
 /* Whether the vehicle falls as its thrust does. */
 static bool still_flies(const tc_controller* c) {
     const tc_landing* landing = &c->landing;
-    if (landing->sure) return landing->start_m - c->telemetry.estimate.position_world_m[2] > FALLEN_M;
+    const bool falls = force_given(c) && landing->gained_m_s > SURE_GAINED_M_S;
+    if (landing->sure) return falls || landing->start_m - c->telemetry.estimate.position_world_m[2] > FALLEN_M;
     const float gained = landing->start_velocity_m_s - c->telemetry.estimate.velocity_world_m_s[2];
     if (c->vertical_velocity && gained > GAINED_M_S) return true;
-    return force_given(c) && landing->gained_m_s > FELT_GAINED_M_S;
+    const float felt_m_s = c->vertical_velocity || landing->touched ? FELT_GAINED_M_S : BLIND_GAINED_M_S;
+    return force_given(c) && landing->gained_m_s > felt_m_s;
 }
 
 /* Whether something but the rotors carries the vehicle, where that can be known. */
@@ -223,9 +266,9 @@ static bool unload(tc_controller* c, float step_s) {
     const float weight = weight_n(c);
     const float fall = (1.0f - UNLOADED) * weight / UNLOAD_S * step_s;
     landing->thrust_n = tc_max(landing->thrust_n - fall, tc_min(landing->start_thrust_n, UNLOADED * weight));
+    if (landing->sure && landing->impact && landing->thrust_n < HIT_THRUST * weight) return true;
     if (still_flies(c)) {
         enter_stage(c, TC_LANDING_DESCEND);
-        landing->sunk_us = c->telemetry.time_us;
     } else if (tc_lasts(c, landing->stage_us, UNLOAD_S)) {
         if (landing->sure) return true;
         enter_stage(c, supported(c) ? TC_LANDING_IDLE : TC_LANDING_DESCEND);
@@ -266,11 +309,13 @@ bool tc_landing_observe(tc_controller* c, float step_s) {
     const float force = c->telemetry.estimate.specific_force_body_m_s2[2];
     landing->force_m_s2 += step_s / (FORCE_FILTER_S + step_s) * (force - landing->force_m_s2);
     if (c->mission.state == TC_EMERGENCY) command_speed(c, step_s);
-    if (force_given(c) && tc_landing_unloads(landing)) {
+    if (!tc_landing_unloads(landing)) {
+        landing->gained_m_s -= step_s * brake_m_s2(c, landing->gained_m_s); /* given back */
+    } else if (force_given(c)) {
         landing->gained_m_s +=
             step_s * (c->parameters.gravity_m_s2 - c->telemetry.estimate.specific_force_body_m_s2[2]);
     }
-    if (rests_inverted(c) || (!c->vertical_velocity && bounces(c))) return true;
+    if (rests_inverted(c) || bounces(c)) return true;
     switch (landing->stage) {
         case TC_LANDING_DESCEND:
             descend(c);

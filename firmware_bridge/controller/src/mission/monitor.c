@@ -7,6 +7,8 @@ static const float VELOCITY_GAP_M_S = 0.8f; /* largest of good flights: 0.34 */
 static const float POSITION_GAP_M = 0.25f;  /* ... 0.03 */
 static const float SIGMAS2 = 16.0f;         /* four standard deviations of the integrated accelerometer noise */
 static const float SHAKE_FILTER_S = 0.3f;
+static const float IMPACT_TIMES = 16.0f; /* an impact is no shaking: beyond four times the noise, */
+static const float IMPACT_M2_S4 = 1.0f;  /* ... or 1 m/s2, a jump counts as that */
 static const float HEADING_GAP = 0.174f; /* half of 0.35 rad, its sine */
 static const float REPEATED_S = 0.2f;    /* a pose that has repeated itself for so long is frozen */
 static const float SHAKES_M2_S4 = 4e-4f; /* ... if the accelerometer's noise is above 0.02 m/s2 */
@@ -19,6 +21,13 @@ static const float DRIFT_S = 3.0f;       /* time constant of forgetting it */
 bool tc_monitor_believes(const tc_controller* c) {
     const tc_monitor* m = &c->monitor;
     return !m->final && (m->reason == (uint8_t)TC_OK || tc_lasts(c, m->alarm_us, DISTRUST_S));
+}
+
+/* A heading that jumped says nothing of the height. */
+bool tc_monitor_believes_height(const tc_controller* c) {
+    const tc_monitor* m = &c->monitor;
+    if (m->reason != (uint8_t)TC_POSE_HEADING) return tc_monitor_believes(c);
+    return tc_lasts(c, m->alarm_us, DISTRUST_S);
 }
 
 static void raise_alarm(tc_controller* c, tc_reason reason) {
@@ -105,10 +114,10 @@ static tc_reason judge(tc_monitor* m, tc_monitor_window* w, const float position
     return gap2(position_m, w->position_m) > POSITION_GAP_M * POSITION_GAP_M ? TC_POSE_POSITION : TC_OK;
 }
 
-/* How much the accelerometer shakes from tick to tick. */
-static void measure_shaking(tc_monitor* m, const float force_body_m_s2[3], float step_s) {
+void tc_monitor_shaking(tc_monitor* m, const float force_body_m_s2[3], float step_s) {
     const float pass = step_s / (SHAKE_FILTER_S + step_s);
-    m->shake_m2_s4 += pass * (0.5f * gap2(force_body_m_s2, m->last_force) - m->shake_m2_s4);
+    const float now = tc_min(0.5f * gap2(force_body_m_s2, m->last_force), IMPACT_TIMES * m->shake_m2_s4 + IMPACT_M2_S4);
+    m->shake_m2_s4 += pass * (now - m->shake_m2_s4);
     tc_copy(m->last_force, force_body_m_s2);
 }
 
@@ -178,7 +187,6 @@ void tc_monitor_step(tc_controller* c, const tc_estimate* e, const float acceler
     }
     if (believed && m->doubted) accept(c, position_m);
     m->doubted = !believed;
-    if (forced) measure_shaking(m, c->telemetry.estimate.specific_force_body_m_s2, step_s);
     tc_reason reason = forced && repeats(c, e) ? TC_POSE_FROZEN : TC_OK;
     for (int i = 0; i < 2; i++) {
         const tc_reason found = judge(m, &m->window[i], position_m, velocity_m_s, acceleration_m_s2, forced, step_s);

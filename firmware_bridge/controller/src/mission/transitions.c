@@ -61,7 +61,7 @@ static void enter_trajectory(tc_controller* c) {
 static void enter_landing(tc_controller* c) {
     const uint8_t from = c->mission.previous_state;
     const bool anew = from == TC_EMERGENCY || c->mission.reason == (uint8_t)TC_TRACKING_LOST ||
-                      c->mission.reason == (uint8_t)TC_FENCE_BREACH;
+                      c->mission.reason == (uint8_t)TC_GROUNDED || c->mission.reason == (uint8_t)TC_FENCE_BREACH;
     if (anew) tc_setpoint_here(c); /* the set-point is not where the vehicle is */
     tc_move_stop(&c->move, &c->telemetry.setpoint, c->parameters.brake_m_s2);
     tc_landing_begin(c);

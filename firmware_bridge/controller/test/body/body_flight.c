@@ -8,7 +8,7 @@
 #include "body_pilot.h"
 
 #define NEVER (-1.0) /* a state that has not been entered */
-#define SETTLE_S 0.3 /* standing before the first tick */
+#define SETTLE_S 0.3 /* standing before the first tick, longer on a floor that rings */
 #define LINK_S 0.1
 #define LOGGED_LIMIT 0.99f       /* above, what a low-pass has left of a limit is no reaction */
 #define FIRST_CLOCK_US 20000000u /* the controller has not booted this moment */
@@ -26,11 +26,10 @@ typedef struct {
     double time_s; /* true, since the first tick */
     double entered_s[TC_MISSION_STATE_COUNT];
     bool fault_on[BODY_MOST_FAULTS], fault_over[BODY_MOST_FAULTS], order_done[BODY_MOST_ORDERS];
-    double clock_offset_s, clock_jitter_s;
+    double clock_offset_s, clock_jitter_s, link_s;
     uint64_t clock_us; /* as read last */
     bool clock_stuck, link_lost, hanging, flying;
     const body_fault* carried; /* a hand moves it */
-    double link_s;
     double command_rad_s[BODY_ROTORS];
     uint8_t state;
 } flight;
@@ -374,8 +373,7 @@ const char* body_trace_names(void) {
            "tilt_rad specific_force_z command0 command1 command2 command3 rotor0 rotor1 rotor2 rotor3 state reason "
            "tick_reason limit_reason path_rate path_limit landing_stage warnings estimate_faults reckoning_s "
            "reckoning_std_m thrust_n saturation in_command force_x force_y force_z torque_x torque_y torque_z "
-           "force_std "
-           "observer position_delay_s attitude_delay_s";
+           "force_std observer position_delay_s attitude_delay_s";
 }
 
 static void write_row(const flight* f, double* row) {
@@ -443,7 +441,9 @@ static void prepare(flight* f) {
         if (s->in_air == 2) memcpy(f->b.rotor_rad_s, still, sizeof f->b.rotor_rad_s);
         memcpy(f->command_rad_s, f->b.rotor_rad_s, sizeof f->command_rad_s);
     } else {
-        for (double t = 0.0; t < SETTLE_S; t += s->tick_s) body_step(&f->b, still, s->tick_s);
+        for (double t = 0.0; t < SETTLE_S || (t < 10.0 && f->b.record.rest_s <= 0.0); t += s->tick_s) {
+            body_step(&f->b, still, s->tick_s);
+        }
     }
     memset(&f->b.record, 0, sizeof f->b.record);
     tc_init(&f->controller);

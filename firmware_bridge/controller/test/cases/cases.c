@@ -51,7 +51,7 @@ static void words_of_reasons(void) {
         must(strlen(words) > 0u && strlen(words) <= 50u, "words fit");
     }
     must(strcmp(tc_reason_text(TC_ESTIMATE_STALE), "position is stale") == 0, "one of them");
-    must(strcmp(tc_reason_text((tc_reason)77), "unknown reason") == 0, "no reason");
+    must(strcmp(tc_reason_text((tc_reason)78), "unknown reason") == 0, "no reason");
 }
 
 static const uint8_t key[TC_KEY_BYTES] = {1, 2, 3};
