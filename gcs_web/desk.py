@@ -395,6 +395,7 @@ def _first_settings(base: planner.PlanOptions, limits: vehicle.Limits) -> Settin
     return Settings(
         limits.speed_m_s,
         limits.acceleration_m_s2,
+        limits.jerk_m_s3,
         base.margin_m,
         base.yaw,
         base.method,

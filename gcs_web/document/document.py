@@ -47,7 +47,7 @@ class Point(msgspec.Struct, frozen=True):
     leg_speed_m_s: float | None = None
     """Largest speed from here to the next waypoint, as listed; None: that of the settings."""
     leg_jerk_m_s3: float | None = None
-    """The same of jerk, as the mission's file gives it; None: the vehicle's own."""
+    """The same of jerk."""
     velocity_world_m_s: tuple[float, float, float] | None = None
     """Velocity to have here; None where it is open."""
     gate: Opening | None = None
@@ -72,6 +72,8 @@ class Settings(msgspec.Struct, frozen=True):
 
     speed_m_s: float = 5.0
     acceleration_m_s2: float = 8.0
+    jerk_m_s3: float | None = None
+    """None: no limit but the vehicle's own."""
     margin_m: float = 0.15
     yaw: Literal["along_path", "smooth", "steady", "fixed", "look_at", "free"] = "along_path"
     method: Literal["fastest", "corridor"] = "fastest"
@@ -93,6 +95,7 @@ class Settings(msgspec.Struct, frozen=True):
 SETTING_BOUNDS = {
     "speed_m_s": (0.1, 40.0),
     "acceleration_m_s2": (0.2, 100.0),
+    "jerk_m_s3": (0.0, 100_000.0),
     "margin_m": (0.0, 10.0),
 }
 """Smallest and largest value that is taken; the vehicle's own limits hold besides."""

@@ -74,7 +74,7 @@ def _turn(content: Content, edit: messages.Turn) -> Edited:
 
 
 _ASKED = {"stay_s": (3600.0, "s", "stay at"), "fly_by_m": (100.0, "m", "radius of"),
-          "leg_speed_m_s": (40.0, "m/s", "speed after")}  # fmt: skip
+          "leg_speed_m_s": (40.0, "m/s", "speed after"), "leg_jerk_m_s3": (1e5, "m/s3", "jerk after")}  # fmt: skip
 """Of each request at a waypoint: the largest value, its unit and its name."""
 
 
@@ -87,16 +87,16 @@ def _ask(content: Content, edit: messages.Ask) -> Edited:
             raise InputError(f"the {words} {named} would be {value:g} {unit}; it must be from 0 to {most:g} {unit}")
     said = ", ".join(f"{_ASKED[n][2]} {named} {f'{v:g} {_ASKED[n][1]}' if v else 'dropped'}" for n, v in asked.items())
     last = content.points[-1].id
-    if asked.get("leg_speed_m_s", 0.0) > 0.0 and chosen == {last}:
+    on_leg = [name for name in LEG_LIMITS if name in asked]
+    if chosen == {last} and any(asked[name] for name in on_leg):
         raise InputError(
-            f"no leg follows {named}, the last one; the way back of laps has the largest speed of their legs, if all "
+            f"no leg follows {named}, the last one; the way back of laps has the largest limit of their legs, if all "
             "of them have one"
         )
-    if asked.get("leg_speed_m_s") == 0.0:
-        asked["leg_speed_m_s"] = None
+    asked |= {name: asked[name] or None for name in on_leg}
     points = [msgspec.structs.replace(p, **asked) if p.id in chosen else p for p in content.points]
-    if last in chosen and "leg_speed_m_s" in asked:
-        points[-1] = msgspec.structs.replace(points[-1], leg_speed_m_s=None)
+    if last in chosen:
+        points[-1] = msgspec.structs.replace(points[-1], **dict.fromkeys(on_leg))
     return content.with_points(points), said
 
 
@@ -216,6 +216,8 @@ def _choose(content: Content, edit: messages.Choose) -> Edited:
     said = ", ".join(f"{_words(n)} {_value(v)}" for n, v in given.items())
     if "heading_deg" in given:
         given["heading_rad"] = math.remainder(math.radians(_finite(given.pop("heading_deg"))), 2.0 * math.pi)
+    if "jerk_m_s3" in given:
+        given["jerk_m_s3"] = given["jerk_m_s3"] or None
     if "look_at_m" in given:
         given["look_at_world_m"] = _checked_place(given.pop("look_at_m"))
     if given.get("yaw") == "look_at" and (given.get("look_at_world_m") or content.settings.look_at_world_m) is None:
@@ -234,7 +236,7 @@ def _value(value: object) -> str:
 
 def _words(name: str) -> str:
     """As people read it: without its unit."""
-    for unit in ("_m_s2", "_m_s", "_m", "_deg"):
+    for unit in ("_m_s3", "_m_s2", "_m_s", "_m", "_deg"):
         name = name.removesuffix(unit)
     return name.replace("_", " ")
 

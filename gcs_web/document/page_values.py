@@ -13,8 +13,8 @@ from gcs_web.protocol.document import Gate, Mission, Settings, Waypoint
 def waypoint(point: document.Point) -> Waypoint:
     x, y, z = point.position_world_m
     yaw_deg = None if point.yaw_rad is None else math.degrees(point.yaw_rad)
-    asked = point.stay_s, point.fly_by_m, point.leg_speed_m_s, point.velocity_world_m_s, _gate(point.gate)
-    return Waypoint(point.id, x, y, z, yaw_deg, *asked)
+    asked = point.stay_s, point.fly_by_m, point.leg_speed_m_s, point.leg_jerk_m_s3
+    return Waypoint(point.id, x, y, z, yaw_deg, *asked, point.velocity_world_m_s, _gate(point.gate))
 
 
 def _gate(asked: document.Opening | None) -> Gate | None:
@@ -33,6 +33,7 @@ def settings(chosen: document.Settings) -> Settings:
     return Settings(
         chosen.speed_m_s,
         chosen.acceleration_m_s2,
+        chosen.jerk_m_s3,
         chosen.margin_m,
         chosen.yaw,
         chosen.method,

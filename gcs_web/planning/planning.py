@@ -476,6 +476,7 @@ def options(content: Content, believed: vehicle.Vehicle, base: planner.PlanOptio
         own,
         speed_m_s=min(asked.speed_m_s, own.speed_m_s),
         acceleration_m_s2=min(asked.acceleration_m_s2, own.acceleration_m_s2),
+        jerk_m_s3=own.jerk_m_s3 if asked.jerk_m_s3 is None else min(asked.jerk_m_s3, own.largest_jerk_m_s3),
     )
     return replace(
         base,

@@ -37,6 +37,8 @@ class Waypoint(msgspec.Struct, frozen=True):
     """Radius within which it is enough to pass; 0: the waypoint itself."""
     leg_speed_m_s: float | None = None
     """Largest speed from here to the next waypoint; None: that of the settings."""
+    leg_jerk_m_s3: float | None = None
+    """The same of jerk."""
     velocity_m_s: tuple[float, float, float] | None = None
     """Velocity to have here, world frame; None where it is open."""
     gate: Gate | None = None
@@ -77,6 +79,8 @@ class Settings(msgspec.Struct, frozen=True):
 
     speed_m_s: float
     acceleration_m_s2: float
+    jerk_m_s3: float | None
+    """None: no limit but the vehicle's own."""
     margin_m: float
     yaw: YawMode
     method: Literal["fastest", "corridor"]
@@ -134,6 +138,7 @@ class Ask(Edit, frozen=True, tag="ask", kw_only=True):
     stay_s: float | None = None
     fly_by_m: float | None = None
     leg_speed_m_s: float | None = None
+    leg_jerk_m_s3: float | None = None
 
 
 class Pass(Edit, frozen=True, tag="pass", kw_only=True):
@@ -182,10 +187,11 @@ class Reverse(Edit, frozen=True, tag="reverse", kw_only=True):
 
 
 class Choose(Edit, frozen=True, tag="choose", kw_only=True):
-    """Change settings; None leaves one as it is."""
+    """Change settings; None leaves one as it is, a jerk of 0 drops its limit."""
 
     speed_m_s: float | None = None
     acceleration_m_s2: float | None = None
+    jerk_m_s3: float | None = None
     margin_m: float | None = None
     yaw: YawMode | None = None
     method: Literal["fastest", "corridor"] | None = None

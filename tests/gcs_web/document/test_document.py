@@ -93,6 +93,7 @@ def test_reversing_keeps_who_is_who():
         (Delete, {"waypoints": [0, 1]}, "two waypoints are the least"),
         (Choose, {"speed_m_s": 0.0}, "speed 0 is refused; it must be from 0.1 to 40"),
         (Choose, {"margin_m": float("nan")}, "must be from 0 to 10"),
+        (Choose, {"jerk_m_s3": -1.0}, "jerk -1 is refused; it must be from 0 to 100000"),
     ],
 )
 def test_what_cannot_be_done_is_refused_with_the_bound(kind, arguments, said):

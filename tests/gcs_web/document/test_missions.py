@@ -275,6 +275,8 @@ def test_a_document_of_an_older_version_is_opened_and_written_as_the_new_one(tmp
         (Ask, {"waypoints": [2], "stay_s": 1.0}, "a stay and a velocity"),
         (Ask, {"waypoints": [9], "stay_s": 1.0}, "deleted meanwhile"),
         (Ask, {"waypoints": [3], "leg_speed_m_s": 1.0}, "no leg follows waypoint 4"),
+        (Ask, {"waypoints": [3], "leg_jerk_m_s3": 20.0}, "no leg follows waypoint 4"),
+        (Ask, {"waypoints": [0], "leg_jerk_m_s3": float("nan")}, "from 0 to 100000 m/s3"),
         (Pass, {"waypoints": [0], "velocity_m_s": (0.0, 1e9, 0.0)}, "is the most"),
         (Loop, {"laps": 101}, "from 0"),
         (Loop, {"laps": 2, "lap_first": 2, "lap_last": 1}, "laps go from waypoint 3 to 2"),
@@ -291,13 +293,22 @@ def test_a_request_that_cannot_be_met_is_refused_in_words(kind, arguments, reaso
 
 
 def test_zero_drops_a_request():
-    after = edit(opened(), Ask, waypoints=[0], stay_s=0.0, leg_speed_m_s=0.0)
+    asked = edit(opened(), Ask, waypoints=[0], leg_jerk_m_s3=20.0)
+    after = edit(asked, Ask, waypoints=[0], stay_s=0.0, leg_speed_m_s=0.0, leg_jerk_m_s3=0.0)
     assert after.points[0].plain
 
 
-def test_a_speed_of_all_legs_is_none_of_the_last_waypoint_which_no_leg_follows():
-    after = edit(opened(), Ask, waypoints=[0, 1, 2, 3], leg_speed_m_s=1.5)
-    assert [point.leg_speed_m_s for point in after.points] == [1.5, 1.5, 1.5, None]
+@pytest.mark.parametrize("name", ["leg_speed_m_s", "leg_jerk_m_s3"])
+def test_a_limit_of_all_legs_is_none_of_the_last_waypoint_which_no_leg_follows(name):
+    after = edit(opened(), Ask, waypoints=[0, 1, 2, 3], **{name: 1.5})
+    assert [getattr(point, name) for point in after.points] == [1.5, 1.5, 1.5, None]
+
+
+def test_a_jerk_of_zero_drops_the_limit_of_the_whole_path():
+    asked = edit(opened(), Choose, jerk_m_s3=30.0)
+    assert asked.settings.jerk_m_s3 == 30.0
+    assert edit(asked, Choose, speed_m_s=2.0).settings.jerk_m_s3 == 30.0
+    assert edit(asked, Choose, jerk_m_s3=0.0).settings.jerk_m_s3 is None
 
 
 def test_deleting_an_end_of_the_loop_takes_its_neighbour_instead():

@@ -46,6 +46,37 @@ def test_a_stay_is_asked_for_in_the_table_and_taken_back(station, page):
     page.get_by_role("button", name="Position").click()
 
 
+def test_jerks_of_the_path_and_of_a_leg_are_set_planned_with_and_dropped(station, page):
+    page.get_by_role("tab", name="Speed").click()
+    jerk = page.get_by_role("textbox", name="Jerk", exact=True)
+    assert jerk.input_value() == ""
+    jerk.fill("60")
+    jerk.press("Enter")
+    page.get_by_role("tab", name="Waypoints").click()
+    page.get_by_role("button", name="Requests").click()
+    cell(page, 0, 4).dblclick()
+    page.keyboard.type("40")
+    page.keyboard.press("Enter")
+    wait(lambda: {"jerk", "jerk of legs"} <= names(station), "a plan within both")
+    settings, points = station.desk.session.content.settings, station.desk.session.content.points
+    assert (settings.jerk_m_s3, points[0].leg_jerk_m_s3) == (60.0, 40.0)
+    assert mission.load(station.desk.project.waypoints).leg_jerks == (mission.LegJerk(0, 1, 40.0),)
+    checks = {check["name"]: check["value"] for check in station.desk.answer.file.check["checks"]}
+    assert checks["jerk"] <= 60.0
+    cell(page, 0, 4).dblclick()
+    page.keyboard.press("Control+A")
+    page.keyboard.press("Delete")
+    page.keyboard.press("Enter")
+    wait(lambda: station.desk.session.content.points[0].plain, "no jerk of the leg")
+    page.get_by_role("button", name="Position").click()
+    page.get_by_role("tab", name="Speed").click()
+    jerk.fill("")
+    jerk.press("Enter")
+    wait(lambda: station.desk.session.content.settings.jerk_m_s3 is None, "no jerk of the path")
+    wait(lambda: names(station) and not {"jerk", "jerk of legs"} & names(station), "a plan without")
+    page.get_by_role("tab", name="Waypoints").click()
+
+
 def test_a_velocity_begins_with_the_plans_own_is_edited_and_dropped(station, page):
     page.get_by_role("button", name="Requests").click()
     page.get_by_role("grid", name="Waypoints").get_by_role("row").nth(2).get_by_role("rowheader").click()

@@ -20,7 +20,7 @@ from flight import Trajectory, TrajectoryFile, Waypoints, file_format, project
 from flight.mission import Ground, Laps, Mission, Stay
 from flight.trajectory import fingerprint
 from gcs_web.document import missions
-from gcs_web.document.document import Content
+from gcs_web.document.document import Content, Settings
 from gcs_web.planning import inputs, planning, replanning
 from gcs_web.protocol.plan import Plan
 from tests.waiting import PATIENCE_S, until
@@ -281,6 +281,16 @@ if __name__ == "__main__":
     station.kill()
     station.wait()
     until(lambda: not Path(f"/proc/{planner_pid}").exists(), "the planner's end")
+
+
+@pytest.mark.parametrize(
+    ("asked", "own", "most"), [(None, None, None), (None, 40.0, 40.0), (30.0, None, 30.0), (50.0, 40.0, 40.0)]
+)
+def test_the_stricter_jerk_of_page_and_vehicle_holds(folder, asked, own, most):
+    believed = vehicle.load(folder / "vehicle.toml")
+    believed = replace(believed, limits=replace(believed.limits, jerk_m_s3=own))
+    content = Content(settings=Settings(jerk_m_s3=asked))
+    assert planning.options(content, believed, planner.PlanOptions()).limits.jerk_m_s3 == most
 
 
 @pytest.fixture(scope="module")

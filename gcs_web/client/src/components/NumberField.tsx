@@ -7,13 +7,16 @@ import { editable, parse } from "../core/format";
 interface Props {
   label: string;
   unit: string;
-  value: number;
+  /** Null where nothing is asked. */
+  value: number | null;
+  /** What is committed for an empty field; without it, a number is wanted. */
+  empty?: number | undefined;
   /** Returns the sentence of a refusal, empty when it was taken. */
   onCommit: (value: number) => Promise<string>;
   disabled?: boolean;
 }
 
-export function NumberField({ label, unit, value, onCommit, disabled = false }: Props) {
+export function NumberField({ label, unit, value, empty, onCommit, disabled = false }: Props) {
   const id = useId();
   const text = useSignal<string | null>(null);
   const refusal = useSignal("");
@@ -24,9 +27,9 @@ export function NumberField({ label, unit, value, onCommit, disabled = false }: 
   };
   const commit = async (): Promise<void> => {
     if (text.value === null || text.value === editable(value)) return restore();
-    const typed = parse(text.value);
+    const typed = text.value.trim() === "" && empty !== undefined ? empty : parse(text.value);
     if (typed === null) {
-      refusal.value = `“${text.value}” is not a number; type one in ${unit}, like ${editable(value)}`;
+      refusal.value = `“${text.value}” is not a number; type one in ${unit}, like ${editable(value ?? 1.5)}`;
       return;
     }
     refusal.value = await onCommit(typed);

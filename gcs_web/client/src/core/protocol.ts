@@ -64,6 +64,7 @@ export interface Ask {
   stay_s?: number | null;
   fly_by_m?: number | null;
   leg_speed_m_s?: number | null;
+  leg_jerk_m_s3?: number | null;
 }
 
 export interface Attempt {
@@ -116,6 +117,7 @@ export interface Choose {
   revision: number;
   speed_m_s?: number | null;
   acceleration_m_s2?: number | null;
+  jerk_m_s3?: number | null;
   margin_m?: number | null;
   yaw?: "along_path" | "smooth" | "steady" | "fixed" | "look_at" | "free" | null;
   method?: "fastest" | "corridor" | null;
@@ -1069,6 +1071,7 @@ export interface SetTube {
 export interface Settings {
   speed_m_s: number;
   acceleration_m_s2: number;
+  jerk_m_s3: number | null;
   margin_m: number;
   yaw: "along_path" | "smooth" | "steady" | "fixed" | "look_at" | "free";
   method: "fastest" | "corridor";
@@ -1301,6 +1304,7 @@ export interface Waypoint {
   stay_s: number;
   fly_by_m: number;
   leg_speed_m_s: number | null;
+  leg_jerk_m_s3: number | null;
   velocity_m_s: [number, number, number] | null;
   gate: Gate | null;
 }

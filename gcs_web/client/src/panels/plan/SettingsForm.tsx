@@ -7,11 +7,12 @@ import { edit } from "../../core/socket";
 import { connected, doc } from "../../core/store";
 import type { Settings } from "../../core/protocol";
 
-type NumberSetting = "speed_m_s" | "acceleration_m_s2" | "margin_m";
+type NumberSetting = "speed_m_s" | "acceleration_m_s2" | "jerk_m_s3" | "margin_m";
 
 const NUMBERS: readonly { key: NumberSetting; label: string; unit: string }[] = [
   { key: "speed_m_s", label: "Top speed", unit: "m/s" },
   { key: "acceleration_m_s2", label: "Acceleration", unit: "m/s²" },
+  { key: "jerk_m_s3", label: "Jerk", unit: "m/s³" },
   { key: "margin_m", label: "Margin around the vehicle", unit: "m" },
 ];
 
@@ -31,6 +32,7 @@ export function SettingsForm() {
           label={label}
           unit={unit}
           value={settings[key]}
+          empty={key === "jerk_m_s3" ? 0 : undefined}
           disabled={!connected.value}
           onCommit={async (value) => (await edit({ type: "choose", [key]: value })).error}
         />

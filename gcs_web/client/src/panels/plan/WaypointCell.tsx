@@ -8,7 +8,7 @@ import { edit } from "../../core/socket";
 import { connected, doc, selected } from "../../core/store";
 import type { Waypoint } from "../../core/protocol";
 
-type RequestKey = "stay_s" | "fly_by_m" | "leg_speed_m_s";
+type RequestKey = "stay_s" | "fly_by_m" | "leg_speed_m_s" | "leg_jerk_m_s3";
 type ColumnKey = "x_m" | "y_m" | "z_m" | "yaw_deg" | RequestKey;
 
 interface Column {
@@ -31,6 +31,7 @@ const REQUESTS: readonly Column[] = [
   { key: "stay_s", label: "stay", unit: "s", digits: 1, says: "Hover here for so long" },
   { key: "fly_by_m", label: "within", unit: "m", digits: 2, says: "It is enough to pass within this radius" },
   { key: "leg_speed_m_s", label: "then ≤", unit: "m/s", digits: 1, says: "Largest speed to the next waypoint" },
+  { key: "leg_jerk_m_s3", label: "jerk ≤", unit: "m/s³", digits: 0, says: "Largest jerk to the next waypoint" },
 ];
 
 /** Which columns the table has: where the waypoints are, or what is asked there. */
@@ -38,7 +39,7 @@ export const shownColumns = signal<"position" | "requests">("position");
 export const columns = computed(() => (shownColumns.value === "position" ? POSITION : REQUESTS));
 
 const isRequest = (key: ColumnKey): key is RequestKey =>
-  key === "stay_s" || key === "fly_by_m" || key === "leg_speed_m_s";
+  key === "stay_s" || key === "fly_by_m" || key === "leg_speed_m_s" || key === "leg_jerk_m_s3";
 
 /** What stands in a cell; null where nothing is asked. */
 function valueOf(waypoint: Waypoint, key: ColumnKey): number | null {

@@ -92,11 +92,12 @@ function ColumnChoice() {
 }
 
 /** What is asked at a waypoint beside position and heading, in words; empty for nothing. */
-function requestWords({ stay_s, fly_by_m, leg_speed_m_s, velocity_m_s, gate }: Waypoint): string {
+function requestWords({ stay_s, fly_by_m, leg_speed_m_s, leg_jerk_m_s3, velocity_m_s, gate }: Waypoint): string {
   const words = [];
   if (stay_s > 0) words.push(`stays ${number(stay_s, 1)} s`);
   if (fly_by_m > 0) words.push(`passed within ${number(fly_by_m, 2)} m`);
   if (leg_speed_m_s !== null) words.push(`then at most ${number(leg_speed_m_s, 1)} m/s`);
+  if (leg_jerk_m_s3 !== null) words.push(`then a jerk of at most ${number(leg_jerk_m_s3, 0)} m/s³`);
   if (velocity_m_s !== null) words.push(`velocity ${velocity_m_s.map((v) => number(v, 2)).join(", ")} m/s`);
   if (gate !== null) words.push(`gate of ${number(gate.width_m, 2)} × ${number(gate.height_m, 2)} m`);
   return words.join("; ");
