@@ -19,7 +19,7 @@ def first_fit(logs: Sequence[FlightLog], vehicle: Vehicle, options: Options, pro
     """
     if not any(log.has("position_world_m") and log.has("q_world_body") for log in logs):
         raise InputError(
-            "no flight has a pose, and effects are told apart along a measured motion. Fit these flights "
+            "no flight has a pose, and effects are distinguished along a measured motion. Fit these flights "
             "(`goshawk identify`): thrust by command, lag, inertia and centre of mass need none"
         )
     found = fit_to_use(logs, vehicle, options, progress=progress)

@@ -44,7 +44,7 @@ NONE_HELD_OUT, TOO_SHORT = "no flight was held out", "the held-out flights are t
 def _weighed(model: Model, tried: Sequence[Fitted], unseen: Judge | str) -> tuple[list[Fitted], Model]:
     """Candidates by their weight, the heaviest first, and the model that this one makes.
 
-    Forms of one family that the training flights hardly tell apart are told by the held-out ones too.
+    Forms of one family that the training flights hardly distinguish are told by the held-out ones too.
     """
     after = None
     first = max(tried, key=lambda c: c.reduction.total)

@@ -35,7 +35,7 @@ logger = logging.getLogger(__name__)
 BALANCE_M_S2 = 0.1
 """Thrust carries the weight on the whole of a flight, but for this much: the noise model hardly looks at a mean."""
 MOST_PLAIN = 6
-"""Steps with white noise, before disturbances and noise are told apart from the misfit of the start."""
+"""Steps with white noise, before disturbances and noise are distinguished from the misfit of the start."""
 FORCE_Z = 2
 """Of the six channels."""
 SPAN_S = 0.1

@@ -297,7 +297,7 @@ def test_an_estimate_that_drifts_on_the_ground_does_not_keep_the_rotors_turning(
         assert _after_touch_s(result) < LONGEST_AFTER_TOUCH_S
 
 
-def test_a_hover_that_has_sunk_to_the_ground_unseen_lands(body):
+def test_a_hover_that_sank_to_the_ground_without_notice_lands(body):
     """Estimated height and its velocity rise together while it stands."""
     faults = (Fault(Kind.VELOCITY_BIAS, (0.3,)), Fault(Kind.DRIFT, (0.0, 0.0, 0.3)))
     result = body.fly(Scenario(faults=faults, orders=TAKE_OFF, limit_s=30.0))
