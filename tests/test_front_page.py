@@ -119,7 +119,7 @@ def test_every_picture_is_shown_small_and_rebuilt_by_make_pictures():
     kept = {path for path in (ROOT / "docs" / "pictures").rglob("*") if path.is_file()}
     assert not kept - shown, "no page shows these"
     assert not [path.name for path in kept if path.stat().st_size >= pictures.MOST_BYTES]
-    assert {re.sub("_(light|dark)$", "", path.stem) for path in kept} == {*pictures.NAMES, *pictures.BY_HAND}
+    assert {re.sub("_(light|dark)$", "", path.stem) for path in kept} == set(pictures.NAMES)
     assert "-m tools.pictures" in (ROOT / "Makefile").read_text()
 
 

@@ -26,8 +26,8 @@ FLAGS = ("--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshade
 """3D without a graphics card."""
 PATIENCE_MS, DRAWN_MS = 900_000, 20_000
 """For a comparison; for the mesh, which comes in pieces, and nothing on the page says when it is whole."""
-HELD_OUT = "walk"
-"""The demo's flight that judges."""
+HELD_OUT, LEARNED = "walk", "walk-learned"
+"""The demo's flight that judges; the one flown with what was learned."""
 _ADDRESS = re.compile(r"https?://\S+/\?token=\S+")
 
 
@@ -55,21 +55,61 @@ def the_map(page: "Page") -> None:
     page.wait_for_timeout(DRAWN_MS)
 
 
+def mission(page: "Page") -> None:
+    """Two laps of the demo's path, a landing and a point to look at."""
+    the_plan(page)
+    page.get_by_role("tab", name="Mission").click()
+    page.get_by_role("checkbox", name="Closed loop").click()
+    laps = page.get_by_role("textbox", name="Laps")
+    laps.fill("2")
+    laps.press("Enter")
+    verdict = page.get_by_role("region", name="Verdict")
+    verdict.get_by_text("2 laps").wait_for()
+    page.get_by_role("checkbox", name="Landing").click()
+    for axis in "xy":  # where the floor of the map is flat: at the first image
+        place = page.get_by_role("region", name="Landing").get_by_label(axis, exact=True)
+        place.fill("0")
+        place.press("Enter")
+    page.get_by_role("radio", name="To a point").click()
+    page.get_by_label("Look at x").wait_for()
+    page.wait_for_timeout(DRAWN_MS // 4)  # the last change is being planned
+    verdict.get_by_text("Checked", exact=True).wait_for()
+
+
+def judged(page: "Page") -> None:
+    """The step Compare with the flight that judges."""
+    step(page, "Compare")
+    page.get_by_label(f"What {HELD_OUT} is for").select_option("held-out")
+
+
 def compare(page: "Page") -> None:
     """Where the model fails, and the moments of it on the timeline."""
     the_plan(page)
-    step(page, "Compare")
-    page.get_by_label(f"What {HELD_OUT} is for").select_option("held-out")
+    judged(page)
     page.get_by_role("button", name="Compare with the model").click()
     page.get_by_role("heading", name=re.compile("^Residual")).wait_for()
     page.get_by_role("img", name=re.compile(r"^Residual . in|^Residual ._. in")).click(position={"x": 250, "y": 80})
     page.get_by_text("of the open flights, shaded").wait_for()
 
 
+def learn(page: "Page") -> None:
+    """The missing effect, tried and not kept yet."""
+    judged(page)
+    page.get_by_label(f"What {LEARNED} is for").select_option("left out")
+    step(page, "Learn")
+    page.get_by_text("2 flights to learn from, 1 held out").wait_for()
+    page.get_by_role("button", name="Find the missing effect").click()
+    page.get_by_role("button", name="Diagnose again").wait_for()
+    page.get_by_role("button", name="Try: refit with it").first.click()
+    page.get_by_role("button", name=re.compile("^Keep as version")).wait_for()
+
+
 SCENES: dict[str, Callable[["Page"], None]] = {
     "ground_station": the_plan,
     "ground_station_map": the_map,
+    "ground_station_mission": mission,
     "ground_station_compare": compare,
+    "ground_station_learn": learn,
 }
 NAMES = tuple(SCENES)
 
