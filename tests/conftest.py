@@ -6,7 +6,7 @@ import shutil
 import signal
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line and the Makefile do, before NumPy is imported
 os.environ.setdefault("GOSHAWK_TRACEBACK", "1")  # a fault of our own is to be seen whole
@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from tests.docs import blocks
+if TYPE_CHECKING:
+    from tests.docs import blocks
 
 settings.register_profile("goshawk", deadline=None)  # no test asserts wall-clock times, Hypothesis' own limit included
 settings.load_profile("goshawk")
@@ -80,8 +81,10 @@ def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callab
 
 
 @pytest.fixture
-def documented(request: pytest.FixtureRequest) -> list[blocks.Block]:
+def documented(request: pytest.FixtureRequest) -> "list[blocks.Block]":
     """The blocks of README and docs that say `run by:` this test, to be run as they stand there."""
+    from tests.docs import blocks
+
     found = blocks.run_by(request.node.nodeid.partition("[")[0])
     assert found, "no page names this test"
     return found

@@ -98,14 +98,18 @@ class VehicleWatch:
         )
 
     def _checks(self) -> list[ArmingCheck]:
+        if not self._parameters:
+            return []
         found = self.link.arming_checks(self._parameters, self.plan_start())
         return [ArmingCheck(each.name, each.passed, each.finding, each.remedy) for each in found]
 
     def require_fit(self) -> None:
         """
         Raises:
-            LinkError: the vehicle is on the ground and not fit to arm for the plan; the message says why.
+            LinkError: the vehicle is on the ground and not fit to arm for the plan, or does not answer; the message
+                says why.
         """
+        self._parameters = self.link.parameters()
         failed = [each for each in self.state().checks if not each.passed]
         if failed:
             raise LinkError(f"not armed. {'. '.join(f'{e.name}: {e.finding}; {e.remedy}' for e in failed)}")
@@ -247,12 +251,19 @@ class VehicleWatch:
 
     def _connect(self) -> None:
         try:
-            link = firmware_bridge.connect(self.url, key=self._key_file)
-            self._parameters = link.parameters()
-            self._link, self._problem = link, ""
+            self._link, self._problem = firmware_bridge.connect(self.url, key=self._key_file), ""
         except FlightError as error:
             self._problem = str(error)
             self._stop.wait(_RETRY_S)
+        else:
+            threading.Thread(target=self._read_parameters, args=(self._link,), daemon=True).start()
+
+    def _read_parameters(self, link: firmware_bridge.Link) -> None:
+        """A vehicle that does not answer is shown all the same; it is asked again before it is armed."""
+        try:
+            self._parameters = link.parameters()
+        except FlightError as error:
+            logger.warning("parameters of the vehicle could not be read: %s", error)
 
 
 def _changed(now: Vehicle, told: Vehicle) -> bool:

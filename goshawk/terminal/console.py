@@ -203,9 +203,9 @@ def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[object]]) ->
         return
     with_heads = any(heads)
     drawn = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, show_header=with_heads)
-    for i, head in enumerate(heads):
+    for i, (head, width) in enumerate(zip(heads, _widths(heads, rows, console.width), strict=True)):
         numeric = with_heads and all(isinstance(row[i], int | float) for row in rows)
-        drawn.add_column(head, justify="right" if numeric else "left", min_width=_longest_word(head, rows, i))
+        drawn.add_column(head, justify="right" if numeric else "left", width=width)
     for row in rows:
         drawn.add_row(*[_text(cell) for cell in row])
     console.print(drawn)
@@ -214,6 +214,17 @@ def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[object]]) ->
 def _least_width(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> int:
     """Of a table that folds no word: names are typed again."""
     return sum(_longest_word(head, rows, i) + 3 for i, head in enumerate(heads)) + 1
+
+
+def _widths(heads: Sequence[str], rows: Sequence[Sequence[object]], width: int) -> list[int]:
+    """Of the columns: a word at least, and what is left over where it spares a fold; Rich alone would fold words."""
+    widths = [_longest_word(head, rows, i) for i, head in enumerate(heads)]
+    whole = [max([len(head), *(len(_text(row[i])) for row in rows)]) for i, head in enumerate(heads)]
+    spare, order = width - _least_width(heads, rows), sorted(range(len(heads)), key=lambda i: whole[i] - widths[i])
+    for n, i in enumerate(order):
+        more = min(whole[i] - widths[i], spare // (len(order) - n))
+        widths[i], spare = widths[i] + more, spare - more
+    return widths
 
 
 def _longest_word(head: str, rows: Sequence[Sequence[object]], column: int) -> int:

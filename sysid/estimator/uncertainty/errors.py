@@ -10,7 +10,7 @@ from flight.rotations import FloatArray
 from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.joint_problem.solver import Solution, robust_covariance
 from sysid.estimator.joint_problem.unknowns import Unknowns
-from sysid.estimator.uncertainty import gyro_feedback, unsettled
+from sysid.estimator.uncertainty import gyro_feedback, sampled_commands, unsettled
 from sysid.estimator.uncertainty.assumed_clock import Assumed, assumed
 from sysid.estimator.uncertainty.unsettled import Unsettled
 
@@ -66,7 +66,7 @@ def standard_errors(
     variance = np.maximum(np.diag(sandwich), np.diag(plain))
     off_s = gyro_feedback.biases_s(flights, unknowns, solution, np.sqrt(variance))
     by_clocks = by_command.shift**2 + (gyro_feedback.shifts(off_s, plain) ** 2).sum(axis=1)
-    besides = by_clocks + unsettled.variances(held, unknowns)
+    besides = by_clocks + unsettled.variances(held, unknowns) + sampled_commands.variances(flights, unknowns)
     # Student's quantile is for the sandwich alone: it rests on few blocks
     of_blocks, of_noise = stdtrit(freedom, 0.95) ** 2 * np.diag(sandwich), NORMAL_90**2 * np.diag(plain)
     return Errors(

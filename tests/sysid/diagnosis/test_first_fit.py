@@ -15,6 +15,7 @@ from sysid.estimator.result import NOT_SETTLED
 YAW = "inertia_zz_kg_m2"
 TRUTH = vehicle.example()
 WHITE = Options(gusts="white")
+WITH_POSE: Any = SimpleNamespace(has=lambda name: True)
 
 
 def fit(times: float, *, lasting: bool = False, settled: bool = True) -> Any:
@@ -59,7 +60,7 @@ def test_the_first_fit_decides_how_all_fits_are_made(
     monkeypatch.setattr(first_fit, "identify", identify)
     monkeypatch.setattr(fit_to_use, "identify", identify)
     monkeypatch.setattr(first_fit, "pose_is_late", lambda clocks: clocks == "late")
-    found = first_fit.first_fit((), TRUTH, options, silent)
+    found = first_fit.first_fit((WITH_POSE,), TRUTH, options, silent)
     assert len(made) == len(fits)
     assert found.fit is fits[kept]
     assert (found.options.gusts, found.options.held) == (gusts, held)

@@ -144,7 +144,7 @@ def test_on_the_page_the_views_become_waypoints_that_undo_takes_back(folder: Pat
     asked = look_again.Arguments()
     look_again.KIND.check(opened, asked)
     result = look_again.KIND.run(opened.folder, asked, silent)
-    session = Session(opened, Settings(2.0, 2.0, 0.15, "along_path", "fastest"))
+    session = Session(opened, Settings(margin_m=0.15))
     try:
         desk: Any = SimpleNamespace(session=session)
         assert "the plan's waypoints now" in look_again.KIND.done(desk, result)

@@ -65,6 +65,12 @@ def test_inertia_and_lag_are_found_within_five_percent(twins, fitted):
             assert found.estimate(name).value == pytest.approx(twins[0][name][i], rel=0.05)
 
 
+def test_a_lag_is_never_surer_than_the_sampling_of_commands_lets_it_be(fitted):
+    for found in fitted:
+        for name in ("motor_lag.rise_s", "motor_lag.fall_s"):
+            assert found.estimate(name).std_robust >= 0.002 / np.sqrt(12.0)  # 500 Hz
+
+
 def test_thrust_by_command_is_found_whatever_speed_full_throttle_is(twins, fitted, start):
     import without_pose_flights as flights
 
