@@ -164,7 +164,7 @@ def write_rendered_sequence(
     names = [f"{i:04d}.png" for i in range(len(flight.times_s))]
     with file_format.atomic_folder(Path(folder)) as new:
         for number, camera in enumerate(rig):
-            (new / camera.folder).mkdir(parents=True)
+            (new / camera.folder).mkdir(parents=True, exist_ok=True)
             for i, name in enumerate(names):
                 cv2.imwrite(str(new / camera.folder / name), picture(i, number), [cv2.IMWRITE_PNG_COMPRESSION, 1])
                 progress(f"render {camera.name}", (i + 1) / len(names))
