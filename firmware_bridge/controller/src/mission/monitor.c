@@ -40,7 +40,7 @@ static void raise_alarm(tc_controller* c, tc_reason reason) {
         m->alarms++;
         m->final = m->alarms >= MOST_ALARMS;
         m->reason = (uint8_t)reason;
-        m->drift_m[0] = m->drift_m[1] = 0.0f;
+        memset(m->drift_m, 0, sizeof m->drift_m);
     }
     m->alarm_us = c->telemetry.time_us;
 }
