@@ -44,6 +44,8 @@ class Recorder:
     """Shares of 0.1 rad/s and 3 m/s2 at the rotors' frequency."""
     place_m: tuple[float, float, float] = (0.01, -0.006, 0.008)
     latency_s: float = 4e-3
+    gyro_late_s: float = 0.0
+    """Beside its low-pass; the pilot's rate loop has the late one, too."""
     command_step: float = 1e-3
 
 
@@ -103,7 +105,8 @@ def flown(
     pilot = _Pilot(m, rng, duration_s)
     late = max(0, round(recorder.latency_s / STEP_S))
     waiting = [np.full((m, 4), 0.48)] * (late + 1)
-    gyro, force = np.zeros((m, 3)), np.tile([0.0, 0.0, 9.8], (m, 1))
+    filtered, force = np.zeros((m, 3)), np.tile([0.0, 0.0, 9.8], (m, 1))
+    gyros, gyro_late = [filtered], round(recorder.gyro_late_s / STEP_S)
     turn_before = np.zeros((m, 3))
     rows: list[tuple[FloatArray, ...]] = []
     every = round(1.0 / (recorder.rate_hz * STEP_S))
@@ -116,7 +119,9 @@ def flown(
         felt = fleet.specific_force_body_m_s2 + np.cross(turning, here) + np.cross(rate, np.cross(rate, here))
         shake = np.sin(1050.0 * k * STEP_S + np.arange(3)) * recorder.vibration
         noisy = rate + recorder.gyro_rad_s * rng.standard_normal((m, 3)) * 2.0 + 0.1 * shake
-        gyro = gyro + _share(recorder.gyro_cutoff_hz) * (noisy - gyro)
+        filtered = filtered + _share(recorder.gyro_cutoff_hz) * (noisy - filtered)
+        gyros = [*gyros[-gyro_late:], filtered] if gyro_late else [filtered]
+        gyro = gyros[0]
         felt = felt + recorder.accelerometer_m_s2 * rng.standard_normal((m, 3)) * 2.0 + 3.0 * shake
         force = force + _share(recorder.accelerometer_cutoff_hz) * (felt - force)
         command = pilot.command(fleet, gyro)

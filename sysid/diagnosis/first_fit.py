@@ -19,8 +19,8 @@ def first_fit(logs: Sequence[FlightLog], vehicle: Vehicle, options: Options, pro
     """
     if not any(log.has("position_world_m") and log.has("q_world_body") for log in logs):
         raise InputError(
-            "no flight has a pose, and effects are distinguished along a measured motion. Fit these flights "
-            "(`goshawk identify`): thrust by command, lag, inertia and centre of mass need none"
+            "no flight has a pose, and effects are distinguished along a measured motion; `goshawk diagnose` names "
+            "the faults that an IMU alone shows"
         )
     found = fit_to_use(logs, vehicle, options, progress=progress)
     if not pose_is_late(found.fit.clocks):

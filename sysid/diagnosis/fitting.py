@@ -28,7 +28,7 @@ def refit(logs: Sequence[FlightLog], model: Model, candidate: Candidate, options
     flights = model.flights if candidate.between_flights else model.fit.flights
     near = replace(model.fit, flights=flights)
     try:
-        return identify(logs, start, _holding_others(options, start, candidate), near=near)
+        return identify(logs, start, holding_others(options, start, candidate), near=near)
     except InputError:
         if candidate.between_flights:
             raise
@@ -36,10 +36,10 @@ def refit(logs: Sequence[FlightLog], model: Model, candidate: Candidate, options
         for free in (e for e in model.fit.parameters if e.status == "free"):
             given = given.with_value(free.name, free.start)
         start = candidates.added(given, candidate, [0.0] * len(candidate.parameters))
-        return identify(logs, start, _holding_others(options, start, candidate), given=model.fit.given)
+        return identify(logs, start, holding_others(options, start, candidate), given=model.fit.given)
 
 
-def _holding_others(options: Options, vehicle: Vehicle, candidate: Candidate) -> Options:
+def holding_others(options: Options, vehicle: Vehicle, candidate: Candidate) -> Options:
     """Parameters of the same effect that are no part of the candidate stay where they are, unless already found."""
     own = {f"{candidate.effect}.{s.name}": s for s in effects.find(candidate.effect).parameters}
     idle = [n for n, s in own.items() if n not in candidate.columns and vehicle.value(n) == (s.default * s.optional)]

@@ -28,7 +28,8 @@ from vehicle import Vehicle
 
 logger = logging.getLogger(__name__)
 
-TRIED = ("thrust_affine", "centre_of_mass")
+AFFINE = "thrust_affine"
+TRIED = (AFFINE, "centre_of_mass")
 """Effects that commands and propellers of all vehicles have a little of: thrust in the command is a parabola with all
 three terms, and a lasting moment balances the body. Each is kept if the flights show it."""
 SURE = 16.0
@@ -36,18 +37,27 @@ SURE = 16.0
 
 
 def identify(
-    flights: Sequence[Flight], vehicle: Vehicle, options: Options, given: Vehicle, progress: Progress
+    flights: Sequence[Flight],
+    vehicle: Vehicle,
+    options: Options,
+    given: Vehicle,
+    progress: Progress,
+    *,
+    effects: Sequence[str] = TRIED,
+    near: Identification | None = None,
 ) -> Identification:
     """Fit a vehicle's parameters to flights without a pose.
 
     Args:
         given: the vehicle as the user gave it.
+        effects: that are added where the flights show them.
+        near: the fit of a similar vehicle to the same flights, to start from.
 
     Raises:
         InputError: the flights show too little, or a name is unknown.
     """
     flights = [with_delays(flight) for flight in flights]
-    tried = [] if options.free is not None else _tried(flights, vehicle)
+    tried = [] if options.free is not None else _tried(flights, vehicle, effects)
     started = vehicle
     for effect in tried:
         started = started.with_effect(effect)
@@ -57,12 +67,12 @@ def identify(
     mute = _mute(flights, started, names)
     unknowns = _unknowns(flights, tuple(name for name in names if name not in mute))
     states = tuple(first_guess(f, np.zeros(3), rotations.IDENTITY) for f in flights)
-    point, held = Point(started, sensor_values(started), states), list(mute)
-    near = False
+    sensors = near.solution.point.sensors if near else sensor_values(started)
+    point, held, close = Point(started, sensors, states), list(mute), near is not None
     while True:
         prior = _prior(flights, point, unknowns, options, started)
-        solution = fit.solve(flights, point, unknowns, prior, options, progress, near=near)
-        near = True
+        solution = fit.solve(flights, point, unknowns, prior, options, progress, near=close)
+        close = True
         surplus = next((effect for effect in tried if not _is_shown(effect, solution, unknowns)), None)
         if surplus is not None:
             tried.remove(surplus)
@@ -83,12 +93,12 @@ def identify(
     return _concluded(flights, started, unknowns, solution, tuple(held), options, given)
 
 
-def _tried(flights: Sequence[Flight], vehicle: Vehicle) -> list[str]:
+def _tried(flights: Sequence[Flight], vehicle: Vehicle, wanted: Sequence[str]) -> list[str]:
     """Effects to be tried: where commands were shares of full throttle, and the thrust is quadratic so far."""
     if not any(flight.full_throttle_rad_s is not None for flight in flights):
         return []
-    wanted = TRIED if "thrust_quadratic" in vehicle.effects else TRIED[1:]
-    return [effect for effect in wanted if effect not in vehicle.effects]
+    quadratic = "thrust_quadratic" in vehicle.effects
+    return [e for e in wanted if e not in vehicle.effects and (quadratic or e != AFFINE)]
 
 
 def _is_shown(effect: str, solution: Solution, unknowns: Unknowns) -> bool:

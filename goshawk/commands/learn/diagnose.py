@@ -15,14 +15,15 @@ from goshawk.commands.learn import diagnosis_screen, fit_options, kept, what_nex
 from goshawk.commands.learn.flights import load, refuse_repeated
 from goshawk.commands.learn.what_next import DiagnoseCall
 from goshawk.terminal import console, outputs
-from sysid.diagnosis import Diagnosis, diagnose
+from sysid.diagnosis import Diagnosis, diagnose, from_imu
 from sysid.diagnosis.experiment_design import next_flight
 from sysid.diagnosis.experiment_design.outlook import Outlook, outlook
+from sysid.estimator.options import Options
 from sysid.estimator.verdict import Use
 from sysid.report import diagnosis_figures as figures
 from sysid.report import diagnosis_page as report
 
-KIND = "diagnosis"
+KIND, KIND_IMU = "diagnosis", "diagnosis-imu"
 _OUT = Path("OUT.toml")
 """In the next steps that are kept, the vehicle file that a call asks for."""
 
@@ -89,6 +90,9 @@ def command(
     vehicle undo` restores the old one. A fit with the verdict `do not use` is only written with --anyway; one that
     clearly predicts better than the file given is written and marked "for prediction, not for design".
 
+    Flights without a pose (gyro, accelerometer and motor commands) are diagnosed by what an IMU shows: a weak rotor,
+    unequal motors, the centre of mass, a late gyro.
+
     Exit code 0 whatever the diagnosis; 1 if the verdict on the fit is `do not use`, 2 for invalid input.
     """
     refuse_repeated((*flights, *held_out), "for fitting or held out")
@@ -100,19 +104,27 @@ def command(
     call = DiagnoseCall(flights, vehicle_file, held_out, columns, None, auto, fit_options.typed(fit))
     key = kept.key((flights, held_out), columns, [vehicle_file], (options, fit["gravity_m_s2"], call))
     result, found, outlooks = None if report_file or plots else kept.find(KIND, flights[0], key), None, {}
+    result = result or kept.find(KIND_IMU, flights[0], key)
     if result is None:
-        with console.progress() as progress:
-            training, evaluation = ([_read(path, columns) for path in paths] for paths in (flights, held_out))
-            found = diagnose(training, given, held_out=evaluation, auto=auto, options=options, progress=progress)
-            outlooks = outlook(found, rng=np.random.default_rng(0))
-        result = _result(found, outlooks, call)
-        kept.keep(KIND, flights[0], key, result)
+        training, evaluation = ([_read(path, columns) for path in paths] for paths in (flights, held_out))
+        if _has_pose(training):
+            with console.progress() as progress:
+                found = diagnose(training, given, held_out=evaluation, auto=auto, options=options, progress=progress)
+                outlooks = outlook(found, rng=np.random.default_rng(0))
+            result = _result(found, outlooks, call)
+        else:
+            result = _of_imu(training, given, options, call)
+        kept.keep(KIND if found else KIND_IMU, flights[0], key, result)
+    if result.document["schema"] == from_imu.SCHEMA and (report_file or plots):
+        raise InputError(
+            "figures of a diagnosis follow a measured motion; for flights without a pose see goshawk identify"
+        )
     usable = result.document["fit"]["use"] != Use.REJECTED
     written = out if usable or anyway else None
     refused = None if written else out
     further = _further(result, written, refused)
     if written is not None and result.vehicle is not None:
-        added = [*result.document["additions"], *result.document["proxies"]]
+        added = [*result.document["additions"], *result.document.get("proxies", ())]
         outputs.write_vehicle(written, result.vehicle, "diagnose", effect=" + ".join(added), overwrite=overwrite)
     files: dict[str, Any] = {"report": None, "figures": []}
     if found is not None:
@@ -142,6 +154,23 @@ def _result(found: Diagnosis, outlooks: Mapping[str, Outlook], call: DiagnoseCal
     document = found.as_dict() | {"outlook": {name: view.as_dict() for name, view in outlooks.items()}}
     details = diagnosis_screen.details(found, outlooks)
     return kept.Kept(document, diagnosis_screen.short(found), found.vehicle, more, details)
+
+
+def _has_pose(logs: Sequence[FlightLog]) -> bool:
+    return any(log.has("position_world_m") and log.has("q_world_body") for log in logs)
+
+
+def _of_imu(logs: Sequence[FlightLog], given: vehicle.Vehicle, options: Options, call: DiagnoseCall) -> kept.Kept:
+    """What is kept of a diagnosis of flights without a pose."""
+    if call.held_out:
+        raise InputError("held-out flights judge a predicted motion, and no flight has a pose; leave --held-out out")
+    with console.progress() as progress:
+        found = from_imu.diagnose(logs, given, options=options, progress=progress)
+    fates = {"next": call, "written": replace(call, out=_OUT), "refused": replace(call, refused=_OUT)}
+    more = {fate: what_next.lines_of_imu(found, each) for fate, each in fates.items()}
+    more |= kept.about(call.flights, call.vehicle_file)
+    screen, details = diagnosis_screen.short_of_imu(found), diagnosis_screen.details_of_imu(found)
+    return kept.Kept(found.as_dict(), screen, found.vehicle, more, details)
 
 
 def _tell_next(further: Sequence[str], written: Sequence[Path | str | None], refused: Path | None) -> None:

@@ -7,6 +7,7 @@ from goshawk.terminal.screen import Screen
 from sysid.diagnosis import CandidateFinding, Diagnosis, Size
 from sysid.diagnosis.experiment_design.outlook import Outlook
 from sysid.diagnosis.findings import Verdict
+from sysid.diagnosis.from_imu import ImuDiagnosis
 from sysid.report import residual_plots, words
 
 COLUMNS = 80
@@ -72,6 +73,46 @@ def details(found: Diagnosis, outlooks: Mapping[str, Outlook]) -> Screen:
     if reasons:
         screen.table("inconclusive from these flights, and why", ("effect", "reason"), reasons)
     for finding in found.findings:
+        screen.line(f"note: {finding}")
+    return screen
+
+
+def short_of_imu(found: ImuDiagnosis) -> Screen:
+    """Of flights without a pose: verdict, sizes, what could not be told."""
+    screen = Screen()
+    _paragraph(screen, f"{found.verdict} (confidence {found.confidence:.0%})", indent="")
+    for one in found.named:
+        sizes = (
+            f"{s.parameter.split('.')[-1]} {s.value:.3g} ({s.interval90[0]:.3g} to {s.interval90[1]:.3g}) {s.unit}"
+            for s in one.sizes
+        )
+        _paragraph(screen, f"{one.name}: {', '.join(sizes)}".rstrip())
+    _paragraph(screen, f"the fit is {found.fit.verdict.sentence}", indent="")
+    excluded = sum(one.verdict is Verdict.EXCLUDED for one in found.candidates)
+    open_ = [one.name for one in found.candidates if one.verdict is Verdict.INCONCLUSIVE]
+    told = f"; inconclusive: {_some(open_)}" if open_ else ""
+    _paragraph(
+        screen,
+        f"excluded at sizes that matter: {excluded} effects{told}; unobservable without a pose: "
+        f"{len(found.invisible)} (--details)",
+        indent="",
+    )
+    return screen
+
+
+def details_of_imu(found: ImuDiagnosis) -> Screen:
+    """Of flights without a pose: all candidates, all notes."""
+    screen = Screen()
+    rows = [
+        (one.name, str(one.verdict), s.parameter.split(".")[-1], f"{s.value:.3g} ± {s.half90:.1g}", s.unit)
+        for one in found.candidates
+        for s in one.sizes
+    ]
+    screen.table("candidate effects", ("candidate", "verdict", "parameter", "size ± 90 %", "unit"), rows)
+    reasons = [(one.name, one.reason) for one in found.candidates if one.verdict is Verdict.INCONCLUSIVE]
+    reasons += [(name, f"unobservable: {why}") for name, why in found.invisible]
+    screen.table("inconclusive from these flights, and why", ("effect", "reason"), reasons)
+    for finding in found.fit.findings:
         screen.line(f"note: {finding}")
     return screen
 

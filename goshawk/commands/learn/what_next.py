@@ -14,6 +14,7 @@ from goshawk.commands.learn.flights import marked_file
 from sysid.diagnosis import Diagnosis, OutsideFinding, curve
 from sysid.diagnosis.experiment_design import next_flight, outlook
 from sysid.diagnosis.experiment_design.outlook import Outlook
+from sysid.diagnosis.from_imu import UNEQUAL, WEAK, ImuDiagnosis
 from sysid.estimator.verdict import Use
 
 THRUST = "thrust_bem"
@@ -56,6 +57,10 @@ class DiagnoseCall:
         """Flights and options of `goshawk vehicle effect add`."""
         return f" {self.training()}{self.judging()}"
 
+    def adding(self, effect: str) -> str:
+        """Add an effect to the vehicle file, fitted."""
+        return f"goshawk vehicle effect add {_words(self.vehicle_file)} {effect}{self.refitting()}"
+
     def again(self, vehicle_file: Path) -> str:
         """The diagnosis once more."""
         return f"goshawk diagnose {self.training()} --vehicle {_words(vehicle_file)}{self.judging()}{self.fit}"
@@ -73,6 +78,12 @@ def lines(found: Diagnosis, call: DiagnoseCall, outlooks: Mapping[str, Outlook] 
     if (outside := _to_be_adopted(found)) is not None:
         said += _after_curve(outside, call)
     return said + _next_flight(found, call, outlooks)
+
+
+def lines_of_imu(found: ImuDiagnosis, call: DiagnoseCall) -> list[str]:
+    """Of flights without a pose: add what was named."""
+    named = (WEAK if name == UNEQUAL else name.partition("[")[0] for name in found.additions)
+    return [] if call.out is not None else [call.adding(effect) for effect in dict.fromkeys(named)]
 
 
 def _fit_first(found: Diagnosis, call: DiagnoseCall) -> list[str]:
@@ -105,8 +116,7 @@ def _after_additions(found: Diagnosis, call: DiagnoseCall) -> list[str]:
     effects = list(dict.fromkeys(name.partition("[")[0] for name in _added(found)))
     if THRUST in effects and THRUST not in found.base.effects:
         return [call.again(call.vehicle_file) + (" --auto" if call.auto else "") + " --out better.toml"]
-    change = f"goshawk vehicle effect add {_words(call.vehicle_file)} {{}}{call.refitting()}"
-    return [change.format(effect) for effect in effects]
+    return [call.adding(effect) for effect in effects]
 
 
 def _marking(found: Diagnosis, call: DiagnoseCall) -> tuple[list[str], DiagnoseCall]:

@@ -66,7 +66,7 @@ def solve(
         near: whether the start is near the optimum already.
         point: where to start; its states are what the IMU alone shows, and stay as they are.
     """
-    order = coloured.order_for(float(np.median(np.concatenate([f.step_s for f in flights]))))
+    order = _order(flights)
     states, point = point.states, replace(point, states=())
     record: list[Iteration] = []
     noise_of, converged = coloured.fitted if near else coloured.plain, False
@@ -167,6 +167,28 @@ def _solution(
         record=record,
         converged=converged,
     )
+
+
+def block_scores(flights: Sequence[Flight], point: Point, unknowns: Unknowns, block_s: float) -> tuple[Score, ...]:
+    """Of each block of time of all flights, with the noise that a vehicle leaves at this point.
+
+    The unknowns may be more than what was fitted: what a candidate would explain shows in its columns.
+    """
+    parts = [shown(f, point.vehicle, unknowns.names, unknowns.model, point.sensors) for f in flights]
+    noise = coloured.fitted([part.left for part in parts], _order(flights))
+    return tuple(one for f, part in zip(flights, parts, strict=True) for one in _scores(f, part, noise, block_s))
+
+
+def concentrated_cost(flights: Sequence[Flight], point: Point) -> float:
+    """Negative log-likelihood of the flights with the noise at its best for this point, but for a constant."""
+    series = [left(f, point.vehicle, point.sensors) for f in flights]
+    order = _order(flights)
+    noise = coloured.fitted(series, order)
+    return float(np.log(noise.std).sum()) * sum(len(s) - order for s in series)
+
+
+def _order(flights: Sequence[Flight]) -> int:
+    return coloured.order_for(float(np.median(np.concatenate([f.step_s for f in flights]))))
 
 
 def _scores(flight: Flight, part: Shown, noise: Coloured, block_s: float) -> tuple[Score, ...]:

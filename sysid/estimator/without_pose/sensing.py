@@ -29,6 +29,10 @@ FELT, TURNED = slice(0, 3), slice(3, 6)
 """Channels of the accelerometer and of the gyro."""
 OPEN_AIR_M = 100.0
 """Height without any ground effect."""
+PASSING_M_S = np.array([6.0, 4.0, -3.0])
+"""An air speed that flights without a pose may have had."""
+LOW = 2e-3
+"""A height that they may have had, as a share of the open air's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,6 +126,26 @@ def resting(flight: Flight) -> Middle:
     high, axes = np.tile([0.0, 0.0, OPEN_AIR_M], (k, 1)), np.broadcast_to(np.eye(3), (k, 3, 3))
     gravity = np.array([0.0, 0.0, -flight.gravity_m_s2])
     return Middle(flight.step_s[:, None], axes, still, level, high, still, still, rate, gravity)
+
+
+def shown_at_rest(flight: Flight, vehicle: Vehicle, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Of parameters of the vehicle's motion, those whose derivative an unknown velocity and height hardly change.
+
+    The others would be judged by an air speed that nobody measured.
+    """
+    driven = rotors.turned(flight, vehicle, (), {}).flight
+    still = resting(flight)
+    away = replace(
+        still,
+        velocity_world_m_s=still.velocity_world_m_s + PASSING_M_S,
+        velocity_body_m_s=still.velocity_body_m_s + PASSING_M_S,
+        position_world_m=still.position_world_m * LOW,
+    )
+    at_rest, passing = (
+        np.sqrt((slopes_along(vehicle, names, driven, mid).parameters ** 2).sum(axis=0)) for mid in (still, away)
+    )
+    known = (at_rest >= 0.5 * passing).all(axis=0)
+    return tuple(name for name, so in zip(names, known, strict=True) if so)
 
 
 def measured(flight: Flight) -> FloatArray:
