@@ -39,12 +39,11 @@ def rows(scenes: int = 400) -> list[report.Row]:
     crashed: list[str] = []
     narrow, asked = 0, {"gate": 0.0, "tube": 0.0, "speed": 0.0, "radius": 0.0}
     for seed in range(2000, 2000 + scenes):
-        request = draw(seed)
-        mission = request.mission
-        given = mission.gates, mission.keep_in, mission.leg_speeds, mission.fly_bys
-        asked = {name: asked[name] + bool(there) for name, there in zip(asked, given, strict=True)}
         try:
-            plan = missions.plan(mission, request.place.field, request.drone, planner_scenes.OPTIONS)
+            request = draw(seed)
+            for name, there in _asked(request.mission).items():
+                asked[name] += there
+            plan = missions.plan(request.mission, request.place.field, request.drone, planner_scenes.OPTIONS)
         except planner.PlanInfeasibleError as error:
             narrow += error.gap is not None
             refused += [] if error.gap is not None else [f"{seed}: {error}"]
@@ -63,8 +62,17 @@ def rows(scenes: int = 400) -> list[report.Row]:
     ]
 
 
+def _asked(mission: Mission) -> dict[str, bool]:
+    given = {"gate": mission.gates, "tube": mission.keep_in, "speed": mission.leg_speeds, "radius": mission.fly_bys}
+    return {name: bool(there) for name, there in given.items()}
+
+
 def draw(seed: int) -> Request:
-    """A place of `planner_scenes.place`; each kind of request is asked for in about every second mission."""
+    """A place of `planner_scenes.place`; each kind of request is asked for in about every second mission.
+
+    Raises:
+        PlanInfeasibleError: there is no way between the waypoints that is wide enough.
+    """
     where, rng = planner_scenes.place(seed), np.random.default_rng(seed + 20_000)
     drone = vehicle.example("rigter2019")
     if rng.uniform() < 0.5:
