@@ -19,7 +19,7 @@ from planner._planner import StopFlag
 from planner.curve import minimum_snap
 from planner.drafting import Draft
 from planner.gate import gate
-from planner.optimise import fastest
+from planner.optimise import fastest, posing
 from planner.planning import Plan
 from planner.request import inputs, space
 from planner.request.conditions import Conditions
@@ -243,27 +243,25 @@ class Planner:
             np.concatenate([kept.spline.states[:first], states, kept.spline.states[last + 1 :]]),
         )
         waypoint = np.concatenate([number[:first], index, after])
-        centres = waypoints.positions_world_m[np.maximum(waypoint, 0)]
-        balls, gates = asked.balls(centres, waypoint), asked.gates(centres, waypoint)
+        request = Request(waypoints, self._field, self._vehicle, self._options, asked, stop)
+        at_knots = asked.at_knots(waypoints.positions_world_m, waypoint, request.limits)
+        gates = at_knots["gates"]
         if gates is not None and kept.problem.gates is not None:  # openings beside gates (`one_way`) are no waypoints
             here, before = np.arange(len(waypoint)), np.arange(len(number))
             for there, was in ((here < first, before < first), (here >= first + len(index), before > last)):
                 gates[there & (waypoint < 0)] = kept.problem.gates[was & (number < 0)]
-        may_move = (index < 0) | fastest.may_move(balls, gates, len(waypoint))[first : first + len(index)]
+        may_move = (index < 0) | posing.may_move(at_knots, len(waypoint))[first : first + len(index)]
         free = np.repeat(may_move[:, None], 4, axis=1)
         free[:, 3] = (index < 0) | np.isnan(waypoints.yaw_rad[index])
         problem = replace(
             kept.problem,
             knots=spline.states[:, 0],
-            velocity=asked.at_knots(waypoint),
-            balls=balls,
-            gates=gates,
             free=np.concatenate([kept.problem.free[:first], free, kept.problem.free[last + 1 :]]),
+            **at_knots,
         )
         wrong = np.zeros(len(spline.durations_s), dtype=bool)
         wrong[first : first + len(durations)] = True
         used = self._path.report.usage
-        request = Request(waypoints, self._field, self._vehicle, self._options, asked, stop)
         return fastest.until_flyable(
             problem,
             spline,
