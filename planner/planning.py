@@ -100,19 +100,9 @@ def of_path(path: Path, waypoints: Waypoints, route_world_m: FloatArray) -> Plan
 def from_scratch(request: Request, progress: Progress = silent) -> tuple[Path, routes.Route]:
     """As `plan`, with what a later plan can start from."""
     progress("route", 0.0)
-    waypoints, field, options = request.waypoints, request.field, request.options
-    inputs.check(waypoints, field, request.vehicle, options)
-    asked = request.conditions.checked(len(waypoints.positions_world_m), request.limits)
-    inputs.check_durations(waypoints, request.limits, asked.leg_speed_m_s)
-    if options.method == "bry" and (asked.given_motion or asked.leg_limits):
-        raise InputError(
-            "Bry's method starts and ends at rest and knows no velocities and no speeds or jerks of legs; use fastest"
-        )
-    routes.check_waypoints(waypoints, field, options.waypoint_clearance_m)
-    asked.check_inside(waypoints.positions_world_m)
-    room = asked.room(field, options)
-    request = replace(request, conditions=asked)
-    inside = replace(request, field=room)
+    request = inputs.admitted(request)
+    asked = request.conditions
+    inside = replace(request, field=asked.room(request.field, request.options))
     route = _route(inside)
     progress("optimise", 0.2)
 

@@ -28,7 +28,7 @@ def plan(request: Request) -> planning.Plan:
     """
     check_stop(request.stop)
     waypoints = request.waypoints
-    inputs.check(waypoints, request.field, request.vehicle, request.options)
+    inputs.check(waypoints, request.field, request.vehicle, request.options, may_turn=True)
     spline = _smoothest(waypoints, limits.yaw_bounds(request.vehicle, request.limits))
     heading.constant(spline, waypoints.yaw_rad, request.options)
     trajectory, ask_gate = minimum_snap.trajectory(spline), gate.judge(request)

@@ -70,10 +70,9 @@ class Attempts:
 
     def _from_starts(self, request: Request) -> Path | None:
         """The fastest path from as many starts of the descent as are asked for, the first of equals."""
-        problem, durations, index = posing.whole_vehicle(
+        problem, begin, index = posing.whole_vehicle(
             self._rough, self.start, self._route.waypoint, request, self._clearance_price
         )
-        begin = problem.spline(problem.knots, durations)
         if request.options.starts == 1:
             return self._from_start(0, problem, begin, index, request)
         stop = StopFlag() if request.stop is None else request.stop

@@ -73,8 +73,9 @@ def rough(route: routes.Route, obstacles: space.DistanceField, request: Request)
 
 def whole_vehicle(
     problem: Problem, start: Solution, waypoint: np.ndarray, request: Request, clearance_price: float
-) -> tuple[Problem, FloatArray, np.ndarray]:
-    """The problem with more knots, the heading and hardly any price on snap; durations; which waypoint each knot is.
+) -> tuple[Problem, minimum_snap.Spline, np.ndarray]:
+    """The problem with more knots, the heading and hardly any price on snap; a path to begin with; which waypoint each
+    knot is.
 
     Args:
         clearance_price: as `Weights.clearance`.
@@ -98,7 +99,7 @@ def whole_vehicle(
     price, turning = _YAW_PRICES[options.yaw]
     weights = Weights(snap=2e-7, limits=400.0, clearance=clearance_price, heading=price, turning=turning)
     problem = replace(problem, knots=knots, free=free, weights=weights, heading_held=held is not None)
-    return problem, durations, waypoint
+    return problem, problem.spline(knots, durations), waypoint
 
 
 def with_free_heading(problem: Problem, waypoint: np.ndarray, asked_rad: FloatArray) -> Problem:
