@@ -308,6 +308,15 @@ static void one_tick(vehicle* v, const tc_estimate* estimate, uint64_t now_us) {
     tc_link_update(&v->link, now_us);
 }
 
+/* What a vehicle would measure that flies as it is asked to: less, and the monitor would find that it lies. */
+static void follow(const tc_controller* c, tc_estimate* estimate) {
+    const tc_telemetry* t = &c->telemetry;
+    memcpy(estimate->position_world_m, t->setpoint.position_world_m, sizeof estimate->position_world_m);
+    memcpy(estimate->velocity_world_m_s, t->setpoint.velocity_world_m_s, sizeof estimate->velocity_world_m_s);
+    memcpy(estimate->q_world_body, t->flatness.q_reference, sizeof estimate->q_world_body);
+    estimate->specific_force_body_m_s2[2] = t->wrench.thrust_n / c->parameters.mass_kg;
+}
+
 /* Time goes on. Low half of the byte: 0 to 11 the vehicle is where it should be, 12 it is not, 13 it is for half a
    second, 14 the estimate is anything at all, 15 three seconds without a tick. */
 static void tick(vehicle* v, bytes* input, uint64_t* now_us) {
@@ -324,7 +333,7 @@ static void tick(vehicle* v, bytes* input, uint64_t* now_us) {
         *now_us += TICK_US;
         estimate.position_time_us = estimate.attitude_time_us = estimate.rate_time_us = *now_us;
         if (tc_mission_in_air(v->controller.mission.state) && in_place) {
-            memcpy(estimate.position_world_m, v->controller.telemetry.setpoint.position_world_m, sizeof(float[3]));
+            follow(&v->controller, &estimate);
         } else {
             estimate.position_world_m[2] = (float)(how / 16u) * 0.2f;
         }

@@ -59,3 +59,9 @@ uint32_t tc_crc32(uint32_t crc, const uint8_t* bytes, size_t n) {
     touch(bytes, n);
     return ~quick_crc(&t, 0xedb88320u, ~crc, bytes, n);
 }
+
+uint32_t tc_crc32_u32(uint32_t crc, uint32_t value) { /* on a little-endian machine */
+    uint8_t bytes[sizeof value];
+    memcpy(bytes, &value, sizeof value);
+    return tc_crc32(crc, bytes, sizeof bytes);
+}

@@ -4,7 +4,7 @@ import math
 
 import pytest
 from judge import violations
-from scenario import START, TAKE_OFF, Command, Fault, Kind, Order, Reason, Scenario, State, circle, land
+from scenario import FROM_START, START, TAKE_OFF, Command, Fault, Kind, Order, Reason, Scenario, State, circle, land
 
 BLIND_M_S = 2.5
 
@@ -66,6 +66,16 @@ def test_a_pose_that_is_stuck_is_found_at_speed(body):
     result = body.fly(Scenario(orders=(*TAKE_OFF, START), path=path, faults=(stuck,)))
     assert Reason.DEAD_RECKONING in result.limit_reasons
     assert violations(result, touchdown_m_s=BLIND_M_S) == []
+
+
+def test_a_pose_that_is_late_is_believed_at_the_touchdown(body):
+    """It still falls when the accelerometer has stopped."""
+    late = Fault(Kind.STAMP_OFFSET, (0.028,), since=FROM_START)
+    for seed in range(4):
+        scenario = hover(late, land_s=2.0, sensors={"delay_s": 0.038, "vibration_m_s2": 3.0}, seed=seed)
+        trace = body.fly(scenario, trace_every=10).trace
+        flies = trace["state"] >= State.TAKE_OFF
+        assert trace["reckoning_s"][flies].max() == 0.0
 
 
 def test_a_position_that_drifts_from_its_velocity_ends_in_a_landing(body):

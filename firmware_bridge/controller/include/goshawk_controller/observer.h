@@ -39,18 +39,24 @@ typedef struct {
     float velocity_world_m_s[3], missing_m_s2[3];
     float rotor_speed_rad_s[TC_ROTORS];
     float induced[TC_ROTORS]; /* the mixer's units */
+    float thrust_n;           /* of the rotors, by the model, when the torque was last observed */
+    /* The last tick: accelerometer, gyro, its length, whose turn it was. */
+    float last_force_body_m_s2[3], last_rate_rad_s[3], last_step_s;
+    bool was_torque;
     bool started;
 } tc_observer;
 
-/* What one step works with, all of now, but the torque that modelled moments were cancelled by. */
+typedef struct {
+    const float* rate_body_rad_s;
+    const float* torque_n_m;    /* of the rotors, by the model */
+    const float* cancelled_n_m; /* torque added against modelled moments */
+} tc_observed_torque;
+
 typedef struct {
     const float* acceleration_world_m_s2; /* by the accelerometer */
-    const float* rate_body_rad_s;
     const float* velocity_world_m_s;
     const float* known_world_n; /* the rotors' thrust and drag, by the model */
-    const float* cancelled_n_m; /* torque added against modelled moments */
-    const float* torque_n_m;    /* of the rotors, by the model */
-} tc_observed;
+} tc_observed_force;
 
 /* Forgets everything. */
 void tc_observer_reset(tc_observer* observer);
@@ -59,7 +65,13 @@ void tc_observer_reset(tc_observer* observer);
 void tc_observer_rotors(tc_observer* observer, const tc_parameters* parameters, const float command_rad_s[TC_ROTORS],
                         float per_battery, float step_s);
 
-void tc_observer_step(tc_observer* observer, const tc_parameters* parameters, const tc_observed* now, float step_s);
+/* The filters begin where the vehicle is, so that they have nothing to settle. */
+void tc_observer_start(tc_observer* observer, const tc_observed_torque* now, const float velocity_world_m_s[3]);
+/* `step_s`: since the last one. */
+void tc_observer_torque(tc_observer* observer, const tc_parameters* parameters, const tc_observed_torque* now,
+                        float step_s);
+void tc_observer_force(tc_observer* observer, const tc_parameters* parameters, const tc_observed_force* now,
+                       float step_s);
 
 /* From now on what has lasted, until the next step. */
 void tc_observer_hold(tc_observer* observer);

@@ -34,9 +34,10 @@ void tc_q_normalise(float q[4]) {
 }
 
 void tc_q_multiply(const float a[4], const float b[4], float out[4]) {
-    tc_cross(&a[1], &b[1], &out[1]);
-    for (int i = 1; i < 4; i++) out[i] += a[0] * b[i] + a[i] * b[0];
-    out[0] = a[0] * b[0] - tc_dot(&a[1], &b[1]);
+    out[0] = a[0] * b[0] - (a[1] * b[1] + a[2] * b[2] + a[3] * b[3]);
+    out[1] = (a[2] * b[3] - a[3] * b[2]) + (a[1] * b[0] + a[0] * b[1]);
+    out[2] = (a[3] * b[1] - a[1] * b[3]) + (a[2] * b[0] + a[0] * b[2]);
+    out[3] = (a[1] * b[2] - a[2] * b[1]) + (a[3] * b[0] + a[0] * b[3]);
 }
 
 /* pi/2 in three parts (Cody and Waite): the first two have so few bits that their products with the turn are exact. */

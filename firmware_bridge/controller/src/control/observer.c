@@ -30,7 +30,7 @@ void tc_observer_rotors(tc_observer* o, const tc_parameters* p, const float comm
 /* Accelerometer against the velocity of the pose: below the cut-off the pose is right. What differs slowly is the
    accelerometer's bias, or tilt of the estimated attitude; what differs faster, the accelerometer's noise, which would
    move the vehicle. */
-static void fuse_velocity(tc_observer* o, const tc_parameters* p, const tc_observed* now, float step_s) {
+static void fuse_velocity(tc_observer* o, const tc_parameters* p, const tc_observed_force* now, float step_s) {
     const float slow = p->observer_fuse_rad_s, turn = slow * slow * step_s;
     for (int i = 0; i < 3; i++) {
         const float off = tc_clamp(now->velocity_world_m_s[i] - o->velocity_world_m_s[i], -LARGEST_INNOVATION_M_S,
@@ -41,9 +41,10 @@ static void fuse_velocity(tc_observer* o, const tc_parameters* p, const tc_obser
     }
 }
 
-static void observe_force(tc_observer* o, const tc_parameters* p, const tc_observed* now, float step_s) {
+void tc_observer_force(tc_observer* o, const tc_parameters* p, const tc_observed_force* now, float step_s) {
     const float turn = TWO_PI * STAGE * p->observer_force_hz * step_s, pass = turn / (1.0f + turn);
     const float slow = step_s / (VARIANCE_S + step_s), limit = p->observer_force_m_s2 * p->mass_kg;
+    const float lasting = step_s / (LASTING_S + step_s);
     float noise2 = 0.0f;
     for (int i = 0; i < 3; i++) {
         const float gravity = i == 2 ? p->gravity_m_s2 : 0.0f;
@@ -52,18 +53,20 @@ static void observe_force(tc_observer* o, const tc_parameters* p, const tc_obser
         noise2 += off * off;
         o->force_stage_n[i] = tc_clamp(o->force_stage_n[i] + pass * off, -limit, limit);
         o->force_world_n[i] += pass * (o->force_stage_n[i] - o->force_world_n[i]);
+        o->lasting_force_n[i] += lasting * (o->force_world_n[i] - o->lasting_force_n[i]);
     }
     noise2 *= 1.0f / 3.0f;
     o->force_variance_n2 += slow * (0.25f * pass * noise2 - o->force_variance_n2);
-    o->noise_m2_s4 += slow * (noise2 / (p->mass_kg * p->mass_kg) - o->noise_m2_s4);
+    o->noise_m2_s4 += slow * (2.0f * noise2 / (p->mass_kg * p->mass_kg) - o->noise_m2_s4); /* a mean of two has half */
+    fuse_velocity(o, p, now, step_s);
 }
 
 /* Angular acceleration is the difference of the rate and its low-pass: nothing is differentiated. */
-static void observe_torque(tc_observer* o, const tc_parameters* p, const tc_observed* now, float step_s) {
+void tc_observer_torque(tc_observer* o, const tc_parameters* p, const tc_observed_torque* now, float step_s) {
     const float* inertia = p->inertia_kg_m2;
     const float* rate = now->rate_body_rad_s;
     const float cut = TWO_PI * STAGE * p->observer_torque_hz, pass = cut * step_s / (1.0f + cut * step_s);
-    const float slow = step_s / (VARIANCE_S + step_s), noise = 0.5f * pass;
+    const float slow = step_s / (VARIANCE_S + step_s), noise = 0.5f * pass, lasting = step_s / (LASTING_S + step_s);
     const float gyroscopic[3] = {(inertia[2] - inertia[1]) * rate[1] * rate[2],
                                  (inertia[0] - inertia[2]) * rate[2] * rate[0],
                                  (inertia[1] - inertia[0]) * rate[0] * rate[1]};
@@ -76,27 +79,15 @@ static void observe_torque(tc_observer* o, const tc_parameters* p, const tc_obse
         const float off = tc_clamp(residual, -limit, limit) - o->torque_body_n_m[i];
         o->torque_body_n_m[i] += pass * off;
         o->torque_variance_n2_m2[i] += slow * (noise * off * off - o->torque_variance_n2_m2[i]);
+        o->lasting_torque_n_m[i] += lasting * (o->torque_body_n_m[i] - o->lasting_torque_n_m[i]);
     }
 }
 
-/* Filters begin where the vehicle is, so that they have nothing to settle. */
-static void start(tc_observer* o, const tc_observed* now) {
-    tc_copy(o->velocity_world_m_s, now->velocity_world_m_s);
+void tc_observer_start(tc_observer* o, const tc_observed_torque* now, const float velocity_world_m_s[3]) {
+    tc_copy(o->velocity_world_m_s, velocity_world_m_s);
     tc_copy(o->rate_stage_rad_s, now->rate_body_rad_s);
     tc_copy(o->torque_stage_n_m, now->torque_n_m);
     o->started = true;
-}
-
-void tc_observer_step(tc_observer* o, const tc_parameters* p, const tc_observed* now, float step_s) {
-    if (!o->started) start(o, now);
-    observe_force(o, p, now, step_s);
-    fuse_velocity(o, p, now, step_s);
-    observe_torque(o, p, now, step_s);
-    const float slow = step_s / (LASTING_S + step_s);
-    for (int i = 0; i < 3; i++) {
-        o->lasting_force_n[i] += slow * (o->force_world_n[i] - o->lasting_force_n[i]);
-        o->lasting_torque_n_m[i] += slow * (o->torque_body_n_m[i] - o->lasting_torque_n_m[i]);
-    }
 }
 
 void tc_observer_hold(tc_observer* o) {

@@ -151,9 +151,12 @@ static void monitor(tc_controller* c, const tc_estimate* e, const float reckoned
     if (!tc_mission_in_air(c->mission.state) || c->parameters.monitor < 0.5f) {
         c->monitor.running = false;
         c->monitor.reason = (uint8_t)TC_OK;
-        c->monitor.final = c->monitor.turned = c->monitor.drifts = c->monitor.doubted = false;
+        c->monitor.final = false;
+        c->monitor.turned = false;
+        c->monitor.drifts = false;
+        c->monitor.doubted = false;
         c->monitor.alarms = 0;
-        c->monitor.drift_m[0] = c->monitor.drift_m[1] = 0.0f;
+        memset(c->monitor.drift_m, 0, sizeof c->monitor.drift_m);
     } else if (marked(e, pose) && plausible(e->position_world_m, 3, LARGEST_POSITION_M) &&
                plausible(e->velocity_world_m_s, 3, LARGEST_VELOCITY_M_S)) {
         const uint64_t age_us = e->position_time_us < c->caller_us ? c->caller_us - e->position_time_us : 0u;

@@ -15,6 +15,7 @@ static const float SHAKES_M2_S4 = 4e-4f; /* ... if the accelerometer's noise is 
 static const float DISTRUST_S = 0.5f;    /* after the last alarm */
 static const float TOGETHER_S = 10.0f;   /* alarms within are counted */
 static const uint8_t MOST_ALARMS = 3u;   /* this one is final */
+static const float TOUCH_S = 0.1f;       /* after an impact, as late as a pose may be */
 static const float DRIFT_M = 0.4f;       /* of position from its velocity */
 static const float DRIFT_S = 3.0f;       /* time constant of forgetting it */
 
@@ -40,7 +41,7 @@ static void raise_alarm(tc_controller* c, tc_reason reason) {
         m->alarms++;
         m->final = m->alarms >= MOST_ALARMS;
         m->reason = (uint8_t)reason;
-        m->drift_m[0] = m->drift_m[1] = 0.0f;
+        memset(m->drift_m, 0, sizeof m->drift_m);
     }
     m->alarm_us = c->telemetry.time_us;
 }
@@ -166,6 +167,13 @@ static void accept(tc_controller* c, const float position_m[3]) {
     for (int i = 0; i < 3; i++) c->telemetry.setpoint.position_world_m[i] += gap_m[i];
 }
 
+/* What touches the ground proves nothing: a late pose is still falling when the accelerometer has stopped. */
+static bool on_ground(const tc_controller* c) {
+    const tc_landing* landing = &c->landing;
+    const bool lands = c->mission.state == TC_LANDING && landing->impact_us > landing->began_us;
+    return tc_landing_unloads(landing) || (lands && !tc_lasts(c, landing->impact_us, TOUCH_S));
+}
+
 void tc_monitor_step(tc_controller* c, const tc_estimate* e, const float acceleration_m_s2[3], float ahead_s,
                      float step_s) {
     tc_monitor* m = &c->monitor;
@@ -178,7 +186,7 @@ void tc_monitor_step(tc_controller* c, const tc_estimate* e, const float acceler
         velocity_m_s[i] = e->velocity_world_m_s[i] + gain;
     }
     const bool believed = tc_monitor_believes(c);
-    if (!m->running || told || tc_landing_unloads(&c->landing)) { /* what touches the ground proves nothing */
+    if (!m->running || told || on_ground(c)) {
         const uint64_t changed_us = m->running ? m->changed_us : c->telemetry.time_us;
         begin(c, position_m, velocity_m_s);
         m->changed_us = changed_us;
