@@ -305,6 +305,34 @@ def test_a_hover_that_sank_to_the_ground_without_notice_lands(body):
     assert _after_touch_s(result) < LONGEST_AFTER_TOUCH_S
 
 
+@pytest.mark.parametrize("felt", [True, False])
+@pytest.mark.parametrize("rise_m_s", [0.11, 0.14])
+def test_a_path_that_sank_to_the_ground_without_notice_lands(body, rise_m_s, felt):
+    """It turns and bounces on its feet: neither accelerometer nor rotors' commands tell what carries it."""
+    path = circle(2.5, radius_m=2.0, turns=2.0)
+    orders = (*TAKE_OFF, START, land(path.duration_s + 4.0, State.TRAJECTORY))
+    faults = [Fault(Kind.VELOCITY_BIAS, (rise_m_s,), since=State.TAKE_OFF)]
+    faults += [Fault(Kind.DRIFT, (0.0, 0.0, rise_m_s), since=State.TAKE_OFF)]
+    faults += [] if felt else [Fault(Kind.NO_SPECIFIC_FORCE)]
+    for seed in range(4):
+        result = body.fly(Scenario(orders=orders, faults=tuple(faults), path=path, seed=seed, limit_s=60.0))
+        assert _after_touch_s(result) < LONGEST_AFTER_TOUCH_S
+
+
+def test_a_dead_reckoned_speed_does_not_keep_the_rotors_turning_on_the_ground(body):
+    """Position and velocity stop in flight; what is reckoned goes on moving after the touch."""
+    path = circle(3.0, radius_m=2.0, turns=1.0)
+    for seed in range(4):
+        faults = (
+            Fault(Kind.POSITION_LOST, (Loss.NO_XY,), 1.5, since=State.TRAJECTORY),
+            Fault(Kind.SPEED_WRONG, (-2.8, -0.3, -0.6), 3.0, since=State.TRAJECTORY),
+        )
+        orders = (*TAKE_OFF, START)
+        result = body.fly(Scenario(orders=orders, faults=faults, path=path, seed=seed, limit_s=60.0))
+        assert result.at_rest
+        assert _after_touch_s(result) < LONGEST_AFTER_TOUCH_S
+
+
 def test_braking_upwards_is_no_ground(body):
     """Little thrust is asked for while the mixer, turning hard, gives more."""
     for seed in range(6):

@@ -9,10 +9,10 @@
    the stage began, so that a bias of the vertical velocity does not. IDLE     0.3 s of stillness, then the rotors stop.
 
    Whatever bounces or vibrates: where 2 s of descent bring it no lower by 0.1 m, one UNLOAD is judged by height alone,
-   and ends with the rotors stopped unless the vehicle falls by 0.15 m. So does what stands: carried by 0.2 g more than
-   its rotors give for a second, at less than half the weight asked for. A blind descent gives back the speed that each
-   UNLOAD costs. Without vertical velocity (an emergency) only
-   the accelerometer can tell: an impact, or every second, starts UNLOAD.
+   and ends with the rotors stopped unless the vehicle falls by 0.15 m. So does what stands: over
+   a second it misses 0.4 g of the fall that the thrust asked for would be. A blind descent gives back the speed that
+   each UNLOAD costs. Without vertical velocity (an emergency) only the accelerometer can tell: an impact, or every
+   second, starts UNLOAD.
  */
 #ifndef GOSHAWK_CONTROLLER_LANDING_H
 #define GOSHAWK_CONTROLLER_LANDING_H

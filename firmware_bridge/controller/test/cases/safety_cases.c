@@ -135,11 +135,12 @@ static void tilt_times(void) {
     start_in(TC_HOLD, 0);
     g.tilt_rad = 1.15f;
     g.e.rate_body_rad_s[0] = 1.2f; /* or it would be taken to have crashed */
-    ticks(2.0f);
+    ticks(0.5f);
     g.e.rate_body_rad_s[0] = 0.0f;
     must(g.c.mission.state == TC_HOLD, "within 1.2 rad nothing happens");
     for (int i = 0; i < 5; i++) {
         g.tilt_rad = 1.25f;
+        g.c.support_m_s2 = 0.0f; /* or it would be taken to stand there */
         ticks(0.28f);
         g.tilt_rad = 0.0f;
         ticks(0.01f);
