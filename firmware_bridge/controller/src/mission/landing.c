@@ -51,6 +51,16 @@ static const float FALL_M_S = 1.0f;        /* it counts beyond this, */
 static const float FALL_DRIFT_M_S2 = 0.1f; /* more the longer the reckoning has gone on, */
 static const float FALL_KNOWN_S = 10.0f;   /* and no longer than this */
 
+/* Without vertical velocity and accelerometer: roll torque to and fro. In the air the body turns as the torque says; on
+   its feet, which the missing share of the thrust still loads, it does not. */
+static const float TEST_RAD_S2 = 12.0f; /* of the torque, over the inertia */
+static const uint32_t TEST_HALF_US = 120000u;
+static const float TEST_LEAK_S = 0.2f;     /* of the rate that the torque predicts: what is slower is no answer */
+static const float TEST_AVERAGE_S = 1.0f;  /* gusts turn it, too, but not in step */
+static const float TEST_FIRST_S = 3.0f;    /* averaged well */
+static const float TEST_ANSWER = 0.5f;     /* of what is predicted: less is the ground's doing */
+static const float UNKNOWN_LAG_S = 0.025f; /* of rotors whose lag nobody has learnt */
+
 static float weight_n(const tc_controller* c) { return c->parameters.mass_kg * c->parameters.gravity_m_s2; }
 
 static bool force_given(const tc_controller* c) {
@@ -105,6 +115,41 @@ void tc_landing_setpoint(tc_controller* c, float step_s) {
     setpoint->acceleration_world_m_s2[2] = 0.0f;
     setpoint->jerk_world_m_s3[2] = 0.0f;
     setpoint->snap_world_m_s4[2] = 0.0f;
+}
+
+static bool only_turns(const tc_controller* c) {
+    return c->mission.state == TC_EMERGENCY && !c->vertical_velocity && !force_given(c);
+}
+
+/* +1 or -1; `ago_us`: as it was then. */
+static float test_sign(const tc_controller* c, uint32_t ago_us) {
+    const uint64_t since_us = c->telemetry.time_us - c->landing.began_us;
+    const uint64_t then_us = since_us > ago_us ? since_us - ago_us : 0u;
+    return ((uint32_t)then_us / TEST_HALF_US) % 2u == 0u ? 1.0f : -1.0f;
+}
+
+float tc_landing_test_torque(const tc_controller* c) {
+    return only_turns(c) ? test_sign(c, 0u) * TEST_RAD_S2 * c->parameters.inertia_kg_m2[0] : 0.0f;
+}
+
+/* The answer is a quarter of a period behind the torque. Whoever turns for another reason turns in no step with it. */
+static void measure_answer(tc_controller* c, float step_s) {
+    tc_landing* l = &c->landing;
+    const tc_parameters* p = &c->parameters;
+    const float lag_s = p->rotor_lag_s > 0.0f ? p->lead_filter_s : UNKNOWN_LAG_S;
+    const float rate = c->telemetry.estimate.rate_body_rad_s[0], leak = step_s / (TEST_LEAK_S + step_s);
+    const float sign = test_sign(c, TEST_HALF_US / 2u + (uint32_t)(1e6f * lag_s));
+    const float pass = step_s / (TEST_AVERAGE_S + step_s);
+    l->rolling_n_m += step_s / (lag_s + step_s) * (c->telemetry.wrench.torque_n_m[0] - l->rolling_n_m);
+    l->predicted_rad_s += step_s * l->rolling_n_m / p->inertia_kg_m2[0] - leak * l->predicted_rad_s;
+    l->slow_rad_s += leak * (rate - l->slow_rad_s);
+    l->expected_rad_s += pass * (sign * l->predicted_rad_s - l->expected_rad_s);
+    l->found_rad_s += pass * (sign * (rate - l->slow_rad_s) - l->found_rad_s);
+}
+
+static bool stands_by_test(const tc_controller* c) {
+    const tc_landing* l = &c->landing;
+    return only_turns(c) && tc_lasts(c, l->began_us, TEST_FIRST_S) && l->found_rad_s < TEST_ANSWER * l->expected_rad_s;
 }
 
 /* Against a fall, and nothing upwards. */
@@ -310,7 +355,8 @@ bool tc_landing_observe(tc_controller* c, float step_s) {
         landing->gained_m_s +=
             step_s * (c->parameters.gravity_m_s2 - c->telemetry.estimate.specific_force_body_m_s2[2]);
     }
-    if (rests_inverted(c) || bounces(c)) return true;
+    if (only_turns(c)) measure_answer(c, step_s);
+    if (rests_inverted(c) || bounces(c) || stands_by_test(c)) return true;
     switch (landing->stage) {
         case TC_LANDING_DESCEND:
             descend(c);

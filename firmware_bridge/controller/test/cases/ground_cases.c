@@ -209,6 +209,40 @@ static void bouncing(void) {
          "one that sees its height goes by that");
 }
 
+/* Blind but for the gyro: seconds until it is down, where the body turns by `share` of what the torque says. */
+static float answers(float share, float most_s) {
+    begin(TC_EMERGENCY, 0.0f);
+    tc_controller* c = &g.c;
+    c->vertical_velocity = false;
+    c->telemetry.estimate.valid = TC_VALID_POSE;
+    float lagged_n_m = 0.0f;
+    for (float s = 0.0f; s < most_s; s += TICK_S) {
+        const float rate = c->telemetry.estimate.rate_body_rad_s[0];
+        const float torque_n_m = tc_landing_test_torque(c) - 28.0f * c->parameters.inertia_kg_m2[0] * rate;
+        c->telemetry.wrench.torque_n_m[0] = torque_n_m;
+        lagged_n_m += TICK_S / (0.025f + TICK_S) * (torque_n_m - lagged_n_m);
+        c->telemetry.estimate.rate_body_rad_s[0] += share * TICK_S * lagged_n_m / c->parameters.inertia_kg_m2[0];
+        if (step()) return s;
+    }
+    return 1e9f;
+}
+
+static void answer_to_a_torque(void) {
+    must(answers(1.0f, 20.0f) > 20.0f, "what turns as its torque says is in the air");
+    must(near(answers(0.0f, 20.0f), 3.0f, 0.1f), "what does not turn stands on its feet");
+    begin(TC_EMERGENCY, 0.0f);
+    must(near(tc_landing_test_torque(&g.c), 0.0f, 1e-9f), "with vertical velocity there is no test");
+    g.c.vertical_velocity = false;
+    g.c.telemetry.estimate.valid = TC_VALID_ALL;
+    must(near(tc_landing_test_torque(&g.c), 0.0f, 1e-9f), "nor with an accelerometer");
+    g.c.telemetry.estimate.valid = TC_VALID_POSE;
+    must(tc_landing_test_torque(&g.c) > 0.0f, "first one way");
+    g.c.telemetry.time_us += 120000u;
+    must(tc_landing_test_torque(&g.c) < 0.0f, "then the other");
+    g.c.mission.state = TC_LANDING;
+    must(near(tc_landing_test_torque(&g.c), 0.0f, 1e-9f), "in an emergency only");
+}
+
 /* -- lies -----------------------------------------------------------------------------------------------------------
  */
 
@@ -290,6 +324,7 @@ void ground_cases(void) {
     unsupported();
     restless_on_the_ground();
     bouncing();
+    answer_to_a_torque();
     lies();
     grounded();
     crash();
