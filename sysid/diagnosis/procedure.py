@@ -346,7 +346,7 @@ def diagnose(
         search=found,
         payload_carried=_newly_told((*logs, *held_out), carried),
         judged=judged,
-        input_verdict=input_verdict.doubted(*first.said),
+        input_verdict=input_verdict,
         predicts=better,
         cause=cause,
     )

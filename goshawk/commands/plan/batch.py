@@ -18,6 +18,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+import vehicle
 from flight import FlightError, InputError, Progress, file_format, trajectory
 from goshawk.commands.plan import batch_cluster
 from goshawk.commands.plan.batch_mission import (
@@ -113,7 +114,7 @@ def run(
         finally:
             rows = [{k: v for k, v in done[p.stem].items() if k != "key"} for p in files if p.stem in done]
             if rows:
-                _write_tables(job.out, rows)
+                _write_tables(job, rows)
     return rows
 
 
@@ -225,13 +226,14 @@ def _record_answer(future: Future[Row], path: Path, record: Callable[[Row], None
         lost.append(path)
 
 
-def _write_tables(out: Path, rows: list[Row]) -> None:
-    """The same rows as JSON and as Parquet."""
+def _write_tables(job: Job, rows: list[Row]) -> None:
+    """The same rows as JSON, beside what the vehicle's model is not for, and as Parquet."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    file_format.write_json(out / RESULTS, format=FORMAT, version=VERSION, body={"missions": rows})
+    mark = {vehicle.purpose.KEY: vehicle.purpose.not_for_design(vehicle.load(job.vehicle_file))}
+    file_format.write_json(job.out / RESULTS, format=FORMAT, version=VERSION, body={"missions": rows, **mark})
     types = {str: pa.string(), int: pa.int64(), float: pa.float64()}
     schema = pa.schema([(name, types[kind]) for name, kind in COLUMNS.items()])
-    with file_format.atomic_file(out / "results.parquet") as temporary:
+    with file_format.atomic_file(job.out / "results.parquet") as temporary:
         pq.write_table(pa.Table.from_pylist(rows, schema=schema), temporary)

@@ -28,12 +28,14 @@ def command(missions: Path, out: Path, asked: Asked, jobs: int, scheduler: str |
     What is planned already, of the same file, map, vehicle and options, is not planned again: the same command goes on
     after an interruption. Exit code 1: a mission has no plan; results.json in --out gives the reason of each.
     """
-    job = asked.job(vehicle.load(asked.vehicle_file), out)
+    drone = vehicle.load(asked.vehicle_file)
+    job = asked.job(drone, out)
     asked.opened_map()
     with console.progress() as report:
         rows = batch.run(batch.mission_files(missions), job, jobs=jobs, scheduler=scheduler, progress=report)
     if as_json:
-        click.echo(file_format.json_text({"written": str(job.out), "missions": rows}), nl=False)
+        mark = {vehicle.purpose.KEY: vehicle.purpose.not_for_design(drone)}
+        click.echo(file_format.json_text({"written": str(job.out), "missions": rows, **mark}), nl=False)
     else:
         heads = ("mission", "status", "duration, s", "clearance, m", "could hide", "reason")
         lines = [
@@ -41,6 +43,8 @@ def command(missions: Path, out: Path, asked: Asked, jobs: int, scheduler: str |
             for row in rows
         ]
         console.table(f"plans in {job.out}", heads, [["" if cell is None else cell for cell in line] for line in lines])
+    if mark := vehicle.purpose.mark_sentence(drone):
+        console.note(f"note: the rotor margins rest on a model {mark}")
     missed = sum(row["status"] != "planned" for row in rows)
     if missed:
         where = job.out / batch.RESULTS

@@ -5,11 +5,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from flight import FlightLog, InputError, Progress, file_format, silent
+from sysid.estimator.fit_to_use import fit_to_use
 from sysid.estimator.identification import identify
 from sysid.estimator.options import Gaps, Options
 from sysid.estimator.validation.better import predicts
 from sysid.estimator.validation.comparison import HORIZONS_S, QUANTITIES, SMOOTHING_STEPS, Comparison, compare
-from sysid.estimator.verdict import Verdict
+from sysid.estimator.verdict import Verdict, of_logs
+from sysid.logs.check import check_log
 from vehicle import Vehicle
 from vehicle.history import HeldOut
 
@@ -55,7 +57,7 @@ class Change:
 def refitted(
     present: Vehicle, changed: Vehicle, flights: Flights, *, gaps: Gaps = "refuse", progress: Progress = silent
 ) -> Change:
-    """Fit the changed model and, for a fair comparison, the present one too, to the same flights.
+    """Fit the changed model and, for a fair comparison, the present one too, to the same flights, as `identify` does.
 
     Args:
         gaps: as in `Options`, for fitting and judging alike.
@@ -63,19 +65,22 @@ def refitted(
     Raises:
         InputError: a flight cannot be used.
     """
-    training, options = list(flights.training.values()), Options(unseen="hold", gaps=gaps)
-    after = identify(training, changed, options, progress=progress)
+    training = list(flights.training.values())
+    made = fit_to_use(training, changed, Options(unseen="hold", gaps=gaps), progress=progress)
+    after, findings = made.fit, (*made.said, *made.fit.findings)
+    logs = (check_log(log, present) for log in (*training, *flights.held_out.values()))
+    fit = of_logs(logs).beside(after.verdict)
     if not flights.held_out:
-        return Change(after.vehicle, {}, None, after.findings, after.verdict)
-    before = identify(training, present, options, progress=progress)
+        return Change(after.vehicle, {}, None, findings, fit)
+    before = identify(training, present, made.options, progress=progress)
     models = {PRESENT: present, BEFORE: before.vehicle, AFTER: after.vehicle}
     judged = _compared(models, list(flights.held_out.values()), gaps, progress)
     errors, left_out = _errors(judged), (*judged.left_out, *judged.not_converged)
     evidence = HeldOut(named(flights.held_out), errors[BEFORE], errors[AFTER], verdict(errors[BEFORE], errors[AFTER]))
-    fit = replace(after.verdict, predicts=predicts(judged, PRESENT, AFTER, "held-out flights"))
+    fit = replace(fit, predicts=predicts(judged, PRESENT, AFTER, "held-out flights"))
     if not before.converged:
         fit = fit.doubted("the present model, which the change is compared with, was refitted without converging")
-    return Change(after.vehicle, errors, evidence, (*after.findings, *left_out), fit)
+    return Change(after.vehicle, errors, evidence, (*findings, *left_out), fit)
 
 
 def evaluated(present: Vehicle, changed: Vehicle, flights: Flights, *, progress: Progress = silent) -> Change:

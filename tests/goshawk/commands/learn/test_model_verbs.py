@@ -11,9 +11,10 @@ import pytest
 
 import sysid
 import vehicle
-from flight import flight_log
+from flight import FlightLog, flight_log
 from goshawk.cli import main
 from goshawk.commands.learn import model_change
+from sysid.estimator import fit_to_use
 from sysid.estimator.validation import changes
 from vehicle import flights, history, manoeuvres
 
@@ -84,7 +85,8 @@ def fit_ends_early(monkeypatch: pytest.MonkeyPatch, model_has_drag: bool) -> Non
         early = replace(options, max_iterations=1) if (DRAG in believed.effects) == model_has_drag else options
         return fit(logs, believed, early, **further)
 
-    monkeypatch.setattr(changes, "identify", identify)
+    for module in (changes, fit_to_use):
+        monkeypatch.setattr(module, "identify", identify)
 
 
 def test_a_refit_that_did_not_converge_is_written_only_when_asked(file, flown, monkeypatch):
@@ -100,6 +102,17 @@ def test_a_refit_that_did_not_converge_is_written_only_when_asked(file, flown, m
     assert "--anyway" in words
     assert f"written: {file}, version 1" in streams(*arguments, "--anyway", code=1)[0]
     assert DRAG in vehicle.load(file).effects
+
+
+def test_a_refit_to_a_log_that_contradicts_the_vehicle_is_refused_as_identify_refuses_it(file, flown: Path):
+    log = flight_log.load(flown / "a.parquet")
+    rpm = {f"rotor_speed_{i}_rad_s": 30.0 / np.pi * log.columns[f"rotor_speed_{i}_rad_s"] for i in range(4)}
+    flight_log.save(flown / "rpm.parquet", FlightLog({**log.columns, **rpm}, log.metadata))
+    path = flown / "rpm.parquet"
+    chosen = changes.Flights({path: flight_log.load(path)}, {})
+    found = changes.refitted(vehicle.load(file), vehicle.example(), chosen)
+    assert found.fit is not None
+    assert found.fit.misread
 
 
 def test_a_comparison_with_a_refit_that_did_not_converge_is_doubtful(file, flown, monkeypatch):

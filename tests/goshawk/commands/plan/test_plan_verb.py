@@ -176,6 +176,19 @@ def test_a_batch_plans_what_can_be_flown_and_says_why_the_rest_cannot(folder, tm
     assert table == json.loads(where.read_text())["missions"]
 
 
+def test_a_batch_with_a_model_that_is_not_for_design_says_and_records_it(folder, tmp_path):
+    missions, model = tmp_path / "missions", tmp_path / "marked.toml"
+    missions.mkdir()
+    (missions / "torn.json").write_text("{")
+    fitted = vehicle.load(folder / "vehicle.toml").with_value("inertia_zz_kg_m2", 0.03, source="identified from a")
+    vehicle.save(model, vehicle.purpose.marked(fitted, {"inertia_zz_kg_m2": ""}))
+    asked = ("plan", "batch", missions, "--map", folder / "map", "--vehicle", model, "--out", tmp_path / "out")
+    ended = goshawk(*asked)
+    assert "the rotor margins rest on a model for prediction, not for design: inertia_zz_kg_m2" in ended.stderr
+    written, printed = (tmp_path / "out" / "results.json").read_text(), goshawk(*asked, "--json").stdout
+    assert json.loads(written)["not_for_design"] == json.loads(printed)["not_for_design"] == {"inertia_zz_kg_m2": ""}
+
+
 def test_a_batch_goes_on_where_it_was_broken_off(folder, tmp_path, monkeypatch):
     out, planned = tmp_path / "out", []
     real = batch.plan_one

@@ -54,7 +54,7 @@ def test_a_moment_that_makes_an_impossible_body_of_white_disturbances_is_named_w
     found = diagnose(logs, truth)
     assert found.additions == ("wake_skew_moment",)
     assert "lasting disturbances" in found.findings[0]
-    assert found.fit_verdict.use == "doubtful"
+    assert found.fit_verdict.use == "usable"
     for name in INERTIA:
         assert found.vehicle.value(name) == pytest.approx(truth.value(name), rel=0.02)
 

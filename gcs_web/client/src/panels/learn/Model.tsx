@@ -49,7 +49,7 @@ function TriedRow({ tried }: { tried: Tried }) {
       <b>try</b>
       <span>
         <b>+ {tried.title}</b>
-        <span class="quiet">refitted{tried.use === "" ? "" : `, ${tried.use}`}; not kept yet</span>
+        <span class="quiet">refitted{tried.use === "" ? "" : `, the fit is ${tried.use}`}; not kept yet</span>
       </span>
     </li>
   );
