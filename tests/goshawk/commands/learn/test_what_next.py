@@ -58,6 +58,7 @@ def found(
     search = SimpleNamespace(
         models=(SimpleNamespace(fit=fit),),
         undecided=SimpleNamespace(between=undecided) if undecided else None,
+        equation=None,
         trials=[SimpleNamespace(candidate=SimpleNamespace(name=name), rivals=rivals) for name in additions],
     )
     body = vehicle.example()
@@ -95,10 +96,8 @@ def test_a_foreign_log_is_marked_beside_itself_and_the_marked_one_is_fitted():
 
 def test_a_curve_outside_the_catalogue_becomes_an_effect_and_is_evaluated():
     call = DiagnoseCall(CALL.flights, CALL.vehicle_file, CALL.held_out)
-    first, second = what_next.lines(found(outside=drawn("dn_0/dt")), call)
-    scaffold = ["vehicle", "effect", "scaffold", "vehicle.toml", "a.parquet", "my b.parquet"]
-    assert typed(first) == [*scaffold, "--name", "m_z_of_dn_0_dt", "--out", "m_z_of_dn_0_dt.py"]
-    assert typed(second) == ["vehicle", "effect", "add", "vehicle.toml", "m_z_of_dn_0_dt.py", *FITTED]
+    (line,) = what_next.lines(found(outside=drawn("dn_0/dt")), call)
+    assert typed(line) == ["vehicle", "effect", "add", "vehicle.toml", "m_z_of_dn_0_dt.py", *FITTED, "--proposed"]
 
 
 @pytest.mark.parametrize(
