@@ -23,6 +23,10 @@ autoclass_content = "both"
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
+autodoc_default_options = {
+    "undoc-members": True,
+    "inherited-members": "object, BaseException, Exception, Enum, Flag, int, str, tuple, dict, Generic, Protocol",
+}
 default_role = "code"
 suppress_warnings = ["ref.python"]
 

@@ -15,7 +15,7 @@ from flight import FloatArray, Waypoints, portable
 from planner.curve import minimum_snap
 from planner.curve.minimum_snap import Spline
 from planner.gate import limits
-from planner.optimise import time_allocation, windows
+from planner.optimise import descents, time_allocation
 from planner.optimise.fastest import Path
 from planner.optimise.time_allocation import Problem, Solution
 from planner.request import space
@@ -97,8 +97,8 @@ def _drawn_along(path: Path, index: int, shift_m: FloatArray) -> tuple[Spline, n
             T[first:last] *= np.clip(now / max(was, 1e-9), *_LONGER)
     changed = np.zeros(len(T), dtype=bool)
     changed[before:after] = True
-    changed = windows.grown(changed, _REACH)
-    [(first, last)] = windows.runs(changed)
+    changed = descents.grown(changed, _REACH)
+    [(first, last)] = descents.runs(changed)
     velocity = None if path.kept is None else path.kept.problem.velocity
     states[first : last + 1] = minimum_snap.solve(
         states[first : last + 1, 0],
@@ -119,16 +119,12 @@ def _spline(path: Path) -> Spline:
 
 def _problem(path: Path, spline: Spline, waypoints: Waypoints, bounds: Limits, asked: Conditions) -> Problem:
     assert path.kept is not None
-    number, kept = path.waypoint, path.kept
-    centres = waypoints.positions_world_m[np.maximum(number, 0)]
     return replace(
-        kept.problem,
+        path.kept.problem,
         knots=spline.states[:, 0],
-        balls=asked.balls(centres, number),
-        gates=asked.gates(centres, number),
-        offsets=kept.corrections.total(),
+        offsets=path.kept.corrections.total(),
         reference_s=None,
-        **asked.planned_on_legs(number, bounds),
+        **asked.at_knots(waypoints.positions_world_m, path.waypoint, bounds),
     )
 
 
@@ -140,7 +136,7 @@ def _optimised(problem: Problem, spline: Spline, changed: np.ndarray) -> Spline:
         smooth = time_allocation.optimise(part, there.durations_s, iterations=first)
         return time_allocation.refine(replace(part, knots=smooth.knots), smooth.spline, iterations=then)
 
-    return windows.optimise(problem, spline, changed, descend).spline
+    return descents.in_parts(problem, spline, changed, descend).spline
 
 
 def _sampled(

@@ -18,7 +18,6 @@ from planner.request import inputs, space
 from planner.request.conditions import OF_LEGS, Conditions
 from planner.request.options import PlanInfeasibleError, PlanOptions
 from planner.request.request import Request
-from planner.route import routes
 from vehicle import Vehicle
 
 _OF_WAYPOINTS = ("velocity_world_m_s", "fly_by_m", "gate_edges_m")
@@ -43,8 +42,7 @@ def plan(
     """
     options = with_yaw(inputs.options_for(vehicle, options), mission)
     # numbered as the pilot listed them, before anything is taken apart
-    inputs.check(mission.waypoints, field, vehicle, options)
-    routes.check_waypoints(mission.waypoints, field, options.waypoint_clearance_m, may_turn=True)
+    inputs.check(mission.waypoints, field, vehicle, options, may_turn=True)
     flown = mission.unrolled()
     _check_stays(flown)
     _check_turns(flown)
@@ -99,7 +97,7 @@ def _check_stays(flown: Mission) -> None:
 def of_parts(mission: Mission) -> bool:
     """Whether a mission without laps is flown as several paths, with rest or the ground between or beside them."""
     grounds = mission.take_off is not None or mission.landing is not None
-    return bool(mission.stays) or grounds or bool(routes.turns(mission.waypoints).size)
+    return bool(mission.stays) or grounds or bool(inputs.turns(mission.waypoints).size)
 
 
 def _check_turns(flown: Mission) -> None:
@@ -108,7 +106,7 @@ def _check_turns(flown: Mission) -> None:
     Raises:
         InputError: a velocity, a radius or a gate is, or a take-off or landing.
     """
-    turns = routes.turns(flown.waypoints)
+    turns = inputs.turns(flown.waypoints)
     resting = {*turns.tolist(), *(turns + 1).tolist()}
     of_waypoints = {"velocity": flown.velocities, "radius to pass it by": flown.fly_bys, "gate": flown.gates}
     for kind, records in of_waypoints.items():
@@ -223,7 +221,7 @@ def _parts(mission: Mission, whole: Conditions, field: space.DistanceField, opti
     """
     points, yaw = mission.waypoints.positions_world_m, mission.waypoints.yaw_rad
     before = int(mission.take_off is not None)
-    turns = routes.turns(mission.waypoints)
+    turns = inputs.turns(mission.waypoints)
     cuts = sorted({0, len(points) - 1, *turns, *(turns + 1)} | {stay.waypoint for stay in mission.stays})
     parts: list[_Part] = []
     for a, b in pairwise(cuts):
@@ -265,7 +263,7 @@ def _above(ground: Ground, field: space.DistanceField, options: PlanOptions) -> 
     below_m = float(space.distance(field, foot[None])[0])
     if below_m < -space.GROUND_TOLERANCE_M:
         raise InputError(
-            f"the ground point {np.round(foot, 2).tolist()} is {routes.not_free(below_m)}; "
+            f"the ground point {np.round(foot, 2).tolist()} is {inputs.not_free(below_m)}; "
             "move it to where the vehicle can stand"
         )
     points = foot + _HEIGHTS_M[:, None] * np.array([0.0, 0.0, 1.0])

@@ -7,26 +7,20 @@ from typing import ClassVar
 import numpy as np
 
 import flight.trajectory
-from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, TrajectoryFile, Waypoints, silent
-from flight.progress import within
+from flight import FloatArray, InputError, Progress, Trajectory, TrajectoryFile, Waypoints, silent
 from planner import one_way
 from planner._planner import StopFlag
-from planner.curve import heading, minimum_snap
 from planner.drafting import Draft
 from planner.gate import gate, limits
-from planner.gate.gate import AskGate, GateReport
-from planner.optimise import bry, fastest, repair
-from planner.optimise.attempts import Attempts
+from planner.gate.gate import GateReport
+from planner.optimise import methods
 from planner.optimise.fastest import Optimum, Path
 from planner.request import inputs, space
 from planner.request.conditions import Conditions
 from planner.request.options import PlanInfeasibleError, PlanOptions, check_stop
 from planner.request.request import Request
-from planner.route import corridor, routes
+from planner.route import routes
 from vehicle import Vehicle
-
-_SLOWER = (1.005, 1.015, 1.04, 1.1, 1.3)
-"""Factors on the time that are tried where the gate, with its finer samples, finds a limit exceeded."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,26 +100,16 @@ def of_path(path: Path, waypoints: Waypoints, route_world_m: FloatArray) -> Plan
 def from_scratch(request: Request, progress: Progress = silent) -> tuple[Path, routes.Route]:
     """As `plan`, with what a later plan can start from."""
     progress("route", 0.0)
-    waypoints, field, options = request.waypoints, request.field, request.options
-    inputs.check(waypoints, field, request.vehicle, options)
-    asked = request.conditions.checked(len(waypoints.positions_world_m), request.limits)
-    inputs.check_durations(waypoints, request.limits, asked.leg_speed_m_s)
-    if options.method == "bry" and (asked.given_motion or asked.leg_limits):
-        raise InputError(
-            "Bry's method starts and ends at rest and knows no velocities and no speeds or jerks of legs; use fastest"
-        )
-    routes.check_waypoints(waypoints, field, options.waypoint_clearance_m)
-    asked.check_inside(waypoints.positions_world_m)
-    room = asked.room(field, options)
-    request = replace(request, conditions=asked)
-    inside = replace(request, field=room)
+    request = inputs.admitted(request)
+    asked = request.conditions
+    inside = replace(request, field=asked.room(request.field, request.options))
     route = _route(inside)
     progress("optimise", 0.2)
 
     ask_gate = gate.judge(request)
 
     def flyable(route: routes.Route, inside: Request) -> Path:
-        return _flyable(route, inside, ask_gate, progress)
+        return methods.flyable(route, inside, ask_gate, progress)
 
     path = flyable(route, inside)
     if not path.report.passed and asked.gate_edges_m is not None:
@@ -147,79 +131,6 @@ def _route(request: Request) -> routes.Route:
         raise PlanInfeasibleError(
             f"within the tube, {error.reason}", f"{error.remedy}, or widen the tube", error.segment, gap=error.gap
         ) from error
-
-
-def _flyable(route: routes.Route, request: Request, ask_gate: AskGate, progress: Progress) -> Path:
-    """The fastest path; one in a corridor of boxes where that is asked for or the fastest stays too close."""
-    field, options, asked = request.field, request.options, request.conditions
-    if options.method == "bry":
-        spline, corners = bry.solve(route, field, options, request.stop)
-        return _timed(spline, corners.waypoint, "bry", request, ask_gate)
-    dense = routes.subdivided(route, field)
-
-    def attempts(obstacles: space.DistanceField, clearance_price: float, report: Progress) -> Attempts:
-        return Attempts(dense, obstacles, request, ask_gate, clearance_price=clearance_price, progress=report)
-
-    if options.method == "fastest":
-        path = attempts(field, fastest.CLEARANCE_PRICE, within(progress, "optimise", 0.2, 1.0)).best()
-        if path is not None:
-            # a given velocity allows no other pace
-            may_slow = not path.report.passed and not asked.given_motion
-            return slowed(path, request, ask_gate) if may_slow else path
-    boxes = corridor.boxes(field, dense.points, options.planned_clearance_m)
-    tube = corridor.Tube(boxes, options.clearance_m + fastest.AIM_M)
-    inside = attempts(tube, corridor.CLEARANCE_PRICE, within(progress, "corridor", 0.0, 1.0))
-    path = inside.best()
-    if path is not None and (path.report.passed or asked.given_motion):
-        return replace(path, method="corridor", kept=None)
-    if asked.given_motion:
-        raise PlanInfeasibleError(
-            "no path with the given velocities keeps clear of the obstacles", "lower them, or give them more room"
-        )
-    spline = repair.through_corridor(dense, boxes, inside.start.durations_s, request.stop)
-    return _timed(spline, dense.waypoint, "corridor", request, ask_gate)
-
-
-def _timed(spline: minimum_snap.Spline, waypoint: np.ndarray, method: str, request: Request, ask_gate: AskGate) -> Path:
-    """A path whose times matter only in proportion, with headings, as fast as the vehicle can fly it."""
-    level = minimum_snap.trajectory(spline)
-    spline = spline.scale_time(_time_scale(level, request))
-    trajectory = _with_heading(spline, waypoint, request)
-    path = Path(trajectory, waypoint, method, ask_gate(trajectory, None), Optimum(float(spline.durations_s.sum())))
-    return slowed(path, request, ask_gate)
-
-
-def _with_heading(spline: minimum_snap.Spline, waypoint: np.ndarray, request: Request) -> Trajectory:
-    """Turn the vehicle along the path as fast as it may turn."""
-    asked, options = np.where(waypoint >= 0, request.waypoints.yaw_rad[waypoint], np.nan), request.options
-    held = heading.constant(spline, asked, options)
-    if held is None:
-        can = limits.yaw_bounds(request.vehicle, request.limits)
-        looking, target = options.yaw in ("along_path", "look_at"), options.target_world_m
-        yaw = heading.steady_enough(spline, asked, can, along_path=looking, target_world_m=target)
-    else:
-        yaw = np.tile([held, 0.0, 0.0, 0.0], (len(spline.states), 1))
-    states = np.concatenate([spline.states, yaw[..., None]], axis=2)
-    return minimum_snap.trajectory(minimum_snap.Spline(spline.durations_s, states))
-
-
-def slowed(path: Path, request: Request, ask_gate: AskGate) -> Path:
-    """The same way through space in the time that just keeps every limit: the last resort, as all segments pay."""
-    factor = _time_scale(path.trajectory, request)
-    for more in (1.0, *_SLOWER):
-        trajectory = path.trajectory.scale_time(factor * more)
-        optimum = replace(path.optimum, converged=False)
-        slower = replace(path, trajectory=trajectory, report=ask_gate(trajectory, None), optimum=optimum, kept=None)
-        if slower.report.passed or not all(check.name in limits.NAMES for check in slower.report.failures):
-            break
-    return slower
-
-
-def _time_scale(trajectory: Trajectory, request: Request) -> float:
-    try:
-        return repair.time_scale(trajectory, request.vehicle, request.limits)
-    except InfeasibleError as error:
-        raise PlanInfeasibleError(str(error), "check the vehicle's limits") from error
 
 
 def refused(path: Path) -> PlanInfeasibleError:

@@ -19,13 +19,12 @@ from planner._planner import StopFlag
 from planner.curve import minimum_snap
 from planner.drafting import Draft
 from planner.gate import gate
-from planner.optimise import fastest
+from planner.optimise import fastest, posing
 from planner.planning import Plan
 from planner.request import inputs, space
 from planner.request.conditions import Conditions
 from planner.request.options import PlanOptions, check_stop
 from planner.request.request import Request
-from planner.route import routes
 from vehicle import Limits, Vehicle
 
 
@@ -147,7 +146,7 @@ class Planner:
         points = before.positions_world_m.copy()
         points[index] = _point(position_world_m)
         after = Waypoints(points, before.yaw_rad)
-        routes.check_waypoints(after, self._field, self._options.waypoint_clearance_m)
+        inputs.check_waypoints(after, self._field, self._options.waypoint_clearance_m)
         conditions.check_inside(points)
         return drafting.draft(path, index, before, after, self._room, self._vehicle, self._options, conditions)
 
@@ -209,21 +208,17 @@ class Planner:
 
         `old` is None where the path begins or ends elsewhere: then it is planned from scratch.
         """
-        routes.check_waypoints(waypoints, self._field, self._options.waypoint_clearance_m)
-        asked = asked.checked(len(waypoints.yaw_rad), self._options.limits_for(self._vehicle))
-        asked.check_inside(waypoints.positions_world_m)
+        request = Request(waypoints, self._field, self._vehicle, self._options, asked, stop)
         path = None
         if old is not None and self._path.kept is not None:
-            path = self._mended(waypoints, asked, old, new, stop)
+            path = self._mended(inputs.admitted(request), old, new)
         if path is None or not path.report.passed or path.kept is None:
             return self._scratch(waypoints, asked, self._options, stop)
         return self._answer(path, path.kept.spline.states[:, 0, :3], waypoints)
 
-    def _mended(
-        self, waypoints: Waypoints, asked: Conditions, old: tuple[int, int], new: tuple[int, int], stop: StopFlag
-    ) -> fastest.Path | None:
+    def _mended(self, request: Request, old: tuple[int, int], new: tuple[int, int]) -> fastest.Path | None:
         """The last path with new legs, optimised again near them; None if that does not keep clear of obstacles."""
-        kept, number = self._path.kept, self._path.waypoint
+        kept, number, waypoints = self._path.kept, self._path.waypoint, request.waypoints
         assert kept is not None
         first, last = (int(np.flatnonzero(number == i)[0]) for i in old)
         points = self._points(waypoints, old, new)
@@ -243,27 +238,24 @@ class Planner:
             np.concatenate([kept.spline.states[:first], states, kept.spline.states[last + 1 :]]),
         )
         waypoint = np.concatenate([number[:first], index, after])
-        centres = waypoints.positions_world_m[np.maximum(waypoint, 0)]
-        balls, gates = asked.balls(centres, waypoint), asked.gates(centres, waypoint)
+        at_knots = request.conditions.at_knots(waypoints.positions_world_m, waypoint, request.limits)
+        gates = at_knots["gates"]
         if gates is not None and kept.problem.gates is not None:  # openings beside gates (`one_way`) are no waypoints
             here, before = np.arange(len(waypoint)), np.arange(len(number))
             for there, was in ((here < first, before < first), (here >= first + len(index), before > last)):
                 gates[there & (waypoint < 0)] = kept.problem.gates[was & (number < 0)]
-        may_move = (index < 0) | fastest.may_move(balls, gates, len(waypoint))[first : first + len(index)]
+        may_move = (index < 0) | posing.may_move(at_knots, len(waypoint))[first : first + len(index)]
         free = np.repeat(may_move[:, None], 4, axis=1)
         free[:, 3] = (index < 0) | np.isnan(waypoints.yaw_rad[index])
         problem = replace(
             kept.problem,
             knots=spline.states[:, 0],
-            velocity=asked.at_knots(waypoint),
-            balls=balls,
-            gates=gates,
             free=np.concatenate([kept.problem.free[:first], free, kept.problem.free[last + 1 :]]),
+            **at_knots,
         )
         wrong = np.zeros(len(spline.durations_s), dtype=bool)
         wrong[first : first + len(durations)] = True
         used = self._path.report.usage
-        request = Request(waypoints, self._field, self._vehicle, self._options, asked, stop)
         return fastest.until_flyable(
             problem,
             spline,

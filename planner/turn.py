@@ -8,6 +8,7 @@ from flight import FloatArray, Waypoints, rotations
 from planner import planning
 from planner.curve import heading, minimum_snap
 from planner.gate import gate, limits
+from planner.optimise import repair
 from planner.optimise.fastest import Optimum, Path
 from planner.request import inputs
 from planner.request.options import check_stop
@@ -27,12 +28,12 @@ def plan(request: Request) -> planning.Plan:
     """
     check_stop(request.stop)
     waypoints = request.waypoints
-    inputs.check(waypoints, request.field, request.vehicle, request.options)
+    inputs.check(waypoints, request.field, request.vehicle, request.options, may_turn=True)
     spline = _smoothest(waypoints, limits.yaw_bounds(request.vehicle, request.limits))
     heading.constant(spline, waypoints.yaw_rad, request.options)
     trajectory, ask_gate = minimum_snap.trajectory(spline), gate.judge(request)
     first = Path(trajectory, np.arange(2), "turn", ask_gate(trajectory, None), Optimum(trajectory.duration_s))
-    slowed = planning.slowed(first, request, ask_gate)
+    slowed = repair.slowed(first, request, ask_gate)
     path = replace(slowed, optimum=Optimum(slowed.trajectory.duration_s, converged=True, residual=0.0))
     if not path.report.passed:
         raise planning.refused(path)

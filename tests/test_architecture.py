@@ -35,7 +35,7 @@ ROOMS = {
     "planner.request": set(),
     "planner.route": {"planner.request"},
     "planner.curve": {"planner.request"},
-    "planner.gate": {"planner.request", "planner.route", "planner.curve"},
+    "planner.gate": {"planner.request", "planner.curve"},
     "planner.optimise": {"planner.request", "planner.route", "planner.curve", "planner.gate"},
     "sysid.logs": set(),
     "sysid.estimator": {"sysid.logs"},

@@ -19,16 +19,36 @@ from PIL import Image
 from flight import InputError
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Locator, Page
 
 WIDTH, HEIGHT = 1440, 900
 FLAGS = ("--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 """3D without a graphics card."""
-PATIENCE_MS, DRAWN_MS = 900_000, 20_000
-"""For a comparison; for the mesh, which comes in pieces, and nothing on the page says when it is whole."""
+PATIENCE_MS, JOB_MS, DRAWN_MS = 180_000, 600_000, 20_000
+"""For a step of a scene; for a comparison or a diagnosis beside other work; for the mesh, which comes in pieces, and
+nothing on the page says when it is whole."""
+REFUSED = ".verdict.refused, .verdict.void, .job.failed, .notice .danger-text, [role=alert]"
+"""What a refusal looks like: of a plan, a job, an act, a form."""
 HELD_OUT, LEARNED = "walk", "walk-learned"
 """The demo's flight that judges; the one flown with what was learned."""
 _ADDRESS = re.compile(r"https?://\S+/\?token=\S+")
+
+
+def reach(page: "Page", wanted: "Locator", patience_ms: float = PATIENCE_MS) -> None:
+    """Wait for what a scene needs next.
+
+    Raises:
+        InputError: the page refuses instead; with the sentence that it shows.
+    """
+    refusal = page.locator(REFUSED)
+    wanted.or_(refusal).first.wait_for(timeout=patience_ms)
+    if not wanted.is_visible():
+        raise InputError(f"a scene ends at a refusal: {' '.join(refusal.first.inner_text().split())}")
+
+
+def checked(page: "Page") -> None:
+    """The plan is planned and has passed its checks."""
+    reach(page, page.get_by_role("region", name="Verdict").get_by_text("Checked", exact=True))
 
 
 def step(page: "Page", name: str) -> None:
@@ -37,7 +57,7 @@ def step(page: "Page", name: str) -> None:
 
 def the_plan(page: "Page") -> None:
     """The step Plan, as it opens."""
-    page.get_by_text("Checked", exact=True).wait_for()
+    checked(page)
     page.wait_for_load_state("networkidle")
     page.wait_for_timeout(DRAWN_MS)
 
@@ -51,7 +71,7 @@ def the_map(page: "Page") -> None:
     form.get_by_label("Name").fill("workbench")
     form.get_by_label("Size, m x").fill("1.2")
     form.get_by_label("Size, m x").press("Enter")
-    form.get_by_text("no longer free").wait_for()
+    reach(page, form.get_by_text("no longer free"))
     page.wait_for_timeout(DRAWN_MS)
 
 
@@ -63,8 +83,7 @@ def mission(page: "Page") -> None:
     laps = page.get_by_role("textbox", name="Laps")
     laps.fill("2")
     laps.press("Enter")
-    verdict = page.get_by_role("region", name="Verdict")
-    verdict.get_by_text("2 laps").wait_for()
+    reach(page, page.get_by_role("region", name="Verdict").get_by_text("2 laps"))
     page.get_by_role("checkbox", name="Landing").click()
     for axis in "xy":  # where the floor of the map is flat: at the first image
         place = page.get_by_role("region", name="Landing").get_by_label(axis, exact=True)
@@ -73,7 +92,7 @@ def mission(page: "Page") -> None:
     page.get_by_role("radio", name="To a point").click()
     page.get_by_label("Look at x").wait_for()
     page.wait_for_timeout(DRAWN_MS // 4)  # the last change is being planned
-    verdict.get_by_text("Checked", exact=True).wait_for()
+    checked(page)
 
 
 def judged(page: "Page") -> None:
@@ -87,9 +106,9 @@ def compare(page: "Page") -> None:
     the_plan(page)
     judged(page)
     page.get_by_role("button", name="Compare with the model").click()
-    page.get_by_role("heading", name=re.compile("^Residual")).wait_for()
+    reach(page, page.get_by_role("heading", name=re.compile("^Residual")), JOB_MS)
     page.get_by_role("img", name=re.compile(r"^Residual . in|^Residual ._. in")).click(position={"x": 250, "y": 80})
-    page.get_by_text("of the open flights, shaded").wait_for()
+    reach(page, page.get_by_text("of the open flights, shaded"))
 
 
 def learn(page: "Page") -> None:
@@ -97,11 +116,11 @@ def learn(page: "Page") -> None:
     judged(page)
     page.get_by_label(f"What {LEARNED} is for").select_option("left out")
     step(page, "Learn")
-    page.get_by_text("2 flights to learn from, 1 held out").wait_for()
+    reach(page, page.get_by_text("2 flights to learn from, 1 held out"))
     page.get_by_role("button", name="Find the missing effect").click()
-    page.get_by_role("button", name="Diagnose again").wait_for()
+    reach(page, page.get_by_role("button", name="Diagnose again"), JOB_MS)
     page.get_by_role("button", name="Try: refit with it").first.click()
-    page.get_by_role("button", name=re.compile("^Keep as version")).wait_for()
+    reach(page, page.get_by_role("button", name=re.compile("^Keep as version")), JOB_MS)
 
 
 SCENES: dict[str, Callable[["Page"], None]] = {
@@ -118,7 +137,7 @@ def shots(demo: Path, name: str) -> Iterator[tuple[str, Image.Image]]:
     """Name and image of a scene in both styles.
 
     Raises:
-        InputError: there is no Chromium.
+        InputError: there is no Chromium, or the page refuses what the scene needs.
     """
     from playwright.sync_api import sync_playwright
 
@@ -134,6 +153,7 @@ def shots(demo: Path, name: str) -> Iterator[tuple[str, Image.Image]]:
             )
             page.set_default_timeout(PATIENCE_MS)
             page.goto(address)
+            page.get_by_text("Saved, revision").wait_for()  # until then the page says that it is connecting
             SCENES[name](page)
             for style in ("light", "dark"):
                 page.emulate_media(color_scheme=style)

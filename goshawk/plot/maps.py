@@ -41,15 +41,15 @@ def slices(shown: Mapping[str, pictures.Slice], *, style: drawing.Style = "light
     wide = 8.0 if len(shown) == 1 else 6.0  # a page shows a wide figure smaller, and its words with it
     with drawing.styled(style):
         figure, axes = drawing.figure(
-            1, len(shown), (wide * len(shown), wide * float(np.clip(0.9 * tallest, 0.2, 0.9)) + 0.8)
+            1, len(shown), (wide * len(shown), wide * float(np.clip(0.82 * tallest, 0.2, 0.9)) + 0.8)
         )
         for panel, (title, picture) in zip(axes[0], shown.items(), strict=True):
             draw_slice(panel, picture, full)
             drawing.plain(panel, title, _label(picture.right_world_m), _label(picture.up_world_m))
             panel.grid(False)
-        figure.colorbar(
-            _scale(deepest, full), ax=axes[0].tolist(), label="distance to the nearest surface (m)", fraction=0.04
-        )
+        grey = "; grey: unknown" if any((p.status == UNMAPPED).any() for p in shown.values()) else ""
+        label = f"distance to the nearest surface (m){grey}"
+        figure.colorbar(_scale(deepest, full), ax=axes[0].tolist(), label=label, fraction=0.04)
     return figure
 
 

@@ -6,7 +6,7 @@ those. So an instant costs one attitude, and everything is known between the nod
 highest coefficients carry is the measure for how far that is.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
@@ -108,11 +108,11 @@ def coefficients(vehicle: Vehicle, trajectory: Trajectory, pieces: Pieces) -> Fl
     return portable.product(from_values, np.column_stack([up, body_rate, rotor]).reshape(p, NODES, VALUES))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class Memory:
     """Coefficients of segments, for who asks about a segment again that is equal, bit by bit; all of one vehicle."""
 
-    def __init__(self) -> None:
-        self._found: dict[bytes, FloatArray] = {}
+    _found: dict[bytes, FloatArray] = field(default_factory=dict[bytes, FloatArray])
 
     def coefficients(
         self, vehicle: Vehicle, trajectory: Trajectory, segments: np.ndarray, longest_s: float

@@ -8,9 +8,9 @@ import numpy as np
 from flight import FloatArray, Trajectory, Waypoints, portable, rotations
 from planner.gate import limits
 from planner.gate.limits import Check
+from planner.request import inputs
 from planner.request.conditions import Conditions
 from planner.request.options import PlanOptions
-from planner.route import routes
 
 BLOCK = 1024
 """Points looked at together for a waypoint: the next one is hardly ever farther away than a second."""
@@ -159,8 +159,8 @@ def turned(trajectory: Trajectory, visits: Visits, waypoints_world_m: FloatArray
     times = np.stack([visits.time_s, visits.enter_s, visits.leave_s])
     joins_s = trajectory.starts_s
     motion = trajectory.evaluate(joins_s)
-    for i in routes.turns(Waypoints(waypoints_world_m, yaw_rad)):
-        here = np.linalg.norm(motion[:, :3] - trajectory.position(times[:1, i])[0], axis=1) <= routes.SAME_M
+    for i in inputs.turns(Waypoints(waypoints_world_m, yaw_rad)):
+        here = np.linalg.norm(motion[:, :3] - trajectory.position(times[:1, i])[0], axis=1) <= inputs.SAME_M
         facing = np.abs(rotations.wrapped(motion[:, 3] - yaw_rad[i + 1])) <= SAME_RAD
         later = np.flatnonzero(here & facing & (joins_s >= times[0, i]))
         if later.size:

@@ -11,7 +11,7 @@ from flight import Progress, silent
 from planner._planner import StopFlag
 from planner.curve.minimum_snap import Spline
 from planner.gate.gate import AskGate
-from planner.optimise import descents, fastest
+from planner.optimise import descents, fastest, posing
 from planner.optimise.corrections import Corrections
 from planner.optimise.fastest import Path
 from planner.optimise.time_allocation import Problem
@@ -45,7 +45,7 @@ class Attempts:
         """
         self._route, self._request, self._ask_gate = route, request, ask_gate
         self._clearance_price, self._progress = clearance_price, progress
-        self._rough, self.start = fastest.rough(route, obstacles, request)
+        self._rough, self.start = posing.rough(route, obstacles, request)
 
     def best(self) -> Path | None:
         """The fastest path that passes the gate, or the last one that does not; None if all stay too close.
@@ -70,10 +70,9 @@ class Attempts:
 
     def _from_starts(self, request: Request) -> Path | None:
         """The fastest path from as many starts of the descent as are asked for, the first of equals."""
-        problem, durations, index = fastest.whole_vehicle(
+        problem, begin, index = posing.whole_vehicle(
             self._rough, self.start, self._route.waypoint, request, self._clearance_price
         )
-        begin = problem.spline(problem.knots, durations)
         if request.options.starts == 1:
             return self._from_start(0, problem, begin, index, request)
         stop = StopFlag() if request.stop is None else request.stop
@@ -107,7 +106,7 @@ class Attempts:
 
     def _freed(self, bound: Path) -> Path | None:
         assert bound.kept is not None
-        problem = fastest.with_free_heading(bound.kept.problem, bound.waypoint, self._request.waypoints.yaw_rad)
+        problem = posing.with_free_heading(bound.kept.problem, bound.waypoint, self._request.waypoints.yaw_rad)
         corrections = bound.kept.corrections.unpressed()
         freed = self._until_flyable(
             problem, bound.kept.spline, bound.waypoint, self._request, corrections, progress=self._progress

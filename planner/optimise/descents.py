@@ -1,14 +1,15 @@
 """The descents of the optimiser through the whole state of every knot, gently to begin with.
 
-Their iterations are compiled: `planner/src/refine.cpp` and `newton.hpp`.
+Their iterations are compiled: `planner/src/refine.cpp` and `newton.hpp`. A part of a path can be optimised for itself:
+the rest stays as it is, and the joins keep their state through jerk.
 
 At low prices on exceeded limits the way to the fastest path is less steep, and starts that differ end in the same path:
 of 24 walks in the open, from eight starts each, all end within 0.3 % of the best. Among obstacles the best path of
 least snap comes first.
 """
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +17,7 @@ import esdf
 from planner._planner import StopFlag
 from planner.curve import minimum_snap
 from planner.curve.minimum_snap import Spline
-from planner.optimise import time_allocation, windows
+from planner.optimise import time_allocation
 from planner.optimise.time_allocation import Problem, Solution
 
 _FIRST, _NEW, _MOST = 150, 200, 250
@@ -37,6 +38,17 @@ _HOLD = 0.05
 same time, and what was measured holds for one of them. Without it a path near free fall took 40 rounds, with it 14."""
 _SOUND = 1.5
 """Cost over flight time above which a path is not one to go on from: it is flown upside down, say."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Descended:
+    """A path after a descent in some of its segments."""
+
+    spline: Spline
+    converged: bool
+    """Whether every part of it did."""
+    residual: float
+    """The largest share of the cost that the descents would still gain."""
 
 
 def starts(
@@ -84,16 +96,14 @@ def _gently(
     return found
 
 
-def refined(
-    problem: Problem, spline: Spline, touched: np.ndarray, stop: StopFlag | None, *, near: bool
-) -> windows.Descended:
+def refined(problem: Problem, spline: Spline, touched: np.ndarray, stop: StopFlag | None, *, near: bool) -> Descended:
     """The path after a descent through the whole states of the knots between touched segments (k,), near the last."""
     hold = _HOLD if near else 0.0
 
     def descend(part: Problem, there: Spline) -> Solution:
         return time_allocation.refine(part, there, iterations=_MOST, precision=_PRECISION, hold=hold, stop=stop)
 
-    return windows.optimise(problem, spline, touched, descend)
+    return in_parts(problem, spline, touched, descend)
 
 
 def redrawn(problem: Problem, spline: Spline, touched: np.ndarray, stop: StopFlag | None) -> Spline:
@@ -103,4 +113,37 @@ def redrawn(problem: Problem, spline: Spline, touched: np.ndarray, stop: StopFla
         first = time_allocation.optimise(part, there.durations_s, iterations=_NEW, stop=stop)
         return _gently(replace(part, knots=first.knots), first.spline, _AMONG, False, stop)
 
-    return windows.optimise(problem, spline, touched, descend).spline
+    return in_parts(problem, spline, touched, descend).spline
+
+
+def in_parts(
+    problem: Problem, spline: Spline, segments: np.ndarray, descend: Callable[[Problem, Spline], Solution]
+) -> Descended:
+    """Each run of the chosen segments (k,) optimised for itself, the knots on either side of it held.
+
+    Args:
+        descend: from a problem and the spline to start from to where its descent ends.
+    """
+    if segments.all():
+        found = descend(problem, spline)
+        return Descended(found.spline, found.converged, found.residual)
+    durations, states, converged, residual = spline.durations_s.copy(), spline.states.copy(), True, 0.0
+    for first, last in runs(segments):
+        before = Spline(durations[first:last], states[first : last + 1])
+        found = descend(problem.part(first, last, Spline(durations, states)), before)
+        durations[first:last] = found.durations_s
+        states[first : last + 1] = found.spline.states
+        converged, residual = converged and found.converged, float(np.fmax(residual, found.residual))
+    return Descended(Spline(durations, states), converged, residual)
+
+
+def grown(segments: np.ndarray, reach: int) -> np.ndarray:
+    """(k,) bool: the segments and their neighbours up to `reach` away."""
+    around = np.ones(2 * reach + 1)
+    return np.convolve(segments.astype(float), around)[reach : reach + len(segments)] > 0.5
+
+
+def runs(segments: np.ndarray) -> list[tuple[int, int]]:
+    """First and last knot of each run of chosen segments (k,) bool."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], segments, [False]]).astype(int)))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

@@ -1,12 +1,17 @@
 """What is done about a path that the optimiser could not make fast: box it in, slow it down."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from flight import FloatArray, InfeasibleError, Trajectory
 from planner.curve import minimum_snap
 from planner.gate import limits
+from planner.gate.gate import AskGate
 from planner.optimise import quadratic
+from planner.optimise.fastest import Path
 from planner.request.options import PlanInfeasibleError, StopFlag
+from planner.request.request import Request
 from planner.route import corridor
 from planner.route.routes import Route
 from vehicle import Limits, Vehicle
@@ -17,6 +22,8 @@ _CRITICAL = 12
 """Instants per limit that are watched while the time is scaled: those that came nearest to it."""
 _SPARE = 0.003
 """Share of the time that is given away, for what the coarse sampling does not see."""
+_SLOWER = (1.005, 1.015, 1.04, 1.1, 1.3)
+"""Factors on the time that are tried where the gate, with its finer samples, finds a limit exceeded."""
 
 
 def through_corridor(
@@ -42,6 +49,18 @@ def through_corridor(
         raise PlanInfeasibleError(str(error), "lower margin_m, or add waypoints where it is narrow") from error
 
 
+def slowed(path: Path, request: Request, ask_gate: AskGate) -> Path:
+    """The same way through space in the time that just keeps every limit: the last resort, as all segments pay."""
+    factor = time_scale(path.trajectory, request.vehicle, request.limits)
+    for more in (1.0, *_SLOWER):
+        trajectory = path.trajectory.scale_time(factor * more)
+        optimum = replace(path.optimum, converged=False)
+        slower = replace(path, trajectory=trajectory, report=ask_gate(trajectory, None), optimum=optimum, kept=None)
+        if slower.report.passed or not all(check.name in limits.NAMES for check in slower.report.failures):
+            break
+    return slower
+
+
 def time_scale(trajectory: Trajectory, vehicle: Vehicle, bounds: Limits) -> float:
     """The factor on all times at which the first limit is just used: above 1 slows down, below 1 speeds up.
 
@@ -50,7 +69,7 @@ def time_scale(trajectory: Trajectory, vehicle: Vehicle, bounds: Limits) -> floa
     same instants that matter all along, so only the first look is at the whole trajectory.
 
     Raises:
-        InfeasibleError: no factor up to fifty keeps the limits.
+        PlanInfeasibleError: no factor up to fifty keeps the limits.
     """
     times, _ = limits.sample_times(trajectory, _COARSE_S)
     shares = limits.time_shares(trajectory, vehicle, bounds, times)
@@ -69,5 +88,5 @@ def time_scale(trajectory: Trajectory, vehicle: Vehicle, bounds: Limits) -> floa
         used = limits.usage(trajectory.scale_time(factor), vehicle, bounds, step_s=_COARSE_S * factor)
         limit, segment = np.unravel_index(int(np.argmax(np.nan_to_num(used.share, nan=np.inf))), used.share.shape)
         text = limits.excess_text(used, int(limit), int(segment), trajectory.scale_time(factor))
-        raise InfeasibleError(f"even {factor:.0f} times as slow, {text}")
+        raise PlanInfeasibleError(f"even {factor:.0f} times as slow, {text}", "check the vehicle's limits")
     return safe

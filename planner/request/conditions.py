@@ -24,11 +24,19 @@ _PROVABLE = 0.985
 """Share of a leg's speed or jerk that the optimiser uses: the gate's bound is at most 1 % above the truth."""
 
 
-class LegLimits(TypedDict):
-    """Limits between knots, (k,) each; None if none is asked for."""
+class AtKnots(TypedDict):
+    """What the optimiser keeps at k + 1 knots and on the k segments between them; None where nothing is asked for."""
 
+    velocity: FloatArray | None
+    """(k + 1, 4) velocity and yaw rate, NaN where open."""
+    balls: FloatArray | None
+    """(k + 1, 4) centre and radius of the ball that each knot may move in, 0 for none."""
+    gates: FloatArray | None
+    """(k + 1, 3, 3) centre and half edges of the opening in whose plane each knot may move, zero edges for none."""
     speed_m_s: FloatArray | None
+    """(k,) largest speed, such that the gate proves the one asked for."""
     jerk_m_s3: FloatArray | None
+    """(k,) the same of jerk."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,33 +159,31 @@ class Conditions:
         given = [(name, asks, getattr(self, name)) for name, asks in nothing.items()]
         return [item for item in given if item[2] is not None]
 
-    def at_knots(self, waypoint: np.ndarray) -> FloatArray | None:
-        """(k + 1, 4) velocity and yaw rate at knots, NaN where open; `waypoint` (k + 1,) is -1 between waypoints."""
-        if self.velocity_world_m_s is None:
-            return None
-        found = np.full((len(waypoint), 4), np.nan)
-        at = waypoint >= 0
-        found[at, :3] = self.velocity_world_m_s[waypoint[at]]
-        found[np.isfinite(found[:, 0]), 3] = 0.0
-        return found
-
-    def balls(self, points_world_m: FloatArray, waypoint: np.ndarray) -> FloatArray | None:
-        """(k + 1, 4) centre and radius of the ball that each knot may move in, 0 for none.
+    def at_knots(self, positions_world_m: FloatArray, waypoint: np.ndarray, limits: Limits) -> AtKnots:
+        """What is asked for at knots, of which `waypoint` (k + 1,) says which waypoint each is, -1 for none.
 
         Args:
-            points_world_m: (k + 1, 3) where the knots are that are waypoints.
+            positions_world_m: (n, 3) of the waypoints.
         """
-        if self.fly_by_m is None:
-            return None
-        radius = np.where(waypoint >= 0, _INSIDE * self.fly_by_m[waypoint], 0.0)
-        return np.column_stack([points_world_m, radius])
-
-    def gates(self, points_world_m: FloatArray, waypoint: np.ndarray) -> FloatArray | None:
-        """(k + 1, 3, 3) centre and half edges of the opening in whose plane each knot may move, zero edges for none."""
-        if self.gate_edges_m is None:
-            return None
-        edges = np.where((waypoint >= 0)[:, None, None], _INSIDE * self.gate_edges_m[waypoint], 0.0)
-        return np.concatenate([points_world_m[:, None], edges], axis=1)
+        most, at = self.most_on_legs(waypoint), waypoint >= 0
+        velocity, balls, gates, centres = None, None, None, positions_world_m[np.maximum(waypoint, 0)]
+        if self.velocity_world_m_s is not None:
+            velocity = np.full((len(waypoint), 4), np.nan)
+            velocity[at, :3] = self.velocity_world_m_s[waypoint[at]]
+            velocity[np.isfinite(velocity[:, 0]), 3] = 0.0
+        if self.fly_by_m is not None:
+            balls = np.column_stack([centres, np.where(at, _INSIDE * self.fly_by_m[waypoint], 0.0)])
+        if self.gate_edges_m is not None:
+            edges = np.where(at[:, None, None], _INSIDE * self.gate_edges_m[waypoint], 0.0)
+            gates = np.concatenate([centres[:, None], edges], axis=1)
+        speed, jerk = (_PROVABLE * most[name] for name in ("speed", "jerk"))
+        return {
+            "velocity": velocity,
+            "balls": balls,
+            "gates": gates,
+            "speed_m_s": None if self.leg_speed_m_s is None else np.minimum(speed, limits.speed_m_s),
+            "jerk_m_s3": None if self.leg_jerk_m_s3 is None else np.minimum(jerk, limits.largest_jerk_m_s3),
+        }
 
     @property
     def tube(self) -> space.KeepIn | None:
@@ -207,20 +213,8 @@ class Conditions:
             )
 
     def most_on_legs(self, waypoint: np.ndarray) -> dict[str, FloatArray]:
-        """(k,) by name of the limit what is asked for between knots, infinite where nothing is.
-
-        `waypoint` is as in `at_knots`.
-        """
+        """(k,) by name of the limit what is asked for between knots (`at_knots`), infinite where nothing is."""
         return {"speed": _between(self.leg_speed_m_s, waypoint), "jerk": _between(self.leg_jerk_m_s3, waypoint)}
-
-    def planned_on_legs(self, waypoint: np.ndarray, limits: Limits) -> LegLimits:
-        """Limits for the optimiser, so that the gate proves those asked for."""
-        asked = self.most_on_legs(waypoint)
-        speed, jerk = (_PROVABLE * asked[name] for name in ("speed", "jerk"))
-        return {
-            "speed_m_s": None if self.leg_speed_m_s is None else np.minimum(speed, limits.speed_m_s),
-            "jerk_m_s3": None if self.leg_jerk_m_s3 is None else np.minimum(jerk, limits.largest_jerk_m_s3),
-        }
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-able; what is not asked for is left out, open numbers are None."""

@@ -1,16 +1,24 @@
 """What cannot be planned is refused before any work, with the waypoint or the limit, the bound and the way out."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from flight import FloatArray, InfeasibleError, InputError, Waypoints, rotations
+from flight import FlightError, FloatArray, InfeasibleError, InputError, Waypoints, rotations
 from flight.trajectory import LONGEST_S
+from planner.request import space
 from planner.request.options import PlanInfeasibleError, PlanOptions
+from planner.request.request import Request
 from vehicle import Limits, Vehicle, invert
 
 MOST_WAYPOINTS = 2000
 """More would take minutes; a recorded path is thinned first."""
 _LONGEST_TURN_S = 60.0
 """A turn between two headings that takes longer than this is taken for a mistake in the headings or the limit."""
+SAME_M = 1e-3
+"""Waypoints nearer than this are one point."""
+_SAME_RAD = 1e-3
+"""Headings that differ by less are the same, as in `heading`."""
 
 
 def options_for(vehicle: object, options: PlanOptions | None) -> PlanOptions:
@@ -24,12 +32,36 @@ def options_for(vehicle: object, options: PlanOptions | None) -> PlanOptions:
     return (PlanOptions() if options is None else options).sized(vehicle)
 
 
-def check(waypoints: Waypoints, field: object, vehicle: Vehicle, options: PlanOptions) -> None:
-    """Refuse what no plan can come of.
+def admitted(request: Request) -> Request:
+    """The request with its conditions as arrays, if a plan can come of it.
 
     Raises:
-        InputError: no map, a vehicle larger than the clearance, too many waypoints, two too far apart, or
-            headings that take too long to turn.
+        InputError: as `check`, or what is asked besides the waypoints makes no sense or lasts too long.
+        PlanInfeasibleError: the limits do not let the vehicle hover.
+    """
+    waypoints, options = request.waypoints, request.options
+    check(waypoints, request.field, request.vehicle, options)
+    asked = request.conditions.checked(len(waypoints.positions_world_m), request.limits)
+    check_durations(waypoints, request.limits, asked.leg_speed_m_s)
+    if options.method == "bry" and (asked.given_motion or asked.leg_limits):
+        raise InputError(
+            "Bry's method starts and ends at rest and knows no velocities and no speeds or jerks of legs; use fastest"
+        )
+    asked.check_inside(waypoints.positions_world_m)
+    return replace(request, conditions=asked)
+
+
+def check(
+    waypoints: Waypoints, field: space.DistanceField, vehicle: Vehicle, options: PlanOptions, *, may_turn: bool = False
+) -> None:
+    """Refuse waypoints that no plan can come of, whatever else is asked.
+
+    Args:
+        may_turn: as in `check_waypoints`.
+
+    Raises:
+        InputError: no map, a vehicle larger than the clearance, too many waypoints, two too far apart, headings that
+            take too long to turn, or as `check_waypoints`.
         PlanInfeasibleError: the limits do not let the vehicle hover.
     """
     if not hasattr(field, "distance"):
@@ -46,6 +78,7 @@ def check(waypoints: Waypoints, field: object, vehicle: Vehicle, options: PlanOp
     _check_hover(vehicle, bounds, options)
     check_durations(waypoints, bounds)
     _check_headings(waypoints, bounds)
+    check_waypoints(waypoints, field, options.waypoint_clearance_m, may_turn=may_turn)
 
 
 def beyond_clearance(vehicle: Vehicle, clearance_m: float) -> str:
@@ -120,3 +153,66 @@ def _check_headings(waypoints: Waypoints, bounds: Limits) -> None:
             f"{turn / bounds.yaw_rate_rad_s:.0f} s at yaw_rate_rad_s {bounds.yaw_rate_rad_s:g}; bring the headings "
             "closer, or raise the limit"
         )
+
+
+def turns(waypoints: Waypoints) -> np.ndarray:
+    """Indices of the waypoints behind which the next one is in the same place and asks for another heading."""
+    gaps = np.linalg.norm(np.diff(waypoints.positions_world_m, axis=0), axis=1)
+    turned = np.abs(rotations.wrapped(np.diff(waypoints.yaw_rad))) >= _SAME_RAD  # not so where one is open
+    return np.flatnonzero((gaps < SAME_M) & turned)
+
+
+def check_waypoints(
+    waypoints: Waypoints, field: space.DistanceField, clearance_m: float, *, may_turn: bool = False
+) -> None:
+    """Refuse waypoints that no path can reach.
+
+    Args:
+        may_turn: two may be in the same place if they ask for two headings.
+
+    Raises:
+        InputError: too few, two in the same place, or one too close to an obstacle or in unknown space.
+    """
+    points = waypoints.positions_world_m
+    if len(points) < 2:
+        raise InputError(f"{len(points)} waypoints are given; at least two are needed, a start and an end")
+    same = np.linalg.norm(np.diff(points, axis=0), axis=1) < SAME_M
+    on_the_spot = turns(waypoints)
+    if may_turn:
+        same[on_the_spot] = False
+    if same.any():
+        i = int(np.argmax(same))
+        where = f"waypoints {i + 1} and {i + 2} are in the same place {shown(points[i])}"
+        if i in on_the_spot:
+            raise InputError(f"{where} with two headings; plan this turn as a mission (`planner.mission.plan`)")
+        raise InputError(f"{where}; remove one of them, or give both a heading to turn on the spot")
+    distances = space.distance(field, points)
+    short = np.flatnonzero(distances < clearance_m)
+    if short.size:
+        i = int(short[0])
+        raise InputError(_trouble(field, i, points[i], float(distances[i]), clearance_m))
+
+
+def not_free(distance_m: float) -> str:
+    """Where a point is whose distance is negative, or minus infinity, as `space.distance` gives it."""
+    if np.isneginf(distance_m):
+        return "in unknown space or outside of the map"
+    return f"{-distance_m:.2f} m inside an obstacle or beyond a wall"
+
+
+def _trouble(field: space.DistanceField, i: int, point: FloatArray, distance_m: float, clearance_m: float) -> str:
+    if distance_m < 0.0:
+        place = not_free(distance_m)
+    else:
+        place = f"{distance_m:.3f} m from an obstacle or unknown space, {clearance_m:.3f} m are required"
+    where = f"waypoint {i + 1} at {shown(point)} is {place}"
+    try:
+        free = space.nearest_free(field, point, clearance_m + 0.01)
+        return f"{where}; the nearest free point is near {shown(free)}"
+    except FlightError as error:
+        return f"{where}; {error}"
+
+
+def shown(point: FloatArray) -> str:
+    """A place in metres, for a message."""
+    return "(" + ", ".join(f"{x:.2f}" if abs(x) < 1e6 else f"{x:.3g}" for x in point) + ")"

@@ -1,21 +1,17 @@
-"""From the pilot's waypoints to a polyline clear of obstacles: checks the waypoints and searches between them."""
+"""From the pilot's waypoints to a polyline clear of obstacles: straight lines, and a search where one is not free."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from flight import FlightError, FloatArray, InputError, Waypoints, portable, rotations
+from flight import FloatArray, Waypoints, portable
 from planner._planner import StopFlag
-from planner.request import space
+from planner.request import inputs, space
 from planner.request.options import PlanInfeasibleError, PlanOptions, check_stop
 from planner.route import sampling, search
 
 _CLOSE_M = 0.5
 """Spacing of the points of a way that touches obstacles; it grows with twice the room there is."""
-SAME_M = 1e-3
-"""Waypoints nearer than this are one point."""
-_SAME_RAD = 1e-3
-"""Headings that differ by less are the same, as in `heading`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,68 +26,6 @@ class Route:
     def leg(self, segment: int) -> int:
         """Index of the waypoint before the given line of the route."""
         return int(self.waypoint[: segment + 1].max())
-
-
-def turns(waypoints: Waypoints) -> np.ndarray:
-    """Indices of the waypoints behind which the next one is in the same place and asks for another heading."""
-    gaps = np.linalg.norm(np.diff(waypoints.positions_world_m, axis=0), axis=1)
-    turned = np.abs(rotations.wrapped(np.diff(waypoints.yaw_rad))) >= _SAME_RAD  # not so where one is open
-    return np.flatnonzero((gaps < SAME_M) & turned)
-
-
-def check_waypoints(
-    waypoints: Waypoints, field: space.DistanceField, clearance_m: float, *, may_turn: bool = False
-) -> None:
-    """Refuse waypoints that no path can reach.
-
-    Args:
-        may_turn: two may be in the same place if they ask for two headings.
-
-    Raises:
-        InputError: too few, two in the same place, or one too close to an obstacle or in unknown space.
-    """
-    points = waypoints.positions_world_m
-    if len(points) < 2:
-        raise InputError(f"{len(points)} waypoints are given; at least two are needed, a start and an end")
-    same = np.linalg.norm(np.diff(points, axis=0), axis=1) < SAME_M
-    on_the_spot = turns(waypoints)
-    if may_turn:
-        same[on_the_spot] = False
-    if same.any():
-        i = int(np.argmax(same))
-        where = f"waypoints {i + 1} and {i + 2} are in the same place {_text(points[i])}"
-        if i in on_the_spot:
-            raise InputError(f"{where} with two headings; plan this turn as a mission (`planner.mission.plan`)")
-        raise InputError(f"{where}; remove one of them, or give both a heading to turn on the spot")
-    distances = space.distance(field, points)
-    short = np.flatnonzero(distances < clearance_m)
-    if short.size:
-        i = int(short[0])
-        raise InputError(_trouble(field, i, points[i], float(distances[i]), clearance_m))
-
-
-def not_free(distance_m: float) -> str:
-    """Where a point is whose distance is negative, or minus infinity, as `space.distance` gives it."""
-    if np.isneginf(distance_m):
-        return "in unknown space or outside of the map"
-    return f"{-distance_m:.2f} m inside an obstacle or beyond a wall"
-
-
-def _trouble(field: space.DistanceField, i: int, point: FloatArray, distance_m: float, clearance_m: float) -> str:
-    if distance_m < 0.0:
-        place = not_free(distance_m)
-    else:
-        place = f"{distance_m:.3f} m from an obstacle or unknown space, {clearance_m:.3f} m are required"
-    where = f"waypoint {i + 1} at {_text(point)} is {place}"
-    try:
-        free = space.nearest_free(field, point, clearance_m + 0.01)
-        return f"{where}; the nearest free point is near {_text(free)}"
-    except FlightError as error:
-        return f"{where}; {error}"
-
-
-def _text(point: FloatArray) -> str:
-    return "(" + ", ".join(f"{x:.2f}" if abs(x) < 1e6 else f"{x:.3g}" for x in point) + ")"
 
 
 def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions, stop: StopFlag | None = None) -> Route:
@@ -156,7 +90,7 @@ def _no_way(
     if gap is None or gap.width_m >= 2.0 * required_m:
         reason = f"no path keeps {required_m:.2f} m of clearance (the straight line keeps {straight_m:.2f} m)"
         return PlanInfeasibleError(reason, "move a waypoint, or lower margin_m", leg)
-    place = _text(np.array(gap.point_world_m))
+    place = inputs.shown(np.array(gap.point_world_m))
     reason = f"the widest way narrows to {max(gap.width_m, 0.0):.2f} m at {place}; {2.0 * required_m:.2f} m are needed"
     return PlanInfeasibleError(reason, "move a waypoint, or lower margin_m", leg, gap=gap)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from flight import FloatArray
 from planner.request import space
-from planner.route import search, simplify
+from planner.route import search
 
 SAMPLERS = {"rrt_star": "RRTstar", "informed_rrt_star": "InformedRRTstar", "bit_star": "BITstar", "aorrtc": "AORRTC"}
 """OMPL's class for each name: RRT* (Karaman and Frazzoli 2011), InformedRRT* (Gammell et al. 2014), BIT* (Gammell et
@@ -78,7 +78,7 @@ def route(
     path: Any = problem.getSolutionPath()
     points = np.array([_point(path.getState(i)) for i in range(path.getStateCount())])
     points[0], points[-1] = start, goal
-    return simplify.shortcut(points, field, required_m, required_m + 0.05)
+    return search.shortcut(points, field, required_m, required_m + 0.05)
 
 
 def _point(state: Any) -> FloatArray:

@@ -9,7 +9,6 @@ from planner._planner import StopFlag, bottleneck
 from planner._planner import search as grid_search
 from planner.request import space
 from planner.request.options import Gap, check_stop
-from planner.route import simplify
 
 _CELLS = 800_000
 """Most cells of a search grid; larger regions get larger cells."""
@@ -130,7 +129,7 @@ def route(
         if not len(cells):
             break
         points = np.concatenate([[start], grid.point(cells), [goal]])
-        points = simplify.shortcut(points, field, required_m, required_m + 0.05)
+        points = shortcut(points, field, required_m, required_m + 0.05)
         if all(check.free for check in space.check_lines(field, points[:-1], points[1:], required_m)):
             return points
     gap = narrowest(grid, start, goal)
@@ -156,3 +155,35 @@ def _finer(
     if closer.step_m > 0.75 * grid.step_m:
         return None
     return route(field, closer, start, goal, required_m, comfort_m)
+
+
+def shortcut(points: FloatArray, field: space.DistanceField, clearance_m: float, comfort_m: float) -> FloatArray:
+    """Fewer points (m, 3) along a free path: each point is joined to the farthest one in a free straight line.
+
+    A shortcut may come no closer to obstacles than the part it replaces does, or than `comfort_m`, whichever is
+    smaller, and never closer than `clearance_m`. Neighbours are joined in any case.
+    """
+    near = space.distance(field, points)
+    kept, at = [0], 0
+    while at < len(points) - 1:
+        ahead = np.arange(at + 1, len(points))
+        allowed = np.clip(np.minimum.accumulate(near[at:])[1:] - 1e-3, clearance_m, comfort_m)
+        at = int(ahead[_farthest_free(points, at, ahead, field, allowed)])
+        kept.append(at)
+    return points[kept]
+
+
+def _farthest_free(
+    points: FloatArray, at: int, ahead: np.ndarray, field: space.DistanceField, allowed: FloatArray
+) -> int:
+    """Position in `ahead` of the farthest point seen from `at`; 0 (the neighbour) if none is."""
+    best, step = 0, 16
+    for first in range(0, len(ahead), step):
+        ends = points[ahead[first : first + step]]
+        starts = np.broadcast_to(points[at], ends.shape)
+        lines = space.check_lines(field, starts, ends, allowed[first : first + step])
+        seen = [first + i for i, line in enumerate(lines) if line.free]
+        if not seen:
+            return best
+        best = seen[-1]
+    return best

@@ -117,35 +117,3 @@ def heading_gaps(points: FloatArray, yaw_rad: FloatArray, first: int, last: int)
 
 def _blocked(field: space.DistanceField | None, start: FloatArray, end: FloatArray, clearance_m: float) -> bool:
     return field is not None and not space.check_lines(field, start, end, clearance_m)[0].free
-
-
-def shortcut(points: FloatArray, field: space.DistanceField, clearance_m: float, comfort_m: float) -> FloatArray:
-    """Fewer points (m, 3) along a free path: each point is joined to the farthest one in a free straight line.
-
-    A shortcut may come no closer to obstacles than the part it replaces does, or than `comfort_m`, whichever is
-    smaller, and never closer than `clearance_m`. Neighbours are joined in any case.
-    """
-    near = space.distance(field, points)
-    kept, at = [0], 0
-    while at < len(points) - 1:
-        ahead = np.arange(at + 1, len(points))
-        allowed = np.clip(np.minimum.accumulate(near[at:])[1:] - 1e-3, clearance_m, comfort_m)
-        at = int(ahead[_farthest_free(points, at, ahead, field, allowed)])
-        kept.append(at)
-    return points[kept]
-
-
-def _farthest_free(
-    points: FloatArray, at: int, ahead: np.ndarray, field: space.DistanceField, allowed: FloatArray
-) -> int:
-    """Position in `ahead` of the farthest point seen from `at`; 0 (the neighbour) if none is."""
-    best, step = 0, 16
-    for first in range(0, len(ahead), step):
-        ends = points[ahead[first : first + step]]
-        starts = np.broadcast_to(points[at], ends.shape)
-        lines = space.check_lines(field, starts, ends, allowed[first : first + step])
-        seen = [first + i for i, line in enumerate(lines) if line.free]
-        if not seen:
-            return best
-        best = seen[-1]
-    return best

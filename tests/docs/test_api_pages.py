@@ -13,6 +13,7 @@ from sphinx.pycode import ModuleAnalyzer
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(page for page in (ROOT / "docs" / "reference" / "python").glob("*.md") if page.stem != "index")
+PACKAGES = {page.stem for page in PAGES}
 FIELD = re.compile(r"^\s{4,}[\w*, `]+(?: \([^)]*\))?: ")
 """The head of an entry under `Args:` or `Raises:`, which is set apart from its text."""
 HEADINGS = ("Args:", "Returns:", "Raises:", "Yields:")
@@ -51,6 +52,12 @@ def modules(page: Path) -> list[str]:
     return re.findall(r"automodule:: ([\w.]+)", page.read_text())
 
 
+def values(module: str) -> list[object]:
+    """Of the names in a module's `__all__`."""
+    found = importlib.import_module(module)
+    return [getattr(found, name) for name in getattr(found, "__all__", ())]
+
+
 def public(module: str) -> Iterator[tuple[str, object]]:
     """The classes and functions that a module offers: its `__all__`, or what it defines itself."""
     found = importlib.import_module(module)
@@ -60,6 +67,20 @@ def public(module: str) -> Iterator[tuple[str, object]]:
         of_code = inspect.isclass(value) or inspect.isfunction(value)
         if of_code and (hasattr(found, "__all__") or value.__module__ == module):
             yield name, value
+
+
+def offered(module: str) -> Iterator[str]:
+    """Full names of what must be on its page: also constants, methods, properties and fields, inherited ones too."""
+    found = importlib.import_module(module)
+    yield from (
+        f"{module}.{name}" for name in getattr(found, "__all__", ()) if not inspect.ismodule(getattr(found, name))
+    )
+    for name, value in public(module):
+        yield f"{module}.{name}"
+        if inspect.isclass(value) and value.__name__ == name:  # another's class under a second name stands there
+            for owner in value.__mro__:
+                if owner.__module__.partition(".")[0] in PACKAGES:
+                    yield from (f"{module}.{name}.{member}" for member in vars(owner) if not member.startswith("_"))
 
 
 def texts(value: object) -> Iterator[str]:
@@ -107,5 +128,7 @@ def test_no_private_name_is_shown_and_every_public_one_is(page: Path, built: dic
     parts = [part for name in text.names for part in name.split(".")]
     assert not [part for part in parts if part.startswith("_")]
     assert not re.findall(r"[(,]\s*_[a-z]\w*\s*:", "".join(text.parts))
-    first = modules(page)[0]
-    assert {f"{first}.{name}" for name, _ in public(first)} <= set(text.names)
+    missing = {name for module in modules(page) for name in offered(module)} - set(text.names)
+    assert not missing
+    parts_of_it = {value.__name__ for value in values(modules(page)[0]) if inspect.ismodule(value)}
+    assert parts_of_it <= set(modules(page)), "modules that the package offers"

@@ -50,6 +50,7 @@ class Noise:
 
 
 QUIET = Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""Sensors without noise."""
 
 
 def fly(fleet: Fleet, controller: Controller, duration_s: float, *, period_s: float = 0.005) -> Truth:

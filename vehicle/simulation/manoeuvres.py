@@ -163,6 +163,7 @@ LIBRARY: dict[str, Callable[[], Trajectory]] = {
     "ground_sweep": _ground_sweep,
     "ceiling_climb": _ceiling_climb,
 }
+"""Each manoeuvre's name to what makes it."""
 
 
 def make(name: str) -> Trajectory:

@@ -60,6 +60,7 @@ class Wind:
 
 
 CALM = Wind()
+"""Air at rest."""
 
 
 @dataclass(frozen=True, slots=True)

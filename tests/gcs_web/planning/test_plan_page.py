@@ -5,11 +5,12 @@ import re
 import numpy as np
 import pytest
 
-from flight import flight_log, mission
+from flight import InputError, flight_log, mission
 from gcs_web import GroundStation
 from tests.gcs_web.in_browser import cell, needs_chromium, positions, verdict
 from tests.gcs_web.two_pillars import START
 from tests.waiting import until as wait
+from tools import page_pictures
 
 pytestmark = needs_chromium
 
@@ -165,7 +166,8 @@ def test_the_path_is_coloured_by_what_is_chosen_with_ends_and_unit(station, page
     wait(lambda: station.view._colour == colour, "the colours")
 
 
-def test_a_waypoint_in_a_pillar_is_refused_in_words(station, page):
+def into_the_pillar(page) -> None:
+    """Move waypoint 2 there."""
     cell(page, 1, 0).dblclick()
     page.keyboard.press("Control+A")
     page.keyboard.type("2.0")
@@ -173,9 +175,20 @@ def test_a_waypoint_in_a_pillar_is_refused_in_words(station, page):
     page.keyboard.press("Control+A")
     page.keyboard.type("1.5")
     page.keyboard.press("Enter")
+
+
+def test_a_waypoint_in_a_pillar_is_refused_in_words(station, page):
+    into_the_pillar(page)
     verdict(page).get_by_text("Refused").wait_for()
     verdict(page).get_by_text("waypoint 2").first.wait_for()
     assert page.get_by_role("button", name="Compare and upload").is_disabled()
+
+
+def test_a_scene_of_the_docs_pictures_ends_at_a_refusal_with_its_sentence(station, page):
+    page_pictures.checked(page)
+    into_the_pillar(page)
+    with pytest.raises(InputError, match=r"ends at a refusal: .*waypoint 2"):
+        page_pictures.reach(page, verdict(page).get_by_text("2 laps"))
 
 
 def test_the_path_is_split_at_the_cursor_and_all_waypoints_are_snapped(station, page):

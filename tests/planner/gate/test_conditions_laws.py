@@ -206,7 +206,7 @@ def test_a_waypoint_deleted_leaves_the_lower_speed_of_two_legs(index, speeds, op
     assert Conditions().deleted(index).as_dict() == {}
 
 
-def test_conditions_of_waypoints_stand_at_their_knots():
+def test_conditions_of_waypoints_stand_at_their_knots(drone):
     waypoint = np.array([0, -1, 1, 2, -1, 3])
     given = Conditions(
         velocity_world_m_s=rows([1.0, 2.0, 3.0], 1),
@@ -215,40 +215,37 @@ def test_conditions_of_waypoints_stand_at_their_knots():
         leg_speed_m_s=np.array([OPEN, 1.0, 99.0]),
         leg_jerk_m_s3=np.array([7.0, OPEN, 8.0]),
     )
-    knots = given.at_knots(waypoint)
+    places = np.arange(12.0).reshape(4, 3)
+    asked = given.at_knots(places, waypoint, drone.limits)
+    knots = asked["velocity"]
     assert knots.shape == (6, 4)
     assert knots[2].tolist() == [1.0, 2.0, 3.0, 0.0]
     assert np.isnan(np.delete(knots, 2, axis=0)).all()
-    points = np.arange(18.0).reshape(6, 3)
-    balls = given.balls(points, waypoint)
-    np.testing.assert_array_equal(balls[:, :3], points)
+    at = waypoint >= 0
+    balls, openings = asked["balls"], asked["gates"]
+    np.testing.assert_array_equal(balls[at, :3], places)
     np.testing.assert_allclose(balls[:, 3], 0.97 * np.array([0.5, 0.0, 1.0, 0.0, 0.0, 2.0]))
-    openings = given.gates(points, waypoint)
-    np.testing.assert_array_equal(openings[:, 0], points)
+    np.testing.assert_array_equal(openings[at, 0], places)
     np.testing.assert_allclose(openings[0, 1:], 0.97 * LEFT_UP)
     np.testing.assert_allclose(openings[3, 1:], 0.97 * 2.0 * LEFT_UP)
     assert (openings[[1, 2, 4, 5], 1:] == 0.0).all()
-    first = Conditions(velocity_world_m_s=rows([1.0, 0.0, 0.0], 0)).at_knots(waypoint)
-    assert first[0].tolist() == [1.0, 0.0, 0.0, 0.0]
+    first = Conditions(velocity_world_m_s=rows([1.0, 0.0, 0.0], 0)).at_knots(places, waypoint, drone.limits)
+    assert first["velocity"][0].tolist() == [1.0, 0.0, 0.0, 0.0]
     assert given.most_on_legs(waypoint)["speed"].tolist() == [np.inf, np.inf, 1.0, 99.0, 99.0]
     assert given.most_on_legs(waypoint)["jerk"].tolist() == [7.0, 7.0, np.inf, 8.0, 8.0]
     assert [most.tolist() for most in Conditions().most_on_legs(waypoint).values()] == [[np.inf] * 5] * 2
-    nothing = Conditions()
-    assert nothing.at_knots(waypoint) is None
-    assert nothing.balls(points, waypoint) is None
-    assert nothing.gates(points, waypoint) is None
+    assert set(Conditions().at_knots(places, waypoint, drone.limits).values()) == {None}
 
 
 def test_the_optimiser_aims_a_little_below_the_limits_of_a_leg_and_never_above_the_vehicles(drone):
-    waypoint, most = np.array([0, -1, 1, 2]), np.array([2.0, OPEN])
-    asked = Conditions(leg_speed_m_s=most).planned_on_legs(waypoint, drone.limits)
+    places, waypoint, most = np.zeros((3, 3)), np.array([0, -1, 1, 2]), np.array([2.0, OPEN])
+    asked = Conditions(leg_speed_m_s=most).at_knots(places, waypoint, drone.limits)
     np.testing.assert_allclose(asked["speed_m_s"], [1.97, 1.97, drone.limits.speed_m_s])
     assert asked["jerk_m_s3"] is None
     for limited, open_leg in ((drone, np.inf), (drone.with_limits(jerk_m_s3=1.98), 1.98)):
-        asked = Conditions(leg_jerk_m_s3=most).planned_on_legs(waypoint, limited.limits)
+        asked = Conditions(leg_jerk_m_s3=most).at_knots(places, waypoint, limited.limits)
         np.testing.assert_allclose(asked["jerk_m_s3"], [1.97, 1.97, open_leg])
         assert asked["speed_m_s"] is None
-    assert set(Conditions().planned_on_legs(waypoint, drone.limits).values()) == {None}
 
 
 # -- what the gate asks ------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from flight import Trajectory
 from planner import Conditions, PlanOptions
 from planner.gate import visits
 from planner.gate.visits import BLOCK, Visits
-from planner.route import routes
+from planner.request import inputs
 from tests.planner.gate.by_hand import LEFT_UP, ORIGIN, straight
 
 
@@ -113,8 +113,8 @@ def test_the_visits_of_joins_and_gates_are_instants():
     ("aside_m", "off_rad", "met"),
     [
         (0.0, 0.0, True),
-        (routes.SAME_M, -visits.SAME_RAD, True),
-        (1.01 * routes.SAME_M, 0.0, False),
+        (inputs.SAME_M, -visits.SAME_RAD, True),
+        (1.01 * inputs.SAME_M, 0.0, False),
         (0.0, 1.01 * visits.SAME_RAD, False),
         (0.0, -1.01 * visits.SAME_RAD, False),
     ],

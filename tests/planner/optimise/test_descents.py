@@ -13,7 +13,7 @@ from esdf import solids
 from flight import InputError, Waypoints
 from flight.trajectory import fingerprint
 from planner.curve import minimum_snap
-from planner.optimise import airframe, attempts, descents, fastest, time_allocation
+from planner.optimise import airframe, attempts, descents, posing, time_allocation
 from planner.optimise.time_allocation import Problem, Weights
 from planner.request import inputs
 from planner.request.conditions import Conditions
@@ -155,9 +155,9 @@ def walked(seed: int) -> tuple[Problem, minimum_snap.Spline]:
     drone, asked = vehicle.example("rigter2019"), Waypoints(walk(8, seed), np.full(8, np.nan))
     request = Request(asked, SKY, drone, inputs.options_for(drone, None), Conditions())
     route = routes.subdivided(routes.find(asked, SKY, request.options), SKY)
-    rough, start = fastest.rough(route, SKY, request)
-    p, durations, _ = fastest.whole_vehicle(rough, start, route.waypoint, request, fastest.CLEARANCE_PRICE)
-    return p, p.spline(p.knots, durations)
+    rough, start = posing.rough(route, SKY, request)
+    p, begin, _ = posing.whole_vehicle(rough, start, route.waypoint, request, posing.CLEARANCE_PRICE)
+    return p, begin
 
 
 @pytest.mark.parametrize("seed", [1, 7])

@@ -3,26 +3,36 @@
 import { COMMANDS } from "./commands";
 import type { PageCommand } from "../../core/panel";
 
-const byKeys = new Map(COMMANDS.flatMap((command) => (command.keys ?? []).map((keys) => [keys, command] as const)));
-
 /** Elements that use plain keys themselves. */
-const TYPED_INTO = "input, textarea, select, [role=tab], [role=separator], [role=dialog]";
+const TYPED_INTO = "input:not([type=checkbox], [type=radio]), textarea, select, [role=dialog]";
+
+/** Elements that use some of them. */
+const MOVED_WITHIN = "[role=tab], [role=separator], [type=radio]";
+const PRESSED = "button, summary, a, [type=checkbox], [type=radio]";
 
 /** Keys that the 3D view needs for its camera. */
 const KEYS_OF_CAMERA = new Set(["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "p", "l"]);
 
 function name(event: KeyboardEvent): string {
+  if (event.key === " ") return "Space";
   const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
   const shift = event.shiftKey && (event.key.length > 1 || event.ctrlKey || event.metaKey);
   return `${event.ctrlKey || event.metaKey ? "Ctrl+" : ""}${shift ? "Shift+" : ""}${key}`;
 }
 
-function isTypedInto(target: EventTarget | null): boolean {
-  return target instanceof Element && target.closest(TYPED_INTO) !== null;
+/** The command of a key that can be given now; several steps may share a key. */
+function commandOf(event: KeyboardEvent): PageCommand | undefined {
+  const keys = name(event);
+  return COMMANDS.find((command) => command.keys?.includes(keys) === true && command.enabled());
+}
+
+function isUsedBy(target: EventTarget | null, event: KeyboardEvent): boolean {
+  if (!(target instanceof Element)) return false;
+  if (target.closest(TYPED_INTO) !== null) return true;
+  return target.closest(event.key.startsWith("Arrow") ? MOVED_WITHIN : event.key === " " ? PRESSED : TYPED_INTO) !== null;
 }
 
 function run(event: KeyboardEvent, command: PageCommand): void {
-  if (!command.enabled()) return;
   event.preventDefault();
   event.stopImmediatePropagation();
   command.run();
@@ -33,14 +43,14 @@ export function listen(): void {
   addEventListener(
     "keydown",
     (event) => {
-      const command = byKeys.get(name(event));
+      const command = commandOf(event);
       if (command?.everywhere === true) run(event, command);
     },
     { capture: true },
   );
   addEventListener("keydown", (event) => {
-    const command = byKeys.get(name(event));
-    if (command !== undefined && !event.defaultPrevented && !isTypedInto(event.target)) run(event, command);
+    const command = commandOf(event);
+    if (command !== undefined && !event.defaultPrevented && !isUsedBy(event.target, event)) run(event, command);
   });
 }
 
@@ -49,7 +59,7 @@ export function listenIn(view: Window): void {
   view.addEventListener(
     "keydown",
     (event) => {
-      const command = byKeys.get(name(event));
+      const command = commandOf(event);
       if (command !== undefined && !KEYS_OF_CAMERA.has(event.key)) run(event, command);
     },
     { capture: true },

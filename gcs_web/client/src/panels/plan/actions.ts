@@ -3,6 +3,7 @@
 import { computed, signal } from "@preact/signals";
 import { edit } from "../../core/socket";
 import type { EditToSend } from "../../core/socket";
+import { select } from "../timeline/cursor";
 import { announce, connected, cursor_s, doc, selected, series, verdict, waypointAtCursor, welcome } from "../../core/store";
 
 /** Send a change and put a refusal into the notice. */
@@ -18,8 +19,16 @@ export function selectedInOrder(): number[] {
   return (doc.value?.waypoints ?? []).map((waypoint) => waypoint.id).filter((id) => selected.value.has(id));
 }
 
+let inserted: Promise<void> = Promise.resolve();
+
+/** One after the other, and each new waypoint is selected: inserting again goes on from there. */
 export function insertAfterSelected(): void {
-  void change({ type: "insert", after: selectedInOrder().at(-1) ?? doc.value?.waypoints.at(-1)?.id ?? null });
+  inserted = inserted.then(async () => {
+    const there = new Set((doc.value?.waypoints ?? []).map(({ id }) => id));
+    await change({ type: "insert", after: selectedInOrder().at(-1) ?? [...there].at(-1) ?? null });
+    const added = (doc.value?.waypoints ?? []).filter(({ id }) => !there.has(id)); // the document comes before the reply
+    if (added.length > 0) select(added.map(({ id }) => id));
+  });
 }
 
 export function deleteSelected(): void {

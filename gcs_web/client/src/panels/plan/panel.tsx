@@ -22,6 +22,9 @@ import { Drawer } from "../timeline/Drawer";
 import { Plan } from "./Plan";
 import { SaveForm } from "./SaveForm";
 
+/** The step that plays flights. */
+const COMPARE = 4;
+
 const editsSelection = (): boolean => canEdit() && step.value === 2 && selected.value.size > 0;
 
 const SHIFT_KEYS: readonly [key: string, name: string, x: number, y: number, z: number][] = [
@@ -77,7 +80,8 @@ const COMMANDS: readonly PageCommand[] = [
   },
   {
     name: "Play or pause the plan",
-    enabled: () => series.value !== null,
+    keys: ["Space", "k"],
+    enabled: () => series.value !== null && step.value !== COMPARE,
     run: togglePlaying,
   },
   {
