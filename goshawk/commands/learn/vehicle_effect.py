@@ -1,14 +1,16 @@
 """`goshawk vehicle effect`: add an effect to a vehicle model, remove one, make one; evaluate the change."""
 
+import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 
 import vehicle
 from firmware_bridge import controller
-from flight import InputError
-from goshawk.commands.learn import fit_options, model_change, own_effect
+from flight import FormatError, InputError
+from goshawk.commands.learn import fit_options, kept, model_change
 from goshawk.commands.learn.flights import load
 from goshawk.terminal import console, outputs
 from goshawk.terminal.verbs import VerbGroup
@@ -16,6 +18,9 @@ from sysid.estimator.validation import changes
 from sysid.estimator.validation.changes import Change, Flights
 from sysid.estimator.verdict import Use
 from vehicle import Vehicle, history
+
+Function = Literal["equation", "spline", "polynomial"]
+"""What an effect is drafted as."""
 
 vehicle_argument = click.argument("vehicle_file", metavar="VEHICLE", type=click.Path(path_type=Path))
 _flights = click.argument("flights", nargs=-1, type=click.Path(path_type=Path))
@@ -85,7 +90,7 @@ def add(
     """
     present, given = vehicle.load(vehicle_file), dict(console.assignment(word) for word in values)
     if proposed:
-        own_effect.draft(own_effect.diagnosed(flights, None), Path(name), Path(name).stem, None)
+        _draft(_diagnosed(flights, None), Path(name), Path(name).stem, None)
     is_kept = False
     try:
         changed, effect_name = _with(vehicle_file, present, name, given)
@@ -165,7 +170,7 @@ def scaffold(
     diagnosis: Path | None,
     name: str,
     out: Path,
-    form: own_effect.Function | None,
+    form: Function | None,
     overwrite: bool,
     as_json: bool,
 ) -> None:
@@ -177,15 +182,71 @@ def scaffold(
 
     The vehicle file is not changed; the last command does that, and reports whether the errors fell.
     """
-    present, document = vehicle.load(vehicle_file), own_effect.diagnosed(flights, diagnosis)
+    present, document = vehicle.load(vehicle_file), _diagnosed(flights, diagnosis)
     if name in present.effects:
         raise InputError(f"{vehicle_file} has an effect {name} already; choose another name")
     outputs.check(out, overwrite=overwrite)
     with outputs.file(out, overwrite=overwrite) as temporary:
-        told = own_effect.draft(document, temporary, name, form)
+        told = _draft(document, temporary, name, form)
     then = f"goshawk vehicle effect add {vehicle_file} {out} FLIGHT --held-out FLIGHT"
     shown = told | {"written": str(out.resolve()), "then": then}
     console.show(f"{name}: {told['channel']} against {told['variable']}", shown, as_json=as_json)
+
+
+def _diagnosed(flights: tuple[Path, ...], diagnosis: Path | None) -> Mapping[str, Any]:
+    """A diagnosis in JSON: of a file, or the newest that is kept with the flights.
+
+    Raises:
+        InputError: there is none.
+        FormatError: the file is no diagnosis.
+    """
+    if (diagnosis is None) == (not flights):
+        raise click.UsageError("give the FLIGHTS that were diagnosed, or --diagnosis FILE")
+    if diagnosis is None:
+        found = kept.newest("diagnosis", flights)
+        if found is None:
+            raise InputError(f"no diagnosis of {' '.join(map(str, flights))} is kept; run goshawk diagnose on them")
+        return found.document
+    try:
+        document = json.loads(diagnosis.read_text())
+    except FileNotFoundError:
+        raise InputError(f"{diagnosis} does not exist; write it with goshawk diagnose --json") from None
+    except (ValueError, RecursionError) as error:
+        raise FormatError(f"{diagnosis} is not JSON: {error}") from error
+    if not isinstance(document, dict) or document.get("schema") != "goshawk-diagnosis":
+        raise FormatError(f"{diagnosis} is not a diagnosis of goshawk diagnose --json")
+    return document
+
+
+def _draft(document: Mapping[str, Any], file: Path, name: str, function: Function | None) -> dict[str, str]:
+    """Write an effect file of the equation that a diagnosis proposes, or of the curve that it drew.
+
+    Args:
+        function: the equation if there is one and nothing is asked, else a spline through the curve.
+
+    Returns:
+        What was made: effect, channel, variable, form.
+
+    Raises:
+        InputError: the diagnosis found no curve (or proposes no equation), or no effect can be made of it.
+    """
+    from sysid.diagnosis import curve, equation_text
+
+    equation, outside = (document.get(key) for key in ("equation", "outside"))
+    chosen = function or ("equation" if isinstance(equation, dict) else "spline")
+    if chosen == "equation":
+        if not isinstance(equation, dict):
+            raise InputError("the diagnosis proposes no equation; ask for --form spline")
+        equation_text.scaffold(equation, file, name=name)
+        law = equation_text.from_dict(equation)
+        told = (law.channel, law.variable)
+    else:
+        if not isinstance(outside, dict):
+            verdict = document.get("verdict", "nothing is outside the catalogue")
+            raise InputError(f"the diagnosis has no residual curve: {verdict}")
+        curve.scaffold(outside, file, name=name, form=chosen)
+        told = (str(outside["channel"]), str(outside["variable"]))
+    return {"effect": name, "channel": told[0], "variable": told[1], "form": chosen}
 
 
 def _change(

@@ -80,8 +80,8 @@ def test_the_diagnosis_that_was_kept_with_the_flights_is_read(folder):
 def test_one_command_keeps_the_proposed_equation_and_another_takes_it_back(folder):
     law = Equation(forms("v_z")[0], 0.0, (Term(Axis("M_z", "v_z"), 0.004, 2e-5),), False, "", 0.9, (), 2.0, 0.0, 1.0)
     rng = np.random.default_rng(1)
-    steps = manoeuvres.scaled(manoeuvres.make("throttle_steps"), 0.5)
-    flight_log.save(folder / "a.parquet", flights.measure(flights.fly_trajectory(vehicle.example(), steps, rng=rng)))
+    flown = flights.fly_trajectory(vehicle.example(), journeys.lap_path(), rng=rng)
+    flight_log.save(folder / "a.parquet", flights.measure(flown, rng=rng))
     document = {"outside": CURVE, "equation": equation_text.as_dict(law)}
     found = kept.Kept(document, Screen(), None, kept.about([folder / "a.parquet"], folder / "vehicle.toml"))
     kept.keep("diagnosis", folder / "a.parquet", "0" * 64, found)
