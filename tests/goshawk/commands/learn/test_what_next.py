@@ -190,10 +190,10 @@ def test_typed_one_after_the_other_the_lines_lead_from_an_unknown_effect_to_a_be
     said = run("diagnose", "vertical.parquet", "fast.parquet", "turning.parquet", "--vehicle", "vehicle.toml",
                "--held-out", "held_out.parquet", "--report", "d.html")  # fmt: skip
     assert "something is missing that no known effect is: M_z against v_z" in said
-    assert "outside the catalogue: torque about z (M_z) follows velocity along z (v_z), from" in said
+    assert "torque about z (M_z) follows velocity along z (v_z)" in " ".join(said.split())
     lines = [line.removeprefix("next: ") for line in said.splitlines() if line.startswith("next: ")]
     assert len(lines) == 1
-    assert "M_z = a v_z" in said
+    assert "M_z = a v_z" in " ".join(said.split())
     page = (tmp_path / "d.html").read_text()
     for words in (
         "The torque about z (M_z) follows velocity along z (v_z)",
