@@ -61,9 +61,8 @@ def fly(seed: int) -> Flown:
     may_stop = result.stop_s >= may_stop_from_s(drawn.scenario, result)
     killed = result.stop_state == State.FAULT and result.stop_reason == Reason.COMMANDED  # it may fall from any height
     excused = killed or (stopped_high and (tumbling or may_stop))
-    found = judge.violations(
-        result, touchdown_m_s=drawn.touchdown_m_s, may_stop_in_air=excused, must_fly=drawn.must_fly
-    )
+    must_fly = drawn.must_fly and Reason.MOVING not in result.order_reasons  # a bouncy floor, on which it still rocked
+    found = judge.violations(result, touchdown_m_s=drawn.touchdown_m_s, may_stop_in_air=excused, must_fly=must_fly)
     found += (
         unordered(result, drawn.scenario.tick_s)
         + groundless(drawn.scenario, result)
@@ -131,9 +130,13 @@ def slow_kill(scenario: Scenario, result: harness.Result) -> list[str]:
 CAUSES = {
     Reason.LINK_LOST: {Kind.LINK_LOST},
     Reason.BATTERY_LOW: {Kind.BATTERY},
-    Reason.RELOCALIZED: {Kind.RELOCALIZED, Kind.RESET_MISSED},
-}
-"""Faults that explain these reasons in the log."""
+    Reason.RELOCALIZED: {
+        Kind.RELOCALIZED, Kind.RESET_MISSED, Kind.JUMP, Kind.KICK, Kind.STUCK, Kind.POSE_AGE, Kind.SPEED_WRONG,
+        Kind.HEADING_JUMP,
+    },
+}  # fmt: skip
+"""Faults that explain these reasons in the log. A pose that was not believed for a while, and is again, has moved its
+frame for the controller: a kick is a velocity that jumps against the accelerometer."""
 
 
 def groundless(scenario: Scenario, result: harness.Result) -> list[str]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from unittest import mock
 
 import numpy as np
+import planner_mixed
 import planner_scenes
 import report
 from planner_scenes import walk
@@ -42,7 +43,7 @@ def rows() -> list[report.Row]:
         *in_scenes(drone, 50),
         *in_clutter(drone, 10),
         *on_walks(drone, 40),
-        *mixed(drone, 200),
+        *planner_mixed.rows(200),
         *gate_courses(drone, 50),
     ]
 
@@ -387,27 +388,6 @@ def on_walks(drone: vehicle.Vehicle, count: int) -> list[report.Row]:
         report.row("  plans that fail the brute-force check", faulty, "plans", "0", faulty == 0),
         report.row("  flown longer than the optimum, worst", worst, "%"),
         report.row("  planning, median", float(np.median(seconds)), "CPU s", None, None, {"longest": max(seconds)}),
-    ]
-
-
-def mixed(drone: vehicle.Vehicle, count: int) -> list[report.Row]:
-    """More forests and rooms, at seeds that no other row has: nothing unsafe, nothing refused but for want of room."""
-    refused, narrow, faulty = 0, 0, 0
-    for seed in range(1000, 1000 + count):
-        place = planner_scenes.place(seed)
-        try:
-            plan = planner.plan(place.waypoints, place.field, drone, planner_scenes.OPTIONS)
-        except planner.PlanInfeasibleError as error:
-            narrow += error.gap is not None
-            refused += error.gap is None
-            continue
-        except InputError:
-            continue
-        faulty += bool(planner_scenes.faults(plan, place, drone))
-    return [
-        report.row(f"{count} mixed scenes: plans that fail the brute-force check", faulty, "plans", "0", faulty == 0),
-        report.row("  refused for a limit that more time would meet", refused, "plans", "0", refused == 0),
-        report.row("  refused: the widest way in the map is too narrow", narrow, "plans"),
     ]
 
 

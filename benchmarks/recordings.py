@@ -7,6 +7,8 @@ are held against those of the clean log (`--fits`).
 """
 
 import argparse
+import csv
+import gzip
 import sys
 import tempfile
 from collections import defaultdict
@@ -232,7 +234,33 @@ def false_events(flights: list[FlightLog], data: Path | None) -> None:
         with_some = {path: events for path, events in found.items() if events}
         print(f"{name}: {len(with_some)} of {len(paths)} logs with an event")
         for path, events in with_some.items():
-            print(f"  {path}: {len(events)}, the first: {events[0].sentence}")
+            print(f"  {path}: {len(events)}, {_shown(data / name / path, events)}; the first: {events[0].sentence}")
+
+
+STILL = 0.4
+"""An estimate jumped if the motion capture beside it moved by at most this share."""
+
+
+def _shown(path: Path, events: list[recording.Event]) -> str:
+    """How many of the position's events are faults of the estimate, by the motion capture recorded beside it."""
+    with gzip.open(path, "rt") as file:
+        rows = list(csv.DictReader(file))
+    judged = [event for event in events if event.stream == "position_world_m"]
+    if not rows or "mocap_x_m" not in rows[0] or not judged:
+        return "no second measurement of the position"
+    time_s = np.array([float(row["t_s"]) for row in rows])
+    captured, estimate = (
+        np.array([[float(row[f"{source}{axis}_m"] or "nan") for axis in "xyz"] for row in rows])
+        for source in ("mocap_", "")
+    )
+    real = 0
+    for event in judged:
+        before, after = np.searchsorted(time_s - time_s[0], np.array(event.span) - 1e-3)
+        if event.kind.endswith("excursion"):  # the leap there
+            before, after = before - 1, before
+        by = [np.linalg.norm(values[after] - values[before]) for values in (captured, estimate)]
+        real += bool(by[0] <= STILL * max(by[1], event.size))
+    return f"{real} of {len(judged)} of the position contradicted by the motion capture"
 
 
 def fits(flights: list[FlightLog], folder: Path) -> None:

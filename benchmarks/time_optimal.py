@@ -118,7 +118,7 @@ def _advanced(jet: ca.MX, snap: ca.MX, h: ca.MX) -> ca.MX:
 
 
 def _excess(w: airframe.Airframe) -> ca.Function:
-    """Relative excess over the 13 limits; see `planner.optimise.airframe.excess_numpy`, whose formulas these are."""
+    """Relative excess over the 14 limits; see `planner.optimise.airframe.excess_numpy`, whose formulas these are."""
     jet, snap = ca.SX.sym("jet", 4, 4), ca.SX.sym("snap", 4)
     v, a, j, s = jet[:3, 1], jet[:3, 2], jet[:3, 3], snap[:3]
     yaw, yaw_rate, yaw_acceleration = jet[3, 0], jet[3, 1], jet[3, 2]
@@ -148,6 +148,7 @@ def _excess(w: airframe.Airframe) -> ca.Function:
     over = ca.vertcat(
         ca.sumsqr(v) / w.speed_m_s**2 - 1.0,
         ca.sumsqr(a) / w.acceleration_m_s2**2 - 1.0,
+        ca.sumsqr(j) / w.jerk_m_s3**2 - 1.0,
         (np.cos(w.tilt_rad) - z[2]) / (1.0 - np.cos(w.tilt_rad)),
         ca.sumsqr(z_1) / w.rate_rad_s**2 - 1.0,
         rate[2] ** 2 / w.yaw_rate_rad_s**2 - 1.0,

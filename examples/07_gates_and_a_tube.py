@@ -69,18 +69,18 @@ from matplotlib.patches import Circle  # noqa: E402
 
 figure = Figure(figsize=(9.0, 4.4), layout="constrained")
 left, right = figure.subplots(1, 2)
-for plan, colour in ((through_middles, "0.6"), (raced, "tab:blue")):
+for plan, colour, where in ((through_middles, "0.6", "middles"), (raced, "tab:blue", "openings")):
     path = plan.trajectory
-    left.plot(*path.position(path.sample(0.02))[:, :2].T, color=colour, label=f"{path.duration_s:.2f} s")
+    left.plot(*path.position(path.sample(0.02))[:, :2].T, color=colour, label=f"{where}: {path.duration_s:.2f} s")
 for gate in race.gates:
     edge, centre = gate.edges_m[0, :2], points[gate.waypoint, :2]
     left.plot(*np.stack([centre - edge, centre + edge]).T, color="tab:orange", linewidth=3)
-left.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", title="through the openings")
-left.legend()
+left.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", title="a race through gates")
+left.legend(loc="center")
 path = followed.trajectory
 for middle in walk[::4, :2]:
     right.add_patch(Circle(tuple(middle), 0.4, color="#ffe0c0"))
-right.plot(*path.position(path.sample(0.02))[:, :2].T, color="tab:blue", label=f"{path.duration_s:.2f} s")
+right.plot(*path.position(path.sample(0.02))[:, :2].T, color="tab:blue", label=f"plan: {path.duration_s:.2f} s")
 right.set(xlabel="x (m)", aspect="equal", title="within 0.4 m of the walk")
 right.legend()
 figure.savefig(OUT / "gates.png", dpi=130)

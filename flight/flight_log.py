@@ -124,7 +124,7 @@ class FlightLog:
 
     def slice(self, start_s: float, end_s: float) -> "FlightLog":
         """Rows with start_s <= time < end_s."""
-        keep = (self.time_s >= start_s) & (self.time_s < end_s)
+        keep = slice(*np.searchsorted(self.time_s, [start_s, end_s]))
         return FlightLog({name: values[keep] for name, values in self.columns.items()}, self.metadata)
 
 

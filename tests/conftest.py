@@ -38,11 +38,23 @@ REAL_TIME = (
 """A vehicle flies here by the clock: never two of these beside each other. Together they take longest, and begin."""
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection(session: pytest.Session) -> None:
+    """Each worker begins at another file, and finds compiled what others began with: all take 19 CPU seconds."""
+    config = session.config
+    worker, folders = getattr(config, "workerinput", None), [Path(place) for place in config.args]
+    if worker is None or not all(folder.is_dir() for folder in folders):
+        return
+    files = [str(file) for folder in folders for file in sorted(folder.rglob("test_*.py"))]
+    first = int(worker["workerid"].removeprefix("gw")) * len(files) // worker["workercount"]
+    config.args = files[first:] + files[:first]
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     order = (*REAL_TIME, *LONGEST_FIRST)
     places = [item.path.relative_to(item.config.rootpath).as_posix() for item in items]
     ranks = [next((i for i, p in enumerate(order) if place.startswith(p)), 99) for place in places]
-    items[:] = [items[i] for i in sorted(range(len(items)), key=ranks.__getitem__)]
+    items[:] = [items[i] for i in sorted(range(len(items)), key=lambda i: (ranks[i], places[i]))]
 
 
 @pytest.hookimpl(optionalhook=True)  # of pytest-xdist

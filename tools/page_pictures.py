@@ -137,9 +137,9 @@ def shots(demo: Path, name: str) -> Iterator[tuple[str, Image.Image]]:
     """Name and image of a scene in both styles.
 
     Raises:
-        InputError: there is no Chromium, or the page refuses what the scene needs.
+        InputError: there is no Chromium, or the page refuses what the scene needs, or takes too long.
     """
-    from playwright.sync_api import sync_playwright
+    from playwright.sync_api import Error, sync_playwright
 
     chromium = shutil.which("chromium")
     if chromium is None:
@@ -152,9 +152,12 @@ def shots(demo: Path, name: str) -> Iterator[tuple[str, Image.Image]]:
                 viewport={"width": WIDTH, "height": HEIGHT}, color_scheme="light", reduced_motion="reduce"
             )
             page.set_default_timeout(PATIENCE_MS)
-            page.goto(address)
-            page.get_by_text("Saved, revision").wait_for()  # until then the page says that it is connecting
-            SCENES[name](page)
+            try:
+                page.goto(address)
+                page.get_by_text("Saved, revision").wait_for()  # until then the page says that it is connecting
+                SCENES[name](page)
+            except Error as error:
+                raise InputError(f"the scene {name} came to no end: {error.message}") from error
             for style in ("light", "dark"):
                 page.emulate_media(color_scheme=style)
                 page.mouse.move(5.0, 5.0)  # nothing is pointed at

@@ -20,7 +20,7 @@ from PIL import Image
 
 import mapping
 from esdf import pictures
-from flight import InputError, file_format, flight_log, project, trajectory
+from flight import FlightError, InputError, file_format, flight_log, project, trajectory
 from goshawk import plot
 from goshawk.plot import flights, maps, plans
 from sysid.report import diagnosis_figures, drawing
@@ -190,9 +190,20 @@ def main() -> int:
     if len(sys.argv) < 2 or set(sys.argv[2:]) - set(NAMES):
         print(f"usage: python -m tools.pictures DEMO [NAME ...]\nnames: {', '.join(NAMES)}", file=sys.stderr)
         return 2
-    for name in sys.argv[2:] or NAMES:
-        rebuild(name, Path(sys.argv[1]))
-    return 0
+    failed = [name for name in sys.argv[2:] or NAMES if not _rebuilt(name, Path(sys.argv[1]))]
+    if failed:
+        print(f"not rebuilt; again with: python -m tools.pictures {sys.argv[1]} {' '.join(failed)}", file=sys.stderr)
+    return 1 if failed else 0
+
+
+def _rebuilt(name: str, demo: Path) -> bool:
+    """Whether it could be: half an hour of others is not lost to a refused scene, or to a link on a busy machine."""
+    try:
+        rebuild(name, demo)
+    except (FlightError, OSError, subprocess.SubprocessError) as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        return False
+    return True
 
 
 if __name__ == "__main__":

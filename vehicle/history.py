@@ -5,6 +5,7 @@ there byte for byte. A step records which version it was made from, so undone ve
 """
 
 import hashlib
+import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
@@ -47,6 +48,7 @@ class Step:
     effect: str
     """The effect added or removed; empty for none."""
     when_utc: str
+    """ISO 8601; of a file that was there before, or was edited by hand, when it was last changed."""
     file_sha256: str
     """Of the file, byte for byte."""
     vehicle_hash: str
@@ -194,6 +196,7 @@ def _with_present(path: Path) -> tuple[History, bytes]:
         return replace(history, current=same[-1]), data
     parent = history.current if history.steps else None
     step = _step(len(history.steps), parent, EDIT if history.steps else START, data, vehicle)
+    step = replace(step, when_utc=_utc(path.stat().st_mtime))
     return History((*history.steps, step), step.number), data
 
 
@@ -211,11 +214,15 @@ def _step(number: int, parent: int | None, action: str, data: bytes, vehicle: Ve
         parent=parent,
         action=action,
         effect="",
-        when_utc=datetime.now(UTC).isoformat(timespec="seconds"),
+        when_utc=_utc(time.time()),
         file_sha256=hashlib.sha256(data).hexdigest(),
         vehicle_hash=vehicle_hash(vehicle),
         effects=vehicle.effects,
     )
+
+
+def _utc(time_s: float) -> str:
+    return datetime.fromtimestamp(time_s, UTC).isoformat(timespec="seconds")
 
 
 def _stored(path: Path) -> History:

@@ -114,7 +114,7 @@ def card(opened: Project, name: str, believed: Vehicle | None) -> FlightCard:
         name,
         "ready",
         recorded_at=recorded,
-        vehicle=_flown_with(opened, log),
+        vehicle_said=_vehicle_said(opened, log),
         trajectory=str(log.metadata.get("trajectory", "")),
         duration_s=checked.duration_s,
         rows=len(log),
@@ -170,19 +170,21 @@ def _has_tracking(log: FlightLog) -> bool:
     return all(log.has(quantity) for quantity in needed)
 
 
-def _flown_with(opened: Project, log: FlightLog) -> str:
-    """The version of the project's vehicle file that a flight names, else what the log says of its vehicle."""
+def _vehicle_said(opened: Project, log: FlightLog) -> str:
+    """The version of the project's vehicle file that its plan was checked with, else what the log says of its vehicle.
+
+    What the controller flew with are its parameters, of which a log says nothing.
+    """
     wanted = str(log.metadata.get("vehicle_hash", ""))
-    if wanted:
-        try:
-            steps = history.read(opened.vehicle).steps
-        except FlightError:
-            steps = ()
-        for step in steps:
-            if step.vehicle_hash.startswith(wanted):
-                return f"version {step.number}"
-        return f"another vehicle, {wanted[:8]}"
-    return str(log.metadata.get("vehicle", ""))
+    if not wanted:
+        name = str(log.metadata.get("vehicle", ""))
+        return f"flown by {name}" if name else ""
+    try:
+        steps = history.read(opened.vehicle).steps
+    except FlightError:
+        steps = ()
+    of = next((f"version {s.number}" for s in steps if s.vehicle_hash.startswith(wanted)), "another vehicle file")
+    return f"its plan was checked with {of}"
 
 
 def _path(log: FlightLog) -> list[float]:

@@ -8,7 +8,7 @@ import vehicle
 from gcs_web.comparison.residuals import variable
 from gcs_web.protocol import learning as learning_messages
 from gcs_web.protocol.learning import Attempt, Confounded, EffectSize, Evidence, OutsideCurve, Stair, Tried
-from sysid.diagnosis import Diagnosis
+from sysid.diagnosis import Diagnosis, equation_text
 from sysid.diagnosis.curve import advice, suggested_name
 from sysid.diagnosis.evidence import explained
 from sysid.diagnosis.evidence.candidates import Candidate
@@ -48,11 +48,17 @@ def diagnosis(
         [Stair(named(s.model), [1e3 * e for e in s.position_m.values()]) for s in found.staircase],
         None if found.outside is None else _outside(found.outside),
         [f"{words.effect(name)}: {named(why)}" for name, why in found.invisible],
-        [named(sentence) for sentence in found.findings],
+        [*_law(found), *(named(sentence) for sentence in found.findings)],
         _left(found),
         vehicle_hash,
         contents,
     )
+
+
+def _law(found: Diagnosis) -> list[str]:
+    """The equation that is proposed, as the verb says it."""
+    law = found.search.equation
+    return [] if law is None else [f"the simplest law of it: {equation_text.sentence(law)}"]
 
 
 def _candidate(

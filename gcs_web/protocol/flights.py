@@ -40,8 +40,8 @@ class FlightCard(msgspec.Struct, frozen=True):
     """Why it cannot be read."""
     recorded_at: str = ""
     """Of the file, ISO 8601, UTC."""
-    vehicle: str = ""
-    """Version of the vehicle file that it was flown with, or the vehicle's name; empty where the log does not say."""
+    vehicle_said: str = ""
+    """With which vehicle file its plan was checked, else the vehicle's name; empty if the log says neither."""
     trajectory: str = ""
     duration_s: float = 0.0
     rows: int = 0

@@ -105,13 +105,14 @@ def tracking(flights: Mapping[str, FlightLog], *, style: drawing.Style = "light"
 
 def draw_tracking(panel: "Axes", flights: Mapping[str, FlightLog]) -> None:
     """As `tracking`, on axes that are there."""
+    most_mm = 0.0
     for colour, (label, flown) in zip(drawing.cycle(flights), flights.items(), strict=True):
         time_s, error_m = _tracking_error(label, flown)
-        mean_mm = 1000.0 * float(np.nanmean(error_m))
+        mean_mm, most_mm = 1000.0 * float(np.nanmean(error_m)), max(most_mm, 1000.0 * float(np.nanmax(error_m)))
         panel.plot(time_s, 1000.0 * error_m, color=colour, linewidth=1.0, label=f"{label}: {mean_mm:.0f} mm mean")
     drawing.plain(panel, "distance to the set-point", "time on the trajectory (s)", "mm")
-    panel.set_ylim(0.0, None)
-    panel.legend(frameon=False, fontsize=9)
+    panel.set_ylim(0.0, most_mm * (1.05 + 0.1 * len(flights)))  # room for the legend above all curves
+    panel.legend(frameon=False, fontsize=9, loc="upper right")
 
 
 def _tracking_error(label: str, flown: FlightLog) -> tuple[FloatArray, FloatArray]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flight import FloatArray, InputError, polynomial, portable, rotations
+from flight import FloatArray, InputError, portable, rotations
 from flight.frames import GRAVITY_M_S2
 from planner.curve import hermite, minimum_snap
 from planner.request.options import PlanOptions
@@ -151,9 +151,7 @@ def tilt_spin(spline: minimum_snap.Spline) -> tuple[FloatArray, FloatArray]:
 
 def _sampled(states: FloatArray, durations_s: FloatArray, derivative: int) -> FloatArray:
     """A derivative at the sample points of each segment, (k, samples, axes)."""
-    scaled = hermite.segment_states(states) * hermite.time_powers(durations_s)[..., None]
-    rows = portable.product(hermite.basis(_points(), derivative), hermite.monomials_from_states())
-    return portable.product(rows, scaled) / polynomial.powers(durations_s, derivative + 1)[:, -1, None, None]
+    return hermite.sampled(states, durations_s, _points(), derivative)
 
 
 def path_heading(

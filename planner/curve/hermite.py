@@ -56,6 +56,13 @@ def segment_states(states: FloatArray) -> FloatArray:
     return np.concatenate([states[:-1], states[1:]], axis=1)
 
 
+def sampled(states: FloatArray, durations_s: FloatArray, fractions: FloatArray, derivative: int) -> FloatArray:
+    """(k, n, axes) a derivative by time at fractions (n,) of each segment, from knot states (k + 1, 4, axes)."""
+    scaled = segment_states(states) * time_powers(durations_s)[..., None]
+    rows = portable.product(basis(fractions, derivative), monomials_from_states())
+    return portable.product(rows, scaled) / polynomial.powers(durations_s, derivative + 1)[:, -1, None, None]
+
+
 def coefficients_numpy(states: FloatArray, durations_s: FloatArray) -> FloatArray:
     """The NumPy reference of `minimum_snap.coefficients`."""
     T = np.asarray(durations_s, dtype=np.float64)

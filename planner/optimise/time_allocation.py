@@ -9,7 +9,7 @@ from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
-from flight import FloatArray, portable
+from flight import FloatArray
 from planner._planner import Problem as Kernel
 from planner._planner import StopFlag
 from planner.curve import hermite, minimum_snap
@@ -206,16 +206,7 @@ def excess_numpy(problem: Problem, motion: FloatArray) -> FloatArray:
 
 def derivatives(spline: minimum_snap.Spline) -> FloatArray:
     """(k, SAMPLES, 5, axes): the path and four derivatives at the samples of each segment."""
-    scaled = hermite.segment_states(spline.states) * hermite.time_powers(spline.durations_s)[..., None]
-    rates = 1.0 / spline.durations_s[:, None, None]
-    return np.stack(
-        [
-            portable.product(portable.product(hermite.basis(FRACTIONS, r), hermite.monomials_from_states()), scaled)
-            * rates**r
-            for r in range(5)
-        ],
-        axis=2,
-    )
+    return np.stack([hermite.sampled(spline.states, spline.durations_s, FRACTIONS, r) for r in range(5)], axis=2)
 
 
 def excess(problem: Problem, spline: minimum_snap.Spline) -> tuple[FloatArray, FloatArray]:

@@ -48,8 +48,8 @@ class PlanOptions:
     """Polynomials per piece of route: more fly faster and take longer to plan."""
     starts: int = 1
     """Starts of the descent, of which the fastest path is kept, in parallel where processors are free. In the
-    open the first ends within 0.1 % of the best of eight in half of all plans and 1 % in the worst; among obstacles
-    0.3 and 2.2 %."""
+    open the first ends within 0.1 % of the best of eight in half of all plans and 0.5 % in the worst; among obstacles
+    0.2 and 0.8 %."""
     search: Search = "grid"
     """What finds a way round obstacles: the compiled grid search, or one of OMPL's sampling planners."""
     search_checks: int = 5000

@@ -39,7 +39,7 @@ CONSTANT = {
 
 
 @dataclass(frozen=True, slots=True)
-class _Reading:
+class Reading:
     """How an effect reads a variable."""
 
     expression: str
@@ -51,29 +51,29 @@ class _Reading:
 
 _HEADING = "turned(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))"
 _PAIRS = ((0, 1), (0, 2), (1, 2))
-_READ = {
-    "v_x": _Reading("flow.velocity_m_s[0]", "fast_level"),
-    "v_y": _Reading("flow.velocity_m_s[1]", "fast_level"),
-    "v_z": _Reading("flow.velocity_m_s[2]", "vertical"),
-    "w_x": _Reading("flow.rate_rad_s[0]", "rotation"),
-    "w_y": _Reading("flow.rate_rad_s[1]", "rotation"),
-    "w_z": _Reading("flow.rate_rad_s[2]", "yaw_doublets"),
-    "speed": _Reading("length(flow.velocity_m_s)", "fast_level"),
-    "n": _Reading("flow.rotor_speed_rad_s", "throttle_steps"),
-    "s": _Reading(
+READ = {
+    "v_x": Reading("flow.velocity_m_s[0]", "fast_level"),
+    "v_y": Reading("flow.velocity_m_s[1]", "fast_level"),
+    "v_z": Reading("flow.velocity_m_s[2]", "vertical"),
+    "w_x": Reading("flow.rate_rad_s[0]", "rotation"),
+    "w_y": Reading("flow.rate_rad_s[1]", "rotation"),
+    "w_z": Reading("flow.rate_rad_s[2]", "yaw_doublets"),
+    "speed": Reading("length(flow.velocity_m_s)", "fast_level"),
+    "n": Reading("flow.rotor_speed_rad_s", "throttle_steps"),
+    "s": Reading(
         "-(flow.hub_m[:2] * flow.velocity_m_s[:2, None]).sum(axis=0) / (flow.hub_m[:2] ** 2).sum(axis=0) ** 0.5",
         "fast_level",
     ),
-    "height": _Reading("flow.height_m", "ground_sweep", "height_m"),
-    "heading": _Reading(_HEADING, "yaw_sweep", "q_world_body", "w, x, y, z = flow.q_world_body"),
+    "height": Reading("flow.height_m", "ground_sweep", "height_m"),
+    "heading": Reading(_HEADING, "yaw_sweep", "q_world_body", "w, x, y, z = flow.q_world_body"),
 }
 for _i, _j in _PAIRS:
     _product = f"flow.velocity_m_s[{_i}] * flow.velocity_m_s[{_j}]"
-    _READ[f"v_{'xyz'[_i]} v_{'xyz'[_j]}"] = _Reading(_product, "oblique")
+    READ[f"v_{'xyz'[_i]} v_{'xyz'[_j]}"] = Reading(_product, "oblique")
 for _i in range(4):
     _spin_up = f"flow.rotor_acceleration_rad_s2[{_i}]"
-    _READ[f"n_{_i}"] = _Reading(f"flow.rotor_speed_rad_s[{_i}]", "throttle_steps")
-    _READ[f"dn_{_i}/dt"] = _Reading(_spin_up, "yaw_doublets", "rotor_acceleration_rad_s2")
+    READ[f"n_{_i}"] = Reading(f"flow.rotor_speed_rad_s[{_i}]", "throttle_steps")
+    READ[f"dn_{_i}/dt"] = Reading(_spin_up, "yaw_doublets", "rotor_acceleration_rad_s2")
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,9 +122,13 @@ def drawn(outside: OutsideFinding | Mapping[str, Any]) -> Drawn:
 
 def advice(curve: OutsideFinding | Drawn) -> str:
     """Where to look instead when no vehicle can know the variable, or when names exist for it; empty otherwise."""
-    if curve.channel in WORLD:
+    return _advice(curve.channel, curve.variable)
+
+
+def _advice(channel: str, variable: str) -> str:
+    if channel in WORLD:
         return PULLED
-    return CONSTANT[curve.channel] if curve.variable == "constant" else UNSEEN.get(curve.variable, "")
+    return CONSTANT[channel] if variable == "constant" else UNSEEN.get(variable, "")
 
 
 def suggested_name(curve: OutsideFinding | Drawn) -> str:
@@ -152,13 +156,19 @@ def scaffold(
         FormatError: there is no usable curve.
     """
     file, curve = Path(path).resolve(), drawn(outside)
-    _check(file, curve, name)
+    check(file, curve.channel, curve.variable, name)
     text = _text(curve, name, *(_polynomial(curve) if form == "polynomial" else _spline(curve)))
     file_format.write_bytes(file, text.encode())
     return file
 
 
-def _check(file: Path, curve: Drawn, name: str) -> None:
+def check(file: Path, channel: str, variable: str, name: str) -> None:
+    """Whether an effect of this name can be made of a curve or an equation, and written to this file.
+
+    Raises:
+        InputError: the file is there already, the name is taken or no name, or no vehicle can know the variable.
+        FormatError: there is no such variable.
+    """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise InputError(
             f"{name!r} cannot name an effect; use small letters, digits and _, such as turning_when_climbing"
@@ -169,12 +179,12 @@ def _check(file: Path, curve: Drawn, name: str) -> None:
         raise InputError(f"an effect is a Python file; {file.name} does not end in .py")
     if file.exists():
         raise InputError(f"{file} exists already and is not overwritten; choose another file, or remove it")
-    if curve.variable in UNSEEN or curve.channel in WORLD:
-        raise InputError(f"{curve.channel} against {curve.variable} cannot become an effect: {advice(curve)}")
-    if curve.variable == "constant":
-        raise InputError(f"{curve.channel} is off by a constant; {advice(curve)}")
-    if curve.variable not in _READ:
-        raise FormatError(f"the diagnosis names a variable {curve.variable!r}; known are {', '.join(_READ)}")
+    if variable in UNSEEN or channel in WORLD:
+        raise InputError(f"{channel} against {variable} cannot become an effect: {_advice(channel, variable)}")
+    if variable == "constant":
+        raise InputError(f"{channel} is off by a constant; {_advice(channel, variable)}")
+    if variable not in READ:
+        raise FormatError(f"the diagnosis names a variable {variable!r}; known are {', '.join(READ)}")
 
 
 def _spline(curve: Drawn) -> tuple[str, str, str]:
@@ -219,7 +229,7 @@ def _polynomial(curve: Drawn) -> tuple[str, str, str]:
     return data, function, "a polynomial"
 
 
-_TURNED = '''
+TURNED = '''
 
 def turned(sine: Array, cosine: Array) -> Array:
     """Angle of a direction, which keeps a complex step where arctan2 would not."""
@@ -230,12 +240,12 @@ def turned(sine: Array, cosine: Array) -> Array:
 
 def _text(curve: Drawn, name: str, data: str, function: str, form: str) -> str:
     """The whole file."""
-    change, stage, channel = _changes(curve.channel)
-    read = _READ[curve.variable]
+    change, stage, channel = changes(curve.channel)
+    read = READ[curve.variable]
     assignments = [f"assert flow.{read.needs} is not None"] if read.needs else []
     assignments += [read.before] if read.before else []
     lines = "\n".join(f"    {line}" for line in [*assignments, f"{change} p.scale * curve({read.expression})"])
-    functions = function + (_TURNED if curve.variable == "heading" else "")
+    functions = function + (TURNED if curve.variable == "heading" else "")
     numpy = "import numpy as np\n\n" if "np." in data + functions else ""
     length = ", length" if curve.variable == "speed" else ""
     needs = f'\n    needs=("{read.needs}",),' if read.needs else ""
@@ -272,7 +282,7 @@ EFFECT = Effect(
 '''
 
 
-def _changes(channel: str) -> tuple[str, str, str]:
+def changes(channel: str) -> tuple[str, str, str]:
     """What a curve in a channel is added to, at which stage, and the channels of the body that it shows in."""
     if channel == THRUST:
         return "flow.thrust_n += flow.thrust_n *", "THRUST_FACTOR", " ".join(SHOWN_BY_THRUST)

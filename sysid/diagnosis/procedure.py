@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from flight import FlightLog, InputError, Progress, silent, within
-from sysid.diagnosis import told
+from sysid.diagnosis import equation_text, told
 from sysid.diagnosis.belief import Belief, belief, curve_is_there
 from sysid.diagnosis.envelope import Envelope, flown
 from sysid.diagnosis.evidence import load
@@ -258,6 +258,7 @@ class Diagnosis:
             "undecided": list(self.undecided),
             "attempts": [a.as_dict() for a in self.attempts],
             "outside": self.outside.as_dict() if self.outside else None,
+            "equation": equation_text.as_dict(self.search.equation) if self.search.equation else None,
             "staircase": [s.as_dict() for s in self.staircase],
             "parameters": {
                 name: {"value": p.value, "sigma": p.std, "unit": p.unit} for name, p in self.vehicle.parameters.items()

@@ -9,6 +9,7 @@ import numpy as np
 from flight import FlightLog, Progress, silent
 from sysid.diagnosis import effect_sizes
 from sysid.diagnosis.belief import supported
+from sysid.diagnosis.equation import Equation, equation
 from sysid.diagnosis.evidence.candidates import Candidate
 from sysid.diagnosis.evidence.confirm import CostReduction, Judge
 from sysid.diagnosis.evidence.evidence import BLOCK_S, block_edges
@@ -112,6 +113,8 @@ class Search:
     """By named effect, probability that its law is of a form that the catalogue lacks."""
     too_short: str
     """In words, that the held-out flights are too short to judge by; empty if they are not, or none were given."""
+    equation: Equation | None
+    """The simplest law of what follows a variable and is no known effect, or of what a named effect's law leaves."""
 
 
 @dataclass(slots=True)
@@ -184,8 +187,17 @@ def search(
         left=left_unexplained(at, _explained(named, found.trials)),
         left_anywhere=left_unexplained(at, ()),
         another_form=of_another_form(at, _explained(named, found.trials)),
+        equation=_equation(at, stated, forms),
         too_short=too_short,
     )
+
+
+def _equation(at: Model, stated: Outside | None, forms: Sequence[Form]) -> Equation | None:
+    """A law of the curve that is stated; without one, of what the law of a named effect leaves."""
+    if stated is not None:
+        return equation(at, stated)
+    found = (equation(at, curve, beside=candidate.name) for candidate, curve in forms)
+    return next((one for one in found if one is not None), None)
 
 
 def _add_what_is_missing(

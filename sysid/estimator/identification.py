@@ -75,7 +75,7 @@ def identify(
         raise InputError("no flight was given; identification needs at least one log")
     if near:
         gravity_of((near.vehicle, vehicle))  # the flights of `near` keep theirs
-    flights = list(near.flights) if near else prepare_all(logs, options, [vehicle])
+    flights = list(near.flights) if near else prepare_all(logs, options, [vehicle], progress)
     if not any(flight.has_pose for flight in flights):
         return from_imu.identify(flights, vehicle, options, given or (near.given if near else vehicle), progress)
     excitation.require(flights, _names(vehicle, flights, options))

@@ -9,6 +9,8 @@ from flight import InputError
 Reference = Literal["pose", "rotor speed"]
 """Streams whose clock the others can be measured against."""
 Gaps = Literal["refuse", "split"]
+LEAST_NODES = 5_000
+"""Of `most_nodes`: below, what is fitted of a long flight is too short for its inertias."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,13 +51,18 @@ class Options:
     """Length of the blocks within which errors may be correlated, for the robust standard errors."""
     max_iterations: int = 30
     """Gauss-Newton steps before giving up."""
+    most_nodes: int = 50_000
+    """Flights with more nodes in all are cut into segments, and the most informative are fitted: 40 % of so many."""
+    segments: Literal["most informative", "rest"] = "most informative"
+    """Of flights so long: what a fit uses, or what it leaves to be predicted."""
 
     def __post_init__(self) -> None:
         for name in ("node_rate_hz", "block_s"):
             if not getattr(self, name) > 0.0:
                 raise InputError(f"option {name} is {getattr(self, name)}; it must be positive")
-        if self.max_iterations < 1:
-            raise InputError(f"max_iterations is {self.max_iterations}; it must be at least 1")
+        for name, least in (("max_iterations", 1), ("most_nodes", LEAST_NODES)):
+            if getattr(self, name) < least:
+                raise InputError(f"{name} is {getattr(self, name)}; it must be at least {least}")
         for name, std in self.prior_std.items():
             if not std > 0.0:
                 raise InputError(f"the prior of {name} has standard deviation {std}; it must be positive")

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flight import FlightLog, InputError
+from flight import FlightLog, InputError, Progress, silent
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
+from sysid.estimator import segments
 from sysid.estimator.blocks.catalogue import BLOCKS
 from sysid.estimator.flights import clocks
 from sysid.estimator.flights.flight_data import Flight, IndexArray, LeadIn
@@ -50,8 +51,10 @@ class _Source:
     """`rotor_speed_rad_s`, or the command."""
 
 
-def prepare_all(logs: Sequence[FlightLog], options: Options, models: Iterable[Vehicle]) -> list[Flight]:
-    """Flights of all logs, one after the other, flown where the models fly.
+def prepare_all(
+    logs: Sequence[FlightLog], options: Options, models: Iterable[Vehicle], progress: Progress = silent
+) -> list[Flight]:
+    """Flights of all logs, one after the other, flown where the models fly; of long ones, chosen segments.
 
     Raises:
         InputError: a log cannot be used, or the models' gravities differ.
@@ -59,7 +62,13 @@ def prepare_all(logs: Sequence[FlightLog], options: Options, models: Iterable[Ve
     models = list(models)
     gravity_m_s2 = gravity_of(models)
     logs = [full_throttle.by_limit(log, models[0].limits.rotor_speed_max_rad_s) for log in logs]
-    return [flight for i, log in enumerate(logs) for flight in prepare(log, i, options, gravity_m_s2=gravity_m_s2)]
+    long = segments.are_long(logs, options)
+    flights = [
+        flight
+        for i, log in enumerate(logs)
+        for flight in prepare(log, i, options, gravity_m_s2=gravity_m_s2, in_segments=long)
+    ]
+    return segments.chosen(flights, models[0], options, progress) if long else flights
 
 
 def require_pose(flights: Iterable[Flight]) -> None:
@@ -81,8 +90,18 @@ def gravity_of(models: Iterable[Vehicle]) -> float:
     return first.gravity_m_s2
 
 
-def prepare(log: FlightLog, index: int, options: Options, *, gravity_m_s2: float = GRAVITY_M_S2) -> list[Flight]:
+def prepare(
+    log: FlightLog,
+    index: int,
+    options: Options,
+    *,
+    gravity_m_s2: float = GRAVITY_M_S2,
+    in_segments: bool = False,
+) -> list[Flight]:
     """Flights without gaps from one log, less what was flown on the ground or in contact.
+
+    Args:
+        in_segments: cut them into segments.
 
     Raises:
         InputError: it has neither pose nor IMU, or neither rotor speed nor command, or there is a gap and the options
@@ -92,6 +111,8 @@ def prepare(log: FlightLog, index: int, options: Options, *, gravity_m_s2: float
     log = _without_leaps(log, source.name, options)
     touched = contact.spans(log)
     pieces = _aloft(_split(log, source, options), touched, source.name)
+    if in_segments:
+        pieces = segments.cut(pieces)
     flights = [_flight(log, piece, source, index, len(pieces), options) for piece in pieces]
     left_out = contact.sentence(source.name, touched) if touched else ""
     clock = _gyro_clock(log) if any(clocks.GYRO in flight.streams for flight in flights) else None
@@ -246,7 +267,8 @@ def _flight(
     log: FlightLog, piece: tuple[float, float], source: _Source, index: int, pieces: int, options: Options
 ) -> Flight:
     start_s, end_s = piece
-    inside = (log.time_s >= start_s) & (log.time_s <= end_s)
+    log = log.slice(start_s, np.nextafter(end_s, np.inf))
+    inside = np.ones(len(log), dtype=bool)
     by_command = source.rotors != rotor_speed.QUANTITY
     edge_s = 0.0 if by_command else EDGE_S
     nodes = (log.time_s >= start_s + edge_s) & (log.time_s <= end_s - edge_s)

@@ -7,6 +7,7 @@ from flight import FlightLog, FormatError, InputError, flight_log
 from sysid.logs.readers import (
     draft_columns,
     draft_topics,
+    own_columns,
     read_ardupilot,
     read_bag,
     read_blackbox,
@@ -136,6 +137,8 @@ def _euroc(folder: Path) -> FlightLog:
 
 
 def _drafted(path: Path) -> FlightLog:
+    if (own := own_columns.column_map(path)) is not None:
+        return read_csv.read(path, own)
     drafted = draft_columns.draft(path)
     column_map = read_csv.map_of(tomllib.loads(drafted.text), Path(f"the columns drafted for {path}"))
     return _marked(read_csv.read(path, column_map), drafted)

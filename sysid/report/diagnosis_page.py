@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
+from sysid.diagnosis import equation_text
 from sysid.diagnosis.evidence.free_form import EVERY_CHANNEL, UNIT
 from sysid.diagnosis.experiment_design.outlook import Outlook
 from sysid.diagnosis.findings import Outcome, OutsideFinding, Verdict
@@ -94,6 +95,8 @@ def _verdict(found: Diagnosis) -> str:
     said += [diagnosis_tables.size_sentence(s) for s in found.candidates if s.verdict in IN_THE_MODEL]
     if found.outside is not None:
         said.append(_curve_sentence(found.outside))
+    if found.search.equation is not None:
+        said.append(f"The simplest law of it: {escape(equation_text.sentence(found.search.equation))}.")
     said.append(_error_sentence(found))
     if not found.additions:
         said.append(_exclusions(found))

@@ -159,10 +159,10 @@ def test_the_controller_compiles_where_the_build_puts_system_headers_before_ever
 
 
 @pytest.fixture(scope="module")
-def posix(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def posix(tmp_path_factory: pytest.TempPathFactory, controller: list[Path]) -> Path:
     program = tmp_path_factory.mktemp("posix") / "goshawk_posix"
-    sources = [*sorted((EXAMPLES / "posix").glob("*.c")), *sorted((LIBRARY / "src").rglob("*.c"))]
-    _run("gcc", "-std=c11", "-O2", *STRICT, *INCLUDES, *sources, "-lm", "-o", program)
+    sources = sorted(set((EXAMPLES / "posix").glob("*.c")) - {BODY})
+    _run("gcc", "-std=c11", "-O2", *STRICT, SEGMENTS, *INCLUDES, *sources, *controller, "-lm", "-o", program)
     return program
 
 
@@ -323,12 +323,11 @@ int main(void)
 """
 
 
-def test_the_three_functions_of_the_documentation_compile_and_make_the_vehicle_ready_to_arm(tmp_path):
+def test_the_three_functions_of_the_documentation_compile_and_make_the_vehicle_ready_to_arm(tmp_path, controller):
     assert "{literalinclude} ../../examples/integration/three_functions.c\n" in PAGE
     program = tmp_path / "example.c"
     program.write_text(THREE_FUNCTIONS.replace("EXAMPLE", (EXAMPLES / "three_functions.c").read_text()))
-    sources = sorted((LIBRARY / "src").rglob("*.c"))
-    _run("gcc", "-std=c11", *STRICT, *INCLUDES, program, *sources, "-lm", "-o", tmp_path / "example")
+    _run("gcc", "-std=c11", *STRICT, SEGMENTS, *INCLUDES, program, *controller, "-lm", "-o", tmp_path / "example")
     _run(tmp_path / "example")
 
 

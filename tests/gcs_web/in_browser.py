@@ -22,6 +22,9 @@ SIZE = {"width": 1280, "height": 720}
 SERIOUS = ("serious", "critical")
 """Impacts of barriers that axe finds."""
 
+COARSE = """if (location.pathname === "/viser/") history.replaceState(null, "", "/viser/?fixedDpr=0.25");"""
+"""Has viser draw a sixteenth of the pixels: without a graphics card they are most of a test's CPU time."""
+
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
 
 
@@ -31,9 +34,7 @@ def opened(station: GroundStation, browser, *, with_view: bool) -> Iterator[Any]
     foreign: list[str] = []
 
     def only_loopback(route):
-        if not with_view and "/viser/" in route.request.url:
-            route.fulfill(body="", content_type="text/html")
-        elif route.request.url.startswith(("http://127.0.0.1:", "data:", "blob:")):
+        if route.request.url.startswith(("http://127.0.0.1:", "data:", "blob:")):
             route.continue_()
         else:
             foreign.append(route.request.url)
@@ -42,6 +43,9 @@ def opened(station: GroundStation, browser, *, with_view: bool) -> Iterator[Any]
     context = browser.new_context(viewport=SIZE, reduced_motion="reduce")
     context.set_default_timeout(1000 * PATIENCE_S)  # drawn without a graphics card: slow beside other work
     context.route("**/*", only_loopback)
+    context.add_init_script(COARSE)
+    if not with_view:
+        without_view(context)
     errors: list[str] = []
     page = context.new_page()
     page.on("pageerror", lambda error: errors.append(str(error)))
@@ -51,6 +55,12 @@ def opened(station: GroundStation, browser, *, with_view: bool) -> Iterator[Any]
     wait(lambda: not station.hub.people, "the page's leave")
     assert foreign == []
     assert errors == []
+
+
+def without_view(context: Any) -> Any:
+    """The context, in which the 3D view stays empty; the station draws into it all the same."""
+    context.route("**/viser/**", lambda route: route.fulfill(body="", content_type="text/html"))
+    return context
 
 
 def positions(station: GroundStation) -> np.ndarray:

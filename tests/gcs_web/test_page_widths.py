@@ -4,9 +4,24 @@ import re
 
 import pytest
 
-from tests.gcs_web.in_browser import SERIOUS, drawn, needs_chromium
+from tests.gcs_web.in_browser import SERIOUS, drawn, needs_chromium, opened
 
 pytestmark = needs_chromium
+
+
+@pytest.fixture(scope="module")
+def whole(station, browser):
+    """One page for all tests: they change its width and what it shows, and no waypoint."""
+    with opened(station, browser, with_view=False) as page:
+        page.get_by_text("Checked", exact=True).wait_for()
+        yield page
+
+
+@pytest.fixture
+def page(whole):
+    whole.keyboard.press("2")
+    whole.get_by_role("grid", name="Waypoints").wait_for()
+    return whole
 
 
 @pytest.mark.parametrize("width", [1280, 390])

@@ -108,6 +108,11 @@ def test_wrong_usage_is_exit_code_2_and_json_says_why(words):
     assert ended.stderr.startswith("goshawk: ")
 
 
+def test_the_readme_says_what_the_exit_codes_mean():
+    said = (ROOT / "README.md").read_text().partition("Exit codes:")[2].partition("\n")[0]
+    assert re.findall(r"\b(\d+) [a-z]", said) == ["0", "1", "2", "130"]
+
+
 def test_quiet_leaves_results_on_stdout_and_errors_on_stderr(tmp_path):
     out = ("--mass", "0.7", "--arm", "0.12", "--prop-diameter", "0.127")
     answer("vehicle", "new", tmp_path / "v.toml", *out, "-q")

@@ -1,6 +1,7 @@
 """The history of a vehicle file: every version is kept, and a restored file is byte-equal."""
 
 import json
+import os
 
 import pytest
 
@@ -37,6 +38,13 @@ def test_reading_writes_nothing(file):
     assert [step.action for step in history.read(file).steps] == ["start"]
     assert history.version(file, history.read(file).steps[0]).effects == vehicle.load(file).effects
     assert [p.name for p in file.parent.iterdir()] == [file.name]
+
+
+def test_the_first_version_is_as_old_as_its_file_whenever_one_looks(file):
+    os.utime(file, (1e9, 1e9))
+    assert history.read(file).steps[0].when_utc == "2001-09-09T01:46:40+00:00"
+    add(file, "rotor_drag_thrust")
+    assert history.read(file).steps[0].when_utc == "2001-09-09T01:46:40+00:00"
 
 
 def test_undo_restores_the_exact_file_step_by_step(file):

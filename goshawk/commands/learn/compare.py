@@ -21,7 +21,7 @@ from sysid.estimator.validation.comparison import HORIZONS_S, QUANTITIES
 from sysid.estimator.validation.protocol import KNOWS, PROTOCOLS
 
 KIND = "comparison"
-READING = ("split_gaps", "robust", "gravity_m_s2", "most_steps")
+READING = ("split_gaps", "robust", "gravity_m_s2", "most_steps", "most_nodes")
 """Options that matter where nothing is refitted: they say how flights are read and smoothed."""
 
 

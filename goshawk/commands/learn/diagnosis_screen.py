@@ -4,7 +4,7 @@ import textwrap
 from collections.abc import Iterable, Mapping
 
 from goshawk.terminal.screen import Screen
-from sysid.diagnosis import CandidateFinding, Diagnosis, Size
+from sysid.diagnosis import CandidateFinding, Diagnosis, Size, equation_text
 from sysid.diagnosis.experiment_design.outlook import Outlook
 from sysid.diagnosis.findings import Verdict
 from sysid.diagnosis.from_imu import ImuDiagnosis
@@ -24,6 +24,8 @@ def short(found: Diagnosis) -> Screen:
         _paragraph(screen, family.sentence)
     if found.outside is not None:
         _paragraph(screen, outside_sentence(found))
+    if found.search.equation is not None:
+        _paragraph(screen, f"the simplest law of it: {equation_text.sentence(found.search.equation)}")
     stated = [s for s in found.candidates if s.verdict in (Verdict.PRESENT, Verdict.PROXY)]
     for finding in stated[:MOST_NAMED]:
         _paragraph(screen, _size_sentence(finding))

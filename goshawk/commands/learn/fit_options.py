@@ -13,11 +13,16 @@ from click.core import ParameterSource
 
 from flight import FlightError, InputError
 from sysid.estimator.fit_to_use import Cause
-from sysid.estimator.options import Options
+from sysid.estimator.options import LEAST_NODES, Options
 from sysid.logs.check import LogReport
 from vehicle import Vehicle
 
-FLAGS = {"gaps='split'": "--split-gaps", "robust=True": "--robust", "gusts='estimate'": "--gusts estimate"}
+FLAGS = {
+    "gaps='split'": "--split-gaps",
+    "robust=True": "--robust",
+    "gusts='estimate'": "--gusts estimate",
+    "most_nodes": "--most-nodes",
+}
 """Arguments that the library's messages name, and the corresponding options."""
 
 anyway_option = click.option(
@@ -38,6 +43,7 @@ _NAMES = (
     "estimate_command_delay",
     "gravity_m_s2",
     "most_steps",
+    "most_nodes",
 )
 
 
@@ -98,6 +104,14 @@ def fit_options() -> Callable[[Any], Any]:
             show_default=True,
             help="Most iterations of the solver.",
         ),
+        click.option(
+            "--most-nodes",
+            "most_nodes",
+            type=click.IntRange(LEAST_NODES),
+            default=Options().most_nodes,
+            show_default=True,
+            help="Of flights with more samples, the most informative segments are fitted: 40 % of so many.",
+        ),
     ]
 
     def decorated(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -132,6 +146,7 @@ def read(fit: Chosen, believed: Vehicle) -> Options:
         gusts=fit["gusts"],
         estimate_command_delay=fit["estimate_command_delay"],
         max_iterations=fit["most_steps"],
+        most_nodes=fit["most_nodes"],
     )
 
 

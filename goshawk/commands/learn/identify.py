@@ -16,6 +16,7 @@ from goshawk.commands.learn import fit_options, kept
 from goshawk.commands.learn.flights import load, refuse_repeated
 from goshawk.terminal import console, outputs
 from goshawk.terminal.screen import Screen
+from sysid.estimator import segments
 from sysid.estimator.fit_to_use import Cause, Chosen, fit_to_use, likely_cause
 from sysid.estimator.predicts import Predicts
 from sysid.estimator.stages import STAGES
@@ -258,10 +259,16 @@ def _predicts(
     believed: vehicle.Vehicle,
     options: sysid.Options,
 ) -> Predicts | None:
-    """How far the answer's predictions are off; None where nothing asks for it, or no flight can judge."""
-    judges = held_out or (fitted_to if fits.verdict.against else ())
+    """How far the answer's predictions are off; None where nothing asks for it, or no flight can judge.
+
+    Of flights too long to be fitted whole, the rest judges.
+    """
+    rest = not held_out and segments.are_long(fitted_to, options)
+    judges = held_out or (fitted_to if rest or fits.verdict.against else ())
     if not judges:
         return None
+    if rest:
+        options = replace(options, segments="rest")
     models = {"given": believed, "fitted": fits.answer.vehicle}
     try:
         found = sysid.compare(judges, models, options)
@@ -269,7 +276,8 @@ def _predicts(
         if held_out:
             raise
         return None
-    return predicts(found, "given", "fitted", "held-out flights" if held_out else "the flights it was fitted to")
+    on = "held-out flights" if held_out else "held-out segments" if rest else "the flights it was fitted to"
+    return predicts(found, "given", "fitted", on)
 
 
 def _checked(path: str, log: FlightLog, believed: vehicle.Vehicle) -> sysid.LogReport:

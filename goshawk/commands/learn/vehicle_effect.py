@@ -19,6 +19,9 @@ from sysid.estimator.validation.changes import Change, Flights
 from sysid.estimator.verdict import Use
 from vehicle import Vehicle, history
 
+Function = Literal["equation", "spline", "polynomial"]
+"""What an effect is drafted as."""
+
 vehicle_argument = click.argument("vehicle_file", metavar="VEHICLE", type=click.Path(path_type=Path))
 _flights = click.argument("flights", nargs=-1, type=click.Path(path_type=Path))
 _held_out = click.option(
@@ -57,11 +60,13 @@ def effect() -> None:
 @vehicle_argument
 @click.argument("name", metavar="EFFECT")
 @click.option("--set", "values", multiple=True, metavar="NAME=VALUE", help="Set this parameter of it. Repeatable.")
+@click.option("--proposed", is_flag=True, help="First write EFFECT, a file, from what the diagnosis of FLIGHTS found.")
 @_flights_options
 def add(
     vehicle_file: Path,
     name: str,
     values: tuple[str, ...],
+    proposed: bool,
     flights: tuple[Path, ...],
     held_out: tuple[Path, ...],
     columns: Path | None,
@@ -75,6 +80,7 @@ def add(
     goshawk vehicle effect add vehicle.toml rotor_drag_thrust --set drag_s_m=0.0175
     goshawk vehicle effect add vehicle.toml rotor_drag_thrust a.parquet --held-out b.parquet
     goshawk vehicle effect add vehicle.toml side_guard.py --set drag_kg_m=0.03
+    goshawk vehicle effect add vehicle.toml f_of_v.py a.parquet --proposed
 
     The whole model is refitted to FLIGHTS; with --held-out the errors on held-out flights are printed for the changed
     model and for the present one fitted to the same flights. `goshawk vehicle undo` reverts the change.
@@ -83,16 +89,32 @@ def add(
     then written only with --anyway).
     """
     present, given = vehicle.load(vehicle_file), dict(console.assignment(word) for word in values)
+    if proposed:
+        _draft(_diagnosed(flights, None), Path(name), Path(name).stem, None)
+    is_kept = False
+    try:
+        changed, effect_name = _with(vehicle_file, present, name, given)
+        logs, writing = (flights, held_out, columns), (dry_run, anyway)
+        code = _change(vehicle_file, present, changed, ("add-effect", effect_name), logs, writing, as_json)
+        is_kept = not dry_run and (code == 0 or anyway)
+        return code
+    finally:
+        if proposed and not is_kept:
+            Path(name).unlink(missing_ok=True)
+
+
+def _with(vehicle_file: Path, present: Vehicle, name: str, given: dict[str, float]) -> tuple[Vehicle, str]:
+    """The vehicle with the effect, and the effect's name."""
+    source = "set by hand" if given else "assumed"
     if name.endswith(".py"):
-        changed = present.with_effect_file(name, source="set by hand" if given else "assumed", **given)
+        changed = present.with_effect_file(name, source=source, **given)
         name = next(iter(set(changed.effects) - set(present.effects)), Path(name).stem)
     else:
         name = vehicle.effects.find(name).name
-        changed = present.with_effect(name, source="set by hand" if given else "assumed", **given)
+        changed = present.with_effect(name, source=source, **given)
     if name in present.effects:
         raise InputError(f"{vehicle_file} has {name} already; remove it first, or refit with goshawk identify")
-    logs, writing = (flights, held_out, columns), (dry_run, anyway)
-    return _change(vehicle_file, present, changed, ("add-effect", name), logs, writing, as_json)
+    return changed, name
 
 
 @effect.command("remove")
@@ -137,10 +159,8 @@ def remove(
 @console.path_option("--out", "out", "Python file to write.", required=True)
 @click.option(
     "--form",
-    type=click.Choice(["spline", "polynomial"]),
-    default="spline",
-    show_default=True,
-    help="Function that is put through the curve.",
+    type=click.Choice(["equation", "spline", "polynomial"]),
+    help="The law that was proposed, or a function through the curve [default: equation if there is one, else spline].",
 )
 @outputs.overwrite_option
 @console.common_options
@@ -150,11 +170,11 @@ def scaffold(
     diagnosis: Path | None,
     name: str,
     out: Path,
-    form: Literal["spline", "polynomial"],
+    form: Function | None,
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Turn the residual curve of the diagnosis of FLIGHTS, without a known effect, into an effect of your own.
+    """Turn what the diagnosis of FLIGHTS found beyond the catalogue, a law or a curve, into an effect of your own.
 
     \b
     goshawk vehicle effect scaffold vehicle.toml a.parquet --name climb_twist --out climb_twist.py
@@ -162,29 +182,31 @@ def scaffold(
 
     The vehicle file is not changed; the last command does that, and reports whether the errors fell.
     """
-    from sysid.diagnosis import curve
-
-    present, facts = vehicle.load(vehicle_file), _outside(flights, diagnosis)
+    present, document = vehicle.load(vehicle_file), _diagnosed(flights, diagnosis)
     if name in present.effects:
         raise InputError(f"{vehicle_file} has an effect {name} already; choose another name")
     outputs.check(out, overwrite=overwrite)
     with outputs.file(out, overwrite=overwrite) as temporary:
-        curve.scaffold(facts, temporary, name=name, form=form)
-    told = {"effect": name, "channel": facts["channel"], "variable": facts["variable"], "form": form}
+        told = _draft(document, temporary, name, form)
     then = f"goshawk vehicle effect add {vehicle_file} {out} FLIGHT --held-out FLIGHT"
-    document = told | {"written": str(out.resolve()), "then": then}
-    console.show(f"{name}: {facts['channel']} against {facts['variable']}", document, as_json=as_json)
+    shown = told | {"written": str(out.resolve()), "then": then}
+    console.show(f"{name}: {told['channel']} against {told['variable']}", shown, as_json=as_json)
 
 
-def _outside(flights: tuple[Path, ...], diagnosis: Path | None) -> dict[str, Any]:
-    """The curve in a diagnosis: of a file, or the newest that is kept with the flights."""
+def _diagnosed(flights: tuple[Path, ...], diagnosis: Path | None) -> Mapping[str, Any]:
+    """A diagnosis in JSON: of a file, or the newest that is kept with the flights.
+
+    Raises:
+        InputError: there is none.
+        FormatError: the file is no diagnosis.
+    """
     if (diagnosis is None) == (not flights):
         raise click.UsageError("give the FLIGHTS that were diagnosed, or --diagnosis FILE")
     if diagnosis is None:
         found = kept.newest("diagnosis", flights)
         if found is None:
             raise InputError(f"no diagnosis of {' '.join(map(str, flights))} is kept; run goshawk diagnose on them")
-        return _curve(found.document, "the diagnosis of these flights")
+        return found.document
     try:
         document = json.loads(diagnosis.read_text())
     except FileNotFoundError:
@@ -193,14 +215,38 @@ def _outside(flights: tuple[Path, ...], diagnosis: Path | None) -> dict[str, Any
         raise FormatError(f"{diagnosis} is not JSON: {error}") from error
     if not isinstance(document, dict) or document.get("schema") != "goshawk-diagnosis":
         raise FormatError(f"{diagnosis} is not a diagnosis of goshawk diagnose --json")
-    return _curve(document, str(diagnosis))
+    return document
 
 
-def _curve(document: Mapping[str, Any], of: str) -> dict[str, Any]:
-    """Raises `InputError` where the diagnosis found none."""
-    if not isinstance(document.get("outside"), dict):
-        raise InputError(f"{of} has no residual curve: {document.get('verdict', 'nothing is outside the catalogue')}")
-    return document["outside"]
+def _draft(document: Mapping[str, Any], file: Path, name: str, function: Function | None) -> dict[str, str]:
+    """Write an effect file of the equation that a diagnosis proposes, or of the curve that it drew.
+
+    Args:
+        function: the equation if there is one and nothing is asked, else a spline through the curve.
+
+    Returns:
+        What was made: effect, channel, variable, form.
+
+    Raises:
+        InputError: the diagnosis found no curve (or proposes no equation), or no effect can be made of it.
+    """
+    from sysid.diagnosis import curve, equation_text
+
+    equation, outside = (document.get(key) for key in ("equation", "outside"))
+    chosen = function or ("equation" if isinstance(equation, dict) else "spline")
+    if chosen == "equation":
+        if not isinstance(equation, dict):
+            raise InputError("the diagnosis proposes no equation; ask for --form spline")
+        equation_text.scaffold(equation, file, name=name)
+        law = equation_text.from_dict(equation)
+        told = (law.channel, law.variable)
+    else:
+        if not isinstance(outside, dict):
+            verdict = document.get("verdict", "nothing is outside the catalogue")
+            raise InputError(f"the diagnosis has no residual curve: {verdict}")
+        curve.scaffold(outside, file, name=name, form=chosen)
+        told = (str(outside["channel"]), str(outside["variable"]))
+    return {"effect": name, "channel": told[0], "variable": told[1], "form": chosen}
 
 
 def _change(

@@ -11,7 +11,7 @@ import numpy as np
 from flight import InputError
 from goshawk.commands.learn import fit_options
 from goshawk.commands.learn.flights import marked_file
-from sysid.diagnosis import Diagnosis, OutsideFinding, curve
+from sysid.diagnosis import Diagnosis, OutsideFinding, curve, equation_text
 from sysid.diagnosis.experiment_design import next_flight, outlook
 from sysid.diagnosis.experiment_design.outlook import Outlook
 from sysid.diagnosis.from_imu import UNEQUAL, WEAK, ImuDiagnosis
@@ -75,8 +75,7 @@ def lines(found: Diagnosis, call: DiagnoseCall, outlooks: Mapping[str, Outlook] 
     marking, call = _marking(found, call)
     said = _fit_first(found, call)
     said += [*marking, *_after_additions(found, call)] if _added(found) else []
-    if (outside := _to_be_adopted(found)) is not None:
-        said += _after_curve(outside, call)
+    said += _after_curve(found, call)
     return said + _next_flight(found, call, outlooks)
 
 
@@ -138,17 +137,15 @@ def _to_be_adopted(found: Diagnosis) -> OutsideFinding | None:
     return None if found.undecided else found.outside
 
 
-def _after_curve(outside: OutsideFinding, call: DiagnoseCall) -> list[str]:
-    """Commands from the curve to an own effect; a remark where its variable is no state of the vehicle."""
-    advice = curve.advice(outside)
-    if advice:
+def _after_curve(found: Diagnosis, call: DiagnoseCall) -> list[str]:
+    """The command that adds the law of the curve, or the curve, as an own effect; a remark where none can be made."""
+    outside, law = _to_be_adopted(found), found.search.equation
+    if found.undecided or (outside is None and law is None) or call.refused is not None:
+        return []
+    if outside is not None and (advice := curve.advice(outside)):
         return [f"({outside.channel} against {outside.variable}: {advice})"]
-    name = curve.suggested_name(outside)
-    model = _words(call.model_file)
-    return [
-        f"goshawk vehicle effect scaffold {model} {call.training()} --name {name} --out {name}.py",
-        f"goshawk vehicle effect add {model} {name}.py{call.refitting()}",
-    ]
+    name = equation_text.suggested_name(law) if law else curve.suggested_name(outside) if outside else ""
+    return [f"goshawk vehicle effect add {_words(call.model_file)} {name}.py{call.refitting()} --proposed"]
 
 
 def _next_flight(found: Diagnosis, call: DiagnoseCall, outlooks: Mapping[str, Outlook] | None) -> list[str]:
@@ -159,8 +156,8 @@ def _next_flight(found: Diagnosis, call: DiagnoseCall, outlooks: Mapping[str, Ou
     except InputError:
         return []
     named = bool(set(candidates) & set(_added(found)))
-    to_be_adopted_first = _to_be_adopted(found) is not None or (_added(found) and call.out is None)
-    if not named and to_be_adopted_first:
+    is_drawn = _to_be_adopted(found) is not None or found.search.equation is not None
+    if not named and (is_drawn or (_added(found) and call.out is None)):
         return []
     size, corner = (_numbers(values) for values in outlook.space(found))
     model = _words(call.vehicle_file if named else call.model_file)

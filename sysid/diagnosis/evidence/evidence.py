@@ -9,7 +9,7 @@ order in the border's change theta,
 All questions (how much would the cost fall, how large, how sure, what else would do as well) are asked of u_b and I_b.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,9 +28,12 @@ from sysid.estimator.joint_problem.chain import Factor, eliminate
 from sysid.estimator.joint_problem.problem import Point
 from sysid.estimator.joint_problem.unknowns import SENSOR_NAMES, Unknowns
 from sysid.estimator.motors import motor
-from sysid.estimator.trajectory.midpoint import middle
+from sysid.estimator.trajectory.midpoint import Middle, middle
 from sysid.estimator.trajectory.states import States
+from vehicle import Vehicle
 
+Moved = Callable[[Flight, Middle, Vehicle], tuple[IndexArray, FloatArray]]
+"""Which of the six accelerations columns move along one flight, and (k, r, c) by how much each does."""
 BLOCK_S = 3.0
 """Errors (gusts above all) are taken as independent between blocks of this length."""
 
@@ -112,6 +115,11 @@ class Evidence:
             self._free[channels] = self._masked(_reordered(_joined(parts), self._order))
         return self._free[channels]
 
+    def with_columns(self, moved: Moved) -> Blocks:
+        """Blocks over the named columns followed by columns that move accelerations by `moved`."""
+        parts = each(self._vehicle, lambda one: one.with_columns(moved), self._projected)
+        return self._masked(_reordered(_joined(parts), self._order))
+
     def groups(self, *channels: str) -> list[tuple[str, str, IndexArray]]:
         """Channel, variable and columns of each family of curves among `with_curves`."""
         drawn = [(channel, curve) for channel in channels for curve in self._of(channel)]
@@ -157,7 +165,18 @@ class _Projected:
 
     def with_curves(self, drawn: Sequence[tuple[str, Sequence[Curve]]]) -> Blocks:
         """Of the named columns and the curves of channels that share their axes."""
-        named, (rows, moved) = self.blocks(), self._whitened(drawn)
+
+        def moved(flight: Flight, mid: Middle, vehicle: Vehicle) -> tuple[IndexArray, FloatArray]:
+            parts = [free_form.accelerations(channel, curves, flight, mid, vehicle) for channel, curves in drawn]
+            return parts[0][0], np.concatenate([part for _, part in parts], axis=2)
+
+        return self.with_columns(moved)
+
+    def with_columns(self, columns: Moved) -> Blocks:
+        """Of the named columns and some that move accelerations."""
+        which, moved = columns(self._flight, self._mid, self._vehicle)
+        rows, weight = moved_by_acceleration(which, self._flight.step_s, self._noise.process)
+        named, moved = self.blocks(), weight[:, :, None] * moved
         products = self._freed_products(rows, moved)
         c, p = moved.shape[2], named.score.shape[1]
         own, cross, score = products[:, :, :c], products[:, :, c : c + p], products[:, :, -1]
@@ -188,15 +207,6 @@ class _Projected:
         products[:-1] -= ends
         products[1:] += ends
         return products
-
-    def _whitened(self, drawn: Sequence[tuple[str, Sequence[Curve]]]) -> tuple[IndexArray, FloatArray]:
-        """Rows of each defect that accelerations by curves move, and (k, r, c) by how much, whitened."""
-        parts, rows = [], np.zeros(0, np.intp)
-        for channel, curves in drawn:
-            which, moved = free_form.accelerations(channel, curves, self._flight, self._mid, self._vehicle)
-            rows, weight = moved_by_acceleration(which, self._flight.step_s, self._noise.process)
-            parts.append(weight[:, :, None] * moved)
-        return rows, np.concatenate(parts, axis=2)
 
     def _products(self, columns: tuple[FloatArray, ...]) -> Blocks:
         """Products of columns (defects and sensor rows) with the residual and with each other."""

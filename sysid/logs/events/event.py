@@ -30,6 +30,8 @@ DETECTABLE_TURN_DEG = 6.0
 """Least jump of an attitude that is named."""
 DETECTABLE_JUMP_M = 0.1
 """Least jump of a position that is named."""
+DETECTABLE_JUMP_M_S = 1.0
+"""Least jump of a velocity that is named."""
 DETECTABLE_CLOCK_S = 0.2
 """Least step of a clock that is told from a gap."""
 DETECTABLE_FROZEN_S = 0.3
@@ -84,6 +86,16 @@ KINDS: Mapping[str, Kind] = {
         f"{DETECTABLE_JUMP_M:g} m",
         "NaN is written over the stretch",
     ),
+    "velocity jump": Kind(
+        "The velocity changes between two samples by what neither accelerometer nor position shows, and stays so.",
+        f"{DETECTABLE_JUMP_M_S:g} m/s (slower than 60 Hz: what 60 m/s2 make of a step)",
+        "the flight is split there",
+    ),
+    "velocity excursion": Kind(
+        "The velocity jumps and jumps back within 2 s.",
+        f"{DETECTABLE_JUMP_M_S:g} m/s (slower than 60 Hz: what 60 m/s2 make of a step)",
+        "NaN is written over the stretch",
+    ),
     "frozen": Kind(
         "A moving quantity repeats exactly one value, for longer than it does elsewhere.",
         f"{DETECTABLE_FROZEN_S:g} s",
@@ -110,7 +122,7 @@ class Event:
     """First and last instant, on the log's clock."""
     size: float
     unit: str
-    """`deg`, `m`, `s` or `rows`."""
+    """`deg`, `m`, `m/s`, `s` or `rows`."""
     sentence: str
     """What is wrong, with the evidence; `{at}` becomes the first instant."""
     way_out: str

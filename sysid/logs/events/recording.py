@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from flight import FlightLog
-from sysid.logs.events import attitude_leaps, clipped, frozen, position_leaps
+from sysid.logs.events import attitude_leaps, clipped, frozen, position_leaps, velocity_leaps
 from sysid.logs.events.event import Event, of_log, splits
 from sysid.logs.events.repair import Span
 
@@ -22,7 +22,14 @@ def find(log: FlightLog, resting: Sequence[Span] = ()) -> list[Event]:
         resting: where the vehicle stands on the ground.
     """
     still = frozen.find(log, resting)
-    return [*(event for event in of_log(log) if event.done), *_leaps(log, still), *still, *clipped.find(log)]
+    done, pose = [event for event in of_log(log) if event.done], _leaps(log, still)
+    return [*done, *pose, *_of_velocity(log, [*pose, *still]), *still, *clipped.find(log)]
+
+
+def _of_velocity(log: FlightLog, others: Sequence[Event]) -> list[Event]:
+    """Leaps of the velocity apart from those of the pose, which no fit uses it without: they make none refuse a log."""
+    near = [(begin_s - SAME_S, end_s + SAME_S) for begin_s, end_s in (cut_out(log, event) for event in others)]
+    return velocity_leaps.find(log, [*splits(log), *near])
 
 
 def leaps(log: FlightLog) -> list[Event]:

@@ -223,8 +223,8 @@ def test_the_height_is_still_measured_when_only_the_horizontal_position_is_lost(
 
 
 @pytest.mark.parametrize("floor_m", [0.0, -3.0])
-def test_without_accelerometer_and_vertical_velocity_time_ends_the_descent(body, floor_m):
-    """Attitude and gyro are those of a level hover: an unload test would show nothing but the fall's end."""
+def test_without_accelerometer_and_vertical_velocity_the_gyro_ends_the_descent(body, floor_m):
+    """An unload test would show nothing but the fall's end; a torque that no longer turns it does."""
     blind = {"after_s": 0.5, "since": State.LANDING}
     faults = (Fault(Kind.NO_SPECIFIC_FORCE, **blind), Fault(Kind.NO_VERTICAL_VELOCITY, **blind))
     world = TABLE | {"floor_m": floor_m} if floor_m else {}
@@ -232,8 +232,8 @@ def test_without_accelerometer_and_vertical_velocity_time_ends_the_descent(body,
         Scenario(orders=(*TAKE_OFF, land(1.0)), faults=faults, world=world, parameters={"emergency_s": 12.0})
     )
     assert violations(result, touchdown_m_s=2.5) == []
-    assert (result.stop_state, result.stop_reason) == (State.FAULT, Reason.TIMEOUT)
-    assert abs(result.stop_s - result.entered_s(State.EMERGENCY) - 12.0) < 0.1
+    assert (result.stop_state, result.stop_reason) == (State.DISARMED, Reason.TOUCHDOWN)
+    assert result.stop_s - result.entered_s(State.EMERGENCY) < 12.0
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.1, -0.1])
@@ -303,6 +303,50 @@ def test_a_hover_that_sank_to_the_ground_without_notice_lands(body):
     result = body.fly(Scenario(faults=faults, orders=TAKE_OFF, limit_s=30.0))
     assert result.reason_of(State.LANDING) == Reason.GROUNDED
     assert _after_touch_s(result) < LONGEST_AFTER_TOUCH_S
+
+
+@pytest.mark.parametrize("felt", [True, False])
+@pytest.mark.parametrize("rise_m_s", [0.11, 0.14])
+def test_a_path_that_sank_to_the_ground_without_notice_lands(body, rise_m_s, felt):
+    """It turns and bounces on its feet: neither accelerometer nor rotors' commands tell what carries it."""
+    path = circle(2.5, radius_m=2.0, turns=2.0)
+    orders = (*TAKE_OFF, START, land(path.duration_s + 4.0, State.TRAJECTORY))
+    faults = [Fault(Kind.VELOCITY_BIAS, (rise_m_s,), since=State.TAKE_OFF)]
+    faults += [Fault(Kind.DRIFT, (0.0, 0.0, rise_m_s), since=State.TAKE_OFF)]
+    faults += [] if felt else [Fault(Kind.NO_SPECIFIC_FORCE)]
+    for seed in range(4):
+        result = body.fly(Scenario(orders=orders, faults=tuple(faults), path=path, seed=seed, limit_s=60.0))
+        assert _after_touch_s(result) < LONGEST_AFTER_TOUCH_S
+
+
+def test_a_dead_reckoned_speed_does_not_keep_the_rotors_turning_on_the_ground(body):
+    """Position and velocity stop in flight; what is reckoned goes on moving after the touch."""
+    path = circle(3.0, radius_m=2.0, turns=1.0)
+    for seed in range(4):
+        faults = (
+            Fault(Kind.POSITION_LOST, (Loss.NO_XY,), 1.5, since=State.TRAJECTORY),
+            Fault(Kind.SPEED_WRONG, (-2.8, -0.3, -0.6), 3.0, since=State.TRAJECTORY),
+        )
+        orders = (*TAKE_OFF, START)
+        result = body.fly(Scenario(orders=orders, faults=faults, path=path, seed=seed, limit_s=60.0))
+        assert result.at_rest
+        assert _after_touch_s(result) < LONGEST_AFTER_TOUCH_S
+
+
+LONGEST_AFLOAT_S = 10.0
+"""Ground effect may carry what its thrust does not: 4 of 52 stood for more than five seconds."""
+
+
+@pytest.mark.parametrize("gust_m_s", [0.0, 0.8])
+def test_the_gyro_alone_tells_the_ground_from_the_air(body, gust_m_s):
+    """A small roll torque to and fro turns a body in the air, and none that stands."""
+    for seed in range(6):
+        faults = (Fault(Kind.NO_SPECIFIC_FORCE), Fault(Kind.POSITION_LOST, (Loss.FROZEN,), 1.0))
+        world = {"gust_std_m_s": gust_m_s, "wind_m_s": (2.0 * gust_m_s, 0.0, 0.0)}
+        result = body.fly(Scenario(orders=TAKE_OFF, faults=faults, world=world, seed=seed, limit_s=60.0))
+        assert result.at_rest
+        assert result.stop_clearance_m < LARGEST_STOP_M
+        assert result.stop_s - max(result.first_touchdown_s, result.last_airborne_s) < LONGEST_AFLOAT_S
 
 
 def test_braking_upwards_is_no_ground(body):

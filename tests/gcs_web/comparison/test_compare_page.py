@@ -25,7 +25,7 @@ from sysid.diagnosis import OutsideFinding
 from sysid.diagnosis.envelope import Envelope
 from sysid.estimator.validation import changes
 from sysid.estimator.validation.comparison import HORIZONS_S
-from tests.gcs_web.in_browser import CHROMIUM, FLAGS, SERIOUS, SIZE, drawn
+from tests.gcs_web.in_browser import CHROMIUM, COARSE, FLAGS, SERIOUS, SIZE, drawn, without_view
 from tests.gcs_web.two_pillars import START
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
@@ -67,7 +67,7 @@ def page(station: GroundStation):
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS, timeout=1000 * PATIENCE_S)
-        context = browser.new_context(viewport=SIZE, reduced_motion="reduce")
+        context = without_view(browser.new_context(viewport=SIZE, reduced_motion="reduce"))
         context.set_default_timeout(1000 * PATIENCE_S)
         opened = context.new_page()
         errors: list[str] = []
@@ -91,7 +91,22 @@ def test_flights_stand_side_by_side_and_foreign_text_is_text(page, station):
     page.locator(".flight-tag").nth(1).wait_for()
     page.get_by_label("Add or remove a stream").select_option("rotor_0")
     page.get_by_role("img", name="Rotor 0 over time").wait_for()
+    wait(lambda: len(station.view.flights._paths) == 2, "both flights in 3D")
+
+
+def test_the_3d_view_takes_the_flights_without_an_error(page, station, request):
+    context = page.context.browser.new_context(viewport=SIZE, reduced_motion="reduce")
+    request.addfinalizer(context.close)
+    context.set_default_timeout(1000 * PATIENCE_S)
+    context.add_init_script(COARSE)
+    other, errors = context.new_page(), []
+    other.on("pageerror", lambda error: errors.append(str(error)))
+    other.goto(f"{station.url}{page.evaluate('location.hash')}")
+    wait(lambda: len(station.server.get_clients()) == 1, "the 3D view")
+    other.frame_locator("iframe").locator("canvas").first.wait_for()
+    drawn(other)
     assert len(station.view.flights._paths) == 2
+    assert errors == []
 
 
 def test_columns_of_a_foreign_log_are_shown_as_text(page):
@@ -193,7 +208,7 @@ def test_another_persons_steps_take_nothing_out_of_the_3d_view(page, station, re
     view = station.view
     ours = list(view.flights._paths)
     wait(lambda: view._set_aside, "no plan while everybody compares")
-    other = page.context.browser.new_context(viewport=SIZE).new_page()
+    other = without_view(page.context.browser.new_context(viewport=SIZE)).new_page()
     request.addfinalizer(other.context.close)
     other.set_default_timeout(1000 * PATIENCE_S)
     other.goto(station.url)
@@ -365,7 +380,7 @@ def test_words_of_compare_and_learn_are_whole_at_each_width(page, station, width
 def test_two_people_see_one_diagnosis_and_one_keeps_it_for_both(page, station):
     save_diagnosis(station)
     before = station.desk.project.vehicle.read_bytes()
-    other = page.context.browser.new_context(viewport=SIZE).new_page()
+    other = without_view(page.context.browser.new_context(viewport=SIZE)).new_page()
     other.set_default_timeout(1000 * PATIENCE_S)
     other.goto(station.url)
     for each in (page, other):

@@ -14,7 +14,7 @@ from gcs_web import GroundStation
 from goshawk.station_jobs import KINDS
 from sysid.logs.events.event import SPLITS
 from sysid.logs.fix import FIXES
-from tests.gcs_web.in_browser import CHROMIUM, FLAGS
+from tests.gcs_web.in_browser import CHROMIUM, FLAGS, without_view
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
 from vehicle import flights, manoeuvres
@@ -49,7 +49,7 @@ def test_a_click_on_an_event_shows_its_words_and_another_mends_it_alone(tmp_path
     assert any(f.what == "position excursion" for f in found)
     with sync_playwright() as playwright, GroundStation(opened.folder, jobs=KINDS) as station:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS, timeout=1000 * PATIENCE_S)
-        context = browser.new_context(viewport={"width": 1440, "height": 900}, reduced_motion="reduce")
+        context = without_view(browser.new_context(viewport={"width": 1440, "height": 900}, reduced_motion="reduce"))
         context.set_default_timeout(1000 * PATIENCE_S)
         page = context.new_page()
         errors: list[str] = []

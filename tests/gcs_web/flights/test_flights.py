@@ -378,3 +378,21 @@ def test_paths_follow_the_log_and_skip_what_was_not_measured(opened):
     path = Recorded(opened).path("holes")
     assert np.isfinite(path.position_world_m).all()
     np.testing.assert_allclose(np.linalg.norm(path.position_world_m[:, :2], axis=1), 2.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        ({}, ""),
+        ({"vehicle": "Kestrel"}, "flown by Kestrel"),
+        ({"vehicle_hash": "of the file"}, "its plan was checked with version 0"),
+        ({"vehicle_hash": "0" * 16, "vehicle": "Kestrel"}, "its plan was checked with another vehicle file"),
+    ],
+)
+def test_a_card_does_not_take_the_plans_vehicle_for_the_controllers(opened, said, words):
+    log, believed = flown(), vehicle.load(opened.vehicle)
+    if said.get("vehicle_hash") == "of the file":
+        said = {"vehicle_hash": vehicle.vehicle_hash(believed)[:16]}
+    kept = {key: value for key, value in log.metadata.items() if key not in ("vehicle", "vehicle_hash")}
+    flight_log.save(opened.flight("b"), FlightLog(log.columns, {**kept, **said}))
+    assert reading.card(opened, "b", believed).vehicle_said == words

@@ -18,7 +18,7 @@ from gcs_web import GroundStation
 from gcs_web.jobs.job_process import Done, Failed, JobProcess
 from gcs_web.learning import consent
 from gcs_web.learning.consent import Consent
-from tests.gcs_web.in_browser import CHROMIUM, FLAGS, SERIOUS, SIZE
+from tests.gcs_web.in_browser import CHROMIUM, FLAGS, SERIOUS, SIZE, without_view
 from tests.gcs_web.station_socket import Page, visit
 from tests.gcs_web.two_pillars import START
 from tests.waiting import PATIENCE_S, goshawk
@@ -217,7 +217,7 @@ def test_the_page_shows_the_text_asks_and_goes_on_once_somebody_agreed(opened, m
     guard = opened.folder / "consent_guard.py"
     with GroundStation(opened.folder, triangles=500) as station, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS, timeout=1000 * PATIENCE_S)
-        page = browser.new_page(viewport=SIZE, reduced_motion="reduce")
+        page = without_view(browser.new_context(viewport=SIZE, reduced_motion="reduce")).new_page()
         page.set_default_timeout(1000 * PATIENCE_S)
         alerts: list[str] = []
         page.on("dialog", lambda dialog: (alerts.append(dialog.message), dialog.dismiss()))

@@ -8,7 +8,7 @@ import vehicle
 from esdf import Grid
 from esdf.solids import Room
 from esdf.visibility import Visibility
-from flight import InputError, Waypoints, mission
+from flight import FormatError, InputError, TrajectoryFile, Waypoints, mission
 from flight.mission import Ground, Mission
 from mapping.free_space import FreeSpace
 from planner import PlanOptions
@@ -80,3 +80,19 @@ def test_a_thickness_in_another_unit_is_refused(flown, wrong):
     report, _, path = flown
     with pytest.raises(InputError, match="thinnest obstacle"):
         could_hide.add(report, path, space(0.05), wrong)
+
+
+def test_a_file_tells_what_thickness_was_asked_of_it(flown):
+    _, asked, path = flown
+    points = asked.waypoints.positions_world_m
+    for check, thinnest_m in (({}, None), ({"thinnest_m": None}, None), ({"thinnest_m": 0.03}, 0.03)):
+        assert could_hide.asked_of(TrajectoryFile(path, "x", "", "", points, check)) == thinnest_m
+    for damaged in ("thin", 0.0):
+        with pytest.raises(FormatError, match="damaged"):
+            could_hide.asked_of(TrajectoryFile(path, "x", "", "", points, {"thinnest_m": damaged}))
+
+
+def test_the_advice_names_an_option_only_where_images_tell_what_could_hide(flown):
+    report, _, path = flown
+    assert "--thinnest" not in could_hide.advice(report)
+    assert "--thinnest" in could_hide.advice(could_hide.add(report, path, space(0.05), None))

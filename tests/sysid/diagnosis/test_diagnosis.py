@@ -15,7 +15,7 @@ from sysid.diagnosis.evidence.candidates import candidate_set
 from sysid.diagnosis.evidence.confirm import Judge, settle
 from sysid.diagnosis.evidence.evidence import Blocks, Evidence, block_edges
 from sysid.diagnosis.evidence.score import loss_without, score
-from sysid.diagnosis.examined import examine, stated_curve
+from sysid.diagnosis.examined import Model, examine, stated_curve
 from sysid.diagnosis.fitting import refit
 from sysid.diagnosis.procedure import while_searching
 from sysid.estimator.joint_problem.chain import eliminate
@@ -319,15 +319,23 @@ def test_taking_out_what_is_needed_costs_what_it_brought():
     assert lost.significance < 1e-8
 
 
-@pytest.mark.parametrize("stuck", [False, True])
-def test_an_effect_that_bent_the_whole_model_out_of_shape_is_still_fitted(monkeypatch, stuck):
-    """From the bent model, or, where no way leads on from there, from the numbers that the model was given."""
+BENDING = while_searching(Options(gusts="white", held=("rotor_yaw_torque.torque_n_m_s2",)))
+
+
+@pytest.fixture(scope="module")
+def bending() -> tuple[list[FlightLog], vehicle.Vehicle, Model]:
+    """Flights with a centre of mass far off, the vehicle as believed, and the fit without that effect."""
     rng = np.random.default_rng(1)
     believed = vehicle.example().without_effect("centre_of_mass")
     truth = flying.Truth(gust=0.1, centre=(0.03, -0.02))
     logs = flying.fly(truth, flying.paper_flights(rng), 3, duration_s=6.0, rng=rng)
-    options = while_searching(Options(gusts="white", held=("rotor_yaw_torque.torque_n_m_s2",)))
-    bent = examine(identify(logs, believed, options))
+    return logs, believed, examine(identify(logs, believed, BENDING))
+
+
+@pytest.mark.parametrize("stuck", [False, True])
+def test_an_effect_that_bent_the_whole_model_out_of_shape_is_still_fitted(bending, monkeypatch, stuck):
+    """From the bent model, or, where no way leads on from there, from the numbers that the model was given."""
+    logs, believed, bent = bending
     assert bent.fit.vehicle.value("inertia_xx_kg_m2") > 3.0 * believed.value("inertia_xx_kg_m2")
     centre = bent.candidate_set.candidate("centre_of_mass")
     if stuck:
@@ -338,7 +346,7 @@ def test_an_effect_that_bent_the_whole_model_out_of_shape_is_still_fitted(monkey
             return identify(*args, **more)
 
         monkeypatch.setattr(fitting, "identify", only_from_given)
-    found = refit(logs, bent, centre, options).vehicle
+    found = refit(logs, bent, centre, BENDING).vehicle
     assert found.value("centre_of_mass.x_m") == pytest.approx(0.03, abs=1e-4)
     assert found.value("centre_of_mass.y_m") == pytest.approx(-0.02, abs=1e-4)
     assert found.parameter("rotor_yaw_torque.torque_n_m_s2") == believed.parameter("rotor_yaw_torque.torque_n_m_s2")

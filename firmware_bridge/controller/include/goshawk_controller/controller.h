@@ -170,7 +170,8 @@ typedef struct {
     uint64_t gyro_good_us; /* when the gyro last gave all axes */
     uint64_t moved_us;     /* when the vehicle last moved, turned or fell; 0 = never */
     float felt_m_s2[3];    /* specific force, low-passed over 20 ms */
-    float support_m_s2;    /* of it, what the rotors do not give, low-passed over 1 s */
+    float support_m_s2;    /* upward acceleration that the thrust asked for does not explain, low-passed over 1 s */
+    float rise_m_s;        /* of the last tick */
     float battery_v;       /* low-passed */
     float hover_thrust_n;  /* averaged: what the vehicle really takes to hover */
     float hover_s;         /* over so long */

@@ -9,10 +9,11 @@
    the stage began, so that a bias of the vertical velocity does not. IDLE     0.3 s of stillness, then the rotors stop.
 
    Whatever bounces or vibrates: where 2 s of descent bring it no lower by 0.1 m, one UNLOAD is judged by height alone,
-   and ends with the rotors stopped unless the vehicle falls by 0.15 m. So does what stands: carried by 0.2 g more than
-   its rotors give for a second, at less than half the weight asked for. A blind descent gives back the speed that each
-   UNLOAD costs. Without vertical velocity (an emergency) only
-   the accelerometer can tell: an impact, or every second, starts UNLOAD.
+   and ends with the rotors stopped unless the vehicle falls by 0.15 m. So does what stands: over
+   a second it misses 0.4 g of the fall that the thrust asked for would be. A blind descent gives back the speed that
+   each UNLOAD costs. Without vertical velocity (an emergency) only the accelerometer can tell: an impact, or every
+   second, starts UNLOAD; without an accelerometer the gyro does, as a small roll torque to and fro turns no vehicle
+   that stands on its feet.
  */
 #ifndef GOSHAWK_CONTROLLER_LANDING_H
 #define GOSHAWK_CONTROLLER_LANDING_H
@@ -50,6 +51,9 @@ typedef struct {
     uint64_t sunk_us; /* when it last was on its way there */
     bool sure;        /* it has not come down for so long that this UNLOAD is judged by height alone */
     float force_m_s2; /* specific force along body z, low-passed; 0 while it is not given */
+    /* What a test by roll torque shows: that torque as the rotors lag, the roll rate it makes, the slow part of the
+       measured one; both rates against the test's sign, averaged. */
+    float rolling_n_m, predicted_rad_s, slow_rad_s, expected_rad_s, found_rad_s;
 } tc_landing;
 
 #endif

@@ -159,6 +159,7 @@ static void steer(tc_controller* c, const float velocity_body_m_s[3], float step
                      t->rate_reference_rad_s, feed_acceleration, t->wrench.torque_n_m);
     t->wrench.thrust_n = tc_max(tc_dot(c->axes[2], force), 0.0f);
     if (tc_landing_unloads(&c->landing)) unload(c);
+    if (c->mission.state == TC_EMERGENCY) t->wrench.torque_n_m[0] += tc_landing_test_torque(c);
 }
 
 /* Battery sag and rotor lag, taken off the speed commands. The lead (lag s + 1) / (filter s + 1) undoes the rotors' lag

@@ -73,6 +73,8 @@ void tc_landing_setpoint(tc_controller* c, float step_s);
 bool tc_landing_observe(tc_controller* c, float step_s);
 /* The collective is the stage's, and the attitude is only damped: UNLOAD and IDLE. */
 bool tc_landing_unloads(const tc_landing* landing);
+/* Roll torque, N m, that tells the ground where nothing else does; 0 else. */
+float tc_landing_test_torque(const tc_controller* c);
 /* Something carries it beside the rotors: their thrust is small, and yet it neither falls nor moves. */
 bool tc_stands(const tc_controller* c);
 void tc_measure_support(tc_controller* c, float step_s);

@@ -16,10 +16,9 @@ static const float UNLOAD_S = 0.5f;            /* the collective falls to UNLOAD
 static const float UNLOADED = 0.1f;            /* of the weight */
 static const float GAINED_M_S = 0.35f;         /* downwards since UNLOAD began: it flies */
 static const float SUPPORT_G = 0.5f;           /* specific force that the rotors do not give: it stands on something */
-static const float STANDS_G = 0.2f;            /* the same on average, with the rotors' noise in it, */
+static const float STANDS_G = 0.4f;            /* what it misses of the fall that its thrust would be, on average */
 static const float SUPPORT_S = 1.0f;           /* over so long, */
-static const float SUPPORTED_THRUST = 0.5f;    /* while less thrust than this share of the weight is asked for */
-static const float SUPPORTED_M_S = 1.0f;       /* ... and slower than this: a fast fall's drag carries, too */
+static const float SUPPORTED_M_S = 1.0f;       /* where it sinks slower than this: a fast fall's drag carries, too */
 static const float FORCE_FILTER_S = 0.02f;     /* of the accelerometer, whose noise the tests must not see */
 static const float FELT_GAINED_M_S = 0.7f;  /* the same by the accelerometer, whose noise of 10 m/s2 makes 0.3 of it */
 static const float BLIND_GAINED_M_S = 0.5f; /* ... before anything has been hit, as each try makes the touch harder */
@@ -51,6 +50,16 @@ static const float EMERGENCY_FEEDBACK_M_S2 = 3.0f; /* what vertical feedback may
 static const float FALL_M_S = 1.0f;        /* it counts beyond this, */
 static const float FALL_DRIFT_M_S2 = 0.1f; /* more the longer the reckoning has gone on, */
 static const float FALL_KNOWN_S = 10.0f;   /* and no longer than this */
+
+/* Without vertical velocity and accelerometer: roll torque to and fro. In the air the body turns as the torque says; on
+   its feet, which the missing share of the thrust still loads, it does not. */
+static const float TEST_RAD_S2 = 12.0f; /* of the torque, over the inertia */
+static const uint32_t TEST_HALF_US = 120000u;
+static const float TEST_LEAK_S = 0.2f;     /* of the rate that the torque predicts: what is slower is no answer */
+static const float TEST_AVERAGE_S = 1.0f;  /* gusts turn it, too, but not in step */
+static const float TEST_FIRST_S = 3.0f;    /* averaged well */
+static const float TEST_ANSWER = 0.5f;     /* of what is predicted: less is the ground's doing */
+static const float UNKNOWN_LAG_S = 0.025f; /* of rotors whose lag nobody has learnt */
 
 static float weight_n(const tc_controller* c) { return c->parameters.mass_kg * c->parameters.gravity_m_s2; }
 
@@ -108,6 +117,41 @@ void tc_landing_setpoint(tc_controller* c, float step_s) {
     setpoint->snap_world_m_s4[2] = 0.0f;
 }
 
+static bool only_turns(const tc_controller* c) {
+    return c->mission.state == TC_EMERGENCY && !c->vertical_velocity && !force_given(c);
+}
+
+/* +1 or -1; `ago_us`: as it was then. */
+static float test_sign(const tc_controller* c, uint32_t ago_us) {
+    const uint64_t since_us = c->telemetry.time_us - c->landing.began_us;
+    const uint64_t then_us = since_us > ago_us ? since_us - ago_us : 0u;
+    return ((uint32_t)then_us / TEST_HALF_US) % 2u == 0u ? 1.0f : -1.0f;
+}
+
+float tc_landing_test_torque(const tc_controller* c) {
+    return only_turns(c) ? test_sign(c, 0u) * TEST_RAD_S2 * c->parameters.inertia_kg_m2[0] : 0.0f;
+}
+
+/* The answer is a quarter of a period behind the torque. Whoever turns for another reason turns in no step with it. */
+static void measure_answer(tc_controller* c, float step_s) {
+    tc_landing* l = &c->landing;
+    const tc_parameters* p = &c->parameters;
+    const float lag_s = p->rotor_lag_s > 0.0f ? p->lead_filter_s : UNKNOWN_LAG_S;
+    const float rate = c->telemetry.estimate.rate_body_rad_s[0], leak = step_s / (TEST_LEAK_S + step_s);
+    const float sign = test_sign(c, TEST_HALF_US / 2u + (uint32_t)(1e6f * lag_s));
+    const float pass = step_s / (TEST_AVERAGE_S + step_s);
+    l->rolling_n_m += step_s / (lag_s + step_s) * (c->telemetry.wrench.torque_n_m[0] - l->rolling_n_m);
+    l->predicted_rad_s += step_s * l->rolling_n_m / p->inertia_kg_m2[0] - leak * l->predicted_rad_s;
+    l->slow_rad_s += leak * (rate - l->slow_rad_s);
+    l->expected_rad_s += pass * (sign * l->predicted_rad_s - l->expected_rad_s);
+    l->found_rad_s += pass * (sign * (rate - l->slow_rad_s) - l->found_rad_s);
+}
+
+static bool stands_by_test(const tc_controller* c) {
+    const tc_landing* l = &c->landing;
+    return only_turns(c) && tc_lasts(c, l->began_us, TEST_FIRST_S) && l->found_rad_s < TEST_ANSWER * l->expected_rad_s;
+}
+
 /* Against a fall, and nothing upwards. */
 static float brake_m_s2(const tc_controller* c, float fall_m_s) {
     return tc_clamp(c->parameters.kd_z_1_s * fall_m_s, 0.0f, EMERGENCY_FEEDBACK_M_S2);
@@ -163,32 +207,30 @@ static bool bounces(tc_controller* c) {
            tc_lasts(c, landing->touched_us, NO_LOWER_S);
 }
 
-/* By the speeds that are commanded, in still air; the thrust asked for says less where the mixer saturates. */
-static float rotors_m_s2(const tc_controller* c) {
-    const float* n = c->telemetry.rotor_speed_rad_s;
-    const float most = c->parameters.rotor_max_rad_s;
-    const float share = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2] + n[3] * n[3]) / (4.0f * most * most);
-    return share * c->mixer.largest_thrust_n / c->parameters.mass_kg;
-}
-
+/* Upward acceleration that the thrust asked for does not explain. Velocity adds up to its change, so that its noise and
+   a bias average out. */
 void tc_measure_support(tc_controller* c, float step_s) {
     const tc_telemetry* t = &c->telemetry;
-    const float rotors = rotors_m_s2(c);
-    const bool carried = force_given(c) && c->vertical_velocity &&
-                         t->wrench.thrust_n < SUPPORTED_THRUST * weight_n(c) &&
-                         tc_norm(t->estimate.velocity_world_m_s) < SUPPORTED_M_S;
-    const float force = t->estimate.specific_force_body_m_s2[2] - rotors;
-    c->support_m_s2 += step_s / (SUPPORT_S + step_s) * ((carried ? force : 0.0f) - c->support_m_s2);
+    const float rise_m_s = t->estimate.velocity_world_m_s[2];
+    const float thrust_m_s2 = t->wrench.thrust_n / c->parameters.mass_kg;
+    const float given_m_s = rise_m_s - c->rise_m_s + step_s * (c->parameters.gravity_m_s2 - thrust_m_s2);
+    const bool slow = c->vertical_velocity && tc_abs(rise_m_s) < SUPPORTED_M_S;
+    c->rise_m_s = rise_m_s;
+    c->support_m_s2 += ((slow ? given_m_s : 0.0f) - step_s * c->support_m_s2) / (SUPPORT_S + step_s);
 }
 
 bool tc_stands(const tc_controller* c) { return c->support_m_s2 > STANDS_G * c->parameters.gravity_m_s2; }
+
+/* What slides along something has not landed on it. In an emergency its speed may be dead reckoned. */
+static bool slides(const tc_controller* c) {
+    const float* v = c->telemetry.estimate.velocity_world_m_s;
+    return c->mission.state != TC_EMERGENCY && v[0] * v[0] + v[1] * v[1] > CONTACT_SPEED_M_S * CONTACT_SPEED_M_S;
+}
 
 /* Whether the vehicle seems to be on something. */
 static bool seems_in_contact(const tc_controller* c) {
     const tc_landing* landing = &c->landing;
     const tc_estimate* e = &c->telemetry.estimate;
-    const float horizontal = sqrtf(e->velocity_world_m_s[0] * e->velocity_world_m_s[0] +
-                                   e->velocity_world_m_s[1] * e->velocity_world_m_s[1]);
     if (tc_norm(e->rate_body_rad_s) > CONTACT_RATE_RAD_S) return false;
     if (!c->vertical_velocity) {                            /* a dead reckoned one tells nothing */
         if (c->mission.state != TC_EMERGENCY) return false; /* a gap: what shakes the pose would lengthen it */
@@ -197,7 +239,7 @@ static bool seems_in_contact(const tc_controller* c) {
     }
     const bool slow = tc_abs(e->velocity_world_m_s[2]) < 0.5f * landing->speed_m_s;
     if (c->mission.state == TC_EMERGENCY) return slow;
-    return horizontal <= CONTACT_SPEED_M_S && (landing->lead_limited || slow);
+    return !slides(c) && (landing->lead_limited || slow);
 }
 
 static void begin_unload(tc_controller* c, bool sure) {
@@ -215,9 +257,7 @@ static void begin_unload(tc_controller* c, bool sure) {
 static bool comes_no_lower(tc_controller* c) {
     tc_landing* landing = &c->landing;
     const float z_m = c->telemetry.estimate.position_world_m[2];
-    const float* v = c->telemetry.estimate.velocity_world_m_s;
-    const bool slides = v[0] * v[0] + v[1] * v[1] > CONTACT_SPEED_M_S * CONTACT_SPEED_M_S;
-    const bool known = c->vertical_velocity && !slides && landing->speed_m_s >= 0.9f * c->parameters.landing_m_s;
+    const bool known = c->vertical_velocity && !slides(c) && landing->speed_m_s >= 0.9f * c->parameters.landing_m_s;
     if (!known || z_m < landing->lowest_m - SUNK_M) {
         landing->lowest_m = z_m;
         landing->sunk_us = c->telemetry.time_us;
@@ -230,7 +270,7 @@ static void descend(tc_controller* c) {
     const bool blind = !c->vertical_velocity;
     const bool settled = tc_lasts(c, landing->stage_us, RETRY_S);
     const bool stays = comes_no_lower(c);
-    if (settled && (stays || tc_stands(c))) {
+    if (settled && !slides(c) && (stays || tc_stands(c))) {
         begin_unload(c, true);
         return;
     }
@@ -315,7 +355,8 @@ bool tc_landing_observe(tc_controller* c, float step_s) {
         landing->gained_m_s +=
             step_s * (c->parameters.gravity_m_s2 - c->telemetry.estimate.specific_force_body_m_s2[2]);
     }
-    if (rests_inverted(c) || bounces(c)) return true;
+    if (only_turns(c)) measure_answer(c, step_s);
+    if (rests_inverted(c) || bounces(c) || stands_by_test(c)) return true;
     switch (landing->stage) {
         case TC_LANDING_DESCEND:
             descend(c);

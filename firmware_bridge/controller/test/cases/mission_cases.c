@@ -233,11 +233,11 @@ static void misfortunes(void) {
         {TC_HOLD, {.tilt = 1.0f}, 3.0f, TC_DISARMED},
         {TC_HOLD, {.no_gyro = true}, 0.5f, TC_FAULT},
         {TC_HOLD, {.no_attitude = true}, 0.5f, TC_EMERGENCY},
-        {TC_HOLD, {.no_attitude = true, .no_position = true}, 6.0f, TC_FAULT},
+        {TC_HOLD, {.no_attitude = true, .no_position = true}, 6.0f, TC_DISARMED}, /* nor here */
         {TC_HOLD, {.no_position = true}, 1.0f, TC_HOLD},
         {TC_HOLD, {.no_position = true}, 3.0f, TC_EMERGENCY},
         {TC_HOLD, {.bad_position = true}, 3.0f, TC_EMERGENCY},
-        {TC_HOLD, {.no_position = true}, 60.0f, TC_FAULT},
+        {TC_HOLD, {.no_position = true}, 60.0f, TC_DISARMED}, /* no torque turns this body */
         {TC_HOLD, {.offset_m = 5000.0f}, 0.5f, TC_EMERGENCY},
         {TC_HOLD, {.offset_m = -5000.0f}, 0.5f, TC_EMERGENCY},
         {TC_TRAJECTORY, {.offset_m = 5000.0f}, 0.2f, TC_ABORTING},

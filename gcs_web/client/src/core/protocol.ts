@@ -368,7 +368,7 @@ export interface FlightCard {
   role: "learn" | "hold_out" | "leave";
   sentence: string;
   recorded_at: string;
-  vehicle: string;
+  vehicle_said: string;
   trajectory: string;
   duration_s: number;
   rows: number;

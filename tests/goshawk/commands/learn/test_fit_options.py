@@ -39,7 +39,7 @@ def texts(path: Path, kind: type[ast.AST] = ast.Module) -> list[str]:
 
 def test_verbs_that_fit_take_the_same_options_of_a_fit():
     shared = {"--hold", "--free", "--prior", "--split-gaps", "--hold-unidentifiable", "--robust", "--gusts", "--steps"}
-    shared |= {"--gravity", "--estimate-command-delay"}
+    shared |= {"--gravity", "--estimate-command-delay", "--most-nodes"}
     for verb in FITTING:
         assert shared <= options(verb), verb
 

@@ -10,6 +10,10 @@ import vehicle
 from flight import flight_log
 from goshawk.commands.learn import kept
 from goshawk.terminal.screen import Screen
+from sysid.diagnosis import equation_text
+from sysid.diagnosis.equation import Equation, Term
+from sysid.diagnosis.evidence.forms import forms
+from sysid.diagnosis.evidence.laws import Axis
 from tests.goshawk.running import run, typed
 from tests.journeys import inputs as journeys
 from vehicle import flights, manoeuvres
@@ -71,6 +75,24 @@ def test_the_diagnosis_that_was_kept_with_the_flights_is_read(folder):
     kept.keep("diagnosis", flight, "0" * 64, found)
     run(*words)
     assert "EFFECT = Effect(" in (folder / "climb.py").read_text()
+
+
+def test_one_command_keeps_the_proposed_equation_and_another_takes_it_back(folder):
+    law = Equation(forms("v_z")[0], 0.0, (Term(Axis("M_z", "v_z"), 0.004, 2e-5),), False, "", 0.9, (), 2.0, 0.0, 1.0)
+    rng = np.random.default_rng(1)
+    flown = flights.fly_trajectory(vehicle.example(), journeys.lap_path(), rng=rng)
+    flight_log.save(folder / "a.parquet", flights.measure(flown, rng=rng))
+    document = {"outside": CURVE, "equation": equation_text.as_dict(law)}
+    found = kept.Kept(document, Screen(), None, kept.about([folder / "a.parquet"], folder / "vehicle.toml"))
+    kept.keep("diagnosis", folder / "a.parquet", "0" * 64, found)
+    words = ("vehicle", "effect", "add", "vehicle.toml", "m_z_of_v_z.py", "a.parquet", "--proposed", "--anyway")
+    run(*words, "--dry-run")
+    assert not (folder / "m_z_of_v_z.py").exists()
+    run(*words)
+    assert "p.a_n_s * (x)" in (folder / "m_z_of_v_z.py").read_text()
+    assert "m_z_of_v_z" in vehicle.load(folder / "vehicle.toml").effects
+    run("vehicle", "effect", "remove", "vehicle.toml", "m_z_of_v_z", "--yes")
+    assert "m_z_of_v_z" not in vehicle.load(folder / "vehicle.toml").effects
 
 
 @pytest.mark.slow

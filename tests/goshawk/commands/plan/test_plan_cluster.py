@@ -86,7 +86,7 @@ def ended(program: subprocess.Popen[str]) -> tuple[int, str]:
 
 def test_a_cluster_plans_what_one_process_plans(folder, monkeypatch):
     ask(folder, "a", "b")
-    with cluster(folder / "dask") as made:
+    with cluster(folder / "dask", 1, "--no-nanny") as made:
         monkeypatch.chdir(folder)  # workers are elsewhere: relative paths are this process's
         relative = ("--map", "map", "--vehicle", "vehicle.toml", "--out", "out", "--scheduler", made.address)
         got = goshawk("plan", "batch", "missions", *relative)
@@ -144,7 +144,7 @@ def test_a_lost_scheduler_ends_the_batch_with_one_sentence_and_the_same_command_
 
 def test_after_ctrl_c_what_a_worker_had_begun_is_finished_and_the_rest_is_left(folder):
     ask(folder, "a", "held", "z")
-    with cluster(folder / "dask") as made, running(folder, made) as program:
+    with cluster(folder / "dask", 1, "--no-nanny") as made, running(folder, made) as program:
         made.planner_of("held")
         program.send_signal(signal.SIGINT)
         made.let_go()
@@ -170,7 +170,7 @@ def test_a_worker_with_another_goshawk_is_refused(folder, tmp_path):
     other.mkdir(parents=True)
     (other / "METADATA").write_text("Metadata-Version: 2.1\nName: goshawk\nVersion: 9.9\n")
     with cluster(folder / "dask", 0) as made:
-        made.worker(PYTHONPATH=str(tmp_path / "site"))
+        made.worker("--no-nanny", PYTHONPATH=str(tmp_path / "site"))
         got = goshawk(*call(folder, "out", "--scheduler", made.address))
     assert got.returncode == 2
     assert (

@@ -117,6 +117,7 @@ def test_the_report_is_one_offline_page_with_the_binding_limits(plan, drone):
         assert word in text
     assert set(filter(None, report.binding)) <= set(re.findall(r"<td>([a-z ]+)</td></tr>", text))
     assert text.count("<tr><td class") == len(plan.trajectory.durations_s)
+    assert not re.search(r"\de\+\d", text)  # rotor speeds have four digits, and no power of ten
 
 
 @pytest.mark.parametrize(

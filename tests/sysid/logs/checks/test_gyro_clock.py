@@ -172,3 +172,13 @@ def test_late_rotor_speed_that_the_attitude_shows_too_is_shifted_even_then(noisy
     (said,) = _rotors(_with(log, "rotor_speed_rad_s", speed.value(log.time_s - 0.02)))
     assert said.repair is not None
     assert said.repair.shift_s == pytest.approx(-0.02, abs=1.5e-3)
+
+
+def test_each_part_is_predicted_by_a_regression_on_the_others(rng):
+    earlier = rng.standard_normal((400, 5)) @ rng.standard_normal((5, 5))
+    now = earlier[:, :2] + rng.standard_normal((400, 2))
+    told = np.empty_like(now)
+    for part in np.array_split(np.arange(400), gyro_clock.PARTS):
+        others = np.delete(np.arange(400), part)
+        told[part] = earlier[part] @ np.linalg.lstsq(earlier[others], now[others], rcond=None)[0]
+    np.testing.assert_allclose(gyro_clock._predicted(earlier, now), told - told.mean(axis=0), atol=1e-9)

@@ -3,7 +3,7 @@
 import { useSignal } from "@preact/signals";
 import { Badge } from "../../components/Badge";
 import { Icon } from "../../components/Icon";
-import { dayAndTime, number, plural } from "../../core/format";
+import { dayAndTime, number, plural, sentenceCase } from "../../core/format";
 import {
   LETTERS,
   cards,
@@ -234,7 +234,7 @@ function Findings({ card }: { card: FlightCard }) {
           Fixed: {sentence}
         </p>
       ))}
-      <p class="quiet">{card.vehicle !== "" && `Flown with ${card.vehicle}. `}
+      <p class="quiet">{card.vehicle_said !== "" && `${sentenceCase(card.vehicle_said)}. `}
         <button type="button" class="link small" onClick={() => void discardFlight(card.name)}>
           Discard
         </button>
