@@ -103,22 +103,19 @@ def command(
         options = replace(options, gusts="white")
     call = DiagnoseCall(flights, vehicle_file, held_out, columns, None, auto, fit_options.typed(fit))
     key = kept.key((flights, held_out), columns, [vehicle_file], (options, fit["gravity_m_s2"], call))
-    result, found, outlooks = None if report_file or plots else kept.find(KIND, flights[0], key), None, {}
-    result = result or kept.find(KIND_IMU, flights[0], key)
+    result, found, outlooks = None, None, {}
+    if not (report_file or plots):
+        result = kept.find(KIND, flights[0], key) or kept.find(KIND_IMU, flights[0], key)
     if result is None:
         training, evaluation = ([_read(path, columns) for path in paths] for paths in (flights, held_out))
-        if _has_pose(training):
+        if not _has_pose(training):
+            result = _of_imu(training, given, options, call, drawn=bool(report_file or plots))
+        else:
             with console.progress() as progress:
                 found = diagnose(training, given, held_out=evaluation, auto=auto, options=options, progress=progress)
                 outlooks = outlook(found, rng=np.random.default_rng(0))
             result = _result(found, outlooks, call)
-        else:
-            result = _of_imu(training, given, options, call)
         kept.keep(KIND if found else KIND_IMU, flights[0], key, result)
-    if result.document["schema"] == from_imu.SCHEMA and (report_file or plots):
-        raise InputError(
-            "figures of a diagnosis follow a measured motion; for flights without a pose see goshawk identify"
-        )
     usable = result.document["fit"]["use"] != Use.REJECTED
     written = out if usable or anyway else None
     refused = None if written else out
@@ -160,10 +157,18 @@ def _has_pose(logs: Sequence[FlightLog]) -> bool:
     return any(log.has("position_world_m") and log.has("q_world_body") for log in logs)
 
 
-def _of_imu(logs: Sequence[FlightLog], given: vehicle.Vehicle, options: Options, call: DiagnoseCall) -> kept.Kept:
-    """What is kept of a diagnosis of flights without a pose."""
+def _of_imu(
+    logs: Sequence[FlightLog], given: vehicle.Vehicle, options: Options, call: DiagnoseCall, *, drawn: bool
+) -> kept.Kept:
+    """What is kept of a diagnosis of flights without a pose.
+
+    Args:
+        drawn: whether figures are asked for.
+    """
     if call.held_out:
         raise InputError("held-out flights judge a predicted motion, and no flight has a pose; leave --held-out out")
+    if drawn:
+        raise InputError("a report of a diagnosis needs a pose; of flights without one, goshawk identify has a report")
     with console.progress() as progress:
         found = from_imu.diagnose(logs, given, options=options, progress=progress)
     fates = {"next": call, "written": replace(call, out=_OUT), "refused": replace(call, refused=_OUT)}

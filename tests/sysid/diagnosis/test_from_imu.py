@@ -1,4 +1,4 @@
-"""Faults that gyro, accelerometer and motor commands show without a pose: named, sized, and none where there is none."""
+"""Faults that gyro, accelerometer and commands show without a pose: named and sized, and none where there is none."""
 
 import sys
 from pathlib import Path
@@ -65,7 +65,8 @@ def test_a_centre_of_mass_beside_the_hubs_is_named_with_its_place(flights, logs)
 
 def test_a_sound_vehicle_has_no_fault_and_what_needs_the_velocity_is_not_tried(flights, logs):
     found = diagnose([logs[SOUND]], flights.start())
-    assert found.additions == () and found.undecided == () and found.late_gyro is None
+    assert found.additions == found.undecided == ()
+    assert found.late_gyro is None
     assert "nothing that an IMU could show" in found.verdict
     unobservable, tried = {name for name, _ in found.invisible}, {one.name for one in found.candidates}
     assert {"parasitic_drag", "inflow_linear", "flapping_moment", "ground_effect", "thrust_bem"} <= unobservable
