@@ -22,7 +22,8 @@ from vehicle import Vehicle, invert, rigid_body, wrench
 SEEN_FORCE = 0.02
 """Of the weight: a smaller lasting force is not told where no wind is."""
 SEEN_DRAG = 0.01
-"""Of the weight for each m/s: less is what the observer's delay makes."""
+"""Of the weight for each m/s: less is what the observer's delay makes. Below 1 m/s the force itself must show."""
+SLOWEST_M_S = 1e-3
 THRUST = {"thrust_bem": ("k1_n_s2", "k2_n_s2_m"), "thrust_quadratic": ("k_n_s2",)}
 """Laws whose thrust grows with all of these parameters alike."""
 CENTRE = "centre_of_mass"
@@ -158,7 +159,7 @@ def _horizontal(name: str, one: Steady, model: Vehicle) -> list[str]:
             f"{name}: a lasting force of {_size(one.force_n).value:.2f} N from {_from_deg(one.force_n):.0f} deg "
             "(0: world x, 90: y); the file's drag does not make it a wind"
         )
-    if one.drag_n_s_m.shows(SEEN_DRAG * weight_n):
+    if one.drag_n_s_m.shows(SEEN_DRAG * weight_n / min(max(one.level_m_s, SLOWEST_M_S), 1.0)):
         said.append(
             f"{name}: a force of {one.drag_n_s_m.value:.2g} N for each m/s follows the velocity: drag, which "
             "`goshawk diagnose` names"

@@ -66,6 +66,8 @@ class Steady:
     """Lasting horizontal force in world axes, beside what follows velocity."""
     drag_n_s_m: Known
     """Drag beside the model's that follows velocity."""
+    level_m_s: float
+    """Root mean square of the level speed, by which that drag shows."""
     offset_m: tuple[Known, Known]
     """Centre of mass beside the model's, along body x and y."""
     turned: bool
@@ -133,6 +135,7 @@ def steady(log: FlightLog, model: Vehicle, flown: Vehicle) -> Steady | None:
         wind_m_s=(wind.known(1), wind.known(2)) if shown else None,
         force_n=(force.known(1), force.known(2)),
         drag_n_s_m=best.known(3),
+        level_m_s=float(np.sqrt((motion.velocity_world_m_s[:, :2] ** 2).sum(axis=1).mean())),
         offset_m=_offsets(motion, flown),
         turned=turned,
     )

@@ -41,7 +41,7 @@ def open_(candidate: Candidate, shrunk: float = 1.0) -> CandidateFinding:
 
 
 def doubting(model: Model, *findings: CandidateFinding) -> Diagnosis:
-    search = SimpleNamespace(models=(model,), undecided=None, trials=())
+    search = SimpleNamespace(models=(model,), undecided=None, trials=(), equation=None)
     rest: Any = dict.fromkeys(Diagnosis.__slots__, ())
     return Diagnosis(
         **{

@@ -174,7 +174,8 @@ def test_late_rotor_speed_that_the_attitude_shows_too_is_shifted_even_then(noisy
     assert said.repair.shift_s == pytest.approx(-0.02, abs=1.5e-3)
 
 
-def test_each_part_is_predicted_by_a_regression_on_the_others(rng):
+def test_each_part_is_predicted_by_a_regression_on_the_others():
+    rng = np.random.default_rng(0)
     earlier = rng.standard_normal((400, 5)) @ rng.standard_normal((5, 5))
     now = earlier[:, :2] + rng.standard_normal((400, 2))
     told = np.empty_like(now)
