@@ -124,9 +124,9 @@ def _excluded(found: Sequence[CandidateFinding]) -> str:
     ]
     head = ("candidate", "parameter", "excluded above", "usual", "unit", "size ± σ", "mm")
     note = (
-        "<p class='small'>Sizes above the one given can be ruled out with 95 %, and are too small to matter: below "
-        f"{THRESHOLDS.matters:.0%} of what is usual on a vehicle of this mass, arm and rotor speed; mm at the size "
-        "found.</p>"
+        "<p class='small'>Sizes above the one given can be ruled out with 95 %. They are too small to matter: below "
+        f"{THRESHOLDS.matters:.0%} of what is usual on a vehicle of this mass, arm and rotor speed. The last column "
+        "is at the size found.</p>"
     )
     table = _grouped(head, {"candidate", "parameter", "unit"}, groups)
     many = "1 effect" if len(found) == 1 else f"{len(found)} effects"
