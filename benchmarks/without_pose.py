@@ -1,8 +1,9 @@
-"""Identification without a pose: `python benchmarks/without_pose.py --draws 60`, `--data` for the real Crazyflie.
+"""Identification and diagnosis without a pose: `python benchmarks/without_pose.py --draws 60 --faults 8`.
 
-Simulated twins (`without_pose_flights`) have truth: error and 90 % intervals of inertia, lag and thrust by command. The
-real flights are `log10`, `log15` and `log16` of github.com/arplaboratory/data-driven-system-identification, with the
-thrust curve that its authors publish; their program multiplies the vertical force by 9.18 instead of 9.81.
+Simulated twins (`without_pose_flights`) have truth: error and 90 % intervals of inertia, lag and thrust by command;
+right and false names of planted faults. The real flights (`--data FOLDER`) are `log10`, `log15` and `log16` of
+github.com/arplaboratory/data-driven-system-identification, with the thrust curve that its authors publish; their
+program multiplies the vertical force by 9.18 instead of 9.81.
 """
 
 import argparse
@@ -20,10 +21,14 @@ import without_pose_flights as flights  # noqa: E402
 
 import sysid  # noqa: E402
 import vehicle  # noqa: E402
+from sysid.diagnosis import from_imu  # noqa: E402
 from sysid.estimator.without_pose import told  # noqa: E402
 
 JUDGED = tuple(name for name in flights.VARIED if name.startswith(("inertia_", "motor_lag.")))
 COMMANDS = np.array([0.35, 0.48, 0.65])
+FAULTS = ("weak rotor", "centre of mass", "unequal motors", "late gyro", "none")
+LOSSES = tuple(f"weak_rotor.loss_{i}" for i in range(4))
+CENTRE = tuple(f"centre_of_mass.{axis}_m" for axis in "xy")
 PUBLISHED_N = (0.0213, -0.0112, 0.1201)
 """Of one rotor by command, constant to quadratic."""
 TYPED, GRAVITY = 9.18, 9.81
@@ -62,6 +67,54 @@ def twins(draws: int, duration_s: float, seed: int) -> list[report.Row]:
         *rows,
         report.row(f"a fit of {duration_s:g} s", cpu_s, "CPU s", "<= 20 a minute", cpu_s <= duration_s / 3.0),
     ]
+
+
+def faults(draws: int, duration_s: float, seed: int) -> list[report.Row]:
+    """Right and false names over simulated vehicles with one fault each, and without any."""
+    rng, start = np.random.default_rng(seed + 1), flights.start()
+    plain = flights.body().with_effect("weak_rotor").with_effect("centre_of_mass")
+    right: list[bool] = []
+    false: list[bool] = []
+    used_s = 0.0
+    for kind in FAULTS:
+        values = flights.drawn(draws, rng)
+        recorder = flights.Recorder(gyro_late_s=3e-3 if kind == "late gyro" else 0.0)
+        expected = [_planted(kind, i, values, rng) for i in range(draws)]
+        logs = flights.flown(plain, values, rng, duration_s=duration_s, recorder=recorder)
+        for log, wanted in zip(logs, expected, strict=True):
+            began = time.process_time()
+            found = from_imu.diagnose([log], start)
+            used_s += time.process_time() - began
+            named = {*found.additions} | ({"late gyro"} if found.late_gyro is not None else set())
+            right.append(named >= wanted and not found.undecided)
+            false.append(bool(named - wanted))
+            if named != wanted:
+                print(f"{kind}: {found.verdict}")
+    share, wrong = float(np.mean(right)), float(np.mean(false))
+    return [
+        report.row("planted faults named, none where there is none", share, "share", ">= 0.9", share >= 0.9),
+        report.row("false names", wrong, "share", "<= 0.03", wrong <= 0.03),
+        report.row(f"a diagnosis of {duration_s:g} s", used_s / len(right), "CPU s"),
+    ]
+
+
+def _planted(kind: str, i: int, values: dict[str, np.ndarray], rng: np.random.Generator) -> set[str]:
+    """Plant a fault in twin i; returns what should be named."""
+    for name in (*LOSSES, *CENTRE):
+        values.setdefault(name, np.zeros(len(values["inertia_xx_kg_m2"])))
+    if kind == "weak rotor":
+        rotor = int(rng.integers(4))
+        values[LOSSES[rotor]][i] = 0.05
+        return {f"weak_rotor[{rotor}]"}
+    if kind == "centre of mass":
+        angle = rng.uniform(0.0, 2.0 * np.pi)
+        values[CENTRE[0]][i], values[CENTRE[1]][i] = 3e-3 * np.cos(angle), 3e-3 * np.sin(angle)
+        return {"centre_of_mass"}
+    if kind == "unequal motors":
+        for name in LOSSES:
+            values[name][i] = rng.uniform(-0.05, 0.05)
+        return {from_imu.UNEQUAL}
+    return {kind} if kind == "late gyro" else set()
 
 
 def crazyflie() -> vehicle.Vehicle:
@@ -103,12 +156,14 @@ def real(folder: Path) -> list[report.Row]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--draws", type=int, default=60)
+    parser.add_argument("--faults", type=int, default=8, help="flights of each kind of fault")
     parser.add_argument("--duration", type=float, default=30.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--data", type=Path, help="folder with log10, log15 and log16")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows here")
     given = parser.parse_args()
     rows = twins(given.draws, given.duration, given.seed) if given.draws else []
+    rows += faults(given.faults, given.duration, given.seed) if given.faults else []
     rows += real(given.data) if given.data else []
     report.print_table(rows)
     if given.json:
