@@ -56,10 +56,15 @@ class Project:
         return self.folder / "flights" / f"{part_name(name)}.parquet"
 
     def trajectories(self) -> list[Path]:
-        return sorted((self.folder / "trajectories").glob("*.json"))
+        return _whole(self.folder / "trajectories", ".json")
 
     def flights(self) -> list[Path]:
-        return sorted((self.folder / "flights").glob("*.parquet"))
+        return _whole(self.folder / "flights", ".parquet")
+
+
+def _whole(folder: Path, suffix: str) -> list[Path]:
+    """Files of this kind, without those that are being written: their names begin with a dot."""
+    return sorted(path for path in folder.glob(f"*{suffix}") if not path.name.startswith("."))
 
 
 def part_name(name: str) -> str:

@@ -56,13 +56,13 @@ def decode(path: Path, flags: int) -> np.ndarray:
 
 
 def orientation(path: Path) -> str:
-    """How the file's orientation tag asks to show it; empty: as it is stored, or it has no such tag."""
+    """How the orientation tag asks to show it; empty: as it is stored, without such a tag, or too large to be asked."""
     from PIL import Image
 
     try:
         with Image.open(path) as image:
             return ORIENTATIONS.get(int(image.getexif().get(0x0112, 1)), "")
-    except (OSError, ValueError, TypeError, SyntaxError):  # Pillow raises these on damaged EXIF
+    except (OSError, ValueError, TypeError, SyntaxError, Image.DecompressionBombError):  # also of damaged EXIF
         return ""
 
 

@@ -1,6 +1,7 @@
 """Files are whole or absent; logs name their units; old versions of a file survive a failed write."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -207,3 +208,14 @@ def test_damage_is_described_in_words_of_the_file(read, words):
     with pytest.raises(Exception) as raised:
         read()
     assert words in file_format.damage_text(raised.value)
+
+
+def test_what_is_being_written_is_no_part_of_a_project_yet(tmp_path):
+    (tmp_path / "project.toml").touch()
+    for folder, name in (("flights", "lap.parquet"), ("trajectories", "walk.json")):
+        (tmp_path / folder).mkdir()
+        for written in (name, f"..{name}.abc{Path(name).suffix}"):
+            (tmp_path / folder / written).write_bytes(b"")
+    opened = project.Project(tmp_path, "room")
+    assert opened.flights() == [tmp_path / "flights" / "lap.parquet"]
+    assert opened.trajectories() == [tmp_path / "trajectories" / "walk.json"]

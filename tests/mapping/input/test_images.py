@@ -126,6 +126,14 @@ def test_an_orientation_tag_turns_no_pixel_and_is_named(tmp_path: Path, name: st
     assert images.gray(1, 0).shape == (48, 64)
 
 
+def test_a_file_that_says_it_is_huge_is_asked_for_no_orientation(tmp_path: Path) -> None:
+    data = bytearray(cv2.imencode(".jpg", np.zeros((8, 8), np.uint8))[1].tobytes())
+    at = data.index(b"\xff\xc0")
+    data[at + 5 : at + 9] = (20_000).to_bytes(2, "big") * 2
+    (tmp_path / "huge.jpg").write_bytes(data)
+    assert image_file.orientation(tmp_path / "huge.jpg") == ""
+
+
 @pytest.mark.parametrize("content", [b"", b"not a picture at all"])
 def test_file_that_is_no_image_is_named(folder: Path, content: bytes) -> None:
     (folder / "03.jpg").write_bytes(content)
