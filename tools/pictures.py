@@ -40,7 +40,7 @@ EXAMPLES = {
 }
 """Example to the picture of it in the gallery; 05 has `error_falls`."""
 SCRIPTS = {
-    "mixer_initial_value": ("docs/firmware/mixer_fit.py",),
+    "mixer_initial_value": ("docs/evidence/studies/mixer_fit.py",),
     "identification_cost": ("benchmarks/identification_chart.py", "docs/pictures/identification_cost.svg"),
     "disturbances": ("benchmarks/controller_worlds.py", "--picture", "docs/pictures/disturbances.svg"),
     "ladder": ("benchmarks/ladder.py", "--figure", "docs/pictures/ladder.svg"),
