@@ -295,7 +295,7 @@ effect(() => {
   for (const row of found.channels) {
     row.shares.forEach((share, i) => {
       const variable = found.variables[i];
-      const gain = share - (row.shares[constant] ?? 0);
+      const gain = share * (share - (row.shares[constant] ?? 0)); // large, and not by its mean alone
       if (variable !== undefined && gain > most) {
         most = gain;
         best = { channel: row.channel, variable: variable.name };
