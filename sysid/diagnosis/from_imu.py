@@ -122,7 +122,7 @@ class ImuDiagnosis:
             return name
         factor = np.array([1.0 - self.vehicle.value(f"{WEAK}.loss_{i}") for i in range(4)])
         share = ", ".join(f"{s:+.1%}" for s in factor / factor.mean() - 1.0)
-        return f"unequal motors (thrust of rotors 1 to 4 against their mean: {share})"
+        return f"unequal motors (thrust of rotors 0 to 3 against their mean: {share})"
 
     @property
     def confidence(self) -> float:

@@ -320,7 +320,7 @@ def test_a_path_that_sank_to_the_ground_without_notice_lands(body, rise_m_s, fel
 
 
 def test_a_dead_reckoned_speed_does_not_keep_the_rotors_turning_on_the_ground(body):
-    """Position and velocity stop in flight; what is reckoned goes on moving after the touch."""
+    """Position and velocity stop in flight; the dead-reckoned estimate moves on after the touch."""
     path = circle(3.0, radius_m=2.0, turns=1.0)
     for seed in range(4):
         faults = (
