@@ -10,7 +10,7 @@ from planner.request import inputs, space
 from planner.request.options import PlanInfeasibleError, PlanOptions, check_stop
 from planner.route import sampling, search
 
-_CLOSE_M = 0.5
+_CLOSE_M = 1.0
 """Spacing of the points of a way that touches obstacles; it grows with twice the room there is."""
 
 
