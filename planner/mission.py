@@ -42,7 +42,7 @@ def plan(
     """
     options = with_yaw(inputs.options_for(vehicle, options), mission)
     # numbered as the pilot listed them, before anything is taken apart
-    inputs.check(mission.waypoints, field, vehicle, options, may_turn=True)
+    inputs.check(Request(mission.waypoints, field, vehicle, options, Conditions()), may_turn=True)
     flown = mission.unrolled()
     _check_stays(flown)
     _check_turns(flown)

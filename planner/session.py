@@ -20,10 +20,10 @@ from planner._planner import StopFlag
 from planner.curve import minimum_snap
 from planner.drafting import Draft
 from planner.gate import gate
-from planner.optimise import fastest, posing
+from planner.optimise import fastest
 from planner.planning import Plan
 from planner.request import inputs, space
-from planner.request.conditions import Conditions
+from planner.request.conditions import Conditions, may_move
 from planner.request.inputs import Request
 from planner.request.options import PlanOptions, check_stop
 from vehicle import Limits, Vehicle
@@ -245,8 +245,8 @@ class Planner:
             here, before = np.arange(len(waypoint)), np.arange(len(number))
             for there, was in ((here < first, before < first), (here >= first + len(index), before > last)):
                 gates[there & (waypoint < 0)] = kept.problem.gates[was & (number < 0)]
-        may_move = (index < 0) | posing.may_move(at_knots, len(waypoint))[first : first + len(index)]
-        free = np.repeat(may_move[:, None], 4, axis=1)
+        moves = (index < 0) | may_move(at_knots, len(waypoint))[first : first + len(index)]
+        free = np.repeat(moves[:, None], 4, axis=1)
         free[:, 3] = (index < 0) | np.isnan(waypoints.yaw_rad[index])
         problem = replace(
             kept.problem,

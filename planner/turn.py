@@ -28,8 +28,8 @@ def plan(request: Request) -> planning.Plan:
         PlanCancelledError: the request's `stop` was set.
     """
     check_stop(request.stop)
+    inputs.check(request, may_turn=True)
     waypoints = request.waypoints
-    inputs.check(waypoints, request.field, request.vehicle, request.options, may_turn=True)
     spline = _smoothest(waypoints, limits.yaw_bounds(request.vehicle, request.limits))
     heading.constant(spline, waypoints.yaw_rad, request.options)
     trajectory, ask_gate = minimum_snap.trajectory(spline), partial(gate.judge, request)

@@ -8,8 +8,8 @@ from flight import FloatArray, portable
 from planner.curve import heading, minimum_snap
 from planner.optimise import airframe, time_allocation
 from planner.optimise.time_allocation import Problem, Solution, Weights
-from planner.request import space
-from planner.request.conditions import AtKnots, Conditions
+from planner.request import conditions, space
+from planner.request.conditions import Conditions
 from planner.request.inputs import Request
 from planner.route import routes
 
@@ -57,14 +57,15 @@ def subdivided(route: routes.Route, field: space.DistanceField) -> routes.Route:
 def rough(route: routes.Route, obstacles: space.DistanceField, request: Request) -> tuple[Problem, Solution]:
     """Least time with few knots and the heading left alone, at a price on snap that keeps it smooth."""
     asked, options = request.conditions, request.options
-    frame = airframe.reduced(request.vehicle, request.limits)
     at_knots = asked.at_knots(request.waypoints.positions_world_m, route.waypoint, request.limits)
+    may_move = (route.waypoint < 0) | conditions.may_move(at_knots, len(route.points))
+    frame = airframe.reduced(request.vehicle, request.limits)
     problem = Problem(
         knots=np.column_stack([route.points, np.zeros(len(route.points))]),
-        free=np.outer((route.waypoint < 0) | may_move(at_knots, len(route.points)), [True, True, True, False]),
+        free=np.outer(may_move, [True, True, True, False]),
         airframe=frame,
         field=obstacles,
-        clearance_m=space.aim(obstacles, options.clearance_m) + AIM_M,
+        clearance_m=_aim(obstacles, options.clearance_m) + AIM_M,
         weights=Weights(snap=1e-5),
         start=asked.start,
         end=asked.end,
@@ -79,7 +80,7 @@ def rough(route: routes.Route, obstacles: space.DistanceField, request: Request)
     slow = np.maximum(lengths, 0.3) / np.minimum(np.maximum(pace[:-1], pace[1:]), allowed)
     found = time_allocation.optimise(problem, slow, iterations=_ROUGH, stop=request.stop)
     for slower in _START_SLOWER:
-        if found.cost < _SOUND * float(found.durations_s.sum()):
+        if found.cost_ratio < _SOUND:
             break
         found = time_allocation.optimise(problem, slower * slow, iterations=_ROUGH, stop=request.stop)
     return problem, found
@@ -108,7 +109,7 @@ def whole_vehicle(
         knots[:, 3] = turned[:, 0]
     else:
         knots[:, 3] = held
-    free = np.repeat(((waypoint < 0) | may_move(at_knots, len(knots)))[:, None], 4, axis=1)
+    free = np.repeat(((waypoint < 0) | conditions.may_move(at_knots, len(knots)))[:, None], 4, axis=1)
     free[:, 3] = np.isnan(asked) & (held is None)
     price, turning = _YAW_PRICES[options.yaw]
     weights = Weights(snap=2e-7, limits=400.0, clearance=clearance_price, heading=price, turning=turning)
@@ -125,14 +126,12 @@ def with_free_heading(problem: Problem, waypoint: np.ndarray, asked_rad: FloatAr
     return replace(problem, free=free, weights=weights, heading_held=False)
 
 
-def may_move(at: AtKnots, knots: int) -> np.ndarray:
-    """(k + 1,) bool: whether a knot has a ball, or the opening of a gate, to move in."""
-    free, balls, gates = np.zeros(knots, dtype=bool), at["balls"], at["gates"]
-    if balls is not None:
-        free |= balls[:, 3] > 0.0
-    if gates is not None:
-        free |= np.linalg.norm(gates[:, 1:], axis=(1, 2)) > 0.0
-    return free
+def _aim(field: space.DistanceField, required_m: float) -> float:
+    """The interpolated distance at which `required_m` is certain."""
+    grid = getattr(field, "grid", None)
+    if grid is None:
+        return required_m
+    return float(np.sqrt(required_m * required_m + grid.half_diagonal_m * grid.half_diagonal_m))
 
 
 def _given_speeds(asked: Conditions, velocity: FloatArray | None) -> list[tuple[int, float]]:

@@ -134,6 +134,11 @@ class Solution:
     residual: float = np.nan
     """Share of the cost that the quadratic model still promises."""
 
+    @property
+    def cost_ratio(self) -> float:
+        """Cost over flight time: most of it is penalties where this is far above one."""
+        return self.cost / float(self.durations_s.sum())
+
 
 def cost_and_gradient(
     problem: Problem, knots: FloatArray, durations_s: FloatArray
@@ -271,11 +276,10 @@ def refine(
 
 
 def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
-    prices = np.array(astuple(problem.weights))
-    kernel = Kernel(
-        len(problem.knots) - 1, samples, problem.airframe.packed(), prices, problem.clearance_m, _distances(problem)
-    )
-    kernel.set_given(*minimum_snap.given(problem.knots, problem.start, problem.end, problem.velocity))
+    packed, prices = _packed(problem.airframe), np.array(astuple(problem.weights))
+    given = minimum_snap.given(problem.knots, problem.start, problem.end, problem.velocity)
+    kernel = Kernel(len(problem.knots) - 1, samples, packed, prices, problem.clearance_m, _distances(problem))
+    kernel.set_given(*given)
     if problem.speed_m_s is not None:
         kernel.set_speeds(np.ascontiguousarray(problem.speed_m_s))
     if problem.jerk_m_s3 is not None:
@@ -291,6 +295,14 @@ def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
     if problem.reference_s is not None:
         kernel.set_reference(np.ascontiguousarray(problem.reference_s))
     return kernel
+
+
+def _packed(w: Airframe) -> FloatArray:
+    """(42,) in the order of the kernel's struct (planner/src/airframe.hpp)."""
+    first = [w.speed_m_s, w.acceleration_m_s2, w.jerk_m_s3, w.cos_tilt, w.rate_rad_s, w.yaw_rate_rad_s]
+    first += [w.gravity_m_s2, w.drag_per_thrust_1_s, w.drag_per_speed_1_m, w.lift_axial_1_s, w.lift_lateral_1_m]
+    rest = (w.inertia_kg_m2, w.effort_least, w.effort_most, w.effort_hover, w.mix.ravel())
+    return np.concatenate([first, *rest])
 
 
 def _distances(problem: Problem) -> space.Distances:

@@ -1,7 +1,7 @@
 """A request to the planner: what cannot be planned is refused before any work, with the waypoint or the limit, the
 bound and the way out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -70,22 +70,20 @@ def admitted(
     """
     options = options_for(vehicle, options)
     check_stop(stop)
-    bounds = options.limits_for(vehicle)
-    check(waypoints, field, vehicle, options)
-    given = Conditions() if conditions is None else conditions
-    asked = given.checked(len(waypoints.positions_world_m), bounds)
+    request = Request(waypoints, field, vehicle, options, Conditions() if conditions is None else conditions, stop)
+    check(request)
+    bounds = request.limits
+    asked = request.conditions.checked(len(waypoints.positions_world_m), bounds)
     check_durations(waypoints, bounds, asked.leg_speed_m_s)
     if options.method == "bry" and (asked.given_motion or asked.leg_limits):
         raise InputError(
             "Bry's method starts and ends at rest and knows no velocities and no speeds or jerks of legs; use fastest"
         )
     asked.check_inside(waypoints.positions_world_m)
-    return Request(waypoints, field, vehicle, options, asked, stop)
+    return replace(request, conditions=asked)
 
 
-def check(
-    waypoints: Waypoints, field: space.DistanceField, vehicle: Vehicle, options: PlanOptions, *, may_turn: bool = False
-) -> None:
+def check(request: Request, *, may_turn: bool = False) -> None:
     """Refuse waypoints that no plan can come of, whatever else is asked.
 
     Args:
@@ -96,6 +94,7 @@ def check(
             take too long to turn, or as `check_waypoints`.
         PlanInfeasibleError: the limits do not let the vehicle hover.
     """
+    waypoints, field, vehicle, options = request.waypoints, request.field, request.vehicle, request.options
     if not hasattr(field, "distance"):
         raise InputError(f"expected a map, got {field!r}; give a field with `distance(points)`, say of `esdf.load`")
     count = len(waypoints.positions_world_m)
@@ -104,7 +103,7 @@ def check(
             f"{count} waypoints are given; at most {MOST_WAYPOINTS} are planned at once: "
             "thin them (`goshawk plan --path`, or `planner.route.simplify.rdp`), or plan in parts"
         )
-    required_m, free_m, bounds = options.clearance_m, options.waypoint_clearance_m, options.limits_for(vehicle)
+    bounds, required_m, free_m = request.limits, options.clearance_m, options.waypoint_clearance_m
     if vehicle.reach_m > required_m:
         raise InputError(beyond_clearance(vehicle, required_m))
     _check_hover(vehicle, bounds, options)
