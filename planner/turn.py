@@ -8,7 +8,7 @@ import numpy as np
 from flight import FloatArray, Waypoints, rotations
 from planner import planning
 from planner.curve import heading, minimum_snap
-from planner.gate import gate, limits
+from planner.gate import gate, instants
 from planner.optimise import repair
 from planner.optimise.fastest import Optimum, Path
 from planner.request import inputs
@@ -30,7 +30,7 @@ def plan(request: Request) -> planning.Plan:
     check_stop(request.stop)
     inputs.check(request, may_turn=True)
     waypoints = request.waypoints
-    spline = _smoothest(waypoints, limits.yaw_bounds(request.vehicle, request.limits))
+    spline = _smoothest(waypoints, instants.yaw_bounds(request.vehicle, request.limits))
     heading.constant(spline, waypoints.yaw_rad, request.options)
     trajectory, ask_gate = minimum_snap.trajectory(spline), partial(gate.judge, request)
     first = Path(trajectory, np.arange(2), "turn", ask_gate(trajectory, None), Optimum(trajectory.duration_s))

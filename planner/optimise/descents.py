@@ -72,13 +72,17 @@ def starts(
         spline = problem.spline(problem.knots, _SLOWER * spline.durations_s)
     in_the_open, among = (_OTHERS[way - 1],) * 2 if way else (_OPEN, _AMONG)
     clear = esdf.certify(problem.field, minimum_snap.trajectory(spline), 2.0 * clearance_m).passed
-    if clear and (found := _gently(problem, spline, in_the_open, True, stop)).cost_ratio < _SOUND:
+    if clear and _sound(found := _gently(problem, spline, in_the_open, True, stop)):
         yield found
     first = time_allocation.optimise(problem, spline.durations_s, iterations=_FIRST, stop=stop)
     problem = replace(problem, knots=first.knots)
-    if not clear and (found := _gently(problem, first.spline, among, False, stop)).cost_ratio < _SOUND:
+    if not clear and _sound(found := _gently(problem, first.spline, among, False, stop)):
         yield found
     yield first
+
+
+def _sound(found: Solution) -> bool:
+    return found.cost < _SOUND * float(found.durations_s.sum())
 
 
 def _gently(
