@@ -76,7 +76,9 @@ void tc_landing_setpoint(tc_controller* c, float step_s);
 /* Goes through the stages; whether the vehicle has come to rest on the ground. */
 bool tc_landing_observe(tc_controller* c, float step_s);
 /* The collective is the stage's, and the attitude is only damped: UNLOAD and IDLE. */
-bool tc_landing_unloads(const tc_landing* landing);
+static inline bool tc_landing_unloads(const tc_landing* landing) {
+    return landing->stage == (uint8_t)TC_LANDING_UNLOAD || landing->stage == (uint8_t)TC_LANDING_IDLE;
+}
 /* Roll torque, N m, that tells the ground where nothing else does; 0 else. */
 float tc_landing_test_torque(const tc_controller* c);
 /* Something carries it beside the rotors: their thrust is small, and yet it neither falls nor moves. */

@@ -85,10 +85,6 @@ void tc_landing_begin(tc_controller* c) {
     enter_stage(c, TC_LANDING_DESCEND);
 }
 
-bool tc_landing_unloads(const tc_landing* landing) {
-    return landing->stage == (uint8_t)TC_LANDING_UNLOAD || landing->stage == (uint8_t)TC_LANDING_IDLE;
-}
-
 /* The descent's speed changes gently to what is asked for, which grows with time. */
 static void command_speed(tc_controller* c, float step_s) {
     tc_landing* landing = &c->landing;
