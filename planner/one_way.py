@@ -16,8 +16,8 @@ from planner.gate import limits, visits
 from planner.optimise.fastest import Path
 from planner.request import space
 from planner.request.conditions import Conditions
+from planner.request.inputs import Request
 from planner.request.options import PlanInfeasibleError
-from planner.request.request import Request
 from planner.route import routes
 
 _GAP = 0.05

@@ -24,8 +24,8 @@ from planner.optimise import fastest, posing
 from planner.planning import Plan
 from planner.request import inputs, space
 from planner.request.conditions import Conditions
+from planner.request.inputs import Request
 from planner.request.options import PlanOptions, check_stop
-from planner.request.request import Request
 from vehicle import Limits, Vehicle
 
 
@@ -179,7 +179,7 @@ class Planner:
         return waypoints
 
     def _scratch(self, waypoints: Waypoints, asked: Conditions, options: PlanOptions, stop: StopFlag) -> _Answer:
-        path, route = planning.from_scratch(Request(waypoints, self._field, self._vehicle, options, asked, stop))
+        path, route = planning.from_scratch(waypoints, self._field, self._vehicle, options, asked, stop)
         return self._answer(path, route.points, waypoints)
 
     @staticmethod
@@ -209,10 +209,10 @@ class Planner:
 
         `old` is None where the path begins or ends elsewhere: then it is planned from scratch.
         """
-        request = Request(waypoints, self._field, self._vehicle, self._options, asked, stop)
         path = None
         if old is not None and self._path.kept is not None:
-            path = self._mended(inputs.admitted(request), old, new)
+            request = inputs.admitted(waypoints, self._field, self._vehicle, self._options, asked, stop)
+            path = self._mended(request, old, new)
         if path is None or not path.report.passed or path.kept is None:
             return self._scratch(waypoints, asked, self._options, stop)
         return self._answer(path, path.kept.spline.states[:, 0, :3], waypoints)

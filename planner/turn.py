@@ -12,8 +12,8 @@ from planner.gate import gate, limits
 from planner.optimise import repair
 from planner.optimise.fastest import Optimum, Path
 from planner.request import inputs
+from planner.request.inputs import Request
 from planner.request.options import check_stop
-from planner.request.request import Request
 
 _PEAK_RATE, _PEAK_ACCELERATION = 2.1875, 7.5132
 """Of the smoothest turn by one radian within one second from rest to rest, a polynomial of degree seven."""

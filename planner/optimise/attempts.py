@@ -3,7 +3,7 @@
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,40 +12,27 @@ from planner._planner import StopFlag
 from planner.curve.minimum_snap import Spline
 from planner.gate.gate import AskGate
 from planner.optimise import descents, fastest, posing
-from planner.optimise.corrections import Corrections
 from planner.optimise.fastest import Path
-from planner.optimise.time_allocation import Problem
-from planner.request import space
+from planner.optimise.time_allocation import Problem, Solution
+from planner.request.inputs import Request
 from planner.request.options import PlanInfeasibleError
-from planner.request.request import Request
-from planner.route import routes
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class Attempts:
-    """What all attempts have in common: the route, what is asked for, and the gate."""
+    """What all attempts have in common: the problem with few knots that all begin with, what is asked, and the gate."""
 
-    def __init__(
-        self,
-        route: routes.Route,
-        obstacles: space.DistanceField,
-        request: Request,
-        ask_gate: AskGate,
-        *,
-        clearance_price: float,
-        progress: Progress = silent,
-    ) -> None:
-        """Finds the path with few knots that all begin with.
-
-        Args:
-            obstacles: what the optimiser keeps away from; paths must keep clear in the request's `field`.
-            clearance_price: as `Weights.clearance`.
-
-        Raises:
-            PlanCancelledError: the request's `stop` was set.
-        """
-        self._route, self._request, self._ask_gate = route, request, ask_gate
-        self._clearance_price, self._progress = clearance_price, progress
-        self._rough, self.start = posing.rough(route, obstacles, request)
+    waypoint: np.ndarray
+    """(k + 1,) which waypoint each of the few knots is, -1 for none."""
+    request: Request
+    ask_gate: AskGate
+    rough: Problem
+    """Its field is what the optimiser keeps away from; paths must keep clear in the request's."""
+    start: Solution
+    """Where it ended with few knots (`posing.rough`)."""
+    clearance_price: float
+    """As `Weights.clearance`."""
+    progress: Progress
 
     def best(self) -> Path | None:
         """The fastest path that passes the gate, or the last one that does not; None if all stay too close.
@@ -53,13 +40,13 @@ class Attempts:
         A free heading is not only tried for itself, but also from the answers with one that is bound, so that it never
         costs time.
         """
-        options, yaw_rad = self._request.options, self._request.waypoints.yaw_rad
-        found = self._from_starts(self._request)
+        options, yaw_rad = self.request.options, self.request.waypoints.yaw_rad
+        found = self._from_starts(self.request)
         if options.yaw != "free":
             return found
         given = int(np.isfinite(yaw_rad).sum())
         for mode in ("along_path", "steady") if given < 2 else ("along_path",):
-            bound = self._from_starts(replace(self._request, options=replace(options, yaw=mode)))
+            bound = self._from_starts(replace(self.request, options=replace(options, yaw=mode)))
             if bound is None or not bound.report.passed:
                 continue
             found = bound if found is None or not found.report.passed else fastest.faster(found, bound)
@@ -71,7 +58,7 @@ class Attempts:
     def _from_starts(self, request: Request) -> Path | None:
         """The fastest path from as many starts of the descent as are asked for, the first of equals."""
         problem, begin, index = posing.whole_vehicle(
-            self._rough, self.start, self._route.waypoint, request, self._clearance_price
+            self.rough, self.start, self.waypoint, request, self.clearance_price
         )
         if request.options.starts == 1:
             return self._from_start(0, problem, begin, index, request)
@@ -97,8 +84,8 @@ class Attempts:
         """The path from one start of the descent: the first on its way that comes through the gate."""
         path = None
         for there in descents.starts(problem, begin, request.options.clearance_m, request.stop, number):
-            problem_there, progress = replace(problem, knots=there.knots), self._progress if number == 0 else silent
-            found = self._until_flyable(problem_there, there.spline, index, request, progress=progress)
+            problem_there, progress = replace(problem, knots=there.knots), self.progress if number == 0 else silent
+            found = fastest.until_flyable(problem_there, there.spline, index, request, self.ask_gate, progress=progress)
             path = path if found is None else found
             if path is not None and path.report.passed:
                 break
@@ -106,26 +93,18 @@ class Attempts:
 
     def _freed(self, bound: Path) -> Path | None:
         assert bound.kept is not None
-        problem = posing.with_free_heading(bound.kept.problem, bound.waypoint, self._request.waypoints.yaw_rad)
+        problem = posing.with_free_heading(bound.kept.problem, bound.waypoint, self.request.waypoints.yaw_rad)
         corrections = bound.kept.corrections.unpressed()
-        freed = self._until_flyable(
-            problem, bound.kept.spline, bound.waypoint, self._request, corrections, progress=self._progress
+        freed = fastest.until_flyable(
+            problem,
+            bound.kept.spline,
+            bound.waypoint,
+            self.request,
+            self.ask_gate,
+            corrections=corrections,
+            progress=self.progress,
         )
         return freed and replace(freed, optimum=replace(freed.optimum, spread=bound.optimum.spread))
-
-    def _until_flyable(
-        self,
-        problem: Problem,
-        spline: Spline,
-        index: np.ndarray,
-        request: Request,
-        corrections: Corrections | None = None,
-        *,
-        progress: Progress,
-    ) -> Path | None:
-        return fastest.until_flyable(
-            problem, spline, index, request, self._ask_gate, corrections=corrections, progress=progress
-        )
 
 
 def _fastest(found: Sequence[Path | PlanInfeasibleError | None]) -> Path | None:

@@ -21,8 +21,8 @@ from planner.optimise import descents
 from planner.optimise.corrections import Corrections
 from planner.optimise.time_allocation import Problem
 from planner.request.conditions import Conditions
+from planner.request.inputs import Request
 from planner.request.options import PlanInfeasibleError
-from planner.request.request import Request
 
 _WHOLE = 3
 """Rounds about all segments; later ones mend what is exceeded here and there."""

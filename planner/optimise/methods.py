@@ -1,6 +1,7 @@
 """The methods: the fastest path, least snap inside a corridor of boxes, and Bry's as published."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -12,9 +13,8 @@ from planner.gate.gate import AskGate
 from planner.optimise import bry, posing, repair
 from planner.optimise.attempts import Attempts
 from planner.optimise.fastest import Optimum, Path
-from planner.request import space
+from planner.request.inputs import Request
 from planner.request.options import PlanInfeasibleError
-from planner.request.request import Request
 from planner.route import corridor, routes
 
 
@@ -24,28 +24,26 @@ def flyable(route: routes.Route, request: Request, ask_gate: AskGate, progress: 
     if options.method == "bry":
         spline, corners = bry.solve(route, field, options, request.stop)
         return _timed(spline, corners.waypoint, "bry", request, ask_gate)
-    dense = routes.subdivided(route, field)
-
-    def attempts(obstacles: space.DistanceField, clearance_price: float, report: Progress) -> Attempts:
-        return Attempts(dense, obstacles, request, ask_gate, clearance_price=clearance_price, progress=report)
-
+    dense = posing.subdivided(route, field)
+    attempts = partial(Attempts, dense.waypoint, request, ask_gate)
     if options.method == "fastest":
-        path = attempts(field, posing.CLEARANCE_PRICE, within(progress, "optimise", 0.2, 1.0)).best()
+        report = within(progress, "optimise", 0.2, 1.0)
+        path = attempts(*posing.rough(dense, field, request), posing.CLEARANCE_PRICE, report).best()
         if path is not None:
             # a given velocity allows no other pace
             may_slow = not path.report.passed and not asked.given_motion
             return repair.slowed(path, request, ask_gate) if may_slow else path
     boxes = corridor.boxes(field, dense.points, options.planned_clearance_m)
     tube = corridor.Tube(boxes, options.clearance_m + posing.AIM_M)
-    inside = attempts(tube, corridor.CLEARANCE_PRICE, within(progress, "corridor", 0.0, 1.0))
-    path = inside.best()
+    rough, start = posing.rough(dense, tube, request)
+    path = attempts(rough, start, corridor.CLEARANCE_PRICE, within(progress, "corridor", 0.0, 1.0)).best()
     if path is not None and (path.report.passed or asked.given_motion):
         return replace(path, method="corridor", kept=None)
     if asked.given_motion:
         raise PlanInfeasibleError(
             "no path with the given velocities keeps clear of the obstacles", "lower them, or give them more room"
         )
-    spline = repair.through_corridor(dense, boxes, inside.start.durations_s, request.stop)
+    spline = repair.through_corridor(dense, boxes, start.durations_s, request.stop)
     return _timed(spline, dense.waypoint, "corridor", request, ask_gate)
 
 

@@ -10,7 +10,7 @@ from planner.optimise import airframe, time_allocation
 from planner.optimise.time_allocation import Problem, Solution, Weights
 from planner.request import space
 from planner.request.conditions import AtKnots, Conditions
-from planner.request.request import Request
+from planner.request.inputs import Request
 from planner.route import routes
 
 AIM_M = 0.02
@@ -20,6 +20,8 @@ CLEARANCE_PRICE = 1e4
 had kept, at a pace at which the way back was too stiff for the descent: a walk through one narrow place took 24 s, not
 6.5 s, and of 80 two fell back on boxes and one was refused. In the open the price does not matter; among trunks it
 costs 0.1 %."""
+_CLOSE_M = 0.5
+"""Spacing of the points of a way that touches obstacles; it grows with twice the room there is."""
 _ROUGH = 60
 """Iterations of the first descent, with few knots."""
 _START_SLOWER, _SOUND = (2.0, 4.0), 2.0
@@ -38,6 +40,18 @@ _YAW_PRICES = {
     "free": (0.0, 1e-5),
 }
 """Price of not looking where one should, and of turning, for each yaw mode."""
+
+
+def subdivided(route: routes.Route, field: space.DistanceField) -> routes.Route:
+    """The same polyline with more points in narrow places, so that a spline through them stays close to it."""
+    points, index = [route.points[:1]], [route.waypoint[:1]]
+    for i in range(len(route.points) - 1):
+        a, b = route.points[i], route.points[i + 1]
+        near = space.distance(field, a + np.linspace(0.0, 1.0, 9)[:, None] * (b - a)).min()
+        pieces = max(int(np.ceil(portable.length(b - a) / (_CLOSE_M + 2.0 * max(near, 0.0)))), 1)
+        points.append(a + np.linspace(0.0, 1.0, pieces + 1)[1:, None] * (b - a))
+        index.append(np.append(np.full(pieces - 1, -1), route.waypoint[i + 1]))
+    return routes.Route(np.concatenate(points), np.concatenate(index))
 
 
 def rough(route: routes.Route, obstacles: space.DistanceField, request: Request) -> tuple[Problem, Solution]:

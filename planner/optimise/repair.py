@@ -10,8 +10,8 @@ from planner.gate import limits
 from planner.gate.gate import AskGate
 from planner.optimise import quadratic
 from planner.optimise.fastest import Path
+from planner.request.inputs import Request
 from planner.request.options import PlanInfeasibleError, StopFlag
-from planner.request.request import Request
 from planner.route import corridor
 from planner.route.routes import Route
 from vehicle import Limits, Vehicle
