@@ -48,7 +48,7 @@ def test_the_corrected_excess_is_that_of_the_vehicles_own_model(walk, drone, ope
     for _ in range(25):  # what is measured is believed step by step
         corrections.measure(problem, walk, path, drone, np.ones(5, dtype=bool))
     reduced, _ = time_allocation.excess(problem, walk)
-    full = corrections.measured_excess(frame, drone, path, np.arange(5), time_allocation.FRACTIONS)
+    full = corrections_module.measured_excess(frame, drone, path, np.arange(5), time_allocation.FRACTIONS)
     asked = (reduced.max(axis=2) > -0.2) & (np.abs(full - reduced).max(axis=2) < 0.5)
     assert asked.sum() > 20
     corrected = (reduced + corrections.total() - corrections.between - corrections_module._SPARE)[asked]
