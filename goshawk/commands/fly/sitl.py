@@ -98,7 +98,7 @@ def command(
 
     \b
     goshawk sitl --vehicle vehicle.toml --start-of walk.json
-    goshawk sitl --wind 3 --gust-std 1 --mass-ratio 1.05 --rotor 2=.85 --pose-delay .02 --observer off
+    goshawk sitl --vehicle vehicle.toml --wind 3 --mass-ratio 1.05 --rotor 2=.85
 
     --vehicle is the true vehicle that is simulated; --believed gives its controller's parameters. A link key is made on
     first use. The first line printed is the address; --json makes it an object.
