@@ -27,6 +27,8 @@ from failsafe_draw import DRAWS, draw
 from scenario import Command, Kind, Reason, Scenario, State
 
 GYRO_HOLD_S = 5.0
+GYRO_AXIS_S = 0.5
+"""Without an attitude the torque tells an axis that the gyro does not give for this long."""
 LOST_TILT_RAD = 1.0
 """Of the true attitude: after a rotor's death a vehicle beyond this is tumbling."""
 
@@ -106,7 +108,7 @@ def unsafe_end(scenario: Scenario, result: harness.Result) -> list[str]:
 
 
 def may_stop_from_s(scenario: Scenario, result: harness.Result) -> float:
-    """From when on rotors may stop in the air: KILL, everything lost, attitude lost for as long as the gyro holds."""
+    """From when on rotors may stop in the air: KILL, everything lost, attitude lost longer than the gyro holds."""
     moments = [
         at
         for order, at in zip(scenario.orders, result.order_times_s, strict=True)
@@ -115,7 +117,20 @@ def may_stop_from_s(scenario: Scenario, result: harness.Result) -> float:
     for fault, at in zip(scenario.faults, result.fault_times_s, strict=True):
         if at and fault.duration_s == 0.0 and fault.kind in (Kind.ALL_LOST, Kind.ATTITUDE_LOST):
             moments.append(at + (0.9 * GYRO_HOLD_S if fault.kind == Kind.ATTITUDE_LOST else 0.0))
-    return min(moments, default=float("inf"))
+    return min((*moments, *turns_unknown_from_s(scenario, result)), default=float("inf"))
+
+
+def turns_unknown_from_s(scenario: Scenario, result: harness.Result) -> list[float]:
+    """When neither gyro nor attitude has told an axis for longer than the torque can: the gyro does not live."""
+    spans = {
+        fault.kind: (at, at + (fault.duration_s or float("inf")))
+        for fault, at in zip(scenario.faults, result.fault_times_s, strict=True)
+        if at
+    }
+    never = (float("inf"), float("-inf"))
+    attitude, axis = spans.get(Kind.ATTITUDE_LOST, never), spans.get(Kind.GYRO_AXIS, never)
+    start_s = max(attitude[0], axis[0] + GYRO_AXIS_S)
+    return [start_s] if start_s < min(attitude[1], axis[1]) else []
 
 
 def slow_kill(scenario: Scenario, result: harness.Result) -> list[str]:

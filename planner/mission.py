@@ -74,7 +74,7 @@ def plan(
             "shorten the stays, or plan the flight in parts",
         )
     points = _asked(flown)
-    report = gate.judge(Request(points, field, vehicle, options, whole, stop))(trajectory, None)
+    report = gate.judge(Request(points, field, vehicle, options, whole, stop), trajectory, None)
     if not report.passed:
         first = report.failures[0]
         raise PlanInfeasibleError(

@@ -1,6 +1,7 @@
 """From waypoints to a checked trajectory: the planner's main function, one step per line."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path as FilePath
 from typing import ClassVar
 
@@ -106,11 +107,7 @@ def from_scratch(request: Request, progress: Progress = silent) -> tuple[Path, r
     route = _route(inside)
     progress("optimise", 0.2)
 
-    ask_gate = gate.judge(request)
-
-    def flyable(route: routes.Route, inside: Request) -> Path:
-        return methods.flyable(route, inside, ask_gate, progress)
-
+    flyable = partial(methods.flyable, ask_gate=partial(gate.judge, request), progress=progress)
     path = flyable(route, inside)
     if not path.report.passed and asked.gate_edges_m is not None:
         path, route = one_way.planned(path, route, inside, flyable)

@@ -9,6 +9,7 @@ import threading
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -261,7 +262,7 @@ class Planner:
             spline,
             waypoint,
             replace(request, field=self._room),
-            gate.judge(request),
+            partial(gate.judge, request),
             wrong=wrong,
             drawn=all(leg.drawn for leg in legs),
             corrections=kept.corrections.spliced(first, last, len(durations)),

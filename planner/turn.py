@@ -1,6 +1,7 @@
 """A turn on the spot: rest in one place while the heading goes the short way from one to another."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -31,7 +32,7 @@ def plan(request: Request) -> planning.Plan:
     inputs.check(waypoints, request.field, request.vehicle, request.options, may_turn=True)
     spline = _smoothest(waypoints, limits.yaw_bounds(request.vehicle, request.limits))
     heading.constant(spline, waypoints.yaw_rad, request.options)
-    trajectory, ask_gate = minimum_snap.trajectory(spline), gate.judge(request)
+    trajectory, ask_gate = minimum_snap.trajectory(spline), partial(gate.judge, request)
     first = Path(trajectory, np.arange(2), "turn", ask_gate(trajectory, None), Optimum(trajectory.duration_s))
     slowed = repair.slowed(first, request, ask_gate)
     path = replace(slowed, optimum=Optimum(slowed.trajectory.duration_s, converged=True, residual=0.0))

@@ -45,14 +45,6 @@ class Pieces:
     """(p,) since the segment's start."""
     length_s: FloatArray
 
-    def chosen(self, mask: np.ndarray) -> "Pieces":
-        return Pieces(self.segment[mask], self.start_s[mask], self.length_s[mask])
-
-    def halves(self) -> "Pieces":
-        half = 0.5 * self.length_s
-        start = np.stack([self.start_s, self.start_s + half], axis=1).ravel()
-        return Pieces(np.repeat(self.segment, 2), start, np.repeat(half, 2))
-
 
 def pieces_in(durations_s: FloatArray, longest_s: float) -> np.ndarray:
     """(s,) into how many equal pieces of at most `longest_s` each duration is cut."""

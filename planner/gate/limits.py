@@ -229,9 +229,16 @@ def _attitude_bounds(
         _keep_largest(bound, time_s, found, _times(trajectory, pieces, fraction), pieces.segment, ~halved)
         if not halved.any():
             break
-        pieces = pieces.chosen(halved).halves()
+        pieces = _halves(pieces, halved)
         coefficients = attitude.coefficients(vehicle, trajectory, pieces)
     return np.where(bound == np.inf, np.nan, bound), time_s
+
+
+def _halves(pieces: attitude.Pieces, chosen: np.ndarray) -> attitude.Pieces:
+    """Both halves of each chosen piece (p,) bool."""
+    start, half = pieces.start_s[chosen], 0.5 * pieces.length_s[chosen]
+    starts = np.stack([start, start + half], axis=1).ravel()
+    return attitude.Pieces(np.repeat(pieces.segment[chosen], 2), starts, np.repeat(half, 2))
 
 
 def _times(trajectory: Trajectory, pieces: attitude.Pieces, fraction: FloatArray) -> FloatArray:
@@ -243,8 +250,8 @@ def _piece_bounds(coefficients: FloatArray) -> tuple[FloatArray, FloatArray, Flo
 
     Infinite where the vehicle cannot fly the motion; of the slowest rotor the negative.
     """
-    points, beyond = attitude.hull(coefficients), attitude.allowance(coefficients)[:, None]
-    inside = attitude.at_nodes(coefficients)
+    points, fractions = attitude.hull(coefficients), attitude.hull_fractions()
+    beyond, inside = attitude.allowance(coefficients)[:, None], attitude.at_nodes(coefficients)
 
     def quantities(values: FloatArray, more: FloatArray | float) -> FloatArray:
         shown = np.zeros((len(NAMES), *values.shape[:2]))
@@ -259,7 +266,7 @@ def _piece_bounds(coefficients: FloatArray) -> tuple[FloatArray, FloatArray, Flo
 
     bounds = quantities(points, beyond)
     worst = bounds.argmax(axis=2)
-    return bounds.max(axis=2), attitude.hull_fractions()[worst], quantities(inside, 0.0).max(axis=2)
+    return bounds.max(axis=2), fractions[worst], quantities(inside, 0.0).max(axis=2)
 
 
 def _keep_largest(

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from flight import FloatArray, portable
-from planner.curve import heading, hermite, minimum_snap
+from planner.curve import heading, minimum_snap
 from planner.optimise import airframe, time_allocation
 from planner.optimise.time_allocation import Problem, Solution, Weights
 from planner.request import space
@@ -134,8 +134,8 @@ def _split(spline: minimum_snap.Spline, waypoint: np.ndarray, most: int) -> tupl
     pieces = np.clip(np.floor(T / _SHORTEST_S), 1, most).astype(int)
     of = np.repeat(np.arange(len(T)), pieces)
     number = np.arange(len(of)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    scaled = hermite.segment_states(spline.states) * hermite.time_powers(T)[..., None]
-    rows = portable.product(hermite.basis(number / pieces[of], 0), hermite.monomials_from_states())
+    scaled = minimum_snap.segment_states(spline.states) * minimum_snap.time_powers(T)[..., None]
+    rows = portable.product(minimum_snap.basis(number / pieces[of], 0), minimum_snap.monomials_from_states())
     knots = np.concatenate([np.einsum("na,nax->nx", rows, scaled[of]), spline.states[-1:, 0]])
     index = np.append(np.where(number == 0, waypoint[of], -1), waypoint[-1])
     knots[np.append(number == 0, True)] = spline.states[:, 0]

@@ -12,7 +12,7 @@ import numpy as np
 from flight import FloatArray
 from planner._planner import Problem as Kernel
 from planner._planner import StopFlag
-from planner.curve import hermite, minimum_snap
+from planner.curve import minimum_snap
 from planner.optimise import airframe
 from planner.optimise.airframe import Airframe
 from planner.request import space
@@ -93,7 +93,7 @@ class Problem:
 
     def free_states(self) -> np.ndarray:
         """(k + 1, 4, 4) bool: which numbers of the knots' states may move; all derivatives that are not given."""
-        free = np.ones((len(self.knots), hermite.ORDER, 4), dtype=bool)
+        free = np.ones((len(self.knots), minimum_snap.ORDER, 4), dtype=bool)
         free[[0, -1]] = False
         free[:, 0] = self.free
         if self.velocity is not None:
@@ -156,7 +156,7 @@ def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> 
     """The NumPy reference of the cost."""
     T, weights = durations_s, problem.weights
     spline = problem.spline(knots, T)
-    motion = derivatives(spline)
+    motion = minimum_snap.derivatives(spline, FRACTIONS)
     over = excess_numpy(problem, motion)
     if problem.offsets is not None:
         over = over + problem.offsets
@@ -195,18 +195,13 @@ def _slant(velocity_m_s: FloatArray, edges_m: FloatArray) -> float:
 
 
 def excess_numpy(problem: Problem, motion: FloatArray) -> FloatArray:
-    """The NumPy reference of the relative excess (k, SAMPLES, limits), from `derivatives`."""
+    """The NumPy reference of the relative excess (k, SAMPLES, limits), from the derivatives there."""
     over = airframe.excess_numpy(problem.airframe, motion.reshape(-1, 5, 4)).reshape(*motion.shape[:2], -1)
     for order, name, most in ((1, "speed", problem.speed_m_s), (3, "jerk", problem.jerk_m_s3)):
         if most is not None:
             square = (motion[:, :, order, :3] ** 2).sum(axis=2)
             over[:, :, airframe.NAMES.index(name)] = square / most[:, None] ** 2 - 1.0
     return over
-
-
-def derivatives(spline: minimum_snap.Spline) -> FloatArray:
-    """(k, SAMPLES, 5, axes): the path and four derivatives at the samples of each segment."""
-    return np.stack([hermite.sampled(spline.states, spline.durations_s, FRACTIONS, r) for r in range(5)], axis=2)
 
 
 def excess(problem: Problem, spline: minimum_snap.Spline) -> tuple[FloatArray, FloatArray]:

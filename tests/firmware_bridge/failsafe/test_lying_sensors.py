@@ -4,7 +4,21 @@ import math
 
 import pytest
 from judge import violations
-from scenario import FROM_START, START, TAKE_OFF, Command, Fault, Kind, Order, Reason, Scenario, State, circle, land
+from scenario import (
+    FROM_START,
+    START,
+    TAKE_OFF,
+    Command,
+    Fault,
+    Kind,
+    Loss,
+    Order,
+    Reason,
+    Scenario,
+    State,
+    circle,
+    land,
+)
 
 BLIND_M_S = 2.5
 
@@ -94,6 +108,34 @@ def test_one_gyro_axis_that_is_no_number_does_not_stop_the_rotors(body):
             result = body.fly(Scenario(orders=orders, path=path, faults=(lost,)))
             assert result.had(Reason.FINISHED)
             assert violations(result) == []
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_speed_that_lies_for_good_does_not_keep_the_rotors_turning_on_the_ground(body, seed):
+    """The position, which stands, tells that it slides nowhere."""
+    wrong = Fault(Kind.SPEED_WRONG, (0.1, -0.7, 0.0), 1.0)
+    result = body.fly(hover(wrong, land_s=20.0, limit_s=60.0, seed=seed))
+    assert result.stop_s - result.last_airborne_s < 5.0
+    assert violations(result) == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_pose_that_comes_seldom_is_believed_under_strong_vibration(body, seed):
+    """It is carried to the tick by an acceleration that has no noise of its own."""
+    shaken = Fault(Kind.VIBRATION, (12.0,), 1.0)
+    sensors = {"pose_rate_hz": 50.0, "delay_s": 0.015}
+    trace = body.fly(hover(shaken, land_s=12.0, sensors=sensors, seed=seed), trace_every=5).trace
+    hovers = trace["state"] == State.HOLD
+    assert trace["reckoning_s"][hovers].max() == 0.0
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_gyro_axis_may_be_missing_for_a_while_without_an_attitude(body, axis):
+    faults = (Fault(Kind.ATTITUDE_LOST, (Loss.FROZEN,), 1.0), Fault(Kind.GYRO_AXIS, (axis,), 1.5, 0.3))
+    for seed in range(3):
+        result = body.fly(hover(*faults, land_s=20.0, world={"gust_std_m_s": 0.3}, seed=seed))
+        assert result.reason_of(State.EMERGENCY) == Reason.GYRO_ONLY
+        assert violations(result, touchdown_m_s=BLIND_M_S) == []
 
 
 @pytest.mark.parametrize("observer", [1.0, 0.0])

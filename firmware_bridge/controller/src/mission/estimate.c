@@ -235,10 +235,12 @@ static void measure_turning(tc_controller* c, const float q[4], uint64_t stamp_u
     c->turning_us = stamp_us;
 }
 
-/* Axes that the gyro does not give are told by torque and attitude, while that is fresh. Whether any was measured. */
+/* Axes that the gyro does not give are told by torque and attitude, or for a while by torque alone. Whether any was
+   measured. */
 static bool replace_axes(tc_controller* c, float rate_rad_s[3], float step_s) {
+    const bool corrected = (c->telemetry.estimate_faults & (uint32_t)TC_FAULT_ATTITUDE_STALE) == 0u;
     bool any = false;
-    if ((c->telemetry.estimate_faults & (uint32_t)TC_FAULT_ATTITUDE_STALE) != 0u) return false;
+    if (!corrected && tc_gyro_axis_is_gone(c)) return false;
     predict_turning(c, step_s);
     for (int i = 0; i < 3; i++) {
         const bool good = tc_abs(rate_rad_s[i]) <= LARGEST_RATE_RAD_S;

@@ -6,7 +6,6 @@
 static const float BATTERY_FILTER_S = 1.0f; /* the sag of a manoeuvre is no low battery */
 static const float UPRIGHT = 0.05f;         /* 1 - cosine of the attitude error at which an emergency may end */
 static const float BACK_S = 0.2f;           /* ... once everything has been good for this long */
-static const float GYRO_AXIS_S = 0.5f;      /* an axis of the gyro may be missing for this long before it lands */
 static const float FALLING_M_S2 = 3.0f;     /* specific force below: nothing carries it */
 /* A crash, after ArduPilot's check (30 degrees of attitude error): in the air 30 degrees of error accelerate the body
    by 100 rad/s2, so that half a second without a turn is the ground's doing. */
@@ -116,7 +115,7 @@ static void observe_tracking(tc_controller* c) {
         (void)tc_post(c, TC_EVENT_TRACKING_LOST, TC_GROUNDED);
     } else if (c->mission.state != TC_LANDING && c->monitor.drifts) {
         (void)tc_post(c, TC_EVENT_TRACKING_LOST, TC_POSE_DRIFTS);
-    } else if (c->mission.state != TC_LANDING && tc_lasts(c, c->gyro_good_us, GYRO_AXIS_S)) {
+    } else if (c->mission.state != TC_LANDING && tc_gyro_axis_is_gone(c)) {
         (void)tc_post(c, TC_EVENT_TRACKING_LOST, TC_GYRO_AXIS);
     } else {
         /* tracked */

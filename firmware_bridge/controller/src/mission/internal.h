@@ -49,6 +49,8 @@ static inline float tc_per_battery(const tc_controller* c) {
     return 1.0f / tc_max(1.0f - p->battery_gain_1_v * (p->battery_reference_v - battery_v), 0.5f);
 }
 
+/* An axis of the gyro has been missing for so long that it lands; without an attitude, that the rate is lost. */
+static inline bool tc_gyro_axis_is_gone(const tc_controller* c) { return tc_lasts(c, c->gyro_good_us, 0.5f); }
 /* Whether the gyro gives all three axes; else the missing ones are told by the attitude, late. */
 static inline bool tc_gyro_is_whole(const tc_controller* c) { return c->gyro_good_us == c->telemetry.time_us; }
 
@@ -58,6 +60,8 @@ bool tc_monitor_believes(const tc_controller* c);
 bool tc_monitor_believes_height(const tc_controller* c);
 /* The attitude of `estimate`, turned back to its old heading when that has jumped. */
 void tc_monitor_heading(tc_controller* c, const tc_estimate* estimate, float step_s, float q[4]);
+/* Horizontal speed, squared, as the position tells it over some seconds. */
+float tc_monitor_speed2(const tc_controller* c);
 /* How much the accelerometer shakes from tick to tick. */
 void tc_monitor_shaking(tc_monitor* m, const float force_body_m_s2[3], float step_s);
 /* One step with a usable pose that is `ahead_s` old; `acceleration_m_s2` by the accelerometer, world axes. Where the
@@ -72,7 +76,9 @@ void tc_landing_setpoint(tc_controller* c, float step_s);
 /* Goes through the stages; whether the vehicle has come to rest on the ground. */
 bool tc_landing_observe(tc_controller* c, float step_s);
 /* The collective is the stage's, and the attitude is only damped: UNLOAD and IDLE. */
-bool tc_landing_unloads(const tc_landing* landing);
+static inline bool tc_landing_unloads(const tc_landing* landing) {
+    return landing->stage == (uint8_t)TC_LANDING_UNLOAD || landing->stage == (uint8_t)TC_LANDING_IDLE;
+}
 /* Roll torque, N m, that tells the ground where nothing else does; 0 else. */
 float tc_landing_test_torque(const tc_controller* c);
 /* Something carries it beside the rotors: their thrust is small, and yet it neither falls nor moves. */

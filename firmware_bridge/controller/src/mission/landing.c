@@ -85,10 +85,6 @@ void tc_landing_begin(tc_controller* c) {
     enter_stage(c, TC_LANDING_DESCEND);
 }
 
-bool tc_landing_unloads(const tc_landing* landing) {
-    return landing->stage == (uint8_t)TC_LANDING_UNLOAD || landing->stage == (uint8_t)TC_LANDING_IDLE;
-}
-
 /* The descent's speed changes gently to what is asked for, which grows with time. */
 static void command_speed(tc_controller* c, float step_s) {
     tc_landing* landing = &c->landing;
@@ -221,10 +217,10 @@ void tc_measure_support(tc_controller* c, float step_s) {
 
 bool tc_stands(const tc_controller* c) { return c->support_m_s2 > STANDS_G * c->parameters.gravity_m_s2; }
 
-/* What slides along something has not landed on it. In an emergency its speed may be dead reckoned. */
+/* What slides along something has not landed on it, whatever a lying velocity says. In an emergency its speed may be
+ * dead reckoned. */
 static bool slides(const tc_controller* c) {
-    const float* v = c->telemetry.estimate.velocity_world_m_s;
-    return c->mission.state != TC_EMERGENCY && v[0] * v[0] + v[1] * v[1] > CONTACT_SPEED_M_S * CONTACT_SPEED_M_S;
+    return c->mission.state != TC_EMERGENCY && tc_monitor_speed2(c) > CONTACT_SPEED_M_S * CONTACT_SPEED_M_S;
 }
 
 /* Whether the vehicle seems to be on something. */

@@ -144,6 +144,13 @@ static void measure_drift(tc_monitor* m, const float position_m[3], const float 
     m->drifts = m->drift_m[0] * m->drift_m[0] + m->drift_m[1] * m->drift_m[1] > DRIFT_M * DRIFT_M;
 }
 
+float tc_monitor_speed2(const tc_controller* c) {
+    const float* v = c->telemetry.estimate.velocity_world_m_s;
+    const float x = v[0] + (1.0f / DRIFT_S) * c->monitor.drift_m[0],
+                y = v[1] + (1.0f / DRIFT_S) * c->monitor.drift_m[1];
+    return x * x + y * y;
+}
+
 static void begin(tc_controller* c, const float position_m[3], const float velocity_m_s[3]) {
     tc_monitor* m = &c->monitor;
     begin_window(&m->window[0], position_m, velocity_m_s, 0.0f);
@@ -174,14 +181,25 @@ static bool on_ground(const tc_controller* c) {
     return tc_landing_unloads(landing) || (lands && !tc_lasts(c, landing->impact_us, TOUCH_S));
 }
 
+/* What carries a pose to the tick: one sample of the accelerometer would bring all of its noise at once. */
+static void steady_acceleration(tc_controller* c, bool forced, const float acceleration_m_s2[3], float out[3]) {
+    if (!forced) {
+        tc_copy(out, acceleration_m_s2);
+        return;
+    }
+    tc_to_world(c->axes, c->felt_m_s2, out);
+    out[2] -= c->parameters.gravity_m_s2;
+}
+
 void tc_monitor_step(tc_controller* c, const tc_estimate* e, const float acceleration_m_s2[3], float ahead_s,
                      float step_s) {
     tc_monitor* m = &c->monitor;
     const bool forced = (c->telemetry.estimate.valid & (uint8_t)TC_VALID_SPECIFIC_FORCE) != 0u;
     const bool told = e->reset_counter != c->reset_counter;
-    float position_m[3], velocity_m_s[3];
+    float position_m[3], velocity_m_s[3], steady_m_s2[3];
+    steady_acceleration(c, forced, acceleration_m_s2, steady_m_s2);
     for (int i = 0; i < 3; i++) {
-        const float gain = ahead_s * acceleration_m_s2[i];
+        const float gain = ahead_s * steady_m_s2[i];
         position_m[i] = e->position_world_m[i] + ahead_s * (e->velocity_world_m_s[i] + 0.5f * gain);
         velocity_m_s[i] = e->velocity_world_m_s[i] + gain;
     }
