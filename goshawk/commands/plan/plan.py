@@ -154,7 +154,7 @@ def _show(
     if mark := vehicle.purpose.mark_sentence(drone):
         console.note(f"note: the rotor margins rest on a model {mark}")
     if could_hide.worth_a_warning(plan.gate):
-        console.note(f"note: {could_hide.describe(plan.gate)}; {could_hide.advice(plan.gate)}")
+        console.note(f"note: {could_hide.describe(plan.gate)}. To be certain: {could_hide.advice(plan.gate)}")
 
 
 def _converged(plan: planner.Plan) -> str:
