@@ -27,8 +27,8 @@ from planner.gate import conditions_met, limits, visits
 from planner.gate.limits import Check
 from planner.request import inputs
 from planner.request.conditions import Conditions
+from planner.request.inputs import Request
 from planner.request.options import PlanOptions
-from planner.request.request import Request
 from planner.request.space import DistanceField, Grounded
 from vehicle import Vehicle
 

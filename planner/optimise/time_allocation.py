@@ -170,7 +170,8 @@ def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> 
     density += weights.heading * pace * (pace - ahead) / ((aim**2).sum(axis=2) + _SLOW_M_S**2)
     density += weights.turning * motion[:, :, 1, 3] ** 2
     if weights.clearance > 0.0:
-        lack = problem.clearance_m - _distances(problem)(motion[:, :, 0, :3].reshape(-1, 3))[0]
+        distances = space.around_path(problem.field, problem.knots[:, :3], problem.clearance_m)
+        lack = problem.clearance_m - distances(motion[:, :, 0, :3].reshape(-1, 3))[0]
         density += weights.clearance * np.maximum(lack, 0.0).reshape(density.shape) ** 2
     position = minimum_snap.Spline(T, spline.states[..., :3])
     outside = 0.0
@@ -271,11 +272,11 @@ def refine(
 
 
 def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
-    prices = np.array(astuple(problem.weights))
-    kernel = Kernel(
-        len(problem.knots) - 1, samples, problem.airframe.packed(), prices, problem.clearance_m, _distances(problem)
-    )
-    kernel.set_given(*minimum_snap.given(problem.knots, problem.start, problem.end, problem.velocity))
+    packed, prices = _packed(problem.airframe), np.array(astuple(problem.weights))
+    given = minimum_snap.given(problem.knots, problem.start, problem.end, problem.velocity)
+    distances = space.around_path(problem.field, problem.knots[:, :3], problem.clearance_m)
+    kernel = Kernel(len(problem.knots) - 1, samples, packed, prices, problem.clearance_m, distances)
+    kernel.set_given(*given)
     if problem.speed_m_s is not None:
         kernel.set_speeds(np.ascontiguousarray(problem.speed_m_s))
     if problem.jerk_m_s3 is not None:
@@ -293,5 +294,9 @@ def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
     return kernel
 
 
-def _distances(problem: Problem) -> space.Distances:
-    return space.around_path(problem.field, problem.knots[:, :3], problem.clearance_m)
+def _packed(w: Airframe) -> FloatArray:
+    """(42,) in the order of the kernel's struct (planner/src/airframe.hpp)."""
+    first = [w.speed_m_s, w.acceleration_m_s2, w.jerk_m_s3, w.cos_tilt, w.rate_rad_s, w.yaw_rate_rad_s]
+    first += [w.gravity_m_s2, w.drag_per_thrust_1_s, w.drag_per_speed_1_m, w.lift_axial_1_s, w.lift_lateral_1_m]
+    rest = (w.inertia_kg_m2, w.effort_least, w.effort_most, w.effort_hover, w.mix.ravel())
+    return np.concatenate([first, *rest])
