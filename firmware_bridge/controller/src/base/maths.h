@@ -80,9 +80,7 @@ void tc_q_axes(const float q[4], float axes[3][3]);
 
 void tc_to_body(float axes[3][3], const float v[3], float out[3]);
 
-static inline void tc_to_world(float axes[3][3], const float v[3], float out[3]) {
-    for (int i = 0; i < 3; i++) out[i] = axes[0][i] * v[0] + axes[1][i] * v[1] + axes[2][i] * v[2];
-}
+void tc_to_world(float axes[3][3], const float v[3], float out[3]);
 
 /* Both to about 1e-7 for |x| <= 1000 rad; larger arguments are the caller's mistake and give 0 and 1. */
 void tc_sin_cos(float x, float* sine, float* cosine);
