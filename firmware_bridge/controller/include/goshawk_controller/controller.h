@@ -160,10 +160,10 @@ typedef struct {
     float tilt_bound; /* 1 - cos(tilt_error_rad) */
 
     /* Time. */
-    uint64_t caller_us;      /* of the last tick, on the caller's clock */
-    uint64_t step_us;        /* of this tick */
-    uint64_t good_step_us;   /* the last possible one */
-    uint64_t clock_fault_us; /* controller time of the last impossible step */
+    uint64_t caller_us;        /* of the last tick, on the caller's clock */
+    uint64_t step_us;          /* of this tick */
+    uint64_t good_step_us;     /* the last possible one */
+    uint64_t clock_fault_us;   /* controller time of the last impossible step */
     uint64_t good_since_us;    /* estimate without any fault since */
     uint64_t position_good_us; /* when position was last not stale */
     uint64_t gyro_good_us;     /* when the gyro last gave all axes */

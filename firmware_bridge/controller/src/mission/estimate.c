@@ -319,8 +319,8 @@ static bool take_force(tc_controller* c, const tc_estimate* e, float step_s) {
                         tc_up_to(tc_dot(force, force), LARGEST_FORCE_M_S2 * LARGEST_FORCE_M_S2) &&
                         (c->telemetry.estimate_faults & (uint32_t)TC_FAULT_RATE_STALE) == 0u;
     if (usable) {
+        tc_monitor_shaking(c, force, step_s);
         tc_copy(c->telemetry.estimate.specific_force_body_m_s2, force);
-        tc_monitor_shaking(&c->monitor, force, step_s);
         const float pass = step_s / (FELT_FILTER_S + step_s);
         for (int i = 0; i < 3; i++) c->felt_m_s2[i] += pass * (force[i] - c->felt_m_s2[i]);
     }
