@@ -149,7 +149,7 @@ def _excess(w: airframe.Airframe) -> ca.Function:
         ca.sumsqr(v) / w.speed_m_s**2 - 1.0,
         ca.sumsqr(a) / w.acceleration_m_s2**2 - 1.0,
         ca.sumsqr(j) / w.jerk_m_s3**2 - 1.0,
-        (np.cos(w.tilt_rad) - z[2]) / (1.0 - np.cos(w.tilt_rad)),
+        (w.cos_tilt - z[2]) / (1.0 - w.cos_tilt),
         ca.sumsqr(z_1) / w.rate_rad_s**2 - 1.0,
         rate[2] ** 2 / w.yaw_rate_rad_s**2 - 1.0,
         effort - w.effort_most,

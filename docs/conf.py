@@ -24,6 +24,7 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
 autodoc_default_options = {
+    "members": True,
     "undoc-members": True,
     "inherited-members": "object, BaseException, Exception, Enum, Flag, int, str, tuple, dict, Generic, Protocol",
 }

@@ -14,7 +14,7 @@ import esdf
 from flight import FloatArray, Waypoints, portable
 from planner.curve import minimum_snap
 from planner.curve.minimum_snap import Spline
-from planner.gate import limits
+from planner.gate import instants, limits
 from planner.optimise import descents, time_allocation
 from planner.optimise.fastest import Path
 from planner.optimise.time_allocation import Problem, Solution
@@ -151,7 +151,7 @@ def _sampled(
     inner = path.starts_s[:-1, None] + np.arange(_PER_SEGMENT) / _PER_SEGMENT * path.durations_s[:, None]
     times = np.append(inner.ravel(), path.duration_s)
     closest = esdf.certify(room, path, options.clearance_m)
-    used = limits.sampled_shares(path, vehicle, options.limits_for(vehicle), inner[changed, ::_PER_LIMIT].ravel())
+    used = instants.sampled_shares(path, vehicle, options.limits_for(vehicle), inner[changed, ::_PER_LIMIT].ravel())
     x, y, z = closest.point_world_m.tolist()
     return Draft(
         waypoints,

@@ -16,8 +16,8 @@ from planner.gate import gate
 from planner.planning import Plan
 from planner.request import inputs, space
 from planner.request.conditions import OF_LEGS, Conditions
+from planner.request.inputs import Request
 from planner.request.options import PlanInfeasibleError, PlanOptions
-from planner.request.request import Request
 from vehicle import Vehicle
 
 _OF_WAYPOINTS = ("velocity_world_m_s", "fly_by_m", "gate_edges_m")
@@ -42,7 +42,7 @@ def plan(
     """
     options = with_yaw(inputs.options_for(vehicle, options), mission)
     # numbered as the pilot listed them, before anything is taken apart
-    inputs.check(mission.waypoints, field, vehicle, options, may_turn=True)
+    inputs.check(Request(mission.waypoints, field, vehicle, options, Conditions()), may_turn=True)
     flown = mission.unrolled()
     _check_stays(flown)
     _check_turns(flown)
@@ -74,7 +74,7 @@ def plan(
             "shorten the stays, or plan the flight in parts",
         )
     points = _asked(flown)
-    report = gate.judge(Request(points, field, vehicle, options, whole, stop))(trajectory, None)
+    report = gate.judge(Request(points, field, vehicle, options, whole, stop), trajectory, None)
     if not report.passed:
         first = report.failures[0]
         raise PlanInfeasibleError(

@@ -12,12 +12,12 @@ from itertools import product
 import numpy as np
 
 from flight import FloatArray, Waypoints, portable
-from planner.gate import limits, visits
+from planner.gate import instants, visits
 from planner.optimise.fastest import Path
 from planner.request import space
 from planner.request.conditions import Conditions
+from planner.request.inputs import Request
 from planner.request.options import PlanInfeasibleError
-from planner.request.request import Request
 from planner.route import routes
 
 _GAP = 0.05
@@ -96,7 +96,7 @@ def faults(path: Path, points_world_m: FloatArray, asked: Conditions) -> dict[in
     edges, trajectory, found = asked.gate_edges_m, path.trajectory, dict[int, Fault]()
     if edges is None:
         return found
-    times = np.append(limits.sample_times(trajectory, _STEP_S)[0], trajectory.duration_s)
+    times = np.append(instants.sample_times(trajectory, _STEP_S)[0], trajectory.duration_s)
     points = trajectory.position(times)
 
     def crossed(first: int, last: int, way: FloatArray) -> bool:

@@ -1,6 +1,7 @@
 """From waypoints to a checked trajectory: the planner's main function, one step per line."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path as FilePath
 from typing import ClassVar
 
@@ -18,7 +19,6 @@ from planner.optimise.fastest import Optimum, Path
 from planner.request import inputs, space
 from planner.request.conditions import Conditions
 from planner.request.options import PlanInfeasibleError, PlanOptions, check_stop
-from planner.request.request import Request
 from planner.route import routes
 from vehicle import Vehicle
 
@@ -86,9 +86,7 @@ def plan(
         PlanInfeasibleError: there is no path, or none within the limits; with `segment`, `reason` and `remedy`.
         PlanCancelledError: `stop` was set, from another thread.
     """
-    options = inputs.options_for(vehicle, options)
-    asked = Conditions() if conditions is None else conditions
-    path, route = from_scratch(Request(waypoints, field, vehicle, options, asked, stop), progress)
+    path, route = from_scratch(waypoints, field, vehicle, options, conditions, stop, progress)
     return of_path(path, waypoints, route.points)
 
 
@@ -97,40 +95,32 @@ def of_path(path: Path, waypoints: Waypoints, route_world_m: FloatArray) -> Plan
     return Plan(path.trajectory, path.report, waypoints, route_world_m, path.method, (path.optimum,))
 
 
-def from_scratch(request: Request, progress: Progress = silent) -> tuple[Path, routes.Route]:
+def from_scratch(
+    waypoints: Waypoints,
+    field: space.DistanceField,
+    vehicle: Vehicle,
+    options: PlanOptions | None,
+    conditions: Conditions | None,
+    stop: StopFlag | None,
+    progress: Progress = silent,
+) -> tuple[Path, routes.Route]:
     """As `plan`, with what a later plan can start from."""
     progress("route", 0.0)
-    request = inputs.admitted(request)
+    request = inputs.admitted(waypoints, field, vehicle, options, conditions, stop)
     asked = request.conditions
-    inside = replace(request, field=asked.room(request.field, request.options))
-    route = _route(inside)
+    inside = replace(request, field=asked.room(field, request.options))
+    route = routes.of(inside)
     progress("optimise", 0.2)
 
-    ask_gate = gate.judge(request)
-
-    def flyable(route: routes.Route, inside: Request) -> Path:
-        return methods.flyable(route, inside, ask_gate, progress)
-
+    flyable = partial(methods.flyable, ask_gate=partial(gate.judge, request), progress=progress)
     path = flyable(route, inside)
     if not path.report.passed and asked.gate_edges_m is not None:
         path, route = one_way.planned(path, route, inside, flyable)
-    check_stop(request.stop)
+    check_stop(stop)
     progress("gate", 1.0)
     if not path.report.passed:
         raise refused(path)
     return path, route
-
-
-def _route(request: Request) -> routes.Route:
-    options = request.options.sampled() if request.options.method == "bry" else request.options
-    try:
-        return routes.find(request.waypoints, request.field, options, request.stop)
-    except PlanInfeasibleError as error:
-        if request.conditions.tube is None:
-            raise
-        raise PlanInfeasibleError(
-            f"within the tube, {error.reason}", f"{error.remedy}, or widen the tube", error.segment, gap=error.gap
-        ) from error
 
 
 def refused(path: Path) -> PlanInfeasibleError:

@@ -9,6 +9,7 @@ import threading
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,12 +20,12 @@ from planner._planner import StopFlag
 from planner.curve import minimum_snap
 from planner.drafting import Draft
 from planner.gate import gate
-from planner.optimise import fastest, posing
+from planner.optimise import fastest
 from planner.planning import Plan
 from planner.request import inputs, space
-from planner.request.conditions import Conditions
+from planner.request.conditions import Conditions, may_move
+from planner.request.inputs import Request
 from planner.request.options import PlanOptions, check_stop
-from planner.request.request import Request
 from vehicle import Limits, Vehicle
 
 
@@ -178,7 +179,7 @@ class Planner:
         return waypoints
 
     def _scratch(self, waypoints: Waypoints, asked: Conditions, options: PlanOptions, stop: StopFlag) -> _Answer:
-        path, route = planning.from_scratch(Request(waypoints, self._field, self._vehicle, options, asked, stop))
+        path, route = planning.from_scratch(waypoints, self._field, self._vehicle, options, asked, stop)
         return self._answer(path, route.points, waypoints)
 
     @staticmethod
@@ -208,10 +209,10 @@ class Planner:
 
         `old` is None where the path begins or ends elsewhere: then it is planned from scratch.
         """
-        request = Request(waypoints, self._field, self._vehicle, self._options, asked, stop)
         path = None
         if old is not None and self._path.kept is not None:
-            path = self._mended(inputs.admitted(request), old, new)
+            request = inputs.admitted(waypoints, self._field, self._vehicle, self._options, asked, stop)
+            path = self._mended(request, old, new)
         if path is None or not path.report.passed or path.kept is None:
             return self._scratch(waypoints, asked, self._options, stop)
         return self._answer(path, path.kept.spline.states[:, 0, :3], waypoints)
@@ -244,8 +245,8 @@ class Planner:
             here, before = np.arange(len(waypoint)), np.arange(len(number))
             for there, was in ((here < first, before < first), (here >= first + len(index), before > last)):
                 gates[there & (waypoint < 0)] = kept.problem.gates[was & (number < 0)]
-        may_move = (index < 0) | posing.may_move(at_knots, len(waypoint))[first : first + len(index)]
-        free = np.repeat(may_move[:, None], 4, axis=1)
+        moves = (index < 0) | may_move(at_knots, len(waypoint))[first : first + len(index)]
+        free = np.repeat(moves[:, None], 4, axis=1)
         free[:, 3] = (index < 0) | np.isnan(waypoints.yaw_rad[index])
         problem = replace(
             kept.problem,
@@ -261,7 +262,7 @@ class Planner:
             spline,
             waypoint,
             replace(request, field=self._room),
-            gate.judge(request),
+            partial(gate.judge, request),
             wrong=wrong,
             drawn=all(leg.drawn for leg in legs),
             corrections=kept.corrections.spliced(first, last, len(durations)),

@@ -1,18 +1,19 @@
 """A turn on the spot: rest in one place while the heading goes the short way from one to another."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from flight import FloatArray, Waypoints, rotations
 from planner import planning
 from planner.curve import heading, minimum_snap
-from planner.gate import gate, limits
+from planner.gate import gate, instants
 from planner.optimise import repair
 from planner.optimise.fastest import Optimum, Path
 from planner.request import inputs
+from planner.request.inputs import Request
 from planner.request.options import check_stop
-from planner.request.request import Request
 
 _PEAK_RATE, _PEAK_ACCELERATION = 2.1875, 7.5132
 """Of the smoothest turn by one radian within one second from rest to rest, a polynomial of degree seven."""
@@ -27,11 +28,11 @@ def plan(request: Request) -> planning.Plan:
         PlanCancelledError: the request's `stop` was set.
     """
     check_stop(request.stop)
+    inputs.check(request, may_turn=True)
     waypoints = request.waypoints
-    inputs.check(waypoints, request.field, request.vehicle, request.options, may_turn=True)
-    spline = _smoothest(waypoints, limits.yaw_bounds(request.vehicle, request.limits))
+    spline = _smoothest(waypoints, instants.yaw_bounds(request.vehicle, request.limits))
     heading.constant(spline, waypoints.yaw_rad, request.options)
-    trajectory, ask_gate = minimum_snap.trajectory(spline), gate.judge(request)
+    trajectory, ask_gate = minimum_snap.trajectory(spline), partial(gate.judge, request)
     first = Path(trajectory, np.arange(2), "turn", ask_gate(trajectory, None), Optimum(trajectory.duration_s))
     slowed = repair.slowed(first, request, ask_gate)
     path = replace(slowed, optimum=Optimum(slowed.trajectory.duration_s, converged=True, residual=0.0))

@@ -22,17 +22,12 @@ NODES = 12
 UP, RATE, ROTOR = 0, slice(1, 4), slice(4, 8)
 """Columns of the values: cosine of the tilt, body rates, rotor speeds."""
 VALUES = 8
-_REACH = 1.1
+REACH = 1.1
 """The nodes reach beyond a piece by this factor, as derivatives are poor at the outermost ones."""
-_DOUBT = 5.0
-"""Error over the sum of the last four coefficients: at most this where a force has a kink (drag changes sign); the
-excess seen beyond it was 0.1 % of a rotor's speed."""
 _ROUGHLY = 1e-6
 """Accuracy of the attitudes from which the rates that forces depend on are taken."""
 _LONGEST_S = 0.5
 """Of a piece, where only samples are asked for."""
-_PARTS = 4
-"""Parts of a piece in which the hull bound is taken."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,14 +39,6 @@ class Pieces:
     start_s: FloatArray
     """(p,) since the segment's start."""
     length_s: FloatArray
-
-    def chosen(self, mask: np.ndarray) -> "Pieces":
-        return Pieces(self.segment[mask], self.start_s[mask], self.length_s[mask])
-
-    def halves(self) -> "Pieces":
-        half = 0.5 * self.length_s
-        start = np.stack([self.start_s, self.start_s + half], axis=1).ravel()
-        return Pieces(np.repeat(self.segment, 2), start, np.repeat(half, 2))
 
 
 def pieces_in(durations_s: FloatArray, longest_s: float) -> np.ndarray:
@@ -155,33 +142,10 @@ def sampled(
     return values.reshape(len(segments), len(fractions), VALUES)
 
 
-def allowance(coefficients: FloatArray) -> FloatArray:
-    """(p, VALUES) by how much the values may miss what they stand for."""
-    return _DOUBT * np.abs(coefficients[:, -4:]).sum(axis=1)
-
-
 def at_fractions(coefficients: FloatArray, fractions: FloatArray) -> FloatArray:
     """(n, VALUES) values at one fraction (n,) of each of as many pieces, from 0 at its start to 1 at its end."""
-    rows = chebyshev.chebvander((2.0 * np.asarray(fractions) - 1.0) / _REACH, NODES - 1)
+    rows = chebyshev.chebvander((2.0 * np.asarray(fractions) - 1.0) / REACH, NODES - 1)
     return np.einsum("nk,nkv->nv", rows, coefficients)
-
-
-def at_nodes(coefficients: FloatArray) -> FloatArray:
-    """(p, NODES, VALUES) values spread evenly over each piece, its ends among them."""
-    return np.einsum(
-        "nk,pkv->pnv", chebyshev.chebvander(np.linspace(-1.0, 1.0, NODES) / _REACH, NODES - 1), coefficients
-    )
-
-
-def hull(coefficients: FloatArray) -> FloatArray:
-    """(p, m, VALUES) control points: over each piece the values stay within their convex hull."""
-    return np.einsum("mk,pkv->pmv", _control_points(), coefficients)
-
-
-def hull_fractions() -> FloatArray:
-    """(m,) near which fraction of its piece each control point belongs."""
-    inside = np.arange(NODES) / (NODES - 1)
-    return ((np.arange(_PARTS)[:, None] + inside) / _PARTS).ravel()
 
 
 @cache
@@ -192,21 +156,7 @@ def _operators() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     back = portable.solve(values, np.eye(NODES))
     slope = np.zeros((NODES, NODES))
     slope[:-1] = chebyshev.chebder(np.eye(NODES))
-    slope /= _REACH
+    slope /= REACH
     once = portable.product(slope, back)
     twice = portable.product(slope, once)
-    return _REACH * x, portable.product(values, once), portable.product(values, twice), back
-
-
-@cache
-def _control_points() -> FloatArray:
-    """(parts * NODES, NODES): Bernstein control points of each part of a piece from the coefficients."""
-    ascending = np.zeros((NODES, NODES))
-    for k in range(NODES):
-        ascending[k, : k + 1] = chebyshev.cheb2poly(np.eye(NODES)[k])[: k + 1]
-    rows = []
-    for part in range(_PARTS):
-        start, length = 2.0 * part / _PARTS - 1.0, 2.0 / _PARTS
-        shifted = polynomial.shift_argument(polynomial.scale_argument(ascending, 1.0 / _REACH), np.full(NODES, start))
-        rows.append(polynomial.bernstein_from_seconds(shifted, np.full(NODES, length)).T)
-    return np.concatenate(rows)
+    return REACH * x, portable.product(values, once), portable.product(values, twice), back

@@ -11,10 +11,11 @@ import numpy as np
 
 from flight import FloatArray, InputError, portable, rotations
 from flight.frames import GRAVITY_M_S2
-from planner.curve import hermite, minimum_snap
+from planner.curve import minimum_snap
 from planner.request.options import PlanOptions
 
-_SAMPLES = 12
+_POINTS = (np.arange(12) + 0.5) / 12
+"""Fractions of each segment at which it is sampled."""
 _SLOW_M_S = 0.5
 """Horizontal speed at which looking along the path counts half."""
 _SMOOTHING_S = (0.05, 10.0)
@@ -46,12 +47,15 @@ def steady_enough(
     target_world_m: FloatArray | None = None,
 ) -> FloatArray:
     """As `solve`, with the least smoothing that stays within the bounds, or comes nearest to them."""
-    spin, spin_up = tilt_spin(spline)
+    spin, spin_up = tilt_spin(minimum_snap.derivatives(spline, _POINTS))
     T = spline.durations_s
 
     def excess(states: FloatArray) -> float:
-        rate = np.abs(_sampled(states[..., None], T, 1)[..., 0] + spin).max() / bounds.rate_rad_s
-        change = np.abs(_sampled(states[..., None], T, 2)[..., 0] + spin_up).max() / bounds.acceleration_rad_s2
+        rate = np.abs(minimum_snap.sampled(states[..., None], T, _POINTS, 1)[..., 0] + spin).max() / bounds.rate_rad_s
+        change = (
+            np.abs(minimum_snap.sampled(states[..., None], T, _POINTS, 2)[..., 0] + spin_up).max()
+            / bounds.acceleration_rad_s2
+        )
         return float(max(rate, change))
 
     quick, slow = portable.logarithm(_SMOOTHING_S)
@@ -86,20 +90,20 @@ def solve(
         along_path: whether to look ahead at all; else as steadily as the asked headings allow.
         target_world_m: (3,) point to look at instead of along the path.
     """
-    T = spline.durations_s
-    heading, weight = path_heading(spline, target_world_m)
+    T, soft, square = spline.durations_s, np.square(min(smoothing_s, _SOFTEST_S)), np.square(smoothing_s)
+    motion = minimum_snap.derivatives(spline, _POINTS)
+    energy = minimum_snap.energy(T) * np.square(np.square(soft))
+    heading, weight = path_heading(motion, target_world_m)
     pinned = _unwrapped(asked_rad, heading)
     if not along_path:
         heading, weight = np.zeros_like(heading), np.full_like(weight, _FAINT)
         if np.isfinite(pinned).any():
             heading += pinned[np.isfinite(pinned)][0]
     right = np.zeros(4 * (len(T) + 1))
-    spin_up, step = tilt_spin(spline)[1], T / _SAMPLES
-    soft, square = np.square(min(smoothing_s, _SOFTEST_S)), np.square(smoothing_s)
-    energy = minimum_snap.energy(T) * np.square(np.square(soft))
-    M, S = hermite.monomials_from_states(), hermite.time_powers(T)[:, None]
-    value = portable.product(hermite.basis(_points(), 0), M) * S
-    bend = portable.product(hermite.basis(_points(), 2), M) * S / T[:, None, None] ** 2
+    spin_up, step = tilt_spin(motion)[1], T / len(_POINTS)
+    M, S = minimum_snap.monomials_from_states(), minimum_snap.time_powers(T)[:, None]
+    value = portable.product(minimum_snap.basis(_POINTS, 0), M) * S
+    bend = portable.product(minimum_snap.basis(_POINTS, 2), M) * S / T[:, None, None] ** 2
     look = (weight * step[:, None])[..., None] * value
     steady = (np.square(square) * step)[:, None, None] * bend
     blocks = energy + portable.product(look.swapaxes(1, 2), value) + portable.product(steady.swapaxes(1, 2), bend)
@@ -121,7 +125,11 @@ def constant(spline: minimum_snap.Spline, asked_rad: FloatArray, options: PlanOp
     if options.yaw == "fixed":
         held = options.heading_rad
     else:
-        held = float(asked_rad[given[0]]) if given.size else float(path_heading(spline)[0][0, 0])
+        held = (
+            float(asked_rad[given[0]])
+            if given.size
+            else float(path_heading(minimum_snap.derivatives(spline, _POINTS))[0][0, 0])
+        )
     off = np.abs(rotations.wrapped(asked_rad[given] - held))
     if (off > _SAME_RAD).any():
         raise InputError(
@@ -131,15 +139,17 @@ def constant(spline: minimum_snap.Spline, asked_rad: FloatArray, options: PlanOp
     return held
 
 
-def tilt_spin(spline: minimum_snap.Spline) -> tuple[FloatArray, FloatArray]:
+def tilt_spin(motion: FloatArray) -> tuple[FloatArray, FloatArray]:
     """What turning the thrust axis n adds to the body's yaw rate, and its time derivative: two arrays (k, samples).
 
     Yaw turns before it tilts here, and the shortest tilt spins about body z by -(n x dn/dt)_z / (1 + n_z).
+
+    Args:
+        motion: (k, samples, 5, axes) the path and four derivatives, axes x, y, z first.
     """
-    T = spline.durations_s
-    thrust = _sampled(spline.states, T, 2) + np.array([0.0, 0.0, GRAVITY_M_S2])
+    thrust = motion[:, :, 2] + np.array([0.0, 0.0, GRAVITY_M_S2])
     size = np.maximum(np.linalg.norm(thrust, axis=-1, keepdims=True), 1.0)
-    n, jerk, snap = thrust / size, _sampled(spline.states, T, 3) / size, _sampled(spline.states, T, 4) / size
+    n, jerk, snap = thrust / size, motion[:, :, 3] / size, motion[:, :, 4] / size
     along = np.sum(n * jerk, axis=-1, keepdims=True)
     turn = jerk - n * along
     # d turn / dt, of which only the part across n matters below
@@ -149,19 +159,15 @@ def tilt_spin(spline: minimum_snap.Spline) -> tuple[FloatArray, FloatArray]:
     return spin, -(n[..., 0] * bend[..., 1] - n[..., 1] * bend[..., 0]) / low - spin * turn[..., 2] / low
 
 
-def _sampled(states: FloatArray, durations_s: FloatArray, derivative: int) -> FloatArray:
-    """A derivative at the sample points of each segment, (k, samples, axes)."""
-    return hermite.sampled(states, durations_s, _points(), derivative)
+def path_heading(motion: FloatArray, target_world_m: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+    """Direction of flight, or to a target, at samples of each segment, unwrapped, with its weight: two (k, samples).
 
-
-def path_heading(
-    spline: minimum_snap.Spline, target_world_m: FloatArray | None = None
-) -> tuple[FloatArray, FloatArray]:
-    """Direction of flight, or to a target, at samples of each segment, unwrapped, with its weight: two (k, samples)."""
-    T = spline.durations_s
-    velocity = _sampled(spline.states[..., :2], T, 1)
+    Args:
+        motion: as of `tilt_spin`.
+    """
+    velocity = motion[:, :, 1, :2]
     if target_world_m is not None:
-        velocity = target_world_m[:2] - _sampled(spline.states[..., :2], T, 0)
+        velocity = target_world_m[:2] - motion[:, :, 0, :2]
     speed = portable.length(velocity).ravel()
     moving = np.flatnonzero(speed > 0.3 * _SLOW_M_S)
     if not moving.size:
@@ -171,10 +177,6 @@ def path_heading(
     heading = np.interp(np.arange(speed.size), moving, unwrapped)
     weight = np.where(speed > 0.3 * _SLOW_M_S, speed**2 / (speed**2 + _SLOW_M_S**2), 0.0) + _FAINT
     return heading.reshape(velocity.shape[:2]), weight.reshape(velocity.shape[:2])
-
-
-def _points() -> FloatArray:
-    return (np.arange(_SAMPLES) + 0.5) / _SAMPLES
 
 
 def _unwrapped(asked_rad: FloatArray, heading: FloatArray) -> FloatArray:

@@ -1,18 +1,26 @@
-"""The smoothest way through waypoints at given times: least integral of squared snap, in closed form.
+"""Degree-7 Hermite splines, and the smoothest one through waypoints at given times: least integral of squared snap.
 
-Unknown are velocity, acceleration and jerk at the interior knots; the conditions for the minimum are block tridiagonal,
+A knot state is (p, v, a, j). With u = t / T in [0, 1] a segment is M S(T) [start state, end state], where S scales the
+r-th derivative by T^r and M is a constant matrix; so all about it is a constant times powers of T. For least snap,
+unknown are velocity, acceleration and jerk at the interior knots; the conditions for the minimum are block tridiagonal,
 symmetric and positive definite, and the same for every axis. Degree 7 is optimal when only positions are given.
 """
 
 from dataclasses import dataclass
-from math import isfinite
+from functools import cache
+from math import isfinite, perm
 
 import numpy as np
 
 from flight import FloatArray, InputError, Trajectory, polynomial, portable
 from planner._planner import snap_coefficients, snap_states
-from planner.curve import hermite
 
+ORDER = 4
+"""Numbers in a knot state, and the derivative whose square is minimised (snap)."""
+SIZE = 2 * ORDER
+"""Coefficients of a segment."""
+POWERS = np.tile(np.arange(ORDER), 2)
+"""Order of derivative of each of the eight numbers of a segment: (0, 1, 2, 3, 0, 1, 2, 3)."""
 _BAND = 6  # a knot couples with the next one: 3 + 3 unknowns
 
 
@@ -27,19 +35,63 @@ class Spline:
 
     def snap_cost(self) -> float:
         """Integral of the squared snap over the whole path, all axes together."""
-        d = hermite.segment_states(self.states)
+        d = segment_states(self.states)
         return float(np.sum(d * portable.product(energy(self.durations_s), d)))
 
     def scale_time(self, factor: float) -> "Spline":
         """The same path `factor` times as slowly."""
-        powers = polynomial.powers(1.0 / factor, hermite.ORDER)
+        powers = polynomial.powers(1.0 / factor, ORDER)
         return Spline(self.durations_s * factor, self.states * powers[:, None])
+
+
+def basis(u: FloatArray, derivative: int) -> FloatArray:
+    """Derivatives of the monomials at u: (n, 8), row i times ascending coefficients in u is the value at u[i]."""
+    u = np.asarray(u, dtype=np.float64)
+    rows, powers = np.zeros((len(u), SIZE)), polynomial.powers(u, SIZE)
+    for i in range(derivative, SIZE):
+        rows[:, i] = perm(i, derivative) * powers[:, i - derivative]
+    return rows
+
+
+@cache
+def monomials_from_states() -> FloatArray:
+    """M (8, 8): ascending coefficients in u from the scaled states of both ends."""
+    ends = [basis(np.array([u]), r)[0] for u in (0.0, 1.0) for r in range(ORDER)]
+    return np.round(portable.solve(np.array(ends), np.eye(SIZE)) * 6.0) / 6.0  # the exact entries are whole sixths
+
+
+@cache
+def snap_matrix() -> FloatArray:
+    """(8, 8), times T^(powers - 7): integral over the segment of the squared fourth derivative, from the states."""
+    i = np.arange(SIZE)
+    falling = np.array([perm(n, ORDER) for n in i], dtype=np.float64)
+    monomial = np.outer(falling, falling) / np.maximum(i[:, None] + i[None, :] - 2 * ORDER + 1, 1)
+    M = monomials_from_states()
+    matrix = portable.product(portable.product(M.T, monomial), M)
+    return 0.5 * (matrix + matrix.T)
+
+
+def time_powers(durations_s: FloatArray) -> FloatArray:
+    """S(T) as (k, 8): T^0, T^1, T^2, T^3 for each end."""
+    return polynomial.powers(durations_s, ORDER)[:, POWERS]
+
+
+def segment_states(states: FloatArray) -> FloatArray:
+    """Knot states (k + 1, 4, axes) as the states of both ends of each segment, (k, 8, axes)."""
+    return np.concatenate([states[:-1], states[1:]], axis=1)
+
+
+def sampled(states: FloatArray, durations_s: FloatArray, fractions: FloatArray, derivative: int) -> FloatArray:
+    """(k, n, axes) a derivative by time at fractions (n,) of each segment, from knot states (k + 1, 4, axes)."""
+    scaled = segment_states(states) * time_powers(durations_s)[..., None]
+    rows = portable.product(basis(fractions, derivative), monomials_from_states())
+    return portable.product(rows, scaled) / polynomial.powers(durations_s, derivative + 1)[:, -1, None, None]
 
 
 def energy(durations_s: FloatArray) -> FloatArray:
     """(k, 8, 8): the snap integral of each segment as a quadratic form in the states of its two ends."""
-    inverse = 7 - hermite.POWERS[:, None] - hermite.POWERS[None, :]
-    return hermite.snap_matrix() * polynomial.powers(1.0 / np.asarray(durations_s), 8)[:, inverse]
+    inverse = 7 - POWERS[:, None] - POWERS[None, :]
+    return snap_matrix() * polynomial.powers(1.0 / np.asarray(durations_s), 8)[:, inverse]
 
 
 def solve(
@@ -75,7 +127,7 @@ def given(
     positions: FloatArray, start: FloatArray | None, end: FloatArray | None, velocity: FloatArray | None
 ) -> tuple[FloatArray, np.ndarray]:
     """Knot states (k + 1, 4, axes) with what is given and zeros elsewhere, and which knots' velocities are held."""
-    states = np.zeros((len(positions), hermite.ORDER, positions.shape[1]))
+    states = np.zeros((len(positions), ORDER, positions.shape[1]))
     states[:, 0] = positions
     if start is not None:
         states[0, 1:] = start
@@ -96,7 +148,7 @@ def solve_numpy(states: FloatArray, durations_s: FloatArray) -> None:
         return
     H = energy(durations_s)
     states[1:-1, 1:] = 0.0
-    force = H @ hermite.segment_states(states)
+    force = H @ segment_states(states)
     right = -(force[:-1, 5:] + force[1:, 1:4])
     factor = cholesky_banded(_banded(H), lower=True, check_finite=False, overwrite_ab=True)
     solved = cho_solve_banded((factor, True), right.reshape(-1, states.shape[2]), check_finite=False)
@@ -118,13 +170,27 @@ def _banded(H: FloatArray) -> FloatArray:
 
 def coefficients(states: FloatArray, durations_s: FloatArray) -> FloatArray:
     """Ascending coefficients in seconds, (k, axes, 8), from knot states (k + 1, 4, axes)."""
-    found = np.empty((len(durations_s), states.shape[2], hermite.SIZE))
+    found = np.empty((len(durations_s), states.shape[2], SIZE))
     snap_coefficients(np.ascontiguousarray(states), durations_s, found)
     return found
+
+
+def derivatives(spline: Spline, fractions: FloatArray) -> FloatArray:
+    """(k, n, 5, axes): the path and four derivatives by time at fractions (n,) of each segment."""
+    return np.stack([sampled(spline.states, spline.durations_s, fractions, r) for r in range(5)], axis=2)
+
+
+def coefficients_numpy(states: FloatArray, durations_s: FloatArray) -> FloatArray:
+    """The NumPy reference of `coefficients`."""
+    T = np.asarray(durations_s, dtype=np.float64)
+    scaled = segment_states(states) * time_powers(T)[..., None]
+    on_unit = np.einsum("ab,kbx->kxa", monomials_from_states(), scaled)
+    on_unit[..., :ORDER] = np.swapaxes(scaled[:, :ORDER], 1, 2) / np.array([1.0, 1.0, 2.0, 6.0])
+    return on_unit / polynomial.powers(T, SIZE)[:, None]
 
 
 def trajectory(spline: Spline) -> Trajectory:
     """A flyable trajectory of a spline with axes x, y, z and yaw (0 where it has none)."""
     c = coefficients(spline.states, spline.durations_s)
-    level = np.zeros((len(c), 4 - c.shape[1], hermite.SIZE))
+    level = np.zeros((len(c), 4 - c.shape[1], SIZE))
     return Trajectory(spline.durations_s, np.concatenate([c, level], axis=1))

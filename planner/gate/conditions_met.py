@@ -1,18 +1,24 @@
-"""Whether a trajectory does what is asked besides its waypoints: motion, speeds and jerks of legs, stays, a tube."""
+"""Whether a trajectory does what is asked besides its waypoints: motion, speeds and jerks of legs, stays, a tube,
+headings."""
 
 import numpy as np
 
 import esdf
-from flight import FloatArray, Trajectory, polynomial
+from flight import FloatArray, Trajectory, polynomial, portable, rotations
 from planner.gate.limits import Check, certified_maxima
-from planner.gate.visits import Visits
+from planner.gate.visits import SAME_RAD, Visits
 from planner.request import space
 from planner.request.conditions import Conditions
+from planner.request.options import PlanOptions
 
 _SAME = 1e-6
 """Largest difference (SI) from a motion that was asked for, relative to the largest number in it above one."""
 _VISIT_S = 0.1
 """A visit is timed by where the path comes nearest within the tolerance, shortly before or after a hover."""
+_LOOK_RAD = 0.6
+"""Largest angle between the heading and the direction of a point that is looked at."""
+_NEAR_M = 1.0
+"""Horizontal distance of that point below which any heading will do."""
 
 
 def checks(trajectory: Trajectory, visits: Visits | None, asked: Conditions) -> list[Check]:
@@ -111,3 +117,37 @@ def _stay_check(trajectory: Trajectory, visits_s: FloatArray, asked_s: FloatArra
     return Check(
         "stays", float(lack[worst]), 1e-6, "s", bool(lack[worst] <= 1e-6), float(visits_s[worst]), None, reason
     )
+
+
+def headings(
+    trajectory: Trajectory, joins_s: FloatArray | None, yaw_rad: FloatArray | None, options: PlanOptions
+) -> list[Check]:
+    """Headings asked for at waypoints (n,), held all along, or towards a point.
+
+    Args:
+        joins_s: (n,) when they are to be had (`Visits.joins_s`); None if the waypoints are not all passed.
+    """
+    checks = []
+    times = trajectory.sample(options.sample_step_s)
+    motion = trajectory.evaluate(times)
+    if joins_s is not None and yaw_rad is not None and np.isfinite(yaw_rad).any():
+        off = np.abs(rotations.wrapped(trajectory.evaluate(joins_s)[:, 3] - yaw_rad))
+        off = np.where(np.isfinite(off), off, 0.0)
+        checks.append(_heading_check("heading at waypoints", off, joins_s, SAME_RAD))
+    if options.yaw in ("fixed", "steady"):
+        held = options.heading_rad if options.yaw == "fixed" else motion[0, 3]
+        off = np.abs(rotations.wrapped(motion[:, 3] - held))
+        checks.append(_heading_check("heading held", off, times, SAME_RAD))
+    if options.target_world_m is not None:
+        aim = options.target_world_m[:2] - motion[:, :2]
+        off = np.abs(rotations.wrapped(motion[:, 3] - portable.arctangent2(aim[:, 1], aim[:, 0])))
+        off = np.where(portable.length(aim) > _NEAR_M, off, 0.0)
+        checks.append(_heading_check("look at the point", off, times, _LOOK_RAD))
+    return checks
+
+
+def _heading_check(name: str, off_rad: FloatArray, times_s: FloatArray, bound_rad: float) -> Check:
+    worst = int(off_rad.argmax())
+    value, time_s = float(off_rad[worst]), float(times_s[worst])
+    reason = f"{np.degrees(value):.1f} deg off at {time_s:.1f} s, at most {np.degrees(bound_rad):.1f} are allowed"
+    return Check(name, value, bound_rad, "rad", value <= bound_rad, time_s, reason=reason)

@@ -19,8 +19,6 @@ from flight import (
     Progress,
     Trajectory,
     TrajectoryFile,
-    portable,
-    rotations,
     silent,
 )
 from flight.trajectory import fingerprint
@@ -29,17 +27,13 @@ from planner.gate import conditions_met, limits, visits
 from planner.gate.limits import Check
 from planner.request import inputs
 from planner.request.conditions import Conditions
+from planner.request.inputs import Request
 from planner.request.options import PlanOptions
-from planner.request.request import Request
 from planner.request.space import DistanceField, Grounded
 from vehicle import Vehicle
 
 _ORDER_UNITS = ("m", "m/s", "m/s2", "m/s3")
 _NAMES = ("position", "velocity", "acceleration", "jerk")
-_LOOK_RAD = 0.6
-"""Largest angle between the heading and the direction of a point that is looked at."""
-_NEAR_M = 1.0
-"""Horizontal distance of that point below which any heading will do."""
 _JUMP = 1e-6
 """Largest jump (SI) at a join, relative to the largest value of that derivative where that is above one."""
 
@@ -110,26 +104,22 @@ class GateReport:
 
 
 AskGate = Callable[[Trajectory, limits.Known | None], GateReport]
-"""From a trajectory, and what is known of another one, to the gate's report."""
+"""From a trajectory, and what is known of another one, to the gate's report: `judge` of one request."""
 
 
-def judge(request: Request) -> AskGate:
-    """The gate for answers to one request. Raises as `check`."""
-
-    def ask(trajectory: Trajectory, known: limits.Known | None = None) -> GateReport:
-        return check(
-            trajectory,
-            request.field,
-            request.vehicle,
-            request.options,
-            waypoints_world_m=request.waypoints.positions_world_m,
-            yaw_rad=request.waypoints.yaw_rad,
-            conditions=request.conditions,
-            known=known,
-            stop=request.stop,
-        )
-
-    return ask
+def judge(request: Request, trajectory: Trajectory, known: limits.Known | None) -> GateReport:
+    """An answer to a request. Raises as `check`."""
+    return check(
+        trajectory,
+        request.field,
+        request.vehicle,
+        request.options,
+        waypoints_world_m=request.waypoints.positions_world_m,
+        yaw_rad=request.waypoints.yaw_rad,
+        conditions=request.conditions,
+        known=known,
+        stop=request.stop,
+    )
 
 
 def check(
@@ -167,15 +157,16 @@ def check(
         space_ = field if asked.ground_world_m is None else Grounded(field, asked.ground_world_m, options.clearance_m)
         clearance = _clearance(trajectory, space_, options.clearance_m)
         progress("gate", 0.4)
+        smooth, clear = _continuity(trajectory), _clearance_check(clearance, options.clearance_m, vehicle)
         met: visits.Visits | None = None
         if waypoints_world_m is not None:
             passed, met = visits.reached(trajectory, waypoints_world_m, asked, options)
             checks += passed
             if met is not None and yaw_rad is not None:
                 met = visits.turned(trajectory, met, waypoints_world_m, yaw_rad)
-        checks += conditions_met.checks(trajectory, met, asked) + _continuity(trajectory)
-        checks += _headings(trajectory, None if met is None else met.joins_s(trajectory), yaw_rad, options)
-        checks += [_clearance_check(clearance, options.clearance_m, vehicle)]
+        joins_s = None if met is None else met.joins_s(trajectory)
+        checks += [*conditions_met.checks(trajectory, met, asked), *smooth]
+        checks += [*conditions_met.headings(trajectory, joins_s, yaw_rad, options), clear]
         bounds = options.limits_for(vehicle)
         usage, found = limits.measure(trajectory, vehicle, bounds, step_s=options.sample_step_s, known=known, stop=stop)
         checks += found
@@ -298,36 +289,6 @@ def _finite(trajectory: Trajectory) -> Check:
     return Check(
         "finite", float(broken), 0.0, "", good, reason="durations positive; start times and coefficients finite"
     )
-
-
-def _headings(
-    trajectory: Trajectory, visits_s: FloatArray | None, yaw_rad: FloatArray | None, options: PlanOptions
-) -> list[Check]:
-    """Headings asked for at waypoints, held all along, or towards a point."""
-    checks = []
-    times = trajectory.sample(options.sample_step_s)
-    motion = trajectory.evaluate(times)
-    if visits_s is not None and yaw_rad is not None and np.isfinite(yaw_rad).any():
-        off = np.abs(rotations.wrapped(trajectory.evaluate(visits_s)[:, 3] - yaw_rad))
-        off = np.where(np.isfinite(off), off, 0.0)
-        checks.append(_heading_check("heading at waypoints", off, visits_s, visits.SAME_RAD))
-    if options.yaw in ("fixed", "steady"):
-        held = options.heading_rad if options.yaw == "fixed" else motion[0, 3]
-        off = np.abs(rotations.wrapped(motion[:, 3] - held))
-        checks.append(_heading_check("heading held", off, times, visits.SAME_RAD))
-    if options.target_world_m is not None:
-        aim = options.target_world_m[:2] - motion[:, :2]
-        off = np.abs(rotations.wrapped(motion[:, 3] - portable.arctangent2(aim[:, 1], aim[:, 0])))
-        off = np.where(portable.length(aim) > _NEAR_M, off, 0.0)
-        checks.append(_heading_check("look at the point", off, times, _LOOK_RAD))
-    return checks
-
-
-def _heading_check(name: str, off_rad: FloatArray, times_s: FloatArray, bound_rad: float) -> Check:
-    worst = int(off_rad.argmax())
-    value, time_s = float(off_rad[worst]), float(times_s[worst])
-    reason = f"{np.degrees(value):.1f} deg off at {time_s:.1f} s, at most {np.degrees(bound_rad):.1f} are allowed"
-    return Check(name, value, bound_rad, "rad", value <= bound_rad, time_s, reason=reason)
 
 
 def _continuity(trajectory: Trajectory) -> list[Check]:

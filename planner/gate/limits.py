@@ -7,26 +7,23 @@ limit.
 """
 
 from dataclasses import asdict, dataclass
+from functools import cache
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
-import vehicle as vehicles
 from flight import FlightError, FloatArray, Trajectory, polynomial, portable
 from planner._planner import StopFlag
-from planner.curve import attitude, heading
+from planner.curve import attitude
 from planner.request.options import PlanCancelledError, check_stop
-from vehicle import Limits, Vehicle, flatness, invert
+from vehicle import Limits, Vehicle, invert
 
 _PIECES = 16
 """Parts of a segment in which the hull bound is taken; its gap falls with the square of their number."""
-_SIDE_S = 1e-9
-"""Distance in seconds of the samples on both sides of a join: snap, and with it the torque, may jump there."""
-
-
 NAMES = ("speed", "acceleration", "jerk", "tilt", "roll and pitch rate", "yaw rate", "rotor speed", "slowest rotor")
 """The checks of this module, in order; that of jerk only where there is a limit."""
 _UNITS = ("m/s", "m/s2", "m/s3", "rad", "rad/s", "rad/s", "rad/s", "rad/s")
-_PROVED = 3
+PROVED = 3
 """The first so many are polynomials; the others are interpolated by some."""
 _LONGEST_STEPS, _SHORTEST_STEPS = 50, 2
 """Length of the pieces to begin with, and from which on they are halved no more, in units of the sampling step."""
@@ -38,6 +35,11 @@ _POWERS = (1, 2, 3, 2, 3, 1, 2, 2)
 follows from it with its square, jerk and rates of the thrust's direction with its cube."""
 _GROUP = 100
 """Segments that are looked at together: more would make cancelling slow, fewer the check."""
+_DOUBT = 5.0
+"""Error over the sum of the last four coefficients: at most this where a force has a kink (drag changes sign); the
+excess seen beyond it was 0.1 % of a rotor's speed."""
+_PARTS = 4
+"""Parts of a piece in which the hull bound is taken."""
 _BINDING = 0.97
 """Share of a limit from which on it counts as what decides the time of a segment."""
 
@@ -141,7 +143,7 @@ def measure(
     except PlanCancelledError:
         raise
     except FlightError as error:
-        rows = [row for row in zip(NAMES, _bounds(limits).tolist(), _UNITS, strict=True) if np.isfinite(row[1])]
+        rows = [row for row in zip(NAMES, bounds_of(limits).tolist(), _UNITS, strict=True) if np.isfinite(row[1])]
         return None, [Check(name, np.nan, bound, unit, False, reason=str(error)) for name, bound, unit in rows]
     return used, [_verdict(used, int(i), trajectory) for i in np.flatnonzero(used.limited)]
 
@@ -151,7 +153,7 @@ def _verdict(used: Usage, limit: int, trajectory: Trajectory) -> Check:
     value, time_s, bound = float(used.value[limit, segment]), float(used.time_s[limit, segment]), used.bound[limit]
     passed = bool(used.passed[limit, segment])
     if passed:
-        reason = "proved between samples" if limit < _PROVED else "interpolated, with an allowance for what that misses"
+        reason = "proved between samples" if limit < PROVED else "interpolated, with an allowance for what that misses"
     else:
         reason = excess_text(used, limit, segment, trajectory)
     return Check(NAMES[limit], value, float(bound), _UNITS[limit], passed, time_s, segment, reason)
@@ -164,7 +166,7 @@ def excess_text(used: Usage, limit: int, segment: int, trajectory: Trajectory) -
     where = f"segment {segment} at {time_s:.1f} s"
     if not np.isfinite(value):
         return f"{where}: no rotor speeds produce this motion; give it more than {1.5 * T:.2f} s"
-    longer = T * float(_longer(np.maximum(used.share[:, segment], 1.0))[limit])
+    longer = T * float(time_factor(np.maximum(used.share[:, segment], 1.0))[limit])
     unit = _UNITS[limit]
     return f"{where}: {NAMES[limit]} {value:.4g} {unit}, limit {used.bound[limit]:.4g}; give it {longer:.2f} s"
 
@@ -203,10 +205,10 @@ def usage(
         some = Trajectory(trajectory.durations_s[group], trajectory.coefficients[group])
         found, time_s = _attitude_bounds(some, vehicle, limits, step_s, known.memory or attitude.Memory())
         found[_SLOWEST] *= -1.0
-        for derivative in range(1, _PROVED + 1):
+        for derivative in range(1, PROVED + 1):
             found[derivative - 1], time_s[derivative - 1] = certified_maxima(some, derivative)
         value[:, group], after_s[:, group] = found, time_s - some.starts_s[:-1]
-    return Usage(value, starts + after_s, _shares(value, limits, _hover(vehicle)), _bounds(limits))
+    return Usage(value, starts + after_s, shares_used(value, limits, mean_hover_rad_s(vehicle)), bounds_of(limits))
 
 
 def _attitude_bounds(
@@ -216,22 +218,29 @@ def _attitude_bounds(
 
     NaN where no rotor speeds give the motion. The first rows, speed, acceleration and jerk, are left open.
     """
-    k, hover = len(trajectory.durations_s), _hover(vehicle)
+    k, hover = len(trajectory.durations_s), mean_hover_rad_s(vehicle)
     bound, time_s = np.full((len(NAMES), k), -np.inf), np.zeros((len(NAMES), k))
     pieces, coefficients = memory.coefficients(vehicle, trajectory, np.arange(k), _LONGEST_STEPS * step_s)
     while True:
         found, fraction, seen = _piece_bounds(coefficients)
         signs = np.where(np.arange(len(NAMES)) == _SLOWEST, -1.0, 1.0)[:, None]
-        share, seen_share = (_shares(signs * x, limits, hover) for x in (found, seen))
+        share, seen_share = (shares_used(signs * x, limits, hover) for x in (found, seen))
         with np.errstate(invalid="ignore"):  # infinite where the motion is impossible
             near = ~(share < _BINDING) & ~(share - seen_share < _SETTLED)
         halved = near.any(axis=0) & (pieces.length_s > _SHORTEST_STEPS * step_s)
         _keep_largest(bound, time_s, found, _times(trajectory, pieces, fraction), pieces.segment, ~halved)
         if not halved.any():
             break
-        pieces = pieces.chosen(halved).halves()
+        pieces = _halves(pieces, halved)
         coefficients = attitude.coefficients(vehicle, trajectory, pieces)
     return np.where(bound == np.inf, np.nan, bound), time_s
+
+
+def _halves(pieces: attitude.Pieces, chosen: np.ndarray) -> attitude.Pieces:
+    """Both halves of each chosen piece (p,) bool."""
+    start, half = pieces.start_s[chosen], 0.5 * pieces.length_s[chosen]
+    starts = np.stack([start, start + half], axis=1).ravel()
+    return attitude.Pieces(np.repeat(pieces.segment[chosen], 2), starts, np.repeat(half, 2))
 
 
 def _times(trajectory: Trajectory, pieces: attitude.Pieces, fraction: FloatArray) -> FloatArray:
@@ -243,8 +252,8 @@ def _piece_bounds(coefficients: FloatArray) -> tuple[FloatArray, FloatArray, Flo
 
     Infinite where the vehicle cannot fly the motion; of the slowest rotor the negative.
     """
-    points, beyond = attitude.hull(coefficients), attitude.allowance(coefficients)[:, None]
-    inside = attitude.at_nodes(coefficients)
+    points, fractions = hull(coefficients), _hull_fractions()
+    beyond, inside = allowance(coefficients)[:, None], _at_nodes(coefficients)
 
     def quantities(values: FloatArray, more: FloatArray | float) -> FloatArray:
         shown = np.zeros((len(NAMES), *values.shape[:2]))
@@ -259,7 +268,48 @@ def _piece_bounds(coefficients: FloatArray) -> tuple[FloatArray, FloatArray, Flo
 
     bounds = quantities(points, beyond)
     worst = bounds.argmax(axis=2)
-    return bounds.max(axis=2), attitude.hull_fractions()[worst], quantities(inside, 0.0).max(axis=2)
+    return bounds.max(axis=2), fractions[worst], quantities(inside, 0.0).max(axis=2)
+
+
+def hull(coefficients: FloatArray) -> FloatArray:
+    """(p, m, VALUES) control points: over each piece the values stay within their convex hull."""
+    return np.einsum("mk,pkv->pmv", _control_points(), coefficients)
+
+
+def _hull_fractions() -> FloatArray:
+    """(m,) near which fraction of its piece each control point belongs."""
+    inside = np.arange(attitude.NODES) / (attitude.NODES - 1)
+    return ((np.arange(_PARTS)[:, None] + inside) / _PARTS).ravel()
+
+
+def _at_nodes(coefficients: FloatArray) -> FloatArray:
+    """(p, NODES, VALUES) values spread evenly over each piece, its ends among them."""
+    return np.einsum(
+        "nk,pkv->pnv",
+        chebyshev.chebvander(np.linspace(-1.0, 1.0, attitude.NODES) / attitude.REACH, attitude.NODES - 1),
+        coefficients,
+    )
+
+
+def allowance(coefficients: FloatArray) -> FloatArray:
+    """(p, VALUES) by how much the values may miss what they stand for."""
+    return _DOUBT * np.abs(coefficients[:, -4:]).sum(axis=1)
+
+
+@cache
+def _control_points() -> FloatArray:
+    """(parts * NODES, NODES): Bernstein control points of each part of a piece from the coefficients."""
+    ascending = np.zeros((attitude.NODES, attitude.NODES))
+    for k in range(attitude.NODES):
+        ascending[k, : k + 1] = chebyshev.cheb2poly(np.eye(attitude.NODES)[k])[: k + 1]
+    rows = []
+    for part in range(_PARTS):
+        start, length = 2.0 * part / _PARTS - 1.0, 2.0 / _PARTS
+        shifted = polynomial.shift_argument(
+            polynomial.scale_argument(ascending, 1.0 / attitude.REACH), np.full(attitude.NODES, start)
+        )
+        rows.append(polynomial.bernstein_from_seconds(shifted, np.full(attitude.NODES, length)).T)
+    return np.concatenate(rows)
 
 
 def _keep_largest(
@@ -271,7 +321,7 @@ def _keep_largest(
     chosen: np.ndarray,
 ) -> None:
     """Enter the chosen pieces' bounds into those of their segments, where they are larger, with their times."""
-    for row in range(_PROVED, len(NAMES)):
+    for row in range(PROVED, len(NAMES)):
         order = np.flatnonzero(chosen)
         order = order[np.argsort(found[row, order], kind="stable")]  # the largest is written last
         larger = order[found[row, order] > bound[row, segment[order]]]
@@ -295,7 +345,7 @@ def certified_maxima(trajectory: Trajectory, derivative: int) -> tuple[FloatArra
     return norms.max(axis=1), trajectory.starts_s[:-1] + T * (piece + 0.5) / _PIECES
 
 
-def _bounds(limits: Limits) -> FloatArray:
+def bounds_of(limits: Limits) -> FloatArray:
     return np.array(
         [
             limits.speed_m_s,
@@ -310,64 +360,19 @@ def _bounds(limits: Limits) -> FloatArray:
     )
 
 
-def _hover(vehicle: Vehicle) -> float:
+def mean_hover_rad_s(vehicle: Vehicle) -> float:
     return float(invert.hover(vehicle).mean())
 
 
-def _shares(value: FloatArray, limits: Limits, hover_rad_s: float) -> FloatArray:
+def shares_used(value: FloatArray, limits: Limits, hover_rad_s: float) -> FloatArray:
     """Shares of the limits that values (limits, n) use; never negative."""
     base = np.array([0.0] * (_SLOWEST - 1) + [hover_rad_s] * 2)[:, None]
-    room = _bounds(limits)[:, None] - base
+    room = bounds_of(limits)[:, None] - base
     room = np.where(np.abs(room) > 1e-9, room, np.array([1e-9] * _SLOWEST + [-1e-9])[:, None])
     return np.maximum((value - base) / room, 0.0)
 
 
-def _attitude_values(trajectory: Trajectory, vehicle: Vehicle, times: FloatArray) -> list[FloatArray]:
-    state = flatness.state(vehicle, trajectory, times)
-    _, x, y, _ = state.q_world_body.T
-    tilt = 2.0 * portable.arcsine(np.clip(np.sqrt(x * x + y * y), 0.0, 1.0))
-    rate = state.rate_body_rad_s
-    rotor = state.rotor_speed_rad_s
-    return [tilt, portable.length(rate[:, :2]), np.abs(rate[:, 2]), rotor.max(axis=1), rotor.min(axis=1)]
-
-
-def time_shares(trajectory: Trajectory, vehicle: Vehicle, limits: Limits, times: FloatArray) -> FloatArray:
-    """Factor on the time at which each limit is just met, (limits, times); below 1 the limit is kept with margin.
-
-    Where the motion is impossible the factor is 1.5. There is no row for a limit that there is not.
-    """
-    room = _longer(sampled_shares(trajectory, vehicle, limits, times))
-    return np.where(np.isfinite(room), room, 1.5)[np.isfinite(_bounds(limits))]
-
-
-def sampled_shares(trajectory: Trajectory, vehicle: Vehicle, limits: Limits, times: FloatArray) -> FloatArray:
-    """Share used of each limit at each of the times (n,), (limits, n); NaN where the motion is impossible."""
-    norms = [np.linalg.norm(trajectory.position(times, r), axis=1) for r in range(1, _PROVED + 1)]
-    value = np.stack(norms + _attitude_values(trajectory, vehicle, times))
-    return _shares(value, limits, _hover(vehicle))
-
-
-def _longer(share: FloatArray) -> FloatArray:
+def time_factor(share: FloatArray) -> FloatArray:
     """Factor on the time at which each limit (limits, ...), used to such a share, is just met."""
     roots = {1: share, 2: np.sqrt(share), 3: portable.exponential(portable.logarithm(share) / 3.0)}
     return np.stack([roots[power][row] for row, power in enumerate(_POWERS)])
-
-
-def sample_times(trajectory: Trajectory, step_s: float) -> tuple[FloatArray, np.ndarray]:
-    """Times at most `step_s` apart, both sides of every join among them, and the segment each belongs to."""
-    times, segments = [], []
-    for i, (start, duration) in enumerate(zip(trajectory.starts_s[:-1], trajectory.durations_s, strict=True)):
-        side = min(_SIDE_S, 1e-3 * duration)
-        count = max(int(np.ceil(duration / step_s)), 4) + 1
-        times.append(start + np.linspace(0.0, duration - side, count))
-        segments.append(np.full(count, i))
-    return np.concatenate(times), np.concatenate(segments)
-
-
-def yaw_bounds(vehicle: Vehicle, limits: Limits) -> heading.Bounds:
-    """Yaw rate, and the yaw acceleration from moving a quarter of hover's thrust between the two pairs of rotors."""
-    still = np.zeros((1, 3))
-    hover = invert.hover(vehicle)
-    uneven = (hover * np.sqrt(1.0 + 0.25 * np.sign(vehicle.spin)))[None]
-    torque = float(abs(vehicles.wrench(vehicle, still, still, uneven)[1][0, 2]))
-    return heading.Bounds(0.9 * limits.yaw_rate_rad_s, max(torque / vehicle.value("inertia_zz_kg_m2"), 0.1))

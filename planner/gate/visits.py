@@ -6,7 +6,7 @@ from math import dist
 import numpy as np
 
 from flight import FloatArray, Trajectory, Waypoints, portable, rotations
-from planner.gate import limits
+from planner.gate import instants
 from planner.gate.limits import Check
 from planner.request import inputs
 from planner.request.conditions import Conditions
@@ -62,7 +62,7 @@ def reached(
         found = Check("waypoints", worst, tolerance_m, "m", True, reason=f"all {len(wanted)} in order")
         return [found], Visits(times_s, times_s, times_s)
     # Dense samples, joins included: one that is no join is met to within half a step.
-    times = np.append(limits.sample_times(trajectory, _SAMPLE_S)[0], trajectory.duration_s)
+    times = np.append(instants.sample_times(trajectory, _SAMPLE_S)[0], trajectory.duration_s)
     points = trajectory.position(times)
     ends_m = portable.length(points[[0, -1]] - wanted[[0, -1]])
     worse = int(ends_m.argmax())

@@ -1,4 +1,4 @@
-"""The vehicle as the optimiser sees it, fitted to the vehicle's own model; and what the full model says instead.
+"""The vehicle as the optimiser sees it, fitted to the vehicle's own model.
 
 Thrust makes up for a lateral drag c |f| / g + c' |v| times the velocity (Faessler et al. 2018, with the coefficients of
 the vehicle's own effects), and turns with the path and with yaw; rotor speeds squared follow thrust and torque linearly
@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import vehicle as vehicles
-from flight import FloatArray, Trajectory, polynomial, portable
-from planner.curve import attitude
+from flight import FloatArray, portable
 from vehicle import Limits, Vehicle, dynamics, invert
 
 NAMES = (
@@ -37,7 +36,8 @@ class Airframe:
     acceleration_m_s2: float
     jerk_m_s3: float
     """Infinite: no limit."""
-    tilt_rad: float
+    cos_tilt: float
+    """Cosine of the largest tilt."""
     rate_rad_s: float
     yaw_rate_rad_s: float
     drag_per_thrust_1_s: float
@@ -57,14 +57,6 @@ class Airframe:
     mix: FloatArray
     """(4, 4) effort of each rotor by thrust per mass (m/s2) and by the three torques (N m)."""
 
-    def packed(self) -> FloatArray:
-        """(42,) in the order of the kernel's struct (planner/src/airframe.hpp)."""
-        first = [self.speed_m_s, self.acceleration_m_s2, self.jerk_m_s3, _cosine(self.tilt_rad), self.rate_rad_s]
-        first += [self.yaw_rate_rad_s, self.gravity_m_s2, self.drag_per_thrust_1_s, self.drag_per_speed_1_m]
-        first += [self.lift_axial_1_s, self.lift_lateral_1_m]
-        rest = (self.inertia_kg_m2, self.effort_least, self.effort_most, self.effort_hover, self.mix.ravel())
-        return np.concatenate([first, *rest])
-
 
 def reduced(vehicle: Vehicle, limits: Limits) -> Airframe:
     """The vehicle near hover, with these limits."""
@@ -80,7 +72,7 @@ def reduced(vehicle: Vehicle, limits: Limits) -> Airframe:
         speed_m_s=limits.speed_m_s,
         acceleration_m_s2=limits.acceleration_m_s2,
         jerk_m_s3=limits.largest_jerk_m_s3,
-        tilt_rad=limits.tilt_rad,
+        cos_tilt=float(portable.sine_cosine(limits.tilt_rad)[1]),
         rate_rad_s=limits.rate_rad_s,
         yaw_rate_rad_s=limits.yaw_rate_rad_s,
         drag_per_thrust_1_s=float(drag[0]),
@@ -120,10 +112,6 @@ def _least_squares(x: FloatArray, y: FloatArray) -> FloatArray:
     return portable.solve(portable.product(x.T, x), portable.product(x.T, y[:, None]))[:, 0]
 
 
-def _cosine(angle_rad: float) -> float:
-    return float(portable.sine_cosine(angle_rad)[1])
-
-
 def excess_numpy(airframe: Airframe, derivatives: FloatArray) -> FloatArray:
     """The NumPy reference of the kernel's `Demand`: relative excess (n, 14) over each limit.
 
@@ -159,13 +147,12 @@ def excess_numpy(airframe: Airframe, derivatives: FloatArray) -> FloatArray:
     lift = w.lift_axial_1_s * climb + w.lift_lateral_1_m * (_dot(v, v) - climb**2)
     asked = np.concatenate([(_dot(f, z) - lift - w.gravity_m_s2)[:, None], torque], axis=1)
     effort = w.effort_hover + portable.product(asked, w.mix.T)
-    cos_tilt = _cosine(w.tilt_rad)
     return np.column_stack(
         [
             _dot(v, v) / np.square(w.speed_m_s) - 1.0,
             _dot(a, a) / np.square(w.acceleration_m_s2) - 1.0,
             _dot(j, j) / np.square(w.jerk_m_s3) - 1.0,
-            (cos_tilt - z[:, 2]) / (1.0 - cos_tilt),
+            (w.cos_tilt - z[:, 2]) / (1.0 - w.cos_tilt),
             _dot(z_1, z_1) / np.square(w.rate_rad_s) - 1.0,
             rate[:, 2] ** 2 / np.square(w.yaw_rate_rad_s) - 1.0,
             effort - w.effort_most,
@@ -176,41 +163,3 @@ def excess_numpy(airframe: Airframe, derivatives: FloatArray) -> FloatArray:
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.einsum("ni,ni->n", a, b)
-
-
-def measured_excess(
-    airframe: Airframe,
-    vehicle: Vehicle,
-    trajectory: Trajectory,
-    segments: np.ndarray,
-    fractions: FloatArray,
-    speed_m_s: FloatArray | None = None,
-    jerk_m_s3: FloatArray | None = None,
-    memory: attitude.Memory | None = None,
-) -> FloatArray:
-    """The same quantities (s, f, 14) from the vehicle's full model, at fractions (f,) of the given segments (s,).
-
-    NaN where it cannot fly the motion at all. `speed_m_s` and `jerk_m_s3` (k,) are limits of all segments, if not the
-    airframe's.
-    """
-    k = len(trajectory.durations_s)
-    most = np.full(k, airframe.speed_m_s) if speed_m_s is None else speed_m_s
-    most_jerk = np.full(k, airframe.jerk_m_s3) if jerk_m_s3 is None else jerk_m_s3
-    w, values = airframe, attitude.sampled(vehicle, trajectory, segments, fractions, memory)
-    effort = values[..., attitude.ROTOR] ** 2 / np.mean(invert.hover(vehicle) ** 2)
-    rate, cos_tilt = values[..., attitude.RATE], _cosine(w.tilt_rad)
-    times = fractions * trajectory.durations_s[segments, None]
-    c = trajectory.coefficients[segments, :3]
-    speed, push, jerk = (
-        (polynomial.evaluate(polynomial.differentiate(c, r)[:, None], times[..., None]) ** 2).sum(axis=2)
-        for r in (1, 2, 3)
-    )
-    single = [
-        speed / most[segments, None] ** 2 - 1.0,
-        push / np.square(w.acceleration_m_s2) - 1.0,
-        jerk / most_jerk[segments, None] / most_jerk[segments, None] - 1.0,  # no square of a huge limit
-        (cos_tilt - values[..., attitude.UP]) / (1.0 - cos_tilt),
-        (rate[..., :2] ** 2).sum(axis=2) / np.square(w.rate_rad_s) - 1.0,
-        rate[..., 2] ** 2 / np.square(w.yaw_rate_rad_s) - 1.0,
-    ]
-    return np.concatenate([np.stack(single, axis=2), effort - w.effort_most, w.effort_least - effort], axis=2)

@@ -11,7 +11,7 @@ import numpy as np
 
 from flight import FloatArray, portable
 from planner._planner import StopFlag
-from planner.curve import hermite, minimum_snap
+from planner.curve import minimum_snap
 from planner.optimise import quadratic
 from planner.request import space
 from planner.request.options import PlanInfeasibleError, PlanOptions, check_stop
@@ -83,8 +83,8 @@ def cost_and_gradient(spline: minimum_snap.Spline) -> tuple[float, FloatArray]:
 
     The polynomials are optimal for these times, so what they change by adds nothing to first order (envelope theorem).
     """
-    T, d = spline.durations_s, hermite.segment_states(spline.states)
-    exponents = hermite.POWERS[:, None] + hermite.POWERS[None, :] - 7
+    T, d = spline.durations_s, minimum_snap.segment_states(spline.states)
+    exponents = minimum_snap.POWERS[:, None] + minimum_snap.POWERS[None, :] - 7
     by_T = exponents * minimum_snap.energy(T) / T[:, None, None]
     slope = np.einsum("kax,kab,kbx->k", d, by_T, d) + TIME_PRICE
     return spline.snap_cost() + TIME_PRICE * float(T.sum()), slope
@@ -92,12 +92,12 @@ def cost_and_gradient(spline: minimum_snap.Spline) -> tuple[float, FloatArray]:
 
 def _colliding(spline: minimum_snap.Spline, field: space.DistanceField, required_m: float) -> np.ndarray:
     """(k,) bool: which polynomials come closer to obstacles than allowed."""
-    scaled = hermite.segment_states(spline.states) * hermite.time_powers(spline.durations_s)[..., None]
+    scaled = minimum_snap.segment_states(spline.states) * minimum_snap.time_powers(spline.durations_s)[..., None]
     # the control points' polygon is at least as long as the curve
     polygon = np.diff(portable.product(quadratic.control_points(0), scaled), axis=1)
     counts = np.ceil(np.linalg.norm(polygon, axis=2).sum(axis=1) / _SPACING_M).astype(int) + 1
-    M = hermite.monomials_from_states()
-    rows = [portable.product(hermite.basis(np.linspace(0.0, 1.0, n), 0), M) for n in counts]
+    M = minimum_snap.monomials_from_states()
+    rows = [portable.product(minimum_snap.basis(np.linspace(0.0, 1.0, n), 0), M) for n in counts]
     points = np.concatenate([portable.product(row, ends) for row, ends in zip(rows, scaled, strict=True)])
     first = np.concatenate([[0], np.cumsum(counts)[:-1]])
     return np.minimum.reduceat(space.distance(field, points), first) < required_m

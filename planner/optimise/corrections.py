@@ -2,15 +2,17 @@
 
 import numpy as np
 
-from flight import FloatArray, Trajectory
+from flight import FloatArray, Trajectory, polynomial
 from planner._planner import StopFlag
+from planner.curve import attitude
 from planner.curve.attitude import Memory
 from planner.curve.minimum_snap import Spline
 from planner.gate import limits
 from planner.optimise import airframe, time_allocation
+from planner.optimise.airframe import Airframe
 from planner.optimise.time_allocation import Problem
 from planner.request.options import check_stop
-from vehicle import Vehicle
+from vehicle import Vehicle, invert
 
 _SPARE = 0.006
 """Relative excess that is kept from every limit, for what is not measured."""
@@ -78,7 +80,7 @@ class Corrections:
         near = np.flatnonzero(touched & ((peaks + self.model).max(axis=(1, 2)) > -_NEAR))
         for group in np.split(near, range(_GROUP, len(near), _GROUP)) if near.size else []:
             check_stop(stop)
-            full = airframe.measured_excess(
+            full = measured_excess(
                 problem.airframe,
                 vehicle,
                 path,
@@ -118,6 +120,44 @@ class Corrections:
             exceeded[:, airframe.NAMES.index(name)] |= beyond
         least, share = _STRICTER
         self.gate[:, 0] += np.where(exceeded, np.clip(share * excess, least, 10.0 * least), 0.0)
+
+
+def measured_excess(
+    frame: Airframe,
+    vehicle: Vehicle,
+    trajectory: Trajectory,
+    segments: np.ndarray,
+    fractions: FloatArray,
+    speed_m_s: FloatArray | None = None,
+    jerk_m_s3: FloatArray | None = None,
+    memory: Memory | None = None,
+) -> FloatArray:
+    """The excess (s, f, limits) from the vehicle's own model, at fractions (f,) of the given segments (s,).
+
+    NaN where it cannot fly the motion at all. `speed_m_s` and `jerk_m_s3` (k,) are limits of all segments, if not the
+    airframe's.
+    """
+    k = len(trajectory.durations_s)
+    most = np.full(k, frame.speed_m_s) if speed_m_s is None else speed_m_s
+    most_jerk = np.full(k, frame.jerk_m_s3) if jerk_m_s3 is None else jerk_m_s3
+    w, values = frame, attitude.sampled(vehicle, trajectory, segments, fractions, memory)
+    effort = values[..., attitude.ROTOR] ** 2 / np.mean(invert.hover(vehicle) ** 2)
+    rate = values[..., attitude.RATE]
+    times = fractions * trajectory.durations_s[segments, None]
+    c = trajectory.coefficients[segments, :3]
+    speed, push, jerk = (
+        (polynomial.evaluate(polynomial.differentiate(c, r)[:, None], times[..., None]) ** 2).sum(axis=2)
+        for r in (1, 2, 3)
+    )
+    single = [
+        speed / most[segments, None] ** 2 - 1.0,
+        push / np.square(w.acceleration_m_s2) - 1.0,
+        jerk / most_jerk[segments, None] / most_jerk[segments, None] - 1.0,  # no square of a huge limit
+        (w.cos_tilt - values[..., attitude.UP]) / (1.0 - w.cos_tilt),
+        (rate[..., :2] ** 2).sum(axis=2) / np.square(w.rate_rad_s) - 1.0,
+        rate[..., 2] ** 2 / np.square(w.yaw_rate_rad_s) - 1.0,
+    ]
+    return np.concatenate([np.stack(single, axis=2), effort - w.effort_most, w.effort_least - effort], axis=2)
 
 
 def _approached(believed: FloatArray, measured: FloatArray) -> FloatArray:

@@ -21,8 +21,8 @@ from planner.optimise import descents
 from planner.optimise.corrections import Corrections
 from planner.optimise.time_allocation import Problem
 from planner.request.conditions import Conditions
+from planner.request.inputs import Request
 from planner.request.options import PlanInfeasibleError
-from planner.request.request import Request
 
 _WHOLE = 3
 """Rounds about all segments; later ones mend what is exceeded here and there."""
@@ -111,12 +111,14 @@ def until_flyable(
         believed = corrections.model.copy()
         charged_s = spline.durations_s if round_ > 0 else None
         problem = replace(problem, offsets=corrections.total(), reference_s=charged_s)
-        touched = _touched(spline, wrong, _FAR if round_ == begun else _REACH)
+        reach = _FAR if round_ == begun else _REACH
+        touched = np.ones(len(spline.durations_s), dtype=bool) if wrong is None else descents.grown(wrong, reach)
         if round_ == begun and not drawn:
             spline = descents.redrawn(problem, spline, touched, stop)
         descended = descents.refined(problem, spline, touched, stop, near=round_ > _WHOLE)
         spline = descended.spline
-        _check_lasting(spline.durations_s)
+        if float(spline.durations_s.sum()) > LONGEST_S:
+            raise _too_long(spline.durations_s)
         problem = replace(problem, knots=spline.states[:, 0])
         optimum_s = float(spline.durations_s.sum()) if round_ == begun else optimum_s
         path = minimum_snap.trajectory(spline)
@@ -157,10 +159,6 @@ def until_flyable(
     return found
 
 
-def _touched(spline: minimum_snap.Spline, wrong: np.ndarray | None, reach: int) -> np.ndarray:
-    return np.ones(len(spline.durations_s), dtype=bool) if wrong is None else descents.grown(wrong, reach)
-
-
 def _refused(report: GateReport, asked: Conditions, waypoint: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """(k,) bool: the segments that the gate found too fast for a limit or for what is asked of their leg, and by name
     of the limit those for their leg; `waypoint` (k + 1,) is which waypoint each knot is."""
@@ -179,12 +177,11 @@ def faster(found: Path | None, here: Path) -> Path:
     return found
 
 
-def _check_lasting(durations_s: FloatArray) -> None:
-    if float(durations_s.sum()) > LONGEST_S:
-        raise PlanInfeasibleError(
-            f"the shortest time found is {durations_s.sum():.3g} s, and a trajectory lasts at most {LONGEST_S:g} s",
-            "raise the speeds asked for on legs, or plan the flight in parts",
-        )
+def _too_long(durations_s: FloatArray) -> PlanInfeasibleError:
+    return PlanInfeasibleError(
+        f"the shortest time found is {durations_s.sum():.3g} s, and a trajectory lasts at most {LONGEST_S:g} s",
+        "raise the speeds asked for on legs, or plan the flight in parts",
+    )
 
 
 def _farther_away(problem: Problem, lack_m: float) -> Problem:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flight import FloatArray, InfeasibleError, InputError, polynomial
-from planner.curve import hermite, minimum_snap
+from planner.curve import minimum_snap
 from planner.request.options import StopFlag, check_stop
 from planner.route.corridor import Box
 
@@ -40,8 +40,8 @@ _UNFINISHED = ("solved inaccurate", "maximum iterations reached")
 @cache
 def control_points(derivative: int) -> FloatArray:
     """(8 - derivative, 8): Bernstein control points of a derivative by u, from the scaled states of both ends."""
-    M = hermite.monomials_from_states()
-    points = polynomial.bernstein_from_seconds(polynomial.differentiate(M.T, derivative), np.ones(hermite.SIZE))
+    M = minimum_snap.monomials_from_states()
+    points = polynomial.bernstein_from_seconds(polynomial.differentiate(M.T, derivative), np.ones(minimum_snap.SIZE))
     return points.T
 
 
@@ -89,7 +89,7 @@ class SnapProgram:
         )
         # Snap in units of a typical segment keeps the cost of order one whatever the times.
         cost = (
-            hermite.snap_matrix()
+            minimum_snap.snap_matrix()
             * ratio[:, :, None]
             * ratio[:, None, :]
             * polynomial.powers(T.mean() / T, 8)[:, 7:, None]

@@ -6,12 +6,12 @@ import numpy as np
 
 from flight import FloatArray, InfeasibleError, Trajectory
 from planner.curve import minimum_snap
-from planner.gate import limits
+from planner.gate import instants, limits
 from planner.gate.gate import AskGate
 from planner.optimise import quadratic
 from planner.optimise.fastest import Path
+from planner.request.inputs import Request
 from planner.request.options import PlanInfeasibleError, StopFlag
-from planner.request.request import Request
 from planner.route import corridor
 from planner.route.routes import Route
 from vehicle import Limits, Vehicle
@@ -71,8 +71,8 @@ def time_scale(trajectory: Trajectory, vehicle: Vehicle, bounds: Limits) -> floa
     Raises:
         PlanInfeasibleError: no factor up to fifty keeps the limits.
     """
-    times, _ = limits.sample_times(trajectory, _COARSE_S)
-    shares = limits.time_shares(trajectory, vehicle, bounds, times)
+    times, _ = instants.sample_times(trajectory, _COARSE_S)
+    shares = instants.time_shares(trajectory, vehicle, bounds, times)
     critical = times[np.unique(np.argsort(shares, axis=1)[:, -_CRITICAL:])]
     factor, safe, worst = 1.0, np.inf, float(shares.max())
     for _ in range(15):
@@ -83,7 +83,7 @@ def time_scale(trajectory: Trajectory, vehicle: Vehicle, bounds: Limits) -> floa
         # A hair more than predicted, or the factor would creep up on the bound from the wrong side for ever.
         aimed = factor * float(np.clip(worst * (1.0 + _SPARE), 0.5, 2.0))
         factor = min(aimed, 0.5 * (factor + safe)) if worst > 1.0 else aimed
-        worst = float(limits.time_shares(trajectory.scale_time(factor), vehicle, bounds, critical * factor).max())
+        worst = float(instants.time_shares(trajectory.scale_time(factor), vehicle, bounds, critical * factor).max())
     if not np.isfinite(safe):
         used = limits.usage(trajectory.scale_time(factor), vehicle, bounds, step_s=_COARSE_S * factor)
         limit, segment = np.unravel_index(int(np.argmax(np.nan_to_num(used.share, nan=np.inf))), used.share.shape)

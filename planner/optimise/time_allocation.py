@@ -12,7 +12,7 @@ import numpy as np
 from flight import FloatArray
 from planner._planner import Problem as Kernel
 from planner._planner import StopFlag
-from planner.curve import hermite, minimum_snap
+from planner.curve import minimum_snap
 from planner.optimise import airframe
 from planner.optimise.airframe import Airframe
 from planner.request import space
@@ -93,7 +93,7 @@ class Problem:
 
     def free_states(self) -> np.ndarray:
         """(k + 1, 4, 4) bool: which numbers of the knots' states may move; all derivatives that are not given."""
-        free = np.ones((len(self.knots), hermite.ORDER, 4), dtype=bool)
+        free = np.ones((len(self.knots), minimum_snap.ORDER, 4), dtype=bool)
         free[[0, -1]] = False
         free[:, 0] = self.free
         if self.velocity is not None:
@@ -156,7 +156,7 @@ def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> 
     """The NumPy reference of the cost."""
     T, weights = durations_s, problem.weights
     spline = problem.spline(knots, T)
-    motion = derivatives(spline)
+    motion = minimum_snap.derivatives(spline, FRACTIONS)
     over = excess_numpy(problem, motion)
     if problem.offsets is not None:
         over = over + problem.offsets
@@ -170,7 +170,8 @@ def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> 
     density += weights.heading * pace * (pace - ahead) / ((aim**2).sum(axis=2) + _SLOW_M_S**2)
     density += weights.turning * motion[:, :, 1, 3] ** 2
     if weights.clearance > 0.0:
-        lack = problem.clearance_m - _distances(problem)(motion[:, :, 0, :3].reshape(-1, 3))[0]
+        distances = space.around_path(problem.field, problem.knots[:, :3], problem.clearance_m)
+        lack = problem.clearance_m - distances(motion[:, :, 0, :3].reshape(-1, 3))[0]
         density += weights.clearance * np.maximum(lack, 0.0).reshape(density.shape) ** 2
     position = minimum_snap.Spline(T, spline.states[..., :3])
     outside = 0.0
@@ -195,18 +196,13 @@ def _slant(velocity_m_s: FloatArray, edges_m: FloatArray) -> float:
 
 
 def excess_numpy(problem: Problem, motion: FloatArray) -> FloatArray:
-    """The NumPy reference of the relative excess (k, SAMPLES, limits), from `derivatives`."""
+    """The NumPy reference of the relative excess (k, SAMPLES, limits), from the derivatives there."""
     over = airframe.excess_numpy(problem.airframe, motion.reshape(-1, 5, 4)).reshape(*motion.shape[:2], -1)
     for order, name, most in ((1, "speed", problem.speed_m_s), (3, "jerk", problem.jerk_m_s3)):
         if most is not None:
             square = (motion[:, :, order, :3] ** 2).sum(axis=2)
             over[:, :, airframe.NAMES.index(name)] = square / most[:, None] ** 2 - 1.0
     return over
-
-
-def derivatives(spline: minimum_snap.Spline) -> FloatArray:
-    """(k, SAMPLES, 5, axes): the path and four derivatives at the samples of each segment."""
-    return np.stack([hermite.sampled(spline.states, spline.durations_s, FRACTIONS, r) for r in range(5)], axis=2)
 
 
 def excess(problem: Problem, spline: minimum_snap.Spline) -> tuple[FloatArray, FloatArray]:
@@ -276,11 +272,11 @@ def refine(
 
 
 def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
-    prices = np.array(astuple(problem.weights))
-    kernel = Kernel(
-        len(problem.knots) - 1, samples, problem.airframe.packed(), prices, problem.clearance_m, _distances(problem)
-    )
-    kernel.set_given(*minimum_snap.given(problem.knots, problem.start, problem.end, problem.velocity))
+    packed, prices = _packed(problem.airframe), np.array(astuple(problem.weights))
+    given = minimum_snap.given(problem.knots, problem.start, problem.end, problem.velocity)
+    distances = space.around_path(problem.field, problem.knots[:, :3], problem.clearance_m)
+    kernel = Kernel(len(problem.knots) - 1, samples, packed, prices, problem.clearance_m, distances)
+    kernel.set_given(*given)
     if problem.speed_m_s is not None:
         kernel.set_speeds(np.ascontiguousarray(problem.speed_m_s))
     if problem.jerk_m_s3 is not None:
@@ -298,5 +294,9 @@ def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
     return kernel
 
 
-def _distances(problem: Problem) -> space.Distances:
-    return space.around_path(problem.field, problem.knots[:, :3], problem.clearance_m)
+def _packed(w: Airframe) -> FloatArray:
+    """(42,) in the order of the kernel's struct (planner/src/airframe.hpp)."""
+    first = [w.speed_m_s, w.acceleration_m_s2, w.jerk_m_s3, w.cos_tilt, w.rate_rad_s, w.yaw_rate_rad_s]
+    first += [w.gravity_m_s2, w.drag_per_thrust_1_s, w.drag_per_speed_1_m, w.lift_axial_1_s, w.lift_lateral_1_m]
+    rest = (w.inertia_kg_m2, w.effort_least, w.effort_most, w.effort_hover, w.mix.ravel())
+    return np.concatenate([first, *rest])

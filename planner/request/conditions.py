@@ -241,6 +241,16 @@ class Conditions:
             raise FormatError(f"the conditions in a trajectory file are damaged: {error}") from error
 
 
+def may_move(at: AtKnots, knots: int) -> np.ndarray:
+    """(k + 1,) bool: whether a knot has a ball, or the opening of a gate, to move in."""
+    free, balls, gates = np.zeros(knots, dtype=bool), at["balls"], at["gates"]
+    if balls is not None:
+        free |= balls[:, 3] > 0.0
+    if gates is not None:
+        free |= np.linalg.norm(gates[:, 1:], axis=(1, 2)) > 0.0
+    return free
+
+
 def _between(most: FloatArray | None, waypoint: np.ndarray) -> FloatArray:
     """(k,) limits of legs (n - 1,) between knots, infinite where there is none."""
     leg = np.maximum.accumulate(waypoint)[:-1]

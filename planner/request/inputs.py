@@ -1,14 +1,16 @@
-"""What cannot be planned is refused before any work, with the waypoint or the limit, the bound and the way out."""
+"""A request to the planner: what cannot be planned is refused before any work, with the waypoint or the limit, the
+bound and the way out."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flight import FlightError, FloatArray, InfeasibleError, InputError, Waypoints, rotations
 from flight.trajectory import LONGEST_S
+from planner._planner import StopFlag
 from planner.request import space
-from planner.request.options import PlanInfeasibleError, PlanOptions
-from planner.request.request import Request
+from planner.request.conditions import Conditions
+from planner.request.options import PlanInfeasibleError, PlanOptions, check_stop
 from vehicle import Limits, Vehicle, invert
 
 MOST_WAYPOINTS = 2000
@@ -19,6 +21,24 @@ SAME_M = 1e-3
 """Waypoints nearer than this are one point."""
 _SAME_RAD = 1e-3
 """Headings that differ by less are the same, as in `heading`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Request:
+    """What a trajectory is planned for, of which vehicle, in which space."""
+
+    waypoints: Waypoints
+    field: space.DistanceField
+    vehicle: Vehicle
+    options: PlanOptions
+    conditions: Conditions
+    stop: StopFlag | None = None
+    """Set from another thread, ends the work."""
+
+    @property
+    def limits(self) -> Limits:
+        """Limits to plan within."""
+        return self.options.limits_for(self.vehicle)
 
 
 def options_for(vehicle: object, options: PlanOptions | None) -> PlanOptions:
@@ -32,17 +52,29 @@ def options_for(vehicle: object, options: PlanOptions | None) -> PlanOptions:
     return (PlanOptions() if options is None else options).sized(vehicle)
 
 
-def admitted(request: Request) -> Request:
-    """The request with its conditions as arrays, if a plan can come of it.
+def admitted(
+    waypoints: Waypoints,
+    field: space.DistanceField,
+    vehicle: Vehicle,
+    options: PlanOptions | None,
+    conditions: Conditions | None,
+    stop: StopFlag | None,
+) -> Request:
+    """The request, with its options sized and its conditions as arrays, if a plan can come of it.
 
     Raises:
-        InputError: as `check`, or what is asked besides the waypoints makes no sense or lasts too long.
+        InputError: as `options_for` and `check`, or what is asked besides the waypoints makes no sense or lasts too
+            long.
         PlanInfeasibleError: the limits do not let the vehicle hover.
+        PlanCancelledError: `stop` was set.
     """
-    waypoints, options = request.waypoints, request.options
-    check(waypoints, request.field, request.vehicle, options)
-    asked = request.conditions.checked(len(waypoints.positions_world_m), request.limits)
-    check_durations(waypoints, request.limits, asked.leg_speed_m_s)
+    options = options_for(vehicle, options)
+    check_stop(stop)
+    request = Request(waypoints, field, vehicle, options, Conditions() if conditions is None else conditions, stop)
+    check(request)
+    bounds = request.limits
+    asked = request.conditions.checked(len(waypoints.positions_world_m), bounds)
+    check_durations(waypoints, bounds, asked.leg_speed_m_s)
     if options.method == "bry" and (asked.given_motion or asked.leg_limits):
         raise InputError(
             "Bry's method starts and ends at rest and knows no velocities and no speeds or jerks of legs; use fastest"
@@ -51,9 +83,7 @@ def admitted(request: Request) -> Request:
     return replace(request, conditions=asked)
 
 
-def check(
-    waypoints: Waypoints, field: space.DistanceField, vehicle: Vehicle, options: PlanOptions, *, may_turn: bool = False
-) -> None:
+def check(request: Request, *, may_turn: bool = False) -> None:
     """Refuse waypoints that no plan can come of, whatever else is asked.
 
     Args:
@@ -64,6 +94,7 @@ def check(
             take too long to turn, or as `check_waypoints`.
         PlanInfeasibleError: the limits do not let the vehicle hover.
     """
+    waypoints, field, vehicle, options = request.waypoints, request.field, request.vehicle, request.options
     if not hasattr(field, "distance"):
         raise InputError(f"expected a map, got {field!r}; give a field with `distance(points)`, say of `esdf.load`")
     count = len(waypoints.positions_world_m)
@@ -72,13 +103,13 @@ def check(
             f"{count} waypoints are given; at most {MOST_WAYPOINTS} are planned at once: "
             "thin them (`goshawk plan --path`, or `planner.route.simplify.rdp`), or plan in parts"
         )
-    if vehicle.reach_m > options.clearance_m:
-        raise InputError(beyond_clearance(vehicle, options.clearance_m))
-    bounds = options.limits_for(vehicle)
+    bounds, required_m, free_m = request.limits, options.clearance_m, options.waypoint_clearance_m
+    if vehicle.reach_m > required_m:
+        raise InputError(beyond_clearance(vehicle, required_m))
     _check_hover(vehicle, bounds, options)
     check_durations(waypoints, bounds)
     _check_headings(waypoints, bounds)
-    check_waypoints(waypoints, field, options.waypoint_clearance_m, may_turn=may_turn)
+    check_waypoints(waypoints, field, free_m, may_turn=may_turn)
 
 
 def beyond_clearance(vehicle: Vehicle, clearance_m: float) -> str:

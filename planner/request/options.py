@@ -163,8 +163,8 @@ class PlanOptions:
 
     @property
     def waypoint_clearance_m(self) -> float:
-        """Clearance that waypoints must have: a little more, so that a path to them exists."""
-        return self.clearance_m + 0.004
+        """Clearance that waypoints must have: a little more than is planned, so that a path to them exists."""
+        return self.planned_clearance_m + 0.002
 
 
 def _point(numbers: list[Any]) -> tuple[float, float, float]:

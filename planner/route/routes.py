@@ -4,14 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flight import FloatArray, Waypoints, portable
+from flight import FloatArray, Waypoints
 from planner._planner import StopFlag
 from planner.request import inputs, space
+from planner.request.inputs import Request
 from planner.request.options import PlanInfeasibleError, PlanOptions, check_stop
 from planner.route import sampling, search
-
-_CLOSE_M = 0.5
-"""Spacing of the points of a way that touches obstacles; it grows with twice the room there is."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,6 +24,19 @@ class Route:
     def leg(self, segment: int) -> int:
         """Index of the waypoint before the given line of the route."""
         return int(self.waypoint[: segment + 1].max())
+
+
+def of(request: Request) -> Route:
+    """As `find`, by a sampling planner for Bry's method, and with a reason that names the tube if there is one."""
+    options = request.options.sampled() if request.options.method == "bry" else request.options
+    try:
+        return find(request.waypoints, request.field, options, request.stop)
+    except PlanInfeasibleError as error:
+        if request.conditions.tube is None:
+            raise
+        raise PlanInfeasibleError(
+            f"within the tube, {error.reason}", f"{error.remedy}, or widen the tube", error.segment, gap=error.gap
+        ) from error
 
 
 def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions, stop: StopFlag | None = None) -> Route:
@@ -113,15 +124,3 @@ def _sampled_way(
         if way is not None:
             return way
     return None
-
-
-def subdivided(route: Route, field: space.DistanceField) -> Route:
-    """The same polyline with more points in narrow places, so that a spline through them stays close to it."""
-    points, index = [route.points[:1]], [route.waypoint[:1]]
-    for i in range(len(route.points) - 1):
-        a, b = route.points[i], route.points[i + 1]
-        near = space.distance(field, a + np.linspace(0.0, 1.0, 9)[:, None] * (b - a)).min()
-        pieces = max(int(np.ceil(portable.length(b - a) / (_CLOSE_M + 2.0 * max(near, 0.0)))), 1)
-        points.append(a + np.linspace(0.0, 1.0, pieces + 1)[1:, None] * (b - a))
-        index.append(np.append(np.full(pieces - 1, -1), route.waypoint[i + 1]))
-    return Route(np.concatenate(points), np.concatenate(index))

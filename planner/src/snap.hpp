@@ -1,5 +1,5 @@
 // Degree-7 Hermite segments and the minimum-snap spline through knots: block tridiagonal, one 3 x 3 block per knot.
-// The plain forms are in planner/curve/hermite.py and planner/curve/minimum_snap.py.
+// The plain forms are in planner/curve/minimum_snap.py and planner/curve/minimum_snap.py.
 #pragma once
 
 #include <algorithm>

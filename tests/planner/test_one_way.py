@@ -16,7 +16,7 @@ from planner import Conditions, PlanInfeasibleError, PlanOptions, mission, one_w
 from planner.curve import minimum_snap
 from planner.gate import gate
 from planner.optimise.fastest import Path
-from planner.request.request import Request
+from planner.request.inputs import Request
 from planner.route import routes
 
 LINE = np.array([[0.0, 0.0, 1.5], [3.0, 0.0, 1.5], [6.0, 0.5, 1.5], [9.0, 0.0, 1.5]])

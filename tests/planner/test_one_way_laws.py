@@ -11,7 +11,7 @@ from planner import Conditions, PlanInfeasibleError, PlanOptions, one_way
 from planner.curve import minimum_snap
 from planner.gate import gate
 from planner.optimise.fastest import Path
-from planner.request.request import Request
+from planner.request.inputs import Request
 from planner.route import routes
 
 CENTRE = np.array([1.0, 2.0, 3.0])

@@ -11,6 +11,7 @@ from flight import InputError, Trajectory, Waypoints
 from flight.mission import FlyBy, Gate, Ground, KeepIn, Laps, Mission, Stay, Velocity
 from planner import PlanOptions, mission
 from planner.gate import gate, limits
+from planner.optimise import methods
 from planner.route import routes
 
 A, B, C = (0.0, 0.0, 1.0), (3.0, 0.6, 1.0), (4.0, 3.0, 1.2)
@@ -172,6 +173,6 @@ def test_a_scene_without_anything_in_it_can_be_flown_in(drone):
 
 def test_a_doubled_point_of_a_route_stays_one_piece(open_sky):
     route = routes.Route(np.array([A, A, B]), np.array([0, -1, 1]))
-    dense = routes.subdivided(route, open_sky)
+    dense = methods.subdivided(route, open_sky)
     assert dense.waypoint[[0, -1]].tolist() == [0, 1]
     np.testing.assert_array_equal(dense.points[[0, 1, -1]], [A, A, B])

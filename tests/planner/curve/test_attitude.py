@@ -3,7 +3,7 @@ import pytest
 
 from flight import Trajectory
 from planner.curve import attitude, minimum_snap
-from planner.gate import visits
+from planner.gate import limits, visits
 from planner.request.options import PlanOptions
 from vehicle import flatness, native
 
@@ -32,7 +32,7 @@ def test_interpolated_values_are_those_of_flatness_within_their_allowance(drone,
         found = attitude.coefficients(drone, path, pieces)
         repeated, tiled = np.repeat(found, 21, axis=0), np.tile(fractions, len(found))
         values = attitude.at_fractions(repeated, tiled).reshape(len(found), 21, attitude.VALUES)
-        off = np.abs(values - reference(drone, path, pieces, fractions)).max(axis=1) - attitude.allowance(found)
+        off = np.abs(values - reference(drone, path, pieces, fractions)).max(axis=1) - limits.allowance(found)
         assert np.nanmax(off[:, attitude.UP]) < 1e-6
         assert np.nanmax(off[:, attitude.RATE]) < 1e-3
         assert np.nanmax(off[:, attitude.ROTOR]) < 1.5  # drag changes sign with a kink in its slope
@@ -55,7 +55,7 @@ def test_the_hull_holds_the_values_and_samples_of_segments_are_those_of_their_pi
     segments = np.array([1, 3])
     values = attitude.sampled(drone, path, segments, fractions)
     pieces = attitude.pieces_of(path.durations_s, segments, 0.5)
-    points = attitude.hull(attitude.coefficients(drone, path, pieces))
+    points = limits.hull(attitude.coefficients(drone, path, pieces))
     for number, segment in enumerate(segments):
         mine = points[pieces.segment == segment]
         assert (values[number].max(axis=0) <= mine.max(axis=(0, 1)) + 1e-9).all()

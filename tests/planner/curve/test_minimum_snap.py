@@ -7,7 +7,7 @@ from scipy import sparse
 from scipy.linalg import solveh_banded
 
 from flight import InputError
-from planner.curve import hermite, minimum_snap
+from planner.curve import minimum_snap
 
 
 def random_problem(seed: int, segments: int) -> tuple[np.ndarray, np.ndarray]:
@@ -48,7 +48,7 @@ def test_the_kernel_agrees_with_the_numpy_reference(problem, axes):
     plain = spline.states.copy()
     minimum_snap.solve_numpy(plain, T)
     assert np.allclose(spline.states, plain, rtol=1e-9, atol=1e-9 * np.abs(plain).max())
-    c = hermite.coefficients_numpy(plain, T)
+    c = minimum_snap.coefficients_numpy(plain, T)
     assert np.allclose(minimum_snap.coefficients(spline.states, T), c, rtol=1e-8, atol=1e-9 * np.abs(c).max())
 
 
@@ -78,10 +78,10 @@ def test_a_thousand_waypoints_cost_what_the_exact_optimum_does():
     exact = spline.states.astype(np.longdouble)
     for _ in range(3):  # iterative refinement with the residual in long double
         H = minimum_snap.energy(T).astype(np.longdouble)
-        force = H @ hermite.segment_states(exact)
+        force = H @ minimum_snap.segment_states(exact)
         residual = (force[:-1, 5:] + force[1:, 1:4]).astype(np.float64)
         exact[1:-1, 1:] -= correction(T, residual)
-    d = hermite.segment_states(exact)
+    d = minimum_snap.segment_states(exact)
     best = float(np.sum(d * (minimum_snap.energy(T).astype(np.longdouble) @ d)))
     assert spline.snap_cost() == pytest.approx(best, rel=1e-9)
 
@@ -132,7 +132,7 @@ def test_a_dense_quadratic_program_over_coefficients_finds_the_same_path():
     positions, T = random_problem(11, 4)
     k = len(T)
     u, w = np.polynomial.legendre.leggauss(8)
-    snap = hermite.basis((u + 1) / 2, 4)
+    snap = minimum_snap.basis((u + 1) / 2, 4)
     energy = (snap.T * (w / 2)) @ snap
     P = sparse.block_diag([2 * energy * t**-7 for t in T], format="csc")
     rows, right = [], []
@@ -145,7 +145,7 @@ def test_a_dense_quadratic_program_over_coefficients_finds_the_same_path():
         right.append(value)
 
     def at(u: float, r: int, i: int) -> np.ndarray:
-        return hermite.basis(np.array([u]), r)[0] / T[i] ** r
+        return minimum_snap.basis(np.array([u]), r)[0] / T[i] ** r
 
     x = positions[:, 0]
     for i in range(k):

@@ -7,7 +7,7 @@ import pytest
 
 from flight import MapError, Trajectory, TrajectoryFile
 from planner import PlanOptions
-from planner.gate import gate, visits
+from planner.gate import conditions_met, gate, visits
 from planner.gate.visits import BLOCK
 from tests.planner.gate.by_hand import LEFT_UP, straight
 
@@ -186,9 +186,9 @@ def test_a_point_may_be_looked_at_from_within_six_tenths_of_a_radian(verdicts, o
 
 
 def test_a_deviation_as_large_as_its_bound_passes():
-    check = gate._heading_check("x", np.array([0.25, 0.5, 0.0]), np.array([1.0, 2.0, 3.0]), 0.5)
+    check = conditions_met._heading_check("x", np.array([0.25, 0.5, 0.0]), np.array([1.0, 2.0, 3.0]), 0.5)
     assert (check.passed, check.value, check.time_s) == (True, 0.5, 2.0)
-    assert not gate._heading_check("x", np.array([0.75, 0.5]), np.array([1.0, 2.0]), 0.5).passed
+    assert not conditions_met._heading_check("x", np.array([0.75, 0.5]), np.array([1.0, 2.0]), 0.5).passed
 
 
 # -- joins, numbers, identity ------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ import pytest
 import vehicle
 from flight import Trajectory
 from planner.curve import attitude, minimum_snap
-from planner.gate import limits
+from planner.gate import instants, limits
 from planner.gate.limits import NAMES, Check, Known, Usage
 from vehicle import flatness, invert
 
@@ -175,7 +175,7 @@ def test_a_refusal_proposes_the_time_in_which_the_limit_would_be_kept(limit, pow
 
 def test_shares_of_time_are_powers_of_the_shares_of_limits(drone):
     path, times = some_path(12), np.linspace(0.1, 8.0, 40)
-    found = limits.time_shares(path, drone, drone.limits, times)
+    found = instants.time_shares(path, drone, drone.limits, times)
     values, bounds = sampled(path, drone, times), np.array([check.bound for check in limits.check(path, drone)])
     hover = float(invert.hover(drone).mean())
     base = np.array([0.0] * 6 + [hover] * 2)[:, None]
@@ -189,15 +189,15 @@ def test_without_room_beside_hover_every_deviation_is_too_much(drone):
     at = np.full((len(NAMES), 1), hover)
     for row, limit, sign in ((6, "rotor_speed_max_rad_s", 1.0), (7, "rotor_speed_min_rad_s", -1.0)):
         tight = replace(drone.limits, **{limit: hover})
-        assert limits._shares(at, tight, hover)[row, 0] == 0.0
-        assert limits._shares(at + sign, tight, hover)[row, 0] > 1e6
-        assert limits._shares(at - sign, tight, hover)[row, 0] == 0.0
+        assert limits.shares_used(at, tight, hover)[row, 0] == 0.0
+        assert limits.shares_used(at + sign, tight, hover)[row, 0] > 1e6
+        assert limits.shares_used(at - sign, tight, hover)[row, 0] == 0.0
 
 
 @pytest.mark.parametrize("step_s", [0.5, 0.05, 0.001])
 def test_samples_are_dense_and_lie_on_both_sides_of_every_join(step_s):
     path = some_path(13, 3)
-    times, segment = limits.sample_times(path, step_s)
+    times, segment = instants.sample_times(path, step_s)
     for i in range(3):
         own = times[segment == i]
         assert own[0] == path.starts_s[i]
@@ -206,17 +206,17 @@ def test_samples_are_dense_and_lie_on_both_sides_of_every_join(step_s):
         assert len(own) >= 5
         assert len(own) <= max(path.durations_s[i] / step_s, 4) + 2
     short = Trajectory(np.array([1e-7]), np.zeros((1, 4, 8)))
-    times, _ = limits.sample_times(short, step_s)
+    times, _ = instants.sample_times(short, step_s)
     assert (np.diff(times) > 0.0).all()
     assert times[-1] == pytest.approx(1e-7 * (1.0 - 1e-3))
 
 
 def test_a_vehicle_turns_as_its_rate_limit_and_the_drag_of_its_rotors_allow(drone):
-    can = limits.yaw_bounds(drone, drone.limits)
+    can = instants.yaw_bounds(drone, drone.limits)
     assert can.rate_rad_s == pytest.approx(0.9 * drone.limits.yaw_rate_rad_s)
     assert 0.1 < can.acceleration_rad_s2 < 100.0
     inertia = drone.value("inertia_zz_kg_m2")
-    heavy = limits.yaw_bounds(drone.with_value("inertia_zz_kg_m2", 2.0 * inertia), drone.limits)
+    heavy = instants.yaw_bounds(drone.with_value("inertia_zz_kg_m2", 2.0 * inertia), drone.limits)
     assert heavy.acceleration_rad_s2 == pytest.approx(0.5 * can.acceleration_rad_s2)
 
 

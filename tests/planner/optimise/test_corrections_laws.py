@@ -6,7 +6,7 @@ import pytest
 from planner.curve import minimum_snap
 from planner.gate import limits
 from planner.optimise import airframe, time_allocation
-from planner.optimise.corrections import _MOST, _NEAR, _SPARE, Corrections, _approached
+from planner.optimise.corrections import _MOST, _NEAR, _SPARE, Corrections, _approached, measured_excess
 from planner.optimise.time_allocation import SAMPLES, Problem, Weights
 
 TILT, YAW_RATE = airframe.NAMES.index("tilt"), airframe.NAMES.index("yaw rate")
@@ -104,7 +104,7 @@ def measured(walk, drone, open_sky, touched, found=None):
     path = minimum_snap.trajectory(walk)
     found = Corrections(8) if found is None else found
     excess = found.measure(problem, walk, path, drone, touched)
-    full = airframe.measured_excess(frame, drone, path, np.arange(8), time_allocation.FRACTIONS)
+    full = measured_excess(frame, drone, path, np.arange(8), time_allocation.FRACTIONS)
     return found, excess, full, *time_allocation.excess(problem, walk)
 
 

@@ -13,11 +13,11 @@ from esdf import solids
 from flight import InputError, Waypoints
 from flight.trajectory import fingerprint
 from planner.curve import minimum_snap
-from planner.optimise import airframe, attempts, descents, posing, time_allocation
+from planner.optimise import airframe, attempts, descents, methods, time_allocation
 from planner.optimise.time_allocation import Problem, Weights
 from planner.request import inputs
 from planner.request.conditions import Conditions
-from planner.request.request import Request
+from planner.request.inputs import Request
 from planner.route import routes
 
 SKY = solids.Scene([solids.Sphere((1000.0, 0.0, 0.0), 1.0)])
@@ -154,9 +154,9 @@ def walked(seed: int) -> tuple[Problem, minimum_snap.Spline]:
     """Eight waypoints, as the planner comes to them."""
     drone, asked = vehicle.example("rigter2019"), Waypoints(walk(8, seed), np.full(8, np.nan))
     request = Request(asked, SKY, drone, inputs.options_for(drone, None), Conditions())
-    route = routes.subdivided(routes.find(asked, SKY, request.options), SKY)
-    rough, start = posing.rough(route, SKY, request)
-    p, begin, _ = posing.whole_vehicle(rough, start, route.waypoint, request, posing.CLEARANCE_PRICE)
+    route = methods.subdivided(routes.find(asked, SKY, request.options), SKY)
+    rough, start = methods.rough(route, SKY, request)
+    p, begin, _ = attempts.whole_vehicle(rough, start, route.waypoint, request, methods.CLEARANCE_PRICE)
     return p, begin
 
 

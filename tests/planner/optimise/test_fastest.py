@@ -7,7 +7,7 @@ import planner
 from flight import Waypoints
 from planner.curve import minimum_snap
 from planner.gate import limits
-from planner.optimise import airframe, posing, time_allocation
+from planner.optimise import airframe, attempts, time_allocation
 from planner.optimise import corrections as corrections_module
 from planner.optimise.corrections import Corrections
 from planner.optimise.time_allocation import Problem, Weights
@@ -23,9 +23,9 @@ def walk() -> minimum_snap.Spline:
 
 def test_segments_are_cut_into_equal_pieces_that_are_not_too_short(walk):
     waypoint = np.array([0, -1, 1, -1, 2, 3])
-    knots, T, index = posing._split(walk, waypoint, 3)
+    knots, T, index = attempts._split(walk, waypoint, 3)
     assert T.tolist() == pytest.approx([1.3 / 3] * 3 + [0.3] * 3 + [1.1 / 3] * 3 + [0.3] + [0.4] * 3)
-    assert T.min() >= posing._SHORTEST_S
+    assert T.min() >= attempts._SHORTEST_S
     assert index.tolist() == [0, -1, -1, -1, -1, -1, 1, -1, -1, -1, 2, -1, -1, 3]
     path = minimum_snap.trajectory(walk)
     starts = np.concatenate([[0.0], np.cumsum(T)])
@@ -33,7 +33,7 @@ def test_segments_are_cut_into_equal_pieces_that_are_not_too_short(walk):
 
 
 def test_one_piece_leaves_the_path_as_it_is(walk):
-    knots, T, index = posing._split(walk, np.arange(6), 1)
+    knots, T, index = attempts._split(walk, np.arange(6), 1)
     assert np.array_equal(knots, walk.states[:, 0])
     assert np.array_equal(T, walk.durations_s)
     assert index.tolist() == list(range(6))
@@ -48,7 +48,7 @@ def test_the_corrected_excess_is_that_of_the_vehicles_own_model(walk, drone, ope
     for _ in range(25):  # what is measured is believed step by step
         corrections.measure(problem, walk, path, drone, np.ones(5, dtype=bool))
     reduced, _ = time_allocation.excess(problem, walk)
-    full = airframe.measured_excess(frame, drone, path, np.arange(5), time_allocation.FRACTIONS)
+    full = corrections_module.measured_excess(frame, drone, path, np.arange(5), time_allocation.FRACTIONS)
     asked = (reduced.max(axis=2) > -0.2) & (np.abs(full - reduced).max(axis=2) < 0.5)
     assert asked.sum() > 20
     corrected = (reduced + corrections.total() - corrections.between - corrections_module._SPARE)[asked]

@@ -6,7 +6,7 @@ import pytest
 
 from flight import InfeasibleError, InputError
 from planner import PlanCancelledError, StopFlag
-from planner.curve import hermite, minimum_snap
+from planner.curve import minimum_snap
 from planner.optimise import quadratic
 from planner.optimise.quadratic import Constraints, SnapProgram
 from planner.request import space
@@ -52,7 +52,7 @@ def test_speed_and_acceleration_stay_in_their_boxes_between_samples():
     waypoints, T = random_problem(5)
     T = 2.0 * T
     free = minimum_snap.solve(waypoints, T)
-    hull = hermite.segment_states(free.states) * hermite.time_powers(T)[..., None]
+    hull = minimum_snap.segment_states(free.states) * minimum_snap.time_powers(T)[..., None]
     speed, push = (0.9 * np.abs(quadratic.control_points(r) @ hull / T[:, None, None] ** r).max() for r in (1, 2))
     boxed = SnapProgram(Constraints(waypoints, speed_axis_m_s=speed, acceleration_axis_m_s2=push)).solve(T)
     assert np.abs(dense(boxed, 1)).max() <= speed + 1e-3

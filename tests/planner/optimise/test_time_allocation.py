@@ -10,7 +10,7 @@ import vehicle
 from esdf import solids
 from planner import PlanCancelledError, StopFlag
 from planner.curve import minimum_snap
-from planner.optimise import airframe, time_allocation
+from planner.optimise import airframe, corrections, time_allocation
 from planner.optimise.time_allocation import Problem, Weights
 from vehicle import Limits
 
@@ -75,7 +75,7 @@ def agrees_with_differences(p: Problem, T: np.ndarray) -> bool:
 
 def room_between_m(p: Problem, T: np.ndarray) -> float:
     """By how much the nearest sphere is nearer than the next one, least of all samples that are charged."""
-    samples = time_allocation.derivatives(p.spline(p.knots, T))[:, :, 0, :3].reshape(-1, 3)
+    samples = minimum_snap.derivatives(p.spline(p.knots, T), time_allocation.FRACTIONS)[:, :, 0, :3].reshape(-1, 3)
     nearest, second = np.sort([solid.distance(samples) for solid in p.field.solids], axis=0)[:2]
     return float((second - nearest)[nearest < p.clearance_m].min(initial=np.inf))
 
@@ -121,7 +121,7 @@ def test_the_excess_agrees_with_the_numpy_reference(seed):
     p, T = problem(seed)
     spline = p.spline(p.knots, T)
     at_samples, peaks = time_allocation.excess(p, spline)
-    plain = time_allocation.excess_numpy(p, time_allocation.derivatives(spline))
+    plain = time_allocation.excess_numpy(p, minimum_snap.derivatives(spline, time_allocation.FRACTIONS))
     assert np.allclose(at_samples, plain, rtol=1e-9, atol=1e-9 * np.abs(plain).max())
     assert (peaks >= at_samples).all()
 
@@ -134,9 +134,13 @@ def test_the_reduced_vehicle_is_close_to_the_full_model(pace):
     T = pace * np.full(6, 1.3)
     spline = minimum_snap.solve(knots, T)
     frame = airframe.reduced(drone, replace(drone.limits, jerk_m_s3=60.0))
-    reduced = airframe.excess_numpy(frame, time_allocation.derivatives(spline).reshape(-1, 5, 4))
+    reduced = airframe.excess_numpy(
+        frame, minimum_snap.derivatives(spline, time_allocation.FRACTIONS).reshape(-1, 5, 4)
+    )
     path = minimum_snap.trajectory(spline)
-    full = airframe.measured_excess(frame, drone, path, np.arange(6), time_allocation.FRACTIONS).reshape(reduced.shape)
+    full = corrections.measured_excess(frame, drone, path, np.arange(6), time_allocation.FRACTIONS).reshape(
+        reduced.shape
+    )
     assert np.abs(full[:, :3] - reduced[:, :3]).max() < 1e-5
     flown = full.max(axis=1) < 0.1  # motions the optimiser may end with
     assert flown.mean() > 0.7
