@@ -13,6 +13,7 @@ from firmware_bridge import Impairment, Sensors, SitlVehicle, controller, keys
 from flight import FloatArray, InputError, trajectory
 from goshawk.terminal import console
 
+SUMMARY = "Run a SITL vehicle: the embedded C code on a simulated body."
 FARTHEST_M = 1e5
 """Positions travel as 32-bit floats: beyond this they are coarser than a centimetre."""
 STRONGEST_M_S = 100.0

@@ -23,6 +23,7 @@ from mapping.dense.confidence import NearestSurface
 from planner.gate import could_hide
 from planner.route import simplify
 
+SUMMARY = "Plan a checked trajectory through waypoints, along a recorded path, or of many missions."
 _THINNED = 0.1
 """Share of a tube's radius by which the line in its middle may differ from the recorded path."""
 
