@@ -82,6 +82,7 @@ void tc_landing_begin(tc_controller* c) {
     c->landing.speed_m_s = -t->setpoint.velocity_world_m_s[2];
     c->landing.lowest_m = t->estimate.position_world_m[2];
     c->landing.sunk_us = t->time_us;
+    c->landing.felt_us = t->time_us;
     enter_stage(c, TC_LANDING_DESCEND);
 }
 
@@ -145,7 +146,7 @@ static void measure_answer(tc_controller* c, float step_s) {
 
 static bool stands_by_test(const tc_controller* c) {
     const tc_landing* l = &c->landing;
-    return only_turns(c) && tc_lasts(c, l->began_us, TEST_FIRST_S) && l->found_rad_s < TEST_ANSWER * l->expected_rad_s;
+    return only_turns(c) && tc_lasts(c, l->felt_us, TEST_FIRST_S) && l->found_rad_s < TEST_ANSWER * l->expected_rad_s;
 }
 
 /* Against a fall, and nothing upwards. */
@@ -351,7 +352,12 @@ bool tc_landing_observe(tc_controller* c, float step_s) {
         landing->gained_m_s +=
             step_s * (c->parameters.gravity_m_s2 - c->telemetry.estimate.specific_force_body_m_s2[2]);
     }
-    if (only_turns(c)) measure_answer(c, step_s);
+    if (only_turns(c)) {
+        if (tc_landing_unloads(landing)) enter_stage(c, TC_LANDING_DESCEND); /* nothing is left to judge it by */
+        measure_answer(c, step_s);
+    } else {
+        landing->felt_us = c->telemetry.time_us;
+    }
     if (rests_inverted(c) || bounces(c) || stands_by_test(c)) return true;
     switch (landing->stage) {
         case TC_LANDING_DESCEND:
