@@ -334,7 +334,7 @@ def test_a_dead_reckoned_speed_does_not_keep_the_rotors_turning_on_the_ground(bo
 
 
 LONGEST_AFLOAT_S = 10.0
-"""Ground effect may carry what its thrust does not: 10 of 104 stood for more than five seconds."""
+"""Ground effect may carry what its thrust does not: 15 of 250 stood for more than five seconds."""
 
 
 @pytest.mark.parametrize("gust_m_s", [0.0, 0.8])
