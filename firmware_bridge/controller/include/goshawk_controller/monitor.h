@@ -32,20 +32,19 @@ typedef struct {
 
 typedef struct {
     tc_monitor_window window[2];
-    bool running;        /* the windows have begun */
     float shake_m2_s4;   /* variance of the accelerometer's noise, all axes */
-    float last_force[3]; /* of the last tick, body axes */
     float last_pose[6];  /* position and velocity as given */
-    uint64_t changed_us; /* when they last changed */
     float before_m[2];   /* horizontal position of the last tick */
     float drift_m[2];    /* of position from its velocity, leaky */
     float turn[4];       /* brings the estimated attitude back to the heading before it jumped, */
-    bool turned;         /* if it did */
+    uint64_t changed_us; /* when the pose last changed */
     uint64_t alarm_us;   /* when it last was wrong */
     uint64_t first_us;   /* the first alarm of the last ten seconds */
     uint8_t alarms;      /* since then */
     uint8_t reason;      /* tc_reason of the last alarm; TC_OK: none */
     bool final;          /* not believed again in this flight */
+    bool running;        /* the windows have begun */
+    bool turned;         /* the heading has jumped */
     bool doubted;        /* in the last tick */
     bool drifts;         /* slowly */
 } tc_monitor;

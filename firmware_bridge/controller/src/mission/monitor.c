@@ -115,11 +115,12 @@ static tc_reason judge(tc_monitor* m, tc_monitor_window* w, const float position
     return gap2(position_m, w->position_m) > POSITION_GAP_M * POSITION_GAP_M ? TC_POSE_POSITION : TC_OK;
 }
 
-void tc_monitor_shaking(tc_monitor* m, const float force_body_m_s2[3], float step_s) {
+void tc_monitor_shaking(tc_controller* c, const float force_body_m_s2[3], float step_s) {
+    tc_monitor* m = &c->monitor;
     const float pass = step_s / (SHAKE_FILTER_S + step_s);
-    const float now = tc_min(0.5f * gap2(force_body_m_s2, m->last_force), IMPACT_TIMES * m->shake_m2_s4 + IMPACT_M2_S4);
+    const float change2 = gap2(force_body_m_s2, c->telemetry.estimate.specific_force_body_m_s2);
+    const float now = tc_min(0.5f * change2, IMPACT_TIMES * m->shake_m2_s4 + IMPACT_M2_S4);
     m->shake_m2_s4 += pass * (now - m->shake_m2_s4);
-    tc_copy(m->last_force, force_body_m_s2);
 }
 
 /* Whether poses with new stamps bring the same numbers. */
