@@ -16,7 +16,7 @@ from vehicle import Vehicle, invert
 
 _SPARE = 0.006
 """Relative excess that is kept from every limit, for what is not measured."""
-_STRICTER = 0.01, 0.25
+_STRICTER = 0.005, 0.05
 """The same where the gate, with its finer samples, found a limit exceeded, more each time it does: at least, and as a
 share of the excess."""
 _NEAR = 0.3
