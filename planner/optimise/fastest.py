@@ -27,7 +27,7 @@ from planner.request.options import PlanInfeasibleError
 _WHOLE = 3
 """Rounds about all segments; later ones mend what is exceeded here and there."""
 _ROUNDS = 40
-_RELIEVED, _LONGER, _AGAIN = 0.01, 1.002, 8
+_RELIEVED, _LONGER, _AGAIN = 0.02, 1.002, 8
 """Where the vehicle's own model asks for so much less than was believed, a path that passes is optimised once more,
 and all of it where it takes so many times the optimum; so many rounds are given to that."""
 _FEW = 0.4
