@@ -141,9 +141,9 @@ class Reader:
 
 
 def long_sentences(said: str) -> list[str]:
-    """Of what a command printed, outside tables and JSON."""
+    """Of what a command printed, outside tables and JSON; a number is no word."""
     lines = [line for line in said.splitlines() if not line.startswith((" ", "{", "[")) and "   " not in line]
-    return [s for line in lines for s in sentences(line) if len(s.split()) > LONGEST]
+    return [s for line in lines for s in sentences(line) if len(re.findall(r"\S*[a-z]\S*", s)) > LONGEST]
 
 
 def verb_of(line: str) -> tuple[str, ...]:
