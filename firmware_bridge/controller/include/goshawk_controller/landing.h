@@ -36,6 +36,7 @@ typedef struct {
     uint64_t touched_us;  /* when something was first hit, */
     uint64_t impact_us;   /* and last */
     uint64_t sunk_us;     /* when it last was on its way to the lowest height */
+    uint64_t felt_us;     /* when something else than the test by torque could last tell of the ground */
     float z_m;            /* height of the set-point */
     float speed_m_s;      /* downwards, as commanded now */
     float thrust_n;       /* collective in UNLOAD and IDLE */
