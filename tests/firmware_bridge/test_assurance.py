@@ -121,7 +121,7 @@ def test_the_documentation_lists_the_worst_instructions_of_every_public_function
 
 
 WORST_TICK = 8350
-"""Instructions; measured 8,324: of these the observer, the pose's delay and the monitor take 1,500."""
+"""Instructions; measured 8,326: of these the observer, the pose's delay and the monitor take 1,500."""
 FLASH = 58 * 1024
 """Bytes, as measured; the bar of 52 kB is missed, and what it takes must not grow."""
 

@@ -6,7 +6,7 @@
      |change of velocity - integral of specific force| > 0.8 m/s, more by four standard deviations under vibration,
      |change of position - integral of velocity|       > 0.25 m,
      a heading that differs by more than 0.35 rad from the last tick's and the gyro's turn, or
-     position and velocity that repeat bit by bit for 0.2 s while the accelerometer shakes,
+     position and velocity that repeat bit by bit for 0.2 s while the accelerometer shakes or, without one, it turns,
 
    and for half a second after. Meanwhile position is dead reckoned from before the window, the vehicle brakes, and what
    follows is the ladder of a lost position. A heading that jumped, or a third alarm within ten seconds, is final. A
@@ -14,7 +14,7 @@
 
    Blind: a velocity and a position that lie consistently by less than 2.7 m/s2; a drift below 0.13 m/s; a heading that
    turns slower than the pose rate times 0.35 rad, until the vehicle accelerates by it; without an accelerometer, all of
-   the velocity's and the repeated pose. */
+   the velocity's. */
 #ifndef GOSHAWK_CONTROLLER_MONITOR_H
 #define GOSHAWK_CONTROLLER_MONITOR_H
 
