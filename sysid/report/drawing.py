@@ -91,6 +91,9 @@ def written(drawn: "Figure", path: Path) -> Path:
     from matplotlib import rc_context
 
     kind = path.suffix[1:]
+    if (engine := drawn.get_layout_engine()) is not None:  # `savefig` would draw everything once more for its sake
+        engine.execute(drawn)
+        drawn.set_layout_engine(None)
     with file_format.atomic_file(path) as temporary, rc_context({"svg.hashsalt": "goshawk"}):
         drawn.savefig(temporary, format=kind, dpi=DPI, metadata={"Date": None} if kind == "svg" else None)
     return path

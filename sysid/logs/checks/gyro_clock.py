@@ -109,7 +109,7 @@ def _left(attitude: FloatArray, gyro: FloatArray) -> tuple[float, float]:
     for i in range(3):
         beside = np.column_stack([np.ones(len(earlier)), np.delete(attitude[now], i, axis=1)])
         both = np.column_stack([attitude[now, i], gyro[now, i], moving[now, i], earlier])
-        both -= beside @ np.linalg.lstsq(beside, both)[0]
+        both -= beside @ np.linalg.lstsq(beside.T @ beside, beside.T @ both)[0]  # as in `_predicted`
         own, read, slope[:, i] = both[:, :3].T
         told, told_slope = _predicted(both[:, 3:], np.column_stack([own, slope[:, i]])).T
         if told @ own > 0.0:  # else nothing about this axis is predicted
