@@ -8,9 +8,12 @@ import contextlib
 import errno
 import importlib
 import os
+import re
 import sys
 import traceback
 import warnings
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import click
@@ -24,56 +27,48 @@ INTERNAL = 70
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """The system's error numbers of a full disk, an exceeded quota and a file that may not grow."""
 
-GROUPS = {
+TASKS = {
     "Project": ("init", "demo", "doctor"),
     "Map": ("camera", "map", "localize"),
     "Plan": ("plan", "check", "export"),
     "Fly": ("gcs", "sitl", "upload", "fly", "params", "proxy"),
     "Learn": ("vehicle", "log", "identify", "diagnose", "compare", "next-flight"),
 }
-"""The verbs by task; a verb's module is in the folder of its task in `goshawk/commands`."""
-VERBS = {
-    # verb: what it does, in the words of `goshawk --help`
-    "init": "Start a project folder; add a map, a vehicle or flights to it.",
-    "camera": "Make a camera file from images, or from Kalibr's or COLMAP's.",
-    "map": "Turn images into a map: poses, mesh, distance field; measure, edit and join maps.",
-    "localize": "Find the poses of other images in a map (relocalization).",
-    "plan": "Plan a checked trajectory through waypoints, along a recorded path, or of many missions.",
-    "check": "Check a trajectory against a map and a vehicle.",
-    "export": "Write a trajectory for other autopilots and planners, or as a page.",
-    "sitl": "Run a SITL vehicle: the embedded C code on a simulated body.",
-    "upload": "Send a checked trajectory to the vehicle and read it back.",
-    "fly": "Fly the uploaded trajectory and record a flight log.",
-    "log": "Show, check, fix or convert a flight log; download the vehicle's log.",
-    "params": "List, read and set the controller's parameters on the vehicle.",
-    "proxy": "Connect QGroundControl or MAVSDK, which cannot sign, to the vehicle.",
-    "identify": "Fit the vehicle model to flight logs.",
-    "diagnose": "Find which effect the vehicle model lacks, from measured flights.",
-    "compare": "Compare vehicle models with measured flights.",
-    "next-flight": "Propose the manoeuvre that best separates the candidate effects.",
-    "vehicle": "Make a vehicle file, show it, set values, add or remove effects, undo, history.",
-    "gcs": "Serve the ground station's page.",
-    "demo": "Run the whole chain on a rendered room.",
-    "doctor": "Check this installation.",
-}
+"""The order in which `goshawk --help` shows verbs, by task; those not named here come last in their task."""
+COMMANDS = Path(__file__).with_name("commands")
+"""A folder for each task. A module with a `SUMMARY` there is a verb: its words in `goshawk --help`."""
+_SUMMARY = re.compile(r'^SUMMARY = "(.+)"$', re.MULTILINE)
+
+
+@cache
+def verbs() -> dict[str, dict[str, str]]:
+    """Of each task, its verbs and their summaries; their modules are read and not imported, which would take long."""
+    found: dict[str, dict[str, str]] = {}
+    for task, first in TASKS.items():
+        texts = {
+            path.stem.replace("_", "-"): path.read_text("utf-8") for path in (COMMANDS / task.lower()).glob("*.py")
+        }
+        summaries = {verb: summary[1] for verb, text in sorted(texts.items()) if (summary := _SUMMARY.search(text))}
+        found[task] = {verb: summaries[verb] for verb in dict.fromkeys([*first, *summaries])}
+    return found
 
 
 class Verbs(VerbGroup):
     """Imports a verb's module only when it is called, so that `goshawk --help` is fast."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(VERBS)
+        return [verb for summaries in verbs().values() for verb in summaries]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in VERBS:
+        task = next((task.lower() for task, summaries in verbs().items() if cmd_name in summaries), None)
+        if task is None:
             return None
-        room = next(task.lower() for task, verbs in GROUPS.items() if cmd_name in verbs)
-        return importlib.import_module(f"goshawk.commands.{room}.{cmd_name.replace('-', '_')}").command
+        return importlib.import_module(f"goshawk.commands.{task}.{cmd_name.replace('-', '_')}").command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        for heading, verbs in GROUPS.items():
-            with formatter.section(heading):
-                formatter.write_dl([(verb.ljust(11), VERBS[verb]) for verb in verbs])
+        for task, summaries in verbs().items():
+            with formatter.section(task):
+                formatter.write_dl([(verb.ljust(11), summary) for verb, summary in summaries.items()])
 
 
 @click.command(

@@ -59,7 +59,7 @@ def assert_same_result(found: str, printed: str) -> None:
 
 @pytest.mark.parametrize(
     ("right", "wrong"),
-    [("0.0175 +-", "0.0176 +-"), ("+- 6e-05", "+- 6e-04"), ("true 0.0175", "true 0.0185"), ("4.8 s,", "5.5 s,")],
+    [("0.0175 +-", "0.0176 +-"), ("+- 6.7e-05", "+- 6.7e-04"), ("true 0.0175", "true 0.0185"), ("4.8 s,", "5.5 s,")],
 )
 def test_a_wrong_figure_in_the_readme_would_be_noticed(right: str, wrong: str):
     printed = block("text")

@@ -172,7 +172,7 @@ def print_coverage() -> bool:
 
 def deviations() -> list[str]:
     """The rules that the written list names, as cppcheck calls them."""
-    return [f"misra-c2012-{rule}" for rule in re.findall(r"^\| (\d+\.\d+) \|", DEVIATIONS.read_text(), re.MULTILINE)]
+    return [f"misra-c2012-{rule}" for rule in re.findall(r"^(\d+\.\d+) \|", DEVIATIONS.read_text(), re.MULTILINE)]
 
 
 def warnings(folder: Path) -> list[str]:

@@ -26,8 +26,8 @@ REACH = 1.1
 """The nodes reach beyond a piece by this factor, as derivatives are poor at the outermost ones."""
 _ROUGHLY = 1e-6
 """Accuracy of the attitudes from which the rates that forces depend on are taken."""
-_LONGEST_S = 0.5
-"""Of a piece, where only samples are asked for."""
+_LONGEST_S, _SHORT_S = 0.5, 0.05
+"""Of a piece, where only samples are asked for; once more where they are impossible."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,8 +133,25 @@ def sampled(
     memory: Memory | None = None,
 ) -> FloatArray:
     """(s, f, VALUES) in the given segments (s,) at fractions (f,) of each; NaN where the motion is impossible."""
-    _, found = (memory or Memory()).coefficients(vehicle, trajectory, segments, _LONGEST_S)
-    count = pieces_in(trajectory.durations_s[segments], _LONGEST_S)
+    memory = memory or Memory()
+    values = _sampled(vehicle, trajectory, segments, fractions, memory, _LONGEST_S)
+    # An impossible instant leaves its whole piece unknown, even one beyond the piece's end.
+    unknown = np.isnan(values).any(axis=(1, 2))
+    if unknown.any():
+        values[unknown] = _sampled(vehicle, trajectory, segments[unknown], fractions, memory, _SHORT_S)
+    return values
+
+
+def _sampled(
+    vehicle: Vehicle,
+    trajectory: Trajectory,
+    segments: np.ndarray,
+    fractions: FloatArray,
+    memory: Memory,
+    longest_s: float,
+) -> FloatArray:
+    _, found = memory.coefficients(vehicle, trajectory, segments, longest_s)
+    count = pieces_in(trajectory.durations_s[segments], longest_s)
     first = (np.cumsum(count) - count)[:, None]
     place = fractions * count[:, None]
     number = np.minimum(place.astype(int), count[:, None] - 1)

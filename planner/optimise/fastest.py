@@ -27,7 +27,7 @@ from planner.request.options import PlanInfeasibleError
 _WHOLE = 3
 """Rounds about all segments; later ones mend what is exceeded here and there."""
 _ROUNDS = 40
-_RELIEVED, _LONGER, _AGAIN = 0.01, 1.002, 8
+_RELIEVED, _LONGER, _AGAIN = 0.02, 1.002, 8
 """Where the vehicle's own model asks for so much less than was believed, a path that passes is optimised once more,
 and all of it where it takes so many times the optimum; so many rounds are given to that."""
 _FEW = 0.4
@@ -59,6 +59,21 @@ class Optimum:
     """The limit that holds each segment back most, by its multipliers; "" where none does."""
     spread: float = np.nan
     """How much longer the slowest path from any start of the descent took, as a share; NaN of a single start."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Candidate:
+    """A path that keeps clear of obstacles and within limits as far as the optimiser measured; not at the gate yet."""
+
+    trajectory: Trajectory
+    waypoint: np.ndarray
+    method: str
+    optimum: Optimum
+    kept: Kept
+
+    def judged(self, ask_gate: AskGate, known: limits.Known | None = None) -> "Path":
+        report = ask_gate(self.trajectory, known)
+        return Path(self.trajectory, self.waypoint, self.method, report, self.optimum, self.kept)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,10 +118,12 @@ def until_flyable(
     clearance_m, stop = request.options.clearance_m, request.stop
     memory = Memory()  # the last path that is measured is the one that the gate looks at
     optimum_s, bends, begun = np.nan, 0, _WHOLE if wrong is not None else 0
-    found, rounds = None, _ROUNDS
+    early, rounds, may_gain = None, _ROUNDS, begun == 0
     for round_ in range(begun, _ROUNDS):
-        if round_ == rounds:
-            return found
+        if early is not None and round_ == rounds:
+            judged, early = early.judged(ask_gate), None
+            if judged.report.passed:
+                return judged
         progress("optimise", 1.0 - 0.7 ** (round_ - begun + 1))  # how many rounds it takes is not known before
         believed = corrections.model.copy()
         charged_s = spline.durations_s if round_ > 0 else None
@@ -127,36 +144,44 @@ def until_flyable(
         clearance = esdf.certify(request.field, path, clearance_m)
         last = round_ == _ROUNDS - 1
         if clearance.passed and (last or not exceeded.any()):
-            report = ask_gate(path, limits.Known(used, memory))
+            active = corrections.active(touched)
+            optimum = Optimum(optimum_s, descended.converged, descended.residual, active)
+            kept = Kept(problem, spline, corrections.spliced(0, 0, 0))
+            here = _Candidate(path, waypoint, "bent" if bends else "direct", optimum, kept)
+            relieved = (believed - corrections.model).max(axis=(1, 2)) > _RELIEVED
+            longer = path.duration_s > _LONGER * optimum_s
+            if may_gain and not last and (longer or relieved.any()):
+                early, rounds, may_gain = here, round_ + _AGAIN, False
+                wrong = None if longer else relieved
+                corrections.press(touched)
+                continue
+            judged = here.judged(ask_gate, limits.Known(used, memory))
+            report = judged.report
             used = report.usage and (path, report.usage)
             slower, on_legs = _refused(report, request.conditions, waypoint)
             if report.passed or last or not slower.any():  # nothing else gets better by more rounds
-                kept = Kept(problem, spline, corrections.spliced(0, 0, 0))
-                how = "bent" if bends else "direct"
-                active = corrections.active(touched)
-                optimum = Optimum(optimum_s, descended.converged, descended.residual, active)
-                here = Path(path, waypoint, how, report, optimum, kept)
-                relieved = (believed - corrections.model).max(axis=(1, 2)) > _RELIEVED
-                longer = path.duration_s > _LONGER * optimum_s
-                once = report.passed and found is None and begun == 0
-                if not (once and (longer or relieved.any())):
-                    return faster(found, here)
-                found, wrong, rounds = here, None if longer else relieved, round_ + _AGAIN
-                corrections.press(touched)
-                continue
+                return _better(early, judged, ask_gate)
             assert report.usage is not None
             corrections.stricter(report.usage, on_legs)
             exceeded |= slower
         corrections.press(touched)
         if not clearance.passed:
             if bends == request.options.repairs:
-                return found
+                break
             bends += 1
             problem = _farther_away(problem, clearance_m - clearance.proven_m)
             exceeded[clearance.segment] = True
         few = descents.grown(exceeded, _REACH).mean() < _FEW
         wrong = exceeded if wrong is not None or few or round_ + 1 >= _WHOLE else None
-    return found
+    return early and early.judged(ask_gate)
+
+
+def _better(early: _Candidate | None, last: Path, ask_gate: AskGate) -> Path:
+    """The last path, unless the early one takes less time, or the last one is refused, and the early one passes."""
+    if early is None or (last.report.passed and last.trajectory.duration_s <= early.trajectory.duration_s):
+        return last
+    first = early.judged(ask_gate)
+    return first if first.report.passed else last
 
 
 def _refused(report: GateReport, asked: Conditions, waypoint: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:

@@ -27,7 +27,7 @@ CLEARANCE_PRICE = 1e4
 had kept, at a pace at which the way back was too stiff for the descent: a walk through one narrow place took 24 s, not
 6.5 s, and of 80 two fell back on boxes and one was refused. In the open the price does not matter; among trunks it
 costs 0.1 %."""
-_CLOSE_M = 0.5
+_CLOSE_M = 1.0
 """Spacing of the points of a way that touches obstacles; it grows with twice the room there is."""
 _ROUGH = 60
 """Iterations of the first descent, with few knots."""
@@ -89,7 +89,7 @@ def rough(route: routes.Route, obstacles: space.DistanceField, request: Request)
         airframe=frame,
         target_world_m=options.target_world_m,
         field=obstacles,
-        clearance_m=_aim(obstacles, options.clearance_m) + AIM_M,
+        clearance_m=space.aim(obstacles, options.clearance_m) + AIM_M,
         weights=Weights(snap=1e-5),
         start=asked.start,
         end=asked.end,
@@ -107,14 +107,6 @@ def rough(route: routes.Route, obstacles: space.DistanceField, request: Request)
             break
         found = time_allocation.optimise(problem, slower * slow, iterations=_ROUGH, stop=request.stop)
     return problem, found
-
-
-def _aim(field: space.DistanceField, required_m: float) -> float:
-    """The interpolated distance at which `required_m` is certain."""
-    grid = getattr(field, "grid", None)
-    if grid is None:
-        return required_m
-    return float(np.sqrt(required_m * required_m + grid.half_diagonal_m * grid.half_diagonal_m))
 
 
 def _given_speeds(asked: Conditions, velocity: FloatArray | None) -> list[tuple[int, float]]:

@@ -225,16 +225,22 @@ def optimise(
     *,
     iterations: int = 300,
     precision: float = 1e-6,
+    samples: int = SAMPLES,
     stop: StopFlag | None = None,
 ) -> Solution:
     """Minimise over log durations and free knots with L-BFGS, from `durations_s`.
+
+    Args:
+        samples: of each segment, both ends among them; offsets hold for `SAMPLES` only.
 
     Raises:
         PlanCancelledError: `stop` was set.
     """
     knots, T = problem.knots.copy(), np.array(durations_s, dtype=np.float64)
     free = np.ascontiguousarray(problem.free, dtype=np.uint8)
-    cost, evaluations, converged, stopped = _kernel(problem).minimise(knots, T, free, iterations, precision, stop)
+    cost, evaluations, converged, stopped = _kernel(problem, samples).minimise(
+        knots, T, free, iterations, precision, stop
+    )
     if stopped:
         check_stop(stop)
     return Solution(knots, T, problem.spline(knots, T), cost, evaluations, converged)

@@ -237,7 +237,7 @@ class Diagnosis:
         return self.belief.as_stated
 
     def as_dict(self) -> dict[str, Any]:
-        """The facts as plain JSON values; schema in `docs/reference/formats.md`."""
+        """The facts as plain JSON values, as `goshawk diagnose --json` prints them."""
         return {
             "schema": "goshawk-diagnosis",
             "version": SCHEMA_VERSION,

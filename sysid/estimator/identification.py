@@ -11,7 +11,8 @@ from sysid.estimator import from_imu
 from sysid.estimator.blocks.catalogue import BLOCKS
 from sysid.estimator.blocks.motion import LEAST_PROCESS
 from sysid.estimator.blocks.noise import Noise
-from sysid.estimator.blocks.pose import DELAY, POSE, PoseSensor
+from sysid.estimator.blocks.pose import BLOCK as POSE
+from sysid.estimator.blocks.pose import DELAY, PoseSensor
 from sysid.estimator.flights import excitation
 from sysid.estimator.flights.clocks import widths_s
 from sysid.estimator.flights.flight_data import Flight

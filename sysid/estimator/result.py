@@ -11,7 +11,7 @@ from flight.rotations import FloatArray
 from sysid.estimator import known_ratio
 from sysid.estimator import verdict as verdicts
 from sysid.estimator.blocks.catalogue import BLOCKS, acting, places, reported
-from sysid.estimator.blocks.gyro import GYRO
+from sysid.estimator.blocks.gyro import BLOCK as GYRO
 from sysid.estimator.blocks.motion import Motion
 from sysid.estimator.blocks.noise import Noise
 from sysid.estimator.flights import clocks

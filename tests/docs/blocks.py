@@ -3,7 +3,7 @@
 `<!-- run -->` runs the block in the page's folder, after the blocks above it; `<!-- run: room, flights -->` first puts
 the named files there (`tests/docs/inputs.py`). `<!-- run each: room -->` runs every line in a fresh copy of the folder:
 they are alternatives. `<!-- run by: tests/test_a.py::test_b -->` names a test that takes the block from the page, by
-the fixture `documented`, and runs it. `<!-- not run: why -->` has one of the reasons of `REASONS`.
+the fixture `documented`, and runs it.
 """
 
 import ast
@@ -14,11 +14,8 @@ from pathlib import Path
 COMMANDS = ("goshawk", "python", "python3", ".venv/bin/python", "make", "pip", "uv", "dask", "cmake", "git")
 """A block that begins with one of these is a block of commands."""
 ROOT = Path(__file__).parents[2]
-REASONS = ("data of others", "installs", "a tool of the repository")
-"""Why a block may be left out: it needs data that are not ours to copy, or changes the machine; a tool of the
-repository runs in tests of its own."""
 FENCE = re.compile(
-    r"^(?P<margin> *)(?:<!-- (?P<how>(?:not )?run[^>]*?) -->\n+ *)?```(?P<language>\w*)\n(?P<body>.*?)^ *```$",
+    r"^(?P<margin> *)(?:<!-- (?P<how>run[^>]*?) -->\n+ *)?```(?P<language>\w*)\n(?P<body>.*?)^ *```$",
     re.M | re.S,
 )
 
@@ -31,7 +28,7 @@ class Block:
     language: str
     text: str
     how: str
-    """`run`, `run each`, `run by`, `not run`, or empty where nothing is said."""
+    """`run`, `run each`, `run by`, or empty where nothing is said."""
     named: tuple[str, ...]
     """What the comment names after its colon."""
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+import vehicle
 from esdf import Grid
 from esdf.visibility import Visibility, save_visibility
 from goshawk.rendered import scene as rendered_room
@@ -16,6 +17,7 @@ from goshawk.rendered.world import RenderedFlight
 from mapping import open_map
 from mapping.camera import rig as rigs
 from mapping.camera import rig_export
+from tests.docs.stick_flight import simulated_stick_flight
 from tests.journeys import inputs as journeys
 from tests.mapping.camera.test_rig_import import EQUI
 from tests.mapping.sparse import test_rgbd as rgbd
@@ -94,6 +96,12 @@ class InputsOfOthers:
     def blackbox(self, folder: Path) -> None:
         log = encode_blackbox.header() + encode_blackbox.frames(test_read_blackbox.rows())
         (folder / "LOG00001.BFL").write_bytes(log)
+
+    def stick_flight(self, folder: Path) -> None:
+        """A flight by stick as Betaflight records it without rotor speeds, and the vehicle file from a data sheet."""
+        flown = simulated_stick_flight()
+        vehicle.save(folder / "my.toml", flown.vehicle)
+        (folder / "LOG00001.BFL").write_bytes(flown.blackbox)
 
     def sheets(self, folder: Path) -> None:
         """What PX4, RotorPy and a URDF say of a vehicle."""

@@ -9,10 +9,12 @@ import socket
 import subprocess
 import sys
 import time
+import warnings
 from pathlib import Path
 
 from tests.docs.blocks import Block
 from tests.goshawk.test_grammar import VERBS
+from tests.test_words import LONGEST, sentences
 from tests.waiting import PATIENCE_S
 
 PORT, LISTEN, SCHEDULER = "14550", "14551", "8786"
@@ -136,6 +138,14 @@ class Reader:
         )  # fmt: skip
         assert done.returncode == code, f"{line}\n{done.stdout[-3000:]}{done.stderr[-3000:]}"
         assert "Traceback" not in done.stderr
+        for sentence in long_sentences(f"{done.stdout}\n{done.stderr}"):
+            warnings.warn(f"{line} prints a sentence of more than {LONGEST} words: {sentence}", stacklevel=1)
+
+
+def long_sentences(said: str) -> list[str]:
+    """Of what a command printed, outside tables and JSON; a number is no word."""
+    lines = [line for line in said.splitlines() if not line.startswith((" ", "{", "[")) and "   " not in line]
+    return [s for line in lines for s in sentences(line) if len(re.findall(r"\S*[a-z]\S*", s)) > LONGEST]
 
 
 def verb_of(line: str) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ import pytest
 
 from tests.docs import blocks
 from tests.docs.inputs import Inputs
-from tests.docs.reader import Reader
+from tests.docs.reader import Reader, long_sentences
 
 ROOT, PAGES = blocks.ROOT, blocks.pages()
 RUN = [page for page in PAGES if any(block.how in ("run", "run each") for block in blocks.read(page))]
@@ -21,14 +21,12 @@ def name(page: Path) -> str:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
-def test_every_block_runs_or_says_why_not(page: Path):
+def test_every_block_says_how_it_is_run(page: Path):
     for block in blocks.read(page):
         where = f"{name(page)}, line {block.line}"
         if block.how == "run by":
             for test in block.named:
                 assert blocks.takes_its_blocks(test), f"{where}: {test} is no test that takes its blocks from the page"
-        elif block.how == "not run":
-            assert set(block.named) <= set(blocks.REASONS), where
         else:
             assert block.how in ("run", "run each"), f"{where}: say how it is run, see tests/docs/blocks.py"
             assert all(hasattr(Inputs, needed.replace("-", "_")) for needed in set(block.named) - {FLYING, ALONE}), (
@@ -60,6 +58,12 @@ def test_the_blocks_of_a_page_run_one_after_the_other(page: Path, tmp_path: Path
                 (reader.type if block.how == "run" else reader.type_each)(block)
     finally:
         reader.stop()
+
+
+@pytest.mark.parametrize(("count", "long"), [(30, False), (31, True)])
+def test_a_long_sentence_that_a_command_prints_is_noticed(count: int, long: bool):
+    said = " ".join(["word"] * count)
+    assert bool(long_sentences(f"  {said} {said}\n{said}. {said}.")) == long
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flight import flight_log
-from goshawk.cli import VERBS
+from goshawk.cli import verbs
 from tests.goshawk.running import answer as goshawk
 from tests.waiting import goshawk as program
 
@@ -17,12 +17,12 @@ from tests.waiting import goshawk as program
 def test_help_names_every_verb():
     answer = program("--help")
     assert answer.returncode == 0
-    for verb, words in VERBS.items():
+    for verb, words in (item for summaries in verbs().values() for item in summaries.items()):
         assert f"  {verb} " in answer.stdout
         assert words.split()[0] in answer.stdout
 
 
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("verb", [verb for summaries in verbs().values() for verb in summaries])
 def test_the_help_of_every_verb_has_lines_to_paste(verb):
     answer = goshawk(verb, "--help")
     assert answer.returncode == 0, answer.stderr

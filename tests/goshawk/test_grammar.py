@@ -68,7 +68,10 @@ def test_every_verb_has_the_common_options_and_two_lines_to_paste(words):
     pasted = [line.strip() for line in verb.help.partition("\b")[2].splitlines()[1:3]]
     lines = [line for line in pasted if line.startswith("goshawk ")]
     assert lines, "the help begins with lines to paste"
-    assert lines[0].split()[1 : 1 + len(words)] == list(words)
+    own = [line for line in lines if line.split()[1 : 1 + len(words)] == list(words)]
+    assert lines[0] in own
+    required = [option.opts for option in options(verb).values() if option.required]
+    assert all(any(name in line for name in names) for line in own for names in required), "a line lacks an option"
 
 
 @pytest.mark.parametrize("words", VERBS, ids=" ".join)

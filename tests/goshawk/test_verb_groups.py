@@ -2,6 +2,7 @@
 
 import io
 import os
+import re
 import subprocess
 import sys
 import time
@@ -9,7 +10,7 @@ import time
 import pytest
 from rich.console import Console
 
-from goshawk.cli import GROUPS, VERBS
+from goshawk.cli import COMMANDS, TASKS, verbs
 from goshawk.terminal import progress_line as module
 from goshawk.terminal.progress_line import progress_line
 from goshawk.terminal.words import named, parameter, with_unit
@@ -19,11 +20,17 @@ from vehicle import effects
 
 def test_a_bare_call_shows_every_verb_once_in_its_group_and_is_no_error():
     said = run()
-    for heading, verbs in GROUPS.items():
-        assert f"{heading}:" in said
-        for verb in verbs:
+    for task, summaries in verbs().items():
+        assert f"{task}:" in said
+        for verb in summaries:
             assert said.count(f"\n  {verb} ") == 1
-    assert sorted(v for verbs in GROUPS.values() for v in verbs) == sorted(VERBS)
+    assert {task: tuple(summaries) for task, summaries in verbs().items()} == TASKS
+
+
+def test_every_module_with_a_command_of_its_own_name_is_a_verb():
+    own = re.compile(r'^"""`goshawk ([a-z-]+)`:')
+    said = {found[1] for path in COMMANDS.glob("*/*.py") if (found := own.match(path.read_text()))}
+    assert said == {verb for summaries in verbs().values() for verb in summaries}
 
 
 @pytest.mark.parametrize("group", ["vehicle", "params"])

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import click
 
-from goshawk.cli import GROUPS, goshawk
+from goshawk.cli import goshawk
+from goshawk.cli import verbs as verbs_by_task
 from tools.reference.markdown import code, plain, table
 
 SHARED = 8
@@ -20,7 +21,7 @@ def page() -> str:
     verbs = dict(tree(goshawk))
     shared = _shared(verbs)
     parts = ["## Options of many verbs", table(("option", "meaning"), shared.items())]
-    for task, names in GROUPS.items():
+    for task, names in verbs_by_task().items():
         parts.append(f"## {task}")
         parts += [_section(words, verb, shared) for words, verb in verbs.items() if words[0] in names]
     return "\n\n".join(parts)

@@ -9,6 +9,8 @@ from firmware_bridge.airborne import slowed, tracking
 from flight import FlightLog, flight_log, trajectory
 from goshawk.terminal import console, outputs
 
+SUMMARY = "Fly the uploaded trajectory and record a flight log."
+
 
 @click.command()
 @console.path_option("--out", "out", "Flight log to write.", required=True)

@@ -10,6 +10,8 @@ import click
 from flight import FlightError
 from goshawk.terminal import console
 
+SUMMARY = "Serve the ground station's page."
+
 
 @click.command()
 @click.argument("project", type=click.Path(path_type=Path))

@@ -12,6 +12,8 @@ from flight import InputError
 from goshawk.terminal import console
 from goshawk.terminal.verbs import VerbGroup
 
+SUMMARY = "List, read and set the controller's parameters on the vehicle."
+
 
 @click.group(cls=VerbGroup)
 def command() -> None:

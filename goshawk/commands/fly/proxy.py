@@ -10,6 +10,7 @@ from firmware_bridge import keys
 from firmware_bridge.proxy import DEFAULT_LISTEN, Proxy, ProxyStatus, is_loopback, parse_listen
 from goshawk.terminal import console
 
+SUMMARY = "Connect QGroundControl or MAVSDK, which cannot sign, to the vehicle."
 _SILENT_S = 2.0
 _LOOK_S = 0.5
 

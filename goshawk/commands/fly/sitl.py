@@ -13,6 +13,7 @@ from firmware_bridge import Impairment, Sensors, SitlVehicle, controller, keys
 from flight import FloatArray, InputError, trajectory
 from goshawk.terminal import console
 
+SUMMARY = "Run a SITL vehicle: the embedded C code on a simulated body."
 FARTHEST_M = 1e5
 """Positions travel as 32-bit floats: beyond this they are coarser than a centimetre."""
 STRONGEST_M_S = 100.0
@@ -98,7 +99,7 @@ def command(
 
     \b
     goshawk sitl --vehicle vehicle.toml --start-of walk.json
-    goshawk sitl --wind 3 --gust-std 1 --mass-ratio 1.05 --rotor 2=.85 --pose-delay .02 --observer off
+    goshawk sitl --vehicle vehicle.toml --wind 3 --mass-ratio 1.05 --rotor 2=.85
 
     --vehicle is the true vehicle that is simulated; --believed gives its controller's parameters. A link key is made on
     first use. The first line printed is the address; --json makes it an object.

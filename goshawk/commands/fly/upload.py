@@ -12,6 +12,8 @@ from firmware_bridge.parameters import difference
 from flight import InputError, trajectory
 from goshawk.terminal import console
 
+SUMMARY = "Send a checked trajectory to the vehicle and read it back."
+
 
 @click.command()
 @click.argument("trajectory_file", metavar="TRAJECTORY", type=click.Path(path_type=Path))

@@ -20,6 +20,7 @@ from sysid.estimator.validation.better import predicts
 from sysid.estimator.validation.comparison import HORIZONS_S, QUANTITIES
 from sysid.estimator.validation.protocol import KNOWS, PROTOCOLS
 
+SUMMARY = "Compare vehicle models with measured flights."
 KIND = "comparison"
 READING = ("split_gaps", "robust", "gravity_m_s2", "most_steps", "most_nodes")
 """Options that matter where nothing is refitted: they say how flights are read and smoothed."""

@@ -23,6 +23,7 @@ from sysid.estimator.verdict import Use
 from sysid.report import diagnosis_figures as figures
 from sysid.report import diagnosis_page as report
 
+SUMMARY = "Find which effect the vehicle model lacks, from measured flights."
 KIND, KIND_IMU = "diagnosis", "diagnosis-imu"
 _OUT = Path("OUT.toml")
 """In the next steps that are kept, the vehicle file that a call asks for."""

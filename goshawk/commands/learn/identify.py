@@ -23,6 +23,7 @@ from sysid.estimator.stages import STAGES
 from sysid.estimator.validation.better import predicts
 from sysid.estimator.verdict import Use, Verdict, of_logs
 
+SUMMARY = "Fit the vehicle model to flight logs."
 KIND = "identification"
 STAGES_SCHEMA_VERSION = 1
 

@@ -19,6 +19,7 @@ from sysid.logs.check import LogReport
 from sysid.logs.reading import DRAFTED
 from vehicle import Vehicle
 
+SUMMARY = "Show, check, fix or convert a flight log; download the vehicle's log."
 HIDDEN = ("fixes", "repairs", "lost", "events", "splits_s", "read", DRAFTED)
 """Metadata that `goshawk log check` says in sentences."""
 flight_argument = log_files.flight_argument

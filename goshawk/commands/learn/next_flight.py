@@ -25,6 +25,7 @@ from sysid.diagnosis.experiment_design.rehearsal import Room
 from sysid.diagnosis.procedure import while_searching
 from vehicle import manoeuvres
 
+SUMMARY = "Propose the manoeuvre that best separates the candidate effects."
 SCHEMA_VERSION = 2
 
 

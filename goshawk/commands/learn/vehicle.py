@@ -17,6 +17,8 @@ from goshawk.terminal.verbs import VerbGroup
 from sysid.estimator.validation import changes
 from vehicle import Limits, Vehicle, history
 
+SUMMARY = "Make a vehicle file, show it, set values, add or remove effects, undo, history."
+
 
 @click.group(cls=VerbGroup)
 def command() -> None:

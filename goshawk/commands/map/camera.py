@@ -14,6 +14,9 @@ from goshawk.terminal import console, outputs
 from goshawk.terminal.verbs import VerbGroup
 from mapping.camera.rig import Rig
 
+SUMMARY = "Make a camera file from images, or from Kalibr's or COLMAP's."
+
+
 out_option = console.path_option("--out", "out", "Camera file to write.", required=True)
 WAYS_TO_SCALE = (
     "give goshawk map build the path's length (--length 13.2) or between two images (--length A.jpg,B.jpg,2.5), or "

@@ -13,6 +13,7 @@ from flight import InputError
 from goshawk.terminal import console, outputs
 from mapping import Changes, Localization
 
+SUMMARY = "Find the poses of other images in a map (relocalization)."
 _DEFAULT = mapping.LocalizationOptions()
 _NAMED = 5
 """Images and regions that the table names one by one; JSON has all."""

@@ -12,6 +12,8 @@ from goshawk.commands.map.show_esdf import show_esdf
 from goshawk.commands.map.texture import texture
 from goshawk.terminal.verbs import VerbGroup
 
+SUMMARY = "Turn images into a map: poses, mesh, distance field; measure, edit and join maps."
+
 
 @click.group(cls=VerbGroup)
 def command() -> None:

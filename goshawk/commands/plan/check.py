@@ -14,6 +14,7 @@ from goshawk.terminal import console, outputs
 from planner.gate import could_hide, gate
 from planner.gate.limits import Check
 
+SUMMARY = "Check a trajectory against a map and a vehicle."
 LOWER_BOUNDS = ("clearance", "slowest rotor")
 """Checks that need at least their bound."""
 

@@ -12,6 +12,8 @@ from goshawk.commands.plan import formats
 from goshawk.terminal import console, outputs
 from planner.gate import could_hide, gate, plan_report
 
+SUMMARY = "Write a trajectory for other autopilots and planners, or as a page."
+
 
 @click.command()
 @click.argument("trajectory_file", metavar="TRAJECTORY", type=click.Path(path_type=Path))

@@ -23,6 +23,7 @@ from mapping.dense.confidence import NearestSurface
 from planner.gate import could_hide
 from planner.route import simplify
 
+SUMMARY = "Plan a checked trajectory through waypoints, along a recorded path, or of many missions."
 _THINNED = 0.1
 """Share of a tube's radius by which the line in its middle may differ from the recorded path."""
 
@@ -154,7 +155,7 @@ def _show(
     if mark := vehicle.purpose.mark_sentence(drone):
         console.note(f"note: the rotor margins rest on a model {mark}")
     if could_hide.worth_a_warning(plan.gate):
-        console.note(f"note: {could_hide.describe(plan.gate)}; {could_hide.advice(plan.gate)}")
+        console.note(f"note: {could_hide.describe(plan.gate)}. To be certain: {could_hide.advice(plan.gate)}")
 
 
 def _converged(plan: planner.Plan) -> str:

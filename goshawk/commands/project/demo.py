@@ -9,6 +9,8 @@ import click
 
 from goshawk.terminal import console, outputs
 
+SUMMARY = "Run the whole chain on a rendered room."
+
 
 @click.command()
 @console.path_option("--out", "out", "Project folder to write.", required=True)

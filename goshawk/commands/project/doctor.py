@@ -13,6 +13,7 @@ from flight import extras
 from goshawk import installation
 from goshawk.terminal import console
 
+SUMMARY = "Check this installation."
 _MODULES = {
     "numpy": "", "scipy": "", "osqp": "planning", "ompl": "planning", "pyarrow": "flight logs",
     "pyulog": "PX4's flight logs", "matplotlib": "figures",

@@ -7,6 +7,8 @@ import click
 from flight import InputError, project
 from goshawk.terminal import console
 
+SUMMARY = "Start a project folder; add a map, a vehicle or flights to it."
+
 
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))

@@ -19,6 +19,7 @@ class Accelerometer(Block):
     """What it read less what the states say; the noise is that of the mean over an interval."""
 
     name = "accelerometer"
+    order = 5
     between = True
     levels = ("force_m_s2",)
     usual = (0.3,)
@@ -53,7 +54,7 @@ class Accelerometer(Block):
         return super().updated(levels, ratio, flights)
 
 
-ACCELEROMETER = Accelerometer()
+BLOCK = Accelerometer()
 
 
 def residual(flight: Flight, states: States, mid: Middle, bias_m_s2: FloatArray) -> FloatArray:

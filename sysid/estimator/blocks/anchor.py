@@ -18,6 +18,7 @@ class Anchor(Block):
     """Position and heading are free by nature: the first is at the origin, the last has about its guessed heading."""
 
     name = "anchor"
+    order = 3
     level_of_row = (0, 0, 0, 1, 1, 1)
 
     def measured(self, flight: Flight) -> bool:
@@ -36,3 +37,6 @@ class Anchor(Block):
         by_state[0, FIRST, POSITION] = -np.eye(3)
         by_state[-1, HEADING, ATTITUDE] = -rotations.matrix(at.states.q_world_body[-1])[2]
         return Linear(self.residual(at), (by_state,), np.zeros((len(at.flight), 6, 0)), ())
+
+
+BLOCK = Anchor()

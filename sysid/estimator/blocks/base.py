@@ -84,6 +84,8 @@ class Block(ABC):
     """One kind of residual. Class variables are its names; methods its mathematics."""
 
     name: ClassVar[str]
+    order: ClassVar[int] = 100
+    """Place of its rows among those of all blocks; of equals, the name decides."""
     between: ClassVar[bool] = False
     """Whether its rows belong to the intervals between nodes, not to the nodes."""
     levels: ClassVar[tuple[str, ...]] = ()

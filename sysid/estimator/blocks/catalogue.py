@@ -1,30 +1,30 @@
-"""All residual blocks. A new sensor is one file beside this one and one line in the list below.
+"""All residual blocks. A new sensor is one file beside this one that makes a `BLOCK`.
 
 The inputs of the model, which have no residual, are in `sysid.estimator.motors`.
 """
 
+import importlib
+import pkgutil
 from collections.abc import Sequence
 from itertools import accumulate
 from typing import Any
 
-from sysid.estimator.blocks.accelerometer import ACCELEROMETER
-from sysid.estimator.blocks.anchor import Anchor
+from sysid.estimator import blocks as folder
 from sysid.estimator.blocks.base import Block
-from sysid.estimator.blocks.gust import Gust
-from sysid.estimator.blocks.gyro import GYRO
-from sysid.estimator.blocks.motion import Motion
 from sysid.estimator.blocks.noise import Noise
-from sysid.estimator.blocks.pose import POSE
 from sysid.estimator.flights.flight_data import Flight
 
-BLOCKS: list[Block] = [  # in the order of their rows
-    Motion(),
-    Gust(),
-    POSE,
-    Anchor(),
-    GYRO,
-    ACCELEROMETER,
-]
+
+def _found() -> list[Block]:
+    """The `BLOCK` of each file of this folder that has one."""
+    names = [module.name for module in pkgutil.iter_modules(folder.__path__, f"{folder.__name__}.")]
+    modules = [importlib.import_module(name) for name in names if name != __name__]
+    found: list[Block] = [module.BLOCK for module in modules if hasattr(module, "BLOCK")]
+    return sorted(found, key=lambda block: (block.order, block.name))
+
+
+BLOCKS = _found()
+"""In the order of their rows."""
 
 
 def acting(flight: Flight, noise: Noise, *, between: bool) -> list[Block]:

@@ -21,6 +21,7 @@ class Gust(Block):
     """The fresh part of the disturbance in each interval; it acts once flights were found to have disturbances."""
 
     name = levels_of.GUST
+    order = 1
     between = True
     levels = tuple(f"gust_{what}_{axis}" for what in ("force_m_s2", "torque_rad_s2") for axis in "xyz")
     level_of_row = tuple(range(GUST))
@@ -67,3 +68,6 @@ def jacobians(gusts: Gusts, step_s: FloatArray) -> tuple[FloatArray, FloatArray]
     i = np.arange(GUST)
     before[:, i, MOTION + i], after[:, i, MOTION + i] = -keeps / fresh, 1.0 / fresh
     return before, after
+
+
+BLOCK = Gust()

@@ -15,6 +15,7 @@ class Gyro(Block):
     """Measured less expected rate; zero at nodes where none was sampled."""
 
     name = "gyro"
+    order = 4
     levels = ("rate_rad_s",)
     usual = (2e-2,)
     level_of_row = (0, 0, 0)
@@ -47,4 +48,4 @@ class Gyro(Block):
         return Linear(self.residual(at), (by_state,), np.concatenate([by_rate, slope[:, :, None]], axis=2), names)
 
 
-GYRO = Gyro()
+BLOCK = Gyro()

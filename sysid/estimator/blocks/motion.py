@@ -46,6 +46,7 @@ class Motion(Block):
     """What is left of the motion over each interval: position, velocity, turn, rate, in body axes."""
 
     name = MOTION
+    order = 0
     between = True
     levels = tuple(f"{what}_sqrt_s" for what in ("force_m_s2", "torque_rad_s2") for _ in "xyz")
     usual = (1.0, 1.0, 1.0, 10.0, 10.0, 10.0)
@@ -214,3 +215,6 @@ def moved_by_acceleration(
     The integral of the acceleration over the interval goes with its rate of change, and takes no row of its own.
     """
     return GAINED[which], -2.0 * np.sqrt(step_s)[:, None] / process[which]
+
+
+BLOCK = Motion()

@@ -28,6 +28,7 @@ class Pose(Block):
     """Measured less expected pose: metres and radians."""
 
     name = "pose"
+    order = 2
     levels = ("position_m", "attitude_rad")
     usual = (3e-3, 3e-3)
     level_of_row = (0, 0, 0, 1, 1, 1)
@@ -50,7 +51,7 @@ class Pose(Block):
         return linear(at.flight, at.states, PoseSensor.at(at.sensors))
 
 
-POSE = Pose()
+BLOCK = Pose()
 
 
 @dataclass(frozen=True, slots=True)

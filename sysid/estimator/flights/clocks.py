@@ -133,7 +133,7 @@ class Clock:
             f"against the {self.against}; the fit allows for it"
         )
         mended = self.against == "pose" and self.stream in (STREAMS[GYRO], STREAMS[ROTOR_SPEED])
-        return f"{said}, and `goshawk log fix` takes it out of the log if the log alone shows it" if mended else said
+        return f"{said}. `goshawk log fix` takes it out of the log if the log alone shows it" if mended else said
 
 
 def pose_is_late(clocks: Sequence[Clock]) -> bool:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flight.rotations import FloatArray
-from sysid.estimator.blocks.gyro import GYRO
+from sysid.estimator.blocks.gyro import BLOCK as GYRO
 from sysid.estimator.blocks.pose import DELAY
 from sysid.estimator.flights.clocks import GYRO as QUANTITY
 from sysid.estimator.flights.clocks import PRIOR_S, delay_name

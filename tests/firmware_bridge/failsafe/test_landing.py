@@ -334,7 +334,7 @@ def test_a_dead_reckoned_speed_does_not_keep_the_rotors_turning_on_the_ground(bo
 
 
 LONGEST_AFLOAT_S = 10.0
-"""Ground effect may carry what its thrust does not: 4 of 52 stood for more than five seconds."""
+"""Ground effect may carry what its thrust does not: 15 of 250 stood for more than five seconds."""
 
 
 @pytest.mark.parametrize("gust_m_s", [0.0, 0.8])
@@ -347,6 +347,20 @@ def test_the_gyro_alone_tells_the_ground_from_the_air(body, gust_m_s):
         assert result.at_rest
         assert result.stop_clearance_m < LARGEST_STOP_M
         assert result.stop_s - max(result.first_touchdown_s, result.last_airborne_s) < LONGEST_AFLOAT_S
+
+
+@pytest.mark.parametrize("after_s", [3.2, 3.3, 3.4, 6.5])
+def test_an_accelerometer_lost_in_a_blind_descent_neither_drops_it_nor_passes_for_the_ground(body, after_s):
+    """A look for the ground that it was to judge is given up, and the test by torque begins then."""
+    up = legs([(0, 0, 1.5), (0, 0, 8.0)], speed_m_s=4.0)
+    lost_s = up.duration_s + 1.0
+    for seed in range(3):
+        faults = (
+            Fault(Kind.POSITION_LOST, (Loss.NAN,), lost_s, since=State.TRAJECTORY),
+            Fault(Kind.NO_SPECIFIC_FORCE, after_s=lost_s + after_s, since=State.TRAJECTORY),
+        )
+        result = body.fly(Scenario(orders=(*TAKE_OFF, START), path=up, faults=faults, seed=seed, limit_s=90.0))
+        assert violations(result, touchdown_m_s=2.5) == []
 
 
 def test_braking_upwards_is_no_ground(body):

@@ -74,6 +74,14 @@ def test_a_pose_that_is_stuck_is_found_in_hover(body):
     assert violations(result, touchdown_m_s=BLIND_M_S) == []
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_pose_that_is_stuck_in_a_landing_without_accelerometer_is_no_ground(body, seed):
+    faults = (Fault(Kind.NO_SPECIFIC_FORCE), Fault(Kind.STUCK, (), 0.5, since=State.LANDING))
+    result = body.fly(hover(*faults, land_s=5.0, seed=seed, limit_s=90.0))
+    assert result.stop_clearance_m < 0.15
+    assert result.had(Reason.POSE_FROZEN)
+
+
 def test_a_pose_that_is_stuck_is_found_at_speed(body):
     path = circle(5.0, radius_m=6.0, clearance_m=0.6)
     stuck = Fault(Kind.STUCK, (), 4.0, since=State.TRAJECTORY)

@@ -148,9 +148,9 @@ def test_corrections_are_bounded_and_an_impossible_motion_exceeds_every_rotors_l
     assert (found.measured == -_MOST).any()
 
 
-def test_a_limit_the_gate_found_exceeded_is_kept_from_by_a_quarter_of_the_excess_within_bounds(drone):
+def test_a_limit_the_gate_found_exceeded_is_kept_from_by_a_twentieth_of_the_excess_within_bounds(drone):
     columns = [limits.NAMES.index(name) for name in airframe.NAMES]
-    for share, more in ((1.02, 0.01), (1.2, 0.05), (3.0, 0.1), (np.nan, 0.01)):
+    for share, more in ((1.02, 0.005), (1.2, 0.01), (3.0, 0.05), (np.nan, 0.005)):
         value = np.full((len(limits.NAMES), 2), 0.5)
         value[columns[-1]] = 1.5
         shares = np.full_like(value, 0.5)
@@ -160,5 +160,5 @@ def test_a_limit_the_gate_found_exceeded_is_kept_from_by_a_quarter_of_the_excess
         found.stricter(used, {"speed": np.array([True, False])})
         added = found.gate[:, 0] - _SPARE
         assert added[1, TILT] == pytest.approx(more)
-        assert added[0, 0] == pytest.approx(0.01)
+        assert added[0, 0] == pytest.approx(0.005)
         assert np.count_nonzero(np.abs(added) > 1e-12) == 2

@@ -201,7 +201,9 @@ def test_a_free_heading_never_costs_time(seed):
 def test_the_fastest_of_several_starts_is_kept_whatever_the_number_of_processors(yaw, monkeypatch):
     drone, asked = vehicle.example("rigter2019"), Waypoints(walk(6, 2), np.full(6, np.nan))
     one, three = (planner.plan(asked, SKY, drone, planner.PlanOptions(starts=n, yaw=yaw)) for n in (1, 3))
-    assert three.trajectory.duration_s <= one.trajectory.duration_s
+    # a free heading goes on from the fastest path with a bound one, which need not lead to the fastest
+    most = 1.001 if yaw == "free" else 1.0
+    assert three.trajectory.duration_s <= most * one.trajectory.duration_s
     assert np.isnan(one.spread)
     assert 0.0 <= three.spread < 0.05
     monkeypatch.setattr(attempts.os, "cpu_count", lambda: 1)

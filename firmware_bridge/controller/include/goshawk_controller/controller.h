@@ -133,75 +133,79 @@ typedef struct {
     tc_sample_time velocity;
 } tc_position_time;
 
+/* What is read most often stands first: a Cortex-M reaches a float in one instruction within a kilobyte. */
 typedef struct {
     tc_parameters parameters;
-    tc_mixer mixer;
-    tc_mission mission;
-    tc_clock clock;
-    tc_move move;
-    tc_supervisor supervisor;
-    tc_landing landing;
-    tc_position_state position;
-    tc_observer observer;
-    tc_pose_delay delay;
     tc_telemetry telemetry; /* its time_us is controller time: accepted steps added up, what all timers run on */
 
-    /* Time. */
-    uint64_t caller_us;      /* of the last tick, on the caller's clock */
-    uint64_t step_us;        /* of this tick */
-    uint64_t good_step_us;   /* the last possible one */
-    uint8_t stalled_ticks;   /* in which the caller's clock has stood, or was behind */
-    uint64_t clock_fault_us; /* controller time of the last impossible step */
-
     /* Estimate. */
-    tc_position_time horizontal, vertical;
-    tc_sample_time attitude, rate;
-    uint64_t good_since_us; /* estimate without any fault since */
-    uint8_t reset_counter;  /* of the estimate, as last seen */
-    bool had_estimate;
-    bool vertical_velocity; /* measured, not dead reckoned */
-    tc_monitor monitor;
-    uint64_t position_good_us; /* when position was last not stale */
-    /* For an axis that the gyro does not give: body rate by torque and attitudes, now and at the last attitude, which
-       was stamped so; the rotors' torque as they lag. */
-    float turning_rad_s[3], turned_rad_s[3], last_q[4], lagging_n_m[3];
-    uint64_t turning_us;
-    bool turning_known;
-    uint64_t gyro_good_us; /* when the gyro last gave all axes */
-    uint64_t moved_us;     /* when the vehicle last moved, turned or fell; 0 = never */
-    float felt_m_s2[3];    /* specific force, low-passed over 20 ms */
-    float support_m_s2;    /* upward acceleration that the thrust asked for does not explain, low-passed over 1 s */
-    float rise_m_s;        /* of the last tick */
-    float battery_v;       /* low-passed */
-    float hover_thrust_n;  /* averaged: what the vehicle really takes to hover */
-    float hover_s;         /* over so long */
-    float axes[3][3];      /* of the estimated attitude: body x, y, z in world coordinates */
+    float axes[3][3];         /* of the estimated attitude: body x, y, z in world coordinates */
+    float felt_m_s2[3];       /* specific force, low-passed over 20 ms */
+    float support_m_s2;       /* upward acceleration that the thrust asked for does not explain, low-passed over 1 s */
+    float rise_m_s;           /* of the last tick */
+    float battery_v;          /* low-passed */
+    float hover_thrust_n;     /* averaged: what the vehicle really takes to hover */
+    float hover_s;            /* over so long */
+    float ground_z_m;         /* where it last stood */
+    float mean_rate_rad_s[3]; /* that the attitude is carried by */
 
-    /* What was asked for. */
+    /* Commands to the rotors. */
+    float slow_speed_rad_s[TC_ROTORS]; /* the mixer's, filtered: what the rotors are taken to do */
+    float drag_world_n[3];             /* of the model, in this tick */
+    float cancelled_n_m[3];            /* torque against modelled moments, in this tick */
+
+    /* What was asked for, and what follows from the parameters. */
     float time_scale; /* path rate */
     float take_off_m;
-    bool ground_ever_seen;
-    uint64_t ground_seen_us;
-    uint64_t uncrashed_us; /* when it was last upright, or turned */
-    uint64_t tilt_good_us; /* when the attitude error was last small */
-    bool battery_low;      /* never taken back in flight */
+    float tilt_bound; /* 1 - cos(tilt_error_rad) */
 
-    /* What follows from the parameters. */
-    float tilt_bound;    /* 1 - cos(tilt_error_rad) */
-    uint8_t drag_source; /* tc_velocity_source */
+    /* Time. */
+    uint64_t caller_us;        /* of the last tick, on the caller's clock */
+    uint64_t step_us;          /* of this tick */
+    uint64_t good_step_us;     /* the last possible one */
+    uint64_t clock_fault_us;   /* controller time of the last impossible step */
+    uint64_t good_since_us;    /* estimate without any fault since */
+    uint64_t position_good_us; /* when position was last not stale */
+    uint64_t gyro_good_us;     /* when the gyro last gave all axes */
+    uint64_t observed_us;      /* stamp of the pose that was last compared with the IMU */
+    uint64_t moved_us;         /* when the vehicle last moved, turned or fell; 0 = never */
+    uint64_t uncrashed_us;     /* when it was last upright, or turned */
+    uint64_t tilt_good_us;     /* when the attitude error was last small */
+    uint64_t ground_seen_us;
+
+    uint8_t stalled_ticks; /* in which the caller's clock has stood, or was behind */
+    uint8_t reset_counter; /* of the estimate, as last seen */
+    uint8_t drag_source;   /* tc_velocity_source */
     uint8_t airflow_source;
+    bool had_estimate;
+    bool vertical_velocity; /* measured, not dead reckoned */
+    bool turning_known;
+    bool ground_ever_seen;
+    bool battery_low;  /* never taken back in flight */
     bool has_moments;  /* of the modelled moments any is not zero */
     bool has_lead;     /* rotor lag, battery or moments: speeds are filtered and corrected */
     bool has_integral; /* of the integrator's gains any is not zero */
     bool configured;
-
-    float slow_speed_rad_s[TC_ROTORS]; /* the mixer's, filtered: what the rotors are taken to do */
     bool was_flying;
-    uint64_t observed_us;     /* stamp of the pose that was last compared with the IMU */
-    float mean_rate_rad_s[3]; /* that the attitude is carried by */
-    float ground_z_m;         /* where it last stood */
-    float drag_world_n[3];    /* of the model, in this tick */
-    float cancelled_n_m[3];   /* torque against modelled moments, in this tick */
+
+    tc_position_time horizontal, vertical;
+    tc_sample_time attitude, rate;
+
+    tc_observer observer;
+    tc_pose_delay delay;
+    /* For an axis that the gyro does not give: body rate by torque and attitudes, now and at the last attitude, which
+       was stamped so; the rotors' torque as they lag. */
+    float turning_rad_s[3], turned_rad_s[3], last_q[4], lagging_n_m[3];
+    uint64_t turning_us;
+
+    tc_monitor monitor;
+    tc_landing landing;
+    tc_position_state position;
+    tc_mission mission;
+    tc_supervisor supervisor;
+    tc_clock clock;
+    tc_move move;
+    tc_mixer mixer;
     tc_store store;
 } tc_controller;
 

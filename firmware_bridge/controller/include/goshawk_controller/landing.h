@@ -29,31 +29,32 @@ typedef enum {
 } tc_landing_stage;
 
 typedef struct {
-    uint8_t stage;        /* tc_landing_stage */
     uint64_t began_us;    /* the descent */
     uint64_t stage_us;    /* the stage */
     uint64_t airborne_us; /* when there was last no sign of contact */
     uint64_t upright_us;  /* when it last was upright or moving */
+    uint64_t touched_us;  /* when something was first hit, */
+    uint64_t impact_us;   /* and last */
+    uint64_t sunk_us;     /* when it last was on its way to the lowest height */
+    uint64_t felt_us;     /* when something else than the test by torque could last tell of the ground */
     float z_m;            /* height of the set-point */
     float speed_m_s;      /* downwards, as commanded now */
-    bool lead_limited;    /* the set-point is held back to 0.25 m below the vehicle */
-    uint64_t touched_us;  /* when it first was, */
-    uint8_t impacts;      /* how often since, */
-    bool impact;          /* and whether just now */
-    uint64_t impact_us;   /* the last one */
-    bool touched;         /* something has been hit in a descent without vertical velocity */
     float thrust_n;       /* collective in UNLOAD and IDLE */
     float start_thrust_n; /* when UNLOAD began */
     float start_velocity_m_s;
     float start_m;    /* height */
     float gained_m_s; /* downwards since UNLOAD began, by the accelerometer */
-    float lowest_m;   /* height that the descent has come down to, */
-    uint64_t sunk_us; /* when it last was on its way there */
-    bool sure;        /* it has not come down for so long that this UNLOAD is judged by height alone */
+    float lowest_m;   /* height that the descent has come down to */
     float force_m_s2; /* specific force along body z, low-passed; 0 while it is not given */
     /* What a test by roll torque shows: that torque as the rotors lag, the roll rate it makes, the slow part of the
        measured one; both rates against the test's sign, averaged. */
     float rolling_n_m, predicted_rad_s, slow_rad_s, expected_rad_s, found_rad_s;
+    uint8_t stage;     /* tc_landing_stage */
+    uint8_t impacts;   /* how often something has been hit since touched_us, */
+    bool impact;       /* and whether just now */
+    bool touched;      /* something has been hit in a descent without vertical velocity */
+    bool lead_limited; /* the set-point is held back to 0.25 m below the vehicle */
+    bool sure;         /* it has not come down for so long that this UNLOAD is judged by height alone */
 } tc_landing;
 
 #endif

@@ -120,14 +120,14 @@ typedef struct {
 /* The operator is a session: a number that a station draws at random when it starts. All orders of our dialect carry
    it. A standard station has none (0) and is known by its stream. */
 typedef struct {
-    tc_link_station holder;
-    uint32_t session;
-    char name[TC_LINK_NAME]; /* for people */
-    bool names_holder;       /* whether the answer to come does */
     uint64_t until_us;
-    bool ever_heard;   /* a holder, since the start */
-    uint64_t heard_us; /* its last frame */
-    uint32_t nonce;    /* of the request that is to be answered */
+    uint64_t heard_us; /* the last frame of a holder */
+    uint32_t session;
+    uint32_t nonce; /* of the request that is to be answered */
+    tc_link_station holder;
+    bool names_holder;       /* whether the answer to come does */
+    bool ever_heard;         /* a holder, since the start */
+    char name[TC_LINK_NAME]; /* for people */
 } tc_link_lease;
 
 typedef struct {
@@ -274,38 +274,38 @@ typedef struct {
 typedef struct {
     const tc_link_config* config;
     tc_controller* controller;
-    uint64_t clock_us;  /* the link's time: since the start, without steps of the caller's clock */
-    uint64_t caller_us; /* what the caller's clock showed last */
-    uint64_t pending;   /* bits: what is to be sent (link_out) */
-    tc_link_counts counts;
+    uint64_t clock_us;      /* the link's time: since the start, without steps of the caller's clock */
+    uint64_t caller_us;     /* what the caller's clock showed last */
+    uint64_t pending;       /* bits: what is to be sent (link_out) */
+    int64_t byte_credit_us; /* bytes that may be sent now, times a million */
+    uint64_t credit_at_us;
     tc_link_lease lease;
-    tc_link_order_result order;   /* of the station in control, answered again when it is repeated */
-    tc_link_order_result foreign; /* of one that is not */
-    tc_link_timesync timesync;
-    tc_link_standard standard;
     tc_link_upload upload;
-    tc_link_refusal refused; /* somebody asked to begin and may not */
-    tc_link_commit commit;   /* the last one, answered again when it is repeated */
-    tc_link_set set;
     tc_link_reading reading;
     tc_link_log log;
     tc_link_text text;
+    tc_link_challenge challenge;
+    tc_link_timesync timesync;
+    tc_link_line line;
+    tc_link_budget holder_checks, other_checks;
+    int32_t bulk_lead; /* weighted bytes by which bulk is ahead of its share beside telemetry */
+    uint32_t random;
+    tc_link_refusal refused; /* somebody asked to begin and may not */
+    tc_link_commit commit;   /* the last one, answered again when it is repeated */
     tc_link_reported reported;
-    float home_world_m[3]; /* where it last stood */
-    uint64_t next_us[TC_LINK_PERIODS];
-    uint32_t period_us[TC_LINK_PERIODS]; /* of a series, where it is not TC_LINK_PRESET */
+    tc_link_order_result order;   /* of the station in control, answered again when it is repeated */
+    tc_link_order_result foreign; /* of one that is not */
+    float home_world_m[3];        /* where it last stood */
     uint16_t state_sequence;
     uint8_t sequence;
-    tc_link_line line;
-    uint8_t turn;           /* link_out: the telemetry whose turn it is */
-    int32_t bulk_lead;      /* weighted bytes by which bulk is ahead of its share beside telemetry */
-    int64_t byte_credit_us; /* bytes that may be sent now, times a million */
-    uint64_t credit_at_us;
-    tc_link_budget holder_checks, other_checks;
-    tc_link_lottery lottery;
-    tc_link_challenge challenge;
-    uint32_t random;
+    uint8_t turn; /* link_out: the telemetry whose turn it is */
+    tc_link_counts counts;
+    tc_link_standard standard;
+    uint64_t next_us[TC_LINK_PERIODS];
+    uint32_t period_us[TC_LINK_PERIODS]; /* of a series, where it is not TC_LINK_PRESET */
     tc_signing signing;
+    tc_link_set set;
+    tc_link_lottery lottery;
 } tc_link;
 
 /* `config` stays the caller's, and stays where it is. */

@@ -77,7 +77,7 @@ bool tc_parser_next(tc_parser* parser, const uint8_t** bytes, size_t* n, tc_fram
    TC_STAMP_LATE_10US below the newest stamp and to every stamp that TC_RECENT newer ones have pushed out, so that
    frames may overtake each other on the way and none is accepted twice. */
 #define TC_STREAMS 4u
-#define TC_RECENT 16u
+#define TC_RECENT 8u
 #define TC_STAMP_LATE_10US 65000u /* 0.65 s */
 
 typedef struct {
@@ -87,7 +87,6 @@ typedef struct {
 typedef struct {
     tc_sender sender;
     bool open;
-    uint64_t newest_10us;
     uint64_t floor_10us; /* at and below it everything is refused */
     uint64_t recent_10us[TC_RECENT];
     uint64_t last_used; /* tc_signing.accepted at its last frame */

@@ -95,9 +95,11 @@ void tc_mission_init(tc_mission* mission);
    TC_WRONG_STATE otherwise, with nothing changed. `reason` is recorded when the state changes. */
 tc_reason tc_mission_post(tc_mission* mission, uint8_t event, tc_reason reason, uint64_t time_us);
 
-bool tc_mission_in_air(uint8_t state);  /* the position loop or the emergency loop is running */
-bool tc_mission_on_path(uint8_t state); /* the set-point comes from the trajectory */
-bool tc_mission_rotors_on(uint8_t state);
+/* The position loop or the emergency loop is running. */
+static inline bool tc_mission_in_air(uint8_t state) { return state >= TC_TAKE_OFF && state <= TC_EMERGENCY; }
+/* The set-point comes from the trajectory. */
+static inline bool tc_mission_on_path(uint8_t state) { return state >= TC_TRAJECTORY && state <= TC_ABORTING; }
+static inline bool tc_mission_rotors_on(uint8_t state) { return state >= TC_ARMED && state <= TC_EMERGENCY; }
 
 const char* tc_mission_state_text(uint8_t state);
 const char* tc_command_text(uint8_t command);

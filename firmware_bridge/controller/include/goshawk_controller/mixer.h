@@ -29,8 +29,7 @@ typedef struct {
     float free;     /* loads that change none of the three, per newton of the largest */
     float thrust_n; /* of a unit of load */
     float spin;
-    float spin_free;  /* spin times free */
-    float spin_free2; /* spin times free squared */
+    float spin_free; /* spin times free */
 } tc_mixer_rotor;
 
 /* What follows from the parameters alone; made once by tc_mixer_configure. */

@@ -6,7 +6,7 @@
      |change of velocity - integral of specific force| > 0.8 m/s, more by four standard deviations under vibration,
      |change of position - integral of velocity|       > 0.25 m,
      a heading that differs by more than 0.35 rad from the last tick's and the gyro's turn, or
-     position and velocity that repeat bit by bit for 0.2 s while the accelerometer shakes,
+     position and velocity that repeat bit by bit for 0.2 s while the accelerometer shakes or, without one, it turns,
 
    and for half a second after. Meanwhile position is dead reckoned from before the window, the vehicle brakes, and what
    follows is the ladder of a lost position. A heading that jumped, or a third alarm within ten seconds, is final. A
@@ -14,7 +14,7 @@
 
    Blind: a velocity and a position that lie consistently by less than 2.7 m/s2; a drift below 0.13 m/s; a heading that
    turns slower than the pose rate times 0.35 rad, until the vehicle accelerates by it; without an accelerometer, all of
-   the velocity's and the repeated pose. */
+   the velocity's. */
 #ifndef GOSHAWK_CONTROLLER_MONITOR_H
 #define GOSHAWK_CONTROLLER_MONITOR_H
 
@@ -32,20 +32,19 @@ typedef struct {
 
 typedef struct {
     tc_monitor_window window[2];
-    bool running;        /* the windows have begun */
     float shake_m2_s4;   /* variance of the accelerometer's noise, all axes */
-    float last_force[3]; /* of the last tick, body axes */
     float last_pose[6];  /* position and velocity as given */
-    uint64_t changed_us; /* when they last changed */
     float before_m[2];   /* horizontal position of the last tick */
     float drift_m[2];    /* of position from its velocity, leaky */
     float turn[4];       /* brings the estimated attitude back to the heading before it jumped, */
-    bool turned;         /* if it did */
+    uint64_t changed_us; /* when the pose last changed */
     uint64_t alarm_us;   /* when it last was wrong */
     uint64_t first_us;   /* the first alarm of the last ten seconds */
     uint8_t alarms;      /* since then */
     uint8_t reason;      /* tc_reason of the last alarm; TC_OK: none */
     bool final;          /* not believed again in this flight */
+    bool running;        /* the windows have begun */
+    bool turned;         /* the heading has jumped */
     bool doubted;        /* in the last tick */
     bool drifts;         /* slowly */
 } tc_monitor;

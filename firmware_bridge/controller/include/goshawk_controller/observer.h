@@ -30,7 +30,6 @@ typedef struct {
     float force_variance_n2; /* of one axis, by the noise of what was measured */
     float torque_variance_n2_m2[3];
     float noise_m2_s4; /* variance of one axis of the accelerometer */
-    uint8_t state;     /* tc_observer_state */
 
     /* First stages of the low-passes, what has lasted; the slow state: accelerometer's integral, and how much it is
        short of the estimate's velocity; the rotors as they lag. */
@@ -42,6 +41,7 @@ typedef struct {
     float thrust_n;           /* of the rotors, by the model, when the torque was last observed */
     /* The last tick: accelerometer, gyro, its length, whose turn it was. */
     float last_force_body_m_s2[3], last_rate_rad_s[3], last_step_s;
+    uint8_t state; /* tc_observer_state */
     bool was_torque;
     bool started;
 } tc_observer;

@@ -1,6 +1,8 @@
 /* Quaternions; sine, cosine and arc tangent in plain float32 arithmetic: the same bits on every machine. */
 #include "maths.h"
 
+bool tc_exceeds(uint64_t us, float limit_s) { return tc_seconds(us) > limit_s; }
+
 void tc_cross(const float a[3], const float b[3], float out[3]) {
     out[0] = a[1] * b[2] - a[2] * b[1];
     out[1] = a[2] * b[0] - a[0] * b[2];
@@ -8,7 +10,17 @@ void tc_cross(const float a[3], const float b[3], float out[3]) {
 }
 
 void tc_to_body(float axes[3][3], const float v[3], float out[3]) {
-    for (int i = 0; i < 3; i++) out[i] = axes[i][0] * v[0] + axes[i][1] * v[1] + axes[i][2] * v[2];
+    const float x = v[0], y = v[1], z = v[2];
+    out[0] = axes[0][0] * x + axes[0][1] * y + axes[0][2] * z;
+    out[1] = axes[1][0] * x + axes[1][1] * y + axes[1][2] * z;
+    out[2] = axes[2][0] * x + axes[2][1] * y + axes[2][2] * z;
+}
+
+void tc_to_world(float axes[3][3], const float v[3], float out[3]) {
+    const float x = v[0], y = v[1], z = v[2];
+    out[0] = axes[0][0] * x + axes[1][0] * y + axes[2][0] * z;
+    out[1] = axes[0][1] * x + axes[1][1] * y + axes[2][1] * z;
+    out[2] = axes[0][2] * x + axes[1][2] * y + axes[2][2] * z;
 }
 
 void tc_q_axes(const float q[4], float axes[3][3]) {

@@ -51,6 +51,9 @@ static inline float tc_seconds(uint64_t us) {
     return (float)bounded_us * 1e-6f;
 }
 
+/* Whether so many microseconds are more than this. */
+bool tc_exceeds(uint64_t us, float limit_s);
+
 static inline float tc_dot(const float a[3], const float b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 static inline float tc_norm(const float a[3]) { return sqrtf(tc_dot(a, a)); }
@@ -80,9 +83,7 @@ void tc_q_axes(const float q[4], float axes[3][3]);
 
 void tc_to_body(float axes[3][3], const float v[3], float out[3]);
 
-static inline void tc_to_world(float axes[3][3], const float v[3], float out[3]) {
-    for (int i = 0; i < 3; i++) out[i] = axes[0][i] * v[0] + axes[1][i] * v[1] + axes[2][i] * v[2];
-}
+void tc_to_world(float axes[3][3], const float v[3], float out[3]);
 
 /* Both to about 1e-7 for |x| <= 1000 rad; larger arguments are the caller's mistake and give 0 and 1. */
 void tc_sin_cos(float x, float* sine, float* cosine);

@@ -88,7 +88,7 @@ typedef struct {
 static inline void add_yaw_terms(const tc_mixer_rotor* m, const rotor* r, yaw_balance* yaw) {
     yaw->missing -= m->spin * r->square;
     yaw->slope += m->spin_free * r->square_rise;
-    yaw->bend += m->spin_free2 * r->square_bend;
+    yaw->bend += m->spin_free * m->free * r->square_bend;
 }
 
 /* Moves the squared speeds along the free direction to where the yaw torque is met. True if a load changed so much that

@@ -63,7 +63,6 @@ static tc_reason invert_geometry(tc_mixer* mixer, const tc_parameters* p, float 
         m->thrust_n = p->rotor_gain[i] / load_per_n;
         m->spin = p->rotor_spin[i];
         m->spin_free = m->spin * m->free;
-        m->spin_free2 = m->spin_free * m->free;
     }
     *yaw_per_free = spin_sum;
     return tc_abs(spin_sum) > 0.25f * size_sum ? TC_OK : TC_SINGULAR_GEOMETRY;

@@ -1,30 +1,11 @@
-/* The two tables of messages: what is received, with its handler; what is sent, with its encoder. */
+/* The two tables of messages: what is received, with its handler (services.h); what is sent, with its encoder. */
 #include "messages.h"
 
 typedef void (*handler)(tc_link* link, const link_message* message);
 
 /* By row of the dialect. What has none is not carried out: heartbeats, and what only a vehicle sends. */
-static const handler received[GOSHAWK_DIALECT_ROWS] = {
-    [GOSHAWK_LEASE_REQUEST_ROW] = link_receive_lease_request,
-    [GOSHAWK_MISSION_COMMAND_ROW] = link_receive_mission_command,
-    [GOSHAWK_TRAJECTORY_BEGIN_ROW] = link_receive_begin,
-    [GOSHAWK_TRAJECTORY_SEGMENT_ROW] = link_receive_segment,
-    [GOSHAWK_TRAJECTORY_SAMPLES_ROW] = link_receive_samples,
-    [GOSHAWK_TRAJECTORY_COMMIT_ROW] = link_receive_commit,
-    [GOSHAWK_TRAJECTORY_READ_ROW] = link_receive_trajectory_read,
-    [GOSHAWK_PARAMETERS_STAGE_ROW] = link_receive_parameters_stage,
-    [GOSHAWK_PARAMETERS_COMMIT_ROW] = link_receive_parameters_commit,
-    [PARAM_REQUEST_READ_ROW] = link_receive_parameter_request,
-    [PARAM_REQUEST_LIST_ROW] = link_receive_parameter_list,
-    [GOSHAWK_LOG_REQUEST_ROW] = link_receive_log_request,
-    [COMMAND_LONG_ROW] = link_receive_command_long,
-    [COMMAND_INT_ROW] = link_receive_command_int,
-    [SET_MODE_ROW] = link_receive_set_mode,
-    [PARAM_SET_ROW] = link_receive_parameter_set,
-    [MISSION_REQUEST_LIST_ROW] = link_receive_mission_request_list,
-    [MISSION_COUNT_ROW] = link_receive_mission_count,
-    [TIMESYNC_ROW] = link_receive_timesync,
-};
+#define HANDLED(row, handle) [row] = handle,
+static const handler received[GOSHAWK_DIALECT_ROWS] = {LINK_RECEIVED(HANDLED)};
 
 typedef struct {
     uint8_t row; /* of the dialect's table */

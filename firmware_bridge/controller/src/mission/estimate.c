@@ -99,18 +99,23 @@ static void bend(tc_controller* c, int axis, float ahead) {
     c->telemetry.estimate.position_world_m[axis] -= 0.6667f * ahead * change;
 }
 
+/* Those of its valid bits whose numbers can be. */
+static uint32_t plausible_bits(const tc_estimate* e, const tc_part* part) {
+    const bool position = plausible(&e->position_world_m[part->first], part->count, LARGEST_POSITION_M);
+    const bool velocity = plausible(&e->velocity_world_m_s[part->first], part->count, LARGEST_VELOCITY_M_S);
+    return e->valid & ((position ? part->position_bits : 0u) | (velocity ? part->velocity_bits : 0u));
+}
+
 /* Measured and carried to the tick by the acceleration that is asked for, or dead reckoned from where it was. */
 static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part* part, tc_position_time* times,
-                          const float reckoned_m_s2[3], bool believed, float step_s) {
+                          const float reckoned_m_s2[3], uint32_t usable, float step_s) {
     const tc_parameters* p = &c->parameters;
     tc_estimate* now = &c->telemetry.estimate;
     const int first = part->first;
-    const bool velocity = believed && marked(e, part->velocity_bits) &&
-                          plausible(&e->velocity_world_m_s[first], part->count, LARGEST_VELOCITY_M_S) &&
-                          certain(e->velocity_std_m_s[part->std], p->velocity_std_m_s);
-    const bool position = velocity && marked(e, part->position_bits) &&
-                          plausible(&e->position_world_m[first], part->count, LARGEST_POSITION_M) &&
-                          certain(e->position_std_m[part->std], p->position_std_m);
+    const bool velocity =
+        (usable & part->velocity_bits) != 0u && certain(e->velocity_std_m_s[part->std], p->velocity_std_m_s);
+    const bool position =
+        velocity && (usable & part->position_bits) != 0u && certain(e->position_std_m[part->std], p->position_std_m);
     if (velocity) note_sample(c, &times->velocity, e->position_time_us);
     if (position) note_sample(c, &times->position, e->position_time_us);
     const float position_age_s = age_s(c, times->position.true_us);
@@ -145,7 +150,8 @@ static void describe_reckoning(tc_telemetry* t, float time_s) {
 }
 
 /* Whether there is a pose that the monitor can judge: all of it, in the air. */
-static void monitor(tc_controller* c, const tc_estimate* e, const float reckoned_m_s2[3], float step_s) {
+static void monitor(tc_controller* c, const tc_estimate* e, uint32_t usable, const float reckoned_m_s2[3],
+                    float step_s) {
     const uint32_t pose =
         (uint32_t)TC_VALID_POSITION_XY | TC_VALID_POSITION_Z | TC_VALID_VELOCITY_XY | TC_VALID_VELOCITY_Z;
     if (!tc_mission_in_air(c->mission.state) || c->parameters.monitor < 0.5f) {
@@ -157,8 +163,7 @@ static void monitor(tc_controller* c, const tc_estimate* e, const float reckoned
         c->monitor.doubted = false;
         c->monitor.alarms = 0;
         memset(c->monitor.drift_m, 0, sizeof c->monitor.drift_m);
-    } else if (marked(e, pose) && plausible(e->position_world_m, 3, LARGEST_POSITION_M) &&
-               plausible(e->velocity_world_m_s, 3, LARGEST_VELOCITY_M_S)) {
+    } else if (usable == pose) {
         const uint64_t age_us = e->position_time_us < c->caller_us ? c->caller_us - e->position_time_us : 0u;
         const float age = tc_seconds(age_us);
         const bool clock_stepped = c->telemetry.refused_ticks > 0u && c->clock_fault_us == c->telemetry.time_us;
@@ -175,10 +180,12 @@ static void monitor(tc_controller* c, const tc_estimate* e, const float reckoned
 static uint32_t take_position(tc_controller* c, const tc_estimate* e, float step_s) {
     float reckoned[3];
     reckoned_acceleration(c, e, reckoned);
-    monitor(c, e, reckoned, step_s);
-    const bool level_good = tc_monitor_believes(c), height_good = tc_monitor_believes_height(c);
-    const tc_taken level = take_part(c, e, &horizontal, &c->horizontal, reckoned, level_good, step_s);
-    const tc_taken height = take_part(c, e, &vertical, &c->vertical, reckoned, height_good, step_s);
+    const uint32_t level_bits = plausible_bits(e, &horizontal), height_bits = plausible_bits(e, &vertical);
+    monitor(c, e, level_bits | height_bits, reckoned, step_s);
+    const uint32_t level_usable = tc_monitor_believes(c) ? level_bits : 0u;
+    const uint32_t height_usable = tc_monitor_believes_height(c) ? height_bits : 0u;
+    const tc_taken level = take_part(c, e, &horizontal, &c->horizontal, reckoned, level_usable, step_s);
+    const tc_taken height = take_part(c, e, &vertical, &c->vertical, reckoned, height_usable, step_s);
     c->vertical_velocity = height.velocity;
     if (level.position) c->telemetry.estimate.position_time_us = e->position_time_us;
     const bool stale = tc_max(level.age_s, height.age_s) > c->parameters.estimate_stale_s;
@@ -312,8 +319,8 @@ static bool take_force(tc_controller* c, const tc_estimate* e, float step_s) {
                         tc_up_to(tc_dot(force, force), LARGEST_FORCE_M_S2 * LARGEST_FORCE_M_S2) &&
                         (c->telemetry.estimate_faults & (uint32_t)TC_FAULT_RATE_STALE) == 0u;
     if (usable) {
+        tc_monitor_shaking(c, force, step_s);
         tc_copy(c->telemetry.estimate.specific_force_body_m_s2, force);
-        tc_monitor_shaking(&c->monitor, force, step_s);
         const float pass = step_s / (FELT_FILTER_S + step_s);
         for (int i = 0; i < 3; i++) c->felt_m_s2[i] += pass * (force[i] - c->felt_m_s2[i]);
     }

@@ -7,7 +7,7 @@
 
 /* Whether it has been so for longer than this; `since_us` in controller time. */
 static inline bool tc_lasts(const tc_controller* c, uint64_t since_us, float limit_s) {
-    return tc_seconds(c->telemetry.time_us - since_us) > limit_s;
+    return tc_exceeds(c->telemetry.time_us - since_us, limit_s);
 }
 
 /* estimate.c: takes what is usable of `estimate`, dead reckons the rest, folds relocalizations into the set-point, and
@@ -62,8 +62,8 @@ bool tc_monitor_believes_height(const tc_controller* c);
 void tc_monitor_heading(tc_controller* c, const tc_estimate* estimate, float step_s, float q[4]);
 /* Horizontal speed, squared, as the position tells it over some seconds. */
 float tc_monitor_speed2(const tc_controller* c);
-/* How much the accelerometer shakes from tick to tick. */
-void tc_monitor_shaking(tc_monitor* m, const float force_body_m_s2[3], float step_s);
+/* How much the accelerometer shakes from tick to tick: before the new sample is taken. */
+void tc_monitor_shaking(tc_controller* c, const float force_body_m_s2[3], float step_s);
 /* One step with a usable pose that is `ahead_s` old; `acceleration_m_s2` by the accelerometer, world axes. Where the
    pose turns out to be wrong, telemetry.estimate goes back to what the IMU makes of the pose before. */
 void tc_monitor_step(tc_controller* c, const tc_estimate* estimate, const float acceleration_m_s2[3], float ahead_s,

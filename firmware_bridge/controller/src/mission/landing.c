@@ -53,12 +53,13 @@ static const float FALL_KNOWN_S = 10.0f;   /* and no longer than this */
 
 /* Without vertical velocity and accelerometer: roll torque to and fro. In the air the body turns as the torque says; on
    its feet, which the missing share of the thrust still loads, it does not. */
-static const float TEST_RAD_S2 = 12.0f; /* of the torque, over the inertia */
+static const float TEST_RAD_S2 =
+    8.0f; /* of the torque, over the inertia: 12 still rocks a body that stands on little */
 static const uint32_t TEST_HALF_US = 120000u;
 static const float TEST_LEAK_S = 0.2f;     /* of the rate that the torque predicts: what is slower is no answer */
 static const float TEST_AVERAGE_S = 1.0f;  /* gusts turn it, too, but not in step */
 static const float TEST_FIRST_S = 3.0f;    /* averaged well */
-static const float TEST_ANSWER = 0.5f;     /* of what is predicted: less is the ground's doing */
+static const float TEST_ANSWER = 0.6f;     /* of what is predicted: less is the ground's doing */
 static const float UNKNOWN_LAG_S = 0.025f; /* of rotors whose lag nobody has learnt */
 
 static float weight_n(const tc_controller* c) { return c->parameters.mass_kg * c->parameters.gravity_m_s2; }
@@ -82,6 +83,7 @@ void tc_landing_begin(tc_controller* c) {
     c->landing.speed_m_s = -t->setpoint.velocity_world_m_s[2];
     c->landing.lowest_m = t->estimate.position_world_m[2];
     c->landing.sunk_us = t->time_us;
+    c->landing.felt_us = t->time_us;
     enter_stage(c, TC_LANDING_DESCEND);
 }
 
@@ -145,7 +147,7 @@ static void measure_answer(tc_controller* c, float step_s) {
 
 static bool stands_by_test(const tc_controller* c) {
     const tc_landing* l = &c->landing;
-    return only_turns(c) && tc_lasts(c, l->began_us, TEST_FIRST_S) && l->found_rad_s < TEST_ANSWER * l->expected_rad_s;
+    return only_turns(c) && tc_lasts(c, l->felt_us, TEST_FIRST_S) && l->found_rad_s < TEST_ANSWER * l->expected_rad_s;
 }
 
 /* Against a fall, and nothing upwards. */
@@ -351,7 +353,12 @@ bool tc_landing_observe(tc_controller* c, float step_s) {
         landing->gained_m_s +=
             step_s * (c->parameters.gravity_m_s2 - c->telemetry.estimate.specific_force_body_m_s2[2]);
     }
-    if (only_turns(c)) measure_answer(c, step_s);
+    if (only_turns(c)) {
+        if (tc_landing_unloads(landing)) enter_stage(c, TC_LANDING_DESCEND); /* nothing is left to judge it by */
+        measure_answer(c, step_s);
+    } else {
+        landing->felt_us = c->telemetry.time_us;
+    }
     if (rests_inverted(c) || bounces(c) || stands_by_test(c)) return true;
     switch (landing->stage) {
         case TC_LANDING_DESCEND:

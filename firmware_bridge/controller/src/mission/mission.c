@@ -151,21 +151,12 @@ static const uint8_t next[TC_MISSION_STATE_COUNT][TC_EVENT_COUNT] = {
 };
 /* clang-format on */
 
-typedef struct {
-    const char* text;
-    bool rotors_on; /* ours turn them */
-    bool in_air;    /* the position loop or the emergency loop is running */
-    bool on_path;   /* the set-point comes from the trajectory */
-} state_row;
-
-static const state_row states[TC_MISSION_STATE_COUNT] = {
-    [TC_DISARMED] = {"disarmed", false, false, false}, [TC_ARMED] = {"armed", true, false, false},
-    [TC_TAKE_OFF] = {"take-off", true, true, false},   [TC_HOLD] = {"hold", true, true, false},
-    [TC_APPROACH] = {"approach", true, true, false},   [TC_TRAJECTORY] = {"trajectory", true, true, true},
-    [TC_PAUSING] = {"pausing", true, true, true},      [TC_PAUSED] = {"paused", true, true, true},
-    [TC_STOPPING] = {"stopping", true, true, true},    [TC_ABORTING] = {"aborting", true, true, true},
-    [TC_LANDING] = {"landing", true, true, false},     [TC_EMERGENCY] = {"emergency", true, true, false},
-    [TC_FAULT] = {"fault", false, false, false},       [TC_SHADOW] = {"shadow", false, false, false},
+static const char* const states[TC_MISSION_STATE_COUNT] = {
+    [TC_DISARMED] = "disarmed", [TC_ARMED] = "armed",       [TC_TAKE_OFF] = "take-off",
+    [TC_HOLD] = "hold",         [TC_APPROACH] = "approach", [TC_TRAJECTORY] = "trajectory",
+    [TC_PAUSING] = "pausing",   [TC_PAUSED] = "paused",     [TC_STOPPING] = "stopping",
+    [TC_ABORTING] = "aborting", [TC_LANDING] = "landing",   [TC_EMERGENCY] = "emergency",
+    [TC_FAULT] = "fault",       [TC_SHADOW] = "shadow",
 };
 
 static const char* const commands[TC_COMMAND_COUNT] = {
@@ -192,17 +183,6 @@ tc_reason tc_mission_post(tc_mission* mission, uint8_t event, tc_reason reason, 
     return TC_OK;
 }
 
-static const state_row* row(uint8_t state) {
-    static const state_row unknown = {"unknown", false, false, false};
-    return state < TC_MISSION_STATE_COUNT ? &states[state] : &unknown;
-}
-
-bool tc_mission_in_air(uint8_t state) { return row(state)->in_air; }
-
-bool tc_mission_on_path(uint8_t state) { return row(state)->on_path; }
-
-bool tc_mission_rotors_on(uint8_t state) { return row(state)->rotors_on; }
-
-const char* tc_mission_state_text(uint8_t state) { return row(state)->text; }
+const char* tc_mission_state_text(uint8_t state) { return state < TC_MISSION_STATE_COUNT ? states[state] : "unknown"; }
 
 const char* tc_command_text(uint8_t command) { return command < TC_COMMAND_COUNT ? commands[command] : "unknown"; }

@@ -7,17 +7,18 @@ static const float VELOCITY_GAP_M_S = 0.8f; /* largest of good flights: 0.34 */
 static const float POSITION_GAP_M = 0.25f;  /* ... 0.03 */
 static const float SIGMAS2 = 16.0f;         /* four standard deviations of the integrated accelerometer noise */
 static const float SHAKE_FILTER_S = 0.3f;
-static const float IMPACT_TIMES = 16.0f; /* an impact is no shaking: beyond four times the noise, */
-static const float IMPACT_M2_S4 = 1.0f;  /* ... or 1 m/s2, a jump counts as that */
-static const float HEADING_GAP = 0.174f; /* half of 0.35 rad, its sine */
-static const float REPEATED_S = 0.2f;    /* a pose that has repeated itself for so long is frozen */
-static const float SHAKES_M2_S4 = 4e-4f; /* ... if the accelerometer's noise is above 0.02 m/s2 */
-static const float DISTRUST_S = 0.5f;    /* after the last alarm */
-static const float TOGETHER_S = 10.0f;   /* alarms within are counted */
-static const uint8_t MOST_ALARMS = 3u;   /* this one is final */
-static const float TOUCH_S = 0.1f;       /* after an impact, as late as a pose may be */
-static const float DRIFT_M = 0.4f;       /* of position from its velocity */
-static const float DRIFT_S = 3.0f;       /* time constant of forgetting it */
+static const float IMPACT_TIMES = 16.0f;  /* an impact is no shaking: beyond four times the noise, */
+static const float IMPACT_M2_S4 = 1.0f;   /* ... or 1 m/s2, a jump counts as that */
+static const float HEADING_GAP = 0.174f;  /* half of 0.35 rad, its sine */
+static const float REPEATED_S = 0.2f;     /* a pose that has repeated itself for so long is frozen */
+static const float SHAKES_M2_S4 = 4e-4f;  /* ... if the accelerometer's noise is above 0.02 m/s2 */
+static const float TURNS_RAD2_S2 = 4e-4f; /* ... or, without one, it turns by 0.02 rad/s */
+static const float DISTRUST_S = 0.5f;     /* after the last alarm */
+static const float TOGETHER_S = 10.0f;    /* alarms within are counted */
+static const uint8_t MOST_ALARMS = 3u;    /* this one is final */
+static const float TOUCH_S = 0.1f;        /* after an impact, as late as a pose may be */
+static const float DRIFT_M = 0.4f;        /* of position from its velocity */
+static const float DRIFT_S = 3.0f;        /* time constant of forgetting it */
 
 bool tc_monitor_believes(const tc_controller* c) {
     const tc_monitor* m = &c->monitor;
@@ -115,16 +116,19 @@ static tc_reason judge(tc_monitor* m, tc_monitor_window* w, const float position
     return gap2(position_m, w->position_m) > POSITION_GAP_M * POSITION_GAP_M ? TC_POSE_POSITION : TC_OK;
 }
 
-void tc_monitor_shaking(tc_monitor* m, const float force_body_m_s2[3], float step_s) {
+void tc_monitor_shaking(tc_controller* c, const float force_body_m_s2[3], float step_s) {
+    tc_monitor* m = &c->monitor;
     const float pass = step_s / (SHAKE_FILTER_S + step_s);
-    const float now = tc_min(0.5f * gap2(force_body_m_s2, m->last_force), IMPACT_TIMES * m->shake_m2_s4 + IMPACT_M2_S4);
+    const float change2 = gap2(force_body_m_s2, c->telemetry.estimate.specific_force_body_m_s2);
+    const float now = tc_min(0.5f * change2, IMPACT_TIMES * m->shake_m2_s4 + IMPACT_M2_S4);
     m->shake_m2_s4 += pass * (now - m->shake_m2_s4);
-    tc_copy(m->last_force, force_body_m_s2);
 }
 
 /* Whether poses with new stamps bring the same numbers. */
-static bool repeats(tc_controller* c, const tc_estimate* e) {
+static bool repeats(tc_controller* c, const tc_estimate* e, bool forced) {
     tc_monitor* m = &c->monitor;
+    const float* rate = c->telemetry.estimate.rate_body_rad_s;
+    const bool shakes = forced ? m->shake_m2_s4 > SHAKES_M2_S4 : tc_dot(rate, rate) > TURNS_RAD2_S2;
     const bool same = memcmp(m->last_pose, e->position_world_m, sizeof e->position_world_m) == 0 &&
                       memcmp(m->last_pose + 3, e->velocity_world_m_s, sizeof e->velocity_world_m_s) == 0;
     if (!same) {
@@ -132,7 +136,7 @@ static bool repeats(tc_controller* c, const tc_estimate* e) {
         tc_copy(m->last_pose + 3, e->velocity_world_m_s);
         m->changed_us = c->telemetry.time_us;
     }
-    return tc_lasts(c, m->changed_us, REPEATED_S) && m->shake_m2_s4 > SHAKES_M2_S4;
+    return tc_lasts(c, m->changed_us, REPEATED_S) && shakes;
 }
 
 static void measure_drift(tc_monitor* m, const float position_m[3], const float velocity_m_s[3], float step_s) {
@@ -213,7 +217,7 @@ void tc_monitor_step(tc_controller* c, const tc_estimate* e, const float acceler
     }
     if (believed && m->doubted) accept(c, position_m);
     m->doubted = !believed;
-    tc_reason reason = forced && repeats(c, e) ? TC_POSE_FROZEN : TC_OK;
+    tc_reason reason = repeats(c, e, forced) ? TC_POSE_FROZEN : TC_OK;
     for (int i = 0; i < 2; i++) {
         const tc_reason found = judge(m, &m->window[i], position_m, velocity_m_s, acceleration_m_s2, forced, step_s);
         if (reason == TC_OK) reason = found;

@@ -4,8 +4,22 @@
 
 /* Value and four derivatives of a polynomial by Horner's scheme; derivative[k] comes out over k!. */
 static void derivatives(const float coefficient[TC_MAX_COEFFICIENTS], float x, float derivative[5]) {
-    float d0 = coefficient[TC_MAX_COEFFICIENTS - 1], d1 = 0.0f, d2 = 0.0f, d3 = 0.0f, d4 = 0.0f;
-    for (int i = TC_MAX_COEFFICIENTS - 2; i >= 0; i--) {
+    const float* c = coefficient + TC_MAX_COEFFICIENTS - 5;
+    float d0 = c[4], d1 = d0; /* each of the first steps begins one derivative */
+    d0 = d0 * x + c[3];
+    float d2 = d1;
+    d1 = d1 * x + d0;
+    d0 = d0 * x + c[2];
+    float d3 = d2;
+    d2 = d2 * x + d1;
+    d1 = d1 * x + d0;
+    d0 = d0 * x + c[1];
+    float d4 = d3;
+    d3 = d3 * x + d2;
+    d2 = d2 * x + d1;
+    d1 = d1 * x + d0;
+    d0 = d0 * x + c[0];
+    for (int i = TC_MAX_COEFFICIENTS - 6; i >= 0; i--) {
         d4 = d4 * x + d3;
         d3 = d3 * x + d2;
         d2 = d2 * x + d1;

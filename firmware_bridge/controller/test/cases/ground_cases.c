@@ -209,14 +209,17 @@ static void bouncing(void) {
          "one that sees its height goes by that");
 }
 
-/* Blind but for the gyro: seconds until it is down, where the body turns by `share` of what the torque says. */
-static float answers(float share, float most_s) {
+/* Blind but for the gyro after `felt_s`: seconds from then on until it is down, where the body turns by `share` of what
+   the torque says. */
+static float answers(float share, float most_s, float lag_s, float felt_s) {
     begin(TC_EMERGENCY, 0.0f);
     tc_controller* c = &g.c;
     c->vertical_velocity = false;
-    c->telemetry.estimate.valid = TC_VALID_POSE;
+    c->parameters.rotor_lag_s = lag_s;
+    c->parameters.lead_filter_s = 0.025f;
     float lagged_n_m = 0.0f;
-    for (float s = 0.0f; s < most_s; s += TICK_S) {
+    for (float s = -felt_s; s < most_s; s += TICK_S) {
+        c->telemetry.estimate.valid = s < 0.0f ? TC_VALID_ALL : TC_VALID_POSE;
         const float rate = c->telemetry.estimate.rate_body_rad_s[0];
         const float torque_n_m = tc_landing_test_torque(c) - 28.0f * c->parameters.inertia_kg_m2[0] * rate;
         c->telemetry.wrench.torque_n_m[0] = torque_n_m;
@@ -228,8 +231,10 @@ static float answers(float share, float most_s) {
 }
 
 static void answer_to_a_torque(void) {
-    must(answers(1.0f, 20.0f) > 20.0f, "what turns as its torque says is in the air");
-    must(near(answers(0.0f, 20.0f), 3.0f, 0.1f), "what does not turn stands on its feet");
+    must(answers(1.0f, 20.0f, 0.0f, 0.0f) > 20.0f, "what turns as its torque says is in the air");
+    must(answers(1.0f, 20.0f, 0.03f, 0.0f) > 20.0f, "also by a lag that is known");
+    must(near(answers(0.0f, 20.0f, 0.0f, 0.0f), 3.0f, 0.1f), "what does not turn stands on its feet");
+    must(near(answers(0.0f, 20.0f, 0.0f, 0.8f), 3.0f, 0.1f), "counted from the accelerometer's loss");
     begin(TC_EMERGENCY, 0.0f);
     must(near(tc_landing_test_torque(&g.c), 0.0f, 1e-9f), "with vertical velocity there is no test");
     g.c.vertical_velocity = false;

@@ -261,13 +261,18 @@ static void what_still_flies(void) {
     }
     must(c.landing.stage == TC_LANDING_DESCEND, "more than half of the fall");
     for (int i = 0; i < 4; i++) { /* by the speed where it is measured, in either state */
-        unloading(false);
+        unloading(true);
         c.vertical_velocity = i < 2;
         c.mission.state = i % 2 == 0 ? TC_LANDING : TC_EMERGENCY;
         c.telemetry.estimate.velocity_world_m_s[2] = -0.4f;
         step();
         must((c.landing.stage == TC_LANDING_DESCEND) == c.vertical_velocity, "a dead reckoned speed tells nothing");
     }
+    unloading(false); /* neither speed nor accelerometer is left to judge by */
+    c.vertical_velocity = false;
+    c.mission.state = TC_EMERGENCY;
+    step();
+    must(c.landing.stage == TC_LANDING_DESCEND, "given up");
     begin(TC_LANDING, false); /* so that it does not even try */
     c.vertical_velocity = false;
     must(reaches(TC_LANDING_UNLOAD, 3.0f) > 3.0f, "without any witness");

@@ -8,11 +8,12 @@ import pytest
 import vehicle
 from flight import rotations
 from sysid.estimator.blocks import accelerometer, motion, pose
-from sysid.estimator.blocks.accelerometer import ACCELEROMETER
+from sysid.estimator.blocks.accelerometer import BLOCK as ACCELEROMETER
 from sysid.estimator.blocks.base import At
-from sysid.estimator.blocks.gyro import GYRO
+from sysid.estimator.blocks.gyro import BLOCK as GYRO
 from sysid.estimator.blocks.noise import Noise
-from sysid.estimator.blocks.pose import POSE, PoseSensor
+from sysid.estimator.blocks.pose import BLOCK as POSE
+from sysid.estimator.blocks.pose import PoseSensor
 from sysid.estimator.flights import clocks
 from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.flights.sampling import Signal

@@ -1,4 +1,4 @@
-"""A new sensor is one block and one line in a list: a barometer is read, fitted, and reported."""
+"""A new sensor is one block: a barometer is read, fitted, and reported."""
 
 from collections.abc import Iterator
 
@@ -59,7 +59,7 @@ def _with_height(log: FlightLog, bias_m: float, rng: np.random.Generator) -> Fli
 
 
 @pytest.mark.usefixtures("barometer")
-def test_a_new_sensor_is_one_block_and_one_line_in_a_list(flying, truth):
+def test_a_new_sensor_is_one_block(flying, truth):
     rng = np.random.default_rng(2)
     logs = flying.fly(Truth(), flying.paper_flights(rng), 3, duration_s=6.0, rng=rng, rate_hz=100.0)
     logs[:2] = [_with_height(log, bias_m, rng) for log, bias_m in zip(logs, (2.5, -1.0), strict=False)]

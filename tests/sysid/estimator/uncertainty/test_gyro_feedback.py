@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sysid.estimator.blocks.gyro import GYRO
+from sysid.estimator.blocks.gyro import BLOCK as GYRO
 from sysid.estimator.flights.clocks import GYRO as QUANTITY
 from sysid.estimator.flights.clocks import PRIOR_S, delay_name
 from sysid.estimator.uncertainty import gyro_feedback

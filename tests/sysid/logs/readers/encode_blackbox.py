@@ -20,15 +20,10 @@ FIELDS = (
     *((f"debug[{i}]", 1, 0, 0, 1, 10) for i in range(3)),
 )
 NAMES = [field[0] for field in FIELDS]
+Fields = Sequence[tuple[str, int, int, int, int, int]]
 HEADER = {
     "Product": "Blackbox flight data recorder by Nicholas Sherlock",
     "Data version": "2",
-    "Field I name": ",".join(NAMES),
-    "Field I signed": ",".join(str(f[1]) for f in FIELDS),
-    "Field I predictor": ",".join(str(f[2]) for f in FIELDS),
-    "Field I encoding": ",".join(str(f[3]) for f in FIELDS),
-    "Field P predictor": ",".join(str(f[4]) for f in FIELDS),
-    "Field P encoding": ",".join(str(f[5]) for f in FIELDS),
     "Field S name": "flightModeFlags,stateFlags,failsafePhase,rxSignalReceived,rxFlightChannelsValid",
     "Field S signed": "0,0,0,0,0",
     "Field S predictor": "0,0,0,0,0",
@@ -43,33 +38,40 @@ HEADER = {
 }
 
 
-def header(**other: str) -> bytes:
-    return b"".join(f"H {name}:{value}\n".encode() for name, value in {**HEADER, **other}.items())
+def without(*groups: str) -> Fields:
+    """The fields of a recorder that leaves these out."""
+    return [field for field in FIELDS if not field[0].startswith(groups)]
 
 
-def frames(rows: Sequence[Sequence[int]], *, whole_every: int = 32) -> bytes:
-    """Rows of values in the order of `NAMES`, then the end of the log."""
-    out = b"S" + _unsigned(3) + _unsigned(0) + _bits("00 00 01 00") + b"E\x00" + _unsigned(12345)
+def header(fields: Fields = FIELDS, **other: str) -> bytes:
+    names = ("I name", "I signed", "I predictor", "I encoding", "P predictor", "P encoding")
+    said = {f"Field {name}": ",".join(str(field[i]) for field in fields) for i, name in enumerate(names)}
+    return b"".join(f"H {name}:{value}\n".encode() for name, value in {**HEADER, **said, **other}.items())
+
+
+def frames(rows: Sequence[Sequence[int]], *, fields: Fields = FIELDS, whole_every: int = 32) -> bytes:
+    """Rows of values in the order of the fields, then the end of the log."""
+    out = [b"S" + _unsigned(3) + _unsigned(0) + _bits("00 00 01 00") + b"E\x00" + _unsigned(12345)]
     last: Sequence[int] = []
     before: Sequence[int] = []
     for k, row in enumerate(rows):
         whole = k % whole_every == 0
         before = row if whole else before
-        out += (b"I" if whole else b"P") + _frame(row, last, before, whole)
+        out.append((b"I" if whole else b"P") + _frame(fields, row, last, before, whole))
         before, last = (row, row) if whole else (last, row)
-    return out + b"E\xffEnd of log\x00"
+    return b"".join([*out, b"E\xffEnd of log\x00"])
 
 
-def _frame(row: Sequence[int], last: Sequence[int], before: Sequence[int], whole: bool) -> bytes:
-    out, waiting = b"", []
-    for i, (_, _, i_predictor, i_encoding, p_predictor, p_encoding) in enumerate(FIELDS):
+def _frame(fields: Fields, row: Sequence[int], last: Sequence[int], before: Sequence[int], whole: bool) -> bytes:
+    out, waiting, first_motor = b"", [], [field[0] for field in fields].index("motor[0]")
+    for i, (_, _, i_predictor, i_encoding, p_predictor, p_encoding) in enumerate(fields):
         predictor, encoding = (i_predictor, i_encoding) if whole else (p_predictor, p_encoding)
-        predicted = {0: 0, 5: row[NAMES.index("motor[0]")], 6: row[i], 9: 1600, 11: 158}.get(predictor)
+        predicted = {0: 0, 5: row[first_motor], 6: row[i], 9: 1600, 11: 158}.get(predictor)
         if predicted is None:
             both = (last[i] + before[i]) / 2
             predicted = {1: last[i], 2: 2 * last[i] - before[i], 3: int(both)}[predictor]
         waiting.append(row[i] - predicted)
-        following = FIELDS[i + 1][3 if whole else 5] if i + 1 < len(FIELDS) else -1
+        following = fields[i + 1][3 if whole else 5] if i + 1 < len(fields) else -1
         most = {6: 8, 7: 3, 8: 4, 10: 3}.get(encoding, 1)
         if following != encoding or len(waiting) == most:
             out += _packed(encoding, waiting)

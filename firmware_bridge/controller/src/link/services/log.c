@@ -15,8 +15,7 @@ uint8_t link_log_start(tc_link* link, uint32_t id) {
     link_cancel(link, LINK_OUT_LOG_RECORD); /* of the old log nothing is left to send */
     link->log.id = id;
     link->log.running = true;
-    /* On whole multiples of the period, so that the spacing is even from the first record on. */
-    link->log.next_us = now_us - now_us % config->log_period_us + config->log_period_us;
+    link->log.next_us = now_us + config->log_period_us;
     return TC_OK;
 }
 

@@ -11,8 +11,8 @@
    reading.c             pieces of the active trajectory and of the log on request
    parameter_protocol.c  parameters, one by one and as a set
 
-   To add a message: its XML, its handler (link_receive_...) or encoder (link_encode_...) here, and a row in the tables
-   of ../messages.c; one that is sent has a place in transport.h's list, too. */
+   To add a message that is received: its XML, its handler, and its row in LINK_RECEIVED below. One that is sent: its
+   XML, its encoder, declared here, a row in the table of ../messages.c and a place in transport.h's list. */
 #ifndef LINK_SERVICES_H
 #define LINK_SERVICES_H
 
@@ -34,9 +34,31 @@ typedef enum {
     LINK_MORE /* encoded one, and there is another: stays pending */
 } link_encoded;
 
+/* What is received: rows of the dialect, each with its handler, which is declared here and called by ../messages.c. */
+#define LINK_RECEIVED(HANDLER)                                             \
+    HANDLER(GOSHAWK_LEASE_REQUEST_ROW, link_receive_lease_request)         \
+    HANDLER(GOSHAWK_MISSION_COMMAND_ROW, link_receive_mission_command)     \
+    HANDLER(GOSHAWK_TRAJECTORY_BEGIN_ROW, link_receive_begin)              \
+    HANDLER(GOSHAWK_TRAJECTORY_SEGMENT_ROW, link_receive_segment)          \
+    HANDLER(GOSHAWK_TRAJECTORY_SAMPLES_ROW, link_receive_samples)          \
+    HANDLER(GOSHAWK_TRAJECTORY_COMMIT_ROW, link_receive_commit)            \
+    HANDLER(GOSHAWK_TRAJECTORY_READ_ROW, link_receive_trajectory_read)     \
+    HANDLER(GOSHAWK_PARAMETERS_STAGE_ROW, link_receive_parameters_stage)   \
+    HANDLER(GOSHAWK_PARAMETERS_COMMIT_ROW, link_receive_parameters_commit) \
+    HANDLER(PARAM_REQUEST_READ_ROW, link_receive_parameter_request)        \
+    HANDLER(PARAM_REQUEST_LIST_ROW, link_receive_parameter_list)           \
+    HANDLER(GOSHAWK_LOG_REQUEST_ROW, link_receive_log_request)             \
+    HANDLER(COMMAND_LONG_ROW, link_receive_command_long)                   \
+    HANDLER(COMMAND_INT_ROW, link_receive_command_int)                     \
+    HANDLER(SET_MODE_ROW, link_receive_set_mode)                           \
+    HANDLER(PARAM_SET_ROW, link_receive_parameter_set)                     \
+    HANDLER(MISSION_REQUEST_LIST_ROW, link_receive_mission_request_list)   \
+    HANDLER(MISSION_COUNT_ROW, link_receive_mission_count)                 \
+    HANDLER(TIMESYNC_ROW, link_receive_timesync)
+#define LINK_DECLARED(row, handle) void handle(tc_link* link, const link_message* message);
+LINK_RECEIVED(LINK_DECLARED)
+
 /* session.c */
-void link_receive_lease_request(tc_link* link, const link_message* message);
-void link_receive_timesync(tc_link* link, const link_message* message);
 link_encoded link_encode_lease(tc_link* link, uint8_t* payload);
 link_encoded link_encode_challenge(tc_link* link, uint8_t* payload);
 link_encoded link_encode_timesync(tc_link* link, uint8_t* payload);
@@ -44,7 +66,6 @@ link_encoded link_encode_timesync(tc_link* link, uint8_t* payload);
 /* orders.c */
 /* tc_do for the station in control. In shadow nothing, not even KILL: the vehicle is not ours to stop. */
 uint8_t link_do(tc_link* link, tc_command command, float value);
-void link_receive_mission_command(tc_link* link, const link_message* message);
 link_encoded link_encode_order_result(tc_link* link, uint8_t* payload);
 link_encoded link_encode_foreign_result(tc_link* link, uint8_t* payload);
 
@@ -67,10 +88,6 @@ void link_log_update(tc_link* link);
 link_encoded link_encode_log_info(tc_link* link, uint8_t* payload);
 
 /* upload.c */
-void link_receive_begin(tc_link* link, const link_message* message);
-void link_receive_segment(tc_link* link, const link_message* message);
-void link_receive_samples(tc_link* link, const link_message* message);
-void link_receive_commit(tc_link* link, const link_message* message);
 void link_upload_update(tc_link* link);   /* a slice of a commit */
 void link_upload_schedule(tc_link* link); /* repeats the report while pieces are missing */
 link_encoded link_encode_upload_status(tc_link* link, uint8_t* payload);
@@ -78,20 +95,13 @@ link_encoded link_encode_upload_refused(tc_link* link, uint8_t* payload);
 link_encoded link_encode_commit_result(tc_link* link, uint8_t* payload);
 
 /* reading.c */
-void link_receive_trajectory_read(tc_link* link, const link_message* message);
-void link_receive_log_request(tc_link* link, const link_message* message);
 link_encoded link_encode_trajectory_header(tc_link* link, uint8_t* payload);
 link_encoded link_encode_trajectory_segment(tc_link* link, uint8_t* payload);
 link_encoded link_encode_log_record(tc_link* link, uint8_t* payload);
 
 /* parameter_protocol.c */
-void link_receive_parameters_stage(tc_link* link, const link_message* message);
-void link_receive_parameters_commit(tc_link* link, const link_message* message);
-void link_receive_parameter_request(tc_link* link, const link_message* message);
-void link_receive_parameter_list(tc_link* link, const link_message* message);
 link_encoded link_encode_parameters_result(tc_link* link, uint8_t* payload);
 link_encoded link_encode_parameter(tc_link* link, uint8_t* payload);
-void link_receive_parameter_set(tc_link* link, const link_message* message);
 link_encoded link_encode_parameter_set(tc_link* link, uint8_t* payload);
 
 static const uint32_t MODE_CUSTOM = 1u; /* MAV_MODE_FLAG: the mode is the autopilot's own, as follows */
@@ -100,11 +110,6 @@ enum { PX4_MANUAL = 1, PX4_AUTO = 4 };
 enum { AUTO_TAKE_OFF = 2, AUTO_HOLD = 3, AUTO_MISSION = 4, AUTO_LAND = 6 };
 
 /* standard.c */
-void link_receive_command_long(tc_link* link, const link_message* message);
-void link_receive_command_int(tc_link* link, const link_message* message);
-void link_receive_set_mode(tc_link* link, const link_message* message);
-void link_receive_mission_request_list(tc_link* link, const link_message* message);
-void link_receive_mission_count(tc_link* link, const link_message* message);
 void link_standard_update(tc_link* link); /* forgets a take-off that nobody armed for */
 link_encoded link_encode_command_ack(tc_link* link, uint8_t* payload);
 link_encoded link_encode_mission_count(tc_link* link, uint8_t* payload);

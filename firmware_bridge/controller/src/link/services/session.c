@@ -33,7 +33,7 @@ link_encoded link_encode_lease(tc_link* link, uint8_t* payload) {
     const tc_link_lease* lease = &link->lease;
     const bool held = lease->holder.system_id != 0u && lease->until_us > link->clock_us;
     goshawk_lease_status_msg m = {.nonce = lease->nonce,
-                                  .left_ms = held ? (uint32_t)((lease->until_us - link->clock_us) / 1000u) : 0u,
+                                  .left_ms = held ? (uint32_t)(lease->until_us - link->clock_us) / 1000u : 0u,
                                   .operator_system = lease->holder.system_id,
                                   .operator_component = lease->holder.component_id,
                                   .operator_session = lease->session,

@@ -17,7 +17,7 @@ static void flip(const float in[3], float out[3]) {
     out[2] = -in[2];
 }
 
-static uint32_t boot_ms(const tc_telemetry* t) { return (uint32_t)(t->time_us / 1000u); }
+static uint32_t boot_ms(const tc_telemetry* t) { return (uint32_t)link_divide(t->time_us, 1000u); }
 
 static float path_time_s(const tc_telemetry* t) {
     return tc_mission_on_path(t->state) ? (float)t->path_time_us * 1e-6f : -1.0f;

@@ -222,8 +222,8 @@ void link_upload_update(tc_link* link) {
 
 void link_upload_schedule(tc_link* link) {
     const tc_link_upload* upload = &link->upload;
-    const uint64_t carried_us = (uint64_t)STATUS_REPEAT_B * 1000000u / link_bytes_per_s(link);
-    const uint64_t repeat_us = carried_us > STATUS_REPEAT_US ? carried_us : STATUS_REPEAT_US;
+    const uint32_t carried_us = STATUS_REPEAT_B * 1000000u / link_bytes_per_s(link);
+    const uint32_t repeat_us = carried_us > STATUS_REPEAT_US ? carried_us : STATUS_REPEAT_US;
     if (upload->transfer_id != 0u && link->clock_us - upload->last_frame_us < STATUS_BUSY_US &&
         link->clock_us - upload->last_status_us >= repeat_us) {
         link_send(link, LINK_OUT_UPLOAD_STATUS);

@@ -93,9 +93,8 @@ static void note(tc_stream* stream, uint64_t stamp_10us) {
     }
     stream->floor_10us = later(stream->floor_10us, *oldest);
     *oldest = stamp_10us;
-    stream->newest_10us = later(stream->newest_10us, stamp_10us);
-    if (stream->newest_10us > TC_STAMP_LATE_10US) {
-        stream->floor_10us = later(stream->floor_10us, stream->newest_10us - TC_STAMP_LATE_10US);
+    if (stamp_10us > TC_STAMP_LATE_10US) {
+        stream->floor_10us = later(stream->floor_10us, stamp_10us - TC_STAMP_LATE_10US);
     }
 }
 
@@ -129,7 +128,6 @@ void tc_signing_open(tc_signing* signing, const tc_frame* frame, const tc_sender
     stream->sender = tc_frame_sender(frame);
     stream->open = true;
     stream->floor_10us = stamp_10us;
-    stream->newest_10us = stamp_10us;
     for (unsigned i = 0; i < TC_RECENT; i++) {
         stream->recent_10us[i] = stamp_10us;
     }

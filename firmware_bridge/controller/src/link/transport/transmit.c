@@ -183,9 +183,22 @@ bool link_may_send(tc_link* link) {
     return link->byte_credit_us >= 0;
 }
 
+uint64_t link_divide(uint64_t number, uint32_t by) {
+    const uint32_t high = (uint32_t)(number >> 32), low = (uint32_t)number;
+    const uint32_t digit[4] = {high >> 16, high & 0xffffu, low >> 16, low & 0xffffu};
+    uint64_t quotient = 0u;
+    uint32_t left = 0u;
+    for (int i = 0; i < 4; i++) {
+        left = (left << 16) | digit[i];
+        quotient = (quotient << 16) | (left / by);
+        left %= by;
+    }
+    return quotient;
+}
+
 size_t link_send_frame(tc_link* link, uint8_t frame[TC_FRAME_MAX], uint8_t row) {
     const tc_link_config* config = link->config;
-    const uint64_t clock_10us = config->start_10us + link->clock_us / 10u;
+    const uint64_t clock_10us = config->start_10us + link_divide(link->clock_us, 10u);
     if (clock_10us > link->signing.now_10us) {
         link->signing.now_10us = clock_10us;
     }
