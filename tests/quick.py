@@ -1,20 +1,42 @@
 """Pytest plugin of `make test-quick`: of the chosen tests' files those that took least before, a minute of them.
 
-Every run of whole files writes down what each took, set-ups included; one that never ran counts as taking nothing.
+Every run of whole files writes down what each took, set-ups included. For one that never ran here, `seconds.toml` says
+what it took elsewhere; for one that is not there either, nothing. Whatever the files take, none of their tests begins
+after `LAST_START_S`.
 """
 
+import os
+import time
+import tomllib
 from collections import defaultdict
+from pathlib import Path
 
 import pytest
 
 KEY = "goshawk/seconds_of_files"
+TABLE = Path(__file__).with_name("seconds.toml")
 BUDGET_S = 90.0
 """Of work, on two processors about three quarters of a minute."""
+LAST_START_S = 45.0
+"""After the start of pytest. Tests that would begin later are skipped, and counted as such."""
+STARTED = "GOSHAWK_TESTS_STARTED_S"
+"""Where workers read the first process' start, on the clock that all processes share."""
 _took_s: dict[str, float] = defaultdict(float)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--quick", action="store_true", help="only the files that took least, a minute of them")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if not hasattr(config, "workerinput"):
+        os.environ[STARTED] = str(time.monotonic())
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    if item.config.getoption("--quick") and time.monotonic() - float(os.environ[STARTED]) > LAST_START_S:
+        pytest.skip("the minute is over")
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
@@ -50,9 +72,14 @@ def within(budget_s: float, took_s: dict[str, float]) -> set[str]:
     return chosen
 
 
+def elsewhere_s() -> dict[str, float]:
+    """What files took where `seconds.toml` was written."""
+    return {f"tests/{file}": took_s for file, took_s in tomllib.loads(TABLE.read_text()).items()}
+
+
 def _known_s(config: pytest.Config) -> dict[str, float]:
     cache = _cache(config)
-    return {} if cache is None else cache.get(KEY, {})
+    return elsewhere_s() | ({} if cache is None else cache.get(KEY, {}))
 
 
 def _cache(config: pytest.Config) -> pytest.Cache | None:
