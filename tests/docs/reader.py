@@ -9,7 +9,6 @@ import socket
 import subprocess
 import sys
 import time
-import warnings
 from pathlib import Path
 
 from tests.docs.blocks import Block
@@ -138,8 +137,8 @@ class Reader:
         )  # fmt: skip
         assert done.returncode == code, f"{line}\n{done.stdout[-3000:]}{done.stderr[-3000:]}"
         assert "Traceback" not in done.stderr
-        for sentence in long_sentences(f"{done.stdout}\n{done.stderr}"):
-            warnings.warn(f"{line} prints a sentence of more than {LONGEST} words: {sentence}", stacklevel=1)
+        too_long = long_sentences(f"{done.stdout}\n{done.stderr}")
+        assert not too_long, f"{line} prints sentences of more than {LONGEST} words: {too_long}"
 
 
 def long_sentences(said: str) -> list[str]:

@@ -231,7 +231,7 @@ class Question:
             told = " from ".join(s.name for s in self.candidates)
             sure = float(expit(before + odds))
             text = f"{duration_s:.0f} s of {name} are expected to tell {told} with log odds of {odds:.1f}"
-            text = f"{text}, where the flights so far are worth {before:.1f}; the right one would then be {_sure(sure)}"
+            text = f"{text}. The flights so far are worth {before:.1f}; the right one would then be {_sure(sure)}"
             return f"{text} ({self._supposition()})"
         if not expected:
             return f"{duration_s:.0f} s of {name} would not show {' '.join(s.name for s in self.candidates)} at all"
