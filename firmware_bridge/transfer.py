@@ -47,6 +47,10 @@ class CancelledError(LinkError):
     """The caller asked to stop; the vehicle keeps what it had."""
 
 
+_LOST = (10, 15, LinkReason.SAMPLES_MISSING)
+"""Verdicts on a commit to a vehicle that has lost the upload: TC_NO_UPLOAD and TC_SEGMENTS_MISSING of `reason.h`."""
+
+
 @dataclass(slots=True)
 class UploadReport:
     """How an upload went."""
@@ -247,9 +251,10 @@ def _attempt(
                     gained_s, unanswered = heard_s, 0
                 progress("upload", 0.95 * len(outgoing.arrived) / len(pieces))
         commit = TrajectoryCommit(transfer_id=transfer_id, trajectory_id=plan.id, crc32=plan.crc32)
-        return port.ask(
+        result = port.ask(
             commit, TrajectoryResult, lambda r: r.transfer_id == transfer_id, retry_s=pacer.round_trip.mean_s + 0.015
         )
+        return None if result.reason in _LOST else result  # every piece had arrived: only a restart loses them
 
 
 def _probe_s(round_trip: RoundTrip, unanswered: int) -> float:

@@ -7,9 +7,10 @@ import time
 import numpy as np
 import pytest
 
-from firmware_bridge import wire
+from firmware_bridge import transfer, wire
 from firmware_bridge.impairment import Impairment, Line
 from firmware_bridge.link import CancelledError, refuse_unfit
+from firmware_bridge.words import reason_text
 from flight import FormatError, InputError, LinkError, Trajectory, TrajectoryFile
 from flight.trajectory import fingerprint, sealed
 
@@ -49,6 +50,29 @@ def test_a_restart_in_mid_upload_leaves_the_old_plan_and_the_upload_begins_anew(
     report = link.upload(plans.file(80, name="new", seed=4), progress=progress, rate_bytes_s=100e3)
     assert report.restarts >= 1
     assert restarted
+    assert link.read_back().name == "new"
+
+
+def test_the_verdicts_of_a_lost_upload_are_those_of_the_controller():
+    assert [reason_text(reason) for reason in transfer._LOST[:2]] == [
+        "no upload has been opened",
+        "segments are missing",
+    ]
+
+
+def test_a_restart_between_the_last_piece_and_the_commit_begins_the_upload_anew(serve, dial, plans):
+    served = serve(line=Impairment(delay_s=0.002))
+    link = dial(served)
+    restarted = []
+
+    def progress(_: str, fraction: float) -> None:
+        if 0.949 < fraction < 0.96 and not restarted:
+            restarted.append(True)
+            served.restart()
+
+    report = link.upload(plans.file(20, name="new", seed=4), progress=progress)
+    assert restarted
+    assert report.restarts >= 1
     assert link.read_back().name == "new"
 
 
