@@ -36,11 +36,12 @@ _SHORT = 60
 """Segments up to which an open path descends in two more ways, by the first two of these prices, the second from slower
 times, and the fastest is kept. Of 120 walks one took .5 % more than the best of eight starts with one way, .3 % with
 two and .2 % with three; over longer paths such differences even out."""
-_PRECISION, _LOWEST, _GENTLE, _STEEP = 1e-5, 1e-5, 1e-4, 5e-4
+_PRECISION, _KINKED, _LOWEST, _GENTLE, _STEEP = 1e-5, 1e-4, 1e-5, 1e-4, 5e-4
 """Share of the cost that four steps together gain where a descent ends: the one before the vehicle's own model is
-asked; those that lead to it in the open, at the lowest price and the others; and those among obstacles. What path it
-becomes is settled at the lowest price: ended there at 1e-4, one of 120 walks took .95 % more than the best of eight
-starts, and .5 % at 1e-5, for 13 % more work; a walk of 50 waypoints took 46 % more."""
+asked, in the open and among obstacles, whose distance has kinks; those that lead to it in the open, at the lowest price
+and the others; and those among obstacles. Among them 1e-5 takes twice the steps, for flights .02 % longer in 50 scenes.
+What path it becomes is settled at the lowest price: ended there at 1e-4, one of 120 walks took .95 % more than the best
+of eight starts, and .5 % at 1e-5, for 13 % more work; a walk of 50 waypoints took 46 % more."""
 _HOLD = 0.05
 """Price, in s/m^2, of leaving the path that the vehicle's own model was asked along last: many paths take nearly the
 same time, and what was measured holds for one of them. Without it a path near free fall took 40 rounds, with it 14."""
@@ -76,7 +77,7 @@ def starts(
     slower = problem.spline(problem.knots, _SLOWER * spline.durations_s)
     spline = slower if slow else spline
     in_the_open, among = (_OTHERS[way - 1],) * 2 if way else (_OPEN, _AMONG)
-    clear = esdf.certify(problem.field, minimum_snap.trajectory(spline), 2.0 * clearance_m).passed
+    clear = _in_the_open(problem, spline, clearance_m)
     if clear:
         ways = [(spline, in_the_open)]
         if number == 0 and len(spline.durations_s) <= _SHORT:
@@ -89,6 +90,15 @@ def starts(
     if not clear and _sound(found := _gently(problem, first.spline, among, False, stop)):
         yield found
     yield first
+
+
+def precision(problem: Problem, spline: Spline, clearance_m: float) -> float:
+    """At which share of the cost a descent from here ends, of which the vehicle's own model is asked."""
+    return _PRECISION if _in_the_open(problem, spline, clearance_m) else _KINKED
+
+
+def _in_the_open(problem: Problem, spline: Spline, clearance_m: float) -> bool:
+    return esdf.certify(problem.field, minimum_snap.trajectory(spline), 2.0 * clearance_m).passed
 
 
 def _flight_s(found: Solution) -> float:
@@ -113,12 +123,14 @@ def _gently(
     return found
 
 
-def refined(problem: Problem, spline: Spline, touched: np.ndarray, stop: StopFlag | None, *, near: bool) -> Descended:
+def refined(
+    problem: Problem, spline: Spline, touched: np.ndarray, precision: float, stop: StopFlag | None, *, near: bool
+) -> Descended:
     """The path after a descent through the whole states of the knots between touched segments (k,), near the last."""
     hold = _HOLD if near else 0.0
 
     def descend(part: Problem, there: Spline) -> Solution:
-        return time_allocation.refine(part, there, iterations=_MOST, precision=_PRECISION, hold=hold, stop=stop)
+        return time_allocation.refine(part, there, iterations=_MOST, precision=precision, hold=hold, stop=stop)
 
     return in_parts(problem, spline, touched, descend)
 

@@ -119,6 +119,7 @@ def until_flyable(
     memory = Memory()  # the last path that is measured is the one that the gate looks at
     optimum_s, bends, begun = np.nan, 0, _WHOLE if wrong is not None else 0
     early, rounds, may_gain = None, _ROUNDS, begun == 0
+    precision = descents.precision(problem, spline, clearance_m)
     for round_ in range(begun, _ROUNDS):
         if early is not None and round_ == rounds:
             judged, early = early.judged(ask_gate), None
@@ -132,7 +133,7 @@ def until_flyable(
         touched = np.ones(len(spline.durations_s), dtype=bool) if wrong is None else descents.grown(wrong, reach)
         if round_ == begun and not drawn:
             spline = descents.redrawn(problem, spline, touched, stop)
-        descended = descents.refined(problem, spline, touched, stop, near=round_ > _WHOLE)
+        descended = descents.refined(problem, spline, touched, precision, stop, near=round_ > _WHOLE)
         spline = descended.spline
         if float(spline.durations_s.sum()) > LONGEST_S:
             raise _too_long(spline.durations_s)

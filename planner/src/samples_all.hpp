@@ -124,13 +124,8 @@ inline double cost_of(const Samples& samples, const Airframe& airframe, const Pr
 
 inline bool any(Real a) { return sum(a) > 0.0; }
 
-// Whether any of the slopes by one order is not zero.
-inline bool any(const Real (&order)[kAxes]) {
-    bool found = false;
-    for (int x = 0; x < kAxes; ++x)
-        for (int l = 0; l < kLanes; ++l) found |= order[x][l] != 0.0;
-    return found;
-}
+// Whether any of the numbers is not zero.
+inline bool nonzero(Real a) { return (a[0] != 0.0) | (a[1] != 0.0) | (a[2] != 0.0) | (a[3] != 0.0); }
 
 // Gauss and Newton's sums over the squares in a segment's cost: its gradient, and products of slopes in place of second
 // derivatives, by the segment's unknowns. How the motion bends with the time is kept, as far from the minimum the steps
@@ -156,16 +151,15 @@ class Squares {
         const Real force = 2.0 * weight * value;
         Real rows[kEnds][kAxes] = {}, by_time{};
         double rate = 1.0;
-        for (int r = 0; r < kOrders; ++r, rate /= T_) {
-            if (!any(by.order[r])) continue;
+        for (int r = 0; r < kOrders; ++r, rate /= T_)
             for (int x = 0; x < kAxes; ++x) {
+                if (!nonzero(by.order[r][x])) continue;
                 pull_.order[r][x] += force * by.order[r][x];
                 if (grows) grown_.order[r][x] += force * by.order[r][x];
                 by_time -= static_cast<double>(r) * by.order[r][x] * path_->derivative[r][x];
                 const Real slope_of_basis = rate * by.order[r][x];
                 for (int a = 0; a < kEnds; ++a) rows[a][x] += four(basis_ + (r * kEnds + a) * kLanes) * slope_of_basis;
             }
-        }
         for (int a = 0; a < kEnds; ++a)  // scaled states grow with T to the power of their order
             for (int x = 0; x < kAxes; ++x) by_time += static_cast<double>(a % 4) * scaled_[a][x] * rows[a][x];
         if (grows) {
@@ -178,17 +172,18 @@ class Squares {
             for (int a = 0; a < kEnds; ++a)
                 for (int x = 0; x < kAxes; ++x) row[a * kAxes + x] = unit_[a * kAxes + x] * rows[a][x][l];
             row[kUnknowns - 1] = by_time[l];
-            add_row(2.0 * weight[l], value[l], row);
+            keep(2.0 * weight[l], value[l], row);
         }
     }
 
     // Adds how the motion bends with the time, under what the squares at these samples pull.
     void end() {
+        add_products();
         Real cross[kEnds][kAxes] = {};
         double rate = 1.0;
         for (int r = 0; r < kOrders; ++r, rate /= T_) {
-            if (!any(pull_.order[r])) continue;
             for (int x = 0; x < kAxes; ++x) {
+                if (!nonzero(pull_.order[r][x])) continue;
                 const Real pull = pull_.order[r][x] * rate, grown = grown_.order[r][x] * (0.5 * rate);
                 Real bent{};
                 for (int a = 0; a < kEnds; ++a) {
@@ -207,13 +202,38 @@ class Squares {
     }
 
   private:
-    void add_row(double weight, double value, const double* row) {
+    static constexpr std::size_t kMost = kLanes * (kLimits + 3);  // rows of four samples: limits, headings, clearance
+
+    // Adds a square's gradient, and keeps its slopes (36) for the matrix.
+    void keep(double weight, double value, const double* row) {
+        double* factor = factors_[kept_];
+        std::copy_n(row, kPadded, rows_[kept_++]);
         for (int i = 0; i < kUnknowns; ++i) {
-            if (row[i] == 0.0) continue;  // the heading, in most limits
-            const double factor = weight * row[i];
-            gradient_[i] += factor * value;
-            for (int j = 0; j <= i / kLanes * kLanes + kLanes - 1; ++j) second_[i][j] += factor * row[j];
+            factor[i] = weight * row[i];
+            gradient_[i] += factor[i] * value;
         }
+    }
+
+    // Adds the products of all slopes kept to the lower triangle, one block after the other so that each is read once.
+    void add_products() {
+        for (int j = 0; j < kUnknowns; j += kLanes) {
+            int i = j;
+            for (; i + kLanes <= kUnknowns; i += kLanes) add_block<kLanes>(i, j);
+            for (; i < kUnknowns; ++i) add_block<1>(i, j);
+        }
+        kept_ = 0;
+    }
+
+    template <int kRows>
+    void add_block(int i, int j) {
+        Real sums[kRows];
+        for (int q = 0; q < kRows; ++q) sums[q] = four(second_[i + q] + j);
+        for (std::size_t n = 0; n < kept_; ++n) {
+            const Real row = four(rows_[n] + j);
+            for (int q = 0; q < kRows; ++q) sums[q] += factors_[n][i + q] * row;
+        }
+        for (int q = 0; q < kRows; ++q)
+            for (int l = 0; l < kLanes; ++l) second_[i + q][j + l] = sums[q][l];
     }
 
     const double (*scaled_)[kAxes], T_, *unit_;
@@ -222,6 +242,8 @@ class Squares {
     const Instants* path_ = nullptr;
     Slopes pull_{Motion<Real>()}, grown_{Motion<Real>()};  // sums over the squares: all, and those that grow
     Real bend_{};
+    double rows_[kMost][kPadded], factors_[kMost][kPadded];
+    std::size_t kept_ = 0;
 };
 
 void square_limits(const Samples& samples, std::size_t p, const Airframe& airframe, Real price,
