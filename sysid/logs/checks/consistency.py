@@ -11,7 +11,7 @@ from flight.flight_log import COLUMNS
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
-from sysid.logs.checks import attitude, clocks, gyro_clock, mounting, position_unit, rotor_order
+from sysid.logs.checks import attitude, clocks, drift, gyro_clock, mounting, position_unit, rotor_order
 from sysid.logs.checks.attitude import DEGREES, LEAST_RATE_RAD_S
 from sysid.logs.checks.finding import Finding, error, warning
 from sysid.logs.checks.motion import GRID_S, Kinematics, kinematics, on_grid, sampled
@@ -42,6 +42,8 @@ def check(log: FlightLog, vehicle: Vehicle | None, progress: Progress = silent) 
     if pose:
         return found, []  # whatever is judged by the attitude would only repeat that
     progress("checking", 0.3)
+    if pace := drift.check(log, motion, flown):
+        return [*found, *pace], []  # a delay that grows is none that a check of one delay can read
     if turned := mounting.check(log, motion, flown):
         return [*found, *turned], []
     if not any(f.level == "error" for f in found):

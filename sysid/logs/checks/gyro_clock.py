@@ -96,11 +96,20 @@ def compared_plainly(log: FlightLog, motion: Kinematics) -> Offset:
 
 
 def _left(attitude: FloatArray, gyro: FloatArray) -> tuple[float, float]:
-    """The delay that is left between two rates (n, 3), and its standard error; infinite where nothing is predicted.
+    """The delay that is left between two rates (n, 3), and its standard error; infinite where nothing is predicted."""
+    pull, weight, _ = terms(attitude, gyro)
+    information = float(weight.sum())
+    if not information > 0.0:
+        return 0.0, np.inf
+    return float(pull.sum()) / information, _error(pull) / information
+
+
+def terms(attitude: FloatArray, gyro: FloatArray) -> tuple[FloatArray, FloatArray, slice]:
+    """What is left of the delay between two rates (n, 3): its pull (m,) over its weight (m,), at which m of n instants.
 
     By axis `gyro = gain attitude - delay gyro'`, less what means and the rates about the other axes explain: pose and
     gyro may be turned against each other. Gain and delay come from what earlier readings predict of `attitude` and of
-    `gyro'`, the latter freed of the gain.
+    `gyro'`, the latter freed of the gain. All weights are 0 where nothing is predicted.
     """
     moving = np.gradient(gyro, GRID_S, axis=0)
     now = slice(EARLIER[-1] + WINDOW, len(gyro) - WINDOW)
@@ -115,16 +124,17 @@ def _left(attitude: FloatArray, gyro: FloatArray) -> tuple[float, float]:
         if told @ own > 0.0:  # else nothing about this axis is predicted
             free[:, i] = told_slope - told * (told_slope @ own) / (told @ own)
             pull[:, i] = free[:, i] * (own * (told @ read) / (told @ own) - read)
-    information, size = float((free * slope).sum()), float((free**2).sum())
+    weight = (free * slope).sum(axis=1)
+    information, size = float(weight.sum()), float((free**2).sum())
     chance = free * (slope - free * information / max(size, np.finfo(float).tiny))
-    if information <= LEAST_PREDICTED * _error(chance):
-        return 0.0, np.inf
-    return float(pull.sum()) / information, _error(pull) / information
+    if information <= LEAST_PREDICTED * _error(chance.sum(axis=1)):
+        return np.zeros(len(pull)), np.zeros(len(pull)), now
+    return pull.sum(axis=1), weight, now
 
 
 def _error(terms: FloatArray) -> float:
-    """Standard error of the sum of terms (n, 3) that are independent between blocks of time."""
-    blocks = np.add.reduceat(terms.sum(axis=1), np.arange(0, len(terms), round(BLOCK_S / GRID_S)))
+    """Standard error of the sum of terms (n,) that are independent between blocks of time."""
+    blocks = np.add.reduceat(terms, np.arange(0, len(terms), round(BLOCK_S / GRID_S)))
     return float(np.sqrt((blocks**2).sum()))
 
 
