@@ -66,9 +66,9 @@ def check(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None) -> list[F
     if correlation(attitude.ravel(), later.ravel()) <= LEAST_QUALITY:
         return []
     imu = (*COLUMNS["rate_body_rad_s"], *COLUMNS["specific_force_body_m_s2"])
-    follows = False
-    if vehicle is not None and sampled(log, "rotor_speed_rad_s"):
-        follows = _rotors_follow(log, motion, vehicle, line)
+    follows: bool | None = False
+    if sampled(log, "rotor_speed_rad_s"):
+        follows = _rotors_follow(log, motion, vehicle, line) if vehicle is not None else None
     return [_finding(line, motion, imu, follows)]
 
 
@@ -166,7 +166,11 @@ def _finding(line: Line, motion: Kinematics, columns: tuple[str, ...], follows: 
         f"over the log: clocks {1e6 * abs(pace):.0f} ppm apart"
     )
     if follows is None:
-        return error("clock drift", sentence, "record all on one clock: it is unclear which of them rotor speed is on")
+        return error(
+            "clock drift",
+            sentence,
+            "record all on one clock; the vehicle file may show which of them rotor speed is on",
+        )
     columns = (*columns, *COLUMNS["rotor_speed_rad_s"]) if follows else columns
     # what is late by middle + pace (t - half way) was stamped so much too late
     shift_s = pace * (first_s + 0.5 * length_s) - line.middle_s

@@ -33,6 +33,9 @@ whose fast turns nothing predicts) the estimate may be off by several standard e
 CLOSED_LOOP_S = 6e-3
 """Part of the standard error of the plain comparison, which stands where little is predicted: a controller made good
 gyros 2 to 12 ms late. So a clock that is off by more than all that is named even then."""
+SLOW_S, SLOW_SHARE = 0.03, 0.1
+"""Of samples farther apart, this share of their distance is part of the standard error: quick turns pass between
+them (at 10 Hz a good gyro looked 23 ms late)."""
 PARTS = 5
 """Each part of the flight is predicted by a fit to the others, so that none of its own noise is in it."""
 
@@ -77,7 +80,9 @@ def after_attitude(log: FlightLog, motion: Kinematics) -> Offset:
     """
     gyro = on_grid(log, "rate_body_rad_s", motion.time_s)
     attitude = motion.rate_body_rad_s
+    slow_s = _slow_s(log)
     plain = clock_offset(attitude, gyro)
+    plain = replace(plain, sigma_s=float(np.hypot(plain.sigma_s, slow_s)))
     if not np.isfinite(plain.sigma_s) or len(attitude) < 8 * EARLIER[-1]:
         return Offset(0.0, np.inf, plain.quality)
     delay_s, sigma_s = plain.delay_s, np.inf
@@ -87,7 +92,16 @@ def after_attitude(log: FlightLog, motion: Kinematics) -> Offset:
     if not sigma_s <= CLOSED_LOOP_S:
         return replace(plain, sigma_s=float(np.hypot(plain.sigma_s, CLOSED_LOOP_S)))
     quality = correlation(attitude.ravel(), read_later(gyro, delay_s).ravel())
-    return Offset(delay_s, float(np.hypot(sigma_s, SYSTEMATIC_S)), quality)
+    return Offset(delay_s, float(np.hypot(sigma_s, np.hypot(slow_s, SYSTEMATIC_S))), quality)
+
+
+def _slow_s(log: FlightLog) -> float:
+    """Part of the standard error that comes of samples far apart."""
+    apart_s = 0.0
+    for quantity in ("rate_body_rad_s", "q_world_body"):
+        known = np.isfinite(log.vector(quantity)).all(axis=1)
+        apart_s = max(apart_s, float(np.median(np.diff(log.time_s[known]))))
+    return SLOW_SHARE * apart_s if apart_s > SLOW_S else 0.0
 
 
 def compared_plainly(log: FlightLog, motion: Kinematics) -> Offset:
