@@ -174,5 +174,6 @@ def _finding(line: Line, motion: Kinematics, columns: tuple[str, ...], follows: 
     columns = (*columns, *COLUMNS["rotor_speed_rad_s"]) if follows else columns
     # what is late by middle + pace (t - half way) was stamped so much too late
     shift_s = pace * (first_s + 0.5 * length_s) - line.middle_s
-    fix = f"multiply the time stamps of {whose} by {1.0 - pace:.6f}, and add {shift_s:+.4f} s".replace(", by", " by")
+    moved = "gyro and rotor speed" if follows else "the gyro"
+    fix = f"multiply the time stamps of {moved} by {1.0 - pace:.6f}, and add {shift_s:+.4f} s"
     return error("clock drift", sentence, fix, repair=Repair("drift", columns, factor=1.0 - pace, shift_s=shift_s))
