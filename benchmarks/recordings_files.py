@@ -199,7 +199,8 @@ def ardupilot(folder: Path, flight: Recorded) -> FlightLog:
     log = _without_force(sysid.read_log(folder / "f.bin"))
     order = [encode_dataflash.OURS_OF_MOTOR.index(i) for i in range(4)]
     speeds = log.vector("rotor_speed_rad_s")[:, order]
-    return FlightLog(log.columns | dict(zip(COLUMNS["rotor_speed_rad_s"], speeds.T, strict=True)), log.metadata)
+    named = dict(zip(COLUMNS["rotor_speed_rad_s"], speeds.T, strict=True))
+    return FlightLog({**log.columns, **named}, log.metadata)
 
 
 FORMATS: dict[str, Callable[[Path, Recorded], FlightLog]] = {

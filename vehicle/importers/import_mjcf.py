@@ -50,7 +50,7 @@ def read(path: Path) -> Known:
             break
     else:
         raise InputError(f"{path}: no body has a mass; add <inertial mass=... diaginertia=.../>")
-    centre = sum(part.mass_kg * part.centre_m for part in parts) / total_kg
+    centre = np.sum([part.mass_kg * part.centre_m for part in parts], axis=0) / total_kg
     inertia = np.zeros((3, 3))
     for part in parts:
         arm = part.centre_m - centre
@@ -163,7 +163,8 @@ class _Model:
             return None, None, None, (f"{self._path.name} has no four motors on sites that thrust and twist",)
         order = f"rotors 0 to 3 are {', '.join(names)} of {self._path.name}"
         ratio_m = float(np.abs(turning).mean())
-        return np.round(hubs, 6) + 0.0, -np.sign(turning), ratio_m, (order,)  # the body twists against the rotor
+        places = np.round(np.array(hubs, dtype=np.float64), 6)
+        return places + 0.0, -np.sign(turning), ratio_m, (order,)  # the body twists against the rotor
 
     def _pose(self, given: dict[str, str]) -> FloatArray:
         position = self._numbers(given, "pos", "0 0 0", 3)

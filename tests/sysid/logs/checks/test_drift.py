@@ -24,7 +24,8 @@ def flown() -> list[FlightLog]:
 def _drifting(log: FlightLog, pace: float, names: tuple[str, ...]) -> FlightLog:
     """Stamps that run ahead: what they hold at t was measured at t (1 + pace)."""
     measured_s = log.time_s + pace * (log.time_s - log.time_s[0])
-    return FlightLog(log.columns | {name: np.interp(measured_s, log.time_s, log.columns[name]) for name in names}, {})
+    drifted = {name: np.interp(measured_s, log.time_s, log.columns[name]) for name in names}
+    return FlightLog({**log.columns, **drifted}, {})
 
 
 def _drifts(log: FlightLog) -> list:

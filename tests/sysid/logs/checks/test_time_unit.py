@@ -17,7 +17,7 @@ def flown() -> list[FlightLog]:
 @pytest.mark.parametrize("factor", [0.01, 0.1, 10.0])
 def test_a_time_off_by_a_power_of_ten_is_put_right(flown, factor):
     for log in flown:
-        wrong = FlightLog(log.columns | {"time_s": log.time_s * factor}, {})
+        wrong = FlightLog({**log.columns, "time_s": log.time_s * factor}, {})
         (found,) = [f for f in check_log(wrong).findings if f.what == "time unit"]
         assert found.repair is not None
         assert found.repair.factor == pytest.approx(1.0 / factor)
@@ -28,7 +28,7 @@ def test_a_good_time_and_a_gyro_in_degrees_are_left(flown):
     for log in flown:
         assert not [f for f in check_log(log).findings if f.what == "time unit"]
         gyro = {name: np.rad2deg(values) for name, values in log.columns.items() if name.startswith("rate_body")}
-        found = check_log(FlightLog(log.columns | gyro, {})).findings
+        found = check_log(FlightLog({**log.columns, **gyro}, {})).findings
         assert not [f for f in found if f.what == "time unit"]
         assert [f for f in found if f.what == "unit"]
 
