@@ -1,9 +1,9 @@
 """Faults planted in recordings, and what the checks say of them: `python benchmarks/recordings.py --flights 4`.
 
 Flights are simulated by the tests' own simulator and faults are made here, with no code that the checks share: as
-arrays, then written as CSV, ULog and MCAP. An event counts as named if its kind is right, its time within 0.1 s, its
-size within 20 %. Good flights, simulated and (with `--data`) real, must have none. Parameters fitted after the repair
-are held against those of the clean log (`--fits`).
+arrays, then written as CSV, ULog, MCAP, ROS bag and ArduPilot log. An event counts as named if its kind is right, its
+time within 0.1 s, its size within 20 %. Good flights, simulated and (with `--data`) real, must have none. Parameters
+fitted after the repair are held against those of the clean log (`--fits`).
 """
 
 import argparse
@@ -26,7 +26,8 @@ import recordings_files as files  # noqa: E402
 import sysid  # noqa: E402
 import vehicle  # noqa: E402
 from flight import FlightError, FlightLog  # noqa: E402
-from sysid.logs.checks import contact  # noqa: E402
+from sysid.logs.checks import contact, drift, time_unit  # noqa: E402
+from sysid.logs.checks.motion import kinematics  # noqa: E402
 from sysid.logs.events import recording  # noqa: E402
 from sysid.logs.fix import fix  # noqa: E402
 from tests.sysid import flying  # noqa: E402
@@ -147,20 +148,25 @@ FAULTS: dict[str, Callable[[files.Recorded, int, float], Planted]] = {
     "counter wraps": clock("clock wrap", wrapped),
     "repeated stamp": clock("repeated stamp", repeated),
 }
-NEVER = {("counter wraps", "ulog")}
-"""What cannot happen: ULog counts with 64 bits."""
+NEVER = {("counter wraps", "ulog"), ("counter wraps", "ardupilot")}
+"""What cannot happen: they count with 64 bits."""
 SIZES = (1.0, 3.0, 10.0)
 """In multiples of the stated detectable size."""
 
 
+AT_ONCE = 12
+"""Campaigns of three flights that are simulated together."""
+
+
 def flown(count: int) -> Iterator[FlightLog]:
     """Simulated flights, quick ones, with noise and gusts."""
-    for seed in range(-(-count // 3)):
+    for seed in range(-(-count // (3 * AT_ONCE))):
         rng = np.random.default_rng(1000 + seed)
-        truth = replace(flying.Truth(), gust=rng.choice([0.0, 0.5, 1.5]), gust_torque=rng.choice([0.0, 1.0]))
+        truth = replace(flying.Truth(), gust=(0.0, 0.5, 1.5)[seed % 3], gust_torque=rng.choice([0.0, 1.0]))
         noise = float(rng.choice([0.005, 0.02, 0.1]))
+        paths = flying.paper_flights(rng, AT_ONCE, 0.3)
         yield from flying.fly(
-            truth, flying.paper_flights(rng), 3, duration_s=12.0, rng=rng, rate_hz=100.0, gyro_noise_rad_s=noise
+            truth, paths, 3 * AT_ONCE, duration_s=12.0, rng=rng, rate_hz=100.0, gyro_noise_rad_s=noise
         )
 
 
@@ -208,14 +214,16 @@ def _table(named: dict, planted: dict, extra: dict) -> None:
         ]
         print(f"{name:18s} " + " ".join(f"{cell:>14s}" for cell in cells))
     total = sum(planted.values())
-    print(f"named {100 * sum(named.values()) / total:.1f} % of {total}; other events {sum(extra.values())}")
+    print(f"named {100 * sum(named.values()) / max(total, 1):.1f} % of {total}; other events {sum(extra.values())}")
 
 
 def false_events(flights: list[FlightLog], data: Path | None) -> None:
     """Events in flights that are good."""
     wrong = 0
     for log in flights:
-        found = recording.find(log, contact.spans(log))
+        motion = kinematics(log)
+        found = [*recording.find(log, contact.spans(log)), *time_unit.check(log)]
+        found += drift.check(log, motion, None) if motion is not None else []
         wrong += bool(found)
         for event in found:
             print(f"  simulated: {event.sentence}")
@@ -289,7 +297,7 @@ def fits(flights: list[FlightLog], folder: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--flights", type=int, default=6, help="simulated flights that faults are planted in")
-    parser.add_argument("--good", type=int, default=108, help="simulated flights without a fault")
+    parser.add_argument("--good", type=int, default=216, help="simulated flights without a fault")
     parser.add_argument("--fits", type=int, default=1, help="flights that are fitted clean and repaired")
     parser.add_argument("--data", type=Path, help="folder of the public flights")
     chosen = parser.parse_args()

@@ -30,23 +30,22 @@ _BASALT = {
 """Basalt's camera types to COLMAP's models, and the names of their parameters there."""
 
 
-def read_kalibr(path: Path) -> Rig:
+def read_kalibr(path: Path, document: Any) -> Rig:
     """The cameras of a camchain file; the first looks along body x, the others are placed by it.
 
+    Args:
+        document: what its YAML holds.
+
     Raises:
-        InputError: no such file, or a lens that is none of ours.
+        InputError: a lens that is none of ours.
         FormatError: it is not a camchain file.
     """
-    from ruamel.yaml import YAML, YAMLError
-
-    try:
-        document = YAML(typ="safe", pure=True).load(_text(path))
-    except (YAMLError, ValueError, RecursionError) as error:
-        raise FormatError(f"{path} is not valid YAML: {' '.join(str(error).split())[:200]}") from None
     names = [f"cam{i}" for i in range(len(document))] if isinstance(document, dict) else []
     if not names or any(not isinstance(document.get(name), dict) for name in names):
-        raise FormatError(f"{path} is not a camchain file of Kalibr: it has no tables cam0, cam1, ...")
-    T_body = _forward()
+        raise FormatError(
+            f"{path} is no calibration of Kalibr (cam0, cam1, ...), EuRoC (sensor.yaml), ROS (camera_info) or OpenCV"
+        )
+    T_body = forward()
     cameras = []
     for i, name in enumerate(names):
         entry = document[name]
@@ -65,12 +64,12 @@ def _kalibr_camera(entry: dict[str, Any], path: Path, name: str, T_body: FloatAr
             f"{path}: {name} is {model} with {distortion}; known are {known}: "
             "calibrate again with pinhole-equi (fisheye), eucm-none or pinhole-radtan"
         )
-    width, height = (int(v) for v in _values(entry, "resolution", 2, path, name))
-    intrinsics = _values(entry, "intrinsics", 6 if model == "eucm" else 4, path, name)
+    width, height = (int(v) for v in values(entry, "resolution", 2, path, name))
+    intrinsics = values(entry, "intrinsics", 6 if model == "eucm" else 4, path, name)
     ahead, (fx, fy, cx, cy) = intrinsics[:-4], intrinsics[-4:]  # EUCM's alpha and beta come first
-    coefficients = _values(entry, "distortion_coeffs", 4, path, name) if distortion != "none" else []
+    coefficients = values(entry, "distortion_coeffs", 4, path, name) if distortion != "none" else []
     params = np.array([fx, fy, cx + 0.5, cy + 0.5, *ahead, *coefficients])
-    return _unfolded(Camera(name, _folder(name, alone), kind, width, height, params, T_body), f"{path}: {name}")
+    return unfolded(Camera(name, _folder(name, alone), kind, width, height, params, T_body), f"{path}: {name}")
 
 
 def read_basalt(path: Path) -> Rig:
@@ -81,7 +80,7 @@ def read_basalt(path: Path) -> Rig:
         FormatError: it is not a Basalt calibration.
     """
     try:
-        body = json.loads(_text(path))["value0"]
+        body = json.loads(text(path))["value0"]
         entries = list(zip(body["T_imu_cam"], body["intrinsics"], body["resolution"], strict=True))
         T_imu_camera = [_basalt_pose(pose, path) for pose, _, _ in entries]
         cameras = []
@@ -94,7 +93,7 @@ def read_basalt(path: Path) -> Rig:
             model, names = _BASALT[kind]
             values = [float(lens["intrinsics"][name]) for name in names]
             params = np.array([*values[:2], values[2] + 0.5, values[3] + 0.5, *values[4:]])
-            T_body = _forward() @ frames.invert(T_imu_camera[0]) @ T_imu_camera[number]
+            T_body = forward() @ frames.invert(T_imu_camera[0]) @ T_imu_camera[number]
             name, (width, height) = f"cam{number}", (int(v) for v in resolution)
             cameras.append(Camera(name, _folder(name, len(entries) == 1), model, width, height, params, T_body))
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
@@ -132,7 +131,7 @@ def read_colmap(path: Path, rigs: Path | None = None) -> Rig:
             "images of one camera"
         )
     names = _names(path)
-    places = _places(rigs) if rigs is not None else {rows[0][0]: _forward()}
+    places = _places(rigs) if rigs is not None else {rows[0][0]: forward()}
     cameras = []
     for words in rows:
         if words[0] not in places:
@@ -151,7 +150,7 @@ def _require_camera(words: list[str], path: Path) -> None:
 
 def _names(path: Path) -> dict[str, str]:
     """Camera id to name, where `rig_export.write_colmap` wrote the file."""
-    lines = [line.removeprefix(CAMERA_NAME) for line in _text(path).splitlines() if line.startswith(CAMERA_NAME)]
+    lines = [line.removeprefix(CAMERA_NAME) for line in text(path).splitlines() if line.startswith(CAMERA_NAME)]
     return {camera: name for camera, colon, name in (line.partition(": ") for line in lines) if colon and name}
 
 
@@ -161,7 +160,7 @@ def _colmap_camera(words: list[str], path: Path, name: str, T_body: FloatArray, 
     if len(params) != len(PARAMETERS[model]):
         raise FormatError(f"{path}: camera {words[0]} has {len(params)} params; {model} takes {len(PARAMETERS[model])}")
     camera = Camera(name, _folder(name, alone), model, int(width), int(height), np.array(params), T_body)
-    return _unfolded(camera, f"{path}: camera {words[0]}")
+    return unfolded(camera, f"{path}: camera {words[0]}")
 
 
 def _places(path: Path) -> dict[str, FloatArray]:
@@ -174,19 +173,19 @@ def _places(path: Path) -> dict[str, FloatArray]:
         raise FormatError(
             f"{path} is not RIG_ID NUM_SENSORS REF_SENSOR_TYPE REF_SENSOR_ID SENSORS[], with cameras only"
         )
-    places, rest = {words[3]: _forward()}, words[4:]
+    places, rest = {words[3]: forward()}, words[4:]
     while rest:
         kind, camera, has_pose, *numbers = rest if len(rest) >= 3 else (*rest, "", "", "")
         if kind != "CAMERA" or has_pose != "1" or len(numbers) < 7:
             raise InputError(f"{path}: sensor {kind} {camera} has no pose; every camera of the rig must be placed")
         pose = np.array(_floats(numbers[:7], f"{path}: sensor {camera}"))
         T_camera_reference = _transform(pose[:4], pose[4:], f"{path}: sensor {camera}")
-        places[camera] = _forward() @ frames.invert(T_camera_reference)
+        places[camera] = forward() @ frames.invert(T_camera_reference)
         rest = numbers[7:]
     return places
 
 
-def _unfolded(camera: Camera, what: str) -> Camera:
+def unfolded(camera: Camera, what: str) -> Camera:
     """The camera itself.
 
     Raises:
@@ -198,7 +197,8 @@ def _unfolded(camera: Camera, what: str) -> Camera:
     return camera
 
 
-def _forward() -> FloatArray:
+def forward() -> FloatArray:
+    """T_body_camera of a camera that looks along body x."""
     T = np.eye(4)
     T[:3, :3] = R_BODY_CAMERA_FORWARD
     return T
@@ -208,7 +208,12 @@ def _folder(name: str, alone: bool) -> str:
     return "." if alone else name
 
 
-def _text(path: Path) -> str:
+def text(path: Path) -> str:
+    """
+    Raises:
+        InputError: no such file.
+        FormatError: it is too large, or no text.
+    """
     if not path.is_file():
         raise InputError(f"{path} does not exist or is not a file")
     if path.stat().st_size > LARGEST_BYTES:
@@ -220,7 +225,7 @@ def _text(path: Path) -> str:
 
 
 def _rows(path: Path) -> list[list[str]]:
-    return [line.split() for line in _text(path).splitlines() if line.strip() and not line.startswith("#")]
+    return [line.split() for line in text(path).splitlines() if line.strip() and not line.startswith("#")]
 
 
 def _floats(words: list[str], what: str) -> list[float]:
@@ -233,7 +238,11 @@ def _floats(words: list[str], what: str) -> list[float]:
     return values
 
 
-def _values(entry: dict[str, Any], key: str, count: int, path: Path, name: str) -> list[float]:
+def values(entry: dict[str, Any], key: str, count: int, path: Path, name: str) -> list[float]:
+    """
+    Raises:
+        FormatError: `key` does not hold so many finite numbers.
+    """
     given = entry.get(key)
     if not isinstance(given, list) or len(given) != count or not all(_is_number(v) for v in given):
         raise FormatError(f"{path}: {name}.{key} is {given!r}; {count} finite numbers are expected")

@@ -44,7 +44,7 @@ def apply(log: FlightLog, repair: Repair) -> FlightLog:
                         values = np.where(within(log.time_s, repair.spans)[:, None], values, log.vector(quantity))
                     columns |= dict(zip(names, values.T, strict=True))
     mended = FlightLog(columns, log.metadata)
-    return _trimmed(mended, there) if repair.action == "shift" else mended
+    return _trimmed(mended, there) if repair.action in ("shift", "drift") else mended
 
 
 def joined(log: FlightLog) -> FlightLog:
@@ -87,8 +87,8 @@ def _one_attitude(log: FlightLog, split: Repair) -> FlightLog:
 
 def _changed(log: FlightLog, quantity: str, repair: Repair) -> FloatArray:
     values, is_attitude = log.vector(quantity), quantity.endswith("q_world_body")
-    if repair.action == "shift":
-        return shifted(log.time_s, values, repair.shift_s, quaternion=is_attitude)
+    if repair.action in ("shift", "drift"):
+        return shifted(log.time_s, values, repair.shift_s, factor=repair.factor, quaternion=is_attitude)
     if repair.action in ("turn", "turn body"):
         turn = rotations.exp(np.array(repair.turn_rad))
         if not is_attitude:
@@ -103,10 +103,10 @@ def _changed(log: FlightLog, quantity: str, repair: Repair) -> FloatArray:
 
 def _trimmed(log: FlightLog, names: list[str]) -> FlightLog:
     """Without the rows at the ends for which the shifted stream has nothing."""
-    known = np.flatnonzero(np.isfinite([log.columns[name] for name in names]).all(axis=0))
-    if len(known) < 2:
+    known = [np.flatnonzero(np.isfinite(log.columns[name])) for name in names]
+    if min(map(len, known)) < 2:
         raise InputError(f"nothing is left of {names[0]} after the shift: it is longer than the log")
-    kept = slice(known[0], known[-1] + 1)
+    kept = slice(max(rows[0] for rows in known), min(rows[-1] for rows in known) + 1)
     return FlightLog({name: values[kept] for name, values in log.columns.items()}, log.metadata)
 
 
@@ -118,6 +118,8 @@ def words(repair: Repair) -> str:
             return f"multiplied {names} by {repair.factor:.6g}"
         case "shift":
             return f"shifted the time stamps of {names} by {1000.0 * repair.shift_s:+.1f} ms"
+        case "drift":
+            return f"multiplied the time stamps of {names} by {repair.factor:.6f}, and added {repair.shift_s:+.4f} s"
         case "blank":
             return f"wrote NaN into {names} at {', '.join(f'{first:.3f}' for first, _ in repair.spans[:5])} s" + (
                 f" and {len(repair.spans) - 5} more places" if len(repair.spans) > 5 else ""

@@ -1,1 +1,1 @@
-"""Vehicles of other programs: PX4, RotorPy, URDF."""
+"""Vehicles of other programs: PX4, ArduPilot, Betaflight, RotorPy, URDF, MJCF, drone-models."""

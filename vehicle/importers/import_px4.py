@@ -13,6 +13,8 @@ from vehicle.draft import Known
 
 GENERIC_KM = 0.05
 """PX4's default ratio of torque to thrust, which is not a measured value."""
+UPRIGHT = 0.999
+"""Cosine of a rotor's axis and body z, below which it is tilted."""
 LARGEST_BYTES = 4_000_000
 
 
@@ -38,6 +40,11 @@ def read(path: Path) -> Known:
     hubs = np.array(places) * [1.0, -1.0, -1.0]
     if len(np.unique(np.round(hubs, 6), axis=0)) < 4 or not np.isfinite(hubs).all():
         raise InputError(f"{path}: CA_ROTOR0_PX ... CA_ROTOR3_PY are not four different places; give --arm and --frame")
+    axes = np.array([[values.get(f"CA_ROTOR{i}_A{a}", -1.0 if a == "Z" else 0.0) for a in "XYZ"] for i in range(4)])
+    if (axes[:, 2] > -UPRIGHT * np.linalg.norm(axes, axis=1)).any():
+        raise InputError(
+            f"{path}: CA_ROTOR*_AX, _AY, _AZ are {axes.tolist()}; only rotors that push along body z can be modelled"
+        )
     moment = np.array([values.get(f"CA_ROTOR{i}_KM", GENERIC_KM) for i in range(4)])
     if (moment == 0.0).any() or abs(np.sign(moment).sum()) == 4:
         raise InputError(f"{path}: CA_ROTOR0_KM ... CA_ROTOR3_KM are {moment.tolist()}; two of each sign are expected")

@@ -38,7 +38,7 @@ def read(path: Path) -> Known:
         FormatError: it is not a URDF, or an unsafe one (XML entities, too large).
     """
     path = Path(path)
-    robot = _parsed(path)
+    robot = _robot(path)
     links = _links(robot, path)
     total_kg = sum(link.mass_kg for link in links)
     if not total_kg > 0.0:
@@ -79,20 +79,31 @@ def read(path: Path) -> Known:
     )
 
 
-def _parsed(path: Path) -> ElementTree.Element:
+def parsed(path: Path, tag: str, kind: str) -> ElementTree.Element:
+    """The root of an XML file that declares no entities.
+
+    Raises:
+        InputError: no such file.
+        FormatError: it is not safe XML of this kind.
+    """
     if not path.is_file():
         raise InputError(f"{path} does not exist or is not a file")
     if path.stat().st_size > LARGEST_BYTES:
-        raise FormatError(f"{path} has {path.stat().st_size} bytes; a URDF has less than {LARGEST_BYTES}")
+        raise FormatError(f"{path} has {path.stat().st_size} bytes; a {kind} has less than {LARGEST_BYTES}")
     data = path.read_bytes()
     if b"<!DOCTYPE" in data or b"<!ENTITY" in data or b"\0" in data:  # entities can grow without bound; also in UTF-16
-        raise FormatError(f"{path} declares XML entities or is not UTF-8; a URDF needs neither: remove them")
+        raise FormatError(f"{path} declares XML entities or is not UTF-8; a {kind} needs neither: remove them")
     try:
-        robot = ElementTree.fromstring(data)
+        root = ElementTree.fromstring(data)
     except (ElementTree.ParseError, ValueError, RecursionError) as error:
         raise FormatError(f"{path} is not valid XML: {error}") from None
-    if robot.tag != "robot":
-        raise FormatError(f"{path} is XML but no URDF: its first tag is <{robot.tag}>, not <robot>")
+    if root.tag != tag:
+        raise FormatError(f"{path} is XML but no {kind}: its first tag is <{root.tag}>, not <{tag}>")
+    return root
+
+
+def _robot(path: Path) -> ElementTree.Element:
+    robot = parsed(path, "robot", "URDF")
     if any("xacro" in element.tag for element in robot.iter()):
         raise FormatError(f"{path} is a xacro file: make a URDF of it first (xacro IN > OUT.urdf)")
     return robot

@@ -42,7 +42,7 @@ RANGES = {
 @click.option("--max-rpm", type=float, help="Fastest rotor speed, if known.")
 @click.option("--name", help="Name: of the vehicle [default: the file's name].")
 @console.path_option(
-    "--import", "source", "Import from a file of PX4, ArduPilot, Betaflight, RotorPy, URDF or drone-models."
+    "--import", "source", "Import from a file of PX4, ArduPilot, Betaflight, RotorPy, URDF, MJCF or drone-models."
 )
 @outputs.overwrite_option
 @console.common_options
@@ -98,6 +98,7 @@ def imported(path: Path) -> Known:
         import_ardupilot,
         import_betaflight,
         import_drone_models,
+        import_mjcf,
         import_px4,
         import_rotorpy,
         import_urdf,
@@ -110,6 +111,7 @@ def imported(path: Path) -> Known:
         ".ulg": import_px4.read,
         ".py": import_rotorpy.read,
         ".urdf": import_urdf.read,
+        ".xml": import_mjcf.read,
         ".txt": import_betaflight.read,
         ".toml": import_drone_models.read,
     }

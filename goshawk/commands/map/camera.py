@@ -92,10 +92,11 @@ def new(images: Path, out: Path, focal_px: float | None, quick: bool, overwrite:
 @outputs.overwrite_option
 @console.common_options
 def bring(calibration: Path, out: Path, rigs: Path | None, overwrite: bool, as_json: bool) -> None:
-    """Turn Kalibr's camchain YAML, Basalt's JSON or COLMAP's cameras.txt into a camera file.
+    """Turn a calibration of Kalibr, EuRoC, ROS, OpenCV, Basalt or COLMAP into a camera file.
 
     \b
     goshawk camera import camchain.yaml --out camera.toml
+    goshawk camera import sensor.yaml --out camera.toml           # or of camera_info, OpenCV, VINS
     goshawk camera import calibration.json --out camera.toml
     goshawk camera import sparse/0/cameras.txt --out camera.toml
     goshawk camera import cameras.txt --rig rigs.txt --out camera.toml
@@ -103,14 +104,15 @@ def bring(calibration: Path, out: Path, rigs: Path | None, overwrite: bool, as_j
     The first camera is taken to look along body x; edit T_body_camera if it does not. Images of camera NAME are read
     from the sub-folder NAME.
     """
-    from mapping.camera import rig_import
+    from mapping.camera import rig_import, yaml_import
 
     outputs.check(out, overwrite=overwrite)
+    notes: tuple[str, ...] = ()
     kind = calibration.suffix.lower()
     if rigs is not None and kind in (".yaml", ".yml", ".json"):
         raise click.UsageError(f"--rig goes with COLMAP's cameras.txt; a {kind} file places its cameras itself")
     if kind in (".yaml", ".yml"):
-        rig = rig_import.read_kalibr(calibration)
+        rig, notes = yaml_import.read(calibration)
     elif kind == ".json":
         rig = rig_import.read_basalt(calibration)
     else:
@@ -118,7 +120,14 @@ def bring(calibration: Path, out: Path, rigs: Path | None, overwrite: bool, as_j
     with outputs.file(out, overwrite=overwrite) as temporary:
         mapping.rig.save(temporary, rig)
     scale = f"from the baseline of {100 * rig.baseline_m:.1f} cm" if len(rig) > 1 else f"not known: {WAYS_TO_SCALE}"
-    document = {"written": str(out), "cameras": [c.name for c in rig], "baseline_m": rig.baseline_m}
+    for note in notes:
+        click.echo(f"note: {note}", err=True)
+    document = {
+        "notes": list(notes),
+        "written": str(out),
+        "cameras": [c.name for c in rig],
+        "baseline_m": rig.baseline_m,
+    }
     facts = {"cameras": ", ".join(f"{c.name} ({c.model}, images in {c.folder})" for c in rig), "scale": scale}
     console.show("camera", facts | {"written": str(out)}, as_json=as_json, document=document)
 

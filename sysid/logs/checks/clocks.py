@@ -102,20 +102,30 @@ def rotors_after_gyro(log: FlightLog, motion: Kinematics, vehicle: Vehicle) -> O
     from scipy.interpolate import CubicSpline
 
     rate, speed = _raw(log, "rate_body_rad_s", motion), _raw(log, "rotor_speed_rad_s", motion)
-    smooth = _streams(fitted(rate, 0), fitted(rate, 1), fitted(speed, 0), motion, vehicle)
     quick = _streams(rate, CubicSpline(motion.time_s, rate)(motion.time_s, 1), speed, motion, vehicle)
-    return _consistent(smooth, quick)
+    return _consistent(by_gyro(log, motion, vehicle), quick)
 
 
 def rotors_after_attitude(log: FlightLog, motion: Kinematics, vehicle: Vehicle) -> Offset:
     """By how much rotor speed comes later than the attitude, from roll and pitch."""
-    speed = on_grid(log, "rotor_speed_rad_s", motion.time_s)
-    streams = _streams(motion.rate_body_rad_s, motion.angular_acceleration_rad_s2, speed, motion, vehicle)
+    streams = by_attitude(log, motion, vehicle)
     return _consistent(streams, streams)
 
 
 Streams = tuple[FloatArray, FloatArray, FloatArray]
 """Turning less the moment of the air, the rotors' part of it, and what else may turn the body, on the grid."""
+
+
+def by_attitude(log: FlightLog, motion: Kinematics, vehicle: Vehicle) -> Streams:
+    """Of roll and pitch, by the attitude and rotor speed on the grid."""
+    speed = on_grid(log, "rotor_speed_rad_s", motion.time_s)
+    return _streams(motion.rate_body_rad_s, motion.angular_acceleration_rad_s2, speed, motion, vehicle)
+
+
+def by_gyro(log: FlightLog, motion: Kinematics, vehicle: Vehicle) -> Streams:
+    """Of roll and pitch, by the gyro and rotor speed, both smoothed."""
+    rate, speed = _raw(log, "rate_body_rad_s", motion), _raw(log, "rotor_speed_rad_s", motion)
+    return _streams(fitted(rate, 0), fitted(rate, 1), fitted(speed, 0), motion, vehicle)
 
 
 def _streams(rate: FloatArray, turning: FloatArray, speed: FloatArray, motion: Kinematics, vehicle: Vehicle) -> Streams:
@@ -162,8 +172,8 @@ def _in_driven_band(values: FloatArray) -> FloatArray:
     return np.asarray(sosfiltfilt(butter(3, DRIVEN_HZ, "band", fs=1.0 / GRID_S, output="sos"), values, axis=0))
 
 
-def read_later(values: FloatArray, delay_s: float) -> FloatArray:
-    """(n, c) on the grid, as they are this much later; held at the ends."""
+def read_later(values: FloatArray, delay_s: float | FloatArray) -> FloatArray:
+    """(n, c) on the grid, as they are this much (or each by its own, (n,)) later; held at the ends."""
     from scipy.interpolate import CubicSpline
 
     time_s = GRID_S * np.arange(len(values))
@@ -179,30 +189,39 @@ def clock_offset(reference: FloatArray, other: FloatArray, beside: FloatArray | 
     n, edge = len(reference), int(LONGEST_S / GRID_S)
     inner = slice(edge, n - edge)
     more = np.zeros((n, reference.shape[1], 0)) if beside is None else beside
-    delay_s, quality = largest_correlation(_freed(reference, more), _freed(other, more))
+    delay_s, quality = largest_correlation(freed(reference, more), freed(other, more))
     if abs(delay_s) >= LONGEST_S or n <= 4 * edge:
         return Offset(0.0, np.inf, quality)
     sigma_s = np.inf
     for _ in range(STEPS):
-        later = read_later(other, delay_s)
-        own, given, moving = (
-            _freed(x[inner], more[inner]) for x in (reference, later, np.gradient(later, GRID_S, axis=0))
-        )
-        square = np.maximum((given**2).sum(axis=0), np.finfo(float).tiny)
-        gain = (own * given).sum(axis=0) / square
-        slope = gain * (moving - given * (given * moving).sum(axis=0) / square)
-        pull = (slope * (own - gain * given)).sum(axis=1)
-        information = float((slope**2).sum())
+        pull, weight, quality = terms(reference, read_later(other, delay_s), more, inner)
+        information = float(weight.sum())
         if information <= 0.0:
             return Offset(0.0, np.inf, quality)
         delay_s = float(np.clip(delay_s + pull.sum() / information, -LONGEST_S, LONGEST_S))
-        quality = correlation(own.ravel(), (gain * given).ravel())
         blocks = np.add.reduceat(pull, np.arange(0, len(pull), round(BLOCK_S / GRID_S)))
         sigma_s = float(np.hypot(np.sqrt((blocks**2).sum()) / information, SYSTEMATIC_S))
     return Offset(delay_s, sigma_s, quality)
 
 
-def _freed(values: FloatArray, beside: FloatArray) -> FloatArray:
+def terms(
+    reference: FloatArray, later: FloatArray, beside: FloatArray, inner: slice = slice(None)
+) -> tuple[FloatArray, FloatArray, float]:
+    """What is left of a delay: its pull over its weight, at each of these instants; and the correlation there.
+
+    Args:
+        later: (n, c) the other stream, already read as late as it is taken to be.
+    """
+    moving = np.gradient(later, GRID_S, axis=0)
+    own, given, moving = (freed(x[inner], beside[inner]) for x in (reference, later, moving))
+    square = np.maximum((given**2).sum(axis=0), np.finfo(float).tiny)
+    gain = (own * given).sum(axis=0) / square
+    slope = gain * (moving - given * (given * moving).sum(axis=0) / square)
+    quality = correlation(own.ravel(), (gain * given).ravel())
+    return (slope * (own - gain * given)).sum(axis=1), (slope**2).sum(axis=1), quality
+
+
+def freed(values: FloatArray, beside: FloatArray) -> FloatArray:
     """(n, c) less what means and `beside` (n, c, b) explain, channel by channel."""
     left = values - values.mean(axis=0)
     for i in range(values.shape[1]):

@@ -11,7 +11,7 @@ from flight.flight_log import COLUMNS
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
-from sysid.logs.checks import attitude, clocks, gyro_clock, mounting, position_unit, rotor_order
+from sysid.logs.checks import attitude, clocks, drift, gyro_clock, mounting, position_unit, rotor_order, time_unit
 from sysid.logs.checks.attitude import DEGREES, LEAST_RATE_RAD_S
 from sysid.logs.checks.finding import Finding, error, warning
 from sysid.logs.checks.motion import GRID_S, Kinematics, kinematics, on_grid, sampled
@@ -30,6 +30,8 @@ def check(log: FlightLog, vehicle: Vehicle | None, progress: Progress = silent) 
     """All findings that compare channels, and sentences on what is inconclusive; empty where a channel is not there."""
     found = [*_accelerometer(log)]
     flown = as_flown(vehicle, carries_payload(log)) if vehicle is not None else None
+    if unit := time_unit.check(log):
+        return [*found, *unit], []
     motion = kinematics(log)
     if motion is None:
         places, inconclusive = _order(log, None, flown)
@@ -42,6 +44,8 @@ def check(log: FlightLog, vehicle: Vehicle | None, progress: Progress = silent) 
     if pose:
         return found, []  # whatever is judged by the attitude would only repeat that
     progress("checking", 0.3)
+    if pace := drift.check(log, motion, flown):
+        return [*found, *pace], []  # a delay that grows is none that a check of one delay can read
     if turned := mounting.check(log, motion, flown):
         return [*found, *turned], []
     if not any(f.level == "error" for f in found):

@@ -33,6 +33,9 @@ whose fast turns nothing predicts) the estimate may be off by several standard e
 CLOSED_LOOP_S = 6e-3
 """Part of the standard error of the plain comparison, which stands where little is predicted: a controller made good
 gyros 2 to 12 ms late. So a clock that is off by more than all that is named even then."""
+SLOW_S, SLOW_SHARE = 0.03, 0.1
+"""Of samples farther apart, this share of their distance is part of the standard error: quick turns pass between
+them (at 10 Hz a good gyro looked 23 ms late)."""
 PARTS = 5
 """Each part of the flight is predicted by a fit to the others, so that none of its own noise is in it."""
 
@@ -77,7 +80,9 @@ def after_attitude(log: FlightLog, motion: Kinematics) -> Offset:
     """
     gyro = on_grid(log, "rate_body_rad_s", motion.time_s)
     attitude = motion.rate_body_rad_s
+    slow_s = _slow_s(log)
     plain = clock_offset(attitude, gyro)
+    plain = replace(plain, sigma_s=float(np.hypot(plain.sigma_s, slow_s)))
     if not np.isfinite(plain.sigma_s) or len(attitude) < 8 * EARLIER[-1]:
         return Offset(0.0, np.inf, plain.quality)
     delay_s, sigma_s = plain.delay_s, np.inf
@@ -87,7 +92,16 @@ def after_attitude(log: FlightLog, motion: Kinematics) -> Offset:
     if not sigma_s <= CLOSED_LOOP_S:
         return replace(plain, sigma_s=float(np.hypot(plain.sigma_s, CLOSED_LOOP_S)))
     quality = correlation(attitude.ravel(), read_later(gyro, delay_s).ravel())
-    return Offset(delay_s, float(np.hypot(sigma_s, SYSTEMATIC_S)), quality)
+    return Offset(delay_s, float(np.hypot(sigma_s, np.hypot(slow_s, SYSTEMATIC_S))), quality)
+
+
+def _slow_s(log: FlightLog) -> float:
+    """Part of the standard error that comes of samples far apart."""
+    apart_s = 0.0
+    for quantity in ("rate_body_rad_s", "q_world_body"):
+        known = np.isfinite(log.vector(quantity)).all(axis=1)
+        apart_s = max(apart_s, float(np.median(np.diff(log.time_s[known]))))
+    return SLOW_SHARE * apart_s if apart_s > SLOW_S else 0.0
 
 
 def compared_plainly(log: FlightLog, motion: Kinematics) -> Offset:
@@ -96,11 +110,20 @@ def compared_plainly(log: FlightLog, motion: Kinematics) -> Offset:
 
 
 def _left(attitude: FloatArray, gyro: FloatArray) -> tuple[float, float]:
-    """The delay that is left between two rates (n, 3), and its standard error; infinite where nothing is predicted.
+    """The delay that is left between two rates (n, 3), and its standard error; infinite where nothing is predicted."""
+    pull, weight, _ = terms(attitude, gyro)
+    information = float(weight.sum())
+    if not information > 0.0:
+        return 0.0, np.inf
+    return float(pull.sum()) / information, _error(pull) / information
+
+
+def terms(attitude: FloatArray, gyro: FloatArray) -> tuple[FloatArray, FloatArray, slice]:
+    """What is left of the delay between two rates (n, 3): its pull (m,) over its weight (m,), at which m of n instants.
 
     By axis `gyro = gain attitude - delay gyro'`, less what means and the rates about the other axes explain: pose and
     gyro may be turned against each other. Gain and delay come from what earlier readings predict of `attitude` and of
-    `gyro'`, the latter freed of the gain.
+    `gyro'`, the latter freed of the gain. All weights are 0 where nothing is predicted.
     """
     moving = np.gradient(gyro, GRID_S, axis=0)
     now = slice(EARLIER[-1] + WINDOW, len(gyro) - WINDOW)
@@ -115,16 +138,17 @@ def _left(attitude: FloatArray, gyro: FloatArray) -> tuple[float, float]:
         if told @ own > 0.0:  # else nothing about this axis is predicted
             free[:, i] = told_slope - told * (told_slope @ own) / (told @ own)
             pull[:, i] = free[:, i] * (own * (told @ read) / (told @ own) - read)
-    information, size = float((free * slope).sum()), float((free**2).sum())
+    weight = (free * slope).sum(axis=1)
+    information, size = float(weight.sum()), float((free**2).sum())
     chance = free * (slope - free * information / max(size, np.finfo(float).tiny))
-    if information <= LEAST_PREDICTED * _error(chance):
-        return 0.0, np.inf
-    return float(pull.sum()) / information, _error(pull) / information
+    if information <= LEAST_PREDICTED * _error(chance.sum(axis=1)):
+        return np.zeros(len(pull)), np.zeros(len(pull)), now
+    return pull.sum(axis=1), weight, now
 
 
 def _error(terms: FloatArray) -> float:
-    """Standard error of the sum of terms (n, 3) that are independent between blocks of time."""
-    blocks = np.add.reduceat(terms.sum(axis=1), np.arange(0, len(terms), round(BLOCK_S / GRID_S)))
+    """Standard error of the sum of terms (n,) that are independent between blocks of time."""
+    blocks = np.add.reduceat(terms, np.arange(0, len(terms), round(BLOCK_S / GRID_S)))
     return float(np.sqrt((blocks**2).sum()))
 
 

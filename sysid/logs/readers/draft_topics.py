@@ -24,6 +24,7 @@ _ROTORS = re.compile(r"rotor|motor|esc|rpm|actuator|prop")
 _SPEED = re.compile(r"rpm|speed|velocit")
 _BATTERY = re.compile(r"batt|vbat|voltage")
 IMU = "sensor_msgs/msg/Imu"
+JOINTS = "sensor_msgs/msg/JointState"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +90,7 @@ def _most(name: str, topics: list[Topic], kind: str) -> Guess | None:
 
 def _rotors(quantity: str, topics: list[Topic]) -> Guess | None:
     """The first list of four numbers whose name says rotors; one that says speed goes first."""
-    found = []
+    found = [(True, *joints) for joints in map(_joints, topics) if joints is not None]
     for topic in topics:
         for paths in _fours(topic):
             text = f"{topic.name} {paths[0]}".lower()
@@ -101,7 +102,22 @@ def _rotors(quantity: str, topics: list[Topic]) -> Guess | None:
     _, topic, paths, values = max(found, key=lambda one: one[0])
     unit, reason = by_size(quantity, np.abs(values))
     reasons = [f"by its name, and four numbers: {topic.name}", reason, "in the order of your vehicle's rotors: CHECK"]
-    return Guess(quantity, paths, {"topic": topic.name, "unit": unit}, reasons)
+    entries: dict[str, Any] = {"topic": topic.name, "unit": unit}
+    signs = np.sign(np.nanmedian(values, axis=0))
+    if abs(signs.sum()) < 4 and signs.all():
+        entries["scale"] = signs.tolist()
+        reasons.append("speeds bear the sign of their spin, which is taken out")
+    return Guess(quantity, paths, entries, reasons)
+
+
+def _joints(topic: Topic) -> tuple[Topic, list[str], np.ndarray] | None:
+    """Speeds of a JointState's four joints whose names say rotors."""
+    first = topic.messages[0]
+    names = [str(name).lower() for name in getattr(first, "name", ())] if topic.kind == JOINTS else []
+    paths = [f"velocity[{i}]" for i, name in enumerate(names) if _ROTORS.search(name)]
+    if len(paths) != 4 or len(getattr(first, "velocity", ())) != len(names):
+        return None
+    return topic, paths, topic.numbers(paths)
 
 
 def _battery(topics: list[Topic]) -> Guess | None:

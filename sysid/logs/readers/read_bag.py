@@ -79,8 +79,11 @@ def _topics(wanted: dict[str, Any], map_file: Path) -> dict[str, dict[str, Any]]
         table_of(map_file, name, entry)
         if not isinstance(entry.get("topic"), str):
             raise InputError(f'{map_file}: {name} names no topic; write topic = "/..."')
-        if not isinstance(entry.get("scale", 1.0), int | float):
-            raise InputError(f"{map_file}: {name}.scale is {entry['scale']!r}, not a number")
+        scale, fields = entry.get("scale", 1.0), entry.get("fields", ())
+        per_field = isinstance(scale, list) and isinstance(fields, list) and len(scale) == len(fields)
+        scales = scale if per_field else [scale]
+        if not all(isinstance(one, int | float) for one in scales):
+            raise InputError(f"{map_file}: {name}.scale is {scale!r}; a number, or one a field, is expected")
         fields = entry.get("fields")
         if name not in ("pose", "imu") and not (isinstance(fields, list) and all(isinstance(f, str) for f in fields)):
             raise InputError(f"{map_file}: {name} names no fields; write fields = ['data[0]', 'data[1]']")
@@ -190,7 +193,7 @@ def _stream(name: str, entry: dict[str, Any], kind: str, time_s: FloatArray, mes
     columns: Stream = {}
     for quantity, fields in _fields(name, entry, kind):
         values = np.array([[_value(m, f, entry["topic"]) for f in fields] for m in messages], dtype=np.float64)
-        values *= UNITS[entry.get("unit", "1")] * float(entry.get("scale", 1.0))
+        values *= UNITS[entry.get("unit", "1")] * np.asarray(entry.get("scale", 1.0), dtype=np.float64)
         if flipped:
             values = frames.flip_attitude(values) if quantity == "q_world_body" else frames.flip_vector(values)
         columns |= dict(zip(COLUMNS.get(quantity, (quantity,)), values.T, strict=True))

@@ -61,7 +61,7 @@ def read_tum(path: Path) -> FlightLog:
 def _seconds(path: Path, time_s: FloatArray) -> None:
     """Refuse stamps that are no seconds."""
     step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
-    unit = "nanoseconds" if step > 1e5 else "microseconds" if step > 100.0 else "milliseconds" if step >= 1.0 else ""
+    unit = "nanoseconds" if step > 1e6 else "microseconds" if step > 1e3 else "milliseconds" if step >= 1.0 else ""
     if unit:
         raise InputError(f"{path}: rows are {step:g} apart, so in {unit}? TUM holds seconds: divide column 1")
 

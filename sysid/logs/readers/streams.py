@@ -47,8 +47,12 @@ def joined(first: Stream, second: Stream) -> Stream:
     return table
 
 
-def shifted(time_s: FloatArray, values: FloatArray, shift_s: float, *, quaternion: bool = False) -> FloatArray:
-    """Columns (n, c) whose time stamps move by `shift_s`, at the same instants; NaN where nothing was recorded.
+def shifted(
+    time_s: FloatArray, values: FloatArray, shift_s: float, *, factor: float = 1.0, quaternion: bool = False
+) -> FloatArray:
+    """Columns (n, c) at the same instants, whose time stamps are multiplied by `factor`, then moved by `shift_s`.
+
+    NaN where nothing was recorded.
 
     Rows that were not sampled stay NaN; between samples the values go straight.
     """
@@ -60,7 +64,7 @@ def shifted(time_s: FloatArray, values: FloatArray, shift_s: float, *, quaternio
     if quaternion:
         known = rotations.continuous(known)
     at = time_s[sampled]
-    columns = [np.interp(at, at + shift_s, column, left=np.nan, right=np.nan) for column in known.T]
+    columns = [np.interp(at, factor * at + shift_s, column, left=np.nan, right=np.nan) for column in known.T]
     moved[sampled] = np.stack(columns, axis=1)
     if quaternion:
         moved = rotations.normalise(moved)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flight import FormatError, InputError, frames, rotations
-from mapping.camera import rig_export, rig_import
+from mapping.camera import rig_export, rig_import, yaml_import
 from mapping.camera.rig import Rig
 
 EQUI = """
@@ -39,7 +39,7 @@ def written(tmp_path, text: str, name: str = "camchain.yaml"):
 
 
 def test_a_kalibr_fisheye_sees_every_ray_where_opencv_does_half_a_pixel_on(tmp_path):
-    camera = rig_import.read_kalibr(written(tmp_path, EQUI)).cameras[0]
+    camera = yaml_import.read(written(tmp_path, EQUI))[0].cameras[0]
     rays = np.random.default_rng(0).normal(size=(50, 3)) * [0.8, 0.6, 0.1] + [0.0, 0.0, 1.0]
     K = np.array([[284.0, 0.0, 319.5], [0.0, 285.0, 239.5], [0.0, 0.0, 1.0]])
     k = np.array([-0.012, 0.002, -0.0008, 0.0001])
@@ -48,7 +48,7 @@ def test_a_kalibr_fisheye_sees_every_ray_where_opencv_does_half_a_pixel_on(tmp_p
 
 
 def test_an_ordinary_lens_is_opencv_s(tmp_path):
-    camera = rig_import.read_kalibr(written(tmp_path, EQUI)).cameras[1]
+    camera = yaml_import.read(written(tmp_path, EQUI))[0].cameras[1]
     u, v = np.meshgrid(np.linspace(-0.65, 0.65, 9), np.linspace(-0.5, 0.5, 9))
     rays = np.stack([u, v, np.ones_like(u)], axis=-1).reshape(-1, 3)
     K = np.array([[460.0, 0.0, 320.0], [0.0, 461.0, 240.0], [0.0, 0.0, 1.0]])
@@ -61,7 +61,7 @@ def test_kalibr_s_eucm_has_alpha_and_beta_in_front(tmp_path):
         "camera_model: pinhole\n  distortion_model: equidistant", "camera_model: eucm\n  distortion_model: none"
     )
     text = text.replace("intrinsics: [284.0", "intrinsics: [0.6, 1.1, 284.0")
-    camera = rig_import.read_kalibr(written(tmp_path, text)).cameras[0]
+    camera = yaml_import.read(written(tmp_path, text))[0].cameras[0]
     assert camera.model == "EUCM"
     assert camera.params.tolist() == [284.0, 285.0, 320.0, 240.0, 0.6, 1.1]
 
@@ -78,7 +78,7 @@ BASALT = """{"value0": {
 
 def test_basalt_s_rig_is_kalibr_s(tmp_path):
     rig = rig_import.read_basalt(written(tmp_path, BASALT, "calibration.json"))
-    kalibr = rig_import.read_kalibr(written(tmp_path, EQUI))
+    kalibr = yaml_import.read(written(tmp_path, EQUI))[0]
     np.testing.assert_array_equal(rig["cam0"].params, kalibr["cam0"].params)
     np.testing.assert_allclose(rig["cam1"].T_body_camera, kalibr["cam1"].T_body_camera, atol=1e-12)
     assert rig["cam1"].model == "EUCM"
@@ -131,7 +131,7 @@ def test_tum_s_rows_hold_time_place_and_the_quaternion_with_w_last(tmp_path):
 
 
 def test_the_second_camera_sits_where_the_chain_says(tmp_path):
-    rig = rig_import.read_kalibr(written(tmp_path, EQUI))
+    rig = yaml_import.read(written(tmp_path, EQUI))[0]
     assert rig.baseline_m == pytest.approx(0.11)
     # camera x is to the right: the second camera sits 11 cm to the right of the first, which looks along body x
     np.testing.assert_allclose(rig["cam1"].T_body_camera[:3, 3], [0.0, -0.11, 0.0], atol=1e-12)
@@ -152,7 +152,7 @@ def test_the_second_camera_sits_where_the_chain_says(tmp_path):
 )
 def test_a_camchain_that_cannot_be_is_refused(tmp_path, change, words):
     with pytest.raises((FormatError, InputError), match=words):
-        rig_import.read_kalibr(written(tmp_path, EQUI.replace(*change)))
+        yaml_import.read(written(tmp_path, EQUI.replace(*change)))
 
 
 COLMAP = """# Camera list with one line of data per camera:

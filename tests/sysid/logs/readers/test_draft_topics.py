@@ -1,6 +1,8 @@
 """A drafted map of a ROS recording names the right topics with their reasons, and the recording reads back with it."""
 
+import dataclasses
 from collections.abc import Mapping
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -100,3 +102,27 @@ def test_what_is_no_recording_is_refused(tmp_path):
     (tmp_path / "broken.mcap").write_bytes(b"\x89MCAP0\r\n" + b"\x00" * 40)
     with pytest.raises(FormatError, match="not a readable ROS recording"):
         draft_topics.draft(tmp_path / "broken.mcap")
+
+
+def test_speeds_of_joints_are_those_of_rotors_without_the_sign_of_their_spin(tmp_path):
+    types: Any = STORE.types
+    kind = "sensor_msgs/msg/JointState"
+    path = tmp_path / "flight"
+    names = ["gimbal_joint", "rotor_0_joint", "rotor_1_joint", "rotor_2_joint", "rotor_3_joint"]
+    speeds = np.array([0.1, 700.0, -710.0, 720.0, -730.0])
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        poses = writer.add_connection("/pose", POSE, typestore=STORE)
+        joints = writer.add_connection("/joint_states", kind, typestore=STORE)
+        for i in range(20):
+            ns = 10**9 + 10**7 * i
+            stamp = types["builtin_interfaces/msg/Time"](sec=1, nanosec=10**7 * i)
+            header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="world")
+            pose = cast("Any", dataclasses.replace)(message(POSE, (0.0, 0.0, 1.0)), header=header)
+            writer.write(poses, ns, STORE.serialize_cdr(pose, POSE))
+            empty = np.zeros(5)
+            one = types[kind](header=header, name=names, position=empty, velocity=speeds, effort=empty)
+            writer.write(joints, ns, STORE.serialize_cdr(one, kind))
+    found = entries(path, tmp_path)["quantity"]["rotor_speed_rad_s"]
+    assert found["fields"] == [f"velocity[{i}]" for i in range(1, 5)]
+    log = read_log(path, tmp_path / "map.toml")
+    np.testing.assert_allclose(log.vector("rotor_speed_rad_s"), np.tile(np.abs(speeds[1:]), (len(log), 1)))
