@@ -6,7 +6,7 @@ name), or other JSON (the place is a path of keys, `flights/walk/flown_s`); `* 1
 metres to mm.
 
 python tools/results.py              writes every quoted figure anew from the committed results
-python tools/results.py build/bench  first takes over the files of this folder that are committed (demo-out: its demo.json)
+python tools/results.py build/bench  first takes over what this folder has of the committed files (also `demo-out`)
 """
 
 import json
