@@ -1,15 +1,26 @@
 """A diagnosis and a tried change in the page's terms: titles, units that people read, points of the pictures."""
 
 import functools
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import vehicle
 from gcs_web.comparison.residuals import variable
 from gcs_web.protocol import learning as learning_messages
-from gcs_web.protocol.learning import Attempt, Confounded, EffectSize, Evidence, OutsideCurve, Stair, Tried
+from gcs_web.protocol.learning import (
+    Attempt,
+    Confounded,
+    EffectSize,
+    Evidence,
+    OutsideCurve,
+    ProposedEquation,
+    Stair,
+    Tried,
+)
 from sysid.diagnosis import Diagnosis, equation_text
 from sysid.diagnosis.curve import advice, suggested_name
+from sysid.diagnosis.equation import Equation
 from sysid.diagnosis.evidence import explained
 from sysid.diagnosis.evidence.candidates import Candidate
 from sysid.diagnosis.evidence.free_form import UNIT, VARIABLE
@@ -47,18 +58,22 @@ def diagnosis(
         list(found.staircase[0].position_m),
         [Stair(named(s.model), [1e3 * e for e in s.position_m.values()]) for s in found.staircase],
         None if found.outside is None else _outside(found.outside),
+        None if found.search.equation is None else _equation(found.search.equation),
         [f"{words.effect(name)}: {named(why)}" for name, why in found.invisible],
-        [*_law(found), *(named(sentence) for sentence in found.findings)],
+        [named(sentence) for sentence in found.findings],
         _left(found),
         vehicle_hash,
         contents,
     )
 
 
-def _law(found: Diagnosis) -> list[str]:
-    """The equation that is proposed, as the verb says it."""
-    law = found.search.equation
-    return [] if law is None else [f"the simplest law of it: {equation_text.sentence(law)}"]
+def _equation(found: Equation) -> ProposedEquation:
+    can_be_made = not advice(found.channel, found.variable)
+    return ProposedEquation(
+        f"the simplest law of it: {equation_text.sentence(found)}",
+        equation_text.suggested_name(found) if can_be_made else "",
+        json.dumps(equation_text.as_dict(found)),
+    )
 
 
 def _candidate(
@@ -131,7 +146,7 @@ def _outside(found: OutsideFinding) -> OutsideCurve:
         (scale * found.force_or_torque * found.acceleration).tolist(),
         (SIGMAS * scale * found.force_or_torque * found.band).tolist(),
         found.confidence,
-        *((suggested_name(found), "") if not (why := advice(found)) else ("", why)),
+        *((suggested_name(found), "") if not (why := advice(found.channel, found.variable)) else ("", why)),
     )
 
 

@@ -1,8 +1,8 @@
 """The vehicle's model as people work on it: the newest diagnosis, a change that was tried, the versions of the file."""
 
+import json
 import threading
 from pathlib import Path
-from typing import Literal
 
 import msgspec
 
@@ -13,10 +13,11 @@ from gcs_web.comparison import reports
 from gcs_web.flights import reading, session_files
 from gcs_web.flights.flights import Flights
 from gcs_web.learning import diagnosis_values, identified, proposed
+from gcs_web.protocol.consent import EffectForm
 from gcs_web.protocol.identified import Identification
 from gcs_web.protocol.learning import Diagnosis, Model, ParameterRow, Tried, VehicleVersion
 from gcs_web.protocol.next_flight import NextFlight
-from sysid.diagnosis import curve
+from sysid.diagnosis import curve, equation_text
 from sysid.report import words
 from vehicle import history
 from vehicle.history import HeldOut, Step
@@ -135,24 +136,32 @@ class Learning:
         for file in tried_files(self._project.folder):
             file.unlink(missing_ok=True)
 
-    def draft_effect(self, name: str, form: Literal["spline", "polynomial"]) -> Path:
-        """Write an effect file of the curve that no known effect explains, as `goshawk vehicle effect scaffold` does.
+    def draft_effect(self, name: str, form: EffectForm) -> Path:
+        """Write an effect file of what was diagnosed, as `goshawk vehicle effect scaffold` does.
+
+        Args:
+            form: the proposed equation, or a function through the curve that no known effect explains.
 
         Raises:
-            FlightError: there is no such curve, no effect can be made of it, or the name is taken or no name.
+            FlightError: there is no such equation or curve, no effect can be made of it, or the name is taken or no
+                name.
         """
         found = self.diagnosis()
-        if found.outside is None:
-            raise InputError("the diagnosis has no curve that no known effect explains; diagnose again")
-        if found.state != "current":
+        if found.state == "old":
             raise InputError(
                 "the vehicle, a flight or the choice of flights changed since the diagnosis; diagnose again"
             )
         folder = own_effects(self._project.folder)
-        facts = diagnosis_values.curve_facts(found.outside)
+        file = folder / f"{name}.py"
         with self._lock:
             folder.mkdir(exist_ok=True)
-            return curve.scaffold(facts, folder / f"{name}.py", name=name, form=form)
+            if form == "equation":
+                if found.equation is None:
+                    raise InputError("the diagnosis proposes no equation; diagnose again")
+                return equation_text.scaffold(json.loads(found.equation.facts), file, name=name)
+            if found.outside is None:
+                raise InputError("the diagnosis has no curve that no known effect explains; diagnose again")
+            return curve.scaffold(diagnosis_values.curve_facts(found.outside), file, name=name, form=form)
 
     def return_to(self, number: int) -> tuple[Step, Step]:
         """Restore a version of the vehicle file; the one that was left, and the one that is there now.

@@ -24,9 +24,10 @@ def _send(desk: Desk, person: Person, wanted: SendCompensation) -> Reply:
         shown = compensation.read(watch, desk.project)
         changed = compensation.changes(shown)
         about.update(version=shown.version, vehicle_sha256=file_hash(desk.project.vehicle), changes=changed)
+        about.update(mark=shown.mark, accepted_mark=wanted.accepted_mark)
         desk.control.required(person)  # reading takes a while
         desk.control.use_nonce(wanted.nonce, person, compensation.purpose(shown))
-        answers.append((shown, compensation.send(watch, desk.project, shown)))
+        answers.append((shown, compensation.send(watch, desk.project, shown, wanted.accepted_mark)))
 
     desk.control.audited(person, "compensation", send, about)
     ((shown, now),) = answers

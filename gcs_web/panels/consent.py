@@ -19,7 +19,7 @@ def _agree(desk: Desk, person: Person, wanted: AgreeToEffectFile) -> None:
 def _draft(desk: Desk, person: Person, wanted: DraftEffect) -> Reply:
     file = desk.learning.draft_effect(wanted.name, wanted.form)
     desk.show_learning()
-    desk.notice(f"{person.name} drafted {file.relative_to(desk.project.folder.resolve())} from the curve.")
+    desk.notice(f"{person.name} drafted {file.relative_to(desk.project.folder.resolve())} from the diagnosis.")
     return Reply(wanted.serial, name=file.name)
 
 

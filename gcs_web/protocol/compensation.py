@@ -36,6 +36,8 @@ class Compensation(msgspec.Struct, frozen=True):
     parameters: list[ControllerParameter]
     """All that the model gives, in the vehicle's order; gains and limits of the loops are not among them."""
     not_compensated: list[NotCompensated]
+    mark: str
+    """That the model is for prediction, not for design, and which values; empty without such a mark."""
 
 
 class PrepareCompensation(VehicleCommand, frozen=True, tag="prepare_compensation", kw_only=True):
@@ -46,3 +48,5 @@ class SendCompensation(VehicleCommand, frozen=True, tag="send_compensation", kw_
     """Set what differs, all of it or nothing; the reply has what was read back."""
 
     nonce: str
+    accepted_mark: str = ""
+    """The mark that the page showed and the pilot accepted."""

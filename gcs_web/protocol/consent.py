@@ -6,6 +6,8 @@ import msgspec
 
 from gcs_web.protocol.base import Command, State
 
+EffectForm = Literal["equation", "spline", "polynomial"]
+
 
 class EffectFile(msgspec.Struct, frozen=True):
     """A Python file that the vehicle file or a change that is tried names, or one in the project's folder `effects`."""
@@ -39,7 +41,8 @@ class AgreeToEffectFile(Command, frozen=True, tag="agree_to_effect_file", kw_onl
 
 
 class DraftEffect(Command, frozen=True, tag="draft_effect", kw_only=True):
-    """Write an effect file of the curve that no known effect explains; the reply has its name. Nothing of it is run."""
+    """Write an effect file of the proposed equation, or of the curve that no known effect explains; the reply has its
+    name. Nothing of it is run."""
 
     name: str
-    form: Literal["spline", "polynomial"] = "spline"
+    form: EffectForm

@@ -99,6 +99,16 @@ class OutsideCurve(msgspec.Struct, frozen=True):
     """Why none can be made, and where to look instead."""
 
 
+class ProposedEquation(msgspec.Struct, frozen=True):
+    """The simplest law of a curve, or of what the law of a named effect leaves."""
+
+    sentence: str
+    effect: str
+    """Name for an effect of it; empty where none can be made."""
+    facts: str
+    """JSON, as `sysid.diagnosis.equation_text.as_dict` has it."""
+
+
 class Tried(msgspec.Struct, frozen=True):
     """The model with an effect added and refitted, not kept yet."""
 
@@ -163,6 +173,7 @@ class Diagnosis(State, frozen=True, tag="diagnosis"):
     horizons: list[str] = []
     staircase: list[Stair] = []
     outside: OutsideCurve | None = None
+    equation: ProposedEquation | None = None
     unobservable: list[str] = []
     """Effects that no flight of this kind can show, each with the reason."""
     findings: list[str] = []

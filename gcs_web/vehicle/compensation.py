@@ -32,6 +32,7 @@ def read(watch: VehicleWatch, opened: Project) -> Compensation:
         max(0, history.read(opened.vehicle).current),
         [_row(name, value, here[name]) for name, value in there.items() if name in here],
         _not_compensated(believed),
+        vehicle.purpose.mark_sentence(believed),
     )
 
 
@@ -45,17 +46,22 @@ def purpose(found: Compensation) -> str:
     return f"compensation {hashlib.sha256(repr(changes(found)).encode()).hexdigest()}"
 
 
-def send(watch: VehicleWatch, opened: Project, shown: Compensation) -> Compensation:
+def send(watch: VehicleWatch, opened: Project, shown: Compensation, accepted_mark: str) -> Compensation:
     """Set what differs as one block, and read it back.
 
+    Args:
+        accepted_mark: the mark of the model that the pilot has accepted.
+
     Raises:
-        InputError: nothing differs.
+        InputError: nothing differs, or the model has a mark that nobody accepted.
         LinkError: another station has control of the vehicle, or it refused (nothing was changed then), or what was
             read back is not what was sent.
     """
     changed = changes(shown)
     if not changed:
         raise InputError("the vehicle flies with these values already; nothing was sent")
+    if shown.mark not in ("", accepted_mark):
+        raise InputError(f"the model is {shown.mark}; accept that first, nothing was sent")
     watch.set_parameters({name: after for name, (_, after) in changed.items()})
     now = read(watch, opened)
     if left := changes(now):

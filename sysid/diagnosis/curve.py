@@ -120,12 +120,8 @@ def drawn(outside: OutsideFinding | Mapping[str, Any]) -> Drawn:
     return found
 
 
-def advice(curve: OutsideFinding | Drawn) -> str:
+def advice(channel: str, variable: str) -> str:
     """Where to look instead when no vehicle can know the variable, or when names exist for it; empty otherwise."""
-    return _advice(curve.channel, curve.variable)
-
-
-def _advice(channel: str, variable: str) -> str:
     if channel in WORLD:
         return PULLED
     return CONSTANT[channel] if variable == "constant" else UNSEEN.get(variable, "")
@@ -180,9 +176,9 @@ def check(file: Path, channel: str, variable: str, name: str) -> None:
     if file.exists():
         raise InputError(f"{file} exists already and is not overwritten; choose another file, or remove it")
     if variable in UNSEEN or channel in WORLD:
-        raise InputError(f"{channel} against {variable} cannot become an effect: {_advice(channel, variable)}")
+        raise InputError(f"{channel} against {variable} cannot become an effect: {advice(channel, variable)}")
     if variable == "constant":
-        raise InputError(f"{channel} is off by a constant; {_advice(channel, variable)}")
+        raise InputError(f"{channel} is off by a constant; {advice(channel, variable)}")
     if variable not in READ:
         raise FormatError(f"the diagnosis names a variable {variable!r}; known are {', '.join(READ)}")
 

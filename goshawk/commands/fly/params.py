@@ -72,6 +72,9 @@ def get(names: tuple[str, ...], url: str, key_file: Path | None, as_json: bool) 
 @console.path_option(
     "--vehicle", "vehicle_file", "Vehicle file: set the parameters that follow from it; NAME=VALUE overrides them."
 )
+@click.option(
+    "--accept-mark", is_flag=True, help="Compensate by a model that is marked for prediction, not for design."
+)
 @console.dry_run_option
 @console.yes_option
 @console.url_option
@@ -81,6 +84,7 @@ def get(names: tuple[str, ...], url: str, key_file: Path | None, as_json: bool) 
 def set_(
     assignments: tuple[str, ...],
     vehicle_file: Path | None,
+    accept_mark: bool,
     dry_run: bool,
     yes: bool,
     url: str,
@@ -95,7 +99,9 @@ def set_(
     goshawk params set --vehicle vehicle.toml kp_xy_1_s2=8
     goshawk params set --vehicle vehicle.toml --dry-run --json
     """
-    requested = from_vehicle(vehicle_file) | dict(console.assignment(text) for text in assignments)
+    requested = from_vehicle(vehicle_file, accept_mark=accept_mark or dry_run) | dict(
+        console.assignment(text) for text in assignments
+    )
     if not requested:
         raise InputError("nothing to set: give NAME=VALUE, or --vehicle FILE")
     controller.checked(requested)
@@ -127,11 +133,20 @@ def _verdict(changes: int, *, dry_run: bool) -> str:
     return "nothing was changed" if dry_run else f"set and confirmed by checksum: {changes} parameters"
 
 
-def from_vehicle(file: Path | None) -> dict[str, float]:
-    """Controller parameters for a vehicle file; effects that it does not compensate are listed on stderr."""
+def from_vehicle(file: Path | None, *, accept_mark: bool) -> dict[str, float]:
+    """Controller parameters for a vehicle file; its mark, and effects not compensated, are listed on stderr.
+
+    Raises:
+        InputError: the model is for prediction, not for design, and nobody accepted that.
+    """
     if file is None:
         return {}
-    made = controller.parameters_of(vehicle.load(file))
+    believed = vehicle.load(file)
+    if mark := vehicle.purpose.mark_sentence(believed):
+        if not accept_mark:
+            raise InputError(f"{file} is {mark}; measure or set these values, or give --accept-mark to fly with them")
+        click.echo(f"warning: {file} is {mark}", err=True)
+    made = controller.parameters_of(believed)
     if made.not_compensated:
         click.echo(f"warning: not compensated by the controller: {', '.join(made.not_compensated)}", err=True)
     return dict(made.parameters)

@@ -142,7 +142,7 @@ def _after_curve(found: Diagnosis, call: DiagnoseCall) -> list[str]:
     outside, law = _to_be_adopted(found), found.search.equation
     if found.undecided or (outside is None and law is None) or call.refused is not None:
         return []
-    if outside is not None and (advice := curve.advice(outside)):
+    if outside is not None and (advice := curve.advice(outside.channel, outside.variable)):
         return [f"({outside.channel} against {outside.variable}: {advice})"]
     name = equation_text.suggested_name(law) if law else curve.suggested_name(outside) if outside else ""
     return [f"goshawk vehicle effect add {_words(call.model_file)} {name}.py{call.refitting()} --proposed"]

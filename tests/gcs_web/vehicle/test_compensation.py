@@ -142,6 +142,28 @@ def test_a_model_that_changed_since_it_was_shown_is_not_sent(station, truth):
     assert held(station) == before
 
 
+def test_a_model_for_prediction_is_sent_only_with_consent_to_its_mark(station, truth):
+    fitted = truth.with_value("inertia_zz_kg_m2", 0.006, std=1e-4, source="identified from lap")
+    marked = vehicle.purpose.marked(fitted, {"inertia_zz_kg_m2": "c_q / I_zz is known"})
+
+    async def talk(page: Page):
+        await page.command("take_control", force=True)
+        vehicle.save(station.desk.project.vehicle, marked)
+        shown = await page.command("prepare_compensation")
+        mark = shown["compensation"]["mark"]
+        assert mark == vehicle.purpose.mark_sentence(marked)
+        refused = await page.command("send_compensation", nonce=shown["nonce"], accepted_mark="another mark")
+        assert mark in refused["error"]
+        assert held(station) == before
+        shown = await page.command("prepare_compensation")
+        sent = await page.command("send_compensation", nonce=shown["nonce"], accepted_mark=mark)
+        assert (sent["error"], differing(sent)) == ("", {})
+
+    before = held(station)
+    visit(station, 1, talk)
+    assert orders(station)[-1]["accepted_mark"] == vehicle.purpose.mark_sentence(marked)
+
+
 def test_an_order_whose_reading_fails_is_in_the_audit_log(station, truth):
     async def talk(page: Page):
         await page.command("take_control", force=True)

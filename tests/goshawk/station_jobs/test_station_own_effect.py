@@ -21,6 +21,9 @@ from gcs_web.protocol.learning import Diagnosis
 from goshawk.station_jobs import compare, try_effect
 from goshawk.station_jobs.flights import Chosen
 from sysid.diagnosis import OutsideFinding, curve
+from sysid.diagnosis.equation import Equation, Term
+from sysid.diagnosis.evidence.forms import forms
+from sysid.diagnosis.evidence.laws import Axis
 from tests.goshawk.station_jobs.test_station_learning import BOB
 from vehicle import flights, manoeuvres, simulate
 
@@ -39,6 +42,10 @@ AT = np.linspace(-4.0, 4.0, 33)
 CHOSEN = {"learn": ["a"], "held_out": ["b"]}
 
 
+LAW = Equation(forms("v_y")[0], 0.0, (Term(Axis("F_y", "v_y"), -DRAG_N_S_M, 0.002),), False, "", 0.9, (), 4.0, 0.0, 1.0)
+"""The hidden law, as a diagnosis would propose it."""
+
+
 def finding(channel: str = "F_y", variable: str = "v_y", unit: str = "m/s") -> OutsideFinding:
     """The curve of the hidden law, as a diagnosis would draw it."""
     mass_kg = vehicle.example().value("mass_kg")
@@ -55,6 +62,7 @@ def diagnosed(opened: project.Project, found: OutsideFinding) -> None:
         learn=["a"],
         held_out=["b"],
         outside=diagnosis_values._outside(found),
+        equation=diagnosis_values._equation(LAW),
         vehicle=vehicle.vehicle_hash(vehicle.load(opened.vehicle)),
         logs=reading.contents(opened, ["a", "b"]),
     )
@@ -108,6 +116,25 @@ def test_a_curve_that_no_vehicle_can_know_offers_no_effect_and_says_why(opened, 
     assert why in shown.advice
     with pytest.raises(InputError, match="cannot become an effect"):
         learned.draft_effect("any_name", "spline")
+
+
+def test_the_proposed_equation_becomes_an_effect_of_its_own_law(opened, learned):
+    shown = learned.diagnosis().equation
+    assert shown is not None
+    assert shown.effect == "f_y_of_v_y"
+    assert "F_y = -a v_y, a = 0.25" in shown.sentence
+    file = learned.draft_effect("side_guard_law", "equation")
+    drawn = vehicle.example().with_effect_file(file)
+    guarded = vehicle.example().with_effect_file(opened.folder.parent / "hidden_side_guard.py", drag_n_s_m=DRAG_N_S_M)
+    assert sideways_m_s(drawn) == pytest.approx(sideways_m_s(guarded), rel=1e-9)
+    file.unlink()
+
+
+def test_without_an_equation_none_is_drafted(opened, learned):
+    saved = learning.diagnosis_file(opened.folder)
+    saved.write_bytes(msgspec.json.encode(msgspec.structs.replace(learned.diagnosis(), equation=None)))
+    with pytest.raises(InputError, match="proposes no equation"):
+        learned.draft_effect("any_name", "equation")
 
 
 @pytest.mark.parametrize("name", ["../out", "Big", "", "parasitic_drag", "a b", "x.py", "\u202ename"])

@@ -175,6 +175,7 @@ export interface Compensation {
   version: number;
   parameters: ControllerParameter[];
   not_compensated: NotCompensated[];
+  mark: string;
 }
 
 export interface Confounded {
@@ -230,6 +231,7 @@ export interface Diagnosis {
   horizons: string[];
   staircase: Stair[];
   outside: OutsideCurve | null;
+  equation: ProposedEquation | null;
   unobservable: string[];
   findings: string[];
   left: string[];
@@ -273,7 +275,7 @@ export interface DraftEffect {
   type: "draft_effect";
   serial: number;
   name: string;
-  form?: "spline" | "polynomial";
+  form: "equation" | "spline" | "polynomial";
 }
 
 export interface DropMapEdits {
@@ -869,6 +871,12 @@ export interface Projects {
   projects: ProjectEntry[];
 }
 
+export interface ProposedEquation {
+  sentence: string;
+  effect: string;
+  facts: string;
+}
+
 export interface RandomYaw {
   type: "random_yaw";
   serial: number;
@@ -1011,6 +1019,7 @@ export interface SendCompensation {
   type: "send_compensation";
   serial: number;
   nonce: string;
+  accepted_mark?: string;
 }
 
 export interface Series {

@@ -106,6 +106,20 @@ def test_parameters_follow_a_vehicle_file_and_single_values_override_it(link, fo
     assert not json.loads(once_more.stdout)["set"]
 
 
+def test_a_model_for_prediction_is_flown_with_only_where_its_mark_is_accepted(link, folder, tmp_path):
+    fitted = vehicle.load(folder / "vehicle.toml").with_value("mass_kg", 0.74, std=0.01, source="identified from lap")
+    file = tmp_path / "marked.toml"
+    vehicle.save(file, vehicle.purpose.marked(fitted, {"mass_kg": ""}))
+    before = parameters(link)
+    refused = goshawk("params", "set", "--vehicle", file, "--yes", *link, code=2)
+    assert "for prediction, not for design: mass_kg" in refused.stderr
+    assert "--accept-mark" in refused.stderr
+    assert parameters(link) == before
+    done = goshawk("params", "set", "--vehicle", file, "--accept-mark", "--yes", *link)
+    assert "for prediction, not for design" in done.stderr
+    assert parameters(link)["mass_kg"] == 0.74
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [

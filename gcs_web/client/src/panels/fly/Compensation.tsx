@@ -18,6 +18,8 @@ type State =
 
 const state = signal<State>({ stage: "closed" });
 const equalToo = signal(false);
+/** The mark of the model that the pilot has accepted. */
+const acceptedMark = signal("");
 
 async function compare(): Promise<void> {
   state.value = { stage: "reading" };
@@ -26,7 +28,7 @@ async function compare(): Promise<void> {
 
 async function confirm(nonce: string): Promise<void> {
   state.value = { stage: "sending" };
-  take(await send({ type: "send_compensation", nonce }), "sent");
+  take(await send({ type: "send_compensation", nonce, accepted_mark: acceptedMark.value }), "sent");
 }
 
 function take({ error, compensation, nonce }: Reply, stage: "compared" | "sent"): void {
@@ -40,6 +42,7 @@ export function Compensation() {
   const found = "found" in now ? now.found : null;
   const differing = found?.parameters.filter((row) => row.flies_with !== row.model) ?? [];
   const version = model.value?.versions.find(({ current }) => current)?.number ?? 0;
+  const mayCompensate = found !== null && (found.mark === "" || found.mark === acceptedMark.value);
   const isOld = found !== null && found.version !== version;
   return (
     <section class="block" aria-labelledby="compensation-title">
@@ -59,9 +62,19 @@ export function Compensation() {
           {vehicle.value?.armed === true && differing.some(({ in_flight }) => !in_flight) && (
             <p class="caution-text">The vehicle is armed; most of these can be changed only while it is disarmed.</p>
           )}
+          {found !== null && found.mark !== "" && (
+            <label class="caution-text">
+              <input
+                type="checkbox"
+                checked={acceptedMark.value === found.mark}
+                onChange={(event) => (acceptedMark.value = event.currentTarget.checked ? found.mark : "")}
+              />{" "}
+              The model is {found.mark}. Compensate by it all the same.
+            </label>
+          )}
           <HoldButton
             act={`set ${plural(differing.length, "parameter", "parameters")}`}
-            disabled={!connected.value || !inControl.value}
+            disabled={!connected.value || !inControl.value || !mayCompensate}
             onHeld={() => void confirm(now.nonce)}
           />
         </>

@@ -7,10 +7,10 @@ import { number, plural, sentenceCase, short } from "../../core/format";
 import { reachOf } from "../../plots/scatter";
 import { submit } from "../../core/socket";
 import { connected, diagnosis, model } from "../../core/store";
-import type { Candidate, Diagnosis, EffectSize, Evidence, Tried } from "../../core/protocol";
+import type { Candidate, Diagnosis, EffectSize, Evidence, ProposedEquation, Tried } from "../../core/protocol";
 import { JobRows } from "../jobs/Jobs";
 import { NextFlight } from "./NextFlight";
-import { EffectOfCurve, OwnEffects } from "./OwnEffects";
+import { MakeEffect, OwnEffects } from "./OwnEffects";
 import { SaveReport } from "../compare/SaveReport";
 import { Named, isRunning, namesOf, startOnFlights } from "../compare/WhereItFails";
 
@@ -108,6 +108,15 @@ function Cards({ found }: { found: Diagnosis }) {
         <LargeCard key={candidate.name} candidate={candidate} tried={tried?.effect === candidate.name ? tried : null} />
       ))}
       {found.outside !== null && <Outside found={found} />}
+      {found.outside === null && found.equation !== null && (
+        <section class="card large" aria-label="Another law">
+          <h3>Another law</h3>
+          <Law found={found.equation} />
+          {found.equation.effect !== "" && (
+            <MakeEffect effect={found.equation.effect} forms={["equation"]} isCurrent={found.state === "current"} />
+          )}
+        </section>
+      )}
       <div class="small-cards">
         {open.map((candidate) => (
           <SmallCard key={candidate.name} candidate={candidate} />
@@ -404,6 +413,7 @@ function SmallCard({ candidate }: { candidate: Candidate }) {
 
 function Outside({ found }: { found: Diagnosis }) {
   const curve = found.outside;
+  const law = found.equation;
   const what = useMemo(
     () => ({
       points: [],
@@ -431,7 +441,22 @@ function Outside({ found }: { found: Diagnosis }) {
         <Named name={curve.channel} />, {curve.unit}, against {curve.variable.words}
         {curve.variable.unit !== "" && `, ${curve.variable.unit.replace("2", "²")}`}; band: 95 %
       </p>
-      <EffectOfCurve key={curve.effect} curve={curve} isCurrent={found.state === "current"} />
+      {law !== null && <Law found={law} />}
+      {curve.effect === "" ? (
+        <p class="quiet card-foot">No effect can be made of this curve: {curve.advice}.</p>
+      ) : (
+        <MakeEffect
+          key={curve.effect}
+          effect={law?.effect ?? curve.effect}
+          forms={[...(law === null ? [] : ["equation" as const]), "spline", "polynomial"]}
+          isCurrent={found.state === "current"}
+        />
+      )}
     </section>
   );
+}
+
+/** A proposed equation, how likely its form is, and what would tell it from the next one. */
+function Law({ found }: { found: ProposedEquation }) {
+  return <p class="dim">{sentenceCase(found.sentence)}.</p>;
 }

@@ -3,17 +3,21 @@
 import { useSignal } from "@preact/signals";
 import { submit } from "../../core/socket";
 import { connected, effectFiles, model } from "../../core/store";
-import type { EffectFile, OutsideCurve } from "../../core/protocol";
+import type { DraftEffect, EffectFile } from "../../core/protocol";
 import { lookAt } from "./EffectFiles";
 import { isRunning, startOnFlights } from "../compare/WhereItFails";
 
-/** The name and form for an effect of this curve, or why none can be made. */
-export function EffectOfCurve({ curve, isCurrent }: { curve: OutsideCurve; isCurrent: boolean }) {
-  const name = useSignal(curve.effect);
-  const form = useSignal<"spline" | "polynomial">("spline");
-  if (curve.effect === "") {
-    return <p class="quiet card-foot">No effect can be made of this curve: {curve.advice}.</p>;
-  }
+const FORMS: Record<EffectForm, string> = {
+  equation: "the equation",
+  spline: "spline, nine knots",
+  polynomial: "polynomial, a cubic",
+};
+type EffectForm = DraftEffect["form"];
+
+/** The name and form for an effect of what was diagnosed; the first form is chosen to begin with. */
+export function MakeEffect({ effect, forms, isCurrent }: { effect: string; forms: EffectForm[]; isCurrent: boolean }) {
+  const name = useSignal(effect);
+  const form = useSignal(forms[0] ?? "spline");
   return (
     <form
       class="card-foot own-effect"
@@ -35,14 +39,17 @@ export function EffectOfCurve({ curve, isCurrent }: { curve: OutsideCurve; isCur
         <span class="quiet">Function</span>
         <select
           value={form.value}
-          onChange={(event) => (form.value = event.currentTarget.value === "polynomial" ? "polynomial" : "spline")}
+          onChange={(event) => (form.value = forms[event.currentTarget.selectedIndex] ?? form.value)}
         >
-          <option value="spline">spline, nine knots</option>
-          <option value="polynomial">polynomial, a cubic</option>
+          {forms.map((each) => (
+            <option key={each} value={each}>
+              {FORMS[each]}
+            </option>
+          ))}
         </select>
       </label>
       <button type="submit" class="control" disabled={!connected.value || !isCurrent || name.value.trim() === ""}>
-        Make an effect of this curve
+        Make an effect of it
       </button>
     </form>
   );
