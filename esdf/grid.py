@@ -86,7 +86,8 @@ class Grid:
         if not (np.isfinite(voxel_m) and voxel_m > 0.0):
             raise InputError(f"the voxel size is {voxel_m:g} m; it must be positive")
         if (high <= low).any():
-            raise InputError(f"the box from {low.tolist()} to {high.tolist()} is empty")
+            corners = f"from {low.tolist()} to {high.tolist()}"
+            raise InputError(f"the box {corners} is empty; every number of the second corner must be larger")
         # A corner that misses a multiple by rounding alone does not cost another layer of voxels.
         first = np.floor(low / voxel_m + 1e-9)
         counts = np.maximum(np.ceil(high / voxel_m - 1e-9) - first, 1)

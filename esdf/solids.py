@@ -46,7 +46,8 @@ class Box:
         _store(self, "low_world_m", 3)
         _store(self, "high_world_m", 3)
         if (np.array(self.high_world_m) <= np.array(self.low_world_m)).any():
-            raise InputError(f"the box from {self.low_world_m} to {self.high_world_m} is empty")
+            corners = f"from {self.low_world_m} to {self.high_world_m}"
+            raise InputError(f"the box {corners} is empty; every number of the second corner must be larger")
 
     def distance(self, points_world_m: ArrayLike) -> FloatArray:
         low, high = self.bounds_world_m

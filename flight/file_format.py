@@ -134,7 +134,7 @@ def read_json(path: Path, *, format: str, version: int) -> Document:
         FormatError: it is not JSON, of another format, or newer than `version`.
     """
     try:
-        document = json.loads(_read(path))
+        document = json.loads(_text(path, format))
     except (ValueError, RecursionError) as error:
         raise FormatError(f"{path} is not valid JSON ({error}); it may have been cut off") from error
     return _checked(path, document, format, version)
@@ -147,10 +147,20 @@ def write_toml(path: Path, *, format: str, version: int, body: Mapping[str, Any]
 def read_toml(path: Path, *, format: str, version: int) -> Document:
     """Read a TOML file with a `format` and `version`; raises as `read_json`."""
     try:
-        document = tomllib.loads(_read(path).decode())
+        document = tomllib.loads(_text(path, format))
     except (ValueError, RecursionError) as error:
         raise FormatError(f"{path} is not valid TOML ({error})") from error
     return _checked(path, document, format, version)
+
+
+def _text(path: Path, format: str) -> str:
+    try:
+        text = _read(path).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise FormatError(f"{path} is not a text file; expected a {format} file") from None
+    if not text.strip():
+        raise FormatError(f"{path} is empty; expected a {format} file")
+    return text
 
 
 def _read(path: Path) -> bytes:

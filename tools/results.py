@@ -6,12 +6,11 @@ name), or other JSON (the place is a path of keys, `flights/walk/flown_s`); `* 1
 metres to mm.
 
 python tools/results.py              writes every quoted figure anew from the committed results
-python tools/results.py build/bench  first takes over the files of this folder that are committed
+python tools/results.py build/bench  first takes over what this folder has of the committed files (also `demo-out`)
 """
 
 import json
 import re
-import shutil
 import sys
 from functools import cache
 from pathlib import Path
@@ -72,11 +71,23 @@ def _quoted(quote: re.Match[str]) -> str:
     return (new.removeprefix("0") if said.startswith(".") else new) + mark
 
 
+def _taken_over(committed: Any, measured: Any) -> Any:
+    """The new figures; of JSON without rows only at the places that are committed, to six digits."""
+    if isinstance(committed, dict):
+        if "rows" in committed:
+            return measured
+        return {key: _taken_over(old, measured[key]) for key, old in committed.items()}
+    if isinstance(committed, list):
+        return [_taken_over(*pair) for pair in zip(committed, measured, strict=True)]
+    return float(f"{measured:.6g}") if isinstance(measured, float) else measured
+
+
 def main(folder: Path | None) -> None:
     if folder is not None:
         for file in sorted(RESULTS.glob("*.json")):
             if (folder / file.name).is_file():
-                shutil.copy(folder / file.name, file)
+                taken = _taken_over(json.loads(file.read_text()), json.loads((folder / file.name).read_text()))
+                file.write_text(json.dumps(taken, indent=1) + "\n")
     for page in pages():
         text = page.read_text()
         if renewed(text) != text:

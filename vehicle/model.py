@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from math import isfinite
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -86,7 +87,8 @@ class Vehicle:
     def parameter(self, name: str) -> Parameter:
         """As `value`, with std, unit and source."""
         if name not in self.parameters:
-            raise InputError(f"vehicle {self.name} has no parameter {name!r}; it has {', '.join(self.parameters)}")
+            way_out = registry.hint(name, self.parameters, "goshawk vehicle show")
+            raise InputError(f"vehicle {self.name} has no parameter {name!r}; {way_out}")
         return self.parameters[name]
 
     def values(self, effect: str) -> SimpleNamespace:
@@ -98,6 +100,8 @@ class Vehicle:
     def with_value(self, name: str, value: float, *, std: float = 0.0, source: str = "set by hand") -> "Vehicle":
         """A copy with one parameter changed. Raises `InputError` for an unknown name or a value out of bounds."""
         old = self.parameter(name)
+        if not isfinite(value):
+            raise InputError(f"{name} is {value} {old.unit}; it must be a finite number")
         return replace(self, parameters={**self.parameters, name: Parameter(float(value), std, old.unit, source)})
 
     def with_effect(self, name: str, *, source: str = "assumed", **values: float) -> "Vehicle":

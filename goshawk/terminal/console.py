@@ -95,7 +95,8 @@ def numbers(option: str, text: str, count: int | None = None) -> list[float]:
         values = [float(part) for part in text.split(",")]
     except ValueError:
         values = []
-    wanted = "a finite number" if count == 1 else f"{count or 'a list of'} finite numbers like 1.0,2.5,0"
+    like = ",".join(("1.0", "2.5", "0", "4", "5.5", "6")[: count or 3])
+    wanted = "a finite number" if count == 1 else f"{count or 'a list of'} finite numbers like {like}"
     if not values or not all(map(math.isfinite, values)) or len(values) != (count or len(values)):
         raise InputError(f"{option} {text!r} is not {wanted}")
     return values

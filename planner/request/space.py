@@ -253,4 +253,4 @@ def nearest_free(field: DistanceField, point: FloatArray, required_m: float) -> 
         best = int(np.argmax(d))
         if d[best] >= required_m:
             return point + radius * directions[best]
-    raise InputError(f"no point within {_REACH_M:g} m of {np.round(point, 2).tolist()} is {required_m:.2f} m clear")
+    raise InputError(f"no point within {_REACH_M:g} m of it is {required_m:.2f} m clear; move it, or lower margin_m")

@@ -1,5 +1,6 @@
 """Every figure that README and docs quote from a measurement is what the committed result says."""
 
+import json
 import re
 
 import pytest
@@ -33,3 +34,14 @@ def test_a_wrong_figure_is_noticed_and_written_anew_with_as_many_digits():
     assert float(right.removesuffix(mark)) == round(1000 * results.value("demo", "flights/walk/tracking_mean_m"), 1)
     with pytest.raises(KeyError):
         results.renewed("1<!-- = demo: flights/nowhere -->")
+
+
+def test_a_run_renews_the_committed_places_alone(tmp_path, monkeypatch):
+    committed = tmp_path / "committed"
+    committed.mkdir()
+    (committed / "demo.json").write_text('{"a": {"b": [1.0, null]}}')
+    (tmp_path / "demo.json").write_text('{"a": {"b": [2.00000049, "s"], "c": 3}, "files": {}}')
+    monkeypatch.setattr(results, "RESULTS", committed)
+    monkeypatch.setattr(results, "pages", list)
+    results.main(tmp_path)
+    assert json.loads((committed / "demo.json").read_text()) == {"a": {"b": [2.0, "s"]}}

@@ -55,6 +55,7 @@ def test_a_number_that_is_not_finite_is_not_written(tmp_path):
     ("text", "word"),
     [
         ("{", "valid JSON"),
+        ("\n", "is empty; expected a f file"),
         ("[]", "names no format"),
         ('{"format": "g"}', "a g file"),
         ('{"format": "f"}', "whole number"),
@@ -66,6 +67,14 @@ def test_a_foreign_file_is_refused_with_its_format(tmp_path, text, word):
     path.write_text(text)
     with pytest.raises(FormatError, match=word):
         file_format.read_json(path, format="f", version=1)
+
+
+@pytest.mark.parametrize("read", [file_format.read_json, file_format.read_toml])
+def test_bytes_that_are_no_text_are_refused_as_such(tmp_path, read):
+    path = tmp_path / "a"
+    path.write_bytes(b"\x86\xff\x00")
+    with pytest.raises(FormatError, match="a is not a text file; expected a f file"):
+        read(path, format="f", version=1)
 
 
 def test_toml_reads_back(tmp_path):

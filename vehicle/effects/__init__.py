@@ -53,9 +53,14 @@ def find(name: str) -> Effect:
     effect = _registered.get(name) or catalogue().get(name)
     if effect is None:
         known = [*_registered, *catalogue()]
-        near = f"near it: {', '.join(found)}; " if (found := _near(name, known)) else ""
-        raise InputError(f"there is no effect named {name!r}; {near}known are {', '.join(known)}")
+        raise InputError(f"there is no effect named {name!r}; {hint(name, known, 'goshawk vehicle schema')}")
     return effect
+
+
+def hint(name: str, known: Iterable[str], verb: str) -> str:
+    """The way out for an unknown name: similar ones, else the verb that lists all."""
+    found = _near(name, list(known))
+    return f"near it: {', '.join(found)}" if found else f"`{verb}` lists all"
 
 
 def _near(name: str, known: list[str]) -> list[str]:

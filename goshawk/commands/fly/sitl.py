@@ -108,7 +108,7 @@ def command(
         raise InputError(f"--time-factor {speed:g} is not a number of at least 0")
     if not abs(ground_m) <= FARTHEST_M:
         raise InputError(f"--ground {ground_m:g} is not a height within {FARTHEST_M:g} m of 0")
-    blowing = _vector("--wind", wind if "," in wind else f"{wind},0,0")
+    blowing = np.array(console.numbers("--wind", wind if "," in wind else f"{wind},0,0", 3))
     for option, value_m_s in (("--wind", float(np.abs(blowing).max())), ("--gust-std", gust_std_m_s)):
         if not value_m_s <= STRONGEST_M_S:
             raise InputError(f"{option} {value_m_s:g} m/s is too strong; at most {STRONGEST_M_S:g} m/s is simulated")
@@ -118,7 +118,7 @@ def command(
     learned = vehicle.load(vehicle_file)
     setup = controller.parameters_of(vehicle.load(believed_file) if believed_file is not None else learned)
     truth = _changed(learned, mass_ratio, rotors)
-    place = _vector("--at", at) if trajectory_file is None else _below(trajectory_file, ground_m)
+    place = np.array(console.numbers("--at", at, 3)) if trajectory_file is None else _below(trajectory_file, ground_m)
     if np.abs(place).max() > FARTHEST_M:
         raise InputError(f"--at {at}: the start is more than {FARTHEST_M:g} m from the origin")
     plant = vehicle.simulate.Plant(
@@ -144,16 +144,6 @@ def command(
     if setup.not_compensated:
         click.echo(f"warning: not compensated by the controller: {', '.join(setup.not_compensated)}", err=True)
     served.serve()
-
-
-def _vector(option: str, text: str) -> FloatArray:
-    try:
-        values = np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        values = np.empty(0)
-    if values.shape != (3,) or not all(map(math.isfinite, values)):
-        raise InputError(f"{option} {text!r} is not three numbers like 1.0,2.5,0")
-    return values
 
 
 def _changed(learned: vehicle.Vehicle, mass_ratio: float, rotors: tuple[str, ...]) -> vehicle.Vehicle:

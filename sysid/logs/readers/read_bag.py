@@ -129,13 +129,13 @@ def _opened(path: Path) -> Iterator[Any]:
             reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
             reader.open()
         except Exception as error:  # rosbags raises whatever its parsers stumble over
-            reader = salvage(path, " ".join(str(error).split()) or type(error).__name__)
+            reader = salvage(path, _said(error))
     try:
         yield reader if reader is not None else salvage(path, "the database is cut")
     except FlightError:
         raise
     except Exception as error:
-        said = " ".join(str(error).split()) or type(error).__name__
+        said = _said(error)
         raise FormatError(
             f"{path} is a damaged ROS recording: {said}; copy it again, or mend it (`ros2 bag reindex`, `rosbag fix`)"
         ) from error
@@ -227,3 +227,9 @@ def _value(message: Any, field: str, topic: str) -> float:
         return float(found)
     except (AttributeError, IndexError, TypeError, ValueError):
         raise InputError(f"messages on {topic} have no number at {field}") from None
+
+
+def _said(error: Exception) -> str:
+    if isinstance(error, UnicodeDecodeError):  # where rosbags reads a name or a first line
+        return "bytes stand where it has text"
+    return " ".join(str(error).split()) or type(error).__name__

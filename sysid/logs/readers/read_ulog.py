@@ -55,7 +55,8 @@ def read(path: Path) -> FlightLog:
             ulog = ULog(str(path))
         topics = {d.name: d.data for d in ulog.data_list if d.multi_id == 0}
     except Exception as error:  # pyulog raises whatever its parser stumbles over
-        raise FormatError(f"{path} is not a readable ULog file: {error}") from error
+        way_out = "it may be another kind of log, or damaged at its start"
+        raise FormatError(f"{path} is not a readable ULog file ({error}); {way_out}") from error
     for name in (POSITION, ATTITUDE):
         if name not in topics:
             raise InputError(f"{path} has no {name}; it has {', '.join(sorted(topics)) or 'no messages'}")

@@ -51,6 +51,10 @@ class Salvaged:
         return read(raw, kind)
 
 
+def _unreadable(path: Path, reason: str) -> FormatError:
+    return FormatError(f"{path} is not a readable ROS recording ({reason}); it may be of another kind, or damaged")
+
+
 def salvage(path: Path, reason: str) -> Salvaged:
     """What can be read of a recording that its own reader refuses for this reason.
 
@@ -61,7 +65,7 @@ def salvage(path: Path, reason: str) -> Salvaged:
 
     parts = [path] if path.is_file() else sorted([*path.glob("*.db3"), *path.glob("*.mcap")])
     if len(parts) != 1:
-        raise FormatError(f"{path} is not a readable ROS recording: {reason}")
+        raise _unreadable(path, reason)
     content = parts[0].read_bytes()
     ros1 = content.startswith(BAG)
     found = Salvaged(get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE), ros1)
@@ -72,7 +76,7 @@ def salvage(path: Path, reason: str) -> Salvaged:
     else:
         end = _sqlite(content, found) if content.startswith(SQLITE) else 0
     if not found.kept:
-        raise FormatError(f"{path} is not a readable ROS recording: {reason}")
+        raise _unreadable(path, reason)
     if content.startswith(SQLITE) and not is_cut_database(parts[0]):
         found.lost = f"the database was read row by row, as {reason}"
         return found

@@ -84,7 +84,7 @@ def test_a_map_is_made_only_where_it_is_asked_to_replace_the_present_one(opened:
         map_images.KIND.check(opened, asked)
     again = msgspec.structs.replace(asked, overwrite=True)
     map_images.KIND.check(opened, again)
-    with pytest.raises(FormatError, match="names no format"):  # an empty file is no camera; the map stays
+    with pytest.raises(FormatError, match="is empty"):  # an empty file is no camera; the map stays
         map_images.KIND.run(opened.folder, again, silent)
     assert opened.map.is_dir()
 
