@@ -47,6 +47,7 @@ typedef struct {
     bool turned;         /* the heading has jumped */
     bool doubted;        /* in the last tick */
     bool drifts;         /* slowly */
+    bool level;          /* the horizontal part is judged, too: in the last tick */
 } tc_monitor;
 
 #endif

@@ -195,24 +195,28 @@ static void steady_acceleration(tc_controller* c, bool forced, const float accel
     out[2] -= c->parameters.gravity_m_s2;
 }
 
-void tc_monitor_step(tc_controller* c, const tc_estimate* e, const float acceleration_m_s2[3], float ahead_s,
-                     float step_s) {
+void tc_monitor_step(tc_controller* c, const tc_estimate* e, bool level, const float acceleration_m_s2[3],
+                     float ahead_s, float step_s) {
     tc_monitor* m = &c->monitor;
     const bool forced = (c->telemetry.estimate.valid & (uint8_t)TC_VALID_SPECIFIC_FORCE) != 0u;
-    const bool told = e->reset_counter != c->reset_counter;
+    const bool told = e->reset_counter != c->reset_counter || m->level != level;
     float position_m[3], velocity_m_s[3], steady_m_s2[3];
     steady_acceleration(c, forced, acceleration_m_s2, steady_m_s2);
     for (int i = 0; i < 3; i++) {
-        const float gain = ahead_s * steady_m_s2[i];
-        position_m[i] = e->position_world_m[i] + ahead_s * (e->velocity_world_m_s[i] + 0.5f * gain);
-        velocity_m_s[i] = e->velocity_world_m_s[i] + gain;
+        const bool measured = level || i == 2;
+        const tc_estimate* from = measured ? e : &c->telemetry.estimate;
+        const float ahead = measured ? ahead_s : step_s;
+        const float gain = ahead * steady_m_s2[i];
+        position_m[i] = from->position_world_m[i] + ahead * (from->velocity_world_m_s[i] + 0.5f * gain);
+        velocity_m_s[i] = from->velocity_world_m_s[i] + gain;
     }
+    m->level = level;
     const bool believed = tc_monitor_believes(c);
     if (!m->running || told || on_ground(c)) {
         const uint64_t changed_us = m->running ? m->changed_us : c->telemetry.time_us;
         begin(c, position_m, velocity_m_s);
         m->changed_us = changed_us;
-        if (!believed) m->alarm_us = c->telemetry.time_us;
+        if (!believed && !m->final) m->alarm_us = c->telemetry.time_us;
         return;
     }
     if (believed && m->doubted) accept(c, position_m);
