@@ -80,6 +80,20 @@ def test_a_vertical_speed_that_lies_is_found_without_a_horizontal_position(body,
     assert violations(result) == []
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_pose_that_is_stuck_is_found_without_a_vertical_speed(body, seed):
+    """Else it goes on braking by the speed that it had."""
+    path = circle(8.0, radius_m=11.0, clearance_m=0.6)
+    faults = (
+        Fault(Kind.NO_VERTICAL_VELOCITY, (), 4.0, since=State.TRAJECTORY),
+        Fault(Kind.STUCK, (), 4.4, since=State.TRAJECTORY),
+    )
+    result = body.fly(Scenario(orders=(*TAKE_OFF, START), path=path, faults=faults, seed=seed), trace_every=1)
+    first = int((result.trace["state"] == State.EMERGENCY).argmax())
+    assert math.hypot(result.trace["vx"][first], result.trace["vy"][first]) < 2.0
+    assert violations(result, touchdown_m_s=BLIND_M_S) == []
+
+
 @pytest.mark.parametrize("jump_m", [(2.0, 0.0, 0.0), (0.0, -5.0, 0.0)])
 def test_a_position_that_jumps_in_hover_is_not_followed(body, jump_m):
     result = body.fly(hover(Fault(Kind.JUMP, jump_m, 1.0), land_s=30.0))
