@@ -214,8 +214,8 @@ void tc_monitor_step(tc_controller* c, const tc_estimate* e, tc_monitored part, 
     steady_acceleration(c, forced, acceleration_m_s2, steady_m_s2);
     const int first = part == TC_MONITORED_HEIGHT ? 2 : 0, end = part == TC_MONITORED_LEVEL ? 2 : 3;
     carry(e, first, end, steady_m_s2, ahead_s, position_m, velocity_m_s);
-    carry(&c->telemetry.estimate, 0, first, steady_m_s2, step_s, position_m, velocity_m_s); /* what it does not tell */
-    carry(&c->telemetry.estimate, end, 3, steady_m_s2, step_s, position_m, velocity_m_s);
+    if (part == TC_MONITORED_HEIGHT) carry(&c->telemetry.estimate, 0, 2, steady_m_s2, step_s, position_m, velocity_m_s);
+    if (part == TC_MONITORED_LEVEL) carry(&c->telemetry.estimate, 2, 3, steady_m_s2, step_s, position_m, velocity_m_s);
     m->part = (uint8_t)part;
     const bool believed = tc_monitor_believes(c);
     if (!m->running || told || on_ground(c)) {
