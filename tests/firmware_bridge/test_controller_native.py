@@ -130,10 +130,19 @@ def test_no_source_uses_double_or_recursion_prone_constructs():
             assert word not in code, f"{source.name}: {word}"
 
 
+def test_with_the_observer_off_the_flight_is_bit_for_bit_that_of_a_controller_without_one(tmp_path):
+    """What the last controller before the observer (parent of e885142f) said in this flight, until it is down."""
+    _need("gcc")
+    off = _host("gcc", tmp_path / "off", "-O2", "-DADJUST=parameters.observer=0.0f;")
+    assert _run(off, 29_000).split() == ["6d2efbae", "06ff"]
+    on = _host("gcc", tmp_path / "on", "-O2")
+    assert _run(on, 29_000).split()[0] != "6d2efbae"
+
+
 @pytest.mark.slow
 def test_outputs_are_bit_identical_on_every_compiler_and_level(tmp_path):
     _need("gcc")
-    compilers = [c for c in ("gcc", "clang") if shutil.which(c)]
+    compilers = [c for c in ("gcc", "clang", "clang-19") if shutil.which(c)]
     said = {
         (c, level): _run(_host(c, tmp_path / f"{c}{level}", level), LONG)
         for c in compilers

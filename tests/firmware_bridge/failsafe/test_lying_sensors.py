@@ -60,6 +60,40 @@ def test_a_heading_that_jumped_does_not_take_the_height_with_it(body):
         assert violations(result, touchdown_m_s=1.3) == []
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_height_is_believed_on_the_ground_after_a_heading_that_jumped(body, seed):
+    """Without an accelerometer nothing else tells the touchdown: no attempt to unload makes it doubtful anew."""
+    faults = (Fault(Kind.NO_SPECIFIC_FORCE), Fault(Kind.HEADING_JUMP, (-1.7,), 1.0))
+    world = {"gust_std_m_s": 0.8, "wind_m_s": (-1.4, 1.1, 0.0)}
+    result = body.fly(hover(*faults, land_s=60.0, limit_s=90.0, world=world, seed=seed))
+    assert result.stop_s - result.first_touchdown_s < 5.0
+    assert violations(result) == []
+
+
+@pytest.mark.parametrize("up_m_s", [2.9, -2.9])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_vertical_speed_that_lies_is_found_without_a_horizontal_position(body, seed, up_m_s):
+    """The height is judged alone: a descent by that speed would fall."""
+    lost = Fault(Kind.POSITION_LOST, (Loss.NO_XY,), 1.0)
+    wrong = Fault(Kind.SPEED_WRONG, (0.0, 0.0, up_m_s), 3.3, 1.0)
+    result = body.fly(hover(lost, wrong, land_s=60.0, limit_s=90.0, seed=seed))
+    assert violations(result) == []
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_pose_that_is_stuck_is_found_without_a_vertical_speed(body, seed):
+    """Else it goes on braking by the speed that it had."""
+    path = circle(8.0, radius_m=11.0, clearance_m=0.6)
+    faults = (
+        Fault(Kind.NO_VERTICAL_VELOCITY, (), 4.0, since=State.TRAJECTORY),
+        Fault(Kind.STUCK, (), 4.4, since=State.TRAJECTORY),
+    )
+    result = body.fly(Scenario(orders=(*TAKE_OFF, START), path=path, faults=faults, seed=seed), trace_every=1)
+    first = int((result.trace["state"] == State.EMERGENCY).argmax())
+    assert math.hypot(result.trace["vx"][first], result.trace["vy"][first]) < 2.0
+    assert violations(result, touchdown_m_s=BLIND_M_S) == []
+
+
 @pytest.mark.parametrize("jump_m", [(2.0, 0.0, 0.0), (0.0, -5.0, 0.0)])
 def test_a_position_that_jumps_in_hover_is_not_followed(body, jump_m):
     result = body.fly(hover(Fault(Kind.JUMP, jump_m, 1.0), land_s=30.0))

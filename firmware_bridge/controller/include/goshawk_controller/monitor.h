@@ -21,6 +21,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+/* What is usable of a pose; the rest is dead reckoned, and not judged. */
+typedef enum { TC_MONITORED_NONE, TC_MONITORED_LEVEL, TC_MONITORED_HEIGHT, TC_MONITORED_ALL } tc_monitored;
+
 /* One window: what the pose should be now, starting from what it was when the window began. */
 typedef struct {
     float velocity_m_s[3]; /* carried by the accelerometer */
@@ -47,6 +50,7 @@ typedef struct {
     bool turned;         /* the heading has jumped */
     bool doubted;        /* in the last tick */
     bool drifts;         /* slowly */
+    uint8_t part;        /* tc_monitored: in the last tick */
 } tc_monitor;
 
 #endif

@@ -149,11 +149,17 @@ static void describe_reckoning(tc_telemetry* t, float time_s) {
     t->reckoning_std_m = sqrtf(2.0f * (velocity * velocity + acceleration * acceleration));
 }
 
-/* Whether there is a pose that the monitor can judge: all of it, in the air. */
+static tc_monitored monitored(uint32_t usable) {
+    const uint32_t level = (uint32_t)TC_VALID_POSITION_XY | TC_VALID_VELOCITY_XY;
+    const uint32_t height = (uint32_t)TC_VALID_POSITION_Z | TC_VALID_VELOCITY_Z;
+    if ((usable & level) == level) return usable == (level | height) ? TC_MONITORED_ALL : TC_MONITORED_LEVEL;
+    return (usable & height) == height ? TC_MONITORED_HEIGHT : TC_MONITORED_NONE;
+}
+
+/* Whether there is a part of a pose that the monitor can judge, in the air. */
 static void monitor(tc_controller* c, const tc_estimate* e, uint32_t usable, const float reckoned_m_s2[3],
                     float step_s) {
-    const uint32_t pose =
-        (uint32_t)TC_VALID_POSITION_XY | TC_VALID_POSITION_Z | TC_VALID_VELOCITY_XY | TC_VALID_VELOCITY_Z;
+    const tc_monitored part = monitored(usable);
     if (!tc_mission_in_air(c->mission.state) || c->parameters.monitor < 0.5f) {
         c->monitor.running = false;
         c->monitor.reason = (uint8_t)TC_OK;
@@ -163,14 +169,14 @@ static void monitor(tc_controller* c, const tc_estimate* e, uint32_t usable, con
         c->monitor.doubted = false;
         c->monitor.alarms = 0;
         memset(c->monitor.drift_m, 0, sizeof c->monitor.drift_m);
-    } else if (usable == pose) {
+    } else if (part != TC_MONITORED_NONE) {
         const uint64_t age_us = e->position_time_us < c->caller_us ? c->caller_us - e->position_time_us : 0u;
         const float age = tc_seconds(age_us);
         const bool clock_stepped = c->telemetry.refused_ticks > 0u && c->clock_fault_us == c->telemetry.time_us;
         if (age > c->parameters.estimate_stale_s || clock_stepped) {
             c->monitor.running = false;
         } else {
-            tc_monitor_step(c, e, reckoned_m_s2, ahead_s(&c->parameters, age), step_s);
+            tc_monitor_step(c, e, part, reckoned_m_s2, ahead_s(&c->parameters, age), step_s);
         }
     } else {
         c->monitor.running = false;

@@ -61,16 +61,15 @@ static void observe_position_estimate(tc_controller* c) {
     }
 }
 
-static void observe_attitude(tc_controller* c) {
+/* `tilt`: 1 - cosine of the attitude error, as far as it is the thrust axis's. */
+static void observe_attitude(tc_controller* c, float tilt) {
     const tc_parameters* p = &c->parameters;
-    const float tilt = 1.0f - tc_dot(c->telemetry.flatness.axis, c->axes[2]);
     if (tilt <= c->tilt_bound) c->tilt_good_us = c->telemetry.time_us;
     if (tc_lasts(c, c->tilt_good_us, p->tilt_error_s)) (void)tc_post(c, TC_EVENT_TILT, TC_TILT_ERROR);
 }
 
 /* A body that neither turns nor comes right, under rotors that would turn it: it lies against something. */
-static void observe_crash(tc_controller* c) {
-    const float tilt = 1.0f - tc_dot(c->telemetry.flatness.axis, c->axes[2]);
+static void observe_crash(tc_controller* c, float tilt) {
     const bool turns = tc_norm(c->telemetry.estimate.rate_body_rad_s) > CRASH_RATE_RAD_S;
     if (tilt <= CRASH_TILT || turns) c->uncrashed_us = c->telemetry.time_us;
     if (tc_lasts(c, c->uncrashed_us, CRASH_S)) (void)tc_post(c, TC_EVENT_CRASHED, TC_CRASHED);
@@ -205,9 +204,10 @@ void tc_observe(tc_controller* c) {
     observe_link(c);
     if (tc_moves(c) || tc_falls(c)) c->moved_us = c->telemetry.time_us;
     if (tc_mission_in_air(c->mission.state)) {
+        const float tilt = 1.0f - tc_dot(c->telemetry.flatness.axis, c->axes[2]);
         tc_measure_support(c, step_s);
-        observe_attitude(c);
-        observe_crash(c);
+        observe_attitude(c, tilt);
+        observe_crash(c, tilt);
         observe_fence(c);
         observe_tracking(c);
         if (c->mission.state == TC_EMERGENCY) observe_emergency(c);

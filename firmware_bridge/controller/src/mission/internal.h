@@ -64,10 +64,10 @@ void tc_monitor_heading(tc_controller* c, const tc_estimate* estimate, float ste
 float tc_monitor_speed2(const tc_controller* c);
 /* How much the accelerometer shakes from tick to tick: before the new sample is taken. */
 void tc_monitor_shaking(tc_controller* c, const float force_body_m_s2[3], float step_s);
-/* One step with a usable pose that is `ahead_s` old; `acceleration_m_s2` by the accelerometer, world axes. Where the
+/* One step with that part of a pose, `ahead_s` old; `acceleration_m_s2` by the accelerometer, world axes. Where the
    pose turns out to be wrong, telemetry.estimate goes back to what the IMU makes of the pose before. */
-void tc_monitor_step(tc_controller* c, const tc_estimate* estimate, const float acceleration_m_s2[3], float ahead_s,
-                     float step_s);
+void tc_monitor_step(tc_controller* c, const tc_estimate* estimate, tc_monitored part, const float acceleration_m_s2[3],
+                     float ahead_s, float step_s);
 
 /* landing.c */
 void tc_landing_begin(tc_controller* c);

@@ -195,24 +195,34 @@ static void steady_acceleration(tc_controller* c, bool forced, const float accel
     out[2] -= c->parameters.gravity_m_s2;
 }
 
-void tc_monitor_step(tc_controller* c, const tc_estimate* e, const float acceleration_m_s2[3], float ahead_s,
-                     float step_s) {
+/* Position and velocity on these axes, this time later. */
+static void carry(const tc_estimate* from, int first, int end, const float acceleration_m_s2[3], float time_s,
+                  float position_m[3], float velocity_m_s[3]) {
+    for (int i = first; i < end; i++) {
+        const float gain = time_s * acceleration_m_s2[i];
+        position_m[i] = from->position_world_m[i] + time_s * (from->velocity_world_m_s[i] + 0.5f * gain);
+        velocity_m_s[i] = from->velocity_world_m_s[i] + gain;
+    }
+}
+
+void tc_monitor_step(tc_controller* c, const tc_estimate* e, tc_monitored part, const float acceleration_m_s2[3],
+                     float ahead_s, float step_s) {
     tc_monitor* m = &c->monitor;
     const bool forced = (c->telemetry.estimate.valid & (uint8_t)TC_VALID_SPECIFIC_FORCE) != 0u;
-    const bool told = e->reset_counter != c->reset_counter;
+    const bool told = e->reset_counter != c->reset_counter || m->part != (uint8_t)part;
     float position_m[3], velocity_m_s[3], steady_m_s2[3];
     steady_acceleration(c, forced, acceleration_m_s2, steady_m_s2);
-    for (int i = 0; i < 3; i++) {
-        const float gain = ahead_s * steady_m_s2[i];
-        position_m[i] = e->position_world_m[i] + ahead_s * (e->velocity_world_m_s[i] + 0.5f * gain);
-        velocity_m_s[i] = e->velocity_world_m_s[i] + gain;
-    }
+    const int first = part == TC_MONITORED_HEIGHT ? 2 : 0, end = part == TC_MONITORED_LEVEL ? 2 : 3;
+    carry(e, first, end, steady_m_s2, ahead_s, position_m, velocity_m_s);
+    if (part == TC_MONITORED_HEIGHT) carry(&c->telemetry.estimate, 0, 2, steady_m_s2, step_s, position_m, velocity_m_s);
+    if (part == TC_MONITORED_LEVEL) carry(&c->telemetry.estimate, 2, 3, steady_m_s2, step_s, position_m, velocity_m_s);
+    m->part = (uint8_t)part;
     const bool believed = tc_monitor_believes(c);
     if (!m->running || told || on_ground(c)) {
         const uint64_t changed_us = m->running ? m->changed_us : c->telemetry.time_us;
         begin(c, position_m, velocity_m_s);
         m->changed_us = changed_us;
-        if (!believed) m->alarm_us = c->telemetry.time_us;
+        if (!believed && !m->final) m->alarm_us = c->telemetry.time_us;
         return;
     }
     if (believed && m->doubted) accept(c, position_m);

@@ -74,13 +74,18 @@ static void measure(const body* b, uint64_t time_us, tc_estimate* out) {
     out->position_time_us = time_us;
     out->attitude_time_us = time_us;
     out->rate_time_us = time_us;
-    out->valid = TC_VALID_POSE;
+    out->valid = TC_VALID_POSE | TC_VALID_SPECIFIC_FORCE;
+    const tc_telemetry* t = tc_telemetry_now(&controller);
+    const tc_parameters* p = &controller.parameters;
     for (int i = 0; i < 3; i++) {
+        out->specific_force_body_m_s2[i] = noise(0.1f);
         out->position_world_m[i] = b->position[i] + noise(0.002f);
         out->velocity_world_m_s[i] = b->velocity[i] + noise(0.01f);
         out->rate_body_rad_s[i] = b->rate[i] + noise(0.01f);
     }
     for (int i = 0; i < 4; i++) out->q_world_body[i] = b->q[i] + noise(0.0005f);
+    const bool carried = tc_mission_in_air(t->state) && b->position[2] > 0.0f;
+    out->specific_force_body_m_s2[2] += carried ? t->wrench.thrust_n / p->mass_kg : p->gravity_m_s2;
 }
 
 static void turn(body* b, float step_s) {
