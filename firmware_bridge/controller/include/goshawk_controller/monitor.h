@@ -21,7 +21,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* What is usable of a pose; the rest is dead reckoned, and not judged. */
+/* What is usable of a pose; the rest comes of dead reckoning, and is not judged. */
 typedef enum { TC_MONITORED_NONE, TC_MONITORED_LEVEL, TC_MONITORED_HEIGHT, TC_MONITORED_ALL } tc_monitored;
 
 /* One window: what the pose should be now, starting from what it was when the window began. */

@@ -22,6 +22,7 @@ const equalToo = signal(false);
 const acceptedMark = signal("");
 
 async function compare(): Promise<void> {
+  acceptedMark.value = "";
   state.value = { stage: "reading" };
   take(await send({ type: "prepare_compensation" }), "compared");
 }
@@ -62,14 +63,14 @@ export function Compensation() {
           {vehicle.value?.armed === true && differing.some(({ in_flight }) => !in_flight) && (
             <p class="caution-text">The vehicle is armed; most of these can be changed only while it is disarmed.</p>
           )}
-          {found !== null && found.mark !== "" && (
+          {now.found.mark !== "" && (
             <label class="caution-text">
               <input
                 type="checkbox"
-                checked={acceptedMark.value === found.mark}
-                onChange={(event) => (acceptedMark.value = event.currentTarget.checked ? found.mark : "")}
+                checked={acceptedMark.value === now.found.mark}
+                onChange={(event) => (acceptedMark.value = event.currentTarget.checked ? now.found.mark : "")}
               />{" "}
-              The model is {found.mark}. Compensate by it all the same.
+              The model is {now.found.mark}. Compensate by it all the same.
             </label>
           )}
           <HoldButton
