@@ -252,8 +252,18 @@ def test_headings_and_velocities_are_looked_at_where_the_waypoint_is_even_withou
 
 
 def test_a_leg_that_takes_longer_than_a_trajectory_may_is_refused_before_it_is_looked_at(open_sky, drone):
+    length_m = float(np.linalg.norm(SQUARE[1] - SQUARE[0]))
+    asked = Conditions(leg_speed_m_s=np.array([length_m / 9950.0, np.nan, np.nan]))
     with pytest.raises(PlanInfeasibleError, match="lasts at most 10000 s"):
-        planner.plan(ask(), open_sky, drone, conditions=Conditions(leg_speed_m_s=np.array([0.004, np.nan, np.nan])))
+        planner.plan(ask(), open_sky, drone, conditions=asked)
+
+
+def test_a_leg_that_takes_a_quarter_of_an_hour_is_flown_in_little_more(open_sky, drone):
+    """It used to be refused as if it took more than 10,000 s: the descent never came back from where it began."""
+    length_m = float(np.linalg.norm(SQUARE[1] - SQUARE[0]))
+    asked = Conditions(leg_speed_m_s=np.array([length_m / 900.0, np.nan, np.nan]))
+    plan = planner.plan(ask(), open_sky, drone, conditions=asked)
+    assert 900.0 < plan.trajectory.duration_s < 930.0
 
 
 def test_conditions_travel_with_the_file_and_are_asked_by_its_check(open_sky, drone, tmp_path):
