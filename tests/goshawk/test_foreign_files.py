@@ -208,7 +208,7 @@ REFUSED = [  # (the command, words of the sentence): exit code 2
     (f"{MAP} --length 0", "length"),
     (f"{MAP} --length a,b", "length"),
     (f"{MAP} --length 1e300", "at most 100000 m"),
-    (f"{MAP} --references none.csv", "does not exist or is not a file"),
+    (f"{MAP} --references none.csv", "none.csv does not exist"),
     (f"{MAP} --references vehicle.toml", "neither x_m"),
     ("identify good.parquet --vehicle vehicle.toml --out new.toml --prior inertia_xx_kg_m2=nan", "inertia_xx"),
     ("identify good.parquet --vehicle vehicle.toml --out new.toml --prior inertia_xx_kg_m2=-1", "inertia_xx"),
