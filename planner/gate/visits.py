@@ -16,6 +16,8 @@ BLOCK = 1024
 """Points looked at together for a waypoint: the next one is hardly ever farther away than a second."""
 _SAME_S = 1e-9
 """How closely the moment is found at which a gate is passed."""
+_SAME_M = 1e-6
+"""Difference in distance from a waypoint below which the first of two joins is taken: a stay has one at both ends."""
 SAME_RAD = 0.02
 """Largest difference from a heading that was asked for."""
 _SAMPLE_S = 1e-3
@@ -169,7 +171,10 @@ def turned(trajectory: Trajectory, visits: Visits, waypoints_world_m: FloatArray
 
 
 def _at_joins(trajectory: Trajectory, wanted: FloatArray, tolerance_m: float) -> tuple[list[int], float] | None:
-    """Joins that reach the waypoints in order, the two ends included, and the largest gap; None if they do not."""
+    """Joins that reach the waypoints in order, the two ends included, and the largest gap; None if they do not.
+
+    Of joins in a row within the tolerance of a waypoint it is the nearest that reaches it: a slow leg has some.
+    """
     end = trajectory.position(np.array([trajectory.duration_s]))
     joins = np.vstack([trajectory.coefficients[:, :3, 0], end]).tolist()
     visits, at, worst = [], 0, 0.0
@@ -178,6 +183,12 @@ def _at_joins(trajectory: Trajectory, wanted: FloatArray, tolerance_m: float) ->
             at += 1
             if not visits or at == len(joins):
                 return None
+        for later in range(at + 1, len(joins) if visits else 0):  # the path begins where it begins
+            later_m = dist(joins[later], waypoint)
+            if later_m > tolerance_m:
+                break
+            if later_m < gap_m - _SAME_M:
+                at, gap_m = later, later_m
         visits.append(at)
         worst = max(worst, gap_m)
     return (visits, worst) if visits[-1] == len(joins) - 1 else None

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from flight import FloatArray, InfeasibleError, Trajectory
+from flight import FloatArray, InfeasibleError, Trajectory, portable
 from planner.curve import minimum_snap
 from planner.gate import instants, limits
-from planner.gate.gate import AskGate
+from planner.gate.gate import AskGate, GateReport
 from planner.optimise import quadratic
 from planner.optimise.fastest import Path
 from planner.request.inputs import Request
@@ -24,6 +24,9 @@ _SPARE = 0.003
 """Share of the time that is given away, for what the coarse sampling does not see."""
 _SLOWER = (1.005, 1.015, 1.04, 1.1, 1.3)
 """Factors on the time that are tried where the gate, with its finer samples, finds a limit exceeded."""
+
+_OF_LEGS = "speed of legs", "jerk of legs"
+"""Checks of the gate about what is asked for on legs, which more time passes as it does those of limits."""
 
 
 def through_corridor(
@@ -51,14 +54,24 @@ def through_corridor(
 
 def slowed(path: Path, request: Request, ask_gate: AskGate) -> Path:
     """The same way through space in the time that just keeps every limit: the last resort, as all segments pay."""
-    factor = time_scale(path.trajectory, request.vehicle, request.limits)
+    factor = max(time_scale(path.trajectory, request.vehicle, request.limits), _leg_scale(path.report))
     for more in (1.0, *_SLOWER):
         trajectory = path.trajectory.scale_time(factor * more)
         optimum = replace(path.optimum, converged=False)
         slower = replace(path, trajectory=trajectory, report=ask_gate(trajectory, None), optimum=optimum, kept=None)
-        if slower.report.passed or not all(check.name in limits.NAMES for check in slower.report.failures):
+        if slower.report.passed or not all(
+            check.name in (*limits.NAMES, *_OF_LEGS) for check in slower.report.failures
+        ):
             break
     return slower
+
+
+def _leg_scale(report: GateReport) -> float:
+    """The factor on all times at which what is asked for on legs is just kept; 0 where nothing is."""
+    shares = {check.name: check.ratio for check in report.checks if check.name in _OF_LEGS}
+    jerk = shares.get("jerk of legs", 0.0)
+    by_jerk = float(portable.exponential(portable.logarithm(jerk) / 3.0)) if jerk > 0.0 else 0.0
+    return max(shares.get("speed of legs", 0.0), by_jerk)
 
 
 def time_scale(trajectory: Trajectory, vehicle: Vehicle, bounds: Limits) -> float:

@@ -82,6 +82,16 @@ def test_waypoints_at_joins_are_found_without_looking_between_them(drone):
     assert visits._at_joins(path, moved, tolerance) == ([0, 1, 2, 3, 4, 5], pytest.approx(0.006))
 
 
+def test_of_joins_in_a_row_the_nearest_reaches_a_waypoint_but_the_path_begins_at_its_first():
+    """A slow leg has joins within the tolerance before its end; a stay has one in the same place at both ends."""
+    x = np.array([0.0, 0.004, 1.0, 1.994, 2.0, 2.0, 2.006, 3.0, 3.996, 4.0])
+    knots = np.column_stack([x, np.zeros((len(x), 3))])
+    path = minimum_snap.trajectory(minimum_snap.solve(knots, np.ones(len(x) - 1)))
+    wanted = np.array([[0.003, 0.0, 0.0], [2.0, 0.0, 0.0], [4.0, 0.0, 0.0]])
+    assert visits._at_joins(path, wanted, 0.01) == ([0, 4, 9], pytest.approx(0.003))
+    assert visits._at_joins(path, wanted[[0, 1, 1, 2]], 0.01) == ([0, 4, 4, 9], pytest.approx(0.003))
+
+
 def changed(path: Trajectory, segment: int, number: int) -> Trajectory:
     """The path with one number of a segment, its duration or a coefficient, the next larger double."""
     durations, coefficients = path.durations_s.copy(), path.coefficients.copy()
