@@ -90,6 +90,29 @@ class Path:
     """From what it can be optimised further; None for a path in a corridor, and for one that was slowed down."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Round:
+    """Where one round's descent ended, with what the vehicle's own model and the field say of it."""
+
+    problem: Problem
+    descended: descents.Descended
+    touched: np.ndarray
+    """(k,) bool: the segments that it was about."""
+    path: Trajectory
+    optimised_s: float
+    exceeded: np.ndarray
+    """(k,) bool: where the vehicle's own model finds a limit exceeded."""
+    relieved: np.ndarray
+    """(k,) bool: where it asks for much less than was believed."""
+    clearance: esdf.Clearance
+
+    def candidate(self, waypoint: np.ndarray, method: str, shortest_s: float, corrections: Corrections) -> _Candidate:
+        ended, active = self.descended, corrections.active(self.touched)
+        optimum = Optimum(shortest_s, ended.converged, ended.residual, active)
+        kept = Kept(self.problem, ended.spline, corrections.spliced(0, 0, 0))
+        return _Candidate(self.path, waypoint, method, optimum, kept)
+
+
 def until_flyable(
     problem: Problem,
     spline: minimum_snap.Spline,
@@ -115,66 +138,80 @@ def until_flyable(
         corrections, used: those of an earlier answer, and what the gate found of it.
     """
     corrections = Corrections(len(spline.durations_s)) if corrections is None else corrections
-    clearance_m, stop = request.options.clearance_m, request.stop
     memory = Memory()  # the last path that is measured is the one that the gate looks at
     optimum_s, bends, begun = np.nan, 0, _WHOLE if wrong is not None else 0
     early, rounds, may_gain = None, _ROUNDS, begun == 0
-    precision = descents.precision(problem, spline, clearance_m)
+    precision = descents.precision(problem, spline, request.options.clearance_m)
     for round_ in range(begun, _ROUNDS):
         if early is not None and round_ == rounds:
             judged, early = early.judged(ask_gate), None
             if judged.report.passed:
                 return judged
         progress("optimise", 1.0 - 0.7 ** (round_ - begun + 1))  # how many rounds it takes is not known before
-        believed = corrections.model.copy()
         charged_s = spline.durations_s if round_ > 0 else None
         problem = replace(problem, offsets=corrections.total(), reference_s=charged_s)
         reach = _FAR if round_ == begun else _REACH
         touched = np.ones(len(spline.durations_s), dtype=bool) if wrong is None else descents.grown(wrong, reach)
         if round_ == begun and not drawn:
-            spline = descents.redrawn(problem, spline, touched, stop)
-        descended = descents.refined(problem, spline, touched, precision, stop, near=round_ > _WHOLE)
-        spline = descended.spline
-        if float(spline.durations_s.sum()) > LONGEST_S:
-            raise _too_long(spline.durations_s)
-        problem = replace(problem, knots=spline.states[:, 0])
-        optimum_s = float(spline.durations_s.sum()) if round_ == begun else optimum_s
-        path = minimum_snap.trajectory(spline)
-        excess = corrections.measure(problem, spline, path, request.vehicle, touched, memory, stop)
-        exceeded = excess.max(axis=(1, 2)) > 0.0
-        clearance = esdf.certify(request.field, path, clearance_m)
+            spline = descents.redrawn(problem, spline, touched, request.stop)
+        descended = descents.refined(problem, spline, touched, precision, request.stop, near=round_ > _WHOLE)
+        now = _measured(problem, descended, touched, corrections, request, memory)
+        problem, spline, exceeded = now.problem, descended.spline, now.exceeded
+        optimum_s = now.optimised_s if round_ == begun else optimum_s
         last = round_ == _ROUNDS - 1
-        if clearance.passed and (last or not exceeded.any()):
-            active = corrections.active(touched)
-            optimum = Optimum(optimum_s, descended.converged, descended.residual, active)
-            kept = Kept(problem, spline, corrections.spliced(0, 0, 0))
-            here = _Candidate(path, waypoint, "bent" if bends else "direct", optimum, kept)
-            relieved = (believed - corrections.model).max(axis=(1, 2)) > _RELIEVED
-            longer = path.duration_s > _LONGER * optimum_s
-            if may_gain and not last and (longer or relieved.any()):
+        if now.clearance.passed and (last or not exceeded.any()):
+            here = now.candidate(waypoint, "bent" if bends else "direct", optimum_s, corrections)
+            longer = now.path.duration_s > _LONGER * optimum_s
+            if may_gain and not last and (longer or now.relieved.any()):
                 early, rounds, may_gain = here, round_ + _AGAIN, False
-                wrong = None if longer else relieved
+                wrong = None if longer else now.relieved
                 corrections.press(touched)
                 continue
             judged = here.judged(ask_gate, limits.Known(used, memory))
-            report = judged.report
-            used = report.usage and (path, report.usage)
-            slower, on_legs = _refused(report, request.conditions, waypoint)
-            if report.passed or last or not slower.any():  # nothing else gets better by more rounds
+            used = judged.report.usage and (now.path, judged.report.usage)
+            slower, on_legs = _refused(judged.report, request.conditions, waypoint)
+            if judged.report.passed or last or not slower.any():  # nothing else gets better by more rounds
                 return _better(early, judged, ask_gate)
-            assert report.usage is not None
-            corrections.stricter(report.usage, on_legs)
-            exceeded |= slower
+            assert used is not None
+            corrections.stricter(used[1], on_legs)
+            exceeded = exceeded | slower
         corrections.press(touched)
-        if not clearance.passed:
+        if not now.clearance.passed:
             if bends == request.options.repairs:
                 break
             bends += 1
-            problem = _farther_away(problem, clearance_m - clearance.proven_m)
-            exceeded[clearance.segment] = True
+            problem = _farther_away(problem, request.options.clearance_m - now.clearance.proven_m)
+            exceeded[now.clearance.segment] = True
         few = descents.grown(exceeded, _REACH).mean() < _FEW
         wrong = exceeded if wrong is not None or few or round_ + 1 >= _WHOLE else None
     return early and early.judged(ask_gate)
+
+
+def _measured(
+    problem: Problem,
+    descended: descents.Descended,
+    touched: np.ndarray,
+    corrections: Corrections,
+    request: Request,
+    memory: Memory,
+) -> _Round:
+    """Look at where a descent in the segments `touched` (k,) ended; the corrections learn what the model says there.
+
+    Raises:
+        PlanInfeasibleError: it takes longer than a trajectory may.
+        PlanCancelledError: the request's `stop` was set.
+    """
+    spline, believed = descended.spline, corrections.model.copy()
+    optimised_s = float(spline.durations_s.sum())
+    if optimised_s > LONGEST_S:
+        raise _too_long(spline.durations_s)
+    problem = replace(problem, knots=spline.states[:, 0])
+    path = minimum_snap.trajectory(spline)
+    excess = corrections.measure(problem, spline, path, request.vehicle, touched, memory, request.stop)
+    relieved = (believed - corrections.model).max(axis=(1, 2)) > _RELIEVED
+    clearance = esdf.certify(request.field, path, request.options.clearance_m)
+    exceeded = excess.max(axis=(1, 2)) > 0.0
+    return _Round(problem, descended, touched, path, optimised_s, exceeded, relieved, clearance)
 
 
 def _better(early: _Candidate | None, last: Path, ask_gate: AskGate) -> Path:
