@@ -252,14 +252,14 @@ def test_headings_and_velocities_are_looked_at_where_the_waypoint_is_even_withou
     assert [check.name for check in report.failures] == ["velocity at waypoints"]
 
 
-def test_a_leg_may_take_as_long_as_a_trajectory_and_one_that_takes_longer_is_refused_before_it_is_looked_at(
-    open_sky, drone
-):
+def test_a_leg_may_take_as_long_as_a_trajectory_and_one_that_takes_longer_is_refused(open_sky, drone):
     def at(speed_m_s: float) -> planner.Plan:
         asked = Conditions(leg_speed_m_s=np.array([speed_m_s, np.nan, np.nan]))
         return planner.plan(ask(), open_sky, drone, conditions=asked)
 
     assert 4.0 / 0.0005 < at(0.0005).trajectory.duration_s < LONGEST_S
+    with pytest.raises(PlanInfeasibleError, match="lasts at most 10000 s"):
+        at(0.00041)  # with the rest of the way
     with pytest.raises(InputError, match="takes more than 10000 s"):
         at(0.0003)
 
