@@ -8,7 +8,7 @@ import numpy as np
 from esdf.build import build
 from esdf.field import Field
 from esdf.grid import UNKNOWN, Grid
-from flight import FormatError, InputError, file_format
+from flight import FormatError, InputError, errors, file_format
 
 
 def export_npz(path: Path, field: Field) -> None:
@@ -41,7 +41,7 @@ def import_npz(path: Path) -> Field:
             grid = Grid(tuple(archive["origin_world_m"]), tuple(archive["voxel_m"]), state.shape)
             field = build(state, grid, cap_m=float(archive["cap_m"]), unknown=str(archive["unknown"]))  # pyright: ignore[reportArgumentType]
     except FileNotFoundError:
-        raise InputError(f"{path} does not exist") from None
+        raise errors.missing(path) from None
     except (KeyError, ValueError, EOFError, OSError, zipfile.BadZipFile, InputError) as error:
         raise FormatError(
             f"{path} is a damaged distance field: {file_format.damage_text(error)}; build the map again"

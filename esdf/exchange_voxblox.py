@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from esdf.field import Field
 from esdf.grid import UNKNOWN, Grid
-from flight import FormatError, InputError, file_format
+from flight import FormatError, InputError, errors, file_format
 
 WORDS = {"tsdf": 3, "esdf": 2, "occupancy": 2}
 OBSERVED, FIXED = 1, 8
@@ -76,7 +76,7 @@ def import_layer(path: Path) -> Layer:
     try:
         data = Path(path).read_bytes()
     except FileNotFoundError:
-        raise InputError(f"{path} does not exist") from None
+        raise errors.missing(path) from None
     try:
         messages = list(_messages(data))
         numbers, blobs, _ = _fields(messages[0])

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from esdf import _esdf
 from esdf.field import checked_points
 from esdf.grid import Grid, StateArray, checked_state
-from flight import FloatArray, FormatError, InputError, file_format
+from flight import FloatArray, FormatError, InputError, errors, file_format
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +157,7 @@ def load_visibility(path: Path) -> Visibility:
             finest = archive["finest_m"]
             grid = Grid(tuple(archive["origin_world_m"]), tuple(archive["voxel_m"]), finest.shape)
     except FileNotFoundError:
-        raise InputError(f"{path} does not exist") from None
+        raise errors.missing(path) from None
     except (KeyError, ValueError, EOFError, OSError, zipfile.BadZipFile, InputError) as error:
         raise FormatError(
             f"{path} is a damaged visibility mask: {file_format.damage_text(error)}; build the map again"

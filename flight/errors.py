@@ -1,5 +1,8 @@
 """The errors Goshawk raises on purpose; everything else is a bug."""
 
+import difflib
+from pathlib import Path
+
 
 class FlightError(Exception):
     """Base of all expected failures. The message names the value, the bound and the remedy."""
@@ -23,3 +26,16 @@ class MapError(FlightError):
 
 class LinkError(FlightError):
     """The vehicle did not answer, or refused the request."""
+
+
+def missing(path: Path | str, holds: str = "") -> InputError:
+    """The error for a file that is not there: what it should hold, and a file of a similar name that is there."""
+    path = Path(path)
+    should = f"; it should hold {holds}" if holds else ""
+    if path.is_dir():
+        return InputError(f"{path} is a folder, not a file{should}")
+    if not path.parent.is_dir():
+        return InputError(f"{path} does not exist: there is no folder {path.parent}{should}")
+    similar = difflib.get_close_matches(path.name, sorted(file.name for file in path.parent.iterdir()), n=1)
+    there = f"; {path.with_name(similar[0])} does" if similar else f" in {path.parent.resolve()}"
+    return InputError(f"{path} does not exist{there}{should}")

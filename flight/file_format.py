@@ -14,7 +14,7 @@ from typing import Any, cast
 
 import tomli_w
 
-from flight.errors import FormatError, InputError
+from flight.errors import FormatError, InputError, missing
 
 Document = dict[str, Any]
 
@@ -167,7 +167,7 @@ def _read(path: Path) -> bytes:
     try:
         return Path(path).read_bytes()
     except FileNotFoundError:
-        raise InputError(f"{path} does not exist") from None
+        raise missing(path) from None
     except IsADirectoryError:
         raise InputError(f"{path} is a folder; expected a file") from None
     except OSError as error:

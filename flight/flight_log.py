@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from flight import file_format
-from flight.errors import FormatError, InputError
+from flight.errors import FormatError, InputError, missing
 from flight.rotations import FloatArray
 
 FORMAT = "goshawk-flight-log"
@@ -239,7 +239,7 @@ def head(path: Path) -> tuple[tuple[str, ...], Mapping[str, Any]]:
     """
     pa, parquet = _arrow()
     if not Path(path).is_file():
-        raise InputError(f"{path} does not exist or is not a file")
+        raise missing(path)
     try:
         schema = parquet.read_schema(path)
     except (pa.ArrowException, OSError) as error:

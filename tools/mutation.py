@@ -16,6 +16,7 @@ firmware_bridge/controller/test/equivalent_mutants.txt; they do not count. An en
 """
 
 import json
+import os
 import re
 import subprocess
 import tempfile
@@ -88,6 +89,7 @@ def mutants(path: Path, functions: frozenset[str] | None = None) -> list[Mutant]
     done = subprocess.run(
         ["clang-19", *FLAGS, "-fsyntax-only", "-Xclang", "-ast-dump=json", str(path)],
         capture_output=True, text=True, check=True,
+        env={**os.environ, "CCACHE_DISABLE": "1"},  # it would dump the tree of the preprocessed text
     )  # fmt: skip
     found: dict[tuple[int, int, str], Mutant] = {}
 

@@ -187,7 +187,7 @@ NAMES = (*STYLED, "mesh_textured", *EXAMPLES, *page_pictures.NAMES, *SCRIPTS)
 
 
 def main() -> int:
-    if len(sys.argv) < 2 or set(sys.argv[2:]) - set(NAMES):
+    if len(sys.argv) < 2 or not Path(sys.argv[1]).is_dir() or set(sys.argv[2:]) - set(NAMES):
         print(f"usage: python -m tools.pictures DEMO [NAME ...]\nnames: {', '.join(NAMES)}", file=sys.stderr)
         return 2
     failed = [name for name in sys.argv[2:] or NAMES if not _rebuilt(name, Path(sys.argv[1]))]

@@ -70,11 +70,22 @@ margin_option = click.option(
 columns_option = path_option(
     "--columns", "columns", "Column map: TOML file that describes a CSV's columns or ROS topics."
 )
+
+
+def _address(_context: click.Context, _option: click.Parameter, url: str) -> str:
+    """The address, refused before the key is looked for."""
+    from firmware_bridge.port import parse_url
+
+    parse_url(url)
+    return url
+
+
 url_option = click.option(
     "--url",
     "url",
     default="udp://127.0.0.1:14550",
     show_default=True,
+    callback=_address,
     help="Address of the vehicle's MAVLink endpoint.",
 )
 take_over_option = click.option("--take-over", is_flag=True, help="Take control from the station that has it.")

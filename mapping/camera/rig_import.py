@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flight import FloatArray, FormatError, InputError, file_format, frames, rotations
+from flight import FloatArray, FormatError, InputError, errors, file_format, frames, rotations
 from mapping.camera.lens import PARAMETERS, Base
 from mapping.camera.rig import R_BODY_CAMERA_FORWARD, Camera, Rig
 from mapping.camera.rig_export import CAMERA_NAME
@@ -215,7 +215,7 @@ def text(path: Path) -> str:
         FormatError: it is too large, or no text.
     """
     if not path.is_file():
-        raise InputError(f"{path} does not exist or is not a file")
+        raise errors.missing(path)
     if path.stat().st_size > LARGEST_BYTES:
         raise FormatError(f"{path} has {path.stat().st_size} bytes; a calibration has less than {LARGEST_BYTES}")
     try:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import FloatArray, FormatError, InputError, cells, frames, rotations
+from flight import FloatArray, FormatError, InputError, cells, errors, frames, rotations
 from mapping import reach
 
 LEAST_INSTANTS = 4
@@ -124,9 +124,7 @@ def read(path: Path) -> Trajectory:
             increase.
     """
     if not path.is_file():
-        raise InputError(
-            f"{path} does not exist or is not a file; it should hold recorded poses in TUM's or EuRoC's format"
-        )
+        raise errors.missing(path, "recorded poses in TUM's or EuRoC's format")
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()  # with or without a byte order mark
     except UnicodeDecodeError:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flight import FloatArray, InputError, Progress, file_format, silent
+from flight import FloatArray, InputError, Progress, errors, file_format, silent
 from mapping.camera.rig import Camera, Rig
 from mapping.input import selection
 from mapping.input.selection import SelectionOptions
@@ -97,7 +97,7 @@ def _frames(video: Path, camera: Camera, stage: str, progress: Progress) -> Gene
     import cv2
 
     if not video.is_file():
-        raise InputError(f"{video} does not exist; give a folder of images or a video")
+        raise errors.missing(video, "a video")
     capture = _opened(video)
     try:
         if not capture.isOpened():

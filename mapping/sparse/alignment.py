@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flight import FloatArray, FormatError, InputError, MapError, frames, rotations
+from flight import FloatArray, FormatError, InputError, MapError, errors, frames, rotations
 from mapping import reach
 from mapping.camera.rig import Rig
 from mapping.input.images import ImageSet, read_table
@@ -145,7 +145,7 @@ def read_references(images: ImageSet, path: Path | None = None) -> References:
     """
     count = len(images.instants)
     if path is not None and not path.is_file():
-        raise InputError(f"{path} does not exist or is not a file; it should hold the recorded positions or gravity")
+        raise errors.missing(path, "the recorded positions or gravity")
     path = path or images.folder / "references.csv"
     if not path.is_file():
         return References(np.full((count, 3), np.nan), np.full((count, 3), np.nan))

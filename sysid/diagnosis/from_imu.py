@@ -112,7 +112,7 @@ class ImuDiagnosis:
             parts.append(f"{' or '.join(self.undecided)} is missing: they are confounded in these flights")
         if self.late_gyro is not None:
             ms, std = -1e3 * self.late_gyro.delay_s, 1e3 * self.late_gyro.std_robust
-            parts.append(f"the gyro is {ms:.1f} ± {std:.1f} ms behind the accelerometer")
+            parts.append(f"the gyro is {ms:.1f} ± {std:.2g} ms behind the accelerometer")
         if self.fit.verdict.use is Use.REJECTED:
             parts.append(f"none of it is sure, for the fit is {self.fit.verdict.sentence}")
         return "; ".join(parts) if parts else "nothing that an IMU could show in these flights is missing"

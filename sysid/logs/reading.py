@@ -3,7 +3,7 @@
 import tomllib
 from pathlib import Path
 
-from flight import FlightLog, FormatError, InputError, flight_log
+from flight import FlightLog, FormatError, InputError, errors, flight_log
 from sysid.logs.readers import (
     draft_columns,
     draft_topics,
@@ -80,13 +80,13 @@ def needs_map(path: Path) -> bool:
 
 def _kind(path: Path) -> str:
     if not path.exists():
-        raise InputError(f"{path} does not exist")
+        raise errors.missing(path)
     return kind_of(path)
 
 
 def _read(path: Path, column_map: Path | None) -> FlightLog:
     if column_map is not None and not column_map.exists():
-        raise InputError(f"{column_map} does not exist; it should hold the column map (--columns)")
+        raise errors.missing(column_map, "the column map (--columns)")
     kind = _kind(path)
     if kind == "csv":
         return _drafted(path) if column_map is None else read_csv.read(path, read_csv.load_map(column_map))

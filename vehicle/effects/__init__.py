@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
-from flight import FormatError, InputError
+from flight import FormatError, InputError, errors
 from vehicle.effects import base
 from vehicle.effects.base import Effect
 
@@ -121,7 +121,7 @@ def load_file(path: Path) -> Effect:
     """
     path = Path(path).resolve()
     if not path.is_file():
-        raise InputError(f"effect file {path} does not exist")
+        raise errors.missing(path, "an effect in Python")
     text = path.read_bytes()  # once: what is hashed is what runs
     _check_agreed(path, text)
     spec = importlib.util.spec_from_file_location(f"goshawk_effect_{path.stem}", path)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flight import FormatError, InputError
+from flight import FormatError, InputError, errors
 from vehicle.draft import Known
 
 LARGEST_BYTES = 4_000_000
@@ -51,7 +51,7 @@ def text_of(path: Path) -> str:
         FormatError: it is large, or no text.
     """
     if not path.is_file():
-        raise InputError(f"{path} does not exist or is not a file")
+        raise errors.missing(path)
     if path.stat().st_size > LARGEST_BYTES:
         raise FormatError(f"{path} has {path.stat().st_size} bytes; a file of settings has less than {LARGEST_BYTES}")
     try:

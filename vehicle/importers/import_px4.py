@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flight import FormatError, InputError
+from flight import FormatError, InputError, errors
 from vehicle.draft import Known
 
 GENERIC_KM = 0.05
@@ -72,7 +72,7 @@ def parameters(path: Path) -> dict[str, float]:
     """Every parameter of a `.params` file (QGroundControl or `NAME VALUE` lines) or of a ULog (`.ulg`)."""
     path = Path(path)
     if not path.is_file():
-        raise InputError(f"{path} does not exist or is not a file")
+        raise errors.missing(path)
     if path.suffix.lower() == ".ulg":
         return _of_ulog(path)
     if path.stat().st_size > LARGEST_BYTES:

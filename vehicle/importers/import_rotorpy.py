@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from flight import FormatError, InputError
+from flight import FormatError, InputError, errors
 from vehicle.draft import Known
 from vehicle.parameters import Parameter
 
@@ -113,7 +113,7 @@ def _hubs(given: Mapping[str, Any], path: Path) -> np.ndarray:
 def dictionary(path: Path) -> dict[str, Any]:
     """The dictionary with `mass` in a RotorPy module, or the file's only expression."""
     if not path.is_file():
-        raise InputError(f"{path} does not exist or is not a file")
+        raise errors.missing(path)
     if path.stat().st_size > LARGEST_BYTES:
         raise FormatError(f"{path} has {path.stat().st_size} bytes; a parameter file has less than {LARGEST_BYTES}")
     try:

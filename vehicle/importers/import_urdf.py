@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from flight import FloatArray, FormatError, InputError
+from flight import FloatArray, FormatError, InputError, errors
 from flight.units import RAD_S_PER_RPM
 from vehicle.draft import Known
 from vehicle.parameters import Parameter
@@ -87,7 +87,7 @@ def parsed(path: Path, tag: str, kind: str) -> ElementTree.Element:
         FormatError: it is not safe XML of this kind.
     """
     if not path.is_file():
-        raise InputError(f"{path} does not exist or is not a file")
+        raise errors.missing(path)
     if path.stat().st_size > LARGEST_BYTES:
         raise FormatError(f"{path} has {path.stat().st_size} bytes; a {kind} has less than {LARGEST_BYTES}")
     data = path.read_bytes()

@@ -114,6 +114,8 @@ def command(
             raise InputError(f"{option} {value_m_s:g} m/s is too strong; at most {STRONGEST_M_S:g} m/s is simulated")
     if delay_s > LONGEST_DELAY_S:
         raise InputError(f"--delay {delay_s:g} s is too long; at most {LONGEST_DELAY_S:g} s is simulated")
+    if not 0.0 <= loss_ratio <= 1.0:
+        raise InputError(f"--loss {loss_ratio:g} is no share of datagrams; it is from 0 (none) to 1 (all)")
     line = Impairment(loss_ratio=loss_ratio, delay_s=delay_s)
     learned = vehicle.load(vehicle_file)
     setup = controller.parameters_of(vehicle.load(believed_file) if believed_file is not None else learned)

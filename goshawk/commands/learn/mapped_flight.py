@@ -75,7 +75,8 @@ class MappedFlight:
         return (
             f"{self.proposal.name} at {self.size:.0%} of its size about ({x:.2f}, {y:.2f}, {z:.2f}) m, turned by "
             f"{np.degrees(self.heading_rad):.0f} deg: {self.gate.clearance_m:.2f} m from obstacles, "
-            f"{self.gate.required_clearance_m:.2f} m is needed; {self.proposal.sentence}"
+            f"{self.gate.required_clearance_m:.2f} m is needed. "
+            f"{self.proposal.sentence[:1].upper()}{self.proposal.sentence[1:]}"
         )
 
     def file(self, name: str) -> TrajectoryFile:

@@ -9,7 +9,7 @@ import click
 
 import vehicle
 from firmware_bridge import controller
-from flight import FormatError, InputError
+from flight import FormatError, InputError, errors
 from goshawk.commands.learn import fit_options, kept, model_change
 from goshawk.commands.learn.flights import load
 from goshawk.terminal import console, outputs
@@ -210,7 +210,7 @@ def _diagnosed(flights: tuple[Path, ...], diagnosis: Path | None) -> Mapping[str
     try:
         document = json.loads(diagnosis.read_text())
     except FileNotFoundError:
-        raise InputError(f"{diagnosis} does not exist; write it with goshawk diagnose --json") from None
+        raise errors.missing(diagnosis, "what goshawk diagnose --json wrote") from None
     except (ValueError, RecursionError) as error:
         raise FormatError(f"{diagnosis} is not JSON: {error}") from error
     if not isinstance(document, dict) or document.get("schema") != "goshawk-diagnosis":

@@ -11,7 +11,7 @@ import click
 import numpy as np
 
 import esdf
-from flight import FloatArray, FormatError, InputError, frames, results, rotations
+from flight import FloatArray, FormatError, InputError, errors, frames, results, rotations
 from goshawk.commands.map.edit import shape_options, solid_from
 from goshawk.terminal import console, outputs
 
@@ -149,9 +149,7 @@ def read_points(path: Path) -> tuple[FloatArray, FloatArray]:
         InputError, FormatError: there is no such file, or a column or number of it is missing.
     """
     if not path.is_file():
-        raise InputError(
-            f"{path} does not exist or is not a file; it should hold the columns {','.join(_POINT_COLUMNS)}"
-        )
+        raise errors.missing(path, f"the columns {','.join(_POINT_COLUMNS)}")
     try:
         with open(path, encoding="utf-8-sig", errors="replace", newline="") as stream:  # spreadsheets write the mark
             rows = list(csv.DictReader(stream))

@@ -12,7 +12,7 @@ import esdf
 import mapping
 import planner
 import vehicle
-from flight import FloatArray, InputError, cells
+from flight import FloatArray, InputError, cells, errors
 from flight.mission import KeepIn, Mission
 from goshawk.commands.plan import batch_mission, plan_batch, thin_obstacles, waypoints_file
 from goshawk.commands.plan.batch_mission import Job
@@ -236,7 +236,7 @@ def read_path(path: Path) -> FloatArray:
             [[cells.number(row[name], path, line, name) for name in ("x_m", "y_m", "z_m")] for line, row in rows]
         )
     except FileNotFoundError:
-        raise InputError(f"{path} does not exist") from None
+        raise errors.missing(path, "positions in the columns x_m, y_m, z_m") from None
     except KeyError as error:
         raise InputError(f"{path} has no column {error}; expected columns x_m, y_m and z_m") from None
     except (UnicodeDecodeError, OSError, csv.Error) as error:

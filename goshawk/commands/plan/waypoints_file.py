@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import flight.mission
-from flight import FormatError, InputError, project
+from flight import FormatError, InputError, errors, project
 from flight.mission import Mission
 from flight.project import Waypoints
 
@@ -36,7 +36,7 @@ def load_mission(path: Path) -> Mission:
 
 def _from_csv(path: Path) -> Waypoints:
     if not path.is_file():
-        raise InputError(f"{path} does not exist or is not a file")
+        raise errors.missing(path, "waypoints")
     try:
         lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
     except UnicodeDecodeError:

@@ -238,7 +238,7 @@ class Question:
         units = {f"{e.name}.{s.name}": s.unit for e in self._effects() for s in e.parameters}
         clear = max(expected, key=lambda n: expected[n])
         text = f"after {duration_s:.0f} s of {name}, {clear} would stand out by {expected[clear]:.1f} standard errors"
-        text = f"{text}, and would show from {smallest[clear]:.2g} {units[clear]} upwards"
+        text = f"{text}; it would show from {smallest[clear]:.2g} {units[clear]} upwards"
         return f"{text} ({self._supposition()})"
 
     def _supposition(self) -> str:

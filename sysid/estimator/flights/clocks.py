@@ -129,7 +129,7 @@ class Clock:
     def sentence(self) -> str:
         late = "late" if self.delay_s > 0.0 else "early"
         said = (
-            f"{self.flight}: {self.stream} is {1e3 * abs(self.delay_s):.1f} ± {1e3 * self.std_robust:.1f} ms {late} "
+            f"{self.flight}: {self.stream} is {1e3 * abs(self.delay_s):.1f} ± {1e3 * self.std_robust:.2g} ms {late} "
             f"against the {self.against}; the fit allows for it"
         )
         mended = self.against == "pose" and self.stream in (STREAMS[GYRO], STREAMS[ROTOR_SPEED])

@@ -56,7 +56,7 @@ class Offset:
 
     @property
     def words(self) -> str:
-        return f"{1e3 * abs(self.delay_s):.1f} ± {1e3 * self.sigma_s:.1f} ms {'late' if self.delay_s > 0 else 'early'}"
+        return f"{1e3 * abs(self.delay_s):.1f} ± {1e3 * self.sigma_s:.2g} ms {'late' if self.delay_s > 0 else 'early'}"
 
 
 def of_rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle, *, gyro_is_sure: bool = True) -> list[Finding]:

@@ -162,7 +162,7 @@ def _finding(line: Line, motion: Kinematics, columns: tuple[str, ...], follows: 
     whose = "the gyro, as rotor speed," if follows else "the gyro"
     way = "later" if pace > 0.0 else "earlier"
     sentence = (
-        f"{whose} comes ever {way} than the attitude, by {1e3 * abs(line.growth_s):.1f} ± {1e3 * line.sigma_s:.1f} ms "
+        f"{whose} comes ever {way} than the attitude, by {1e3 * abs(line.growth_s):.1f} ± {1e3 * line.sigma_s:.2g} ms "
         f"over the log: clocks {1e6 * abs(pace):.0f} ppm apart"
     )
     if follows is None:

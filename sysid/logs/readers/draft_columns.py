@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from flight import FormatError, InputError
+from flight import FormatError, InputError, errors
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs.readers import known_names
@@ -116,7 +116,7 @@ def draft(path: Path) -> Draft:
 
 def _lines(path: Path) -> list[str]:
     if not path.is_file():
-        raise InputError(f"{path} does not exist or is not a file")
+        raise errors.missing(path)
     opener = gzip.open if path.name.endswith(".gz") else open
     try:
         with opener(path, "rt", newline="", encoding="utf-8-sig") as file:

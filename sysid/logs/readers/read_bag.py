@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flight import FlightError, FlightLog, FormatError, InputError, file_format, frames
+from flight import FlightError, FlightLog, FormatError, InputError, errors, file_format, frames
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs.events import clock
@@ -122,7 +122,7 @@ def _opened(path: Path) -> Iterator[Any]:
     from rosbags.typesys import Stores, get_typestore
 
     if not path.exists():
-        raise InputError(f"{path} does not exist")
+        raise errors.missing(path)
     reader: Any = None
     if not (path.is_file() and is_cut_database(path)):
         try:

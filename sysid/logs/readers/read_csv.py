@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from flight import FlightLog, FormatError, InputError, cells, file_format, frames, rotations
+from flight import FlightLog, FormatError, InputError, cells, errors, file_format, frames, rotations
 from flight.flight_log import COLUMNS, from_vectors
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
@@ -258,7 +258,7 @@ class _Table:
 
 def _table(path: Path, separator: str) -> _Table:
     if not path.is_file():
-        raise InputError(f"{path} does not exist or is not a file")
+        raise errors.missing(path)
     opener = gzip.open if path.name.endswith(".gz") else open
     try:
         with opener(path, "rt", newline="", encoding="utf-8") as file:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flight import FlightError, FlightLog, FormatError, InputError, frames, rotations
+from flight import FlightError, FlightLog, FormatError, InputError, errors, frames, rotations
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
@@ -47,7 +47,7 @@ def read(path: Path) -> FlightLog:
     """
     path = Path(path)
     if not path.is_file():
-        raise InputError(f"{path} does not exist or is not a file")
+        raise errors.missing(path)
     from pyulog import ULog
 
     try:

@@ -1,6 +1,7 @@
 """Sending the controller's compensation from the page: compared with the kept model, set whole, read back."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from firmware_bridge import SitlVehicle, closed_loop, controller, keys, paramete
 from firmware_bridge.dialect.generated.messages import Command
 from flight import FloatArray, Trajectory, Waypoints, project
 from gcs_web import GroundStation
+from tests.gcs_web.in_browser import needs_chromium, opened
 from tests.gcs_web.station_socket import Page, visit
 from tests.gcs_web.two_pillars import START
 from tests.waiting import until
@@ -57,11 +59,11 @@ def simulated(truth, key_file):
 
 @pytest.fixture(scope="module")
 def station(pillar_map: Path, tmp_path_factory, truth, simulated, key_file):
-    opened = project.create(tmp_path_factory.mktemp("compensation") / "project", "compensation")
-    shutil.copytree(pillar_map, opened.map)
-    vehicle.save(opened.vehicle, without_drag(truth))
-    project.save_waypoints(opened.waypoints, Waypoints(START, np.full(3, np.nan)))
-    with GroundStation(opened.folder, vehicle_url=simulated.url, key_file=key_file, triangles=500) as running:
+    made = project.create(tmp_path_factory.mktemp("compensation") / "project", "compensation")
+    shutil.copytree(pillar_map, made.map)
+    vehicle.save(made.vehicle, without_drag(truth))
+    project.save_waypoints(made.waypoints, Waypoints(START, np.full(3, np.nan)))
+    with GroundStation(made.folder, vehicle_url=simulated.url, key_file=key_file, triangles=500) as running:
         yield running
 
 
@@ -142,9 +144,14 @@ def test_a_model_that_changed_since_it_was_shown_is_not_sent(station, truth):
     assert held(station) == before
 
 
-def test_a_model_for_prediction_is_sent_only_with_consent_to_its_mark(station, truth):
+def for_prediction(truth: vehicle.Vehicle) -> vehicle.Vehicle:
+    """A model that carries the mark "for prediction, not for design"."""
     fitted = truth.with_value("inertia_zz_kg_m2", 0.006, std=1e-4, source="identified from lap")
-    marked = vehicle.purpose.marked(fitted, {"inertia_zz_kg_m2": "c_q / I_zz is known"})
+    return vehicle.purpose.marked(fitted, {"inertia_zz_kg_m2": "c_q / I_zz is known"})
+
+
+def test_a_model_for_prediction_is_sent_only_with_consent_to_its_mark(station, truth):
+    marked = for_prediction(truth)
 
     async def talk(page: Page):
         await page.command("take_control", force=True)
@@ -162,6 +169,32 @@ def test_a_model_for_prediction_is_sent_only_with_consent_to_its_mark(station, t
     before = held(station)
     visit(station, 1, talk)
     assert orders(station)[-1]["accepted_mark"] == vehicle.purpose.mark_sentence(marked)
+
+
+@needs_chromium
+def test_the_page_asks_for_that_consent_with_each_comparison(station, truth, browser):
+    vehicle.save(station.desk.project.vehicle, for_prediction(truth))
+    with opened(station, browser, with_view=False) as page:
+        until(lambda: station.hub.people, "the page")
+        station.desk.control.take(next(iter(station.hub.people)), force=True)
+        page.keyboard.press("5")
+        section = page.get_by_role("region", name="Controller's compensation")
+        section.get_by_role("button", name="Compare with the vehicle").click()
+        send, accepted = section.get_by_role("button", name=re.compile("^Hold to set")), section.get_by_role("checkbox")
+        accepted.wait_for()
+        assert send.is_disabled()
+        section.get_by_text(vehicle.purpose.mark_sentence(for_prediction(truth))).wait_for()
+        accepted.check()
+        until(send.is_enabled, "the button")
+        section.get_by_role("button", name="Compare again").click()
+        until(lambda: not accepted.is_checked(), "the question anew")
+        accepted.check()
+        send.hover()
+        page.mouse.down()
+        section.get_by_text("Set, read back and equal").wait_for()
+        page.mouse.up()
+    expected = dict(controller.parameters_of(for_prediction(truth)).parameters)
+    assert parameters.difference(held(station), expected) == {}
 
 
 def test_an_order_whose_reading_fails_is_in_the_audit_log(station, truth):

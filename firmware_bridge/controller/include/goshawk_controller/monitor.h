@@ -1,7 +1,7 @@
 /* The monitor: whether the pose agrees with the IMU, and with itself.
 
    Velocity is carried by the accelerometer, position by the estimated velocity, and heading by the gyro; the first two
-   for windows of 0.15 to 0.3 s, of which two overlap. The pose is not believed while a window shows
+   for windows of 0.15 to 0.3 s, of which two overlap and take turns. The pose is not believed while a window shows
 
      |change of velocity - integral of specific force| > 0.8 m/s, more by four standard deviations under vibration,
      |change of position - integral of velocity|       > 0.25 m,
@@ -35,9 +35,10 @@ typedef struct {
 
 typedef struct {
     tc_monitor_window window[2];
-    float shake_m2_s4;   /* variance of the accelerometer's noise, all axes */
-    float last_pose[6];  /* position and velocity as given */
-    float before_m[2];   /* horizontal position of the last tick */
+    float shake_m2_s4;  /* variance of the accelerometer's noise, all axes */
+    float last_pose[6]; /* position and velocity as given */
+    float before_m[2];  /* horizontal position of the last tick */
+    float last_step_s;
     float drift_m[2];    /* of position from its velocity, leaky */
     float turn[4];       /* brings the estimated attitude back to the heading before it jumped, */
     uint64_t changed_us; /* when the pose last changed */
@@ -50,6 +51,7 @@ typedef struct {
     bool turned;         /* the heading has jumped */
     bool doubted;        /* in the last tick */
     bool drifts;         /* slowly */
+    bool second;         /* the window that was judged in the last tick */
     uint8_t part;        /* tc_monitored: in the last tick */
 } tc_monitor;
 

@@ -161,14 +161,9 @@ static void monitor(tc_controller* c, const tc_estimate* e, uint32_t usable, con
                     float step_s) {
     const tc_monitored part = monitored(usable);
     if (!tc_mission_in_air(c->mission.state) || c->parameters.monitor < 0.5f) {
-        c->monitor.running = false;
-        c->monitor.reason = (uint8_t)TC_OK;
-        c->monitor.final = false;
-        c->monitor.turned = false;
-        c->monitor.drifts = false;
-        c->monitor.doubted = false;
-        c->monitor.alarms = 0;
-        memset(c->monitor.drift_m, 0, sizeof c->monitor.drift_m);
+        const float shake_m2_s4 = c->monitor.shake_m2_s4;
+        memset(&c->monitor, 0, sizeof c->monitor);
+        c->monitor.shake_m2_s4 = shake_m2_s4;
     } else if (part != TC_MONITORED_NONE) {
         const uint64_t age_us = e->position_time_us < c->caller_us ? c->caller_us - e->position_time_us : 0u;
         const float age = tc_seconds(age_us);

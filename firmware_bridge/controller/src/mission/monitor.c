@@ -161,7 +161,8 @@ static void begin(tc_controller* c, const float position_m[3], const float veloc
     begin_window(&m->window[1], position_m, velocity_m_s, 0.5f * WINDOW_S);
     m->before_m[0] = position_m[0];
     m->before_m[1] = position_m[1];
-    m->changed_us = c->telemetry.time_us;
+    m->last_step_s = 0.0f;
+    if (!m->running) m->changed_us = c->telemetry.time_us;
     m->running = true;
 }
 
@@ -195,11 +196,13 @@ static void steady_acceleration(tc_controller* c, bool forced, const float accel
     out[2] -= c->parameters.gravity_m_s2;
 }
 
-/* Position and velocity on these axes, this time later. */
-static void carry(const tc_estimate* from, int first, int end, const float acceleration_m_s2[3], float time_s,
-                  float position_m[3], float velocity_m_s[3]) {
-    for (int i = first; i < end; i++) {
-        const float gain = time_s * acceleration_m_s2[i];
+/* Position and velocity at the tick: the pose this time ahead, and what it lacks a step from the last tick. */
+static void carry(const tc_controller* c, const tc_estimate* e, tc_monitored part, const float acceleration_m_s2[3],
+                  float ahead_s, float step_s, float position_m[3], float velocity_m_s[3]) {
+    for (int i = 0; i < 3; i++) {
+        const bool given = i < 2 ? part != TC_MONITORED_HEIGHT : part != TC_MONITORED_LEVEL;
+        const tc_estimate* from = given ? e : &c->telemetry.estimate;
+        const float time_s = given ? ahead_s : step_s, gain = time_s * acceleration_m_s2[i];
         position_m[i] = from->position_world_m[i] + time_s * (from->velocity_world_m_s[i] + 0.5f * gain);
         velocity_m_s[i] = from->velocity_world_m_s[i] + gain;
     }
@@ -212,36 +215,29 @@ void tc_monitor_step(tc_controller* c, const tc_estimate* e, tc_monitored part, 
     const bool told = e->reset_counter != c->reset_counter || m->part != (uint8_t)part;
     float position_m[3], velocity_m_s[3], steady_m_s2[3];
     steady_acceleration(c, forced, acceleration_m_s2, steady_m_s2);
-    const int first = part == TC_MONITORED_HEIGHT ? 2 : 0, end = part == TC_MONITORED_LEVEL ? 2 : 3;
-    carry(e, first, end, steady_m_s2, ahead_s, position_m, velocity_m_s);
-    if (part == TC_MONITORED_HEIGHT) carry(&c->telemetry.estimate, 0, 2, steady_m_s2, step_s, position_m, velocity_m_s);
-    if (part == TC_MONITORED_LEVEL) carry(&c->telemetry.estimate, 2, 3, steady_m_s2, step_s, position_m, velocity_m_s);
+    carry(c, e, part, steady_m_s2, ahead_s, step_s, position_m, velocity_m_s);
     m->part = (uint8_t)part;
     const bool believed = tc_monitor_believes(c);
     if (!m->running || told || on_ground(c)) {
-        const uint64_t changed_us = m->running ? m->changed_us : c->telemetry.time_us;
         begin(c, position_m, velocity_m_s);
-        m->changed_us = changed_us;
         if (!believed && !m->final) m->alarm_us = c->telemetry.time_us;
         return;
     }
     if (believed && m->doubted) accept(c, position_m);
     m->doubted = !believed;
     tc_reason reason = repeats(c, e, forced) ? TC_POSE_FROZEN : TC_OK;
-    for (int i = 0; i < 2; i++) {
-        const tc_reason found = judge(m, &m->window[i], position_m, velocity_m_s, acceleration_m_s2, forced, step_s);
-        if (reason == TC_OK) reason = found;
-    }
+    m->second = !m->second;
+    tc_monitor_window* window = &m->window[m->second ? 1 : 0];
+    const float both_s = step_s + m->last_step_s;
+    m->last_step_s = step_s;
+    const tc_reason found = judge(m, window, position_m, velocity_m_s, acceleration_m_s2, forced, both_s);
+    if (reason == TC_OK) reason = found;
     if (believed) measure_drift(m, position_m, velocity_m_s, step_s);
     if (reason != TC_OK) {
         if (tc_monitor_believes(c)) restore(c);
         raise_alarm(c, reason);
-        const uint64_t changed_us = m->changed_us;
         begin(c, position_m, velocity_m_s);
-        m->changed_us = changed_us;
         return;
     }
-    for (int i = 0; i < 2; i++) {
-        if (m->window[i].age_s >= WINDOW_S) begin_window(&m->window[i], position_m, velocity_m_s, 0.0f);
-    }
+    if (window->age_s >= WINDOW_S) begin_window(window, position_m, velocity_m_s, 0.0f);
 }

@@ -105,7 +105,7 @@ def test_in_a_map_it_writes_a_trajectory_that_check_passes(folder, pillar_map, t
     inside = asked(folder, *PAIR, "--map", pillar_map, "--manoeuvre", "oblique", "--out", out)
     said = run(*inside)
     assert "next flight in the map for rotor_drag_thrust or rotor_drag_speed" in " ".join(said.split())
-    assert "m from obstacles, 0.34 m is needed; " in said
+    assert "m from obstacles, 0.34 m is needed. " in said
     assert f"next: goshawk upload {out}" in said
     run("check", out, "--map", pillar_map, "--vehicle", vehicle_file)
     before = out.read_bytes()

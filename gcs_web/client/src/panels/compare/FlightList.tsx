@@ -3,6 +3,7 @@
 import { useSignal } from "@preact/signals";
 import { Badge } from "../../components/Badge";
 import { Icon } from "../../components/Icon";
+import { Said } from "../../components/Said";
 import { dayAndTime, number, plural, sentenceCase } from "../../core/format";
 import {
   LETTERS,
@@ -129,7 +130,7 @@ function Card({ card }: { card: FlightCard }) {
           {isOpen && <b class="accent-text">{LETTERS[place]}</b>}
         </span>
       </button>
-      {card.state === "unreadable" && <p class="danger-text flight-note">{card.sentence}</p>}
+      {card.state === "unreadable" && <p class="danger-text flight-note"><Said text={card.sentence} /></p>}
       {card.state === "ready" && (
         <div class="flight-row">
           <Role card={card} />
@@ -221,17 +222,17 @@ function Findings({ card }: { card: FlightCard }) {
       ))}
       {card.inconclusive.map((sentence) => (
         <p key={sentence} class="quiet">
-          Not checked: {sentence}
+          Not checked: <Said text={sentence} />
         </p>
       ))}
       {card.notes.map((sentence) => (
         <p key={sentence} class="quiet">
-          Note: {sentence}
+          Note: <Said text={sentence} />
         </p>
       ))}
       {card.fixed.map((sentence) => (
         <p key={sentence} class="quiet">
-          Fixed: {sentence}
+          Fixed: <Said text={sentence} />
         </p>
       ))}
       <p class="quiet">{card.vehicle_said !== "" && `${sentenceCase(card.vehicle_said)}. `}
@@ -252,7 +253,7 @@ function FindingLine({ finding, flight }: { finding: Finding; flight: string }) 
   const first = marks.value.find((mark) => mark.flight === flight && mark.finding.sentence === finding.sentence);
   return (
     <p>
-      <span class={finding.level === "error" ? "danger-text" : "caution-text"}>{finding.sentence}.</span>{" "}
+      <span class={finding.level === "error" ? "danger-text" : "caution-text"}><Said text={finding.sentence} />.</span>{" "}
       <span class="quiet">{finding.fix}</span>{" "}
       {first !== undefined && (
         <button type="button" class="link small" onClick={() => goToMark(first)}>

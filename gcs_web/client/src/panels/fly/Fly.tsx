@@ -5,6 +5,7 @@ import { giveOrder, mayOrder } from "./orders";
 import { Badge } from "../../components/Badge";
 import { HoldButton } from "../../components/HoldButton";
 import { Icon } from "../../components/Icon";
+import { Said } from "../../components/Said";
 import { age, number, sentenceCase } from "../../core/format";
 import { errors, files, holdsAnother, inControl, link, vehicle, welcome } from "../../core/store";
 import type { Vehicle as VehicleState } from "../../core/protocol";
@@ -112,7 +113,7 @@ function BeforeFlight() {
             <span class="visually-hidden">{passed ? "passed" : "failed"}</span>
             <span>
               <b>{sentenceCase(name)}</b> {finding}
-              {!passed && <span class="remedy">{sentenceCase(remedy)}.</span>}
+              {!passed && <span class="remedy"><Said text={sentenceCase(remedy)} />.</span>}
             </span>
           </li>
         ))}

@@ -1,6 +1,7 @@
 /** The foot of the page: the last notice, what is saved, who is here. */
 
 import { Keys } from "../../components/Keys";
+import { Said } from "../../components/Said";
 import { plural } from "../../core/format";
 import { submit } from "../../core/socket";
 import { connected, connection, controlWords, doc, notice, now_ms, paletteOpen, people, retryAt_ms, step } from "../../core/store";
@@ -36,7 +37,7 @@ function NoticeLine() {
   return (
     <div class="notice">
       <p role="status" title={words} class={trouble !== "" ? "danger-text" : level === "fact" ? "" : `${level}-text`}>
-        {words}
+        <Said text={words} />
       </p>
       {trouble !== "" && connection.value === "closed" && <RetryCount />}
       {trouble === "" && undo && (

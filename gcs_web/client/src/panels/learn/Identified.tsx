@@ -2,6 +2,7 @@
 
 import { useSignal } from "@preact/signals";
 import { Badge } from "../../components/Badge";
+import { Said } from "../../components/Said";
 import { TableHead } from "../../components/TableHead";
 import { number, plural, sentenceCase } from "../../core/format";
 import { identification } from "../../core/store";
@@ -33,7 +34,7 @@ function Found({ found }: { found: Identification }) {
       {found.state === "old" && <p class="caution-text">The vehicle file or a flight changed since.</p>}
       {found.reasons.map((reason) => (
         <p key={reason} class="caution-text">
-          {sentenceCase(reason)}
+          <Said text={sentenceCase(reason)} />
         </p>
       ))}
       <Values rows={found.parameters} />

@@ -2,6 +2,7 @@
 
 import { signal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
+import { Said } from "../../components/Said";
 import { ScatterPlot } from "../../plots/ScatterPlot";
 import { number, plural, sentenceCase, short } from "../../core/format";
 import { reachOf } from "../../plots/scatter";
@@ -81,7 +82,7 @@ function Findings({ found }: { found: Diagnosis }) {
       <ul class="findings">
         {found.findings.map((sentence) => (
           <li key={sentence} class="quiet">
-            {sentenceCase(sentence)}
+            <Said text={sentenceCase(sentence)} />
           </li>
         ))}
       </ul>
@@ -141,7 +142,7 @@ function Cards({ found }: { found: Diagnosis }) {
             <ul>
               {found.unobservable.map((sentence) => (
                 <li key={sentence} class="quiet">
-                  {sentence}
+                  <Said text={sentence} />
                 </li>
               ))}
             </ul>
@@ -187,7 +188,7 @@ function LargeCard({ candidate, tried }: { candidate: Candidate; tried: Tried | 
       </div>
       <div class="card-body">
         <div>
-          <p class="dim">{sentenceCase(candidate.reason)}</p>
+          <p class="dim"><Said text={sentenceCase(candidate.reason)} /></p>
           {candidate.evidence !== null && <EvidencePlots of={candidate.evidence} title={candidate.title} />}
         </div>
         <div class="card-side">
@@ -395,8 +396,8 @@ function SmallCard({ candidate }: { candidate: Candidate }) {
         <h3>{sentenceCase(candidate.title)}</h3>
         <VerdictWords verdict={candidate.verdict} />
       </div>
-      <p class="dim">{sentenceCase(candidate.reason)}</p>
-      {candidate.outlook !== "" && <p class="quiet">{sentenceCase(candidate.outlook)}.</p>}
+      <p class="dim"><Said text={sentenceCase(candidate.reason)} /></p>
+      {candidate.outlook !== "" && <p class="quiet"><Said text={sentenceCase(candidate.outlook)} />.</p>}
       {candidate.confounded.length > 0 && <p class="quiet">Confounded with {confoundedWords(candidate)}.</p>}
       <div class="spring" />
       <button
@@ -458,5 +459,5 @@ function Outside({ found }: { found: Diagnosis }) {
 
 /** A proposed equation, how likely its form is, and what would tell it from the next one. */
 function Law({ found }: { found: ProposedEquation }) {
-  return <p class="dim">{sentenceCase(found.sentence)}.</p>;
+  return <p class="dim"><Said text={sentenceCase(found.sentence)} />.</p>;
 }

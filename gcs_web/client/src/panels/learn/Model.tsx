@@ -2,6 +2,7 @@
 
 import { Fragment } from "preact";
 import { Badge } from "../../components/Badge";
+import { Said } from "../../components/Said";
 import { dayAndTime, sentenceCase, short } from "../../core/format";
 import { submit } from "../../core/socket";
 import { connected, diagnosis, model } from "../../core/store";
@@ -121,7 +122,7 @@ function NotAdded() {
       <h3>Tried, not added</h3>
       {attempts.map((attempt) => (
         <p key={attempt.name} class="quiet">
-          <b>{sentenceCase(attempt.title)}</b>, {attempt.outcome}: {attempt.sentence}
+          <b>{sentenceCase(attempt.title)}</b>, {attempt.outcome}: <Said text={attempt.sentence} />
         </p>
       ))}
     </section>
@@ -178,7 +179,7 @@ function BeforeAndAfter({ tried }: { tried: Tried }) {
       </p>
       {tried.reasons.map((reason) => (
         <p key={reason} class="caution-text">
-          {sentenceCase(reason)}
+          <Said text={sentenceCase(reason)} />
         </p>
       ))}
     </section>

@@ -1,6 +1,7 @@
 /** The flight that would answer what is still open, fitted into the map: asked for, seen coming, opened as it is. */
 
 import { signal } from "@preact/signals";
+import { Said } from "../../components/Said";
 import { number, sentenceCase } from "../../core/format";
 import { submit } from "../../core/socket";
 import { connected, files, mapShown, nextFlight, step } from "../../core/store";
@@ -77,7 +78,7 @@ function Found({ found }: { found: Proposed }) {
       {isOld && <p class="caution-text">The vehicle, a flight or the map changed since. Propose again.</p>}
       {found.refusal !== "" ? (
         <p>
-          <b>No flight in this map answers what is open.</b> {sentenceCase(found.refusal)}.
+          <b>No flight in this map answers what is open.</b> <Said text={sentenceCase(found.refusal)} />.
         </p>
       ) : (
         <div class="proposed">

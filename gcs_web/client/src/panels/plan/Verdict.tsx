@@ -3,6 +3,7 @@
 import { Badge } from "../../components/Badge";
 import type { Tone } from "../../components/Badge";
 import { Icon } from "../../components/Icon";
+import { Said } from "../../components/Said";
 import { select } from "../timeline/cursor";
 import { submit } from "../../core/socket";
 import { connected, doc, draft, plan, verdict } from "../../core/store";
@@ -55,7 +56,7 @@ function Remedy() {
   const index = (doc.value?.waypoints ?? []).findIndex(({ id }) => id === waypoint);
   return (
     <>
-      {problem.reason !== plan.value?.sentence && <p class="danger-text">{problem.reason}</p>}
+      {problem.reason !== plan.value?.sentence && <p class="danger-text"><Said text={problem.reason} /></p>}
       {problem.remedy !== "" && <p>{problem.remedy}</p>}
       {index >= 0 && waypoint !== null && (
         <button type="button" class="control" disabled={!connected.value} onClick={() => select([waypoint])}>
