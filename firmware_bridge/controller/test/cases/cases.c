@@ -227,6 +227,7 @@ int main(int argc, char** argv) {
         {"reaction", reaction_cases},
         {"landing", landing_cases},
         {"ground", ground_cases},
+        {"emergency", emergency_cases},
         {"supervisor", supervisor_cases},
         {"link", link_cases},
         {"standard", standard_cases},
