@@ -224,7 +224,7 @@ def _effects(known: Known, radius_m: float, density_kg_m3: float) -> dict[str, P
         given["rotor_yaw_torque.torque_n_m_s2"] = _yaw_torque(
             given["thrust_quadratic.k_n_s2"], known.yaw_torque_to_thrust_m, radius_m, density_kg_m3
         )
-    lag = "default: typical of propellers of 5 inches; larger ones are slower"
+    lag = "default: typical of propellers of 5 inches; larger ones are slower, smaller ones faster"
     for name in ("motor_lag.rise_s", "motor_lag.fall_s"):
         given.setdefault(name, Parameter(0.03, 0.015, "s", lag))
     return given

@@ -143,4 +143,5 @@ def _contact(where: tuple[Span, ...]) -> list[Finding]:
         return []
     length_s = sum(end - start for start, end in where)
     sentence = f"the vehicle stands on the ground, or touches something, for {length_s:.1f} s"
-    return [warning("contact", sentence, "nothing: every fit leaves these stretches out, and says so", spans=where)]
+    remedy = "nothing to mend: every fit leaves these stretches out, and says so"
+    return [warning("contact", sentence, remedy, spans=where)]

@@ -1,5 +1,6 @@
 """`goshawk log`: contents and faults of a flight log, the log with its faults fixed, and in other formats."""
 
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -92,7 +93,11 @@ def check(
         if report_file is not None:
             log_outputs.write_report(report_file, log, checked, overwrite=overwrite, progress=report)
     written = [str(report_file)] if report_file is not None else []
-    _tell(checked, {"written": written}, fix=f"goshawk log fix {flight} --out NEW.parquet", as_json=as_json)
+    given = [("--columns", columns), ("--vehicle", vehicle_file)]
+    reading = [str(word) for option, file in given if file is not None for word in (option, file)]
+    fixing = shlex.join(["goshawk", "log", "fix", str(flight), *reading, "--out", "NEW.parquet"])
+    mended = any(finding.repair is not None for finding in checked.findings)
+    _tell(checked, {"written": written}, then=fixing if mended else "", as_json=as_json)
     wrong = [finding.what for finding in checked.findings if finding.level == "error"]
     if wrong:
         click.echo(f"goshawk: {flight} has errors: {', '.join(dict.fromkeys(wrong))}", err=True)
@@ -129,10 +134,10 @@ def fix(
     outputs.check(out, overwrite=overwrite)
     log, believed = flights.read(flight, columns), _vehicle(vehicle_file)
     with console.progress() as report:
-        done, checked = log_outputs.write_fixed(
-            log, flight, out, believed, leave=leave, overwrite=overwrite, progress=report
-        )
-    _tell(_named(checked, out), {"fixed": list(done), "written": [str(out)]}, fix="", as_json=as_json)
+        fixed = log_outputs.write_fixed(log, flight, out, believed, leave=leave, overwrite=overwrite, progress=report)
+    fitting = log_outputs.identifying(fixed, out, vehicle_file) if vehicle_file is not None else ""
+    told = {"fixed": list(fixed.done), "written": [str(out)]}
+    _tell(_named(fixed.report, out), told, then=fitting, as_json=as_json)
 
 
 def _vehicle(file: Path | None) -> Vehicle | None:
@@ -144,12 +149,8 @@ def _named(checked: LogReport, path: Path) -> LogReport:
     return replace(fit_options.worded_report(checked), name=str(path))
 
 
-def _tell(checked: LogReport, more: dict[str, Any], *, fix: str, as_json: bool) -> None:
-    """What was found and done.
-
-    Args:
-        fix: the command that applies the fixes; empty where they were applied.
-    """
+def _tell(checked: LogReport, more: dict[str, Any], *, then: str, as_json: bool) -> None:
+    """What was found and done, and the command that comes next, if any."""
     if as_json:
         console.show("", {}, as_json=True, document={"check": checked.as_dict()} | more)
         return
@@ -167,8 +168,8 @@ def _tell(checked: LogReport, more: dict[str, Any], *, fix: str, as_json: bool) 
         click.echo(f"written: {path}")
     if not checked.findings:
         click.echo(f"the checks found no fault in {checked.name}")
-    elif fix and any(finding.repair is not None for finding in checked.findings):
-        click.echo(f"next: {fix}")
+    if then:
+        click.echo(f"next: {then}")
 
 
 def _show(title: str, document: dict[str, Any]) -> None:

@@ -1,5 +1,6 @@
 """Output files of `goshawk log check` and `fix`: the page of a log, and the corrected log."""
 
+import shlex
 from collections.abc import Collection
 from pathlib import Path
 
@@ -59,10 +60,8 @@ def write_fixed(
     leave: Collection[str] = (),
     overwrite: bool,
     progress: Progress = silent,
-) -> tuple[tuple[str, ...], LogReport]:
+) -> fixes.Fixed:
     """Write the log with every fix that the checks propose, but for kinds to leave.
-
-    Returns the fixes and what the checks still find.
 
     Raises:
         InputError: `out` is the log itself or no .parquet.
@@ -75,4 +74,11 @@ def write_fixed(
     corrected = FlightLog(fixed.log.columns, {**fixed.log.metadata, "fixed_from": source.name, **from_hash})
     with outputs.file(out, overwrite=overwrite) as temporary:
         flight_log.save(temporary, corrected)
-    return fixed.done, fixed.report
+    return fixed
+
+
+def identifying(fixed: fixes.Fixed, out: Path, vehicle_file: Path) -> str:
+    """The command that fits a vehicle to the log that was written, its pieces where fixes left gaps."""
+    left_gaps = any(repair["action"] == "blank" for repair in fixed.log.metadata.get(fixes.REPAIRS, []))
+    gaps = ["--split-gaps"] if left_gaps else []
+    return shlex.join(["goshawk", "identify", str(out), "--vehicle", str(vehicle_file), *gaps, "--out", "FITTED.toml"])

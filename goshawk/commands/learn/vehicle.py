@@ -44,7 +44,7 @@ for verb in (new, schema, effect):
 @vehicle_argument
 @console.common_options
 def show(vehicle_file: Path, as_json: bool) -> None:
-    """Parameters with their errors and sources, effects, and which of them the controller compensates.
+    """Parameters with their errors and sources, rotors, effects, and which of them the controller compensates.
 
     \b
     goshawk vehicle show vehicle.toml
@@ -60,8 +60,12 @@ def show(vehicle_file: Path, as_json: bool) -> None:
         name: {"value": p.value, "std": p.std, "unit": p.unit, "source": p.source}
         for name, p in ((name, shown.parameter(name)) for name in vehicle.specs(shown))
     }
+    rotors = [
+        {"x_m": x, "y_m": y, "z_m": z, "spin": "counter-clockwise" if turns > 0 else "clockwise"}
+        for (x, y, z), turns in zip(shown.hub_body_m.tolist(), shown.spin, strict=True)
+    ]
     if as_json:
-        document = {"name": shown.name, "hash": vehicle.vehicle_hash(shown), "effects": effects}
+        document = {"name": shown.name, "hash": vehicle.vehicle_hash(shown), "rotors": rotors, "effects": effects}
         document |= {"parameters": parameters, vehicle.purpose.KEY: vehicle.purpose.not_for_design(shown)}
         console.show("", {}, as_json=True, document=document)
         return
@@ -73,6 +77,9 @@ def show(vehicle_file: Path, as_json: bool) -> None:
     ]
     title = f"{shown.name} ({vehicle.vehicle_hash(shown)[:12]})"
     console.table(title, ("parameter", "value", "std", "unit", "source", "name in the file"), rows)
+    hubs = [(f"{i}", *(f"{r[axis]:.4g}" for axis in ("x_m", "y_m", "z_m")), r["spin"]) for i, r in enumerate(rotors)]
+    heads = ("rotor", "x, m forward", "y, m left", "z, m up", "turns, seen from above")
+    console.table("rotors, in body axes", heads, hubs)
     lines = [(e["name"], e["law"], "yes" if e["compensated"] else "no", e["how"]) for e in effects]
     console.table("effects", ("effect", "law", "compensated", "how the controller does it, or why not"), lines)
 

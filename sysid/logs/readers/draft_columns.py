@@ -249,7 +249,7 @@ def _describe(guess: Guess, components: list[str], table: dict[str, FloatArray])
     guess.entries["unit"] = unit
     guess.reasons.append(reason)
     if "rotor" in guess.name:
-        guess.reasons.append("in the order of the rotors of your vehicle file: CHECK")
+        guess.reasons.append("in the order of the rotors that `goshawk vehicle show` lists: CHECK")
 
 
 def by_size(quantity: str, values: FloatArray) -> tuple[str, str]:

@@ -222,7 +222,9 @@ def test_fixes_go_into_a_new_log_as_the_verb_makes_it_and_can_be_taken_back(open
     name, done = made.fix("jump")
     believed = vehicle.load(opened.vehicle)
     log = sysid.read_log(opened.flight("jump"))
-    said, _ = log_outputs.write_fixed(log, opened.flight("jump"), tmp_path / "verb.parquet", believed, overwrite=False)
+    said = log_outputs.write_fixed(
+        log, opened.flight("jump"), tmp_path / "verb.parquet", believed, overwrite=False
+    ).done
     corrected, ours = flight_log.load(tmp_path / "verb.parquet"), flight_log.load(opened.flight(name))
     assert done == said
     assert ours.metadata[fix.FIXES] == list(done)

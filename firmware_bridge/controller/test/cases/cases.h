@@ -10,6 +10,7 @@ void must(bool holds, const char* what);
 void mission_cases(void);
 void landing_cases(void);
 void ground_cases(void);
+void emergency_cases(void);
 void mixer_cases(void);
 void reaction_cases(void);
 void safety_cases(void);

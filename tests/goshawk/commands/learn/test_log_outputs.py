@@ -16,7 +16,7 @@ from flight import FlightLog, flight_log
 from goshawk.commands.learn import log_report
 from sysid.logs.check import check_log
 from tests.goshawk import foreign_log
-from tests.goshawk.running import answer, run
+from tests.goshawk.running import answer, run, typed
 
 BAG_MAP = """
 format = "goshawk-bag-map"
@@ -55,6 +55,25 @@ def test_csv_holds_the_log_to_the_last_bit(flown, tmp_path):
     values = np.array([[float(v) if v else np.nan for v in row.split(",")] for row in rows])
     for name, column in zip(head.split(","), values.T, strict=True):
         np.testing.assert_array_equal(column, clean(flown).columns[name])
+
+
+def proposed(said: str) -> list[str]:
+    """The command that a verb tells to type next, as words."""
+    [line] = [line for line in said.splitlines() if line.startswith("next: ")]
+    return typed(line.removeprefix("next: "))
+
+
+def test_the_next_command_repeats_the_options_and_fits_the_pieces_between_gaps_that_a_fix_left(flown, tmp_path):
+    log, file, out, model = clean(flown), tmp_path / "a flight.parquet", tmp_path / "b.parquet", flown / "v.toml"
+    for leap_m, gaps in ((0.5, ["--split-gaps"]), (0.0, [])):
+        columns = {name: values.copy() for name, values in log.columns.items()}
+        columns["position_world_x_m"][(log.time_s > 4.0) & (log.time_s < 4.1)] += leap_m
+        flight_log.save(file, FlightLog(columns, log.metadata))
+        if gaps:
+            fixing = proposed(answer("log", "check", file, "--vehicle", model).stdout)
+            assert fixing == ["log", "fix", str(file), "--vehicle", str(model), "--out", "NEW.parquet"]
+        fitting = proposed(run("log", "fix", file, "--vehicle", model, "--out", out, "--overwrite"))
+        assert fitting == ["identify", str(out), "--vehicle", str(model), *gaps, "--out", "FITTED.toml"]
 
 
 def test_mcap_reads_back_as_ros_messages(flown, tmp_path):

@@ -179,6 +179,7 @@ def test_show_lists_values_sources_and_compensations(file):
         "source": "Rigter et al. 2019, weighed",
     }
     assert all(effect["compensated"] for effect in found["effects"])
+    assert found["rotors"][0] == {"x_m": 0.0885, "y_m": 0.0885, "z_m": 0.0, "spin": "clockwise"}
     goshawk("effect", "add", file, "gyroscopic_torque")
     effects = {effect["name"]: effect for effect in told("show", file)["effects"]}
     assert effects["gyroscopic_torque"]["compensated"] is False
