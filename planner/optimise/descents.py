@@ -60,8 +60,18 @@ class Descended:
     """The largest share of the cost that the descents would still gain."""
 
 
+def least_snap(problem: Problem, spline: Spline, stop: StopFlag | None) -> Solution:
+    """Where the descent among paths of least snap ends, from the durations of a spline."""
+    return time_allocation.optimise(problem, spline.durations_s, iterations=_FIRST, samples=_COARSE, stop=stop)
+
+
 def starts(
-    problem: Problem, spline: Spline, clearance_m: float, stop: StopFlag | None, number: int = 0
+    problem: Problem,
+    spline: Spline,
+    clearance_m: float,
+    stop: StopFlag | None,
+    number: int = 0,
+    first: Solution | None = None,
 ) -> Iterator[Solution]:
     """Paths to measure with the vehicle's own model, in the order to try them in; each is worked out when asked for.
 
@@ -69,6 +79,7 @@ def starts(
         spline: the durations to start from.
         clearance_m: what the gate will ask for; with twice as much the path is in the open.
         number: which start, from 0 to `options.MOST_STARTS` - 1; those above 0 differ in times and prices.
+        first: `least_snap` of them, where that is known.
 
     Raises:
         PlanCancelledError: `stop` was set.
@@ -85,7 +96,7 @@ def starts(
         found = min((_gently(problem, begin, prices, True, stop) for begin, prices in ways), key=_flight_s)
         if _sound(found):
             yield found
-    first = time_allocation.optimise(problem, spline.durations_s, iterations=_FIRST, samples=_COARSE, stop=stop)
+    first = least_snap(problem, spline, stop) if first is None or slow else first
     problem = replace(problem, knots=first.knots)
     if not clear and _sound(found := _gently(problem, first.spline, among, False, stop)):
         yield found

@@ -29,6 +29,9 @@ had kept, at a pace at which the way back was too stiff for the descent: a walk 
 costs 0.1 %."""
 _CLOSE_M = 1.0
 """Spacing of the points of a way that touches obstacles; it grows with twice the room there is."""
+_LIFT_M, _ROOM_M, _MORE_M = 0.8, 0.5, 1e-3
+"""How much higher another route is looked at, up to which distance to obstacles room counts, and how much more there
+must be: among trunks and walls from floor to ceiling there is none, and nothing is tried."""
 _ROUGH = 60
 """Iterations of the first descent, with few knots."""
 _START_SLOWER, _SOUND = (2.0, 4.0), 2.0
@@ -50,7 +53,10 @@ def flyable(route: routes.Route, request: Request, ask_gate: AskGate, progress: 
     attempts = partial(Attempts, dense.waypoint, request, ask_gate)
     if options.method == "fastest":
         report = within(progress, "optimise", 0.2, 1.0)
-        path = attempts(*rough(dense, field, request), CLEARANCE_PRICE, report).best()
+        few, start = rough(dense, field, request)
+        higher = lifted(dense, field)
+        above = None if higher is None else rough(higher, field, request)[1]
+        path = attempts(few, start, above, CLEARANCE_PRICE, report).best()
         if path is not None:
             # a given velocity allows no other pace
             may_slow = not path.report.passed and not asked.given_motion
@@ -58,7 +64,7 @@ def flyable(route: routes.Route, request: Request, ask_gate: AskGate, progress: 
     boxes = corridor.boxes(field, dense.points, options.planned_clearance_m)
     tube = corridor.Tube(boxes, options.clearance_m + AIM_M)
     few, start = rough(dense, tube, request)
-    path = attempts(few, start, corridor.CLEARANCE_PRICE, within(progress, "corridor", 0.0, 1.0)).best()
+    path = attempts(few, start, None, corridor.CLEARANCE_PRICE, within(progress, "corridor", 0.0, 1.0)).best()
     if path is not None and (path.report.passed or asked.given_motion):
         return replace(path, method="corridor", kept=None)
     if asked.given_motion:
@@ -79,6 +85,20 @@ def subdivided(route: routes.Route, field: space.DistanceField) -> routes.Route:
         points.append(a + np.linspace(0.0, 1.0, pieces + 1)[1:, None] * (b - a))
         index.append(np.append(np.full(pieces - 1, -1), route.waypoint[i + 1]))
     return routes.Route(np.concatenate(points), np.concatenate(index))
+
+
+def lifted(route: routes.Route, field: space.DistanceField) -> routes.Route | None:
+    """The route higher up between its waypoints, if it has more room there: over furniture, say, or through a hatch."""
+    higher = route.points + np.where(route.waypoint < 0, _LIFT_M, 0.0)[:, None] * np.array([0.0, 0.0, 1.0])
+    rooms = [_room_m(points, field) for points in (route.points, higher)]
+    return routes.Route(higher, route.waypoint) if rooms[1] > rooms[0] + _MORE_M else None
+
+
+def _room_m(points: FloatArray, field: space.DistanceField) -> float:
+    """Mean distance from a polyline (n, 3) to obstacles and unknown space, of which no more than `_ROOM_M` counts."""
+    shares = np.linspace(0.0, 1.0, 5)[:, None, None]
+    distance = space.distance(field, (points[:-1] + shares * np.diff(points, axis=0)).reshape(-1, 3))
+    return float(np.clip(distance, -_ROOM_M, _ROOM_M).mean())
 
 
 def rough(route: routes.Route, obstacles: space.DistanceField, request: Request) -> tuple[Problem, Solution]:

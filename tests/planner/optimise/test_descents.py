@@ -215,10 +215,10 @@ def failing(which: set[int], error: BaseException):
     """`descents.starts`, of which some fail."""
     every = descents.starts
 
-    def starts(problem, spline, clearance_m, stop, number=0):
+    def starts(problem, spline, clearance_m, stop, number, first):
         if number in which:
             raise error
-        yield from every(problem, spline, clearance_m, stop, number)
+        yield from every(problem, spline, clearance_m, stop, number, first)
 
     return starts
 
@@ -238,9 +238,9 @@ def test_ctrl_c_ends_the_starts_that_work(monkeypatch):
     drone, asked, flags = vehicle.example("rigter2019"), Waypoints(walk(6, 2), np.full(6, np.nan)), []
     interrupted = failing({0}, KeyboardInterrupt())
 
-    def starts(problem, spline, clearance_m, stop, number=0):
+    def starts(problem, spline, clearance_m, stop, number, first):
         flags.append(stop)
-        return interrupted(problem, spline, clearance_m, stop, number)
+        return interrupted(problem, spline, clearance_m, stop, number, first)
 
     monkeypatch.setattr(descents, "starts", starts)
     with pytest.raises(KeyboardInterrupt):
