@@ -439,7 +439,8 @@ def open_map(folder: Path) -> Map:
     """
     folder = Path(folder)
     if not (folder / "map.toml").is_file():
-        raise InputError(f"{folder} is not a map: it has no map.toml; `goshawk map build` makes one")
+        field = " (it is a distance field: `esdf.load` opens it in Python)" if (folder / "esdf.toml").is_file() else ""
+        raise InputError(f"{folder} is not a map{field}: it has no map.toml; `goshawk map build` makes one of images")
     facts = file_format.read_toml(folder / "map.toml", format=FORMAT, version=VERSION)
     _standing(facts, folder)  # a verdict that cannot be read must not pass for none
     images, time_s, T_world_body = poses_file.read_poses(folder / "poses.csv")

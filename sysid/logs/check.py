@@ -6,6 +6,7 @@ from typing import Any, Literal
 import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent
+from sysid.logs import full_throttle
 from sysid.logs.apply import apply, joined
 from sysid.logs.checks import consistency, contact, samples
 from sysid.logs.checks.finding import Finding, error, warning
@@ -128,7 +129,12 @@ def _of_event(event: Event) -> Finding:
 def _notes(log: FlightLog) -> tuple[str, ...]:
     if log.has("rotor_speed_rad_s") or log.has("rotor_speed_command_rad_s"):
         return ()
-    return ("it has no rotor speed, nor its command in rad/s: no vehicle can be identified from it",)
+    if full_throttle.has_ratios(log):
+        return ("its motor commands are from 0 to 1: a fit takes 1 for the fastest rotor speed of the vehicle file",)
+    return (
+        "it has no rotor speed and no motor command: no vehicle can be identified from it "
+        f"(a motor command is {full_throttle.RATIOS[0]} ..., from 0 to 1, or {full_throttle.COMMAND})",
+    )
 
 
 def _lost(log: FlightLog) -> list[Finding]:

@@ -53,6 +53,8 @@ _PATTERNS = (
 )
 _ORDER = {"roll": 0, "phi": 0, "pitch": 1, "theta": 1, "yaw": 2, "psi": 2, "w": -1, "p": 0, "q": 1, "r": 2}
 _PWM = re.compile(r"(^|_)(pwm|motor_m)")
+_LARGEST_MICROSECONDS, _MOST_PWM16 = 2500.0, 65535.0
+"""A larger motor command is no servo pulse; the largest of 16 bits."""
 """Duty cycles (Crazyflie's `motor.m1` is one) look like rotor speeds in rpm."""
 
 
@@ -344,6 +346,10 @@ def _scalars(table: dict[str, FloatArray], used: set[str]) -> list[Guess]:
         match = re.search(r"(?:^|_)(?:cmd|command|u|motor_cmd|motor_command|control|actuator|throttle)_?([0-4])$", base)
         if match and finite.min() >= 0.0 and finite.max() <= 1.0:
             found.append(Guess(f"cmd {match[1]}", [name], {}, ["a motor command by its name, from 0 to 1"]))
+        match = re.search(r"(?:^|_)m(?:otor)?_?([0-4])_?pwm(?:_?16)?$", base)
+        if match and finite.min() >= 0.0 and _LARGEST_MICROSECONDS < finite.max() <= _MOST_PWM16:
+            reasons = ["a motor command by its name, of 16 bits by its size"]
+            found.append(Guess(f"cmd {match[1]}", [name], {"scale": 1.0 / _MOST_PWM16}, reasons))
     commands = sorted((g for g in found if g.name.startswith("cmd ")), key=lambda g: g.name)
     for number, guess in enumerate(commands):
         guess.name = f"motor_command_{number}_ratio"

@@ -119,6 +119,9 @@ def test_a_log_that_no_vehicle_can_be_identified_from_is_named(flown, tmp_path):
     without = {name: values for name, values in log.columns.items() if not name.startswith("rotor_speed")}
     flight_log.save(tmp_path / "with.parquet", log)
     flight_log.save(tmp_path / "without.parquet", FlightLog(without, log.metadata))
+    commands = {f"motor_command_{i}_ratio": np.full(len(log), 0.5) for i in range(4)}
+    flight_log.save(tmp_path / "commanded.parquet", FlightLog({**without, **commands}, log.metadata))
+    assert "a fit takes 1 for the fastest rotor speed" in run("log", "check", tmp_path / "commanded.parquet")
     for name, count in (("with", 0), ("without", 1)):
         said = run("log", "check", tmp_path / f"{name}.parquet", "--report", tmp_path / f"{name}.html")
         document = json.loads(run("log", "check", tmp_path / f"{name}.parquet", "--json"))

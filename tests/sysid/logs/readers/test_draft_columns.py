@@ -135,3 +135,15 @@ def test_duty_cycles_are_no_rotor_speeds(tmp_path):
     columns |= {f"rpm.m{i}": 16_000.0 + T for i in range(1, 5)}
     document, _ = drafted(written(tmp_path, columns))
     assert document["quantity"]["rotor_speed_rad_s"]["columns"] == [f"rpm.m{i}" for i in range(1, 5)]
+
+
+@pytest.mark.parametrize("names", [[f"m{i}_pwm16" for i in (1, 2, 3, 4)], [f"motor_{i}_pwm" for i in range(4)]])
+def test_motor_commands_of_sixteen_bits_become_shares_of_full_throttle(tmp_path, names):
+    share = 0.5 + 0.4 * np.sin(T)
+    columns = {"t": T} | {name: np.round(65535.0 * share) for name in names}
+    document, log = drafted(written(tmp_path, columns))
+    for i, name in enumerate(names):
+        assert document["scalar"][f"motor_command_{i}_ratio"]["column"] == name
+        np.testing.assert_allclose(log.columns[f"motor_command_{i}_ratio"], share, atol=1e-5)
+    servo = {"t": T} | dict.fromkeys(names, 1000.0 + 1000.0 * share)
+    assert "scalar" not in drafted(written(tmp_path, servo))[0]  # microseconds are another scale
