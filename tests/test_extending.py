@@ -67,7 +67,7 @@ def test_a_diff_touches_as_many_files_as_the_page_says(name):
 
 
 def test_the_page_shows_every_diff():
-    shown = re.findall(r"extend/(\w+)\.diff", PAGE.read_text())
+    shown = re.findall(r"literalinclude} extend/(\w+)\.diff", PAGE.read_text())
     assert sorted(shown) == sorted(TOUCHED) == sorted(path.stem for path in DIFFS.iterdir())
 
 

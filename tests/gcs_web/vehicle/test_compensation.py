@@ -1,5 +1,6 @@
 """Sending the controller's compensation from the page: compared with the kept model, set whole, read back."""
 
+import contextlib
 import json
 import re
 import shutil
@@ -14,10 +15,10 @@ from firmware_bridge import SitlVehicle, closed_loop, controller, keys, paramete
 from firmware_bridge.dialect.generated.messages import Command
 from flight import FloatArray, Trajectory, Waypoints, project
 from gcs_web import GroundStation
-from tests.gcs_web.in_browser import needs_chromium, opened
+from tests.gcs_web.in_browser import CHROMIUM, FLAGS, needs_chromium, opened
 from tests.gcs_web.station_socket import Page, visit
 from tests.gcs_web.two_pillars import START
-from tests.waiting import until
+from tests.waiting import PATIENCE_S, until
 from vehicle import manoeuvres, simulate
 
 DRAG = ("rotor_drag_thrust", "parasitic_drag")
@@ -172,9 +173,15 @@ def test_a_model_for_prediction_is_sent_only_with_consent_to_its_mark(station, t
 
 
 @needs_chromium
-def test_the_page_asks_for_that_consent_with_each_comparison(station, truth, browser):
+def test_the_page_asks_for_that_consent_with_each_comparison(station, truth):
+    from playwright.sync_api import sync_playwright
+
     vehicle.save(station.desk.project.vehicle, for_prediction(truth))
-    with opened(station, browser, with_view=False) as page:
+    with contextlib.ExitStack() as stack:  # the browser ends with the test: the others have an event loop of their own
+        playwright = stack.enter_context(sync_playwright())
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS, timeout=1000 * PATIENCE_S)
+        stack.callback(browser.close)
+        page = stack.enter_context(opened(station, browser, with_view=False))
         until(lambda: station.hub.people, "the page")
         station.desk.control.take(next(iter(station.hub.people)), force=True)
         page.keyboard.press("5")
