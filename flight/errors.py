@@ -1,7 +1,11 @@
 """The errors Goshawk raises on purpose; everything else is a bug."""
 
 import difflib
+import itertools
 from pathlib import Path
+
+_MOST_NAMES = 1000
+"""Files of a folder among which a similar name is looked for."""
 
 
 class FlightError(Exception):
@@ -36,6 +40,10 @@ def missing(path: Path | str, holds: str = "") -> InputError:
         return InputError(f"{path} is a folder, not a file{should}")
     if not path.parent.is_dir():
         return InputError(f"{path} does not exist: there is no folder {path.parent}{should}")
-    similar = difflib.get_close_matches(path.name, sorted(file.name for file in path.parent.iterdir()), n=1)
+    try:
+        names = sorted(file.name for file in itertools.islice(path.parent.iterdir(), _MOST_NAMES))
+    except OSError:  # it may not be listed, or is gone
+        names = []
+    similar = difflib.get_close_matches(path.name, names, n=1)
     there = f"; {path.with_name(similar[0])} does" if similar else f" in {path.parent.resolve()}"
     return InputError(f"{path} does not exist{there}{should}")

@@ -1,5 +1,7 @@
 """What is said of a file that is not there."""
 
+from pathlib import Path
+
 import pytest
 
 from flight import errors
@@ -23,3 +25,12 @@ def test_a_file_that_is_not_there_is_named_with_what_may_have_been_meant(tmp_pat
 
 def test_without_what_it_should_hold_only_the_place_is_said(tmp_path):
     assert str(errors.missing(tmp_path / "none")) == f"{tmp_path}/none does not exist in {tmp_path}"
+
+
+def test_a_folder_that_cannot_be_listed_only_costs_the_hint(tmp_path, monkeypatch):
+    def refused(_: Path):
+        raise PermissionError("not allowed")
+
+    (tmp_path / "walk.json").touch()
+    monkeypatch.setattr(Path, "iterdir", refused)
+    assert str(errors.missing(tmp_path / "walk.jsn")) == f"{tmp_path}/walk.jsn does not exist in {tmp_path}"

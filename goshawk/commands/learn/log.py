@@ -96,8 +96,8 @@ def check(
     given = [("--columns", columns), ("--vehicle", vehicle_file)]
     reading = [str(word) for option, file in given if file is not None for word in (option, file)]
     fixing = shlex.join(["goshawk", "log", "fix", str(flight), *reading, "--out", "NEW.parquet"])
-    mended = any(finding.repair is not None for finding in checked.findings)
-    _tell(checked, {"written": written}, then=fixing if mended else "", as_json=as_json)
+    mendable = any(finding.repair is not None for finding in checked.findings)
+    _tell(checked, {"written": written}, then=fixing if mendable else "", as_json=as_json)
     wrong = [finding.what for finding in checked.findings if finding.level == "error"]
     if wrong:
         click.echo(f"goshawk: {flight} has errors: {', '.join(dict.fromkeys(wrong))}", err=True)

@@ -53,9 +53,9 @@ _PATTERNS = (
 )
 _ORDER = {"roll": 0, "phi": 0, "pitch": 1, "theta": 1, "yaw": 2, "psi": 2, "w": -1, "p": 0, "q": 1, "r": 2}
 _PWM = re.compile(r"(^|_)(pwm|motor_m)")
+"""Duty cycles (Crazyflie's `motor.m1` is one) look like rotor speeds in rpm."""
 _LARGEST_MICROSECONDS, _MOST_PWM16 = 2500.0, 65535.0
 """A larger motor command is no servo pulse; the largest of 16 bits."""
-"""Duty cycles (Crazyflie's `motor.m1` is one) look like rotor speeds in rpm."""
 
 
 @dataclass(slots=True)
