@@ -20,7 +20,7 @@ from planner.curve.minimum_snap import Spline
 from planner.optimise import time_allocation
 from planner.optimise.time_allocation import Problem, Solution
 
-_FIRST, _NEW, _MOST = 300, 200, 250
+_FIRST, _NEW, _MOST = 350, 200, 250
 """Iterations of the descent among paths of least snap, of that from new knots of an edited path, and the most of each
 descent through whole states, which commonly ends before. With 150 at first, a flight through a maze took 1.2 % more
 than the best of eight starts, with 300 and more .3 %."""

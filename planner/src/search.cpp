@@ -67,26 +67,33 @@ struct Cell {
     int8_t came = kSteps;     // by which step
 };
 
-// Cells in order of the cost of a way through them, to an eighth of a step; among equals the last one in comes first.
+// Cells in order of the cost of a way through them, to a 64th of a step; among equals the last one in comes first.
 class Queue {
   public:
     void push(float cost, int64_t cell) {
         const auto row = static_cast<size_t>(64.0f * cost);
-        if (row >= rows_.size()) rows_.resize(row + 1);
-        rows_[row].push_back(cell);
+        if (row >= last_.size()) last_.resize(row + 1, kNone);
+        entries_.push_back({cell, last_[row]});
+        last_[row] = entries_.size() - 1;
         first_ = std::min(first_, row);
     }
     // The next cell, or -1 where there is none.
     int64_t pop() {
-        while (first_ < rows_.size() && rows_[first_].empty()) ++first_;
-        if (first_ == rows_.size()) return -1;
-        const int64_t cell = rows_[first_].back();
-        rows_[first_].pop_back();
-        return cell;
+        while (first_ < last_.size() && last_[first_] == kNone) ++first_;
+        if (first_ == last_.size()) return -1;
+        const Entry& entry = entries_[last_[first_]];
+        last_[first_] = entry.before;
+        return entry.cell;
     }
 
   private:
-    std::vector<std::vector<int64_t>> rows_;
+    struct Entry {
+        int64_t cell;
+        size_t before;  // the entry that came into the same row before this one
+    };
+    static constexpr size_t kNone = std::numeric_limits<size_t>::max();
+    std::vector<Entry> entries_;
+    std::vector<size_t> last_;  // of each row
     size_t first_ = 0;
 };
 
