@@ -73,7 +73,8 @@ class Battery:
     """Mechanical rotor energy between full and empty; 80 kJ is about a 1500 mAh four-cell pack at 60 % efficiency."""
 
     def voltage(self, drawn_j: FloatArray | float) -> FloatArray:
-        left = np.minimum(np.maximum(1.0 - np.asarray(drawn_j) / self.energy_j, 0.0), 1.0)  # np.clip: three times as long
+        left = np.maximum(1.0 - np.asarray(drawn_j) / self.energy_j, 0.0)  # np.clip takes three times as long
+        left = np.minimum(left, 1.0)
         return self.empty_v + (self.full_v - self.empty_v) * left
 
 
