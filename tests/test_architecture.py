@@ -96,7 +96,7 @@ HEAVY = {
     "open3d", "pycolmap", "matplotlib", "viser", "scipy.optimize", "scipy.signal", "scipy.stats", "osqp", "ompl",
     "aiohttp", "pyarrow",
 }  # fmt: skip
-WITHOUT_SCIPY = {"flight", "esdf", "vehicle", "planner", "sysid"}
+WITHOUT_SCIPY = {"flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge", "gcs_web"}
 """Packages that import no SciPy either until they need it: half a second or more of processor time."""
 
 
