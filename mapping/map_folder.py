@@ -76,6 +76,8 @@ VISIBILITY = "visibility.npz"
 INFERRED = "inferred.npz"
 CONFIDENCE = "confidence.npz"
 DEPTH = "depth"
+IMPORTED = "imported"
+"""Key of `map.toml`, true in a map that was not made of images and has neither cameras nor poses."""
 STAGES = (source.FRAMES, source.CHECK, colmap.FEATURES, colmap.MATCHES, colmap.POSES, reconstruction.CALIBRATION, DEPTH)
 """Stages whose results survive an interrupted work, in order."""
 MEASURED_SEEN_THROUGH = 1
@@ -131,7 +133,7 @@ class Map:
     field: esdf.Field
     """Signed distance, the pilot's edits applied."""
     rig: Rig
-    """The rig that took the images."""
+    """The rig that took the images; without cameras in an imported map."""
     images: tuple[str, ...]
     """Names of the placed images."""
     time_s: FloatArray
@@ -166,6 +168,15 @@ class Map:
         """
         if self.standing is Standing.REFUSED:
             raise InputError(f"{self.folder} must not be planned in: {'; '.join(self.reasons)}; make the map again")
+
+    def require_images(self) -> None:
+        """Check that the map was made of images.
+
+        Raises:
+            InputError: it was imported.
+        """
+        if not self.rig.cameras:
+            raise InputError(f"{self.folder} was imported and has no images, which this needs; build a map of images")
 
     @property
     def mesh(self) -> Path:
@@ -226,6 +237,13 @@ class Map:
         return FreeSpace(self.field, self.visibility(), empty)
 
     def localization_map(self) -> LocalizationMap:
+        """Points with descriptors.
+
+        Raises:
+            InputError: there are none.
+            FormatError: their file is damaged.
+        """
+        self.require_images()
         return localization_map.load(self.folder / "localization")
 
 
@@ -439,10 +457,13 @@ def open_map(folder: Path) -> Map:
     """
     folder = Path(folder)
     if not (folder / "map.toml").is_file():
-        field = " (it is a distance field: `esdf.load` opens it in Python)" if (folder / "esdf.toml").is_file() else ""
-        raise InputError(f"{folder} is not a map{field}: it has no map.toml; `goshawk map build` makes one of images")
+        bare = " (it is a distance field: `esdf.load` opens it in Python)" if (folder / "esdf.toml").is_file() else ""
+        raise InputError(f"{folder} is not a map{bare}: it has no map.toml; `goshawk map build` makes one of images")
     facts = file_format.read_toml(folder / "map.toml", format=FORMAT, version=VERSION)
     _standing(facts, folder)  # a verdict that cannot be read must not pass for none
+    if facts.get(IMPORTED) is True:
+        field = esdf.load(folder / "esdf")
+        return Map(folder, field, Rig(()), (), np.zeros(0), np.zeros((0, 4, 4)), facts)
     images, time_s, T_world_body = poses_file.read_poses(folder / "poses.csv")
     rig = rigs.load(folder / "camera.toml")
     return Map(folder, esdf.load(folder / "esdf"), rig, images, time_s, T_world_body, facts)

@@ -78,11 +78,12 @@ def read(folder: Path) -> MapParts:
     """The parts of a map folder.
 
     Raises:
-        InputError: `folder` is not a map, or the map is refused.
+        InputError: `folder` is not a map, or the map is refused or was imported.
         FormatError: a part of it is missing or damaged.
     """
     opened = map_folder.open_map(folder)
     opened.require_not_refused()
+    opened.require_images()
     editor = esdf.open_editor(folder / "esdf")
     edits = editor.edits
     editor.replace(())

@@ -178,13 +178,11 @@ class Rig:
     """All cameras of the vehicle; images of equal name were taken at the same instant."""
 
     cameras: tuple[Camera, ...]
-    """The first is the reference camera."""
+    """The first is the reference camera; none in a map that was not made of images."""
     refine_intrinsics: bool = False
     """Whether the lens parameters are a first guess that the images may improve."""
 
     def __post_init__(self) -> None:
-        if not self.cameras:
-            raise InputError("a rig needs at least one camera")
         names = [camera.name for camera in self.cameras]
         folders = [str(Path(camera.folder)) for camera in self.cameras]  # "./front" is "front"
         for what, values in (("name", names), ("folder", folders)):

@@ -28,17 +28,27 @@ def save(path: Path, vertices_world_m: FloatArray, faces: NDArray[np.int32], col
 
     if Path(path).suffix not in SUFFIXES:
         raise InputError(f"{path}: a mesh is written as one of {', '.join(SUFFIXES)}")
+    if Path(path).suffix == ".ply":
+        file_format.write_bytes(Path(path), ply(vertices_world_m, faces, colours))
+        return
     mesh = trimesh.Trimesh(vertices_world_m, faces, vertex_colors=colours, process=False)
-    if Path(path).suffix == ".glb":
-        T_gltf_world = np.eye(4)
-        T_gltf_world[:3, :3] = R_GLTF_WORLD
-        upright = trimesh.Scene()
-        upright.add_geometry(mesh, node_name=WORLD_NODE, transform=T_gltf_world)
-        data = upright.export(file_type="glb")
-    else:
-        data = mesh.export(file_type="ply")
+    T_gltf_world = np.eye(4)
+    T_gltf_world[:3, :3] = R_GLTF_WORLD
+    upright = trimesh.Scene()
+    upright.add_geometry(mesh, node_name=WORLD_NODE, transform=T_gltf_world)
+    data = upright.export(file_type="glb")
     assert isinstance(data, bytes)
     file_format.write_bytes(Path(path), data)
+
+
+def ply(vertices_world_m: FloatArray, faces: NDArray[np.int32], colours: NDArray[np.uint8]) -> bytes:
+    """A mesh as a PLY file's bytes."""
+    import trimesh
+
+    mesh = trimesh.Trimesh(vertices_world_m, faces, vertex_colors=colours, process=False)
+    data = mesh.export(file_type="ply")
+    assert isinstance(data, bytes)
+    return data
 
 
 def load(path: Path) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]]:

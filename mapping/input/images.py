@@ -162,13 +162,15 @@ def read_folder(
         depths: folder of depth images, see `depth_images`.
 
     Raises:
-        InputError: no such folder, fewer than `minimum` instants, a damaged image, or one of another size than its
+        InputError: no such folder, no camera, fewer than `minimum` instants, a damaged image, or one of another size than its
             camera's; a mask or a depth image that is missing or does not fit; times of other images.
     """
     folder = Path(folder)
     for place in (folder, masks, depths and depths.folder):
         if place is not None and not place.is_dir():
             raise InputError(f"{place} is not a folder of images: it does not exist or is a file")
+    if not rig.cameras:
+        raise InputError(f"images of {folder} need at least one camera; the rig has none")
     if depths is not None:
         depth_images.require_camera(rig.cameras)
     listed = [_names(folder, camera) for camera in rig]

@@ -147,6 +147,8 @@ def export(source: Path, out: Path, overwrite: bool, as_json: bool) -> None:
     from mapping.camera import rig_export
 
     area = mapping.open_map(source) if source.is_dir() else None
+    if area is not None:
+        area.require_images()
     rig = area.rig if area is not None else mapping.rig.load(source)
     results.require_free_folder(out, overwrite=overwrite, ours=_is_export)
     with results.new_folder(out, overwrite=overwrite, ours=_is_export) as placing:

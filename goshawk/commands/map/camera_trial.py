@@ -69,7 +69,9 @@ def add(map_folder: Path, out: Path, overwrite: bool, as_json: bool) -> None:
     goshawk camera undo camera.toml              return to the file before
     """
     outputs.check(out, overwrite=overwrite)
-    rig = mapping.open_map(map_folder).rig
+    area = mapping.open_map(map_folder)
+    area.require_images()
+    rig = area.rig
     with outputs.file(out, overwrite=overwrite) as temporary:
         mapping.rig.save(temporary, rig)
     facts = {"cameras": ", ".join(camera.name for camera in rig), "written": str(out)}

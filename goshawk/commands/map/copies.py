@@ -77,7 +77,7 @@ def origin(map_folder: Path, place: str, turn_deg: float, out: Path, overwrite: 
 @click.command()
 @click.argument("map_folder", metavar="MAP", type=click.Path(path_type=Path))
 @console.path_option("--points", "points", f"CSV of points in MAP and measured: {','.join(_POINT_COLUMNS)}.")
-@click.option("--up", "up", metavar="X,Y,Z", help="Direction in MAP that is really up, as a plumb line shows.")
+@click.option("--up", "up", metavar="X,Y,Z", help="Direction that is up: in MAP, as a plumb line shows.")
 @_result
 def align(map_folder: Path, points: Path | None, up: str | None, out: Path, overwrite: bool, as_json: bool) -> None:
     """Move and turn a map so that its points lie where they were measured, or its z axis points up.

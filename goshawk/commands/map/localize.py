@@ -59,6 +59,7 @@ def command(
         raise InputError(f"--fastest is {fastest_m_s:g} m/s; it must be above 0")
     outputs.check(out, overwrite=overwrite)
     area = mapping.open_map(map_folder)
+    area.require_images()
     rig = mapping.rig.load(camera) if camera is not None else area.rig
     with console.progress() as progress, tempfile.TemporaryDirectory(prefix="goshawk-") as name:
         folder = mapping.read_folder(images, rig, minimum=1, progress=progress)

@@ -1,4 +1,4 @@
-"""`goshawk map`: maps, from images and of one another."""
+"""`goshawk map`: maps, from images, of one another and of other programs."""
 
 import click
 
@@ -6,6 +6,8 @@ from goshawk.commands.map.again import again
 from goshawk.commands.map.build import build, check
 from goshawk.commands.map.copies import align, crop, merge, origin
 from goshawk.commands.map.edit import edit
+from goshawk.commands.map.export_map import export
+from goshawk.commands.map.import_map import import_
 from goshawk.commands.map.measure import measure
 from goshawk.commands.map.report import report
 from goshawk.commands.map.show_esdf import show_esdf
@@ -25,5 +27,5 @@ def command() -> None:
     """
 
 
-for verb in (build, check, report, show_esdf, measure, again, edit, crop, origin, align, merge, texture):
+for verb in (build, check, report, show_esdf, measure, again, edit, crop, origin, align, merge, texture, import_, export):
     command.add_command(verb)

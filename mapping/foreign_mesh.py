@@ -1,0 +1,156 @@
+"""Meshes of other programs: triangles in metres with z up, from a file that often states neither unit nor axes."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight import FloatArray, FormatError, InputError, errors, file_format
+from mapping import reach
+from mapping.dense import mesh_file
+from mapping.map_folder import Map
+from mapping.sparse import alignment
+
+SUFFIXES = (".ply", ".obj", ".stl", ".glb")
+UNITS_M = {"m": 1.0, "mm": 0.001, "cm": 0.01, "ft": 0.3048}
+LARGEST_BYTES = 2_000_000_000
+"""Reading takes several times as much memory."""
+GREY = 180
+"""Of a mesh without colours."""
+EXTENT_M = (0.5, 1000.0)
+"""Of the longest edge of the box about a place to fly in."""
+_CERTAINLY_M, _CERTAINLY_MM = (1.0, 200.0), (1000.0, 300_000.0)
+"""Extents in the file's numbers from which its unit is guessed; between them are centimetres, feet or metres."""
+_AXES = {sign + name: (-1.0 if sign else 1.0) * np.eye(3)[k] for sign in ("", "-") for k, name in enumerate("xyz")}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ForeignMesh:
+    """Triangles of another program."""
+
+    vertices_world_m: FloatArray
+    """(v, 3) with z up; vertices at one place are one."""
+    faces: NDArray[np.int32]
+    """(f, 3)."""
+    unit: str
+    """Of `UNITS_M`, and why."""
+    up: str
+    """The direction in the file, and why."""
+    open_edges: int
+    """Edges of one triangle alone: the rims of holes."""
+
+
+def read(path: Path, *, unit: str | None = None, up: str | None = None) -> ForeignMesh:
+    """Read a PLY, OBJ, STL or GLB file.
+
+    Args:
+        unit: one of `UNITS_M`; None: guessed from the extent.
+        up: an axis like `y` or `-z`, or `X,Y,Z`; None: guessed from the type of file.
+
+    Raises:
+        InputError: there is no such file, it is of another type or too large, or the unit cannot be right.
+        FormatError: it cannot be read, holds no triangles, or a coordinate is not finite.
+    """
+    vertices, faces = _triangles(path)
+    R_world_file, up_because = _rotation(path, up)
+    extent = float(np.ptp(vertices, axis=0).max())
+    scale_m, unit_because = _scale(path, extent, unit)
+    vertices = scale_m * vertices @ R_world_file.T
+    reach.require_near_origin(vertices, str(path))
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    open_edges = int((np.unique(edges, axis=0, return_counts=True)[1] == 1).sum())
+    return ForeignMesh(vertices, faces, unit_because, up_because, open_edges)
+
+
+def of_map(area: Map) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]]:
+    """Vertices (v, 3), faces (f, 3) and colours (v, 3) of a map's mesh.
+
+    Raises:
+        InputError, FormatError: it is missing or damaged.
+    """
+    if (area.folder / "mesh.ply").is_file():
+        return mesh_file.load(area.folder / "mesh.ply")
+    mesh = read(area.mesh)
+    return mesh.vertices_world_m, mesh.faces, np.full((len(mesh.vertices_world_m), 3), GREY, np.uint8)
+
+
+def _triangles(path: Path) -> tuple[FloatArray, NDArray[np.int32]]:
+    """Vertices (v, 3) in the file's numbers and axes, merged where they coincide, and faces (f, 3)."""
+    import trimesh
+
+    kind = path.suffix.lower()
+    if kind not in SUFFIXES:
+        raise InputError(f"{path} is not one of {', '.join(SUFFIXES)}; convert it, with MeshLab or Blender say")
+    if not path.is_file():
+        raise errors.missing(path)
+    if (size := path.stat().st_size) > LARGEST_BYTES:
+        raise InputError(
+            f"{path} has {size / 1e9:.1f} GB, at most {LARGEST_BYTES / 1e9:g} GB are read: reduce its triangles, with "
+            "MeshLab say; details smaller than a voxel are lost anyway"
+        )
+    try:
+        scene: Any = trimesh.load_scene(path, file_type=kind[1:], process=False)
+        soup: Any = scene.to_geometry()
+        vertices = np.asarray(soup.vertices, dtype=np.float64).reshape(-1, 3)
+        faces = np.asarray(getattr(soup, "faces", ()), dtype=np.int64).reshape(-1, 3)
+    except Exception as error:  # the reader of foreign files raises what it likes
+        raise FormatError(f"{path} cannot be read: {file_format.damage_text(error)}; export it again") from error
+    if not len(faces):
+        raise FormatError(
+            f"{path} holds {len(vertices)} points and no triangles: make a mesh of them first, with MeshLab say"
+        )
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise FormatError(f"{path} is damaged: a triangle names a vertex that is not there; export it again")
+    if count := int((~np.isfinite(vertices).all(axis=1)).sum()):
+        raise FormatError(
+            f"{path}: {count} of {len(vertices)} vertices are not finite; remove them, with MeshLab say, and export again"
+        )
+    merged, renamed = np.unique(vertices, axis=0, return_inverse=True)
+    return merged, renamed.reshape(-1)[faces].astype(np.int32)
+
+
+def _rotation(path: Path, up: str | None) -> tuple[FloatArray, str]:
+    """R_world_file (3, 3), and the words for it."""
+    if up is not None:
+        return alignment.upright(_direction(up)).round(15), f"{up}, as given"
+    kind = path.suffix.lower()
+    axis = "y" if kind in (".glb", ".obj") else "z"
+    why = "glTF's rule" if kind == ".glb" else f"guessed, as most {kind[1:].upper()} files; else give --up"
+    return alignment.upright(_AXES[axis]).round(15), f"{axis} ({why})"
+
+
+def _direction(up: str) -> FloatArray:
+    if up in _AXES:
+        return _AXES[up]
+    try:
+        direction = np.array([float(part) for part in up.split(",")])
+    except ValueError:
+        direction = np.zeros(0)
+    if direction.shape != (3,) or not 1e-6 < float(np.linalg.norm(direction)) < np.inf:
+        raise InputError(f"--up {up!r} is neither one of {', '.join(_AXES)} nor a direction X,Y,Z")
+    return direction / np.linalg.norm(direction)
+
+
+def _scale(path: Path, extent: float, unit: str | None) -> tuple[float, str]:
+    """Metres of the file's unit, and the words for it."""
+    if unit is None and path.suffix.lower() == ".glb":
+        unit, why = "m", "glTF's rule"
+    elif unit is not None:
+        why = "as given"
+    elif _CERTAINLY_M[0] <= extent <= _CERTAINLY_M[1]:
+        unit, why = "m", f"guessed from an extent of {extent:.4g}; else give --unit"
+    elif _CERTAINLY_MM[0] <= extent <= _CERTAINLY_MM[1]:
+        unit, why = "mm", f"guessed from an extent of {extent:.4g}; else give --unit"
+    else:
+        raise InputError(
+            f"{path} is {extent:.4g} long, from which its unit cannot be guessed; give --unit {'|'.join(UNITS_M)}"
+        )
+    extent_m = extent * UNITS_M[unit]
+    if not EXTENT_M[0] <= extent_m <= EXTENT_M[1]:
+        raise InputError(
+            f"{path} would be {extent_m:.4g} m long with its {extent:.4g} in {unit}; a map has {EXTENT_M[0]:g} to "
+            f"{EXTENT_M[1]:g} m: give another --unit, or cut the mesh"
+        )
+    return UNITS_M[unit], f"{unit} ({why})"

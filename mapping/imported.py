@@ -1,0 +1,115 @@
+"""A map without images, from a mesh that another program made: surfaces are given, what is free must be stated."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import esdf
+from esdf import FREE, OCCUPIED, UNKNOWN, Grid, triangles
+from flight import FloatArray, InputError, file_format, results
+from mapping import foreign_mesh, map_folder
+from mapping.dense import mesh_file
+from mapping.foreign_mesh import ForeignMesh
+from mapping.verdict import Standing
+
+MOST_VOXELS = 150_000_000
+"""With distances and the search for free space 2 GB of memory."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Space:
+    """The voxels of an imported map."""
+
+    grid: Grid
+    state: NDArray[np.uint8]
+    """(nx, ny, nz)."""
+    open_sides: int
+    """Voxels of the box's six faces that are free: there the mesh is open."""
+
+    def volume_m3(self, which: int) -> float:
+        """Of the voxels in one state."""
+        return float((self.state == which).sum()) * float(np.prod(self.grid.voxel_m))
+
+
+def space(mesh: ForeignMesh, voxel_m: float, observed_world_m: FloatArray) -> Space:
+    """Voxels that a mesh touches are occupied; those that a path connects with an observed place are free.
+
+    All others stay unknown. Paths lead through faces of voxels, within the box about the mesh.
+
+    Args:
+        observed_world_m: (n, 3) places that are known to be free; n may be 0.
+
+    Raises:
+        InputError: too many voxels, or a place is outside the box or in a voxel of the surface.
+    """
+    low, high = mesh.vertices_world_m.min(axis=0), mesh.vertices_world_m.max(axis=0)
+    grid = Grid.covering(low - voxel_m, high + voxel_m, voxel_m)
+    if grid.voxels > MOST_VOXELS:
+        fitting_m = 1.05 * voxel_m * (grid.voxels / MOST_VOXELS) ** (1 / 3)
+        raise InputError(
+            f"voxels of {voxel_m:g} m would be {grid.voxels / 1e6:,.0f} million, at most {MOST_VOXELS / 1e6:g} million: "
+            f"take --voxel {fitting_m:.2g}, or cut the mesh"
+        )
+    surface = triangles.touched(mesh.vertices_world_m, mesh.faces, grid)
+    state = np.where(surface, np.uint8(OCCUPIED), np.uint8(UNKNOWN))
+    state[_connected(surface, grid, observed_world_m)] = FREE
+    sides = [np.take(state, end, axis) for axis in range(3) for end in (0, -1)]
+    return Space(grid, state, sum(int((side == FREE).sum()) for side in sides))
+
+
+def _connected(surface: NDArray[np.bool_], grid: Grid, places_world_m: FloatArray) -> NDArray[np.bool_]:
+    """The voxels without surface that are connected with one of the places (n, 3)."""
+    from scipy import ndimage
+
+    for place in places_world_m:
+        if not grid.contains(place[None])[0]:
+            corners = f"{np.round(grid.low_world_m, 2).tolist()} to {np.round(grid.high_world_m, 2).tolist()}"
+            raise InputError(f"--observed {_text(place)} is outside of the mesh's box, {corners} m in the map's frame")
+        if surface[_voxel(grid, place)]:
+            raise InputError(
+                f"--observed {_text(place)} lies in a voxel of the surface; name a place that is free, or take a "
+                f"smaller --voxel than {grid.voxel_m[0]:g} m"
+            )
+    if not len(places_world_m):
+        return np.zeros(grid.shape, bool)
+    rooms, _ = ndimage.label(~surface)  # pyright: ignore[reportGeneralTypeIssues]
+    return np.isin(rooms, [rooms[_voxel(grid, place)] for place in places_world_m])
+
+
+def _voxel(grid: Grid, place_world_m: FloatArray) -> tuple[int, int, int]:
+    i, j, k = np.clip(grid.index(place_world_m[None])[0], 0, np.array(grid.shape) - 1).tolist()
+    return i, j, k
+
+
+def _text(place_world_m: FloatArray) -> str:
+    return ",".join(f"{x:g}" for x in place_world_m)
+
+
+def write(out: Path, mesh: ForeignMesh, found: Space, facts: dict[str, Any], reason: str, *, overwrite: bool) -> str:
+    """Write the map folder, whole or not at all; returns its hash.
+
+    Args:
+        facts: of `map.toml`, besides.
+        reason: why the map is not called good.
+
+    Raises:
+        InputError: an earlier map is there and `overwrite` was not given, or something else is there.
+    """
+    field = esdf.build(found.state, found.grid)
+    grey = np.full((len(mesh.vertices_world_m), 3), foreign_mesh.GREY, np.uint8)
+    with results.new_folder(out, overwrite=overwrite, ours=map_folder.is_map) as placing:
+        new = placing.temporary
+        esdf.save(new / "esdf", field)
+        mesh_file.save(new / "mesh.glb", mesh.vertices_world_m, mesh.faces, grey)
+        file_format.write_toml(
+            new / "map.toml",
+            format=map_folder.FORMAT,
+            version=map_folder.VERSION,
+            body={"hash": field.hash, "verdict": Standing.NOT_JUDGED, "reasons": [reason]}
+            | facts
+            | {map_folder.IMPORTED: True},
+        )
+        return map_folder.open_map(new).hash
