@@ -104,9 +104,7 @@ def _triangles(path: Path) -> tuple[FloatArray, NDArray[np.int32]]:
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise FormatError(f"{path} is damaged: a triangle names a vertex that is not there; export it again")
     if count := int((~np.isfinite(vertices).all(axis=1)).sum()):
-        raise FormatError(
-            f"{path}: {count} of {len(vertices)} vertices are not finite; remove them, with MeshLab say, and export again"
-        )
+        raise FormatError(f"{path}: {count} of {len(vertices)} vertices are not finite; remove them, with MeshLab say")
     merged, renamed = np.unique(vertices, axis=0, return_inverse=True)
     return merged, renamed.reshape(-1)[faces].astype(np.int32)
 

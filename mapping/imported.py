@@ -50,8 +50,8 @@ def space(mesh: ForeignMesh, voxel_m: float, observed_world_m: FloatArray) -> Sp
     if grid.voxels > MOST_VOXELS:
         fitting_m = 1.05 * voxel_m * (grid.voxels / MOST_VOXELS) ** (1 / 3)
         raise InputError(
-            f"voxels of {voxel_m:g} m would be {grid.voxels / 1e6:,.0f} million, at most {MOST_VOXELS / 1e6:g} million: "
-            f"take --voxel {fitting_m:.2g}, or cut the mesh"
+            f"voxels of {voxel_m:g} m would be {grid.voxels / 1e6:,.0f} million, at most {MOST_VOXELS / 1e6:g} "
+            f"million: take --voxel {fitting_m:.2g}, or cut the mesh"
         )
     surface = triangles.touched(mesh.vertices_world_m, mesh.faces, grid)
     state = np.where(surface, np.uint8(OCCUPIED), np.uint8(UNKNOWN))

@@ -162,8 +162,8 @@ def read_folder(
         depths: folder of depth images, see `depth_images`.
 
     Raises:
-        InputError: no such folder, no camera, fewer than `minimum` instants, a damaged image, or one of another size than its
-            camera's; a mask or a depth image that is missing or does not fit; times of other images.
+        InputError: no such folder, no camera, fewer than `minimum` instants, a damaged image, or one of another size
+            than its camera's; a mask or a depth image that is missing or does not fit; times of other images.
     """
     folder = Path(folder)
     for place in (folder, masks, depths and depths.folder):

@@ -27,5 +27,20 @@ def command() -> None:
     """
 
 
-for verb in (build, check, report, show_esdf, measure, again, edit, crop, origin, align, merge, texture, import_, export):
+for verb in (
+    build,
+    check,
+    report,
+    show_esdf,
+    measure,
+    again,
+    edit,
+    crop,
+    origin,
+    align,
+    merge,
+    texture,
+    import_,
+    export,
+):
     command.add_command(verb)
