@@ -386,7 +386,7 @@ static void emergency_landing(void) {
     c.telemetry.time_us += 10000000u;
     must(near(tc_emergency_thrust(&c), 9.53f, 1e-4f), "0.07 % less a second");
     c.telemetry.estimate.valid = TC_VALID_POSE;
-    must(near(tc_emergency_thrust(&c), 9.4f, 1e-4f), "without accelerometer 0.2 %");
+    must(near(tc_emergency_thrust(&c), 9.63f, 1e-4f), "without accelerometer 1 % more, as it is pressed down in turn");
     c.telemetry.estimate.valid = TC_VALID_ALL;
     c.telemetry.time_us += 200000000u;
     must(near(tc_emergency_thrust(&c), 8.8f, 1e-4f), "down to 8 % less");
@@ -411,7 +411,7 @@ static void fall_that_is_reckoned(void) {
     must(near(tc_emergency_thrust(&c), 9.6f, 1e-4f), "and no longer");
     c.telemetry.reckoning_s = 4.0f;
     c.telemetry.estimate.valid = TC_VALID_POSE;
-    must(near(tc_emergency_thrust(&c), 9.6f, 1e-4f), "not without an accelerometer");
+    must(near(tc_emergency_thrust(&c), 9.7f, 1e-4f), "not without an accelerometer");
     c.telemetry.estimate.valid = TC_VALID_ALL;
     c.landing.touched = true;
     must(near(tc_emergency_thrust(&c), 0.8f * 9.6f + 3.0f * c.parameters.mass_kg, 1e-3f), "after an impact, too");
