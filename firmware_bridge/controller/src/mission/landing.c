@@ -6,7 +6,7 @@ static const float LEAD_M = 0.25f;             /* the set-point is at most so fa
 static const float LEAD_NEAR_M = 0.05f;        /* of that, for the noise of the estimate */
 static const float SPEED_UP_M_S2 = 0.02f;      /* a biased vertical velocity must not keep it up for ever */
 static const float FASTEST_M_S = 1.0f;         /* that far, unless the parameter asks for more */
-static const float VERTICAL_BRAKE_M_S2 = 2.0f; /* towards the descent's speed */
+static const float VERTICAL_BRAKE_M_S2 = 2.0f; /* towards the descent's speed; out of a fall brake_m_s2, if more */
 static const float BRAKING_M_S = 1.0f;         /* horizontal: it keeps its height until it is slower */
 static const float CONTACT_S = 0.12f;          /* it must seem to be on something for this long */
 static const float CONTACT_SPEED_M_S = 0.5f;   /* horizontal */
@@ -58,13 +58,13 @@ static const float TEST_RAD_S2 =
     8.0f; /* of the torque, over the inertia: 12 still rocks a body that stands on little */
 static const uint32_t TEST_HALF_US = 120000u;
 static const float TEST_PERIOD_S = 0.24f;
-static const float TEST_LEAK_S = 0.2f;     /* of the rate that the torque predicts: what is slower is no answer */
-static const float TEST_ANSWER = 0.6f;     /* of what is predicted: less is the ground's doing */
-static const float PRESS = 0.12f;          /* of the hover thrust, */
-static const float PRESS_EVERY_S = 1.5f;   /* so long after the last time, */
-static const float PRESS_SETTLE_S = 0.36f; /* and judged after this: until then it falls, and bounces */
+static const float TEST_LEAK_S = 0.2f;      /* of the rate that the torque predicts: what is slower is no answer */
+static const float TEST_ANSWER = 0.6f;      /* of what is predicted: less is the ground's doing */
+static const float PRESS = 0.12f;           /* of the hover thrust, */
+static const float PRESS_EVERY_S = 1.5f;    /* so long after the last time, */
+static const float PRESS_SETTLE_S = 0.36f;  /* and judged after this: until then it falls, and bounces */
 static const float PRESS_LESS_SINK = 0.01f; /* between: what they add to the descent, by a third */
-static const float UNKNOWN_LAG_S = 0.025f; /* of rotors whose lag nobody has learnt */
+static const float UNKNOWN_LAG_S = 0.025f;  /* of rotors whose lag nobody has learnt */
 
 static float weight_n(const tc_controller* c) { return c->parameters.mass_kg * c->parameters.gravity_m_s2; }
 
@@ -99,7 +99,8 @@ static void command_speed(tc_controller* c, float step_s) {
     const float* along = c->telemetry.setpoint.velocity_world_m_s;
     const bool braking = along[0] * along[0] + along[1] * along[1] > BRAKING_M_S * BRAKING_M_S;
     const float wanted = braking ? 0.0f : tc_min(asked + SPEED_UP_M_S2 * since_s, tc_max(asked, FASTEST_M_S));
-    const float change = VERTICAL_BRAKE_M_S2 * step_s;
+    const bool falls = landing->speed_m_s > tc_max(asked, FASTEST_M_S);
+    const float change = (falls ? tc_max(c->parameters.brake_m_s2, VERTICAL_BRAKE_M_S2) : VERTICAL_BRAKE_M_S2) * step_s;
     landing->speed_m_s += tc_clamp(wanted - landing->speed_m_s, -change, change);
 }
 

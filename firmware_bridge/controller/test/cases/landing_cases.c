@@ -89,6 +89,16 @@ static void descent(void) {
     come_down(3.0f);
     must(near(c.landing.speed_m_s, 1.5f, 1e-4f), "unless more is asked for");
     must(c.landing.stage == TC_LANDING_DESCEND, "a vehicle that follows is not on the ground");
+    static const struct {
+        float brake_m_s2, after_m_s;
+    } falls[] = {{4.0f, 4.0f}, {0.5f, 5.0f}}; /* from 6 m/s, in half a second */
+    for (unsigned i = 0; i < 2u; i++) {
+        begin(TC_LANDING, true);
+        c.landing.speed_m_s = 6.0f;
+        c.parameters.brake_m_s2 = falls[i].brake_m_s2;
+        come_down(0.5f);
+        must(near(c.landing.speed_m_s, falls[i].after_m_s, 0.03f), "a fall is braked as a path is, or by 2 m/s^2");
+    }
     begin(TC_LANDING, true);
     c.telemetry.setpoint.velocity_world_m_s[2] = -3.0f;
     c.telemetry.setpoint.acceleration_world_m_s2[2] = c.telemetry.setpoint.jerk_world_m_s3[2] = 9.0f;
@@ -103,7 +113,7 @@ static void descent(void) {
              c.landing.airborne_us == 3000000u,
          "all times from now");
     step();
-    must(near(c.landing.speed_m_s, 3.0f - 2.0f * STEP_S, 1e-4f), "and slows down as gently");
+    must(near(c.landing.speed_m_s, 3.0f - c.parameters.brake_m_s2 * STEP_S, 1e-4f), "and brakes as a path does");
     must(near(c.telemetry.setpoint.acceleration_world_m_s2[2], 0.0f, 0.0f) &&
              near(c.telemetry.setpoint.jerk_world_m_s3[2], 0.0f, 0.0f) &&
              near(c.telemetry.setpoint.snap_world_m_s4[2], 0.0f, 0.0f),
