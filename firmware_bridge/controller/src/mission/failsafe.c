@@ -103,22 +103,23 @@ static void observe_fence(tc_controller* c) {
     }
 }
 
+/* Why it may not go on with what it flies; a landing goes on as long as it tracks. */
+static tc_reason why_land(const tc_controller* c) {
+    const uint8_t state = c->mission.state;
+    if (state != TC_EMERGENCY && tc_supervisor_gives_up(&c->supervisor, c->telemetry.time_us)) return TC_TRACKING_LOST;
+    if (state == TC_LANDING) return TC_OK;
+    if (state != TC_TAKE_OFF && tc_stands(c)) return TC_GROUNDED;
+    if (c->monitor.drifts) return TC_POSE_DRIFTS;
+    return tc_gyro_axis_is_gone(c) ? TC_GYRO_AXIS : TC_OK;
+}
+
 static void observe_tracking(tc_controller* c) {
     const bool on_path = tc_mission_on_path(c->mission.state);
     if (on_path && tc_norm(c->supervisor.shift) > tc_clearance(c)) {
         (void)tc_post(c, TC_EVENT_RELOCALIZED, TC_RELOCALIZED);
     }
-    if (c->mission.state != TC_EMERGENCY && tc_supervisor_gives_up(&c->supervisor, c->telemetry.time_us)) {
-        (void)tc_post(c, TC_EVENT_TRACKING_LOST, TC_TRACKING_LOST);
-    } else if (c->mission.state != TC_LANDING && c->mission.state != TC_TAKE_OFF && tc_stands(c)) {
-        (void)tc_post(c, TC_EVENT_TRACKING_LOST, TC_GROUNDED);
-    } else if (c->mission.state != TC_LANDING && c->monitor.drifts) {
-        (void)tc_post(c, TC_EVENT_TRACKING_LOST, TC_POSE_DRIFTS);
-    } else if (c->mission.state != TC_LANDING && tc_gyro_axis_is_gone(c)) {
-        (void)tc_post(c, TC_EVENT_TRACKING_LOST, TC_GYRO_AXIS);
-    } else {
-        /* tracked */
-    }
+    const tc_reason reason = why_land(c);
+    if (reason != TC_OK) (void)tc_post(c, TC_EVENT_TRACKING_LOST, reason);
 }
 
 bool tc_falls(const tc_controller* c) {

@@ -187,11 +187,11 @@ static float blind_thrust(const tc_controller* c) {
     const tc_parameters* p = &c->parameters;
     const float reckoned_s = c->telemetry.reckoning_s;
     const float since_s = tc_seconds(c->telemetry.time_us - c->landing.began_us);
-    const float pressed = only_turns(c) ? (c->landing.pressing ? PRESS : 0.0f) - PRESS_LESS_SINK : 0.0f;
+    const bool felt = force_given(c), touched = c->landing.touched;
+    const float pressed = felt ? 0.0f : (c->landing.pressing ? PRESS : 0.0f) - PRESS_LESS_SINK;
     const float share = p->emergency_sink - tc_min(SINK_MORE_1_S * since_s, SINK_MOST) - pressed;
-    const bool touched = c->landing.touched;
     float fall_m_s = touched ? 0.0f : c->landing.gained_m_s;
-    if (force_given(c) && reckoned_s < FALL_KNOWN_S) {
+    if (felt && reckoned_s < FALL_KNOWN_S) {
         const float sink_m_s = -c->telemetry.estimate.velocity_world_m_s[2];
         fall_m_s = tc_max(fall_m_s, sink_m_s - (FALL_M_S + FALL_DRIFT_M_S2 * reckoned_s));
     }
