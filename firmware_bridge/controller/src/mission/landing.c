@@ -152,7 +152,8 @@ static void measure_answer(tc_controller* c, float step_s) {
 static void begin_period(tc_landing* l, bool pressing, bool silent) {
     l->pressing = pressing;
     l->silent = silent;
-    l->expected_rad = l->found_rad = 0.0f;
+    l->expected_rad = 0.0f;
+    l->found_rad = 0.0f;
 }
 
 /* Whether it has given no answer for two periods, pressed down. */
