@@ -10,7 +10,7 @@
 
    Whatever bounces or vibrates: where 2 s of descent bring it no lower by 0.1 m, one UNLOAD is judged by height alone,
    and ends with the rotors stopped unless the vehicle falls by 0.15 m. So does what stands: over
-   a second it misses 0.4 g of the fall that the thrust asked for would be. A blind descent gives back the speed that
+   a second it misses 0.3 g of the fall that the thrust asked for would be. A blind descent gives back the speed that
    each UNLOAD costs. Without vertical velocity (an emergency) only the accelerometer can tell: an impact, or every
    second, starts UNLOAD; without an accelerometer the gyro does, as a small roll torque to and fro turns no vehicle
    that stands on its feet. Each 1.5 s it is pressed down for that, by 0.12 of the hover thrust, and must be silent for
