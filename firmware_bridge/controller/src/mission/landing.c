@@ -98,9 +98,10 @@ static void command_speed(tc_controller* c, float step_s) {
     const float asked = c->parameters.landing_m_s;
     const float* along = c->telemetry.setpoint.velocity_world_m_s;
     const bool braking = along[0] * along[0] + along[1] * along[1] > BRAKING_M_S * BRAKING_M_S;
-    const float wanted = braking ? 0.0f : tc_min(asked + SPEED_UP_M_S2 * since_s, tc_max(asked, FASTEST_M_S));
-    const bool falls = landing->speed_m_s > tc_max(asked, FASTEST_M_S);
-    const float change = (falls ? tc_max(c->parameters.brake_m_s2, VERTICAL_BRAKE_M_S2) : VERTICAL_BRAKE_M_S2) * step_s;
+    const float most = tc_max(asked, FASTEST_M_S);
+    const float wanted = braking ? 0.0f : tc_min(asked + SPEED_UP_M_S2 * since_s, most);
+    const float fall_m_s2 = landing->speed_m_s > most ? c->parameters.brake_m_s2 : 0.0f;
+    const float change = tc_max(fall_m_s2, VERTICAL_BRAKE_M_S2) * step_s;
     landing->speed_m_s += tc_clamp(wanted - landing->speed_m_s, -change, change);
 }
 
@@ -165,10 +166,13 @@ static bool stands_by_test(tc_controller* c, float step_s) {
         return false;
     }
     measure_answer(c, step_s);
-    if (!l->pressing || !tc_lasts(c, l->pressed_us, PRESS_SETTLE_S)) {
-        const bool begins = !l->pressing && tc_lasts(c, l->pressed_us, PRESS_EVERY_S);
-        if (begins) l->pressed_us = c->telemetry.time_us;
-        begin_period(l, l->pressing || begins, false);
+    if (!tc_lasts(c, l->pressed_us, l->pressing ? PRESS_SETTLE_S : PRESS_EVERY_S)) {
+        begin_period(l, l->pressing, false);
+        return false;
+    }
+    if (!l->pressing) {
+        l->pressed_us = c->telemetry.time_us;
+        begin_period(l, true, false);
         return false;
     }
     if (!tc_lasts(c, l->pressed_us, PRESS_SETTLE_S + (l->silent ? 2.0f : 1.0f) * TEST_PERIOD_S)) return false;
