@@ -406,7 +406,7 @@ def test_a_pose_that_freezes_in_a_landing_is_not_the_ground(body, after_s):
 
 
 def test_a_hover_that_a_missed_reset_sent_to_the_ground_lands(body):
-    """Its estimate stands a little above the set-point: two thirds of the weight are asked for, the rest is on the feet."""
+    """Its estimate stands a little above the set-point: two thirds of the weight are asked for, a third is carried."""
     for seed in range(6):
         missed = Fault(Kind.RESET_MISSED, (0.2, 0.1, 1.53), 0.5)
         world = {"wind_m_s": (1.5, 1.5, 0.0), "gust_std_m_s": 0.8}

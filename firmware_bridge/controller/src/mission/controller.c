@@ -290,10 +290,6 @@ static tc_reason estimate_reason(uint8_t faults) {
     return (faults & (uint32_t)TC_FAULT_POSITION_STALE) != 0u ? TC_ESTIMATE_STALE : TC_OK;
 }
 
-bool tc_lasts(const tc_controller* c, uint64_t since_us, float limit_s) {
-    return tc_seconds(c->telemetry.time_us - since_us) > limit_s;
-}
-
 /* Controller time goes on by the caller's step. A clock that stands, or has gone back by a little (jitter), is waited
    for during some ticks of no length; then, and after any larger step, it is taken up anew, and the tick is as long as
    the last good one. Returns whether the step was possible. */

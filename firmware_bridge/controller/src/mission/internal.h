@@ -5,7 +5,7 @@
 #include "../base/maths.h"
 #include "goshawk_controller/controller.h"
 
-/* controller.c: whether it has been so for longer than this; `since_us` in controller time. */
+/* lasting.c: whether it has been so for longer than this; `since_us` in controller time. */
 bool tc_lasts(const tc_controller* c, uint64_t since_us, float limit_s);
 
 /* estimate.c: takes what is usable of `estimate`, dead reckons the rest, folds relocalizations into the set-point, and
