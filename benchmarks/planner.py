@@ -148,7 +148,7 @@ def best_of_starts(
 ) -> float:
     """The shortest flight of eight: other prices to begin with, other times to start from."""
     asked = replace(planner.PlanOptions() if options is None else options, starts=MOST_STARTS)
-    with mock.patch.multiple(descents, _MOST=1500, _FIRST=1500, _PRECISION=1e-6, _KINKED=1e-6):
+    with mock.patch.multiple(descents, _MOST=1500, _FIRST=1500, _PRECISION=1e-6, _KINKED=1e-6, _STEEP=1e-6):
         return planner.plan(waypoints, field, drone, asked).trajectory.duration_s
 
 

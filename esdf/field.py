@@ -100,12 +100,10 @@ class SampledField(ABC):
     def proven_from_value(self, points_world_m: FloatArray, value_m: FloatArray) -> FloatArray:
         """`proven_distance`, given what `distance` returned at these points."""
         slack = self.grid.half_diagonal_m
-        # Below a voxel's half diagonal only the Lipschitz bound holds; above it the better of the two.
+        # Below a voxel's half diagonal only the Lipschitz bound holds; above it the other one is never lower.
         # 1e-6: single precision in values and interpolation.
-        lipschitz = value_m - slack
         concave = np.sqrt(np.maximum(value_m * value_m - slack * slack, 0.0))
-        bound = np.where(value_m > slack, np.maximum(concave, lipschitz), lipschitz)
-        bound = bound - 1e-6 * (1.0 + np.abs(value_m))
+        bound = np.where(value_m > slack, concave, value_m - slack) - 1e-6 * (1.0 + np.abs(value_m))
         half = 0.5 * np.array(self.grid.voxel_m)
         low, high = self.grid.low_world_m + half, self.grid.high_world_m - half
         if not len(points_world_m) or ((points_world_m >= low) & (points_world_m <= high)).all():

@@ -47,6 +47,7 @@ _STATE_FORMAT, _STATE_VERSION = "goshawk-sitl-state", 1
 _CHALLENGE_ID = Ping.ID.to_bytes(3, "little")
 _DATAGRAMS_AT_ONCE = 64  # then the controller has its turn: a flood must not keep it from flying
 _BATCH_S = 0.004  # how long the plant may run before the socket is looked after again
+_GROUND_PAUSE_S = 0.02  # with the rotors off: to wake costs more than the ticks then due, and a datagram wakes at once
 _BEHIND_S = 0.05  # lag behind the clock that is no longer made up for
 
 
@@ -290,6 +291,8 @@ class SitlVehicle:
                     self._keep_stamp()
             if rate > 0.0:
                 pause_s = (self.time_s + self._tick_us * 1e-6 - vehicle_s) / rate - (time.monotonic() - wall_s)
+                if pause_s > 0.0 and not self._command.any():
+                    pause_s = max(pause_s, _GROUND_PAUSE_S)
                 soonest_s = min(self._up.next_s(), self._down.next_s()) - time.monotonic()
                 select.select([self._socket], [], [], max(0.0, min(pause_s, soonest_s, 0.05)))
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import spatial
 
 from flight import InputError, Progress, results, silent
 from mapping import child
@@ -78,6 +77,8 @@ def add_texture(
             given.
         MapError: the mesh cannot be flattened.
     """
+    from scipy import spatial
+
     options = options or TextureOptions()
     out = known.folder / FILE
     results.require_free(out, overwrite=overwrite)

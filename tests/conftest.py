@@ -27,10 +27,6 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-LONGEST_FIRST = (
-    "tests/sysid", "tests/test_examples.py", "tests/goshawk", "tests/gcs_web", "tests/firmware_bridge", "tests/mapping",
-)  # fmt: skip
-"""Long files go to the workers first, or one of them works on while the others have nothing left."""
 REAL_TIME = (
     "tests/firmware_bridge/link", "tests/gcs_web/test_page.py", "tests/goshawk/commands/fly/test_vehicle_verbs.py",
     "tests/goshawk/demo/test_chain.py",
@@ -51,10 +47,17 @@ def pytest_collection(session: pytest.Session) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    order = (*REAL_TIME, *LONGEST_FIRST)
-    places = [item.path.relative_to(item.config.rootpath).as_posix() for item in items]
-    ranks = [next((i for i, p in enumerate(order) if place.startswith(p)), 99) for place in places]
-    items[:] = [items[i] for i in sorted(range(len(items)), key=lambda i: (ranks[i], places[i]))]
+    """Long files go to the workers first, or one of them works on while the others have nothing left."""
+    from tests import quick  # a plugin, which pytest imports first
+
+    took_s = quick.elsewhere_s()
+
+    def turn(item: pytest.Item) -> tuple[int, float, str]:
+        place = item.path.relative_to(item.config.rootpath).as_posix()
+        clocked = next((i for i, start in enumerate(REAL_TIME) if place.startswith(start)), None)
+        return (len(REAL_TIME), -took_s.get(place, 0.0), place) if clocked is None else (clocked, 0.0, place)
+
+    items.sort(key=turn)
 
 
 @pytest.hookimpl(optionalhook=True)  # of pytest-xdist

@@ -1,6 +1,7 @@
 """The floors of docs/explain/architecture.md: who may import whom. A climb fails here, by file and line."""
 
 import ast
+import functools
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -91,8 +92,11 @@ FLOORS = {
 CODE = {".py", ".c", ".h", ".cpp", ".hpp", ".ts", ".tsx"}
 NOT_PRODUCT = {"generated", "node_modules", "test"}
 GROUND_FLOOR_LIBRARIES = {"numpy", "pyarrow", "tomli_w"}
-HEAVY = {"open3d", "pycolmap", "matplotlib", "viser", "scipy.optimize", "osqp", "ompl", "aiohttp", "pyarrow"}
-WITHOUT_SCIPY = {"flight", "esdf", "vehicle", "planner", "sysid"}
+HEAVY = {
+    "open3d", "pycolmap", "matplotlib", "viser", "scipy.optimize", "scipy.signal", "scipy.stats", "osqp", "ompl",
+    "aiohttp", "pyarrow",
+}  # fmt: skip
+WITHOUT_SCIPY = {"flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge", "gcs_web"}
 """Packages that import no SciPy either until they need it: half a second or more of processor time."""
 
 
@@ -102,8 +106,18 @@ def typing_only(tree: ast.AST) -> set[int]:
     return {id(node) for block in blocks for node in ast.walk(block)}
 
 
-def imports(tree: ast.AST) -> Iterator[tuple[str, int, bool]]:
+@functools.cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
+
+
+@functools.cache
+def imports(tree: ast.AST) -> tuple[tuple[str, int, bool], ...]:
     """Every imported module, its line, and whether it is imported when the file is (not inside a function)."""
+    return tuple(_imports(tree))
+
+
+def _imports(tree: ast.AST) -> Iterator[tuple[str, int, bool]]:
     inner = {
         id(n) for f in ast.walk(tree) if isinstance(f, ast.FunctionDef | ast.AsyncFunctionDef) for n in ast.walk(f)
     }
@@ -118,16 +132,20 @@ def imports(tree: ast.AST) -> Iterator[tuple[str, int, bool]]:
             yield node.module or "", node.lineno, at_import
 
 
+@functools.cache
+def import_statements(tree: ast.AST) -> list[ast.Import | ast.ImportFrom]:
+    """Those that are run, now or later."""
+    unused = typing_only(tree)
+    return [n for n in ast.walk(tree) if isinstance(n, ast.Import | ast.ImportFrom) and id(n) not in unused]
+
+
 def imported_modules(tree: ast.AST, modules: set[str]) -> set[str]:
     """Which of `modules` a file runs, now or later: `from package import name` runs the module `name`, if it is one."""
-    unused = typing_only(tree)
     found: set[str] = set()
-    for node in ast.walk(tree):
-        if id(node) in unused:
-            continue
+    for node in import_statements(tree):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
+        elif node.module:
             inside = {f"{node.module}.{alias.name}" for alias in node.names}
             found |= {name if name in modules else node.module for name in inside}
     return found & modules
@@ -173,7 +191,7 @@ def test_imports_only_go_down(package):
     climbs = [
         f"{path.relative_to(ROOT)}:{line} imports {module}"
         for path in files(package)
-        for module, line, _ in imports(ast.parse(path.read_text()))
+        for module, line, _ in imports(parsed(path))
         if (top := module.split(".")[0]) in MAY_IMPORT and top != package and top not in MAY_IMPORT[package]
     ]
     assert not climbs
@@ -184,7 +202,7 @@ def test_rooms_import_only_rooms_below_them(room):
     climbs = [
         f"{path.relative_to(ROOT)}:{line} imports {module}"
         for path in files(room.replace(".", "/"))
-        for module, line, _ in imports(ast.parse(path.read_text()))
+        for module, line, _ in imports(parsed(path))
         if module.split(".")[0] == room.split(".")[0]
         and (other := room_of(module))
         and other != room
@@ -204,7 +222,7 @@ def test_rooms_in_a_folder_import_only_what_stands_below_them(folder):
     climbs = [
         f"{name} imports {other}"
         for name, path in places.items()
-        for other in imported_modules(ast.parse(path.read_text()), set(places))
+        for other in imported_modules(parsed(path), set(places))
         if name != folder and floor(other) < floor(name)
     ]
     assert not climbs
@@ -218,7 +236,7 @@ def test_modules_of_a_package_do_not_import_each_other_in_a_circle(package):
     places = modules_of(package)
     places |= {f"{package}.{stub.stem}": stub for stub in (ROOT / package).glob("_*.pyi")}
     modules = set(places)
-    graph = {name: imported_modules(ast.parse(path.read_text()), modules) for name, path in places.items()}
+    graph = {name: imported_modules(parsed(path), modules) for name, path in places.items()}
     assert not circles(graph)
 
 
@@ -276,7 +294,7 @@ def test_the_ground_floor_needs_only_numpy_and_file_libraries():
     foreign = [
         f"{path.name}:{line} imports {module}"
         for path in files("flight")
-        for module, line, _ in imports(ast.parse(path.read_text()))
+        for module, line, _ in imports(parsed(path))
         if module.split(".")[0] not in sys.stdlib_module_names | GROUND_FLOOR_LIBRARIES | {"flight"}
     ]
     assert not foreign
@@ -289,7 +307,7 @@ def test_heavy_libraries_wait_until_they_are_needed(package):
     eager = [
         f"{path.relative_to(ROOT)}:{line} imports {module}"
         for path in files(package)
-        for module, line, at_import in imports(ast.parse(path.read_text()))
+        for module, line, at_import in imports(parsed(path))
         if at_import and any(module == library or module.startswith(library + ".") for library in heavy)
     ]
     assert not eager

@@ -23,8 +23,8 @@ def test_the_tests_of_a_file_stay_on_one_worker_and_flights_by_the_clock_on_one(
         path = tmp_path / "tests" / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(RECORDING.replace("NAME", repr(name)).replace("parents[3]", f"parents[{name.count('/') + 1}]"))
-    for module in ("conftest.py", "quick.py"):
-        shutil.copy(Path(__file__).with_name(module), tmp_path / "tests")
+    for name in ("conftest.py", "quick.py", "seconds.toml"):
+        shutil.copy(Path(__file__).with_name(name), tmp_path / "tests")
     (tmp_path / "pytest.ini").write_text("[pytest]\naddopts = --import-mode=importlib\n")
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
     command = [sys.executable, "-m", "pytest", "-n", "2", "--dist", "loadscope", "--no-loadscope-reorder", "tests"]

@@ -17,6 +17,14 @@ def until(condition: Callable[[], object], what: str = "what it waits for", *, p
         time.sleep(pause_s)
 
 
+def within(patience_s: float, condition: Callable[[], object], *, pause_s: float = 0.05) -> bool:
+    """Whether the condition came to hold; then what should bring it about is tried again."""
+    end_s = time.monotonic() + patience_s
+    while not (holds := bool(condition())) and time.monotonic() < end_s:
+        time.sleep(pause_s)
+    return holds
+
+
 def goshawk(*arguments: object) -> subprocess.CompletedProcess[str]:
     """Run the command line as a program of its own, to its end."""
     command = [sys.executable, "-m", "goshawk", *map(str, arguments)]

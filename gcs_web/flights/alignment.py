@@ -6,7 +6,6 @@ Pure functions of sampled signals. Every answer may be that the signals do not s
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import fftconvolve
 
 from flight import FloatArray, InputError
 from gcs_web.flights import pyramid
@@ -154,6 +153,8 @@ def _masked_correlation(a: FloatArray, b: FloatArray) -> FloatArray:
     a, b = a / a[seen_a].std(), b / b[seen_b].std()
 
     def sums(left: FloatArray, right: FloatArray) -> FloatArray:
+        from scipy.signal import fftconvolve  # half of what the station's processes would import
+
         return fftconvolve(left, right[::-1])
 
     count = np.round(sums(seen_a.astype(float), seen_b.astype(float)))

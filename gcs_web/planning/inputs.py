@@ -1,5 +1,6 @@
 """The map and the vehicle that plans are checked against, and whether their files have changed since."""
 
+import functools
 import logging
 import os
 import threading
@@ -37,9 +38,15 @@ def signature(folder: Path) -> Signature:
 
 def _effect_files(opened: project.Project) -> tuple[Path, ...]:
     try:
-        return vehicle.effect_files(opened.vehicle)
-    except FlightError:  # said where the vehicle is read
+        status = opened.vehicle.stat()
+        return _named_in(opened.vehicle, status.st_mtime_ns, status.st_size)
+    except (FlightError, OSError):  # said where the vehicle is read
         return ()
+
+
+@functools.lru_cache(maxsize=8)
+def _named_in(vehicle_file: Path, _changed_ns: int, _size: int) -> tuple[Path, ...]:
+    return vehicle.effect_files(vehicle_file)
 
 
 def doubt(area: mapping.Map) -> str:

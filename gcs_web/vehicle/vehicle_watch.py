@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 import firmware_bridge
@@ -69,6 +70,10 @@ class VehicleWatch:
 
     def state(self) -> Vehicle:
         """What the page shows of the vehicle."""
+        return self._with_checks(self._heard())
+
+    def _heard(self) -> Vehicle:
+        """The state without the arming checks, which read the plan and its files."""
         said = self._link.state if self._link is not None else None
         if said is None:
             return Vehicle("lost", name=self.url, reason=self._problem)
@@ -93,15 +98,15 @@ class VehicleWatch:
             speed_m_s=float(np.linalg.norm(said.velocity_world_m_s)),
             along_s=said.trajectory_time_s if said.trajectory_time_s >= 0.0 else None,
             duration_s=None if self._flown is None else self._flown.trajectory.duration_s,
-            checks=self._checks() if mission in _GROUND and link == "fresh" else [],
             reason=said.reason,
         )
 
-    def _checks(self) -> list[ArmingCheck]:
-        if not self._parameters:
-            return []
+    def _with_checks(self, heard: Vehicle) -> Vehicle:
+        if heard.mission not in _GROUND or heard.link != "fresh" or not self._parameters:
+            return heard
         found = self.link.arming_checks(self._parameters, self.plan_start())
-        return [ArmingCheck(each.name, each.passed, each.finding, each.remedy) for each in found]
+        checks = [ArmingCheck(each.name, each.passed, each.finding, each.remedy) for each in found]
+        return msgspec.structs.replace(heard, checks=checks)
 
     def require_fit(self) -> None:
         """
@@ -236,14 +241,14 @@ class VehicleWatch:
             try:
                 if self._link is None:
                     self._connect()
-                now = self.state()
+                now = self._heard()
                 said = self._link.state if self._link is not None else None
                 if said is not None and now.link == "fresh":
                     self.on_pose(said.position_world_m, said.q_world_body)
                     self.on_setpoint(self._setpoint(said))
                 if now != told and (_changed(now, told) or time.monotonic() - told_s > _QUIET_S):
                     told, told_s = now, time.monotonic()
-                    self.on_state(now)
+                    self.on_state(self._with_checks(now))
             except Exception:  # whatever the vehicle says, the watch goes on
                 logger.exception("the vehicle's state could not be shown")
                 told = Vehicle("lost", name=self.url, reason="its state could not be read; see the log")

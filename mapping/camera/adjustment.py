@@ -10,15 +10,18 @@ import functools
 import operator
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse as sp
 
 from flight import FloatArray, frames, rotations
 from mapping.camera import errors
 from mapping.camera.errors import PLAUSIBLE, Candidate, State
 from mapping.camera.normal_equations import Points, Reduced, Rows, Sums, eliminate_points
 from mapping.camera.rig import Rig
+
+if TYPE_CHECKING:
+    from scipy import sparse as sp
 
 FOLDS = 5
 """Groups of points; each is judged with what the others say."""
@@ -145,7 +148,7 @@ class Normal:
             self._withheld = [self._reduce(m, g).marginal for m, g in parts]
             self._training = [self._reduce(whole.matrix - m, whole.gradient - g).marginal for m, g in parts]
 
-    def _reduce(self, matrix: sp.csr_matrix, gradient: FloatArray) -> "Reduced":
+    def _reduce(self, matrix: "sp.csr_matrix", gradient: FloatArray) -> "Reduced":
         return Reduced.of(matrix, gradient, 6 * len(self._placed))
 
     def _unknowns(self, chosen: Iterable[Candidate]) -> np.ndarray:

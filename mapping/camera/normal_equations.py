@@ -1,13 +1,14 @@
 """Normal equations of a bundle adjustment in blocks: points, poses and calibration eliminated in turn."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import sparse as sp
-from scipy.sparse.linalg import splu
 
 from flight import FloatArray
+
+if TYPE_CHECKING:
+    from scipy import sparse as sp
 
 _RIDGE = 1e-9
 _POSE_RIDGE = 1e-10
@@ -34,9 +35,9 @@ class Rows:
 class Sums:
     """Normal equations in poses and calibration, the points eliminated."""
 
-    matrix: sp.csr_matrix
+    matrix: "sp.csr_matrix"
     """(6 instants + p, 6 instants + p)."""
-    scores: sp.csr_matrix
+    scores: "sp.csr_matrix"
     """(6 instants + p, images): the gradient, apart for the matches of each image."""
 
     @property
@@ -54,9 +55,9 @@ class Points:
 
     numbers: np.ndarray
     """(points,)."""
-    inverse: sp.csr_matrix
+    inverse: "sp.csr_matrix"
     """Of the curvature in each point, a block of 3 rows for each."""
-    coupling: sp.csr_matrix
+    coupling: "sp.csr_matrix"
     """(3 points, 6 instants + p)."""
     gradient: FloatArray
     """(3 points,)."""
@@ -81,6 +82,8 @@ def eliminate_points(
         placed: instants with a pose; whitening: (o,) of each row in use: root of its weight over the noise.
         of_rig: how many instants and cameras there are.
     """
+    from scipy import sparse as sp
+
     point = np.searchsorted(points, index[:, 0])
     instant = np.searchsorted(placed, index[:, 1])
     by_point = rows.point * whitening[:, None, None]
@@ -124,8 +127,11 @@ class Reduced:
     """(6 instants, p) by which that step falls per unit of the calibration."""
 
     @staticmethod
-    def of(matrix: sp.csr_matrix, gradient: FloatArray, n: int) -> "Reduced":
+    def of(matrix: "sp.csr_matrix", gradient: FloatArray, n: int) -> "Reduced":
         """Eliminate the first n unknowns; the six directions that move the whole map are held by a small ridge."""
+        from scipy import sparse as sp
+        from scipy.sparse.linalg import splu
+
         pose = sp.csc_matrix(matrix[:n, :n])
         ridge = _POSE_RIDGE * float(pose.diagonal().mean()) + _RIDGE
         options = {"SymmetricMode": True}
@@ -139,25 +145,33 @@ class Reduced:
         return Reduced(marginal, factor, poses, poses_by)
 
 
-def _blocks(values: FloatArray, column: np.ndarray, count: int) -> sp.csr_matrix:
+def _blocks(values: FloatArray, column: np.ndarray, count: int) -> "sp.csr_matrix":
     """(o, 2, w) blocks as rows (2o) of a sparse matrix with `count` blocks of w columns."""
+    from scipy import sparse as sp
+
     rows, height, width = values.shape
     columns = np.repeat(column[:, None] * width + np.arange(width), height, axis=0)
     starts = np.arange(0, rows * height * width + 1, width)
     return sp.csr_matrix((values.reshape(-1), columns.reshape(-1), starts), shape=(rows * height, count * width))
 
 
-def _columns(values: FloatArray) -> sp.csr_matrix:
+def _columns(values: FloatArray) -> "sp.csr_matrix":
+    from scipy import sparse as sp
+
     rows, height, width = values.shape
     return sp.csr_matrix(values.reshape(rows * height, width))
 
 
-def _by_group(residual: FloatArray, group: np.ndarray, count: int) -> sp.csr_matrix:
+def _by_group(residual: FloatArray, group: np.ndarray, count: int) -> "sp.csr_matrix":
     """Residuals (2o,), each in the column of its observation's group (o,): (2o, count)."""
+    from scipy import sparse as sp
+
     return sp.csr_matrix((residual, np.repeat(group, 2), np.arange(len(residual) + 1)), shape=(len(residual), count))
 
 
-def _block_diagonal(blocks: FloatArray) -> sp.csr_matrix:
+def _block_diagonal(blocks: FloatArray) -> "sp.csr_matrix":
+    from scipy import sparse as sp
+
     count, size, _ = blocks.shape
     columns = (np.arange(count)[:, None, None] * size + np.arange(size)).repeat(size, axis=1)
     starts = np.arange(0, count * size * size + 1, size)

@@ -12,11 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array, csgraph
-from scipy.spatial import KDTree
 
 import esdf
 from flight import FloatArray, Progress, frames, silent
+from mapping import connected
 from mapping.camera.rig import Camera, Rig
 from mapping.input.images import ImageSet
 from mapping.localization.relocalization import Localization
@@ -132,10 +131,11 @@ def _distinct(of_look: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 def _touching(cells: np.ndarray, chosen: np.ndarray) -> list[np.ndarray]:
     """The chosen numbers of cells (m, 3), in groups that touch, corners included."""
+    from scipy.spatial import KDTree
+
     pairs = KDTree(cells[chosen]).query_pairs(1.0, p=np.inf, output_type="ndarray")
-    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(chosen), len(chosen)))
-    count, group = csgraph.connected_components(links, directed=False)
-    return [chosen[group == k] for k in range(count)]
+    group = connected.groups(pairs[:, 0], pairs[:, 1], len(chosen))
+    return [chosen[group == k] for k in np.unique(group)]
 
 
 def _region(points_world_m: FloatArray, point: np.ndarray, again: np.ndarray, inside: np.ndarray) -> ChangedRegion:
@@ -149,6 +149,8 @@ def _found_again(
     known: LocalizationMap, points: np.ndarray, image: Features, T_world_camera: FloatArray, camera: Camera
 ) -> np.ndarray:
     """(k,) bool: whether a feature like each of the points lies where the point should be."""
+    from scipy.spatial import KDTree
+
     if not len(points) or not len(image.pixels):
         return np.zeros(len(points), dtype=bool)
     expected_px = camera.project(frames.apply(frames.invert(T_world_camera), known.points_world_m[points]))
@@ -166,6 +168,8 @@ class _Seen:
     """From where the images of the map saw its points."""
 
     def __init__(self, points_world_m: FloatArray, rig: Rig, T_world_body: FloatArray) -> None:
+        from scipy.spatial import KDTree
+
         self._points_world_m, self._rig, self._T_world_body = points_world_m, rig, T_world_body
         self._look = functools.lru_cache(maxsize=_KEPT_LOOKS)(self._look_of)  # neighbours in time share most of them
         places_world_m = np.concatenate([T_world_body @ camera.T_body_camera for camera in rig])[:, :3, 3]

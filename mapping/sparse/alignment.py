@@ -244,8 +244,7 @@ def align(
         MapError: nothing gives the scale, or the given length is from an image that is not in the map.
         InputError: the given length is between two images at one place.
     """
-    positions = T_old_body[:, :3, 3]
-    known = np.asarray(np.isfinite(positions).all(axis=1))
+    known = np.asarray(np.isfinite(T_old_body[:, :3, 3]).all(axis=1))
     witnessing = T_old_body.copy()
     witnessing[list(by_motion)] = np.nan
     checks = [(m, motion.check(m, images.time_s, witnessing)) for m in images.motions]
@@ -253,63 +252,74 @@ def align(
         if recorded.kind is MotionKind.POSES and found is not None:
             references = _with_poses(references, recorded.trajectory.at(images.time_s), T_old_body, found.scale)
     R_level, up_source, up_spread_rad = _level(T_old_body, references, known)
-    poses_up_off_rad = _off_up(checks, images.time_s, T_old_body, R_level[2])
-    level = positions @ R_level.T
+    level = T_old_body[:, :3, 3] @ R_level.T
     usable = known & np.isfinite(references.position_m).all(axis=1)
     fit = Fit.robust(level[usable], references.position_m[usable]) if usable.sum() >= _LEAST_POSITIONS else None
-    sources: list[tuple[str, float, float]] = []
-    if has_depth:  # first: surfaces are where the depth images say
-        sources.append((DEPTH_SOURCE, 1.0, _DEPTH_STD))
-    if length is not None:
-        sources.append(("given length", _from_length(images, positions, length), _LENGTH_STD))
-    if baseline_std is not None:
-        sources.append(("rig baseline", 1.0, baseline_std))
+    sources = _scales_of_images(images, T_old_body, baseline_std, length, has_depth=has_depth)
     if fit is not None:
         std = fit.scale_std(level[usable], references.position_m[usable])
         sources.append((references.position_source, fit.scale, std))
-    sources += [
-        (MotionKind.ODOMETRY, c.scale, c.scale_std)
-        for m, c in checks
-        if c is not None and m.kind is MotionKind.ODOMETRY
-    ]
+    found_of = [(m.kind, found) for m, found in checks if found is not None]
+    sources += [(kind, found.scale, found.scale_std) for kind, found in found_of if kind is MotionKind.ODOMETRY]
     if not sources:
         raise MapError(NO_SCALE)
     source, scale, _ = sources[0]
-    witnesses = tuple(ScaleWitness(name, scale / other, std) for name, other, std in sources)
-    motions = tuple(dataclasses.replace(c, scale=c.scale / scale) for _, c in checks if c is not None)
-    if fit is None:
-        T = _start_at_first(scale * level[known][0], R_level, T_old_body[known][0])
-        return Alignment(
-            scale,
-            T,
-            source,
-            up_source,
-            poses_up_off_rad=poses_up_off_rad,
-            up_spread_rad=up_spread_rad,
-            witnesses=witnesses,
-            motions=motions,
-        )
-    recorded_m = references.position_m[usable]
-    placed = Fit.robust(level[usable], recorded_m, scale=scale)
+    at_first = Alignment(
+        scale,
+        _start_at_first(scale * level[known][0], R_level, T_old_body[known][0]),
+        source,
+        up_source,
+        poses_up_off_rad=_off_up(checks, images.time_s, T_old_body, R_level[2]),
+        up_spread_rad=up_spread_rad,
+        witnesses=tuple(ScaleWitness(name, scale / other, std) for name, other, std in sources),
+        motions=tuple(dataclasses.replace(found, scale=found.scale / scale) for _, found in found_of),
+    )
+    return (
+        at_first if fit is None else _at_positions(at_first, fit, R_level, level[usable], references.position_m[usable])
+    )
+
+
+_Scale = tuple[str, float, float]
+"""Source, metres per unit of COLMAP's world, relative standard deviation."""
+
+
+def _scales_of_images(
+    images: ImageSet, T_old_body: FloatArray, baseline_std: float | None, length: Length | None, *, has_depth: bool
+) -> list[_Scale]:
+    scales: list[_Scale] = []
+    if has_depth:  # first: surfaces are where the depth images say
+        scales.append((DEPTH_SOURCE, 1.0, _DEPTH_STD))
+    if length is not None:
+        scales.append(("given length", _from_length(images, T_old_body[:, :3, 3], length), _LENGTH_STD))
+    if baseline_std is not None:
+        scales.append(("rig baseline", 1.0, baseline_std))
+    return scales
+
+
+def _at_positions(
+    at_first: Alignment, fit: Fit, R_level: FloatArray, level: FloatArray, recorded_m: FloatArray
+) -> Alignment:
+    """The alignment moved to the recorded positions, its scale kept.
+
+    Args:
+        fit: of `level` to the positions, their scale free.
+        level: (n, 3) positions in COLMAP's world, turned upright.
+        recorded_m: (n, 3) recorded with them.
+    """
+    placed = Fit.robust(level, recorded_m, scale=at_first.scale)
     extent_m = float(np.sqrt(((recorded_m - recorded_m.mean(axis=0)) ** 2).sum(axis=1).mean()))
     is_far = placed.residual_m > LARGE_RESIDUAL * extent_m
     T = np.eye(4)
     T[:3, :3] = placed.R @ R_level
     T[:3, 3] = placed.t
-    return Alignment(
-        scale,
-        T,
-        source,
-        up_source,
-        placed.residual_m,
-        int(placed.inliers.sum()),
-        extent_m,
-        better_axes(level[usable], recorded_m, placed.residual_m) if is_far else "",
-        poses_up_off_rad,
-        scale / fit.scale,
-        up_spread_rad,
-        witnesses,
-        motions,
+    return dataclasses.replace(
+        at_first,
+        T_world_scaled=T,
+        position_residual_m=placed.residual_m,
+        positions_used=int(placed.inliers.sum()),
+        position_extent_m=extent_m,
+        better_axes=better_axes(level, recorded_m, placed.residual_m) if is_far else "",
+        scale_ratio_to_positions=at_first.scale / fit.scale,
     )
 
 

@@ -141,10 +141,10 @@ def until_flyable(
     memory = Memory()  # the last path that is measured is the one that the gate looks at
     optimum_s, bends, begun = np.nan, 0, _WHOLE if wrong is not None else 0
     early, rounds, may_gain = None, _ROUNDS, begun == 0
-    precision = descents.precision(problem, spline, request.options.clearance_m)
+    at_first, later = descents.precision(problem, spline, request.options.clearance_m)
     for round_ in range(begun, _ROUNDS):
         if early is not None and round_ == rounds:
-            judged, early = early.judged(ask_gate), None
+            judged, early = early.judged(ask_gate, limits.Known(used, memory)), None
             if judged.report.passed:
                 return judged
         progress("optimise", 1.0 - 0.7 ** (round_ - begun + 1))  # how many rounds it takes is not known before
@@ -154,6 +154,7 @@ def until_flyable(
         touched = np.ones(len(spline.durations_s), dtype=bool) if wrong is None else descents.grown(wrong, reach)
         if round_ == begun and not drawn:
             spline = descents.redrawn(problem, spline, touched, request.stop)
+        precision = at_first if round_ < _WHOLE else later
         descended = descents.refined(problem, spline, touched, precision, request.stop, near=round_ > _WHOLE)
         now = _measured(problem, descended, touched, corrections, request, memory)
         problem, spline, exceeded = now.problem, descended.spline, now.exceeded
@@ -171,7 +172,7 @@ def until_flyable(
             used = judged.report.usage and (now.path, judged.report.usage)
             slower, on_legs = _refused(judged.report, request.conditions, waypoint)
             if judged.report.passed or last or not slower.any():  # nothing else gets better by more rounds
-                return _better(early, judged, ask_gate)
+                return _better(early, judged, ask_gate, limits.Known(used, memory))
             assert used is not None
             corrections.stricter(used[1], on_legs)
             exceeded = exceeded | slower
@@ -184,7 +185,7 @@ def until_flyable(
             exceeded[now.clearance.segment] = True
         few = descents.grown(exceeded, _REACH).mean() < _FEW
         wrong = exceeded if wrong is not None or few or round_ + 1 >= _WHOLE else None
-    return early and early.judged(ask_gate)
+    return early and early.judged(ask_gate, limits.Known(used, memory))
 
 
 def _measured(
@@ -214,11 +215,11 @@ def _measured(
     return _Round(problem, descended, touched, path, optimised_s, exceeded, relieved, clearance)
 
 
-def _better(early: _Candidate | None, last: Path, ask_gate: AskGate) -> Path:
+def _better(early: _Candidate | None, last: Path, ask_gate: AskGate, known: limits.Known) -> Path:
     """The last path, unless the early one takes less time, or the last one is refused, and the early one passes."""
     if early is None or (last.report.passed and last.trajectory.duration_s <= early.trajectory.duration_s):
         return last
-    first = early.judged(ask_gate)
+    first = early.judged(ask_gate, known)
     return first if first.report.passed else last
 
 

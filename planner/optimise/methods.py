@@ -27,8 +27,9 @@ CLEARANCE_PRICE = 1e4
 had kept, at a pace at which the way back was too stiff for the descent: a walk through one narrow place took 24 s, not
 6.5 s, and of 80 two fell back on boxes and one was refused. In the open the price does not matter; among trunks it
 costs 0.1 %."""
-_CLOSE_M = 1.0
-"""Spacing of the points of a way that touches obstacles; it grows with twice the room there is."""
+_CLOSE_M = 1.6
+"""Spacing of the points of a way that touches obstacles; it grows with twice the room there is. With 1 m, 50 flights
+end .1 % sooner for a third more work."""
 _LIFT_M, _ROOM_M, _MORE_M = 0.8, 0.5, 1e-3
 """How much higher another route is looked at, up to which distance to obstacles room counts, and how much more there
 must be: among trunks and walls from floor to ceiling there is none, and nothing is tried."""

@@ -17,6 +17,8 @@ COLUMN_M = 1e-3
 """Radius of the column above a ground point."""
 _MOST_PAIRS = 1_000_000
 """Points times lines of a tube that are looked at together."""
+_PIECE_M = 0.5
+"""Length of the pieces of a line that are looked at first."""
 _TOLERANCE_M = 1e-3
 """Half the length of the shortest piece of a line that is looked at; it counts as not free if it is not proved."""
 _REACH_M = 5.0
@@ -48,15 +50,15 @@ def distance(field: DistanceField, points_world_m: FloatArray) -> FloatArray:
     """
     ask = getattr(field, "proven_distance", field.distance)
     values = np.asarray(ask(np.ascontiguousarray(points_world_m)), dtype=np.float64)
-    return np.where(np.isnan(values), -np.inf, values)
+    return np.fmax(values, -np.inf)  # of a NaN and a number, the number
 
 
 def certain(field: DistanceField, distance_m: np.ndarray) -> np.ndarray:
     """What interpolated distances prove (`SampledField.proven_distance`), minus infinity where they are NaN."""
     grid = getattr(field, "grid", None)
     slack = 0.0 if grid is None else grid.half_diagonal_m
-    proven = np.maximum(np.sqrt(np.maximum(distance_m**2 - slack**2, 0.0)), distance_m - slack)
-    return np.where(np.isnan(distance_m), -np.inf, np.where(distance_m > slack, proven, distance_m - slack))
+    concave = np.sqrt(np.maximum(distance_m * distance_m - slack * slack, 0.0))
+    return np.fmax(np.where(distance_m > slack, concave, distance_m - slack), -np.inf)
 
 
 def aim(field: DistanceField, required_m: float) -> float:
@@ -217,20 +219,22 @@ def check_lines(
         required_m: of all lines, or of each (n,).
     """
     starts, ends = np.atleast_2d(starts).astype(np.float64), np.atleast_2d(ends).astype(np.float64)
-    n = len(starts)
-    lengths, required = np.linalg.norm(ends - starts, axis=1), np.broadcast_to(required_m, (n,))
+    n, along = len(starts), ends - starts
+    lengths, required = np.linalg.norm(along, axis=1), np.broadcast_to(required_m, (n,))
     least, free = np.full(n, np.inf), np.ones(n, dtype=bool)
-    line, middle, half = np.arange(n), np.full(n, 0.5), 0.5
+    pieces = np.maximum(np.ceil(lengths / _PIECE_M), 1.0).astype(int)
+    line = np.repeat(np.arange(n), pieces)
+    share = 0.5 / pieces[line]
+    middle = (2.0 * (np.arange(len(line)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) + 1.0) * share
     while line.size:
-        d = distance(field, starts[line] + middle[:, None] * (ends - starts)[line])
+        d = distance(field, starts[line] + middle[:, None] * along[line])
         np.minimum.at(least, line, d)
-        h = half * lengths[line]
-        unproved = d - h < required[line]
-        failed = unproved & ((d < required[line]) | (h < _TOLERANCE_M))
-        free[line[failed]] = False
+        h, need = share * lengths[line], required[line]
+        unproved = d - h < need
+        free[line[unproved & ((d < need) | (h < _TOLERANCE_M))]] = False
         keep = unproved & free[line]
-        half *= 0.5
-        line, middle = np.repeat(line[keep], 2), np.repeat(middle[keep], 2)
+        line, half = np.repeat(line[keep], 2), 0.5 * share[keep]
+        share, middle = np.repeat(half, 2), np.repeat(middle[keep], 2)
         middle[0::2] -= half
         middle[1::2] += half
     return [LineCheck(bool(f), float(d)) for f, d in zip(free, least, strict=True)]

@@ -20,6 +20,9 @@ struct Step {
     int di, dj, dk;
     int64_t offset;
     float length;
+    int8_t number;
+
+    int square() const { return di * di + dj * dj + dk * dk; }
 };
 
 std::vector<Step> neighbours(int64_t ny, int64_t nz) {
@@ -29,8 +32,23 @@ std::vector<Step> neighbours(int64_t ny, int64_t nz) {
             for (int dk = -1; dk <= 1; ++dk)
                 if (di || dj || dk)
                     steps.push_back({di, dj, dk, (di * ny + dj) * nz + dk,
-                                     std::sqrt(static_cast<float>(di * di + dj * dj + dk * dk))});
+                                     std::sqrt(static_cast<float>(di * di + dj * dj + dk * dk)),
+                                     static_cast<int8_t>(steps.size())});
     return steps;
+}
+
+// For each step into a cell, the steps worth trying from there: to where the others lead, the cell before is no
+// farther, and tried it. The last list has all of them, for the cell that the search starts from.
+std::vector<std::vector<Step>> onward(const std::vector<Step>& steps) {
+    std::vector<std::vector<Step>> lists;
+    for (const Step& came : steps) {
+        lists.emplace_back();
+        for (const Step& next : steps)
+            if (2 * (came.di * next.di + came.dj * next.dj + came.dk * next.dk) + came.square() > 0)
+                lists.back().push_back(next);
+    }
+    lists.push_back(steps);
+    return lists;
 }
 
 // Length of the shortest 26-connected way between two cells of an empty grid: never more than the true one.
@@ -41,33 +59,41 @@ float octile(int64_t a, int64_t b, int64_t c) {
 }
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr int8_t kSteps = 26;
 
 struct Cell {
     float price = kInfinity;  // factor on the length of a step into it; infinite where none may be made (any more)
     float cost = kInfinity;   // of the cheapest way known
-    int8_t came = -1;         // by which step
+    int8_t came = kSteps;     // by which step
 };
 
-// Cells in order of the cost of a way through them, to an eighth of a step; among equals the last one in comes first.
+// Cells in order of the cost of a way through them, to a 64th of a step; among equals the last one in comes first.
 class Queue {
   public:
     void push(float cost, int64_t cell) {
         const auto row = static_cast<size_t>(64.0f * cost);
-        if (row >= rows_.size()) rows_.resize(row + 1);
-        rows_[row].push_back(cell);
+        if (row >= last_.size()) last_.resize(row + 1, kNone);
+        entries_.push_back({cell, last_[row]});
+        last_[row] = entries_.size() - 1;
         first_ = std::min(first_, row);
     }
     // The next cell, or -1 where there is none.
     int64_t pop() {
-        while (first_ < rows_.size() && rows_[first_].empty()) ++first_;
-        if (first_ == rows_.size()) return -1;
-        const int64_t cell = rows_[first_].back();
-        rows_[first_].pop_back();
-        return cell;
+        while (first_ < last_.size() && last_[first_] == kNone) ++first_;
+        if (first_ == last_.size()) return -1;
+        const Entry& entry = entries_[last_[first_]];
+        last_[first_] = entry.before;
+        return entry.cell;
     }
 
   private:
-    std::vector<std::vector<int64_t>> rows_;
+    struct Entry {
+        int64_t cell;
+        size_t before;  // the entry that came into the same row before this one
+    };
+    static constexpr size_t kNone = std::numeric_limits<size_t>::max();
+    std::vector<Entry> entries_;
+    std::vector<size_t> last_;  // of each row
     size_t first_ = 0;
 };
 
@@ -91,6 +117,7 @@ std::vector<int64_t> astar(const float* distance, int64_t nx, int64_t ny, int64_
         return ((cell / (ny * nz) + 1) * my + cell / nz % ny + 1) * mz + cell % nz + 1;
     };
     const std::vector<Step> steps = neighbours(my, mz);
+    const std::vector<std::vector<Step>> lists = onward(steps);
     const int64_t first = padded(start), last = padded(goal);
     const int64_t gi = last / (my * mz), gj = last / mz % my, gk = last % mz;
     Queue open;
@@ -100,13 +127,12 @@ std::vector<int64_t> astar(const float* distance, int64_t nx, int64_t ny, int64_
         if (here != first && cells[here].price == kInfinity) continue;  // the first time was cheap enough
         cells[here].price = kInfinity;
         const int64_t i = here / (my * mz), j = here / mz % my, k = here % mz;
-        for (size_t s = 0; s < steps.size(); ++s) {
-            const Step& step = steps[s];
+        for (const Step& step : lists[cells[here].came]) {
             Cell& next = cells[here + step.offset];
             const float reached = cells[here].cost + step.length * next.price;
             if (reached >= next.cost) continue;
             next.cost = reached;
-            next.came = static_cast<int8_t>(s);
+            next.came = step.number;
             const float left =
                 octile(std::abs(i + step.di - gi), std::abs(j + step.dj - gj), std::abs(k + step.dk - gk));
             open.push(reached + greed * left, here + step.offset);

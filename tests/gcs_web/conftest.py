@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gcs_web import GroundStation
-from tests.gcs_web.in_browser import CHROMIUM, FLAGS, opened
+from tests.gcs_web.in_browser import CHROMIUM, FLAGS, opened, tab, visited
 from tests.gcs_web.two_pillars import serving, start_again
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
@@ -33,13 +33,19 @@ def browser():
         started.close()
 
 
+@pytest.fixture(scope="module")
+def one_tab(browser):
+    with tab(browser, with_view=False) as opened_once:
+        yield opened_once
+
+
 @pytest.fixture
-def page(station: GroundStation, same_waypoints, browser):
+def page(station: GroundStation, same_waypoints, one_tab):
     """A page that shows the checked plan of the same waypoints, whatever ran before.
 
     Its 3D view stays empty: without a graphics card each view takes 6 s of CPU time to start.
     """
-    with opened(station, browser, with_view=False) as page:
+    with visited(station, one_tab) as page:
         page.get_by_text("Checked", exact=True).wait_for()
         yield page
 

@@ -3,6 +3,7 @@
 import contextlib
 import shutil
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,39 +23,80 @@ SIZE = {"width": 1280, "height": 720}
 SERIOUS = ("serious", "critical")
 """Impacts of barriers that axe finds."""
 
-COARSE = """if (location.pathname === "/viser/") history.replaceState(null, "", "/viser/?fixedDpr=0.25");"""
-"""Has viser draw a sixteenth of the pixels: without a graphics card they are most of a test's CPU time."""
-
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
 
 
+@dataclass(frozen=True)
+class Tab:
+    """A tab with cookies of its own, and what went wrong in it."""
+
+    page: Any
+    foreign: list[str] = field(default_factory=list)
+    """Requests to elsewhere, which were refused."""
+    errors: list[str] = field(default_factory=list)
+    """Of the page's code."""
+
+
 @contextlib.contextmanager
-def opened(station: GroundStation, browser, *, with_view: bool) -> Iterator[Any]:
-    """The page in a window of its own, which is closed without an error and without a request to elsewhere."""
-    foreign: list[str] = []
+def tab(browser, *, with_view: bool) -> Iterator[Tab]:
+    context = browser.new_context(viewport=SIZE, reduced_motion="reduce")
+    context.set_default_timeout(1000 * PATIENCE_S)  # drawn without a graphics card: slow beside other work
+    new = Tab(context.new_page())
 
     def only_loopback(route):
         if route.request.url.startswith(("http://127.0.0.1:", "data:", "blob:")):
             route.continue_()
         else:
-            foreign.append(route.request.url)
+            new.foreign.append(route.request.url)
             route.abort()
 
-    context = browser.new_context(viewport=SIZE, reduced_motion="reduce")
-    context.set_default_timeout(1000 * PATIENCE_S)  # drawn without a graphics card: slow beside other work
     context.route("**/*", only_loopback)
-    context.add_init_script(COARSE)
     if not with_view:
         without_view(context)
-    errors: list[str] = []
-    page = context.new_page()
-    page.on("pageerror", lambda error: errors.append(str(error)))
-    page.goto(station.url)
-    yield page
+    new.page.on("pageerror", lambda error: new.errors.append(str(error)))
+    yield new
     context.close()
+
+
+@contextlib.contextmanager
+def visited(station: GroundStation, where: Tab) -> Iterator[Any]:
+    """The page as a new browser shows it, which is left without an error and without a request to elsewhere.
+
+    A new context for each would compile the page's code each time, which is most of its CPU time.
+    """
+    where.page.goto(station.url)
+    yield where.page
+    where.page.mouse.up()
+    where.page.goto("about:blank")
     wait(lambda: not station.hub.people, "the page's leave")
-    assert foreign == []
-    assert errors == []
+    assert where.foreign == []
+    assert where.errors == []
+    _forget(station, where.page)
+
+
+def _forget(station: GroundStation, page: Any) -> None:
+    """Cookies, what the page keeps in the browser, the window's size and the mouse."""
+    page.context.clear_cookies()
+    keeps = page.context.new_cdp_session(page)
+    keeps.send("Storage.clearDataForOrigin", {"origin": station.url.rstrip("/"), "storageTypes": "all"})
+    keeps.detach()
+    page.set_viewport_size(SIZE)
+    page.mouse.move(0, 0)
+
+
+@contextlib.contextmanager
+def opened(station: GroundStation, browser, *, with_view: bool) -> Iterator[Any]:
+    """As `visited`, in a tab that is closed then."""
+    if with_view:
+        with_plain_light(station)
+    with tab(browser, with_view=with_view) as new, visited(station, new) as page:
+        yield page
+
+
+def with_plain_light(station: GroundStation) -> None:
+    """Leave out shadows and light from all sides in the 3D view: without a graphics card they take 12 s of CPU time."""
+    station.server.scene.configure_environment_map(None)
+    station.server.scene.configure_default_lights(cast_shadow=False)
 
 
 def without_view(context: Any) -> Any:

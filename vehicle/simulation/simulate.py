@@ -73,7 +73,8 @@ class Battery:
     """Mechanical rotor energy between full and empty; 80 kJ is about a 1500 mAh four-cell pack at 60 % efficiency."""
 
     def voltage(self, drawn_j: FloatArray | float) -> FloatArray:
-        left = np.clip(1.0 - np.asarray(drawn_j) / self.energy_j, 0.0, 1.0)
+        left = np.maximum(1.0 - np.asarray(drawn_j) / self.energy_j, 0.0)  # np.clip takes three times as long
+        left = np.minimum(left, 1.0)
         return self.empty_v + (self.full_v - self.empty_v) * left
 
 
@@ -139,7 +140,8 @@ class Fleet:
             raise InputError(f"the rotor speed command: expected four finite numbers, got {command[0]}")
         if not duration_s > 0.0:
             raise InputError(f"duration_s is {duration_s:g}; it must be positive")
-        np.clip(command, 0.0, self.vehicle.limits.rotor_speed_max_rad_s, out=command)
+        np.maximum(command, 0.0, out=command)
+        np.minimum(command, self.vehicle.limits.rotor_speed_max_rad_s, out=command)
         steps = max(1, math.ceil(duration_s / self._step_s - 1e-9))
         self._blow(duration_s)
         volts = self._battery.voltage(self._drawn_j)[:, None]

@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from flight import FloatArray, frames
+from mapping import connected
 from mapping.camera.rig import Rig
 from mapping.input.images import ImageSet
 
@@ -47,8 +46,7 @@ class PairShares:
         Instants are in one part if pairs that agree connect them: no pair between two parts agrees.
         """
         first, second = self.instants[self.share >= LEAST].T
-        links = coo_array((np.ones(len(first)), (first, second)), shape=(self.count, self.count))
-        label = connected_components(links, directed=False)[1]
+        label = connected.groups(first, second, self.count)
         paired = np.isin(np.arange(self.count), self.instants)
         sizes = np.bincount(label[paired], minlength=self.count)
         place = np.argsort(np.argsort(-sizes, kind="stable"))

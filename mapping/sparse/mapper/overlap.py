@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from mapping import connected
 from mapping.input.images import ImageSet
 
 _MANY = 100
@@ -120,6 +119,5 @@ def summary(runs: Sequence[UnplacedRun]) -> str:
 def _pieces(placed: np.ndarray, overlaps: np.ndarray) -> list[np.ndarray]:
     """Instants of each set that overlaps well in itself and in which none is placed; single ones too."""
     first, second = overlaps[overlaps[:, 2] >= _MANY, :2].T
-    links = coo_array((np.ones(len(first)), (first, second)), shape=(len(placed), len(placed)))
-    _, label = connected_components(links, directed=False)
+    label = connected.groups(first, second, len(placed))
     return [np.flatnonzero(label == k) for k in np.unique(label) if not placed[label == k].any()]

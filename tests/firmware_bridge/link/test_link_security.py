@@ -333,6 +333,12 @@ def test_kill_gets_through_a_flood_that_claims_to_be_of_the_pilot(serve, dial):
 def test_the_stations_statistics_count_what_the_vehicle_refused_of_others(serve, dial):
     served = serve()
     link = dial(served)
+
+    def refused() -> int:
+        counts = served.counts()
+        return sum(counts.values()) - counts["accepted"] - counts["sent"]
+
+    waiting.until(lambda: link.statistics.refused_by_vehicle == refused())  # of the greeting before it signed, too
     before, received = link.statistics.refused_by_vehicle, link.statistics.counts.received_bytes
     host, port = served.url.removeprefix("udp://").split(":")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:

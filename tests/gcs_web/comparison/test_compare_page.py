@@ -25,7 +25,7 @@ from sysid.diagnosis import OutsideFinding
 from sysid.diagnosis.envelope import Envelope
 from sysid.estimator.validation import changes
 from sysid.estimator.validation.comparison import HORIZONS_S
-from tests.gcs_web.in_browser import CHROMIUM, COARSE, FLAGS, SERIOUS, SIZE, drawn, without_view
+from tests.gcs_web.in_browser import CHROMIUM, FLAGS, SERIOUS, SIZE, drawn, with_plain_light, without_view
 from tests.gcs_web.two_pillars import START
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
@@ -95,10 +95,10 @@ def test_flights_stand_side_by_side_and_foreign_text_is_text(page, station):
 
 
 def test_the_3d_view_takes_the_flights_without_an_error(page, station, request):
+    with_plain_light(station)
     context = page.context.browser.new_context(viewport=SIZE, reduced_motion="reduce")
     request.addfinalizer(context.close)
     context.set_default_timeout(1000 * PATIENCE_S)
-    context.add_init_script(COARSE)
     other, errors = context.new_page(), []
     other.on("pageerror", lambda error: errors.append(str(error)))
     other.goto(f"{station.url}{page.evaluate('location.hash')}")

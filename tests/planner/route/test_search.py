@@ -66,6 +66,11 @@ def test_the_kernel_finds_a_cheapest_way_or_one_dearer_by_no_more_than_asked(see
             assert best * (1.0 - 1e-3) <= cost <= best * (greed + 1e-3)
 
 
+def test_a_dear_cell_across_a_corner_is_come_to_by_the_cell_beside_it():
+    distance = np.array([[1.0, 1.0], [1.0, 0.3]], dtype=np.float32)[:, :, None]
+    assert len(_planner.search(distance, 0, 3, 0.3, 1.0, 3.0, 1.0)) == 3  # 1 + 4, and 4 times the diagonal is 5.7
+
+
 @pytest.mark.parametrize("voxel_m", [0.1, 0.3])
 def test_a_lattice_of_a_sampled_field_holds_what_the_field_proves(two_rooms, voxel_m):
     shape = tuple(int(np.ceil(edge / voxel_m)) for edge in (10.6, 8.6, 3.6))
