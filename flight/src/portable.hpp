@@ -19,38 +19,49 @@ struct SineCosine {
 
 constexpr double kPi = 3.14159265358979323846, kPiRest = 1.2246467991473532e-16;  // their sum is pi to 107 bits
 
+constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52: has no room for a fraction
+
 // Nearest whole number, |x| < 2^51.
-static inline double nearest_whole(double x) {
-    constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52: has no room for a fraction
+template <class Number>
+static inline Number nearest_whole(Number x) {
     return (x + kShift) - kShift;
 }
 
 // c[0] + c[1] x + ..., in four sums by x^4 that need not wait for each other.
-template <int N>
-static inline double series(const double (&c)[N], double x) {
-    const double x2 = x * x, x4 = x2 * x2;
-    double sum[4] = {};
+template <int N, class Number>
+static inline Number series(const double (&c)[N], Number x) {
+    const Number x2 = x * x, x4 = x2 * x2;
+    Number sum[4] = {};
     for (int i = N - 1; i >= 0; --i) sum[i % 4] = sum[i % 4] * x4 + c[i];
     return (sum[0] + x * sum[1]) + x2 * (sum[2] + x * sum[3]);
 }
 
-// Accurate for |x| below 1e6; beyond, x is first reduced by the double nearest to 2 pi.
-static inline SineCosine sine_cosine(double x) {
+// The nearest number of quarter turns to an angle below 1e6, with sine and cosine of the rest; also of several angles
+// in a vector of the compiler's.
+template <class Number>
+static inline Number quarter_turns(Number x, Number& sine, Number& cosine) {
     constexpr double kSine[] = {-1.0 / 6.0,        1.0 / 120.0,        -1.0 / 5040.0,          1.0 / 362880.0,
                                 -1.0 / 39916800.0, 1.0 / 6227020800.0, -1.0 / 1307674368000.0, 1.0 / 355687428096000.0};
     constexpr double kCosine[] = {1.0 / 24.0,        -1.0 / 720.0,         1.0 / 40320.0,         -1.0 / 3628800.0,
                                   1.0 / 479001600.0, -1.0 / 87178291200.0, 1.0 / 20922789888000.0};
     // pi / 2 in three parts; a whole number of 20 bits times either of the first two is exact
     constexpr double kFirst = 0x1.921fb544p+0, kSecond = 0x1.0b4611a6p-34, kThird = 0x1.3198a2e037073p-69;
+    const Number turns = nearest_whole(x * (2.0 / kPi));
+    const Number a = x - turns * kFirst, b = turns * kSecond, c = turns * kThird;
+    const Number near = a - b, back = near - a, lost = (a - (near - back)) - (b + back);  // near + lost = a - b exactly
+    const Number y = near - c, rest = ((near - y) - c) + lost;
+    const Number square = y * y;
+    sine = y + (y * square * series(kSine, square) + rest * (1.0 - 0.5 * square));
+    const Number half = 0.5 * square, large = 1.0 - half;
+    cosine = large + (((1.0 - large) - half) + (square * square * series(kCosine, square) - y * rest));
+    return turns;
+}
+
+// Accurate for |x| below 1e6; beyond, x is first reduced by the double nearest to 2 pi.
+static inline SineCosine sine_cosine(double x) {
+    double sine, cosine;
     if (!(std::fabs(x) < 1e6)) x = std::fmod(x, 2.0 * kPi);  // NaN for infinity
-    const double turns = nearest_whole(x * (2.0 / kPi));
-    const double a = x - turns * kFirst, b = turns * kSecond, c = turns * kThird;
-    const double near = a - b, back = near - a, lost = (a - (near - back)) - (b + back);  // near + lost = a - b exactly
-    const double y = near - c, rest = ((near - y) - c) + lost;
-    const double square = y * y;
-    const double sine = y + (y * square * series(kSine, square) + rest * (1.0 - 0.5 * square));
-    const double half = 0.5 * square, large = 1.0 - half;
-    const double cosine = large + (((1.0 - large) - half) + (square * square * series(kCosine, square) - y * rest));
+    const double turns = quarter_turns(x, sine, cosine);
     switch (std::isfinite(turns) ? static_cast<std::int64_t>(turns) & 3 : 0) {
         case 0:
             return {sine, cosine};

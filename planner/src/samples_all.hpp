@@ -44,12 +44,25 @@ struct Slopes {
                 {by.snap.x, by.snap.y, by.snap.z, {}}} {}
 };
 
+// With the bits of `sine_cosine`, angle by angle, which is left to larger angles.
 inline void turn(Real angle, Real& cosine, Real& sine) {
-    for (int l = 0; l < kLanes; ++l) {
-        const goshawk::SineCosine both = goshawk::sine_cosine(angle[l]);
-        cosine[l] = both.cosine;
-        sine[l] = both.sine;
+    const Real size = angle < Real{} ? -angle : angle;
+    if (!(size[0] < 1e6 && size[1] < 1e6 && size[2] < 1e6 && size[3] < 1e6)) {
+        for (int l = 0; l < kLanes; ++l) {
+            const goshawk::SineCosine both = goshawk::sine_cosine(angle[l]);
+            cosine[l] = both.cosine;
+            sine[l] = both.sine;
+        }
+        return;
     }
+    Real along, across;
+    const Real turns = goshawk::quarter_turns(angle, across, along);
+    const Whole quarter = (Whole)(turns + goshawk::kShift);  // its last bits are those of the whole number
+    const Whole odd = (quarter & 1) != 0;
+    cosine = odd ? across : along;
+    sine = odd ? along : across;
+    cosine = ((quarter + 1) & 2) != 0 ? -cosine : cosine;
+    sine = (quarter & 2) != 0 ? -sine : sine;
 }
 
 inline Vec<Real> uphill_at(const Samples& samples, std::size_t pack) {

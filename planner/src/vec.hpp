@@ -11,6 +11,7 @@ namespace {
 using goshawk::kLanes;
 // The compiler turns + - * / and comparisons into vector instructions; the same sums on every processor.
 typedef double Real __attribute__((vector_size(kLanes * sizeof(double))));
+typedef long long Whole __attribute__((vector_size(kLanes * sizeof(long long))));
 
 inline Real all(double value) { return Real{} + value; }
 inline Real larger(Real a, Real b) { return a > b ? a : b; }

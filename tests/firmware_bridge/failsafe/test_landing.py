@@ -333,20 +333,19 @@ def test_a_dead_reckoned_speed_does_not_keep_the_rotors_turning_on_the_ground(bo
         assert _after_touch_s(result) < LONGEST_AFTER_TOUCH_S
 
 
-LONGEST_AFLOAT_S = 10.0
-"""Ground effect may carry what its thrust does not: 15 of 250 stood for more than five seconds."""
-
-
 @pytest.mark.parametrize("gust_m_s", [0.0, 0.8])
-def test_the_gyro_alone_tells_the_ground_from_the_air(body, gust_m_s):
-    """A small roll torque to and fro turns a body in the air, and none that stands."""
-    for seed in range(6):
-        faults = (Fault(Kind.NO_SPECIFIC_FORCE), Fault(Kind.POSITION_LOST, (Loss.FROZEN,), 1.0))
+@pytest.mark.parametrize(
+    "lost", [Fault(Kind.POSITION_LOST, (Loss.FROZEN,), 1.0), Fault(Kind.NO_VERTICAL_VELOCITY, (), 1.0)]
+)
+def test_the_gyro_alone_tells_the_ground_from_the_air(body, gust_m_s, lost):
+    """A small roll torque to and fro turns a body in the air, and none that stands, or floats on ground effect."""
+    for seed in range(12):
+        faults = (Fault(Kind.NO_SPECIFIC_FORCE), lost)
         world = {"gust_std_m_s": gust_m_s, "wind_m_s": (2.0 * gust_m_s, 0.0, 0.0)}
         result = body.fly(Scenario(orders=TAKE_OFF, faults=faults, world=world, seed=seed, limit_s=60.0))
         assert result.at_rest
         assert result.stop_clearance_m < LARGEST_STOP_M
-        assert result.stop_s - max(result.first_touchdown_s, result.last_airborne_s) < LONGEST_AFLOAT_S
+        assert result.stop_s - max(result.first_touchdown_s, result.last_airborne_s) < LONGEST_AFTER_TOUCH_S
 
 
 @pytest.mark.parametrize("after_s", [3.2, 3.3, 3.4, 6.5])
@@ -394,3 +393,25 @@ def test_an_edge_that_was_touched_in_a_blind_descent_is_not_the_ground(body):
         world = TABLE | {"floor_m": -15.0}
         result = body.fly(Scenario(orders=(*TAKE_OFF, START), path=path, faults=(lost,), world=world, limit_s=90.0))
         assert violations(result, touchdown_m_s=2.5) == []
+
+
+@pytest.mark.parametrize("after_s", [0.15, 0.2, 0.25])
+def test_a_pose_that_freezes_in_a_landing_is_not_the_ground(body, after_s):
+    """Its height stays as the ground's would, and no accelerometer tells of the fall."""
+    frozen = Fault(Kind.STUCK, (), after_s, since=State.LANDING)
+    for seed in range(4):
+        faults = (Fault(Kind.NO_SPECIFIC_FORCE, (), 0.5), frozen)
+        result = body.fly(Scenario(orders=(*TAKE_OFF, land(1.0)), faults=faults, seed=seed))
+        assert violations(result, touchdown_m_s=2.5) == []
+
+
+def test_a_hover_that_a_missed_reset_sent_to_the_ground_lands(body):
+    """Its estimate stands a little above the set-point: two thirds of the weight are asked for, a third is carried."""
+    for seed in range(6):
+        missed = Fault(Kind.RESET_MISSED, (0.2, 0.1, 1.53), 0.5)
+        world = {"wind_m_s": (1.5, 1.5, 0.0), "gust_std_m_s": 0.8}
+        result = body.fly(
+            Scenario(faults=(missed,), orders=(*TAKE_OFF, land(12.0)), world=world, seed=seed, limit_s=40.0)
+        )
+        assert result.reason_of(State.LANDING) == Reason.GROUNDED
+        assert _after_touch_s(result) < LONGEST_AFTER_TOUCH_S

@@ -230,3 +230,17 @@ def test_a_vehicle_that_falls_is_not_armed(body):
     for after_s in (0.04, 0.5, 1.07):
         fall = Scenario(orders=(Order(Command.ARM, 0, after_s, 100),), start_m=(0, 0, 30.0), falling=True, limit_s=2.0)
         assert body.fly(fall).order_reasons[0] in (Reason.FALLING, Reason.MOVING)
+
+
+@pytest.mark.parametrize("lie", [Fault(Kind.SPEED_WRONG, (-1.0, -1.1, 0.0), 3.7, since=State.TRAJECTORY),
+                                 Fault(Kind.STUCK, (), 3.7, since=State.TRAJECTORY)])  # fmt: skip
+def test_dead_reckoning_without_an_accelerometer_knows_its_own_feedback(body, lie):
+    """Else an error of the velocity is flown against for ever, ever faster."""
+    path = circle(8.0, radius_m=11.0, clearance_m=0.6)
+    for seed in range(3):
+        faults = (Fault(Kind.NO_SPECIFIC_FORCE), lie)
+        result = body.fly(Scenario(orders=(*TAKE_OFF, START), path=path, faults=faults, seed=seed), trace_every=1)
+        blind = result.trace["time_s"] > result.fault_times_s[1]
+        assert max(map(math.hypot, result.trace["vx"][blind], result.trace["vy"][blind])) < 9.5
+        assert away_m(result) < 22.0 + 20.0
+        assert violations(result, touchdown_m_s=BLIND_M_S) == []

@@ -10,10 +10,11 @@
 
    Whatever bounces or vibrates: where 2 s of descent bring it no lower by 0.1 m, one UNLOAD is judged by height alone,
    and ends with the rotors stopped unless the vehicle falls by 0.15 m. So does what stands: over
-   a second it misses 0.4 g of the fall that the thrust asked for would be. A blind descent gives back the speed that
+   a second it misses 0.3 g of the fall that the thrust asked for would be. A blind descent gives back the speed that
    each UNLOAD costs. Without vertical velocity (an emergency) only the accelerometer can tell: an impact, or every
    second, starts UNLOAD; without an accelerometer the gyro does, as a small roll torque to and fro turns no vehicle
-   that stands on its feet.
+   that stands on its feet. Each 1.5 s it is pressed down for that, by 0.12 of the hover thrust, and must be silent for
+   two periods.
  */
 #ifndef GOSHAWK_CONTROLLER_LANDING_H
 #define GOSHAWK_CONTROLLER_LANDING_H
@@ -36,7 +37,7 @@ typedef struct {
     uint64_t touched_us;  /* when something was first hit, */
     uint64_t impact_us;   /* and last */
     uint64_t sunk_us;     /* when it last was on its way to the lowest height */
-    uint64_t felt_us;     /* when something else than the test by torque could last tell of the ground */
+    uint64_t pressed_us;  /* when the test by torque last began or ceased to press it down */
     float z_m;            /* height of the set-point */
     float speed_m_s;      /* downwards, as commanded now */
     float thrust_n;       /* collective in UNLOAD and IDLE */
@@ -47,14 +48,16 @@ typedef struct {
     float lowest_m;   /* height that the descent has come down to */
     float force_m_s2; /* specific force along body z, low-passed; 0 while it is not given */
     /* What a test by roll torque shows: that torque as the rotors lag, the roll rate it makes, the slow part of the
-       measured one; both rates against the test's sign, averaged. */
-    float rolling_n_m, predicted_rad_s, slow_rad_s, expected_rad_s, found_rad_s;
+       measured one; both rates against the test's sign, added up over a period. */
+    float rolling_n_m, predicted_rad_s, slow_rad_s, expected_rad, found_rad;
     uint8_t stage;     /* tc_landing_stage */
     uint8_t impacts;   /* how often something has been hit since touched_us, */
     bool impact;       /* and whether just now */
     bool touched;      /* something has been hit in a descent without vertical velocity */
     bool lead_limited; /* the set-point is held back to 0.25 m below the vehicle */
     bool sure;         /* it has not come down for so long that this UNLOAD is judged by height alone */
+    bool pressing;     /* with less thrust, for the test by torque */
+    bool silent;       /* that test has had no answer in the last period */
 } tc_landing;
 
 #endif

@@ -1,8 +1,6 @@
 /* Quaternions; sine, cosine and arc tangent in plain float32 arithmetic: the same bits on every machine. */
 #include "maths.h"
 
-bool tc_exceeds(uint64_t us, float limit_s) { return tc_seconds(us) > limit_s; }
-
 void tc_cross(const float a[3], const float b[3], float out[3]) {
     out[0] = a[1] * b[2] - a[2] * b[1];
     out[1] = a[2] * b[0] - a[0] * b[2];

@@ -51,9 +51,6 @@ static inline float tc_seconds(uint64_t us) {
     return (float)bounded_us * 1e-6f;
 }
 
-/* Whether so many microseconds are more than this. */
-bool tc_exceeds(uint64_t us, float limit_s);
-
 static inline float tc_dot(const float a[3], const float b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 static inline float tc_norm(const float a[3]) { return sqrtf(tc_dot(a, a)); }

@@ -54,18 +54,15 @@ static float ahead_s(const tc_parameters* p, float sample_age_s) {
     return tc_clamp(sample_age_s + p->predict_extra_s, 0.0f, p->predict_max_s);
 }
 
-/* What the vehicle accelerates at: by its accelerometer, else as asked of it; upwards by the thrust that was asked for,
-   which has the feedback in it. */
+/* What the vehicle accelerates at: by its accelerometer, else by its attitude and the thrust that was asked for, which
+   have the feedback in them: a set-point's acceleration has not, and an error of velocity would be flown for ever. */
 static void reckoned_acceleration(tc_controller* c, const tc_estimate* estimate, float out[3]) {
-    if (marked(&c->telemetry.estimate, TC_VALID_SPECIFIC_FORCE)) {
-        tc_to_world(c->axes, estimate->specific_force_body_m_s2, out);
-        out[2] -= c->parameters.gravity_m_s2;
-    } else {
-        const bool in_air = tc_mission_in_air(c->mission.state);
-        tc_copy(out, c->telemetry.setpoint.acceleration_world_m_s2);
-        if (in_air)
-            out[2] = c->axes[2][2] * c->telemetry.wrench.thrust_n / c->parameters.mass_kg - c->parameters.gravity_m_s2;
-    }
+    const tc_parameters* p = &c->parameters;
+    const bool in_air = tc_mission_in_air(c->mission.state);
+    const float asked_m_s2[3] = {0.0f, 0.0f, in_air ? c->telemetry.wrench.thrust_n / p->mass_kg : p->gravity_m_s2};
+    const bool felt = marked(&c->telemetry.estimate, TC_VALID_SPECIFIC_FORCE);
+    tc_to_world(c->axes, felt ? estimate->specific_force_body_m_s2 : asked_m_s2, out);
+    out[2] -= p->gravity_m_s2;
 }
 
 static bool plausible(const float* values, int count, float largest) {

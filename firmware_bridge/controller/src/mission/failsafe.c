@@ -44,7 +44,8 @@ static void observe_attitude_estimate(tc_controller* c) {
     }
 }
 
-static void observe_position_estimate(tc_controller* c) {
+/* `tilt`: 1 - cosine of the attitude error, as far as it is the thrust axis's. */
+static void observe_position_estimate(tc_controller* c, float tilt) {
     if (faulty(c, TC_FAULT_POSITION_STALE)) {
         if (c->telemetry.reckoning_s > c->parameters.reckoning_s || !tc_mission_in_air(c->mission.state)) {
             const tc_reason reason = faulty(c, TC_FAULT_POSITION_UNUSABLE) ? TC_ESTIMATE_NOT_FINITE : TC_ESTIMATE_STALE;
@@ -53,7 +54,6 @@ static void observe_position_estimate(tc_controller* c) {
             (void)tc_post(c, TC_EVENT_POSITION_LOST, lies ? (tc_reason)c->monitor.reason : reason);
         }
     } else if (c->mission.state == TC_EMERGENCY) {
-        const float tilt = 1.0f - tc_dot(c->telemetry.flatness.axis, c->axes[2]);
         const bool good = tc_lasts(c, c->good_since_us, BACK_S) && tc_lasts(c, c->mission.since_us, BACK_S);
         if (tilt < UPRIGHT && good) (void)tc_post(c, TC_EVENT_POSITION_BACK, TC_ESTIMATE_BACK);
     } else {
@@ -61,7 +61,6 @@ static void observe_position_estimate(tc_controller* c) {
     }
 }
 
-/* `tilt`: 1 - cosine of the attitude error, as far as it is the thrust axis's. */
 static void observe_attitude(tc_controller* c, float tilt) {
     const tc_parameters* p = &c->parameters;
     if (tilt <= c->tilt_bound) c->tilt_good_us = c->telemetry.time_us;
@@ -103,22 +102,23 @@ static void observe_fence(tc_controller* c) {
     }
 }
 
+/* Why it may not go on with what it flies; a landing goes on as long as it tracks. */
+static tc_reason why_land(const tc_controller* c) {
+    const uint8_t state = c->mission.state;
+    if (state != TC_EMERGENCY && tc_supervisor_gives_up(&c->supervisor, c->telemetry.time_us)) return TC_TRACKING_LOST;
+    if (state == TC_LANDING) return TC_OK;
+    if (state != TC_TAKE_OFF && tc_stands(c)) return TC_GROUNDED;
+    if (c->monitor.drifts) return TC_POSE_DRIFTS;
+    return tc_gyro_axis_is_gone(c) ? TC_GYRO_AXIS : TC_OK;
+}
+
 static void observe_tracking(tc_controller* c) {
     const bool on_path = tc_mission_on_path(c->mission.state);
     if (on_path && tc_norm(c->supervisor.shift) > tc_clearance(c)) {
         (void)tc_post(c, TC_EVENT_RELOCALIZED, TC_RELOCALIZED);
     }
-    if (c->mission.state != TC_EMERGENCY && tc_supervisor_gives_up(&c->supervisor, c->telemetry.time_us)) {
-        (void)tc_post(c, TC_EVENT_TRACKING_LOST, TC_TRACKING_LOST);
-    } else if (c->mission.state != TC_LANDING && c->mission.state != TC_TAKE_OFF && tc_stands(c)) {
-        (void)tc_post(c, TC_EVENT_TRACKING_LOST, TC_GROUNDED);
-    } else if (c->mission.state != TC_LANDING && c->monitor.drifts) {
-        (void)tc_post(c, TC_EVENT_TRACKING_LOST, TC_POSE_DRIFTS);
-    } else if (c->mission.state != TC_LANDING && tc_gyro_axis_is_gone(c)) {
-        (void)tc_post(c, TC_EVENT_TRACKING_LOST, TC_GYRO_AXIS);
-    } else {
-        /* tracked */
-    }
+    const tc_reason reason = why_land(c);
+    if (reason != TC_OK) (void)tc_post(c, TC_EVENT_TRACKING_LOST, reason);
 }
 
 bool tc_falls(const tc_controller* c) {
@@ -196,15 +196,14 @@ static uint8_t warnings(const tc_controller* c) {
 }
 
 void tc_observe(tc_controller* c) {
-    const float step_s = tc_seconds(c->step_us);
+    const float step_s = tc_seconds(c->step_us), tilt = 1.0f - tc_dot(c->telemetry.flatness.axis, c->axes[2]);
     observe_attitude_estimate(c);
-    observe_position_estimate(c);
+    observe_position_estimate(c, tilt);
     observe_setpoint(c, step_s);
     observe_battery(c, step_s);
     observe_link(c);
     if (tc_moves(c) || tc_falls(c)) c->moved_us = c->telemetry.time_us;
     if (tc_mission_in_air(c->mission.state)) {
-        const float tilt = 1.0f - tc_dot(c->telemetry.flatness.axis, c->axes[2]);
         tc_measure_support(c, step_s);
         observe_attitude(c, tilt);
         observe_crash(c, tilt);

@@ -5,10 +5,8 @@
 #include "../base/maths.h"
 #include "goshawk_controller/controller.h"
 
-/* Whether it has been so for longer than this; `since_us` in controller time. */
-static inline bool tc_lasts(const tc_controller* c, uint64_t since_us, float limit_s) {
-    return tc_exceeds(c->telemetry.time_us - since_us, limit_s);
-}
+/* lasting.c: whether it has been so for longer than this; `since_us` in controller time. */
+bool tc_lasts(const tc_controller* c, uint64_t since_us, float limit_s);
 
 /* estimate.c: takes what is usable of `estimate`, dead reckons the rest, folds relocalizations into the set-point, and
    writes telemetry.estimate, its faults and what is known of the dead reckoning. */

@@ -46,7 +46,11 @@ uint8_t run(tc_controller* c, uint64_t* time_us, float seconds, const trouble* t
         if (up) memcpy(e.position_world_m, c->telemetry.setpoint.position_world_m, sizeof e.position_world_m);
         if (up && c->mission.state != TC_EMERGENCY)
             memcpy(e.q_world_body, c->telemetry.flatness.q_reference, sizeof(float[4]));
-        if (e.position_world_m[2] < t->floor_m) e.position_world_m[2] = t->floor_m;
+        if (up) e.velocity_world_m_s[2] = c->telemetry.setpoint.velocity_world_m_s[2];
+        if (e.position_world_m[2] < t->floor_m) {
+            e.position_world_m[2] = t->floor_m;
+            e.velocity_world_m_s[2] = 0.0f;
+        }
         e.velocity_world_m_s[0] = t->drift_m_s;
         e.position_world_m[0] += t->offset_m;
         if (t->bad_position) e.position_world_m[1] = 1e30f;
