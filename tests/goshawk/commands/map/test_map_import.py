@@ -26,7 +26,9 @@ def room(*, pillar: bool = False) -> trimesh.Trimesh:
         return walls
     inside = trimesh.creation.cylinder(RADIUS_M, 2.5)
     inside.apply_translation([*PILLAR, 1.275])
-    return trimesh.util.concatenate([walls, inside])
+    joined = trimesh.util.concatenate([walls, inside])
+    assert isinstance(joined, trimesh.Trimesh)
+    return joined
 
 
 def imported(mesh: trimesh.Trimesh, file: Path, *more: object) -> dict:
