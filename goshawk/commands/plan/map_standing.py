@@ -22,10 +22,9 @@ def require(area: Map, *, accept_doubtful: bool) -> None:
     """
     area.require_not_refused()
     reasons = "; ".join(area.reasons)
-    if area.standing is Standing.NOT_JUDGED and not area.rig.cameras:
-        console.note(f"note: {area.folder}: {reasons}")
-    elif area.standing is Standing.NOT_JUDGED:
-        console.note(f"note: {area.folder} is of a version that did not try its calibration; make it again")
+    if area.standing is Standing.NOT_JUDGED:
+        of_old = "it is of a version that did not try its calibration; make it again"
+        console.note(f"note: {area.folder}: {reasons or of_old}")
     if area.standing is not Standing.DOUBTFUL or accept_doubtful:
         return
     if sys.stdin.isatty() and click.confirm(f"{area.folder} is doubtful: {reasons}. Plan in it?", err=True):
