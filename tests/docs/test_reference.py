@@ -1,6 +1,8 @@
 """The generated pages name everything: each verb and option, effect, parameter, finding, reason."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import click
@@ -41,6 +43,14 @@ def test_every_verb_has_its_section_with_all_its_options():
         for parameter in verb.params:
             name = parameter.make_metavar(click.Context(verb)) if isinstance(parameter, click.Argument) else ""
             assert (name or parameter.opts[-1]) in text, (words, parameter.opts)
+
+
+def test_a_verb_answers_h_in_the_process_that_wrote_its_page():
+    """Click keeps the help option that a verb makes first, so the page must make the command line's own."""
+    page = "from tools.reference import command_line as made; made.page()"
+    both = f"{page}; from goshawk.cli import main; main(['init', '-h'])"
+    ended = subprocess.run([sys.executable, "-c", both], capture_output=True, text=True, check=False, cwd=DOCS.parent)
+    assert ended.returncode == 0, ended.stderr
 
 
 def test_every_effect_has_its_law_its_parameters_and_what_shows_it():

@@ -42,7 +42,7 @@ def tree(command: click.Command, *words: str) -> Iterator[tuple[Words, click.Com
 
 
 def _section(words: Words, verb: click.Command, shared: dict[str, str]) -> str:
-    context = click.Context(verb, info_name=" ".join(("goshawk", *words)))
+    context = _context(verb, ("goshawk", *words))
     usage = f"```text\n{' '.join(verb.get_usage(context).removeprefix('Usage: ').split())}\n```"
     rows = [_row(option, context) for option in _options(verb)]
     own = [row for row in rows if shared.get(row[0]) != row[1]]
@@ -51,6 +51,11 @@ def _section(words: Words, verb: click.Command, shared: dict[str, str]) -> str:
     parts += [table(("option", "meaning"), own)] if own else []
     parts += [f"Also: {', '.join(also)}."] if also else []
     return "\n\n".join(parts)
+
+
+def _context(verb: click.Command, words: Words) -> click.Context:
+    """Context with the settings of `goshawk`: click keeps on the verb the help option that it makes first."""
+    return click.Context(verb, info_name=" ".join(words), **goshawk.context_settings)
 
 
 def _help(verb: click.Command) -> str:
@@ -79,6 +84,6 @@ def _row(option: click.Option, context: click.Context) -> tuple[str, str]:
 def _shared(verbs: dict[Words, click.Command]) -> dict[str, str]:
     rows: Counter[tuple[str, str]] = Counter()
     for words, verb in verbs.items():
-        context = click.Context(verb, info_name=" ".join(words))
+        context = _context(verb, words)
         rows.update(_row(option, context) for option in _options(verb))
     return {names: said for (names, said), count in rows.items() if count >= SHARED}
