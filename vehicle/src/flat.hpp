@@ -133,6 +133,16 @@ struct Alignment {
         return (required[0] * axis[0] + required[1] * axis[1] + required[2] * axis[2]) / size;
     }
 
+    // Attitude and rotor speeds without drag, where thrust grows with the square of the speed.
+    void begin(const PathPoint& p, const double hover[4], double n[4], double q[4]) const {
+        double f[3];
+        required_force(p, f);
+        hopf(f, HalfTurn(p.yaw), q);
+        const double weight = body.mass * gravity, size = std::sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
+        const double ratio = std::sqrt(std::fmax(size / weight, 0.1));
+        for (int i = 0; i < 4; ++i) n[i] = ratio * hover[i];
+    }
+
     // Attitude and rotor speeds (their proportions kept) that give the path's acceleration.
     void attitude(const PathPoint& p, const double rate[3], double tolerance, double n[4], double q[4]) const {
         const HalfTurn yaw(p.yaw);
@@ -305,10 +315,7 @@ inline void flatten(const Alignment& l, const Inversion& inversion, const double
     static const double second[5] = {-1.0 / 12, 16.0 / 12, -30.0 / 12, 16.0 / 12, -1.0 / 12};
     double q[5][4], n[5][4];
     for (int s = 0; s < 5; ++s) {
-        double required[3];
-        l.required_force(path[s], required);
-        hopf(required, HalfTurn(path[s].yaw), q[s]);
-        for (int i = 0; i < 4; ++i) n[s][i] = hover[i];
+        l.begin(path[s], hover, n[s], q[s]);
     }
     for (int k = 0; k < 3; ++k) out.rate[k] = out.turn[k] = 0.0;
     for (int round = 0; round < 2; ++round) {  // forces depend a little on the rates: two iterations suffice
@@ -361,10 +368,7 @@ inline void at_nodes(const Alignment& l, const Inversion& inversion, const doubl
     };
     std::vector<Node> nodes(m);
     for (size_t i = 0; i < m; ++i) {
-        double required[3];
-        l.required_force(path[i], required);
-        hopf(required, HalfTurn(path[i].yaw), nodes[i].q);
-        std::copy(hover, hover + 4, nodes[i].speed);
+        l.begin(path[i], hover, nodes[i].speed, nodes[i].q);
         std::fill(nodes[i].rate, nodes[i].rate + 3, 0.0);
     }
     for (const double tolerance : {1e-6, 1e-10}) {  // forces depend a little on the rates: two iterations suffice
