@@ -129,24 +129,43 @@ inline V improvable(const V& best, float cap) {
     return smaller(V(best * 1.000001f), V{} + cap);
 }
 
-// Steps 2 and 3 on a sheet of signed values: rows along the axis, z within a row, Lanes::count of them at a time. Spare
-// lanes stay zero, which nothing improves.
+// Steps 2 and 3 on a sheet of signed values: rows along the axis, z within a row, Lanes::count of them at a time. The
+// vectors of one z lie side by side. Spare lanes stay zero, which nothing improves.
 template <class T>
 class Sheet {
   public:
     using V = typename Lanes<T>::Vector;
     static constexpr Index L = Lanes<T>::count;
     Sheet(const Pass<T>& pass, Index width)
-        : p(pass), width(width), blocks((width + L - 1) / L), sheet(p.rows * blocks), column(p.rows) {}
+        : p(pass),
+          width(width),
+          blocks((width + L - 1) / L),
+          stride(p.rows + 1),  // odd if rows is a power of two: a row's vectors do not all compete for one cache set
+          sheet(stride * blocks),
+          inside(p.rows),
+          up(p.rows),
+          down(p.rows) {}
 
-    T* row(Index i) { return sheet[i * blocks].lane; }
+    void put(Index i, const T* values) {
+        each_block(i, values, [](T* lanes, const T* part, std::size_t bytes) { std::memcpy(lanes, part, bytes); });
+    }
 
-    void put(Index i, const T* values) { std::memcpy(row(i), values, width * sizeof(T)); }
+    void get(Index i, T* values) {
+        each_block(i, values, [](const T* lanes, T* part, std::size_t bytes) { std::memcpy(part, lanes, bytes); });
+    }
 
     void run() {  // in place; only rows [first, last) are right afterwards
         for (Index block = 0; block < blocks; ++block) {
-            one_sign(&sheet[block], T(1), p.solid_before, p.solid_after);
-            one_sign(&sheet[block], T(-1), false, false);
+            Block* column = &sheet[block * stride];
+            const bool has_solid = split(column);
+            minimise(column);
+            offer_faces(column);
+            if (!has_solid) continue;
+            minimise(inside.data());
+            for (Index i = p.first; i < p.last; ++i) {
+                const V depth = load(inside[i].lane);
+                store(column[i].lane, depth > V{} ? -depth : load(column[i].lane));
+            }
         }
     }
 
@@ -155,51 +174,77 @@ class Sheet {
         T lane[L];
     };
     Pass<T> p;
-    Index width, blocks;
-    std::vector<Block> sheet, column;  // column: unsigned values of one sign, zero where the sign is the other
+    Index width, blocks, stride;
+    std::vector<Block> sheet, inside;
+    std::vector<Index> up, down;  // the rows with something to offer
 
-    // `face_before`, `face_after`: beyond that end everything is of the other sign.
-    void one_sign(Block* block, T sign, bool face_before, bool face_after) {
+    template <class Values, class Copy>
+    void each_block(Index i, Values* values, Copy copy) {
+        const Index whole = width / L;
+        for (Index block = 0; block < whole; ++block)
+            copy(sheet[block * stride + i].lane, values + block * L, sizeof(Block));
+        if (whole < blocks) copy(sheet[whole * stride + i].lane, values + whole * L, (width - whole * L) * sizeof(T));
+    }
+
+    // Leaves the positive values in the column and puts the negative ones' sizes into `inside`, each zero where the
+    // sign is the other; returns whether any is negative.
+    bool split(Block* column) {
         const V zero{};
-        Index from = p.rows, to = 0;  // the rows with a value of this sign
+        V deepest{};
         for (Index i = 0; i < p.rows; ++i) {
-            const V v = load(block[i * blocks].lane) * sign;
+            const V v = load(column[i].lane), depth = v < zero ? -v : zero;
             store(column[i].lane, v > zero ? v : zero);
-            if (any(v > zero)) {
-                from = std::min(from, i);
-                to = i + 1;
-            }
+            store(inside[i].lane, depth);
+            deepest = deepest > depth ? deepest : depth;
         }
-        // Of the zeros beyond only the nearest count.
-        minimise(std::max<Index>(from - 1, 0), std::min(to + 1, p.rows));
-        for (Index i = std::max(from, p.first); i < std::min(to, p.last); ++i) {
-            T face = p.cap;
-            if (face_before) face = std::min(face, p.table[i + 1]);
-            if (face_after) face = std::min(face, p.table[p.rows - i]);
-            const V v = load(block[i * blocks].lane), best = smaller(load(column[i].lane), V{} + face);
-            store(block[i * blocks].lane, v * sign > zero ? best * sign : v);
+        return any(deepest > zero);
+    }
+
+    // column[i] = min over j of column[j] + table[|i - j|], by offering each row to all above it and then to all below.
+    // The table is convex, so a row that loses to one between it and a target loses to it ever after: a row that loses
+    // to its neighbour offers nothing, any other stops where it first loses, as the rows between have been offered to
+    // the target before. In the second sweep a row may hold an offer of the first: passed on it never wins, as the row
+    // it came from was offered there directly.
+    void minimise(Block* column) {
+        Index ups = 0, downs = 0;
+        V before = load(column[0].lane);
+        for (Index i = 1; i < p.rows; ++i) {
+            const V here = load(column[i].lane);
+            up[ups] = i - 1;
+            ups += any(before + p.table[1] < improvable(here, p.cap));
+            down[downs] = i;
+            downs += any(here + p.table[1] < improvable(before, p.cap));
+            before = here;
+        }
+        while (ups > 0) {
+            const Index i = up[--ups];
+            offer(column + i, 1, std::max<Index>(1, p.first - i), p.last - i);
+        }
+        for (Index n = 0; n < downs; ++n) {
+            const Index i = down[n];
+            offer(column + i, -1, std::max<Index>(1, i - p.last + 1), i - p.first + 1);
         }
     }
 
-    // column[i] = min over j in [from, to) of column[j] + table[|i - j|], by offering each row to all above it and then
-    // to all below. The rows between a row and its target have been offered to the target before; the table is convex,
-    // so a row that loses to one of them loses to it ever after, and can stop. In the second sweep a row may hold an
-    // offer of the first: passed on it never wins, as the row it came from was offered there directly.
-    void minimise(Index from, Index to) {
-        const Index first = std::max(from, p.first), last = std::min(to, p.last);
-        for (Index i = to - 1; i >= from; --i) offer(i, 1, std::max<Index>(1, first - i), last - i);
-        for (Index i = from; i < to; ++i) offer(i, -1, std::max<Index>(1, i - last + 1), i - first + 1);
-    }
-
-    // Row i to the rows begin .. end - 1 steps away.
-    void offer(Index i, Index step, Index begin, Index end) {
-        const V value = load(column[i].lane);
+    // A row to the rows begin .. end - 1 steps away.
+    void offer(Block* row, Index step, Index begin, Index end) {
+        const V value = load(row->lane);
         for (Index k = begin; k < std::min(end, p.reach); ++k) {
-            T* target = column[i + k * step].lane;
+            T* target = row[k * step].lane;
             const V best = load(target), sum = value + p.table[k];
             if (!any(sum < improvable(best, p.cap))) return;
             store(target, smaller(best, sum));
         }
+    }
+
+    // What is solid beyond the ends, to the rows it reaches.
+    void offer_faces(Block* column) {
+        if (p.solid_before)
+            for (Index i = p.first; i < std::min(p.last, p.reach); ++i)
+                store(column[i].lane, smaller(load(column[i].lane), V{} + p.table[i + 1]));
+        if (p.solid_after)
+            for (Index i = std::max(p.first, p.rows - p.reach); i < p.last; ++i)
+                store(column[i].lane, smaller(load(column[i].lane), V{} + p.table[p.rows - i]));
     }
 };
 
@@ -235,8 +280,7 @@ struct PlaneWorker {
         }
         sheet.run();
         for (Index y = r.lo[1]; y < r.hi[1]; ++y)
-            std::memcpy(r.scratch + x * r.scratch_stride[0] + (y - r.lo[1]) * r.scratch_stride[1],
-                        sheet.row(y - w.lo[1]), (r.hi[2] - r.lo[2]) * sizeof(T));
+            sheet.get(y - w.lo[1], r.scratch + x * r.scratch_stride[0] + (y - r.lo[1]) * r.scratch_stride[1]);
     }
 };
 
@@ -265,8 +309,12 @@ struct SliceWorker {
     const Request<T>& r;
     const Window<T>& w;
     Sheet<T> sheet;
+    std::vector<T> line;
     SliceWorker(const Request<T>& request, const Window<T>& window)
-        : r(request), w(window), sheet(make_pass(request, window, 0), request.hi[2] - request.lo[2]) {}
+        : r(request),
+          w(window),
+          sheet(make_pass(request, window, 0), request.hi[2] - request.lo[2]),
+          line(request.hi[2] - request.lo[2]) {}
 
     void operator()(Index y) {
         for (Index x = 0; x < w.size(0); ++x)
@@ -274,7 +322,8 @@ struct SliceWorker {
         sheet.run();
         for (Index x = 0; x < r.hi[0] - r.lo[0]; ++x) {
             const std::uint8_t* state = r.state + ((r.lo[0] + x) * r.n[1] + r.lo[1] + y) * r.n[2] + r.lo[2];
-            to_metres(r, sheet.row(r.lo[0] - w.lo[0] + x), state, r.hi[2] - r.lo[2],
+            sheet.get(r.lo[0] - w.lo[0] + x, line.data());
+            to_metres(r, line.data(), state, r.hi[2] - r.lo[2],
                       r.out + x * r.out_stride[0] + y * r.out_stride[1]);
         }
     }
