@@ -292,11 +292,10 @@ template <class T>
 void to_metres(const Request<T>& r, const T* values, const std::uint8_t* state, Index count, float* out) {
     const T cap = r.cap;  // copies, as `out` might overlap the request as far as the compiler knows
     const float scale = r.scale, cap_m = r.cap_m;
-    // Every root is taken, needed or not, in a loop of its own: that loop the compiler turns into vectors.
-    for (Index j = 0; j < count; ++j) out[j] = root(values[j] < T(0) ? T(-values[j]) : values[j]) * scale;
     for (Index j = 0; j < count; ++j) {
-        const T v = values[j];
-        const float nearer = out[j] < cap_m ? out[j] : cap_m, capped = v < cap && v > -cap ? nearer : cap_m;
+        const T v = values[j], size = v < T(0) ? T(-v) : v;
+        const float metres = root(size) * scale, nearer = metres < cap_m ? metres : cap_m;
+        const float capped = size < cap ? nearer : cap_m;
         out[j] = v < T(0) ? -capped : capped;
     }
     if (r.unknown_is_nan)
