@@ -157,14 +157,12 @@ class Sheet {
     void run() {  // in place; only rows [first, last) are right afterwards
         for (Index block = 0; block < blocks; ++block) {
             Block* column = &sheet[block * stride];
-            const bool has_solid = split(column);
-            minimise(column);
+            const Rows solid = split(column);
+            minimise(column, {0, p.rows});
             offer_faces(column);
-            if (!has_solid) continue;
-            minimise(inside.data());
-            for (Index i = p.first; i < p.last; ++i) {
-                const V depth = load(inside[i].lane);
-                store(column[i].lane, depth > V{} ? -depth : load(column[i].lane));
+            if (solid.from < solid.to) {
+                minimise(inside.data(), solid);
+                join(column, solid);
             }
         }
     }
@@ -173,9 +171,12 @@ class Sheet {
     struct alignas(VECTOR_BYTES) Block {
         T lane[L];
     };
+    struct Rows {
+        Index from, to;
+    };
     Pass<T> p;
     Index width, blocks, stride;
-    std::vector<Block> sheet, inside;
+    std::vector<Block> sheet, inside;  // inside: one column, zero but while that is computed
     std::vector<Index> up, down;  // the rows with something to offer
 
     template <class Values, class Copy>
@@ -186,29 +187,40 @@ class Sheet {
         if (whole < blocks) copy(sheet[whole * stride + i].lane, values + whole * L, (width - whole * L) * sizeof(T));
     }
 
-    // Leaves the positive values in the column and puts the negative ones' sizes into `inside`, each zero where the
-    // sign is the other; returns whether any is negative.
-    bool split(Block* column) {
+    // Moves the negative values' sizes from the column to `inside`, leaving zeros; returns their rows and one beyond on
+    // either side: of the zeros there only the nearest count.
+    Rows split(Block* column) {
         const V zero{};
-        V deepest{};
+        Rows solid{p.rows, 0};
         for (Index i = 0; i < p.rows; ++i) {
-            const V v = load(column[i].lane), depth = v < zero ? -v : zero;
+            const V v = load(column[i].lane);
+            if (!any(v < zero)) continue;
             store(column[i].lane, v > zero ? v : zero);
-            store(inside[i].lane, depth);
-            deepest = deepest > depth ? deepest : depth;
+            store(inside[i].lane, v < zero ? -v : zero);
+            solid = {std::min(solid.from, i), i + 1};
         }
-        return any(deepest > zero);
+        if (solid.to == 0) return {0, 0};
+        return {std::max<Index>(solid.from - 1, 0), std::min(solid.to + 1, p.rows)};
     }
 
-    // column[i] = min over j of column[j] + table[|i - j|], by offering each row to all above it and then to all below.
+    // Puts them back.
+    void join(Block* column, Rows solid) {
+        for (Index i = std::max(solid.from, p.first); i < std::min(solid.to, p.last); ++i) {
+            const V depth = load(inside[i].lane);
+            store(column[i].lane, depth > V{} ? -depth : load(column[i].lane));
+        }
+        std::fill(inside.begin() + solid.from, inside.begin() + solid.to, Block{});
+    }
+
+    // column[i] = min over j in `rows` of column[j] + table[|i - j|], by offering each row to all above it and then to all below.
     // The table is convex, so a row that loses to one between it and a target loses to it ever after: a row that loses
     // to its neighbour offers nothing, any other stops where it first loses, as the rows between have been offered to
     // the target before. In the second sweep a row may hold an offer of the first: passed on it never wins, as the row
     // it came from was offered there directly.
-    void minimise(Block* column) {
+    void minimise(Block* column, Rows rows) {
         Index ups = 0, downs = 0;
-        V before = load(column[0].lane);
-        for (Index i = 1; i < p.rows; ++i) {
+        V before = load(column[rows.from].lane);
+        for (Index i = rows.from + 1; i < rows.to; ++i) {
             const V here = load(column[i].lane);
             up[ups] = i - 1;
             ups += any(before + p.table[1] < improvable(here, p.cap));
@@ -218,11 +230,11 @@ class Sheet {
         }
         while (ups > 0) {
             const Index i = up[--ups];
-            offer(column + i, 1, std::max<Index>(1, p.first - i), p.last - i);
+            offer(column + i, 1, std::max<Index>(1, p.first - i), std::min(rows.to, p.last) - i);
         }
         for (Index n = 0; n < downs; ++n) {
             const Index i = down[n];
-            offer(column + i, -1, std::max<Index>(1, i - p.last + 1), i - p.first + 1);
+            offer(column + i, -1, std::max<Index>(1, i - p.last + 1), i - std::max(rows.from, p.first) + 1);
         }
     }
 
