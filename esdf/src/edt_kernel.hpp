@@ -87,9 +87,11 @@ void fill_run(T* out, Index a, Index b, const T* table, T sign, T cap, bool befo
 }
 
 inline Index run_end(const std::uint8_t* solid, Index from, Index n) {
+    using V = Lanes<std::uint8_t>::Vector;
     const std::uint8_t kind = solid[from];
-    const std::uint64_t eight = 0x0101010101010101ull * kind;
     Index i = from + 1;
+    while (i + VECTOR_BYTES <= n && !any(load(solid + i) != V{} + kind)) i += VECTOR_BYTES;
+    const std::uint64_t eight = 0x0101010101010101ull * kind;
     for (std::uint64_t word; i + 8 <= n; i += 8) {
         std::memcpy(&word, solid + i, 8);
         if (word != eight) break;
