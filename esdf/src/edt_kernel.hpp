@@ -306,14 +306,13 @@ template <class T>
 void to_metres(const Request<T>& r, const T* values, const std::uint8_t* state, Index count, float* out) {
     const T cap = r.cap;  // copies, as `out` might overlap the request as far as the compiler knows
     const float scale = r.scale, cap_m = r.cap_m;
+    const bool unknown_is_nan = r.unknown_is_nan;
     for (Index j = 0; j < count; ++j) {
         const T v = values[j], size = v < T(0) ? T(-v) : v;
         const float metres = root(size) * scale, nearer = metres < cap_m ? metres : cap_m;
-        const float capped = size < cap ? nearer : cap_m;
-        out[j] = v < T(0) ? -capped : capped;
+        const float capped = size < cap ? nearer : cap_m, value = v < T(0) ? -capped : capped;
+        out[j] = unknown_is_nan && state[j] == UNKNOWN ? __builtin_nanf("") : value;
     }
-    if (r.unknown_is_nan)
-        for (Index j = 0; j < count; ++j) out[j] = state[j] == UNKNOWN ? __builtin_nanf("") : out[j];
 }
 
 // Step 3 for one y, and the conversion to metres. `out` is written after all of the plane's scratch has been read.
