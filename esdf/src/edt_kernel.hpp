@@ -73,6 +73,16 @@ inline void mark_solid(const std::uint8_t* state, Index n, bool unknown_is_solid
         for (Index z = 0; z < n; ++z) solid[z] = state[z] == OCCUPIED;
 }
 
+// Whether all of a line is one state.
+inline bool is_uniform(const std::uint8_t* state, Index n) {
+    using V = Lanes<std::uint8_t>::Vector;
+    const V first = V{} + state[0];
+    if (n < VECTOR_BYTES) return false;
+    for (Index z = 0; z + VECTOR_BYTES < n; z += VECTOR_BYTES)
+        if (any(load(state + z) != first)) return false;
+    return !any(load(state + n - VECTOR_BYTES) != first);
+}
+
 // One run [a, b) of voxels of one class, `other[0/1]`: whether a voxel of the other class ends it before/after.
 template <class T>
 void fill_run(T* out, Index a, Index b, const T* table, T sign, T cap, bool before, bool after) {
@@ -150,6 +160,11 @@ class Sheet {
 
     void put(Index i, const T* values) {
         each_block(i, values, [](T* lanes, const T* part, std::size_t bytes) { std::memcpy(lanes, part, bytes); });
+    }
+
+    void fill(Index i, T value) {
+        for (Index block = 0; block < blocks; ++block)
+            std::fill_n(sheet[block * stride + i].lane, std::min(L, width - block * L), value);
     }
 
     void get(Index i, T* values) {
@@ -287,6 +302,11 @@ struct PlaneWorker {
         const Index depth = w.size(2);
         for (Index y = 0; y < w.size(1); ++y) {
             const std::uint8_t* state = r.state + ((w.lo[0] + x) * r.n[1] + w.lo[1] + y) * r.n[2] + w.lo[2];
+            if (!w.solid_before(r, 2) && !w.solid_after(r, 2) && is_uniform(state, depth)) {
+                const bool is_solid = r.unknown_is_solid ? state[0] != FREE : state[0] == OCCUPIED;
+                sheet.fill(y, is_solid ? T(-r.cap) : r.cap);
+                continue;
+            }
             mark_solid(state, depth, r.unknown_is_solid, solid.data());
             scan_line<T>(solid.data(), depth, r.table[2], r.cap, w.solid_before(r, 2), w.solid_after(r, 2),
                          line.data());
