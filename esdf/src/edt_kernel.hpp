@@ -194,7 +194,7 @@ class Sheet {
     Pass<T> p;
     Index width, blocks, stride;
     std::vector<Block> sheet, inside;  // inside: one column, zero but while that is computed
-    std::vector<Index> up, down;  // the rows with something to offer
+    std::vector<Index> up, down;       // the rows with something to offer
 
     template <class Values, class Copy>
     void each_block(Index i, Values* values, Copy copy) {
@@ -229,11 +229,11 @@ class Sheet {
         std::fill(inside.begin() + solid.from, inside.begin() + solid.to, Block{});
     }
 
-    // column[i] = min over j in `rows` of column[j] + table[|i - j|], by offering each row to all above it and then to all below.
-    // The table is convex, so a row that loses to one between it and a target loses to it ever after: a row that loses
-    // to its neighbour offers nothing, any other stops where it first loses, as the rows between have been offered to
-    // the target before. In the second sweep a row may hold an offer of the first: passed on it never wins, as the row
-    // it came from was offered there directly.
+    // column[i] = min over j in `rows` of column[j] + table[|i - j|], by offering each row to all above it and then to
+    // all below. The table is convex, so a row that loses to one between it and a target loses to it ever after: a row
+    // that loses to its neighbour offers nothing, any other stops where it first loses, as the rows between have been
+    // offered to the target before. In the second sweep a row may hold an offer of the first: passed on it never wins,
+    // as the row it came from was offered there directly.
     void minimise(Block* column, Rows rows) {
         Index ups = 0, downs = 0;
         V before = load(column[rows.from].lane);
@@ -283,6 +283,15 @@ Pass<T> make_pass(const Request<T>& r, const Window<T>& w, int axis) {
             r.cap,        w.solid_before(r, axis), w.solid_after(r, axis)};
 }
 
+// Neighbouring lines of a window are far apart in memory: the processor does not guess the next one.
+constexpr Index AHEAD = 6;  // lines
+
+template <class T>
+void prefetch(const T* line, Index count) {
+    const char* bytes = reinterpret_cast<const char*>(line);
+    for (Index b = 0; b < count * static_cast<Index>(sizeof(T)); b += 64) __builtin_prefetch(bytes + b);
+}
+
 // Steps 1 and 2 for one x, while its plane is in cache.
 template <class T>
 struct PlaneWorker {
@@ -302,6 +311,7 @@ struct PlaneWorker {
         const Index depth = w.size(2);
         for (Index y = 0; y < w.size(1); ++y) {
             const std::uint8_t* state = r.state + ((w.lo[0] + x) * r.n[1] + w.lo[1] + y) * r.n[2] + w.lo[2];
+            if (y + AHEAD < w.size(1)) prefetch(state + AHEAD * r.n[2], depth);
             if (!w.solid_before(r, 2) && !w.solid_after(r, 2) && is_uniform(state, depth)) {
                 const bool is_solid = r.unknown_is_solid ? state[0] != FREE : state[0] == OCCUPIED;
                 sheet.fill(y, is_solid ? T(-r.cap) : r.cap);
@@ -349,14 +359,19 @@ struct SliceWorker {
           line(request.hi[2] - request.lo[2]) {}
 
     void operator()(Index y) {
-        for (Index x = 0; x < w.size(0); ++x)
-            sheet.put(x, r.scratch + x * r.scratch_stride[0] + y * r.scratch_stride[1]);
+        const Index rows = r.hi[0] - r.lo[0], width = r.hi[2] - r.lo[2];
+        for (Index x = 0; x < w.size(0); ++x) {
+            const T* squares = r.scratch + x * r.scratch_stride[0] + y * r.scratch_stride[1];
+            if (x + AHEAD < w.size(0)) prefetch(squares + AHEAD * r.scratch_stride[0], width);
+            sheet.put(x, squares);
+        }
         sheet.run();
-        for (Index x = 0; x < r.hi[0] - r.lo[0]; ++x) {
+        for (Index x = 0; x < rows; ++x) {
             const std::uint8_t* state = r.state + ((r.lo[0] + x) * r.n[1] + r.lo[1] + y) * r.n[2] + r.lo[2];
+            float* out = r.out + x * r.out_stride[0] + y * r.out_stride[1];
+            if (x + AHEAD < rows) prefetch(out + AHEAD * r.out_stride[0], width);
             sheet.get(r.lo[0] - w.lo[0] + x, line.data());
-            to_metres(r, line.data(), state, r.hi[2] - r.lo[2],
-                      r.out + x * r.out_stride[0] + y * r.out_stride[1]);
+            to_metres(r, line.data(), state, width, out);
         }
     }
 };
