@@ -73,6 +73,16 @@ inline void mark_solid(const std::uint8_t* state, Index n, bool unknown_is_solid
         for (Index z = 0; z < n; ++z) solid[z] = state[z] == OCCUPIED;
 }
 
+// Whether all of a line is one state.
+inline bool is_uniform(const std::uint8_t* state, Index n) {
+    using V = Lanes<std::uint8_t>::Vector;
+    const V first = V{} + state[0];
+    if (n < VECTOR_BYTES) return false;
+    for (Index z = 0; z + VECTOR_BYTES < n; z += VECTOR_BYTES)
+        if (any(load(state + z) != first)) return false;
+    return !any(load(state + n - VECTOR_BYTES) != first);
+}
+
 // One run [a, b) of voxels of one class, `other[0/1]`: whether a voxel of the other class ends it before/after.
 template <class T>
 void fill_run(T* out, Index a, Index b, const T* table, T sign, T cap, bool before, bool after) {
@@ -87,9 +97,11 @@ void fill_run(T* out, Index a, Index b, const T* table, T sign, T cap, bool befo
 }
 
 inline Index run_end(const std::uint8_t* solid, Index from, Index n) {
+    using V = Lanes<std::uint8_t>::Vector;
     const std::uint8_t kind = solid[from];
-    const std::uint64_t eight = 0x0101010101010101ull * kind;
     Index i = from + 1;
+    while (i + VECTOR_BYTES <= n && !any(load(solid + i) != V{} + kind)) i += VECTOR_BYTES;
+    const std::uint64_t eight = 0x0101010101010101ull * kind;
     for (std::uint64_t word; i + 8 <= n; i += 8) {
         std::memcpy(&word, solid + i, 8);
         if (word != eight) break;
@@ -129,24 +141,46 @@ inline V improvable(const V& best, float cap) {
     return smaller(V(best * 1.000001f), V{} + cap);
 }
 
-// Steps 2 and 3 on a sheet of signed values: rows along the axis, z within a row, Lanes::count of them at a time. Spare
-// lanes stay zero, which nothing improves.
+// Steps 2 and 3 on a sheet of signed values: rows along the axis, z within a row, Lanes::count of them at a time. The
+// vectors of one z lie side by side. Spare lanes stay zero, which nothing improves.
 template <class T>
 class Sheet {
   public:
     using V = typename Lanes<T>::Vector;
     static constexpr Index L = Lanes<T>::count;
     Sheet(const Pass<T>& pass, Index width)
-        : p(pass), width(width), blocks((width + L - 1) / L), sheet(p.rows * blocks), column(p.rows) {}
+        : p(pass),
+          width(width),
+          blocks((width + L - 1) / L),
+          stride(p.rows + 1),  // odd if rows is a power of two: a row's vectors do not all compete for one cache set
+          sheet(stride * blocks),
+          inside(p.rows),
+          up(p.rows),
+          down(p.rows) {}
 
-    T* row(Index i) { return sheet[i * blocks].lane; }
+    void put(Index i, const T* values) {
+        each_block(i, values, [](T* lanes, const T* part, std::size_t bytes) { std::memcpy(lanes, part, bytes); });
+    }
 
-    void put(Index i, const T* values) { std::memcpy(row(i), values, width * sizeof(T)); }
+    void fill(Index i, T value) {
+        for (Index block = 0; block < blocks; ++block)
+            std::fill_n(sheet[block * stride + i].lane, std::min(L, width - block * L), value);
+    }
+
+    void get(Index i, T* values) {
+        each_block(i, values, [](const T* lanes, T* part, std::size_t bytes) { std::memcpy(part, lanes, bytes); });
+    }
 
     void run() {  // in place; only rows [first, last) are right afterwards
         for (Index block = 0; block < blocks; ++block) {
-            one_sign(&sheet[block], T(1), p.solid_before, p.solid_after);
-            one_sign(&sheet[block], T(-1), false, false);
+            Block* column = &sheet[block * stride];
+            const Rows solid = split(column);
+            minimise(column, {0, p.rows});
+            offer_faces(column);
+            if (solid.from < solid.to) {
+                minimise(inside.data(), solid);
+                join(column, solid);
+            }
         }
     }
 
@@ -154,52 +188,92 @@ class Sheet {
     struct alignas(VECTOR_BYTES) Block {
         T lane[L];
     };
+    struct Rows {
+        Index from, to;
+    };
     Pass<T> p;
-    Index width, blocks;
-    std::vector<Block> sheet, column;  // column: unsigned values of one sign, zero where the sign is the other
+    Index width, blocks, stride;
+    std::vector<Block> sheet, inside;  // inside: one column, zero but while that is computed
+    std::vector<Index> up, down;       // the rows with something to offer
 
-    // `face_before`, `face_after`: beyond that end everything is of the other sign.
-    void one_sign(Block* block, T sign, bool face_before, bool face_after) {
+    template <class Values, class Copy>
+    void each_block(Index i, Values* values, Copy copy) {
+        const Index whole = width / L;
+        for (Index block = 0; block < whole; ++block)
+            copy(sheet[block * stride + i].lane, values + block * L, sizeof(Block));
+        if (whole < blocks) copy(sheet[whole * stride + i].lane, values + whole * L, (width - whole * L) * sizeof(T));
+    }
+
+    // Moves the negative values' sizes from the column to `inside`, leaving zeros; returns their rows and one beyond on
+    // either side: of the zeros there only the nearest count.
+    Rows split(Block* column) {
         const V zero{};
-        Index from = p.rows, to = 0;  // the rows with a value of this sign
+        Rows solid{p.rows, 0};
         for (Index i = 0; i < p.rows; ++i) {
-            const V v = load(block[i * blocks].lane) * sign;
+            const V v = load(column[i].lane);
+            if (!any(v < zero)) continue;
             store(column[i].lane, v > zero ? v : zero);
-            if (any(v > zero)) {
-                from = std::min(from, i);
-                to = i + 1;
-            }
+            store(inside[i].lane, v < zero ? -v : zero);
+            solid = {std::min(solid.from, i), i + 1};
         }
-        // Of the zeros beyond only the nearest count.
-        minimise(std::max<Index>(from - 1, 0), std::min(to + 1, p.rows));
-        for (Index i = std::max(from, p.first); i < std::min(to, p.last); ++i) {
-            T face = p.cap;
-            if (face_before) face = std::min(face, p.table[i + 1]);
-            if (face_after) face = std::min(face, p.table[p.rows - i]);
-            const V v = load(block[i * blocks].lane), best = smaller(load(column[i].lane), V{} + face);
-            store(block[i * blocks].lane, v * sign > zero ? best * sign : v);
+        if (solid.to == 0) return {0, 0};
+        return {std::max<Index>(solid.from - 1, 0), std::min(solid.to + 1, p.rows)};
+    }
+
+    // Puts them back.
+    void join(Block* column, Rows solid) {
+        for (Index i = std::max(solid.from, p.first); i < std::min(solid.to, p.last); ++i) {
+            const V depth = load(inside[i].lane);
+            store(column[i].lane, depth > V{} ? -depth : load(column[i].lane));
+        }
+        std::fill(inside.begin() + solid.from, inside.begin() + solid.to, Block{});
+    }
+
+    // column[i] = min over j in `rows` of column[j] + table[|i - j|], by offering each row to all above it and then to
+    // all below. The table is convex, so a row that loses to one between it and a target loses to it ever after: a row
+    // that loses to its neighbour offers nothing, any other stops where it first loses, as the rows between have been
+    // offered to the target before. In the second sweep a row may hold an offer of the first: passed on it never wins,
+    // as the row it came from was offered there directly.
+    void minimise(Block* column, Rows rows) {
+        Index ups = 0, downs = 0;
+        V before = load(column[rows.from].lane);
+        for (Index i = rows.from + 1; i < rows.to; ++i) {
+            const V here = load(column[i].lane);
+            up[ups] = i - 1;
+            ups += any(before + p.table[1] < improvable(here, p.cap));
+            down[downs] = i;
+            downs += any(here + p.table[1] < improvable(before, p.cap));
+            before = here;
+        }
+        while (ups > 0) {
+            const Index i = up[--ups];
+            offer(column + i, 1, std::max<Index>(1, p.first - i), std::min(rows.to, p.last) - i);
+        }
+        for (Index n = 0; n < downs; ++n) {
+            const Index i = down[n];
+            offer(column + i, -1, std::max<Index>(1, i - p.last + 1), i - std::max(rows.from, p.first) + 1);
         }
     }
 
-    // column[i] = min over j in [from, to) of column[j] + table[|i - j|], by offering each row to all above it and then
-    // to all below. The rows between a row and its target have been offered to the target before; the table is convex,
-    // so a row that loses to one of them loses to it ever after, and can stop. In the second sweep a row may hold an
-    // offer of the first: passed on it never wins, as the row it came from was offered there directly.
-    void minimise(Index from, Index to) {
-        const Index first = std::max(from, p.first), last = std::min(to, p.last);
-        for (Index i = to - 1; i >= from; --i) offer(i, 1, std::max<Index>(1, first - i), last - i);
-        for (Index i = from; i < to; ++i) offer(i, -1, std::max<Index>(1, i - last + 1), i - first + 1);
-    }
-
-    // Row i to the rows begin .. end - 1 steps away.
-    void offer(Index i, Index step, Index begin, Index end) {
-        const V value = load(column[i].lane);
+    // A row to the rows begin .. end - 1 steps away.
+    void offer(Block* row, Index step, Index begin, Index end) {
+        const V value = load(row->lane);
         for (Index k = begin; k < std::min(end, p.reach); ++k) {
-            T* target = column[i + k * step].lane;
+            T* target = row[k * step].lane;
             const V best = load(target), sum = value + p.table[k];
             if (!any(sum < improvable(best, p.cap))) return;
             store(target, smaller(best, sum));
         }
+    }
+
+    // What is solid beyond the ends, to the rows it reaches.
+    void offer_faces(Block* column) {
+        if (p.solid_before)
+            for (Index i = p.first; i < std::min(p.last, p.reach); ++i)
+                store(column[i].lane, smaller(load(column[i].lane), V{} + p.table[i + 1]));
+        if (p.solid_after)
+            for (Index i = std::max(p.first, p.rows - p.reach); i < p.last; ++i)
+                store(column[i].lane, smaller(load(column[i].lane), V{} + p.table[p.rows - i]));
     }
 };
 
@@ -207,6 +281,15 @@ template <class T>
 Pass<T> make_pass(const Request<T>& r, const Window<T>& w, int axis) {
     return {w.size(axis), r.lo[axis] - w.lo[axis], r.hi[axis] - w.lo[axis], r.reach[axis], r.table[axis],
             r.cap,        w.solid_before(r, axis), w.solid_after(r, axis)};
+}
+
+// Neighbouring lines of a window are far apart in memory: the processor does not guess the next one.
+constexpr Index AHEAD = 6;  // lines
+
+template <class T>
+void prefetch(const T* line, Index count) {
+    const char* bytes = reinterpret_cast<const char*>(line);
+    for (Index b = 0; b < count * static_cast<Index>(sizeof(T)); b += 64) __builtin_prefetch(bytes + b);
 }
 
 // Steps 1 and 2 for one x, while its plane is in cache.
@@ -228,6 +311,12 @@ struct PlaneWorker {
         const Index depth = w.size(2);
         for (Index y = 0; y < w.size(1); ++y) {
             const std::uint8_t* state = r.state + ((w.lo[0] + x) * r.n[1] + w.lo[1] + y) * r.n[2] + w.lo[2];
+            if (y + AHEAD < w.size(1)) prefetch(state + AHEAD * r.n[2], depth);
+            if (!w.solid_before(r, 2) && !w.solid_after(r, 2) && is_uniform(state, depth)) {
+                const bool is_solid = r.unknown_is_solid ? state[0] != FREE : state[0] == OCCUPIED;
+                sheet.fill(y, is_solid ? T(-r.cap) : r.cap);
+                continue;
+            }
             mark_solid(state, depth, r.unknown_is_solid, solid.data());
             scan_line<T>(solid.data(), depth, r.table[2], r.cap, w.solid_before(r, 2), w.solid_after(r, 2),
                          line.data());
@@ -235,8 +324,7 @@ struct PlaneWorker {
         }
         sheet.run();
         for (Index y = r.lo[1]; y < r.hi[1]; ++y)
-            std::memcpy(r.scratch + x * r.scratch_stride[0] + (y - r.lo[1]) * r.scratch_stride[1],
-                        sheet.row(y - w.lo[1]), (r.hi[2] - r.lo[2]) * sizeof(T));
+            sheet.get(y - w.lo[1], r.scratch + x * r.scratch_stride[0] + (y - r.lo[1]) * r.scratch_stride[1]);
     }
 };
 
@@ -248,15 +336,13 @@ template <class T>
 void to_metres(const Request<T>& r, const T* values, const std::uint8_t* state, Index count, float* out) {
     const T cap = r.cap;  // copies, as `out` might overlap the request as far as the compiler knows
     const float scale = r.scale, cap_m = r.cap_m;
-    // Every root is taken, needed or not, in a loop of its own: that loop the compiler turns into vectors.
-    for (Index j = 0; j < count; ++j) out[j] = root(values[j] < T(0) ? T(-values[j]) : values[j]) * scale;
+    const bool unknown_is_nan = r.unknown_is_nan;
     for (Index j = 0; j < count; ++j) {
-        const T v = values[j];
-        const float nearer = out[j] < cap_m ? out[j] : cap_m, capped = v < cap && v > -cap ? nearer : cap_m;
-        out[j] = v < T(0) ? -capped : capped;
+        const T v = values[j], size = v < T(0) ? T(-v) : v;
+        const float metres = root(size) * scale, nearer = metres < cap_m ? metres : cap_m;
+        const float capped = size < cap ? nearer : cap_m, value = v < T(0) ? -capped : capped;
+        out[j] = unknown_is_nan && state[j] == UNKNOWN ? __builtin_nanf("") : value;
     }
-    if (r.unknown_is_nan)
-        for (Index j = 0; j < count; ++j) out[j] = state[j] == UNKNOWN ? __builtin_nanf("") : out[j];
 }
 
 // Step 3 for one y, and the conversion to metres. `out` is written after all of the plane's scratch has been read.
@@ -265,17 +351,27 @@ struct SliceWorker {
     const Request<T>& r;
     const Window<T>& w;
     Sheet<T> sheet;
+    std::vector<T> line;
     SliceWorker(const Request<T>& request, const Window<T>& window)
-        : r(request), w(window), sheet(make_pass(request, window, 0), request.hi[2] - request.lo[2]) {}
+        : r(request),
+          w(window),
+          sheet(make_pass(request, window, 0), request.hi[2] - request.lo[2]),
+          line(request.hi[2] - request.lo[2]) {}
 
     void operator()(Index y) {
-        for (Index x = 0; x < w.size(0); ++x)
-            sheet.put(x, r.scratch + x * r.scratch_stride[0] + y * r.scratch_stride[1]);
+        const Index rows = r.hi[0] - r.lo[0], width = r.hi[2] - r.lo[2];
+        for (Index x = 0; x < w.size(0); ++x) {
+            const T* squares = r.scratch + x * r.scratch_stride[0] + y * r.scratch_stride[1];
+            if (x + AHEAD < w.size(0)) prefetch(squares + AHEAD * r.scratch_stride[0], width);
+            sheet.put(x, squares);
+        }
         sheet.run();
-        for (Index x = 0; x < r.hi[0] - r.lo[0]; ++x) {
+        for (Index x = 0; x < rows; ++x) {
             const std::uint8_t* state = r.state + ((r.lo[0] + x) * r.n[1] + r.lo[1] + y) * r.n[2] + r.lo[2];
-            to_metres(r, sheet.row(r.lo[0] - w.lo[0] + x), state, r.hi[2] - r.lo[2],
-                      r.out + x * r.out_stride[0] + y * r.out_stride[1]);
+            float* out = r.out + x * r.out_stride[0] + y * r.out_stride[1];
+            if (x + AHEAD < rows) prefetch(out + AHEAD * r.out_stride[0], width);
+            sheet.get(r.lo[0] - w.lo[0] + x, line.data());
+            to_metres(r, line.data(), state, width, out);
         }
     }
 };
