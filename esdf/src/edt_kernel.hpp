@@ -323,8 +323,12 @@ struct PlaneWorker {
             sheet.put(y, &line[r.lo[2] - w.lo[2]]);
         }
         sheet.run();
-        for (Index y = r.lo[1]; y < r.hi[1]; ++y)
-            sheet.get(y - w.lo[1], r.scratch + x * r.scratch_stride[0] + (y - r.lo[1]) * r.scratch_stride[1]);
+        const Index rows = r.hi[1] - r.lo[1];
+        for (Index y = 0; y < rows; ++y) {
+            T* squares = r.scratch + x * r.scratch_stride[0] + y * r.scratch_stride[1];
+            if (y + AHEAD < rows) prefetch(squares + AHEAD * r.scratch_stride[1], r.hi[2] - r.lo[2]);
+            sheet.get(r.lo[1] - w.lo[1] + y, squares);
+        }
     }
 };
 
