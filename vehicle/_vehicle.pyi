@@ -69,13 +69,15 @@ class Model:
         out: NDArray[float64],
         /,
     ) -> None: ...
-    def attitudes(
+    def at_nodes(
         self,
         values: NDArray[float64],
         gravity_m_s2: float,
-        tolerance: float,
+        hover_rad_s: NDArray[float64],
+        first: NDArray[float64],
+        second: NDArray[float64],
+        scale: NDArray[float64],
         path: NDArray[float64],
-        rate: NDArray[float64],
         out: NDArray[float64],
         /,
     ) -> None: ...

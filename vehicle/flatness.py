@@ -74,42 +74,37 @@ def state(vehicle: Vehicle, trajectory: Trajectory, times_s: FloatArray, *, grou
     )
 
 
-def attitudes(
+def at_nodes(
     vehicle: Vehicle,
     velocity_world_m_s: FloatArray,
     acceleration_world_m_s2: FloatArray,
     yaw_rad: FloatArray,
-    rate_body_rad_s: FloatArray,
-    start: tuple[FloatArray, FloatArray] | None = None,
-    *,
-    tolerance: float = 1e-10,
-) -> tuple[FloatArray, FloatArray]:
-    """Attitude and even rotor speeds for given motions far from the ground, when the body's rates are known.
+    derivatives: tuple[FloatArray, FloatArray],
+    scale: FloatArray,
+) -> FloatArray:
+    """Cosine of the tilt, body rates and rotor speeds at nodes of smooth pieces of a path, far from the ground.
+
+    The attitudes at the nodes give the rates, and those the torque, by the derivatives of the polynomial through them.
 
     Args:
-        velocity_world_m_s, acceleration_world_m_s2, rate_body_rad_s: (n, 3).
-        yaw_rad: (n,).
-        start: an earlier answer for nearly the same motions.
-        tolerance: change of an attitude at which it has settled.
+        velocity_world_m_s, acceleration_world_m_s2: (p, m, 3) at m nodes of p pieces.
+        yaw_rad: (p, m).
+        derivatives: first and second one at the nodes from the values there, (m, m) each, by the pieces' own argument.
+        scale: (p,) how much that argument grows in a second.
 
     Returns:
-        Attitudes (n, 4) and rotor speeds (n, 4) whose force gives the acceleration; torque is not looked at.
+        (p, m, 8); rows whose rotor speeds are NaN are impossible.
     """
-    n, kernel = len(yaw_rad), native.compiled(vehicle)
-    if start is None:
-        required = acceleration_world_m_s2 + np.array([0.0, 0.0, vehicle.gravity_m_s2])
-        start = hopf(required / np.linalg.norm(required, axis=1, keepdims=True), yaw_rad), np.empty((n, 4))
-        start[1][:] = invert.hover(vehicle)
+    p, m = yaw_rad.shape
+    velocity, acceleration = velocity_world_m_s.reshape(-1, 3), acceleration_world_m_s2.reshape(-1, 3)
+    kernel, yaw = native.compiled(vehicle), yaw_rad.ravel()
     if kernel is None:
-        far = np.column_stack([np.zeros((n, 2)), np.full(n, np.inf)])
-        path = _Path(far, velocity_world_m_s, acceleration_world_m_s2, yaw_rad)
-        mass = float(rigid_body(vehicle).mass_kg)
-        return _attitudes(vehicle, mass, path, rate_body_rad_s, start[1], -np.inf)
-    rows = np.column_stack([velocity_world_m_s, acceleration_world_m_s2, np.full(n, np.inf), yaw_rad])
-    out = np.hstack(start)
-    rate = np.ascontiguousarray(rate_body_rad_s)
-    kernel.model.attitudes(kernel.values, vehicle.gravity_m_s2, tolerance, rows, rate, out)
-    return out[:, :4], out[:, 4:]
+        far = np.column_stack([np.zeros((p * m, 2)), np.full(p * m, np.inf)])
+        return _at_nodes_numpy(vehicle, _Path(far, velocity, acceleration, yaw), derivatives, scale)
+    rows, out = np.column_stack([velocity, acceleration, np.full(p * m, np.inf), yaw]), np.empty((p * m, 8))
+    hover = invert.hover(vehicle)[None]
+    kernel.model.at_nodes(kernel.values, vehicle.gravity_m_s2, hover, *derivatives, scale[:, None], rows, out)
+    return out.reshape(p, m, 8)
 
 
 def air_velocity_body(flat: FlatState) -> FloatArray:
@@ -125,17 +120,51 @@ def _middle(path: _Path) -> _Path:
 def _state_numpy(vehicle: Vehicle, times: FloatArray, path: _Path, ground_m: float) -> FlatState:
     """NumPy reference of the kernel, and the form for vehicles with effects of the user's own."""
     n = len(times)
-    mass = float(rigid_body(vehicle).mass_kg)
     speed = np.broadcast_to(invert.hover(vehicle), (5 * n, 4))
     rate, centre_rate, turn = np.zeros((5 * n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
     offsets = np.repeat(np.arange(-2, 3) * _OFFSET_S, n)[:, None]
     q = np.zeros((5 * n, 4))
     for _ in range(2):  # forces depend a little on the rates, which come from the attitudes: two iterations suffice
-        q, speed = _attitudes(vehicle, mass, path, rate, speed, ground_m)
+        q, speed = _attitudes(vehicle, path, rate, speed, ground_m)
         centre_rate, turn = _rates(q.reshape(5, n, 4))
         rate = np.tile(centre_rate, (5, 1)) + offsets * np.tile(turn, (5, 1))
     middle = slice(2 * n, 3 * n)
     return _finish(vehicle, times, _middle(path), q[middle], centre_rate, turn, speed[middle], ground_m)
+
+
+def _at_nodes_numpy(
+    vehicle: Vehicle, path: _Path, derivatives: tuple[FloatArray, FloatArray], scale: FloatArray
+) -> FloatArray:
+    """NumPy reference of the kernel, and the form for vehicles with effects of the user's own."""
+    p, n = len(scale), len(path.yaw)
+    q, speed = np.zeros((n, 4)), np.broadcast_to(invert.hover(vehicle), (n, 4))
+    rate, turn = np.zeros((n, 3)), np.zeros((n, 3))
+    for _ in range(2):  # forces depend a little on the rates, which come from the attitudes: two iterations suffice
+        q, speed = _attitudes(vehicle, path, rate, speed, -np.inf)
+        slopes = (
+            portable.product(operator, q.reshape(p, -1, 4)).reshape(n, 4) * np.repeat(scale**order, n // p)[:, None]
+            for order, operator in enumerate(derivatives, start=1)
+        )
+        rate, turn = (2.0 * rotations.multiply(rotations.conjugate(q), slope)[:, 1:] for slope in slopes)
+    back = rotations.conjugate(q)
+    thrust = rotations.rotate(back, _required(vehicle, path))[:, 2]
+    velocity, around = rotations.rotate(back, path.velocity), _around(path, q, -np.inf)
+    torque = _torque(vehicle, rate, turn)
+    rotor = invert.rotor_speeds(vehicle, thrust, torque, velocity, rate, surroundings=around, guess_rad_s=speed)
+    up = 1.0 - 2.0 * (q[:, 1] ** 2 + q[:, 2] ** 2)
+    return np.column_stack([up, rate, rotor]).reshape(p, -1, 8)
+
+
+def _torque(vehicle: Vehicle, rate: FloatArray, turn: FloatArray) -> FloatArray:
+    """(n, 3) Euler's equation."""
+    inertia = rigid_body(vehicle).inertia_kg_m2
+    momentum, torque = (portable.product(rates, inertia.T) for rates in (rate, turn))
+    return torque + rotations.cross(rate, momentum)
+
+
+def _required(vehicle: Vehicle, path: _Path) -> FloatArray:
+    """(n, 3) force in world axes that gives the path's acceleration."""
+    return float(rigid_body(vehicle).mass_kg) * (path.acceleration + np.array([0.0, 0.0, vehicle.gravity_m_s2]))
 
 
 def _sample(trajectory: Trajectory, times: FloatArray) -> _Path:
@@ -151,13 +180,13 @@ def _sample(trajectory: Trajectory, times: FloatArray) -> _Path:
 
 
 def _attitudes(
-    vehicle: Vehicle, mass: float, path: _Path, rate: FloatArray, speed: FloatArray, ground_m: float
+    vehicle: Vehicle, path: _Path, rate: FloatArray, speed: FloatArray, ground_m: float
 ) -> tuple[FloatArray, FloatArray]:
     """Attitude and even rotor speeds at which the vehicle's own forces give the path's acceleration.
 
     Drag decides the thrust axis and the thrust axis decides drag: a contraction, as drag is a fraction of thrust.
     """
-    required = mass * (path.acceleration + np.array([0.0, 0.0, vehicle.gravity_m_s2]))
+    required = _required(vehicle, path)
     size = np.linalg.norm(required, axis=1)
     q = hopf(required / np.where(size > 1e-9, size, np.nan)[:, None], path.yaw)
     for _ in range(200):
@@ -225,10 +254,7 @@ def _finish(
     ground_m: float,
 ) -> FlatState:
     """Individual rotor speeds; where drag depends on each of them, the attitude is aligned with thrust once more."""
-    body = rigid_body(vehicle)
-    momentum, torque = (portable.product(rates, body.inertia_kg_m2.T) for rates in (rate, turn))
-    torque += np.cross(rate, momentum)
-    required = float(body.mass_kg) * (path.acceleration + np.array([0.0, 0.0, vehicle.gravity_m_s2]))
+    torque, required = _torque(vehicle, rate, turn), _required(vehicle, path)
     for _ in range(20):
         back = rotations.conjugate(q)
         thrust, velocity = rotations.rotate(back, required)[:, 2], rotations.rotate(back, path.velocity)

@@ -12,10 +12,8 @@ from functools import cache
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from flight import FloatArray, Trajectory, polynomial, portable, rotations
-from vehicle import Vehicle, flatness, invert
-from vehicle.forces import Surroundings
-from vehicle.model import rigid_body
+from flight import FloatArray, Trajectory, polynomial, portable
+from vehicle import Vehicle, flatness
 
 NODES = 12
 """Instants in a piece."""
@@ -24,8 +22,6 @@ UP, RATE, ROTOR = 0, slice(1, 4), slice(4, 8)
 VALUES = 8
 REACH = 1.1
 """The nodes reach beyond a piece by this factor, as derivatives are poor at the outermost ones."""
-_ROUGHLY = 1e-6
-"""Accuracy of the attitudes from which the rates that forces depend on are taken."""
 _LONGEST_S, _SHORT_S = 0.5, 0.05
 """Of a piece, where only samples are asked for; once more where they are impossible."""
 
@@ -57,42 +53,15 @@ def pieces_of(durations_s: FloatArray, segments: np.ndarray, longest_s: float) -
 
 def coefficients(vehicle: Vehicle, trajectory: Trajectory, pieces: Pieces) -> FloatArray:
     """(p, NODES, VALUES) Chebyshev coefficients over each piece; NaN where the vehicle cannot fly the motion."""
-    nodes, first, second, from_values = _operators()
-    p, n = len(pieces.segment), len(pieces.segment) * NODES
+    nodes, derivatives, from_values = _operators()
     local = pieces.start_s[:, None] + 0.5 * pieces.length_s[:, None] * (1.0 + nodes)
     c = trajectory.coefficients[pieces.segment]
-    yaw = polynomial.evaluate(c[:, None, 3], local).ravel()
+    yaw = polynomial.evaluate(c[:, None, 3], local)
     velocity, acceleration = (
-        polynomial.evaluate(polynomial.differentiate(c[:, None, :3], r), local[..., None]).reshape(n, 3) for r in (1, 2)
+        polynomial.evaluate(polynomial.differentiate(c[:, None, :3], r), local[..., None]) for r in (1, 2)
     )
-    rate = 2.0 / pieces.length_s[:, None, None]
-
-    def turning(q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        at, back = q.reshape(p, NODES, 4), rotations.conjugate(q)
-        slope = (portable.product(first, at) * rate).reshape(n, 4)
-        bend = (portable.product(second, at) * rate**2).reshape(n, 4)
-        return 2.0 * rotations.multiply(back, slope)[:, 1:], 2.0 * rotations.multiply(back, bend)[:, 1:]
-
-    # Forces depend a little on the rates, which come from the attitudes.
-    rough = flatness.attitudes(vehicle, velocity, acceleration, yaw, np.zeros((n, 3)), tolerance=_ROUGHLY)
-    body_rate, _ = turning(rough[0])
-    q, speed = flatness.attitudes(vehicle, velocity, acceleration, yaw, body_rate, rough)
-    body_rate, turn = turning(q)
-    back, body = rotations.conjugate(q), rigid_body(vehicle)
-    momentum, torque = (portable.product(rates, body.inertia_kg_m2.T) for rates in (body_rate, turn))
-    torque += rotations.cross(body_rate, momentum)
-    required = float(body.mass_kg) * (acceleration + np.array([0.0, 0.0, vehicle.gravity_m_s2]))
-    rotor = invert.rotor_speeds(
-        vehicle,
-        rotations.rotate(back, required)[:, 2],
-        torque,
-        rotations.rotate(back, velocity),
-        body_rate,
-        surroundings=Surroundings(q, np.full(n, np.inf), np.full(n, np.inf), np.zeros((n, 4))),
-        guess_rad_s=speed,
-    )
-    up = 1.0 - 2.0 * (q[:, 1] ** 2 + q[:, 2] ** 2)
-    return portable.product(from_values, np.column_stack([up, body_rate, rotor]).reshape(p, NODES, VALUES))
+    values = flatness.at_nodes(vehicle, velocity, acceleration, yaw, derivatives, 2.0 / pieces.length_s)
+    return portable.product(from_values, values)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,7 +135,7 @@ def at_fractions(coefficients: FloatArray, fractions: FloatArray) -> FloatArray:
 
 
 @cache
-def _operators() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _operators() -> tuple[FloatArray, tuple[FloatArray, FloatArray], FloatArray]:
     """Nodes in units of half a piece from its middle; first and second derivative; coefficients from values."""
     x = -portable.sine_cosine(np.pi * (np.arange(NODES) + 0.5) / NODES)[1]
     values = np.asarray(chebyshev.chebvander(x, NODES - 1), dtype=np.float64)
@@ -176,4 +145,4 @@ def _operators() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     slope /= REACH
     once = portable.product(slope, back)
     twice = portable.product(slope, once)
-    return REACH * x, portable.product(values, once), portable.product(values, twice), back
+    return REACH * x, (portable.product(values, once), portable.product(values, twice)), back

@@ -88,10 +88,10 @@ def starts(
     slow, way = divmod(number, 1 + len(_OTHERS))
     slower = problem.spline(problem.knots, _SLOWER * spline.durations_s)
     spline = slower if slow else spline
-    in_the_open, among = (_OTHERS[way - 1],) * 2 if way else (_OPEN, _AMONG)
-    clear = _in_the_open(problem, spline, clearance_m)
+    apart, among = (_OTHERS[way - 1],) * 2 if way else (_OPEN, _AMONG)
+    clear = in_the_open(problem, spline, clearance_m)
     if clear:
-        ways = [(spline, in_the_open)]
+        ways = [(spline, apart)]
         if number == 0 and len(spline.durations_s) <= _SHORT:
             ways += zip((spline, slower), _OTHERS[:2], strict=True)
         found = min((_gently(problem, begin, prices, True, stop) for begin, prices in ways), key=_flight_s)
@@ -104,13 +104,14 @@ def starts(
     yield first
 
 
-def precision(problem: Problem, spline: Spline, clearance_m: float) -> tuple[float, float]:
-    """At which share of the cost descents from here end, of which the vehicle's own model is asked: of the whole path
-    at first, and later ones."""
-    return (_PRECISION, _PRECISION) if _in_the_open(problem, spline, clearance_m) else (_STEEP, _KINKED)
+def precision(in_open: bool) -> tuple[float, float]:
+    """At which share of the cost descents end, of which the vehicle's own model is asked: of the whole path at first,
+    and later ones."""
+    return (_PRECISION, _PRECISION) if in_open else (_STEEP, _KINKED)
 
 
-def _in_the_open(problem: Problem, spline: Spline, clearance_m: float) -> bool:
+def in_the_open(problem: Problem, spline: Spline, clearance_m: float) -> bool:
+    """Whether the path keeps twice the required clearance from everything."""
     return esdf.certify(problem.field, minimum_snap.trajectory(spline), 2.0 * clearance_m).passed
 
 

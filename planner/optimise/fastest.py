@@ -14,7 +14,7 @@ import esdf
 from flight import FloatArray, Progress, Trajectory, silent
 from flight.trajectory import LONGEST_S
 from planner.curve import minimum_snap
-from planner.curve.attitude import Memory
+from planner.curve.attitude import Memory, segment_keys
 from planner.gate import limits
 from planner.gate.gate import AskGate, GateReport
 from planner.optimise import descents
@@ -28,8 +28,9 @@ _WHOLE = 3
 """Rounds about all segments; later ones mend what is exceeded here and there."""
 _ROUNDS = 40
 _RELIEVED, _LONGER, _AGAIN = 0.02, 1.002, 8
-"""Where the vehicle's own model asks for so much less than was believed, a path that passes is optimised once more,
-and all of it where it takes so many times the optimum; so many rounds are given to that."""
+"""Where the vehicle's own model asks for so much less than was believed, a path that passes is optimised once more, and
+all of it in the open where it takes so many times the optimum; so many rounds are given to that. Among obstacles the
+latter made 50 flights .01 % shorter, for a fifth of the work."""
 _FEW = 0.4
 """Share of the segments below which only those that exceed a limit, and their neighbours, are optimised again."""
 _REACH, _FAR = 4, 6
@@ -104,7 +105,10 @@ class _Round:
     """(k,) bool: where the vehicle's own model finds a limit exceeded."""
     relieved: np.ndarray
     """(k,) bool: where it asks for much less than was believed."""
-    clearance: esdf.Clearance
+    clear: bool
+    """Whether every segment keeps clear of obstacles; `lack_m` is what segment `closest` lacks where not."""
+    lack_m: float
+    closest: int
 
     def candidate(self, waypoint: np.ndarray, method: str, shortest_s: float, corrections: Corrections) -> _Candidate:
         ended, active = self.descended, corrections.active(self.touched)
@@ -139,9 +143,11 @@ def until_flyable(
     """
     corrections = Corrections(len(spline.durations_s)) if corrections is None else corrections
     memory = Memory()  # the last path that is measured is the one that the gate looks at
+    proven = set[bytes]()
     optimum_s, bends, begun = np.nan, 0, _WHOLE if wrong is not None else 0
     early, rounds, may_gain = None, _ROUNDS, begun == 0
-    at_first, later = descents.precision(problem, spline, request.options.clearance_m)
+    in_open = descents.in_the_open(problem, spline, request.options.clearance_m)
+    at_first, later = descents.precision(in_open)
     for round_ in range(begun, _ROUNDS):
         if early is not None and round_ == rounds:
             judged, early = early.judged(ask_gate, limits.Known(used, memory)), None
@@ -156,13 +162,13 @@ def until_flyable(
             spline = descents.redrawn(problem, spline, touched, request.stop)
         precision = at_first if round_ < _WHOLE else later
         descended = descents.refined(problem, spline, touched, precision, request.stop, near=round_ > _WHOLE)
-        now = _measured(problem, descended, touched, corrections, request, memory)
+        now = _measured(problem, descended, touched, corrections, request, memory, proven)
         problem, spline, exceeded = now.problem, descended.spline, now.exceeded
         optimum_s = now.optimised_s if round_ == begun else optimum_s
         last = round_ == _ROUNDS - 1
-        if now.clearance.passed and (last or not exceeded.any()):
+        if now.clear and (last or not exceeded.any()):
             here = now.candidate(waypoint, "bent" if bends else "direct", optimum_s, corrections)
-            longer = now.path.duration_s > _LONGER * optimum_s
+            longer = in_open and now.path.duration_s > _LONGER * optimum_s
             if may_gain and not last and (longer or now.relieved.any()):
                 early, rounds, may_gain = here, round_ + _AGAIN, False
                 wrong = None if longer else now.relieved
@@ -177,12 +183,12 @@ def until_flyable(
             corrections.stricter(used[1], on_legs)
             exceeded = exceeded | slower
         corrections.press(touched)
-        if not now.clearance.passed:
+        if not now.clear:
             if bends == request.options.repairs:
                 break
             bends += 1
-            problem = _farther_away(problem, request.options.clearance_m - now.clearance.proven_m)
-            exceeded[now.clearance.segment] = True
+            problem = _farther_away(problem, now.lack_m)
+            exceeded[now.closest] = True
         few = descents.grown(exceeded, _REACH).mean() < _FEW
         wrong = exceeded if wrong is not None or few or round_ + 1 >= _WHOLE else None
     return early and early.judged(ask_gate, limits.Known(used, memory))
@@ -195,8 +201,12 @@ def _measured(
     corrections: Corrections,
     request: Request,
     memory: Memory,
+    proven: set[bytes],
 ) -> _Round:
     """Look at where a descent in the segments `touched` (k,) ended; the corrections learn what the model says there.
+
+    Args:
+        proven: keys of segments that keep clear of obstacles; it is extended.
 
     Raises:
         PlanInfeasibleError: it takes longer than a trajectory may.
@@ -210,9 +220,23 @@ def _measured(
     path = minimum_snap.trajectory(spline)
     excess = corrections.measure(problem, spline, path, request.vehicle, touched, memory, request.stop)
     relieved = (believed - corrections.model).max(axis=(1, 2)) > _RELIEVED
-    clearance = esdf.certify(request.field, path, request.options.clearance_m)
     exceeded = excess.max(axis=(1, 2)) > 0.0
-    return _Round(problem, descended, touched, path, optimised_s, exceeded, relieved, clearance)
+    if not exceeded.any():  # the gate is next, and looks at all of it
+        proven.clear()
+    clear = _clearance(request, path, proven)
+    return _Round(problem, descended, touched, path, optimised_s, exceeded, relieved, *clear)
+
+
+def _clearance(request: Request, path: Trajectory, proven: set[bytes]) -> tuple[bool, float, int]:
+    """Whether the segments not yet `proven` keep clear of obstacles, what they lack, and the segment that lacks it."""
+    keys, required_m = segment_keys(path, np.arange(len(path.durations_s))), request.options.clearance_m
+    new = np.array([i for i, key in enumerate(keys) if key not in proven], dtype=np.int64)
+    if not new.size:
+        return True, 0.0, 0
+    found = esdf.certify(request.field, Trajectory(path.durations_s[new], path.coefficients[new]), required_m)
+    if found.passed:
+        proven.update(keys)
+    return found.passed, required_m - found.proven_m, int(new[found.segment])
 
 
 def _better(early: _Candidate | None, last: Path, ask_gate: AskGate, known: limits.Known) -> Path:

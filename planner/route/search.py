@@ -23,6 +23,9 @@ _HALF_DIAGONAL = 0.87
 _GREED = 1.5
 """How much dearer than the cheapest a way may be: far fewer cells are looked at; the optimiser moves it anyway."""
 
+_BLIND = 16
+"""Points of a path that a shortcut is looked for in together."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lattice:
@@ -176,14 +179,18 @@ def shortcut(points: FloatArray, field: space.DistanceField, clearance_m: float,
 def _farthest_free(
     points: FloatArray, at: int, ahead: np.ndarray, field: space.DistanceField, allowed: FloatArray
 ) -> int:
-    """Position in `ahead` of the farthest point seen from `at`; 0 (the neighbour) if none is."""
-    best, step = 0, 16
-    for first in range(0, len(ahead), step):
-        ends = points[ahead[first : first + step]]
+    """Position in `ahead` of the farthest point seen from `at`; 0 (the neighbour) if none is.
+
+    They are looked at in blocks of `_BLIND`, up to the first of which none is seen.
+    """
+    best, asked = 0, 3 * _BLIND  # at once: most are decided by then
+    for first in range(0, len(ahead), asked):
+        ends = points[ahead[first : first + asked]]
         starts = np.broadcast_to(points[at], ends.shape)
-        lines = space.check_lines(field, starts, ends, allowed[first : first + step])
-        seen = [first + i for i, line in enumerate(lines) if line.free]
-        if not seen:
-            return best
-        best = seen[-1]
+        lines = space.check_lines(field, starts, ends, allowed[first : first + asked])
+        for block in range(0, len(lines), _BLIND):
+            seen = [first + block + i for i, line in enumerate(lines[block : block + _BLIND]) if line.free]
+            if not seen:
+                return best
+            best = seen[-1]
     return best

@@ -51,9 +51,9 @@ def test_hover_plan_and_simulation_follow_gravity():
     simple = [v.without_effect("thrust_bem").with_effect("thrust_quadratic", k_n_s2=2e-6) for v in (low, high)]
     hover = [vehicle.invert.hover(v) for v in simple]
     np.testing.assert_allclose((hover[1] / hover[0]) ** 2, ratio, rtol=1e-9)
-    still = np.zeros((1, 3))
-    held = [vehicle.flatness.attitudes(v, still, still, np.zeros(1), still)[1] for v in simple]
-    np.testing.assert_allclose(held, np.stack(hover)[:, None], rtol=1e-6)
+    still, none = np.zeros((1, 1, 3)), (np.zeros((1, 1)), np.zeros((1, 1)))
+    held = [vehicle.flatness.at_nodes(v, still, still, np.zeros((1, 1)), none, np.ones(1))[0, 0, 4:] for v in simple]
+    np.testing.assert_allclose(held, np.stack(hover), rtol=1e-6)
     falls = []
     for v in simple:
         fleet = vehicle.simulate.Fleet(v, [vehicle.simulate.hovering(simple[0], np.zeros(3))])

@@ -6,6 +6,7 @@
 #include <nanobind/stl/vector.h>
 
 #include <cstring>
+#include <optional>
 
 #include "flat.hpp"
 #include "model.hpp"
@@ -135,28 +136,32 @@ void step(const Model& model, In values, In world, In command, In battery_v, int
 // no speeds exist.
 void invert(const Model& model, In values, In required, In motion, In around, InOut out) {
     nb::gil_scoped_release release;
+    std::optional<Inversion> inversion;
     for (size_t i = 0; i < out.shape(0); ++i) {
+        if (i == 0 || values.shape(0) > 1) inversion.emplace(model, row(values, i));
         const double* m = row(motion, i);
         double n[4] = {m[6], m[7], m[8], m[9]};
         Flow<double> flow{};
         fill(flow, m, row(around, i));
-        const bool found = invert_rotors(model, row(values, i), flow, row(required, i), n);
+        const bool found = (*inversion)(flow, row(required, i), n);
         for (int k = 0; k < 4; ++k) out.data()[4 * i + k] = found ? n[k] : NAN;
     }
 }
+
+PathPoint path_point(const double* p) { return {{p[0], p[1], p[2]}, {p[3], p[4], p[5]}, p[6], p[7]}; }
 
 // path: rows of velocity 0-2, acceleration 3-5, height 6, yaw 7, five rows per instant.
 // out: rows of q 0-3, rate 4-6, its derivative 7-9, thrust 10, torque 11-13, rotor speed 14-17.
 void flatness(const Model& model, In values, double gravity, In hover, double spacing, In path, InOut out) {
     nb::gil_scoped_release release;
+    const Body<double> body = rigid_body(model, values.data());
+    const Alignment alignment{model, values.data(), body, gravity};
+    const Inversion inversion(model, values.data());
     for (size_t i = 0; i < out.shape(0); ++i) {
         PathPoint points[5];
-        for (int s = 0; s < 5; ++s) {
-            const double* p = path.data() + (5 * i + s) * 8;
-            points[s] = {{p[0], p[1], p[2]}, {p[3], p[4], p[5]}, p[6], p[7]};
-        }
+        for (int s = 0; s < 5; ++s) points[s] = path_point(path.data() + (5 * i + s) * 8);
         Flat flat;
-        flatten(model, values.data(), gravity, hover.data(), spacing, points, flat);
+        flatten(alignment, inversion, hover.data(), spacing, points, flat);
         double* o = out.data() + 18 * i;
         for (int k = 0; k < 4; ++k) o[k] = flat.q[k], o[14 + k] = flat.rotor_speed[k];
         for (int k = 0; k < 3; ++k) o[4 + k] = flat.rate[k], o[7 + k] = flat.turn[k], o[11 + k] = flat.torque[k];
@@ -164,17 +169,20 @@ void flatness(const Model& model, In values, double gravity, In hover, double sp
     }
 }
 
-// path: rows as for flatness, one per instant; rate: body rates (n, 3). out: rows of q 0-3 and even rotor speeds 4-7,
-// the start as well.
-void attitudes(const Model& model, In values, double gravity, double tolerance, In path, In rate, InOut out) {
+// path: rows as for flatness, as many per piece as nodes. first, second: (nodes, nodes); scale: one row per piece.
+// out: rows of the cosine of the tilt, body rate 1-3, rotor speed 4-7.
+void nodes_of(const Model& model, In values, double gravity, In hover, In first, In second, In scale, In path,
+              InOut out) {
     nb::gil_scoped_release release;
     const Body<double> body = rigid_body(model, values.data());
     const Alignment alignment{model, values.data(), body, gravity};
-    for (size_t i = 0; i < out.shape(0); ++i) {
-        const double* p = row(path, i);
-        const PathPoint point = {{p[0], p[1], p[2]}, {p[3], p[4], p[5]}, p[6], p[7]};
-        double* o = out.data() + 8 * i;
-        alignment.attitude(point, row(rate, i), tolerance, o + 4, o);
+    const Inversion inversion(model, values.data());
+    const size_t nodes = first.shape(0);
+    std::vector<PathPoint> points(nodes);
+    for (size_t i = 0; i < scale.shape(0); ++i) {
+        for (size_t j = 0; j < nodes; ++j) points[j] = path_point(path.data() + (nodes * i + j) * 8);
+        at_nodes(alignment, inversion, hover.data(), nodes, first.data(), second.data(), scale.data()[i], points.data(),
+                 out.data() + nodes * i * 8);
     }
 }
 
@@ -208,7 +216,7 @@ NB_MODULE(_vehicle, m) {
         .def("step", &step)
         .def("invert", &invert)
         .def("flatness", &flatness)
-        .def("attitudes", &attitudes);
+        .def("at_nodes", &nodes_of);
     m.def("effects", [] {
         std::vector<std::pair<std::string, int>> known;
         for (const Entry& e : catalogue()) known.emplace_back(e.name, e.parameters);

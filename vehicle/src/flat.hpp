@@ -2,6 +2,7 @@
 // The NumPy reference of the same iteration is in vehicle/flatness.py.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "motion.hpp"
@@ -39,6 +40,49 @@ inline void hopf(const double axis[3], const HalfTurn& yaw, double q[4]) {
     q[2] = b * yaw.c - a * yaw.s;
     q[3] = w * yaw.s;
 }
+
+// Anderson's acceleration of a fixed-point iteration, from its last two steps (Walker and Ni, SIAM J. Numer. Anal.
+// 2011).
+class Anderson {
+  public:
+    // Replaces x, whose image is given, by the combination of images at which the change would vanish.
+    void operator()(const double image[5], double x[5]) {
+        double change[5], by[2][5], a[2][2] = {}, b[2] = {}, share[2] = {};
+        for (int k = 0; k < 5; ++k) {
+            change[k] = image[k] - x[k];
+        }
+        for (int i = 0; i < known_; ++i) {
+            for (int k = 0; k < 5; ++k) by[i][k] = change[k] - change_[i][k];
+        }
+        for (int i = 0; i < known_; ++i) {
+            for (int k = 0; k < 5; ++k) b[i] += by[i][k] * change[k];
+            for (int j = 0; j < known_; ++j) {
+                for (int k = 0; k < 5; ++k) a[i][j] += by[i][k] * by[j][k];
+            }
+        }
+        const double determinant = a[0][0] * a[1][1] - a[0][1] * a[1][0];
+        if (determinant > 1e-9 * a[0][0] * a[1][1]) {
+            share[0] = (b[0] * a[1][1] - b[1] * a[0][1]) / determinant;
+            share[1] = (b[1] * a[0][0] - b[0] * a[1][0]) / determinant;
+        } else if (a[0][0] > 0.0) {
+            share[0] = b[0] / a[0][0];
+        }
+        const bool far = std::fabs(share[0]) + std::fabs(share[1]) > 2.0;  // an extrapolation not to be trusted
+        for (int k = 0; k < 5; ++k) {
+            x[k] = image[k];
+            for (int i = 0; i < known_ && !far; ++i) x[k] -= share[i] * (image[k] - image_[i][k]);
+            image_[1][k] = image_[0][k];
+            change_[1][k] = change_[0][k];
+            image_[0][k] = image[k];
+            change_[0][k] = change[k];
+        }
+        known_ = std::min(known_ + 1, 2);
+    }
+
+  private:
+    double image_[2][5], change_[2][5];  // of the last step and the one before
+    int known_ = 0;
+};
 
 struct Alignment {
     const Model& model;
@@ -89,28 +133,43 @@ struct Alignment {
         return (required[0] * axis[0] + required[1] * axis[1] + required[2] * axis[2]) / size;
     }
 
+    // Attitude and rotor speeds without drag, where thrust grows with the square of the speed.
+    void begin(const PathPoint& p, const double hover[4], double n[4], double q[4]) const {
+        double f[3];
+        required_force(p, f);
+        hopf(f, HalfTurn(p.yaw), q);
+        const double weight = body.mass * gravity, size = std::sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
+        const double ratio = std::sqrt(std::fmax(size / weight, 0.1));
+        for (int i = 0; i < 4; ++i) n[i] = ratio * hover[i];
+    }
+
     // Attitude and rotor speeds (their proportions kept) that give the path's acceleration.
     void attitude(const PathPoint& p, const double rate[3], double tolerance, double n[4], double q[4]) const {
         const HalfTurn yaw(p.yaw);
-        double power = 0.5, last = 0.0, last_log = 0.0;
+        Anderson next;
+        double scale = 0.0;  // logarithm of what the rotor speeds were multiplied by
         for (int step = 0; step < 60; ++step) {
-            const double before[4] = {q[0], q[1], q[2], q[3]};
-            double force_z;
-            const double along = line_up(p, yaw, rate, n, q, force_z);
-            if (std::fabs(last_log) > 1e-5 && last > 0.0 && force_z > 0.0) {
-                const double gain = logarithm(force_z / last) / last_log;  // dlog T / dlog n, about 2
-                if (gain > 1.0 && gain < 6.0) power = 1.0 / gain;
+            double x[5] = {q[0], q[1], q[2], q[3], scale}, turned[4] = {q[0], q[1], q[2], q[3]}, force_z;
+            const double along = line_up(p, yaw, rate, n, turned, force_z);
+            // thrust grows about with the square of the speed
+            const double faster = 0.5 * logarithm(std::fmax(along, 0.0) / std::fmax(force_z, 1e-12));
+            const double bounded = std::fmin(std::fmax(faster, -kLog2), kLog2);
+            const double image[5] = {turned[0], turned[1], turned[2], turned[3], scale + bounded};
+            double change = 0.0;
+            for (int k = 0; k < 5; ++k) change = std::fmax(change, std::fabs(image[k] - x[k]));
+            const bool settled = change < tolerance;
+            if (settled) {
+                for (int k = 0; k < 5; ++k) x[k] = image[k];
+            } else {
+                next(image, x);
             }
-            const double log_ratio = power * logarithm(std::fmax(along, 0.0) / std::fmax(force_z, 1e-12));
-            last_log = std::fmin(std::fmax(log_ratio, -kLog2), kLog2);
-            const double ratio = exponential(last_log);
-            double change = std::fabs(ratio - 1.0);
+            const double ratio = exponential(x[4] - scale);
             for (int k = 0; k < 4; ++k) {
-                change = std::fmax(change, std::fabs(q[k] - before[k]));
                 n[k] *= ratio;
+                q[k] = x[k];
             }
-            last = force_z;
-            if (change < tolerance) break;
+            scale = x[4];
+            if (settled) break;
         }
     }
 };
@@ -152,26 +211,46 @@ Flow<T> turning(const Flow<double>& motion, const double n[4]) {
     return flow;
 }
 
-// Newton on force along body z and torque by the four rotor speeds n, which are the start as well; `motion` holds all
-// else. False when it does not converge: there are no such speeds.
-inline bool invert_rotors(const Model& model, const double* values, const Flow<double>& motion,
-                          const double required[4], double n[4]) {
+// The rotor speeds that give one vehicle a force along body z and a torque.
+class Inversion {
+  public:
+    Inversion(const Model& model, const double* values)
+        : model_(model),
+          values_(values),
+          body_(rigid_body(model, values)),
+          numbers_(values, values + model.width),
+          body_numbers_(rigid_body(model, numbers_.data())) {}
+
+    // Newton on all four by the rotor speeds n, which are the start as well, and Broyden's method (1965) near the
+    // answer; `motion` holds all else. False when it does not converge: there are no such speeds.
+    bool operator()(const Flow<double>& motion, const double required[4], double n[4]) const;
+
+  private:
     using Number = Dual<4>;
-    const std::vector<Number> numbers(values, values + model.width);
-    const Body<Number> body_numbers = rigid_body(model, numbers.data());
-    const Body<double> body = rigid_body(model, values);
-    double slope[4][4] = {};
+    const Model& model_;
+    const double* values_;
+    Body<double> body_;
+    std::vector<Number> numbers_;
+    Body<Number> body_numbers_;
+};
+
+inline bool Inversion::operator()(const Flow<double>& motion, const double required[4], double n[4]) const {
+    double slope[4][4] = {}, move[4] = {};
     bool near = false;
     for (int step = 0; step < 25; ++step) {
-        double A[4][5], move[4], value[4], change = 0.0, largest = 0.0;
+        double A[4][5], value[4], change = 0.0, largest = 0.0, square = 0.0;
         if (near) {
             Flow<double> flow = turning<double>(motion, n);
-            wrench(model, values, body, flow);
-            for (int r = 0; r < 4; ++r) value[r] = r == 0 ? flow.force[2] : flow.torque[r - 1];
+            wrench(model_, values_, body_, flow);
+            for (int i = 0; i < 4; ++i) square += move[i] * move[i];
+            for (int r = 0; r < 4; ++r) {
+                value[r] = r == 0 ? flow.force[2] : flow.torque[r - 1];
+                for (int c = 0; c < 4; ++c) slope[r][c] += (value[r] - required[r]) * move[c] / square;
+            }
         } else {
             Flow<Number> flow = turning<Number>(motion, n);
             for (int i = 0; i < 4; ++i) flow.rotor_speed[i].d[i] = 1.0;
-            wrench(model, numbers.data(), body_numbers, flow);
+            wrench(model_, numbers_.data(), body_numbers_, flow);
             for (int r = 0; r < 4; ++r) {
                 const Number& f = r == 0 ? flow.force[2] : flow.torque[r - 1];
                 value[r] = f.v;
@@ -190,23 +269,53 @@ inline bool invert_rotors(const Model& model, const double* values, const Flow<d
             largest = std::fmax(largest, n[i]);
         }
         if (change < 1e-5) return true;  // what is left is a hundredth of it: 1e-10 of some 1,000 rad/s
-        near = change < 0.01 * largest;  // so near the slopes hardly change: the last ones do
+        near = change < 0.1 * largest;   // so near the slopes hardly change: Broyden's update of the last ones does
     }
     return false;
 }
 
-inline void flatten(const Model& model, const double* values, double gravity, const double hover[4], double spacing,
+// Body rate 2 conj(q) dq of an attitude's derivative (the vector part), or the same of its second derivative.
+inline void turning_of(const double q[4], const double dq[4], double out[3]) {
+    out[0] = 2.0 * (q[0] * dq[1] - q[1] * dq[0] - q[2] * dq[3] + q[3] * dq[2]);
+    out[1] = 2.0 * (q[0] * dq[2] - q[2] * dq[0] - q[3] * dq[1] + q[1] * dq[3]);
+    out[2] = 2.0 * (q[0] * dq[3] - q[3] * dq[0] - q[1] * dq[2] + q[2] * dq[1]);
+}
+
+// Euler's equation: the torque that gives a body of this rate its derivative.
+inline void torque_of(const Body<double>& body, const double rate[3], const double derivative[3], double torque[3]) {
+    double L[3], A[3];
+    for (int k = 0; k < 3; ++k) {
+        const double* row = body.inertia[k];
+        L[k] = row[0] * rate[0] + row[1] * rate[1] + row[2] * rate[2];
+        A[k] = row[0] * derivative[0] + row[1] * derivative[1] + row[2] * derivative[2];
+    }
+    torque[0] = A[0] + rate[1] * L[2] - rate[2] * L[1];
+    torque[1] = A[1] + rate[2] * L[0] - rate[0] * L[2];
+    torque[2] = A[2] + rate[0] * L[1] - rate[1] * L[0];
+}
+
+// Rotor speeds, from a start, that give a point of the path its acceleration and the vehicle this torque; NaN where
+// there are none. Returns the force along body z.
+inline double rotors_at(const Alignment& l, const Inversion& inversion, const PathPoint& p, const double q[4],
+                        const double rate[3], const double torque[3], double speed[4]) {
+    const double back[4] = {q[0], -q[1], -q[2], -q[3]};
+    double force[3], body_force[3];
+    l.required_force(p, force);
+    rotate(back, force, body_force);
+    const double required[4] = {body_force[2], torque[0], torque[1], torque[2]};
+    Flow<double> flow{};
+    l.air(p, q, rate, flow);
+    if (!inversion(flow, required, speed)) std::fill(speed, speed + 4, NAN);
+    return body_force[2];
+}
+
+inline void flatten(const Alignment& l, const Inversion& inversion, const double hover[4], double spacing,
                     const PathPoint path[5], Flat& out) {
     static const double first[5] = {1.0 / 12, -8.0 / 12, 0.0, 8.0 / 12, -1.0 / 12};
     static const double second[5] = {-1.0 / 12, 16.0 / 12, -30.0 / 12, 16.0 / 12, -1.0 / 12};
-    const Body<double> body = rigid_body(model, values);
-    const Alignment l{model, values, body, gravity};
     double q[5][4], n[5][4];
     for (int s = 0; s < 5; ++s) {
-        double required[3];
-        l.required_force(path[s], required);
-        hopf(required, HalfTurn(path[s].yaw), q[s]);
-        for (int i = 0; i < 4; ++i) n[s][i] = hover[i];
+        l.begin(path[s], hover, n[s], q[s]);
     }
     for (int k = 0; k < 3; ++k) out.rate[k] = out.turn[k] = 0.0;
     for (int round = 0; round < 2; ++round) {  // forces depend a little on the rates: two iterations suffice
@@ -230,50 +339,61 @@ inline void flatten(const Model& model, const double* values, double gravity, co
                 bend[k] += second[s] / (spacing * spacing) * q[s][k];
             }
         }
-        const double* c = q[2];
-        const double* const both[2] = {slope, bend};
-        double* const result[2] = {out.rate, out.turn};
-        for (int d = 0; d < 2; ++d) {  // vector part of 2 conj(q) dq
-            const double* x = both[d];
-            result[d][0] = 2.0 * (c[0] * x[1] - c[1] * x[0] - c[2] * x[3] + c[3] * x[2]);
-            result[d][1] = 2.0 * (c[0] * x[2] - c[2] * x[0] - c[3] * x[1] + c[1] * x[3]);
-            result[d][2] = 2.0 * (c[0] * x[3] - c[3] * x[0] - c[1] * x[2] + c[2] * x[1]);
-        }
+        turning_of(q[2], slope, out.rate);
+        turning_of(q[2], bend, out.turn);
     }
-    const double* w = out.rate;
-    double L[3], A[3];
-    for (int k = 0; k < 3; ++k) {
-        const double* row = body.inertia[k];
-        L[k] = row[0] * w[0] + row[1] * w[1] + row[2] * w[2];
-        A[k] = row[0] * out.turn[0] + row[1] * out.turn[1] + row[2] * out.turn[2];
-    }
-    out.torque[0] = A[0] + w[1] * L[2] - w[2] * L[1];
-    out.torque[1] = A[1] + w[2] * L[0] - w[0] * L[2];
-    out.torque[2] = A[2] + w[0] * L[1] - w[1] * L[0];
+    torque_of(l.body, out.rate, out.turn, out.torque);
     for (int k = 0; k < 4; ++k) {
         out.q[k] = q[2][k];
         out.rotor_speed[k] = n[2][k];
     }
-    double force[3], body_force[3];
-    l.required_force(path[2], force);
-    bool found = false;
     for (int step = 0; step < 20; ++step) {  // where drag depends on each rotor, align the thrust once more
-        const double back[4] = {out.q[0], -out.q[1], -out.q[2], -out.q[3]};
-        rotate(back, force, body_force);
-        out.thrust = body_force[2];
-        const double required[4] = {out.thrust, out.torque[0], out.torque[1], out.torque[2]};
-        Flow<double> flow{};
-        l.air(path[2], out.q, out.rate, flow);
-        found = invert_rotors(model, values, flow, required, out.rotor_speed);
-        if (!found) break;
+        out.thrust = rotors_at(l, inversion, path[2], out.q, out.rate, out.torque, out.rotor_speed);
+        if (std::isnan(out.rotor_speed[0])) break;
         const double before[4] = {out.q[0], out.q[1], out.q[2], out.q[3]};
         double force_z, change = 0.0;
         l.line_up(path[2], HalfTurn(path[2].yaw), out.rate, out.rotor_speed, out.q, force_z);
         for (int k = 0; k < 4; ++k) change = std::fmax(change, std::fabs(out.q[k] - before[k]));
         if (change < 1e-12) break;
     }
-    if (!found) {
-        for (double& speed : out.rotor_speed) speed = NAN;
+}
+
+// A piece of a path at m nodes, by differentiation of the attitudes there. first, second: (m, m) derivatives by the
+// piece's own argument, which runs `scale` times as fast as time; path: (m,). out: (m, 8) of the cosine of the tilt,
+// body rate and rotor speeds.
+inline void at_nodes(const Alignment& l, const Inversion& inversion, const double hover[4], size_t m,
+                     const double* first, const double* second, double scale, const PathPoint* path, double* out) {
+    struct Node {
+        double q[4], speed[4], rate[3], derivative[3], torque[3];
+    };
+    std::vector<Node> nodes(m);
+    for (size_t i = 0; i < m; ++i) {
+        l.begin(path[i], hover, nodes[i].speed, nodes[i].q);
+        std::fill(nodes[i].rate, nodes[i].rate + 3, 0.0);
+    }
+    for (const double tolerance : {1e-6, 1e-10}) {  // forces depend a little on the rates: two iterations suffice
+        for (size_t i = 0; i < m; ++i) l.attitude(path[i], nodes[i].rate, tolerance, nodes[i].speed, nodes[i].q);
+        for (size_t i = 0; i < m; ++i) {
+            double slope[4] = {}, bend[4] = {};
+            for (size_t j = 0; j < m; ++j) {
+                for (int k = 0; k < 4; ++k) {
+                    slope[k] += first[m * i + j] * nodes[j].q[k];
+                    bend[k] += second[m * i + j] * nodes[j].q[k];
+                }
+            }
+            for (int k = 0; k < 4; ++k) slope[k] *= scale, bend[k] *= scale * scale;
+            turning_of(nodes[i].q, slope, nodes[i].rate);
+            turning_of(nodes[i].q, bend, nodes[i].derivative);
+        }
+    }
+    for (size_t i = 0; i < m; ++i) {
+        Node& n = nodes[i];
+        torque_of(l.body, n.rate, n.derivative, n.torque);
+        rotors_at(l, inversion, path[i], n.q, n.rate, n.torque, n.speed);
+        double* o = out + 8 * i;
+        o[0] = 1.0 - 2.0 * (n.q[1] * n.q[1] + n.q[2] * n.q[2]);
+        std::copy(n.rate, n.rate + 3, o + 1);
+        std::copy(n.speed, n.speed + 4, o + 4);
     }
 }
 

@@ -1,16 +1,18 @@
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 
 import planner
+from esdf import solids
 from flight import Waypoints
 from planner.curve import minimum_snap
 from planner.gate import limits
-from planner.optimise import airframe, attempts, time_allocation
+from planner.optimise import airframe, attempts, fastest, time_allocation
 from planner.optimise import corrections as corrections_module
 from planner.optimise.corrections import Corrections
 from planner.optimise.time_allocation import Problem, Weights
+from planner.request.inputs import Request
 
 
 @pytest.fixture(scope="module")
@@ -111,3 +113,40 @@ def test_a_slow_segment_does_not_slow_its_neighbours_down(drone, open_sky):
     assert speed.max() > 0.985 * drone.limits.speed_m_s
     assert plan.trajectory.duration_s < 1.01 * plan.optimum_s
     assert "speed" in plan.binding
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A ball, and the points whose distance to it was asked for."""
+
+    ball: solids.Scene
+    points: list[np.ndarray] = field(default_factory=list[np.ndarray])
+
+    def distance(self, points_world_m):
+        self.points.append(np.array(points_world_m))
+        return self.ball.distance(points_world_m)
+
+
+def test_segments_proven_clear_are_not_asked_about_again_and_a_changed_one_is(walk, drone, open_sky):
+    options, proven = planner.PlanOptions().sized(drone), set[bytes]()
+
+    def clearance(place, trajectory):
+        asked = Request(Waypoints(walk.states[:, 0, :3], walk.states[:, 0, 3]), place, drone, options, planner.Conditions())
+        return fastest._clearance(asked, trajectory, proven)
+
+    far, path = Asked(open_sky), minimum_snap.trajectory(walk)
+    assert clearance(far, path)[0]
+    asked = len(far.points)
+    assert clearance(far, path)[0]
+    assert len(far.points) == asked
+    changed = replace(path, coefficients=path.coefficients + 0.01 * np.eye(5)[:, 3, None, None])
+    assert clearance(far, changed)[0]
+    on_it = changed.position(np.linspace(*changed.starts_s[3:5], 500)[:-1])
+    for points in far.points[asked:]:
+        assert (np.linalg.norm(points[:, None] - on_it, axis=2).min(axis=1) < 0.05).all()
+    changed = replace(path, coefficients=path.coefficients + 0.02 * np.eye(5)[:, 3, None, None])
+    known, place = set(proven), solids.Scene([solids.Sphere(tuple(on_it[250]), 0.1)])
+    clear, lack_m, closest = clearance(place, changed)
+    assert (clear, closest) == (False, 3)
+    assert proven == known
+    assert lack_m == pytest.approx(options.clearance_m + 0.1, abs=0.05)
