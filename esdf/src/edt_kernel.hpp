@@ -309,11 +309,12 @@ struct PlaneWorker {
 
     void operator()(Index x) {
         const Index depth = w.size(2);
+        const bool beside_solid = w.solid_before(r, 2) || w.solid_after(r, 2);
         for (Index y = 0; y < w.size(1); ++y) {
             const std::uint8_t* state = r.state + ((w.lo[0] + x) * r.n[1] + w.lo[1] + y) * r.n[2] + w.lo[2];
             if (y + AHEAD < w.size(1)) prefetch(state + AHEAD * r.n[2], depth);
-            if (!w.solid_before(r, 2) && !w.solid_after(r, 2) && is_uniform(state, depth)) {
-                const bool is_solid = r.unknown_is_solid ? state[0] != FREE : state[0] == OCCUPIED;
+            const bool is_solid = r.unknown_is_solid ? state[0] != FREE : state[0] == OCCUPIED;
+            if ((is_solid || !beside_solid) && is_uniform(state, depth)) {
                 sheet.fill(y, is_solid ? T(-r.cap) : r.cap);
                 continue;
             }
@@ -323,8 +324,12 @@ struct PlaneWorker {
             sheet.put(y, &line[r.lo[2] - w.lo[2]]);
         }
         sheet.run();
-        for (Index y = r.lo[1]; y < r.hi[1]; ++y)
-            sheet.get(y - w.lo[1], r.scratch + x * r.scratch_stride[0] + (y - r.lo[1]) * r.scratch_stride[1]);
+        const Index rows = r.hi[1] - r.lo[1];
+        for (Index y = 0; y < rows; ++y) {
+            T* squares = r.scratch + x * r.scratch_stride[0] + y * r.scratch_stride[1];
+            if (y + AHEAD < rows) prefetch(squares + AHEAD * r.scratch_stride[1], r.hi[2] - r.lo[2]);
+            sheet.get(r.lo[1] - w.lo[1] + y, squares);
+        }
     }
 };
 
