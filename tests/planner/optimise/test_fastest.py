@@ -131,7 +131,9 @@ def test_segments_proven_clear_are_not_asked_about_again_and_a_changed_one_is(wa
     options, proven = planner.PlanOptions().sized(drone), set[bytes]()
 
     def clearance(place, trajectory):
-        asked = Request(Waypoints(walk.states[:, 0, :3], walk.states[:, 0, 3]), place, drone, options, planner.Conditions())
+        asked = Request(
+            Waypoints(walk.states[:, 0, :3], walk.states[:, 0, 3]), place, drone, options, planner.Conditions()
+        )
         return fastest._clearance(asked, trajectory, proven)
 
     far, path = Asked(open_sky), minimum_snap.trajectory(walk)
