@@ -31,8 +31,7 @@ _OPEN, _AMONG = (1.0, 8.0, 60.0), (1.0, 20.0, 100.0)
 the full price alone the path stays where the limits meet it first: in the open it ends 17 % later."""
 _OTHERS = (10.0, 60.0), (8.0, 60.0), (0.1, 1.0, 8.0, 60.0)
 _SLOWER = 1.4
-"""Prices with which other starts begin; the second half of them also from times so much longer, as does every descent
-among paths of least snap: at the median of 50 cluttered scenes what follows is then a sixth less work."""
+"""Prices with which other starts begin; the second half of them also from times so much longer."""
 _SHORT = 60
 """Segments up to which an open path descends in two more ways, by the first two of these prices, the second from slower
 times, and the fastest is kept. Of 120 walks one took .5 % more than the best of eight starts with one way, .3 % with
@@ -63,9 +62,8 @@ class Descended:
 
 
 def least_snap(problem: Problem, spline: Spline, stop: StopFlag | None) -> Solution:
-    """Where the descent among paths of least snap ends, from times longer than those of a spline."""
-    slower_s = _SLOWER * spline.durations_s
-    return time_allocation.optimise(problem, slower_s, iterations=_FIRST, samples=_COARSE, stop=stop)
+    """Where the descent among paths of least snap ends, from the durations of a spline."""
+    return time_allocation.optimise(problem, spline.durations_s, iterations=_FIRST, samples=_COARSE, stop=stop)
 
 
 def starts(
