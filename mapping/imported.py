@@ -1,4 +1,4 @@
-"""A map without images, from a mesh that another program made: surfaces are given, what is free must be stated."""
+"""A map without images, from a mesh or a two-dimensional map of another program: what is free must be stated."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +13,7 @@ from flight import FloatArray, InputError, file_format, results
 from mapping import foreign_mesh, map_folder
 from mapping.dense import mesh_file
 from mapping.foreign_mesh import ForeignMesh
+from mapping.map_server import Floor
 from mapping.verdict import Standing
 
 MOST_VOXELS = 150_000_000
@@ -47,17 +48,34 @@ def space(mesh: ForeignMesh, voxel_m: float, observed_world_m: FloatArray) -> Sp
     """
     low, high = mesh.vertices_world_m.min(axis=0), mesh.vertices_world_m.max(axis=0)
     grid = Grid.covering(low - voxel_m, high + voxel_m, voxel_m)
-    if grid.voxels > MOST_VOXELS:
-        fitting_m = 1.05 * voxel_m * (grid.voxels / MOST_VOXELS) ** (1 / 3)
-        raise InputError(
-            f"voxels of {voxel_m:g} m would be {grid.voxels / 1e6:,.0f} million, at most {MOST_VOXELS / 1e6:g} "
-            f"million: take --voxel {fitting_m:.2g}, or cut the mesh"
-        )
+    _require_few(grid, f"take --voxel {1.05 * voxel_m * (grid.voxels / MOST_VOXELS) ** (1 / 3):.2g}, or cut the mesh")
     surface = triangles.touched(mesh.vertices_world_m, mesh.faces, grid)
     state = np.where(surface, np.uint8(OCCUPIED), np.uint8(UNKNOWN))
     state[_connected(surface, grid, observed_world_m)] = FREE
     sides = [np.take(state, end, axis) for axis in range(3) for end in (0, -1)]
     return Space(grid, state, sum(int((side == FREE).sum()) for side in sides))
+
+
+def columns(floor: Floor, low_m: float, high_m: float) -> Space:
+    """Columns of voxels over the cells of a two-dimensional map, in its states from one height to another.
+
+    Raises:
+        InputError: there is less than a voxel between the heights, or there are too many.
+    """
+    layers = round((high_m - low_m) / floor.cell_m) if 0.0 < high_m - low_m < np.inf else 0
+    if layers < 1:
+        raise InputError(f"--heights is {low_m:g},{high_m:g} m; the second must be at least {floor.cell_m:g} m higher")
+    grid = Grid((*floor.low_world_m, low_m), floor.cell_m, (*floor.state.shape, layers))
+    _require_few(grid, "give less between the heights, or a coarser map")
+    return Space(grid, np.repeat(floor.state[:, :, None], layers, axis=2), 0)
+
+
+def _require_few(grid: Grid, remedy: str) -> None:
+    if grid.voxels > MOST_VOXELS:
+        raise InputError(
+            f"voxels of {grid.voxel_m[0]:g} m would be {grid.voxels / 1e6:,.0f} million, at most "
+            f"{MOST_VOXELS / 1e6:g} million: {remedy}"
+        )
 
 
 def _connected(surface: NDArray[np.bool_], grid: Grid, places_world_m: FloatArray) -> NDArray[np.bool_]:

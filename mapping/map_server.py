@@ -1,16 +1,120 @@
-"""A horizontal slice of a map for ROS: the image and YAML file of `map_server` (REP 105, frame `map`)."""
+"""The two-dimensional maps of ROS: image and YAML file of `map_server` (REP 105, frame `map`), written and read."""
 
 import io
-from pathlib import PurePath
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from esdf import FREE, OCCUPIED, UNKNOWN, Field, Grid
-from flight import InputError
+from flight import FloatArray, FormatError, InputError, errors
+from mapping import reach
 
 _GREYS = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
 """As `map_saver` writes them; the thresholds below are its own."""
+CELLS_M = (0.005, 1.0)
+"""Least and largest edge of a cell; beyond is a wrong unit."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Floor:
+    """A map of one height."""
+
+    state: NDArray[np.uint8]
+    """(nx, ny) of its cells: free, occupied or unknown."""
+    cell_m: float
+    low_world_m: tuple[float, float]
+    """Corner of the first cell."""
+
+
+def read(path: Path) -> Floor:
+    """Read a YAML file and its image.
+
+    Raises:
+        InputError: a file is missing, or the map is turned, in another mode, or of another unit.
+        FormatError: a file cannot be read, or lacks something.
+    """
+    said = _yaml(path)
+    cell_m, (x_m, y_m, turn) = _number(path, said, "resolution"), _origin(path, said)
+    if not CELLS_M[0] <= cell_m <= CELLS_M[1]:
+        raise InputError(f"{path}: resolution is {cell_m:g} m; it must be within {CELLS_M[0]:g} and {CELLS_M[1]:g} m")
+    if turn != 0.0:
+        raise InputError(f"{path}: the map is turned by {turn:g} rad; make it anew with an origin of [x, y, 0]")
+    if (mode := said.get("mode", "trinary")) not in ("trinary", "scale"):
+        raise InputError(f"{path}: mode is {mode!r}; trinary and scale are read")
+    grey = _image(path.parent / str(said.get("image", "")))
+    share = (grey if said.get("negate") in (1, True) else 255 - grey.astype(np.int64)) / 255.0
+    occupied, free = _number(path, said, "occupied_thresh"), _number(path, said, "free_thresh")
+    if not 0.0 <= free < occupied <= 1.0:
+        raise InputError(f"{path}: free_thresh {free:g} and occupied_thresh {occupied:g} must rise from 0 to 1")
+    state = np.where(share > occupied, OCCUPIED, np.where(share < free, FREE, UNKNOWN)).astype(np.uint8)
+    corners = np.array([[x_m, y_m, 0.0], [x_m + cell_m * grey.shape[1], y_m + cell_m * grey.shape[0], 0.0]])
+    reach.require_near_origin(corners, str(path))
+    return Floor(np.ascontiguousarray(state[::-1].T), cell_m, (x_m, y_m))
+
+
+def walls(floor: Floor, low_m: float, high_m: float) -> tuple[FloatArray, NDArray[np.int32]]:
+    """Vertices (v, 3) and faces (f, 3) of the upright sides of what is occupied, from one height to another."""
+    solid = np.pad(floor.state == OCCUPIED, 1)
+    ends = []
+    for axis in (0, 1):
+        steps = np.diff(solid.astype(np.int8), axis=axis)
+        for sign in (1, -1):
+            i, j = np.nonzero(steps == sign)
+            # A side lies before the cell of the padded array that follows it on this axis.
+            first = np.stack([i, j - 1] if axis == 0 else [i - 1, j], axis=1)
+            second = first + ([0, 1] if axis == 0 else [1, 0])
+            ends.append(np.stack([first, second] if (sign == 1) == (axis == 1) else [second, first], axis=1))
+    sides = np.concatenate(ends) * floor.cell_m + np.array(floor.low_world_m)
+    lower, upper = (np.concatenate([sides, np.full((*sides.shape[:2], 1), z)], axis=2) for z in (low_m, high_m))
+    corners = np.concatenate([lower, upper[:, ::-1]], axis=1)
+    first = 4 * np.arange(len(corners))[:, None]
+    faces = np.concatenate([np.add(first, [0, 1, 2]), np.add(first, [0, 2, 3])])
+    return corners.reshape(-1, 3), faces.astype(np.int32)
+
+
+def _yaml(path: Path) -> dict[str, Any]:
+    from ruamel.yaml import YAML, YAMLError
+
+    if not path.is_file():
+        raise errors.missing(path)
+    try:
+        said = YAML(typ="safe", pure=True).load(path.read_text())
+    except (YAMLError, ValueError, RecursionError) as error:
+        raise FormatError(f"{path} is not valid YAML: {' '.join(str(error).split())[:200]}") from None
+    if not isinstance(said, dict) or "image" not in said:
+        raise FormatError(f"{path} names no image: it is no map of map_server")
+    return said
+
+
+def _number(path: Path, said: dict[str, Any], name: str) -> float:
+    value = said.get(name)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        raise FormatError(f"{path}: {name} is {value!r}; it must be a number")
+    return float(value)
+
+
+def _origin(path: Path, said: dict[str, Any]) -> tuple[float, float, float]:
+    origin = said.get("origin")
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise FormatError(f"{path}: origin is {origin!r}; it must be [x, y, yaw]")
+    x, y, yaw = (_number(path, {"origin": value}, "origin") for value in origin)
+    return x, y, yaw
+
+
+def _image(path: Path) -> NDArray[np.uint8]:
+    """(rows, columns) greys."""
+    from PIL import Image
+
+    if not path.is_file():
+        raise errors.missing(path)
+    try:
+        with Image.open(path) as image:
+            return np.asarray(image.convert("L"))
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise FormatError(f"{path} cannot be read: {' '.join(str(error).split())[:200]}") from None
 
 
 def slice_at(field: Field, height_m: float) -> NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""`goshawk map import`: a map without images, from a mesh of another program."""
+"""`goshawk map import`: a map without images, from a mesh or a two-dimensional map of another program."""
 
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,9 @@ from mapping import map_folder
     "--observed", "observed", multiple=True, metavar="X,Y,Z",
     help="A place in the map that is known to be free, with all that no surface parts from it; may be repeated.",
 )  # fmt: skip
+@click.option(
+    "--heights", metavar="LOW,HIGH", help="Between which a two-dimensional FILE holds, metres."
+)
 @console.dry_run_option
 @outputs.overwrite_option
 @console.common_options
@@ -32,20 +35,25 @@ def import_(
     up: str | None,
     voxel_m: float,
     observed: tuple[str, ...],
+    heights: str | None,
     dry_run: bool,
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Make a map of a mesh that another program made: FILE is PLY, OBJ, STL or GLB.
+    """Make a map of a mesh that another program made, PLY, OBJ, STL or GLB, or of a map of ROS' map_server, YAML.
 
     \b
     goshawk map import room.ply --out map --dry-run
     goshawk map import room.ply --out map --observed 2,1.5,1.2
     goshawk map import house.stl --out map --unit mm --up y --observed 2,1.5,1.2
+    goshawk map import hall.yaml --out map --heights 0,2.5
 
     Voxels that a triangle touches are occupied, all others unknown: a mesh does not say what was seen. --observed
     states it, in metres in the map's frame, for the space about a place as far as surfaces and the mesh's box. Normals
     are not used. Nothing checks unit, up and missing surfaces, so the map's verdict is "not judged".
+
+    A map of map_server holds for one height. With --heights you state that all between LOW and HIGH is as at that one,
+    free or occupied: tables and lamps are what it does not show. Its cells become voxels.
     """
     if not 0.0 < voxel_m < float("inf"):
         raise InputError(f"--voxel is {voxel_m:g} m; it must be above 0")
@@ -54,10 +62,15 @@ def import_(
     from mapping import foreign_mesh, imported
 
     with console.progress() as progress:
-        progress("read the mesh", 0.0)
-        mesh = foreign_mesh.read(file, unit=unit, up=up)
-        progress("voxels", 0.3)
-        space = imported.space(mesh, voxel_m, places)
+        progress("read the file", 0.0)
+        if file.suffix.lower() in (".yaml", ".yml"):
+            mesh, space = _floor(file, unit, up, places, heights)
+        elif heights is not None:
+            raise InputError(f"--heights is for two-dimensional maps, in YAML; {file.name} is a mesh")
+        else:
+            mesh = foreign_mesh.read(file, unit=unit, up=up)
+            progress("voxels", 0.3)
+            space = imported.space(mesh, voxel_m, places)
     document = _document(file, mesh, space, places)
     if not dry_run:
         earlier = results.newest_kept(out)
@@ -66,6 +79,23 @@ def import_(
         if (kept := results.newest_kept(out)) != earlier:
             outputs.report_kept(out, kept)
     console.show(f"import of {file}", _facts(document), as_json=as_json, document=document)
+
+
+def _floor(file: Path, unit: str | None, up: str | None, places: FloatArray, heights: str | None) -> tuple[Any, Any]:
+    """The walls and the voxels of a map of map_server."""
+    from mapping import foreign_mesh, imported, map_server
+
+    if unit is not None or up is not None or len(places):
+        raise InputError(f"--unit, --up and --observed are for meshes; {file.name} states what they ask for")
+    if heights is None:
+        raise InputError(f"{file.name} is a map of one height; give --heights LOW,HIGH, between which it holds")
+    low_m, high_m = console.numbers("--heights", heights, 2)
+    floor = map_server.read(file)
+    space = imported.columns(floor, low_m, high_m)
+    vertices, faces = map_server.walls(floor, low_m, low_m + space.grid.voxel_m[2] * space.grid.shape[2])
+    if not len(faces):
+        raise InputError(f"{file.name} shows nothing occupied: a map without walls is no map to plan in")
+    return foreign_mesh.ForeignMesh(vertices, faces, "m (ROS' rule)", "z (ROS' rule)", 0), space
 
 
 def _reason(file: Path) -> str:
