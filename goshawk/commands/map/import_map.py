@@ -22,9 +22,7 @@ from mapping import map_folder
     "--observed", "observed", multiple=True, metavar="X,Y,Z",
     help="A place in the map that is known to be free, with all that no surface parts from it; may be repeated.",
 )  # fmt: skip
-@click.option(
-    "--heights", metavar="LOW,HIGH", help="Between which a two-dimensional FILE holds, metres."
-)
+@click.option("--heights", metavar="LOW,HIGH", help="Between which a two-dimensional FILE holds, metres.")
 @console.dry_run_option
 @outputs.overwrite_option
 @console.common_options
@@ -95,7 +93,8 @@ def _floor(file: Path, unit: str | None, up: str | None, places: FloatArray, hei
     vertices, faces = map_server.walls(floor, low_m, low_m + space.grid.voxel_m[2] * space.grid.shape[2])
     if not len(faces):
         raise InputError(f"{file.name} shows nothing occupied: a map without walls is no map to plan in")
-    return foreign_mesh.ForeignMesh(vertices, faces, "m (ROS' rule)", "z (ROS' rule)", 0), space
+    open_edges = len(faces)  # of two triangles each, a side is open above and below
+    return foreign_mesh.ForeignMesh(vertices, faces, "m (ROS' rule)", "z (ROS' rule)", open_edges), space
 
 
 def _reason(file: Path) -> str:
