@@ -62,10 +62,11 @@ def columns(floor: Floor, low_m: float, high_m: float) -> Space:
     Raises:
         InputError: there is less than a voxel between the heights, or there are too many.
     """
-    layers = round((high_m - low_m) / floor.cell_m) if 0.0 < high_m - low_m < np.inf else 0
+    layers = int((high_m - low_m) / floor.cell_m + 1e-6) if low_m < high_m else 0  # none that reaches beyond
     if layers < 1:
         raise InputError(f"--heights is {low_m:g},{high_m:g} m; the second must be at least {floor.cell_m:g} m higher")
-    grid = Grid((*floor.low_world_m, low_m), floor.cell_m, (*floor.state.shape, layers))
+    cube = (floor.cell_m, floor.cell_m, floor.cell_m)
+    grid = Grid((*floor.low_world_m, low_m), cube, (*floor.state.shape, layers))
     _require_few(grid, "give less between the heights, or a coarser map")
     return Space(grid, np.repeat(floor.state[:, :, None], layers, axis=2), 0)
 

@@ -32,7 +32,7 @@ def written(folder: Path, greys: np.ndarray = GREYS, **changed: object) -> Path:
 
 def test_cells_become_columns_at_their_place_and_what_is_beyond_stays_unknown(tmp_path: Path) -> None:
     file = written(tmp_path)
-    said = json.loads(run("map", "import", file, "--out", tmp_path / "hall", "--heights", "0.5,2.5", "--json"))
+    said = json.loads(run("map", "import", file, "--out", tmp_path / "hall", "--heights", "0.5,2.59", "--json"))
     area = mapping.open_map(tmp_path / "hall")
     places = {(-0.85, 2.15): FREE, (-0.75, 2.05): UNKNOWN, (-0.85, 2.05): FREE, (-0.95, 2.25): OCCUPIED}
     for (x, y), state in places.items():
