@@ -44,8 +44,10 @@ def read(path: Path) -> Floor:
         raise InputError(f"{path}: the map is turned by {turn:g} rad; make it anew with an origin of [x, y, 0]")
     if (mode := said.get("mode", "trinary")) not in ("trinary", "scale"):
         raise InputError(f"{path}: mode is {mode!r}; trinary and scale are read")
-    grey = _image(path.parent / str(said.get("image", "")))
-    share = (grey if said.get("negate") in (1, True) else 255 - grey.astype(np.int64)) / 255.0
+    if (negate := said.get("negate", 0)) not in (0, 1):
+        raise FormatError(f"{path}: negate is {negate!r}; it must be 0 or 1")
+    grey = _image(path.parent / str(said["image"]))
+    share = (grey if negate else 255 - grey.astype(np.int64)) / 255.0
     occupied, free = _number(path, said, "occupied_thresh"), _number(path, said, "free_thresh")
     if not 0.0 <= free < occupied <= 1.0:
         raise InputError(f"{path}: free_thresh {free:g} and occupied_thresh {occupied:g} must rise from 0 to 1")
@@ -112,9 +114,13 @@ def _image(path: Path) -> NDArray[np.uint8]:
         raise errors.missing(path)
     try:
         with Image.open(path) as image:
-            return np.asarray(image.convert("L"))
+            kind = image.mode if "transparency" not in image.info else "transparent"
+            grey = np.asarray(image.convert("L"))
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise FormatError(f"{path} cannot be read: {' '.join(str(error).split())[:200]}") from None
+    if kind not in ("1", "L", "RGB"):  # of 16 bits, what is unknown would be as white as what is free
+        raise InputError(f"{path} has pixels of kind {kind}; save it as 8-bit grey without transparency")
+    return grey
 
 
 def slice_at(field: Field, height_m: float) -> NDArray[np.uint8]:

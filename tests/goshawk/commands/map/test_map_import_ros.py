@@ -86,6 +86,11 @@ def test_what_is_no_map_of_ros_is_refused_in_a_sentence(tmp_path: Path) -> None:
     assert "occupied_thresh is None" in refused(occupied_thresh=None)
     assert "must rise" in refused(free_thresh=0.9)
     assert "mode is 'raw'" in refused(mode="raw")
+    assert "negate is 'yes'" in refused(negate="yes")
+    wide = Image.fromarray(GREYS.astype(np.uint16) * 257)
+    for image in (wide, Image.fromarray(GREYS).convert("RGBA")):
+        image.save(tmp_path / "other.png")
+        assert f"pixels of kind {image.mode}" in refused(image="../other.png")
     assert "none.pgm" in refused(image="none.pgm")
     assert "km from the origin" in refused(origin=[5e5, 0.0, 0.0])
     assert "names no image" in refusal(_text(tmp_path, "a: 1\n"), "--heights", "0,2")
