@@ -174,7 +174,7 @@ def test_a_stroke_of_the_brush_is_drawn_applied_as_one_change_and_undone(station
     line = np.array(zone.edit().solid.points_world_m)
     assert np.abs(line[:, 2]).max() < 0.1  # on the floor
     assert np.linalg.norm(line[[0, -1], :2] - [[4.0, 1.0], [5.0, 2.0]], axis=1).max() < 0.4
-    assert not station.view.map.mesh._painting
+    wait(lambda: not station.view.map.mesh._painting, "the brush put away")
     page_3d.keyboard.press("Control+z")
     wait(lambda: station.desk.session.content.map_edits == (), "undo")
     page_3d.keyboard.press("2")
