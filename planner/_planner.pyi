@@ -48,7 +48,7 @@ class Problem:
         samples: int,
         airframe: Annotated[NDArray[np.float64], "(41,)"],
         prices: Annotated[NDArray[np.float64], "(5,)"],
-        clearance_m: float,
+        clearances: Annotated[NDArray[np.float64], "(segments,)"],
         distances: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]],
     ) -> None: ...
     def evaluate(

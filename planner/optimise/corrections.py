@@ -20,6 +20,8 @@ _STRICTER = 0.005, 1.0
 """The same where the gate, with its finer samples, found a limit exceeded, more each time it does: at least, and as a
 share of the excess. At least 0.01, two equal starts ended 0.3 % apart where a path near free fall was refused; with a
 share of 0.5 the gate refused a maze's path five times, with 1 twice at most of 50 scenes."""
+_FARTHER_M = 0.002, 0.01
+"""Least and most clearance that is aimed at beyond what was, each time some is lacking."""
 _NEAR = 0.3
 """The vehicle's own model is expensive: it is asked in segments where a limit is nearer than this."""
 _MOST, _RISE, _FALL = 0.5, 0.1, 0.5
@@ -32,7 +34,7 @@ _IMPOSSIBLE = 0.2
 
 
 class Corrections:
-    """What is added to the reduced model's excess at each sample, (k, samples, limits)."""
+    """What is added to the reduced model's excess at each sample, (k, samples, limits), and to the clearance."""
 
     def __init__(self, segments: int) -> None:
         shape = (segments, time_allocation.SAMPLES, airframe.COLUMNS)
@@ -40,6 +42,8 @@ class Corrections:
         self.measured, self.believed = np.zeros(shape), np.zeros(shape)
         """The correction that was measured last, and the excess with the one that is believed."""
         self.gate = np.full((segments, 1, airframe.COLUMNS), _SPARE)
+        self.farther_m = np.zeros(segments)
+        """As `Problem.farther_m`."""
 
     def spliced(self, first: int, last: int, segments: int) -> "Corrections":
         """A copy in which the segments from `first` up to `last` are replaced by so many new ones, none measured yet.
@@ -108,6 +112,10 @@ class Corrections:
         now = np.maximum(0.0, self.believed + self.gate + self.multiplier)
         held = np.where(touched[:, None, None], now, self.multiplier).sum(axis=1)
         return tuple(airframe.NAMES[most] if held[i, most] > 0.0 else "" for i, most in enumerate(held.argmax(axis=1)))
+
+    def farther(self, lack_m: FloatArray) -> None:
+        """Aim at more clearance in segments that lack some, (k,), infinite where it is not known how much."""
+        self.farther_m = self.farther_m + np.where(lack_m > 0.0, np.clip(lack_m, *_FARTHER_M), 0.0)
 
     def stricter(self, used: limits.Usage, on_legs: dict[str, np.ndarray]) -> None:
         """Keep more from the limits that the gate found exceeded, in those segments only.

@@ -2,8 +2,8 @@
 
 The optimiser works with a reduced vehicle (`planner.optimise.airframe`). After each round the vehicle's own model is
 asked along the path where a limit is near. What it says beyond the reduced one is added there, what is still exceeded
-is asked for more strictly there (the multiplier of an augmented Lagrangian), and so is what only the gate sees; other
-segments keep their speed.
+is asked for more strictly there (the multiplier of an augmented Lagrangian), and so is what only the gate sees; where
+clearance is lacking, more is aimed at. Other segments keep their way and speed.
 """
 
 from dataclasses import dataclass, replace
@@ -105,10 +105,12 @@ class _Round:
     """(k,) bool: where the vehicle's own model finds a limit exceeded."""
     relieved: np.ndarray
     """(k,) bool: where it asks for much less than was believed."""
-    clear: bool
-    """Whether every segment keeps clear of obstacles; `lack_m` is what segment `closest` lacks where not."""
-    lack_m: float
-    closest: int
+    lack_m: FloatArray
+    """(k,) the clearance that each segment lacks."""
+
+    @property
+    def clear(self) -> bool:
+        return not self.lack_m.any()
 
     def candidate(self, waypoint: np.ndarray, method: str, shortest_s: float, corrections: Corrections) -> _Candidate:
         ended, active = self.descended, corrections.active(self.touched)
@@ -155,7 +157,8 @@ def until_flyable(
                 return judged
         progress("optimise", 1.0 - 0.7 ** (round_ - begun + 1))  # how many rounds it takes is not known before
         charged_s = spline.durations_s if round_ > 0 else None
-        problem = replace(problem, offsets=corrections.total(), reference_s=charged_s)
+        offsets, farther_m = corrections.total(), corrections.farther_m
+        problem = replace(problem, offsets=offsets, farther_m=farther_m, reference_s=charged_s)
         reach = _FAR if round_ == begun else _REACH
         touched = np.ones(len(spline.durations_s), dtype=bool) if wrong is None else descents.grown(wrong, reach)
         if round_ == begun and not drawn:
@@ -187,8 +190,9 @@ def until_flyable(
             if bends == request.options.repairs:
                 break
             bends += 1
-            problem = _farther_away(problem, now.lack_m)
-            exceeded[now.closest] = True
+            problem = _dearer(problem)
+            corrections.farther(now.lack_m)
+            exceeded = exceeded | (now.lack_m > 0.0)
         few = descents.grown(exceeded, _REACH).mean() < _FEW
         wrong = exceeded if wrong is not None or few or round_ + 1 >= _WHOLE else None
     return early and early.judged(ask_gate, limits.Known(used, memory))
@@ -223,20 +227,27 @@ def _measured(
     exceeded = excess.max(axis=(1, 2)) > 0.0
     if not exceeded.any():  # the gate is next, and looks at all of it
         proven.clear()
-    clear = _clearance(request, path, proven)
-    return _Round(problem, descended, touched, path, optimised_s, exceeded, relieved, *clear)
+    lack_m = _lacking(request, path, proven)
+    return _Round(problem, descended, touched, path, optimised_s, exceeded, relieved, lack_m)
 
 
-def _clearance(request: Request, path: Trajectory, proven: set[bytes]) -> tuple[bool, float, int]:
-    """Whether the segments not yet `proven` keep clear of obstacles, what they lack, and the segment that lacks it."""
+def _lacking(request: Request, path: Trajectory, proven: set[bytes]) -> FloatArray:
+    """(k,) what each segment not yet `proven` lacks of the required clearance, and 0 for the others."""
     keys, required_m = segment_keys(path, np.arange(len(path.durations_s))), request.options.clearance_m
-    new = np.array([i for i, key in enumerate(keys) if key not in proven], dtype=np.int64)
-    if not new.size:
-        return True, 0.0, 0
-    found = esdf.certify(request.field, Trajectory(path.durations_s[new], path.coefficients[new]), required_m)
-    if found.passed:
-        proven.update(keys)
-    return found.passed, required_m - found.proven_m, int(new[found.segment])
+    new, lack_m = np.array([i for i, key in enumerate(keys) if key not in proven], dtype=np.int64), np.zeros(len(keys))
+
+    def certified(segments: np.ndarray) -> esdf.Clearance:
+        part = Trajectory(path.durations_s[segments], path.coefficients[segments])
+        return esdf.certify(request.field, part, required_m)
+
+    if new.size and not (together := certified(new)).passed:
+        for i in new:
+            alone = certified(np.array([i]))
+            lack_m[i] = 0.0 if alone.passed else required_m - alone.proven_m
+        if not lack_m.any():  # less is proved of segments together, and so it is at the gate
+            lack_m[new[together.segment]] = required_m - together.proven_m
+    proven.update(key for key, lack in zip(keys, lack_m, strict=True) if lack == 0.0)
+    return lack_m
 
 
 def _better(early: _Candidate | None, last: Path, ask_gate: AskGate, known: limits.Known) -> Path:
@@ -272,8 +283,6 @@ def _too_long(durations_s: FloatArray) -> PlanInfeasibleError:
     )
 
 
-def _farther_away(problem: Problem, lack_m: float) -> Problem:
-    """Raise the price of clearance and what the optimiser aims at."""
-    more_m = float(np.clip(lack_m, 0.002, 0.01)) if np.isfinite(lack_m) else 0.01
-    weights = replace(problem.weights, clearance=problem.weights.clearance * 4.0)
-    return replace(problem, clearance_m=problem.clearance_m + more_m, weights=weights)
+def _dearer(problem: Problem) -> Problem:
+    """Raise the price of clearance: in a gap narrower than what is aimed at, aiming at more changes nothing."""
+    return replace(problem, weights=replace(problem.weights, clearance=problem.weights.clearance * 4.0))

@@ -71,6 +71,8 @@ class Problem:
     """(k,) speed limit of each segment; the airframe's own if None."""
     jerk_m_s3: FloatArray | None = None
     """(k,) the same of jerk."""
+    farther_m: FloatArray | None = None
+    """(k,) clearance that each segment aims at beyond `clearance_m`."""
     start: FloatArray | None = None
     """(3, 4) velocity, acceleration and jerk at the first knot; at rest if None."""
     end: FloatArray | None = None
@@ -86,6 +88,11 @@ class Problem:
     """(3,) point that the vehicle looks at, instead of along its path."""
     heading_held: bool = False
     """Whether the heading is constant, and not only given at knots."""
+
+    @property
+    def aim_m(self) -> FloatArray:
+        """(k,) the clearance that each segment aims at."""
+        return np.full(len(self.knots) - 1, self.clearance_m) + (0.0 if self.farther_m is None else self.farther_m)
 
     def spline(self, knots: FloatArray, durations_s: FloatArray) -> minimum_snap.Spline:
         """The spline of least snap through these knots, with the derivatives that are given."""
@@ -113,6 +120,7 @@ class Problem:
             reference_s=None if self.reference_s is None else self.reference_s[first:last],
             speed_m_s=None if self.speed_m_s is None else self.speed_m_s[first:last],
             jerk_m_s3=None if self.jerk_m_s3 is None else self.jerk_m_s3[first:last],
+            farther_m=None if self.farther_m is None else self.farther_m[first:last],
             start=spline.states[first, 1:],
             end=spline.states[last, 1:],
             velocity=None if self.velocity is None else self.velocity[first : last + 1],
@@ -170,9 +178,9 @@ def cost_numpy(problem: Problem, knots: FloatArray, durations_s: FloatArray) -> 
     density += weights.heading * pace * (pace - ahead) / ((aim**2).sum(axis=2) + _SLOW_M_S**2)
     density += weights.turning * motion[:, :, 1, 3] ** 2
     if weights.clearance > 0.0:
-        distances = space.around_path(problem.field, problem.knots[:, :3], problem.clearance_m)
-        lack = problem.clearance_m - distances(motion[:, :, 0, :3].reshape(-1, 3))[0]
-        density += weights.clearance * np.maximum(lack, 0.0).reshape(density.shape) ** 2
+        distances = space.around_path(problem.field, problem.knots[:, :3], problem.aim_m.max())
+        there = distances(motion[:, :, 0, :3].reshape(-1, 3))[0].reshape(density.shape)
+        density += weights.clearance * np.maximum(problem.aim_m[:, None] - there, 0.0) ** 2
     position = minimum_snap.Spline(T, spline.states[..., :3])
     outside = 0.0
     if problem.balls is not None and (there := problem.balls[:, 3] > 0.0).any():
@@ -280,8 +288,9 @@ def refine(
 def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
     packed, prices = _packed(problem.airframe), np.array(astuple(problem.weights))
     given = minimum_snap.given(problem.knots, problem.start, problem.end, problem.velocity)
-    distances = space.around_path(problem.field, problem.knots[:, :3], problem.clearance_m)
-    kernel = Kernel(len(problem.knots) - 1, samples, packed, prices, problem.clearance_m, distances)
+    aim_m = problem.aim_m
+    distances = space.around_path(problem.field, problem.knots[:, :3], float(aim_m.max()))
+    kernel = Kernel(len(problem.knots) - 1, samples, packed, prices, aim_m, distances)
     kernel.set_given(*given)
     if problem.speed_m_s is not None:
         kernel.set_speeds(np.ascontiguousarray(problem.speed_m_s))

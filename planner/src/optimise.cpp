@@ -95,10 +95,10 @@ Distances called_back(nb::object distances) {
     };
 }
 
-Problem* make_problem(std::size_t segments, std::size_t samples, In airframe, In prices, double clearance_m,
+Problem* make_problem(std::size_t segments, std::size_t samples, In airframe, In prices, In clearances,
                       nb::object distances) {
     const double* p = prices.data();
-    return new Problem(segments, samples, airframe_from(airframe), {p[0], p[1], p[2], p[3], p[4]}, clearance_m,
+    return new Problem(segments, samples, airframe_from(airframe), {p[0], p[1], p[2], p[3], p[4]}, clearances.data(),
                        called_back(std::move(distances)));
 }
 
@@ -184,7 +184,7 @@ void bind_optimise(nb::module_& m) {
         .def("is_set", [](const StopFlag& flag) { return flag.raised.load(); });
     nb::class_<Problem>(m, "Problem")
         .def(nb::new_(&make_problem), nb::arg("segments"), nb::arg("samples"), nb::arg("airframe"), nb::arg("prices"),
-             nb::arg("clearance_m"), nb::arg("distances"))
+             nb::arg("clearances"), nb::arg("distances"))
         .def("evaluate", &evaluate, nb::arg("knots"), nb::arg("durations"), nb::arg("by_knots"),
              nb::arg("by_durations"))
         .def("excess", &excess, nb::arg("states"), nb::arg("durations"), nb::arg("out"))

@@ -41,13 +41,12 @@ const Kernels& kernels() {
 }
 
 Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airframe, const Prices& prices,
-                 double clearance_m, Distances distances)
+                 const double* clearances, Distances distances)
     : segments_(segments),
       samples_(samples),
       packs_((samples + kLanes - 1) / kLanes),
       airframe_(airframe),
       prices_(prices),
-      clearance_m_(clearance_m),
       distances_(std::move(distances)),
       kernels_(kernels()),
       basis_(packs_ * 5 * kStates * kLanes),
@@ -63,6 +62,7 @@ Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airf
       reference_(segments),
       speeds_(segments, airframe.speed),
       jerks_(segments, airframe.jerk),
+      clearances_(clearances, clearances + segments),
       balls_((segments + 1) * 4),
       gates_((segments + 1) * 9),
       held_(segments + 1),
@@ -141,7 +141,7 @@ void Problem::ask_distances() {
         const double* p = &points_[3 * k];
         distance_[place(i, s)] = asked_distance_[k];
         for (std::size_t x = 0; x < 3; ++x) uphill_[place(i, s, 3, x)] = asked_gradient_[3 * k + x];
-        safe_[asked_[k]] = {{p[0], p[1], p[2]}, asked_distance_[k] - clearance_m_};
+        safe_[asked_[k]] = {{p[0], p[1], p[2]}, asked_distance_[k] - clearances_[i]};
     }
 }
 
@@ -150,7 +150,7 @@ double Problem::segment_cost(std::size_t i, double T, double& by_T) {
     const Ends<kAxes>& scaled = scaled_[i];
     double by_scaled[kStates][kAxes], longer;
     const double cost =
-        kernels_.cost(samples_of(i, T), airframe_of(i), prices_, clearance_m_, scaled.row, T, by_scaled, longer);
+        kernels_.cost(samples_of(i, T), airframe_of(i), prices_, clearances_[i], scaled.row, T, by_scaled, longer);
     double* out = &by_states_[i * kKnot];
     double power = 1.0;
     for (int r = 0; r < kOrders; ++r, power *= T)

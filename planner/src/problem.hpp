@@ -17,8 +17,9 @@ using Distances = std::function<void(const double* points, std::size_t count, do
 
 class Problem {
   public:
+    // clearances (k): what each segment aims at.
     Problem(std::size_t segments, std::size_t samples, const Airframe& airframe, const Prices& prices,
-            double clearance_m, Distances distances);
+            const double* clearances, Distances distances);
 
     // Added to each excess: (k, samples, limits).
     void set_offsets(const double* offsets);
@@ -109,12 +110,11 @@ class Problem {
     std::size_t segments_, samples_, packs_;
     Airframe airframe_;
     Prices prices_;
-    double clearance_m_;
     Distances distances_;
     const Kernels& kernels_;
     std::vector<double> basis_, share_, offsets_, distance_, uphill_;  // see Samples
     std::vector<Ends<kAxes>> scaled_, force_;  // scaled states of each segment, and what its snap grows by with each
-    std::vector<double> states_, by_states_, given_, reference_, speeds_, jerks_, balls_, gates_;
+    std::vector<double> states_, by_states_, given_, reference_, speeds_, jerks_, clearances_, balls_, gates_;
     std::vector<unsigned char> held_;
     std::vector<double> target_;  // x, y; empty if the vehicle looks along its path
     std::vector<double> points_, asked_distance_, asked_gradient_;

@@ -29,7 +29,7 @@ double Problem::cost_of_states(const double* durations, const std::vector<double
     double cost = 0.0;
     for (std::size_t i = 0; i < segments_; ++i) {
         const double T = durations[i];
-        cost += T + kernels_.cost_alone(samples_of(i, T), airframe_of(i), prices_, clearance_m_, scaled_[i].row, T) +
+        cost += T + kernels_.cost_alone(samples_of(i, T), airframe_of(i), prices_, clearances_[i], scaled_[i].row, T) +
                 snap_alone(i, T);
     }
     return cost + passing_cost() + ball_cost(knots.data(), unused.data()) + gate_cost(knots.data(), unused.data());
@@ -47,7 +47,7 @@ void Problem::curvature(std::size_t i, double T, const double* units, std::vecto
         unit[n] = units[(i + (n < kKnot ? 0 : 1)) * kOrders + r];
         for (int k = 0; k < r; ++k) unit[n] *= T;
     }
-    kernels_.curvature(samples_of(i, T), airframe_of(i), prices_, clearance_m_, scaled.row, T, unit, slope, bend);
+    kernels_.curvature(samples_of(i, T), airframe_of(i), prices_, clearances_[i], scaled.row, T, unit, slope, bend);
     slope[kTime] += T;
     bend[kTime][kTime] += T;
     const double snap = 2.0 * prices_.snap / seventh_power(T);

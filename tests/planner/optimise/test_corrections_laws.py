@@ -6,7 +6,7 @@ import pytest
 from planner.curve import minimum_snap
 from planner.gate import limits
 from planner.optimise import airframe, time_allocation
-from planner.optimise.corrections import _MOST, _NEAR, _SPARE, Corrections, _approached, measured_excess
+from planner.optimise.corrections import _FARTHER_M, _MOST, _NEAR, _SPARE, Corrections, _approached, measured_excess
 from planner.optimise.time_allocation import SAMPLES, Problem, Weights
 
 TILT, YAW_RATE = airframe.NAMES.index("tilt"), airframe.NAMES.index("yaw rate")
@@ -16,7 +16,7 @@ def numbered(segments: int) -> Corrections:
     """Each array says which segment it is about, and which array it is."""
     found = Corrections(segments)
     for i, values in enumerate(vars(found).values()):
-        values[:] = 100.0 * i + np.arange(segments)[:, None, None]
+        values[:] = 100.0 * i + np.arange(segments).reshape(-1, *[1] * (values.ndim - 1))
     return found
 
 
@@ -48,6 +48,13 @@ def test_the_total_is_the_sum_of_model_between_multiplier_and_what_is_kept_for_t
     found.model[1], found.between[1], found.multiplier[1], found.gate[1] = 1.0, 20.0, 300.0, 4000.0
     assert (found.total()[1] == 4321.0).all()
     assert (found.total()[0] == _SPARE).all()
+
+
+def test_segments_that_lack_clearance_aim_at_as_much_more_within_bounds_and_others_at_what_they_did():
+    found, (least_m, most_m) = Corrections(5), _FARTHER_M
+    for _ in range(2):
+        found.farther(np.array([0.0, 0.1 * least_m, 0.5 * most_m, 3.0 * most_m, np.inf]))
+    np.testing.assert_allclose(found.farther_m, [0.0, 2.0 * least_m, most_m, 2.0 * most_m, 2.0 * most_m])
 
 
 def test_multipliers_follow_what_is_believed_in_touched_segments_alone_and_are_never_negative():

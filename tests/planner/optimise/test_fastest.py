@@ -130,25 +130,26 @@ class Asked:
 def test_segments_proven_clear_are_not_asked_about_again_and_a_changed_one_is(walk, drone, open_sky):
     options, proven = planner.PlanOptions().sized(drone), set[bytes]()
 
-    def clearance(place, trajectory):
+    def lacking(place, trajectory):
         asked = Request(
             Waypoints(walk.states[:, 0, :3], walk.states[:, 0, 3]), place, drone, options, planner.Conditions()
         )
-        return fastest._clearance(asked, trajectory, proven)
+        return fastest._lacking(asked, trajectory, proven)
 
     far, path = Asked(open_sky), minimum_snap.trajectory(walk)
-    assert clearance(far, path)[0]
+    assert not lacking(far, path).any()
     asked = len(far.points)
-    assert clearance(far, path)[0]
+    assert not lacking(far, path).any()
     assert len(far.points) == asked
     changed = replace(path, coefficients=path.coefficients + 0.01 * np.eye(5)[:, 3, None, None])
-    assert clearance(far, changed)[0]
+    assert not lacking(far, changed).any()
     on_it = changed.position(np.linspace(*changed.starts_s[3:5], 500)[:-1])
     for points in far.points[asked:]:
         assert (np.linalg.norm(points[:, None] - on_it, axis=2).min(axis=1) < 0.05).all()
-    changed = replace(path, coefficients=path.coefficients + 0.02 * np.eye(5)[:, 3, None, None])
-    known, place = set(proven), solids.Scene([solids.Sphere(tuple(on_it[250]), 0.1)])
-    clear, lack_m, closest = clearance(place, changed)
-    assert (clear, closest) == (False, 3)
+    changed = replace(path, coefficients=path.coefficients + 0.02 * np.eye(5)[:, [1, 3]].sum(axis=1)[:, None, None])
+    known, first = set(proven), changed.position(0.5 * (changed.starts_s[1] + changed.starts_s[2]))
+    balls = solids.Sphere(tuple(first), 0.2), solids.Sphere(tuple(on_it[250]), 0.1)
+    lack_m = lacking(solids.Scene(list(balls)), changed)
+    assert np.flatnonzero(lack_m).tolist() == [1, 3]
     assert proven == known
-    assert lack_m == pytest.approx(options.clearance_m + 0.1, abs=0.05)
+    assert lack_m[[1, 3]] == pytest.approx(options.clearance_m + np.array([0.2, 0.1]), abs=0.05)

@@ -55,7 +55,8 @@ def problem(seed: int, segments: int = 5, **weights: float) -> tuple[Problem, np
     jerk = rng.uniform(10.0, 80.0, segments)
     # that of jerk is drawn last, so that a seed gives what it gave before there was one
     offsets = np.insert(offsets, airframe.NAMES.index("jerk"), 0.1 * rng.normal(size=offsets.shape[:2]), axis=2)
-    return replace(p, offsets=offsets, speed_m_s=speed, jerk_m_s3=jerk, gates=gates), durations
+    farther = rng.uniform(-0.3, 0.3, segments)
+    return replace(p, offsets=offsets, speed_m_s=speed, jerk_m_s3=jerk, farther_m=farther, gates=gates), durations
 
 
 def agrees_with_differences(p: Problem, T: np.ndarray) -> bool:
@@ -76,8 +77,9 @@ def agrees_with_differences(p: Problem, T: np.ndarray) -> bool:
 def room_between_m(p: Problem, T: np.ndarray) -> float:
     """By how much the nearest sphere is nearer than the next one, least of all samples that are charged."""
     samples = minimum_snap.derivatives(p.spline(p.knots, T), time_allocation.FRACTIONS)[:, :, 0, :3].reshape(-1, 3)
+    aim_m = np.repeat(p.aim_m, time_allocation.SAMPLES)
     nearest, second = np.sort([solid.distance(samples) for solid in p.field.solids], axis=0)[:2]
-    return float((second - nearest)[nearest < p.clearance_m].min(initial=np.inf))
+    return float((second - nearest)[nearest < aim_m].min(initial=np.inf))
 
 
 @settings(max_examples=30)
