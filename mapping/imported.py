@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import esdf
 from esdf import FREE, OCCUPIED, UNKNOWN, Grid, triangles
 from flight import FloatArray, InputError, file_format, results
-from mapping import foreign_mesh, map_folder
+from mapping import foreign_mesh, map_folder, reach
 from mapping.dense import mesh_file
 from mapping.foreign_mesh import ForeignMesh
 from mapping.map_server import Floor
@@ -27,8 +27,12 @@ class Space:
     grid: Grid
     state: NDArray[np.uint8]
     """(nx, ny, nz)."""
-    open_sides: int
-    """Voxels of the box's six faces that are free: there the mesh is open."""
+
+    @property
+    def open_sides(self) -> int:
+        """Free voxels on the six faces of the box: there nothing bounds the free space."""
+        sides = [np.take(self.state, end, axis) for axis in range(3) for end in (0, -1)]
+        return sum(int((side == FREE).sum()) for side in sides)
 
     def volume_m3(self, which: int) -> float:
         """Of the voxels in one state."""
@@ -52,23 +56,23 @@ def space(mesh: ForeignMesh, voxel_m: float, observed_world_m: FloatArray) -> Sp
     surface = triangles.touched(mesh.vertices_world_m, mesh.faces, grid)
     state = np.where(surface, np.uint8(OCCUPIED), np.uint8(UNKNOWN))
     state[_connected(surface, grid, observed_world_m)] = FREE
-    sides = [np.take(state, end, axis) for axis in range(3) for end in (0, -1)]
-    return Space(grid, state, sum(int((side == FREE).sum()) for side in sides))
+    return Space(grid, state)
 
 
 def columns(floor: Floor, low_m: float, high_m: float) -> Space:
     """Columns of voxels over the cells of a two-dimensional map, in its states from one height to another.
 
     Raises:
-        InputError: there is less than a voxel between the heights, or there are too many.
+        InputError: there is less than a voxel between the heights, they are too far away, or there are too many voxels.
     """
+    reach.require_near_origin(np.array([low_m, high_m]), "--heights")
     layers = int((high_m - low_m) / floor.cell_m + 1e-6) if low_m < high_m else 0  # none that reaches beyond
     if layers < 1:
         raise InputError(f"--heights is {low_m:g},{high_m:g} m; the second must be at least {floor.cell_m:g} m higher")
     cube = (floor.cell_m, floor.cell_m, floor.cell_m)
     grid = Grid((*floor.low_world_m, low_m), cube, (*floor.state.shape, layers))
     _require_few(grid, "give less between the heights, or a coarser map")
-    return Space(grid, np.repeat(floor.state[:, :, None], layers, axis=2), 0)
+    return Space(grid, np.repeat(floor.state[:, :, None], layers, axis=2))
 
 
 def _require_few(grid: Grid, remedy: str) -> None:

@@ -11,13 +11,17 @@ from flight import FloatArray, InputError, results
 from goshawk.terminal import console, outputs
 from mapping import map_folder
 
+_VOXEL_M = 0.05
+_IMAGES = (".pgm", ".png", ".bmp", ".jpg", ".jpeg", ".tif", ".tiff")
+_MAPS = (".yaml", ".yml")
+
 
 @click.command("import")
 @click.argument("file", metavar="FILE", type=click.Path(path_type=Path))
 @console.path_option("--out", "out", "Map folder to write.", required=True)
 @click.option("--unit", type=click.Choice(["m", "mm", "cm", "ft"]), help="Unit of FILE [default: guessed, and shown].")
 @click.option("--up", "up", metavar="AXIS", help="Direction that is up: x, y, z, -x, -y, -z or X,Y,Z of FILE.")
-@click.option("--voxel", "voxel_m", default=0.05, show_default=True, help="Edge of a voxel, metres.")
+@click.option("--voxel", "voxel_m", type=float, help="Edge of a voxel, metres [default: 0.05].")
 @click.option(
     "--observed", "observed", multiple=True, metavar="X,Y,Z",
     help="A place in the map that is known to be free, with all that no surface parts from it; may be repeated.",
@@ -31,7 +35,7 @@ def import_(
     out: Path,
     unit: str | None,
     up: str | None,
-    voxel_m: float,
+    voxel_m: float | None,
     observed: tuple[str, ...],
     heights: str | None,
     dry_run: bool,
@@ -53,22 +57,26 @@ def import_(
     A map of map_server holds for one height. With --heights you state that all between LOW and HIGH is as at that one,
     free or occupied: tables and lamps are what it does not show. Its cells become voxels.
     """
-    if not 0.0 < voxel_m < float("inf"):
+    if voxel_m is not None and not 0.0 < voxel_m < float("inf"):
         raise InputError(f"--voxel is {voxel_m:g} m; it must be above 0")
+    if file.suffix.lower() in _IMAGES:
+        raise InputError(f"{file.name} is an image; give the YAML file beside it, which states its place and scale")
     places = np.array([console.numbers("--observed", text, 3) for text in observed]).reshape(-1, 3)
     results.require_free_folder(out, overwrite=overwrite, ours=map_folder.is_map)
     from mapping import foreign_mesh, imported
 
     with console.progress() as progress:
         progress("read the file", 0.0)
-        if file.suffix.lower() in (".yaml", ".yml"):
-            mesh, space = _floor(file, unit, up, places, heights)
+        if file.suffix.lower() in _MAPS:
+            if any(given for given in (unit, up, voxel_m, observed)):
+                raise InputError(f"--unit, --up, --voxel and --observed are for meshes; {file.name} states these")
+            mesh, space = _floor(file, heights)
         elif heights is not None:
             raise InputError(f"--heights is for two-dimensional maps, in YAML; {file.name} is a mesh")
         else:
             mesh = foreign_mesh.read(file, unit=unit, up=up)
             progress("voxels", 0.3)
-            space = imported.space(mesh, voxel_m, places)
+            space = imported.space(mesh, voxel_m or _VOXEL_M, places)
     document = _document(file, mesh, space, places)
     if not dry_run:
         earlier = results.newest_kept(out)
@@ -79,12 +87,10 @@ def import_(
     console.show(f"import of {file}", _facts(document), as_json=as_json, document=document)
 
 
-def _floor(file: Path, unit: str | None, up: str | None, places: FloatArray, heights: str | None) -> tuple[Any, Any]:
+def _floor(file: Path, heights: str | None) -> tuple[Any, Any]:
     """The walls and the voxels of a map of map_server."""
     from mapping import foreign_mesh, imported, map_server
 
-    if unit is not None or up is not None or len(places):
-        raise InputError(f"--unit, --up and --observed are for meshes; {file.name} states what they ask for")
     if heights is None:
         raise InputError(f"{file.name} is a map of one height; give --heights LOW,HIGH, between which it holds")
     low_m, high_m = console.numbers("--heights", heights, 2)
@@ -139,8 +145,10 @@ def _facts(document: dict[str, Any]) -> dict[str, object]:
         "triangles": f"{document['triangles']}, {document['open_edges']} edges at holes",
         "space": ", ".join(f"{value:.1f} m3 ({value / whole:.0%}) {name}" for name, value in shares.items()),
     }
-    if document["open_sides"]:
+    of_mesh = Path(document["imported_from"]).suffix.lower() not in _MAPS
+    if document["open_sides"] and of_mesh:  # that of a map of one height always ends there
         facts["open"] = "free space reaches the edge of the mesh's box: it has a hole there, or --observed is outside"
     if not document["free_m3"]:
-        facts["next"] = "nothing is free, so no plan is possible: name a place that is, by --observed X,Y,Z"
+        remedy = "name a place that is, by --observed X,Y,Z" if of_mesh else "check its image and free_thresh"
+        facts["next"] = f"nothing is free, so no plan is possible: {remedy}"
     return facts | {"written": document["written"] or "nothing, as --dry-run asks"}
