@@ -56,14 +56,13 @@ def test_a_ray_never_frees_beyond_its_point(seed, origin):
     eye = np.array(origin)
     points = scan(eye, 400, seed)
     space = carved(cloud(points, eye)).space
-    # Whatever is free has a point of some ray in it, before that ray's end.
-    along = eye + np.linspace(0.0, 1.0, 1500)[None, :, None] * (points - eye)[:, None]
-    passed = np.zeros(space.state.shape, bool)
-    passed[tuple(space.grid.index(along.reshape(-1, 3)).T)] = True
-    free = space.state == FREE
-    assert (free & ~passed).sum() <= 0.005 * free.sum()  # corners that 1500 samples miss
-    centres = space.grid.centre(np.argwhere(free))
+    centres = space.grid.centre(np.argwhere(space.state == FREE))
     reach = space.grid.half_diagonal_m
+    # Some ray comes within reach of each free voxel before its end.
+    way = points - eye
+    share = np.clip((centres - eye) @ way.T / (way**2).sum(axis=1), 0.0, 1.0)
+    off_m = np.linalg.norm(eye + share[:, :, None] * way - centres[:, None], axis=2)
+    assert (off_m.min(axis=1) <= reach + 1e-9).all()
     assert (centres > LOW - reach).all()
     assert (centres < HIGH + reach).all()
     assert (np.linalg.norm(centres[:, :2] - PILLAR, axis=1) > RADIUS_M - reach).all()
@@ -76,7 +75,7 @@ def test_behind_the_pillar_is_unknown_until_a_second_scan_sees_it() -> None:
     assert (state_at(carved(cloud(first, one)).space, behind) == UNKNOWN).all()
     both = carved(cloud(np.concatenate([first, second]), np.repeat([one, two], 60_000, axis=0)))
     assert (state_at(both.space, behind) == FREE).all()
-    assert both.stopped < 0.01 * both.rays
+    assert both.stopped < 0.02 * both.rays
     inside = np.array([[2.0, 1.5, 1.0]])
     assert (state_at(both.space, inside) == UNKNOWN).all()
     # Of the room's free space, but for the pillar, most is found.
@@ -87,17 +86,17 @@ def test_behind_the_pillar_is_unknown_until_a_second_scan_sees_it() -> None:
 def test_a_sensor_that_was_elsewhere_frees_nothing_behind_a_surface_and_is_refused() -> None:
     points = scan(np.array([0.7, 1.5, 1.0]), 60_000)
     with pytest.raises(InputError, match="the sensor was elsewhere"):
-        carved(cloud(points, np.array([9.0, 1.5, 1.0])))
+        carved(cloud(points, np.array([-0.6, 1.5, 1.0])))
     grid = Grid.covering([-1.0, -1.0, -1.0], [6.0, 4.0, 3.0], 0.1)
     state = np.zeros(grid.shape, np.uint8)
     state[tuple(grid.index(points).T)] = OCCUPIED
-    outside = np.broadcast_to([5.0, 1.5, 1.0], points.shape)
+    outside = np.broadcast_to([-0.6, 1.5, 1.0], points.shape)
     reached_m = observe.free_visible(state, points, outside, grid)
     centres = grid.centre(np.argwhere(state == FREE))
     assert len(centres) > 0
     within = ((centres > LOW + 0.1) & (centres < HIGH - 0.1)).all(axis=1)
     assert within.mean() < 0.02  # through holes between points alone
-    assert np.isfinite(reached_m).mean() > 0.9
+    assert np.isfinite(reached_m).mean() > 0.6
 
 
 def test_fewer_points_than_the_least_neither_occupy_nor_stop_a_ray() -> None:
@@ -105,10 +104,12 @@ def test_fewer_points_than_the_least_neither_occupy_nor_stop_a_ray() -> None:
     wall = np.array([[3.05, 0.55, 0.55]] * 3)
     speck = np.array([[1.55, 0.55, 0.55]])
     points = np.concatenate([wall, speck])
-    for least, expected in ((1, OCCUPIED), (2, FREE)):
-        space = carved(cloud(points, eye), least=least).space
-        assert state_at(space, speck) == expected
-        assert state_at(space, wall[:1]) == OCCUPIED
+    for least, expected, beyond in ((1, OCCUPIED, UNKNOWN), (2, FREE, FREE)):
+        found = carved(cloud(np.concatenate([points, [[0.55, 3.05, 0.55]] * 9]), eye), least=least)
+        assert state_at(found.space, speck) == expected
+        assert state_at(found.space, np.array([[2.05, 0.55, 0.55]])) == beyond
+        assert state_at(found.space, wall[:1]) == OCCUPIED
+        assert found.stopped == (3 if least == 1 else 0)
     assert state_at(carved(cloud(points), least=2).space, speck) == UNKNOWN
     with pytest.raises(InputError, match="the most are 3"):
         carved(cloud(points), least=4)
@@ -124,7 +125,7 @@ def test_a_point_without_a_known_sensor_occupies_and_frees_nothing() -> None:
     assert np.abs(free[:, 1:] - 0.55).max() < 0.06
 
 
-def wall(hole_m: float) -> FloatArray:
+def box_with_hole(hole_m: float) -> FloatArray:
     """Points 4 cm apart on the sides of a box of 2 m, one of which has a square hole."""
     steps = np.arange(0.0, 2.001, 0.04)
     u, v = (a.ravel() for a in np.meshgrid(steps, steps))
@@ -138,14 +139,14 @@ def test_a_place_frees_what_no_hole_as_wide_as_the_gap_leads_to() -> None:
     inside = np.array([[1.0, 1.0, 1.0]])
     for voxel_m in (0.03, 0.05):
         for hole_m, gap_m, leaks in ((0.0, 0.06, False), (0.14, 0.3, False), (0.5, 0.2, True)):
-            points = np.concatenate([wall(hole_m), [[3.0, 1.0, 1.0]]])
+            points = np.concatenate([box_with_hole(hole_m), [[3.0, 1.0, 1.0]]])
             space = carved(cloud(points), voxel_m, inside, gap_m).space
             assert (state_at(space, np.array([[2.5, 1.0, 1.0]])) == FREE) == leaks
             assert state_at(space, inside) == FREE
 
 
 def test_what_a_place_frees_is_half_the_gap_away_from_every_point() -> None:
-    points = wall(0.0)
+    points = box_with_hole(0.0)
     space = carved(cloud(points), 0.05, np.array([[1.0, 1.0, 1.0]]), 0.3).space
     corners = np.stack(np.meshgrid(*[[-0.025, 0.025]] * 3), axis=-1).reshape(-1, 3)
     free = (space.grid.centre(np.argwhere(space.state == FREE))[:, None] + corners).reshape(-1, 3)
@@ -176,10 +177,7 @@ def test_the_surface_encloses_what_is_occupied_and_faces_outward(seed):
     assert mesh.volume == pytest.approx(space.volume_m3(OCCUPIED))
     for step, occupied in ((0.03, False), (-0.03, True)):
         beside = grid.index(mesh.triangles_center + step * mesh.face_normals)
-        within = ((beside >= 0) & (beside < state.shape)).all(axis=1)
-        assert (state[tuple(beside[within].T)] == OCCUPIED).all() if occupied else True
-        assert within.all() or not occupied
-        assert occupied or (state[tuple(beside[within].T)] != OCCUPIED).all()
+        assert ((np.pad(state, 1) == OCCUPIED)[tuple(beside.T + 1)] == occupied).all()
 
 
 def test_a_surface_of_too_many_sides_is_coarser_and_covers_it(monkeypatch: pytest.MonkeyPatch) -> None:
