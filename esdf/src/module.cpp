@@ -197,8 +197,8 @@ void carve(Out<std::uint8_t, 3> state, In<double, 2> origins, In<double, 2> ends
     }
 }
 
-// As `carve`, but each line ends before the first occupied voxel. reached[i]: the distance from its origin to the centre
-// of that voxel, in voxels; infinite where there is none before that of ends[i].
+// As `carve`, but each line ends before the first occupied voxel. reached[i]: the distance from its origin to the
+// centre of that voxel, in voxels; infinite where there is none before that of ends[i].
 void carve_visible(Out<std::uint8_t, 3> state, In<double, 2> origins, In<double, 2> ends, std::uint8_t value,
                    Out<double, 1> reached) {
     nb::gil_scoped_release release;

@@ -130,7 +130,7 @@ def _halved(solid: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Cubes of two voxels a side, solid where one of the eight is."""
     solid = np.pad(solid, [(0, n % 2) for n in solid.shape])
     nx, ny, nz = (n // 2 for n in solid.shape)
-    return solid.reshape(nx, 2, ny, 2, nz, 2).any(axis=(1, 3, 5))
+    return np.logical_or.reduce(solid.reshape(nx, 2, ny, 2, nz, 2), axis=(1, 3, 5))
 
 
 def _sides(solid: NDArray[np.bool_], axis: int, sign: int) -> NDArray[np.int64]:

@@ -34,6 +34,8 @@ class PointCloud:
     """And why."""
     up: str
     """The direction in the file, and why."""
+    sensor: str | None
+    """What says from where they were measured."""
 
 
 def read(
@@ -73,16 +75,17 @@ def read(
     unit_m, unit_because = foreign_mesh.scale(path, float(np.ptp(points, axis=0).max()), unit)
     points = points @ (unit_m * R_world_file.T)
     reach.require_near_origin(points, str(path))
-    origins = None
+    origins, sensor = None, None
     if sensor_world_m is not None:
-        origins = np.broadcast_to(sensor_world_m, points.shape)
+        origins, sensor = np.broadcast_to(sensor_world_m, points.shape), "one place, as given"
     elif viewpoints:
-        origins = _viewpoints(path, columns)[finite] @ (unit_m * R_world_file.T)
+        origins, sensor = _viewpoints(path, columns)[finite] @ (unit_m * R_world_file.T), "the points' viewpoints"
     elif poses is not None:
-        origins = _sensor_at(poses, _times(path, columns)[finite]) @ R_world_file.T
+        positions, time_unit = _sensor_at(poses, _times(path, columns)[finite])
+        origins, sensor = positions @ R_world_file.T, f"poses of {poses.name}, times of points in {time_unit}"
     if origins is not None:
         _require_near(path, points, origins)
-    return PointCloud(points, origins, dropped, unit_because, up_because)
+    return PointCloud(points, origins, dropped, unit_because, up_because, sensor)
 
 
 def _require_near(path: Path, points_world_m: FloatArray, origins_world_m: FloatArray) -> None:
@@ -126,23 +129,31 @@ def _times(path: Path, columns: Mapping[str, NDArray[np.generic]]) -> NDArray[np
     return times
 
 
-def _sensor_at(path: Path, times: NDArray[np.generic]) -> FloatArray:
-    """(n, 3) where the sensor was at each point's time, in the frame of its poses; NaN where no pose is near."""
+def _within(low_s: float, high_s: float, first_s: float, last_s: float) -> bool:
+    """Whether at least half of the points' times are among those of the poses."""
+    return min(high_s, last_s) - max(low_s, first_s) >= 0.5 * (high_s - low_s)
+
+
+def _sensor_at(path: Path, times: NDArray[np.generic]) -> tuple[FloatArray, str]:
+    """(n, 3) where the sensor was at each point's time, in the frame of its poses; NaN where no pose is near.
+
+    Returns:
+        With the unit of the times: the largest that makes most of them times of the poses.
+    """
     recorded = trajectory.read(path)
     first_s, last_s = recorded.time_s[[0, -1]]
     numbers = times.astype(np.float64)
     low, high = np.nanmin(numbers), np.nanmax(numbers)
-    fits = [unit for unit, s in _TIME_UNITS_S.items() if low * s < last_s and high * s > first_s and high > low]
-    if len(fits) != 1:
-        how = "by another clock" if not fits else f"in an unknown unit ({' or '.join(fits)})"
+    unit = next((unit for unit, s in _TIME_UNITS_S.items() if _within(low * s, high * s, first_s, last_s)), None)
+    if unit is None:
         raise InputError(
             f"{path}: its times go from {first_s:.3f} to {last_s:.3f} s, those of the points from {low:.6g} to "
-            f"{high:.6g}, {how}; export both by one clock, in seconds"
+            f"{high:.6g}, by another clock; export both by one clock, in seconds"
         )
-    time_s = numbers * _TIME_UNITS_S[fits[0]]
+    time_s = numbers * _TIME_UNITS_S[unit]
     positions_m = recorded.T_start_body[:, :3, 3]
     origins = np.stack([np.interp(time_s, recorded.time_s, positions_m[:, axis]) for axis in range(3)], axis=1)
     origins[~recorded.interpolates(time_s)] = np.nan
     if not np.isfinite(origins[:, 0]).any():
         raise InputError(f"{path} has no poses near the times of the points, {low:.6g} to {high:.6g}")
-    return origins
+    return origins, unit

@@ -192,7 +192,7 @@ def _compressed(path: Path, layout: Layout) -> Mapping[str, NDArray[np.generic]]
     if len(lengths) < 2 or lengths[1] != needed or path.stat().st_size - layout.offset - 8 < lengths[0]:
         raise FormatError(f"{path} is damaged or cut off: its points would take {needed} bytes; copy it again")
     with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
-        cloud = open3d.t.io.read_point_cloud(str(path))
+        cloud = open3d.t.io.read_point_cloud(path)
     columns = {name: cloud.point[name].numpy() for name in cloud.point}
     positions = columns.pop("positions", np.zeros((0, 3)))
     return dict(zip("xyz", positions.T, strict=True)) | {

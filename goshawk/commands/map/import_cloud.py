@@ -18,12 +18,6 @@ class Rays:
     poses: Path | None
     viewpoints: bool
 
-    def text(self) -> str | None:
-        """For the map's file and `--json`."""
-        if self.viewpoints:
-            return "the points' vp_x, vp_y, vp_z"
-        return self.sensor if self.poses is None else f"poses of {self.poses.name}"
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Options:
@@ -62,7 +56,7 @@ def read(
         "not_finite": cloud.not_finite,
         "least_points": options.least_points,
         "gap_m": options.gap_m if len(options.observed_world_m) else None,
-        "sensor": rays.text(),
+        "sensor": cloud.sensor,
         "rays": carved.rays,
         "stopped_rays": carved.stopped,
         "surface_m": side_m,

@@ -15,9 +15,20 @@ _VOXEL_M, _GAP_M = 0.05, 0.2
 _IMAGES = (".pgm", ".png", ".bmp", ".jpg", ".jpeg", ".tif", ".tiff")
 _KINDS = {"mesh": "meshes", "cloud": "points", "map": "two-dimensional maps (YAML)"}
 _A_KIND = {"mesh": "a mesh", "cloud": "a cloud of points", "map": "a two-dimensional map"}
-_FOR = dict.fromkeys(("--unit", "--up", "--voxel", "--observed"), ("mesh", "cloud"))
-_FOR |= dict.fromkeys(("--sensor", "--poses", "--viewpoints", "--least-points", "--gap"), ("cloud",))
-_FOR |= {"--heights": ("map",)}
+_OF_SHAPES, _OF_CLOUDS = ("mesh", "cloud"), ("cloud",)
+_FOR: dict[str, tuple[str, ...]] = {
+    "--unit": _OF_SHAPES,
+    "--up": _OF_SHAPES,
+    "--voxel": _OF_SHAPES,
+    "--observed": _OF_SHAPES,
+    "--sensor": _OF_CLOUDS,
+    "--poses": _OF_CLOUDS,
+    "--viewpoints": _OF_CLOUDS,
+    "--least-points": _OF_CLOUDS,
+    "--gap": _OF_CLOUDS,
+    "--heights": ("map",),
+}
+"""Kinds of FILE that each option is for."""
 _KEPT = (
     "imported_from",
     "unit",
@@ -232,6 +243,7 @@ def _contents(kind: str, document: dict[str, Any]) -> dict[str, object]:
     if document["not_finite"]:
         found["left out"] = f"{document['not_finite']} points that are not finite"
     if document["rays"]:
+        found["sensor"] = document["sensor"]
         found["rays"] = (
             f"{document['rays']}, {document['stopped_rays'] / document['rays']:.1%} stopped before their point"
         )

@@ -31,7 +31,7 @@ def scan(origin: FloatArray, count: int, seed: int = 0) -> FloatArray:
 
 
 def cloud(points: FloatArray, origins: FloatArray | None = None) -> PointCloud:
-    return PointCloud(points, None if origins is None else np.broadcast_to(origins, points.shape), 0, "m", "z")
+    return PointCloud(points, None if origins is None else np.broadcast_to(origins, points.shape), 0, "m", "z", None)
 
 
 def carved(found: PointCloud, voxel_m: float = 0.1, observed: FloatArray = NOWHERE, gap_m: float = 0.2, least: int = 1):
@@ -118,7 +118,7 @@ def test_fewer_points_than_the_least_neither_occupy_nor_stop_a_ray() -> None:
 def test_a_point_without_a_known_sensor_occupies_and_frees_nothing() -> None:
     points = np.array([[3.05, 0.55, 0.55], [0.55, 3.05, 0.55]])
     origins = np.array([[0.55, 0.55, 0.55], [np.nan] * 3])
-    found = carved(PointCloud(points, origins, 0, "m", "z"))
+    found = carved(PointCloud(points, origins, 0, "m", "z", None))
     assert found.rays == 1
     assert (state_at(found.space, points) == OCCUPIED).all()
     free = found.space.grid.centre(np.argwhere(found.space.state == FREE))

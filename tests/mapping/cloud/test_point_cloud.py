@@ -88,11 +88,21 @@ def sensors(found: PointCloud) -> FloatArray:
 def test_the_sensor_is_where_it_was_at_the_time_of_each_point_whatever_the_unit_of_times(tmp_path: Path) -> None:
     path = poses(tmp_path / "tum.txt", np.arange(99.0, 111.0, 0.1))
     expected = np.stack([1.0 + 0.2 * (TIMES - 99.0), np.ones(200), np.ones(200)], axis=1)
-    for name, times in (("time", TIMES), ("timestamp", 1e3 * TIMES), ("t", np.rint(TIMES * 1e9).astype(np.uint64))):
+    for name, times, unit in (
+        ("time", TIMES, "s"), ("timestamp", 1e3 * TIMES, "ms"), ("t", np.rint(TIMES * 1e9).astype(np.uint64), "ns"),
+    ):  # fmt: skip
         found = point_cloud.read(written(tmp_path / "a.pcd", POINTS, **{name: times}), poses=path)
+        assert found.sensor == f"poses of tum.txt, times of points in {unit}"
         assert sensors(found) == pytest.approx(expected, abs=1e-5)
     turned = point_cloud.read(written(tmp_path / "a.pcd", POINTS, time=TIMES), poses=path, up="y")
     assert sensors(turned) == pytest.approx(expected[:, [0, 2, 1]] * [1.0, -1.0, 1.0], abs=1e-5)
+
+
+def test_times_that_begin_at_nought_are_in_the_unit_in_which_they_fill_the_poses_times(tmp_path: Path) -> None:
+    path = poses(tmp_path / "tum.txt", np.arange(0.0, 10.0, 0.1))
+    for factor, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "us")):
+        file = written(tmp_path / "a.pcd", POINTS, time=factor * (TIMES - 100.0))
+        assert str(point_cloud.read(file, poses=path).sensor).endswith(f" in {unit}")
 
 
 def test_points_outside_the_times_of_the_poses_have_no_known_sensor(tmp_path: Path) -> None:
