@@ -52,10 +52,11 @@ def space(mesh: ForeignMesh, voxel_m: float, observed_world_m: FloatArray) -> Sp
     """
     low, high = mesh.vertices_world_m.min(axis=0), mesh.vertices_world_m.max(axis=0)
     grid = Grid.covering(low - voxel_m, high + voxel_m, voxel_m)
-    _require_few(grid, f"take --voxel {1.05 * voxel_m * (grid.voxels / MOST_VOXELS) ** (1 / 3):.2g}, or cut the mesh")
+    require_few(grid, "cut the mesh", coarser=True)
     surface = triangles.touched(mesh.vertices_world_m, mesh.faces, grid)
     state = np.where(surface, np.uint8(OCCUPIED), np.uint8(UNKNOWN))
-    state[_connected(surface, grid, observed_world_m)] = FREE
+    remedy = f"lies in a voxel of the surface; name a place that is free, or take a smaller --voxel than {voxel_m:g} m"
+    state[connected(surface, grid, observed_world_m, "mesh", remedy)] = FREE
     return Space(grid, state)
 
 
@@ -71,34 +72,45 @@ def columns(floor: Floor, low_m: float, high_m: float) -> Space:
         raise InputError(f"--heights is {low_m:g},{high_m:g} m; the second must be at least {floor.cell_m:g} m higher")
     cube = (floor.cell_m, floor.cell_m, floor.cell_m)
     grid = Grid((*floor.low_world_m, low_m), cube, (*floor.state.shape, layers))
-    _require_few(grid, "give less between the heights, or a coarser map")
+    require_few(grid, "give less between the heights, or a coarser map")
     return Space(grid, np.repeat(floor.state[:, :, None], layers, axis=2))
 
 
-def _require_few(grid: Grid, remedy: str) -> None:
+def require_few(grid: Grid, remedy: str, *, coarser: bool = False) -> None:
+    """
+    Raises:
+        InputError: there are more voxels than memory is for.
+    """
     if grid.voxels > MOST_VOXELS:
+        if coarser:
+            remedy = f"take --voxel {1.05 * grid.voxel_m[0] * (grid.voxels / MOST_VOXELS) ** (1 / 3):.2g}, or {remedy}"
         raise InputError(
             f"voxels of {grid.voxel_m[0]:g} m would be {grid.voxels / 1e6:,.0f} million, at most "
             f"{MOST_VOXELS / 1e6:g} million: {remedy}"
         )
 
 
-def _connected(surface: NDArray[np.bool_], grid: Grid, places_world_m: FloatArray) -> NDArray[np.bool_]:
-    """The voxels without surface that are connected with one of the places (n, 3)."""
+def connected(
+    closed: NDArray[np.bool_], grid: Grid, places_world_m: FloatArray, what: str, remedy: str
+) -> NDArray[np.bool_]:
+    """The voxels that are not closed and are connected with one of the places (n, 3), through faces of voxels.
+
+    Raises:
+        InputError: a place is outside of the box of `what`, or in a closed voxel; then `remedy` follows its name.
+    """
     from scipy import ndimage
 
     for place in places_world_m:
         if not grid.contains(place[None])[0]:
             corners = f"{np.round(grid.low_world_m, 2).tolist()} to {np.round(grid.high_world_m, 2).tolist()}"
-            raise InputError(f"--observed {_text(place)} is outside of the mesh's box, {corners} m in the map's frame")
-        if surface[_voxel(grid, place)]:
             raise InputError(
-                f"--observed {_text(place)} lies in a voxel of the surface; name a place that is free, or take a "
-                f"smaller --voxel than {grid.voxel_m[0]:g} m"
+                f"--observed {_text(place)} is outside of the {what}'s box, {corners} m in the map's frame"
             )
+        if closed[_voxel(grid, place)]:
+            raise InputError(f"--observed {_text(place)} {remedy}")
     if not len(places_world_m):
         return np.zeros(grid.shape, bool)
-    rooms, _ = ndimage.label(~surface)  # pyright: ignore[reportGeneralTypeIssues]
+    rooms, _ = ndimage.label(~closed)  # pyright: ignore[reportGeneralTypeIssues]
     return np.isin(rooms, [rooms[_voxel(grid, place)] for place in places_world_m])
 
 
