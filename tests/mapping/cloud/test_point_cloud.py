@@ -13,7 +13,7 @@ POINTS = np.random.default_rng(3).uniform([0.0, 0.0, 0.0], [6.0, 4.0, 2.5], (200
 TIMES = np.linspace(100.0, 109.9, 200)
 
 
-def written(path: Path, points: FloatArray, **more: FloatArray) -> Path:
+def written(path: Path, points: FloatArray, **more: np.ndarray) -> Path:
     """A binary PCD file with further columns."""
     columns = dict(zip("xyz", points.T, strict=True)) | more
     rows = np.zeros(len(points), [(name, column.dtype) for name, column in columns.items()])
@@ -68,7 +68,7 @@ def test_points_that_are_not_finite_are_counted_and_dropped_with_their_sensor(tm
     whole = np.isfinite(points).all(axis=1)
     assert found.not_finite == 3
     assert np.array_equal(found.points_world_m, points[whole])
-    assert np.array_equal(found.origins_world_m, eyes[whole])
+    assert np.array_equal(sensors(found), eyes[whole])
     assert "none of which is finite" in refused(written(tmp_path / "b.pcd", np.full((5, 3), np.nan)))
 
 

@@ -2,6 +2,7 @@
 
 import contextlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import open3d
@@ -21,10 +22,11 @@ def written(path: Path, coding: str) -> Path:
     if coding == "trimesh":
         trimesh.PointCloud(POINTS).export(path)
         return path
-    cloud = open3d.t.geometry.PointCloud(POINTS)
+    library: Any = open3d  # its stubs know no arrays
+    cloud = library.t.geometry.PointCloud(POINTS)
     cloud.point["time"] = TIMES[:, None]
     text, compressed = coding == "text", coding == "compressed"
-    assert open3d.t.io.write_point_cloud(str(path), cloud, write_ascii=text, compressed=compressed)
+    assert library.t.io.write_point_cloud(str(path), cloud, write_ascii=text, compressed=compressed)
     return path
 
 

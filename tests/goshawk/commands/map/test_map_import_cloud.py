@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import open3d
@@ -20,7 +21,8 @@ SIZE = ("--voxel", "0.1")
 def written(file: Path, count: int = 60_000, scale: float = 1.0) -> Path:
     points = scale * scan(EYE, count)
     points[0] = np.nan
-    assert open3d.t.io.write_point_cloud(str(file), open3d.t.geometry.PointCloud(points))
+    library: Any = open3d  # its stubs know no arrays
+    assert library.t.io.write_point_cloud(str(file), library.t.geometry.PointCloud(points))
     return file
 
 
