@@ -63,7 +63,7 @@ def read(
         FormatError: it is damaged, or holds no finite point, or lacks columns that are asked for.
     """
     if sum((sensor_world_m is not None, poses is not None, viewpoints)) > 1:
-        raise InputError("give one of --sensor, --poses and --viewpoints: each says from where points were measured")
+        raise InputError("give one of --sensor, --sensor-poses and --viewpoints: each says from where was measured")
     columns = point_file.read(path)
     points = _stacked(columns, ("x", "y", "z"))
     finite = np.isfinite(points).all(axis=1)
@@ -107,7 +107,7 @@ def _stacked(columns: Mapping[str, NDArray[np.generic]], names: tuple[str, ...])
 
 def _viewpoints(path: Path, columns: Mapping[str, NDArray[np.generic]]) -> FloatArray:
     if missing := [name for name in VIEWPOINT if name not in columns]:
-        raise FormatError(f"{path}: its points have no {', '.join(missing)}; give --sensor or --poses instead")
+        raise FormatError(f"{path}: its points have no {', '.join(missing)}; give --sensor or --sensor-poses instead")
     origins = _stacked(columns, VIEWPOINT)
     if not np.any(origins):
         raise FormatError(f"{path}: all its vp_x, vp_y and vp_z are 0, which programs write that know none")
@@ -118,7 +118,8 @@ def _viewpoints(path: Path, columns: Mapping[str, NDArray[np.generic]]) -> Float
 def _times(path: Path, columns: Mapping[str, NDArray[np.generic]]) -> NDArray[np.generic]:
     name = next((name for name in TIMES if name in columns), None)
     if name is None:
-        raise FormatError(f"{path}: its points have no time ({', '.join(TIMES)}), which --poses needs; give --sensor")
+        names = ", ".join(TIMES)
+        raise FormatError(f"{path}: its points have no time ({names}), which --sensor-poses needs; give --sensor")
     times = columns[name]
     largest = np.nanmax(np.abs(times.astype(np.float64)))
     if times.dtype.kind == "f" and np.spacing(largest.astype(times.dtype)) > _LARGEST_TIME_STEP_S:

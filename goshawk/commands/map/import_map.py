@@ -22,7 +22,7 @@ _FOR: dict[str, tuple[str, ...]] = {
     "--voxel": _OF_SHAPES,
     "--observed": _OF_SHAPES,
     "--sensor": _OF_CLOUDS,
-    "--poses": _OF_CLOUDS,
+    "--sensor-poses": _OF_CLOUDS,
     "--viewpoints": _OF_CLOUDS,
     "--least-points": _OF_CLOUDS,
     "--gap": _OF_CLOUDS,
@@ -43,7 +43,7 @@ _KEPT = (
 """Of the document, what `map.toml` says."""
 _MAKES_FREE = {
     "mesh": "name a place that is, by --observed X,Y,Z",
-    "cloud": "say from where points were measured (--sensor, --poses, --viewpoints), or what is free (--observed)",
+    "cloud": "say from where they were measured (--sensor, --sensor-poses, --viewpoints), or what is free (--observed)",
     "map": "check its image and free_thresh",
 }
 
@@ -59,7 +59,7 @@ _MAKES_FREE = {
     help="A place in the map that is known to be free, with all that no surface parts from it; may be repeated.",
 )  # fmt: skip
 @click.option("--sensor", metavar="X,Y,Z", help="Place in the map from which all points were measured.")
-@console.path_option("--poses", "poses", "Poses of the sensor by the times of the points, TUM or EuRoC.")
+@console.path_option("--sensor-poses", "poses", "Poses of the sensor by the times of the points, TUM or EuRoC.")
 @click.option("--viewpoints", is_flag=True, help="Points were measured from their own vp_x, vp_y, vp_z.")
 @click.option("--least-points", type=click.IntRange(1), help="Points in an occupied voxel [default: 1].")
 @click.option(
@@ -96,7 +96,7 @@ def import_(
     goshawk map import room.ply --out map --observed 2,1.5,1.2
     goshawk map import house.stl --out map --unit mm --up y --observed 2,1.5,1.2
     goshawk map import scan.pcd --out map --sensor 0,0,1.5
-    goshawk map import walk.ply --out map --poses lidar_tum.txt
+    goshawk map import walk.ply --out map --sensor-poses lidar_tum.txt
     goshawk map import hall.yaml --out map --heights 0,2.5
 
     Voxels that a triangle touches are occupied, all others unknown: a mesh does not say what was seen. --observed
@@ -104,8 +104,8 @@ def import_(
     are not used. Nothing checks unit, up and missing surfaces, so the map's verdict is "not judged".
 
     Of points, voxels that hold some are occupied. Free is what a ray from the sensor to its point passed before
-    anything occupied: --sensor, --poses or --viewpoints say from where. The poses are in metres in FILE's axes, of the
-    sensor itself. --observed passes no hole up to --gap wide, and stays half of it away from points.
+    anything occupied: --sensor, --sensor-poses or --viewpoints say from where. The poses are in metres in FILE's
+    axes, of the sensor itself. --observed passes no hole up to --gap wide, and stays half of it away from points.
 
     A map of map_server holds for one height. With --heights you state that all between LOW and HIGH is as at that one,
     free or occupied: tables and lamps are what it does not show. Its cells become voxels.
@@ -118,7 +118,7 @@ def import_(
     _require_fitting(
         kind,
         {"--unit": unit, "--up": up, "--voxel": voxel_m, "--observed": observed, "--heights": heights}
-        | {"--sensor": sensor, "--poses": poses, "--viewpoints": viewpoints}
+        | {"--sensor": sensor, "--sensor-poses": poses, "--viewpoints": viewpoints}
         | {"--least-points": least_points, "--gap": gap_m},
     )
     results.require_free_folder(out, overwrite=overwrite, ours=map_folder.is_map)
