@@ -350,9 +350,9 @@ class Desk:
             self.inputs = now
             said = "The map or the vehicle changed since the check: this plan is void. Plan again."
             self._show_clearance()
-            if self.project.has_map and len(self.session.content.points) > 1:
+            if self.answer is not None and self.project.has_map:
                 self._show_plan(Plan(self.session.revision, "void", said))
-            else:  # there was no plan
+            else:  # nothing was ever checked, or nothing can be
                 self.request_plan()
                 said = "The map or the vehicle changed."
         self._notice_with_map(said, level="caution")
