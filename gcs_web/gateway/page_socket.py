@@ -36,7 +36,6 @@ class PageSocket:
         handlers: Mapping[type[Command], Callable[[Person, Any], Reply | None]],
         *,
         project: str,
-        vehicle: bool,
         arrived: Callable[[], None],
         left: Callable[[Person], None],
     ) -> None:
@@ -44,19 +43,18 @@ class PageSocket:
         Args:
             handlers: by command, what does it, in a thread; a reply only where it has something to say. Raises
                 `FlightError` to refuse it.
-            vehicle: whether there is one.
             arrived, left: called when somebody opened or closed the page.
         """
         self._hub, self._handlers = hub, handlers
         self._decoder: msgspec.json.Decoder[Command] = msgspec.json.Decoder(Union[tuple(handlers)])  # noqa: UP007
-        self._project, self._vehicle, self._arrived, self._left = project, vehicle, arrived, left
+        self._project, self._arrived, self._left = project, arrived, left
         self._id = secrets.token_hex(8)
         self._for_emergencies = ThreadPoolExecutor(2, "abort")  # never behind other work
 
     async def serve(self, socket: "web.WebSocketResponse") -> None:
         """Talk to one page until it leaves."""
         client = self._hub.join()
-        welcome = Welcome(PROTOCOL, client.person.id, self._project, self._vehicle, self._id)
+        welcome = Welcome(PROTOCOL, client.person.id, self._project, self._id)
         writer = asyncio.create_task(_write(socket, client, welcome))
         await asyncio.to_thread(self._arrived)
         apart: set[asyncio.Task[None]] = set()

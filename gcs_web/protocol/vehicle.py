@@ -57,6 +57,13 @@ class Vehicle(State, frozen=True, tag="vehicle"):
     """Why the vehicle last changed its state, in its own words."""
 
 
+class Connect(VehicleCommand, frozen=True, tag="connect", kw_only=True):
+    """Listen to another vehicle, or to none."""
+
+    url: str
+    """`udp://host:port`; empty for none."""
+
+
 class TakeControl(Command, frozen=True, tag="take_control", kw_only=True):
     """Ask to be the one person whose orders go to the vehicle."""
 

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 import firmware_bridge
-from firmware_bridge import wire
+from firmware_bridge import port, wire
 from firmware_bridge.dialect.generated.messages import Command
 from flight import FlightError, FlightLog, FloatArray, LinkError, TrajectoryFile
 from gcs_web.planning import page_values
@@ -35,7 +35,11 @@ class VehicleWatch:
     """`on_state` and `on_pose` are called from a thread of this object."""
 
     def __init__(self, url: str, *, key_file: Path | None = None) -> None:
-        """Begin to listen; a vehicle that does not answer yet is waited for."""
+        """
+        Raises:
+            InputError: `url` is no address of a vehicle; one that does not answer yet is waited for.
+        """
+        port.parse_url(url)
         self.url = url
         self._key_file = key_file
         self._link: firmware_bridge.Link | None = None
