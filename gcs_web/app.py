@@ -18,12 +18,12 @@ import planner
 from flight import FloatArray, InputError, LinkError, Progress, project, silent
 from gcs_web.comparison import reports
 from gcs_web.desk import Desk
-from gcs_web.flights.flights import incoming_file
 from gcs_web.gateway import gateway
 from gcs_web.gateway.entrants import Entrants
 from gcs_web.gateway.hub import Hub
 from gcs_web.gateway.page_socket import PageSocket
 from gcs_web.gateway.tls import context, is_loopback
+from gcs_web.jobs import incoming
 from gcs_web.jobs.jobs import Kind
 from gcs_web.learning.consent import Consent
 from gcs_web.map import display_mesh
@@ -186,7 +186,7 @@ class GroundStation:
             self.server.get_port(),
             serve_page=pages.serve,
             state=self._state,
-            incoming=partial(incoming_file, opened),
+            incoming=partial(incoming.place, opened),
             share=self.desk.shared,
             report=partial(reports.read, opened),
             host=self._host,

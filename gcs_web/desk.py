@@ -85,7 +85,14 @@ class Desk:
         self._planner = planning.PlanningProcess(opened.folder, base, self._planned, self._drafted)
         view.on_draft = hub.publish
         self.map = MapDesk(opened, hub, self.session, view.map, lambda: self.parts.map(self.inputs))
-        self.jobs = Jobs(opened, kinds, self.show_jobs, lambda kind, result: kind.done(self, result), self._job_ended)
+        self.jobs = Jobs(
+            opened,
+            kinds,
+            self.show_jobs,
+            lambda kind, result: kind.done(self, result),
+            self._job_ended,
+            lambda kind, address: kind.beside(self, address) if kind.beside is not None else lambda: None,
+        )
         self.flights = Flights(opened, self._flights_changed)
         self.comparing = Comparing(opened, self.flights, view.flights)
         self.shown_flights = ShownFlights(hub, self.comparing, view.flights, view.set_plan_aside)
@@ -149,7 +156,7 @@ class Desk:
         self.show_learning()
 
     def _limits(self) -> vehicle.Limits:
-        """Of the vehicle; those of any while there is none, or an effect file of its own waits for somebody to agree."""
+        """Of the vehicle; those of any while there is none, or somebody has to agree to an effect file of its own."""
         try:
             return self.parts.vehicle(self.inputs).limits
         except FlightError:

@@ -74,7 +74,7 @@ def command(
     vehicle.effects.run_only(())  # between two projects, too: nothing of a project runs before somebody agrees
     check_for_station(project)
     from gcs_web import GroundStation
-    from goshawk.station_jobs import KINDS
+    from goshawk.station_jobs import KINDS, simulate
 
     options, wanted = console.body_options(radius_m, margin_m), queue.SimpleQueue[Path]()
 
@@ -91,7 +91,7 @@ def command(
                 triangles=triangles,
                 progress=report,
                 on_entry=lambda url: _address(url, "a browser has connected; the address for another one: ", as_json),
-                jobs=KINDS,
+                jobs=(*KINDS, simulate.kind(key_file)),
                 browsers=browsers,
                 on_open=wanted.put,
             )
