@@ -18,7 +18,7 @@ export const draft = signal<Draft | null>(null);
 export const figures = signal<Plan | null>(null);
 export const vehicle = signal<Vehicle | null>(null);
 export const people = newest("people", { type: "people", people: [], in_control: "" });
-export const files = newest("files", { type: "files", trajectories: [], flights: [], bin: [], has_map: true });
+export const files = newest("files", { type: "files", trajectories: [], flights: [], bin: [], has_map: true, has_vehicle: true });
 /** Those in the folder that this one is in. */
 export const projects = newest("projects", { type: "projects", projects: [] });
 export const mapShown = signal<MapShown | null>(null);
@@ -133,6 +133,9 @@ export const controlWords = computed(() => {
   const holder = people.value.people.find(({ id }) => id === people.value.in_control);
   return holder === undefined ? "" : `${holder.name} is in control`;
 });
+
+/** Whether a vehicle is connected, heard or not. */
+export const hasVehicle = computed(() => vehicle.value !== null && vehicle.value.link !== "none");
 
 /** Whether the vehicle holds another trajectory than the plan. */
 export const holdsAnother = computed(() => {

@@ -2,6 +2,7 @@
 
 import { batch, computed, effect, signal } from "@preact/signals";
 import { latest, send, submit } from "../../core/socket";
+import { sendFile } from "../../core/files";
 import { number } from "../../core/format";
 import { announce, areOurs, comparison, connected, flightCursor_s, flights, step } from "../../core/store";
 import type { AlignFlights, Finding, FlightCard, Incoming, OpenedFlight, Scatter, ShowFlights, Stream, StreamPart } from "../../core/protocol";
@@ -369,16 +370,14 @@ export function goToMark({ from_s, to_s }: Mark): void {
 // --- logs ---
 
 /** Send a dropped file to the station and have it read. */
+/** Endings of logs that can be read. */
+export const LOGS = [
+  ".parquet", ".ulg", ".bin", ".log", ".bbl", ".bfl", ".tlog", ".tum", ".csv", ".csv.gz", ".mcap", ".bag", ".db3",
+];
+
 export async function takeFile(file: File): Promise<void> {
-  announce(`Sending ${file.name} ...`);
-  let answer: Response;
-  try {
-    answer = await fetch(`/incoming/${encodeURIComponent(file.name)}`, { method: "PUT", body: file });
-  } catch {
-    announce(`${file.name} could not be sent: no answer from the ground station`, "danger");
-    return;
-  }
-  if (!answer.ok) announce(await answer.text(), "danger");
+  const error = await sendFile(file);
+  if (error !== "") announce(error, "danger");
   else await takeLog(file.name, "");
 }
 

@@ -7,9 +7,10 @@ import { HoldButton } from "../../components/HoldButton";
 import { Icon } from "../../components/Icon";
 import { Said } from "../../components/Said";
 import { age, number, sentenceCase } from "../../core/format";
-import { errors, files, holdsAnother, inControl, link, vehicle, welcome } from "../../core/store";
+import { errors, files, hasVehicle, holdsAnother, inControl, link, vehicle } from "../../core/store";
 import type { Vehicle as VehicleState } from "../../core/protocol";
 import { Control } from "./Control";
+import { LinkButtons, VehicleButtons } from "../start/Buttons";
 import { ErrorPlot } from "./ErrorPlot";
 
 export function Fly() {
@@ -18,10 +19,10 @@ export function Fly() {
       <Now />
       {errors.value.length > 1 && <ErrorPlot />}
       <BeforeFlight />
-      {welcome.value?.vehicle === true && <Control />}
+      {hasVehicle.value && <Control />}
       <Flights />
       <div class="spring" />
-      {welcome.value?.vehicle === true && <Orders />}
+      {hasVehicle.value && <Orders />}
     </>
   );
 }
@@ -36,14 +37,14 @@ function Now() {
       <section class="verdict">
         <h2>Vehicle</h2>
         <p>
-          {welcome.value?.vehicle === false ? (
-            <>
-              No vehicle was given. Start the station with <span class="option">--url</span> to fly one.
-            </>
-          ) : (
-            "The vehicle was not heard yet."
-          )}
+          {files.value.has_vehicle
+            ? "No vehicle is connected."
+            : "No vehicle is connected, and the project has none that could be simulated."}
         </p>
+        <div class="fill">
+          {!files.value.has_vehicle && <VehicleButtons />}
+          <LinkButtons />
+        </div>
       </section>
     );
   }

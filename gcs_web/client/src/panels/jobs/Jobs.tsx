@@ -110,7 +110,8 @@ function detail({ state, stage, share, words, author }: Job): string {
 
 const ASKED_AFTER_MS = 300;
 
-function JobForm({ kinds, onDone }: { kinds: readonly JobKind[]; onDone: () => void }) {
+/** Of the kind that is chosen, among these. */
+export function JobForm({ kinds, onDone }: { kinds: readonly JobKind[]; onDone: () => void }) {
   const given = useSignal<Readonly<Record<string, Value>>>({});
   const refusal = useSignal("");
   const foreseen = useSignal("");
@@ -144,32 +145,34 @@ function JobForm({ kinds, onDone }: { kinds: readonly JobKind[]; onDone: () => v
     <form
       ref={form}
       class="job-form"
-      aria-label="New job"
+      aria-label={kinds.length === 1 ? kind.title : "New job"}
       onSubmit={(event) => {
         event.preventDefault();
         void start();
       }}
     >
-      <div class="field long">
-        <label for={id}>Job</label>
-        <span class="field-box">
-          <select
-            id={id}
-            value={kind.name}
-            onChange={(event) => {
-              chosenKind.value = event.currentTarget.value;
-              given.value = {};
-              refusal.value = "";
-            }}
-          >
-            {kinds.map((each) => (
-              <option key={each.name} value={each.name}>
-                {each.title}
-              </option>
-            ))}
-          </select>
-        </span>
-      </div>
+      {kinds.length > 1 && (
+        <div class="field long">
+          <label for={id}>Job</label>
+          <span class="field-box">
+            <select
+              id={id}
+              value={kind.name}
+              onChange={(event) => {
+                chosenKind.value = event.currentTarget.value;
+                given.value = {};
+                refusal.value = "";
+              }}
+            >
+              {kinds.map((each) => (
+                <option key={each.name} value={each.name}>
+                  {each.title}
+                </option>
+              ))}
+            </select>
+          </span>
+        </div>
+      )}
       {kind.fields.map((field) => (
         <FieldOf
           key={`${kind.name}.${field.name}`}
