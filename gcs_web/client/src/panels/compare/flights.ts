@@ -370,6 +370,15 @@ export function goToMark({ from_s, to_s }: Mark): void {
 // --- logs ---
 
 /** Send a dropped file to the station and have it read. */
+/** Open a flight in Compare, beside the last one before it of the same trajectory. */
+export function compareWithLast(name: string): void {
+  const course = cards.value.find((card) => card.name === name)?.trajectory ?? "";
+  const older = cards.value.slice(cards.value.findIndex((card) => card.name === name) + 1);
+  const last = course === "" ? undefined : older.find((card) => card.trajectory === course && card.state === "ready");
+  open.value = last === undefined ? [name] : [name, last.name];
+  step.value = 4;
+}
+
 /** Endings of logs that can be read. */
 export const LOGS = [
   ".parquet", ".ulg", ".bin", ".log", ".bbl", ".bfl", ".tlog", ".tum", ".csv", ".csv.gz", ".mcap", ".bag", ".db3",

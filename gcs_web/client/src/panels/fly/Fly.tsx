@@ -1,7 +1,10 @@
 /** The fly step: the vehicle as it is, who is in control, the orders, the flights. */
 
 import { computed } from "@preact/signals";
-import { giveOrder, mayOrder } from "./orders";
+import { giveOrder, mayOrder, openUpload, uploading } from "./orders";
+import { UploadPanel } from "./UploadPanel";
+import { canUpload } from "../plan/actions";
+import { compareWithLast } from "../compare/flights";
 import { Badge } from "../../components/Badge";
 import { HoldButton } from "../../components/HoldButton";
 import { Icon } from "../../components/Icon";
@@ -14,6 +17,7 @@ import { LinkButtons, VehicleButtons } from "../start/Buttons";
 import { ErrorPlot } from "./ErrorPlot";
 
 export function Fly() {
+  if (uploading.value !== null) return <UploadPanel state={uploading.value} />;
   return (
     <>
       <Now />
@@ -149,11 +153,8 @@ function Start() {
   if (last?.mission.startsWith("paus") === true) {
     return <HoldButton act="resume" primary disabled={!mayOrder.value} onHeld={() => void giveOrder("resume")} />;
   }
-  if (last === null || last.holds_crc32 === "")
-    return <p class="caution-text">The vehicle holds no trajectory; upload one.</p>;
-  if (holdsAnother.value) {
-    return <p class="caution-text">The vehicle holds {last.holds}, not this plan; upload the plan to fly it.</p>;
-  }
+  if (last === null || last.holds_crc32 === "") return <UploadFirst says="The vehicle holds no trajectory." />;
+  if (holdsAnother.value) return <UploadFirst says={`The vehicle holds ${last.holds}, not this plan.`} />;
   return (
     <HoldButton
       act={last.armed ? `fly ${last.holds}` : `arm and fly ${last.holds}`}
@@ -161,6 +162,18 @@ function Start() {
       disabled={!mayOrder.value || isUnderWay(last.mission) || failing.value !== null}
       onHeld={() => void giveOrder("start")}
     />
+  );
+}
+
+function UploadFirst({ says }: { says: string }) {
+  return (
+    <>
+      <p class="caution-text">{says}</p>
+      <button type="button" class="control primary" disabled={!canUpload()} onClick={openUpload}>
+        Compare and upload
+      </button>
+      {!canUpload() && <p class="quiet centred">Only a checked plan can be uploaded.</p>}
+    </>
   );
 }
 
@@ -184,7 +197,12 @@ function Flights() {
       ) : (
         <ul class="list">
           {flights.map((name) => (
-            <li key={name}>{name}</li>
+            <li key={name}>
+              <span class="list-words">{name}</span>
+              <button type="button" class="link" aria-label={`Compare ${name}`} onClick={() => compareWithLast(name)}>
+                Compare
+              </button>
+            </li>
           ))}
         </ul>
       )}

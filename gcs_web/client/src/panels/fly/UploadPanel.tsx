@@ -63,7 +63,7 @@ export function UploadPanel({ state }: { state: UploadState }) {
           disabled={state.stage === "sending"}
           onClick={() => (uploading.value = null)}
         >
-          Back to the plan
+          Back
         </button>
       </div>
     </>
