@@ -177,7 +177,7 @@ class GroundStation:
         pages = PageSocket(
             self.hub,
             {command: partial(handler, self.desk) for command, handler in HANDLERS.items()},
-            project=opened.name,
+            project=opened,
             arrived=self.desk.arrived,
             left=self.desk.left,
         )

@@ -34,6 +34,7 @@ from gcs_web.protocol.plan import Plan
 from gcs_web.protocol.projects import Projects
 from gcs_web.protocol.trajectories import Files
 from gcs_web.protocol.vehicle import Vehicle
+from gcs_web.protocol.wording import for_page
 from gcs_web.vehicle.control import Control
 from gcs_web.vehicle.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
@@ -117,7 +118,7 @@ class Desk:
     # --- telling people ---
 
     def notice(self, text: str, *, level: Level = "fact", undo: bool = False) -> None:
-        self.hub.publish(Notice(text, level, undo))
+        self.hub.publish(Notice(for_page(text, self.project.folder), level, undo))
 
     def show_files(self) -> None:
         """List the saved trajectories and flights, with whether each is checked for the inputs as they are now."""

@@ -23,6 +23,7 @@ from gcs_web.jobs import incoming
 from gcs_web.jobs.job_process import Failed, JobProcess
 from gcs_web.protocol import flights as flights_messages
 from gcs_web.protocol.flights import ColumnGuess, FlightCard, Incoming, Role
+from gcs_web.protocol.wording import for_page
 from sysid.logs import reading as log_reading
 
 logger = logging.getLogger(__name__)
@@ -216,11 +217,11 @@ class Flights:
         try:
             wanted = reading.signature(self._project, name, believed)
         except (OSError, InputError) as error:
-            return FlightCard(name, "unreadable", role, sentence=str(error))
+            return FlightCard(name, "unreadable", role, sentence=for_page(str(error), self._project.folder))
         kept = reading.kept_card(self._project, name, wanted)
         failed, reason = self._failed.get(name, (None, ""))
         if kept is None and failed == wanted:
-            return FlightCard(name, "unreadable", role, sentence=reason)
+            return FlightCard(name, "unreadable", role, sentence=for_page(reason, self._project.folder))
         return FlightCard(name, "reading", role) if kept is None else msgspec.structs.replace(kept, role=role)
 
     def _read(self, names: list[str]) -> None:

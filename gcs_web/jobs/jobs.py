@@ -20,6 +20,7 @@ from flight.project import Project
 from gcs_web.jobs.job_process import BEHIND_THE_PAGE, Done, JobProcess, Work
 from gcs_web.protocol import jobs as jobs_messages
 from gcs_web.protocol.jobs import Job, JobField, JobKind
+from gcs_web.protocol.wording import for_page
 
 logger = logging.getLogger(__name__)
 
@@ -330,7 +331,7 @@ class Jobs(Generic[Station]):
             self._on_end(shown)
 
     def _ended(self, job: _Job, state: Literal["done", "failed", "cancelled"], words: str) -> None:
-        job.state, job.words, job.ended_s = state, words, time.monotonic()
+        job.state, job.words, job.ended_s = state, for_page(words, self._project.folder), time.monotonic()
         if state == "done":
             job.share = 1.0
 

@@ -19,6 +19,7 @@ from firmware_bridge.dialect.generated.messages import Command
 from flight import FlightError, FlightLog, FloatArray, LinkError, TrajectoryFile
 from gcs_web.planning import page_values
 from gcs_web.protocol.vehicle import ArmingCheck, Held, Vehicle
+from gcs_web.protocol.wording import for_page
 
 logger = logging.getLogger(__name__)
 
@@ -262,7 +263,7 @@ class VehicleWatch:
         try:
             self._link, self._problem = firmware_bridge.connect(self.url, key=self._key_file), ""
         except FlightError as error:
-            self._problem = str(error)
+            self._problem = for_page(str(error))
             self._stop.wait(_RETRY_S)
         else:
             threading.Thread(target=self._read_parameters, args=(self._link,), daemon=True).start()

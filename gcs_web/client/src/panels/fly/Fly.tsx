@@ -1,9 +1,8 @@
 /** The fly step: the vehicle as it is, who is in control, the orders, the flights. */
 
 import { computed } from "@preact/signals";
-import { giveOrder, mayOrder, openUpload, uploading } from "./orders";
+import { canUpload, giveOrder, mayOrder, openUpload, uploading } from "./orders";
 import { UploadPanel } from "./UploadPanel";
-import { canUpload } from "../plan/actions";
 import { compareWithLast } from "../compare/flights";
 import { Badge } from "../../components/Badge";
 import { HoldButton } from "../../components/HoldButton";
@@ -169,10 +168,10 @@ function UploadFirst({ says }: { says: string }) {
   return (
     <>
       <p class="caution-text">{says}</p>
-      <button type="button" class="control primary" disabled={!canUpload()} onClick={openUpload}>
+      <button type="button" class="control primary" disabled={!canUpload.value} onClick={openUpload}>
         Compare and upload
       </button>
-      {!canUpload() && <p class="quiet centred">Only a checked plan can be uploaded.</p>}
+      {!canUpload.value && <p class="quiet centred">Only a checked plan can be uploaded.</p>}
     </>
   );
 }

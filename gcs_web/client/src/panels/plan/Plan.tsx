@@ -1,8 +1,8 @@
 /** The plan step: verdict, waypoints, segments, speed, mission and saved trajectories, limits, save and upload. */
 
 import { signal } from "@preact/signals";
-import { openUpload, uploading } from "../fly/orders";
-import { canSave, canUpload, saveFormOpen } from "./actions";
+import { canUpload, openUpload, uploading } from "../fly/orders";
+import { canSave, saveFormOpen } from "./actions";
 import { Keys } from "../../components/Keys";
 import { LimitList } from "../timeline/LimitRow";
 import { Tabs } from "../../components/Tabs";
@@ -51,7 +51,7 @@ export function Plan() {
         <button
           type="button"
           class="control primary grow"
-          disabled={!canUpload()}
+          disabled={!canUpload.value}
           title={whyNoUpload()}
           onClick={openUpload}
         >
