@@ -206,20 +206,21 @@ function Findings({ card }: { card: FlightCard }) {
       ))}
       {card.inconclusive.map((sentence) => (
         <p key={sentence} class="quiet">
-          Not checked: <Said text={sentence} />
+          <Said text={`Not checked: ${sentence}`} />
         </p>
       ))}
       {card.notes.map((sentence) => (
         <p key={sentence} class="quiet">
-          Note: <Said text={sentence} />
+          <Said text={`Note: ${sentence}`} />
         </p>
       ))}
       {card.fixed.map((sentence) => (
         <p key={sentence} class="quiet">
-          Fixed: <Said text={sentence} />
+          <Said text={`Fixed: ${sentence}`} />
         </p>
       ))}
-      <p class="quiet">{card.vehicle_said !== "" && `${sentenceCase(card.vehicle_said)}. `}
+      <p class="quiet">
+        {card.vehicle_said !== "" && <Said text={`${sentenceCase(card.vehicle_said)}. `} />}
         <button type="button" class="link small" onClick={() => void discardFlight(card.name)}>
           Discard
         </button>
@@ -236,20 +237,24 @@ function Findings({ card }: { card: FlightCard }) {
 function FindingLine({ finding, flight }: { finding: Finding; flight: string }) {
   const first = marks.value.find((mark) => mark.flight === flight && mark.finding.sentence === finding.sentence);
   return (
-    <p>
-      <span class={finding.level === "error" ? "danger-text" : "caution-text"}><Said text={finding.sentence} />.</span>{" "}
-      <span class="quiet">{finding.fix}</span>{" "}
-      {first !== undefined && (
-        <button type="button" class="link small" onClick={() => goToMark(first)}>
-          Go there
-        </button>
-      )}{" "}
-      {finding.fixable && (
-        <button type="button" class="link small" onClick={() => void fixFlight(flight, finding.sentence)}>
-          Apply this to a new log
-        </button>
-      )}
-    </p>
+    <>
+      <p class={finding.level === "error" ? "danger-text" : "caution-text"}>
+        <Said text={`${finding.sentence}.`} />
+      </p>
+      <p class="quiet">
+        <Said text={finding.fix} />{" "}
+        {first !== undefined && (
+          <button type="button" class="link small" onClick={() => goToMark(first)}>
+            Go there
+          </button>
+        )}{" "}
+        {finding.fixable && (
+          <button type="button" class="link small" onClick={() => void fixFlight(flight, finding.sentence)}>
+            Apply this to a new log
+          </button>
+        )}
+      </p>
+    </>
   );
 }
 

@@ -281,7 +281,7 @@ effect(() => {
   });
 });
 
-/** The cell that explains most beyond a constant is looked at first. */
+/** The cell with the highest share is looked at first. */
 effect(() => {
   const found = comparison.value;
   if (found === null || found.state === "none") return;
@@ -290,15 +290,13 @@ effect(() => {
     chosen.value = { ...now };
     return;
   }
-  const constant = found.variables.findIndex(({ name }) => name === "constant");
   let best: { channel: string; variable: string } | null = null;
   let most = 0;
   for (const row of found.channels) {
     row.shares.forEach((share, i) => {
       const variable = found.variables[i];
-      const gain = share * (share - (row.shares[constant] ?? 0)); // large, and not by its mean alone
-      if (variable !== undefined && gain > most) {
-        most = gain;
+      if (variable !== undefined && variable.name !== "constant" && share > most) {
+        most = share;
         best = { channel: row.channel, variable: variable.name };
       }
     });

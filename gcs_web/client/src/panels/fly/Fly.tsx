@@ -70,7 +70,7 @@ function Now() {
         <Figure name="Battery" value={number(last.battery_v, 2)} unit="V" />
       </dl>
       <p class="quiet">
-        At {position} m{last.reason !== "" && `; last change: ${last.reason}`}
+        <Said text={`At ${position} m${last.reason === "" ? "" : `; last change: ${last.reason}`}`} />
       </p>
     </section>
   );
@@ -116,7 +116,7 @@ function BeforeFlight() {
             <Icon name={passed ? "check" : "warning"} />
             <span class="visually-hidden">{passed ? "passed" : "failed"}</span>
             <span>
-              <b>{sentenceCase(name)}</b> {finding}
+              <b>{sentenceCase(name)}</b> <Said text={finding} />
               {!passed && <span class="remedy"><Said text={sentenceCase(remedy)} />.</span>}
             </span>
           </li>

@@ -3,6 +3,7 @@
 import { signal, useSignal } from "@preact/signals";
 import { useEffect, useId, useRef } from "preact/hooks";
 import "./jobs.css";
+import { Said } from "../../components/Said";
 import { parse, sentenceCase, span } from "../../core/format";
 import { send, submit } from "../../core/socket";
 import { connected, jobs } from "../../core/store";
@@ -79,7 +80,9 @@ function JobRow({ job }: { job: Job }) {
         <span style={{ width: `${100 * job.share}%` }} />
       </div>
       <div class="block-head">
-        <span class={job.state === "failed" ? "danger-text" : "quiet"}>{detail(job)}</span>
+        <span class={job.state === "failed" ? "danger-text" : "quiet"}>
+          <Said text={detail(job)} />
+        </span>
         <button
           type="button"
           class="link"
@@ -188,12 +191,12 @@ export function JobForm({ kinds, onDone }: { kinds: readonly JobKind[]; onDone: 
       )}
       {foreseen.value !== "" && (
         <p class="quiet" role="status">
-          {sentenceCase(foreseen.value)}
+          <Said text={sentenceCase(foreseen.value)} />
         </p>
       )}
       {refusal.value !== "" && (
         <p class="refusal" role="alert">
-          {refusal.value}
+          <Said text={sentenceCase(refusal.value)} />
         </p>
       )}
       <div class="acts-row">

@@ -39,7 +39,9 @@ export function Verdict() {
           {word}
         </Badge>
       </div>
-      <p>{(foreseen ?? shown)?.sentence ?? "No plan yet. Two waypoints make the first one."}</p>
+      <p>
+        <Said text={(foreseen ?? shown)?.sentence ?? "No plan yet. Two waypoints make the first one."} />
+      </p>
       {state === "none" && <Lacking />}
       {state === "refused" && <Remedy />}
       {state === "void" && (
@@ -66,7 +68,11 @@ function Remedy() {
   return (
     <>
       {problem.reason !== plan.value?.sentence && <p class="danger-text"><Said text={problem.reason} /></p>}
-      {problem.remedy !== "" && <p>{problem.remedy}</p>}
+      {problem.remedy !== "" && (
+        <p>
+          <Said text={problem.remedy} />
+        </p>
+      )}
       {index >= 0 && waypoint !== null && (
         <button type="button" class="control" disabled={!connected.value} onClick={() => select([waypoint])}>
           Go to waypoint {index + 1}

@@ -10,7 +10,7 @@ import { number } from "../../core/format";
 import { STREAMS, applyZoom, drawPlot, limitWords, limitsOf, plotHeight, valueAt, zoom } from "../../plots/plots";
 import type { PlotBox, Stream } from "../../plots/plots";
 import { remembered } from "../../core/remembered";
-import { cursor_s, figures, figuresAreOld, series } from "../../core/store";
+import { cursor_s, figures, figuresAreOld, series, verdict } from "../../core/store";
 import { isLight, phone } from "../../core/theme";
 import { BindingStrip, BindingWords } from "./BindingStrip";
 import type { Series } from "../../core/protocol";
@@ -34,7 +34,11 @@ export function Drawer({ height }: { height?: number }) {
   if (current === null) {
     return (
       <div class="drawer">
-        <p class="empty">No path yet. Speed, clearance and tilt over time stand here once there is a plan.</p>
+        <p class="empty">
+          {verdict.value === "refused"
+            ? "No path: the plan was refused. The inspector says why, and the way out."
+            : "No path yet. Speed, clearance and tilt over time stand here once there is a plan."}
+        </p>
       </div>
     );
   }
