@@ -189,7 +189,7 @@ class Jobs(Generic[Station]):
         """What a job would do; empty where the kind does not say. Raises as `start`."""
         kind, wanted = self._decoded(name, arguments)
         kind.check(self._project, wanted)
-        return kind.foresee(self._project, wanted)
+        return for_page(kind.foresee(self._project, wanted), self._project.folder)
 
     def end_if_idle(self) -> bool:
         """Take no more jobs, if none runs or waits, but for those beside the queue; whether that is so."""

@@ -74,7 +74,7 @@ def _foresee(project: Project, asked: Arguments) -> str:
     if file.stat().st_size > LARGEST_LOOK_BYTES:
         return f"{file.name} is large; its unit and axes are said when it is read"
     found = import_map.look(file, _stated(asked.unit), _stated(asked.up))
-    return found if asked.observed or asked.sensor else f"{found}. Nothing is free until you name a place that is"
+    return found if asked.observed or asked.sensor else f"nothing is free until you name a place that is; {found}"
 
 
 @in_words_of(BOXES)

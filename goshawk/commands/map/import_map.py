@@ -189,7 +189,7 @@ def look(file: Path, unit: str | None, up: str | None) -> str:
         mesh = foreign_mesh.read(file, unit=unit, up=up)
         places, unit_said, up_said = mesh.vertices_world_m, mesh.unit, mesh.up
     low, high = (", ".join(f"{value:.2f}" for value in end) for end in (places.min(axis=0), places.max(axis=0)))
-    return f"unit {unit_said}; up {up_said}; it then reaches from {low} to {high} m"
+    return f"it reaches from {low} to {high} m; unit {unit_said}; up {up_said}"
 
 
 def _kind(file: Path) -> str:

@@ -592,6 +592,11 @@ export interface Loop {
   lap_last?: number | null;
 }
 
+export interface LostLinkAct {
+  after_s: number;
+  act: string;
+}
+
 export interface MapEdit {
   id: number;
   action: "add" | "no-fly" | "clear" | "remove";
@@ -1293,6 +1298,7 @@ export interface Vehicle {
   duration_s: number | null;
   checks: ArmingCheck[];
   largest_error_m: number | null;
+  if_link_lost: LostLinkAct[];
   reason: string;
 }
 

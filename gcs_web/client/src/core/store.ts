@@ -65,6 +65,14 @@ export const notice = newest("notice", { type: "notice", text: "", level: "fact"
 export const errors = signal<readonly { heardAt_ms: number; error_m: number }[]>([]);
 const ERRORS_KEPT_MS = 60_000;
 
+/** What was flown of the trajectory that is under way, or of the last one, by the time along it. */
+export interface Flown {
+  along_s: number;
+  speed_m_s: number;
+  height_m: number;
+}
+export const flown = signal<readonly Flown[]>([]);
+
 // --- of this page ---
 
 /** `outdated`: the server speaks a newer protocol than this page. */
@@ -202,10 +210,24 @@ function receiveVehicle(next: Vehicle): void {
   now_ms.value = heardAt_ms;
   vehicleHeardAt_ms.value = heardAt_ms;
   vehicle.value = next;
+  noteFlown(next);
   if (next.error_m === null || next.link !== "fresh") return;
   const recent = errors.value.filter((each) => heardAt_ms - each.heardAt_ms < ERRORS_KEPT_MS);
   errors.value = [...recent, { heardAt_ms, error_m: next.error_m }];
 }
+
+function noteFlown({ along_s, speed_m_s, z_m, link: heard }: Vehicle): void {
+  if (along_s === null || speed_m_s === null || z_m === null || heard !== "fresh") return;
+  const last_s = flown.value.at(-1)?.along_s ?? -1;
+  if (along_s === last_s) return;
+  const before = along_s > last_s ? flown.value : []; // a new flight
+  flown.value = [...before, { along_s, speed_m_s, height_m: z_m }];
+}
+
+/** Whether the trajectory of the plan is flown now. */
+export const isFlown = computed(
+  () => vehicle.value !== null && vehicle.value.along_s !== null && link.value.state === "fresh" && !holdsAnother.value,
+);
 
 function receivePlan(next: Plan): void {
   plan.value = next;

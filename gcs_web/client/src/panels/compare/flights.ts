@@ -368,11 +368,16 @@ export function goToMark({ from_s, to_s }: Mark): void {
 // --- logs ---
 
 /** Send a dropped file to the station and have it read. */
-/** Open a flight in Compare, beside the last one before it of the same trajectory. */
-export function compareWithLast(name: string): void {
+/** The newest flight before this one of the same trajectory. */
+export function lastOfCourse(name: string): FlightCard | undefined {
   const course = cards.value.find((card) => card.name === name)?.trajectory ?? "";
   const older = cards.value.slice(cards.value.findIndex((card) => card.name === name) + 1);
-  const last = course === "" ? undefined : older.find((card) => card.trajectory === course && card.state === "ready");
+  return course === "" ? undefined : older.find((card) => card.trajectory === course && card.state === "ready");
+}
+
+/** Open a flight in Compare, beside the last one before it of the same trajectory. */
+export function compareWithLast(name: string): void {
+  const last = lastOfCourse(name);
   open.value = last === undefined ? [name] : [name, last.name];
   step.value = 4;
 }

@@ -3,14 +3,14 @@
 import { computed } from "@preact/signals";
 import { canUpload, giveOrder, mayOrder, openUpload, uploading } from "./orders";
 import { UploadPanel } from "./UploadPanel";
-import { compareWithLast } from "../compare/flights";
+import { cards, compareWithLast, lastOfCourse } from "../compare/flights";
 import { Badge } from "../../components/Badge";
 import { HoldButton } from "../../components/HoldButton";
 import { Icon } from "../../components/Icon";
 import { Said } from "../../components/Said";
 import { age, number, sentenceCase } from "../../core/format";
 import { errors, files, hasVehicle, holdsAnother, inControl, link, vehicle } from "../../core/store";
-import type { Vehicle as VehicleState } from "../../core/protocol";
+import type { FlightCard, Vehicle as VehicleState } from "../../core/protocol";
 import { Control } from "./Control";
 import { LinkButtons, VehicleButtons } from "../start/Buttons";
 import { ErrorPlot } from "./ErrorPlot";
@@ -21,6 +21,8 @@ export function Fly() {
     <>
       <Now />
       {errors.value.length > 1 && <ErrorPlot />}
+      <IfLinkLost />
+      <Landed />
       <BeforeFlight />
       {hasVehicle.value && <Control />}
       <Flights />
@@ -93,6 +95,52 @@ function Figure({ name, value, unit }: { name: string; value: string; unit: stri
         {value} <span class="unit">{unit}</span>
       </dd>
     </div>
+  );
+}
+
+/** In flight: what the vehicle does by itself without a link. */
+function IfLinkLost() {
+  const acts = vehicle.value?.if_link_lost ?? [];
+  if (vehicle.value?.armed !== true || acts.length === 0) return null;
+  return (
+    <section class="block" aria-labelledby="lost-title">
+      <h3 id="lost-title">If the link is lost</h3>
+      {acts.map(({ after_s, act }) => (
+        <p key={act} class="block-head">
+          <span>It {act}</span>
+          <span class="quiet">after {number(after_s, 1)} s of silence</span>
+        </p>
+      ))}
+    </section>
+  );
+}
+
+/** After a flight: its error, beside that of the last one of the same trajectory. */
+function Landed() {
+  const [newest] = cards.value;
+  if (newest === undefined || vehicle.value?.armed === true || newest.tracking_mean_m === null) return null;
+  const before = lastOfCourse(newest.name);
+  const mean = (card: FlightCard): string => `${inMillimetres(card.tracking_mean_m)} mm`;
+  return (
+    <section class="block" aria-label="The last flight">
+      <div class="block-head">
+        <h3>Last flight</h3>
+        <span class="quiet">mean error</span>
+      </div>
+      <p class="block-head">
+        <span>{newest.name}</span>
+        <b>{mean(newest)}</b>
+      </p>
+      {before !== undefined && (
+        <p class="block-head quiet">
+          <span>{before.name}</span>
+          <span>{mean(before)}</span>
+        </p>
+      )}
+      <button type="button" class="control" onClick={() => compareWithLast(newest.name)}>
+        {before === undefined ? "Open in Compare" : "Compare with the one before"}
+      </button>
+    </section>
   );
 }
 
