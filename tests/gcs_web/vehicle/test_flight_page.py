@@ -13,7 +13,7 @@ from flight import Waypoints, project
 from gcs_web import GroundStation
 from gcs_web.protocol.flights import FlightCard, Flights
 from gcs_web.protocol.vehicle import LostLinkAct, Vehicle
-from tests.gcs_web.in_browser import needs_chromium, visited
+from tests.gcs_web.in_browser import drawn, needs_chromium, visited
 from tests.gcs_web.two_pillars import START
 from tests.waiting import until as wait
 
@@ -69,9 +69,16 @@ def test_a_lost_link_says_what_the_vehicle_does_now_and_when_what_is_next(statio
     tell(station, 1.0, link="lost", age_s=5.0)
     alert = page.get_by_role("region", name="Flight").get_by_role("alert")
     alert.get_by_text(re.compile(r"Link lost: it stops and hovers; lands in about 1\d s")).wait_for()
-    for step in "12345":
-        page.keyboard.press(step)
-        assert alert.is_visible()
+    for width, height in ((1440, 900), (768, 1024), (360, 740)):
+        page.set_viewport_size({"width": width, "height": height})
+        for step in "12345":
+            page.keyboard.press(step)
+            drawn(page)
+            for each in (alert, page.get_by_role("button", name=re.compile("kill"))):
+                place = each.bounding_box()
+                assert place["x"] >= 0.0
+                assert place["x"] + place["width"] <= width
+                assert place["y"] + place["height"] <= height
 
 
 def test_a_flight_that_landed_stands_beside_the_last_one_of_its_course_and_opens_with_it(station, page):
