@@ -52,6 +52,8 @@ BODY_PAUSE_S = 30.0
 """Longest pause inside a flight log that is sent."""
 REFUSED_MESSAGES = frozenset({"ShareUrlRequest", "ShareUrlDisconnect"})
 _HOP_HEADERS = frozenset({"connection", "transfer-encoding", "content-length", "content-encoding", "date", "server"})
+_COMPRESSED = frozenset({"text/html", "text/css", "text/javascript", "application/javascript", "application/json"})
+"""Types that are sent compressed to browsers that take it; so are the page's own files."""
 _SAFETY_HEADERS = {
     "X-Frame-Options": "SAMEORIGIN",
     "X-Content-Type-Options": "nosniff",
@@ -163,6 +165,8 @@ class Gateway:
 
     async def _guard(self, request: "web.Request", handler: "Handler") -> "web.StreamResponse":
         """Host, then token, then Origin; in this order, because each is cheaper to state than the next."""
+        from aiohttp.web import FileResponse
+
         usual = 80 if self._tls is None else 443  # which browsers leave out
         names = {f"{name}:{self.port}" for name in (self._host, LOOPBACK, "localhost")}
         names |= {self._host, LOOPBACK, "localhost"} if self.port == usual else set()
@@ -182,6 +186,9 @@ class Gateway:
         response = await handler(request)
         if not response.prepared:
             response.headers.update(_SAFETY_HEADERS)
+            is_text = isinstance(response, FileResponse) or response.content_type in _COMPRESSED
+            if is_text and "Content-Encoding" not in response.headers:
+                response.enable_compression()
             of_view = request.path.startswith("/viser/")
             response.headers["Content-Security-Policy"] = _VIEW_POLICY if of_view else _POLICY
         return response
@@ -292,8 +299,8 @@ class Gateway:
         async with self._client.get(f"http://{self._upstream}/{path}", headers=headers) as answer:
             body = await answer.read()
             kept = {name: value for name, value in answer.headers.items() if name.lower() not in _HOP_HEADERS}
-            if "Content-Encoding" in answer.headers:
-                kept["Content-Encoding"] = answer.headers["Content-Encoding"]
+            if (encoded := answer.headers.get("Content-Encoding", "identity")) != "identity":
+                kept["Content-Encoding"] = encoded
             if not path:
                 body = body.replace(b"</head>", _VIEW_STYLE, 1)
             return web.Response(status=answer.status, body=body, headers=kept)
