@@ -60,6 +60,8 @@ class View3D:
         self._path: Any = None
         self.map = MapView(server, MeshView(server, triangles, cache, progress), cache)
         self._has_map = False
+        self.is_plain = False
+        """Whether shadows and light from all sides are left out."""
         self._grid = server.scene.add_grid(
             "/grid",
             20.0,
@@ -117,6 +119,13 @@ class View3D:
         """Show a grid of metres at the height zero of the world frame, as long as there was no map."""
         with self._lock:
             self._grid.visible = not self._has_map
+
+    def draw_plainly(self) -> None:
+        """Without shadows and light from all sides: a browser without a graphics card stalls on them."""
+        with self._lock, self._server.atomic():
+            self.is_plain = True
+            self._server.scene.configure_environment_map(None)
+            self._server.scene.configure_default_lights(cast_shadow=False)
 
     def close(self) -> None:
         self.map.close()

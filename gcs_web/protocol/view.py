@@ -43,3 +43,7 @@ class Show(Command, frozen=True, tag="show", kw_only=True):
     """What the 3D view draws."""
 
     colour: Colour = "clearance"
+
+
+class DrawPlainly(Command, frozen=True, tag="draw_plainly", kw_only=True):
+    """A browser draws slowly: leave out shadows and light from all sides in the 3D view, for everybody."""

@@ -284,6 +284,11 @@ export interface DraftEffect {
   form: "equation" | "spline" | "polynomial";
 }
 
+export interface DrawPlainly {
+  type: "draw_plainly";
+  serial: number;
+}
+
 export interface DropMapEdits {
   type: "drop_map_edits";
   serial: number;
@@ -1342,4 +1347,4 @@ export interface Welcome {
 
 export type ToPage = Comparison | Cursor | Diagnosis | Document | Draft | EffectFiles | Files | FlightMoment | Flights | FlightsShown | Identification | Jobs | MapPreview | MapShown | Measured | Model | NextFlight | Notice | People | Plan | Projects | Reply | Selection | Shown | Vehicle | Welcome;
 
-export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DropMapEdits | DropPath | DropTried | FixFlight | ForeseeJob | ForgetJob | GiveUpControl | Insert | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | Loop | Measure | Move | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadScatter | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;
+export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DrawPlainly | DropMapEdits | DropPath | DropTried | FixFlight | ForeseeJob | ForgetJob | GiveUpControl | Insert | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | Loop | Measure | Move | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadScatter | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;

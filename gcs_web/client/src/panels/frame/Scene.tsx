@@ -1,7 +1,10 @@
 /** The 3D view, and over it the scale of the path's colours. */
 
 import type { ComponentChildren } from "preact";
+import { effect, signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
+import { drawsSlowly } from "../../core/machine";
+import { send } from "../../core/socket";
 import { show } from "../timeline/cursor";
 import { number, short } from "../../core/format";
 import { listenIn } from "./keys";
@@ -25,22 +28,34 @@ const COLOURS: readonly { key: Colour; name: string; unit: string }[] = [
   { key: "tilt", name: "Tilt", unit: "°" },
 ];
 
+/** The 3D view is loaded once it is known how fast this machine draws. */
+const isMeasured = signal(false);
+
+const stopMeasuring = effect(() => {
+  if (!connected.value) return;
+  queueMicrotask(() => stopMeasuring());
+  if (drawsSlowly()) void send({ type: "draw_plainly" }).then(() => (isMeasured.value = true));
+  else isMeasured.value = true;
+});
+
 export function Scene() {
   const frame = useRef<HTMLIFrameElement>(null);
   const light = isLight.value;
   useEffect(() => paintBackground(frame.current), [light]);
   return (
     <main class="scene">
-      <iframe
-        ref={frame}
-        src="/viser/"
-        title="3D view of map and path"
-        onLoad={(event) => {
-          const inside = event.currentTarget.contentWindow;
-          if (inside !== null) listenIn(inside);
-          paintBackground(event.currentTarget);
-        }}
-      />
+      {isMeasured.value && (
+        <iframe
+          ref={frame}
+          src="/viser/"
+          title="3D view of map and path"
+          onLoad={(event) => {
+            const inside = event.currentTarget.contentWindow;
+            if (inside !== null) listenIn(inside);
+            paintBackground(event.currentTarget);
+          }}
+        />
+      )}
       <div class="legends">
         {step.value === 4 ? <FlightLegend /> : <PathLegend />}
         <OthersLegend />
