@@ -90,6 +90,8 @@ def opened(station: GroundStation, browser, *, with_view: bool) -> Iterator[Any]
     if with_view:
         with_plain_light(station)
     with tab(browser, with_view=with_view) as new, visited(station, new) as page:
+        if with_view:  # loaded after the page; `only_loopback` answers only inside calls of Playwright
+            page.frame_locator("iframe").locator("canvas").first.wait_for()
         yield page
 
 
