@@ -76,8 +76,8 @@ void tc_observer_force(tc_observer* observer, const tc_parameters* parameters, c
 /* From now on what has lasted, until the next step. */
 void tc_observer_hold(tc_observer* observer);
 
-/* The estimator has moved its frame: heading, and its velocity starts anew. */
-void tc_observer_turn(tc_observer* observer, float yaw_rad);
+/* The estimator has moved its frame: heading, by a quaternion about world z, and its velocity starts anew. */
+void tc_observer_turn(tc_observer* observer, const float q_turn[4]);
 
 #ifdef __cplusplus
 }

@@ -13,8 +13,6 @@
 #include "../base/maths.h"
 #include "mixer_parts.h"
 
-/* Squared speeds beyond the limits by this share, a few roundings of float32, still count as inside. */
-static const float ROUNDINGS = 3e-7f;
 /* Less than this share of collective or cut counts as given in full. */
 static const float SMALL = 1e-3f;
 
@@ -91,18 +89,23 @@ static inline void add_yaw_terms(const tc_mixer_rotor* m, const rotor* r, yaw_ba
     yaw->bend += m->spin_free * m->free * r->square_bend;
 }
 
-/* Moves the squared speeds along the free direction to where the yaw torque is met. True if a load changed so much that
-   the operating points should be solved once more. */
-static inline bool meet_yaw(const tc_mixer* mixer, const yaw_balance* yaw, rotor r[TC_ROTORS], float* step) {
+/* Moves the squared speeds along the free direction to where the yaw torque is met; returns how far. */
+static inline float meet_yaw(const tc_mixer* mixer, const yaw_balance* yaw, rotor r[TC_ROTORS]) {
     const float straight = yaw->missing / yaw->slope;
-    bool far = false;
-    *step = straight - yaw->bend * straight * straight / yaw->slope;
+    const float step = straight - yaw->bend * straight * straight / yaw->slope;
     for (int i = 0; i < TC_ROTORS; i++) {
-        const float more = *step * mixer->rotor[i].free;
+        const float more = step * mixer->rotor[i].free;
         r[i].square += (r[i].square_rise + r[i].square_bend * more) * more;
-        far = far || tc_abs(more) > mixer->near + TC_MIXER_FAR * tc_abs(r[i].load);
     }
-    return far;
+    return step;
+}
+
+/* Whether that step changed a load so much that the operating points should be solved once more. */
+static bool goes_far(const tc_mixer* mixer, const rotor r[TC_ROTORS], float step) {
+    for (int i = 0; i < TC_ROTORS; i++) {
+        if (tc_abs(step * mixer->rotor[i].free) > mixer->near + TC_MIXER_FAR * tc_abs(r[i].load)) return true;
+    }
+    return false;
 }
 
 /* Desaturation works with changes of the demand, in newtons of collective: what one rotor gets when the collective
@@ -138,10 +141,9 @@ static inline range collective_range(const margins* l) {
 }
 
 /* Adds a multiple of these changes of demand, rotor by rotor. */
-static void change_demand(margins* l, float times, const float each_n[TC_ROTORS], rotor r[TC_ROTORS]) {
+static void change_demand(margins* l, float times, const float each_n[TC_ROTORS]) {
     for (int i = 0; i < TC_ROTORS; i++) {
         const float more_n = times * each_n[i];
-        r[i].square += l->rise[i] * more_n;
         l->down[i] -= more_n;
         l->up[i] -= more_n;
     }
@@ -149,7 +151,7 @@ static void change_demand(margins* l, float times, const float each_n[TC_ROTORS]
 
 /* Takes as little of the tilt torque away as leaves a collective that keeps every rotor within its limits; returns the
    share that stays. For each pair: what raises rotor i to its lower limit must not lift rotor j over its upper one. */
-static float cut_tilt(const tc_mixer* mixer, const tc_wrench* wrench, margins* l, rotor r[TC_ROTORS]) {
+static float cut_tilt(const tc_mixer* mixer, const tc_wrench* wrench, margins* l) {
     float tilt_n[TC_ROTORS], share = 1.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
         const tc_mixer_rotor* m = &mixer->rotor[i];
@@ -162,7 +164,7 @@ static float cut_tilt(const tc_mixer* mixer, const tc_wrench* wrench, margins* l
             if (spread * share > room) share = tc_max(room, 0.0f) / spread;
         }
     }
-    change_demand(l, share - 1.0f, tilt_n, r);
+    change_demand(l, share - 1.0f, tilt_n);
     return share;
 }
 
@@ -178,23 +180,23 @@ static inline float part_of(float times, const float each_n[TC_ROTORS], const ma
 
 /* Priority: tilt torque, then collective, then yaw, which keeps a share of its authority throughout: `yaw` is what it
    has beyond. */
-static uint8_t desaturate(const tc_mixer* mixer, const tc_wrench* wrench, float yaw, margins* l, rotor r[TC_ROTORS]) {
+static uint8_t desaturate(const tc_mixer* mixer, const tc_wrench* wrench, float yaw, margins* l) {
     static const float all[TC_ROTORS] = {1.0f, 1.0f, 1.0f, 1.0f};
     float yaw_n[TC_ROTORS];
     uint8_t saturation = 0u;
     for (int i = 0; i < TC_ROTORS; i++) yaw_n[i] = mixer->rotor[i].free / mixer->rotor[i].per_collective;
-    change_demand(l, -yaw, yaw_n, r);
+    change_demand(l, -yaw, yaw_n);
     range collective = collective_range(l);
     if (collective.low > collective.high) {
-        if (cut_tilt(mixer, wrench, l, r) < 1.0f - SMALL) saturation |= TC_SATURATED_TILT;
+        if (cut_tilt(mixer, wrench, l) < 1.0f - SMALL) saturation |= TC_SATURATED_TILT;
         collective = collective_range(l);
     }
     const float more_n = tc_clamp(0.0f, collective.low, collective.high);
     if (tc_abs(more_n) > SMALL * wrench->thrust_n) saturation |= TC_SATURATED_COLLECTIVE;
-    change_demand(l, more_n, all, r);
+    change_demand(l, more_n, all);
     const float part = part_of(yaw, yaw_n, l);
     if (part < 1.0f - SMALL) saturation |= TC_SATURATED_YAW;
-    change_demand(l, part * yaw, yaw_n, r);
+    change_demand(l, part * yaw, yaw_n);
     return saturation;
 }
 
@@ -208,28 +210,30 @@ static inline uint8_t keep_within_limits(const tc_mixer* mixer, const tc_wrench*
     const float more_n = tc_clamp(0.0f, collective.low, collective.high), size_n = tc_abs(more_n);
     const float yaw = free - tc_clamp(free, -mixer->guaranteed_yaw, mixer->guaranteed_yaw);
     if (collective.low > collective.high || (size_n > 0.0f && tc_abs(yaw) > 0.0f)) {
-        return desaturate(mixer, wrench, yaw, &l, r);
+        const uint8_t saturation = desaturate(mixer, wrench, yaw, &l);
+        for (int i = 0; i < TC_ROTORS; i++) r[i].square = mixer->slowest2 - l.rise[i] * l.down[i];
+        return saturation;
     }
     for (int i = 0; i < TC_ROTORS; i++) r[i].square += l.rise[i] * more_n;
     return size_n > SMALL * wrench->thrust_n ? (uint8_t)TC_SATURATED_COLLECTIVE : 0u;
 }
 
-/* Whether all squared speeds lie between two positive bounds, but for rounding; NaN does not. */
+/* Whether all squared speeds lie between two bounds; NaN does not. */
 static bool all_between(const rotor r[TC_ROTORS], float low, float high) {
     bool between = true;
     for (int i = 0; i < TC_ROTORS; i++) {
-        between = between && r[i].square >= low * (1.0f - ROUNDINGS) && r[i].square <= high * (1.0f + ROUNDINGS);
+        between = between && r[i].square >= low && r[i].square <= high;
     }
     return between;
 }
 
-/* Clips squared speeds to their limits, NaN to the lower one; reports what is more than rounding. */
-static uint8_t clip(const tc_mixer* mixer, rotor r[TC_ROTORS]) {
+/* Speeds, their squares clipped to the limits, NaN to the lower one; reports what is more than rounding. */
+static inline uint8_t clip(const tc_mixer* mixer, const rotor r[TC_ROTORS], float rotor_speed_rad_s[TC_ROTORS]) {
     uint8_t saturation = 0u;
     for (int i = 0; i < TC_ROTORS; i++) {
         const float limited = tc_clamp(r[i].square, mixer->slowest2, mixer->fastest2);
         if (!(tc_abs(limited - r[i].square) <= 2e-3f * limited)) saturation = TC_SATURATED_ROTOR;
-        r[i].square = limited;
+        rotor_speed_rad_s[i] = mixer->per_speed * sqrtf(limited);
     }
     return saturation;
 }
@@ -251,15 +255,13 @@ uint8_t tc_mixer_solve(const tc_mixer* mixer, const tc_wrench* wrench, const flo
             solve_operating_point(mixer, &r[i]);
             add_yaw_terms(&mixer->rotor[i], &r[i], &yaw);
         }
-        float step;
-        const bool far = meet_yaw(mixer, &yaw, r, &step);
+        const float step = meet_yaw(mixer, &yaw, r);
         free += step;
-        if (again || !far || !all_between(r, mixer->likely_slowest2, mixer->likely_fastest2)) break;
+        if (again || !goes_far(mixer, r, step)) break;
+        if (!all_between(r, mixer->likely_slowest2, mixer->likely_fastest2)) break;
         for (int i = 0; i < TC_ROTORS; i++) r[i].load += step * mixer->rotor[i].free;
         again = true;
     }
-    uint8_t saturation = keep_within_limits(mixer, wrench, free, r);
-    if (!all_between(r, mixer->slowest2, mixer->fastest2)) saturation |= clip(mixer, r); /* or NaN */
-    for (int i = 0; i < TC_ROTORS; i++) rotor_speed_rad_s[i] = mixer->per_speed * sqrtf(r[i].square);
-    return saturation;
+    const uint8_t saturation = keep_within_limits(mixer, wrench, free, r);
+    return saturation | clip(mixer, r, rotor_speed_rad_s);
 }

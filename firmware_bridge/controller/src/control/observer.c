@@ -96,9 +96,8 @@ void tc_observer_hold(tc_observer* o) {
     tc_copy(o->torque_body_n_m, o->lasting_torque_n_m);
 }
 
-void tc_observer_turn(tc_observer* o, float yaw_rad) {
-    float sine, cosine;
-    tc_sin_cos(yaw_rad, &sine, &cosine);
+void tc_observer_turn(tc_observer* o, const float q[4]) {
+    const float sine = 2.0f * q[0] * q[3], cosine = 1.0f - 2.0f * q[3] * q[3]; /* of the doubled angle */
     float* const force[3] = {o->force_world_n, o->force_stage_n, o->lasting_force_n};
     for (int i = 0; i < 3; i++) {
         const float x = force[i][0], y = force[i][1];

@@ -37,8 +37,8 @@ void tc_init(tc_controller* c) {
     tc_supervisor_reset(&c->supervisor, 0u);
 }
 
-/* How fast the path may be flown now, and with which shift. */
-static void supervise(tc_controller* c, float step_s) {
+/* How fast the path may be flown. */
+static void judge_tracking(tc_controller* c) {
     tc_telemetry* t = &c->telemetry;
     const bool on_path = tc_mission_on_path(c->mission.state);
     const float rate = on_path ? c->clock.flown[0] : 0.0f;
@@ -47,8 +47,8 @@ static void supervise(tc_controller* c, float step_s) {
     const bool urgent = !tracking || c->supervisor.stopped;
     const float brake_m_s2 = (urgent ? URGENT_BRAKE : 1.0f) * c->parameters.brake_m_s2;
     const float ramp_1_s = tc_clamp(brake_m_s2 / (STEP_PEAK * tc_max(speed, 0.1f)), SLOWEST_1_S, FASTEST_1_S);
-    tc_supervisor_step(&c->supervisor, &t->setpoint, rate, t->estimate.position_world_m, tc_clearance(c), tracking,
-                       ramp_1_s, t->time_us, step_s);
+    tc_supervisor_judge(&c->supervisor, &t->setpoint, rate, t->estimate.position_world_m, tc_clearance(c), tracking,
+                        ramp_1_s, t->time_us);
 }
 
 static void make_setpoint(tc_controller* c, float step_s) {
@@ -222,7 +222,7 @@ static void fly(tc_controller* c, float step_s) {
     cancel_torques(c, air);
     const float* rate = chosen(airflow, t->rate_reference_rad_s, t->estimate.rate_body_rad_s);
     t->saturation |= tc_mixer_solve(&c->mixer, &t->wrench, air, rate, t->rotor_speed_rad_s);
-    learn_hover_thrust(c, step_s);
+    if (tc_even_tick(c)) learn_hover_thrust(c, 2.0f * step_s);
     if (c->has_lead) {
         lead_speeds(c, step_s);
         c->was_flying = true;
@@ -326,7 +326,8 @@ tc_reason tc_tick(tc_controller* c, uint64_t time_us, const tc_estimate* estimat
     const bool possible = advance_time(c, time_us);
     const float step_s = tc_seconds(c->step_us);
     tc_take_estimate(c, estimate, step_s);
-    supervise(c, step_s);
+    if (!tc_even_tick(c)) judge_tracking(c);
+    tc_supervisor_step(&c->supervisor, step_s);
     make_setpoint(c, step_s);
     tc_observe(c);
     if (tc_mission_in_air(c->mission.state)) {

@@ -27,16 +27,33 @@ static bool marked(const tc_estimate* estimate, uint32_t bits) { return (estimat
 
 static uint64_t longer(uint64_t a_us, uint64_t b_us) { return a_us > b_us ? a_us : b_us; }
 
-/* Notes when a usable sample was true, in controller time. A stamp that has come before keeps its time. */
-static void note_sample(const tc_controller* c, tc_sample_time* sample, uint64_t stamp_us) {
-    const bool clock_stands = c->stalled_ticks > 0u && c->step_us > 0u; /* and its stamps, while time goes on */
-    if (stamp_us == sample->stamp_us && sample->true_us != 0u && !clock_stands) return;
-    const uint64_t now_us = c->telemetry.time_us;
-    uint64_t age_us = stamp_us < c->caller_us ? c->caller_us - stamp_us : 0u;
+/* A stamp as the caller's clock has it. */
+typedef struct {
+    uint64_t us, age_us;
+    bool clock_stands; /* and its stamps, while time goes on */
+    bool in_time;
+} tc_stamp;
+
+static tc_stamp read_stamp(const tc_controller* c, uint64_t stamp_us) {
+    const uint64_t age_us = stamp_us < c->caller_us ? c->caller_us - stamp_us : 0u;
+    const bool clock_stands = c->stalled_ticks > 0u && c->step_us > 0u;
     const bool in_time = age_us <= OLDEST_US && stamp_us <= c->caller_us + OLDEST_US;
-    const bool clock_stepped = c->telemetry.refused_ticks > 0u && now_us - c->clock_fault_us < AFTER_STEP_US;
-    if (!in_time || clock_stands) age_us = clock_stepped || clock_stands ? sample->age_us : longer(age_us, OLDEST_US);
-    sample->stamp_us = stamp_us;
+    return (tc_stamp){stamp_us, age_us, clock_stands, in_time && !clock_stands};
+}
+
+/* Of a sample that came with a stamp that cannot be. */
+static uint64_t likely_age_us(const tc_controller* c, const tc_sample_time* sample, const tc_stamp* stamp) {
+    const bool clock_stepped =
+        c->telemetry.refused_ticks > 0u && c->telemetry.time_us - c->clock_fault_us < AFTER_STEP_US;
+    return clock_stepped || stamp->clock_stands ? sample->age_us : longer(stamp->age_us, OLDEST_US);
+}
+
+/* Notes when a usable sample was true, in controller time. A stamp that has come before keeps its time. */
+static void note_sample(const tc_controller* c, tc_sample_time* sample, const tc_stamp* stamp) {
+    if (stamp->us == sample->stamp_us && sample->true_us != 0u && !stamp->clock_stands) return;
+    const uint64_t now_us = c->telemetry.time_us;
+    const uint64_t age_us = stamp->in_time ? stamp->age_us : likely_age_us(c, sample, stamp);
+    sample->stamp_us = stamp->us;
     sample->age_us = age_us;
     const uint64_t true_us = age_us < now_us ? now_us - age_us : 1u;
     if (true_us > sample->true_us) sample->true_us = true_us; /* an older sample tells nothing new */
@@ -66,9 +83,10 @@ static void reckoned_acceleration(tc_controller* c, const tc_estimate* estimate,
 }
 
 static bool plausible(const float* values, int count, float largest) {
-    bool all = true;
-    for (int i = 0; i < count; i++) all = all && tc_abs(values[i]) <= largest; /* NaN is not */
-    return all;
+    for (int i = 0; i < count; i++) {
+        if (!(tc_abs(values[i]) <= largest)) return false; /* nor is NaN */
+    }
+    return true;
 }
 
 static bool certain(float std, float bound) { return tc_finite(std) && std <= bound; }
@@ -104,8 +122,8 @@ static uint32_t plausible_bits(const tc_estimate* e, const tc_part* part) {
 }
 
 /* Measured and carried to the tick by the acceleration that is asked for, or dead reckoned from where it was. */
-static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part* part, tc_position_time* times,
-                          const float reckoned_m_s2[3], uint32_t usable, float step_s) {
+static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part* part, const tc_stamp* stamp,
+                          tc_position_time* times, const float reckoned_m_s2[3], uint32_t usable, float step_s) {
     const tc_parameters* p = &c->parameters;
     tc_estimate* now = &c->telemetry.estimate;
     const int first = part->first;
@@ -113,8 +131,8 @@ static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part*
         (usable & part->velocity_bits) != 0u && certain(e->velocity_std_m_s[part->std], p->velocity_std_m_s);
     const bool position =
         velocity && (usable & part->position_bits) != 0u && certain(e->position_std_m[part->std], p->position_std_m);
-    if (velocity) note_sample(c, &times->velocity, e->position_time_us);
-    if (position) note_sample(c, &times->position, e->position_time_us);
+    if (velocity) note_sample(c, &times->velocity, stamp);
+    if (position) note_sample(c, &times->position, stamp);
     const float position_age_s = age_s(c, times->position.true_us);
     const float ahead = ahead_s(p, position_age_s + tc_position_delay_s(c));
     const bool has_velocity = velocity && age_s(c, times->velocity.true_us) <= p->estimate_stale_s;
@@ -182,8 +200,9 @@ static uint32_t take_position(tc_controller* c, const tc_estimate* e, float step
     monitor(c, e, level_bits | height_bits, reckoned, step_s);
     const uint32_t level_usable = tc_monitor_believes(c) ? level_bits : 0u;
     const uint32_t height_usable = tc_monitor_believes_height(c) ? height_bits : 0u;
-    const tc_taken level = take_part(c, e, &horizontal, &c->horizontal, reckoned, level_usable, step_s);
-    const tc_taken height = take_part(c, e, &vertical, &c->vertical, reckoned, height_usable, step_s);
+    const tc_stamp stamp = read_stamp(c, e->position_time_us);
+    const tc_taken level = take_part(c, e, &horizontal, &stamp, &c->horizontal, reckoned, level_usable, step_s);
+    const tc_taken height = take_part(c, e, &vertical, &stamp, &c->vertical, reckoned, height_usable, step_s);
     c->vertical_velocity = height.velocity;
     if (level.position) c->telemetry.estimate.position_time_us = e->position_time_us;
     const bool stale = tc_max(level.age_s, height.age_s) > c->parameters.estimate_stale_s;
@@ -267,7 +286,8 @@ static uint32_t take_rate(tc_controller* c, const tc_estimate* e, float step_s) 
         c->turning_known = false;
     }
     if (usable) {
-        note_sample(c, &c->rate, e->rate_time_us);
+        const tc_stamp stamp = read_stamp(c, e->rate_time_us);
+        note_sample(c, &c->rate, &stamp);
         tc_copy(now->rate_body_rad_s, rate);
         now->rate_time_us = e->rate_time_us;
     }
@@ -293,7 +313,8 @@ static uint32_t take_attitude(tc_controller* c, const tc_estimate* e, float step
     const float q_size2 = tc_q_size2(e->q_world_body);
     const bool usable = marked(e, TC_VALID_ATTITUDE) && tc_up_to(q_size2 - 0.8f, 0.4f);
     if (usable) {
-        note_sample(c, &c->attitude, e->attitude_time_us);
+        const tc_stamp stamp = read_stamp(c, e->attitude_time_us);
+        note_sample(c, &c->attitude, &stamp);
         if (c->turning_known) measure_turning(c, e->q_world_body, e->attitude_time_us);
         now->attitude_time_us = e->attitude_time_us;
     }
@@ -363,8 +384,11 @@ static void follow_reset(tc_controller* c, const tc_estimate* e) {
     }
     for (int i = 0; i < 3; i++) c->telemetry.setpoint.position_world_m[i] += e->reset_position_world_m[i];
     c->telemetry.setpoint.yaw_rad += e->reset_yaw_rad;
-    tc_flatness_turn(&c->telemetry.flatness, e->reset_yaw_rad);
-    tc_observer_turn(&c->observer, e->reset_yaw_rad);
+    float sine, cosine;
+    tc_sin_cos(0.5f * e->reset_yaw_rad, &sine, &cosine);
+    const float turn[4] = {cosine, 0.0f, 0.0f, sine};
+    tc_flatness_turn(&c->telemetry.flatness, turn);
+    tc_observer_turn(&c->observer, turn);
     c->delay.started = false;
 }
 

@@ -197,17 +197,20 @@ static uint8_t warnings(const tc_controller* c) {
 
 void tc_observe(tc_controller* c) {
     const float step_s = tc_seconds(c->step_us), tilt = 1.0f - tc_dot(c->telemetry.flatness.axis, c->axes[2]);
+    const bool even = tc_even_tick(c);
     observe_attitude_estimate(c);
     observe_position_estimate(c, tilt);
     observe_setpoint(c, step_s);
-    observe_battery(c, step_s);
-    observe_link(c);
+    if (even) {
+        observe_battery(c, 2.0f * step_s);
+        observe_link(c);
+    }
     if (tc_moves(c) || tc_falls(c)) c->moved_us = c->telemetry.time_us;
     if (tc_mission_in_air(c->mission.state)) {
         tc_measure_support(c, step_s);
         observe_attitude(c, tilt);
         observe_crash(c, tilt);
-        observe_fence(c);
+        if (even) observe_fence(c);
         observe_tracking(c);
         if (c->mission.state == TC_EMERGENCY) observe_emergency(c);
     }

@@ -124,14 +124,16 @@ void tc_monitor_shaking(tc_controller* c, const float force_body_m_s2[3], float 
     m->shake_m2_s4 += pass * (now - m->shake_m2_s4);
 }
 
+static bool same_bits(const float a[3], const float b[3]) {
+    return tc_bits(a[0]) == tc_bits(b[0]) && tc_bits(a[1]) == tc_bits(b[1]) && tc_bits(a[2]) == tc_bits(b[2]);
+}
+
 /* Whether poses with new stamps bring the same numbers. */
 static bool repeats(tc_controller* c, const tc_estimate* e, bool forced) {
     tc_monitor* m = &c->monitor;
     const float* rate = c->telemetry.estimate.rate_body_rad_s;
     const bool shakes = forced ? m->shake_m2_s4 > SHAKES_M2_S4 : tc_dot(rate, rate) > TURNS_RAD2_S2;
-    const bool same = memcmp(m->last_pose, e->position_world_m, sizeof e->position_world_m) == 0 &&
-                      memcmp(m->last_pose + 3, e->velocity_world_m_s, sizeof e->velocity_world_m_s) == 0;
-    if (!same) {
+    if (!same_bits(m->last_pose, e->position_world_m) || !same_bits(m->last_pose + 3, e->velocity_world_m_s)) {
         tc_copy(m->last_pose, e->position_world_m);
         tc_copy(m->last_pose + 3, e->velocity_world_m_s);
         m->changed_us = c->telemetry.time_us;
@@ -196,16 +198,23 @@ static void steady_acceleration(tc_controller* c, bool forced, const float accel
     out[2] -= c->parameters.gravity_m_s2;
 }
 
-/* Position and velocity at the tick: the pose this time ahead, and what it lacks a step from the last tick. */
-static void carry(const tc_controller* c, const tc_estimate* e, tc_monitored part, const float acceleration_m_s2[3],
-                  float ahead_s, float step_s, float position_m[3], float velocity_m_s[3]) {
-    for (int i = 0; i < 3; i++) {
-        const bool given = i < 2 ? part != TC_MONITORED_HEIGHT : part != TC_MONITORED_LEVEL;
-        const tc_estimate* from = given ? e : &c->telemetry.estimate;
-        const float time_s = given ? ahead_s : step_s, gain = time_s * acceleration_m_s2[i];
+/* Axes `first` to `last` of position and velocity, this time on. */
+static void carry(const tc_estimate* from, int first, int last, const float acceleration_m_s2[3], float time_s,
+                  float position_m[3], float velocity_m_s[3]) {
+    for (int i = first; i <= last; i++) {
+        const float gain = time_s * acceleration_m_s2[i];
         position_m[i] = from->position_world_m[i] + time_s * (from->velocity_world_m_s[i] + 0.5f * gain);
         velocity_m_s[i] = from->velocity_world_m_s[i] + gain;
     }
+}
+
+/* At the tick: the pose as it is carried, and what it lacks from the last tick. */
+static void carry_all(const tc_controller* c, const tc_estimate* e, tc_monitored part, const float acceleration_m_s2[3],
+                      float ahead_s, float step_s, float position_m[3], float velocity_m_s[3]) {
+    const tc_estimate* last = &c->telemetry.estimate;
+    carry(e, 0, 2, acceleration_m_s2, ahead_s, position_m, velocity_m_s);
+    if (part == TC_MONITORED_HEIGHT) carry(last, 0, 1, acceleration_m_s2, step_s, position_m, velocity_m_s);
+    if (part == TC_MONITORED_LEVEL) carry(last, 2, 2, acceleration_m_s2, step_s, position_m, velocity_m_s);
 }
 
 void tc_monitor_step(tc_controller* c, const tc_estimate* e, tc_monitored part, const float acceleration_m_s2[3],
@@ -215,7 +224,7 @@ void tc_monitor_step(tc_controller* c, const tc_estimate* e, tc_monitored part, 
     const bool told = e->reset_counter != c->reset_counter || m->part != (uint8_t)part;
     float position_m[3], velocity_m_s[3], steady_m_s2[3];
     steady_acceleration(c, forced, acceleration_m_s2, steady_m_s2);
-    carry(c, e, part, steady_m_s2, ahead_s, step_s, position_m, velocity_m_s);
+    carry_all(c, e, part, steady_m_s2, ahead_s, step_s, position_m, velocity_m_s);
     m->part = (uint8_t)part;
     const bool believed = tc_monitor_believes(c);
     if (!m->running || told || on_ground(c)) {
@@ -225,14 +234,15 @@ void tc_monitor_step(tc_controller* c, const tc_estimate* e, tc_monitored part, 
     }
     if (believed && m->doubted) accept(c, position_m);
     m->doubted = !believed;
-    tc_reason reason = repeats(c, e, forced) ? TC_POSE_FROZEN : TC_OK;
     m->second = !m->second;
     tc_monitor_window* window = &m->window[m->second ? 1 : 0];
     const float both_s = step_s + m->last_step_s;
     m->last_step_s = step_s;
-    const tc_reason found = judge(m, window, position_m, velocity_m_s, acceleration_m_s2, forced, both_s);
-    if (reason == TC_OK) reason = found;
-    if (believed) measure_drift(m, position_m, velocity_m_s, step_s);
+    tc_reason reason = judge(m, window, position_m, velocity_m_s, acceleration_m_s2, forced, both_s);
+    if (m->second) {
+        if (repeats(c, e, forced)) reason = TC_POSE_FROZEN;
+        if (believed) measure_drift(m, position_m, velocity_m_s, both_s);
+    }
     if (reason != TC_OK) {
         if (tc_monitor_believes(c)) restore(c);
         raise_alarm(c, reason);
