@@ -39,10 +39,11 @@ typedef struct {
     float rotor_speed_rad_s[TC_ROTORS];
     float induced[TC_ROTORS]; /* the mixer's units */
     float thrust_n;           /* of the rotors, by the model, when the torque was last observed */
-    /* The last tick: accelerometer, gyro, its length, whose turn it was. */
+    /* The last tick: accelerometer, gyro, its length. */
     float last_force_body_m_s2[3], last_rate_rad_s[3], last_step_s;
+    float force_s; /* since the force was last observed */
     uint8_t state; /* tc_observer_state */
-    bool was_torque;
+    bool compared; /* the pose, in the last even tick */
     bool started;
 } tc_observer;
 

@@ -87,6 +87,7 @@ void tc_observer_start(tc_observer* o, const tc_observed_torque* now, const floa
     tc_copy(o->velocity_world_m_s, velocity_world_m_s);
     tc_copy(o->rate_stage_rad_s, now->rate_body_rad_s);
     tc_copy(o->torque_stage_n_m, now->torque_n_m);
+    o->force_s = 0.0f;
     o->started = true;
 }
 

@@ -171,8 +171,9 @@ static void lead_speeds(tc_controller* c, float step_s) {
     const float per_filter = 1.0f / filter_s;
     const float pass = step_s * per_filter, lead = p->rotor_lag_s * per_filter;
     const float per_battery = tc_per_battery(c);
+    if (!c->was_flying) tc_copy4(c->slow_speed_rad_s, speed);
     for (int i = 0; i < TC_ROTORS; i++) {
-        float behind = c->was_flying ? speed[i] - c->slow_speed_rad_s[i] : 0.0f;
+        float behind = speed[i] - c->slow_speed_rad_s[i];
         behind -= pass * behind;
         c->slow_speed_rad_s[i] = speed[i] - behind;
         speed[i] = tc_clamp((speed[i] + lead * behind) * per_battery, p->rotor_min_rad_s, p->rotor_max_rad_s);
@@ -199,11 +200,9 @@ static void cancel_torques(tc_controller* c, const float air_body_m_s[3]) {
     tc_telemetry* t = &c->telemetry;
     float* torque = t->wrench.torque_n_m;
     if (c->has_moments) {
-        float before[3];
-        tc_copy(before, torque);
-        tc_cancel_moments(&c->parameters, &c->mixer, air_body_m_s, t->estimate.rate_body_rad_s,
-                          measured_else(c, c->slow_speed_rad_s), torque);
-        for (int i = 0; i < 3; i++) c->cancelled_n_m[i] = torque[i] - before[i];
+        tc_opposing_moments(&c->parameters, &c->mixer, air_body_m_s, t->estimate.rate_body_rad_s,
+                            measured_else(c, c->slow_speed_rad_s), c->cancelled_n_m);
+        for (int i = 0; i < 3; i++) torque[i] += c->cancelled_n_m[i];
     }
     if (!tc_cancels_disturbance(c) || tc_landing_unloads(&c->landing) || !tc_gyro_is_whole(c)) return;
     const float share = tc_disturbance_share(c);
@@ -221,13 +220,15 @@ static void fly(tc_controller* c, float step_s) {
     if (airflow != drag) chosen_velocity(c, airflow, air);
     cancel_torques(c, air);
     const float* rate = chosen(airflow, t->rate_reference_rad_s, t->estimate.rate_body_rad_s);
-    t->saturation |= tc_mixer_solve(&c->mixer, &t->wrench, air, rate, t->rotor_speed_rad_s);
+    tc_mixer_flow flow;
+    tc_mixer_flow_at(&c->mixer, air, rate, &flow);
+    t->saturation |= tc_mixer_solve(&c->mixer, &t->wrench, &flow, t->rotor_speed_rad_s);
     if (tc_even_tick(c)) learn_hover_thrust(c, 2.0f * step_s);
     if (c->has_lead) {
         lead_speeds(c, step_s);
         c->was_flying = true;
     }
-    tc_observe_disturbance(c, air, rate, step_s);
+    tc_observe_disturbance(c, &flow, step_s);
 }
 
 /* Another controller flies: what this one would do to keep the vehicle's velocity. */

@@ -35,10 +35,10 @@ typedef struct {
 } tc_stamp;
 
 static tc_stamp read_stamp(const tc_controller* c, uint64_t stamp_us) {
-    const uint64_t age_us = stamp_us < c->caller_us ? c->caller_us - stamp_us : 0u;
     const bool clock_stands = c->stalled_ticks > 0u && c->step_us > 0u;
-    const bool in_time = age_us <= OLDEST_US && stamp_us <= c->caller_us + OLDEST_US;
-    return (tc_stamp){stamp_us, age_us, clock_stands, in_time && !clock_stands};
+    const bool past = stamp_us <= c->caller_us;
+    const uint64_t apart_us = past ? c->caller_us - stamp_us : stamp_us - c->caller_us;
+    return (tc_stamp){stamp_us, past ? apart_us : 0u, clock_stands, apart_us <= OLDEST_US && !clock_stands};
 }
 
 /* Of a sample that came with a stamp that cannot be. */
@@ -135,8 +135,8 @@ static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part*
     if (position) note_sample(c, &times->position, stamp);
     const float position_age_s = age_s(c, times->position.true_us);
     const float ahead = ahead_s(p, position_age_s + tc_position_delay_s(c));
-    const bool has_velocity = velocity && age_s(c, times->velocity.true_us) <= p->estimate_stale_s;
-    const bool fresh = position && position_age_s <= p->estimate_stale_s;
+    const bool fresh = position && position_age_s <= p->estimate_stale_s; /* and its velocity, which is no older */
+    const bool has_velocity = fresh || (velocity && age_s(c, times->velocity.true_us) <= p->estimate_stale_s);
     for (int i = first; i < first + part->count; i++) {
         if (fresh) {
             const float gain = ahead * c->telemetry.setpoint.acceleration_world_m_s2[i];

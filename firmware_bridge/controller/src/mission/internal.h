@@ -36,8 +36,7 @@ static inline float tc_position_delay_s(const tc_controller* c) {
 }
 
 /* disturbance.c: runs the observer where it may run; at the end of a tick, as it works with that tick's model. */
-void tc_observe_disturbance(tc_controller* c, const float air_body_m_s[3], const float rate_body_rad_s[3],
-                            float step_s);
+void tc_observe_disturbance(tc_controller* c, const tc_mixer_flow* flow, float step_s);
 static inline bool tc_cancels_disturbance(const tc_controller* c) {
     return c->observer.state == (uint8_t)TC_OBSERVER_RUNS || c->observer.state == (uint8_t)TC_OBSERVER_HOLDS;
 }

@@ -234,12 +234,12 @@ void tc_monitor_step(tc_controller* c, const tc_estimate* e, tc_monitored part, 
     }
     if (believed && m->doubted) accept(c, position_m);
     m->doubted = !believed;
-    m->second = !m->second;
-    tc_monitor_window* window = &m->window[m->second ? 1 : 0];
+    const bool even = tc_even_tick(c);
+    tc_monitor_window* window = &m->window[even ? 0 : 1];
     const float both_s = step_s + m->last_step_s;
     m->last_step_s = step_s;
     tc_reason reason = judge(m, window, position_m, velocity_m_s, acceleration_m_s2, forced, both_s);
-    if (m->second) {
+    if (even) {
         if (repeats(c, e, forced)) reason = TC_POSE_FROZEN;
         if (believed) measure_drift(m, position_m, velocity_m_s, both_s);
     }
