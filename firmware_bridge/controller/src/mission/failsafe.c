@@ -114,7 +114,7 @@ static tc_reason why_land(const tc_controller* c) {
 
 static void observe_tracking(tc_controller* c) {
     const bool on_path = tc_mission_on_path(c->mission.state);
-    if (on_path && tc_norm(c->supervisor.shift) > tc_clearance(c)) {
+    if (on_path && tc_even_tick(c) && tc_norm(c->supervisor.shift) > tc_clearance(c)) {
         (void)tc_post(c, TC_EVENT_RELOCALIZED, TC_RELOCALIZED);
     }
     const tc_reason reason = why_land(c);
