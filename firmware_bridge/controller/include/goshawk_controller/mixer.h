@@ -44,8 +44,7 @@ typedef struct {
     float axial;        /* linear term of the thrust law per unit of v_z */
     float lateral;      /* 1 when v_xy counts in eq. (2), else 0 */
     float lift;         /* load per squared lateral air speed */
-    float guard;        /* keeps the Newton step finite */
-    float still;        /* added to v_xy^2: the guess divides by the air's speed */
+    float still;        /* squared speed of air that stands: keeps the guess and the Newton step finite */
     float per_speed;    /* 1 / 2 a: rad/s per unit of speed */
     float slowest2;     /* squared speed limits */
     float fastest2;

@@ -41,9 +41,9 @@ typedef struct {
     float thrust_n;           /* of the rotors, by the model, when the torque was last observed */
     /* The last tick: accelerometer, gyro, its length. */
     float last_force_body_m_s2[3], last_rate_rad_s[3], last_step_s;
-    float force_s; /* since the force was last observed */
-    uint8_t state; /* tc_observer_state */
-    bool compared; /* the pose, in the last even tick */
+    float force_s, gained_m_s[3]; /* since the force was last observed: time, and integral of the accelerometer */
+    uint8_t state;                /* tc_observer_state */
+    bool compared;                /* the pose, in the last even tick */
     bool started;
 } tc_observer;
 

@@ -16,6 +16,7 @@
 /* Squared speeds outside the limits by less than this share of the highest still count as inside at first. */
 static const float TOLERANCE = 0.01f;
 static const float TINY = 1e-30f; /* not zero, but positive */
+static const float GUARD = 1e3f;  /* times `still` */
 /* Less than this share of collective or cut counts as given in full. */
 static const float SMALL = 1e-3f;
 
@@ -75,7 +76,7 @@ static inline void solve_operating_point(const tc_mixer* mixer, rotor* r) {
     const float w = r->axial + v;
     const float q = w * w + r->lateral2;
     const float root = sqrtf(q);
-    const float inverse = 1.0f / (tc_abs(q + v * w) + mixer->guard); /* over the derivative times root */
+    const float inverse = 1.0f / (tc_abs(q + v * w) + GUARD * mixer->still); /* over the derivative times root */
     const float rise = root * inverse;
     const float v2 = -rise * rise * inverse * (w + w + v * r->lateral2 / q);
     const float missing = load - v * root;

@@ -80,7 +80,6 @@ static float choose_law(tc_mixer* mixer, const tc_parameters* p) {
     mixer->axial = (quadratic ? -p->inflow_kg : p->k2_n_s2_m) / unit;
     mixer->lateral = p->thrust_model > 1.5f ? 1.0f : 0.0f;
     mixer->lift = p->lift_kg_m * per_disk;
-    mixer->guard = 1e-3f * unit * unit;
     mixer->still = 1e-6f * unit * unit;
     mixer->load_factor = 4.0f * square / load_per_n;
     const float speed_unit = 2.0f * square;

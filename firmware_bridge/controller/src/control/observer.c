@@ -88,6 +88,7 @@ void tc_observer_start(tc_observer* o, const tc_observed_torque* now, const floa
     tc_copy(o->rate_stage_rad_s, now->rate_body_rad_s);
     tc_copy(o->torque_stage_n_m, now->torque_n_m);
     o->force_s = 0.0f;
+    memset(o->gained_m_s, 0, sizeof o->gained_m_s);
     o->started = true;
 }
 

@@ -83,9 +83,14 @@ static void observe_force(tc_controller* c, const float force_body_m_s2[3], cons
     tc_to_world(c->axes, force_body_m_s2, acceleration);
     acceleration[2] -= c->parameters.gravity_m_s2;
     o->force_s += step_s;
+    for (int i = 0; i < 3; i++) o->gained_m_s[i] += step_s * acceleration[i];
     o->compared = compare_pose(c, acceleration, rate_rad_s, step_s);
-    if (o->compared) return;
-    for (int i = 0; i < 3; i++) known[i] = o->thrust_n * c->axes[2][i] + c->drag_world_n[i];
+    if (o->compared || !(o->force_s > 0.0f)) return;
+    for (int i = 0; i < 3; i++) {
+        acceleration[i] = o->gained_m_s[i] / o->force_s;
+        known[i] = o->thrust_n * c->axes[2][i] + c->drag_world_n[i];
+        o->gained_m_s[i] = 0.0f;
+    }
     const tc_observed_force now = {acceleration, c->telemetry.estimate.velocity_world_m_s, known};
     tc_observer_force(o, &c->parameters, &now, o->force_s);
     o->force_s = 0.0f;
