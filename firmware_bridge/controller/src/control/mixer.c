@@ -71,12 +71,12 @@ static inline float initial_induced_velocity(const rotor* r, float load) {
    opposite one, which lies below the slowest speed, and one near zero the tangent at the least load. Absolute values
    stand where an infeasible demand would leave the law's domain. */
 static inline void solve_operating_point(const tc_mixer* mixer, rotor* r) {
-    const float load = tc_max(tc_abs(r->load), mixer->least_load);
+    const float load = tc_max(tc_abs(r->load), mixer->least_load), guard = GUARD * mixer->still;
     const float v = initial_induced_velocity(r, load);
     const float w = r->axial + v;
     const float q = w * w + r->lateral2;
     const float root = sqrtf(q);
-    const float inverse = 1.0f / (tc_abs(q + v * w) + GUARD * mixer->still); /* over the derivative times root */
+    const float inverse = 1.0f / (tc_abs(q + v * w) + guard); /* over the derivative times root */
     const float rise = root * inverse;
     const float v2 = -rise * rise * inverse * (w + w + v * r->lateral2 / q);
     const float missing = load - v * root;

@@ -22,8 +22,9 @@ static const float HOVER_SPREAD = 0.2f;     /* around the weight: what is learnt
 
 static const float LEAN = 0.15f; /* tangent of 8 degrees: at most so far into the wind in an emergency */
 
-/* Of the weight, upwards, while the observer holds a force: a vehicle that bounces must not turn on what is left. */
-static const float HELD_LEAST = 0.25f;
+/* Of the weight, upwards, unless the path itself asks for less: on what feedback leaves of the thrust, a vehicle that
+   bounces or has jumped beside a dive would turn over. */
+static const float LEAST_LIFT = 0.25f;
 
 void tc_init(tc_controller* c) {
     memset(c, 0, sizeof *c);
@@ -121,9 +122,9 @@ static float flight_force(tc_controller* c, const float velocity_body_m_s[3], fl
         &c->position, &c->parameters, &t->setpoint, t->estimate.position_world_m, t->estimate.velocity_world_m_s,
         drag_world_n, 0.95f * c->mixer.largest_thrust_n,
         c->has_integral && c->mission.state != TC_TAKE_OFF && t->saturation == 0u, step_s, force_world_n);
-    if (c->observer.state == (uint8_t)TC_OBSERVER_HOLDS) {
-        force_world_n[2] = tc_max(force_world_n[2], HELD_LEAST * c->parameters.mass_kg * c->parameters.gravity_m_s2);
-    }
+    const float planned_m_s2 = c->parameters.gravity_m_s2 + t->setpoint.acceleration_world_m_s2[2];
+    const float least_m_s2 = tc_min(planned_m_s2, LEAST_LIFT * c->parameters.gravity_m_s2);
+    force_world_n[2] = tc_max(force_world_n[2], c->parameters.mass_kg * least_m_s2);
     t->saturation = limited ? TC_SATURATED_INPUT : 0u;
     return c->drag_source != (uint8_t)TC_VELOCITY_NONE ? slope_n_s_m : 0.0f;
 }

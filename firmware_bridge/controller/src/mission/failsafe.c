@@ -15,11 +15,11 @@ static const float CRASH_S = 0.5f;
 static const float CLOCK_WARNING_S = 5.0f; /* the warning stays after the last fault of the clock */
 
 bool tc_inside_fence(const tc_parameters* p, const float position_world_m[3]) {
-    bool inside = true;
-    for (int i = 0; i < 3 && inside; i++) {
-        inside = position_world_m[i] >= p->fence_min_world_m[i] && position_world_m[i] <= p->fence_max_world_m[i];
+    for (int i = 0; i < 3; i++) {
+        const float at = position_world_m[i];
+        if (!(at >= p->fence_min_world_m[i] && at <= p->fence_max_world_m[i])) return false;
     }
-    return inside;
+    return true;
 }
 
 float tc_clearance(const tc_controller* c) {
@@ -89,11 +89,10 @@ static bool inside_plan(const tc_controller* c) {
     const bool since = c->mission.state == TC_HOLD && tc_mission_on_path(c->mission.previous_state);
     if (plan == NULL || !(margin_m > 0.0f) || !(since || tc_mission_on_path(c->mission.state))) return true;
     const float* at = c->telemetry.estimate.position_world_m;
-    bool inside = true;
     for (int i = 0; i < 3; i++) {
-        inside = inside && at[i] >= plan->least_m[i] - margin_m && at[i] <= plan->most_m[i] + margin_m;
+        if (!(at[i] >= plan->least_m[i] - margin_m && at[i] <= plan->most_m[i] + margin_m)) return false;
     }
-    return inside;
+    return true;
 }
 
 static void observe_fence(tc_controller* c) {

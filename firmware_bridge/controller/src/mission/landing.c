@@ -17,7 +17,9 @@ static const float UNLOAD_S = 0.5f;            /* the collective falls to UNLOAD
 static const float UNLOADED = 0.1f;            /* of the weight */
 static const float GAINED_M_S = 0.35f;         /* downwards since UNLOAD began: it flies */
 static const float SUPPORT_G = 0.5f;           /* specific force that the rotors do not give: it stands on something */
-static const float STANDS_G = 0.3f;            /* what it misses of the fall that its thrust would be, on average, */
+static const float STANDS_G = 0.25f;           /* what it misses of the fall that its thrust would be, on average, */
+static const float STANDS_TILTED_G = 0.3f;     /* ... of which an attitude that is not as estimated fakes some, */
+static const float TILTED = 0.87f;             /* ... cosine of 30 degrees, */
 static const float SUPPORT_S = 1.0f;           /* over so long (the most of 550 flights in wind and gusts: 0.15), */
 static const float SUPPORTED_M_S = 1.0f;       /* where it sinks slower than this: a fast fall's drag carries, too */
 static const float FORCE_FILTER_S = 0.02f;     /* of the accelerometer, whose noise the tests must not see */
@@ -249,7 +251,10 @@ void tc_measure_support(tc_controller* c, float step_s) {
     c->support_m_s2 += ((slow ? given_m_s : 0.0f) - step_s * c->support_m_s2) / (SUPPORT_S + step_s);
 }
 
-bool tc_stands(const tc_controller* c) { return c->support_m_s2 > STANDS_G * c->parameters.gravity_m_s2; }
+bool tc_stands(const tc_controller* c) {
+    const float least_g = c->axes[2][2] > TILTED ? STANDS_G : STANDS_TILTED_G;
+    return c->support_m_s2 > least_g * c->parameters.gravity_m_s2;
+}
 
 /* What slides along something has not landed on it, whatever a lying velocity says. In an emergency its speed may be
  * dead reckoned. */

@@ -239,10 +239,8 @@ void tc_monitor_step(tc_controller* c, const tc_estimate* e, tc_monitored part, 
     const float both_s = step_s + m->last_step_s;
     m->last_step_s = step_s;
     tc_reason reason = judge(m, window, position_m, velocity_m_s, acceleration_m_s2, forced, both_s);
-    if (even) {
-        if (repeats(c, e, forced)) reason = TC_POSE_FROZEN;
-        if (believed) measure_drift(m, position_m, velocity_m_s, both_s);
-    }
+    if (even && repeats(c, e, forced)) reason = TC_POSE_FROZEN;
+    if (believed) measure_drift(m, position_m, velocity_m_s, step_s);
     if (reason != TC_OK) {
         if (tc_monitor_believes(c)) restore(c);
         raise_alarm(c, reason);

@@ -89,8 +89,9 @@ static void follow(tc_supervisor* s, float step_s) {
 void tc_supervisor_step(tc_supervisor* s, float step_s) {
     decay_shift(s, step_s);
     follow(s, step_s);
+    if (s->reason == (uint8_t)TC_OK || s->target < 1.0f) return;
     const bool full = s->stage[0] > FULL_RATE && s->stage[1] > FULL_RATE && s->stage[2] > FULL_RATE;
-    if (full && !(s->target < 1.0f)) s->reason = (uint8_t)TC_OK; /* until then the last one still shows */
+    if (full) s->reason = (uint8_t)TC_OK; /* until then the last one still shows */
 }
 
 void tc_supervisor_judge(tc_supervisor* s, const tc_setpoint* setpoint, float path_rate,

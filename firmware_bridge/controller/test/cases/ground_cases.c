@@ -93,11 +93,11 @@ static void hit_while_unloading(void) {
 
 static void stands(void) {
     begin(TC_LANDING, -0.8f);
-    g.c.support_m_s2 = 2.85f;
+    g.c.support_m_s2 = 2.35f;
     (void)reaches(TC_LANDING_UNLOAD, 0.5f);
-    must(g.c.landing.stage == TC_LANDING_DESCEND && !tc_stands(&g.c), "less than 0.3 of the weight");
+    must(g.c.landing.stage == TC_LANDING_DESCEND && !tc_stands(&g.c), "less than a quarter of the weight");
     begin(TC_LANDING, -0.8f);
-    g.c.support_m_s2 = 3.05f;
+    g.c.support_m_s2 = 2.55f;
     must(near(reaches(TC_LANDING_UNLOAD, 0.5f), 0.3f, 0.02f) && g.c.landing.sure, "something else carries it");
     static const struct {
         float thrust, velocity;
