@@ -27,33 +27,16 @@ static bool marked(const tc_estimate* estimate, uint32_t bits) { return (estimat
 
 static uint64_t longer(uint64_t a_us, uint64_t b_us) { return a_us > b_us ? a_us : b_us; }
 
-/* A stamp as the caller's clock has it. */
-typedef struct {
-    uint64_t us, age_us;
-    bool clock_stands; /* and its stamps, while time goes on */
-    bool in_time;
-} tc_stamp;
-
-static tc_stamp read_stamp(const tc_controller* c, uint64_t stamp_us) {
-    const bool clock_stands = c->stalled_ticks > 0u && c->step_us > 0u;
-    const bool past = stamp_us <= c->caller_us;
-    const uint64_t apart_us = past ? c->caller_us - stamp_us : stamp_us - c->caller_us;
-    return (tc_stamp){stamp_us, past ? apart_us : 0u, clock_stands, apart_us <= OLDEST_US && !clock_stands};
-}
-
-/* Of a sample that came with a stamp that cannot be. */
-static uint64_t likely_age_us(const tc_controller* c, const tc_sample_time* sample, const tc_stamp* stamp) {
-    const bool clock_stepped =
-        c->telemetry.refused_ticks > 0u && c->telemetry.time_us - c->clock_fault_us < AFTER_STEP_US;
-    return clock_stepped || stamp->clock_stands ? sample->age_us : longer(stamp->age_us, OLDEST_US);
-}
-
 /* Notes when a usable sample was true, in controller time. A stamp that has come before keeps its time. */
-static void note_sample(const tc_controller* c, tc_sample_time* sample, const tc_stamp* stamp) {
-    if (stamp->us == sample->stamp_us && sample->true_us != 0u && !stamp->clock_stands) return;
+static void note_sample(const tc_controller* c, tc_sample_time* sample, uint64_t stamp_us) {
+    const bool clock_stands = c->stalled_ticks > 0u && c->step_us > 0u; /* and its stamps, while time goes on */
+    if (stamp_us == sample->stamp_us && sample->true_us != 0u && !clock_stands) return;
     const uint64_t now_us = c->telemetry.time_us;
-    const uint64_t age_us = stamp->in_time ? stamp->age_us : likely_age_us(c, sample, stamp);
-    sample->stamp_us = stamp->us;
+    uint64_t age_us = stamp_us < c->caller_us ? c->caller_us - stamp_us : 0u;
+    const bool in_time = age_us <= OLDEST_US && stamp_us <= c->caller_us + OLDEST_US;
+    const bool clock_stepped = c->telemetry.refused_ticks > 0u && now_us - c->clock_fault_us < AFTER_STEP_US;
+    if (!in_time || clock_stands) age_us = clock_stepped || clock_stands ? sample->age_us : longer(age_us, OLDEST_US);
+    sample->stamp_us = stamp_us;
     sample->age_us = age_us;
     const uint64_t true_us = age_us < now_us ? now_us - age_us : 1u;
     if (true_us > sample->true_us) sample->true_us = true_us; /* an older sample tells nothing new */
@@ -115,8 +98,8 @@ static uint32_t plausible_bits(const tc_estimate* e, const tc_part* part) {
 }
 
 /* Measured and carried to the tick by the acceleration that is asked for, or dead reckoned from where it was. */
-static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part* part, const tc_stamp* stamp,
-                          tc_position_time* times, const float reckoned_m_s2[3], uint32_t usable, float step_s) {
+static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part* part, tc_position_time* times,
+                          const float reckoned_m_s2[3], uint32_t usable, float step_s) {
     const tc_parameters* p = &c->parameters;
     tc_estimate* now = &c->telemetry.estimate;
     const int first = part->first;
@@ -125,10 +108,10 @@ static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part*
     const bool position =
         velocity && (usable & part->position_bits) != 0u && certain(e->position_std_m[part->std], p->position_std_m);
     if (position) {
-        note_sample(c, &times->position, stamp);
+        note_sample(c, &times->position, e->position_time_us);
         times->velocity = times->position; /* it came with it */
     } else if (velocity) {
-        note_sample(c, &times->velocity, stamp);
+        note_sample(c, &times->velocity, e->position_time_us);
     } else {
         /* nothing has come */
     }
@@ -202,9 +185,8 @@ static uint32_t take_position(tc_controller* c, const tc_estimate* e, float step
     monitor(c, e, level_bits | height_bits, reckoned, step_s);
     const uint32_t level_usable = tc_monitor_believes(c) ? level_bits : 0u;
     const uint32_t height_usable = tc_monitor_believes_height(c) ? height_bits : 0u;
-    const tc_stamp stamp = read_stamp(c, e->position_time_us);
-    const tc_taken level = take_part(c, e, &horizontal, &stamp, &c->horizontal, reckoned, level_usable, step_s);
-    const tc_taken height = take_part(c, e, &vertical, &stamp, &c->vertical, reckoned, height_usable, step_s);
+    const tc_taken level = take_part(c, e, &horizontal, &c->horizontal, reckoned, level_usable, step_s);
+    const tc_taken height = take_part(c, e, &vertical, &c->vertical, reckoned, height_usable, step_s);
     c->vertical_velocity = height.velocity;
     if (level.position) c->telemetry.estimate.position_time_us = e->position_time_us;
     const bool stale = tc_max(level.age_s, height.age_s) > c->parameters.estimate_stale_s;
@@ -288,8 +270,7 @@ static uint32_t take_rate(tc_controller* c, const tc_estimate* e, float step_s) 
         c->turning_known = false;
     }
     if (usable) {
-        const tc_stamp stamp = read_stamp(c, e->rate_time_us);
-        note_sample(c, &c->rate, &stamp);
+        note_sample(c, &c->rate, e->rate_time_us);
         tc_copy(now->rate_body_rad_s, rate);
         now->rate_time_us = e->rate_time_us;
     }
@@ -315,8 +296,7 @@ static uint32_t take_attitude(tc_controller* c, const tc_estimate* e, float step
     const float q_size2 = tc_q_size2(e->q_world_body);
     const bool usable = marked(e, TC_VALID_ATTITUDE) && tc_up_to(q_size2 - 0.8f, 0.4f);
     if (usable) {
-        const tc_stamp stamp = read_stamp(c, e->attitude_time_us);
-        note_sample(c, &c->attitude, &stamp);
+        note_sample(c, &c->attitude, e->attitude_time_us);
         if (c->turning_known) measure_turning(c, e->q_world_body, e->attitude_time_us);
         now->attitude_time_us = e->attitude_time_us;
     }

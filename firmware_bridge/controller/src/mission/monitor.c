@@ -198,23 +198,16 @@ static void steady_acceleration(tc_controller* c, bool forced, const float accel
     out[2] -= c->parameters.gravity_m_s2;
 }
 
-/* Axes `first` to `last` of position and velocity, this time on. */
-static void carry(const tc_estimate* from, int first, int last, const float acceleration_m_s2[3], float time_s,
-                  float position_m[3], float velocity_m_s[3]) {
-    for (int i = first; i <= last; i++) {
-        const float gain = time_s * acceleration_m_s2[i];
+/* Position and velocity at the tick: the pose this time ahead, and what it lacks a step from the last tick. */
+static void carry(const tc_controller* c, const tc_estimate* e, tc_monitored part, const float acceleration_m_s2[3],
+                  float ahead_s, float step_s, float position_m[3], float velocity_m_s[3]) {
+    for (int i = 0; i < 3; i++) {
+        const bool given = i < 2 ? part != TC_MONITORED_HEIGHT : part != TC_MONITORED_LEVEL;
+        const tc_estimate* from = given ? e : &c->telemetry.estimate;
+        const float time_s = given ? ahead_s : step_s, gain = time_s * acceleration_m_s2[i];
         position_m[i] = from->position_world_m[i] + time_s * (from->velocity_world_m_s[i] + 0.5f * gain);
         velocity_m_s[i] = from->velocity_world_m_s[i] + gain;
     }
-}
-
-/* At the tick: the pose as it is carried, and what it lacks from the last tick. */
-static void carry_all(const tc_controller* c, const tc_estimate* e, tc_monitored part, const float acceleration_m_s2[3],
-                      float ahead_s, float step_s, float position_m[3], float velocity_m_s[3]) {
-    const tc_estimate* last = &c->telemetry.estimate;
-    carry(e, 0, 2, acceleration_m_s2, ahead_s, position_m, velocity_m_s);
-    if (part == TC_MONITORED_HEIGHT) carry(last, 0, 1, acceleration_m_s2, step_s, position_m, velocity_m_s);
-    if (part == TC_MONITORED_LEVEL) carry(last, 2, 2, acceleration_m_s2, step_s, position_m, velocity_m_s);
 }
 
 void tc_monitor_step(tc_controller* c, const tc_estimate* e, tc_monitored part, const float acceleration_m_s2[3],
@@ -224,7 +217,7 @@ void tc_monitor_step(tc_controller* c, const tc_estimate* e, tc_monitored part, 
     const bool told = e->reset_counter != c->reset_counter || m->part != (uint8_t)part;
     float position_m[3], velocity_m_s[3], steady_m_s2[3];
     steady_acceleration(c, forced, acceleration_m_s2, steady_m_s2);
-    carry_all(c, e, part, steady_m_s2, ahead_s, step_s, position_m, velocity_m_s);
+    carry(c, e, part, steady_m_s2, ahead_s, step_s, position_m, velocity_m_s);
     m->part = (uint8_t)part;
     const bool believed = tc_monitor_believes(c);
     if (!m->running || told || on_ground(c)) {
