@@ -100,7 +100,7 @@ def counts(tmp_path_factory) -> dict[str, int]:
 
 @pytest.mark.slow
 def test_no_tick_in_any_situation_takes_more_than_the_documented_instructions(counts):
-        ticks = {name: count for name, count in counts.items() if name.startswith("tc_tick")}
+    ticks = {name: count for name, count in counts.items() if name.startswith("tc_tick")}
     assert {name.split(":")[1].split(",")[0].strip() for name in ticks} >= {
         "disarmed", "armed", "take-off", "hold", "approach", "trajectory", "pausing", "paused", "stopping",
         "landing", "emergency", "fault", "shadow",
