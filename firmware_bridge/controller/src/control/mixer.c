@@ -272,8 +272,7 @@ uint8_t tc_mixer_solve(const tc_mixer* mixer, const tc_wrench* wrench, const tc_
         }
         const float step = meet_yaw(mixer, &yaw, r);
         free += step;
-        if (again || !goes_far(mixer, r, step)) break;
-        if (!nearly_within_limits(mixer, r)) break;
+        if (again || !goes_far(mixer, r, step) || !nearly_within_limits(mixer, r)) break;
         for (int i = 0; i < TC_ROTORS; i++) r[i].load += step * mixer->rotor[i].free;
         again = true;
     }

@@ -368,9 +368,9 @@ static void follow_reset(tc_controller* c, const tc_estimate* e) {
     c->telemetry.setpoint.yaw_rad += e->reset_yaw_rad;
     float sine, cosine;
     tc_sin_cos(0.5f * e->reset_yaw_rad, &sine, &cosine);
-    const float turn[4] = {cosine, 0.0f, 0.0f, sine};
-    tc_flatness_turn(&c->telemetry.flatness, turn);
-    tc_observer_turn(&c->observer, turn);
+    const float heading[4] = {cosine, 0.0f, 0.0f, sine};
+    tc_flatness_turn(&c->telemetry.flatness, heading);
+    tc_observer_turn(&c->observer, heading);
     c->delay.started = false;
 }
 
