@@ -65,6 +65,14 @@ def cut_state_bricks(
     /,
 ) -> int: ...
 def carve(state: NDArray[np.uint8], origins: NDArray[np.float64], ends: NDArray[np.float64], value: int, /) -> None: ...
+def carve_visible(
+    state: NDArray[np.uint8],
+    origins: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    value: int,
+    reached: NDArray[np.float64],
+    /,
+) -> None: ...
 def line_of_sight(
     state: NDArray[np.uint8], eye: Vector, targets: NDArray[np.float64], visible: NDArray[np.bool_], /
 ) -> None: ...

@@ -97,6 +97,32 @@ def state_from_points(
     return out
 
 
+def free_visible(state: StateArray, points_world_m: ArrayLike, origins_world_m: ArrayLike, grid: Grid) -> FloatArray:
+    """Free, in place, the voxels from each origin to its measured point, up to the first one that is occupied.
+
+    The voxel of the point itself stays as it is. Unlike the rays of `state_from_points`, none passes what is occupied:
+    where an origin is wrong, nothing behind a surface becomes free.
+
+    Args:
+        state: (nx, ny, nz), in which what is occupied is marked already.
+        points_world_m: (n, 3); origins_world_m: (n, 3).
+
+    Returns:
+        (n,) metres from the origin to the voxel that ended the ray; infinite where none did before its point.
+    """
+    points, origins = checked_points(points_world_m), checked_points(origins_world_m)
+    if points.shape != origins.shape:
+        raise InputError(f"the origins have shape {origins.shape}, the points {points.shape}")
+    if len(set(grid.voxel_m)) != 1:
+        raise InputError(f"the voxels are {grid.voxel_m} m wide; rays want cubes")
+    if checked_state(state, grid) is not state:
+        raise InputError("the state array must be contiguous uint8, as it is changed in place")
+    reached = np.empty(len(points))
+    starts, ends = _in_voxels(origins, grid, "an origin"), _in_voxels(points, grid, "a point")
+    _esdf.carve_visible(state, starts, ends, FREE, reached)
+    return reached * grid.voxel_m[0]
+
+
 def _in_voxels(points_world_m: FloatArray, grid: Grid, what: str) -> NDArray[np.float64]:
     if not np.isfinite(points_world_m).all():
         raise InputError(f"{what} is not finite")

@@ -40,6 +40,10 @@ class Project:
         return self.folder / "map"
 
     @property
+    def has_map(self) -> bool:
+        return (self.map / "map.toml").is_file()
+
+    @property
     def vehicle(self) -> Path:
         return self.folder / "vehicle.toml"
 

@@ -114,7 +114,7 @@ class Desk:
             hashes = ("", "")
         listed = [saved.listed(path, hashes) for path in self.project.trajectories()]
         flights = [path.stem for path in self.project.flights()]
-        self.hub.publish(Files(listed, flights, saved.aside(self.project)))
+        self.hub.publish(Files(listed, flights, saved.aside(self.project), self.project.has_map))
         self.flights.refresh()
 
     def _flights_changed(self, now: flights_messages.Flights) -> None:
@@ -193,6 +193,10 @@ class Desk:
             if behind := self.session.map_edits_behind:
                 said = f"Nothing is planned: {behind}, so the map lacks your edit. Make room, then edit again."
                 self._show_plan(Plan(revision, "void", said))
+                return
+            if not self.project.has_map:
+                said = "There is no map, so no path can be checked. Import images in step 1; flights need no map."
+                self._show_plan(Plan(revision, "none", said))
                 return
             few = len(content.points) < 2
             if few:
@@ -346,7 +350,11 @@ class Desk:
             self.inputs = now
             said = "The map or the vehicle changed since the check: this plan is void. Plan again."
             self._show_clearance()
-            self._show_plan(Plan(self.session.revision, "void", said))
+            if self.project.has_map and len(self.session.content.points) > 1:
+                self._show_plan(Plan(self.session.revision, "void", said))
+            else:  # there was no plan
+                self.request_plan()
+                said = "The map or the vehicle changed."
         self._notice_with_map(said, level="caution")
         self._draw_map()  # takes seconds for a large mesh: not under the lock
         self.show_files()
@@ -362,6 +370,9 @@ class Desk:
         self.notice(said, level=level)
 
     def _draw_map(self) -> None:
+        if not self.project.has_map:
+            self.view.draw_no_map()
+            return
         try:
             self.view.draw_map(self.parts.map(self.inputs))
         except FlightError as error:

@@ -29,6 +29,8 @@ _BALL_M = 0.05
 _STAND_OFF_M = 0.2
 """Beyond the required clearance, for a waypoint that is placed by a click."""
 _WHITE, _SELECTED, _GREY, _CAUTION = (233, 237, 240), (121, 176, 255), (120, 120, 120), (240, 184, 73)
+_GRID = (60, 70, 78), (100, 110, 118)
+"""Lines a metre and five apart, where there is no map."""
 
 
 class View3D:
@@ -58,6 +60,17 @@ class View3D:
         self._path: Any = None
         self.map = MapView(server, MeshView(server, triangles, cache, progress), cache)
         self._has_map = False
+        self._grid = server.scene.add_grid(
+            "/grid",
+            20.0,
+            20.0,
+            cell_size=1.0,
+            section_size=5.0,
+            cell_color=_GRID[0],
+            section_color=_GRID[1],
+            visible=False,
+        )
+        self._look_at(np.array([-5.0, -5.0, 0.0]), np.array([5.0, 5.0, 2.0]))
         self._checked = False
         self._dragged_points: dict[int | None, int] = {}
         """By browser (viser's id): the waypoint that is dragged there."""
@@ -80,6 +93,7 @@ class View3D:
         server.scene.on_click()(self._clicked)
         server.scene.on_rect_select(modifier="cmd/ctrl")(self._boxed)
         server.scene.on_click(modifier="shift")(self._shift_clicked)
+        server.on_client_connect(self._browser_came)
         server.on_client_disconnect(self._browser_left)
         server.gui.configure_theme(dark_mode=True, show_share_button=False, show_logo=False, control_layout="floating")
         server.scene.set_up_direction("+z")
@@ -93,9 +107,16 @@ class View3D:
         with self._lock:
             self.map.mesh.draw(area.mesh)
             if not self._has_map:
-                self._place_camera(area)
-            self._has_map = True
+                grid = area.field.grid
+                low = np.asarray(grid.origin_world_m)
+                self._look_at(low, low + np.asarray(grid.shape) * np.broadcast_to(grid.voxel_m, (3,)))
+            self._has_map, self._grid.visible = True, False
         self.map.draw(area)
+
+    def draw_no_map(self) -> None:
+        """Show a grid of metres at the height zero of the world frame, as long as there was no map."""
+        with self._lock:
+            self._grid.visible = not self._has_map
 
     def close(self) -> None:
         self.map.close()
@@ -348,14 +369,13 @@ class View3D:
         colours = drawing.series_colours(series, self._colour, self._required_m) if is_current else grey
         self._path = drawing.draw_path(self._server, positions, colours)
 
-    def _place_camera(self, area: Map) -> None:
-        """Look at the middle of the map from behind and above, high enough to see over the walls."""
-        grid = area.field.grid
-        low = np.asarray(grid.origin_world_m)
-        high = low + np.asarray(grid.shape) * np.broadcast_to(grid.voxel_m, (3,))
+    def _look_at(self, low: FloatArray, high: FloatArray) -> None:
+        """Look at the middle of a box (world, m) from behind and above, high enough to see over the walls."""
         target, reach = (low + high) / 2, float(np.linalg.norm((high - low)[:2]))
+        self._camera = target + np.array([-0.2, -0.28, 0.4]) * reach, target
+        for client in self._server.get_clients().values():
+            self._browser_came(client)
 
-        @self._server.on_client_connect
-        def _(client: Any) -> None:
-            client.camera.position = tuple(target + np.array([-0.2, -0.28, 0.4]) * reach)
-            client.camera.look_at = tuple(target)
+    def _browser_came(self, client: Any) -> None:
+        position, target = self._camera
+        client.camera.position, client.camera.look_at = tuple(position), tuple(target)

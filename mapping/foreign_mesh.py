@@ -54,10 +54,10 @@ def read(path: Path, *, unit: str | None = None, up: str | None = None) -> Forei
         FormatError: it cannot be read, holds no triangles, or a coordinate is not finite.
     """
     vertices, faces = _triangles(path)
-    R_world_file, up_because = _rotation(path, up)
+    R_world_file, up_because = rotation(path, up)
     extent = float(np.ptp(vertices, axis=0).max())
-    scale_m, unit_because = _scale(path, extent, unit)
-    vertices = scale_m * vertices @ R_world_file.T
+    unit_m, unit_because = scale(path, extent, unit)
+    vertices = unit_m * vertices @ R_world_file.T
     reach.require_near_origin(vertices, str(path))
     edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     open_edges = int((np.unique(edges, axis=0, return_counts=True)[1] == 1).sum())
@@ -109,8 +109,12 @@ def _triangles(path: Path) -> tuple[FloatArray, NDArray[np.int32]]:
     return merged, renamed.reshape(-1)[faces].astype(np.int32)
 
 
-def _rotation(path: Path, up: str | None) -> tuple[FloatArray, str]:
-    """R_world_file (3, 3), and the words for it."""
+def rotation(path: Path, up: str | None) -> tuple[FloatArray, str]:
+    """R_world_file (3, 3), and the words for it.
+
+    Raises:
+        InputError: `up` is no direction.
+    """
     if up is not None:
         return alignment.upright(_direction(up)).round(15), f"{up}, as given"
     kind = path.suffix.lower()
@@ -131,8 +135,12 @@ def _direction(up: str) -> FloatArray:
     return direction / np.linalg.norm(direction)
 
 
-def _scale(path: Path, extent: float, unit: str | None) -> tuple[float, str]:
-    """Metres of the file's unit, and the words for it."""
+def scale(path: Path, extent: float, unit: str | None) -> tuple[float, str]:
+    """Metres of the file's unit, and the words for it.
+
+    Raises:
+        InputError: it cannot be guessed from the extent in the file's numbers, or a map would not be that large.
+    """
     if unit is None and path.suffix.lower() == ".glb":
         unit, why = "m", "glTF's rule"
     elif unit is not None:
@@ -149,6 +157,6 @@ def _scale(path: Path, extent: float, unit: str | None) -> tuple[float, str]:
     if not EXTENT_M[0] <= extent_m <= EXTENT_M[1]:
         raise InputError(
             f"{path} would be {extent_m:.4g} m long with its {extent:.4g} in {unit}; a map has {EXTENT_M[0]:g} to "
-            f"{EXTENT_M[1]:g} m: give another --unit, or cut the mesh"
+            f"{EXTENT_M[1]:g} m: give another --unit, or cut it"
         )
     return UNITS_M[unit], f"{unit} ({why})"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import esdf
 from esdf import FREE, OCCUPIED, UNKNOWN, Grid, triangles
 from flight import FloatArray, InputError, file_format, results
-from mapping import foreign_mesh, map_folder
+from mapping import foreign_mesh, map_folder, reach
 from mapping.dense import mesh_file
 from mapping.foreign_mesh import ForeignMesh
 from mapping.map_server import Floor
@@ -27,8 +27,12 @@ class Space:
     grid: Grid
     state: NDArray[np.uint8]
     """(nx, ny, nz)."""
-    open_sides: int
-    """Voxels of the box's six faces that are free: there the mesh is open."""
+
+    @property
+    def open_sides(self) -> int:
+        """Free voxels on the six faces of the box: there nothing bounds the free space."""
+        sides = [np.take(self.state, end, axis) for axis in range(3) for end in (0, -1)]
+        return sum(int((side == FREE).sum()) for side in sides)
 
     def volume_m3(self, which: int) -> float:
         """Of the voxels in one state."""
@@ -48,53 +52,65 @@ def space(mesh: ForeignMesh, voxel_m: float, observed_world_m: FloatArray) -> Sp
     """
     low, high = mesh.vertices_world_m.min(axis=0), mesh.vertices_world_m.max(axis=0)
     grid = Grid.covering(low - voxel_m, high + voxel_m, voxel_m)
-    _require_few(grid, f"take --voxel {1.05 * voxel_m * (grid.voxels / MOST_VOXELS) ** (1 / 3):.2g}, or cut the mesh")
+    require_few(grid, "cut the mesh", coarser=True)
     surface = triangles.touched(mesh.vertices_world_m, mesh.faces, grid)
     state = np.where(surface, np.uint8(OCCUPIED), np.uint8(UNKNOWN))
-    state[_connected(surface, grid, observed_world_m)] = FREE
-    sides = [np.take(state, end, axis) for axis in range(3) for end in (0, -1)]
-    return Space(grid, state, sum(int((side == FREE).sum()) for side in sides))
+    remedy = f"lies in a voxel of the surface; name a place that is free, or take a smaller --voxel than {voxel_m:g} m"
+    state[connected(surface, grid, observed_world_m, "mesh", remedy)] = FREE
+    return Space(grid, state)
 
 
 def columns(floor: Floor, low_m: float, high_m: float) -> Space:
     """Columns of voxels over the cells of a two-dimensional map, in its states from one height to another.
 
     Raises:
-        InputError: there is less than a voxel between the heights, or there are too many.
+        InputError: there is less than a voxel between the heights, they are too far away, or there are too many voxels.
     """
+    reach.require_near_origin(np.array([low_m, high_m]), "--heights")
     layers = int((high_m - low_m) / floor.cell_m + 1e-6) if low_m < high_m else 0  # none that reaches beyond
     if layers < 1:
         raise InputError(f"--heights is {low_m:g},{high_m:g} m; the second must be at least {floor.cell_m:g} m higher")
     cube = (floor.cell_m, floor.cell_m, floor.cell_m)
     grid = Grid((*floor.low_world_m, low_m), cube, (*floor.state.shape, layers))
-    _require_few(grid, "give less between the heights, or a coarser map")
-    return Space(grid, np.repeat(floor.state[:, :, None], layers, axis=2), 0)
+    require_few(grid, "give less between the heights, or a coarser map")
+    return Space(grid, np.repeat(floor.state[:, :, None], layers, axis=2))
 
 
-def _require_few(grid: Grid, remedy: str) -> None:
+def require_few(grid: Grid, remedy: str, *, coarser: bool = False) -> None:
+    """
+    Raises:
+        InputError: there are more voxels than memory is for.
+    """
     if grid.voxels > MOST_VOXELS:
+        if coarser:
+            remedy = f"take --voxel {1.05 * grid.voxel_m[0] * (grid.voxels / MOST_VOXELS) ** (1 / 3):.2g}, or {remedy}"
         raise InputError(
             f"voxels of {grid.voxel_m[0]:g} m would be {grid.voxels / 1e6:,.0f} million, at most "
             f"{MOST_VOXELS / 1e6:g} million: {remedy}"
         )
 
 
-def _connected(surface: NDArray[np.bool_], grid: Grid, places_world_m: FloatArray) -> NDArray[np.bool_]:
-    """The voxels without surface that are connected with one of the places (n, 3)."""
+def connected(
+    closed: NDArray[np.bool_], grid: Grid, places_world_m: FloatArray, what: str, remedy: str
+) -> NDArray[np.bool_]:
+    """The voxels that are not closed and are connected with one of the places (n, 3), through faces of voxels.
+
+    Raises:
+        InputError: a place is outside of the box of `what`, or in a closed voxel; then `remedy` follows its name.
+    """
     from scipy import ndimage
 
     for place in places_world_m:
         if not grid.contains(place[None])[0]:
             corners = f"{np.round(grid.low_world_m, 2).tolist()} to {np.round(grid.high_world_m, 2).tolist()}"
-            raise InputError(f"--observed {_text(place)} is outside of the mesh's box, {corners} m in the map's frame")
-        if surface[_voxel(grid, place)]:
             raise InputError(
-                f"--observed {_text(place)} lies in a voxel of the surface; name a place that is free, or take a "
-                f"smaller --voxel than {grid.voxel_m[0]:g} m"
+                f"--observed {_text(place)} is outside of the {what}'s box, {corners} m in the map's frame"
             )
+        if closed[_voxel(grid, place)]:
+            raise InputError(f"--observed {_text(place)} {remedy}")
     if not len(places_world_m):
         return np.zeros(grid.shape, bool)
-    rooms, _ = ndimage.label(~surface)  # pyright: ignore[reportGeneralTypeIssues]
+    rooms, _ = ndimage.label(~closed)  # pyright: ignore[reportGeneralTypeIssues]
     return np.isin(rooms, [rooms[_voxel(grid, place)] for place in places_world_m])
 
 

@@ -1,6 +1,8 @@
 """The two-dimensional maps of ROS: image and YAML file of `map_server` (REP 105, frame `map`), written and read."""
 
 import io
+import math
+import warnings
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Any
@@ -11,11 +13,16 @@ from numpy.typing import NDArray
 from esdf import FREE, OCCUPIED, UNKNOWN, Field, Grid
 from flight import FloatArray, FormatError, InputError, errors
 from mapping import reach
+from mapping.camera import yaml_import
 
 _GREYS = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
 """As `map_saver` writes them; the thresholds below are its own."""
 CELLS_M = (0.005, 1.0)
 """Least and largest edge of a cell; beyond is a wrong unit."""
+MOST_CELLS = 50_000_000
+"""350 m square of cells of 5 cm; an import of one layer takes 0.8 GB of memory."""
+MOST_SIDES = 2_000_000
+"""Of walls, two triangles each; with them an import takes 1 GB of memory. Noise has more, floors of buildings fewer."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,25 +49,45 @@ def read(path: Path) -> Floor:
         raise InputError(f"{path}: resolution is {cell_m:g} m; it must be within {CELLS_M[0]:g} and {CELLS_M[1]:g} m")
     if turn != 0.0:
         raise InputError(f"{path}: the map is turned by {turn:g} rad; make it anew with an origin of [x, y, 0]")
+    states = _states(path, said)
+    grey = _image(path.parent / said["image"])
+    # Nav2 writes 205 for unknown, and thresholds between which 205 is free.
+    if said.get("mode") != "scale" and states[_GREYS[UNKNOWN]] == FREE and (grey == _GREYS[UNKNOWN]).any():
+        raise InputError(
+            f"{path}: free_thresh makes free what is grey {_GREYS[UNKNOWN]}, by which map savers mean unknown; write "
+            "free_thresh: 0.196"
+        )
+    corners = np.array([[x_m, y_m, 0.0], [x_m + cell_m * grey.shape[1], y_m + cell_m * grey.shape[0], 0.0]])
+    reach.require_near_origin(corners, str(path))
+    return Floor(np.ascontiguousarray(states[grey[::-1].T]), cell_m, (x_m, y_m))
+
+
+def _states(path: Path, said: dict[str, Any]) -> NDArray[np.uint8]:
+    """(256,) what each grey means."""
     if (mode := said.get("mode", "trinary")) not in ("trinary", "scale"):
-        raise InputError(f"{path}: mode is {mode!r}; trinary and scale are read")
+        raise InputError(f"{path}: mode is {_shown(mode)}; trinary and scale are read")
     if (negate := said.get("negate", 0)) not in (0, 1):
-        raise FormatError(f"{path}: negate is {negate!r}; it must be 0 or 1")
-    grey = _image(path.parent / str(said["image"]))
-    share = (grey if negate else 255 - grey.astype(np.int64)) / 255.0
+        raise FormatError(f"{path}: negate is {_shown(negate)}; it must be 0 or 1")
     occupied, free = _number(path, said, "occupied_thresh"), _number(path, said, "free_thresh")
     if not 0.0 <= free < occupied <= 1.0:
         raise InputError(f"{path}: free_thresh {free:g} and occupied_thresh {occupied:g} must rise from 0 to 1")
-    state = np.where(share > occupied, OCCUPIED, np.where(share < free, FREE, UNKNOWN)).astype(np.uint8)
-    corners = np.array([[x_m, y_m, 0.0], [x_m + cell_m * grey.shape[1], y_m + cell_m * grey.shape[0], 0.0]])
-    reach.require_near_origin(corners, str(path))
-    return Floor(np.ascontiguousarray(state[::-1].T), cell_m, (x_m, y_m))
+    share = (np.arange(256) if negate else np.arange(255, -1, -1)) / 255.0
+    return np.where(share > occupied, OCCUPIED, np.where(share < free, FREE, UNKNOWN)).astype(np.uint8)
 
 
 def walls(floor: Floor, low_m: float, high_m: float) -> tuple[FloatArray, NDArray[np.int32]]:
-    """Vertices (v, 3) and faces (f, 3) of the upright sides of what is occupied, from one height to another."""
+    """Vertices (v, 3) and faces (f, 3) of the upright sides of what is occupied, from one height to another.
+
+    Raises:
+        InputError: there are more than `MOST_SIDES`.
+    """
     solid = np.pad(floor.state == OCCUPIED, 1)
     ends = []
+    if (count := sum(np.count_nonzero(np.diff(solid, axis=axis)) for axis in (0, 1))) > MOST_SIDES:
+        raise InputError(
+            f"what is occupied has {count / 1e6:.1f} million sides of cells, at most {MOST_SIDES / 1e6:g} million are "
+            "read: remove its speckle, or cut the map"
+        )
     for axis in (0, 1):
         steps = np.diff(solid.astype(np.int8), axis=axis)
         for sign in (1, -1):
@@ -78,49 +105,73 @@ def walls(floor: Floor, low_m: float, high_m: float) -> tuple[FloatArray, NDArra
 
 
 def _yaml(path: Path) -> dict[str, Any]:
-    from ruamel.yaml import YAML, YAMLError
-
-    if not path.is_file():
-        raise errors.missing(path)
-    try:
-        said = YAML(typ="safe", pure=True).load(path.read_text())
-    except (YAMLError, ValueError, RecursionError) as error:
-        raise FormatError(f"{path} is not valid YAML: {' '.join(str(error).split())[:200]}") from None
+    said = yaml_import.parsed(path)
     if not isinstance(said, dict) or "image" not in said:
         raise FormatError(f"{path} names no image: it is no map of map_server")
+    if not isinstance(said["image"], str) or not said["image"]:
+        raise FormatError(f"{path}: image is {_shown(said['image'])}; it must be the name of a file")
     return said
+
+
+def _shown(value: Any) -> str:
+    """A value for a message, never long: aliases make a few lines of YAML a list of millions."""
+    if isinstance(value, str):
+        return repr(value[:60])
+    if value is None or isinstance(value, bool | float) or (isinstance(value, int) and value.bit_length() < 64):
+        return repr(value)
+    return {int: "a huge number", list: "a list", dict: "a table"}.get(type(value), type(value).__name__)
 
 
 def _number(path: Path, said: dict[str, Any], name: str) -> float:
     value = said.get(name)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise FormatError(f"{path}: {name} is {value!r}; it must be a number")
-    return float(value)
+    try:
+        number = float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise FormatError(f"{path}: {name} is {_shown(value)}; it must be a number")
+    return number
 
 
 def _origin(path: Path, said: dict[str, Any]) -> tuple[float, float, float]:
     origin = said.get("origin")
     if not isinstance(origin, list) or len(origin) != 3:
-        raise FormatError(f"{path}: origin is {origin!r}; it must be [x, y, yaw]")
+        raise FormatError(f"{path}: origin is {_shown(origin)}; it must be [x, y, yaw]")
     x, y, yaw = (_number(path, {"origin": value}, "origin") for value in origin)
     return x, y, yaw
 
 
 def _image(path: Path) -> NDArray[np.uint8]:
-    """(rows, columns) greys."""
+    """(rows, columns) greys; refused before it is decoded where it is too large or of another kind."""
     from PIL import Image
 
     if not path.is_file():
         raise errors.missing(path)
     try:
-        with Image.open(path) as image:
-            kind = image.mode if "transparency" not in image.info else "transparent"
-            grey = np.asarray(image.convert("L"))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            image = Image.open(path)
+        with image:
+            _require_grey_and_few(path, image)
+            pixels = np.asarray(image if image.mode == "RGB" else image.convert("L"))
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise FormatError(f"{path} cannot be read: {' '.join(str(error).split())[:200]}") from None
+    if pixels.ndim == 3:
+        if (pixels != pixels[:, :, :1]).any():  # programs differ in the grey that they make of a colour
+            raise InputError(f"{path} has colours; save it as 8-bit grey")
+        pixels = pixels[:, :, 0]
+    return pixels
+
+
+def _require_grey_and_few(path: Path, image: Any) -> None:
+    kind = image.mode if "transparency" not in image.info else "transparent"
     if kind not in ("1", "L", "RGB"):  # of 16 bits, what is unknown would be as white as what is free
         raise InputError(f"{path} has pixels of kind {kind}; save it as 8-bit grey without transparency")
-    return grey
+    if (cells := image.width * image.height) > MOST_CELLS:
+        raise InputError(
+            f"{path} has {cells / 1e6:,.0f} million cells, at most {MOST_CELLS / 1e6:g} million are read: cut it, or "
+            "make it coarser"
+        )
 
 
 def slice_at(field: Field, height_m: float) -> NDArray[np.uint8]:

@@ -17,6 +17,6 @@ def require_near_origin(points_world_m: FloatArray, what: str) -> None:
     known = np.abs(points_world_m[np.isfinite(points_world_m)])
     if known.size and (farthest_m := float(known.max())) > FARTHEST_M:
         raise InputError(
-            f"{what} would lie {farthest_m / 1000.0:,.0f} km from the origin, at most {FARTHEST_M / 1000.0:g} km may "
+            f"{what} would lie {farthest_m / 1000.0:,.4g} km from the origin, at most {FARTHEST_M / 1000.0:g} km may "
             "be: subtract a round number of metres from all coordinates (of a national grid, say)"
         )

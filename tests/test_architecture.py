@@ -33,6 +33,7 @@ ROOMS = {
     "mapping.dense": {"mapping.camera"},
     "mapping.localization": {"mapping.camera", "mapping.input", "mapping.sparse"},
     "mapping.exploration": {"mapping.camera"},
+    "mapping.cloud": {"mapping.input"},
     "planner.request": set(),
     "planner.route": {"planner.request"},
     "planner.curve": {"planner.request"},

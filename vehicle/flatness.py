@@ -15,6 +15,8 @@ from vehicle.model import Vehicle, rigid_body
 
 _OFFSET_S = 2e-3
 """Spacing of the five instants from which rates are taken: truncation and rounding are both near 1e-8 rad/s there."""
+_UNSETTLED = 1e-6
+"""A last change of attitude and rotor speeds above which they are unknown."""
 _FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
 _SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
 
@@ -125,7 +127,7 @@ def _state_numpy(vehicle: Vehicle, times: FloatArray, path: _Path, ground_m: flo
     offsets = np.repeat(np.arange(-2, 3) * _OFFSET_S, n)[:, None]
     q = np.zeros((5 * n, 4))
     for _ in range(2):  # forces depend a little on the rates, which come from the attitudes: two iterations suffice
-        q, speed = _attitudes(vehicle, path, rate, speed, ground_m)
+        q, speed, _ = _attitudes(vehicle, path, rate, speed, ground_m)
         centre_rate, turn = _rates(q.reshape(5, n, 4))
         rate = np.tile(centre_rate, (5, 1)) + offsets * np.tile(turn, (5, 1))
     middle = slice(2 * n, 3 * n)
@@ -136,13 +138,13 @@ def _at_nodes_numpy(
     vehicle: Vehicle, path: _Path, derivatives: tuple[FloatArray, FloatArray], scale: FloatArray
 ) -> FloatArray:
     """NumPy reference of the kernel, and the form for vehicles with effects of the user's own."""
-    p, n = len(scale), len(path.yaw)
+    (p, m), n = (len(scale), len(derivatives[0])), len(path.yaw)
     q, speed = np.zeros((n, 4)), np.broadcast_to(invert.hover(vehicle), (n, 4))
-    rate, turn = np.zeros((n, 3)), np.zeros((n, 3))
+    rate, turn, change = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n)
     for _ in range(2):  # forces depend a little on the rates, which come from the attitudes: two iterations suffice
-        q, speed = _attitudes(vehicle, path, rate, speed, -np.inf)
+        q, speed, change = _attitudes(vehicle, path, rate, speed, -np.inf)
         slopes = (
-            portable.product(operator, q.reshape(p, -1, 4)).reshape(n, 4) * np.repeat(scale**order, n // p)[:, None]
+            portable.product(operator, q.reshape(p, m, 4)).reshape(n, 4) * np.repeat(scale**order, m)[:, None]
             for order, operator in enumerate(derivatives, start=1)
         )
         rate, turn = (2.0 * rotations.multiply(rotations.conjugate(q), slope)[:, 1:] for slope in slopes)
@@ -151,8 +153,9 @@ def _at_nodes_numpy(
     velocity, around = rotations.rotate(back, path.velocity), _around(path, q, -np.inf)
     torque = _torque(vehicle, rate, turn)
     rotor = invert.rotor_speeds(vehicle, thrust, torque, velocity, rate, surroundings=around, guess_rad_s=speed)
+    rotor[~(change < _UNSETTLED)] = np.nan
     up = 1.0 - 2.0 * (q[:, 1] ** 2 + q[:, 2] ** 2)
-    return np.column_stack([up, rate, rotor]).reshape(p, -1, 8)
+    return np.column_stack([up, rate, rotor]).reshape(p, m, 8)
 
 
 def _torque(vehicle: Vehicle, rate: FloatArray, turn: FloatArray) -> FloatArray:
@@ -181,13 +184,13 @@ def _sample(trajectory: Trajectory, times: FloatArray) -> _Path:
 
 def _attitudes(
     vehicle: Vehicle, path: _Path, rate: FloatArray, speed: FloatArray, ground_m: float
-) -> tuple[FloatArray, FloatArray]:
-    """Attitude and even rotor speeds at which the vehicle's own forces give the path's acceleration.
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Attitude and even rotor speeds at which the vehicle's own forces give the path's acceleration; last change.
 
     Drag decides the thrust axis and the thrust axis decides drag: a contraction, as drag is a fraction of thrust.
     """
     required = _required(vehicle, path)
-    size = np.linalg.norm(required, axis=1)
+    size, change = np.linalg.norm(required, axis=1), np.zeros(len(required))
     q = hopf(required / np.where(size > 1e-9, size, np.nan)[:, None], path.yaw)
     for _ in range(200):
         turned, along, force_z = _turned(vehicle, required, path, q, rate, speed, ground_m)
@@ -196,7 +199,7 @@ def _attitudes(
         q, speed = turned, speed * ratio[:, None]
         if not (change > 1e-13).any():
             break
-    return q, speed
+    return q, speed, change
 
 
 def _turned(

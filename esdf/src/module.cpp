@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -196,6 +197,29 @@ void carve(Out<std::uint8_t, 3> state, In<double, 2> origins, In<double, 2> ends
     }
 }
 
+// As `carve`, but each line ends before the first occupied voxel. reached[i]: the distance from its origin to the
+// centre of that voxel, in voxels; infinite where there is none before that of ends[i].
+void carve_visible(Out<std::uint8_t, 3> state, In<double, 2> origins, In<double, 2> ends, std::uint8_t value,
+                   Out<double, 1> reached) {
+    nb::gil_scoped_release release;
+    const Shape n(state);
+    for (std::size_t i = 0; i < origins.shape(0); ++i) {
+        const Point start = point_of(origins, i), end = point_of(ends, i);
+        const Index last[3] = {voxel_of(end[0]), voxel_of(end[1]), voxel_of(end[2])};
+        double& met = reached.data()[i] = std::numeric_limits<double>::infinity();
+        walk(start, end, n.size, [&](Index x, Index y, Index z) {
+            if (x == last[0] && y == last[1] && z == last[2]) return false;
+            std::uint8_t& voxel = state.data()[(x * n[1] + y) * n[2] + z];
+            if (voxel == OCCUPIED) {
+                met = std::hypot(x + 0.5 - start[0], y + 0.5 - start[1], z + 0.5 - start[2]);
+                return false;
+            }
+            voxel = value;
+            return true;
+        });
+    }
+}
+
 // Whether nothing occupied lies between the eye and each target (the target's own voxel may be).
 void line_of_sight(In<std::uint8_t, 3> state, nb::tuple eye, In<double, 2> targets, Out<bool, 1> visible) {
     const Point start = {nb::cast<double>(eye[0]), nb::cast<double>(eye[1]), nb::cast<double>(eye[2])};
@@ -247,6 +271,7 @@ NB_MODULE(_esdf, m) {
     m.def("cut_distance_bricks", &cut_bricks<float>);
     m.def("cut_state_bricks", &cut_bricks<std::uint8_t>);
     m.def("carve", &carve);
+    m.def("carve_visible", &carve_visible);
     m.def("line_of_sight", &line_of_sight);
     m.def("mark_triangles", &mark_triangles);
     m.def("instruction_sets", [] {

@@ -33,13 +33,8 @@ def _entry(folder: Path, *, current: bool) -> messages.ProjectEntry:
 
 
 def _problem(opened: Project) -> str:
-    missing = [
-        name
-        for name, found in (("map", (opened.map / "map.toml").is_file()), ("vehicle file", opened.vehicle.is_file()))
-        if not found
-    ]
-    if missing:
-        return f"it has no {' and no '.join(missing)}; `goshawk init {opened.folder.name}` says how to add one"
+    if not opened.vehicle.is_file():
+        return f"it has no vehicle file; `goshawk init {opened.folder.name}` says how to add one"
     return "another ground station has it open" if _is_locked(opened.folder / ".session" / "lock") else ""
 
 

@@ -49,6 +49,7 @@ class Files(State, frozen=True, tag="files"):
     flights: list[str]
     bin: list[Aside] = []
     """Trajectories that were discarded or replaced, newest first."""
+    has_map: bool = True
 
 
 class Save(Command, frozen=True, tag="save", kw_only=True):

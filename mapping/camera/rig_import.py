@@ -217,7 +217,7 @@ def text(path: Path) -> str:
     if not path.is_file():
         raise errors.missing(path)
     if path.stat().st_size > LARGEST_BYTES:
-        raise FormatError(f"{path} has {path.stat().st_size} bytes; a calibration has less than {LARGEST_BYTES}")
+        raise FormatError(f"{path} has {path.stat().st_size} bytes; at most {LARGEST_BYTES} are read")
     try:
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:

@@ -35,7 +35,7 @@ def read(path: Path) -> tuple[Rig, tuple[str, ...]]:
         InputError: no such file, or a lens that is none of ours.
         FormatError: it is no calibration.
     """
-    document = _document(path)
+    document = parsed(path)
     tables = [table for table in document.values() if isinstance(table, dict)] if isinstance(document, dict) else []
     notes = tuple(note for table in tables for note in _notes(table))
     if not isinstance(document, dict):
@@ -47,8 +47,13 @@ def read(path: Path) -> tuple[Rig, tuple[str, ...]]:
     return rig_import.read_kalibr(path, document), notes
 
 
-def _document(path: Path) -> Any:
-    """What the YAML holds; OpenCV writes a header and tags of its own."""
+def parsed(path: Path) -> Any:
+    """What the YAML holds; OpenCV writes a header and tags of its own.
+
+    Raises:
+        InputError: no such file.
+        FormatError: it is too large, or no YAML.
+    """
     from ruamel.yaml import YAML, YAMLError
 
     lines = rig_import.text(path).replace("!!opencv-matrix", "").splitlines()

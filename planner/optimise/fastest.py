@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import esdf
-from flight import FloatArray, Progress, Trajectory, silent
+from flight import FloatArray, Progress, Trajectory, polynomial, silent
 from flight.trajectory import LONGEST_S
 from planner.curve import minimum_snap
 from planner.curve.attitude import Memory, segment_keys
@@ -20,6 +20,7 @@ from planner.gate.gate import AskGate, GateReport
 from planner.optimise import descents
 from planner.optimise.corrections import Corrections
 from planner.optimise.time_allocation import Problem
+from planner.request import space
 from planner.request.conditions import Conditions
 from planner.request.inputs import Request
 from planner.request.options import PlanInfeasibleError
@@ -35,6 +36,8 @@ _FEW = 0.4
 """Share of the segments below which only those that exceed a limit, and their neighbours, are optimised again."""
 _REACH, _FAR = 4, 6
 """Neighbours on either side that are; so many where a waypoint has moved."""
+_LOOKED_AT = np.linspace(0.0, 1.0, 33)
+"""Where in each segment clearance is looked at, once the path is known to lack some."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -235,18 +238,17 @@ def _lacking(request: Request, path: Trajectory, proven: set[bytes]) -> FloatArr
     """(k,) what each segment not yet `proven` lacks of the required clearance, and 0 for the others."""
     keys, required_m = segment_keys(path, np.arange(len(path.durations_s))), request.options.clearance_m
     new, lack_m = np.array([i for i, key in enumerate(keys) if key not in proven], dtype=np.int64), np.zeros(len(keys))
-
-    def certified(segments: np.ndarray) -> esdf.Clearance:
-        part = Trajectory(path.durations_s[segments], path.coefficients[segments])
-        return esdf.certify(request.field, part, required_m)
-
-    if new.size and not (together := certified(new)).passed:
-        for i in new:
-            alone = certified(np.array([i]))
-            lack_m[i] = 0.0 if alone.passed else required_m - alone.proven_m
-        if not lack_m.any():  # less is proved of segments together, and so it is at the gate
-            lack_m[new[together.segment]] = required_m - together.proven_m
-    proven.update(key for key, lack in zip(keys, lack_m, strict=True) if lack == 0.0)
+    if not new.size:
+        return lack_m
+    durations, coefficients = path.durations_s[new], path.coefficients[new]
+    found = esdf.certify(request.field, Trajectory(durations, coefficients), required_m)
+    if found.passed:
+        proven.update(keys)
+        return lack_m
+    points = polynomial.evaluate(coefficients[:, None, :3], (_LOOKED_AT * durations[:, None])[..., None])
+    nearest = space.distance(request.field, points.reshape(-1, 3)).reshape(len(new), -1).min(axis=1)
+    lack_m[new] = np.maximum(required_m - nearest, 0.0)
+    lack_m[new[found.segment]] = required_m - found.proven_m
     return lack_m
 
 

@@ -57,7 +57,7 @@ def test_the_projects_beside_this_one_are_listed_as_text(station, page):
     page.get_by_title("Projects").click()
     dialog = page.get_by_role("dialog", name="Projects")
     dialog.get_by_text("<i>yard</i>").wait_for()
-    dialog.get_by_text("it has no map and no vehicle file").wait_for()
+    dialog.get_by_text("it has no vehicle file").wait_for()
     assert dialog.get_by_role("button", name="Open <i>yard</i>").is_disabled()
     page.keyboard.press("Escape")
     dialog.wait_for(state="detached")

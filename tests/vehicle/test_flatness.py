@@ -6,7 +6,7 @@ import pytest
 import vehicle
 from flight import Trajectory, rotations
 from flight.frames import GRAVITY_M_S2
-from vehicle import flatness
+from vehicle import flatness, native
 
 
 def wavy(seed=0):
@@ -35,6 +35,33 @@ def test_compiled_and_plain_flatness_agree(name):
     np.testing.assert_allclose(fast.rate_body_rad_s, slow.rate_body_rad_s, atol=1e-8)
     np.testing.assert_allclose(fast.torque_n_m, slow.torque_n_m, atol=1e-7)
     np.testing.assert_allclose(fast.rotor_speed_rad_s, slow.rotor_speed_rad_s, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["rigter2019", "hummingbird"])
+def test_an_attitude_that_did_not_settle_has_no_rotor_speeds_and_one_within_the_speed_limit_settles(name, monkeypatch):
+    v, rng, count = vehicle.example(name), np.random.default_rng(0), 1500
+    velocity, acceleration = (rng.normal(size=(count, 1, 3)) * scale for scale in ([8.0, 8.0, 1.7], [5.0, 5.0, 1.7]))
+    yaw, still, pace = rng.uniform(-3.0, 3.0, (count, 1)), (np.zeros((1, 1)),) * 2, np.ones(count)
+    fast = flatness.at_nodes(v, velocity, acceleration, yaw, still, pace)[:, 0]
+    monkeypatch.setattr(native, "compiled", lambda _: None)
+    slow = flatness.at_nodes(v, velocity, acceleration, yaw, still, pace)[:, 0]
+    flown = np.linalg.norm(velocity[:, 0], axis=1) < v.limits.speed_m_s
+    settled = [np.isfinite(values).all(axis=1) for values in (fast, slow)]
+    assert settled[0][flown].all()
+    assert settled[1][flown].all()
+    assert not settled[1].all()
+    assert name == "rigter2019" or not settled[0].all()
+    both = settled[0] & settled[1]
+    np.testing.assert_allclose(fast[both], slow[both], rtol=0.0, atol=5e-3)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_of_no_pieces_there_are_no_values(compiled, monkeypatch):
+    if not compiled:
+        monkeypatch.setattr(native, "compiled", lambda _: None)
+    none, operators = np.zeros((0, 12, 3)), (np.zeros((12, 12)),) * 2
+    found = flatness.at_nodes(vehicle.example(), none, none, np.zeros((0, 12)), operators, np.zeros(0))
+    assert found.shape == (0, 12, 8)
 
 
 # Speed-scaled rotor drag depends on each rotor, hence on torque, hence on the fourth derivative of the path: rates

@@ -80,7 +80,7 @@ class Anderson {
     }
 
   private:
-    double image_[2][5], change_[2][5];  // of the last step and the one before
+    double image_[2][5] = {}, change_[2][5] = {};  // of the last step and the one before
     int known_ = 0;
 };
 
@@ -143,22 +143,22 @@ struct Alignment {
         for (int i = 0; i < 4; ++i) n[i] = ratio * hover[i];
     }
 
-    // Attitude and rotor speeds (their proportions kept) that give the path's acceleration.
-    void attitude(const PathPoint& p, const double rate[3], double tolerance, double n[4], double q[4]) const {
+    // Attitude and rotor speeds (their proportions kept) that give the path's acceleration; how much the last step
+    // changed them.
+    double attitude(const PathPoint& p, const double rate[3], double tolerance, double n[4], double q[4]) const {
         const HalfTurn yaw(p.yaw);
         Anderson next;
-        double scale = 0.0;  // logarithm of what the rotor speeds were multiplied by
-        for (int step = 0; step < 60; ++step) {
+        double scale = 0.0, change = INFINITY;  // logarithm of what the rotor speeds were multiplied by
+        for (int step = 0; step < 60 && !(change < tolerance); ++step) {
             double x[5] = {q[0], q[1], q[2], q[3], scale}, turned[4] = {q[0], q[1], q[2], q[3]}, force_z;
             const double along = line_up(p, yaw, rate, n, turned, force_z);
             // thrust grows about with the square of the speed
             const double faster = 0.5 * logarithm(std::fmax(along, 0.0) / std::fmax(force_z, 1e-12));
             const double bounded = std::fmin(std::fmax(faster, -kLog2), kLog2);
             const double image[5] = {turned[0], turned[1], turned[2], turned[3], scale + bounded};
-            double change = 0.0;
+            change = 0.0;
             for (int k = 0; k < 5; ++k) change = std::fmax(change, std::fabs(image[k] - x[k]));
-            const bool settled = change < tolerance;
-            if (settled) {
+            if (change < tolerance) {
                 for (int k = 0; k < 5; ++k) x[k] = image[k];
             } else {
                 next(image, x);
@@ -169,8 +169,8 @@ struct Alignment {
                 q[k] = x[k];
             }
             scale = x[4];
-            if (settled) break;
         }
+        return change;
     }
 };
 
@@ -358,13 +358,16 @@ inline void flatten(const Alignment& l, const Inversion& inversion, const double
     }
 }
 
+// A last change of attitude and rotor speeds above this leaves them unknown.
+constexpr double kUnsettled = 1e-6;
+
 // A piece of a path at m nodes, by differentiation of the attitudes there. first, second: (m, m) derivatives by the
 // piece's own argument, which runs `scale` times as fast as time; path: (m,). out: (m, 8) of the cosine of the tilt,
 // body rate and rotor speeds.
 inline void at_nodes(const Alignment& l, const Inversion& inversion, const double hover[4], size_t m,
                      const double* first, const double* second, double scale, const PathPoint* path, double* out) {
     struct Node {
-        double q[4], speed[4], rate[3], derivative[3], torque[3];
+        double q[4], speed[4], rate[3], derivative[3], torque[3], change;
     };
     std::vector<Node> nodes(m);
     for (size_t i = 0; i < m; ++i) {
@@ -372,7 +375,10 @@ inline void at_nodes(const Alignment& l, const Inversion& inversion, const doubl
         std::fill(nodes[i].rate, nodes[i].rate + 3, 0.0);
     }
     for (const double tolerance : {1e-6, 1e-10}) {  // forces depend a little on the rates: two iterations suffice
-        for (size_t i = 0; i < m; ++i) l.attitude(path[i], nodes[i].rate, tolerance, nodes[i].speed, nodes[i].q);
+        for (size_t i = 0; i < m; ++i) {
+            Node& n = nodes[i];
+            n.change = l.attitude(path[i], n.rate, tolerance, n.speed, n.q);
+        }
         for (size_t i = 0; i < m; ++i) {
             double slope[4] = {}, bend[4] = {};
             for (size_t j = 0; j < m; ++j) {
@@ -390,6 +396,7 @@ inline void at_nodes(const Alignment& l, const Inversion& inversion, const doubl
         Node& n = nodes[i];
         torque_of(l.body, n.rate, n.derivative, n.torque);
         rotors_at(l, inversion, path[i], n.q, n.rate, n.torque, n.speed);
+        if (!(n.change < kUnsettled)) std::fill(n.speed, n.speed + 4, NAN);
         double* o = out + 8 * i;
         o[0] = 1.0 - 2.0 * (n.q[1] * n.q[1] + n.q[2] * n.q[2]);
         std::copy(n.rate, n.rate + 3, o + 1);

@@ -58,10 +58,10 @@ def command(
     goshawk gcs demo-out --url udp://127.0.0.1:14550
     goshawk gcs demo-out --host station.example --tls-cert station.pem --tls-key station.key
 
-    PROJECT is a folder of `goshawk init` (or the demo's) with a map and a vehicle; a missing part is reported with the
-    command that adds it. Each printed address lets one browser in; then the next one is printed. The page listens on
-    this machine only, unless a certificate is given. It lists the projects in the folder that PROJECT is in, and opens
-    another one in its place. From another machine, forward its port:
+    PROJECT is a folder of `goshawk init` (or the demo's) with a vehicle. Without a map flights are compared and
+    learned from, and nothing is planned. Each printed address lets one browser in; then the next one is printed.
+    The page listens on this machine only, unless a certificate is given. It lists the projects in the folder that
+    PROJECT is in, and opens another one in its place. From another machine, forward its port:
 
     \b
     ssh -L 8080:127.0.0.1:8080 THIS-MACHINE

@@ -26,7 +26,7 @@ def export(map_folder: Path, out: Path, height_m: float | None, overwrite: bool,
     goshawk map export map --out room.pgm --height 1.2
 
     Metres, z up. A slice has the pilot's edits, the mesh has none. In the image occupied is black, free white, unknown
-    grey. `goshawk map import` reads the PLY, not which space is free.
+    grey. `goshawk map import` reads the YAML, and the PLY, which does not say which space is free.
     """
     kind = out.suffix.lower()
     if kind not in (".ply", ".pgm"):

@@ -1,4 +1,4 @@
-"""`goshawk map import`: a map without images, from a mesh or a two-dimensional map of another program."""
+"""`goshawk map import`: a map without images, from a mesh, points or a two-dimensional map of another program."""
 
 from pathlib import Path
 from typing import Any
@@ -11,17 +11,63 @@ from flight import FloatArray, InputError, results
 from goshawk.terminal import console, outputs
 from mapping import map_folder
 
+_VOXEL_M, _GAP_M = 0.05, 0.2
+_IMAGES = (".pgm", ".png", ".bmp", ".jpg", ".jpeg", ".tif", ".tiff")
+_KINDS = {"mesh": "meshes", "cloud": "points", "map": "two-dimensional maps (YAML)"}
+_A_KIND = {"mesh": "a mesh", "cloud": "a cloud of points", "map": "a two-dimensional map"}
+_OF_SHAPES, _OF_CLOUDS = ("mesh", "cloud"), ("cloud",)
+_FOR: dict[str, tuple[str, ...]] = {
+    "--unit": _OF_SHAPES,
+    "--up": _OF_SHAPES,
+    "--voxel": _OF_SHAPES,
+    "--observed": _OF_SHAPES,
+    "--sensor": _OF_CLOUDS,
+    "--sensor-poses": _OF_CLOUDS,
+    "--viewpoints": _OF_CLOUDS,
+    "--least-points": _OF_CLOUDS,
+    "--gap": _OF_CLOUDS,
+    "--heights": ("map",),
+}
+"""Kinds of FILE that each option is for."""
+_KEPT = (
+    "imported_from",
+    "unit",
+    "up",
+    "observed_world_m",
+    "open_edges",
+    "open_sides",
+    "points",
+    "rays",
+    "least_points",
+)
+"""Of the document, what `map.toml` says."""
+_MAKES_FREE = {
+    "mesh": "name a place that is, by --observed X,Y,Z",
+    "cloud": "say from where they were measured (--sensor, --sensor-poses, --viewpoints), or what is free (--observed)",
+    "map": "check its image and free_thresh",
+}
+
 
 @click.command("import")
 @click.argument("file", metavar="FILE", type=click.Path(path_type=Path))
 @console.path_option("--out", "out", "Map folder to write.", required=True)
 @click.option("--unit", type=click.Choice(["m", "mm", "cm", "ft"]), help="Unit of FILE [default: guessed, and shown].")
 @click.option("--up", "up", metavar="AXIS", help="Direction that is up: x, y, z, -x, -y, -z or X,Y,Z of FILE.")
-@click.option("--voxel", "voxel_m", default=0.05, show_default=True, help="Edge of a voxel, metres.")
+@click.option("--voxel", "voxel_m", type=float, help="Edge of a voxel, metres [default: 0.05].")
 @click.option(
     "--observed", "observed", multiple=True, metavar="X,Y,Z",
     help="A place in the map that is known to be free, with all that no surface parts from it; may be repeated.",
 )  # fmt: skip
+@click.option("--sensor", metavar="X,Y,Z", help="Place in the map from which all points were measured.")
+@console.path_option("--sensor-poses", "poses", "Poses of the sensor by the times of the points, TUM or EuRoC.")
+@click.option("--viewpoints", is_flag=True, help="Points were measured from their own vp_x, vp_y, vp_z.")
+@click.option("--least-points", type=click.IntRange(1), help="Points in an occupied voxel [default: 1].")
+@click.option(
+    "--gap",
+    "gap_m",
+    type=float,
+    help="Widest hole between points that --observed does not pass, metres [default: 0.2].",
+)
 @click.option("--heights", metavar="LOW,HIGH", help="Between which a two-dimensional FILE holds, metres.")
 @console.dry_run_option
 @outputs.overwrite_option
@@ -31,60 +77,108 @@ def import_(
     out: Path,
     unit: str | None,
     up: str | None,
-    voxel_m: float,
+    voxel_m: float | None,
     observed: tuple[str, ...],
+    sensor: str | None,
+    poses: Path | None,
+    viewpoints: bool,
+    least_points: int | None,
+    gap_m: float | None,
     heights: str | None,
     dry_run: bool,
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Make a map of a mesh that another program made, PLY, OBJ, STL or GLB, or of a map of ROS' map_server, YAML.
+    """Make a map of another program's mesh (PLY, OBJ, STL, GLB), points (PLY, PCD) or ROS map (map_server's YAML).
 
     \b
     goshawk map import room.ply --out map --dry-run
     goshawk map import room.ply --out map --observed 2,1.5,1.2
     goshawk map import house.stl --out map --unit mm --up y --observed 2,1.5,1.2
+    goshawk map import scan.pcd --out map --sensor 0,0,1.5
+    goshawk map import walk.ply --out map --sensor-poses lidar_tum.txt
     goshawk map import hall.yaml --out map --heights 0,2.5
 
     Voxels that a triangle touches are occupied, all others unknown: a mesh does not say what was seen. --observed
     states it, in metres in the map's frame, for the space about a place as far as surfaces and the mesh's box. Normals
     are not used. Nothing checks unit, up and missing surfaces, so the map's verdict is "not judged".
 
+    Of points, voxels that hold some are occupied. Free is what a ray from the sensor to its point passed before
+    anything occupied: --sensor, --sensor-poses or --viewpoints say from where. The poses are in metres in FILE's
+    axes, of the sensor itself. --observed passes no hole up to --gap wide, and stays half of it away from points.
+
     A map of map_server holds for one height. With --heights you state that all between LOW and HIGH is as at that one,
     free or occupied: tables and lamps are what it does not show. Its cells become voxels.
     """
-    if not 0.0 < voxel_m < float("inf"):
-        raise InputError(f"--voxel is {voxel_m:g} m; it must be above 0")
     places = np.array([console.numbers("--observed", text, 3) for text in observed]).reshape(-1, 3)
+    for name, value in (("--voxel", voxel_m), ("--gap", gap_m)):
+        if value is not None and not 0.0 < value < float("inf"):
+            raise InputError(f"{name} is {value:g} m; it must be above 0")
+    kind = _kind(file)
+    _require_fitting(
+        kind,
+        {"--unit": unit, "--up": up, "--voxel": voxel_m, "--observed": observed, "--heights": heights}
+        | {"--sensor": sensor, "--sensor-poses": poses, "--viewpoints": viewpoints}
+        | {"--least-points": least_points, "--gap": gap_m},
+    )
     results.require_free_folder(out, overwrite=overwrite, ours=map_folder.is_map)
     from mapping import foreign_mesh, imported
 
     with console.progress() as progress:
         progress("read the file", 0.0)
-        if file.suffix.lower() in (".yaml", ".yml"):
-            mesh, space = _floor(file, unit, up, places, heights)
-        elif heights is not None:
-            raise InputError(f"--heights is for two-dimensional maps, in YAML; {file.name} is a mesh")
+        if kind == "map":
+            mesh, space, facts = _floor(file, heights)
+        elif kind == "cloud":
+            from goshawk.commands.map import import_cloud
+
+            rays = import_cloud.Rays(sensor, poses, viewpoints)
+            options = import_cloud.Options(voxel_m or _VOXEL_M, least_points or 1, places, gap_m or _GAP_M)
+            mesh, space, facts = import_cloud.read(file, unit, up, rays, options, progress)
         else:
             mesh = foreign_mesh.read(file, unit=unit, up=up)
             progress("voxels", 0.3)
-            space = imported.space(mesh, voxel_m, places)
-    document = _document(file, mesh, space, places)
+            space = imported.space(mesh, voxel_m or _VOXEL_M, places)
+            facts = _triangles(mesh)
+    document = _document(file, mesh, space, places) | facts | {"written": None}
     if not dry_run:
         earlier = results.newest_kept(out)
-        document["hash"] = imported.write(out, mesh, space, _kept(document), _reason(file), overwrite=overwrite)
+        stated = {name: document[name] for name in _KEPT if document.get(name) is not None}
+        document["hash"] = imported.write(out, mesh, space, stated, _reason(file), overwrite=overwrite)
         document["written"] = str(out)
         if (kept := results.newest_kept(out)) != earlier:
             outputs.report_kept(out, kept)
-    console.show(f"import of {file}", _facts(document), as_json=as_json, document=document)
+    console.show(f"import of {file}", _facts(kind, document), as_json=as_json, document=document)
 
 
-def _floor(file: Path, unit: str | None, up: str | None, places: FloatArray, heights: str | None) -> tuple[Any, Any]:
-    """The walls and the voxels of a map of map_server."""
+def _kind(file: Path) -> str:
+    """Whether a file is a `mesh`, a `cloud` of points, or a two-dimensional `map`, by its name and, if PLY, header."""
+    suffix = file.suffix.lower()
+    if suffix in _IMAGES:
+        raise InputError(f"{file.name} is an image; give the YAML file beside it, which states its place and scale")
+    if suffix in (".yaml", ".yml"):
+        return "map"
+    if suffix == ".pcd":
+        return "cloud"
+    from mapping.cloud import point_file
+
+    return "cloud" if suffix == ".ply" and file.is_file() and not point_file.has_faces(file) else "mesh"
+
+
+def _require_fitting(kind: str, given: dict[str, Any]) -> None:
+    """
+    Raises:
+        InputError: an option says nothing about a file of this kind; it would be ignored.
+    """
+    for option, value in given.items():
+        if value and kind not in _FOR[option]:
+            kinds = " and ".join(_KINDS[one] for one in _FOR[option])
+            raise InputError(f"{option} is for {kinds}; FILE is {_A_KIND[kind]}")
+
+
+def _floor(file: Path, heights: str | None) -> tuple[Any, Any, dict[str, Any]]:
+    """The walls and the voxels of a map of map_server, and facts about them."""
     from mapping import foreign_mesh, imported, map_server
 
-    if unit is not None or up is not None or len(places):
-        raise InputError(f"--unit, --up and --observed are for meshes; {file.name} states what they ask for")
     if heights is None:
         raise InputError(f"{file.name} is a map of one height; give --heights LOW,HIGH, between which it holds")
     low_m, high_m = console.numbers("--heights", heights, 2)
@@ -94,17 +188,16 @@ def _floor(file: Path, unit: str | None, up: str | None, places: FloatArray, hei
     if not len(faces):
         raise InputError(f"{file.name} shows nothing occupied: a map without walls is no map to plan in")
     open_edges = len(faces)  # of two triangles each, a side is open above and below
-    return foreign_mesh.ForeignMesh(vertices, faces, "m (ROS' rule)", "z (ROS' rule)", open_edges), space
+    mesh = foreign_mesh.ForeignMesh(vertices, faces, "m (ROS' rule)", "z (ROS' rule)", open_edges)
+    return mesh, space, _triangles(mesh)
+
+
+def _triangles(mesh: Any) -> dict[str, Any]:
+    return {"triangles": len(mesh.faces), "open_edges": mesh.open_edges}
 
 
 def _reason(file: Path) -> str:
     return f"imported from {file.name}; its scale, its surfaces and what is free were not measured"
-
-
-def _kept(document: dict[str, Any]) -> dict[str, Any]:
-    """Of the document, what `map.toml` says."""
-    names = ("imported_from", "unit", "up", "observed_world_m", "open_edges", "open_sides")
-    return {name: document[name] for name in names}
 
 
 def _document(file: Path, mesh: Any, space: Any, places: FloatArray) -> dict[str, Any]:
@@ -113,8 +206,6 @@ def _document(file: Path, mesh: Any, space: Any, places: FloatArray) -> dict[str
         "imported_from": file.name,
         "unit": mesh.unit,
         "up": mesh.up,
-        "triangles": len(mesh.faces),
-        "open_edges": mesh.open_edges,
         "open_sides": space.open_sides,
         "low_world_m": mesh.vertices_world_m.min(axis=0).tolist(),
         "high_world_m": mesh.vertices_world_m.max(axis=0).tolist(),
@@ -124,11 +215,10 @@ def _document(file: Path, mesh: Any, space: Any, places: FloatArray) -> dict[str
         "free_m3": space.volume_m3(FREE),
         "occupied_m3": space.volume_m3(OCCUPIED),
         "unknown_m3": space.volume_m3(UNKNOWN),
-        "written": None,
     }
 
 
-def _facts(document: dict[str, Any]) -> dict[str, object]:
+def _facts(kind: str, document: dict[str, Any]) -> dict[str, object]:
     low, high = (np.round(document[name], 2).tolist() for name in ("low_world_m", "high_world_m"))
     shares = {name: document[f"{name}_m3"] for name in ("free", "occupied", "unknown")}
     whole = sum(shares.values())
@@ -136,11 +226,25 @@ def _facts(document: dict[str, Any]) -> dict[str, object]:
         "unit": document["unit"],
         "up": document["up"],
         "reaches": f"from {low} to {high} m",
-        "triangles": f"{document['triangles']}, {document['open_edges']} edges at holes",
+        **_contents(kind, document),
         "space": ", ".join(f"{value:.1f} m3 ({value / whole:.0%}) {name}" for name, value in shares.items()),
     }
-    if document["open_sides"]:
+    if document["open_sides"] and kind == "mesh":  # that of a map of one height always ends there
         facts["open"] = "free space reaches the edge of the mesh's box: it has a hole there, or --observed is outside"
     if not document["free_m3"]:
-        facts["next"] = "nothing is free, so no plan is possible: name a place that is, by --observed X,Y,Z"
+        facts["next"] = f"nothing is free, so no plan is possible: {_MAKES_FREE[kind]}"
     return facts | {"written": document["written"] or "nothing, as --dry-run asks"}
+
+
+def _contents(kind: str, document: dict[str, Any]) -> dict[str, object]:
+    if kind != "cloud":
+        return {"triangles": f"{document['triangles']}, {document['open_edges']} edges at holes"}
+    found: dict[str, object] = {"points": document["points"]}
+    if document["not_finite"]:
+        found["left out"] = f"{document['not_finite']} points that are not finite"
+    if document["rays"]:
+        found["sensor"] = document["sensor"]
+        found["rays"] = (
+            f"{document['rays']}, {document['stopped_rays'] / document['rays']:.1%} stopped before their point"
+        )
+    return found

@@ -17,7 +17,7 @@ def parts(opened: Project) -> list[tuple[str, str, str]]:
     folder = opened.folder
     flights, plans = len(opened.flights()), len(opened.trajectories())
     there = {
-        "map": str(opened.map) if (opened.map / "map.toml").is_file() else "",
+        "map": str(opened.map) if opened.has_map else "",
         "vehicle": str(opened.vehicle) if opened.vehicle.is_file() else "",
         "waypoints": str(opened.waypoints) if opened.waypoints.is_file() else "",
         "trajectories": f"{plans} in {folder / 'trajectories'}" if plans else "",
@@ -38,7 +38,7 @@ def check_for_station(folder: Path) -> Project:
     """The project, if it has the parts that the ground station needs.
 
     Raises:
-        InputError: it is no project, or lacks its map or vehicle; the message names each with the command that adds it.
+        InputError: it is no project, or has no vehicle; the message names the command that adds one.
     """
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; give the folder of a project, as goshawk init makes it")
@@ -47,11 +47,9 @@ def check_for_station(folder: Path) -> Project:
     if not (folder / "project.toml").is_file():
         raise InputError(f"{folder} is not a project: it has no project.toml; make it one with goshawk init {folder}")
     opened = project.open_project(folder)
-    lacking = [(name, give) for name, found, give in parts(opened) if name in ("map", "vehicle") and not found]
-    if lacking:
-        raise InputError(
-            f"{folder} has no " + "; it has no ".join(f"{name}: add it with {give}" for name, give in lacking)
-        )
+    for name, found, give in parts(opened):
+        if name == "vehicle" and not found:
+            raise InputError(f"{folder} has no vehicle: add it with {give}")
     return opened
 
 

@@ -33,7 +33,7 @@ def test_neighbours_are_listed_with_what_keeps_each_from_being_opened(neighbours
     assert set(listed) == {"damaged", "empty", "hall", "yard"}
     assert listed["hall"].current
     assert (listed["yard"].name, listed["yard"].problem) == ("<b>yard</b>", "")
-    assert "no map and no vehicle file" in listed["empty"].problem
+    assert "no vehicle file" in listed["empty"].problem
     assert "not valid TOML" in listed["damaged"].problem
 
 

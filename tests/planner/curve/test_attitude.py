@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+import vehicle
 from flight import Trajectory
 from planner.curve import attitude, minimum_snap
 from planner.gate import limits, visits
@@ -39,9 +40,10 @@ def test_interpolated_values_are_those_of_flatness_within_their_allowance(drone,
         assert np.isfinite(off).mean() > 0.8
 
 
-def test_without_a_compiled_form_of_the_vehicle_the_answer_is_the_same(drone, monkeypatch):
+@pytest.mark.parametrize("name", ["rigter2019", "hummingbird"])  # whose forces depend on the body rates
+def test_without_a_compiled_form_of_the_vehicle_the_answer_is_the_same(name, monkeypatch):
     """As for vehicles with effects of the user's own."""
-    path = some_path(1, pace=1.3)
+    drone, path = vehicle.example(name), some_path(1, pace=1.3)
     pieces = attitude.pieces_of(path.durations_s, np.arange(5), 0.5)
     compiled = attitude.coefficients(drone, path, pieces)
     monkeypatch.setattr(native, "compiled", lambda _: None)

@@ -346,6 +346,7 @@ export interface Files {
   trajectories: SavedTrajectory[];
   flights: string[];
   bin: Aside[];
+  has_map: boolean;
 }
 
 export interface Finding {

@@ -18,7 +18,7 @@ export const draft = signal<Draft | null>(null);
 export const figures = signal<Plan | null>(null);
 export const vehicle = signal<Vehicle | null>(null);
 export const people = newest("people", { type: "people", people: [], in_control: "" });
-export const files = newest("files", { type: "files", trajectories: [], flights: [], bin: [] });
+export const files = newest("files", { type: "files", trajectories: [], flights: [], bin: [], has_map: true });
 /** Those in the folder that this one is in. */
 export const projects = newest("projects", { type: "projects", projects: [] });
 export const mapShown = signal<MapShown | null>(null);

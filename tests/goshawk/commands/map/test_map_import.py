@@ -123,11 +123,11 @@ def test_what_cannot_be_a_room_is_refused_in_a_sentence(tmp_path: Path) -> None:
     assert "nor a direction" in refusal(written("up.stl"), "--up", "w")
     assert "is not one of" in refusal(tmp_path / "room.usd")
     assert "does not exist" in refusal(tmp_path / "none.ply") or "none.ply" in refusal(tmp_path / "none.ply")
-    trimesh.PointCloud([[0.0, 0, 0], [1, 0, 0], [0, 3, 0]]).export(tmp_path / "cloud.ply")
-    assert "no triangles" in refusal(tmp_path / "cloud.ply")
+    (tmp_path / "points.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 3 0\n")
+    assert "no triangles" in refusal(tmp_path / "points.obj")
     (tmp_path / "nan.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 nan 0\nv 2 1 1\nf 1 2 3\nf 1 2 4\n")
     assert "not finite" in refusal(tmp_path / "nan.obj")
-    (tmp_path / "cut.ply").write_bytes((tmp_path / "cloud.ply").read_bytes()[:60])
+    (tmp_path / "cut.ply").write_bytes(written("whole.ply").read_bytes()[:400])
     assert "cut.ply" in refusal(tmp_path / "cut.ply")
 
 

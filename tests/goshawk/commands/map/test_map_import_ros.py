@@ -13,6 +13,7 @@ from PIL import Image
 
 import mapping
 from esdf import FREE, OCCUPIED, UNKNOWN
+from flight import InputError
 from mapping import map_server
 from tests.goshawk.commands.map.test_map_import import imported, refusal, room
 from tests.goshawk.running import answer, run
@@ -41,6 +42,12 @@ def test_cells_become_columns_at_their_place_and_what_is_beyond_stays_unknown(tm
     assert area.field.grid.high_world_m.tolist() == pytest.approx([-0.6, 2.3, 2.5])
     assert said["free_m3"] == pytest.approx(3 * 0.01 * 2.0)
     assert said["unit"].startswith("m")
+    assert said["open_sides"] == 2 * 3 + 20  # the ends of three columns, and the south side of one
+    mesh = trimesh.load(tmp_path / "hall" / "mesh.glb", force="mesh")
+    assert isinstance(mesh, trimesh.Trimesh)
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    used = np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)[1]
+    assert said["open_edges"] == (used == 1).sum()
 
 
 @settings(max_examples=30)
@@ -74,11 +81,76 @@ def test_a_negated_image_is_the_same_map(tmp_path: Path) -> None:
     assert np.array_equal(map_server.read(usual).state, map_server.read(negated).state)
 
 
+def test_images_of_other_kinds_and_the_same_greys_are_the_same_map(tmp_path: Path) -> None:
+    usual = map_server.read(written(tmp_path / "m")).state
+    black = np.where(GREYS == 0, 0, 254).astype(np.uint8)
+    without_unknown = map_server.read(written(tmp_path / "m", black)).state
+    for name, image, expected in (
+        ("rgb.png", Image.fromarray(GREYS).convert("RGB"), usual),
+        ("bits.png", Image.fromarray(black).convert("1", dither=Image.Dither.NONE), without_unknown),
+    ):
+        image.save(tmp_path / name)
+        assert np.array_equal(map_server.read(written(tmp_path / "m", image=f"../{name}")).state, expected)
+
+
+def test_what_map_savers_mean_by_unknown_is_never_free(tmp_path: Path) -> None:
+    said = refusal(written(tmp_path / "nav2", free_thresh=0.25), "--heights", "0,2")
+    assert "205" in said
+    assert "write free_thresh: 0.196" in " ".join(said.split())
+    known = np.where(GREYS == 205, 254, GREYS).astype(np.uint8)
+    assert (map_server.read(written(tmp_path / "known", known, free_thresh=0.25)).state != UNKNOWN).all()
+    scaled = map_server.read(written(tmp_path / "scale", free_thresh=0.25, mode="scale")).state
+    assert (scaled == FREE).sum() == 4
+
+
+def test_an_image_in_which_unknown_could_read_as_free_is_refused(tmp_path: Path) -> None:
+    coloured = np.stack([GREYS, GREYS, np.where(GREYS == 205, 255, GREYS)], axis=2).astype(np.uint8)
+    Image.fromarray(coloured).save(tmp_path / "colour.png")
+    assert "has colours" in refusal(written(tmp_path / "m", image="../colour.png"), "--heights", "0,2")
+    Image.fromarray(GREYS).save(tmp_path / "key.png", transparency=205)
+    assert "transparent" in refusal(written(tmp_path / "m", image="../key.png"), "--heights", "0,2")
+
+
+def test_a_map_too_large_for_memory_is_refused_before_it_is_decoded(tmp_path: Path) -> None:
+    file = written(tmp_path / "m")
+    for header in (b"P5 13000 13000 255\n", b"P5 7072 7072 255\n"):
+        (tmp_path / "m" / "hall.pgm").write_bytes(header)  # without its pixels, which decoding would miss
+        said = refusal(file, "--heights", "0,2")
+        assert "million cells" in said
+        assert "Warning" not in said
+    wide = np.full((1000, 2000), 254, np.uint8)
+    wide[0, 0] = 0
+    assert "million: give less between the heights" in refusal(written(tmp_path / "w", wide), "--heights", "0,8")
+    noise = np.zeros((1100, 1100), bool)
+    noise[::2, 1::2] = noise[1::2, ::2] = True
+    with pytest.raises(InputError, match=r"2\.4 million sides"):
+        map_server.walls(map_server.Floor(np.where(noise, OCCUPIED, FREE).astype(np.uint8), 0.05, (0.0, 0.0)), 0, 1)
+
+
+def test_a_message_is_short_whatever_the_file_holds(tmp_path: Path) -> None:
+    bomb = "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 10))
+    bomb = f"a0: &a0 [x]\n{bomb}image: hall.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n"
+    for line in ("mode: *a9", "negate: *a9", "occupied_thresh: *a9"):
+        said = refusal(_text(tmp_path, f"{bomb}{line}\n"), "--heights", "0,2")
+        assert line.split(":")[0] in said
+        assert len(said) < 300
+    for key in ("resolution", "origin"):
+        for value in (10**30, int("f" * 5000, 16)):
+            text = "0x" + f"{value:x}"
+            file = written(tmp_path / "m")
+            place = text if key == "resolution" else f"[{text}, 0, 0]"
+            file.write_text(file.read_text().replace(f"{key}:", f"{key}: {place}\n#"))
+            assert 20 < len(refusal(file, "--heights", "0,2")) < 400
+    for image in (["hall.pgm"], None, ""):
+        assert "must be the name of a file" in refusal(written(tmp_path / "m", image=image), "--heights", "0,2")
+
+
 def test_what_is_no_map_of_ros_is_refused_in_a_sentence(tmp_path: Path) -> None:
     def refused(*more: object, **changed: object) -> str:
         return refusal(written(tmp_path / "m", **changed), *(more or ("--heights", "0,2")))
 
-    assert "turned by 0.3 rad" in refused(origin=[0.0, 0.0, 0.3])
+    for turn in (0.3, 0.01, -0.01):
+        assert f"turned by {turn:g} rad" in refused(origin=[0.0, 0.0, turn])
     assert "must be [x, y, yaw]" in refused(origin=[0.0, 0.0])
     assert "resolution is 50 m" in refused(resolution=50)
     assert "resolution is 'five'" in refused(resolution="five")
@@ -95,14 +167,24 @@ def test_what_is_no_map_of_ros_is_refused_in_a_sentence(tmp_path: Path) -> None:
     assert "km from the origin" in refused(origin=[5e5, 0.0, 0.0])
     assert "names no image" in refusal(_text(tmp_path, "a: 1\n"), "--heights", "0,2")
     assert "not valid YAML" in refusal(_text(tmp_path, "a: [1\n"), "--heights", "0,2")
-    assert "give --heights" in refused("--voxel", "0.05")
+    assert "give --heights" in refused("--dry-run")
     assert "0.1 m higher" in refused("--heights", "2,2.01")
-    assert "million" in refused("--heights", "0,1e8")
-    assert "for meshes" in refused("--heights", "0,2", "--up", "z")
+    for heights in ("1e9,1000000002", "0,1e300"):
+        said = refused("--heights", heights)
+        assert "km from the origin" in said
+        assert len(said) < 300
+    for more in (("--up", "z"), ("--voxel", "0.5"), ("--unit", "m"), ("--observed", "0,0,1")):
+        assert "for meshes" in refused("--heights", "0,2", *more)
+    for more in ((), ("--heights", "0,2")):
+        assert "give the YAML" in refusal(tmp_path / "m" / "hall.pgm", *more)
     (tmp_path / "m" / "hall.pgm").write_bytes(b"P5 4 3 255\n\0")
     assert "cannot be read" in refusal(tmp_path / "m" / "hall.yaml", "--heights", "0,2")
     nothing = written(tmp_path / "free", np.full((3, 4), 254, np.uint8))
     assert "nothing occupied" in refusal(nothing, "--heights", "0,2")
+    full = written(tmp_path / "full", np.zeros((3, 4), np.uint8))
+    advice = run("map", "import", full, "--out", tmp_path / "full_map", "--heights", "0,2", "--dry-run")
+    assert "nothing is free" in advice
+    assert "--observed" not in advice
     imported(room(), tmp_path / "room.ply", "--observed", "1,1,1")
     ended = answer("map", "import", tmp_path / "room.ply", "--out", tmp_path / "n", "--heights", "0,2")
     assert "two-dimensional" in ended.stderr

@@ -9,6 +9,7 @@ import {
   aborting,
   connected,
   connection,
+  files,
   holdsAnother,
   link,
   plan,
@@ -64,7 +65,7 @@ function StepBar() {
 }
 
 function StepMark({ of }: { of: number }) {
-  const done = of === 1 ? connected.value : of === 2 && verdict.value === "checked";
+  const done = of === 1 ? connected.value && files.value.has_map : of === 2 && verdict.value === "checked";
   const wrong = of === 2 && (verdict.value === "void" || verdict.value === "refused");
   if (done)
     return (

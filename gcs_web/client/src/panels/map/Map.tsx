@@ -3,7 +3,7 @@
 import { Badge } from "../../components/Badge";
 import { submit } from "../../core/socket";
 import { number } from "../../core/format";
-import { connected, jobs, mapShown, step } from "../../core/store";
+import { connected, files, jobs, mapShown, step } from "../../core/store";
 import { Jobs, chosenKind } from "../jobs/Jobs";
 import { MapEdits } from "./MapEdits";
 import { Layers, Slices } from "./Slices";
@@ -20,9 +20,11 @@ export function Map() {
       <div class="acts rows">
         <FormButton kind="map" name="Import images" />
         {mapShown.value !== null && <FormButton kind="look_again" name="Where to look again" />}
-        <button type="button" class="control primary grow" onClick={() => (step.value = 2)}>
-          Plan on this map
-        </button>
+        {files.value.has_map && (
+          <button type="button" class="control primary grow" onClick={() => (step.value = 2)}>
+            Plan on this map
+          </button>
+        )}
       </div>
     </>
   );
@@ -48,7 +50,11 @@ function Facts() {
     return (
       <section class="verdict">
         <h2>Map</h2>
-        <p>The map cannot be shown; the line below says why.</p>
+        <p>
+          {files.value.has_map
+            ? "The map cannot be shown; the line below says why."
+            : "None yet. Import images, or a mesh with the command goshawk map import. Compare and Learn need no map."}
+        </p>
       </section>
     );
   }
