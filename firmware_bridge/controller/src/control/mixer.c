@@ -17,6 +17,8 @@
 static const float TOLERANCE = 0.01f;
 static const float TINY = 1e-30f; /* not zero, but positive */
 static const float GUARD = 1e3f;  /* times `still` */
+/* Squared speeds beyond the limits by this share, a few roundings of float32, still count as inside. */
+static const float ROUNDINGS = 3e-7f;
 /* Less than this share of collective or cut counts as given in full. */
 static const float SMALL = 1e-3f;
 
@@ -157,9 +159,10 @@ static inline range collective_range(const margins* l) {
 }
 
 /* Adds a multiple of these changes of demand, rotor by rotor. */
-static void change_demand(margins* l, float times, const float each_n[TC_ROTORS]) {
+static void change_demand(margins* l, float times, const float each_n[TC_ROTORS], rotor r[TC_ROTORS]) {
     for (int i = 0; i < TC_ROTORS; i++) {
         const float more_n = times * each_n[i];
+        r[i].square += l->rise[i] * more_n;
         l->down[i] -= more_n;
         l->up[i] -= more_n;
     }
@@ -167,7 +170,7 @@ static void change_demand(margins* l, float times, const float each_n[TC_ROTORS]
 
 /* Takes as little of the tilt torque away as leaves a collective that keeps every rotor within its limits; returns the
    share that stays. For each pair: what raises rotor i to its lower limit must not lift rotor j over its upper one. */
-static float cut_tilt(const tc_mixer* mixer, const tc_wrench* wrench, margins* l) {
+static float cut_tilt(const tc_mixer* mixer, const tc_wrench* wrench, margins* l, rotor r[TC_ROTORS]) {
     float tilt_n[TC_ROTORS], share = 1.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
         const tc_mixer_rotor* m = &mixer->rotor[i];
@@ -180,7 +183,7 @@ static float cut_tilt(const tc_mixer* mixer, const tc_wrench* wrench, margins* l
             if (spread * share > room) share = tc_max(room, 0.0f) / spread;
         }
     }
-    change_demand(l, share - 1.0f, tilt_n);
+    change_demand(l, share - 1.0f, tilt_n, r);
     return share;
 }
 
@@ -196,23 +199,23 @@ static inline float part_of(float times, const float each_n[TC_ROTORS], const ma
 
 /* Priority: tilt torque, then collective, then yaw, which keeps a share of its authority throughout: `yaw` is what it
    has beyond. */
-static uint8_t desaturate(const tc_mixer* mixer, const tc_wrench* wrench, float yaw, margins* l) {
+static uint8_t desaturate(const tc_mixer* mixer, const tc_wrench* wrench, float yaw, margins* l, rotor r[TC_ROTORS]) {
     static const float all[TC_ROTORS] = {1.0f, 1.0f, 1.0f, 1.0f};
     float yaw_n[TC_ROTORS];
     uint8_t saturation = 0u;
     for (int i = 0; i < TC_ROTORS; i++) yaw_n[i] = mixer->rotor[i].yaw_n;
-    change_demand(l, -yaw, yaw_n);
+    change_demand(l, -yaw, yaw_n, r);
     range collective = collective_range(l);
     if (collective.low > collective.high) {
-        if (cut_tilt(mixer, wrench, l) < 1.0f - SMALL) saturation |= TC_SATURATED_TILT;
+        if (cut_tilt(mixer, wrench, l, r) < 1.0f - SMALL) saturation |= TC_SATURATED_TILT;
         collective = collective_range(l);
     }
     const float more_n = tc_clamp(0.0f, collective.low, collective.high);
     if (tc_abs(more_n) > SMALL * wrench->thrust_n) saturation |= TC_SATURATED_COLLECTIVE;
-    change_demand(l, more_n, all);
+    change_demand(l, more_n, all, r);
     const float part = part_of(yaw, yaw_n, l);
     if (part < 1.0f - SMALL) saturation |= TC_SATURATED_YAW;
-    change_demand(l, part * yaw, yaw_n);
+    change_demand(l, part * yaw, yaw_n, r);
     return saturation;
 }
 
@@ -226,9 +229,7 @@ static inline uint8_t keep_within_limits(const tc_mixer* mixer, const tc_wrench*
     const float more_n = tc_clamp(0.0f, collective.low, collective.high), size_n = tc_abs(more_n);
     const float yaw = free - tc_clamp(free, -mixer->guaranteed_yaw, mixer->guaranteed_yaw);
     if (collective.low > collective.high || (size_n > 0.0f && tc_abs(yaw) > 0.0f)) {
-        const uint8_t saturation = desaturate(mixer, wrench, yaw, &l);
-        for (int i = 0; i < TC_ROTORS; i++) r[i].square = mixer->slowest2 - l.rise[i] * l.down[i];
-        return saturation;
+        return desaturate(mixer, wrench, yaw, &l, r);
     }
     for (int i = 0; i < TC_ROTORS; i++) r[i].square += l.rise[i] * more_n;
     return size_n > SMALL * wrench->thrust_n ? (uint8_t)TC_SATURATED_COLLECTIVE : 0u;
@@ -247,9 +248,10 @@ static bool nearly_within_limits(const tc_mixer* mixer, const rotor r[TC_ROTORS]
 
 /* Speeds, their squares clipped to the limits, NaN to the lower one; reports what is more than rounding. */
 static inline uint8_t clip(const tc_mixer* mixer, const rotor r[TC_ROTORS], float rotor_speed_rad_s[TC_ROTORS]) {
+    const float low = mixer->slowest2 * (1.0f - ROUNDINGS), high = mixer->fastest2 * (1.0f + ROUNDINGS);
     uint8_t saturation = 0u;
     for (int i = 0; i < TC_ROTORS; i++) {
-        const float limited = tc_clamp(r[i].square, mixer->slowest2, mixer->fastest2);
+        const float limited = tc_clamp(r[i].square, low, high);
         if (!(tc_abs(limited - r[i].square) <= 2e-3f * limited)) saturation = TC_SATURATED_ROTOR;
         rotor_speed_rad_s[i] = mixer->per_speed * sqrtf(limited);
     }

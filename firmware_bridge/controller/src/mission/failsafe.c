@@ -1,5 +1,5 @@
-/* What the controller observes about itself, each check in every tick: a failsafe is an event that one of these posts.
- */
+/* What the controller observes about itself; what lasts some tenths of a second is looked at in every other tick. A
+   failsafe is an event that one of these posts. */
 #include "../base/maths.h"
 #include "internal.h"
 
