@@ -17,9 +17,9 @@ static tc_observer_state wanted_state(const tc_controller* c) {
     if (c->parameters.observer < 0.5f) return TC_OBSERVER_OFF;
     if (!tc_mission_in_air(state)) return TC_OBSERVER_WAITS;
     if ((c->telemetry.estimate.valid & (uint8_t)TC_VALID_SPECIFIC_FORCE) == 0u) return TC_OBSERVER_NO_ACCELEROMETER;
-    if (tc_dot(c->telemetry.flatness.axis, c->axes[2]) < FOLLOWS) return TC_OBSERVER_WAITS;
+    const bool follows = tc_dot(c->telemetry.flatness.axis, c->axes[2]) > FOLLOWS;
     if (state == TC_LANDING || state == TC_EMERGENCY || (c->telemetry.estimate_faults & faults) != 0u ||
-        !tc_gyro_is_whole(c)) {
+        !tc_gyro_is_whole(c) || !follows) {
         const bool known = now == (uint8_t)TC_OBSERVER_RUNS || now == (uint8_t)TC_OBSERVER_HOLDS;
         return known ? TC_OBSERVER_HOLDS : TC_OBSERVER_WAITS;
     }
