@@ -16,7 +16,6 @@ static const float RETRY_S = 0.3f;             /* after a stage that found the v
 static const float UNLOAD_S = 0.5f;            /* the collective falls to UNLOADED */
 static const float UNLOADED = 0.1f;            /* of the weight */
 static const float GAINED_M_S = 0.35f;         /* downwards since UNLOAD began: it flies */
-static const float SUPPORT_G = 0.5f;           /* specific force that the rotors do not give: it stands on something */
 static const float STANDS_G = 0.25f;           /* what it misses of the fall that its thrust would be, on average, */
 static const float STANDS_TILTED_G = 0.3f;     /* ... of which an attitude that is not as estimated fakes some, */
 static const float TILTED = 0.87f;             /* ... cosine of 30 degrees, */
@@ -50,6 +49,7 @@ static const float EMERGENCY_FEEDBACK_M_S2 = 3.0f; /* what vertical feedback may
 /* A fall that only the accelerometer tells of, by the velocity reckoned from it: */
 static const float FALL_M_S = 1.0f;        /* it counts beyond this, */
 static const float FALL_DRIFT_M_S2 = 0.1f; /* more the longer the reckoning has gone on, */
+static const float FALL_SIGMAS2 = 9.0f;    /* and by three standard deviations of what vibration adds up to, */
 static const float FALL_KNOWN_S = 10.0f;   /* and no longer than this */
 
 /* Without vertical velocity and accelerometer: roll torque to and fro. In the air the body turns as the torque says; on
@@ -199,8 +199,9 @@ static float blind_thrust(const tc_controller* c) {
     const float share = p->emergency_sink - tc_min(SINK_MORE_1_S * since_s, SINK_MOST) - pressed;
     float fall_m_s = touched ? 0.0f : c->landing.gained_m_s;
     if (felt && reckoned_s < FALL_KNOWN_S) {
-        const float sink_m_s = -c->telemetry.estimate.velocity_world_m_s[2];
-        fall_m_s = tc_max(fall_m_s, sink_m_s - (FALL_M_S + FALL_DRIFT_M_S2 * reckoned_s));
+        const float noise2 = FALL_SIGMAS2 / 3.0f * c->monitor.shake_m2_s4 * tc_seconds(c->step_us) * reckoned_s;
+        const float certain_m_s = FALL_M_S + FALL_DRIFT_M_S2 * reckoned_s + sqrtf(noise2);
+        fall_m_s = tc_max(fall_m_s, -c->telemetry.estimate.velocity_world_m_s[2] - certain_m_s);
     }
     return (touched ? AFTER_IMPACT : 1.0f) * share * c->hover_thrust_n + p->mass_kg * brake_m_s2(c, fall_m_s);
 }
@@ -323,21 +324,22 @@ static void descend(tc_controller* c) {
     }
 }
 
-/* Whether the vehicle falls as its thrust does. */
+/* Whether the accelerometer shows that something carries the vehicle: more than half of what its rotors lack. */
+static bool carried(const tc_controller* c) {
+    const float rotors = c->landing.thrust_n / c->parameters.mass_kg;
+    return force_given(c) && c->landing.force_m_s2 > 0.5f * (rotors + c->parameters.gravity_m_s2);
+}
+
+/* Whether the vehicle falls as its thrust does. A height that sinks while something carries it drifts. */
 static bool still_flies(const tc_controller* c) {
     const tc_landing* landing = &c->landing;
     const bool falls = force_given(c) && landing->gained_m_s > SURE_GAINED_M_S;
-    if (landing->sure) return falls || landing->start_m - c->telemetry.estimate.position_world_m[2] > FALLEN_M;
+    const bool sinks = landing->start_m - c->telemetry.estimate.position_world_m[2] > FALLEN_M;
+    if (landing->sure) return falls || (sinks && !carried(c));
     const float gained = landing->start_velocity_m_s - c->telemetry.estimate.velocity_world_m_s[2];
     if (c->vertical_velocity && gained > GAINED_M_S) return true;
     const float felt_m_s = c->vertical_velocity || landing->touched ? FELT_GAINED_M_S : BLIND_GAINED_M_S;
     return force_given(c) && landing->gained_m_s > felt_m_s;
-}
-
-/* Whether something but the rotors carries the vehicle, where that can be known. */
-static bool supported(const tc_controller* c) {
-    const float rotors = c->landing.thrust_n / c->parameters.mass_kg;
-    return !force_given(c) || c->landing.force_m_s2 - rotors > SUPPORT_G * c->parameters.gravity_m_s2;
 }
 
 /* One step of UNLOAD; whether the touchdown is certain already. */
@@ -351,7 +353,7 @@ static bool unload(tc_controller* c, float step_s) {
         enter_stage(c, TC_LANDING_DESCEND);
     } else if (tc_lasts(c, landing->stage_us, UNLOAD_S)) {
         if (landing->sure) return true;
-        enter_stage(c, supported(c) ? TC_LANDING_IDLE : TC_LANDING_DESCEND);
+        enter_stage(c, carried(c) || !force_given(c) ? TC_LANDING_IDLE : TC_LANDING_DESCEND);
     } else {
         /* goes on */
     }
