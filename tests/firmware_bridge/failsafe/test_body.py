@@ -59,7 +59,7 @@ def test_the_plate_is_a_table_and_the_floor_is_beside_it(body):
 
 @pytest.mark.parametrize("push_m_s", [(2.0, 0.3, 1.0), (2.75, 0.3, 0.0)])
 def test_the_edge_of_the_table_throws_nothing_up(body, push_m_s):
-    """What comes into the plate through a side or from below gains no energy but what the springs give back."""
+    """What comes into it through a side gains no energy but what the springs give back."""
     pushed = Fault(Kind.KICK, push_m_s, after_s=0.2, since=FROM_START)
     scenario = Scenario(orders=(), world=TABLE | {"floor_m": -0.75}, faults=(pushed,), limit_s=5.0)
     trace = body.fly(scenario, trace_every=2).trace

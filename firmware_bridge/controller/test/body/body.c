@@ -6,7 +6,6 @@
 
 #define LONGEST_SUBSTEP_S 0.5e-3
 #define CONTACT_SUBSTEP_S 0.25e-3
-#define PLATE_THICKNESS_M 0.12 /* how far a point may be pressed into a plate before it counts as under it */
 #define CLEAR_M 0.05
 #define CLEAR_S 0.1
 #define FRICTION_N_S_M 200.0 /* slope of the friction force at the smallest slip */
@@ -136,12 +135,12 @@ typedef struct {
     bool plate;
 } surface;
 
-static surface surface_under(const body* b, double x, double y, double z) {
+static surface surface_under(const body* b, double x, double y) {
     const body_world* w = &b->world;
     const bool over_plate =
         x > w->plate_min_m[0] && x < w->plate_max_m[0] && y > w->plate_min_m[1] && y < w->plate_max_m[1];
     surface s = {w->plate_m - b->vehicle.foot_m[2], {0.0, 0.0, 1.0}, true};
-    if (over_plate && z > s.height_m - PLATE_THICKNESS_M) return s;
+    if (over_plate) return s;
     s.plate = false;
     double rise_x = w->slope[0], rise_y = w->slope[1];
     s.height_m = w->floor_m - b->vehicle.foot_m[2] + rise_x * x + rise_y * y;
@@ -172,7 +171,7 @@ double body_clearance_m(const body* b) {
         point(&b->vehicle, i, in_body);
         body_to_world(b->q, in_body, at);
         for (int k = 0; k < 3; k++) at[k] += b->position_m[k];
-        least = fmin(least, at[2] - surface_under(b, at[0], at[1], at[2]).height_m);
+        least = fmin(least, at[2] - surface_under(b, at[0], at[1]).height_m);
     }
     return least;
 }
@@ -206,7 +205,7 @@ static void add_rotors(const body* b, const double air_m_s[3], load* l) {
             body_rotor_thrust_n(v, n, air_m_s[2] + turning[2], hypot(air_m_s[0] + turning[0], air_m_s[1] + turning[1]));
         body_to_world(b->q, arm, hub);
         for (int k = 0; k < 3; k++) hub[k] += b->position_m[k];
-        const double above = fmax(hub[2] - surface_under(b, hub[0], hub[1], hub[2]).height_m, sqrt(radius2));
+        const double above = fmax(hub[2] - surface_under(b, hub[0], hub[1]).height_m, sqrt(radius2));
         if (above < 1.0) thrust_n /= 1.0 - fmin(v->ground_effect * radius2 / (16.0 * above * above), 0.5);
         thrust_n *= b->health[i];
         total_n += thrust_n;
@@ -219,23 +218,20 @@ static void add_rotors(const body* b, const double air_m_s[3], load* l) {
     l->force_n[2] += total_n;
 }
 
-/* How deep a point is in what it touches, not positive if in nothing, and the way out. Of a plate that is the nearest
-   of its faces: what comes in through a side or from below is not lifted onto it. */
+/* How deep a point is in what it touches, not positive if in nothing, and the way out. Of a plate that is its nearest
+   face: what comes in through a side is not lifted onto it. */
 static double depth_at(const body* b, const double at[3], double normal[3]) {
     const body_world* w = &b->world;
-    const surface s = surface_under(b, at[0], at[1], at[2]);
+    const surface s = surface_under(b, at[0], at[1]);
     double depth = (s.height_m - at[2]) * s.normal[2];
     memcpy(normal, s.normal, sizeof s.normal);
-    if (!s.plate) return depth;
-    const double low[3] = {w->plate_min_m[0], w->plate_min_m[1], s.height_m - PLATE_THICKNESS_M};
-    const double high[2] = {w->plate_max_m[0], w->plate_max_m[1]};
-    for (int face = 0; face < 5; face++) {
-        const int k = face % 3;
-        const double away = face < 3 ? at[k] - low[k] : high[k] - at[k];
+    for (int side = 0; s.plate && side < 4; side++) {
+        const int k = side % 2;
+        const double away = side < 2 ? at[k] - w->plate_min_m[k] : w->plate_max_m[k] - at[k];
         if (away >= depth) continue;
         depth = away;
         normal[0] = normal[1] = normal[2] = 0.0;
-        normal[k] = face < 3 ? -1.0 : 1.0;
+        normal[k] = side < 2 ? -1.0 : 1.0;
     }
     return depth;
 }
@@ -372,7 +368,7 @@ void body_init(body* b, const body_vehicle* vehicle, const body_world* world, ui
     b->q[0] = 1.0;
     for (int i = 0; i < BODY_ROTORS; i++) b->health[i] = 1.0;
     memcpy(b->wind_m_s, world->wind_m_s, sizeof b->wind_m_s);
-    b->position_m[2] = surface_under(b, 0.0, 0.0, INFINITY).height_m + vehicle->foot_m[2];
+    b->position_m[2] = surface_under(b, 0.0, 0.0).height_m + vehicle->foot_m[2];
     b->position_m[2] -= fmin(body_clearance_m(b), 0.0); /* a slope is higher under some of the feet */
 }
 
