@@ -129,19 +129,29 @@ double body_rotor_thrust_n(const body_vehicle* v, double n, double axial, double
     return k1n2 + k2n * (axial + induced);
 }
 
+/* How far a point is inside the sides of the plate, and which is the nearest; not positive outside. */
+static double inside_plate(const body_world* w, double x, double y, int* nearest) {
+    const double away[4] = {x - w->plate_min_m[0], y - w->plate_min_m[1], w->plate_max_m[0] - x, w->plate_max_m[1] - y};
+    *nearest = 0;
+    for (int side = 1; side < 4; side++) {
+        if (away[side] < away[*nearest]) *nearest = side;
+    }
+    return away[*nearest];
+}
+
 /* What is under a point, and its normal. */
 typedef struct {
     double height_m, normal[3];
-    bool plate;
 } surface;
 
-static surface surface_under(const body* b, double x, double y) {
+static double plate_height_m(const body* b) { return b->world.plate_m - b->vehicle.foot_m[2]; }
+
+static surface surface_under(const body* b, double x, double y, double z) {
     const body_world* w = &b->world;
-    const bool over_plate =
-        x > w->plate_min_m[0] && x < w->plate_max_m[0] && y > w->plate_min_m[1] && y < w->plate_max_m[1];
-    surface s = {w->plate_m - b->vehicle.foot_m[2], {0.0, 0.0, 1.0}, true};
-    if (over_plate) return s;
-    s.plate = false;
+    int side;
+    const double inside = inside_plate(w, x, y, &side);
+    surface s = {plate_height_m(b), {0.0, 0.0, 1.0}};
+    if (inside > 0.0 && s.height_m - z < inside) return s;
     double rise_x = w->slope[0], rise_y = w->slope[1];
     s.height_m = w->floor_m - b->vehicle.foot_m[2] + rise_x * x + rise_y * y;
     if (w->bump_m > 0.0) {
@@ -171,7 +181,7 @@ double body_clearance_m(const body* b) {
         point(&b->vehicle, i, in_body);
         body_to_world(b->q, in_body, at);
         for (int k = 0; k < 3; k++) at[k] += b->position_m[k];
-        least = fmin(least, at[2] - surface_under(b, at[0], at[1]).height_m);
+        least = fmin(least, at[2] - surface_under(b, at[0], at[1], at[2]).height_m);
     }
     return least;
 }
@@ -205,7 +215,7 @@ static void add_rotors(const body* b, const double air_m_s[3], load* l) {
             body_rotor_thrust_n(v, n, air_m_s[2] + turning[2], hypot(air_m_s[0] + turning[0], air_m_s[1] + turning[1]));
         body_to_world(b->q, arm, hub);
         for (int k = 0; k < 3; k++) hub[k] += b->position_m[k];
-        const double above = fmax(hub[2] - surface_under(b, hub[0], hub[1]).height_m, sqrt(radius2));
+        const double above = fmax(hub[2] - surface_under(b, hub[0], hub[1], hub[2]).height_m, sqrt(radius2));
         if (above < 1.0) thrust_n /= 1.0 - fmin(v->ground_effect * radius2 / (16.0 * above * above), 0.5);
         thrust_n *= b->health[i];
         total_n += thrust_n;
@@ -218,25 +228,21 @@ static void add_rotors(const body* b, const double air_m_s[3], load* l) {
     l->force_n[2] += total_n;
 }
 
-/* How deep a point is in what it touches, not positive if in nothing, and the way out. Of a plate that is its nearest
-   face: what comes in through a side is not lifted onto it. */
+/* How deep a point is in what it touches, not positive if in nothing, and the way out: what comes into the plate
+   through a side is not lifted onto it. */
 static double depth_at(const body* b, const double at[3], double normal[3]) {
-    const body_world* w = &b->world;
-    const surface s = surface_under(b, at[0], at[1]);
-    double depth = (s.height_m - at[2]) * s.normal[2];
+    const surface s = surface_under(b, at[0], at[1], at[2]);
+    const double depth = (s.height_m - at[2]) * s.normal[2];
     memcpy(normal, s.normal, sizeof s.normal);
-    for (int side = 0; s.plate && side < 4; side++) {
-        const int k = side % 2;
-        const double away = side < 2 ? at[k] - w->plate_min_m[k] : w->plate_max_m[k] - at[k];
-        if (away >= depth) continue;
-        depth = away;
-        normal[0] = normal[1] = normal[2] = 0.0;
-        normal[k] = side < 2 ? -1.0 : 1.0;
-    }
-    return depth;
+    if (depth > 0.0 || at[2] >= plate_height_m(b)) return depth;
+    int side;
+    const double inside = inside_plate(&b->world, at[0], at[1], &side);
+    normal[0] = normal[1] = normal[2] = 0.0;
+    normal[side % 2] = side < 2 ? -1.0 : 1.0;
+    return inside;
 }
 
-/* Springs, dampers and friction at the points; returns whether any touches. */
+/* Springs, dampers and friction at the points; returns whether any stands on something. */
 static bool add_contact(const body* b, load* l) {
     const body_vehicle* v = &b->vehicle;
     bool touching = false;
@@ -247,7 +253,7 @@ static bool add_contact(const body* b, load* l) {
         for (int k = 0; k < 3; k++) at[k] += b->position_m[k];
         const double depth = depth_at(b, at, normal);
         if (depth <= 0.0) continue;
-        touching = true;
+        if (normal[2] > 0.0) touching = true;
         cross(b->rate_rad_s, in_body, moving);
         body_to_world(b->q, moving, speed);
         double into = 0.0, slip2 = 0.0, slip[3];
@@ -368,7 +374,7 @@ void body_init(body* b, const body_vehicle* vehicle, const body_world* world, ui
     b->q[0] = 1.0;
     for (int i = 0; i < BODY_ROTORS; i++) b->health[i] = 1.0;
     memcpy(b->wind_m_s, world->wind_m_s, sizeof b->wind_m_s);
-    b->position_m[2] = surface_under(b, 0.0, 0.0).height_m + vehicle->foot_m[2];
+    b->position_m[2] = surface_under(b, 0.0, 0.0, INFINITY).height_m + vehicle->foot_m[2];
     b->position_m[2] -= fmin(body_clearance_m(b), 0.0); /* a slope is higher under some of the feet */
 }
 
