@@ -21,6 +21,7 @@ static const float STANDS_TILTED_G = 0.3f;     /* ... of which an attitude that 
 static const float TILTED = 0.87f;             /* ... cosine of 30 degrees, */
 static const float SUPPORT_S = 1.0f;           /* over so long (the most of 550 flights in wind and gusts: 0.15), */
 static const float SUPPORTED_M_S = 1.0f;       /* where it sinks slower than this: a fast fall's drag carries, too */
+static const float LACKS_G = 0.3f;             /* of the weight: where less is missing, noise decides */
 static const float FORCE_FILTER_S = 0.02f;     /* of the accelerometer, whose noise the tests must not see */
 static const float FELT_GAINED_M_S = 0.7f;  /* the same by the accelerometer, whose noise of 10 m/s2 makes 0.3 of it */
 static const float BLIND_GAINED_M_S = 0.5f; /* ... before anything has been hit, as each try makes the touch harder */
@@ -38,7 +39,10 @@ static const float IMPACT_G = 0.4f;       /* above 1 g, in an emergency without 
 /* Such a descent loses thrust with time, for ground effect must not keep it floating. Slowly: after 15 s (20 m) it is
    4 + 1 % short, and with 1.9 % of error still settles below 2.5 m/s, as inflow damps by 0.32/s. */
 static const float SINK_MORE_1_S = 0.0007f;
-static const float SINK_MOST = 0.08f;      /* never beyond this */
+static const float SINK_MOST = 0.08f; /* never beyond this */
+static const float LATE_S = 5.0f;     /* after the time in which 1 m/s leads to the height of the take-off, */
+static const float LATE_1_S = 0.006f; /* ... it loses as much more: the wind takes a slow one far away */
+static const float LATE_MOST = 0.03f;
 static const float PROBE_S = 1.0f;         /* ... where UNLOAD is tried this often */
 static const float TOUCHED_PROBE_S = 0.4f; /* ... once something has been hit */
 static const float FALLS_AGAIN_S = 2.5f;   /* ... and not again for so long: it was an edge */
@@ -196,7 +200,9 @@ static float blind_thrust(const tc_controller* c) {
     const float since_s = tc_seconds(c->telemetry.time_us - c->landing.began_us);
     const bool felt = force_given(c), touched = c->landing.touched;
     const float pressed = felt ? 0.0f : (c->landing.pressing ? PRESS : 0.0f) - PRESS_LESS_SINK;
-    const float share = p->emergency_sink - tc_min(SINK_MORE_1_S * since_s, SINK_MOST) - pressed;
+    const float late_s = since_s - LATE_S - tc_max(c->landing.z_m - c->ground_z_m, 0.0f);
+    const float late = tc_clamp(LATE_1_S * late_s, 0.0f, LATE_MOST);
+    const float share = p->emergency_sink - tc_min(SINK_MORE_1_S * since_s + late, SINK_MOST) - pressed;
     float fall_m_s = touched ? 0.0f : c->landing.gained_m_s;
     if (felt && reckoned_s < FALL_KNOWN_S) {
         const float noise2 = FALL_SIGMAS2 / 3.0f * c->monitor.shake_m2_s4 * tc_seconds(c->step_us) * reckoned_s;
@@ -326,8 +332,9 @@ static void descend(tc_controller* c) {
 
 /* Whether the accelerometer shows that something carries the vehicle: more than half of what its rotors lack. */
 static bool carried(const tc_controller* c) {
-    const float rotors = c->landing.thrust_n / c->parameters.mass_kg;
-    return force_given(c) && c->landing.force_m_s2 > 0.5f * (rotors + c->parameters.gravity_m_s2);
+    const float rotors = c->landing.thrust_n / c->parameters.mass_kg, lacks = c->parameters.gravity_m_s2 - rotors;
+    const bool shows = lacks > LACKS_G * c->parameters.gravity_m_s2;
+    return shows && force_given(c) && c->landing.force_m_s2 - rotors > 0.5f * lacks;
 }
 
 /* Whether the vehicle falls as its thrust does. A height that sinks while something carries it drifts. */

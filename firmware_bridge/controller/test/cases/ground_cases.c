@@ -91,6 +91,24 @@ static void hit_while_unloading(void) {
     must(near(down(1.0f), 0.5f, 0.02f), "what vibration may be is no hit");
 }
 
+/* An UNLOAD that is sure, in which the height sinks by so much, while the accelerometer shows so much of the weight. */
+static uint8_t after_sinking(float sunk_m, float felt, uint8_t valid) {
+    begin_sure();
+    g.c.telemetry.estimate.valid = valid;
+    for (float s = 0.0f; s < 0.3f; s += TICK_S) (void)step();
+    force_m_s2 = g.c.landing.force_m_s2 = felt * g.c.parameters.gravity_m_s2;
+    g.c.telemetry.estimate.position_world_m[2] -= sunk_m;
+    (void)step();
+    return g.c.landing.stage;
+}
+
+static void sinks_while_carried(void) {
+    must(after_sinking(0.14f, 0.4f, TC_VALID_ALL) == (uint8_t)TC_LANDING_UNLOAD, "0.14 m are no fall");
+    must(after_sinking(0.16f, 0.4f, TC_VALID_ALL) == (uint8_t)TC_LANDING_DESCEND, "0.16 m are, where nothing carries");
+    must(after_sinking(0.16f, 1.0f, TC_VALID_ALL) == (uint8_t)TC_LANDING_UNLOAD, "but not where something does");
+    must(after_sinking(0.16f, 1.0f, TC_VALID_POSE) == (uint8_t)TC_LANDING_DESCEND, "which only a sensor can tell");
+}
+
 static void stands(void) {
     begin(TC_LANDING, -0.8f);
     g.c.support_m_s2 = 2.35f;
@@ -341,6 +359,7 @@ static void box_of_the_plan(void) {
 void ground_cases(void) {
     sure_ground();
     hit_while_unloading();
+    sinks_while_carried();
     stands();
     support();
     frozen();
