@@ -75,7 +75,7 @@ def fly(seed: int) -> Flown:
         seed,
         drawn.classes,
         None if excused else drawn.touchdown_m_s,
-        result.hardest_touchdown_m_s,
+        judge.flown_touchdown_m_s(result),
         result.stop_clearance_m,
         excused,
         tuple(found),
