@@ -337,11 +337,14 @@ static bool carried(const tc_controller* c) {
     return shows && force_given(c) && c->landing.force_m_s2 - rotors > 0.5f * lacks;
 }
 
-/* Whether the vehicle falls as its thrust does. A height that sinks while something carries it drifts. */
+/* Whether the vehicle falls as its thrust does. A height that sinks while something carries it drifts; where no
+   accelerometer tells, what sinks no faster than before does not fall. */
 static bool still_flies(const tc_controller* c) {
     const tc_landing* landing = &c->landing;
     const bool falls = force_given(c) && landing->gained_m_s > SURE_GAINED_M_S;
-    const bool sinks = landing->start_m - c->telemetry.estimate.position_world_m[2] > FALLEN_M;
+    const float steady_m_s = force_given(c) ? 0.0f : tc_min(landing->start_velocity_m_s, 0.0f);
+    const float steady_m = steady_m_s * tc_seconds(c->telemetry.time_us - landing->stage_us);
+    const bool sinks = landing->start_m + steady_m - c->telemetry.estimate.position_world_m[2] > FALLEN_M;
     if (landing->sure) return falls || (sinks && !carried(c));
     const float gained = landing->start_velocity_m_s - c->telemetry.estimate.velocity_world_m_s[2];
     if (c->vertical_velocity && gained > GAINED_M_S) return true;
