@@ -18,7 +18,7 @@ extern "C" {
 
 typedef enum {
     TC_OBSERVER_OFF = 0,              /* by the parameter */
-    TC_OBSERVER_WAITS = 1,            /* for lift-off */
+    TC_OBSERVER_WAITS = 1,            /* for lift-off, or for an attitude that is followed */
     TC_OBSERVER_RUNS = 2,             /* estimates, and is cancelled */
     TC_OBSERVER_HOLDS = 3,            /* landing, emergency: the last estimate is cancelled */
     TC_OBSERVER_NO_ACCELEROMETER = 4, /* nothing is cancelled */
@@ -61,6 +61,9 @@ typedef struct {
 
 /* Forgets everything. */
 void tc_observer_reset(tc_observer* observer);
+
+/* Forgets everything but what has lasted. */
+void tc_observer_pause(tc_observer* observer);
 
 /* The rotors follow `command` for a step, with their lag and the battery's sag. */
 void tc_observer_rotors(tc_observer* observer, const tc_parameters* parameters, const float command_rad_s[TC_ROTORS],

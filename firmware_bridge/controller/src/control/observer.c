@@ -18,6 +18,15 @@ void tc_observer_reset(tc_observer* o) {
     o->state = state;
 }
 
+void tc_observer_pause(tc_observer* o) {
+    float force_n[3], torque_n_m[3];
+    tc_copy(force_n, o->lasting_force_n);
+    tc_copy(torque_n_m, o->lasting_torque_n_m);
+    tc_observer_reset(o);
+    tc_copy(o->lasting_force_n, force_n);
+    tc_copy(o->lasting_torque_n_m, torque_n_m);
+}
+
 void tc_observer_rotors(tc_observer* o, const tc_parameters* p, const float command[TC_ROTORS], float per_battery,
                         float step_s) {
     const float lag_s = p->rotor_lag_s > 0.0f ? p->rotor_lag_s : UNKNOWN_LAG_S;

@@ -17,11 +17,10 @@ static tc_observer_state wanted_state(const tc_controller* c) {
     if (c->parameters.observer < 0.5f) return TC_OBSERVER_OFF;
     if (!tc_mission_in_air(state)) return TC_OBSERVER_WAITS;
     if ((c->telemetry.estimate.valid & (uint8_t)TC_VALID_SPECIFIC_FORCE) == 0u) return TC_OBSERVER_NO_ACCELEROMETER;
-    const bool follows = tc_dot(c->telemetry.flatness.axis, c->axes[2]) > FOLLOWS;
+    if (tc_dot(c->telemetry.flatness.axis, c->axes[2]) < FOLLOWS) return TC_OBSERVER_WAITS;
     if (state == TC_LANDING || state == TC_EMERGENCY || (c->telemetry.estimate_faults & faults) != 0u ||
-        !tc_gyro_is_whole(c) || !follows) {
-        const bool known = now == (uint8_t)TC_OBSERVER_RUNS || now == (uint8_t)TC_OBSERVER_HOLDS;
-        return known ? TC_OBSERVER_HOLDS : TC_OBSERVER_WAITS;
+        !tc_gyro_is_whole(c)) {
+        return now == (uint8_t)TC_OBSERVER_NO_ACCELEROMETER ? TC_OBSERVER_WAITS : TC_OBSERVER_HOLDS;
     }
     return lifted(c) ? TC_OBSERVER_RUNS : TC_OBSERVER_WAITS;
 }
@@ -42,7 +41,11 @@ static void enter(tc_controller* c, tc_observer_state state) {
     }
     if (state == TC_OBSERVER_HOLDS) tc_observer_hold(&c->observer);
     if (tc_cancels_disturbance(c)) return;
-    tc_observer_reset(&c->observer);
+    if (state == TC_OBSERVER_WAITS && tc_mission_in_air(c->mission.state)) {
+        tc_observer_pause(&c->observer);
+    } else {
+        tc_observer_reset(&c->observer);
+    }
     tc_pose_delay_reset(&c->delay);
 }
 
