@@ -1,4 +1,4 @@
-"""A map without images, from a mesh or a two-dimensional map of another program: what is free must be stated."""
+"""A map without images, from what another program made: its voxels, and the folder. What is free must be stated."""
 
 from dataclasses import dataclass
 from pathlib import Path
