@@ -2,6 +2,7 @@
 
 depth of each image (`stereo`)  ->  one truncated distance volume (`fusion`)  ->  mesh and state grid
 straight edges of the images (`lines`)  ->  thin obstacles in the state grid
+what images do not explain by the surface (`contradiction`)  ->  space that is not free
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,8 +15,9 @@ from esdf import FREE, OCCUPIED, UNKNOWN, Grid
 from esdf.visibility import Visibility
 from flight import FloatArray, InputError, MapError, Progress, silent
 from mapping import workers
-from mapping.dense import fusion, lines, planes, resolution, stereo
+from mapping.dense import contradiction, fusion, lines, planes, resolution, stereo
 from mapping.dense.confidence import SurfaceConfidence
+from mapping.dense.contradiction import Looks
 from mapping.dense.fusion import Volume
 from mapping.dense.stereo import DepthImage, StereoOptions, depth_from_sensor
 from mapping.dense.views import THREADS, ImageView
@@ -123,6 +125,8 @@ class Reconstruction(Measured):
     """Space within the carrier's radius that stays occupied, because the images show a surface there."""
     inferred: NDArray[np.bool_]
     """(nx, ny, nz) unknown voxels that a plain surface must pass through, by the planes round it; see `planes`."""
+    looks: Looks
+    """How many images tested each voxel that is free by the depth images, and contradict it."""
     statistics: DepthStatistics
     """Of the depth images."""
 
@@ -254,6 +258,10 @@ def extract(
     path = carried_path(images, 0.5 * options.voxel_m, grid, state == OCCUPIED)
     swept = fusion.within(grid, path, options.carrier_radius_m)
     carved = np.where(swept & (state == UNKNOWN), np.uint8(FREE), state)  # no wall, though it may count as unknown
+    looks = contradiction.find(
+        images, vertices, faces, state, grid, options=options.stereo, farthest_m=options.farthest_m
+    )
+    state[looks.contradicted] = UNKNOWN
     if options.thinnest_m > 0.0:
         state[resolution.could_hide(state, grid, seen, options.thinnest_m, empty=swept)] = UNKNOWN
     state[swept & (state == UNKNOWN)] = FREE
@@ -279,6 +287,7 @@ def extract(
         seen,
         swept_occupied_m3,
         inferred,
+        looks,
         depth_statistics(depths),
     )
 
