@@ -172,5 +172,6 @@ def count_looks(
     least_tested: float,
     least_pixels: int,
     least_share: float,
+    least_rate: float,
     threads: int,
 ) -> None: ...

@@ -30,16 +30,21 @@ LEAST_TESTED, ENOUGH = 2, 3
 shows explain it."""
 NOISE_DEVIATIONS = 3.0
 """By which a pixel must be lighter or darker than all around its place in a partner."""
-WINDOW_PX = 3
-"""Edge of what counts as around: one pixel is left to errors of surface, pose and lens."""
+WINDOWS_PX = (3, 5, 7, 9, 13)
+"""Edge of what counts as around: the first that leaves no more than `LARGEST_RATE` unexplained, so that errors of
+surface, poses and lenses are no contradiction. Where none does, the images say nothing."""
+LARGEST_RATE = 0.01
+"""Of the pixels that one other image does not explain, in the median of the pairs of images."""
 FARTHEST_M = 3.0
 """Of the voxels that an image looks at: from farther away thin things are less than a pixel wide."""
 NEAREST_M = 0.3
 MARGIN_VOXELS = 2.0
 """How far behind a voxel the surface must lie."""
-LEAST_TESTED_SHARE, LEAST_PIXELS, LEAST_PIXEL_SHARE = 0.125, 1, 0.125
-"""Of a voxel's pixels that must be tested for a look, of which half are; and unexplained pixels, at least and over the
-voxel's width, for a contradiction."""
+LEAST_TESTED_SHARE, LEAST_PIXELS, LEAST_PIXEL_SHARE, TIMES_RATE = 0.125, 1, 0.125, 8.0
+"""Of a voxel's pixels that must be tested for a look, of which half are; and unexplained pixels for a contradiction: at
+least, over the voxel's width, and over what the rate of unexplained pixels lets expect anywhere."""
+SAMPLED_IMAGES = 16
+"""Of which the rate is taken."""
 SHARE, BESIDE_SHARE = 0.4, 0.25
 """Of a voxel's looks that must contradict it; beside such a voxel less is enough."""
 LEAST_CONTRADICTIONS = 2
@@ -52,8 +57,10 @@ _BRIGHTNESS_BLOCK = 5
 """Edge of the blocks, in these, over which the brightness is compared."""
 _LEAST_NOISE = 2.0
 """Grey levels: the difference of two values that are rounded and noisy."""
-_KEPT = 64
-"""Images whose range images are kept: partners are mostly taken one soon after the other."""
+_LEAST_COMPARED = 100
+"""Of these pixels, for a rate."""
+_KEPT = 32
+"""Images of which what is around each pixel is kept: partners are mostly taken one soon after the other."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,14 +91,30 @@ class _Shown:
     view: ImageView
     grey: NDArray[np.uint8]
     """(h, w), 0 where masked."""
-    least: NDArray[np.uint8]
-    """(h, w) of the grey values round each pixel."""
-    most: NDArray[np.uint8]
-    """(h, w)."""
     range_m: NDArray[np.float32]
     """Smaller; 0 where no surface was met."""
+    smooth_m: NDArray[np.float32]
+    """The same without the pixels beside a jump, where a small error of pose or surface shows something else."""
     lens: FloatArray
     """Row of the kernels."""
+
+    @property
+    def rays(self) -> FloatArray:
+        """(h, w, 3) of the pixels."""
+        return stereo.depth_rays(self.view, 1.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pair:
+    """An image, one of those that predict it, and how their brightness compares."""
+
+    image: _Shown
+    partner: _Shown
+    T_partner_camera: FloatArray
+    gain: NDArray[np.float32]
+    """Brightness of the partner over that of the image, at every `_STEP_PX`th pixel."""
+    noise: float
+    """Of what is left, grey levels."""
 
 
 def find(
@@ -114,26 +137,30 @@ def find(
     """
     number, plane = planes_in_voxels(vertices_world_m, faces, state, grid)
     wider = dataclasses.replace(options, partners=PARTNERS, baseline_ratio=BASELINE_RATIO)
+    partners = [stereo.choose_partners(images, index, wider) for index in range(len(images))]
+    shown = list(workers.in_order(lambda view: _shown(view, number, plane, grid, farthest_m), images, threads=threads))
+    found = Looks(np.zeros(grid.shape, np.uint16), np.zeros(grid.shape, np.uint16))
+    window_px, rate = _window(shown, partners)
+    if not window_px:
+        return found
 
     @functools.lru_cache(maxsize=_KEPT)
-    def shown(index: int) -> _Shown:
-        return _shown(images[index], number, plane, grid, farthest_m)
+    def around(index: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+        return _least_and_most(shown[index].grey, window_px)
 
-    def judged(index: int) -> tuple[_Shown, NDArray[np.uint8]]:
-        partners = stereo.choose_partners(images, index, wider)
-        return shown(index), _verdict(shown, index, partners)
+    def verdict(index: int) -> NDArray[np.uint8]:
+        return _verdict(shown, index, partners[index], around)
 
     marked = (state == FREE).astype(np.uint8)
-    found = Looks(np.zeros(grid.shape, np.uint16), np.zeros(grid.shape, np.uint16))
-    for image, verdict in workers.in_order(judged, range(len(images)), threads=threads):
-        if verdict.any():
+    for image, judged in zip(shown, workers.in_order(verdict, range(len(images)), threads=threads), strict=True):
+        if judged.any():
             _mapping.count_looks(
                 grid.low_world_m,
                 grid.voxel_m[0],
                 marked,
                 found.looks,
                 found.contradictions,
-                verdict,
+                judged,
                 image.range_m,
                 image.lens,
                 frames.invert(image.view.T_world_camera),
@@ -143,6 +170,7 @@ def find(
                 LEAST_TESTED_SHARE,
                 LEAST_PIXELS,
                 LEAST_PIXEL_SHARE,
+                TIMES_RATE * rate,
                 threads,
             )
     return found
@@ -182,11 +210,7 @@ def planes_in_voxels(
 
 
 def _shown(view: ImageView, number: NDArray[np.int32], plane: FloatArray, grid: Grid, farthest_m: float) -> _Shown:
-    import cv2
-
     grey = view.grey if view.used is None else np.where(view.used, view.grey, np.uint8(0))
-    window = np.ones((WINDOW_PX, WINDOW_PX), np.uint8)
-    least, most = (np.asarray(work(grey, window), np.uint8) for work in (cv2.erode, cv2.dilate))
     range_m = _mapping.surface_ranges(
         grid.low_world_m,
         grid.voxel_m[0],
@@ -196,64 +220,111 @@ def _shown(view: ImageView, number: NDArray[np.int32], plane: FloatArray, grid: 
         view.T_world_camera,
         farthest_m,
     )
-    return _Shown(view, np.ascontiguousarray(grey), least, most, range_m, lens_row(view.camera))
+    return _Shown(view, np.ascontiguousarray(grey), range_m, _without_jumps(range_m), lens_row(view.camera))
 
 
-def _verdict(shown: Callable[[int], _Shown], index: int, partners: Sequence[int]) -> NDArray[np.uint8]:
-    """(h, w) 0 where too few partners see the surface behind a pixel, 1 where they explain it, 2 where not."""
-    image = shown(index)
-    counts = np.zeros((*image.grey.shape, 3), np.uint8)  # alike, lighter, darker
-    if len(partners) < LEAST_TESTED:
-        return counts[..., 0].copy()
-    rays = stereo.depth_rays(image.view, 1.0)
-    for partner in map(shown, partners):
-        T_partner_camera = frames.invert(partner.view.T_world_camera) @ image.view.T_world_camera
-        gain, noise = _brightness(image, partner, rays, T_partner_camera)
-        _mapping.compare_through_surface(
-            counts,
-            image.grey,
-            image.range_m,
-            image.lens,
-            rays,
-            partner.least,
-            partner.most,
-            partner.range_m,
-            partner.lens,
-            T_partner_camera,
-            gain,
-            _STEP_PX,
-            NOISE_DEVIATIONS * noise,
-            ENOUGH,
-        )
-    alike, lighter, darker = np.moveaxis(counts, -1, 0)
-    tested = alike + lighter + darker
-    most = np.maximum(lighter, darker)
-    differ = (alike < ENOUGH) & (most >= LEAST_TESTED) & (2 * most >= tested)
-    return np.where(tested >= LEAST_TESTED, np.where(differ, np.uint8(2), np.uint8(1)), np.uint8(0))
+def _without_jumps(range_m: NDArray[np.float32]) -> NDArray[np.float32]:
+    import cv2
+
+    window = np.ones((3, 3), np.uint8)
+    nearest = np.asarray(cv2.erode(np.where(range_m > 0.0, range_m, np.float32(1e9)), window))
+    farthest = np.asarray(cv2.dilate(range_m, window))
+    return np.where(farthest < stereo.LARGEST_STEP * nearest, range_m, np.float32(0.0))
 
 
-def _brightness(
-    image: _Shown, partner: _Shown, rays: FloatArray, T_partner_camera: FloatArray
-) -> tuple[NDArray[np.float32], float]:
-    """How bright the partner shows the image's surroundings, over the image, at each `_STEP_PX`th pixel; and the noise
-    of what is left."""
+def _least_and_most(grey: NDArray[np.uint8], window_px: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """(h, w) of the grey values in the window round each pixel."""
+    import cv2
+
+    window = np.ones((window_px, window_px), np.uint8)
+    return np.asarray(cv2.erode(grey, window), np.uint8), np.asarray(cv2.dilate(grey, window), np.uint8)
+
+
+def _window(shown: Sequence[_Shown], partners: Sequence[Sequence[int]]) -> tuple[int, float]:
+    """The window in which images explain each other, and the share that they leave unexplained; 0 where none does."""
+    step = max(len(shown) // SAMPLED_IMAGES, 1)
+    pairs = [_pair(shown[i], shown[p]) for i in range(0, len(shown), step) for p in partners[i]]
+    for window_px in WINDOWS_PX:
+        rates = [rate for pair in pairs if (rate := _rate(pair, window_px)) is not None]
+        if rates and (rate := float(np.median(rates))) <= LARGEST_RATE:
+            return window_px, rate
+    return 0, 1.0
+
+
+def _pair(image: _Shown, partner: _Shown) -> _Pair:
+    T_partner_camera = frames.invert(partner.view.T_world_camera) @ image.view.T_world_camera
+    matched, own = _matched(image, partner, T_partner_camera, partner.grey)
+    known = matched > 0.0
+    if not known.any():
+        return _Pair(image, partner, T_partner_camera, np.ones_like(own), _LEAST_NOISE)
+    gain = np.ascontiguousarray(consistency.relative_brightness(known, own, matched, _BRIGHTNESS_BLOCK))
+    noise = consistency.noise(np.abs(gain * own - matched)[known])
+    return _Pair(image, partner, T_partner_camera, gain, max(noise, _LEAST_NOISE))
+
+
+def _matched(
+    image: _Shown, partner: _Shown, T_partner_camera: FloatArray, values: NDArray[np.uint8]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The partner's values at the surface behind every `_STEP_PX`th pixel, 0 where it does not see that; and the
+    image's own."""
     matched = _mapping.match_through_surface(
         image.grey,
-        image.range_m,
+        image.smooth_m,
         image.lens,
-        rays,
-        partner.grey,
+        image.rays,
+        values,
         partner.range_m,
         partner.lens,
         T_partner_camera,
         _STEP_PX,
     )
     rows, columns = matched.shape
-    first = _STEP_PX // 2
-    own = image.grey[first::_STEP_PX, first::_STEP_PX][:rows, :columns].astype(np.float32)
-    known = matched > 0.0
-    if not known.any():
-        return np.ones_like(own), _LEAST_NOISE
-    gain = consistency.relative_brightness(known, own, matched, _BRIGHTNESS_BLOCK)
-    noise = consistency.noise(np.abs(gain * own - matched)[known])
-    return np.ascontiguousarray(gain), max(noise, _LEAST_NOISE)
+    middle = _STEP_PX // 2
+    return matched, image.grey[middle::_STEP_PX, middle::_STEP_PX][:rows, :columns].astype(np.float32)
+
+
+def _rate(pair: _Pair, window_px: int) -> float | None:
+    """Share of the pixels that the partner does not explain; None where it sees too few."""
+    least, most = (
+        _matched(pair.image, pair.partner, pair.T_partner_camera, each)[0]
+        for each in _least_and_most(pair.partner.grey, window_px)
+    )
+    _, own = _matched(pair.image, pair.partner, pair.T_partner_camera, pair.partner.grey)
+    known = least > 0.0
+    if known.sum() < _LEAST_COMPARED:
+        return None
+    expected, allowed = pair.gain * own, NOISE_DEVIATIONS * pair.noise
+    return float(((expected > most + allowed) | (expected < least - allowed))[known].mean())
+
+
+def _verdict(
+    shown: Sequence[_Shown],
+    index: int,
+    partners: Sequence[int],
+    around: Callable[[int], tuple[NDArray[np.uint8], NDArray[np.uint8]]],
+) -> NDArray[np.uint8]:
+    """(h, w) 0 where too few partners see the surface behind a pixel, 1 where they explain it, 2 where not."""
+    image = shown[index]
+    counts = np.zeros((*image.grey.shape, 3), np.uint8)
+    for number in partners:
+        pair, (least, most) = _pair(image, shown[number]), around(number)
+        _mapping.compare_through_surface(
+            counts,
+            image.grey,
+            image.smooth_m,
+            image.lens,
+            image.rays,
+            least,
+            most,
+            pair.partner.range_m,
+            pair.partner.lens,
+            pair.T_partner_camera,
+            pair.gain,
+            _STEP_PX,
+            NOISE_DEVIATIONS * pair.noise,
+            ENOUGH,
+        )
+    alike, lighter, darker = counts[..., 0], counts[..., 1], counts[..., 2]
+    tested, differing = alike + lighter + darker, np.maximum(lighter, darker)
+    unexplained = (alike < ENOUGH) & (differing >= LEAST_TESTED) & (2 * differing >= tested)
+    return (tested >= LEAST_TESTED).astype(np.uint8) + unexplained

@@ -209,10 +209,11 @@ void count_looks(const VoxelGrid& grid, const std::uint8_t* marked, const std::u
                   bottom = static_cast<int>(std::floor(v + reach)) + 1;
         if (left < 0 || top < 0 || right > width || bottom > height) return;
         const int pixels = (right - left) * (bottom - top), across = std::min(right - left, bottom - top);
-        if (tested.in(left, top, right, bottom) < options.least_tested * pixels) return;
-        if (looks[index] == most) return;
+        const int asked = tested.in(left, top, right, bottom);
+        if (asked < options.least_tested * pixels || looks[index] == most) return;
         ++looks[index];
-        const int wanted = std::max(options.least_pixels, static_cast<int>(std::ceil(options.least_share * across)));
+        const double wanted = std::max({1.0 * options.least_pixels, options.least_share * across,
+                                        options.least_rate * asked});
         if (differing.in(left, top, right, bottom) >= wanted) ++contradictions[index];
     };
     const Vec3 up = pose.rotate({0.0, 0.0, grid.voxel});

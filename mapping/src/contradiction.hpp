@@ -60,7 +60,8 @@ struct LookOptions {
     double margin;             // how far the surface lies behind them
     double least_tested;       // share of a voxel's pixels that are tested
     int least_pixels;          // that are not explained, for a contradiction
-    double least_share;        // and as a share of the pixels across the voxel
+    double least_share;        // as a share of the pixels across the voxel
+    double least_rate;         // and as a share of its tested pixels
 };
 
 // Counts, for each marked voxel, one look of an image in which its pixels are tested and show what lies behind it; and

@@ -199,12 +199,13 @@ static void compare_through_surface_view(Counts counts, Gray grey, Image range, 
 static void count_looks_view(Point origin, double voxel, Marks marked, ManyCounts looks, ManyCounts contradictions,
                              Gray verdict, Image range, LensRow lens, Matrix4 T_camera_world, double nearest,
                              double farthest, double margin, double least_tested, int least_pixels, double least_share,
-                             int threads) {
+                             double least_rate, int threads) {
     const Shape shape{static_cast<int>(marked.shape(0)), static_cast<int>(marked.shape(1)),
                       static_cast<int>(marked.shape(2))};
     nb::gil_scoped_release release;
     count_looks(as_voxels(origin, voxel, shape), marked.data(), verdict.data(), as_shown(verdict, range, lens),
-                T_camera_world.data(), {nearest, farthest, margin, least_tested, least_pixels, least_share}, threads,
+                T_camera_world.data(), {nearest, farthest, margin, least_tested, least_pixels, least_share, least_rate},
+                threads,
                 looks.data(), contradictions.data());
 }
 
@@ -276,5 +277,6 @@ NB_MODULE(_mapping, m) {
     m.def("count_looks", &count_looks_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("marked"),
           nb::arg("looks").noconvert(), nb::arg("contradictions").noconvert(), nb::arg("verdict"), nb::arg("range_m"),
           nb::arg("lens"), nb::arg("T_camera_world"), nb::arg("nearest_m"), nb::arg("farthest_m"), nb::arg("margin_m"),
-          nb::arg("least_tested"), nb::arg("least_pixels"), nb::arg("least_share"), nb::arg("threads"));
+          nb::arg("least_tested"), nb::arg("least_pixels"), nb::arg("least_share"), nb::arg("least_rate"),
+          nb::arg("threads"));
 }
