@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from esdf import FREE, OCCUPIED, Grid
+from esdf import FREE, Grid
 from flight import FloatArray, frames
 from mapping import _mapping, workers
-from mapping.dense import consistency, stereo
+from mapping.dense import consistency, ranges, stereo
 from mapping.dense.stereo import StereoOptions
 from mapping.dense.views import THREADS, ImageView, lens_row
 
@@ -65,11 +65,13 @@ _KEPT = 32
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Looks:
-    """What the images say of the voxels that were free without them."""
+    """What the images say of the voxels that are free without them."""
 
-    looks: NDArray[np.uint16]
-    """(nx, ny, nz) images within `FARTHEST_M` that tested what lies behind the voxel; 0 where it was not free."""
-    contradictions: NDArray[np.uint16]
+    free: NDArray[np.bool_]
+    """(nx, ny, nz) by the depth images."""
+    looks: NDArray[np.uint8]
+    """(nx, ny, nz) images within `FARTHEST_M` that tested what lies behind the voxel, at most 255; 0 where not free."""
+    contradictions: NDArray[np.uint8]
     """(nx, ny, nz) of them, those that show something before it."""
 
     @property
@@ -77,11 +79,12 @@ class Looks:
         """(nx, ny, nz) voxels that are not free after all."""
         from scipy import ndimage
 
-        looks, against = self.looks.astype(np.float32), self.contradictions
+        looks, against = np.arange(256)[:, None], np.arange(256)
         strong = (against >= LEAST_CONTRADICTIONS) & (against >= SHARE * looks)
         weak = (against >= 1) & (against >= BESIDE_SHARE * looks)
-        beside = np.asarray(ndimage.binary_dilation(strong, np.ones((3, 3, 3), bool)), bool)
-        return strong | (weak & beside)
+        found = strong[self.looks, self.contradictions]
+        beside = np.asarray(ndimage.binary_dilation(found, np.ones((3, 3, 3), bool)), bool)
+        return found | (beside & weak[self.looks, self.contradictions])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,11 +138,13 @@ def find(
         state: (nx, ny, nz) with all that is occupied, and may lie before the surface.
         farthest_m: of the surface.
     """
-    number, plane = planes_in_voxels(vertices_world_m, faces, state, grid)
     wider = dataclasses.replace(options, partners=PARTNERS, baseline_ratio=BASELINE_RATIO)
     partners = [stereo.choose_partners(images, index, wider) for index in range(len(images))]
-    shown = list(workers.in_order(lambda view: _shown(view, number, plane, grid, farthest_m), images, threads=threads))
-    found = Looks(np.zeros(grid.shape, np.uint16), np.zeros(grid.shape, np.uint16))
+    behind = ranges.of_surface(
+        images, vertices_world_m, faces, state, grid, scale=RANGE_SCALE, farthest_m=farthest_m, threads=threads
+    )
+    shown = [_shown(view, range_m) for view, range_m in zip(images, behind, strict=True)]
+    found = Looks(state == FREE, np.zeros(grid.shape, np.uint8), np.zeros(grid.shape, np.uint8))
     window_px, rate = _window(shown, partners)
     if not window_px:
         return found
@@ -151,13 +156,12 @@ def find(
     def verdict(index: int) -> NDArray[np.uint8]:
         return _verdict(shown, index, partners[index], around)
 
-    marked = (state == FREE).astype(np.uint8)
     for image, judged in zip(shown, workers.in_order(verdict, range(len(images)), threads=threads), strict=True):
         if judged.any():
             _mapping.count_looks(
                 grid.low_world_m,
                 grid.voxel_m[0],
-                marked,
+                found.free.view(np.uint8),
                 found.looks,
                 found.contradictions,
                 judged,
@@ -176,60 +180,9 @@ def find(
     return found
 
 
-def planes_in_voxels(
-    vertices_world_m: FloatArray, faces: NDArray[np.int32], state: NDArray[np.uint8], grid: Grid
-) -> tuple[NDArray[np.int32], FloatArray]:
-    """The surface as a plane in each voxel that it passes through.
-
-    Returns:
-        (nx, ny, nz) number of the plane, -1 where there is none, -2 where something is occupied that is not on the
-        surface; and (n, 6) a point and the unit normal of each plane.
-    """
-    from scipy import ndimage
-
-    number = np.full(grid.shape, -1, np.int32)
-    corners = vertices_world_m[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    of_vertices = np.zeros_like(vertices_world_m)
-    for axis in range(3):
-        weights = np.repeat(normals[:, axis], 3)
-        of_vertices[:, axis] = np.bincount(faces.ravel(), weights, minlength=len(vertices_world_m))
-    points, normals = np.concatenate([vertices_world_m, corners.mean(axis=1)]), np.concatenate([of_vertices, normals])
-    inside = grid.contains(points)
-    points, normals = points[inside], normals[inside]
-    voxels, of = np.unique(np.ravel_multi_index(tuple(grid.index(points).T), grid.shape), return_inverse=True)
-    count = np.bincount(of, minlength=len(voxels))
-    sums = [np.bincount(of, values, minlength=len(voxels)) for values in (*points.T, *normals.T)]
-    place, normal = np.stack(sums[:3], axis=1) / count[:, None], np.stack(sums[3:], axis=1)
-    length = np.linalg.norm(normal, axis=1)
-    normal /= np.where(length > 0.0, length, 1.0)[:, None]
-    number.ravel()[voxels] = np.where(length > 0.0, np.arange(len(voxels)), -1)
-    near = np.asarray(ndimage.binary_dilation(number >= 0, np.ones((3, 3, 3), bool), iterations=2), bool)
-    number[(state == OCCUPIED) & ~near] = -2
-    return number, np.ascontiguousarray(np.concatenate([place, normal], axis=1))
-
-
-def _shown(view: ImageView, number: NDArray[np.int32], plane: FloatArray, grid: Grid, farthest_m: float) -> _Shown:
+def _shown(view: ImageView, range_m: NDArray[np.float32]) -> _Shown:
     grey = view.grey if view.used is None else np.where(view.used, view.grey, np.uint8(0))
-    range_m = _mapping.surface_ranges(
-        grid.low_world_m,
-        grid.voxel_m[0],
-        number,
-        plane,
-        stereo.depth_rays(view, RANGE_SCALE),
-        view.T_world_camera,
-        farthest_m,
-    )
-    return _Shown(view, np.ascontiguousarray(grey), range_m, _without_jumps(range_m), lens_row(view.camera))
-
-
-def _without_jumps(range_m: NDArray[np.float32]) -> NDArray[np.float32]:
-    import cv2
-
-    window = np.ones((3, 3), np.uint8)
-    nearest = np.asarray(cv2.erode(np.where(range_m > 0.0, range_m, np.float32(1e9)), window))
-    farthest = np.asarray(cv2.dilate(range_m, window))
-    return np.where(farthest < stereo.LARGEST_STEP * nearest, range_m, np.float32(0.0))
+    return _Shown(view, np.ascontiguousarray(grey), range_m, ranges.without_jumps(range_m), lens_row(view.camera))
 
 
 def _least_and_most(grey: NDArray[np.uint8], window_px: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
@@ -242,8 +195,9 @@ def _least_and_most(grey: NDArray[np.uint8], window_px: int) -> tuple[NDArray[np
 
 def _window(shown: Sequence[_Shown], partners: Sequence[Sequence[int]]) -> tuple[int, float]:
     """The window in which images explain each other, and the share that they leave unexplained; 0 where none does."""
-    step = max(len(shown) // SAMPLED_IMAGES, 1)
-    pairs = [_pair(shown[i], shown[p]) for i in range(0, len(shown), step) for p in partners[i]]
+    by_place = np.lexsort(np.array([image.view.position_world_m for image in shown]).T)  # whatever their order
+    sampled = by_place[:: max(len(shown) // SAMPLED_IMAGES, 1)].tolist()
+    pairs = [_pair(shown[i], shown[p]) for i in sampled for p in partners[i]]
     for window_px in WINDOWS_PX:
         rates = [rate for pair in pairs if (rate := _rate(pair, window_px)) is not None]
         if rates and (rate := float(np.median(rates))) <= LARGEST_RATE:

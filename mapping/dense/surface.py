@@ -57,6 +57,8 @@ class DenseOptions:
     """Images that must have seen through a voxel, over its whole width, before it is free."""
     thinnest_m: float = 0.0
     """Space is not free where an obstacle this thick could be missing (`resolution`); with 0 that is not asked."""
+    contradicted: bool = True
+    """Whether space that several images contradict is unknown (`contradiction`)."""
     skin_voxels: float = 0.87
     """Voxels this close in front of a surface are occupied; with sqrt(3) / 2 no wall has a hole."""
     carrier_radius_m: float = 0.20
@@ -125,8 +127,8 @@ class Reconstruction(Measured):
     """Space within the carrier's radius that stays occupied, because the images show a surface there."""
     inferred: NDArray[np.bool_]
     """(nx, ny, nz) unknown voxels that a plain surface must pass through, by the planes round it; see `planes`."""
-    looks: Looks
-    """How many images tested each voxel that is free by the depth images, and contradict it."""
+    looks: Looks | None
+    """How many images tested each voxel that is free by the depth images, and contradict it; None if not asked."""
     statistics: DepthStatistics
     """Of the depth images."""
 
@@ -258,10 +260,12 @@ def extract(
     path = carried_path(images, 0.5 * options.voxel_m, grid, state == OCCUPIED)
     swept = fusion.within(grid, path, options.carrier_radius_m)
     carved = np.where(swept & (state == UNKNOWN), np.uint8(FREE), state)  # no wall, though it may count as unknown
-    looks = contradiction.find(
-        images, vertices, faces, state, grid, options=options.stereo, farthest_m=options.farthest_m
-    )
-    state[looks.contradicted] = UNKNOWN
+    looks = None
+    if options.contradicted:
+        looks = contradiction.find(
+            images, vertices, faces, state, grid, options=options.stereo, farthest_m=options.farthest_m
+        )
+        state[looks.contradicted] = UNKNOWN
     if options.thinnest_m > 0.0:
         state[resolution.could_hide(state, grid, seen, options.thinnest_m, empty=swept)] = UNKNOWN
     state[swept & (state == UNKNOWN)] = FREE

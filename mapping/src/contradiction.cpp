@@ -53,18 +53,6 @@ struct Walk {
     }
 };
 
-// Whether there is anything in each brick.
-std::vector<std::uint8_t> filled_bricks(const Planes& planes) {
-    const VoxelGrid& grid = planes.grid;
-    std::vector<std::uint8_t> filled(static_cast<std::size_t>(grid.bricks(0)) * grid.bricks(1) * grid.bricks(2), 0);
-    for (int i = 0; i < grid.shape[0]; ++i)
-        for (int j = 0; j < grid.shape[1]; ++j)
-            for (int k = 0; k < grid.shape[2]; ++k)
-                if (planes.number[grid.index(i, j, k)] != Planes::none)
-                    filled[grid.brick_index(i / brick_size, j / brick_size, k / brick_size)] = 1;
-    return filled;
-}
-
 // Range to the first plane between two ranges; 0 where nothing is met, below 0 where something blocks the ray.
 double within(const Planes& planes, Vec3 origin, Vec3 ray, double from, double to) {
     const VoxelGrid& grid = planes.grid;
@@ -83,14 +71,13 @@ double within(const Planes& planes, Vec3 origin, Vec3 ray, double from, double t
     return 0.0;
 }
 
-float first_range(const Planes& planes, const std::vector<std::uint8_t>& filled, Vec3 origin, Vec3 ray,
-                  double farthest) {
+float first_range(const Planes& planes, Vec3 origin, Vec3 ray, double farthest) {
     const VoxelGrid& grid = planes.grid;
     const double scale = 1.0 / (brick_size * grid.voxel);
     const int bricks[3] = {grid.bricks(0), grid.bricks(1), grid.bricks(2)};
     Walk walk(scale * (origin - grid.origin), scale * ray);
     for (; walk.entered < farthest && walk.inside(bricks); walk.go_on()) {
-        if (!filled[grid.brick_index(walk.cell[0], walk.cell[1], walk.cell[2])]) continue;
+        if (!planes.filled[grid.brick_index(walk.cell[0], walk.cell[1], walk.cell[2])]) continue;
         const double range = within(planes, origin, ray, walk.entered, walk.leaves());
         if (range != 0.0) return static_cast<float>(std::max(range, 0.0));
     }
@@ -141,10 +128,9 @@ class Sums {
 void surface_ranges(const Planes& planes, const double* rays, int count, const double* T_world_camera, double farthest,
                     float* range) {
     const Pose pose(T_world_camera);
-    const std::vector<std::uint8_t> filled = filled_bricks(planes);
     for (int i = 0; i < count; ++i) {
         const Vec3 ray = pose.rotate(ray_of(rays, i));
-        range[i] = std::isfinite(ray.x) ? first_range(planes, filled, pose.translation(), ray, farthest) : 0.0f;
+        range[i] = std::isfinite(ray.x) ? first_range(planes, pose.translation(), ray, farthest) : 0.0f;
     }
 }
 
@@ -188,14 +174,14 @@ void compare_through_surface(const ShownSurface& image, const double* rays, cons
 
 void count_looks(const VoxelGrid& grid, const std::uint8_t* marked, const std::uint8_t* verdict,
                  const ShownSurface& image, const double* T_camera_world, const LookOptions& options, int threads,
-                 std::uint16_t* looks, std::uint16_t* contradictions) {
+                 std::uint8_t* looks, std::uint8_t* contradictions) {
     const Pose pose(T_camera_world);
     const int width = image.lens.width, height = image.lens.height;
     const Sums tested(verdict, width, height, [](std::uint8_t v) { return v > 0; });
     const Sums differing(verdict, width, height, [](std::uint8_t v) { return v == 2; });
     const Vec3 camera = -1.0 * pose.rotate_back(pose.translation());
     const double half = 0.625 * grid.voxel;  // a quarter more than half an edge, as a cube is seen cornerwise
-    constexpr auto most = std::numeric_limits<std::uint16_t>::max();
+    constexpr auto most = std::numeric_limits<std::uint8_t>::max();
     const auto add = [&](std::size_t index, Vec3 q) {
         const double squared = dot(q, q);
         double u = 0.0, v = 0.0, beside_u = 0.0, beside_v = 0.0;

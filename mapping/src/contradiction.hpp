@@ -13,6 +13,7 @@ struct Planes {
 
     VoxelGrid grid;
     const std::int32_t* number;  // of the plane in each voxel, or `none` or `blocked`
+    const std::uint8_t* filled;  // 0 for each brick without planes, in which nothing blocks a ray
     const double* plane;         // point and unit normal, six values each
 };
 
@@ -65,9 +66,9 @@ struct LookOptions {
 };
 
 // Counts, for each marked voxel, one look of an image in which its pixels are tested and show what lies behind it; and
-// one contradiction if enough of these pixels are not explained.
+// one contradiction if enough of these pixels are not explained. A voxel with 255 looks is not examined any more.
 void count_looks(const VoxelGrid& grid, const std::uint8_t* marked, const std::uint8_t* verdict,
                  const ShownSurface& image, const double* T_camera_world, const LookOptions& options, int threads,
-                 std::uint16_t* looks, std::uint16_t* contradictions);
+                 std::uint8_t* looks, std::uint8_t* contradictions);
 
 }  // namespace goshawk

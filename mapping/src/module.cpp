@@ -24,7 +24,6 @@ using Point = nb::ndarray<const double, nb::shape<3>, nb::c_contig, nb::device::
 using Image = nb::ndarray<const float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
 using Layers = nb::ndarray<const float, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
 using Counts = nb::ndarray<std::uint8_t, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
-using ManyCounts = nb::ndarray<std::uint16_t, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
 using Marks = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
 using PlaneNumbers = nb::ndarray<const std::int32_t, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
 using Shape = std::array<int, 3>;
@@ -162,13 +161,13 @@ static void carve_view(Point origin, double voxel, Counts seen_through, Image bo
           enough, threads, seen_through.data());
 }
 
-static auto surface_ranges_view(Point origin, double voxel, PlaneNumbers number, Table<6> plane, Rays rays,
-                                Matrix4 T_world_camera, double farthest) {
+static auto surface_ranges_view(Point origin, double voxel, PlaneNumbers number, Marks filled, Table<6> plane,
+                                Rays rays, Matrix4 T_world_camera, double farthest) {
     const Shape shape{static_cast<int>(number.shape(0)), static_cast<int>(number.shape(1)),
                       static_cast<int>(number.shape(2))};
     auto range = new_array<float>({rays.shape(0), rays.shape(1)});
     nb::gil_scoped_release release;
-    surface_ranges({as_voxels(origin, voxel, shape), number.data(), plane.data()}, rays.data(),
+    surface_ranges({as_voxels(origin, voxel, shape), number.data(), filled.data(), plane.data()}, rays.data(),
                    static_cast<int>(rays.shape(0) * rays.shape(1)), T_world_camera.data(), farthest, range.data());
     return range;
 }
@@ -196,7 +195,7 @@ static void compare_through_surface_view(Counts counts, Gray grey, Image range, 
                             counts.data());
 }
 
-static void count_looks_view(Point origin, double voxel, Marks marked, ManyCounts looks, ManyCounts contradictions,
+static void count_looks_view(Point origin, double voxel, Marks marked, Counts looks, Counts contradictions,
                              Gray verdict, Image range, LensRow lens, Matrix4 T_camera_world, double nearest,
                              double farthest, double margin, double least_tested, int least_pixels, double least_share,
                              double least_rate, int threads) {
@@ -266,7 +265,7 @@ NB_MODULE(_mapping, m) {
           nb::arg("scatter").noconvert(), nb::arg("images").noconvert(), nb::arg("colour").noconvert(),
           nb::arg("colour_weight").noconvert(), nb::arg("least_weight"));
     m.def("surface_ranges", &surface_ranges_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("number"),
-          nb::arg("plane"), nb::arg("rays"), nb::arg("T_world_camera"), nb::arg("farthest_m"));
+          nb::arg("filled"), nb::arg("plane"), nb::arg("rays"), nb::arg("T_world_camera"), nb::arg("farthest_m"));
     m.def("match_through_surface", &match_through_surface_view, nb::arg("grey"), nb::arg("range_m"), nb::arg("lens"),
           nb::arg("rays"), nb::arg("partner_grey"), nb::arg("partner_range_m"), nb::arg("partner_lens"),
           nb::arg("T_partner_camera"), nb::arg("step"));
