@@ -68,7 +68,8 @@ def relative_brightness(
 ) -> NDArray[np.float32]:
     """Brightness of the other image over that of one, in the block round each pixel, by what is known of both."""
     little = np.float32(1e-3)
-    return (_block_mean(known, other, block) + little) / (_block_mean(known, one, block) + little)
+    ratio = (_block_mean(known, other, block) + little) / (_block_mean(known, one, block) + little)
+    return ratio.astype(np.float32, copy=False)
 
 
 def _block_mean(known: NDArray[np.bool_], image: NDArray[np.number], block: int) -> NDArray[np.float32]:

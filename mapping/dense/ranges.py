@@ -110,4 +110,5 @@ def without_jumps(range_m: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def _sums(of: NDArray[np.integer], values: FloatArray, count: int) -> FloatArray:
     """(count, 3) sums of the values (n, 3), each of one place."""
-    return np.stack([np.bincount(of, column, minlength=count) for column in values.T], axis=1)
+    sums = [np.bincount(of, column, minlength=count) for column in values.T]
+    return np.stack(sums, axis=1).astype(np.float64, copy=False)

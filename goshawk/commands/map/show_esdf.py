@@ -10,6 +10,7 @@ import esdf
 from esdf import FREE, OCCUPIED, UNKNOWN, Field, pictures
 from flight import InputError
 from goshawk.terminal import console, outputs
+from mapping.dense import occupancy
 
 CLEARANCES_M = (0.3, 0.5, 1.0)
 
