@@ -19,11 +19,11 @@ from mapping.dense.contradiction import Looks
 
 FILE = "occupancy.npz"
 VERSION = 1
-FREE_BY_LOOKS = ((0, 3.0e-4), (2, 1.0e-4), (3, 3.0e-5))
+FREE_BY_LOOKS = ((0, 6.0e-4), (2, 8.0e-5), (3, 9.0e-6))
 """Of voxels that no image contradicts, by the least number of looks."""
-SOME_AGAINST = 3.0e-4
+SOME_AGAINST = 4.0e-4
 """Of those that are not contradicted, though one image or a small share of the looks shows something."""
-CONTRADICTED_BY_SHARE = ((0.0, 0.004), (0.4, 0.01), (0.6, 0.05), (0.8, 0.1))
+CONTRADICTED_BY_SHARE = ((0.0, 0.003), (0.4, 0.008), (0.6, 0.03), (0.8, 0.12))
 """Of contradicted voxels, by the least share of the looks that do."""
 FIGURES = ("contradicted_m3", "expected_in_free_m3")
 """Of a map: volume that images contradict, and volume that is expected to be filled in what is still free."""
