@@ -48,6 +48,10 @@ class Project:
         return self.folder / "vehicle.toml"
 
     @property
+    def has_vehicle(self) -> bool:
+        return self.vehicle.is_file()
+
+    @property
     def waypoints(self) -> Path:
         return self.folder / "waypoints.json"
 

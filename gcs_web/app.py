@@ -18,12 +18,12 @@ import planner
 from flight import FloatArray, InputError, LinkError, Progress, project, silent
 from gcs_web.comparison import reports
 from gcs_web.desk import Desk
-from gcs_web.flights.flights import incoming_file
 from gcs_web.gateway import gateway
 from gcs_web.gateway.entrants import Entrants
 from gcs_web.gateway.hub import Hub
 from gcs_web.gateway.page_socket import PageSocket
 from gcs_web.gateway.tls import context, is_loopback
+from gcs_web.jobs import incoming
 from gcs_web.jobs.jobs import Kind
 from gcs_web.learning.consent import Consent
 from gcs_web.map import display_mesh
@@ -92,7 +92,7 @@ class GroundStation:
             raise InputError(f"{host} can be reached from other machines: give --tls-cert and --tls-key, or no --host")
         self._host, self._tls = host, None if tls is None else context(*tls, host)
         logging.getLogger("websockets").setLevel(logging.ERROR)  # viser's HTTP half logs each page load as an error
-        self.watch = None if vehicle_url is None else VehicleWatch(vehicle_url, key_file=key_file)
+        self._key_file = key_file
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="gateway", daemon=True)
         self._stack = contextlib.ExitStack()
@@ -100,6 +100,8 @@ class GroundStation:
             progress("opening the map", 0.0)
             self._open(folder, port, options or planner.PlanOptions(), triangles, on_entry, jobs, progress, browsers)
             self.desk.on_open = on_open
+            if vehicle_url is not None:
+                self.desk.listen_to(vehicle_url)
         except BaseException:
             self._close_after_error()
             raise
@@ -107,6 +109,12 @@ class GroundStation:
     @property
     def url(self) -> str:
         return self._gateway.url
+
+    @property
+    def watch(self) -> VehicleWatch:
+        """Of the vehicle that is connected."""
+        assert self.desk.watch is not None
+        return self.desk.watch
 
     @property
     def port(self) -> int:
@@ -158,24 +166,18 @@ class GroundStation:
         self._stack.callback(self.view.close)
         consent = Consent(opened)
         self._stack.callback(consent.close)
-        self.desk = Desk(opened, self.hub, self.view, self.watch, options, jobs, consent=consent)
+        self.desk = Desk(opened, self.hub, self.view, self._new_watch, options, jobs, consent=consent)
         self._stack.callback(self.desk.close)
         self.view.on_select = lambda waypoint: self._selected([waypoint])
         self.view.on_box = self._selected
         self.view.on_moment = self._moment_chosen
         self.view.on_drag, self.view.on_add, self.view.on_pull = self._dragged, self._added, self.desk.draft
-        if self.watch is not None:
-            self.watch.on_state, self.watch.on_pose = self._vehicle_changed, self.view.vehicle.move
-            self.watch.on_setpoint, self.watch.plan_start = self.view.vehicle.follow, self.desk.plan_start
-            self.watch.start()
-            self._stack.callback(self.watch.close)
-        else:
-            self.hub.publish(Vehicle("none"))
+        self.hub.publish(Vehicle("none"))
+        self._stack.callback(self.desk.listen_to, "")
         pages = PageSocket(
             self.hub,
             {command: partial(handler, self.desk) for command, handler in HANDLERS.items()},
-            project=opened.name,
-            vehicle=self.watch is not None,
+            project=opened,
             arrived=self.desk.arrived,
             left=self.desk.left,
         )
@@ -184,7 +186,7 @@ class GroundStation:
             self.server.get_port(),
             serve_page=pages.serve,
             state=self._state,
-            incoming=partial(incoming_file, opened),
+            incoming=partial(incoming.place, opened),
             share=self.desk.shared,
             report=partial(reports.read, opened),
             host=self._host,
@@ -199,6 +201,13 @@ class GroundStation:
         except OSError as error:
             where = f"port {port}" if self._host == gateway.LOOPBACK else f"port {port} at {self._host}"
             raise InputError(f"{where} cannot be used ({error.strerror}); choose another with --port") from error
+
+    def _new_watch(self, url: str) -> VehicleWatch:
+        """Begins to listen when it is started. Raises as `VehicleWatch`."""
+        made = VehicleWatch(url, key_file=self._key_file)
+        made.on_state, made.on_pose = self._vehicle_changed, self.view.vehicle.move
+        made.on_setpoint, made.plan_start = self.view.vehicle.follow, self.desk.plan_start
+        return made
 
     def _vehicle_changed(self, now: Vehicle) -> None:
         self.hub.publish(now)
@@ -239,7 +248,7 @@ class GroundStation:
         return {
             "document": msgspec.to_builtins(self.desk.session.document()),
             "people": len(self.hub.people),
-            "vehicle": msgspec.to_builtins(self.watch.state()) if self.watch else None,
+            "vehicle": msgspec.to_builtins(self.desk.watch.state()) if self.desk.watch else None,
         }
 
     def _in_loop(self, coroutine: Callable[[], Any]) -> None:

@@ -33,6 +33,8 @@ from gcs_web.protocol.people import Level, Notice, Person
 from gcs_web.protocol.plan import Plan
 from gcs_web.protocol.projects import Projects
 from gcs_web.protocol.trajectories import Files
+from gcs_web.protocol.vehicle import Vehicle
+from gcs_web.protocol.wording import for_page
 from gcs_web.vehicle.control import Control
 from gcs_web.vehicle.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
@@ -49,17 +51,22 @@ class Desk:
         opened: Project,
         hub: Hub,
         view: View3D,
-        watch: VehicleWatch | None,
+        new_watch: Callable[[str], VehicleWatch],
         base: planner.PlanOptions,
         kinds: "Sequence[Kind[Desk]]" = (),
         *,
         consent: Consent,
     ) -> None:
         """
+        Args:
+            new_watch: of the vehicle at an address; raises `InputError` where it is none.
+
         Raises:
             FlightError: the project cannot be opened, or `base` has a method that the page cannot set.
         """
-        self.project, self.hub, self.view, self.watch = opened, hub, view, watch
+        self.project, self.hub, self.view, self._new_watch = opened, hub, view, new_watch
+        self.watch: VehicleWatch | None = None
+        """Of the vehicle that is connected."""
         self.inputs = inputs.signature(opened.folder)
         self.parts = inputs.Parts(opened.folder)
         self.consent = consent
@@ -74,12 +81,19 @@ class Desk:
         """Those that the inputs' signature and the 3D view have, and why the map on disk lacked some."""
         self.on_open: Callable[[Path], None] | None = None
         """Opens another project in the place of this one; None where whoever started the station cannot."""
-        self._lock = threading.RLock()
-        self.control = Control(opened, hub, watch, self._lock)
+        self._lock, self._connecting = threading.RLock(), threading.Lock()
+        self.control = Control(opened, hub, self._lock)
         self._planner = planning.PlanningProcess(opened.folder, base, self._planned, self._drafted)
         view.on_draft = hub.publish
         self.map = MapDesk(opened, hub, self.session, view.map, lambda: self.parts.map(self.inputs))
-        self.jobs = Jobs(opened, kinds, self.show_jobs, lambda kind, result: kind.done(self, result), self._job_ended)
+        self.jobs = Jobs(
+            opened,
+            kinds,
+            self.show_jobs,
+            lambda kind, result: kind.done(self, result),
+            self._job_ended,
+            lambda kind, address: kind.beside(self, address) if kind.beside is not None else lambda: None,
+        )
         self.flights = Flights(opened, self._flights_changed)
         self.comparing = Comparing(opened, self.flights, view.flights)
         self.shown_flights = ShownFlights(hub, self.comparing, view.flights, view.set_plan_aside)
@@ -104,7 +118,7 @@ class Desk:
     # --- telling people ---
 
     def notice(self, text: str, *, level: Level = "fact", undo: bool = False) -> None:
-        self.hub.publish(Notice(text, level, undo))
+        self.hub.publish(Notice(for_page(text, self.project.folder), level, undo))
 
     def show_files(self) -> None:
         """List the saved trajectories and flights, with whether each is checked for the inputs as they are now."""
@@ -114,7 +128,7 @@ class Desk:
             hashes = ("", "")
         listed = [saved.listed(path, hashes) for path in self.project.trajectories()]
         flights = [path.stem for path in self.project.flights()]
-        self.hub.publish(Files(listed, flights, saved.aside(self.project), self.project.has_map))
+        self.hub.publish(Files(listed, flights, saved.aside(self.project), *self._parts_there()))
         self.flights.refresh()
 
     def _flights_changed(self, now: flights_messages.Flights) -> None:
@@ -128,6 +142,8 @@ class Desk:
         self.hub.publish(self.learning.diagnosis())
         self.hub.publish(self.learning.identification())
         self.hub.publish(self.learning.next_flight())
+        if not self.project.has_vehicle:
+            return
         try:
             self.hub.publish(self.learning.model())
         except FlightError as error:
@@ -141,13 +157,44 @@ class Desk:
         self.show_learning()
 
     def _limits(self) -> vehicle.Limits:
-        """Of the vehicle; while an effect file of its own waits for somebody to agree, those of any."""
+        """Of the vehicle; those of any while there is none, or somebody has to agree to an effect file of its own."""
         try:
             return self.parts.vehicle(self.inputs).limits
         except FlightError:
-            if not any(file.needed and not file.agreed for file in self.consent.files()):
+            needs_consent = any(file.needed and not file.agreed for file in self.consent.files())
+            if self.project.has_vehicle and not needs_consent:
                 raise
             return vehicle.Limits()
+
+    def _parts_there(self) -> tuple[bool, bool]:
+        """Whether the project has what a plan is checked against: a map, and a vehicle."""
+        return self.project.has_map, self.project.has_vehicle
+
+    def connect(self, url: str, person: Person) -> None:
+        """Listen to the vehicle at an address in the place of the one before; none for an empty address.
+
+        Raises:
+            InputError: it is no address, somebody else is in control, or the vehicle of before is armed.
+        """
+        with self._lock:
+            self.control.require_free(but_for=person.id)
+            if self.watch is not None and (now := self.watch.state()).armed and now.link != "lost":
+                raise InputError("the vehicle is armed; land it and disarm, then connect to another one")
+        self.listen_to(url)
+        self.notice(f"{person.name} {f'connected to {url}' if url else 'disconnected the vehicle'}.")
+
+    def listen_to(self, url: str) -> None:
+        """As `connect`, whoever is in control. Raises `InputError` if it is no address."""
+        new = self._new_watch(url) if url else None
+        with self._connecting:  # not `_lock`: the watch that is closed may wait for that
+            old, self.watch, self.control.watch = self.watch, None, None
+            if old is not None:
+                old.close()
+            self.hub.publish(Vehicle("none"))
+            self.view.vehicle.hide()
+            if new is not None:
+                self.watch = self.control.watch = new
+                new.start()
 
     def show_projects(self) -> None:
         self.hub.publish(Projects(projects.beside(self.project)))
@@ -194,9 +241,9 @@ class Desk:
                 said = f"Nothing is planned: {behind}, so the map lacks your edit. Make room, then edit again."
                 self._show_plan(Plan(revision, "void", said))
                 return
-            if not self.project.has_map:
-                said = "There is no map, so no path can be checked. Import images in step 1; flights need no map."
-                self._show_plan(Plan(revision, "none", said))
+            if not all(self._parts_there()):
+                lacking = "vehicle" if self.project.has_map else "map"
+                self._show_plan(Plan(revision, "none", f"There is no {lacking}, so no path can be checked."))
                 return
             few = len(content.points) < 2
             if few:
@@ -350,7 +397,7 @@ class Desk:
             self.inputs = now
             said = "The map or the vehicle changed since the check: this plan is void. Plan again."
             self._show_clearance()
-            if self.answer is not None and self.project.has_map:
+            if self.answer is not None and all(self._parts_there()):
                 self._show_plan(Plan(self.session.revision, "void", said))
             else:  # nothing was ever checked, or nothing can be
                 self.request_plan()

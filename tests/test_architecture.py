@@ -53,6 +53,7 @@ ROOMS = {
     "goshawk.commands.learn": {"goshawk.terminal", "goshawk.commands.plan"},
     "goshawk.station_jobs": {
         "goshawk.terminal",
+        "goshawk.demo",
         "goshawk.commands.plan",
         "goshawk.commands.map",
         "goshawk.commands.learn",

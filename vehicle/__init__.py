@@ -2,7 +2,7 @@
 
 from vehicle import commented, draft, effects, flatness, history, invert, purpose, sizes
 from vehicle.dynamics import Jacobian, acceleration, acceleration_jacobian, wrench, wrench_jacobian
-from vehicle.files import effect_files, example, load, save, vehicle_hash
+from vehicle.files import effect_files, example, examples, load, save, vehicle_hash
 from vehicle.forces import Surroundings
 from vehicle.model import Vehicle, rigid_body, specs
 from vehicle.parameters import Limits, Parameter
@@ -21,6 +21,7 @@ __all__ = [
     "effect_files",
     "effects",
     "example",
+    "examples",
     "flatness",
     "flights",
     "history",

@@ -76,13 +76,20 @@ def effect_files(path: Path) -> tuple[Path, ...]:
         raise FormatError(f"{path}: {error}") from error
 
 
+_EXAMPLES = resources.files("vehicle") / "examples"
+
+
+def examples() -> list[str]:
+    """Names of the vehicles that come with the package."""
+    names = [entry.name for entry in _EXAMPLES.iterdir()]
+    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
+
+
 def example(name: str = "rigter2019") -> Vehicle:
     """A vehicle that comes with the package: `rigter2019` (Table I of the paper, in SI) or `hummingbird`."""
-    folder = resources.files("vehicle") / "examples"
-    known = sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
-    if name not in known:
-        raise InputError(f"there is no example vehicle {name!r}; there are {', '.join(known)}")
-    with resources.as_file(folder / f"{name}.toml") as path:
+    if name not in examples():
+        raise InputError(f"there is no example vehicle {name!r}; there are {', '.join(examples())}")
+    with resources.as_file(_EXAMPLES / f"{name}.toml") as path:
         return load(path)
 
 

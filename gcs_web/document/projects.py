@@ -33,8 +33,6 @@ def _entry(folder: Path, *, current: bool) -> messages.ProjectEntry:
 
 
 def _problem(opened: Project) -> str:
-    if not opened.vehicle.is_file():
-        return f"it has no vehicle file; `goshawk init {opened.folder.name}` says how to add one"
     return "another ground station has it open" if _is_locked(opened.folder / ".session" / "lock") else ""
 
 

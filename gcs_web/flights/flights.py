@@ -19,29 +19,14 @@ from flight import FlightError, FlightLog, InputError, file_format, flight_log, 
 from flight.project import Project
 from gcs_web.flights import reading, session_files
 from gcs_web.flights.recorded import Recorded
+from gcs_web.jobs import incoming
 from gcs_web.jobs.job_process import Failed, JobProcess
 from gcs_web.protocol import flights as flights_messages
 from gcs_web.protocol.flights import ColumnGuess, FlightCard, Incoming, Role
+from gcs_web.protocol.wording import for_page
 from sysid.logs import reading as log_reading
 
 logger = logging.getLogger(__name__)
-
-KINDS = (
-    ".parquet",
-    ".ulg",
-    ".bin",
-    ".log",
-    ".bbl",
-    ".bfl",
-    ".tlog",
-    ".tum",
-    ".csv",
-    ".csv.gz",
-    ".mcap",
-    ".bag",
-    ".db3",
-)
-"""Endings of logs that can be read."""
 
 
 class Flights:
@@ -171,7 +156,8 @@ class Flights:
             self._reader.join(timeout=5.0)
 
     def _dropped(self, file: str) -> Path:
-        path = incoming_file(self._project, file)
+        _stem(file)
+        path = incoming.place(self._project, file)
         if not path.is_file():
             raise InputError(f"{file} is not here (any more); drop it again")
         return path
@@ -231,11 +217,11 @@ class Flights:
         try:
             wanted = reading.signature(self._project, name, believed)
         except (OSError, InputError) as error:
-            return FlightCard(name, "unreadable", role, sentence=str(error))
+            return FlightCard(name, "unreadable", role, sentence=for_page(str(error), self._project.folder))
         kept = reading.kept_card(self._project, name, wanted)
         failed, reason = self._failed.get(name, (None, ""))
         if kept is None and failed == wanted:
-            return FlightCard(name, "unreadable", role, sentence=reason)
+            return FlightCard(name, "unreadable", role, sentence=for_page(reason, self._project.folder))
         return FlightCard(name, "reading", role) if kept is None else msgspec.structs.replace(kept, role=role)
 
     def _read(self, names: list[str]) -> None:
@@ -261,20 +247,10 @@ class Flights:
         self.refresh()
 
 
-def incoming_file(opened: Project, name: str) -> Path:
-    """Where a dropped file waits to be read.
-
-    Raises:
-        InputError: it is no kind of log, or could lead out of the folder.
-    """
-    _stem(name)
-    return opened.folder / ".session" / "incoming" / name
-
-
 def _stem(file: str) -> str:
-    ending = next((kind for kind in sorted(KINDS, key=len, reverse=True) if file.lower().endswith(kind)), None)
+    ending = next((kind for kind in sorted(incoming.LOGS, key=len, reverse=True) if file.lower().endswith(kind)), None)
     if ending is None:
-        raise InputError(f"{file!r} is no flight log that can be read; these end in {', '.join(KINDS)}")
+        raise InputError(f"{file!r} is no flight log that can be read; these end in {', '.join(incoming.LOGS)}")
     return project.part_name(file[: -len(ending)])
 
 

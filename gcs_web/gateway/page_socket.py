@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any, Union
 import msgspec
 
 from flight import FlightError
+from flight.project import Project
 from gcs_web.gateway.hub import Client, Hub
 from gcs_web.protocol.base import Command, VehicleCommand
 from gcs_web.protocol.people import PROTOCOL, Person, Welcome
 from gcs_web.protocol.reply import Reply
 from gcs_web.protocol.vehicle import Abort, Kill
+from gcs_web.protocol.wording import for_page
 
 if TYPE_CHECKING:
     from aiohttp import web
@@ -35,8 +37,7 @@ class PageSocket:
         hub: Hub,
         handlers: Mapping[type[Command], Callable[[Person, Any], Reply | None]],
         *,
-        project: str,
-        vehicle: bool,
+        project: Project,
         arrived: Callable[[], None],
         left: Callable[[Person], None],
     ) -> None:
@@ -44,19 +45,18 @@ class PageSocket:
         Args:
             handlers: by command, what does it, in a thread; a reply only where it has something to say. Raises
                 `FlightError` to refuse it.
-            vehicle: whether there is one.
             arrived, left: called when somebody opened or closed the page.
         """
         self._hub, self._handlers = hub, handlers
         self._decoder: msgspec.json.Decoder[Command] = msgspec.json.Decoder(Union[tuple(handlers)])  # noqa: UP007
-        self._project, self._vehicle, self._arrived, self._left = project, vehicle, arrived, left
+        self._project, self._folder, self._arrived, self._left = project.name, project.folder, arrived, left
         self._id = secrets.token_hex(8)
         self._for_emergencies = ThreadPoolExecutor(2, "abort")  # never behind other work
 
     async def serve(self, socket: "web.WebSocketResponse") -> None:
         """Talk to one page until it leaves."""
         client = self._hub.join()
-        welcome = Welcome(PROTOCOL, client.person.id, self._project, self._vehicle, self._id)
+        welcome = Welcome(PROTOCOL, client.person.id, self._project, self._id)
         writer = asyncio.create_task(_write(socket, client, welcome))
         await asyncio.to_thread(self._arrived)
         apart: set[asyncio.Task[None]] = set()
@@ -92,7 +92,7 @@ class PageSocket:
         try:
             return self._handlers[type(command)](person, command) or Reply(command.serial)
         except FlightError as error:
-            return Reply(command.serial, error=str(error))
+            return Reply(command.serial, error=for_page(str(error), self._folder))
         except Exception as error:  # a page must not be able to take the station down
             logger.exception("%s failed", type(command).__name__)
             return Reply(command.serial, error=f"internal error: {error}; the station's log has more")

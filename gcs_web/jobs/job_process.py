@@ -22,8 +22,8 @@ from flight import FlightError, Progress, extras
 logger = logging.getLogger(__name__)
 
 GRACE_S = 0.5
-_NICENESS = 10
-"""Plans and drafts of the page go first."""
+BEHIND_THE_PAGE = 10
+"""Niceness: plans and drafts of the page go first."""
 
 Work = Callable[[Path, Any, Progress], Any]
 """Does a job: the project's folder, the arguments, progress. A module-level function; its result can be pickled."""
@@ -44,8 +44,14 @@ class Done:
 class JobProcess:
     """Starts at once; `outcome` waits for the end."""
 
-    def __init__(self, work: Work, folder: Path, arguments: object, log: Path) -> None:
-        """`log`: file for what the work and its libraries print; an earlier one is replaced."""
+    def __init__(
+        self, work: Work, folder: Path, arguments: object, log: Path, *, niceness: int = BEHIND_THE_PAGE
+    ) -> None:
+        """
+        Args:
+            log: file for what the work and its libraries print; an earlier one is replaced.
+            niceness: of the process.
+        """
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._lock = threading.Lock()
@@ -53,7 +59,9 @@ class JobProcess:
         self._ended = False
         self._log = log
         # not a daemon, which may have no children of its own
-        self._process: Any = context.Process(target=_main, args=(theirs, work, folder, arguments, log), daemon=False)
+        self._process: Any = context.Process(
+            target=_main, args=(theirs, work, folder, arguments, log, niceness), daemon=False
+        )
         self._process.start()
         theirs.close()
 
@@ -112,12 +120,12 @@ def _how(code: int) -> str:
 # --- in the job's process ---
 
 
-def _main(pipe: connection.Connection, work: Work, folder: Path, arguments: object, log: Path) -> None:
+def _main(pipe: connection.Connection, work: Work, folder: Path, arguments: object, log: Path, niceness: int) -> None:
     os.setsid()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: temporary files are removed on the way out
     threading.Thread(target=_end_with_station, args=(pipe,), daemon=True).start()
-    os.nice(_NICENESS)
+    os.nice(niceness)
     log.parent.mkdir(parents=True, exist_ok=True)
     with open(log, "wb") as written:
         os.dup2(written.fileno(), 1)

@@ -17,9 +17,10 @@ import msgspec
 
 from flight import FlightError, InputError
 from flight.project import Project
-from gcs_web.jobs.job_process import Done, JobProcess, Work
+from gcs_web.jobs.job_process import BEHIND_THE_PAGE, Done, JobProcess, Work
 from gcs_web.protocol import jobs as jobs_messages
 from gcs_web.protocol.jobs import Job, JobField, JobKind
+from gcs_web.protocol.wording import for_page
 
 logger = logging.getLogger(__name__)
 
@@ -73,6 +74,9 @@ class Kind(Generic[Station]):
     """What it would do, in words, for a person to read before it is started."""
     writes: Callable[[Project, Any], Path | None] = _nothing_written
     """File or folder of its result, which no other job that waits or runs may write; None where none is claimed."""
+    beside: Callable[[Station, str], Callable[[], None]] | None = None
+    """Of work that runs beside the queue until it is cancelled: uses its first stage, the address at which it serves,
+    and returns what is to be done when it has ended."""
 
 
 @dataclass(slots=True)
@@ -120,15 +124,17 @@ class Jobs(Generic[Station]):
         on_change: Callable[[], None],
         on_done: Callable[[Kind[Station], Any], str],
         on_end: Callable[[Job], None],
+        on_serving: Callable[[Kind[Station], str], Callable[[], None]] = lambda _kind, _stage: lambda: None,
     ) -> None:
         """
         Args:
+            on_serving: uses the address at which a job beside the queue serves; may raise `FlightError`.
             on_done: uses a result and says what came of it; may raise `FlightError`.
             on_end: called with every job that ended.
         """
         self._project = opened
         self._kinds = {kind.name: kind for kind in kinds}
-        self._on_change, self._on_done, self._on_end = on_change, on_done, on_end
+        self._on_change, self._on_done, self._on_end, self._on_serving = on_change, on_done, on_end, on_serving
         self._jobs: list[_Job] = []
         self._last_id = 0
         self._closed = False
@@ -162,26 +168,33 @@ class Jobs(Generic[Station]):
             kind.check(self._project, wanted)  # now: a result that is not claimed any more is on disk
             if sum(job.state == "waiting" for job in self._jobs) >= MOST_WAITING:
                 raise InputError(f"{MOST_WAITING} jobs wait already; cancel one, or wait for them")
+            if kind.beside is not None and any(job.kind is kind and not job.ended_s for job in self._jobs):
+                raise InputError(f"{kind.title}: it runs already; cancel that one first")
             self._last_id += 1
-            self._jobs.append(_Job(self._last_id, kind, wanted, author))
+            new = _Job(self._last_id, kind, wanted, author)
+            self._jobs.append(new)
             ended = [job for job in self._jobs if job.ended_s]
             for old in ended[: max(len(ended) - MOST_KEPT, 0)]:
                 self._jobs.remove(old)
             self._changed.notify_all()
-            number = self._last_id
+            if kind.beside is not None:
+                self._begin(new)
+        if new.process is not None:
+            args = (new, new.process)
+            threading.Thread(target=self._finish, args=args, name=kind.name, daemon=True).start()
         self._on_change()
-        return number
+        return new.id
 
     def foresee(self, name: str, arguments: Mapping[str, Any]) -> str:
         """What a job would do; empty where the kind does not say. Raises as `start`."""
         kind, wanted = self._decoded(name, arguments)
         kind.check(self._project, wanted)
-        return kind.foresee(self._project, wanted)
+        return for_page(kind.foresee(self._project, wanted), self._project.folder)
 
     def end_if_idle(self) -> bool:
-        """Take no more jobs, if none runs or waits; whether that is so."""
+        """Take no more jobs, if none runs or waits, but for those beside the queue; whether that is so."""
         with self._changed:
-            self._closed = all(job.ended_s for job in self._jobs)
+            self._closed = all(job.ended_s for job in self._jobs if job.kind.beside is None)
             return self._closed
 
     def _decoded(self, name: str, arguments: Mapping[str, Any]) -> tuple[Kind[Station], msgspec.Struct]:
@@ -257,28 +270,46 @@ class Jobs(Generic[Station]):
                 job = self._next()
                 if self._closed or job is None:
                     return
-                job.state, job.began_s = "running", time.monotonic()
-                job.stage, job.stage_began_s = "starting", job.began_s
-                log = self._project.folder / ".session" / f"job-{job.id}.log"
-                try:
-                    job.process = JobProcess(job.kind.run, self._project.folder, job.arguments, log)
-                except OSError as error:
-                    self._ended(job, "failed", f"no process could be started for it: {error.strerror}")
+                self._begin(job)
             self._on_change()
             if job.process is not None:
                 self._finish(job, job.process)
 
     def _next(self) -> _Job | None:
-        return next((job for job in self._jobs if job.state == "waiting"), None)
+        return next((job for job in self._jobs if job.state == "waiting" and job.kind.beside is None), None)
+
+    def _begin(self, job: _Job) -> None:
+        job.state, job.began_s = "running", time.monotonic()
+        job.stage, job.stage_began_s = "starting", job.began_s
+        log = self._project.folder / ".session" / f"job-{job.id}.log"
+        niceness = BEHIND_THE_PAGE if job.kind.beside is None else 0
+        try:
+            job.process = JobProcess(job.kind.run, self._project.folder, job.arguments, log, niceness=niceness)
+        except OSError as error:
+            self._ended(job, "failed", f"no process could be started for it: {error.strerror}")
 
     def _finish(self, job: _Job, process: JobProcess) -> None:
+        stopped: list[Callable[[], None]] = []
+        refused = ""
 
         def progress(stage: str, fraction: float) -> None:
+            nonlocal refused
             self._progressed(job, stage, fraction)
+            if job.kind.beside is None or stopped:
+                return
+            try:
+                stopped.append(self._on_serving(job.kind, stage))
+            except FlightError as error:
+                refused = str(error)
+                process.cancel()
 
         outcome = process.outcome(progress)
+        for act in stopped:
+            act()
         state: Literal["done", "failed", "cancelled"] = "failed"
-        if job.stop.is_set():
+        if refused:
+            words = refused
+        elif job.stop.is_set():
             state, words = "cancelled", "cancelled"
         elif isinstance(outcome, Done):
             try:
@@ -300,7 +331,7 @@ class Jobs(Generic[Station]):
             self._on_end(shown)
 
     def _ended(self, job: _Job, state: Literal["done", "failed", "cancelled"], words: str) -> None:
-        job.state, job.words, job.ended_s = state, words, time.monotonic()
+        job.state, job.words, job.ended_s = state, for_page(words, self._project.folder), time.monotonic()
         if state == "done":
             job.share = 1.0
 

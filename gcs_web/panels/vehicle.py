@@ -11,7 +11,17 @@ from gcs_web.desk import Desk
 from gcs_web.panels.handlers import Handlers
 from gcs_web.protocol.people import Person
 from gcs_web.protocol.reply import Reply
-from gcs_web.protocol.vehicle import Abort, GiveUpControl, Kill, Order, PrepareOrder, PrepareUpload, TakeControl, Upload
+from gcs_web.protocol.vehicle import (
+    Abort,
+    Connect,
+    GiveUpControl,
+    Kill,
+    Order,
+    PrepareOrder,
+    PrepareUpload,
+    TakeControl,
+    Upload,
+)
 
 _COMMANDS = {
     "pause": Command.PAUSE,
@@ -19,6 +29,10 @@ _COMMANDS = {
     "land": Command.LAND,
     "disarm": Command.DISARM,
 }
+
+
+def _connect(desk: Desk, person: Person, wanted: Connect) -> None:
+    desk.connect(wanted.url.strip(), person)
 
 
 def _take_control(desk: Desk, person: Person, take: TakeControl) -> None:
@@ -108,7 +122,7 @@ def _start(desk: Desk, person: Person) -> None:
 def _kill(desk: Desk, person: Person, _: Kill) -> None:
     watch = desk.watch
     if watch is None:
-        raise InputError("the ground station was started without a vehicle; there is nothing to kill")
+        raise InputError("no vehicle is connected; there is nothing to kill")
     desk.control.audited(person, "kill", watch.kill, desk.about())
     desk.notice(f"{person.name} stopped the rotors", level="danger")
 
@@ -116,12 +130,13 @@ def _kill(desk: Desk, person: Person, _: Kill) -> None:
 def _abort(desk: Desk, person: Person, _: Abort) -> None:
     watch = desk.watch
     if watch is None:
-        raise InputError("the ground station was started without a vehicle; there is nothing to abort")
+        raise InputError("no vehicle is connected; there is nothing to abort")
     desk.control.audited(person, "abort", watch.land, desk.about())
     desk.notice(f"{person.name} aborted: the vehicle brakes and lands", level="danger")
 
 
 HANDLERS: Handlers = {
+    Connect: _connect,
     TakeControl: _take_control,
     GiveUpControl: _give_up_control,
     PrepareUpload: _prepare_upload,

@@ -6,7 +6,7 @@ import msgspec
 
 from gcs_web.protocol.base import Message, State
 
-PROTOCOL = 5
+PROTOCOL = 6
 """Raised when an old page could misread a new server."""
 
 
@@ -24,8 +24,6 @@ class Welcome(Message, frozen=True, tag="welcome"):
     you: str
     """Id of this person."""
     project: str
-    vehicle: bool
-    """Whether a vehicle was given when the station was started."""
     station: str
     """Of the open project; another one after another project was opened: what the page shows is then of the old one."""
 

@@ -50,6 +50,7 @@ class Files(State, frozen=True, tag="files"):
     bin: list[Aside] = []
     """Trajectories that were discarded or replaced, newest first."""
     has_map: bool = True
+    has_vehicle: bool = True
 
 
 class Save(Command, frozen=True, tag="save", kw_only=True):

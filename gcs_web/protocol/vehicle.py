@@ -27,6 +27,14 @@ class ArmingCheck(msgspec.Struct, frozen=True):
     remedy: str
 
 
+class LostLinkAct(msgspec.Struct, frozen=True):
+    """Something the vehicle does by itself once the link is lost."""
+
+    after_s: float
+    """Of silence; for what follows a hover, without the time that braking takes."""
+    act: str
+
+
 class Vehicle(State, frozen=True, tag="vehicle"):
     """The vehicle as last heard; sent on every change and at least twice a second."""
 
@@ -53,8 +61,17 @@ class Vehicle(State, frozen=True, tag="vehicle"):
     checks: list[ArmingCheck] = []
     """On the ground: all of them must pass before it is armed."""
     largest_error_m: float | None = None
+    if_link_lost: list[LostLinkAct] = []
+    """In their order; empty on the ground, and where it is not known."""
     reason: str = ""
     """Why the vehicle last changed its state, in its own words."""
+
+
+class Connect(VehicleCommand, frozen=True, tag="connect", kw_only=True):
+    """Listen to another vehicle, or to none."""
+
+    url: str
+    """`udp://host:port`; empty for none."""
 
 
 class TakeControl(Command, frozen=True, tag="take_control", kw_only=True):

@@ -27,9 +27,10 @@ class _Nonce:
 class Control:
     """Thread-safe."""
 
-    def __init__(self, opened: Project, hub: Hub, watch: VehicleWatch | None, lock: threading.RLock) -> None:
+    def __init__(self, opened: Project, hub: Hub, lock: threading.RLock) -> None:
         """`lock`: held by who must know that nobody takes control meanwhile."""
-        self._folder, self._hub, self._watch, self._lock = opened.folder, hub, watch, lock
+        self._folder, self._hub, self._lock = opened.folder, hub, lock
+        self.watch: VehicleWatch | None = None
         self.holder = ""
         """Id of the person whose orders are passed on to the vehicle."""
         self.is_left = False
@@ -66,12 +67,12 @@ class Control:
         Raises:
             InputError: there is no vehicle, or this person is not in control.
         """
-        if self._watch is None:
-            raise InputError("the ground station was started without a vehicle; give --url")
+        if self.watch is None:
+            raise InputError("no vehicle is connected; connect to one in step 3, Fly")
         if self.holder != person.id:
             whose = f"{self._name()} is in control" if self.holder else "nobody is in control"
             raise InputError(f"{whose}; take control first")
-        return self._watch
+        return self.watch
 
     def new_nonce(self, person: Person, purpose: str) -> str:
         """A word that is good once, for this person and purpose, for a minute."""
@@ -119,12 +120,12 @@ class Control:
             raise
         self.audit(person, what, "done", about)
 
-    def require_free(self) -> None:
+    def require_free(self, but_for: str = "") -> None:
         """
         Raises:
-            InputError: somebody is in control.
+            InputError: somebody is in control, other than the person of this id.
         """
-        if self.holder:
+        if self.holder not in ("", but_for):
             raise InputError(f"{self._name()} is in control; give up control first")
 
     def _name(self) -> str:

@@ -14,11 +14,13 @@ import msgspec
 import numpy as np
 
 import firmware_bridge
-from firmware_bridge import wire
+from firmware_bridge import port, wire
 from firmware_bridge.dialect.generated.messages import Command
 from flight import FlightError, FlightLog, FloatArray, LinkError, TrajectoryFile
 from gcs_web.planning import page_values
 from gcs_web.protocol.vehicle import ArmingCheck, Held, Vehicle
+from gcs_web.protocol.wording import for_page
+from gcs_web.vehicle import link_loss
 
 logger = logging.getLogger(__name__)
 
@@ -26,6 +28,8 @@ STALE_S, LOST_S = 0.5, 2.0
 _PERIOD_S = 0.05
 _QUIET_S = 0.25
 """A state that has not changed is told again after this long, for its age."""
+_FLYING_S = 0.1
+"""On a trajectory, for the cursor that runs with it."""
 _RETRY_S = 2.0
 """Between attempts to reach a vehicle that does not answer."""
 _GROUND = ("disarmed", "armed")
@@ -35,13 +39,19 @@ class VehicleWatch:
     """`on_state` and `on_pose` are called from a thread of this object."""
 
     def __init__(self, url: str, *, key_file: Path | None = None) -> None:
-        """Begin to listen; a vehicle that does not answer yet is waited for."""
+        """
+        Raises:
+            InputError: `url` is no address of a vehicle; one that does not answer yet is waited for.
+        """
+        port.parse_url(url)
         self.url = url
         self._key_file = key_file
         self._link: firmware_bridge.Link | None = None
         self._problem = ""
         self._largest_error_m: float | None = None
         self._flown: TrajectoryFile | None = None
+        self._policy: wire.LinkLoss | None = None
+        """Of what is flown, if this station started it."""
         self.on_state: Callable[[Vehicle], None] = lambda _: None
         self.on_pose: Callable[[FloatArray, FloatArray], None] = lambda _p, _q: None
         self.on_setpoint: Callable[[FloatArray | None], None] = lambda _: None
@@ -98,6 +108,7 @@ class VehicleWatch:
             speed_m_s=float(np.linalg.norm(said.velocity_world_m_s)),
             along_s=said.trajectory_time_s if said.trajectory_time_s >= 0.0 else None,
             duration_s=None if self._flown is None else self._flown.trajectory.duration_s,
+            if_link_lost=link_loss.acts(mission, self._policy, self._parameters),
             reason=said.reason,
         )
 
@@ -169,7 +180,7 @@ class VehicleWatch:
             return self._flight
 
     def end_flight(self) -> None:
-        self._flight, self._flown = None, None
+        self._flight, self._flown, self._policy = None, None, None
 
     def fly(
         self, file: TrajectoryFile, aborted: threading.Event, ended_early: Callable[[FlightLog], None]
@@ -184,6 +195,7 @@ class VehicleWatch:
             LinkError: refused, aborted, or the flight ended early; the message says which.
         """
         self._flown, self._largest_error_m = file, 0.0
+        self._policy = wire.plan_from_file(file).on_link_loss
         self.link.take_control()
         if aborted.is_set():
             raise LinkError("aborted before the take-off")
@@ -246,7 +258,8 @@ class VehicleWatch:
                 if said is not None and now.link == "fresh":
                     self.on_pose(said.position_world_m, said.q_world_body)
                     self.on_setpoint(self._setpoint(said))
-                if now != told and (_changed(now, told) or time.monotonic() - told_s > _QUIET_S):
+                quiet_s = _QUIET_S if now.along_s is None else _FLYING_S
+                if now != told and (_changed(now, told) or time.monotonic() - told_s > quiet_s):
                     told, told_s = now, time.monotonic()
                     self.on_state(self._with_checks(now))
             except Exception:  # whatever the vehicle says, the watch goes on
@@ -258,7 +271,7 @@ class VehicleWatch:
         try:
             self._link, self._problem = firmware_bridge.connect(self.url, key=self._key_file), ""
         except FlightError as error:
-            self._problem = str(error)
+            self._problem = for_page(str(error))
             self._stop.wait(_RETRY_S)
         else:
             threading.Thread(target=self._read_parameters, args=(self._link,), daemon=True).start()

@@ -40,7 +40,7 @@ def desk(opened: project.Project, monkeypatch) -> Iterator[Callable[[planner.Pla
 
         def start(base: planner.PlanOptions) -> Desk:
             consent = stack.enter_context(closing(Consent(opened)))
-            made = Desk(opened, MagicMock(), MagicMock(), None, base, consent=consent)
+            made = Desk(opened, MagicMock(), MagicMock(), MagicMock(), base, consent=consent)
             stack.callback(made.close)
             return made
 

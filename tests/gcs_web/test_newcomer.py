@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 import vehicle
 from firmware_bridge import SitlVehicle, controller, keys
@@ -110,6 +111,75 @@ def test_from_a_map_to_a_flown_plan_on_the_page_alone(pillar_map: Path, tmp_path
         assert np.linalg.norm(flown - place, axis=1).min() < 0.2
     for name in PICTURES:
         assert (tmp_path / f"{name}.png").stat().st_size > 20_000
+
+
+def test_from_an_empty_folder_to_a_compared_flight_on_the_page_alone(tmp_path: Path):
+    from playwright.sync_api import sync_playwright
+
+    (tmp_path / "yard").mkdir()
+    room = tmp_path / "room.ply"
+    pillar = trimesh.creation.cylinder(0.25, 2.5)
+    pillar.apply_translation([3.0, 1.0, 1.25])
+    trimesh.util.concatenate([trimesh.creation.box(bounds=[[0, 0, 0], [6, 4, 2.5]]), pillar]).export(room)
+    opened = project.Project(tmp_path / "yard", "yard")
+    keys.create(tmp_path / "link.key")
+    acts = 0
+
+    def act(locator, how: str = "click", *given: str):
+        nonlocal acts
+        acts += 1
+        return getattr(locator, how)(*given)
+
+    with sync_playwright() as playwright, StationProcess(opened.folder, "--key", tmp_path / "link.key") as station:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS, timeout=1000 * PATIENCE_S)
+        page = browser.new_context(viewport={"width": 1440, "height": 900}).new_page()
+        page.set_default_timeout(1000 * PATIENCE_S)
+        errors: list[str] = []
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto(station.addresses()[-1])
+        with page.expect_file_chooser() as chooser:
+            act(page.get_by_text("Import mesh or points"))
+        chooser.value.set_files(room)
+        form = page.get_by_role("form", name="Map from a mesh or points")
+        act(form.get_by_label("Unit"), "select_option", "m")
+        act(form.get_by_label("Up"), "select_option", "z")
+        act(form.get_by_label("A place that is free"), "fill", "1, 1, 1")
+        act(form.get_by_role("button", name="Start"))
+        act(page.get_by_role("button", name="An example"))
+        form = page.get_by_role("form", name="Example vehicle")
+        act(form.get_by_label("Vehicle"), "select_option", "rigter2019")
+        act(form.get_by_role("button", name="Start"))
+        page.get_by_role("button", name="Look at the map").wait_for()
+        act(page.get_by_role("button", name="Plan with it"))
+        for row, place in enumerate(PLACES):
+            act(page.get_by_role("button", name="Insert after" if row else "Insert the first"))
+            for column, value in enumerate(place):
+                cell(page, row, column).dblclick()
+                page.keyboard.press("Control+A")
+                page.keyboard.type(value)
+                act(page.keyboard, "press", "Enter")
+                said = f"{float(value):.2f}"
+                wait(lambda at=(row, column), said=said: cell(page, *at).inner_text() == said, f"{said} in the table")
+            page.get_by_role("grid", name="Waypoints").get_by_role("row").nth(row + 1).get_by_role("rowheader").click()
+        page.get_by_text("Checked", exact=True).wait_for()
+        act(page.get_by_role("button", name="Start the simulator"))
+        act(page.get_by_role("form", name="Simulator").get_by_role("button", name="Start"))
+        act(page.get_by_role("button", name="Fly it"))
+        act(page.get_by_role("button", name="Compare and upload"))
+        act(page.get_by_role("button", name="Take control"))
+        hold(page, "upload plan", until=lambda: "upload" in ordered(opened))
+        page.get_by_role("status").get_by_text("read back and equal").wait_for()
+        hold(page, "arm and fly plan", until=lambda: "start" in ordered(opened))
+        page.get_by_role("status").get_by_text("Landed; the log is saved").wait_for()
+        acts += 2  # the two buttons that were held
+        act(page.get_by_role("button", name=re.compile("^Compare plan-")))
+        page.get_by_role("img", name=re.compile("over time")).first.wait_for()
+        browser.close()
+    assert errors == []
+    assert acts <= 40
+    flown = flight_log.load(opened.flights()[0]).vector("position_world_m")
+    for place in np.array(PLACES, dtype=np.float64):
+        assert np.linalg.norm(flown - place, axis=1).min() < 0.2
 
 
 def ordered(opened: project.Project) -> list[str]:

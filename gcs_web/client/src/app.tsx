@@ -20,23 +20,26 @@ export function App() {
   const height = drawerHeight(step.value);
   const kinds = ["app", connected.value ? "" : "stale", List === undefined ? "" : "with-list"];
   if (Cards !== undefined) kinds.push("without-scene");
+  if (Inspector === undefined) kinds.push("whole");
   return (
     <div class={kinds.join(" ")} style={{ "--drawer": hasDrawer ? `${height}px` : "0px" }}>
       <TopBar />
       {List !== undefined && !isPhone && <div class="list-area">{<List />}</div>}
       {Cards === undefined && <Scene />}
-      {Cards !== undefined && !isPhone && <Cards />}
+      {Cards !== undefined && (!isPhone || Inspector === undefined) && <Cards />}
       {hasDrawer && (
         <section class="drawer-area" aria-label="Timeline">
           <Resizer step={step.value} />
           <Below height={height} />
         </section>
       )}
-      <aside key={step.value} class="inspector" aria-label="Inspector">
-        {isPhone && Cards !== undefined && <Cards />}
-        <Inspector />
-        {isPhone && Cards !== undefined && List !== undefined && <List />}
-      </aside>
+      {Inspector !== undefined && (
+        <aside key={step.value} class="inspector" aria-label="Inspector">
+          {isPhone && Cards !== undefined && <Cards />}
+          <Inspector />
+          {isPhone && Cards !== undefined && List !== undefined && <List />}
+        </aside>
+      )}
       <FlightBar />
       <StatusBar />
       {paletteOpen.value && <Palette />}

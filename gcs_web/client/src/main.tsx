@@ -8,12 +8,14 @@ import "./styles/panels.css";
 import "./styles/inspector.css";
 import { App } from "./app";
 import { listen } from "./panels/frame/keys";
+import { startWhereItLacks } from "./panels/start/fill";
 import { startLink } from "./panels/compare/link";
 import { connect } from "./core/socket";
 import "./styles/narrow.css";
 
 const root = document.getElementById("app");
 if (root !== null) render(<App />, root);
+startWhereItLacks();
 startLink();
 listen();
 connect();

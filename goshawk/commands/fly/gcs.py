@@ -27,7 +27,7 @@ SUMMARY = "Serve the ground station's page."
 )
 @click.option("--tls-cert", type=click.Path(path_type=Path), help="Certificate (PEM) for HOST: the page is https.")
 @click.option("--tls-key", type=click.Path(path_type=Path), help="Its private key (PEM, without a password).")
-@click.option("--url", "url", help="Address of the vehicle's MAVLink endpoint [default: none].")
+@click.option("--url", "url", help="Address of the vehicle's MAVLink endpoint [default: the page asks].")
 @console.key_option
 @console.radius_option
 @console.margin_option
@@ -58,8 +58,8 @@ def command(
     goshawk gcs demo-out --url udp://127.0.0.1:14550
     goshawk gcs demo-out --host station.example --tls-cert station.pem --tls-key station.key
 
-    PROJECT is a folder of `goshawk init` (or the demo's) with a vehicle. Without a map flights are compared and
-    learned from, and nothing is planned. Each printed address lets one browser in; then the next one is printed.
+    PROJECT is a folder of `goshawk init`, the demo's, or an empty one, which the page fills: with a map, a vehicle,
+    flights. Each printed address lets one browser in; then the next one is printed.
     The page listens on this machine only, unless a certificate is given. It lists the projects in the folder that
     PROJECT is in, and opens another one in its place. From another machine, forward its port:
 
@@ -74,7 +74,7 @@ def command(
     vehicle.effects.run_only(())  # between two projects, too: nothing of a project runs before somebody agrees
     check_for_station(project)
     from gcs_web import GroundStation
-    from goshawk.station_jobs import KINDS
+    from goshawk.station_jobs import KINDS, simulate
 
     options, wanted = console.body_options(radius_m, margin_m), queue.SimpleQueue[Path]()
 
@@ -91,7 +91,7 @@ def command(
                 triangles=triangles,
                 progress=report,
                 on_entry=lambda url: _address(url, "a browser has connected; the address for another one: ", as_json),
-                jobs=KINDS,
+                jobs=(*KINDS, simulate.kind(key_file)),
                 browsers=browsers,
                 on_open=wanted.put,
             )

@@ -1,5 +1,6 @@
 """`goshawk map import`: a map without images, from a mesh, points or a two-dimensional map of another program."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -7,7 +8,7 @@ import click
 import numpy as np
 
 from esdf import FREE, OCCUPIED, UNKNOWN
-from flight import FloatArray, InputError, results
+from flight import FloatArray, InputError, Progress, results
 from goshawk.terminal import console, outputs
 from mapping import map_folder
 
@@ -46,6 +47,22 @@ _MAKES_FREE = {
     "cloud": "say from where they were measured (--sensor, --sensor-poses, --viewpoints), or what is free (--observed)",
     "map": "check its image and free_thresh",
 }
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What the options say of the file; None and empty: nothing."""
+
+    unit: str | None = None
+    up: str | None = None
+    voxel_m: float | None = None
+    observed: tuple[str, ...] = ()
+    sensor: str | None = None
+    poses: Path | None = None
+    viewpoints: bool = False
+    least_points: int | None = None
+    gap_m: float | None = None
+    heights: str | None = None
 
 
 @click.command("import")
@@ -110,35 +127,45 @@ def import_(
     A map of map_server holds for one height. With --heights you state that all between LOW and HIGH is as at that one,
     free or occupied: tables and lamps are what it does not show. Its cells become voxels.
     """
-    places = np.array([console.numbers("--observed", text, 3) for text in observed]).reshape(-1, 3)
-    for name, value in (("--voxel", voxel_m), ("--gap", gap_m)):
+    asked = Asked(unit, up, voxel_m, observed, sensor, poses, viewpoints, least_points, gap_m, heights)
+    with console.progress() as progress:
+        kind, document = import_file(file, out, asked, dry_run=dry_run, overwrite=overwrite, progress=progress)
+    console.show(f"import of {file}", _facts(kind, document), as_json=as_json, document=document)
+
+
+def import_file(
+    file: Path, out: Path, asked: Asked, *, dry_run: bool, overwrite: bool, progress: Progress
+) -> tuple[str, dict[str, Any]]:
+    """Write a map of a file; the file's kind and what was found.
+
+    Raises:
+        FlightError: the file cannot be read, what is asked does not fit it, or `out` is taken.
+    """
+    places = np.array([console.numbers("--observed", text, 3) for text in asked.observed]).reshape(-1, 3)
+    for name, value in (("--voxel", asked.voxel_m), ("--gap", asked.gap_m)):
         if value is not None and not 0.0 < value < float("inf"):
             raise InputError(f"{name} is {value:g} m; it must be above 0")
     kind = _kind(file)
-    _require_fitting(
-        kind,
-        {"--unit": unit, "--up": up, "--voxel": voxel_m, "--observed": observed, "--heights": heights}
-        | {"--sensor": sensor, "--sensor-poses": poses, "--viewpoints": viewpoints}
-        | {"--least-points": least_points, "--gap": gap_m},
-    )
+    _require_fitting(kind, asked)
     results.require_free_folder(out, overwrite=overwrite, ours=map_folder.is_map)
     from mapping import foreign_mesh, imported
 
-    with console.progress() as progress:
-        progress("read the file", 0.0)
-        if kind == "map":
-            mesh, space, facts = _floor(file, heights)
-        elif kind == "cloud":
-            from goshawk.commands.map import import_cloud
+    progress("read the file", 0.0)
+    if kind == "map":
+        mesh, space, facts = _floor(file, asked.heights)
+    elif kind == "cloud":
+        from goshawk.commands.map import import_cloud
 
-            rays = import_cloud.Rays(sensor, poses, viewpoints)
-            options = import_cloud.Options(voxel_m or _VOXEL_M, least_points or 1, places, gap_m or _GAP_M)
-            mesh, space, facts = import_cloud.read(file, unit, up, rays, options, progress)
-        else:
-            mesh = foreign_mesh.read(file, unit=unit, up=up)
-            progress("voxels", 0.3)
-            space = imported.space(mesh, voxel_m or _VOXEL_M, places)
-            facts = _triangles(mesh)
+        rays = import_cloud.Rays(asked.sensor, asked.poses, asked.viewpoints)
+        options = import_cloud.Options(
+            asked.voxel_m or _VOXEL_M, asked.least_points or 1, places, asked.gap_m or _GAP_M
+        )
+        mesh, space, facts = import_cloud.read(file, asked.unit, asked.up, rays, options, progress)
+    else:
+        mesh = foreign_mesh.read(file, unit=asked.unit, up=asked.up)
+        progress("voxels", 0.3)
+        space = imported.space(mesh, asked.voxel_m or _VOXEL_M, places)
+        facts = _triangles(mesh)
     document = _document(file, mesh, space, places) | facts | {"written": None}
     if not dry_run:
         earlier = results.newest_kept(out)
@@ -147,7 +174,22 @@ def import_(
         document["written"] = str(out)
         if (kept := results.newest_kept(out)) != earlier:
             outputs.report_kept(out, kept)
-    console.show(f"import of {file}", _facts(kind, document), as_json=as_json, document=document)
+    return kind, document
+
+
+def look(file: Path, unit: str | None, up: str | None) -> str:
+    """What unit and axes a mesh or points would be read with, and how far they then reach. Raises as `import_file`."""
+    from mapping import foreign_mesh
+    from mapping.cloud import point_cloud
+
+    if _kind(file) == "cloud":
+        cloud = point_cloud.read(file, unit=unit, up=up)
+        places, unit_said, up_said = cloud.points_world_m, cloud.unit, cloud.up
+    else:
+        mesh = foreign_mesh.read(file, unit=unit, up=up)
+        places, unit_said, up_said = mesh.vertices_world_m, mesh.unit, mesh.up
+    low, high = (", ".join(f"{value:.2f}" for value in end) for end in (places.min(axis=0), places.max(axis=0)))
+    return f"it reaches from {low} to {high} m; unit {unit_said}; up {up_said}"
 
 
 def _kind(file: Path) -> str:
@@ -164,11 +206,23 @@ def _kind(file: Path) -> str:
     return "cloud" if suffix == ".ply" and file.is_file() and not point_file.has_faces(file) else "mesh"
 
 
-def _require_fitting(kind: str, given: dict[str, Any]) -> None:
+def _require_fitting(kind: str, asked: Asked) -> None:
     """
     Raises:
         InputError: an option says nothing about a file of this kind; it would be ignored.
     """
+    given: dict[str, Any] = {
+        "--unit": asked.unit,
+        "--up": asked.up,
+        "--voxel": asked.voxel_m,
+        "--observed": asked.observed,
+        "--heights": asked.heights,
+        "--sensor": asked.sensor,
+        "--sensor-poses": asked.poses,
+        "--viewpoints": asked.viewpoints,
+        "--least-points": asked.least_points,
+        "--gap": asked.gap_m,
+    }
     for option, value in given.items():
         if value and kind not in _FOR[option]:
             kinds = " and ".join(_KINDS[one] for one in _FOR[option])

@@ -18,7 +18,7 @@ def parts(opened: Project) -> list[tuple[str, str, str]]:
     flights, plans = len(opened.flights()), len(opened.trajectories())
     there = {
         "map": str(opened.map) if opened.has_map else "",
-        "vehicle": str(opened.vehicle) if opened.vehicle.is_file() else "",
+        "vehicle": str(opened.vehicle) if opened.has_vehicle else "",
         "waypoints": str(opened.waypoints) if opened.waypoints.is_file() else "",
         "trajectories": f"{plans} in {folder / 'trajectories'}" if plans else "",
         "flights": f"{flights} in {folder / 'flights'}" if flights else "",
@@ -35,22 +35,20 @@ def parts(opened: Project) -> list[tuple[str, str, str]]:
 
 
 def check_for_station(folder: Path) -> Project:
-    """The project, if it has the parts that the ground station needs.
+    """The project; an empty folder is made one, whose parts come on the page.
 
     Raises:
-        InputError: it is no project, or has no vehicle; the message names the command that adds one.
+        InputError: it is no project, and holds something else.
     """
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; give the folder of a project, as goshawk init makes it")
     if not folder.exists():
         raise InputError(f"{folder} does not exist; goshawk init {folder} makes a project there")
+    if not any(folder.iterdir()):
+        return project.create(folder, folder.resolve().name)
     if not (folder / "project.toml").is_file():
         raise InputError(f"{folder} is not a project: it has no project.toml; make it one with goshawk init {folder}")
-    opened = project.open_project(folder)
-    for name, found, give in parts(opened):
-        if name == "vehicle" and not found:
-            raise InputError(f"{folder} has no vehicle: add it with {give}")
-    return opened
+    return project.open_project(folder)
 
 
 @contextlib.contextmanager

@@ -298,6 +298,9 @@ def test_a_curve_of_rotor_thrust_is_shown_with_its_words_and_unit(page, station)
     page.keyboard.press("5")
     card = page.get_by_role("region", name="No known effect")
     card.get_by_text("the thrust of rotor 2 follows speed of rotor 2, from −19.0 to 0 % of the thrust").wait_for()
+    head = page.get_by_text(FLOWN.partition(". ")[0])
+    assert head.is_visible()
+    head.get_by_role("button", name="More").click()
     assert page.get_by_text(FLOWN).is_visible()
     assert page.get_by_text(MARKUP).first.is_visible()
     assert page.get_by_role("region", name="Effects of your own").get_by_text(MARKUP).is_visible()
@@ -371,7 +374,7 @@ def test_words_of_compare_and_learn_are_whole_at_each_width(page, station, width
         page.keyboard.press(step)
         drawn(page)
         assert overflow(page) == [], f"step {step}"
-    effects = page.get_by_text(re.compile("as in the vehicle file; effects: ")).inner_text()
+    effects = page.get_by_text(re.compile("Effects: ")).inner_text()
     assert "centre of mass" in effects
     assert "_" not in effects
     page.set_viewport_size(SIZE)
@@ -447,10 +450,13 @@ def test_a_card_shows_what_was_not_checked_and_what_the_log_is_of_no_use_for(pag
     station.desk.flights.refresh()
     page.keyboard.press("4")
     page.get_by_role("button", name=re.compile("^no rotors ")).click()
-    for sentence in checked.inconclusive:
-        page.get_by_text(f"Not checked: {sentence}", exact=True).wait_for()
-    for sentence in checked.notes:
-        page.get_by_text(f"Note: {sentence}", exact=True).wait_for()
+    sentences = [f"Not checked: {each}" for each in checked.inconclusive]
+    for sentence in [*sentences, *(f"Note: {each}" for each in checked.notes)]:
+        said = page.get_by_text(sentence[:40])
+        said.wait_for()
+        if said.get_by_role("button", name="More").count():
+            said.get_by_role("button", name="More").click()
+        page.get_by_text(sentence).wait_for()
     for width in (1440, 400):
         page.set_viewport_size({"width": width, "height": 844})
         drawn(page)

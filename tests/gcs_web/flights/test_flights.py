@@ -15,9 +15,10 @@ from firmware_bridge.controller import State
 from flight import FlightError, FlightLog, InputError, flight_log, project, silent
 from flight.flight_log import COLUMNS
 from gcs_web.flights import pyramid, reading
-from gcs_web.flights.flights import Flights, incoming_file
+from gcs_web.flights.flights import Flights
 from gcs_web.flights.pyramid import Pyramid
 from gcs_web.flights.recorded import MOST_POINTS, Recorded
+from gcs_web.jobs import incoming
 from gcs_web.protocol import flights as flights_messages
 from gcs_web.protocol.flights import Incoming
 from goshawk.commands.learn import log_outputs
@@ -293,7 +294,7 @@ def test_a_log_without_a_fixable_finding_is_not_fixed(opened, listing):
 
 def test_a_foreign_csv_asks_for_its_columns_and_is_then_a_flight(opened, listing):
     made, _ = listing
-    file = incoming_file(opened, "pond.csv")
+    file = incoming.place(opened, "pond.csv")
     file.parent.mkdir(parents=True)
     rows = ["t;pos_x;pos_y;pos_z;vx;vy;vz"]
     rows += [f"{0.01 * k:.3f};{np.sin(0.01 * k):.5f};{np.cos(0.01 * k):.5f};1.0;0.1;0.2;0" for k in range(400)]

@@ -15,9 +15,9 @@ import viser
 import yarl
 
 from flight.project import Project
-from gcs_web.flights.flights import incoming_file
 from gcs_web.gateway import gateway as rules
 from gcs_web.gateway.gateway import LARGEST_MESSAGE, MOST_SOCKETS, Gateway
+from gcs_web.jobs import incoming
 from tests.waiting import PATIENCE_S
 
 
@@ -35,7 +35,7 @@ async def running_gateway() -> AsyncIterator[tuple[Gateway, viser.ViserServer]]:
         server.get_port(),
         serve_page=echo,
         state=lambda: {"answer": 42},
-        incoming=lambda name: incoming_file(Project(folder, ""), name),
+        incoming=lambda name: incoming.place(Project(folder, ""), name),
         share=lambda name: (name, ""),
         report=lambda name: (name, ""),
     )

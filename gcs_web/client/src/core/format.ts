@@ -61,3 +61,20 @@ export function dayAndTime(iso: string): string {
 export function plural(count: number, one: string, many: string): string {
   return `${count} ${count === 1 ? one : many}`;
 }
+
+/** Most words of a text that is shown unopened. */
+const MOST_WORDS = 24;
+/** A clause with fewer words says too little to stand alone. */
+const FEWEST_WORDS = 6;
+
+/** The text if it is short; else as many of its sentences or clauses as are, or its first words. */
+export function headOf(text: string): string {
+  const words = text.trim().split(/\s+/);
+  if (words.length <= MOST_WORDS + 1) return text;
+  const first = words.slice(0, MOST_WORDS);
+  const lastWith = (end: RegExp): number => first.findLastIndex((word, at) => at + 1 >= FEWEST_WORDS && end.test(word));
+  const at = [/[.?!]$/, /[;:]$/, /,$/].map(lastWith).find((found) => found >= 0) ?? MOST_WORDS - 1;
+  const head = first.slice(0, at + 1).join(" ");
+  const whole = head.split("`").length % 2 === 1 ? head : head.slice(0, head.lastIndexOf("`")).trimEnd(); // no half command
+  return /[.?!]$/.test(whole) ? whole : `${whole.replace(/[,;:]$/, "")} …`;
+}

@@ -15,7 +15,8 @@ export interface PageCommand {
 export interface Panel {
   step: number;
   name: string;
-  inspector: ComponentType;
+  /** None: the page is all of its cards. */
+  inspector?: ComponentType;
   /** What stands left of the 3D view. */
   list?: ComponentType;
   /** What stands in the place of the 3D view. */

@@ -1,7 +1,7 @@
 // Written by tools/page_types.py from the structs of gcs_web. Do not edit.
 
 
-export const PROTOCOL = 5;
+export const PROTOCOL = 6;
 
 export interface Abort {
   type: "abort";
@@ -190,6 +190,12 @@ export interface ConfoundedPair {
   correlation: number;
 }
 
+export interface Connect {
+  type: "connect";
+  serial: number;
+  url: string;
+}
+
 export interface ControllerParameter {
   name: string;
   unit: string;
@@ -347,6 +353,7 @@ export interface Files {
   flights: string[];
   bin: Aside[];
   has_map: boolean;
+  has_vehicle: boolean;
 }
 
 export interface Finding {
@@ -583,6 +590,11 @@ export interface Loop {
   laps: number;
   lap_first?: number | null;
   lap_last?: number | null;
+}
+
+export interface LostLinkAct {
+  after_s: number;
+  act: string;
 }
 
 export interface MapEdit {
@@ -1286,6 +1298,7 @@ export interface Vehicle {
   duration_s: number | null;
   checks: ArmingCheck[];
   largest_error_m: number | null;
+  if_link_lost: LostLinkAct[];
   reason: string;
 }
 
@@ -1324,10 +1337,9 @@ export interface Welcome {
   protocol: number;
   you: string;
   project: string;
-  vehicle: boolean;
   station: string;
 }
 
 export type ToPage = Comparison | Cursor | Diagnosis | Document | Draft | EffectFiles | Files | FlightMoment | Flights | FlightsShown | Identification | Jobs | MapPreview | MapShown | Measured | Model | NextFlight | Notice | People | Plan | Projects | Reply | Selection | Shown | Vehicle | Welcome;
 
-export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Delete | Discard | DiscardFlight | DraftEffect | DropMapEdits | DropPath | DropTried | FixFlight | ForeseeJob | ForgetJob | GiveUpControl | Insert | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | Loop | Measure | Move | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadScatter | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;
+export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DropMapEdits | DropPath | DropTried | FixFlight | ForeseeJob | ForgetJob | GiveUpControl | Insert | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | Loop | Measure | Move | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadScatter | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;

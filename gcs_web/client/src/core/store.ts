@@ -18,7 +18,7 @@ export const draft = signal<Draft | null>(null);
 export const figures = signal<Plan | null>(null);
 export const vehicle = signal<Vehicle | null>(null);
 export const people = newest("people", { type: "people", people: [], in_control: "" });
-export const files = newest("files", { type: "files", trajectories: [], flights: [], bin: [], has_map: true });
+export const files = newest("files", { type: "files", trajectories: [], flights: [], bin: [], has_map: true, has_vehicle: true });
 /** Those in the folder that this one is in. */
 export const projects = newest("projects", { type: "projects", projects: [] });
 export const mapShown = signal<MapShown | null>(null);
@@ -64,6 +64,14 @@ export const notice = newest("notice", { type: "notice", text: "", level: "fact"
 /** Tracking errors as they were heard, of the last minute. */
 export const errors = signal<readonly { heardAt_ms: number; error_m: number }[]>([]);
 const ERRORS_KEPT_MS = 60_000;
+
+/** What was flown of the trajectory that is under way, or of the last one, by the time along it. */
+export interface Flown {
+  along_s: number;
+  speed_m_s: number;
+  height_m: number;
+}
+export const flown = signal<readonly Flown[]>([]);
 
 // --- of this page ---
 
@@ -134,6 +142,9 @@ export const controlWords = computed(() => {
   return holder === undefined ? "" : `${holder.name} is in control`;
 });
 
+/** Whether a vehicle is connected, heard or not. */
+export const hasVehicle = computed(() => vehicle.value !== null && vehicle.value.link !== "none");
+
 /** Whether the vehicle holds another trajectory than the plan. */
 export const holdsAnother = computed(() => {
   const held = vehicle.value?.holds_crc32 ?? "";
@@ -199,10 +210,24 @@ function receiveVehicle(next: Vehicle): void {
   now_ms.value = heardAt_ms;
   vehicleHeardAt_ms.value = heardAt_ms;
   vehicle.value = next;
+  noteFlown(next);
   if (next.error_m === null || next.link !== "fresh") return;
   const recent = errors.value.filter((each) => heardAt_ms - each.heardAt_ms < ERRORS_KEPT_MS);
   errors.value = [...recent, { heardAt_ms, error_m: next.error_m }];
 }
+
+function noteFlown({ along_s, speed_m_s, z_m, link: heard }: Vehicle): void {
+  if (along_s === null || speed_m_s === null || z_m === null || heard !== "fresh") return;
+  const last_s = flown.value.at(-1)?.along_s ?? -1;
+  if (along_s === last_s) return;
+  const before = along_s > last_s ? flown.value : []; // a new flight
+  flown.value = [...before, { along_s, speed_m_s, height_m: z_m }];
+}
+
+/** Whether the trajectory of the plan is flown now. */
+export const isFlown = computed(
+  () => vehicle.value !== null && vehicle.value.along_s !== null && link.value.state === "fresh" && !holdsAnother.value,
+);
 
 function receivePlan(next: Plan): void {
   plan.value = next;

@@ -5,6 +5,7 @@ import { effect, signal } from "@preact/signals";
 import { editable, short } from "../core/format";
 import { COULD_HIDE_SPAN_MM } from "./scales";
 import { series } from "../core/store";
+import type { Flown } from "../core/store";
 import { token } from "../core/theme";
 import type { Limit, Series } from "../core/protocol";
 
@@ -18,10 +19,13 @@ export interface Stream {
   limits: readonly string[];
   /** The largest value that is drawn, and stands for all above it. */
   most?: number;
+  /** What the vehicle did, where that is known. */
+  flown?: (sample: Flown) => number;
 }
 
 export const STREAMS: readonly Stream[] = [
-  { key: "speed", name: "Speed", unit: "m/s", digits: 2, curves: (s) => [s.speed_m_s], limits: ["speed"] },
+  { key: "speed", name: "Speed", unit: "m/s", digits: 2, curves: (s) => [s.speed_m_s], limits: ["speed"], flown: (f) => f.speed_m_s },
+  { key: "height", name: "Height", unit: "m", digits: 2, curves: (s) => [s.z_m], limits: [], flown: (f) => f.height_m },
   { key: "clearance", name: "Clearance", unit: "m", digits: 2, curves: (s) => [s.clearance_m], limits: ["clearance"] },
   {
     key: "could_hide",
@@ -189,7 +193,11 @@ export function drawPlot(
           values: (_plot, ticks) => ticks.map((tick) => (box.hasWords ? editable(tick) : "")),
         },
       ],
-      series: [{}, ...curves.map(() => ({ stroke: () => token("curve"), width: 1.5, points: { show: false } }))],
+      series: [
+        {},
+        ...curves.map(() => ({ stroke: () => token("curve"), width: 1.5, points: { show: false } })),
+        { stroke: () => token("measured"), width: 2, points: { show: false } },
+      ],
       hooks: {
         draw: [(drawn) => drawLimits(drawn, range.limits, box.hasWords ? axis.font : null)],
         setScale: [
@@ -199,11 +207,24 @@ export function drawPlot(
         ],
       },
     },
-    [series.time_s, ...curves],
+    [series.time_s, ...curves, series.time_s.map(() => null)],
     target,
   );
   applyZoom(plot, series);
   return plot;
+}
+
+/** Draw what was flown over what is planned, on the plan's times. */
+export function drawFlown(plot: uPlot, stream: Stream, series: Series, samples: readonly Flown[]): void {
+  const value = stream.flown;
+  if (value === undefined) return;
+  const [times, values] = [samples.map(({ along_s }) => along_s), samples.map(value)];
+  const [first_s, last_s] = [times[0] ?? Infinity, times.at(-1) ?? -Infinity];
+  const over = series.time_s.map((time_s) =>
+    time_s < first_s || time_s > last_s ? null : valueAt(times, values, time_s),
+  );
+  plot.setData([series.time_s, ...stream.curves(series), over], false);
+  plot.redraw();
 }
 
 function noteZoom(plot: uPlot, series: Series): void {

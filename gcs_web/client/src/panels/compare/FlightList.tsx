@@ -2,11 +2,13 @@
 
 import { useSignal } from "@preact/signals";
 import { Badge } from "../../components/Badge";
+import { FileButton } from "../../components/FileButton";
 import { Icon } from "../../components/Icon";
 import { Said } from "../../components/Said";
 import { dayAndTime, number, plural, sentenceCase } from "../../core/format";
 import {
   LETTERS,
+  LOGS,
   cards,
   discardFlight,
   fixFlight,
@@ -22,7 +24,7 @@ import {
   toggleOpen,
   undo,
 } from "./flights";
-import { connected, flights } from "../../core/store";
+import { flights } from "../../core/store";
 import type { Finding, FlightCard, Incoming } from "../../core/protocol";
 
 export function FlightList() {
@@ -46,7 +48,7 @@ export function FlightList() {
       <div class="side-head">
         <div class="block-head">
           <h2 id="flights-title">Flights</h2>
-          <ImportButton />
+          <FileButton name="Import log" kinds={LOGS} onFile={(file) => void takeFile(file)} />
         </div>
         <p class="quiet">Mean tracking error, mm; what each flight is for</p>
       </div>
@@ -73,24 +75,6 @@ function Gaps() {
         {gapped.value.join(", ")}: gaps. Take the pieces between them as flights of their own{" "}
         {!splitGaps.value && <span class="caution-text">, or these logs are refused</span>}
       </span>
-    </label>
-  );
-}
-
-function ImportButton() {
-  return (
-    <label class="control import">
-      Import log
-      <input
-        class="visually-hidden"
-        type="file"
-        accept=".parquet,.ulg,.csv,.gz,.mcap,.bag,.db3"
-        disabled={!connected.value}
-        onChange={(event) => {
-          for (const file of event.currentTarget.files ?? []) void takeFile(file);
-          event.currentTarget.value = "";
-        }}
-      />
     </label>
   );
 }
@@ -222,20 +206,21 @@ function Findings({ card }: { card: FlightCard }) {
       ))}
       {card.inconclusive.map((sentence) => (
         <p key={sentence} class="quiet">
-          Not checked: <Said text={sentence} />
+          <Said text={`Not checked: ${sentence}`} />
         </p>
       ))}
       {card.notes.map((sentence) => (
         <p key={sentence} class="quiet">
-          Note: <Said text={sentence} />
+          <Said text={`Note: ${sentence}`} />
         </p>
       ))}
       {card.fixed.map((sentence) => (
         <p key={sentence} class="quiet">
-          Fixed: <Said text={sentence} />
+          <Said text={`Fixed: ${sentence}`} />
         </p>
       ))}
-      <p class="quiet">{card.vehicle_said !== "" && `${sentenceCase(card.vehicle_said)}. `}
+      <p class="quiet">
+        {card.vehicle_said !== "" && <Said text={`${sentenceCase(card.vehicle_said)}. `} />}
         <button type="button" class="link small" onClick={() => void discardFlight(card.name)}>
           Discard
         </button>
@@ -252,20 +237,24 @@ function Findings({ card }: { card: FlightCard }) {
 function FindingLine({ finding, flight }: { finding: Finding; flight: string }) {
   const first = marks.value.find((mark) => mark.flight === flight && mark.finding.sentence === finding.sentence);
   return (
-    <p>
-      <span class={finding.level === "error" ? "danger-text" : "caution-text"}><Said text={finding.sentence} />.</span>{" "}
-      <span class="quiet">{finding.fix}</span>{" "}
-      {first !== undefined && (
-        <button type="button" class="link small" onClick={() => goToMark(first)}>
-          Go there
-        </button>
-      )}{" "}
-      {finding.fixable && (
-        <button type="button" class="link small" onClick={() => void fixFlight(flight, finding.sentence)}>
-          Apply this to a new log
-        </button>
-      )}
-    </p>
+    <>
+      <p class={finding.level === "error" ? "danger-text" : "caution-text"}>
+        <Said text={`${finding.sentence}.`} />
+      </p>
+      <p class="quiet">
+        <Said text={finding.fix} />{" "}
+        {first !== undefined && (
+          <button type="button" class="link small" onClick={() => goToMark(first)}>
+            Go there
+          </button>
+        )}{" "}
+        {finding.fixable && (
+          <button type="button" class="link small" onClick={() => void fixFlight(flight, finding.sentence)}>
+            Apply this to a new log
+          </button>
+        )}
+      </p>
+    </>
   );
 }
 

@@ -1,14 +1,15 @@
 /** Where the model fails: share explained by channel and variable, the residual against one of them, the way to Learn. */
 
 import { useMemo } from "preact/hooks";
-import { signal } from "@preact/signals";
+import { computed, signal } from "@preact/signals";
 import { Badge } from "../../components/Badge";
+import { Said } from "../../components/Said";
 import { ScatterPlot } from "../../plots/ScatterPlot";
 import { editable, number, sentenceCase, short } from "../../core/format";
 import { bin, cards, chosen, gapped, goTo, moments, opened, pathColour, scatter, splitGaps, streamKeys } from "./flights";
 import type { Channel } from "./flights";
 import { send } from "../../core/socket";
-import { announce, comparison, connected, jobs, model, step } from "../../core/store";
+import { announce, comparison, connected, files, jobs, model, step } from "../../core/store";
 import type { ChannelResidual, Comparison, Scatter, VariableName } from "../../core/protocol";
 import { JobRows } from "../jobs/Jobs";
 
@@ -56,15 +57,13 @@ export function WhereItFails() {
         {has ? (
           <p>Share of the residual, %, that a curve of one variable predicts {found.judged_how}</p>
         ) : (
-          <p>
-            Which force or torque the model lacks, and what it depends on. Hold out a flight in the list, so that the
-            curves are judged on one that they have not seen.
-          </p>
+          <p>Which force or torque the model lacks, and what it depends on; best judged on a held-out flight.</p>
         )}
         {found?.state === "old" && (
           <p class="caution-text">The vehicle, a flight or the choice of flights changed since. Compare again.</p>
         )}
       </section>
+      {!has && <Tracked />}
       {isRunning("compare") && (
         <section class="block">
           <JobRows kinds={["compare"]} />
@@ -82,7 +81,7 @@ export function WhereItFails() {
         <button
           type="button"
           class={`control tall ${has ? "" : "primary"}`}
-          disabled={!connected.value || isRunning("compare")}
+          disabled={!connected.value || isRunning("compare") || !canLearn.value}
           onClick={() => void startOnFlights("compare")}
         >
           {has ? "Compare again" : "Compare with the model"}
@@ -94,6 +93,55 @@ export function WhereItFails() {
         )}
       </div>
     </>
+  );
+}
+
+/** Whether there is something to compare: a vehicle, and a flight to learn from. */
+export const canLearn = computed(() => files.value.has_vehicle && namesOf("learn").length > 0);
+
+/** Before anything is compared with the model: how well the flights held their path. */
+function Tracked() {
+  const known = cards.value.filter(({ tracking_mean_m }) => tracking_mean_m !== null);
+  const shown = opened.value.length > 0 ? known.filter(({ name }) => opened.value.some((one) => one.name === name)) : known;
+  if (shown.length === 0) return <LacksToCompare />;
+  return (
+    <section class="block">
+      <div class="block-head">
+        <h3>Tracking error</h3>
+        <span class="quiet">mm, on the trajectory</span>
+      </div>
+      <table class="table errors">
+        <thead>
+          <tr>
+            <th class="words">flight</th>
+            <th>mean</th>
+            <th>worst</th>
+          </tr>
+        </thead>
+        <tbody>
+          {shown.map(({ name, tracking_mean_m, tracking_worst_m }) => (
+            <tr key={name}>
+              <td class="words">{name}</td>
+              <td>{short(1000 * (tracking_mean_m ?? 0))}</td>
+              <td>{tracking_worst_m === null ? "–" : short(1000 * tracking_worst_m)}</td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+    </section>
+  );
+}
+
+function LacksToCompare() {
+  if (canLearn.value) return null;
+  const lacks = files.value.has_vehicle ? "There is no flight to learn from yet." : "There is no vehicle to compare with yet.";
+  return (
+    <section class="block">
+      <p class="quiet">{lacks}</p>
+      <button type="button" class="control" onClick={() => (step.value = 0)}>
+        Bring one
+      </button>
+    </section>
   );
 }
 
@@ -130,16 +178,14 @@ function best(channel: ChannelResidual, row: RowOfMap): { share: number; index: 
   return found;
 }
 
-/** By how much a variable explains more than a constant, in the channel where that is most; a constant, more than nothing. */
-function gainOf(found: Comparison, row: RowOfMap): number {
-  if (row.name === "constant") return Math.max(...found.channels.map((channel) => best(channel, row).share));
-  const constant = found.variables.findIndex(({ name }) => name === "constant");
-  return Math.max(...found.channels.map((channel) => best(channel, row).share - (channel.shares[constant] ?? 0)));
+/** What a variable explains, in the channel where that is most. */
+function mostOf(found: Comparison, row: RowOfMap): number {
+  return Math.max(...found.channels.map((channel) => best(channel, row).share));
 }
 
 function HeatMap({ found }: { found: Comparison }) {
   const rows = rowsOf(found.variables);
-  const order = new Map(rows.map((row) => [row, gainOf(found, row)]));
+  const order = new Map(rows.map((row) => [row, mostOf(found, row)]));
   const telling = [...rows].sort((a, b) => (order.get(b) ?? 0) - (order.get(a) ?? 0)).slice(0, FIRST_ROWS);
   const shown = allVariables.value ? rows : telling;
   return (
@@ -375,7 +421,7 @@ function Errors({ found }: { found: Comparison }) {
       </table>
       {found.remarks.map((remark) => (
         <p key={remark} class="caution-text">
-          {remark}
+          <Said text={remark} />
         </p>
       ))}
     </section>

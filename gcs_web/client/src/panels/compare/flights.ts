@@ -2,6 +2,7 @@
 
 import { batch, computed, effect, signal } from "@preact/signals";
 import { latest, send, submit } from "../../core/socket";
+import { sendFile } from "../../core/files";
 import { number } from "../../core/format";
 import { announce, areOurs, comparison, connected, flightCursor_s, flights, step } from "../../core/store";
 import type { AlignFlights, Finding, FlightCard, Incoming, OpenedFlight, Scatter, ShowFlights, Stream, StreamPart } from "../../core/protocol";
@@ -280,7 +281,7 @@ effect(() => {
   });
 });
 
-/** The cell that explains most beyond a constant is looked at first. */
+/** The cell with the highest share is looked at first. */
 effect(() => {
   const found = comparison.value;
   if (found === null || found.state === "none") return;
@@ -289,15 +290,13 @@ effect(() => {
     chosen.value = { ...now };
     return;
   }
-  const constant = found.variables.findIndex(({ name }) => name === "constant");
   let best: { channel: string; variable: string } | null = null;
   let most = 0;
   for (const row of found.channels) {
     row.shares.forEach((share, i) => {
       const variable = found.variables[i];
-      const gain = share * (share - (row.shares[constant] ?? 0)); // large, and not by its mean alone
-      if (variable !== undefined && gain > most) {
-        most = gain;
+      if (variable !== undefined && variable.name !== "constant" && share > most) {
+        most = share;
         best = { channel: row.channel, variable: variable.name };
       }
     });
@@ -369,16 +368,28 @@ export function goToMark({ from_s, to_s }: Mark): void {
 // --- logs ---
 
 /** Send a dropped file to the station and have it read. */
+/** The newest flight before this one of the same trajectory. */
+export function lastOfCourse(name: string): FlightCard | undefined {
+  const course = cards.value.find((card) => card.name === name)?.trajectory ?? "";
+  const older = cards.value.slice(cards.value.findIndex((card) => card.name === name) + 1);
+  return course === "" ? undefined : older.find((card) => card.trajectory === course && card.state === "ready");
+}
+
+/** Open a flight in Compare, beside the last one before it of the same trajectory. */
+export function compareWithLast(name: string): void {
+  const last = lastOfCourse(name);
+  open.value = last === undefined ? [name] : [name, last.name];
+  step.value = 4;
+}
+
+/** Endings of logs that can be read. */
+export const LOGS = [
+  ".parquet", ".ulg", ".bin", ".log", ".bbl", ".bfl", ".tlog", ".tum", ".csv", ".csv.gz", ".mcap", ".bag", ".db3",
+];
+
 export async function takeFile(file: File): Promise<void> {
-  announce(`Sending ${file.name} ...`);
-  let answer: Response;
-  try {
-    answer = await fetch(`/incoming/${encodeURIComponent(file.name)}`, { method: "PUT", body: file });
-  } catch {
-    announce(`${file.name} could not be sent: no answer from the ground station`, "danger");
-    return;
-  }
-  if (!answer.ok) announce(await answer.text(), "danger");
+  const error = await sendFile(file);
+  if (error !== "") announce(error, "danger");
   else await takeLog(file.name, "");
 }
 

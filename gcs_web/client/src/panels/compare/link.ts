@@ -9,8 +9,8 @@ const COLOURS: readonly Channel[] = ["", "F_x", "F_y", "F_z", "M_x", "M_y", "M_z
 
 function restore(): void {
   const found = new URLSearchParams(location.hash.slice(1));
-  const wanted = Number(found.get("step"));
-  if (wanted >= 1 && wanted <= 5) step.value = Math.floor(wanted);
+  const wanted = Number(found.get("step") ?? NaN);
+  if (wanted >= 0 && wanted <= 5) step.value = Math.floor(wanted);
   const names = found.get("flights");
   if (names !== null && names !== "") open.value = names.split("|");
   const keys = found.get("streams");

@@ -6,7 +6,7 @@ import { HoldButton } from "../../components/HoldButton";
 import { TableHead } from "../../components/TableHead";
 import { number, plural } from "../../core/format";
 import { send } from "../../core/socket";
-import { connected, inControl, model, vehicle, welcome } from "../../core/store";
+import { connected, hasVehicle, inControl, model, vehicle } from "../../core/store";
 import type { Compensation as Compared, ControllerParameter, NotCompensated, Reply } from "../../core/protocol";
 import { Control } from "./Control";
 
@@ -38,7 +38,7 @@ function take({ error, compensation, nonce }: Reply, stage: "compared" | "sent")
 }
 
 export function Compensation() {
-  if (welcome.value?.vehicle !== true) return null;
+  if (!hasVehicle.value) return null;
   const now = state.value;
   const found = "found" in now ? now.found : null;
   const differing = found?.parameters.filter((row) => row.flies_with !== row.model) ?? [];

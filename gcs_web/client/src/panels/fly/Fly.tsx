@@ -1,27 +1,33 @@
 /** The fly step: the vehicle as it is, who is in control, the orders, the flights. */
 
 import { computed } from "@preact/signals";
-import { giveOrder, mayOrder } from "./orders";
+import { canUpload, giveOrder, mayOrder, openUpload, uploading } from "./orders";
+import { UploadPanel } from "./UploadPanel";
+import { cards, compareWithLast, lastOfCourse } from "../compare/flights";
 import { Badge } from "../../components/Badge";
 import { HoldButton } from "../../components/HoldButton";
 import { Icon } from "../../components/Icon";
 import { Said } from "../../components/Said";
 import { age, number, sentenceCase } from "../../core/format";
-import { errors, files, holdsAnother, inControl, link, vehicle, welcome } from "../../core/store";
-import type { Vehicle as VehicleState } from "../../core/protocol";
+import { errors, files, hasVehicle, holdsAnother, inControl, link, vehicle } from "../../core/store";
+import type { FlightCard, Vehicle as VehicleState } from "../../core/protocol";
 import { Control } from "./Control";
+import { LinkButtons, VehicleButtons } from "../start/Buttons";
 import { ErrorPlot } from "./ErrorPlot";
 
 export function Fly() {
+  if (uploading.value !== null) return <UploadPanel state={uploading.value} />;
   return (
     <>
       <Now />
       {errors.value.length > 1 && <ErrorPlot />}
+      <IfLinkLost />
+      <Landed />
       <BeforeFlight />
-      {welcome.value?.vehicle === true && <Control />}
+      {hasVehicle.value && <Control />}
       <Flights />
       <div class="spring" />
-      {welcome.value?.vehicle === true && <Orders />}
+      {hasVehicle.value && <Orders />}
     </>
   );
 }
@@ -36,14 +42,14 @@ function Now() {
       <section class="verdict">
         <h2>Vehicle</h2>
         <p>
-          {welcome.value?.vehicle === false ? (
-            <>
-              No vehicle was given. Start the station with <span class="option">--url</span> to fly one.
-            </>
-          ) : (
-            "The vehicle was not heard yet."
-          )}
+          {files.value.has_vehicle
+            ? "No vehicle is connected."
+            : "No vehicle is connected, and the project has none that could be simulated."}
         </p>
+        <div class="fill">
+          {!files.value.has_vehicle && <VehicleButtons />}
+          <LinkButtons />
+        </div>
       </section>
     );
   }
@@ -66,7 +72,7 @@ function Now() {
         <Figure name="Battery" value={number(last.battery_v, 2)} unit="V" />
       </dl>
       <p class="quiet">
-        At {position} m{last.reason !== "" && `; last change: ${last.reason}`}
+        <Said text={`At ${position} m${last.reason === "" ? "" : `; last change: ${last.reason}`}`} />
       </p>
     </section>
   );
@@ -92,6 +98,52 @@ function Figure({ name, value, unit }: { name: string; value: string; unit: stri
   );
 }
 
+/** In flight: what the vehicle does by itself without a link. */
+function IfLinkLost() {
+  const acts = vehicle.value?.if_link_lost ?? [];
+  if (vehicle.value?.armed !== true || acts.length === 0) return null;
+  return (
+    <section class="block" aria-labelledby="lost-title">
+      <h3 id="lost-title">If the link is lost</h3>
+      {acts.map(({ after_s, act }) => (
+        <p key={act} class="block-head">
+          <span>It {act}</span>
+          <span class="quiet">after {number(after_s, 1)} s of silence</span>
+        </p>
+      ))}
+    </section>
+  );
+}
+
+/** After a flight: its error, beside that of the last one of the same trajectory. */
+function Landed() {
+  const [newest] = cards.value;
+  if (newest === undefined || vehicle.value?.armed === true || newest.tracking_mean_m === null) return null;
+  const before = lastOfCourse(newest.name);
+  const mean = (card: FlightCard): string => `${inMillimetres(card.tracking_mean_m)} mm`;
+  return (
+    <section class="block" aria-label="The last flight">
+      <div class="block-head">
+        <h3>Last flight</h3>
+        <span class="quiet">mean error</span>
+      </div>
+      <p class="block-head">
+        <span>{newest.name}</span>
+        <b>{mean(newest)}</b>
+      </p>
+      {before !== undefined && (
+        <p class="block-head quiet">
+          <span>{before.name}</span>
+          <span>{mean(before)}</span>
+        </p>
+      )}
+      <button type="button" class="control" onClick={() => compareWithLast(newest.name)}>
+        {before === undefined ? "Open in Compare" : "Compare with the one before"}
+      </button>
+    </section>
+  );
+}
+
 // --- before the flight ---
 
 /** The first thing that must hold before the rotors start and does not. */
@@ -112,7 +164,7 @@ function BeforeFlight() {
             <Icon name={passed ? "check" : "warning"} />
             <span class="visually-hidden">{passed ? "passed" : "failed"}</span>
             <span>
-              <b>{sentenceCase(name)}</b> {finding}
+              <b>{sentenceCase(name)}</b> <Said text={finding} />
               {!passed && <span class="remedy"><Said text={sentenceCase(remedy)} />.</span>}
             </span>
           </li>
@@ -148,11 +200,8 @@ function Start() {
   if (last?.mission.startsWith("paus") === true) {
     return <HoldButton act="resume" primary disabled={!mayOrder.value} onHeld={() => void giveOrder("resume")} />;
   }
-  if (last === null || last.holds_crc32 === "")
-    return <p class="caution-text">The vehicle holds no trajectory; upload one.</p>;
-  if (holdsAnother.value) {
-    return <p class="caution-text">The vehicle holds {last.holds}, not this plan; upload the plan to fly it.</p>;
-  }
+  if (last === null || last.holds_crc32 === "") return <UploadFirst says="The vehicle holds no trajectory." />;
+  if (holdsAnother.value) return <UploadFirst says={`The vehicle holds ${last.holds}, not this plan.`} />;
   return (
     <HoldButton
       act={last.armed ? `fly ${last.holds}` : `arm and fly ${last.holds}`}
@@ -160,6 +209,18 @@ function Start() {
       disabled={!mayOrder.value || isUnderWay(last.mission) || failing.value !== null}
       onHeld={() => void giveOrder("start")}
     />
+  );
+}
+
+function UploadFirst({ says }: { says: string }) {
+  return (
+    <>
+      <p class="caution-text">{says}</p>
+      <button type="button" class="control primary" disabled={!canUpload.value} onClick={openUpload}>
+        Compare and upload
+      </button>
+      {!canUpload.value && <p class="quiet centred">Only a checked plan can be uploaded.</p>}
+    </>
   );
 }
 
@@ -183,7 +244,12 @@ function Flights() {
       ) : (
         <ul class="list">
           {flights.map((name) => (
-            <li key={name}>{name}</li>
+            <li key={name}>
+              <span class="list-words">{name}</span>
+              <button type="button" class="link" aria-label={`Compare ${name}`} onClick={() => compareWithLast(name)}>
+                Compare
+              </button>
+            </li>
           ))}
         </ul>
       )}

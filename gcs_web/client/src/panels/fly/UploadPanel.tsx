@@ -4,6 +4,7 @@ import { confirmUpload, prepareUpload, uploading } from "./orders";
 import type { UploadState } from "./orders";
 import { Badge } from "../../components/Badge";
 import { HoldButton } from "../../components/HoldButton";
+import { Said } from "../../components/Said";
 import { TableHead } from "../../components/TableHead";
 import { checksum, number } from "../../core/format";
 import { connected, inControl, plan, verdict } from "../../core/store";
@@ -30,7 +31,7 @@ export function UploadPanel({ state }: { state: UploadState }) {
           <h2>Upload {here?.name ?? plan.value?.name ?? ""}</h2>
           {prepared !== null && <Badge>{differences(here, there)}</Badge>}
         </div>
-        <p class={state.stage === "refused" ? "danger-text" : ""}>{sentence(state, there)}</p>
+        <p class={state.stage === "refused" ? "danger-text" : ""}><Said text={sentence(state, there)} /></p>
       </section>
       {prepared !== null && <Difference here={here} there={there} />}
       <div class="spring" />
@@ -63,7 +64,7 @@ export function UploadPanel({ state }: { state: UploadState }) {
           disabled={state.stage === "sending"}
           onClick={() => (uploading.value = null)}
         >
-          Back to the plan
+          Back
         </button>
       </div>
     </>

@@ -2,7 +2,7 @@
 
 import { computed, effect, signal } from "@preact/signals";
 import { send, submit } from "../../core/socket";
-import { aborting, announce, connected, inControl, link, vehicle } from "../../core/store";
+import { aborting, announce, connected, hasVehicle, inControl, link, vehicle, verdict } from "../../core/store";
 import type { Order, Reply } from "../../core/protocol";
 
 /**
@@ -16,6 +16,9 @@ export type UploadState =
 
 /** Null while the upload panel is closed. */
 export const uploading = signal<UploadState | null>(null);
+
+/** Whether there is a checked plan, and a vehicle to take it. */
+export const canUpload = computed(() => verdict.value === "checked" && hasVehicle.value);
 
 /** Open the panel; it compares as soon as this person is in control. */
 export function openUpload(): void {

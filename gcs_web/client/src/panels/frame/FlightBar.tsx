@@ -5,7 +5,7 @@ import { HoldButton } from "../../components/HoldButton";
 import { Keys } from "../../components/Keys";
 import { number, sentenceCase } from "../../core/format";
 import { link, vehicle } from "../../core/store";
-import type { Vehicle } from "../../core/protocol";
+import type { LostLinkAct, Vehicle } from "../../core/protocol";
 import { giveOrder, kill, mayOrder } from "../fly/orders";
 
 export function FlightBar() {
@@ -14,6 +14,11 @@ export function FlightBar() {
   const { state, age_s } = link.value;
   return (
     <section class={`flight-bar ${state}`} aria-label="Flight">
+      {state === "lost" && (
+        <p class="flight-lost danger-text" role="alert">
+          {lostWords(last.if_link_lost, age_s)}
+        </p>
+      )}
       <dl class="flight-values">
         <Value name="Mission" value={sentenceCase(last.mission)} />
         <Value name="Time" value={time(last)} unit="s" />
@@ -37,6 +42,15 @@ export function FlightBar() {
       </div>
     </section>
   );
+}
+
+/** What the vehicle does by itself now and next, by the silence so far. */
+export function lostWords(acts: readonly LostLinkAct[], age_s: number): string {
+  if (acts.length === 0) return "Link lost: what the vehicle does now is not known here. Use the RC transmitter.";
+  const begun = acts.findLast(({ after_s }) => after_s <= age_s);
+  const next = acts.find(({ after_s }) => after_s > age_s);
+  const now = begun === undefined ? "the vehicle goes on" : `it ${begun.act}`;
+  return `Link lost: ${now}${next === undefined ? "" : `; ${next.act} in about ${number(next.after_s - age_s, 0)} s`}.`;
 }
 
 function time({ along_s, duration_s }: Vehicle): string {

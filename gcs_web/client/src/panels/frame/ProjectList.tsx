@@ -4,7 +4,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { plural } from "../../core/format";
 import { send } from "../../core/socket";
-import { connected, projects, projectsOpen } from "../../core/store";
+import { connected, projects, projectsOpen, step } from "../../core/store";
 import type { ProjectEntry } from "../../core/protocol";
 
 export function ProjectList() {
@@ -49,7 +49,16 @@ export function ProjectList() {
           {refusal.value}
         </p>
       )}
-      <p class="quiet">A new one: goshawk init FOLDER --map MAP --vehicle FILE.</p>
+      <button
+        type="button"
+        class="control"
+        onClick={() => {
+          step.value = 0;
+          close();
+        }}
+      >
+        What this project has
+      </button>
     </div>
   );
 }

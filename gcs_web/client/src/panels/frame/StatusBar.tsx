@@ -1,8 +1,9 @@
 /** The foot of the page: the last notice, what is saved, who is here. */
 
+import { signal } from "@preact/signals";
 import { Keys } from "../../components/Keys";
-import { Said } from "../../components/Said";
-import { plural } from "../../core/format";
+import { Spoken } from "../../components/Said";
+import { headOf, plural } from "../../core/format";
 import { submit } from "../../core/socket";
 import { connected, connection, controlWords, doc, notice, now_ms, paletteOpen, people, retryAt_ms, step } from "../../core/store";
 import { nextTheme, theme } from "../../core/theme";
@@ -29,16 +30,32 @@ export function StatusBar() {
   );
 }
 
+/** The long notice that somebody opened. */
+const opened = signal("");
+
 /** A lost connection matters more than any notice. */
 function NoticeLine() {
   const { text, level, undo } = notice.value;
   const trouble = connectionTrouble();
   const words = trouble === "" ? text : level === "danger" ? `${trouble} ${text}` : trouble;
+  const tone = trouble !== "" ? "danger-text" : level === "fact" ? "" : `${level}-text`;
+  const isOpen = opened.value === words;
+  const head = headOf(words);
   return (
     <div class="notice">
-      <p role="status" title={words} class={trouble !== "" ? "danger-text" : level === "fact" ? "" : `${level}-text`}>
-        <Said text={words} />
+      <p role="status" title={words} class={`${tone} ${isOpen ? "opened" : ""}`}>
+        <Spoken text={isOpen ? words : head} />
       </p>
+      {head !== words && (
+        <button
+          type="button"
+          class="link"
+          aria-expanded={isOpen}
+          onClick={() => (opened.value = isOpen ? "" : words)}
+        >
+          {isOpen ? "Less" : "More"}
+        </button>
+      )}
       {trouble !== "" && connection.value === "closed" && <RetryCount />}
       {trouble === "" && undo && (
         <button type="button" class="link" onClick={() => void submit({ type: "undo" })}>

@@ -48,7 +48,7 @@ export function TopBar() {
 function StepBar() {
   return (
     <nav class="steps" aria-label="Steps">
-      {PANELS.map((each) => (
+      {PANELS.filter((each) => each.step > 0).map((each) => (
         <button
           key={each.step}
           type="button"
@@ -89,7 +89,7 @@ function VehicleLine() {
   const last = vehicle.value;
   const { state } = link.value;
   if (last === null || state === "none") {
-    const words = connection.value !== "open" ? "not known" : welcome.value?.vehicle ? "not heard yet" : "none given";
+    const words = connection.value !== "open" ? "not known" : "none";
     return (
       <dl class="vehicle-line" aria-label="Vehicle">
         <Fact name="Vehicle" value={words} />

@@ -18,7 +18,7 @@ export const COMMANDS: readonly PageCommand[] = [
     run: () => (paletteOpen.value = !paletteOpen.value),
   },
   ...PANELS.map(({ step: number, name }): PageCommand => ({
-    name: `Step ${number}: ${name}`,
+    name: number === 0 ? "Start: what this project has" : `Step ${number}: ${name}`,
     keys: [String(number)],
     enabled: always,
     run: () => (step.value = number),

@@ -3,6 +3,7 @@
 import { signal, useSignal } from "@preact/signals";
 import { useEffect, useId, useRef } from "preact/hooks";
 import "./jobs.css";
+import { Said } from "../../components/Said";
 import { parse, sentenceCase, span } from "../../core/format";
 import { send, submit } from "../../core/socket";
 import { connected, jobs } from "../../core/store";
@@ -79,7 +80,9 @@ function JobRow({ job }: { job: Job }) {
         <span style={{ width: `${100 * job.share}%` }} />
       </div>
       <div class="block-head">
-        <span class={job.state === "failed" ? "danger-text" : "quiet"}>{detail(job)}</span>
+        <span class={job.state === "failed" ? "danger-text" : "quiet"}>
+          <Said text={detail(job)} />
+        </span>
         <button
           type="button"
           class="link"
@@ -110,7 +113,8 @@ function detail({ state, stage, share, words, author }: Job): string {
 
 const ASKED_AFTER_MS = 300;
 
-function JobForm({ kinds, onDone }: { kinds: readonly JobKind[]; onDone: () => void }) {
+/** Of the kind that is chosen, among these. */
+export function JobForm({ kinds, onDone }: { kinds: readonly JobKind[]; onDone: () => void }) {
   const given = useSignal<Readonly<Record<string, Value>>>({});
   const refusal = useSignal("");
   const foreseen = useSignal("");
@@ -144,32 +148,34 @@ function JobForm({ kinds, onDone }: { kinds: readonly JobKind[]; onDone: () => v
     <form
       ref={form}
       class="job-form"
-      aria-label="New job"
+      aria-label={kinds.length === 1 ? kind.title : "New job"}
       onSubmit={(event) => {
         event.preventDefault();
         void start();
       }}
     >
-      <div class="field long">
-        <label for={id}>Job</label>
-        <span class="field-box">
-          <select
-            id={id}
-            value={kind.name}
-            onChange={(event) => {
-              chosenKind.value = event.currentTarget.value;
-              given.value = {};
-              refusal.value = "";
-            }}
-          >
-            {kinds.map((each) => (
-              <option key={each.name} value={each.name}>
-                {each.title}
-              </option>
-            ))}
-          </select>
-        </span>
-      </div>
+      {kinds.length > 1 && (
+        <div class="field long">
+          <label for={id}>Job</label>
+          <span class="field-box">
+            <select
+              id={id}
+              value={kind.name}
+              onChange={(event) => {
+                chosenKind.value = event.currentTarget.value;
+                given.value = {};
+                refusal.value = "";
+              }}
+            >
+              {kinds.map((each) => (
+                <option key={each.name} value={each.name}>
+                  {each.title}
+                </option>
+              ))}
+            </select>
+          </span>
+        </div>
+      )}
       {kind.fields.map((field) => (
         <FieldOf
           key={`${kind.name}.${field.name}`}
@@ -185,12 +191,12 @@ function JobForm({ kinds, onDone }: { kinds: readonly JobKind[]; onDone: () => v
       )}
       {foreseen.value !== "" && (
         <p class="quiet" role="status">
-          {sentenceCase(foreseen.value)}
+          <Said text={sentenceCase(foreseen.value)} />
         </p>
       )}
       {refusal.value !== "" && (
         <p class="refusal" role="alert">
-          {refusal.value}
+          <Said text={sentenceCase(refusal.value)} />
         </p>
       )}
       <div class="acts-row">

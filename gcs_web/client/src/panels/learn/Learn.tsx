@@ -7,13 +7,14 @@ import { ScatterPlot } from "../../plots/ScatterPlot";
 import { number, plural, sentenceCase, short } from "../../core/format";
 import { reachOf } from "../../plots/scatter";
 import { submit } from "../../core/socket";
-import { connected, diagnosis, model } from "../../core/store";
+import { connected, diagnosis, files, model } from "../../core/store";
 import type { Candidate, Diagnosis, EffectSize, Evidence, ProposedEquation, Tried } from "../../core/protocol";
 import { JobRows } from "../jobs/Jobs";
 import { NextFlight } from "./NextFlight";
 import { MakeEffect, OwnEffects } from "./OwnEffects";
 import { SaveReport } from "../compare/SaveReport";
-import { Named, isRunning, namesOf, startOnFlights } from "../compare/WhereItFails";
+import { FlightButtons, VehicleButtons } from "../start/Buttons";
+import { Named, canLearn, isRunning, namesOf, startOnFlights } from "../compare/WhereItFails";
 
 const allExcluded = signal(false);
 
@@ -27,9 +28,9 @@ export function Learn() {
     <main class="learn" aria-label="Learn">
       <div class="learn-head">
         <div>
-          <h2 class="learn-verdict">{has ? found.verdict : "Which effect does the model lack?"}</h2>
-          <p class="dim">{has ? summary(found) : flightsWords()}</p>
-          {has && found.envelope !== "" && <p class="quiet">{found.envelope}</p>}
+          <h2 class="learn-verdict"><Said text={has ? found.verdict : "Which effect does the model lack?"} /></h2>
+          <p class="dim"><Said text={has ? summary(found) : flightsWords()} /></p>
+          {has && found.envelope !== "" && <p class="quiet"><Said text={found.envelope} /></p>}
           {found?.state === "old" && (
             <p class="caution-text">The vehicle, a flight or the choice of flights changed since. Diagnose again.</p>
           )}
@@ -37,12 +38,13 @@ export function Learn() {
         <button
           type="button"
           class={`control ${has ? "" : "primary"}`}
-          disabled={!connected.value || busy}
+          disabled={!connected.value || busy || !canLearn.value}
           onClick={() => void startOnFlights("diagnose")}
         >
           {has ? "Diagnose again" : "Find the missing effect"}
         </button>
       </div>
+      {!has && !busy && <NothingYet />}
       {has && found.findings.length > 0 && <Findings found={found} />}
       {busy && <JobRows kinds={[...WORKING]} />}
       {has && <Cards found={found} />}
@@ -50,6 +52,30 @@ export function Learn() {
       {has && <NextFlight />}
       {has && <SaveReport of="diagnosis" made={found.has_report} />}
     </main>
+  );
+}
+
+const ROLES = ["learn", "hold_out"] as const;
+
+/** Before the first diagnosis: what it will work on, or what it lacks. */
+function NothingYet() {
+  const { has_vehicle } = files.value;
+  return (
+    <section class="card" aria-label="Before the first diagnosis">
+      <ul class="findings">
+        <li>{has_vehicle ? `The model of ${model.value?.name ?? "the vehicle"} is judged.` : "There is no vehicle yet."}</li>
+        {ROLES.map((role) => (
+          <li key={role}>
+            {role === "learn" ? "Learned from" : "Held out, to judge"}: {namesOf(role).join(", ") || "no flight yet"}.
+          </li>
+        ))}
+      </ul>
+      {canLearn.value ? (
+        <p class="quiet">What each flight is for is said in step 4, Compare.</p>
+      ) : (
+        <div class="fill">{has_vehicle ? <FlightButtons /> : <VehicleButtons />}</div>
+      )}
+    </section>
   );
 }
 
@@ -128,8 +154,7 @@ function Cards({ found }: { found: Diagnosis }) {
         {excluded.length > 0 && (
           <div class="block-head">
             <span>
-              <Sign verdict="excluded" /> {excluded.length} more excluded{" "}
-              <span class="quiet">{excluded.map(({ title }) => title).join(", ")}</span>
+              <Sign verdict="excluded" /> {excluded.length} more excluded
             </span>
             <button type="button" class="link" onClick={() => (allExcluded.value = !allExcluded.value)}>
               {allExcluded.value ? "Fold" : "Show all"}
@@ -434,8 +459,8 @@ function Outside({ found }: { found: Diagnosis }) {
         </span>
       </div>
       <p class="dim">
-        A curve explains more than any effect of the catalogue: the {curve.words} follows {curve.variable.words}, from{" "}
-        {figure(Math.min(...curve.y))} to {figure(Math.max(...curve.y))} {curve.unit}.
+        The {curve.words} follows {curve.variable.words}, from {figure(Math.min(...curve.y))} to{" "}
+        {figure(Math.max(...curve.y))} {curve.unit}.
       </p>
       <ScatterPlot what={what} height={200} label="The curve that no known effect explains" />
       <p class="quiet against">
@@ -444,7 +469,7 @@ function Outside({ found }: { found: Diagnosis }) {
       </p>
       {law !== null && <Law found={law} />}
       {curve.effect === "" ? (
-        <p class="quiet card-foot">No effect can be made of this curve: {curve.advice}.</p>
+        <p class="quiet card-foot"><Said text={`No effect can be made of this curve: ${curve.advice}.`} /></p>
       ) : (
         <MakeEffect
           key={curve.effect}

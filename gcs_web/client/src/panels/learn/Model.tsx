@@ -5,7 +5,7 @@ import { Badge } from "../../components/Badge";
 import { Said } from "../../components/Said";
 import { dayAndTime, sentenceCase, short } from "../../core/format";
 import { submit } from "../../core/socket";
-import { connected, diagnosis, model } from "../../core/store";
+import { connected, diagnosis, files, model } from "../../core/store";
 import type { ParameterRow, Stair, Tried, VehicleVersion } from "../../core/protocol";
 import { Compensation } from "../fly/Compensation";
 import { EffectFilesWaiting } from "./EffectFiles";
@@ -20,7 +20,7 @@ export function Versions() {
     <section class="side" aria-labelledby="versions-title">
       <div class="side-head">
         <h2 id="versions-title">Versions</h2>
-        <p class="quiet">of the vehicle file. Bars: position error after 0.5 s of the diagnosis' models, mm, log scale</p>
+        <p class="quiet">of the vehicle file. Bars: position error after 0.5 s, mm, log scale</p>
       </div>
       <Staircase />
       <ul class="versions">
@@ -134,7 +134,9 @@ export function ModelInspector() {
   if (now === null) {
     return (
       <>
-        <p class="empty">The vehicle file is not read yet.</p>
+        <p class="empty">
+          {files.value.has_vehicle ? "The vehicle file is not read yet." : "No vehicle yet: its parameters stand here."}
+        </p>
         <EffectFilesWaiting />
       </>
     );
@@ -146,7 +148,7 @@ export function ModelInspector() {
       <section class="verdict">
         <h2>Parameters</h2>
         <p>
-          {now.name}. Value, standard deviation and source as in the vehicle file; effects: {now.titles.join(", ") || "none"}
+          <Said text={`${now.name}. Effects: ${now.titles.join(", ") || "none"}.`} />
         </p>
       </section>
       <Parameters rows={now.parameters} tried={now.tried} />
@@ -240,7 +242,7 @@ function Parameters({ rows, tried }: { rows: readonly ParameterRow[]; tried: Tri
               </tr>
               <tr class={`source ${isTouched(row) ? "touched" : ""}`}>
                 <td class="words" colSpan={4}>
-                  {row.source}
+                  <Said text={row.source} />
                 </td>
               </tr>
             </Fragment>

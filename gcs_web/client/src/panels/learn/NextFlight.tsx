@@ -35,8 +35,7 @@ export function NextFlight() {
         </button>
       </div>
       <p class="dim">
-        The manoeuvre that tells most of what is still open, with place, heading and size searched for in this map and
-        checked. It opens on the Plan step as it is, and flies as it was simulated.
+        The manoeuvre that tells most of what is still open, placed in this map and checked. It opens in Plan.
       </p>
       {doubt !== "" && (
         <label class="switch">

@@ -5,6 +5,7 @@ import { submit } from "../../core/socket";
 import { number } from "../../core/format";
 import { connected, files, jobs, mapShown, step } from "../../core/store";
 import { Jobs, chosenKind } from "../jobs/Jobs";
+import { MapButtons } from "../start/Buttons";
 import { MapEdits } from "./MapEdits";
 import { Layers, Slices } from "./Slices";
 
@@ -18,7 +19,7 @@ export function Map() {
       <Jobs />
       <div class="spring" />
       <div class="acts rows">
-        <FormButton kind="map" name="Import images" />
+        {files.value.has_map && <FormButton kind="map" name="Import images" />}
         {mapShown.value !== null && <FormButton kind="look_again" name="Where to look again" />}
         {files.value.has_map && (
           <button type="button" class="control primary grow" onClick={() => (step.value = 2)}>
@@ -53,8 +54,13 @@ function Facts() {
         <p>
           {files.value.has_map
             ? "The map cannot be shown; the line below says why."
-            : "None yet. Import images, or a mesh with the command goshawk map import. Compare and Learn need no map."}
+            : "None yet. Compare and Learn need no map."}
         </p>
+        {!files.value.has_map && (
+          <div class="fill">
+            <MapButtons />
+          </div>
+        )}
       </section>
     );
   }

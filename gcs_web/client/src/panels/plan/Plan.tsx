@@ -1,19 +1,20 @@
 /** The plan step: verdict, waypoints, segments, speed, mission and saved trajectories, limits, save and upload. */
 
 import { signal } from "@preact/signals";
-import { openUpload, uploading } from "../fly/orders";
-import { canSave, canUpload, saveFormOpen } from "./actions";
+import { canUpload, openUpload, uploading } from "../fly/orders";
+import { canSave, saveFormOpen } from "./actions";
 import { Keys } from "../../components/Keys";
 import { LimitList } from "../timeline/LimitRow";
 import { Tabs } from "../../components/Tabs";
 import type { Tab } from "../../components/Tabs";
-import { figures, figuresAreOld, verdict, welcome } from "../../core/store";
+import { figures, figuresAreOld, hasVehicle, verdict } from "../../core/store";
 import { phone } from "../../core/theme";
 import { Drawer } from "../timeline/Drawer";
 import { Mission } from "./Mission";
 import { Segments } from "./Segments";
 import { SettingsForm } from "./SettingsForm";
 import { Trajectories } from "./Trajectories";
+import { LinkButtons } from "../start/Buttons";
 import { UploadPanel } from "../fly/UploadPanel";
 import { Verdict } from "./Verdict";
 import { Waypoints } from "./Waypoints";
@@ -50,25 +51,26 @@ export function Plan() {
         <button
           type="button"
           class="control primary grow"
-          disabled={!canUpload()}
+          disabled={!canUpload.value}
           title={whyNoUpload()}
           onClick={openUpload}
         >
           Compare and upload
         </button>
-        {verdict.value === "checked" && !hasVehicle() && <p class="quiet">{NO_VEHICLE} Save it, or upload it later.</p>}
+        {verdict.value === "checked" && !hasVehicle.value && (
+          <>
+            <p class="quiet">{NO_VEHICLE}</p>
+            <LinkButtons />
+          </>
+        )}
       </div>
     </>
   );
 }
 
-const NO_VEHICLE = "The station was started without a vehicle (--url).";
-
-function hasVehicle(): boolean {
-  return welcome.value === null || welcome.value.vehicle;
-}
+const NO_VEHICLE = "No vehicle is connected: save the plan, or connect one.";
 
 function whyNoUpload(): string {
-  if (!hasVehicle()) return NO_VEHICLE;
+  if (!hasVehicle.value) return NO_VEHICLE;
   return verdict.value === "checked" ? "" : "Only a checked plan can be uploaded.";
 }

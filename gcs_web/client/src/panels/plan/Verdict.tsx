@@ -4,9 +4,10 @@ import { Badge } from "../../components/Badge";
 import type { Tone } from "../../components/Badge";
 import { Icon } from "../../components/Icon";
 import { Said } from "../../components/Said";
+import { MapButtons, VehicleButtons } from "../start/Buttons";
 import { select } from "../timeline/cursor";
 import { submit } from "../../core/socket";
-import { connected, doc, draft, plan, verdict } from "../../core/store";
+import { connected, doc, draft, files, plan, verdict } from "../../core/store";
 
 type State = typeof verdict.value;
 /** Of a draft that is no flight. */
@@ -38,7 +39,10 @@ export function Verdict() {
           {word}
         </Badge>
       </div>
-      <p>{(foreseen ?? shown)?.sentence ?? "No plan yet. Two waypoints make the first one."}</p>
+      <p>
+        <Said text={(foreseen ?? shown)?.sentence ?? "No plan yet. Two waypoints make the first one."} />
+      </p>
+      {state === "none" && <Lacking />}
       {state === "refused" && <Remedy />}
       {state === "void" && (
         <button type="button" class="control" onClick={() => void submit({ type: "plan_again" })}>
@@ -49,6 +53,13 @@ export function Verdict() {
   );
 }
 
+/** What no plan can be made without, where the project has none. */
+function Lacking() {
+  const { has_map, has_vehicle } = files.value;
+  if (has_map && has_vehicle) return null;
+  return <div class="fill">{has_map ? <VehicleButtons /> : <MapButtons />}</div>;
+}
+
 function Remedy() {
   const problem = plan.value?.problem ?? null;
   if (problem === null) return null;
@@ -57,7 +68,11 @@ function Remedy() {
   return (
     <>
       {problem.reason !== plan.value?.sentence && <p class="danger-text"><Said text={problem.reason} /></p>}
-      {problem.remedy !== "" && <p>{problem.remedy}</p>}
+      {problem.remedy !== "" && (
+        <p>
+          <Said text={problem.remedy} />
+        </p>
+      )}
       {index >= 0 && waypoint !== null && (
         <button type="button" class="control" disabled={!connected.value} onClick={() => select([waypoint])}>
           Go to waypoint {index + 1}

@@ -4,7 +4,7 @@ import { computed, signal } from "@preact/signals";
 import { edit } from "../../core/socket";
 import type { EditToSend } from "../../core/socket";
 import { select } from "../timeline/cursor";
-import { announce, connected, cursor_s, doc, selected, series, verdict, waypointAtCursor, welcome } from "../../core/store";
+import { announce, connected, cursor_s, doc, selected, series, verdict, waypointAtCursor } from "../../core/store";
 
 /** Send a change and put a refusal into the notice. */
 export async function change(command: EditToSend): Promise<void> {
@@ -110,7 +110,6 @@ export const canEdit = (): boolean => connected.value && doc.value !== null;
 /** Whether the cursor is on the path of these waypoints, between two of them. */
 export const canSplit = (): boolean => canEdit() && verdict.value === "checked" && splitAt.value !== null;
 export const canSave = (): boolean => verdict.value === "checked";
-export const canUpload = (): boolean => canSave() && welcome.value?.vehicle === true;
 
 /** Whether the form for saving is open; several parts open it. */
 export const saveFormOpen = signal(false);

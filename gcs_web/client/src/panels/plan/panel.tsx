@@ -3,12 +3,11 @@
 import type { PageCommand, Panel } from "../../core/panel";
 import { submit } from "../../core/socket";
 import { doc, selected, series, step } from "../../core/store";
-import { openUpload } from "../fly/orders";
+import { canUpload, openUpload } from "../fly/orders";
 import {
   canEdit,
   canSave,
   canSplit,
-  canUpload,
   deleteSelected,
   insertAfterSelected,
   randomYaw,
@@ -66,7 +65,7 @@ const COMMANDS: readonly PageCommand[] = [
     run: () => (saveFormOpen.value = true),
   },
   { name: "Plan and check again", enabled: canEdit, run: () => void submit({ type: "plan_again" }) },
-  { name: "Compare with the vehicle and upload", enabled: canUpload, run: openUpload },
+  { name: "Compare with the vehicle and upload", enabled: () => canUpload.value, run: openUpload },
   { name: "Insert a waypoint after", keys: ["Insert", "+"], enabled: canEdit, run: insertAfterSelected },
   { name: "Delete the selected waypoints", keys: ["Delete"], enabled: editsSelection, run: deleteSelected },
   { name: "Split the path at the cursor", enabled: canSplit, run: splitAtCursor },

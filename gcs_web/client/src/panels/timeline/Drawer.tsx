@@ -7,10 +7,10 @@ import type uPlot from "uplot";
 import { PlayButton } from "../../components/PlayButton";
 import { goTo, nextRate, playing, rate, togglePlaying } from "./cursor";
 import { number } from "../../core/format";
-import { STREAMS, applyZoom, drawPlot, limitWords, limitsOf, plotHeight, valueAt, zoom } from "../../plots/plots";
+import { STREAMS, applyZoom, drawFlown, drawPlot, limitWords, limitsOf, plotHeight, valueAt, zoom } from "../../plots/plots";
 import type { PlotBox, Stream } from "../../plots/plots";
 import { remembered } from "../../core/remembered";
-import { cursor_s, figures, figuresAreOld, series } from "../../core/store";
+import { cursor_s, figures, figuresAreOld, flown, isFlown, series, step, verdict } from "../../core/store";
 import { isLight, phone } from "../../core/theme";
 import { BindingStrip, BindingWords } from "./BindingStrip";
 import type { Series } from "../../core/protocol";
@@ -24,6 +24,7 @@ const shownStreams = remembered<string[]>("streams", ["speed", "clearance", "til
 /** Room for names and axis on the left, for the words of limits on the right. */
 const MARGINS = { left: 148, right: 64 };
 const PHONE_MARGINS = { left: 16, right: 16 };
+const FLY_STEP = 3;
 const SMALLEST_ROW_PX = 40;
 const PHONE_ROW_PX = 42;
 const HEAD_PX = 64; // head and strip
@@ -34,7 +35,11 @@ export function Drawer({ height }: { height?: number }) {
   if (current === null) {
     return (
       <div class="drawer">
-        <p class="empty">No path yet. Speed, clearance and tilt over time stand here once there is a plan.</p>
+        <p class="empty">
+          {verdict.value === "refused"
+            ? "No path: the plan was refused. The inspector says why, and the way out."
+            : "No path yet. Speed, clearance and tilt over time stand here once there is a plan."}
+        </p>
       </div>
     );
   }
@@ -171,6 +176,10 @@ function PlotRow({ stream, current, width, row_px, hasTimeAxis, margins }: RowPr
   useSignalEffect(() => {
     if (zoom.value !== undefined && plot.value !== null) applyZoom(plot.value, current);
   });
+  useSignalEffect(() => {
+    const samples = step.value === FLY_STEP ? flown.value : [];
+    if (plot.value !== null) drawFlown(plot.value, stream, current, samples);
+  });
   return (
     <div class="plot-row">
       <PlotLabel stream={stream} current={current} />
@@ -208,6 +217,7 @@ function PlotLabel({ stream, current }: { stream: Stream; current: Series }) {
       <span class="plot-name">{stream.name}</span>
       <span>
         <b>{values.join(" / ")}</b> <span class="unit">{stream.unit}</span>
+        <FlownNow stream={stream} />
         {phone.value && <span class="quiet"> at {number(cursor_s.value ?? 0, 2)} s</span>}
       </span>
       {phone.value && (
@@ -219,6 +229,13 @@ function PlotLabel({ stream, current }: { stream: Stream; current: Series }) {
       )}
     </div>
   );
+}
+
+/** The last value that was flown, beside the planned one. */
+function FlownNow({ stream }: { stream: Stream }) {
+  const last = flown.value.at(-1);
+  if (step.value !== FLY_STEP || last === undefined || stream.flown === undefined || !isFlown.value) return null;
+  return <span class="quiet"> flown {number(stream.flown(last), stream.digits)}</span>;
 }
 
 interface DotsProps {

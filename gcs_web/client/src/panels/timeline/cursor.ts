@@ -2,8 +2,9 @@
 
 import { effect, signal } from "@preact/signals";
 import { latest } from "../../core/socket";
-import { cursor_s, selected, series, view } from "../../core/store";
+import { cursor_s, isFlown, selected, series, step, vehicle, view } from "../../core/store";
 
+const FLY_STEP = 3;
 const sendLook = latest((time_s: number | null) => ({ type: "look", time_s }));
 const sendSelection = latest((waypoints: number[]) => ({ type: "select", waypoints }));
 const sendView = latest((shown: typeof view.value) => ({ type: "show", ...shown }));
@@ -60,4 +61,12 @@ effect(() => {
     else request = requestAnimationFrame(frame);
   });
   return () => cancelAnimationFrame(request);
+});
+
+/** On the step Fly the cursor runs with the vehicle. */
+effect(() => {
+  const along_s = vehicle.value?.along_s ?? null;
+  if (step.value !== FLY_STEP || along_s === null || !isFlown.value) return;
+  playing.value = false;
+  cursor_s.value = Math.min(along_s, series.peek()?.time_s.at(-1) ?? 0);
 });

@@ -1,0 +1,169 @@
+/** What the project has and what fills it: a map, a vehicle, flights, a vehicle that is connected. */
+
+import type { ComponentChildren } from "preact";
+import { useSignal } from "@preact/signals";
+import { Icon } from "../../components/Icon";
+import { plural } from "../../core/format";
+import { connected, files, flights, hasVehicle, jobs, link, model, step, vehicle } from "../../core/store";
+import { JobForm, JobRows, chosenKind } from "../jobs/Jobs";
+import { FlightButtons, LinkButtons, MapButtons, VehicleButtons } from "./Buttons";
+import { address, addressOpen, connectTo, takeAny } from "./fill";
+
+export function Start() {
+  return (
+    <main
+      class="start"
+      onDragOver={(event) => event.preventDefault()}
+      onDrop={(event) => {
+        event.preventDefault();
+        for (const file of event.dataTransfer?.files ?? []) void takeAny(file);
+      }}
+    >
+      <h2>What do you have?</h2>
+      <p class="quiet">Any one of these is enough to begin. Drop files anywhere.</p>
+      <div class="start-cards">
+        <MapCard />
+        <VehicleCard />
+        <FlightsCard />
+        <LinkCard />
+      </div>
+    </main>
+  );
+}
+
+interface CardProps {
+  name: string;
+  /** Whether the project has it. */
+  there: boolean;
+  says: string;
+  /** Jobs whose form and rows stand here. */
+  kinds?: readonly string[];
+  children: ComponentChildren;
+}
+
+function Card({ name, there, says, kinds = [], children }: CardProps) {
+  const offered = jobs.value.kinds.filter((kind) => kinds.includes(kind.name));
+  const chosen = offered.filter((kind) => kind.name === chosenKind.value);
+  const known = jobs.value.jobs.some(({ kind }) => kinds.includes(kind));
+  return (
+    <section class={`start-card ${there ? "there" : ""}`} aria-label={name}>
+      <h3>
+        {name} {there && <Icon name="check" />}
+      </h3>
+      <p class="quiet">{says}</p>
+      {chosen.length > 0 ? <JobForm kinds={chosen} onDone={() => (chosenKind.value = null)} /> : children}
+      {known && <JobRows kinds={kinds} />}
+    </section>
+  );
+}
+
+function GoOn({ to, name }: { to: number; name: string }) {
+  return (
+    <button type="button" class="control" onClick={() => (step.value = to)}>
+      {name}
+    </button>
+  );
+}
+
+function MapCard() {
+  const { has_map } = files.value;
+  return (
+    <Card
+      name="A map"
+      there={has_map}
+      says={has_map ? "Plans are checked against it." : "None yet: the grid is in metres."}
+      kinds={["import_map", "map"]}
+    >
+      {has_map ? <GoOn to={1} name="Look at the map" /> : <MapButtons />}
+    </Card>
+  );
+}
+
+function VehicleCard() {
+  const { has_vehicle } = files.value;
+  const name = model.value?.name ?? "";
+  return (
+    <Card
+      name="A vehicle"
+      there={has_vehicle}
+      says={has_vehicle ? `${name || "It"} gives limits, size and model.` : "None yet: its limits are unknown."}
+      kinds={["new_vehicle", "example_vehicle"]}
+    >
+      {has_vehicle ? <GoOn to={2} name="Plan with it" /> : <VehicleButtons />}
+    </Card>
+  );
+}
+
+function FlightsCard() {
+  const count = flights.value?.flights.length ?? 0;
+  return (
+    <Card name="Flights" there={count > 0} says={count > 0 ? `${plural(count, "flight", "flights")} recorded.` : "None yet."}>
+      {count > 0 && <GoOn to={4} name="Compare them" />}
+      <FlightButtons />
+    </Card>
+  );
+}
+
+function LinkCard() {
+  const heard = hasVehicle.value;
+  const { state } = link.value;
+  const says = heard
+    ? `${vehicle.value?.name ?? ""}: ${state === "fresh" ? "heard" : "not heard"}.`
+    : files.value.has_vehicle
+      ? "No vehicle is connected."
+      : "The simulator flies the project's vehicle, once there is one.";
+  return (
+    <Card name="Connect" there={heard && state === "fresh"} says={says} kinds={["simulate"]}>
+      {heard ? (
+        <>
+          <GoOn to={3} name="Fly it" />
+          <button type="button" class="control" disabled={!connected.value} onClick={() => void connectTo("")}>
+            Disconnect
+          </button>
+        </>
+      ) : addressOpen.value ? (
+        <AddressForm />
+      ) : (
+        <LinkButtons />
+      )}
+    </Card>
+  );
+}
+
+function AddressForm() {
+  const refusal = useSignal("");
+  return (
+    <form
+      class="job-form"
+      aria-label="Address of the vehicle"
+      onSubmit={(event) => {
+        event.preventDefault();
+        void connectTo(address.value).then((error) => (refusal.value = error));
+      }}
+    >
+      <div class="field long">
+        <label for="vehicle-address">Address of the vehicle</label>
+        <span class="field-box">
+          <input
+            id="vehicle-address"
+            value={address.value}
+            onInput={(event) => (address.value = event.currentTarget.value)}
+          />
+        </span>
+      </div>
+      {refusal.value !== "" && (
+        <p class="refusal" role="alert">
+          {refusal.value}
+        </p>
+      )}
+      <div class="acts-row">
+        <button type="button" class="control" onClick={() => (addressOpen.value = false)}>
+          Close
+        </button>
+        <button type="submit" class="control primary grow" disabled={!connected.value}>
+          Connect
+        </button>
+      </div>
+    </form>
+  );
+}

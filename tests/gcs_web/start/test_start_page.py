@@ -1,0 +1,92 @@
+"""The page of an empty project: each thing that is missing has a sentence and the buttons that bring it."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import trimesh
+
+import vehicle
+from flight import project
+from gcs_web import GroundStation
+from goshawk.station_jobs import KINDS, simulate
+from tests.gcs_web.in_browser import needs_chromium, visited
+from tests.waiting import until as wait
+
+pytestmark = needs_chromium
+STEPS = {1: "None yet", 2: "There is no map", 3: "No vehicle is connected", 4: "No flights yet", 5: ""}
+
+
+@pytest.fixture
+def station(tmp_path: Path) -> Iterator[GroundStation]:
+    opened = project.create(tmp_path / "yard", "yard")
+    key = tmp_path / "link.key"
+    with GroundStation(opened.folder, jobs=(*KINDS, simulate.kind(key)), key_file=key) as running:
+        yield running
+
+
+@pytest.fixture
+def page(station, one_tab):
+    with visited(station, one_tab) as opened:
+        yield opened
+
+
+def card(page, name: str):
+    return page.get_by_role("region", name=name, exact=True)
+
+
+def test_an_empty_project_opens_where_it_is_filled_and_every_step_says_what_it_lacks(page):
+    page.get_by_role("heading", name="What do you have?").wait_for()
+    for step, said in STEPS.items():
+        page.keyboard.press(str(step))
+        page.get_by_text(said).first.wait_for()
+        assert page.get_by_role("button", name="Abort").is_visible()
+    page.keyboard.press("2")
+    page.get_by_role("region", name="Verdict").get_by_text("Import mesh or points").wait_for()
+    page.keyboard.press("3")
+    page.get_by_role("button", name="An example").click()
+    page.get_by_role("heading", name="What do you have?").wait_for()
+
+
+def test_a_mesh_an_example_and_the_simulator_fill_it_on_the_page_alone(station, page, tmp_path: Path):
+    room = tmp_path / "room.ply"
+    trimesh.creation.box(bounds=[[0, 0, 0], [6, 4, 2.5]]).export(room)
+    with page.expect_file_chooser() as chooser:
+        card(page, "A map").get_by_text("Import mesh or points").click()
+    chooser.value.set_files(room)
+    form = page.get_by_role("form", name="Map from a mesh or points")
+    form.get_by_text("to 6.00, 4.00, 2.50 m").wait_for()
+    form.get_by_text("Nothing is free until").wait_for()
+    form.get_by_label("Unit").select_option("m")
+    form.get_by_label("Up").select_option("z")
+    form.get_by_label("A place that is free").fill("1, 1, 1")
+    form.get_by_role("button", name="Start").click()
+    card(page, "A map").get_by_role("button", name="Look at the map").wait_for()
+
+    card(page, "A vehicle").get_by_role("button", name="An example").click()
+    page.get_by_role("form", name="Example vehicle").get_by_label("Vehicle").select_option("rigter2019")
+    page.get_by_role("form", name="Example vehicle").get_by_role("button", name="Start").click()
+    card(page, "A vehicle").get_by_role("button", name="Plan with it").wait_for()
+
+    card(page, "Connect").get_by_role("button", name="Start the simulator").click()
+    page.get_by_role("form", name="Simulator").get_by_role("button", name="Start").click()
+    card(page, "Connect").get_by_role("button", name="Fly it").wait_for()
+    wait(lambda: station.watch.state().link == "fresh", "the simulator")
+    card(page, "Connect").get_by_role("button", name=re.compile("Cancel")).click()
+    card(page, "Connect").get_by_role("button", name="Start the simulator").wait_for()
+
+
+def test_an_address_that_is_none_is_refused_and_a_vehicle_that_is_silent_is_left(station, page, tmp_path: Path):
+    vehicle.save(station.desk.project.vehicle, vehicle.example("rigter2019"))
+    card(page, "A vehicle").get_by_role("button", name="Plan with it").wait_for()
+    card(page, "Connect").get_by_role("button", name="Connect to an address").click()
+    form = page.get_by_role("form", name="Address of the vehicle")
+    form.get_by_label("Address of the vehicle").fill("tcp://x")
+    form.get_by_role("button", name="Connect").click()
+    form.get_by_role("alert").get_by_text("udp://host:port").wait_for()
+    form.get_by_label("Address of the vehicle").fill("udp://127.0.0.1:9")
+    form.get_by_role("button", name="Connect").click()
+    card(page, "Connect").get_by_text("udp://127.0.0.1:9: not heard.").wait_for()
+    card(page, "Connect").get_by_role("button", name="Disconnect").click()
+    card(page, "Connect").get_by_text("No vehicle is connected.").wait_for()
