@@ -198,8 +198,8 @@ void count_looks(const VoxelGrid& grid, const std::uint8_t* marked, const std::u
         const int asked = tested.in(left, top, right, bottom);
         if (asked < options.least_tested * pixels || looks[index] == most) return;
         ++looks[index];
-        const double wanted = std::max({1.0 * options.least_pixels, options.least_share * across,
-                                        options.least_rate * asked});
+        const double wanted =
+            std::max({1.0 * options.least_pixels, options.least_share * across, options.least_rate * asked});
         if (differing.in(left, top, right, bottom) >= wanted) ++contradictions[index];
     };
     const Vec3 up = pose.rotate({0.0, 0.0, grid.voxel});

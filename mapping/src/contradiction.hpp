@@ -1,4 +1,5 @@
-// Which pixels other images do not explain by the reconstructed surface, and which free voxels such pixels look through.
+// Which pixels other images do not explain by the reconstructed surface, and which free voxels such pixels look
+// through.
 #pragma once
 #include <cstdint>
 

@@ -204,8 +204,7 @@ static void count_looks_view(Point origin, double voxel, Marks marked, Counts lo
     nb::gil_scoped_release release;
     count_looks(as_voxels(origin, voxel, shape), marked.data(), verdict.data(), as_shown(verdict, range, lens),
                 T_camera_world.data(), {nearest, farthest, margin, least_tested, least_pixels, least_share, least_rate},
-                threads,
-                looks.data(), contradictions.data());
+                threads, looks.data(), contradictions.data());
 }
 
 static nb::tuple marching_cubes_view(Point origin, double voxel, Shape shape, Places bricks, InBricks distance,
