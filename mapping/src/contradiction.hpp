@@ -1,6 +1,7 @@
 // Which pixels other images do not explain by the reconstructed surface, and which free voxels such pixels look
 // through.
 #pragma once
+#include <algorithm>
 #include <cstdint>
 
 #include "bricks.hpp"
@@ -10,10 +11,10 @@ namespace goshawk {
 
 // The surface as one plane in each voxel that it passes through.
 struct Planes {
-    static constexpr std::int32_t none = -1, blocked = -2;  // nothing there; something there without a plane
+    static constexpr std::int32_t blocked = -2;  // something is there, though no plane
 
     VoxelGrid grid;
-    const std::int32_t* number;  // of the plane in each voxel, or `none` or `blocked`
+    const std::int32_t* number;  // of the plane in each voxel, `blocked`, or another below 0
     const std::uint8_t* filled;  // 0 for each brick without planes, in which nothing blocks a ray
     const double* plane;         // point and unit normal, six values each
 };
@@ -31,8 +32,9 @@ struct ShownSurface {
 
     // Nearest pixel's range at a place of the image.
     double range_at(double u, double v) const {
-        return range[static_cast<int>(v * range_height / lens.height) * range_width +
-                     static_cast<int>(u * range_width / lens.width)];
+        const int row = static_cast<int>(v * range_height / lens.height);
+        const int column = static_cast<int>(u * range_width / lens.width);
+        return range[std::min(row, range_height - 1) * range_width + std::min(column, range_width - 1)];
     }
 };
 
