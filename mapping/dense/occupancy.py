@@ -25,8 +25,8 @@ SOME_AGAINST = 4.0e-4
 """Of those that are not contradicted, though one image or a small share of the looks shows something."""
 CONTRADICTED_BY_SHARE = ((0.0, 0.003), (0.4, 0.008), (0.6, 0.03), (0.8, 0.12))
 """Of contradicted voxels, by the least share of the looks that do."""
-FIGURES = ("contradicted_m3", "expected_in_free_m3")
-"""Of a map: volume that images contradict, and volume that is expected to be filled in what is still free."""
+FIGURES = ("contradicted_m3", "expected_in_free")
+"""Of a map: volume that images contradict, and how many of the free voxels are expected to hold something."""
 FEW_LOOKS, BY_FEW_LOOKS = 2, 0.02
 """So many looks or fewer say little by their share."""
 
@@ -88,18 +88,16 @@ def load(path: Path, shape: tuple[int, int, int]) -> NDArray[np.float16] | None:
 
 def figures(stated: NDArray[np.float16], field: Field) -> dict[str, float]:
     """`FIGURES`, in the field with the pilot's edits."""
-    voxel_m3 = float(np.prod(field.grid.voxel_m))
     known, free = np.isfinite(stated), field.state == FREE
     against = known & (field.state == UNKNOWN) & (stated >= np.float16(CONTRADICTED_BY_SHARE[0][1]))
-    volumes = (float(against.sum()), float(stated[known & free].sum(dtype=np.float64)))
-    return {name: volume * voxel_m3 for name, volume in zip(FIGURES, volumes, strict=True)}
+    contradicted_m3 = float(against.sum()) * float(np.prod(field.grid.voxel_m))
+    values = (contradicted_m3, float(stated[known & free].sum(dtype=np.float64)))
+    return dict(zip(FIGURES, values, strict=True))
 
 
 def describe(facts: Mapping[str, Any]) -> str:
     """The `figures` among a map's facts, in words; empty where it does not have them."""
     if not all(name in facts for name in FIGURES):
         return ""
-    contradicted_m3, filled_m3 = (facts[name] for name in FIGURES)
-    return (
-        f"{contradicted_m3:.2f} m3, unknown; of the free space {1e3 * filled_m3:.1f} litres are expected to be filled"
-    )
+    contradicted_m3, expected = (facts[name] for name in FIGURES)
+    return f"{contradicted_m3:.2f} m3, unknown; of the free voxels {expected:.0f} are expected to hold something"
