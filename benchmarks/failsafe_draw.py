@@ -115,7 +115,7 @@ def attitude_gap(rng: np.random.Generator) -> Effect:
 
 
 def attitude_lost(rng: np.random.Generator) -> Effect:
-    return Effect((Fault(Kind.ATTITUDE_LOST, (rng.choice(LOSSES),), **when(rng)),))
+    return Effect((Fault(Kind.ATTITUDE_LOST, (rng.choice(LOSSES),), **when(rng)),), blind=True)
 
 
 def all_gap(rng: np.random.Generator) -> Effect:

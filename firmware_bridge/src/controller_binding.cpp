@@ -274,7 +274,9 @@ std::tuple<Out, int> mixer(In<float, any> parameters, In<float, any, 4> wrench, 
         w.thrust_n = wrench.data()[4 * i];
         std::memcpy(w.torque_n_m, wrench.data() + 4 * i + 1, 12);
         float speed[TC_ROTORS];
-        const uint8_t saturation = tc_mixer_solve(&m, &w, air.data() + 3 * i, rate.data() + 3 * i, speed);
+        tc_mixer_flow flow;
+        tc_mixer_flow_at(&m, air.data() + 3 * i, rate.data() + 3 * i, &flow);
+        const uint8_t saturation = tc_mixer_solve(&m, &w, &flow, speed);
         std::memcpy(data + 5 * i, speed, 16);
         data[5 * i + 4] = saturation;
     }

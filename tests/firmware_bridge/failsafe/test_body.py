@@ -57,6 +57,17 @@ def test_the_plate_is_a_table_and_the_floor_is_beside_it(body):
     assert flight.end_position_m[2] == pytest.approx(-0.75, abs=0.1)
 
 
+@pytest.mark.parametrize("push_m_s", [(2.0, 0.3, 1.0), (2.75, 0.3, 0.0)])
+def test_the_edge_of_the_table_throws_nothing_up(body, push_m_s):
+    """What comes into it through a side gains no energy but what the springs give back."""
+    pushed = Fault(Kind.KICK, push_m_s, after_s=0.2, since=FROM_START)
+    scenario = Scenario(orders=(), world=TABLE | {"floor_m": -0.75}, faults=(pushed,), limit_s=5.0)
+    trace = body.fly(scenario, trace_every=2).trace
+    energy = 9.81 * trace["z"] + 0.5 * (trace["vx"] ** 2 + trace["vy"] ** 2 + trace["vz"] ** 2)
+    energy = energy[trace["time_s"] > 0.22]
+    assert (energy - np.minimum.accumulate(energy)).max() < 3.0
+
+
 def test_the_noise_of_close_seeds_has_nothing_in_common(body):
     """Neither of two seeds, nor of two streams of one: no sequence is another one's, some draws on."""
     seen: set[float] = set()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from judge import violations
-from scenario import START, TAKE_OFF, Fault, Kind, Loss, Reason, Scenario, State, circle, land, legs
+from scenario import START, TABLE, TAKE_OFF, Fault, Kind, Loss, Reason, Scenario, State, circle, land, legs
 
 BLIND_M_S = 2.5
 
@@ -138,3 +138,30 @@ def test_a_moment_without_any_estimate_is_bridged(body, loss):
 def test_a_pose_stamped_by_another_clock_does_not_crash(body, offset_s):
     result = body.fly(hover(Fault(Kind.STAMP_OFFSET, (offset_s,), 2.0)))
     assert violations(result, touchdown_m_s=BLIND_M_S, may_stop_in_air=offset_s < 0) == []
+
+
+@pytest.mark.parametrize("after_s", [2.0, 2.5, 3.1])
+def test_a_vehicle_that_had_to_brake_hard_still_leans_into_the_wind(body, after_s):
+    """While it turns, the attitude does not follow: what the wind was is kept, or it drifts away with it."""
+    up = legs([(0, 0, 1.5), (0, 1.0, 14.0), (0, 0.5, 13.0)], speed_m_s=6.0)
+    lie = Fault(Kind.SPEED_WRONG, (0.0, -1.8, 0.0), after_s)
+    for seed in range(3):
+        orders = (*TAKE_OFF, START, land(30.0, State.TRAJECTORY))
+        result = body.fly(
+            Scenario(orders=orders, path=up, faults=(lie,), seed=seed, world={"wind_m_s": (2.5, 0.0, 0.0)})
+        )
+        assert violations(result, touchdown_m_s=BLIND_M_S) == []
+        assert np.hypot(*result.end_position_m[:2]) < 8.0
+
+
+@pytest.mark.parametrize("seed", [0, 1, 4, 6])
+def test_vibration_is_no_fall_that_a_blind_descent_climbs_against(body, seed):
+    """The sum of an accelerometer's noise grows with the root of time: 1 m/s in seconds of strong vibration."""
+    shaken = Fault(Kind.VIBRATION, (12.0,), 1.0)
+    blind = Fault(Kind.NO_VERTICAL_VELOCITY, after_s=0.1, since=State.LANDING)
+    orders, world = (*TAKE_OFF, land(1.0)), TABLE | {"floor_m": -6.0}
+    flight = Scenario(orders=orders, faults=(shaken, blind), seed=seed, tick_s=0.005, world=world)
+    result = body.fly(flight, trace_every=5)
+    after = result.trace["time_s"] > result.entered_s(State.EMERGENCY)
+    height_m = result.trace["z"][after]
+    assert height_m.max() - height_m[0] < 1.0

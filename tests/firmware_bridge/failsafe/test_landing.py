@@ -297,6 +297,19 @@ def test_an_estimate_that_drifts_on_the_ground_does_not_keep_the_rotors_turning(
         assert _after_touch_s(result) < LONGEST_AFTER_TOUCH_S
 
 
+@pytest.mark.parametrize("sensors", [{}, {"has_specific_force": 0}])
+@pytest.mark.parametrize("sinks_m_s", [0.3, 0.4, 0.6])
+def test_an_estimate_that_sinks_on_the_ground_does_not_keep_the_rotors_turning(body, sinks_m_s, sensors):
+    """Height and vertical speed agree that it sinks; but the accelerometer shows that something carries it, or neither
+    grows as in a fall."""
+    bias = Fault(Kind.VELOCITY_BIAS, (-sinks_m_s,), since=State.TAKE_OFF)
+    drift = Fault(Kind.DRIFT, (0.0, 0.0, -sinks_m_s), since=State.TAKE_OFF)
+    for seed in range(4):
+        result = body.fly(Scenario(orders=(*TAKE_OFF, land(1.0)), faults=(bias, drift), seed=seed, sensors=sensors))
+        assert result.at_rest
+        assert _after_touch_s(result) < LONGEST_AFTER_TOUCH_S
+
+
 def test_a_hover_that_sank_to_the_ground_without_notice_lands(body):
     """Estimated height and its velocity rise together while it stands."""
     faults = (Fault(Kind.VELOCITY_BIAS, (0.3,)), Fault(Kind.DRIFT, (0.0, 0.0, 0.3)))

@@ -78,3 +78,15 @@ def test_a_clean_flight_is_not_slowed(body):
         finished = next(change.time_s for change in result.changes if change.reason == Reason.FINISHED)
         assert finished - reached == pytest.approx(path.duration_s, abs=0.02)
         assert result.largest_error_m < 0.1
+
+
+@pytest.mark.parametrize("after_s", [0.4, 0.5, 0.6, 0.7])
+def test_a_jump_beside_a_dive_does_not_turn_the_vehicle_over(body, after_s):
+    """The path all but falls: what feedback asks for to the side must not be all that is left of the thrust."""
+    path = legs([(0, 0, 1.5), (0, 3, 5.0), (0, 2.5, 0.6)], speed_m_s=20.0, acceleration_m_s2=9.0)
+    top_s = 1e-6 * float(path.durations_us[0])
+    missed = Fault(Kind.RESET_MISSED, (0.0, -0.2, 0.0), top_s + after_s, since=State.TRAJECTORY)
+    orders = (*TAKE_OFF, START, land(8.0, State.TRAJECTORY))
+    result = body.fly(Scenario(orders=orders, path=path, faults=(missed,), limit_s=40.0))
+    assert result.largest_tilt_rad < 1.3
+    assert violations(result) == []

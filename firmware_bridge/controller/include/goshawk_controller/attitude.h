@@ -20,10 +20,10 @@ void tc_attitude_step(const tc_parameters* parameters, const tc_flatness_state* 
                       float axes[3][3], const float rate_body_rad_s[3], const float feed_rate[3],
                       const float feed_acceleration[3], float torque_body_n_m[3]);
 
-/* Takes the moments that the model knows off the torque: flapping, damping, rotor drag at hubs that turn. */
-void tc_cancel_moments(const tc_parameters* parameters, const tc_mixer* mixer, const float air_velocity_body_m_s[3],
-                       const float rate_body_rad_s[3], const float rotor_speed_rad_s[TC_ROTORS],
-                       float torque_body_n_m[3]);
+/* Against the moments that the model knows: flapping, damping, rotor drag at hubs that turn. */
+void tc_opposing_moments(const tc_parameters* parameters, const tc_mixer* mixer, const float air_velocity_body_m_s[3],
+                         const float rate_body_rad_s[3], const float rotor_speed_rad_s[TC_ROTORS],
+                         float torque_body_n_m[3]);
 
 /* Whether there are any. */
 bool tc_has_moments(const tc_parameters* parameters);

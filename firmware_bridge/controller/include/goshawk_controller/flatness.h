@@ -29,8 +29,8 @@ typedef struct {
 /* Forgets the last attitude and starts from this one: before the first step, and when the vehicle was elsewhere. */
 void tc_flatness_reset(tc_flatness_state* state, const float q_world_body[4]);
 
-/* Turns the reference about the world's z axis: after the estimator has corrected its heading. */
-void tc_flatness_turn(tc_flatness_state* state, float yaw_rad);
+/* Turns the reference in the world, by a unit quaternion: after the estimator has corrected its heading. */
+void tc_flatness_turn(tc_flatness_state* state, const float q_turn[4]);
 
 /* One step of `step_s` towards the thrust vector `force_world_n` (eq. (9)) and the yaw of the set-point, whose jerk and
    snap, times the mass, are the derivatives of that vector; `drag_1_s`, drag over momentum, adds what cancelling the

@@ -171,8 +171,8 @@ typedef struct {
 
 /* What standard ground stations asked for (standard.c). */
 typedef struct {
-    tc_link_ack ack[TC_LINK_ACKS]; /* the oldest first */
-    uint8_t ack_count;
+    tc_link_ack ack[TC_LINK_ACKS]; /* a ring: so many from the first one on wait */
+    uint8_t ack_first, ack_count;
     tc_link_done done;
     tc_link_take_off take_off;
     tc_link_refused_order refusal;

@@ -29,7 +29,7 @@ typedef struct {
     float free;     /* loads that change none of the three, per newton of the largest */
     float thrust_n; /* of a unit of load */
     float spin;
-    float spin_free; /* spin times free */
+    float yaw_n; /* free over per_collective: what yaw takes, as a change of the collective */
 } tc_mixer_rotor;
 
 /* What follows from the parameters alone; made once by tc_mixer_configure. */
@@ -39,19 +39,15 @@ typedef struct {
     float turn_per_yaw; /* wanted sum of spin times squared speed, per N m of yaw */
     float unit_m_s;     /* one metre per second */
     float load_factor;  /* 4 a times the thrust of a unit of load */
-    float half_factor;  /* half of it */
     float induced;      /* 1 when induced velocity counts in the thrust law, else 0 */
     float least_load;   /* operating points below are extrapolated */
     float axial;        /* linear term of the thrust law per unit of v_z */
     float lateral;      /* 1 when v_xy counts in eq. (2), else 0 */
     float lift;         /* load per squared lateral air speed */
-    float guard;        /* keeps the Newton step finite */
-    float still;        /* added to v_xy^2: the guess divides by the air's speed */
+    float still;        /* squared speed of air that stands: keeps the guess and the Newton step finite */
     float per_speed;    /* 1 / 2 a: rad/s per unit of speed */
     float slowest2;     /* squared speed limits */
     float fastest2;
-    float likely_slowest2; /* the same with a margin for what the second round may change */
-    float likely_fastest2;
     float near;             /* moves of the free direction that change loads by less are small */
     float guaranteed_yaw;   /* multiple of `free` that yaw has at any rate */
     float largest_thrust_n; /* of all four, hovering */
@@ -65,16 +61,23 @@ typedef struct {
 /* TC_SINGULAR_GEOMETRY when the four rotors cannot produce an arbitrary wrench. */
 tc_reason tc_mixer_configure(tc_mixer* mixer, const tc_parameters* parameters);
 
-/* air_velocity_body_m_s: of the vehicle through the air, rate_body_rad_s moves the hubs. All finite. Speeds come out in
-   [rotor_min_rad_s, rotor_max_rad_s]; returns TC_SATURATED_ bits. */
-uint8_t tc_mixer_solve(const tc_mixer* mixer, const tc_wrench* wrench, const float air_velocity_body_m_s[3],
-                       const float rate_body_rad_s[3], float rotor_speed_rad_s[TC_ROTORS]);
+/* The air at the hubs, in the mixer's units: along the rotor's axis, and squared across. */
+typedef struct {
+    float axial[TC_ROTORS], lateral2[TC_ROTORS];
+} tc_mixer_flow;
+
+/* air_velocity_body_m_s: of the vehicle through the air, rate_body_rad_s moves the hubs. All finite. */
+void tc_mixer_flow_at(const tc_mixer* mixer, const float air_velocity_body_m_s[3], const float rate_body_rad_s[3],
+                      tc_mixer_flow* flow);
+
+/* Speeds come out in [rotor_min_rad_s, rotor_max_rad_s]; returns TC_SATURATED_ bits. */
+uint8_t tc_mixer_solve(const tc_mixer* mixer, const tc_wrench* wrench, const tc_mixer_flow* flow,
+                       float rotor_speed_rad_s[TC_ROTORS]);
 
 /* The other way round: the wrench of rotors that turn at these speeds. `induced`: velocities of the last call, in the
    mixer's units, improved by each call; begin with zero. */
-void tc_mixer_wrench(const tc_mixer* mixer, const float rotor_speed_rad_s[TC_ROTORS],
-                     const float air_velocity_body_m_s[3], const float rate_body_rad_s[3], float induced[TC_ROTORS],
-                     tc_wrench* wrench);
+void tc_mixer_wrench(const tc_mixer* mixer, const float rotor_speed_rad_s[TC_ROTORS], const tc_mixer_flow* flow,
+                     float induced[TC_ROTORS], tc_wrench* wrench);
 
 #ifdef __cplusplus
 }

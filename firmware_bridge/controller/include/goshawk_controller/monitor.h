@@ -51,7 +51,6 @@ typedef struct {
     bool turned;         /* the heading has jumped */
     bool doubted;        /* in the last tick */
     bool drifts;         /* slowly */
-    bool second;         /* the window that was judged in the last tick */
     uint8_t part;        /* tc_monitored: in the last tick */
 } tc_monitor;
 

@@ -18,7 +18,7 @@ extern "C" {
 
 typedef enum {
     TC_OBSERVER_OFF = 0,              /* by the parameter */
-    TC_OBSERVER_WAITS = 1,            /* for lift-off */
+    TC_OBSERVER_WAITS = 1,            /* for lift-off, or for an attitude that is followed */
     TC_OBSERVER_RUNS = 2,             /* estimates, and is cancelled */
     TC_OBSERVER_HOLDS = 3,            /* landing, emergency: the last estimate is cancelled */
     TC_OBSERVER_NO_ACCELEROMETER = 4, /* nothing is cancelled */
@@ -39,10 +39,11 @@ typedef struct {
     float rotor_speed_rad_s[TC_ROTORS];
     float induced[TC_ROTORS]; /* the mixer's units */
     float thrust_n;           /* of the rotors, by the model, when the torque was last observed */
-    /* The last tick: accelerometer, gyro, its length, whose turn it was. */
+    /* The last tick: accelerometer, gyro, its length. */
     float last_force_body_m_s2[3], last_rate_rad_s[3], last_step_s;
-    uint8_t state; /* tc_observer_state */
-    bool was_torque;
+    float force_s, gained_m_s[3]; /* since the force was last observed: time, and integral of the accelerometer */
+    uint8_t state;                /* tc_observer_state */
+    bool compared;                /* the pose, in the last even tick */
     bool started;
 } tc_observer;
 
@@ -61,6 +62,9 @@ typedef struct {
 /* Forgets everything. */
 void tc_observer_reset(tc_observer* observer);
 
+/* Forgets everything but what has lasted. */
+void tc_observer_pause(tc_observer* observer);
+
 /* The rotors follow `command` for a step, with their lag and the battery's sag. */
 void tc_observer_rotors(tc_observer* observer, const tc_parameters* parameters, const float command_rad_s[TC_ROTORS],
                         float per_battery, float step_s);
@@ -76,8 +80,8 @@ void tc_observer_force(tc_observer* observer, const tc_parameters* parameters, c
 /* From now on what has lasted, until the next step. */
 void tc_observer_hold(tc_observer* observer);
 
-/* The estimator has moved its frame: heading, and its velocity starts anew. */
-void tc_observer_turn(tc_observer* observer, float yaw_rad);
+/* The estimator has moved its frame: heading, by a quaternion about world z, and its velocity starts anew. */
+void tc_observer_turn(tc_observer* observer, const float q_turn[4]);
 
 #ifdef __cplusplus
 }

@@ -24,7 +24,8 @@ typedef struct {
     const float* planned_world_m_s2;      /* that of the set-point: without noise, which would pass for a delay */
     const float* rate_body_rad_s;
     float noise_m2_s4; /* variance of one axis of the accelerometer */
-    bool fresh;        /* with a new pose */
+    bool fresh;        /* with a pose that has not been compared */
+    bool may_compare;  /* else this step only sums up what moved */
 } tc_pose_compared;
 
 typedef struct {
@@ -36,13 +37,14 @@ typedef struct {
     float q_world_body[4], turned_rad[3], missing_rad[3], slow_rad_s[3];
     float gained_m_s[3];          /* by the accelerometer, since the last pose */
     float velocity_s, attitude_s; /* since when each was compared */
-    bool attitude_due;            /* in the tick after the velocity, so that no tick does both */
+    bool attitude_due;            /* after the velocity, so that no tick does both */
     bool started;
 } tc_pose_delay;
 
 void tc_pose_delay_reset(tc_pose_delay* delay);
 
-void tc_pose_delay_step(tc_pose_delay* delay, const tc_pose_compared* now, float step_s);
+/* Returns whether it compared. */
+bool tc_pose_delay_step(tc_pose_delay* delay, const tc_pose_compared* now, float step_s);
 
 #ifdef __cplusplus
 }

@@ -20,6 +20,8 @@ extern "C" {
 typedef struct {
     float stage[3];     /* three low-passes in a row: the limit of the rate is the last one, smooth and within [0, 1] */
     float limit[4];     /* that limit and its first three time derivatives */
+    float target;       /* what they follow, */
+    float ramp_1_s;     /* ... so fast */
     bool stopped;       /* until the error is below 0.35 c */
     uint8_t reason;     /* tc_reason: what limits, TC_OK when nothing does */
     float error_m;      /* tracking error that counts: not ahead, the shift included */
@@ -34,11 +36,14 @@ typedef struct {
 /* Starts anew: full rate, no shift. */
 void tc_supervisor_reset(tc_supervisor* supervisor, uint64_t time_us);
 
-/* One step. `setpoint` is the last one, flown at `path_rate` (all limits included); `tracking` is false while position
-   is dead reckoned; `ramp_1_s` how fast the limit may follow. */
-void tc_supervisor_step(tc_supervisor* supervisor, const tc_setpoint* setpoint, float path_rate,
-                        const float position_world_m[3], float clearance_m, bool tracking, float ramp_1_s,
-                        uint64_t time_us, float step_s);
+/* How fast the path may be flown, from now on. `setpoint` is the last one, flown at `path_rate` (all limits included);
+   `tracking` is false while position is dead reckoned; `ramp_1_s` how fast the limit may follow. */
+void tc_supervisor_judge(tc_supervisor* supervisor, const tc_setpoint* setpoint, float path_rate,
+                         const float position_world_m[3], float clearance_m, bool tracking, float ramp_1_s,
+                         uint64_t time_us);
+
+/* A step of the limit and of the shift. */
+void tc_supervisor_step(tc_supervisor* supervisor, float step_s);
 
 /* The estimate has moved its frame: the path moves along. */
 void tc_supervisor_shift(tc_supervisor* supervisor, const float position_m[3], const float velocity_m_s[3],

@@ -53,9 +53,9 @@ void tc_attitude_step(const tc_parameters* p, const tc_flatness_state* reference
     }
 }
 
-void tc_cancel_moments(const tc_parameters* p, const tc_mixer* mixer, const float air_velocity_body_m_s[3],
-                       const float rate_body_rad_s[3], const float rotor_speed_rad_s[TC_ROTORS],
-                       float torque_body_n_m[3]) {
+void tc_opposing_moments(const tc_parameters* p, const tc_mixer* mixer, const float air_velocity_body_m_s[3],
+                         const float rate_body_rad_s[3], const float rotor_speed_rad_s[TC_ROTORS],
+                         float torque_body_n_m[3]) {
     float sum = 0.0f, sum_x = 0.0f, sum_y = 0.0f, sum_xx = 0.0f; /* of speeds, and of speeds times arms */
     for (int i = 0; i < TC_ROTORS; i++) {
         const float n = rotor_speed_rad_s[i], x = mixer->rotor[i].arm_x_m, y = mixer->rotor[i].arm_y_m;
@@ -66,9 +66,9 @@ void tc_cancel_moments(const tc_parameters* p, const tc_mixer* mixer, const floa
     }
     const float vx = air_velocity_body_m_s[0], vy = air_velocity_body_m_s[1], wz = rate_body_rad_s[2];
     const float drag_moment = vy * sum_x - vx * sum_y + wz * sum_xx;
-    torque_body_n_m[0] += p->damping_n_m_s[0] * rate_body_rad_s[0] + p->flapping_kg_m * (vy * sum + wz * sum_x);
-    torque_body_n_m[1] += p->damping_n_m_s[1] * rate_body_rad_s[1] - p->flapping_kg_m * (vx * sum - wz * sum_y);
-    torque_body_n_m[2] += p->damping_n_m_s[2] * wz + p->rotor_drag_kg * drag_moment;
+    torque_body_n_m[0] = p->damping_n_m_s[0] * rate_body_rad_s[0] + p->flapping_kg_m * (vy * sum + wz * sum_x);
+    torque_body_n_m[1] = p->damping_n_m_s[1] * rate_body_rad_s[1] - p->flapping_kg_m * (vx * sum - wz * sum_y);
+    torque_body_n_m[2] = p->damping_n_m_s[2] * wz + p->rotor_drag_kg * drag_moment;
 }
 
 bool tc_has_moments(const tc_parameters* p) { /* only flapping may be negative */

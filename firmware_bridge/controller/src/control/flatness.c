@@ -27,23 +27,36 @@ void tc_flatness_reset(tc_flatness_state* state, const float q_world_body[4]) {
     state->yaw_cut_rad_s = 0.0f;
 }
 
-void tc_flatness_turn(tc_flatness_state* state, float yaw_rad) {
-    float sine, cosine, turned[4];
-    tc_sin_cos(0.5f * yaw_rad, &sine, &cosine);
-    const float turn[4] = {cosine, 0.0f, 0.0f, sine};
-    tc_q_multiply(turn, state->q_reference, turned);
-    tc_flatness_reset(state, turned);
+void tc_flatness_turn(tc_flatness_state* state, const float q_turn[4]) {
+    float turned[4];
+    tc_q_multiply(q_turn, state->q_reference, turned);
+    tc_copy4(state->q_reference, turned);
+    z_axis(turned, state->axis);
+    state->yaw_cut_rad_s = 0.0f;
+}
+
+/* Of half the yaw. */
+typedef struct {
+    float sine, cosine;
+} half_yaw;
+
+static half_yaw halve(float yaw_rad) {
+    half_yaw out;
+    tc_sin_cos(0.5f * yaw_rad, &out.sine, &out.cosine);
+    return out;
+}
+
+static void chart_at(const float axis_world[3], half_yaw yaw, float q_world_body[4]) {
+    const float scale = 1.0f / sqrtf(2.0f * tc_max(1.0f + axis_world[2], 1e-6f));
+    const float tilt[3] = {(1.0f + axis_world[2]) * scale, -axis_world[1] * scale, axis_world[0] * scale};
+    q_world_body[0] = tilt[0] * yaw.cosine;
+    q_world_body[1] = tilt[1] * yaw.cosine + tilt[2] * yaw.sine;
+    q_world_body[2] = tilt[2] * yaw.cosine - tilt[1] * yaw.sine;
+    q_world_body[3] = tilt[0] * yaw.sine;
 }
 
 void tc_flatness_chart(const float axis_world[3], float yaw_rad, float q_world_body[4]) {
-    const float scale = 1.0f / sqrtf(2.0f * tc_max(1.0f + axis_world[2], 1e-6f));
-    const float tilt[3] = {(1.0f + axis_world[2]) * scale, -axis_world[1] * scale, axis_world[0] * scale};
-    float sine, cosine;
-    tc_sin_cos(0.5f * yaw_rad, &sine, &cosine);
-    q_world_body[0] = tilt[0] * cosine;
-    q_world_body[1] = tilt[1] * cosine + tilt[2] * sine;
-    q_world_body[2] = tilt[2] * cosine - tilt[1] * sine;
-    q_world_body[3] = tilt[0] * sine;
+    chart_at(axis_world, halve(yaw_rad), q_world_body);
 }
 
 /* Turns `q`, whose z axis is `z`, the shortest way so that z comes to `axis`, by at most `limit_rad` (small). True if
@@ -89,7 +102,7 @@ typedef struct {
 /* Where the chart cannot be followed at once: little thrust (`weights`), near straight down, or further than the slew
    limits allow. */
 static progress move_on(tc_flatness_state* state, const tc_parameters* p, const float force_n[3], float weights,
-                        float yaw_rad, float step_s) {
+                        half_yaw yaw, float step_s) {
     progress out = {tc_clamp((weights - NO_DIRECTION) / (FULL_DIRECTION - NO_DIRECTION), 0.0f, 1.0f), 0.0f, false,
                     false};
     float wanted[3], q[4];
@@ -101,7 +114,7 @@ static progress move_on(tc_flatness_state* state, const tc_parameters* p, const 
     tc_copy(state->axis, wanted);
     const float trust = tc_clamp((1.0f + wanted[2] - CHART_LOST) / (CHART_GOOD - CHART_LOST), 0.0f, 1.0f);
     const float turn_limit = tc_min(trust * p->yaw_slew_rad_s * step_s, 1.0f);
-    tc_flatness_chart(state->axis, yaw_rad, state->q_reference);
+    chart_at(state->axis, yaw, state->q_reference);
     const float turned_rad = turn_towards(q, turn_limit, state->q_reference, &out.on_chart);
     if (step_s > 0.0f) out.yaw_rad_s = turned_rad / step_s;
     out.chart_lost = trust < 1.0f;
@@ -110,17 +123,17 @@ static progress move_on(tc_flatness_state* state, const tc_parameters* p, const 
 
 /* Goes straight to the chart when that is close enough: of the turn from the last attitude, (w, x, y, z), the part of
    the axis has half the sine (x, y), what is left of 1 beside w and z; the part about it half the tangent z / w. */
-static inline bool follow_chart(tc_flatness_state* state, const tc_parameters* p, const float axis[3], float yaw_rad,
+static inline bool follow_chart(tc_flatness_state* state, const tc_parameters* p, const float axis[3], half_yaw yaw,
                                 float step_s) {
     float chart[4];
     const float* q = state->q_reference;
     if (axis[2] < CHART_GOOD - 1.0f) return false;
-    tc_flatness_chart(axis, yaw_rad, chart);
+    chart_at(axis, yaw, chart);
     float z;
     const float w = tc_q_missing(q, chart, &z);
     const float half = 0.5f * tc_min(step_s, 0.03f);
-    const float tilt = half * p->tilt_slew_rad_s, yaw = half * p->yaw_slew_rad_s;
-    if (1.0f - w * w - z * z > tilt * tilt || tc_abs(z) > yaw * tc_abs(w)) return false;
+    const float tilt = half * p->tilt_slew_rad_s, about = half * p->yaw_slew_rad_s;
+    if (1.0f - w * w - z * z > tilt * tilt || tc_abs(z) > about * tc_abs(w)) return false;
     tc_copy4(state->q_reference, chart);
     tc_copy(state->axis, axis);
     return true;
@@ -181,9 +194,10 @@ void tc_flatness_step(tc_flatness_state* state, const tc_parameters* p, const fl
     const float inverse = 1.0f / tc_max(size_n, NO_DIRECTION * weight_n);
     float axis[3];
     progress gone = {1.0f, 0.0f, true, false};
+    const half_yaw yaw = halve(setpoint->yaw_rad);
     for (int i = 0; i < 3; i++) axis[i] = force_world_n[i] * inverse;
-    if (size_n < FULL_DIRECTION * weight_n || !follow_chart(state, p, axis, setpoint->yaw_rad, step_s)) {
-        gone = move_on(state, p, force_world_n, size_n / weight_n, setpoint->yaw_rad, step_s);
+    if (size_n < FULL_DIRECTION * weight_n || !follow_chart(state, p, axis, yaw, step_s)) {
+        gone = move_on(state, p, force_world_n, size_n / weight_n, yaw, step_s);
     }
     state->yaw_cut_rad_s += step_s / (YAW_CUT_S + step_s) * (gone.yaw_rad_s - state->yaw_cut_rad_s);
     rates(p, setpoint, state->axis, p->mass_kg * inverse, drag_1_s, &gone, state->yaw_cut_rad_s, out);

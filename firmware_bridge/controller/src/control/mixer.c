@@ -13,6 +13,10 @@
 #include "../base/maths.h"
 #include "mixer_parts.h"
 
+/* Squared speeds outside the limits by less than this share of the highest still count as inside at first. */
+static const float TOLERANCE = 0.01f;
+static const float TINY = 1e-30f; /* not zero, but positive */
+static const float GUARD = 1e3f;  /* times `still` */
 /* Squared speeds beyond the limits by this share, a few roundings of float32, still count as inside. */
 static const float ROUNDINGS = 3e-7f;
 /* Less than this share of collective or cut counts as given in full. */
@@ -29,18 +33,29 @@ typedef struct {
     float square_bend; /* half of its second derivative */
 } rotor;
 
-/* The air at one hub, and the load demanded of the rotor if thrust goes with n^2 as it does in hover. */
-static inline void set_demand(const tc_mixer* mixer, const tc_mixer_rotor* m, const tc_wrench* wrench,
-                              const float air[3], const float rate[3], float free, rotor* r) {
-    const float x = m->arm_x_m, y = m->arm_y_m;
-    const float vx = air[0] - rate[2] * y, vy = air[1] + rate[2] * x;
-    const float vz = air[2] + rate[0] * y - rate[1] * x;
-    const float lateral2 = vx * vx + vy * vy;
+void tc_mixer_flow_at(const tc_mixer* mixer, const float air_velocity_body_m_s[3], const float rate_body_rad_s[3],
+                      tc_mixer_flow* flow) {
+    float air[3], rate[3];
+    for (int i = 0; i < 3; i++) {
+        air[i] = mixer->unit_m_s * air_velocity_body_m_s[i];
+        rate[i] = mixer->unit_m_s * rate_body_rad_s[i];
+    }
+    for (int i = 0; i < TC_ROTORS; i++) {
+        const float x = mixer->rotor[i].arm_x_m, y = mixer->rotor[i].arm_y_m;
+        const float vx = air[0] - rate[2] * y, vy = air[1] + rate[2] * x;
+        flow->axial[i] = air[2] + rate[0] * y - rate[1] * x;
+        flow->lateral2[i] = vx * vx + vy * vy;
+    }
+}
+
+/* The load demanded of a rotor if thrust goes with n^2 as it does in hover. */
+static inline void set_demand(const tc_mixer* mixer, const tc_mixer_rotor* m, const tc_wrench* wrench, float axial,
+                              float lateral2, float free, rotor* r) {
     r->load = m->per_collective * wrench->thrust_n + m->per_torque_x * wrench->torque_n_m[0] +
               m->per_torque_y * wrench->torque_n_m[1] + m->free * free - mixer->lift * lateral2;
-    r->axial = vz;
+    r->axial = axial;
     r->lateral2 = mixer->lateral * lateral2 + mixer->still;
-    r->drag = mixer->axial * vz;
+    r->drag = mixer->axial * axial;
 }
 
 /* Initial value of the induced velocity for a load, within 1.4 % for v_z > -sqrt(load): with v_xy = 0, eq. (2) is a
@@ -58,12 +73,12 @@ static inline float initial_induced_velocity(const rotor* r, float load) {
    opposite one, which lies below the slowest speed, and one near zero the tangent at the least load. Absolute values
    stand where an infeasible demand would leave the law's domain. */
 static inline void solve_operating_point(const tc_mixer* mixer, rotor* r) {
-    const float load = tc_max(tc_abs(r->load), mixer->least_load);
+    const float load = tc_max(tc_abs(r->load), mixer->least_load), guard = GUARD * mixer->still;
     const float v = initial_induced_velocity(r, load);
     const float w = r->axial + v;
     const float q = w * w + r->lateral2;
     const float root = sqrtf(q);
-    const float inverse = 1.0f / (tc_abs(q + v * w) + mixer->guard); /* over the derivative times root */
+    const float inverse = 1.0f / (tc_abs(q + v * w) + guard); /* over the derivative times root */
     const float rise = root * inverse;
     const float v2 = -rise * rise * inverse * (w + w + v * r->lateral2 / q);
     const float missing = load - v * root;
@@ -72,7 +87,7 @@ static inline void solve_operating_point(const tc_mixer* mixer, rotor* r) {
     const float b = r->drag - mixer->induced * tc_abs(v + (rise + 0.5f * bent) * missing);
     const float steep = sqrtf(b * b + mixer->load_factor * load);
     const float n = steep - b;
-    const float n1 = (mixer->half_factor + n * v1) / steep;
+    const float n1 = (0.5f * mixer->load_factor + n * v1) / steep;
     const float n2 = (mixer->induced * n * v2 + n1 * (v1 + v1 - n1)) / steep;
     r->square_rise = (n + n) * n1;
     r->square = n * n + r->square_rise * (r->load - load);
@@ -87,22 +102,28 @@ typedef struct {
 
 static inline void add_yaw_terms(const tc_mixer_rotor* m, const rotor* r, yaw_balance* yaw) {
     yaw->missing -= m->spin * r->square;
-    yaw->slope += m->spin_free * r->square_rise;
-    yaw->bend += m->spin_free * m->free * r->square_bend;
+    const float spin_free = m->spin * m->free;
+    yaw->slope += spin_free * r->square_rise;
+    yaw->bend += spin_free * m->free * r->square_bend;
 }
 
-/* Moves the squared speeds along the free direction to where the yaw torque is met. True if a load changed so much that
-   the operating points should be solved once more. */
-static inline bool meet_yaw(const tc_mixer* mixer, const yaw_balance* yaw, rotor r[TC_ROTORS], float* step) {
+/* Moves the squared speeds along the free direction to where the yaw torque is met; returns how far. */
+static inline float meet_yaw(const tc_mixer* mixer, const yaw_balance* yaw, rotor r[TC_ROTORS]) {
     const float straight = yaw->missing / yaw->slope;
-    bool far = false;
-    *step = straight - yaw->bend * straight * straight / yaw->slope;
+    const float step = straight - yaw->bend * straight * straight / yaw->slope;
     for (int i = 0; i < TC_ROTORS; i++) {
-        const float more = *step * mixer->rotor[i].free;
+        const float more = step * mixer->rotor[i].free;
         r[i].square += (r[i].square_rise + r[i].square_bend * more) * more;
-        far = far || tc_abs(more) > mixer->near + TC_MIXER_FAR * tc_abs(r[i].load);
     }
-    return far;
+    return step;
+}
+
+/* Whether that step changed a load so much that the operating points should be solved once more. */
+static bool goes_far(const tc_mixer* mixer, const rotor r[TC_ROTORS], float step) {
+    for (int i = 0; i < TC_ROTORS; i++) {
+        if (tc_abs(step * mixer->rotor[i].free) > mixer->near + TC_MIXER_FAR * tc_abs(r[i].load)) return true;
+    }
+    return false;
 }
 
 /* Desaturation works with changes of the demand, in newtons of collective: what one rotor gets when the collective
@@ -182,7 +203,7 @@ static uint8_t desaturate(const tc_mixer* mixer, const tc_wrench* wrench, float 
     static const float all[TC_ROTORS] = {1.0f, 1.0f, 1.0f, 1.0f};
     float yaw_n[TC_ROTORS];
     uint8_t saturation = 0u;
-    for (int i = 0; i < TC_ROTORS; i++) yaw_n[i] = mixer->rotor[i].free / mixer->rotor[i].per_collective;
+    for (int i = 0; i < TC_ROTORS; i++) yaw_n[i] = mixer->rotor[i].yaw_n;
     change_demand(l, -yaw, yaw_n, r);
     range collective = collective_range(l);
     if (collective.low > collective.high) {
@@ -214,36 +235,36 @@ static inline uint8_t keep_within_limits(const tc_mixer* mixer, const tc_wrench*
     return size_n > SMALL * wrench->thrust_n ? (uint8_t)TC_SATURATED_COLLECTIVE : 0u;
 }
 
-/* Whether all squared speeds lie between two positive bounds, but for rounding; NaN does not. */
-static bool all_between(const rotor r[TC_ROTORS], float low, float high) {
-    bool between = true;
+/* Whether all squared speeds are positive and within their limits, or outside by what the second round may change; NaN
+   is not. */
+static bool nearly_within_limits(const tc_mixer* mixer, const rotor r[TC_ROTORS]) {
+    const float tolerance = TOLERANCE * mixer->fastest2;
+    const float low = tc_max(mixer->slowest2 - tolerance, TINY), high = mixer->fastest2 + tolerance;
     for (int i = 0; i < TC_ROTORS; i++) {
-        between = between && r[i].square >= low * (1.0f - ROUNDINGS) && r[i].square <= high * (1.0f + ROUNDINGS);
+        if (!(r[i].square >= low && r[i].square <= high)) return false;
     }
-    return between;
+    return true;
 }
 
-/* Clips squared speeds to their limits, NaN to the lower one; reports what is more than rounding. */
-static uint8_t clip(const tc_mixer* mixer, rotor r[TC_ROTORS]) {
+/* Speeds, their squares clipped to the limits, NaN to the lower one; reports what is more than rounding. */
+static inline uint8_t clip(const tc_mixer* mixer, const rotor r[TC_ROTORS], float rotor_speed_rad_s[TC_ROTORS]) {
+    const float low = mixer->slowest2 * (1.0f - ROUNDINGS), high = mixer->fastest2 * (1.0f + ROUNDINGS);
     uint8_t saturation = 0u;
     for (int i = 0; i < TC_ROTORS; i++) {
-        const float limited = tc_clamp(r[i].square, mixer->slowest2, mixer->fastest2);
+        const float limited = tc_clamp(r[i].square, low, high);
         if (!(tc_abs(limited - r[i].square) <= 2e-3f * limited)) saturation = TC_SATURATED_ROTOR;
-        r[i].square = limited;
+        rotor_speed_rad_s[i] = mixer->per_speed * sqrtf(limited);
     }
     return saturation;
 }
 
-uint8_t tc_mixer_solve(const tc_mixer* mixer, const tc_wrench* wrench, const float air_velocity_body_m_s[3],
-                       const float rate_body_rad_s[3], float rotor_speed_rad_s[TC_ROTORS]) {
+uint8_t tc_mixer_solve(const tc_mixer* mixer, const tc_wrench* wrench, const tc_mixer_flow* flow,
+                       float rotor_speed_rad_s[TC_ROTORS]) {
     rotor r[TC_ROTORS];
-    float air[3], rate[3];
-    for (int i = 0; i < 3; i++) {
-        air[i] = mixer->unit_m_s * air_velocity_body_m_s[i];
-        rate[i] = mixer->unit_m_s * rate_body_rad_s[i];
-    }
     float free = wrench->torque_n_m[2] * mixer->free_per_yaw;
-    for (int i = 0; i < TC_ROTORS; i++) set_demand(mixer, &mixer->rotor[i], wrench, air, rate, free, &r[i]);
+    for (int i = 0; i < TC_ROTORS; i++) {
+        set_demand(mixer, &mixer->rotor[i], wrench, flow->axial[i], flow->lateral2[i], free, &r[i]);
+    }
     bool again = false;
     for (;;) {
         yaw_balance yaw = {wrench->torque_n_m[2] * mixer->turn_per_yaw, 0.0f, 0.0f};
@@ -251,15 +272,12 @@ uint8_t tc_mixer_solve(const tc_mixer* mixer, const tc_wrench* wrench, const flo
             solve_operating_point(mixer, &r[i]);
             add_yaw_terms(&mixer->rotor[i], &r[i], &yaw);
         }
-        float step;
-        const bool far = meet_yaw(mixer, &yaw, r, &step);
+        const float step = meet_yaw(mixer, &yaw, r);
         free += step;
-        if (again || !far || !all_between(r, mixer->likely_slowest2, mixer->likely_fastest2)) break;
+        if (again || !goes_far(mixer, r, step) || !nearly_within_limits(mixer, r)) break;
         for (int i = 0; i < TC_ROTORS; i++) r[i].load += step * mixer->rotor[i].free;
         again = true;
     }
-    uint8_t saturation = keep_within_limits(mixer, wrench, free, r);
-    if (!all_between(r, mixer->slowest2, mixer->fastest2)) saturation |= clip(mixer, r); /* or NaN */
-    for (int i = 0; i < TC_ROTORS; i++) rotor_speed_rad_s[i] = mixer->per_speed * sqrtf(r[i].square);
-    return saturation;
+    const uint8_t saturation = keep_within_limits(mixer, wrench, free, r);
+    return saturation | clip(mixer, r, rotor_speed_rad_s);
 }

@@ -15,22 +15,21 @@ static float load_at(const tc_mixer* mixer, float speed, float axial, float late
     return (speed + 2.0f * (drag - mixer->induced * *induced)) * speed * per_load;
 }
 
-void tc_mixer_wrench(const tc_mixer* mixer, const float rotor_speed_rad_s[TC_ROTORS],
-                     const float air_velocity_body_m_s[3], const float rate_body_rad_s[3], float induced[TC_ROTORS],
-                     tc_wrench* wrench) {
-    memset(wrench, 0, sizeof *wrench);
+void tc_mixer_wrench(const tc_mixer* mixer, const float rotor_speed_rad_s[TC_ROTORS], const tc_mixer_flow* flow,
+                     float induced[TC_ROTORS], tc_wrench* wrench) {
+    float sum_n = 0.0f, roll_n_m = 0.0f, pitch_n_m = 0.0f, turn = 0.0f;
     for (int i = 0; i < TC_ROTORS; i++) {
         const tc_mixer_rotor* m = &mixer->rotor[i];
-        const float x = m->arm_x_m, y = m->arm_y_m, unit = mixer->unit_m_s;
-        const float vx = unit * (air_velocity_body_m_s[0] - rate_body_rad_s[2] * y);
-        const float vy = unit * (air_velocity_body_m_s[1] + rate_body_rad_s[2] * x);
-        const float vz = unit * (air_velocity_body_m_s[2] + rate_body_rad_s[0] * y - rate_body_rad_s[1] * x);
-        const float speed = rotor_speed_rad_s[i] / mixer->per_speed, flow2 = vx * vx + vy * vy;
-        const float load = load_at(mixer, speed, vz, mixer->lateral * flow2 + mixer->still, &induced[i]);
-        const float thrust_n = (load + mixer->lift * flow2) * m->thrust_n;
-        wrench->thrust_n += thrust_n;
-        wrench->torque_n_m[0] += y * thrust_n;
-        wrench->torque_n_m[1] -= x * thrust_n;
-        wrench->torque_n_m[2] += m->spin * speed * speed / mixer->turn_per_yaw;
+        const float speed = rotor_speed_rad_s[i] / mixer->per_speed, lateral2 = flow->lateral2[i];
+        const float load = load_at(mixer, speed, flow->axial[i], mixer->lateral * lateral2 + mixer->still, &induced[i]);
+        const float thrust_n = (load + mixer->lift * lateral2) * m->thrust_n;
+        sum_n += thrust_n;
+        roll_n_m += m->arm_y_m * thrust_n;
+        pitch_n_m -= m->arm_x_m * thrust_n;
+        turn += m->spin * speed * speed;
     }
+    wrench->thrust_n = sum_n;
+    wrench->torque_n_m[0] = roll_n_m;
+    wrench->torque_n_m[1] = pitch_n_m;
+    wrench->torque_n_m[2] = turn / mixer->turn_per_yaw;
 }

@@ -7,11 +7,8 @@
 static const float SHORTEST_ARM_M = 0.01f; /* a shorter one is a mistake in the parameters */
 /* Share of the hover load added to a rotor's own when a change of load is called small. */
 static const float NEAR = 0.03f;
-/* Squared speeds outside the limits by less than this share of the highest still count as inside at first. */
-static const float TOLERANCE = 0.01f;
 /* The limits are kept this far inside, so that rounding does not lead beyond them. */
 static const float ROUNDING = 2e-6f;
-static const float TINY = 1e-30f; /* not zero, so that it can be divided by */
 /* Below, a rotor's operating point is extrapolated: at zero its slopes would be infinite. */
 static const float LEAST_THRUST_N = 1e-3f;
 
@@ -62,7 +59,7 @@ static tc_reason invert_geometry(tc_mixer* mixer, const tc_parameters* p, float 
         m->free = unit * share;
         m->thrust_n = p->rotor_gain[i] / load_per_n;
         m->spin = p->rotor_spin[i];
-        m->spin_free = m->spin * m->free;
+        m->yaw_n = m->free / m->per_collective;
     }
     *yaw_per_free = spin_sum;
     return tc_abs(spin_sum) > 0.25f * size_sum ? TC_OK : TC_SINGULAR_GEOMETRY;
@@ -83,18 +80,14 @@ static float choose_law(tc_mixer* mixer, const tc_parameters* p) {
     mixer->axial = (quadratic ? -p->inflow_kg : p->k2_n_s2_m) / unit;
     mixer->lateral = p->thrust_model > 1.5f ? 1.0f : 0.0f;
     mixer->lift = p->lift_kg_m * per_disk;
-    mixer->guard = 1e-3f * unit * unit;
     mixer->still = 1e-6f * unit * unit;
     mixer->load_factor = 4.0f * square / load_per_n;
-    mixer->half_factor = 0.5f * mixer->load_factor;
     const float speed_unit = 2.0f * square;
     mixer->per_speed = 1.0f / speed_unit;
     mixer->turn_per_yaw = speed_unit * speed_unit / p->cq_n_m_s2;
     const float slowest = p->rotor_min_rad_s * speed_unit, fastest = p->rotor_max_rad_s * speed_unit;
     mixer->slowest2 = slowest * slowest * (1.0f + ROUNDING);
     mixer->fastest2 = fastest * fastest * (1.0f - ROUNDING);
-    mixer->likely_slowest2 = tc_max(mixer->slowest2 - TOLERANCE * mixer->fastest2, TINY);
-    mixer->likely_fastest2 = mixer->fastest2 * (1.0f + TOLERANCE);
     return load_per_n;
 }
 

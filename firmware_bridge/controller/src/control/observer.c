@@ -18,6 +18,15 @@ void tc_observer_reset(tc_observer* o) {
     o->state = state;
 }
 
+void tc_observer_pause(tc_observer* o) {
+    float force_n[3], torque_n_m[3];
+    tc_copy(force_n, o->lasting_force_n);
+    tc_copy(torque_n_m, o->lasting_torque_n_m);
+    tc_observer_reset(o);
+    tc_copy(o->lasting_force_n, force_n);
+    tc_copy(o->lasting_torque_n_m, torque_n_m);
+}
+
 void tc_observer_rotors(tc_observer* o, const tc_parameters* p, const float command[TC_ROTORS], float per_battery,
                         float step_s) {
     const float lag_s = p->rotor_lag_s > 0.0f ? p->rotor_lag_s : UNKNOWN_LAG_S;
@@ -87,6 +96,8 @@ void tc_observer_start(tc_observer* o, const tc_observed_torque* now, const floa
     tc_copy(o->velocity_world_m_s, velocity_world_m_s);
     tc_copy(o->rate_stage_rad_s, now->rate_body_rad_s);
     tc_copy(o->torque_stage_n_m, now->torque_n_m);
+    o->force_s = 0.0f;
+    memset(o->gained_m_s, 0, sizeof o->gained_m_s);
     o->started = true;
 }
 
@@ -96,9 +107,8 @@ void tc_observer_hold(tc_observer* o) {
     tc_copy(o->torque_body_n_m, o->lasting_torque_n_m);
 }
 
-void tc_observer_turn(tc_observer* o, float yaw_rad) {
-    float sine, cosine;
-    tc_sin_cos(yaw_rad, &sine, &cosine);
+void tc_observer_turn(tc_observer* o, const float q[4]) {
+    const float sine = 2.0f * q[0] * q[3], cosine = 1.0f - 2.0f * q[3] * q[3]; /* of the doubled angle */
     float* const force[3] = {o->force_world_n, o->force_stage_n, o->lasting_force_n};
     for (int i = 0; i < 3; i++) {
         const float x = force[i][0], y = force[i][1];

@@ -78,7 +78,7 @@ static void start(tc_pose_delay* d, const tc_pose_compared* now) {
     d->started = true;
 }
 
-void tc_pose_delay_step(tc_pose_delay* d, const tc_pose_compared* now, float step_s) {
+bool tc_pose_delay_step(tc_pose_delay* d, const tc_pose_compared* now, float step_s) {
     if (!d->started) start(d, now);
     d->velocity_s += step_s;
     d->attitude_s += step_s;
@@ -86,14 +86,14 @@ void tc_pose_delay_step(tc_pose_delay* d, const tc_pose_compared* now, float ste
         d->turned_rad[i] += step_s * now->rate_body_rad_s[i];
         d->gained_m_s[i] += step_s * now->acceleration_world_m_s2[i];
     }
+    if (!now->may_compare || !(d->attitude_due || now->fresh)) return false;
     if (d->attitude_due) {
         compare_attitude(d, now->q_world_body, now->rate_body_rad_s);
         d->attitude_due = false;
         d->attitude_s = 0.0f;
-    } else if (now->fresh) {
+    } else {
         compare_velocity(d, now);
         d->attitude_due = true;
-    } else {
-        /* nothing to compare */
     }
+    return true;
 }

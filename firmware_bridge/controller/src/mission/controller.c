@@ -22,8 +22,9 @@ static const float HOVER_SPREAD = 0.2f;     /* around the weight: what is learnt
 
 static const float LEAN = 0.15f; /* tangent of 8 degrees: at most so far into the wind in an emergency */
 
-/* Of the weight, upwards, while the observer holds a force: a vehicle that bounces must not turn on what is left. */
-static const float HELD_LEAST = 0.25f;
+/* Of the weight, upwards, unless the path itself asks for less: on what feedback leaves of the thrust, a vehicle that
+   bounces or has jumped beside a dive would turn over. */
+static const float LEAST_LIFT = 0.25f;
 
 void tc_init(tc_controller* c) {
     memset(c, 0, sizeof *c);
@@ -37,8 +38,8 @@ void tc_init(tc_controller* c) {
     tc_supervisor_reset(&c->supervisor, 0u);
 }
 
-/* How fast the path may be flown now, and with which shift. */
-static void supervise(tc_controller* c, float step_s) {
+/* How fast the path may be flown. */
+static void judge_tracking(tc_controller* c) {
     tc_telemetry* t = &c->telemetry;
     const bool on_path = tc_mission_on_path(c->mission.state);
     const float rate = on_path ? c->clock.flown[0] : 0.0f;
@@ -47,8 +48,8 @@ static void supervise(tc_controller* c, float step_s) {
     const bool urgent = !tracking || c->supervisor.stopped;
     const float brake_m_s2 = (urgent ? URGENT_BRAKE : 1.0f) * c->parameters.brake_m_s2;
     const float ramp_1_s = tc_clamp(brake_m_s2 / (STEP_PEAK * tc_max(speed, 0.1f)), SLOWEST_1_S, FASTEST_1_S);
-    tc_supervisor_step(&c->supervisor, &t->setpoint, rate, t->estimate.position_world_m, tc_clearance(c), tracking,
-                       ramp_1_s, t->time_us, step_s);
+    tc_supervisor_judge(&c->supervisor, &t->setpoint, rate, t->estimate.position_world_m, tc_clearance(c), tracking,
+                        ramp_1_s, t->time_us);
 }
 
 static void make_setpoint(tc_controller* c, float step_s) {
@@ -121,9 +122,9 @@ static float flight_force(tc_controller* c, const float velocity_body_m_s[3], fl
         &c->position, &c->parameters, &t->setpoint, t->estimate.position_world_m, t->estimate.velocity_world_m_s,
         drag_world_n, 0.95f * c->mixer.largest_thrust_n,
         c->has_integral && c->mission.state != TC_TAKE_OFF && t->saturation == 0u, step_s, force_world_n);
-    if (c->observer.state == (uint8_t)TC_OBSERVER_HOLDS) {
-        force_world_n[2] = tc_max(force_world_n[2], HELD_LEAST * c->parameters.mass_kg * c->parameters.gravity_m_s2);
-    }
+    const float planned_m_s2 = c->parameters.gravity_m_s2 + t->setpoint.acceleration_world_m_s2[2];
+    const float least_m_s2 = tc_min(planned_m_s2, LEAST_LIFT * c->parameters.gravity_m_s2);
+    force_world_n[2] = tc_max(force_world_n[2], c->parameters.mass_kg * least_m_s2);
     t->saturation = limited ? TC_SATURATED_INPUT : 0u;
     return c->drag_source != (uint8_t)TC_VELOCITY_NONE ? slope_n_s_m : 0.0f;
 }
@@ -171,8 +172,9 @@ static void lead_speeds(tc_controller* c, float step_s) {
     const float per_filter = 1.0f / filter_s;
     const float pass = step_s * per_filter, lead = p->rotor_lag_s * per_filter;
     const float per_battery = tc_per_battery(c);
+    if (!c->was_flying) tc_copy4(c->slow_speed_rad_s, speed);
     for (int i = 0; i < TC_ROTORS; i++) {
-        float behind = c->was_flying ? speed[i] - c->slow_speed_rad_s[i] : 0.0f;
+        float behind = speed[i] - c->slow_speed_rad_s[i];
         behind -= pass * behind;
         c->slow_speed_rad_s[i] = speed[i] - behind;
         speed[i] = tc_clamp((speed[i] + lead * behind) * per_battery, p->rotor_min_rad_s, p->rotor_max_rad_s);
@@ -199,11 +201,9 @@ static void cancel_torques(tc_controller* c, const float air_body_m_s[3]) {
     tc_telemetry* t = &c->telemetry;
     float* torque = t->wrench.torque_n_m;
     if (c->has_moments) {
-        float before[3];
-        tc_copy(before, torque);
-        tc_cancel_moments(&c->parameters, &c->mixer, air_body_m_s, t->estimate.rate_body_rad_s,
-                          measured_else(c, c->slow_speed_rad_s), torque);
-        for (int i = 0; i < 3; i++) c->cancelled_n_m[i] = torque[i] - before[i];
+        tc_opposing_moments(&c->parameters, &c->mixer, air_body_m_s, t->estimate.rate_body_rad_s,
+                            measured_else(c, c->slow_speed_rad_s), c->cancelled_n_m);
+        for (int i = 0; i < 3; i++) torque[i] += c->cancelled_n_m[i];
     }
     if (!tc_cancels_disturbance(c) || tc_landing_unloads(&c->landing) || !tc_gyro_is_whole(c)) return;
     const float share = tc_disturbance_share(c);
@@ -221,13 +221,15 @@ static void fly(tc_controller* c, float step_s) {
     if (airflow != drag) chosen_velocity(c, airflow, air);
     cancel_torques(c, air);
     const float* rate = chosen(airflow, t->rate_reference_rad_s, t->estimate.rate_body_rad_s);
-    t->saturation |= tc_mixer_solve(&c->mixer, &t->wrench, air, rate, t->rotor_speed_rad_s);
-    learn_hover_thrust(c, step_s);
+    tc_mixer_flow flow;
+    tc_mixer_flow_at(&c->mixer, air, rate, &flow);
+    t->saturation |= tc_mixer_solve(&c->mixer, &t->wrench, &flow, t->rotor_speed_rad_s);
+    if (tc_even_tick(c)) learn_hover_thrust(c, 2.0f * step_s);
     if (c->has_lead) {
         lead_speeds(c, step_s);
         c->was_flying = true;
     }
-    tc_observe_disturbance(c, air, rate, step_s);
+    tc_observe_disturbance(c, &flow, step_s);
 }
 
 /* Another controller flies: what this one would do to keep the vehicle's velocity. */
@@ -326,7 +328,8 @@ tc_reason tc_tick(tc_controller* c, uint64_t time_us, const tc_estimate* estimat
     const bool possible = advance_time(c, time_us);
     const float step_s = tc_seconds(c->step_us);
     tc_take_estimate(c, estimate, step_s);
-    supervise(c, step_s);
+    if (!tc_even_tick(c)) judge_tracking(c);
+    tc_supervisor_step(&c->supervisor, step_s);
     make_setpoint(c, step_s);
     tc_observe(c);
     if (tc_mission_in_air(c->mission.state)) {

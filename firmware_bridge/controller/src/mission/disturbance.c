@@ -20,8 +20,7 @@ static tc_observer_state wanted_state(const tc_controller* c) {
     if (tc_dot(c->telemetry.flatness.axis, c->axes[2]) < FOLLOWS) return TC_OBSERVER_WAITS;
     if (state == TC_LANDING || state == TC_EMERGENCY || (c->telemetry.estimate_faults & faults) != 0u ||
         !tc_gyro_is_whole(c)) {
-        const bool known = now == (uint8_t)TC_OBSERVER_RUNS || now == (uint8_t)TC_OBSERVER_HOLDS;
-        return known ? TC_OBSERVER_HOLDS : TC_OBSERVER_WAITS;
+        return now == (uint8_t)TC_OBSERVER_NO_ACCELEROMETER ? TC_OBSERVER_WAITS : TC_OBSERVER_HOLDS;
     }
     return lifted(c) ? TC_OBSERVER_RUNS : TC_OBSERVER_WAITS;
 }
@@ -42,12 +41,16 @@ static void enter(tc_controller* c, tc_observer_state state) {
     }
     if (state == TC_OBSERVER_HOLDS) tc_observer_hold(&c->observer);
     if (tc_cancels_disturbance(c)) return;
-    tc_observer_reset(&c->observer);
+    if (state == TC_OBSERVER_WAITS && tc_mission_in_air(c->mission.state)) {
+        tc_observer_pause(&c->observer);
+    } else {
+        tc_observer_reset(&c->observer);
+    }
     tc_pose_delay_reset(&c->delay);
 }
 
-/* Estimate against the IMU: which of them is late. */
-static void compare_pose(tc_controller* c, const float acceleration_world_m_s2[3], const float rate_body_rad_s[3],
+/* Estimate against the IMU: which of them is late. Whether there was something to compare. */
+static bool compare_pose(tc_controller* c, const float acceleration_world_m_s2[3], const float rate_body_rad_s[3],
                          float step_s) {
     const tc_estimate* e = &c->telemetry.estimate;
     const tc_pose_compared now = {e->velocity_world_m_s,
@@ -56,16 +59,17 @@ static void compare_pose(tc_controller* c, const float acceleration_world_m_s2[3
                                   c->telemetry.setpoint.acceleration_world_m_s2,
                                   rate_body_rad_s,
                                   c->observer.noise_m2_s4,
-                                  e->position_time_us != c->observed_us};
-    c->observed_us = e->position_time_us;
-    tc_pose_delay_step(&c->delay, &now, step_s);
+                                  e->position_time_us != c->observed_us,
+                                  !c->observer.compared};
+    const bool compared = tc_pose_delay_step(&c->delay, &now, step_s);
+    if (compared) c->observed_us = e->position_time_us;
+    return compared;
 }
 
-static void observe_torque(tc_controller* c, const float air_body_m_s[3], const float flow_rate_rad_s[3],
-                           const float rate_rad_s[3], float step_s) {
+static void observe_torque(tc_controller* c, const tc_mixer_flow* flow, const float rate_rad_s[3], float step_s) {
     tc_observer* o = &c->observer;
     tc_wrench rotors;
-    tc_mixer_wrench(&c->mixer, o->rotor_speed_rad_s, air_body_m_s, flow_rate_rad_s, o->induced, &rotors);
+    tc_mixer_wrench(&c->mixer, o->rotor_speed_rad_s, flow, o->induced, &rotors);
     const tc_observed_torque now = {rate_rad_s, rotors.torque_n_m, c->cancelled_n_m};
     o->thrust_n = rotors.thrust_n;
     if (o->started) {
@@ -75,49 +79,58 @@ static void observe_torque(tc_controller* c, const float air_body_m_s[3], const 
     }
 }
 
+/* Where the pose is compared, the force waits for its next turn. */
 static void observe_force(tc_controller* c, const float force_body_m_s2[3], const float rate_rad_s[3], float step_s) {
+    tc_observer* o = &c->observer;
     float acceleration[3], known[3];
     tc_to_world(c->axes, force_body_m_s2, acceleration);
     acceleration[2] -= c->parameters.gravity_m_s2;
-    for (int i = 0; i < 3; i++) known[i] = c->observer.thrust_n * c->axes[2][i] + c->drag_world_n[i];
+    o->force_s += step_s;
+    for (int i = 0; i < 3; i++) o->gained_m_s[i] += step_s * acceleration[i];
+    o->compared = compare_pose(c, acceleration, rate_rad_s, step_s);
+    if (o->compared || !(o->force_s > 0.0f)) return;
+    for (int i = 0; i < 3; i++) {
+        acceleration[i] = o->gained_m_s[i] / o->force_s;
+        known[i] = o->thrust_n * c->axes[2][i] + c->drag_world_n[i];
+        o->gained_m_s[i] = 0.0f;
+    }
     const tc_observed_force now = {acceleration, c->telemetry.estimate.velocity_world_m_s, known};
-    tc_observer_force(&c->observer, &c->parameters, &now, step_s);
-    compare_pose(c, acceleration, rate_rad_s, step_s);
+    tc_observer_force(o, &c->parameters, &now, o->force_s);
+    o->force_s = 0.0f;
 }
 
 static void mean(const float a[3], const float b[3], float out[3]) {
     for (int i = 0; i < 3; i++) out[i] = 0.5f * (a[i] + b[i]);
 }
 
-/* Torque and force take turns: half of the work a tick, while both change within 16 ms at the fastest. */
-static void observe(tc_controller* c, const float air_body_m_s[3], const float flow_rate_rad_s[3], float step_s) {
+/* Torque in odd ticks, force in even ones: half of the work a tick, while both change within 16 ms at the fastest. */
+static void observe(tc_controller* c, const tc_mixer_flow* flow, float step_s) {
     const tc_estimate* e = &c->telemetry.estimate;
     tc_observer* o = &c->observer;
     const float both_s = step_s + o->last_step_s;
-    const bool torque = !o->started || !o->was_torque;
     float rate[3];
     mean(e->rate_body_rad_s, o->started ? o->last_rate_rad_s : e->rate_body_rad_s, rate);
-    if (torque) {
-        observe_torque(c, air_body_m_s, flow_rate_rad_s, rate, both_s);
-    } else {
+    if (!tc_even_tick(c)) {
+        observe_torque(c, flow, rate, both_s);
+    } else if (o->started) {
         float force[3];
         mean(e->specific_force_body_m_s2, o->last_force_body_m_s2, force);
         observe_force(c, force, rate, both_s);
+    } else {
+        /* it starts with the torque */
     }
-    o->was_torque = torque;
     o->last_step_s = step_s;
     tc_copy(o->last_rate_rad_s, e->rate_body_rad_s);
     tc_copy(o->last_force_body_m_s2, e->specific_force_body_m_s2);
 }
 
-void tc_observe_disturbance(tc_controller* c, const float air_body_m_s[3], const float rate_body_rad_s[3],
-                            float step_s) {
+void tc_observe_disturbance(tc_controller* c, const tc_mixer_flow* flow, float step_s) {
     const tc_estimate* e = &c->telemetry.estimate;
     enter(c, wanted_state(c));
     if (c->observer.state == (uint8_t)TC_OBSERVER_OFF) return;
     const bool measured = (e->valid & (uint8_t)TC_VALID_ROTOR_SPEED) != 0u;
     if (measured) tc_copy4(c->observer.rotor_speed_rad_s, e->rotor_speed_rad_s);
-    if (c->observer.state == (uint8_t)TC_OBSERVER_RUNS) observe(c, air_body_m_s, rate_body_rad_s, step_s);
+    if (c->observer.state == (uint8_t)TC_OBSERVER_RUNS) observe(c, flow, step_s);
     if (measured) return;
     tc_observer_rotors(&c->observer, &c->parameters, c->telemetry.rotor_speed_rad_s, tc_per_battery(c), step_s);
 }

@@ -66,9 +66,10 @@ static void reckoned_acceleration(tc_controller* c, const tc_estimate* estimate,
 }
 
 static bool plausible(const float* values, int count, float largest) {
-    bool all = true;
-    for (int i = 0; i < count; i++) all = all && tc_abs(values[i]) <= largest; /* NaN is not */
-    return all;
+    for (int i = 0; i < count; i++) {
+        if (!(tc_abs(values[i]) <= largest)) return false; /* nor is NaN */
+    }
+    return true;
 }
 
 static bool certain(float std, float bound) { return tc_finite(std) && std <= bound; }
@@ -89,13 +90,6 @@ typedef struct {
     float age_s;   /* of the last usable position */
 } tc_taken;
 
-/* The acceleration has changed on the way, which counts where the pose is later than its stamp says. */
-static void bend(tc_controller* c, int axis, float ahead) {
-    const float change = 0.5f * ahead * ahead * c->telemetry.setpoint.jerk_world_m_s3[axis];
-    c->telemetry.estimate.velocity_world_m_s[axis] -= change;
-    c->telemetry.estimate.position_world_m[axis] -= 0.6667f * ahead * change;
-}
-
 /* Those of its valid bits whose numbers can be. */
 static uint32_t plausible_bits(const tc_estimate* e, const tc_part* part) {
     const bool position = plausible(&e->position_world_m[part->first], part->count, LARGEST_POSITION_M);
@@ -113,18 +107,27 @@ static tc_taken take_part(tc_controller* c, const tc_estimate* e, const tc_part*
         (usable & part->velocity_bits) != 0u && certain(e->velocity_std_m_s[part->std], p->velocity_std_m_s);
     const bool position =
         velocity && (usable & part->position_bits) != 0u && certain(e->position_std_m[part->std], p->position_std_m);
-    if (velocity) note_sample(c, &times->velocity, e->position_time_us);
-    if (position) note_sample(c, &times->position, e->position_time_us);
+    if (position) {
+        note_sample(c, &times->position, e->position_time_us);
+        times->velocity = times->position; /* it came with it */
+    } else if (velocity) {
+        note_sample(c, &times->velocity, e->position_time_us);
+    } else {
+        /* nothing has come */
+    }
     const float position_age_s = age_s(c, times->position.true_us);
     const float ahead = ahead_s(p, position_age_s + tc_position_delay_s(c));
-    const bool has_velocity = velocity && age_s(c, times->velocity.true_us) <= p->estimate_stale_s;
-    const bool fresh = position && position_age_s <= p->estimate_stale_s;
+    /* The acceleration has changed on the way, which counts where the pose is later than its stamp says. */
+    const float bend_s2 = tc_cancels_disturbance(c) ? 0.5f * ahead * ahead : 0.0f;
+    const bool fresh = position && position_age_s <= p->estimate_stale_s; /* and its velocity, which is no older */
+    const bool has_velocity = fresh || (velocity && age_s(c, times->velocity.true_us) <= p->estimate_stale_s);
     for (int i = first; i < first + part->count; i++) {
         if (fresh) {
             const float gain = ahead * c->telemetry.setpoint.acceleration_world_m_s2[i];
+            const float bend_m_s = bend_s2 * c->telemetry.setpoint.jerk_world_m_s3[i];
             now->position_world_m[i] = e->position_world_m[i] + ahead * (e->velocity_world_m_s[i] + 0.5f * gain);
-            now->velocity_world_m_s[i] = e->velocity_world_m_s[i] + gain;
-            if (tc_cancels_disturbance(c)) bend(c, i, ahead);
+            now->position_world_m[i] -= 0.6667f * ahead * bend_m_s;
+            now->velocity_world_m_s[i] = e->velocity_world_m_s[i] + gain - bend_m_s;
         } else {
             const float gain = step_s * reckoned_m_s2[i];
             if (has_velocity) now->velocity_world_m_s[i] = e->velocity_world_m_s[i] - gain;
@@ -363,8 +366,11 @@ static void follow_reset(tc_controller* c, const tc_estimate* e) {
     }
     for (int i = 0; i < 3; i++) c->telemetry.setpoint.position_world_m[i] += e->reset_position_world_m[i];
     c->telemetry.setpoint.yaw_rad += e->reset_yaw_rad;
-    tc_flatness_turn(&c->telemetry.flatness, e->reset_yaw_rad);
-    tc_observer_turn(&c->observer, e->reset_yaw_rad);
+    float sine, cosine;
+    tc_sin_cos(0.5f * e->reset_yaw_rad, &sine, &cosine);
+    const float heading[4] = {cosine, 0.0f, 0.0f, sine};
+    tc_flatness_turn(&c->telemetry.flatness, heading);
+    tc_observer_turn(&c->observer, heading);
     c->delay.started = false;
 }
 

@@ -1,5 +1,5 @@
-/* What the controller observes about itself, each check in every tick: a failsafe is an event that one of these posts.
- */
+/* What the controller observes about itself; what lasts some tenths of a second is looked at in every other tick. A
+   failsafe is an event that one of these posts. */
 #include "../base/maths.h"
 #include "internal.h"
 
@@ -15,11 +15,11 @@ static const float CRASH_S = 0.5f;
 static const float CLOCK_WARNING_S = 5.0f; /* the warning stays after the last fault of the clock */
 
 bool tc_inside_fence(const tc_parameters* p, const float position_world_m[3]) {
-    bool inside = true;
-    for (int i = 0; i < 3 && inside; i++) {
-        inside = position_world_m[i] >= p->fence_min_world_m[i] && position_world_m[i] <= p->fence_max_world_m[i];
+    for (int i = 0; i < 3; i++) {
+        const float at = position_world_m[i];
+        if (!(at >= p->fence_min_world_m[i] && at <= p->fence_max_world_m[i])) return false;
     }
-    return inside;
+    return true;
 }
 
 float tc_clearance(const tc_controller* c) {
@@ -89,11 +89,10 @@ static bool inside_plan(const tc_controller* c) {
     const bool since = c->mission.state == TC_HOLD && tc_mission_on_path(c->mission.previous_state);
     if (plan == NULL || !(margin_m > 0.0f) || !(since || tc_mission_on_path(c->mission.state))) return true;
     const float* at = c->telemetry.estimate.position_world_m;
-    bool inside = true;
     for (int i = 0; i < 3; i++) {
-        inside = inside && at[i] >= plan->least_m[i] - margin_m && at[i] <= plan->most_m[i] + margin_m;
+        if (!(at[i] >= plan->least_m[i] - margin_m && at[i] <= plan->most_m[i] + margin_m)) return false;
     }
-    return inside;
+    return true;
 }
 
 static void observe_fence(tc_controller* c) {
@@ -114,7 +113,7 @@ static tc_reason why_land(const tc_controller* c) {
 
 static void observe_tracking(tc_controller* c) {
     const bool on_path = tc_mission_on_path(c->mission.state);
-    if (on_path && tc_norm(c->supervisor.shift) > tc_clearance(c)) {
+    if (on_path && tc_even_tick(c) && tc_norm(c->supervisor.shift) > tc_clearance(c)) {
         (void)tc_post(c, TC_EVENT_RELOCALIZED, TC_RELOCALIZED);
     }
     const tc_reason reason = why_land(c);
@@ -197,17 +196,20 @@ static uint8_t warnings(const tc_controller* c) {
 
 void tc_observe(tc_controller* c) {
     const float step_s = tc_seconds(c->step_us), tilt = 1.0f - tc_dot(c->telemetry.flatness.axis, c->axes[2]);
+    const bool even = tc_even_tick(c);
     observe_attitude_estimate(c);
     observe_position_estimate(c, tilt);
     observe_setpoint(c, step_s);
-    observe_battery(c, step_s);
-    observe_link(c);
+    if (even) {
+        observe_battery(c, 2.0f * step_s);
+        observe_link(c);
+    }
     if (tc_moves(c) || tc_falls(c)) c->moved_us = c->telemetry.time_us;
     if (tc_mission_in_air(c->mission.state)) {
         tc_measure_support(c, step_s);
         observe_attitude(c, tilt);
         observe_crash(c, tilt);
-        observe_fence(c);
+        if (even) observe_fence(c);
         observe_tracking(c);
         if (c->mission.state == TC_EMERGENCY) observe_emergency(c);
     }

@@ -8,6 +8,10 @@
 /* lasting.c: whether it has been so for longer than this; `since_us` in controller time. */
 bool tc_lasts(const tc_controller* c, uint64_t since_us, float limit_s);
 
+/* What follows the flight over some tenths of a second is looked at in every other tick, half of it in the even ones.
+ */
+static inline bool tc_even_tick(const tc_controller* c) { return c->telemetry.ticks % 2u == 0u; }
+
 /* estimate.c: takes what is usable of `estimate`, dead reckons the rest, folds relocalizations into the set-point, and
    writes telemetry.estimate, its faults and what is known of the dead reckoning. */
 void tc_take_estimate(tc_controller* c, const tc_estimate* estimate, float step_s);
@@ -32,8 +36,7 @@ static inline float tc_position_delay_s(const tc_controller* c) {
 }
 
 /* disturbance.c: runs the observer where it may run; at the end of a tick, as it works with that tick's model. */
-void tc_observe_disturbance(tc_controller* c, const float air_body_m_s[3], const float rate_body_rad_s[3],
-                            float step_s);
+void tc_observe_disturbance(tc_controller* c, const tc_mixer_flow* flow, float step_s);
 static inline bool tc_cancels_disturbance(const tc_controller* c) {
     return c->observer.state == (uint8_t)TC_OBSERVER_RUNS || c->observer.state == (uint8_t)TC_OBSERVER_HOLDS;
 }

@@ -16,10 +16,12 @@ static const float RETRY_S = 0.3f;             /* after a stage that found the v
 static const float UNLOAD_S = 0.5f;            /* the collective falls to UNLOADED */
 static const float UNLOADED = 0.1f;            /* of the weight */
 static const float GAINED_M_S = 0.35f;         /* downwards since UNLOAD began: it flies */
-static const float SUPPORT_G = 0.5f;           /* specific force that the rotors do not give: it stands on something */
-static const float STANDS_G = 0.3f;            /* what it misses of the fall that its thrust would be, on average, */
+static const float STANDS_G = 0.25f;           /* what it misses of the fall that its thrust would be, on average, */
+static const float STANDS_TILTED_G = 0.3f;     /* ... of which an attitude that is not as estimated fakes some, */
+static const float TILTED = 0.87f;             /* ... cosine of 30 degrees, */
 static const float SUPPORT_S = 1.0f;           /* over so long (the most of 550 flights in wind and gusts: 0.15), */
 static const float SUPPORTED_M_S = 1.0f;       /* where it sinks slower than this: a fast fall's drag carries, too */
+static const float LACKS_G = 0.3f;             /* of the weight: where less is missing, noise decides */
 static const float FORCE_FILTER_S = 0.02f;     /* of the accelerometer, whose noise the tests must not see */
 static const float FELT_GAINED_M_S = 0.7f;  /* the same by the accelerometer, whose noise of 10 m/s2 makes 0.3 of it */
 static const float BLIND_GAINED_M_S = 0.5f; /* ... before anything has been hit, as each try makes the touch harder */
@@ -37,7 +39,10 @@ static const float IMPACT_G = 0.4f;       /* above 1 g, in an emergency without 
 /* Such a descent loses thrust with time, for ground effect must not keep it floating. Slowly: after 15 s (20 m) it is
    4 + 1 % short, and with 1.9 % of error still settles below 2.5 m/s, as inflow damps by 0.32/s. */
 static const float SINK_MORE_1_S = 0.0007f;
-static const float SINK_MOST = 0.08f;      /* never beyond this */
+static const float SINK_MOST = 0.08f; /* never beyond this */
+static const float LATE_S = 5.0f;     /* after the time in which 1 m/s leads to the height of the take-off, */
+static const float LATE_1_S = 0.006f; /* ... it loses as much more: the wind takes a slow one far away */
+static const float LATE_MOST = 0.03f;
 static const float PROBE_S = 1.0f;         /* ... where UNLOAD is tried this often */
 static const float TOUCHED_PROBE_S = 0.4f; /* ... once something has been hit */
 static const float FALLS_AGAIN_S = 2.5f;   /* ... and not again for so long: it was an edge */
@@ -48,6 +53,7 @@ static const float EMERGENCY_FEEDBACK_M_S2 = 3.0f; /* what vertical feedback may
 /* A fall that only the accelerometer tells of, by the velocity reckoned from it: */
 static const float FALL_M_S = 1.0f;        /* it counts beyond this, */
 static const float FALL_DRIFT_M_S2 = 0.1f; /* more the longer the reckoning has gone on, */
+static const float FALL_SIGMAS2 = 9.0f;    /* and by three standard deviations of what vibration adds up to, */
 static const float FALL_KNOWN_S = 10.0f;   /* and no longer than this */
 
 /* Without vertical velocity and accelerometer: roll torque to and fro. In the air the body turns as the torque says; on
@@ -194,11 +200,14 @@ static float blind_thrust(const tc_controller* c) {
     const float since_s = tc_seconds(c->telemetry.time_us - c->landing.began_us);
     const bool felt = force_given(c), touched = c->landing.touched;
     const float pressed = felt ? 0.0f : (c->landing.pressing ? PRESS : 0.0f) - PRESS_LESS_SINK;
-    const float share = p->emergency_sink - tc_min(SINK_MORE_1_S * since_s, SINK_MOST) - pressed;
+    const float late_s = since_s - LATE_S - tc_max(c->landing.z_m - c->ground_z_m, 0.0f);
+    const float late = tc_clamp(LATE_1_S * late_s, 0.0f, LATE_MOST);
+    const float share = p->emergency_sink - tc_min(SINK_MORE_1_S * since_s + late, SINK_MOST) - pressed;
     float fall_m_s = touched ? 0.0f : c->landing.gained_m_s;
     if (felt && reckoned_s < FALL_KNOWN_S) {
-        const float sink_m_s = -c->telemetry.estimate.velocity_world_m_s[2];
-        fall_m_s = tc_max(fall_m_s, sink_m_s - (FALL_M_S + FALL_DRIFT_M_S2 * reckoned_s));
+        const float noise2 = FALL_SIGMAS2 / 3.0f * c->monitor.shake_m2_s4 * tc_seconds(c->step_us) * reckoned_s;
+        const float certain_m_s = FALL_M_S + FALL_DRIFT_M_S2 * reckoned_s + sqrtf(noise2);
+        fall_m_s = tc_max(fall_m_s, -c->telemetry.estimate.velocity_world_m_s[2] - certain_m_s);
     }
     return (touched ? AFTER_IMPACT : 1.0f) * share * c->hover_thrust_n + p->mass_kg * brake_m_s2(c, fall_m_s);
 }
@@ -249,7 +258,10 @@ void tc_measure_support(tc_controller* c, float step_s) {
     c->support_m_s2 += ((slow ? given_m_s : 0.0f) - step_s * c->support_m_s2) / (SUPPORT_S + step_s);
 }
 
-bool tc_stands(const tc_controller* c) { return c->support_m_s2 > STANDS_G * c->parameters.gravity_m_s2; }
+bool tc_stands(const tc_controller* c) {
+    const float least_g = c->axes[2][2] > TILTED ? STANDS_G : STANDS_TILTED_G;
+    return c->support_m_s2 > least_g * c->parameters.gravity_m_s2;
+}
 
 /* What slides along something has not landed on it, whatever a lying velocity says. In an emergency its speed may be
  * dead reckoned. */
@@ -318,21 +330,26 @@ static void descend(tc_controller* c) {
     }
 }
 
-/* Whether the vehicle falls as its thrust does. */
+/* Whether the accelerometer shows that something carries the vehicle: more than half of what its rotors lack. */
+static bool carried(const tc_controller* c) {
+    const float rotors = c->landing.thrust_n / c->parameters.mass_kg, lacks = c->parameters.gravity_m_s2 - rotors;
+    const bool shows = lacks > LACKS_G * c->parameters.gravity_m_s2;
+    return shows && force_given(c) && c->landing.force_m_s2 - rotors > 0.5f * lacks;
+}
+
+/* Whether the vehicle falls as its thrust does. A height that sinks while something carries it drifts; where no
+   accelerometer tells, what sinks no faster than before does not fall. */
 static bool still_flies(const tc_controller* c) {
     const tc_landing* landing = &c->landing;
     const bool falls = force_given(c) && landing->gained_m_s > SURE_GAINED_M_S;
-    if (landing->sure) return falls || landing->start_m - c->telemetry.estimate.position_world_m[2] > FALLEN_M;
+    const float steady_m_s = force_given(c) ? 0.0f : tc_min(landing->start_velocity_m_s, 0.0f);
+    const float steady_m = steady_m_s * tc_seconds(c->telemetry.time_us - landing->stage_us);
+    const bool sinks = landing->start_m + steady_m - c->telemetry.estimate.position_world_m[2] > FALLEN_M;
+    if (landing->sure) return falls || (sinks && !carried(c));
     const float gained = landing->start_velocity_m_s - c->telemetry.estimate.velocity_world_m_s[2];
     if (c->vertical_velocity && gained > GAINED_M_S) return true;
     const float felt_m_s = c->vertical_velocity || landing->touched ? FELT_GAINED_M_S : BLIND_GAINED_M_S;
     return force_given(c) && landing->gained_m_s > felt_m_s;
-}
-
-/* Whether something but the rotors carries the vehicle, where that can be known. */
-static bool supported(const tc_controller* c) {
-    const float rotors = c->landing.thrust_n / c->parameters.mass_kg;
-    return !force_given(c) || c->landing.force_m_s2 - rotors > SUPPORT_G * c->parameters.gravity_m_s2;
 }
 
 /* One step of UNLOAD; whether the touchdown is certain already. */
@@ -346,7 +363,7 @@ static bool unload(tc_controller* c, float step_s) {
         enter_stage(c, TC_LANDING_DESCEND);
     } else if (tc_lasts(c, landing->stage_us, UNLOAD_S)) {
         if (landing->sure) return true;
-        enter_stage(c, supported(c) ? TC_LANDING_IDLE : TC_LANDING_DESCEND);
+        enter_stage(c, carried(c) || !force_given(c) ? TC_LANDING_IDLE : TC_LANDING_DESCEND);
     } else {
         /* goes on */
     }

@@ -124,14 +124,16 @@ void tc_monitor_shaking(tc_controller* c, const float force_body_m_s2[3], float 
     m->shake_m2_s4 += pass * (now - m->shake_m2_s4);
 }
 
+static bool same_bits(const float a[3], const float b[3]) {
+    return tc_bits(a[0]) == tc_bits(b[0]) && tc_bits(a[1]) == tc_bits(b[1]) && tc_bits(a[2]) == tc_bits(b[2]);
+}
+
 /* Whether poses with new stamps bring the same numbers. */
 static bool repeats(tc_controller* c, const tc_estimate* e, bool forced) {
     tc_monitor* m = &c->monitor;
     const float* rate = c->telemetry.estimate.rate_body_rad_s;
     const bool shakes = forced ? m->shake_m2_s4 > SHAKES_M2_S4 : tc_dot(rate, rate) > TURNS_RAD2_S2;
-    const bool same = memcmp(m->last_pose, e->position_world_m, sizeof e->position_world_m) == 0 &&
-                      memcmp(m->last_pose + 3, e->velocity_world_m_s, sizeof e->velocity_world_m_s) == 0;
-    if (!same) {
+    if (!same_bits(m->last_pose, e->position_world_m) || !same_bits(m->last_pose + 3, e->velocity_world_m_s)) {
         tc_copy(m->last_pose, e->position_world_m);
         tc_copy(m->last_pose + 3, e->velocity_world_m_s);
         m->changed_us = c->telemetry.time_us;
@@ -225,13 +227,12 @@ void tc_monitor_step(tc_controller* c, const tc_estimate* e, tc_monitored part, 
     }
     if (believed && m->doubted) accept(c, position_m);
     m->doubted = !believed;
-    tc_reason reason = repeats(c, e, forced) ? TC_POSE_FROZEN : TC_OK;
-    m->second = !m->second;
-    tc_monitor_window* window = &m->window[m->second ? 1 : 0];
+    const bool even = tc_even_tick(c);
+    tc_monitor_window* window = &m->window[even ? 0 : 1];
     const float both_s = step_s + m->last_step_s;
     m->last_step_s = step_s;
-    const tc_reason found = judge(m, window, position_m, velocity_m_s, acceleration_m_s2, forced, both_s);
-    if (reason == TC_OK) reason = found;
+    tc_reason reason = judge(m, window, position_m, velocity_m_s, acceleration_m_s2, forced, both_s);
+    if (even && repeats(c, e, forced)) reason = TC_POSE_FROZEN;
     if (believed) measure_drift(m, position_m, velocity_m_s, step_s);
     if (reason != TC_OK) {
         if (tc_monitor_believes(c)) restore(c);

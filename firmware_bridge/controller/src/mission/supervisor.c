@@ -20,6 +20,7 @@ void tc_supervisor_reset(tc_supervisor* s, uint64_t time_us) {
     memset(s, 0, sizeof *s);
     for (int i = 0; i < 3; i++) s->stage[i] = 1.0f;
     s->limit[0] = 1.0f;
+    s->target = 1.0f;
     s->within_us = time_us;
     s->approaching_us = time_us;
 }
@@ -70,39 +71,45 @@ static float tracking_error(tc_supervisor* s, const tc_setpoint* setpoint, float
     return tc_norm(error);
 }
 
-/* Three low-passes of `target`, one behind the other: never outside [0, 1], and three times differentiable. */
-static void follow(tc_supervisor* s, float target, float ramp_1_s, float step_s) {
-    const float pass = ramp_1_s * step_s / (1.0f + ramp_1_s * step_s);
-    float before = target;
+/* Three low-passes of the target, one behind the other: never outside [0, 1], and three times differentiable. */
+static void follow(tc_supervisor* s, float step_s) {
+    const float pass = s->ramp_1_s * step_s / (1.0f + s->ramp_1_s * step_s);
+    float before = s->target;
     for (int i = 0; i < 3; i++) {
         s->stage[i] += pass * (before - s->stage[i]);
         before = s->stage[i];
     }
-    const float a = s->stage[0], b = s->stage[1], c = s->stage[2], k = ramp_1_s;
+    const float a = s->stage[0], b = s->stage[1], c = s->stage[2], k = s->ramp_1_s;
     s->limit[0] = c;
     s->limit[1] = k * (b - c);
     s->limit[2] = k * k * (a - 2.0f * b + c);
-    s->limit[3] = k * k * k * (target - 3.0f * a + 3.0f * b - c);
+    s->limit[3] = k * k * k * (s->target - 3.0f * a + 3.0f * b - c);
 }
 
-void tc_supervisor_step(tc_supervisor* s, const tc_setpoint* setpoint, float path_rate, const float position_world_m[3],
-                        float clearance_m, bool tracking, float ramp_1_s, uint64_t time_us, float step_s) {
+void tc_supervisor_step(tc_supervisor* s, float step_s) {
     decay_shift(s, step_s);
+    follow(s, step_s);
+    if (s->reason == (uint8_t)TC_OK || s->target < 1.0f) return;
+    const bool full = s->stage[0] > FULL_RATE && s->stage[1] > FULL_RATE && s->stage[2] > FULL_RATE;
+    if (full) s->reason = (uint8_t)TC_OK; /* until then the last one still shows */
+}
+
+void tc_supervisor_judge(tc_supervisor* s, const tc_setpoint* setpoint, float path_rate,
+                         const float position_world_m[3], float clearance_m, bool tracking, float ramp_1_s,
+                         uint64_t time_us) {
     const float tracking_m = tracking_error(s, setpoint, path_rate, position_world_m);
     s->error_m = tracking_m + tc_norm(s->shift);
     const float share = s->error_m / clearance_m;
     s->stopped = share >= STOP_AT || (s->stopped && share >= GO_ON_BELOW);
-    float target = s->stopped ? 0.0f : tc_clamp((STOP_AT - share) / (STOP_AT - SLOW_FROM), 0.0f, 1.0f);
-    if (!tracking) target = 0.0f;
-    follow(s, target, ramp_1_s, step_s);
+    const bool may_fly = tracking && !s->stopped;
+    s->target = may_fly ? tc_clamp((STOP_AT - share) / (STOP_AT - SLOW_FROM), 0.0f, 1.0f) : 0.0f;
+    s->ramp_1_s = ramp_1_s;
     if (!tracking) {
         s->reason = (uint8_t)TC_DEAD_RECKONING;
-    } else if (target < 1.0f) {
+    } else if (s->target < 1.0f) {
         s->reason = (uint8_t)TC_TRACKING_ERROR;
-    } else if (s->stage[0] > FULL_RATE && s->stage[1] > FULL_RATE && s->stage[2] > FULL_RATE) {
-        s->reason = (uint8_t)TC_OK; /* until then the last one still shows */
     } else {
-        /* still recovering */
+        /* nothing limits, but it may still recover */
     }
     if (tracking_m <= clearance_m || !tracking) s->within_us = time_us;
     const bool standing = s->stopped && tracking && s->limit[0] < STANDING;

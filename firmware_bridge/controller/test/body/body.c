@@ -6,7 +6,6 @@
 
 #define LONGEST_SUBSTEP_S 0.5e-3
 #define CONTACT_SUBSTEP_S 0.25e-3
-#define PLATE_THICKNESS_M 0.12 /* how far a point may be pressed into a plate before it counts as under it */
 #define CLEAR_M 0.05
 #define CLEAR_S 0.1
 #define FRICTION_N_S_M 200.0 /* slope of the friction force at the smallest slip */
@@ -130,17 +129,29 @@ double body_rotor_thrust_n(const body_vehicle* v, double n, double axial, double
     return k1n2 + k2n * (axial + induced);
 }
 
+/* How far a point is inside the sides of the plate, and which is the nearest; not positive outside. */
+static double inside_plate(const body_world* w, double x, double y, int* nearest) {
+    const double away[4] = {x - w->plate_min_m[0], y - w->plate_min_m[1], w->plate_max_m[0] - x, w->plate_max_m[1] - y};
+    *nearest = 0;
+    for (int side = 1; side < 4; side++) {
+        if (away[side] < away[*nearest]) *nearest = side;
+    }
+    return away[*nearest];
+}
+
 /* What is under a point, and its normal. */
 typedef struct {
     double height_m, normal[3];
 } surface;
 
+static double plate_height_m(const body* b) { return b->world.plate_m - b->vehicle.foot_m[2]; }
+
 static surface surface_under(const body* b, double x, double y, double z) {
     const body_world* w = &b->world;
-    const bool over_plate =
-        x > w->plate_min_m[0] && x < w->plate_max_m[0] && y > w->plate_min_m[1] && y < w->plate_max_m[1];
-    surface s = {w->plate_m - b->vehicle.foot_m[2], {0.0, 0.0, 1.0}};
-    if (over_plate && z > s.height_m - PLATE_THICKNESS_M) return s;
+    int side;
+    const double inside = inside_plate(w, x, y, &side);
+    surface s = {plate_height_m(b), {0.0, 0.0, 1.0}};
+    if (inside > 0.0 && s.height_m - z < inside) return s;
     double rise_x = w->slope[0], rise_y = w->slope[1];
     s.height_m = w->floor_m - b->vehicle.foot_m[2] + rise_x * x + rise_y * y;
     if (w->bump_m > 0.0) {
@@ -217,34 +228,47 @@ static void add_rotors(const body* b, const double air_m_s[3], load* l) {
     l->force_n[2] += total_n;
 }
 
-/* Springs, dampers and friction at the points; returns whether any touches. */
+/* How deep a point is in what it touches, not positive if in nothing, and the way out: what comes into the plate
+   through a side is not lifted onto it. */
+static double depth_at(const body* b, const double at[3], double normal[3]) {
+    const surface s = surface_under(b, at[0], at[1], at[2]);
+    const double depth = (s.height_m - at[2]) * s.normal[2];
+    memcpy(normal, s.normal, sizeof s.normal);
+    if (depth > 0.0 || at[2] >= plate_height_m(b)) return depth;
+    int side;
+    const double inside = inside_plate(&b->world, at[0], at[1], &side);
+    normal[0] = normal[1] = normal[2] = 0.0;
+    normal[side % 2] = side < 2 ? -1.0 : 1.0;
+    return inside;
+}
+
+/* Springs, dampers and friction at the points; returns whether any stands on something. */
 static bool add_contact(const body* b, load* l) {
     const body_vehicle* v = &b->vehicle;
     bool touching = false;
     for (int i = 0; i < BODY_POINTS; i++) {
-        double in_body[3], at[3], moving[3], speed[3];
+        double in_body[3], at[3], moving[3], speed[3], normal[3];
         point(v, i, in_body);
         body_to_world(b->q, in_body, at);
         for (int k = 0; k < 3; k++) at[k] += b->position_m[k];
-        const surface s = surface_under(b, at[0], at[1], at[2]);
-        const double depth = (s.height_m - at[2]) * s.normal[2];
+        const double depth = depth_at(b, at, normal);
         if (depth <= 0.0) continue;
-        touching = true;
+        if (normal[2] > 0.0) touching = true;
         cross(b->rate_rad_s, in_body, moving);
         body_to_world(b->q, moving, speed);
         double into = 0.0, slip2 = 0.0, slip[3];
         for (int k = 0; k < 3; k++) {
             speed[k] += b->velocity_m_s[k];
-            into -= speed[k] * s.normal[k];
+            into -= speed[k] * normal[k];
         }
         for (int k = 0; k < 3; k++) {
-            slip[k] = speed[k] + into * s.normal[k];
+            slip[k] = speed[k] + into * normal[k];
             slip2 += slip[k] * slip[k];
         }
         const double push_n = fmax(v->contact_n_m * depth + v->contact_n_s_m * into, 0.0);
         const double drag_n_s_m = fmin(FRICTION_N_S_M, v->friction * push_n / fmax(sqrt(slip2), 1e-6));
         double force[3], force_body[3], torque[3];
-        for (int k = 0; k < 3; k++) force[k] = push_n * s.normal[k] - drag_n_s_m * slip[k];
+        for (int k = 0; k < 3; k++) force[k] = push_n * normal[k] - drag_n_s_m * slip[k];
         body_to_body(b->q, force, force_body);
         cross(in_body, force_body, torque);
         for (int k = 0; k < 3; k++) {

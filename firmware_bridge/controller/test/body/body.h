@@ -33,7 +33,7 @@ typedef struct {
     double floor_m;  /* at x = y = 0 */
     double slope[2]; /* rise per metre along x and y */
     double bump_m, bump_length_m;
-    /* A table or a roof: a plate with nothing between it and the floor. None where min >= max. */
+    /* A table or a roof: a block that stands on the floor. None where min >= max. */
     double plate_m, plate_min_m[2], plate_max_m[2];
     double wind_m_s[3], gust_std_m_s, gust_time_s;
 } body_world;

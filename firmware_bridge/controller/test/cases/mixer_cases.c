@@ -131,6 +131,13 @@ static flow random_flow(void) {
     return f;
 }
 
+static uint8_t solve_in(const tc_mixer* mixer, const tc_wrench* demand, const float air[3], const float rate[3],
+                        float speed[TC_ROTORS]) {
+    tc_mixer_flow at_hubs;
+    tc_mixer_flow_at(mixer, air, rate, &at_hubs);
+    return tc_mixer_solve(mixer, demand, &at_hubs, speed);
+}
+
 /* Force along body z and torques of four speeds, in double; smallest thrust of one rotor. */
 static double forward(const tc_parameters* p, const geometry* g, const flow* f, const double n[4], double wrench[4]) {
     double least = DBL_MAX;
@@ -169,7 +176,7 @@ static void feasible_demands_are_met(void) {
         if (forward(&p, &g, &f, n, wrench) < 0.02) continue; /* windmilling */
         float speed[TC_ROTORS];
         const tc_wrench demand = demand_of(wrench);
-        const uint8_t saturation = tc_mixer_solve(&mixer, &demand, f.air, f.rate, speed);
+        const uint8_t saturation = solve_in(&mixer, &demand, f.air, f.rate, speed);
         for (int i = 0; i < 4; i++) must(fabs((double)speed[i] - n[i]) < 0.04, "speeds come back");
         must(saturation == 0u, "a feasible demand is not saturated");
     }
@@ -277,7 +284,7 @@ static void desaturation_keeps_the_order(void) {
         const desaturated wanted = reference(&p, &g, wrench);
         float speed[TC_ROTORS];
         const tc_wrench demand = demand_of(wrench);
-        const uint8_t saturation = tc_mixer_solve(&mixer, &demand, still.air, still.rate, speed);
+        const uint8_t saturation = solve_in(&mixer, &demand, still.air, still.rate, speed);
         for (int i = 0; i < 4; i++) {
             const double given = (double)(p.rotor_gain[i] * p.quad_n_s2) * (double)speed[i] * (double)speed[i];
             must(speed[i] >= p.rotor_min_rad_s && speed[i] <= p.rotor_max_rad_s, "speeds are within the limits");
@@ -309,7 +316,7 @@ static void saturated_in_fast_air(void) {
         const double wanted[4] = {(k % 2 == 0 ? 1.1 : 0.0) * most_n, draw(-torque, torque), draw(-torque, torque), 0.0};
         const tc_wrench demand = demand_of(wanted);
         float speed[TC_ROTORS];
-        const uint8_t saturation = tc_mixer_solve(&mixer, &demand, f.air, f.rate, speed);
+        const uint8_t saturation = solve_in(&mixer, &demand, f.air, f.rate, speed);
         double n[4], got[4];
         for (int i = 0; i < 4; i++) n[i] = (double)speed[i];
         (void)forward(&p, &g, &f, n, got);
@@ -322,7 +329,7 @@ static void saturated_in_fast_air(void) {
         const double wanted[4] = {draw(-wild, wild), draw(-wild, wild), draw(-wild, wild), draw(-wild, wild)};
         const tc_wrench demand = demand_of(wanted);
         float speed[TC_ROTORS];
-        (void)tc_mixer_solve(&mixer, &demand, f.air, f.rate, speed);
+        (void)solve_in(&mixer, &demand, f.air, f.rate, speed);
         for (int i = 0; i < 4; i++) {
             must(speed[i] >= p.rotor_min_rad_s && speed[i] <= p.rotor_max_rad_s, "whatever is asked for");
         }
@@ -343,7 +350,7 @@ static void nonsense_is_clipped(void) {
             if (place == 0u) demand.thrust_n = strange[k];
             if (place >= 1u && place < 4u) demand.torque_n_m[place - 1u] = strange[k];
             if (place == 4u) air[2] = strange[k];
-            const uint8_t saturation = tc_mixer_solve(&mixer, &demand, air, rate, speed);
+            const uint8_t saturation = solve_in(&mixer, &demand, air, rate, speed);
             for (int i = 0; i < 4; i++) {
                 must(speed[i] >= p.rotor_min_rad_s && speed[i] <= p.rotor_max_rad_s, "numbers within the limits");
             }
@@ -371,7 +378,7 @@ static void square_law_of_any_size(void) {
             const double speed = draw(0.3, 1.9) * hover_rad_s;
             const tc_wrench demand = {(float)(4.0 * square * speed * speed), {0.0f, 0.0f, 0.0f}};
             float n[TC_ROTORS];
-            must(tc_mixer_solve(&mixer, &demand, still, still, n) == 0u, "within the limits");
+            must(solve_in(&mixer, &demand, still, still, n) == 0u, "within the limits");
             for (int i = 0; i < 4; i++) must(fabs((double)n[i] - speed) < 1e-5 * speed, "the root of the demand");
         }
     }
@@ -393,9 +400,11 @@ static void forwards_and_back(void) {
         const float air[3] = {(float)draw(-8.0, 8.0), (float)draw(-8.0, 8.0), (float)draw(-2.0, 4.0)};
         const float rate[3] = {(float)draw(-4.0, 4.0), (float)draw(-4.0, 4.0), (float)draw(-2.0, 2.0)};
         float speed[TC_ROTORS], induced[TC_ROTORS] = {0.0f, 0.0f, 0.0f, 0.0f};
-        if (tc_mixer_solve(&mixer, &demand, air, rate, speed) != 0u) continue;
+        if (solve_in(&mixer, &demand, air, rate, speed) != 0u) continue;
         tc_wrench found;
-        for (int round = 0; round < 12; round++) tc_mixer_wrench(&mixer, speed, air, rate, induced, &found);
+        tc_mixer_flow flow;
+        tc_mixer_flow_at(&mixer, air, rate, &flow);
+        for (int round = 0; round < 12; round++) tc_mixer_wrench(&mixer, speed, &flow, induced, &found);
         must(fabsf(found.thrust_n - demand.thrust_n) < 1e-3f * demand.thrust_n, "the collective");
         for (int i = 0; i < 3; i++) must(fabsf(found.torque_n_m[i] - demand.torque_n_m[i]) < 1e-3f, "the torque");
     }

@@ -22,7 +22,8 @@ static bool tracking;
 static void supervise(float seconds) {
     for (float t = 0.0f; t < seconds - 0.0005f; t += STEP_S) {
         now_us += STEP_US;
-        tc_supervisor_step(&s, &sp, path_rate, at, CLEARANCE_M, tracking, RAMP_1_S, now_us, STEP_S);
+        tc_supervisor_judge(&s, &sp, path_rate, at, CLEARANCE_M, tracking, RAMP_1_S, now_us);
+        tc_supervisor_step(&s, STEP_S);
     }
 }
 
@@ -43,7 +44,7 @@ static void starts_anew(void) {
     tc_supervisor_reset(&s, 5u);
     tc_supervisor expected;
     memset(&expected, 0, sizeof expected);
-    expected.stage[0] = expected.stage[1] = expected.stage[2] = expected.limit[0] = 1.0f;
+    expected.stage[0] = expected.stage[1] = expected.stage[2] = expected.limit[0] = expected.target = 1.0f;
     expected.within_us = expected.approaching_us = 5u;
     must(memcmp(&s, &expected, sizeof s) == 0, "full rate, no shift, nothing else");
 }

@@ -337,7 +337,7 @@ static void receive_command(tc_link* link, const link_message* message, const co
         /* answered */
     }
     const tc_link_ack ack = {message->from, c->id, result_of(reason), reason};
-    s->ack[s->ack_count] = ack;
+    s->ack[(s->ack_first + s->ack_count) % TC_LINK_ACKS] = ack;
     s->ack_count++;
     link_send(link, LINK_OUT_COMMAND_ACK);
 }
@@ -383,14 +383,14 @@ link_encoded link_encode_command_ack(tc_link* link, uint8_t* payload) {
     if (s->ack_count == 0u) {
         return LINK_NOTHING;
     }
-    const tc_link_ack ack = s->ack[0];
+    const tc_link_ack ack = s->ack[s->ack_first];
     const command_ack_msg m = {.command = ack.command,
                                .result = ack.result,
                                .result_param2 = ack.reason,
                                .target_system = ack.to.system_id,
                                .target_component = ack.to.component_id};
+    s->ack_first = (uint8_t)((s->ack_first + 1u) % TC_LINK_ACKS);
     s->ack_count--;
-    memmove(&s->ack[0], &s->ack[1], s->ack_count * sizeof s->ack[0]);
     command_ack_encode(&m, payload);
     return LINK_MORE;
 }

@@ -76,7 +76,7 @@ bool tc_parser_next(tc_parser* parser, const uint8_t** bytes, size_t* n, tc_fram
         }
         /* What is left comes to the front; what is new fills up the rest. */
         const size_t taken = *n < TC_FRAME_MAX - left ? *n : TC_FRAME_MAX - left;
-        memmove(parser->buffer, at, left);
+        for (size_t i = 0; i < left; i++) parser->buffer[i] = at[i];
         memcpy(parser->buffer + left, *bytes, taken);
         *bytes += taken;
         *n -= taken;

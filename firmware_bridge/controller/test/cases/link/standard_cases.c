@@ -289,7 +289,8 @@ static void waiting_acknowledgements(void) {
     controller.mission.state = TC_HOLD;
     SEND(PILOT, COMMAND_LONG, command_long, TO_VEHICLE, .command = ARM, .param2 = 21196.0f);
     must(controller.mission.state == TC_FAULT, "but KILL is");
-    must(ln.standard.ack_count == TC_LINK_ACKS && ln.standard.ack[0].command == 1000u, "the oldest one first");
+    must(ln.standard.ack_count == TC_LINK_ACKS && ln.standard.ack[ln.standard.ack_first].command == 1000u,
+         "the oldest one first");
     const uint8_t* payload = answer(COMMAND_ACK_ID);
     command_ack_decode(&ack, payload, COMMAND_ACK_LENGTH);
     must(ack.command == ARM && ack.result == ACCEPTED && ln.standard.ack_count == 0u, "all of them leave");
