@@ -1,5 +1,6 @@
-"""Thin rods, a cable and a plain wall: what a map of images shows of them, and what it calls free."""
+"""Thin rods, a cable, a plain wall and a net: what a map of images shows of them, and what it calls free."""
 
+import dataclasses
 import time
 
 import numpy as np
@@ -8,7 +9,7 @@ import report
 from esdf import FREE, OCCUPIED
 from esdf.solids import Cylinder
 from flight import FloatArray
-from goshawk.rendered import safety
+from goshawk.rendered import safety, thin
 from goshawk.rendered import scene as rendered_room
 from goshawk.rendered import world as rendered_world
 from mapping.camera.rig import Camera
@@ -17,6 +18,10 @@ from mapping.dense.surface import ImageView
 
 INSTANTS, SHARE = 32, 0.52
 """Of the loop: the half of the room with the hazards."""
+NET_INSTANTS, NET_SHARE = 24, 0.39
+"""Of the part with the net."""
+BARS = {"pole": 0.01, "cable of 12 mm": 0.10, "cable of 6 mm": 0.20, "net": 0.05}
+LARGEST_LOSS = 0.02
 WIDTHS_PX = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 14.0)
 
 
@@ -59,7 +64,40 @@ def rows() -> list[report.Row]:
         ),
         *by_width("rods", rendered_room.RODS, result, cameras),
         *other_rods(),
+        *contradicted("with a net", thin.scene()),
+        *contradicted("without", rendered_room.furnished()),
     ]
+
+
+def contradicted(name: str, room: rendered_room.RenderedScene) -> list[report.Row]:
+    """The same without and with the contradictions by images: what is free inside things, and the price."""
+    flight = rendered_world.loop_flight(NET_INSTANTS, share=NET_SHARE)
+    views = thin.views(room, rendered_world.default_rig(), flight.T_world_body)
+    depths = list(surface.depth_images(views, surface.StereoOptions()))
+    taken = surface.DenseOptions()
+    cpu_s, states = [], []
+    for options in (dataclasses.replace(taken, contradicted=False), taken):
+        shown = surface.measured(surface.fuse(views, depths, options), options)
+        started_s = time.process_time()
+        states.append(surface.extract(shown, views, depths, options))
+        cpu_s.append(time.process_time() - started_s)
+    before, after = states
+    free = (before.state == FREE).sum()
+    lost = float(((before.state == FREE) & (after.state != FREE)).sum() / free)
+    rows = [
+        report.row(f"{name}: free space lost", 100 * lost, "%", "<= 2", lost <= LARGEST_LOSS),
+        report.row(f"{name}: contradictions, {len(views)} images", cpu_s[1] - cpu_s[0], "CPU s"),
+    ]
+    if room == rendered_room.furnished():
+        return rows
+    shares = thin.free_inside(before.state, before.grid), thin.free_inside(after.state, after.grid)
+    for thing, share in shares[1].items():
+        bar = BARS["pole" if thing.startswith("pole") else thing]
+        rows += [
+            report.row(f"{thing}: free without them", 100 * shares[0][thing], "%"),
+            report.row(f"{thing}: free", 100 * share, "%", f"<= {100 * bar:g}", share <= bar),
+        ]
+    return rows
 
 
 def other_rods() -> list[report.Row]:

@@ -79,6 +79,8 @@ class MapReport:
     """Space known to be filled."""
     inferred_m3: float
     """Unknown space that a plain wall must pass through."""
+    contradicted_m3: float
+    """Space that depth images show as free and that several images contradict; it is unknown."""
     surface_std_median_m: float
     """Median of the standard deviation of the mesh's vertices along the surface's normal; see `dense.confidence`."""
     surface_std_90_percent_m: float
@@ -161,6 +163,7 @@ def report(
         free_m3=float((surface.state == esdf.FREE).sum()) * voxel_m3,
         occupied_m3=float((surface.state == esdf.OCCUPIED).sum()) * voxel_m3,
         inferred_m3=float(surface.inferred.sum()) * voxel_m3,
+        contradicted_m3=0.0 if surface.looks is None else float(surface.looks.contradicted.sum()) * voxel_m3,
         **confidence.figures(surface.confidence, surface.grid.voxel_m[0]),
         carrier_radius_m=carrier_radius_m,
         swept_occupied_m3=surface.swept_occupied_m3,

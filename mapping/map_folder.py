@@ -10,6 +10,7 @@ mesh_textured.glb   with a texture, if `texturing.add_texture` made one; no part
 visibility.npz  how thin an object the images resolve, place by place
 inferred.npz    unknown voxels that a plain wall must pass through
 confidence.npz  standard deviation of each vertex of the mesh along the surface's normal
+occupancy.npz   how likely something is in each voxel that depth images call free; not of measured depth
 report.json     all figures of the run
 """
 
@@ -49,7 +50,7 @@ from mapping import (
 )
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
-from mapping.dense import depth_files, mesh_file, resolution, surface
+from mapping.dense import depth_files, mesh_file, occupancy, resolution, surface
 from mapping.dense.confidence import MeasuredSurface
 from mapping.dense.depth_files import DepthFiles
 from mapping.dense.surface import DenseOptions
@@ -390,8 +391,9 @@ def _build(
         depth_files.write(folder, placed_views.unmasked(placed, found))
 
     depths = DepthFiles(depth_work.stage(DEPTH, find_depth))
-    needed = MEASURED_SEEN_THROUGH if images.depths is not None else options.dense.least_seen_through
-    dense_options = dataclasses.replace(options.dense, least_seen_through=needed)
+    dense_options = options.dense
+    if images.depths is not None:
+        dense_options = dataclasses.replace(dense_options, least_seen_through=MEASURED_SEEN_THROUGH, contradicted=False)
     dense = surface.reconstruct(seen, dense_options, depths=depths, progress=progress)
     progress("distance field", 0.0)
     distances = esdf.build(dense.state, dense.grid, cap_m=options.cap_m)
@@ -403,6 +405,7 @@ def _build(
         save_visibility(new / VISIBILITY, dense.seen)
         inferred_layer.save(new / INFERRED, dense.inferred)
         confidence_layer.save(new / CONFIDENCE, dense.confidence)
+        occupancy.save(new / occupancy.FILE, dense.looks)
         mesh_file.save(new / "mesh.glb", dense.vertices_world_m, dense.faces, dense.colours)
         mesh_file.save(new / "mesh.ply", dense.vertices_world_m, dense.faces, dense.colours)
         localization_map.save(new / "localization", placed.localization_map())

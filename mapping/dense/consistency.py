@@ -46,17 +46,15 @@ def nearest_disparity(left: Grey, right: Grey, disparity: Disparity, disparities
     known = (disparity >= 0) & (left > 0) & (matched > 0)
     if not known.any():
         return np.full_like(disparity, -16)
-    little = np.float32(1e-3)
-    gain = (_block_mean(known, matched) + little) / (_block_mean(known, left) + little)
-    expected = gain * left
+    expected = relative_brightness(known, left, matched, EXPOSURE_BLOCK_PX) * left
     as_bright = np.asarray(cv2.convertScaleAbs(expected), np.uint8)  # rounded, at most 255
-    noise = _noise(np.abs(expected[known] - matched[known]))
+    deviation = noise(np.abs(expected[known] - matched[known]))
     return _mapping.nearest_disparity(
-        as_bright, right, disparity, disparities, max(noise, LEAST_NOISE), PIXEL_DEVIATIONS, MEAN_DEVIATIONS
+        as_bright, right, disparity, disparities, max(deviation, LEAST_NOISE), PIXEL_DEVIATIONS, MEAN_DEVIATIONS
     )
 
 
-def _noise(differences: NDArray[np.float32]) -> float:
+def noise(differences: NDArray[np.float32]) -> float:
     """Standard deviation by the smaller half of the absolute differences; the others may be wrong matches.
 
     By the mean of that half, not by its end: grey values are whole numbers, and so is a median of theirs.
@@ -65,10 +63,18 @@ def _noise(differences: NDArray[np.float32]) -> float:
     return float(half.mean()) / MEAN_OF_SMALLER_HALF
 
 
-def _block_mean(known: NDArray[np.bool_], image: Grey) -> NDArray[np.float32]:
+def relative_brightness(
+    known: NDArray[np.bool_], one: NDArray[np.number], other: NDArray[np.number], block: int
+) -> NDArray[np.float32]:
+    """Brightness of the other image over that of one, in the block round each pixel, by what is known of both."""
+    little = np.float32(1e-3)
+    ratio = (_block_mean(known, other, block) + little) / (_block_mean(known, one, block) + little)
+    return ratio.astype(np.float32, copy=False)
+
+
+def _block_mean(known: NDArray[np.bool_], image: NDArray[np.number], block: int) -> NDArray[np.float32]:
     """Mean over the block round each pixel, what is not known counted as 0."""
     import cv2
 
-    block = (EXPOSURE_BLOCK_PX, EXPOSURE_BLOCK_PX)
     values = (known * image).astype(np.float32)
-    return np.asarray(cv2.boxFilter(values, -1, block, borderType=cv2.BORDER_CONSTANT), np.float32)
+    return np.asarray(cv2.boxFilter(values, -1, (block, block), borderType=cv2.BORDER_CONSTANT), np.float32)

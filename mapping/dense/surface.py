@@ -2,6 +2,7 @@
 
 depth of each image (`stereo`)  ->  one truncated distance volume (`fusion`)  ->  mesh and state grid
 straight edges of the images (`lines`)  ->  thin obstacles in the state grid
+what images do not explain by the surface (`contradiction`)  ->  space that is not free
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,8 +15,9 @@ from esdf import FREE, OCCUPIED, UNKNOWN, Grid
 from esdf.visibility import Visibility
 from flight import FloatArray, InputError, MapError, Progress, silent
 from mapping import workers
-from mapping.dense import fusion, lines, planes, resolution, stereo
+from mapping.dense import contradiction, fusion, lines, planes, resolution, stereo
 from mapping.dense.confidence import SurfaceConfidence
+from mapping.dense.contradiction import Looks
 from mapping.dense.fusion import Volume
 from mapping.dense.stereo import DepthImage, StereoOptions, depth_from_sensor
 from mapping.dense.views import THREADS, ImageView
@@ -55,6 +57,8 @@ class DenseOptions:
     """Images that must have seen through a voxel, over its whole width, before it is free."""
     thinnest_m: float = 0.0
     """Space is not free where an obstacle this thick could be missing (`resolution`); with 0 that is not asked."""
+    contradicted: bool = True
+    """Whether space that several images contradict is unknown (`contradiction`)."""
     skin_voxels: float = 0.87
     """Voxels this close in front of a surface are occupied; with sqrt(3) / 2 no wall has a hole."""
     carrier_radius_m: float = 0.20
@@ -123,6 +127,8 @@ class Reconstruction(Measured):
     """Space within the carrier's radius that stays occupied, because the images show a surface there."""
     inferred: NDArray[np.bool_]
     """(nx, ny, nz) unknown voxels that a plain surface must pass through, by the planes round it; see `planes`."""
+    looks: Looks | None
+    """How many images tested each voxel that is free by the depth images, and contradict it; None if not asked."""
     statistics: DepthStatistics
     """Of the depth images."""
 
@@ -254,6 +260,12 @@ def extract(
     path = carried_path(images, 0.5 * options.voxel_m, grid, state == OCCUPIED)
     swept = fusion.within(grid, path, options.carrier_radius_m)
     carved = np.where(swept & (state == UNKNOWN), np.uint8(FREE), state)  # no wall, though it may count as unknown
+    looks = None
+    if options.contradicted:
+        looks = contradiction.find(
+            images, vertices, faces, state, grid, options=options.stereo, farthest_m=options.farthest_m
+        )
+        state[looks.contradicted] = UNKNOWN
     if options.thinnest_m > 0.0:
         state[resolution.could_hide(state, grid, seen, options.thinnest_m, empty=swept)] = UNKNOWN
     state[swept & (state == UNKNOWN)] = FREE
@@ -279,6 +291,7 @@ def extract(
         seen,
         swept_occupied_m3,
         inferred,
+        looks,
         depth_statistics(depths),
     )
 

@@ -6,6 +6,7 @@
 
 #include "bindings.hpp"
 #include "consistency.hpp"
+#include "contradiction.hpp"
 #include "lines.hpp"
 #include "marching_cubes.hpp"
 #include "near_surface.hpp"
@@ -23,6 +24,8 @@ using Point = nb::ndarray<const double, nb::shape<3>, nb::c_contig, nb::device::
 using Image = nb::ndarray<const float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
 using Layers = nb::ndarray<const float, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
 using Counts = nb::ndarray<std::uint8_t, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
+using Marks = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
+using PlaneNumbers = nb::ndarray<const std::int32_t, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
 using Shape = std::array<int, 3>;
 using Places = nb::ndarray<const std::int32_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using InBricks = nb::ndarray<float, nb::shape<-1, brick_size, brick_size, brick_size>, nb::c_contig, nb::device::cpu>;
@@ -158,6 +161,52 @@ static void carve_view(Point origin, double voxel, Counts seen_through, Image bo
           enough, threads, seen_through.data());
 }
 
+static auto surface_ranges_view(Point origin, double voxel, PlaneNumbers number, Marks filled, Table<6> plane,
+                                Rays rays, Matrix4 T_world_camera, double farthest) {
+    const Shape shape{static_cast<int>(number.shape(0)), static_cast<int>(number.shape(1)),
+                      static_cast<int>(number.shape(2))};
+    auto range = new_array<float>({rays.shape(0), rays.shape(1)});
+    nb::gil_scoped_release release;
+    surface_ranges({as_voxels(origin, voxel, shape), number.data(), filled.data(), plane.data()}, rays.data(),
+                   static_cast<int>(rays.shape(0) * rays.shape(1)), T_world_camera.data(), farthest, range.data());
+    return range;
+}
+
+static ShownSurface as_shown(const Gray& grey, const Image& range, const LensRow& lens) {
+    return {grey.data(), range.data(), static_cast<int>(range.shape(1)), static_cast<int>(range.shape(0)),
+            Lens(lens.data())};
+}
+
+static auto match_through_surface_view(Gray grey, Image range, LensRow lens, Rays rays, Gray partner_grey,
+                                       Image partner_range, LensRow partner_lens, Matrix4 T_partner_camera, int step) {
+    auto matched = new_array<float>({grey.shape(0) / step, grey.shape(1) / step});
+    nb::gil_scoped_release release;
+    match_through_surface(as_shown(grey, range, lens), rays.data(), as_shown(partner_grey, partner_range, partner_lens),
+                          T_partner_camera.data(), step, matched.data());
+    return matched;
+}
+
+static void compare_through_surface_view(Counts counts, Gray grey, Image range, LensRow lens, Rays rays, Gray least,
+                                         Gray most, Image partner_range, LensRow partner_lens, Matrix4 T_partner_camera,
+                                         Image gain, int step, double allowed, int enough) {
+    nb::gil_scoped_release release;
+    compare_through_surface(as_shown(grey, range, lens), rays.data(), as_shown(least, partner_range, partner_lens),
+                            T_partner_camera.data(), {least.data(), most.data(), gain.data(), step, allowed, enough},
+                            counts.data());
+}
+
+static void count_looks_view(Point origin, double voxel, Marks marked, Counts looks, Counts contradictions,
+                             Gray verdict, Image range, LensRow lens, Matrix4 T_camera_world, double nearest,
+                             double farthest, double margin, double least_tested, int least_pixels, double least_share,
+                             double least_rate, int threads) {
+    const Shape shape{static_cast<int>(marked.shape(0)), static_cast<int>(marked.shape(1)),
+                      static_cast<int>(marked.shape(2))};
+    nb::gil_scoped_release release;
+    count_looks(as_voxels(origin, voxel, shape), marked.data(), verdict.data(), as_shown(verdict, range, lens),
+                T_camera_world.data(), {nearest, farthest, margin, least_tested, least_pixels, least_share, least_rate},
+                threads, looks.data(), contradictions.data());
+}
+
 static nb::tuple marching_cubes_view(Point origin, double voxel, Shape shape, Places bricks, InBricks distance,
                                      InBricks weight, InBricks scatter, CountsInBricks images, ColourInBricks colour,
                                      InBricks colour_weight, double least_weight) {
@@ -214,4 +263,18 @@ NB_MODULE(_mapping, m) {
           nb::arg("bricks"), nb::arg("distance").noconvert(), nb::arg("weight").noconvert(),
           nb::arg("scatter").noconvert(), nb::arg("images").noconvert(), nb::arg("colour").noconvert(),
           nb::arg("colour_weight").noconvert(), nb::arg("least_weight"));
+    m.def("surface_ranges", &surface_ranges_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("number"),
+          nb::arg("filled"), nb::arg("plane"), nb::arg("rays"), nb::arg("T_world_camera"), nb::arg("farthest_m"));
+    m.def("match_through_surface", &match_through_surface_view, nb::arg("grey"), nb::arg("range_m"), nb::arg("lens"),
+          nb::arg("rays"), nb::arg("partner_grey"), nb::arg("partner_range_m"), nb::arg("partner_lens"),
+          nb::arg("T_partner_camera"), nb::arg("step"));
+    m.def("compare_through_surface", &compare_through_surface_view, nb::arg("counts").noconvert(), nb::arg("grey"),
+          nb::arg("range_m"), nb::arg("lens"), nb::arg("rays"), nb::arg("least"), nb::arg("most"),
+          nb::arg("partner_range_m"), nb::arg("partner_lens"), nb::arg("T_partner_camera"), nb::arg("gain"),
+          nb::arg("step"), nb::arg("allowed"), nb::arg("enough"));
+    m.def("count_looks", &count_looks_view, nb::arg("origin_world_m"), nb::arg("voxel_m"), nb::arg("marked"),
+          nb::arg("looks").noconvert(), nb::arg("contradictions").noconvert(), nb::arg("verdict"), nb::arg("range_m"),
+          nb::arg("lens"), nb::arg("T_camera_world"), nb::arg("nearest_m"), nb::arg("farthest_m"), nb::arg("margin_m"),
+          nb::arg("least_tested"), nb::arg("least_pixels"), nb::arg("least_share"), nb::arg("least_rate"),
+          nb::arg("threads"));
 }

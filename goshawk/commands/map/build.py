@@ -267,6 +267,7 @@ def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
             else ""
         ),
         "plain walls": f"{report.inferred_m3:.1f} m3 inferred, not measured; they stay unknown to the planner",
+        "contradicted by images": f"{report.contradicted_m3:.2f} m3, not free though depth images show it as free",
         "written": str(out),
     }
     if report.resolved_m:

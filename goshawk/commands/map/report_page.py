@@ -14,7 +14,7 @@ import esdf
 from flight import FormatError, InputError, file_format
 from goshawk.commands.map import look_again
 from mapping import Map, map_folder, map_parts
-from mapping.dense import confidence
+from mapping.dense import confidence, occupancy
 from mapping.exploration.view_planning import ViewOptions
 from mapping.sparse.mapper.overlap import UnplacedRun
 from mapping.verdict import Standing
@@ -84,6 +84,7 @@ def _figures(area: Map, report: dict[str, Any]) -> str:
         "free, occupied, unknown": ", ".join(f"{volume:.1f} m³" for volume in volumes) + ", edits included",
         "surface": confidence.describe(facts),
         "plain walls, inferred": f"{float(area.inferred().sum()) * voxel_m3:.1f} m³ of the unknown",
+        "contradicted by images": _contradicted(area),
         "errors, scale and camera file": f"as found in {whole}, before it was cropped"
         if (whole := report.get(map_parts.MADE_OF))
         else "",
@@ -94,6 +95,11 @@ def _figures(area: Map, report: dict[str, Any]) -> str:
         f"<tr><td>{name}</td><td class='word long'>{escape(str(v))}</td></tr>" for name, v in rows.items() if v
     )
     return "<h2>Figures</h2>" + table(("", ""), cells, words=1)
+
+
+def _contradicted(area: Map) -> str:
+    stated = occupancy.load(area.folder / occupancy.FILE, area.field.grid.shape)
+    return "" if stated is None else occupancy.describe(occupancy.figures(stated, area.field))
 
 
 def _unplaced(report: dict[str, Any]) -> str:

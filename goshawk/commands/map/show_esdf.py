@@ -10,6 +10,7 @@ import esdf
 from esdf import FREE, OCCUPIED, UNKNOWN, Field, pictures
 from flight import InputError
 from goshawk.terminal import console, outputs
+from mapping.dense import occupancy
 
 CLEARANCES_M = (0.3, 0.5, 1.0)
 
@@ -52,7 +53,8 @@ def show_esdf(
         raise InputError("--slice, --plane and --iso write images: give their folder with --out")
     outputs.check(overwrite=overwrite, folders=[out])
     field = esdf.load(field_folder(map_folder))
-    document = figures(field)
+    stated = occupancy.load(map_folder / occupancy.FILE, field.grid.shape)
+    document = figures(field) | ({} if stated is None else occupancy.figures(stated, field))
     if out is not None:
         with outputs.pictures(out, overwrite=overwrite) as drawn:
             files = _drawn(field, drawn.temporary, document, slices, planes, levels_m)
@@ -133,6 +135,8 @@ def _facts(document: dict[str, Any]) -> dict[str, object]:
         "free, occupied, unknown": f"{document['free_m3']:.1f}, {document['occupied_m3']:.1f}, "
         f"{document['unknown_m3']:.1f} m3",
     }
+    if said := occupancy.describe(document):
+        facts["contradicted by images"] = said
     if document["roomiest_point_m"] is not None:
         facts["largest clearance"] = (
             f"{document['roomiest_m']:.2f} m to the nearest surface, at {document['roomiest_point_m']}"
