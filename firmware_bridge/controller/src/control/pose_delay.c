@@ -8,26 +8,29 @@ static const float SLOW_VELOCITY_RAD_S = 4.0f;
 static const float SLOW_ATTITUDE_RAD_S = 1.0f;
 /* Time over which motion is remembered, and the prior: as much motion must be seen before half a delay is believed. The
    accelerometer's noise adds up to 5 ms in a second, the gyro's to a fraction of one. */
-static const float VELOCITY_MEMORY_S = 30.0f, VELOCITY_PRIOR_M2_S3 = 20.0f;
+static const float VELOCITY_MEMORY_S = 30.0f, VELOCITY_PRIOR_M2_S3 = 200.0f;
 static const float ATTITUDE_MEMORY_S = 4.0f, ATTITUDE_PRIOR_RAD2_S = 0.1f;
+/* Of a step: its rate and acceleration are means of the ends of its two ticks, which are half a tick ahead. */
+static const float LEAD = 0.25f;
 static const float LEAST_S = -0.02f;       /* stamps that say too much, */
 static const float MOST_S = 0.08f;         /* ... or too little */
 static const float LARGEST_MISSING = 0.4f; /* m/s or rad: more is no delay but a jump, and the comparison begins anew */
 
 void tc_pose_delay_reset(tc_pose_delay* d) { memset(d, 0, sizeof *d); }
 
-/* Recursive least squares: `missing` is -delay times `motion` where some delay is left. */
-static void follow(tc_delay_fit* fit, const float missing[3], const float motion[3], float memory_s, float prior,
-                   float time_s) {
-    fit->motion += time_s * (tc_dot(motion, motion) - fit->motion / memory_s);
-    const float step = -time_s * tc_dot(missing, motion) / (fit->motion + prior);
+/* Recursive least squares: `missing` is -delay times `motion` where some delay is left; `lead_s` of it is none. */
+static void follow(tc_delay_fit* fit, const float missing[3], const float motion[3], float lead_s, float memory_s,
+                   float prior, float time_s) {
+    const float motion2 = tc_dot(motion, motion);
+    fit->motion += time_s * (motion2 - fit->motion / memory_s);
+    const float step = -time_s * (tc_dot(missing, motion) + lead_s * motion2) / (fit->motion + prior);
     fit->delay_s = tc_clamp(fit->delay_s + step, LEAST_S, MOST_S);
 }
 
 static bool jumped(const float missing[3]) { return !(tc_dot(missing, missing) < LARGEST_MISSING * LARGEST_MISSING); }
 
 /* Integrals of acceleration with the corrections of a slow filter of second order; the motion takes the same one. */
-static void compare_velocity(tc_pose_delay* d, const tc_pose_compared* now) {
+static void compare_velocity(tc_pose_delay* d, const tc_pose_compared* now, float lead_s) {
     const float slow = tc_min(SLOW_VELOCITY_RAD_S * d->velocity_s, 0.5f);
     const float slower = 0.25f * SLOW_VELOCITY_RAD_S * slow;
     float missing[3], motion[3];
@@ -44,11 +47,11 @@ static void compare_velocity(tc_pose_delay* d, const tc_pose_compared* now) {
     }
     const float prior = VELOCITY_PRIOR_M2_S3 * tc_max(now->noise_m2_s4, 1.0f);
     if (jumped(missing)) d->started = false;
-    if (d->started) follow(&d->velocity, missing, motion, VELOCITY_MEMORY_S, prior, d->velocity_s);
+    if (d->started) follow(&d->velocity, missing, motion, lead_s, VELOCITY_MEMORY_S, prior, d->velocity_s);
     d->velocity_s = 0.0f;
 }
 
-static void compare_attitude(tc_pose_delay* d, const float q[4], const float rate[3]) {
+static void compare_attitude(tc_pose_delay* d, const float q[4], const float rate[3], float lead_s) {
     const float back[4] = {d->q_world_body[0], -d->q_world_body[1], -d->q_world_body[2], -d->q_world_body[3]};
     const float slow = tc_min(SLOW_ATTITUDE_RAD_S * d->attitude_s, 1.0f);
     float turn[4], motion[3];
@@ -63,7 +66,7 @@ static void compare_attitude(tc_pose_delay* d, const float q[4], const float rat
     tc_copy4(d->q_world_body, q);
     if (jumped(d->missing_rad)) d->started = false;
     if (d->started)
-        follow(&d->attitude, d->missing_rad, motion, ATTITUDE_MEMORY_S, ATTITUDE_PRIOR_RAD2_S, d->attitude_s);
+        follow(&d->attitude, d->missing_rad, motion, lead_s, ATTITUDE_MEMORY_S, ATTITUDE_PRIOR_RAD2_S, d->attitude_s);
 }
 
 static void start(tc_pose_delay* d, const tc_pose_compared* now) {
@@ -87,12 +90,13 @@ bool tc_pose_delay_step(tc_pose_delay* d, const tc_pose_compared* now, float ste
         d->gained_m_s[i] += step_s * now->acceleration_world_m_s2[i];
     }
     if (!now->may_compare || !(d->attitude_due || now->fresh)) return false;
+    const float lead_s = LEAD * step_s;
     if (d->attitude_due) {
-        compare_attitude(d, now->q_world_body, now->rate_body_rad_s);
+        compare_attitude(d, now->q_world_body, now->rate_body_rad_s, lead_s);
         d->attitude_due = false;
         d->attitude_s = 0.0f;
     } else {
-        compare_velocity(d, now);
+        compare_velocity(d, now, lead_s);
         d->attitude_due = true;
     }
     return true;
