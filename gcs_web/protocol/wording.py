@@ -7,7 +7,7 @@ _OPTION = re.compile(r"(?<![\w`-])--([a-z][a-z-]*)")
 _IN_BRACKETS = re.compile(r"\s\(--[a-z-]+\)")
 _ERRNO = re.compile(r"\[Errno -?\d+\] ")
 _BOXES = {
-    "overwrite": "the box that replaces it",
+    "overwrite": '"Overwrite"',
     "radius": "the vehicle's radius",
     "margin": "the margin",
     "observed": 'the box "A place that is free"',
@@ -16,7 +16,7 @@ _BOXES = {
     "up": 'the box "Up"',
     "columns": "the column map",
 }
-"""What the page has in the place of an option."""
+"""What the page has in the place of an option: a button, a box."""
 
 
 def for_page(text: str, folder: Path | None = None) -> str:

@@ -7,7 +7,7 @@ LARGEST_STOP_M = 0.15
 """Highest clearance at which the controller may stop a rotor."""
 HARDEST_TOUCHDOWN_M_S = 1.5
 HARDEST_BLIND_TOUCHDOWN_M_S = 2.5
-"""After a rotor's death, or without vertical speed."""
+"""After a rotor's death, or without vertical speed or attitude."""
 LATEST_TOUCHDOWN_S = 0.25
 """After the rotors have stopped; 0.15 m are fallen in 0.18 s. Later it falls off what it had landed on."""
 LONGEST_UNLOGGED_S = 0.02

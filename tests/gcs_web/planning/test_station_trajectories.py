@@ -25,7 +25,7 @@ def test_a_saved_plan_is_checked_and_never_replaced_unasked(station):
         saved = trajectory.load(station.desk.project.trajectory("lap-1"))
         assert saved.checked
         assert saved.map_hash == station.desk.parts.map(station.desk.inputs).hash
-        assert "--overwrite" in (await page.command("save", name="lap-1"))["error"]
+        assert 'or "Overwrite" to replace it' in (await page.command("save", name="lap-1"))["error"]
         assert not (await page.command("save", name="lap-1", overwrite=True))["error"]
         assert "kept as lap-1.json.old-1" in page.notices[-1]
         for name in ("../../../x", "<iframe srcdoc=x>", "", ".hidden", "a/b"):

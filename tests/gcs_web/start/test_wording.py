@@ -20,7 +20,7 @@ def test_a_name_that_is_taken_is_said_without_folder_and_option(tmp_path: Path):
         results.require_free(taken, overwrite=False)
     except InputError as error:
         said = for_page(str(error), tmp_path)
-    assert said.startswith("trajectories/lap.json exists; give another name, or the box that replaces it")
+    assert said.startswith('trajectories/lap.json exists; give another name, or "Overwrite" to replace it')
     assert str(tmp_path) not in said
 
 

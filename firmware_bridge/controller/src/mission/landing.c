@@ -37,7 +37,8 @@ static const float IMPACT_SIGMAS2 = 9.0f; /* three standard deviations of what v
 static const uint8_t MOST_IMPACTS = 3u;   /* of a bounce */
 static const float IMPACT_G = 0.4f;       /* above 1 g, in an emergency without vertical velocity */
 /* Such a descent loses thrust with time, for ground effect must not keep it floating. Slowly: after 15 s (20 m) it is
-   4 + 1 % short, and with 1.9 % of error still settles below 2.5 m/s, as inflow damps by 0.32/s. */
+   4 + 1 % short, and with 1.9 % of error still settles below 2.5 m/s, as inflow damps by 0.32/s; once late (below) up
+   to 0.9 m/s faster, if the floor is that far down. */
 static const float SINK_MORE_1_S = 0.0007f;
 static const float SINK_MOST = 0.08f; /* never beyond this */
 static const float LATE_S = 5.0f;     /* after the time in which 1 m/s leads to the height of the take-off, */

@@ -144,8 +144,8 @@ static void given_back(void) {
     must(near(g.c.landing.gained_m_s, 0.0f, 1e-6f), "a new try");
 }
 
-/* Reckoned by the accelerometer: a fall counts beyond what its bias and its noise may have added up to. */
-static void reckoned_falls(void) {
+/* A fall that the accelerometer's integral shows counts beyond what its bias and noise may have added up to. */
+static void falls_by_accelerometer(void) {
     begin(TC_EMERGENCY, TC_VALID_ALL);
     const float still_n = tc_emergency_thrust(&g.c);
     g.c.telemetry.reckoning_s = 4.0f;
@@ -325,7 +325,7 @@ void emergency_cases(void) {
     bouncing();
     speed_gained_in_half_a_second();
     given_back();
-    reckoned_falls();
+    falls_by_accelerometer();
     late();
     carried();
     comes_lower();
