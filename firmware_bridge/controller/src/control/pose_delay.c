@@ -18,12 +18,11 @@ static const float LARGEST_MISSING = 0.4f; /* m/s or rad: more is no delay but a
 
 void tc_pose_delay_reset(tc_pose_delay* d) { memset(d, 0, sizeof *d); }
 
-/* Recursive least squares: `missing` is -delay times `motion` where some delay is left; `lead_s` of it is none. */
-static void follow(tc_delay_fit* fit, const float missing[3], const float motion[3], float lead_s, float memory_s,
-                   float prior, float time_s) {
-    const float motion2 = tc_dot(motion, motion);
-    fit->motion += time_s * (motion2 - fit->motion / memory_s);
-    const float step = -time_s * (tc_dot(missing, motion) + lead_s * motion2) / (fit->motion + prior);
+/* Recursive least squares: `missing` is -delay times `motion` where some delay is left. */
+static void follow(tc_delay_fit* fit, const float missing[3], const float motion[3], float memory_s, float prior,
+                   float time_s) {
+    fit->motion += time_s * (tc_dot(motion, motion) - fit->motion / memory_s);
+    const float step = -time_s * tc_dot(missing, motion) / (fit->motion + prior);
     fit->delay_s = tc_clamp(fit->delay_s + step, LEAST_S, MOST_S);
 }
 
@@ -37,8 +36,8 @@ static void compare_velocity(tc_pose_delay* d, const tc_pose_compared* now, floa
     for (int i = 0; i < 3; i++) {
         d->velocity_world_m_s[i] += d->gained_m_s[i] + d->velocity_s * d->bias_m_s2[i];
         d->slow_m_s2[i] += d->velocity_s * d->slower_m_s3[i];
-        missing[i] = now->velocity_world_m_s[i] - d->velocity_world_m_s[i];
         motion[i] = now->planned_world_m_s2[i] - d->slow_m_s2[i];
+        missing[i] = now->velocity_world_m_s[i] - d->velocity_world_m_s[i] + lead_s * motion[i];
         d->velocity_world_m_s[i] += slow * missing[i];
         d->bias_m_s2[i] += slower * missing[i];
         d->slow_m_s2[i] += slow * motion[i];
@@ -47,7 +46,7 @@ static void compare_velocity(tc_pose_delay* d, const tc_pose_compared* now, floa
     }
     const float prior = VELOCITY_PRIOR_M2_S3 * tc_max(now->noise_m2_s4, 1.0f);
     if (jumped(missing)) d->started = false;
-    if (d->started) follow(&d->velocity, missing, motion, lead_s, VELOCITY_MEMORY_S, prior, d->velocity_s);
+    if (d->started) follow(&d->velocity, missing, motion, VELOCITY_MEMORY_S, prior, d->velocity_s);
     d->velocity_s = 0.0f;
 }
 
@@ -58,18 +57,19 @@ static void compare_attitude(tc_pose_delay* d, const float q[4], const float rat
     tc_q_multiply(back, q, turn);
     const float twice = turn[0] < 0.0f ? -2.0f : 2.0f;
     for (int i = 0; i < 3; i++) {
-        d->missing_rad[i] += twice * turn[i + 1] - d->turned_rad[i] - slow * d->missing_rad[i];
+        const float ahead = lead_s * rate[i];
+        d->missing_rad[i] += twice * turn[i + 1] - d->turned_rad[i] + ahead - slow * d->missing_rad[i];
         d->slow_rad_s[i] += slow * (rate[i] - d->slow_rad_s[i]);
         motion[i] = rate[i] - d->slow_rad_s[i];
-        d->turned_rad[i] = 0.0f;
+        d->turned_rad[i] = ahead;
     }
     tc_copy4(d->q_world_body, q);
     if (jumped(d->missing_rad)) d->started = false;
     if (d->started)
-        follow(&d->attitude, d->missing_rad, motion, lead_s, ATTITUDE_MEMORY_S, ATTITUDE_PRIOR_RAD2_S, d->attitude_s);
+        follow(&d->attitude, d->missing_rad, motion, ATTITUDE_MEMORY_S, ATTITUDE_PRIOR_RAD2_S, d->attitude_s);
 }
 
-static void start(tc_pose_delay* d, const tc_pose_compared* now) {
+static void start(tc_pose_delay* d, const tc_pose_compared* now, float lead_s) {
     const tc_delay_fit attitude = d->attitude, velocity = d->velocity;
     memset(d, 0, sizeof *d);
     d->attitude = attitude;
@@ -78,11 +78,16 @@ static void start(tc_pose_delay* d, const tc_pose_compared* now) {
     tc_copy4(d->q_world_body, now->q_world_body);
     tc_copy(d->slow_m_s2, now->planned_world_m_s2);
     tc_copy(d->slow_rad_s, now->rate_body_rad_s);
+    for (int i = 0; i < 3; i++) d->turned_rad[i] = lead_s * now->rate_body_rad_s[i];
     d->started = true;
 }
 
 bool tc_pose_delay_step(tc_pose_delay* d, const tc_pose_compared* now, float step_s) {
-    if (!d->started) start(d, now);
+    const float lead_s = LEAD * step_s;
+    if (!d->started) {
+        if (now->may_compare) start(d, now, lead_s);
+        return now->may_compare;
+    }
     d->velocity_s += step_s;
     d->attitude_s += step_s;
     for (int i = 0; i < 3; i++) {
@@ -90,7 +95,6 @@ bool tc_pose_delay_step(tc_pose_delay* d, const tc_pose_compared* now, float ste
         d->gained_m_s[i] += step_s * now->acceleration_world_m_s2[i];
     }
     if (!now->may_compare || !(d->attitude_due || now->fresh)) return false;
-    const float lead_s = LEAD * step_s;
     if (d->attitude_due) {
         compare_attitude(d, now->q_world_body, now->rate_body_rad_s, lead_s);
         d->attitude_due = false;
