@@ -330,7 +330,7 @@ def collect(
                     now_s = time.monotonic()
                     gap_s += 0.25 * (min(now_s - heard_s, _LONGEST_GAP_S) - gap_s)
                     heard_s, quiet_s, unanswered = now_s, max(0.03, 4.0 * gap_s), 0
-            progress(stage, len(found) / count)
+                    progress(stage, len(found) / count)
     return found
 
 

@@ -32,7 +32,7 @@ def test_an_unsigned_plan_gets_over_a_slow_line(serve, dial, plans):
 def test_orders_and_telemetry_go_on_while_bulk_uses_a_slow_line(serve, dial, plans):
     served = serve(line=Impairment(rate_bytes_s=4e3))
     link = dial(served)
-    link.upload(plans.file(20))
+    link.upload(plans.file(60))
     seen = []
 
     def during(_: str, __: float) -> None:
