@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from judge import violations
 from scenario import (
@@ -68,6 +69,15 @@ def test_a_height_is_believed_on_the_ground_after_a_heading_that_jumped(body, se
     result = body.fly(hover(*faults, land_s=60.0, limit_s=90.0, world=world, seed=seed))
     assert result.stop_s - result.first_touchdown_s < 5.0
     assert violations(result) == []
+
+
+def test_a_heading_that_jumps_without_a_position_is_found(body):
+    """Else it turns, and leans against the wind where the wind does not come from."""
+    faults = (Fault(Kind.POSITION_LOST, (Loss.FROZEN,), 1.0), Fault(Kind.HEADING_JUMP, (-2.1,), 2.0))
+    result = body.fly(hover(*faults, land_s=30.0, world={"wind_m_s": (-0.7, 4.0, 0.0)}), trace_every=10)
+    assert 2.0 * np.abs(np.arctan2(result.trace["qz"], result.trace["qw"])).max() < 0.2
+    assert away_m(result) < 3.0
+    assert violations(result, touchdown_m_s=BLIND_M_S) == []
 
 
 @pytest.mark.parametrize("up_m_s", [2.9, -2.9])

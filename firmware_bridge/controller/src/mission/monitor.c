@@ -66,7 +66,8 @@ void tc_monitor_heading(tc_controller* c, const tc_estimate* e, float step_s, fl
     const float gyro = 0.5f * step_s * (tc_abs(rate[0]) + tc_abs(rate[1]) + tc_abs(rate[2]));
     const bool told = e->reset_counter != c->reset_counter;
     const bool known = (c->telemetry.estimate_faults & (uint32_t)TC_FAULT_ATTITUDE_STALE) == 0u;
-    if (tc_abs(turned_z) <= HEADING_GAP + gyro || told || !known || !m->running) return;
+    if (tc_abs(turned_z) <= HEADING_GAP + gyro || told || !known) return;
+    if (!tc_mission_in_air(c->mission.state) || c->parameters.monitor < 0.5f) return;
     const float back[4] = {old[0], -old[1], -old[2], -old[3]};
     float change[4], sine, cosine, turned[4];
     tc_q_multiply(q, back, change);
@@ -81,7 +82,7 @@ void tc_monitor_heading(tc_controller* c, const tc_estimate* e, float step_s, fl
         tc_copy4(m->turn, turn);
     }
     m->turned = true;
-    if (tc_monitor_believes(c)) restore(c);
+    if (m->running && tc_monitor_believes(c)) restore(c);
     raise_alarm(c, TC_POSE_HEADING);
     m->final = true;
 }
