@@ -398,14 +398,28 @@ def test_a_blind_descent_from_high_up_touches_softly(body):
         assert np.hypot(*result.end_position_m[:2]) < 25.0
 
 
-def test_an_edge_that_was_touched_in_a_blind_descent_is_not_the_ground(body):
-    """Less thrust after an impact, and 15 m to fall."""
+@pytest.mark.parametrize("floor_m", [-15.0, -3.5, -2.3])
+def test_an_edge_that_was_touched_in_a_blind_descent_is_not_the_ground(body, floor_m):
+    """Less thrust after an impact, and far to fall, or so little that there is no time for a second look."""
     for x_m in (0.5, 0.55, 0.6, 0.65, 0.7):
         path = legs([(0, 0, 1.5), (x_m, 0, 1.2)], speed_m_s=1.0)
         lost = Fault(Kind.POSITION_LOST, (Loss.FROZEN,), path.duration_s + 1.0, since=State.TRAJECTORY)
-        world = TABLE | {"floor_m": -15.0}
+        world = TABLE | {"floor_m": floor_m}
         result = body.fly(Scenario(orders=(*TAKE_OFF, START), path=path, faults=(lost,), world=world, limit_s=90.0))
         assert violations(result, touchdown_m_s=2.5) == []
+
+
+def test_a_blind_descent_after_fast_flight_leans_against_the_wind_of_a_hover(body):
+    """What the observer finds at 9 m/s is drag that the model lacks, most of it, and no wind."""
+    path = circle(9.0, radius_m=13.0, turns=1.0)
+    for angle in (0.0, 2.1, 4.2):
+        world = {"wind_m_s": (3.0 * np.cos(angle), 3.0 * np.sin(angle), 0.0)}
+        lost = Fault(Kind.POSITION_LOST, (Loss.FROZEN,), path.duration_s - 0.5, since=State.TRAJECTORY)
+        flight = Scenario(orders=(*TAKE_OFF, START), path=path, faults=(lost,), world=world, limit_s=90.0)
+        trace = body.fly(flight, trace_every=50).trace
+        blind = np.flatnonzero(trace["state"] == State.EMERGENCY)
+        speed_m_s = np.hypot(trace["vx"], trace["vy"])[blind]
+        assert speed_m_s.max() < 0.4
 
 
 @pytest.mark.parametrize("after_s", [0.15, 0.2, 0.25])

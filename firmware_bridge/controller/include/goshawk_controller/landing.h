@@ -29,6 +29,13 @@ typedef enum {
     TC_LANDING_IDLE = 3
 } tc_landing_stage;
 
+/* In a descent without vertical velocity. */
+typedef enum {
+    TC_UNTOUCHED = 0,
+    TC_TOUCHED = 1,  /* something has been hit */
+    TC_FALLS_OFF = 2 /* ... and UNLOAD has since found that it falls */
+} tc_landing_touch;
+
 typedef struct {
     uint64_t began_us;    /* the descent */
     uint64_t stage_us;    /* the stage */
@@ -53,7 +60,7 @@ typedef struct {
     uint8_t stage;     /* tc_landing_stage */
     uint8_t impacts;   /* how often something has been hit since touched_us, */
     bool impact;       /* and whether just now */
-    bool touched;      /* something has been hit in a descent without vertical velocity */
+    uint8_t touched;   /* tc_landing_touch */
     bool lead_limited; /* the set-point is held back to 0.25 m below the vehicle */
     bool sure;         /* it has not come down for so long that this UNLOAD is judged by height alone */
     bool pressing;     /* with less thrust, for the test by torque */

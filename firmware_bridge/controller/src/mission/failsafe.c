@@ -208,8 +208,10 @@ void tc_observe(tc_controller* c) {
     if (tc_mission_in_air(c->mission.state)) {
         tc_measure_support(c, step_s);
         observe_attitude(c, tilt);
-        observe_crash(c, tilt);
-        if (even) observe_fence(c);
+        if (even) {
+            observe_crash(c, tilt);
+            observe_fence(c);
+        }
         observe_tracking(c);
         if (c->mission.state == TC_EMERGENCY) observe_emergency(c);
     }

@@ -38,12 +38,12 @@ static const uint8_t MOST_IMPACTS = 3u;   /* of a bounce */
 static const float IMPACT_G = 0.4f;       /* above 1 g, in an emergency without vertical velocity */
 /* Such a descent loses thrust with time, for ground effect must not keep it floating. Slowly: after 15 s (20 m) it is
    4 + 1 % short, and with 1.9 % of error still settles below 2.5 m/s, as inflow damps by 0.32/s; once late (below) up
-   to 0.9 m/s faster, if the floor is that far down. */
+   to 0.6 m/s faster, if the floor is that far down. */
 static const float SINK_MORE_1_S = 0.0007f;
 static const float SINK_MOST = 0.08f; /* never beyond this */
 static const float LATE_S = 5.0f;     /* after the time in which 1 m/s leads to the height of the take-off, */
-static const float LATE_1_S = 0.006f; /* ... it loses as much more: the wind takes a slow one far away */
-static const float LATE_MOST = 0.03f;
+static const float LATE_1_S = 0.004f; /* ... it loses as much more: the wind takes a slow one far away */
+static const float LATE_MOST = 0.02f;
 static const float PROBE_S = 1.0f;         /* ... where UNLOAD is tried this often */
 static const float TOUCHED_PROBE_S = 0.4f; /* ... once something has been hit */
 static const float FALLS_AGAIN_S = 2.5f;   /* ... and not again for so long: it was an edge */
@@ -199,7 +199,7 @@ static float blind_thrust(const tc_controller* c) {
     const tc_parameters* p = &c->parameters;
     const float reckoned_s = c->telemetry.reckoning_s;
     const float since_s = tc_seconds(c->telemetry.time_us - c->landing.began_us);
-    const bool felt = force_given(c), touched = c->landing.touched;
+    const bool felt = force_given(c), touched = c->landing.touched == (uint8_t)TC_TOUCHED;
     const float pressed = felt ? 0.0f : (c->landing.pressing ? PRESS : 0.0f) - PRESS_LESS_SINK;
     const float late_s = since_s - LATE_S - tc_max(c->landing.z_m - c->ground_z_m, 0.0f);
     const float late = tc_clamp(LATE_1_S * late_s, 0.0f, LATE_MOST);
@@ -228,6 +228,8 @@ static bool has_impact(const tc_controller* c) {
     return force_given(c) && over > 0.0f && over * over > IMPACT_SIGMAS2 * noise2;
 }
 
+static bool has_touched(const tc_landing* landing) { return landing->touched != (uint8_t)TC_UNTOUCHED; }
+
 /* Bouncing without end: in the air such a descent, 23 % short of thrust since the first impact, would be over. */
 static bool bounces(tc_controller* c) {
     tc_landing* landing = &c->landing;
@@ -235,15 +237,15 @@ static bool bounces(tc_controller* c) {
     if (impact && !landing->impact && landing->impacts < MOST_IMPACTS) landing->impacts++;
     landing->impact = impact;
     if (impact) landing->impact_us = c->telemetry.time_us;
-    if (impact && !c->vertical_velocity && !landing->touched && tc_lasts(c, landing->began_us, RETRY_S)) {
-        landing->touched = true;
-        landing->touched_us = c->telemetry.time_us;
+    if (impact && !c->vertical_velocity && tc_lasts(c, landing->began_us, RETRY_S)) {
+        if (!has_touched(landing)) landing->touched_us = c->telemetry.time_us;
+        landing->touched = TC_TOUCHED;
     }
     if (tc_lasts(c, landing->impact_us, FALLS_AGAIN_S)) {
-        landing->touched = false;
+        landing->touched = TC_UNTOUCHED;
         landing->impacts = 0;
     }
-    return !c->vertical_velocity && impact && landing->touched && landing->impacts >= MOST_IMPACTS &&
+    return !c->vertical_velocity && impact && has_touched(landing) && landing->impacts >= MOST_IMPACTS &&
            tc_lasts(c, landing->touched_us, NO_LOWER_S);
 }
 
@@ -282,7 +284,7 @@ static bool seems_in_contact(const tc_controller* c) {
     if (tc_norm(e->rate_body_rad_s) > CONTACT_RATE_RAD_S) return false;
     if (!c->vertical_velocity) {                            /* a dead reckoned one tells nothing */
         if (c->mission.state != TC_EMERGENCY) return false; /* a gap: what shakes the pose would lengthen it */
-        const float probe_s = landing->touched ? TOUCHED_PROBE_S : PROBE_S;
+        const float probe_s = has_touched(landing) ? TOUCHED_PROBE_S : PROBE_S;
         return force_given(c) && (has_impact(c) || tc_lasts(c, landing->stage_us, probe_s));
     }
     const bool slow = tc_abs(e->velocity_world_m_s[2]) < 0.5f * landing->speed_m_s;
@@ -349,7 +351,7 @@ static bool still_flies(const tc_controller* c) {
     if (landing->sure) return falls || (sinks && !carried(c));
     const float gained = landing->start_velocity_m_s - c->telemetry.estimate.velocity_world_m_s[2];
     if (c->vertical_velocity && gained > GAINED_M_S) return true;
-    const float felt_m_s = c->vertical_velocity || landing->touched ? FELT_GAINED_M_S : BLIND_GAINED_M_S;
+    const float felt_m_s = c->vertical_velocity || has_touched(landing) ? FELT_GAINED_M_S : BLIND_GAINED_M_S;
     return force_given(c) && landing->gained_m_s > felt_m_s;
 }
 
@@ -361,6 +363,7 @@ static bool unload(tc_controller* c, float step_s) {
     landing->thrust_n = tc_max(landing->thrust_n - fall, tc_min(landing->start_thrust_n, UNLOADED * weight));
     if (landing->sure && landing->impact && landing->thrust_n < HIT_THRUST * weight) return true;
     if (still_flies(c)) {
+        if (landing->touched == (uint8_t)TC_TOUCHED) landing->touched = TC_FALLS_OFF;
         enter_stage(c, TC_LANDING_DESCEND);
     } else if (tc_lasts(c, landing->stage_us, UNLOAD_S)) {
         if (landing->sure) return true;
