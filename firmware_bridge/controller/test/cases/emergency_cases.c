@@ -168,7 +168,7 @@ static void late(void) {
     static const struct {
         uint32_t after_s;
         float less;
-    } cases[] = {{9u, 0.0063f}, {12u, 0.0204f}, {15u, 0.0405f}, {20u, 0.044f}};
+    } cases[] = {{9u, 0.0063f}, {12u, 0.0164f}, {15u, 0.0305f}, {20u, 0.034f}};
     const uint64_t began_us = g.c.telemetry.time_us;
     for (unsigned i = 0; i < sizeof cases / sizeof *cases; i++) {
         g.c.telemetry.time_us = began_us + 1000000u * (uint64_t)cases[i].after_s;

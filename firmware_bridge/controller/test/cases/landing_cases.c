@@ -359,13 +359,21 @@ static void emergency_landing(void) {
     come_down(0.09f);
     must(!c.landing.touched && c.landing.stage == TC_LANDING_DESCEND, "not within the first 0.3 s");
     come_down(0.02f);
-    must(c.landing.touched && c.landing.stage == TC_LANDING_UNLOAD, "an impact");
+    must(c.landing.touched == TC_TOUCHED && c.landing.stage == TC_LANDING_UNLOAD, "an impact");
+    c.hover_thrust_n = 10.0f;
+    must(near(tc_emergency_thrust(&c), 0.8f * 9.6f, 0.05f), "with a fifth less");
     c.telemetry.estimate.specific_force_body_m_s2[2] = 0.0f; /* bounces: it flies */
     must(reaches(TC_LANDING_DESCEND, 0.5f) < 0.5f, "falls");
     c.telemetry.estimate.specific_force_body_m_s2[2] = 9.81f;
+    must(c.landing.touched == TC_FALLS_OFF && tc_emergency_thrust(&c) > 9.5f, "with all of it, off an edge");
     must(within(reaches(TC_LANDING_UNLOAD, 1.0f), 0.4f, 0.41f), "tried again after 0.4 s");
-    c.hover_thrust_n = 10.0f;
-    must(near(tc_emergency_thrust(&c), 0.8f * 9.6f, 0.05f), "with a fifth less");
+    c.telemetry.estimate.specific_force_body_m_s2[2] = 2.0f * 9.81f;
+    come_down(0.02f);
+    must(c.landing.touched == TC_TOUCHED, "and hits something again");
+    come_down(0.2f);
+    c.telemetry.estimate.specific_force_body_m_s2[2] = 9.81f;
+    come_down(2.6f);
+    must(c.landing.touched == TC_UNTOUCHED, "or nothing for long");
     begin(TC_EMERGENCY, true); /* with vertical velocity an impact is none of this */
     come_down(1.0f);
     c.telemetry.estimate.specific_force_body_m_s2[2] = 2.0f * 9.81f;
