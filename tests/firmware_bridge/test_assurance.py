@@ -120,7 +120,7 @@ def test_the_documentation_lists_the_worst_instructions_of_every_public_function
 
 
 WORST_TICK = 7500
-"""Instructions; measured 7,498."""
+"""Instructions; measured 7,479."""
 FLASH = 59_976
 """Bytes, as measured; the bar of 52 kB is missed, and what it takes must not grow."""
 
