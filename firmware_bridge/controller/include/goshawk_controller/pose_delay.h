@@ -25,7 +25,7 @@ typedef struct {
     const float* rate_body_rad_s;
     float noise_m2_s4; /* variance of one axis of the accelerometer */
     bool fresh;        /* with a pose that has not been compared */
-    bool may_compare;  /* else this step only sums up what moved */
+    bool may_compare;  /* else this step only sums up what moved, once begun */
 } tc_pose_compared;
 
 typedef struct {
@@ -43,7 +43,7 @@ typedef struct {
 
 void tc_pose_delay_reset(tc_pose_delay* delay);
 
-/* Returns whether it compared. */
+/* Returns whether it compared, or began to: it took its turn. */
 bool tc_pose_delay_step(tc_pose_delay* delay, const tc_pose_compared* now, float step_s);
 
 #ifdef __cplusplus

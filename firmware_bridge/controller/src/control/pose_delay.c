@@ -37,12 +37,13 @@ static void compare_velocity(tc_pose_delay* d, const tc_pose_compared* now, floa
         d->velocity_world_m_s[i] += d->gained_m_s[i] + d->velocity_s * d->bias_m_s2[i];
         d->slow_m_s2[i] += d->velocity_s * d->slower_m_s3[i];
         motion[i] = now->planned_world_m_s2[i] - d->slow_m_s2[i];
-        missing[i] = now->velocity_world_m_s[i] - d->velocity_world_m_s[i] + lead_s * motion[i];
+        missing[i] = now->velocity_world_m_s[i] - d->velocity_world_m_s[i];
         d->velocity_world_m_s[i] += slow * missing[i];
         d->bias_m_s2[i] += slower * missing[i];
         d->slow_m_s2[i] += slow * motion[i];
         d->slower_m_s3[i] += slower * motion[i];
         d->gained_m_s[i] = 0.0f;
+        missing[i] += lead_s * motion[i];
     }
     const float prior = VELOCITY_PRIOR_M2_S3 * tc_max(now->noise_m2_s4, 1.0f);
     if (jumped(missing)) d->started = false;

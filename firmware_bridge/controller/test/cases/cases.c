@@ -218,13 +218,11 @@ int main(int argc, char** argv) {
         const char* name;
         void (*run)(void);
     } groups[] = {
-        {"tables", table_cases},          {"codec", codec_cases},
-        {"mixer", mixer_cases},           {"shaping", shaping_cases},
-        {"mission", mission_cases},       {"safety", safety_cases},
-        {"reaction", reaction_cases},     {"landing", landing_cases},
-        {"ground", ground_cases},         {"emergency", emergency_cases},
-        {"supervisor", supervisor_cases}, {"link", link_cases},
-        {"standard", standard_cases},     {"presentation", presentation_cases},
+        {"tables", table_cases},        {"codec", codec_cases},           {"mixer", mixer_cases},
+        {"shaping", shaping_cases},     {"mission", mission_cases},       {"safety", safety_cases},
+        {"reaction", reaction_cases},   {"landing", landing_cases},       {"ground", ground_cases},
+        {"emergency", emergency_cases}, {"supervisor", supervisor_cases}, {"delay", delay_cases},
+        {"link", link_cases},           {"standard", standard_cases},     {"presentation", presentation_cases},
     };
     for (size_t i = 0; i < sizeof groups / sizeof groups[0]; i++) {
         bool wanted = argc == 1;

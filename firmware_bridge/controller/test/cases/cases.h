@@ -16,6 +16,7 @@ void reaction_cases(void);
 void safety_cases(void);
 void shaping_cases(void);
 void supervisor_cases(void);
+void delay_cases(void);
 void link_cases(void);
 void standard_cases(void);
 void presentation_cases(void);
