@@ -71,10 +71,20 @@ def test_a_height_is_believed_on_the_ground_after_a_heading_that_jumped(body, se
     assert violations(result) == []
 
 
-def test_a_heading_that_jumps_without_a_position_is_found(body):
-    """Else it turns, and leans against the wind where the wind does not come from."""
-    faults = (Fault(Kind.POSITION_LOST, (Loss.FROZEN,), 1.0), Fault(Kind.HEADING_JUMP, (-2.1,), 2.0))
-    result = body.fly(hover(*faults, land_s=30.0, world={"wind_m_s": (-0.7, 4.0, 0.0)}), trace_every=10)
+@pytest.mark.parametrize(
+    "before",
+    [
+        (Fault(Kind.POSITION_LOST, (Loss.FROZEN,), 1.0),),
+        (Fault(Kind.POSITION_LOST, (Loss.NOT_VALID,), 1.0), Fault(Kind.RELOCALIZED, (0.1, 0.0, 0.0, 0.0), 1.2)),
+    ],
+)
+def test_a_heading_that_jumps_without_a_position_is_found(body, before):
+    """Else it turns, and leans against the wind where the wind does not come from. Nor does a relocalization before it,
+    told and not yet followed, explain the jump."""
+    result = body.fly(
+        hover(*before, Fault(Kind.HEADING_JUMP, (-2.1,), 2.0), land_s=30.0, world={"wind_m_s": (-0.7, 4.0, 0.0)}),
+        trace_every=10,
+    )
     assert 2.0 * np.abs(np.arctan2(result.trace["qz"], result.trace["qw"])).max() < 0.2
     assert away_m(result) < 3.0
     assert violations(result, touchdown_m_s=BLIND_M_S) == []

@@ -5,8 +5,8 @@
 
      |change of velocity - integral of specific force| > 0.8 m/s, more by four standard deviations under vibration,
      |change of position - integral of velocity|       > 0.25 m,
-     a heading that differs by more than 0.35 rad from the last tick's and the gyro's turn, or
      position and velocity that repeat bit by bit for 0.2 s while the accelerometer shakes or, without one, it turns,
+   or, with a position or without, a heading more than 0.35 rad from the last tick's and the gyro's turn,
 
    and for half a second after. Meanwhile position is dead reckoned from before the window, the vehicle brakes, and what
    follows is the ladder of a lost position. A heading that jumped, or a third alarm within ten seconds, is final. A

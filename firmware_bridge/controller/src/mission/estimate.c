@@ -384,6 +384,7 @@ void tc_take_estimate(tc_controller* c, const tc_estimate* estimate, float step_
     c->telemetry.estimate_faults = (uint8_t)faults;
     if (faults != 0u || c->good_since_us == 0u) c->good_since_us = c->telemetry.time_us;
     if ((faults & (uint32_t)TC_FAULT_POSITION_UNUSABLE) == 0u) follow_reset(c, estimate);
+    c->seen_counter = estimate->reset_counter;
     const float battery_v = estimate->battery_v;
     c->telemetry.estimate.battery_v = tc_up_to(battery_v, LARGEST_BATTERY_V) ? battery_v : 0.0f;
     tc_q_axes(c->telemetry.estimate.q_world_body, c->axes);

@@ -64,7 +64,7 @@ void tc_monitor_heading(tc_controller* c, const tc_estimate* e, float step_s, fl
     if (m->turned) tc_q_multiply(m->turn, e->q_world_body, q);
     const float turned_z = q[3] * old[0] - q[0] * old[3] - q[1] * old[2] + q[2] * old[1]; /* q times conjugate(old) */
     const float gyro = 0.5f * step_s * (tc_abs(rate[0]) + tc_abs(rate[1]) + tc_abs(rate[2]));
-    const bool told = e->reset_counter != c->reset_counter;
+    const bool told = e->reset_counter != c->seen_counter;
     const bool known = (c->telemetry.estimate_faults & (uint32_t)TC_FAULT_ATTITUDE_STALE) == 0u;
     if (tc_abs(turned_z) <= HEADING_GAP + gyro || told || !known) return;
     if (!tc_mission_in_air(c->mission.state) || c->parameters.monitor < 0.5f) return;
