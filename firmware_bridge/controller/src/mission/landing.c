@@ -230,7 +230,7 @@ static bool has_impact(const tc_controller* c) {
 
 static bool has_touched(const tc_landing* landing) { return landing->touched != (uint8_t)TC_UNTOUCHED; }
 
-/* Bouncing without end: in the air such a descent, 23 % short of thrust since the first impact, would be over. */
+/* Bouncing without end: it has hit something again and again for longer than an edge would last. */
 static bool bounces(tc_controller* c) {
     tc_landing* landing = &c->landing;
     const bool impact = has_impact(c);
@@ -355,6 +355,12 @@ static bool still_flies(const tc_controller* c) {
     return force_given(c) && landing->gained_m_s > felt_m_s;
 }
 
+/* What has been touched was an edge. */
+static void fly_on(tc_controller* c) {
+    if (has_touched(&c->landing)) c->landing.touched = TC_FALLS_OFF;
+    enter_stage(c, TC_LANDING_DESCEND);
+}
+
 /* One step of UNLOAD; whether the touchdown is certain already. */
 static bool unload(tc_controller* c, float step_s) {
     tc_landing* landing = &c->landing;
@@ -363,8 +369,7 @@ static bool unload(tc_controller* c, float step_s) {
     landing->thrust_n = tc_max(landing->thrust_n - fall, tc_min(landing->start_thrust_n, UNLOADED * weight));
     if (landing->sure && landing->impact && landing->thrust_n < HIT_THRUST * weight) return true;
     if (still_flies(c)) {
-        if (landing->touched == (uint8_t)TC_TOUCHED) landing->touched = TC_FALLS_OFF;
-        enter_stage(c, TC_LANDING_DESCEND);
+        fly_on(c);
     } else if (tc_lasts(c, landing->stage_us, UNLOAD_S)) {
         if (landing->sure) return true;
         enter_stage(c, carried(c) || !force_given(c) ? TC_LANDING_IDLE : TC_LANDING_DESCEND);
@@ -378,7 +383,7 @@ static bool unload(tc_controller* c, float step_s) {
 static bool idle(tc_controller* c) {
     const bool still = tc_norm(c->telemetry.estimate.rate_body_rad_s) < STILL_RATE_RAD_S;
     if (still_flies(c)) {
-        enter_stage(c, TC_LANDING_DESCEND);
+        fly_on(c);
     } else if (comes_no_lower(c)) {
         return true;
     } else if (!still) {

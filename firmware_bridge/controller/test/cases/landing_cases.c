@@ -370,7 +370,10 @@ static void emergency_landing(void) {
     c.telemetry.estimate.specific_force_body_m_s2[2] = 2.0f * 9.81f;
     come_down(0.02f);
     must(c.landing.touched == TC_TOUCHED, "and hits something again");
-    come_down(0.2f);
+    c.telemetry.estimate.specific_force_body_m_s2[2] = 9.81f;
+    must(reaches(TC_LANDING_IDLE, 0.6f) < 0.6f, "which carries it");
+    c.telemetry.estimate.specific_force_body_m_s2[2] = 0.0f;
+    must(reaches(TC_LANDING_DESCEND, 0.2f) < 0.2f && c.landing.touched == TC_FALLS_OFF, "and lets it fall");
     c.telemetry.estimate.specific_force_body_m_s2[2] = 9.81f;
     come_down(2.6f);
     must(c.landing.touched == TC_UNTOUCHED, "or nothing for long");
