@@ -329,8 +329,9 @@ def collect(
                     missing.discard(i)
                     now_s = time.monotonic()
                     gap_s += 0.25 * (min(now_s - heard_s, _LONGEST_GAP_S) - gap_s)
-                    heard_s, quiet_s, unanswered = now_s, max(0.03, 4.0 * gap_s), 0
+                    quiet_s, unanswered = max(0.03, 4.0 * gap_s), 0
                     progress(stage, len(found) / count)
+                    heard_s = time.monotonic()  # what the caller did meanwhile is no gap
     return found
 
 
