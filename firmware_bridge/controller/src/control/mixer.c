@@ -215,7 +215,7 @@ static uint8_t desaturate(const tc_mixer* mixer, const tc_wrench* wrench, float 
     change_demand(l, more_n, all, r);
     const float part = part_of(yaw, yaw_n, l);
     if (part < 1.0f - SMALL) saturation |= TC_SATURATED_YAW;
-    for (int i = 0; i < TC_ROTORS; i++) r[i].square += l->rise[i] * (part * yaw * yaw_n[i]);
+    for (int i = 0; i < TC_ROTORS; i++) r[i].square += l->rise[i] * (part * yaw * yaw_n[i]); /* the margins are done */
     return saturation;
 }
 

@@ -7,7 +7,7 @@ static const float TWO_PI = 6.28318531f;
 static const float STAGE = 1.5537738f;     /* two equal low-passes are 3 dB down at 1 / 1.55 of their own frequency */
 static const float UNKNOWN_LAG_S = 0.025f; /* of rotors whose lag nobody has learnt: none would pass for a torque */
 static const float LASTING_S = 2.0f;       /* what lasts longer goes on while the observer may not look */
-static const float LASTING_M_S = 2.0f;     /* ... and faster than this, of a force, longer: its drag is no hover's */
+static const float LASTING_M_S = 2.0f;     /* horizontal force takes twice as long at this speed: drag is no wind */
 static const float VARIANCE_S = 1.0f;      /* over which noise is averaged */
 static const float DAMPING = 1.4f;         /* of the fusion, twice the ratio */
 static const float LARGEST_MISSING_M_S2 = 1.0f;   /* bias and noise of the accelerometer */
@@ -55,7 +55,7 @@ void tc_observer_force(tc_observer* o, const tc_parameters* p, const tc_observed
     const float turn = TWO_PI * STAGE * p->observer_force_hz * step_s, pass = turn / (1.0f + turn);
     const float slow = step_s / (VARIANCE_S + step_s), limit = p->observer_force_m_s2 * p->mass_kg;
     const float speed2 = tc_dot(now->velocity_world_m_s, now->velocity_world_m_s) / (LASTING_M_S * LASTING_M_S);
-    const float lasting = step_s / (LASTING_S * (1.0f + speed2) + step_s);
+    const float level = step_s / (LASTING_S * (1.0f + speed2) + step_s), upright = step_s / (LASTING_S + step_s);
     float noise2 = 0.0f;
     for (int i = 0; i < 3; i++) {
         const float gravity = i == 2 ? p->gravity_m_s2 : 0.0f;
@@ -64,7 +64,7 @@ void tc_observer_force(tc_observer* o, const tc_parameters* p, const tc_observed
         noise2 += off * off;
         o->force_stage_n[i] = tc_clamp(o->force_stage_n[i] + pass * off, -limit, limit);
         o->force_world_n[i] += pass * (o->force_stage_n[i] - o->force_world_n[i]);
-        o->lasting_force_n[i] += lasting * (o->force_world_n[i] - o->lasting_force_n[i]);
+        o->lasting_force_n[i] += (i < 2 ? level : upright) * (o->force_world_n[i] - o->lasting_force_n[i]);
     }
     noise2 *= 1.0f / 3.0f;
     o->force_variance_n2 += slow * (0.25f * pass * noise2 - o->force_variance_n2);

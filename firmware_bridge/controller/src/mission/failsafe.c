@@ -209,8 +209,9 @@ void tc_observe(tc_controller* c) {
         tc_measure_support(c, step_s);
         observe_attitude(c, tilt);
         if (even) {
-            observe_crash(c, tilt);
             observe_fence(c);
+        } else {
+            observe_crash(c, tilt);
         }
         observe_tracking(c);
         if (c->mission.state == TC_EMERGENCY) observe_emergency(c);
