@@ -90,6 +90,18 @@ def test_a_heading_that_jumps_without_a_position_is_found(body, before):
     assert violations(result, touchdown_m_s=BLIND_M_S) == []
 
 
+def test_a_heading_that_jumps_without_a_position_brings_no_old_one_back(body):
+    """It has braked by then: the velocity from before the position was lost would send it backwards."""
+    lost = Fault(Kind.POSITION_LOST, (Loss.NOT_VALID,), 2.0, since=State.TRAJECTORY)
+    jump = Fault(Kind.HEADING_JUMP, (-1.0,), 2.9, since=State.TRAJECTORY)
+    trace = body.fly(
+        Scenario(orders=(*TAKE_OFF, START), path=circle(4.0, radius_m=5.0, turns=1.0), faults=(lost, jump)),
+        trace_every=10,
+    ).trace
+    since = trace["state"] == State.EMERGENCY
+    assert np.hypot(trace["vx"], trace["vy"])[since].max() < 0.8
+
+
 @pytest.mark.parametrize("up_m_s", [2.9, -2.9])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_vertical_speed_that_lies_is_found_without_a_horizontal_position(body, seed, up_m_s):

@@ -33,7 +33,7 @@ typedef enum {
 typedef enum {
     TC_UNTOUCHED = 0,
     TC_TOUCHED = 1,  /* something has been hit */
-    TC_FALLS_OFF = 2 /* ... and UNLOAD has since found that it falls */
+    TC_FALLS_OFF = 2 /* ... and has since been found to be an edge: it falls */
 } tc_landing_touch;
 
 typedef struct {
