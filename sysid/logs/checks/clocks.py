@@ -27,8 +27,8 @@ ROTOR_SIGMAS = 5.0
 CONSISTENT_SIGMAS = 3.0
 """Two readings of one delay that are further apart do not agree."""
 SYSTEMATIC_S = 2.5e-4
-"""Part of every standard error: what smoothing, the grid and forces unknown to the vehicle file leave on clean logs. More
-where what stands beside the streams explains most of what a delay changes (`clock_offset`)."""
+"""Part of every standard error: what smoothing, the grid and forces unknown to the vehicle file leave on clean logs. It
+is more where what stands beside the streams explains most of what a delay changes (`clock_offset`)."""
 LEAST_LEFT = 0.1
 """Where what stands beside leaves less than this of what a delay changes, the delay is not known."""
 ROTOR_QUALITY = 0.35
