@@ -3,7 +3,7 @@
 import contextlib
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -74,14 +74,8 @@ class Newcomer:
         wait(lambda: cell(self.page, row, column).inner_text() == value, f"{value} in the table")
 
     def hold(self, order: str, *, until: str) -> None:
-        """Hold a button by the space bar until its order was given."""
         self.acts += 1
-        button = self.page.get_by_role("button", name=re.compile(f"Hold to {order}"))
-        button.wait_for()
-        button.focus()
-        self.page.keyboard.down("Space")
-        wait(lambda: until in ordered(self.project), f"the order to {order}")
-        self.page.keyboard.up("Space")
+        hold(self.page, order, until=lambda: until in ordered(self.project))
 
     def upload(self, plan: str) -> None:
         self.press("Compare and upload")
@@ -259,3 +253,13 @@ def ordered(opened: project.Project) -> list[str]:
     """What was ordered so far, as the audit log has it."""
     log = opened.folder / ".session" / "audit.jsonl"
     return [json.loads(line)["what"] for line in log.read_text().splitlines()] if log.exists() else []
+
+
+def hold(page, act: str, *, until: Callable[[], bool]) -> None:
+    """Hold a button by the space bar until its order was given."""
+    button = page.get_by_role("button", name=re.compile(f"Hold to {act}"))
+    button.wait_for()
+    button.focus()
+    page.keyboard.down("Space")
+    wait(until, f"the order to {act}")
+    page.keyboard.up("Space")
