@@ -62,7 +62,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Garbage is looked for more rarely, and not among what was imported: it took a fifth of a simulated flight's CPU."""
+    """Look for garbage more rarely, and not in what was imported: it took a fifth of a simulated flight's CPU."""
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
 
