@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from flight import FlightLog, FormatError, frames, rotations
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
+from sysid.logs import rotor_places
 from sysid.logs.readers import blackbox
 from sysid.logs.readers.assemble import assembled, columns
 from sysid.logs.readers.blackbox import Recorded
@@ -49,7 +50,7 @@ def read(path: Path) -> FlightLog:
         notes.append(note)
     if "position_world_m" not in streams:
         notes.append(NO_POSITION)
-    return assembled(path, streams, notes, recorded.lost)
+    return rotor_places.told(assembled(path, streams, notes, recorded.lost), rotor_places.BETAFLIGHT)
 
 
 def _unwrapped(stamp_us: NDArray[np.int64]) -> FloatArray:
