@@ -378,7 +378,7 @@ def _gains(regressors: ComplexArray, acceleration: ComplexArray) -> Gains:
     wanted = np.concatenate([acceleration.real, acceleration.imag], axis=1)
     rows = parts.reshape(-1, parts.shape[2])
     normal = rows.T @ rows
-    value = np.linalg.solve(normal, rows.T @ wanted.ravel())
+    value = np.asarray(np.linalg.solve(normal, rows.T @ wanted.ravel()), dtype=np.float64)
     left = wanted - parts @ value
     pulls = (left[:, None] @ parts)[:, 0]
     squares = float(np.vdot(left, left))
