@@ -5,12 +5,12 @@ import numpy as np
 from flight import FlightLog, InputError, frames, rotations
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
-from sysid.logs import rotor_places
 from sysid.logs.checks.finding import turn_in_words
 from sysid.logs.events.event import SPLITS, UPRIGHT, splits
 from sysid.logs.events.frozen import within
 from sysid.logs.events.repair import Repair
-from sysid.logs.full_throttle import COMMAND, RATIOS
+from sysid.logs.motors import rotor_places
+from sysid.logs.motors.full_throttle import COMMAND, RATIOS
 from sysid.logs.readers.streams import shifted
 
 

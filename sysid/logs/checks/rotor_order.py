@@ -26,11 +26,11 @@ from numpy.typing import NDArray
 from flight import FlightLog
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
-from sysid.logs import rotor_places
 from sysid.logs.checks.finding import Finding, error
 from sysid.logs.checks.motion import GRID_S, LEAST_SAMPLES, LONGEST_S
 from sysid.logs.events.repair import Repair
-from sysid.logs.full_throttle import COMMAND, RATIOS
+from sysid.logs.motors import rotor_places
+from sysid.logs.motors.full_throttle import COMMAND, RATIOS
 from vehicle import Vehicle
 
 WINDOW_S = 2.0

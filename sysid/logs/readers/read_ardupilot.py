@@ -12,7 +12,7 @@ import numpy as np
 from flight import FlightLog, InputError, frames
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
-from sysid.logs import rotor_places
+from sysid.logs.motors import rotor_places
 from sysid.logs.readers import dataflash
 from sysid.logs.readers.assemble import assembled, columns, in_order
 from sysid.logs.readers.dataflash import Table

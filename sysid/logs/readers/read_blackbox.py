@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flight import FlightLog, FormatError, frames, rotations
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
-from sysid.logs import rotor_places
+from sysid.logs.motors import rotor_places
 from sysid.logs.readers import blackbox
 from sysid.logs.readers.assemble import assembled, columns
 from sysid.logs.readers.blackbox import Recorded

@@ -16,7 +16,7 @@ import numpy as np
 from flight import FlightLog, FormatError, frames
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
-from sysid.logs import rotor_places
+from sysid.logs.motors import rotor_places
 from sysid.logs.readers import known_names
 from sysid.logs.readers.assemble import assembled
 from sysid.logs.readers.read_csv import UNITS, from_roll_pitch_yaw

@@ -13,7 +13,7 @@ from flight.flight_log import COLUMNS, from_vectors
 from sysid.logs.check import check_log
 from sysid.logs.checks import rotor_order
 from sysid.logs.fix import fix
-from sysid.logs.full_throttle import COMMAND, RATIOS
+from sysid.logs.motors.full_throttle import COMMAND, RATIOS
 
 ROTORS = [f"rotor_speed_{i}_rad_s" for i in range(4)]
 RATES = [f"rate_body_{axis}_rad_s" for axis in "xyz"]

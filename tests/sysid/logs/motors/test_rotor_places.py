@@ -7,9 +7,9 @@ import pytest
 
 from flight import FlightLog
 from flight.flight_log import COLUMNS
-from sysid.logs import rotor_places
 from sysid.logs.check import check_log
 from sysid.logs.fix import fix
+from sysid.logs.motors import rotor_places
 
 SPEEDS = COLUMNS["rotor_speed_rad_s"]
 FIRMWARES = (rotor_places.CRAZYFLIE, rotor_places.BETAFLIGHT, rotor_places.ARDUPILOT)
