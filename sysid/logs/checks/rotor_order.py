@@ -374,12 +374,15 @@ def _gains(regressors: ComplexArray, acceleration: ComplexArray) -> Gains:
         regressors: (w, f, m) spectra.
         acceleration: (w, f) spectra.
     """
-    normal = np.einsum("wfi,wfj->ij", regressors.conj(), regressors).real
-    value = np.linalg.solve(normal, np.einsum("wfi,wf->i", regressors.conj(), acceleration).real)
-    left = acceleration - regressors @ value
-    pulls = np.einsum("wfi,wf->wi", regressors.conj(), left).real
-    squares = float((np.abs(left) ** 2).sum())
-    variance = squares / max(2 * left.size - len(value), 1)
+    parts = np.concatenate([regressors.real, regressors.imag], axis=1)  # (w, 2 f, m)
+    wanted = np.concatenate([acceleration.real, acceleration.imag], axis=1)
+    rows = parts.reshape(-1, parts.shape[2])
+    normal = rows.T @ rows
+    value = np.asarray(np.linalg.solve(normal, rows.T @ wanted.ravel()), dtype=np.float64)
+    left = wanted - parts @ value
+    pulls = (left[:, None] @ parts)[:, 0]
+    squares = float(np.vdot(left, left))
+    variance = squares / max(left.size - len(value), 1)
     scatter = float(np.trace(np.linalg.solve(normal, pulls.T @ pulls))) / (len(value) * variance)
-    share = 1.0 - squares / float((np.abs(acceleration) ** 2).sum())
+    share = 1.0 - squares / float(np.vdot(wanted, wanted))
     return Gains(value, normal / (variance * max(1.0, scatter)), share)
