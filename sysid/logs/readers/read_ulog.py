@@ -28,6 +28,10 @@ RESETS = (
 )
 """What the estimator resets, the topic that says so, its counter, by how much it moved, and the unit of that."""
 _COUNTED = tuple(name for _, _, counter, deltas, _ in RESETS for name in (counter, *deltas))
+PULSES_US = (800.0, 2200.0)
+"""Outputs beyond are no pulses: of DShot or of a bus."""
+FULL_PULSES_US = (1000.0, 2000.0)
+"""From no to full throttle."""
 _XYZ = ("xyz[0]", "xyz[1]", "xyz[2]")
 _HEADER_BYTES = 16
 _MESSAGE_TYPES = b"ABCDFILMOPQRS"  # https://docs.px4.io/main/en/dev_log/ulog_file_format
@@ -199,11 +203,29 @@ def _accelerations(topics: dict[str, Any]) -> Named:
 
 
 def _motors(topics: dict[str, Any]) -> Named:
-    if "actuator_motors" not in topics:
+    """Of `actuator_motors`; where it was not logged, as before PX4 1.13, of outputs that are pulses in us."""
+    if "actuator_motors" in topics:
+        data = topics["actuator_motors"]
+        return "actuator_motors", {"time_s": _time(data), **_ratios(_four(data, "control"))}
+    if "actuator_outputs" not in topics:
         return "", {}
-    data = topics["actuator_motors"]
-    commands = {f"motor_command_{i}_ratio": np.asarray(data[f"control[{i}]"], dtype=np.float64) for i in range(4)}
-    return "actuator_motors", {"time_s": _time(data), **commands}
+    data = topics["actuator_outputs"]
+    pulse_us = _four(data, "output")
+    on = pulse_us[pulse_us > 0.0]
+    if not len(on) or on.min() < PULSES_US[0] or on.max() > PULSES_US[1]:
+        return "", {}
+    low_us, high_us = FULL_PULSES_US
+    ratio = np.clip((pulse_us - low_us) / (high_us - low_us), 0.0, 1.0)
+    return "actuator_outputs", {"time_s": _time(data), **_ratios(ratio)}
+
+
+def _four(data: dict[str, Any], name: str) -> FloatArray:
+    """(n, 4) of motors 1 to 4."""
+    return np.stack([np.asarray(data[f"{name}[{i}]"], dtype=np.float64) for i in range(4)], axis=1)
+
+
+def _ratios(values: FloatArray) -> Stream:
+    return {f"motor_command_{i}_ratio": values[:, i] for i in range(4)}
 
 
 def _battery(topics: dict[str, Any]) -> Named:

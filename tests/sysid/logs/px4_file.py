@@ -14,6 +14,7 @@ FIELDS = {
     "vehicle_attitude": "float[4] q;float quat_reset_counter;",
     "vehicle_angular_velocity": "float[3] xyz;",
     "esc_status": "esc_report[4] esc;",
+    "actuator_outputs": "float[4] output;",
 }
 
 
@@ -21,12 +22,18 @@ def stamps_us(log: FlightLog) -> np.ndarray:
     return BOOT_US + np.round(1e6 * log.time_s).astype(np.int64)
 
 
-def ulog(log: FlightLog, stamps: Mapping[str, np.ndarray] | None = None, resets: np.ndarray | None = None) -> bytes:
+def ulog(
+    log: FlightLog,
+    stamps: Mapping[str, np.ndarray] | None = None,
+    resets: np.ndarray | None = None,
+    outputs: np.ndarray | None = None,
+) -> bytes:
     """The file.
 
     Args:
         stamps: (n,) us, of topics whose clock is not right.
         resets: (n,) counter of the attitude.
+        outputs: (n, 4) of the motors, logged instead of the ESCs' speeds.
     """
     counter = np.zeros(len(log)) if resets is None else resets
     position, velocity = log.vector("position_world_m"), np.gradient(log.vector("position_world_m"), log.time_s, axis=0)
@@ -36,6 +43,8 @@ def ulog(log: FlightLog, stamps: Mapping[str, np.ndarray] | None = None, resets:
         "vehicle_angular_velocity": flip_vector(log.vector("rate_body_rad_s")),
         "esc_status": log.vector("rotor_speed_rad_s") * 30.0 / np.pi,
     }
+    if outputs is not None:
+        rows = {**{name: values for name, values in rows.items() if name != "esc_status"}, "actuator_outputs": outputs}
     own = {name: stamps_us(log) for name in rows} | dict(stamps or {})
     data = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + _message(b"B", bytes(40))
     data += _message(b"F", b"esc_report:float esc_rpm;")
