@@ -22,6 +22,8 @@ from vehicle.invert import open_air
 
 RATIO_SIGMAS = 4.0
 """A ratio is called wrong when it is off by this many of its standard errors."""
+ELECTRICAL = np.sqrt(7.0 / RAD_S_PER_RPM)
+"""Rotor speed that is more times too large is in rpm; less may be electrical revolutions, of 6 or 7 pole pairs."""
 LEAST_SIGNAL = 0.3
 """... and when at least this share of the variance of what it is taken against is no noise."""
 
@@ -178,7 +180,7 @@ def _rotors(
     strong = thrust >= 0.5 * np.quantile(thrust, 0.95)  # a log may begin long before the flight
     ratio = float(np.median(thrust[strong]) / np.median(needed[strong]))
     if 0.4 < ratio * RAD_S_PER_RPM**2 < 2.5:
-        return [_rpm(float(np.median(speed)))]
+        return [_rpm(float(np.median(speed))) if ratio > ELECTRICAL**2 else _electrical(float(np.sqrt(ratio)))]
     found = []
     if not 0.25 < ratio < 4.0:
         sentence = f"the rotors make {ratio:.2g} times the thrust that the motion needs"
@@ -188,6 +190,14 @@ def _rotors(
     if any(f.what == "rotor order" for f in places) or not turns:
         return found
     return found + clocks.of_rotors(log, motion, vehicle, gyro_is_sure=gyro_is_sure)
+
+
+def _electrical(times: float) -> Finding:
+    sentence = (
+        f"rotor speed is {times:.1f} times what the thrust needs: electrical revolutions of a motor with "
+        f"{2 * round(times)} poles are {round(times)} times, rpm in a rad/s column 9.5 times as large"
+    )
+    return error("unit", sentence, "divide rotor_speed_rad_s by the motor's pole pairs, or multiply it by 2 pi / 60")
 
 
 def _rpm(typical: float) -> Finding:

@@ -36,6 +36,14 @@ def test_clean_flights_have_no_findings(campaign, log, truth):
         assert report.rate_hz == pytest.approx(100.0)
 
 
+@pytest.mark.parametrize("pole_pairs", [6, 7])
+def test_electrical_revolutions_are_not_taken_for_rpm(log, truth, pole_pairs):
+    electrical = _changed(log, **{name: log.columns[name] * pole_pairs for name in ROTORS})
+    (found,) = [f for f in check_log(electrical, truth).findings if f.what == "unit"]
+    assert f"of a motor with {2 * pole_pairs} poles" in found.sentence
+    assert found.repair is None
+
+
 def test_rpm_in_a_rad_s_column(log, truth):
     rpm = _changed(log, **{name: log.columns[name] * 60.0 / (2.0 * np.pi) for name in ROTORS})
     assert "2 pi / 60" in _whats(rpm, truth)["unit"]
