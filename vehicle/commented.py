@@ -76,7 +76,7 @@ def text(vehicle: Vehicle, *, schema: str | None = None) -> str:
 
 def _rotors(vehicle: Vehicle) -> list[str]:
     rows = ",\n".join(f"  [{', '.join(f'{v:g}' if v else '0.0' for v in hub)}]" for hub in _floats(vehicle.hub_body_m))
-    places = ", ".join(_place(hub) for hub in vehicle.hub_body_m)
+    places = ", ".join(place(hub) for hub in vehicle.hub_body_m)
     return [
         f"# Rotors 0 to 3 ({places}): a log's rotor speeds come in this order.",
         "# Position in metres from the centre of mass; spin 1 turns counter-clockwise seen from above, -1 clockwise.",
@@ -90,7 +90,7 @@ def _floats(array: np.ndarray) -> Sequence[Sequence[float]]:
     return [[float(f"{v:.6g}") for v in row] for row in array]
 
 
-def _place(hub: np.ndarray) -> str:
+def place(hub: np.ndarray) -> str:
     """`front left`, `rear`, ... of a hub."""
     near = 0.1 * float(np.hypot(hub[0], hub[1]))
     along = "front" if hub[0] > near else "rear" if hub[0] < -near else ""

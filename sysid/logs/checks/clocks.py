@@ -207,9 +207,20 @@ def clock_offset(reference: FloatArray, other: FloatArray, beside: FloatArray | 
         delay_s = float(np.clip(delay_s + pull.sum() / information, -LONGEST_S, LONGEST_S))
         blocks = np.add.reduceat(pull, np.arange(0, len(pull), round(BLOCK_S / GRID_S)))
         sigma_s = float(np.sqrt((blocks**2).sum())) / information
-    alone = float(terms(reference, read_later(other, delay_s), more[:, :, :0], inner)[1].sum())
-    left = min(1.0, np.sqrt(information / alone))
+    left = _left(read_later(other, delay_s), more, inner)
     return Offset(delay_s, float(np.hypot(sigma_s, SYSTEMATIC_S / left)) if left > LEAST_LEFT else np.inf, quality)
+
+
+def _left(later: FloatArray, beside: FloatArray, inner: slice) -> float:
+    """The share, from 0 to 1, of what a delay changes that what stands beside does not explain."""
+    moving = np.gradient(later, GRID_S, axis=0)
+
+    def changed(beside: FloatArray) -> float:
+        given, slope = (freed(x[inner], beside[inner]) for x in (later, moving))
+        square = np.maximum((given**2).sum(axis=0), np.finfo(float).tiny)
+        return float(np.linalg.norm(slope - given * ((given * slope).sum(axis=0) / square)))
+
+    return min(1.0, changed(beside) / max(changed(beside[:, :, :0]), np.finfo(float).tiny))
 
 
 def terms(

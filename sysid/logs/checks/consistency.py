@@ -153,7 +153,7 @@ def _order(
     log: FlightLog, motion: Kinematics | None, vehicle: Vehicle | None, *, gyro_is_right: bool = True
 ) -> tuple[list[Finding], list[str]]:
     """Order and spins of the rotors, by the gyro, or by the attitude where the gyro is faulty or not there."""
-    if vehicle is None or not rotor_order.driver(log):
+    if vehicle is None or not rotor_order.drivers(log):
         return [], []
     if gyro_is_right and sampled(log, "rate_body_rad_s"):
         return rotor_order.check(log, (log.time_s, log.vector("rate_body_rad_s")), vehicle)

@@ -9,7 +9,7 @@ share, and a moment further.
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import FlightLog
+from flight import FlightLog, rotations
 from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.logs.checks.motion import LONGEST_S
@@ -153,7 +153,8 @@ def _still(log: FlightLog, time_s: FloatArray) -> Mask | None:
 def _turned_rad(q: FloatArray | None, rate: FloatArray | None) -> float:
     """The largest turn that attitudes (n, 4) or the mean of the gyro (n, 3) show over `STILL_S`."""
     turned_rad = 0.0
-    if q is not None and len(q := q[np.isfinite(q).all(axis=1)]):
+    if q is not None and len(q := q[np.isfinite(q).all(axis=1) & q.any(axis=1)]):
+        q = rotations.normalise(q)  # as logged they may have two decimals
         turned_rad = float(2.0 * np.arccos(np.clip(np.abs(q @ q[0]), 0.0, 1.0)).max())
     if rate is not None and len(rate := rate[np.isfinite(rate).all(axis=1)]):
         turned_rad = max(turned_rad, STILL_S * float(np.linalg.norm(rate.mean(axis=0))))

@@ -1,4 +1,4 @@
-"""Which column of rotor speed is which rotor, and which way does each turn? From the torque that each column makes.
+"""Which column of rotor speed or of motor commands is which rotor, and which way does each turn? By its torque.
 
 Roll and pitch come from thrust times arm; yaw from the rotors' drag torque and from the reaction to their acceleration
 (k: thrust coefficient; x_i, y_i: hub; k_m: torque coefficient; s_i: spin; J: a rotor's moment of inertia):
@@ -65,7 +65,11 @@ LEAST_COMMANDED = 0.3
 holds the heading turns their effect round (a real flight, with 34 % of yaw explained)."""
 LEAST_TURN_RAD = np.deg2rad(15.0)
 """Hubs whose places are turned alike to within this are turned as a whole."""
+LEAST_LEAD_S = 0.008
+"""By which commands come before the turning that they cause. A controller that answers gusts comes after, and turns
+the vehicle the other way."""
 AS_GIVEN = (0, 1, 2, 3)
+MEASURED = COLUMNS["rotor_speed_rad_s"]
 
 Hypothesis = TypeVar("Hypothesis")
 ComplexArray = NDArray[np.complex128]
@@ -82,6 +86,10 @@ class Rotors:
     as if it were the rotor of that number."""
     explained: FloatArray
     """(3,) share of roll, pitch and yaw acceleration within the band that the four columns explain."""
+    delay_s: float = 0.0
+    """By how much the columns come later than the turning, where the order is known."""
+    columns: tuple[str, ...] = MEASURED
+    """Which columns."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,17 +130,17 @@ class Gains:
         return float(nnls(root @ pattern, root @ self.value)[1] ** 2)
 
 
-def driver(log: FlightLog) -> tuple[str, ...]:
-    """The columns of what turns the rotors: measured speed, else commands; none if the log has neither.
+def drivers(log: FlightLog) -> list[tuple[str, ...]]:
+    """The columns of what turns the rotors: measured speed, then commands.
 
     Commands show the order, too: the rotors' lag is taken for a delay.
     """
-    for names in (COLUMNS["rotor_speed_rad_s"], COLUMNS[COMMAND], RATIOS):
+    found = []
+    for names in (MEASURED, COLUMNS[COMMAND], RATIOS):
         if all(name in log.columns for name in names):
             known = np.isfinite(np.stack([log.columns[name] for name in names])).all(axis=0)
-            if known.sum() >= LEAST_SAMPLES:
-                return names
-    return ()
+            found += [names] if known.sum() >= LEAST_SAMPLES else []
+    return found
 
 
 def check(
@@ -141,25 +149,16 @@ def check(
     """Findings about order and spin, and what is inconclusive, in sentences.
 
     Args:
-        log: with what `driver` asks for.
+        log: with one of `drivers` at least.
         rate: time stamps (n,) and body rates (n, 3).
         gyro: whether the log has one; without, an attitude with turned body axes looks like another order.
     """
     found = examine(log, rate, vehicle)
     roll, pitch, yaw = (f"{share:.0%}" for share in found.explained)
-    columns = driver(log)
-    what = "rotor speeds" if columns == COLUMNS["rotor_speed_rad_s"] else "motor commands"
+    what = "rotor speeds" if found.columns == MEASURED else "motor commands"
     wrong = [] if found.spin is None else [i for i in range(4) if found.spin[i] != int(np.sign(vehicle.spin[i]))]
-    told = rotor_places.order(log, vehicle)
-    if found.order is None and told not in (None, AS_GIVEN):
-        sentence = (
-            f"the log's motors are {', '.join(log.metadata[rotor_places.KEY])}, the vehicle file's rotors "
-            f"{', '.join(rotor_places.of_vehicle(vehicle))}; this flight does not show whether they are"
-        )
-        repair = Repair("rotor order", columns, order=told)
-        return [
-            error("rotor order", sentence, f"take columns {list(told)} of {what} as rotors 0 to 3", repair=repair)
-        ], []
+    if found.order is None and (place := _by_place(log, vehicle, found, what)) is not None:
+        return [place], []
     if found.order is None and wrong:
         sentence = (
             f"yaw turns against the rotors' torque (they explain {yaw} of yaw acceleration): {_spins(wrong)} the other "
@@ -177,12 +176,12 @@ def check(
             f"roll and pitch do not follow the rotors in this order; in order {order} {what} explain {roll} of "
             f"roll and {pitch} of pitch acceleration"
         )
-        repair = Repair("rotor order", columns, order=found.order)
+        repair = Repair("rotor order", found.columns, order=found.order)
         fix = f"take columns {order} of {what} as rotors 0 to 3"
         if not gyro and _may_be_turned(found, vehicle):
             return [error("rotor order", sentence, f"{fix}, or turn the attitude's body axes about z: see which")], []
         return [error("rotor order", sentence, fix, repair=repair)], []
-    if found.spin is None and columns != COLUMNS["rotor_speed_rad_s"]:
+    if found.spin is None and found.columns != MEASURED:
         return [], ["spins: motor commands do not show them; record rotor speed, or look at the vehicle"]
     if found.spin is None:
         return [], [f"spins: {what} explain {yaw} of yaw acceleration; fly yaw doublets to decide"]
@@ -192,6 +191,19 @@ def check(
         f"yaw turns against the rotors' torque: {_spins(wrong)} the other way (they explain {yaw} of yaw acceleration)"
     )
     return [error("rotor spin", sentence, f"turn the sign of {_which(wrong)} in the vehicle file{_option(wrong)}")], []
+
+
+def _by_place(log: FlightLog, vehicle: Vehicle, found: Rotors, what: str) -> Finding | None:
+    """What the places of the firmware's motors say of an order that the flight does not show."""
+    order = rotor_places.order(log, vehicle)
+    if order is None or order == AS_GIVEN:
+        return None
+    sentence = (
+        f"by its firmware the log's motors are {', '.join(log.metadata[rotor_places.KEY])}, not "
+        f"{', '.join(rotor_places.of_vehicle(vehicle))} as in the vehicle file; the flight does not decide"
+    )
+    repair = Repair("rotor order", found.columns, order=order)
+    return error("rotor order", sentence, f"take columns {list(order)} of {what} as rotors 0 to 3", repair=repair)
 
 
 def _spins(wrong: list[int]) -> str:
@@ -228,13 +240,23 @@ def _may_be_turned(found: Rotors, vehicle: Vehicle) -> bool:
 
 def examine(log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicle) -> Rotors:
     """Order and spin of the rotors of a log, as far as the flight shows them."""
-    found = _examined(_spectra(log, rate, BAND_HZ), vehicle)
-    if driver(log) != COLUMNS["rotor_speed_rad_s"]:
-        order = found.order if found.explained[:2].min() > LEAST_COMMANDED else None
-        return Rotors(order, None, found.explained)
+    for columns in drivers(log):  # rotor speed may be too slow where commands are not
+        spectra = _spectra(log, columns, rate, BAND_HZ)
+        if spectra is None:
+            continue
+        if columns == MEASURED:
+            return _by_speeds(log, rate, _examined(spectra, vehicle), vehicle)
+        found = _examined(spectra, vehicle)
+        sure = found.explained[:2].min() > LEAST_COMMANDED and found.delay_s <= -LEAST_LEAD_S
+        return replace(found, order=found.order if sure else None, spin=None, columns=columns)
+    return Rotors(None, None, np.zeros(3), columns=next(iter(drivers(log)), MEASURED))
+
+
+def _by_speeds(log: FlightLog, rate: tuple[FloatArray, FloatArray], found: Rotors, vehicle: Vehicle) -> Rotors:
+    """What was found, or what the slower motion shows where that is clearer."""
     if found.order is not None and found.spin is not None:
         return found
-    slow = _examined(_spectra(log, rate, SLOW_BAND_HZ), vehicle)
+    slow = _examined(_spectra(log, MEASURED, rate, SLOW_BAND_HZ), vehicle)
     if slow.order is not None and slow.explained[:2].min() > CLEAR:
         return slow if slow.explained[2] > CLEAR else replace(slow, spin=found.spin if found.order else None)
     return found
@@ -258,7 +280,7 @@ def _examined(spectra: Spectra | None, vehicle: Vehicle) -> Rotors:
     hubs = vehicle.hub_body_m[:, :2]
     if spin is None and np.allclose(hubs[list(order)], -hubs):
         return Rotors(None, None, explained)  # could be a clock that is off by more than `LONGEST_DELAY_S`
-    return Rotors(order, spin, explained)
+    return Rotors(order, spin, explained, best)
 
 
 def _by_yaw_alone(spectra: Spectra, vehicle: Vehicle) -> Rotors:
@@ -329,10 +351,12 @@ def _decided(misfit: dict[Hypothesis, float], freedom: int) -> Hypothesis | None
     return best if misfit[second] - misfit[best] > CERTAIN * max(1.0, misfit[best] / freedom) else None
 
 
-def _spectra(log: FlightLog, rate: tuple[FloatArray, FloatArray], band_hz: tuple[float, float]) -> Spectra | None:
+def _spectra(
+    log: FlightLog, columns: tuple[str, ...], rate: tuple[FloatArray, FloatArray], band_hz: tuple[float, float]
+) -> Spectra | None:
     """None where fewer than `LEAST_WINDOWS` windows are without gaps, or the time is in another unit."""
     streams = []
-    driven_by = np.stack([log.columns[name] for name in driver(log)], axis=1)
+    driven_by = np.stack([log.columns[name] for name in columns], axis=1)
     for time_s, values in ((log.time_s, driven_by), rate):
         known = np.isfinite(values).all(axis=1)
         streams.append((time_s[known], values[known]))

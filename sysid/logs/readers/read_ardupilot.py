@@ -53,8 +53,9 @@ def read(path: Path) -> FlightLog:
             "log attitude, IMU and ESC"
         )
     log = assembled(path, streams, notes, logged.lost)
-    is_x = tuple(_parameters(logged.tables).get(name, 1.0) for name in ("FRAME_CLASS", "FRAME_TYPE")) == (1.0, 1.0)
-    return rotor_places.told(log, rotor_places.ARDUPILOT) if is_x else log
+    frame = _parameters(logged.tables)
+    is_x = frame.get("FRAME_CLASS") == frame.get("FRAME_TYPE") == 1.0
+    return rotor_places.with_places(log, rotor_places.ARDUPILOT) if is_x else log
 
 
 def _streams(tables: dict[str, Table]) -> Iterator[tuple[str, Stream, str]]:

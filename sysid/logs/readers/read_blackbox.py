@@ -50,7 +50,9 @@ def read(path: Path) -> FlightLog:
         notes.append(note)
     if "position_world_m" not in streams:
         notes.append(NO_POSITION)
-    return rotor_places.told(assembled(path, streams, notes, recorded.lost), rotor_places.BETAFLIGHT)
+    log = assembled(path, streams, notes, recorded.lost)
+    more = "motor[4]" in recorded.fields  # of another mixer
+    return log if more else rotor_places.with_places(log, rotor_places.BETAFLIGHT)
 
 
 def _unwrapped(stamp_us: NDArray[np.int64]) -> FloatArray:

@@ -6,6 +6,7 @@ import numpy as np
 
 from flight import FlightLog, FormatError, InputError
 from flight.rotations import FloatArray
+from sysid.logs.motors import rotor_places
 from sysid.logs.readers.assemble import ATTITUDE, FORCE, POSE, RATE, assembled, columns
 from sysid.logs.readers.streams import Stream
 
@@ -105,7 +106,8 @@ def joined_on_clocks(path: Path, pose: FlightLog, imu: FlightLog) -> FlightLog:
         )
     streams: dict[str, Stream] = {POSE: own, RATE: rest}
     notes = [f"pose: {pose.metadata.get('source')}", f"IMU: {imu.metadata.get('source')}"]
-    return assembled(path, streams, notes)
+    log, places = assembled(path, streams, notes), imu.metadata.get(rotor_places.KEY)
+    return log if places is None else FlightLog(log.columns, {**log.metadata, rotor_places.KEY: places})
 
 
 def _is_number(word: str) -> bool:

@@ -73,7 +73,7 @@ def read(path: Path) -> FlightLog:
             if quantity not in streams:
                 streams[quantity] = stream
                 notes.append(note)
-    return rotor_places.told(assembled(path, streams, notes, lost), rotor_places.CRAZYFLIE)
+    return rotor_places.with_places(assembled(path, streams, notes, lost), rotor_places.CRAZYFLIE)
 
 
 def _crc(content: bytes) -> int:

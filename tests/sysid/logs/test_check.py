@@ -39,7 +39,7 @@ def test_clean_flights_have_no_findings(campaign, log, truth):
 @pytest.mark.parametrize("pole_pairs", [6, 7])
 def test_electrical_revolutions_are_not_taken_for_rpm(log, truth, pole_pairs):
     electrical = _changed(log, **{name: log.columns[name] * pole_pairs for name in ROTORS})
-    (found,) = [f for f in check_log(electrical, truth).findings if f.what == "unit"]
+    (found,) = [f for f in check(electrical, truth).findings if f.what == "unit"]
     assert f"of a motor with {2 * pole_pairs} poles" in found.sentence
     assert found.repair is None
 

@@ -36,6 +36,10 @@ def test_a_delay_is_the_less_known_the_more_of_it_stands_beside():
     sigmas_s = [clocks.clock_offset(*circles(0.0, dither)).sigma_s for dither in (0.05, 0.01, 0.003)]
     assert sigmas_s[1] > 1.5 * sigmas_s[0]
     assert sigmas_s[2] > 1.5 * sigmas_s[1]
+    turning, driven, beside = circles(0.0, 0.003)
+    for more in (-2.0, 1.5, 2.0):  # of what stands beside, in what is explained: the delay is the same
+        other = turning + more * beside[:, :, 1]
+        assert clocks.clock_offset(other, driven, beside).sigma_s == pytest.approx(sigmas_s[2], rel=0.05)
     alone = clocks.clock_offset(*circles(0.0, 0.003)[:2])
     assert alone.sigma_s == pytest.approx(clocks.SYSTEMATIC_S, rel=0.01)
 

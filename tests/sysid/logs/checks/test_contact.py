@@ -150,6 +150,18 @@ def test_rotors_that_read_zero_on_the_ground_are_at_rest_and_not_frozen():
     assert [f.what for f in found if "rotor_speed_rad_s repeats" in f.sentence] == ["frozen"]
 
 
+def test_coarse_attitudes_stand_still():
+    """Of two decimals, as a table may hold them, some of length 0: none was known yet."""
+    rng = np.random.default_rng(9)
+    rest = standing(FLIES_S, rng)
+    q = np.round(np.array([0.92, 0.38, 0.05, 0.05]) + 2e-3 * rng.standard_normal((len(rest), 4)), 2)
+    q[:20] = 0.0
+    rest = FlightLog({**rest.columns, **dict(zip(COLUMNS["q_world_body"], q.T, strict=True))}, {})
+    ((begin_s, end_s),) = contact.spans(only(joined(rest, flown()), *POSE))
+    assert begin_s == 0.0
+    assert end_s > FLIES_S - 1.0
+
+
 def test_a_log_in_microseconds_is_looked_at_without_the_pose():
     log = only(flown(), *POSE)
     assert contact.spans(FlightLog({**log.columns, "time_s": 1e6 * log.time_s}, {})) == ()

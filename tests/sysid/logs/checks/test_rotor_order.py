@@ -218,9 +218,35 @@ def test_commands_show_the_order_and_are_no_witness_of_the_spins(log, truth, ord
     assert all(np.array_equal(mended.columns[name], right.columns[name]) for name in names)
 
 
-def test_commands_that_answer_disturbances_show_no_order(log, truth):
-    """What a controller does against gusts turns the body the other way."""
-    rng = np.random.default_rng(4)
-    told = commanded(log, list(RATIOS), (0, 1, 2, 3))
-    rates = {name: -0.2 * told.columns[name] + rng.standard_normal(len(log)) for name in RATES}
-    assert examine(changed(told, **rates), truth).order is None
+def in_gusts(truth, rng: np.random.Generator, order: tuple[int, ...]) -> FlightLog:
+    """Commands of a controller that holds still in gusts, by rates and their slopes; the rotors lag by 40 ms."""
+    hub, step_s, steps = truth.hub_body_m, 0.005, 8000
+    axes = np.stack([np.sign(hub[:, 1]), -np.sign(hub[:, 0]), -truth.spin])
+    rate, driven, gust = np.zeros((3, 3))
+    rates, squares = np.empty((steps, 3)), np.empty((steps, 4))
+    for k in range(steps):
+        gust = 0.78 * gust + 4.0 * rng.standard_normal(3)  # lasts for 20 ms
+        asked = -30.0 * rate - 0.8 * (driven + gust)
+        driven = driven + step_s / 0.04 * (asked - driven)
+        rate = rate + step_s * (driven + gust)
+        rates[k], squares[k] = rate, 950.0**2 + 5e3 * (np.linalg.pinv(axes) @ asked)
+    ratio = (np.sqrt(squares) / 2000.0 + 1e-4 * rng.standard_normal(squares.shape))[:, list(order)]
+    noisy = rates + 0.01 * rng.standard_normal(rates.shape)
+    columns = {**dict(zip(RATES, noisy.T, strict=True)), **dict(zip(RATIOS, ratio.T, strict=True))}
+    return FlightLog({"time_s": step_s * np.arange(steps), **columns}, {})
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (2, 3, 0, 1), (3, 2, 1, 0)])
+def test_commands_that_answer_gusts_show_no_order(truth, order):
+    """They turn the body the other way, after it turned."""
+    found = examine(in_gusts(truth, np.random.default_rng(4), order), truth)
+    assert found.order is None
+    assert found.delay_s > -rotor_order.LEAST_LEAD_S
+
+
+def test_rotor_speeds_too_slow_to_tell_leave_it_to_the_commands(log, truth):
+    """As of ESCs that answer ten times a second."""
+    told = commanded(log, list(RATIOS), (3, 2, 1, 0))
+    rare = {name: np.where(np.arange(len(log)) % 10 == 0, log.columns[name], np.nan) for name in ROTORS}
+    found = examine(changed(told, **rare), truth)
+    assert (found.order, found.columns) == ((3, 2, 1, 0), RATIOS)

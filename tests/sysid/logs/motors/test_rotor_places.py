@@ -31,7 +31,7 @@ def at_places(vehicle, places: tuple[str, ...]):
 
 @pytest.mark.parametrize("places", FIRMWARES)
 def test_a_firmwares_columns_are_taken_by_place(log, truth, places):
-    one = rotor_places.told(hovering(log), places)
+    one = rotor_places.with_places(hovering(log), places)
     assert not [f for f in check_log(one, at_places(truth, places)).findings if f.what == "rotor order"]
     mended = fix(one, truth)
     if rotor_places.order(one, truth) != (0, 1, 2, 3):
@@ -44,12 +44,13 @@ def test_a_firmwares_columns_are_taken_by_place(log, truth, places):
 
 @pytest.mark.parametrize("places", FIRMWARES)
 def test_a_flight_that_shows_its_order_is_believed_before_its_firmware(log, truth, places):
-    told = rotor_places.told(log, places)
+    told = rotor_places.with_places(log, places)
+    assert rotor_places.order(told, truth) != (0, 1, 2, 3)
     assert not [f for f in check_log(told, truth).findings if f.what == "rotor order"]
 
 
 def test_a_vehicle_on_its_axes_or_a_log_of_another_stack_says_nothing(log, truth):
     plus = replace(truth, hub_body_m=np.array([[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [-0.1, 0.0, 0.0], [0.0, -0.1, 0.0]]))
     assert rotor_places.of_vehicle(plus) == ("front", "left", "rear", "right")
-    assert rotor_places.order(rotor_places.told(log, rotor_places.CRAZYFLIE), plus) is None
+    assert rotor_places.order(rotor_places.with_places(log, rotor_places.CRAZYFLIE), plus) is None
     assert rotor_places.order(log, truth) is None
