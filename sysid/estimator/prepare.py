@@ -15,7 +15,7 @@ from sysid.estimator.flights.flight_data import Flight, IndexArray, LeadIn
 from sysid.estimator.flights.sampling import Stretch
 from sysid.estimator.motors import battery, motor, rotor_speed
 from sysid.estimator.options import Options
-from sysid.logs import full_throttle
+from sysid.logs import full_throttle, low_pass
 from sysid.logs.apply import apply
 from sysid.logs.checks import contact, gyro_clock
 from sysid.logs.checks.clocks import Offset
@@ -298,6 +298,7 @@ def _flight(
         carries_payload=carries_payload(log),
         commands_on_time=by_command and not options.estimate_command_delay,
         full_throttle_rad_s=log.metadata.get(full_throttle.KEY) if by_command else None,
+        accelerometer_low_pass=low_pass.of(log),
     )
     return _after_lead_in(flight) if by_command else flight
 
