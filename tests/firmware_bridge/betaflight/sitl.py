@@ -111,7 +111,6 @@ def flying(folder: Path) -> Iterator[Sitl]:
         said = (folder / "said.txt").stat().st_size
         with _running(folder) as process:
             waiting.until(lambda: b"[lock step] ready" in (folder / "said.txt").read_bytes()[said:], "its start")
-            motors.recv(64)  # what it sends unasked, once, when it starts
             firmware_in_flight = Sitl(motors, out, process)
             firmware_in_flight.step(FIRST_S, **AT_REST)  # it compares the clocks of the next two packets only
             yield firmware_in_flight

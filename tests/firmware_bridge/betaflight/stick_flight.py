@@ -127,7 +127,7 @@ class _Pilot:
         rate[2] = {"yaw": 5.0, "throttle": 0.3, "tilt": 0.3}.get(stage, 0.0) * stick[2]
         height, climb = plant.position_world_m[2], plant.velocity_world_m_s[2]
         wanted = 25.0 if stage != "land" else max(-1.0, 25.0 * (1.0 - (time_s - ENDS_S[5]) / 10.0))
-        lift = HOVER + np.clip(0.02 * (wanted - height), -0.12, 0.15) - 0.05 * climb
+        lift = HOVER + np.clip(0.03 * (wanted - height), -0.3, 0.15) - 0.05 * climb
         lift += {"throttle": 0.22, "tilt": 0.05, "yaw": 0.05}.get(stage, 0.0) * stick[3]
         roll, pitch, yaw = np.clip(rate / LARGEST_RATE_RAD_S, -1.0, 1.0)
         throttle = 1000.0 + 1000.0 * float(np.clip(lift, 0.06, 1.0))
