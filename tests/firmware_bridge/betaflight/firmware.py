@@ -86,4 +86,7 @@ def _run(command: list[str], folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    print(program())
+    try:
+        program()
+    except UnavailableError as reason:
+        sys.exit(str(reason))

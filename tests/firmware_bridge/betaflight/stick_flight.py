@@ -27,6 +27,8 @@ LATE_STEPS = 2
 PLACE_M = np.array([0.01, -0.006, 0.008])
 """Of the accelerometer, from the centre of mass."""
 GYRO_RAD_S, ACCELEROMETER_M_S2 = 0.02, 0.5
+ATTITUDE_RAD = 2e-4
+"""Noise of the attitude, which the simulator gives to the firmware: an estimate is never quite at rest."""
 SHAKEN_RAD_S, SHAKEN_M_S2, SHAKEN_BY_RAD_S = 0.1, 3.0, 1050.0
 LARGEST_RATE_RAD_S = np.deg2rad(1000.0)
 SETTINGS = (
@@ -52,6 +54,8 @@ class Flown:
     log: Path
     position_world_m: FloatArray
     """(n, 3) at each step."""
+    rate_body_rad_s: FloatArray
+    """(n, 3)."""
 
 
 def truth() -> Vehicle:
@@ -81,14 +85,17 @@ def fly(folder: Path, rng: np.random.Generator) -> Flown:
         settings = sitl.configure(folder, SETTINGS)
         plant = Plant(body, State(), rng=rng, wind=Wind((1.0, -0.5, 0.0), gust_std_m_s=0.5), ground_m=0.0)
         with sitl.flying(folder) as firmware:
-            way = _flown(plant, firmware, _Pilot(rng), rng)
+            way, rate = _flown(plant, firmware, _Pilot(rng), rng)
     (log,) = folder.glob("LOG*.BF*")
-    return Flown(body, settings, log, way)
+    return Flown(body, settings, log, way, rate)
 
 
-def _flown(plant: Plant, firmware: sitl.Sitl, pilot: "_Pilot", rng: np.random.Generator) -> FloatArray:
+def _flown(
+    plant: Plant, firmware: sitl.Sitl, pilot: "_Pilot", rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Position and body rate at each step."""
     waiting = [np.zeros(4)] * LATE_STEPS
-    before, way = np.zeros(3), np.empty((round(ENDS_S[-1] / STEP_S), 3))
+    before, (way, rates) = np.zeros(3), np.empty((2, round(ENDS_S[-1] / STEP_S), 3))
     for k in range(len(way)):
         time_s, rate = 1.0 + k * STEP_S, plant.rate_body_rad_s
         turning, before = (rate - before) / STEP_S, rate
@@ -100,20 +107,21 @@ def _flown(plant: Plant, firmware: sitl.Sitl, pilot: "_Pilot", rng: np.random.Ge
             time_s,
             rate_body_rad_s=rate + GYRO_RAD_S * rng.standard_normal(3) + SHAKEN_RAD_S * shake,
             specific_force_body_m_s2=felt + ACCELEROMETER_M_S2 * rng.standard_normal(3) + SHAKEN_M_S2 * shake,
-            q_world_body=plant.q_world_body,
+            q_world_body=rotations.multiply(plant.q_world_body, rotations.exp(ATTITUDE_RAD * rng.standard_normal(3))),
             position_world_m=plant.position_world_m,
             velocity_world_m_s=plant.velocity_world_m_s,
         )
-        way[k] = plant.position_world_m
+        way[k], rates[k] = plant.position_world_m, rate
         waiting.append(firmware.outputs)
         plant.step(FULL_RAD_S * waiting.pop(0), STEP_S)
-    return way
+    return way, rates
 
 
 class _Pilot:
     """Sees attitude, height and drift, and moves four sticks."""
 
     def __init__(self, rng: np.random.Generator) -> None:
+        self._missing_m_s = 0.0
         self._stick = rng.uniform(-1.0, 1.0, (int(ENDS_S[-1] / BLOCK_S) + 1, 4))
 
     def sticks(self, plant: Plant, time_s: float) -> list[float]:
@@ -127,7 +135,9 @@ class _Pilot:
         rate[2] = {"yaw": 5.0, "throttle": 0.3, "tilt": 0.3}.get(stage, 0.0) * stick[2]
         height, climb = plant.position_world_m[2], plant.velocity_world_m_s[2]
         wanted = 25.0 if stage != "land" else max(-1.0, 25.0 * (1.0 - (time_s - ENDS_S[5]) / 10.0))
-        lift = HOVER + np.clip(0.03 * (wanted - height), -0.3, 0.15) - 0.05 * climb
+        slower = float(np.clip(0.8 * (wanted - height), -3.0, 4.0)) - climb
+        self._missing_m_s = float(np.clip(self._missing_m_s + 0.01 * slower, -2.0, 2.0))
+        lift = HOVER + 0.08 * slower + 0.1 * self._missing_m_s
         lift += {"throttle": 0.22, "tilt": 0.05, "yaw": 0.05}.get(stage, 0.0) * stick[3]
         roll, pitch, yaw = np.clip(rate / LARGEST_RATE_RAD_S, -1.0, 1.0)
         throttle = 1000.0 + 1000.0 * float(np.clip(lift, 0.06, 1.0))
