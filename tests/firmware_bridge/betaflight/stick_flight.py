@@ -132,7 +132,7 @@ class _Pilot:
         stick = self._stick[int(time_s / BLOCK_S)]
         rate = self._level(plant)
         rate[:2] += {"tilt": 5.0, "throttle": 0.4, "yaw": 0.4}.get(stage, 0.0) * stick[:2]
-        rate[2] = {"yaw": 5.0, "throttle": 0.3, "tilt": 0.3}.get(stage, 0.0) * stick[2]
+        rate[2] = {"yaw": 2.0, "throttle": 0.3, "tilt": 0.3}.get(stage, 0.0) * stick[2]
         height, climb = plant.position_world_m[2], plant.velocity_world_m_s[2]
         wanted = 25.0 if stage != "land" else max(-1.0, 25.0 * (1.0 - (time_s - ENDS_S[5]) / 10.0))
         slower = float(np.clip(0.8 * (wanted - height), -3.0, 4.0)) - climb
