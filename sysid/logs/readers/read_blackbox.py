@@ -54,9 +54,12 @@ def read(path: Path) -> FlightLog:
         notes.append(note)
     if "position_world_m" not in streams:
         notes.append(NO_POSITION)
-    log = assembled(path, streams, notes, recorded.lost)
     through = _accelerometer_low_pass(recorded)
-    return log if through is None else FlightLog(log.columns, log.metadata | through.metadata())
+    if through is not None:
+        cutoff_hz = 0.01 * _setting(recorded, "acc_lpf_hz", 0.0)
+        notes.append(f"accelerometer: behind a low-pass of {cutoff_hz:g} Hz, which a fit allows for")
+    log = assembled(path, streams, notes, recorded.lost)
+    return log if through is None else FlightLog(log.columns, {**log.metadata, **through.metadata()})
 
 
 def _unwrapped(stamp_us: NDArray[np.int64]) -> FloatArray:

@@ -77,7 +77,7 @@ def test_a_fit_to_it_finds_the_body(flown, fitted):
     truth = flown.truth
     assert document["verdict"]["use"] == "usable"
     for name in (*INERTIAS, *LAGS):
-        assert found.value(name) == pytest.approx(truth.value(name), rel=0.03), name
+        assert found.value(name) == pytest.approx(truth.value(name), rel=0.02), name
     for name in LAGS:
         estimate = document["parameters"][name]
         assert abs(estimate["value"] - truth.value(name)) < estimate["interval90"]
