@@ -302,7 +302,8 @@ def main() -> None:
     parser.add_argument("--data", type=Path, help="folder of the public flights")
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        flights = [log for log, _ in zip(flown(chosen.good), range(max(chosen.good, chosen.flights)), strict=False)]
+        count = max(chosen.good, chosen.flights, 3 * chosen.fits)
+        flights = [log for log, _ in zip(flown(count), range(count), strict=False)]
         detection(flights[: chosen.flights], Path(folder))
         false_events(flights[: chosen.good], chosen.data)
         fits(flights[2 : 2 + 3 * chosen.fits : 3], Path(folder))

@@ -116,7 +116,8 @@ def flown(
         turning = (rate - turn_before) / STEP_S if k else np.zeros((m, 3))
         turn_before = rate
         here = np.array(recorder.place_m)
-        felt = fleet.specific_force_body_m_s2 + np.cross(turning, here) + np.cross(rate, np.cross(rate, here))
+        felt = fleet.specific_force_body_m_s2 + rotations.cross(turning, here)
+        felt = felt + rotations.cross(rate, rotations.cross(rate, here))
         shake = np.sin(1050.0 * k * STEP_S + np.arange(3)) * recorder.vibration
         noisy = rate + recorder.gyro_rad_s * rng.standard_normal((m, 3)) * 2.0 + 0.1 * shake
         filtered = filtered + _share(recorder.gyro_cutoff_hz) * (noisy - filtered)

@@ -344,24 +344,23 @@ def twists(time_s: FloatArray, T_world_body: FloatArray) -> FloatArray:
     twist = np.full((len(time_s), 6), np.nan)
     placed = np.flatnonzero(np.isfinite(T_world_body[:, 0, 0]) & np.isfinite(time_s))
     placed = placed[np.argsort(time_s[placed], kind="stable")]
-    for k, here in enumerate(placed):
-        first = max(min(k - 1, len(placed) - 3), 0)
-        three = placed[first : first + 3]
-        steps_s = np.diff(time_s[three])
-        if len(three) < 3 or steps_s.min() <= 0.0 or steps_s.max() > LONGEST_STEP_S:
-            continue
-        others = three[three != here]
-        lags_s = time_s[others] - time_s[here]
-        to_body = frames.invert(T_world_body[here])
-        near, far = (_step(to_body @ T_world_body[i]) for i in others)
-        a_s, b_s = lags_s
-        twist[here] = (near * b_s / a_s - far * a_s / b_s) / (b_s - a_s)
+    if len(placed) < 3:
+        return twist
+    here = np.arange(len(placed))
+    three = np.clip(here - 1, 0, len(placed) - 3)[:, None] + np.arange(3)
+    steps_s = np.diff(time_s[placed[three]], axis=1)
+    near_in_time = (steps_s.min(axis=1) > 0.0) & (steps_s.max(axis=1) <= LONGEST_STEP_S)
+    others = three[three != here[:, None]].reshape(-1, 2)[near_in_time]
+    here, others = placed[near_in_time], placed[others]
+    a_s, b_s = (time_s[others] - time_s[here, None]).T[:, :, None]
+    near, far = (_step(frames.invert(T_world_body[here]) @ T_world_body[other]) for other in others.T)
+    twist[here] = (near * b_s / a_s - far * a_s / b_s) / (b_s - a_s)
     return twist
 
 
 def _step(T: FloatArray) -> FloatArray:
-    """(6,) rotation vector and translation of a motion."""
-    return np.concatenate([rotations.log(rotations.from_matrix(T[:3, :3])), T[:3, 3]])
+    """(n, 6) rotation vectors and translations of motions (n, 4, 4)."""
+    return np.concatenate([rotations.log(rotations.from_matrix(T[:, :3, :3])), T[:, :3, 3]], axis=1)
 
 
 def _robust(residual: FloatArray, redundancy: float) -> tuple[float, float, FloatArray]:

@@ -9,6 +9,8 @@ from sysid.logs.checks.finding import turn_in_words
 from sysid.logs.events.event import SPLITS, UPRIGHT, splits
 from sysid.logs.events.frozen import within
 from sysid.logs.events.repair import Repair
+from sysid.logs.motors import rotor_places
+from sysid.logs.motors.full_throttle import COMMAND, RATIOS
 from sysid.logs.readers.streams import shifted
 
 
@@ -32,10 +34,10 @@ def apply(log: FlightLog, repair: Repair) -> FlightLog:
             log = FlightLog(columns, {**log.metadata, SPLITS: [list(span) for span in both]})
             return _one_attitude(log, repair)
         case "rotor order":
-            for quantity in ("rotor_speed_rad_s", "rotor_speed_command_rad_s"):  # the same motors, in the same order
-                names = COLUMNS[quantity]
-                if log.has(quantity):
+            for names in (COLUMNS["rotor_speed_rad_s"], COLUMNS[COMMAND], RATIOS):  # of the same motors, in one order
+                if all(name in columns for name in names):
                     columns |= {names[i]: log.columns[names[k]] for i, k in enumerate(repair.order)}
+            log = FlightLog(columns, rotor_places.reordered(log.metadata, repair.order))
         case _:
             for quantity, names in COLUMNS.items():
                 if log.has(quantity) and set(names) <= set(there):
@@ -129,7 +131,7 @@ def words(repair: Repair) -> str:
                 ", and turned the shorter piece's attitude back" if any(repair.turn_rad) else ""
             )
         case "rotor order":
-            return f"took columns {list(repair.order)} of rotor speed (and of its command) as rotors 0 to 3"
+            return f"took columns {list(repair.order)} of rotor speed and command as rotors 0 to 3"
         case "drop":
             return f"dropped {names}"
         case "flip":

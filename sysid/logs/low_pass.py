@@ -54,4 +54,4 @@ def _discrete(low_pass: LowPass, step_s: float) -> tuple[FloatArray, FloatArray]
     rates[1] = [-w * w, -2.0 * d * w, 0.0, w * w]
     after = expm(rates * step_s)
     over, under = ss2tf(after[:2, :2], after[:2, 3:], after[2:3, :2] / step_s, after[2:3, 3:] / step_s)
-    return over[0], under
+    return np.asarray(over[0], dtype=np.float64), np.asarray(under, dtype=np.float64)

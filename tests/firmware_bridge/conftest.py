@@ -1,7 +1,10 @@
-"""Curves to fly and a closed loop to fly them in: the C controller round the SITL vehicle's plant."""
+"""Curves to fly and a closed loop to fly them in: the C controller round the SITL vehicle's plant; the C compiled."""
 
+import shutil
+import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +15,9 @@ from firmware_bridge import controller as ctl
 from flight import FloatArray, Trajectory, polynomial, rotations
 from vehicle import simulate
 
+LIBRARY = Path(__file__).parents[2] / "firmware_bridge" / "controller"
+INCLUDES = (f"-I{LIBRARY / 'include'}", "-isystem", str(LIBRARY.parent / "dialect" / "generated"))
+SANITIZERS = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 Curve = Callable[[FloatArray], FloatArray]
 
 
@@ -189,3 +195,34 @@ def curves() -> SimpleNamespace:
 def flight_of() -> type[Flight]:
     """The closed loop; call it with options."""
     return Flight
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """The controller's objects, and the flags that sources to be linked with them are compiled with."""
+
+    flags: tuple[str, ...]
+    objects: list[Path]
+
+
+@pytest.fixture(scope="session")
+def debug_build(made_once) -> Compiled:
+    """Of the library, with sanitizers where the compiler has them: once for all tests of it."""
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is not installed")
+
+    def compile_all(folder: Path) -> None:
+        sources = sorted((LIBRARY / "src").rglob("*.c"))
+        subprocess.run(["gcc", *flags, *INCLUDES, "-c", *sources], cwd=folder, check=True)
+
+    probe = ["gcc", *SANITIZERS, "-x", "c", "-", "-o", "/dev/null"]
+    has_sanitizers = subprocess.run(probe, input=b"int main(void) { return 0; }", capture_output=True).returncode == 0
+    flags = ("-std=c11", "-g", *(SANITIZERS if has_sanitizers else ()), "-fno-math-errno", "-DTC_MAX_SEGMENTS=32")
+    return Compiled(flags, sorted(made_once("debug_build", compile_all).glob("*.o")))
+
+
+@pytest.fixture(scope="session")
+def sanitized(debug_build: Compiled) -> Compiled:
+    if not set(SANITIZERS) <= set(debug_build.flags):
+        pytest.skip("this gcc has no address and undefined-behaviour sanitizers")
+    return debug_build

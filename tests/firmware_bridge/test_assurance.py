@@ -40,17 +40,8 @@ def _run(*command: object) -> str:
     return done.stdout
 
 
-def _has_sanitizers(folder: Path) -> bool:
-    (folder / "probe.c").write_text("int main(void) { return 0; }\n")
-    probe = ["gcc", "-fsanitize=address,undefined", str(folder / "probe.c"), "-o", str(folder / "probe")]
-    return subprocess.run(probe, capture_output=True, check=False).returncode == 0
-
-
-def test_every_case_of_codec_link_state_machine_and_failsafes_holds(tmp_path):
-    _need("gcc")
-    sanitizers = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all") if _has_sanitizers(tmp_path) else ()
-    flags = ("-std=c11", "-g", *sanitizers, "-fno-math-errno", "-DTC_MAX_SEGMENTS=32")
-    _run("gcc", *flags, *INCLUDES, *assure.CASES, *assure.sources(), "-lm", "-o", tmp_path / "cases")
+def test_every_case_of_codec_link_state_machine_and_failsafes_holds(debug_build, tmp_path):
+    _run("gcc", *debug_build.flags, *INCLUDES, *assure.CASES, *debug_build.objects, "-lm", "-o", tmp_path / "cases")
     checks = int(_run(tmp_path / "cases").split()[0])
     assert checks > 100_000
 

@@ -96,14 +96,10 @@ def test_headers_stand_alone_in_c_and_in_cpp(tmp_path):
             )
 
 
-def test_a_whole_mission_is_clean_under_sanitizers(tmp_path):
-    _need("gcc")
-    probe = tmp_path / "probe.c"
-    probe.write_text("int main(void) { return 0; }\n")
-    sanitizers = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-    if subprocess.run(["gcc", *sanitizers, probe, "-o", tmp_path / "probe"], capture_output=True).returncode:
-        pytest.skip("this gcc has no address and undefined-behaviour sanitizers")
-    crc, states = _run(_host("gcc", tmp_path / "driver", "-O1", "-g", *sanitizers), TICKS).split()
+def test_a_whole_mission_is_clean_under_sanitizers(sanitized, tmp_path):
+    driver, sources = tmp_path / "driver", (TEST / "driver.c", TEST / "host_main.c")
+    _run("gcc", *sanitized.flags, *INCLUDES, *sources, *sanitized.objects, "-o", driver, "-lm")
+    crc, states = _run(driver, TICKS).split()
     assert int(states, 16) == 0b0110_1111_1111  # every state but stopping, emergency and fault
     assert int(crc, 16) != 0
 
@@ -130,13 +126,16 @@ def test_no_source_uses_double_or_recursion_prone_constructs():
             assert word not in code, f"{source.name}: {word}"
 
 
-def test_with_the_observer_off_the_flight_is_bit_for_bit_that_of_a_controller_without_one(tmp_path):
+def test_with_the_observer_off_the_flight_is_bit_for_bit_that_of_a_controller_without_one(archive, tmp_path):
     """What the last controller before the observer (parent of e885142f) said in this flight, until it is down."""
-    _need("gcc")
-    off = _host("gcc", tmp_path / "off", "-O2", "-DADJUST=parameters.observer=0.0f;")
-    assert _run(off, 29_000).split() == ["6d2efbae", "06ff"]
-    on = _host("gcc", tmp_path / "on", "-O2")
-    assert _run(on, 29_000).split()[0] != "6d2efbae"
+
+    def driver(name: str, *flags: str) -> Path:
+        sources = (TEST / "driver.c", TEST / "host_main.c", archive)
+        _run("gcc", *STRICT, "-O2", "-no-pie", *flags, *INCLUDES, *sources, "-o", tmp_path / name, "-lm")
+        return tmp_path / name
+
+    assert _run(driver("off", "-DADJUST=parameters.observer=0.0f;"), 29_000).split() == ["6d2efbae", "06ff"]
+    assert _run(driver("on"), 29_000).split()[0] != "6d2efbae"
 
 
 @pytest.mark.slow

@@ -6,10 +6,18 @@ from pathlib import Path
 import pytest
 
 from gcs_web import GroundStation
+from gcs_web.map import display_mesh
 from tests.gcs_web.in_browser import CHROMIUM, FLAGS, opened, tab, visited
-from tests.gcs_web.two_pillars import serving, start_again
+from tests.gcs_web.two_pillars import TRIANGLES, serving, shown, start_again
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
+
+
+@pytest.fixture(scope="session")
+def pillar_map(pillar_map: Path, made_once) -> Path:
+    """With what the 3D view shows of it beside it."""
+    made_once(shown(pillar_map).name, lambda folder: display_mesh.load(pillar_map / "mesh.glb", TRIANGLES, folder))
+    return pillar_map
 
 
 @pytest.fixture(scope="module")

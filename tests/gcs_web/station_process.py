@@ -1,7 +1,6 @@
 """`goshawk gcs` as a process of its own, over real sockets, as browsers and attackers meet it."""
 
 import re
-import shutil
 import subprocess
 import sys
 import threading
@@ -12,15 +11,15 @@ import numpy as np
 
 import vehicle
 from flight import Waypoints, project
+from tests.gcs_web.two_pillars import START, TRIANGLES, add_map
 from tests.waiting import until
 
-START = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, 1.2], [5.2, 0.8, 1.2]])
 _ADDRESS = re.compile(r"https?://\S+/\?token=\S+")
 
 
 def new_project(folder: Path, pillar_map: Path, *, name: str = "two pillars") -> project.Project:
     opened = project.create(folder, name)
-    shutil.copytree(pillar_map, opened.map)
+    add_map(opened, pillar_map)
     vehicle.save(opened.vehicle, vehicle.example("rigter2019"))
     project.save_waypoints(opened.waypoints, Waypoints(START, np.full(len(START), np.nan)))
     return opened
@@ -30,7 +29,8 @@ class StationProcess:
     """A running `goshawk gcs`; use as a context manager."""
 
     def __init__(self, folder: Path, *options: object) -> None:
-        command = [sys.executable, "-u", "-m", "goshawk", "gcs", folder, "--port", "0", "--triangles", "500", *options]
+        shown = ("--port", 0, "--triangles", TRIANGLES)
+        command = [sys.executable, "-u", "-m", "goshawk", "gcs", folder, *shown, *options]
         self.process = subprocess.Popen(
             [str(part) for part in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
         )

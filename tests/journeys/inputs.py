@@ -18,6 +18,7 @@ from goshawk.rendered import scene as rendered_room
 from goshawk.rendered import world as rendered_world
 from mapping.camera.rig import forward_camera
 from tests.goshawk import foreign_log
+from tests.sysid.logs.readers import encode_dataflash
 from vehicle import draft, flights, manoeuvres
 from vehicle.draft import Known
 
@@ -135,6 +136,14 @@ def with_crazyflie(folder: Path) -> None:
     (folder / "flight.csv").write_text(
         "\n".join([",".join(parts), *(",".join(f"{value:.9g}" for value in row) for row in rows)])
     )
+
+
+def with_dataflash(folder: Path) -> None:
+    """An ArduPilot log: NED and FRD, motors in its order."""
+    log = lap()
+    velocity = np.gradient(log.vector("position_world_m"), log.time_s, axis=0)
+    columns = dict(zip(flight_log.COLUMNS["velocity_world_m_s"], velocity.T, strict=True))
+    (folder / "flight.bin").write_bytes(encode_dataflash.encode(FlightLog({**log.columns, **columns}, log.metadata)))
 
 
 def with_recording(folder: Path) -> None:

@@ -21,6 +21,7 @@ from flight import FlightLog, flight_log, trajectory
 from sysid.estimator.validation.comparison import HORIZONS_S, QUANTITIES
 from sysid.estimator.validation.protocol import PROTOCOLS
 from tests.journeys import inputs
+from vehicle.invert import open_air
 
 PORT = "14561"
 """What the journeys write; a test takes a free one instead."""
@@ -182,9 +183,37 @@ def test_own_waypoints_become_a_flown_log(tmp_path, pillar_map):
     assert (tmp_path / "lap.html").exists()
 
 
+SD_CARD = ROOT.parent / "shared" / "data" / "flight" / "crazyflie_motor_lag_arpl"
+PUBLISHED_INERTIA_KG_M2 = {"xx": 1.03e-5, "yy": 1.105e-5}
+PUBLISHED_THRUST_N = {0.5: 0.0457, 0.7: 0.0723}
+"""Of one rotor by command (Eschmann, Albani and Loianno 2024: .0213 - .0112 u + .1201 u^2)."""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    not SD_CARD.exists(), reason="the real flights are not beside this repository (../shared/data/flight)"
+)
+def test_logs_of_a_real_crazyflies_sd_card_become_the_published_vehicle(tmp_path):
+    for log, name in (("log10", "throttle"), ("log15", "turns")):
+        (tmp_path / name).write_bytes((SD_CARD / log).read_bytes())
+    walk("crazyflie_sd_card", tmp_path)
+    fitted = vehicle.load(tmp_path / "fitted.toml")
+    for axis, published in PUBLISHED_INERTIA_KG_M2.items():
+        found = fitted.parameter(f"inertia_{axis}_kg_m2")
+        assert abs(found.value - published) < 2.0 * found.std
+        assert found.std < 0.15 * published
+    for command, published in PUBLISHED_THRUST_N.items():
+        speed = np.full((1, 4), command * fitted.limits.rotor_speed_max_rad_s)
+        thrust = vehicle.wrench(fitted, np.zeros((1, 3)), np.zeros((1, 3)), speed, open_air(1))[0][0, 2] / 4.0
+        assert thrust == pytest.approx(published, rel=0.05)
+    for side in ("rise", "fall"):
+        assert 0.04 < fitted.value(f"motor_lag.{side}_s") < 0.11
+
+
 LEARNING = {
     # journey: what is there before it, and which of our rotors its vehicle file counts first, second ...
     "px4_log": (inputs.with_ulog, inputs.PX4_ORDER),
+    "ardupilot_log": (inputs.with_dataflash, (0, 1, 2, 3)),
     "ros_recording": (inputs.with_recording, (0, 1, 2, 3)),
     "crazyflie_csv": (inputs.with_crazyflie, (0, 1, 2, 3)),
     "own_telemetry": (inputs.with_own_telemetry, (0, 1, 2, 3)),

@@ -16,6 +16,7 @@ from flight.frames import GRAVITY_M_S2
 GRAVITY = np.array([0.0, 0.0, -GRAVITY_M_S2])
 HUBS = 0.0885 * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 SPIN = np.array([-1.0, 1.0, -1.0, 1.0])
+GUSTS_PER_SAMPLE = 3
 RHO_AREA = 1.2 * np.pi * 0.0635**2
 
 
@@ -56,8 +57,9 @@ def thrust(truth: Truth, speed: np.ndarray, axial: np.ndarray, lateral: np.ndarr
     for _ in range(6):
         through = axial + induced
         along = np.hypot(through, lateral)
-        surplus = static + slope * induced - 2.0 * RHO_AREA * induced * along
-        induced = induced - surplus / (slope - 2.0 * RHO_AREA * (along + induced * through / along))
+        surplus_slope = slope - 2.0 * RHO_AREA * along
+        surplus = static + induced * surplus_slope
+        induced = induced - surplus / (surplus_slope - 2.0 * RHO_AREA * induced * through / along)
     return static + slope * induced
 
 
@@ -67,14 +69,12 @@ def wrench(truth: Truth, velocity: np.ndarray, rate: np.ndarray, speed: np.ndarr
     axial = velocity[:, 2:] + rate[:, :1] * arm[:, 1] - rate[:, 1:2] * arm[:, 0]
     lateral = np.hypot(velocity[:, :1] - rate[:, 2:] * arm[:, 1], velocity[:, 1:2] + rate[:, 2:] * arm[:, 0])
     lift = thrust(truth, speed, axial, lateral)
-    drag = np.array([truth.drag_xy, truth.drag_xy, truth.drag_z])
-    force = -drag * np.abs(velocity) * velocity
-    force[:, :2] -= truth.rotor_drag * lift.sum(axis=1, keepdims=True) * velocity[:, :2]
-    force[:, 2] += lift.sum(axis=1)
-    torque = np.stack(
-        [(lift * arm[:, 1]).sum(axis=1), -(lift * arm[:, 0]).sum(axis=1), -truth.c_q * (SPIN * speed**2).sum(axis=1)],
-        axis=1,
-    )
+    collective = lift @ np.ones(4)
+    force = -np.array([truth.drag_xy, truth.drag_xy, truth.drag_z]) * np.abs(velocity) * velocity
+    force[:, :2] -= truth.rotor_drag * collective[:, None] * velocity[:, :2]
+    force[:, 2] += collective
+    torque = np.empty_like(force)
+    torque[:, 0], torque[:, 1], torque[:, 2] = lift @ arm[:, 1], -lift @ arm[:, 0], -truth.c_q * (speed**2 @ SPIN)
     if truth.extra is not None:
         more_force, more_torque = truth.extra(velocity, rate, speed)
         force, torque = force + more_force, torque + more_torque
@@ -132,16 +132,14 @@ def fly(
     attitude_noise_rad: float = 2e-3,
     rotor_noise_rad_s: float = 4.0,
     gyro_noise_rad_s: float | None = None,
-    steps_per_sample: int | None = None,
 ) -> list[FlightLog]:
     """Fly all references at once with the fourth-order Runge-Kutta rule, and record noisy logs.
 
-    One step per sample moves what three steps log by 0.01 mm, 0.001 deg and 0.1 rad/s, a fortieth of its noise at most;
-    three where gusts are drawn anew at each.
+    One step per sample moves what three steps log by 0.01 mm, 0.001 deg and 0.1 rad/s, a fortieth of its noise at most.
+    Gusts are drawn anew several times in each.
     """
-    steps_per_sample = steps_per_sample or (3 if truth.gust or truth.gust_torque else 1)
-    h = 1.0 / (rate_hz * steps_per_sample)
-    samples = int(duration_s * rate_hz) + 1
+    step_s, gust_s = 1.0 / rate_hz, 1.0 / (rate_hz * GUSTS_PER_SAMPLE)
+    samples, gusty = int(duration_s * rate_hz) + 1, bool(truth.gust or truth.gust_torque)
     position, velocity, _, yaw = reference(0.0)
     velocity = 0.0 * velocity
     state = np.concatenate(
@@ -149,17 +147,16 @@ def fly(
     )
     kept = np.empty((samples, flights, 21))
     gust = np.zeros((flights, 6))
-    lasts = np.exp(-h / truth.gust_time)
+    lasts = np.exp(-gust_s / truth.gust_time)
     fresh = np.sqrt(1.0 - lasts * lasts) * np.repeat([truth.gust, truth.gust_torque], 3)
     for sample in range(samples):
         command = _control(truth, state, reference(sample / rate_hz))
         kept[sample] = np.concatenate([state, command], axis=1)
-        for _ in range(steps_per_sample):
-            state = _step(truth, state, command, h)
-            if fresh.any():
-                gust = lasts * gust + fresh * rng.standard_normal((flights, 6))
-                state[:, 3:6] += h * gust[:, :3]
-                state[:, 10:13] += h * gust[:, 3:]
+        state = _step(truth, state, command, step_s)
+        for _ in range(GUSTS_PER_SAMPLE if gusty else 0):
+            gust = lasts * gust + fresh * rng.standard_normal((flights, 6))
+            state[:, 3:6] += gust_s * gust[:, :3]
+            state[:, 10:13] += gust_s * gust[:, 3:]
     time_s = np.arange(samples) / rate_hz
     return [
         _log(truth, time_s, kept[:, i], rng, position_noise_m, attitude_noise_rad, rotor_noise_rad_s, gyro_noise_rad_s)
@@ -192,10 +189,10 @@ def _derivative(truth: Truth, state: np.ndarray, command: np.ndarray) -> np.ndar
     q, rate, speed = state[:, 6:10], state[:, 10:13], state[:, 13:]
     inertia = np.array(truth.inertia)
     R = rotations.matrix(q)
-    force, torque = wrench(truth, np.einsum("nji,nj->ni", R, state[:, 3:6]), rate, speed)
+    force, torque = wrench(truth, (state[:, None, 3:6] @ R)[:, 0], rate, speed)
     turning = 0.5 * rotations.multiply(q, np.concatenate([np.zeros((len(q), 1)), rate], axis=1))
     angular = (torque - rotations.cross(rate, inertia * rate)) / inertia
-    pulled = np.einsum("nij,nj->ni", R, force) - truth.tether * np.array([1.0, 1.0, 0.0]) * state[:, :3]
+    pulled = (R @ force[..., None])[..., 0] - truth.tether * np.array([1.0, 1.0, 0.0]) * state[:, :3]
     linear = pulled / truth.mass + GRAVITY
     return np.concatenate([state[:, 3:6], linear, turning, angular, (command - speed) / truth.lag], axis=1)
 

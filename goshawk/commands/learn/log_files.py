@@ -11,7 +11,7 @@ from goshawk.commands.learn import flights, log_exports, log_outputs
 from goshawk.commands.learn.flights import marked_file
 from goshawk.terminal import console, outputs
 from sysid.logs.checks.payload import PAYLOAD_CARRIED
-from sysid.logs.full_throttle import with_command_speeds
+from sysid.logs.motors.full_throttle import with_command_speeds
 
 flight_argument = click.argument("flight", type=click.Path(path_type=Path))
 

@@ -112,15 +112,12 @@ def _interpolate(at: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
 def _from_imu(flight: Flight) -> States:
     """Attitude by turning with the gyro, pulled slowly so that the accelerometer points up; at rest at the origin."""
     n, pull_per_s = len(flight), 0.3
-    q = np.empty((n, 4))
-    up = rotations.rotate(rotations.IDENTITY, np.array([0.0, 0.0, 1.0]))
+    q, up = np.empty((n, 4)), np.array([0.0, 0.0, 1.0])
     q[0] = rotations.IDENTITY
+    step_s, rate = np.diff(flight.time_s), 0.5 * (flight.rate_body_rad_s[:-1] + flight.rate_body_rad_s[1:])
+    force = flight.specific_force_body_m_s2 / np.linalg.norm(flight.specific_force_body_m_s2, axis=1, keepdims=True)
     for k in range(n - 1):
-        h = flight.time_s[k + 1] - flight.time_s[k]
-        rate = 0.5 * (flight.rate_body_rad_s[k] + flight.rate_body_rad_s[k + 1])
-        force = flight.specific_force_body_m_s2[k]
-        seen_up = rotations.rotate(rotations.conjugate(q[k]), up)
-        tilt = np.cross(force / np.linalg.norm(force), seen_up)
-        q[k + 1] = rotations.multiply(q[k], rotations.exp(h * (rate + pull_per_s * tilt)))
+        tilt = rotations.cross(force[k], rotations.rotate(rotations.conjugate(q[k]), up))
+        q[k + 1] = rotations.multiply(q[k], rotations.exp(step_s[k] * (rate[k] + pull_per_s * tilt)))
     zero = np.zeros((n, 3))
     return States(zero, zero, rotations.normalise(q), flight.rate_body_rad_s.copy())

@@ -151,7 +151,7 @@ def _order(
     log: FlightLog, motion: Kinematics | None, vehicle: Vehicle | None, *, gyro_is_right: bool = True
 ) -> tuple[list[Finding], list[str]]:
     """Order and spins of the rotors, by the gyro, or by the attitude where the gyro is faulty or not there."""
-    if vehicle is None or not sampled(log, "rotor_speed_rad_s"):
+    if vehicle is None or not rotor_order.driver(log):
         return [], []
     if gyro_is_right and sampled(log, "rate_body_rad_s"):
         return rotor_order.check(log, (log.time_s, log.vector("rate_body_rad_s")), vehicle)
@@ -166,7 +166,7 @@ def _rotors(
 ) -> list[Finding]:
     """Unit of rotor speed, then its order and spins (`places`), then its clock."""
     if not sampled(log, "rotor_speed_rad_s"):
-        return []
+        return places
     speed = on_grid(log, "rotor_speed_rad_s", motion.time_s)
     if vehicle is None:
         if np.median(speed) > 4000.0:

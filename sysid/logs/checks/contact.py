@@ -35,7 +35,9 @@ SIGMA_OF_MAD = 1.4826
 STILL_M = 0.01
 """A pose that stays within this box ..."""
 STILL_S = 0.5
-"""... for this long stands still."""
+"""... for this long stands still ..."""
+STILL_RAD = 0.1
+"""... unless attitude or gyro show that it turned by more: then the position is frozen."""
 SMOOTHED_S = 0.1
 """Accelerometer and rotor speed are compared as means over this long."""
 SHORTEST_S = 0.2
@@ -121,7 +123,7 @@ def _blows(log: FlightLog, time_s: FloatArray, carried: FloatArray) -> list[Span
 
 
 def _still(log: FlightLog, time_s: FloatArray) -> Mask | None:
-    """(m,) whether the position stands still around each instant; None without a pose, or in another unit of time."""
+    """(m,) whether the vehicle stands still around each instant; None without a pose, or in another unit of time."""
     if not log.has("position_world_m"):
         return None
     position = log.vector("position_world_m")
@@ -133,12 +135,29 @@ def _still(log: FlightLog, time_s: FloatArray) -> Mask | None:
         return None
     at_s = np.arange(first_s, last_s, 0.5 * STILL_S)
     edges = np.searchsorted(log.time_s[known], at_s)
-    boxes = [position[known[a:b]] for a, b in zip(edges[:-2], edges[2:], strict=True)]
-    calm = np.array([len(box) > 1 and bool((np.ptp(box, axis=0) < STILL_M).all()) for box in boxes], dtype=bool)
+    q, rate = (log.vector(name)[known] if log.has(name) else None for name in ("q_world_body", "rate_body_rad_s"))
+    position = position[known]
+
+    def stands(a: int, b: int) -> bool:
+        if b - a < 2 or not (np.ptp(position[a:b], axis=0) < STILL_M).all():
+            return False
+        return _turned_rad(*(None if v is None else v[a:b] for v in (q, rate))) < STILL_RAD
+
+    calm = np.array([stands(a, b) for a, b in zip(edges[:-2], edges[2:], strict=True)], dtype=bool)
     if not len(calm):
         return np.zeros(len(time_s), dtype=bool)
     middle = np.searchsorted(at_s[1:-1] - 0.25 * STILL_S, time_s) - 1
     return calm[np.clip(middle, 0, len(calm) - 1)]
+
+
+def _turned_rad(q: FloatArray | None, rate: FloatArray | None) -> float:
+    """The largest turn that attitudes (n, 4) or the mean of the gyro (n, 3) show over `STILL_S`."""
+    turned_rad = 0.0
+    if q is not None and len(q := q[np.isfinite(q).all(axis=1)]):
+        turned_rad = float(2.0 * np.arccos(np.clip(np.abs(q @ q[0]), 0.0, 1.0)).max())
+    if rate is not None and len(rate := rate[np.isfinite(rate).all(axis=1)]):
+        turned_rad = max(turned_rad, STILL_S * float(np.linalg.norm(rate.mean(axis=0))))
+    return turned_rad
 
 
 def _smoothed(values: FloatArray, time_s: FloatArray) -> FloatArray:

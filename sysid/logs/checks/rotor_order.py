@@ -27,8 +27,10 @@ from flight import FlightLog
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs.checks.finding import Finding, error
-from sysid.logs.checks.motion import GRID_S, LONGEST_S
+from sysid.logs.checks.motion import GRID_S, LEAST_SAMPLES, LONGEST_S
 from sysid.logs.events.repair import Repair
+from sysid.logs.motors import rotor_places
+from sysid.logs.motors.full_throttle import COMMAND, RATIOS
 from vehicle import Vehicle
 
 WINDOW_S = 2.0
@@ -58,6 +60,9 @@ CERTAIN = 25.0
 """Difference of chi square (5 standard errors) that decides between two hypotheses."""
 LEAST_EXPLAINED = 0.1
 """Of yaw acceleration, by which yaw alone decides: rotors that answer gusts explain up to a twentieth with any sign."""
+LEAST_COMMANDED = 0.3
+"""Of roll and pitch acceleration each, by which commands decide. They are no witness of the spins: a controller that
+holds the heading turns their effect round (a real flight, with 34 % of yaw explained)."""
 LEAST_TURN_RAD = np.deg2rad(15.0)
 """Hubs whose places are turned alike to within this are turned as a whole."""
 AS_GIVEN = (0, 1, 2, 3)
@@ -117,43 +122,70 @@ class Gains:
         return float(nnls(root @ pattern, root @ self.value)[1] ** 2)
 
 
+def driver(log: FlightLog) -> tuple[str, ...]:
+    """The columns of what turns the rotors: measured speed, else commands; none if the log has neither.
+
+    Commands show the order, too: the rotors' lag is taken for a delay.
+    """
+    for names in (COLUMNS["rotor_speed_rad_s"], COLUMNS[COMMAND], RATIOS):
+        if all(name in log.columns for name in names):
+            known = np.isfinite(np.stack([log.columns[name] for name in names])).all(axis=0)
+            if known.sum() >= LEAST_SAMPLES:
+                return names
+    return ()
+
+
 def check(
     log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicle, *, gyro: bool = True
 ) -> tuple[list[Finding], list[str]]:
     """Findings about order and spin, and what is inconclusive, in sentences.
 
     Args:
-        log: with rotor speed.
+        log: with what `driver` asks for.
         rate: time stamps (n,) and body rates (n, 3).
         gyro: whether the log has one; without, an attitude with turned body axes looks like another order.
     """
     found = examine(log, rate, vehicle)
     roll, pitch, yaw = (f"{share:.0%}" for share in found.explained)
+    columns = driver(log)
+    what = "rotor speeds" if columns == COLUMNS["rotor_speed_rad_s"] else "motor commands"
     wrong = [] if found.spin is None else [i for i in range(4) if found.spin[i] != int(np.sign(vehicle.spin[i]))]
+    told = rotor_places.order(log, vehicle)
+    if found.order is None and told not in (None, AS_GIVEN):
+        sentence = (
+            f"the log's motors are {', '.join(log.metadata[rotor_places.KEY])}, the vehicle file's rotors "
+            f"{', '.join(rotor_places.of_vehicle(vehicle))}; this flight does not show whether they are"
+        )
+        repair = Repair("rotor order", columns, order=told)
+        return [
+            error("rotor order", sentence, f"take columns {list(told)} of {what} as rotors 0 to 3", repair=repair)
+        ], []
     if found.order is None and wrong:
         sentence = (
             f"yaw turns against the rotors' torque (they explain {yaw} of yaw acceleration): {_spins(wrong)} the other "
             "way, or the rotors are in another order"
         )
-        fix = f"turn the sign of {_which(wrong)} in the vehicle file, or take the columns of rotor_speed in its order"
+        fix = f"turn the sign of {_which(wrong)} in the vehicle file, or take the columns of {what} in its order"
         return [error("rotor spin", sentence, f"{fix}; roll and pitch do not show which: fly doublets about them")], []
     if found.order is None:
-        shares = f"rotor speeds explain {roll} of roll and {pitch} of pitch acceleration"
+        shares = f"{what} explain {roll} of roll and {pitch} of pitch acceleration"
         why = shares if found.explained.any() else "there is no motion, or less than 8 s of it without gaps"
         return [], [f"rotor order and spins: {why}; fly doublets about roll, pitch and yaw to decide"]
     if found.order != AS_GIVEN:
-        columns = list(found.order)
+        order = list(found.order)
         sentence = (
-            f"roll and pitch do not follow the rotors in this order; in order {columns} rotor speeds explain {roll} of "
+            f"roll and pitch do not follow the rotors in this order; in order {order} {what} explain {roll} of "
             f"roll and {pitch} of pitch acceleration"
         )
-        repair = Repair("rotor order", COLUMNS["rotor_speed_rad_s"], order=found.order)
-        fix = f"take columns {columns} of rotor_speed as rotors 0 to 3"
+        repair = Repair("rotor order", columns, order=found.order)
+        fix = f"take columns {order} of {what} as rotors 0 to 3"
         if not gyro and _may_be_turned(found, vehicle):
             return [error("rotor order", sentence, f"{fix}, or turn the attitude's body axes about z: see which")], []
         return [error("rotor order", sentence, fix, repair=repair)], []
+    if found.spin is None and columns != COLUMNS["rotor_speed_rad_s"]:
+        return [], ["spins: motor commands do not show them; record rotor speed, or look at the vehicle"]
     if found.spin is None:
-        return [], [f"spins: rotor speeds explain {yaw} of yaw acceleration; fly yaw doublets to decide"]
+        return [], [f"spins: {what} explain {yaw} of yaw acceleration; fly yaw doublets to decide"]
     if not wrong:
         return [], []
     sentence = (
@@ -197,6 +229,9 @@ def _may_be_turned(found: Rotors, vehicle: Vehicle) -> bool:
 def examine(log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicle) -> Rotors:
     """Order and spin of the rotors of a log, as far as the flight shows them."""
     found = _examined(_spectra(log, rate, BAND_HZ), vehicle)
+    if driver(log) != COLUMNS["rotor_speed_rad_s"]:
+        order = found.order if found.explained[:2].min() > LEAST_COMMANDED else None
+        return Rotors(order, None, found.explained)
     if found.order is not None and found.spin is not None:
         return found
     slow = _examined(_spectra(log, rate, SLOW_BAND_HZ), vehicle)
@@ -297,7 +332,8 @@ def _decided(misfit: dict[Hypothesis, float], freedom: int) -> Hypothesis | None
 def _spectra(log: FlightLog, rate: tuple[FloatArray, FloatArray], band_hz: tuple[float, float]) -> Spectra | None:
     """None where fewer than `LEAST_WINDOWS` windows are without gaps, or the time is in another unit."""
     streams = []
-    for time_s, values in ((log.time_s, log.vector("rotor_speed_rad_s")), rate):
+    driven_by = np.stack([log.columns[name] for name in driver(log)], axis=1)
+    for time_s, values in ((log.time_s, driven_by), rate):
         known = np.isfinite(values).all(axis=1)
         streams.append((time_s[known], values[known]))
     first_s = max(float(time_s[0]) for time_s, _ in streams)
@@ -338,12 +374,15 @@ def _gains(regressors: ComplexArray, acceleration: ComplexArray) -> Gains:
         regressors: (w, f, m) spectra.
         acceleration: (w, f) spectra.
     """
-    normal = np.einsum("wfi,wfj->ij", regressors.conj(), regressors).real
-    value = np.linalg.solve(normal, np.einsum("wfi,wf->i", regressors.conj(), acceleration).real)
-    left = acceleration - regressors @ value
-    pulls = np.einsum("wfi,wf->wi", regressors.conj(), left).real
-    squares = float((np.abs(left) ** 2).sum())
-    variance = squares / max(2 * left.size - len(value), 1)
+    parts = np.concatenate([regressors.real, regressors.imag], axis=1)  # (w, 2 f, m)
+    wanted = np.concatenate([acceleration.real, acceleration.imag], axis=1)
+    rows = parts.reshape(-1, parts.shape[2])
+    normal = rows.T @ rows
+    value = np.asarray(np.linalg.solve(normal, rows.T @ wanted.ravel()), dtype=np.float64)
+    left = wanted - parts @ value
+    pulls = (left[:, None] @ parts)[:, 0]
+    squares = float(np.vdot(left, left))
+    variance = squares / max(left.size - len(value), 1)
     scatter = float(np.trace(np.linalg.solve(normal, pulls.T @ pulls))) / (len(value) * variance)
-    share = 1.0 - squares / float((np.abs(acceleration) ** 2).sum())
+    share = 1.0 - squares / float(np.vdot(wanted, wanted))
     return Gains(value, normal / (variance * max(1.0, scatter)), share)

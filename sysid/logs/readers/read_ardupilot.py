@@ -12,6 +12,7 @@ import numpy as np
 from flight import FlightLog, InputError, frames
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
+from sysid.logs.motors import rotor_places
 from sysid.logs.readers import dataflash
 from sysid.logs.readers.assemble import assembled, columns, in_order
 from sysid.logs.readers.dataflash import Table
@@ -51,7 +52,9 @@ def read(path: Path) -> FlightLog:
             f"{path} has none of XKF1, ATT, IMU; it has {', '.join(logged.names) or 'no messages'}: set LOG_BITMASK to "
             "log attitude, IMU and ESC"
         )
-    return assembled(path, streams, notes, logged.lost)
+    log = assembled(path, streams, notes, logged.lost)
+    is_x = tuple(_parameters(logged.tables).get(name, 1.0) for name in ("FRAME_CLASS", "FRAME_TYPE")) == (1.0, 1.0)
+    return rotor_places.told(log, rotor_places.ARDUPILOT) if is_x else log
 
 
 def _streams(tables: dict[str, Table]) -> Iterator[tuple[str, Stream, str]]:

@@ -17,6 +17,7 @@ from flight import FlightLog, FormatError, frames, rotations
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
 from sysid.logs.low_pass import LowPass
+from sysid.logs.motors import rotor_places
 from sysid.logs.readers import blackbox
 from sysid.logs.readers.assemble import assembled, columns
 from sysid.logs.readers.blackbox import Recorded
@@ -58,7 +59,7 @@ def read(path: Path) -> FlightLog:
     if through is not None:
         cutoff_hz = 0.01 * _setting(recorded, "acc_lpf_hz", 0.0)
         notes.append(f"accelerometer: behind a low-pass of {cutoff_hz:g} Hz, which a fit allows for")
-    log = assembled(path, streams, notes, recorded.lost)
+    log = rotor_places.told(assembled(path, streams, notes, recorded.lost), rotor_places.BETAFLIGHT)
     return log if through is None else FlightLog(log.columns, {**log.metadata, **through.metadata()})
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from flight import FlightLog, FormatError, frames
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
+from sysid.logs.motors import rotor_places
 from sysid.logs.readers import known_names
 from sysid.logs.readers.assemble import assembled
 from sysid.logs.readers.read_csv import UNITS, from_roll_pitch_yaw
@@ -66,13 +67,13 @@ def read(path: Path) -> FlightLog:
     if not whole and not lost:
         lost = f"the checksum at the end of {len(content)} bytes is missing or another: the file was cut or damaged"
     streams: dict[str, Stream] = {}
-    notes = ["motors 1 to 4 of the Crazyflie: front right, rear right, rear left, front left"]
+    notes = [f"motors 1 to 4 of the Crazyflie: {', '.join(rotor_places.CRAZYFLIE)}"]
     for event in events.values():
         for quantity, stream, note in _streams(event):
             if quantity not in streams:
                 streams[quantity] = stream
                 notes.append(note)
-    return assembled(path, streams, notes, lost)
+    return rotor_places.told(assembled(path, streams, notes, lost), rotor_places.CRAZYFLIE)
 
 
 def _crc(content: bytes) -> int:

@@ -1,7 +1,6 @@
 """Compare and Learn in a real browser: flights opened side by side, the residual looked at, a link that restores it."""
 
 import re
-import shutil
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -26,7 +25,7 @@ from sysid.diagnosis.envelope import Envelope
 from sysid.estimator.validation import changes
 from sysid.estimator.validation.comparison import HORIZONS_S
 from tests.gcs_web.in_browser import CHROMIUM, FLAGS, SERIOUS, SIZE, drawn, with_plain_light, without_view
-from tests.gcs_web.two_pillars import START
+from tests.gcs_web.two_pillars import START, add_map
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
 from vehicle import flights, manoeuvres
@@ -44,7 +43,7 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-ge
 def station(pillar_map: Path, tmp_path_factory) -> Iterator[GroundStation]:
     """Two flights of a vehicle with rotor drag, compared with a model without; the second is held out."""
     opened = project.create(tmp_path_factory.mktemp("station") / "project", "flights")
-    shutil.copytree(pillar_map, opened.map)
+    add_map(opened, pillar_map)
     truth, rng = vehicle.example(), np.random.default_rng(5)
     vehicle.save(opened.vehicle, truth.without_effect("rotor_drag_thrust"))
     project.save_waypoints(opened.waypoints, Waypoints(START, np.full(3, np.nan)))

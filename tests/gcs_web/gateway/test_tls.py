@@ -15,6 +15,7 @@ import vehicle
 from flight import InputError, Waypoints, project
 from gcs_web import GroundStation
 from gcs_web.gateway import tls
+from tests.gcs_web.two_pillars import add_map
 from tests.waiting import PATIENCE_S, goshawk
 
 pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="needs openssl to make certificates")
@@ -64,7 +65,7 @@ def made(tmp_path: Path) -> Callable[..., Pair]:
 @pytest.fixture
 def folder(pillar_map: Path, tmp_path: Path) -> Path:
     opened = project.create(tmp_path / "project", "two pillars")
-    shutil.copytree(pillar_map, opened.map)
+    add_map(opened, pillar_map)
     vehicle.save(opened.vehicle, vehicle.example("rigter2019"))
     points = np.array([[0.8, 0.8, 1.0], [5.2, 0.8, 1.2]])
     project.save_waypoints(opened.waypoints, Waypoints(points, np.full(2, np.nan)))

@@ -20,7 +20,7 @@ from gcs_web.learning import consent
 from gcs_web.learning.consent import Consent
 from tests.gcs_web.in_browser import CHROMIUM, FLAGS, SERIOUS, SIZE, without_view
 from tests.gcs_web.station_socket import Page, visit
-from tests.gcs_web.two_pillars import START
+from tests.gcs_web.two_pillars import START, add_map
 from tests.waiting import PATIENCE_S, goshawk
 
 EFFECT = '''"""{words}"""
@@ -60,7 +60,7 @@ def text(request: pytest.FixtureRequest, mark: Path) -> Callable[[str], str]:
 def opened(pillar_map: Path, tmp_path: Path, mark: Path, text) -> project.Project:
     """A project whose vehicle file names an effect file."""
     made = project.create(tmp_path / "project", "consent")
-    shutil.copytree(pillar_map, made.map)
+    add_map(made, pillar_map)
     project.save_waypoints(made.waypoints, Waypoints(START, np.full(3, np.nan)))
     guard = made.folder / "consent_guard.py"
     guard.write_text(text(MARKUP))

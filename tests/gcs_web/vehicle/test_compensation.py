@@ -3,7 +3,6 @@
 import contextlib
 import json
 import re
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from flight import FloatArray, LinkError, Trajectory, Waypoints, project
 from gcs_web import GroundStation
 from tests.gcs_web.in_browser import CHROMIUM, FLAGS, needs_chromium, opened
 from tests.gcs_web.station_socket import Page, visit
-from tests.gcs_web.two_pillars import START
+from tests.gcs_web.two_pillars import START, add_map
 from tests.waiting import PATIENCE_S, until
 from vehicle import manoeuvres, simulate
 
@@ -61,7 +60,7 @@ def simulated(truth, key_file):
 @pytest.fixture(scope="module")
 def station(pillar_map: Path, tmp_path_factory, truth, simulated, key_file):
     made = project.create(tmp_path_factory.mktemp("compensation") / "project", "compensation")
-    shutil.copytree(pillar_map, made.map)
+    add_map(made, pillar_map)
     vehicle.save(made.vehicle, without_drag(truth))
     project.save_waypoints(made.waypoints, Waypoints(START, np.full(3, np.nan)))
     with GroundStation(made.folder, vehicle_url=simulated.url, key_file=key_file, triangles=500) as running:

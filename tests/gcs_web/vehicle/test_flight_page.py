@@ -1,7 +1,6 @@
 """The step Fly shows the flight: a cursor that runs with it, flown over planned, what a lost link brings."""
 
 import re
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from gcs_web import GroundStation
 from gcs_web.protocol.flights import FlightCard, Flights
 from gcs_web.protocol.vehicle import LostLinkAct, Vehicle
 from tests.gcs_web.in_browser import drawn, needs_chromium, visited
-from tests.gcs_web.two_pillars import START
+from tests.gcs_web.two_pillars import START, add_map
 from tests.waiting import until as wait
 
 pytestmark = needs_chromium
@@ -25,7 +24,7 @@ ACTS = [LostLinkAct(2.0, "stops and hovers"), LostLinkAct(22.0, "lands")]
 def station(pillar_map: Path, tmp_path_factory) -> Iterator[GroundStation]:
     """With a plan, and no vehicle: the tests tell the page of one."""
     opened = project.create(tmp_path_factory.mktemp("flight") / "hall", "hall")
-    shutil.copytree(pillar_map, opened.map)
+    add_map(opened, pillar_map)
     vehicle.save(opened.vehicle, vehicle.example("rigter2019"))
     project.save_waypoints(opened.waypoints, Waypoints(START, np.full(len(START), np.nan)))
     with GroundStation(opened.folder, triangles=500) as running:

@@ -29,9 +29,7 @@ def long_log() -> FlightLog:
         return on * position, on * velocity, on * acceleration, on * yaw
 
     truth = flying.Truth()
-    (log,) = flying.fly(
-        truth, reference, 1, duration_s=90.0, rng=rng, rate_hz=100.0, gyro_noise_rad_s=0.02, steps_per_sample=1
-    )
+    (log,) = flying.fly(truth, reference, 1, duration_s=90.0, rng=rng, rate_hz=100.0, gyro_noise_rad_s=0.02)
     return log
 
 

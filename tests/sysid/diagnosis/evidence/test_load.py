@@ -43,7 +43,7 @@ def flights(carried: tuple[bool, ...], seed: int, duration_s: float = 12.0) -> l
 def fly(truth: flying.Truth, rng: np.random.Generator, duration_s: float, times: int = 1) -> list[FlightLog]:
     """Each of the three kinds so many times."""
     reference = flying.paper_flights(rng, times, spread=0.2)
-    return flying.fly(truth, reference, 3 * times, duration_s=duration_s, rng=rng, rate_hz=100.0, steps_per_sample=1)
+    return flying.fly(truth, reference, 3 * times, duration_s=duration_s, rng=rng, rate_hz=100.0)
 
 
 def told(logs: list[FlightLog], carried: tuple[bool, ...]) -> list[FlightLog]:

@@ -20,10 +20,10 @@ STANDS_S, FLIES_S = 3.0, 8.0
 
 
 @cache
-def flown() -> FlightLog:
+def flown(gyro_noise_rad_s: float | None = None) -> FlightLog:
     rng = np.random.default_rng(1)
-    truth = flying.Truth(gust=0.1)
-    return flying.fly(truth, flying.paper_flights(rng), 3, duration_s=FLIES_S, rng=rng)[1]
+    truth, paths = flying.Truth(gust=0.1), flying.paper_flights(rng)
+    return flying.fly(truth, paths, 3, duration_s=FLIES_S, rng=rng, gyro_noise_rad_s=gyro_noise_rad_s)[1]
 
 
 def standing(seconds: float, rng: np.random.Generator, *, resting: tuple[float, float, float] = (0.0, 0.0, 1.0)):
@@ -72,6 +72,20 @@ IMU = ("specific_force_body_m_s2", "rotor_speed_command_rad_s")
 def test_a_flight_in_the_air_touches_nothing(logged):
     rng = np.random.default_rng(2)
     assert contact.spans(only(with_accelerometer(flown(), rng), *logged)) == ()
+
+
+@pytest.mark.parametrize("turning", [("q_world_body",), ("rate_body_rad_s",), ("q_world_body", "rate_body_rad_s")])
+@pytest.mark.parametrize("begin_s", [1.0, 2.5, 4.0])
+def test_a_position_frozen_in_flight_is_no_ground(turning, begin_s):
+    """Rotors dip below half the weight in a quick flight; what turns meanwhile does not stand."""
+    log = only(flown(0.02), "position_world_m", "rotor_speed_rad_s", *turning)
+    still = (log.time_s >= begin_s) & (log.time_s <= begin_s + 3.0)
+    columns = {name: values.copy() for name, values in log.columns.items()}
+    for name in (*COLUMNS["position_world_m"], *COLUMNS["rotor_speed_rad_s"]):
+        columns[name][still] = columns[name][still][0]
+    for name in COLUMNS["rotor_speed_rad_s"]:
+        columns[name][(log.time_s > begin_s + 1.0) & (log.time_s < begin_s + 2.0)] *= 0.6
+    assert contact.spans(FlightLog(columns, {})) == ()
 
 
 @pytest.mark.parametrize("logged", [POSE, IMU, (*POSE, "specific_force_body_m_s2")])

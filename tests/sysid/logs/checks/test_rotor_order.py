@@ -9,10 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flight import FlightLog
-from flight.flight_log import from_vectors
+from flight.flight_log import COLUMNS, from_vectors
 from sysid.logs.check import check_log
 from sysid.logs.checks import rotor_order
 from sysid.logs.fix import fix
+from sysid.logs.motors.full_throttle import COMMAND, RATIOS
 
 ROTORS = [f"rotor_speed_{i}_rad_s" for i in range(4)]
 RATES = [f"rate_body_{axis}_rad_s" for axis in "xyz"]
@@ -191,3 +192,35 @@ def test_every_order_has_its_own_pattern(truth):
     hubs = truth.hub_body_m[:, :2]
     patterns = {tuple(hubs[list(order)].ravel()) for order in permutations(range(4))}
     assert len(patterns) == 24
+
+
+def commanded(log: FlightLog, names: list[str], order: tuple[int, ...], lag_s: float = 0.05) -> FlightLog:
+    """The log with what its rotors, which lag, were told instead of their speeds; rotor `order[i]` in column i."""
+    speeds = np.stack([log.columns[name] for name in ROTORS], axis=1)
+    told = speeds + lag_s * np.gradient(speeds, log.time_s, axis=0)
+    driven = (*ROTORS, *COLUMNS[COMMAND], *RATIOS)
+    rest = {name: values for name, values in log.columns.items() if name not in driven}
+    return FlightLog({**rest, **dict(zip(names, told[:, list(order)].T, strict=True))}, log.metadata)
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 2, 1, 0), (1, 0, 3, 2), (2, 3, 0, 1), (0, 2, 1, 3)])
+@pytest.mark.parametrize("names", [list(COLUMNS[COMMAND]), list(RATIOS)], ids=["speeds", "ratios"])
+def test_commands_show_the_order_and_are_no_witness_of_the_spins(log, truth, order, names):
+    told = commanded(log, names, order)
+    for vehicle in (truth, replace(truth, spin=-truth.spin)):
+        found = examine(told, vehicle)
+        assert found.order == tuple(np.argsort(order))
+        assert found.spin is None
+    findings = [f for f in check_log(told, truth).findings if f.what.startswith("rotor")]
+    assert [f.repair.order for f in findings if f.repair] == ([] if order == (0, 1, 2, 3) else [found.order])
+    mended = fix(told, truth).log
+    right = commanded(log, names, (0, 1, 2, 3))
+    assert all(np.array_equal(mended.columns[name], right.columns[name]) for name in names)
+
+
+def test_commands_that_answer_disturbances_show_no_order(log, truth):
+    """What a controller does against gusts turns the body the other way."""
+    rng = np.random.default_rng(4)
+    told = commanded(log, list(RATIOS), (0, 1, 2, 3))
+    rates = {name: -0.2 * told.columns[name] + rng.standard_normal(len(log)) for name in RATES}
+    assert examine(changed(told, **rates), truth).order is None
