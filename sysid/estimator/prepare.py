@@ -15,7 +15,6 @@ from sysid.estimator.flights.flight_data import Flight, IndexArray, LeadIn
 from sysid.estimator.flights.sampling import Stretch
 from sysid.estimator.motors import battery, motor, rotor_speed
 from sysid.estimator.options import Options
-from sysid.logs import low_pass
 from sysid.logs.apply import apply
 from sysid.logs.checks import contact, gyro_clock
 from sysid.logs.checks.clocks import Offset
@@ -26,6 +25,7 @@ from sysid.logs.events.event import splits
 from sysid.logs.events.repair import Span
 from sysid.logs.events.stamps import longest_pause_s
 from sysid.logs.motors import full_throttle
+from sysid.logs.sensors import low_pass
 from vehicle import Vehicle
 
 LEAD_IN_S = 0.3

@@ -11,7 +11,7 @@ from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.estimator.flights.sampling import Signal
 from sysid.logs.checks.clocks import Offset
-from sysid.logs.low_pass import LowPass
+from sysid.logs.sensors.low_pass import LowPass
 
 IndexArray = NDArray[np.intp]
 

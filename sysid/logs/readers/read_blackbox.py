@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from flight import FlightLog, FormatError, frames, rotations
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
-from sysid.logs.low_pass import LowPass
 from sysid.logs.motors import rotor_places
 from sysid.logs.readers import blackbox
 from sysid.logs.readers.assemble import assembled, columns
 from sysid.logs.readers.blackbox import Recorded
 from sysid.logs.readers.streams import Stream
+from sysid.logs.sensors.low_pass import LowPass
 
 LARGEST_NUMBER = 32767.0
 """One, in the log's quaternions."""

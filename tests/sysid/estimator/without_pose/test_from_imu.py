@@ -12,7 +12,7 @@ import sysid
 from flight import FlightLog, InputError
 from sysid.diagnosis.procedure import diagnose
 from sysid.estimator.without_pose import sensing, told
-from sysid.logs.low_pass import LowPass
+from sysid.logs.sensors.low_pass import LowPass
 
 BENCHMARKS = Path(__file__).parents[4] / "benchmarks"
 INERTIAS = tuple(f"inertia_{2 * axis}_kg_m2" for axis in "xyz")

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flight import FlightError, rotations
-from sysid.logs import low_pass
 from sysid.logs.readers import blackbox
 from sysid.logs.reading import read_log
+from sysid.logs.sensors import low_pass
 from tests.sysid.logs.readers.encode_blackbox import FIELDS, NAMES, frames, header
 
 COUNT, STEP_US = 400, 500

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flight import FlightLog
-from sysid.logs import low_pass
-from sysid.logs.low_pass import LowPass
+from sysid.logs.sensors import low_pass
+from sysid.logs.sensors.low_pass import LowPass
 
 STEP_S, FINE = 0.005, 500
 
