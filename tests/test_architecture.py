@@ -83,7 +83,7 @@ FLOORS = {
     "mapping.sparse": (".", "calibration", "mapper", "recorded_motion", "features"),
     "vehicle": ("simulation", "importers", ".", "effects"),
     "vehicle.effects": ("torque", "thrust", "drag", "surroundings", "motors", "mass", "sensors", "."),
-    "sysid.logs": (".", "checks", "readers", "events", "motors"),
+    "sysid.logs": (".", "checks", "readers", "events", "motors", "sensors"),
     "sysid.estimator": (
         "validation", ".", "without_pose", "uncertainty", "joint_problem", "blocks", "trajectory", "motors", "flights",
         "options",

@@ -2,7 +2,7 @@
 # Prepares .venv and builds Goshawk into it. Run by every make target; does only what is not done yet.
 #   tools/setup.sh          what the demo and the commands need
 #   tools/setup.sh browser  also Chromium, for the tests of the web page
-#   tools/setup.sh slow     also what the slow tests need: ARM compiler and emulator, clang 19, cppcheck
+#   tools/setup.sh slow     also what the slow tests need: ARM compiler and emulator, clang 19, cppcheck, Betaflight's SITL
 set -euo pipefail
 cd "$(dirname "$0")/.."
 say() { printf '\033[1m[setup]\033[0m %s\n' "$*"; }
@@ -75,4 +75,10 @@ if [ ! -f .venv/built.stamp ] || [ -n "$(native_sources -newer .venv/built.stamp
     --no-deps --no-build-isolation --reinstall-package goshawk -e .
   modules > .venv/built.modules
   mv .venv/building.stamp .venv/built.stamp
+fi
+
+# Betaflight for its tests, into the user's cache; they are skipped, and say why, where it cannot be had.
+if [ "${1:-}" = slow ]; then
+  AGAIN_TRIES=3 again "fetching and building Betaflight's SITL" \
+    .venv/bin/python -m tests.firmware_bridge.betaflight.firmware || say "going on without Betaflight"
 fi

@@ -25,6 +25,7 @@ from sysid.logs.events.event import splits
 from sysid.logs.events.repair import Span
 from sysid.logs.events.stamps import longest_pause_s
 from sysid.logs.motors import full_throttle
+from sysid.logs.sensors import low_pass
 from vehicle import Vehicle
 
 LEAD_IN_S = 0.3
@@ -298,6 +299,7 @@ def _flight(
         carries_payload=carries_payload(log),
         commands_on_time=by_command and not options.estimate_command_delay,
         full_throttle_rad_s=log.metadata.get(full_throttle.KEY) if by_command else None,
+        accelerometer_low_pass=low_pass.of(log),
     )
     return _after_lead_in(flight) if by_command else flight
 

@@ -21,7 +21,7 @@ from sysid.logs.reading import DRAFTED
 from vehicle import Vehicle
 
 SUMMARY = "Show, check, fix or convert a flight log; download the vehicle's log."
-HIDDEN = ("fixes", "repairs", "lost", "events", "splits_s", "read", "rotor_places", DRAFTED)
+HIDDEN = ("fixes", "repairs", "lost", "events", "splits_s", "read", "rotor_places", "accelerometer_low_pass", DRAFTED)
 """Metadata that `goshawk log check` says in sentences."""
 flight_argument = log_files.flight_argument
 vehicle_option = console.path_option("--vehicle", "vehicle_file", "Vehicle file: its rotor order, spin and units too.")

@@ -11,6 +11,7 @@ from flight.frames import GRAVITY_M_S2
 from flight.rotations import FloatArray
 from sysid.estimator.flights.sampling import Signal
 from sysid.logs.checks.clocks import Offset
+from sysid.logs.sensors.low_pass import LowPass
 
 IndexArray = NDArray[np.intp]
 
@@ -49,6 +50,8 @@ class Flight:
     """Whether its commands are taken to be on time: they have a delay as other streams have, and it is held at zero."""
     full_throttle_rad_s: float | None = None
     """Speed that a command of 1 was taken for, where commands were logged from 0 to 1; None: they were speeds."""
+    accelerometer_low_pass: LowPass | None = None
+    """What the accelerometer went through in the vehicle, as the log says."""
     left_out: str = ""
     """In words, which stretches of its log are not part of any flight, and why."""
 

@@ -84,6 +84,7 @@ def shown(
         by[:, FELT, place[name]] = _at_place(felt.value[:, TURNED], mid.rate_body_rad_s, np.eye(3)[i])
     by[:, [0, 1, 2], [place[name] for name in own[:3]]] = 1.0
     by[:, 0, place[own[4]]], by[:, 1, place[own[3]]] = -felt.value[:, 2], felt.value[:, 2]
+    by[:, FELT] = _as_logged(by[:, FELT], flight)
     return Shown(measured(flight) - _seen(flight, mid, felt.value, turned.value, values), by)
 
 
@@ -162,7 +163,14 @@ def _seen(flight: Flight, mid: Middle, felt: FloatArray, turned: FloatArray, val
     seen[:, FELT] += _at_place(felt[:, TURNED], mid.rate_body_rad_s, place) + np.array([bias_x, bias_y, bias_z])
     seen[:, 0] -= turn_y * felt[:, 2]
     seen[:, 1] += turn_x * felt[:, 2]
+    seen[:, FELT] = _as_logged(seen[:, FELT], flight)
     return seen
+
+
+def _as_logged(felt: FloatArray, flight: Flight) -> FloatArray:
+    """(k, 3, ...) what the accelerometer feels, through the low-pass that its log names; nothing undoes it there."""
+    low_pass = flight.accelerometer_low_pass
+    return felt if low_pass is None else low_pass.means(felt, float(np.median(flight.step_s)))
 
 
 def _at_place(turning: FloatArray, rate: FloatArray, place_m: FloatArray) -> FloatArray:

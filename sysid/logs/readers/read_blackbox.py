@@ -4,6 +4,8 @@ Betaflight's body axes are ours (x forward, y left, z up); its attitude is that 
 no position; INAV's `navPos` is north-east-up.
 """
 
+import math
+import re
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,9 +21,12 @@ from sysid.logs.readers import blackbox
 from sysid.logs.readers.assemble import assembled, columns
 from sysid.logs.readers.blackbox import Recorded
 from sysid.logs.readers.streams import Stream
+from sysid.logs.sensors.low_pass import LowPass
 
 LARGEST_NUMBER = 32767.0
 """One, in the log's quaternions."""
+TWO_LAGS_SINCE = (4, 3)
+"""Betaflight's version from which on its accelerometer has them."""
 NO_POSITION = "no position in it: body rates and torques can be identified, drag and the thrust's size in flight cannot"
 
 
@@ -50,9 +55,14 @@ def read(path: Path) -> FlightLog:
         notes.append(note)
     if "position_world_m" not in streams:
         notes.append(NO_POSITION)
+    through = _accelerometer_low_pass(recorded)
+    if through is not None:
+        cutoff_hz = 0.01 * _setting(recorded, "acc_lpf_hz", 0.0)
+        notes.append(f"accelerometer: behind a low-pass of {cutoff_hz:g} Hz, which a fit allows for")
     log = assembled(path, streams, notes, recorded.lost)
-    more = "motor[4]" in recorded.fields  # of another mixer
-    return log if more else rotor_places.with_places(log, rotor_places.BETAFLIGHT)
+    if "motor[4]" not in recorded.fields:  # else it is of another mixer
+        log = rotor_places.with_places(log, rotor_places.BETAFLIGHT)
+    return log if through is None else FlightLog(log.columns, {**log.metadata, **through.metadata()})
 
 
 def _unwrapped(stamp_us: NDArray[np.int64]) -> FloatArray:
@@ -102,6 +112,18 @@ def _inertial(recorded: Recorded, fine: float) -> Iterator[tuple[str, Stream, st
     if force is not None and one_g > 0.0:
         values = force * frames.GRAVITY_M_S2 / one_g
         yield "specific_force_body_m_s2", columns("specific_force_body_m_s2", values), "accelerometer: accSmooth"
+
+
+def _accelerometer_low_pass(recorded: Recorded) -> LowPass | None:
+    """Of Betaflight: two first-order lags whose cut-off together is the one set; before 4.3 Butterworth."""
+    cutoff_hz = 0.01 * _setting(recorded, "acc_lpf_hz", 0.0)
+    found = re.match(r"Betaflight (\d+)\.(\d+)", recorded.header.get("Firmware revision", ""))
+    if found is None or not cutoff_hz > 0.0:
+        return None
+    cutoff_rad_s = 2.0 * math.pi * cutoff_hz
+    if (int(found[1]), int(found[2])) < TWO_LAGS_SINCE:
+        return LowPass(cutoff_rad_s, math.sqrt(0.5))
+    return LowPass(cutoff_rad_s / math.sqrt(math.sqrt(2.0) - 1.0), 1.0)
 
 
 def _gyro_scale(recorded: Recorded) -> float:

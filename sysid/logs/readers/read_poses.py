@@ -9,6 +9,7 @@ from flight.rotations import FloatArray
 from sysid.logs.motors import rotor_places
 from sysid.logs.readers.assemble import ATTITUDE, FORCE, POSE, RATE, assembled, columns
 from sysid.logs.readers.streams import Stream
+from sysid.logs.sensors import low_pass
 
 TUM_COLUMNS = 8
 _POSES = ("state_groundtruth_estimate0", "groundtruth", "mocap0", "vicon0", "leica0")
@@ -106,8 +107,9 @@ def joined_on_clocks(path: Path, pose: FlightLog, imu: FlightLog) -> FlightLog:
         )
     streams: dict[str, Stream] = {POSE: own, RATE: rest}
     notes = [f"pose: {pose.metadata.get('source')}", f"IMU: {imu.metadata.get('source')}"]
-    log, places = assembled(path, streams, notes), imu.metadata.get(rotor_places.KEY)
-    return log if places is None else FlightLog(log.columns, {**log.metadata, rotor_places.KEY: places})
+    log = assembled(path, streams, notes)
+    of_imu = {key: imu.metadata[key] for key in (rotor_places.KEY, low_pass.KEY) if key in imu.metadata}
+    return FlightLog(log.columns, {**log.metadata, **of_imu})
 
 
 def _is_number(word: str) -> bool:

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from flight import FlightError, rotations
 from sysid.logs.readers import blackbox
 from sysid.logs.reading import read_log
+from sysid.logs.sensors import low_pass
 from tests.sysid.logs.readers.encode_blackbox import FIELDS, NAMES, frames, header
 
 COUNT, STEP_US = 400, 500
@@ -59,6 +60,25 @@ def test_a_log_arrives_in_our_axes_and_units(recorded):
     apart = rotations.angle_between(log.vector("q_world_body"), np.column_stack([np.sqrt(1 - (q**2).sum(axis=1)), q]))
     assert np.max(np.minimum(apart, 2 * np.pi - apart)) < 1e-6
     assert any("no position" in sentence for sentence in log.metadata["read"])
+
+
+@pytest.mark.parametrize(
+    ("firmware", "natural_rad_s", "damping"),
+    [("4.6.0 () SITL", 2.0 * np.pi * 25.0 * 1.553773974, 1.0), ("4.2.9 (abc) F7", 2.0 * np.pi * 25.0, np.sqrt(0.5))],
+)
+def test_the_low_pass_of_the_accelerometer_is_that_of_the_header(tmp_path, firmware, natural_rad_s, damping):
+    """Both of them pass half the power at the 25 Hz that are set."""
+    said = {"Firmware revision": f"Betaflight {firmware}", "acc_lpf_hz": "2500"}
+    (tmp_path / "a.bbl").write_bytes(header(**said) + frames(rows()))
+    found = low_pass.of(read_log(tmp_path / "a.bbl"))
+    assert found is not None
+    assert (found.natural_rad_s, found.damping) == (pytest.approx(natural_rad_s), pytest.approx(damping))
+    s = 2j * np.pi * 25.0 / found.natural_rad_s
+    assert abs(1.0 / (1.0 + 2.0 * found.damping * s + s * s)) == pytest.approx(np.sqrt(0.5))
+
+
+def test_a_log_that_names_no_low_pass_has_none(recorded):
+    assert low_pass.of(read_log(recorded)) is None
 
 
 @given(table=st.lists(st.lists(VALUES, min_size=len(NAMES), max_size=len(NAMES)), min_size=1, max_size=6))

@@ -1,0 +1,1 @@
+"""What lay between a sensor and its log."""

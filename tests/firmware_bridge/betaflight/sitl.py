@@ -1,0 +1,153 @@
+"""Betaflight's SITL as a program beside the tests: its settings by CLI, then a body's state in and motors out by UDP.
+
+It runs in lock step (`lockstep_clock.c`): each step it gets one packet of what its sensors feel, runs to the end of
+the step, and answers with the motors' outputs.
+"""
+
+import contextlib
+import fcntl
+import os
+import signal
+import socket
+import struct
+import subprocess
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from flight import FloatArray
+from tests import waiting
+from tests.firmware_bridge.betaflight import firmware
+
+HOST = "127.0.0.1"
+CLI_PORT, MOTOR_PORT, STATE_PORT, RC_PORT = 5761, 9002, 9003, 9004
+STATE, CHANNELS, OUTPUTS = struct.Struct("<18d"), struct.Struct("<d16H"), struct.Struct("<4f")
+IN_PACKET = (3, 0, 1, 2)
+"""Where motors 1 to 4 are in a packet of outputs."""
+NORMAL_PRESSURE_PA = 101325.0
+FIRST_S = 0.5
+"""Stamp of the packet that begins the lock step; flights begin later than that by more than 20 ms."""
+FLU_TO_FRD = np.array([1.0, -1.0, -1.0])
+AT_REST = {
+    "rate_body_rad_s": np.zeros(3),
+    "specific_force_body_m_s2": np.array([0.0, 0.0, 9.80665]),
+    "q_world_body": np.array([1.0, 0.0, 0.0, 0.0]),
+    "position_world_m": np.zeros(3),
+    "velocity_world_m_s": np.zeros(3),
+}
+
+
+@contextlib.contextmanager
+def alone() -> Iterator[None]:
+    """Its ports are fixed: one firmware at a time on a machine."""
+    firmware.cache().mkdir(parents=True, exist_ok=True)
+    with open(firmware.cache() / "ports", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def configure(folder: Path, settings: Sequence[str]) -> str:
+    """Write settings into the firmware's memory, a file in `folder`; what `diff all` says of them.
+
+    Raises:
+        ValueError: the firmware refuses a line.
+    """
+    with _running(folder) as process, _connected(process) as line:
+        said = _answer(line, "#")
+        assert "Entering CLI" in said, said
+        line.sendall(b"\n")  # the first command is lost
+        for setting in settings:
+            said = _answer(line, f"{setting}\n")
+            if "###ERROR" in said or "INVALID" in said.upper():
+                raise ValueError(f"Betaflight refuses `{setting}`: {said.strip()}")
+        listed = _answer(line, "diff all\n")
+        line.sendall(b"save\n")  # it restarts, which here is its end
+        process.wait(waiting.PATIENCE_S)
+    return listed.partition("\n")[2].rpartition("\n")[0].replace("\r", "")
+
+
+class Sitl:
+    """The firmware in flight; `step` is one step of its body's clock."""
+
+    def __init__(self, motors: socket.socket, out: socket.socket, process: subprocess.Popen[bytes]) -> None:
+        self._motors, self._out, self._process = motors, out, process
+        self.outputs = np.zeros(4)
+        """Of motors 1 to 4, 0 to 1."""
+
+    def step(
+        self,
+        time_s: float,
+        *,
+        rate_body_rad_s: FloatArray,
+        specific_force_body_m_s2: FloatArray,
+        q_world_body: FloatArray,
+        position_world_m: FloatArray,
+        velocity_world_m_s: FloatArray,
+    ) -> None:
+        """Feel this until the next step, and set the motors."""
+        motion = (*q_world_body, *velocity_world_m_s, *position_world_m, NORMAL_PRESSURE_PA)
+        packet = STATE.pack(time_s, *(rate_body_rad_s * FLU_TO_FRD), *(-specific_force_body_m_s2), *motion)
+        self._out.sendto(packet, (HOST, STATE_PORT))
+        try:
+            values = OUTPUTS.unpack(self._motors.recv(64))
+        except TimeoutError:
+            raise AssertionError(f"no motor outputs at {time_s:.3f} s; {self._process.poll()=}") from None
+        self.outputs = np.clip([values[i] for i in IN_PACKET], 0.0, 1.0)
+
+    def sticks(self, time_s: float, channels: Sequence[float]) -> None:
+        """Receiver's pulses in microseconds: roll, pitch, throttle, yaw, switches; those not given rest at 1000."""
+        pulses = [*(round(c) for c in channels), *[1000] * (16 - len(channels))]
+        self._out.sendto(CHANNELS.pack(time_s, *pulses), (HOST, RC_PORT))
+
+
+@contextlib.contextmanager
+def flying(folder: Path) -> Iterator[Sitl]:
+    """The firmware with the settings in `folder`, where it also writes its logs."""
+    with socket.socket(type=socket.SOCK_DGRAM) as motors, socket.socket(type=socket.SOCK_DGRAM) as out:
+        motors.bind((HOST, MOTOR_PORT))
+        motors.settimeout(waiting.PATIENCE_S)
+        said = (folder / "said.txt").stat().st_size
+        with _running(folder) as process:
+            waiting.until(lambda: b"[lock step] ready" in (folder / "said.txt").read_bytes()[said:], "its start")
+            firmware_in_flight = Sitl(motors, out, process)
+            firmware_in_flight.step(FIRST_S, **AT_REST)  # it compares the clocks of the next two packets only
+            yield firmware_in_flight
+
+
+@contextlib.contextmanager
+def _running(folder: Path) -> Iterator[subprocess.Popen[bytes]]:
+    program, environment = firmware.program(), {**os.environ, "LD_PRELOAD": str(firmware.clock())}
+    with open(folder / "said.txt", "ab") as said:
+        process = subprocess.Popen([program], cwd=folder, stdout=said, stderr=said, env=environment)
+        try:
+            yield process
+        finally:
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+
+
+@contextlib.contextmanager
+def _connected(process: subprocess.Popen[bytes]) -> Iterator[socket.socket]:
+    """A connection to the CLI, as soon as it listens."""
+    line: list[socket.socket] = []
+
+    def tried() -> bool:
+        assert process.poll() is None, f"Betaflight ended with {process.returncode}"
+        with contextlib.suppress(OSError):
+            line.append(socket.create_connection((HOST, CLI_PORT), timeout=30.0))
+        return bool(line)
+
+    waiting.until(tried, "Betaflight's CLI")
+    with line[0]:
+        yield line[0]
+
+
+def _answer(line: socket.socket, command: str) -> str:
+    """What the CLI says until it asks for more."""
+    line.sendall(command.encode())
+    said, end_s = b"", time.monotonic() + waiting.PATIENCE_S
+    while not said.endswith(b"\n# ") and time.monotonic() < end_s:
+        said += line.recv(1 << 16)
+    return said.decode("ascii", "replace")
