@@ -48,9 +48,11 @@ def _struct(letters: str) -> str:
     return "".join(kinds.get(letter, letter) for letter in letters)
 
 
-def encode(log: FlightLog, *, start_us: int = 31_000_000) -> bytes:
+def encode(log: FlightLog, *, start_us: int = 31_000_000, frame_type: int = 1) -> bytes:
     """The log as ArduPilot would have recorded it, rotors in ArduPilot's order."""
     writer = Writer()
+    for name, value in (("FRAME_CLASS", 1), ("FRAME_TYPE", frame_type)):
+        writer.add("PARM", start_us, name.encode(), float(value))
     for i, motor in enumerate((33, 34, 35, 36), 1):
         writer.add("PARM", start_us, f"SERVO{i}_FUNCTION".encode(), float(motor))
     q = log.vector("q_world_body") * [1.0, 1.0, -1.0, -1.0]

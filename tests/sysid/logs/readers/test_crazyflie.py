@@ -61,6 +61,7 @@ def test_the_sd_cards_log_arrives_in_our_units(tmp_path, version):
     log = read_log(tmp_path / "log00")
     check(log)
     assert "lost" not in log.metadata
+    assert log.metadata["rotor_places"] == ["front right", "rear right", "rear left", "front left"]
 
 
 def test_a_csv_of_log_variables_needs_no_map(tmp_path):

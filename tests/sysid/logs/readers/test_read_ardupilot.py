@@ -65,6 +65,13 @@ def test_a_binary_log_arrives_in_our_frames_units_and_rows(recorded, flight):
     assert read.columns["battery_v"][-1] == pytest.approx(16.0 - 0.01 * flight.time_s[-1], abs=1e-5)
 
 
+def test_places_of_motors_are_those_of_the_x_frame(tmp_path, recorded, flight):
+    places = ["front right", "rear left", "front left", "rear right"]
+    assert read_log(recorded).metadata["rotor_places"] == places
+    (tmp_path / "plus.bin").write_bytes(encode(flight, frame_type=0))
+    assert "rotor_places" not in read_log(tmp_path / "plus.bin").metadata
+
+
 def test_the_text_form_reads_as_the_binary_one(tmp_path, recorded):
     path = tmp_path / "00000042.log"
     path.write_text(as_text(recorded))

@@ -60,6 +60,7 @@ def test_a_log_arrives_in_our_axes_and_units(recorded):
     apart = rotations.angle_between(log.vector("q_world_body"), np.column_stack([np.sqrt(1 - (q**2).sum(axis=1)), q]))
     assert np.max(np.minimum(apart, 2 * np.pi - apart)) < 1e-6
     assert any("no position" in sentence for sentence in log.metadata["read"])
+    assert log.metadata["rotor_places"] == ["rear right", "front right", "rear left", "front left"]
 
 
 @pytest.mark.parametrize(
