@@ -1,9 +1,9 @@
 /* Lock step for Betaflight's SITL: `LD_PRELOAD` of this makes its clock that of the simulated body.
 
-   Until the body's first packet the firmware's clock is the machine's. From then on a packet stamped t lets the firmware
-   run from t to t plus the step between packets, however long that takes: its main thread's clock goes on while it
-   sleeps and, a little, each time it looks, but never past that end; the next packet is handed over only there. So a
-   flight does not depend on the machine's load. The firmware itself is unchanged. */
+   Until the body's first packet the firmware's clock is the machine's. From then on a packet stamped t lets the
+   firmware run from t to t plus the step between packets, however long that takes: its main thread's clock goes on
+   while it sleeps and, a little, each time it looks, but never past that end; the next packet is handed over only
+   there. So a flight does not depend on the machine's load. The firmware itself is unchanged. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <netinet/in.h>
@@ -19,10 +19,10 @@
 
 #define MOTOR_PORT 9002
 #define STATE_PORT 9003
-#define LOOK_NS 200     /* what looking at the clock takes */
+#define LOOK_NS 200         /* what looking at the clock takes */
 #define LOOP_PAUSE_NS 50000 /* of the firmware's main loop */
 #define LOOPING 1000
-#define LOOP_NS 10000 /* what a turn of that loop takes in hardware: with the pause, tasks of 1 kHz run at 500 Hz */
+#define LOOP_NS 10000     /* what a turn of that loop takes in hardware: with the pause, tasks of 1 kHz run at 500 Hz */
 #define USUAL_STEP_S 1e-3 /* where packets do not tell the step: the first, and one after a pause */
 #define LARGEST_STEP_S 0.02 /* as in the firmware, which else keeps its clock's rate */
 
@@ -35,93 +35,93 @@ static int handed_over;                /* whether a packet waits for its thread 
 __attribute__((constructor)) static void end_with_parent(void) { prctl(PR_SET_PDEATHSIG, SIGKILL); }
 
 static int64_t machine_ns(clockid_t id) {
-  struct timespec at;
-  syscall(SYS_clock_gettime, id, &at);
-  return (int64_t)at.tv_sec * 1000000000 + at.tv_nsec;
+    struct timespec at;
+    syscall(SYS_clock_gettime, id, &at);
+    return (int64_t)at.tv_sec * 1000000000 + at.tv_nsec;
 }
 
 static int in_main_thread(void) { return syscall(SYS_gettid) == getpid(); }
 
 static void pause_ns(long ns) {
-  struct timespec wait = {0, ns};
-  syscall(SYS_nanosleep, &wait, NULL);
+    struct timespec wait = {0, ns};
+    syscall(SYS_nanosleep, &wait, NULL);
 }
 
 /* Moves the clock on, at most to the end of the step; whether there was room. */
 static int go_on(int64_t by_ns) {
-  int64_t end = atomic_load(&end_ns), now = atomic_load(&now_ns);
-  if (now >= end) return 0;
-  atomic_store(&now_ns, now + by_ns < end ? now + by_ns : end);
-  return 1;
+    int64_t end = atomic_load(&end_ns), now = atomic_load(&now_ns);
+    if (now >= end) return 0;
+    atomic_store(&now_ns, now + by_ns < end ? now + by_ns : end);
+    return 1;
 }
 
-int clock_gettime(clockid_t id, struct timespec *at) {
-  if (id != CLOCK_MONOTONIC || atomic_load(&end_ns) == 0) return (int)syscall(SYS_clock_gettime, id, at);
-  if (in_main_thread() && !go_on(LOOK_NS)) pause_ns(1000); /* it polls for the time of its next loop */
-  const int64_t now = atomic_load(&now_ns);
-  at->tv_sec = now / 1000000000;
-  at->tv_nsec = now % 1000000000;
-  return 0;
+int clock_gettime(clockid_t id, struct timespec* at) {
+    if (id != CLOCK_MONOTONIC || atomic_load(&end_ns) == 0) return (int)syscall(SYS_clock_gettime, id, at);
+    if (in_main_thread() && !go_on(LOOK_NS)) pause_ns(1000); /* it polls for the time of its next loop */
+    const int64_t now = atomic_load(&now_ns);
+    at->tv_sec = now / 1000000000;
+    at->tv_nsec = now % 1000000000;
+    return 0;
 }
 
 /* Says that start-up is over, after many pauses of the main loop in a row: before, a step would end amid a delay. */
-static void say_when_looping(const struct timespec *pause) {
-  static int in_a_row;
-  if (in_a_row >= LOOPING) return;
-  in_a_row = pause->tv_sec == 0 && pause->tv_nsec == LOOP_PAUSE_NS ? in_a_row + 1 : 0;
-  static const char words[] = "[lock step] ready\n";
-  if (in_a_row == LOOPING && write(STDERR_FILENO, words, sizeof words - 1) < 0) in_a_row = 0;
+static void say_when_looping(const struct timespec* pause) {
+    static int in_a_row;
+    if (in_a_row >= LOOPING) return;
+    in_a_row = pause->tv_sec == 0 && pause->tv_nsec == LOOP_PAUSE_NS ? in_a_row + 1 : 0;
+    static const char words[] = "[lock step] ready\n";
+    if (in_a_row == LOOPING && write(STDERR_FILENO, words, sizeof words - 1) < 0) in_a_row = 0;
 }
 
-int nanosleep(const struct timespec *time, struct timespec *left) {
-  if (in_main_thread()) say_when_looping(time);
-  if (atomic_load(&end_ns) == 0 || !in_main_thread()) return (int)syscall(SYS_nanosleep, time, left);
-  const int64_t asked_ns = (int64_t)time->tv_sec * 1000000000 + time->tv_nsec;
-  if (!go_on(asked_ns == LOOP_PAUSE_NS ? LOOP_NS : asked_ns)) pause_ns(1000);
-  return 0;
+int nanosleep(const struct timespec* time, struct timespec* left) {
+    if (in_main_thread()) say_when_looping(time);
+    if (atomic_load(&end_ns) == 0 || !in_main_thread()) return (int)syscall(SYS_nanosleep, time, left);
+    const int64_t asked_ns = (int64_t)time->tv_sec * 1000000000 + time->tv_nsec;
+    if (!go_on(asked_ns == LOOP_PAUSE_NS ? LOOP_NS : asked_ns)) pause_ns(1000);
+    return 0;
 }
 
 /* The state thread asks for the next packet: it is done with the last one, and the firmware may run on. */
 static void let_run(void) {
-  if (!handed_over) return;
-  handed_over = 0;
-  if (atomic_load(&end_ns) == 0) atomic_store(&now_ns, machine_ns(CLOCK_MONOTONIC) + 1000000); /* never back */
-  atomic_store(&end_ns, atomic_load(&now_ns) + (int64_t)(step_s * 1e9 + 0.5));
+    if (!handed_over) return;
+    handed_over = 0;
+    if (atomic_load(&end_ns) == 0) atomic_store(&now_ns, machine_ns(CLOCK_MONOTONIC) + 1000000); /* never back */
+    atomic_store(&end_ns, atomic_load(&now_ns) + (int64_t)(step_s * 1e9 + 0.5));
 }
 
-int select(int count, fd_set *read, fd_set *write, fd_set *other, struct timeval *timeout) {
-  static int (*next)(int, fd_set *, fd_set *, fd_set *, struct timeval *);
-  if (next == NULL) next = dlsym(RTLD_NEXT, "select");
-  struct sockaddr_in own = {0};
-  socklen_t size = sizeof own;
-  if (count > 0 && getsockname(count - 1, (struct sockaddr *)&own, &size) == 0 && own.sin_port == htons(STATE_PORT))
-    let_run();
-  return next(count, read, write, other, timeout);
+int select(int count, fd_set* read, fd_set* write, fd_set* other, struct timeval* timeout) {
+    static int (*next)(int, fd_set*, fd_set*, fd_set*, struct timeval*);
+    if (next == NULL) next = dlsym(RTLD_NEXT, "select");
+    struct sockaddr_in own = {0};
+    socklen_t size = sizeof own;
+    if (count > 0 && getsockname(count - 1, (struct sockaddr*)&own, &size) == 0 && own.sin_port == htons(STATE_PORT))
+        let_run();
+    return next(count, read, write, other, timeout);
 }
 
-ssize_t recvfrom(int fd, void *data, size_t size, int flags, struct sockaddr *from, socklen_t *length) {
-  static ssize_t (*next)(int, void *, size_t, int, struct sockaddr *, socklen_t *);
-  if (next == NULL) next = dlsym(RTLD_NEXT, "recvfrom");
-  const ssize_t got = next(fd, data, size, flags, from, length);
-  struct sockaddr_in own = {0};
-  socklen_t own_size = sizeof own;
-  if (got < (ssize_t)sizeof(double) || getsockname(fd, (struct sockaddr *)&own, &own_size) != 0) return got;
-  if (own.sin_port != htons(STATE_PORT)) return got;
-  double at_s;
-  memcpy(&at_s, data, sizeof at_s);
-  step_s = at_s > stamp_s && at_s - stamp_s < LARGEST_STEP_S ? at_s - stamp_s : USUAL_STEP_S;
-  stamp_s = at_s;
-  handed_over = 1;
-  while (atomic_load(&now_ns) < atomic_load(&end_ns)) pause_ns(1000);
-  atomic_store(&asked, 1);
-  return got;
+ssize_t recvfrom(int fd, void* data, size_t size, int flags, struct sockaddr* from, socklen_t* length) {
+    static ssize_t (*next)(int, void*, size_t, int, struct sockaddr*, socklen_t*);
+    if (next == NULL) next = dlsym(RTLD_NEXT, "recvfrom");
+    const ssize_t got = next(fd, data, size, flags, from, length);
+    struct sockaddr_in own = {0};
+    socklen_t own_size = sizeof own;
+    if (got < (ssize_t)sizeof(double) || getsockname(fd, (struct sockaddr*)&own, &own_size) != 0) return got;
+    if (own.sin_port != htons(STATE_PORT)) return got;
+    double at_s;
+    memcpy(&at_s, data, sizeof at_s);
+    step_s = at_s > stamp_s && at_s - stamp_s < LARGEST_STEP_S ? at_s - stamp_s : USUAL_STEP_S;
+    stamp_s = at_s;
+    handed_over = 1;
+    while (atomic_load(&now_ns) < atomic_load(&end_ns)) pause_ns(1000);
+    atomic_store(&asked, 1);
+    return got;
 }
 
 /* Outputs are an answer to one packet each; what the firmware sends unasked when it starts is not. */
-ssize_t sendto(int fd, const void *data, size_t size, int flags, const struct sockaddr *to, socklen_t length) {
-  static ssize_t (*next)(int, const void *, size_t, int, const struct sockaddr *, socklen_t);
-  if (next == NULL) next = dlsym(RTLD_NEXT, "sendto");
-  const struct sockaddr_in *where = (const struct sockaddr_in *)to;
-  if (where != NULL && where->sin_port == htons(MOTOR_PORT) && !atomic_exchange(&asked, 0)) return (ssize_t)size;
-  return next(fd, data, size, flags, to, length);
+ssize_t sendto(int fd, const void* data, size_t size, int flags, const struct sockaddr* to, socklen_t length) {
+    static ssize_t (*next)(int, const void*, size_t, int, const struct sockaddr*, socklen_t);
+    if (next == NULL) next = dlsym(RTLD_NEXT, "sendto");
+    const struct sockaddr_in* where = (const struct sockaddr_in*)to;
+    if (where != NULL && where->sin_port == htons(MOTOR_PORT) && !atomic_exchange(&asked, 0)) return (ssize_t)size;
+    return next(fd, data, size, flags, to, length);
 }
