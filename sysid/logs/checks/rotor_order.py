@@ -198,6 +198,8 @@ def _by_place(log: FlightLog, vehicle: Vehicle, found: Rotors, what: str) -> Fin
     order = rotor_places.order(log, vehicle)
     if order is None or order == AS_GIVEN:
         return None
+    if found.spin is not None and any(found.spin[k] != np.sign(vehicle.spin[i]) for i, k in enumerate(order)):
+        return None  # yaw contradicts it
     sentence = (
         f"by its firmware the log's motors are {', '.join(log.metadata[rotor_places.KEY])}, not "
         f"{', '.join(rotor_places.of_vehicle(vehicle))} as in the vehicle file; the flight does not decide"

@@ -1,6 +1,7 @@
 """Compare and Learn in a real browser: flights opened side by side, the residual looked at, a link that restores it."""
 
 import re
+import shutil
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -25,7 +26,7 @@ from sysid.diagnosis.envelope import Envelope
 from sysid.estimator.validation import changes
 from sysid.estimator.validation.comparison import HORIZONS_S
 from tests.gcs_web.in_browser import CHROMIUM, FLAGS, SERIOUS, SIZE, drawn, with_plain_light, without_view
-from tests.gcs_web.two_pillars import START, add_map
+from tests.gcs_web.two_pillars import START
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
 from vehicle import flights, manoeuvres
@@ -43,7 +44,7 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-ge
 def station(pillar_map: Path, tmp_path_factory) -> Iterator[GroundStation]:
     """Two flights of a vehicle with rotor drag, compared with a model without; the second is held out."""
     opened = project.create(tmp_path_factory.mktemp("station") / "project", "flights")
-    add_map(opened, pillar_map)
+    shutil.copytree(pillar_map, opened.map)
     truth, rng = vehicle.example(), np.random.default_rng(5)
     vehicle.save(opened.vehicle, truth.without_effect("rotor_drag_thrust"))
     project.save_waypoints(opened.waypoints, Waypoints(START, np.full(3, np.nan)))
@@ -77,6 +78,7 @@ def page(station: GroundStation):
         opened.get_by_role("button", name=re.compile("^a"), pressed=True).or_(
             opened.get_by_role("button", name=re.compile("^b"), pressed=True)
         ).wait_for()
+        opened.get_by_text(MARKUP).nth(1).wait_for()  # the first flight that was read is open before the other is
         yield opened
         assert errors == []
         browser.close()

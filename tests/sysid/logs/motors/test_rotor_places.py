@@ -49,6 +49,21 @@ def test_a_flight_that_shows_its_order_is_believed_before_its_firmware(log, trut
     assert not [f for f in check_log(told, truth).findings if f.what == "rotor order"]
 
 
+def test_places_that_yaw_contradicts_are_not_taken(log, truth):
+    """Roll and pitch show nothing; yaw shows that the columns are in the file's order, or turned by half a turn."""
+    rng = np.random.default_rng(0)
+    shaken = {name: rng.standard_normal(len(log)) for name in COLUMNS["rate_body_rad_s"][:2]}
+    pose = [name for name in log.columns if name.startswith(("position", "q_world"))]
+    rest = {name: values for name, values in log.columns.items() if name not in pose}
+    one = FlightLog({**rest, **shaken}, {})
+    mirrored = tuple(rotor_places.of_vehicle(truth)[k] for k in (3, 2, 1, 0))
+    turned = tuple(rotor_places.of_vehicle(truth)[k] for k in (2, 3, 0, 1))
+    assert not check_log(rotor_places.with_places(one, mirrored), truth).findings
+    (found,) = check_log(rotor_places.with_places(one, turned), truth).findings
+    assert found.repair is not None
+    assert found.repair.order == (2, 3, 0, 1)
+
+
 def test_a_vehicle_on_its_axes_or_a_log_of_another_stack_says_nothing(log, truth):
     plus = replace(truth, hub_body_m=np.array([[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [-0.1, 0.0, 0.0], [0.0, -0.1, 0.0]]))
     assert rotor_places.of_vehicle(plus) == ("front", "left", "rear", "right")

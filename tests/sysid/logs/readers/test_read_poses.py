@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from flight import FlightError, FormatError, InputError
+from flight import FlightError, FlightLog, FormatError, InputError
+from flight.flight_log import COLUMNS
+from sysid.logs.motors import rotor_places
+from sysid.logs.readers.read_poses import joined_on_clocks
 from sysid.logs.reading import read_joined, read_log
 
 START_NS = 1_403_636_579_758_555_392
@@ -75,6 +78,15 @@ def test_two_files_are_joined_on_their_clocks(tmp_path):
     known = np.isfinite(log.columns["rate_body_x_rad_s"])
     assert log.time_s[known][0] == pytest.approx(0.5, abs=1e-6)
     np.testing.assert_allclose(log.columns["rate_body_x_rad_s"][known], np.cos(log.time_s[known] - 0.5), atol=1e-4)
+
+
+def test_what_a_firmware_tells_of_its_motors_is_kept_where_a_pose_is_joined(tmp_path):
+    imu_columns = {name: np.cos(TIME_S) for name in COLUMNS["rate_body_rad_s"]}
+    imu_columns["time_s"] = START_NS * 1e-9 + TIME_S
+    imu = rotor_places.with_places(FlightLog(imu_columns, {}), rotor_places.BETAFLIGHT)
+    euroc(tmp_path / "a")
+    pose = read_log(tmp_path / "a" / "mav0" / "state_groundtruth_estimate0" / "data.csv")
+    assert tuple(joined_on_clocks(tmp_path, pose, imu).metadata[rotor_places.KEY]) == rotor_places.BETAFLIGHT
 
 
 def test_files_whose_clocks_share_no_time_are_refused(tmp_path):
