@@ -36,17 +36,31 @@ def truth() -> vehicle.Vehicle:
     return v
 
 
-def fly(kind: str, duration_s: float, rng: np.random.Generator, *, rate_hz: float = 200.0) -> FlightLog:
-    """`vertical`, `horizontal` (to 10.5 m/s) or `rotation`; pose noise 2 mm and 0.12 deg, rotors 4 rad/s."""
+def fly(
+    kind: str,
+    duration_s: float,
+    rng: np.random.Generator,
+    *,
+    rate_hz: float = 200.0,
+    flown: dict | None = None,
+    share: float = 1.0,
+) -> FlightLog:
+    """`vertical`, `horizontal` (to 10.5 m/s) or `rotation`; pose noise 2 mm and 0.12 deg, rotors 4 rad/s.
+
+    Args:
+        flown: parameters of a vehicle of RotorPy, with gains of its attitude; else those of `parameters`.
+        share: of the size of the paths, and of the pose sensor's distance from the centre.
+    """
     from rotorpy.controllers.quadrotor_control import SE3Control
     from rotorpy.vehicles.multirotor import Multirotor
 
-    p = parameters()
+    p = {**parameters(), "kp_att": 260.0, "kd_att": 26.0} if flown is None else flown
     body = Multirotor(p, control_abstraction="cmd_motor_speeds", integrator_kwargs={"rtol": 1e-7, "atol": 1e-9})
     body.g = GRAVITY_M_S2
     body.weight = np.array([0.0, 0.0, -p["mass"] * GRAVITY_M_S2])
-    control = SE3Control({**p, "kp_att": 260.0, "kd_att": 26.0})
+    control = SE3Control(p)
     waves = _waves(kind, rng)
+    waves[:3, :, 0] *= share
     hover = np.sqrt(p["mass"] * GRAVITY_M_S2 / (4.0 * p["k_eta"]))
     state = {
         "x": _flat(waves, 0.0)["x"],
@@ -62,7 +76,7 @@ def fly(kind: str, duration_s: float, rng: np.random.Generator, *, rate_hz: floa
         rows[i] = np.concatenate([state["x"], np.roll(state["q"], 1), state["rotor_speeds"]])
         command = control.update(i / rate_hz, state, _flat(waves, i / rate_hz))
         state = body.step(state, command, 1.0 / rate_hz)
-    return _noisy(kind, np.arange(count) / rate_hz, rows, rng)
+    return _noisy(kind, np.arange(count) / rate_hz, rows, share * SENSOR_BODY_M, rng)
 
 
 def _waves(kind: str, rng: np.random.Generator) -> np.ndarray:
@@ -103,10 +117,12 @@ def _flat(waves: np.ndarray, t: float) -> dict:
     }
 
 
-def _noisy(kind: str, time_s: np.ndarray, rows: np.ndarray, rng: np.random.Generator) -> FlightLog:
+def _noisy(
+    kind: str, time_s: np.ndarray, rows: np.ndarray, sensor_body_m: np.ndarray, rng: np.random.Generator
+) -> FlightLog:
     n = len(time_s)
     q = rows[:, 3:7]
-    position = rows[:, :3] + rotations.rotate(q, SENSOR_BODY_M) + 2e-3 * rng.standard_normal((n, 3))
+    position = rows[:, :3] + rotations.rotate(q, sensor_body_m) + 2e-3 * rng.standard_normal((n, 3))
     turned = rotations.multiply(q, rotations.exp(np.deg2rad(0.12) * rng.standard_normal((n, 3))))
     speed = rows[:, 7:] + 4.0 * rng.standard_normal((n, 4))
     vectors = {"position_world_m": position, "q_world_body": turned, "rotor_speed_rad_s": speed}
