@@ -40,7 +40,7 @@ class Peer:
     share: float
     """Of the size of the paths and of the pose sensor's distance from the centre that suits it."""
     gains: Mapping[str, float]
-    """Of its attitude: RotorPy's own make some of its vehicles oscillate at 200 Hz."""
+    """Gains of its attitude, and what else is flown otherwise than RotorPy has it."""
 
     def flown(self) -> dict[str, Any]:
         from importlib import import_module

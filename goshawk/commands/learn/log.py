@@ -17,11 +17,13 @@ from goshawk.terminal import console, outputs
 from goshawk.terminal.verbs import VerbGroup
 from goshawk.terminal.words import named
 from sysid.logs.check import LogReport
+from sysid.logs.motors import rotor_places
 from sysid.logs.reading import DRAFTED
+from sysid.logs.sensors import low_pass
 from vehicle import Vehicle
 
 SUMMARY = "Show, check, fix or convert a flight log; download the vehicle's log."
-HIDDEN = ("fixes", "repairs", "lost", "events", "splits_s", "read", "rotor_places", "accelerometer_low_pass", DRAFTED)
+HIDDEN = ("fixes", "repairs", "lost", "events", "splits_s", "read", rotor_places.KEY, low_pass.KEY, DRAFTED)
 """Metadata that `goshawk log check` says in sentences."""
 flight_argument = log_files.flight_argument
 vehicle_option = console.path_option("--vehicle", "vehicle_file", "Vehicle file: its rotor order, spin and units too.")

@@ -1,5 +1,6 @@
 """The low-pass that a firmware's accelerometer went through before it was logged; kept in the log's metadata."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -35,8 +36,9 @@ def of(log: FlightLog) -> LowPass | None:
     said = log.metadata.get(KEY)
     if not isinstance(said, Mapping):
         return None
-    natural_rad_s, damping = (float(said.get(name, 0.0)) for name in ("natural_rad_s", "damping"))
-    return LowPass(natural_rad_s, damping) if min(natural_rad_s, damping) > 0.0 else None
+    said_of = (said.get(name) for name in ("natural_rad_s", "damping"))
+    numbers = [one for one in said_of if isinstance(one, float) and 0.0 < one < math.inf]
+    return LowPass(*numbers) if len(numbers) == 2 else None
 
 
 @cache

@@ -33,3 +33,10 @@ def test_a_constant_passes_whole():
 def test_it_comes_back_from_a_log():
     passed = LowPass(244.0, 1.0)
     assert low_pass.of(FlightLog({"time_s": np.arange(2.0)}, passed.metadata())) == passed
+
+
+@pytest.mark.parametrize(
+    "said", ["wide", {}, {"natural_rad_s": "wide", "damping": 1.0}, {"natural_rad_s": -1.0, "damping": 1.0}]
+)
+def test_what_a_foreign_file_says_of_it_is_taken_only_if_it_is_one(said):
+    assert low_pass.of(FlightLog({"time_s": np.arange(3.0)}, {low_pass.KEY: said})) is None
