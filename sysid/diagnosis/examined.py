@@ -399,3 +399,27 @@ def loss(model: Model, candidate: Candidate, beside: Sequence[Outside] = ()) -> 
     wanted = [(c.channel, c.variable) for c in beside]
     drawn = [columns for channel, variable, columns in evidence.groups(*channels) if (channel, variable) in wanted]
     return loss_without(evidence.with_curves(*channels), np.concatenate([kept, *drawn]), own, values)
+
+
+def in_place_of(model: Model, candidate: Candidate, additions: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Additions that are not needed beside a candidate, none of them, to first order at this fit.
+
+    The least needed goes first, and each further one only if all of them together are still unneeded.
+    """
+    evidence = model.evidence
+    beside = evidence.place(candidate.columns)
+
+    def chance(dropped: Sequence[Candidate]) -> float:
+        names = [n for one in dropped for n in one.parameters if n in model.fit.free_names]
+        along = [n for one in dropped for n in one.fitted_along if n in model.fit.free_names]
+        if not names:
+            return 0.0
+        kept = np.concatenate([np.setdiff1d(evidence.base, evidence.place([*names, *along])), beside])
+        values = np.array([model.fit.vehicle.value(n) for n in names])
+        return loss_without(evidence.named, kept, evidence.place(names), values).significance
+
+    gone: tuple[Candidate, ...] = ()
+    for one in sorted(additions, key=lambda a: -chance([a])):
+        if chance([*gone, one]) > THRESHOLDS.backward_chance:
+            gone = (*gone, one)
+    return gone

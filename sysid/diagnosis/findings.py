@@ -45,6 +45,7 @@ class JudgedBy(StrEnum):
     """Which flights confirmed or refused an attempt."""
 
     HELD_OUT = "held-out flights"
+    TRAINING = "the training flights"
     LEFT_OUT = "stretches of the training flights, each judged by the rest"
 
 

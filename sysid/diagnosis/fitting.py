@@ -8,7 +8,7 @@ from flight import FlightLog, InputError
 from sysid.diagnosis.evidence import candidates
 from sysid.diagnosis.evidence.candidates import POSE_DELAY, Candidate
 from sysid.diagnosis.evidence.weigh import Fitted
-from sysid.diagnosis.examined import Model, alike, as_good_as, examine, reproduced, significant, stated_curve
+from sysid.diagnosis.examined import Model, alike, as_good_as, examine, loss, reproduced, significant, stated_curve
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.estimator.identification import identify
 from sysid.estimator.options import Options
@@ -116,3 +116,21 @@ def refit_without(logs: Sequence[FlightLog], model: Model, dropped: Candidate, o
     except InputError as error:
         logger.info("%s stays: the model without it could not be fitted: %s", dropped.name, error)
         return None
+
+
+def superfluous(
+    logs: Sequence[FlightLog], model: Model, earlier: Sequence[Candidate], options: Options
+) -> tuple[Candidate, Model] | None:
+    """The addition that the last one has made unnecessary, and the model without it; None if all are needed.
+
+    What would be added again to the model without it is needed, however little the last test of it shows: a few blocks
+    decide that one, and all of them say what is left over without it.
+    """
+    chance = {candidate: loss(model, candidate).significance for candidate in earlier}
+    for candidate in sorted(earlier, key=lambda s: -chance[s]):
+        if chance[candidate] <= THRESHOLDS.backward_chance:
+            break
+        without = refit_without(logs, model, candidate, options)
+        if without is not None and candidate.name not in {s.name for s in significant(without)}:
+            return candidate, without
+    return None

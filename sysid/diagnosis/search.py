@@ -23,14 +23,13 @@ from sysid.diagnosis.examined import (
     examine,
     forms_and_curve,
     left_unexplained,
-    loss,
     of_another_form,
-    significant,
     stands,
 )
+from sysid.diagnosis.exchange import Exchange, exchange
 from sysid.diagnosis.families import family_of
 from sysid.diagnosis.findings import JudgedBy, Outcome
-from sysid.diagnosis.fitting import candidates_fitted, fitted_once, refit_without
+from sysid.diagnosis.fitting import candidates_fitted, fitted_once, refit_without, superfluous
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.diagnosis.trial import Trial
 from sysid.estimator.flights.flight_data import Flight
@@ -162,6 +161,8 @@ def search(
     unseen = judge or (TOO_SHORT if too_short else NONE_HELD_OUT)
     found = _History([examine(base)])
     _add_what_is_missing(logs, found, unseen, options, most=most, progress=progress)
+    while len(found.mattering) < most and _simplified(logs, found, unseen, options):
+        _add_what_is_missing(logs, found, unseen, options, most=most, progress=progress)
     while found.undecided is None and len(found.mattering) < most and _take_out_small(logs, found, options):
         pass
     trial, at = found.undecided or (None, found.models[-1])
@@ -220,10 +221,56 @@ def _add_what_is_missing(
             continue
         found.add(trial, model)
         refused = set(found.removed)  # beside a wrong model was no fair hearing
-        while (unneeded := _superfluous(logs, found.models[-1], found.added[:-1], options)) is not None:
+        while (unneeded := superfluous(logs, found.models[-1], found.added[:-1], options)) is not None:
             dropped, without = unneeded
             found.remove(replace(trial, candidate=dropped, outcome=Outcome.REMOVED), without)
             refused.add(dropped.name)
+
+
+def _simplified(logs: Sequence[FlightLog], found: _History, unseen: Judge | str, options: Options) -> bool:
+    """Put one candidate in place of several additions, if one explains what they do; whether one was."""
+    one = exchange(logs, found.models[-1], found.added, options, found.removed)
+    if one is None:
+        return False
+    trial = _of_exchange(found, one, unseen)
+    logger.info("%s: %s", one.candidate.name, trial.sentence)
+    if trial.outcome is not Outcome.ADDED:
+        found.trials.append(trial)
+        return False
+    found.add(trial, one.steps[0])
+    for dropped, without in zip(one.dropped, one.steps[1:], strict=True):
+        found.remove(replace(trial, candidate=dropped, outcome=Outcome.REMOVED), without)
+    return True
+
+
+def _of_exchange(found: _History, one: Exchange, unseen: Judge | str) -> Trial:
+    """How an exchange is judged: the simpler model must not predict flights that were not used worse.
+
+    That it is simpler counts as a clear lead. Its training fall is that of all the additions it takes the place of, for it explains what they did.
+    """
+    before, after = found.models[-1], one.steps[-1]
+    fell = [t.training.by_block for t in found.trials if t.outcome is Outcome.ADDED and t.candidate in one.dropped]
+    if isinstance(unseen, str):
+        judged, by = before.judge.reduction(before.fit.vehicle, after.fit.vehicle), JudgedBy.TRAINING
+    else:
+        unseen.set_noise(before.fit.noise)
+        judged, by = unseen.reduction(before.fit.vehicle, after.fit.vehicle), JudgedBy.HELD_OUT
+    worse = judged.total < -THRESHOLDS.contradicting_sigmas * judged.sigma
+    odds = np.exp(judged.total / before.scores[one.candidate.name].dispersion + THRESHOLDS.clear_lead)
+    return Trial(
+        candidate=one.candidate,
+        outcome=Outcome.NOT_CONFIRMED if worse else Outcome.ADDED,
+        training=CostReduction(np.sum([*fell, one.fitted.reduction.by_block], axis=0)),
+        held_out=judged,
+        judged_by=by,
+        why="" if by is JudgedBy.HELD_OUT else str(unseen),
+        confirmed=not worse,
+        confidence=float(THRESHOLDS.most_confidence / (1.0 + 1.0 / odds)),
+        rivals=(),
+        proxy_for=None,
+        fit=one.fitted.fit,
+        in_place_of=tuple(dropped.name for dropped in one.dropped),
+    )
 
 
 def _take_out_small(logs: Sequence[FlightLog], found: _History, options: Options) -> bool:
@@ -372,24 +419,6 @@ def _confirmed(model: Model, best: Fitted, unseen: Judge | str) -> tuple[CostRed
         scored.log_odds > THRESHOLDS.clear_odds and len(scored.unseen_by_block) >= THRESHOLDS.least_blocks,
         why,
     )
-
-
-def _superfluous(
-    logs: Sequence[FlightLog], model: Model, earlier: Sequence[Candidate], options: Options
-) -> tuple[Candidate, Model] | None:
-    """The addition that the last one has made unnecessary, and the model without it; None if all are needed.
-
-    What would be added again to the model without it is needed, however little the last test of it shows: a few blocks
-    decide that one, and all of them say what is left over without it.
-    """
-    chance = {candidate: loss(model, candidate).significance for candidate in earlier}
-    for candidate in sorted(earlier, key=lambda s: -chance[s]):
-        if chance[candidate] <= THRESHOLDS.backward_chance:
-            break
-        without = refit_without(logs, model, candidate, options)
-        if without is not None and candidate.name not in {s.name for s in significant(without)}:
-            return candidate, without
-    return None
 
 
 def _forms_and_curve(

@@ -34,6 +34,8 @@ class Trial:
     fit: Identification
     vanishes: bool = False
     """Whether the full fit leaves it next to nothing, whatever its score was."""
+    in_place_of: tuple[str, ...] = ()
+    """Additions that it explains as well, alone."""
 
     @property
     def refuted(self) -> bool:
@@ -65,6 +67,8 @@ class Trial:
         )
         numbers = f"the cost of {self.judged_on} fell by {judged.total:.1f} {scatter}"
         match self.outcome:
+            case Outcome.ADDED if self.in_place_of:
+                return f"in place of {' and '.join(self.in_place_of)}, which it explains alone: {numbers}"
             case Outcome.ADDED:
                 return f"helped: {numbers}"
             case Outcome.NOT_CONFIRMED if self.vanishes:

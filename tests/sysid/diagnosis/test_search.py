@@ -8,7 +8,7 @@ import pytest
 import vehicle
 from flight import InputError
 from sysid import Options
-from sysid.diagnosis import fitting, search
+from sysid.diagnosis import fitting
 from sysid.diagnosis.evidence.candidates import Candidate
 
 VEHICLE = vehicle.example().with_effect("angular_damping").with_effect("flapping_moment")
@@ -30,16 +30,16 @@ def earlier(monkeypatch: pytest.MonkeyPatch) -> list[Candidate]:
 
     monkeypatch.setattr(fitting, "identify", identify)
     monkeypatch.setattr(fitting, "examine", lambda fit: SimpleNamespace(fit=fit))
-    monkeypatch.setattr(search, "significant", lambda model: [])
+    monkeypatch.setattr(fitting, "significant", lambda model: [])
     chance = {first.name: 1.0, second.name: 0.9}
-    monkeypatch.setattr(search, "loss", lambda model, one: SimpleNamespace(significance=chance[one.name]))
+    monkeypatch.setattr(fitting, "loss", lambda model, one: SimpleNamespace(significance=chance[one.name]))
     return [first, second]
 
 
 def test_an_addition_without_which_no_fit_is_found_stays_and_the_next_is_looked_at(earlier):
     model = cast("Any", SimpleNamespace(fit=SimpleNamespace(vehicle=VEHICLE)))
-    assert search._superfluous((), model, earlier[:1], Options()) is None
-    found = search._superfluous((), model, earlier, Options())
+    assert fitting.superfluous((), model, earlier[:1], Options()) is None
+    found = fitting.superfluous((), model, earlier, Options())
     assert found is not None
     dropped, without = found
     assert dropped.name == "flapping_moment"
