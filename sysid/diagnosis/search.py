@@ -246,7 +246,8 @@ def _simplified(logs: Sequence[FlightLog], found: _History, unseen: Judge | str,
 def _of_exchange(found: _History, one: Exchange, unseen: Judge | str) -> Trial:
     """How an exchange is judged: the simpler model must not predict flights that were not used worse.
 
-    That it is simpler counts as a clear lead. Its training fall is that of all the additions it takes the place of, for it explains what they did.
+    That it is simpler counts as a clear lead. Its training fall is that of all the additions it takes the place of, for
+    it explains what they did.
     """
     before, after = found.models[-1], one.steps[-1]
     fell = [t.training.by_block for t in found.trials if t.outcome is Outcome.ADDED and t.candidate in one.dropped]
