@@ -81,8 +81,8 @@ def test_a_law_that_was_refused_is_not_asked_again(inflow):
 
 
 def test_additions_that_were_flown_stay():
-    damping = {"x_n_m_s": 3e-3, "y_n_m_s": 3e-3, "z_n_m_s": 1e-3}
-    drag = {"drag_x_n_s_m": 0.0, "drag_y_n_s_m": 0.0, "drag_z_n_s_m": 0.08}
+    damping: dict[str, Any] = {"x_n_m_s": 3e-3, "y_n_m_s": 3e-3, "z_n_m_s": 1e-3}
+    drag: dict[str, Any] = {"drag_x_n_s_m": 0.0, "drag_y_n_s_m": 0.0, "drag_z_n_s_m": 0.08}
     both = bare().with_effect("parasitic_drag_linear", **drag).with_effect("angular_damping", **damping)
     found = fitted_with_both(both)
     assert in_place_of(found.model, found.candidate("inflow_linear"), found.added) == ()
