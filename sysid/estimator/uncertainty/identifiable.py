@@ -10,12 +10,14 @@ from vehicle import Vehicle, specs
 UNSEEN_SHARE = 0.5
 """A parameter is not identifiable when its standard error exceeds this share of its typical size."""
 
+NEVER_ZERO = ("inertia_", "thrust_quadratic.", "thrust_bem.", "thrust_blade_element.", "rotor_yaw_torque.")
+"""What every vehicle has: its own value is its size. All others may be nil, which their typical size says."""
+
 
 def usual_size(vehicle: Vehicle, point: Point, name: str) -> float:
     """The size a standard error is judged by: the value itself, or what is typical of the effect if larger."""
     value = max(abs(point.value(name)), abs(vehicle.value(name)))
-    never_zero = name.startswith(("inertia_", "thrust_", "rotor_yaw_torque"))
-    return value if never_zero and value > 0.0 else max(value, specs(vehicle)[name].prior)
+    return value if name.startswith(NEVER_ZERO) and value > 0.0 else max(value, specs(vehicle)[name].prior)
 
 
 def least_seen(solution: Solution, vehicle: Vehicle, unknowns: Unknowns) -> str | None:
