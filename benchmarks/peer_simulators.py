@@ -1,18 +1,26 @@
-"""Diagnosis of vehicles flown by another simulator, as a stranger would: `python benchmarks/peer_simulators.py`.
+"""Diagnosis of vehicles flown by other simulators, as a stranger would:
 
-RotorPy flies its own vehicles with its own controller. The diagnosis has their mass, hubs and propellers, as a data
-sheet tells them, and the flights. Right are the families of RotorPy's terms, and the sizes of its forms.
+    python benchmarks/peer_simulators.py [--crazyflow PYTHON] [--json FILE]
+
+RotorPy and crazyflow fly their own vehicles with their own controllers. The diagnosis has mass, hubs and propellers, as
+a data sheet tells them, and the flights. Right are the families of the simulator's terms, and the sizes of its forms.
+crazyflow (PyPI, MIT) runs in an interpreter of its own, PYTHON; without one it is left out, and said so.
 """
 
+import argparse
+import json
+import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+Array = np.ndarray
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
 
@@ -20,6 +28,7 @@ import report  # noqa: E402
 import rotorpy_flights  # noqa: E402
 
 import vehicle  # noqa: E402
+from flight import FlightLog  # noqa: E402
 from sysid.diagnosis import diagnose  # noqa: E402
 from sysid.diagnosis.families import family_of  # noqa: E402
 from vehicle import draft  # noqa: E402
@@ -32,6 +41,19 @@ LEAST_SHARE = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Peer:
+    """A vehicle of another simulator, and its flights."""
+
+    name: str
+    given: vehicle.Vehicle
+    """By the data sheet."""
+    truth: Mapping[str, float]
+    """The simulator's terms as parameters of our effects."""
+    logs: list[FlightLog]
+    """Those to learn from, then those held out."""
+
+
+@dataclass(frozen=True, slots=True)
+class OfRotorPy:
     """A vehicle of RotorPy."""
 
     name: str
@@ -42,53 +64,109 @@ class Peer:
     gains: Mapping[str, float]
     """Gains of its attitude, and what else is flown otherwise than RotorPy has it."""
 
-    def flown(self) -> dict[str, Any]:
+    def flown(self, rng: np.random.Generator) -> Peer:
         from importlib import import_module
 
-        return {**import_module(f"rotorpy.vehicles.{self.module}").quad_params, **self.gains}
+        p = {**import_module(f"rotorpy.vehicles.{self.module}").quad_params, **self.gains}
+        said = {
+            "rotor_drag_speed.drag_kg": p["k_d"],
+            "inflow_linear.inflow_kg": p["k_z"],
+            "translational_lift.lift_kg_m": p["k_h"],
+            **{f"parasitic_drag_speed.drag_{axis}_kg_m": p[f"c_D{axis}"] for axis in "xyz"},
+        }
+        given = by_data_sheet(
+            self.name,
+            mass_kg=p["mass"],
+            hub_body_m=np.stack(list(p["rotor_pos"].values())),
+            spin=-np.asarray(p["rotor_directions"], dtype=float),
+            rotor_radius_m=self.rotor_radius_m,
+            rotor_speed_max_rad_s=float(p["rotor_speed_max"]),
+        )
+        fly = rotorpy_flights.fly
+        logs = [fly(kind, LENGTH_S, rng, flown=p, share=self.share) for kind in (*TRAINING, *HELD_OUT)]
+        return Peer(f"RotorPy {self.name}", given, {name: float(v) for name, v in said.items() if v}, logs)
 
 
-PEERS = (
-    Peer("hummingbird", "hummingbird_params", 0.1, 1.0, {"kp_att": 260.0, "kd_att": 26.0, "tau_m": 0.02}),
-    Peer("crazyflie", "crazyflie_params", 0.0225, 0.25, {"kp_att": 310.0, "kd_att": 30.0}),
+ROTORPY = (
+    OfRotorPy("hummingbird", "hummingbird_params", 0.1, 1.0, {"kp_att": 260.0, "kd_att": 26.0, "tau_m": 0.02}),
+    OfRotorPy("crazyflie", "crazyflie_params", 0.0225, 0.25, {"kp_att": 310.0, "kd_att": 30.0}),
 )
+CRAZYFLOW_SHARE = 0.3
+"""Of the size of the paths that suits its Crazyflie."""
+SETTLED_S = 1.0
+"""Flown before the log starts: it begins at rest."""
 
 
-def truth(p: Mapping[str, Any]) -> dict[str, float]:
-    """RotorPy's terms as parameters of our effects; those that are zero are not there."""
-    said = {
-        "rotor_drag_speed.drag_kg": p["k_d"],
-        "inflow_linear.inflow_kg": p["k_z"],
-        "translational_lift.lift_kg_m": p["k_h"],
-        **{f"parasitic_drag_speed.drag_{axis}_kg_m": p[f"c_D{axis}"] for axis in "xyz"},
+def crazyflow(python: str, rng: np.random.Generator) -> Peer:
+    """Its Crazyflie 2.1 Brushless, flown by the interpreter `python`."""
+    with tempfile.TemporaryDirectory() as folder:
+        asked, given = Path(folder) / "paths.npz", Path(folder) / "flights.npz"
+        np.savez(asked, path=np.stack([_asked(kind, rng) for kind in (*TRAINING, *HELD_OUT)]))
+        script = Path(__file__).with_name("crazyflow_flights.py")
+        subprocess.run([python, str(script), str(asked), str(given)], check=True, stderr=subprocess.DEVNULL)
+        with np.load(given) as kept:
+            states, p = kept["state"], json.loads(str(kept["parameters"]))
+    roll, pitch, yaw = np.array(p["mixing"])
+    hubs = p["arm_m"] * np.stack([-pitch, roll, np.zeros(4)], axis=1)
+    rates = rotorpy_flights.RATE_HZ
+    rows = states[:, round(SETTLED_S * rates) :]
+    time_s = np.arange(rows.shape[1]) / rates
+    place = CRAZYFLOW_SHARE * rotorpy_flights.SENSOR_BODY_M
+    logs = [
+        rotorpy_flights.noisy(kind, time_s, own, place, rng, source="crazyflow")
+        for kind, own in zip((*TRAINING, *HELD_OUT), rows, strict=True)
+    ]
+    truth = {
+        **{f"parasitic_drag_linear.drag_{axis}_n_s_m": d for axis, d in zip("xyz", p["drag_n_s_m"], strict=True)},
+        "thrust_affine.slope_n_s": p["thrust_n"][1],
+        "rotor_acceleration_torque.rotor_inertia_kg_m2": p["rotor_inertia_kg_m2"],
+        "gyroscopic_torque.rotor_inertia_kg_m2": p["rotor_inertia_kg_m2"],
     }
-    return {name: float(value) for name, value in said.items() if value}
+    given = by_data_sheet(
+        "cf21B_500",
+        mass_kg=p["mass_kg"],
+        hub_body_m=hubs,
+        spin=-yaw,
+        rotor_radius_m=0.0255,
+        rotor_speed_max_rad_s=float(np.sqrt(p["thrust_max_n"] / p["thrust_n"][2])),
+    )
+    return Peer("crazyflow cf21B_500", given, truth, logs)
 
 
-def start(peer: Peer) -> vehicle.Vehicle:
-    """By the data sheet."""
-    p = peer.flown()
+def _asked(kind: str, rng: np.random.Generator) -> Array:
+    """(n, 13) position, velocity, acceleration and quaternion (x, y, z, w) of a path 2 m above ground."""
+    waves = rotorpy_flights.waves(kind, rng)
+    waves[:3, :, 0] *= CRAZYFLOW_SHARE
+    rates = rotorpy_flights.RATE_HZ
+    count = round((LENGTH_S + SETTLED_S) * rates) + 1
+    path = [rotorpy_flights.flat(waves, i / rates) for i in range(count)]
+    turned = Rotation.from_euler("z", [[p["yaw"]] for p in path]).as_quat()
+    above = np.stack([p["x"] + [0.0, 0.0, 2.0] for p in path])
+    return np.concatenate([above, [p["x_dot"] for p in path], [p["x_ddot"] for p in path], turned], axis=1)
+
+
+def by_data_sheet(
+    name: str, *, mass_kg: float, hub_body_m: Array, spin: Array, rotor_radius_m: float, rotor_speed_max_rad_s: float
+) -> vehicle.Vehicle:
     known = draft.Known(
-        name=peer.name,
-        mass_kg=vehicle.Parameter(p["mass"], 0.01 * p["mass"], "kg", "RotorPy"),
-        hub_body_m=np.stack(list(p["rotor_pos"].values())),
-        spin=-np.asarray(p["rotor_directions"], dtype=float),
-        rotor_radius_m=vehicle.Parameter(peer.rotor_radius_m, 0.0, "m", "RotorPy"),
-        rotor_speed_max_rad_s=float(p["rotor_speed_max"]),
+        name=name,
+        mass_kg=vehicle.Parameter(mass_kg, 0.01 * mass_kg, "kg", "data sheet"),
+        hub_body_m=hub_body_m,
+        spin=spin,
+        rotor_radius_m=vehicle.Parameter(rotor_radius_m, 0.0, "m", "data sheet"),
+        rotor_speed_max_rad_s=rotor_speed_max_rad_s,
     )
     return draft.draft(known)
 
 
-def judged(peer: Peer, seed: int) -> list[report.Row]:
-    rng, p = np.random.default_rng(seed), peer.flown()
-    logs = [rotorpy_flights.fly(kind, LENGTH_S, rng, flown=p, share=peer.share) for kind in (*TRAINING, *HELD_OUT)]
+def judged(peer: Peer) -> list[report.Row]:
     began = time.process_time()
-    found = diagnose(logs[: len(TRAINING)], start(peer), held_out=logs[len(TRAINING) :], auto=True)
+    found = diagnose(peer.logs[: len(TRAINING)], peer.given, held_out=peer.logs[len(TRAINING) :], auto=True)
     cpu_s = time.process_time() - began
     print(f"{peer.name}: {found.verdict}")
     for one in found.families:
         print(f"  {one.sentence}")
-    right = truth(p)
+    right = peer.truth
     wanted = {family_of(name.partition(".")[0]) for name in right}
     named = {family_of(name) for name in found.additions}
     sizes = [_size_is_right(found.vehicle, name, value) for name, value in right.items() if _has(found.vehicle, name)]
@@ -107,14 +185,27 @@ def _has(fitted: vehicle.Vehicle, name: str) -> bool:
 def _size_is_right(fitted: vehicle.Vehicle, name: str, value: float) -> bool:
     found = fitted.parameter(name)
     right = abs(found.value - value) <= max(LEAST_SHARE * abs(value), 2.0 * found.std)
-    print(f"  {name}: {found.value:.4g} +- {found.std:.2g}, RotorPy {value:.4g}{'' if right else ' WRONG'}")
+    print(f"  {name}: {found.value:.4g} +- {found.std:.2g}, there {value:.4g}{'' if right else ' WRONG'}")
     return right
 
 
-def rows(*, seed: int) -> list[report.Row]:
-    """Diagnoses of RotorPy's vehicles: families, sizes and CPU time."""
-    return [row for peer in PEERS for row in judged(peer, seed)]
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--crazyflow", metavar="PYTHON", help="interpreter that has crazyflow")
+    parser.add_argument("--seed", type=int, default=11)
+    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows here")
+    a = parser.parse_args()
+    peers = [own.flown(np.random.default_rng(a.seed)) for own in ROTORPY]
+    if a.crazyflow:
+        peers.append(crazyflow(a.crazyflow, np.random.default_rng(a.seed)))
+    else:
+        print("crazyflow: not flown, for --crazyflow names no interpreter that has it")
+    measured = [row for peer in peers for row in judged(peer)]
+    report.print_table(measured)
+    if a.json:
+        body = {"machine": report.machine(), "rows": [asdict(r) for r in measured]}
+        a.json.write_text(json.dumps(body, indent=1) + "\n")
 
 
 if __name__ == "__main__":
-    report.main(rows, seed=11)
+    main()

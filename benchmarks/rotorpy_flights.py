@@ -10,6 +10,7 @@ from flight.flight_log import from_vectors
 from flight.frames import GRAVITY_M_S2
 
 SENSOR_BODY_M = np.array([0.0901, 0.0063, 0.0142])
+RATE_HZ = 200.0
 CENTRE_M = np.array([0.0014, -0.0008, 0.0])
 
 
@@ -41,7 +42,7 @@ def fly(
     duration_s: float,
     rng: np.random.Generator,
     *,
-    rate_hz: float = 200.0,
+    rate_hz: float = RATE_HZ,
     flown: dict | None = None,
     share: float = 1.0,
 ) -> FlightLog:
@@ -59,11 +60,11 @@ def fly(
     body.g = GRAVITY_M_S2
     body.weight = np.array([0.0, 0.0, -p["mass"] * GRAVITY_M_S2])
     control = SE3Control(p)
-    waves = _waves(kind, rng)
-    waves[:3, :, 0] *= share
+    path = waves(kind, rng)
+    path[:3, :, 0] *= share
     hover = np.sqrt(p["mass"] * GRAVITY_M_S2 / (4.0 * p["k_eta"]))
     state = {
-        "x": _flat(waves, 0.0)["x"],
+        "x": flat(path, 0.0)["x"],
         "v": np.zeros(3),
         "q": np.array([0.0, 0.0, 0.0, 1.0]),
         "w": np.zeros(3),
@@ -74,12 +75,12 @@ def fly(
     rows = np.empty((count, 11))
     for i in range(count):
         rows[i] = np.concatenate([state["x"], np.roll(state["q"], 1), state["rotor_speeds"]])
-        command = control.update(i / rate_hz, state, _flat(waves, i / rate_hz))
+        command = control.update(i / rate_hz, state, flat(path, i / rate_hz))
         state = body.step(state, command, 1.0 / rate_hz)
-    return _noisy(kind, np.arange(count) / rate_hz, rows, share * SENSOR_BODY_M, rng)
+    return noisy(kind, np.arange(count) / rate_hz, rows, share * SENSOR_BODY_M, rng)
 
 
-def _waves(kind: str, rng: np.random.Generator) -> np.ndarray:
+def waves(kind: str, rng: np.random.Generator) -> np.ndarray:
     """(4, 2, 3): for x, y, z and yaw two sines of amplitude, angular frequency and phase."""
     sizes = {
         "vertical": [[0.4, 0.0], [0.3, 0.0], [1.2, 0.12], [0.6, 0.0]],
@@ -95,8 +96,9 @@ def _waves(kind: str, rng: np.random.Generator) -> np.ndarray:
     return np.stack([np.array(sizes), np.array(speeds), phase], axis=2)
 
 
-def _flat(waves: np.ndarray, t: float) -> dict:
-    amplitude, speed, phase = np.moveaxis(waves, 2, 0)
+def flat(path: np.ndarray, t: float) -> dict:
+    """Position, yaw and their derivatives along `waves`."""
+    amplitude, speed, phase = np.moveaxis(path, 2, 0)
     angle = speed * t + phase
     value = (amplitude * np.sin(angle)).sum(axis=1)
     slope = (amplitude * speed * np.cos(angle)).sum(axis=1)
@@ -117,13 +119,20 @@ def _flat(waves: np.ndarray, t: float) -> dict:
     }
 
 
-def _noisy(
-    kind: str, time_s: np.ndarray, rows: np.ndarray, sensor_body_m: np.ndarray, rng: np.random.Generator
+def noisy(
+    kind: str,
+    time_s: np.ndarray,
+    rows: np.ndarray,
+    sensor_body_m: np.ndarray,
+    rng: np.random.Generator,
+    *,
+    source: str = "RotorPy",
 ) -> FlightLog:
+    """A log of (n, 11) position, quaternion (w, x, y, z) and rotor speeds, as its sensors measure them."""
     n = len(time_s)
     q = rows[:, 3:7]
     position = rows[:, :3] + rotations.rotate(q, sensor_body_m) + 2e-3 * rng.standard_normal((n, 3))
     turned = rotations.multiply(q, rotations.exp(np.deg2rad(0.12) * rng.standard_normal((n, 3))))
     speed = rows[:, 7:] + 4.0 * rng.standard_normal((n, 4))
     vectors = {"position_world_m": position, "q_world_body": turned, "rotor_speed_rad_s": speed}
-    return from_vectors(time_s, vectors, metadata={"name": kind, "source": "RotorPy"})
+    return from_vectors(time_s, vectors, metadata={"name": kind, "source": source})
