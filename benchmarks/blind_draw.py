@@ -11,6 +11,7 @@ from blind_truth import (
     AffineThrust,
     DragPerAxis,
     GroundCushion,
+    RotorFriction,
     RotorGyroscope,
     RotorSpinUp,
     SideMoment,
@@ -219,6 +220,12 @@ def _rotor_spin_up(t: Truth, rng: Rng) -> Sizes:
     return {"rotor_inertia_kg_m2": inertia}
 
 
+def _friction(t: Truth, rng: Rng) -> Sizes:
+    slope = _size(rng, 2e-6, 1e-5)
+    t.extras.append(RotorFriction(slope))
+    return {"slope_n_m_s": slope}
+
+
 def _gyroscope(t: Truth, rng: Rng) -> Sizes:
     inertia = _size(rng, 1.5e-6, 2.5e-5)
     t.extras.append(RotorGyroscope(inertia))
@@ -313,6 +320,7 @@ HIDDEN: dict[str, Callable[[Truth, Rng], Sizes]] = {
     "angular_damping": _angular_damping,
     "rotor_acceleration_torque": _rotor_spin_up,
     "gyroscopic_torque": _gyroscope,
+    "torque_affine": _friction,
     "translational_lift": _rotorpy_term("translational_lift", "k_h", "lift_kg_m", 8e-4, 5e-3),
     "inflow_linear": _rotorpy_term("inflow_linear", "k_z", "inflow_kg", 5e-5, 3.5e-4),
     "rotor_drag_speed": _rotorpy_term("rotor_drag_speed", "k_d", "drag_kg", 1e-5, 1.2e-4),

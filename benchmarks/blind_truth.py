@@ -137,6 +137,18 @@ class RotorGyroscope(Added):
 
 
 @dataclass(frozen=True, slots=True)
+class RotorFriction(Added):
+    """A part of each rotor's torque that grows with its speed alone."""
+
+    slope_n_m_s: float
+
+    def wrench(self, air: Air, thrust: Array) -> tuple[Array, Array]:
+        torque = np.zeros_like(air.rate)
+        torque[2] = self.slope_n_m_s * (air.direction * air.rotor_speed).sum(axis=0)
+        return np.zeros_like(torque), torque
+
+
+@dataclass(frozen=True, slots=True)
 class RotorSpinUp(Added):
     """Speeding a rotor up pushes the body the other way."""
 

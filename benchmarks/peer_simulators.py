@@ -119,6 +119,7 @@ def crazyflow(python: str, rng: np.random.Generator) -> Peer:
     truth = {
         **{f"parasitic_drag_linear.drag_{axis}_n_s_m": d for axis, d in zip("xyz", p["drag_n_s_m"], strict=True)},
         "thrust_affine.slope_n_s": p["thrust_n"][1],
+        "torque_affine.slope_n_m_s": p["torque_n_m"][1],
         "rotor_acceleration_torque.rotor_inertia_kg_m2": p["rotor_inertia_kg_m2"],
         "gyroscopic_torque.rotor_inertia_kg_m2": p["rotor_inertia_kg_m2"],
     }

@@ -64,6 +64,7 @@ EFFECTS: Mapping[str, Compensation] = MappingProxyType({
     "constant_wind": _no("the controller knows no wind; its integrator (ki_xy_1_s3) takes the steady part"),
     # moments
     "rotor_yaw_torque": _yes("inverted exactly", _same("torque_n_m_s2", "cq_n_m_s2")),
+    "torque_affine": _no("the torque law has no linear term; refit the quadratic one"),
     "centre_of_mass": _yes("arms of the mixer are from the centre of mass"),
     "centre_of_mass_height": _no("the mixer's arms lie in one plane; attitude feedback takes it"),
     "flapping_moment": _yes("taken off the torque asked of the mixer", _same("moment_kg_m", "flapping_kg_m")),

@@ -46,6 +46,7 @@ TITLES = {
     "thrust_blade_element": "thrust by blade elements, with the advance ratio",
     "thrust_quadratic": "thrust with the square of rotor speed",
     "thrust_affine": "thrust not quite quadratic",
+    "torque_affine": "rotor torque not quite quadratic",
     "inflow_linear": "thrust lost to axial air speed",
     "rotor_drag_thrust": "rotor drag with thrust",
     "rotor_drag_speed": "rotor drag with rotor speed",

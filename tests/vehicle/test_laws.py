@@ -26,6 +26,7 @@ SYMMETRIC = (
     "angular_damping",
     "angular_damping_quadratic",
     "thrust_affine",
+    "torque_affine",
 )
 """Effects that know no left or right with the values they are planted with."""
 

@@ -161,6 +161,11 @@ void rotor_yaw_torque(Flow<T>& flow, const T* p) {
 }
 
 template <class T>
+void torque_affine(Flow<T>& flow, const T* p) {
+    for (int i = 0; i < 4; ++i) flow.torque[2] -= p[0] * flow.spin[i] * flow.rotor_speed[i];
+}
+
+template <class T>
 void uneven_rotor_torque(Flow<T>& flow, const T* p) {
     for (int i = 0; i < 4; ++i) {
         flow.torque[2] -= p[i] * flow.spin[i] * flow.rotor_speed[i] * flow.rotor_speed[i];

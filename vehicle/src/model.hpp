@@ -55,6 +55,7 @@ struct Entry {
     X(wake_skew_moment, flow, 2)          \
     X(airframe_side_moment, flow, 3)      \
     X(rotor_yaw_torque, flow, 1)          \
+    X(torque_affine, flow, 1)             \
     X(uneven_rotor_torque, flow, 4)       \
     X(gyroscopic_torque, flow, 1)         \
     X(rotor_acceleration_torque, flow, 1) \

@@ -133,6 +133,7 @@ def _laws():
             t.SpinDamping(quadratic_n_m_s2=(1e-3, 2e-3, 5e-4)),
             {"x_n_m_s2": 1e-3, "y_n_m_s2": 2e-3, "z_n_m_s2": 5e-4},
         ),
+        "torque_affine": (t.RotorFriction(4e-6), {"slope_n_m_s": 4e-6}),
         "gyroscopic_torque": (t.RotorGyroscope(1e-5), {"rotor_inertia_kg_m2": 1e-5}),
         "rotor_acceleration_torque": (t.RotorSpinUp(1e-5), {"rotor_inertia_kg_m2": 1e-5}),
         "airframe_side_moment": (t.SideMoment((1e-4, -6e-5, 2e-4)), {"x_kg": 1e-4, "y_kg": -6e-5, "z_kg": 2e-4}),
@@ -141,7 +142,7 @@ def _laws():
 
 @pytest.mark.parametrize("name", sorted(["weak_rotor", "ground_effect", "descent_loss", "thrust_affine",
     "rotor_interaction", "rotor_drag_thrust", "parasitic_drag", "angular_damping", "angular_damping_quadratic",
-    "gyroscopic_torque", "rotor_acceleration_torque", "airframe_side_moment"]))  # fmt: skip
+    "gyroscopic_torque", "rotor_acceleration_torque", "airframe_side_moment", "torque_affine"]))  # fmt: skip
 def test_the_truths_law_is_the_catalogues_though_they_share_no_line(name, states):
     """Adding the effect changes our wrench as much as the extra changes the truth's."""
     import blind_flight

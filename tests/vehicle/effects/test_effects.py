@@ -35,8 +35,8 @@ def motion(n=200, seed=2):
     return velocity, rate, speed, around
 
 
-def test_the_catalogue_has_every_number_from_1_to_26():
-    assert {e.number for e in CATALOGUE.values()} - {0} == set(range(1, 27))
+def test_the_catalogue_has_every_number_from_1_to_27():
+    assert {e.number for e in CATALOGUE.values()} - {0} == set(range(1, 28))
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
