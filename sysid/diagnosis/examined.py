@@ -30,6 +30,7 @@ from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.result import CHANNELS, Identification
 from sysid.logs.checks.payload import PAYLOAD
 from vehicle import effects
+from vehicle.effects.base import Stage
 
 logger = logging.getLogger(__name__)
 
@@ -304,6 +305,22 @@ def as_good_as(curve: Outside, model: Model) -> list[Candidate]:
     return sorted((s for s in own if gain[s.name] > max(least, THRESHOLDS.least_gain)), key=lambda s: -gain[s.name])
 
 
+def of_its_physics(curve: Outside, model: Model) -> list[tuple[Candidate, float]]:
+    """Candidates in a curve's channel that read what it is drawn against, each with its likelihood beside the others.
+
+    None of them is the law; the one that explains most of it is of its family. A curve of thrust is asked of laws of
+    thrust alone: a moment may explain what unequal thrusts leave about x and y.
+    """
+    asked = [s for s in model.candidate_set.candidates if curve.channel in shown_in(s) and reads(s, curve)]
+    if of_thrust(curve.channel):
+        asked = [s for s in asked if effects.find(s.effect).stage in OF_THRUST]
+    own = [(s, model.scores[s.name].gain_unseen / curve.score.dispersion) for s in asked]
+    most = max((gain for _, gain in own), default=0.0)
+    found = [(s, float(np.exp(gain - most))) for s, gain in own] if most > 0.0 else []
+    total = sum(odds for _, odds in found)
+    return sorted(((s, odds / total) for s, odds in found), key=lambda pair: -pair[1])
+
+
 def shown_in(candidate: Candidate) -> list[str]:
     """Channels of curves in which a candidate shows; a force along axes of the body shows along the world's too, and
     what a rotor's thrust shows in may be its thrust."""
@@ -313,6 +330,8 @@ def shown_in(candidate: Candidate) -> list[str]:
     return [*own, *world, *thrust]
 
 
+OF_THRUST = (Stage.THRUST, Stage.THRUST_FACTOR)
+"""Where laws of thrust act."""
 READS = {
     "v": r"\bv\b|\bv_|drag|world",
     "w": r"\bw\b|\bw_|\bdw/dt",

@@ -114,6 +114,23 @@ def family(stated: Mapping[str, float], another: float, *, most: float) -> Famil
     return Family(family_of(ordered[0].name), together, ordered, together * another)
 
 
+def of_curve(nearest: Sequence[tuple[str, float]], confidence: float) -> Family | None:
+    """The family of a law that no known effect is; None where the catalogue has none of its physics.
+
+    Args:
+        nearest: known effects of the same physics and their shares in explaining the curve, the largest first.
+        confidence: probability that channel and variable of the curve are right.
+    """
+    if not nearest:
+        return None
+    shares: dict[str, float] = {}
+    for name, share in nearest:
+        shares[family_of(name)] = shares.get(family_of(name), 0.0) + share
+    likeliest = max(shares, key=lambda name: shares[name])
+    own = {name: confidence * share for name, share in nearest if family_of(name) == likeliest}
+    return family(own, 1.0, most=THRESHOLDS.most_confidence)
+
+
 def families(
     named: Sequence[tuple[str, float, Sequence[tuple[str, float]]]], another: Mapping[str, float], *, most: float
 ) -> tuple[Family, ...]:

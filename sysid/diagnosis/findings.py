@@ -167,6 +167,8 @@ class OutsideFinding:
     gain: float
     significance: float
     confidence: float
+    nearest: tuple[tuple[str, float], ...] = ()
+    """Known effects of the same physics, none of which is this law, with the share each has in explaining it."""
 
     def as_dict(self) -> dict[str, Any]:
         return {
@@ -179,6 +181,7 @@ class OutsideFinding:
             "residual_unit": unit(self.channel),
             "evidence": {"gain": self.gain, "chance": self.significance},
             "confidence": self.confidence,
+            "nearest": [{"name": name, "probability": share} for name, share in self.nearest],
         }
 
 

@@ -11,6 +11,7 @@ from sysid.diagnosis.envelope import Envelope, flown
 from sysid.diagnosis.evidence import load
 from sysid.diagnosis.evidence.free_form import axes_of
 from sysid.diagnosis.families import Family, families, family_of
+from sysid.diagnosis.families import of_curve as of_curve_family
 from sysid.diagnosis.findings import (
     SCHEMA_VERSION,
     Attempt,
@@ -134,7 +135,7 @@ class Diagnosis:
         """The whole diagnosis in a sentence or two."""
         parts = []
         if self.additions:
-            lacking = [one for one in self.families if one.is_another_form]
+            lacking = [one for one in self.families if one.is_another_form and {*one.names} & {*self.additions}]
             nearest = {name for one in lacking for name in one.names}
             names = [self._said(name) for name in self.additions if name not in nearest]
             parts.append(f"missing was {' and '.join((*names, *(one.lacking for one in lacking)))}")
@@ -145,9 +146,10 @@ class Diagnosis:
             parts.append(f"{'besides, ' if parts else ''}{what}{said}: they are confounded in these flights")
         if self.outside is not None:
             o = self.outside
+            physics = f", {self.family_of_curve.lacking}" if self.family_of_curve else ""
             parts.append(
                 f"{'besides, ' if parts else ''}something is missing that no known effect is: "
-                f"{o.channel} against {o.variable}"
+                f"{o.channel} against {o.variable}{physics}"
             )
         if self.proxies:
             forms = " and ".join(candidate.name for candidate, _ in self.search.forms)
@@ -198,7 +200,13 @@ class Diagnosis:
             apart = {family_of(name): name for name in reversed(open_.between)}  # the likeliest of each
             between = [(name, open_.probability(name)) for name in open_.between]
             named += [(name, dict(between)[name], between) for name in apart.values()]
-        return families(named, self.search.another_form, most=most)
+        found = families(named, self.search.another_form, most=most)
+        return found if self.family_of_curve is None else (*found, self.family_of_curve)
+
+    @property
+    def family_of_curve(self) -> Family | None:
+        """Of what no known effect is: of which physics its law is."""
+        return of_curve_family(self.outside.nearest, self.outside.confidence) if self.outside else None
 
     @property
     def leaves_too_much(self) -> bool:

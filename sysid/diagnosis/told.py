@@ -7,7 +7,7 @@ from sysid.diagnosis.decision import Case, decide, sentence, stated
 from sysid.diagnosis.evidence.candidates import Candidate
 from sysid.diagnosis.evidence.free_form import UNIT, of_thrust
 from sysid.diagnosis.evidence.score import Score
-from sysid.diagnosis.examined import Model, Outside
+from sysid.diagnosis.examined import Model, Outside, of_its_physics
 from sysid.diagnosis.findings import Attempt, CandidateFinding, Outcome, OutsideFinding, Verdict
 from sysid.diagnosis.search import Search
 from sysid.diagnosis.thresholds import THRESHOLDS
@@ -146,4 +146,5 @@ def of_curve(model: Model, found: Outside, *, unsure: bool) -> OutsideFinding:
         gain=blocks.gain_unseen,
         significance=blocks.significance,
         confidence=stated(found.confidence, unsure=unsure),
+        nearest=tuple((one.name, share) for one, share in of_its_physics(found, model)),
     )

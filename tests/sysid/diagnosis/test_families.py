@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from sysid.diagnosis.families import families, family, family_of
+from sysid.diagnosis.families import families, family, family_of, of_curve
 from sysid.diagnosis.thresholds import THRESHOLDS
 from vehicle import effects
 
@@ -76,3 +76,17 @@ def test_two_forms_that_are_named_together_are_one_family_and_may_be_one_law_tha
     exact, _ = families(named, {"rotor_drag_thrust": 0.0}, most=1.0)
     assert not exact.is_another_form
     assert exact.known_form == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_curve_is_of_the_family_that_explains_most_of_it_in_a_form_that_none_has():
+    found = of_curve([("translational_lift", 0.6), ("weak_rotor[1]", 0.3), ("thrust_bem", 0.1)], 0.8)
+    assert found is not None
+    assert found.name == "inflow"
+    assert found.probability == pytest.approx(0.8 * 0.7)
+    assert found.is_another_form
+    assert found.lacking == "inflow in a form that the catalogue lacks (the nearest is translational_lift)"
+    assert "translational_lift" not in found.sentence
+
+
+def test_a_curve_of_no_known_physics_has_no_family():
+    assert of_curve([], 0.9) is None
