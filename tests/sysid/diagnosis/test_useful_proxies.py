@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from sysid.diagnosis import effect_sizes, examined, search
+from sysid.diagnosis import effect_sizes, examined, fitting, search
 from sysid.diagnosis.evidence.candidates import Candidate
 from sysid.diagnosis.evidence.confirm import CostReduction
 from sysid.diagnosis.evidence.free_form import VARIABLE
@@ -206,10 +206,10 @@ def test_only_what_is_left_of_a_named_effects_form_speaks_for_nothing_unknown():
 def test_an_addition_goes_only_where_nothing_would_bring_it_back(monkeypatch: pytest.MonkeyPatch, again, goes):
     """Of three, the last test leaves two in doubt, the first most."""
     chance = {"a": 0.02, "b": 0.01, "c": 1e-6}
-    monkeypatch.setattr(search, "loss", lambda model, one: SimpleNamespace(significance=chance[one.name]))
-    monkeypatch.setattr(search, "refit_without", lambda logs, model, one, options: f"without {one.name}")
-    monkeypatch.setattr(search, "significant", lambda model: [candidate(name) for name in again])
-    found = search._superfluous((), cast("Any", None), [candidate(name) for name in "abc"], cast("Any", None))
+    monkeypatch.setattr(fitting, "loss", lambda model, one: SimpleNamespace(significance=chance[one.name]))
+    monkeypatch.setattr(fitting, "refit_without", lambda logs, model, one, options: f"without {one.name}")
+    monkeypatch.setattr(fitting, "significant", lambda model: [candidate(name) for name in again])
+    found = fitting.superfluous((), cast("Any", None), [candidate(name) for name in "abc"], cast("Any", None))
     assert (found and (found[0].name, found[1])) == (goes and (goes, f"without {goes}"))
 
 
