@@ -1,7 +1,7 @@
 """What sampling leaves open of a motor's lag: a command is known to within the interval between two samples.
 
-A pose would show a late command; without one the lag takes up what the command is off in time, uniform over a sample
-(Widrow and Kollar, Quantization Noise, 2008, chapter 4).
+Where the delay of commands is not estimated, the lag takes up what the command is off in time, uniform over a sample
+(Widrow and Kollar, Quantization Noise, 2008, chapter 4): a controller that runs faster than the log changes it between.
 """
 
 from collections.abc import Sequence
@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flight.rotations import FloatArray
+from sysid.estimator.flights.clocks import COMMAND
 from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.joint_problem.unknowns import Unknowns
 
@@ -16,11 +17,17 @@ LAGS = ("motor_lag.rise_s", "motor_lag.fall_s")
 
 
 def variances(flights: Sequence[Flight], unknowns: Unknowns) -> FloatArray:
-    """(p,) of the shared unknowns, s² where they are lags; zero where a flight has a pose."""
+    """(p,) of the shared unknowns, s² where they are lags; zero where a pose shows how late commands are."""
     result = np.zeros(unknowns.size)
-    if any(flight.has_pose for flight in flights):
+    if any(flight.has_pose and not flight.commands_on_time for flight in flights):
         return result
-    step_s = max(float(np.median(flight.step_s)) for flight in flights)
+    sample_s = max(_sample_s(flight) for flight in flights)
     for name in set(LAGS) & set(unknowns.names):
-        result[unknowns.names.index(name)] = step_s**2 / 12.0
+        result[unknowns.names.index(name)] = sample_s**2 / 12.0
     return result
+
+
+def _sample_s(flight: Flight) -> float:
+    """Between two commands of the log; without a pose the nodes of the fit are its samples."""
+    stream = flight.streams.get(COMMAND) if flight.has_pose else None
+    return float(np.median(flight.step_s if stream is None else np.diff(stream.spline.x)))

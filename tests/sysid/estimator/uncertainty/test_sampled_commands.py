@@ -1,0 +1,35 @@
+"""The lag of motors is known no better than the time of the commands that it follows."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from sysid.estimator.flights.clocks import COMMAND
+from sysid.estimator.flights.sampling import Signal
+from sysid.estimator.joint_problem.unknowns import Unknowns
+from sysid.estimator.uncertainty.sampled_commands import LAGS, variances
+
+UNKNOWNS = Unknowns(("thrust_quadratic.k_n_s2", *LAGS), (), ("bias",))
+NODE_S, SAMPLE_S = 0.01, 0.005
+
+
+def flight(*, has_pose: bool, on_time: bool) -> Any:
+    time_s = SAMPLE_S * np.arange(100.0)
+    streams = {COMMAND: Signal.held(time_s, np.ones((100, 4)))}
+    step_s = np.full(49, NODE_S)
+    return cast("Any", SimpleNamespace(has_pose=has_pose, commands_on_time=on_time, streams=streams, step_s=step_s))
+
+
+@pytest.mark.parametrize(("has_pose", "on_time", "sample_s"), [(True, True, SAMPLE_S), (False, False, NODE_S)])
+def test_a_lag_is_off_by_up_to_a_sample_where_the_delay_of_commands_is_not_estimated(has_pose, on_time, sample_s):
+    found = variances([flight(has_pose=has_pose, on_time=on_time)], UNKNOWNS)
+    assert found[1:3] == pytest.approx(sample_s**2 / 12.0)
+    assert not found[[0, 3]].any()
+
+
+def test_a_pose_that_shows_the_delay_leaves_nothing_open():
+    shown = flight(has_pose=True, on_time=False)
+    assert not variances([shown], UNKNOWNS).any()
+    assert not variances([shown, flight(has_pose=True, on_time=True)], UNKNOWNS).any()
