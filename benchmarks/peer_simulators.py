@@ -7,14 +7,13 @@ a data sheet tells them, and the flights. Right are the families of the simulato
 crazyflow (PyPI, MIT) runs in an interpreter of its own, PYTHON; without one it is left out, and said so.
 """
 
-import argparse
 import json
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -97,13 +96,13 @@ SETTLED_S = 1.0
 """Flown before the log starts: it begins at rest."""
 
 
-def crazyflow(python: str, rng: np.random.Generator) -> Peer:
+def of_crazyflow(python: str, rng: np.random.Generator) -> Peer:
     """Its Crazyflie 2.1 Brushless, flown by the interpreter `python`."""
     with tempfile.TemporaryDirectory() as folder:
         asked, given = Path(folder) / "paths.npz", Path(folder) / "flights.npz"
         np.savez(asked, path=np.stack([_asked(kind, rng) for kind in (*TRAINING, *HELD_OUT)]))
         script = Path(__file__).with_name("crazyflow_flights.py")
-        subprocess.run([python, str(script), str(asked), str(given)], check=True, stderr=subprocess.DEVNULL)
+        subprocess.run([python, str(script), str(asked), str(given)], check=True, stderr=subprocess.DEVNULL, cwd=folder)
         with np.load(given) as kept:
             states, p = kept["state"], json.loads(str(kept["parameters"]))
     roll, pitch, yaw = np.array(p["mixing"])
@@ -190,23 +189,18 @@ def _size_is_right(fitted: vehicle.Vehicle, name: str, value: float) -> bool:
     return right
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--crazyflow", metavar="PYTHON", help="interpreter that has crazyflow")
-    parser.add_argument("--seed", type=int, default=11)
-    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows here")
-    a = parser.parse_args()
-    peers = [own.flown(np.random.default_rng(a.seed)) for own in ROTORPY]
-    if a.crazyflow:
-        peers.append(crazyflow(a.crazyflow, np.random.default_rng(a.seed)))
+def rows(*, seed: int, crazyflow: str) -> list[report.Row]:
+    """Diagnoses of vehicles that RotorPy and crazyflow fly: families, sizes and CPU time.
+
+    crazyflow is flown by the interpreter that --crazyflow names.
+    """
+    peers = [own.flown(np.random.default_rng(seed)) for own in ROTORPY]
+    if crazyflow:
+        peers.append(of_crazyflow(crazyflow, np.random.default_rng(seed)))
     else:
         print("crazyflow: not flown, for --crazyflow names no interpreter that has it")
-    measured = [row for peer in peers for row in judged(peer)]
-    report.print_table(measured)
-    if a.json:
-        body = {"machine": report.machine(), "rows": [asdict(r) for r in measured]}
-        a.json.write_text(json.dumps(body, indent=1) + "\n")
+    return [row for peer in peers for row in judged(peer)]
 
 
 if __name__ == "__main__":
-    main()
+    report.main(rows, seed=11, crazyflow="")

@@ -62,18 +62,18 @@ def _cpuinfo() -> list[str]:
     return path.read_text().splitlines() if path.exists() else []
 
 
-def main(rows: Callable[..., list[Row]], **numbers: int) -> None:
+def main(rows: Callable[..., list[Row]], **options: int | str) -> None:
     """Run a benchmark script: measure, print the table, write the JSON if asked.
 
     Args:
-        numbers: that `rows` takes by name, each an option with this default.
+        options: numbers or words that `rows` takes by name, each an option with this default.
     """
-    parser = argparse.ArgumentParser(description=rows.__doc__)
-    for name, default in numbers.items():
-        parser.add_argument(f"--{name}", type=int, default=default, help="[default: %(default)s]")
+    parser = argparse.ArgumentParser(description=rows.__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for name, default in options.items():
+        parser.add_argument(f"--{name}", type=type(default), default=default, help="[default: %(default)s]")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows here")
     arguments = parser.parse_args()
-    measured = rows(**{name: getattr(arguments, name) for name in numbers})
+    measured = rows(**{name: getattr(arguments, name) for name in options})
     print_table(measured)
     if arguments.json:
         write(measured, arguments.json)
