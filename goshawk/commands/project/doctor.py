@@ -1,17 +1,22 @@
 """`goshawk doctor`: check that libraries and compiled parts work on this machine."""
 
+import getpass
 import importlib
 import os
 import platform
+import re
 import shutil
-from collections.abc import Callable, Mapping
+import socket
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import click
 
+import goshawk
 from flight import extras
 from goshawk import installation
-from goshawk.terminal import console
+from goshawk.terminal import console, outputs
 
 SUMMARY = "Check this installation."
 _MODULES = {
@@ -33,18 +38,28 @@ class Finding:
 
 
 @click.command()
+@console.path_option("--out", "out", "Text file to write: this table, to attach to an issue.")
+@outputs.overwrite_option
 @console.common_options
-def command(as_json: bool) -> int:
+def command(out: Path | None, overwrite: bool, as_json: bool) -> int:
     """Check this installation: libraries, compiled parts, memory, browser.
 
     \b
     goshawk doctor
     goshawk doctor --json
+    goshawk doctor --out doctor.txt
+
+    The file holds no name of a user, a machine or a home folder.
     """
+    outputs.check(out, overwrite=overwrite)
     findings = [_module(name, use) for name, use in _MODULES.items()]
     findings += [_extra(name, libraries) for name, libraries in extras.EXTRAS.items()]
     findings += [check() for check in _CHECKS]
     healthy = all(finding.ok for finding in findings)
+    if out is not None:
+        with outputs.file(out, overwrite=overwrite) as placing:
+            placing.write_text(report(findings))
+        console.note(f"written: {out}")
     if as_json:
         items = [{"name": f.name, "ok": f.ok, "detail": f.detail} for f in findings]
         console.show("", {}, as_json=True, document={"healthy": healthy, "findings": items})
@@ -57,6 +72,29 @@ def command(as_json: bool) -> int:
             else "run `make setup` in the repository, or install what is named above"
         )
     return 0 if healthy else 1
+
+
+def report(findings: Sequence[Finding]) -> str:
+    """The findings as text, a line each, without what identifies a person or a machine."""
+    lines = [f"Goshawk {goshawk.__version__}"]
+    lines += [f"{f.name}: {'ok' if f.ok else 'NOT OK'}{f', {f.detail}' if f.detail else ''}" for f in findings]
+    return without_personal_data("\n".join(lines) + "\n")
+
+
+def without_personal_data(text: str) -> str:
+    """The text with the home folder as `~`, and with USER and HOST for the names of the user and the machine."""
+    text = re.sub(rf"{re.escape(str(Path.home()))}(?=/|\s|$)", "~", text)
+    for name, word in ((_user(), "USER"), (socket.gethostname(), "HOST")):
+        if name:
+            text = re.sub(rf"(?<![\w.-]){re.escape(name)}(?![\w-])", word, text)
+    return text
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # a container may run as a number without a name
+        return ""
 
 
 def _module(name: str, use: str) -> Finding:
