@@ -14,6 +14,7 @@ import pytest
 import vehicle
 from flight import FlightLog
 from sysid import Options, identify
+from sysid.diagnosis import exchange as swaps
 from sysid.diagnosis import search
 from sysid.diagnosis.evidence.candidates import Candidate, candidate_set
 from sysid.diagnosis.evidence.confirm import CostReduction
@@ -113,3 +114,15 @@ def test_without_flights_held_out_the_training_flights_judge_and_are_named(inflo
     trial = search._of_exchange(search._History([inflow.model]), swap, search.NONE_HELD_OUT)
     assert trial.judged_by is JudgedBy.TRAINING
     assert search.NONE_HELD_OUT in trial.sentence
+
+
+@pytest.mark.parametrize(("gone", "kept"), [(2, True), (1, False), (0, False)])
+def test_one_law_for_one_is_no_simpler(inflow, monkeypatch: pytest.MonkeyPatch, gone: int, kept: bool):
+    """To first order two go; the full fits may still need one of them."""
+    fitted = SimpleNamespace(fit=inflow.model.fit)
+    monkeypatch.setattr(swaps, "fitted_once", lambda logs, model, one, options: fitted)
+    monkeypatch.setattr(swaps, "_without_unneeded", lambda logs, one, fitted, added, options: SimpleNamespace(
+        candidate=one, dropped=tuple(added[:gone])
+    ))  # fmt: skip
+    found = exchange(inflow.logs, inflow.model, inflow.added, OPTIONS, ())
+    assert (found is not None) == kept
