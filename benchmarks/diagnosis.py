@@ -47,7 +47,7 @@ def family_is_right(result: Result) -> bool:
     """Whether something is named, and every name is of a family that is hidden, or as good as one."""
     diagnosed = result["diagnosis"]
     said = {family_of(name) for name in (*names(result), *map(effect_of, diagnosed.get("undecided") or ()))}
-    said |= {family["name"] for family in diagnosed.get("families", ())}
+    said |= {diagnosed["family_of_curve"]} if diagnosed.get("family_of_curve") else set()
     return bool(said) and said <= {family_of(name) for name in right(result)}
 
 

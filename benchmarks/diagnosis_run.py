@@ -83,6 +83,7 @@ def stated(found: Any) -> dict[str, Any]:
         "undecided": list(found.undecided),
         "doubts": list(found.doubts),
         "families": [one.as_dict() for one in found.families],
+        "family_of_curve": found.family_of_curve and found.family_of_curve.name,
         "attempts": [[a.name, a.outcome, a.sentence] for a in found.attempts],
         "confidence": float(found.confidence),
         "probabilities": found.belief.as_dict(),

@@ -102,14 +102,18 @@ def of_crazyflow(python: str, rng: np.random.Generator) -> Peer:
         asked, given = Path(folder) / "paths.npz", Path(folder) / "flights.npz"
         np.savez(asked, path=np.stack([_asked(kind, rng) for kind in (*TRAINING, *HELD_OUT)]))
         script = Path(__file__).with_name("crazyflow_flights.py")
-        subprocess.run([python, str(script), str(asked), str(given)], check=True, stderr=subprocess.DEVNULL, cwd=folder)
+        done = subprocess.run(
+            [python, str(script), str(asked), str(given)], capture_output=True, text=True, cwd=folder, check=False
+        )
+        if done.returncode != 0:
+            raise SystemExit(f"{python} could not fly crazyflow:\n{done.stderr[-2000:]}")
         with np.load(given) as kept:
             states, p = kept["state"], json.loads(str(kept["parameters"]))
     roll, pitch, yaw = np.array(p["mixing"])
     hubs = p["arm_m"] * np.stack([-pitch, roll, np.zeros(4)], axis=1)
-    rates = rotorpy_flights.RATE_HZ
-    rows = states[:, round(SETTLED_S * rates) :]
-    time_s = np.arange(rows.shape[1]) / rates
+    rate_hz = rotorpy_flights.RATE_HZ
+    rows = states[:, round(SETTLED_S * rate_hz) :]
+    time_s = np.arange(rows.shape[1]) / rate_hz
     place = CRAZYFLOW_SHARE * rotorpy_flights.SENSOR_BODY_M
     logs = [
         rotorpy_flights.noisy(kind, time_s, own, place, rng, source="crazyflow")
@@ -130,16 +134,16 @@ def of_crazyflow(python: str, rng: np.random.Generator) -> Peer:
         rotor_radius_m=0.0255,
         rotor_speed_max_rad_s=float(np.sqrt(p["thrust_max_n"] / p["thrust_n"][2])),
     )
-    return Peer("crazyflow cf21B_500", given, truth, logs)
+    return Peer("crazyflow cf21B_500", given, {name: v for name, v in truth.items() if v}, logs)
 
 
 def _asked(kind: str, rng: np.random.Generator) -> Array:
     """(n, 13) position, velocity, acceleration and quaternion (x, y, z, w) of a path 2 m above ground."""
     waves = rotorpy_flights.waves(kind, rng)
     waves[:3, :, 0] *= CRAZYFLOW_SHARE
-    rates = rotorpy_flights.RATE_HZ
-    count = round((LENGTH_S + SETTLED_S) * rates) + 1
-    path = [rotorpy_flights.flat(waves, i / rates) for i in range(count)]
+    rate_hz = rotorpy_flights.RATE_HZ
+    count = round((LENGTH_S + SETTLED_S) * rate_hz) + 1
+    path = [rotorpy_flights.flat(waves, i / rate_hz) for i in range(count)]
     turned = Rotation.from_euler("z", [[p["yaw"]] for p in path]).as_quat()
     above = np.stack([p["x"] + [0.0, 0.0, 2.0] for p in path])
     return np.concatenate([above, [p["x_dot"] for p in path], [p["x_ddot"] for p in path], turned], axis=1)

@@ -195,5 +195,7 @@ def _too_weak(sizes: Sequence[Size]) -> str:
 def _confirmed(trial: Trial, carried_by: Sequence[str]) -> str:
     where = f"carried by {', '.join(carried_by)} and no other flight; " if carried_by else ""
     text = f"{where}it lowers the training flights' cost by {trial.training.total:.0f}, and {trial.judged_on} agree"
+    if trial.in_place_of:
+        text = f"{trial.sentence}; the training flights' cost fell by {trial.training.total:.0f} in all"
     doubtful = [f"{name} ({p:.0%})" for name, p in trial.rivals if p > 0.05]
     return text + (f"; it may also be {' or '.join(doubtful)}" if doubtful else "")

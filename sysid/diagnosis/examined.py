@@ -23,10 +23,10 @@ from sysid.diagnosis.evidence.free_form import (
     of_thrust,
 )
 from sysid.diagnosis.evidence.load import Load
-from sysid.diagnosis.evidence.score import Loss, Score, inverse_of, loss_without, score
+from sysid.diagnosis.evidence.score import Blocks, Loss, Score, inverse_of, loss_without, score
 from sysid.diagnosis.evidence.weigh import Fitted, Scales
 from sysid.diagnosis.thresholds import THRESHOLDS
-from sysid.estimator.flights.flight_data import Flight
+from sysid.estimator.flights.flight_data import Flight, IndexArray
 from sysid.estimator.result import CHANNELS, Identification
 from sysid.logs.checks.payload import PAYLOAD
 from vehicle import effects
@@ -313,8 +313,9 @@ def of_its_physics(curve: Outside, model: Model) -> list[tuple[Candidate, float]
     """
     asked = [s for s in model.candidate_set.candidates if curve.channel in shown_in(s) and reads(s, curve)]
     if of_thrust(curve.channel):
-        asked = [s for s in asked if effects.find(s.effect).stage in OF_THRUST]
+        asked = [s for s in asked if effects.find(s.effect).stage in THRUST_STAGES]
     own = [(s, model.scores[s.name].gain_unseen / curve.score.dispersion) for s in asked]
+    own = [(s, gain) for s, gain in own if np.isfinite(gain)]
     most = max((gain for _, gain in own), default=0.0)
     found = [(s, float(np.exp(gain - most))) for s, gain in own] if most > 0.0 else []
     total = sum(odds for _, odds in found)
@@ -330,7 +331,7 @@ def shown_in(candidate: Candidate) -> list[str]:
     return [*own, *world, *thrust]
 
 
-OF_THRUST = (Stage.THRUST, Stage.THRUST_FACTOR)
+THRUST_STAGES = (Stage.THRUST, Stage.THRUST_FACTOR)
 """Where laws of thrust act."""
 READS = {
     "v": r"\bv\b|\bv_|drag|world",
@@ -405,19 +406,27 @@ def stands(after: Model, candidate: Candidate, refused: Collection[str] = ()) ->
 def loss(model: Model, candidate: Candidate, beside: Sequence[Outside] = ()) -> Loss:
     """What the model would lose without a candidate that is part of it, maybe with curves beside it."""
     evidence = model.evidence
-    names = [n for n in candidate.parameters if n in model.fit.free_names]
-    if not names:
-        return Loss(0.0, 1.0)
-    own = evidence.place(names)
-    along = [n for n in candidate.fitted_along if n in model.fit.free_names]
-    kept = np.setdiff1d(evidence.base, evidence.place([*names, *along]))
-    values = np.array([model.fit.vehicle.value(n) for n in names])
-    if not beside:
-        return loss_without(evidence.named, kept, own, values)
     channels = [c.channel for c in beside]
     wanted = [(c.channel, c.variable) for c in beside]
     drawn = [columns for channel, variable, columns in evidence.groups(*channels) if (channel, variable) in wanted]
-    return loss_without(evidence.with_curves(*channels), np.concatenate([kept, *drawn]), own, values)
+    blocks = evidence.with_curves(*channels) if beside else evidence.named
+    return _lost(model, blocks, [candidate], np.concatenate(drawn) if drawn else np.array([], dtype=np.intp))
+
+
+def _lost(model: Model, blocks: Blocks, dropped: Sequence[Candidate], more: IndexArray) -> Loss:
+    """Without some candidates that are part of the model; what is not free in it costs nothing.
+
+    Args:
+        more: columns of `blocks` that are free beside the base then.
+    """
+    evidence, free = model.evidence, model.fit.free_names
+    names = [n for one in dropped for n in one.parameters if n in free]
+    if not names:
+        return Loss(0.0, 1.0)
+    along = [n for one in dropped for n in one.fitted_along if n in free]
+    kept = np.concatenate([np.setdiff1d(evidence.base, evidence.place([*names, *along])), more])
+    values = np.array([model.fit.vehicle.value(n) for n in names])
+    return loss_without(blocks, kept, evidence.place(names), values)
 
 
 def in_place_of(model: Model, candidate: Candidate, additions: Sequence[Candidate]) -> tuple[Candidate, ...]:
@@ -425,17 +434,10 @@ def in_place_of(model: Model, candidate: Candidate, additions: Sequence[Candidat
 
     The least needed goes first, and each further one only if all of them together are still unneeded.
     """
-    evidence = model.evidence
-    beside = evidence.place(candidate.columns)
+    beside = model.evidence.place(candidate.columns)
 
     def chance(dropped: Sequence[Candidate]) -> float:
-        names = [n for one in dropped for n in one.parameters if n in model.fit.free_names]
-        along = [n for one in dropped for n in one.fitted_along if n in model.fit.free_names]
-        if not names:
-            return 0.0
-        kept = np.concatenate([np.setdiff1d(evidence.base, evidence.place([*names, *along])), beside])
-        values = np.array([model.fit.vehicle.value(n) for n in names])
-        return loss_without(evidence.named, kept, evidence.place(names), values).significance
+        return _lost(model, model.evidence.named, dropped, beside).significance
 
     gone: tuple[Candidate, ...] = ()
     for one in sorted(additions, key=lambda a: -chance([a])):

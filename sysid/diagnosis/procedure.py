@@ -11,7 +11,7 @@ from sysid.diagnosis.envelope import Envelope, flown
 from sysid.diagnosis.evidence import load
 from sysid.diagnosis.evidence.free_form import axes_of
 from sysid.diagnosis.families import Family, families, family_of
-from sysid.diagnosis.families import of_curve as of_curve_family
+from sysid.diagnosis.families import of_curve as families_of_curve
 from sysid.diagnosis.findings import (
     SCHEMA_VERSION,
     Attempt,
@@ -135,7 +135,7 @@ class Diagnosis:
         """The whole diagnosis in a sentence or two."""
         parts = []
         if self.additions:
-            lacking = [one for one in self.families if one.is_another_form and {*one.names} & {*self.additions}]
+            lacking = [one for one in self.families if one.is_another_form]
             nearest = {name for one in lacking for name in one.names}
             names = [self._said(name) for name in self.additions if name not in nearest]
             parts.append(f"missing was {' and '.join((*names, *(one.lacking for one in lacking)))}")
@@ -200,13 +200,16 @@ class Diagnosis:
             apart = {family_of(name): name for name in reversed(open_.between)}  # the likeliest of each
             between = [(name, open_.probability(name)) for name in open_.between]
             named += [(name, dict(between)[name], between) for name in apart.values()]
-        found = families(named, self.search.another_form, most=most)
-        return found if self.family_of_curve is None else (*found, self.family_of_curve)
+        return families(named, self.search.another_form, most=most)
 
     @property
     def family_of_curve(self) -> Family | None:
-        """Of what no known effect is: of which physics its law is."""
-        return of_curve_family(self.outside.nearest, self.outside.confidence) if self.outside else None
+        """Of what no known effect is: of which physics its law is, if that is likelier than not."""
+        if self.outside is None:
+            return None
+        found = families_of_curve(self.outside.nearest, self.outside.confidence)
+        sure = found is not None and found.probability > THRESHOLDS.even_confidence * self.outside.confidence
+        return found if sure else None
 
     @property
     def leaves_too_much(self) -> bool:
@@ -230,6 +233,7 @@ class Diagnosis:
             names.append(min(1.0, sum(s.confidence for s in self.candidates if s.name in self.undecided)))
         names.append(1.0 - max((s.confidence for s in self.unsaid), default=0.0))
         curve = self.outside.confidence if self.outside else None
+        curve = self.family_of_curve.probability if self.family_of_curve else curve
         if self.proxies and curve is None and not self.search.forms:
             curve = curve_is_there(self.search.left_anywhere)  # said to be for something unknown; no curve is sure
         return belief(
@@ -266,6 +270,7 @@ class Diagnosis:
             "undecided": list(self.undecided),
             "attempts": [a.as_dict() for a in self.attempts],
             "outside": self.outside.as_dict() if self.outside else None,
+            "outside_family": self.family_of_curve.as_dict() if self.family_of_curve else None,
             "equation": equation_text.as_dict(self.search.equation) if self.search.equation else None,
             "staircase": [s.as_dict() for s in self.staircase],
             "parameters": {

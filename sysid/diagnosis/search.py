@@ -161,7 +161,7 @@ def search(
     unseen = judge or (TOO_SHORT if too_short else NONE_HELD_OUT)
     found = _History([examine(base)])
     _add_what_is_missing(logs, found, unseen, options, most=most, progress=progress)
-    while len(found.mattering) < most and _simplified(logs, found, unseen, options):
+    while most > 1 and _simplified(logs, found, unseen, options):
         _add_what_is_missing(logs, found, unseen, options, most=most, progress=progress)
     while found.undecided is None and len(found.mattering) < most and _take_out_small(logs, found, options):
         pass
@@ -205,7 +205,7 @@ def _add_what_is_missing(
     logs: Sequence[FlightLog], found: _History, unseen: Judge | str, options: Options, *, most: int, progress: Progress
 ) -> None:
     """Try the most likely candidate until none is left, and take out what each addition makes unnecessary."""
-    refused: set[str] = set()
+    refused = set(found.removed)
     while len(found.mattering) < most:
         trial, model = _next(logs, found.models[-1], unseen, options, refused)
         if trial is None or model is None:
@@ -229,45 +229,49 @@ def _add_what_is_missing(
 
 def _simplified(logs: Sequence[FlightLog], found: _History, unseen: Judge | str, options: Options) -> bool:
     """Put one candidate in place of several additions, if one explains what they do; whether one was."""
-    one = exchange(logs, found.models[-1], found.added, options, found.removed)
-    if one is None:
-        return False
-    trial = _of_exchange(found, one, unseen)
-    logger.info("%s: %s", one.candidate.name, trial.sentence)
-    if trial.outcome is not Outcome.ADDED:
-        found.trials.append(trial)
-        return False
-    found.add(trial, one.steps[0])
-    for dropped, without in zip(one.dropped, one.steps[1:], strict=True):
-        found.remove(replace(trial, candidate=dropped, outcome=Outcome.REMOVED), without)
-    return True
+    exchanges = exchange(logs, found.models[-1], found.mattering, options, found.removed)
+    for one in exchanges:
+        trial = _of_exchange(found, one, unseen, [other for other in exchanges if other is not one])
+        logger.info("%s: %s", one.candidate.name, trial.sentence)
+        if trial.outcome is Outcome.ADDED:
+            found.add(trial, one.steps[0])
+            for dropped, without in zip(one.dropped, one.steps[1:], strict=True):
+                gone = replace(trial, candidate=dropped, outcome=Outcome.REMOVED, in_place_of=())
+                found.remove(gone, without)
+            return True
+    return False
 
 
-def _of_exchange(found: _History, one: Exchange, unseen: Judge | str) -> Trial:
+def _of_exchange(found: _History, one: Exchange, unseen: Judge | str, others: Sequence[Exchange]) -> Trial:
     """How an exchange is judged: the simpler model must not predict flights that were not used worse.
 
-    That it is simpler counts as a clear lead. Its training fall is that of all the additions it takes the place of, for
-    it explains what they did.
+    That it is simpler counts as a clear lead, and it must stay likelier than the model before. Its training fall is
+    that of all the additions it takes the place of, for it explains what they did.
     """
     before, after = found.models[-1], one.steps[-1]
-    fell = [t.training.by_block for t in found.trials if t.outcome is Outcome.ADDED and t.candidate in one.dropped]
+    added = {t.candidate.name: t.training.by_block for t in found.trials if t.outcome is Outcome.ADDED}
+    fell = [added[dropped.name] for dropped in one.dropped]
+    most = THRESHOLDS.most_confidence
     if isinstance(unseen, str):
-        judged, by = before.judge.reduction(before.fit.vehicle, after.fit.vehicle), JudgedBy.TRAINING
+        judged, by = one.reduction, JudgedBy.TRAINING
+        most = THRESHOLDS.unjudged_confidence
     else:
         unseen.set_noise(before.fit.noise)
         judged, by = unseen.reduction(before.fit.vehicle, after.fit.vehicle), JudgedBy.HELD_OUT
-    worse = judged.total < -THRESHOLDS.contradicting_sigmas * judged.sigma
-    odds = np.exp(judged.total / before.scores[one.candidate.name].dispersion + THRESHOLDS.clear_lead)
+    lead = judged.total / one.dispersion + THRESHOLDS.clear_lead
+    better = lead > 0.0 and judged.total >= -THRESHOLDS.contradicting_sigmas * judged.sigma  # not so if one is NaN
+    odds = {other.candidate.name: float(np.exp(min(0.0, other.weight - one.weight))) for other in others}
+    sure = most / (1.0 + np.exp(-lead) + sum(odds.values())) if better else 0.0
     return Trial(
         candidate=one.candidate,
-        outcome=Outcome.NOT_CONFIRMED if worse else Outcome.ADDED,
-        training=CostReduction(np.sum([*fell, one.fitted.reduction.by_block], axis=0)),
+        outcome=Outcome.ADDED if better else Outcome.NOT_CONFIRMED,
+        training=CostReduction(np.sum([*fell, one.reduction.by_block], axis=0)),
         held_out=judged,
         judged_by=by,
         why="" if by is JudgedBy.HELD_OUT else str(unseen),
-        confirmed=not worse,
-        confidence=float(THRESHOLDS.most_confidence / (1.0 + 1.0 / odds)),
-        rivals=(),
+        confirmed=better,
+        confidence=float(sure),
+        rivals=tuple((name, sure * p) for name, p in odds.items() if p > 0.0),
         proxy_for=None,
         fit=one.fitted.fit,
         in_place_of=tuple(dropped.name for dropped in one.dropped),

@@ -37,8 +37,12 @@ def by_form(found: Search, named: CandidateFinding) -> tuple[str, float, tuple[t
 
 
 def _model_without(found: Search, candidate: Candidate) -> Model:
-    """The last model that lacked it."""
-    return next(m for m in reversed(found.models) if candidate.name in m.scores)
+    """The last model that lacked it, and what it took the place of: beside those it would hardly show."""
+    of_it = (t for t in reversed(found.trials) if t.candidate.name == candidate.name)
+    trial = next(of_it, None)
+    lacking = {candidate.name, *(trial.in_place_of if trial else ())}
+    models = [m for m in found.models if candidate.name in m.scores]
+    return next((m for m in reversed(models) if lacking <= m.scores.keys()), models[-1])
 
 
 def _scored(found: Search, candidate: Candidate) -> Score:

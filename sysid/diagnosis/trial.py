@@ -65,7 +65,8 @@ class Trial:
         scatter = (
             f"± {judged.sigma:.1f}" if np.isfinite(judged.sigma) else "(one stretch of flight: uncertainty unknown)"
         )
-        numbers = f"the cost of {self.judged_on} fell by {judged.total:.1f} {scatter}"
+        way = f"{'rose' if judged.total < 0.0 else 'fell'} by {abs(judged.total):.1f}"
+        numbers = f"the cost of {self.judged_on} {way} {scatter}"
         match self.outcome:
             case Outcome.ADDED if self.in_place_of:
                 return f"in place of {' and '.join(self.in_place_of)}, which it explains alone: {numbers}"

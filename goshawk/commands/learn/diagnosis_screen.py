@@ -20,8 +20,7 @@ def short(found: Diagnosis) -> Screen:
     """Verdict, size, what it does to the prediction, what could not be told."""
     screen = Screen()
     _paragraph(screen, f"{found.verdict} (confidence {found.confidence:.0%})", indent="")
-    of_names = [one for one in found.families if one.has_forms and one != found.family_of_curve]
-    for family in of_names[:MOST_NAMED]:
+    for family in [one for one in found.families if one.has_forms][:MOST_NAMED]:
         _paragraph(screen, family.sentence)
     if found.outside is not None:
         _paragraph(screen, outside_sentence(found))

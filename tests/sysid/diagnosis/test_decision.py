@@ -155,7 +155,9 @@ def test_neither_a_name_nor_a_curve_nor_an_attempt_is_surer_than_the_sentence_on
     curve: Any = SimpleNamespace(channel="F_x", variable="constant", score=score, confidence=0.9)
     constant = SimpleNamespace(variable="constant", basis=lambda at: np.ones((len(at), 1)))
     model: Any = SimpleNamespace(
-        evidence=SimpleNamespace(curves=[constant]), fit=SimpleNamespace(vehicle=vehicle.example())
+        evidence=SimpleNamespace(curves=[constant]),
+        fit=SimpleNamespace(vehicle=vehicle.example()),
+        candidate_set=SimpleNamespace(candidates=()),
     )
     assert told.of_curve(model, curve, unsure=False).confidence == 0.9
     assert told.of_curve(model, curve, unsure=True).confidence == THRESHOLDS.even_confidence
@@ -175,6 +177,7 @@ def test_no_sentence_has_more_than_even_odds_on_a_rejected_fit(of_logs, of_fit, 
     name = SimpleNamespace(name="angular_damping", verdict=Verdict.PRESENT, confidence=0.96)
     whole: Any = SimpleNamespace(
         families=(),
+        family_of_curve=None,
         input_verdict=of_logs,
         pose_may_be_late=False,
         says_missing=says_missing,
@@ -232,6 +235,7 @@ def test_a_proxy_alone_says_that_something_unknown_is_missing(left: float, doubt
     """With even odds at most where a known effect is as good as what is unknown."""
     whole: Any = SimpleNamespace(
         families=(),
+        family_of_curve=None,
         additions=(),
         undecided=(),
         outside=None,
@@ -259,6 +263,7 @@ def test_a_proxy_beside_a_name_is_for_its_form_or_for_something_unknown(forms: b
     name: Any = SimpleNamespace(name="angular_damping", verdict=Verdict.PRESENT, confidence=0.9)
     whole: Any = SimpleNamespace(
         families=(),
+        family_of_curve=None,
         additions=("angular_damping",),
         undecided=(),
         outside=None,
@@ -286,6 +291,7 @@ def test_a_proxy_beside_a_name_is_for_its_form_or_for_something_unknown(forms: b
 def test_what_shows_and_is_too_small_to_matter_is_said_and_not_called_missing(doubts: tuple[str, ...], words: str):
     whole: Any = SimpleNamespace(
         families=(),
+        family_of_curve=None,
         additions=(),
         undecided=(),
         outside=None,
@@ -325,7 +331,13 @@ def test_the_sentence_is_only_as_likely_as_that_nothing_is_missing_where_nothing
     ]
     drawn = outside and SimpleNamespace(channel=outside, confidence=1.0)
     whole: Any = SimpleNamespace(
-        families=(), candidates=found, additions=additions, undecided=(), proxies=(), outside=drawn
+        families=(),
+        family_of_curve=None,
+        candidates=found,
+        additions=additions,
+        undecided=(),
+        proxies=(),
+        outside=drawn,
     )
     whole.pose_may_be_late = False
     whole.search = SimpleNamespace(too_short="", left=0.0, left_anywhere=0.0, forms=(), doubted=())

@@ -4,7 +4,8 @@ An inflow that falls with the climb lifts less per speed along z, and damps the 
 z and damping, each the best of its step, explain both in its place.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -19,9 +20,10 @@ from sysid.diagnosis import search
 from sysid.diagnosis.evidence.candidates import Candidate, candidate_set
 from sysid.diagnosis.evidence.confirm import CostReduction
 from sysid.diagnosis.examined import Model, examine, in_place_of
-from sysid.diagnosis.exchange import exchange
+from sysid.diagnosis.exchange import Exchange, exchange
 from sysid.diagnosis.findings import JudgedBy, Outcome
 from sysid.diagnosis.thresholds import THRESHOLDS
+from sysid.diagnosis.trial import Trial
 from vehicle import Vehicle, flights, manoeuvres
 from vehicle.simulation.simulate import Wind
 
@@ -67,8 +69,7 @@ def inflow() -> Bent:
 
 
 def test_the_law_that_was_flown_replaces_both_stand_ins_at_its_size(inflow):
-    found = exchange(inflow.logs, inflow.model, inflow.added, OPTIONS, ())
-    assert found is not None
+    found = exchange(inflow.logs, inflow.model, inflow.added, OPTIONS, ())[0]
     assert found.candidate.name == "inflow_linear"
     assert {one.name for one in found.dropped} == {*STAND_INS}
     simpler = found.steps[-1].fit.vehicle
@@ -78,7 +79,7 @@ def test_the_law_that_was_flown_replaces_both_stand_ins_at_its_size(inflow):
 
 def test_a_law_that_was_refused_is_not_asked_again(inflow):
     refused = {one.name for one in inflow.model.candidate_set.candidates}
-    assert exchange(inflow.logs, inflow.model, inflow.added, OPTIONS, refused) is None
+    assert exchange(inflow.logs, inflow.model, inflow.added, OPTIONS, refused) == []
 
 
 def test_additions_that_were_flown_stay():
@@ -87,42 +88,104 @@ def test_additions_that_were_flown_stay():
     both = bare().with_effect("parasitic_drag_linear", **drag).with_effect("angular_damping", **damping)
     found = fitted_with_both(both)
     assert in_place_of(found.model, found.candidate("inflow_linear"), found.added) == ()
-    assert exchange(found.logs, found.model, found.added, OPTIONS, ()) is None
+    assert exchange(found.logs, found.model, found.added, OPTIONS, ()) == []
+
+
+def swap(bent: Bent, name: str = "inflow_linear", *, dropped: int = 2, training: float = 0.0) -> Exchange:
+    """An exchange whose last model is the first, with this fall of the cost of nine blocks of training."""
+    fitted = cast("Any", SimpleNamespace(reduction=CostReduction(np.ones(9)), fit=bent.model.fit))
+    reduction = CostReduction(np.full(9, training / 9.0))
+    return Exchange(bent.candidate(name), fitted, tuple(bent.added[:dropped]), (bent.model,), reduction, 1.0)
+
+
+def judged(bent: Bent, unseen: Any, one: Exchange, others: Sequence[Exchange] = ()) -> Trial:
+    added = [addition(a, 10.0) for a in bent.added]
+    return search._of_exchange(search._History([bent.model], trials=added), one, unseen, others)
+
+
+def addition(one: Candidate, fell: float) -> Trial:
+    reduction = CostReduction(np.full(9, fell))
+    nothing: Any = None
+    return Trial(one, Outcome.ADDED, reduction, reduction, JudgedBy.HELD_OUT, "", True, 0.9, (), None, nothing)
+
+
+def judge(by_block: np.ndarray) -> Any:
+    return SimpleNamespace(set_noise=lambda noise: None, reduction=lambda before, after: CostReduction(by_block))
+
+
+AROUND = np.linspace(-4.0, 4.0, 9)
 
 
 @pytest.mark.parametrize(
-    ("fell", "outcome"), [(8.0, Outcome.ADDED), (-1.0, Outcome.ADDED), (-8.0, Outcome.NOT_CONFIRMED)]
+    ("by_block", "outcome"),
+    [
+        (8.0 + AROUND, Outcome.ADDED),
+        (-0.2 + AROUND, Outcome.ADDED),  # it lost less than being simpler is worth
+        (-0.5 + AROUND, Outcome.NOT_CONFIRMED),  # within the scatter, and still the less likely one
+        (-8.0 + AROUND, Outcome.NOT_CONFIRMED),
+        (np.array([-50.0]), Outcome.NOT_CONFIRMED),  # one block has no scatter
+        (np.array([np.nan, 1.0]), Outcome.NOT_CONFIRMED),
+    ],
 )
-def test_a_simpler_model_that_predicts_unseen_flights_worse_is_refused(inflow, fell, outcome):
-    one = inflow.candidate("inflow_linear")
-    reduction = CostReduction(np.full(9, fell) + np.linspace(-4.0, 4.0, 9))
-    judge = cast("Any", SimpleNamespace(set_noise=lambda noise: None, reduction=lambda before, after: reduction))
-    fitted = SimpleNamespace(reduction=CostReduction(np.ones(9)), fit=inflow.model.fit)
-    swap = cast("Any", SimpleNamespace(candidate=one, fitted=fitted, dropped=(), steps=(inflow.model,)))
-    trial = search._of_exchange(search._History([inflow.model]), swap, judge)
+def test_a_simpler_model_must_stay_likelier_on_unseen_flights(inflow, by_block: np.ndarray, outcome: Outcome):
+    trial = judged(inflow, judge(by_block), swap(inflow))
     assert trial.outcome is outcome
     assert trial.judged_by is JudgedBy.HELD_OUT
-    assert trial.confidence <= THRESHOLDS.most_confidence
-    lead = reduction.total / inflow.model.scores[one.name].dispersion + THRESHOLDS.clear_lead
-    assert trial.confidence == pytest.approx(THRESHOLDS.most_confidence / (1.0 + np.exp(-lead)))
+    lead = by_block.sum() + THRESHOLDS.clear_lead
+    expected = THRESHOLDS.most_confidence / (1.0 + np.exp(-lead)) if outcome is Outcome.ADDED else 0.0
+    assert trial.confidence == pytest.approx(expected)
 
 
-def test_without_flights_held_out_the_training_flights_judge_and_are_named(inflow):
-    one = inflow.candidate("inflow_linear")
-    fitted = SimpleNamespace(reduction=CostReduction(np.ones(9)), fit=inflow.model.fit)
-    swap = cast("Any", SimpleNamespace(candidate=one, fitted=fitted, dropped=(), steps=(inflow.model,)))
-    trial = search._of_exchange(search._History([inflow.model]), swap, search.NONE_HELD_OUT)
+def test_it_explained_what_those_did_that_it_takes_the_place_of(inflow):
+    trial = judged(inflow, judge(8.0 + AROUND), swap(inflow, training=-7.0))
+    assert trial.training.total == pytest.approx(2 * 9 * 10.0 - 7.0)
+    assert trial.in_place_of == tuple(one.name for one in inflow.added)
+    assert " and ".join(trial.in_place_of) in trial.sentence
+
+
+@pytest.mark.parametrize("why", [search.NONE_HELD_OUT, search.TOO_SHORT])
+def test_without_flights_to_judge_by_even_odds_are_the_most(inflow, why: str):
+    trial = judged(inflow, why, swap(inflow, training=90.0))
+    assert trial.outcome is Outcome.ADDED
     assert trial.judged_by is JudgedBy.TRAINING
-    assert search.NONE_HELD_OUT in trial.sentence
+    assert trial.confidence == pytest.approx(THRESHOLDS.unjudged_confidence)
+    assert why in trial.sentence
+
+
+def test_another_law_that_does_it_too_shares_the_odds(inflow):
+    one, other = swap(inflow, training=9.0), swap(inflow, "rotor_interaction", training=9.0)
+    trial = judged(inflow, judge(8.0 + AROUND), one, [replace(other, candidate=replace(one.candidate, name="other"))])
+    assert trial.rivals == (("other", trial.confidence),)
+    assert trial.confidence == pytest.approx(0.5 * THRESHOLDS.most_confidence, rel=0.01)
 
 
 @pytest.mark.parametrize(("gone", "kept"), [(2, True), (1, False), (0, False)])
 def test_one_law_for_one_is_no_simpler(inflow, monkeypatch: pytest.MonkeyPatch, gone: int, kept: bool):
     """To first order two go; the full fits may still need one of them."""
-    fitted = SimpleNamespace(fit=inflow.model.fit)
-    monkeypatch.setattr(swaps, "fitted_once", lambda logs, model, one, options: fitted)
-    monkeypatch.setattr(swaps, "_without_unneeded", lambda logs, one, fitted, added, options: SimpleNamespace(
-        candidate=one, dropped=tuple(added[:gone])
-    ))  # fmt: skip
-    found = exchange(inflow.logs, inflow.model, inflow.added, OPTIONS, ())
-    assert (found is not None) == kept
+    others = {one.name for one in inflow.model.candidate_set.candidates} - {"inflow_linear"}
+    monkeypatch.setattr(swaps, "fitted_once", lambda logs, model, one, options: SimpleNamespace(fit=model.fit))
+    monkeypatch.setattr(swaps, "_without_unneeded", lambda *_: swap(inflow, dropped=gone))
+    monkeypatch.setattr(swaps.effect_sizes, "matters", lambda fit, one: True)
+    monkeypatch.setattr(swaps, "stands", lambda model, one, refused: None)
+    assert bool(exchange(inflow.logs, inflow.model, inflow.added, OPTIONS, others)) == kept
+
+
+def test_a_law_with_as_many_numbers_is_no_simpler(inflow):
+    one = swap(inflow)
+    assert one.is_simpler
+    many = replace(one.candidate, parameters=tuple(f"inflow_linear.{i}" for i in range(6)))
+    assert not replace(one, candidate=many).is_simpler
+
+
+def test_a_part_of_an_effect_and_another_thrust_law_stay(inflow, monkeypatch: pytest.MonkeyPatch):
+    """Without one rotor's loss the other three would be fitted, unnamed; without thrust there is no flight."""
+    asked: list[str] = []
+
+    def in_place(model: Model, one: Candidate, additions: Sequence[Candidate]) -> tuple[Candidate, ...]:
+        asked.extend(a.name for a in additions)
+        return ()
+
+    monkeypatch.setattr(swaps, "in_place_of", in_place)
+    parts = [inflow.candidate("weak_rotor[1]"), inflow.candidate("thrust_bem")]
+    exchange(inflow.logs, inflow.model, [*parts, *inflow.added], OPTIONS, ())
+    assert {*asked} == {*STAND_INS}

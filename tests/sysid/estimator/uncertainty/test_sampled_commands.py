@@ -15,11 +15,12 @@ UNKNOWNS = Unknowns(("thrust_quadratic.k_n_s2", *LAGS), (), ("bias",))
 NODE_S, SAMPLE_S = 0.01, 0.005
 
 
-def flight(*, has_pose: bool, on_time: bool) -> Any:
+def flight(*, has_pose: bool, on_time: bool, driven: bool = True) -> Any:
     time_s = SAMPLE_S * np.arange(100.0)
     streams = {COMMAND: Signal.held(time_s, np.ones((100, 4)))}
     step_s = np.full(49, NODE_S)
-    return cast("Any", SimpleNamespace(has_pose=has_pose, commands_on_time=on_time, streams=streams, step_s=step_s))
+    how = {"has_pose": has_pose, "commands_on_time": on_time, "driven_by_command": driven}
+    return cast("Any", SimpleNamespace(streams=streams, step_s=step_s, **how))
 
 
 @pytest.mark.parametrize(("has_pose", "on_time", "sample_s"), [(True, True, SAMPLE_S), (False, False, NODE_S)])
@@ -33,3 +34,10 @@ def test_a_pose_that_shows_the_delay_leaves_nothing_open():
     shown = flight(has_pose=True, on_time=False)
     assert not variances([shown], UNKNOWNS).any()
     assert not variances([shown, flight(has_pose=True, on_time=True)], UNKNOWNS).any()
+
+
+def test_flights_with_measured_rotor_speed_say_nothing_of_it():
+    measured = flight(has_pose=True, on_time=False, driven=False)
+    assert not variances([measured], UNKNOWNS).any()
+    found = variances([flight(has_pose=True, on_time=True), measured], UNKNOWNS)
+    assert found[1:3] == pytest.approx(SAMPLE_S**2 / 12.0)
