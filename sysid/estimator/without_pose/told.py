@@ -77,11 +77,11 @@ def _rotor_thrust(vehicle: Vehicle, speed_rad_s: FloatArray) -> FloatArray:
 
 
 def _slope(vehicle: Vehicle, name: str, speed_rad_s: FloatArray) -> FloatArray:
-    """Derivative of a rotor's thrust by a parameter, by central differences: thrust is all but linear in them."""
+    """Derivative of a rotor's thrust by a parameter; thrust is linear in them, and no lower value may be allowed."""
     value = vehicle.value(name)
     step = 1e-4 * max(abs(value), 1e-9)
-    up, down = (_rotor_thrust(vehicle.with_value(name, value + sign * step), speed_rad_s) for sign in (1.0, -1.0))
-    return (up - down) / (2.0 * step)
+    here, there = (_rotor_thrust(v, speed_rad_s) for v in (vehicle, vehicle.with_value(name, value + step)))
+    return (there - here) / step
 
 
 def _nominal(flights: Sequence[Flight]) -> list[str]:
