@@ -23,7 +23,8 @@ from sysid.estimator.trajectory.states import first_guess
 from sysid.estimator.uncertainty import identifiable
 from sysid.estimator.uncertainty.errors import NORMAL_90
 from sysid.estimator.uncertainty.unsettled import Unsettled, not_identifiable
-from sysid.estimator.without_pose import fit, level, sensing, told
+from sysid.estimator.without_pose import anchors, anchors_judged, fit, level, sensing, told
+from sysid.estimator.without_pose.anchors import Beside
 from sysid.estimator.without_pose.excited import require
 from sysid.estimator.without_pose.sensing import BIAS, PLACE, PRIOR_STD, delay_names, own_names, with_delays
 from vehicle import Vehicle
@@ -68,6 +69,8 @@ def identify(
     started = vehicle
     for effect in tried:
         started = started.with_effect(effect)
+    known = anchors.beside(options.anchors, flights, started, (), options.prior_std)
+    started = anchors.with_sag(started, known)
     by_command = any(flight.driven_by_command for flight in flights)
     names = chosen_names(started, options.free, options.held, by_command)
     require(flights)
@@ -77,9 +80,10 @@ def identify(
     sensors = near.solution.point.sensors if near else sensor_values(started)
     point, held, close = Point(started, sensors, states), list(mute), near is not None
     unsettled: list[Unsettled] = []
+    known, weighed = anchors.beside(options.anchors, flights, started, unknowns.model, options.prior_std), False
     while True:
         prior = _prior(flights, point, unknowns, options, started, given)
-        solution = fit.solve(flights, point, unknowns, prior, options, progress, near=close)
+        solution = fit.solve(flights, point, unknowns, prior, options, progress, known, near=close)
         close = True
         surplus = next((effect for effect in tried if _is_surplus(effect, flights, solution, unknowns)), None)
         if surplus is not None:
@@ -88,6 +92,12 @@ def identify(
             point = replace(solution.point, vehicle=solution.point.vehicle.without_effect(surplus))
             continue
         unseen = identifiable.least_seen(solution, started, unknowns, but=_open_curve(started, given, unknowns))
+        if unseen is None and known.weighs and not weighed:
+            factor, std = known.mass_factor(solution.point.vehicle)
+            started = anchors.scaled(started, factor, std)
+            point = replace(solution.point, vehicle=anchors.scaled(solution.point.vehicle, factor, std))
+            weighed = True
+            continue
         if unseen is None:
             break
         if options.unseen == "refuse":
@@ -100,7 +110,7 @@ def identify(
         back = with_values(solution.point.vehicle, (unseen,), np.array([started.value(unseen)]))
         point = replace(solution.point, vehicle=back)
     progress("identify", 1.0)
-    return _concluded(flights, started, unknowns, solution, tuple(held), unsettled, options, given)
+    return _concluded(flights, started, unknowns, solution, tuple(held), unsettled, options, given, known)
 
 
 def _tried(flights: Sequence[Flight], vehicle: Vehicle, wanted: Sequence[str]) -> list[str]:
@@ -162,14 +172,20 @@ def _concluded(
     unsettled: Sequence[Unsettled],
     options: Options,
     given: Vehicle,
+    known: Beside,
 ) -> Identification:
     on_time = [rotor_speed.aligned(flight, solution.point.sensors) for flight in flights]
     found = conclude(vehicle, on_time, unknowns, solution, held, unsettled, options, given, options.clock)
     against = told.unanswered(flights, solution)
+    judged = anchors_judged.judge(known, solution, unknowns)
     verdict = replace(found.verdict, against=(*found.verdict.against, *against))
-    return replace(
-        found, findings=(*against, *found.findings, *told.sentences(on_time, solution, unknowns)), verdict=verdict
-    )
+    verdict = verdict.doubted(*(one.sentence for one in judged if one.contradicts))
+    findings = found.findings[1:] if known.weighs else found.findings  # the first: the mass was not estimated
+    said = [one.sentence for one in judged]
+    if (sagging := anchors_judged.sag(known, found.vehicle)) is not None:
+        found, said = replace(found, vehicle=sagging[0]), [*said, sagging[1]]
+    findings = (*against, *said, *findings, *told.sentences(on_time, solution, unknowns))
+    return replace(found, findings=findings, verdict=verdict)
 
 
 def _unknowns(flights: Sequence[Flight], model: tuple[str, ...]) -> Unknowns:

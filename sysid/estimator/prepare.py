@@ -69,6 +69,11 @@ def prepare_all(
         for i, log in enumerate(logs)
         for flight in prepare(log, i, options, gravity_m_s2=gravity_m_s2, in_segments=long)
     ]
+    if options.anchors and any(flight.has_pose for flight in flights):
+        raise InputError(
+            "hover commands and a rotor's thrust are for flights without a pose, and these have one: leave --hover and "
+            "--rotor-thrust out"
+        )
     return segments.chosen(flights, models[0], options, progress) if long else flights
 
 

@@ -1,8 +1,6 @@
 """Gyro, accelerometer and motor commands from 0 to 1, without pose and rotor speed, to a vehicle's parameters."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,19 +12,11 @@ from sysid.diagnosis.procedure import diagnose
 from sysid.estimator.without_pose import sensing, told
 from sysid.logs.sensors.low_pass import LowPass
 
-BENCHMARKS = Path(__file__).parents[4] / "benchmarks"
 INERTIAS = tuple(f"inertia_{2 * axis}_kg_m2" for axis in "xyz")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def benchmarks_on_path():
-    sys.path.insert(0, str(BENCHMARKS))
-    yield
-    sys.path.remove(str(BENCHMARKS))
-
-
 @pytest.fixture(scope="module")
-def twins(benchmarks_on_path):
+def twins():
     """Two vehicles: their parameters, and their logs."""
     import without_pose_flights as flights
 
@@ -36,7 +26,7 @@ def twins(benchmarks_on_path):
 
 
 @pytest.fixture(scope="module")
-def start(benchmarks_on_path):
+def start():
     import without_pose_flights as flights
 
     return flights.start()
