@@ -17,9 +17,10 @@ from sysid.estimator.options import HoverCommand, RotorThrust
 from vehicle import Parameter, Vehicle, wrench
 from vehicle.invert import open_air
 
-FLAT, FLAT_STD = 1.7, 0.3
-"""Inertia about z over the mean of those about x and y: 2 for a flat body, 1 for a ball; published quadrotors have 1.4
-to 1.9. Yaw shows only torque over inertia, and this settles how large both are where nothing else does."""
+FLAT, FLAT_STD = 1.7, 0.2
+"""Inertia about z over the mean of those about x and y, and its relative deviation: 2 for a flat body, 1 for a ball;
+published quadrotors have 1.4 to 1.9. Yaw shows only torque over inertia, and this settles how large both are where
+nothing else does."""
 Z = "inertia_zz_kg_m2"
 SIDEWAYS = ("inertia_xx_kg_m2", "inertia_yy_kg_m2")
 
@@ -54,7 +55,7 @@ class Beside:
             rows += list(np.linalg.solve(self._scale(), self._pulls(vehicle)))
         if self.flat:
             mean = 0.5 * sum(vehicle.value(name) for name in SIDEWAYS)
-            rows.append((vehicle.value(Z) / mean - FLAT) / FLAT_STD)
+            rows.append(np.log(max(vehicle.value(Z) / (FLAT * mean), 1e-6)) / FLAT_STD)
         return np.array(rows, dtype=np.float64)
 
     def slopes(self, vehicle: Vehicle, names: Sequence[str]) -> FloatArray:

@@ -7,9 +7,8 @@ import numpy as np
 from flight import InputError
 from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.flights.sampling import means_over
+from sysid.logs.manoeuvres import SLOWEST_HZ
 
-SLOWEST_HZ = 90.0
-"""Samples of the IMU: below, motor lag, latency and inertia are one number."""
 NEVER = 0.01
 """Share of their mean within which motors count as not varying."""
 LEAST_COMMAND_STEP = 0.02
