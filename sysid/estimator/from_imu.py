@@ -34,8 +34,8 @@ logger = logging.getLogger(__name__)
 AFFINE = "thrust_affine"
 TRIED = (AFFINE, "centre_of_mass", "rotor_acceleration_torque")
 """Effects that commands and propellers of all vehicles have a little of: thrust in the command is a parabola with all
-three terms, a lasting moment balances the body, and rotors turn it as they speed up. Each is kept if the flights show it; the parabola also where they
-leave its form open, for inertias go with its slope."""
+three terms, a lasting moment balances the body, and rotors turn it as they speed up. Each is kept if the flights show
+it; the parabola also where they leave its form open, for inertias go with its slope."""
 USUAL_SHARE = 0.3
 """Of a rotor's thrust in hover: size of the parabola's lower terms, where the flights hardly tell it."""
 SMALL_SHARE = 0.02

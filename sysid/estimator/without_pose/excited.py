@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flight import InputError
+from flight.rotations import FloatArray
 from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.flights.sampling import means_over
 from sysid.logs.manoeuvres import SLOWEST_HZ
@@ -15,6 +16,8 @@ LEAST_COMMAND_STEP = 0.02
 """Standard deviation of what drives the rotors together over its mean: a hover has less."""
 LEAST_TURN_RAD_S2 = 2.0
 """Root mean square of the angular acceleration over 20 ms: a hover has less."""
+CLIPPED, REPEATS = 0.005, 3
+"""Share of the samples in which a gyro may repeat its extreme, so many times in a row."""
 LIVELY, ANSWERED = 0.1, 0.2
 """Commands whose squares vary by this share, and the least part of that which flying rotors make felt."""
 
@@ -23,7 +26,8 @@ def require(flights: Sequence[Flight]) -> None:
     """Refuse flights that say nothing.
 
     Raises:
-        InputError: samples are too far apart, the rotors do not vary or are not felt, or the vehicle only hovers.
+        InputError: samples are too far apart, the gyro is clipped, the rotors do not vary or are not felt, or the
+            vehicle only hovers.
     """
     for flight in flights:
         rate_hz = 1.0 / float(np.median(flight.step_s))
@@ -32,6 +36,13 @@ def require(flights: Sequence[Flight]) -> None:
                 f"{flight.name} has gyro and accelerometer at {rate_hz:.0f} Hz and no pose, where lag and inertia "
                 f"are one number. Log the IMU at {SLOWEST_HZ:g} Hz or more (1 kHz is best), or record a pose"
             )
+        for axis, values in zip("xyz", flight.rate_body_rad_s.T, strict=True):
+            if (share := _clipped(values)) > CLIPPED:
+                raise InputError(
+                    f"the gyro of {flight.name} sits at its extremes about {axis}, {np.abs(values).max():.3g} rad/s, "
+                    f"in {share:.1%} of the samples: the end of its range, and inertias would be a third off. Roll, "
+                    "pitch and yaw with less stick, or raise the gyro's range"
+                )
     speed = [flight.rotor_speed_rad_s for flight in flights]
     if max(float(s.max()) for s in speed) <= 0.0:
         raise InputError("what drives the rotors is zero throughout: log the motors' commands of a flight")
@@ -53,6 +64,17 @@ def require(flights: Sequence[Flight]) -> None:
             f"these flights only hover: what drives the rotors varies by {together:.1%} and the body turns with "
             f"{turned:.1f} rad/s2. Fly for a minute: throttle up and down in steps, then quick rolls, pitches and yaws"
         )
+
+
+def _clipped(values: FloatArray) -> float:
+    """Share of the samples that repeat the largest or the smallest."""
+    share = 0.0
+    for extreme in (values.max(), values.min()):
+        at = (values == extreme).astype(np.int8)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], at, [0]])))
+        lengths = edges[1::2] - edges[::2]
+        share += float(lengths[lengths >= REPEATS].sum()) / len(values) if extreme != 0.0 else 0.0
+    return share
 
 
 def _unfelt(flight: Flight) -> bool:

@@ -158,6 +158,13 @@ def test_an_imu_at_50_hz_is_refused_with_the_rate_that_does(twins, start):
         sysid.identify([FlightLog(every, {"name": "slow"})], start)
 
 
+def test_a_gyro_at_the_end_of_its_range_is_refused_with_what_to_fly(twins, start):
+    """Fitted as it is, inertias came out 30 % too large, and the fit was called usable."""
+    clipped = {f"rate_body_{a}_rad_s": np.clip(twins[1][0].columns[f"rate_body_{a}_rad_s"], -4.0, 4.0) for a in "xyz"}
+    with pytest.raises(InputError, match=r"gyro of .* sits at its extremes about x, 4 rad/s.*with less stick"):
+        sysid.identify([_changed(twins[1][0], **clipped)], start)
+
+
 def test_propellers_off_are_refused(twins, start):
     """The accelerometer feels gravity and shaking, whatever is commanded."""
     log, rng = twins[1][0], np.random.default_rng(0)
