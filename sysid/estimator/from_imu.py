@@ -107,6 +107,7 @@ def identify(
         held.append(unseen)
         logger.info("holding %s: not identifiable from these flights", unseen)
         unknowns = unknowns.without(unseen)
+        known = replace(known, flat=known.flat and anchors.Z in unknowns.model)
         back = with_values(solution.point.vehicle, (unseen,), np.array([started.value(unseen)]))
         point = replace(solution.point, vehicle=back)
     progress("identify", 1.0)
@@ -124,14 +125,15 @@ def _tried(flights: Sequence[Flight], vehicle: Vehicle, wanted: Sequence[str]) -
 def _is_surplus(effect: str, flights: Sequence[Flight], solution: Solution, unknowns: Unknowns) -> bool:
     """Whether its parameters together may be zero, and it is not the curve of thrust that the flights leave open.
 
-    Wald's test, by the scatter of blocks of time.
+    Wald's test, by the noise and by the scatter of blocks of time, which a few blocks make too small by chance.
     """
     own = [i for i, name in enumerate(unknowns.model) if name.startswith(f"{effect}.")]
     if not own:
         return False
     value = solution.point.shared(unknowns)[own]
-    robust = robust_covariance(solution, unknowns.size)[0][np.ix_(own, own)]
-    if float(value @ np.linalg.pinv(robust, hermitian=True) @ value) > SURE * len(own):
+    both = solution.covariance(), robust_covariance(solution, unknowns.size)[0]
+    squares = [float(value @ np.linalg.pinv(c[np.ix_(own, own)], hermitian=True) @ value) for c in both]
+    if min(squares) > SURE * len(own):
         return False
     slope = f"{AFFINE}.slope_n_s"
     if effect != AFFINE or slope not in unknowns.model:
