@@ -15,6 +15,7 @@ from sysid.estimator.flights.flight_data import Flight, IndexArray, LeadIn
 from sysid.estimator.flights.sampling import Stretch
 from sysid.estimator.motors import battery, motor, rotor_speed
 from sysid.estimator.options import Options
+from sysid.estimator.without_pose.excited import require_range
 from sysid.logs.apply import apply
 from sysid.logs.checks import contact, gyro_clock
 from sysid.logs.checks.clocks import Offset
@@ -114,6 +115,8 @@ def prepare(
             refuse gaps.
     """
     source = _source(log, str(log.metadata.get("name", f"flight {index + 1}")))
+    if source.nodes[0] != "position_world_m":
+        require_range(log, source.name)
     log = _without_leaps(log, source.name, options)
     touched = contact.spans(log)
     pieces = _aloft(_split(log, source, options), touched, source.name)

@@ -14,7 +14,7 @@ from flight.rotations import FloatArray
 from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.motors.battery import SAG
 from sysid.estimator.options import HoverCommand, RotorThrust
-from vehicle import Parameter, Vehicle, wrench
+from vehicle import Parameter, Vehicle, specs, wrench
 from vehicle.invert import open_air
 
 FLAT, FLAT_STD = 1.7, 0.2
@@ -63,9 +63,8 @@ class Beside:
         here = self.errors(vehicle)
         by = np.zeros((len(here), len(names)))
         for i, name in enumerate(names if len(here) else ()):
-            value = vehicle.value(name)
-            step = 1e-5 * max(abs(value), 1e-9)
-            by[:, i] = (self.errors(vehicle.with_value(name, value + step)) - here) / step
+            there, step = nudged(vehicle, name)
+            by[:, i] = (self.errors(there) - here) / step
         return by
 
     def mass_factor(self, vehicle: Vehicle) -> tuple[float, float]:
@@ -175,6 +174,14 @@ def rotor_thrust_n(vehicle: Vehicle, speed_rad_s: FloatArray) -> FloatArray:
     still = np.zeros((len(speed_rad_s), 3))
     speeds = np.repeat(speed_rad_s[:, None], 4, axis=1)
     return 0.25 * wrench(vehicle, still, still, speeds, open_air(len(speed_rad_s)))[0][:, 2]
+
+
+def nudged(vehicle: Vehicle, name: str) -> tuple[Vehicle, float]:
+    """The vehicle with one parameter a little off, within its bounds, and by how much: for derivatives."""
+    value, (_, most) = vehicle.value(name), specs(vehicle)[name].bounds
+    step = 1e-5 * max(abs(value), 1e-9)
+    step = -step if value + step > most else step
+    return vehicle.with_value(name, value + step), step
 
 
 def _battery_share(hover: HoverCommand, vehicle: Vehicle) -> float:

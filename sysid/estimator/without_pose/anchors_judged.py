@@ -9,7 +9,7 @@ from flight.rotations import FloatArray
 from sysid.estimator.joint_problem.solver import Solution, robust_covariance
 from sysid.estimator.joint_problem.unknowns import Unknowns
 from sysid.estimator.options import HoverCommand
-from sysid.estimator.without_pose.anchors import Beside, rotor_thrust_n
+from sysid.estimator.without_pose.anchors import Beside, nudged, rotor_thrust_n
 from vehicle import Vehicle
 
 CONTRADICTS = 3.0
@@ -86,10 +86,8 @@ def _rows(known: Beside, vehicle: Vehicle, unknowns: Unknowns, factor: float) ->
 
 
 def _slope(vehicle: Vehicle, name: str, speed: FloatArray) -> float:
-    value = vehicle.value(name)
-    step = 1e-5 * max(abs(value), 1e-9)
-    here, there = (rotor_thrust_n(v, speed)[0] for v in (vehicle, vehicle.with_value(name, value + step)))
-    return float(there - here) / step
+    there, step = nudged(vehicle, name)
+    return float(rotor_thrust_n(there, speed)[0] - rotor_thrust_n(vehicle, speed)[0]) / step
 
 
 def _left(known: Beside, vehicle: Vehicle, factor: float) -> list[float]:

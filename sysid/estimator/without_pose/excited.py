@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flight import InputError
+from flight import FlightLog, InputError
 from flight.rotations import FloatArray
 from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.flights.sampling import means_over
@@ -26,8 +26,7 @@ def require(flights: Sequence[Flight]) -> None:
     """Refuse flights that say nothing.
 
     Raises:
-        InputError: samples are too far apart, the gyro is clipped, the rotors do not vary or are not felt, or the
-            vehicle only hovers.
+        InputError: samples are too far apart, the rotors do not vary or are not felt, or the vehicle only hovers.
     """
     for flight in flights:
         rate_hz = 1.0 / float(np.median(flight.step_s))
@@ -36,13 +35,6 @@ def require(flights: Sequence[Flight]) -> None:
                 f"{flight.name} has gyro and accelerometer at {rate_hz:.0f} Hz and no pose, where lag and inertia "
                 f"are one number. Log the IMU at {SLOWEST_HZ:g} Hz or more (1 kHz is best), or record a pose"
             )
-        for axis, values in zip("xyz", flight.rate_body_rad_s.T, strict=True):
-            if (share := _clipped(values)) > CLIPPED:
-                raise InputError(
-                    f"the gyro of {flight.name} sits at its extremes about {axis}, {np.abs(values).max():.3g} rad/s, "
-                    f"in {share:.1%} of the samples: the end of its range, and inertias would be a third off. Roll, "
-                    "pitch and yaw with less stick, or raise the gyro's range"
-                )
     speed = [flight.rotor_speed_rad_s for flight in flights]
     if max(float(s.max()) for s in speed) <= 0.0:
         raise InputError("what drives the rotors is zero throughout: log the motors' commands of a flight")
@@ -64,6 +56,18 @@ def require(flights: Sequence[Flight]) -> None:
             f"these flights only hover: what drives the rotors varies by {together:.1%} and the body turns with "
             f"{turned:.1f} rad/s2. Fly for a minute: throttle up and down in steps, then quick rolls, pitches and yaws"
         )
+
+
+def require_range(log: FlightLog, name: str) -> None:
+    """Refuse a log whose gyro was at the end of its range. Raises `InputError`."""
+    for axis, values in zip("xyz", log.vector("rate_body_rad_s").T, strict=True):
+        known = values[np.isfinite(values)]
+        if len(known) and (share := _clipped(known)) > CLIPPED:
+            raise InputError(
+                f"the gyro of {name} sits at its extremes about {axis}, {np.abs(known).max():.3g} rad/s, in "
+                f"{share:.1%} of the samples: the end of its range, and inertias would be a third off. Roll, pitch and "
+                "yaw with less stick, or raise the gyro's range"
+            )
 
 
 def _clipped(values: FloatArray) -> float:

@@ -9,7 +9,7 @@ from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.joint_problem.solver import Solution, robust_covariance
 from sysid.estimator.joint_problem.unknowns import Unknowns
 from sysid.estimator.uncertainty.errors import NORMAL_90
-from sysid.estimator.without_pose.anchors import rotor_thrust_n
+from sysid.estimator.without_pose.anchors import nudged, rotor_thrust_n
 from sysid.estimator.without_pose.sensing import PLACE, left
 from vehicle import Vehicle
 
@@ -71,11 +71,9 @@ def _slow(values: FloatArray, width: int) -> FloatArray:
 
 
 def _slope(vehicle: Vehicle, name: str, speed_rad_s: FloatArray) -> FloatArray:
-    """Derivative of a rotor's thrust by a parameter; thrust is linear in them, and no lower value may be allowed."""
-    value = vehicle.value(name)
-    step = 1e-4 * max(abs(value), 1e-9)
-    here, there = (rotor_thrust_n(v, speed_rad_s) for v in (vehicle, vehicle.with_value(name, value + step)))
-    return (there - here) / step
+    """Derivative of a rotor's thrust by a parameter: thrust is linear in them."""
+    there, step = nudged(vehicle, name)
+    return (rotor_thrust_n(there, speed_rad_s) - rotor_thrust_n(vehicle, speed_rad_s)) / step
 
 
 def _nominal(flights: Sequence[Flight]) -> list[str]:
