@@ -91,18 +91,20 @@ def flown(
     duration_s: float = 40.0,
     recorder: Recorder | None = None,
     gust_m_s: float = 0.5,
+    effort: tuple[float, float, float] = (1.0, 1.0, 1.0),
 ) -> list[FlightLog]:
     """Logs of one flight of each twin.
 
     Args:
         values: parameter to (m,) values where twins differ from `truth`.
+        effort: of throttle steps, rolls and pitches, and yaws: shares of the usual sticks.
     """
     recorder = recorder or Recorder()
     m = len(next(iter(values.values())))
     states = [hovering(truth, np.array([0.0, 0.0, 30.0]))] * m
     wind = Wind((1.0, -0.5, 0.0), gust_std_m_s=gust_m_s)
     fleet = Fleet(truth, states, values=values, rng=rng, wind=wind, step_s=STEP_S)
-    pilot = _Pilot(m, rng, duration_s)
+    pilot = _Pilot(m, rng, duration_s, effort)
     late = max(0, round(recorder.latency_s / STEP_S))
     waiting = [np.full((m, 4), 0.48)] * (late + 1)
     filtered, force = np.zeros((m, 3)), np.tile([0.0, 0.0, 9.8], (m, 1))
@@ -151,7 +153,8 @@ def _log(name: str, time_s: FloatArray, gyro: FloatArray, force: FloatArray, com
 class _Pilot:
     """Throttle steps, then rolls, pitches and yaws to and fro; the vehicle is held near its place."""
 
-    def __init__(self, m: int, rng: np.random.Generator, duration_s: float) -> None:
+    def __init__(self, m: int, rng: np.random.Generator, duration_s: float, effort: tuple[float, float, float]) -> None:
+        self._effort = effort
         blocks = int(duration_s / 0.35) + 2
         self._kind = (np.arange(blocks) * 0.35 / duration_s * 3.0).astype(int)  # thirds: throttle, tilt, yaw
         self._stick = rng.uniform(-1.0, 1.0, (blocks, m, 4))
@@ -167,12 +170,12 @@ class _Pilot:
         drift = np.einsum("mij,mi->mj", rotations.matrix(fleet.q_world_body), fleet.velocity_world_m_s)
         wanted = np.zeros_like(gyro)
         wanted[:, :2] = -7.0 * level + 0.35 * np.stack([drift[:, 1], -drift[:, 0]], axis=1)
-        wanted[:, :2] += (5.0 if kind == 1 else 0.4) * stick[:, :2]
-        wanted[:, 2] = (5.0 if kind == 2 else 0.3) * stick[:, 2]
+        wanted[:, :2] += (5.0 * self._effort[1] if kind == 1 else 0.4 * min(self._effort)) * stick[:, :2]
+        wanted[:, 2] = (5.0 * self._effort[2] if kind == 2 else 0.3 * min(self._effort)) * stick[:, 2]
         error = wanted - gyro
         self._sum = np.clip(self._sum + STEP_S * error, -0.5, 0.5)
         height = fleet.position_world_m[:, 2] - 30.0
         lift = 0.48 - 0.01 * height - 0.03 * fleet.velocity_world_m_s[:, 2]
-        lift += (0.22 if kind == 0 else 0.06) * stick[:, 3]
+        lift += (0.22 * self._effort[0] if kind == 0 else 0.06 * min(self._effort)) * stick[:, 3]
         turn = np.clip(error * [0.02, 0.02, 0.05] + self._sum * [0.05, 0.05, 0.08], -0.2, 0.2)
         return np.clip(lift[:, None] + turn @ self._mix, 0.05, 1.0)

@@ -2,7 +2,7 @@
 
 from sysid import report
 from sysid.estimator.identification import identify
-from sysid.estimator.options import Options
+from sysid.estimator.options import HoverCommand, Options, RotorThrust
 from sysid.estimator.result import Estimate, Identification
 from sysid.estimator.stages import identify_in_stages, regress
 from sysid.estimator.validation.comparison import Comparison, compare
@@ -15,10 +15,12 @@ from sysid.report import plots
 __all__ = [
     "Comparison",
     "Estimate",
+    "HoverCommand",
     "Identification",
     "Judged",
     "LogReport",
     "Options",
+    "RotorThrust",
     "WrenchErrors",
     "check_log",
     "compare",

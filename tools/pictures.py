@@ -24,7 +24,7 @@ from flight import FlightError, InputError, file_format, flight_log, project, tr
 from goshawk import plot
 from goshawk.plot import flights, maps, plans
 from sysid.report import diagnosis_figures, drawing
-from tools import mesh_picture, page_pictures
+from tools import manoeuvre_picture, mesh_picture, page_pictures
 
 ROOT = Path(__file__).parents[1]
 OUT = ROOT / "docs" / "pictures"
@@ -126,12 +126,17 @@ def found() -> Any:
     return example("05_find_a_missing_effect")["diagnosis"]()
 
 
+def manoeuvres(_: Path, style: drawing.Style) -> Figure:
+    return manoeuvre_picture.draw(style)
+
+
 STYLED: dict[str, Callable[[Path, drawing.Style], Figure]] = {
     "hero": hero,
     "map": the_map,
     "plan": plan,
     "error_falls": error_falls,
     "diagnosis": diagnosis,
+    "manoeuvres": manoeuvres,
 }
 
 

@@ -21,7 +21,10 @@ from sysid.estimator.options import Options
 from sysid.estimator.result import Identification, conclude
 from sysid.estimator.trajectory.states import first_guess
 from sysid.estimator.uncertainty import identifiable
-from sysid.estimator.without_pose import fit, level, sensing, told
+from sysid.estimator.uncertainty.errors import NORMAL_90
+from sysid.estimator.uncertainty.unsettled import Unsettled, not_identifiable
+from sysid.estimator.without_pose import anchors, anchors_judged, fit, level, sensing, told
+from sysid.estimator.without_pose.anchors import Beside
 from sysid.estimator.without_pose.excited import require
 from sysid.estimator.without_pose.sensing import BIAS, PLACE, PRIOR_STD, delay_names, own_names, with_delays
 from vehicle import Vehicle
@@ -29,9 +32,14 @@ from vehicle import Vehicle
 logger = logging.getLogger(__name__)
 
 AFFINE = "thrust_affine"
-TRIED = (AFFINE, "centre_of_mass")
+TRIED = (AFFINE, "centre_of_mass", "rotor_acceleration_torque")
 """Effects that commands and propellers of all vehicles have a little of: thrust in the command is a parabola with all
-three terms, and a lasting moment balances the body. Each is kept if the flights show it."""
+three terms, a lasting moment balances the body, and rotors turn it as they speed up. Each is kept if the flights show
+it; the parabola also where they leave its form open, for inertias go with its slope."""
+USUAL_SHARE = 0.3
+"""Of a rotor's thrust in hover: size of the parabola's lower terms, where the flights hardly tell it."""
+SMALL_SHARE = 0.02
+"""Of the slope of thrust in hover: lower terms that are surely less change no inertia worth a parameter."""
 SURE = 16.0
 """Square of an effect's size in standard errors from which on it counts as shown: one in 3,000 by chance."""
 
@@ -61,6 +69,8 @@ def identify(
     started = vehicle
     for effect in tried:
         started = started.with_effect(effect)
+    known = anchors.beside(options.anchors, flights, started, (), options.prior_std)
+    started = anchors.with_sag(started, known)
     by_command = any(flight.driven_by_command for flight in flights)
     names = chosen_names(started, options.free, options.held, by_command)
     require(flights)
@@ -69,28 +79,39 @@ def identify(
     states = tuple(first_guess(f, np.zeros(3), rotations.IDENTITY) for f in flights)
     sensors = near.solution.point.sensors if near else sensor_values(started)
     point, held, close = Point(started, sensors, states), list(mute), near is not None
+    unsettled: list[Unsettled] = []
+    known, weighed = anchors.beside(options.anchors, flights, started, unknowns.model, options.prior_std), False
     while True:
-        prior = _prior(flights, point, unknowns, options, started)
-        solution = fit.solve(flights, point, unknowns, prior, options, progress, near=close)
+        prior = _prior(flights, point, unknowns, options, started, given)
+        solution = fit.solve(flights, point, unknowns, prior, options, progress, known, near=close)
         close = True
-        surplus = next((effect for effect in tried if not _is_shown(effect, solution, unknowns)), None)
+        surplus = next((effect for effect in tried if _is_surplus(effect, flights, solution, unknowns)), None)
         if surplus is not None:
             tried.remove(surplus)
             started, unknowns = started.without_effect(surplus), _without(unknowns, surplus)
             point = replace(solution.point, vehicle=solution.point.vehicle.without_effect(surplus))
             continue
-        unseen = identifiable.least_seen(solution, started, unknowns)
+        unseen = identifiable.least_seen(solution, started, unknowns, but=_open_curve(started, given, unknowns))
+        if unseen is None and known.weighs and not weighed:
+            factor, std = known.mass_factor(solution.point.vehicle)
+            started = anchors.scaled(started, factor, std)
+            point = replace(solution.point, vehicle=anchors.scaled(solution.point.vehicle, factor, std))
+            weighed = True
+            continue
         if unseen is None:
             break
         if options.unseen == "refuse":
             raise InputError(identifiable.message(unseen))
+        together = not_identifiable(solution, unknowns, started, unseen)
+        unsettled += [together] if together else []
         held.append(unseen)
         logger.info("holding %s: not identifiable from these flights", unseen)
         unknowns = unknowns.without(unseen)
+        known = replace(known, flat=known.flat and anchors.Z in unknowns.model)
         back = with_values(solution.point.vehicle, (unseen,), np.array([started.value(unseen)]))
         point = replace(solution.point, vehicle=back)
     progress("identify", 1.0)
-    return _concluded(flights, started, unknowns, solution, tuple(held), options, given)
+    return _concluded(flights, started, unknowns, solution, tuple(held), unsettled, options, given, known)
 
 
 def _tried(flights: Sequence[Flight], vehicle: Vehicle, wanted: Sequence[str]) -> list[str]:
@@ -101,14 +122,43 @@ def _tried(flights: Sequence[Flight], vehicle: Vehicle, wanted: Sequence[str]) -
     return [e for e in wanted if e not in vehicle.effects and (quadratic or e != AFFINE)]
 
 
-def _is_shown(effect: str, solution: Solution, unknowns: Unknowns) -> bool:
-    """Whether its parameters together are surely not zero: Wald's test, by the scatter of blocks of time."""
+def _is_surplus(effect: str, flights: Sequence[Flight], solution: Solution, unknowns: Unknowns) -> bool:
+    """Whether its parameters together may be zero, and it is not the curve of thrust that the flights leave open.
+
+    Wald's test, by the noise and by the scatter of blocks of time, which a few blocks make too small by chance.
+    """
     own = [i for i, name in enumerate(unknowns.model) if name.startswith(f"{effect}.")]
     if not own:
-        return True
+        return False
     value = solution.point.shared(unknowns)[own]
-    robust = robust_covariance(solution, unknowns.size)[0]
-    return float(value @ np.linalg.pinv(robust[np.ix_(own, own)], hermitian=True) @ value) > SURE * len(own)
+    both = solution.covariance(), robust_covariance(solution, unknowns.size)[0]
+    squares = [float(value @ np.linalg.pinv(c[np.ix_(own, own)], hermitian=True) @ value) for c in both]
+    if min(squares) > SURE * len(own):
+        return False
+    slope = f"{AFFINE}.slope_n_s"
+    if effect != AFFINE or slope not in unknowns.model:
+        return True
+    std = float(np.sqrt(solution.covariance()[(place := unknowns.names.index(slope)), place]))
+    vehicle = solution.point.vehicle
+    off = abs(vehicle.value(slope)) + NORMAL_90 * std
+    return off < SMALL_SHARE * 2.0 * _hover_n(vehicle) / _usual_rad_s(flights)
+
+
+def _open_curve(vehicle: Vehicle, given: Vehicle, unknowns: Unknowns) -> tuple[str, ...]:
+    """The terms of a parabola that was given no lower terms: a prior holds what the flights do not tell of each."""
+    if AFFINE in given.effects or AFFINE not in vehicle.effects:
+        return ()
+    return tuple(name for name in unknowns.model if name.startswith("thrust_"))
+
+
+def _hover_n(vehicle: Vehicle) -> float:
+    """Thrust of a rotor in hover."""
+    return vehicle.mass_kg * vehicle.gravity_m_s2 / 4.0
+
+
+def _usual_rad_s(flights: Sequence[Flight]) -> float:
+    """Commanded speed in the middle of all."""
+    return float(np.median(np.concatenate([f.rotor_command_rad_s.ravel() for f in flights if f.driven_by_command])))
 
 
 def _without(unknowns: Unknowns, effect: str) -> Unknowns:
@@ -121,16 +171,23 @@ def _concluded(
     unknowns: Unknowns,
     solution: Solution,
     held: tuple[str, ...],
+    unsettled: Sequence[Unsettled],
     options: Options,
     given: Vehicle,
+    known: Beside,
 ) -> Identification:
     on_time = [rotor_speed.aligned(flight, solution.point.sensors) for flight in flights]
-    found = conclude(vehicle, on_time, unknowns, solution, held, (), options, given, options.clock)
+    found = conclude(vehicle, on_time, unknowns, solution, held, unsettled, options, given, options.clock)
     against = told.unanswered(flights, solution)
+    judged = anchors_judged.judge(known, solution, unknowns)
     verdict = replace(found.verdict, against=(*found.verdict.against, *against))
-    return replace(
-        found, findings=(*against, *found.findings, *told.sentences(on_time, solution, unknowns)), verdict=verdict
-    )
+    verdict = verdict.doubted(*(one.sentence for one in judged if one.contradicts))
+    findings = found.findings[1:] if known.weighs else found.findings  # the first: the mass was not estimated
+    said = [one.sentence for one in judged]
+    if (sagging := anchors_judged.sag(known, found.vehicle)) is not None:
+        found, said = replace(found, vehicle=sagging[0]), [*said, sagging[1]]
+    findings = (*against, *said, *findings, *told.sentences(on_time, solution, unknowns))
+    return replace(found, findings=findings, verdict=verdict)
 
 
 def _unknowns(flights: Sequence[Flight], model: tuple[str, ...]) -> Unknowns:
@@ -150,12 +207,24 @@ def _mute(flights: Sequence[Flight], vehicle: Vehicle, names: tuple[str, ...]) -
     return tuple(name for name, largest in zip(names, size, strict=True) if not largest > 0.0)
 
 
-def _prior(flights: Sequence[Flight], point: Point, unknowns: Unknowns, options: Options, vehicle: Vehicle) -> Prior:
+def _prior(
+    flights: Sequence[Flight],
+    point: Point,
+    unknowns: Unknowns,
+    options: Options,
+    vehicle: Vehicle,
+    given: Vehicle,
+) -> Prior:
     for name in options.prior_std:
         vehicle.parameter(name)
     mean, std = dict.fromkeys(unknowns.names, 0.0), dict.fromkeys(unknowns.names, np.inf)
     for name in unknowns.model:
         mean[name], std[name] = vehicle.value(name), dict(options.prior_std).get(name, np.inf)
+    if lower := [name for name in _open_curve(vehicle, given, unknowns) if name.startswith(AFFINE)]:
+        share_n = USUAL_SHARE * _hover_n(vehicle)
+        usual = {f"{AFFINE}.constant_n": share_n, f"{AFFINE}.slope_n_s": share_n / _usual_rad_s(flights)}
+        mean |= dict.fromkeys(lower, 0.0)
+        std |= {name: min(std[name], usual[name]) for name in lower}
     std |= {name: PRIOR_STD[name.split("[")[0]] for name in unknowns.bias}
     std |= dict.fromkeys(unknowns.delay, PRIOR_S)
     for log in {flight.log_index for flight in flights}:

@@ -1,5 +1,6 @@
 """What the user may ask of an identification."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -14,6 +15,48 @@ LEAST_NODES = 5_000
 
 
 @dataclass(frozen=True, slots=True)
+class HoverCommand:
+    """A measured command, from 0 to 1 and of all rotors, at which the vehicle hovers."""
+
+    command: float
+    std: float = 0.01
+    """Standard deviation."""
+    battery_v: float | None = None
+    """Voltage of the battery then; None: as in the flights."""
+
+    def __post_init__(self) -> None:
+        _require_command("a hover command", self.command)
+        _require_positive("the standard deviation of a hover command", self.std)
+        if self.battery_v is not None:
+            _require_positive("the battery's voltage at a hover command", self.battery_v)
+
+
+@dataclass(frozen=True, slots=True)
+class RotorThrust:
+    """A measured thrust of one rotor, on a balance, at a command from 0 to 1."""
+
+    command: float
+    thrust_n: float
+    std_n: float
+    """Standard deviation."""
+
+    def __post_init__(self) -> None:
+        _require_command("the command of a rotor's thrust", self.command)
+        _require_positive("a rotor's thrust", self.thrust_n)
+        _require_positive("the standard deviation of a rotor's thrust", self.std_n)
+
+
+def _require_command(what: str, value: float) -> None:
+    if not 0.0 < value <= 1.0:
+        raise InputError(f"{what} is {value:g}; expected a share of full throttle, above 0 and up to 1")
+
+
+def _require_positive(what: str, value: float) -> None:
+    if not 0.0 < value < math.inf:
+        raise InputError(f"{what} is {value:g}; it must be positive")
+
+
+@dataclass(frozen=True, slots=True)
 class Options:
     """Choices of `identify`; the defaults fit every parameter these flights can show."""
 
@@ -23,6 +66,8 @@ class Options:
     """Names kept at the vehicle's value. The mass is always held: pose and rotor speed show only ratios to it."""
     prior_std: Mapping[str, float] = field(default_factory=dict)
     """Name to the standard deviation of a prior around the vehicle's value."""
+    anchors: tuple[HoverCommand | RotorThrust, ...] = ()
+    """What was measured beside flights without a pose; the vehicle's mass, with its standard deviation, is another."""
     pose_sensor: bool = True
     """Estimate where the pose sensor sits and how it is turned."""
     use_rates: bool = True

@@ -15,6 +15,7 @@ from sysid.estimator.flights.flight_data import Flight, IndexArray, LeadIn
 from sysid.estimator.flights.sampling import Stretch
 from sysid.estimator.motors import battery, motor, rotor_speed
 from sysid.estimator.options import Options
+from sysid.estimator.without_pose.excited import require_range
 from sysid.logs.apply import apply
 from sysid.logs.checks import contact, gyro_clock
 from sysid.logs.checks.clocks import Offset
@@ -69,6 +70,11 @@ def prepare_all(
         for i, log in enumerate(logs)
         for flight in prepare(log, i, options, gravity_m_s2=gravity_m_s2, in_segments=long)
     ]
+    if options.anchors and any(flight.has_pose for flight in flights):
+        raise InputError(
+            "hover commands and a rotor's thrust are for flights without a pose, and these have one: leave --hover and "
+            "--rotor-thrust out"
+        )
     return segments.chosen(flights, models[0], options, progress) if long else flights
 
 
@@ -109,6 +115,8 @@ def prepare(
             refuse gaps.
     """
     source = _source(log, str(log.metadata.get("name", f"flight {index + 1}")))
+    if source.nodes[0] != "position_world_m":
+        require_range(log, source.name)
     log = _without_leaps(log, source.name, options)
     touched = contact.spans(log)
     pieces = _aloft(_split(log, source, options), touched, source.name)

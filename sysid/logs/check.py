@@ -6,6 +6,7 @@ from typing import Any, Literal
 import numpy as np
 
 from flight import FlightLog, InputError, Progress, silent
+from sysid.logs import manoeuvres
 from sysid.logs.apply import apply, joined
 from sysid.logs.checks import consistency, contact, samples
 from sysid.logs.checks.finding import Finding, error, warning
@@ -28,7 +29,7 @@ class LogReport:
     inconclusive: tuple[str, ...] = ()
     """What these flights excite too little to be checked, one sentence each."""
     notes: tuple[str, ...] = ()
-    """What the log, faultless as it may be, is of no use for, one sentence each."""
+    """What the log, faultless as it may be, is of use for and of no use for, one sentence each."""
 
     @property
     def worst(self) -> Literal["fine", "warning", "error"]:
@@ -127,13 +128,26 @@ def _of_event(event: Event) -> Finding:
 
 
 def _notes(log: FlightLog) -> tuple[str, ...]:
+    flown = (*_slow(log), *(one.sentence for one in manoeuvres.found(log)))
     if log.has("rotor_speed_rad_s") or log.has("rotor_speed_command_rad_s"):
-        return ()
+        return flown
     if full_throttle.has_ratios(log):
-        return ("its motor commands are from 0 to 1: a fit takes 1 for the fastest rotor speed of the vehicle file",)
+        said = "its motor commands are from 0 to 1: a fit takes 1 for the fastest rotor speed of the vehicle file"
+        return (said, *flown)
     return (
         "it has no rotor speed and no motor command: no vehicle can be identified from it "
         f"(a motor command is {full_throttle.RATIOS[0]} ..., from 0 to 1, or {full_throttle.COMMAND})",
+    )
+
+
+def _slow(log: FlightLog) -> tuple[str, ...]:
+    """Of a log without a pose whose IMU shows no inertia."""
+    imu = log.has("rate_body_rad_s") and log.has("specific_force_body_m_s2")
+    if log.has("position_world_m") or not imu or (rate_hz := manoeuvres.rate_hz(log)) >= manoeuvres.SLOWEST_HZ:
+        return ()
+    return (
+        f"gyro and accelerometer at {rate_hz:.0f} Hz without a pose show no inertia apart from lag: log them at "
+        f"{manoeuvres.SLOWEST_HZ:g} Hz or more, or record a pose",
     )
 
 

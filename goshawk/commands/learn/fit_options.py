@@ -13,7 +13,7 @@ from click.core import ParameterSource
 
 from flight import FlightError, InputError
 from sysid.estimator.fit_to_use import Cause
-from sysid.estimator.options import LEAST_NODES, Options
+from sysid.estimator.options import LEAST_NODES, HoverCommand, Options, RotorThrust
 from sysid.logs.check import LogReport
 from vehicle import Vehicle
 
@@ -24,6 +24,8 @@ FLAGS = {
     "most_nodes": "--most-nodes",
 }
 """Arguments that the library's messages name, and the corresponding options."""
+BALANCE_SHARE = 0.03
+"""Standard deviation of a thrust on a balance that is given without one."""
 
 anyway_option = click.option(
     "--anyway", is_flag=True, help="Write the vehicle file even if the verdict is `do not use`."
@@ -36,6 +38,8 @@ _NAMES = (
     "held",
     "free",
     "priors",
+    "hovers",
+    "rotor_thrusts",
     "split_gaps",
     "hold_unidentifiable",
     "robust",
@@ -67,6 +71,20 @@ def fit_options() -> Callable[[Any], Any]:
             multiple=True,
             metavar="NAME=STD",
             help="Gaussian prior about the file's value. Repeatable.",
+        ),
+        click.option(
+            "--hover",
+            "hovers",
+            multiple=True,
+            metavar="COMMAND[,STD][@VOLTS]",
+            help="Of flights without a pose: the command, 0 to 1, that hovers; at a second voltage, too. Repeatable.",
+        ),
+        click.option(
+            "--rotor-thrust",
+            "rotor_thrusts",
+            multiple=True,
+            metavar="COMMAND,NEWTON[,STD]",
+            help="Of flights without a pose: thrust of one rotor at a command, on a balance. Repeatable.",
         ),
         click.option("--split-gaps", is_flag=True, help="Fit the pieces between gaps as separate flights."),
         click.option(
@@ -140,6 +158,7 @@ def read(fit: Chosen, believed: Vehicle) -> Options:
         held=named(fit["held"], believed),
         free=named(fit["free"], believed) if fit["free"] else None,
         prior_std=dict(_prior(text, believed) for text in fit["priors"]),
+        anchors=(*map(_hover, fit["hovers"]), *map(_rotor_thrust, fit["rotor_thrusts"])),
         gaps="split" if fit["split_gaps"] else "refuse",
         unseen="hold" if fit["hold_unidentifiable"] else "refuse",
         robust=fit["robust"],
@@ -200,6 +219,32 @@ def _prior(text: str, believed: Vehicle) -> tuple[str, float]:
         return name, float(std)
     except ValueError:
         raise InputError(f"--prior {text}: write NAME=STD, for example inertia_zz_kg_m2=1e-4") from None
+
+
+def _hover(text: str) -> HoverCommand:
+    numbers, _, volts = text.partition("@")
+    found = _numbers(numbers, (1, 2), f"--hover {text}: write COMMAND[,STD][@VOLTS], for example 0.48,0.005@15.6")
+    if not volts:
+        return HoverCommand(*found)
+    (voltage,) = _numbers(volts, (1,), f"--hover {text}: the voltage after @ is a number, for example 15.6")
+    return HoverCommand(*found, battery_v=voltage)
+
+
+def _rotor_thrust(text: str) -> RotorThrust:
+    wanted = f"--rotor-thrust {text}: write COMMAND,NEWTON[,STD], for example 0.6,2.2,0.05"
+    command, thrust_n, *std_n = _numbers(text, (2, 3), wanted)
+    return RotorThrust(command, thrust_n, *(std_n or [BALANCE_SHARE * thrust_n]))
+
+
+def _numbers(text: str, counts: tuple[int, ...], wanted: str) -> list[float]:
+    """Numbers between commas, so many. Raises `InputError` with what is wanted."""
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(wanted) from None
+    if len(found) not in counts:
+        raise InputError(wanted)
+    return found
 
 
 def worded_report(report: LogReport) -> LogReport:

@@ -16,6 +16,7 @@ from goshawk.commands.learn import fit_options, flights, log_files, log_outputs
 from goshawk.terminal import console, outputs
 from goshawk.terminal.verbs import VerbGroup
 from goshawk.terminal.words import named
+from sysid.logs import manoeuvres
 from sysid.logs.check import LogReport
 from sysid.logs.motors import rotor_places
 from sysid.logs.reading import DRAFTED
@@ -51,13 +52,14 @@ for verb in (log_files.export, log_files.bring, log_files.download, log_files.ma
 @console.columns_option
 @console.common_options
 def show(flight: Path, columns: Path | None, as_json: bool) -> None:
-    """Show the contents of FLIGHT: columns, rates, gaps, ranges.
+    """Show the contents of FLIGHT: columns, rates, gaps, ranges; of one without a pose, which manoeuvres suffice.
 
     \b
     goshawk log show demo-out/flights/walk.parquet
     goshawk log show flight.csv --columns columns.toml
     """
-    document = describe(flights.read(flight, columns))
+    log = flights.read(flight, columns)
+    document = describe(log) | {"manoeuvres": [one.as_dict() for one in manoeuvres.found(log)]}
     if as_json:
         console.show("", {}, as_json=True, document=document)
     else:
@@ -175,11 +177,13 @@ def _tell(checked: LogReport, more: dict[str, Any], *, then: str, as_json: bool)
 
 
 def _show(title: str, document: dict[str, Any]) -> None:
-    facts = {key: value for key, value in document.items() if key not in ("columns", "metadata")}
+    facts = {key: value for key, value in document.items() if key not in ("columns", "metadata", "manoeuvres")}
     facts |= {key: value for key, value in document["metadata"].items() if key not in HIDDEN}
     console.show(title, facts, as_json=False)
     for sentence in document["metadata"].get("read", ()):
         click.echo(f"read: {sentence}")
+    for one in document["manoeuvres"]:
+        click.echo(f"flown: {one['sentence']}")
     rows = [
         (*named(name), *(_cell(c[end]) for end in ("smallest", "largest")), c["missing"], name)
         for name, c in document["columns"].items()

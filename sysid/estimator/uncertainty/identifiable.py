@@ -1,5 +1,7 @@
 """Which parameter these flights show least, and whether they show it at all."""
 
+from collections.abc import Collection
+
 import numpy as np
 
 from sysid.estimator.joint_problem.problem import Point
@@ -20,12 +22,18 @@ def usual_size(vehicle: Vehicle, point: Point, name: str) -> float:
     return value if name.startswith(NEVER_ZERO) and value > 0.0 else max(value, specs(vehicle)[name].prior)
 
 
-def least_seen(solution: Solution, vehicle: Vehicle, unknowns: Unknowns) -> str | None:
-    """The parameter these flights show least, if they do not show it at all."""
+def least_seen(solution: Solution, vehicle: Vehicle, unknowns: Unknowns, *, but: Collection[str] = ()) -> str | None:
+    """The parameter these flights show least, if they do not show it at all.
+
+    Args:
+        but: names that are not asked for.
+    """
     named = (*unknowns.model, *unknowns.sensor)
-    if not named:
+    asked = [i for i, name in enumerate(named) if name not in but]
+    if not asked:
         return None
-    std = np.sqrt(np.diag(solution.covariance()))[: len(named)]
+    std = np.sqrt(np.diag(solution.covariance()))[asked]
+    named = tuple(named[i] for i in asked)
     share = std / np.array([usual_size(vehicle, solution.point, name) for name in named])
     worst = int(np.argmax(share))
     return named[worst] if share[worst] > UNSEEN_SHARE else None

@@ -25,7 +25,7 @@ LAST_STEPS = 6
 
 @dataclass(frozen=True, slots=True)
 class Unsettled:
-    """A parameter that is held because the fit did not settle with it free."""
+    """A parameter that is held and that the flights tell only together with another."""
 
     name: str
     held: float
@@ -37,11 +37,13 @@ class Unsettled:
     """How far the held value may be off: the standard error with it free, and how far away it was in the last steps."""
     moves: Mapping[str, float]
     """By name, how far every other shared parameter moves with it then."""
+    why: str = "did not settle"
+    """What it did with it free."""
 
     @property
     def sentence(self) -> str:
         return (
-            f"{self.name} did not settle and was held at {self.held:.4g} {self.unit}, where the fit began. These "
+            f"{self.name} {self.why} and was held at {self.held:.4g} {self.unit}, where the fit began. These "
             f"flights tell it only together with {' and '.join(self.confounded)}, as right as that value; intervals "
             f"allow for its being {self.off:.2g} {self.unit} off. Measure it, or fly quicker manoeuvres that excite it"
         )
@@ -54,20 +56,39 @@ def least_settled(solution: Solution, unknowns: Unknowns, vehicle: Vehicle) -> U
         vehicle: has the values that parameters are held at.
     """
     m = len(unknowns.model)
-    covariance = solution.covariance()
-    std = np.sqrt(np.diag(covariance))
+    std = np.sqrt(np.diag(solution.covariance()))
     values = np.array([i.values[:m] for i in solution.record[-LAST_STEPS:]])
     place = int(np.argmax(np.abs(np.diff(values, axis=0)).sum(axis=0) / std[:m]))
+    away = float(np.abs(values[:, place] - vehicle.value(unknowns.model[place])).max())
+    return _held(solution, unknowns, vehicle, place, away, "did not settle")
+
+
+def not_identifiable(solution: Solution, unknowns: Unknowns, vehicle: Vehicle, name: str) -> Unsettled | None:
+    """The vehicle's parameter of this name, which is to be held for its error is too large; None as above."""
+    if name not in unknowns.model:
+        return None
+    place = unknowns.model.index(name)
+    away = abs(solution.point.value(name) - vehicle.value(name))
+    return _held(solution, unknowns, vehicle, place, away, "is not identifiable")
+
+
+def _held(
+    solution: Solution, unknowns: Unknowns, vehicle: Vehicle, place: int, away: float, why: str
+) -> Unsettled | None:
+    """Args: away: how far from the vehicle's value it was."""
+    m = len(unknowns.model)
+    covariance = solution.covariance()
+    std = np.sqrt(np.diag(covariance))
     strong = np.abs(covariance[place, :m]) >= CONFOUNDED * std[:m] * std[place]
     confounded = tuple(unknowns.model[i] for i in np.flatnonzero(strong) if i != place)
     if not confounded:
         return None
     name = unknowns.model[place]
-    held = vehicle.value(name)
     off = np.zeros(unknowns.size)
-    off[place] = np.hypot(std[place], np.abs(values[:, place] - held).max())
+    off[place] = np.hypot(std[place], away)
     moves = dict(zip(unknowns.names, shifts(off, covariance)[:, 0].tolist(), strict=True))
-    return Unsettled(name, held, vehicle.parameter(name).unit, confounded, float(off[place]), moves)
+    unit, held = vehicle.parameter(name).unit, vehicle.value(name)
+    return Unsettled(name, held, unit, confounded, float(off[place]), moves, why)
 
 
 def variances(held: Sequence[Unsettled], unknowns: Unknowns) -> FloatArray:

@@ -4,18 +4,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flight import InputError
+from flight import FlightLog, InputError
+from flight.rotations import FloatArray
 from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.flights.sampling import means_over
+from sysid.logs.manoeuvres import SLOWEST_HZ
 
-SLOWEST_HZ = 90.0
-"""Samples of the IMU: below, motor lag, latency and inertia are one number."""
 NEVER = 0.01
 """Share of their mean within which motors count as not varying."""
 LEAST_COMMAND_STEP = 0.02
 """Standard deviation of what drives the rotors together over its mean: a hover has less."""
 LEAST_TURN_RAD_S2 = 2.0
 """Root mean square of the angular acceleration over 20 ms: a hover has less."""
+CLIPPED, REPEATS = 0.005, 3
+"""Share of the samples in which a gyro may repeat its extreme, so many times in a row."""
 LIVELY, ANSWERED = 0.1, 0.2
 """Commands whose squares vary by this share, and the least part of that which flying rotors make felt."""
 
@@ -54,6 +56,29 @@ def require(flights: Sequence[Flight]) -> None:
             f"these flights only hover: what drives the rotors varies by {together:.1%} and the body turns with "
             f"{turned:.1f} rad/s2. Fly for a minute: throttle up and down in steps, then quick rolls, pitches and yaws"
         )
+
+
+def require_range(log: FlightLog, name: str) -> None:
+    """Refuse a log whose gyro was at the end of its range. Raises `InputError`."""
+    for axis, values in zip("xyz", log.vector("rate_body_rad_s").T, strict=True):
+        known = values[np.isfinite(values)]
+        if len(known) and (share := _clipped(known)) > CLIPPED:
+            raise InputError(
+                f"the gyro of {name} sits at its extremes about {axis}, {np.abs(known).max():.3g} rad/s, in "
+                f"{share:.1%} of the samples: the end of its range, and inertias would be a third off. Roll, pitch and "
+                "yaw with less stick, or raise the gyro's range"
+            )
+
+
+def _clipped(values: FloatArray) -> float:
+    """Share of the samples that repeat the largest or the smallest."""
+    share = 0.0
+    for extreme in (values.max(), values.min()):
+        at = (values == extreme).astype(np.int8)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], at, [0]])))
+        lengths = edges[1::2] - edges[::2]
+        share += float(lengths[lengths >= REPEATS].sum()) / len(values) if extreme != 0.0 else 0.0
+    return share
 
 
 def _unfelt(flight: Flight) -> bool:

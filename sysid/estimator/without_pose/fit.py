@@ -27,6 +27,7 @@ from sysid.estimator.joint_problem.solver import (
 from sysid.estimator.joint_problem.unknowns import Unknowns
 from sysid.estimator.options import Options
 from sysid.estimator.without_pose import coloured
+from sysid.estimator.without_pose.anchors import Beside
 from sysid.estimator.without_pose.coloured import Coloured
 from sysid.estimator.without_pose.sensing import Shown, left, shown
 
@@ -57,12 +58,14 @@ def solve(
     prior: Prior,
     options: Options,
     progress: Progress,
+    known: Beside,
     *,
     near: bool = False,
 ) -> Solution:
     """The maximum of the likelihood over parameters and noise.
 
     Args:
+        known: what was measured beside the flights.
         near: whether the start is near the optimum already.
         point: where to start; its states are what the IMU alone shows, and stay as they are.
     """
@@ -75,11 +78,12 @@ def solve(
         noise = noise_of([part.left for part in parts], order)
         sums = _sums(parts, noise)
         border = point.shared(unknowns)
-        hessian = prior.information + sums.information
-        gradient = prior.information @ (border - prior.mean) + sums.gradient
+        error, slopes = _beside(known, point, unknowns)
+        hessian = prior.information + sums.information + slopes.T @ slopes
+        gradient = prior.information @ (border - prior.mean) + sums.gradient + slopes.T @ error
         step = parameter_step(hessian, gradient, step_room(point, unknowns))
-        before = _cost([part.left for part in parts], noise, prior, border)
-        point, taken = _take(flights, point, unknowns, noise, prior, step, before)
+        before = _cost([part.left for part in parts], noise, prior, border) + 0.5 * float(error @ error)
+        point, taken = _take(flights, point, unknowns, noise, prior, known, step, before)
         sigma = np.sqrt(np.diag(covariance_of(hessian)))
         judged = slice(len(unknowns.model) or None)
         moved = float(np.max(np.abs(taken * step / sigma)[judged], initial=0.0))
@@ -93,7 +97,15 @@ def solve(
         progress("identify", min(0.95, len(record) / 12.0))
         logger.info("iteration %d: cost %.6g, step %.3g sigma", len(record), before, moved)
     point = replace(point, states=states)
-    return _solution(flights, point, unknowns, prior, order, tuple(record), converged, options)
+    return _solution(flights, point, unknowns, prior, known, order, tuple(record), converged, options)
+
+
+def _beside(known: Beside, point: Point, unknowns: Unknowns) -> tuple[FloatArray, FloatArray]:
+    """Errors (r,) of what was measured beside the flights, and (r, p) their derivatives."""
+    error = known.errors(point.vehicle)
+    slopes = np.zeros((len(error), unknowns.size))
+    slopes[:, : len(unknowns.model)] = known.slopes(point.vehicle, unknowns.model)
+    return error, slopes
 
 
 def _sums(parts: Sequence[Shown], noise: Coloured) -> _Sums:
@@ -123,6 +135,7 @@ def _take(
     unknowns: Unknowns,
     noise: Coloured,
     prior: Prior,
+    known: Beside,
     step: FloatArray,
     before: float,
 ) -> tuple[Point, float]:
@@ -131,6 +144,7 @@ def _take(
     while share > 1e-3:
         there = point.moved(unknowns, share * step, ())
         found = _cost([left(f, there.vehicle, there.sensors) for f in flights], noise, prior, there.shared(unknowns))
+        found += 0.5 * float((known.errors(there.vehicle) ** 2).sum())
         if np.isfinite(found) and found <= before * (1.0 + 1e-9):
             return there, share
         share *= 0.5
@@ -142,6 +156,7 @@ def _solution(
     point: Point,
     unknowns: Unknowns,
     prior: Prior,
+    known: Beside,
     order: int,
     record: tuple[Iteration, ...],
     converged: bool,
@@ -150,7 +165,8 @@ def _solution(
     """What statistics and reports need of the point where the iterations ended."""
     parts = [shown(f, point.vehicle, unknowns.names, unknowns.model, point.sensors) for f in flights]
     noise = coloured.fitted([part.left for part in parts], order)
-    balance = np.zeros_like(prior.information)
+    _, beside = _beside(known, point, unknowns)
+    balance = beside.T @ beside
     for part in parts:
         slope = part.by[:, FORCE_Z].mean(axis=0) / BALANCE_M_S2
         balance += np.outer(slope, slope)

@@ -9,9 +9,9 @@ from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.joint_problem.solver import Solution, robust_covariance
 from sysid.estimator.joint_problem.unknowns import Unknowns
 from sysid.estimator.uncertainty.errors import NORMAL_90
+from sysid.estimator.without_pose.anchors import nudged, rotor_thrust_n
 from sysid.estimator.without_pose.sensing import PLACE, left
-from vehicle import Vehicle, wrench
-from vehicle.invert import open_air
+from vehicle import Vehicle
 
 COMMANDS = (0.3, 0.5, 0.7, 0.9)
 """Commands that the thrust is told at, where the flights reached them."""
@@ -61,7 +61,7 @@ def thrust_by_command(
     plain = solution.covariance()
     slopes = np.stack([_slope(vehicle, names[i], full * ratio) for i in thrust], axis=1)
     both = [np.einsum("ni,ij,nj->n", slopes, c[np.ix_(thrust, thrust)], slopes) for c in (covariance, plain)]
-    return _rotor_thrust(vehicle, full * ratio), NORMAL_90 * np.sqrt(np.maximum(*both))
+    return rotor_thrust_n(vehicle, full * ratio), NORMAL_90 * np.sqrt(np.maximum(*both))
 
 
 def _slow(values: FloatArray, width: int) -> FloatArray:
@@ -70,18 +70,10 @@ def _slow(values: FloatArray, width: int) -> FloatArray:
     return np.convolve(values, ones, "same") / np.convolve(np.ones_like(values), ones, "same")
 
 
-def _rotor_thrust(vehicle: Vehicle, speed_rad_s: FloatArray) -> FloatArray:
-    still = np.zeros((len(speed_rad_s), 3))
-    speeds = np.repeat(speed_rad_s[:, None], 4, axis=1)
-    return 0.25 * wrench(vehicle, still, still, speeds, open_air(len(speed_rad_s)))[0][:, 2]
-
-
 def _slope(vehicle: Vehicle, name: str, speed_rad_s: FloatArray) -> FloatArray:
-    """Derivative of a rotor's thrust by a parameter, by central differences: thrust is all but linear in them."""
-    value = vehicle.value(name)
-    step = 1e-4 * max(abs(value), 1e-9)
-    up, down = (_rotor_thrust(vehicle.with_value(name, value + sign * step), speed_rad_s) for sign in (1.0, -1.0))
-    return (up - down) / (2.0 * step)
+    """Derivative of a rotor's thrust by a parameter: thrust is linear in them."""
+    there, step = nudged(vehicle, name)
+    return (rotor_thrust_n(there, speed_rad_s) - rotor_thrust_n(vehicle, speed_rad_s)) / step
 
 
 def _nominal(flights: Sequence[Flight]) -> list[str]:

@@ -9,8 +9,10 @@ import click
 import pytest
 
 import vehicle
+from flight import InputError
 from goshawk.cli import goshawk
 from goshawk.commands.learn import fit_options
+from sysid import HoverCommand, RotorThrust
 from sysid.estimator.fit_to_use import Cause
 from tests.goshawk.running import run
 from tests.goshawk.test_grammar import VERBS
@@ -39,7 +41,7 @@ def texts(path: Path, kind: type[ast.AST] = ast.Module) -> list[str]:
 
 def test_verbs_that_fit_take_the_same_options_of_a_fit():
     shared = {"--hold", "--free", "--prior", "--split-gaps", "--hold-unidentifiable", "--robust", "--gusts", "--steps"}
-    shared |= {"--gravity", "--estimate-command-delay", "--most-nodes"}
+    shared |= {"--hover", "--rotor-thrust", "--gravity", "--estimate-command-delay", "--most-nodes"}
     for verb in FITTING:
         assert shared <= options(verb), verb
 
@@ -106,3 +108,14 @@ def test_the_next_command_has_what_a_trial_found_in_place_of_what_was_typed():
     held = Cause("", held=("inertia_zz_kg_m2",))
     assert fit_options.with_cause(" --gusts white", held) == " --gusts white --hold inertia_zz_kg_m2"
     assert fit_options.with_cause(" --robust", Cause("", without="lap")) == " --robust"
+
+
+def test_anchors_are_typed_as_numbers_and_a_wrong_one_is_refused_with_an_example():
+    fit = dict.fromkeys(fit_options._NAMES, ()) | dict.fromkeys(("most_steps", "most_nodes"), 10_000)
+    fit |= {"gusts": "estimate", "hovers": ("0.48", "0.55,0.005@14.2"), "rotor_thrusts": ("0.6,2.0", "0.6,2.0,0.1")}
+    anchors = fit_options.read(fit, vehicle.example("hummingbird")).anchors
+    assert anchors[:2] == (HoverCommand(0.48), HoverCommand(0.55, 0.005, 14.2))
+    assert anchors[2:] == (RotorThrust(0.6, 2.0, 0.06), RotorThrust(0.6, 2.0, 0.1))
+    for wrong in ({"hovers": ("half",)}, {"hovers": ("0.5@full",)}, {"rotor_thrusts": ("2.0",)}):
+        with pytest.raises(InputError, match="for example"):
+            fit_options.read(fit | wrong, vehicle.example("hummingbird"))
