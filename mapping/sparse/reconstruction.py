@@ -96,7 +96,7 @@ def reconstruct(
             model_files.write(folder, run(calibration.calibrate, images, options, placed))
 
         near = pairing.near_in_space(images, options.window)
-        placing = kept.on(options, near, colmap.placing_motion(images))
+        placing = kept.on(options, near, images.motion_digests())
         model = model_files.read(placing.stage(CALIBRATION, place))
     placed = np.isfinite(model.T_world_body[:, 0, 0])
     if placed.mean() < _LEAST_SHARE:
@@ -114,6 +114,7 @@ def reconstruct(
         length=length,
         has_depth=images.depths is not None,
         by_motion=model.by_motion,
+        tracked_body=model.tracked_body,
     )
     return SparseMap(
         images=dataclasses.replace(images, rig=model.rig),

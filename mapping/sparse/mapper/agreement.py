@@ -21,7 +21,8 @@ LEAST = 0.85
 pairs 0.93 to 1.00, and 0.63 to 0.79 across a place where the map was broken by 9 degrees."""
 
 _TOLERANCE_PX = 4.0
-_LEAST_MATCHES = 25
+LEAST_MATCHES = 25
+"""Verified matches of a pair that is judged."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,7 +86,7 @@ def of_pairs(database: Path, images: ImageSet, rig: Rig, T_world_body: FloatArra
             a, b = pycolmap.pair_id_to_image_pair(pair_id)
             matches = np.asarray(geometry.inlier_matches, dtype=np.int64).reshape(-1, 2)
             (i, ci), (k, ck) = shots[a], shots[b]
-            if i == k or len(matches) < _LEAST_MATCHES or not np.isfinite(T_world_body[[i, k]]).all():
+            if i == k or len(matches) < LEAST_MATCHES or not np.isfinite(T_world_body[[i, k]]).all():
                 continue
             Ta, Tb = (T_world_body[n] @ rig.cameras[c].T_body_camera for n, c in ((i, ci), (k, ck)))
             tolerance_rad = _TOLERANCE_PX / min(rig.cameras[ci].focal_px)
