@@ -23,6 +23,7 @@ from mapping.sparse.localization_map import LocalizationMap
 from mapping.sparse.mapper import colmap, overlap, pairing
 from mapping.sparse.mapper.colmap import SparseOptions
 from mapping.sparse.mapper.overlap import UnplacedRun
+from mapping.sparse.tracks import Tracks
 from mapping.stages import Work
 
 CALIBRATION = "calibration"
@@ -63,6 +64,11 @@ class SparseMap(Registration):
 
     def localization_map(self) -> LocalizationMap:
         return LocalizationMap(self.points_world_m, self.descriptors)
+
+    def tracks(self) -> Tracks:
+        """Where the images see the points; instants by their number among the placed ones."""
+        whole = Tracks(self.observations, self.pixels)
+        return whole.part(np.ones(len(self.points_world_m), bool), self.placed)
 
 
 def reconstruct(
