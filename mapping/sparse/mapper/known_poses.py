@@ -31,6 +31,8 @@ _LEAST_LOOPS = 5
 _LEAST_TURN_RAD, _LEAST_SECOND = 0.02, 0.05
 """Turns between two images that show how the tracked thing is turned against the body; and about a second axis, as a
 share of those about the first."""
+_TRIED_PAIRS = 150
+"""On which other readings of poses that fail are tried, as those of the body or of the first camera."""
 _LATE_S = (0.02, 0.05, 0.1, 0.2, 0.5)
 """Errors of the clock that are tried where poses fail, so that the message names one."""
 
@@ -178,8 +180,9 @@ def _turns(database: Path, images: ImageSet) -> Iterator[tuple[int, int, FloatAr
 def _explained(database: Path, images: ImageSet, recorded: Motion, share: float) -> str:
     """What is wrong with poses that the matches contradict, if another reading of the file fits: a clause."""
     for what, T_world_tracked in _misread(recorded, images.time_s):
-        for _, T_tracked_body in itertools.islice(_readings(database, images, T_world_tracked), 1 + len(images.rig)):
-            pairs = agreement.of_pairs(database, images, images.rig, T_world_tracked @ T_tracked_body)
+        for _, T_tracked_body in itertools.islice(_readings(database, images, T_world_tracked), 2):
+            T_world_body = T_world_tracked @ T_tracked_body
+            pairs = agreement.of_pairs(database, images, images.rig, T_world_body, most=_TRIED_PAIRS)
             if len(pairs.share) and np.median(pairs.share) > max(agreement.LEAST, share):
                 return f"; they fit if {what}"
     return ""
