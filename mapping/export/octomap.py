@@ -65,7 +65,7 @@ def _leaves(field: Field) -> _Level:
     if np.abs(first - np.rint(first)).max() > _OFF_LATTICE:
         raise InputError(
             f"the map's voxels begin at {np.round(grid.low_world_m, 4).tolist()} m, OctoMap's lie at multiples of "
-            f"{edge_m:g} m: export the map before it was moved, or move it by such a multiple (goshawk map origin)"
+            f"{edge_m:g} m. Export the map before it was moved, or move it by such a multiple (goshawk map origin)"
         )
     cells = np.argwhere(field.state != UNKNOWN)
     if not len(cells):

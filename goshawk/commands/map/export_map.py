@@ -30,7 +30,7 @@ _NEAR_M = 0.15
 
 @click.command()
 @click.argument("map_folder", metavar="MAP", type=click.Path(path_type=Path))
-@console.path_option("--out", "out", "File (.ply, .obj, .stl, .glb, .pgm, .bt), or COLMAP's folder.", required=True)
+@console.path_option("--out", "out", "File to write (.ply, .obj, .stl, .glb, .pgm, .bt), or folder.", required=True)
 @click.option("--as", "kind", type=click.Choice(list(KINDS)), help="What to export [default: by the end of --out].")
 @click.option("--height", "height_m", type=float, help="Height of the slice for ROS, metres in the map.")
 @outputs.overwrite_option
@@ -110,7 +110,7 @@ def _shares(state: "np.ndarray") -> dict[str, object]:
 
 def _deviation_m(area: Map, vertices: int) -> "np.ndarray":
     surface = area.surface()
-    return np.full(vertices, np.nan, np.float32) if surface is None else surface.known.deviation_m
+    return np.full(vertices, np.nan, np.float32) if surface is None else surface.confidence.deviation_m
 
 
 def _colmap(area: Map, out: Path, *, overwrite: bool) -> dict[str, object]:
