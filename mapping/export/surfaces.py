@@ -49,7 +49,7 @@ def colours_at(
 
     result = np.full((len(points_world_m), 3), other, np.uint8)
     if len(vertices_world_m):
-        far_m, nearest = KDTree(vertices_world_m).query(points_world_m, distance_upper_bound=within_m)
-        near = np.isfinite(far_m)
+        far_m, found = KDTree(vertices_world_m).query(points_world_m, distance_upper_bound=within_m)
+        near, nearest = np.isfinite(far_m), np.asarray(found)
         result[near] = colours[nearest[near]]
     return result

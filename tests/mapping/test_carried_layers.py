@@ -21,7 +21,7 @@ Seen = set[tuple[tuple[float, ...], str, int, float]]
 
 
 def field(first: tuple[int, int, int], state: np.ndarray) -> Field:
-    return esdf.build(state, Grid(tuple(0.1 * np.array(first, float)), (0.1,) * 3, state.shape))
+    return esdf.build(state, Grid(tuple(0.1 * np.array(first, float)), (0.1, 0.1, 0.1), state.shape))
 
 
 def stated(shape: tuple[int, ...], seed: int) -> np.ndarray:

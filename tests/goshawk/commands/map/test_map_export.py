@@ -56,7 +56,7 @@ def test_a_mesh_comes_back_at_its_place_by_our_own_import(folder: Path, tmp_path
     run("map", "export", folder, "--out", tmp_path / name)
     asked = ("--unit", "m") if name == "a.stl" else ()
     run("map", "import", tmp_path / name, "--out", tmp_path / "again", *asked)
-    again = trimesh.load_scene(tmp_path / "again" / "mesh.glb").to_geometry()
+    again = trimesh.load_mesh(tmp_path / "again" / "mesh.glb")
     vertices = map_parts.read(folder).vertices_world_m
     np.testing.assert_allclose(np.ptp(again.vertices, axis=0)[[0, 2]], np.ptp(vertices, axis=0)[:2], atol=1e-5)
     assert mapping.open_map(tmp_path / "again").field.grid.contains(vertices).all()
