@@ -50,7 +50,7 @@ from mapping.dense import surface
 from mapping.input.trajectory import MotionKind
 from mapping.localization import relocalization
 from mapping.sparse import localization_map, reconstruction
-from mapping.sparse.mapper import colmap, colmap_model, rgbd
+from mapping.sparse.mapper import colmap, colmap_model
 from mapping.stages import StoppedError
 from mapping.verdict import Standing
 
@@ -365,7 +365,10 @@ def explained(database: Path, images: mapping.ImageSet, T_world_camera: FloatArr
     import pycolmap
 
     seen = colmap_model.observations(
-        rgbd.triangulated(database, images, T_world_camera, pycolmap.IncrementalPipelineOptions()), images
+        colmap_model.triangulated(
+            database, images, T_world_camera, pycolmap.IncrementalPipelineOptions(), without_matches=True
+        ),
+        images,
     )
     error_px = np.linalg.norm(adjustment.residuals(seen, adjustment.initial(seen)), axis=1)
     mean_px, apart = np.full((2, len(images.instants)), np.nan)

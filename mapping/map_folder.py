@@ -61,7 +61,7 @@ from mapping.input.images import ImageSet
 from mapping.input.selection import SelectionOptions
 from mapping.input.trajectory import MotionKind
 from mapping.map_figures import MapReport
-from mapping.sparse import alignment, localization_map, reconstruction
+from mapping.sparse import alignment, localization_map, reconstruction, tracks
 from mapping.sparse.alignment import DEPTH_SOURCE, Length
 from mapping.sparse.localization_map import LocalizationMap
 from mapping.sparse.mapper import colmap
@@ -405,10 +405,12 @@ def _build(
         save_visibility(new / VISIBILITY, dense.seen)
         inferred_layer.save(new / INFERRED, dense.inferred)
         confidence_layer.save(new / CONFIDENCE, dense.confidence)
-        occupancy.save(new / occupancy.FILE, dense.looks)
+        stated = None if dense.looks is None else occupancy.probability(dense.looks)
+        occupancy.save(new / occupancy.FILE, stated)
         mesh_file.save(new / "mesh.glb", dense.vertices_world_m, dense.faces, dense.colours)
         mesh_file.save(new / "mesh.ply", dense.vertices_world_m, dense.faces, dense.colours)
         localization_map.save(new / "localization", placed.localization_map())
+        tracks.save(new / "localization", placed.tracks())
         rigs.save(new / "camera.toml", placed.rig)
         poses_file.write_poses(new / "poses.csv", placed.images.instants, placed.images.time_s, placed.T_world_body)
         file_format.write_json(new / "report.json", format=REPORT_FORMAT, version=VERSION, body=report.as_dict())

@@ -22,10 +22,11 @@ from mapping import confidence_layer, given_paths, inferred_layer, map_folder, p
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
 from mapping.dense import confidence as confidences
-from mapping.dense import mesh_file, resolution
+from mapping.dense import mesh_file, occupancy, resolution
 from mapping.dense.confidence import SurfaceConfidence
-from mapping.sparse import localization_map
+from mapping.sparse import localization_map, tracks
 from mapping.sparse.localization_map import LocalizationMap
+from mapping.sparse.tracks import Tracks
 
 MADE_OF = "figures_of"
 """Key of the `report.json` of a cropped map: the map whose scale, calibration and residuals it states."""
@@ -72,6 +73,10 @@ class MapParts:
     """Of `map.toml`."""
     report: dict[str, Any] | None
     """Of the mapping run; None if there is none."""
+    occupancy: NDArray[np.float16] | None = None
+    """(nx, ny, nz) of the field, see `mapping.dense.occupancy`; None where it is not known."""
+    tracks: Tracks = dataclasses.field(default_factory=tracks.none)
+    """Where the images see the points."""
 
 
 def read(folder: Path) -> MapParts:
@@ -88,6 +93,7 @@ def read(folder: Path) -> MapParts:
     edits = editor.edits
     editor.replace(())
     vertices, faces, colours = mesh_file.load(folder / "mesh.ply")
+    known = opened.localization_map()
     return MapParts(
         name=folder.resolve().name,
         field=editor.snapshot(),
@@ -96,13 +102,15 @@ def read(folder: Path) -> MapParts:
         faces=faces,
         colours=colours,
         confidence=confidence_layer.load(folder / map_folder.CONFIDENCE, len(vertices)),
-        known=opened.localization_map(),
+        known=known,
         rig=opened.rig,
         images=opened.images,
         time_s=opened.time_s,
         T_world_body=opened.T_world_body,
         seen=opened.visibility(),
         inferred=inferred_layer.load(folder / map_folder.INFERRED, opened.field.grid.shape),
+        occupancy=occupancy.load(folder / occupancy.FILE, opened.field.grid.shape),
+        tracks=tracks.load(folder / "localization", len(known.points_world_m), len(opened.images), len(opened.rig)),
         facts=opened.facts,
         report=map_folder.read_report(folder) or None,
     )
@@ -121,11 +129,13 @@ def write(out: Path, parts: MapParts, *, overwrite: bool = False) -> str:
         save_visibility(new / map_folder.VISIBILITY, parts.seen)
         inferred_layer.save(new / map_folder.INFERRED, parts.inferred)
         confidence_layer.save(new / map_folder.CONFIDENCE, parts.confidence)
+        occupancy.save(new / occupancy.FILE, parts.occupancy)
         if parts.edits:
             esdf.save_edits(new / "esdf" / EDITS, parts.edits)
         for name in ("mesh.glb", "mesh.ply"):
             mesh_file.save(new / name, parts.vertices_world_m, parts.faces, parts.colours)
         localization_map.save(new / "localization", parts.known)
+        tracks.save(new / "localization", parts.tracks)
         rigs.save(new / "camera.toml", parts.rig)
         poses_file.write_poses(new / "poses.csv", parts.images, parts.time_s, parts.T_world_body)
         if parts.report is not None:
@@ -172,6 +182,7 @@ def moved(parts: MapParts, T_new_old: FloatArray, sentence: str) -> MapParts:
         T_world_body=T_new_old @ parts.T_world_body,
         seen=resolution.moved(parts.seen, T_new_old, field.grid),
         inferred=inferred_layer.moved(parts.inferred, parts.field, T_new_old, field),
+        occupancy=None if parts.occupancy is None else occupancy.moved(parts.occupancy, parts.field, T_new_old, field),
         facts=noted(parts, sentence),
     )
 
@@ -216,6 +227,10 @@ def cropped(parts: MapParts, kept: Solid, sentence: str) -> MapParts:
         time_s=parts.time_s[placed],
         T_world_body=parts.T_world_body[placed],
         inferred=parts.inferred[region.slices] & ~outside,
+        occupancy=None
+        if parts.occupancy is None
+        else np.where(outside, np.float16(np.nan), parts.occupancy[region.slices]),
+        tracks=parts.tracks.part(points, placed),
         seen=resolution.moved(parts.seen, np.eye(4), grid),
         facts=noted(parts, sentence),
     )

@@ -18,11 +18,12 @@ from esdf import regrid
 from flight import FloatArray, MapError, Progress, frames, rotations, silent
 from mapping import inferred_layer
 from mapping.camera.rig import Rig
-from mapping.dense import confidence, resolution
+from mapping.dense import confidence, occupancy, resolution
 from mapping.localization import relocalization
 from mapping.localization.relocalization import LocalizationOptions
 from mapping.map_folder import has_earlier_free_space
 from mapping.map_parts import HISTORY, MapParts, mesh_of, moved
+from mapping.sparse import tracks
 from mapping.sparse.localization_map import LocalizationMap
 from mapping.verdict import SCALE_DOUBT, Standing
 
@@ -139,12 +140,15 @@ def merged(first: MapParts, second: MapParts, found: Registration) -> MapParts:
     if not _same_rig(first.rig, second.rig):
         sentence += f"; without the poses of {second.name}, whose camera file is another one"
         empty = other.T_world_body[:0]
-        other = dataclasses.replace(other, images=(), time_s=other.time_s[:0], T_world_body=empty)
+        other = dataclasses.replace(other, images=(), time_s=other.time_s[:0], T_world_body=empty, tracks=tracks.none())
     single = np.ones(len(other.known.points_world_m), bool)
     single[found.pairs[:, 1]] = False
     known = LocalizationMap(
         np.concatenate([first.known.points_world_m, other.known.points_world_m[single]]),
         np.concatenate([first.known.descriptors, other.known.descriptors[single]]),
+    )
+    seen_again = other.tracks.part(single, np.ones(len(other.images), bool)).shifted(
+        len(first.known.points_world_m), len(first.images)
     )
     return dataclasses.replace(
         first,
@@ -159,6 +163,7 @@ def merged(first: MapParts, second: MapParts, found: Registration) -> MapParts:
         colours=np.concatenate([first.colours, colours]),
         confidence=sure,
         known=known,
+        tracks=tracks.joined(first.tracks, seen_again),
         images=_all_images(first, other),
         time_s=np.concatenate([first.time_s, other.time_s]),
         T_world_body=np.concatenate([first.T_world_body, other.T_world_body]),
@@ -168,6 +173,18 @@ def merged(first: MapParts, second: MapParts, found: Registration) -> MapParts:
             [
                 (first.inferred, first.field),
                 (inferred_layer.moved(second.inferred, second.field, found.T_first_second, turned), turned),
+            ],
+        ),
+        occupancy=occupancy.joined(
+            field,
+            [
+                (first.occupancy, first.field),
+                (
+                    None
+                    if second.occupancy is None
+                    else occupancy.moved(second.occupancy, second.field, found.T_first_second, turned),
+                    turned,
+                ),
             ],
         ),
         facts=_facts(first, second, sentence) | confidence.figures(sure, field.grid.voxel_m[0]),

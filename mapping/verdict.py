@@ -96,11 +96,13 @@ def judge(placed: SparseMap) -> MapVerdict:
             "model does not fit these images, or things moved"
         )
     others: list[str] = []
+    guessed: list[str] = []
     for finding in trial.present:
         width = placed.rig[finding.candidate.camera].width
         is_lens = finding.candidate.kind in OF_THE_LENS
         if finding.shift_px > OTHER_CAMERA_PX or (is_lens and finding.shift_px > OTHER_LENS * width):
-            others.append(f"{finding.candidate} is off by {size_text(finding)}, {finding.shift_px:.0f} px in the image")
+            said = f"{finding.candidate} is off by {size_text(finding)}, {finding.shift_px:.0f} px in the image"
+            (guessed if is_lens and placed.rig.refine_intrinsics else others).append(said)
         elif placed.images.depths is not None and finding.shift_px > SHIFT_DOUBT_PX:
             doubts.append(
                 f"{finding.candidate} is off by {size_text(finding)}: not corrected, as the depth images are drawn for "
@@ -112,6 +114,11 @@ def judge(placed: SparseMap) -> MapVerdict:
         refusals.append(
             f"the camera file is that of another lens, image size or other images: {', '.join(others)}. If it is not, "
             "keep the calibration found here (goshawk camera add) and make the map again"
+        )
+    if guessed:
+        doubts.append(
+            f"the lens of the camera file is a first guess, far from the one found here: {', '.join(guessed)}. Keep "
+            "that (goshawk camera add) and make the map again: its matches were chosen by the guess"
         )
     for finding in trial.findings:
         if finding.verdict is Verdict.UNKNOWN and finding.largest_shift_px > SHIFT_DOUBT_PX:

@@ -34,6 +34,7 @@ ROOMS = {
     "mapping.localization": {"mapping.camera", "mapping.input", "mapping.sparse"},
     "mapping.exploration": {"mapping.camera"},
     "mapping.cloud": {"mapping.input"},
+    "mapping.export": {"mapping.camera", "mapping.sparse", "mapping.dense"},
     "planner.request": set(),
     "planner.route": {"planner.request"},
     "planner.curve": {"planner.request"},

@@ -55,7 +55,7 @@ def read(
         sensor_world_m: (3,) from where all points were measured.
         poses: file of the sensor's poses, in metres in the axes of the cloud, in TUM's or EuRoC's format; each point's
             own time says from which it was measured.
-        viewpoints: whether the points' own columns `VIEWPOINT` say so.
+        viewpoints: whether the points' own columns `VIEWPOINT` say so, or else a PCD file's header.
 
     Raises:
         InputError: the file is missing, of another type or too large, the unit cannot be right, times are of another
@@ -107,7 +107,12 @@ def _stacked(columns: Mapping[str, NDArray[np.generic]], names: tuple[str, ...])
 
 def _viewpoints(path: Path, columns: Mapping[str, NDArray[np.generic]]) -> FloatArray:
     if missing := [name for name in VIEWPOINT if name not in columns]:
-        raise FormatError(f"{path}: its points have no {', '.join(missing)}; give --sensor or --sensor-poses instead")
+        if (place := point_file.viewpoint(path)) is not None:
+            return np.tile(np.array(place), (len(columns["x"]), 1))
+        raise FormatError(
+            f"{path}: its points have no {', '.join(missing)}, and no header names a VIEWPOINT besides 0 0 0, which "
+            "programs write that know none; give --sensor or --sensor-poses instead"
+        )
     origins = _stacked(columns, VIEWPOINT)
     if not np.any(origins):
         raise FormatError(f"{path}: all its vp_x, vp_y and vp_z are 0, which programs write that know none")

@@ -67,6 +67,25 @@ def read(path: Path) -> Mapping[str, NDArray[np.generic]]:
     return columns
 
 
+def viewpoint(path: Path) -> tuple[float, float, float] | None:
+    """From where a PCD file's header says that it was taken, in its numbers; None where it does not, or says zeros.
+
+    Raises:
+        FormatError: the header's words are no numbers.
+    """
+    lines = _header(path, b"DATA")[0] if path.suffix.lower() == ".pcd" else []
+    words = next((line.split()[1:] for line in lines if line.startswith("VIEWPOINT")), [])
+    if not words:
+        return None
+    try:
+        x, y, z, *turn = (float(word) for word in words)
+    except ValueError:
+        x, y, z, turn = math.nan, 0.0, 0.0, []
+    if len(turn) != 4 or not all(map(math.isfinite, (x, y, z))):
+        raise FormatError(f"{path}: its VIEWPOINT is {' '.join(words)[:80]!r}; x y z and a quaternion are expected")
+    return (x, y, z) if any((x, y, z)) else None
+
+
 def _require_plausible(path: Path, layout: Layout) -> None:
     """Refuse before memory is set aside for the points."""
     names = [name for name, _ in layout.types]

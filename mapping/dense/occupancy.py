@@ -6,15 +6,16 @@ images contradict, which are unknown in the map, and those that stay free.
 
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from esdf import FREE, UNKNOWN, Field
-from flight import FormatError, file_format
+from esdf import FREE, OCCUPIED, UNKNOWN, Field
+from esdf.solids import slabs
+from flight import FloatArray, FormatError, file_format, frames
 from mapping.dense.contradiction import Looks
 
 FILE = "occupancy.npz"
@@ -53,16 +54,16 @@ def probability(looks: Looks) -> NDArray[np.float16]:
     return result
 
 
-def save(path: Path, looks: Looks | None) -> None:
-    """Write the layer as a compressed `.npz`; nothing if there were no looks."""
-    if looks is None:
+def save(path: Path, stated: NDArray[np.float16] | None) -> None:
+    """Write the layer as a compressed `.npz`; nothing if it is not known."""
+    if stated is None:
         return
     with file_format.atomic_file(Path(path)) as temporary, open(temporary, "wb") as file:
-        np.savez_compressed(file, version=VERSION, probability=probability(looks))
+        np.savez_compressed(file, version=VERSION, probability=stated)
 
 
 def load(path: Path, shape: tuple[int, int, int]) -> NDArray[np.float16] | None:
-    """Read what `save` wrote, for a field of that shape; None where there is no file (earlier and joined maps).
+    """Read what `save` wrote, for a field of that shape; None where there is no file (earlier maps).
 
     Raises:
         FormatError: the file is damaged, newer, or of another field.
@@ -84,6 +85,36 @@ def load(path: Path, shape: tuple[int, int, int]) -> NDArray[np.float16] | None:
     if not (np.isnan(values) | ((values >= 0.0) & (values <= 1.0))).all():
         raise FormatError(f"{path} holds a probability outside of 0 to 1; build the map again")
     return values
+
+
+def moved(stated: NDArray[np.float16], field: Field, T_new_old: FloatArray, new: Field) -> NDArray[np.float16]:
+    """The layer in another frame: each voxel of the new field has the value of the old one in which its centre lay."""
+    T_old_new, result = frames.invert(T_new_old), np.full(new.grid.shape, np.nan, np.float16)
+    for slab in slabs(new.grid.everything):
+        points = frames.apply(T_old_new, new.grid.centres(slab).reshape(-1, 3))
+        inside = field.grid.contains(points)
+        found = np.clip(field.grid.index(points[inside]), 0, np.array(field.grid.shape) - 1)
+        part = np.full(len(points), np.nan, np.float16)
+        part[inside] = stated[tuple(found.T)]
+        result[slab.slices] = part.reshape(slab.shape)
+    return result
+
+
+def joined(both: Field, parts: Sequence[tuple[NDArray[np.float16] | None, Field]]) -> NDArray[np.float16] | None:
+    """The layer of maps in one, of the same frame and voxels: the larger value where two state one.
+
+    None if no map has the layer. What one of the maps shows to be occupied is so, with no probability.
+    """
+    if all(stated is None for stated, _ in parts):
+        return None
+    result = np.full(both.grid.shape, np.nan, np.float16)
+    for stated, field in parts:
+        if stated is not None:
+            first = np.rint((field.grid.low_world_m - both.grid.low_world_m) / np.array(both.grid.voxel_m)).astype(int)
+            place = tuple(slice(a, a + n) for a, n in zip(first, stated.shape, strict=True))
+            result[place] = np.fmax(result[place], stated)
+    result[both.state == OCCUPIED] = np.nan
+    return result
 
 
 def figures(stated: NDArray[np.float16], field: Field) -> dict[str, float]:

@@ -253,7 +253,7 @@ def extract(
         least_faces=options.least_component_faces,
     )
     if not len(faces):
-        raise MapError("the depth images hold no surface: their poses or lenses may be wrong")
+        raise MapError(_no_surface(images, depths))
     edges = lines.sweep(images, options.stereo, farthest_m=options.farthest_m)
     state[lines.occupied(edges, state, grid, skin_voxels=options.skin_voxels)] = OCCUPIED
     seen = resolution.visibility(state, grid, [(view.camera, view.T_world_camera) for view in images])
@@ -293,6 +293,17 @@ def extract(
         inferred,
         looks,
         depth_statistics(depths),
+    )
+
+
+def _no_surface(images: Sequence[ImageView], depths: Sequence[DepthImage | None]) -> str:
+    """Why there may be none, and what to do."""
+    found = depth_statistics(depths)
+    reach_m = float(np.linalg.norm(np.ptp([view.position_world_m for view in images], axis=0)))
+    return (
+        f"no surface: {found.images_used} of {len(images)} images have depth, in {found.share_with_depth:.0%} of their "
+        f"pixels, which agrees nowhere. They were taken within {reach_m:.2g} m of each other: if that is little "
+        "beside what they show, take some farther apart; else their poses or the camera file are wrong"
     )
 
 

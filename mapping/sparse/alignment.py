@@ -10,7 +10,7 @@ first image and x its horizontal viewing direction.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -230,6 +230,7 @@ def align(
     length: Length | None,
     has_depth: bool = False,
     by_motion: Sequence[int] = (),
+    tracked_body: Mapping[str, FloatArray] | None = None,
 ) -> Alignment:
     """Find scale and world frame.
 
@@ -239,6 +240,7 @@ def align(
         baseline_std: relative standard deviation of the scale of COLMAP's world, if the rig's baseline gave it one.
         has_depth: depth images gave COLMAP's world its scale.
         by_motion: instants that recorded motion placed; it is compared with the others.
+        tracked_body: by the kind of a recording, the body on what was tracked (4, 4), where that is known.
 
     Raises:
         MapError: nothing gives the scale, or the given length is from an image that is not in the map.
@@ -250,7 +252,8 @@ def align(
     checks = [(m, motion.check(m, images.time_s, witnessing)) for m in images.motions]
     for recorded, found in checks:
         if recorded.kind is MotionKind.POSES and found is not None:
-            references = _with_poses(references, recorded.trajectory.at(images.time_s), T_old_body, found.scale)
+            T_start_body, known_axes = _of_body(recorded, images.time_s, tracked_body or {})
+            references = _with_poses(references, T_start_body, T_old_body, found.scale, known_axes=known_axes)
     R_level, up_source, up_spread_rad = _level(T_old_body, references, known)
     level = T_old_body[:, :3, 3] @ R_level.T
     usable = known & np.isfinite(references.position_m).all(axis=1)
@@ -269,7 +272,7 @@ def align(
         _start_at_first(scale * level[known][0], R_level, T_old_body[known][0]),
         source,
         up_source,
-        poses_up_off_rad=_off_up(checks, images.time_s, T_old_body, R_level[2]),
+        poses_up_off_rad=_off_up(checks, images.time_s, T_old_body, R_level[2], tracked_body or {}),
         up_spread_rad=up_spread_rad,
         witnesses=tuple(ScaleWitness(name, scale / other, std) for name, other, std in sources),
         motions=tuple(dataclasses.replace(found, scale=found.scale / scale) for _, found in found_of),
@@ -324,29 +327,51 @@ def _at_positions(
 
 
 def _off_up(
-    checks: Sequence[tuple[Motion, MotionCheck | None]], time_s: FloatArray, T_old_body: FloatArray, up_old: FloatArray
+    checks: Sequence[tuple[Motion, MotionCheck | None]],
+    time_s: FloatArray,
+    T_old_body: FloatArray,
+    up_old: FloatArray,
+    tracked_body: Mapping[str, FloatArray],
 ) -> float | None:
     """Angle between up in recorded poses and `up_old` (3,), both in COLMAP's world; None where nothing shows it."""
     for recorded, found in checks:
         if recorded.kind is MotionKind.POSES and found is not None:
-            T_start_body = recorded.trajectory.at(time_s)
+            T_start_body, known_axes = _of_body(recorded, time_s, tracked_body)
             both = np.isfinite(T_start_body[:, 0, 0]) & np.isfinite(T_old_body[:, 0, 0])
-            if (up := motion.up_old(T_start_body[both], T_old_body[both], found.scale)) is not None:
+            if (up := _up_old(T_start_body[both], T_old_body[both], found.scale, known_axes=known_axes)) is not None:
                 return float(np.arccos(np.clip(up @ up_old, -1.0, 1.0)))
     return None
 
 
-def _with_poses(references: References, T_start_body: FloatArray, T_old_body: FloatArray, scale: float) -> References:
+def _of_body(recorded: Motion, time_s: FloatArray, tracked_body: Mapping[str, FloatArray]) -> tuple[FloatArray, bool]:
+    """(instants, 4, 4) recorded poses, and whether they are the body's: else of something on it, in axes of its own."""
+    T = recorded.trajectory.at(time_s)
+    known = tracked_body.get(recorded.kind)
+    return (T, False) if known is None else (T @ known, True)
+
+
+def _up_old(T_start_body: FloatArray, T_old_body: FloatArray, scale: float, *, known_axes: bool) -> FloatArray | None:
+    """The z axis of recorded poses (n, 4, 4) in COLMAP's world, (3,); None if they do not determine it."""
+    if not known_axes:
+        return motion.up_old(T_start_body, T_old_body, scale)
+    up = np.einsum("nij,nj->ni", T_old_body[:, :3, :3], T_start_body[:, 2, :3]).mean(axis=0)
+    return up / np.linalg.norm(up)
+
+
+def _with_poses(
+    references: References, T_start_body: FloatArray, T_old_body: FloatArray, scale: float, *, known_axes: bool
+) -> References:
     """Recorded poses as positions and, where no gravity was recorded, as directions of up.
 
     Args:
         T_start_body: (instants, 4, 4) recorded, NaN where not; scale: metres per unit of COLMAP's world.
+        known_axes: the poses are the body's, not those of something on it in axes of its own.
     """
     up_body, up_source = references.up_body, references.up_source
     both = np.isfinite(T_start_body[:, 0, 0]) & np.isfinite(T_old_body[:, 0, 0])
     if (
         not np.isfinite(up_body).any()
-        and (up := motion.up_old(T_start_body[both], T_old_body[both], scale)) is not None
+        and (up := _up_old(T_start_body[both], T_old_body[both], scale, known_axes=known_axes)) is not None
     ):
         up_body, up_source = np.einsum("nji,j->ni", T_old_body[:, :3, :3], up), MotionKind.POSES
     return References(T_start_body[:, :3, 3], up_body, MotionKind.POSES, up_source)

@@ -23,6 +23,7 @@ def write(folder: Path, model: SparseModel) -> None:
     rigs.save(folder / "trial_camera.toml", trial.rig)
     numbers = {name: getattr(model, name) for name in _NUMBERS}
     findings = [finding.as_dict() for finding in trial.findings]
+    numbers["tracked_body"] = {kind: T.tolist() for kind, T in model.tracked_body.items()}
     numbers |= {"noise_px": trial.noise_px, "scale_std": trial.scale_std, "findings": findings}
     (folder / "numbers.json").write_text(json.dumps(numbers))
 
@@ -43,6 +44,7 @@ def read(folder: Path) -> SparseModel:
     return SparseModel(
         rig=rigs.load(folder / "camera.toml"),
         trial=trial,
+        tracked_body={kind: np.array(T) for kind, T in numbers["tracked_body"].items()},
         **{name: arrays[name] for name in _ARRAYS},
         **{name: numbers[name] for name in _NUMBERS},
     )

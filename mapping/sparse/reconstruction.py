@@ -23,6 +23,7 @@ from mapping.sparse.localization_map import LocalizationMap
 from mapping.sparse.mapper import colmap, overlap, pairing
 from mapping.sparse.mapper.colmap import SparseOptions
 from mapping.sparse.mapper.overlap import UnplacedRun
+from mapping.sparse.tracks import Tracks
 from mapping.stages import Work
 
 CALIBRATION = "calibration"
@@ -64,6 +65,11 @@ class SparseMap(Registration):
     def localization_map(self) -> LocalizationMap:
         return LocalizationMap(self.points_world_m, self.descriptors)
 
+    def tracks(self) -> Tracks:
+        """Where the images see the points; instants by their number among the placed ones."""
+        whole = Tracks(self.observations, self.pixels)
+        return whole.part(np.ones(len(self.points_world_m), bool), self.placed)
+
 
 def reconstruct(
     images: ImageSet,
@@ -96,7 +102,7 @@ def reconstruct(
             model_files.write(folder, run(calibration.calibrate, images, options, placed))
 
         near = pairing.near_in_space(images, options.window)
-        placing = kept.on(options, near, colmap.placing_motion(images))
+        placing = kept.on(options, near, images.motion_digests())
         model = model_files.read(placing.stage(CALIBRATION, place))
     placed = np.isfinite(model.T_world_body[:, 0, 0])
     if placed.mean() < _LEAST_SHARE:
@@ -114,6 +120,7 @@ def reconstruct(
         length=length,
         has_depth=images.depths is not None,
         by_motion=model.by_motion,
+        tracked_body=model.tracked_body,
     )
     return SparseMap(
         images=dataclasses.replace(images, rig=model.rig),

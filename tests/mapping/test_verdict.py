@@ -127,6 +127,20 @@ def test_each_doubt_is_named(what: dict, said: str) -> None:
     assert said in found.reasons[0]
 
 
+def test_a_first_guess_of_a_lens_that_was_far_off_is_doubted_and_not_taken_for_another_lens() -> None:
+    far = placed(findings=(finding(Kind.FOCAL, Verdict.PRESENT, shift_px=90.0),))
+    assert verdict.judge(far).standing is Standing.REFUSED
+    rig = dataclasses.replace(RIG, refine_intrinsics=True)
+    found = verdict.judge(dataclasses.replace(far, images=dataclasses.replace(far.images, rig=rig)))
+    assert found.standing is Standing.DOUBTFUL
+    (reason,) = found.reasons
+    assert "first guess" in reason
+    assert "goshawk camera add" in reason
+    turned = placed(findings=(finding(Kind.ROTATION, Verdict.PRESENT, shift_px=90.0),))
+    turned = dataclasses.replace(turned, images=dataclasses.replace(turned.images, rig=rig))
+    assert verdict.judge(turned).standing is Standing.REFUSED  # of a lens alone the file states a guess
+
+
 def test_a_camera_that_is_not_in_the_map_is_a_doubt() -> None:
     found = verdict.judge(placed(lost_camera=True))
     assert any("no image of camera down" in reason for reason in found.reasons)

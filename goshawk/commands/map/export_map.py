@@ -1,55 +1,145 @@
-"""`goshawk map export`: a map for other programs: its mesh, or a slice of it for ROS."""
+"""`goshawk map export`: a map for other programs: mesh, points, a slice for ROS, a COLMAP model, an OctoMap."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import click
+import numpy as np
 
 import esdf
 import mapping
-from flight import InputError
+from flight import InputError, results
 from goshawk.terminal import console, outputs
 from mapping import foreign_mesh, map_server
 from mapping.dense import mesh_file
+from mapping.export import colmap_files, octomap, surfaces
+from mapping.map_folder import Map
+from mapping.sparse import tracks
+
+KINDS: Mapping[str, tuple[str, ...]] = {
+    "mesh": (".ply", ".obj", ".stl", ".glb"),
+    "points": (".ply",),
+    "ros": (".pgm",),
+    "octomap": (".bt",),
+    "colmap": ("",),
+}
+"""What is exported, and the ends of its file's name; the first kind of an end is taken without --as."""
+_NEAR_M = 0.15
+"""Points take the colour of the mesh within this."""
 
 
 @click.command()
 @click.argument("map_folder", metavar="MAP", type=click.Path(path_type=Path))
-@console.path_option("--out", "out", "PLY mesh, or PGM image for ROS, to write.", required=True)
-@click.option("--height", "height_m", type=float, help="Height of the slice of a PGM, metres in the map.")
+@console.path_option("--out", "out", "File to write (.ply, .obj, .stl, .glb, .pgm, .bt), or folder.", required=True)
+@click.option("--as", "kind", type=click.Choice(list(KINDS)), help="What to export [default: by the end of --out].")
+@click.option("--height", "height_m", type=float, help="Height of the slice for ROS, metres in the map.")
 @outputs.overwrite_option
 @console.common_options
-def export(map_folder: Path, out: Path, height_m: float | None, overwrite: bool, as_json: bool) -> None:
-    """Write MAP for other programs: its mesh as PLY, or a slice as PGM with a YAML file for ROS map_server.
+def export(
+    map_folder: Path, out: Path, kind: str | None, height_m: float | None, overwrite: bool, as_json: bool
+) -> None:
+    """Write MAP for other programs. Metres.
 
     \b
-    goshawk map export map --out room.ply
-    goshawk map export map --out room.pgm --height 1.2
+    goshawk map export map --out room.glb                 # mesh; also PLY, OBJ, STL
+    goshawk map export map --out room.ply --as points     # the mesh's vertices with standard deviations
+    goshawk map export map --out room.pgm --height 1.2    # slice, with a YAML file for ROS map_server
+    goshawk map export map --out room.bt                  # OctoMap
+    goshawk map export map --out sparse/0 --as colmap     # images, poses and points: COLMAP, nerfstudio, splats
 
-    Metres, z up. A slice has the pilot's edits, the mesh has none. In the image occupied is black, free white, unknown
-    grey. `goshawk map import` reads the YAML, and the PLY, which does not say which space is free.
+    Up is z, in OBJ and GLB y. Slice and OctoMap have the pilot's edits, meshes and points have none. `goshawk map
+    import` reads meshes, points and YAML again; only slice and OctoMap say which space is free.
     """
-    kind = out.suffix.lower()
-    if kind not in (".ply", ".pgm"):
-        raise InputError(f"--out {out} ends neither in .ply (mesh) nor in .pgm (slice for ROS)")
-    if (kind == ".pgm") != (height_m is not None):
-        raise InputError("--height goes with a .pgm, and a .pgm needs it: metres in the map")
-    yaml = out.with_suffix(".yaml") if kind == ".pgm" else None
+    kind = _kind(out, kind)
+    if (kind == "ros") != (height_m is not None):
+        raise InputError("--height goes with a slice for ROS (.pgm), which needs it: metres in the map")
+    if kind == "colmap":
+        facts = _colmap(mapping.open_map(map_folder), out, overwrite=overwrite)
+        _show(map_folder, facts, [out], as_json=as_json)
+        return
+    yaml = out.with_suffix(".yaml") if kind == "ros" else None
     outputs.check(out, yaml, overwrite=overwrite)
     area = mapping.open_map(map_folder)
-    facts: dict[str, object] = {}
-    if height_m is None:
-        vertices, faces, colours = foreign_mesh.of_map(area)
-        with outputs.file(out, overwrite=overwrite) as temporary:
-            temporary.write_bytes(mesh_file.ply(vertices, faces, colours))
-        facts["triangles"] = len(faces)
-    elif yaml is not None:
+    written = {out: b""}
+    facts = {"map_hash": area.hash}
+    if kind == "ros" and yaml is not None and height_m is not None:
         image = map_server.slice_at(area.field, height_m)
-        with outputs.file(out, overwrite=overwrite) as temporary:
-            temporary.write_bytes(map_server.pgm(image))
-        with outputs.file(yaml, overwrite=overwrite) as temporary:
-            temporary.write_text(map_server.yaml(out.name, area.field.grid))
-        shares = {"free": esdf.FREE, "occupied": esdf.OCCUPIED, "unknown": esdf.UNKNOWN}
-        facts |= {name: f"{float((image == state).mean()):.0%}" for name, state in shares.items()}
-    written = [str(path) for path in (out, yaml) if path is not None]
-    document = facts | {"map_hash": area.hash, "written": written}
-    console.show(f"export of {map_folder}", facts | {"written": ", ".join(written)}, as_json=as_json, document=document)
+        written = {out: map_server.pgm(image), yaml: map_server.yaml(out.name, area.field.grid).encode()}
+        facts |= _shares(image)
+    elif kind == "octomap":
+        written[out] = octomap.encode(area.field)
+        facts |= _shares(area.field.state)
+    else:
+        vertices, faces, colours = foreign_mesh.of_map(area)
+        if kind == "points":
+            written[out] = surfaces.points(vertices, colours, _deviation_m(area, len(vertices)))
+            facts |= {"points": len(vertices)}
+        else:
+            written[out] = surfaces.mesh(out.suffix.lower(), vertices, faces, colours)
+            facts |= {"triangles": len(faces), "up": surfaces.UP[out.suffix.lower()]}
+    for path, data in written.items():
+        with outputs.file(path, overwrite=overwrite) as temporary:
+            temporary.write_bytes(data)
+    _show(map_folder, facts, list(written), as_json=as_json)
+
+
+def _kind(out: Path, asked: str | None) -> str:
+    """
+    Raises:
+        InputError: the end of the name is of no kind, or not of the one that is asked for.
+    """
+    suffix = out.suffix.lower()
+    kinds = [kind for kind, ends in KINDS.items() if suffix in ends]
+    if asked == "colmap" and suffix not in {end for ends in KINDS.values() for end in ends if end}:
+        return asked  # a folder may have any name
+    if asked is None and kinds and suffix:
+        return kinds[0]
+    if asked in kinds:
+        return str(asked)
+    if asked is None:
+        ends = ", ".join(f"{'/'.join(ends)} ({kind})" for kind, ends in KINDS.items() if ends != ("",))
+        raise InputError(f"--out {out} ends in none of {ends}; a folder for COLMAP takes --as colmap")
+    wanted = "a folder" if asked == "colmap" else f"a file that ends in {' or '.join(KINDS[asked])}"
+    raise InputError(f"--out {out}: {asked} is {wanted}")
+
+
+def _shares(state: "np.ndarray") -> dict[str, object]:
+    shares = {"free": esdf.FREE, "occupied": esdf.OCCUPIED, "unknown": esdf.UNKNOWN}
+    return {name: f"{float((state == which).mean()):.0%}" for name, which in shares.items()}
+
+
+def _deviation_m(area: Map, vertices: int) -> "np.ndarray":
+    surface = area.surface()
+    return np.full(vertices, np.nan, np.float32) if surface is None else surface.confidence.deviation_m
+
+
+def _colmap(area: Map, out: Path, *, overwrite: bool) -> dict[str, object]:
+    """Write COLMAP's model of a map; what is in it."""
+    known = area.localization_map()
+    seen = tracks.load(area.folder / "localization", len(known.points_world_m), len(area.images), len(area.rig))
+    shown = np.ones((len(area.images), len(area.rig)), bool)
+    if len(seen.index):
+        shown[:] = False
+        shown[seen.index[:, 1], seen.index[:, 2]] = True
+    vertices, _, colours = mesh_file.load(area.folder / "mesh.ply")
+    rgb = surfaces.colours_at(known.points_world_m, vertices, colours, _NEAR_M, foreign_mesh.GREY)
+    results.require_free_folder(out, overwrite=overwrite, ours=_is_model)
+    with results.new_folder(out, overwrite=overwrite, ours=_is_model) as placing:
+        colmap_files.write(
+            placing.temporary, area.rig, area.images, area.T_world_body, shown, known.points_world_m, rgb, seen
+        )
+    outputs.report_kept(out, placing.kept)
+    facts: dict[str, object] = {"map_hash": area.hash, "images": int(shown.sum()), "points": len(rgb)}
+    facts["observations"] = len(seen.index) or "none: the map is of an earlier version; build it again for them"
+    return facts
+
+
+def _is_model(folder: Path) -> bool:
+    return {file.name for file in folder.iterdir()} == set(colmap_files.FILES)
+
+
+def _show(map_folder: Path, facts: Mapping[str, object], paths: list[Path], *, as_json: bool) -> None:
+    written = [str(path) for path in paths]
+    shown = {name: value for name, value in facts.items() if name != "map_hash"}
+    document = dict(facts) | {"written": written}
+    console.show(f"export of {map_folder}", shown | {"written": ", ".join(written)}, as_json=as_json, document=document)

@@ -77,7 +77,7 @@ class Asked:
 )  # fmt: skip
 @click.option("--sensor", metavar="X,Y,Z", help="Place in the map from which all points were measured.")
 @console.path_option("--sensor-poses", "poses", "Poses of the sensor by the times of the points, TUM or EuRoC.")
-@click.option("--viewpoints", is_flag=True, help="Points were measured from their own vp_x, vp_y, vp_z.")
+@click.option("--viewpoints", is_flag=True, help="Points were measured from their vp_x, vp_y, vp_z, or PCD's header.")
 @click.option("--least-points", type=click.IntRange(1), help="Points in an occupied voxel [default: 1].")
 @click.option(
     "--gap",

@@ -52,7 +52,9 @@ class Registration:
     by_motion: list[int]
     """Placed instants that recorded motion joins to the others, as depth and features do not."""
     motion_notes: list[str]
-    """Why recorded motion placed none, or not all, of the images that needed it; depth images only."""
+    """How recorded motion placed images, or why it placed none, or not all, of those that needed it."""
+    tracked_body: dict[str, FloatArray] = dataclasses.field(default_factory=dict)
+    """By the kind of a recording whose poses placed the images: the body on what was tracked, (4, 4)."""
     trial: Trial
     """What the matches say of the camera file; its poses and points are COLMAP's, not the world's."""
     cpu_s: dict[str, float]
@@ -162,6 +164,7 @@ def _read_out(placed: PlacedImages, model: Any, images: ImageSet, trial: Trial, 
         repeated=placed.repeated,
         by_motion=placed.by_motion,
         motion_notes=placed.motion_notes,
+        tracked_body=placed.tracked_body,
         trial=trial,
         cpu_s=placed.cpu_s | watch.cpu_s,
     )

@@ -5,6 +5,7 @@ it, and the reprojection error stays small. Its matches with its neighbours, how
 So do all matches across a place where a map is broken: each of its parts is right, one is turned against the other.
 """
 
+import functools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,8 @@ LEAST = 0.85
 pairs 0.93 to 1.00, and 0.63 to 0.79 across a place where the map was broken by 9 degrees."""
 
 _TOLERANCE_PX = 4.0
-_LEAST_MATCHES = 25
+LEAST_MATCHES = 25
+"""Verified matches of a pair that is judged."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,13 +66,16 @@ class PairShares:
         return np.array(found, dtype=np.int64).reshape(-1, 2)
 
 
-def of_pairs(database: Path, images: ImageSet, rig: Rig, T_world_body: FloatArray) -> PairShares:
+def of_pairs(
+    database: Path, images: ImageSet, rig: Rig, T_world_body: FloatArray, *, most: int | None = None
+) -> PairShares:
     """How the verified matches of each pair of images fit the map.
 
     Args:
         database: COLMAP's, with verified matches.
         rig: with the lenses the map was made with.
         T_world_body: (instants, 4, 4), NaN where not placed.
+        most: about so many pairs, evenly chosen, instead of all.
     """
     import pycolmap
 
@@ -79,18 +84,19 @@ def of_pairs(database: Path, images: ImageSet, rig: Rig, T_world_body: FloatArra
     with pycolmap.Database.open(database) as opened:
         where = {images.relative(i, c): (i, c) for i, c in images.pairs()}
         shots = {row.image_id: where[row.name] for row in opened.read_all_images()}
-        rays = {i: _rays_camera(opened, i, rig, shots[i][1]) for i in shots}
+        rays = functools.cache(lambda i: _rays_camera(opened, i, rig, shots[i][1]))
         pair_ids, geometries = opened.read_two_view_geometries()
-        for pair_id, geometry in zip(pair_ids, geometries, strict=True):
+        step = 1 if most is None else max(1, len(pair_ids) // most)
+        for pair_id, geometry in zip(pair_ids[::step], geometries[::step], strict=True):
             a, b = pycolmap.pair_id_to_image_pair(pair_id)
             matches = np.asarray(geometry.inlier_matches, dtype=np.int64).reshape(-1, 2)
             (i, ci), (k, ck) = shots[a], shots[b]
-            if i == k or len(matches) < _LEAST_MATCHES or not np.isfinite(T_world_body[[i, k]]).all():
+            if i == k or len(matches) < LEAST_MATCHES or not np.isfinite(T_world_body[[i, k]]).all():
                 continue
             Ta, Tb = (T_world_body[n] @ rig.cameras[c].T_body_camera for n, c in ((i, ci), (k, ck)))
             tolerance_rad = _TOLERANCE_PX / min(rig.cameras[ci].focal_px)
             instants.append((i, k))
-            shares.append(_share(frames.invert(Ta) @ Tb, rays[a][matches[:, 0]], rays[b][matches[:, 1]], tolerance_rad))
+            shares.append(_share(frames.invert(Ta) @ Tb, rays(a)[matches[:, 0]], rays(b)[matches[:, 1]], tolerance_rad))
     return PairShares(len(images.instants), np.array(instants, dtype=np.int64).reshape(-1, 2), np.array(shares))
 
 

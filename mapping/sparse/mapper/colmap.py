@@ -1,5 +1,6 @@
 """The steps that COLMAP runs: features, matches, incremental mapping. Runs in a child process only (see `child`)."""
 
+import contextlib
 import json
 import logging
 import shutil
@@ -11,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from flight import InputError, MapError, Progress
+from flight import FloatArray, InputError, MapError, Progress
 from mapping import workers
 from mapping.camera.rig import Rig
 from mapping.input.images import ImageSet
 from mapping.sparse.features import features, matching, repetition
-from mapping.sparse.mapper import agreement, colmap_model, growth, pairing, rgbd
+from mapping.sparse.mapper import agreement, colmap_model, growth, known_poses, pairing, rgbd
+from mapping.sparse.mapper.known_poses import KnownPoses
 from mapping.stages import Work
 
 logger = logging.getLogger(__name__)
@@ -74,7 +76,9 @@ class PlacedImages:
     by_motion: list[int]
     """Instants that recorded motion placed, as depth and features do not join them to the others."""
     motion_notes: list[str]
-    """Why recorded motion placed none, or not all, of the images that needed it; depth images only."""
+    """How recorded motion placed images, or why it placed none, or not all, of those that needed it."""
+    tracked_body: dict[str, FloatArray]
+    """By the kind of a recording whose poses placed the images: the body on what was tracked, (4, 4)."""
     cpu_s: dict[str, float]
     """CPU seconds of each step, all threads."""
 
@@ -90,17 +94,13 @@ def place_images(images: ImageSet, options: SparseOptions, work: Work, *, progre
     watch.lap("matches")
     database = matched / _DATABASE
     repeated = float(np.percentile(np.load(extracted / _REPEATED), 75.0))
-    placing = work.on(placing_motion(images))
+    placing = work.on(images.motion_digests())
     with repetition.explained(repeated):
         placed = placing.stage(POSES, lambda folder: _placed(folder, database, images, options, progress))
     watch.lap("placing")
     motion = json.loads((placed / _BY_MOTION).read_text())
+    motion["tracked_body"] = {kind: np.array(T) for kind, T in motion["tracked_body"].items()}
     return PlacedImages(database, placed, repeated, **motion, cpu_s=watch.cpu_s)
-
-
-def placing_motion(images: ImageSet) -> list[object]:
-    """The recorded motion that places images: depth images need it where features fail, without depth none does."""
-    return images.motion_digests() if images.depths is not None else []
 
 
 def _features(folder: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
@@ -118,13 +118,15 @@ def _matches(folder: Path, extracted: Path, images: ImageSet, options: SparseOpt
 
 def _placed(folder: Path, database: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
     """COLMAP's model, adjusted; with depth images the poses are those that the depth asks for."""
-    by_motion: dict[str, list[Any]] = {"by_motion": [], "motion_notes": []}
+    by_motion: dict[str, Any] = {"by_motion": [], "motion_notes": [], "tracked_body": {}}
     if images.depths is not None:
         placed = rgbd.place(database, images, _mapping_options(options), progress)
         model = placed.model
-        by_motion = {"by_motion": np.flatnonzero(placed.by_motion).tolist(), "motion_notes": placed.notes}
+        by_motion |= {"by_motion": np.flatnonzero(placed.by_motion).tolist(), "motion_notes": placed.notes}
     else:
-        model = place(database, images, options, progress)
+        model, known, by_motion["motion_notes"] = place_beside(database, images, options, progress)
+        if known is not None:
+            by_motion["tracked_body"] = {known.motion.kind: known.T_tracked_body.tolist()}
         refine(database, model, images.rig, options, progress)
     model.write(folder)
     (folder / _BY_MOTION).write_text(json.dumps(by_motion))
@@ -231,13 +233,37 @@ def _write_matches(database: Path, names: list[tuple[str, str]]) -> None:
             opened.write_matches(a, b, matches.astype(np.uint32))
 
 
-def place(database: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> Any:
+def place_beside(
+    database: Path, images: ImageSet, options: SparseOptions, progress: Progress
+) -> tuple[Any, KnownPoses | None, list[str]]:
+    """COLMAP's model of images beside which motion may have been recorded, and what that had to do with it.
+
+    Raises:
+        MapError: no two images could be placed against each other.
+    """
+    progress(_MAPPING, 0.0)
+    known, notes = known_poses.find(database, images, options.window)
+    if known is not None:
+        start = known_poses.triangulated(database, images, known, _mapping_options(options))
+        with contextlib.suppress(MapError):  # then the images by themselves
+            model = place(database, images, options, progress, start=start)
+            return model, known, [*notes, known_poses.placed_text(known)]
+    try:
+        return place(database, images, options, progress), None, notes
+    except MapError as error:
+        raise MapError("; ".join([str(error), *notes])) from None
+
+
+def place(database: Path, images: ImageSet, options: SparseOptions, progress: Progress, *, start: Any = None) -> Any:
     """Incremental mapping; returns COLMAP's largest model, without images that are in the wrong place.
+
+    Args:
+        start: COLMAP's model, which is grown in place; None: from scratch.
 
     The relative pose of the first two images is sometimes wrong. The others still get right poses relative to each
     other, so the wrong images are removed and placed again, now in a correct map. So is what lies beyond a break.
     """
-    model = _grow(database, images, options, None, progress)
+    model = _grow(database, images, options, start, progress)
     for _ in range(_REPAIRS):
         wrong = _wrong_instants(database, images, model)
         if not wrong:

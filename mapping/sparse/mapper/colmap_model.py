@@ -1,5 +1,6 @@
 """COLMAP's model as our arrays, and back: cameras, poses, what the points explain in the images."""
 
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -86,6 +87,33 @@ def sizes_px(database: Path, model: Any) -> FloatArray:
             for image_id in model.reg_image_ids()
         ]
     return np.concatenate(sizes).astype(np.float64)
+
+
+def triangulated(
+    database: Path, images: ImageSet, T_world_rig: FloatArray, options: Any, *, without_matches: bool
+) -> Any:
+    """COLMAP's model with these poses, and the points that the matches have in common.
+
+    Args:
+        T_world_rig: (instants, 4, 4) of the first camera; NaN where not placed.
+        options: COLMAP's.
+        without_matches: whether images without a match are in it too.
+    """
+    import pycolmap
+
+    with pycolmap.Database.open(database) as opened:
+        chosen = pycolmap.DatabaseCacheOptions(load_all_images=without_matches)
+        cache = pycolmap.DatabaseCache.create(opened, chosen)
+    model = pycolmap.Reconstruction()
+    model.load(cache)
+    instant_of = {images.relative(i, c): i for i, c in images.pairs()}
+    for image in model.images.values():
+        T = T_world_rig[instant_of[image.name]]
+        if np.isfinite(T).all():
+            model.frame(image.frame_id).rig_from_world = pycolmap.Rigid3d(frames.invert(T)[:3])
+            model.register_frame(image.frame_id)
+    with tempfile.TemporaryDirectory(dir=database.parent) as folder:
+        return pycolmap.triangulate_points(model, database, images.folder, folder, options=options)
 
 
 def write_back(model: Any, images: ImageSet, adjusted: Trial | State) -> None:

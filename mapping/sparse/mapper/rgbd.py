@@ -8,7 +8,6 @@ Open3D). Images that these leave apart are joined by recorded motion, if there i
 """
 
 import functools
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ import numpy as np
 from flight import FloatArray, MapError, Progress, frames
 from mapping.camera.rig import Camera
 from mapping.input.images import ImageSet
+from mapping.sparse.mapper import colmap_model
 from mapping.sparse.recorded_motion import recorded_edges
 
 _STAGE = "placing images by depth"
@@ -92,7 +92,9 @@ def place(database: Path, images: ImageSet, options: Any, progress: Progress) ->
         T_world_camera = _optimised(edges, len(images.instants))
     confirmed = agreement(images, T_world_camera, edges) >= LEAST_AGREEMENT  # not where no pair shares enough (NaN)
     T_world_camera[~confirmed] = np.nan
-    return Placed(triangulated(database, images, T_world_camera, options), by_motion & confirmed, notes)
+    # recorded motion also places images without a match
+    model = colmap_model.triangulated(database, images, T_world_camera, options, without_matches=True)
+    return Placed(model, by_motion & confirmed, notes)
 
 
 def _recorded(
@@ -299,22 +301,3 @@ def _spanned(edges: dict[tuple[int, int], _Edge], count: int) -> tuple[FloatArra
         T_parent_node = frames.invert(edges[parent, node].T_b_a) if forward else edges[node, parent].T_b_a
         T_world_camera[node] = T_world_camera[parent] @ T_parent_node
     return T_world_camera, tree
-
-
-def triangulated(database: Path, images: ImageSet, T_world_camera: FloatArray, options: Any) -> Any:
-    """COLMAP's model with these poses, and the points that the matches have in common."""
-    import pycolmap
-
-    with pycolmap.Database.open(database) as opened:
-        # recorded motion also places images without a match
-        cache = pycolmap.DatabaseCache.create(opened, pycolmap.DatabaseCacheOptions(load_all_images=True))
-    model = pycolmap.Reconstruction()
-    model.load(cache)
-    instant_of = {images.relative(i, c): i for i, c in images.pairs()}
-    for image in model.images.values():
-        T = T_world_camera[instant_of[image.name]]
-        if np.isfinite(T).all():
-            model.frame(image.frame_id).rig_from_world = pycolmap.Rigid3d(frames.invert(T)[:3])
-            model.register_frame(image.frame_id)
-    with tempfile.TemporaryDirectory(dir=database.parent) as folder:
-        return pycolmap.triangulate_points(model, database, images.folder, folder, options=options)

@@ -127,3 +127,18 @@ def test_what_does_not_say_from_where_points_were_measured_is_refused(tmp_path: 
     timed = written(tmp_path / "e.pcd", POINTS, time=TIMES)
     assert "another unit or frame" in refused(timed, poses=poses(tmp_path / "mm.txt", np.arange(99.0, 111.0, 0.1), 2e3))
     assert "another unit or frame" in refused(plain, sensor_world_m=np.array([0.0, 1500.0, 0.0]))
+
+
+def test_the_header_of_a_pcd_file_says_from_where_all_its_points_were_measured(tmp_path: Path) -> None:
+    file = written(tmp_path / "a.pcd", POINTS)
+    data, points = file.read_bytes(), b"\nPOINTS"
+    file.write_bytes(data.replace(points, b"\nVIEWPOINT 1.5 -2 0.5 1 0 0 0" + points, 1))
+    found = point_cloud.read(file, viewpoints=True, up="y")
+    assert sensors(found) == pytest.approx(np.tile([1.5, -0.5, -2.0], (len(POINTS), 1)))
+    assert found.points_world_m == pytest.approx(POINTS[:, [0, 2, 1]] * [1.0, -1.0, 1.0])
+    file.write_bytes(data.replace(points, b"\nVIEWPOINT 0 0 0 1 0 0 0" + points, 1))
+    assert "no header names a VIEWPOINT besides 0 0 0" in refused(file, viewpoints=True)
+    file.write_bytes(data.replace(points, b"\nVIEWPOINT 1 2 nan 1 0 0 0" + points, 1))
+    assert "a quaternion are expected" in refused(file, viewpoints=True)
+    file.write_bytes(data.replace(points, b"\nVIEWPOINT here" + points, 1))
+    assert "VIEWPOINT is 'here'" in refused(file, viewpoints=True)

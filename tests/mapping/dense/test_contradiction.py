@@ -167,7 +167,7 @@ def test_the_probability_rises_with_the_share_of_looks_against() -> None:
 
 
 def test_the_layer_of_a_map_says_what_it_was_given(tmp_path: Path, found: Looks) -> None:
-    occupancy.save(tmp_path / occupancy.FILE, found)
+    occupancy.save(tmp_path / occupancy.FILE, occupancy.probability(found))
     stated = occupancy.load(tmp_path / occupancy.FILE, GRID.shape)
     assert stated is not None
     np.testing.assert_array_equal(stated, occupancy.probability(found))

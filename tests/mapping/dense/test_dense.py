@@ -184,3 +184,12 @@ def test_images_without_common_view_are_refused(views: list[ImageView]) -> None:
         surface.reconstruct(apart)
     with pytest.raises(MapError, match="0 images"):
         surface.reconstruct([])
+
+
+def test_depth_that_makes_no_surface_is_told_by_how_much_there_is_and_from_where(views: list[ImageView]) -> None:
+    shape = stereo.depth_rays(views[0], stereo.DEPTH_SCALE).shape[:2]
+    few, unsure = np.zeros(shape, np.float32), np.full(shape, 0.4, np.float32)
+    few[100:104, 100:104] = 0.5
+    depth = stereo.DepthImage(few, unsure, np.ones(shape, np.float32), few, stereo.DEPTH_SCALE)
+    with pytest.raises(MapError, match=r"no surface: 1 of 2 images have depth, in 0% of their .* 0\.081 m of each"):
+        surface.reconstruct(views[:2], DenseOptions(voxel_m=0.1), depths=[depth, None])

@@ -1,0 +1,1 @@
+"""Maps for other programs: meshes and points, a COLMAP model, an OctoMap."""

@@ -1,0 +1,55 @@
+"""The mesh of a map in other programs' formats, and its vertices as points with their standard deviations."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight import FloatArray
+from mapping.dense import mesh_file
+
+UP = {".ply": "z", ".stl": "z", ".obj": "y", ".glb": "y"}
+"""Of each kind of file, as most programs read it."""
+
+
+def mesh(kind: str, vertices_world_m: FloatArray, faces: NDArray[np.int32], colours: NDArray[np.uint8]) -> bytes:
+    """A file's bytes, with the axis `UP[kind]` up.
+
+    Args:
+        kind: of `UP`; an STL file holds no colours.
+    """
+    import trimesh
+
+    if kind == ".ply":
+        return mesh_file.ply(vertices_world_m, faces, colours)
+    vertices = vertices_world_m @ mesh_file.R_GLTF_WORLD.T if UP[kind] == "y" else vertices_world_m
+    whole = trimesh.Trimesh(vertices, faces, vertex_colors=colours, process=False)
+    data = whole.export(file_type=kind[1:])
+    return data.encode() if isinstance(data, str) else bytes(data)  # pyright: ignore[reportArgumentType]
+
+
+def points(vertices_world_m: FloatArray, colours: NDArray[np.uint8], deviation_m: NDArray[np.float32]) -> bytes:
+    """A PLY file's bytes of points alone: x, y, z, red, green, blue, std (metres along the normal, NaN: not known)."""
+    kinds = [*((name, "<f8") for name in "xyz"), *((name, "u1") for name in ("red", "green", "blue")), ("std", "<f4")]
+    rows = np.zeros(len(vertices_world_m), kinds)
+    for k, name in enumerate("xyz"):
+        rows[name] = vertices_world_m[:, k]
+    for k, name in enumerate(("red", "green", "blue")):
+        rows[name] = colours[:, k]
+    rows["std"] = deviation_m
+    named = {"<f8": "double", "u1": "uchar", "<f4": "float"}
+    properties = "".join(f"property {named[kind]} {name}\n" for name, kind in kinds)
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n{properties}end_header\n"
+    return head.encode() + rows.tobytes()
+
+
+def colours_at(
+    points_world_m: FloatArray, vertices_world_m: FloatArray, colours: NDArray[np.uint8], within_m: float, other: int
+) -> NDArray[np.uint8]:
+    """(m, 3) of the nearest vertex; the grey `other` where none is so near."""
+    from scipy.spatial import KDTree
+
+    result = np.full((len(points_world_m), 3), other, np.uint8)
+    if len(vertices_world_m):
+        far_m, found = KDTree(vertices_world_m).query(points_world_m, distance_upper_bound=within_m)
+        near, nearest = np.isfinite(far_m), np.asarray(found)
+        result[near] = colours[nearest[near]]
+    return result

@@ -1,0 +1,70 @@
+"""`goshawk map export`: what a file's name and --as ask for, and that the files are of the map."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+import pytest
+import trimesh
+
+import mapping
+from mapping import map_parts
+from mapping.sparse.tracks import Tracks
+from tests.goshawk.commands.map.test_map_copy_verbs import folder
+from tests.goshawk.running import answer, run
+
+__all__ = ["folder"]  # a fixture
+
+
+def test_a_folder_for_colmap_has_the_maps_images_points_and_observations(folder: Path, tmp_path: Path) -> None:
+    parts = map_parts.read(folder)
+    index = np.array([[k, k % len(parts.images), 1] for k in range(300)], np.int32)
+    seen = dataclasses.replace(parts, tracks=Tracks(index, np.full((300, 2), 100.0)))
+    map_parts.write(tmp_path / "seen", seen)
+    said = json.loads(run("map", "export", tmp_path / "seen", "--out", tmp_path / "sparse", "--as", "colmap", "--json"))
+    model = pycolmap.Reconstruction(tmp_path / "sparse")
+    assert (said["images"], said["points"], said["observations"]) == (len(parts.images), 300, 300)
+    assert model.num_reg_images() == len(parts.images)  # of the camera that sees points
+    np.testing.assert_array_equal(model.points3D[1].color, [90, 90, 90])
+    run("map", "export", folder, "--out", tmp_path / "sparse", "--as", "colmap", "--overwrite")
+    assert pycolmap.Reconstruction(tmp_path / "sparse").num_reg_images() == 2 * len(parts.images)
+    assert (tmp_path / "sparse.old-1").is_dir()
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "said"),
+    [
+        ("a.las", (), "ends in none of"),
+        ("sparse", (), "--as colmap"),
+        ("a.ply", ("--as", "ros", "--height", "1"), "ros is a file that ends in .pgm"),
+        ("a.bt", ("--as", "colmap"), "colmap is a folder"),
+        ("a.bt", ("--height", "1"), "--height goes with"),
+        ("a.pgm", (), "--height goes with"),
+    ],
+)
+def test_what_does_not_fit_the_name_is_refused(folder: Path, tmp_path: Path, name, options, said: str) -> None:
+    ended = answer("map", "export", folder, "--out", tmp_path / name, *options)
+    assert ended.returncode == 2
+    assert said in ended.stderr
+    assert not (tmp_path / name).exists()
+
+
+@pytest.mark.parametrize("name", ["a.obj", "a.stl", "a.glb"])
+def test_a_mesh_comes_back_at_its_place_by_our_own_import(folder: Path, tmp_path: Path, name: str) -> None:
+    run("map", "export", folder, "--out", tmp_path / name)
+    asked = ("--unit", "m") if name == "a.stl" else ()
+    run("map", "import", tmp_path / name, "--out", tmp_path / "again", *asked)
+    again = trimesh.load_mesh(tmp_path / "again" / "mesh.glb")
+    vertices = map_parts.read(folder).vertices_world_m
+    np.testing.assert_allclose(np.ptp(again.vertices, axis=0)[[0, 2]], np.ptp(vertices, axis=0)[:2], atol=1e-5)
+    assert mapping.open_map(tmp_path / "again").field.grid.contains(vertices).all()
+
+
+def test_points_and_voxels_are_written_by_their_names(folder: Path, tmp_path: Path) -> None:
+    said = json.loads(run("map", "export", folder, "--out", tmp_path / "a.ply", "--as", "points", "--json"))
+    assert said["points"] == 300
+    assert isinstance(trimesh.load(tmp_path / "a.ply"), trimesh.PointCloud)
+    run("map", "export", folder, "--out", tmp_path / "a.bt")
+    assert (tmp_path / "a.bt").read_bytes().startswith(b"# Octomap OcTree binary file\nid OcTree\n")
