@@ -221,9 +221,11 @@ class _Regression:
 
 
 def _fitted(inputs: Sequence[FloatArray], shown: Sequence[FloatArray]) -> FloatArray:
-    return np.linalg.lstsq(np.concatenate(list(inputs)), np.concatenate(list(shown)), rcond=None)[0]
+    found = np.linalg.lstsq(np.concatenate(list(inputs)), np.concatenate(list(shown)), rcond=None)[0]
+    return np.asarray(found, dtype=np.float64)
 
 
 def _autoregression(left: Sequence[FloatArray]) -> FloatArray:
     past = np.concatenate([np.lib.stride_tricks.sliding_window_view(s[:-1], ORDER)[:, ::-1] for s in left])
-    return np.linalg.lstsq(past, np.concatenate([s[ORDER:] for s in left]), rcond=None)[0]
+    found = np.linalg.lstsq(past, np.concatenate([s[ORDER:] for s in left]), rcond=None)[0]
+    return np.asarray(found, dtype=np.float64)

@@ -237,7 +237,7 @@ def _rotor_thrust(text: str) -> RotorThrust:
 
 
 def _numbers(text: str, counts: tuple[int, ...], wanted: str) -> list[float]:
-    """Numbers between commas, so many. Raises `InputError` with what is wanted."""
+    """Numbers between commas, so many. Raises `InputError` with the form expected."""
     try:
         found = [float(part) for part in text.split(",")]
     except ValueError:

@@ -106,7 +106,8 @@ class Beside:
         """Cholesky factor of the thrusts' covariance: the mass, which is uncertain, moves them together."""
         measured = np.array([t.thrust_n for t in self.thrusts])
         by_mass = measured * self.mass.std / self.mass.value
-        return np.linalg.cholesky(np.diag([t.std_n**2 for t in self.thrusts]) + np.outer(by_mass, by_mass))
+        covariance = np.diag([t.std_n**2 for t in self.thrusts]) + np.outer(by_mass, by_mass)
+        return np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
 
 
 def beside(

@@ -128,7 +128,7 @@ def _hover(known: Beside, i: int, rest: _Rest) -> Judged:
         return Judged(f"{what} (given): without it flights and the rest say {said}", sigmas)
     share = (hover.command / (hover.command + rest.apart)) ** 2 - 1.0
     return Judged(
-        f"{what} contradicts flights and the rest, which say {said}, {sigmas:.0f} standard errors away: measure it "
+        f"{what} contradicts flights and the rest, which say {said}, {sigmas:.0f} standard errors away. Measure it "
         f"again with a battery as full as in the flights, or the accelerometer's scale is off by {share:+.0%}",
         sigmas,
     )

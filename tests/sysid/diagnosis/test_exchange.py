@@ -28,13 +28,13 @@ from vehicle import Vehicle, flights, manoeuvres
 from vehicle.simulation.simulate import Wind
 
 OPTIONS = Options(node_rate_hz=100.0, gusts="white")
-STAND_INS = ("parasitic_drag_linear", "angular_damping")
+SUBSTITUTES = ("parasitic_drag_linear", "angular_damping")
 INFLOW_KG = 2.3e-4
 
 
 @dataclass(frozen=True)
 class Bent:
-    """Flights, and the model with both stand-ins fitted to them."""
+    """Flights, and the model with both substitutes fitted to them."""
 
     logs: list[FlightLog]
     model: Model
@@ -57,10 +57,10 @@ def fitted_with_both(truth: Vehicle) -> Bent:
     made = [manoeuvres.make(name) for name in ("doublets", "throttle_steps", "oblique")]
     breeze = Wind(gust_std_m_s=0.1)
     logs = [flights.measure(flights.fly_trajectory(truth, t, wind=breeze, rng=rng), rng=rng) for t in made]
-    given = bare().with_effect(STAND_INS[0]).with_effect(STAND_INS[1])
+    given = bare().with_effect(SUBSTITUTES[0]).with_effect(SUBSTITUTES[1])
     model = examine(identify(logs, given, OPTIONS))
     known = candidate_set(bare(), model.fit.flights, model.fit.clock).candidates
-    return Bent(logs, model, [one for one in known if one.name in STAND_INS])
+    return Bent(logs, model, [one for one in known if one.name in SUBSTITUTES])
 
 
 @pytest.fixture(scope="module")
@@ -68,10 +68,10 @@ def inflow() -> Bent:
     return fitted_with_both(bare().with_effect("inflow_linear", inflow_kg=INFLOW_KG))
 
 
-def test_the_law_that_was_flown_replaces_both_stand_ins_at_its_size(inflow):
+def test_the_law_that_was_flown_replaces_both_substitutes_at_its_size(inflow):
     found = exchange(inflow.logs, inflow.model, inflow.added, OPTIONS, ())[0]
     assert found.candidate.name == "inflow_linear"
-    assert {one.name for one in found.dropped} == {*STAND_INS}
+    assert {one.name for one in found.dropped} == {*SUBSTITUTES}
     simpler = found.steps[-1].fit.vehicle
     assert simpler.effects == bare().with_effect("inflow_linear").effects
     assert simpler.value("inflow_linear.inflow_kg") == pytest.approx(INFLOW_KG, rel=0.03)
@@ -188,4 +188,4 @@ def test_a_part_of_an_effect_and_another_thrust_law_stay(inflow, monkeypatch: py
     monkeypatch.setattr(swaps, "in_place_of", in_place)
     parts = [inflow.candidate("weak_rotor[1]"), inflow.candidate("thrust_bem")]
     exchange(inflow.logs, inflow.model, [*parts, *inflow.added], OPTIONS, ())
-    assert {*asked} == {*STAND_INS}
+    assert {*asked} == {*SUBSTITUTES}
