@@ -92,7 +92,7 @@ def test_an_image_whose_final_pose_no_pair_can_confirm_is_not_placed(
     moved[5, :3, 3] += 100.0
     monkeypatch.setattr(rgbd, "_edges", lambda *_: {(k, k + 1): rgbd._Edge(np.eye(4), np.eye(6), 9) for k in range(11)})
     monkeypatch.setattr(rgbd, "_optimised", lambda *_: moved)
-    monkeypatch.setattr(rgbd, "triangulated", lambda database, images, T_world_camera, options: T_world_camera)
+    monkeypatch.setattr(rgbd.colmap_model, "triangulated", lambda *given, **how: given[2])
     placed = rgbd.place(Path("database.db"), image_set(flight, depths), None, lambda stage, fraction: None).model
     assert np.flatnonzero(np.isnan(placed[:, 0, 0])).tolist() == [5]
 
@@ -119,7 +119,7 @@ def placed_with(
     information = 20_000.0 * np.diag([4.0, 4.0, 4.0, 1.0, 1.0, 1.0])  # as many points, 2 m away
     edges = {(a, b): rgbd._Edge(frames.invert(true[b]) @ true[a], information, 100) for a, b in pairs}
     monkeypatch.setattr(rgbd, "_edges", lambda *_: edges)
-    monkeypatch.setattr(rgbd, "triangulated", lambda database, images, T_world_camera, options: T_world_camera)
+    monkeypatch.setattr(rgbd.colmap_model, "triangulated", lambda *given, **how: given[2])
     images = image_set(flight, depths)
     if T_start_tracked is not None:
         motion = Motion(MotionKind.POSES, Trajectory(Path("tracker.tum"), flight.times_s, T_start_tracked))

@@ -67,7 +67,7 @@ def test_a_hover_command_pulls_the_thrust_as_far_as_its_deviation_says(twin):
 def test_a_wrong_hover_command_is_called_a_contradiction_with_figures(twin):
     found = twin.fitted(HoverCommand(1.2 * twin.hover, 0.01))
     said = _said(found, "contradicts flights and the rest, which say")
-    assert "standard errors away: measure it again" in said
+    assert "standard errors away. Measure it again" in said
     assert said in found.verdict.doubts
 
 
