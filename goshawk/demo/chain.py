@@ -46,6 +46,8 @@ SHOWN = (
 _SPEED_M_S, _ACCELERATION_M_S2 = 5.0, 8.0  # brisk for a room of 10 by 8 m
 MARGIN_M = 0.20
 """Between vehicle and obstacles: with the first model, whose thrust is a guess, the vehicle is 16 cm off its path."""
+ROOM_M = 0.5
+"""From a training flight's waypoint to anything occupied or unknown."""
 
 
 def run(out: Path, *, pairs: int = 60, progress: Progress) -> dict[str, Any]:
@@ -119,8 +121,8 @@ def make_plans(opened: Project, truth: Vehicle, believed: Vehicle, progress: Pro
     rng = np.random.default_rng(1)
     asked = {
         "walk": along_the_walk,
-        "train-1": _excursion(walked[::8], area.field, rng, yaw_swing_rad=0.0),
-        "train-2": _excursion(walked[::-7], area.field, rng, yaw_swing_rad=1.0),
+        "train-1": excursion(walked[::8], area.field, rng, yaw_swing_rad=0.0),
+        "train-2": excursion(walked[::-7], area.field, rng, yaw_swing_rad=1.0),
     }
     facts = {}
     for name, waypoints in asked.items():
@@ -132,13 +134,16 @@ def make_plans(opened: Project, truth: Vehicle, believed: Vehicle, progress: Pro
     return facts
 
 
-def _excursion(path: FloatArray, field: esdf.Field, rng: np.random.Generator, *, yaw_swing_rad: float) -> Waypoints:
-    """Waypoints up and down and to the sides of a path, as far as there is room: a flight that shakes the model."""
+def excursion(path: FloatArray, field: esdf.Field, rng: np.random.Generator, *, yaw_swing_rad: float) -> Waypoints:
+    """Waypoints up and down and to the sides of a path, where there is room: a flight that shakes the model.
+
+    A place without room on any side is left out: where the walker stood, a vehicle may still not fit.
+    """
     chosen = []
     for i, point in enumerate(path):
         tries = point + rng.uniform([-0.5, -0.5, 0.1], [0.5, 0.5, 0.7], (40, 3)) * [1.0, 1.0, (-1.0) ** i]
-        roomy = tries[np.nan_to_num(field.distance(tries), nan=-1.0) > 0.5]
-        chosen.append(roomy[0] if len(roomy) else point)
+        roomy = tries[np.nan_to_num(field.distance(tries), nan=-1.0) > ROOM_M]
+        chosen += [roomy[0]] if len(roomy) else []
     positions = np.array(chosen)
     if not yaw_swing_rad:
         return Waypoints(positions, np.full(len(positions), np.nan))

@@ -1,6 +1,8 @@
 """What lies between the rooms: alignment with the truth, the rows in the air, the floor, a recorded path."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,13 +14,22 @@ from firmware_bridge.airborne import in_the_air, slowed
 from firmware_bridge.controller import State
 from flight import FlightLog, FormatError, InputError, flight_log, frames, rotations
 from goshawk.commands.plan.plan import read_headings, read_path
-from goshawk.demo.chain import floor_below
+from goshawk.demo.chain import ROOM_M, excursion, floor_below
 from goshawk.demo.map_accuracy import rigid_alignment
 from planner.route import simplify
 
 ROOT = Path(__file__).parents[2]
 TRACKING_ERROR = 67
 """Of `tc_reason`."""
+
+
+def test_a_training_flight_leaves_out_places_without_room():
+    """A walker passed; unknown space close by on all sides leaves no room for the vehicle."""
+    path = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [4.0, 0.0, 0.0]])
+    tight = cast("Any", SimpleNamespace(distance=lambda points: np.where(points[:, 0] < 1.0, 0.3, 2.0)))
+    found = excursion(path, tight, np.random.default_rng(1), yaw_swing_rad=1.0)
+    assert len(found.positions_world_m) == len(found.yaw_rad) == 2
+    assert (tight.distance(found.positions_world_m) > ROOM_M).all()
 
 
 @pytest.mark.parametrize("seed", range(8))
