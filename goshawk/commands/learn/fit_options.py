@@ -51,6 +51,25 @@ _NAMES = (
 )
 
 
+_ANCHORS = (
+    click.option(
+        "--hover",
+        "hovers",
+        multiple=True,
+        metavar="COMMAND[,STD][@VOLTS]",
+        help="Of flights without a pose: the command, 0 to 1, that hovers; at a second voltage, too. Repeatable.",
+    ),
+    click.option(
+        "--rotor-thrust",
+        "rotor_thrusts",
+        multiple=True,
+        metavar="COMMAND,NEWTON[,STD]",
+        help="Of flights without a pose: thrust of one rotor at a command, on a balance. Repeatable.",
+    ),
+)
+"""Measurements beside flights without a pose."""
+
+
 def fit_options() -> Callable[[Any], Any]:
     """A decorator that gives a verb these options; their values reach it as one argument `fit`.
 
@@ -72,20 +91,7 @@ def fit_options() -> Callable[[Any], Any]:
             metavar="NAME=STD",
             help="Gaussian prior about the file's value. Repeatable.",
         ),
-        click.option(
-            "--hover",
-            "hovers",
-            multiple=True,
-            metavar="COMMAND[,STD][@VOLTS]",
-            help="Of flights without a pose: the command, 0 to 1, that hovers; at a second voltage, too. Repeatable.",
-        ),
-        click.option(
-            "--rotor-thrust",
-            "rotor_thrusts",
-            multiple=True,
-            metavar="COMMAND,NEWTON[,STD]",
-            help="Of flights without a pose: thrust of one rotor at a command, on a balance. Repeatable.",
-        ),
+        *_ANCHORS,
         click.option("--split-gaps", is_flag=True, help="Fit the pieces between gaps as separate flights."),
         click.option(
             "--hold-unidentifiable/--refuse-unidentifiable",
