@@ -25,6 +25,7 @@ from sysid.diagnosis.first_fit import first_fit
 from sysid.diagnosis.search import Search, search
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.diagnosis.told import of_attempt, of_candidates, of_curve, of_forms
+from sysid.diagnosis.two_vehicles import of_two_vehicles
 from sysid.estimator import verdict as fits
 from sysid.estimator.fit_to_use import Cause, Chosen, likely_cause
 from sysid.estimator.flights.clocks import gyro_is_early
@@ -316,7 +317,8 @@ def diagnose(
         auto: add all that is missing, not only the first.
 
     Raises:
-        InputError: no flight, a log that cannot be used, flights that show too little, or `options.free`.
+        InputError: no flight, a log that cannot be used, flights that show too little or of two vehicles, or
+            `options.free`.
     """
     _validate(logs, held_out, options)
     names = [str(log.metadata.get("name", f"flight {i + 1}")) for i, log in enumerate((*logs, *held_out))]
@@ -328,6 +330,8 @@ def diagnose(
         why = "".join(f"; {sentence}" for sentence in input_verdict.against[:1])
         raise InputError(f"{error}{why}") from error
     last = found.models[-1].fit
+    if said := of_two_vehicles(logs, vehicle, last, first.options):
+        raise InputError(said)
     unsure = bool(input_verdict.beside(last.verdict).against)
     models = {"as given": vehicle, "fitted": first.fit.vehicle}
     models |= {label: model.fit.vehicle for label, model in zip(_labels(found), found.models[1:], strict=True)}
