@@ -106,7 +106,7 @@ def test_the_3d_view_takes_the_flights_without_an_error(page, station, request):
     wait(lambda: len(station.server.get_clients()) == 1, "the 3D view")
     other.frame_locator("iframe").locator("canvas").first.wait_for()
     drawn(other)
-    assert len(station.view.flights._paths) == 2
+    wait(lambda: len(station.view.flights._paths) == 2, "both flights in 3D")
     assert errors == []
 
 
