@@ -4,6 +4,7 @@ import importlib.util
 import shutil
 import sys
 import sysconfig
+import zipfile
 from pathlib import Path
 from types import ModuleType
 
@@ -56,6 +57,23 @@ def test_the_wheel_works_outside_the_repository(installed):
     listed = run(python, "-m", "zipfile", "-l", next(tmp_path.glob("*.whl")))
     assert "tests/" not in listed
     assert ".cpp" not in listed
+
+
+@pytest.mark.slow
+def test_the_wheel_holds_the_licences_of_what_is_compiled_in(installed):
+    with zipfile.ZipFile(next(installed.glob("*.whl"))) as wheel:
+        said = wheel.read("goshawk/compiled_in.txt").decode()
+    assert "Wenzel Jakob" in said
+    assert "MIT License" in said.split("tsl::robin_map")[1]
+
+
+def test_what_differs_between_two_builds_is_named(tmp_path):
+    for name, text in (("one", "a"), ("other", "b")):
+        with zipfile.ZipFile(tmp_path / name, "w") as archive:
+            archive.writestr("same.py", "x")
+            archive.writestr("built.so", text)
+    assert wheels._different(tmp_path / "one", tmp_path / "other") == ["built.so"]
+    assert wheels._different(tmp_path / "one", tmp_path / "one") == ["their order or times"]
 
 
 @pytest.mark.slow

