@@ -1,9 +1,10 @@
 """Identification and diagnosis without a pose: `python benchmarks/without_pose.py --draws 60 --faults 8`.
 
-Simulated twins (`without_pose_flights`) have truth: error and 90 % intervals of inertia, lag and thrust by command;
-what a log is said to suffice for; right and false names of planted faults. The real flights (`--data FOLDER`) are
-`log10`, `log15` and `log16` of github.com/arplaboratory/data-driven-system-identification, with the thrust curve that
-its authors publish; their program multiplies the vertical force by 9.18 instead of 9.81.
+Simulated twins (`without_pose_flights`, and `without_pose_rotorpy`, which RotorPy flies) have truth: error and 90 %
+intervals of inertia, lag and thrust by command; what a log is said to suffice for; right and false names of planted
+faults. The real flights (`--data FOLDER`) are `log10`, `log15` and `log16` of
+github.com/arplaboratory/data-driven-system-identification, with the thrust curve that its authors publish; their
+program multiplies the vertical force by 9.18 instead of 9.81.
 """
 
 import argparse
@@ -18,6 +19,7 @@ sys.path.insert(0, str(ROOT))
 
 import report  # noqa: E402
 import without_pose_flights as flights  # noqa: E402
+import without_pose_rotorpy  # noqa: E402
 
 import sysid  # noqa: E402
 import vehicle  # noqa: E402
@@ -30,6 +32,7 @@ from sysid.estimator.without_pose import sensing, told  # noqa: E402
 from sysid.logs import manoeuvres  # noqa: E402
 
 JUDGED = tuple(name for name in flights.VARIED if name.startswith(("inertia_", "motor_lag.")))
+THRUST = "thrust by command"
 COMMANDS = np.array([0.35, 0.48, 0.65])
 EFFORTS = ((1.0, 1.0, 1.0), (0.1, 0.1, 0.1), (0.03, 1.0, 1.0), (1.0, 0.03, 1.0), (1.0, 1.0, 0.03))
 FAULTS = ("weak rotor", "centre of mass", "unequal motors", "late gyro", "none")
@@ -55,33 +58,61 @@ def twins(draws: int, duration_s: float, seed: int) -> list[report.Row]:
     rng = np.random.default_rng(seed)
     values, body, start = flights.drawn(draws, rng), flights.body(), flights.start()
     logs = flights.flown(body, values, rng, duration_s=duration_s)
-    errors: dict[str, list[float]] = {name: [] for name in (*JUDGED, "thrust by command")}
-    held: dict[str, list[bool]] = {name: [] for name in errors}
-    began = time.process_time()
+    score, speed = Score(), flights.FULL_RAD_S * COMMANDS
     for i, log in enumerate(logs):
-        found = sysid.identify([log], start)
-        for name in JUDGED:
-            estimate, truth = found.estimate(name), values[name][i]
-            errors[name].append(estimate.value / truth - 1.0)
-            held[name].append(abs(estimate.value - truth) < estimate.interval90)
-        speed = flights.FULL_RAD_S * COMMANDS
-        truth = values["thrust_quadratic.k_n_s2"][i] * speed**2 + body.value("thrust_affine.slope_n_s") * speed
-        thrust, half = told.thrust_by_command(found.flights, found.solution, found.unknowns, COMMANDS)
-        errors["thrust by command"] += list(thrust / truth - 1.0)
-        held["thrust by command"] += list(np.abs(thrust - truth) < half)
-    cpu_s = (time.process_time() - began) / len(logs)
+        thrust = values["thrust_quadratic.k_n_s2"][i] * speed**2 + body.value("thrust_affine.slope_n_s") * speed
+        score.add(log, start, {name: float(values[name][i]) for name in JUDGED}, thrust)
+    return score.rows("")
+
+
+def of_rotorpy(draws: int, duration_s: float, seed: int) -> list[report.Row]:
+    """The same of vehicles that RotorPy flies: another body, another controller."""
     rows = []
-    for name, found in errors.items():
-        within = float(np.mean(np.abs(found) <= 0.05))
-        rows.append(report.row(f"{name}: within 5 %", within, "share", ">= 0.9", within >= 0.9))
-        share = float(np.mean(held[name]))
-        rows.append(report.row(f"{name}: in its 90 % interval", share, "share", "0.85 to 0.95", 0.85 <= share <= 0.95))
-    pooled = float(np.mean(np.concatenate(list(held.values()))))
-    rows.append(report.row("all: in their 90 % intervals", pooled, "share", "0.85 to 0.95", 0.85 <= pooled <= 0.95))
-    return [
-        *rows,
-        report.row(f"a fit of {duration_s:g} s", cpu_s, "CPU s", "<= 20 a minute", cpu_s <= duration_s / 3.0),
-    ]
+    for name in without_pose_rotorpy.VEHICLES:
+        score, rng = Score(), np.random.default_rng(seed + 3)
+        for _ in range(draws):
+            twin = without_pose_rotorpy.flown(name, rng, duration_s=duration_s)
+            score.add(twin.log, twin.given, twin.values, twin.thrust_at_full_n * COMMANDS**2)
+        rows += score.rows(f"RotorPy {name}: ")
+    return rows
+
+
+class Score:
+    """Errors of parameters and of the thrust by command, and whether their intervals hold the truth."""
+
+    def __init__(self) -> None:
+        self._errors: dict[str, list[float]] = {name: [] for name in (*JUDGED, THRUST)}
+        self._held: dict[str, list[bool]] = {name: [] for name in self._errors}
+        self._cpu_s, self._flown_s = 0.0, 0.0
+
+    def add(self, log: FlightLog, start: vehicle.Vehicle, truth: dict[str, float], thrust_n: np.ndarray) -> None:
+        """Args: thrust_n: (len(COMMANDS),) of a rotor."""
+        began = time.process_time()
+        found = sysid.identify([log], start)
+        self._cpu_s += time.process_time() - began
+        self._flown_s += float(log.time_s[-1] - log.time_s[0])
+        for name, true in truth.items():
+            estimate = found.estimate(name)
+            self._errors[name].append(estimate.value / true - 1.0)
+            self._held[name].append(abs(estimate.value - true) < estimate.interval90)
+        value, half = told.thrust_by_command(found.flights, found.solution, found.unknowns, COMMANDS)
+        self._errors[THRUST] += list(value / thrust_n - 1.0)
+        self._held[THRUST] += list(np.abs(value - thrust_n) < half)
+
+    def rows(self, whose: str) -> list[report.Row]:
+        rows = []
+        for name, errors in self._errors.items():
+            within, held = float(np.mean(np.abs(errors) <= 0.05)), float(np.mean(self._held[name]))
+            rows.append(report.row(f"{whose}{name}: within 5 %", within, "share", ">= 0.9", within >= 0.9))
+            good = 0.85 <= held <= 0.95
+            rows.append(report.row(f"{whose}{name}: in its 90 % interval", held, "share", "0.85 to 0.95", good))
+        held = float(np.mean(np.concatenate(list(self._held.values()))))
+        a_minute = 60.0 * self._cpu_s / self._flown_s
+        return [
+            *rows,
+            report.row(f"{whose}all: in their 90 % intervals", held, "share", "0.85 to 0.95", 0.85 <= held <= 0.95),
+            report.row(f"{whose}a fit, for a minute flown", a_minute, "CPU s", "<= 20", a_minute <= 20.0),
+        ]
 
 
 def flown_manoeuvres(draws: int, seed: int) -> list[report.Row]:
@@ -274,6 +305,7 @@ def _errors(flights: list[Flight], body: vehicle.Vehicle | None, delays: dict[st
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--draws", type=int, default=60)
+    parser.add_argument("--rotorpy", type=int, default=6, help="twins of each vehicle that RotorPy flies")
     parser.add_argument("--faults", type=int, default=8, help="flights of each kind of fault")
     parser.add_argument("--manoeuvres", type=int, default=2, help="twins of each effort")
     parser.add_argument("--duration", type=float, default=30.0)
@@ -282,6 +314,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows here")
     given = parser.parse_args()
     rows = twins(given.draws, given.duration, given.seed) if given.draws else []
+    rows += of_rotorpy(given.rotorpy, given.duration, given.seed) if given.rotorpy else []
     rows += faults(given.faults, given.duration, given.seed) if given.faults else []
     rows += flown_manoeuvres(given.manoeuvres, given.seed) if given.manoeuvres else []
     rows += real(given.data) if given.data else []

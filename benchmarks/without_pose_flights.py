@@ -122,11 +122,11 @@ def flown(
         felt = felt + rotations.cross(rate, rotations.cross(rate, here))
         shake = np.sin(1050.0 * k * STEP_S + np.arange(3)) * recorder.vibration
         noisy = rate + recorder.gyro_rad_s * rng.standard_normal((m, 3)) * 2.0 + 0.1 * shake
-        filtered = filtered + _share(recorder.gyro_cutoff_hz) * (noisy - filtered)
+        filtered = filtered + low_pass_share(recorder.gyro_cutoff_hz) * (noisy - filtered)
         gyros = [*gyros[-gyro_late:], filtered] if gyro_late else [filtered]
         gyro = gyros[0]
         felt = felt + recorder.accelerometer_m_s2 * rng.standard_normal((m, 3)) * 2.0 + 3.0 * shake
-        force = force + _share(recorder.accelerometer_cutoff_hz) * (felt - force)
+        force = force + low_pass_share(recorder.accelerometer_cutoff_hz) * (felt - force)
         command = pilot.command(fleet, gyro)
         command = np.round(command / recorder.command_step) * recorder.command_step
         waiting = [*waiting[1:], command]
@@ -135,15 +135,15 @@ def flown(
         fleet.step(FULL_RAD_S * waiting[0], STEP_S)
     columns = [np.stack(parts, axis=1) for parts in zip(*rows, strict=True)]
     time_s = np.arange(len(rows), dtype=np.float64) * every * STEP_S
-    return [_log(f"twin {i + 1}", time_s, *(part[i] for part in columns)) for i in range(m)]
+    return [log_of(f"twin {i + 1}", time_s, *(part[i] for part in columns)) for i in range(m)]
 
 
-def _share(cutoff_hz: float) -> float:
-    """Of a step that a first-order low-pass takes in `STEP_S`."""
-    return float(1.0 - np.exp(-2.0 * np.pi * cutoff_hz * STEP_S))
+def low_pass_share(cutoff_hz: float, step_s: float = STEP_S) -> float:
+    """Of what changes, that a first-order low-pass takes up in one step."""
+    return float(1.0 - np.exp(-2.0 * np.pi * cutoff_hz * step_s))
 
 
-def _log(name: str, time_s: FloatArray, gyro: FloatArray, force: FloatArray, command: FloatArray) -> FlightLog:
+def log_of(name: str, time_s: FloatArray, gyro: FloatArray, force: FloatArray, command: FloatArray) -> FlightLog:
     columns = dict(zip(COLUMNS["rate_body_rad_s"], gyro.T, strict=True))
     columns |= dict(zip(COLUMNS["specific_force_body_m_s2"], force.T, strict=True))
     columns |= {f"motor_command_{i}_ratio": command[:, i] for i in range(4)}

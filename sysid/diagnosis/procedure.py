@@ -25,7 +25,6 @@ from sysid.diagnosis.first_fit import first_fit
 from sysid.diagnosis.search import Search, search
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.diagnosis.told import of_attempt, of_candidates, of_curve, of_forms
-from sysid.diagnosis.two_vehicles import of_two_vehicles
 from sysid.estimator import verdict as fits
 from sysid.estimator.fit_to_use import Cause, Chosen, likely_cause
 from sysid.estimator.flights.clocks import gyro_is_early
@@ -33,6 +32,7 @@ from sysid.estimator.flights.flight_data import left_out
 from sysid.estimator.options import Options
 from sysid.estimator.predicts import Predicts
 from sysid.estimator.prepare import prepare_all
+from sysid.estimator.two_vehicles import of_two_vehicles
 from sysid.estimator.validation.better import predicts
 from sysid.estimator.validation.comparison import HORIZONS_S, Comparison, compare
 from sysid.logs.check import check_log

@@ -32,16 +32,20 @@ from vehicle import Vehicle
 logger = logging.getLogger(__name__)
 
 AFFINE = "thrust_affine"
-TRIED = (AFFINE, "centre_of_mass", "rotor_acceleration_torque")
+INFLOW = "inflow_linear"
+TRIED = (AFFINE, "centre_of_mass", "rotor_acceleration_torque", INFLOW)
 """Effects that commands and propellers of all vehicles have a little of: thrust in the command is a parabola with all
-three terms, a lasting moment balances the body, and rotors turn it as they speed up. Each is kept if the flights show
-it; the parabola also where they leave its form open, for inertias go with its slope."""
+three terms, a lasting moment balances the body, rotors turn it as they speed up, and inflow damps its turning. Each is
+kept if the flights show it; the parabola also where they leave its form open, for inertias go with its slope."""
 USUAL_SHARE = 0.3
 """Of a rotor's thrust in hover: size of the parabola's lower terms, where the flights hardly tell it."""
 SMALL_SHARE = 0.02
 """Of the slope of thrust in hover: lower terms that are surely less change no inertia worth a parameter."""
 SURE = 16.0
 """Square of an effect's size in standard errors from which on it counts as shown: one in 3,000 by chance."""
+SURE_OF_INFLOW = 10.0
+"""Its size in standard errors from which on inflow counts as shown: a lag or filter of another form damps turning a
+little, too (8 in a real flight that hardly rolls)."""
 
 
 def identify(
@@ -64,6 +68,31 @@ def identify(
     Raises:
         InputError: the flights show too little, or a name is unknown.
     """
+    found = _identified(flights, vehicle, options, given, progress, [e for e in effects if e != INFLOW], near)
+    if options.free is not None or not _tried(flights, vehicle, [e for e in effects if e == INFLOW]):
+        return found
+    damped = vehicle.with_effect(INFLOW)
+    other = _identified(flights, damped, options, given, progress, [e for e in effects if e != INFLOW], found)
+    return other if _shows_inflow(other) else found
+
+
+def _shows_inflow(found: Identification) -> bool:
+    """Whether it is beyond what a wrong lag explains; and no propeller gains thrust in a climb."""
+    one = found.estimate(f"{INFLOW}.inflow_kg")
+    std = max(one.std, one.std_robust)
+    return one.status == "free" and one.value > SURE_OF_INFLOW * std
+
+
+def _identified(
+    flights: Sequence[Flight],
+    vehicle: Vehicle,
+    options: Options,
+    given: Vehicle,
+    progress: Progress,
+    effects: Sequence[str],
+    near: Identification | None,
+) -> Identification:
+    """One fit, in which those of `effects` are added that the flights show."""
     flights = [with_delays(flight) for flight in flights]
     tried = [] if options.free is not None else _tried(flights, vehicle, effects)
     started = vehicle

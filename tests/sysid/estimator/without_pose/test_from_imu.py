@@ -212,3 +212,31 @@ def test_where_throttle_steps_are_too_small_to_tell_the_curve_of_thrust_interval
         estimate = found.estimate(name)
         assert 0.02 < estimate.interval90 / estimate.value < 0.3
         assert abs(estimate.value - values[name][0]) < 1.5 * estimate.interval90
+
+
+def test_inflow_is_kept_where_it_damps_and_never_where_it_drives(start):
+    """Thrust that falls with the hub's speed through the air damps turning; no propeller's thrust rises with it."""
+    import without_pose_flights as flights
+
+    rng, inflow = np.random.default_rng(3), np.array([1.5e-4, -1.5e-4])
+    values = {**flights.drawn(2, rng), "inflow_linear.inflow_kg": inflow}
+    damped, driven = (
+        sysid.identify([log], start) for log in flights.flown(flights.body(), values, rng, duration_s=18.0)
+    )
+    assert damped.estimate("inflow_linear.inflow_kg").value == pytest.approx(inflow[0], rel=0.2)
+    assert "inflow_linear" not in driven.vehicle.effects
+    for name in ("motor_lag.rise_s", "motor_lag.fall_s"):
+        assert damped.estimate(name).value == pytest.approx(values[name][0], rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_vehicle_that_rotorpy_flies_is_found_within_five_percent():
+    import without_pose_rotorpy
+
+    twin = without_pose_rotorpy.flown("hummingbird", np.random.default_rng(3), duration_s=20.0)
+    found = sysid.identify([twin.log], twin.given)
+    for name in (*INERTIAS[:2], "motor_lag.rise_s", "motor_lag.fall_s"):
+        assert found.estimate(name).value == pytest.approx(twin.values[name], rel=0.05)
+    command = np.array([0.35, 0.5, 0.65])
+    thrust, _ = told.thrust_by_command(found.flights, found.solution, found.unknowns, command)
+    np.testing.assert_allclose(thrust, twin.thrust_at_full_n * command**2, rtol=0.05)

@@ -5,9 +5,10 @@ import pytest
 
 from flight import FlightLog, InputError
 from sysid import Options
-from sysid.diagnosis import diagnose, two_vehicles
-from sysid.diagnosis.two_vehicles import of_two_vehicles
+from sysid.diagnosis import diagnose
+from sysid.estimator import two_vehicles
 from sysid.estimator.identification import identify
+from sysid.estimator.two_vehicles import of_two_vehicles
 
 WHITE = Options(node_rate_hz=100.0, gusts="white")
 
