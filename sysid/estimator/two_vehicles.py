@@ -60,7 +60,7 @@ def _group(fit: Identification, logs: int) -> tuple[float, NDArray[np.bool_]]:
     size = len(fit.unknowns.model)
     pull, information = np.zeros((logs, size)), np.zeros((logs, size, size))
     for flight, scores, known in zip(fit.flights, fit.solution.scores, fit.solution.information, strict=True):
-        pull[flight.log_index] += sum(block for _, block in scores)[:size]
+        pull[flight.log_index] += np.sum([block for _, block in scores], axis=0)[:size]
         information[flight.log_index] += known[:size, :size]
     found = [_grown(start, pull, information) for start in np.eye(logs, dtype=bool)]
     return max(((_gain(mask, pull, information), mask) for mask in found), key=lambda pair: pair[0])
@@ -79,7 +79,7 @@ def _grown(mask: NDArray[np.bool_], pull: FloatArray, information: FloatArray) -
 def _gain(mask: NDArray[np.bool_], pull: FloatArray, information: FloatArray) -> float:
     """Log likelihood that a group and the rest gain together by moving to their own optimum."""
     own = pull[mask].sum(axis=0)
-    spread = sum(np.linalg.pinv(information[part].sum(axis=0), rcond=1e-10) for part in (mask, ~mask))
+    spread = np.sum([np.linalg.pinv(information[part].sum(axis=0), rcond=1e-10) for part in (mask, ~mask)], axis=0)
     return float(0.5 * own @ spread @ own)
 
 
