@@ -1,4 +1,4 @@
-"""Flights of two vehicles are told apart, and a vehicle whose model lacks something is not taken for two."""
+"""Flights of two vehicles are distinguished, and a vehicle whose model lacks something is not taken for two."""
 
 import numpy as np
 import pytest
