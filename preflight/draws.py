@@ -1,0 +1,258 @@
+"""What is not known before a flight, drawn: the model's parameters, the air, the estimate, the map, the start.
+
+Every factor has a stream of its own by seed and name, so that flight i of two preflights meets the same weather and the
+same luck: two plans, or two models, are compared flight by flight (common random numbers).
+"""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight import FloatArray, InputError
+from preflight.core import DRAW_COLUMNS
+from vehicle import Vehicle, invert, specs
+
+CORRELATION = "correlation"
+"""In a fitted model's provenance: `names`, and the `matrix` in their order."""
+TOGETHER = 0.9
+"""Parameters correlated at least so much are one factor: no flight tells them apart."""
+WEAK = "weak_rotor"
+
+
+@dataclass(frozen=True, slots=True)
+class Uncertainty:
+    """Standard deviations of what the model does not tell; the defaults are a good indoor vehicle's."""
+
+    wind_m_s: float = 0.0
+    """Mean wind."""
+    wind_direction: tuple[float, float, float] | None = None
+    """Where it blows to, a unit vector; None: anywhere in the horizontal plane."""
+    wind_spread_ratio: float = 0.2
+    """Of the mean wind, over its size."""
+    gust_std_m_s: float = 0.0
+    """Of Dryden gusts, each axis."""
+    gust_spread_ratio: float = 0.2
+    pose_delay_s: float = 0.01
+    """Told by the time stamps."""
+    pose_delay_std_s: float = 0.003
+    """Of what they do not tell."""
+    drop_outs_per_s: float = 0.0
+    """How often the pose is missing."""
+    drop_out_s: float = 0.1
+    """... and how long."""
+    localization_std_m: float = 0.02
+    """Of a lasting error of the pose in the map, each axis."""
+    heading_std_rad: float = 0.01
+    """Of a lasting error of the heading."""
+    map_scale_std_ratio: float = 0.005
+    """Of the map's scale."""
+    map_error_std_m: float = 0.01
+    """Of the map's surfaces."""
+    start_std_m: float = 0.05
+    """Of the hover point before the start, each axis."""
+    start_yaw_std_rad: float = 0.05
+    rotor_wear_ratio: float = 0.01
+    """Of the thrust of each rotor, over the model's: propellers wear."""
+
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            value = getattr(self, name)
+            if name != "wind_direction" and not (np.isfinite(value) and value >= 0.0):
+                raise InputError(f"{name} is {value}; it must be a finite number of at least 0")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drawn:
+    """n flights' draws."""
+
+    values: FloatArray
+    """(n, p) of the vehicle's parameters."""
+    rows: FloatArray
+    """(n, d) as `core.Loop.fly` takes them."""
+    map_scale: FloatArray
+    """(n,) true metres in one of the map's."""
+    map_error_m: FloatArray
+    """(n,) by which the surfaces are farther away than the map says."""
+    factors: Mapping[str, FloatArray]
+    """Name of an uncertainty to its (n, q) draws in standard deviations."""
+    assumed: tuple[str, ...]
+    """Sentences on what the model does not tell."""
+
+
+def flown_form(vehicle: Vehicle) -> Vehicle:
+    """The vehicle with what wears and its model may lack: a thrust of each rotor of its own."""
+    return vehicle if WEAK in vehicle.effects else vehicle.with_effect(WEAK, **{f"loss_{i}": 0.0 for i in range(4)})
+
+
+def draw(vehicle: Vehicle, names: tuple[str, ...], uncertainty: Uncertainty, count: int, seed: int) -> Drawn:
+    """Draw `count` flights.
+
+    Args:
+        vehicle: as `flown_form` returns it.
+        names: of the parameters, in the order of `core.Loop.names`.
+    """
+    draw_of = _Streams(seed, count)
+    values, factors, assumed = _parameters(vehicle, names, draw_of)
+    _wear(values, names, uncertainty, draw_of, factors)
+    rows = np.zeros((count, len(DRAW_COLUMNS)))
+    column = {name: rows[:, i] for i, name in enumerate(DRAW_COLUMNS)}
+    _air(column, uncertainty, draw_of, factors)
+    _estimate(column, uncertainty, draw_of, factors)
+    _start(column, uncertainty, draw_of, factors)
+    for i, speed in enumerate(invert.hover(vehicle)):
+        column[f"hover{i}_rad_s"][:] = speed
+    scale = 1.0 + uncertainty.map_scale_std_ratio * draw_of.one("map scale", uncertainty.map_scale_std_ratio, factors)
+    error = uncertainty.map_error_std_m * draw_of.one("map surface", uncertainty.map_error_std_m, factors)
+    return Drawn(values, rows, scale, error, factors, assumed)
+
+
+class _Streams:
+    """Standard normal numbers by name."""
+
+    def __init__(self, seed: int, count: int) -> None:
+        self._seed, self.count = seed, count
+
+    def __call__(self, name: str, columns: int = 1) -> FloatArray:
+        """(count, columns); the first rows do not depend on the count."""
+        digest = hashlib.sha256(name.encode()).digest()
+        stream = np.random.Generator(np.random.Philox(key=[self._seed, int.from_bytes(digest[:8], "little")]))
+        return stream.standard_normal((self.count, columns))
+
+    def one(self, name: str, std: float, factors: dict[str, FloatArray]) -> FloatArray:
+        """(count,), kept as a factor unless its standard deviation is zero."""
+        found = self(name)
+        if std > 0.0:
+            factors[name] = found
+        return found[:, 0]
+
+    def three(self, name: str, std: float, factors: dict[str, FloatArray]) -> FloatArray:
+        found = self(name, 3)
+        if std > 0.0:
+            factors[name] = found
+        return found
+
+
+def _parameters(
+    vehicle: Vehicle, names: tuple[str, ...], draw_of: _Streams
+) -> tuple[FloatArray, dict[str, FloatArray], tuple[str, ...]]:
+    """Values (n, p), and the factors of those that are uncertain."""
+    values = np.repeat([[vehicle.value(name) for name in names]], draw_of.count, axis=0)
+    uncertain = [n for n in names if vehicle.parameter(n).std > 0.0 and not n.startswith(f"{WEAK}.")]
+    if not uncertain:
+        return values, {}, (f"{vehicle.name} states no uncertainty of its parameters: they are flown as exact; "
+                            "`goshawk identify` tells their standard errors",)  # fmt: skip
+    correlation, told = correlations(vehicle, uncertain)
+    normal = np.concatenate([draw_of(name) for name in uncertain], axis=1) @ _root(correlation).T
+    bounds = specs(vehicle)
+    for j, name in enumerate(uncertain):
+        parameter, (low, high) = vehicle.parameter(name), bounds[name].bounds
+        values[:, names.index(name)] = np.clip(parameter.value + parameter.std * normal[:, j], low, high)
+    factors = {" with ".join(uncertain[j] for j in group): normal[:, group] for group in _groups(correlation)}
+    said = () if told else (
+        f"{vehicle.name} has standard errors without their correlation: parameters are drawn independently, which "
+        "overstates what they do together; fit it again with `goshawk identify`",)  # fmt: skip
+    return values, factors, said
+
+
+def correlations(vehicle: Vehicle, names: list[str]) -> tuple[FloatArray, bool]:
+    """(k, k) between parameters, and whether the model tells it; the identity where it does not."""
+    told = vehicle.provenance.get(CORRELATION) or {}
+    known = list(told.get("names", ()))
+    found = np.eye(len(names))
+    matrix = np.asarray(told.get("matrix", ()), dtype=np.float64)
+    if matrix.shape != (len(known), len(known)) or not np.isfinite(matrix).all() or (np.abs(matrix) > 1.0 + 1e-6).any():
+        return found, False
+    fitted = [name for name in names if name in known and vehicle.parameter(name).source.startswith("identified")]
+    at, of = [names.index(name) for name in fitted], [known.index(name) for name in fitted]
+    found[np.ix_(at, at)] = matrix[np.ix_(of, of)]
+    return found, bool(fitted)
+
+
+def _root(correlation: FloatArray) -> FloatArray:
+    """A matrix whose square is the correlation, with unit rows; also of one that rounding made slightly indefinite."""
+    size, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T))
+    root = (vectors * np.sqrt(np.maximum(size, 0.0))) @ vectors.T
+    return root / np.linalg.norm(root, axis=1, keepdims=True)
+
+
+def _groups(correlation: FloatArray) -> list[list[int]]:
+    """Parameters that are told together only."""
+    left, found = list(range(len(correlation))), []
+    while left:
+        group, new = [], [left.pop(0)]
+        while new:
+            group += new
+            new = [j for j in left if (np.abs(correlation[group, j]) >= TOGETHER).any()]
+            left = [j for j in left if j not in new]
+        found.append(sorted(group))
+    return found
+
+
+def _wear(
+    values: FloatArray, names: tuple[str, ...], given: Uncertainty, draw_of: _Streams, factors: dict[str, FloatArray]
+) -> None:
+    worn = draw_of("rotor wear", 4)
+    for i in range(4):
+        values[:, names.index(f"{WEAK}.loss_{i}")] += given.rotor_wear_ratio * worn[:, i]
+    if given.rotor_wear_ratio > 0.0:
+        factors["rotor wear"] = worn
+
+
+def _air(
+    column: Mapping[str, FloatArray], given: Uncertainty, draw_of: _Streams, factors: dict[str, FloatArray]
+) -> None:
+    size = given.wind_m_s * np.maximum(1.0 + given.wind_spread_ratio * draw_of("wind")[:, 0], 0.0)
+    direction = draw_of("wind direction", 2)
+    direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
+    wind = np.column_stack([direction, np.zeros(draw_of.count)])
+    if given.wind_direction is not None:
+        wind[:] = given.wind_direction
+    wind *= size[:, None]
+    for i, axis in enumerate("xyz"):
+        column[f"wind_{axis}_m_s"][:] = wind[:, i]
+    if given.wind_m_s > 0.0:
+        factors["wind"] = wind[:, wind.any(axis=0)] / given.wind_m_s
+    spread = draw_of("gusts")[:, 0]
+    column["gust_std_m_s"][:] = given.gust_std_m_s * np.maximum(1.0 + given.gust_spread_ratio * spread, 0.0)
+    if given.gust_std_m_s > 0.0:
+        factors["gusts"] = spread[:, None]
+
+
+def _estimate(
+    column: Mapping[str, FloatArray], given: Uncertainty, draw_of: _Streams, factors: dict[str, FloatArray]
+) -> None:
+    late = given.pose_delay_std_s * draw_of.one("pose delay", given.pose_delay_std_s, factors)
+    column["pose_delay_s"][:] = np.clip(given.pose_delay_s + late, 0.0, 0.2)
+    bias = given.localization_std_m * draw_of.three("localization", given.localization_std_m, factors)
+    for i, axis in enumerate("xyz"):
+        column[f"bias_{axis}_m"][:] = bias[:, i]
+    turned = draw_of.one("heading", given.heading_std_rad, factors)
+    column["heading_bias_rad"][:] = given.heading_std_rad * turned
+    column["drop_outs_per_s"][:] = given.drop_outs_per_s
+    column["drop_out_s"][:] = given.drop_out_s
+
+
+def _start(
+    column: Mapping[str, FloatArray], given: Uncertainty, draw_of: _Streams, factors: dict[str, FloatArray]
+) -> None:
+    off = given.start_std_m * draw_of.three("start", given.start_std_m, factors)
+    for i, axis in enumerate("xyz"):
+        column[f"start_{axis}_m"][:] = off[:, i]
+    turned = given.start_yaw_std_rad * draw_of("start heading")[:, 0]
+    column["start_yaw_rad"][:] = turned
+
+
+def hover_in_wind(vehicle: Vehicle, wind_m_s: float) -> tuple[float, float]:
+    """Tilt (rad) and rotor reserve (ratio) of a hover in a steady wind from ahead: level flight at that speed.
+
+    The reserve is NaN where the rotors cannot do it at all.
+    """
+    from flight import Trajectory
+    from vehicle import flatness
+
+    coefficients = np.zeros((1, 4, 2))
+    coefficients[0, 0, 1] = wind_m_s
+    flat = flatness.state(vehicle, Trajectory(np.array([1.0]), coefficients), np.array([0.5]))
+    return float(flat.tilt_rad[0]), float(vehicle.limits.rotor_margin(flat.rotor_speed_rad_s)[0])

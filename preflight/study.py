@@ -1,0 +1,184 @@
+"""The preflight itself: draw, fly in batches, ask the map, and conclude."""
+
+import os
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from firmware_bridge import controller
+from firmware_bridge.sitl_vehicle import Sensors
+from flight import FloatArray, InputError, Progress, Trajectory, silent
+from preflight import clearance, draws, remedies, statistics
+from preflight.clearance import DistanceField
+from preflight.core import Air, Loop
+from preflight.draws import Drawn, Uncertainty
+from preflight.result import BINS, Record, Removed, Result, spread
+from vehicle import Vehicle
+
+_BATCH = 64
+"""Flights of a call for each processor: what is kept of them meanwhile takes 0.2 MB each."""
+LEAST_RISK, LARGEST_RISK = 1e-5, 0.5
+STRONGEST_M_S = 50.0
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How to fly it."""
+
+    flights: int | None = None
+    """None: as many as show the risk to be met if nothing happens in any."""
+    risk: float = 1e-3
+    """Probability of touching anything that is accepted."""
+    seed: int = 0
+    uncertainty: Uncertainty = field(default_factory=Uncertainty)
+    sensors: Sensors = field(default_factory=Sensors.typical)
+    air: Air = field(default_factory=Air)
+    rate_hz: int = 500
+    """Of the controller."""
+    threads: int | None = None
+    """None: as many as there are processors. The result does not depend on it."""
+    explain: bool = True
+    """If a flight was lost, fly all again without the dominating uncertainty."""
+
+    def __post_init__(self) -> None:
+        if not LEAST_RISK <= self.risk <= LARGEST_RISK:
+            raise InputError(
+                f"a risk of {self.risk:g}: it must be from {LEAST_RISK:g} to {LARGEST_RISK:g}; no number of flights "
+                "shows that it is nil, and one of 0.001 takes about 3000"
+            )
+        if self.flights is not None and self.flights < 1:
+            raise InputError(f"{self.flights} flights; at least one is needed")
+
+    @property
+    def count(self) -> int:
+        return statistics.flights_for(self.risk) if self.flights is None else self.flights
+
+
+def fly(
+    vehicle: Vehicle,
+    trajectory: Trajectory,
+    field: DistanceField | None,
+    *,
+    radius_m: float | None = None,
+    clearance_m: float = 0.0,
+    options: Options | None = None,
+    progress: Progress = silent,
+) -> Result:
+    """Fly a trajectory many times.
+
+    Args:
+        field: of distances; None asks no map: risk is then that of falling alone.
+        radius_m: of the sphere that holds the vehicle; by default to the farthest propeller tip.
+        clearance_m: room for the tracking error, as the plan states it to the vehicle.
+
+    Raises:
+        InputError: the vehicle cannot hover in the wind, or has effects that cannot be flown in numbers.
+        RefusedError: the controller refuses the vehicle's parameters or the trajectory.
+        KeyboardInterrupt: before the first batch was flown; afterwards the result is of what was flown.
+    """
+    options = options or Options()
+    require_hover(vehicle, options.uncertainty)
+    study = _Study(vehicle, trajectory, field, vehicle.reach_m if radius_m is None else radius_m, clearance_m, options)
+    record, drawn, steps = study.flown(options.uncertainty, vehicle, "flights", progress)
+    shares = statistics.variance_shares(
+        spread(record), {name: draws[: len(record)] for name, draws in drawn.factors.items()}
+    )
+    result = Result(record, trajectory, options.count, options.risk, shares, drawn.assumed, steps=steps)
+    if not options.explain or not record.lost.any() or result.flights < options.count:
+        return result
+    return replace(result, removed=study.without(result.dominating[0], progress))
+
+
+def require_hover(vehicle: Vehicle, uncertainty: Uncertainty) -> None:
+    """Check that the vehicle can hover in the mean wind.
+
+    Raises:
+        InputError: it cannot.
+    """
+    wind = uncertainty.wind_m_s
+    if wind > STRONGEST_M_S:
+        raise InputError(f"a wind of {wind:g} m/s; at most {STRONGEST_M_S:g} m/s is simulated")
+    tilt, reserve = draws.hover_in_wind(vehicle, wind)
+    if not (reserve > 0.0 and tilt < vehicle.limits.tilt_rad):
+        least, most = 0.0, wind
+        while most - least > 0.05:
+            middle = 0.5 * (least + most)
+            tilt, reserve = draws.hover_in_wind(vehicle, middle)
+            least, most = (middle, most) if reserve > 0.0 and tilt < vehicle.limits.tilt_rad else (least, middle)
+        raise InputError(
+            f"{vehicle.name} cannot hover in a wind of {wind:g} m/s within its limits of tilt and rotor speed; it can "
+            f"up to {least:.1f} m/s"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Study:
+    vehicle: Vehicle
+    trajectory: Trajectory
+    field: DistanceField | None
+    radius_m: float
+    clearance_m: float
+    options: Options
+
+    def flown(
+        self, uncertainty: Uncertainty, believed: Vehicle, stage: str, progress: Progress
+    ) -> tuple[Record, Drawn, int]:
+        """All flights, or those flown until Ctrl-C."""
+        options = self.options
+        form = draws.flown_form(believed)
+        loop = Loop(
+            form,
+            self.trajectory,
+            controller.parameters_of(self.vehicle),
+            clearance_m=self.clearance_m,
+            sensors=replace(options.sensors, delay_s=uncertainty.pose_delay_s),
+            air=options.air,
+            rate_hz=options.rate_hz,
+        )
+        drawn = draws.draw(form, loop.names, uncertainty, options.count, options.seed)
+        parts: list[Record] = []
+        steps, first = 0, 0
+        batch = _BATCH * (options.threads or os.cpu_count() or 1)
+        try:
+            for first in range(0, options.count, batch):
+                progress(stage, first / options.count)
+                part, taken = self._batch(loop, drawn, slice(first, first + batch))
+                parts.append(part)
+                steps += taken
+        except KeyboardInterrupt:
+            if not parts:
+                raise
+        progress(stage, 1.0)
+        return Record.joined(parts), drawn, steps
+
+    def _batch(self, loop: Loop, drawn: Drawn, rows: slice) -> tuple[Record, int]:
+        flown = loop.fly(
+            drawn.values[rows], drawn.rows[rows], seed=self.options.seed, first=rows.start,
+            threads=self.options.threads,
+        )  # fmt: skip
+        near = clearance.nearest(
+            flown, self.field or _Nothing(), self.radius_m, drawn.map_scale[rows], drawn.map_error_m[rows]
+        )
+        record = Record(
+            near.clearance_m, near.point_world_m, near.path_s, near.left_map,
+            clearance.errors_along(flown, self.trajectory, BINS), flown.ending, flown.end_state, flown.reason,
+            flown.tilt_rad, flown.rotor_reserve, flown.energy_j, flown.ended_s,
+        )  # fmt: skip
+        return record, flown.steps
+
+    def without(self, factor: str, progress: Progress) -> Removed | None:
+        """The same flights with one factor known exactly; None if Ctrl-C ended them."""
+        believed, uncertainty = remedies.without(self.vehicle, self.options.uncertainty, factor)
+        try:
+            record, _, _ = self.flown(uncertainty, believed, f"again without {factor}", progress)
+        except KeyboardInterrupt:
+            return None
+        return Removed(factor, statistics.Probability.of(record.lost)) if len(record) == self.options.count else None
+
+
+class _Nothing:
+    """Space without obstacles or end."""
+
+    def distance(self, points_world_m: ArrayLike, /) -> FloatArray:
+        return np.full(len(np.asarray(points_world_m)), np.inf)
