@@ -83,7 +83,9 @@ class Drawn:
 
 def flown_form(vehicle: Vehicle) -> Vehicle:
     """The vehicle with what wears and its model may lack: a thrust of each rotor of its own."""
-    return vehicle if WEAK in vehicle.effects else vehicle.with_effect(WEAK, **{f"loss_{i}": 0.0 for i in range(4)})
+    if WEAK in vehicle.effects:
+        return vehicle
+    return vehicle.with_effect(WEAK, loss_0=0.0, loss_1=0.0, loss_2=0.0, loss_3=0.0)
 
 
 def draw(vehicle: Vehicle, names: tuple[str, ...], uncertainty: Uncertainty, count: int, seed: int) -> Drawn:
