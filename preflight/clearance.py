@@ -8,10 +8,13 @@ from numpy.typing import ArrayLike
 
 from firmware_bridge.controller import State
 from flight import FloatArray, Trajectory
-from preflight.core import Flown
+from preflight.core import NONE, Flown
 
-GUIDED = (State.APPROACH, State.TRAJECTORY, State.PAUSING, State.PAUSED, State.STOPPING, State.ABORTING, State.HOLD)
-"""States in which the vehicle must touch nothing; in a landing or an emergency descent it must reach the floor."""
+DESCENDING = (State.LANDING, State.EMERGENCY)
+"""States in which the vehicle may touch what is below it, and nothing else."""
+_RISE_M = 0.1
+_BELOW = 0.7
+"""Slope of the distance upwards from which on the nearest surface counts as below: within 45 degrees of straight."""
 
 
 class DistanceField(Protocol):
@@ -40,13 +43,21 @@ def nearest(flown: Flown, field: DistanceField, radius_m: float, scale: FloatArr
     Args:
         scale, error_m: (m,) as `draws.Drawn.map_scale` and `map_error_m`.
     """
-    asked = np.isin(flown.state, GUIDED)
+    asked = flown.state != NONE
+    flight, sample = np.nonzero(asked)
     points = flown.position_world_m[asked].astype(np.float64)
     reasonable = np.isfinite(points).all(axis=1)
     distance = np.full(len(points), np.nan)
     distance[reasonable] = field.distance(points[reasonable])
+    descending = np.flatnonzero(reasonable & np.isin(flown.state[asked], DESCENDING))
+    above = field.distance(points[descending] + [0.0, 0.0, _RISE_M])
+    below = descending[above - distance[descending] > _BELOW * _RISE_M]
+    landed = np.full(len(flown), asked.shape[1])
+    standing = below[distance[below] < radius_m]
+    np.minimum.at(landed, flight[standing], sample[standing])
+    distance[below] = np.inf
+    distance[sample >= landed[flight]] = np.inf  # it stands, or lies: what follows is no flight
     known = ~np.isnan(distance)
-    flight, sample = np.nonzero(asked)
     beyond = np.zeros(len(flown), bool)
     beyond[flight[~known]] = True
     clearance = np.full(asked.shape, np.inf)

@@ -23,7 +23,9 @@ SAMPLE_S = 0.008
 SETTLE_S = 3.0
 """Hover before the start: the wind rises in its first second, and the observer finds it."""
 AFTER_S = 1.0
-"""Flight that is recorded after the end of the trajectory or a failsafe."""
+"""Flight that is recorded after the end of the trajectory."""
+AFTER_FAILSAFE_S = 4.0
+"""... and after it was given up: braking from 8 m/s takes two."""
 NONE = 255
 """State of a sample that was not flown."""
 DRAW_COLUMNS = (
@@ -120,7 +122,7 @@ class Loop:
         common = [
             *noise, self._tick_us, self._every, vehicle.gravity_m_s2, (air or Air()).gust_length_m,
             vehicle.limits.rotor_speed_min_rad_s, vehicle.limits.rotor_speed_max_rad_s, *start, SETTLE_S, self._limit_s,
-            AFTER_S,
+            AFTER_S, AFTER_FAILSAFE_S,
         ]  # fmt: skip
         plan = wire.plan_from_trajectory(trajectory, clearance_m=clearance_m)
         self._flights = _preflight.Flights(

@@ -53,6 +53,8 @@ class Uncertainty:
     start_std_m: float = 0.05
     """Of the hover point before the start, each axis."""
     start_yaw_std_rad: float = 0.05
+    noise_ratio: float = 1.0
+    """Of the estimate's white noise, over the sensors'."""
     rotor_wear_ratio: float = 0.01
     """Of the thrust of each rotor, over the model's: propellers wear."""
 

@@ -5,18 +5,18 @@ from dataclasses import replace
 from preflight.draws import Uncertainty
 from vehicle import Vehicle
 
-WITHIN = "gusts and noise within a flight"
-"""What no drawn number explains."""
+GUSTS, NOISE = "gusts", "sensor noise"
+"""What happens within a flight, and no number drawn before it explains."""
 _FIELDS = {
     "wind": ("wind_m_s",), "gusts": ("gust_std_m_s",), "pose delay": ("pose_delay_std_s",),
     "localization": ("localization_std_m",), "heading": ("heading_std_rad",), "map scale": ("map_scale_std_ratio",),
     "map surface": ("map_error_std_m",), "start": ("start_std_m",), "rotor wear": ("rotor_wear_ratio",),
-    WITHIN: ("gust_std_m_s",),
+    NOISE: ("noise_ratio",),
 }  # fmt: skip
 _WORDS = {
     "wind": "wait for less wind, or plan with a larger --margin",
     "gusts": "wait for less wind, or plan with a larger --margin",
-    WITHIN: "wait for less wind, or plan slower (goshawk plan --speed)",
+    NOISE: "improve the estimate, or plan slower (goshawk plan --speed)",
     "pose delay": "identify from a log of the pose: it tells the delay; or send true time stamps",
     "localization": "take more images along the path, and localize there",
     "heading": "calibrate the camera's mounting",
@@ -41,12 +41,3 @@ def without(vehicle: Vehicle, uncertainty: Uncertainty, factor: str) -> tuple[Ve
         p = vehicle.parameter(name)
         vehicle = vehicle.with_value(name, p.value, std=0.0, source=p.source)
     return vehicle, uncertainty
-
-
-def named(shares: dict[str, float]) -> tuple[str, float]:
-    """The dominating factor and its share: of the drawn ones, or what happens within a flight."""
-    if not shares:
-        return WITHIN, 1.0
-    first = next(iter(shares))
-    rest = 1.0 - sum(shares.values())
-    return (WITHIN, rest) if rest > shares[first] else (first, shares[first])

@@ -16,9 +16,12 @@ SCHEMA = "goshawk-preflight"
 SCHEMA_VERSION = 1
 BINS = 100
 """Equal shares of the trajectory's time, for the tube."""
+LEAST_SHARE = 0.02
+"""Of a variance: less is chance."""
 LEAST_FINISHED = 0.9
 """A trajectory that the controller gives up more often than the rest of this is a no-go at any risk."""
 _NEAREST_SHARE = 0.05
+_OVERTURNED_RAD = 0.5 * np.pi
 _DOWN = (State.EMERGENCY, State.FAULT)
 
 
@@ -52,9 +55,10 @@ class Record:
 
     @property
     def lost(self) -> np.ndarray:
-        """(n,) whether it touched something, left the map, fell, or came down without knowing where."""
+        """(n,) whether it touched something, left the map, overturned, or came down without knowing where."""
         down = np.isin(self.end_state, _DOWN) & (self.ending == core.FAILSAFE)
-        return self.touched | self.left_map | down | (self.ending == core.DIVERGED)
+        overturned = self.tilt_rad > _OVERTURNED_RAD
+        return self.touched | self.left_map | down | overturned | (self.ending == core.DIVERGED)
 
     @staticmethod
     def joined(parts: list["Record"]) -> "Record":
@@ -98,6 +102,8 @@ class Result:
     """That is accepted."""
     shares: Mapping[str, float]
     """Of the variance of the least clearance (of the largest error without a map) by factor, the largest first."""
+    loss_shares: Mapping[str, float]
+    """The same of whether a flight is lost; empty where too few were."""
     assumed: tuple[str, ...]
     removed: Removed | None = None
     steps: int = 0
@@ -130,7 +136,11 @@ class Result:
 
     @property
     def dominating(self) -> tuple[str, float]:
-        return remedies.named(dict(self.shares))
+        """What decides most whether flights are lost, or where that cannot be told, how close they come; its share."""
+        for shares in (self.loss_shares, self.shares):
+            if shares and (first := max(shares, key=lambda name: shares[name])) and shares[first] > LEAST_SHARE:
+                return first, shares[first]
+        return remedies.NOISE, 1.0
 
     def endings(self) -> dict[str, Probability]:
         """Every ending but the trajectory's own, in the controller's words."""
@@ -213,6 +223,7 @@ class Result:
             "where": None if place is None else place.as_dict(),
             "dominating": {"factor": factor, "share": share, "remedy": remedies.words(factor)},
             "shares": dict(self.shares),
+            "loss_shares": dict(self.loss_shares),
             "without_it": None if self.removed is None else self.removed.risk.as_dict(),
             "assumed": list(self.assumed),
         }

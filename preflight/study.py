@@ -1,7 +1,7 @@
 """The preflight itself: draw, fly in batches, ask the map, and conclude."""
 
 import os
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,11 @@ from vehicle import Vehicle
 
 _BATCH = 64
 """Flights of a call for each processor: what is kept of them meanwhile takes 0.2 MB each."""
+_LEAST_LOST = 10
+"""Flights, from which on it is told what loses them."""
+_AGAIN = 192
+"""Flights that are flown again with other noise."""
+_OTHER_SEED = 1 << 32
 LEAST_RISK, LARGEST_RISK = 1e-5, 0.5
 STRONGEST_M_S = 50.0
 
@@ -81,10 +86,8 @@ def fly(
     require_hover(vehicle, options.uncertainty)
     study = _Study(vehicle, trajectory, field, vehicle.reach_m if radius_m is None else radius_m, clearance_m, options)
     record, drawn, steps = study.flown(options.uncertainty, vehicle, "flights", progress)
-    shares = statistics.variance_shares(
-        spread(record), {name: draws[: len(record)] for name, draws in drawn.factors.items()}
-    )
-    result = Result(record, trajectory, options.count, options.risk, shares, drawn.assumed, steps=steps)
+    shares, loss_shares = study.shares(record, drawn)
+    result = Result(record, trajectory, options.count, options.risk, shares, loss_shares, drawn.assumed, steps=steps)
     if not options.explain or not record.lost.any() or result.flights < options.count:
         return result
     return replace(result, removed=study.without(result.dominating[0], progress))
@@ -121,29 +124,30 @@ class _Study:
     clearance_m: float
     options: Options
 
+    def _loop(self, uncertainty: Uncertainty, believed: Vehicle) -> Loop:
+        return Loop(
+            draws.flown_form(believed),
+            self.trajectory,
+            controller.parameters_of(self.vehicle),
+            clearance_m=self.clearance_m,
+            sensors=_sensors(self.options.sensors, uncertainty),
+            air=self.options.air,
+            rate_hz=self.options.rate_hz,
+        )
+
     def flown(
         self, uncertainty: Uncertainty, believed: Vehicle, stage: str, progress: Progress
     ) -> tuple[Record, Drawn, int]:
         """All flights, or those flown until Ctrl-C."""
-        options = self.options
-        form = draws.flown_form(believed)
-        loop = Loop(
-            form,
-            self.trajectory,
-            controller.parameters_of(self.vehicle),
-            clearance_m=self.clearance_m,
-            sensors=replace(options.sensors, delay_s=uncertainty.pose_delay_s),
-            air=options.air,
-            rate_hz=options.rate_hz,
-        )
-        drawn = draws.draw(form, loop.names, uncertainty, options.count, options.seed)
+        options, loop = self.options, self._loop(uncertainty, believed)
+        drawn = draws.draw(draws.flown_form(believed), loop.names, uncertainty, options.count, options.seed)
         parts: list[Record] = []
         steps, first = 0, 0
         batch = _BATCH * (options.threads or os.cpu_count() or 1)
         try:
             for first in range(0, options.count, batch):
                 progress(stage, first / options.count)
-                part, taken = self._batch(loop, drawn, slice(first, first + batch))
+                part, taken = self._batch(loop, drawn, slice(first, first + batch), seed=options.seed)
                 parts.append(part)
                 steps += taken
         except KeyboardInterrupt:
@@ -152,9 +156,32 @@ class _Study:
         progress(stage, 1.0)
         return Record.joined(parts), drawn, steps
 
-    def _batch(self, loop: Loop, drawn: Drawn, rows: slice) -> tuple[Record, int]:
+    def shares(self, record: Record, drawn: Drawn) -> tuple[dict[str, float], dict[str, float]]:
+        """Of the variance of the least clearance, and of that of being lost, by factor."""
+        factors = {name: values[: len(record)] for name, values in drawn.factors.items()}
+        value = spread(record)
+        shares = statistics.variance_shares(value, factors)
+        loss = statistics.variance_shares(record.lost.astype(np.float64), factors)
+        gusty = self.options.uncertainty.gust_std_m_s > 0.0
+        name = remedies.GUSTS if gusty else remedies.NOISE
+        shares[name] = shares.get(name, 0.0) + self._within(value, drawn)
+        largest_first = dict(sorted(shares.items(), key=lambda item: -item[1]))
+        return largest_first, loss if record.lost.sum() >= _LEAST_LOST else {}
+
+    def _within(self, value: FloatArray, drawn: Drawn) -> float:
+        """Share of the variance that comes anew with every flight: some are flown again with other noise and gusts."""
+        some = slice(0, min(_AGAIN, len(value)))
+        loop = self._loop(self.options.uncertainty, self.vehicle)
+        again = spread(self._batch(loop, drawn, some, seed=self.options.seed + _OTHER_SEED)[0])
+        both = np.isfinite(value[some]) & np.isfinite(again)
+        total = float(np.nanvar(value)) if both.any() else 0.0
+        if not total > 0.0:
+            return 0.0
+        return min(1.0, 0.5 * float(np.mean((value[some][both] - again[both]) ** 2)) / total)
+
+    def _batch(self, loop: Loop, drawn: Drawn, rows: slice, *, seed: int) -> tuple[Record, int]:
         flown = loop.fly(
-            drawn.values[rows], drawn.rows[rows], seed=self.options.seed, first=rows.start,
+            drawn.values[rows], drawn.rows[rows], seed=seed, first=rows.start,
             threads=self.options.threads,
         )  # fmt: skip
         near = clearance.nearest(
@@ -175,6 +202,13 @@ class _Study:
         except KeyboardInterrupt:
             return None
         return Removed(factor, statistics.Probability.of(record.lost)) if len(record) == self.options.count else None
+
+
+def _sensors(sensors: Sensors, uncertainty: Uncertainty) -> Sensors:
+    """Their noise as asked for, and the delay that their time stamps tell."""
+    ratio = uncertainty.noise_ratio
+    noise = {f.name: ratio * getattr(sensors, f.name) for f in fields(Sensors) if "_std_" in f.name}
+    return replace(sensors, **noise, delay_s=uncertainty.pose_delay_s)
 
 
 class _Nothing:

@@ -21,7 +21,8 @@ struct Setup {
     double gravity_m_s2, gust_length_m;
     double slowest_rad_s, fastest_rad_s;  // limits of the rotors, for the reserve
     double start_m[3], start_yaw_rad;
-    double settle_s, limit_s, after_s;  // hover before; longest flight; how long one goes on after it has ended
+    double settle_s, limit_s;          // hover before; longest flight
+    double after_s, after_failsafe_s;  // how long one goes on after it has ended
 };
 
 // What is one flight's own, in the order of preflight/core.py.
@@ -77,7 +78,7 @@ class Flight {
             watch();
             if (i % setup_.sample_every == 0) sample(i / setup_.sample_every, now());
             if (!std::isfinite(x_[0] + x_[1] + x_[2])) return ended(kDiverged, TC_NOT_FINITE);
-            if (ending_ >= 0 && time_us_ * 1e-6 >= ended_s_ + setup_.after_s) break;
+            if (ending_ >= 0 && time_us_ * 1e-6 >= ended_s_ + after_s()) break;
         }
         return ending_ >= 0 ? summary_ : ended(kTimedOut, TC_TIMEOUT);
     }
@@ -183,6 +184,8 @@ class Flight {
         const bool finished = state == TC_HOLD && controller_.mission.reason == TC_FINISHED;
         ended(finished ? kFinished : kFailsafe, controller_.mission.reason);
     }
+
+    double after_s() const { return ending_ == kFinished ? setup_.after_s : setup_.after_failsafe_s; }
 
     // As vehicle.Limits.rotor_margin.
     void reserve() {

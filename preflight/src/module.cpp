@@ -27,7 +27,7 @@ template <class T, int N>
 using Out = nb::ndarray<T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
 
 constexpr std::size_t kDraw = sizeof(Draw) / sizeof(double);
-constexpr std::size_t kCommon = 20;
+constexpr std::size_t kCommon = 21;
 
 tc_segment segment_from(std::uint32_t duration_us, const float* coefficients, std::size_t count) {
     tc_segment s{};
@@ -114,6 +114,7 @@ class Flights {
         s.settle_s = c[17];
         s.limit_s = c[18];
         s.after_s = c[19];
+        s.after_failsafe_s = c[20];
     }
 
     tc_reason upload(const In<std::uint32_t, 1>& durations_us, const In<float, 3>& coefficients, float clearance_m) {
