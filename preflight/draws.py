@@ -12,7 +12,7 @@ import numpy as np
 
 from flight import FloatArray, InputError
 from preflight.core import DRAW_COLUMNS
-from vehicle import Vehicle, invert, specs
+from vehicle import Parameter, Vehicle, invert, specs
 
 CORRELATION = "correlation"
 """In a fitted model's provenance: `names`, and the `matrix` in their order."""
@@ -151,13 +151,30 @@ def _parameters(
     normal = np.concatenate([draw_of(name) for name in uncertain], axis=1) @ _root(correlation).T
     bounds = specs(vehicle)
     for j, name in enumerate(uncertain):
-        parameter, (low, high) = vehicle.parameter(name), bounds[name].bounds
-        values[:, names.index(name)] = np.clip(parameter.value + parameter.std * normal[:, j], low, high)
+        values[:, names.index(name)] = _physical(vehicle.parameter(name), bounds[name].bounds, normal[:, j])
+    _rigid(values, names)
     factors = {" with ".join(uncertain[j] for j in group): normal[:, group] for group in _groups(correlation)}
     said = () if told else (
         f"{vehicle.name} has standard errors without their correlation: parameters are drawn independently, which "
         "overstates what they do together; fit it again with `goshawk identify`",)  # fmt: skip
     return values, factors, said
+
+
+def _physical(parameter: Parameter, bounds: tuple[float, float], normal: FloatArray) -> FloatArray:
+    """Draws (n,) with the parameter's mean and standard deviation; log-normal where it can only be positive."""
+    value, std = parameter.value, parameter.std
+    if bounds[0] > 0.0 or (bounds[0] == 0.0 and std < value):
+        width = np.sqrt(np.log1p((std / value) ** 2))
+        return np.clip(value * np.exp(width * normal - 0.5 * width * width), *bounds)
+    return np.clip(value + std * normal, *bounds)
+
+
+def _rigid(values: FloatArray, names: tuple[str, ...]) -> None:
+    """No moment of inertia may exceed the sum of the other two."""
+    places = [names.index(f"inertia_{axis}_kg_m2") for axis in ("xx", "yy", "zz")]
+    for i in places:
+        a, b = (j for j in places if j != i)
+        values[:, i] = np.minimum(values[:, i], values[:, a] + values[:, b])
 
 
 def correlations(vehicle: Vehicle, names: list[str]) -> tuple[FloatArray, bool]:

@@ -132,6 +132,7 @@ class Flight {
 
     void tick() {
         time_us_ += setup_.tick_us;
+        for (int k = 0; k < 3; ++k) at_[k] = x_[k];
         control();
         if (controller_.mission.state == TC_FAULT) command_[0] = command_[1] = command_[2] = command_[3] = 0.0;
         blow();
@@ -216,8 +217,8 @@ class Flight {
         Sample s{};
         double square = 0.0;
         for (int k = 0; k < 3; ++k) {
-            const double off = x_[k] - t.setpoint.position_world_m[k];
-            s.position_m[k] = static_cast<float>(x_[k]);
+            const double off = at_[k] - t.setpoint.position_world_m[k];
+            s.position_m[k] = static_cast<float>(at_[k]);
             square += off * off;
         }
         s.error_m = static_cast<float>(std::sqrt(square));
@@ -241,6 +242,7 @@ class Flight {
     double step_s_;
     World world_{{0.0, 0.0, 0.0}, 0.0, -kFar, kFar};
     double x_[kState] = {}, command_[4] = {}, force_[3] = {}, gust_[3] = {};
+    double at_[3] = {};  // where it was when the controller was called, to whose set-point that belongs
     float engaged_[4] = {};
     std::uint64_t time_us_ = 0, ticks_ = 0;
     double ramp_ = 0.0, began_s_ = 0.0, ended_s_ = 0.0, energy_j_ = 0.0, least_up_ = 1.0;
