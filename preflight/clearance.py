@@ -49,7 +49,7 @@ def nearest(flown: Flown, field: DistanceField, radius_m: float, scale: FloatArr
     reasonable = np.isfinite(points).all(axis=1)
     distance = np.full(len(points), np.nan)
     distance[reasonable] = field.distance(points[reasonable])
-    descending = np.flatnonzero(reasonable & np.isin(flown.state[asked], DESCENDING))
+    descending = np.flatnonzero(np.isfinite(distance) & np.isin(flown.state[asked], DESCENDING))
     above = field.distance(points[descending] + [0.0, 0.0, _RISE_M])
     below = descending[above - distance[descending] > _BELOW * _RISE_M]
     landed = np.full(len(flown), asked.shape[1])

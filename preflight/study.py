@@ -86,8 +86,10 @@ def fly(
     require_hover(vehicle, options.uncertainty)
     study = _Study(vehicle, trajectory, field, vehicle.reach_m if radius_m is None else radius_m, clearance_m, options)
     record, drawn, steps = study.flown(options.uncertainty, vehicle, "flights", progress)
-    shares, loss_shares = study.shares(record, drawn)
-    result = Result(record, trajectory, options.count, options.risk, shares, loss_shares, drawn.assumed, steps=steps)
+    shares, loss_shares, again = study.shares(record, drawn)
+    result = Result(
+        record, trajectory, options.count, options.risk, shares, loss_shares, drawn.assumed, steps=steps + again
+    )
     if not options.explain or not record.lost.any() or result.flights < options.count:
         return result
     return replace(result, removed=study.without(result.dominating[0], progress))
@@ -156,28 +158,30 @@ class _Study:
         progress(stage, 1.0)
         return Record.joined(parts), drawn, steps
 
-    def shares(self, record: Record, drawn: Drawn) -> tuple[dict[str, float], dict[str, float]]:
-        """Of the variance of the least clearance, and of that of being lost, by factor."""
+    def shares(self, record: Record, drawn: Drawn) -> tuple[dict[str, float], dict[str, float], int]:
+        """Of the variance of the least clearance, and of that of being lost, by factor; and steps flown for that."""
         factors = {name: values[: len(record)] for name, values in drawn.factors.items()}
         value = spread(record)
         shares = statistics.variance_shares(value, factors)
         loss = statistics.variance_shares(record.lost.astype(np.float64), factors)
         gusty = self.options.uncertainty.gust_std_m_s > 0.0
         name = remedies.GUSTS if gusty else remedies.NOISE
-        shares[name] = shares.get(name, 0.0) + self._within(value, drawn)
+        within, steps = self._within(value, drawn)
+        shares[name] = shares.get(name, 0.0) + within
         largest_first = dict(sorted(shares.items(), key=lambda item: -item[1]))
-        return largest_first, loss if record.lost.sum() >= _LEAST_LOST else {}
+        return largest_first, (loss if record.lost.sum() >= _LEAST_LOST else {}), steps
 
-    def _within(self, value: FloatArray, drawn: Drawn) -> float:
+    def _within(self, value: FloatArray, drawn: Drawn) -> tuple[float, int]:
         """Share of the variance that comes anew with every flight: some are flown again with other noise and gusts."""
         some = slice(0, min(_AGAIN, len(value)))
         loop = self._loop(self.options.uncertainty, self.vehicle)
-        again = spread(self._batch(loop, drawn, some, seed=self.options.seed + _OTHER_SEED)[0])
+        record, steps = self._batch(loop, drawn, some, seed=self.options.seed + _OTHER_SEED)
+        again = spread(record)
         both = np.isfinite(value[some]) & np.isfinite(again)
         total = float(np.nanvar(value)) if both.any() else 0.0
         if not total > 0.0:
-            return 0.0
-        return min(1.0, 0.5 * float(np.mean((value[some][both] - again[both]) ** 2)) / total)
+            return 0.0, steps
+        return min(1.0, 0.5 * float(np.mean((value[some][both] - again[both]) ** 2)) / total), steps
 
     def _batch(self, loop: Loop, drawn: Drawn, rows: slice, *, seed: int) -> tuple[Record, int]:
         flown = loop.fly(
