@@ -125,6 +125,7 @@ def test_a_landing_touches_the_floor_below_it_but_no_wall(drone, curve):
 
     found = clearance.nearest(batch, Corner(0.0), 0.1, np.ones(2), np.zeros(2))
     assert (found.clearance_m < 0.0).tolist() == [False, True]
+    assert found.clearance_m[0] > 0.5  # the floor on which it lands is not what comes nearest
 
 
 def test_ctrl_c_keeps_what_was_flown(drone, curve):
