@@ -113,7 +113,7 @@ def contacts(flights: int, brute: int) -> list[report.Row]:
     return rows
 
 
-def bounds(scenes: int = 100, flights: int = 100) -> list[report.Row]:
+def bounds(flights: int, scenes: int = 100) -> list[report.Row]:
     """Scenes of unlike risk made of the same flights: another set of them each time."""
     drone, path, rng = conftest.exact_vehicle(), conftest.there_and_back(), np.random.default_rng(4)
     options = preflight.Options(flights=scenes * flights, uncertainty=WEATHER, explain=False)
@@ -175,7 +175,8 @@ def named(rounds: int, flights: int) -> list[report.Row]:
 def rows(flights: int, brute: int, truths: int, draws: int) -> list[report.Row]:
     """Measure a preflight; defaults take about ten minutes of processor time."""
     return [
-        *throughput(flights), *same_bits(), *coverage(truths, 2000), *contacts(3000, brute), *bounds(),
+        *throughput(flights), *same_bits(), *coverage(truths, 2000), *contacts(max(brute // 8, 1000), brute),
+        *bounds(brute // 200),
         *named(draws, 200),
     ]  # fmt: skip
 

@@ -10,6 +10,7 @@ from firmware_bridge import controller
 from firmware_bridge.sitl_vehicle import Sensors
 from flight import FloatArray, InputError, Progress, Trajectory, silent
 from preflight import clearance, draws, remedies, statistics
+from preflight.advice import Advice, advise
 from preflight.clearance import DistanceField
 from preflight.core import Air, Loop
 from preflight.draws import Drawn, Uncertainty
@@ -45,6 +46,8 @@ class Options:
     """None: as many as there are processors. The result does not depend on it."""
     explain: bool = True
     """If a flight was lost, fly all again without the dominating uncertainty."""
+    decide_only: bool = False
+    """Stop as soon as so many are lost that it can be no go."""
 
     def __post_init__(self) -> None:
         if not LEAST_RISK <= self.risk <= LARGEST_RISK:
@@ -86,6 +89,8 @@ def fly(
     require_hover(vehicle, options.uncertainty)
     study = _Study(vehicle, trajectory, field, vehicle.reach_m if radius_m is None else radius_m, clearance_m, options)
     record, drawn, steps = study.flown(options.uncertainty, vehicle, "flights", progress)
+    if options.decide_only:
+        return Result(record, trajectory, options.count, options.risk, {}, {}, drawn.assumed, steps=steps)
     shares, loss_shares, again = study.shares(record, drawn)
     result = Result(
         record, trajectory, options.count, options.risk, shares, loss_shares, drawn.assumed, steps=steps + again
@@ -104,17 +109,55 @@ def require_hover(vehicle: Vehicle, uncertainty: Uncertainty) -> None:
     wind = uncertainty.wind_m_s
     if wind > STRONGEST_M_S:
         raise InputError(f"a wind of {wind:g} m/s; at most {STRONGEST_M_S:g} m/s is simulated")
-    tilt, reserve = draws.hover_in_wind(vehicle, wind)
-    if not (reserve > 0.0 and tilt < vehicle.limits.tilt_rad):
-        least, most = 0.0, wind
-        while most - least > 0.05:
-            middle = 0.5 * (least + most)
-            tilt, reserve = draws.hover_in_wind(vehicle, middle)
-            least, most = (middle, most) if reserve > 0.0 and tilt < vehicle.limits.tilt_rad else (least, middle)
+    if not _hovers(vehicle, wind):
         raise InputError(
             f"{vehicle.name} cannot hover in a wind of {wind:g} m/s within its limits of tilt and rotor speed; it can "
-            f"up to {least:.1f} m/s"
+            f"up to {strongest_hover(vehicle):.1f} m/s"
         )
+
+
+def _hovers(vehicle: Vehicle, wind_m_s: float) -> bool:
+    tilt, reserve = draws.hover_in_wind(vehicle, wind_m_s)
+    return reserve > 0.0 and tilt < vehicle.limits.tilt_rad
+
+
+def strongest_hover(vehicle: Vehicle) -> float:
+    """The largest wind, m/s to a twentieth, in which the vehicle hovers within its limits."""
+    least, most = 0.0, STRONGEST_M_S
+    while most - least > 0.05:
+        middle = 0.5 * (least + most)
+        least, most = (middle, most) if _hovers(vehicle, middle) else (least, middle)
+    return least
+
+
+def advised(
+    vehicle: Vehicle,
+    trajectory: Trajectory,
+    field: DistanceField | None,
+    result: Result,
+    *,
+    radius_m: float | None = None,
+    clearance_m: float = 0.0,
+    options: Options,
+    progress: Progress = silent,
+) -> Advice:
+    """What would be a go, beside a result of the same arguments."""
+
+    def is_go(wind_m_s: float, slower: float) -> bool:
+        air = replace(options.uncertainty, wind_m_s=wind_m_s)
+        asked = replace(options, uncertainty=air, decide_only=True)
+        found = fly(
+            vehicle,
+            trajectory if slower == 1.0 else trajectory.scale_time(slower),
+            field,
+            radius_m=radius_m,
+            clearance_m=clearance_m,
+            options=asked,
+            progress=lambda stage, fraction: progress(f"{stage}: wind {wind_m_s:g} m/s, {slower:g} x slower", fraction),
+        )
+        return found.go
+
+    return advise(options.uncertainty.wind_m_s, strongest_hover(vehicle), result.go, is_go)
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,11 +195,17 @@ class _Study:
                 part, taken = self._batch(loop, drawn, slice(first, first + batch), seed=options.seed)
                 parts.append(part)
                 steps += taken
+                if options.decide_only and self._no_go(parts):
+                    break
         except KeyboardInterrupt:
             if not parts:
                 raise
         progress(stage, 1.0)
         return Record.joined(parts), drawn, steps
+
+    def _no_go(self, parts: list[Record]) -> bool:
+        lost = sum(int(part.lost.sum()) for part in parts)
+        return statistics.upper_bound(lost, self.options.count) > self.options.risk
 
     def shares(self, record: Record, drawn: Drawn) -> tuple[dict[str, float], dict[str, float], int]:
         """Of the variance of the least clearance, and of that of being lost, by factor; and steps flown for that."""

@@ -69,6 +69,7 @@ _DEFAULT = preflight.Uncertainty()
     show_default=True,
     help="Standard deviation of the pose in the map, metres.",
 )
+@click.option("--advise", is_flag=True, help="Find the largest wind that is a go, and how much slower is one.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed: of all noise.")
 @console.path_option("--out", "out", "JSON file to write with the whole result.")
 @outputs.overwrite_option
@@ -85,6 +86,7 @@ def command(
     drop_outs_per_s: float,
     drop_out_s: float,
     localization_std_m: float,
+    advise: bool,
     seed: int,
     out: Path | None,
     overwrite: bool,
@@ -116,23 +118,25 @@ def command(
         area.require_not_refused()
         refuse_unfit(item, area.hash, vehicle.vehicle_hash(believed), False)
         options = replace(options, uncertainty=of_map(area, uncertainty))
-        result = preflight.fly(
-            believed,
-            item.trajectory,
-            area.field,
-            radius_m=float(item.check.get("body_radius_m") or believed.reach_m),
-            clearance_m=wire.proved_clearance_m(item),
-            options=options,
-            progress=progress,
-        )
+        body = {
+            "radius_m": float(item.check.get("body_radius_m") or believed.reach_m),
+            "clearance_m": wire.proved_clearance_m(item),
+        }
+        flown = (believed, item.trajectory, area.field)
+        result = preflight.fly(*flown, **body, options=options, progress=progress)
+        advice = None
+        if advise and result.flights == result.wanted:
+            advice = preflight.advised(*flown, result, **body, options=options, progress=progress)
     document = result.as_dict() | {"trajectory": item.name, "map_hash": area.hash, "vehicle": believed.name}
+    if advice is not None:
+        document |= {"advice": {"wind_m_s": advice.wind_m_s, "slower": advice.slower}}
     if out is not None:
         with outputs.file(out, overwrite=overwrite) as temporary:
             file_format.write_json(temporary, format=SCHEMA, version=SCHEMA_VERSION, body=document)
     if as_json:
         click.echo(file_format.json_text(document), nl=False)
     else:
-        show(f"preflight of {trajectory_file}", result)
+        show(f"preflight of {trajectory_file}", result, advice)
     if result.flights < result.wanted:
         click.echo(f"goshawk: stopped after {result.flights} of {result.wanted} flights", err=True)
         return 130
@@ -162,7 +166,7 @@ def of_map(area: mapping.Map, uncertainty: preflight.Uncertainty) -> preflight.U
     return replace(uncertainty, map_scale_std_ratio=scale, map_error_std_m=voxel)
 
 
-def show(title: str, result: preflight.Result) -> None:
+def show(title: str, result: preflight.Result, advice: preflight.Advice | None = None) -> None:
     """What, how sure, what next, in 24 lines."""
     place, (factor, share) = result.place(), result.dominating
     facts: dict[str, object] = {
@@ -181,6 +185,8 @@ def show(title: str, result: preflight.Result) -> None:
             f"{100.0 * place.share:.0f} % {those}"
         )
     facts["decides most"] = f"{factor}: {100.0 * share:.0f} % of the variance{_without(result)}"
+    if advice is not None:
+        facts["advice"] = advice.sentence()
     facts["next"] = remedies.words(factor) if not result.go else "fly it"
     for sentence in result.assumed[:1]:
         facts["assumed"] = sentence
