@@ -144,6 +144,7 @@ def advised(
     """What would be a go, beside a result of the same arguments."""
 
     def is_go(wind_m_s: float, slower: float) -> bool:
+        tried = f"trying {wind_m_s:g} m/s of wind" + (f", {slower:g} times slower" if slower > 1.0 else "")
         air = replace(options.uncertainty, wind_m_s=wind_m_s)
         asked = replace(options, uncertainty=air, decide_only=True)
         found = fly(
@@ -153,7 +154,7 @@ def advised(
             radius_m=radius_m,
             clearance_m=clearance_m,
             options=asked,
-            progress=lambda stage, fraction: progress(f"{stage}: wind {wind_m_s:g} m/s, {slower:g} x slower", fraction),
+            progress=lambda stage, fraction: progress(tried, fraction),
         )
         return found.go
 
