@@ -179,16 +179,25 @@ def _rigid(values: FloatArray, names: tuple[str, ...]) -> None:
 
 def correlations(vehicle: Vehicle, names: list[str]) -> tuple[FloatArray, bool]:
     """(k, k) between parameters, and whether the model tells it; the identity where it does not."""
-    told = vehicle.provenance.get(CORRELATION) or {}
-    known = list(told.get("names", ()))
+    known, matrix = _told(vehicle)
     found = np.eye(len(names))
-    matrix = np.asarray(told.get("matrix", ()), dtype=np.float64)
     if matrix.shape != (len(known), len(known)) or not np.isfinite(matrix).all() or (np.abs(matrix) > 1.0 + 1e-6).any():
         return found, False
     fitted = [name for name in names if name in known and vehicle.parameter(name).source.startswith("identified")]
     at, of = [names.index(name) for name in fitted], [known.index(name) for name in fitted]
     found[np.ix_(at, at)] = matrix[np.ix_(of, of)]
     return found, bool(fitted)
+
+
+def _told(vehicle: Vehicle) -> tuple[list[str], FloatArray]:
+    """Names and matrix in the model's provenance; empty where there is none that can be read."""
+    told = vehicle.provenance.get(CORRELATION)
+    if not isinstance(told, Mapping):
+        return [], np.zeros((0, 0))
+    try:
+        return [str(name) for name in told["names"]], np.asarray(told["matrix"], dtype=np.float64)
+    except (KeyError, TypeError, ValueError):
+        return [], np.zeros((0, 0))
 
 
 def _root(correlation: FloatArray) -> FloatArray:

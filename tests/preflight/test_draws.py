@@ -47,6 +47,16 @@ def test_a_model_without_covariance_says_what_is_assumed(form):
     assert "drawn independently" in drawn(alone)[1].assumed[0]
 
 
+@pytest.mark.parametrize(
+    "damaged",
+    ["text", {"names": 3}, {"names": list(NAMES), "matrix": [[1.0], [1.0, 2.0]]}, {"names": list(NAMES), "matrix": "x"},
+     {"names": list(NAMES), "matrix": [[1.0, 7.0], [7.0, 1.0]]}],
+)  # fmt: skip
+def test_a_damaged_correlation_counts_as_none(form, damaged):
+    broken = replace(uncertain(form, 0.5), provenance={draws.CORRELATION: damaged})
+    assert "drawn independently" in drawn(broken, count=10)[1].assumed[0]
+
+
 def test_wild_errors_stay_within_physical_limits(form):
     wild = form
     for name in ("mass_kg", "inertia_xx_kg_m2", "inertia_zz_kg_m2", NAMES[1]):

@@ -12,7 +12,7 @@ import preflight
 import vehicle
 from firmware_bridge import wire
 from firmware_bridge.link import refuse_unfit
-from flight import file_format, trajectory
+from flight import TrajectoryFile, file_format, trajectory
 from goshawk.terminal import console, outputs
 from mapping.map_folder import read_report
 from preflight import remedies
@@ -119,7 +119,7 @@ def command(
         refuse_unfit(item, area.hash, vehicle.vehicle_hash(believed), False)
         options = replace(options, uncertainty=of_map(area, uncertainty))
         body = {
-            "radius_m": float(item.check.get("body_radius_m") or believed.reach_m),
+            "radius_m": _radius_m(item, believed),
             "clearance_m": wire.proved_clearance_m(item),
         }
         flown = (believed, item.trajectory, area.field)
@@ -156,6 +156,13 @@ def blowing(wind: str) -> preflight.Uncertainty:
     if not size > 0.0:
         return _DEFAULT
     return replace(_DEFAULT, wind_m_s=size, wind_direction=(x / size, y / size, z / size))
+
+
+def _radius_m(item: TrajectoryFile, believed: vehicle.Vehicle) -> float:
+    """Of the sphere that the plan was checked for; to the farthest propeller tip where the file does not tell."""
+    told = item.check.get("body_radius_m")
+    known = isinstance(told, int | float) and math.isfinite(told) and told > 0.0
+    return float(told) if known else believed.reach_m
 
 
 def of_map(area: mapping.Map, uncertainty: preflight.Uncertainty) -> preflight.Uncertainty:
