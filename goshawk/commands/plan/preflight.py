@@ -161,8 +161,9 @@ def blowing(wind: str) -> preflight.Uncertainty:
 def _radius_m(item: TrajectoryFile, believed: vehicle.Vehicle) -> float:
     """Of the sphere that the plan was checked for; to the farthest propeller tip where the file does not tell."""
     told = item.check.get("body_radius_m")
-    known = isinstance(told, int | float) and math.isfinite(told) and told > 0.0
-    return float(told) if known else believed.reach_m
+    if isinstance(told, int | float) and math.isfinite(told) and told > 0.0:
+        return float(told)
+    return believed.reach_m
 
 
 def of_map(area: mapping.Map, uncertainty: preflight.Uncertainty) -> preflight.Uncertainty:
