@@ -2,21 +2,21 @@
 
 from dataclasses import replace
 
+from preflight.core import DROP_OUTS, GUSTS, NOISE
 from preflight.draws import Uncertainty
 from vehicle import Vehicle
 
-GUSTS, NOISE = "gusts", "sensor noise"
-"""What happens within a flight, and no number drawn before it explains."""
 _FIELDS = {
-    "wind": ("wind_m_s",), "gusts": ("gust_std_m_s",), "pose delay": ("pose_delay_std_s",),
+    "wind": ("wind_m_s",), GUSTS: ("gust_std_m_s",), "pose delay": ("pose_delay_std_s",),
     "localization": ("localization_std_m",), "heading": ("heading_std_rad",), "map scale": ("map_scale_std_ratio",),
     "map surface": ("map_error_std_m",), "start": ("start_std_m",), "rotor wear": ("rotor_wear_ratio",),
-    NOISE: ("noise_ratio",),
+    NOISE: ("noise_ratio",), DROP_OUTS: ("drop_outs_per_s",),
 }  # fmt: skip
 _WORDS = {
     "wind": "wait for less wind, or plan with a larger --margin",
-    "gusts": "wait for less wind, or plan with a larger --margin",
+    GUSTS: "wait for less wind, or plan with a larger --margin",
     NOISE: "improve the estimate, or plan slower (goshawk plan --speed)",
+    DROP_OUTS: "give the estimator more light, texture or processor time, until its pose has no gaps",
     "pose delay": "identify from a log of the pose: it tells the delay; or send true time stamps",
     "localization": "take more images along the path, and localize there",
     "heading": "calibrate the camera's mounting",

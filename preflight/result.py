@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from firmware_bridge import _controller
-from firmware_bridge.controller import State
 from flight import FloatArray, Trajectory
 from preflight import core, remedies, statistics
 from preflight.statistics import QUANTILES, Probability
@@ -22,7 +21,6 @@ LEAST_FINISHED = 0.9
 """A trajectory that the controller gives up more often than the rest of this is a no-go at any risk."""
 _NEAREST_SHARE = 0.05
 _OVERTURNED_RAD = 0.5 * np.pi
-_DOWN = (State.EMERGENCY, State.FAULT)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,6 +40,7 @@ class Record:
     end_state: np.ndarray
     reason: np.ndarray
     tilt_rad: FloatArray
+    fell: np.ndarray
     rotor_reserve: FloatArray
     energy_j: FloatArray
     duration_s: FloatArray
@@ -56,9 +55,8 @@ class Record:
     @property
     def lost(self) -> np.ndarray:
         """(n,) whether it touched something, left the map, overturned, or came down without knowing where."""
-        down = np.isin(self.end_state, _DOWN) & (self.ending == core.FAILSAFE)
         overturned = self.tilt_rad > _OVERTURNED_RAD
-        return self.touched | self.left_map | down | overturned | (self.ending == core.DIVERGED)
+        return self.touched | self.left_map | self.fell | overturned | (self.ending == core.DIVERGED)
 
     @staticmethod
     def joined(parts: list["Record"]) -> "Record":
@@ -101,7 +99,9 @@ class Result:
     risk: float
     """That is accepted."""
     shares: Mapping[str, float]
-    """Of the variance of the least clearance (of the largest error without a map) by factor, the largest first."""
+    """Of the variance of the least clearance (of the largest error without a map) by factor, the largest first.
+
+    Empty after Ctrl-C, and where the flights are too few."""
     loss_shares: Mapping[str, float]
     """The same of whether a flight is lost; empty where too few were."""
     assumed: tuple[str, ...]
@@ -135,12 +135,15 @@ class Result:
         return self.lost.upper <= self.risk and self.finished >= LEAST_FINISHED
 
     @property
-    def dominating(self) -> tuple[str, float]:
-        """What decides most whether flights are lost, or where that cannot be told, how close they come; its share."""
+    def dominating(self) -> tuple[str, float] | None:
+        """What decides most whether flights are lost, or where that cannot be told, how close they come; its share.
+
+        None if these flights do not tell it.
+        """
         for shares in (self.loss_shares, self.shares):
             if shares and (first := max(shares, key=lambda name: shares[name])) and shares[first] > LEAST_SHARE:
                 return first, shares[first]
-        return remedies.NOISE, 1.0
+        return None
 
     def endings(self) -> dict[str, Probability]:
         """Every ending but the trajectory's own, in the controller's words."""
@@ -187,16 +190,14 @@ class Result:
         if self.finished < LEAST_FINISHED:
             return f"only {100 * self.finished:.0f} % of the flights come to the end"
         if self.lost.count / self.flights <= self.risk:
-            need = statistics.flights_for(self.risk)
-            return (
-                f"{self.lost}, which does not show a risk below {self.risk:g}: fly at least {max(need, self.flights)} "
-                "and more after each that fails"
-            )
+            need = statistics.flights_for(self.risk, self.lost.count)
+            again = " with another --seed" if self.lost.count else ""  # a second look at the same flights proves less
+            return f"{self.lost}, which does not show a risk below {self.risk:g}: fly at least {need}{again}"
         return f"the risk is about {self.lost.estimate:.1e}, at most {self.lost.upper:.1e}; {self.risk:g} is accepted"
 
     def as_dict(self) -> dict[str, Any]:
         """As plain JSON values."""
-        r, place, (factor, share) = self.record, self.place(), self.dominating
+        r, place, first = self.record, self.place(), self.dominating
         return {
             "schema": SCHEMA,
             "version": SCHEMA_VERSION,
@@ -221,7 +222,7 @@ class Result:
                 **{f"q{100 * q:.0f}_m": _plain(row) for q, row in zip(QUANTILES, self.tube_m(), strict=True)},
             },
             "where": None if place is None else place.as_dict(),
-            "dominating": {"factor": factor, "share": share, "remedy": remedies.words(factor)},
+            "dominating": first and {"factor": first[0], "share": first[1], "remedy": remedies.words(first[0])},
             "shares": dict(self.shares),
             "loss_shares": dict(self.loss_shares),
             "without_it": None if self.removed is None else self.removed.risk.as_dict(),

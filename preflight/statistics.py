@@ -1,5 +1,6 @@
 """Probabilities with bounds that the number of flights supports, and shares of a variance."""
 
+from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -45,9 +46,15 @@ def upper_bound(count: int, flights: int) -> float:
     return 1.0 if count >= flights else float(betaincinv(count + 1, flights - count, CONFIDENCE))
 
 
-def flights_for(risk: float) -> int:
-    """The fewest flights that, if nothing happens in any, show a risk to be met."""
-    return int(np.ceil(np.log(1.0 - CONFIDENCE) / np.log1p(-risk)))
+def flights_for(risk: float, count: int = 0) -> int:
+    """The fewest flights that, if it happens in `count` of them, show a risk to be met."""
+    least = int(np.ceil(np.log(1.0 - CONFIDENCE) / np.log1p(-risk)))
+    if count == 0:
+        return least
+    most = 2 * least
+    while upper_bound(count, most) > risk:
+        most *= 2
+    return least + bisect_left(range(least, most), True, key=lambda n: upper_bound(count, n) <= risk)
 
 
 def quantiles(values: FloatArray) -> dict[str, float]:

@@ -1,6 +1,7 @@
 """The preflight itself: draw, fly in batches, ask the map, and conclude."""
 
 import os
+from collections.abc import Collection
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from flight import FloatArray, InputError, Progress, Trajectory, silent
 from preflight import clearance, draws, remedies, statistics
 from preflight.advice import Advice, advise
 from preflight.clearance import DistanceField
-from preflight.core import Air, Loop
+from preflight.core import DROP_OUTS, GUSTS, NOISE, WITHIN, Air, Loop
 from preflight.draws import Drawn, Uncertainty
 from preflight.result import BINS, Record, Removed, Result, spread
 from vehicle import Vehicle
@@ -21,9 +22,9 @@ _BATCH = 64
 """Flights of a call for each processor: what is kept of them meanwhile takes 0.2 MB each."""
 _LEAST_LOST = 10
 """Flights, from which on it is told what loses them."""
-_AGAIN = 192
-"""Flights that are flown again with other noise."""
-_OTHER_SEED = 1 << 32
+_AGAIN = 128
+"""Flights that are flown again with other noise, gusts or drop-outs."""
+_LARGEST_SEED = 2**32 - 1
 LEAST_RISK, LARGEST_RISK = 1e-5, 0.5
 STRONGEST_M_S = 50.0
 
@@ -42,6 +43,8 @@ class Options:
     air: Air = field(default_factory=Air)
     rate_hz: int = 500
     """Of the controller."""
+    rotor_speed_measured: bool = False
+    """Whether the vehicle tells the controller the speeds of its rotors."""
     threads: int | None = None
     """None: as many as there are processors. The result does not depend on it."""
     explain: bool = True
@@ -57,6 +60,8 @@ class Options:
             )
         if self.flights is not None and self.flights < 1:
             raise InputError(f"{self.flights} flights; at least one is needed")
+        if not 0 <= self.seed <= _LARGEST_SEED:
+            raise InputError(f"a seed of {self.seed}; it must be from 0 to {_LARGEST_SEED}")
 
     @property
     def count(self) -> int:
@@ -95,9 +100,10 @@ def fly(
     result = Result(
         record, trajectory, options.count, options.risk, shares, loss_shares, drawn.assumed, steps=steps + again
     )
-    if not options.explain or not record.lost.any() or result.flights < options.count:
+    first = result.dominating
+    if first is None or not options.explain or not record.lost.any():
         return result
-    return replace(result, removed=study.without(result.dominating[0], progress))
+    return replace(result, removed=study.without(first[0], progress))
 
 
 def require_hover(vehicle: Vehicle, uncertainty: Uncertainty) -> None:
@@ -179,6 +185,7 @@ class _Study:
             sensors=_sensors(self.options.sensors, uncertainty),
             air=self.options.air,
             rate_hz=self.options.rate_hz,
+            rotor_speed_measured=self.options.rotor_speed_measured,
         )
 
     def flown(
@@ -193,15 +200,15 @@ class _Study:
         try:
             for first in range(0, options.count, batch):
                 progress(stage, first / options.count)
-                part, taken = self._batch(loop, drawn, slice(first, first + batch), seed=options.seed)
+                part, taken = self._batch(loop, drawn, np.arange(first, min(first + batch, options.count)))
                 parts.append(part)
                 steps += taken
                 if options.decide_only and self._no_go(parts):
                     break
+            progress(stage, 1.0)
         except KeyboardInterrupt:
             if not parts:
                 raise
-        progress(stage, 1.0)
         return Record.joined(parts), drawn, steps
 
     def _no_go(self, parts: list[Record]) -> bool:
@@ -209,34 +216,66 @@ class _Study:
         return statistics.upper_bound(lost, self.options.count) > self.options.risk
 
     def shares(self, record: Record, drawn: Drawn) -> tuple[dict[str, float], dict[str, float], int]:
-        """Of the variance of the least clearance, and of that of being lost, by factor; and steps flown for that."""
-        factors = {name: values[: len(record)] for name, values in drawn.factors.items()}
-        value = spread(record)
-        shares = statistics.variance_shares(value, factors)
-        loss = statistics.variance_shares(record.lost.astype(np.float64), factors)
-        gusty = self.options.uncertainty.gust_std_m_s > 0.0
-        name = remedies.GUSTS if gusty else remedies.NOISE
-        within, steps = self._within(value, drawn)
-        shares[name] = shares.get(name, 0.0) + within
-        largest_first = dict(sorted(shares.items(), key=lambda item: -item[1]))
-        return largest_first, (loss if record.lost.sum() >= _LEAST_LOST else {}), steps
+        """Of the variance of the least clearance, and of that of being lost, by factor; and steps flown for that.
 
-    def _within(self, value: FloatArray, drawn: Drawn) -> tuple[float, int]:
-        """Share of the variance that comes anew with every flight: some are flown again with other noise and gusts."""
-        some = slice(0, min(_AGAIN, len(value)))
+        Empty after Ctrl-C, now or before: without what comes anew in every flight the wrong one would be first.
+        """
+        try:
+            return self._shares(record, drawn) if len(record) == self.options.count else ({}, {}, 0)
+        except KeyboardInterrupt:
+            return {}, {}, 0
+
+    def _shares(self, record: Record, drawn: Drawn) -> tuple[dict[str, float], dict[str, float], int]:
         loop = self._loop(self.options.uncertainty, self.vehicle)
-        record, steps = self._batch(loop, drawn, some, seed=self.options.seed + _OTHER_SEED)
-        again = spread(record)
-        both = np.isfinite(value[some]) & np.isfinite(again)
-        total = float(np.nanvar(value)) if both.any() else 0.0
-        if not total > 0.0:
-            return 0.0, steps
-        return min(1.0, 0.5 * float(np.mean((value[some][both] - again[both]) ** 2)) / total), steps
+        value, lost = spread(record), record.lost.astype(np.float64)
+        shares = statistics.variance_shares(value, drawn.factors)
+        loss = statistics.variance_shares(lost, drawn.factors) if lost.sum() >= _LEAST_LOST else {}
+        steps = 0
+        for kind in self._kinds():
+            for found, share in ((shares, self._anew), (loss, self._kept)):
+                if found:
+                    within, taken = share(kind, loop, record, drawn)
+                    found[kind] = found.get(kind, 0.0) + within
+                    steps += taken
+        return _largest_first(shares), _largest_first(loss), steps
 
-    def _batch(self, loop: Loop, drawn: Drawn, rows: slice, *, seed: int) -> tuple[Record, int]:
+    def _kinds(self) -> list[str]:
+        given = self.options.uncertainty
+        sizes = {NOISE: given.noise_ratio, GUSTS: given.gust_std_m_s, DROP_OUTS: given.drop_outs_per_s}
+        return [kind for kind in WITHIN if sizes[kind] > 0.0]
+
+    def _anew(self, kind: str, loop: Loop, record: Record, drawn: Drawn) -> tuple[float, int]:
+        """Share of the spread's variance that comes anew in every flight: some are flown again with another `kind`."""
+        value = spread(record)
+        some = np.arange(min(_AGAIN, len(value)))
+        again, steps = self._batch(loop, drawn, some, anew=[kind])
+        change = value[some] - spread(again)
+        total = float(np.nanvar(value))
+        if not total > 0.0 or not np.isfinite(change).any():
+            return 0.0, steps
+        return min(1.0, 0.5 * float(np.nanmean(change**2)) / total), steps
+
+    def _kept(self, kind: str, loop: Loop, record: Record, drawn: Drawn) -> tuple[float, int]:
+        """First-order share of the variance of being lost: how many lost flights are so again when all but `kind` is
+        another flight's (pick-freeze estimate of a Sobol index, of the lost ones alone: the others are too many)."""
+        lost = np.flatnonzero(record.lost)[:_AGAIN]
+        others = (lost + len(record) // 2) % len(record)
+        again, steps = self._batch(loop, drawn, others, numbers=lost, anew=[k for k in WITHIN if k != kind])
+        risk = float(record.lost.mean())
+        return max(0.0, (float(again.lost.mean()) - risk) / (1.0 - risk)), steps
+
+    def _batch(
+        self,
+        loop: Loop,
+        drawn: Drawn,
+        rows: np.ndarray,
+        *,
+        numbers: np.ndarray | None = None,
+        anew: Collection[str] = (),
+    ) -> tuple[Record, int]:
         flown = loop.fly(
-            drawn.values[rows], drawn.rows[rows], seed=seed, first=rows.start,
-            threads=self.options.threads,
+            drawn.values[rows], drawn.rows[rows], seed=self.options.seed, numbers=rows if numbers is None else numbers,
+            anew=anew, threads=self.options.threads,
         )  # fmt: skip
         near = clearance.nearest(
             flown, self.field or _Nothing(), self.radius_m, drawn.map_scale[rows], drawn.map_error_m[rows]
@@ -244,7 +283,7 @@ class _Study:
         record = Record(
             near.clearance_m, near.point_world_m, near.path_s, near.left_map,
             clearance.errors_along(flown, self.trajectory, BINS), flown.ending, flown.end_state, flown.reason,
-            flown.tilt_rad, flown.rotor_reserve, flown.energy_j, flown.ended_s,
+            flown.tilt_rad, flown.fell, flown.rotor_reserve, flown.energy_j, flown.ended_s,
         )  # fmt: skip
         return record, flown.steps
 
@@ -256,6 +295,10 @@ class _Study:
         except KeyboardInterrupt:
             return None
         return Removed(factor, statistics.Probability.of(record.lost)) if len(record) == self.options.count else None
+
+
+def _largest_first(shares: dict[str, float]) -> dict[str, float]:
+    return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
 
 def _sensors(sensors: Sensors, uncertainty: Uncertainty) -> Sensors:

@@ -19,6 +19,8 @@ struct Setup {
     std::uint32_t tick_us;
     std::uint32_t sample_every;  // ticks
     double gravity_m_s2, gust_length_m;
+    double battery_v;  // that the motors' model takes as full
+    bool rotor_speed_measured;
     double slowest_rad_s, fastest_rad_s;  // limits of the rotors, for the reserve
     double start_m[3], start_yaw_rad;
     double settle_s, limit_s;          // hover before; longest flight
@@ -39,13 +41,20 @@ struct Sample {
 };
 
 struct Summary {
-    double ending, state, reason, ended_s, tilt_rad, reserve, energy_j, flown_s;
+    double ending, state, reason, ended_s;
+    double tilt_rad, fell;  // of the whole flight: what follows its end, too
+    double reserve, energy_j, flown_s;
 };
 constexpr int kSummary = sizeof(Summary) / sizeof(double);
 
+// Seeds of what comes anew in every flight; one can be changed alone.
+struct Seeds {
+    std::uint64_t noise, air, drop_outs;
+};
+
 class Flight {
   public:
-    Flight(const Setup& setup, const Model& model, const double* values, const Draw& draw, std::uint64_t seed,
+    Flight(const Setup& setup, const Model& model, const double* values, const Draw& draw, const Seeds& seeds,
            std::uint64_t number, tc_controller& controller)
         : setup_(setup),
           model_(model),
@@ -53,34 +62,35 @@ class Flight {
           draw_(draw),
           controller_(controller),
           body_(rigid_body(model, values)),
-          noise_(seed, number, 1),
-          air_(seed, number, 2),
+          noise_(seeds.noise, number, 1),
+          air_(seeds.air, number, 2),
+          drop_outs_(seeds.drop_outs, number, 3),
           gusts_(draw.gust_std_m_s, setup.gust_length_m, along(draw).unit, air_),
-          sensing_(setup.noise, draw.localization, setup.tick_us, noise_),
+          sensing_({setup.noise, draw.localization, setup.tick_us, setup.rotor_speed_measured}, noise_, drop_outs_),
           step_s_(setup.tick_us * 1e-6) {
         controller_ = setup.controller;
         place();
     }
 
-    // Writes at most `most` samples; the rest keeps what it is.
+    // Calls `sample` from the hover before the start on.
     template <class Samples>
     Summary fly(Samples&& sample) {
         stand();
-        if (tc_engage(&controller_, rotors()) != TC_OK) return ended(kNotStarted, controller_.mission.reason);
-        run(setup_.settle_s);
-        const tc_reason refused = tc_do(&controller_, TC_COMMAND_START, 0.0f);
-        if (refused != TC_OK) return ended(kNotStarted, refused);
-        const auto most = static_cast<std::size_t>(setup_.limit_s / step_s_);
+        if (tc_engage(&controller_, rotors()) != TC_OK) return gave_up(kNotStarted, controller_.mission.reason);
         began_s_ = time_us_ * 1e-6;
-        disturbed_ = true;
+        const std::size_t hover = ticks_in(setup_.settle_s), most = hover + ticks_in(setup_.limit_s);
         for (std::size_t i = 0; i < most; ++i) {
+            if (i == hover && ending_ < 0) {
+                const tc_reason refused = start();
+                if (refused != TC_OK) return gave_up(kNotStarted, refused);
+            }
             tick();
             watch();
             if (i % setup_.sample_every == 0) sample(i / setup_.sample_every, now());
-            if (!std::isfinite(x_[0] + x_[1] + x_[2])) return ended(kDiverged, TC_NOT_FINITE);
+            if (!std::isfinite(x_[0] + x_[1] + x_[2])) return gave_up(kDiverged, TC_NOT_FINITE);
             if (ending_ >= 0 && time_us_ * 1e-6 >= ended_s_ + after_s()) break;
         }
-        return ending_ >= 0 ? summary_ : ended(kTimedOut, TC_TIMEOUT);
+        return ending_ >= 0 ? whole() : gave_up(kTimedOut, TC_TIMEOUT);
     }
 
   private:
@@ -116,9 +126,14 @@ class Flight {
         }
     }
 
-    void run(double seconds) {
-        const auto ticks = static_cast<std::size_t>(seconds / step_s_);
-        for (std::size_t i = 0; i < ticks; ++i) tick();
+    std::size_t ticks_in(double seconds) const { return static_cast<std::size_t>(seconds / step_s_); }
+
+    tc_reason start() {
+        const tc_reason refused = tc_do(&controller_, TC_COMMAND_START, 0.0f);
+        if (refused != TC_OK) return refused;
+        began_s_ = time_us_ * 1e-6;
+        disturbed_ = true;
+        return TC_OK;
     }
 
     void control() {
@@ -157,13 +172,13 @@ class Flight {
         world_.gravity = setup_.gravity_m_s2;
         double trial[kState];
         Derivative k1, k2, k3, k4;
-        derive(model_, values_, body_, world_, command_, 0.0, x_, k1);
+        derive(model_, values_, body_, world_, command_, setup_.battery_v, x_, k1);
         after(x_, k1, 0.5 * step_s_, trial);
-        derive(model_, values_, body_, world_, command_, 0.0, trial, k2);
+        derive(model_, values_, body_, world_, command_, setup_.battery_v, trial, k2);
         after(x_, k2, 0.5 * step_s_, trial);
-        derive(model_, values_, body_, world_, command_, 0.0, trial, k3);
+        derive(model_, values_, body_, world_, command_, setup_.battery_v, trial, k3);
         after(x_, k3, step_s_, trial);
-        derive(model_, values_, body_, world_, command_, 0.0, trial, k4);
+        derive(model_, values_, body_, world_, command_, setup_.battery_v, trial, k4);
         for (int i = 0; i < kState; ++i) {
             x_[i] += step_s_ / 6.0 * (k1.state[i] + 2.0 * k2.state[i] + 2.0 * k3.state[i] + k4.state[i]);
         }
@@ -180,10 +195,15 @@ class Flight {
         const std::uint8_t state = controller_.mission.state;
         const double up = 1.0 - 2.0 * (x_[7] * x_[7] + x_[8] * x_[8]);
         if (up < least_up_) least_up_ = up;
+        fell_ = fell_ || state == TC_EMERGENCY || state == TC_FAULT;
         if (ending_ < 0 && state == TC_TRAJECTORY) reserve();
-        if (ending_ >= 0 || state == TC_APPROACH || state == TC_TRAJECTORY) return;
+        if (ending_ >= 0 || as_planned(state)) return;
         const bool finished = state == TC_HOLD && controller_.mission.reason == TC_FINISHED;
         ended(finished ? kFinished : kFailsafe, controller_.mission.reason);
+    }
+
+    bool as_planned(std::uint8_t state) const {
+        return disturbed_ ? state == TC_APPROACH || state == TC_TRAJECTORY : state == TC_HOLD;
     }
 
     double after_s() const { return ending_ == kFinished ? setup_.after_s : setup_.after_failsafe_s; }
@@ -198,17 +218,27 @@ class Flight {
         }
     }
 
-    Summary ended(Ending ending, int reason) {
+    void ended(Ending ending, int reason) {
         ending_ = ending;
         ended_s_ = time_us_ * 1e-6;
-        summary_ = {static_cast<double>(ending),
-                    static_cast<double>(controller_.mission.state),
-                    static_cast<double>(reason),
-                    ended_s_ - began_s_,
-                    arccosine(std::fmax(-1.0, least_up_)),
-                    reserve_,
-                    energy_j_,
-                    ended_s_};
+        summary_.ending = ending;
+        summary_.state = controller_.mission.state;
+        summary_.reason = reason;
+        summary_.ended_s = ended_s_ - began_s_;
+        summary_.reserve = reserve_;
+        summary_.energy_j = energy_j_;
+    }
+
+    Summary gave_up(Ending ending, int reason) {
+        ended(ending, reason);
+        return whole();
+    }
+
+    // With what happened after the end.
+    Summary whole() {
+        summary_.tilt_rad = arccosine(std::fmax(-1.0, least_up_));
+        summary_.fell = fell_;
+        summary_.flown_s = static_cast<double>(ticks_) * step_s_;
         return summary_;
     }
 
@@ -229,6 +259,7 @@ class Flight {
     }
 
     static constexpr int kGustEvery = 5;
+    static constexpr std::uint64_t kClock = 1000000;  // at the first tick, so that no stamp comes before zero
 
     const Setup& setup_;
     const Model& model_;
@@ -236,7 +267,7 @@ class Flight {
     const Draw& draw_;
     tc_controller& controller_;
     Body<double> body_;
-    Random noise_, air_;
+    Random noise_, air_, drop_outs_;
     Gusts gusts_;
     Sensing sensing_;
     double step_s_;
@@ -244,11 +275,12 @@ class Flight {
     double x_[kState] = {}, command_[4] = {}, force_[3] = {}, gust_[3] = {};
     double at_[3] = {};  // where it was when the controller was called, to whose set-point that belongs
     float engaged_[4] = {};
-    std::uint64_t time_us_ = 0, ticks_ = 0;
+    std::uint64_t time_us_ = kClock, ticks_ = 0;
     double ramp_ = 0.0, began_s_ = 0.0, ended_s_ = 0.0, energy_j_ = 0.0, least_up_ = 1.0;
     double reserve_ = 1.0;
     int ending_ = -1;
-    bool disturbed_ = false;  // drop-outs are for the path: before it the vehicle is held until it is ready
+    bool disturbed_ = false;  // on its way; drop-outs are for the path: before it one waits until the vehicle is ready
+    bool fell_ = false;
     bool lags_ = lags(model_, values_);
     Summary summary_{};
 

@@ -27,7 +27,7 @@ template <class T, int N>
 using Out = nb::ndarray<T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
 
 constexpr std::size_t kDraw = sizeof(Draw) / sizeof(double);
-constexpr std::size_t kCommon = 21;
+constexpr std::size_t kCommon = 23;
 
 tc_segment segment_from(std::uint32_t duration_us, const float* coefficients, std::size_t count) {
     tc_segment s{};
@@ -67,22 +67,28 @@ class Flights {
 
     int width() const { return model_.width; }
 
-    // Flights first .. first + rows of `draws`. What is not flown keeps what it is.
-    void fly(In<double, 2> values, In<double, 2> draws, std::uint64_t seed, std::uint64_t first, int threads,
-             Out<float, 3> positions, Out<float, 2> errors, Out<float, 2> path_s, Out<std::uint8_t, 2> states,
-             Out<double, 2> summaries) const {
+    // A flight for each row; `seeds` as Seeds. What is not flown keeps what it is.
+    void fly(In<double, 2> values, In<double, 2> draws, In<std::uint64_t, 1> numbers, In<std::uint64_t, 1> seeds,
+             int threads, Out<float, 3> positions, Out<float, 2> errors, Out<float, 2> path_s,
+             Out<std::uint8_t, 2> states, Out<double, 2> summaries) const {
         if (draws.shape(1) != kDraw || values.shape(1) != static_cast<std::size_t>(model_.width)) {
             throw std::invalid_argument("rows of draws or values have another length");
         }
+        const std::size_t rows = draws.shape(0);
+        if (values.shape(0) != rows || numbers.shape(0) != rows || seeds.shape(0) != 3) {
+            throw std::invalid_argument("a row of values, one of draws and a number are needed for each flight");
+        }
+        const Seeds three{seeds.data()[0], seeds.data()[1], seeds.data()[2]};
         nb::gil_scoped_release release;
-        const std::size_t count = draws.shape(0), most = positions.shape(1);
+        const std::size_t count = rows, most = positions.shape(1);
         std::atomic<std::size_t> next{0};
         const auto work = [&] {
             const auto controller = std::make_unique<tc_controller>();
             for (std::size_t i = next++; i < count; i = next++) {
                 Draw draw;
                 std::memcpy(&draw, draws.data() + kDraw * i, sizeof draw);
-                Flight flight(*setup_, model_, values.data() + values.shape(1) * i, draw, seed, first + i, *controller);
+                Flight flight(*setup_, model_, values.data() + values.shape(1) * i, draw, three, numbers.data()[i],
+                              *controller);
                 const Summary summary = flight.fly([&](std::size_t k, const Sample& s) {
                     if (k >= most) return;
                     std::memcpy(positions.data() + 3 * (most * i + k), s.position_m, sizeof s.position_m);
@@ -115,6 +121,8 @@ class Flights {
         s.limit_s = c[18];
         s.after_s = c[19];
         s.after_failsafe_s = c[20];
+        s.battery_v = c[21];
+        s.rotor_speed_measured = c[22] != 0.0;
     }
 
     tc_reason upload(const In<std::uint32_t, 1>& durations_us, const In<float, 3>& coefficients, float clearance_m) {

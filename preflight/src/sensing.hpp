@@ -26,9 +26,21 @@ struct Localization {
 
 class Sensing {
   public:
-    Sensing(const Noise& noise, const Localization& localization, std::uint32_t tick_us, Random& random)
-        : noise_(noise), localization_(localization), tick_us_(tick_us), random_(random) {
-        const double ticks = localization.delay_s * 1e6 / tick_us;
+    struct Given {
+        const Noise& noise;
+        const Localization& localization;
+        std::uint32_t tick_us;
+        bool rotor_speed_measured;
+    };
+
+    Sensing(const Given& given, Random& random, Random& gaps)
+        : noise_(given.noise),
+          localization_(given.localization),
+          tick_us_(given.tick_us),
+          rotor_speed_measured_(given.rotor_speed_measured),
+          random_(random),
+          gaps_(gaps) {
+        const double ticks = localization_.delay_s * 1e6 / tick_us_;
         whole_ = static_cast<std::size_t>(ticks);
         part_ = ticks - static_cast<double>(whole_);
         past_.resize(13 * (whole_ + 2));
@@ -45,14 +57,17 @@ class Sensing {
 
     tc_estimate estimate(std::uint64_t time_us, const double* x, const double specific_force[3], bool drops_out) {
         tc_estimate e{};
-        e.valid = TC_VALID_ALL | TC_VALID_ROTOR_SPEED;
+        e.valid = TC_VALID_ALL;
         e.rate_time_us = time_us;
         pose(time_us, drops_out, e);
         for (int k = 0; k < 3; ++k) {
             e.rate_body_rad_s[k] = noisy(x[10 + k], noise_.rate_rad_s);
             e.specific_force_body_m_s2[k] = noisy(specific_force[k], noise_.specific_force_m_s2);
         }
-        for (int i = 0; i < TC_ROTORS; ++i) e.rotor_speed_rad_s[i] = noisy(x[13 + i], noise_.rotor_speed_rad_s);
+        if (rotor_speed_measured_) {
+            e.valid = TC_VALID_ALL | TC_VALID_ROTOR_SPEED;
+            for (int i = 0; i < TC_ROTORS; ++i) e.rotor_speed_rad_s[i] = noisy(x[13 + i], noise_.rotor_speed_rad_s);
+        }
         return e;
     }
 
@@ -66,7 +81,7 @@ class Sensing {
     // In a drop-out the last pose comes again, with its old stamp.
     void pose(std::uint64_t time_us, bool drops_out, tc_estimate& e) {
         if (drops_out && localization_.drop_outs_per_s > 0.0 && time_us >= until_us_ &&
-            random_.uniform() < localization_.drop_outs_per_s * 1e-6 * tick_us_) {
+            gaps_.uniform() < localization_.drop_outs_per_s * 1e-6 * tick_us_) {
             until_us_ = time_us + static_cast<std::uint64_t>(localization_.drop_out_s * 1e6);
         }
         if (time_us >= until_us_ || stamp_us_ == 0) measure(time_us);
@@ -105,7 +120,8 @@ class Sensing {
     const Noise& noise_;
     const Localization& localization_;
     std::uint32_t tick_us_;
-    Random& random_;
+    bool rotor_speed_measured_;
+    Random &random_, &gaps_;
     std::vector<double> past_;  // a ring of true states
     std::size_t whole_ = 0, count_ = 0;
     double part_ = 0.0;

@@ -37,7 +37,7 @@ def test_a_flight_does_not_depend_on_those_beside_it(form, curve, drone):
     loop = loop_of(form, curve, drone)
     drawn = draws.draw(form, loop.names, WINDY, 5, seed=3)
     whole = loop.fly(drawn.values, drawn.rows, seed=3)
-    last = loop.fly(drawn.values[4:], drawn.rows[4:], seed=3, first=4)
+    last = loop.fly(drawn.values[4:], drawn.rows[4:], seed=3, numbers=np.array([4]))
     assert np.array_equal(whole.position_world_m[4:], last.position_world_m, equal_nan=True)
     assert not np.array_equal(whole.error_m[3], whole.error_m[4], equal_nan=True)
 

@@ -69,6 +69,7 @@ def test_what_was_planted_decides_most_and_its_removal_takes_the_risk_away(drone
 
 def test_gusts_are_named_though_no_number_drawn_before_tells_them(drone, curve):
     found = flown(drone, curve, 1.0, uncertainty=replace(EXACT, gust_std_m_s=2.0), flights=200)
+    assert found.dominating is not None
     assert found.dominating[0] == remedies.GUSTS
     assert found.dominating[1] > 0.5
 
@@ -116,7 +117,8 @@ def test_a_landing_touches_the_floor_below_it_but_no_wall(drone, curve):
     state = np.full((2, 50), clearance.DESCENDING[0], np.uint8)
     blank = np.zeros((2, 50), np.float32)
     two = np.zeros(2, np.int64)
-    batch = core.Flown(paths, blank, blank, state, two, two, two, *(np.zeros(2) for _ in range(4)), 0)
+    none, no = np.zeros(2), np.zeros(2, bool)
+    batch = core.Flown(paths, blank, blank, state, two, two, two, none, none, no, none, none, 0)
 
     class Corner(Wall):
         def distance(self, points_world_m):
