@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FloatArray, InputError
-from preflight.core import DRAW_COLUMNS
+from preflight.core import DRAW_COLUMNS, GUSTS, sensed
 from vehicle import Parameter, Vehicle, invert, specs
 
 CORRELATION = "correlation"
@@ -19,6 +19,12 @@ CORRELATION = "correlation"
 TOGETHER = 0.9
 """Parameters correlated at least so much are one factor: no flight tells them apart."""
 WEAK = "weak_rotor"
+DELAY_STD_S = 0.003
+LATEST_S = 0.2
+"""Oldest pose that is simulated."""
+_DELAY = "pose_delay.delay_s"
+_UNFLOWN = ("ground_effect", "ceiling_effect", "battery_sag")
+"""Effects that find nothing to act on: free air, a full battery."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +42,8 @@ class Uncertainty:
     gust_spread_ratio: float = 0.2
     pose_delay_s: float = 0.01
     """Told by the time stamps."""
-    pose_delay_std_s: float = 0.003
-    """Of what they do not tell."""
+    pose_delay_std_s: float | None = None
+    """Of what they do not tell; None: the model's, or `DELAY_STD_S` where it has no effect pose_delay."""
     drop_outs_per_s: float = 0.0
     """How often the pose is missing."""
     drop_out_s: float = 0.1
@@ -61,8 +67,12 @@ class Uncertainty:
     def __post_init__(self) -> None:
         for name in self.__slots__:
             value = getattr(self, name)
-            if name != "wind_direction" and not (np.isfinite(value) and value >= 0.0):
+            if value is not None and name != "wind_direction" and not (np.isfinite(value) and value >= 0.0):
                 raise InputError(f"{name} is {value}; it must be a finite number of at least 0")
+        if self.pose_delay_s > LATEST_S:
+            raise InputError(f"pose_delay_s is {self.pose_delay_s:g}; at most {LATEST_S:g} s is simulated")
+        if self.wind_direction is not None and not abs(np.linalg.norm(self.wind_direction) - 1.0) < 1e-6:
+            raise InputError(f"wind_direction is {self.wind_direction}; it must be a unit vector")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,13 +113,14 @@ def draw(vehicle: Vehicle, names: tuple[str, ...], uncertainty: Uncertainty, cou
     rows = np.zeros((count, len(DRAW_COLUMNS)))
     column = {name: rows[:, i] for i, name in enumerate(DRAW_COLUMNS)}
     _air(column, uncertainty, draw_of, factors)
-    _estimate(column, uncertainty, draw_of, factors)
+    _estimate(column, vehicle, uncertainty, draw_of, factors)
     _start(column, uncertainty, draw_of, factors)
     for i, speed in enumerate(invert.hover(vehicle)):
         column[f"hover{i}_rad_s"][:] = speed
-    scale = 1.0 + uncertainty.map_scale_std_ratio * draw_of.one("map scale", uncertainty.map_scale_std_ratio, factors)
+    width = uncertainty.map_scale_std_ratio
+    scale = np.exp(width * draw_of.one("map scale", width, factors))
     error = uncertainty.map_error_std_m * draw_of.one("map surface", uncertainty.map_error_std_m, factors)
-    return Drawn(values, rows, scale, error, factors, assumed)
+    return Drawn(values, rows, scale, error, factors, assumed + _not_flown(vehicle))
 
 
 class _Streams:
@@ -121,7 +132,8 @@ class _Streams:
     def __call__(self, name: str, columns: int = 1) -> FloatArray:
         """(count, columns); the first rows do not depend on the count."""
         digest = hashlib.sha256(name.encode()).digest()
-        stream = np.random.Generator(np.random.Philox(key=[self._seed, int.from_bytes(digest[:8], "little")]))
+        key = np.array([self._seed, int.from_bytes(digest[:8], "little")], np.uint64)
+        stream = np.random.Generator(np.random.Philox(key=key))
         return stream.standard_normal((self.count, columns))
 
     def one(self, name: str, std: float, factors: dict[str, FloatArray]) -> FloatArray:
@@ -143,20 +155,20 @@ def _parameters(
 ) -> tuple[FloatArray, dict[str, FloatArray], tuple[str, ...]]:
     """Values (n, p), and the factors of those that are uncertain."""
     values = np.repeat([[vehicle.value(name) for name in names]], draw_of.count, axis=0)
-    uncertain = [n for n in names if vehicle.parameter(n).std > 0.0 and not n.startswith(f"{WEAK}.")]
+    uncertain = [name for name in names if vehicle.parameter(name).std > 0.0]
     if not uncertain:
         return values, {}, (f"{vehicle.name} states no uncertainty of its parameters: they are flown as exact; "
                             "`goshawk identify` tells their standard errors",)  # fmt: skip
-    correlation, told = correlations(vehicle, uncertain)
+    correlation, alone = correlations(vehicle, uncertain)
     normal = np.concatenate([draw_of(name) for name in uncertain], axis=1) @ _root(correlation).T
     bounds = specs(vehicle)
     for j, name in enumerate(uncertain):
         values[:, names.index(name)] = _physical(vehicle.parameter(name), bounds[name].bounds, normal[:, j])
     _rigid(values, names)
     factors = {" with ".join(uncertain[j] for j in group): normal[:, group] for group in _groups(correlation)}
-    said = () if told else (
-        f"{vehicle.name} has standard errors without their correlation: parameters are drawn independently, which "
-        "overstates what they do together; fit it again with `goshawk identify`",)  # fmt: skip
+    said = () if not alone else (
+        f"of {len(alone)} of {len(uncertain)} standard errors ({alone[0]}) the correlation is not known: drawn "
+        "independently, they overstate what they do together; fit all again with `goshawk identify`",)  # fmt: skip
     return values, factors, said
 
 
@@ -177,27 +189,29 @@ def _rigid(values: FloatArray, names: tuple[str, ...]) -> None:
         values[:, i] = np.minimum(values[:, i], values[:, a] + values[:, b])
 
 
-def correlations(vehicle: Vehicle, names: list[str]) -> tuple[FloatArray, bool]:
-    """(k, k) between parameters, and whether the model tells it; the identity where it does not."""
+def correlations(vehicle: Vehicle, names: list[str]) -> tuple[FloatArray, list[str]]:
+    """(k, k) between parameters, the identity where the model does not tell it; and those that it should tell of."""
     known, matrix = _told(vehicle)
+    identified = [name for name in names if vehicle.parameter(name).source.startswith("identified")]
+    fitted = [name for name in identified if name in known]
     found = np.eye(len(names))
-    if matrix.shape != (len(known), len(known)) or not np.isfinite(matrix).all() or (np.abs(matrix) > 1.0 + 1e-6).any():
-        return found, False
-    fitted = [name for name in names if name in known and vehicle.parameter(name).source.startswith("identified")]
     at, of = [names.index(name) for name in fitted], [known.index(name) for name in fitted]
     found[np.ix_(at, at)] = matrix[np.ix_(of, of)]
-    return found, bool(fitted)
+    return found, [name for name in identified if name not in known] if fitted else names
 
 
 def _told(vehicle: Vehicle) -> tuple[list[str], FloatArray]:
     """Names and matrix in the model's provenance; empty where there is none that can be read."""
-    told = vehicle.provenance.get(CORRELATION)
+    told, nothing = vehicle.provenance.get(CORRELATION), ([], np.zeros((0, 0)))
     if not isinstance(told, Mapping):
-        return [], np.zeros((0, 0))
+        return nothing
     try:
-        return [str(name) for name in told["names"]], np.asarray(told["matrix"], dtype=np.float64)
+        names, matrix = [str(name) for name in told["names"]], np.asarray(told["matrix"], dtype=np.float64)
     except (KeyError, TypeError, ValueError):
-        return [], np.zeros((0, 0))
+        return nothing
+    if matrix.shape != (len(names), len(names)) or not (np.abs(matrix) <= 1.0 + 1e-6).all():
+        return nothing
+    return names, matrix
 
 
 def _root(correlation: FloatArray) -> FloatArray:
@@ -247,14 +261,19 @@ def _air(
     spread = draw_of("gusts")[:, 0]
     column["gust_std_m_s"][:] = given.gust_std_m_s * np.maximum(1.0 + given.gust_spread_ratio * spread, 0.0)
     if given.gust_std_m_s > 0.0:
-        factors["gusts"] = spread[:, None]
+        factors[GUSTS] = spread[:, None]
 
 
 def _estimate(
-    column: Mapping[str, FloatArray], given: Uncertainty, draw_of: _Streams, factors: dict[str, FloatArray]
+    column: Mapping[str, FloatArray],
+    vehicle: Vehicle,
+    given: Uncertainty,
+    draw_of: _Streams,
+    factors: dict[str, FloatArray],
 ) -> None:
-    late = given.pose_delay_std_s * draw_of.one("pose delay", given.pose_delay_std_s, factors)
-    column["pose_delay_s"][:] = np.clip(given.pose_delay_s + late, 0.0, 0.2)
+    untold_s, std_s = _untold_delay(vehicle, given)
+    late = untold_s + std_s * draw_of.one("pose delay", std_s, factors)
+    column["pose_delay_s"][:] = np.clip(given.pose_delay_s + late, 0.0, LATEST_S)
     bias = given.localization_std_m * draw_of.three("localization", given.localization_std_m, factors)
     for i, axis in enumerate("xyz"):
         column[f"bias_{axis}_m"][:] = bias[:, i]
@@ -262,6 +281,19 @@ def _estimate(
     column["heading_bias_rad"][:] = given.heading_std_rad * turned
     column["drop_outs_per_s"][:] = given.drop_outs_per_s
     column["drop_out_s"][:] = given.drop_out_s
+
+
+def _untold_delay(vehicle: Vehicle, given: Uncertainty) -> tuple[float, float]:
+    """Mean and standard deviation of what the pose is older than its stamp, in seconds."""
+    told = vehicle.parameters.get(_DELAY)
+    std_s = DELAY_STD_S if told is None else told.std
+    return 0.0 if told is None else told.value, std_s if given.pose_delay_std_s is None else given.pose_delay_std_s
+
+
+def _not_flown(vehicle: Vehicle) -> tuple[str, ...]:
+    """A sentence on the model's effects that are not flown; empty if all are."""
+    left = [name for name in (*sensed(vehicle), *_UNFLOWN) if name in vehicle.effects and name != _DELAY.split(".")[0]]
+    return (f"flown without {', '.join(left)}: no floor, ceiling, battery or IMU error is simulated",) if left else ()
 
 
 def _start(

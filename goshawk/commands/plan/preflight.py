@@ -41,9 +41,7 @@ _DEFAULT = preflight.Uncertainty()
     "--pose-delay",
     "pose_delay_s",
     type=click.FloatRange(0.0, 0.1),
-    default=_DEFAULT.pose_delay_std_s,
-    show_default=True,
-    help="Delay of the pose, untold, s: its standard deviation.",
+    help="Delay of the pose, untold, s: its standard deviation [default: the model's, or 0.003].",
 )
 @click.option(
     "--drop-outs",
@@ -70,7 +68,7 @@ _DEFAULT = preflight.Uncertainty()
     help="Standard deviation of the pose in the map, metres.",
 )
 @click.option("--advise", is_flag=True, help="Find the largest wind that is a go, and how much slower is one.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed: of all noise.")
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Seed: of all noise.")
 @console.path_option("--out", "out", "JSON file to write with the whole result.")
 @outputs.overwrite_option
 @console.common_options
@@ -82,7 +80,7 @@ def command(
     risk: float,
     wind: str,
     gust_std_m_s: float,
-    pose_delay_s: float,
+    pose_delay_s: float | None,
     drop_outs_per_s: float,
     drop_out_s: float,
     localization_std_m: float,
@@ -176,7 +174,7 @@ def of_map(area: mapping.Map, uncertainty: preflight.Uncertainty) -> preflight.U
 
 def show(title: str, result: preflight.Result, advice: preflight.Advice | None = None) -> None:
     """What, how sure, what next, in 24 lines."""
-    place, (factor, share) = result.place(), result.dominating
+    place = result.place()
     facts: dict[str, object] = {
         "go": f"{'GO' if result.go else 'NO-GO'}: {result.reason()}",
         "touches": str(result.touched),
@@ -192,19 +190,23 @@ def show(title: str, result: preflight.Result, advice: preflight.Advice | None =
             f"segment {place.segment} at {place.time_s:.1f} s near ({x:.2f}, {y:.2f}, {z:.2f}), "
             f"{100.0 * place.share:.0f} % {those}"
         )
-    facts["decides most"] = f"{factor}: {100.0 * share:.0f} % of the variance{_without(result)}"
+    facts["decides most"], remedy = _decides(result)
     if advice is not None:
         facts["advice"] = advice.sentence()
-    facts["next"] = remedies.words(factor) if not result.go else "fly it"
-    for sentence in result.assumed[:1]:
-        facts["assumed"] = sentence
+    facts["next"] = "fly it" if result.go else remedy
+    if result.assumed:
+        facts["assumed"] = "; ".join(result.assumed)
     console.show(title, facts, as_json=False)
     console.table("", ("", "median", "90 %", "99 %", "worst"), _spreads(result))
 
 
-def _without(result: preflight.Result) -> str:
-    removed = result.removed
-    return "" if removed is None else f"; without it {removed.risk}"
+def _decides(result: preflight.Result) -> tuple[str, str]:
+    """What decides most, and what to do about it."""
+    if result.dominating is None:
+        return f"not known from {result.flights} flights", "preflight with more --flights"
+    factor, share = result.dominating
+    without = "" if result.removed is None else f"; without it {result.removed.risk}"
+    return f"{factor}: {100.0 * share:.0f} % of the variance{without}", remedies.words(factor)
 
 
 def _spreads(result: preflight.Result) -> list[tuple[object, ...]]:
