@@ -53,7 +53,7 @@ class Uncertainty:
     heading_std_rad: float = 0.01
     """Of a lasting error of the heading."""
     map_scale_std_ratio: float = 0.005
-    """Of the map's scale."""
+    """Of the map's scale. It makes distances wrong; the pose is taken to be one in the map, of the same scale."""
     map_error_std_m: float = 0.01
     """Of the map's surfaces."""
     start_std_m: float = 0.05

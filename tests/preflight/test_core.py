@@ -7,7 +7,7 @@ import pytest
 
 import preflight
 from firmware_bridge import Sensors, closed_loop
-from firmware_bridge.controller import RefusedError, parameters_of
+from firmware_bridge.controller import RefusedError, State, parameters_of
 from flight import InputError, Trajectory
 from preflight import core, draws
 from tests.preflight.conftest import EXACT
@@ -47,7 +47,7 @@ def test_without_noise_it_flies_as_the_loop_in_python(form, curve, drone):
     start = simulate.State(curve.position([0.0])[0] * [1.0, 1.0, 0.0])
     plant = simulate.Plant(drone, start, ground_m=0.0)
     own = closed_loop.fly(plant, parameters_of(drone), curve, sensors=perfect, imu=True)
-    loop = loop_of(form, curve, drone, sensors=perfect, rate_hz=400)
+    loop = loop_of(form, curve, drone, sensors=perfect, rate_hz=400, rotor_speed_measured=True)
     drawn = draws.draw(form, loop.names, replace(EXACT, pose_delay_s=0.0), 1, seed=1)
     flown = loop.fly(drawn.values, drawn.rows, seed=1)
     on = np.isfinite(flown.path_s[0]) & (flown.state[0] == closed_loop.State.TRAJECTORY)
@@ -73,6 +73,71 @@ def test_a_lost_pose_ends_in_a_failsafe(form, curve, drone):
     loop = loop_of(form, curve, drone)
     drawn = draws.draw(form, loop.names, replace(EXACT, drop_outs_per_s=10.0, drop_out_s=5.0), 4, seed=1)
     assert (loop.fly(drawn.values, drawn.rows, seed=1).ending == core.FAILSAFE).all()
+
+
+def test_a_fall_in_the_hover_and_after_a_landing_began_is_seen(form, curve, drone):
+    """A storm that no pre-check refuses here: tracking is lost in the hover, and the landing becomes an emergency."""
+    loop = loop_of(form, curve, drone)
+    drawn = draws.draw(form, loop.names, replace(EXACT, wind_m_s=30.0), 2, seed=1)
+    flown = loop.fly(drawn.values, drawn.rows, seed=1)
+    assert (flown.ending == core.FAILSAFE).all()
+    assert (flown.end_state == State.LANDING).all()
+    assert flown.fell.all()
+    assert (flown.state != core.NONE).sum(axis=1).min() > 500
+    calm = draws.draw(form, loop.names, EXACT, 2, seed=1)
+    assert not loop.fly(calm.values, calm.rows, seed=1).fell.any()
+
+
+def test_a_battery_effect_is_flown_full(form, curve, drone):
+    with_battery = form.with_effect("battery_sag", sag_per_v=0.04, reference_v=16.8)
+    flown = []
+    for model in (form, with_battery):
+        loop = loop_of(model, curve, drone)
+        drawn = draws.draw(model, loop.names, EXACT, 1, seed=1)
+        flown.append(loop.fly(drawn.values, drawn.rows, seed=1))
+    assert same(*flown)
+
+
+def test_the_rotors_speeds_are_told_only_where_they_are_measured(form, curve, drone):
+    """A vehicle of slower motors than its controller takes them for, in gusts: the observer is surprised less."""
+    slow = form.with_value("motor_lag.rise_s", 2.0 * form.value("motor_lag.rise_s"))
+    flown = []
+    for measured in (False, True):
+        loop = loop_of(slow, curve, drone, rotor_speed_measured=measured, sensors=Sensors())
+        drawn = draws.draw(slow, loop.names, replace(EXACT, gust_std_m_s=1.0), 2, seed=1)
+        flown.append(loop.fly(drawn.values, drawn.rows, seed=1))
+    assert not same(*flown)
+
+
+def test_one_kind_of_luck_can_be_changed_alone(form, curve, drone):
+    loop = loop_of(form, curve, drone, sensors=Sensors())
+    drawn = draws.draw(form, loop.names, replace(EXACT, gust_std_m_s=1.0), 1, seed=3)
+    usual, noise, air = (
+        loop.fly(drawn.values, drawn.rows, seed=3, anew=anew) for anew in ((), [core.NOISE], [core.GUSTS])
+    )
+    assert same(usual, noise)  # perfect sensors
+    assert not same(usual, air)
+
+
+def test_a_late_pose_from_the_first_tick_on_is_flown(form, curve, drone):
+    late = replace(EXACT, pose_delay_s=0.05)
+    loop = loop_of(form, curve, drone, sensors=replace(Sensors(), delay_s=late.pose_delay_s))
+    drawn = draws.draw(form, loop.names, late, 2, seed=1)
+    assert (loop.fly(drawn.values, drawn.rows, seed=1).ending == core.FINISHED).all()
+
+
+def test_rows_that_do_not_belong_together_are_refused(form, curve, drone):
+    loop = loop_of(form, curve, drone)
+    drawn = draws.draw(form, loop.names, EXACT, 3, seed=1)
+    with pytest.raises(InputError, match=r"values have shape \(2, "):
+        loop.fly(drawn.values[:2], drawn.rows, seed=1)
+    with pytest.raises(InputError, match="numbers"):
+        loop.fly(drawn.values, drawn.rows, seed=1, numbers=np.arange(2))
+
+
+def test_gusts_without_a_length_are_refused():
+    with pytest.raises(InputError, match="gust_length_m"):
+        core.Air(gust_length_m=0.0)
 
 
 def test_a_trajectory_that_the_vehicle_refuses_is_refused_here(form, curve, drone):

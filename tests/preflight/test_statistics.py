@@ -20,6 +20,13 @@ def test_the_bound_is_where_so_few_have_a_chance_of_a_twentieth(count, flights):
     assert stats.binom.cdf(count, flights, statistics.upper_bound(count, flights)) == pytest.approx(0.05, abs=1e-9)
 
 
+def test_the_fewest_flights_that_show_a_risk_allow_for_those_that_were_lost():
+    for count, risk in ((0, 1e-2), (1, 1e-3), (7, 0.05)):
+        need = statistics.flights_for(risk, count)
+        assert statistics.upper_bound(count, need) <= risk < statistics.upper_bound(count, need - 1)
+    assert statistics.flights_for(1e-3, 1) == 4742
+
+
 def test_all_lost_is_bounded_by_one():
     assert Probability.of(np.ones(4, bool)).upper == 1.0
 

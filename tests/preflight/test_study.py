@@ -7,7 +7,7 @@ import pytest
 
 import preflight
 from flight import InputError
-from preflight import clearance, core, remedies
+from preflight import clearance, core, remedies, statistics
 from preflight.result import BINS
 from preflight.study import require_hover
 from tests.preflight.conftest import EXACT, Wall
@@ -72,6 +72,37 @@ def test_gusts_are_named_though_no_number_drawn_before_tells_them(drone, curve):
     assert found.dominating is not None
     assert found.dominating[0] == remedies.GUSTS
     assert found.dominating[1] > 0.5
+
+
+def test_gusts_too_weak_to_feel_are_not_named(drone, curve):
+    found = flown(drone, curve, 1.0, uncertainty=replace(EXACT, gust_std_m_s=0.01), flights=40)
+    assert found.dominating is not None
+    assert found.dominating[0] == remedies.NOISE
+    assert found.shares[remedies.GUSTS] < 0.3
+
+
+def test_gaps_of_the_pose_that_lose_flights_are_named_and_their_removal_saves_them(drone, curve):
+    found = flown(drone, curve, 1.0, uncertainty=replace(EXACT, drop_outs_per_s=0.1, drop_out_s=1.0), flights=60)
+    assert 10 <= found.lost.count < 50
+    assert found.dominating is not None
+    assert found.dominating[0] == remedies.DROP_OUTS
+    assert found.loss_shares[remedies.DROP_OUTS] > 0.5
+    assert found.removed is not None
+    assert found.removed.risk.count == 0
+
+
+def test_too_few_flights_name_nothing(drone, curve):
+    found = flown(drone, curve, 0.1, flights=20)
+    assert found.lost.count == 20
+    assert found.dominating is None
+    assert found.removed is None
+    assert found.as_dict()["dominating"] is None
+
+
+def test_a_risk_not_shown_after_a_loss_asks_for_as_many_as_would_do_and_another_seed(drone, curve):
+    found = flown(drone, curve, 1.0, flights=30, risk=0.1, explain=False)
+    found = replace(found, record=replace(found.record, left_map=np.arange(30) == 4))
+    assert f"at least {statistics.flights_for(0.1, 1)} with another --seed" in found.reason()
 
 
 def test_the_tube_widens_with_its_share_and_holds_its_flights(drone, curve):
@@ -147,6 +178,17 @@ def test_ctrl_c_keeps_what_was_flown(drone, curve):
     assert not found.go
 
 
+def test_ctrl_c_after_the_last_flight_keeps_them_and_explains_nothing(drone, curve, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(statistics, "variance_shares", interrupted)
+    found = flown(drone, curve, 1.0)
+    assert found.go
+    assert found.flights == 60
+    assert found.dominating is None
+
+
 def test_a_wind_in_which_it_cannot_hover_is_refused_with_one_in_which_it_can(drone):
     with pytest.raises(InputError, match=r"cannot hover in a wind of 40 m/s .* up to [\d.]+ m/s"):
         require_hover(drone, replace(EXACT, wind_m_s=40.0))
@@ -157,3 +199,9 @@ def test_a_wind_in_which_it_cannot_hover_is_refused_with_one_in_which_it_can(dro
 def test_a_risk_that_no_number_of_flights_shows_is_refused(risk):
     with pytest.raises(InputError, match="a risk of"):
         preflight.Options(risk=risk)
+
+
+@pytest.mark.parametrize("seed", [-1, 2**32])
+def test_a_seed_that_has_no_other_luck_beside_it_is_refused(seed):
+    with pytest.raises(InputError, match="a seed of"):
+        preflight.Options(seed=seed)

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -12,7 +13,7 @@ import preflight
 import vehicle
 from firmware_bridge import wire
 from firmware_bridge.link import refuse_unfit
-from flight import TrajectoryFile, file_format, trajectory
+from flight import FormatError, TrajectoryFile, file_format, trajectory
 from goshawk.terminal import console, outputs
 from mapping.map_folder import read_report
 from preflight import remedies
@@ -165,11 +166,31 @@ def _radius_m(item: TrajectoryFile, believed: vehicle.Vehicle) -> float:
 
 
 def of_map(area: mapping.Map, uncertainty: preflight.Uncertainty) -> preflight.Uncertainty:
-    """With what the map says of itself: its scale's standard deviation, and its voxels'."""
-    witnesses = read_report(area.folder).get("scale_witnesses") or ({},)
-    scale = float(witnesses[0].get("std") or uncertainty.map_scale_std_ratio)
+    """With what the map says of itself: its scale's standard deviation, and its voxels' on top of the surfaces'.
+
+    Raises:
+        FormatError: its report does not hold sources of scale as `goshawk map build` writes them.
+    """
     voxel = max(area.field.grid.voxel_m) / math.sqrt(12.0)  # of a surface anywhere in its voxel
-    return replace(uncertainty, map_scale_std_ratio=scale, map_error_std_m=voxel)
+    surface = math.hypot(uncertainty.map_error_std_m, voxel)
+    scale = scale_std(read_report(area.folder).get("scale_witnesses")) or uncertainty.map_scale_std_ratio
+    return replace(uncertainty, map_scale_std_ratio=scale, map_error_std_m=surface)
+
+
+def scale_std(witnesses: Any) -> float:
+    """Of a map's scale by its sources: the first's, and how far beyond their own the others are off it.
+
+    0 if there are none, or the first tells none.
+    """
+    try:
+        stds = [float(witness.get("std") or 0.0) for witness in witnesses or ()]
+        ratios = [float(witness.get("ratio") or 1.0) for witness in witnesses or ()]
+    except (TypeError, ValueError, AttributeError) as error:
+        raise FormatError("the map's report.json holds no list of scale_witnesses; build the map again") from error
+    if not stds or not stds[0] > 0.0:
+        return 0.0
+    beyond = [max((ratio - 1.0) ** 2 - std**2, 0.0) for ratio, std in zip(ratios, stds, strict=True)]
+    return math.sqrt(stds[0] ** 2 + max(beyond))
 
 
 def show(title: str, result: preflight.Result, advice: preflight.Advice | None = None) -> None:

@@ -6,11 +6,13 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import mapping
 import preflight
 import vehicle
-from flight import trajectory
+from flight import FormatError, trajectory
 from goshawk.commands.plan import preflight as verb
 from goshawk.terminal import outputs
 from tests.goshawk.running import answer
@@ -109,6 +111,22 @@ def test_no_map_and_an_unchecked_plan_are_refused(folder, tmp_path):
     raw = answer("preflight", tmp_path / "raw.json", *world(folder))
     assert raw.returncode == 2
     assert "final gate" in raw.stderr
+
+
+def test_a_maps_scale_is_as_unsure_as_its_sources_disagree():
+    first = {"source": "length", "ratio": 1.0, "std": 0.01}
+    assert verb.scale_std([first]) == pytest.approx(0.01)
+    assert verb.scale_std([first, {"ratio": 1.05, "std": 0.03}]) == pytest.approx(np.hypot(0.01, 0.04))
+    assert verb.scale_std([first, {"ratio": 1.05, "std": 0.2}]) == pytest.approx(0.01)
+    assert verb.scale_std(None) == verb.scale_std([]) == 0.0
+    for broken in (3, [3], [{"std": "wide"}]):
+        with pytest.raises(FormatError, match="scale_witnesses"):
+            verb.scale_std(broken)
+
+
+def test_voxels_add_to_the_error_of_the_surfaces(folder):
+    found = verb.of_map(mapping.open_map(folder / "map"), preflight.Uncertainty())
+    assert found.map_error_std_m > preflight.Uncertainty().map_error_std_m
 
 
 def test_ctrl_c_shows_what_was_flown(folder, monkeypatch):
