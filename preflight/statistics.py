@@ -11,6 +11,8 @@ from flight import FloatArray
 CONFIDENCE = 0.95
 """Of every upper bound, one-sided."""
 QUANTILES = (0.5, 0.9, 0.99)
+_LEAST = 30
+"""Values, from which on a variance is decomposed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +69,12 @@ def quantiles(values: FloatArray) -> dict[str, float]:
     return dict(zip(names, (float(q) for q in np.quantile(finite, at)), strict=True))
 
 
+def decomposable(values: FloatArray) -> bool:
+    """Whether (n,) values, the finite ones, are enough and unlike enough to ask what their variance comes from."""
+    used = values[np.isfinite(values)]
+    return len(used) >= _LEAST and float(np.ptp(used)) > 0.0
+
+
 def variance_shares(values: FloatArray, factors: Mapping[str, FloatArray]) -> dict[str, float]:
     """The share of the variance of (n,) values that each factor alone explains, the largest first.
 
@@ -74,10 +82,10 @@ def variance_shares(values: FloatArray, factors: Mapping[str, FloatArray]) -> di
     quadratic polynomial chaos: Sudret 2008), less what as many columns of noise would explain (adjusted R squared).
     """
     used = np.isfinite(values)
-    y = values[used] - values[used].mean() if used.any() else values[:0]
-    total = float(y @ y)
-    if len(y) < 30 or not total > 0.0:
+    if not decomposable(values):
         return {}
+    y = values[used] - values[used].mean()
+    total = float(y @ y)
     shares = {name: _explained(y, draws[used], total) for name, draws in factors.items()}
     return dict(sorted(shares.items(), key=lambda item: -item[1]))
 

@@ -229,14 +229,15 @@ class _Study:
         loop = self._loop(self.options.uncertainty, self.vehicle)
         value, lost = spread(record), record.lost.astype(np.float64)
         shares = statistics.variance_shares(value, drawn.factors)
-        loss = statistics.variance_shares(lost, drawn.factors) if lost.sum() >= _LEAST_LOST else {}
+        many = lost.sum() >= _LEAST_LOST and statistics.decomposable(lost)
+        loss = statistics.variance_shares(lost, drawn.factors) if many else {}
         steps = 0
         for kind in self._kinds():
-            for found, share in ((shares, self._anew), (loss, self._kept)):
-                if found:
-                    within, taken = share(kind, loop, record, drawn)
-                    found[kind] = found.get(kind, 0.0) + within
-                    steps += taken
+            told = ((shares, statistics.decomposable(value), self._anew), (loss, many, self._kept))
+            for found, share in ((found, share) for found, enough, share in told if enough):
+                within, taken = share(kind, loop, record, drawn)
+                found[kind] = found.get(kind, 0.0) + within
+                steps += taken
         return _largest_first(shares), _largest_first(loss), steps
 
     def _kinds(self) -> list[str]:

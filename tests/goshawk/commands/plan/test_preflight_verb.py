@@ -54,12 +54,13 @@ def test_a_slow_plan_in_a_wide_room_is_a_go_on_one_screen(folder, tmp_path):
 
 
 def test_a_storm_of_gusts_is_a_no_go_that_names_them(folder):
-    ended = preflown(folder, "--flights", 40, "--risk", 0.1, "--gust-std", 8, "--json")
+    ended = preflown(folder, "--flights", 80, "--risk", 0.1, "--gust-std", 8, "--json")
     found = json.loads(ended.stdout)
     assert ended.returncode == 1
     assert found["risk"]["count"] > 0
     assert found["risk"]["upper95"] > found["risk"]["estimate"] > 0.0
-    assert "gusts" in list(found["shares"])[:2]
+    assert found["dominating"]["factor"] == "gusts"
+    assert next(iter(found["loss_shares"])) == "gusts"
 
 
 def test_the_same_seed_prints_the_same_and_another_does_not(folder):
