@@ -159,7 +159,7 @@ class Result:
         }
 
     def tube_m(self) -> FloatArray:
-        """(3, `BINS`) tracking error that 50, 90 and 99 % of flights keep along the trajectory."""
+        """(3, `BINS`) tracking error that 50, 90 and 99 % of flights keep at each time; fewer keep it all along."""
         seen = np.isfinite(self.record.error_m)
         filled = np.where(seen, self.record.error_m, np.inf)
         return np.quantile(filled, QUANTILES, axis=0, method="higher")

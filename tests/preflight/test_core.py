@@ -11,8 +11,13 @@ from firmware_bridge.controller import RefusedError, State, parameters_of
 from flight import InputError, Trajectory
 from preflight import core, draws
 from tests.preflight.conftest import EXACT
-from vehicle import simulate
+from vehicle import native, simulate
 
+IDLE = """from vehicle.effects.base import Effect, Spec, Stage
+EFFECT = Effect(name="idle", number=900, stage=Stage.MASS, apply=lambda body, p: None,
+    parameters=(Spec("nil", "1", prior=1.0, bounds=(-1.0, 1.0), planted=0.0),), law="none", source="this test",
+    channel="none", regressor="none", excited_by=())
+"""
 WINDY = replace(preflight.Uncertainty(), wind_m_s=2.0, gust_std_m_s=1.0, drop_outs_per_s=0.5)
 
 
@@ -43,9 +48,14 @@ def test_a_flight_does_not_depend_on_those_beside_it(form, curve, drone):
 
 
 def test_without_noise_it_flies_as_the_loop_in_python(form, curve, drone):
+    assert differs_by_m(form, curve, drone, drone) < 2e-3
+
+
+def differs_by_m(form, curve, drone, true) -> float:
+    """Largest difference of the tracking error from that of the loop in Python round a plant of the true vehicle."""
     perfect = Sensors()
     start = simulate.State(curve.position([0.0])[0] * [1.0, 1.0, 0.0])
-    plant = simulate.Plant(drone, start, ground_m=0.0)
+    plant = simulate.Plant(true, start, ground_m=0.0, step_s=closed_loop.TICK_US * 1e-6)
     own = closed_loop.fly(plant, parameters_of(drone), curve, sensors=perfect, imu=True)
     loop = loop_of(form, curve, drone, sensors=perfect, rate_hz=400, rotor_speed_measured=True)
     drawn = draws.draw(form, loop.names, replace(EXACT, pose_delay_s=0.0), 1, seed=1)
@@ -54,7 +64,16 @@ def test_without_noise_it_flies_as_the_loop_in_python(form, curve, drone):
     at = np.rint(flown.path_s[0][on] / (closed_loop.TICK_US * 1e-6)).astype(int)
     inside = at < len(own.error_m)
     assert inside.sum() > 400
-    assert np.abs(flown.error_m[0][on][inside] - own.error_m[at[inside]]).max() < 2e-3
+    return float(np.abs(flown.error_m[0][on][inside] - own.error_m[at[inside]]).max())
+
+
+@pytest.mark.slow
+def test_without_noise_it_flies_as_the_equations_in_numpy(form, curve, drone, tmp_path):
+    """An effect of one's own on the mass, which does nothing, makes the plant integrate in NumPy."""
+    (tmp_path / "idle.py").write_text(IDLE)
+    as_numpy = drone.with_effect_file(tmp_path / "idle.py")
+    assert native.for_stepping(as_numpy) is None
+    assert differs_by_m(form, curve, drone, as_numpy) < 2e-3
 
 
 def test_a_steady_wind_is_cancelled_and_gusts_are_felt(form, curve, drone):
