@@ -81,12 +81,12 @@ def same_bits() -> list[report.Row]:
 def coverage(truths: int, flights: int) -> list[report.Row]:
     ninety, ninety_nine = test_exam.held(truths, flights)
     rows = [
-        report.row(f"90 % tube holds in {truths} flights of other code", 100.0 * ninety, "%", "87-93",
+        report.row(f"90 % tube holds in {truths} flights of another loop", 100.0 * ninety, "%", "87-93",
                    0.87 <= ninety <= 0.93),
         report.row("99 % tube holds", 100.0 * ninety_nine, "%"),
     ]  # fmt: skip
     for expected, seen in test_exam.frequencies(truths, flights):
-        rows.append(report.row(f"contact, predicted {expected:.2f}: seen by other code", seen, ""))
+        rows.append(report.row(f"contact, predicted {expected:.2f}: seen by another loop", seen, ""))
     return rows
 
 
@@ -165,7 +165,7 @@ def named(rounds: int, flights: int) -> list[report.Row]:
             options = preflight.Options(flights=flights, seed=100 + i, uncertainty=uncertainty, explain=False)
             field = None if what != "map scale" else conftest.Wall(0.6)
             found = preflight.fly(drone, path, field, radius_m=RADIUS_M, clearance_m=1.0, options=options)
-            first += factor in found.dominating[0]
+            first += found.dominating is not None and factor in found.dominating[0]
         hits += first
         rows.append(report.row(f"planted {what}: named first, of {rounds}", first / rounds, "", None))
     share = hits / (rounds * len(PLANTED))
