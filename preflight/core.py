@@ -181,13 +181,13 @@ class Loop:
             if given[name].shape != shape:
                 raise InputError(f"{name} have shape {given[name].shape}, expected {shape}")
         seeds = np.array([seed + _OTHER_SEED * (name in anew) for name in WITHIN], np.uint64)
-        rows = [np.ascontiguousarray(table, np.float64) for table in (values, draws)]
+        values, draws = np.ascontiguousarray(values, np.float64), np.ascontiguousarray(draws, np.float64)
         positions = np.full((m, n, 3), np.nan, np.float32)
         errors, path_s = np.full((m, n), np.nan, np.float32), np.full((m, n), np.nan, np.float32)
         states, summary = np.full((m, n), NONE, np.uint8), np.zeros((m, _preflight.SUMMARY))
         threads = (os.cpu_count() or 1) if threads is None else threads
         self._flights.fly(
-            *rows, numbers.astype(np.uint64), seeds, threads, positions, errors, path_s, states, summary
+            values, draws, numbers.astype(np.uint64), seeds, threads, positions, errors, path_s, states, summary
         )  # fmt: skip
         ending, state, reason = (summary[:, i].astype(np.int64) for i in range(3))
         steps = round(float(summary[:, 8].sum()) * 1e6 / self._tick_us)

@@ -60,6 +60,7 @@ def test_a_wider_body_and_a_nearer_wall_never_lower_the_risk(drone, curve):
 )
 def test_what_was_planted_decides_most_and_its_removal_takes_the_risk_away(drone, curve, factor, given):
     found = flown(drone, curve, 0.27, uncertainty=replace(EXACT, **given), flights=150)
+    assert found.dominating is not None
     assert found.dominating[0] == factor
     assert found.touched.count > 10
     assert found.removed is not None
