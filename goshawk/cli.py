@@ -30,7 +30,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 TASKS = {
     "Project": ("init", "demo", "doctor"),
     "Map": ("camera", "map", "localize"),
-    "Plan": ("plan", "check", "export"),
+    "Plan": ("plan", "check", "preflight", "export"),
     "Fly": ("gcs", "sitl", "upload", "fly", "params", "proxy"),
     "Learn": ("vehicle", "log", "identify", "diagnose", "compare", "next-flight"),
 }

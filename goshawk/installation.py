@@ -3,7 +3,7 @@
 import os.path
 from importlib.util import find_spec
 
-PACKAGES = ("flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge", "gcs_web")
+PACKAGES = ("flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge", "preflight", "gcs_web")
 """The packages that come with `goshawk`, in the same folder."""
 
 

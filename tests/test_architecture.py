@@ -19,8 +19,9 @@ MAY_IMPORT = {
     "planner": {"flight", "esdf", "vehicle"},
     "sysid": {"flight", "vehicle"},
     "firmware_bridge": {"flight"},
+    "preflight": {"flight", "esdf", "vehicle", "firmware_bridge"},
     "gcs_web": {"flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge"},
-    "goshawk": {"flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge", "gcs_web"},
+    "goshawk": {"flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge", "preflight", "gcs_web"},
 }
 _BELOW_THE_DESK = (
     "protocol", "gateway", "jobs", "scene", "document", "planning", "map", "vehicle", "flights", "comparison",
@@ -99,7 +100,7 @@ HEAVY = {
     "open3d", "pycolmap", "matplotlib", "viser", "scipy.optimize", "scipy.signal", "scipy.stats", "osqp", "ompl",
     "aiohttp", "pyarrow",
 }  # fmt: skip
-WITHOUT_SCIPY = {"flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge", "gcs_web"}
+WITHOUT_SCIPY = {"flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge", "preflight", "gcs_web"}
 """Packages that import no SciPy either until they need it: half a second or more of processor time."""
 
 

@@ -11,6 +11,7 @@ from tests.goshawk.test_grammar import VERBS
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge", "gcs_web", "goshawk")
+PACKAGES += ("preflight",)
 MODULES = [p for package in PACKAGES for p in (ROOT / package).rglob("*.py") if "generated" not in p.parts]
 CLIENT = [p for p in (ROOT / "gcs_web" / "client" / "src").rglob("*") if p.suffix in (".ts", ".tsx")]
 PAGES = [p for p in (ROOT / "docs").rglob("*.md") if "_build" not in p.parts]

@@ -62,11 +62,11 @@ fi
 
 # Goshawk is built again when a native source is newer than the last build, or a Python file came or went.
 native_sources() {
-  find pyproject.toml CMakeLists.txt flight esdf vehicle mapping planner sysid firmware_bridge goshawk -type f \
+  find pyproject.toml CMakeLists.txt flight esdf vehicle mapping planner sysid firmware_bridge preflight goshawk -type f \
     \( -name '*.c' -o -name '*.h' -o -name '*.cpp' -o -name '*.hpp' -o -name CMakeLists.txt -o -name pyproject.toml \) "$@"
 }
 # An editable install knows each Python file by its name: one that came or went needs a new install, too.
-modules() { find flight esdf vehicle mapping planner sysid firmware_bridge gcs_web goshawk -name '*.py' | sort; }
+modules() { find flight esdf vehicle mapping planner sysid firmware_bridge preflight gcs_web goshawk -name '*.py' | sort; }
 if [ ! -f .venv/built.stamp ] || [ -n "$(native_sources -newer .venv/built.stamp -print -quit)" ] ||
   ! modules | cmp -s - .venv/built.modules; then
   say "building Goshawk (the C and C++ parts take about a minute)"

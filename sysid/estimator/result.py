@@ -220,7 +220,7 @@ def conclude(
     )
     mark = known_ratio.doubtful(verdict, names, _free(estimates), correlation)
     return Identification(
-        vehicle=purpose.marked(_updated(vehicle, estimates, flights), mark),
+        vehicle=purpose.marked(_updated(vehicle, estimates, flights, correlation), mark),
         parameters=tuple(estimates),
         correlation=correlation,
         free_names=names,
@@ -300,14 +300,19 @@ def _information_shares(solution: Solution) -> FloatArray:
     return parts / np.diag(covariance)
 
 
-def _updated(vehicle: Vehicle, estimates: list[Estimate], flights: list[Flight]) -> Vehicle:
+def _updated(vehicle: Vehicle, estimates: list[Estimate], flights: list[Flight], correlation: FloatArray) -> Vehicle:
     source = "identified from " + ", ".join(dict.fromkeys(f.name for f in flights))
     bounds = specs(vehicle)
     for e in estimates:
         if e.status == "free":
             value = float(np.clip(e.value, *bounds[e.name].bounds))
             vehicle = vehicle.with_value(e.name, value, std=e.std_robust, source=source)
-    return replace(vehicle, provenance={**vehicle.provenance, "identified_from": [f.name for f in flights]})
+    free = [e.name for e in estimates if e.status == "free"]  # the first of the estimates, as of the correlation
+    together = {"names": free, "matrix": correlation.round(4).tolist()}
+    return replace(
+        vehicle,
+        provenance={**vehicle.provenance, "identified_from": [f.name for f in flights], "correlation": together},
+    )
 
 
 LONG_S = 1.0

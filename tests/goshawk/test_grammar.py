@@ -165,6 +165,7 @@ def test_commands_in_documents_and_sentences_exist_with_their_options(document):
 
 def package_texts() -> list[str]:
     packages = ("flight", "esdf", "vehicle", "mapping", "planner", "sysid", "firmware_bridge", "gcs_web", "goshawk")
+    packages += ("preflight",)
     return [path.read_text() for package in packages for path in (ROOT / package).rglob("*.py")]
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import sysid
+import vehicle as vehicles
 from flight import FlightLog, InputError
 from flight.flight_log import from_vectors
 from sysid.estimator.uncertainty.errors import NORMAL_90, standard_errors
@@ -16,6 +17,14 @@ from sysid.estimator.uncertainty.errors import NORMAL_90, standard_errors
 @pytest.fixture(scope="module")
 def fitted(campaign, wrong_start):
     return sysid.identify(campaign, wrong_start)
+
+
+def test_the_fitted_vehicles_file_keeps_how_its_errors_go_together(fitted, tmp_path):
+    vehicles.save(tmp_path / "fitted.toml", fitted.vehicle)
+    told = vehicles.load(tmp_path / "fitted.toml").provenance["correlation"]
+    assert told["names"] == list(fitted.free_names)
+    assert np.array(told["matrix"]) == pytest.approx(fitted.correlation, abs=1e-4)
+    assert np.abs(fitted.correlation - np.eye(len(fitted.free_names))).max() > 0.1
 
 
 @pytest.mark.parametrize("scatter", [0.0, 1e3])

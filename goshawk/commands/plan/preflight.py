@@ -1,0 +1,245 @@
+"""`goshawk preflight`: a trajectory flown many times in simulation before it is flown once."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+import mapping
+import preflight
+import vehicle
+from firmware_bridge import wire
+from firmware_bridge.link import refuse_unfit
+from flight import FormatError, TrajectoryFile, file_format, trajectory
+from goshawk.terminal import console, outputs
+from mapping.map_folder import read_report
+from preflight import remedies
+from preflight.result import SCHEMA, SCHEMA_VERSION
+
+SUMMARY = "Fly a trajectory a thousand times in simulation: go or no-go."
+_DEFAULT = preflight.Uncertainty()
+
+
+@click.command()
+@click.argument("trajectory_file", metavar="TRAJECTORY", type=click.Path(path_type=Path))
+@console.map_option
+@console.vehicle_option
+@click.option("--flights", type=int, help="Flights to fly [default: as many as can show --risk].")
+@click.option("--risk", type=float, default=1e-3, show_default=True, help="Probability of a loss that is accepted.")
+@click.option("--wind", default="0", show_default=True, help="Steady wind: its speed, from anywhere, or x,y,z (m/s).")
+@click.option(
+    "--gust-std",
+    "gust_std_m_s",
+    type=click.FloatRange(min=0.0),
+    default=0.0,
+    show_default=True,
+    help="Standard deviation of gusts, m/s.",
+)
+@click.option(
+    "--pose-delay",
+    "pose_delay_s",
+    type=click.FloatRange(0.0, 0.1),
+    help="Delay of the pose, untold, s: its standard deviation [default: the model's, or 0.003].",
+)
+@click.option(
+    "--drop-outs",
+    "drop_outs_per_s",
+    type=click.FloatRange(0.0, 10.0),
+    default=0.0,
+    show_default=True,
+    help="Gaps of the pose a second, each of --drop-out-time.",
+)
+@click.option(
+    "--drop-out-time",
+    "drop_out_s",
+    type=click.FloatRange(0.0, 5.0),
+    default=_DEFAULT.drop_out_s,
+    show_default=True,
+    help="Length of a gap of the pose, s.",
+)
+@click.option(
+    "--localization",
+    "localization_std_m",
+    type=click.FloatRange(0.0, 1.0),
+    default=_DEFAULT.localization_std_m,
+    show_default=True,
+    help="Standard deviation of the pose in the map, metres.",
+)
+@click.option("--advise", is_flag=True, help="Find the largest wind that is a go, and how much slower is one.")
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Seed: of all noise.")
+@console.path_option("--out", "out", "JSON file to write with the whole result.")
+@outputs.overwrite_option
+@console.common_options
+def command(
+    trajectory_file: Path,
+    map_folder: Path,
+    vehicle_file: Path,
+    flights: int | None,
+    risk: float,
+    wind: str,
+    gust_std_m_s: float,
+    pose_delay_s: float | None,
+    drop_outs_per_s: float,
+    drop_out_s: float,
+    localization_std_m: float,
+    advise: bool,
+    seed: int,
+    out: Path | None,
+    overwrite: bool,
+    as_json: bool,
+) -> int:
+    """Fly TRAJECTORY many times in simulation: how likely is it to touch anything, and what decides that?
+
+    \b
+    goshawk preflight lap.json --map map --vehicle vehicle.toml
+    goshawk preflight lap.json --map map --vehicle vehicle.toml --wind 3 --gust-std 1 --out lap.preflight.json
+
+    The flight controller's own C code flies the identified model with parameters drawn from its errors, wind, noise,
+    delay, and errors of pose, map and start. A loss is to touch anything, to leave the map, or to come down without a
+    position. Results are the same on every number of processors; Ctrl-C keeps what was flown.
+
+    Exit code 0: go, the risk is shown to be at most --risk. 1: no-go, or not shown.
+    """
+    outputs.check(out, overwrite=overwrite)
+    item = trajectory.load(trajectory_file)
+    believed = vehicle.load(vehicle_file)
+    uncertainty = replace(
+        blowing(wind), gust_std_m_s=gust_std_m_s, pose_delay_std_s=pose_delay_s, drop_outs_per_s=drop_outs_per_s,
+        drop_out_s=drop_out_s, localization_std_m=localization_std_m,
+    )  # fmt: skip
+    options = preflight.Options(flights, risk, seed, uncertainty)
+    with console.progress() as progress:
+        progress("opening the map", 0.0)
+        area = mapping.open_map(map_folder)
+        area.require_not_refused()
+        refuse_unfit(item, area.hash, vehicle.vehicle_hash(believed), False)
+        options = replace(options, uncertainty=of_map(area, uncertainty))
+        body = {
+            "radius_m": _radius_m(item, believed),
+            "clearance_m": wire.proved_clearance_m(item),
+        }
+        flown = (believed, item.trajectory, area.field)
+        result = preflight.fly(*flown, **body, options=options, progress=progress)
+        advice = None
+        if advise and result.flights == result.wanted:
+            advice = preflight.advised(*flown, result, **body, options=options, progress=progress)
+    document = result.as_dict() | {"trajectory": item.name, "map_hash": area.hash, "vehicle": believed.name}
+    if advice is not None:
+        document |= {"advice": {"wind_m_s": advice.wind_m_s, "slower": advice.slower}}
+    if out is not None:
+        with outputs.file(out, overwrite=overwrite) as temporary:
+            file_format.write_json(temporary, format=SCHEMA, version=SCHEMA_VERSION, body=document)
+    if as_json:
+        click.echo(file_format.json_text(document), nl=False)
+    else:
+        show(f"preflight of {trajectory_file}", result, advice)
+    if result.flights < result.wanted:
+        click.echo(f"goshawk: stopped after {result.flights} of {result.wanted} flights", err=True)
+        return 130
+    return 0 if result.go else 1
+
+
+def blowing(wind: str) -> preflight.Uncertainty:
+    """The wind of `--wind`: a speed from anywhere, or x,y,z.
+
+    Raises:
+        InputError: it is neither.
+    """
+    if "," not in wind:
+        return replace(_DEFAULT, wind_m_s=console.numbers("--wind", wind, 1)[0])
+    x, y, z = console.numbers("--wind", wind, 3)
+    size = math.sqrt(x * x + y * y + z * z)
+    if not size > 0.0:
+        return _DEFAULT
+    return replace(_DEFAULT, wind_m_s=size, wind_direction=(x / size, y / size, z / size))
+
+
+def _radius_m(item: TrajectoryFile, believed: vehicle.Vehicle) -> float:
+    """Of the sphere that the plan was checked for; to the farthest propeller tip where the file does not tell."""
+    told = item.check.get("body_radius_m")
+    if isinstance(told, int | float) and math.isfinite(told) and told > 0.0:
+        return float(told)
+    return believed.reach_m
+
+
+def of_map(area: mapping.Map, uncertainty: preflight.Uncertainty) -> preflight.Uncertainty:
+    """With what the map says of itself: its scale's standard deviation, and its voxels' on top of the surfaces'.
+
+    Raises:
+        FormatError: its report does not hold sources of scale as `goshawk map build` writes them.
+    """
+    voxel = max(area.field.grid.voxel_m) / math.sqrt(12.0)  # of a surface anywhere in its voxel
+    surface = math.hypot(uncertainty.map_error_std_m, voxel)
+    scale = scale_std(read_report(area.folder).get("scale_witnesses")) or uncertainty.map_scale_std_ratio
+    return replace(uncertainty, map_scale_std_ratio=scale, map_error_std_m=surface)
+
+
+def scale_std(witnesses: Any) -> float:
+    """Of a map's scale by its sources: the first's, and how far beyond their own the others are off it.
+
+    0 if there are none, or the first tells none.
+    """
+    try:
+        stds = [float(witness.get("std") or 0.0) for witness in witnesses or ()]
+        ratios = [float(witness.get("ratio") or 1.0) for witness in witnesses or ()]
+    except (TypeError, ValueError, AttributeError) as error:
+        raise FormatError("the map's report.json holds no list of scale_witnesses; build the map again") from error
+    if not stds or not stds[0] > 0.0:
+        return 0.0
+    beyond = [max((ratio - 1.0) ** 2 - std**2, 0.0) for ratio, std in zip(ratios, stds, strict=True)]
+    return math.sqrt(stds[0] ** 2 + max(beyond))
+
+
+def show(title: str, result: preflight.Result, advice: preflight.Advice | None = None) -> None:
+    """What, how sure, what next, in 24 lines."""
+    place = result.place()
+    facts: dict[str, object] = {
+        "go": f"{'GO' if result.go else 'NO-GO'}: {result.reason()}",
+        "touches": str(result.touched),
+        "leaves the map": str(result.left_map),
+        "to the end": f"{100.0 * result.finished:.1f} %",
+    }
+    others = sorted(result.endings().items(), key=lambda item: -item[1].count)
+    facts |= {words: str(chance) for words, chance in others[:2]}
+    if place is not None:
+        x, y, z = place.point_world_m
+        those = "of the touches" if place.touching else "of the nearest flights"
+        facts["narrowest"] = (
+            f"segment {place.segment} at {place.time_s:.1f} s near ({x:.2f}, {y:.2f}, {z:.2f}), "
+            f"{100.0 * place.share:.0f} % {those}"
+        )
+    facts["decides most"], remedy = _decides(result)
+    if advice is not None:
+        facts["advice"] = advice.sentence()
+    facts["next"] = "fly it" if result.go else remedy
+    if result.assumed:
+        facts["assumed"] = "; ".join(result.assumed)
+    console.show(title, facts, as_json=False)
+    console.table("", ("", "median", "90 %", "99 %", "worst"), _spreads(result))
+
+
+def _decides(result: preflight.Result) -> tuple[str, str]:
+    """What decides most, and what to do about it."""
+    if result.dominating is None:
+        return f"not known from {result.flights} flights", "preflight with more --flights"
+    factor, share = result.dominating
+    without = "" if result.removed is None else f"; without it {result.removed.risk}"
+    return f"{factor}: {100.0 * share:.0f} % of the variance{without}", remedies.words(factor)
+
+
+def _spreads(result: preflight.Result) -> list[tuple[object, ...]]:
+    """Rows of quantiles, the bad side on the right."""
+    d = result.as_dict()
+    high, low = ("median", "q90", "q99", "most"), ("median", "q10", "q01", "least")
+    rows = (
+        ("tracking error, m", d["error_m"], high, 1.0),
+        ("clearance beyond the vehicle, m", d["clearance_m"], low, 1.0),
+        ("tilt, deg", d["tilt_rad"], high, math.degrees(1.0)),
+        ("rotor reserve, %", d["rotor_reserve"], low, 100.0),
+    )
+    return [
+        (name, *(np.round(unit * found[at], 3).item() for at in order)) for name, found, order, unit in rows if found
+    ]

@@ -1,0 +1,8 @@
+"""A trajectory flown a thousand times in simulation before it is flown once: how likely it touches anything, why."""
+
+from preflight.advice import Advice
+from preflight.draws import Uncertainty
+from preflight.result import Result
+from preflight.study import Options, advised, fly
+
+__all__ = ["Advice", "Options", "Result", "Uncertainty", "advised", "fly"]

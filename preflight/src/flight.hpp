@@ -1,0 +1,293 @@
+// One closed-loop flight of the C controller on the vehicle's dynamics, from hover to hover.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+#include "gusts.hpp"
+#include "sensing.hpp"
+
+namespace goshawk {
+
+enum Ending { kFinished = 0, kFailsafe = 1, kNotStarted = 2, kTimedOut = 3, kDiverged = 4, kEndings };
+
+// What all flights have in common.
+struct Setup {
+    tc_controller controller;  // configured, with the trajectory active, never ticked
+    Noise noise;
+    std::uint32_t tick_us;
+    std::uint32_t sample_every;  // ticks
+    double gravity_m_s2, gust_length_m;
+    double battery_v;  // that the motors' model takes as full
+    bool rotor_speed_measured;
+    double slowest_rad_s, fastest_rad_s;  // limits of the rotors, for the reserve
+    double start_m[3], start_yaw_rad;
+    double settle_s, limit_s;          // hover before; longest flight
+    double after_s, after_failsafe_s;  // how long one goes on after it has ended
+};
+
+// What is one flight's own, in the order of preflight/core.py.
+struct Draw {
+    double wind_m_s[3], gust_std_m_s;
+    Localization localization;
+    double start_m[3], start_yaw_rad;
+    double hover_rad_s[4];
+};
+
+struct Sample {
+    float position_m[3], error_m, path_s;
+    std::uint8_t state;
+};
+
+struct Summary {
+    double ending, state, reason, ended_s;
+    double tilt_rad, fell;  // of the whole flight: what follows its end, too
+    double reserve, energy_j, flown_s;
+};
+constexpr int kSummary = sizeof(Summary) / sizeof(double);
+
+// Seeds of what comes anew in every flight; one can be changed alone.
+struct Seeds {
+    std::uint64_t noise, air, drop_outs;
+};
+
+class Flight {
+  public:
+    Flight(const Setup& setup, const Model& model, const double* values, const Draw& draw, const Seeds& seeds,
+           std::uint64_t number, tc_controller& controller)
+        : setup_(setup),
+          model_(model),
+          values_(values),
+          draw_(draw),
+          controller_(controller),
+          body_(rigid_body(model, values)),
+          noise_(seeds.noise, number, 1),
+          air_(seeds.air, number, 2),
+          drop_outs_(seeds.drop_outs, number, 3),
+          gusts_(draw.gust_std_m_s, setup.gust_length_m, along(draw).unit, air_),
+          sensing_({setup.noise, draw.localization, setup.tick_us, setup.rotor_speed_measured}, noise_, drop_outs_),
+          step_s_(setup.tick_us * 1e-6) {
+        controller_ = setup.controller;
+        place();
+    }
+
+    // Calls `sample` from the hover before the start on.
+    template <class Samples>
+    Summary fly(Samples&& sample) {
+        stand();
+        if (tc_engage(&controller_, rotors()) != TC_OK) return gave_up(kNotStarted, controller_.mission.reason);
+        began_s_ = time_us_ * 1e-6;
+        const std::size_t hover = ticks_in(setup_.settle_s), most = hover + ticks_in(setup_.limit_s);
+        for (std::size_t i = 0; i < most; ++i) {
+            if (i == hover && ending_ < 0) {
+                const tc_reason refused = start();
+                if (refused != TC_OK) return gave_up(kNotStarted, refused);
+            }
+            tick();
+            watch();
+            if (i % setup_.sample_every == 0) sample(i / setup_.sample_every, now());
+            if (!std::isfinite(x_[0] + x_[1] + x_[2])) return gave_up(kDiverged, TC_NOT_FINITE);
+            if (ending_ >= 0 && time_us_ * 1e-6 >= ended_s_ + after_s()) break;
+        }
+        return ending_ >= 0 ? whole() : gave_up(kTimedOut, TC_TIMEOUT);
+    }
+
+  private:
+    struct Along {
+        double unit[2];
+    };
+    static Along along(const Draw& draw) {
+        const double size = std::sqrt(draw.wind_m_s[0] * draw.wind_m_s[0] + draw.wind_m_s[1] * draw.wind_m_s[1]);
+        if (!(size > 0.0)) return {{1.0, 0.0}};
+        return {{draw.wind_m_s[0] / size, draw.wind_m_s[1] / size}};
+    }
+
+    void place() {
+        for (int k = 0; k < 3; ++k) x_[k] = setup_.start_m[k] + draw_.start_m[k];
+        const SineCosine half = sine_cosine(0.5 * (setup_.start_yaw_rad + draw_.start_yaw_rad));
+        x_[6] = half.cosine;
+        x_[9] = half.sine;
+        for (int i = 0; i < 4; ++i) x_[13 + i] = command_[i] = draw_.hover_rad_s[i];
+        force_[2] = setup_.gravity_m_s2;
+    }
+
+    const float* rotors() {
+        for (int i = 0; i < 4; ++i) engaged_[i] = static_cast<float>(x_[13 + i]);
+        return engaged_;
+    }
+
+    // Held still for as long as the estimate has to be good before the controller takes over.
+    void stand() {
+        constexpr std::uint64_t kStep = 20000, kSteps = 52;
+        for (std::uint64_t i = 0; i < kSteps; ++i) {
+            time_us_ += kStep;
+            control();
+        }
+    }
+
+    std::size_t ticks_in(double seconds) const { return static_cast<std::size_t>(seconds / step_s_); }
+
+    tc_reason start() {
+        const tc_reason refused = tc_do(&controller_, TC_COMMAND_START, 0.0f);
+        if (refused != TC_OK) return refused;
+        began_s_ = time_us_ * 1e-6;
+        disturbed_ = true;
+        return TC_OK;
+    }
+
+    void control() {
+        sensing_.keep(x_);
+        const tc_estimate e = sensing_.estimate(time_us_, x_, force_, disturbed_);
+        tc_output output{};
+        tc_tick(&controller_, time_us_, &e, &output);
+        if (!output.in_command || !tc_mission_in_air(output.state)) return;
+        for (int i = 0; i < 4; ++i) command_[i] = output.rotor_speed_rad_s[i];
+    }
+
+    void tick() {
+        time_us_ += setup_.tick_us;
+        for (int k = 0; k < 3; ++k) at_[k] = x_[k];
+        control();
+        if (controller_.mission.state == TC_FAULT) command_[0] = command_[1] = command_[2] = command_[3] = 0.0;
+        blow();
+        move();
+    }
+
+    // The mean wind rises over the first second of the hover; gusts change every fifth tick.
+    void blow() {
+        ramp_ = std::fmin(1.0, ramp_ + step_s_);
+        if (ticks_++ % kGustEvery == 0) {
+            const double relative[3] = {x_[3] - ramp_ * draw_.wind_m_s[0], x_[4] - ramp_ * draw_.wind_m_s[1],
+                                        x_[5] - ramp_ * draw_.wind_m_s[2]};
+            const double speed =
+                std::sqrt(relative[0] * relative[0] + relative[1] * relative[1] + relative[2] * relative[2]);
+            gusts_.step(kGustEvery * step_s_, speed, air_, gust_);
+        }
+        for (int k = 0; k < 3; ++k) world_.wind[k] = ramp_ * (draw_.wind_m_s[k] + gust_[k]);
+    }
+
+    // Runge-Kutta of fourth order; the accelerometer reads what the last stage found at the end of the step.
+    void move() {
+        world_.gravity = setup_.gravity_m_s2;
+        double trial[kState];
+        Derivative k1, k2, k3, k4;
+        derive(model_, values_, body_, world_, command_, setup_.battery_v, x_, k1);
+        after(x_, k1, 0.5 * step_s_, trial);
+        derive(model_, values_, body_, world_, command_, setup_.battery_v, trial, k2);
+        after(x_, k2, 0.5 * step_s_, trial);
+        derive(model_, values_, body_, world_, command_, setup_.battery_v, trial, k3);
+        after(x_, k3, step_s_, trial);
+        derive(model_, values_, body_, world_, command_, setup_.battery_v, trial, k4);
+        for (int i = 0; i < kState; ++i) {
+            x_[i] += step_s_ / 6.0 * (k1.state[i] + 2.0 * k2.state[i] + 2.0 * k3.state[i] + k4.state[i]);
+        }
+        const double norm = std::sqrt(x_[6] * x_[6] + x_[7] * x_[7] + x_[8] * x_[8] + x_[9] * x_[9]);
+        for (int i = 6; i < 10; ++i) x_[i] /= norm;
+        if (!lags_) {
+            for (int i = 0; i < 4; ++i) x_[13 + i] = command_[i];
+        }
+        for (int k = 0; k < 3; ++k) force_[k] = k4.specific_force[k];
+        energy_j_ += step_s_ * k1.rotor_power;
+    }
+
+    void watch() {
+        const std::uint8_t state = controller_.mission.state;
+        const double up = 1.0 - 2.0 * (x_[7] * x_[7] + x_[8] * x_[8]);
+        if (up < least_up_) least_up_ = up;
+        fell_ = fell_ || state == TC_EMERGENCY || state == TC_FAULT;
+        if (ending_ < 0 && state == TC_TRAJECTORY) reserve();
+        if (ending_ >= 0 || as_planned(state)) return;
+        const bool finished = state == TC_HOLD && controller_.mission.reason == TC_FINISHED;
+        ended(finished ? kFinished : kFailsafe, controller_.mission.reason);
+    }
+
+    bool as_planned(std::uint8_t state) const {
+        return disturbed_ ? state == TC_APPROACH || state == TC_TRAJECTORY : state == TC_HOLD;
+    }
+
+    double after_s() const { return ending_ == kFinished ? setup_.after_s : setup_.after_failsafe_s; }
+
+    // As vehicle.Limits.rotor_margin.
+    void reserve() {
+        const double low = setup_.slowest_rad_s * setup_.slowest_rad_s,
+                     high = setup_.fastest_rad_s * setup_.fastest_rad_s;
+        for (int i = 0; i < 4; ++i) {
+            const double square = x_[13 + i] * x_[13 + i], left = std::fmin(high - square, square - low) / (high - low);
+            if (left < reserve_) reserve_ = left;
+        }
+    }
+
+    void ended(Ending ending, int reason) {
+        ending_ = ending;
+        ended_s_ = time_us_ * 1e-6;
+        summary_.ending = ending;
+        summary_.state = controller_.mission.state;
+        summary_.reason = reason;
+        summary_.ended_s = ended_s_ - began_s_;
+        summary_.reserve = reserve_;
+        summary_.energy_j = energy_j_;
+    }
+
+    Summary gave_up(Ending ending, int reason) {
+        ended(ending, reason);
+        return whole();
+    }
+
+    // With what happened after the end.
+    Summary whole() {
+        summary_.tilt_rad = arccosine(std::fmax(-1.0, least_up_));
+        summary_.fell = fell_;
+        summary_.flown_s = static_cast<double>(ticks_) * step_s_;
+        return summary_;
+    }
+
+    Sample now() const {
+        const tc_telemetry& t = controller_.telemetry;
+        Sample s{};
+        double square = 0.0;
+        for (int k = 0; k < 3; ++k) {
+            const double off = at_[k] - t.setpoint.position_world_m[k];
+            s.position_m[k] = static_cast<float>(at_[k]);
+            square += off * off;
+        }
+        s.error_m = static_cast<float>(std::sqrt(square));
+        const bool on_path = tc_mission_on_path(t.state);
+        s.path_s = on_path ? static_cast<float>(t.path_time_us * 1e-6) : std::numeric_limits<float>::quiet_NaN();
+        s.state = t.state;
+        return s;
+    }
+
+    static constexpr int kGustEvery = 5;
+    static constexpr std::uint64_t kClock = 1000000;  // at the first tick, so that no stamp comes before zero
+
+    const Setup& setup_;
+    const Model& model_;
+    const double* values_;
+    const Draw& draw_;
+    tc_controller& controller_;
+    Body<double> body_;
+    Random noise_, air_, drop_outs_;
+    Gusts gusts_;
+    Sensing sensing_;
+    double step_s_;
+    World world_{{0.0, 0.0, 0.0}, 0.0, -kFar, kFar};
+    double x_[kState] = {}, command_[4] = {}, force_[3] = {}, gust_[3] = {};
+    double at_[3] = {};  // where it was when the controller was called, to whose set-point that belongs
+    float engaged_[4] = {};
+    std::uint64_t time_us_ = kClock, ticks_ = 0;
+    double ramp_ = 0.0, began_s_ = 0.0, ended_s_ = 0.0, energy_j_ = 0.0, least_up_ = 1.0;
+    double reserve_ = 1.0;
+    int ending_ = -1;
+    bool disturbed_ = false;  // on its way; drop-outs are for the path: before it one waits until the vehicle is ready
+    bool fell_ = false;
+    bool lags_ = lags(model_, values_);
+    Summary summary_{};
+
+    static bool lags(const Model& model, const double* values) {
+        Drive<double> d{};
+        return drive(model, values, d);
+    }
+};
+
+}  // namespace goshawk

@@ -1,0 +1,101 @@
+"""Probabilities with bounds that the number of flights supports, and shares of a variance."""
+
+from bisect import bisect_left
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight import FloatArray
+
+CONFIDENCE = 0.95
+"""Of every upper bound, one-sided."""
+QUANTILES = (0.5, 0.9, 0.99)
+_LEAST = 30
+"""Values, from which on a variance is decomposed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Probability:
+    """How often something happened, and the largest probability that this allows."""
+
+    count: int
+    flights: int
+    upper: float
+    """Exact bound (Clopper and Pearson 1934), confidence `CONFIDENCE`; 3 / n where it never happened."""
+
+    @staticmethod
+    def of(happened: np.ndarray) -> "Probability":
+        """Of (n,) flights, whether it happened in each."""
+        count, flights = int(np.count_nonzero(happened)), len(happened)
+        return Probability(count, flights, upper_bound(count, flights))
+
+    @property
+    def estimate(self) -> float:
+        return self.count / self.flights
+
+    def as_dict(self) -> dict[str, float | int]:
+        return {"count": self.count, "flights": self.flights, "estimate": self.estimate, "upper95": self.upper}
+
+    def __str__(self) -> str:
+        return f"{self.count} of {self.flights}: at most {self.upper:.1e}"
+
+
+def upper_bound(count: int, flights: int) -> float:
+    """The largest probability with which `count` or fewer of that many flights have the chance 1 - `CONFIDENCE`."""
+    from scipy.special import betaincinv
+
+    return 1.0 if count >= flights else float(betaincinv(count + 1, flights - count, CONFIDENCE))
+
+
+def flights_for(risk: float, count: int = 0) -> int:
+    """The fewest flights that, if it happens in `count` of them, show a risk to be met."""
+    least = int(np.ceil(np.log(1.0 - CONFIDENCE) / np.log1p(-risk)))
+    if count == 0:
+        return least
+    most = 2 * least
+    while upper_bound(count, most) > risk:
+        most *= 2
+    return least + bisect_left(range(least, most), True, key=lambda n: upper_bound(count, n) <= risk)
+
+
+def quantiles(values: FloatArray) -> dict[str, float]:
+    """Quantiles of (n,) values by name, the finite ones alone."""
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return {}
+    at = (0.0, 0.01, 0.1, 0.5, 0.9, 0.99, 1.0)
+    names = ("least", "q01", "q10", "median", "q90", "q99", "most")
+    return dict(zip(names, (float(q) for q in np.quantile(finite, at)), strict=True))
+
+
+def decomposable(values: FloatArray) -> bool:
+    """Whether (n,) values, the finite ones, are enough and unlike enough to ask what their variance comes from."""
+    used = values[np.isfinite(values)]
+    return len(used) >= _LEAST and float(np.ptp(used)) > 0.0
+
+
+def variance_shares(values: FloatArray, factors: Mapping[str, FloatArray]) -> dict[str, float]:
+    """The share of the variance of (n,) values that each factor alone explains, the largest first.
+
+    First-order indices by regression on a factor's draws (n, q), their squares and products (Sobol indices of a
+    quadratic polynomial chaos: Sudret 2008), less what as many columns of noise would explain (adjusted R squared).
+    """
+    used = np.isfinite(values)
+    if not decomposable(values):
+        return {}
+    y = values[used] - values[used].mean()
+    total = float(y @ y)
+    shares = {name: _explained(y, draws[used], total) for name, draws in factors.items()}
+    return dict(sorted(shares.items(), key=lambda item: -item[1]))
+
+
+def _explained(y: FloatArray, draws: FloatArray, total: float) -> float:
+    q = draws.shape[1]
+    rows, columns = np.triu_indices(q)
+    terms = np.column_stack([draws, draws[:, rows] * draws[:, columns]])
+    terms = terms - terms.mean(axis=0)
+    solution = np.linalg.lstsq(terms, y, rcond=None)[0]
+    left = y - terms @ solution
+    n, k = len(y), terms.shape[1]
+    return max(0.0, 1.0 - float(left @ left) / total * (n - 1) / max(n - 1 - k, 1))

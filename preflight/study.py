@@ -1,0 +1,316 @@
+"""The preflight itself: draw, fly in batches, ask the map, and conclude."""
+
+import os
+from collections.abc import Collection
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from firmware_bridge import controller
+from firmware_bridge.sitl_vehicle import Sensors
+from flight import FloatArray, InputError, Progress, Trajectory, silent
+from preflight import clearance, draws, remedies, statistics
+from preflight.advice import Advice, advise
+from preflight.clearance import DistanceField
+from preflight.core import DROP_OUTS, GUSTS, NOISE, WITHIN, Air, Loop
+from preflight.draws import Drawn, Uncertainty
+from preflight.result import BINS, Record, Removed, Result, spread
+from vehicle import Vehicle
+
+_BATCH = 64
+"""Flights of a call for each processor: what is kept of them meanwhile takes 0.2 MB each."""
+_LEAST_LOST = 10
+"""Flights, from which on it is told what loses them."""
+_AGAIN = 128
+"""Flights that are flown again with other noise, gusts or drop-outs."""
+_LARGEST_SEED = 2**32 - 1
+LEAST_RISK, LARGEST_RISK = 1e-5, 0.5
+STRONGEST_M_S = 50.0
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How to fly it."""
+
+    flights: int | None = None
+    """None: as many as show the risk to be met if nothing happens in any."""
+    risk: float = 1e-3
+    """Probability of touching anything that is accepted."""
+    seed: int = 0
+    uncertainty: Uncertainty = field(default_factory=Uncertainty)
+    sensors: Sensors = field(default_factory=Sensors.typical)
+    air: Air = field(default_factory=Air)
+    rate_hz: int = 500
+    """Of the controller."""
+    rotor_speed_measured: bool = False
+    """Whether the vehicle tells the controller the speeds of its rotors."""
+    threads: int | None = None
+    """None: as many as there are processors. The result does not depend on it."""
+    explain: bool = True
+    """If a flight was lost, fly all again without the dominating uncertainty."""
+    decide_only: bool = False
+    """Stop as soon as so many are lost that it can be no go."""
+
+    def __post_init__(self) -> None:
+        if not LEAST_RISK <= self.risk <= LARGEST_RISK:
+            raise InputError(
+                f"a risk of {self.risk:g}: it must be from {LEAST_RISK:g} to {LARGEST_RISK:g}; no number of flights "
+                "shows that it is nil, and one of 0.001 takes about 3000"
+            )
+        if self.flights is not None and self.flights < 1:
+            raise InputError(f"{self.flights} flights; at least one is needed")
+        if not 0 <= self.seed <= _LARGEST_SEED:
+            raise InputError(f"a seed of {self.seed}; it must be from 0 to {_LARGEST_SEED}")
+
+    @property
+    def count(self) -> int:
+        return statistics.flights_for(self.risk) if self.flights is None else self.flights
+
+
+def fly(
+    vehicle: Vehicle,
+    trajectory: Trajectory,
+    field: DistanceField | None,
+    *,
+    radius_m: float | None = None,
+    clearance_m: float = 0.0,
+    options: Options | None = None,
+    progress: Progress = silent,
+) -> Result:
+    """Fly a trajectory many times.
+
+    Args:
+        field: of distances; None asks no map: risk is then that of falling alone.
+        radius_m: of the sphere that holds the vehicle; by default to the farthest propeller tip.
+        clearance_m: room for the tracking error, as the plan states it to the vehicle.
+
+    Raises:
+        InputError: the vehicle cannot hover in the wind, or has effects that cannot be flown in numbers.
+        RefusedError: the controller refuses the vehicle's parameters or the trajectory.
+        KeyboardInterrupt: before the first batch was flown; afterwards the result is of what was flown.
+    """
+    options = options or Options()
+    require_hover(vehicle, options.uncertainty)
+    study = _Study(vehicle, trajectory, field, vehicle.reach_m if radius_m is None else radius_m, clearance_m, options)
+    record, drawn, steps = study.flown(options.uncertainty, vehicle, "flights", progress)
+    if options.decide_only:
+        return Result(record, trajectory, options.count, options.risk, {}, {}, drawn.assumed, steps=steps)
+    shares, loss_shares, again = study.shares(record, drawn)
+    result = Result(
+        record, trajectory, options.count, options.risk, shares, loss_shares, drawn.assumed, steps=steps + again
+    )
+    first = result.dominating
+    if first is None or not options.explain or not record.lost.any():
+        return result
+    return replace(result, removed=study.without(first[0], progress))
+
+
+def require_hover(vehicle: Vehicle, uncertainty: Uncertainty) -> None:
+    """Check that the vehicle can hover in the mean wind.
+
+    Raises:
+        InputError: it cannot.
+    """
+    wind = uncertainty.wind_m_s
+    if wind > STRONGEST_M_S:
+        raise InputError(f"a wind of {wind:g} m/s; at most {STRONGEST_M_S:g} m/s is simulated")
+    if not _hovers(vehicle, wind):
+        raise InputError(
+            f"{vehicle.name} cannot hover in a wind of {wind:g} m/s within its limits of tilt and rotor speed; it can "
+            f"up to {strongest_hover(vehicle):.1f} m/s"
+        )
+
+
+def _hovers(vehicle: Vehicle, wind_m_s: float) -> bool:
+    tilt, reserve = draws.hover_in_wind(vehicle, wind_m_s)
+    return reserve > 0.0 and tilt < vehicle.limits.tilt_rad
+
+
+def strongest_hover(vehicle: Vehicle) -> float:
+    """The largest wind, m/s to a twentieth, in which the vehicle hovers within its limits."""
+    least, most = 0.0, STRONGEST_M_S
+    while most - least > 0.05:
+        middle = 0.5 * (least + most)
+        least, most = (middle, most) if _hovers(vehicle, middle) else (least, middle)
+    return least
+
+
+def advised(
+    vehicle: Vehicle,
+    trajectory: Trajectory,
+    field: DistanceField | None,
+    result: Result,
+    *,
+    radius_m: float | None = None,
+    clearance_m: float = 0.0,
+    options: Options,
+    progress: Progress = silent,
+) -> Advice:
+    """What would be a go, beside a result of the same arguments."""
+
+    def is_go(wind_m_s: float, slower: float) -> bool:
+        tried = f"trying {wind_m_s:g} m/s of wind" + (f", {slower:g} times slower" if slower > 1.0 else "")
+        air = replace(options.uncertainty, wind_m_s=wind_m_s)
+        asked = replace(options, uncertainty=air, decide_only=True)
+        found = fly(
+            vehicle,
+            trajectory if slower == 1.0 else trajectory.scale_time(slower),
+            field,
+            radius_m=radius_m,
+            clearance_m=clearance_m,
+            options=asked,
+            progress=lambda stage, fraction: progress(tried, fraction),
+        )
+        return found.go
+
+    return advise(options.uncertainty.wind_m_s, strongest_hover(vehicle), result.go, is_go)
+
+
+@dataclass(frozen=True, slots=True)
+class _Study:
+    vehicle: Vehicle
+    trajectory: Trajectory
+    field: DistanceField | None
+    radius_m: float
+    clearance_m: float
+    options: Options
+
+    def _loop(self, uncertainty: Uncertainty, believed: Vehicle) -> Loop:
+        return Loop(
+            draws.flown_form(believed),
+            self.trajectory,
+            controller.parameters_of(self.vehicle),
+            clearance_m=self.clearance_m,
+            sensors=_sensors(self.options.sensors, uncertainty),
+            air=self.options.air,
+            rate_hz=self.options.rate_hz,
+            rotor_speed_measured=self.options.rotor_speed_measured,
+        )
+
+    def flown(
+        self, uncertainty: Uncertainty, believed: Vehicle, stage: str, progress: Progress
+    ) -> tuple[Record, Drawn, int]:
+        """All flights, or those flown until Ctrl-C."""
+        options, loop = self.options, self._loop(uncertainty, believed)
+        drawn = draws.draw(draws.flown_form(believed), loop.names, uncertainty, options.count, options.seed)
+        parts: list[Record] = []
+        steps, first = 0, 0
+        batch = _BATCH * (options.threads or os.cpu_count() or 1)
+        try:
+            for first in range(0, options.count, batch):
+                progress(stage, first / options.count)
+                part, taken = self._batch(loop, drawn, np.arange(first, min(first + batch, options.count)))
+                parts.append(part)
+                steps += taken
+                if options.decide_only and self._no_go(parts):
+                    break
+            progress(stage, 1.0)
+        except KeyboardInterrupt:
+            if not parts:
+                raise
+        return Record.joined(parts), drawn, steps
+
+    def _no_go(self, parts: list[Record]) -> bool:
+        lost = sum(int(part.lost.sum()) for part in parts)
+        return statistics.upper_bound(lost, self.options.count) > self.options.risk
+
+    def shares(self, record: Record, drawn: Drawn) -> tuple[dict[str, float], dict[str, float], int]:
+        """Of the variance of the least clearance, and of that of being lost, by factor; and steps flown for that.
+
+        Empty after Ctrl-C, now or before: without what comes anew in every flight the wrong one would be first.
+        """
+        try:
+            return self._shares(record, drawn) if len(record) == self.options.count else ({}, {}, 0)
+        except KeyboardInterrupt:
+            return {}, {}, 0
+
+    def _shares(self, record: Record, drawn: Drawn) -> tuple[dict[str, float], dict[str, float], int]:
+        loop = self._loop(self.options.uncertainty, self.vehicle)
+        value, lost = spread(record), record.lost.astype(np.float64)
+        shares = statistics.variance_shares(value, drawn.factors)
+        many = lost.sum() >= _LEAST_LOST and statistics.decomposable(lost)
+        loss = statistics.variance_shares(lost, drawn.factors) if many else {}
+        steps = 0
+        for kind in self._kinds():
+            told = ((shares, statistics.decomposable(value), self._anew), (loss, many, self._kept))
+            for found, share in ((found, share) for found, enough, share in told if enough):
+                within, taken = share(kind, loop, record, drawn)
+                found[kind] = found.get(kind, 0.0) + within
+                steps += taken
+        return _largest_first(shares), _largest_first(loss), steps
+
+    def _kinds(self) -> list[str]:
+        given = self.options.uncertainty
+        sizes = {NOISE: given.noise_ratio, GUSTS: given.gust_std_m_s, DROP_OUTS: given.drop_outs_per_s}
+        return [kind for kind in WITHIN if sizes[kind] > 0.0]
+
+    def _anew(self, kind: str, loop: Loop, record: Record, drawn: Drawn) -> tuple[float, int]:
+        """Share of the spread's variance that comes anew in every flight: some are flown again with another `kind`."""
+        value = spread(record)
+        some = np.arange(min(_AGAIN, len(value)))
+        again, steps = self._batch(loop, drawn, some, anew=[kind])
+        change = value[some] - spread(again)
+        total = float(np.nanvar(value))
+        if not total > 0.0 or not np.isfinite(change).any():
+            return 0.0, steps
+        return min(1.0, 0.5 * float(np.nanmean(change**2)) / total), steps
+
+    def _kept(self, kind: str, loop: Loop, record: Record, drawn: Drawn) -> tuple[float, int]:
+        """First-order share of the variance of being lost: how many lost flights are so again when all but `kind` is
+        another flight's (pick-freeze estimate of a Sobol index, of the lost ones alone: the others are too many)."""
+        lost = np.flatnonzero(record.lost)[:_AGAIN]
+        others = (lost + len(record) // 2) % len(record)
+        again, steps = self._batch(loop, drawn, others, numbers=lost, anew=[k for k in WITHIN if k != kind])
+        risk = float(record.lost.mean())
+        return max(0.0, (float(again.lost.mean()) - risk) / (1.0 - risk)), steps
+
+    def _batch(
+        self,
+        loop: Loop,
+        drawn: Drawn,
+        rows: np.ndarray,
+        *,
+        numbers: np.ndarray | None = None,
+        anew: Collection[str] = (),
+    ) -> tuple[Record, int]:
+        flown = loop.fly(
+            drawn.values[rows], drawn.rows[rows], seed=self.options.seed, numbers=rows if numbers is None else numbers,
+            anew=anew, threads=self.options.threads,
+        )  # fmt: skip
+        near = clearance.nearest(
+            flown, self.field or _Nothing(), self.radius_m, drawn.map_scale[rows], drawn.map_error_m[rows]
+        )
+        record = Record(
+            near.clearance_m, near.point_world_m, near.path_s, near.left_map,
+            clearance.errors_along(flown, self.trajectory, BINS), flown.ending, flown.end_state, flown.reason,
+            flown.tilt_rad, flown.fell, flown.rotor_reserve, flown.energy_j, flown.ended_s,
+        )  # fmt: skip
+        return record, flown.steps
+
+    def without(self, factor: str, progress: Progress) -> Removed | None:
+        """The same flights with one factor known exactly; None if Ctrl-C ended them."""
+        believed, uncertainty = remedies.without(self.vehicle, self.options.uncertainty, factor)
+        try:
+            record, _, _ = self.flown(uncertainty, believed, f"again without {factor}", progress)
+        except KeyboardInterrupt:
+            return None
+        return Removed(factor, statistics.Probability.of(record.lost)) if len(record) == self.options.count else None
+
+
+def _largest_first(shares: dict[str, float]) -> dict[str, float]:
+    return dict(sorted(shares.items(), key=lambda item: -item[1]))
+
+
+def _sensors(sensors: Sensors, uncertainty: Uncertainty) -> Sensors:
+    """Their noise as asked for, and the delay that their time stamps tell."""
+    ratio = uncertainty.noise_ratio
+    noise = {f.name: ratio * getattr(sensors, f.name) for f in fields(Sensors) if "_std_" in f.name}
+    return replace(sensors, **noise, delay_s=uncertainty.pose_delay_s)
+
+
+class _Nothing:
+    """Space without obstacles or end."""
+
+    def distance(self, points_world_m: ArrayLike, /) -> FloatArray:
+        return np.full(len(np.asarray(points_world_m)), np.inf)

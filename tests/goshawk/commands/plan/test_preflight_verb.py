@@ -1,0 +1,150 @@
+"""`goshawk preflight`: from a planned file to go or no-go, and what it refuses."""
+
+import json
+import os
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mapping
+import preflight
+import vehicle
+from flight import FormatError, trajectory
+from goshawk.commands.plan import preflight as verb
+from goshawk.terminal import outputs
+from tests.goshawk.running import answer
+
+LINES = 24
+
+
+@pytest.fixture(scope="module")
+def folder(pillar_map: Path, tmp_path_factory) -> Path:
+    """A project folder with a map, two vehicles, and a plan for one of them."""
+    folder = tmp_path_factory.mktemp("preflight")
+    os.symlink(pillar_map, folder / "map")
+    vehicle.save(folder / "vehicle.toml", vehicle.example())
+    vehicle.save(folder / "other.toml", vehicle.example().with_value("mass_kg", 0.8))
+    (folder / "waypoints.csv").write_text("x,y,z\n0.8,0.8,1.0\n1.0,3.0,1.3\n3.0,3.2,1.2\n")
+    ended = answer("plan", folder / "waypoints.csv", *world(folder), "--speed", 3, "--out", folder / "plan.json", "-q")
+    assert ended.returncode == 0, ended.stderr
+    return folder
+
+
+def world(folder: Path, drone: str = "vehicle.toml") -> tuple[object, ...]:
+    return ("--map", folder / "map", "--vehicle", folder / drone)
+
+
+def preflown(folder: Path, *options: object):
+    return answer("preflight", folder / "plan.json", *world(folder), "-q", *options)
+
+
+def test_a_slow_plan_in_a_wide_room_is_a_go_on_one_screen(folder, tmp_path):
+    ended = preflown(folder, "--flights", 60, "--risk", 0.05, "--out", tmp_path / "found.json")
+    assert ended.returncode == 0, ended.stdout
+    assert len(ended.stdout.splitlines()) <= LINES
+    assert "GO: the risk is at most" in ended.stdout
+    assert "0 of 60: at most 4.9e-02" in ended.stdout
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert found["format"] == "goshawk-preflight"
+    assert found["go"] is True
+    assert len(found["tube"]["q90_m"]) == 100
+
+
+def test_a_storm_of_gusts_is_a_no_go_that_names_them(folder):
+    ended = preflown(folder, "--flights", 80, "--risk", 0.1, "--gust-std", 8, "--json")
+    found = json.loads(ended.stdout)
+    assert ended.returncode == 1
+    assert found["risk"]["count"] > 0
+    assert found["risk"]["upper95"] > found["risk"]["estimate"] > 0.0
+    assert found["dominating"]["factor"] == "gusts"
+    assert next(iter(found["loss_shares"])) == "gusts"
+
+
+def test_the_same_seed_prints_the_same_and_another_does_not(folder):
+    one, same, other = (preflown(folder, "--flights", 20, "--seed", s, "--json").stdout for s in (1, 1, 2))
+    assert one == same
+    assert one != other
+
+
+def test_few_flights_do_not_show_a_small_risk_and_the_screen_says_how_many_would(folder):
+    ended = preflown(folder, "--flights", 20)
+    assert ended.returncode == 1
+    assert "fly at least 2995" in " ".join(ended.stdout.split())
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--risk", 0), "no number of flights"),
+        (("--wind", 40), "cannot hover in a wind of 40 m/s"),
+        (("--wind", "1,2"), "3 finite numbers"),
+        (("--wind", "-3"), "at least 0"),
+        (("--flights", 0), "at least one"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused_in_a_sentence(folder, options, said):
+    ended = preflown(folder, *options)
+    assert ended.returncode == 2, ended.stdout
+    assert said in ended.stderr
+
+
+def test_another_vehicles_plan_and_a_map_edited_since_are_refused(folder, tmp_path):
+    other = answer("preflight", folder / "plan.json", *world(folder, "other.toml"), "--flights", 5)
+    assert other.returncode == 2
+    assert "was checked for vehicle" in other.stderr
+    shutil.copytree((folder / "map").resolve(), tmp_path / "map")
+    assert answer("map", "edit", "add", tmp_path / "map", "--box", "4.5,0.6,0.5,0.2,0.2,0.2").returncode == 0
+    edited = answer("preflight", folder / "plan.json", "--map", tmp_path / "map", "--vehicle", folder / "vehicle.toml")
+    assert edited.returncode == 2
+    assert "was checked in map" in edited.stderr
+
+
+def test_no_map_and_an_unchecked_plan_are_refused(folder, tmp_path):
+    none = answer("preflight", folder / "plan.json", "--map", tmp_path, "--vehicle", folder / "vehicle.toml")
+    assert none.returncode in (1, 2)
+    assert "goshawk: " in none.stderr
+    item = trajectory.load(folder / "plan.json")
+    with outputs.file(tmp_path / "raw.json", overwrite=False) as temporary:
+        trajectory.save(temporary, replace(item, check={}))
+    raw = answer("preflight", tmp_path / "raw.json", *world(folder))
+    assert raw.returncode == 2
+    assert "final gate" in raw.stderr
+
+
+def test_a_maps_scale_is_as_unsure_as_its_sources_disagree():
+    first = {"source": "length", "ratio": 1.0, "std": 0.01}
+    assert verb.scale_std([first]) == pytest.approx(0.01)
+    assert verb.scale_std([first, {"ratio": 1.05, "std": 0.03}]) == pytest.approx(np.hypot(0.01, 0.04))
+    assert verb.scale_std([first, {"ratio": 1.05, "std": 0.2}]) == pytest.approx(0.01)
+    assert verb.scale_std(None) == verb.scale_std([]) == 0.0
+    for broken in (3, [3], [{"std": "wide"}]):
+        with pytest.raises(FormatError, match="scale_witnesses"):
+            verb.scale_std(broken)
+
+
+def test_voxels_add_to_the_error_of_the_surfaces(folder):
+    found = verb.of_map(mapping.open_map(folder / "map"), preflight.Uncertainty())
+    assert found.map_error_std_m > preflight.Uncertainty().map_error_std_m
+
+
+def test_ctrl_c_shows_what_was_flown(folder, monkeypatch):
+    whole = preflight.fly
+
+    def interrupted(*arguments, progress, **options):
+        calls = []
+
+        def report(stage, fraction):
+            calls.append(fraction)
+            if len(calls) > 1 and fraction < 1.0:
+                raise KeyboardInterrupt
+
+        return whole(*arguments, progress=report, **options)
+
+    monkeypatch.setattr(verb.preflight, "fly", interrupted)
+    ended = preflown(folder, "--flights", 1000, "--json")
+    assert ended.returncode == 130
+    assert 0 < json.loads(ended.stdout)["flights"] < 1000
+    assert "stopped after" in ended.stderr

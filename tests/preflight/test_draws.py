@@ -1,0 +1,160 @@
+"""Draws: the model's whole covariance within physical limits, and the same luck for every plan."""
+
+import hashlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import preflight
+from flight import InputError
+from preflight import core, draws
+from vehicle import specs
+
+NAMES = ("thrust_bem.k1_n_s2", "parasitic_drag.drag_xy_kg_m")
+
+
+def uncertain(drone, correlation: float):
+    for name in NAMES:
+        value = drone.value(name)
+        drone = drone.with_value(name, value, std=0.05 * value, source="identified from a test")
+    told = {"names": list(NAMES), "matrix": [[1.0, correlation], [correlation, 1.0]]}
+    return replace(drone, provenance={**drone.provenance, draws.CORRELATION: told})
+
+
+def drawn(vehicle, uncertainty=None, count=4000, seed=0):
+    names = core.native.compiled(vehicle).names
+    return names, draws.draw(vehicle, names, uncertainty or preflight.Uncertainty(), count, seed)
+
+
+@pytest.mark.parametrize("correlation", [-0.7, 0.0, 0.6])
+def test_parameters_are_drawn_with_the_covariance_that_the_model_tells(form, correlation):
+    names, found = drawn(uncertain(form, correlation))
+    chosen = found.values[:, [names.index(name) for name in NAMES]]
+    assert np.corrcoef(chosen.T)[0, 1] == pytest.approx(correlation, abs=0.04)
+    assert chosen.std(axis=0) / chosen.mean(axis=0) == pytest.approx(0.05, rel=0.05)
+    assert found.assumed == ()
+
+
+def test_parameters_that_are_told_together_only_are_one_factor(form):
+    _, found = drawn(uncertain(form, 0.95))
+    assert " with ".join(sorted(NAMES, reverse=True)) in found.factors or " with ".join(NAMES) in found.factors
+
+
+def test_a_model_without_covariance_says_what_is_assumed(form):
+    _, found = drawn(form)
+    assert "states no uncertainty" in found.assumed[0]
+    alone = form.with_value(NAMES[0], form.value(NAMES[0]), std=1e-7)
+    assert "drawn independently" in drawn(alone)[1].assumed[0]
+
+
+@pytest.mark.parametrize(
+    "damaged",
+    ["text", {"names": 3}, {"names": list(NAMES), "matrix": [[1.0], [1.0, 2.0]]}, {"names": list(NAMES), "matrix": "x"},
+     {"names": list(NAMES), "matrix": [[1.0, 7.0], [7.0, 1.0]]}],
+)  # fmt: skip
+def test_a_damaged_correlation_counts_as_none(form, damaged):
+    broken = replace(uncertain(form, 0.5), provenance={draws.CORRELATION: damaged})
+    assert "drawn independently" in drawn(broken, count=10)[1].assumed[0]
+
+
+def test_a_later_fit_of_a_few_leaves_the_others_independent_and_says_so(form):
+    """Of three identified errors the correlation of two is told."""
+    value = form.value("mass_kg")
+    third = uncertain(form, 0.5).with_value("mass_kg", value, std=0.01 * value, source="identified from a test")
+    said = drawn(third)[1].assumed[0]
+    assert "1 of 3" in said
+    assert "mass_kg" in said
+
+
+def test_an_identified_loss_of_a_rotor_is_drawn_with_its_own_error(form):
+    weak = form.with_value("weak_rotor.loss_1", 0.05, std=0.03, source="identified from a test")
+    names, found = drawn(weak)
+    losses = found.values[:, [names.index(f"weak_rotor.loss_{i}") for i in (0, 1)]]
+    assert losses.mean(axis=0) == pytest.approx([0.0, 0.05], abs=2e-3)
+    assert losses.std(axis=0) == pytest.approx([0.01, np.hypot(0.03, 0.01)], rel=0.05)
+    assert "weak_rotor.loss_1" in found.factors
+
+
+def test_the_models_delay_is_flown_unless_another_error_of_it_is_given(form):
+    late = form.with_effect("pose_delay", delay_s=0.03)
+    late = late.with_value("pose_delay.delay_s", 0.03, std=0.005)
+    column = core.DRAW_COLUMNS.index("pose_delay_s")
+    told, given = (drawn(late, u)[1].rows[:, column] for u in (None, preflight.Uncertainty(pose_delay_std_s=0.001)))
+    assert told.mean() == pytest.approx(0.04, abs=5e-4)
+    assert told.std() == pytest.approx(0.005, rel=0.05)
+    assert given.std() == pytest.approx(0.001, rel=0.05)
+    assert drawn(form)[1].rows[:, column].std() == pytest.approx(draws.DELAY_STD_S, rel=0.05)
+
+
+def test_effects_that_are_not_flown_are_named(form):
+    more = form.with_effect("imu_errors").with_effect("ground_effect", strength=1.0)
+    said = " ".join(drawn(more)[1].assumed)
+    assert "without imu_errors, ground_effect" in said
+    assert "flown without" not in " ".join(drawn(form)[1].assumed)
+
+
+def test_neighbouring_large_seeds_are_other_luck():
+    name = next(n for n in "abcdefgh" if int(hashlib.sha256(n.encode()).hexdigest()[14:16], 16) >= 128)
+    one, other = (draws._Streams(2**53 + i, 3)(name) for i in (0, 1))
+    assert not np.array_equal(one, other)
+
+
+def test_a_map_of_unknown_scale_has_no_negative_one(form):
+    _, found = drawn(form, preflight.Uncertainty(map_scale_std_ratio=0.5))
+    assert found.map_scale.min() > 0.0
+    assert np.log(found.map_scale).std() == pytest.approx(0.5, rel=0.05)
+
+
+def test_wild_errors_stay_within_physical_limits(form):
+    wild = form
+    for name in ("mass_kg", "inertia_xx_kg_m2", "inertia_zz_kg_m2", NAMES[1]):
+        wild = wild.with_value(name, form.value(name), std=2.0 * form.value(name))
+    names, found = drawn(wild)
+    for name, spec in specs(wild).items():
+        if name in names:
+            column = found.values[:, names.index(name)]
+            assert (column >= spec.bounds[0]).all()
+            assert (column <= spec.bounds[1]).all()
+    xx, yy, zz = (found.values[:, names.index(f"inertia_{a}_kg_m2")] for a in ("xx", "yy", "zz"))
+    assert (zz <= xx + yy + 1e-15).all()
+    assert (xx <= yy + zz + 1e-15).all()
+
+
+def test_more_flights_and_another_uncertainty_leave_a_flights_luck_alone(form):
+    few, many = drawn(form, count=10)[1], drawn(form, count=100)[1]
+    assert np.array_equal(few.rows, many.rows[:10])
+    windy = drawn(uncertain(form, 0.5), replace(preflight.Uncertainty(), wind_m_s=4.0), count=10)[1]
+    bias = [core.DRAW_COLUMNS.index(f"bias_{axis}_m") for axis in "xyz"]
+    assert np.array_equal(windy.rows[:, bias], few.rows[:, bias])
+    assert not np.array_equal(drawn(form, count=10, seed=1)[1].rows[:, bias], few.rows[:, bias])
+
+
+def test_a_wind_from_anywhere_is_horizontal_and_of_its_size(form):
+    _, found = drawn(form, replace(preflight.Uncertainty(), wind_m_s=4.0))
+    wind = found.rows[:, :3]
+    assert not wind[:, 2].any()
+    size = np.linalg.norm(wind, axis=1)
+    assert size.mean() == pytest.approx(4.0, rel=0.02)
+    assert size.std() == pytest.approx(0.8, rel=0.05)
+    assert np.abs(wind.mean(axis=0)).max() < 0.2
+
+
+def test_an_uncertainty_below_zero_is_refused():
+    with pytest.raises(InputError, match="gust_std_m_s"):
+        preflight.Uncertainty(gust_std_m_s=-1.0)
+
+
+@pytest.mark.parametrize(
+    "given", [{"pose_delay_s": 0.3}, {"wind_direction": (0.0, 0.0, 0.0)}, {"wind_direction": (1.0, np.nan, 0.0)}]
+)
+def test_a_pose_too_old_and_a_wind_to_nowhere_are_refused(given):
+    with pytest.raises(InputError, match=next(iter(given))):
+        preflight.Uncertainty(**given)
+
+
+def test_a_hover_in_wind_tilts_against_it_until_the_rotors_end(drone):
+    calm, breeze, storm = (draws.hover_in_wind(drone, wind) for wind in (0.0, 5.0, 60.0))
+    assert calm[0] == pytest.approx(0.0, abs=1e-2)
+    assert breeze[0] > calm[0] + 0.05
+    assert not storm[1] > 0.0

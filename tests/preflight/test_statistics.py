@@ -1,0 +1,61 @@
+"""Bounds that hold, and variances that are explained by what was planted."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from preflight import statistics
+from preflight.statistics import Probability
+
+
+def test_nothing_in_n_flights_shows_three_over_n_and_no_less():
+    for n in (10, 300, 2995):
+        assert statistics.upper_bound(0, n) == pytest.approx(3.0 / n, rel=0.15)
+    assert statistics.upper_bound(0, statistics.flights_for(1e-3)) <= 1e-3
+    assert statistics.upper_bound(0, statistics.flights_for(1e-3) - 1) > 1e-3
+
+
+@pytest.mark.parametrize(("count", "flights"), [(0, 5), (1, 40), (7, 100), (99, 100)])
+def test_the_bound_is_where_so_few_have_a_chance_of_a_twentieth(count, flights):
+    assert stats.binom.cdf(count, flights, statistics.upper_bound(count, flights)) == pytest.approx(0.05, abs=1e-9)
+
+
+def test_the_fewest_flights_that_show_a_risk_allow_for_those_that_were_lost():
+    for count, risk in ((0, 1e-2), (1, 1e-3), (7, 0.05)):
+        need = statistics.flights_for(risk, count)
+        assert statistics.upper_bound(count, need) <= risk < statistics.upper_bound(count, need - 1)
+    assert statistics.flights_for(1e-3, 1) == 4742
+
+
+def test_all_lost_is_bounded_by_one():
+    assert Probability.of(np.ones(4, bool)).upper == 1.0
+
+
+def test_the_bound_holds_in_at_least_95_of_100():
+    rng = np.random.default_rng(5)
+    held = [Probability.of(rng.random(200) < p).upper >= p for p in rng.uniform(0.001, 0.2, 2000)]
+    assert np.mean(held) >= 0.945
+
+
+def test_the_shares_of_a_sum_are_those_of_its_terms():
+    rng = np.random.default_rng(1)
+    a, b, c, idle = rng.standard_normal((4, 4000, 1))
+    value = 3.0 * a[:, 0] + 2.0 * (b[:, 0] ** 2 - 1.0) + rng.standard_normal(4000)  # variances 9, 8, 1
+    shares = statistics.variance_shares(value, {"idle": idle, "a": a, "b": b, "c": c})
+    assert list(shares)[:2] == ["a", "b"]
+    assert shares["a"] == pytest.approx(9 / 18, abs=0.04)
+    assert shares["b"] == pytest.approx(8 / 18, abs=0.06)
+    assert shares["idle"] < 0.005
+
+
+def test_a_direction_is_one_factor():
+    rng = np.random.default_rng(2)
+    wind = rng.standard_normal((2000, 2))
+    shares = statistics.variance_shares(wind[:, 0] * wind[:, 1], {"wind": wind, "idle": rng.standard_normal((2000, 3))})
+    assert shares["wind"] > 0.95
+
+
+def test_too_few_or_equal_values_explain_nothing():
+    z = np.random.default_rng(3).standard_normal((40, 1))
+    assert statistics.variance_shares(np.ones(40), {"a": z}) == {}
+    assert statistics.variance_shares(z[:10, 0], {"a": z[:10]}) == {}

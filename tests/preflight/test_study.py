@@ -1,0 +1,208 @@
+"""A preflight: what it concludes of a wall beside the way."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import preflight
+from flight import InputError
+from preflight import clearance, core, remedies, statistics
+from preflight.result import BINS
+from preflight.study import require_hover
+from tests.preflight.conftest import EXACT, Wall
+
+RADIUS_M = 0.2
+
+
+def flown(drone, curve, wall_m, *, flights=60, uncertainty=EXACT, risk=0.05, **options):
+    return preflight.fly(
+        drone, curve, Wall(wall_m), radius_m=RADIUS_M, clearance_m=1.0,
+        options=preflight.Options(flights=flights, risk=risk, uncertainty=uncertainty, **options),
+    )  # fmt: skip
+
+
+def test_far_from_the_wall_it_is_a_go_and_through_it_a_no_go(drone, curve):
+    far, through = flown(drone, curve, 1.0), flown(drone, curve, 0.1)
+    assert far.go
+    assert far.touched.count == 0
+    assert far.lost.upper == pytest.approx(3.0 / 60, rel=0.1)
+    assert not through.go
+    assert through.touched.count == 60
+    assert far.record.clearance_m.mean() == pytest.approx(1.0 - RADIUS_M, abs=0.05)
+
+
+def test_a_go_needs_as_many_flights_as_show_it(drone, curve):
+    few = flown(drone, curve, 1.0, flights=50, risk=1e-2)
+    assert few.touched.count == 0
+    assert not few.go
+    assert "299" in few.reason()
+    assert preflight.Options(risk=1e-2).count == 299
+
+
+def test_a_wider_body_and_a_nearer_wall_never_lower_the_risk(drone, curve):
+    loose = replace(EXACT, localization_std_m=0.05)
+    touched = [
+        flown(drone, curve, wall, uncertainty=loose, explain=False).record.touched for wall in (0.32, 0.28, 0.24)
+    ]
+    assert not (touched[0] & ~touched[1]).any()
+    assert not (touched[1] & ~touched[2]).any()
+    assert touched[2].sum() > touched[0].sum()
+
+
+@pytest.mark.parametrize(
+    ("factor", "given"),
+    [
+        ("localization", {"localization_std_m": 0.05}),
+        ("map surface", {"map_error_std_m": 0.05}),
+        ("map scale", {"map_scale_std_ratio": 0.3}),
+    ],
+)
+def test_what_was_planted_decides_most_and_its_removal_takes_the_risk_away(drone, curve, factor, given):
+    found = flown(drone, curve, 0.27, uncertainty=replace(EXACT, **given), flights=150)
+    assert found.dominating is not None
+    assert found.dominating[0] == factor
+    assert found.touched.count > 10
+    assert found.removed is not None
+    assert found.removed.factor == factor
+    assert found.removed.risk.count < 0.2 * found.lost.count
+
+
+def test_gusts_are_named_though_no_number_drawn_before_tells_them(drone, curve):
+    found = flown(drone, curve, 1.0, uncertainty=replace(EXACT, gust_std_m_s=2.0), flights=200)
+    assert found.dominating is not None
+    assert found.dominating[0] == remedies.GUSTS
+    assert found.dominating[1] > 0.5
+
+
+def test_gusts_too_weak_to_feel_are_not_named(drone, curve):
+    found = flown(drone, curve, 1.0, uncertainty=replace(EXACT, gust_std_m_s=0.01), flights=40)
+    assert found.dominating is not None
+    assert found.dominating[0] == remedies.NOISE
+    assert found.shares[remedies.GUSTS] < 0.3
+
+
+def test_gaps_of_the_pose_that_lose_flights_are_named_and_their_removal_saves_them(drone, curve):
+    found = flown(drone, curve, 1.0, uncertainty=replace(EXACT, drop_outs_per_s=0.1, drop_out_s=1.0), flights=60)
+    assert 10 <= found.lost.count < 50
+    assert found.dominating is not None
+    assert found.dominating[0] == remedies.DROP_OUTS
+    assert found.loss_shares[remedies.DROP_OUTS] > 0.5
+    assert found.removed is not None
+    assert found.removed.risk.count == 0
+
+
+def test_too_few_flights_name_nothing(drone, curve):
+    found = flown(drone, curve, 0.1, flights=20)
+    assert found.lost.count == 20
+    assert found.dominating is None
+    assert found.removed is None
+    assert found.as_dict()["dominating"] is None
+
+
+def test_a_risk_not_shown_after_a_loss_asks_for_as_many_as_would_do_and_another_seed(drone, curve):
+    found = flown(drone, curve, 1.0, flights=30, risk=0.1, explain=False)
+    found = replace(found, record=replace(found.record, left_map=np.arange(30) == 4))
+    assert f"at least {statistics.flights_for(0.1, 1)} with another --seed" in found.reason()
+
+
+def test_the_tube_widens_with_its_share_and_holds_its_flights(drone, curve):
+    found = flown(drone, curve, 1.0, uncertainty=replace(EXACT, gust_std_m_s=1.0))
+    tube = found.tube_m()
+    assert tube.shape == (3, BINS)
+    assert (np.diff(tube, axis=0) >= 0.0).all()
+    assert np.mean(found.record.error_m <= tube[1]) == pytest.approx(0.9, abs=0.02)
+
+
+def test_what_is_narrow_is_found_in_its_segment(drone, curve):
+    class Post(Wall):
+        def distance(self, points_world_m):
+            return np.linalg.norm(np.asarray(points_world_m)[:, :2] - [4.0, 0.4], axis=1)
+
+    found = preflight.fly(
+        drone, curve, Post(0.0), radius_m=0.1, options=preflight.Options(flights=40, uncertainty=EXACT)
+    )
+    place = found.place()
+    assert place is not None
+    assert place.time_s == pytest.approx(2.0, abs=0.3)
+    assert place.point_world_m[0] == pytest.approx(4.0, abs=0.1)
+    assert not place.touching
+
+
+def test_out_of_the_map_is_lost(drone, curve):
+    class Small(Wall):
+        def distance(self, points_world_m):
+            points = np.asarray(points_world_m)
+            return np.where(points[:, 0] < 3.0, 9.0, np.nan)
+
+    found = preflight.fly(drone, curve, Small(0.0), options=preflight.Options(flights=10, uncertainty=EXACT))
+    assert found.left_map.count == 10
+    assert found.lost.count == 10
+    assert found.touched.count == 0
+
+
+def test_a_landing_touches_the_floor_below_it_but_no_wall(drone, curve):
+    """Positions that a landing might have: straight down to a floor, and into a wall."""
+    down = np.linspace(1.5, -0.5, 50)
+    paths = np.zeros((2, 50, 3), np.float32)
+    paths[0, :, 2], paths[1, :, 2], paths[1, :, 1] = down, 1.5, down - 1.0
+    state = np.full((2, 50), clearance.DESCENDING[0], np.uint8)
+    blank = np.zeros((2, 50), np.float32)
+    two = np.zeros(2, np.int64)
+    none, no = np.zeros(2), np.zeros(2, bool)
+    batch = core.Flown(paths, blank, blank, state, two, two, two, none, none, no, none, none, 0)
+
+    class Corner(Wall):
+        def distance(self, points_world_m):
+            points = np.asarray(points_world_m)
+            return np.minimum(points[:, 2], points[:, 1] + 1.0)
+
+    found = clearance.nearest(batch, Corner(0.0), 0.1, np.ones(2), np.zeros(2))
+    assert (found.clearance_m < 0.0).tolist() == [False, True]
+    assert found.clearance_m[0] > 0.5  # the floor on which it lands is not what comes nearest
+
+
+def test_ctrl_c_keeps_what_was_flown(drone, curve):
+    told = []
+
+    def stop_after_the_first(stage, fraction):
+        told.append(fraction)
+        if len(told) > 1 and fraction < 1.0:
+            raise KeyboardInterrupt
+
+    found = preflight.fly(
+        drone, curve, Wall(1.0), radius_m=RADIUS_M, progress=stop_after_the_first,
+        options=preflight.Options(flights=300, uncertainty=EXACT, threads=1),
+    )  # fmt: skip
+    assert found.flights == 64
+    assert found.wanted == 300
+    assert not found.go
+
+
+def test_ctrl_c_after_the_last_flight_keeps_them_and_explains_nothing(drone, curve, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(statistics, "variance_shares", interrupted)
+    found = flown(drone, curve, 1.0)
+    assert found.go
+    assert found.flights == 60
+    assert found.dominating is None
+
+
+def test_a_wind_in_which_it_cannot_hover_is_refused_with_one_in_which_it_can(drone):
+    with pytest.raises(InputError, match=r"cannot hover in a wind of 40 m/s .* up to [\d.]+ m/s"):
+        require_hover(drone, replace(EXACT, wind_m_s=40.0))
+    require_hover(drone, replace(EXACT, wind_m_s=5.0))
+
+
+@pytest.mark.parametrize("risk", [0.0, -1.0, 1.0])
+def test_a_risk_that_no_number_of_flights_shows_is_refused(risk):
+    with pytest.raises(InputError, match="a risk of"):
+        preflight.Options(risk=risk)
+
+
+@pytest.mark.parametrize("seed", [-1, 2**32])
+def test_a_seed_that_has_no_other_luck_beside_it_is_refused(seed):
+    with pytest.raises(InputError, match="a seed of"):
+        preflight.Options(seed=seed)
