@@ -206,14 +206,14 @@ class GroundStation:
         """Begins to listen when it is started. Raises as `VehicleWatch`."""
         made = VehicleWatch(url, key_file=self._key_file)
         made.on_state, made.on_pose = self._vehicle_changed, self.view.vehicle.move
-        made.on_setpoint, made.plan_start = self.view.vehicle.follow, self.desk.plan_start
+        made.on_setpoint, made.plan_start = self.view.vehicle.aim, self.desk.plan_start
         return made
 
     def _vehicle_changed(self, now: Vehicle) -> None:
         self.hub.publish(now)
         self.view.vehicle.set_armed(now.armed)
         if now.link == "lost":
-            self.view.vehicle.hide()
+            self.view.vehicle.lose()
 
     def _selected(self, waypoints: list[int]) -> None:
         self.view.select(waypoints)

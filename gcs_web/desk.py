@@ -361,6 +361,8 @@ class Desk:
             self.notice(said, level="caution")
         self._take_map_edits()
         self._show_clearance()
+        heights_m = [point.position_world_m[2] for point in self.session.content.points]
+        self.map.cut(float(np.median(heights_m)) if heights_m else None)
         self.view.draw_waypoints(self.session.content.points)
         self.view.draw_mission(self.session.content.settings)
         self.view.draw_course(self.session.content)

@@ -13,7 +13,7 @@ Nobody holds a connection by silence: a request must come within `SILENCE_S`, a 
 /state     what the server holds, as JSON
 /share     a trajectory as one HTML file, to keep or to pass on
 /report    the newest report of a comparison or a diagnosis, likewise
-/viser/    the 3D view
+/viser/    the 3D view; /viser/of/NAME/ that of one page, by which the page has its camera moved
 """
 
 import asyncio
@@ -50,6 +50,8 @@ PING_S = 20.0
 """Between two pings of a WebSocket; half of it is the time for an answer, then the socket is closed."""
 BODY_PAUSE_S = 30.0
 """Longest pause inside a flight log that is sent."""
+_VIEW = "{view:[0-9a-f]{8,32}}"
+"""Name of a page's 3D view, in routes."""
 REFUSED_MESSAGES = frozenset({"ShareUrlRequest", "ShareUrlDisconnect"})
 _HOP_HEADERS = frozenset({"connection", "transfer-encoding", "content-length", "content-encoding", "date", "server"})
 _COMPRESSED = frozenset({"text/html", "text/css", "text/javascript", "application/javascript", "application/json"})
@@ -148,6 +150,8 @@ class Gateway:
         application.router.add_get("/share", self._serve_shared)
         application.router.add_get("/report", self._serve_report)
         application.router.add_get("/viser", self._pass_socket)  # viser's page leaves out the last slash here
+        application.router.add_get(f"/viser/of/{_VIEW}", self._pass_socket)
+        application.router.add_get(f"/viser/of/{_VIEW}/{{path:.*}}", self._pass_on)
         application.router.add_get("/viser/{path:.*}", self._pass_on)
         self._client = ClientSession(timeout=ClientTimeout(total=60), auto_decompress=False)
         self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0, keepalive_timeout=SILENCE_S)
@@ -316,7 +320,7 @@ class Gateway:
         assert self._client is not None
         self._sockets += 1
         try:
-            address = f"ws://{self._upstream}/"
+            address = f"ws://{self._upstream}/{request.match_info.get('view', '')}"
             async with self._client.ws_connect(address, protocols=offered, max_msg_size=0, compress=0) as server:
                 downward = asyncio.create_task(_pump(server, browser, allow=lambda _: True))
                 upward = asyncio.create_task(_pump(browser, server, allow=_may_pass))

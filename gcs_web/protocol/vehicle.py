@@ -48,12 +48,17 @@ class Vehicle(State, frozen=True, tag="vehicle"):
     """Name of the active trajectory."""
     holds_crc32: str = ""
     battery_v: float | None = None
+    battery_left_s: float | None = None
+    """Until it is down to what it must have to be armed, as it falls now; None while that cannot be said."""
     x_m: float | None = None
     y_m: float | None = None
     z_m: float | None = None
     error_m: float | None = None
     """Distance from the set-point now, while a trajectory is flown."""
+    room_m: float | None = None
+    """What that distance may be before something is touched, as the plan was checked; None where that is not known."""
     speed_m_s: float | None = None
+    yaw_rad: float | None = None
     along_s: float | None = None
     """Time along the trajectory, while one is flown."""
     duration_s: float | None = None

@@ -22,6 +22,8 @@ export const files = newest("files", { type: "files", trajectories: [], flights:
 /** Those in the folder that this one is in. */
 export const projects = newest("projects", { type: "projects", projects: [] });
 export const mapShown = signal<MapShown | null>(null);
+/** The map from above, at one height. */
+export const section = newest("map_section", { type: "map_section", image: "", low_m: [0, 0], high_m: [0, 0], at_m: 0 });
 export const measured = newest("measured", {
   type: "measured",
   active: false,
@@ -70,6 +72,8 @@ export interface Flown {
   along_s: number;
   speed_m_s: number;
   height_m: number;
+  x_m: number;
+  y_m: number;
 }
 export const flown = signal<readonly Flown[]>([]);
 
@@ -145,6 +149,8 @@ export const controlWords = computed(() => {
 /** Whether a vehicle is connected, heard or not. */
 export const hasVehicle = computed(() => vehicle.value !== null && vehicle.value.link !== "none");
 
+export const isArmed = computed(() => hasVehicle.value && vehicle.value?.armed === true);
+
 /** Whether the vehicle holds another trajectory than the plan. */
 export const holdsAnother = computed(() => {
   const held = vehicle.value?.holds_crc32 ?? "";
@@ -216,12 +222,12 @@ function receiveVehicle(next: Vehicle): void {
   errors.value = [...recent, { heardAt_ms, error_m: next.error_m }];
 }
 
-function noteFlown({ along_s, speed_m_s, z_m, link: heard }: Vehicle): void {
-  if (along_s === null || speed_m_s === null || z_m === null || heard !== "fresh") return;
+function noteFlown({ along_s, speed_m_s, x_m, y_m, z_m, link: heard }: Vehicle): void {
+  if (along_s === null || speed_m_s === null || x_m === null || y_m === null || z_m === null || heard !== "fresh") return;
   const last_s = flown.value.at(-1)?.along_s ?? -1;
   if (along_s === last_s) return;
   const before = along_s > last_s ? flown.value : []; // a new flight
-  flown.value = [...before, { along_s, speed_m_s, height_m: z_m }];
+  flown.value = [...before, { along_s, speed_m_s, height_m: z_m, x_m, y_m }];
 }
 
 /** Whether the trajectory of the plan is flown now. */

@@ -1,8 +1,9 @@
 /** The step Fly, and its commands. */
 
 import type { PageCommand, Panel } from "../../core/panel";
-import { vehicle } from "../../core/store";
+import { isArmed, vehicle } from "../../core/store";
 import { Drawer } from "../timeline/Drawer";
+import { muted } from "./alarm";
 import { Fly } from "./Fly";
 import { giveOrder, mayOrder } from "./orders";
 
@@ -10,6 +11,7 @@ const inFlight = (): boolean => mayOrder.value && vehicle.value?.armed === true;
 
 const COMMANDS: readonly PageCommand[] = [
   { name: "Pause and hover", keys: ["p"], enabled: inFlight, run: () => void giveOrder("pause") },
+  { name: "Mute or sound alarms", keys: ["n"], enabled: () => isArmed.value, run: () => (muted.value = !muted.value) },
   { name: "Land here", keys: ["l"], enabled: inFlight, run: () => void giveOrder("land") },
 ];
 

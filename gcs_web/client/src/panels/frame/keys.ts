@@ -11,7 +11,7 @@ const MOVED_WITHIN = "[role=tab], [role=separator], [type=radio]";
 const PRESSED = "button, summary, a, [type=checkbox], [type=radio]";
 
 /** Keys that the 3D view needs for its camera. */
-const KEYS_OF_CAMERA = new Set(["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "p", "l"]);
+const KEYS_OF_CAMERA = new Set(["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", ..."wasdqe"]);
 
 function name(event: KeyboardEvent): string {
   if (event.key === " ") return "Space";
