@@ -18,8 +18,10 @@ Nobody holds a connection by silence: a request must come within `SILENCE_S`, a 
 
 import asyncio
 import contextlib
+import hashlib
 import hmac
 import logging
+import mimetypes
 import secrets
 import tempfile
 from collections.abc import Awaitable, Callable
@@ -55,12 +57,11 @@ _VIEW = "{view:[0-9a-f]{8,32}}"
 REFUSED_MESSAGES = frozenset({"ShareUrlRequest", "ShareUrlDisconnect"})
 _HOP_HEADERS = frozenset({"connection", "transfer-encoding", "content-length", "content-encoding", "date", "server"})
 _COMPRESSED = frozenset({"text/html", "text/css", "text/javascript", "application/javascript", "application/json"})
-"""Types that are sent compressed to browsers that take it; so are the page's own files."""
+"""Types that are sent compressed to browsers that take it."""
 _SAFETY_HEADERS = {
     "X-Frame-Options": "SAMEORIGIN",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
-    "Cache-Control": "no-store",
 }
 _POLICY = (
     "default-src 'self'; connect-src 'self'; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; "
@@ -143,7 +144,7 @@ class Gateway:
 
         application = web.Application(middlewares=[guard], client_max_size=LARGEST_MESSAGE)
         application.router.add_get("/", self._index)
-        application.router.add_static("/static/", STATIC)
+        application.router.add_get("/static/{name:[a-z.]+}", self._file)
         application.router.add_get("/ws", self._page)
         application.router.add_get("/state", self._serve_state)
         application.router.add_put("/incoming/{name}", self._take_log)
@@ -169,8 +170,6 @@ class Gateway:
 
     async def _guard(self, request: "web.Request", handler: "Handler") -> "web.StreamResponse":
         """Host, then token, then Origin; in this order, because each is cheaper to state than the next."""
-        from aiohttp.web import FileResponse
-
         usual = 80 if self._tls is None else 443  # which browsers leave out
         names = {f"{name}:{self.port}" for name in (self._host, LOOPBACK, "localhost")}
         names |= {self._host, LOOPBACK, "localhost"} if self.port == usual else set()
@@ -190,7 +189,8 @@ class Gateway:
         response = await handler(request)
         if not response.prepared:
             response.headers.update(_SAFETY_HEADERS)
-            is_text = isinstance(response, FileResponse) or response.content_type in _COMPRESSED
+            response.headers["Cache-Control"] = "private, no-cache" if "ETag" in response.headers else "no-store"
+            is_text = response.content_type in _COMPRESSED and response.status != 304
             if is_text and "Content-Encoding" not in response.headers:
                 response.enable_compression()
             of_view = request.path.startswith("/viser/")
@@ -224,9 +224,15 @@ class Gateway:
         return refusal
 
     async def _index(self, request: "web.Request") -> "web.StreamResponse":
+        return _unless_known(request, (STATIC / "index.html").read_bytes(), "text/html")
+
+    async def _file(self, request: "web.Request") -> "web.StreamResponse":
         from aiohttp import web
 
-        return web.FileResponse(STATIC / "index.html")
+        name = request.match_info["name"]
+        if name not in {path.name for path in STATIC.iterdir()}:
+            raise web.HTTPNotFound
+        return _unless_known(request, (STATIC / name).read_bytes(), mimetypes.guess_type(name)[0] or "text/plain")
 
     async def _serve_state(self, request: "web.Request") -> "web.Response":
         from aiohttp import web
@@ -305,9 +311,10 @@ class Gateway:
             kept = {name: value for name, value in answer.headers.items() if name.lower() not in _HOP_HEADERS}
             if (encoded := answer.headers.get("Content-Encoding", "identity")) != "identity":
                 kept["Content-Encoding"] = encoded
-            if not path:
-                body = body.replace(b"</head>", _VIEW_STYLE, 1)
-            return web.Response(status=answer.status, body=body, headers=kept)
+            if path or answer.status != 200:
+                return web.Response(status=answer.status, body=body, headers=kept)
+            body = body.replace(b"</head>", _VIEW_STYLE, 1)
+            return _unless_known(request, body, "text/html")
 
     async def _pass_socket(self, request: "web.Request") -> "web.StreamResponse":
         from aiohttp import web
@@ -332,6 +339,16 @@ class Gateway:
         finally:
             self._sockets -= 1
         return browser
+
+
+def _unless_known(request: "web.Request", body: bytes, kind: str) -> "web.Response":
+    """A text, or only that the browser has it already; it asks each time, so that it is never an old one."""
+    from aiohttp import web
+
+    tag = f'W/"{hashlib.sha256(body).hexdigest()[:32]}"'
+    if request.headers.get("If-None-Match") == tag:
+        return web.Response(status=304, headers={"ETag": tag})
+    return web.Response(body=body, content_type=kind, charset="utf-8", headers={"ETag": tag})
 
 
 async def _pump(source: Any, sink: Any, *, allow: Callable[[bytes], bool]) -> None:

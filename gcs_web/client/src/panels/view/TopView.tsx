@@ -5,18 +5,19 @@ import { useSignal } from "@preact/signals";
 import type { Signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { number } from "../../core/format";
-import { doc, section, selected } from "../../core/store";
+import { doc, section, selected, step } from "../../core/store";
 import type { Waypoint } from "../../core/protocol";
 import { change } from "../plan/actions";
 import { select } from "../timeline/cursor";
 import { useBox } from "../../plots/width";
 import type { Size } from "../../plots/width";
-import { Cursor, Flown, Path, VehicleMark } from "./drawn";
+import { Cursor, Flights, Flown, Path, VehicleMark } from "./drawn";
 import { extent, fitted, followed, panned, scaleBar, zoomed } from "./place";
 import type { Place, Point } from "./place";
 
 const WHEEL = 1.0015;
 const STEP = 1.4;
+const COMPARE_STEP = 4;
 
 export function TopView() {
   const box = useRef<HTMLDivElement>(null);
@@ -40,8 +41,9 @@ export function TopView() {
             <Ground place={place} />
             <Path />
             <Flown />
+            {step.value === COMPARE_STEP && <Flights />}
           </g>
-          {(doc.value?.waypoints ?? []).map((point, at) => (
+          {(step.value === COMPARE_STEP ? [] : (doc.value?.waypoints ?? [])).map((point, at) => (
             <Ball key={point.id} point={point} at={at} place={place} size={size.value} />
           ))}
           <Cursor at={(point) => onScreen(point, place, size.value)} />

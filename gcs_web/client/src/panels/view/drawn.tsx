@@ -4,6 +4,7 @@ import { number } from "../../core/format";
 import { cursor_s, figures, figuresAreOld, flown, link, series, step, vehicle, view } from "../../core/store";
 import { pathColours } from "../../plots/scales";
 import { valueAt } from "../../plots/plots";
+import { cards, opened } from "../compare/flights";
 import { goTo } from "../timeline/cursor";
 import type { Point } from "./place";
 
@@ -53,6 +54,19 @@ function pieces(colours: readonly string[]): [number, number][] {
     else last[1] = i + 1;
   });
   return found;
+}
+
+/** The recorded flights that are compared. */
+export function Flights() {
+  return (
+    <g>
+      {opened.value.map(({ name }, at) => {
+        const path_m = cards.value.find((card) => card.name === name)?.path_m ?? [];
+        const [x_m, y_m] = [0, 1].map((axis) => path_m.filter((_, i) => i % 2 === axis));
+        return <polyline key={name} class={`flown-path compared-${at}`} points={words(x_m ?? [], y_m ?? [])} />;
+      })}
+    </g>
+  );
 }
 
 export function Flown() {
