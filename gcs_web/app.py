@@ -64,6 +64,7 @@ class GroundStation:
         jobs: Sequence[Kind[Desk]] = (),
         browsers: Sequence[tuple[str, float]] = (),
         on_open: Callable[[Path], None] | None = None,
+        opened_before: Callable[[], Sequence[Path]] = list,
     ) -> None:
         """Open the project and listen, on loopback unless told otherwise.
 
@@ -83,6 +84,7 @@ class GroundStation:
                 came in to this project's stays in for `entrants.LIFE_S`.
             on_open: called with the folder of the project that somebody wants instead of this one; whoever started the
                 station closes it then and opens another. None: the page says that it cannot.
+            opened_before: folders of projects that the page offers beside the neighbours.
 
         Raises:
             FlightError: the project cannot be opened, or is open in another ground station.
@@ -92,7 +94,7 @@ class GroundStation:
             raise InputError(f"{host} can be reached from other machines: give --tls-cert and --tls-key, or no --host")
         self._host, self._tls = host, None if tls is None else context(*tls, host)
         logging.getLogger("websockets").setLevel(logging.ERROR)  # viser's HTTP half logs each page load as an error
-        self._key_file = key_file
+        self._key_file, self._opened_before = key_file, opened_before
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="gateway", daemon=True)
         self._stack = contextlib.ExitStack()
@@ -166,7 +168,16 @@ class GroundStation:
         self._stack.callback(self.view.close)
         consent = Consent(opened)
         self._stack.callback(consent.close)
-        self.desk = Desk(opened, self.hub, self.view, self._new_watch, options, jobs, consent=consent)
+        self.desk = Desk(
+            opened,
+            self.hub,
+            self.view,
+            self._new_watch,
+            options,
+            jobs,
+            consent=consent,
+            opened_before=self._opened_before,
+        )
         self._stack.callback(self.desk.close)
         self.view.on_select = lambda waypoint: self._selected([waypoint])
         self.view.on_box = self._selected

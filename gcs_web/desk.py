@@ -56,15 +56,18 @@ class Desk:
         kinds: "Sequence[Kind[Desk]]" = (),
         *,
         consent: Consent,
+        opened_before: Callable[[], Sequence[Path]] = list,
     ) -> None:
         """
         Args:
             new_watch: of the vehicle at an address; raises `InputError` where it is none.
+            opened_before: folders of projects anywhere, offered beside the neighbours.
 
         Raises:
             FlightError: the project cannot be opened, or `base` has a method that the page cannot set.
         """
         self.project, self.hub, self.view, self._new_watch = opened, hub, view, new_watch
+        self._opened_before = opened_before
         self.watch: VehicleWatch | None = None
         """Of the vehicle that is connected."""
         self.inputs = inputs.signature(opened.folder)
@@ -197,17 +200,17 @@ class Desk:
                 new.start()
 
     def show_projects(self) -> None:
-        self.hub.publish(Projects(projects.beside(self.project)))
+        self.hub.publish(Projects(projects.offered(self.project, self._opened_before())))
 
     def open_project(self, folder: str, person: Person) -> None:
-        """Have the station close this project and open a neighbour of it.
+        """Have the station close this project and open one of those that are offered.
 
         Raises:
             InputError: a vehicle is armed, somebody is in control, a job runs or waits, or it cannot be opened.
         """
-        entry = next((each for each in projects.beside(self.project) if each.folder == folder), None)
+        entry = next((e for e in projects.offered(self.project, self._opened_before()) if e.folder == folder), None)
         if entry is None or entry.current:
-            raise InputError(f"there is no other project {folder!r} beside this one (any more)")
+            raise InputError(f"there is no other project {Path(folder).name!r} to open (any more)")
         if entry.problem:
             raise InputError(f"{entry.name} cannot be opened: {entry.problem}")
         with self._lock:

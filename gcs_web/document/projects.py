@@ -1,14 +1,42 @@
-"""The projects beside the open one: those in the folder that it is in, and whether a station could open each."""
+"""The projects beside the open one and those opened before, whether a station could open each, and a new one."""
 
 import fcntl
+from collections.abc import Sequence
 from pathlib import Path
 
-from flight import FlightError, project
+import msgspec
+
+from flight import FlightError, InputError, project
 from flight.project import Project
 from gcs_web.protocol import projects as messages
 
 MOST = 200
 """Listed, in the order of their folders' names."""
+
+
+def offered(opened: Project, before: Sequence[Path] = ()) -> list[messages.ProjectEntry]:
+    """The open project and its neighbours, then those of elsewhere that were opened before."""
+    near = beside(opened)
+    here = opened.folder.resolve().parent
+    far = [folder for folder in before if folder.parent != here]
+    return [*near, *(_elsewhere(folder) for folder in far)]
+
+
+def create_beside(opened: Project, name: str) -> Path:
+    """A new empty project in the folder that the open one is in.
+
+    Raises:
+        InputError: the name cannot be that of a folder, or something has it.
+    """
+    folder = opened.folder.resolve().parent / project.part_name(name.strip())
+    if folder.exists():
+        raise InputError(f"there is something named {name.strip()!r} beside this project; take another name")
+    return project.create(folder, name.strip()).folder
+
+
+def _elsewhere(folder: Path) -> messages.ProjectEntry:
+    entry = _entry(folder, current=False)
+    return msgspec.structs.replace(entry, folder=str(folder), where=folder.parent.name)
 
 
 def beside(opened: Project) -> list[messages.ProjectEntry]:

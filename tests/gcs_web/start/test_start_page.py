@@ -90,3 +90,32 @@ def test_an_address_that_is_none_is_refused_and_a_vehicle_that_is_silent_is_left
     card(page, "Connect").get_by_text("udp://127.0.0.1:9: not heard.").wait_for()
     card(page, "Connect").get_by_role("button", name="Disconnect").click()
     card(page, "Connect").get_by_text("No vehicle is connected.").wait_for()
+
+
+def test_the_example_is_one_press_and_is_planned_at_once(station, page):
+    page.get_by_role("button", name="Open the example").click()
+    card(page, "A map").get_by_role("button", name="Look at the map").wait_for()
+    card(page, "A vehicle").get_by_role("button", name="Plan with it").click()
+    page.get_by_text("Checked", exact=True).wait_for()
+    assert len(station.desk.session.content.points) == 3
+    page.keyboard.press("0")
+    page.get_by_role("heading", name="What do you have?").wait_for()
+    assert page.get_by_role("button", name="Open the example").count() == 0
+
+
+def test_a_new_project_and_those_opened_before_are_offered_where_nothing_is_there_yet(
+    station, page, monkeypatch, tmp_path
+):
+    far = project.create(tmp_path / "elsewhere" / "pond", "pond").folder
+    opened: list[Path] = []
+    monkeypatch.setattr(station.desk, "on_open", opened.append)
+    monkeypatch.setattr(station.desk, "_opened_before", lambda: [far])
+    page.get_by_role("button", name="New or recent project").click()
+    page.get_by_text("in elsewhere: 0 trajectories, 0 flights").wait_for()
+    form = page.get_by_role("form", name="New project")
+    form.get_by_label("Name of a new project").fill("../x")
+    form.get_by_role("button", name="New project").click()
+    form.get_by_role("alert").get_by_text("cannot be a name here").wait_for()
+    form.get_by_label("Name of a new project").fill("lap 3")
+    form.get_by_role("button", name="New project").click()
+    wait(lambda: opened == [tmp_path / "lap 3"], "the new project")

@@ -700,6 +700,12 @@ export interface Move {
   z_m?: number | null;
 }
 
+export interface NewProject {
+  type: "new_project";
+  serial: number;
+  name: string;
+}
+
 export interface NextFlight {
   type: "next_flight";
   state: "none" | "current" | "old";
@@ -897,6 +903,7 @@ export interface ProjectEntry {
   trajectories: number;
   flights: number;
   problem: string;
+  where: string;
 }
 
 export interface Projects {
@@ -1365,4 +1372,4 @@ export interface Welcome {
 
 export type ToPage = Comparison | Cursor | Diagnosis | Document | Draft | EffectFiles | Files | FlightMoment | Flights | FlightsShown | Identification | Jobs | MapPreview | MapSection | MapShown | Measured | Model | NextFlight | Notice | People | Plan | Projects | Reply | Selection | Shown | Vehicle | Welcome;
 
-export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DrawPlainly | DropMapEdits | DropPath | DropTried | FixFlight | Follow | ForeseeJob | ForgetJob | GiveUpControl | Insert | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | Loop | Measure | Move | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadScatter | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;
+export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DrawPlainly | DropMapEdits | DropPath | DropTried | FixFlight | Follow | ForeseeJob | ForgetJob | GiveUpControl | Insert | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | Loop | Measure | Move | NewProject | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadScatter | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;

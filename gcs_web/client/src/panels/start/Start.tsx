@@ -4,7 +4,8 @@ import type { ComponentChildren } from "preact";
 import { useSignal } from "@preact/signals";
 import { Icon } from "../../components/Icon";
 import { plural } from "../../core/format";
-import { connected, files, flights, hasVehicle, jobs, link, model, step, vehicle } from "../../core/store";
+import { submit } from "../../core/socket";
+import { connected, files, flights, hasVehicle, jobs, link, model, projectsOpen, step, vehicle } from "../../core/store";
 import { JobForm, JobRows, chosenKind } from "../jobs/Jobs";
 import { FlightButtons, LinkButtons, MapButtons, VehicleButtons } from "./Buttons";
 import { address, addressOpen, connectTo, takeAny } from "./fill";
@@ -21,6 +22,7 @@ export function Start() {
     >
       <h2>What do you have?</h2>
       <p class="quiet">Any one of these is enough to begin. Drop files anywhere.</p>
+      <Ways />
       <div class="start-cards">
         <MapCard />
         <VehicleCard />
@@ -28,6 +30,33 @@ export function Start() {
         <LinkCard />
       </div>
     </main>
+  );
+}
+
+const EXAMPLE = ["example"];
+
+/** To begin without any of one's own, or elsewhere. */
+function Ways() {
+  const { has_map, has_vehicle } = files.value;
+  const offered = jobs.value.kinds.some(({ name }) => name === "example");
+  const runs = jobs.value.jobs.some(({ kind, state }) => kind === "example" && (state === "running" || state === "waiting"));
+  return (
+    <div class="start-ways">
+      {offered && !has_map && !has_vehicle && (
+        <button
+          type="button"
+          class="control"
+          disabled={!connected.value || runs}
+          onClick={() => void submit({ type: "start_job", kind: "example", arguments: {} })}
+        >
+          Open the example
+        </button>
+      )}
+      <button type="button" class="control" disabled={!connected.value} onClick={() => (projectsOpen.value = true)}>
+        New or recent project
+      </button>
+      {jobs.value.jobs.some(({ kind }) => kind === "example") && <JobRows kinds={EXAMPLE} />}
+    </div>
   );
 }
 

@@ -1,0 +1,68 @@
+"""What was opened before is offered, the newest first, and only as long as it is there."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from flight import InputError, project
+from gcs_web.document import projects, recent
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "state" / "recent.json"
+
+
+def made(folder: Path) -> Path:
+    return project.create(folder, folder.name).folder
+
+
+def test_the_newest_is_first_and_each_is_there_once(file, tmp_path):
+    yard, hall = made(tmp_path / "a" / "yard"), made(tmp_path / "b" / "hall")
+    for folder in (yard, hall, yard):
+        recent.note(file, folder)
+    assert recent.listed(file) == [yard, hall]
+    shutil.rmtree(yard)
+    assert recent.listed(file) == [hall]
+
+
+@pytest.mark.parametrize("text", ["", "{", "{}", "[1, null]", '["/nowhere"]'])
+def test_a_file_that_is_no_such_list_is_none_and_is_written_anew(file, tmp_path, text):
+    file.parent.mkdir()
+    file.write_text(text)
+    assert recent.listed(file) == []
+    recent.note(file, made(tmp_path / "yard"))
+    assert json.loads(file.read_text()) == [str(tmp_path / "yard")]
+
+
+def test_only_so_many_are_remembered(file, tmp_path):
+    for k in range(recent.MOST + 3):
+        recent.note(file, made(tmp_path / f"p{k}"))
+    listed = recent.listed(file)
+    assert len(listed) == recent.MOST
+    assert listed[0].name == f"p{recent.MOST + 2}"
+
+
+def test_where_nothing_can_be_written_nothing_is_remembered(tmp_path):
+    (tmp_path / "file").write_text("")
+    recent.note(tmp_path / "file" / "recent.json", made(tmp_path / "yard"))
+
+
+def test_those_of_elsewhere_come_after_the_neighbours_and_say_where_they_are(tmp_path):
+    yard, hall, far = (made(tmp_path / path) for path in ("a/yard", "a/hall", "b/far"))
+    listed = projects.offered(project.open_project(yard), [far, hall])
+    assert [(entry.name, entry.where) for entry in listed] == [("hall", ""), ("yard", ""), ("far", "b")]
+    assert listed[-1].folder == str(far)
+
+
+def test_a_new_project_is_made_beside_and_never_over_something(tmp_path):
+    yard = project.open_project(made(tmp_path / "yard"))
+    assert projects.create_beside(yard, " lap 3 ") == tmp_path / "lap 3"
+    assert project.open_project(tmp_path / "lap 3").name == "lap 3"
+    (tmp_path / "file").write_text("")
+    for name in ("lap 3", "file", "yard", "../x", "", ".hidden", "<b>"):
+        with pytest.raises(InputError):
+            projects.create_beside(yard, name)
+    assert not (tmp_path.parent / "x").exists()
