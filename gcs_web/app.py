@@ -33,6 +33,7 @@ from gcs_web.protocol.document import Insert, Move
 from gcs_web.protocol.people import Person
 from gcs_web.protocol.vehicle import Vehicle
 from gcs_web.protocol.view import Cursor, Selection
+from gcs_web.vehicle import discovery
 from gcs_web.vehicle.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
 
@@ -102,6 +103,7 @@ class GroundStation:
             progress("opening the map", 0.0)
             self._open(folder, port, options or planner.PlanOptions(), triangles, on_entry, jobs, progress, browsers)
             self.desk.on_open = on_open
+            self.desk.find_vehicles = partial(discovery.look, key_file)
             if vehicle_url is not None:
                 self.desk.listen_to(vehicle_url)
         except BaseException:

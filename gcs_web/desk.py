@@ -33,8 +33,9 @@ from gcs_web.protocol.people import Level, Notice, Person
 from gcs_web.protocol.plan import Plan
 from gcs_web.protocol.projects import Projects
 from gcs_web.protocol.trajectories import Files
-from gcs_web.protocol.vehicle import Vehicle
+from gcs_web.protocol.vehicle import FoundVehicle, Vehicle
 from gcs_web.protocol.wording import for_page
+from gcs_web.vehicle import discovery
 from gcs_web.vehicle.control import Control
 from gcs_web.vehicle.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
@@ -68,6 +69,7 @@ class Desk:
         """
         self.project, self.hub, self.view, self._new_watch = opened, hub, view, new_watch
         self._opened_before = opened_before
+        self.find_vehicles: Callable[[], list[FoundVehicle]] = discovery.look
         self.watch: VehicleWatch | None = None
         """Of the vehicle that is connected."""
         self.inputs = inputs.signature(opened.folder)

@@ -72,6 +72,18 @@ class Vehicle(State, frozen=True, tag="vehicle"):
     """Why the vehicle last changed its state, in its own words."""
 
 
+class FoundVehicle(msgspec.Struct, frozen=True):
+    """A vehicle that answered when all were asked."""
+
+    url: str
+    system: int
+    """Its MAVLink system id."""
+
+
+class LookForVehicles(VehicleCommand, frozen=True, tag="look_for_vehicles", kw_only=True):
+    """Ask on this machine and on its networks who is there; the reply has who answered."""
+
+
 class Connect(VehicleCommand, frozen=True, tag="connect", kw_only=True):
     """Listen to another vehicle, or to none."""
 

@@ -4,12 +4,15 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 import vehicle
 from flight import project
 from gcs_web import GroundStation
+from gcs_web.protocol.vehicle import FoundVehicle
 from goshawk.station_jobs import KINDS, simulate
 from tests.gcs_web.in_browser import needs_chromium, visited
 from tests.waiting import until as wait
@@ -43,7 +46,7 @@ def test_an_empty_project_opens_where_it_is_filled_and_every_step_says_what_it_l
         page.get_by_text(said).first.wait_for()
         assert page.get_by_role("button", name="Abort").is_visible()
     page.keyboard.press("2")
-    page.get_by_role("region", name="Verdict").get_by_text("Import mesh or points").wait_for()
+    page.get_by_role("region", name="Verdict").get_by_text("Import a map").wait_for()
     page.keyboard.press("3")
     page.get_by_role("button", name="An example").click()
     page.get_by_role("heading", name="What do you have?").wait_for()
@@ -53,9 +56,9 @@ def test_a_mesh_an_example_and_the_simulator_fill_it_on_the_page_alone(station, 
     room = tmp_path / "room.ply"
     trimesh.creation.box(bounds=[[0, 0, 0], [6, 4, 2.5]]).export(room)
     with page.expect_file_chooser() as chooser:
-        card(page, "A map").get_by_text("Import mesh or points").click()
+        card(page, "A map").get_by_text("Import a map").click()
     chooser.value.set_files(room)
-    form = page.get_by_role("form", name="Map from a mesh or points")
+    form = page.get_by_role("form", name="Map from a file")
     form.get_by_text("to 6.00, 4.00, 2.50 m").wait_for()
     form.get_by_text("Nothing is free until").wait_for()
     form.get_by_label("Unit").select_option("m")
@@ -119,3 +122,36 @@ def test_a_new_project_and_those_opened_before_are_offered_where_nothing_is_ther
     form.get_by_label("Name of a new project").fill("lap 3")
     form.get_by_role("button", name="New project").click()
     wait(lambda: opened == [tmp_path / "lap 3"], "the new project")
+
+
+def test_vehicles_on_the_net_are_looked_for_and_connected_to(station, page, monkeypatch):
+    card(page, "Connect").get_by_role("button", name="Connect to an address").click()
+    form = page.get_by_role("form", name="Address of the vehicle")
+    monkeypatch.setattr(station.desk, "find_vehicles", list)
+    form.get_by_role("button", name="Look on the net").click()
+    form.get_by_text("Nobody answered").wait_for()
+    found = [FoundVehicle("udp://127.0.0.1:9", 1)]
+    monkeypatch.setattr(station.desk, "find_vehicles", lambda: found)
+    form.get_by_role("button", name="Look on the net").click()
+    form.get_by_role("button", name="Connect to udp://127.0.0.1:9").click()
+    card(page, "Connect").get_by_text("udp://127.0.0.1:9: not heard.").wait_for()
+    card(page, "Connect").get_by_role("button", name="Disconnect").click()
+
+
+def test_a_ros_map_is_imported_with_its_image(station, page, tmp_path: Path):
+    floor = np.full((40, 60), 254, dtype=np.uint8)
+    floor[[0, -1]] = floor[:, [0, -1]] = 0
+    Image.fromarray(floor).save(tmp_path / "hall.pgm")
+    (tmp_path / "hall.yaml").write_text(
+        "image: hall.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
+    )
+    with page.expect_file_chooser() as chooser:
+        card(page, "A map").get_by_text("Import a map").click()
+    chooser.value.set_files([tmp_path / "hall.pgm", tmp_path / "hall.yaml"])
+    form = page.get_by_role("form", name="Map from a file")
+    form.get_by_label("File").select_option("hall.yaml")
+    form.get_by_text("say between which heights").wait_for()
+    form.get_by_label("Between heights").fill("0, 2.5")
+    form.get_by_role("button", name="Start").click()
+    card(page, "A map").get_by_role("button", name="Look at the map").wait_for()
+    assert station.desk.parts.map(station.desk.inputs).field.distance([[3.0, 2.0, 1.2]])[0] > 1.0

@@ -435,6 +435,11 @@ export interface ForgetJob {
   job: number;
 }
 
+export interface FoundVehicle {
+  url: string;
+  system: number;
+}
+
 export interface Gate {
   width_m: number;
   height_m: number;
@@ -593,6 +598,11 @@ export interface LookAtFlight {
   type: "look_at_flight";
   serial: number;
   time_s: number | null;
+}
+
+export interface LookForVehicles {
+  type: "look_for_vehicles";
+  serial: number;
 }
 
 export interface Loop {
@@ -970,6 +980,7 @@ export interface Reply {
   plans: PlanSummary[];
   words: string;
   recorded_path: RecordedPath | null;
+  vehicles: FoundVehicle[];
 }
 
 export interface Restore {
@@ -1372,4 +1383,4 @@ export interface Welcome {
 
 export type ToPage = Comparison | Cursor | Diagnosis | Document | Draft | EffectFiles | Files | FlightMoment | Flights | FlightsShown | Identification | Jobs | MapPreview | MapSection | MapShown | Measured | Model | NextFlight | Notice | People | Plan | Projects | Reply | Selection | Shown | Vehicle | Welcome;
 
-export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DrawPlainly | DropMapEdits | DropPath | DropTried | FixFlight | Follow | ForeseeJob | ForgetJob | GiveUpControl | Insert | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | Loop | Measure | Move | NewProject | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadScatter | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;
+export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DrawPlainly | DropMapEdits | DropPath | DropTried | FixFlight | Follow | ForeseeJob | ForgetJob | GiveUpControl | Insert | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | LookForVehicles | Loop | Measure | Move | NewProject | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadScatter | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;

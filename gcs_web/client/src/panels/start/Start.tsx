@@ -1,11 +1,12 @@
 /** What the project has and what fills it: a map, a vehicle, flights, a vehicle that is connected. */
 
 import type { ComponentChildren } from "preact";
-import { useSignal } from "@preact/signals";
+import { signal, useSignal } from "@preact/signals";
 import { Icon } from "../../components/Icon";
 import { plural } from "../../core/format";
-import { submit } from "../../core/socket";
+import { send, submit } from "../../core/socket";
 import { connected, files, flights, hasVehicle, jobs, link, model, projectsOpen, step, vehicle } from "../../core/store";
+import type { FoundVehicle } from "../../core/protocol";
 import { JobForm, JobRows, chosenKind } from "../jobs/Jobs";
 import { FlightButtons, LinkButtons, MapButtons, VehicleButtons } from "./Buttons";
 import { address, addressOpen, connectTo, takeAny } from "./fill";
@@ -159,8 +160,17 @@ function LinkCard() {
   );
 }
 
+/** Who answered when all on this machine and its networks were asked; null: nobody was. */
+const answered = signal<readonly FoundVehicle[] | null>(null);
+
 function AddressForm() {
   const refusal = useSignal("");
+  const looks = useSignal(false);
+  const look = async (): Promise<void> => {
+    looks.value = true;
+    const { error, vehicles } = await send({ type: "look_for_vehicles" });
+    [looks.value, refusal.value, answered.value] = [false, error, vehicles];
+  };
   return (
     <form
       class="job-form"
@@ -180,6 +190,10 @@ function AddressForm() {
           />
         </span>
       </div>
+      <button type="button" class="control" disabled={!connected.value || looks.value} onClick={() => void look()}>
+        {looks.value ? "Looking, 2 s" : "Look on the net"}
+      </button>
+      {answered.value !== null && !looks.value && <Answers />}
       {refusal.value !== "" && (
         <p class="refusal" role="alert">
           {refusal.value}
@@ -194,5 +208,24 @@ function AddressForm() {
         </button>
       </div>
     </form>
+  );
+}
+
+function Answers() {
+  const found = answered.value ?? [];
+  if (found.length === 0) return <p class="quiet" role="status">Nobody answered. Is it on, in this network, and with this key?</p>;
+  return (
+    <ul class="list" role="status">
+      {found.map(({ url, system }) => (
+        <li key={url}>
+          <span class="list-words">
+            {url} <span class="quiet">system {system}</span>
+          </span>
+          <button type="button" class="link" aria-label={`Connect to ${url}`} onClick={() => void connectTo((address.value = url))}>
+            Connect
+          </button>
+        </li>
+      ))}
+    </ul>
   );
 }
