@@ -1,8 +1,8 @@
 /** Orders to the vehicle, and the upload before them. */
 
 import { computed, effect, signal } from "@preact/signals";
-import { send, submit } from "../../core/socket";
-import { aborting, announce, connected, hasVehicle, inControl, link, vehicle, verdict } from "../../core/store";
+import { edit, send, submit } from "../../core/socket";
+import { aborting, announce, connected, doc, hasVehicle, inControl, link, people, vehicle, verdict } from "../../core/store";
 import type { Order, Reply } from "../../core/protocol";
 
 /**
@@ -42,6 +42,21 @@ export async function confirmUpload(nonce: string): Promise<void> {
 effect(() => {
   if (inControl.value && uploading.peek()?.stage === "control") void prepareUpload();
 });
+
+/** Begin the plan above where the vehicle stands, at the height of its first waypoint. */
+export async function beginHere(): Promise<void> {
+  const [last, first] = [vehicle.value, doc.value?.waypoints[0]];
+  if (last === null || last.x_m === null || last.y_m === null || first === undefined) return;
+  const place = { x_m: Number(last.x_m.toFixed(2)), y_m: Number(last.y_m.toFixed(2)), z_m: first.z_m };
+  const { error } = await edit({ type: "insert", after: null, ...place });
+  if (error === "") announce("The plan begins where the vehicle stands: it is checked anew; then upload it.");
+  else announce(error, "danger");
+}
+
+export function takeControl(): void {
+  const isHeld = people.value.in_control !== "";
+  void submit({ type: "take_control", force: isHeld });
+}
 
 /** Whether this person's orders can reach the vehicle. */
 export const mayOrder = computed(
