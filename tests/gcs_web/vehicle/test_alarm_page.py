@@ -90,7 +90,7 @@ def test_alarms_are_muted_by_a_key_and_still_said_and_it_is_remembered(page, sta
 def test_a_battery_says_how_long_it_lasts_and_warns_when_that_is_little(page, station):
     tell(station, battery_v=15.1, battery_left_s=240.0)
     bar = page.get_by_role("region", name="Flight", exact=True)
-    bar.get_by_text("V, 4 min").wait_for()
+    bar.get_by_text("4 min left").wait_for()
     assert tones(page) == 0
     tell(station, battery_v=14.1, battery_left_s=40.0)
     bar.get_by_role("status").get_by_text("Battery: 40 s left. Land.").wait_for()

@@ -29,7 +29,7 @@ export function FlightBar() {
         <Value name="Height" value={number(last.z_m, 1)} unit="m" />
         <Value name="Error" value={error(last)} unit="mm" alarm={alarms.value.some(({ key }) => key === "room")} />
         {state === "fresh" ? (
-          <Value name="Battery" value={number(last.battery_v, 1)} unit={batteryUnit(last)} />
+          <Battery {...last} />
         ) : (
           <Value name={state === "lost" ? "Link lost" : "Link stale"} value={number(age_s, 1)} unit="s" alarm />
         )}
@@ -74,8 +74,10 @@ function error({ error_m, room_m }: Vehicle): string {
   return room_m === null ? number(1000 * error_m, 0) : `${number(1000 * error_m, 0)} / ${number(1000 * room_m, 0)}`;
 }
 
-function batteryUnit({ battery_left_s }: Vehicle): string {
-  return battery_left_s === null ? "V" : `V, ${span(battery_left_s)}`;
+/** How long it lasts where that can be said, else its voltage. */
+function Battery({ battery_v, battery_left_s }: Vehicle) {
+  if (battery_left_s === null) return <Value name="Battery" value={number(battery_v, 1)} unit="V" />;
+  return <Value name="Battery" value={span(battery_left_s)} unit="left" />;
 }
 
 function Value({ name, value, unit = "", alarm = false }: { name: string; value: string; unit?: string; alarm?: boolean }) {
