@@ -8,6 +8,7 @@ import pytest
 
 from flight import InputError, project
 from gcs_web.document import projects, recent
+from tests.waiting import goshawk
 
 
 @pytest.fixture
@@ -66,3 +67,16 @@ def test_a_new_project_is_made_beside_and_never_over_something(tmp_path):
         with pytest.raises(InputError):
             projects.create_beside(yard, name)
     assert not (tmp_path.parent / "x").exists()
+
+
+def test_without_a_project_the_last_one_is_opened_and_without_any_it_is_said_how_to_make_one(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    none = goshawk("gcs")
+    assert none.returncode == 2
+    assert "goshawk init my-room makes one" in none.stderr
+    last = made(tmp_path / "yard")
+    recent.note(recent.default_file(), last)
+    (last / "project.toml").write_text("not toml")
+    said = goshawk("gcs")
+    assert said.returncode == 2
+    assert f"opening {last}" in said.stderr

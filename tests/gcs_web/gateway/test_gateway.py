@@ -113,7 +113,7 @@ def test_the_printed_address_opens_the_page_and_the_state():
     at_the_gateway(visit)
 
 
-FIRST_LOAD_BYTES, VIEW_BYTES = 110_000, 690_000
+FIRST_LOAD_BYTES, VIEW_BYTES = 150_000, 690_000
 """As sent, of page, code and style, which draw a map of their own; and of the 3D view, which is loaded after them."""
 
 
