@@ -98,6 +98,7 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
         observed=(asked.observed,) if asked.observed.strip() else (),
         sensor=asked.sensor if asked.sensor.strip() else None,
         heights=asked.heights if asked.heights.strip() else None,
+        beside=True,
     )
     file = incoming.found(project, asked.file)
     _, found = import_map.import_file(
