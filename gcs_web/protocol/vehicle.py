@@ -49,7 +49,7 @@ class Vehicle(State, frozen=True, tag="vehicle"):
     holds_crc32: str = ""
     battery_v: float | None = None
     battery_left_s: float | None = None
-    """Until it is down to what it must have to be armed, as it falls now; None while that cannot be said."""
+    """Until the controller lands by itself, as the voltage falls now; None while that cannot be said."""
     x_m: float | None = None
     y_m: float | None = None
     z_m: float | None = None

@@ -10,13 +10,13 @@ _LONGEST_S = 3600.0
 
 
 class Discharge:
-    """Takes the voltage of an armed vehicle as it is heard."""
+    """Takes the voltage of a vehicle in the air as it is heard."""
 
     def __init__(self) -> None:
         self._heard: list[tuple[float, float]] = []
 
     def take(self, time_s: float, voltage_v: float) -> None:
-        """A voltage of 0 (not measured, or not armed) begins anew."""
+        """A voltage of 0 (not measured, or not in the air) begins anew."""
         if voltage_v <= 0.0 or (self._heard and time_s < self._heard[-1][0]):
             self._heard = []
         elif not self._heard or time_s - self._heard[-1][0] >= _STEP_S:
