@@ -12,6 +12,7 @@ import vehicle
 from firmware_bridge import SitlVehicle, keys
 from firmware_bridge.dialect.generated.messages import Heartbeat
 from firmware_bridge.mavlink import Codec
+from flight import LinkError
 from gcs_web.vehicle import discovery
 from tests.waiting import until
 
@@ -74,6 +75,20 @@ def test_who_speaks_mavlink_and_is_no_ground_station_is_a_vehicle(key_file, answ
     with answering(answer) as address:
         found = discovery.look(key_file, to=[address], listen_s=0.4)
     assert [each.system for each in found] == systems
+
+
+def test_each_network_of_this_machine_is_asked_and_not_only_that_of_the_default_route():
+    own = discovery._addresses(discovery._OWN) - {"127.0.0.1"}
+    assert len(discovery.networks()) >= 1
+    if own:
+        assert "255.255.255.255" not in discovery.networks()
+
+
+def test_a_machine_without_a_network_says_so_and_not_that_nobody_answered(monkeypatch):
+    monkeypatch.setattr(discovery, "networks", lambda: ["no such host"])
+    monkeypatch.setattr(discovery, "PORTS", range(9, 10))
+    with pytest.raises(LinkError, match="in no network"):
+        discovery.look(listen_s=0.2)
 
 
 def test_without_a_key_it_asks_all_the_same(tmp_path):
