@@ -85,7 +85,8 @@ class GroundStation:
                 came in to this project's stays in for `entrants.LIFE_S`.
             on_open: called with the folder of the project that somebody wants instead of this one; whoever started the
                 station closes it then and opens another. None: the page says that it cannot.
-            opened_before: folders of projects that the page offers beside the neighbours.
+            opened_before: folders of projects that the page offers beside the neighbours, on loopback only: whoever is
+                let in from elsewhere is let into the neighbours only.
 
         Raises:
             FlightError: the project cannot be opened, or is open in another ground station.
@@ -95,7 +96,7 @@ class GroundStation:
             raise InputError(f"{host} can be reached from other machines: give --tls-cert and --tls-key, or no --host")
         self._host, self._tls = host, None if tls is None else context(*tls, host)
         logging.getLogger("websockets").setLevel(logging.ERROR)  # viser's HTTP half logs each page load as an error
-        self._key_file, self._opened_before = key_file, opened_before
+        self._key_file, self._opened_before = key_file, opened_before if is_loopback(host) else list
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="gateway", daemon=True)
         self._stack = contextlib.ExitStack()

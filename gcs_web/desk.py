@@ -204,28 +204,35 @@ class Desk:
     def show_projects(self) -> None:
         self.hub.publish(Projects(projects.offered(self.project, self._opened_before())))
 
-    def open_project(self, folder: str, person: Person) -> None:
+    def open_project(self, key: str, person: Person) -> None:
         """Have the station close this project and open one of those that are offered.
 
         Raises:
             InputError: a vehicle is armed, somebody is in control, a job runs or waits, or it cannot be opened.
         """
-        entry = next((e for e in projects.offered(self.project, self._opened_before()) if e.folder == folder), None)
-        if entry is None or entry.current:
-            raise InputError(f"there is no other project {Path(folder).name!r} to open (any more)")
-        if entry.problem:
-            raise InputError(f"{entry.name} cannot be opened: {entry.problem}")
+        entry, folder = projects.found(self.project, self._opened_before(), key)
+        self._leave_for(lambda: folder, entry.name, person)
+
+    def new_project(self, name: str, person: Person) -> None:
+        """As `open_project`, of a new one beside this, which is made only if this one can be left."""
+        self._leave_for(lambda: projects.create_beside(self.project, name), name.strip(), person)
+
+    def _leave_for(self, other: Callable[[], Path], name: str, person: Person) -> None:
         with self._lock:
             if self.on_open is None:
-                raise InputError(f"this station stays with its project; start another with: goshawk gcs {folder}")
+                raise InputError("this station stays with its project; start another one with: goshawk gcs")
             if self.watch is not None and self.watch.state().armed:
                 raise InputError("the vehicle is armed; land it and disarm, then open another project")
             self.control.require_free()
+            said = "a job runs or waits; wait for it, or cancel it, then open another project"
+            if not self.jobs.is_idle:
+                raise InputError(said)
+            folder = other()
             if not self.jobs.end_if_idle():
-                raise InputError("a job runs or waits; wait for it, or cancel it, then open another project")
+                raise InputError(said)
             self.control.is_left, on_open, self.on_open = True, self.on_open, None
-        self.notice(f"{person.name} opens {entry.name}; this page follows in a moment.", level="caution")
-        on_open(self.project.folder.resolve().parent / folder)
+        self.notice(f"{person.name} opens {name}; this page follows in a moment.", level="caution")
+        on_open(folder)
 
     def show_jobs(self) -> None:
         self.hub.publish(self.jobs.state())

@@ -1,7 +1,6 @@
 """The projects beside this one: listed, and opened in its place."""
 
 from gcs_web.desk import Desk
-from gcs_web.document import projects
 from gcs_web.panels.handlers import Handlers
 from gcs_web.protocol.people import Person
 from gcs_web.protocol.projects import ListProjects, NewProject, OpenProject
@@ -16,7 +15,7 @@ def _open(desk: Desk, person: Person, wanted: OpenProject) -> None:
 
 
 def _new(desk: Desk, person: Person, wanted: NewProject) -> None:
-    desk.open_project(projects.create_beside(desk.project, wanted.name).name, person)
+    desk.new_project(wanted.name, person)
 
 
 HANDLERS: Handlers = {

@@ -9,7 +9,7 @@ class ProjectEntry(msgspec.Struct, frozen=True):
     """A project in the folder that this one is in, or one that was opened before."""
 
     folder: str
-    """Name of its folder, or all of its place where that is elsewhere; by it it is opened."""
+    """Name of its folder, or a key where that is elsewhere; by it it is opened."""
     name: str
     current: bool
     trajectories: int
