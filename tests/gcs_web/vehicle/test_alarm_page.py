@@ -1,12 +1,15 @@
 """What a pilot must notice without looking is said, sounded and felt; silence is a choice that lasts."""
 
+import contextlib
 import re
+import threading
 from collections.abc import Iterator
 
 import pytest
 
 from flight import project
 from gcs_web import GroundStation
+from gcs_web.protocol.people import Person
 from gcs_web.protocol.vehicle import LostLinkAct, Vehicle
 from tests.gcs_web.in_browser import drawn, needs_chromium, visited
 from tests.waiting import until as wait
@@ -46,6 +49,24 @@ def tell(station: GroundStation, link="fresh", *, armed: bool = True, mission="t
     station.hub.publish(Vehicle(link, "sitl", mission=mission, armed=armed, if_link_lost=ACTS if armed else [], **more))
 
 
+@contextlib.contextmanager
+def telling(station: GroundStation, *said, **more) -> Iterator[None]:
+    """Again and again, as a station does."""
+    over = threading.Event()
+
+    def repeat() -> None:
+        while not over.wait(0.2):
+            tell(station, *said, **more)
+
+    thread = threading.Thread(target=repeat)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
 def tones(page) -> int:
     drawn(page)
     return page.evaluate("window.tones")
@@ -65,22 +86,82 @@ def test_a_good_flight_is_silent_and_an_error_beyond_its_room_is_not(page, stati
 
 
 def test_a_silent_link_counts_down_to_what_the_vehicle_does_then(page, station):
-    tell(station, "stale", age_s=0.8)
     bar = page.get_by_role("region", name="Flight", exact=True)
-    bar.get_by_role("status").get_by_text(re.compile(r"heard for \d\.\d s: in \d\.\d s it stops and hovers")).wait_for()
-    assert 0 < tones(page) <= 3  # once, and danger when it is lost meanwhile
-    tell(station, "lost", age_s=2.5)
-    bar.get_by_role("alert").get_by_text(re.compile(r"Link lost: it stops and hovers; lands in about \d+ s")).wait_for()
+    counts = re.compile(r"heard for \d\.\d s: in \d\.\d s it stops and hovers")
+    with telling(station, "stale", age_s=0.8):
+        bar.get_by_role("status").get_by_text(counts).wait_for()
+        wait(lambda: tones(page) > 0, "a tone")
+    with telling(station, "lost", age_s=2.5):
+        acts = re.compile(r"Link lost: it stops and hovers; lands in about \d+ s")
+        bar.get_by_role("alert").get_by_text(acts).wait_for()
+
+
+def test_a_page_that_hears_no_station_does_not_say_what_the_vehicle_does(page, station):
+    """The station may hear it well, and nothing of that happens."""
+    tell(station)
+    bar = page.get_by_role("region", name="Flight", exact=True)
+    bar.get_by_role("alert").get_by_text(
+        "This page lost the station: what the vehicle does is not known here."
+    ).wait_for()
+    assert "stops and hovers" not in bar.inner_text()
+    assert "Station lost" in bar.inner_text()
+
+
+def test_a_page_that_nobody_touched_says_that_its_sound_is_blocked_and_queues_none(station, listening_tab):
+    station.hub.publish(Vehicle("none"))
+    with visited(station, listening_tab) as page, telling(station, error_m=0.2, room_m=0.16):
+        blocked = page.get_by_role("button", name="Sound is blocked: click")
+        blocked.wait_for()
+        wait(lambda: page.evaluate("window.shakes") >= 3, "three alarms")
+        assert tones(page) == 0
+        blocked.click()
+        blocked.wait_for(state="detached")
+        wait(lambda: tones(page) >= 6, "the alarm")
+
+
+def test_a_key_takes_control_from_nobody_only(page, station):
+    bo = Person("bo", "Bo")
+    station.desk.control.take(bo, force=False)
+    with telling(station):
+        page.keyboard.press("3")
+        mute = page.get_by_role("button", name="Mute alarms")
+        mute.wait_for()
+        page.keyboard.press("c")
+        page.keyboard.press("n")
+        page.get_by_role("button", name="Mute alarms", pressed=True).wait_for()
+        page.keyboard.press("n")
+        page.wait_for_timeout(500)
+        assert station.desk.control.holder == "bo"
+        station.desk.control.give_up(bo)
+        page.get_by_role("button", name="Take control", exact=True).wait_for()
+        page.keyboard.press("Alt+c")
+        page.wait_for_timeout(500)
+        assert station.desk.control.holder == ""
+        page.keyboard.press("c")
+        wait(lambda: station.desk.control.holder not in ("", "bo"), "control")
+
+
+def test_a_key_that_is_held_mutes_once(page, station):
+    with telling(station):
+        page.get_by_role("button", name="Mute alarms", pressed=False).wait_for()
+        for _ in range(4):
+            page.keyboard.down("n")  # without a release: the browser's repeats
+        page.get_by_role("button", name="Mute alarms", pressed=True).wait_for()
+        drawn(page)
+        assert page.get_by_role("button", name="Mute alarms", pressed=True).is_visible()
+        page.keyboard.up("n")
+        page.keyboard.press("n")
+        page.get_by_role("button", name="Mute alarms", pressed=False).wait_for()
 
 
 def test_alarms_are_muted_by_a_key_and_still_said_and_it_is_remembered(page, station):
-    tell(station, "lost", age_s=3.0)
     mute = page.get_by_role("button", name="Mute alarms")
-    mute.wait_for()
-    page.keyboard.press("n")
-    page.get_by_role("button", name="Mute alarms", pressed=True).wait_for()
-    page.reload()
-    page.get_by_role("alert").get_by_text("Link lost").wait_for()
+    with telling(station, "lost", age_s=3.0):
+        mute.wait_for()
+        page.keyboard.press("n")
+        page.get_by_role("button", name="Mute alarms", pressed=True).wait_for()
+        page.reload()
+        page.get_by_role("alert").get_by_text("Link lost").wait_for()
     page.get_by_role("button", name="Mute alarms", pressed=True).wait_for()
     assert tones(page) == 0
     page.get_by_role("button", name="Mute alarms").click()

@@ -160,16 +160,17 @@ export const holdsAnother = computed(() => {
 const SILENCE_MS = 1500; // the server speaks of the vehicle at least twice a second
 const LOST_MS = 3000;
 
-/** The link as far as this page can know: the server's word, grown old by its silence. */
-export const link = computed<{ state: Vehicle["link"]; age_s: number }>(() => {
+/** The link as far as this page can know: the server's word, grown old by its silence, and whether that is heard. */
+export const link = computed<{ state: Vehicle["link"]; age_s: number; stationHeard: boolean }>(() => {
   const last = vehicle.value;
-  if (last === null) return { state: "none", age_s: 0 };
+  if (last === null) return { state: "none", age_s: 0, stationHeard: connected.value };
   const silence_ms = Math.max(0, now_ms.value - vehicleHeardAt_ms.value);
   const age_s = last.age_s + silence_ms / 1000;
-  if (last.link === "none") return { state: "none", age_s };
-  if (!connected.value || silence_ms > LOST_MS) return { state: "lost", age_s };
-  if (last.link === "fresh" && silence_ms > SILENCE_MS) return { state: "stale", age_s };
-  return { state: last.link, age_s };
+  const stationHeard = connected.value && silence_ms <= SILENCE_MS;
+  if (last.link === "none") return { state: "none", age_s, stationHeard };
+  if (!connected.value || silence_ms > LOST_MS) return { state: "lost", age_s, stationHeard };
+  if (last.link === "fresh" && !stationHeard) return { state: "stale", age_s, stationHeard };
+  return { state: last.link, age_s, stationHeard };
 });
 
 /** The waypoint passed last at the cursor. */

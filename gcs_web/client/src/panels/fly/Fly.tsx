@@ -1,7 +1,7 @@
 /** The fly step: the vehicle as it is, who is in control, the orders, the flights. */
 
 import { computed } from "@preact/signals";
-import { beginHere, canUpload, giveOrder, mayOrder, openUpload, uploading } from "./orders";
+import { beginHere, canBeginHere, canUpload, giveOrder, mayOrder, openUpload, uploading } from "./orders";
 import { UploadPanel } from "./UploadPanel";
 import { cards, compareWithLast, lastOfCourse } from "../compare/flights";
 import { Badge } from "../../components/Badge";
@@ -9,7 +9,7 @@ import { HoldButton } from "../../components/HoldButton";
 import { Icon } from "../../components/Icon";
 import { Said } from "../../components/Said";
 import { age, number, sentenceCase } from "../../core/format";
-import { connected, errors, files, hasVehicle, holdsAnother, inControl, link, vehicle } from "../../core/store";
+import { errors, files, hasVehicle, holdsAnother, inControl, link, vehicle } from "../../core/store";
 import type { FlightCard, Vehicle as VehicleState } from "../../core/protocol";
 import { Control } from "./Control";
 import { LinkButtons, VehicleButtons } from "../start/Buttons";
@@ -167,7 +167,7 @@ function BeforeFlight() {
               <b>{sentenceCase(name)}</b> <Said text={finding} />
               {!passed && <span class="remedy"><Said text={sentenceCase(remedy)} />.</span>}
               {!passed && name === "start" && (
-                <button type="button" class="control" disabled={!connected.value} onClick={() => void beginHere()}>
+                <button type="button" class="control" disabled={!canBeginHere.value} onClick={() => void beginHere()}>
                   Begin the plan here
                 </button>
               )}

@@ -2,7 +2,7 @@
 
 import { computed, effect, signal } from "@preact/signals";
 import { number } from "../../core/format";
-import type { LostLinkAct } from "../../core/protocol";
+import type { LostLinkAct, Vehicle } from "../../core/protocol";
 import { remembered } from "../../core/remembered";
 import { isArmed, link, vehicle } from "../../core/store";
 
@@ -20,7 +20,8 @@ export const muted = remembered("muted", false, isFlag);
 const LITTLE_LEFT_S = 60;
 
 const linkAlarm = computed((): Alarm | null => {
-  const { state, age_s } = link.value;
+  const { state, age_s, stationHeard } = link.value;
+  if (!stationHeard) return stationAlarm(state);
   const acts = vehicle.value?.if_link_lost ?? [];
   if (state === "lost") return { key: "link", level: "danger", words: lostWords(acts, age_s) };
   return state === "stale" ? { key: "stale", level: "caution", words: staleWords(acts, age_s) } : null;
@@ -40,6 +41,12 @@ export const alarms = computed((): readonly Alarm[] => {
     found.push({ key: "battery", level: "caution", words: `Battery: ${number(battery_left_s, 0)} s left. Land.` });
   return found.sort((a, b) => Number(b.level === "danger") - Number(a.level === "danger"));
 });
+
+/** This page and the station do not hear each other; the vehicle may well be heard there. */
+function stationAlarm(state: Vehicle["link"]): Alarm {
+  if (state !== "lost") return { key: "quiet", level: "caution", words: "This page hears nothing of the station." };
+  return { key: "station", level: "danger", words: "This page lost the station: what the vehicle does is not known here." };
+}
 
 /** What the vehicle does by itself now and next, by the silence so far. */
 export function lostWords(acts: readonly LostLinkAct[], age_s: number): string {
@@ -62,14 +69,40 @@ function staleWords(acts: readonly LostLinkAct[], age_s: number): string {
 const AGAIN_MS = 1500;
 const TONES: Readonly<Record<Alarm["level"], readonly number[]>> = { danger: [880, 660, 880], caution: [660] };
 const TONE_S = 0.16;
+const STARTS_MS = 500;
 let audio: AudioContext | null = null;
 
-/** Browsers let a page sound once somebody has touched it; who flies has. */
+/** Whether the browser keeps this page silent until somebody touches it, as after it was loaded anew in flight. */
+export const blocked = signal(false);
+
+function opened(): AudioContext {
+  if (audio !== null) return audio;
+  const made = new AudioContext();
+  const look = (): void => void (blocked.value = made.state !== "running");
+  made.onstatechange = () => {
+    look();
+    if (!blocked.value && worst.value !== null && !muted.value) play(made, worst.value); // what was not sounded
+  };
+  setTimeout(look, STARTS_MS);
+  return (audio = made);
+}
+
+export function unblock(): void {
+  void audio?.resume();
+}
+
+for (const kind of ["pointerup", "keydown"]) addEventListener(kind, unblock, { capture: true });
+
+/** Nothing is queued while the page may not sound: all of it would sound at once later. */
 function sound(level: Alarm["level"]): void {
   navigator.vibrate?.(level === "danger" ? [300, 100, 300] : [120]);
-  audio ??= new AudioContext();
-  void audio.resume();
-  TONES[level].forEach((pitch_hz, at) => tone(audio as AudioContext, pitch_hz, at * 1.4 * TONE_S));
+  const out = opened();
+  if (out.state === "running") play(out, level);
+  else void out.resume();
+}
+
+function play(out: AudioContext, level: Alarm["level"]): void {
+  TONES[level].forEach((pitch_hz, at) => tone(out, pitch_hz, at * 1.4 * TONE_S));
 }
 
 function tone(context: AudioContext, pitch_hz: number, after_s: number): void {
@@ -87,11 +120,15 @@ function tone(context: AudioContext, pitch_hz: number, after_s: number): void {
 
 /** Which alarms there are; another one sounds at once, danger again and again. */
 const kinds = computed(() => alarms.value.map(({ key }) => key).join());
-const isDanger = computed(() => alarms.value.some(({ level }) => level === "danger"));
+const worst = computed(() => alarms.value[0]?.level ?? null);
 
 effect(() => {
-  if (kinds.value === "" || muted.value) return undefined;
-  const level = isDanger.value ? "danger" : "caution";
+  if (isArmed.value && !muted.value) opened(); // so that it is known before the first alarm whether it will sound
+});
+
+effect(() => {
+  const level = worst.value;
+  if (kinds.value === "" || level === null || muted.value) return undefined;
   sound(level);
   if (level === "caution") return undefined;
   const again = setInterval(() => sound(level), AGAIN_MS);

@@ -7,20 +7,26 @@ import { Keys } from "../../components/Keys";
 import { number, sentenceCase, span } from "../../core/format";
 import { link, vehicle } from "../../core/store";
 import type { Vehicle } from "../../core/protocol";
-import { alarms, muted } from "../fly/alarm";
+import { alarms, blocked, muted, unblock } from "../fly/alarm";
 import { giveOrder, kill, mayOrder } from "../fly/orders";
 
 export function FlightBar() {
   const last = vehicle.value;
   if (last === null || !last.armed) return null;
-  const { state, age_s } = link.value;
+  const { state, age_s, stationHeard } = link.value;
   const [worst] = alarms.value;
+  const isSilenced = blocked.value && !muted.value;
   return (
-    <section class={`flight-bar ${state} ${worst === undefined ? "" : "alarmed"}`} aria-label="Flight">
+    <section class={`flight-bar ${state} ${worst === undefined && !isSilenced ? "" : "alarmed"}`} aria-label="Flight">
       {worst !== undefined && (
         <p class={`flight-alarm ${worst.level}-text`} role={worst.level === "danger" ? "alert" : "status"}>
           {worst.words}
         </p>
+      )}
+      {isSilenced && (
+        <button type="button" class="link flight-alarm" onClick={unblock}>
+          Sound is blocked: click
+        </button>
       )}
       <dl class="flight-values">
         <Value name="Mission" value={sentenceCase(last.mission)} />
@@ -31,7 +37,7 @@ export function FlightBar() {
         {state === "fresh" ? (
           <Battery {...last} />
         ) : (
-          <Value name={state === "lost" ? "Link lost" : "Link stale"} value={number(age_s, 1)} unit="s" alarm />
+          <Value name={`${stationHeard ? "Link" : "Station"} ${state}`} value={number(age_s, 1)} unit="s" alarm />
         )}
       </dl>
       <div class="flight-orders">
@@ -55,7 +61,7 @@ function Sound() {
       class="control tall sound"
       aria-pressed={muted.value}
       aria-label="Mute alarms"
-      title={muted.value ? "Alarms are silent (M)" : "Alarms sound (M)"}
+      title={muted.value ? "Alarms are silent (N)" : blocked.value ? "Alarms are blocked" : "Alarms sound (N)"}
       onClick={() => (muted.value = !muted.value)}
     >
       <Icon name={muted.value ? "muted" : "sound"} />

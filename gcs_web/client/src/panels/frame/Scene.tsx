@@ -54,6 +54,7 @@ export function Scene() {
   const frame = useRef<HTMLIFrameElement>(null);
   const light = isLight.value;
   useEffect(() => paintBackground(frame.current), [light]);
+  useEffect(() => () => void (isLoaded.value = false), []); // on other steps there is none
   return (
     <main class="scene">
       {isMeasured.value && (

@@ -167,9 +167,13 @@ function AddressForm() {
   const refusal = useSignal("");
   const looks = useSignal(false);
   const look = async (): Promise<void> => {
+    if (looks.value) return;
     looks.value = true;
     const { error, vehicles } = await send({ type: "look_for_vehicles" });
-    [looks.value, refusal.value, answered.value] = [false, error, vehicles];
+    [looks.value, refusal.value, answered.value] = [false, error, error === "" ? vehicles : null];
+  };
+  const connectToIt = async (): Promise<void> => {
+    refusal.value = await connectTo(address.value);
   };
   return (
     <form
@@ -177,7 +181,7 @@ function AddressForm() {
       aria-label="Address of the vehicle"
       onSubmit={(event) => {
         event.preventDefault();
-        void connectTo(address.value).then((error) => (refusal.value = error));
+        void connectToIt();
       }}
     >
       <div class="field long">
@@ -190,10 +194,23 @@ function AddressForm() {
           />
         </span>
       </div>
-      <button type="button" class="control" disabled={!connected.value || looks.value} onClick={() => void look()}>
+      <button
+        type="button"
+        class="control"
+        disabled={!connected.value}
+        aria-disabled={looks.value}
+        onClick={() => void look()}
+      >
         {looks.value ? "Looking, 2 s" : "Look on the net"}
       </button>
-      {answered.value !== null && !looks.value && <Answers />}
+      {answered.value !== null && !looks.value && (
+        <Answers
+          onChosen={(url) => {
+            address.value = url;
+            void connectToIt();
+          }}
+        />
+      )}
       {refusal.value !== "" && (
         <p class="refusal" role="alert">
           {refusal.value}
@@ -211,21 +228,23 @@ function AddressForm() {
   );
 }
 
-function Answers() {
+function Answers({ onChosen }: { onChosen: (url: string) => void }) {
   const found = answered.value ?? [];
   if (found.length === 0) return <p class="quiet" role="status">Nobody answered. Is it on, in this network, and with this key?</p>;
   return (
-    <ul class="list" role="status">
+    <div role="status">
+      <ul class="list">
       {found.map(({ url, system }) => (
         <li key={url}>
           <span class="list-words">
             {url} <span class="quiet">system {system}</span>
           </span>
-          <button type="button" class="link" aria-label={`Connect to ${url}`} onClick={() => void connectTo((address.value = url))}>
+          <button type="button" class="link" aria-label={`Connect to ${url}`} onClick={() => onChosen(url)}>
             Connect
           </button>
         </li>
       ))}
-    </ul>
+      </ul>
+    </div>
   );
 }

@@ -129,6 +129,7 @@ function Ball({ point, at, place, size }: BallProps) {
       onPointerDown={(event) => {
         event.stopPropagation();
         select([point.id]);
+        const revision = doc.value?.revision; // what somebody else does meanwhile was not seen
         drag(
           event,
           (right, down) => (held.value = { x_m: point.x_m + right / place.scale, y_m: point.y_m - down / place.scale }),
@@ -136,8 +137,9 @@ function Ball({ point, at, place, size }: BallProps) {
             const to = held.value;
             if (to === null) return;
             const moved = { x_m: Number(to.x_m.toFixed(2)), y_m: Number(to.y_m.toFixed(2)) };
-            void change({ type: "move", waypoints: [point.id], ...moved }).then(() => (held.value = null));
+            void change({ type: "move", waypoints: [point.id], ...moved }, revision).then(() => (held.value = null));
           },
+          () => (held.value = null),
         );
       }}
     >
@@ -154,22 +156,29 @@ function pan(event: PointerEvent, from: Place, take: (place: Place) => void): vo
 
 const DRAG_PX = 4;
 
-/** Follow a pointer until it is let go; what moves less than a few pixels is a click. */
-function drag(event: PointerEvent, move: (right: number, down: number) => void, end: () => void): void {
+/** Follow a pointer until it is let go, or taken away; what moves less than a few pixels is a click. */
+function drag(
+  event: PointerEvent,
+  move: (right: number, down: number) => void,
+  end: () => void,
+  cancel: () => void = () => {},
+): void {
   if (event.button !== 0 || !(event.currentTarget instanceof Element)) return;
   const target = event.currentTarget;
   const [x, y] = [event.clientX, event.clientY];
   let moves = false;
   target.setPointerCapture(event.pointerId);
   const onMove = (now: Event): void => {
-    if (!(now instanceof PointerEvent)) return;
+    if (!(now instanceof PointerEvent) || now.pointerId !== event.pointerId) return;
     moves ||= Math.hypot(now.clientX - x, now.clientY - y) >= DRAG_PX;
     if (moves) move(now.clientX - x, now.clientY - y);
   };
-  const onEnd = (): void => {
+  const onEnd = (now: Event): void => {
+    if (!(now instanceof PointerEvent) || now.pointerId !== event.pointerId) return;
     target.removeEventListener("pointermove", onMove);
     for (const kind of ["pointerup", "pointercancel"]) target.removeEventListener(kind, onEnd);
-    if (moves) end();
+    if (now.type === "pointercancel") cancel();
+    else if (moves) end();
   };
   target.addEventListener("pointermove", onMove);
   for (const kind of ["pointerup", "pointercancel"]) target.addEventListener(kind, onEnd);

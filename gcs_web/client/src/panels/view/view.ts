@@ -42,12 +42,15 @@ export const LOOK_COMMANDS: readonly PageCommand[] = OFFERED.map(({ name, letter
 
 const follows = computed(() => look.value === "follow");
 let told = false;
+/** Once it has followed: a station that is found again may still do what it was told before. */
+let everFollowed = false;
 
 effect(() => {
   if (!connected.value) {
-    told = false; // another station may answer next
+    told = everFollowed;
     return;
   }
   if (follows.value || told) void submit({ type: "follow", view: VIEW, following: follows.value });
   told = follows.value;
+  everFollowed ||= follows.value;
 });
