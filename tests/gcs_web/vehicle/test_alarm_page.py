@@ -1,6 +1,7 @@
 """What a pilot must notice without looking is said, sounded and felt; silence is a choice that lasts."""
 
 import contextlib
+import json
 import re
 import threading
 from collections.abc import Iterator
@@ -19,7 +20,10 @@ ACTS = [LostLinkAct(2.0, "stops and hovers"), LostLinkAct(22.0, "lands")]
 HEARD = """window.tones = 0; window.shakes = 0;
 const start = OscillatorNode.prototype.start;
 OscillatorNode.prototype.start = function (...when) { window.tones += 1; return start.apply(this, when); };
-Navigator.prototype.vibrate = () => { window.shakes += 1; return true; };"""
+Navigator.prototype.vibrate = () => { window.shakes += 1; return true; };
+setInterval(() => console.debug(JSON.stringify(
+  [window.tones, window.shakes, document.querySelector(".flight-bar")?.innerText ?? ""])), 200);"""
+"""It tells what it heard without being asked: asking counts as a touch of the page, which lets it sound."""
 
 
 @pytest.fixture(scope="module")
@@ -108,15 +112,20 @@ def test_a_page_that_hears_no_station_does_not_say_what_the_vehicle_does(page, s
 
 
 def test_a_page_that_nobody_touched_says_that_its_sound_is_blocked_and_queues_none(station, listening_tab):
+    said: list[str] = []
+    listening_tab.page.on("console", lambda message: said.append(message.text))
     station.hub.publish(Vehicle("none"))
     with visited(station, listening_tab) as page, telling(station, error_m=0.2, room_m=0.16):
-        blocked = page.get_by_role("button", name="Sound is blocked: click")
-        blocked.wait_for()
-        wait(lambda: page.evaluate("window.shakes") >= 3, "three alarms")
-        assert tones(page) == 0
-        blocked.click()
-        blocked.wait_for(state="detached")
-        wait(lambda: tones(page) >= 6, "the alarm")
+
+        def heard() -> tuple[int, int, str]:
+            page.wait_for_timeout(100)
+            return json.loads(said[-1]) if said and said[-1].startswith("[") else (0, 0, "")
+
+        wait(lambda: heard()[1] >= 3, "three alarms")
+        assert heard()[0] == 0
+        assert "Sound is blocked: click" in heard()[2]
+        page.mouse.click(5, 5)
+        wait(lambda: heard()[0] >= 6 and "blocked" not in heard()[2], "the alarm")
 
 
 def test_a_key_takes_control_from_nobody_only(page, station):
