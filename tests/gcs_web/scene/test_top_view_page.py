@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+from gcs_web.protocol.document import Shift
 from gcs_web.protocol.vehicle import Vehicle
 from tests.gcs_web.in_browser import SERIOUS, drawn, needs_chromium, positions, tab, visited
 from tests.gcs_web.two_pillars import START
@@ -72,6 +73,31 @@ def test_a_waypoint_is_selected_by_a_click_and_moved_by_a_drag(page, station):
     page.mouse.up()
     wait(lambda: np.abs(positions(station)[1, :2] - [3.2, 2.1]).max() < 0.05, "the move")
     assert positions(station)[1, 2] == START[1, 2]
+
+
+def test_what_somebody_else_did_to_a_waypoint_during_a_drag_stays(page, station):
+    start, end = pixel(page, 3.0, 2.0), pixel(page, 3.2, 2.1)
+    page.mouse.move(*start)
+    page.mouse.down()
+    page.mouse.move(*((start + end) / 2))
+    session = station.desk.session
+    second = session.content.points[1].id
+    session.edit(Shift(serial=0, revision=session.revision, waypoints=[second], z_m=0.2), "Bo")
+    page.mouse.move(*end)
+    page.mouse.up()
+    page.get_by_text("Bo changed the same meanwhile").first.wait_for()
+    np.testing.assert_allclose(positions(station)[1], START[1] + [0.0, 0.0, 0.2])
+
+
+def test_a_drag_that_the_system_takes_away_moves_nothing(page, station):
+    start, end = pixel(page, 3.0, 2.0), pixel(page, 3.2, 2.1)
+    page.mouse.move(*start)
+    page.mouse.down()
+    page.mouse.move(*end)
+    ball(page, 2).evaluate("ball => ball.dispatchEvent(new PointerEvent('pointercancel', {pointerId: 1}))")
+    page.mouse.up()
+    wait(lambda: np.abs(middle(ball(page, 2)) - start).max() < 2, "the waypoint where it was")
+    np.testing.assert_allclose(positions(station)[1], START[1])
 
 
 def test_a_click_on_the_path_sets_the_moment(page, station):

@@ -12,6 +12,7 @@ from PIL import Image
 import vehicle
 from flight import project
 from gcs_web import GroundStation
+from gcs_web.protocol.people import Person
 from gcs_web.protocol.vehicle import FoundVehicle
 from goshawk.station_jobs import KINDS, simulate
 from tests.gcs_web.in_browser import needs_chromium, visited
@@ -124,6 +125,18 @@ def test_a_new_project_and_those_opened_before_are_offered_where_nothing_is_ther
     wait(lambda: opened == [tmp_path / "lap 3"], "the new project")
 
 
+def test_a_new_project_is_not_made_where_this_one_cannot_be_left(station, page, monkeypatch, tmp_path):
+    monkeypatch.setattr(station.desk, "on_open", lambda _: None)
+    station.desk.control.take(Person("bo", "Bo"), force=False)
+    page.get_by_role("button", name="New or recent project").click()
+    form = page.get_by_role("form", name="New project")
+    form.get_by_label("Name of a new project").fill("lap 3")
+    form.get_by_role("button", name="New project").click()
+    form.get_by_role("alert").get_by_text("in control").wait_for()
+    assert not (tmp_path / "lap 3").exists()
+    page.keyboard.press("Escape")
+
+
 def test_vehicles_on_the_net_are_looked_for_and_connected_to(station, page, monkeypatch):
     card(page, "Connect").get_by_role("button", name="Connect to an address").click()
     form = page.get_by_role("form", name="Address of the vehicle")
@@ -131,6 +144,13 @@ def test_vehicles_on_the_net_are_looked_for_and_connected_to(station, page, monk
     form.get_by_role("button", name="Look on the net").click()
     form.get_by_text("Nobody answered").wait_for()
     found = [FoundVehicle("udp://127.0.0.1:9", 1)]
+    station.desk.control.take(Person("bo", "Bo"), force=False)
+    monkeypatch.setattr(station.desk, "find_vehicles", lambda: found)
+    form.get_by_role("button", name="Look on the net").click()
+    form.get_by_role("status").get_by_role("listitem").get_by_text("system 1").wait_for()
+    form.get_by_role("button", name="Connect to udp://127.0.0.1:9").click()
+    form.get_by_role("alert").get_by_text("in control").wait_for()
+    station.desk.control.give_up(Person("bo", "Bo"))
     monkeypatch.setattr(station.desk, "find_vehicles", lambda: found)
     form.get_by_role("button", name="Look on the net").click()
     form.get_by_role("button", name="Connect to udp://127.0.0.1:9").click()

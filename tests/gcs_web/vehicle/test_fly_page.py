@@ -73,7 +73,7 @@ def test_a_plan_that_begins_elsewhere_is_begun_where_the_vehicle_stands_by_one_p
     page.keyboard.press("3")
     far = np.array([[3.0, 0.8, 1.0], [5.2, 0.8, 1.2]])
     station.desk.session.take(Waypoints(far, np.full(2, np.nan)), "elsewhere", "test")
-    page.get_by_role("button", name="Begin the plan here").click()
+    page.get_by_role("button", name="Begin the plan here").dblclick()
     page.get_by_text("all pass").wait_for()
     places = station.desk.session.content.waypoints().positions_world_m
     np.testing.assert_allclose(places[0], [*station.watch.link.state.position_world_m[:2], 1.0], atol=0.02)

@@ -14,7 +14,7 @@ export type UploadState =
   | { stage: "refused"; error: string }
   | { stage: "prepared"; reply: Reply };
 
-const FLY_STEP = 3;
+const [PLAN_STEP, FLY_STEP] = [2, 3];
 
 /** Null while the upload panel is closed. */
 export const uploading = signal<UploadState | null>(null);
@@ -22,9 +22,9 @@ export const uploading = signal<UploadState | null>(null);
 /** Whether there is a checked plan, and a vehicle to take it. */
 export const canUpload = computed(() => verdict.value === "checked" && hasVehicle.value);
 
-/** Open the panel in step 3, whatever step is open. */
+/** Open the panel in a step that shows it. */
 export function goToUpload(): void {
-  step.value = FLY_STEP;
+  if (step.value !== PLAN_STEP) step.value = FLY_STEP;
   openUpload();
 }
 
@@ -59,6 +59,7 @@ export const canBeginHere = computed(() => verdict.value === "checked" && !begin
 
 /** Begin the plan above where the vehicle stands, at the height of its first waypoint. */
 export async function beginHere(): Promise<void> {
+  if (!canBeginHere.value) return;
   const [last, first] = [vehicle.value, doc.value?.waypoints[0]];
   if (last === null || last.x_m === null || last.y_m === null || first === undefined) return;
   const place = { x_m: Number(last.x_m.toFixed(2)), y_m: Number(last.y_m.toFixed(2)), z_m: first.z_m };
