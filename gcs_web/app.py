@@ -33,6 +33,7 @@ from gcs_web.protocol.document import Insert, Move
 from gcs_web.protocol.people import Person
 from gcs_web.protocol.vehicle import Vehicle
 from gcs_web.protocol.view import Cursor, Selection
+from gcs_web.vehicle import discovery
 from gcs_web.vehicle.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
 
@@ -64,6 +65,7 @@ class GroundStation:
         jobs: Sequence[Kind[Desk]] = (),
         browsers: Sequence[tuple[str, float]] = (),
         on_open: Callable[[Path], None] | None = None,
+        opened_before: Callable[[], Sequence[Path]] = list,
     ) -> None:
         """Open the project and listen, on loopback unless told otherwise.
 
@@ -83,6 +85,8 @@ class GroundStation:
                 came in to this project's stays in for `entrants.LIFE_S`.
             on_open: called with the folder of the project that somebody wants instead of this one; whoever started the
                 station closes it then and opens another. None: the page says that it cannot.
+            opened_before: folders of projects that the page offers beside the neighbours, on loopback only: whoever is
+                let in from elsewhere is let into the neighbours only.
 
         Raises:
             FlightError: the project cannot be opened, or is open in another ground station.
@@ -92,7 +96,7 @@ class GroundStation:
             raise InputError(f"{host} can be reached from other machines: give --tls-cert and --tls-key, or no --host")
         self._host, self._tls = host, None if tls is None else context(*tls, host)
         logging.getLogger("websockets").setLevel(logging.ERROR)  # viser's HTTP half logs each page load as an error
-        self._key_file = key_file
+        self._key_file, self._opened_before = key_file, opened_before if is_loopback(host) else list
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="gateway", daemon=True)
         self._stack = contextlib.ExitStack()
@@ -100,6 +104,7 @@ class GroundStation:
             progress("opening the map", 0.0)
             self._open(folder, port, options or planner.PlanOptions(), triangles, on_entry, jobs, progress, browsers)
             self.desk.on_open = on_open
+            self.desk.find_vehicles = partial(discovery.look, key_file)
             if vehicle_url is not None:
                 self.desk.listen_to(vehicle_url)
         except BaseException:
@@ -166,7 +171,16 @@ class GroundStation:
         self._stack.callback(self.view.close)
         consent = Consent(opened)
         self._stack.callback(consent.close)
-        self.desk = Desk(opened, self.hub, self.view, self._new_watch, options, jobs, consent=consent)
+        self.desk = Desk(
+            opened,
+            self.hub,
+            self.view,
+            self._new_watch,
+            options,
+            jobs,
+            consent=consent,
+            opened_before=self._opened_before,
+        )
         self._stack.callback(self.desk.close)
         self.view.on_select = lambda waypoint: self._selected([waypoint])
         self.view.on_box = self._selected
@@ -206,14 +220,14 @@ class GroundStation:
         """Begins to listen when it is started. Raises as `VehicleWatch`."""
         made = VehicleWatch(url, key_file=self._key_file)
         made.on_state, made.on_pose = self._vehicle_changed, self.view.vehicle.move
-        made.on_setpoint, made.plan_start = self.view.vehicle.follow, self.desk.plan_start
+        made.on_setpoint, made.plan_start = self.view.vehicle.aim, self.desk.plan_start
         return made
 
     def _vehicle_changed(self, now: Vehicle) -> None:
         self.hub.publish(now)
         self.view.vehicle.set_armed(now.armed)
         if now.link == "lost":
-            self.view.vehicle.hide()
+            self.view.vehicle.lose()
 
     def _selected(self, waypoints: list[int]) -> None:
         self.view.select(waypoints)

@@ -33,8 +33,9 @@ from gcs_web.protocol.people import Level, Notice, Person
 from gcs_web.protocol.plan import Plan
 from gcs_web.protocol.projects import Projects
 from gcs_web.protocol.trajectories import Files
-from gcs_web.protocol.vehicle import Vehicle
+from gcs_web.protocol.vehicle import FoundVehicle, Vehicle
 from gcs_web.protocol.wording import for_page
+from gcs_web.vehicle import discovery
 from gcs_web.vehicle.control import Control
 from gcs_web.vehicle.vehicle_watch import VehicleWatch
 from gcs_web.view3d import View3D
@@ -56,15 +57,19 @@ class Desk:
         kinds: "Sequence[Kind[Desk]]" = (),
         *,
         consent: Consent,
+        opened_before: Callable[[], Sequence[Path]] = list,
     ) -> None:
         """
         Args:
             new_watch: of the vehicle at an address; raises `InputError` where it is none.
+            opened_before: folders of projects anywhere, offered beside the neighbours.
 
         Raises:
             FlightError: the project cannot be opened, or `base` has a method that the page cannot set.
         """
         self.project, self.hub, self.view, self._new_watch = opened, hub, view, new_watch
+        self._opened_before = opened_before
+        self.find_vehicles: Callable[[], list[FoundVehicle]] = discovery.look
         self.watch: VehicleWatch | None = None
         """Of the vehicle that is connected."""
         self.inputs = inputs.signature(opened.folder)
@@ -197,30 +202,37 @@ class Desk:
                 new.start()
 
     def show_projects(self) -> None:
-        self.hub.publish(Projects(projects.beside(self.project)))
+        self.hub.publish(Projects(projects.offered(self.project, self._opened_before())))
 
-    def open_project(self, folder: str, person: Person) -> None:
-        """Have the station close this project and open a neighbour of it.
+    def open_project(self, key: str, person: Person) -> None:
+        """Have the station close this project and open one of those that are offered.
 
         Raises:
             InputError: a vehicle is armed, somebody is in control, a job runs or waits, or it cannot be opened.
         """
-        entry = next((each for each in projects.beside(self.project) if each.folder == folder), None)
-        if entry is None or entry.current:
-            raise InputError(f"there is no other project {folder!r} beside this one (any more)")
-        if entry.problem:
-            raise InputError(f"{entry.name} cannot be opened: {entry.problem}")
+        entry, folder = projects.found(self.project, self._opened_before(), key)
+        self._leave_for(lambda: folder, entry.name, person)
+
+    def new_project(self, name: str, person: Person) -> None:
+        """As `open_project`, of a new one beside this, which is made only if this one can be left."""
+        self._leave_for(lambda: projects.create_beside(self.project, name), name.strip(), person)
+
+    def _leave_for(self, other: Callable[[], Path], name: str, person: Person) -> None:
         with self._lock:
             if self.on_open is None:
-                raise InputError(f"this station stays with its project; start another with: goshawk gcs {folder}")
+                raise InputError("this station stays with its project; start another one with: goshawk gcs")
             if self.watch is not None and self.watch.state().armed:
                 raise InputError("the vehicle is armed; land it and disarm, then open another project")
             self.control.require_free()
+            said = "a job runs or waits; wait for it, or cancel it, then open another project"
+            if not self.jobs.is_idle:
+                raise InputError(said)
+            folder = other()
             if not self.jobs.end_if_idle():
-                raise InputError("a job runs or waits; wait for it, or cancel it, then open another project")
+                raise InputError(said)
             self.control.is_left, on_open, self.on_open = True, self.on_open, None
-        self.notice(f"{person.name} opens {entry.name}; this page follows in a moment.", level="caution")
-        on_open(self.project.folder.resolve().parent / folder)
+        self.notice(f"{person.name} opens {name}; this page follows in a moment.", level="caution")
+        on_open(folder)
 
     def show_jobs(self) -> None:
         self.hub.publish(self.jobs.state())
@@ -361,6 +373,8 @@ class Desk:
             self.notice(said, level="caution")
         self._take_map_edits()
         self._show_clearance()
+        heights_m = [point.position_world_m[2] for point in self.session.content.points]
+        self.map.cut(float(np.median(heights_m)) if heights_m else None)
         self.view.draw_waypoints(self.session.content.points)
         self.view.draw_mission(self.session.content.settings)
         self.view.draw_course(self.session.content)

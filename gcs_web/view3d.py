@@ -333,6 +333,7 @@ class View3D:
 
     def _browser_left(self, client: "viser.ClientHandle") -> None:
         """What was dragged there is where it was: only letting go moves a waypoint."""
+        self.vehicle.browser_left(client)
         with self._lock:
             if self._dragged_points.pop(client.client_id, None) is None:
                 return
@@ -383,8 +384,25 @@ class View3D:
         target, reach = (low + high) / 2, float(np.linalg.norm((high - low)[:2]))
         self._camera = target + np.array([-0.2, -0.28, 0.4]) * reach, target
         for client in self._server.get_clients().values():
-            self._browser_came(client)
+            self._aim_camera(client)
 
-    def _browser_came(self, client: Any) -> None:
+    def _browser_came(self, client: "viser.ClientHandle") -> None:
+        self._aim_camera(client)
+        client.camera.on_update(lambda _: self.vehicle.browser_looked(client))
+        self.vehicle.browser_came(client, self._view_of(client))
+
+    def _view_of(self, client: "viser.ClientHandle") -> str:
+        """The name that the browser's page gave to its 3D view, which the gateway passes on; empty for none."""
+        connection = self._server._websock_server._live_connections.get(client.client_id)
+        return "" if connection is None or connection.request is None else connection.request.path.rpartition("/")[2]
+
+    def follow(self, view: str, *, following: bool) -> None:
+        """Have the camera of one page's 3D view go with the vehicle; or look at everything again."""
+        self.vehicle.follow(view, following=following)
+        if not following:
+            for client in self.vehicle.browsers_of(view):
+                self._aim_camera(client)
+
+    def _aim_camera(self, client: "viser.ClientHandle") -> None:
         position, target = self._camera
         client.camera.position, client.camera.look_at = tuple(position), tuple(target)

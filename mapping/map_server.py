@@ -36,11 +36,14 @@ class Floor:
     """Corner of the first cell."""
 
 
-def read(path: Path) -> Floor:
+def read(path: Path, *, beside: bool = False) -> Floor:
     """Read a YAML file and its image.
 
+    Args:
+        beside: take an image of the YAML file's own folder only, for a file of somebody who may not read all others.
+
     Raises:
-        InputError: a file is missing, or the map is turned, in another mode, or of another unit.
+        InputError: a file is missing or not beside, or the map is turned, in another mode, or of another unit.
         FormatError: a file cannot be read, or lacks something.
     """
     said = _yaml(path)
@@ -50,6 +53,8 @@ def read(path: Path) -> Floor:
     if turn != 0.0:
         raise InputError(f"{path}: the map is turned by {turn:g} rad; make it anew with an origin of [x, y, 0]")
     states = _states(path, said)
+    if beside:
+        _require_beside(path, said["image"])
     grey = _image(path.parent / said["image"])
     # Nav2 writes 205 for unknown, and thresholds between which 205 is free.
     if said.get("mode") != "scale" and states[_GREYS[UNKNOWN]] == FREE and (grey == _GREYS[UNKNOWN]).any():
@@ -111,6 +116,12 @@ def _yaml(path: Path) -> dict[str, Any]:
     if not isinstance(said["image"], str) or not said["image"]:
         raise FormatError(f"{path}: image is {_shown(said['image'])}; it must be the name of a file")
     return said
+
+
+def _require_beside(path: Path, image: str) -> None:
+    """Says the same of all that is elsewhere, so that no answer tells what is there."""
+    if image != PurePath(image).name or image == ".." or (path.parent / image).is_symlink():
+        raise InputError(f"{path}: image is {_shown(image)}; it must be the name of a file that was sent with this one")
 
 
 def _shown(value: Any) -> str:

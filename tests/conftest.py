@@ -5,11 +5,13 @@ import gc
 import os
 import shutil
 import signal
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line and the Makefile do, before NumPy is imported
+os.environ["XDG_STATE_HOME"] = os.path.join(tempfile.gettempdir(), "goshawk-tests-state")  # not the user's own
 os.environ.setdefault("GOSHAWK_TRACEBACK", "1")  # a fault of our own is to be seen whole
 
 import numpy as np

@@ -13,13 +13,15 @@ Nobody holds a connection by silence: a request must come within `SILENCE_S`, a 
 /state     what the server holds, as JSON
 /share     a trajectory as one HTML file, to keep or to pass on
 /report    the newest report of a comparison or a diagnosis, likewise
-/viser/    the 3D view
+/viser/    the 3D view; /viser/of/NAME/ that of one page, by which the page has its camera moved
 """
 
 import asyncio
 import contextlib
+import hashlib
 import hmac
 import logging
+import mimetypes
 import secrets
 import tempfile
 from collections.abc import Awaitable, Callable
@@ -50,15 +52,16 @@ PING_S = 20.0
 """Between two pings of a WebSocket; half of it is the time for an answer, then the socket is closed."""
 BODY_PAUSE_S = 30.0
 """Longest pause inside a flight log that is sent."""
+_VIEW = "{view:[0-9a-f]{8,32}}"
+"""Name of a page's 3D view, in routes."""
 REFUSED_MESSAGES = frozenset({"ShareUrlRequest", "ShareUrlDisconnect"})
 _HOP_HEADERS = frozenset({"connection", "transfer-encoding", "content-length", "content-encoding", "date", "server"})
 _COMPRESSED = frozenset({"text/html", "text/css", "text/javascript", "application/javascript", "application/json"})
-"""Types that are sent compressed to browsers that take it; so are the page's own files."""
+"""Types that are sent compressed to browsers that take it."""
 _SAFETY_HEADERS = {
     "X-Frame-Options": "SAMEORIGIN",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
-    "Cache-Control": "no-store",
 }
 _POLICY = (
     "default-src 'self'; connect-src 'self'; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; "
@@ -141,13 +144,15 @@ class Gateway:
 
         application = web.Application(middlewares=[guard], client_max_size=LARGEST_MESSAGE)
         application.router.add_get("/", self._index)
-        application.router.add_static("/static/", STATIC)
+        application.router.add_get("/static/{name:[a-z.]+}", self._file)
         application.router.add_get("/ws", self._page)
         application.router.add_get("/state", self._serve_state)
         application.router.add_put("/incoming/{name}", self._take_log)
         application.router.add_get("/share", self._serve_shared)
         application.router.add_get("/report", self._serve_report)
         application.router.add_get("/viser", self._pass_socket)  # viser's page leaves out the last slash here
+        application.router.add_get(f"/viser/of/{_VIEW}", self._pass_socket)
+        application.router.add_get(f"/viser/of/{_VIEW}/{{path:.*}}", self._pass_on)
         application.router.add_get("/viser/{path:.*}", self._pass_on)
         self._client = ClientSession(timeout=ClientTimeout(total=60), auto_decompress=False)
         self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0, keepalive_timeout=SILENCE_S)
@@ -165,8 +170,6 @@ class Gateway:
 
     async def _guard(self, request: "web.Request", handler: "Handler") -> "web.StreamResponse":
         """Host, then token, then Origin; in this order, because each is cheaper to state than the next."""
-        from aiohttp.web import FileResponse
-
         usual = 80 if self._tls is None else 443  # which browsers leave out
         names = {f"{name}:{self.port}" for name in (self._host, LOOPBACK, "localhost")}
         names |= {self._host, LOOPBACK, "localhost"} if self.port == usual else set()
@@ -186,7 +189,8 @@ class Gateway:
         response = await handler(request)
         if not response.prepared:
             response.headers.update(_SAFETY_HEADERS)
-            is_text = isinstance(response, FileResponse) or response.content_type in _COMPRESSED
+            response.headers["Cache-Control"] = "private, no-cache" if "ETag" in response.headers else "no-store"
+            is_text = response.content_type in _COMPRESSED and response.status != 304
             if is_text and "Content-Encoding" not in response.headers:
                 response.enable_compression()
             of_view = request.path.startswith("/viser/")
@@ -220,9 +224,15 @@ class Gateway:
         return refusal
 
     async def _index(self, request: "web.Request") -> "web.StreamResponse":
+        return _unless_known(request, (STATIC / "index.html").read_bytes(), "text/html")
+
+    async def _file(self, request: "web.Request") -> "web.StreamResponse":
         from aiohttp import web
 
-        return web.FileResponse(STATIC / "index.html")
+        name = request.match_info["name"]
+        if name not in {path.name for path in STATIC.iterdir()}:
+            raise web.HTTPNotFound
+        return _unless_known(request, (STATIC / name).read_bytes(), mimetypes.guess_type(name)[0] or "text/plain")
 
     async def _serve_state(self, request: "web.Request") -> "web.Response":
         from aiohttp import web
@@ -301,9 +311,10 @@ class Gateway:
             kept = {name: value for name, value in answer.headers.items() if name.lower() not in _HOP_HEADERS}
             if (encoded := answer.headers.get("Content-Encoding", "identity")) != "identity":
                 kept["Content-Encoding"] = encoded
-            if not path:
-                body = body.replace(b"</head>", _VIEW_STYLE, 1)
-            return web.Response(status=answer.status, body=body, headers=kept)
+            if path or answer.status != 200:
+                return web.Response(status=answer.status, body=body, headers=kept)
+            body = body.replace(b"</head>", _VIEW_STYLE, 1)
+            return _unless_known(request, body, "text/html")
 
     async def _pass_socket(self, request: "web.Request") -> "web.StreamResponse":
         from aiohttp import web
@@ -316,7 +327,7 @@ class Gateway:
         assert self._client is not None
         self._sockets += 1
         try:
-            address = f"ws://{self._upstream}/"
+            address = f"ws://{self._upstream}/{request.match_info.get('view', '')}"
             async with self._client.ws_connect(address, protocols=offered, max_msg_size=0, compress=0) as server:
                 downward = asyncio.create_task(_pump(server, browser, allow=lambda _: True))
                 upward = asyncio.create_task(_pump(browser, server, allow=_may_pass))
@@ -328,6 +339,16 @@ class Gateway:
         finally:
             self._sockets -= 1
         return browser
+
+
+def _unless_known(request: "web.Request", body: bytes, kind: str) -> "web.Response":
+    """A text, or only that the browser has it already; it asks each time, so that it is never an old one."""
+    from aiohttp import web
+
+    tag = f'W/"{hashlib.sha256(body).hexdigest()[:32]}"'
+    if request.headers.get("If-None-Match") == tag:
+        return web.Response(status=304, headers={"ETag": tag})
+    return web.Response(body=body, content_type=kind, charset="utf-8", headers={"ETag": tag})
 
 
 async def _pump(source: Any, sink: Any, *, allow: Callable[[bytes], bool]) -> None:

@@ -11,6 +11,8 @@ LOGS = (
 """Endings of flight logs that can be read."""
 SHAPES = (".ply", ".obj", ".stl", ".glb", ".pcd")
 """Of meshes and point clouds."""
+FLOORS, FLOOR_IMAGES = (".yaml", ".yml"), (".pgm", ".png", ".bmp")
+"""Of ROS' maps of one height, and of the images that these name."""
 VEHICLES = (".params", ".param", ".parm", ".urdf", ".xml", ".txt")
 """Of descriptions of vehicles by other programs."""
 
@@ -21,10 +23,10 @@ def place(opened: Project, name: str) -> Path:
     Raises:
         InputError: nothing reads such a file, or its name could lead out of the folder.
     """
-    if not name.lower().endswith((*LOGS, *SHAPES, *VEHICLES)):
+    if not name.lower().endswith((*LOGS, *SHAPES, *FLOORS, *FLOOR_IMAGES, *VEHICLES)):
         raise InputError(
             f"{name!r} is none of the files that can be read: logs ({', '.join(LOGS)}), meshes and points "
-            f"({', '.join(SHAPES)}) and vehicles ({', '.join(VEHICLES)})"
+            f"({', '.join(SHAPES)}), ROS maps ({', '.join(FLOORS)} with an image) and vehicles ({', '.join(VEHICLES)})"
         )
     return opened.folder / ".session" / "incoming" / project.part_name(name)
 

@@ -194,8 +194,14 @@ class Jobs(Generic[Station]):
     def end_if_idle(self) -> bool:
         """Take no more jobs, if none runs or waits, but for those beside the queue; whether that is so."""
         with self._changed:
-            self._closed = all(job.ended_s for job in self._jobs if job.kind.beside is None)
+            self._closed = self.is_idle
             return self._closed
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether no job runs or waits, but for those beside the queue."""
+        with self._changed:
+            return all(job.ended_s for job in self._jobs if job.kind.beside is None)
 
     def _decoded(self, name: str, arguments: Mapping[str, Any]) -> tuple[Kind[Station], msgspec.Struct]:
         if name not in self._kinds:

@@ -15,6 +15,7 @@ from flight.project import Project
 from gcs_web.document import map_edits
 from gcs_web.document.session import Session
 from gcs_web.gateway.hub import Hub
+from gcs_web.map import section
 from gcs_web.map.bodies import Place, triple
 from gcs_web.map.map_view import MapView
 from gcs_web.planning import inputs
@@ -24,6 +25,8 @@ from mapping import Map
 
 _LAYERS: list[messages.Layer] = ["mesh", "edits"]
 _LARGEST_BRUSH_M = 10.0
+_CUT_STEP_M = 0.25
+"""Of the height at which the map is seen from above."""
 
 
 class MapDesk:
@@ -36,6 +39,8 @@ class MapDesk:
         self._lock = threading.RLock()
         self._slice: messages.Slice | None = None
         self._layers, self._author = _LAYERS, ""
+        self._cut: tuple[float | None, float] = (None, -1.0)
+        """Height and required clearance of the section that the pages have."""
         self._measured: list[Place] = []
         self._preview = messages.MapPreview("")
         self._action: messages.MapAction = "no-fly"
@@ -66,12 +71,29 @@ class MapDesk:
     def changed(self) -> None:
         """The map is another one: what it shows, and what a previewed edit would change, is told anew."""
         self._publish()
+        self.cut(self._cut[0], anew=True)
         with self._lock:
             self._editor = None
             last = self._preview
             if last.shape is not None:
                 with contextlib.suppress(FlightError):
                     self._show_preview(last.author, last.edit, last.shape, drawn=last.drawn)
+
+    def cut(self, height_m: float | None, *, anew: bool = False) -> None:
+        """Tell the pages how the map looks from above at a height (world z), unless they know; None: in the middle."""
+        step = None if height_m is None else round(height_m / _CUT_STEP_M) * _CUT_STEP_M
+        wanted = (step, self._view.required_m)
+        if wanted == self._cut and not anew:
+            return
+        self._cut = wanted
+        try:
+            area = self._area()
+        except FlightError:
+            self._hub.publish(messages.MapSection(""))
+            return  # said when it was drawn
+        grid = area.field.grid
+        middle_m = 0.5 * float(grid.low_world_m[2] + grid.high_world_m[2])
+        self._hub.publish(section.of(area, middle_m if step is None else step, self._view.required_m))
 
     def _publish(self) -> None:
         try:

@@ -93,6 +93,11 @@ class MapView:
             self._draw_layers()
         self._draw_points()
 
+    @property
+    def required_m(self) -> float:
+        """What the document asks of a path."""
+        return self._required_m
+
     def require_clearance(self, required_m: float) -> None:
         with self._lock:
             if required_m != self._required_m:

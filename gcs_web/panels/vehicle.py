@@ -16,6 +16,7 @@ from gcs_web.protocol.vehicle import (
     Connect,
     GiveUpControl,
     Kill,
+    LookForVehicles,
     Order,
     PrepareOrder,
     PrepareUpload,
@@ -33,6 +34,10 @@ _COMMANDS = {
 
 def _connect(desk: Desk, person: Person, wanted: Connect) -> None:
     desk.connect(wanted.url.strip(), person)
+
+
+def _look(desk: Desk, _: Person, asked: LookForVehicles) -> Reply:
+    return Reply(asked.serial, vehicles=desk.find_vehicles())
 
 
 def _take_control(desk: Desk, person: Person, take: TakeControl) -> None:
@@ -137,6 +142,7 @@ def _abort(desk: Desk, person: Person, _: Abort) -> None:
 
 HANDLERS: Handlers = {
     Connect: _connect,
+    LookForVehicles: _look,
     TakeControl: _take_control,
     GiveUpControl: _give_up_control,
     PrepareUpload: _prepare_upload,

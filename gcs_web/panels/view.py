@@ -3,7 +3,7 @@
 from gcs_web.desk import Desk
 from gcs_web.panels.handlers import Handlers
 from gcs_web.protocol.people import Person
-from gcs_web.protocol.view import DrawPlainly, Look, Select, Show, Shown
+from gcs_web.protocol.view import DrawPlainly, Follow, Look, Select, Show, Shown
 
 
 def _select(desk: Desk, _: Person, select: Select) -> None:
@@ -19,6 +19,10 @@ def _show(desk: Desk, person: Person, show: Show) -> None:
     desk.hub.publish(Shown(show.colour, person.id))
 
 
+def _follow(desk: Desk, _: Person, wanted: Follow) -> None:
+    desk.view.follow(wanted.view, following=wanted.following)
+
+
 def _plainly(desk: Desk, _: Person, __: DrawPlainly) -> None:
     desk.view.draw_plainly()
 
@@ -27,5 +31,6 @@ HANDLERS: Handlers = {
     Select: _select,
     Look: _look,
     Show: _show,
+    Follow: _follow,
     DrawPlainly: _plainly,
 }

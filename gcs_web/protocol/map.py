@@ -87,6 +87,18 @@ class MapShown(State, frozen=True, tag="map_shown"):
     author: str
 
 
+class MapSection(State, frozen=True, tag="map_section"):
+    """The map from above, at one height: for the map that is drawn without WebGL."""
+
+    image: str
+    """PNG, base64, its top at the largest y; empty without a map."""
+    low_m: tuple[float, float] = (0.0, 0.0)
+    """x and y of its corners, world frame."""
+    high_m: tuple[float, float] = (0.0, 0.0)
+    at_m: float = 0.0
+    """Height, world z."""
+
+
 class Measured(State, frozen=True, tag="measured"):
     """Points that were clicked to measure, at most two."""
 

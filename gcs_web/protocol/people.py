@@ -6,7 +6,7 @@ import msgspec
 
 from gcs_web.protocol.base import Message, State
 
-PROTOCOL = 6
+PROTOCOL = 7
 """Raised when an old page could misread a new server."""
 
 

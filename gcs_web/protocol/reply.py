@@ -6,7 +6,7 @@ from gcs_web.protocol.compensation import Compensation
 from gcs_web.protocol.course import RecordedPath
 from gcs_web.protocol.flights import Aligned, Incoming, OpenedFlight, StreamPart
 from gcs_web.protocol.trajectories import PlanSummary
-from gcs_web.protocol.vehicle import Held
+from gcs_web.protocol.vehicle import FoundVehicle, Held
 
 
 class Reply(Message, frozen=True, tag="reply"):
@@ -35,3 +35,5 @@ class Reply(Message, frozen=True, tag="reply"):
     words: str = ""
     """Of `foresee_job`: what it would do."""
     recorded_path: RecordedPath | None = None
+    vehicles: list[FoundVehicle] = []
+    """Of `look_for_vehicles`."""

@@ -48,12 +48,17 @@ class Vehicle(State, frozen=True, tag="vehicle"):
     """Name of the active trajectory."""
     holds_crc32: str = ""
     battery_v: float | None = None
+    battery_left_s: float | None = None
+    """Until the controller lands by itself, as the voltage falls now; None while that cannot be said."""
     x_m: float | None = None
     y_m: float | None = None
     z_m: float | None = None
     error_m: float | None = None
     """Distance from the set-point now, while a trajectory is flown."""
+    room_m: float | None = None
+    """What that distance may be before something is touched, as the plan was checked; None where that is not known."""
     speed_m_s: float | None = None
+    yaw_rad: float | None = None
     along_s: float | None = None
     """Time along the trajectory, while one is flown."""
     duration_s: float | None = None
@@ -65,6 +70,18 @@ class Vehicle(State, frozen=True, tag="vehicle"):
     """In their order; empty on the ground, and where it is not known."""
     reason: str = ""
     """Why the vehicle last changed its state, in its own words."""
+
+
+class FoundVehicle(msgspec.Struct, frozen=True):
+    """A vehicle that answered when all were asked."""
+
+    url: str
+    system: int
+    """Its MAVLink system id."""
+
+
+class LookForVehicles(VehicleCommand, frozen=True, tag="look_for_vehicles", kw_only=True):
+    """Ask on this machine and on its networks who is there; the reply has who answered."""
 
 
 class Connect(VehicleCommand, frozen=True, tag="connect", kw_only=True):

@@ -45,5 +45,13 @@ class Show(Command, frozen=True, tag="show", kw_only=True):
     colour: Colour = "clearance"
 
 
+class Follow(Command, frozen=True, tag="follow", kw_only=True):
+    """Have the camera of one page's 3D view go with the vehicle, or look at everything again."""
+
+    view: str
+    """Its name, as in its address."""
+    following: bool
+
+
 class DrawPlainly(Command, frozen=True, tag="draw_plainly", kw_only=True):
     """A browser draws slowly: leave out shadows and light from all sides in the 3D view, for everybody."""

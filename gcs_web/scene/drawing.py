@@ -89,13 +89,28 @@ def draw_path(
 
 
 def draw_pieces(
-    server: "viser.ViserServer", pieces_world_m: FloatArray, colours: np.ndarray, *, name: str, thickness_m: float
+    server: "viser.ViserServer | viser.ClientHandle",
+    pieces_world_m: FloatArray,
+    colours: np.ndarray,
+    *,
+    name: str,
+    thickness_m: float = 0.0,
+    thickness_px: float = 0.0,
 ) -> Any:
-    """Thick pieces of a line, (k, 2, 3): both ends of each, with the colour at each or one for all."""
+    """Thick pieces of a line, (k, 2, 3): both ends of each, with the colour at each or one for all.
+
+    As thick in the world, or on the screen, whichever is given.
+    """
     # viser takes a line's colours for linear light, and brightens them on the screen by the inverse of this.
     linear = np.round(255.0 * (colours / 255.0) ** 2.2).astype(np.uint8)
     shown = np.broadcast_to(linear, pieces_world_m.shape)
-    return server.scene.add_line_segments(name, pieces_world_m, shown, thickness=thickness_m, thickness_units="world")
+    return server.scene.add_line_segments(
+        name,
+        pieces_world_m,
+        shown,
+        thickness=thickness_px or thickness_m,
+        thickness_units="screen" if thickness_px else "world",
+    )
 
 
 def draw_marks(

@@ -9,6 +9,7 @@ import numpy as np
 
 from flight import FloatArray, rotations
 from gcs_web.scene import drawing
+from gcs_web.vehicle.browser_views import BrowserViews
 
 if TYPE_CHECKING:
     import viser
@@ -17,8 +18,8 @@ _SEEN = 1e-3
 """Smallest change of a pose (m, or of a quaternion's number) that is drawn."""
 _TRAIL_STEP_M, _TRAIL_POINTS, _TRAIL_PERIOD_S = 0.05, 2000, 0.25
 """Of the trail: least distance between two points, the most points, and how often it is drawn again."""
-_TRAIL, _TRAIL_M = (242, 245, 247), 0.02
-"""Its colour and thickness: thinner than the plan's path, which it should cover."""
+_TRAIL, _TRAIL_PX = (242, 245, 247), 2.5
+"""Its colour and thickness, the same on every screen: thinner than the plan's path near by, and seen from afar."""
 
 
 class VehicleView:
@@ -29,6 +30,7 @@ class VehicleView:
         self._lock = threading.Lock()
         self._body = drawing.draw_vehicle(server, "/vehicle", opacity=1.0)
         self._setpoint = drawing.draw_vehicle(server, "/setpoint", opacity=0.3)
+        self._browsers = BrowserViews(server)
         self._pose = np.zeros(7)
         self._trail: deque[FloatArray] = deque(maxlen=_TRAIL_POINTS)
         self._line: Any = None
@@ -45,10 +47,11 @@ class VehicleView:
             with self._server.atomic():
                 self._body.position, self._body.wxyz = tuple(position_world_m), tuple(q_world_body)
                 self._body.visible = True
+                self._browsers.move(position_world_m, q_world_body)
                 if self._armed:
                     self._extend_trail(position_world_m)
 
-    def follow(self, setpoint_world: FloatArray | None) -> None:
+    def aim(self, setpoint_world: FloatArray | None) -> None:
         """Draw where it should be: (4,) x, y, z in metres and yaw in radians; None while nothing is flown."""
         with self._lock:
             if setpoint_world is None:
@@ -70,10 +73,39 @@ class VehicleView:
                     self._line = None
             self._armed = armed
 
-    def hide(self) -> None:
-        """For a vehicle of which nothing is known (any more)."""
-        with self._lock:
+    def lose(self) -> None:
+        """For a vehicle that is not heard any more: only the mark stays where it was."""
+        with self._lock, self._server.atomic():
             self._body.visible = self._setpoint.visible = False
+            self._browsers.lose()
+
+    def hide(self) -> None:
+        """For a vehicle of which nothing is known."""
+        with self._lock, self._server.atomic():
+            self._body.visible = self._setpoint.visible = False
+            self._browsers.forget()
+
+    def follow(self, view: str, *, following: bool) -> None:
+        """Have the camera of one browser's 3D view go with the vehicle, or no more."""
+        with self._lock, self._server.atomic():
+            self._browsers.follow(view, following=following)
+
+    def browsers_of(self, view: str) -> list["viser.ClientHandle"]:
+        """Those that show the 3D view of a page: at most one, but while it is loaded again."""
+        with self._lock:
+            return self._browsers.of(view)
+
+    def browser_came(self, client: "viser.ClientHandle", view: str) -> None:
+        with self._lock:
+            self._browsers.came(client, view)
+
+    def browser_left(self, client: "viser.ClientHandle") -> None:
+        with self._lock:
+            self._browsers.left(client)
+
+    def browser_looked(self, client: "viser.ClientHandle") -> None:
+        with self._lock:
+            self._browsers.looked(client)
 
     def _extend_trail(self, position_world_m: FloatArray) -> None:
         if self._trail and np.linalg.norm(position_world_m - self._trail[-1]) < _TRAIL_STEP_M:
@@ -83,5 +115,5 @@ class VehicleView:
             return
         self._drawn_s = time.monotonic()
         path = np.stack(self._trail)
-        white = np.full((len(path), 3), _TRAIL, dtype=np.uint8)
-        self._line = drawing.draw_path(self._server, path, white, name="/trail", thickness_m=_TRAIL_M)
+        pieces = np.stack([path[:-1], path[1:]], axis=1)
+        self._line = drawing.draw_pieces(self._server, pieces, np.array(_TRAIL), name="/trail", thickness_px=_TRAIL_PX)

@@ -16,11 +16,12 @@ import numpy as np
 import firmware_bridge
 from firmware_bridge import port, wire
 from firmware_bridge.dialect.generated.messages import Command
-from flight import FlightError, FlightLog, FloatArray, LinkError, TrajectoryFile
+from flight import FlightError, FlightLog, FloatArray, LinkError, TrajectoryFile, rotations
 from gcs_web.planning import page_values
 from gcs_web.protocol.vehicle import ArmingCheck, Held, Vehicle
 from gcs_web.protocol.wording import for_page
 from gcs_web.vehicle import link_loss
+from gcs_web.vehicle.discharge import Discharge
 
 logger = logging.getLogger(__name__)
 
@@ -28,11 +29,12 @@ STALE_S, LOST_S = 0.5, 2.0
 _PERIOD_S = 0.05
 _QUIET_S = 0.25
 """A state that has not changed is told again after this long, for its age."""
-_FLYING_S = 0.1
+_FLYING_S = 0.05
 """On a trajectory, for the cursor that runs with it."""
 _RETRY_S = 2.0
 """Between attempts to reach a vehicle that does not answer."""
 _GROUND = ("disarmed", "armed")
+_NOT_LIFTED = (*_GROUND, "take off")
 
 
 class VehicleWatch:
@@ -50,6 +52,8 @@ class VehicleWatch:
         self._problem = ""
         self._largest_error_m: float | None = None
         self._flown: TrajectoryFile | None = None
+        self._room_m: float | None = None
+        self._discharge = Discharge()
         self._policy: wire.LinkLoss | None = None
         """Of what is flown, if this station started it."""
         self.on_state: Callable[[Vehicle], None] = lambda _: None
@@ -105,6 +109,9 @@ class VehicleWatch:
             z_m=z,
             error_m=error_m,
             largest_error_m=self._largest_error_m,
+            room_m=None if self._flown is None else self._room_m,
+            yaw_rad=float(rotations.yaw(said.q_world_body)),
+            battery_left_s=self._battery_left_s(),
             speed_m_s=float(np.linalg.norm(said.velocity_world_m_s)),
             along_s=said.trajectory_time_s if said.trajectory_time_s >= 0.0 else None,
             duration_s=None if self._flown is None else self._flown.trajectory.duration_s,
@@ -195,7 +202,8 @@ class VehicleWatch:
             LinkError: refused, aborted, or the flight ended early; the message says which.
         """
         self._flown, self._largest_error_m = file, 0.0
-        self._policy = wire.plan_from_file(file).on_link_loss
+        held = wire.plan_from_file(file)
+        self._policy, self._room_m = held.on_link_loss, held.clearance_m or None  # 0: not known
         self.link.take_control()
         if aborted.is_set():
             raise LinkError("aborted before the take-off")
@@ -256,6 +264,7 @@ class VehicleWatch:
                 now = self._heard()
                 said = self._link.state if self._link is not None else None
                 if said is not None and now.link == "fresh":
+                    self._take_battery(said, now.mission)
                     self.on_pose(said.position_world_m, said.q_world_body)
                     self.on_setpoint(self._setpoint(said))
                 quiet_s = _QUIET_S if now.along_s is None else _FLYING_S
@@ -266,6 +275,14 @@ class VehicleWatch:
                 logger.exception("the vehicle's state could not be shown")
                 told = Vehicle("lost", name=self.url, reason="its state could not be read; see the log")
                 self.on_state(told)
+
+    def _take_battery(self, said: firmware_bridge.VehicleState, mission: str) -> None:
+        """Only in the air: it sags as the rotors begin to lift, which says nothing of how fast it empties."""
+        self._discharge.take(said.time_s, 0.0 if mission in _NOT_LIFTED else said.battery_v)
+
+    def _battery_left_s(self) -> float | None:
+        """Until the controller lands by itself; it is armed with more than that."""
+        return self._discharge.left_s(self._parameters.get("battery_land_v", 0.0))
 
     def _connect(self) -> None:
         try:

@@ -3,6 +3,7 @@
 from goshawk.station_jobs import (
     compare,
     diagnose,
+    example,
     identify,
     import_shape,
     look_again,
@@ -21,6 +22,7 @@ KINDS = (
     look_again.KIND,
     new_vehicle.KIND,
     new_vehicle.EXAMPLE,
+    example.KIND,
     compare.KIND,
     diagnose.KIND,
     try_effect.KIND,

@@ -1,4 +1,4 @@
-"""Make the project's map of a mesh or a point cloud that was sent: what `goshawk map import` does."""
+"""Make the project's map of a mesh, a point cloud or a ROS map that was sent: what `goshawk map import` does."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,6 +24,8 @@ BOXES = {
     "--sensor-poses": "the command line (poses)",
     "--viewpoints": "the command line (viewpoints)",
     "--sensor": 'the box "Measured from"',
+    "--heights LOW,HIGH": 'the box "Between heights"',
+    "--heights": 'the box "Between heights"',
     "--unit": 'the box "Unit"',
     "--up": 'the box "Up"',
 }
@@ -31,7 +33,7 @@ BOXES = {
 
 
 class Arguments(msgspec.Struct, forbid_unknown_fields=True):
-    file: Annotated[str, msgspec.Meta(title="File", description="Choose a PLY, OBJ, STL, GLB or PCD file.")]
+    file: Annotated[str, msgspec.Meta(title="File", description="PLY, OBJ, STL, GLB, PCD, or a ROS map's YAML.")]
     unit: Annotated[str, msgspec.Meta(title="Unit")] = _GUESSED
     up: Annotated[str, msgspec.Meta(title="Up", description="Direction in the file that points up")] = _GUESSED
     observed: Annotated[
@@ -40,6 +42,9 @@ class Arguments(msgspec.Struct, forbid_unknown_fields=True):
     ] = ""
     sensor: Annotated[
         str, msgspec.Meta(title="Measured from", description="X, Y, Z in the map, for points of one place; or empty")
+    ] = ""
+    heights: Annotated[
+        str, msgspec.Meta(title="Between heights", description="LOW, HIGH in metres, of a ROS map; or empty")
     ] = ""
     voxel_m: Annotated[
         float, msgspec.Meta(title="Voxel", ge=_VOXEL_M[0], le=_VOXEL_M[1], extra_json_schema={"unit": "m"})
@@ -53,7 +58,11 @@ class Result(msgspec.Struct, frozen=True):
 
 
 def _choices(project: Project) -> Choices:
-    return {"file": incoming.listed(project, incoming.SHAPES), "unit": _UNITS, "up": _AXES}
+    return {"file": incoming.listed(project, (*incoming.SHAPES, *incoming.FLOORS)), "unit": _UNITS, "up": _AXES}
+
+
+def _is_floor(file: Path) -> bool:
+    return file.suffix.lower() in incoming.FLOORS
 
 
 def _stated(value: str) -> str | None:
@@ -71,6 +80,8 @@ def _check(project: Project, asked: Arguments) -> None:
 
 def _foresee(project: Project, asked: Arguments) -> str:
     file = incoming.found(project, asked.file)
+    if _is_floor(file):
+        return "it is a map of one height: say between which heights its walls stand"
     if file.stat().st_size > LARGEST_LOOK_BYTES:
         return f"{file.name} is large; its unit and axes are said when it is read"
     found = import_map.look(file, _stated(asked.unit), _stated(asked.up))
@@ -83,9 +94,11 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
     wanted = import_map.Asked(
         unit=_stated(asked.unit),
         up=_stated(asked.up),
-        voxel_m=asked.voxel_m,
+        voxel_m=None if _is_floor(Path(asked.file)) else asked.voxel_m,
         observed=(asked.observed,) if asked.observed.strip() else (),
         sensor=asked.sensor if asked.sensor.strip() else None,
+        heights=asked.heights if asked.heights.strip() else None,
+        beside=True,
     )
     file = incoming.found(project, asked.file)
     _, found = import_map.import_file(
@@ -104,4 +117,4 @@ def _written(project: Project, _: Any) -> Path:
     return project.map
 
 
-KIND = Kind("import_map", "Map from a mesh or points", Arguments, _run, _done, _choices, _check, _foresee, _written)
+KIND = Kind("import_map", "Map from a file", Arguments, _run, _done, _choices, _check, _foresee, _written)

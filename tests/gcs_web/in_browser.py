@@ -18,6 +18,7 @@ FLAGS = [
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
     "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--autoplay-policy=document-user-activation-required",  # as on a desk; a headless one sounds at once
 ]  # fmt: skip
 SIZE = {"width": 1280, "height": 720}
 SERIOUS = ("serious", "critical")

@@ -26,7 +26,7 @@ def test_the_clients_message_types_are_those_of_the_protocol():
 
 FLOORS = (
     "core", "plots", "components", "panels/jobs", "panels/timeline", "panels/compare", "panels/start", "panels/fly",
-    "panels/plan", "panels/map", "panels/learn", "panels/frame", ".",
+    "panels/plan", "panels/view", "panels/map", "panels/learn", "panels/frame", ".",
 )  # fmt: skip
 """Folders of the client's sources: each imports only from those before it."""
 

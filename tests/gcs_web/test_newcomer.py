@@ -226,9 +226,9 @@ def room_with_a_pillar(file: Path) -> Path:
 
 def import_map(newcomer: Newcomer, mesh: Path) -> None:
     with newcomer.page.expect_file_chooser() as chooser:
-        newcomer.click(newcomer.page.get_by_text("Import mesh or points"))
+        newcomer.click(newcomer.page.get_by_text("Import a map"))
     chooser.value.set_files(mesh)
-    form = newcomer.form("Map from a mesh or points")
+    form = newcomer.form("Map from a file")
     newcomer.choose(form.get_by_label("Unit"), "m")
     newcomer.choose(form.get_by_label("Up"), "z")
     newcomer.fill(form.get_by_label("A place that is free"), "1, 1, 1")

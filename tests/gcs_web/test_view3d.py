@@ -129,7 +129,7 @@ def test_a_waypoint_dragged_where_no_path_leads_leaves_no_draft_of_before_and_sa
 def test_the_trail_begins_with_arming_goes_where_the_vehicle_was_and_stays_after_landing(monkeypatch):
     drawn = []
     monkeypatch.setattr(drawing, "draw_vehicle", MagicMock())
-    monkeypatch.setattr(drawing, "draw_path", lambda _, path, *__, **___: drawn.append(path) or MagicMock())
+    monkeypatch.setattr(drawing, "draw_pieces", lambda _, line, *__, **___: drawn.append(line) or MagicMock())
     monkeypatch.setattr(vehicle_view, "_TRAIL_PERIOD_S", 0.0)
     shown = vehicle_view.VehicleView(MagicMock())
     flown = np.stack([np.linspace(0.0, 1.0, 21), np.zeros(21), np.ones(21)], axis=1)
@@ -137,7 +137,7 @@ def test_the_trail_begins_with_arming_goes_where_the_vehicle_was_and_stays_after
     shown.set_armed(True)
     for position in flown:
         shown.move(position, rotations.IDENTITY)
-    np.testing.assert_allclose(drawn[-1][[0, -1]], flown[[0, -1]], atol=0.051)
+    np.testing.assert_allclose([drawn[-1][0, 0], drawn[-1][-1, 1]], flown[[0, -1]], atol=0.051)
     shown.set_armed(False)
     count = len(drawn)
     shown.move(np.array([2.0, 0.0, 0.0]), rotations.IDENTITY)

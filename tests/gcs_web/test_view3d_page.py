@@ -178,3 +178,21 @@ def test_a_stroke_of_the_brush_is_drawn_applied_as_one_change_and_undone(station
     page_3d.keyboard.press("Control+z")
     wait(lambda: station.desk.session.content.map_edits == (), "undo")
     page_3d.keyboard.press("2")
+
+
+def test_the_camera_follows_the_vehicle_in_the_page_that_asks_and_comes_back(station, page_3d):
+    camera = next(iter(station.server.get_clients().values())).camera
+    page_3d.keyboard.press("f")
+    wait(lambda: np.linalg.norm(camera.look_at - station.watch.link.state.position_world_m) < 0.05, "the camera")
+    wait(lambda: 1.0 < np.linalg.norm(camera.position - camera.look_at) < 4.0, "the camera near the vehicle")
+    page_3d.keyboard.press("v")
+    overview, _ = station.view._camera
+    wait(lambda: np.linalg.norm(camera.position - overview) < 0.1, "the camera back")
+
+
+def test_the_map_from_above_takes_the_place_of_the_3d_view_and_gives_it_back(page_3d):
+    page_3d.keyboard.press("t")
+    page_3d.get_by_role("group", name="Map from above").wait_for()
+    page_3d.keyboard.press("v")
+    page_3d.get_by_role("group", name="Map from above").wait_for(state="detached")
+    page_3d.locator("iframe").wait_for(state="visible")

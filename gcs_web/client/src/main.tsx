@@ -6,6 +6,7 @@ import "./styles/style.css";
 import "./styles/controls.css";
 import "./styles/panels.css";
 import "./styles/inspector.css";
+import "./panels/view/view.css";
 import { App } from "./app";
 import { listen } from "./panels/frame/keys";
 import { startWhereItLacks } from "./panels/start/fill";

@@ -3,6 +3,7 @@
 import json
 import queue
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import click
@@ -14,7 +15,7 @@ SUMMARY = "Serve the ground station's page."
 
 
 @click.command()
-@click.argument("project", type=click.Path(path_type=Path))
+@click.argument("project", type=click.Path(path_type=Path), required=False)
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),
@@ -39,7 +40,7 @@ SUMMARY = "Serve the ground station's page."
 )
 @console.common_options
 def command(
-    project: Path,
+    project: Path | None,
     port: int,
     host: str,
     tls_cert: Path | None,
@@ -59,9 +60,10 @@ def command(
     goshawk gcs demo-out --host station.example --tls-cert station.pem --tls-key station.key
 
     PROJECT is a folder of `goshawk init`, the demo's, or an empty one, which the page fills: with a map, a vehicle,
-    flights. Each printed address lets one browser in; then the next one is printed.
-    The page listens on this machine only, unless a certificate is given. It lists the projects in the folder that
-    PROJECT is in, and opens another one in its place. From another machine, forward its port:
+    flights. Without it the one that was opened last opens. Each printed address lets one browser in; then the next
+    one is printed. The page listens on this machine only, unless a certificate is given. It lists the projects in the
+    folder that PROJECT is in and those opened before, and opens another one in its place. From another machine,
+    forward its port:
 
     \b
     ssh -L 8080:127.0.0.1:8080 THIS-MACHINE
@@ -72,6 +74,10 @@ def command(
     from goshawk.commands.project.project_parts import check_for_station
 
     vehicle.effects.run_only(())  # between two projects, too: nothing of a project runs before somebody agrees
+    from gcs_web.document import recent
+
+    remembered = recent.default_file()
+    project = project or _last(remembered)
     check_for_station(project)
     from gcs_web import GroundStation
     from goshawk.station_jobs import KINDS, simulate
@@ -94,11 +100,13 @@ def command(
                 jobs=(*KINDS, simulate.kind(key_file)),
                 browsers=browsers,
                 on_open=wanted.put,
+                opened_before=partial(recent.listed, remembered),
             )
 
     station = opened(project, port=port, browsers=())
     console.note("stop with Ctrl-C; every change is saved at once")
     while True:
+        recent.note(remembered, project)
         with station:
             _address(station.url, "open  ", as_json)
             other = wanted.get()
@@ -109,6 +117,18 @@ def command(
         except (FlightError, OSError) as error:
             station = opened(project, port=port, browsers=browsers)
             station.desk.notice(f"{other.name} could not be opened: {error}", level="danger")
+
+
+def _last(remembered: Path) -> Path:
+    from gcs_web.document import recent
+
+    known = recent.listed(remembered)
+    if not known:
+        raise click.UsageError(
+            "no project was opened here yet; goshawk init my-room makes one, then goshawk gcs my-room"
+        )
+    console.note(f"opening {known[0]}, the last one")
+    return known[0]
 
 
 def _address(url: str, words: str, as_json: bool) -> None:

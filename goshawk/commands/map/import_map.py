@@ -63,6 +63,8 @@ class Asked:
     least_points: int | None = None
     gap_m: float | None = None
     heights: str | None = None
+    beside: bool = False
+    """Whether a file may name another one of its own folder only."""
 
 
 @click.command("import")
@@ -152,7 +154,7 @@ def import_file(
 
     progress("read the file", 0.0)
     if kind == "map":
-        mesh, space, facts = _floor(file, asked.heights)
+        mesh, space, facts = _floor(file, asked.heights, beside=asked.beside)
     elif kind == "cloud":
         from goshawk.commands.map import import_cloud
 
@@ -229,14 +231,14 @@ def _require_fitting(kind: str, asked: Asked) -> None:
             raise InputError(f"{option} is for {kinds}; FILE is {_A_KIND[kind]}")
 
 
-def _floor(file: Path, heights: str | None) -> tuple[Any, Any, dict[str, Any]]:
+def _floor(file: Path, heights: str | None, *, beside: bool) -> tuple[Any, Any, dict[str, Any]]:
     """The walls and the voxels of a map of map_server, and facts about them."""
     from mapping import foreign_mesh, imported, map_server
 
     if heights is None:
         raise InputError(f"{file.name} is a map of one height; give --heights LOW,HIGH, between which it holds")
     low_m, high_m = console.numbers("--heights", heights, 2)
-    floor = map_server.read(file)
+    floor = map_server.read(file, beside=beside)
     space = imported.columns(floor, low_m, high_m)
     vertices, faces = map_server.walls(floor, low_m, low_m + space.grid.voxel_m[2] * space.grid.shape[2])
     if not len(faces):

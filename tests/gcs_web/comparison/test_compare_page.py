@@ -102,6 +102,10 @@ def test_the_3d_view_takes_the_flights_without_an_error(page, station, request):
     context.set_default_timeout(1000 * PATIENCE_S)
     other, errors = context.new_page(), []
     other.on("pageerror", lambda error: errors.append(str(error)))
+    wait(
+        lambda: "%7C" in page.evaluate("location.hash").partition("flights=")[2].partition("&")[0],
+        "both in the address",
+    )
     other.goto(f"{station.url}{page.evaluate('location.hash')}")
     wait(lambda: len(station.server.get_clients()) == 1, "the 3D view")
     other.frame_locator("iframe").locator("canvas").first.wait_for()

@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from urllib.parse import quote
 
 import aiohttp
 import aiohttp.web
@@ -112,8 +113,8 @@ def test_the_printed_address_opens_the_page_and_the_state():
     at_the_gateway(visit)
 
 
-FIRST_LOAD_BYTES = 800_000
-"""Of page, code, style and 3D view together, as sent; uncompressed they are 1.11 MB."""
+FIRST_LOAD_BYTES, VIEW_BYTES = 150_000, 690_000
+"""As sent, of page, code and style, which draw a map of their own; and of the 3D view, which is loaded after them."""
 
 
 def test_page_and_3d_view_are_sent_compressed_and_whole():
@@ -121,7 +122,7 @@ def test_page_and_3d_view_are_sent_compressed_and_whole():
         base = f"http://127.0.0.1:{gateway.port}"
         async with browser.get(gateway.url):
             pass
-        sent = 0
+        sent: dict[str, int] = {}
         for path in ("/", "/static/app.js", "/static/app.css", "/viser/"):
             async with browser.get(base + path, headers={"Accept-Encoding": "identity"}) as answer:
                 plain = await answer.read()
@@ -130,8 +131,9 @@ def test_page_and_3d_view_are_sent_compressed_and_whole():
                 assert await answer.read() == plain  # the client has unpacked it
                 assert answer.headers["Content-Encoding"] == "gzip"
                 assert "Content-Security-Policy" in answer.headers
-            sent += len(gzip.compress(plain, 6))
-        assert sent <= FIRST_LOAD_BYTES
+            sent[path] = len(gzip.compress(plain, 6))
+        assert sent.pop("/viser/") <= VIEW_BYTES
+        assert sum(sent.values()) <= FIRST_LOAD_BYTES
 
     at_the_gateway(visit)
 
@@ -234,11 +236,59 @@ def test_at_the_usual_port_browsers_leave_it_out_of_their_host_and_origin():
     at_the_gateway(visit)
 
 
+@pytest.mark.parametrize("path", ["/static/app.js", "/viser/", "/viser/of/0123456789abcdef/"])
+def test_what_a_browser_has_is_not_sent_again_and_what_changes_is_never_kept(path):
+    async def visit(gateway, server, browser):
+        base = f"http://127.0.0.1:{gateway.port}"
+        async with browser.get(gateway.url):
+            pass
+        async with browser.get(base + path) as answer:
+            tag = answer.headers["ETag"]
+            assert answer.headers["Cache-Control"] == "private, no-cache"
+        async with browser.get(base + path, headers={"If-None-Match": tag}) as answer:
+            assert answer.status == 304
+            assert await answer.read() == b""
+        async with browser.get(base + path, headers={"If-None-Match": 'W/"another"'}) as answer:
+            assert answer.status == 200
+            assert len(await answer.read()) > 10_000
+        async with browser.get(f"{base}/state") as answer:
+            assert answer.headers["Cache-Control"] == "no-store"
+
+    at_the_gateway(visit)
+
+
+@pytest.mark.parametrize(("given", "passed"), [("/viser", ""), ("/viser/of/0123456789abcdef", "0123456789abcdef")])
+def test_the_3d_view_of_a_page_is_known_by_the_name_that_the_page_gave_it(given, passed):
+    async def visit(gateway, server, browser):
+        async with browser.get(gateway.url):
+            pass
+        origin = f"http://127.0.0.1:{gateway.port}"
+        asked = {"headers": {"Origin": origin}, "protocols": [f"viser-v{viser.__version__}"], "max_msg_size": 0}
+        async with browser.ws_connect(f"{origin}{given}", **asked) as socket:
+            await asyncio.wait_for(socket.receive(), PATIENCE_S)
+            (connection,) = server._websock_server._live_connections.values()
+            assert connection.request.path.rpartition("/")[2] == passed
+
+    at_the_gateway(visit)
+
+
+@pytest.mark.parametrize("name", ["short", "../../x", "0123456789abcdeg", "a" * 99])
+def test_a_name_of_a_3d_view_that_no_page_gives_is_refused(name):
+    async def visit(gateway, server, browser):
+        async with browser.get(gateway.url):
+            pass
+        origin = f"http://127.0.0.1:{gateway.port}"
+        with pytest.raises(aiohttp.WSServerHandshakeError):
+            await browser.ws_connect(f"{origin}/viser/of/{quote(name, safe='')}", headers={"Origin": origin})
+
+    at_the_gateway(visit)
+
+
 def test_a_socket_from_a_foreign_page_is_refused():
     async def visit(gateway, server, browser):
         async with browser.get(gateway.url):
             pass
-        for path in ("/ws", "/viser", "/viser/"):
+        for path in ("/ws", "/viser", "/viser/of/0123456789abcdef", "/viser/"):
             address = f"ws://127.0.0.1:{gateway.port}{path}"
             for headers in ({"Origin": "http://evil.example"}, {}):
                 with pytest.raises(aiohttp.WSServerHandshakeError) as refusal:

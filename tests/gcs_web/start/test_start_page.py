@@ -4,12 +4,16 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 import vehicle
 from flight import project
 from gcs_web import GroundStation
+from gcs_web.protocol.people import Person
+from gcs_web.protocol.vehicle import FoundVehicle
 from goshawk.station_jobs import KINDS, simulate
 from tests.gcs_web.in_browser import needs_chromium, visited
 from tests.waiting import until as wait
@@ -43,7 +47,7 @@ def test_an_empty_project_opens_where_it_is_filled_and_every_step_says_what_it_l
         page.get_by_text(said).first.wait_for()
         assert page.get_by_role("button", name="Abort").is_visible()
     page.keyboard.press("2")
-    page.get_by_role("region", name="Verdict").get_by_text("Import mesh or points").wait_for()
+    page.get_by_role("region", name="Verdict").get_by_text("Import a map").wait_for()
     page.keyboard.press("3")
     page.get_by_role("button", name="An example").click()
     page.get_by_role("heading", name="What do you have?").wait_for()
@@ -53,9 +57,9 @@ def test_a_mesh_an_example_and_the_simulator_fill_it_on_the_page_alone(station, 
     room = tmp_path / "room.ply"
     trimesh.creation.box(bounds=[[0, 0, 0], [6, 4, 2.5]]).export(room)
     with page.expect_file_chooser() as chooser:
-        card(page, "A map").get_by_text("Import mesh or points").click()
+        card(page, "A map").get_by_text("Import a map").click()
     chooser.value.set_files(room)
-    form = page.get_by_role("form", name="Map from a mesh or points")
+    form = page.get_by_role("form", name="Map from a file")
     form.get_by_text("to 6.00, 4.00, 2.50 m").wait_for()
     form.get_by_text("Nothing is free until").wait_for()
     form.get_by_label("Unit").select_option("m")
@@ -90,3 +94,84 @@ def test_an_address_that_is_none_is_refused_and_a_vehicle_that_is_silent_is_left
     card(page, "Connect").get_by_text("udp://127.0.0.1:9: not heard.").wait_for()
     card(page, "Connect").get_by_role("button", name="Disconnect").click()
     card(page, "Connect").get_by_text("No vehicle is connected.").wait_for()
+
+
+def test_the_example_is_one_press_and_is_planned_at_once(station, page):
+    page.get_by_role("button", name="Open the example").click()
+    card(page, "A map").get_by_role("button", name="Look at the map").wait_for()
+    card(page, "A vehicle").get_by_role("button", name="Plan with it").click()
+    page.get_by_text("Checked", exact=True).wait_for()
+    assert len(station.desk.session.content.points) == 3
+    page.keyboard.press("0")
+    page.get_by_role("heading", name="What do you have?").wait_for()
+    assert page.get_by_role("button", name="Open the example").count() == 0
+
+
+def test_a_new_project_and_those_opened_before_are_offered_where_nothing_is_there_yet(
+    station, page, monkeypatch, tmp_path
+):
+    far = project.create(tmp_path / "elsewhere" / "pond", "pond").folder
+    opened: list[Path] = []
+    monkeypatch.setattr(station.desk, "on_open", opened.append)
+    monkeypatch.setattr(station.desk, "_opened_before", lambda: [far])
+    page.get_by_role("button", name="New or recent project").click()
+    page.get_by_text("in elsewhere: 0 trajectories, 0 flights").wait_for()
+    form = page.get_by_role("form", name="New project")
+    form.get_by_label("Name of a new project").fill("../x")
+    form.get_by_role("button", name="New project").click()
+    form.get_by_role("alert").get_by_text("cannot be a name here").wait_for()
+    form.get_by_label("Name of a new project").fill("lap 3")
+    form.get_by_role("button", name="New project").click()
+    wait(lambda: opened == [tmp_path / "lap 3"], "the new project")
+
+
+def test_a_new_project_is_not_made_where_this_one_cannot_be_left(station, page, monkeypatch, tmp_path):
+    monkeypatch.setattr(station.desk, "on_open", lambda _: None)
+    station.desk.control.take(Person("bo", "Bo"), force=False)
+    page.get_by_role("button", name="New or recent project").click()
+    form = page.get_by_role("form", name="New project")
+    form.get_by_label("Name of a new project").fill("lap 3")
+    form.get_by_role("button", name="New project").click()
+    form.get_by_role("alert").get_by_text("in control").wait_for()
+    assert not (tmp_path / "lap 3").exists()
+    page.keyboard.press("Escape")
+
+
+def test_vehicles_on_the_net_are_looked_for_and_connected_to(station, page, monkeypatch):
+    card(page, "Connect").get_by_role("button", name="Connect to an address").click()
+    form = page.get_by_role("form", name="Address of the vehicle")
+    monkeypatch.setattr(station.desk, "find_vehicles", list)
+    form.get_by_role("button", name="Look on the net").click()
+    form.get_by_text("Nobody answered").wait_for()
+    found = [FoundVehicle("udp://127.0.0.1:9", 1)]
+    station.desk.control.take(Person("bo", "Bo"), force=False)
+    monkeypatch.setattr(station.desk, "find_vehicles", lambda: found)
+    form.get_by_role("button", name="Look on the net").click()
+    form.get_by_role("status").get_by_role("listitem").get_by_text("system 1").wait_for()
+    form.get_by_role("button", name="Connect to udp://127.0.0.1:9").click()
+    form.get_by_role("alert").get_by_text("in control").wait_for()
+    station.desk.control.give_up(Person("bo", "Bo"))
+    monkeypatch.setattr(station.desk, "find_vehicles", lambda: found)
+    form.get_by_role("button", name="Look on the net").click()
+    form.get_by_role("button", name="Connect to udp://127.0.0.1:9").click()
+    card(page, "Connect").get_by_text("udp://127.0.0.1:9: not heard.").wait_for()
+    card(page, "Connect").get_by_role("button", name="Disconnect").click()
+
+
+def test_a_ros_map_is_imported_with_its_image(station, page, tmp_path: Path):
+    floor = np.full((40, 60), 254, dtype=np.uint8)
+    floor[[0, -1]] = floor[:, [0, -1]] = 0
+    Image.fromarray(floor).save(tmp_path / "hall.pgm")
+    (tmp_path / "hall.yaml").write_text(
+        "image: hall.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
+    )
+    with page.expect_file_chooser() as chooser:
+        card(page, "A map").get_by_text("Import a map").click()
+    chooser.value.set_files([tmp_path / "hall.pgm", tmp_path / "hall.yaml"])
+    form = page.get_by_role("form", name="Map from a file")
+    form.get_by_label("File").select_option("hall.yaml")
+    form.get_by_text("say between which heights").wait_for()
+    form.get_by_label("Between heights").fill("0, 2.5")
+    form.get_by_role("button", name="Start").click()
+    card(page, "A map").get_by_role("button", name="Look at the map").wait_for()
+    assert station.desk.parts.map(station.desk.inputs).field.distance([[3.0, 2.0, 1.2]])[0] > 1.0

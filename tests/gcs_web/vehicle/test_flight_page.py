@@ -44,8 +44,8 @@ def tell(
 ) -> None:
     station.hub.publish(
         Vehicle(
-            link, "sitl", age_s, "trajectory" if armed else "disarmed", armed, z_m=1.0, speed_m_s=1.5, error_m=0.01,
-            along_s=along_s, duration_s=5.0, if_link_lost=ACTS if armed else [],
+            link, "sitl", age_s, "trajectory" if armed else "disarmed", armed, x_m=0.8, y_m=0.8, z_m=1.0,
+            speed_m_s=1.5, error_m=0.01, along_s=along_s, duration_s=5.0, if_link_lost=ACTS if armed else [],
         )
     )  # fmt: skip
 

@@ -67,3 +67,23 @@ def test_a_failed_check_is_shown_with_its_remedy_and_keeps_the_vehicle_from_bein
     page.get_by_text("not fit to arm").wait_for()
     page.get_by_text(re.compile("Put the vehicle at x 3.00, y 3.60 m")).wait_for()
     assert arm.is_disabled()
+
+
+def test_a_plan_that_begins_elsewhere_is_begun_where_the_vehicle_stands_by_one_press(page, station):
+    page.keyboard.press("3")
+    far = np.array([[3.0, 0.8, 1.0], [5.2, 0.8, 1.2]])
+    station.desk.session.take(Waypoints(far, np.full(2, np.nan)), "elsewhere", "test")
+    page.get_by_role("button", name="Begin the plan here").dblclick()
+    page.get_by_text("all pass").wait_for()
+    places = station.desk.session.content.waypoints().positions_world_m
+    np.testing.assert_allclose(places[0], [*station.watch.link.state.position_world_m[:2], 1.0], atol=0.02)
+    np.testing.assert_allclose(places[1:], far)
+
+
+def test_control_is_taken_and_an_upload_begun_by_a_key(page, station):
+    page.keyboard.press("3")
+    page.get_by_role("button", name="Take control").wait_for()
+    page.keyboard.press("c")
+    page.get_by_text("Your orders go to the vehicle.").wait_for()
+    page.keyboard.press("u")
+    page.get_by_role("button", name=re.compile("^Hold to upload")).wait_for()

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import vehicle
-from firmware_bridge import SitlVehicle, keys
-from firmware_bridge.dialect.generated.messages import Heartbeat, MissionStatus, State
+from firmware_bridge import SitlVehicle, VehicleState, keys
+from firmware_bridge.dialect.generated.messages import Heartbeat, MissionState, MissionStatus, State
 from firmware_bridge.mavlink import Codec, Signing
+from flight import LinkError, Trajectory, TrajectoryFile
 from gcs_web.protocol.vehicle import Vehicle
 from gcs_web.vehicle.vehicle_watch import VehicleWatch
 from tests.waiting import until
@@ -122,3 +123,35 @@ def test_a_picture_that_cannot_be_drawn_does_not_end_the_watch(key_file):
     with served, watching(int(served.url.rpartition(":")[2]), key_file) as (watch, told):
         watch.on_pose = draw
         until(lambda: len(seen) > 3 and told[-1].link == "fresh")
+
+
+def heard(time_s: float, battery_v: float, mission: MissionState) -> VehicleState:
+    zeros = np.zeros(3)
+    upright = np.array([1.0, 0.0, 0.0, 0.0])
+    return VehicleState(0.0, time_s, zeros, upright, zeros, battery_v, mission, "", -1.0, "", 0, 0, True, 1)
+
+
+def test_the_battery_lasts_until_the_controller_lands_and_not_until_it_would_refuse_to_arm(key_file, monkeypatch):
+    """16 V on the ground sag to 14.6 V in the air, and fall by 0.02 V a second from there: 50 s to 13.6 V."""
+    watch = VehicleWatch("udp://127.0.0.1:9", key_file=key_file)
+    monkeypatch.setattr(watch, "_parameters", {"battery_arm_v": 14.8, "battery_land_v": 13.6})
+    for time_s in range(20):
+        watch._take_battery(heard(time_s, 16.0, MissionState.ARMED), "armed")
+    for time_s in range(20, 23):
+        watch._take_battery(heard(time_s, 15.0, MissionState.TAKE_OFF), "take off")
+    assert watch._battery_left_s() is None
+    for time_s in range(23, 44):
+        watch._take_battery(heard(time_s, 14.6 - 0.02 * (time_s - 23), MissionState.HOLD), "hold")
+    assert watch._battery_left_s() == pytest.approx(30.0)
+
+
+@pytest.mark.parametrize(
+    ("check", "room_m"), [({}, None), ({"passed": True, "clearance_m": 0.4, "body_radius_m": 0.15}, 0.25)]
+)
+def test_a_clearance_that_was_not_proved_is_no_room_of_nothing(key_file, check, room_m):
+    watch = VehicleWatch("udp://127.0.0.1:9", key_file=key_file)
+    hops = Trajectory(np.array([1.0]), np.zeros((1, 4, 2)))
+    file = TrajectoryFile(hops, "lap", "ab" * 32, "cd" * 32, np.zeros((2, 3)), check)
+    with pytest.raises(LinkError, match="no vehicle answers"):
+        watch.fly(file, threading.Event(), lambda _: None)
+    assert watch._room_m == (None if room_m is None else pytest.approx(room_m))

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 import mapping
 import vehicle
@@ -78,6 +79,19 @@ def test_a_refusal_names_the_boxes_of_the_form(jobs, opened: project.Project):
     assert not opened.has_map
     with pytest.raises(InputError, match="not here"):
         jobs.start("import_map", {"file": "other.ply"}, "Ada")
+
+
+def test_a_ros_map_that_was_sent_takes_no_image_of_elsewhere(jobs, opened: project.Project, tmp_path: Path):
+    Image.fromarray(np.full((40, 40), 0, np.uint8)).save(tmp_path / "secret.png")
+    file = opened.folder / ".session" / "incoming" / "hall.yaml"
+    file.parent.mkdir(parents=True)
+    file.write_text(
+        "image: ../../../secret.png\nresolution: 0.1\norigin: [0, 0, 0]\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
+    )
+    failed = ended(jobs, "import_map", file="hall.yaml", heights="0,2")
+    assert failed.state == "failed"
+    assert "it must be the name of a file that was sent with this one" in failed.words
+    assert not opened.has_map
 
 
 def test_a_vehicle_is_made_of_a_data_sheet_and_kept(jobs, opened: project.Project):

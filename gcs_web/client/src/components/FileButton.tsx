@@ -16,6 +16,7 @@ export function FileButton({ name, kinds, primary = false, onFile }: Props) {
       <input
         class="visually-hidden"
         type="file"
+        multiple
         accept={kinds.join(",")}
         disabled={!connected.value}
         onChange={(event) => {

@@ -7,6 +7,8 @@ const PATHS = {
   down: "M4 6l4 4 4-4",
   play: "M5 3.5v9l7-4.5z",
   pause: "M5 3.5v9M11 3.5v9",
+  sound: "M2 6h2.5L8 3v10L4.5 10H2zM10.5 5.5a3.5 3.5 0 010 5M12.5 3.5a6.4 6.4 0 010 9",
+  muted: "M2 6h2.5L8 3v10L4.5 10H2zM11 6l4 4M15 6l-4 4",
   stop: "M5.4 2h5.2L14 5.4v5.2L10.6 14H5.4L2 10.6V5.4z",
 } as const;
 

@@ -11,6 +11,9 @@ void main() {
   gl_FragColor = vec4(c, 1.0);
 }`;
 
+/** Whether there is any 3D drawing at all here. */
+export const canDraw = document.createElement("canvas").getContext("webgl") !== null;
+
 /** Whether a picture of many sums a pixel takes long, or cannot be drawn at all. */
 export function drawsSlowly(): boolean {
   const canvas = document.createElement("canvas");

@@ -1,7 +1,7 @@
 // Written by tools/page_types.py from the structs of gcs_web. Do not edit.
 
 
-export const PROTOCOL = 6;
+export const PROTOCOL = 7;
 
 export interface Abort {
   type: "abort";
@@ -415,6 +415,13 @@ export interface FlightsShown {
   plan_too: boolean;
 }
 
+export interface Follow {
+  type: "follow";
+  serial: number;
+  view: string;
+  following: boolean;
+}
+
 export interface ForeseeJob {
   type: "foresee_job";
   serial: number;
@@ -426,6 +433,11 @@ export interface ForgetJob {
   type: "forget_job";
   serial: number;
   job: number;
+}
+
+export interface FoundVehicle {
+  url: string;
+  system: number;
 }
 
 export interface Gate {
@@ -588,6 +600,11 @@ export interface LookAtFlight {
   time_s: number | null;
 }
 
+export interface LookForVehicles {
+  type: "look_for_vehicles";
+  serial: number;
+}
+
 export interface Loop {
   type: "loop";
   serial: number;
@@ -629,6 +646,14 @@ export interface MapPreview {
   opened_m3: number;
   voxels: number;
   drawn: boolean;
+}
+
+export interface MapSection {
+  type: "map_section";
+  image: string;
+  low_m: [number, number];
+  high_m: [number, number];
+  at_m: number;
 }
 
 export interface MapShown {
@@ -683,6 +708,12 @@ export interface Move {
   x_m?: number | null;
   y_m?: number | null;
   z_m?: number | null;
+}
+
+export interface NewProject {
+  type: "new_project";
+  serial: number;
+  name: string;
 }
 
 export interface NextFlight {
@@ -882,6 +913,7 @@ export interface ProjectEntry {
   trajectories: number;
   flights: number;
   problem: string;
+  where: string;
 }
 
 export interface Projects {
@@ -948,6 +980,7 @@ export interface Reply {
   plans: PlanSummary[];
   words: string;
   recorded_path: RecordedPath | null;
+  vehicles: FoundVehicle[];
 }
 
 export interface Restore {
@@ -1294,11 +1327,14 @@ export interface Vehicle {
   holds: string;
   holds_crc32: string;
   battery_v: number | null;
+  battery_left_s: number | null;
   x_m: number | null;
   y_m: number | null;
   z_m: number | null;
   error_m: number | null;
+  room_m: number | null;
   speed_m_s: number | null;
+  yaw_rad: number | null;
   along_s: number | null;
   duration_s: number | null;
   checks: ArmingCheck[];
@@ -1345,6 +1381,6 @@ export interface Welcome {
   station: string;
 }
 
-export type ToPage = Comparison | Cursor | Diagnosis | Document | Draft | EffectFiles | Files | FlightMoment | Flights | FlightsShown | Identification | Jobs | MapPreview | MapShown | Measured | Model | NextFlight | Notice | People | Plan | Projects | Reply | Selection | Shown | Vehicle | Welcome;
+export type ToPage = Comparison | Cursor | Diagnosis | Document | Draft | EffectFiles | Files | FlightMoment | Flights | FlightsShown | Identification | Jobs | MapPreview | MapSection | MapShown | Measured | Model | NextFlight | Notice | People | Plan | Projects | Reply | Selection | Shown | Vehicle | Welcome;
 
-export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DrawPlainly | DropMapEdits | DropPath | DropTried | FixFlight | ForeseeJob | ForgetJob | GiveUpControl | Insert | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | Loop | Measure | Move | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadScatter | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;
+export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DrawPlainly | DropMapEdits | DropPath | DropTried | FixFlight | Follow | ForeseeJob | ForgetJob | GiveUpControl | Insert | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | LookForVehicles | Loop | Measure | Move | NewProject | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadScatter | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;

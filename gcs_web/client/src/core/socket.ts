@@ -69,6 +69,7 @@ function refusal(number: number, error: string): Reply {
     plans: [],
     words: "",
     recorded_path: null,
+    vehicles: [],
   };
 }
 

@@ -22,6 +22,8 @@ export const files = newest("files", { type: "files", trajectories: [], flights:
 /** Those in the folder that this one is in. */
 export const projects = newest("projects", { type: "projects", projects: [] });
 export const mapShown = signal<MapShown | null>(null);
+/** The map from above, at one height. */
+export const section = newest("map_section", { type: "map_section", image: "", low_m: [0, 0], high_m: [0, 0], at_m: 0 });
 export const measured = newest("measured", {
   type: "measured",
   active: false,
@@ -70,6 +72,8 @@ export interface Flown {
   along_s: number;
   speed_m_s: number;
   height_m: number;
+  x_m: number;
+  y_m: number;
 }
 export const flown = signal<readonly Flown[]>([]);
 
@@ -145,6 +149,8 @@ export const controlWords = computed(() => {
 /** Whether a vehicle is connected, heard or not. */
 export const hasVehicle = computed(() => vehicle.value !== null && vehicle.value.link !== "none");
 
+export const isArmed = computed(() => hasVehicle.value && vehicle.value?.armed === true);
+
 /** Whether the vehicle holds another trajectory than the plan. */
 export const holdsAnother = computed(() => {
   const held = vehicle.value?.holds_crc32 ?? "";
@@ -154,16 +160,17 @@ export const holdsAnother = computed(() => {
 const SILENCE_MS = 1500; // the server speaks of the vehicle at least twice a second
 const LOST_MS = 3000;
 
-/** The link as far as this page can know: the server's word, grown old by its silence. */
-export const link = computed<{ state: Vehicle["link"]; age_s: number }>(() => {
+/** The link as far as this page can know: the server's word, grown old by its silence, and whether that is heard. */
+export const link = computed<{ state: Vehicle["link"]; age_s: number; stationHeard: boolean }>(() => {
   const last = vehicle.value;
-  if (last === null) return { state: "none", age_s: 0 };
+  if (last === null) return { state: "none", age_s: 0, stationHeard: connected.value };
   const silence_ms = Math.max(0, now_ms.value - vehicleHeardAt_ms.value);
   const age_s = last.age_s + silence_ms / 1000;
-  if (last.link === "none") return { state: "none", age_s };
-  if (!connected.value || silence_ms > LOST_MS) return { state: "lost", age_s };
-  if (last.link === "fresh" && silence_ms > SILENCE_MS) return { state: "stale", age_s };
-  return { state: last.link, age_s };
+  const stationHeard = connected.value && silence_ms <= SILENCE_MS;
+  if (last.link === "none") return { state: "none", age_s, stationHeard };
+  if (!connected.value || silence_ms > LOST_MS) return { state: "lost", age_s, stationHeard };
+  if (last.link === "fresh" && !stationHeard) return { state: "stale", age_s, stationHeard };
+  return { state: last.link, age_s, stationHeard };
 });
 
 /** The waypoint passed last at the cursor. */
@@ -216,12 +223,12 @@ function receiveVehicle(next: Vehicle): void {
   errors.value = [...recent, { heardAt_ms, error_m: next.error_m }];
 }
 
-function noteFlown({ along_s, speed_m_s, z_m, link: heard }: Vehicle): void {
-  if (along_s === null || speed_m_s === null || z_m === null || heard !== "fresh") return;
+function noteFlown({ along_s, speed_m_s, x_m, y_m, z_m, link: heard }: Vehicle): void {
+  if (along_s === null || speed_m_s === null || x_m === null || y_m === null || z_m === null || heard !== "fresh") return;
   const last_s = flown.value.at(-1)?.along_s ?? -1;
   if (along_s === last_s) return;
   const before = along_s > last_s ? flown.value : []; // a new flight
-  flown.value = [...before, { along_s, speed_m_s, height_m: z_m }];
+  flown.value = [...before, { along_s, speed_m_s, height_m: z_m, x_m, y_m }];
 }
 
 /** Whether the trajectory of the plan is flown now. */

@@ -1,5 +1,9 @@
 /** Colour scales of measured quantities; the same on path, table and legend. */
 
+import type { Series, Show } from "../core/protocol";
+
+export type PathColour = NonNullable<Show["colour"]>;
+
 /** Viridis turned round, without its dark end: the required clearance is yellow, plenty of it blue-green. */
 export const CLEARANCE = [
   "#fde724",
@@ -36,6 +40,30 @@ export const COULD_HIDE_SPAN_MM = 100;
 
 /** Upper end of the scale of a surface's standard deviation. */
 export const SURFACE_STD_SPAN_MM = 50;
+
+const PATH_VALUES: Readonly<Record<Exclude<PathColour, "clearance">, (shown: Series) => readonly number[]>> = {
+  could_hide: (shown) => shown.could_hide_mm,
+  speed: (shown) => shown.speed_m_s,
+  thrust: (shown) => shown.thrust_n,
+  rotor_margin: (shown) => shown.rotor_margin_percent,
+  tilt: (shown) => shown.tilt_deg,
+};
+
+/** The smallest and the largest value of a path, which its scale spans. */
+export function pathEnds(colour: Exclude<PathColour, "clearance">, shown: Series): [number, number] {
+  if (colour === "could_hide") return [0, COULD_HIDE_SPAN_MM];
+  const values = PATH_VALUES[colour](shown);
+  return [Math.min(...values), Math.max(...values)];
+}
+
+/** Of each sample of a path; where nothing is known of what could hide, as where no image looked. */
+export function pathColours(colour: PathColour, shown: Series, required_m: number): string[] {
+  if (colour === "clearance") return shown.clearance_m.map((value) => clearanceColour(value, required_m));
+  const [low, high] = pathEnds(colour, shown);
+  const share = (value: number): number => Math.min(1, Math.max(0, (value - low) / Math.max(high - low, 1e-9)));
+  const values = PATH_VALUES[colour](shown);
+  return shown.time_s.map((_, i) => CIVIDIS[Math.round(share(values[i] ?? high) * (CIVIDIS.length - 1))] ?? CIVIDIS[0]);
+}
 
 export function clearanceColour(clearance_m: number, required_m: number): string {
   const share = Math.min(1, Math.max(0, (clearance_m - required_m) / CLEARANCE_SPAN_M));

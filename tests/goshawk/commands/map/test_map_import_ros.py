@@ -93,6 +93,19 @@ def test_images_of_other_kinds_and_the_same_greys_are_the_same_map(tmp_path: Pat
         assert np.array_equal(map_server.read(written(tmp_path / "m", image=f"../{name}")).state, expected)
 
 
+@pytest.mark.parametrize(
+    "image", ["{home}/secret.png", "../secret.png", "../secrets.png", "..", "./hall.pgm", "link.png"]
+)
+def test_a_file_that_was_sent_takes_an_image_of_its_own_folder_only(tmp_path: Path, image: str) -> None:
+    """And the refusal does not tell whether something is there, or what has a similar name."""
+    Image.fromarray(GREYS).save(tmp_path / "secret.png")
+    file = written(tmp_path / "m", image=image.format(home=tmp_path))
+    (tmp_path / "m" / "link.png").symlink_to(tmp_path / "secret.png")
+    with pytest.raises(InputError, match=r"must be the name of a file that was sent with this one$"):
+        map_server.read(file, beside=True)
+    assert map_server.read(written(tmp_path / "m"), beside=True).state.any()
+
+
 def test_what_map_savers_mean_by_unknown_is_never_free(tmp_path: Path) -> None:
     said = refusal(written(tmp_path / "nav2", free_thresh=0.25), "--heights", "0,2")
     assert "205" in said

@@ -1,6 +1,7 @@
 /** Who gives the orders, and taking or giving up that role. */
 
 import { submit } from "../../core/socket";
+import { takeControl, takeOver } from "./orders";
 import { connected, inControl, people } from "../../core/store";
 
 export function Control() {
@@ -30,7 +31,7 @@ export function Control() {
           type="button"
           class="control"
           disabled={!connected.value}
-          onClick={() => void submit({ type: "take_control", force: holder !== undefined })}
+          onClick={holder === undefined ? takeControl : takeOver}
         >
           {holder === undefined ? "Take control" : `Take control from ${holder.name}`}
         </button>

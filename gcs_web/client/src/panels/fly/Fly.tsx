@@ -1,7 +1,7 @@
 /** The fly step: the vehicle as it is, who is in control, the orders, the flights. */
 
 import { computed } from "@preact/signals";
-import { canUpload, giveOrder, mayOrder, openUpload, uploading } from "./orders";
+import { beginHere, canBeginHere, canUpload, giveOrder, mayOrder, openUpload, uploading } from "./orders";
 import { UploadPanel } from "./UploadPanel";
 import { cards, compareWithLast, lastOfCourse } from "../compare/flights";
 import { Badge } from "../../components/Badge";
@@ -166,6 +166,11 @@ function BeforeFlight() {
             <span>
               <b>{sentenceCase(name)}</b> <Said text={finding} />
               {!passed && <span class="remedy"><Said text={sentenceCase(remedy)} />.</span>}
+              {!passed && name === "start" && (
+                <button type="button" class="control" disabled={!canBeginHere.value} onClick={() => void beginHere()}>
+                  Begin the plan here
+                </button>
+              )}
             </span>
           </li>
         ))}

@@ -38,7 +38,8 @@ export function ProjectList() {
           Close
         </button>
       </div>
-      <p class="quiet">In the folder of this one. Another one opens for all who have this page open; every edit is saved.</p>
+      <p class="quiet">Another one opens for all who have this page open; every edit is saved.</p>
+      <NewProject onMade={close} />
       <ul class="list">
         {projects.value.projects.map((entry) => (
           <Entry key={entry.folder} entry={entry} onOpen={() => void open(entry.folder)} />
@@ -63,14 +64,51 @@ export function ProjectList() {
   );
 }
 
+function NewProject({ onMade }: { onMade: () => void }) {
+  const name = useSignal("");
+  const refusal = useSignal("");
+  const make = async (): Promise<void> => {
+    refusal.value = (await send({ type: "new_project", name: name.value })).error;
+    if (refusal.value === "") onMade();
+  };
+  return (
+    <form
+      class="new-project"
+      aria-label="New project"
+      onSubmit={(event) => {
+        event.preventDefault();
+        void make();
+      }}
+    >
+      <span class="field-box">
+        <input
+          aria-label="Name of a new project"
+          placeholder="Name of a new one"
+          value={name.value}
+          onInput={(event) => (name.value = event.currentTarget.value)}
+        />
+      </span>
+      <button type="submit" class="control" disabled={!connected.value || name.value.trim() === ""}>
+        New project
+      </button>
+      {refusal.value !== "" && (
+        <p class="refusal" role="alert">
+          {refusal.value}
+        </p>
+      )}
+    </form>
+  );
+}
+
 function Entry({ entry, onOpen }: { entry: ProjectEntry; onOpen: () => void }) {
-  const { folder, name, current, trajectories, flights, problem } = entry;
+  const { folder, name, current, trajectories, flights, problem, where } = entry;
+  const place = where === "" ? folder : `in ${where}`;
   const holds = `${plural(trajectories, "trajectory", "trajectories")}, ${plural(flights, "flight", "flights")}`;
   return (
     <li>
       <div class="list-words">
         <b>{name}</b>
-        <span class="quiet">{problem === "" ? `${folder}: ${holds}` : `${folder}: ${problem}`}</span>
+        <span class="quiet">{`${place}: ${problem === "" ? holds : problem}`}</span>
       </div>
       {current ? (
         <span class="quiet">open</span>

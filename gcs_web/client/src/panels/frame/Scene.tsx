@@ -3,21 +3,26 @@
 import type { ComponentChildren } from "preact";
 import { effect, signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { drawsSlowly } from "../../core/machine";
+import { canDraw, drawsSlowly } from "../../core/machine";
 import { send } from "../../core/socket";
 import { show } from "../timeline/cursor";
 import { number, short } from "../../core/format";
 import { listenIn } from "./keys";
 import { LETTERS, horizon_s, opened, pathColour, showOurs, withArrows, withPredicted } from "../compare/flights";
 import type { Channel } from "../compare/flights";
-import { CIVIDIS, CLEARANCE, CLEARANCE_SPAN_M, COULD_HIDE_SPAN_MM, SIGNED, SURFACE_STD_SPAN_MM } from "../../plots/scales";
+import { CIVIDIS, CLEARANCE, CLEARANCE_SPAN_M, COULD_HIDE_SPAN_MM, SIGNED, SURFACE_STD_SPAN_MM, pathEnds } from "../../plots/scales";
+import type { PathColour as Colour } from "../../plots/scales";
 import { comparison, connected, figures, flightsShown, mapShown, othersFlights, series, step, view } from "../../core/store";
 import { isLight, narrow, token } from "../../core/theme";
-import type { Series, Show } from "../../core/protocol";
+import type { Series } from "../../core/protocol";
 import { figure } from "../learn/Learn";
 import { MapTools, MeasureReadout } from "../map/MapTools";
+import { TopView } from "../view/TopView";
+import { ViewChoice } from "../view/ViewChoice";
+import { VIEW, fromAbove, isLoaded, look } from "../view/view";
 
-type Colour = NonNullable<Show["colour"]>;
+/** A busy page loads the 3D view all the same after this; and how often it is looked whether that has drawn. */
+const [IDLE_MS, LOOK_AGAIN_MS] = [1000, 100];
 
 const COLOURS: readonly { key: Colour; name: string; unit: string }[] = [
   { key: "clearance", name: "Clearance", unit: "m" },
@@ -28,34 +33,47 @@ const COLOURS: readonly { key: Colour; name: string; unit: string }[] = [
   { key: "tilt", name: "Tilt", unit: "°" },
 ];
 
-/** The 3D view is loaded once it is known how fast this machine draws. */
+/** The 3D view is loaded once the rest of the page is there and it is known how fast this machine draws. */
 const isMeasured = signal(false);
 
 const stopMeasuring = effect(() => {
-  if (!connected.value) return;
+  if (!canDraw || !connected.value || look.value === "top") return;
   queueMicrotask(() => stopMeasuring());
-  if (drawsSlowly()) void send({ type: "draw_plainly" }).then(() => (isMeasured.value = true));
-  else isMeasured.value = true;
+  whenIdle(() => {
+    if (drawsSlowly()) void send({ type: "draw_plainly" }).then(() => (isMeasured.value = true));
+    else isMeasured.value = true;
+  });
 });
+
+function whenIdle(run: () => void): void {
+  if ("requestIdleCallback" in window) requestIdleCallback(run, { timeout: IDLE_MS });
+  else setTimeout(run, 0);
+}
 
 export function Scene() {
   const frame = useRef<HTMLIFrameElement>(null);
   const light = isLight.value;
   useEffect(() => paintBackground(frame.current), [light]);
+  useEffect(() => () => void (isLoaded.value = false), []); // on other steps there is none
   return (
     <main class="scene">
       {isMeasured.value && (
         <iframe
           ref={frame}
-          src="/viser/"
+          class={fromAbove.value ? "behind" : ""}
+          src={`/viser/of/${VIEW}/`}
           title="3D view of map and path"
           onLoad={(event) => {
             const inside = event.currentTarget.contentWindow;
-            if (inside !== null) listenIn(inside);
+            if (inside === null) return;
+            listenIn(inside);
             paintBackground(event.currentTarget);
+            whenDrawn(inside, () => (isLoaded.value = true));
           }}
         />
       )}
+      {fromAbove.value && <TopView />}
+      <ViewChoice />
       <div class="legends">
         {step.value === 4 ? <FlightLegend /> : <PathLegend />}
         <OthersLegend />
@@ -65,6 +83,13 @@ export function Scene() {
       {step.value === 1 && <MapTools />}
     </main>
   );
+}
+
+/** Call back when the 3D view's page has drawn something, unless it is gone by then. */
+function whenDrawn(inside: Window, run: () => void): void {
+  if (inside.closed) return;
+  if (inside.document.querySelector("canvas") !== null) run();
+  else setTimeout(() => whenDrawn(inside, run), LOOK_AGAIN_MS);
 }
 
 /** Give the 3D view the theme's colour behind everything; its canvas is transparent there. */
@@ -369,8 +394,8 @@ export function ColourChoice() {
 function ends(colour: Colour, shown: Series): [string, string] {
   if (colour === "clearance") return clearanceEnds();
   if (colour === "could_hide") return ["0", `≥ ${COULD_HIDE_SPAN_MM}`];
-  const values = VALUES[colour](shown);
-  return [short(Math.min(...values)), short(Math.max(...values))];
+  const [low, high] = pathEnds(colour, shown);
+  return [short(low), short(high)];
 }
 
 function clearanceEnds(): [string, string] {
@@ -382,10 +407,3 @@ function couldHideNote({ could_hide_mm }: Series): string {
   if (could_hide_mm.length === 0) return "not known: the map has no images";
   return "obstacle that the map may lack within the clearance";
 }
-
-const VALUES: Readonly<Record<Exclude<Colour, "clearance" | "could_hide">, (shown: Series) => number[]>> = {
-  speed: (shown) => shown.speed_m_s,
-  thrust: (shown) => shown.thrust_n,
-  rotor_margin: (shown) => shown.rotor_margin_percent,
-  tilt: (shown) => shown.tilt_deg,
-};

@@ -4,6 +4,7 @@ import type { PageCommand } from "../../core/panel";
 import { connected, paletteOpen, projectsOpen, step } from "../../core/store";
 import { nextTheme } from "../../core/theme";
 import { abort } from "../fly/orders";
+import { LOOK_COMMANDS } from "../view/view";
 import { PANELS } from "./panels";
 
 const always = (): boolean => true;
@@ -24,6 +25,7 @@ export const COMMANDS: readonly PageCommand[] = [
     run: () => (step.value = number),
   })),
   ...PANELS.flatMap((panel) => panel.commands ?? []),
+  ...LOOK_COMMANDS,
   { name: "Open another project", enabled: () => connected.value, run: () => (projectsOpen.value = true) },
   { name: "Dark, light or the system's colours", enabled: always, run: nextTheme },
 ];

@@ -11,9 +11,10 @@ const MOVED_WITHIN = "[role=tab], [role=separator], [type=radio]";
 const PRESSED = "button, summary, a, [type=checkbox], [type=radio]";
 
 /** Keys that the 3D view needs for its camera. */
-const KEYS_OF_CAMERA = new Set(["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "p", "l"]);
+const KEYS_OF_CAMERA = new Set(["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", ..."wasdqe"]);
 
 function name(event: KeyboardEvent): string {
+  if (event.altKey && event.key.length === 1) return ""; // a menu's, or a letter of another keyboard
   if (event.key === " ") return "Space";
   const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
   const shift = event.shiftKey && (event.key.length > 1 || event.ctrlKey || event.metaKey);
@@ -32,10 +33,13 @@ function isUsedBy(target: EventTarget | null, event: KeyboardEvent): boolean {
   return target.closest(event.key.startsWith("Arrow") ? MOVED_WITHIN : event.key === " " ? PRESSED : TYPED_INTO) !== null;
 }
 
+/** Keys that go on while they are held: steps, and undo. */
+const REPEATS = /Arrow|Page|^Ctrl\+(Shift\+)?[zy]$/;
+
 function run(event: KeyboardEvent, command: PageCommand): void {
   event.preventDefault();
   event.stopImmediatePropagation();
-  command.run();
+  if (!event.repeat || REPEATS.test(name(event))) command.run();
 }
 
 export function listen(): void {

@@ -7,8 +7,8 @@ import { select } from "../timeline/cursor";
 import { announce, connected, cursor_s, doc, selected, series, verdict, waypointAtCursor } from "../../core/store";
 
 /** Send a change and put a refusal into the notice. */
-export async function change(command: EditToSend): Promise<void> {
-  const { error } = await edit(command);
+export async function change(command: EditToSend, revision?: number): Promise<void> {
+  const { error } = await edit(command, revision);
   if (error !== "") announce(error, "danger");
 }
 

@@ -3,7 +3,7 @@
 import type { PageCommand, Panel } from "../../core/panel";
 import { submit } from "../../core/socket";
 import { doc, selected, series, step } from "../../core/store";
-import { canUpload, openUpload } from "../fly/orders";
+import { canUpload, goToUpload, uploading } from "../fly/orders";
 import {
   canEdit,
   canSave,
@@ -65,7 +65,7 @@ const COMMANDS: readonly PageCommand[] = [
     run: () => (saveFormOpen.value = true),
   },
   { name: "Plan and check again", enabled: canEdit, run: () => void submit({ type: "plan_again" }) },
-  { name: "Compare with the vehicle and upload", enabled: () => canUpload.value, run: openUpload },
+  { name: "Compare with the vehicle and upload", keys: ["u"], enabled: () => canUpload.value && uploading.value === null, run: goToUpload },
   { name: "Insert a waypoint after", keys: ["Insert", "+"], enabled: canEdit, run: insertAfterSelected },
   { name: "Delete the selected waypoints", keys: ["Delete"], enabled: editsSelection, run: deleteSelected },
   { name: "Split the path at the cursor", enabled: canSplit, run: splitAtCursor },

@@ -8,7 +8,7 @@ import { openAddress, openForm, SHAPES, takeAny } from "./fill";
 export function MapButtons() {
   return (
     <>
-      <FileButton name="Import mesh or points" kinds={SHAPES} primary onFile={(file) => void takeAny(file)} />
+      <FileButton name="Import a map" kinds={SHAPES} primary onFile={(file) => void takeAny(file)} />
       <FormButton kind="map" name="From images" />
     </>
   );

@@ -1,10 +1,12 @@
 /** What the project has and what fills it: a map, a vehicle, flights, a vehicle that is connected. */
 
 import type { ComponentChildren } from "preact";
-import { useSignal } from "@preact/signals";
+import { signal, useSignal } from "@preact/signals";
 import { Icon } from "../../components/Icon";
 import { plural } from "../../core/format";
-import { connected, files, flights, hasVehicle, jobs, link, model, step, vehicle } from "../../core/store";
+import { send, submit } from "../../core/socket";
+import { connected, files, flights, hasVehicle, jobs, link, model, projectsOpen, step, vehicle } from "../../core/store";
+import type { FoundVehicle } from "../../core/protocol";
 import { JobForm, JobRows, chosenKind } from "../jobs/Jobs";
 import { FlightButtons, LinkButtons, MapButtons, VehicleButtons } from "./Buttons";
 import { address, addressOpen, connectTo, takeAny } from "./fill";
@@ -21,6 +23,7 @@ export function Start() {
     >
       <h2>What do you have?</h2>
       <p class="quiet">Any one of these is enough to begin. Drop files anywhere.</p>
+      <Ways />
       <div class="start-cards">
         <MapCard />
         <VehicleCard />
@@ -28,6 +31,33 @@ export function Start() {
         <LinkCard />
       </div>
     </main>
+  );
+}
+
+const EXAMPLE = ["example"];
+
+/** To begin without any of one's own, or elsewhere. */
+function Ways() {
+  const { has_map, has_vehicle } = files.value;
+  const offered = jobs.value.kinds.some(({ name }) => name === "example");
+  const runs = jobs.value.jobs.some(({ kind, state }) => kind === "example" && (state === "running" || state === "waiting"));
+  return (
+    <div class="start-ways">
+      {offered && !has_map && !has_vehicle && (
+        <button
+          type="button"
+          class="control"
+          disabled={!connected.value || runs}
+          onClick={() => void submit({ type: "start_job", kind: "example", arguments: {} })}
+        >
+          Open the example
+        </button>
+      )}
+      <button type="button" class="control" disabled={!connected.value} onClick={() => (projectsOpen.value = true)}>
+        New or recent project
+      </button>
+      {jobs.value.jobs.some(({ kind }) => kind === "example") && <JobRows kinds={EXAMPLE} />}
+    </div>
   );
 }
 
@@ -130,15 +160,28 @@ function LinkCard() {
   );
 }
 
+/** Who answered when all on this machine and its networks were asked; null: nobody was. */
+const answered = signal<readonly FoundVehicle[] | null>(null);
+
 function AddressForm() {
   const refusal = useSignal("");
+  const looks = useSignal(false);
+  const look = async (): Promise<void> => {
+    if (looks.value) return;
+    looks.value = true;
+    const { error, vehicles } = await send({ type: "look_for_vehicles" });
+    [looks.value, refusal.value, answered.value] = [false, error, error === "" ? vehicles : null];
+  };
+  const connectToIt = async (): Promise<void> => {
+    refusal.value = await connectTo(address.value);
+  };
   return (
     <form
       class="job-form"
       aria-label="Address of the vehicle"
       onSubmit={(event) => {
         event.preventDefault();
-        void connectTo(address.value).then((error) => (refusal.value = error));
+        void connectToIt();
       }}
     >
       <div class="field long">
@@ -151,6 +194,23 @@ function AddressForm() {
           />
         </span>
       </div>
+      <button
+        type="button"
+        class="control"
+        disabled={!connected.value}
+        aria-disabled={looks.value}
+        onClick={() => void look()}
+      >
+        {looks.value ? "Looking, 2 s" : "Look on the net"}
+      </button>
+      {answered.value !== null && !looks.value && (
+        <Answers
+          onChosen={(url) => {
+            address.value = url;
+            void connectToIt();
+          }}
+        />
+      )}
       {refusal.value !== "" && (
         <p class="refusal" role="alert">
           {refusal.value}
@@ -165,5 +225,26 @@ function AddressForm() {
         </button>
       </div>
     </form>
+  );
+}
+
+function Answers({ onChosen }: { onChosen: (url: string) => void }) {
+  const found = answered.value ?? [];
+  if (found.length === 0) return <p class="quiet" role="status">Nobody answered. Is it on, in this network, and with this key?</p>;
+  return (
+    <div role="status">
+      <ul class="list">
+      {found.map(({ url, system }) => (
+        <li key={url}>
+          <span class="list-words">
+            {url} <span class="quiet">system {system}</span>
+          </span>
+          <button type="button" class="link" aria-label={`Connect to ${url}`} onClick={() => onChosen(url)}>
+            Connect
+          </button>
+        </li>
+      ))}
+      </ul>
+    </div>
   );
 }

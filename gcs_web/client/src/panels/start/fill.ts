@@ -9,7 +9,8 @@ import { takeFile } from "../compare/flights";
 import { chosenKind } from "../jobs/Jobs";
 
 export const START_STEP = 0;
-export const SHAPES = [".ply", ".obj", ".stl", ".glb", ".pcd"];
+/** Meshes, points, and ROS' maps of one height with their image. */
+export const SHAPES = [".ply", ".obj", ".stl", ".glb", ".pcd", ".yaml", ".yml", ".pgm", ".png"];
 export const VEHICLES = [".params", ".param", ".parm", ".urdf", ".xml", ".txt"];
 
 const isText = (value: unknown): value is string => typeof value === "string";
