@@ -22,7 +22,7 @@ def listed(file: Path) -> list[Path]:
 def note(file: Path, folder: Path) -> None:
     """Put a project first; where the file cannot be written nothing is remembered.
 
-    One that cannot be seen now, on a card that is not plugged in, is kept.
+    One that cannot be read now, on a card that is not plugged in, is kept.
     """
     with contextlib.suppress(OSError):
         folder = folder.resolve()
