@@ -3,7 +3,8 @@
    Until the body's first packet the firmware's clock is the machine's. From then on a packet stamped t lets the
    firmware run from t to t plus the step between packets, however long that takes: its main thread's clock goes on
    while it sleeps and, a little, each time it looks, but never past that end; the next packet is handed over only
-   there. So a flight does not depend on the machine's load. The firmware itself is unchanged. */
+   there, and after all bytes that had come for the firmware's receiver and serial port before it. So a flight does not
+   depend on the machine's load. The firmware itself is unchanged. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <netinet/in.h>
@@ -11,6 +12,7 @@
 #include <stdatomic.h>
 #include <stdint.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/syscall.h>
@@ -19,6 +21,9 @@
 
 #define MOTOR_PORT 9002
 #define STATE_PORT 9003
+#define RC_PORT 9004
+#define SERIAL_PORT 5761 /* TCP */
+#define SERIAL_US 500
 #define LOOK_NS 200         /* what looking at the clock takes */
 #define LOOP_PAUSE_NS 50000 /* of the firmware's main loop */
 #define LOOPING 1000
@@ -89,30 +94,56 @@ static void let_run(void) {
     atomic_store(&end_ns, atomic_load(&now_ns) + (int64_t)(step_s * 1e9 + 0.5));
 }
 
+/* Whose bytes come before a step: the last socket that its thread has looked at, and whether it looks, done with all
+   that it has read. */
+typedef struct {
+    atomic_int fd, looks;
+} input;
+static input receiver = {0, 1}, serial = {0, 1};
+
+static int local_port(int fd) {
+    struct sockaddr_in own = {0};
+    socklen_t size = sizeof own;
+    return getsockname(fd, (struct sockaddr*)&own, &size) == 0 ? ntohs(own.sin_port) : 0;
+}
+
+static int unread(input* from) {
+    int bytes = 0;
+    return ioctl(atomic_load(&from->fd), FIONREAD, &bytes) == 0 && bytes > 0;
+}
+
+static void wait_for(input* from) {
+    while (atomic_load(&from->fd) > 0 && (!atomic_load(&from->looks) || unread(from))) pause_ns(1000);
+}
+
 int select(int count, fd_set* read, fd_set* write, fd_set* other, struct timeval* timeout) {
     static int (*next)(int, fd_set*, fd_set*, fd_set*, struct timeval*);
     if (next == NULL) next = dlsym(RTLD_NEXT, "select");
-    struct sockaddr_in own = {0};
-    socklen_t size = sizeof own;
-    if (count > 0 && getsockname(count - 1, (struct sockaddr*)&own, &size) == 0 && own.sin_port == htons(STATE_PORT))
-        let_run();
-    return next(count, read, write, other, timeout);
+    const int port = count > 0 ? local_port(count - 1) : 0;
+    if (port == STATE_PORT) let_run();
+    input* from = port == RC_PORT ? &receiver : port == SERIAL_PORT ? &serial : NULL;
+    if (from == NULL) return next(count, read, write, other, timeout);
+    if (port == SERIAL_PORT) *timeout = (struct timeval){0, SERIAL_US}; /* answers wait for the next look */
+    atomic_store(&from->fd, count - 1);
+    atomic_store(&from->looks, 1);
+    const int ready = next(count, read, write, other, timeout);
+    atomic_store(&from->looks, 0);
+    return ready;
 }
 
 ssize_t recvfrom(int fd, void* data, size_t size, int flags, struct sockaddr* from, socklen_t* length) {
     static ssize_t (*next)(int, void*, size_t, int, struct sockaddr*, socklen_t*);
     if (next == NULL) next = dlsym(RTLD_NEXT, "recvfrom");
     const ssize_t got = next(fd, data, size, flags, from, length);
-    struct sockaddr_in own = {0};
-    socklen_t own_size = sizeof own;
-    if (got < (ssize_t)sizeof(double) || getsockname(fd, (struct sockaddr*)&own, &own_size) != 0) return got;
-    if (own.sin_port != htons(STATE_PORT)) return got;
+    if (got < (ssize_t)sizeof(double) || local_port(fd) != STATE_PORT) return got;
     double at_s;
     memcpy(&at_s, data, sizeof at_s);
     step_s = at_s > stamp_s && at_s - stamp_s < LARGEST_STEP_S ? at_s - stamp_s : USUAL_STEP_S;
     stamp_s = at_s;
     handed_over = 1;
     while (atomic_load(&now_ns) < atomic_load(&end_ns)) pause_ns(1000);
+    wait_for(&receiver);
+    wait_for(&serial);
     atomic_store(&asked, 1);
     return got;
 }
