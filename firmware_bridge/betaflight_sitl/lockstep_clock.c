@@ -131,6 +131,14 @@ int select(int count, fd_set* read, fd_set* write, fd_set* other, struct timeval
     return ready;
 }
 
+/* So that a firmware that restarts has its port at once, and not after the minute of its last connection. */
+int bind(int fd, const struct sockaddr* at, socklen_t size) {
+    static int (*next)(int, const struct sockaddr*, socklen_t);
+    if (next == NULL) next = dlsym(RTLD_NEXT, "bind");
+    setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &(int){1}, sizeof(int));
+    return next(fd, at, size);
+}
+
 ssize_t recvfrom(int fd, void* data, size_t size, int flags, struct sockaddr* from, socklen_t* length) {
     static ssize_t (*next)(int, void*, size_t, int, struct sockaddr*, socklen_t*);
     if (next == NULL) next = dlsym(RTLD_NEXT, "recvfrom");

@@ -76,9 +76,14 @@ class Sitl:
     """The firmware in flight; `step` is one step of its body's clock."""
 
     def __init__(self, motors: socket.socket, out: socket.socket, process: subprocess.Popen[bytes]) -> None:
-        self._motors, self._out, self._process = motors, out, process
+        self._motors, self._out, self._process, self._begun = motors, out, process, False
         self.outputs = np.zeros(4)
         """Of motors 1 to 4, 0 to 1."""
+
+    @property
+    def runs(self) -> bool:
+        """Whether its process lives."""
+        return self._process.poll() is None
 
     def step(
         self,
@@ -90,7 +95,14 @@ class Sitl:
         position_world_m: FloatArray,
         velocity_world_m_s: FloatArray,
     ) -> None:
-        """Feel this until the next step, and set the motors."""
+        """Feel this until the next step, and set the motors. The first one begins the lock step.
+
+        Raises:
+            LinkError: the firmware ended.
+        """
+        if not self._begun:
+            self._begun = True
+            self.step(FIRST_S, **AT_REST)  # it compares the clocks of the next two packets only
         pressure_pa = NORMAL_PRESSURE_PA * float(np.exp(-position_world_m[2] / SCALE_HEIGHT_M))
         motion = (*q_world_body, *velocity_world_m_s, *position_world_m, pressure_pa)
         packet = STATE.pack(time_s, *(rate_body_rad_s * FLU_TO_FRD), *(-specific_force_body_m_s2), *motion)
@@ -118,9 +130,7 @@ def flying(folder: Path) -> Iterator[Sitl]:
         said = (folder / "said.txt").stat().st_size
         with _running(folder) as process:
             _until(lambda: b"[lock step] ready" in (folder / "said.txt").read_bytes()[said:], process)
-            firmware_in_flight = Sitl(motors, out, process)
-            firmware_in_flight.step(FIRST_S, **AT_REST)  # it compares the clocks of the next two packets only
-            yield firmware_in_flight
+            yield Sitl(motors, out, process)
 
 
 @contextlib.contextmanager

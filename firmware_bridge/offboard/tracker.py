@@ -11,6 +11,7 @@ import numpy as np
 from firmware_bridge.controller import Configuration, Controller, State
 from firmware_bridge.offboard.poses import Poses
 from firmware_bridge.offboard.prediction import Lags, Motion, Predictor
+from firmware_bridge.words import reason_text
 from flight import FloatArray, rotations
 
 GAINS = {"kp_xy_1_s2": 9.0, "kd_xy_1_s": 5.0, "kp_z_1_s2": 9.0, "kd_z_1_s": 5.0, "obs_turn_rad_s2": 0.0,
@@ -56,6 +57,19 @@ class Tracker:
         """Take in the poses that have come."""
         for pose in self._poses(now_s):
             self.predictor.pose(pose)
+
+    @property
+    def ready(self) -> bool:
+        """Whether the vehicle could be armed now, by the poses."""
+        return not self.unready
+
+    @property
+    def unready(self) -> str:
+        """Why not, in words."""
+        if self.motion is None:
+            return "there is no pose"
+        reason = self.controller.raw.arming_check()
+        return reason_text(reason) if reason else ""
 
     @property
     def state(self) -> State:

@@ -1,0 +1,190 @@
+"""One flight off board: arm, take off, fly the trajectory, land, and the log of it."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from firmware_bridge.controller import Command, LinkLoss, State
+from firmware_bridge.offboard import ladder
+from firmware_bridge.offboard.firmware import reasons
+from firmware_bridge.offboard.guard_process import GuardProcess
+from firmware_bridge.offboard.ladder import Reason, Stage, Wish
+from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand
+from firmware_bridge.offboard.poses import Pose
+from firmware_bridge.offboard.tracker import Demand, Tracker
+from firmware_bridge.words import reason_text
+from flight import FlightLog, FloatArray, LinkError, Progress, Trajectory, silent
+from flight.flight_log import from_vectors
+
+LOWEST_TAKE_OFF_M = 0.3
+READY_S, ARM_S, STEP_S, HOVER_S, HARMLESS_FLAGS = 20.0, 5.0, 60.0, 2.0, 1 << 28
+_SILENT_S = 0.5
+_LOG_EVERY = 2
+_ENDED = (Stage.DOWN, Stage.ENDED)
+
+
+class Flight:
+    """The planner's side of one flight."""
+
+    def __init__(
+        self,
+        guard: GuardProcess,
+        tracker_of: Callable[[Callable[[float], list[Pose]]], Tracker],
+        trajectory: Trajectory,
+        *,
+        progress: Progress = silent,
+        cancel: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self._guard, self._trajectory, self._progress, self._cancel = guard, trajectory, progress, cancel
+        self._inbox: list[Pose] = []
+        self.tracker = tracker_of(self._taken)
+        self._wish, self._cancelled = Wish.WAIT, False
+        self._ticks = 0
+        self._rows: list[dict[str, FloatArray]] = []
+        self.status: GuardStatus | None = None
+        self.ended_early = ""
+
+    def _taken(self, now_s: float) -> list[Pose]:
+        poses, self._inbox = self._inbox, []
+        return poses
+
+    def fly(self) -> FlightLog:
+        """The whole flight. Its log tells by `ended_early` of one that did not end at the end of the plan.
+
+        Raises:
+            RefusedError: the controller's own checks refuse the trajectory.
+            LinkError: it never left the ground.
+        """
+        controller = self.tracker.controller
+        controller.upload(self._trajectory, link_loss=LinkLoss.FINISH)
+        self._until(self._ready, READY_S, "the vehicle is not ready to arm")
+        begin_m = float(self._trajectory.position([0.0])[0, 2])
+        motion = self.tracker.motion
+        assert motion is not None
+        controller.command(Command.ARM)
+        self._wish = Wish.FLY
+        self._until(lambda: self._heard().armed and self._heard().sticks_ours, ARM_S, "the firmware does not arm")
+        try:
+            controller.command(Command.TAKE_OFF, max(begin_m - motion.position_world_m[2], LOWEST_TAKE_OFF_M))
+            self._reach(State.HOLD, STEP_S, "take-off")
+            self._for(HOVER_S)
+            controller.command(Command.START)
+            self._reach(State.TRAJECTORY, STEP_S, "the way to the start")
+            self._reach(State.HOLD, self._trajectory.duration_s + STEP_S, "the trajectory")
+            self._for(0.5)
+        except LinkError as early:
+            self.ended_early = str(early)
+        self._land()
+        return self._log()
+
+    def _land(self) -> None:
+        """Down by the controller; where it or the guard has begun to come down already, until it is."""
+        controller = self.tracker.controller
+        if controller.state not in (State.LANDING, State.DISARMED, State.FAULT) and self._following():
+            controller.command(Command.LAND)
+        try:
+            self._until(lambda: controller.state in (State.DISARMED, State.FAULT) or not self._following(), STEP_S, "landing")
+            self._wish = Wish.STOP if self._following() else self._wish
+            self._until(lambda: self._heard().stage in _ENDED, STEP_S, "disarming")
+        except LinkError as error:
+            self.ended_early = self.ended_early or str(error)
+
+    def _ready(self) -> bool:
+        status = self._heard()
+        flags = status.arming_flags & ~HARMLESS_FLAGS
+        return status.time_s - status.heard_s < _SILENT_S and not flags and self.tracker.ready and self._ticks > 250
+
+    def _heard(self) -> GuardStatus:
+        assert self.status is not None
+        return self.status
+
+    def _following(self) -> bool:
+        return self._heard().stage in (Stage.WAITING, Stage.FOLLOWING)
+
+    def _for(self, seconds: float) -> None:
+        end_s = self._heard().time_s + seconds
+        self._until(lambda: self._heard().time_s >= end_s, seconds + 1.0, "hovering", watch=True)
+
+    def _reach(self, state: State, limit_s: float, what: str) -> None:
+        self._until(lambda: self.tracker.state is state, limit_s, what, watch=True)
+
+    def _until(self, done: Callable[[], bool], limit_s: float, what: str, *, watch: bool = False) -> None:
+        """Tick until it is so.
+
+        Args:
+            watch: the flight is to go on as planned meanwhile.
+        """
+        begin_s: float | None = None
+        while True:
+            self._tick()
+            status = self._heard()
+            begin_s = status.time_s if begin_s is None else begin_s
+            if done():
+                return
+            if watch:
+                self._watch(what)
+            if status.time_s - begin_s > limit_s:
+                raise LinkError(f"{what} within {limit_s:.0f} s: {self._why_not(status)}")
+
+    def _watch(self, what: str) -> None:
+        status, controller = self._heard(), self.tracker.controller
+        if not self._following():
+            raise LinkError(f"{what}: {ladder.WORDS[status.reason] or 'the guard ended the flight'}")
+        if controller.state in (State.LANDING, State.EMERGENCY, State.FAULT, State.DISARMED):
+            raise LinkError(f"{what}: the controller ended it because {reason_text(controller.telemetry['reason'])}")
+        if status.time_s - status.heard_s > _SILENT_S:
+            raise LinkError(f"{what}: the firmware has not answered for {_SILENT_S} s")
+        if self._cancel():
+            raise LinkError(f"{what}: cancelled")
+
+    def _why_not(self, status: GuardStatus) -> str:
+        if status.time_s - status.heard_s > _SILENT_S:
+            return "the firmware does not answer; is its baud rate right, and MSP on in its Ports tab?"
+        if self.tracker.motion is None:
+            return "no pose has come; is the tracking system sending TUM lines to the address of --poses?"
+        if not self.tracker.ready:
+            return self.tracker.unready
+        if words := reasons(status.arming_flags & ~HARMLESS_FLAGS):
+            return f"the firmware says: {', '.join(words)}"
+        if not status.sticks_ours:
+            return "the pilot's override switch is off"
+        return f"the vehicle is {self.tracker.state.name.lower()}, the guard {status.stage.name.lower()}"
+
+    def _tick(self) -> None:
+        self.status = status = self._guard.hear()
+        self._inbox += status.poses
+        demand = self.tracker.tick(status.time_s, battery_v=status.battery_v)
+        rest = demand or Demand(status.time_s, 0.0, np.zeros(3), -np.inf)
+        command = PlannerCommand(rest.time_s, rest.pose_time_s, rest.force_n, rest.rate_body_rad_s, self._wish)
+        if status.stage is not Stage.ENDED:
+            self._guard.answer(command)
+        self._ticks += 1
+        if demand is not None and self._ticks % _LOG_EVERY == 0:
+            self._keep(status, demand)
+
+    def _keep(self, status: GuardStatus, demand: Demand) -> None:
+        motion, telemetry = self.tracker.motion, self.tracker.controller.telemetry
+        assert motion is not None
+        self._rows.append(
+            {
+                "time_s": np.array(status.time_s),
+                "position_world_m": motion.position_world_m,
+                "velocity_world_m_s": motion.velocity_world_m_s,
+                "q_world_body": motion.q_world_body,
+                "rate_body_rad_s": motion.rate_body_rad_s,
+                "setpoint_position_world_m": np.asarray(telemetry["setpoint"]["position_world_m"], np.float64),
+                **{f"setpoint_rate_body_{a}_rad_s": np.array(w) for a, w in zip("xyz", demand.rate_body_rad_s, strict=True)},
+                "collective_force_n": np.array(demand.force_n),
+                "mission_state": np.array(float(self.tracker.state)),
+                "battery_v": np.array(status.battery_v),
+                **{f"motor_command_{i}_ratio": np.array(float(v)) for i, v in enumerate(status.motors)},
+            }
+        )
+
+    def _log(self) -> FlightLog:
+        columns = {name: np.array([row[name] for row in self._rows]) for name in self._rows[0]}
+        time_s = columns.pop("time_s")
+        scalars = {name: values for name, values in columns.items() if values.ndim == 1}
+        vectors = {name: values for name, values in columns.items() if values.ndim == 2}
+        metadata = {"source": "off board"} | ({"ended_early": self.ended_early} if self.ended_early else {})
+        return from_vectors(time_s, vectors, scalars=scalars, metadata=metadata)
