@@ -31,7 +31,8 @@ SETTINGS = (
     "set rates_type = ACTUAL",
     *(f"set {axis}_{name} = {value}" for axis in ("roll", "pitch", "yaw") for name, value in
       (("rc_rate", 100), ("srate", 100), ("expo", 0))),
-    "set thr_expo = 0", "set rc_smoothing = OFF", "set serial_update_rate_hz = 1000", "set failsafe_procedure = AUTO-LAND",
+    "set thr_expo = 0", "set rc_smoothing = OFF", "set serial_update_rate_hz = 1000",
+    "set failsafe_procedure = AUTO-LAND",
 )  # fmt: skip
 """What the how-to page tells the user to set."""
 

@@ -24,6 +24,7 @@
 #define RC_PORT 9004
 #define SERIAL_PORT 5761 /* TCP */
 #define SERIAL_US 500
+#define LONGEST_READ 1000000 /* looks, a few seconds: a thread that is stuck does not stop the others */
 #define LOOK_NS 200         /* what looking at the clock takes */
 #define LOOP_PAUSE_NS 50000 /* of the firmware's main loop */
 #define LOOPING 1000
@@ -100,6 +101,7 @@ typedef struct {
     atomic_int fd, looks;
 } input;
 static input receiver = {0, 1}, serial = {0, 1};
+static atomic_int listening; /* whether the serial port is open */
 
 static int local_port(int fd) {
     struct sockaddr_in own = {0};
@@ -113,7 +115,25 @@ static int unread(input* from) {
 }
 
 static void wait_for(input* from) {
-    while (atomic_load(&from->fd) > 0 && (!atomic_load(&from->looks) || unread(from))) pause_ns(1000);
+    for (int left = LONGEST_READ; left > 0 && atomic_load(&from->fd) > 0; left--) {
+        if (atomic_load(&from->looks) && !unread(from)) return;
+        pause_ns(1000);
+    }
+}
+
+/* The firmware's thread for TCP drops a port that its main thread has made and not yet opened: it starts when that is
+   done. */
+static void wait_until_listening(void) {
+    while (!atomic_load(&listening)) pause_ns(1000000);
+    pause_ns(20000000);
+}
+
+int listen(int fd, int backlog) {
+    static int (*next)(int, int);
+    if (next == NULL) next = dlsym(RTLD_NEXT, "listen");
+    const int done = next(fd, backlog);
+    if (local_port(fd) == SERIAL_PORT) atomic_store(&listening, 1);
+    return done;
 }
 
 int select(int count, fd_set* read, fd_set* write, fd_set* other, struct timeval* timeout) {
@@ -122,6 +142,7 @@ int select(int count, fd_set* read, fd_set* write, fd_set* other, struct timeval
     const int port = count > 0 ? local_port(count - 1) : 0;
     if (port == STATE_PORT) let_run();
     input* from = port == RC_PORT ? &receiver : port == SERIAL_PORT ? &serial : NULL;
+    if (port == 0 && !atomic_load(&listening)) wait_until_listening();
     if (from == NULL) return next(count, read, write, other, timeout);
     if (port == SERIAL_PORT) *timeout = (struct timeval){0, SERIAL_US}; /* answers wait for the next look */
     atomic_store(&from->fd, count - 1);

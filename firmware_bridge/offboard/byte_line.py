@@ -41,7 +41,9 @@ def connect(address: str, *, patience_s: float = 10.0) -> ByteLine:
     if parts.scheme == "serial":
         return SerialLine(Path(parts.path), int(parts.query.removeprefix("baud=") or 115200))
     if not parts.hostname or not parts.port:
-        raise InputError(f"{address!r} has no host or port; Betaflight's SITL listens at betaflight:tcp://127.0.0.1:5761")
+        raise InputError(
+            f"{address!r} has no host or port; Betaflight's SITL listens at betaflight:tcp://127.0.0.1:5761"
+        )
     end_s = time.monotonic() + patience_s
     while True:
         try:

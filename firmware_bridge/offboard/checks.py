@@ -1,4 +1,4 @@
-"""What of the firmware's settings must hold before anything is armed, and the line of its command line that mends it."""
+"""What of the firmware's settings must hold before anything is armed, and the CLI line that mends it."""
 
 from collections.abc import Iterator
 

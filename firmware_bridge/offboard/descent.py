@@ -44,9 +44,7 @@ class Descent:
         self._last_s, self._integral_m_s2, self._unloaded_s = begin_s, 0.0, 0.0
         self.landed = False
 
-    def force_and_rate(
-        self, now_s: float, firmware: FirmwareState, motion: Motion | None
-    ) -> tuple[float, FloatArray]:
+    def force_and_rate(self, now_s: float, firmware: FirmwareState, motion: Motion | None) -> tuple[float, FloatArray]:
         """Collective force and body rates (3,).
 
         Args:

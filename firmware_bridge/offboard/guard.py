@@ -1,4 +1,4 @@
-"""The guard: a process of its own between planner and flight controller, which brings the vehicle down without the other.
+"""The guard: a process of its own between planner and flight controller, which lands the vehicle if the other dies.
 
 `python -m firmware_bridge.offboard.guard SETUP FD`: it alone has the line, sends the sticks at a fixed rate, and hears
 the poses. Whatever becomes of the planner, the sticks go on (ladder.py).

@@ -58,9 +58,7 @@ class Motion:
 
     def row(self) -> FloatArray:
         """(13,) as the controller takes it."""
-        return np.concatenate(
-            [self.position_world_m, self.velocity_world_m_s, self.q_world_body, self.rate_body_rad_s]
-        )
+        return np.concatenate([self.position_world_m, self.velocity_world_m_s, self.q_world_body, self.rate_body_rad_s])
 
 
 class Predictor:

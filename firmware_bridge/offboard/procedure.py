@@ -8,18 +8,19 @@ from firmware_bridge.controller import Command, LinkLoss, State
 from firmware_bridge.offboard import ladder
 from firmware_bridge.offboard.firmware import reasons
 from firmware_bridge.offboard.guard_process import GuardProcess
-from firmware_bridge.offboard.ladder import Reason, Stage, Wish
+from firmware_bridge.offboard.ladder import Stage, Wish
 from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand
 from firmware_bridge.offboard.poses import Pose
 from firmware_bridge.offboard.tracker import Demand, Tracker
 from firmware_bridge.words import reason_text
-from flight import FlightLog, FloatArray, LinkError, Progress, Trajectory, silent
+from flight import FlightLog, FloatArray, LinkError, Progress, Trajectory, rotations, silent
 from flight.flight_log import from_vectors
 
 LOWEST_TAKE_OFF_M = 0.3
 READY_S, ARM_S, STEP_S, HOVER_S, HARMLESS_FLAGS = 20.0, 5.0, 60.0, 2.0, 1 << 28
 _SILENT_S = 0.5
 _LOG_EVERY = 2
+_DOWN = (State.DISARMED, State.FAULT)
 _ENDED = (Stage.DOWN, Stage.ENDED)
 
 
@@ -34,8 +35,14 @@ class Flight:
         *,
         progress: Progress = silent,
         cancel: Callable[[], bool] = lambda: False,
+        motor_of_rotor: tuple[int, ...] = (0, 1, 2, 3),
     ) -> None:
+        """
+        Args:
+            motor_of_rotor: the firmware's motor, from 0, that turns each rotor of the log.
+        """
         self._guard, self._trajectory, self._progress, self._cancel = guard, trajectory, progress, cancel
+        self._motor_of_rotor = list(motor_of_rotor)
         self._inbox: list[Pose] = []
         self.tracker = tracker_of(self._taken)
         self._wish, self._cancelled = Wish.WAIT, False
@@ -83,7 +90,7 @@ class Flight:
         if controller.state not in (State.LANDING, State.DISARMED, State.FAULT) and self._following():
             controller.command(Command.LAND)
         try:
-            self._until(lambda: controller.state in (State.DISARMED, State.FAULT) or not self._following(), STEP_S, "landing")
+            self._until(lambda: controller.state in _DOWN or not self._following(), STEP_S, "landing")
             self._wish = Wish.STOP if self._following() else self._wish
             self._until(lambda: self._heard().stage in _ENDED, STEP_S, "disarming")
         except LinkError as error:
@@ -173,13 +180,28 @@ class Flight:
                 "q_world_body": motion.q_world_body,
                 "rate_body_rad_s": motion.rate_body_rad_s,
                 "setpoint_position_world_m": np.asarray(telemetry["setpoint"]["position_world_m"], np.float64),
-                **{f"setpoint_rate_body_{a}_rad_s": np.array(w) for a, w in zip("xyz", demand.rate_body_rad_s, strict=True)},
+                **{
+                    f"setpoint_rate_body_{a}_rad_s": np.array(w)
+                    for a, w in zip("xyz", demand.rate_body_rad_s, strict=True)
+                },
                 "collective_force_n": np.array(demand.force_n),
+                "felt_force_n": np.array(self._felt_n()),
                 "mission_state": np.array(float(self.tracker.state)),
                 "battery_v": np.array(status.battery_v),
-                **{f"motor_command_{i}_ratio": np.array(float(v)) for i, v in enumerate(status.motors)},
+                **{
+                    f"motor_command_{i}_ratio": np.array(float(v))
+                    for i, v in enumerate(status.motors[self._motor_of_rotor])
+                },
             }
         )
+
+    def _felt_n(self) -> float:
+        """Collective force by the poses: mass times specific force along body z."""
+        tracker, motion = self.tracker, self.tracker.motion
+        assert motion is not None
+        felt = tracker.predictor.acceleration_world_m_s2(motion, motion.q_world_body)
+        felt[2] += tracker.gravity_m_s2
+        return float(tracker.mass_kg * felt @ rotations.matrix(motion.q_world_body)[:, 2])
 
     def _log(self) -> FlightLog:
         columns = {name: np.array([row[name] for row in self._rows]) for name in self._rows[0]}

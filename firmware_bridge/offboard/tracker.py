@@ -16,7 +16,7 @@ from flight import FloatArray, rotations
 
 GAINS = {"kp_xy_1_s2": 9.0, "kd_xy_1_s": 5.0, "kp_z_1_s2": 9.0, "kd_z_1_s": 5.0, "obs_turn_rad_s2": 0.0,
          "att_kp_xy_1_s2": 220.0, "att_kd_xy_1_s": 22.0}  # fmt: skip
-"""Where the inner loop is another firmware's: softer position loops, and no observer of torques that it does not set."""
+"""Where the inner loop is another firmware's: softer position loops, and torques are not ours to observe."""
 STANDING = (State.DISARMED, State.ARMED, State.FAULT)
 
 
@@ -88,7 +88,8 @@ class Tracker:
             self._begin_s = now_s - 1.0
         self.motion = motion = self.predictor.at(now_s)
         time_us = round((now_s - self._begin_s) * 1e6)
-        felt = self.predictor.acceleration_world_m_s2(motion, motion.q_world_body) + [0.0, 0.0, self.gravity_m_s2]
+        felt = self.predictor.acceleration_world_m_s2(motion, motion.q_world_body)
+        felt[2] += self.gravity_m_s2
         self.controller.tick(
             time_us,
             motion.row(),
@@ -101,7 +102,9 @@ class Tracker:
         demand = Demand(now_s, 0.0, np.zeros(3), self.predictor.pose_time_s)
         if not standing:
             telemetry = self.controller.telemetry
-            demand = replace(demand, force_n=float(telemetry["thrust_n"]), rate_body_rad_s=self._rate(motion, telemetry))
+            demand = replace(
+                demand, force_n=float(telemetry["thrust_n"]), rate_body_rad_s=self._rate(motion, telemetry)
+            )
         self.predictor.command(now_s, demand.force_n, demand.rate_body_rad_s)
         return demand
 
