@@ -19,11 +19,14 @@ from firmware_bridge.offboard.poses import Pose, tum_line
 from firmware_bridge.sitl_vehicle import PlantLike
 from flight import FloatArray, rotations
 
-STEP_S = 1e-3
+STEP_S = 2e-3
 BEGIN_S = 1.0
 """The body's clock at the start."""
-ESC_STEPS = 2
+ESC_STEPS = 1
 """From an output to the rotors' answer."""
+NED_FRD = np.array([1.0, 1.0, -1.0, -1.0])
+"""The simulator's firmware mirrors the attitude that it is given before it levels by it: with a quaternion in our axes
+its own angle mode, its failsafe and MSP_ATTITUDE have pitch and yaw turned round. Only its log wants ours."""
 _GYRO_RAD_S, _ACCELEROMETER_M_S2 = 0.01, 0.1
 ADDRESS = f"betaflight:tcp://{process.HOST}:{process.CLI_PORT}"
 SETTINGS = (
@@ -68,6 +71,8 @@ class Body:
     settings: Sequence[str] = SETTINGS
     clock_port: int = 0
     """Once it runs."""
+    way: list[tuple[float, FloatArray]] = field(default_factory=list)
+    """Time and true position, (3,) of the world, at every step."""
     fastest_down_m_s: float = 0.0
     """Sink of the last instant above the ground."""
 
@@ -137,7 +142,7 @@ class Body:
             self.time_s,
             rate_body_rad_s=plant.rate_body_rad_s + _GYRO_RAD_S * rng.standard_normal(3),
             specific_force_body_m_s2=plant.specific_force_body_m_s2 + _ACCELEROMETER_M_S2 * rng.standard_normal(3),
-            q_world_body=plant.q_world_body,
+            q_world_body=plant.q_world_body * NED_FRD,
             position_world_m=plant.position_world_m,
             velocity_world_m_s=plant.velocity_world_m_s,
         )
@@ -149,3 +154,4 @@ class Body:
         if before_m_s < -0.05 and float(plant.velocity_world_m_s[2]) > 0.5 * before_m_s:  # stopped within a step
             self.fastest_down_m_s = max(self.fastest_down_m_s, -before_m_s)
         self.time_s += STEP_S
+        self.way.append((self.time_s, plant.position_world_m.copy()))

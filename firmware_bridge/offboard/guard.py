@@ -16,7 +16,7 @@ from firmware_bridge.offboard import byte_line
 from firmware_bridge.offboard.clock import Clock, SteppedClock, WallClock
 from firmware_bridge.offboard.descent import Descent
 from firmware_bridge.offboard.firmware import Firmware
-from firmware_bridge.offboard.ladder import Ladder, Reason, Seen, Stage, Wish
+from firmware_bridge.offboard.ladder import Ladder, Seen, Stage, Wish
 from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand, Setup
 from firmware_bridge.offboard.poses import Pose, UdpPoses
 from firmware_bridge.offboard.prediction import Predictor
@@ -38,7 +38,7 @@ class Guard:
 
     def __init__(self, setup: Setup, firmware: Firmware, poses: UdpPoses, planner: socket.socket) -> None:
         self._setup, self._firmware, self._poses, self._planner = setup, firmware, poses, planner
-        self._ladder, self._command, self._gone = Ladder(), _IDLE, False
+        self._ladder, self._command, self._gone, self._hung = Ladder(), _IDLE, False, False
         self._predictor = Predictor(setup.mass_kg, setup.gravity_m_s2)
         self._hover_n = setup.mass_kg * setup.gravity_m_s2
         self._ground_m: float | None = None
@@ -70,27 +70,29 @@ class Guard:
             self._predictor.pose(pose)
         while not self._gone:
             try:
-                data = self._planner.recv(256)
-            except (BlockingIOError, TimeoutError):
+                self._take(self._planner.recv(256))
+            except BlockingIOError:
                 return
             except OSError:
-                data = b""
-            self._gone = not data
-            self._command = PlannerCommand.unpack(data) or self._command
+                self._gone = True
 
     def wait_for_planner(self) -> None:
         """While a simulated body waits: until the planner has answered, died, or hangs."""
-        if self._gone:
+        if self._gone or self._hung:
             return
         self._planner.settimeout(_PATIENCE_S)
         try:
-            data = self._planner.recv(256)
-            self._gone = not data
-            self._command = PlannerCommand.unpack(data) or self._command
+            self._take(self._planner.recv(256))
+        except TimeoutError:
+            self._hung = True
         except OSError:
-            self._gone = self._gone or self._planner.fileno() < 0
+            self._gone = True
         finally:
             self._planner.setblocking(False)
+
+    def _take(self, data: bytes) -> None:
+        self._gone = not data
+        self._command = PlannerCommand.unpack(data) or self._command
 
     def _demand(self, now_s: float, stage: Stage) -> tuple[float, FloatArray]:
         if stage is Stage.FOLLOWING:
@@ -129,7 +131,7 @@ class Guard:
             self._planner.send(status.pack())
 
 
-def run(setup: Setup, planner: socket.socket) -> Reason:
+def run(setup: Setup, planner: socket.socket) -> None:
     """Guard one flight to its end."""
     poses = UdpPoses(setup.pose_host, setup.pose_port, delay_s=setup.pose_delay_s)
     line = byte_line.connect(setup.address)
@@ -148,7 +150,6 @@ def run(setup: Setup, planner: socket.socket) -> Reason:
     finally:
         line.close()
         poses.close()
-    return guard._ladder.reason
 
 
 def main() -> None:

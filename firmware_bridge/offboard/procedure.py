@@ -17,7 +17,7 @@ from flight import FlightLog, FloatArray, LinkError, Progress, Trajectory, rotat
 from flight.flight_log import from_vectors
 
 LOWEST_TAKE_OFF_M = 0.3
-READY_S, ARM_S, STEP_S, HOVER_S, HARMLESS_FLAGS = 20.0, 5.0, 60.0, 2.0, 1 << 28
+READY_S, ARM_S, STEP_S, HOVER_S, HARMLESS_FLAGS = 20.0, 30.0, 60.0, 2.0, 1 << 28
 _SILENT_S = 0.5
 _LOG_EVERY = 2
 _DOWN = (State.DISARMED, State.FAULT)

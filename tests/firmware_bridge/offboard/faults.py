@@ -4,7 +4,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -48,7 +48,7 @@ class Fault:
 
     def each_step(self, body: Body, firmware: Sitl) -> None:
         """Of the body."""
-        if self.kind.startswith("stick override") and round(body.time_s * 1000) % 10 == 0:
+        if self.kind.startswith("stick override") and round(body.time_s * 1000) % 10 < 2:
             firmware.sticks(body.time_s, self._pilot(body))
         if self._high_s is None and body.plant.position_world_m[2] > self.height_m:
             self._high_s = body.time_s
@@ -150,9 +150,10 @@ def fly(
     finally:
         said = _ended(fault.planner)
     end = body.plant.position_world_m
+    lasted_s = body.time_s - (fault.begun_s or body.time_s)
     return Ended(
         fault.begun_s, body.fastest_down_m_s, float(end[2]) < 0.02, float(body.plant.rotor_speed_rad_s.max()) < 1.0,
-        worst_tilt[0], float(np.linalg.norm((end - at_fault[0])[:2])), body.time_s - (fault.begun_s or body.time_s), said,
+        worst_tilt[0], float(np.linalg.norm((end - at_fault[0])[:2])), lasted_s, said,
     )  # fmt: skip
 
 
@@ -166,6 +167,3 @@ def _ended(planner: subprocess.Popen | None) -> str:
 
 def _tilt_rad(body: Body) -> float:
     return float(np.arccos(np.clip(rotations.matrix(body.plant.q_world_body)[2, 2], -1.0, 1.0)))
-
-
-Draw = Callable[[np.random.Generator], Fault]

@@ -1,4 +1,4 @@
-"""A planner as a program of its own, which a test may kill: `python -m ...planner CLOCK_PORT VEHICLE TRAJECTORY LOG`."""
+"""A planner as a program of its own, which a test may kill. Arguments: clock port, vehicle, trajectory, log."""
 
 import sys
 from pathlib import Path
