@@ -87,11 +87,18 @@ int nanosleep(const struct timespec* time, struct timespec* left) {
     return 0;
 }
 
+/* The clock stands from the first packet on, before the firmware looks at it: half a second that a busy machine took
+   between the first two would leave the firmware's rate of time at next to nothing. */
+static void begin(void) {
+    const int64_t now = machine_ns(CLOCK_MONOTONIC) + 1000000; /* never back */
+    atomic_store(&now_ns, now);
+    atomic_store(&end_ns, now);
+}
+
 /* The state thread asks for the next packet: it is done with the last one, and the firmware may run on. */
 static void let_run(void) {
     if (!handed_over) return;
     handed_over = 0;
-    if (atomic_load(&end_ns) == 0) atomic_store(&now_ns, machine_ns(CLOCK_MONOTONIC) + 1000000); /* never back */
     atomic_store(&end_ns, atomic_load(&now_ns) + (int64_t)(step_s * 1e9 + 0.5));
 }
 
@@ -170,6 +177,7 @@ ssize_t recvfrom(int fd, void* data, size_t size, int flags, struct sockaddr* fr
     step_s = at_s > stamp_s && at_s - stamp_s < LARGEST_STEP_S ? at_s - stamp_s : USUAL_STEP_S;
     stamp_s = at_s;
     handed_over = 1;
+    if (atomic_load(&end_ns) == 0) begin();
     while (atomic_load(&now_ns) < atomic_load(&end_ns)) pause_ns(1000);
     wait_for(&receiver);
     wait_for(&serial);

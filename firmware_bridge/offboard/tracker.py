@@ -17,6 +17,8 @@ from flight import FloatArray, rotations
 GAINS = {"kp_xy_1_s2": 9.0, "kd_xy_1_s": 5.0, "kp_z_1_s2": 9.0, "kd_z_1_s": 5.0, "obs_turn_rad_s2": 0.0,
          "att_kp_xy_1_s2": 220.0, "att_kd_xy_1_s": 22.0}  # fmt: skip
 """Where the inner loop is another firmware's: softer position loops, and torques are not ours to observe."""
+_LEAD_S, _SHORTEST_S = 0.018, 1e-3
+"""Low-pass of how the reference turns."""
 STANDING = (State.DISARMED, State.ARMED, State.FAULT)
 
 
@@ -48,7 +50,7 @@ class Tracker:
         )
         self._largest_rad_s = parameters["yaw_slew_rad_s"], parameters["tilt_slew_rad_s"]
         self._begin_s: float | None = None
-        self._last_reference = np.zeros(3)
+        self._last_reference, self._last_s = np.zeros(3), 0.0
         self._turning = np.zeros(3)
         self.motion: Motion | None = None
         """As last estimated."""
@@ -113,9 +115,10 @@ class Tracker:
         wanted = np.asarray(telemetry["q_reference"], dtype=np.float64)
         error = rotations.log(rotations.multiply(rotations.conjugate(motion.q_world_body), wanted))
         reference = np.asarray(telemetry["rate_reference_rad_s"], dtype=np.float64)
-        turning = (reference - self._last_reference) / 0.004
-        self._last_reference = reference
-        self._turning += 0.2 * (turning - self._turning)
+        step_s = max(motion.time_s - self._last_s, _SHORTEST_S)
+        turning = (reference - self._last_reference) / step_s
+        self._last_reference, self._last_s = reference, motion.time_s
+        self._turning += (1.0 - np.exp(-step_s / _LEAD_S)) * (turning - self._turning)
         rate = reference + self._lags.rate_s * self._turning + self._per_error * error
         yaw, tilt = self._largest_rad_s
         return np.clip(rate, [-tilt, -tilt, -yaw], [tilt, tilt, yaw])
