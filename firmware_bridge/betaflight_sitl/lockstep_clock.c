@@ -25,8 +25,8 @@
 #define SERIAL_PORT 5761 /* TCP */
 #define SERIAL_US 500
 #define LONGEST_READ 1000000 /* looks, a few seconds: a thread that is stuck does not stop the others */
-#define LOOK_NS 200         /* what looking at the clock takes */
-#define LOOP_PAUSE_NS 50000 /* of the firmware's main loop */
+#define LOOK_NS 200          /* what looking at the clock takes */
+#define LOOP_PAUSE_NS 50000  /* of the firmware's main loop */
 #define LOOPING 1000
 #define LOOP_NS 10000     /* what a turn of that loop takes in hardware: with the pause, tasks of 1 kHz run at 500 Hz */
 #define USUAL_STEP_S 1e-3 /* where packets do not tell the step: the first, and one after a pause */
