@@ -36,6 +36,7 @@ static _Atomic int64_t now_ns, end_ns; /* of the main thread's clock; end_ns 0: 
 static double stamp_s, step_s;         /* of the last packet; only the state thread has them */
 static atomic_int asked;               /* whether a packet waits for its answer */
 static int handed_over;                /* whether a packet waits for its thread to be done with it */
+static atomic_int let;                 /* whether the firmware runs for the last packet */
 
 /* Its ports are fixed, and two firmwares would share their packets: none outlives the tests that started it. */
 __attribute__((constructor)) static void end_with_parent(void) { prctl(PR_SET_PDEATHSIG, SIGKILL); }
@@ -53,10 +54,12 @@ static void pause_ns(long ns) {
     syscall(SYS_nanosleep, &wait, NULL);
 }
 
-/* Moves the clock on, at most to the end of the step; whether there was room. */
+/* Moves the clock on, at most to the end of the step; whether there was room. A step in which the firmware set no
+   motors, as the first may be, lasts until it does: the body waits for them. */
 static int go_on(int64_t by_ns) {
     int64_t end = atomic_load(&end_ns), now = atomic_load(&now_ns);
-    if (now >= end) return 0;
+    if (now >= end && !(atomic_load(&let) && atomic_load(&asked))) return 0;
+    if (now >= end) atomic_store(&end_ns, end = now + LOOP_NS);
     atomic_store(&now_ns, now + by_ns < end ? now + by_ns : end);
     return 1;
 }
@@ -100,6 +103,7 @@ static void let_run(void) {
     if (!handed_over) return;
     handed_over = 0;
     atomic_store(&end_ns, atomic_load(&now_ns) + (int64_t)(step_s * 1e9 + 0.5));
+    atomic_store(&let, 1);
 }
 
 /* Whose bytes come before a step: the last socket that its thread has looked at, and whether it looks, done with all
@@ -177,6 +181,7 @@ ssize_t recvfrom(int fd, void* data, size_t size, int flags, struct sockaddr* fr
     step_s = at_s > stamp_s && at_s - stamp_s < LARGEST_STEP_S ? at_s - stamp_s : USUAL_STEP_S;
     stamp_s = at_s;
     handed_over = 1;
+    atomic_store(&let, 0);
     if (atomic_load(&end_ns) == 0) begin();
     while (atomic_load(&now_ns) < atomic_load(&end_ns)) pause_ns(1000);
     wait_for(&receiver);
