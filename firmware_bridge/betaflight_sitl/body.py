@@ -17,7 +17,7 @@ from firmware_bridge.betaflight_sitl.process import Sitl
 from firmware_bridge.offboard import clock
 from firmware_bridge.offboard.poses import Pose, tum_line
 from firmware_bridge.sitl_vehicle import PlantLike
-from flight import FloatArray, rotations
+from flight import FloatArray, LinkError, rotations
 
 STEP_S = 2e-3
 BEGIN_S = 1.0
@@ -34,8 +34,8 @@ SETTINGS = (
     "set rates_type = ACTUAL",
     *(f"set {axis}_{name} = {value}" for axis in ("roll", "pitch", "yaw") for name, value in
       (("rc_rate", 100), ("srate", 100), ("expo", 0))),
-    "set thr_expo = 0", "set rc_smoothing = OFF", "set serial_update_rate_hz = 1000",
-    "set failsafe_procedure = AUTO-LAND",
+    "set thr_expo = 0", "set throttle_boost = 0", "set rc_smoothing = OFF", "set serial_update_rate_hz = 1000",
+    "set failsafe_procedure = AUTO-LAND", "set failsafe_delay = 3",
 )  # fmt: skip
 """What the how-to page tells the user to set."""
 
@@ -71,6 +71,8 @@ class Body:
     settings: Sequence[str] = SETTINGS
     clock_port: int = 0
     """Once it runs."""
+    given_up: bool = False
+    """Set while nobody keeps time with it yet: nobody will."""
     way: list[tuple[float, FloatArray]] = field(default_factory=list)
     """Time and true position, (3,) of the world, at every step."""
     fastest_down_m_s: float = 0.0
@@ -79,7 +81,7 @@ class Body:
     def run(self, *, folder: Path | None = None, longest_s: float = 600.0, after_s: float = 0.5) -> None:
         """
         Raises:
-            LinkError: the firmware ended.
+            LinkError: the firmware ended, or the flight was given up before it began.
             UnavailableError: there is no firmware here.
         """
         with contextlib.ExitStack() as stack:
@@ -93,15 +95,16 @@ class Body:
 
     def _met(self, stack: contextlib.ExitStack, folder: Path, server: socket.socket) -> tuple[Sitl, socket.socket]:
         """The firmware, started again as often as its command line is left, and who keeps time with it."""
-        while True:
+        while not self.given_up:
             with contextlib.ExitStack() as once:
                 firmware = once.enter_context(process.flying(folder))
                 if self.on_ready is not None:
                     self.on_ready()
-                while firmware.runs:
+                while firmware.runs and not self.given_up:
                     if select.select([server], [], [], 0.05)[0]:
                         stack.push(once.pop_all())
                         return firmware, stack.enter_context(server.accept()[0])
+        raise LinkError("given up before it began")
 
     def _fly(self, firmware: Sitl, guard: socket.socket, longest_s: float, after_s: float) -> None:
         rng = np.random.default_rng(self.seed)

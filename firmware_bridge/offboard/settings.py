@@ -11,13 +11,15 @@ from flight import LinkError
 NAMES = (
     *(f"{axis}_{name}" for axis in ("roll", "pitch", "yaw") for name in ("rc_rate", "srate", "expo", "rate_limit")),
     "rates_type", "thr_expo", "throttle_limit_type", "thrust_linear", "rc_smoothing", "deadband", "yaw_deadband",
-    "small_angle", "min_check", "serial_update_rate_hz", "failsafe_procedure", "failsafe_delay",
-    "msp_override_channels_mask", "msp_override_failsafe", "serialrx_provider",
+    "small_angle", "min_check", "serial_update_rate_hz", "failsafe_procedure", "failsafe_delay", "failsafe_throttle",
+    "yaw_control_reversed", "mid_rc", "motor_output_limit", "throttle_boost", "vbat_sag_compensation", "motor_idle",
+    "fpv_mix_degrees", "dyn_idle_min_rpm", "msp_override_channels_mask", "msp_override_failsafe", "serialrx_provider",
 )  # fmt: skip
 """What is looked at."""
 FEATURES = {"RX_SERIAL": 3, "3D": 12, "RX_MSP": 14}
 """Bits of the features that matter."""
 _FEATURE_CONFIG = 36
+_PROMPT, _PAUSE_S = "\n# ", 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +45,8 @@ class Settings:
     channel_order: str = ""
     firmware: str = ""
     """Its first line about itself."""
+    ranges_us: tuple[tuple[int, int], ...] = ()
+    """Of the four sticks, as the receiver is calibrated."""
 
     def number(self, name: str, otherwise: float) -> float:
         try:
@@ -65,17 +69,28 @@ def read(line: ByteLine, *, patience_s: float = 10.0) -> Settings:
     version = _asked(line, "version\n", patience_s)
     values = {name: value for name in NAMES if (value := _value(_asked(line, f"get {name}\n", patience_s), name))}
     modes = tuple(_modes(_asked(line, "aux\n", patience_s)))
+    ranges_us = tuple(_ranges(_asked(line, "rxrange\n", patience_s)))
     order = _asked(line, "map\n", patience_s).partition("map ")[2].split("\r")[0].split("\n")[0].strip()
     line.write(b"exit\n")
     with contextlib.suppress(LinkError):
         _until(line, "leaving CLI", 2.0)
     about = next((text.strip(" #\r") for text in version.splitlines() if "Betaflight" in text), "")
-    return Settings(values, modes, features, order, about)
+    return Settings(values, modes, features, order, about, ranges_us)
 
 
 def _asked(line: ByteLine, command: str, patience_s: float) -> str:
+    """
+    Raises:
+        LinkError: the answer has no end: what it lacks must not count as not there.
+    """
     line.write(command.encode())
-    return _until(line, "\n# ", patience_s)
+    said, end_s = "", time.monotonic() + patience_s
+    while time.monotonic() < end_s:
+        said += (more := line.read(_PAUSE_S if said.endswith(_PROMPT) else 0.2).decode("ascii", "replace"))
+        # it repeats the command; and a line of an answer may begin as the prompt does
+        if said.endswith(_PROMPT) and not more and (command == "#" or command.strip() in said):
+            return said
+    raise LinkError(f"the flight controller's command line does not answer `{command.strip()}` to the end")
 
 
 def _until(line: ByteLine, end: str, patience_s: float) -> str:
@@ -86,12 +101,27 @@ def _until(line: ByteLine, end: str, patience_s: float) -> str:
 
 
 def _value(said: str, name: str) -> str:
-    """Of `name = value`; empty where the firmware does not know it."""
+    """Of `name = value`; empty where the firmware does not know it: it says so, or lists others with that in the name.
+
+    Raises:
+        LinkError: neither.
+    """
+    others = "INVALID NAME" in said.upper()
     for text in said.splitlines():
-        left, _, right = text.partition("=")
-        if left.strip(" #") == name:
+        left, is_value, right = text.partition(" = ")
+        if left.strip(" #") == name and right.strip():
             return right.strip()
+        others |= bool(is_value) and name in left
+    if not others:
+        raise LinkError(f"the flight controller's answer to `get {name}` is damaged: {said.strip()[:80]!r}")
     return ""
+
+
+def _ranges(said: str) -> list[tuple[int, int]]:
+    """Of `rxrange channel from to`."""
+    found = [text.split() for text in said.splitlines()]
+    rows = [words for words in found if len(words) == 4 and words[0] == "rxrange" and all(map(str.isdigit, words[1:]))]
+    return [(int(words[2]), int(words[3])) for words in rows]
 
 
 def _modes(said: str) -> list[Mode]:

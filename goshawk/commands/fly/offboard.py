@@ -28,6 +28,8 @@ IDLE = 0.055
 """Betaflight's output at no throttle, unless `motor_idle` says otherwise."""
 RATE_SHARE, FORCE_SHARE = 0.8, 0.9
 """Of what the firmware and the rotors give; the rest is for what disturbs."""
+FAILSAFE_SHARES = 0.9, 0.98
+"""Of the weight, while the firmware lands by itself: some 3.7 to .6 m/s."""
 QUADX = ((-1, -1), (1, -1), (-1, 1), (1, 1))
 """Signs of x and y of motors 1 to 4."""
 QUADX_SPIN = (-1.0, 1.0, 1.0, -1.0)
@@ -82,13 +84,24 @@ def rotor_of_motor(model: Vehicle) -> tuple[int, int, int, int]:
     return first, second, third, fourth
 
 
-def thrust_map(model: Vehicle) -> ThrustMap:
-    """Collective force in air at rest over the throttle, the rotors' speed in proportion to the output."""
+def thrust_map(model: Vehicle, *, idle: float = IDLE) -> ThrustMap:
+    """Collective force in air at rest over the throttle, the rotors' speed in proportion to the output.
+
+    Args:
+        idle: the firmware's output at no throttle, 0 to 1.
+    """
     throttle = np.linspace(0.02, 1.0, 50)
-    speed = model.limits.rotor_speed_max_rad_s * (IDLE + (1.0 - IDLE) * throttle)
+    speed = model.limits.rotor_speed_max_rad_s * (idle + (1.0 - idle) * throttle)
     still = np.zeros((len(throttle), 3))
     force, _ = vehicle.wrench(model, still, still, np.repeat(speed[:, None], 4, axis=1))
     return through(throttle, force[:, 2])
+
+
+def failsafe_us(model: Vehicle, profile: RateProfile, thrust: ThrustMap) -> tuple[float, float]:
+    """Pulses of the throttle between which the firmware's own landing sinks slowly: inflow bounds it."""
+    weight_n = model.mass_kg * model.gravity_m_s2
+    least, most = (profile.pulses_us(np.zeros(3), thrust.throttle(share * weight_n))[2] for share in FAILSAFE_SHARES)
+    return float(least), float(most)
 
 
 def require_followable(model: Vehicle, trajectory: Trajectory, profile: RateProfile, thrust: ThrustMap) -> None:
@@ -143,8 +156,10 @@ def fly(
         found = settings.read(line)
     finally:
         line.close()
-    required(checks.checks(found))
-    profile, thrust = RateProfile.of_settings(found.values), thrust_map(model)
+    idle = found.number("motor_idle", 1e4 * IDLE) / 1e4
+    profile, thrust = RateProfile.of_settings(found.values), thrust_map(model, idle=idle)
+    sinks_us = failsafe_us(model, profile, thrust)
+    required((checks.simulator(found), *checks.checks(found, failsafe_us=sinks_us)))
     require_followable(model, item.trajectory, profile, thrust)
     configuration = controller.parameters_of(model)
     arm = checks.arm_mode(found)
@@ -169,6 +184,7 @@ def body_of(model: Vehicle, trajectory: Trajectory, *, seed: int) -> Body:
     Its rotors react to being spun up, as every rotor does: without that Betaflight's own yaw loop swings.
     """
     motors = rotor_of_motor(model)
+    throttle_us = round(float(np.mean(failsafe_us(model, RateProfile((1.0, 1.0, 1.0)), thrust_map(model)))))
     if "rotor_acceleration_torque" not in model.effects:
         # a propeller and bell of this size: 1e-5 kg m2 at five inches, with the fourth power of the radius
         inertia = 1e-5 * (model.value("rotor_radius_m") / 0.0635) ** 4
@@ -177,6 +193,7 @@ def body_of(model: Vehicle, trajectory: Trajectory, *, seed: int) -> Body:
     if spins not in (list(QUADX_SPIN), [-spin for spin in QUADX_SPIN]):
         raise InputError(f"{model.name}: neighbouring rotors do not spin against each other, as QUADX has them")
     reversed_too = () if spins == list(QUADX_SPIN) else ("set yaw_motors_reversed = ON",)
+    own = (f"set failsafe_throttle = {throttle_us}", *reversed_too)
     start = trajectory.position([0.0])[0]
     plant = vehicle.simulate.Plant(
         model,
@@ -185,7 +202,7 @@ def body_of(model: Vehicle, trajectory: Trajectory, *, seed: int) -> Body:
         ground_m=0.0,
     )
     return Body(
-        plant, model.limits.rotor_speed_max_rad_s, motors, seed=seed, settings=(*SETTINGS, *reversed_too)
+        plant, model.limits.rotor_speed_max_rad_s, motors, seed=seed, settings=(*SETTINGS, *own)
     )  # fmt: skip
 
 
@@ -217,6 +234,7 @@ def rehearsing(body: Body) -> Iterator[tuple[Where, Callable[[], object]]]:
     try:
         yield Where(ADDRESS, "127.0.0.1", 0, 0.0, body.clock_port), wait
     finally:
+        body.given_up = True
         thread.join(PATIENCE_S if not failed else 0.0)
 
 
