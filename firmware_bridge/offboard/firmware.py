@@ -1,5 +1,6 @@
 """Betaflight's messages: sticks out; attitude, arming, motors, voltage in."""
 
+import math
 import struct
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -26,6 +27,14 @@ class Function(IntEnum):
 
 ARM_BOX, OVERRIDE_BOX = 0, 50
 """Permanent ids of modes."""
+RATE_CHANGING = {
+    1: "ANGLE", 2: "HORIZON", 3: "ALTHOLD", 5: "MAG", 6: "HEADFREE", 7: "HEADADJ", 11: "POS HOLD", 12: "PASSTHRU",
+    27: "FAILSAFE", 30: "FPV ANGLE MIX", 35: "FLIP OVER AFTER CRASH", 45: "PARALYZE", 46: "GPS RESCUE",
+    47: "ACRO TRAINER", 49: "LAUNCH CONTROL", 55: "CHIRP",
+}  # fmt: skip
+"""Modes in which a stick is not a body rate, or a throttle not a thrust."""
+_ANSWER_S = 0.3
+"""Older answers are none."""
 _BAROMETER_BIT = 2
 _ARMING_FLAGS = (
     "no gyro", "failsafe", "no receiver signal", "was not disarmed", "failsafe switch", "runaway take-off",
@@ -51,15 +60,26 @@ class FirmwareState:
     armed: bool = False
     overriding: bool = False
     """Whether MSP has the sticks by the pilot's switch."""
+    other_modes: tuple[int, ...] = ()
+    """Permanent ids of those of `RATE_CHANGING` that are on."""
     arming_flags: int = 0
     has_barometer: bool = False
     altitude_m: float = np.nan
     climb_m_s: float = np.nan
     altitude_s: float = -np.inf
+    altitude_changed_s: float = -np.inf
+    """When it last was another: a barometer that stands still is broken."""
     battery_v: float = 0.0
     """0: not measured."""
     motors: FloatArray = field(default_factory=lambda: np.full(4, np.nan))
     """Outputs of motors 1 to 4, 0 to 1."""
+
+    def up_body(self, now_s: float) -> FloatArray | None:
+        """World's up in body axes (3,); None when it has not been told of late."""
+        if not now_s - self.attitude_s < _ANSWER_S:
+            return None
+        roll, pitch = self.roll_pitch_rad
+        return np.array([-math.sin(pitch), math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch)])
 
 
 def reasons(arming_flags: int) -> list[str]:
@@ -111,6 +131,8 @@ class Firmware:
             self._status(data)
         elif frame.function == Function.ALTITUDE and len(data) >= 6:
             altitude_cm, climb_cm_s = struct.unpack_from("<ih", data)
+            if 0.01 * altitude_cm != state.altitude_m:
+                state.altitude_changed_s = now_s
             state.altitude_m, state.climb_m_s, state.altitude_s = 0.01 * altitude_cm, 0.01 * climb_cm_s, now_s
         elif frame.function == Function.MOTOR and len(data) >= 8:
             state.motors = np.clip((np.array(struct.unpack_from("<4H", data)) - 1000.0) / 1000.0, 0.0, 1.0)
@@ -126,6 +148,7 @@ class Firmware:
         if self._boxes is not None:
             state.armed = self._mode(modes, ARM_BOX)
             state.overriding = self._mode(modes, OVERRIDE_BOX)
+            state.other_modes = tuple(box for box in RATE_CHANGING if self._mode(modes, box))
         if len(data) >= 21 + more:
             (state.arming_flags,) = struct.unpack_from("<I", data, 17 + more)
 

@@ -10,8 +10,10 @@ import numpy as np
 
 from flight import FloatArray, InputError
 
-SYNCHRONISED_S = 1.0
-"""A stamp this close to our clock is on our clock; another clock's offset is estimated."""
+SYNCHRONISED_S = 0.05
+"""A first stamp at most this old is on our clock; another clock's offset is estimated."""
+AHEAD_S = 0.02
+"""A stamp further in the future is no pose's."""
 _WINDOW = 1000
 """Poses whose least delay tells the offset between the clocks."""
 
@@ -55,8 +57,9 @@ def from_tum(line: bytes) -> Pose | None:
 class UdpPoses:
     """Poses as datagrams of TUM lines; call it as `Poses`.
 
-    A sender on our clock (Unix time) is believed. Of another clock the offset is the least difference between arrival
-    and stamp, so that only the delay beyond the least is seen: `delay_s` is what the least one is.
+    A sender on our clock (Unix time), by its first stamp, is believed ever after: late is late. Of another clock the
+    offset is the least difference between arrival and stamp, so that only the delay beyond the least is seen: `delay_s`
+    is what the least one is.
     """
 
     def __init__(self, host: str, port: int, *, delay_s: float = 0.0) -> None:
@@ -76,6 +79,7 @@ class UdpPoses:
         self._socket.setblocking(False)
         self._delay_s = delay_s
         self._differences_s: deque[float] = deque(maxlen=_WINDOW)
+        self._believed: bool | None = None
 
     @property
     def address(self) -> tuple[str, int]:
@@ -90,14 +94,18 @@ class UdpPoses:
             except BlockingIOError:
                 return found
             for line in content.splitlines():
-                pose = from_tum(line)
+                told = from_tum(line)
+                pose = self._on_our_clock(told, now_s) if told is not None else None
                 if pose is not None:
-                    found.append(self._on_our_clock(pose, now_s))
+                    found.append(pose)
 
-    def _on_our_clock(self, pose: Pose, now_s: float) -> Pose:
+    def _on_our_clock(self, pose: Pose, now_s: float) -> Pose | None:
+        """None for a stamp of the future."""
         difference_s = now_s - pose.time_s
-        if abs(difference_s) < SYNCHRONISED_S and not self._differences_s:
-            return pose
+        if self._believed is None:
+            self._believed = -AHEAD_S <= difference_s <= SYNCHRONISED_S
+        if self._believed:
+            return pose if difference_s >= -AHEAD_S else None
         self._differences_s.append(difference_s)
         offset_s = min(self._differences_s) - self._delay_s
         return Pose(pose.time_s + offset_s, pose.position_world_m, pose.q_world_body)

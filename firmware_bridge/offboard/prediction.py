@@ -15,7 +15,13 @@ from flight import FloatArray, rotations
 
 _KEPT_S = 1.0
 """Of commands: no pose that is older is used."""
+_REACH_S = 0.3
+"""Of a prediction: beyond, poses are stale, and every tick would integrate more of it."""
 _STEP_S = 0.004
+_MOST_GROWN = 1.5
+"""Of the bounds on a pose, which spread while there are none: more would let a jump in before its time."""
+_SEED_AFTER = 10
+"""Refused in a row on the ground, where a vehicle is carried: then it is there."""
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -84,19 +90,30 @@ class Predictor:
         while self._commands[0][0] < time_s - _KEPT_S:
             self._commands.popleft()
 
+    def reset(self) -> None:
+        """Forget the state and the commands: another steers. The next pose begins anew, at rest."""
+        self._commands.clear()
+        self._last, self.refused = None, 0
+
+    def _seed(self, pose: Pose) -> bool:
+        still = np.zeros(3)
+        self._last = Motion(pose.time_s, pose.position_world_m, still, pose.q_world_body, still.copy(), 0.0)
+        self.refused = 0
+        return True
+
     def pose(self, pose: Pose) -> bool:
         """Correct by a pose. Returns whether it was used."""
         if self._last is None:
-            still = np.zeros(3)
-            self._last = Motion(pose.time_s, pose.position_world_m, still, pose.q_world_body, still.copy(), 0.0)
-            return True
+            return self._seed(pose)
         since_s = pose.time_s - self._last.time_s
+        if self.on_ground and (since_s >= _KEPT_S or (since_s > 0.0 and self.refused >= _SEED_AFTER)):
+            return self._seed(pose)
         if not 0.0 < since_s < _KEPT_S:
             return False
         then = self._carried(self._last, pose.time_s)
         missed_m = pose.position_world_m - then.position_world_m
         turned_rad = rotations.log(rotations.multiply(rotations.conjugate(then.q_world_body), pose.q_world_body))
-        grown = 1.0 + since_s / 0.1  # a prediction without poses spreads
+        grown = min(1.0 + since_s / 0.1, _MOST_GROWN)
         if (
             np.linalg.norm(missed_m) > self._memory.jump_m * grown
             or np.linalg.norm(turned_rad) > self._memory.jump_rad * grown
@@ -124,9 +141,9 @@ class Predictor:
         )
 
     def at(self, time_s: float) -> Motion:
-        """The state at a time, by the commands since the last pose. There must have been one."""
+        """The state at a time, by the commands since the last pose, 0.3 s at most. There must have been one."""
         assert self._last is not None
-        return self._carried(self._last, time_s)
+        return self._carried(self._last, min(time_s, self._last.time_s + _REACH_S))
 
     def _carried(self, start: Motion, time_s: float) -> Motion:
         now = Motion(

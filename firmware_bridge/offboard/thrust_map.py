@@ -8,6 +8,8 @@ from flight import FloatArray, InputError
 
 _FEWEST = 50
 """Rows that a fit needs."""
+_VOLTAGE_RATIO = 0.5, 1.2
+"""Of thrusts by voltage; a reading beyond is none of this battery's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +40,9 @@ class ThrustMap:
         return float(np.clip((np.sqrt(root) - c1) / (2.0 * c2), 0.0, 1.0))
 
     def _voltage_ratio(self, battery_v: float) -> float:
-        return (battery_v / self.reference_v) ** 2 if battery_v > 0.0 and self.reference_v > 0.0 else 1.0
+        if not (battery_v > 0.0 and self.reference_v > 0.0):
+            return 1.0
+        return float(np.clip((battery_v / self.reference_v) ** 2, *_VOLTAGE_RATIO))
 
 
 def through(throttle: FloatArray, force_n: FloatArray, *, reference_v: float = 0.0) -> ThrustMap:
