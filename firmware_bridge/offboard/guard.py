@@ -13,21 +13,25 @@ import sys
 import numpy as np
 
 from firmware_bridge.offboard import byte_line
+from firmware_bridge.offboard.airborne import Airborne
 from firmware_bridge.offboard.clock import Clock, SteppedClock, WallClock
 from firmware_bridge.offboard.descent import Descent
 from firmware_bridge.offboard.firmware import Firmware
-from firmware_bridge.offboard.ladder import Ladder, Seen, Stage, Wish
+from firmware_bridge.offboard.ladder import POSE_STALE_S, Ladder, Seen, Stage, Wish
 from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand, Setup
-from firmware_bridge.offboard.poses import Pose, UdpPoses
-from firmware_bridge.offboard.prediction import Predictor
+from firmware_bridge.offboard.pose_watch import PoseWatch
+from firmware_bridge.offboard.poses import Pose, Poses, UdpPoses
+from firmware_bridge.offboard.prediction import Motion, Predictor
 from flight import FloatArray, LinkError
 
 CHANNELS = 8
 _DISARM_US = 1000
-_HOVER_S = 2.0
-"""Over which the force that hovers is averaged."""
-_LEAST_HOVER, _MOST_HOVER = 0.7, 1.4
-"""Of the weight: a force beyond is no hover's."""
+_HOVER_TICKS = 5
+"""Between looks at whether it hovers."""
+_LEVELLING = {1, 2, 3, 11, 27, 46}
+"""Of the firmware's modes: centred sticks are level in them, and rates are read as angles."""
+_MOST_FAILURES = 250
+"""Ticks in a row that the guard itself cannot do; after them the firmware's failsafe must."""
 _PATIENCE_S = 30.0
 """Of this machine's clock, in which a planner answers while a simulated body waits; a hung one counts as silent."""
 _IDLE = PlannerCommand(-np.inf, -np.inf, 0.0, np.zeros(3), Wish.WAIT)
@@ -36,38 +40,74 @@ _IDLE = PlannerCommand(-np.inf, -np.inf, 0.0, np.zeros(3), Wish.WAIT)
 class Guard:
     """One flight; `tick` until it returns False."""
 
-    def __init__(self, setup: Setup, firmware: Firmware, poses: UdpPoses, planner: socket.socket) -> None:
+    def __init__(self, setup: Setup, firmware: Firmware, poses: Poses, planner: socket.socket) -> None:
         self._setup, self._firmware, self._poses, self._planner = setup, firmware, poses, planner
         self._ladder, self._command, self._gone, self._hung = Ladder(), _IDLE, False, False
         self._predictor = Predictor(setup.mass_kg, setup.gravity_m_s2)
-        self._hover_n = setup.mass_kg * setup.gravity_m_s2
-        self._ground_m: float | None = None
+        self._airborne, self._watch = Airborne(setup.mass_kg, setup.gravity_m_s2), PoseWatch()
         self._descent: Descent | None = None
         self._new_poses: list[Pose] = []
+        self._ticks = self._failures = 0
+        self._crippled = False
+        """By an error of its own: it hears neither planner nor poses any more."""
 
     def tick(self, now_s: float) -> bool:
-        """Hear, judge, send, tell. False when the flight is over."""
+        """Hear, judge, send, tell. False when the flight is over.
+
+        An error of the guard's own ends no flight in the air: it comes down, without planner and poses.
+        """
+        try:
+            goes_on = self._tick(now_s)
+        except Exception as error:
+            self._failed(now_s, error)
+            return True
+        self._failures = 0
+        return goes_on
+
+    def _failed(self, now_s: float, error: Exception) -> None:
+        self._failures += 1
+        if self._failures > _MOST_FAILURES:
+            raise error
+        if not self._crippled:
+            print(f"guard: {type(error).__name__}: {error}", file=sys.stderr)
+        self._crippled = self._watch.lying = True
+        self._ladder.fail(now_s, lifted=self._airborne.lifted)
+
+    def _tick(self, now_s: float) -> bool:
         self._hear(now_s)
         state = self._firmware.state
+        ours = self._setup.by_msp_alone or state.overriding
         seen = Seen(
-            self._command.wish, self._gone, self._command.time_s, self._command.pose_s, state.armed,
-            self._setup.by_msp_alone or state.overriding, self._descent is not None and self._descent.landed,
+            self._command.wish, self._gone, self._command.time_s,
+            -np.inf if self._watch.lying else self._command.pose_s, state.armed, ours,
+            self._descent is not None and self._descent.landed, self._airborne.lifted, bool(state.other_modes),
+            not self._setup.by_msp_alone, state.heard_s,
         )  # fmt: skip
         stage = self._ladder.step(now_s, seen)
         force_n, rate = self._demand(now_s, stage)
         self._predictor.on_ground = force_n <= 0.0
         self._predictor.command(now_s, force_n, rate)
+        self._airborne.commanded(self._setup.period_s, force_n, armed=state.armed and ours)
         self._send(stage, force_n, rate)
         self._tell(now_s, stage, seen)
+        self._ticks += 1
         return stage is not Stage.ENDED
 
     def _hear(self, now_s: float) -> None:
         self._firmware.listen(now_s)
+        state = self._firmware.state
+        up_body = state.up_body(now_s)
+        if up_body is not None:
+            self._watch.attitude(state.attitude_s, up_body)
+        if self._crippled:
+            self._new_poses = []
+            return
         self._new_poses = self._poses(now_s)
         for pose in self._new_poses:
-            if self._ground_m is None:
-                self._ground_m = float(pose.position_world_m[2])
-            self._predictor.pose(pose)
+            self._watch.pose(pose, flying=self._airborne.lifted and state.armed)
+            if not self._watch.lying:
+                self._airborne.pose(pose, armed=state.armed)
+                self._predictor.pose(pose)
         while not self._gone:
             try:
                 self._take(self._planner.recv(256))
@@ -96,21 +136,40 @@ class Guard:
 
     def _demand(self, now_s: float, stage: Stage) -> tuple[float, FloatArray]:
         if stage is Stage.FOLLOWING:
-            if self._command.wish is not Wish.FLY:
-                return 0.0, np.zeros(3)
-            weight_n = self._setup.mass_kg * self._setup.gravity_m_s2
-            if _LEAST_HOVER < self._command.force_n / weight_n < _MOST_HOVER:
-                self._hover_n += self._setup.period_s / _HOVER_S * (self._command.force_n - self._hover_n)
-            return self._command.force_n, self._command.rate_body_rad_s
-        if stage not in (Stage.DESCENDING, Stage.PILOT):
+            return self._followed(now_s)
+        if stage is Stage.PILOT:
+            self._descent = None
+            self._predictor.reset()
+            self._airborne.piloted(now_s)
+            return self._airborne.hover_n, np.zeros(3)
+        if stage is not Stage.DESCENDING:
             return 0.0, np.zeros(3)
-        motion = self._predictor.at(now_s) if self._predictor.pose_time_s > now_s - 1.0 else None
-        if motion is not None:
-            motion.time_s = self._predictor.pose_time_s
+        state = self._firmware.state
         if self._descent is None:
-            height_m = 0.0 if motion is None else float(motion.position_world_m[2]) - (self._ground_m or 0.0)
-            self._descent = Descent(now_s, self._hover_n, height_m, self._setup.gravity_m_s2)
-        return self._descent.force_and_rate(now_s, self._firmware.state, motion)
+            height_m = self._airborne.height_m(now_s, state, lying=self._watch.lying)
+            self._descent = Descent(now_s, self._airborne.hover_n, height_m, self._setup.gravity_m_s2)
+        force_n, rate = self._descent.force_and_rate(now_s, state, self._motion(now_s))
+        return force_n, np.zeros(3) if _LEVELLING.intersection(state.other_modes) else rate
+
+    def _followed(self, now_s: float) -> tuple[float, FloatArray]:
+        command = self._command
+        if command.wish is not Wish.FLY:
+            return 0.0, np.zeros(3)
+        motion = self._motion(now_s) if self._airborne.lifted and self._ticks % _HOVER_TICKS == 0 else None
+        up_body = self._firmware.state.up_body(now_s)
+        if motion is not None and up_body is not None:
+            climbing = float(self._predictor.acceleration_world_m_s2(motion, motion.q_world_body)[2])
+            period_s = _HOVER_TICKS * self._setup.period_s
+            self._airborne.hovers(period_s, command.force_n, float(up_body[2]), climbing)
+        return command.force_n, command.rate_body_rad_s
+
+    def _motion(self, now_s: float) -> Motion | None:
+        """By poses that can be believed, stamped with that of the last."""
+        if self._watch.lying or not self._predictor.pose_time_s >= now_s - POSE_STALE_S:
+            return None
+        motion = self._predictor.at(now_s)
+        motion.time_s = self._predictor.pose_time_s
+        return motion
 
     def _send(self, stage: Stage, force_n: float, rate_body_rad_s: FloatArray) -> None:
         setup = self._setup
@@ -125,16 +184,18 @@ class Guard:
         state = self._firmware.state
         status = GuardStatus(
             stage, self._ladder.reason, state.armed, seen.sticks_ours, now_s, state.heard_s, state.battery_v,
-            state.motors, state.arming_flags, tuple(self._new_poses),
+            state.motors, state.arming_flags, tuple(self._new_poses), next(iter(state.other_modes), 0),
         )  # fmt: skip
-        with contextlib.suppress(OSError):  # a full or closed socket is the planner's loss
+        with contextlib.suppress(OSError, struct.error):  # a full or closed socket is the planner's loss
             self._planner.send(status.pack())
 
 
 def run(setup: Setup, planner: socket.socket) -> None:
     """Guard one flight to its end."""
     poses = UdpPoses(setup.pose_host, setup.pose_port, delay_s=setup.pose_delay_s)
-    line = byte_line.connect(setup.address)
+    line = byte_line.LastingLine(
+        byte_line.connect(setup.address), lambda: byte_line.connect(setup.address, patience_s=0.0)
+    )
     clock: Clock = WallClock()
     if setup.clock_port:
         clock = SteppedClock(setup.clock_port, introduction=struct.pack("<H", poses.address[1]))

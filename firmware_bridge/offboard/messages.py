@@ -13,7 +13,7 @@ from firmware_bridge.offboard.thrust_map import ThrustMap
 from flight import FloatArray
 
 _COMMAND = struct.Struct("<6dB")
-_STATUS = struct.Struct("<3B?3d4dIB")
+_STATUS = struct.Struct("<3B?3d4dIBB")
 _POSE = struct.Struct("<8d")
 MOST_POSES = 64
 """In one status; older ones are not told."""
@@ -66,12 +66,13 @@ class PlannerCommand:
 
     @staticmethod
     def unpack(data: bytes) -> "PlannerCommand | None":
-        """None unless it is one, of finite numbers."""
+        """None unless it is one, of finite numbers; only a pose that there was not is minus infinity old."""
         if len(data) != _COMMAND.size:
             return None
         time_s, pose_s, force_n, x, y, z, wish = _COMMAND.unpack(data)
         rate = np.array([x, y, z])
-        if not (np.isfinite([time_s, force_n, x, y, z]).all() and wish <= Wish.DESCEND):
+        dated = np.isfinite(pose_s) or pose_s == -np.inf
+        if not (dated and np.isfinite([time_s, force_n, x, y, z]).all() and wish <= Wish.DESCEND):
             return None
         return PlannerCommand(time_s, pose_s, force_n, rate, Wish(wish))
 
@@ -92,21 +93,23 @@ class GuardStatus:
     arming_flags: int = 0
     poses: tuple[Pose, ...] = ()
     """That have come since the last status."""
+    other_mode: int = 0
+    """Permanent id of a mode that is on and changes what sticks mean; 0: none."""
 
     def pack(self) -> bytes:
         poses = self.poses[-MOST_POSES:]
         head = _STATUS.pack(
             self.stage, self.reason, self.armed, self.sticks_ours, self.time_s, self.heard_s, self.battery_v,
-            *self.motors, self.arming_flags, len(poses),
+            *self.motors, self.arming_flags, self.other_mode, len(poses),
         )  # fmt: skip
         return head + b"".join(_POSE.pack(p.time_s, *p.position_world_m, *p.q_world_body) for p in poses)
 
     @staticmethod
     def unpack(data: bytes) -> "GuardStatus":
         stage, reason, armed, ours, time_s, heard_s, battery_v, *more = _STATUS.unpack_from(data)
-        rows = [_POSE.unpack_from(data, _STATUS.size + i * _POSE.size) for i in range(more[5])]
+        rows = [_POSE.unpack_from(data, _STATUS.size + i * _POSE.size) for i in range(more[6])]
         poses = tuple(Pose(row[0], np.array(row[1:4]), np.array(row[4:])) for row in rows)
         return GuardStatus(
             Stage(stage), Reason(reason), bool(armed), ours, time_s, heard_s, battery_v, np.array(more[:4]), more[4],
-            poses,
+            poses, more[5],
         )  # fmt: skip

@@ -1,14 +1,15 @@
 """One flight off board: arm, take off, fly the trajectory, land, and the log of it."""
 
+import contextlib
 from collections.abc import Callable
 
 import numpy as np
 
 from firmware_bridge.controller import Command, LinkLoss, State
 from firmware_bridge.offboard import ladder
-from firmware_bridge.offboard.firmware import reasons
+from firmware_bridge.offboard.firmware import RATE_CHANGING, reasons
 from firmware_bridge.offboard.guard_process import GuardProcess
-from firmware_bridge.offboard.ladder import Stage, Wish
+from firmware_bridge.offboard.ladder import POSE_STALE_S, Stage, Wish
 from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand
 from firmware_bridge.offboard.poses import Pose
 from firmware_bridge.offboard.tracker import Demand, Tracker
@@ -18,7 +19,9 @@ from flight.flight_log import from_vectors
 
 LOWEST_TAKE_OFF_M = 0.3
 READY_S, ARM_S, STEP_S, HOVER_S, HARMLESS_FLAGS = 20.0, 30.0, 60.0, 2.0, 1 << 28
-_SILENT_S = 0.5
+_SILENT_S, _DISARMING_S = 0.5, 1.0
+_ON_GROUND_M = 0.3
+"""Above where it stood: a controller that gives up higher than this leaves the vehicle in the air."""
 _LOG_EVERY = 2
 _DOWN = (State.DISARMED, State.FAULT)
 _ENDED = (Stage.DOWN, Stage.ENDED)
@@ -45,9 +48,10 @@ class Flight:
         self._motor_of_rotor = list(motor_of_rotor)
         self._inbox: list[Pose] = []
         self.tracker = tracker_of(self._taken)
-        self._wish, self._cancelled = Wish.WAIT, False
+        self._wish = Wish.WAIT
         self._ticks = 0
         self._rows: list[dict[str, FloatArray]] = []
+        self._stood_m: float | None = None
         self.status: GuardStatus | None = None
         self.ended_early = ""
 
@@ -64,13 +68,16 @@ class Flight:
         """
         controller = self.tracker.controller
         controller.upload(self._trajectory, link_loss=LinkLoss.FINISH)
-        self._until(self._ready, READY_S, "the vehicle is not ready to arm")
+        self._until(self._ready, READY_S, "the vehicle is not ready to arm", watch=self._not_cancelled)
         begin_m = float(self._trajectory.position([0.0])[0, 2])
         motion = self.tracker.motion
         assert motion is not None
+        self._stood_m = float(motion.position_world_m[2])
         controller.command(Command.ARM)
         self._wish = Wish.FLY
-        self._until(lambda: self._heard().armed and self._heard().sticks_ours, ARM_S, "the firmware does not arm")
+        armed = "the firmware does not arm"
+        self._until(lambda: self._heard().armed and self._heard().sticks_ours, ARM_S, armed, watch=self._arms)
+        self._not_cancelled(armed)
         try:
             controller.command(Command.TAKE_OFF, max(begin_m - motion.position_world_m[2], LOWEST_TAKE_OFF_M))
             self._reach(State.HOLD, STEP_S, "take-off")
@@ -91,15 +98,47 @@ class Flight:
             controller.command(Command.LAND)
         try:
             self._until(lambda: controller.state in _DOWN or not self._following(), STEP_S, "landing")
-            self._wish = Wish.STOP if self._following() else self._wish
+            self._wish = self._wish_at_end() if self._following() else self._wish
             self._until(lambda: self._heard().stage in _ENDED, STEP_S, "disarming")
         except LinkError as error:
             self.ended_early = self.ended_early or str(error)
+        self._ask_pilot_to_disarm()
+
+    def _ask_pilot_to_disarm(self) -> None:
+        """Where only a pilot's switch disarms: until then the guard holds the throttle low."""
+        with contextlib.suppress(LinkError):
+            self._until(self._ended_or_disarmed, _DISARMING_S, "disarming")
+        if self._heard().armed and self._heard().stage is Stage.DOWN:
+            self._progress("landed: disarm now", 1.0)
+
+    def _ended_or_disarmed(self) -> bool:
+        return self._heard().stage is Stage.ENDED or not self._heard().armed
+
+    def _wish_at_end(self) -> Wish:
+        """The controller's end: it has landed, or it gives up in the air, where the guard still can bring it down."""
+        motion = self.tracker.motion
+        high = motion is not None and motion.position_world_m[2] > (self._stood_m or 0.0) + _ON_GROUND_M
+        return Wish.DESCEND if self.tracker.state is State.FAULT and high else Wish.STOP
 
     def _ready(self) -> bool:
         status = self._heard()
         flags = status.arming_flags & ~HARMLESS_FLAGS
-        return status.time_s - status.heard_s < _SILENT_S and not flags and self.tracker.ready and self._ticks > 250
+        at_rest = not flags and not status.armed and not status.other_mode
+        heard = status.time_s - status.heard_s < _SILENT_S and self._pose_is_fresh(status)
+        return at_rest and heard and self.tracker.ready and self._ticks > 250
+
+    def _pose_is_fresh(self, status: GuardStatus) -> bool:
+        return status.time_s - self.tracker.predictor.pose_time_s < POSE_STALE_S
+
+    def _not_cancelled(self, what: str) -> None:
+        if self._cancel():
+            raise LinkError(f"{what}: cancelled")
+
+    def _arms(self, what: str) -> None:
+        """While the firmware is to arm: nobody has thought better of it, and the guard not either."""
+        self._not_cancelled(what)
+        if not self._following():
+            raise LinkError(f"{what}: {ladder.WORDS[self._heard().reason] or 'the guard ended the flight'}")
 
     def _heard(self) -> GuardStatus:
         assert self.status is not None
@@ -110,16 +149,18 @@ class Flight:
 
     def _for(self, seconds: float) -> None:
         end_s = self._heard().time_s + seconds
-        self._until(lambda: self._heard().time_s >= end_s, seconds + 1.0, "hovering", watch=True)
+        self._until(lambda: self._heard().time_s >= end_s, seconds + 1.0, "hovering", watch=self._watch)
 
     def _reach(self, state: State, limit_s: float, what: str) -> None:
-        self._until(lambda: self.tracker.state is state, limit_s, what, watch=True)
+        self._until(lambda: self.tracker.state is state, limit_s, what, watch=self._watch)
 
-    def _until(self, done: Callable[[], bool], limit_s: float, what: str, *, watch: bool = False) -> None:
+    def _until(
+        self, done: Callable[[], bool], limit_s: float, what: str, *, watch: Callable[[str], None] | None = None
+    ) -> None:
         """Tick until it is so.
 
         Args:
-            watch: the flight is to go on as planned meanwhile.
+            watch: called meanwhile with what is waited for; raises where that is not to be.
         """
         begin_s: float | None = None
         while True:
@@ -128,8 +169,8 @@ class Flight:
             begin_s = status.time_s if begin_s is None else begin_s
             if done():
                 return
-            if watch:
-                self._watch(what)
+            if watch is not None:
+                watch(what)
             if status.time_s - begin_s > limit_s:
                 raise LinkError(f"{what} within {limit_s:.0f} s: {self._why_not(status)}")
 
@@ -141,16 +182,21 @@ class Flight:
             raise LinkError(f"{what}: the controller ended it because {reason_text(controller.telemetry['reason'])}")
         if status.time_s - status.heard_s > _SILENT_S:
             raise LinkError(f"{what}: the firmware has not answered for {_SILENT_S} s")
-        if self._cancel():
-            raise LinkError(f"{what}: cancelled")
+        self._not_cancelled(what)
 
     def _why_not(self, status: GuardStatus) -> str:
         if status.time_s - status.heard_s > _SILENT_S:
             return "the firmware does not answer; is its baud rate right, and MSP on in its Ports tab?"
         if self.tracker.motion is None:
             return "no pose has come; is the tracking system sending TUM lines to the address of --poses?"
+        if not self._pose_is_fresh(status):
+            return f"the last pose is older than {POSE_STALE_S} s, or its clock is not ours"
         if not self.tracker.ready:
             return self.tracker.unready
+        if status.armed and self._wish is Wish.WAIT:
+            return "it is armed already; disarm, switch the override on, and arm when told"
+        if status.other_mode:
+            return f"mode {RATE_CHANGING[status.other_mode]} is on, in which sticks are no body rates; switch it off"
         if words := reasons(status.arming_flags & ~HARMLESS_FLAGS):
             return f"the firmware says: {', '.join(words)}"
         if not status.sticks_ours:
@@ -162,7 +208,9 @@ class Flight:
         self._inbox += status.poses
         demand = self.tracker.tick(status.time_s, battery_v=status.battery_v)
         rest = demand or Demand(status.time_s, 0.0, np.zeros(3), -np.inf)
-        command = PlannerCommand(rest.time_s, rest.pose_time_s, rest.force_n, rest.rate_body_rad_s, self._wish)
+        given_up = self._wish is Wish.FLY and self.tracker.state is State.FAULT
+        wish = self._wish_at_end() if given_up else self._wish
+        command = PlannerCommand(rest.time_s, rest.pose_time_s, rest.force_n, rest.rate_body_rad_s, wish)
         if status.stage is not Stage.ENDED:
             self._guard.answer(command)
         self._ticks += 1

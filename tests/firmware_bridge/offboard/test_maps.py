@@ -1,12 +1,15 @@
 """Throttle and force, rates and pulses, poses and states: there and back."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from firmware_bridge.offboard.ladder import Wish
+from firmware_bridge.offboard.messages import PlannerCommand
 from firmware_bridge.offboard.poses import Pose, UdpPoses, from_tum, tum_line
 from firmware_bridge.offboard.prediction import Lags, Predictor
 from firmware_bridge.offboard.rate_profile import RateProfile
@@ -24,6 +27,11 @@ def test_a_throttle_gives_the_force_that_asks_for_it(throttle, battery_v):
 
 def test_a_lower_battery_takes_more_throttle_for_the_same_force():
     assert MAP.throttle(8.0, 14.0) > MAP.throttle(8.0, 16.0) == MAP.throttle(8.0)
+
+
+def test_a_voltage_that_is_none_of_this_battery_moves_the_throttle_little():
+    for battery_v in (0.5, 1.0, 60.0):
+        assert 0.7 * MAP.throttle(8.0) < MAP.throttle(8.0, battery_v) < 1.6 * MAP.throttle(8.0)
 
 
 def test_a_map_is_found_from_its_points_and_scaled_to_a_flight():
@@ -77,6 +85,43 @@ def test_poses_of_another_clock_keep_their_spacing_and_lose_their_offset():
     heard.close()
 
 
+def heard(stamps_and_nows):
+    """What a stream makes of stamps that come at times."""
+    import socket
+
+    poses = UdpPoses("127.0.0.1", 0)
+    with socket.socket(type=socket.SOCK_DGRAM) as out:
+        for stamp_s, now_s in stamps_and_nows:
+            out.sendto(tum_line(Pose(stamp_s, np.zeros(3), np.array([1.0, 0, 0, 0]))), poses.address)
+            yield [pose.time_s for pose in poses(now_s)]
+    poses.close()
+
+
+def test_a_sender_on_our_clock_stays_on_it_when_it_is_late():
+    assert list(heard([(9.99, 10.0), (10.0, 10.6)])) == [[pytest.approx(9.99)], [pytest.approx(10.0)]]
+
+
+def test_a_stamp_of_the_future_is_no_pose():
+    assert list(heard([(9.99, 10.0), (10.2, 10.1), (10.19, 10.2)])) == [
+        [pytest.approx(9.99)],
+        [],
+        [pytest.approx(10.19)],
+    ]
+
+
+def test_a_sender_a_tenth_of_a_second_off_is_on_another_clock():
+    for off_s in (-0.15, 0.15, 0.9):
+        told = list(heard([(10.0 + off_s, 10.0), (10.1 + off_s, 10.1), (10.2 + off_s, 10.5)]))
+        assert told == [[pytest.approx(10.0)], [pytest.approx(10.1)], [pytest.approx(10.2)]]
+
+
+def test_a_planners_pose_of_no_time_is_no_command():
+    said = PlannerCommand(1.0, -math.inf, 2.0, np.zeros(3), Wish.FLY)
+    assert PlannerCommand.unpack(said.pack()) is not None
+    for pose_s in (math.nan, math.inf):
+        assert PlannerCommand.unpack(replace(said, pose_s=pose_s).pack()) is None
+
+
 def test_the_prediction_reaches_over_a_late_pose():
     """A body that follows its commands as the predictor thinks is known at once, however late its poses are."""
     lags, mass_kg, g = Lags(0.0, 0.03, 0.04), 0.7, 9.81
@@ -111,3 +156,44 @@ def test_a_pose_that_jumps_is_not_used():
     assert not predictor.pose(Pose(0.2, np.array([1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])))
     assert predictor.pose_time_s == last_s
     assert predictor.refused == 1
+
+
+def seen(predictor: Predictor, time_s: float, x_m: float) -> bool:
+    return predictor.pose(Pose(time_s, np.array([x_m, 0.0, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])))
+
+
+@pytest.mark.parametrize("jump_m", [0.4, 0.5, 0.7])
+def test_a_jump_is_refused_until_poses_are_stale(jump_m):
+    predictor = Predictor(0.7, 9.81)
+    predictor.on_ground = False
+    for k in range(50):
+        predictor.command(0.01 * k, 0.7 * 9.81, np.zeros(3))
+        seen(predictor, 0.01 * k, 0.0)
+    for k in range(50, 80):
+        predictor.command(0.01 * k, 0.7 * 9.81, np.zeros(3))
+        assert not seen(predictor, 0.01 * k, jump_m)
+
+
+def test_a_vehicle_that_is_carried_on_the_ground_is_there_and_one_in_the_air_is_not():
+    for on_ground in (True, False):
+        predictor = Predictor(0.7, 9.81)
+        predictor.on_ground = on_ground
+        seen(predictor, 0.0, 0.0)
+        used = [seen(predictor, 0.01 * k, 2.0) for k in range(1, 30)]
+        assert any(used) is on_ground
+        assert seen(predictor, 5.0, 4.0) is on_ground
+
+
+def test_without_poses_the_prediction_ends_soon():
+    predictor = Predictor(0.7, 9.81)
+    seen(predictor, 0.0, 0.0)
+    assert predictor.at(1e6).time_s == pytest.approx(0.3)
+
+
+def test_a_reset_prediction_begins_at_the_next_pose():
+    predictor = Predictor(0.7, 9.81)
+    predictor.on_ground = False
+    seen(predictor, 0.0, 0.0)
+    predictor.reset()
+    assert predictor.pose_time_s == -math.inf
+    assert seen(predictor, 0.01, 3.0)
