@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import vehicle
-from firmware_bridge.betaflight_sitl.body import SETTINGS, Body
+from firmware_bridge.betaflight_sitl.body import Body
 from firmware_bridge.betaflight_sitl.process import Sitl
 from firmware_bridge.offboard.poses import Pose
 from flight import Trajectory, TrajectoryFile, rotations, trajectory
@@ -21,6 +21,9 @@ from vehicle import Vehicle
 SAFE_TOUCH_DOWN_M_S = 1.5
 LARGEST_TILT_RAD = 1.0
 """A vehicle beyond it has been lost."""
+FIRMWARE_LANDS_S = 12.0
+LANDS_BRIEFLY = ("set failsafe_landing_time = 8",)
+"""After which the firmware that lands by itself stops the rotors; by default it takes a minute."""
 OVERRIDE = (
     "aux 1 50 1 1700 2100 0 0",
     "set msp_override_channels_mask = 15",
@@ -34,7 +37,7 @@ class Fault:
     """What happens `after_s` after the vehicle has reached a height."""
 
     kind: str = "none"
-    """kill, hang, pose lost, pose frozen, pose jump, pose late, kill and pose lost, stick override, none."""
+    """kill, guard killed, hang, pose lost, frozen, jump or late, kill and pose lost, stick override, none."""
     after_s: float = 3.0
     height_m: float = 1.0
     size: float = 1.0
@@ -57,6 +60,9 @@ class Fault:
             return
         self.begun_s = body.time_s
         assert self.planner is not None
+        if self.kind == "guard killed":
+            for child in Path(f"/proc/{self.planner.pid}/task/{self.planner.pid}/children").read_text().split():
+                os.kill(int(child), signal.SIGKILL)
         if self.kind.startswith("kill"):
             self.planner.send_signal(signal.SIGKILL)
             self.planner.wait()
@@ -125,7 +131,7 @@ def fly(
 ) -> Ended:
     """One flight of a planner of its own process."""
     body = offboard.body_of(model, way, seed=seed)
-    body.settings = (*SETTINGS, *settings)
+    body.settings = (*body.settings, *settings)
     vehicle.save(folder / "vehicle.toml", model)
     file = TrajectoryFile(way, "way", "", "", way.position([0.0, way.duration_s]), {})
     trajectory.save(folder / "way.json", file)
@@ -146,7 +152,7 @@ def fly(
 
     body.each_step, body.change_pose, body.on_ready = each_step, fault.change_pose, start_planner
     try:
-        body.run(longest_s=90.0)
+        body.run(longest_s=90.0, after_s=FIRMWARE_LANDS_S if fault.kind == "guard killed" else 0.5)
     finally:
         said = _ended(fault.planner)
     end = body.plant.position_world_m
