@@ -215,8 +215,17 @@ def test_sticks_given_back_after_a_while_find_a_hover_not_an_old_descent():
     scene.run(0.1)
     assert scene.stage is Stage.DESCENDING
     assert scene.throttle_us > hover_us - 120
-    scene.run(1.0)
+    scene.run(2.0)
+    old = scene.guard._descent
+    scene.line.modes &= ~OVERRIDE
+    scene.height_m = 6.0
+    scene.run(0.5)
+    scene.line.modes |= OVERRIDE
+    scene.run(0.1)
     assert scene.stage is Stage.DESCENDING
+    assert scene.guard._descent is not old  # that of a lower height would end too soon
+    assert scene.guard._motion(scene.now_s) is not None
+    assert scene.throttle_us > hover_us - 120
 
 
 def test_a_landed_vehicle_with_a_receiver_keeps_low_throttle_until_its_pilot_disarms():
