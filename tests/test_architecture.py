@@ -45,6 +45,8 @@ ROOMS = {
     "sysid.estimator": {"sysid.logs"},
     "sysid.diagnosis": {"sysid.logs", "sysid.estimator"},
     "sysid.report": {"sysid.logs", "sysid.estimator", "sysid.diagnosis"},
+    "firmware_bridge.offboard": set(),
+    "firmware_bridge.betaflight_sitl": {"firmware_bridge.offboard"},
     "goshawk.terminal": set(),
     "goshawk.rendered": set(),
     "goshawk.plot": set(),

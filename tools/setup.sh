@@ -80,5 +80,5 @@ fi
 # Betaflight for its tests, into the user's cache; they are skipped, and say why, where it cannot be had.
 if [ "${1:-}" = slow ]; then
   AGAIN_TRIES=3 again "fetching and building Betaflight's SITL" \
-    .venv/bin/python -m tests.firmware_bridge.betaflight.firmware || say "going on without Betaflight"
+    .venv/bin/python -m firmware_bridge.betaflight_sitl.firmware || say "going on without Betaflight"
 fi

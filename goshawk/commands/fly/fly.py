@@ -1,18 +1,34 @@
 """`goshawk fly`: take off, fly the uploaded trajectory, land; write the flight log."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import click
 
 import firmware_bridge
+import vehicle
 from firmware_bridge.airborne import slowed, tracking
-from flight import FlightLog, flight_log, trajectory
+from firmware_bridge.link import refuse_unfit
+from flight import FlightLog, InputError, flight_log, trajectory
 from goshawk.terminal import console, outputs
 
 SUMMARY = "Fly the uploaded trajectory and record a flight log."
 
 
 @click.command()
+@click.argument("plan", metavar="[TRAJECTORY]", type=click.Path(path_type=Path), required=False)
+@click.option(
+    "--on", "address", metavar="ADDRESS", help="Flight controller of other firmware, e.g. betaflight:tcp://HOST:PORT."
+)
+@click.option("--rehearse", is_flag=True, help="Fly it on Betaflight's real firmware in a simulated body first.")
+@click.option(
+    "--pose-stream",
+    "pose_stream",
+    default="udp://127.0.0.1:7777",
+    show_default=True,
+    help="Address at which the vehicle's poses arrive, as TUM lines.",
+)
+@console.path_option("--vehicle", "vehicle_file", "Vehicle file, for --on and --rehearse.")
 @console.path_option("--out", "out", "Flight log to write.", required=True)
 @console.path_option("--trajectory", "trajectory_file", "Refuse to fly unless this is the vehicle's active trajectory.")
 @console.url_option
@@ -21,6 +37,11 @@ SUMMARY = "Fly the uploaded trajectory and record a flight log."
 @outputs.overwrite_option
 @console.common_options
 def command(
+    plan: Path | None,
+    address: str | None,
+    rehearse: bool,
+    pose_stream: str,
+    vehicle_file: Path | None,
     out: Path,
     trajectory_file: Path | None,
     url: str,
@@ -33,6 +54,8 @@ def command(
 
     \b
     goshawk fly --out flights/walk.parquet
+    goshawk fly walk.json --rehearse --vehicle vehicle.toml --out rehearsed.parquet
+    goshawk fly walk.json --on betaflight:tcp://127.0.0.1:5761 --vehicle vehicle.toml --out walk.parquet
     goshawk fly --trajectory walk.json --out flights/walk.parquet
 
     Refused on the ground: a start too far away, a tilted or moving vehicle, a low battery, no estimate, the geofence.
@@ -46,6 +69,11 @@ def command(
         if "ended_early" in log.metadata:
             click.echo(f"note: wrote the log as far as it goes to {out}", err=True)
 
+    if address is not None or rehearse:
+        _fly_off_board(plan, address, rehearse, pose_stream, vehicle_file, out, write, as_json)
+        return
+    if plan is not None:
+        raise InputError(f"{plan}: with --on or --rehearse it is flown; of a vehicle of ours say --trajectory {plan}")
     item = trajectory.load(trajectory_file) if trajectory_file is not None else None
     with (
         console.cancel_by_ctrl_c() as cancel,
@@ -61,3 +89,36 @@ def command(
     console.show("flight", facts, as_json=as_json, document=facts | {"slowed": why})
     if not as_json and why:
         click.echo(f"note: {why}")
+
+
+def _fly_off_board(
+    plan: Path | None,
+    address: str | None,
+    rehearse: bool,
+    pose_stream: str,
+    vehicle_file: Path | None,
+    out: Path,
+    write: Callable[[FlightLog], None],
+    as_json: bool,
+) -> None:
+    from goshawk.commands.fly import offboard
+
+    if plan is None:
+        raise InputError("name the trajectory file to fly: goshawk fly walk.json --rehearse --vehicle vehicle.toml")
+    item, model = trajectory.load(plan), offboard.model_of(vehicle_file)
+    refuse_unfit(item, None, vehicle.vehicle_hash(model) if item.checked else None, rehearse)
+    touch_down: dict[str, float] = {}
+    with console.cancel_by_ctrl_c() as cancel, console.progress() as report:
+        if rehearse:
+            log, early, down_m_s = offboard.rehearse(model, item, seed=1, progress=report, cancel=cancel)
+            touch_down = {"touch_down_m_s": down_m_s}
+        else:
+            assert address is not None
+            where = offboard.Where(address, *offboard.pose_address(pose_stream))
+            log, early = offboard.fly(model, item, where, progress=report, cancel=cancel)
+    write(log)
+    facts = {"written": str(out), "rows": len(log), "planned_s": item.trajectory.duration_s, **tracking(log)}
+    console.show("flight", facts | touch_down, as_json=as_json)
+    if early:
+        click.echo(f"goshawk: ended early: {early}", err=True)
+        raise click.exceptions.Exit(1)

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 import vehicle
+from firmware_bridge.betaflight_sitl import process as sitl
 from flight import FloatArray, rotations
-from tests.firmware_bridge.betaflight import sitl
 from vehicle import Vehicle
 from vehicle.simulation.simulate import Plant, State, Wind
 

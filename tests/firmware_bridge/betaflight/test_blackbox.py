@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import vehicle
+from firmware_bridge.betaflight_sitl import firmware
 from sysid.logs.readers import read_blackbox
 from tests import waiting
-from tests.firmware_bridge.betaflight import firmware, stick_flight
+from tests.firmware_bridge.betaflight import stick_flight
 
 pytestmark = pytest.mark.slow
 COMMANDS = np.array([0.3, 0.5, 0.7, 0.9])

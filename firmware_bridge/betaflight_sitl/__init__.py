@@ -1,0 +1,1 @@
+"""Betaflight's real firmware for the simulator (SITL), and a body for it to fly."""

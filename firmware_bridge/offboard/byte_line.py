@@ -1,0 +1,225 @@
+"""A line of bytes to a flight controller, by TCP or a serial port, which never blocks for long."""
+
+import ipaddress
+import os
+import select
+import socket
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+from urllib.parse import urlsplit
+
+from flight import InputError, LinkError
+
+_PREFIX = "betaflight:"
+LOWEST_BAUD = 115200
+"""34 bytes 250 times a second, sticks and a request, are 85,000 baud."""
+_REOPEN_S, _LEAST_S = 0.2, 0.05
+
+
+class ByteLine(Protocol):
+    """What carries MSP."""
+
+    def write(self, data: bytes) -> None: ...
+    def read(self, wait_s: float = 0.0) -> bytes:
+        """What has come; nothing after `wait_s` is empty."""
+        ...
+
+    def close(self) -> None: ...
+
+
+def connect(address: str, *, patience_s: float = 10.0) -> ByteLine:
+    """A line to `betaflight:tcp://HOST:PORT` or `betaflight:serial:///dev/ttyACM0?baud=115200`.
+
+    Raises:
+        InputError: the address is none of those, or not on this machine.
+        LinkError: nothing answers there.
+    """
+    parts = urlsplit(address.removeprefix(_PREFIX))
+    if not address.startswith(_PREFIX) or parts.scheme not in ("tcp", "serial"):
+        raise InputError(
+            f"{address!r} is no vehicle that this can fly; give betaflight:tcp://HOST:PORT or "
+            "betaflight:serial:///dev/ttyACM0"
+        )
+    if parts.scheme == "serial":
+        _require_this_machine(address, "")
+        return SerialLine(Path(parts.path), int(parts.query.removeprefix("baud=") or LOWEST_BAUD))
+    if not parts.hostname or not parts.port:
+        raise InputError(
+            f"{address!r} has no host or port; Betaflight's SITL listens at betaflight:tcp://127.0.0.1:5761"
+        )
+    _require_this_machine(address, parts.hostname)
+    end_s = time.monotonic() + patience_s
+    while True:
+        try:
+            return TcpLine(socket.create_connection((parts.hostname, parts.port), timeout=max(patience_s, _LEAST_S)))
+        except OSError as error:
+            if time.monotonic() > end_s:
+                raise LinkError(f"nothing answers at {address}: {error}") from error
+            time.sleep(0.2)
+
+
+def _require_this_machine(address: str, host: str) -> None:
+    """A serial port has no host, and may be a vehicle."""
+    try:
+        here = host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        here = False
+    if not here:
+        raise InputError(
+            "the Betaflight bridge has flown only the SITL; it arms nothing that may be a real vehicle, and "
+            f"{address!r} is not this machine: give betaflight:tcp://127.0.0.1:5761, or --rehearse"
+        )
+
+
+class _Outbox:
+    """What goes out through a buffer that may be full: a message is sent whole or not at all."""
+
+    def __init__(self, send: Callable[[bytes], int]) -> None:
+        """
+        Args:
+            send: takes bytes and says how many of them went; raises BlockingIOError when none can.
+        """
+        self._send, self._rest = send, b""
+        self.dropped = 0
+        """Messages that found the buffer full."""
+
+    def write(self, data: bytes) -> None:
+        """
+        Raises:
+            LinkError: the line is gone.
+        """
+        self._flush()
+        if self._rest:
+            self.dropped += 1
+            return
+        self._rest = data
+        self._flush()
+
+    def _flush(self) -> None:
+        try:
+            while self._rest:
+                self._rest = self._rest[self._send(self._rest) :]
+        except BlockingIOError:
+            return
+        except OSError as error:
+            raise LinkError(f"the line to the flight controller broke: {error}") from error
+
+
+class TcpLine:
+    """Of a simulator, or a serial port that a network box serves."""
+
+    def __init__(self, connected: socket.socket) -> None:
+        connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connected.setblocking(False)
+        self._socket = connected
+        self._outbox = _Outbox(connected.send)
+
+    def write(self, data: bytes) -> None:
+        self._outbox.write(data)
+
+    def read(self, wait_s: float = 0.0) -> bytes:
+        if not select.select([self._socket], [], [], wait_s)[0]:
+            return b""
+        try:
+            data = self._socket.recv(65536)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise LinkError(f"the line to the flight controller broke: {error}") from error
+        if not data:
+            raise LinkError("the flight controller closed the line")
+        return data
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class SerialLine:
+    """A port as the operating system has it, raw, without a library."""
+
+    def __init__(self, device: Path, baud: int) -> None:
+        """
+        Raises:
+            InputError: the operating system knows no such rate, or it is too low for the sticks.
+            LinkError: the device cannot be opened.
+        """
+        import termios
+        import tty
+
+        speed = getattr(termios, f"B{baud}", None)
+        if speed is None:
+            raise InputError(f"{baud} baud is no rate of a serial port here; use 115200, 230400, 460800 or 921600")
+        if baud < LOWEST_BAUD:
+            raise InputError(f"{baud} baud does not carry the sticks; set {LOWEST_BAUD} or more in the Ports tab")
+        try:
+            self._fd = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+            tty.setraw(self._fd)
+            settings = termios.tcgetattr(self._fd)
+            settings[4] = settings[5] = speed
+            termios.tcsetattr(self._fd, termios.TCSANOW, settings)
+        except (OSError, termios.error) as error:
+            raise LinkError(f"{device} cannot be opened as a serial port: {error}") from error
+        self._outbox = _Outbox(lambda data: os.write(self._fd, data))
+
+    def write(self, data: bytes) -> None:
+        self._outbox.write(data)
+
+    def read(self, wait_s: float = 0.0) -> bytes:
+        if not select.select([self._fd], [], [], wait_s)[0]:
+            return b""
+        try:
+            return os.read(self._fd, 65536)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise LinkError(f"the line to the flight controller broke: {error}") from error
+
+    def close(self) -> None:
+        os.close(self._fd)
+
+
+class LastingLine:
+    """A line that is opened again when it breaks; meanwhile it takes what is written and reads nothing."""
+
+    def __init__(self, line: ByteLine, again: Callable[[], ByteLine], clock: Callable[[], float] = time.monotonic):
+        """
+        Args:
+            again: opens it, or raises LinkError; it must not take long.
+        """
+        self._line: ByteLine | None = line
+        self._opened, self._clock = again, clock
+        self._tried_s = -float("inf")
+        self.broke = 0
+        """How often."""
+
+    def write(self, data: bytes) -> None:
+        try:
+            if line := self._now():
+                line.write(data)
+        except LinkError:
+            self._lost()
+
+    def read(self, wait_s: float = 0.0) -> bytes:
+        try:
+            line = self._now()
+            return line.read(wait_s) if line else b""
+        except LinkError:
+            self._lost()
+            return b""
+
+    def close(self) -> None:
+        if self._line is not None:
+            self._line.close()
+
+    def _now(self) -> ByteLine | None:
+        if self._line is None and self._clock() - self._tried_s >= _REOPEN_S:
+            self._tried_s = self._clock()
+            self._line = self._opened()
+        return self._line
+
+    def _lost(self) -> None:
+        self.broke += self._line is not None
+        self.close()
+        self._line = None

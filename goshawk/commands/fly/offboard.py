@@ -1,0 +1,259 @@
+"""A plan on a flight controller of other firmware: what of the vehicle file that takes, the checks, and a rehearsal."""
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import numpy as np
+
+import vehicle
+from firmware_bridge import controller
+from firmware_bridge.arming import required
+from firmware_bridge.betaflight_sitl.body import ADDRESS, SETTINGS, Body
+from firmware_bridge.offboard import byte_line, checks, settings
+from firmware_bridge.offboard.guard_process import GuardProcess
+from firmware_bridge.offboard.messages import Setup
+from firmware_bridge.offboard.procedure import Flight
+from firmware_bridge.offboard.rate_profile import RateProfile
+from firmware_bridge.offboard.thrust_map import ThrustMap, through
+from firmware_bridge.offboard.tracker import Tracker
+from flight import FlightLog, InputError, LinkError, Progress, Trajectory, TrajectoryFile
+from vehicle import Vehicle
+
+IDLE = 0.055
+"""Betaflight's output at no throttle, unless `motor_idle` says otherwise."""
+RATE_SHARE, FORCE_SHARE = 0.8, 0.9
+"""Of what the firmware and the rotors give; the rest is for what disturbs."""
+FAILSAFE_SHARES = 0.9, 0.98
+"""Of the weight, while the firmware lands by itself: some 3.7 to .6 m/s."""
+QUADX = ((-1, -1), (1, -1), (-1, 1), (1, 1))
+"""Signs of x and y of motors 1 to 4."""
+QUADX_SPIN = (-1.0, 1.0, 1.0, -1.0)
+PATIENCE_S = 600.0
+RESTART_S = 3.0
+"""A flight controller that leaves its command line starts anew; what waits for it after that waits by itself."""
+_SAMPLES_1_S = 100.0
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """What is flown on."""
+
+    address: str
+    pose_host: str
+    pose_port: int
+    pose_delay_s: float
+    clock_port: int = 0
+
+
+def pose_address(url: str) -> tuple[str, int, float]:
+    """Host, port and delay of `udp://HOST:PORT?delay=SECONDS`.
+
+    Raises:
+        InputError: it is none.
+    """
+    parts = urlsplit(url)
+    try:
+        delay_s = float(parts.query.removeprefix("delay=") or 0.0)
+        if parts.scheme != "udp" or not parts.hostname or parts.port is None or not 0.0 <= delay_s <= 0.2:
+            raise ValueError
+    except ValueError:
+        raise InputError(
+            f"--pose-stream {url} is not udp://HOST:PORT, with ?delay=SECONDS of at most 0.2 where needed"
+        ) from None
+    return parts.hostname, parts.port, delay_s
+
+
+def rotor_of_motor(model: Vehicle) -> tuple[int, int, int, int]:
+    """Which rotor of the vehicle file each of Betaflight's motors 1 to 4 turns.
+
+    Raises:
+        InputError: its rotors are not one a quarter, as QUADX has them.
+    """
+    quarters = [(int(np.sign(x)), int(np.sign(y))) for x, y, _ in model.hub_body_m]
+    try:
+        first, second, third, fourth = (quarters.index(place) for place in QUADX)
+    except ValueError:
+        raise InputError(
+            f"{model.name} has no rotor in one of the four quarters; only Betaflight's mixer QUADX is flown"
+        ) from None
+    return first, second, third, fourth
+
+
+def thrust_map(model: Vehicle, *, idle: float = IDLE) -> ThrustMap:
+    """Collective force in air at rest over the throttle, the rotors' speed in proportion to the output.
+
+    Args:
+        idle: the firmware's output at no throttle, 0 to 1.
+    """
+    throttle = np.linspace(0.02, 1.0, 50)
+    speed = model.limits.rotor_speed_max_rad_s * (idle + (1.0 - idle) * throttle)
+    still = np.zeros((len(throttle), 3))
+    force, _ = vehicle.wrench(model, still, still, np.repeat(speed[:, None], 4, axis=1))
+    return through(throttle, force[:, 2])
+
+
+def failsafe_us(model: Vehicle, profile: RateProfile, thrust: ThrustMap) -> tuple[float, float]:
+    """Pulses of the throttle between which the firmware's own landing sinks slowly: inflow bounds it."""
+    weight_n = model.mass_kg * model.gravity_m_s2
+    least, most = (profile.pulses_us(np.zeros(3), thrust.throttle(share * weight_n))[2] for share in FAILSAFE_SHARES)
+    return float(least), float(most)
+
+
+def require_followable(model: Vehicle, trajectory: Trajectory, profile: RateProfile, thrust: ThrustMap) -> None:
+    """
+    Raises:
+        InputError: the plan asks for more than the firmware's rates or the rotors give; figure and instant.
+    """
+    times = np.arange(0.0, trajectory.duration_s, 1.0 / _SAMPLES_1_S)
+    flat = vehicle.flatness.state(model, trajectory, times)
+    for axis, name in enumerate(checks.AXES):
+        rate = np.abs(flat.rate_body_rad_s[:, axis])
+        worst, bound = int(np.nanargmax(rate)), RATE_SHARE * profile.largest_rad_s[axis]
+        if rate[worst] > bound:
+            deg_s = np.rad2deg(rate[worst])
+            raise InputError(
+                f"the plan turns at {deg_s:.0f} deg/s about {name} at {times[worst]:.1f} s, the firmware's rates allow "
+                f"{np.rad2deg(bound):.0f} ({RATE_SHARE:.0%} of full stick); set {name}_srate = "
+                f"{np.ceil(deg_s / RATE_SHARE / 10.0):.0f}, or plan more slowly"
+            )
+    worst, most_n = int(np.nanargmax(flat.thrust_n)), FORCE_SHARE * thrust.force_n(1.0)
+    if flat.thrust_n[worst] > most_n:
+        raise InputError(
+            f"the plan takes {flat.thrust_n[worst]:.1f} N at {times[worst]:.1f} s, the rotors give {most_n:.1f} N "
+            f"({FORCE_SHARE:.0%} of full throttle); plan more slowly"
+        )
+    least, least_n = int(np.nanargmin(flat.thrust_n)), thrust.force_n(0.0)
+    if not flat.thrust_n[least] > least_n:
+        raise InputError(
+            f"the plan takes {flat.thrust_n[least]:.2f} N at {times[least]:.1f} s, less than the {least_n:.2f} N of "
+            "idling rotors; plan more slowly"
+        )
+
+
+def fly(
+    model: Vehicle, item: TrajectoryFile, where: Where, *, progress: Progress, cancel: Callable[[], bool],
+    restarted: Callable[[], object] = lambda: time.sleep(RESTART_S),
+) -> tuple[FlightLog, str]:  # fmt: skip
+    """Read the settings back, check them and the plan, and fly it.
+
+    Args:
+        restarted: waits until the firmware has started again after its command line.
+
+    Returns:
+        The log, and why the flight ended early: empty if it did not.
+
+    Raises:
+        InputError: the plan cannot be followed.
+        LinkError: a setting is wrong, nothing answers, or it does not arm.
+    """
+    line = byte_line.connect(where.address)
+    try:
+        found = settings.read(line)
+    finally:
+        line.close()
+    idle = found.number("motor_idle", 1e4 * IDLE) / 1e4
+    profile, thrust = RateProfile.of_settings(found.values), thrust_map(model, idle=idle)
+    sinks_us = failsafe_us(model, profile, thrust)
+    required((checks.simulator(found), *checks.checks(found, failsafe_us=sinks_us)))
+    require_followable(model, item.trajectory, profile, thrust)
+    configuration = controller.parameters_of(model)
+    arm = checks.arm_mode(found)
+    assert arm is not None
+    restarted()
+    setup = Setup(
+        where.address, where.pose_host, where.pose_port, where.pose_delay_s, profile, thrust, model.mass_kg,
+        model.gravity_m_s2, checks.by_msp_alone(found), arm.channel, (arm.from_us + arm.to_us) // 2,
+        clock_port=where.clock_port,
+    )  # fmt: skip
+    with GuardProcess(setup) as guard:
+        flight = Flight(
+            guard, lambda poses: Tracker(configuration, poses), item.trajectory, progress=progress, cancel=cancel,
+            motor_of_rotor=tuple(int(i) for i in np.argsort(rotor_of_motor(model))),
+        )  # fmt: skip
+        return flight.fly(), flight.ended_early
+
+
+def body_of(model: Vehicle, trajectory: Trajectory, *, seed: int) -> Body:
+    """The vehicle of a file on the ground below the start, as a body for Betaflight's SITL.
+
+    Its rotors react to being spun up, as every rotor does: without that Betaflight's own yaw loop swings.
+    """
+    motors = rotor_of_motor(model)
+    throttle_us = round(float(np.mean(failsafe_us(model, RateProfile((1.0, 1.0, 1.0)), thrust_map(model)))))
+    if "rotor_acceleration_torque" not in model.effects:
+        # a propeller and bell of this size: 1e-5 kg m2 at five inches, with the fourth power of the radius
+        inertia = 1e-5 * (model.value("rotor_radius_m") / 0.0635) ** 4
+        model = model.with_effect("rotor_acceleration_torque", rotor_inertia_kg_m2=inertia)
+    spins = [float(model.spin[rotor]) for rotor in motors]
+    if spins not in (list(QUADX_SPIN), [-spin for spin in QUADX_SPIN]):
+        raise InputError(f"{model.name}: neighbouring rotors do not spin against each other, as QUADX has them")
+    reversed_too = () if spins == list(QUADX_SPIN) else ("set yaw_motors_reversed = ON",)
+    own = (f"set failsafe_throttle = {throttle_us}", *reversed_too)
+    start = trajectory.position([0.0])[0]
+    plant = vehicle.simulate.Plant(
+        model,
+        vehicle.simulate.State(position_world_m=np.array([start[0], start[1], 0.0])),
+        rng=np.random.default_rng(seed),
+        ground_m=0.0,
+    )
+    return Body(
+        plant, model.limits.rotor_speed_max_rad_s, motors, seed=seed, settings=(*SETTINGS, *own)
+    )  # fmt: skip
+
+
+@contextlib.contextmanager
+def rehearsing(body: Body) -> Iterator[tuple[Where, Callable[[], object]]]:
+    """Betaflight's SITL in a body, beside us: where to fly, and what waits for its restart.
+
+    Raises:
+        UnavailableError: there is no firmware, and it cannot be built here.
+        LinkError: the firmware or the body failed.
+    """
+    starts, failed = threading.Semaphore(0), list[Exception]()
+    body.on_ready = starts.release
+
+    def run() -> None:
+        try:
+            body.run()
+        except Exception as error:
+            failed.append(error)
+            starts.release()
+
+    def wait() -> None:
+        if not starts.acquire(timeout=PATIENCE_S) or failed:
+            raise failed[0] if failed else LinkError("Betaflight's SITL does not start")
+
+    thread = threading.Thread(target=run, name="body", daemon=True)
+    thread.start()
+    wait()
+    try:
+        yield Where(ADDRESS, "127.0.0.1", 0, 0.0, body.clock_port), wait
+    finally:
+        body.given_up = True
+        thread.join(PATIENCE_S if not failed else 0.0)
+
+
+def rehearse(
+    model: Vehicle, item: TrajectoryFile, *, seed: int, progress: Progress, cancel: Callable[[], bool]
+) -> tuple[FlightLog, str, float]:
+    """`fly` against Betaflight's SITL; also the touch-down speed, m/s."""
+    body = body_of(model, item.trajectory, seed=seed)
+    with rehearsing(body) as (where, restarted):
+        log, early = fly(model, item, where, progress=progress, cancel=cancel, restarted=restarted)
+    noted = replace(log, metadata={**log.metadata, "source": "rehearsal on Betaflight's SITL, a simulated body"})
+    return noted, early, body.fastest_down_m_s
+
+
+def model_of(vehicle_file: Path | None) -> Vehicle:
+    """
+    Raises:
+        InputError: none is given.
+    """
+    if vehicle_file is None:
+        raise InputError("give --vehicle, the file of the vehicle that flies: its mass, rotors and limits are used")
+    return vehicle.load(vehicle_file)

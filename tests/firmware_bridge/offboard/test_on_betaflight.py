@@ -1,0 +1,109 @@
+"""On Betaflight's own firmware: a plan is flown and logged, and what is lost ends in a soft landing."""
+
+import json
+import shlex
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import vehicle
+from firmware_bridge.betaflight_sitl import firmware
+from flight import InputError, TrajectoryFile, trajectory
+from goshawk.commands.fly import offboard
+from tests import waiting
+from tests.firmware_bridge.offboard import curves, faults
+
+MODEL = vehicle.example("rigter2019")
+
+
+@pytest.fixture(scope="module")
+def _betaflight():
+    try:
+        firmware.program()
+    except firmware.UnavailableError as reason:
+        pytest.skip(str(reason))
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """With a plan that was never checked, and a vehicle."""
+    way = curves.circle()
+    file = TrajectoryFile(way, "circle", "", "", way.position([0.0, way.duration_s]), {})
+    trajectory.save(tmp_path / "walk.json", file)
+    vehicle.save(tmp_path / "vehicle.toml", MODEL)
+    return tmp_path
+
+
+def run(folder, command):
+    words = [sys.executable, "-m", *shlex.split(command)]
+    return subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=waiting.PATIENCE_S, check=False)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("_betaflight")
+def test_the_rehearsal_of_the_page_flies_a_circle(documented, folder):
+    (block,) = documented
+    fly, check = block.commands
+    done = run(folder, f"{fly} --json")
+    assert done.returncode == 0, done.stderr
+    facts = json.loads(done.stdout)
+    assert facts["tracking_mean_m"] < 0.03
+    assert facts["touch_down_m_s"] < 1.2
+    assert run(folder, check).returncode in (0, 1)  # read; what it finds in such a flight is its own test's business
+
+
+def test_a_plan_that_was_not_checked_is_not_flown(documented, folder):
+    (block,) = documented
+    (fly,) = block.commands
+    done = run(folder, fly)
+    assert done.returncode != 0
+    assert "has not passed the final gate" in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("_betaflight")
+@pytest.mark.parametrize("kind", ["kill", "kill and pose lost", "pose jump"])
+def test_what_is_lost_in_flight_ends_in_a_soft_landing(kind, tmp_path):
+    ended = faults.fly(tmp_path, MODEL, curves.circle(), faults.Fault(kind, after_s=5.0))
+    assert ended.begun_s is not None, ended.said
+    assert ended.safe, ended
+
+
+def test_a_plan_that_the_profile_cannot_follow_is_refused_with_the_figure():
+    from firmware_bridge.offboard.rate_profile import RateProfile
+
+    fast = curves.circle(speed_m_s=4.0, radius_m=0.8)
+    thrust = offboard.thrust_map(MODEL)
+    plenty = RateProfile((17.0, 17.0, 17.0))
+    offboard.require_followable(MODEL, fast, plenty, thrust)
+    with pytest.raises(InputError, match=r"deg/s about (roll|pitch) at .* set (roll|pitch)_srate"):
+        offboard.require_followable(MODEL, fast, RateProfile((0.5, 0.5, 17.0)), thrust)
+    weak = offboard.ThrustMap(tuple(0.3 * c for c in thrust.coefficients_n))
+    with pytest.raises(InputError, match="the rotors give"):
+        offboard.require_followable(MODEL, fast, plenty, weak)
+
+
+def test_the_thrust_map_is_that_of_the_vehicle_at_hover():
+    thrust = offboard.thrust_map(MODEL)
+    weight_n = MODEL.mass_kg * MODEL.gravity_m_s2
+    throttle = thrust.throttle(weight_n)
+    speed = MODEL.limits.rotor_speed_max_rad_s * (offboard.IDLE + (1.0 - offboard.IDLE) * throttle)
+    force, _ = vehicle.wrench(MODEL, np.zeros((1, 3)), np.zeros((1, 3)), np.full((1, 4), speed))
+    assert force[0, 2] == pytest.approx(weight_n, rel=0.01)
+
+
+def test_only_rotors_that_betaflights_mixer_knows_are_flown():
+    assert sorted(offboard.rotor_of_motor(MODEL)) == [0, 1, 2, 3]
+    from dataclasses import replace
+
+    plus = replace(MODEL, hub_body_m=np.array([[0.1, 0, 0], [0, 0.1, 0], [-0.1, 0, 0], [0, -0.1, 0]]))
+    with pytest.raises(InputError, match="QUADX"):
+        offboard.rotor_of_motor(plus)
+
+
+@pytest.mark.parametrize("url", ["tcp://a:1", "udp://a", "udp://a:b", "udp://a:1?delay=9"])
+def test_a_wrong_pose_stream_is_refused(url):
+    with pytest.raises(InputError, match="--pose-stream"):
+        offboard.pose_address(url)

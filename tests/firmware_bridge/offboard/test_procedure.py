@@ -1,0 +1,121 @@
+"""The planner's side of a flight, with a guard that answers as it is told: before it arms, and when it gives up."""
+
+import numpy as np
+import pytest
+
+import vehicle
+from firmware_bridge import controller
+from firmware_bridge.controller import State
+from firmware_bridge.offboard import procedure
+from firmware_bridge.offboard.ladder import Reason, Stage, Wish
+from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand
+from firmware_bridge.offboard.poses import Pose
+from firmware_bridge.offboard.procedure import Flight
+from firmware_bridge.offboard.tracker import Tracker
+from flight import LinkError
+from tests.firmware_bridge.offboard import curves
+
+MODEL = vehicle.example("rigter2019")
+TICK_S = 0.004
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+class Guard:
+    """The guard of a vehicle that stands, as its planner sees it."""
+
+    def __init__(self) -> None:
+        self.now_s, self.armed, self.ours, self.mode, self.poses_come = 100.0, False, True, 0, True
+        self.stage, self.height_m = Stage.WAITING, 0.0
+        self.commands: list[PlannerCommand] = []
+
+    def hear(self) -> GuardStatus:
+        self.now_s += TICK_S
+        fresh = (Pose(self.now_s - 0.01, np.array([0.0, 0.0, self.height_m]), LEVEL),)
+        return GuardStatus(
+            self.stage, Reason.NONE, self.armed, self.ours, self.now_s, self.now_s, 16.0,
+            poses=fresh if self.poses_come else (), other_mode=self.mode,
+        )  # fmt: skip
+
+    def answer(self, command: PlannerCommand) -> None:
+        self.commands.append(command)
+
+
+def flight(guard: Guard, cancel=lambda: False) -> Flight:
+    configuration = controller.parameters_of(MODEL)
+    return Flight(guard, lambda poses: Tracker(configuration, poses), curves.circle(), cancel=cancel)  # type: ignore
+
+
+def test_ctrl_c_while_it_waits_to_arm_asks_for_nothing():
+    guard = Guard()
+    with pytest.raises(LinkError, match="cancelled"):
+        flight(guard, cancel=lambda: guard.now_s > 100.5).fly()
+    assert {command.wish for command in guard.commands} == {Wish.WAIT}
+
+
+def test_ctrl_c_while_the_firmware_is_to_arm_takes_off_nowhere():
+    guard = Guard()
+    ours = flight(guard, cancel=lambda: guard.armed)
+
+    def arm(command: PlannerCommand) -> None:
+        guard.commands.append(command)
+        guard.armed = command.wish is Wish.FLY
+
+    guard.answer = arm
+    with pytest.raises(LinkError, match="cancelled"):
+        ours.fly()
+    assert ours.tracker.state is State.ARMED
+    assert all(command.force_n == 0.0 for command in guard.commands)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"armed": True}, "it is armed already"),
+        ({"mode": 1}, "mode ANGLE is on"),
+        ({"poses_come": False}, "no pose has come"),
+    ],
+)
+def test_it_does_not_ask_to_fly(wrong, said, monkeypatch):
+    monkeypatch.setattr(procedure, "READY_S", 1.1)
+    guard = Guard()
+    for name, value in wrong.items():
+        setattr(guard, name, value)
+    with pytest.raises(LinkError, match=said):
+        flight(guard).fly()
+    assert {command.wish for command in guard.commands} == {Wish.WAIT}
+
+
+def test_it_does_not_ask_to_fly_by_a_pose_that_has_stopped(monkeypatch):
+    monkeypatch.setattr(procedure, "READY_S", 1.1)
+    guard = Guard()
+    ours = flight(guard)
+    ours._tick()
+    guard.poses_come = False
+    with pytest.raises(LinkError, match="the last pose is older"):
+        ours.fly()
+    assert {command.wish for command in guard.commands} == {Wish.WAIT}
+
+
+@pytest.mark.parametrize(("height_m", "wish"), [(1.5, Wish.DESCEND), (0.1, Wish.STOP)])
+def test_a_controller_that_gives_up_in_the_air_leaves_it_to_the_guard(height_m, wish, monkeypatch):
+    guard = Guard()
+    ours = flight(guard)
+    ours._tick()
+    ours._stood_m, ours._wish, guard.height_m = 0.0, Wish.FLY, height_m
+    ours.tracker.predictor.reset()
+    monkeypatch.setattr(Tracker, "state", property(lambda _: State.FAULT))
+    for _ in range(5):
+        ours._tick()
+    assert guard.commands[-1].wish is wish
+
+
+def test_a_pilot_is_told_to_disarm():
+    guard, said = Guard(), []
+    ours = flight(guard)
+    ours._progress = lambda stage, fraction: said.append(stage)
+    guard.stage, guard.armed = Stage.DOWN, True
+    ours._ask_pilot_to_disarm()
+    assert said == ["landed: disarm now"]
+    guard.armed = False
+    ours._ask_pilot_to_disarm()
+    assert len(said) == 1

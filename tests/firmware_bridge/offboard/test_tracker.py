@@ -1,0 +1,68 @@
+"""The controller over an ideal inner loop: a body that turns at the rates and has the force that it is asked for."""
+
+import numpy as np
+
+import vehicle
+from firmware_bridge import controller
+from firmware_bridge.controller import Command, State
+from firmware_bridge.offboard.poses import Pose
+from firmware_bridge.offboard.tracker import Tracker
+from flight import rotations
+
+TICK_S, LATE_S = 0.004, 0.012
+MODEL = vehicle.example("rigter2019")
+
+
+class IdealBody:
+    """A thrust vector that follows force and rates with their lags, on the ground until it is lifted."""
+
+    def __init__(self, weaker: float) -> None:
+        self.position, self.velocity = np.zeros(3), np.zeros(3)
+        self.q, self.rate, self.force_n = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), 0.0
+        self._weaker = weaker
+
+    def step(self, force_n: float, rate: np.ndarray) -> None:
+        self.force_n += TICK_S / 0.035 * (self._weaker * force_n - self.force_n)
+        self.rate += TICK_S / 0.025 * (rate - self.rate)
+        lift = self.force_n / MODEL.mass_kg * rotations.matrix(self.q)[:, 2]
+        acceleration = lift - np.array([0.0, 0.0, MODEL.gravity_m_s2])
+        if self.position[2] <= 0.0 and acceleration[2] < 0.0:
+            self.velocity[:] = 0.0
+            return
+        self.q = rotations.multiply(self.q, rotations.exp(TICK_S * self.rate))
+        self.velocity += TICK_S * acceleration
+        self.position += TICK_S * self.velocity
+
+
+def test_it_takes_off_and_hovers_where_the_rotors_are_weaker_than_the_file_says():
+    body, inbox, now_s = IdealBody(0.95), [], 100.0
+
+    def poses(now_s):
+        due = [pose for pose in inbox if pose.time_s <= now_s - LATE_S]
+        del inbox[: len(due)]
+        return due
+
+    tracker = Tracker(controller.parameters_of(MODEL), poses)
+    errors, climbed = [], False
+    for tick in range(1200):
+        now_s += TICK_S
+        if tick % 3 == 0:
+            inbox.append(Pose(now_s, body.position.copy(), body.q.copy()))
+        demand = tracker.tick(now_s)
+        if tick == 300:
+            assert not tracker.unready
+            tracker.controller.command(Command.ARM)
+            tracker.controller.command(Command.TAKE_OFF, 1.0)
+        climbed |= tracker.state is State.HOLD
+        if tick > 1000:
+            errors.append(np.linalg.norm(body.position - tracker.controller.telemetry["setpoint"]["position_world_m"]))
+        if demand is not None:
+            body.step(demand.force_n, demand.rate_body_rad_s)
+    assert climbed
+    assert max(errors) < 0.01
+
+
+def test_without_a_pose_nothing_is_asked_of_the_vehicle():
+    tracker = Tracker(controller.parameters_of(MODEL), lambda _: [])
+    assert tracker.tick(1.0) is None
+    assert "no pose" in tracker.unready
