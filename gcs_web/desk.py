@@ -220,7 +220,7 @@ class Desk:
     def _leave_for(self, other: Callable[[], Path], name: str, person: Person) -> None:
         with self._lock:
             if self.on_open is None:
-                raise InputError("this station stays with its project; start another one with: goshawk gcs")
+                raise InputError(f"this station stays with its project; start another one with: goshawk gcs {name}")
             if self.watch is not None and self.watch.state().armed:
                 raise InputError("the vehicle is armed; land it and disarm, then open another project")
             self.control.require_free()

@@ -40,7 +40,8 @@ def desk(opened: project.Project, monkeypatch) -> Iterator[Callable[[planner.Pla
 
         def start(base: planner.PlanOptions) -> Desk:
             consent = stack.enter_context(closing(Consent(opened)))
-            made = Desk(opened, MagicMock(), MagicMock(), MagicMock(), base, consent=consent)
+            view = MagicMock(**{"map.required_m": 0.3})
+            made = Desk(opened, MagicMock(), view, MagicMock(), base, consent=consent)
             stack.callback(made.close)
             return made
 
