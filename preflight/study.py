@@ -146,8 +146,8 @@ def advised(
     clearance_m: float = 0.0,
     options: Options,
     progress: Progress = silent,
-) -> Advice:
-    """What would be a go, beside a result of the same arguments."""
+) -> Advice | None:
+    """What would be a go, beside a result of the same arguments; None after Ctrl-C."""
 
     def is_go(wind_m_s: float, slower: float) -> bool:
         tried = f"trying {wind_m_s:g} m/s of wind" + (f", {slower:g} times slower" if slower > 1.0 else "")
@@ -162,9 +162,19 @@ def advised(
             options=asked,
             progress=lambda stage, fraction: progress(tried, fraction),
         )
+        if found.flights < found.wanted and not _is_lost(found.record, options):
+            raise KeyboardInterrupt  # cut off before it was decided
         return found.go
 
-    return advise(options.uncertainty.wind_m_s, strongest_hover(vehicle), result.go, is_go)
+    try:
+        return advise(options.uncertainty.wind_m_s, strongest_hover(vehicle), result.go, is_go)
+    except KeyboardInterrupt:
+        return None
+
+
+def _is_lost(record: Record, options: Options) -> bool:
+    """Whether so many flights are lost that the rest cannot make it a go."""
+    return statistics.upper_bound(int(record.lost.sum()), options.count) > options.risk
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,17 +213,13 @@ class _Study:
                 part, taken = self._batch(loop, drawn, np.arange(first, min(first + batch, options.count)))
                 parts.append(part)
                 steps += taken
-                if options.decide_only and self._no_go(parts):
+                if options.decide_only and _is_lost(Record.joined(parts), options):
                     break
             progress(stage, 1.0)
         except KeyboardInterrupt:
             if not parts:
                 raise
         return Record.joined(parts), drawn, steps
-
-    def _no_go(self, parts: list[Record]) -> bool:
-        lost = sum(int(part.lost.sum()) for part in parts)
-        return statistics.upper_bound(lost, self.options.count) > self.options.risk
 
     def shares(self, record: Record, drawn: Drawn) -> tuple[dict[str, float], dict[str, float], int]:
         """Of the variance of the least clearance, and of that of being lost, by factor; and steps flown for that.

@@ -139,6 +139,9 @@ def command(
     if result.flights < result.wanted:
         click.echo(f"goshawk: stopped after {result.flights} of {result.wanted} flights", err=True)
         return 130
+    if advise and advice is None:
+        click.echo("goshawk: stopped before the advice was found", err=True)
+        return 130
     return 0 if result.go else 1
 
 
