@@ -8,6 +8,7 @@ import pytest
 from gcs_web.protocol.document import Shift
 from gcs_web.protocol.vehicle import Vehicle
 from tests.gcs_web.in_browser import SERIOUS, drawn, needs_chromium, positions, tab, visited
+from tests.gcs_web.telling import telling
 from tests.gcs_web.two_pillars import START
 from tests.waiting import until as wait
 
@@ -128,14 +129,14 @@ def test_the_map_is_moved_and_enlarged_and_all_of_it_comes_back(page):
 
 @pytest.mark.parametrize(("yaw_rad", "turned"), [(0.0, 0.0), (np.pi / 2, -90.0)])
 def test_the_vehicle_has_a_ring_and_an_arrow_where_it_is(page, station, told, yaw_rad, turned):
-    station.hub.publish(
-        Vehicle("fresh", "sitl", mission="hold", armed=True, x_m=4.0, y_m=1.0, z_m=1.0, yaw_rad=yaw_rad)
-    )
-    page.keyboard.press("3")
-    mark = page.locator(".vehicle-mark.fresh")
-    wait(lambda: np.abs(middle(mark.locator("circle")) - pixel(page, 4.0, 1.0)).max() < 2.0, "the mark")
-    assert mark.locator("circle").bounding_box()["width"] >= 22
-    assert f"rotate({turned:g})" in mark.locator("path").get_attribute("transform").replace("rotate(-0)", "rotate(0)")
+    here = Vehicle("fresh", "sitl", mission="hold", armed=True, x_m=4.0, y_m=1.0, z_m=1.0, yaw_rad=yaw_rad)
+    with telling(station, here):
+        page.keyboard.press("3")
+        mark = page.locator(".vehicle-mark.fresh")
+        wait(lambda: np.abs(middle(mark.locator("circle")) - pixel(page, 4.0, 1.0)).max() < 2.0, "the mark")
+        assert mark.locator("circle").bounding_box()["width"] >= 22
+        arrow = mark.locator("path").get_attribute("transform")
+        assert f"rotate({turned:g})" in arrow.replace("rotate(-0)", "rotate(0)")
 
 
 def test_a_mark_that_is_old_says_so(page, station, told):

@@ -1,9 +1,7 @@
 """What a pilot must notice without looking is said, sounded and felt; silence is a choice that lasts."""
 
-import contextlib
 import json
 import re
-import threading
 from collections.abc import Iterator
 
 import pytest
@@ -13,6 +11,7 @@ from gcs_web import GroundStation
 from gcs_web.protocol.people import Person
 from gcs_web.protocol.vehicle import LostLinkAct, Vehicle
 from tests.gcs_web.in_browser import drawn, needs_chromium, visited
+from tests.gcs_web.telling import telling
 from tests.waiting import until as wait
 
 pytestmark = needs_chromium
@@ -49,26 +48,8 @@ def page(station, listening_tab):
         yield opened
 
 
-def tell(station: GroundStation, link="fresh", *, armed: bool = True, mission="trajectory", **more) -> None:
-    station.hub.publish(Vehicle(link, "sitl", mission=mission, armed=armed, if_link_lost=ACTS if armed else [], **more))
-
-
-@contextlib.contextmanager
-def telling(station: GroundStation, *said, **more) -> Iterator[None]:
-    """Again and again, as a station does."""
-    over = threading.Event()
-
-    def repeat() -> None:
-        while not over.wait(0.2):
-            tell(station, *said, **more)
-
-    thread = threading.Thread(target=repeat)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
+def of(link="fresh", *, armed: bool = True, mission="trajectory", **more) -> Vehicle:
+    return Vehicle(link, "sitl", mission=mission, armed=armed, if_link_lost=ACTS if armed else [], **more)
 
 
 def tones(page) -> int:
@@ -77,32 +58,32 @@ def tones(page) -> int:
 
 
 def test_a_good_flight_is_silent_and_an_error_beyond_its_room_is_not(page, station):
-    tell(station, error_m=0.1, room_m=0.16, along_s=1.0)
     bar = page.get_by_role("region", name="Flight", exact=True)
-    bar.get_by_text("100 / 160").wait_for()
-    assert tones(page) == 0
-    tell(station, error_m=0.2, room_m=0.16, along_s=1.1)
-    bar.get_by_role("alert").get_by_text("Off the path by 200 mm: room is 160 mm.").wait_for()
-    wait(lambda: tones(page) >= 6, "the alarm, again and again")
-    assert page.evaluate("window.shakes") >= 2
-    tell(station, error_m=0.1, room_m=0.16, along_s=1.2)
-    bar.get_by_role("alert").wait_for(state="detached")
+    with telling(station, of(error_m=0.1, room_m=0.16, along_s=1.0)):
+        bar.get_by_text("100 / 160").wait_for()
+        assert tones(page) == 0
+    with telling(station, of(error_m=0.2, room_m=0.16, along_s=1.1)):
+        bar.get_by_role("alert").get_by_text("Off the path by 200 mm: room is 160 mm.").wait_for()
+        wait(lambda: tones(page) >= 6, "the alarm, again and again")
+        assert page.evaluate("window.shakes") >= 2
+    with telling(station, of(error_m=0.1, room_m=0.16, along_s=1.2)):
+        bar.get_by_role("alert").wait_for(state="detached")
 
 
 def test_a_silent_link_counts_down_to_what_the_vehicle_does_then(page, station):
     bar = page.get_by_role("region", name="Flight", exact=True)
     counts = re.compile(r"heard for \d\.\d s: in \d\.\d s it stops and hovers")
-    with telling(station, "stale", age_s=0.8):
+    with telling(station, of("stale", age_s=0.8)):
         bar.get_by_role("status").get_by_text(counts).wait_for()
         wait(lambda: tones(page) > 0, "a tone")
-    with telling(station, "lost", age_s=2.5):
+    with telling(station, of("lost", age_s=2.5)):
         acts = re.compile(r"Link lost: it stops and hovers; lands in about \d+ s")
         bar.get_by_role("alert").get_by_text(acts).wait_for()
 
 
 def test_a_page_that_hears_no_station_does_not_say_what_the_vehicle_does(page, station):
     """The station may hear it well, and nothing of that happens."""
-    tell(station)
+    station.hub.publish(of())
     bar = page.get_by_role("region", name="Flight", exact=True)
     bar.get_by_role("alert").get_by_text(
         "This page lost the station: what the vehicle does is not known here."
@@ -115,7 +96,7 @@ def test_a_page_that_nobody_touched_says_that_its_sound_is_blocked_and_queues_no
     said: list[str] = []
     listening_tab.page.on("console", lambda message: said.append(message.text))
     station.hub.publish(Vehicle("none"))
-    with visited(station, listening_tab) as page, telling(station, error_m=0.2, room_m=0.16):
+    with visited(station, listening_tab) as page, telling(station, of(error_m=0.2, room_m=0.16)):
 
         def heard() -> tuple[int, int, str]:
             page.wait_for_timeout(100)
@@ -131,7 +112,7 @@ def test_a_page_that_nobody_touched_says_that_its_sound_is_blocked_and_queues_no
 def test_a_key_takes_control_from_nobody_only(page, station):
     bo = Person("bo", "Bo")
     station.desk.control.take(bo, force=False)
-    with telling(station):
+    with telling(station, of()):
         page.keyboard.press("3")
         mute = page.get_by_role("button", name="Mute alarms")
         mute.wait_for()
@@ -151,7 +132,7 @@ def test_a_key_takes_control_from_nobody_only(page, station):
 
 
 def test_a_key_that_is_held_mutes_once(page, station):
-    with telling(station):
+    with telling(station, of()):
         page.get_by_role("button", name="Mute alarms", pressed=False).wait_for()
         for _ in range(4):
             page.keyboard.down("n")  # without a release: the browser's repeats
@@ -165,7 +146,7 @@ def test_a_key_that_is_held_mutes_once(page, station):
 
 def test_alarms_are_muted_by_a_key_and_still_said_and_it_is_remembered(page, station):
     mute = page.get_by_role("button", name="Mute alarms")
-    with telling(station, "lost", age_s=3.0):
+    with telling(station, of("lost", age_s=3.0)):
         mute.wait_for()
         page.keyboard.press("n")
         page.get_by_role("button", name="Mute alarms", pressed=True).wait_for()
@@ -178,21 +159,21 @@ def test_alarms_are_muted_by_a_key_and_still_said_and_it_is_remembered(page, sta
 
 
 def test_a_battery_says_how_long_it_lasts_and_warns_when_that_is_little(page, station):
-    tell(station, battery_v=15.1, battery_left_s=240.0)
     bar = page.get_by_role("region", name="Flight", exact=True)
-    bar.get_by_text("4 min left").wait_for()
-    assert tones(page) == 0
-    tell(station, battery_v=14.1, battery_left_s=40.0)
-    bar.get_by_role("status").get_by_text("Battery: 40 s left. Land.").wait_for()
-    wait(lambda: tones(page) == 1, "one tone")
+    with telling(station, of(battery_v=15.1, battery_left_s=240.0)):
+        bar.get_by_text("4 min left").wait_for()
+        assert tones(page) == 0
+    with telling(station, of(battery_v=14.1, battery_left_s=40.0)):
+        bar.get_by_role("status").get_by_text("Battery: 40 s left. Land.").wait_for()
+        wait(lambda: tones(page) == 1, "one tone")
 
 
 def test_the_worst_is_said_and_nothing_is_on_the_ground(page, station):
-    tell(station, "lost", mission="fault", age_s=3.0, reason="a rotor is stuck")
     bar = page.get_by_role("region", name="Flight", exact=True)
-    bar.get_by_role("alert").get_by_text("Fault: a rotor is stuck.").wait_for()
-    tell(station, "lost", armed=False, mission="disarmed", age_s=3.0)
-    bar.wait_for(state="detached")
-    heard = tones(page)
-    page.wait_for_timeout(1800)
-    assert tones(page) == heard
+    with telling(station, of("lost", mission="fault", age_s=3.0, reason="a rotor is stuck")):
+        bar.get_by_role("alert").get_by_text("Fault: a rotor is stuck.").wait_for()
+    with telling(station, of("lost", armed=False, mission="disarmed", age_s=3.0)):
+        bar.wait_for(state="detached")
+        heard = tones(page)
+        page.wait_for_timeout(1800)
+        assert tones(page) == heard
