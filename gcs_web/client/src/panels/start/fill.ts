@@ -48,13 +48,15 @@ export async function connectTo(url: string): Promise<string> {
   return error;
 }
 
-/** A project that has next to nothing opens where it is filled, unless the address names a step. */
+/** A project that has next to nothing opens where it is filled, unless the address names a step or a key did. */
 export function startWhereItLacks(): void {
   if (location.hash !== "") return;
+  const first = step.value;
   const stop = effect(() => {
     if (flights.value === null) return; // told after the files
     const { has_map, has_vehicle } = files.value;
-    if (flights.value.flights.length === 0 && !(has_map && has_vehicle)) step.value = START_STEP;
+    const lacks = flights.value.flights.length === 0 && !(has_map && has_vehicle);
+    if (lacks && step.peek() === first) step.value = START_STEP;
     queueMicrotask(() => stop());
   });
 }
