@@ -24,7 +24,8 @@ _MODULES = {
     "pyulog": "PX4's flight logs", "matplotlib": "figures",
     "esdf._esdf": "our C++ kernel", "goshawk._rendering": "our C++ kernel", "mapping._mapping": "our C++ kernel",
     "flight._portable": "our C++ kernel",
-    "planner._planner": "our C++ kernel", "preflight._preflight": "our C++ kernel", "sysid._sysid": "our C++ kernel", "vehicle._vehicle": "our C++ kernel",
+    "planner._planner": "our C++ kernel", "preflight._preflight": "our C++ kernel", "sysid._sysid": "our C++ kernel",
+    "vehicle._vehicle": "our C++ kernel",
     "firmware_bridge._controller": "the embedded C controller",
 }  # fmt: skip
 _SYSTEM = {"open3d": "; needs the system's libusb-1.0-0 and libgl1"}
