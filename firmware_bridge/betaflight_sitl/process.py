@@ -28,6 +28,8 @@ IN_PACKET = (3, 0, 1, 2)
 NORMAL_PRESSURE_PA, SCALE_HEIGHT_M = 101325.0, 8434.0
 PATIENCE_S = 600.0
 """Of this machine's clock; a loaded one may take a hundred times as long as an idle one."""
+STEP_PATIENCE_S = 30.0
+"""Of one step, which takes a millisecond on an idle machine; the lock step may stall, rarely, as a flight begins."""
 FIRST_S = 0.5
 """Stamp of the packet that begins the lock step; flights begin later than that by more than 20 ms."""
 FLU_TO_FRD = np.array([1.0, -1.0, -1.0])
@@ -98,7 +100,7 @@ class Sitl:
         """Feel this until the next step, and set the motors. The first one begins the lock step.
 
         Raises:
-            LinkError: the firmware ended.
+            LinkError: the firmware ended, or answers no more.
         """
         if not self._begun:
             self._begun = True
@@ -111,8 +113,8 @@ class Sitl:
             values = OUTPUTS.unpack(self._motors.recv(64))
         except TimeoutError:
             ended = self._process.poll()
-            how = "" if ended is None else f"; Betaflight's SITL ended with {ended}"
-            raise LinkError(f"no motor outputs at {time_s:.3f} s{how}") from None
+            how = "its lock step stalled: fly it again" if ended is None else f"Betaflight's SITL ended with {ended}"
+            raise LinkError(f"no motor outputs at {time_s:.3f} s; {how}") from None
         self.outputs = np.clip([values[i] for i in IN_PACKET], 0.0, 1.0)
 
     def sticks(self, time_s: float, channels: Sequence[float]) -> None:
@@ -126,7 +128,7 @@ def flying(folder: Path) -> Iterator[Sitl]:
     """The firmware with the settings in `folder`, where it also writes its logs."""
     with socket.socket(type=socket.SOCK_DGRAM) as motors, socket.socket(type=socket.SOCK_DGRAM) as out:
         motors.bind((HOST, MOTOR_PORT))
-        motors.settimeout(PATIENCE_S)
+        motors.settimeout(STEP_PATIENCE_S)
         said = (folder / "said.txt").stat().st_size
         with _running(folder) as process:
             _until(lambda: b"[lock step] ready" in (folder / "said.txt").read_bytes()[said:], process)

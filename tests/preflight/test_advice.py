@@ -67,7 +67,7 @@ def test_advice_that_is_cut_off_says_nothing(drone, curve, at):
 @pytest.mark.slow
 def test_a_wall_near_a_fast_way_is_a_go_in_less_wind(drone, curve):
     options = preflight.Options(flights=60, risk=0.05, uncertainty=replace(EXACT, wind_m_s=9.0, gust_std_m_s=0.3))
-    flown = (drone, curve, Wall(0.21))
+    flown = (drone, curve, Wall(0.216))
     result = preflight.fly(*flown, radius_m=0.2, options=options)
     found = preflight.advised(*flown, result, radius_m=0.2, options=options)
     assert not result.go
