@@ -35,6 +35,7 @@
 static _Atomic int64_t now_ns, end_ns; /* of the main thread's clock; end_ns 0: not yet in lock step */
 static double stamp_s, step_s;         /* of the last packet; only the state thread has them */
 static atomic_int asked;               /* whether a packet waits for its answer */
+static atomic_int answered;            /* whether the motors were set once */
 static int handed_over;                /* whether a packet waits for its thread to be done with it */
 static atomic_int let;                 /* whether the firmware runs for the last packet */
 
@@ -54,11 +55,11 @@ static void pause_ns(long ns) {
     syscall(SYS_nanosleep, &wait, NULL);
 }
 
-/* Moves the clock on, at most to the end of the step; whether there was room. A step in which the firmware set no
-   motors, as the first may be, lasts until it does: the body waits for them. */
+/* Moves the clock on, at most to the end of the step; whether there was room. The first step lasts until the firmware
+   sets the motors, which the body waits for. */
 static int go_on(int64_t by_ns) {
     int64_t end = atomic_load(&end_ns), now = atomic_load(&now_ns);
-    if (now >= end && !(atomic_load(&let) && atomic_load(&asked))) return 0;
+    if (now >= end && (atomic_load(&answered) || !atomic_load(&let) || !atomic_load(&asked))) return 0;
     if (now >= end) atomic_store(&end_ns, end = now + LOOP_NS);
     atomic_store(&now_ns, now + by_ns < end ? now + by_ns : end);
     return 1;
@@ -195,6 +196,9 @@ ssize_t sendto(int fd, const void* data, size_t size, int flags, const struct so
     static ssize_t (*next)(int, const void*, size_t, int, const struct sockaddr*, socklen_t);
     if (next == NULL) next = dlsym(RTLD_NEXT, "sendto");
     const struct sockaddr_in* where = (const struct sockaddr_in*)to;
-    if (where != NULL && where->sin_port == htons(MOTOR_PORT) && !atomic_exchange(&asked, 0)) return (ssize_t)size;
+    if (where != NULL && where->sin_port == htons(MOTOR_PORT)) {
+        if (!atomic_exchange(&asked, 0)) return (ssize_t)size;
+        atomic_store(&answered, 1);
+    }
     return next(fd, data, size, flags, to, length);
 }
