@@ -30,12 +30,13 @@
 #define LOOPING 1000
 #define LOOP_NS 10000     /* what a turn of that loop takes in hardware: with the pause, tasks of 1 kHz run at 500 Hz */
 #define USUAL_STEP_S 1e-3 /* where packets do not tell the step: the first, and one after a pause */
+#define FIRST_STEPS 20
 #define LARGEST_STEP_S 0.02 /* as in the firmware, which else keeps its clock's rate */
 
 static _Atomic int64_t now_ns, end_ns; /* of the main thread's clock; end_ns 0: not yet in lock step */
 static double stamp_s, step_s;         /* of the last packet; only the state thread has them */
 static atomic_int asked;               /* whether a packet waits for its answer */
-static atomic_int answered;            /* whether the motors were set once */
+static atomic_int answered;            /* how often the motors were set */
 static int handed_over;                /* whether a packet waits for its thread to be done with it */
 static atomic_int let;                 /* whether the firmware runs for the last packet */
 
@@ -55,11 +56,11 @@ static void pause_ns(long ns) {
     syscall(SYS_nanosleep, &wait, NULL);
 }
 
-/* Moves the clock on, at most to the end of the step; whether there was room. The first step lasts until the firmware
+/* Moves the clock on, at most to the end of the step; whether there was room. The first steps last until the firmware
    sets the motors, which the body waits for. */
 static int go_on(int64_t by_ns) {
     int64_t end = atomic_load(&end_ns), now = atomic_load(&now_ns);
-    if (now >= end && (atomic_load(&answered) || !atomic_load(&let) || !atomic_load(&asked))) return 0;
+    if (now >= end && (atomic_load(&answered) > FIRST_STEPS || !atomic_load(&let) || !atomic_load(&asked))) return 0;
     if (now >= end) atomic_store(&end_ns, end = now + LOOP_NS);
     atomic_store(&now_ns, now + by_ns < end ? now + by_ns : end);
     return 1;
@@ -198,7 +199,7 @@ ssize_t sendto(int fd, const void* data, size_t size, int flags, const struct so
     const struct sockaddr_in* where = (const struct sockaddr_in*)to;
     if (where != NULL && where->sin_port == htons(MOTOR_PORT)) {
         if (!atomic_exchange(&asked, 0)) return (ssize_t)size;
-        atomic_store(&answered, 1);
+        atomic_fetch_add(&answered, 1);
     }
     return next(fd, data, size, flags, to, length);
 }
