@@ -16,6 +16,7 @@
 #include <tuple>
 
 #include "nominal_plant.h"
+#include "segment.h"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -196,17 +197,6 @@ nb::list parameter_table() {
                                    tc_parameters_unit(i)));
     }
     return rows;
-}
-
-tc_segment segment_from(uint32_t duration_us, const float* coefficients, size_t count) {
-    tc_segment s{};
-    s.duration_us = duration_us;
-    for (size_t axis = 0; axis < TC_AXES; axis++) {
-        for (size_t j = 0; j < count && j < TC_MAX_COEFFICIENTS; j++) {
-            s.coefficient[axis][j] = coefficients[axis * count + j];
-        }
-    }
-    return s;
 }
 
 // A slot of its own, for the CRC and for evaluation; `durations` and `coefficients` must fit (the wrapper checks).

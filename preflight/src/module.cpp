@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "flight.hpp"
+#include "segment.h"
 
 namespace nb = nanobind;
 using namespace goshawk;
@@ -28,15 +29,6 @@ using Out = nb::ndarray<T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
 
 constexpr std::size_t kDraw = sizeof(Draw) / sizeof(double);
 constexpr std::size_t kCommon = 23;
-
-tc_segment segment_from(std::uint32_t duration_us, const float* coefficients, std::size_t count) {
-    tc_segment s{};
-    s.duration_us = duration_us;
-    for (std::size_t axis = 0; axis < TC_AXES; ++axis) {
-        for (std::size_t j = 0; j < count; ++j) s.coefficient[axis][j] = coefficients[axis * count + j];
-    }
-    return s;
-}
 
 std::uint32_t crc_of(const tc_trajectory_header& header, const std::vector<tc_segment>& segments) {
     std::uint32_t crc = tc_trajectory_header_crc32(&header);
