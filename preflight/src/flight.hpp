@@ -167,28 +167,16 @@ class Flight {
         for (int k = 0; k < 3; ++k) world_.wind[k] = ramp_ * (draw_.wind_m_s[k] + gust_[k]);
     }
 
-    // Runge-Kutta of fourth order; the accelerometer reads what the last stage found at the end of the step.
+    // The accelerometer reads what the last stage found at the end of the step.
     void move() {
         world_.gravity = setup_.gravity_m_s2;
-        double trial[kState];
-        Derivative k1, k2, k3, k4;
-        derive(model_, values_, body_, world_, command_, setup_.battery_v, x_, k1);
-        after(x_, k1, 0.5 * step_s_, trial);
-        derive(model_, values_, body_, world_, command_, setup_.battery_v, trial, k2);
-        after(x_, k2, 0.5 * step_s_, trial);
-        derive(model_, values_, body_, world_, command_, setup_.battery_v, trial, k3);
-        after(x_, k3, step_s_, trial);
-        derive(model_, values_, body_, world_, command_, setup_.battery_v, trial, k4);
-        for (int i = 0; i < kState; ++i) {
-            x_[i] += step_s_ / 6.0 * (k1.state[i] + 2.0 * k2.state[i] + 2.0 * k3.state[i] + k4.state[i]);
-        }
-        const double norm = std::sqrt(x_[6] * x_[6] + x_[7] * x_[7] + x_[8] * x_[8] + x_[9] * x_[9]);
-        for (int i = 6; i < 10; ++i) x_[i] /= norm;
+        Derivative first, last;
+        runge_kutta(model_, values_, body_, world_, command_, setup_.battery_v, step_s_, x_, first, last);
         if (!lags_) {
             for (int i = 0; i < 4; ++i) x_[13 + i] = command_[i];
         }
-        for (int k = 0; k < 3; ++k) force_[k] = k4.specific_force[k];
-        energy_j_ += step_s_ * k1.rotor_power;
+        for (int k = 0; k < 3; ++k) force_[k] = last.specific_force[k];
+        energy_j_ += step_s_ * first.rotor_power;
     }
 
     void watch() {

@@ -118,27 +118,36 @@ inline void rest_on_ground(const World& world, const double* before, double* x) 
     for (int k = 10; k < 13; ++k) x[k] = 0.0;
 }
 
+// One step of Runge-Kutta of fourth order; `first` and `last` are the derivatives at its beginning and its end.
+inline void runge_kutta(const Model& model, const double* values, const Body<double>& body, const World& world,
+                        const double* command, double battery_v, double step, double* x, Derivative& first,
+                        Derivative& last) {
+    double trial[kState];
+    Derivative k2, k3;
+    derive(model, values, body, world, command, battery_v, x, first);
+    after(x, first, 0.5 * step, trial);
+    derive(model, values, body, world, command, battery_v, trial, k2);
+    after(x, k2, 0.5 * step, trial);
+    derive(model, values, body, world, command, battery_v, trial, k3);
+    after(x, k3, step, trial);
+    derive(model, values, body, world, command, battery_v, trial, last);
+    for (int i = 0; i < kState; ++i) {
+        x[i] += step / 6.0 * (first.state[i] + 2.0 * k2.state[i] + 2.0 * k3.state[i] + last.state[i]);
+    }
+    const double norm = std::sqrt(x[6] * x[6] + x[7] * x[7] + x[8] * x[8] + x[9] * x[9]);
+    for (int i = 6; i < 10; ++i) x[i] /= norm;
+}
+
 // Advances one state by `steps` steps; returns the mechanical rotor energy in joules. `specific_force` is that of the
 // end.
 inline double integrate(const Model& model, const double* values, const World& world, const double* command,
                         double battery_v, int steps, double step, double* x, double specific_force[3]) {
     const Body<double> body = rigid_body(model, values);
-    double energy = 0.0, trial[kState], before[kState];
-    Derivative k1, k2, k3, k4;
+    double energy = 0.0, before[kState];
+    Derivative k1, k4;
     for (int s = 0; s < steps; ++s) {
         for (int i = 0; i < kState; ++i) before[i] = x[i];
-        derive(model, values, body, world, command, battery_v, x, k1);
-        after(x, k1, 0.5 * step, trial);
-        derive(model, values, body, world, command, battery_v, trial, k2);
-        after(x, k2, 0.5 * step, trial);
-        derive(model, values, body, world, command, battery_v, trial, k3);
-        after(x, k3, step, trial);
-        derive(model, values, body, world, command, battery_v, trial, k4);
-        for (int i = 0; i < kState; ++i) {
-            x[i] += step / 6.0 * (k1.state[i] + 2.0 * k2.state[i] + 2.0 * k3.state[i] + k4.state[i]);
-        }
-        const double norm = std::sqrt(x[6] * x[6] + x[7] * x[7] + x[8] * x[8] + x[9] * x[9]);
-        for (int i = 6; i < 10; ++i) x[i] /= norm;
+        runge_kutta(model, values, body, world, command, battery_v, step, x, k1, k4);
         rest_on_ground(world, before, x);
         energy += step * k1.rotor_power;
     }
