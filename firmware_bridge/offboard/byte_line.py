@@ -1,20 +1,16 @@
-"""A line of bytes to a flight controller, by TCP or a serial port, which never blocks for long."""
+"""A line of bytes to a flight controller, by TCP, which never blocks for long."""
 
 import ipaddress
-import os
 import select
 import socket
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Protocol
 from urllib.parse import urlsplit
 
 from flight import InputError, LinkError
 
 _PREFIX = "betaflight:"
-LOWEST_BAUD = 115200
-"""34 bytes 250 times a second, sticks and a request, are 85,000 baud."""
 _REOPEN_S, _LEAST_S = 0.2, 0.05
 
 
@@ -30,7 +26,7 @@ class ByteLine(Protocol):
 
 
 def connect(address: str, *, patience_s: float = 10.0) -> ByteLine:
-    """A line to `betaflight:tcp://HOST:PORT` or `betaflight:serial:///dev/ttyACM0?baud=115200`.
+    """A line to `betaflight:tcp://HOST:PORT`.
 
     Raises:
         InputError: the address is none of those, or not on this machine.
@@ -38,13 +34,9 @@ def connect(address: str, *, patience_s: float = 10.0) -> ByteLine:
     """
     parts = urlsplit(address.removeprefix(_PREFIX))
     if not address.startswith(_PREFIX) or parts.scheme not in ("tcp", "serial"):
-        raise InputError(
-            f"{address!r} is no vehicle that this can fly; give betaflight:tcp://HOST:PORT or "
-            "betaflight:serial:///dev/ttyACM0"
-        )
+        raise InputError(f"{address!r} is no vehicle that this can fly; give betaflight:tcp://HOST:PORT")
     if parts.scheme == "serial":
         _require_this_machine(address, "")
-        return SerialLine(Path(parts.path), int(parts.query.removeprefix("baud=") or LOWEST_BAUD))
     if not parts.hostname or not parts.port:
         raise InputError(
             f"{address!r} has no host or port; Betaflight's SITL listens at betaflight:tcp://127.0.0.1:5761"
@@ -134,50 +126,6 @@ class TcpLine:
 
     def close(self) -> None:
         self._socket.close()
-
-
-class SerialLine:
-    """A port as the operating system has it, raw, without a library."""
-
-    def __init__(self, device: Path, baud: int) -> None:
-        """
-        Raises:
-            InputError: the operating system knows no such rate, or it is too low for the sticks.
-            LinkError: the device cannot be opened.
-        """
-        import termios
-        import tty
-
-        speed = getattr(termios, f"B{baud}", None)
-        if speed is None:
-            raise InputError(f"{baud} baud is no rate of a serial port here; use 115200, 230400, 460800 or 921600")
-        if baud < LOWEST_BAUD:
-            raise InputError(f"{baud} baud does not carry the sticks; set {LOWEST_BAUD} or more in the Ports tab")
-        try:
-            self._fd = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-            tty.setraw(self._fd)
-            settings = termios.tcgetattr(self._fd)
-            settings[4] = settings[5] = speed
-            termios.tcsetattr(self._fd, termios.TCSANOW, settings)
-        except (OSError, termios.error) as error:
-            raise LinkError(f"{device} cannot be opened as a serial port: {error}") from error
-        self._outbox = _Outbox(lambda data: os.write(self._fd, data))
-
-    def write(self, data: bytes) -> None:
-        self._outbox.write(data)
-
-    def read(self, wait_s: float = 0.0) -> bytes:
-        if not select.select([self._fd], [], [], wait_s)[0]:
-            return b""
-        try:
-            return os.read(self._fd, 65536)
-        except BlockingIOError:
-            return b""
-        except OSError as error:
-            raise LinkError(f"the line to the flight controller broke: {error}") from error
-
-    def close(self) -> None:
-        os.close(self._fd)
 
 
 class LastingLine:

@@ -1,13 +1,10 @@
 """The line: only to this machine, never half a message, and back after it broke."""
 
-import os
-import pty
 import socket
-from pathlib import Path
 
 import pytest
 
-from firmware_bridge.offboard.byte_line import LastingLine, SerialLine, TcpLine, connect
+from firmware_bridge.offboard.byte_line import LastingLine, TcpLine, connect
 from flight import InputError, LinkError
 
 
@@ -37,7 +34,6 @@ def pair() -> tuple[socket.socket, socket.socket]:
 )
 def test_nothing_is_opened_that_may_be_a_real_vehicle(address, monkeypatch):
     monkeypatch.setattr(socket, "create_connection", lambda *_, **__: pytest.fail("it was opened"))
-    monkeypatch.setattr(os, "open", lambda *_, **__: pytest.fail("it was opened"))
     with pytest.raises(InputError, match="the Betaflight bridge has flown only the SITL"):
         connect(address)
 
@@ -66,22 +62,6 @@ def test_a_full_buffer_drops_whole_messages_and_loses_no_byte_of_one():
     assert len(got) > 999
     for begin in range(0, len(got) - 998, 999):
         assert len(set(got[begin : begin + 999])) == 1
-
-
-def test_a_full_serial_port_is_no_end():
-    keeper, device = pty.openpty()
-    line = SerialLine(Path(os.ttyname(device)), 115200)
-    for _ in range(2000):
-        line.write(b"x" * 100)
-    assert line._outbox.dropped > 0
-    line.close()
-    os.close(keeper)
-    os.close(device)
-
-
-def test_a_rate_that_cannot_carry_the_sticks_is_refused():
-    with pytest.raises(InputError, match="57600 baud does not carry"):
-        SerialLine(Path("/dev/null"), 57600)
 
 
 def test_a_broken_line_is_opened_again():
