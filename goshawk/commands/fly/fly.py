@@ -20,7 +20,7 @@ SUMMARY = "Fly the uploaded trajectory and record a flight log."
 @click.option(
     "--on", "address", metavar="ADDRESS", help="Flight controller of other firmware, e.g. betaflight:tcp://HOST:PORT."
 )
-@click.option("--rehearse", is_flag=True, help="Fly it on Betaflight's real firmware in a simulated body first.")
+@click.option("--rehearse", is_flag=True, help="Fly it on Betaflight's real firmware in a simulated body.")
 @click.option(
     "--pose-stream",
     "pose_stream",
@@ -103,6 +103,8 @@ def _fly_off_board(
 ) -> None:
     from goshawk.commands.fly import offboard
 
+    if address is not None and rehearse:
+        raise InputError("--rehearse flies in a simulated body, --on the flight controller there; give one of them")
     if plan is None:
         raise InputError("name the trajectory file to fly: goshawk fly walk.json --rehearse --vehicle vehicle.toml")
     item, model = trajectory.load(plan), offboard.model_of(vehicle_file)

@@ -103,6 +103,12 @@ def test_only_rotors_that_betaflights_mixer_knows_are_flown():
         offboard.rotor_of_motor(plus)
 
 
+def test_a_rehearsal_is_not_flown_on_the_address_too(folder):
+    done = run(folder, "goshawk fly walk.json --rehearse --on betaflight:tcp://127.0.0.1:5761 --out a.parquet")
+    assert done.returncode == 2
+    assert "give one of them" in done.stderr
+
+
 @pytest.mark.parametrize("url", ["tcp://a:1", "udp://a", "udp://a:b", "udp://a:1?delay=9"])
 def test_a_wrong_pose_stream_is_refused(url):
     with pytest.raises(InputError, match="--pose-stream"):
