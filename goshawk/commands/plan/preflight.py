@@ -30,14 +30,7 @@ _DEFAULT = preflight.Uncertainty()
 @click.option("--flights", type=int, help="Flights to fly [default: as many as can show --risk].")
 @click.option("--risk", type=float, default=1e-3, show_default=True, help="Probability of a loss that is accepted.")
 @click.option("--wind", default="0", show_default=True, help="Steady wind: its speed, from anywhere, or x,y,z (m/s).")
-@click.option(
-    "--gust-std",
-    "gust_std_m_s",
-    type=click.FloatRange(min=0.0),
-    default=0.0,
-    show_default=True,
-    help="Standard deviation of gusts, m/s.",
-)
+@console.gust_option
 @click.option(
     "--pose-delay",
     "pose_delay_s",
