@@ -5,6 +5,8 @@ import json
 import os
 from pathlib import Path
 
+from flight import file_format
+
 MOST = 12
 
 
@@ -27,10 +29,8 @@ def note(file: Path, folder: Path) -> None:
     with contextlib.suppress(OSError):
         folder = folder.resolve()
         known = [folder, *(each for each in _kept(file) if each != folder)]
-        file.parent.mkdir(parents=True, exist_ok=True)
-        new = file.with_name(f".{file.name}.{os.getpid()}")
-        new.write_text(json.dumps([str(each) for each in known[:MOST]]))
-        new.replace(file)
+        with file_format.atomic_file(file) as new:
+            new.write_text(json.dumps([str(each) for each in known[:MOST]]))
 
 
 def _kept(file: Path) -> list[Path]:
