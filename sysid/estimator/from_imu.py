@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flight import InputError, Progress, rotations
+from flight import InputError, Progress, rotations, within
 from sysid.estimator.flights.clocks import PRIOR_S
 from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.joint_problem.problem import Point, with_values
@@ -68,12 +68,17 @@ def identify(
     Raises:
         InputError: the flights show too little, or a name is unknown.
     """
-    found = _identified(flights, vehicle, options, given, progress, [e for e in effects if e != INFLOW], near)
-    if options.free is not None or not _tried(flights, vehicle, [e for e in effects if e == INFLOW]):
+    others = [effect for effect in effects if effect != INFLOW]
+    if options.free is not None or INFLOW not in _tried(flights, vehicle, effects):
+        return _identified(flights, vehicle, options, given, progress, others, near)
+    first, second = (within(progress, "identify", *part) for part in ((0.0, 0.6), (0.6, 1.0)))
+    found = _identified(flights, vehicle, options, given, first, others, near)
+    try:
+        damped = _identified(flights, vehicle.with_effect(INFLOW), options, given, second, others, found)
+    except InputError as error:
+        logger.info("%s could not be fitted: %s", INFLOW, error)
         return found
-    damped = vehicle.with_effect(INFLOW)
-    other = _identified(flights, damped, options, given, progress, [e for e in effects if e != INFLOW], found)
-    return other if _shows_inflow(other) else found
+    return damped if _shows_inflow(damped) else found
 
 
 def _shows_inflow(found: Identification) -> bool:

@@ -229,6 +229,26 @@ def test_inflow_is_kept_where_it_damps_and_never_where_it_drives(start):
         assert damped.estimate(name).value == pytest.approx(values[name][0], rel=0.05)
 
 
+def test_inflow_that_cannot_be_fitted_costs_nothing_and_its_trial_is_the_end_of_the_progress(twins, start, fitted, monkeypatch):
+    from sysid.estimator import from_imu
+
+    fit, done = from_imu._identified, []
+
+    def fails_with_inflow(flights, vehicle, *rest):
+        if from_imu.INFLOW in vehicle.effects:
+            raise InputError("it is not identifiable")
+        return fit(flights, vehicle, *rest)
+
+    monkeypatch.setattr(from_imu, "_identified", fails_with_inflow)
+    found = sysid.identify([twins[1][0]], start)
+    assert found.vehicle.effects == fitted[0].vehicle.effects
+    monkeypatch.undo()
+    sysid.identify([twins[1][0].slice(0.0, 14.0)], start, progress=lambda _, fraction: done.append(fraction))
+    fit_done = done.index(0.6)
+    assert max(done[:fit_done]) < 0.6 <= min(done[fit_done:])
+    assert done[-1] == 1.0
+
+
 @pytest.mark.slow
 def test_a_vehicle_that_rotorpy_flies_is_found_within_five_percent():
     import without_pose_rotorpy
