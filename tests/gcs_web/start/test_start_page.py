@@ -15,7 +15,7 @@ from gcs_web import GroundStation
 from gcs_web.protocol.people import Person
 from gcs_web.protocol.vehicle import FoundVehicle
 from goshawk.station_jobs import KINDS, simulate
-from tests.gcs_web.in_browser import needs_chromium, visited
+from tests.gcs_web.in_browser import needs_chromium, tab, visited
 from tests.waiting import until as wait
 
 pytestmark = needs_chromium
@@ -51,6 +51,29 @@ def test_an_empty_project_opens_where_it_is_filled_and_every_step_says_what_it_l
     page.keyboard.press("3")
     page.get_by_role("button", name="An example").click()
     page.get_by_role("heading", name="What do you have?").wait_for()
+
+
+def test_a_step_that_was_chosen_before_the_project_was_told_stays(station, browser):
+    """On a slow line the page is there, and its keys work, before it knows what the project lacks."""
+    waiting, socket = [], []
+
+    def slow(page_end) -> None:
+        station_end = page_end.connect_to_server()
+        station_end.on_message(lambda said: waiting.append(said) if not socket else page_end.send(said))
+        waiting.append(page_end)
+
+    with tab(browser, with_view=False) as own:
+        own.page.route_web_socket(re.compile("^ws"), slow)
+        own.page.goto(station.url)
+        wait(lambda: own.page.wait_for_timeout(20) or len(waiting) > 3, "what the station says")
+        own.page.keyboard.press("4")
+        page_end, *said = waiting
+        socket.append(page_end)
+        for message in said:
+            page_end.send(message)
+        own.page.get_by_text("Saved, revision").wait_for()
+        own.page.get_by_text("No flights yet").first.wait_for()
+        assert own.page.get_by_role("heading", name="What do you have?").count() == 0
 
 
 def test_a_mesh_an_example_and_the_simulator_fill_it_on_the_page_alone(station, page, tmp_path: Path):
