@@ -229,7 +229,7 @@ def test_inflow_is_kept_where_it_damps_and_never_where_it_drives(start):
         assert damped.estimate(name).value == pytest.approx(values[name][0], rel=0.05)
 
 
-def test_inflow_that_cannot_be_fitted_costs_nothing_and_its_trial_is_the_end_of_the_progress(twins, start, fitted, monkeypatch):
+def test_inflow_that_cannot_be_fitted_costs_nothing_and_ends_the_progress(twins, start, fitted, monkeypatch):
     from sysid.estimator import from_imu
 
     fit, done = from_imu._identified, []
