@@ -91,12 +91,13 @@ def _linear(settings: Settings, axis: str) -> ArmingCheck:
     """ACTUAL rates are in proportion where the centre's slope is that of the end, below the limit."""
     centre, end = settings.number(f"{axis}_rc_rate", 0.0), settings.number(f"{axis}_srate", -1.0)
     limit_deg_s = settings.number(f"{axis}_rate_limit", 1998.0)
+    within = 10.0 * end <= limit_deg_s
     return ArmingCheck(
         f"{axis} rate",
-        centre == end > 0.0 and 10.0 * end <= limit_deg_s,
+        centre == end > 0.0 and within,
         f"{10.0 * centre:.0f} deg/s at the centre, {10.0 * end:.0f} at the end, limit {limit_deg_s:.0f}; expected "
         "equal and within the limit",
-        f"set {axis}_rc_rate = {max(end, 1.0):.0f}",
+        f"set {axis}_rc_rate = {max(end, 1.0):.0f}" if within else f"set {axis}_rate_limit = {10.0 * end:.0f}",
     )
 
 

@@ -12,8 +12,10 @@ from mapping import map_folder, verdict
 from mapping.camera.errors import Candidate, Kind
 from mapping.camera.trial import Finding, Trial, Verdict
 from mapping.input.images import ImageSet
+from mapping.input.trajectory import MotionKind
 from mapping.sparse.alignment import Alignment, ScaleWitness
 from mapping.sparse.reconstruction import SparseMap
+from mapping.sparse.recorded_motion.motion import MotionCheck
 from mapping.verdict import Standing
 
 RIG = rendered_world.default_rig(0.25)
@@ -95,6 +97,42 @@ def test_recorded_positions_beside_the_map_and_another_up_are_doubted() -> None:
         sparse.alignment, position_residual_m=0.05, position_extent_m=4.0, poses_up_off_rad=np.radians(3.0)
     )
     assert verdict.judge(dataclasses.replace(sparse, alignment=near)).standing is Standing.GOOD
+
+
+@pytest.mark.parametrize(("off_deg", "standing"), [(8.0, Standing.GOOD), (12.0, Standing.DOUBTFUL)])
+def test_up_by_the_poses_may_be_off_as_far_as_an_accelerometer_in_flight_is(off_deg, standing) -> None:
+    sparse = placed()
+    tilted = dataclasses.replace(sparse.alignment, poses_up_off_rad=np.radians(off_deg))
+    assert verdict.judge(dataclasses.replace(sparse, alignment=tilted)).standing is standing
+
+
+def moved(**what: float) -> MotionCheck:
+    fits = MotionCheck(
+        f"{MotionKind.POSES} of a file", COUNT, 1.0, 0.01, 0.02, np.radians(0.5), np.radians(5.0), 0.0, 0.001
+    )
+    return dataclasses.replace(fits, **what)
+
+
+@pytest.mark.parametrize(
+    ("what", "standing", "said"),
+    [
+        ({"turn_error_rad": np.radians(2.5)}, Standing.GOOD, ""),
+        ({"turn_error_rad": np.radians(4.0)}, Standing.DOUBTFUL, "differ from the map's by 4.0 deg"),
+        ({"shape": 0.08}, Standing.GOOD, ""),
+        ({"shape": 0.13}, Standing.DOUBTFUL, "changes by 13 %"),
+        ({"late_s": 0.009}, Standing.GOOD, ""),
+        ({"late_s": -0.02}, Standing.DOUBTFUL, "0.020 ± 0.001 s early"),
+        ({"late_s": 0.02, "late_std_s": 0.01}, Standing.GOOD, ""),
+        ({"direction_error_rad": np.radians(20.0)}, Standing.GOOD, ""),
+        ({"direction_error_rad": np.radians(35.0)}, Standing.REFUSED, "35 deg apart"),
+    ],
+)
+def test_recorded_poses_that_turn_or_move_otherwise_than_the_images_are_told(what, standing, said) -> None:
+    sparse = placed()
+    alignment = dataclasses.replace(sparse.alignment, motions=(moved(**what),))
+    found = verdict.judge(dataclasses.replace(sparse, alignment=alignment))
+    assert found.standing is standing
+    assert said in " ".join(found.reasons)
 
 
 def test_a_map_without_reasons_is_good() -> None:

@@ -40,6 +40,7 @@ def test_good_settings_pass():
         ("rates_type", "BETAFLIGHT", "set rates_type = ACTUAL"),
         ("roll_expo", "30", "set roll_expo = 0"),
         ("pitch_rc_rate", "7", "set pitch_rc_rate = 100"),
+        ("yaw_rate_limit", "900", "set yaw_rate_limit = 1000"),
         ("thr_expo", "20", "set thr_expo = 0"),
         ("rc_smoothing", "ON", "set rc_smoothing = OFF"),
         ("thrust_linear", "20", "set thrust_linear = 0"),

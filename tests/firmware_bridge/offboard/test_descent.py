@@ -98,6 +98,21 @@ def test_sensors_that_stand_still_never_say_landed_in_the_air():
     assert left_m == 0.0
 
 
+def test_a_gust_that_carries_it_near_the_ground_is_not_the_ground():
+    began_s = 0.0
+
+    def carried(now_s: float, body: Body, firmware: FirmwareState) -> Motion:
+        nonlocal began_s
+        if body.height_m < 0.4:
+            began_s = began_s or now_s
+            body.climb_m_s += STEP_S * 2.0 * (now_s - began_s < 0.8)
+        return by_poses(now_s, body, firmware)
+
+    _, landed_s, left_m = descended(carried, height_m=2.0)
+    assert landed_s < 60.0
+    assert left_m == 0.0
+
+
 @pytest.mark.parametrize("noise_m_s", [0.3, 0.6])
 def test_a_barometer_that_shakes_in_ground_wash_keeps_no_vehicle_armed_for_ever(noise_m_s):
     _, landed_s, left_m = descended(barometer(noise_m_s), height_m=2.0)

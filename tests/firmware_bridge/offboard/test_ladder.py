@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_bridge.offboard.ladder import PLANNER_SILENT_S, POSE_STALE_S, Ladder, Reason, Seen, Stage, Wish
+from firmware_bridge.offboard.ladder import Ladder, Reason, Seen, Stage, Wish
 
 GOOD = Seen(Wish.FLY, False, 0.0, 0.0, True, True, False)
 
@@ -23,8 +23,8 @@ def flying(at_s: float = 10.0) -> Ladder:
     ("lost", "stage", "reason"),
     [
         ({"planner_gone": True}, Stage.DESCENDING, Reason.PLANNER_GONE),
-        ({"command_s": 10.0 - PLANNER_SILENT_S}, Stage.DESCENDING, Reason.PLANNER_SILENT),
-        ({"pose_s": 10.0 - POSE_STALE_S}, Stage.DESCENDING, Reason.POSE_STALE),
+        ({"command_s": 9.9}, Stage.DESCENDING, Reason.PLANNER_SILENT),
+        ({"pose_s": 9.8}, Stage.DESCENDING, Reason.POSE_STALE),
         ({"pose_s": float("nan")}, Stage.DESCENDING, Reason.POSE_STALE),
         ({"pose_s": 10.1}, Stage.DESCENDING, Reason.POSE_STALE),
         ({"other_mode": True}, Stage.DESCENDING, Reason.OTHER_MODE),
