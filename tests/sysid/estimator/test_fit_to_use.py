@@ -52,3 +52,17 @@ def test_the_first_change_that_mends_the_fit_is_its_likely_cause(
 def test_where_no_trial_helps_no_cause_is_named(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(fit_to_use, "identify", lambda *asked, **how: fit(BAD))
     assert likely_cause(LOGS, vehicle.example(), Chosen(fit(BAD), Options())) is None
+
+
+@pytest.mark.parametrize(("other", "taken"), [(Verdict(), True), (BAD, False)])
+def test_the_other_way_to_treat_disturbances_is_taken_only_where_its_fit_may_be_used(
+    monkeypatch: pytest.MonkeyPatch, other: Verdict, taken: bool
+):
+    asked = Options(gusts="white")
+    made = {"white": fit(BAD), "estimate": fit(other)}
+    made["estimate"].noise, made["estimate"].parameters = SimpleNamespace(gusts=object()), ()
+    monkeypatch.setattr(fit_to_use, "identify", lambda logs, given, options, **how: made[options.gusts])
+    chosen = fit_to_use.fit_to_use(LOGS, vehicle.example(), asked)
+    assert chosen.fit is made["estimate" if taken else "white"]
+    assert chosen.options.gusts == ("estimate" if taken else "white")
+    assert bool(chosen.said) is taken
