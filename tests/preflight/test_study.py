@@ -7,7 +7,7 @@ import pytest
 
 import preflight
 from flight import InputError
-from preflight import clearance, core, remedies, statistics
+from preflight import clearance, core, draws, remedies, statistics
 from preflight.result import BINS
 from preflight.study import require_hover
 from tests.preflight.conftest import EXACT, Wall
@@ -194,6 +194,15 @@ def test_a_wind_in_which_it_cannot_hover_is_refused_with_one_in_which_it_can(dro
     with pytest.raises(InputError, match=r"cannot hover in a wind of 40 m/s .* up to [\d.]+ m/s"):
         require_hover(drone, replace(EXACT, wind_m_s=40.0))
     require_hover(drone, replace(EXACT, wind_m_s=5.0))
+
+
+def test_a_wind_against_which_it_would_lean_beyond_its_limit_is_refused(drone):
+    windy = replace(EXACT, wind_m_s=5.0)
+    tilt_rad, reserve = draws.hover_in_wind(drone, 5.0)
+    assert reserve > 0.0
+    with pytest.raises(InputError, match="within its limits of tilt and rotor speed"):
+        require_hover(drone.with_limits(tilt_rad=0.9 * tilt_rad), windy)
+    require_hover(drone.with_limits(tilt_rad=1.1 * tilt_rad), windy)
 
 
 @pytest.mark.parametrize("risk", [0.0, -1.0, 1.0])
