@@ -33,6 +33,7 @@ def test_every_listed_fault_can_be_made(mutation):
 
 def test_every_room_has_faults_and_there_are_fifty():
     rooms = {"flight", "esdf", "vehicle", "planner", "sysid", "firmware_bridge", "mapping", "gcs_web", "goshawk"}
+    rooms |= {"preflight"}
     assert {mutation.file.partition("/")[0] for mutation in MUTATIONS} == rooms
     assert len(MUTATIONS) >= 50
     assert len({(m.file, m.text, m.replacement) for m in MUTATIONS}) == len(MUTATIONS)
