@@ -26,6 +26,7 @@ class Flights:
         values: NDArray[np.float64],
         draws: NDArray[np.float64],
         numbers: NDArray[np.uint64],
+        weights: NDArray[np.float64],
         seeds: NDArray[np.uint64],
         threads: int,
         positions: NDArray[np.float32],

@@ -15,6 +15,7 @@ from firmware_bridge.controller import Configuration, RefusedError, vector
 from firmware_bridge.sitl_vehicle import Sensors
 from flight import FloatArray, InputError, Trajectory
 from preflight import _preflight
+from preflight.luck import Luck
 from vehicle import Vehicle, native
 
 FINISHED, FAILSAFE, NOT_STARTED, TIMED_OUT, DIVERGED = range(5)
@@ -157,7 +158,7 @@ class Loop:
         draws: FloatArray,
         *,
         seed: int,
-        numbers: NDArray[np.integer] | None = None,
+        numbers: NDArray[np.integer] | Luck | None = None,
         anew: Collection[str] = (),
         threads: int | None = None,
     ) -> Flown:
@@ -167,7 +168,8 @@ class Loop:
             values: (m, p) of the parameters `names`.
             draws: (m, d) of `DRAW_COLUMNS`.
             seed: 0 to 2^32 - 1.
-            numbers: (m,) of these flights: noise and gusts depend on them and the seed alone. By default from 0 on.
+            numbers: (m,) of these flights, or their luck: noise and gusts depend on that and the seed alone. By default
+                from 0 on.
             anew: those of `WITHIN` that are to be others than this seed's.
 
         Raises:
@@ -175,11 +177,12 @@ class Loop:
         """
         m, n = len(draws), self.samples
         numbers = np.arange(m) if numbers is None else numbers
+        luck = numbers if isinstance(numbers, Luck) else Luck.of(numbers)
         wanted = {"values": (m, len(self.names)), "draws": (m, len(DRAW_COLUMNS)), "numbers": (m,)}
-        given = {"values": values, "draws": draws, "numbers": numbers}
+        given = {"values": values.shape, "draws": draws.shape, "numbers": luck.numbers.shape[:1]}
         for name, shape in wanted.items():
-            if given[name].shape != shape:
-                raise InputError(f"{name} have shape {given[name].shape}, expected {shape}")
+            if given[name] != shape:
+                raise InputError(f"{name} have shape {given[name]}, expected {shape}")
         seeds = np.array([seed + _OTHER_SEED * (name in anew) for name in WITHIN], np.uint64)
         values, draws = np.ascontiguousarray(values, np.float64), np.ascontiguousarray(draws, np.float64)
         positions = np.full((m, n, 3), np.nan, np.float32)
@@ -187,7 +190,8 @@ class Loop:
         states, summary = np.full((m, n), NONE, np.uint8), np.zeros((m, _preflight.SUMMARY))
         threads = (os.cpu_count() or 1) if threads is None else threads
         self._flights.fly(
-            values, draws, numbers.astype(np.uint64), seeds, threads, positions, errors, path_s, states, summary
+            values, draws, np.ascontiguousarray(luck.numbers), np.ascontiguousarray(luck.weights), seeds, threads,
+            positions, errors, path_s, states, summary,
         )  # fmt: skip
         ending, state, reason = (summary[:, i].astype(np.int64) for i in range(3))
         steps = round(float(summary[:, 8].sum()) * 1e6 / self._tick_us)

@@ -5,8 +5,9 @@ same luck: two plans, or two models, are compared flight by flight (common rando
 """
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -91,6 +92,8 @@ class Drawn:
     """Name of an uncertainty to its (n, q) draws in standard deviations."""
     assumed: tuple[str, ...]
     """Sentences on what the model does not tell."""
+    inputs: Mapping[str, FloatArray]
+    """Name to the (n, columns) standard normal numbers that all this was made of."""
 
 
 def flown_form(vehicle: Vehicle) -> Vehicle:
@@ -107,7 +110,19 @@ def draw(vehicle: Vehicle, names: tuple[str, ...], uncertainty: Uncertainty, cou
         vehicle: as `flown_form` returns it.
         names: of the parameters, in the order of `core.Loop.names`.
     """
-    draw_of = _Streams(seed, count)
+    return _drawn(vehicle, names, uncertainty, _Normals(count, partial(_stream, seed, count)))
+
+
+def made_of(
+    vehicle: Vehicle, names: tuple[str, ...], uncertainty: Uncertainty, inputs: Mapping[str, FloatArray]
+) -> Drawn:
+    """The flights of given standard normal numbers, of the names and columns of another draw's `Drawn.inputs`."""
+    count = len(next(iter(inputs.values())))
+    return _drawn(vehicle, names, uncertainty, _Normals(count, lambda name, columns: inputs[name]))
+
+
+def _drawn(vehicle: Vehicle, names: tuple[str, ...], uncertainty: Uncertainty, draw_of: "_Normals") -> Drawn:
+    count = draw_of.count
     values, factors, assumed = _parameters(vehicle, names, draw_of)
     _wear(values, names, uncertainty, draw_of, factors)
     rows = np.zeros((count, len(DRAW_COLUMNS)))
@@ -120,21 +135,21 @@ def draw(vehicle: Vehicle, names: tuple[str, ...], uncertainty: Uncertainty, cou
     width = uncertainty.map_scale_std_ratio
     scale = np.exp(width * draw_of.one("map scale", width, factors))
     error = uncertainty.map_error_std_m * draw_of.one("map surface", uncertainty.map_error_std_m, factors)
-    return Drawn(values, rows, scale, error, factors, assumed + _not_flown(vehicle))
+    return Drawn(values, rows, scale, error, factors, assumed + _not_flown(vehicle), draw_of.inputs)
 
 
-class _Streams:
-    """Standard normal numbers by name."""
+class _Normals:
+    """Standard normal numbers by name, kept."""
 
-    def __init__(self, seed: int, count: int) -> None:
-        self._seed, self.count = seed, count
+    def __init__(self, count: int, source: Callable[[str, int], FloatArray]) -> None:
+        self.count = count
+        self.inputs: dict[str, FloatArray] = {}
+        self._source = source
 
     def __call__(self, name: str, columns: int = 1) -> FloatArray:
-        """(count, columns); the first rows do not depend on the count."""
-        digest = hashlib.sha256(name.encode()).digest()
-        key = np.array([self._seed, int.from_bytes(digest[:8], "little")], np.uint64)
-        stream = np.random.Generator(np.random.Philox(key=key))
-        return stream.standard_normal((self.count, columns))
+        """(count, columns)."""
+        self.inputs[name] = self._source(name, columns)
+        return self.inputs[name]
 
     def one(self, name: str, std: float, factors: dict[str, FloatArray]) -> FloatArray:
         """(count,), kept as a factor unless its standard deviation is zero."""
@@ -150,8 +165,15 @@ class _Streams:
         return found
 
 
+def _stream(seed: int, count: int, name: str, columns: int) -> FloatArray:
+    """(count, columns); the first rows do not depend on the count."""
+    digest = hashlib.sha256(name.encode()).digest()
+    key = np.array([seed, int.from_bytes(digest[:8], "little")], np.uint64)
+    return np.random.Generator(np.random.Philox(key=key)).standard_normal((count, columns))
+
+
 def _parameters(
-    vehicle: Vehicle, names: tuple[str, ...], draw_of: _Streams
+    vehicle: Vehicle, names: tuple[str, ...], draw_of: _Normals
 ) -> tuple[FloatArray, dict[str, FloatArray], tuple[str, ...]]:
     """Values (n, p), and the factors of those that are uncertain."""
     values = np.repeat([[vehicle.value(name) for name in names]], draw_of.count, axis=0)
@@ -235,7 +257,7 @@ def _groups(correlation: FloatArray) -> list[list[int]]:
 
 
 def _wear(
-    values: FloatArray, names: tuple[str, ...], given: Uncertainty, draw_of: _Streams, factors: dict[str, FloatArray]
+    values: FloatArray, names: tuple[str, ...], given: Uncertainty, draw_of: _Normals, factors: dict[str, FloatArray]
 ) -> None:
     worn = draw_of("rotor wear", 4)
     for i in range(4):
@@ -245,11 +267,11 @@ def _wear(
 
 
 def _air(
-    column: Mapping[str, FloatArray], given: Uncertainty, draw_of: _Streams, factors: dict[str, FloatArray]
+    column: Mapping[str, FloatArray], given: Uncertainty, draw_of: _Normals, factors: dict[str, FloatArray]
 ) -> None:
     size = given.wind_m_s * np.maximum(1.0 + given.wind_spread_ratio * draw_of("wind")[:, 0], 0.0)
     direction = draw_of("wind direction", 2)
-    direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
+    direction = direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
     wind = np.column_stack([direction, np.zeros(draw_of.count)])
     if given.wind_direction is not None:
         wind[:] = given.wind_direction
@@ -268,7 +290,7 @@ def _estimate(
     column: Mapping[str, FloatArray],
     vehicle: Vehicle,
     given: Uncertainty,
-    draw_of: _Streams,
+    draw_of: _Normals,
     factors: dict[str, FloatArray],
 ) -> None:
     untold_s, std_s = _untold_delay(vehicle, given)
@@ -297,7 +319,7 @@ def _not_flown(vehicle: Vehicle) -> tuple[str, ...]:
 
 
 def _start(
-    column: Mapping[str, FloatArray], given: Uncertainty, draw_of: _Streams, factors: dict[str, FloatArray]
+    column: Mapping[str, FloatArray], given: Uncertainty, draw_of: _Normals, factors: dict[str, FloatArray]
 ) -> None:
     off = given.start_std_m * draw_of.three("start", given.start_std_m, factors)
     for i, axis in enumerate("xyz"):

@@ -9,59 +9,17 @@ import numpy as np
 from firmware_bridge import _controller
 from flight import FloatArray, Trajectory
 from preflight import core, remedies, statistics
+from preflight.rare import Rare
+from preflight.record import BINS, Record
 from preflight.statistics import QUANTILES, Probability
 
 SCHEMA = "goshawk-preflight"
 SCHEMA_VERSION = 1
-BINS = 100
-"""Equal shares of the trajectory's time, for the tube."""
 LEAST_SHARE = 0.02
 """Of a variance: less is chance."""
 LEAST_FINISHED = 0.9
 """A trajectory that the controller gives up more often than the rest of this is a no-go at any risk."""
 _NEAREST_SHARE = 0.05
-_OVERTURNED_RAD = 0.5 * np.pi
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Record:
-    """What is kept of n flights."""
-
-    clearance_m: FloatArray
-    """(n,) least, beyond the vehicle's sphere; infinite without a map."""
-    point_world_m: FloatArray
-    """(n, 3) where."""
-    path_s: FloatArray
-    """(n,) when, as time on the trajectory."""
-    left_map: np.ndarray
-    error_m: np.ndarray
-    """(n, `BINS`) largest tracking error along the trajectory."""
-    ending: np.ndarray
-    end_state: np.ndarray
-    reason: np.ndarray
-    tilt_rad: FloatArray
-    fell: np.ndarray
-    rotor_reserve: FloatArray
-    energy_j: FloatArray
-    duration_s: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.ending)
-
-    @property
-    def touched(self) -> np.ndarray:
-        return self.clearance_m < 0.0
-
-    @property
-    def lost(self) -> np.ndarray:
-        """(n,) whether it touched something, left the map, overturned, or came down without knowing where."""
-        overturned = self.tilt_rad > _OVERTURNED_RAD
-        return self.touched | self.left_map | self.fell | overturned | (self.ending == core.DIVERGED)
-
-    @staticmethod
-    def joined(parts: list["Record"]) -> "Record":
-        names = Record.__slots__
-        return Record(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,15 +65,22 @@ class Result:
     assumed: tuple[str, ...]
     removed: Removed | None = None
     steps: int = 0
+    rare: Rare | None = None
+    """What was found beyond these flights by levels of ever nearer ones; None where they were counted."""
 
     @property
     def flights(self) -> int:
         return len(self.record)
 
     @property
+    def cut_off(self) -> bool:
+        """Whether Ctrl-C ended it before all was flown."""
+        return self.flights < self.wanted or (self.rare is not None and self.rare.cut_off)
+
+    @property
     def lost(self) -> Probability:
         """The risk: to touch, to leave the map, to fall, or to come down without a position."""
-        return Probability.of(self.record.lost)
+        return Probability.of(self.record.lost) if self.rare is None else self.rare.risk
 
     @property
     def touched(self) -> Probability:
@@ -166,7 +131,7 @@ class Result:
 
     def place(self) -> Place | None:
         """Where flights touch most often, or else come closest; None without a map."""
-        r = self.record
+        r = self.record if self.rare is None else self.rare.worst
         if not np.isfinite(r.clearance_m).any():
             return None
         chosen = r.touched
@@ -189,11 +154,21 @@ class Result:
             return f"the risk is at most {self.lost.upper:.1e}, and {self.risk:g} is accepted"
         if self.finished < LEAST_FINISHED:
             return f"only {100 * self.finished:.0f} % of the flights come to the end"
+        if self.rare is not None:
+            return self._rare_reason(self.rare)
         if self.lost.count / self.flights <= self.risk:
             need = statistics.flights_for(self.risk, self.lost.count)
             again = " with another --seed" if self.lost.count else ""  # a second look at the same flights proves less
             return f"{self.lost}, which does not show a risk below {self.risk:g}: fly at least {need}{again}"
         return f"the risk is about {self.lost.estimate:.1e}, at most {self.lost.upper:.1e}; {self.risk:g} is accepted"
+
+    def _rare_reason(self, rare: Rare) -> str:
+        more = f"; {self.risk:g} is accepted"
+        if not rare.risk.reached:
+            return f"after {rare.risk.levels} levels the risk is at most {rare.risk.upper:.1e}{more}"
+        if rare.risk.estimate <= self.risk:
+            more = f", which does not show {self.risk:g}: fly --rare --flights {2 * self.flights} with another --seed"
+        return f"the risk is {rare.risk}{more}"
 
     def as_dict(self) -> dict[str, Any]:
         """As plain JSON values."""
@@ -204,6 +179,7 @@ class Result:
             "go": self.go,
             "reason": self.reason(),
             "risk_accepted": self.risk,
+            "method": "counting" if self.rare is None else "subset simulation",
             "flights": self.flights,
             "flights_wanted": self.wanted,
             "risk": self.lost.as_dict(),

@@ -1,7 +1,7 @@
 """The preflight itself: draw, fly in batches, ask the map, and conclude."""
 
 import os
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -10,12 +10,15 @@ from numpy.typing import ArrayLike
 from firmware_bridge import controller
 from firmware_bridge.sitl_vehicle import Sensors
 from flight import FloatArray, InputError, Progress, Trajectory, silent
-from preflight import clearance, draws, remedies, statistics
+from preflight import clearance, draws, rare, remedies, statistics, subset
 from preflight.advice import Advice, advise
 from preflight.clearance import DistanceField
 from preflight.core import DROP_OUTS, GUSTS, NOISE, WITHIN, Air, Loop
 from preflight.draws import Drawn, Uncertainty
-from preflight.result import BINS, Record, Removed, Result, spread
+from preflight.luck import Luck
+from preflight.rare import Rare
+from preflight.record import BINS, Record
+from preflight.result import Removed, Result, spread
 from vehicle import Vehicle
 
 _BATCH = 64
@@ -26,6 +29,8 @@ _AGAIN = 128
 """Flights that are flown again with other noise, gusts or drop-outs."""
 _LARGEST_SEED = 2**32 - 1
 LEAST_RISK, LARGEST_RISK = 1e-5, 0.5
+MOST_COUNTED = 3000
+"""Flights, above which a risk is not shown by counting unless asked for."""
 STRONGEST_M_S = 50.0
 
 
@@ -34,7 +39,7 @@ class Options:
     """How to fly it."""
 
     flights: int | None = None
-    """None: as many as show the risk to be met if nothing happens in any."""
+    """None: as many as show the risk to be met if nothing happens in any; of a level, `rare.FLIGHTS`."""
     risk: float = 1e-3
     """Probability of touching anything that is accepted."""
     seed: int = 0
@@ -51,6 +56,9 @@ class Options:
     """If a flight was lost, fly all again without the dominating uncertainty."""
     decide_only: bool = False
     """Stop as soon as so many are lost that it can be no go."""
+    rare: bool | None = None
+    """Whether to go on to rarer flights, level by level (subset simulation); None: where counting takes more than
+    `MOST_COUNTED`, and no number of flights is given."""
 
     def __post_init__(self) -> None:
         if not LEAST_RISK <= self.risk <= LARGEST_RISK:
@@ -60,11 +68,25 @@ class Options:
             )
         if self.flights is not None and self.flights < 1:
             raise InputError(f"{self.flights} flights; at least one is needed")
+        if self.by_levels and not rare.LEAST_FLIGHTS <= self.count <= rare.MOST_FLIGHTS:
+            raise InputError(
+                f"{self.flights} flights of a level; it must be from {rare.LEAST_FLIGHTS} to {rare.MOST_FLIGHTS}, or "
+                "leave out rare"
+            )
         if not 0 <= self.seed <= _LARGEST_SEED:
             raise InputError(f"a seed of {self.seed}; it must be from 0 to {_LARGEST_SEED}")
 
     @property
+    def by_levels(self) -> bool:
+        if self.rare is None:
+            return self.flights is None and statistics.flights_for(self.risk) > MOST_COUNTED
+        return self.rare
+
+    @property
     def count(self) -> int:
+        """Flights that are drawn independently."""
+        if self.by_levels:
+            return subset.GROUPS * -(-(self.flights or rare.FLIGHTS) // subset.GROUPS)
         return statistics.flights_for(self.risk) if self.flights is None else self.flights
 
 
@@ -94,14 +116,20 @@ def fly(
     require_hover(vehicle, options.uncertainty)
     study = _Study(vehicle, trajectory, field, vehicle.reach_m if radius_m is None else radius_m, clearance_m, options)
     record, drawn, steps = study.flown(options.uncertainty, vehicle, "flights", progress)
+    found, further = study.rarer(options.uncertainty, vehicle, record, drawn, progress)
+    steps += further
     if options.decide_only:
-        return Result(record, trajectory, options.count, options.risk, {}, {}, drawn.assumed, steps=steps)
-    shares, loss_shares, again = study.shares(record, drawn)
+        return Result(record, trajectory, options.count, options.risk, {}, {}, drawn.assumed, steps=steps, rare=found)
+    interrupted = found is not None and found.cut_off
+    shares, loss_shares, again = ({}, {}, 0) if interrupted else study.shares(record, drawn)
+    if found is not None:
+        loss_shares = found.with_luck(shares)
     result = Result(
-        record, trajectory, options.count, options.risk, shares, loss_shares, drawn.assumed, steps=steps + again
-    )
+        record, trajectory, options.count, options.risk, shares, loss_shares, drawn.assumed, steps=steps + again,
+        rare=found,
+    )  # fmt: skip
     first = result.dominating
-    if first is None or not options.explain or not record.lost.any():
+    if first is None or not options.explain or result.cut_off or result.lost.count == 0:
         return result
     return replace(result, removed=study.without(first[0], progress))
 
@@ -162,7 +190,7 @@ def advised(
             options=asked,
             progress=lambda stage, fraction: progress(tried, fraction),
         )
-        if found.flights < found.wanted and not _is_lost(found.record, options):
+        if found.cut_off and (options.by_levels or not _is_lost(found.record, options)):
             raise KeyboardInterrupt  # cut off before it was decided
         return found.go
 
@@ -206,20 +234,47 @@ class _Study:
         drawn = draws.draw(draws.flown_form(believed), loop.names, uncertainty, options.count, options.seed)
         parts: list[Record] = []
         steps, first = 0, 0
-        batch = _BATCH * (options.threads or os.cpu_count() or 1)
+        batch = self._together
         try:
             for first in range(0, options.count, batch):
                 progress(stage, first / options.count)
                 part, taken = self._batch(loop, drawn, np.arange(first, min(first + batch, options.count)))
                 parts.append(part)
                 steps += taken
-                if options.decide_only and _is_lost(Record.joined(parts), options):
+                if options.decide_only and not options.by_levels and _is_lost(Record.joined(parts), options):
                     break
             progress(stage, 1.0)
         except KeyboardInterrupt:
             if not parts:
                 raise
         return Record.joined(parts), drawn, steps
+
+    def rarer(
+        self, uncertainty: Uncertainty, believed: Vehicle, record: Record, drawn: Drawn, progress: Progress
+    ) -> tuple[Rare | None, int]:
+        """What levels of ever nearer flights find beyond those drawn, and steps flown for that; None if not asked for,
+        or after Ctrl-C."""
+        if not self.options.by_levels or len(record) < self.options.count:
+            return None, 0
+        loop, form, steps = self._loop(uncertainty, believed), draws.flown_form(believed), 0
+
+        def fly(inputs: Mapping[str, FloatArray], luck: Luck) -> Record:
+            nonlocal steps
+            made, parts = draws.made_of(form, loop.names, uncertainty, inputs), []
+            for first in range(0, len(luck), self._together):
+                rows = np.arange(first, min(first + self._together, len(luck)))
+                part, taken = self._batch(loop, made, rows, numbers=luck[rows])
+                parts.append(part)
+                steps += taken
+            return Record.joined(parts)
+
+        found = rare.find(record, drawn, fly, seed=self.options.seed, enough=self.options.risk, progress=progress)
+        return found, steps
+
+    @property
+    def _together(self) -> int:
+        """Flights of a call."""
+        return _BATCH * (self.options.threads or os.cpu_count() or 1)
 
     def shares(self, record: Record, drawn: Drawn) -> tuple[dict[str, float], dict[str, float], int]:
         """Of the variance of the least clearance, and of that of being lost, by factor; and steps flown for that.
@@ -277,7 +332,7 @@ class _Study:
         drawn: Drawn,
         rows: np.ndarray,
         *,
-        numbers: np.ndarray | None = None,
+        numbers: np.ndarray | Luck | None = None,
         anew: Collection[str] = (),
     ) -> tuple[Record, int]:
         flown = loop.fly(
@@ -298,10 +353,13 @@ class _Study:
         """The same flights with one factor known exactly; None if Ctrl-C ended them."""
         believed, uncertainty = remedies.without(self.vehicle, self.options.uncertainty, factor)
         try:
-            record, _, _ = self.flown(uncertainty, believed, f"again without {factor}", progress)
+            record, drawn, _ = self.flown(uncertainty, believed, f"again without {factor}", progress)
+            found, _ = self.rarer(uncertainty, believed, record, drawn, progress)
         except KeyboardInterrupt:
             return None
-        return Removed(factor, statistics.Probability.of(record.lost)) if len(record) == self.options.count else None
+        if len(record) < self.options.count or (found is not None and found.cut_off):
+            return None
+        return Removed(factor, statistics.Probability.of(record.lost) if found is None else found.risk)
 
 
 def _largest_first(shares: dict[str, float]) -> dict[str, float]:

@@ -52,19 +52,27 @@ struct Seeds {
     std::uint64_t noise, air, drop_outs;
 };
 
+// Numbers of what comes anew in one flight; its gusts are a sum of `count` numbers' with their weights.
+struct Luck {
+    std::uint64_t noise, drop_outs;
+    const std::uint64_t* gusts;
+    const double* weights;
+    std::size_t count;
+};
+
 class Flight {
   public:
     Flight(const Setup& setup, const Model& model, const double* values, const Draw& draw, const Seeds& seeds,
-           std::uint64_t number, tc_controller& controller)
+           const Luck& luck, tc_controller& controller)
         : setup_(setup),
           model_(model),
           values_(values),
           draw_(draw),
           controller_(controller),
           body_(rigid_body(model, values)),
-          noise_(seeds.noise, number, 1),
-          air_(seeds.air, number, 2),
-          drop_outs_(seeds.drop_outs, number, 3),
+          noise_(seeds.noise, luck.noise, 1),
+          drop_outs_(seeds.drop_outs, luck.drop_outs, 3),
+          air_(seeds.air, luck.gusts, luck.weights, luck.count, 2),
           gusts_(draw.gust_std_m_s, setup.gust_length_m, along(draw).unit, air_),
           sensing_({setup.noise, draw.localization, setup.tick_us, setup.rotor_speed_measured}, noise_, drop_outs_),
           step_s_(setup.tick_us * 1e-6) {
@@ -255,7 +263,8 @@ class Flight {
     const Draw& draw_;
     tc_controller& controller_;
     Body<double> body_;
-    Random noise_, air_, drop_outs_;
+    Random noise_, drop_outs_;
+    Mixture air_;
     Gusts gusts_;
     Sensing sensing_;
     double step_s_;

@@ -12,7 +12,7 @@ namespace goshawk {
 class Gusts {
   public:
     // `along`: horizontal unit vector of the mean wind. The filters start in their stationary state.
-    Gusts(double std_m_s, double length_m, const double along[2], Random& random)
+    Gusts(double std_m_s, double length_m, const double along[2], Mixture& random)
         : std_(std_m_s), length_(length_m), along_{along[0], along[1]} {
         if (std_ <= 0.0) return;
         slow_ = std_ * random.normal();
@@ -24,7 +24,7 @@ class Gusts {
     }
 
     // Advances by a step and writes the gust in world axes; `air_speed` in m/s.
-    void step(double step_s, double air_speed, Random& random, double out[3]) {
+    void step(double step_s, double air_speed, Mixture& random, double out[3]) {
         if (std_ <= 0.0) {
             out[0] = out[1] = out[2] = 0.0;
             return;
@@ -43,7 +43,7 @@ class Gusts {
     static constexpr double kShared = 0.9659258262890683, kOwn = 0.2588190451025208;
     static constexpr double kSlowest = 0.5;  // m/s: still air drifts past a hovering vehicle all the same
 
-    double second_order(double two[2], double share, Random& random) const {
+    double second_order(double two[2], double share, Mixture& random) const {
         const double white = std_ * random.normal() / std::sqrt(share);  // of intensity std^2 L / V
         const double first = two[0];
         two[0] += share * (white - first);

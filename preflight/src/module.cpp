@@ -59,17 +59,19 @@ class Flights {
 
     int width() const { return model_.width; }
 
-    // A flight for each row; `seeds` as Seeds. What is not flown keeps what it is.
-    void fly(In<double, 2> values, In<double, 2> draws, In<std::uint64_t, 1> numbers, In<std::uint64_t, 1> seeds,
-             int threads, Out<float, 3> positions, Out<float, 2> errors, Out<float, 2> path_s,
-             Out<std::uint8_t, 2> states, Out<double, 2> summaries) const {
+    // A flight for each row; `seeds` as Seeds; `numbers` those of noise, drop-outs and as many gusts as have `weights`.
+    // What is not flown keeps what it is.
+    void fly(In<double, 2> values, In<double, 2> draws, In<std::uint64_t, 2> numbers, In<double, 2> weights,
+             In<std::uint64_t, 1> seeds, int threads, Out<float, 3> positions, Out<float, 2> errors,
+             Out<float, 2> path_s, Out<std::uint8_t, 2> states, Out<double, 2> summaries) const {
         if (draws.shape(1) != kDraw || values.shape(1) != static_cast<std::size_t>(model_.width)) {
             throw std::invalid_argument("rows of draws or values have another length");
         }
-        const std::size_t rows = draws.shape(0);
-        if (values.shape(0) != rows || numbers.shape(0) != rows || seeds.shape(0) != 3) {
-            throw std::invalid_argument("a row of values, one of draws and a number are needed for each flight");
+        const std::size_t rows = draws.shape(0), gusts = weights.shape(1);
+        if (values.shape(0) != rows || numbers.shape(0) != rows || weights.shape(0) != rows || seeds.shape(0) != 3) {
+            throw std::invalid_argument("a row of values, of draws, numbers and weights is needed for each flight");
         }
+        if (numbers.shape(1) != 2 + gusts) throw std::invalid_argument("each of the gusts' numbers needs a weight");
         const Seeds three{seeds.data()[0], seeds.data()[1], seeds.data()[2]};
         nb::gil_scoped_release release;
         const std::size_t count = rows, most = positions.shape(1);
@@ -79,8 +81,9 @@ class Flights {
             for (std::size_t i = next++; i < count; i = next++) {
                 Draw draw;
                 std::memcpy(&draw, draws.data() + kDraw * i, sizeof draw);
-                Flight flight(*setup_, model_, values.data() + values.shape(1) * i, draw, three, numbers.data()[i],
-                              *controller);
+                const std::uint64_t* own = numbers.data() + (2 + gusts) * i;
+                const Luck luck{own[0], own[1], own + 2, weights.data() + gusts * i, gusts};
+                Flight flight(*setup_, model_, values.data() + values.shape(1) * i, draw, three, luck, *controller);
                 const Summary summary = flight.fly([&](std::size_t k, const Sample& s) {
                     if (k >= most) return;
                     std::memcpy(positions.data() + 3 * (most * i + k), s.position_m, sizeof s.position_m);

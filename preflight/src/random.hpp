@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <vector>
 
 #include "portable.hpp"
 
@@ -57,6 +59,30 @@ class Random {
     std::uint64_t state_[4];
     double spare_ = 0.0;
     bool has_spare_ = false;
+};
+
+// Normal numbers that are the weighted sum of several streams': of variance one if the weights' squares add to one.
+class Mixture {
+  public:
+    // Of `count` flights' streams; those of weight zero are left out.
+    Mixture(std::uint64_t seed, const std::uint64_t* flights, const double* weights, std::size_t count,
+            std::uint64_t stream) {
+        for (std::size_t i = 0; i < count; ++i) {
+            if (weights[i] == 0.0) continue;
+            streams_.emplace_back(seed, flights[i], stream);
+            weights_.push_back(weights[i]);
+        }
+    }
+
+    double normal() {
+        double sum = 0.0;
+        for (std::size_t i = 0; i < streams_.size(); ++i) sum += weights_[i] * streams_[i].normal();
+        return sum;
+    }
+
+  private:
+    std::vector<Random> streams_;
+    std::vector<double> weights_;
 };
 
 }  // namespace goshawk

@@ -96,7 +96,7 @@ def test_effects_that_are_not_flown_are_named(form):
 
 def test_neighbouring_large_seeds_are_other_luck():
     name = next(n for n in "abcdefgh" if int(hashlib.sha256(n.encode()).hexdigest()[14:16], 16) >= 128)
-    one, other = (draws._Streams(2**53 + i, 3)(name) for i in (0, 1))
+    one, other = (draws._stream(2**53 + i, 3, name, 1) for i in (0, 1))
     assert not np.array_equal(one, other)
 
 

@@ -27,7 +27,10 @@ _DEFAULT = preflight.Uncertainty()
 @click.argument("trajectory_file", metavar="TRAJECTORY", type=click.Path(path_type=Path))
 @console.map_option
 @console.vehicle_option
-@click.option("--flights", type=int, help="Flights to fly [default: as many as can show --risk].")
+@click.option("--flights", type=int, help="Flights to count [default: as many as can show --risk]; of a --rare level.")
+@click.option(
+    "--rare", is_flag=True, help="Estimate by levels of ever nearer flights [default: for risks below 0.001]."
+)
 @click.option("--risk", type=float, default=1e-3, show_default=True, help="Probability of a loss that is accepted.")
 @click.option("--wind", default="0", show_default=True, help="Steady wind: its speed, from anywhere, or x,y,z (m/s).")
 @console.gust_option
@@ -71,6 +74,7 @@ def command(
     map_folder: Path,
     vehicle_file: Path,
     flights: int | None,
+    rare: bool,
     risk: float,
     wind: str,
     gust_std_m_s: float,
@@ -103,7 +107,7 @@ def command(
         blowing(wind), gust_std_m_s=gust_std_m_s, pose_delay_std_s=pose_delay_s, drop_outs_per_s=drop_outs_per_s,
         drop_out_s=drop_out_s, localization_std_m=localization_std_m,
     )  # fmt: skip
-    options = preflight.Options(flights, risk, seed, uncertainty)
+    options = preflight.Options(flights, risk, seed, uncertainty, rare=rare or None)
     with console.progress() as progress:
         progress("opening the map", 0.0)
         area = mapping.open_map(map_folder)
@@ -117,7 +121,7 @@ def command(
         flown = (believed, item.trajectory, area.field)
         result = preflight.fly(*flown, **body, options=options, progress=progress)
         advice = None
-        if advise and result.flights == result.wanted:
+        if advise and not result.cut_off:
             advice = preflight.advised(*flown, result, **body, options=options, progress=progress)
     document = result.as_dict() | {"trajectory": item.name, "map_hash": area.hash, "vehicle": believed.name}
     if advice is not None:
@@ -129,13 +133,20 @@ def command(
         click.echo(file_format.json_text(document), nl=False)
     else:
         show(f"preflight of {trajectory_file}", result, advice)
-    if result.flights < result.wanted:
-        click.echo(f"goshawk: stopped after {result.flights} of {result.wanted} flights", err=True)
+    if result.cut_off:
+        click.echo(f"goshawk: stopped after {_stopped_after(result)}", err=True)
         return 130
     if advise and advice is None:
         click.echo("goshawk: stopped before the advice was found", err=True)
         return 130
     return 0 if result.go else 1
+
+
+def _stopped_after(result: preflight.Result) -> str:
+    if result.rare is None:
+        return f"{result.flights} of {result.wanted} flights"
+    risk = result.rare.risk
+    return f"level {risk.levels}: {risk.flights} flights, and the risk is at most {risk.upper:.1e}"
 
 
 def blowing(wind: str) -> preflight.Uncertainty:
@@ -194,6 +205,7 @@ def show(title: str, result: preflight.Result, advice: preflight.Advice | None =
     place = result.place()
     facts: dict[str, object] = {
         "go": f"{'GO' if result.go else 'NO-GO'}: {result.reason()}",
+        **({} if result.rare is None else {"lost": str(result.rare.risk)}),
         "touches": str(result.touched),
         "leaves the map": str(result.left_map),
         "to the end": f"{100.0 * result.finished:.1f} %",

@@ -63,6 +63,13 @@ def test_a_storm_of_gusts_is_a_no_go_that_names_them(folder):
     assert next(iter(found["loss_shares"])) == "gusts"
 
 
+def test_a_rare_loss_is_looked_for_by_levels_and_the_screen_says_so(folder):
+    ended = preflown(folder, "--rare", "--flights", 200, "--risk", 0.01)
+    assert ended.returncode == 0, ended.stdout
+    assert len(ended.stdout.splitlines()) <= LINES
+    assert "by 2 levels" in " ".join(ended.stdout.split()) or "by 3 levels" in " ".join(ended.stdout.split())
+
+
 def test_the_same_seed_prints_the_same_and_another_does_not(folder):
     one, same, other = (preflown(folder, "--flights", 20, "--seed", s, "--json").stdout for s in (1, 1, 2))
     assert one == same
@@ -83,6 +90,7 @@ def test_few_flights_do_not_show_a_small_risk_and_the_screen_says_how_many_would
         (("--wind", "1,2"), "3 finite numbers"),
         (("--wind", "-3"), "at least 0"),
         (("--flights", 0), "at least one"),
+        (("--flights", 50, "--rare"), "from 200 to"),
     ],
 )
 def test_what_cannot_be_asked_is_refused_in_a_sentence(folder, options, said):
@@ -148,3 +156,20 @@ def test_ctrl_c_shows_what_was_flown(folder, monkeypatch):
     assert ended.returncode == 130
     assert 0 < json.loads(ended.stdout)["flights"] < 1000
     assert "stopped after" in ended.stderr
+
+
+def test_ctrl_c_between_levels_says_which_were_flown(folder, monkeypatch):
+    whole = preflight.fly
+
+    def interrupted(*arguments, progress, **options):
+        def report(stage, fraction):
+            if stage == "level 2":
+                raise KeyboardInterrupt
+
+        return whole(*arguments, progress=report, **options)
+
+    monkeypatch.setattr(verb.preflight, "fly", interrupted)
+    ended = preflown(folder, "--rare", "--flights", 200, "--risk", 1e-4, "--json")
+    assert ended.returncode == 130
+    assert json.loads(ended.stdout)["risk"]["reached"] is False
+    assert "stopped after level 1: 200 flights" in ended.stderr

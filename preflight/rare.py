@@ -1,0 +1,148 @@
+"""A loss too rare to count: subset simulation of the numbers that flights are made of."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from flight import FloatArray, Progress
+from preflight import subset
+from preflight.core import WITHIN
+from preflight.draws import Drawn
+from preflight.luck import Luck
+from preflight.record import OVERTURNED_RAD, Record
+from preflight.statistics import Probability
+from preflight.subset import Found, Points
+
+FLIGHTS = 1000
+"""Of a level, unless told otherwise."""
+LEAST_FLIGHTS, MOST_FLIGHTS = 200, 100_000
+_PARTS = {"wind direction": "wind", "start heading": "start"}
+"""Inputs that are part of a factor of another name."""
+
+Fly = Callable[[Mapping[str, FloatArray], Luck], Record]
+"""The flights that are made of given numbers and luck."""
+
+
+@dataclass(frozen=True, slots=True)
+class Risk(Probability):
+    """A probability by subset simulation; `count`, the flights of the last level in which it happened."""
+
+    chance: float
+    """The estimate; of the last level, which is larger, where the event was not reached."""
+    reached: bool
+    levels: int
+
+    @property
+    def estimate(self) -> float:
+        return self.chance
+
+    def as_dict(self) -> dict[str, float | int]:
+        return {
+            "count": self.count, "flights": self.flights, "estimate": self.chance, "upper95": self.upper,
+            "levels": self.levels, "reached": self.reached,
+        }  # fmt: skip
+
+    def __str__(self) -> str:
+        about = f"about {self.chance:.1e}, " if self.reached else ""
+        return f"{about}at most {self.upper:.1e} by {self.levels} levels, {self.flights} flights"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rare:
+    """What the levels came to."""
+
+    risk: Risk
+    worst: Record
+    """Of the last level's flights."""
+    shares: Mapping[str, float]
+    """Of what makes a flight lost, by factor, the largest first; empty where no lost flight was reached."""
+    cut_off: bool
+    """Whether Ctrl-C ended it."""
+
+    def with_luck(self, of_clearance: Mapping[str, float]) -> dict[str, float]:
+        """The shares; what they leave is that of the noise, gusts or drop-outs that move the clearance most."""
+        kinds = [name for name in of_clearance if name in WITHIN]
+        if not self.shares or not kinds:
+            return dict(self.shares)
+        left = max(1.0 - sum(self.shares.values()), 0.0)
+        shares = dict(self.shares)
+        shares[kinds[0]] = shares.get(kinds[0], 0.0) + left
+        return dict(sorted(shares.items(), key=lambda item: -item[1]))
+
+
+@dataclass(frozen=True, slots=True)
+class Margin:
+    """How far flights were from being lost, as a share of the middle flight's: the least of clearance and tilt."""
+
+    clearance_m: float
+    tilt_rad: float
+
+    @staticmethod
+    def of(record: Record) -> "Margin":
+        known = record.clearance_m[np.isfinite(record.clearance_m)]
+        middle = float(np.median(known)) if known.size else 0.0
+        return Margin(middle if middle > 0.0 else 1.0, float(OVERTURNED_RAD - np.nanmedian(record.tilt_rad)))
+
+    def __call__(self, record: Record) -> FloatArray:
+        """(n,) below zero for those lost, and for no others."""
+        tilt = (OVERTURNED_RAD - record.tilt_rad) / max(self.tilt_rad, 0.1)
+        value = np.minimum(record.clearance_m / self.clearance_m, tilt)
+        value = np.where(np.isfinite(value), value, np.inf)
+        return np.where(record.lost & (value >= 0.0), -1.0, value)
+
+
+def find(record: Record, drawn: Drawn, fly: Fly, *, seed: int, enough: float, progress: Progress) -> Rare:
+    """Go on from flights that were drawn independently.
+
+    Args:
+        record: of all of them, as many as `drawn`.
+        enough: the risk that is to be shown.
+    """
+    margin, records = Margin.of(record), [record]
+    names, widths = list(drawn.inputs), [value.shape[1] for value in drawn.inputs.values()]
+    levels = 1
+
+    def score(points: Points) -> FloatArray:
+        flown = sum(len(part) for part in records) - len(record)
+        progress(f"level {levels + 1}", min(flown / (0.9 * len(record)) - (levels - 1), 1.0))
+        parts = np.split(points.normal, np.cumsum(widths)[:-1], axis=1)
+        records.append(fly(dict(zip(names, parts, strict=True)), points.luck))
+        return margin(records[-1])
+
+    def done(count: int, probability: float) -> None:
+        nonlocal levels
+        levels = count
+
+    first = Points.independent(np.concatenate(list(drawn.inputs.values()), axis=1))
+    found = subset.run(score, first, margin(record), seed=seed, enough=enough, level=done)
+    worst = Record.joined(records)[found.points.number]
+    risk = Risk(found.count, found.samples, found.upper, found.estimate, found.reached, found.levels)
+    normal = dict(zip(names, np.split(found.points.normal, np.cumsum(widths)[:-1], axis=1), strict=True))
+    return Rare(risk, worst, _shares(found, normal, drawn), found.cut_off)
+
+
+def _shares(found: Found, normal: Mapping[str, FloatArray], drawn: Drawn) -> dict[str, float]:
+    """By how much the squares of a factor's numbers are larger in lost flights than in all.
+
+    Of numbers u beyond a plane at the distance beta, E[u_k^2] - 1 = alpha_k^2 beta E[u | u > beta]: the first-order
+    reliability method's squared importances (Hasofer and Lind 1974), that also tell two planes that face each other.
+    """
+    from scipy.special import ndtri
+
+    lost = found.score < 0.0
+    if not (found.reached and lost.any()) or found.estimate >= 0.5:
+        return {}
+    beta = -float(ndtri(found.estimate))
+    whole = beta * float(np.exp(-0.5 * beta * beta) / np.sqrt(2.0 * np.pi)) / found.estimate
+    shares = dict.fromkeys(drawn.factors, 0.0)
+    for name, value in normal.items():
+        factor = _factor(name, drawn.factors)
+        if factor is not None:
+            shares[factor] += max(float((np.mean(value[lost] ** 2, axis=0) - 1.0).sum()), 0.0) / whole
+    return dict(sorted(((name, min(share, 1.0)) for name, share in shares.items()), key=lambda item: -item[1]))
+
+
+def _factor(name: str, factors: Mapping[str, FloatArray]) -> str | None:
+    name = _PARTS.get(name, name)
+    return next((factor for factor in factors if name in factor.split(" with ")), None)

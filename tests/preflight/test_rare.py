@@ -1,0 +1,166 @@
+"""Losses too rare to count: as counted flights say where those can be flown, honest where not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import preflight
+from firmware_bridge.controller import parameters_of
+from flight import InputError
+from preflight import core, draws, rare
+from preflight.luck import Luck
+from preflight.record import Record
+from tests.preflight.conftest import EXACT, Wall, there_and_back
+
+SHORT = there_and_back(1.0, 1.0)
+AIR = replace(EXACT, wind_m_s=2.0, gust_std_m_s=1.5, localization_std_m=0.02, start_std_m=0.02)
+
+
+def flown(drone, wall_m, *, flights=200, risk=1e-3, uncertainty=AIR, progress=lambda stage, fraction: None, **options):
+    asked = preflight.Options(
+        flights=flights, risk=risk, uncertainty=uncertainty, explain=False, rate_hz=400, **({"rare": True} | options)
+    )
+    return preflight.fly(drone, SHORT, Wall(0.0), radius_m=-wall_m, options=asked, progress=progress)
+
+
+@pytest.fixture(scope="module")
+def counted(drone) -> np.ndarray:
+    """Clearance of flights beside a wall of no distance."""
+    return flown(drone, 0.0, flights=400, rare=False, seed=9).record.clearance_m
+
+
+@pytest.fixture(scope="module")
+def found(drone, counted) -> preflight.Result:
+    return flown(drone, -float(np.quantile(counted, 0.02)), threads=1)
+
+
+def test_a_risk_that_can_be_counted_is_the_same_by_levels(found):
+    assert found.rare is not None
+    assert found.rare.risk.reached
+    assert 0.02 / 2.5 < found.lost.estimate < 0.02 * 2.5
+    assert found.lost.upper > 0.02
+    assert found.lost.flights == 380
+
+
+@pytest.mark.slow
+def test_one_in_a_hundred_and_one_in_a_thousand_are_as_counted(drone):
+    clearance = flown(drone, 0.0, flights=12000, rare=False, seed=9).record.clearance_m
+    for chance in (1e-2, 1e-3):
+        runs = [flown(drone, -float(np.quantile(clearance, chance)), flights=400, seed=seed) for seed in range(4)]
+        assert np.mean([run.lost.estimate for run in runs]) == pytest.approx(chance, rel=0.6)
+        assert sum(run.lost.upper >= 0.8 * chance for run in runs) >= 3
+
+
+def test_one_and_two_threads_find_the_same_bits(drone, counted, found):
+    again = flown(drone, -float(np.quantile(counted, 0.02)), threads=2)
+    assert again.lost == found.lost
+    assert np.array_equal(again.rare.worst.clearance_m, found.rare.worst.clearance_m)
+    assert again.steps == found.steps
+
+
+def test_the_first_level_is_the_flights_that_counting_flies(drone, found, counted):
+    few = flown(drone, -float(np.quantile(counted, 0.02)), rare=False)
+    assert np.array_equal(few.record.clearance_m, found.record.clearance_m)
+
+
+def test_it_says_where_and_by_how_many_flights_the_rare_ones_are_lost(found):
+    place = found.place()
+    assert place is not None
+    assert place.touching
+    document = found.as_dict()
+    assert document["method"] == "subset simulation"
+    assert document["risk"]["levels"] == 2
+    assert document["risk"]["flights"] == 380
+    assert "by 2 levels, 380 flights" in found.reason()
+    assert not found.go
+
+
+def test_a_wall_out_of_reach_is_a_go_that_counting_would_need_more_flights_for(drone):
+    found = flown(drone, 3.0, risk=2e-3)
+    assert found.go
+    assert not found.rare.risk.reached
+    assert found.lost.upper <= 2e-3
+    assert found.lost.flights < preflight.Options(risk=2e-3, rare=False).count
+    assert "about" not in str(found.lost)
+
+
+def test_what_was_planted_is_named_of_the_flights_that_are_lost(drone):
+    found = flown(drone, 0.16, uncertainty=replace(EXACT, localization_std_m=0.05))
+    assert found.rare.risk.reached
+    assert found.lost.estimate < 0.01
+    assert found.dominating[0] == "localization"
+    assert found.loss_shares["localization"] > 0.5
+
+
+def test_gusts_of_which_no_number_tells_are_followed_and_named(drone):
+    found = flown(drone, 0.12, uncertainty=replace(EXACT, gust_std_m_s=1.5))
+    assert found.rare.risk.reached
+    assert found.lost.estimate < 0.05
+    assert found.dominating[0] == core.GUSTS
+
+
+def test_ctrl_c_keeps_the_levels_that_were_flown_and_no_bound_below_theirs(drone):
+    told = []
+
+    def stop_in_the_third(stage, fraction):
+        told.append(stage)
+        if stage == "level 3":
+            raise KeyboardInterrupt
+
+    found = flown(drone, 1.0, risk=1e-5, progress=stop_in_the_third)
+    assert told[0] == "flights"
+    assert found.cut_off
+    assert not found.go
+    assert found.rare.risk.levels == 2
+    assert found.lost.upper > found.lost.estimate >= 0.01
+    assert found.lost.flights <= 380
+    assert found.shares == {}
+
+
+def test_levels_are_flown_where_counting_takes_too_many_flights_unless_they_are_asked_for():
+    assert preflight.Options(risk=1e-4).by_levels
+    assert preflight.Options(risk=1e-4).count == rare.FLIGHTS
+    assert not preflight.Options(risk=1e-3).by_levels
+    assert not preflight.Options(risk=1e-4, flights=500).by_levels
+    assert not preflight.Options(risk=1e-4, rare=False).by_levels
+    assert preflight.Options(risk=1e-2, flights=205, rare=True).count == 210
+    with pytest.raises(InputError, match="from 200 to"):
+        preflight.Options(flights=50, rare=True)
+
+
+def test_a_margin_is_below_zero_for_the_lost_and_no_others(found):
+    record = found.record
+    fell = np.arange(len(record)) % 7 == 0
+    told = replace(record, fell=fell, clearance_m=np.where(fell, np.inf, record.clearance_m))
+    margin = rare.Margin.of(told)(told)
+    assert np.array_equal(margin < 0.0, told.lost)
+    assert np.median(margin[~told.lost]) == pytest.approx(1.0, abs=0.3)
+
+
+def test_the_numbers_that_flights_are_made_of_make_them_again(form):
+    names = core.native.compiled(form).names
+    drawn = draws.draw(form, names, AIR, 5, 3)
+    again = draws.made_of(form, names, AIR, drawn.inputs)
+    assert np.array_equal(drawn.rows, again.rows)
+    assert np.array_equal(drawn.values, again.values)
+    assert np.array_equal(drawn.map_error_m, again.map_error_m)
+
+
+def test_gusts_of_two_numbers_are_neither_ones_and_of_one_are_its_own(form, drone):
+    loop = core.Loop(form, SHORT, parameters_of(drone), rate_hz=400)
+    drawn = draws.draw(form, loop.names, replace(EXACT, gust_std_m_s=2.0), 3, 1)
+    one = Luck.of(np.array([4, 4, 5]))
+    two = Luck.joined([one[:1], one[1:2].moved(np.array([5]), 0.6, np.zeros((1, 2), bool)), one[2:]])
+    rows = np.zeros(3, int)
+    ends = loop.fly(drawn.values[rows], drawn.rows[rows], seed=1, numbers=two).error_m
+    alone = loop.fly(drawn.values[rows], drawn.rows[rows], seed=1, numbers=np.array([4, 4, 5])).error_m
+    assert np.array_equal(ends[[0, 2]], alone[[0, 2]], equal_nan=True)
+    assert not np.array_equal(ends[1], alone[1], equal_nan=True)
+
+
+def test_records_are_taken_by_row(found):
+    rows = np.array([3, 3, 1])
+    part: Record = found.record[rows]
+    assert len(part) == 3
+    assert part.clearance_m[0] == part.clearance_m[1] == found.record.clearance_m[3]
