@@ -1,7 +1,8 @@
 """A preflight measured: throughput, memory, coverage of the tube, contact probabilities, and who is named.
 
     python benchmarks/preflight.py --json build/bench/preflight.json
-    python benchmarks/preflight.py --flights 1000 --brute 20000 --truths 300 --draws 30   # the whole bar
+    python benchmarks/preflight.py --flights 1000 --brute 20000 --truths 300 --draws 30 --scenes 100   # the whole bar
+    ... --brute 200000   # also a contact of 1e-4
 
 Every flight is simulated. CPU seconds are of all threads; wall time needs an otherwise idle machine.
 """
@@ -23,7 +24,7 @@ import report
 import preflight
 from firmware_bridge import controller
 from flight import FloatArray, Trajectory
-from preflight import core, draws, statistics
+from preflight import core, draws, statistics, study
 from preflight.draws import Uncertainty
 from tests.preflight import conftest, test_exam
 from vehicle import Vehicle
@@ -128,6 +129,56 @@ def bounds(flights: int, scenes: int = 100) -> list[report.Row]:
     return [report.row(f"stated 95 % bound holds, of {scenes} scenes", held, "", ">= 93", held >= 93)]
 
 
+def short(
+    flights: int, seed: int, uncertainty: Uncertainty, wall_m: float = 0.0, by_levels: bool = False
+) -> preflight.Result:
+    """Flights of a plan of 2 s, 1 m there and back, beside a wall on the right."""
+    options = preflight.Options(
+        flights=flights, seed=seed, uncertainty=uncertainty, rate_hz=400, rare=by_levels, risk=study.LEAST_RISK,
+        explain=False, decide_only=by_levels,
+    )  # fmt: skip
+    path = conftest.there_and_back(1.0, 1.0)
+    return preflight.fly(conftest.exact_vehicle(), path, conftest.Wall(0.0), radius_m=-wall_m, options=options)
+
+
+GUSTY = Uncertainty(wind_m_s=2.0, gust_std_m_s=1.5, start_std_m=0.02)
+WORLDS = (GUSTY, Uncertainty(), replace(GUSTY, localization_std_m=0.05), Uncertainty(drop_outs_per_s=0.5, wind_m_s=4.0))
+
+
+def rare_contacts(brute: int) -> list[report.Row]:
+    """Walls that a tenth to a ten-thousandth of many flights touch, and what levels of a thousand say of them."""
+    clearance = short(brute, 1, GUSTY).record.clearance_m
+    rows = []
+    for probability in (p for p in (1e-1, 1e-2, 1e-3, 1e-4) if p * brute >= 20):
+        found = short(1000, 2, GUSTY, -float(np.quantile(clearance, probability)), True)
+        ratio = max(found.lost.estimate / probability, probability / found.lost.estimate)
+        most = 1.5 if probability >= 1e-3 else 2.0
+        held = found.lost.upper >= probability
+        rows += [
+            report.row(f"by levels, contact {probability:g} of {brute} flights: off by", ratio, "x", f"<= {most:g}",
+                       ratio <= most),
+            report.row("... flights", found.lost.flights, ""),
+            report.row("... its upper bound holds", held, "", "1", held),
+        ]  # fmt: skip
+    return rows
+
+
+def rare_bounds(scenes: int, brute: int) -> list[report.Row]:
+    """Walls at unlike distances in unlike worlds, each by levels of 200 flights, beside what many flights say."""
+    rng, held = np.random.default_rng(5), 0
+    many = [short(brute, 1, world).record.clearance_m for world in WORLDS]
+    for scene in range(scenes):
+        at = scene % len(WORLDS)
+        chance = float(np.exp(rng.uniform(np.log(0.003), np.log(0.1))))
+        wall_m = -float(np.quantile(many[at], chance))
+        found = short(200, 100 + scene, WORLDS[at], wall_m, True)
+        held += int(found.lost.upper >= float(np.mean(many[at] < -wall_m)))
+    least = 0.93 * scenes
+    return [
+        report.row(f"by levels, stated 95 % bound holds, of {scenes} scenes", held, "", f">= {least:g}", held >= least)
+    ]
+
+
 def _model(name: str, ratio: float) -> Callable[[float], tuple[Vehicle, Uncertainty]]:
     def planted(size: float) -> tuple[Vehicle, Uncertainty]:
         drone = conftest.exact_vehicle()
@@ -173,14 +224,14 @@ def named(rounds: int, flights: int) -> list[report.Row]:
     return [*rows, report.row("planted uncertainty named first", share, "", ">= .95", share >= 0.95)]
 
 
-def rows(flights: int, brute: int, truths: int, draws: int) -> list[report.Row]:
-    """Measure a preflight; defaults take about ten minutes of processor time."""
+def rows(flights: int, brute: int, truths: int, draws: int, scenes: int) -> list[report.Row]:
+    """Measure a preflight; defaults take about twenty minutes of processor time."""
     return [
         *throughput(flights), *same_bits(), *coverage(truths, 2000), *contacts(max(brute // 8, 1000), brute),
-        *bounds(brute // 200),
+        *bounds(brute // 200), *rare_contacts(brute), *rare_bounds(scenes, min(brute, 5000)),
         *named(draws, 200),
     ]  # fmt: skip
 
 
 if __name__ == "__main__":
-    report.main(rows, flights=1000, brute=20000, truths=100, draws=5)
+    report.main(rows, flights=1000, brute=20000, truths=100, draws=5, scenes=40)

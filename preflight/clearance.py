@@ -37,15 +37,22 @@ class Nearest:
     """(m,) whether it was where the map does not reach."""
 
 
-def nearest(flown: Flown, field: DistanceField, radius_m: float, scale: FloatArray, error_m: FloatArray) -> Nearest:
+def nearest(
+    flown: Flown,
+    field: DistanceField,
+    radius_m: float,
+    scale: FloatArray,
+    error_m: FloatArray,
+    shift: FloatArray | float = 1.0,
+) -> Nearest:
     """Ask the map for the distance of every position.
 
     Args:
-        scale, error_m: (m,) as `draws.Drawn.map_scale` and `map_error_m`.
+        scale, error_m, shift: (m,) as `draws.Drawn.map_scale`, `map_error_m` and `map_shift`.
     """
     asked = flown.state != NONE
     flight, sample = np.nonzero(asked)
-    points = flown.position_world_m[asked].astype(np.float64)
+    points = flown.position_world_m[asked].astype(np.float64) / np.broadcast_to(shift, len(flown))[flight, None]
     reasonable = np.isfinite(points).all(axis=1)
     distance = np.full(len(points), np.nan)
     distance[reasonable] = field.distance(points[reasonable])

@@ -32,10 +32,14 @@ NONE = 255
 """State of a sample that was not flown."""
 DRAW_COLUMNS = (
     "wind_x_m_s", "wind_y_m_s", "wind_z_m_s", "gust_std_m_s", "pose_delay_s", "bias_x_m", "bias_y_m", "bias_z_m",
-    "heading_bias_rad", "drop_outs_per_s", "drop_out_s", "start_x_m", "start_y_m", "start_z_m", "start_yaw_rad",
-    "hover0_rad_s", "hover1_rad_s", "hover2_rad_s", "hover3_rad_s",
+    "heading_bias_rad", "drop_outs_per_s", "drop_out_s", "jump_x_m", "jump_y_m", "jump_z_m",
+    "start_x_m", "start_y_m", "start_z_m", "start_yaw_rad",
+    "hover0_rad_s", "hover1_rad_s", "hover2_rad_s", "hover3_rad_s", "battery_v", "battery_fall_v_j", "fault_rotor",
+    "fault_at", "fault_ratio", "jump_at",
 )  # fmt: skip
 """Columns of the draws of `Loop.fly`; `Draw` of preflight/src/flight.hpp."""
+WEAK = "weak_rotor"
+"""The effect by which a rotor loses thrust."""
 NOISE, GUSTS, DROP_OUTS = WITHIN = ("sensor noise", "gusts", "drop-outs")
 """What comes anew in every flight, and no number drawn before it explains; `Seeds` of preflight/src/flight.hpp."""
 _OTHER_SEED = 1 << 32
@@ -106,7 +110,7 @@ class Loop:
     ) -> None:
         """
         Args:
-            vehicle: what flies; its values are those of the draws.
+            vehicle: what flies, as `draws.flown_form` returns it; its values are those of the draws.
             configuration: of the controller.
             clearance_m: room for the tracking error, by which the controller's supervisor judges; 0: not stated.
             sensors: noise of the estimate; its `delay_s` is the one that time stamps tell.
@@ -135,7 +139,8 @@ class Loop:
         common = [
             *noise, self._tick_us, self._every, vehicle.gravity_m_s2, (air or Air()).gust_length_m,
             vehicle.limits.rotor_speed_min_rad_s, vehicle.limits.rotor_speed_max_rad_s, *start, SETTLE_S, self._limit_s,
-            AFTER_S, AFTER_FAILSAFE_S, _full_v(vehicle), rotor_speed_measured,
+            AFTER_S, AFTER_FAILSAFE_S, rotor_speed_measured, trajectory.duration_s,
+            kernel.names.index(f"{WEAK}.loss_0"),
         ]  # fmt: skip
         plan = wire.plan_from_trajectory(trajectory, clearance_m=clearance_m)
         self._flights = _preflight.Flights(
@@ -207,8 +212,3 @@ def sensed(vehicle: Vehicle) -> list[str]:
     from vehicle.effects.base import Stage
 
     return [name for name in vehicle.effects if effects.find(name).stage == Stage.SENSOR]
-
-
-def _full_v(vehicle: Vehicle) -> float:
-    """Voltage at which the rotors turn as commanded."""
-    return vehicle.value("battery_sag.reference_v") if "battery_sag" in vehicle.effects else 0.0

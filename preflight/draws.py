@@ -12,20 +12,21 @@ from functools import partial
 import numpy as np
 
 from flight import FloatArray, InputError
-from preflight.core import DRAW_COLUMNS, GUSTS, sensed
-from vehicle import Parameter, Vehicle, invert, specs
+from preflight.core import DRAW_COLUMNS, GUSTS, WEAK, sensed
+from vehicle import Parameter, Vehicle, invert, simulate, specs
 
 CORRELATION = "correlation"
 """In a fitted model's provenance: `names`, and the `matrix` in their order."""
 TOGETHER = 0.9
 """Parameters correlated at least so much are one factor: no flight tells them apart."""
-WEAK = "weak_rotor"
 DELAY_STD_S = 0.003
 LATEST_S = 0.2
 """Oldest pose that is simulated."""
 _DELAY = "pose_delay.delay_s"
-_UNFLOWN = ("ground_effect", "ceiling_effect", "battery_sag")
-"""Effects that find nothing to act on: free air, a full battery."""
+_UNFLOWN = ("ground_effect", "ceiling_effect")
+"""Effects that find nothing to act on in free air."""
+_BATTERY = "battery_sag"
+BATTERY, MOTOR_FAULT, POSE_JUMP = "battery", "motor fault", "pose jump"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +55,7 @@ class Uncertainty:
     heading_std_rad: float = 0.01
     """Of a lasting error of the heading."""
     map_scale_std_ratio: float = 0.005
-    """Of the map's scale. It makes distances wrong; the pose is taken to be one in the map, of the same scale."""
+    """Of the map's scale."""
     map_error_std_m: float = 0.01
     """Of the map's surfaces."""
     start_std_m: float = 0.05
@@ -64,12 +65,23 @@ class Uncertainty:
     """Of the estimate's white noise, over the sensors'."""
     rotor_wear_ratio: float = 0.01
     """Of the thrust of each rotor, over the model's: propellers wear."""
+    battery_v: float | None = None
+    """Lowest voltage at the start, from which up to full is as likely; it falls on the way as that of
+    `vehicle.simulate.Battery`. None: full, and it stays so."""
+    motor_fault_ratio: float = 0.0
+    """Thrust that one of the rotors loses at some moment of the trajectory, any as likely: 0 to 1."""
+    pose_jump_std_m: float = 0.0
+    """Of a lasting jump of the pose, each axis, at some moment of the trajectory."""
+    pose_of_map: bool = True
+    """Whether the pose is one in the map, of the same scale; else a wrong scale moves what is in the map."""
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
             value = getattr(self, name)
             if value is not None and name != "wind_direction" and not (np.isfinite(value) and value >= 0.0):
                 raise InputError(f"{name} is {value}; it must be a finite number of at least 0")
+        if self.motor_fault_ratio > 1.0:
+            raise InputError(f"motor_fault_ratio is {self.motor_fault_ratio:g}; a rotor has no more than 1 to lose")
         if self.pose_delay_s > LATEST_S:
             raise InputError(f"pose_delay_s is {self.pose_delay_s:g}; at most {LATEST_S:g} s is simulated")
         if self.wind_direction is not None and not abs(np.linalg.norm(self.wind_direction) - 1.0) < 1e-6:
@@ -86,6 +98,8 @@ class Drawn:
     """(n, d) as `core.Loop.fly` takes them."""
     map_scale: FloatArray
     """(n,) true metres in one of the map's."""
+    map_shift: FloatArray
+    """(n,) true metres in one of the map's, for where it is: 1 if the pose is one in the map."""
     map_error_m: FloatArray
     """(n,) by which the surfaces are farther away than the map says."""
     factors: Mapping[str, FloatArray]
@@ -132,10 +146,14 @@ def _drawn(vehicle: Vehicle, names: tuple[str, ...], uncertainty: Uncertainty, d
     _start(column, uncertainty, draw_of, factors)
     for i, speed in enumerate(invert.hover(vehicle)):
         column[f"hover{i}_rad_s"][:] = speed
+    _battery(column, vehicle, uncertainty, draw_of, factors)
+    _faults(column, uncertainty, draw_of, factors)
     width = uncertainty.map_scale_std_ratio
     scale = np.exp(width * draw_of.one("map scale", width, factors))
     error = uncertainty.map_error_std_m * draw_of.one("map surface", uncertainty.map_error_std_m, factors)
-    return Drawn(values, rows, scale, error, factors, assumed + _not_flown(vehicle), draw_of.inputs)
+    shift = np.ones(count) if uncertainty.pose_of_map else scale
+    said = assumed + _not_flown(vehicle, uncertainty)
+    return Drawn(values, rows, scale, shift, error, factors, said, draw_of.inputs)
 
 
 class _Normals:
@@ -312,10 +330,69 @@ def _untold_delay(vehicle: Vehicle, given: Uncertainty) -> tuple[float, float]:
     return 0.0 if told is None else told.value, std_s if given.pose_delay_std_s is None else given.pose_delay_std_s
 
 
-def _not_flown(vehicle: Vehicle) -> tuple[str, ...]:
-    """A sentence on the model's effects that are not flown; empty if all are."""
+def _not_flown(vehicle: Vehicle, given: Uncertainty) -> tuple[str, ...]:
+    """Sentences on the model's effects that are not flown; empty if all are."""
     left = [name for name in (*sensed(vehicle), *_UNFLOWN) if name in vehicle.effects and name != _DELAY.split(".")[0]]
-    return (f"flown without {', '.join(left)}: no floor, ceiling, battery or IMU error is simulated",) if left else ()
+    said = [f"flown without {', '.join(left)}: no floor, ceiling or IMU error is simulated"] if left else []
+    if _BATTERY in vehicle.effects and given.battery_v is None:
+        said.append("flown with a full battery (--battery: the lowest voltage at the start)")
+    return tuple(said)
+
+
+def _even(normal: FloatArray) -> FloatArray:
+    """Numbers between 0 and 1, all as likely, of standard normal ones."""
+    from scipy.special import ndtr
+
+    return ndtr(normal)
+
+
+def _battery(
+    column: Mapping[str, FloatArray],
+    vehicle: Vehicle,
+    given: Uncertainty,
+    draw_of: _Normals,
+    factors: dict[str, FloatArray],
+) -> None:
+    """Voltages, which act through the model's effect alone.
+
+    Raises:
+        InputError: one is given, and the model has no such effect, or takes less for full.
+    """
+    if given.battery_v is None:
+        column["battery_v"][:] = vehicle.value(f"{_BATTERY}.reference_v") if _BATTERY in vehicle.effects else 0.0
+        return
+    if _BATTERY not in vehicle.effects:
+        raise InputError(
+            f"{vehicle.name} has no effect {_BATTERY}, which tells what {given.battery_v:g} V do: fit it from a long "
+            "hover (goshawk vehicle effect), or leave out the battery's voltage"
+        )
+    full_v = vehicle.value(f"{_BATTERY}.reference_v")
+    if given.battery_v > full_v:
+        raise InputError(f"a battery of at least {given.battery_v:g} V; {vehicle.name} takes {full_v:g} V for full")
+    normal = draw_of.one(BATTERY, full_v - given.battery_v, factors)
+    column["battery_v"][:] = full_v - (full_v - given.battery_v) * _even(normal)
+    pack = simulate.Battery()
+    column["battery_fall_v_j"][:] = (pack.full_v - pack.empty_v) / pack.energy_j
+
+
+def _faults(
+    column: Mapping[str, FloatArray], given: Uncertainty, draw_of: _Normals, factors: dict[str, FloatArray]
+) -> None:
+    """Of a rotor and of the pose: which, how much, and when as a share of the trajectory's time."""
+    if given.motor_fault_ratio > 0.0:
+        rotor, at = _even(draw_of(MOTOR_FAULT, 2)).T
+        struck = np.minimum(np.floor(4.0 * rotor), 3.0)
+        sides = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])[struck.astype(int)]
+        factors[MOTOR_FAULT] = np.column_stack([sides, at - 0.5])  # with products, whatever depends on the rotor alone
+        column["fault_rotor"][:] = struck
+        column["fault_at"][:] = at
+        column["fault_ratio"][:] = given.motor_fault_ratio
+    if given.pose_jump_std_m > 0.0:
+        jump = draw_of(POSE_JUMP, 4)
+        factors[POSE_JUMP] = jump
+        for i, axis in enumerate("xyz"):
+            column[f"jump_{axis}_m"][:] = given.pose_jump_std_m * jump[:, i]
+        column["jump_at"][:] = _even(jump[:, 3])
 
 
 def _start(

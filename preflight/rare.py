@@ -17,6 +17,9 @@ from preflight.subset import Found, Points
 FLIGHTS = 1000
 """Of a level, unless told otherwise."""
 LEAST_FLIGHTS, MOST_FLIGHTS = 200, 100_000
+_LEAST_LOST = 10
+_CHANCE = 10.0
+"""Relative entropy that numbers of as many flights show by chance, times the flights: those of a chain are alike."""
 _PARTS = {"wind direction": "wind", "start heading": "start"}
 """Inputs that are part of a factor of another name."""
 
@@ -123,24 +126,27 @@ def find(record: Record, drawn: Drawn, fly: Fly, *, seed: int, enough: float, pr
 
 
 def _shares(found: Found, normal: Mapping[str, FloatArray], drawn: Drawn) -> dict[str, float]:
-    """By how much the squares of a factor's numbers are larger in lost flights than in all.
+    """How much of what the lost flights differ in is in a factor's numbers: their relative entropy.
 
-    Of numbers u beyond a plane at the distance beta, E[u_k^2] - 1 = alpha_k^2 beta E[u | u > beta]: the first-order
-    reliability method's squared importances (Hasofer and Lind 1974), that also tell two planes that face each other.
+    That of all numbers together is -log of the probability; that of one is taken as a normal number's of the same mean
+    and variance, less what as few flights show by chance.
     """
-    from scipy.special import ndtri
-
     lost = found.score < 0.0
-    if not (found.reached and lost.any()) or found.estimate >= 0.5:
+    if not (found.reached and np.count_nonzero(lost) >= _LEAST_LOST) or found.estimate >= 0.5:
         return {}
-    beta = -float(ndtri(found.estimate))
-    whole = beta * float(np.exp(-0.5 * beta * beta) / np.sqrt(2.0 * np.pi)) / found.estimate
+    whole, chance = -float(np.log(found.estimate)), _CHANCE / np.count_nonzero(lost)
     shares = dict.fromkeys(drawn.factors, 0.0)
     for name, value in normal.items():
         factor = _factor(name, drawn.factors)
         if factor is not None:
-            shares[factor] += max(float((np.mean(value[lost] ** 2, axis=0) - 1.0).sum()), 0.0) / whole
+            shares[factor] += float(np.maximum(_entropy(value[lost]) - chance, 0.0).sum()) / whole
     return dict(sorted(((name, min(share, 1.0)) for name, share in shares.items()), key=lambda item: -item[1]))
+
+
+def _entropy(value: FloatArray) -> FloatArray:
+    """(columns,) of (n, columns) numbers, relative to standard normal ones."""
+    mean, variance = value.mean(axis=0), np.maximum(value.var(axis=0), 1e-6)
+    return 0.5 * (mean * mean + variance - 1.0 - np.log(variance))
 
 
 def _factor(name: str, factors: Mapping[str, FloatArray]) -> str | None:

@@ -3,14 +3,15 @@
 from dataclasses import replace
 
 from preflight.core import DROP_OUTS, GUSTS, NOISE
-from preflight.draws import Uncertainty
+from preflight.draws import BATTERY, MOTOR_FAULT, POSE_JUMP, Uncertainty
 from vehicle import Vehicle
 
 _FIELDS = {
     "wind": ("wind_m_s",), GUSTS: ("gust_std_m_s",), "pose delay": ("pose_delay_std_s",),
     "localization": ("localization_std_m",), "heading": ("heading_std_rad",), "map scale": ("map_scale_std_ratio",),
     "map surface": ("map_error_std_m",), "start": ("start_std_m",), "rotor wear": ("rotor_wear_ratio",),
-    NOISE: ("noise_ratio",), DROP_OUTS: ("drop_outs_per_s",),
+    NOISE: ("noise_ratio",), DROP_OUTS: ("drop_outs_per_s",), MOTOR_FAULT: ("motor_fault_ratio",),
+    POSE_JUMP: ("pose_jump_std_m",),
 }  # fmt: skip
 _WORDS = {
     "wind": "wait for less wind, or plan with a larger --margin",
@@ -25,6 +26,9 @@ _WORDS = {
     "start": "hover nearer to the start before it is flown",
     "rotor wear": "change the propellers, and identify again",
     "mass_kg": "weigh the vehicle",
+    BATTERY: "start with a fuller battery (--battery)",
+    MOTOR_FAULT: "plan slower, or with a larger --margin",
+    POSE_JUMP: "refuse poses that jump, or plan with a larger --margin",
 }
 
 
@@ -35,6 +39,8 @@ def words(factor: str) -> str:
 
 def without(vehicle: Vehicle, uncertainty: Uncertainty, factor: str) -> tuple[Vehicle, Uncertainty]:
     """The same draws with one factor known exactly."""
+    if factor == BATTERY:
+        return vehicle, replace(uncertainty, battery_v=None)
     if factor in _FIELDS:
         return vehicle, replace(uncertainty, **dict.fromkeys(_FIELDS[factor], 0.0))
     for name in factor.split(" with "):

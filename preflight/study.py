@@ -340,7 +340,12 @@ class _Study:
             anew=anew, threads=self.options.threads,
         )  # fmt: skip
         near = clearance.nearest(
-            flown, self.field or _Nothing(), self.radius_m, drawn.map_scale[rows], drawn.map_error_m[rows]
+            flown,
+            self.field or _Nothing(),
+            self.radius_m,
+            drawn.map_scale[rows],
+            drawn.map_error_m[rows],
+            drawn.map_shift[rows],
         )
         record = Record(
             near.clearance_m, near.point_world_m, near.path_s, near.left_map,

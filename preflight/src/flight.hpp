@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <vector>
 
 #include "gusts.hpp"
 #include "sensing.hpp"
@@ -19,7 +20,8 @@ struct Setup {
     std::uint32_t tick_us;
     std::uint32_t sample_every;  // ticks
     double gravity_m_s2, gust_length_m;
-    double battery_v;  // that the motors' model takes as full
+    double duration_s;        // of the trajectory
+    std::size_t weakness_at;  // of the first rotor's loss of thrust among the values
     bool rotor_speed_measured;
     double slowest_rad_s, fastest_rad_s;  // limits of the rotors, for the reserve
     double start_m[3], start_yaw_rad;
@@ -33,6 +35,9 @@ struct Draw {
     Localization localization;
     double start_m[3], start_yaw_rad;
     double hover_rad_s[4];
+    double battery_v, battery_fall_v_j;         // at the beginning, and by the energy drawn
+    double fault_rotor, fault_at, fault_ratio;  // which one loses how much of its thrust, and when: share of the plan
+    double jump_at;                             // when the pose begins to lie: share of the plan
 };
 
 struct Sample {
@@ -66,7 +71,7 @@ class Flight {
            const Luck& luck, tc_controller& controller)
         : setup_(setup),
           model_(model),
-          values_(values),
+          values_(values, values + model.width),
           draw_(draw),
           controller_(controller),
           body_(rigid_body(model, values)),
@@ -146,11 +151,22 @@ class Flight {
 
     void control() {
         sensing_.keep(x_);
-        const tc_estimate e = sensing_.estimate(time_us_, x_, force_, disturbed_);
+        const tc_estimate e = sensing_.estimate(time_us_, x_, force_, {disturbed_, on_way(draw_.jump_at)});
         tc_output output{};
         tc_tick(&controller_, time_us_, &e, &output);
+        if (tc_mission_on_path(output.state)) path_s_ = controller_.telemetry.path_time_us * 1e-6;
         if (!output.in_command || !tc_mission_in_air(output.state)) return;
         for (int i = 0; i < 4; ++i) command_[i] = output.rotor_speed_rad_s[i];
+    }
+
+    // Whether that share of the trajectory's time has passed.
+    bool on_way(double share) const { return path_s_ >= share * setup_.duration_s; }
+
+    void weaken() {
+        if (weakened_ || !(draw_.fault_ratio > 0.0) || !on_way(draw_.fault_at)) return;
+        weakened_ = true;
+        double& loss = values_[setup_.weakness_at + static_cast<std::size_t>(draw_.fault_rotor)];
+        loss = 1.0 - (1.0 - loss) * (1.0 - draw_.fault_ratio);
     }
 
     void tick() {
@@ -158,6 +174,7 @@ class Flight {
         for (int k = 0; k < 3; ++k) at_[k] = x_[k];
         control();
         if (controller_.mission.state == TC_FAULT) command_[0] = command_[1] = command_[2] = command_[3] = 0.0;
+        weaken();
         blow();
         move();
     }
@@ -179,7 +196,9 @@ class Flight {
     void move() {
         world_.gravity = setup_.gravity_m_s2;
         Derivative first, last;
-        runge_kutta(model_, values_, body_, world_, command_, setup_.battery_v, step_s_, x_, first, last);
+        const double battery_v = draw_.battery_v - draw_.battery_fall_v_j * energy_j_;
+        runge_kutta(model_, values_.data(), body_, world_, command_, battery_v, step_s_, x_, first, last);
+        battery_v_ = battery_v;
         if (!lags_) {
             for (int i = 0; i < 4; ++i) x_[13 + i] = command_[i];
         }
@@ -204,12 +223,22 @@ class Flight {
 
     double after_s() const { return ending_ == kFinished ? setup_.after_s : setup_.after_failsafe_s; }
 
+    // What the rotors reach at the largest command: less than their limit as the battery empties.
+    double fastest() const {
+        if (!(draw_.battery_fall_v_j > 0.0)) return setup_.fastest_rad_s;
+        Drive<double> d{};
+        d.battery_v = battery_v_;
+        for (double& command : d.command) command = setup_.fastest_rad_s;
+        drive(model_, values_.data(), d);
+        return d.command[0];
+    }
+
     // As vehicle.Limits.rotor_margin.
     void reserve() {
-        const double low = setup_.slowest_rad_s * setup_.slowest_rad_s,
-                     high = setup_.fastest_rad_s * setup_.fastest_rad_s;
+        const double most = fastest(), low = setup_.slowest_rad_s * setup_.slowest_rad_s, high = most * most;
+        const double span = setup_.fastest_rad_s * setup_.fastest_rad_s - low;
         for (int i = 0; i < 4; ++i) {
-            const double square = x_[13 + i] * x_[13 + i], left = std::fmin(high - square, square - low) / (high - low);
+            const double square = x_[13 + i] * x_[13 + i], left = std::fmin(high - square, square - low) / span;
             if (left < reserve_) reserve_ = left;
         }
     }
@@ -259,7 +288,7 @@ class Flight {
 
     const Setup& setup_;
     const Model& model_;
-    const double* values_;
+    std::vector<double> values_;
     const Draw& draw_;
     tc_controller& controller_;
     Body<double> body_;
@@ -273,12 +302,13 @@ class Flight {
     double at_[3] = {};  // where it was when the controller was called, to whose set-point that belongs
     float engaged_[4] = {};
     std::uint64_t time_us_ = kClock, ticks_ = 0;
+    double path_s_ = -1.0;  // on the trajectory, last
     double ramp_ = 0.0, began_s_ = 0.0, ended_s_ = 0.0, energy_j_ = 0.0, least_up_ = 1.0;
-    double reserve_ = 1.0;
+    double reserve_ = 1.0, battery_v_ = 0.0;
     int ending_ = -1;
     bool disturbed_ = false;  // on its way; drop-outs are for the path: before it one waits until the vehicle is ready
-    bool fell_ = false;
-    bool lags_ = lags(model_, values_);
+    bool fell_ = false, weakened_ = false;
+    bool lags_ = lags(model_, values_.data());
     Summary summary_{};
 
     static bool lags(const Model& model, const double* values) {

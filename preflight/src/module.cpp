@@ -28,7 +28,7 @@ template <class T, int N>
 using Out = nb::ndarray<T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
 
 constexpr std::size_t kDraw = sizeof(Draw) / sizeof(double);
-constexpr std::size_t kCommon = 23;
+constexpr std::size_t kCommon = 24;
 
 std::uint32_t crc_of(const tc_trajectory_header& header, const std::vector<tc_segment>& segments) {
     std::uint32_t crc = tc_trajectory_header_crc32(&header);
@@ -116,8 +116,9 @@ class Flights {
         s.limit_s = c[18];
         s.after_s = c[19];
         s.after_failsafe_s = c[20];
-        s.battery_v = c[21];
-        s.rotor_speed_measured = c[22] != 0.0;
+        s.rotor_speed_measured = c[21] != 0.0;
+        s.duration_s = c[22];
+        s.weakness_at = static_cast<std::size_t>(c[23]);
     }
 
     tc_reason upload(const In<std::uint32_t, 1>& durations_us, const In<float, 3>& coefficients, float clearance_m) {

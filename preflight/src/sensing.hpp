@@ -22,6 +22,12 @@ struct Localization {
     double delay_s;  // true age of a pose; what the stamp does not tell is the difference to `told_delay_s`
     double bias_m[3], heading_bias_rad;
     double drop_outs_per_s, drop_out_s;
+    double jump_m[3];
+};
+
+// What may befall the pose now.
+struct Disturbed {
+    bool drops_out, jumped;
 };
 
 class Sensing {
@@ -55,11 +61,11 @@ class Sensing {
         ++count_;
     }
 
-    tc_estimate estimate(std::uint64_t time_us, const double* x, const double specific_force[3], bool drops_out) {
+    tc_estimate estimate(std::uint64_t time_us, const double* x, const double specific_force[3], Disturbed now) {
         tc_estimate e{};
         e.valid = TC_VALID_ALL;
         e.rate_time_us = time_us;
-        pose(time_us, drops_out, e);
+        pose(time_us, now, e);
         for (int k = 0; k < 3; ++k) {
             e.rate_body_rad_s[k] = noisy(x[10 + k], noise_.rate_rad_s);
             e.specific_force_body_m_s2[k] = noisy(specific_force[k], noise_.specific_force_m_s2);
@@ -79,19 +85,19 @@ class Sensing {
     }
 
     // In a drop-out the last pose comes again, with its old stamp.
-    void pose(std::uint64_t time_us, bool drops_out, tc_estimate& e) {
-        if (drops_out && localization_.drop_outs_per_s > 0.0 && time_us >= until_us_ &&
+    void pose(std::uint64_t time_us, Disturbed now, tc_estimate& e) {
+        if (now.drops_out && localization_.drop_outs_per_s > 0.0 && time_us >= until_us_ &&
             gaps_.uniform() < localization_.drop_outs_per_s * 1e-6 * tick_us_) {
             until_us_ = time_us + static_cast<std::uint64_t>(localization_.drop_out_s * 1e6);
         }
-        if (time_us >= until_us_ || stamp_us_ == 0) measure(time_us);
+        if (time_us >= until_us_ || stamp_us_ == 0) measure(time_us, now.jumped);
         e.position_time_us = e.attitude_time_us = stamp_us_;
         std::memcpy(e.position_world_m, position_m_, sizeof position_m_);
         std::memcpy(e.velocity_world_m_s, velocity_m_s_, sizeof velocity_m_s_);
         std::memcpy(e.q_world_body, q_, sizeof q_);
     }
 
-    void measure(std::uint64_t time_us) {
+    void measure(std::uint64_t time_us, bool jumped) {
         const std::size_t size = whole_ + 2;
         const double* newer = row((count_ + size - 1 - whole_) % size);
         const double* older = row((count_ + size - 2 - whole_) % size);
@@ -99,7 +105,8 @@ class Sensing {
         for (int k = 0; k < 10; ++k) seen[k] = newer[k] + part_ * (older[k] - newer[k]);
         stamp_us_ = time_us - static_cast<std::uint64_t>(noise_.told_delay_s * 1e6);
         for (int k = 0; k < 3; ++k) {
-            position_m_[k] = noisy(seen[k] + localization_.bias_m[k], noise_.position_m);
+            const double lie = localization_.bias_m[k] + (jumped ? localization_.jump_m[k] : 0.0);
+            position_m_[k] = noisy(seen[k] + lie, noise_.position_m);
             velocity_m_s_[k] = noisy(seen[3 + k], noise_.velocity_m_s);
         }
         attitude(seen + 6);

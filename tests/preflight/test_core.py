@@ -10,8 +10,8 @@ from firmware_bridge import Sensors, closed_loop
 from firmware_bridge.controller import RefusedError, State, parameters_of
 from flight import InputError, Trajectory
 from preflight import core, draws
-from tests.preflight.conftest import EXACT
-from vehicle import native, simulate
+from tests.preflight.conftest import EXACT, there_and_back
+from vehicle import invert, native, simulate
 
 IDLE = """from vehicle.effects.base import Effect, Spec, Stage
 EFFECT = Effect(name="idle", number=900, stage=Stage.MASS, apply=lambda body, p: None,
@@ -115,6 +115,54 @@ def test_a_battery_effect_is_flown_full(form, curve, drone):
         drawn = draws.draw(model, loop.names, EXACT, 1, seed=1)
         flown.append(loop.fly(drawn.values, drawn.rows, seed=1))
     assert same(*flown)
+
+
+def flown_with(form, drone, curve, **given) -> core.Flown:
+    """Ten flights of nothing but what is given."""
+    loop = loop_of(form, curve, drone, sensors=replace(Sensors(), delay_s=EXACT.pose_delay_s))
+    drawn = draws.draw(form, loop.names, replace(EXACT, **given), 10, seed=1)
+    return loop.fly(drawn.values, drawn.rows, seed=1)
+
+
+def test_a_rotor_that_loses_thrust_on_the_way_shakes_it_from_then_on_and_a_dead_one_throws_it(form, curve, drone):
+    sound, weak, dead = (flown_with(form, drone, curve, motor_fault_ratio=loss) for loss in (0.0, 0.5, 1.0))
+    drawn = draws.draw(form, core.native.compiled(form).names, replace(EXACT, motor_fault_ratio=0.5), 10, seed=1)
+    begin = drawn.rows[:, core.DRAW_COLUMNS.index("fault_at")] * curve.duration_s
+    for i in range(10):
+        before = sound.path_s[i] < begin[i] - core.SAMPLE_S
+        assert np.array_equal(weak.error_m[i][before], sound.error_m[i][before])
+    assert np.nanmax(weak.error_m) > np.nanmax(sound.error_m) + 0.05
+    assert (weak.ending == core.FINISHED).all()
+    assert dead.fell.all() or (dead.tilt_rad > np.pi / 2).all()
+
+
+def test_a_pose_that_jumps_moves_the_vehicle_by_as_much_from_then_on(form, curve, drone):
+    still, flown = (flown_with(form, drone, curve, pose_jump_std_m=size) for size in (0.0, 0.1))
+    drawn = draws.draw(form, core.native.compiled(form).names, replace(EXACT, pose_jump_std_m=0.1), 10, seed=1)
+    jump = np.stack([drawn.rows[:, core.DRAW_COLUMNS.index(f"jump_{axis}_m")] for axis in "xyz"], axis=1)
+    ended, usual = (
+        np.array([track[np.isfinite(track[:, 0])][-1] for track in f.position_world_m]) for f in (flown, still)
+    )
+    early = drawn.rows[:, core.DRAW_COLUMNS.index("jump_at")] < 0.7
+    assert early.sum() >= 4
+    assert (ended - usual)[early] == pytest.approx(-jump[early], abs=0.02)
+
+
+def test_a_low_battery_leaves_the_rotors_less_and_falls_with_the_energy_drawn(form, drone):
+    """Of a vehicle whose rotors turn little faster than in its hover."""
+    fastest = 1.4 * float(np.max(invert.hover(form)))
+    form, drone = (replace(v, limits=replace(v.limits, rotor_speed_max_rad_s=fastest)) for v in (form, drone))
+    gentle = there_and_back(1.0, 2.0)
+    model = form.with_effect("battery_sag", sag_per_v=0.04, reference_v=16.8)
+    full, low = (flown_with(model, drone, gentle, battery_v=volts) for volts in (None, 14.8))
+    assert (full.ending == core.FINISHED).all()
+    assert low.energy_j.mean() == pytest.approx(full.energy_j.mean(), rel=0.02)  # the observer finds it
+    assert low.rotor_reserve.mean() < full.rotor_reserve.min() - 0.02
+    loop = loop_of(model, gentle, drone, sensors=Sensors())
+    drawn = draws.draw(model, loop.names, replace(EXACT, battery_v=14.8), 1, seed=1)
+    drawn.rows[:, core.DRAW_COLUMNS.index("battery_fall_v_j")] *= 100.0
+    emptied = loop.fly(drawn.values, drawn.rows, seed=1)
+    assert emptied.rotor_reserve[0] < low.rotor_reserve.min()
 
 
 def test_the_rotors_speeds_are_told_only_where_they_are_measured(form, curve, drone):

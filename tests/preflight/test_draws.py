@@ -94,6 +94,34 @@ def test_effects_that_are_not_flown_are_named(form):
     assert "flown without" not in " ".join(drawn(form)[1].assumed)
 
 
+def test_a_battery_is_drawn_between_its_lowest_and_full(form):
+    more = form.with_effect("battery_sag", sag_per_v=0.04, reference_v=16.8)
+    _, found = drawn(more, preflight.Uncertainty(battery_v=14.8))
+    volts = found.rows[:, core.DRAW_COLUMNS.index("battery_v")]
+    assert np.quantile(volts, (0.0, 0.5, 1.0)) == pytest.approx([14.8, 15.8, 16.8], abs=0.05)
+    assert draws.BATTERY in found.factors
+    assert "full battery" in " ".join(drawn(more)[1].assumed)
+    assert "full battery" not in " ".join(found.assumed)
+
+
+def test_a_battery_that_the_model_does_not_know_or_that_is_more_than_full_is_refused(form):
+    with pytest.raises(InputError, match="has no effect battery_sag"):
+        drawn(form, preflight.Uncertainty(battery_v=14.8))
+    with pytest.raises(InputError, match=r"takes 16\.8 V for full"):
+        drawn(form.with_effect("battery_sag", reference_v=16.8), preflight.Uncertainty(battery_v=17.0))
+
+
+def test_a_fault_strikes_each_rotor_as_often_and_at_any_moment(form):
+    _, found = drawn(form, preflight.Uncertainty(motor_fault_ratio=0.3, pose_jump_std_m=0.1))
+    column = {name: found.rows[:, i] for i, name in enumerate(core.DRAW_COLUMNS)}
+    assert np.bincount(column["fault_rotor"].astype(int)) == pytest.approx(1000, rel=0.12)
+    for name in ("fault_at", "jump_at"):
+        assert np.quantile(column[name], (0.0, 0.5, 1.0)) == pytest.approx([0.0, 0.5, 1.0], abs=0.03)
+    assert column["jump_x_m"].std() == pytest.approx(0.1, rel=0.05)
+    assert {draws.MOTOR_FAULT, draws.POSE_JUMP} <= set(found.factors)
+    assert not {draws.MOTOR_FAULT, draws.POSE_JUMP} & set(drawn(form)[1].factors)
+
+
 def test_neighbouring_large_seeds_are_other_luck():
     name = next(n for n in "abcdefgh" if int(hashlib.sha256(n.encode()).hexdigest()[14:16], 16) >= 128)
     one, other = (draws._stream(2**53 + i, 3, name, 1) for i in (0, 1))
@@ -146,7 +174,13 @@ def test_an_uncertainty_below_zero_is_refused():
 
 
 @pytest.mark.parametrize(
-    "given", [{"pose_delay_s": 0.3}, {"wind_direction": (0.0, 0.0, 0.0)}, {"wind_direction": (1.0, np.nan, 0.0)}]
+    "given",
+    [
+        {"motor_fault_ratio": 1.2},
+        {"pose_delay_s": 0.3},
+        {"wind_direction": (0.0, 0.0, 0.0)},
+        {"wind_direction": (1.0, np.nan, 0.0)},
+    ],
 )
 def test_a_pose_too_old_and_a_wind_to_nowhere_are_refused(given):
     with pytest.raises(InputError, match=next(iter(given))):

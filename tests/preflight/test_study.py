@@ -68,6 +68,43 @@ def test_what_was_planted_decides_most_and_its_removal_takes_the_risk_away(drone
     assert found.removed.risk.count < 0.2 * found.lost.count
 
 
+def test_a_wrong_scale_moves_the_walls_of_a_map_that_the_pose_is_not_one_in(drone, curve):
+    """A wall along the way is as near as before where it is at the origin, and 4 m off moves by 4 m times the error."""
+
+    class Ahead(Wall):
+        def distance(self, points_world_m):
+            return self.away_m - np.asarray(points_world_m)[:, 0]
+
+    unsure = replace(EXACT, map_scale_std_ratio=0.05)
+    spread_m = []
+    for of_map in (True, False):
+        options = preflight.Options(flights=60, uncertainty=replace(unsure, pose_of_map=of_map), explain=False)
+        found = preflight.fly(drone, curve, Ahead(4.5), radius_m=0.2, clearance_m=1.0, options=options)
+        spread_m.append(found.record.clearance_m.std())
+    assert spread_m[0] == pytest.approx(0.05 * 0.5, rel=0.3)  # metres to the wall
+    assert spread_m[1] == pytest.approx(0.05 * 4.5, rel=0.3)  # metres from the origin
+
+
+@pytest.mark.parametrize(
+    ("factor", "given", "effect"),
+    [
+        (draws.MOTOR_FAULT, {"motor_fault_ratio": 0.5}, {}),
+        (draws.POSE_JUMP, {"pose_jump_std_m": 0.1}, {}),
+        (draws.BATTERY, {"battery_v": 10.0}, {"sag_per_v": 0.06, "reference_v": 16.8}),
+    ],
+)
+def test_faults_are_named_and_taken_away(drone, curve, factor, given, effect):
+    model = drone.with_effect("battery_sag", **effect) if effect else drone
+    unsure = replace(EXACT, **given)
+    found = flown(model, curve, 1.0, uncertainty=unsure, flights=100, explain=False)
+    assert found.dominating is not None
+    assert found.dominating[0] == factor
+    believed, sure = remedies.without(model, unsure, factor)
+    assert believed == model
+    assert sure == EXACT
+    assert "identify again" not in remedies.words(factor)
+
+
 def test_gusts_are_named_though_no_number_drawn_before_tells_them(drone, curve):
     found = flown(drone, curve, 1.0, uncertainty=replace(EXACT, gust_std_m_s=2.0), flights=200)
     assert found.dominating is not None

@@ -64,6 +64,30 @@ _DEFAULT = preflight.Uncertainty()
     show_default=True,
     help="Standard deviation of the pose in the map, metres.",
 )
+@click.option(
+    "--pose-jump",
+    "pose_jump_std_m",
+    type=click.FloatRange(0.0, 5.0),
+    default=0.0,
+    show_default=True,
+    help="Lasting jump of the pose at some moment of every flight, m: its standard deviation.",
+)
+@click.option(
+    "--pose-outside",
+    is_flag=True,
+    help="The pose is not one in the map (motion capture): a wrong scale moves its walls.",
+)
+@click.option(
+    "--motor-fault",
+    "motor_fault_ratio",
+    type=click.FloatRange(0.0, 1.0),
+    default=0.0,
+    show_default=True,
+    help="Share of its thrust that one rotor loses at some moment of every flight.",
+)
+@click.option(
+    "--battery", "battery_v", type=click.FloatRange(0.0), help="Lowest battery voltage at the start [default: full]."
+)
 @click.option("--advise", is_flag=True, help="Find the largest wind that is a go, and how much slower is one.")
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Seed: of all noise.")
 @console.path_option("--out", "out", "JSON file to write with the whole result.")
@@ -82,6 +106,10 @@ def command(
     drop_outs_per_s: float,
     drop_out_s: float,
     localization_std_m: float,
+    pose_jump_std_m: float,
+    pose_outside: bool,
+    motor_fault_ratio: float,
+    battery_v: float | None,
     advise: bool,
     seed: int,
     out: Path | None,
@@ -105,7 +133,8 @@ def command(
     believed = vehicle.load(vehicle_file)
     uncertainty = replace(
         blowing(wind), gust_std_m_s=gust_std_m_s, pose_delay_std_s=pose_delay_s, drop_outs_per_s=drop_outs_per_s,
-        drop_out_s=drop_out_s, localization_std_m=localization_std_m,
+        drop_out_s=drop_out_s, localization_std_m=localization_std_m, pose_jump_std_m=pose_jump_std_m,
+        pose_of_map=not pose_outside, motor_fault_ratio=motor_fault_ratio, battery_v=battery_v,
     )  # fmt: skip
     options = preflight.Options(flights, risk, seed, uncertainty, rare=rare or None)
     with console.progress() as progress:
