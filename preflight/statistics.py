@@ -41,11 +41,11 @@ class Probability:
         return f"{self.count} of {self.flights}: at most {self.upper:.1e}"
 
 
-def upper_bound(count: int, flights: int) -> float:
-    """The largest probability with which `count` or fewer of that many flights have the chance 1 - `CONFIDENCE`."""
+def upper_bound(count: int, flights: int, confidence: float = CONFIDENCE) -> float:
+    """The largest probability with which `count` or fewer of that many flights have the chance 1 - `confidence`."""
     from scipy.special import betaincinv
 
-    return 1.0 if count >= flights else float(betaincinv(count + 1, flights - count, CONFIDENCE))
+    return 1.0 if count >= flights else float(betaincinv(count + 1, flights - count, confidence))
 
 
 def flights_for(risk: float, count: int = 0) -> int:

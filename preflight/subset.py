@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from flight import FloatArray
 from preflight.luck import Luck
+from preflight.statistics import upper_bound
 
 GROUPS = 10
 SHARE = 0.1
@@ -25,7 +26,7 @@ _RENEWED = 0.5
 """How often a step takes other noise, or other drop-outs."""
 _MOST_LEVELS = 12
 _CONFIDENCE = 0.975
-"""Of the jackknife's t: the stated 95 % has to hold where the logarithm of an estimate is not quite normal, too."""
+"""Of each of two bounds, of which the lower is stated with 95 %: that of counting, and the jackknife's."""
 _FIRST_NUMBER = 1 << 40
 """Of the luck of chains: no flight of the first level has it."""
 
@@ -72,7 +73,7 @@ class Found:
     estimate: float
     """Of the event's probability; where it was not `reached`, of the last level's, which is larger."""
     upper: float
-    """Upper bound of confidence 95 %, of both."""
+    """Upper bound of the event's, of confidence 95 %: no larger than what counting in the first level shows."""
     reached: bool
     """Whether the estimate is the event's own."""
     levels: int
@@ -120,11 +121,13 @@ def run(
     """
     rng = np.random.Generator(np.random.Philox(key=np.array([seed, 0x5AB5E7], np.uint64)))
     state = _State(first, first_score, samples=len(first))
+    counted = upper_bound(int(np.count_nonzero(first_score < 0.0)), len(first), _CONFIDENCE)
     while True:
         threshold = _next_threshold(state.score)
         within = _within(state.score, threshold)
         shares = [*state.shares, within.reshape(GROUPS, -1).mean(axis=1)]
         estimate, upper = bound(shares, len(first))
+        upper = min(upper, counted)
         level(len(shares), estimate)
         if threshold <= 0.0 or upper <= enough or not within.any() or within.all() or len(shares) >= _MOST_LEVELS:
             return _found(state, estimate, upper, threshold <= 0.0, len(shares))

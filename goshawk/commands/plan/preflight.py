@@ -234,7 +234,7 @@ def show(title: str, result: preflight.Result, advice: preflight.Advice | None =
     place = result.place()
     facts: dict[str, object] = {
         "go": f"{'GO' if result.go else 'NO-GO'}: {result.reason()}",
-        **({} if result.rare is None else {"lost": str(result.rare.risk)}),
+        **({"lost": str(result.rare.risk)} if result.rare is not None and result.go else {}),
         "touches": str(result.touched),
         "leaves the map": str(result.left_map),
         "to the end": f"{100.0 * result.finished:.1f} %",
