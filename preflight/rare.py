@@ -108,17 +108,18 @@ def find(record: Record, drawn: Drawn, fly: Fly, *, seed: int, enough: float, pr
 
     def score(points: Points) -> FloatArray:
         flown = sum(len(part) for part in records) - len(record)
-        progress(f"level {levels + 1}", min(flown / (0.9 * len(record)) - (levels - 1), 1.0))
+        done = flown / ((1.0 - subset.SHARE) * len(record)) - (levels - 1)
+        progress(f"level {levels + 1}", min(max(done, 0.0), 1.0))
         parts = np.split(points.normal, np.cumsum(widths)[:-1], axis=1)
         records.append(fly(dict(zip(names, parts, strict=True)), points.luck))
         return margin(records[-1])
 
-    def done(count: int, probability: float) -> None:
+    def ended(count: int, probability: float) -> None:
         nonlocal levels
         levels = count
 
     first = Points.independent(np.concatenate(list(drawn.inputs.values()), axis=1))
-    found = subset.run(score, first, margin(record), seed=seed, enough=enough, level=done)
+    found = subset.run(score, first, margin(record), seed=seed, enough=enough, level=ended)
     worst = Record.joined(records)[found.points.number]
     risk = Risk(found.count, found.samples, found.upper, found.estimate, found.reached, found.levels)
     normal = dict(zip(names, np.split(found.points.normal, np.cumsum(widths)[:-1], axis=1), strict=True))
