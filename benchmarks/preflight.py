@@ -26,6 +26,7 @@ from firmware_bridge import controller
 from flight import FloatArray, Trajectory
 from preflight import core, draws, statistics, study
 from preflight.draws import Uncertainty
+from preflight.record import OVERTURNED_RAD, Record
 from tests.preflight import conftest, test_exam
 from vehicle import Vehicle
 
@@ -141,13 +142,19 @@ def short(
     return preflight.fly(conftest.exact_vehicle(), path, conftest.Wall(0.0), radius_m=-wall_m, options=options)
 
 
+def nearest(record: Record) -> FloatArray:
+    """Clearance from a wall of no distance; of flights that are lost in another way, below that of any."""
+    other = record.left_map | record.fell | (record.tilt_rad > OVERTURNED_RAD)
+    return np.where(other, -np.inf, record.clearance_m)
+
+
 GUSTY = Uncertainty(wind_m_s=2.0, gust_std_m_s=1.5, start_std_m=0.02)
 WORLDS = (GUSTY, Uncertainty(), replace(GUSTY, localization_std_m=0.05), Uncertainty(drop_outs_per_s=0.5, wind_m_s=4.0))
 
 
 def rare_contacts(brute: int) -> list[report.Row]:
     """Walls that a tenth to a ten-thousandth of many flights touch, and what levels of a thousand say of them."""
-    clearance = short(brute, 1, GUSTY).record.clearance_m
+    clearance = nearest(short(brute, 1, GUSTY).record)
     rows = []
     for probability in (p for p in (1e-1, 1e-2, 1e-3, 1e-4) if p * brute >= 20):
         found = short(1000, 2, GUSTY, -float(np.quantile(clearance, probability)), True)
@@ -166,7 +173,7 @@ def rare_contacts(brute: int) -> list[report.Row]:
 def rare_bounds(scenes: int, brute: int) -> list[report.Row]:
     """Walls at unlike distances in unlike worlds, each by levels of 200 flights, beside what many flights say."""
     rng, held = np.random.default_rng(5), 0
-    many = [short(brute, 1, world).record.clearance_m for world in WORLDS]
+    many = [nearest(short(brute, 1, world).record) for world in WORLDS]
     for scene in range(scenes):
         at = scene % len(WORLDS)
         chance = float(np.exp(rng.uniform(np.log(0.003), np.log(0.1))))
