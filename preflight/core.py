@@ -35,7 +35,7 @@ DRAW_COLUMNS = (
     "heading_bias_rad", "drop_outs_per_s", "drop_out_s", "jump_x_m", "jump_y_m", "jump_z_m",
     "start_x_m", "start_y_m", "start_z_m", "start_yaw_rad",
     "hover0_rad_s", "hover1_rad_s", "hover2_rad_s", "hover3_rad_s", "battery_v", "battery_fall_v_j", "fault_rotor",
-    "fault_at", "fault_ratio", "jump_at",
+    "fault_at", "fault_ratio", "jump_at", "updraft_m_s",
 )  # fmt: skip
 """Columns of the draws of `Loop.fly`; `Draw` of preflight/src/flight.hpp."""
 WEAK = "weak_rotor"

@@ -26,7 +26,7 @@ _DELAY = "pose_delay.delay_s"
 _UNFLOWN = ("ground_effect", "ceiling_effect")
 """Effects that find nothing to act on in free air."""
 _BATTERY = "battery_sag"
-BATTERY, MOTOR_FAULT, POSE_JUMP = "battery", "motor fault", "pose jump"
+BATTERY, MOTOR_FAULT, POSE_JUMP, THERMALS = "battery", "motor fault", "pose jump", "thermals"
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +42,8 @@ class Uncertainty:
     gust_std_m_s: float = 0.0
     """Of Dryden gusts, each axis."""
     gust_spread_ratio: float = 0.2
+    thermal_std_m_s: float = 0.0
+    """Of a lasting vertical wind at 10 m height; it grows with the cube root of z, from none at z = 0."""
     pose_delay_s: float = 0.01
     """Told by the time stamps."""
     pose_delay_std_s: float | None = None
@@ -302,6 +304,8 @@ def _air(
     column["gust_std_m_s"][:] = given.gust_std_m_s * np.maximum(1.0 + given.gust_spread_ratio * spread, 0.0)
     if given.gust_std_m_s > 0.0:
         factors[GUSTS] = spread[:, None]
+    if given.thermal_std_m_s > 0.0:
+        column["updraft_m_s"][:] = given.thermal_std_m_s * draw_of.one(THERMALS, given.thermal_std_m_s, factors)
 
 
 def _estimate(

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from preflight.core import DROP_OUTS, GUSTS, NOISE
-from preflight.draws import BATTERY, MOTOR_FAULT, POSE_JUMP, Uncertainty
+from preflight.draws import BATTERY, MOTOR_FAULT, POSE_JUMP, THERMALS, Uncertainty
 from vehicle import Vehicle
 
 _FIELDS = {
@@ -11,7 +11,7 @@ _FIELDS = {
     "localization": ("localization_std_m",), "heading": ("heading_std_rad",), "map scale": ("map_scale_std_ratio",),
     "map surface": ("map_error_std_m",), "start": ("start_std_m",), "rotor wear": ("rotor_wear_ratio",),
     NOISE: ("noise_ratio",), DROP_OUTS: ("drop_outs_per_s",), MOTOR_FAULT: ("motor_fault_ratio",),
-    POSE_JUMP: ("pose_jump_std_m",),
+    POSE_JUMP: ("pose_jump_std_m",), THERMALS: ("thermal_std_m_s",),
 }  # fmt: skip
 _WORDS = {
     "wind": "wait for less wind, or plan with a larger --margin",
@@ -26,6 +26,7 @@ _WORDS = {
     "start": "hover nearer to the start before it is flown",
     "rotor wear": "change the propellers, and identify again",
     "mass_kg": "weigh the vehicle",
+    THERMALS: "fly lower, or when the ground is cooler",
     BATTERY: "start with a fuller battery (--battery)",
     MOTOR_FAULT: "plan slower, or with a larger --margin",
     POSE_JUMP: "refuse poses that jump, or plan with a larger --margin",

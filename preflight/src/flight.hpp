@@ -38,6 +38,7 @@ struct Draw {
     double battery_v, battery_fall_v_j;         // at the beginning, and by the energy drawn
     double fault_rotor, fault_at, fault_ratio;  // which one loses how much of its thrust, and when: share of the plan
     double jump_at;                             // when the pose begins to lie: share of the plan
+    double updraft_m_s;                         // at the height `kThermal`
 };
 
 struct Sample {
@@ -189,7 +190,17 @@ class Flight {
                 std::sqrt(relative[0] * relative[0] + relative[1] * relative[1] + relative[2] * relative[2]);
             gusts_.step(kGustEvery * step_s_, speed, air_, gust_);
         }
+        const double updraft = draw_.updraft_m_s != 0.0 ? draw_.updraft_m_s * rise(x_[2] / kThermal) : 0.0;
         for (int k = 0; k < 3; ++k) world_.wind[k] = ramp_ * (draw_.wind_m_s[k] + gust_[k]);
+        world_.wind[2] += ramp_ * updraft;
+    }
+
+    // Thermals grow with the cube root of the height well below the top of the mixed layer (Lenschow et al. 1980).
+    static double rise(double height) {
+        if (!(height > 0.0)) return 0.0;
+        double root = std::sqrt(height);
+        for (int i = 0; i < kNewton; ++i) root -= (root - height / (root * root)) / 3.0;
+        return root;
     }
 
     // The accelerometer reads what the last stage found at the end of the step.
@@ -284,6 +295,8 @@ class Flight {
     }
 
     static constexpr int kGustEvery = 5;
+    static constexpr int kNewton = 12;                // steps for a cube root of any height of flight, to the last bit
+    static constexpr double kThermal = 10.0;          // m: height at which the updraft is told
     static constexpr std::uint64_t kClock = 1000000;  // at the first tick, so that no stamp comes before zero
 
     const Setup& setup_;

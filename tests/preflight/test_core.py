@@ -148,6 +148,25 @@ def test_a_pose_that_jumps_moves_the_vehicle_by_as_much_from_then_on(form, curve
     assert (ended - usual)[early] == pytest.approx(-jump[early], abs=0.02)
 
 
+def test_an_updraft_lifts_the_more_the_higher_it_is_flown(form, drone, curve):
+    """Rotors turn slower in it; eight times as high it is twice as strong, and at z = 0 there is none."""
+    saved_j = []
+    for height_m in (-1.0, 1.25, 10.0):
+        shifted = curve.coefficients.copy()
+        shifted[:, 2, 0] = height_m
+        calm, rising = (
+            flown_with(form, drone, Trajectory(curve.durations_s, shifted), thermal_std_m_s=size).energy_j
+            for size in (0.0, 0.5)
+        )
+        drawn = draws.draw(form, core.native.compiled(form).names, replace(EXACT, thermal_std_m_s=0.5), 10, seed=1)
+        updraft = drawn.rows[:, core.DRAW_COLUMNS.index("updraft_m_s")]
+        saved_j.append(float(np.polyfit(updraft, calm - rising, 2)[1]))
+    below, low, high = saved_j
+    assert below == pytest.approx(0.0, abs=1e-9)
+    assert low > 0.0
+    assert high == pytest.approx(2.0 * low, rel=0.15)
+
+
 def test_a_low_battery_leaves_the_rotors_less_and_falls_with_the_energy_drawn(form, drone):
     """Of a vehicle whose rotors turn little faster than in its hover."""
     fastest = 1.4 * float(np.max(invert.hover(form)))

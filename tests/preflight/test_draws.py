@@ -8,7 +8,7 @@ import pytest
 
 import preflight
 from flight import InputError
-from preflight import core, draws
+from preflight import core, draws, remedies
 from vehicle import specs
 
 NAMES = ("thrust_bem.k1_n_s2", "parasitic_drag.drag_xy_kg_m")
@@ -109,6 +109,15 @@ def test_a_battery_that_the_model_does_not_know_or_that_is_more_than_full_is_ref
         drawn(form, preflight.Uncertainty(battery_v=14.8))
     with pytest.raises(InputError, match=r"takes 16\.8 V for full"):
         drawn(form.with_effect("battery_sag", reference_v=16.8), preflight.Uncertainty(battery_v=17.0))
+
+
+def test_thermals_are_drawn_up_and_down_and_can_be_taken_away(form):
+    _, found = drawn(form, preflight.Uncertainty(thermal_std_m_s=2.0))
+    assert found.rows[:, core.DRAW_COLUMNS.index("updraft_m_s")].std() == pytest.approx(2.0, rel=0.05)
+    assert draws.THERMALS in found.factors
+    _, left = remedies.without(form, preflight.Uncertainty(thermal_std_m_s=2.0), draws.THERMALS)
+    assert left == preflight.Uncertainty()
+    assert "identify again" not in remedies.words(draws.THERMALS)
 
 
 def test_a_fault_strikes_each_rotor_as_often_and_at_any_moment(form):

@@ -35,6 +35,14 @@ _DEFAULT = preflight.Uncertainty()
 @click.option("--wind", default="0", show_default=True, help="Steady wind: its speed, from anywhere, or x,y,z (m/s).")
 @console.gust_option
 @click.option(
+    "--thermals",
+    "thermal_std_m_s",
+    type=click.FloatRange(0.0, 10.0),
+    default=0.0,
+    show_default=True,
+    help="Vertical wind at 10 m height, m/s: its standard deviation; less below.",
+)
+@click.option(
     "--pose-delay",
     "pose_delay_s",
     type=click.FloatRange(0.0, 0.1),
@@ -102,6 +110,7 @@ def command(
     risk: float,
     wind: str,
     gust_std_m_s: float,
+    thermal_std_m_s: float,
     pose_delay_s: float | None,
     drop_outs_per_s: float,
     drop_out_s: float,
@@ -132,9 +141,10 @@ def command(
     item = trajectory.load(trajectory_file)
     believed = vehicle.load(vehicle_file)
     uncertainty = replace(
-        blowing(wind), gust_std_m_s=gust_std_m_s, pose_delay_std_s=pose_delay_s, drop_outs_per_s=drop_outs_per_s,
-        drop_out_s=drop_out_s, localization_std_m=localization_std_m, pose_jump_std_m=pose_jump_std_m,
-        pose_of_map=not pose_outside, motor_fault_ratio=motor_fault_ratio, battery_v=battery_v,
+        blowing(wind), gust_std_m_s=gust_std_m_s, thermal_std_m_s=thermal_std_m_s, pose_delay_std_s=pose_delay_s,
+        drop_outs_per_s=drop_outs_per_s, drop_out_s=drop_out_s, localization_std_m=localization_std_m,
+        pose_jump_std_m=pose_jump_std_m, pose_of_map=not pose_outside, motor_fault_ratio=motor_fault_ratio,
+        battery_v=battery_v,
     )  # fmt: skip
     options = preflight.Options(flights, risk, seed, uncertainty, rare=rare or None)
     with console.progress() as progress:
