@@ -12,6 +12,9 @@ from preflight.core import NONE, Flown
 
 DESCENDING = (State.LANDING, State.EMERGENCY)
 """States in which the vehicle may touch what is below it, and nothing else."""
+_ON_M = 5e-3
+"""A point so near is on a surface."""
+_MOST_STEPS = 200
 _RISE_M = 0.1
 _BELOW = 0.7
 """Slope of the distance upwards from which on the nearest surface counts as below: within 45 degrees of straight."""
@@ -35,6 +38,25 @@ class Nearest:
     """(m,) time on the trajectory, of the sample before if it was off it then; NaN if it never was."""
     left_map: np.ndarray
     """(m,) whether it was where the map does not reach."""
+
+
+def below_and_above(field: DistanceField, points_world_m: FloatArray) -> tuple[float, float]:
+    """Heights of the nearest floor and ceiling of points (n, 3): the highest below any, the lowest above any.
+
+    Infinite where the map ends before there is one. Each is looked for by steps of the distance (sphere tracing).
+    """
+    found = []
+    for way in (-1.0, 1.0):
+        at = points_world_m.copy()
+        for _ in range(_MOST_STEPS):
+            distance = field.distance(at)
+            moving = (distance > _ON_M) & (distance < np.inf)
+            if not moving.any():
+                break
+            at[moving, 2] += way * distance[moving]
+        there = distance <= _ON_M
+        found.append(way * float(np.min(way * at[there, 2], initial=np.inf)))
+    return found[0], found[1]
 
 
 def nearest(

@@ -107,6 +107,8 @@ class Loop:
         air: Air | None = None,
         rate_hz: int = 500,
         rotor_speed_measured: bool = False,
+        floor_m: float = -np.inf,
+        ceiling_m: float = np.inf,
     ) -> None:
         """
         Args:
@@ -116,6 +118,7 @@ class Loop:
             sensors: noise of the estimate; its `delay_s` is the one that time stamps tell.
             rate_hz: of the controller, 400 to 1000.
             rotor_speed_measured: whether the controller is given the rotors' speeds; few vehicles measure them.
+            floor_m, ceiling_m: heights, for the effects of the model that depend on them.
 
         Raises:
             InputError: the vehicle has effects of the user's own, or the rate is out of range.
@@ -140,7 +143,7 @@ class Loop:
             *noise, self._tick_us, self._every, vehicle.gravity_m_s2, (air or Air()).gust_length_m,
             vehicle.limits.rotor_speed_min_rad_s, vehicle.limits.rotor_speed_max_rad_s, *start, SETTLE_S, self._limit_s,
             AFTER_S, AFTER_FAILSAFE_S, rotor_speed_measured, trajectory.duration_s,
-            kernel.names.index(f"{WEAK}.loss_0"),
+            kernel.names.index(f"{WEAK}.loss_0"), floor_m, ceiling_m,
         ]  # fmt: skip
         plan = wire.plan_from_trajectory(trajectory, clearance_m=clearance_m)
         self._flights = _preflight.Flights(

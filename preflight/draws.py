@@ -23,8 +23,6 @@ DELAY_STD_S = 0.003
 LATEST_S = 0.2
 """Oldest pose that is simulated."""
 _DELAY = "pose_delay.delay_s"
-_UNFLOWN = ("ground_effect", "ceiling_effect")
-"""Effects that find nothing to act on in free air."""
 _BATTERY = "battery_sag"
 BATTERY, MOTOR_FAULT, POSE_JUMP, THERMALS = "battery", "motor fault", "pose jump", "thermals"
 
@@ -336,8 +334,8 @@ def _untold_delay(vehicle: Vehicle, given: Uncertainty) -> tuple[float, float]:
 
 def _not_flown(vehicle: Vehicle, given: Uncertainty) -> tuple[str, ...]:
     """Sentences on the model's effects that are not flown; empty if all are."""
-    left = [name for name in (*sensed(vehicle), *_UNFLOWN) if name in vehicle.effects and name != _DELAY.split(".")[0]]
-    said = [f"flown without {', '.join(left)}: no floor, ceiling or IMU error is simulated"] if left else []
+    left = [name for name in sensed(vehicle) if name != _DELAY.split(".")[0]]
+    said = [f"flown without {', '.join(left)}: no error of the IMU is simulated"] if left else []
     if _BATTERY in vehicle.effects and given.battery_v is None:
         said.append("flown with a full battery (--battery: the lowest voltage at the start)")
     return tuple(said)

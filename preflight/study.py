@@ -3,6 +3,7 @@
 import os
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +28,7 @@ _LEAST_LOST = 10
 """Flights, from which on it is told what loses them."""
 _AGAIN = 128
 """Flights that are flown again with other noise, gusts or drop-outs."""
+_NEAR_SURFACES = ("ground_effect", "ceiling_effect")
 _LARGEST_SEED = 2**32 - 1
 LEAST_RISK, LARGEST_RISK = 1e-5, 0.5
 MOST_COUNTED = 3000
@@ -118,14 +120,15 @@ def fly(
     record, drawn, steps = study.flown(options.uncertainty, vehicle, "flights", progress)
     found, further = study.rarer(options.uncertainty, vehicle, record, drawn, progress)
     steps += further
+    assumed = drawn.assumed + study.free_air()
     if options.decide_only:
-        return Result(record, trajectory, options.count, options.risk, {}, {}, drawn.assumed, steps=steps, rare=found)
+        return Result(record, trajectory, options.count, options.risk, {}, {}, assumed, steps=steps, rare=found)
     interrupted = found is not None and found.cut_off
     shares, loss_shares, again = ({}, {}, 0) if interrupted else study.shares(record, drawn)
     if found is not None:
         loss_shares = found.with_luck(shares)
     result = Result(
-        record, trajectory, options.count, options.risk, shares, loss_shares, drawn.assumed, steps=steps + again,
+        record, trajectory, options.count, options.risk, shares, loss_shares, assumed, steps=steps + again,
         rare=found,
     )  # fmt: skip
     first = result.dominating
@@ -205,7 +208,7 @@ def _is_lost(record: Record, options: Options) -> bool:
     return statistics.upper_bound(int(record.lost.sum()), options.count) > options.risk
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Study:
     vehicle: Vehicle
     trajectory: Trajectory
@@ -224,7 +227,27 @@ class _Study:
             air=self.options.air,
             rate_hz=self.options.rate_hz,
             rotor_speed_measured=self.options.rotor_speed_measured,
+            floor_m=self.between[0],
+            ceiling_m=self.between[1],
         )
+
+    @cached_property
+    def between(self) -> tuple[float, float]:
+        """Heights of floor and ceiling, infinite where the map or the model tells of none."""
+        near = [name in self.vehicle.effects for name in _NEAR_SURFACES]
+        if self.field is None or not any(near):
+            return -np.inf, np.inf
+        times = np.linspace(0.0, self.trajectory.duration_s, BINS)
+        return clearance.below_and_above(self.field, self.trajectory.position(times))
+
+    def free_air(self) -> tuple[str, ...]:
+        """A sentence for each effect of the model that finds no surface to act on."""
+        missing = [
+            (name, what)
+            for name, what, height in zip(_NEAR_SURFACES, ("floor below", "ceiling above"), self.between, strict=True)
+            if name in self.vehicle.effects and not np.isfinite(height)
+        ]
+        return tuple(f"flown without {name}: the map has no {what} the path" for name, what in missing)
 
     def flown(
         self, uncertainty: Uncertainty, believed: Vehicle, stage: str, progress: Progress

@@ -20,8 +20,9 @@ struct Setup {
     std::uint32_t tick_us;
     std::uint32_t sample_every;  // ticks
     double gravity_m_s2, gust_length_m;
-    double duration_s;        // of the trajectory
-    std::size_t weakness_at;  // of the first rotor's loss of thrust among the values
+    double floor_m, ceiling_m;  // heights; far away for none
+    double duration_s;          // of the trajectory
+    std::size_t weakness_at;    // of the first rotor's loss of thrust among the values
     bool rotor_speed_measured;
     double slowest_rad_s, fastest_rad_s;  // limits of the rotors, for the reserve
     double start_m[3], start_yaw_rad;
@@ -81,7 +82,8 @@ class Flight {
           air_(seeds.air, luck.gusts, luck.weights, luck.count, 2),
           gusts_(draw.gust_std_m_s, setup.gust_length_m, along(draw).unit, air_),
           sensing_({setup.noise, draw.localization, setup.tick_us, setup.rotor_speed_measured}, noise_, drop_outs_),
-          step_s_(setup.tick_us * 1e-6) {
+          step_s_(setup.tick_us * 1e-6),
+          world_{{0.0, 0.0, 0.0}, 0.0, setup.floor_m, setup.ceiling_m} {
         controller_ = setup.controller;
         place();
     }
@@ -310,7 +312,7 @@ class Flight {
     Gusts gusts_;
     Sensing sensing_;
     double step_s_;
-    World world_{{0.0, 0.0, 0.0}, 0.0, -kFar, kFar};
+    World world_;
     double x_[kState] = {}, command_[4] = {}, force_[3] = {}, gust_[3] = {};
     double at_[3] = {};  // where it was when the controller was called, to whose set-point that belongs
     float engaged_[4] = {};

@@ -28,7 +28,7 @@ template <class T, int N>
 using Out = nb::ndarray<T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
 
 constexpr std::size_t kDraw = sizeof(Draw) / sizeof(double);
-constexpr std::size_t kCommon = 24;
+constexpr std::size_t kCommon = 26;
 
 std::uint32_t crc_of(const tc_trajectory_header& header, const std::vector<tc_segment>& segments) {
     std::uint32_t crc = tc_trajectory_header_crc32(&header);
@@ -119,6 +119,8 @@ class Flights {
         s.rotor_speed_measured = c[21] != 0.0;
         s.duration_s = c[22];
         s.weakness_at = static_cast<std::size_t>(c[23]);
+        s.floor_m = std::max(c[24], -kFar);
+        s.ceiling_m = std::min(c[25], kFar);
     }
 
     tc_reason upload(const In<std::uint32_t, 1>& durations_us, const In<float, 3>& coefficients, float clearance_m) {

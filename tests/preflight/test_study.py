@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import preflight
-from flight import InputError
+from flight import InputError, Trajectory
 from preflight import clearance, core, draws, remedies, statistics
 from preflight.result import BINS
 from preflight.study import require_hover
@@ -66,6 +66,40 @@ def test_what_was_planted_decides_most_and_its_removal_takes_the_risk_away(drone
     assert found.removed is not None
     assert found.removed.factor == factor
     assert found.removed.risk.count < 0.2 * found.lost.count
+
+
+class Room(Wall):
+    """A floor at z = 0 and a ceiling, and a wall."""
+
+    def __init__(self, height_m: float) -> None:
+        super().__init__(1.0)
+        self.height_m = height_m
+
+    def distance(self, points_world_m):
+        z = np.asarray(points_world_m)[:, 2]
+        return np.minimum(super().distance(points_world_m), np.minimum(z, self.height_m - z))
+
+
+def test_floor_and_ceiling_are_found_in_the_map_or_not():
+    points = np.array([[0.0, 5.0, 1.5], [1.0, 5.0, 1.2]])
+    assert clearance.below_and_above(Room(2.5), points) == pytest.approx((0.0, 2.5), abs=0.01)
+    assert clearance.below_and_above(Wall(1.0), points) == (-np.inf, np.inf)
+
+
+@pytest.mark.parametrize(("effect", "room_m", "gap_m"), [("ground_effect", 9.0, 0.15), ("ceiling_effect", 2.0, 1.85)])
+def test_a_floor_or_ceiling_near_the_path_lets_the_rotors_turn_slower(drone, curve, effect, room_m, gap_m):
+    coefficients = curve.coefficients.copy()
+    coefficients[:, 2, 0] = gap_m
+    path = Trajectory(curve.durations_s, coefficients)
+    near = drone.with_effect(effect, strength=1.0)
+    reserve = []  # towards the slowest speed
+    for model, room in ((drone, Room(room_m)), (near, Room(room_m)), (near, Wall(1.0))):
+        options = preflight.Options(flights=4, risk=0.4, uncertainty=EXACT, explain=False)
+        found = preflight.fly(model, path, room, radius_m=0.1, clearance_m=1.0, options=options)
+        reserve.append(float(found.record.rotor_reserve.mean()))
+    assert reserve[1] < reserve[0] - 0.002
+    assert reserve[2] == pytest.approx(reserve[0], rel=1e-6)
+    assert any(f"flown without {effect}" in sentence for sentence in found.assumed)
 
 
 def test_a_wrong_scale_moves_the_walls_of_a_map_that_the_pose_is_not_one_in(drone, curve):
