@@ -242,11 +242,11 @@ def scale_std(witnesses: Any) -> float:
 def show(title: str, result: preflight.Result, advice: preflight.Advice | None = None) -> None:
     """What, how sure, what next, in 24 lines."""
     place = result.place()
+    counted = {"touches": result.touched, "leaves the map": result.left_map}  # of the first level alone
     facts: dict[str, object] = {
         "go": f"{'GO' if result.go else 'NO-GO'}: {result.reason()}",
         **({"lost": str(result.rare.risk)} if result.rare is not None and result.go else {}),
-        "touches": str(result.touched),
-        "leaves the map": str(result.left_map),
+        **{words: str(chance) for words, chance in counted.items() if result.rare is None or chance.count},
         "to the end": f"{100.0 * result.finished:.1f} %",
     }
     others = sorted(result.endings().items(), key=lambda item: -item[1].count)
