@@ -5,7 +5,7 @@ The same seed and flight number give the same bits, whatever the number of threa
 
 import os
 from collections.abc import Collection
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +76,8 @@ class Flown:
     """(m,) mechanical, of the rotors, from hover to the end."""
     steps: int
     """Control steps flown, of all flights."""
+    strain: FloatArray = field(default_factory=lambda: np.zeros(0))
+    """(m,) how near the controller came to giving the flight up, before it did: 1 where it has cause to."""
 
     def __len__(self) -> int:
         return len(self.ending)
@@ -137,7 +139,7 @@ class Loop:
         self._tick_us = round(1e6 / rate_hz)
         self._every = max(round(SAMPLE_S * rate_hz), 1)
         self._limit_s = 1.25 * trajectory.duration_s + 6.0
-        noise = [getattr(sensors or Sensors.typical(), field.name) for field in fields(Sensors)][:7]
+        noise = [getattr(sensors or Sensors.typical(), item.name) for item in fields(Sensors)][:7]
         start = trajectory.evaluate([0.0])[0]
         common = [
             *noise, self._tick_us, self._every, vehicle.gravity_m_s2, (air or Air()).gust_length_m,
@@ -205,7 +207,7 @@ class Loop:
         steps = round(float(summary[:, 8].sum()) * 1e6 / self._tick_us)
         return Flown(
             positions, errors, path_s, states, ending, state, reason, summary[:, 3], summary[:, 4], summary[:, 5] > 0.0,
-            summary[:, 6], summary[:, 7], steps,
+            summary[:, 6], summary[:, 7], steps, summary[:, 9],
         )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from flight import FloatArray, Progress
 from preflight import subset
-from preflight.core import WITHIN
+from preflight.core import FINISHED, WITHIN
 from preflight.draws import Drawn
 from preflight.luck import Luck
 from preflight.record import OVERTURNED_RAD, Record
@@ -17,6 +17,8 @@ from preflight.subset import Found, Points
 FLIGHTS = 1000
 """Of a level, unless told otherwise."""
 LEAST_FLIGHTS, MOST_FLIGHTS = 200, 100_000
+_GIVEN_UP = 0.05
+"""Margin, relative to that of other flights, of those that the controller gave up."""
 _LEAST_LOST = 10
 _CHANCE = 10.0
 """Relative entropy that numbers of as many flights show by chance, times the flights: those of a chain are alike."""
@@ -76,21 +78,28 @@ class Rare:
 
 @dataclass(frozen=True, slots=True)
 class Margin:
-    """How far flights were from being lost, as a share of the middle flight's: the least of clearance and tilt."""
+    """How far flights were from being lost, as a share of the middle flight's.
+
+    The least of clearance, tilt and what keeps the controller from giving up. A flight that was given up is not lost
+    yet, and nearer to it than one that was not, unless that one all but touched something.
+    """
 
     clearance_m: float
     tilt_rad: float
+    strain: float
 
     @staticmethod
     def of(record: Record) -> "Margin":
         known = record.clearance_m[np.isfinite(record.clearance_m)]
         middle = float(np.median(known)) if known.size else 0.0
-        return Margin(middle if middle > 0.0 else 1.0, float(OVERTURNED_RAD - np.nanmedian(record.tilt_rad)))
+        tilt_rad, strain = OVERTURNED_RAD - np.nanmedian(record.tilt_rad), 1.0 - np.nanmedian(record.strain)
+        return Margin(middle if middle > 0.0 else 1.0, max(float(tilt_rad), 0.1), max(float(strain), 0.1))
 
     def __call__(self, record: Record) -> FloatArray:
         """(n,) below zero for those lost, and for no others."""
-        tilt = (OVERTURNED_RAD - record.tilt_rad) / max(self.tilt_rad, 0.1)
-        value = np.minimum(record.clearance_m / self.clearance_m, tilt)
+        value = np.minimum(record.clearance_m / self.clearance_m, (OVERTURNED_RAD - record.tilt_rad) / self.tilt_rad)
+        kept = np.minimum(value, np.maximum((1.0 - record.strain) / self.strain, _GIVEN_UP))
+        value = np.where(record.ending == FINISHED, kept, _GIVEN_UP * value)
         value = np.where(np.isfinite(value), value, np.inf)
         return np.where(record.lost & (value >= 0.0), -1.0, value)
 

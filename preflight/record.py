@@ -33,6 +33,8 @@ class Record:
     rotor_reserve: FloatArray
     energy_j: FloatArray
     duration_s: FloatArray
+    strain: FloatArray
+    """(n,) as `core.Flown.strain`."""
 
     def __len__(self) -> int:
         return len(self.ending)

@@ -374,6 +374,7 @@ class _Study:
             near.clearance_m, near.point_world_m, near.path_s, near.left_map,
             clearance.errors_along(flown, self.trajectory, BINS), flown.ending, flown.end_state, flown.reason,
             flown.tilt_rad, flown.fell, flown.rotor_reserve, flown.energy_j, flown.ended_s,
+            flown.strain,
         )  # fmt: skip
         return record, flown.steps
 

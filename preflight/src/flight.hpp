@@ -20,6 +20,7 @@ struct Setup {
     std::uint32_t tick_us;
     std::uint32_t sample_every;  // ticks
     double gravity_m_s2, gust_length_m;
+    double tracking_m;          // error beyond which the controller gives the trajectory up
     double floor_m, ceiling_m;  // heights; far away for none
     double duration_s;          // of the trajectory
     std::size_t weakness_at;    // of the first rotor's loss of thrust among the values
@@ -51,6 +52,7 @@ struct Summary {
     double ending, state, reason, ended_s;
     double tilt_rad, fell;  // of the whole flight: what follows its end, too
     double reserve, energy_j, flown_s;
+    double strain;  // how near the controller came to giving up: 1 where it has cause to
 };
 constexpr int kSummary = sizeof(Summary) / sizeof(double);
 
@@ -225,6 +227,7 @@ class Flight {
         if (up < least_up_) least_up_ = up;
         fell_ = fell_ || state == TC_EMERGENCY || state == TC_FAULT;
         if (ending_ < 0 && state == TC_TRAJECTORY) reserve();
+        if (ending_ < 0) strain_ = std::fmax(strain_, strain());
         if (ending_ >= 0 || as_planned(state)) return;
         const bool finished = state == TC_HOLD && controller_.mission.reason == TC_FINISHED;
         ended(finished ? kFinished : kFailsafe, controller_.mission.reason);
@@ -235,6 +238,17 @@ class Flight {
     }
 
     double after_s() const { return ending_ == kFinished ? setup_.after_s : setup_.after_failsafe_s; }
+
+    // The larger of what may pass for standing on the ground, in an updraft, and of the tracking error.
+    double strain() const {
+        const double support = controller_.support_m_s2 / (kStandsG * setup_.gravity_m_s2);
+        double square = 0.0;
+        for (int k = 0; k < 3; ++k) {
+            const double off = at_[k] - controller_.telemetry.setpoint.position_world_m[k];
+            square += off * off;
+        }
+        return std::fmax(support, std::sqrt(square) / setup_.tracking_m);
+    }
 
     // What the rotors reach at the largest command: less than their limit as the battery empties.
     double fastest() const {
@@ -276,6 +290,7 @@ class Flight {
     Summary whole() {
         summary_.tilt_rad = arccosine(std::fmax(-1.0, least_up_));
         summary_.fell = fell_;
+        summary_.strain = strain_;
         summary_.flown_s = static_cast<double>(ticks_) * step_s_;
         return summary_;
     }
@@ -297,6 +312,7 @@ class Flight {
     }
 
     static constexpr int kGustEvery = 5;
+    static constexpr double kStandsG = 0.25;          // as STANDS_G of the controller's landing.c
     static constexpr int kNewton = 12;                // steps for a cube root of any height of flight, to the last bit
     static constexpr double kThermal = 10.0;          // m: height at which the updraft is told
     static constexpr std::uint64_t kClock = 1000000;  // at the first tick, so that no stamp comes before zero
@@ -319,7 +335,7 @@ class Flight {
     std::uint64_t time_us_ = kClock, ticks_ = 0;
     double path_s_ = -1.0;  // on the trajectory, last
     double ramp_ = 0.0, began_s_ = 0.0, ended_s_ = 0.0, energy_j_ = 0.0, least_up_ = 1.0;
-    double reserve_ = 1.0, battery_v_ = 0.0;
+    double reserve_ = 1.0, battery_v_ = 0.0, strain_ = 0.0;
     int ending_ = -1;
     bool disturbed_ = false;  // on its way; drop-outs are for the path: before it one waits until the vehicle is ready
     bool fell_ = false, weakened_ = false;

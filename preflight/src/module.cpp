@@ -49,6 +49,7 @@ class Flights {
         tc_parameters p{};
         std::memcpy(&p, parameters.data(), std::min(parameters.shape(0) * sizeof(float), sizeof p));
         reason_ = tc_parameters_set(&setup_->controller, &p);
+        setup_->tracking_m = clearance_m > 0.0f ? clearance_m : p.clearance_m;
         if (reason_ == TC_OK) reason_ = upload(durations_us, coefficients, clearance_m);
     }
 

@@ -103,8 +103,11 @@ def test_a_fall_in_the_hover_and_after_a_landing_began_is_seen(form, curve, dron
     assert (flown.end_state == State.LANDING).all()
     assert flown.fell.all()
     assert (flown.state != core.NONE).sum(axis=1).min() > 500
+    assert flown.strain.min() > 0.9
     calm = draws.draw(form, loop.names, EXACT, 2, seed=1)
-    assert not loop.fly(calm.values, calm.rows, seed=1).fell.any()
+    quiet = loop.fly(calm.values, calm.rows, seed=1)
+    assert not quiet.fell.any()
+    assert 0.0 < quiet.strain.max() < 0.5
 
 
 def test_a_battery_effect_is_flown_full(form, curve, drone):
