@@ -148,6 +148,12 @@ def nearest(record: Record) -> FloatArray:
     return np.where(other, -np.inf, record.clearance_m)
 
 
+def wall(clearance: FloatArray, probability: float) -> tuple[float, float]:
+    """How far a wall is that so many flights touch, and how many are lost beside it, the others included."""
+    away_m = -float(np.quantile(clearance[np.isfinite(clearance)], probability))
+    return away_m, float(np.mean(clearance < -away_m))
+
+
 GUSTY = Uncertainty(wind_m_s=2.0, gust_std_m_s=1.5, start_std_m=0.02)
 WORLDS = (GUSTY, Uncertainty(), replace(GUSTY, localization_std_m=0.05), Uncertainty(drop_outs_per_s=0.5, wind_m_s=4.0))
 
@@ -157,10 +163,11 @@ def rare_contacts(brute: int) -> list[report.Row]:
     clearance = nearest(short(brute, 1, GUSTY).record)
     rows = []
     for probability in (p for p in (1e-1, 1e-2, 1e-3, 1e-4) if p * brute >= 20):
-        found = short(1000, 2, GUSTY, -float(np.quantile(clearance, probability)), True)
-        ratio = max(found.lost.estimate / probability, probability / found.lost.estimate)
+        wall_m, chance = wall(clearance, probability)
+        found = short(1000, 2, GUSTY, wall_m, True)
+        ratio = max(found.lost.estimate / chance, chance / found.lost.estimate)
         most = 1.5 if probability >= 1e-3 else 2.0
-        held = found.lost.upper >= probability
+        held = found.lost.upper >= chance
         rows += [
             report.row(f"by levels, contact {probability:g} of {brute} flights: off by", ratio, "x", f"<= {most:g}",
                        ratio <= most),
@@ -177,9 +184,9 @@ def rare_bounds(scenes: int, brute: int) -> list[report.Row]:
     for scene in range(scenes):
         at = scene % len(WORLDS)
         chance = float(np.exp(rng.uniform(np.log(0.003), np.log(0.1))))
-        wall_m = -float(np.quantile(many[at], chance))
+        wall_m, truth = wall(many[at], chance)
         found = short(200, 100 + scene, WORLDS[at], wall_m, True)
-        held += int(found.lost.upper >= float(np.mean(many[at] < -wall_m)))
+        held += int(found.lost.upper >= truth)
     least = 0.93 * scenes
     return [
         report.row(f"by levels, stated 95 % bound holds, of {scenes} scenes", held, "", f">= {least:g}", held >= least)
