@@ -16,7 +16,7 @@ from firmware_bridge.link import refuse_unfit
 from flight import FormatError, TrajectoryFile, file_format, trajectory
 from goshawk.terminal import console, outputs
 from mapping.map_folder import read_report
-from preflight import remedies
+from preflight import remedies, worst
 from preflight.result import SCHEMA, SCHEMA_VERSION
 
 SUMMARY = "Fly a trajectory a thousand times in simulation: go or no-go."
@@ -64,6 +64,7 @@ _DEFAULT = preflight.Uncertainty()
 @click.option("--advise", is_flag=True, help="Find the largest wind that is a go, and how much slower is one.")
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Seed: of all noise.")
 @console.path_option("--out", "out", "JSON file to write with the whole result.")
+@console.path_option("--report", "report", "HTML page to write: the flights in the map, the worst three, and why.")
 @outputs.overwrite_option
 @console.common_options
 def command(
@@ -81,6 +82,7 @@ def command(
     advise: bool,
     seed: int,
     out: Path | None,
+    report: Path | None,
     overwrite: bool,
     as_json: bool,
 ) -> int:
@@ -88,7 +90,7 @@ def command(
 
     \b
     goshawk preflight lap.json --map map --vehicle vehicle.toml
-    goshawk preflight lap.json --map map --vehicle vehicle.toml --wind 3 --gust-std 1 --out lap.preflight.json
+    goshawk preflight lap.json --map map --vehicle vehicle.toml --wind 3 --gust-std 1 --report lap.html
 
     The flight controller's own C code flies the identified model with parameters drawn from its errors, wind, noise,
     delay, and errors of pose, map and start. A loss is to touch anything, to leave the map, or to come down without a
@@ -96,7 +98,7 @@ def command(
 
     Exit code 0: go, the risk is shown to be at most --risk. 1: no-go, or not shown.
     """
-    outputs.check(out, overwrite=overwrite)
+    outputs.check(out, report, overwrite=overwrite)
     item = trajectory.load(trajectory_file)
     believed = vehicle.load(vehicle_file)
     uncertainty = replace(
@@ -119,12 +121,20 @@ def command(
         advice = None
         if advise and result.flights == result.wanted:
             advice = preflight.advised(*flown, result, **body, options=options, progress=progress)
+        progress("flying the worst again", 0.0)
+        bundle = worst.BUNDLE if report is not None else 0
+        replay = preflight.replay(*flown, result, **body, options=options, bundle=bundle)
     document = result.as_dict() | {"trajectory": item.name, "map_hash": area.hash, "vehicle": believed.name}
+    document |= {"worst": [track.as_dict(item.trajectory) for track in replay.worst], "seed": seed}
     if advice is not None:
         document |= {"advice": {"wind_m_s": advice.wind_m_s, "slower": advice.slower}}
     if out is not None:
         with outputs.file(out, overwrite=overwrite) as temporary:
             file_format.write_json(temporary, format=SCHEMA, version=SCHEMA_VERSION, body=document)
+    if report is not None:
+        page = _page(item, area, believed, options, body["radius_m"], result, replay, advice)
+        with outputs.file(report, overwrite=overwrite) as temporary:
+            temporary.write_text(page, encoding="utf-8")
     if as_json:
         click.echo(file_format.json_text(document), nl=False)
     else:
@@ -189,9 +199,29 @@ def scale_std(witnesses: Any) -> float:
     return math.sqrt(stds[0] ** 2 + max(beyond))
 
 
+def _page(
+    item: TrajectoryFile,
+    area: mapping.Map,
+    believed: vehicle.Vehicle,
+    options: preflight.Options,
+    radius_m: float,
+    result: preflight.Result,
+    replay: preflight.Replay,
+    advice: preflight.Advice | None,
+) -> str:
+    """The report's text."""
+    from goshawk.commands.plan import preflight_page
+
+    decides, remedy = _decides(result)
+    told = preflight_page.Told(
+        item, area, believed, options, radius_m, result, replay, place(result), decides, remedy,
+        "" if advice is None else advice.sentence(),
+    )  # fmt: skip
+    return preflight_page.text(told)
+
+
 def show(title: str, result: preflight.Result, advice: preflight.Advice | None = None) -> None:
     """What, how sure, what next, in 24 lines."""
-    place = result.place()
     facts: dict[str, object] = {
         "go": f"{'GO' if result.go else 'NO-GO'}: {result.reason()}",
         "touches": str(result.touched),
@@ -200,13 +230,8 @@ def show(title: str, result: preflight.Result, advice: preflight.Advice | None =
     }
     others = sorted(result.endings().items(), key=lambda item: -item[1].count)
     facts |= {words: str(chance) for words, chance in others[:2]}
-    if place is not None:
-        x, y, z = place.point_world_m
-        those = "of the touches" if place.touching else "of the nearest flights"
-        facts["narrowest"] = (
-            f"segment {place.segment} at {place.time_s:.1f} s near ({x:.2f}, {y:.2f}, {z:.2f}), "
-            f"{100.0 * place.share:.0f} % {those}"
-        )
+    if (where := place(result)) is not None:
+        facts["narrowest"] = where
     facts["decides most"], remedy = _decides(result)
     if advice is not None:
         facts["advice"] = advice.sentence()
@@ -215,6 +240,17 @@ def show(title: str, result: preflight.Result, advice: preflight.Advice | None =
         facts["assumed"] = "; ".join(result.assumed)
     console.show(title, facts, as_json=False)
     console.table("", ("", "median", "90 %", "99 %", "worst"), _spreads(result))
+
+
+def place(result: preflight.Result) -> str | None:
+    """Where it is narrow, in words; None without a map."""
+    found = result.place()
+    if found is None:
+        return None
+    x, y, z = found.point_world_m
+    those = "of the touches" if found.touching else "of the nearest flights"
+    where = f"segment {found.segment} at {found.time_s:.1f} s near ({x:.2f}, {y:.2f}, {z:.2f})"
+    return f"{where}, {100.0 * found.share:.0f} % {those}"
 
 
 def _decides(result: preflight.Result) -> tuple[str, str]:
