@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import click
 import numpy as np
@@ -11,16 +10,16 @@ import numpy as np
 import mapping
 import preflight
 import vehicle
-from firmware_bridge import wire
-from firmware_bridge.link import refuse_unfit
-from flight import FormatError, TrajectoryFile, file_format, trajectory
+from flight import TrajectoryFile, file_format, trajectory
+from goshawk.commands.plan import preflight_batch
+from goshawk.commands.plan.preflight_inputs import DEFAULT, blowing, body_of, of_map, require_fit
+from goshawk.commands.plan.preflight_inputs import document as document_of
 from goshawk.terminal import console, outputs
-from mapping.map_folder import read_report
+from goshawk.terminal.verbs import DefaultVerbGroup
 from preflight import remedies, worst
 from preflight.result import SCHEMA, SCHEMA_VERSION
 
 SUMMARY = "Fly a trajectory a thousand times in simulation: go or no-go."
-_DEFAULT = preflight.Uncertainty()
 
 
 @click.command()
@@ -49,7 +48,7 @@ _DEFAULT = preflight.Uncertainty()
     "--drop-out-time",
     "drop_out_s",
     type=click.FloatRange(0.0, 5.0),
-    default=_DEFAULT.drop_out_s,
+    default=DEFAULT.drop_out_s,
     show_default=True,
     help="Length of a gap of the pose, s.",
 )
@@ -57,7 +56,7 @@ _DEFAULT = preflight.Uncertainty()
     "--localization",
     "localization_std_m",
     type=click.FloatRange(0.0, 1.0),
-    default=_DEFAULT.localization_std_m,
+    default=DEFAULT.localization_std_m,
     show_default=True,
     help="Standard deviation of the pose in the map, metres.",
 )
@@ -67,7 +66,7 @@ _DEFAULT = preflight.Uncertainty()
 @console.path_option("--report", "report", "HTML page to write: the flights in the map, the worst three, and why.")
 @outputs.overwrite_option
 @console.common_options
-def command(
+def one(
     trajectory_file: Path,
     map_folder: Path,
     vehicle_file: Path,
@@ -91,6 +90,7 @@ def command(
     \b
     goshawk preflight lap.json --map map --vehicle vehicle.toml
     goshawk preflight lap.json --map map --vehicle vehicle.toml --wind 3 --gust-std 1 --report lap.html
+    goshawk preflight batch --help        many plans, vehicles and winds in one map
 
     The flight controller's own C code flies the identified model with parameters drawn from its errors, wind, noise,
     delay, and errors of pose, map and start. A loss is to touch anything, to leave the map, or to come down without a
@@ -109,13 +109,10 @@ def command(
     with console.progress() as progress:
         progress("opening the map", 0.0)
         area = mapping.open_map(map_folder)
-        area.require_not_refused()
-        refuse_unfit(item, area.hash, vehicle.vehicle_hash(believed), False)
+        require_fit(item, area, believed)
         options = replace(options, uncertainty=of_map(area, uncertainty))
-        body = {
-            "radius_m": _radius_m(item, believed),
-            "clearance_m": wire.proved_clearance_m(item),
-        }
+        radius_m, clearance_m = body_of(item, believed)
+        body = {"radius_m": radius_m, "clearance_m": clearance_m}
         flown = (believed, item.trajectory, area.field)
         result = preflight.fly(*flown, **body, options=options, progress=progress)
         advice = None
@@ -124,15 +121,14 @@ def command(
         progress("flying the worst again", 0.0)
         bundle = worst.BUNDLE if report is not None else 0
         replay = preflight.replay(*flown, result, **body, options=options, bundle=bundle)
-    document = result.as_dict() | {"trajectory": item.name, "map_hash": area.hash, "vehicle": believed.name}
-    document |= {"worst": [track.as_dict(item.trajectory) for track in replay.worst], "seed": seed}
+    document = document_of(item, area, believed, seed, result, replay)
     if advice is not None:
         document |= {"advice": {"wind_m_s": advice.wind_m_s, "slower": advice.slower}}
     if out is not None:
         with outputs.file(out, overwrite=overwrite) as temporary:
             file_format.write_json(temporary, format=SCHEMA, version=SCHEMA_VERSION, body=document)
     if report is not None:
-        page = _page(item, area, believed, options, body["radius_m"], result, replay, advice)
+        page = _page(item, area, believed, options, radius_m, result, replay, advice)
         with outputs.file(report, overwrite=overwrite) as temporary:
             temporary.write_text(page, encoding="utf-8")
     if as_json:
@@ -146,57 +142,6 @@ def command(
         click.echo("goshawk: stopped before the advice was found", err=True)
         return 130
     return 0 if result.go else 1
-
-
-def blowing(wind: str) -> preflight.Uncertainty:
-    """The wind of `--wind`: a speed from anywhere, or x,y,z.
-
-    Raises:
-        InputError: it is neither.
-    """
-    if "," not in wind:
-        return replace(_DEFAULT, wind_m_s=console.numbers("--wind", wind, 1)[0])
-    x, y, z = console.numbers("--wind", wind, 3)
-    size = math.sqrt(x * x + y * y + z * z)
-    if not size > 0.0:
-        return _DEFAULT
-    return replace(_DEFAULT, wind_m_s=size, wind_direction=(x / size, y / size, z / size))
-
-
-def _radius_m(item: TrajectoryFile, believed: vehicle.Vehicle) -> float:
-    """Of the sphere that the plan was checked for; to the farthest propeller tip where the file does not tell."""
-    told = item.check.get("body_radius_m")
-    if isinstance(told, int | float) and math.isfinite(told) and told > 0.0:
-        return float(told)
-    return believed.reach_m
-
-
-def of_map(area: mapping.Map, uncertainty: preflight.Uncertainty) -> preflight.Uncertainty:
-    """With what the map says of itself: its scale's standard deviation, and its voxels' on top of the surfaces'.
-
-    Raises:
-        FormatError: its report does not hold sources of scale as `goshawk map build` writes them.
-    """
-    voxel = max(area.field.grid.voxel_m) / math.sqrt(12.0)  # of a surface anywhere in its voxel
-    surface = math.hypot(uncertainty.map_error_std_m, voxel)
-    scale = scale_std(read_report(area.folder).get("scale_witnesses")) or uncertainty.map_scale_std_ratio
-    return replace(uncertainty, map_scale_std_ratio=scale, map_error_std_m=surface)
-
-
-def scale_std(witnesses: Any) -> float:
-    """Of a map's scale by its sources: the first's, and how far beyond their own the others are off it.
-
-    0 if there are none, or the first tells none.
-    """
-    try:
-        stds = [float(witness.get("std") or 0.0) for witness in witnesses or ()]
-        ratios = [float(witness.get("ratio") or 1.0) for witness in witnesses or ()]
-    except (TypeError, ValueError, AttributeError) as error:
-        raise FormatError("the map's report.json holds no list of scale_witnesses; build the map again") from error
-    if not stds or not stds[0] > 0.0:
-        return 0.0
-    beyond = [max((ratio - 1.0) ** 2 - std**2, 0.0) for ratio, std in zip(ratios, stds, strict=True)]
-    return math.sqrt(stds[0] ** 2 + max(beyond))
 
 
 def _page(
@@ -275,3 +220,6 @@ def _spreads(result: preflight.Result) -> list[tuple[object, ...]]:
     return [
         (name, *(np.round(unit * found[at], 3).item() for at in order)) for name, found, order, unit in rows if found
     ]
+
+
+command = DefaultVerbGroup("preflight", own=one, commands=[preflight_batch.command])

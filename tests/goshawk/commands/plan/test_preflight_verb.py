@@ -14,6 +14,7 @@ import preflight
 import vehicle
 from flight import FormatError, trajectory
 from goshawk.commands.plan import preflight as verb
+from goshawk.commands.plan import preflight_inputs
 from goshawk.terminal import outputs
 from tests.goshawk.running import answer
 
@@ -116,17 +117,17 @@ def test_no_map_and_an_unchecked_plan_are_refused(folder, tmp_path):
 
 def test_a_maps_scale_is_as_unsure_as_its_sources_disagree():
     first = {"source": "length", "ratio": 1.0, "std": 0.01}
-    assert verb.scale_std([first]) == pytest.approx(0.01)
-    assert verb.scale_std([first, {"ratio": 1.05, "std": 0.03}]) == pytest.approx(np.hypot(0.01, 0.04))
-    assert verb.scale_std([first, {"ratio": 1.05, "std": 0.2}]) == pytest.approx(0.01)
-    assert verb.scale_std(None) == verb.scale_std([]) == 0.0
+    assert preflight_inputs.scale_std([first]) == pytest.approx(0.01)
+    assert preflight_inputs.scale_std([first, {"ratio": 1.05, "std": 0.03}]) == pytest.approx(np.hypot(0.01, 0.04))
+    assert preflight_inputs.scale_std([first, {"ratio": 1.05, "std": 0.2}]) == pytest.approx(0.01)
+    assert preflight_inputs.scale_std(None) == preflight_inputs.scale_std([]) == 0.0
     for broken in (3, [3], [{"std": "wide"}]):
         with pytest.raises(FormatError, match="scale_witnesses"):
-            verb.scale_std(broken)
+            preflight_inputs.scale_std(broken)
 
 
 def test_voxels_add_to_the_error_of_the_surfaces(folder):
-    found = verb.of_map(mapping.open_map(folder / "map"), preflight.Uncertainty())
+    found = preflight_inputs.of_map(mapping.open_map(folder / "map"), preflight.Uncertainty())
     assert found.map_error_std_m > preflight.Uncertainty().map_error_std_m
 
 

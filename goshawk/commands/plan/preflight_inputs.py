@@ -1,0 +1,101 @@
+"""What a preflight rests on: the weather that was asked for, and what plan and map say of themselves."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import mapping
+import preflight
+import vehicle
+from firmware_bridge import wire
+from firmware_bridge.link import refuse_unfit
+from flight import FormatError, TrajectoryFile
+from goshawk.terminal import console
+from mapping.map_folder import read_report
+
+DEFAULT = preflight.Uncertainty()
+
+
+def blowing(wind: str) -> preflight.Uncertainty:
+    """The wind of `--wind`: a speed from anywhere, or x,y,z.
+
+    Raises:
+        InputError: it is neither.
+    """
+    if "," not in wind:
+        return replace(DEFAULT, wind_m_s=console.numbers("--wind", wind, 1)[0])
+    x, y, z = console.numbers("--wind", wind, 3)
+    size = math.sqrt(x * x + y * y + z * z)
+    if not size > 0.0:
+        return DEFAULT
+    return replace(DEFAULT, wind_m_s=size, wind_direction=(x / size, y / size, z / size))
+
+
+def radius_m(item: TrajectoryFile, believed: vehicle.Vehicle) -> float:
+    """Of the sphere that the plan was checked for; to the farthest propeller tip where the file does not tell."""
+    told = item.check.get("body_radius_m")
+    if isinstance(told, int | float) and math.isfinite(told) and told > 0.0:
+        return float(told)
+    return believed.reach_m
+
+
+def of_map(area: mapping.Map, uncertainty: preflight.Uncertainty) -> preflight.Uncertainty:
+    """With what the map says of itself: its scale's standard deviation, and its voxels' on top of the surfaces'.
+
+    Raises:
+        FormatError: its report does not hold sources of scale as `goshawk map build` writes them.
+    """
+    voxel = max(area.field.grid.voxel_m) / math.sqrt(12.0)  # of a surface anywhere in its voxel
+    surface = math.hypot(uncertainty.map_error_std_m, voxel)
+    scale = scale_std(read_report(area.folder).get("scale_witnesses")) or uncertainty.map_scale_std_ratio
+    return replace(uncertainty, map_scale_std_ratio=scale, map_error_std_m=surface)
+
+
+def scale_std(witnesses: Any) -> float:
+    """Of a map's scale by its sources: the first's, and how far beyond their own the others are off it.
+
+    0 if there are none, or the first tells none.
+    """
+    try:
+        stds = [float(witness.get("std") or 0.0) for witness in witnesses or ()]
+        ratios = [float(witness.get("ratio") or 1.0) for witness in witnesses or ()]
+    except (TypeError, ValueError, AttributeError) as error:
+        raise FormatError("the map's report.json holds no list of scale_witnesses; build the map again") from error
+    if not stds or not stds[0] > 0.0:
+        return 0.0
+    beyond = [max((ratio - 1.0) ** 2 - std**2, 0.0) for ratio, std in zip(ratios, stds, strict=True)]
+    return math.sqrt(stds[0] ** 2 + max(beyond))
+
+
+def body_of(item: TrajectoryFile, believed: vehicle.Vehicle) -> tuple[float, float]:
+    """`radius_m` and `clearance_m` of `preflight.fly`, as the plan was checked."""
+    return radius_m(item, believed), wire.proved_clearance_m(item)
+
+
+def require_fit(item: TrajectoryFile, area: mapping.Map, believed: vehicle.Vehicle) -> None:
+    """Check that a trajectory was checked in this map for this vehicle, and that the map was not refused.
+
+    Raises:
+        InputError: it was not.
+        MapError: the map was refused.
+    """
+    area.require_not_refused()
+    refuse_unfit(item, area.hash, vehicle.vehicle_hash(believed), False)
+
+
+def document(
+    item: TrajectoryFile,
+    area: mapping.Map,
+    believed: vehicle.Vehicle,
+    seed: int,
+    result: preflight.Result,
+    replay: preflight.Replay,
+) -> dict[str, Any]:
+    """The whole result, as plain JSON values."""
+    return result.as_dict() | {
+        "trajectory": item.name,
+        "map_hash": area.hash,
+        "vehicle": believed.name,
+        "seed": seed,
+        "worst": [track.as_dict(item.trajectory) for track in replay.worst],
+    }
