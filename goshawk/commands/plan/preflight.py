@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -12,7 +13,7 @@ import preflight
 import vehicle
 from flight import TrajectoryFile, file_format, trajectory
 from goshawk.commands.plan import preflight_batch
-from goshawk.commands.plan.preflight_inputs import DEFAULT, blowing, body_of, of_map, require_fit
+from goshawk.commands.plan.preflight_inputs import DEFAULT, PLAN_AGAIN, blowing, body_of, of_map, require_fit
 from goshawk.commands.plan.preflight_inputs import document as document_of
 from goshawk.terminal import console, outputs
 from goshawk.terminal.verbs import DefaultVerbGroup
@@ -128,13 +129,13 @@ def one(
         with outputs.file(out, overwrite=overwrite) as temporary:
             file_format.write_json(temporary, format=SCHEMA, version=SCHEMA_VERSION, body=document)
     if report is not None:
-        page = _page(item, area, believed, options, radius_m, result, replay, advice)
+        page = _page(item, area, believed, options, radius_m, result, replay, advice, document[PLAN_AGAIN])
         with outputs.file(report, overwrite=overwrite) as temporary:
             temporary.write_text(page, encoding="utf-8")
     if as_json:
         click.echo(file_format.json_text(document), nl=False)
     else:
-        show(f"preflight of {trajectory_file}", result, advice)
+        show(f"preflight of {trajectory_file}", result, advice, document[PLAN_AGAIN])
     if result.flights < result.wanted:
         click.echo(f"goshawk: stopped after {result.flights} of {result.wanted} flights", err=True)
         return 130
@@ -153,11 +154,12 @@ def _page(
     result: preflight.Result,
     replay: preflight.Replay,
     advice: preflight.Advice | None,
+    again: dict[str, Any] | None,
 ) -> str:
     """The report's text."""
     from goshawk.commands.plan import preflight_page
 
-    decides, remedy = _decides(result)
+    decides, remedy = _decides(result, again)
     told = preflight_page.Told(
         item, area, believed, options, radius_m, result, replay, place(result), decides, remedy,
         "" if advice is None else advice.sentence(),
@@ -165,7 +167,12 @@ def _page(
     return preflight_page.text(told)
 
 
-def show(title: str, result: preflight.Result, advice: preflight.Advice | None = None) -> None:
+def show(
+    title: str,
+    result: preflight.Result,
+    advice: preflight.Advice | None = None,
+    again: dict[str, Any] | None = None,
+) -> None:
     """What, how sure, what next, in 24 lines."""
     facts: dict[str, object] = {
         "go": f"{'GO' if result.go else 'NO-GO'}: {result.reason()}",
@@ -177,7 +184,7 @@ def show(title: str, result: preflight.Result, advice: preflight.Advice | None =
     facts |= {words: str(chance) for words, chance in others[:2]}
     if (where := place(result)) is not None:
         facts["narrowest"] = where
-    facts["decides most"], remedy = _decides(result)
+    facts["decides most"], remedy = _decides(result, again)
     if advice is not None:
         facts["advice"] = advice.sentence()
     facts["next"] = "fly it" if result.go else remedy
@@ -198,8 +205,20 @@ def place(result: preflight.Result) -> str | None:
     return f"{where}, {100.0 * found.share:.0f} % {those}"
 
 
-def _decides(result: preflight.Result) -> tuple[str, str]:
-    """What decides most, and what to do about it."""
+def _decides(result: preflight.Result, again: dict[str, Any] | None) -> tuple[str, str]:
+    """What decides most, and what to do about it: with more room where that helps."""
+    said, remedy = _remedy(result)
+    if again is None:
+        return said, remedy
+    narrowest = max(again["segments"], key=lambda each: each["margin_m"])
+    room = f"plan with --margin {again['margin_m']:.2f}, as --preflown does from the file of --out"
+    return (
+        said,
+        f"{remedy}; or {room}: segment {narrowest['segment']} is short of {100.0 * narrowest['extra_m']:.0f} cm",
+    )
+
+
+def _remedy(result: preflight.Result) -> tuple[str, str]:
     if result.dominating is None:
         return f"not known from {result.flights} flights", "preflight with more --flights"
     factor, share = result.dominating

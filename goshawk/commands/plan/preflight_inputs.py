@@ -2,18 +2,27 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 import mapping
 import preflight
 import vehicle
 from firmware_bridge import wire
 from firmware_bridge.link import refuse_unfit
-from flight import FormatError, TrajectoryFile
+from flight import FormatError, TrajectoryFile, file_format
 from goshawk.terminal import console
 from mapping.map_folder import read_report
+from preflight import margins
+from preflight.result import SCHEMA, SCHEMA_VERSION
 
 DEFAULT = preflight.Uncertainty()
+_SAMPLES = 50
+"""Of a segment, for the room that the plan has in it."""
+PLAN_AGAIN = "plan_again"
+"""In a result: null, or the `margin_m` that a plan is to keep, and by which `segments` that is asked."""
 
 
 def blowing(wind: str) -> preflight.Uncertainty:
@@ -97,5 +106,43 @@ def document(
         "map_hash": area.hash,
         "vehicle": believed.name,
         "seed": seed,
+        PLAN_AGAIN: plan_again(item, area, believed, result),
         "worst": [track.as_dict(item.trajectory) for track in replay.worst],
     }
+
+
+def plan_again(
+    item: TrajectoryFile, area: mapping.Map, believed: vehicle.Vehicle, result: preflight.Result
+) -> dict[str, Any] | None:
+    """The margin to plan with so that fewer flights are lost; None if more room is not what is missing.
+
+    Where flights touch it is the room that the plan has in that segment, and what they are short of; where they are
+    given up the plan's margin, which the controller allows them, and more.
+    """
+    segments = margins.needed(result)
+    if not segments:
+        return None
+    proved_m, size_m = wire.proved_clearance_m(item), radius_m(item, believed)
+    asked: list[dict[str, Any]] = []
+    for each in segments:
+        positions = item.trajectory.position(np.linspace(each.from_s, each.to_s, _SAMPLES))
+        room_m = float(np.min(area.field.distance(positions))) - size_m if each.touching else proved_m
+        asked.append(each.as_dict() | {"margin_m": math.ceil(1e3 * (room_m + each.extra_m)) / 1e3})
+    return {"margin_m": max(each["margin_m"] for each in asked), "segments": asked}
+
+
+def margin_of(path: Path) -> float | None:
+    """The margin that the result of a preflight asks for; None if it asks for none.
+
+    Raises:
+        InputError: no such file.
+        FormatError: it is not the result of a preflight.
+    """
+    document = file_format.read_json(path, format=SCHEMA, version=SCHEMA_VERSION)
+    asked = document.get(PLAN_AGAIN)
+    if asked is None:
+        return None
+    margin_m = asked.get("margin_m") if isinstance(asked, dict) else None  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+    if not isinstance(margin_m, int | float) or not 0.0 < margin_m < 100.0:
+        raise FormatError(f"{path} is a damaged result: the margin to plan with is {margin_m!r}")
+    return float(margin_m)

@@ -149,3 +149,37 @@ def test_ctrl_c_shows_what_was_flown(folder, monkeypatch):
     assert ended.returncode == 130
     assert 0 < json.loads(ended.stdout)["flights"] < 1000
     assert "stopped after" in ended.stderr
+
+
+def test_plan_preflight_plan_is_a_go_within_three_rounds(folder, tmp_path):
+    """From a margin that the flights exceed; the last plan with luck that no round before has met."""
+    (tmp_path / "way.csv").write_text("x,y,z\n0.8,0.8,1.0\n3.0,2.0,1.3\n5.2,0.8,1.0\n")
+    flown = ("--flights", 60, "--risk", 0.05, "--gust-std", 1, "-q")
+    codes, asked_m = [], []
+    for turn in range(3):
+        plan, found = tmp_path / f"plan{turn}.json", tmp_path / f"found{turn}.json"
+        before = ("--preflown", tmp_path / f"found{turn - 1}.json") if turn else ("--margin", 0.03)
+        planned = answer("plan", tmp_path / "way.csv", *world(folder), *before, "--out", plan, "-q")
+        assert planned.returncode == 0, planned.stderr
+        ended = answer("preflight", plan, *world(folder), *flown, "--seed", turn, "--out", found)
+        codes.append(ended.returncode)
+        again = json.loads(found.read_text())["plan_again"]
+        if ended.returncode == 0:
+            break
+        assert "--preflown" in ended.stdout
+        asked_m.append(again["margin_m"])
+    assert codes[0] == 1
+    assert codes[-1] == 0
+    assert asked_m == sorted(asked_m)
+
+
+def test_a_go_asks_for_no_more_room(folder, tmp_path):
+    assert preflown(folder, "--flights", 60, "--risk", 0.05, "--out", tmp_path / "go.json").returncode == 0
+    ended = answer("plan", folder / "waypoints.csv", *world(folder), "--preflown", tmp_path / "go.json", "--out", "x")
+    assert ended.returncode == 2
+    assert "asks for no more room" in ended.stderr
+    (tmp_path / "other.json").write_text('{"format": "goshawk-trajectory", "version": 1}')
+    ended = answer(
+        "plan", folder / "waypoints.csv", *world(folder), "--preflown", tmp_path / "other.json", "--out", "x"
+    )
+    assert ended.returncode == 2
