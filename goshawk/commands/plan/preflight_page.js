@@ -37,7 +37,7 @@
     const [c, d] = near ? pixel(views[0], flight.obstacle[0], flight.obstacle[1]) : [a, b];
     set(to, { x1: a, y1: b, x2: c, y2: d });
     const values = {
-      time: text(flight.t[i], 2), path: text(flight.p[i], 2), clear: text(flight.c[i], 2), error: text(flight.e[i], 2),
+      time: text(flight.t[i], 2), path: text(flight.p[i], 2), clear: text(flight.c[i], 3), error: text(flight.e[i], 2),
       speed: text(speed(flight, i), 1), height: text(flight.z[i], 2),
     };
     for (const [name, value] of Object.entries(values)) document.getElementById(`v-${name}`).textContent = value;

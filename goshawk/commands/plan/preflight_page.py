@@ -94,7 +94,9 @@ def _sentence(said: str) -> str:
 
 
 def _capital(sentence: str) -> str:
-    return sentence[:1].upper() + sentence[1:]
+    """With a capital letter, unless it begins with a parameter's name."""
+    named = re.match(r"\w+[._]\w", sentence)
+    return sentence if named else sentence[:1].upper() + sentence[1:]
 
 
 def _views(told: Told) -> str:
@@ -217,7 +219,7 @@ def _shares(title: str, note: str, shares: Mapping[str, float]) -> str:
     if not kept:
         return ""
     rows = "".join(
-        f"<tr><td>{escape(name)}</td><td class='n'>{100.0 * share:.0f} %</td>"
+        f"<tr><td>{escape(name)}</td><td class='n'>{min(100.0 * share, 100.0):.0f} %</td>"
         f"<td class='share'><i style='width: {min(100.0 * share, 100.0):.1f}%'></i></td></tr>"
         for name, share in kept
     )
