@@ -121,14 +121,17 @@ def one(
             advice = preflight.advised(*flown, result, **body, options=options, progress=progress)
         progress("flying the worst again", 0.0)
         bundle = worst.BUNDLE if report is not None else 0
-        replay = preflight.replay(*flown, result, **body, options=options, bundle=bundle)
+        try:
+            replay = preflight.replay(*flown, result, **body, options=options, bundle=bundle)
+        except KeyboardInterrupt:  # the result is kept
+            replay = None
     document = document_of(item, area, believed, seed, result, replay)
     if advice is not None:
         document |= {"advice": {"wind_m_s": advice.wind_m_s, "slower": advice.slower}}
     if out is not None:
         with outputs.file(out, overwrite=overwrite) as temporary:
             file_format.write_json(temporary, format=SCHEMA, version=SCHEMA_VERSION, body=document)
-    if report is not None:
+    if report is not None and replay is not None:
         page = _page(item, area, believed, options, radius_m, result, replay, advice, document[PLAN_AGAIN])
         with outputs.file(report, overwrite=overwrite) as temporary:
             temporary.write_text(page, encoding="utf-8")
@@ -138,6 +141,9 @@ def one(
         show(f"preflight of {trajectory_file}", result, advice, document[PLAN_AGAIN])
     if result.flights < result.wanted:
         click.echo(f"goshawk: stopped after {result.flights} of {result.wanted} flights", err=True)
+        return 130
+    if replay is None:
+        click.echo("goshawk: stopped before the worst were flown again", err=True)
         return 130
     if advise and advice is None:
         click.echo("goshawk: stopped before the advice was found", err=True)

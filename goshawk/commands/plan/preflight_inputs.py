@@ -98,7 +98,7 @@ def document(
     believed: vehicle.Vehicle,
     seed: int,
     result: preflight.Result,
-    replay: preflight.Replay,
+    replay: preflight.Replay | None,
 ) -> dict[str, Any]:
     """The whole result, as plain JSON values."""
     return result.as_dict() | {
@@ -107,7 +107,7 @@ def document(
         "vehicle": believed.name,
         "seed": seed,
         PLAN_AGAIN: plan_again(item, area, believed, result),
-        "worst": [track.as_dict(item.trajectory) for track in replay.worst],
+        "worst": [] if replay is None else [track.as_dict(item.trajectory) for track in replay.worst],
     }
 
 

@@ -151,6 +151,18 @@ def test_ctrl_c_shows_what_was_flown(folder, monkeypatch):
     assert "stopped after" in ended.stderr
 
 
+def test_ctrl_c_while_the_worst_are_flown_again_keeps_the_result(folder, tmp_path, monkeypatch):
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(verb.preflight, "replay", interrupted)
+    ended = preflown(folder, "--flights", 10, "--out", tmp_path / "kept.json", "--report", tmp_path / "page.html")
+    assert ended.returncode == 130
+    assert json.loads((tmp_path / "kept.json").read_text())["flights"] == 10
+    assert not (tmp_path / "page.html").exists()
+    assert "before the worst were flown again" in ended.stderr
+
+
 def test_plan_preflight_plan_is_a_go_within_three_rounds(folder, tmp_path):
     """From a margin that the flights exceed; the last plan with luck that no round before has met."""
     (tmp_path / "way.csv").write_text("x,y,z\n0.8,0.8,1.0\n3.0,2.0,1.3\n5.2,0.8,1.0\n")
