@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import preflight
-from preflight import core, margins
+from preflight import core, margins, statistics
 from tests.preflight.conftest import EXACT, Wall
 
 OPTIONS = preflight.Options(
@@ -41,10 +41,13 @@ def test_each_segment_is_asked_for_what_its_own_flights_miss(touching, curve):
 
 
 def test_as_many_of_the_deepest_are_let_be_as_the_risk_allows(touching):
-    accepted = replace(touching, risk=0.4)
-    if not accepted.go:
-        least = max(each.extra_m for each in margins.needed(accepted))
-        assert least < max(each.extra_m for each in margins.needed(touching))
+    lost = int(touching.record.lost.sum())
+    spared = lost // 2
+    accepted = replace(touching, risk=statistics.upper_bound(spared, 60) + 1e-9)
+    assert 1 <= spared < lost
+    assert not accepted.go
+    deepest = np.sort(touching.record.clearance_m)[spared]
+    assert max(each.extra_m for each in margins.needed(accepted)) == pytest.approx(margins.RESERVE_M - deepest)
     strict = replace(touching, risk=1e-5)
     assert max(each.extra_m for each in margins.needed(strict)) == pytest.approx(
         margins.RESERVE_M - touching.record.clearance_m.min()
