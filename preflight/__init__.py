@@ -4,5 +4,6 @@ from preflight.advice import Advice
 from preflight.draws import Uncertainty
 from preflight.result import Result
 from preflight.study import Options, advised, fly
+from preflight.worst import Replay, replay
 
-__all__ = ["Advice", "Options", "Result", "Uncertainty", "advised", "fly"]
+__all__ = ["Advice", "Options", "Replay", "Result", "Uncertainty", "advised", "fly", "replay"]

@@ -16,6 +16,8 @@ _ON_M = 5e-3
 """A point so near is on a surface."""
 _MOST_STEPS = 200
 _RISE_M = 0.1
+_SLOPE_M = 0.05
+"""Half the way over which the slope of the distance is taken: about a voxel."""
 _BELOW = 0.7
 """Slope of the distance upwards from which on the nearest surface counts as below: within 45 degrees of straight."""
 
@@ -59,14 +61,24 @@ def below_and_above(field: DistanceField, points_world_m: FloatArray) -> tuple[f
     return found[0], found[1]
 
 
-def nearest(
+@dataclass(frozen=True, slots=True)
+class Along:
+    """How near m flights were to everything, sample by sample."""
+
+    clearance_m: FloatArray
+    """(m, n) between the vehicle's sphere and the nearest surface; infinite where it was not flown, or stands."""
+    left_map: np.ndarray
+    """(m,) whether it was where the map does not reach."""
+
+
+def along(
     flown: Flown,
     field: DistanceField,
     radius_m: float,
     scale: FloatArray,
     error_m: FloatArray,
     shift: FloatArray | float = 1.0,
-) -> Nearest:
+) -> Along:
     """Ask the map for the distance of every position.
 
     Args:
@@ -91,12 +103,39 @@ def nearest(
     beyond[flight[~known]] = True
     clearance = np.full(asked.shape, np.inf)
     clearance[flight[known], sample[known]] = scale[flight[known]] * distance[known] + error_m[flight[known]] - radius_m
-    rows, at = np.arange(len(flown)), clearance.argmin(axis=1)
-    path_s = _held(flown.path_s)
-    return Nearest(clearance[rows, at], flown.position_world_m[rows, at].astype(np.float64), path_s[rows, at], beyond)
+    return Along(clearance, beyond)
 
 
-def _held(path_s: np.ndarray) -> FloatArray:
+def nearest(
+    flown: Flown,
+    field: DistanceField,
+    radius_m: float,
+    scale: FloatArray,
+    error_m: FloatArray,
+    shift: FloatArray | float = 1.0,
+) -> Nearest:
+    """Where each flight came closest; arguments as `along`."""
+    found = along(flown, field, radius_m, scale, error_m, shift)
+    rows, at = np.arange(len(flown)), found.clearance_m.argmin(axis=1)
+    path_s = held(flown.path_s)
+    points = flown.position_world_m[rows, at].astype(np.float64)
+    return Nearest(found.clearance_m[rows, at], points, path_s[rows, at], found.left_map)
+
+
+def surface(field: DistanceField, points_world_m: FloatArray) -> FloatArray:
+    """(n, 3) the nearest point of the map's surfaces to each of the points (n, 3).
+
+    By a step of the distance along its slope; NaN where the map is unknown, or the distance has no slope.
+    """
+    steps = _SLOPE_M * np.concatenate([np.eye(3), -np.eye(3)])
+    around = np.asarray(field.distance((points_world_m[:, None] + steps).reshape(-1, 3))).reshape(-1, 6)
+    slope = around[:, :3] - around[:, 3:]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        away = slope / np.linalg.norm(slope, axis=1, keepdims=True)
+    return points_world_m - np.asarray(field.distance(points_world_m))[:, None] * away
+
+
+def held(path_s: np.ndarray) -> FloatArray:
     """Time on the trajectory with gaps filled by what was before."""
     at = np.where(np.isfinite(path_s), np.arange(path_s.shape[1]), 0)
     np.maximum.accumulate(at, axis=1, out=at)

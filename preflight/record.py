@@ -49,8 +49,12 @@ class Record:
     @property
     def lost(self) -> np.ndarray:
         """(n,) whether it touched something, left the map, overturned, or came down without knowing where."""
-        overturned = self.tilt_rad > OVERTURNED_RAD
-        return self.touched | self.left_map | self.fell | overturned | (self.ending == core.DIVERGED)
+        return self.touched | self.left_map | self.upset
+
+    @property
+    def upset(self) -> np.ndarray:
+        """(n,) whether it overturned, or came down without knowing where."""
+        return self.fell | (self.tilt_rad > OVERTURNED_RAD) | (self.ending == core.DIVERGED)
 
     @staticmethod
     def joined(parts: list["Record"]) -> "Record":

@@ -14,7 +14,7 @@ from flight import FloatArray, InputError, Progress, Trajectory, silent
 from preflight import clearance, draws, rare, remedies, statistics, subset
 from preflight.advice import Advice, advise
 from preflight.clearance import DistanceField
-from preflight.core import DROP_OUTS, GUSTS, NOISE, WITHIN, Air, Loop
+from preflight.core import DROP_OUTS, GUSTS, NOISE, WITHIN, Air, Flown, Loop
 from preflight.draws import Drawn, Uncertainty
 from preflight.luck import Luck
 from preflight.rare import Rare
@@ -137,6 +137,28 @@ def fly(
     return replace(result, removed=study.without(first[0], progress))
 
 
+def fly_again(
+    vehicle: Vehicle,
+    trajectory: Trajectory,
+    field: DistanceField | None,
+    numbers: np.ndarray,
+    *,
+    radius_m: float | None = None,
+    clearance_m: float = 0.0,
+    options: Options | None = None,
+) -> tuple[Flown, clearance.Along]:
+    """The flights (m,) of these numbers once more, bit by bit, with all that was on their way; arguments as `fly`."""
+    options = options or Options()
+    radius_m = vehicle.reach_m if radius_m is None else radius_m
+    loop = _Study(vehicle, trajectory, field, radius_m, clearance_m, options).loop(options.uncertainty, vehicle)
+    drawn = draws.draw(draws.flown_form(vehicle), loop.names, options.uncertainty, options.count, options.seed)
+    flown = loop.fly(
+        drawn.values[numbers], drawn.rows[numbers], seed=options.seed, numbers=numbers, threads=options.threads
+    )
+    scale, error_m = drawn.map_scale[numbers], drawn.map_error_m[numbers]
+    return flown, clearance.along(flown, field or _Nothing(), radius_m, scale, error_m, drawn.map_shift[numbers])
+
+
 def require_hover(vehicle: Vehicle, uncertainty: Uncertainty) -> None:
     """Check that the vehicle can hover in the mean wind.
 
@@ -217,7 +239,7 @@ class _Study:
     clearance_m: float
     options: Options
 
-    def _loop(self, uncertainty: Uncertainty, believed: Vehicle) -> Loop:
+    def loop(self, uncertainty: Uncertainty, believed: Vehicle) -> Loop:
         return Loop(
             draws.flown_form(believed),
             self.trajectory,
@@ -253,7 +275,7 @@ class _Study:
         self, uncertainty: Uncertainty, believed: Vehicle, stage: str, progress: Progress
     ) -> tuple[Record, Drawn, int]:
         """All flights, or those flown until Ctrl-C."""
-        options, loop = self.options, self._loop(uncertainty, believed)
+        options, loop = self.options, self.loop(uncertainty, believed)
         drawn = draws.draw(draws.flown_form(believed), loop.names, uncertainty, options.count, options.seed)
         parts: list[Record] = []
         steps, first = 0, 0
@@ -279,7 +301,7 @@ class _Study:
         or after Ctrl-C."""
         if not self.options.by_levels or len(record) < self.options.count:
             return None, 0
-        loop, form, steps = self._loop(uncertainty, believed), draws.flown_form(believed), 0
+        loop, form, steps = self.loop(uncertainty, believed), draws.flown_form(believed), 0
 
         def fly(inputs: Mapping[str, FloatArray], luck: Luck) -> Record:
             nonlocal steps
@@ -310,7 +332,7 @@ class _Study:
             return {}, {}, 0
 
     def _shares(self, record: Record, drawn: Drawn) -> tuple[dict[str, float], dict[str, float], int]:
-        loop = self._loop(self.options.uncertainty, self.vehicle)
+        loop = self.loop(self.options.uncertainty, self.vehicle)
         value, lost = spread(record), record.lost.astype(np.float64)
         shares = statistics.variance_shares(value, drawn.factors)
         many = lost.sum() >= _LEAST_LOST and statistics.decomposable(lost)

@@ -10,7 +10,7 @@ from flight import InputError, Progress
 from flight.project import Project, part_name
 from gcs_web.desk import Desk
 from gcs_web.jobs.jobs import Choices, Kind
-from goshawk.commands.plan import batch
+from goshawk.commands.plan import batch, batch_mission, batch_work
 from goshawk.commands.plan.plan_options import options_from
 
 
@@ -59,11 +59,11 @@ def _check(project: Project, asked: Arguments) -> None:
         raise InputError(f"results cannot be written to {asked.out}; choose another folder")
 
 
-def _run(folder: Path, asked: Arguments, progress: Progress) -> list[batch.Row]:
+def _run(folder: Path, asked: Arguments, progress: Progress) -> list[batch_work.Row]:
     project = Project(folder, "")
     drone = vehicle.load(project.vehicle)
     how = options_from(drone, asked.margin_m, radius_m=asked.radius_m or None).sized(drone)
-    job = batch.Job(project.map, project.vehicle, how, folder / asked.out, overwrite=asked.overwrite)
+    job = batch_mission.Job(project.map, project.vehicle, how, folder / asked.out, overwrite=asked.overwrite)
     files = batch.mission_files(folder / asked.missions)
     return batch.run(files, job, jobs=asked.processes, progress=progress)
 

@@ -1,7 +1,7 @@
-"""Missions planned by the workers of a Dask cluster: a worker, a mission or a scheduler that fails costs no other row.
+"""A batch by the workers of a Dask cluster: a worker, an item or a scheduler that fails costs no other row.
 
-No more missions are sent than the workers have threads, so that what was sent has begun. The workers read map, vehicle
-and missions, and send their trajectories back: only this process writes to the output folder.
+No more items are sent than the workers have threads, so that what was sent has begun. The workers read the files, and
+send back what they make of them: only this process writes to the output folder.
 """
 
 import asyncio
@@ -15,20 +15,23 @@ from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import esdf
+import firmware_bridge
 import flight
 import goshawk
 import mapping
 import planner
+import preflight
 import vehicle
 from flight import FlightError, InputError, Progress, results
-from goshawk.commands.plan.batch_mission import Job, Row, inputs_hash, key_of, plan_one, row_of, trajectory_path
+from goshawk.commands.plan.batch_work import Item, Row, Work
+
+T = TypeVar("T", bound=Item)
 
 CONNECT_S = 10.0
 """How long a scheduler may take to answer."""
@@ -44,18 +47,20 @@ class UnlikeWorkerError(FlightError):
     """A worker has another Goshawk, or does not see the same files."""
 
 
-def plan_all(address: str, files: Sequence[Path], job: Job, record: Callable[[Row], None], progress: Progress) -> None:
-    """Record a row for each file as it is finished; after Ctrl-C, for those that had begun.
+def work_on_all(
+    address: str, items: Sequence[T], job: Work[T], record: Callable[[Row], None], progress: Progress
+) -> None:
+    """Record a row for each item as it is finished; after Ctrl-C, for those that had begun.
 
     Raises:
         InputError: no scheduler answers at the address, or a worker is unlike this process.
         ClusterError: the scheduler was lost, or there is no worker.
     """
     with _connected(address) as client:
-        lost = _plan(client, files, job, record, progress)
-        for path in lost:  # alone: a mission that was only beside the one that ends its worker is planned
-            if _plan(client, [path], job, record, progress):
-                record(row_of(path, "crashed", "the workers that planned it ended without an answer"))
+        lost = _work(client, items, job, record, progress)
+        for item in lost:  # alone: an item that was only beside the one that ends its worker is done
+            if _work(client, [item], job, record, progress):
+                record(job.kind.row(item.stem, "crashed", "the workers that worked on it ended without an answer"))
 
 
 @contextmanager
@@ -91,20 +96,18 @@ async def _kind_of(address: str) -> str:
     return str(said["type"])
 
 
-def _plan(
-    client: Any, files: Sequence[Path], job: Job, record: Callable[[Row], None], progress: Progress
-) -> list[Path]:
-    """Record a row for each file; those whose workers ended again and again are returned instead."""
-    sent = pickle.dumps(replace(job, map_folder=job.map_folder.absolute(), vehicle_file=job.vehicle_file.absolute()))
-    todo, running, lost = deque(files), dict[Any, tuple[Path, str]](), list[Path]()
+def _work(client: Any, items: Sequence[T], job: Work[T], record: Callable[[Row], None], progress: Progress) -> list[T]:
+    """Record a row for each item; those whose workers ended again and again are returned instead."""
+    sent = pickle.dumps(job.absolute())
+    todo, running, lost = deque(items), dict[Any, tuple[T, str]](), list[T]()
     try:
         while todo or running:
             threads = _threads(client, progress)
             while todo and len(running) < threads:
-                path = todo.popleft()
-                key = key_of(path, job.inputs)
-                future = client.submit(plan_there, installed(), sent, path.absolute(), key, pure=False)
-                running[future] = path, key
+                item = todo.popleft()
+                key = job.key_of(item)
+                future = client.submit(work_there, installed(), sent, item.absolute(), key, pure=False)
+                running[future] = item, key
             _record_ended(client, running, lost, job, record)
     except (KeyboardInterrupt, InputError):
         while running:
@@ -114,7 +117,7 @@ def _plan(
 
 
 def _threads(client: Any, progress: Progress) -> int:
-    """Missions that the workers can plan at a time; waits for a worker if there is none."""
+    """Items that the workers can do at a time; waits for a worker if there is none."""
     end_s = time.monotonic() + WORKER_S
     while True:
         _require_scheduler(client)
@@ -142,7 +145,7 @@ def _lost(client: Any) -> ClusterError:
 
 
 def _record_ended(
-    client: Any, running: dict[Any, tuple[Path, str]], lost: list[Path], job: Job, record: Callable[[Row], None]
+    client: Any, running: dict[Any, tuple[T, str]], lost: list[T], job: Work[T], record: Callable[[Row], None]
 ) -> None:
     """Take what has ended out of `running`; waits for a second at the most."""
     from distributed import wait
@@ -155,19 +158,19 @@ def _record_ended(
     except CancelledError as error:
         raise _lost(client) from error
     for future in ended.done:
-        path, key = running.pop(future)
+        item, key = running.pop(future)
         try:
-            row = _answer(client, future, path, key, job)
+            row = _answer(client, future, item, key, job)
         except CancelledError as error:
             raise _lost(client) from error
         if row is None:
-            lost.append(path)
+            lost.append(item)
         else:
             record(row)
 
 
-def _answer(client: Any, future: Any, path: Path, key: str, job: Job) -> Row | None:
-    """The row of a mission, its trajectory written; None if its workers ended.
+def _answer(client: Any, future: Any, item: T, key: str, job: Work[T]) -> Row | None:
+    """The row of an item, its file written; None if its workers ended.
 
     Raises:
         InputError: its worker is unlike this process.
@@ -179,18 +182,18 @@ def _answer(client: Any, future: Any, path: Path, key: str, job: Job) -> Row | N
     except KilledWorker:
         return None
     except UnlikeWorkerError as error:
-        if key_of(path, job.inputs) != key:  # changed here, too, since it was sent
-            return row_of(path, "failed", str(error))
+        if job.key_of(item) != key:  # changed here, too, since it was sent
+            return job.kind.row(item.stem, "failed", str(error))
         raise InputError(f"{error}; the workers need the same Goshawk and the same files at the same paths") from error
     except CancelledError:
         raise
-    except Exception as error:  # plan_there lets none through: it could not be called
+    except Exception as error:  # work_there lets none through: it could not be called
         _require_scheduler(client)
         said = f"{type(error).__name__}: {error}"
         raise InputError(
             f"scheduler or workers cannot run Goshawk ({said}); install the same version of it on each"
         ) from error
-    written = trajectory_path(job.out, path.stem)
+    written = job.file_of(item.stem)
     written.unlink(missing_ok=True)
     if content is not None:
         written.parent.mkdir(exist_ok=True)
@@ -199,43 +202,43 @@ def _answer(client: Any, future: Any, path: Path, key: str, job: Job) -> Row | N
     return row
 
 
-def plan_there(installed_here: str, sent: bytes, path: Path, key: str) -> tuple[Row, bytes | None]:
-    """On a worker: plan one mission; its row, and the content of its trajectory's file.
+def work_there(installed_here: str, sent: bytes, item: Any, key: str) -> tuple[Row, bytes | None]:
+    """On a worker: do one item; its row, and the content of its file.
 
     Args:
         installed_here: what `installed` says in the process that asks.
-        sent: the pickled `Job`.
-        key: hash of the mission's file, the map and all else, as that process sees them.
+        sent: the pickled job.
+        key: hash of the item's files and all else, as that process sees them.
 
     Raises:
-        UnlikeWorkerError: Goshawk, map, vehicle or mission differ from those of the process that asks.
+        UnlikeWorkerError: Goshawk or a file differs from that of the process that asks.
     """
     from distributed import get_worker
 
     if installed() != installed_here:
         raise UnlikeWorkerError(f"the worker on {socket.gethostname()} has Goshawk {installed()}, not {installed_here}")
     job = _same_job(sent)
-    if not path.is_file():
-        raise UnlikeWorkerError(f"the worker on {socket.gethostname()} sees no {path}")
-    if key_of(path, job.inputs) != key:
-        raise UnlikeWorkerError(f"the worker on {socket.gethostname()} sees another content of {path}")
+    if (missing := job.missing(item)) is not None:
+        raise UnlikeWorkerError(f"the worker on {socket.gethostname()} sees no {missing}")
+    if job.key_of(item) != key:
+        raise UnlikeWorkerError(f"the worker on {socket.gethostname()} sees another content of {item}")
     with tempfile.TemporaryDirectory(dir=get_worker().local_directory) as folder:
-        out = Path(folder)
-        row = plan_one(path, replace(job, out=out))
-        written = trajectory_path(out, path.stem)
+        here = job.into(Path(folder))
+        row = here.work_on(item)
+        written = here.file_of(item.stem)
         return row, written.read_bytes() if written.is_file() else None
 
 
 @lru_cache(maxsize=1)
-def _same_job(sent: bytes) -> Job:
-    """The job, once map and vehicle were found to be those of the process that asks."""
-    job: Job = pickle.loads(sent)
+def _same_job(sent: bytes) -> Work[Any]:
+    """The job, once what all items share was found to be that of the process that asks."""
+    job: Work[Any] = pickle.loads(sent)
     try:
-        inputs = inputs_hash(job)
+        inputs = job.inputs_hash()
     except FlightError as error:
         raise UnlikeWorkerError(f"the worker on {socket.gethostname()}: {error}") from error
     if inputs != job.inputs:
-        where = f"{job.map_folder} or {job.vehicle_file}"
+        where = job.shared_files()
         raise UnlikeWorkerError(f"the worker on {socket.gethostname()} sees another content of {where}")
     return job
 
@@ -244,7 +247,7 @@ def _same_job(sent: bytes) -> Job:
 def installed() -> str:
     """Version of Goshawk and hash of its Python sources: two checkouts may have one version."""
     found = hashlib.sha256()
-    for package in (flight, esdf, vehicle, mapping, planner, goshawk):
+    for package in (flight, esdf, vehicle, firmware_bridge, mapping, planner, preflight, goshawk):
         folder = Path(str(package.__file__)).parent
         for file in sorted(folder.rglob("*.py")):
             found.update(file.relative_to(folder.parent).as_posix().encode() + b"\0" + file.read_bytes())

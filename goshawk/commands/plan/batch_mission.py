@@ -5,7 +5,7 @@ import time
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,9 +13,10 @@ import esdf
 import mapping
 import planner
 import vehicle
-from flight import FlightError, InfeasibleError, Trajectory, results
+from flight import FlightError, InfeasibleError, Trajectory, results, trajectory
 from flight.mission import KeepIn, Laps, Mission, Yaw
 from goshawk.commands.plan import thin_obstacles, waypoints_file
+from goshawk.commands.plan.batch_work import Kind, Row
 from mapping.free_space import FreeSpace
 
 COLUMNS: dict[str, type] = {
@@ -23,12 +24,14 @@ COLUMNS: dict[str, type] = {
     "top_speed_m_s": float, "could_hide_m": float, "could_hide_share": float, "method": str,
     "trajectory_hash": str, "cpu_s": float,
 }  # fmt: skip
-"""Of the tables; after the first three, a row may be without."""
-Row = dict[str, Any]
-"""What is known of a mission: name, status, reason, segments, duration_s, clearance_m, top_speed_m_s, method, cpu_s.
+"""Of the tables.
 
 `could_hide_m` is how thick an obstacle could hide near it, None where no image looked, and `could_hide_share` the share
 of its length along which more than `mapping.free_space.THRESHOLD_M` could; None where nothing is known of it."""
+KIND = Kind(
+    "goshawk-batch", "missions", "plan", "planned", COLUMNS, ("planned",), ("infeasible", "refused"),
+    ("could_hide_m", "could_hide_share"),
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +51,47 @@ class Job:
     overwrite: bool = False
     inputs: bytes = b""
     """Hash of map, vehicle and options: a worker that lives on reads changed files again."""
+
+    kind: ClassVar[Kind] = KIND
+
+    def inputs_hash(self) -> bytes:
+        return inputs_hash(self)
+
+    def with_inputs(self, inputs: bytes) -> "Job":
+        return replace(self, inputs=inputs)
+
+    def into(self, out: Path) -> "Job":
+        return replace(self, out=out)
+
+    def absolute(self) -> "Job":
+        return replace(self, map_folder=self.map_folder.absolute(), vehicle_file=self.vehicle_file.absolute())
+
+    def shared_files(self) -> str:
+        return f"{self.map_folder} or {self.vehicle_file}"
+
+    def key_of(self, item: Path) -> str:
+        return key_of(item, self.inputs)
+
+    def missing(self, item: Path) -> Path | None:
+        return None if item.is_file() else item
+
+    def work_on(self, item: Path) -> Row:
+        return plan_one(item, self)
+
+    def file_of(self, name: str) -> Path:
+        return trajectory_path(self.out, name)
+
+    def is_that_of(self, row: Row, path: Path) -> bool:
+        """Whether a file holds, unchanged, the trajectory that a row of the journal is about."""
+        try:
+            item = trajectory.load(path)
+        except FlightError:
+            return False
+        return item.checked and item.as_checked and item.check["trajectory_hash"] == row.get("trajectory_hash")
+
+    def beside(self) -> dict[str, Any]:
+        """What the vehicle's model is not for."""
+        return {vehicle.purpose.KEY: vehicle.purpose.not_for_design(vehicle.load(self.vehicle_file))}
 
     def asked(self, mission: Mission) -> Mission:
         """The mission with what is asked of all."""
@@ -122,7 +166,7 @@ def top_speed_m_s(flown: Trajectory) -> float:
 
 
 def row_of(path: Path, status: str, reason: str, **facts: Any) -> Row:
-    return dict.fromkeys(COLUMNS) | {"name": path.stem, "status": status, "reason": reason} | facts
+    return KIND.row(path.stem, status, reason, **facts)
 
 
 @lru_cache(maxsize=1)

@@ -6,7 +6,7 @@ import click
 
 import vehicle
 from flight import file_format
-from goshawk.commands.plan import batch
+from goshawk.commands.plan import batch, batch_work
 from goshawk.commands.plan.plan_options import Asked, plan_options
 from goshawk.terminal import console
 
@@ -55,7 +55,7 @@ def command(missions: Path, out: Path, asked: Asked, jobs: int, scheduler: str |
     return 0
 
 
-def _could_hide(row: batch.Row) -> str | None:
+def _could_hide(row: batch_work.Row) -> str | None:
     """How thick an obstacle could hide near a planned mission, as a cell; None where there is no plan."""
     if row["status"] != "planned":
         return None

@@ -14,7 +14,7 @@ import planner
 import vehicle
 from flight import InputError
 from flight.mission import KeepIn, Laps, Yaw
-from goshawk.commands.plan import map_standing
+from goshawk.commands.plan import map_standing, preflight_inputs
 from goshawk.commands.plan.batch_mission import Job
 from goshawk.terminal import console, outputs
 from planner.request import options
@@ -30,6 +30,11 @@ _OPTIONS = (
     console.vehicle_option,
     console.radius_option,
     console.margin_option,
+    console.path_option(
+        "--preflown",
+        "preflown",
+        "Result of `goshawk preflight --out` for an earlier plan: keep the margin it asks for.",
+    ),
     click.option("--speed", "speed_m_s", type=float, help="Fly no faster than this, m/s."),
     click.option("--acceleration", "acceleration_m_s2", type=float, help="Accelerate no harder than this, m/s2."),
     click.option(
@@ -95,6 +100,7 @@ class Asked:
     vehicle_file: Path
     radius_m: float | None
     margin_m: float | None
+    preflown: Path | None
     speed_m_s: float | None
     acceleration_m_s2: float | None
     jerk_m_s3: float | None
@@ -118,7 +124,7 @@ class Asked:
             InputError, UsageError: a limit is out of its range, or two options contradict each other.
         """
         wanted = options_from(
-            drone, self.margin_m, self.speed_m_s, self.acceleration_m_s2, self.radius_m, self.jerk_m_s3
+            drone, self.kept_margin_m, self.speed_m_s, self.acceleration_m_s2, self.radius_m, self.jerk_m_s3
         )
         return Job(
             self.map_folder,
@@ -133,6 +139,23 @@ class Asked:
             self.thinnest_m,
             overwrite=self.overwrite,
         )
+
+    @property
+    def kept_margin_m(self) -> float | None:
+        """That of --margin, or that which --preflown asks for if it is larger.
+
+        Raises:
+            InputError, FormatError: as `preflight_inputs.margin_of`, or the file asks for none.
+        """
+        if self.preflown is None:
+            return self.margin_m
+        asked_m = preflight_inputs.margin_of(self.preflown)
+        if asked_m is None:
+            raise InputError(
+                f"{self.preflown} asks for no more room: its flights are a go, or lost by other things than touches; "
+                "plan without --preflown, or slower (--speed, --acceleration)"
+            )
+        return max(asked_m, self.margin_m or 0.0)
 
     def opened_map(self) -> mapping.Map:
         """The map, if it may be planned in."""

@@ -11,16 +11,16 @@ import numpy as np
 import mapping
 import preflight
 import vehicle
-from firmware_bridge import wire
-from firmware_bridge.link import refuse_unfit
-from flight import FormatError, TrajectoryFile, file_format, trajectory
+from flight import TrajectoryFile, file_format, trajectory
+from goshawk.commands.plan import preflight_batch
+from goshawk.commands.plan.preflight_inputs import DEFAULT, PLAN_AGAIN, blowing, body_of, of_map, require_fit
+from goshawk.commands.plan.preflight_inputs import document as document_of
 from goshawk.terminal import console, outputs
-from mapping.map_folder import read_report
-from preflight import remedies
+from goshawk.terminal.verbs import DefaultVerbGroup
+from preflight import remedies, worst
 from preflight.result import SCHEMA, SCHEMA_VERSION
 
 SUMMARY = "Fly a trajectory a thousand times in simulation: go or no-go."
-_DEFAULT = preflight.Uncertainty()
 
 
 @click.command()
@@ -60,7 +60,7 @@ _DEFAULT = preflight.Uncertainty()
     "--drop-out-time",
     "drop_out_s",
     type=click.FloatRange(0.0, 5.0),
-    default=_DEFAULT.drop_out_s,
+    default=DEFAULT.drop_out_s,
     show_default=True,
     help="Length of a gap of the pose, s.",
 )
@@ -68,7 +68,7 @@ _DEFAULT = preflight.Uncertainty()
     "--localization",
     "localization_std_m",
     type=click.FloatRange(0.0, 1.0),
-    default=_DEFAULT.localization_std_m,
+    default=DEFAULT.localization_std_m,
     show_default=True,
     help="Standard deviation of the pose in the map, metres.",
 )
@@ -99,9 +99,10 @@ _DEFAULT = preflight.Uncertainty()
 @click.option("--advise", is_flag=True, help="Find the largest wind that is a go, and how much slower is one.")
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Seed: of all noise.")
 @console.path_option("--out", "out", "JSON file to write with the whole result.")
+@console.path_option("--report", "report", "HTML page to write: the flights in the map, the worst three, and why.")
 @outputs.overwrite_option
 @console.common_options
-def command(
+def one(
     trajectory_file: Path,
     map_folder: Path,
     vehicle_file: Path,
@@ -122,6 +123,7 @@ def command(
     advise: bool,
     seed: int,
     out: Path | None,
+    report: Path | None,
     overwrite: bool,
     as_json: bool,
 ) -> int:
@@ -129,7 +131,8 @@ def command(
 
     \b
     goshawk preflight lap.json --map map --vehicle vehicle.toml
-    goshawk preflight lap.json --map map --vehicle vehicle.toml --wind 3 --gust-std 1 --out lap.preflight.json
+    goshawk preflight lap.json --map map --vehicle vehicle.toml --wind 3 --gust-std 1 --report lap.html
+    goshawk preflight batch --help        many plans, vehicles and winds in one map
 
     The flight controller's own C code flies the identified model with parameters drawn from its errors, wind, noise,
     delay, and errors of pose, map and start. A loss is to touch anything, to leave the map, or to come down without a
@@ -137,7 +140,7 @@ def command(
 
     Exit code 0: go, the risk is shown to be at most --risk. 1: no-go, or not shown.
     """
-    outputs.check(out, overwrite=overwrite)
+    outputs.check(out, report, overwrite=overwrite)
     item = trajectory.load(trajectory_file)
     believed = vehicle.load(vehicle_file)
     uncertainty = replace(
@@ -150,30 +153,40 @@ def command(
     with console.progress() as progress:
         progress("opening the map", 0.0)
         area = mapping.open_map(map_folder)
-        area.require_not_refused()
-        refuse_unfit(item, area.hash, vehicle.vehicle_hash(believed), False)
+        require_fit(item, area, believed)
         options = replace(options, uncertainty=of_map(area, uncertainty))
-        body = {
-            "radius_m": _radius_m(item, believed),
-            "clearance_m": wire.proved_clearance_m(item),
-        }
+        radius_m, clearance_m = body_of(item, believed)
+        body = {"radius_m": radius_m, "clearance_m": clearance_m}
         flown = (believed, item.trajectory, area.field)
         result = preflight.fly(*flown, **body, options=options, progress=progress)
         advice = None
         if advise and not result.cut_off:
             advice = preflight.advised(*flown, result, **body, options=options, progress=progress)
-    document = result.as_dict() | {"trajectory": item.name, "map_hash": area.hash, "vehicle": believed.name}
+        progress("flying the worst again", 0.0)
+        bundle = worst.BUNDLE if report is not None else 0
+        try:
+            replay = preflight.replay(*flown, result, **body, options=options, bundle=bundle)
+        except KeyboardInterrupt:  # the result is kept
+            replay = None
+    document = document_of(item, area, believed, seed, result, replay)
     if advice is not None:
         document |= {"advice": {"wind_m_s": advice.wind_m_s, "slower": advice.slower}}
     if out is not None:
         with outputs.file(out, overwrite=overwrite) as temporary:
             file_format.write_json(temporary, format=SCHEMA, version=SCHEMA_VERSION, body=document)
+    if report is not None and replay is not None:
+        page = _page(item, area, believed, options, radius_m, result, replay, advice, document[PLAN_AGAIN])
+        with outputs.file(report, overwrite=overwrite) as temporary:
+            temporary.write_text(page, encoding="utf-8")
     if as_json:
         click.echo(file_format.json_text(document), nl=False)
     else:
-        show(f"preflight of {trajectory_file}", result, advice)
+        show(f"preflight of {trajectory_file}", result, advice, document[PLAN_AGAIN])
     if result.cut_off:
         click.echo(f"goshawk: stopped after {_stopped_after(result)}", err=True)
+        return 130
+    if replay is None:
+        click.echo("goshawk: stopped before the worst were flown again", err=True)
         return 130
     if advise and advice is None:
         click.echo("goshawk: stopped before the advice was found", err=True)
@@ -188,60 +201,35 @@ def _stopped_after(result: preflight.Result) -> str:
     return f"level {risk.levels}: {risk.flights} flights, and the risk is at most {risk.upper:.1e}"
 
 
-def blowing(wind: str) -> preflight.Uncertainty:
-    """The wind of `--wind`: a speed from anywhere, or x,y,z.
+def _page(
+    item: TrajectoryFile,
+    area: mapping.Map,
+    believed: vehicle.Vehicle,
+    options: preflight.Options,
+    radius_m: float,
+    result: preflight.Result,
+    replay: preflight.Replay,
+    advice: preflight.Advice | None,
+    again: dict[str, Any] | None,
+) -> str:
+    """The report's text."""
+    from goshawk.commands.plan import preflight_page
 
-    Raises:
-        InputError: it is neither.
-    """
-    if "," not in wind:
-        return replace(_DEFAULT, wind_m_s=console.numbers("--wind", wind, 1)[0])
-    x, y, z = console.numbers("--wind", wind, 3)
-    size = math.sqrt(x * x + y * y + z * z)
-    if not size > 0.0:
-        return _DEFAULT
-    return replace(_DEFAULT, wind_m_s=size, wind_direction=(x / size, y / size, z / size))
-
-
-def _radius_m(item: TrajectoryFile, believed: vehicle.Vehicle) -> float:
-    """Of the sphere that the plan was checked for; to the farthest propeller tip where the file does not tell."""
-    told = item.check.get("body_radius_m")
-    if isinstance(told, int | float) and math.isfinite(told) and told > 0.0:
-        return float(told)
-    return believed.reach_m
-
-
-def of_map(area: mapping.Map, uncertainty: preflight.Uncertainty) -> preflight.Uncertainty:
-    """With what the map says of itself: its scale's standard deviation, and its voxels' on top of the surfaces'.
-
-    Raises:
-        FormatError: its report does not hold sources of scale as `goshawk map build` writes them.
-    """
-    voxel = max(area.field.grid.voxel_m) / math.sqrt(12.0)  # of a surface anywhere in its voxel
-    surface = math.hypot(uncertainty.map_error_std_m, voxel)
-    scale = scale_std(read_report(area.folder).get("scale_witnesses")) or uncertainty.map_scale_std_ratio
-    return replace(uncertainty, map_scale_std_ratio=scale, map_error_std_m=surface)
+    decides, remedy = _decides(result, again)
+    told = preflight_page.Told(
+        item, area, believed, options, radius_m, result, replay, place(result), decides, remedy,
+        "" if advice is None else advice.sentence(),
+    )  # fmt: skip
+    return preflight_page.text(told)
 
 
-def scale_std(witnesses: Any) -> float:
-    """Of a map's scale by its sources: the first's, and how far beyond their own the others are off it.
-
-    0 if there are none, or the first tells none.
-    """
-    try:
-        stds = [float(witness.get("std") or 0.0) for witness in witnesses or ()]
-        ratios = [float(witness.get("ratio") or 1.0) for witness in witnesses or ()]
-    except (TypeError, ValueError, AttributeError) as error:
-        raise FormatError("the map's report.json holds no list of scale_witnesses; build the map again") from error
-    if not stds or not stds[0] > 0.0:
-        return 0.0
-    beyond = [max((ratio - 1.0) ** 2 - std**2, 0.0) for ratio, std in zip(ratios, stds, strict=True)]
-    return math.sqrt(stds[0] ** 2 + max(beyond))
-
-
-def show(title: str, result: preflight.Result, advice: preflight.Advice | None = None) -> None:
+def show(
+    title: str,
+    result: preflight.Result,
+    advice: preflight.Advice | None = None,
+    again: dict[str, Any] | None = None,
+) -> None:
     """What, how sure, what next, in 24 lines."""
-    place = result.place()
     counted = {"touches": result.touched, "leaves the map": result.left_map}  # of the first level alone
     facts: dict[str, object] = {
         "go": f"{'GO' if result.go else 'NO-GO'}: {result.reason()}",
@@ -251,14 +239,9 @@ def show(title: str, result: preflight.Result, advice: preflight.Advice | None =
     }
     others = sorted(result.endings().items(), key=lambda item: -item[1].count)
     facts |= {words: str(chance) for words, chance in others[:2]}
-    if place is not None:
-        x, y, z = place.point_world_m
-        those = "of the touches" if place.touching else "of the nearest flights"
-        facts["narrowest"] = (
-            f"segment {place.segment} at {place.time_s:.1f} s near ({x:.2f}, {y:.2f}, {z:.2f}), "
-            f"{100.0 * place.share:.0f} % {those}"
-        )
-    facts["decides most"], remedy = _decides(result)
+    if (where := place(result)) is not None:
+        facts["narrowest"] = where
+    facts["decides most"], remedy = _decides(result, again)
     if advice is not None:
         facts["advice"] = advice.sentence()
     facts["next"] = "fly it" if result.go else remedy
@@ -268,8 +251,31 @@ def show(title: str, result: preflight.Result, advice: preflight.Advice | None =
     console.table("", ("", "median", "90 %", "99 %", "worst"), _spreads(result))
 
 
-def _decides(result: preflight.Result) -> tuple[str, str]:
-    """What decides most, and what to do about it."""
+def place(result: preflight.Result) -> str | None:
+    """Where it is narrow, in words; None without a map."""
+    found = result.place()
+    if found is None:
+        return None
+    x, y, z = found.point_world_m
+    those = "of the touches" if found.touching else "of the nearest flights"
+    where = f"segment {found.segment} at {found.time_s:.1f} s near ({x:.2f}, {y:.2f}, {z:.2f})"
+    return f"{where}, {100.0 * found.share:.0f} % {those}"
+
+
+def _decides(result: preflight.Result, again: dict[str, Any] | None) -> tuple[str, str]:
+    """What decides most, and what to do about it: with more room where that helps."""
+    said, remedy = _remedy(result)
+    if again is None:
+        return said, remedy
+    narrowest = max(again["segments"], key=lambda each: each["margin_m"])
+    room = f"plan with --margin {again['margin_m']:.2f}, as --preflown does from the file of --out"
+    return (
+        said,
+        f"{remedy}; or {room}: segment {narrowest['segment']} is short of {100.0 * narrowest['extra_m']:.0f} cm",
+    )
+
+
+def _remedy(result: preflight.Result) -> tuple[str, str]:
     if result.dominating is None:
         return f"not known from {result.flights} flights", "preflight with more --flights"
     factor, share = result.dominating
@@ -290,3 +296,6 @@ def _spreads(result: preflight.Result) -> list[tuple[object, ...]]:
     return [
         (name, *(np.round(unit * found[at], 3).item() for at in order)) for name, found, order, unit in rows if found
     ]
+
+
+command = DefaultVerbGroup("preflight", own=one, commands=[preflight_batch.command])

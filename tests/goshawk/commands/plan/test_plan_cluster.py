@@ -19,7 +19,7 @@ import pytest
 
 import vehicle
 from flight import Waypoints, project
-from goshawk.commands.plan import batch, batch_cluster, batch_mission
+from goshawk.commands.plan import batch_cluster, batch_mission
 from goshawk.demo import chain
 from planner import PlanOptions
 from tests import waiting
@@ -182,13 +182,13 @@ def test_a_worker_with_another_goshawk_is_refused(folder, tmp_path):
 def test_a_file_that_a_worker_does_not_see_is_no_answer_about_the_mission(folder, missing):
     """What runs on a worker runs here, and a file is taken away before it looks."""
     ask(folder, "a")
-    job = batch.Job(folder / "map", folder / "vehicle.toml", PlanOptions(), folder / "out")
+    job = batch_mission.Job(folder / "map", folder / "vehicle.toml", PlanOptions(), folder / "out")
     job = replace(job, inputs=batch_mission.inputs_hash(job))
     path = folder / "missions" / "a.json"
     asked = (batch_cluster.installed(), pickle.dumps(job), path, batch_mission.key_of(path, job.inputs))
     (folder / missing).rename(folder / "elsewhere")
     with pytest.raises(batch_cluster.UnlikeWorkerError, match=missing):
-        batch_cluster.plan_there(*asked)
+        batch_cluster.work_there(*asked)
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,8 @@ import shutil
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -171,7 +173,7 @@ def test_a_batch_plans_what_can_be_flown_and_says_why_the_rest_cannot(folder, tm
     assert [rows[name]["status"] for name in ("a", "b", "inside", "torn")] == ["planned"] * 2 + ["refused"] * 2
     assert "waypoint" in rows["inside"]["reason"]
     assert "JSON" in rows["torn"]["reason"]
-    assert trajectory.load(batch.trajectory_path(tmp_path / "out", "a")).checked
+    assert trajectory.load(batch_mission.trajectory_path(tmp_path / "out", "a")).checked
     table = pq.read_table(tmp_path / "out" / "results.parquet").to_pylist()
     assert table == json.loads(where.read_text())["missions"]
 
@@ -191,7 +193,7 @@ def test_a_batch_with_a_model_that_is_not_for_design_says_and_records_it(folder,
 
 def test_a_batch_goes_on_where_it_was_broken_off(folder, tmp_path, monkeypatch):
     out, planned = tmp_path / "out", []
-    real = batch.plan_one
+    real = batch_mission.plan_one
 
     def broken_off(path, job):
         if len(planned) == 1:
@@ -199,7 +201,7 @@ def test_a_batch_goes_on_where_it_was_broken_off(folder, tmp_path, monkeypatch):
         planned.append(path.stem)
         return real(path, job)
 
-    monkeypatch.setattr(batch, "plan_one", broken_off)
+    monkeypatch.setattr(batch_mission, "plan_one", broken_off)
     assert goshawk("plan", "batch", folder / "missions", *world(folder), "--out", out).returncode == 130
     assert [row["name"] for row in json.loads((out / "results.json").read_text())["missions"]] == ["a"]
     with open(out / batch.JOURNAL, "a") as journal:
@@ -223,11 +225,11 @@ def die(path, job):
 def test_a_process_that_dies_is_one_missions_failure(folder, tmp_path):
     files = batch.mission_files(folder / "missions")[:2]
     with batch._executor(2) as pool:
-        job = batch.Job(folder / "map", folder / "vehicle.toml", PlanOptions(), tmp_path)
+        job = batch_mission.Job(folder / "map", folder / "vehicle.toml", PlanOptions(), tmp_path)
         assert pool is not None
         pool.submit(die, None, None)
         rows = []
-        batch._plan_all(pool, files, job, rows.append)
+        batch._work_on_all(pool, files, job, rows.append)
     assert sorted(row["status"] for row in rows) == ["planned", "planned"]
 
 
@@ -236,7 +238,7 @@ def test_a_batch_does_not_take_a_changed_trajectory_for_its_own(folder, tmp_path
     os.symlink(folder / "missions" / "a.json", tmp_path / "in" / "a.json")
     call = ("batch", tmp_path / "in", *world(folder), "--out", tmp_path / "out")
     first = run(*call)
-    path = batch.trajectory_path(tmp_path / "out", "a")
+    path = batch_mission.trajectory_path(tmp_path / "out", "a")
     document = json.loads(path.read_text())
     document["segments"][0]["duration_s"] *= 0.5
     path.write_text(json.dumps(document))
@@ -264,7 +266,7 @@ def test_a_batch_does_not_take_a_changed_trajectory_for_its_own(folder, tmp_path
 )
 def test_a_damaged_line_of_the_journal_is_passed_over(folder, tmp_path, line):
     row = batch_mission.row_of(Path("a.json"), "infeasible", "no way") | {"key": "of a"}
-    job = batch.Job(folder / "map", folder / "vehicle.toml", PlanOptions(), tmp_path)
+    job = batch_mission.Job(folder / "map", folder / "vehicle.toml", PlanOptions(), tmp_path)
     good = json.dumps(row).encode()
     (tmp_path / batch.JOURNAL).write_bytes(b"\n".join([good, line.encode("latin-1"), good[:-9]]))
     assert batch._done(job, {"a": "of a"}) == {"a": row}
@@ -280,7 +282,7 @@ def test_two_batches_do_not_write_to_one_folder(folder, tmp_path):
 
 
 def test_a_mission_that_changes_between_runs_or_during_one_is_noticed(folder, tmp_path, monkeypatch):
-    file, out, real = tmp_path / "in" / "a.json", tmp_path / "out", batch.plan_one
+    file, out, real = tmp_path / "in" / "a.json", tmp_path / "out", batch_mission.plan_one
     file.parent.mkdir()
     call = ("batch", file.parent, *world(folder), "--out", out)
 
@@ -291,10 +293,10 @@ def test_a_mission_that_changes_between_runs_or_during_one_is_noticed(folder, tm
 
     project.save_waypoints(file, ask(LOOP))
     with monkeypatch.context() as patch:
-        patch.setattr(batch, "plan_one", changed_meanwhile)
+        patch.setattr(batch_mission, "plan_one", changed_meanwhile)
         (row,) = run(*call, code=1)["missions"]
     assert (row["status"], row["reason"]) == ("failed", "the mission's file was changed during the batch; run it again")
-    assert not batch.trajectory_path(out, "a").exists()
+    assert not batch_mission.trajectory_path(out, "a").exists()
     assert run(*call)["missions"][0]["status"] == "planned"
     project.save_waypoints(file, ask(LOOP))
     ended = goshawk("plan", *call)
@@ -303,10 +305,10 @@ def test_a_mission_that_changes_between_runs_or_during_one_is_noticed(folder, tm
     assert run(*call, "--overwrite")["missions"][0]["status"] == "planned"
 
 
-def test_what_is_finished_after_ctrl_c_is_recorded_too(monkeypatch):
+def test_what_is_finished_after_ctrl_c_is_recorded_too():
     begun, interrupted, rows = threading.Event(), threading.Event(), []
 
-    def plan_one(path, job):
+    def work_on(path):
         if path.stem == "slow":
             begun.set()
             assert interrupted.wait(PATIENCE_S)
@@ -320,9 +322,9 @@ def test_what_is_finished_after_ctrl_c_is_recorded_too(monkeypatch):
             interrupted.set()
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(batch, "plan_one", plan_one)
+    job = cast("Any", SimpleNamespace(work_on=work_on))
     with ThreadPoolExecutor(2) as threads, pytest.raises(KeyboardInterrupt):
-        batch._plan_all(threads, [Path("slow.json"), Path("quick.json")], None, record)
+        batch._work_on_all(threads, [Path("slow.json"), Path("quick.json")], job, record)
     assert rows[0] == "quick"
     assert rows[-1] == "slow"
 

@@ -14,6 +14,7 @@ import preflight
 import vehicle
 from flight import FormatError, trajectory
 from goshawk.commands.plan import preflight as verb
+from goshawk.commands.plan import preflight_inputs
 from goshawk.terminal import outputs
 from tests.goshawk.running import answer
 
@@ -124,17 +125,17 @@ def test_no_map_and_an_unchecked_plan_are_refused(folder, tmp_path):
 
 def test_a_maps_scale_is_as_unsure_as_its_sources_disagree():
     first = {"source": "length", "ratio": 1.0, "std": 0.01}
-    assert verb.scale_std([first]) == pytest.approx(0.01)
-    assert verb.scale_std([first, {"ratio": 1.05, "std": 0.03}]) == pytest.approx(np.hypot(0.01, 0.04))
-    assert verb.scale_std([first, {"ratio": 1.05, "std": 0.2}]) == pytest.approx(0.01)
-    assert verb.scale_std(None) == verb.scale_std([]) == 0.0
+    assert preflight_inputs.scale_std([first]) == pytest.approx(0.01)
+    assert preflight_inputs.scale_std([first, {"ratio": 1.05, "std": 0.03}]) == pytest.approx(np.hypot(0.01, 0.04))
+    assert preflight_inputs.scale_std([first, {"ratio": 1.05, "std": 0.2}]) == pytest.approx(0.01)
+    assert preflight_inputs.scale_std(None) == preflight_inputs.scale_std([]) == 0.0
     for broken in (3, [3], [{"std": "wide"}]):
         with pytest.raises(FormatError, match="scale_witnesses"):
-            verb.scale_std(broken)
+            preflight_inputs.scale_std(broken)
 
 
 def test_voxels_add_to_the_error_of_the_surfaces(folder):
-    found = verb.of_map(mapping.open_map(folder / "map"), preflight.Uncertainty())
+    found = preflight_inputs.of_map(mapping.open_map(folder / "map"), preflight.Uncertainty())
     assert found.map_error_std_m > preflight.Uncertainty().map_error_std_m
 
 
@@ -173,3 +174,49 @@ def test_ctrl_c_between_levels_says_which_were_flown(folder, monkeypatch):
     assert ended.returncode == 130
     assert json.loads(ended.stdout)["risk"]["reached"] is False
     assert "stopped after level 1: 200 flights" in ended.stderr
+
+
+def test_ctrl_c_while_the_worst_are_flown_again_keeps_the_result(folder, tmp_path, monkeypatch):
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(verb.preflight, "replay", interrupted)
+    ended = preflown(folder, "--flights", 10, "--out", tmp_path / "kept.json", "--report", tmp_path / "page.html")
+    assert ended.returncode == 130
+    assert json.loads((tmp_path / "kept.json").read_text())["flights"] == 10
+    assert not (tmp_path / "page.html").exists()
+    assert "before the worst were flown again" in ended.stderr
+
+
+def test_plan_preflight_plan_is_a_go_within_three_rounds(folder, tmp_path):
+    """From a margin that the flights exceed; the last plan with luck that no round before has met."""
+    (tmp_path / "way.csv").write_text("x,y,z\n0.8,0.8,1.0\n3.0,2.0,1.3\n5.2,0.8,1.0\n")
+    flown = ("--flights", 60, "--risk", 0.05, "--gust-std", 1, "-q")
+    codes, asked_m = [], []
+    for turn in range(3):
+        plan, found = tmp_path / f"plan{turn}.json", tmp_path / f"found{turn}.json"
+        before = ("--preflown", tmp_path / f"found{turn - 1}.json") if turn else ("--margin", 0.03)
+        planned = answer("plan", tmp_path / "way.csv", *world(folder), *before, "--out", plan, "-q")
+        assert planned.returncode == 0, planned.stderr
+        ended = answer("preflight", plan, *world(folder), *flown, "--seed", turn, "--out", found)
+        codes.append(ended.returncode)
+        again = json.loads(found.read_text())["plan_again"]
+        if ended.returncode == 0:
+            break
+        assert "--preflown" in ended.stdout
+        asked_m.append(again["margin_m"])
+    assert codes[0] == 1
+    assert codes[-1] == 0
+    assert asked_m == sorted(asked_m)
+
+
+def test_a_go_asks_for_no_more_room(folder, tmp_path):
+    assert preflown(folder, "--flights", 60, "--risk", 0.05, "--out", tmp_path / "go.json").returncode == 0
+    ended = answer("plan", folder / "waypoints.csv", *world(folder), "--preflown", tmp_path / "go.json", "--out", "x")
+    assert ended.returncode == 2
+    assert "asks for no more room" in ended.stderr
+    (tmp_path / "other.json").write_text('{"format": "goshawk-trajectory", "version": 1}')
+    ended = answer(
+        "plan", folder / "waypoints.csv", *world(folder), "--preflown", tmp_path / "other.json", "--out", "x"
+    )
+    assert ended.returncode == 2

@@ -1,0 +1,218 @@
+"""One case of many preflights: a plan, the vehicle that it was checked for, and a wind; its row, and its result."""
+
+import hashlib
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, ClassVar
+
+import mapping
+import preflight
+import vehicle
+from flight import FlightError, InputError, file_format, results, trajectory
+from goshawk.commands.plan import preflight_inputs
+from goshawk.commands.plan.batch_work import Kind, Row
+from preflight.result import SCHEMA, SCHEMA_VERSION
+
+COLUMNS: dict[str, type] = {
+    "name": str, "status": str, "reason": str, "plan": str, "vehicle": str, "wind": str, "flights": int, "lost": int,
+    "risk_upper95": float, "finished": float, "clearance_q01_m": float, "clearance_least_m": float,
+    "error_q99_m": float, "tilt_q99_rad": float, "rotor_reserve_q01": float, "segment": int, "time_s": float,
+    "x_m": float, "y_m": float, "z_m": float, "dominating": str, "dominating_share": float, "document_hash": str,
+    "cpu_s": float,
+}  # fmt: skip
+"""Of the tables; segment, time and place are where it is narrowest."""
+GO, NO_GO = "go", "no-go"
+KIND = Kind("goshawk-preflight-batch", "preflights", "fly", "flown", COLUMNS, (GO, NO_GO), ("refused",))
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A plan, a vehicle and a wind as `--wind` takes it."""
+
+    trajectory_file: Path
+    vehicle_file: Path
+    wind: str
+
+    @property
+    def stem(self) -> str:
+        return f"{self.trajectory_file.stem}_{self.vehicle_file.stem}_wind{self.wind.replace(',', '_')}"
+
+    def absolute(self) -> "Case":
+        return replace(self, trajectory_file=self.trajectory_file.absolute(), vehicle_file=self.vehicle_file.absolute())
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """All that a worker needs to fly any of the cases."""
+
+    map_folder: Path
+    options: preflight.Options
+    """Of all; the wind is the case's."""
+    out: Path
+    overwrite: bool = False
+    inputs: bytes = b""
+    kind: ClassVar[Kind] = KIND
+
+    def inputs_hash(self) -> bytes:
+        """Of the map and the options; not of the threads, on which no result depends."""
+        asked = (mapping.open_map(self.map_folder).field.hash, replace(self.options, threads=None))
+        return hashlib.sha256(repr(asked).encode()).digest()
+
+    def with_inputs(self, inputs: bytes) -> "Job":
+        return replace(self, inputs=inputs)
+
+    def into(self, out: Path) -> "Job":
+        return replace(self, out=out)
+
+    def absolute(self) -> "Job":
+        return replace(self, map_folder=self.map_folder.absolute())
+
+    def shared_files(self) -> str:
+        return str(self.map_folder)
+
+    def key_of(self, item: Case) -> str:
+        """Hash of the case's files, the wind and all other inputs; without the files where they cannot be read."""
+        digest = hashlib.sha256(self.inputs + item.wind.encode())
+        for path in (item.trajectory_file, item.vehicle_file):
+            try:
+                content = path.read_bytes()
+            except OSError:
+                content = b""
+            digest.update(hashlib.sha256(content).digest())
+        return digest.hexdigest()
+
+    def missing(self, item: Case) -> Path | None:
+        return next((path for path in (item.trajectory_file, item.vehicle_file) if not path.is_file()), None)
+
+    def work_on(self, item: Case) -> Row:
+        return fly_one(item, self)
+
+    def file_of(self, name: str) -> Path:
+        return self.out / "preflights" / f"{name}.json"
+
+    def is_that_of(self, row: Row, path: Path) -> bool:
+        return _hash_of(path) == row.get("document_hash")
+
+    def beside(self) -> dict[str, Any]:
+        """What was flown."""
+        return {"flights": self.options.count, "risk_accepted": self.options.risk, "seed": self.options.seed}
+
+
+def cases_of(folders: Sequence[Path], vehicles: Sequence[Path], winds: Sequence[str]) -> list[Case]:
+    """Every plan in the folders with each vehicle that it was checked for, in each wind.
+
+    A plan that was checked for none of them, or cannot be read, is a case of the first vehicle, and refused with the
+    reason.
+
+    Raises:
+        InputError: no plan is there, two cases have one name, or a wind or a vehicle cannot be read.
+    """
+    for wind in winds:
+        preflight_inputs.blowing(wind)
+    hashes = {path: vehicle.vehicle_hash(vehicle.load(path)) for path in vehicles}
+    found: list[Case] = []
+    for plan in (plan for folder in folders for plan in _plans(folder)):
+        fitting = [path for path, its in hashes.items() if _vehicle_of(plan) == its] or list(vehicles[:1])
+        found += [Case(plan, path, wind) for path in fitting for wind in winds]
+    names = [case.stem for case in found]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(f"two cases are named {twice[0]}; give plans and vehicles names of their own")
+    return found
+
+
+def _plans(folder: Path) -> list[Path]:
+    """Trajectory files in a folder, or in one that `goshawk plan batch` wrote."""
+    inner = folder / "trajectories"
+    where = inner if inner.is_dir() else folder
+    if not where.is_dir():
+        raise InputError(f"{folder} is not a folder of plans")
+    found = sorted(path for path in where.iterdir() if path.suffix == ".json" and path.is_file())
+    if not found:
+        raise InputError(f"{where} holds no plans (.json); make some with `goshawk plan batch`")
+    return found
+
+
+def _vehicle_of(plan: Path) -> str | None:
+    """Hash of the vehicle that a plan was checked for; None where that cannot be read."""
+    try:
+        return trajectory.load(plan).vehicle_hash
+    except FlightError:
+        return None
+
+
+def fly_one(case: Case, job: Job) -> Row:
+    """Fly one case and write its result; one that fails is a row that says why."""
+    began = time.process_time()
+    facts: dict[str, Any] = {
+        "plan": case.trajectory_file.stem, "vehicle": case.vehicle_file.stem, "wind": case.wind
+    }  # fmt: skip
+    path = job.file_of(case.stem)
+    path.unlink(missing_ok=True)  # of an earlier run with other inputs
+    try:
+        document = _flown(case, job)
+        path.parent.mkdir(exist_ok=True)
+        with results.new_file(path, overwrite=True) as placing:
+            file_format.write_json(placing.temporary, format=SCHEMA, version=SCHEMA_VERSION, body=document)
+    except FlightError as error:
+        return KIND.row(case.stem, "refused", str(error), **facts, cpu_s=time.process_time() - began)
+    except Exception as error:  # an error of ours is one case's, too
+        said = f"{type(error).__name__}: {error}"
+        return KIND.row(case.stem, "failed", said, **facts, cpu_s=time.process_time() - began)
+    facts |= _columns(document) | {"document_hash": _hash_of(path), "cpu_s": time.process_time() - began}
+    return KIND.row(case.stem, GO if document["go"] else NO_GO, document["reason"], **facts)
+
+
+def _flown(case: Case, job: Job) -> dict[str, Any]:
+    """The case's result as plain JSON values."""
+    item, believed = trajectory.load(case.trajectory_file), vehicle.load(case.vehicle_file)
+    area = _map(job.map_folder, job.inputs)
+    preflight_inputs.require_fit(item, area, believed)
+    wind = preflight_inputs.blowing(case.wind)
+    uncertainty = replace(
+        job.options.uncertainty, wind_m_s=wind.wind_m_s, wind_direction=wind.wind_direction
+    )  # fmt: skip
+    options = replace(job.options, uncertainty=preflight_inputs.of_map(area, uncertainty))
+    flown, (radius_m, clearance_m) = (believed, item.trajectory, area.field), preflight_inputs.body_of(item, believed)
+    result = preflight.fly(*flown, radius_m=radius_m, clearance_m=clearance_m, options=options)
+    replay = preflight.replay(
+        *flown, result, radius_m=radius_m, clearance_m=clearance_m, options=options, bundle=0
+    )  # fmt: skip
+    return preflight_inputs.document(item, area, believed, options.seed, result, replay)
+
+
+def _columns(document: dict[str, Any]) -> dict[str, Any]:
+    """What the tables say of a result."""
+    place, first = document["where"], document["dominating"]
+    x, y, z = (None, None, None) if place is None else place["point_world_m"]
+    return {
+        "flights": document["flights"],
+        "lost": document["risk"]["count"],
+        "risk_upper95": document["risk"]["upper95"],
+        "finished": document["finished"],
+        "clearance_q01_m": document["clearance_m"].get("q01"),
+        "clearance_least_m": document["clearance_m"].get("least"),
+        "error_q99_m": document["error_m"].get("q99"),
+        "tilt_q99_rad": document["tilt_rad"].get("q99"),
+        "rotor_reserve_q01": document["rotor_reserve"].get("q01"),
+        "segment": None if place is None else place["segment"],
+        "time_s": None if place is None else place["time_s"],
+        "x_m": x,
+        "y_m": y,
+        "z_m": z,
+        "dominating": None if first is None else first["factor"],
+        "dominating_share": None if first is None else first["share"],
+    }
+
+
+def _hash_of(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@lru_cache(maxsize=1)
+def _map(folder: Path, _inputs: bytes) -> mapping.Map:
+    """Read once in each process, and again when the inputs' hash is another one."""
+    return mapping.open_map(folder)

@@ -1,0 +1,270 @@
+"""A preflight as one offline HTML page: verdict, the flights in the map, the worst three, and what was assumed."""
+
+import json
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+import mapping
+import preflight
+from flight import FloatArray, TrajectoryFile
+from goshawk.commands.plan import preflight_drawing as drawing
+from preflight.core import SETTLE_S
+from preflight.worst import Track
+from vehicle import Vehicle
+
+_BESIDE = Path(__file__).parent
+_POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+_DEG = math.degrees(1.0)
+_LARGEST_SHARES = 8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Told:
+    """All that the page is about."""
+
+    item: TrajectoryFile
+    area: mapping.Map
+    vehicle: Vehicle
+    options: preflight.Options
+    radius_m: float
+    result: preflight.Result
+    replay: preflight.Replay
+    place: str | None
+    """Where it is narrow, in words; None if no distance is known."""
+    decides: str
+    """What decides most, in words."""
+    remedy: str
+    advice: str = ""
+
+
+def text(told: Told) -> str:
+    """The page; nothing in it is loaded from elsewhere, and the same preflight makes the same page."""
+    style, script = ((_BESIDE / f"preflight_page.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
+    title = escape(f"Preflight of {told.item.name}")
+    flights = json.dumps(_flights(told), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    body = _head(told) + _views(told) + _worst(told) + _spreads(told) + _why(told) + _assumed(told)
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{title}</title><style>{style}</style></head><body>
+{body}
+<script type="application/json" id="flights">{flights}</script><script>{script}</script></body></html>
+"""
+
+
+def _head(told: Told) -> str:
+    result = told.result
+    word = "Go" if result.go else "No-go"
+    facts = {
+        "how sure": f"{_capital(str(result.lost))} with 95 % confidence; lost is to touch anything, to leave the map, "
+        "to overturn, or to come down without a position",
+        "to the end": f"{100.0 * result.finished:.1f} % of the flights",
+        "narrowest": told.place or "not known",
+        "decides most": told.decides,
+        "advice": told.advice,
+        "next": "fly it" if result.go else told.remedy,
+    }
+    short = "" if result.flights == result.wanted else f" Stopped after {result.flights} of {result.wanted} flights."
+    return (
+        f"<header><h1>Preflight of {escape(told.item.name)}</h1>"
+        f"<p class='small'>{result.flights} simulated flights of {escape(told.vehicle.name)} in "
+        f"{escape(told.area.folder.resolve().name)}, seed {told.options.seed}, goshawk {version('goshawk')}.{short}</p>"
+        f"<p class='verdict{'' if result.go else ' bad'}'>{word}: {escape(result.reason())}.</p>"
+        + _definitions({name: value for name, value in facts.items() if value})
+        + "</header>"
+    )
+
+
+def _definitions(facts: dict[str, str]) -> str:
+    rows = "".join(f"<dt>{escape(name)}</dt><dd>{_sentence(value)}</dd>" for name, value in facts.items())
+    return f"<dl class='facts'>{rows}</dl>"
+
+
+def _sentence(said: str) -> str:
+    """HTML; what stands in backticks is code."""
+    return re.sub("`([^`]*)`", r"<code>\1</code>", escape(_capital(said)))
+
+
+def _capital(sentence: str) -> str:
+    """With a capital letter, unless it begins with a parameter's name."""
+    named = re.match(r"\w+[._]\w", sentence)
+    return sentence if named else sentence[:1].upper() + sentence[1:]
+
+
+def _views(told: Told) -> str:
+    path, field, tube_m = told.item.trajectory, told.area.field, told.result.tube_m()
+    beside = drawing.side(told.replay, path, field, tube_m)
+    above, (low_m, high_m) = drawing.above(told.replay, path, field, tube_m, told.radius_m)
+    shades = "".join(f"<i class='b{i}'></i>" for i in range(drawing.SHADES))
+    swatches = {
+        "touch": "touches", "dash": "plan", "tube": "tube of 90 and 99 %", "occupied": "obstacle", "unknown": "unknown",
+    }  # fmt: skip
+    keys = "".join(f"<span><i class='swatch {kind}'></i>{words}</span>" for kind, words in swatches.items())
+    scale = f"<span>clearance 0 <span class='scale'>{shades}</span> {drawing.PLENTY_M:g} m and more</span>"
+    return (
+        f"<section><h2>{len(told.replay.bundle)} of the flights, coloured by clearance</h2><div class='views'>"
+        f"<div><h3>From above; obstacles from {low_m:.1f} to {high_m:.1f} m</h3>{above}</div>"
+        f"<div><h3>From the side: height along the path, the map unrolled</h3>{beside}"
+        f"<h3>Clearance beyond the vehicle</h3>{drawing.over_time(told.replay, path)}</div></div>"
+        f"<p class='key'>{scale}{keys}</p></section>"
+    )
+
+
+def _worst(told: Told) -> str:
+    tracks = told.replay.worst
+    names = "".join(
+        f"<button type='button' data-choose='{i}' aria-pressed='{'true' if i == 0 else 'false'}'>"
+        f"{_label(track)}</button>"
+        for i, track in enumerate(tracks)
+    )
+    values = (
+        ("time", "time", "s"), ("path", "on the path", "s"), ("clear", "clearance", "m"),
+        ("error", "off the path", "m"), ("speed", "speed", "m/s"), ("height", "height", "m"),
+    )  # fmt: skip
+    cells = "".join(
+        f"<div><small>{words}</small><b id='v-{key}'></b> <span>{unit}</span></div>" for key, words, unit in values
+    )
+    return (
+        f"<section><h2>The worst flights</h2><p id='story'>{escape(_story(tracks[0], told))}</p>"
+        "<div class='script'><div class='worst-bar'>"
+        f"<div class='choices' role='group' aria-label='Flight'>{names}</div>"
+        "<button type='button' id='play'>Play</button>"
+        "<input type='range' id='moment' min='0' step='1' value='0' aria-label='Moment of the flight'></div>"
+        f"<div class='live-values'>{cells}</div><p class='small'>Keys: 1 to {len(tracks)} choose a flight, arrows move "
+        "in time, space plays. A click in a picture along the path goes there.</p></div></section>"
+    )
+
+
+def _label(track: Track) -> str:
+    if track.touches or track.lost:
+        return f"Flight {track.number}: {'touches' if track.touches else 'lost'}"
+    least_m = float(track.clearance_m[track.moment])
+    return f"Flight {track.number}" + (f": {least_m:.2f} m" if math.isfinite(least_m) else "")
+
+
+def _story(track: Track, told: Told) -> str:
+    """Where and when a flight came closest."""
+    at = track.as_dict(told.item.trajectory)
+    x, y, z = at["point_world_m"]
+    where = f"segment {at['segment']}, {at['time_s']:.2f} s on the path, at ({x:.2f}, {y:.2f}, {z:.2f})"
+    how = "touches first" if track.touches else "is lost, and comes closest" if track.lost else "comes closest"
+    said = f"Flight {track.number} {how}: {where}"
+    if track.surface_world_m is not None:
+        a, b, c = track.surface_world_m
+        said += f"; the obstacle is at ({a:.2f}, {b:.2f}, {c:.2f})"
+    return f"{said}. The same seed flies it again, bit by bit."
+
+
+def _flights(told: Told) -> dict[str, object]:
+    """What the script needs."""
+    return {"radius_m": told.radius_m, "tracks": [_track(track, told) for track in told.replay.worst]}
+
+
+def _track(track: Track, told: Told) -> dict[str, object]:
+    position = track.position_world_m
+    numbers = {
+        "t": track.time_s, "p": np.minimum(track.path_s, told.item.trajectory.duration_s), "x": position[:, 0],
+        "y": position[:, 1], "z": position[:, 2], "c": track.clearance_m, "e": track.error_m,
+    }  # fmt: skip
+    obstacle = None if track.surface_world_m is None else [round(v, 3) for v in track.surface_world_m]
+    found = {name: [round(float(v), 3) if np.isfinite(v) else None for v in row] for name, row in numbers.items()}
+    return {**found, "closest": track.moment, "obstacle": obstacle, "story": _story(track, told)}
+
+
+def _spreads(told: Told) -> str:
+    r, limits = told.result.record, told.vehicle.limits
+    energy_wh = r.energy_j / 3600.0
+    pictures = (
+        ("h-clearance", "least clearance", "m", np.minimum(r.clearance_m, 2.0), 0.0, False),
+        ("h-tilt", "largest tilt", "°", _DEG * r.tilt_rad, _DEG * limits.tilt_rad, True),
+        ("h-rotor", "least rotor reserve", "%", 100.0 * r.rotor_reserve, 0.0, False),
+        ("h-energy", "energy of the rotors", "Wh", energy_wh, None, True),
+    )  # fmt: skip
+    drawn = "".join(
+        f"<div>{drawing.histogram(name, title, unit, _known(values), limit, bad_above=bad)}</div>"
+        for name, title, unit, values, limit, bad in pictures
+    )
+    note = (
+        "The dashed line is the limit: touching; the plan's limit of tilt, which a flight may exceed; a rotor at its "
+        f"limit. Energy is mechanical, with the {SETTLE_S:g} s of hover before; the vehicle file has no battery."
+    )
+    head = "<section><h2>How far from the limits</h2>"
+    return f"{head}<div class='four'>{drawn}</div><p class='small'>{note}</p></section>"
+
+
+def _known(values: FloatArray) -> FloatArray:
+    return values[np.isfinite(values)]
+
+
+def _why(told: Told) -> str:
+    result = told.result
+    parts = [
+        _shares("What moves the least clearance", "Share of its variance, by uncertainty alone", result.shares),
+        _shares("What loses flights", "Share of the variance of being lost", result.loss_shares),
+        _endings(result),
+    ]
+    return f"<div class='two'>{''.join(part for part in parts if part)}</div>"
+
+
+def _shares(title: str, note: str, shares: Mapping[str, float]) -> str:
+    kept = [(name, share) for name, share in list(shares.items())[:_LARGEST_SHARES] if share >= 0.005]
+    if not kept:
+        return ""
+    rows = "".join(
+        f"<tr><td>{escape(name)}</td><td class='n'>{min(100.0 * share, 100.0):.0f} %</td>"
+        f"<td class='share'><i style='width: {min(100.0 * share, 100.0):.1f}%'></i></td></tr>"
+        for name, share in kept
+    )
+    return f"<section><h2>{title}</h2><p class='small'>{note}.</p><table style='width: 100%'>{rows}</table></section>"
+
+
+def _endings(result: preflight.Result) -> str:
+    rows = [(words, str(chance)) for words, chance in result.endings().items()]
+    rows = [("touches something", str(result.touched)), ("leaves the map", str(result.left_map)), *rows]
+    return f"<section><h2>How they end</h2>{_table(('', 'flights, and 95 % bound'), rows)}</section>"
+
+
+def _assumed(told: Told) -> str:
+    given, options, area = told.options.uncertainty, told.options, told.area
+    known = "the model" if "pose_delay.delay_s" in told.vehicle.parameters else "assumed"
+    direction = "from anywhere" if given.wind_direction is None else "towards " + ", ".join(
+        f"{v:.2f}" for v in given.wind_direction
+    )  # fmt: skip
+    delay = "" if given.pose_delay_std_s is None else f"{1e3 * given.pose_delay_std_s:.1f} ms"
+    drop_outs = f"{given.drop_outs_per_s:g} a second of {given.drop_out_s:g} s" if given.drop_outs_per_s else "none"
+    uncertain = sum(parameter.std > 0.0 for parameter in told.vehicle.parameters.values())
+    rows = [
+        ("parameters", f"{uncertain} of {len(told.vehicle.parameters)} uncertain", "the vehicle file"),
+        ("mean wind", f"{given.wind_m_s:g} m/s {direction}, ± {100.0 * given.wind_spread_ratio:.0f} %", "asked"),
+        ("gusts (Dryden)", f"{given.gust_std_m_s:g} m/s each axis, length {options.air.gust_length_m:g} m", "asked"),
+        ("pose delay, untold", delay or "as the model says, or 3 ms", "asked" if delay else known),
+        ("gaps of the pose", drop_outs, "asked"),
+        ("lasting error of the pose", f"{100.0 * given.localization_std_m:.1f} cm each axis", "asked"),
+        ("lasting error of the heading", f"{_DEG * given.heading_std_rad:.2f}°", "assumed"),
+        ("map's scale", f"{100.0 * given.map_scale_std_ratio:.2f} %", "the map"),
+        ("map's surfaces", f"{100.0 * given.map_error_std_m:.1f} cm", "assumed, and the map's voxels"),
+        ("start", f"{100.0 * given.start_std_m:.0f} cm each axis, {_DEG * given.start_yaw_std_rad:.1f}°", "assumed"),
+        ("rotor wear", f"{100.0 * given.rotor_wear_ratio:.1f} % of each thrust", "assumed"),
+        ("vehicle's sphere", f"{told.radius_m:.2f} m", "the plan's check, or the farthest propeller"),
+        ("controller", f"{options.rate_hz} Hz, its C code", "as flown"),
+        ("map", f"{area.folder.resolve().name}, {area.hash[:12]}", "asked"),
+        ("seed", str(options.seed), "asked"),
+    ]
+    sentences = "".join(f"<p>{_sentence(said)}.</p>" for said in told.result.assumed)
+    head = ("", "standard deviation, or value", "from")
+    not_flown = "<p class='small'>Simulated throughout; battery sag and motor faults are not flown.</p>"
+    return f"<section><h2>What was assumed</h2>{_table(head, rows)}{sentences}{not_flown}</section>"
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    head = "".join(f"<th>{escape(name)}</th>" for name in heads)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    return f"<div class='scroll'><table><tr>{head}</tr>{body}</table></div>"

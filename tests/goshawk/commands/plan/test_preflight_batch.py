@@ -1,0 +1,174 @@
+"""`goshawk preflight batch`: plans, vehicles and winds; the same by any workers, and after a kill."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+import vehicle
+from goshawk.commands.plan import preflight_case
+from tests import waiting
+from tests.goshawk.dask_cluster import cluster
+from tests.goshawk.running import answer
+
+FLOWN = ("--flights", 24, "--risk", 0.2)
+
+
+@pytest.fixture(scope="module")
+def folder(pillar_map: Path, tmp_path_factory) -> Path:
+    """Two vehicles, two plans for one of them and one for the other."""
+    folder = tmp_path_factory.mktemp("preflights")
+    os.symlink(pillar_map, folder / "map")
+    vehicle.save(folder / "light.toml", vehicle.example())
+    vehicle.save(folder / "heavy.toml", vehicle.example().with_value("mass_kg", 0.8))
+    ways = {"a": "0.8,0.8,1.0\n1.0,3.0,1.3\n", "b": "1.0,3.0,1.3\n3.0,3.2,1.2\n"}
+    for kind, names in (("light", "ab"), ("heavy", "a")):
+        (folder / f"missions-{kind}").mkdir()
+        for name in names:
+            (folder / f"missions-{kind}" / f"{name}.csv").write_text(f"x,y,z\n{ways[name]}")
+        ended = answer(
+            "plan", "batch", folder / f"missions-{kind}", "--map", folder / "map", "--vehicle",
+            folder / f"{kind}.toml", "--speed", 3, "--out", folder / f"plans-{kind}", "-q",
+        )  # fmt: skip
+        assert ended.returncode == 0, ended.stderr
+    return folder
+
+
+def call(folder: Path, out: Path, *options: object) -> tuple[object, ...]:
+    vehicles = ("--vehicle", folder / "light.toml", "--vehicle", folder / "heavy.toml")
+    plans = (folder / "plans-light", folder / "plans-heavy")
+    return ("preflight", "batch", *plans, "--map", folder / "map", *vehicles, "--out", out, *FLOWN, *options)
+
+
+def rows_of(out: Path) -> list[dict]:
+    """The rows, without what differs from run to run."""
+    rows = json.loads((out / "results.json").read_text())["preflights"]
+    return [{name: cell for name, cell in row.items() if name != "cpu_s"} for row in rows]
+
+
+def results(out: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in (out / "preflights").iterdir()}
+
+
+@pytest.fixture(scope="module")
+def one(folder) -> Path:
+    """Flown by this process, in two winds."""
+    out = folder / "one"
+    ended = answer(*call(folder, out, "--wind", 0, "--wind", "2,0,0"))
+    assert ended.returncode == 0, ended.stderr
+    assert "light" in ended.stdout
+    return out
+
+
+def test_every_plan_is_flown_for_its_vehicle_in_each_wind(one):
+    rows = rows_of(one)
+    assert [(row["plan"], row["vehicle"], row["wind"]) for row in rows] == [
+        (plan, drone, wind)
+        for plan, drone in (("a", "light"), ("b", "light"), ("a", "heavy"))
+        for wind in ("0", "2,0,0")
+    ]
+    assert {row["status"] for row in rows} == {"go"}
+    assert {row["flights"] for row in rows} == {24}
+    table = pq.read_table(one / "results.parquet").to_pylist()
+    assert [{name: cell for name, cell in row.items() if name != "cpu_s"} for row in table] == rows
+
+
+def test_a_case_is_what_the_verb_alone_finds(folder, one, tmp_path):
+    plan = folder / "plans-light" / "trajectories" / "b.json"
+    world = ("--map", folder / "map", "--vehicle", folder / "light.toml")
+    alone = answer("preflight", plan, *world, *FLOWN, "--wind", "2,0,0", "--out", tmp_path / "b.json", "-q")
+    assert alone.returncode == 0, alone.stderr
+    assert (tmp_path / "b.json").read_bytes() == results(one)["b_light_wind2_0_0.json"]
+
+
+def test_what_is_flown_is_not_flown_again_and_other_options_are_refused(folder, one, monkeypatch):
+    begun: list[str] = []
+    real = preflight_case.fly_one
+
+    def counted(case, job):
+        begun.append(case.stem)
+        return real(case, job)
+
+    monkeypatch.setattr(preflight_case, "fly_one", counted)
+    ended = answer(*call(folder, one, "--wind", 0, "--wind", "2,0,0"))
+    assert (ended.returncode, begun) == (0, [])
+    ended = answer(*call(folder, one, "--wind", 0, "--wind", "2,0,0", "--seed", 3))
+    assert ended.returncode == 2
+    assert "results of other inputs" in ended.stderr
+    changed = one / "preflights" / "a_light_wind0.json"
+    before = changed.read_bytes()
+    changed.write_text("{}")
+    ended = answer(*call(folder, one, "--wind", 0, "--wind", "2,0,0"))
+    assert ended.returncode == 2
+    assert "was changed since it was flown" in ended.stderr
+    ended = answer(*call(folder, one, "--wind", 0, "--wind", "2,0,0", "--overwrite"))
+    assert (ended.returncode, begun) == (0, ["a_light_wind0"])
+    assert changed.read_bytes() == before
+
+
+def test_what_cannot_be_flown_is_a_row_that_says_why(folder, tmp_path):
+    (tmp_path / "plans").mkdir()
+    (tmp_path / "plans" / "torn.json").write_text("{")
+    os.symlink(folder / "plans-heavy" / "trajectories" / "a.json", tmp_path / "plans" / "a.json")
+    ended = answer(
+        "preflight", "batch", tmp_path / "plans", "--map", folder / "map", "--vehicle", folder / "light.toml", "--wind",
+        40, "--wind", 0, "--out", tmp_path / "out", *FLOWN,
+    )  # fmt: skip
+    assert ended.returncode == 1
+    assert "goshawk: 4 of 4 are no go" in ended.stderr
+    reasons = [row["reason"] for row in rows_of(tmp_path / "out")]
+    assert "was checked for vehicle" in reasons[0]
+    assert "JSON" in reasons[2]
+
+
+@pytest.mark.parametrize(
+    ("plans", "options", "said"),
+    [
+        ("plans-light", ("--wind", "x"), "--wind"),
+        ("map/esdf", (), "holds no plans"),
+        ("none", (), "is not a folder of plans"),
+        ("plans-light", ("--risk", 0), "no number of flights"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused_before_anything_is_flown(folder, tmp_path, plans, options, said):
+    world = ("--map", folder / "map", "--vehicle", folder / "light.toml", "--out", tmp_path / "out")
+    ended = answer("preflight", "batch", folder / plans, *world, *options)
+    assert ended.returncode == 2, ended.stderr
+    assert said in ended.stderr
+
+
+def test_a_batch_that_is_killed_goes_on_and_is_the_same(folder, one, tmp_path):
+    out = tmp_path / "out"
+    line = [sys.executable, "-m", "goshawk", *map(str, call(folder, out, "--wind", 0, "--wind", "2,0,0"))]
+    journal = out / "journal.jsonl"
+    with subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as program:
+        waiting.until(lambda: journal.is_file() and journal.read_bytes().count(b"\n") >= 2, "two cases")
+        program.send_signal(signal.SIGKILL)
+    done = journal.read_bytes().count(b"\n")
+    assert answer(*call(folder, out, "--wind", 0, "--wind", "2,0,0")).returncode == 0
+    assert journal.read_bytes().count(b'"name"') == 6, done
+    assert rows_of(out) == rows_of(one)
+    assert results(out) == results(one)
+
+
+@pytest.mark.slow
+def test_two_processes_fly_what_one_flies(folder, one, tmp_path):
+    ended = answer(*call(folder, tmp_path / "two", "--wind", 0, "--wind", "2,0,0", "--jobs", 2))
+    assert ended.returncode == 0, ended.stderr
+    assert rows_of(tmp_path / "two") == rows_of(one)
+    assert results(tmp_path / "two") == results(one)
+
+
+def test_a_cluster_flies_what_one_process_flies(folder, one, tmp_path):
+    pytest.importorskip("distributed", reason="Dask is an optional engine")
+    (tmp_path / "dask").mkdir()
+    with cluster(tmp_path / "dask", 1, "--no-nanny") as made:
+        ended = answer(*call(folder, tmp_path / "out", "--wind", 0, "--wind", "2,0,0", "--scheduler", made.address))
+    assert ended.returncode == 0, ended.stderr
+    assert rows_of(tmp_path / "out") == rows_of(one)
+    assert results(tmp_path / "out") == results(one)
