@@ -38,8 +38,7 @@ def e57(path: Path, stations: tuple[Any, ...], points: np.ndarray = POINTS) -> P
     return path
 
 
-@pytest.mark.parametrize("suffix", ["las", "laz"])
-@pytest.mark.parametrize("kind", [0, 1, 3, 6, 7])
+@pytest.mark.parametrize(("kind", "suffix"), [*((kind, "las") for kind in (0, 1, 3, 6, 7)), (1, "laz"), (6, "laz")])
 def test_a_las_file_has_the_places_and_times_that_laspy_wrote(tmp_path: Path, suffix: str, kind: int) -> None:
     found = columns.read(las(tmp_path / f"scan.{suffix}", kind))
     assert np.stack([found[name] for name in "xyz"], axis=1) == pytest.approx(POINTS + CORNER, abs=6e-5)
@@ -52,7 +51,7 @@ def test_a_las_file_has_the_places_and_times_that_laspy_wrote(tmp_path: Path, su
 def test_a_las_file_that_lies_or_is_cut_off_is_refused(tmp_path: Path, suffix: str) -> None:
     whole = las(tmp_path / f"whole.{suffix}").read_bytes()
     file = tmp_path / f"bad.{suffix}"
-    for share in (0.0, 0.01, 0.6, 0.99):
+    for share in (0.0, 0.01, 0.6, 0.99) if suffix == "las" else (0.0, 0.99):
         file.write_bytes(whole[: int(share * len(whole))])
         with pytest.raises(FormatError, match="again"):
             columns.read(file)
