@@ -62,7 +62,7 @@ class Stretch:
     start_s: float
     end_s: float
     probability: float
-    """That something thicker than the threshold is there, at most."""
+    """That something thicker than the threshold is there and missing from the map."""
     thickness_m: float
     """Thinnest obstacle that the images resolve at the place; infinite where no image looked."""
     point_world_m: tuple[float, float, float]
@@ -101,7 +101,7 @@ class CouldHide:
     length_share: float
     """Share of the path's length, 0 to 1, along which an obstacle thicker than that could hide within reach."""
     probability: float | None = None
-    """That one thicker than the threshold is there, at most; None where the map states no probabilities."""
+    """That one thicker than the threshold is there; None where the map states no probabilities."""
     stretches: tuple[Stretch, ...] = ()
     """Where that is worth a look, the likeliest first; none in well-seen space."""
 
@@ -135,10 +135,10 @@ class CouldHide:
         )
 
     def _likely(self, probability: float) -> str:
-        what = (
-            f"something thicker than {1e3 * self.threshold_m:.0f} mm is within {self.reach_m:.2f} m and not in the map"
+        said = (
+            f"{100.0 * probability:.2g} % that something thicker than {1e3 * self.threshold_m:.0f} mm within "
+            f"{self.reach_m:.2f} m is missing from the map"
         )
-        said = f"{what}: at most {100.0 * probability:.2g} %"
         if not self.stretches:
             return said
         rest = len(self.stretches) - _SHOWN
