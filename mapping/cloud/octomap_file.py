@@ -24,7 +24,7 @@ _RECORDS = {
     ("full", "OcTree"): np.dtype([("log_odds", "<f4"), ("children", "u1")]),
     ("full", "ColorOcTree"): np.dtype([("log_odds", "<f4"), ("colour", "u1", 3), ("children", "u1")]),
 }
-"""By kind of file and of tree: what stands for a node, parents before children. A binary one is of inner nodes only,
+"""By kind of file and of tree: the record of a node, parents before children. A binary one is of inner nodes only,
 with two bits for each child."""
 _KINDS = {b"# Octomap OcTree binary file": "binary", b"# Octomap OcTree file": "full"}
 _CENTRE = 1 << (LEVELS - 1)
@@ -76,7 +76,7 @@ def read(path: Path) -> Space:
 
 
 def _records(path: Path) -> tuple[NDArray[np.void], float]:
-    """What stands for the nodes, and the edge of a voxel in metres."""
+    """The records of the nodes, and the edge of a voxel in metres."""
     with path.open("rb") as file:
         head = file.read(_HEADER_BYTES)
     lines = head.split(b"\n")
