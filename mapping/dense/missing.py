@@ -4,6 +4,7 @@ Voxels are not independent: a thing that comes near a path fills a row of them. 
 of the voxels which hold something, over those that a straight rod fills within reach of the path.
 """
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from flight import FloatArray
 from mapping.dense.occupancy import FREE_BY_LOOKS
 
 LEAST_STRETCH, LEAST_WHOLE = 0.01, 0.05
-"""Probabilities from which a stretch is worth a look, and the whole path if no stretch of it is."""
+"""Probabilities from which a stretch is worth a look, and all the rest of the path together."""
 UNSTATED = FREE_BY_LOOKS[0][1]
 """Of free voxels of which the map states nothing: that of those at which no image looked from nearby."""
 
@@ -62,10 +63,10 @@ def parts(near: Near, things: FloatArray, path_world_m: FloatArray, reach_m: flo
     of_voxel = of_path[near.nearest]
     sums = np.bincount(of_voxel, things, count)
     likely = -np.expm1(-sums) >= LEAST_STRETCH
-    if not likely.any() and -np.expm1(-sums.sum()) >= LEAST_WHOLE:
-        likely[:] = True
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], likely, [False]])))
-    found = [_part(int(a), int(b), of_path, of_voxel, things) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    rest_too = -np.expm1(-sums[~likely].sum()) >= LEAST_WHOLE
+    edges = [0, *(np.flatnonzero(np.diff(likely)) + 1).tolist(), count]
+    runs = [(a, b) for a, b in itertools.pairwise(edges) if likely[a] or rest_too]
+    found = [_part(a, b, of_path, of_voxel, things) for a, b in runs if sums[a:b].any()]
     return sorted(found, key=lambda part: -part.probability)
 
 

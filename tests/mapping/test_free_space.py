@@ -1,5 +1,6 @@
 """Free space in which an obstacle could hide: how thin, where along a path, and the field without such space."""
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -198,8 +199,10 @@ def test_well_seen_space_says_nothing_and_what_is_not_stated_counts_as_not_looke
     assert likely(stated(1e-7)).stretches == ()
     assert likely(stated(1.0), thickness_m=0.02).probability == 0.0  # images resolve 20 mm everywhere
     assert likely(stated(np.nan)).probability == pytest.approx(likely(stated(6e-4)).probability, rel=1e-2)
-    (whole,) = likely(stated(3e-4)).stretches  # unlikely at each place, not along the whole way
-    assert (whole.start_s, whole.end_s) == (0.0, pytest.approx(2.0))
+    spread = sorted(likely(stated(3e-4)).stretches, key=lambda stretch: stretch.start_s)
+    assert spread[0].start_s == 0.0  # unlikely at each place but both ends, not along the whole way
+    assert spread[-1].end_s == pytest.approx(2.0)
+    assert all(before.end_s < after.start_s < before.end_s + 0.02 for before, after in itertools.pairwise(spread))
     assert likely(None).probability is None
 
 
