@@ -198,5 +198,5 @@ def joined(clouds: Sequence[PointCloud]) -> PointCloud:
         sum(cloud.not_finite for cloud in clouds),
         first.unit,
         first.up,
-        first.sensor,
+        None if first.sensor is None else f"of each of {len(clouds)} files: {first.sensor}",
     )

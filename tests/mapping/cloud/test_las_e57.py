@@ -135,6 +135,7 @@ def test_scans_are_joined_each_with_its_place_and_in_one_unit(tmp_path: Path) ->
     assert both.origins_world_m is not None
     assert np.array_equal(both.origins_world_m[[0, -1]], places)
     assert len(both.points_world_m) == 8000
+    assert both.sensor == "of each of 2 files: one place, as given"
     millimetres = point_cloud.read(las(tmp_path / "mm.las", points=1000.0 * POINTS), origin=CORNER)
     with pytest.raises(InputError, match="unit"):
         point_cloud.joined([clouds[0], millimetres])
