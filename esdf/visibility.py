@@ -136,7 +136,7 @@ class CouldHide:
 
     def _likely(self, probability: float) -> str:
         said = (
-            f"{100.0 * probability:.2g} % that something thicker than {1e3 * self.threshold_m:.0f} mm within "
+            f"up to {100.0 * probability:.2g} % that something thicker than {1e3 * self.threshold_m:.0f} mm within "
             f"{self.reach_m:.2f} m is missing from the map"
         )
         if not self.stretches:
