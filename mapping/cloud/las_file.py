@@ -120,7 +120,7 @@ def decompress(path: Path, layout: _Layout, *, progress: Progress = silent) -> N
     parts: list[NDArray[np.void]] = []
     with path.open("rb") as file:
         file.seek(layout.offset)
-        source = lazrs.LasZipDecompressor(file, layout.laszip)
+        source = lazrs.LasZipDecompressor(file, layout.laszip)  # pyright: ignore[reportAttributeAccessIssue]
         for begin in range(0, layout.points, _AT_A_TIME):
             progress("decompress the points", begin / layout.points)
             raw = bytearray(layout.size * min(_AT_A_TIME, layout.points - begin))

@@ -54,7 +54,7 @@ def read(path: Path) -> Space:
     if not path.is_file():
         raise errors.missing(path)
     records, edge_m = _records(path)
-    leaves = _binary(path, records) if len(records.dtype) == 1 else _full(path, records)
+    leaves = _binary(path, records) if records.dtype.names == ("children",) else _full(path, records)
     if not len(leaves.key):
         raise FormatError(f"{path} holds neither free nor occupied space")
     low, high = leaves.key.min(axis=0), (leaves.key + (1 << leaves.height)[:, None]).max(axis=0)
