@@ -19,6 +19,9 @@ from esdf.field import checked_points
 from esdf.grid import Grid, StateArray, checked_state
 from flight import FloatArray, FormatError, InputError, errors, file_format
 
+_SHOWN = 3
+"""Stretches that a sentence names."""
+
 
 @dataclass(frozen=True, slots=True)
 class View:
@@ -53,6 +56,34 @@ class Visibility:
 
 
 @dataclass(frozen=True, slots=True)
+class Stretch:
+    """Part of a path, and how likely the map misses an obstacle within reach of it."""
+
+    start_s: float
+    end_s: float
+    probability: float
+    """That something thicker than the threshold is there and missing from the map."""
+    thickness_m: float
+    """Thinnest obstacle that the images resolve at the place; infinite where no image looked."""
+    point_world_m: tuple[float, float, float]
+    """Where that is likeliest."""
+    image: str
+    """That shows the place from nearest by; empty if none does."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON-able; the thickness is None where no image looked."""
+        finite = self.thickness_m if np.isfinite(self.thickness_m) else None
+        return asdict(self) | {"point_world_m": list(self.point_world_m), "thickness_m": finite}
+
+    def describe(self) -> str:
+        """In words: how likely, when, where, and where to look."""
+        x, y, z = self.point_world_m
+        look = f"look at {self.image}" if self.image else "no image shows it"
+        when = f"{self.start_s:.1f} to {self.end_s:.1f} s"
+        return f"{100.0 * self.probability:.2g} % at {when}, about ({x:.2f}, {y:.2f}, {z:.2f}) m, {look}"
+
+
+@dataclass(frozen=True, slots=True)
 class CouldHide:
     """How thick an obstacle could be along a path, within reach of it, and still be missing from the map."""
 
@@ -69,6 +100,10 @@ class CouldHide:
     """The thickness that the share is about."""
     length_share: float
     """Share of the path's length, 0 to 1, along which an obstacle thicker than that could hide within reach."""
+    probability: float | None = None
+    """That one thicker than the threshold is there; None where the map states no probabilities."""
+    stretches: tuple[Stretch, ...] = ()
+    """Where that is worth a look, the likeliest first; none in well-seen space."""
 
     @property
     def unobserved(self) -> bool:
@@ -78,12 +113,15 @@ class CouldHide:
     def as_dict(self) -> dict[str, Any]:
         """JSON-able; the thickness is None where no image looked."""
         body = asdict(self) | {"point_world_m": list(self.point_world_m), "unobserved": self.unobserved}
+        body |= {"stretches": [stretch.as_dict() for stretch in self.stretches]}
         return body | {"thickness_m": None if self.unobserved else self.thickness_m}
 
     def describe(self) -> str:
-        """In words: how thick, within what distance, where, when, and along how much of the path."""
+        """In words: how likely and where; without probabilities how thick, where, and along how much of the path."""
         if not self.thickness_m > 0.0:
             return f"no obstacle could hide in the free space within {self.reach_m:.2f} m"
+        if self.probability is not None:
+            return self._likely(self.probability)
         x, y, z = self.point_world_m
         what = (
             "an obstacle of any thickness"
@@ -95,6 +133,17 @@ class CouldHide:
             f"{what} could hide within {self.reach_m:.2f} m at {self.time_s:.2f} s, at ({x:.2f}, {y:.2f}, {z:.2f}) m"
             f"{why}; more than {1e3 * self.threshold_m:.0f} mm along {100.0 * self.length_share:.0f} % of the way"
         )
+
+    def _likely(self, probability: float) -> str:
+        said = (
+            f"up to {100.0 * probability:.2g} % that something thicker than {1e3 * self.threshold_m:.0f} mm within "
+            f"{self.reach_m:.2f} m is missing from the map"
+        )
+        if not self.stretches:
+            return said
+        rest = len(self.stretches) - _SHOWN
+        most = "; ".join(stretch.describe() for stretch in self.stretches[:_SHOWN])
+        return f"{said}; {most}" + (f"; {rest} more" if rest > 0 else "")
 
 
 def look(state: ArrayLike, grid: Grid, views: Sequence[View], *, pixels: float = 2.0, coarser: int = 4) -> Visibility:

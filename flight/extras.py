@@ -2,8 +2,8 @@
 
 EXTRAS = {
     "map": {
-        "cv2": "opencv-python-headless", "open3d": "open3d", "pycolmap": "pycolmap", "ruamel.yaml": "ruamel.yaml",
-        "trimesh": "trimesh",
+        "cv2": "opencv-python-headless", "lazrs": "lazrs", "open3d": "open3d", "pycolmap": "pycolmap",
+        "ruamel.yaml": "ruamel.yaml", "trimesh": "trimesh",
     },
     "gcs": {
         "aiohttp": "aiohttp", "msgspec": "msgspec", "open3d": "open3d", "trimesh": "trimesh", "viser": "viser",

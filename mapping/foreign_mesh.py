@@ -23,6 +23,8 @@ EXTENT_M = (0.5, 1000.0)
 """Of the longest edge of the box about a place to fly in."""
 _CERTAINLY_M, _CERTAINLY_MM = (1.0, 200.0), (1000.0, 300_000.0)
 """Extents in the file's numbers from which its unit is guessed; between them are centimetres, feet or metres."""
+_METRES = {".glb": "glTF", ".e57": "E57"}
+"""Kinds of file that are in metres, and what says so."""
 _AXES = {sign + name: (-1.0 if sign else 1.0) * np.eye(3)[k] for sign in ("", "-") for k, name in enumerate("xyz")}
 
 
@@ -42,12 +44,15 @@ class ForeignMesh:
     """Edges of one triangle alone: the rims of holes."""
 
 
-def read(path: Path, *, unit: str | None = None, up: str | None = None) -> ForeignMesh:
+def read(
+    path: Path, *, unit: str | None = None, up: str | None = None, origin: FloatArray | None = None
+) -> ForeignMesh:
     """Read a PLY, OBJ, STL or GLB file.
 
     Args:
         unit: one of `UNITS_M`; None: guessed from the extent.
         up: an axis like `y` or `-z`, or `X,Y,Z`; None: guessed from the type of file.
+        origin: (3,) in the file's numbers, what becomes the origin of the map's frame; None: the file's own.
 
     Raises:
         InputError: there is no such file, it is of another type or too large, or the unit cannot be right.
@@ -57,11 +62,18 @@ def read(path: Path, *, unit: str | None = None, up: str | None = None) -> Forei
     R_world_file, up_because = rotation(path, up)
     extent = float(np.ptp(vertices, axis=0).max())
     unit_m, unit_because = scale(path, extent, unit)
-    vertices = unit_m * vertices @ R_world_file.T
-    reach.require_near_origin(vertices, str(path))
+    remedy = origin_remedy(vertices[0])
+    vertices = unit_m * (vertices if origin is None else vertices - origin) @ R_world_file.T
+    reach.require_near_origin(vertices, str(path), remedy)
     edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     open_edges = int((np.unique(edges, axis=0, return_counts=True)[1] == 1).sum())
     return ForeignMesh(vertices, faces, unit_because, up_because, open_edges)
+
+
+def origin_remedy(place: FloatArray) -> str:
+    """What to do about a file far from its origin, with one of its places (3,) in its numbers."""
+    x, y, z = np.round(place, -1).tolist()
+    return f"give --origin {x:.0f},{y:.0f},{z:.0f}, the place in its numbers that becomes the map's origin"
 
 
 def of_map(area: Map) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]]:
@@ -141,8 +153,8 @@ def scale(path: Path, extent: float, unit: str | None) -> tuple[float, str]:
     Raises:
         InputError: it cannot be guessed from the extent in the file's numbers, or a map would not be that large.
     """
-    if unit is None and path.suffix.lower() == ".glb":
-        unit, why = "m", "glTF's rule"
+    if unit is None and path.suffix.lower() in _METRES:
+        unit, why = "m", f"{_METRES[path.suffix.lower()]}'s rule"
     elif unit is not None:
         why = "as given"
     elif _CERTAINLY_M[0] <= extent <= _CERTAINLY_M[1]:

@@ -2,16 +2,17 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import esdf
 from esdf import FREE, UNKNOWN, Edit, Field, Grid
-from esdf.visibility import CouldHide, Visibility
-from flight import FloatArray, InputError
-from mapping.camera.rig import Rig
-from mapping.dense import fusion, resolution
+from esdf.visibility import CouldHide, Stretch, Visibility, line_of_sight
+from flight import FloatArray, InputError, frames
+from mapping.camera.rig import Camera, Rig
+from mapping.dense import fusion, missing, resolution
 
 THRESHOLD_M = 0.03
 """Obstacles thicker than a thumb and a half: poles, branches, chair legs, of which a map should know."""
@@ -19,6 +20,15 @@ _NEIGHBOURS = 8
 """Places compared for the least distance between a voxel's box and a path, found by the distance of their centres."""
 _TOUCH_M = 1e-9
 """What is just as far away as it must be is not within reach."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shot:
+    """An image, and where it was taken."""
+
+    name: str
+    camera: Camera
+    T_world_camera: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,6 +41,9 @@ class FreeSpace:
     """The thinnest obstacle that the images resolve, place by place."""
     empty: NDArray[np.bool_]
     """(nx, ny, nz) voxels of the field where nothing can hide, whatever the images resolve (`known_empty`)."""
+    stated: NDArray[np.float16] | None = None
+    """(nx, ny, nz) how likely each voxel holds something, see `mapping.dense.occupancy`; None: not known."""
+    shots: tuple[Shot, ...] = ()
 
     def resolving(self, thickness_m: float) -> Field:
         """The field in which space is unknown, hence not free, where an obstacle this thick could hide.
@@ -60,17 +73,59 @@ class FreeSpace:
         nearest, distance_m = _nearest(path, places, half)
         within = distance_m < reach_m - _TOUCH_M
         if not within.any():
-            return CouldHide(reach_m, 0.0, 0.0, _point(path[0]), THRESHOLD_M, 0.0)
+            none = None if self.stated is None else 0.0
+            return CouldHide(reach_m, 0.0, 0.0, _point(path[0]), THRESHOLD_M, 0.0, none)
         places, nearest = places[within], nearest[within]
         thickness_m = self.seen.finest(places)
         worst = np.flatnonzero(thickness_m == thickness_m.max())
         first = worst[np.argmin(times[nearest[worst]])]
-        thick = places[thickness_m > THRESHOLD_M]
+        is_thick = thickness_m > THRESHOLD_M
+        thick = places[is_thick]
+        probability, stretches = self._likely(thick, nearest[is_thick], times, path, reach_m)
         share = 0.0
         if len(thick):
             share = float((_nearest(thick, path, half)[1] < reach_m - _TOUCH_M).mean())
         time_s, point = float(times[nearest[first]]), _point(places[first])
-        return CouldHide(reach_m, float(thickness_m[first]), time_s, point, THRESHOLD_M, share)
+        return CouldHide(reach_m, float(thickness_m[first]), time_s, point, THRESHOLD_M, share, probability, stretches)
+
+    def _likely(
+        self,
+        places_world_m: FloatArray,
+        nearest: NDArray[np.int64],
+        times: FloatArray,
+        path_world_m: FloatArray,
+        reach_m: float,
+    ) -> tuple[float | None, tuple[Stretch, ...]]:
+        """How likely something is in one of the places (m, 3), and the stretches where that is worth a look."""
+        if self.stated is None:
+            return None, ()
+        stated = self.stated[tuple(self.field.grid.index(places_world_m).T)].astype(np.float64)
+        near = missing.Near(nearest, stated)
+        things = missing.expected(near, reach_m, float(np.max(self.field.grid.voxel_m)))
+        found = missing.parts(near, things, path_world_m, reach_m)
+        return float(-np.expm1(-things.sum())), tuple(
+            Stretch(
+                float(times[part.first]),
+                float(times[part.last]),
+                part.probability,
+                float(self.seen.finest(places_world_m[[part.place]])[0]),
+                _point(places_world_m[part.place]),
+                self.image_of(places_world_m[part.place]),
+            )
+            for part in found
+        )
+
+    def image_of(self, place_world_m: FloatArray) -> str:
+        """The image that shows a place (3,) from nearest by, with nothing occupied before it; empty if none does."""
+        by_distance = sorted(self.shots, key=lambda s: float(np.linalg.norm(s.T_world_camera[:3, 3] - place_world_m)))
+        for shot in by_distance:
+            pixel = shot.camera.project(frames.apply(frames.invert(shot.T_world_camera), place_world_m[None]))
+            eye = shot.T_world_camera[:3, 3]
+            if not (shot.camera.contains(pixel)[0] and self.field.grid.contains(eye[None])[0]):
+                continue
+            if line_of_sight(self.field.state, self.field.grid, eye, place_world_m[None])[0]:
+                return shot.name
+        return ""
 
     def profile(self, positions_world_m: ArrayLike, reach_m: float) -> FloatArray:
         """How thick an obstacle could hide at most within reach of each position (n, 3), for a chart.
@@ -114,6 +169,26 @@ class FreeSpace:
         cells = np.argwhere(free) + np.array(box.low)
         far_m, _ = KDTree(path_world_m).query(grid.centre(cells), distance_upper_bound=distance_m)
         return cells[np.isfinite(far_m)]
+
+
+class Placed(Protocol):
+    """Images of a map, as `mapping.Map` has them."""
+
+    @property
+    def images(self) -> tuple[str, ...]: ...
+    @property
+    def rig(self) -> Rig: ...
+    @property
+    def T_world_body(self) -> FloatArray: ...
+
+
+def shots(placed: Placed) -> tuple[Shot, ...]:
+    """All images of a map, each by its name within the folder of images."""
+    return tuple(
+        Shot(name if camera.folder == "." else f"{camera.folder}/{name}", camera, pose @ camera.T_body_camera)
+        for name, pose in zip(placed.images, placed.T_world_body, strict=True)
+        for camera in placed.rig
+    )
 
 
 def known_empty(

@@ -235,7 +235,8 @@ class Map:
         edits = esdf.load_edits(edited) if edited.exists() else ()
         radius_m = float(self.facts.get("carrier_radius_m", 0.0))
         empty = free_space.known_empty(self.field.grid, edits, self.rig, self.T_world_body, radius_m)
-        return FreeSpace(self.field, self.visibility(), empty)
+        stated = occupancy.load(self.folder / occupancy.FILE, self.field.grid.shape)
+        return FreeSpace(self.field, self.visibility(), empty, stated, free_space.shots(self))
 
     def localization_map(self) -> LocalizationMap:
         """Points with descriptors.

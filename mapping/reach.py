@@ -8,8 +8,14 @@ FARTHEST_M = 10_000.0
 """At the coordinates of a national grid, 5,400 km, a mesh would be off by 0.25 m."""
 
 
-def require_near_origin(points_world_m: FloatArray, what: str) -> None:
+_REMEDY = "subtract a round number of metres from all coordinates (of a national grid, say)"
+
+
+def require_near_origin(points_world_m: FloatArray, what: str, remedy: str = _REMEDY) -> None:
     """Check that positions (n, 3), NaN where unknown, are not too far from the origin.
+
+    Args:
+        remedy: what to do about it, for the message.
 
     Raises:
         InputError: one of them is; the message names `what`.
@@ -18,5 +24,5 @@ def require_near_origin(points_world_m: FloatArray, what: str) -> None:
     if known.size and (farthest_m := float(known.max())) > FARTHEST_M:
         raise InputError(
             f"{what} would lie {farthest_m / 1000.0:,.4g} km from the origin, at most {FARTHEST_M / 1000.0:g} km may "
-            "be: subtract a round number of metres from all coordinates (of a national grid, say)"
+            f"be: {remedy}"
         )

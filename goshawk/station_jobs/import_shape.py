@@ -96,7 +96,7 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
         up=_stated(asked.up),
         voxel_m=None if _is_floor(Path(asked.file)) else asked.voxel_m,
         observed=(asked.observed,) if asked.observed.strip() else (),
-        sensor=asked.sensor if asked.sensor.strip() else None,
+        sensors=(asked.sensor,) if asked.sensor.strip() else (),
         heights=asked.heights if asked.heights.strip() else None,
         beside=True,
     )

@@ -1,6 +1,6 @@
 """Points in metres with z up, and from where each was measured, if somebody says so."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from flight import FloatArray, FormatError, InputError
 from mapping import foreign_mesh, reach
+from mapping.cloud import columns as files
 from mapping.cloud import point_file
 from mapping.input import trajectory
 
@@ -46,8 +47,9 @@ def read(
     sensor_world_m: FloatArray | None = None,
     poses: Path | None = None,
     viewpoints: bool = False,
+    origin: FloatArray | None = None,
 ) -> PointCloud:
-    """Read a PLY or PCD file of points.
+    """Read a file of points: PLY, PCD, LAS, LAZ, E57.
 
     Args:
         unit: of `foreign_mesh.UNITS_M`; None: guessed from the extent.
@@ -55,7 +57,8 @@ def read(
         sensor_world_m: (3,) from where all points were measured.
         poses: file of the sensor's poses, in metres in the axes of the cloud, in TUM's or EuRoC's format; each point's
             own time says from which it was measured.
-        viewpoints: whether the points' own columns `VIEWPOINT` say so, or else a PCD file's header.
+        viewpoints: whether the points' own columns `VIEWPOINT` say so, an E57 file's scans, or a PCD file's header.
+        origin: (3,) in the file's numbers, what becomes the origin of the map's frame; None: the file's own.
 
     Raises:
         InputError: the file is missing, of another type or too large, the unit cannot be right, times are of another
@@ -64,7 +67,7 @@ def read(
     """
     if sum((sensor_world_m is not None, poses is not None, viewpoints)) > 1:
         raise InputError("give one of --sensor, --sensor-poses and --viewpoints: each says from where was measured")
-    columns = point_file.read(path)
+    columns = files.read(path)
     points = _stacked(columns, ("x", "y", "z"))
     finite = np.isfinite(points).all(axis=1)
     if not finite.any():
@@ -73,15 +76,18 @@ def read(
     points = points[finite] if dropped else points
     R_world_file, up_because = foreign_mesh.rotation(path, up)
     unit_m, unit_because = foreign_mesh.scale(path, float(np.ptp(points, axis=0).max()), unit)
-    points = points @ (unit_m * R_world_file.T)
-    reach.require_near_origin(points, str(path))
+    start = np.zeros(3) if origin is None else origin
+    points = (points - start) @ (unit_m * R_world_file.T)
+    reach.require_near_origin(points, str(path), foreign_mesh.origin_remedy(start + points[0] @ R_world_file / unit_m))
     origins, sensor = None, None
     if sensor_world_m is not None:
         origins, sensor = np.broadcast_to(sensor_world_m, points.shape), "one place, as given"
     elif viewpoints:
-        origins, sensor = _viewpoints(path, columns)[finite] @ (unit_m * R_world_file.T), "the points' viewpoints"
+        places = _viewpoints(path, columns)[finite] - start
+        origins, sensor = places @ (unit_m * R_world_file.T), "the points' viewpoints"
     elif poses is not None:
         positions, time_unit = _sensor_at(poses, _times(path, columns)[finite])
+        positions -= unit_m * start
         origins, sensor = positions @ R_world_file.T, f"poses of {poses.name}, times of points in {time_unit}"
     if origins is not None:
         _require_near(path, points, origins)
@@ -114,8 +120,11 @@ def _viewpoints(path: Path, columns: Mapping[str, NDArray[np.generic]]) -> Float
             "programs write that know none; give --sensor or --sensor-poses instead"
         )
     origins = _stacked(columns, VIEWPOINT)
-    if not np.any(origins):
-        raise FormatError(f"{path}: all its vp_x, vp_y and vp_z are 0, which programs write that know none")
+    if not np.any(origins[np.isfinite(origins).all(axis=1)]):
+        raise FormatError(
+            f"{path}: its points' places of measurement are all 0 or not known, which programs write that know none; "
+            "give --sensor or --sensor-poses instead"
+        )
     origins[~np.isfinite(origins).all(axis=1)] = np.nan
     return origins
 
@@ -163,3 +172,31 @@ def _sensor_at(path: Path, times: NDArray[np.generic]) -> tuple[FloatArray, str]
     if not np.isfinite(origins[:, 0]).any():
         raise InputError(f"{path} has no poses near the times of the points, {low:.6g} to {high:.6g}")
     return origins, unit
+
+
+def joined(clouds: Sequence[PointCloud]) -> PointCloud:
+    """Scans of one place and frame as one cloud.
+
+    Raises:
+        InputError: they were read in different units, or hold too many points.
+    """
+    first = clouds[0]
+    if units := {cloud.unit.split(" ")[0] for cloud in clouds[1:]} - {first.unit.split(" ")[0]}:
+        raise InputError(f"the unit of the first file is {first.unit}, of another one {units.pop()}: give --unit")
+    count = sum(len(cloud.points_world_m) for cloud in clouds)
+    if count > point_file.MOST_POINTS:
+        raise InputError(
+            f"together the files hold {count / 1e6:.4g} million points, at most "
+            f"{point_file.MOST_POINTS / 1e6:g} million are read: thin them"
+        )
+    known = [
+        np.full(c.points_world_m.shape, np.nan) if c.origins_world_m is None else c.origins_world_m for c in clouds
+    ]
+    return PointCloud(
+        np.concatenate([cloud.points_world_m for cloud in clouds]),
+        None if all(c.origins_world_m is None for c in clouds) else np.concatenate(known),
+        sum(cloud.not_finite for cloud in clouds),
+        first.unit,
+        first.up,
+        None if first.sensor is None else f"of each of {len(clouds)} files: {first.sensor}",
+    )

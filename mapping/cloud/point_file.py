@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import FormatError, InputError, errors
+from flight import FormatError, InputError
 
 SUFFIXES = (".ply", ".pcd")
 LARGEST_BYTES = 4_000_000_000
@@ -48,13 +48,9 @@ def read(path: Path) -> Mapping[str, NDArray[np.generic]]:
     """The named columns (n,) of the points, in the file's own types; `x`, `y` and `z` are among them.
 
     Raises:
-        InputError: there is no such file, or it is of another type or too large.
+        InputError: it is too large.
         FormatError: it is damaged or cut off, or holds no points.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(f"{path} is not one of {', '.join(SUFFIXES)}; convert it, with CloudCompare say")
-    if not path.is_file():
-        raise errors.missing(path)
     layout = _ply(path) if path.suffix.lower() == ".ply" else _pcd(path)
     _require_plausible(path, layout)
     read = {"text": _text, "binary": _binary, "compressed": _compressed}[layout.coding]
@@ -93,21 +89,33 @@ def _require_plausible(path: Path, layout: Layout) -> None:
         raise FormatError(f"{path}: its points have no {', '.join(missing)}; they have {', '.join(names)[:200]}")
     if len(set(names)) != len(names) or not "".join(names).isascii():
         raise FormatError(f"{path}: a name of a column is there twice, or not in ASCII; export it again")
-    if layout.points < 1:
+    require_few(path, layout.points)
+    needed, there = layout.points * np.dtype(list(layout.types)).itemsize, path.stat().st_size - layout.offset
+    if layout.coding == "binary" and there < needed:
+        raise cut_off(path, layout.points, needed, there)
+
+
+def require_few(path: Path, points: int) -> None:
+    """
+    Raises:
+        FormatError: a file states no points; InputError: it states more than memory is for, or is too large.
+    """
+    if points < 1:
         raise FormatError(f"{path} holds no points; export it again")
     size = path.stat().st_size
-    if layout.points > MOST_POINTS or size > LARGEST_BYTES:
+    if points > MOST_POINTS or size > LARGEST_BYTES:
         raise InputError(
-            f"{path} holds {layout.points / 1e6:,.4g} million points in {size / 1e9:.3g} GB, at most "
+            f"{path} holds {points / 1e6:,.4g} million points in {size / 1e9:.3g} GB, at most "
             f"{MOST_POINTS / 1e6:g} million in {LARGEST_BYTES / 1e9:g} GB are read: thin it to a few per voxel, with "
             "CloudCompare say"
         )
-    needed = layout.points * np.dtype(list(layout.types)).itemsize
-    if layout.coding == "binary" and size - layout.offset < needed:
-        raise FormatError(
-            f"{path} is cut off: its {layout.points} points take {needed} bytes, and {size - layout.offset} are there; "
-            "copy it again"
-        )
+
+
+def cut_off(path: Path, points: int, needed: int, there: int) -> FormatError:
+    """The error of a file that ends before its points do, in bytes."""
+    return FormatError(
+        f"{path} is cut off: its {points} points take {needed} bytes, and {there} are there; copy it again"
+    )
 
 
 def _header(path: Path, last: bytes) -> tuple[list[str], int]:

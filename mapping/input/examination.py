@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from flight import FloatArray, Progress, rotations, silent
 from mapping import workers
 from mapping.camera.rig import Camera
-from mapping.input import selection
+from mapping.input import selection, stereo_order
 from mapping.input.images import ImageSet
+from mapping.input.stereo_order import Features
 
 FEW_INSTANTS = 8
 """Fewer instants make a poor map, if any."""
@@ -103,16 +104,40 @@ def examine(images: ImageSet, *, progress: Progress = silent) -> Examination:
         usable = lit[camera] if used is None else lit[camera] & used
         return _look(images.gray(instant, camera), usable, images.rig.cameras[camera])
 
+    fitting: dict[tuple[int, int], FloatArray] = {}
+    asked = max(1, len(images.instants) // stereo_order.MOST_INSTANTS)
     looks = zip(images.pairs(), workers.in_order(look, images.pairs()), strict=True)
     for number, ((instant, camera), here) in enumerate(looks, start=1):
         seen[instant, camera] = here
         if (before := seen.get((instant - 1, camera))) is not None:
             here.matches_before, here.turn_rad = _compared(before, here, images.rig.cameras[camera])
             before.descriptors = before.descriptors[:0]  # the features of a few images are held at once
+        for other in range(camera) if instant % asked == 0 else ():
+            if (beside := seen.get((instant, other))) is not None:
+                both = images.rig.cameras[other], images.rig.cameras[camera]
+                found = stereo_order.fitting(_features(beside), _features(here), both)
+                fitting[other, camera] = fitting.get((other, camera), np.zeros(2)) + found
         progress(_STAGE, number / images.count)
     facts = tuple(_facts(images, seen, shot) for shot in images.pairs())
-    exchanged = _exchanged(images, seen)
-    return Examination(facts, (*_set_problems(images, facts), *_swap_problem(exchanged)), exchanged)
+    exchanged, why = (
+        _exchanged(images, seen),
+        "the turns that the images show fit the camera file only in another order",
+    )
+    if not exchanged:
+        exchanged, why = _behind(images, fitting), "in the camera file's order, what both see would lie behind them"
+    return Examination(facts, (*_set_problems(images, facts), *_swap_problem(exchanged, why)), exchanged)
+
+
+def _features(seen: _Seen) -> Features:
+    return Features(seen.rays, seen.descriptors)
+
+
+def _behind(images: ImageSet, fitting: dict[tuple[int, int], FloatArray]) -> tuple[str, ...]:
+    """Folders of two cameras that look the same way and are exchanged."""
+    for pair, (given, exchanged) in fitting.items():
+        if stereo_order.are_exchanged(int(given), int(exchanged)):
+            return tuple(images.rig.cameras[k].folder for k in pair)
+    return ()
 
 
 def _look(gray: np.ndarray, usable: np.ndarray, camera: Camera) -> _Seen:
@@ -247,10 +272,10 @@ def _exchanged(images: ImageSet, seen: dict[tuple[int, int], _Seen]) -> tuple[st
     return tuple(cameras[k].folder for k in given if best[k] != k)
 
 
-def _swap_problem(exchanged: tuple[str, ...]) -> list[str]:
+def _swap_problem(exchanged: tuple[str, ...], why: str) -> list[str]:
     if not exchanged:
         return []
     return [
-        f"the folders {', '.join(exchanged)} seem to be exchanged: the turns that the images show fit the camera file "
-        "only in another order; exchange them, or the cameras in the camera file"
+        f"the folders {', '.join(exchanged)} seem to be exchanged: {why}; exchange them, or the cameras in the camera "
+        "file"
     ]

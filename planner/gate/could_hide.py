@@ -101,8 +101,13 @@ def advice(report: GateReport) -> str:
 
 
 def worth_a_warning(report: GateReport) -> bool:
-    """Whether something thick enough to warn of could hide, or nothing is known of it, and nobody asked for less."""
+    """Whether something thick enough to warn of could hide, or nothing is known of it, and nobody asked for less.
+
+    Where the map states how likely that is, only if it is likely enough for a look.
+    """
     found = report.could_hide
+    if found is not None and found.probability is not None:
+        return report.thinnest_m is None and bool(found.stretches)
     return report.thinnest_m is None and (found is None or found.thickness_m > found.threshold_m)
 
 

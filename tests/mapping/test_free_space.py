@@ -1,5 +1,6 @@
 """Free space in which an obstacle could hide: how thin, where along a path, and the field without such space."""
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,10 @@ import esdf
 import mapping
 from esdf import FREE, OCCUPIED, UNKNOWN, Edit, Grid
 from esdf.solids import Box, Room
-from esdf.visibility import View, Visibility, look, save_visibility
+from esdf.visibility import CouldHide, View, Visibility, look, save_visibility
 from flight import InputError
 from mapping import map_folder
-from mapping.free_space import THRESHOLD_M, FreeSpace, known_empty
+from mapping.free_space import THRESHOLD_M, FreeSpace, Shot, known_empty
 from tests.mapping.test_map_folder import RIG, made_map
 
 GRID = Grid((-0.1,) * 3, (0.1,) * 3, (62, 42, 27))
@@ -155,3 +156,72 @@ def test_a_map_without_images_says_that_it_is_not_known(tmp_path: Path) -> None:
     assert mapping.open_map(folder).free_space() is None
     save_visibility(folder / map_folder.VISIBILITY, seen)
     assert mapping.open_map(folder).free_space() is not None
+
+
+def stated(chance: float, patch: float = np.nan, x: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+    """How likely each voxel holds something, another chance between two x."""
+    values = np.full(GRID.shape, chance, np.float16)
+    places = GRID.centres()[..., 0]
+    values[(places > x[0]) & (places < x[1])] = patch
+    return values
+
+
+def likely(chances: np.ndarray | None, thickness_m: float = 0.08, shots: tuple[Shot, ...] = ()) -> CouldHide:
+    space = FreeSpace(esdf.build(ROOM, GRID), everywhere(thickness_m), NOTHING, chances, shots)
+    return space.along(*line((1.0, 2.0, 1.2), (5.0, 2.0, 1.2)), 0.3)
+
+
+def test_a_stretch_lies_where_the_map_states_that_something_is_likely():
+    found = likely(stated(1e-6, 1e-3, (2.5, 3.0)))
+    (stretch,) = found.stretches
+    assert 0.5 - 0.2 < stretch.start_s < stretch.end_s < 1.0 + 0.35  # the path is at x = 1 + 2 t
+    assert 2.4 < stretch.point_world_m[0] < 3.1
+    assert np.linalg.norm(np.array(stretch.point_world_m)[1:] - [2.0, 1.2]) < 0.3 + GRID.half_diagonal_m
+    assert 0.7 * found.probability < stretch.probability <= found.probability  # its ends are too unlikely to name
+    assert stretch.thickness_m == pytest.approx(0.08)
+    assert "% at" in found.describe()
+    assert found.as_dict()["stretches"][0]["probability"] == stretch.probability
+
+
+def test_a_rod_through_the_reach_counts_about_once():
+    voxels = np.full(GRID.shape, 0.0, np.float16)
+    rod = tuple(GRID.index(np.array([[3.05, 0.0, 1.25]]))[0][[0, 2]])
+    voxels[rod[0], :, rod[1]] = 0.5  # as likely there as not, along a whole row
+    assert 0.3 < likely(voxels).probability < 0.6
+
+
+@given(st.floats(1e-5, 1e-2), st.floats(1.0, 10.0))
+def test_the_likelier_a_voxel_holds_something_the_likelier_the_path_meets_it(chance, times):
+    assert likely(stated(chance)).probability <= likely(stated(chance * times)).probability
+
+
+def test_well_seen_space_says_nothing_and_what_is_not_stated_counts_as_not_looked_at():
+    assert likely(stated(1e-7)).stretches == ()
+    assert likely(stated(1.0), thickness_m=0.02).probability == 0.0  # images resolve 20 mm everywhere
+    assert likely(stated(np.nan)).probability == pytest.approx(likely(stated(6e-4)).probability, rel=1e-2)
+    spread = sorted(likely(stated(3e-4)).stretches, key=lambda stretch: stretch.start_s)
+    assert spread[0].start_s == 0.0  # unlikely at each place but both ends, not along the whole way
+    assert spread[-1].end_s == pytest.approx(2.0)
+    assert all(before.end_s < after.start_s < before.end_s + 0.02 for before, after in itertools.pairwise(spread))
+    assert likely(None).probability is None
+
+
+def test_the_stretches_come_likeliest_first_and_make_up_the_whole():
+    chances = stated(0.0, 2e-3, (1.5, 1.8))
+    chances[stated(0.0, 1.0, (4.0, 4.6)) == 1.0] = 4e-3
+    found = likely(chances)
+    first, second = found.stretches
+    assert first.probability > second.probability
+    assert first.start_s > second.end_s
+    whole = 1.0 - (1.0 - first.probability) * (1.0 - second.probability)
+    assert found.probability == pytest.approx(whole, rel=1e-3)
+
+
+def test_the_image_to_look_at_shows_the_place_from_nearest_by_with_nothing_before_it():
+    camera = RIG.cameras[0]
+    poses = np.tile(np.eye(4), (4, 1, 1))
+    poses[:, :3, 3] = [[1.0, 2.0, 1.2], [2.0, 2.0, 1.2], [4.0, 2.0, 1.2], [2.9, 2.0, 9.0]]  # the third looks away
+    taken = tuple(Shot(f"{k}.png", camera, pose @ camera.T_body_camera) for k, pose in enumerate(poses))
+    found = likely(stated(0.0, 1e-2, (2.9, 3.1)), shots=taken)
+    assert found.stretches[0].image == "1.png"
+    assert likely(stated(0.0, 1e-2, (2.9, 3.1)), shots=taken[2:]).stretches[0].image == ""

@@ -1,12 +1,13 @@
 """The points of `goshawk map import`."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flight import FloatArray, Progress
+from flight import FloatArray, InputError, Progress
 from goshawk.terminal import console
 
 
@@ -14,9 +15,20 @@ from goshawk.terminal import console
 class Rays:
     """From where the points were measured, as the options say; one of them at most."""
 
-    sensor: str | None
+    sensors: tuple[str, ...]
+    """One for all files, or one for each."""
     poses: Path | None
     viewpoints: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Taken:
+    """How coordinates of the files are taken; None: as these say, or as is guessed."""
+
+    unit: str | None
+    up: str | None
+    origin: FloatArray | None
+    """(3,) in the files' numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,16 +43,31 @@ class Options:
 
 
 def read(
-    file: Path, unit: str | None, up: str | None, rays: Rays, options: Options, progress: Progress
+    files: Sequence[Path], taken: Taken, rays: Rays, options: Options, progress: Progress
 ) -> tuple[Any, Any, dict[str, Any]]:
     """The surface of the occupied voxels, all voxels, and facts about them."""
     from mapping import foreign_mesh
     from mapping.cloud import occupancy, point_cloud
 
-    sensor = None if rays.sensor is None else np.array(console.numbers("--sensor", rays.sensor, 3))
-    cloud = point_cloud.read(
-        file, unit=unit, up=up, sensor_world_m=sensor, poses=rays.poses, viewpoints=rays.viewpoints
-    )
+    places = [np.array(console.numbers("--sensor", text, 3)) for text in rays.sensors]
+    if len(places) not in (0, 1, len(files)):
+        raise InputError(
+            f"--sensor is given {len(places)} times for {len(files)} files; give it once, or once for each"
+        )
+    stations = places if len(places) == len(files) else [places[0] if places else None] * len(files)
+    clouds = [
+        point_cloud.read(
+            file,
+            unit=taken.unit,
+            up=taken.up,
+            sensor_world_m=station,
+            poses=rays.poses,
+            viewpoints=rays.viewpoints,
+            origin=taken.origin,
+        )
+        for file, station in zip(files, stations, strict=True)
+    ]
+    cloud = clouds[0] if len(clouds) == 1 else point_cloud.joined(clouds)
     progress("voxels", 0.3)
     carved = occupancy.carve(
         cloud,

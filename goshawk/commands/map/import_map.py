@@ -1,4 +1,4 @@
-"""`goshawk map import`: a map without images, from a mesh, points or a two-dimensional map of another program."""
+"""`goshawk map import`: a map without images, from a mesh, points, an OctoMap or a two-dimensional map of others."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,11 +15,13 @@ from mapping import map_folder
 _VOXEL_M, _GAP_M = 0.05, 0.2
 _IMAGES = (".pgm", ".png", ".bmp", ".jpg", ".jpeg", ".tif", ".tiff")
 _KINDS = {"mesh": "meshes", "cloud": "points", "map": "two-dimensional maps (YAML)"}
-_A_KIND = {"mesh": "a mesh", "cloud": "a cloud of points", "map": "a two-dimensional map"}
+"""Of which an option says something."""
+_A_KIND = {"mesh": "a mesh", "cloud": "a cloud of points", "map": "a two-dimensional map", "octomap": "an OctoMap"}
 _OF_SHAPES, _OF_CLOUDS = ("mesh", "cloud"), ("cloud",)
 _FOR: dict[str, tuple[str, ...]] = {
     "--unit": _OF_SHAPES,
     "--up": _OF_SHAPES,
+    "--origin": _OF_SHAPES,
     "--voxel": _OF_SHAPES,
     "--observed": _OF_SHAPES,
     "--sensor": _OF_CLOUDS,
@@ -34,6 +36,7 @@ _KEPT = (
     "imported_from",
     "unit",
     "up",
+    "origin",
     "observed_world_m",
     "open_edges",
     "open_sides",
@@ -46,6 +49,7 @@ _MAKES_FREE = {
     "mesh": "name a place that is, by --observed X,Y,Z",
     "cloud": "say from where they were measured (--sensor, --sensor-poses, --viewpoints), or what is free (--observed)",
     "map": "check its image and free_thresh",
+    "octomap": "it states none",
 }
 
 
@@ -57,7 +61,8 @@ class Asked:
     up: str | None = None
     voxel_m: float | None = None
     observed: tuple[str, ...] = ()
-    sensor: str | None = None
+    origin: str | None = None
+    sensors: tuple[str, ...] = ()
     poses: Path | None = None
     viewpoints: bool = False
     least_points: int | None = None
@@ -65,21 +70,31 @@ class Asked:
     heights: str | None = None
     beside: bool = False
     """Whether a file may name another one of its own folder only."""
+    more: tuple[Path, ...] = ()
+    """Other scans of the same place, in the same frame."""
 
 
 @click.command("import")
-@click.argument("file", metavar="FILE", type=click.Path(path_type=Path))
+@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @console.path_option("--out", "out", "Map folder to write.", required=True)
 @click.option("--unit", type=click.Choice(["m", "mm", "cm", "ft"]), help="Unit of FILE [default: guessed, and shown].")
 @click.option("--up", "up", metavar="AXIS", help="Direction that is up: x, y, z, -x, -y, -z or X,Y,Z of FILE.")
+@click.option("--origin", metavar="X,Y,Z", help="Place in FILE's numbers that becomes the map's origin.")
 @click.option("--voxel", "voxel_m", type=float, help="Edge of a voxel, metres [default: 0.05].")
 @click.option(
     "--observed", "observed", multiple=True, metavar="X,Y,Z",
     help="A place in the map that is known to be free, with all that no surface parts from it; may be repeated.",
 )  # fmt: skip
-@click.option("--sensor", metavar="X,Y,Z", help="Place in the map from which all points were measured.")
+@click.option(
+    "--sensor", "sensors", multiple=True, metavar="X,Y,Z",
+    help="Place in the map from which all points were measured; of several FILEs, once for each.",
+)  # fmt: skip
 @console.path_option("--sensor-poses", "poses", "Poses of the sensor by the times of the points, TUM or EuRoC.")
-@click.option("--viewpoints", is_flag=True, help="Points were measured from their vp_x, vp_y, vp_z, or PCD's header.")
+@click.option(
+    "--viewpoints",
+    is_flag=True,
+    help="Points were measured from their vp_x, vp_y, vp_z, PCD's header or E57's scanners.",
+)
 @click.option("--least-points", type=click.IntRange(1), help="Points in an occupied voxel [default: 1].")
 @click.option(
     "--gap",
@@ -92,13 +107,14 @@ class Asked:
 @outputs.overwrite_option
 @console.common_options
 def import_(
-    file: Path,
+    files: tuple[Path, ...],
     out: Path,
     unit: str | None,
     up: str | None,
+    origin: str | None,
     voxel_m: float | None,
     observed: tuple[str, ...],
-    sensor: str | None,
+    sensors: tuple[str, ...],
     poses: Path | None,
     viewpoints: bool,
     least_points: int | None,
@@ -108,14 +124,19 @@ def import_(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Make a map of another program's mesh (PLY, OBJ, STL, GLB), points (PLY, PCD) or ROS map (map_server's YAML).
+    """Make a map of another program's mesh, points, OctoMap or ROS map.
+
+    Meshes are PLY, OBJ, STL or GLB; points PLY, PCD, LAS, LAZ or E57; OctoMaps BT or OT; ROS maps map_server's YAML.
 
     \b
     goshawk map import room.ply --out map --dry-run
     goshawk map import room.ply --out map --observed 2,1.5,1.2
     goshawk map import house.stl --out map --unit mm --up y --observed 2,1.5,1.2
     goshawk map import scan.pcd --out map --sensor 0,0,1.5
-    goshawk map import walk.ply --out map --sensor-poses lidar_tum.txt
+    goshawk map import a.las b.las --out map --origin 512300,5403200,410 --sensor 4,5,2 --sensor 9,5,2
+    goshawk map import station.e57 --out map --viewpoints
+    goshawk map import walk.laz --out map --sensor-poses lidar_tum.txt
+    goshawk map import robot.bt --out map
     goshawk map import hall.yaml --out map --heights 0,2.5
 
     Voxels that a triangle touches are occupied, all others unknown: a mesh does not say what was seen. --observed
@@ -125,14 +146,19 @@ def import_(
     Of points, voxels that hold some are occupied. Free is what a ray from the sensor to its point passed before
     anything occupied: --sensor, --sensor-poses or --viewpoints say from where. The poses are in metres in FILE's
     axes, of the sensor itself. --observed passes no hole up to --gap wide, and stays half of it away from points.
+    Several FILEs are scans in one frame, each with its own place.
+
+    An OctoMap states what is free, occupied and unknown, and is taken as it is.
 
     A map of map_server holds for one height. With --heights you state that all between LOW and HIGH is as at that one,
     free or occupied: tables and lamps are what it does not show. Its cells become voxels.
     """
-    asked = Asked(unit, up, voxel_m, observed, sensor, poses, viewpoints, least_points, gap_m, heights)
+    asked = Asked(
+        unit, up, voxel_m, observed, origin, sensors, poses, viewpoints, least_points, gap_m, heights, more=files[1:]
+    )
     with console.progress() as progress:
-        kind, document = import_file(file, out, asked, dry_run=dry_run, overwrite=overwrite, progress=progress)
-    console.show(f"import of {file}", _facts(kind, document), as_json=as_json, document=document)
+        kind, document = import_file(files[0], out, asked, dry_run=dry_run, overwrite=overwrite, progress=progress)
+    console.show(f"import of {', '.join(map(str, files))}", _facts(kind, document), as_json=as_json, document=document)
 
 
 def import_file(
@@ -149,26 +175,30 @@ def import_file(
             raise InputError(f"{name} is {value:g} m; it must be above 0")
     kind = _kind(file)
     _require_fitting(kind, asked)
+    origin = None if asked.origin is None else np.array(console.numbers("--origin", asked.origin, 3))
     results.require_free_folder(out, overwrite=overwrite, ours=map_folder.is_map)
     from mapping import foreign_mesh, imported
 
     progress("read the file", 0.0)
     if kind == "map":
         mesh, space, facts = _floor(file, asked.heights, beside=asked.beside)
+    elif kind == "octomap":
+        mesh, space, facts = _octomap(file)
     elif kind == "cloud":
         from goshawk.commands.map import import_cloud
 
-        rays = import_cloud.Rays(asked.sensor, asked.poses, asked.viewpoints)
+        rays = import_cloud.Rays(asked.sensors, asked.poses, asked.viewpoints)
         options = import_cloud.Options(
             asked.voxel_m or _VOXEL_M, asked.least_points or 1, places, asked.gap_m or _GAP_M
         )
-        mesh, space, facts = import_cloud.read(file, asked.unit, asked.up, rays, options, progress)
+        taken = import_cloud.Taken(asked.unit, asked.up, origin)
+        mesh, space, facts = import_cloud.read((file, *asked.more), taken, rays, options, progress)
     else:
-        mesh = foreign_mesh.read(file, unit=asked.unit, up=asked.up)
+        mesh = foreign_mesh.read(file, unit=asked.unit, up=asked.up, origin=origin)
         progress("voxels", 0.3)
         space = imported.space(mesh, asked.voxel_m or _VOXEL_M, places)
         facts = _triangles(mesh)
-    document = _document(file, mesh, space, places) | facts | {"written": None}
+    document = _document(file, mesh, space, places) | facts | {"origin": asked.origin, "written": None}
     if not dry_run:
         earlier = results.newest_kept(out)
         stated = {name: document[name] for name in _KEPT if document.get(name) is not None}
@@ -201,10 +231,12 @@ def _kind(file: Path) -> str:
         raise InputError(f"{file.name} is an image; give the YAML file beside it, which states its place and scale")
     if suffix in (".yaml", ".yml"):
         return "map"
-    if suffix == ".pcd":
-        return "cloud"
-    from mapping.cloud import point_file
+    from mapping.cloud import columns, octomap_file, point_file
 
+    if suffix in octomap_file.SUFFIXES:
+        return "octomap"
+    if suffix in columns.SUFFIXES and suffix != ".ply":
+        return "cloud"
     return "cloud" if suffix == ".ply" and file.is_file() and not point_file.has_faces(file) else "mesh"
 
 
@@ -219,7 +251,8 @@ def _require_fitting(kind: str, asked: Asked) -> None:
         "--voxel": asked.voxel_m,
         "--observed": asked.observed,
         "--heights": asked.heights,
-        "--sensor": asked.sensor,
+        "--origin": asked.origin,
+        "--sensor": asked.sensors,
         "--sensor-poses": asked.poses,
         "--viewpoints": asked.viewpoints,
         "--least-points": asked.least_points,
@@ -229,6 +262,11 @@ def _require_fitting(kind: str, asked: Asked) -> None:
         if value and kind not in _FOR[option]:
             kinds = " and ".join(_KINDS[one] for one in _FOR[option])
             raise InputError(f"{option} is for {kinds}; FILE is {_A_KIND[kind]}")
+    others = {_kind(file) for file in asked.more}
+    if others - {"cloud"} or (others and kind != "cloud"):
+        raise InputError(
+            "several FILEs are scans of points; of other kinds give one, and join maps by goshawk map merge"
+        )
 
 
 def _floor(file: Path, heights: str | None, *, beside: bool) -> tuple[Any, Any, dict[str, Any]]:
@@ -245,6 +283,19 @@ def _floor(file: Path, heights: str | None, *, beside: bool) -> tuple[Any, Any, 
         raise InputError(f"{file.name} shows nothing occupied: a map without walls is no map to plan in")
     open_edges = len(faces)  # of two triangles each, a side is open above and below
     mesh = foreign_mesh.ForeignMesh(vertices, faces, "m (ROS' rule)", "z (ROS' rule)", open_edges)
+    return mesh, space, _triangles(mesh)
+
+
+def _octomap(file: Path) -> tuple[Any, Any, dict[str, Any]]:
+    """The sides of what is occupied, the voxels of an OctoMap, and facts about them."""
+    from mapping import foreign_mesh
+    from mapping.cloud import occupancy, octomap_file
+
+    space = octomap_file.read(file)
+    vertices, faces, _ = occupancy.surface(space)
+    if not len(faces):
+        raise InputError(f"{file.name} has nothing occupied: a map without surfaces is no map to plan in")
+    mesh = foreign_mesh.ForeignMesh(vertices, faces, "m (OctoMap's rule)", "z (OctoMap's rule)", 0)
     return mesh, space, _triangles(mesh)
 
 

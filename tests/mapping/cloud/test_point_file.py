@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from flight import FlightError, FormatError, InputError
-from mapping.cloud import point_file
+from mapping.cloud import columns, point_file
 
 RNG = np.random.default_rng(5)
 POINTS = RNG.uniform(-5.0, 5.0, (50, 3))
@@ -114,7 +114,8 @@ def test_what_is_no_cloud_is_refused_in_a_sentence(tmp_path: Path) -> None:
         return str(caught.value)
 
     rows = "1 2 3 4\n" * 50
-    assert "convert it" in refused("a.las", "LASF")
+    with pytest.raises(InputError, match="convert it"):
+        columns.read(tmp_path / "a.xyz")
     assert "no PLY file" in refused("a.ply", "")
     assert "no PCD file" in refused("a.pcd", "")
     assert "no y" in refused("a.pcd", FIELDS.replace("x y z", "x k z") + "DATA ascii\n" + rows)
@@ -129,4 +130,4 @@ def test_what_is_no_cloud_is_refused_in_a_sentence(tmp_path: Path) -> None:
     assert "no number" in refused("a.ply", listed)
     assert "must come first" in refused("a.ply", listed.replace("vertex", "camera"))
     with pytest.raises(InputError, match="does not exist"):
-        point_file.read(tmp_path / "none.pcd")
+        columns.read(tmp_path / "none.pcd")

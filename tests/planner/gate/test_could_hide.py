@@ -1,5 +1,7 @@
 """How thin an obstacle could hide near a trajectory: the check, its words, and where it is not asked."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -46,6 +48,16 @@ def test_the_check_passes_just_where_the_thickest_that_could_hide_is_no_thicker(
     assert told.could_hide.thickness_m == pytest.approx(0.05)
     assert could_hide.worth_a_warning(told)
     assert not could_hide.worth_a_warning(could_hide.add(report, path, space(0.02)))
+
+
+def test_where_the_map_states_how_likely_it_is_only_what_is_likely_is_a_warning(flown):
+    report, _, path = flown
+    for chance, warned in ((1e-7, False), (1e-2, True)):
+        likely = replace(space(0.05), stated=np.full(GRID.shape, chance, np.float16))
+        told = could_hide.add(report, path, likely)
+        assert could_hide.worth_a_warning(told) is warned
+        assert told.checks == report.checks
+        assert could_hide.add(report, path, likely, 0.049).passed is False  # the gate itself asks what is resolved
 
 
 def test_without_images_it_is_not_known_and_a_check_that_asks_fails(flown):

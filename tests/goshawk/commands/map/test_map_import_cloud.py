@@ -76,8 +76,42 @@ def test_what_is_no_cloud_is_refused_in_a_sentence_and_leaves_nothing(tmp_path: 
     (tmp_path / "empty.pcd").write_bytes(b"")
     assert "no PCD file" in refusal(tmp_path / "empty.pcd")
     assert "does not exist" in refusal(tmp_path / "none.pcd")
-    assert "convert it" in refusal(tmp_path / "scan.las")
+    assert "does not exist" in refusal(tmp_path / "scan.las")
     before = sorted(path.name for path in tmp_path.iterdir())
     ended = answer("map", "import", file, "--out", tmp_path / "map", "--sensor", "0,9e3,0")
     assert ended.returncode == 2
     assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
+def test_scans_from_two_places_free_what_either_sees(tmp_path: Path) -> None:
+    eyes = ("0.7,1.5,1", "1.2,0.5,1")
+    files = []
+    for k, eye in enumerate(eyes):
+        points = scan(np.array([float(word) for word in eye.split(",")]), 40_000)
+        files.append(tmp_path / f"{k}.pcd")
+        library: Any = open3d
+        assert library.t.io.write_point_cloud(str(files[-1]), library.t.geometry.PointCloud(points))
+    sensors = [word for eye in eyes for word in ("--sensor", eye)]
+    rest = ("--out", tmp_path / "map", "--dry-run", "--json", *SIZE)
+    both = json.loads(run("map", "import", *files, *sensors, *rest))
+    alone = [
+        json.loads(run("map", "import", file, "--sensor", eye, *rest)) for file, eye in zip(files, eyes, strict=True)
+    ]
+    assert both["rays"] == 80_000
+    assert both["free_m3"] > max(one["free_m3"] for one in alone)
+    assert "3 times for 2 files" in refusal(*files, *sensors, "--sensor", "0,0,0")
+
+
+def test_an_octomap_is_the_map_it_was_exported_of(tmp_path: Path) -> None:
+    asked = ("--out", tmp_path / "map", "--sensor", "0.7,1.5,1", *SIZE)
+    run("map", "import", written(tmp_path / "room.pcd"), *asked)
+    run("map", "export", tmp_path / "map", "--out", tmp_path / "room.bt")
+    said = json.loads(run("map", "import", tmp_path / "room.bt", "--out", tmp_path / "back", "--json"))
+    first, second = mapping.open_map(tmp_path / "map").field, mapping.open_map(tmp_path / "back").field
+    assert said["unknown_m3"] > 0.0
+    cells = np.argwhere(second.state != UNKNOWN)
+    places = second.grid.centre(cells)
+    assert np.array_equal(first.state[tuple(first.grid.index(places).T)], second.state[tuple(cells.T)])
+    assert len(cells) == (first.state != UNKNOWN).sum()
+    assert "--observed is for" in refusal(tmp_path / "room.bt", "--observed", "1,1,1")
+    assert "scans of points" in refusal(tmp_path / "room.bt", tmp_path / "room.pcd")
