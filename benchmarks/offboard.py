@@ -38,7 +38,7 @@ WEAK = 0.93
 
 def flown(model: Vehicle, way: Trajectory, truth: Vehicle) -> tuple[FlightLog, FloatArray, str]:
     """The log, the true error (n,) on the trajectory in metres, and why it ended early."""
-    body = offboard.body_of(truth, way, seed=1)
+    body = offboard.body_of(truth, way, seed=1, believed=model)
     file = TrajectoryFile(way, "course", "", "", way.position([0.0, way.duration_s]), {})
     with offboard.rehearsing(body) as (where, restarted):
         log, early = offboard.fly(model, file, where, progress=silent, cancel=lambda: False, restarted=restarted)

@@ -178,13 +178,17 @@ def fly(
         return flight.fly(), flight.ended_early
 
 
-def body_of(model: Vehicle, trajectory: Trajectory, *, seed: int) -> Body:
+def body_of(model: Vehicle, trajectory: Trajectory, *, seed: int, believed: Vehicle | None = None) -> Body:
     """The vehicle of a file on the ground below the start, as a body for Betaflight's SITL.
 
     Its rotors react to being spun up, as every rotor does: without that Betaflight's own yaw loop swings.
+
+    Args:
+        believed: the vehicle that the firmware was set up for; None: this one.
     """
-    motors = rotor_of_motor(model)
-    throttle_us = round(float(np.mean(failsafe_us(model, RateProfile((1.0, 1.0, 1.0)), thrust_map(model)))))
+    motors, set_for = rotor_of_motor(model), believed or model
+    sinks_us = failsafe_us(set_for, RateProfile((1.0, 1.0, 1.0)), thrust_map(set_for))
+    throttle_us = round(float(np.mean(sinks_us)))
     if "rotor_acceleration_torque" not in model.effects:
         # a propeller and bell of this size: 1e-5 kg m2 at five inches, with the fourth power of the radius
         inertia = 1e-5 * (model.value("rotor_radius_m") / 0.0635) ** 4
