@@ -87,6 +87,8 @@ def rotor_of_motor(model: Vehicle) -> tuple[int, int, int, int]:
 def thrust_map(model: Vehicle, *, idle: float = IDLE) -> ThrustMap:
     """Collective force in air at rest over the throttle, the rotors' speed in proportion to the output.
 
+    A vehicle with the effect `battery_sag` tells how it falls with the battery's voltage.
+
     Args:
         idle: the firmware's output at no throttle, 0 to 1.
     """
@@ -94,7 +96,9 @@ def thrust_map(model: Vehicle, *, idle: float = IDLE) -> ThrustMap:
     speed = model.limits.rotor_speed_max_rad_s * (idle + (1.0 - idle) * throttle)
     still = np.zeros((len(throttle), 3))
     force, _ = vehicle.wrench(model, still, still, np.repeat(speed[:, None], 4, axis=1))
-    return through(throttle, force[:, 2])
+    sags = "battery_sag" in model.effects
+    sag = {name: model.value(f"battery_sag.{name}") for name in ("reference_v", "sag_per_v")} if sags else {}
+    return through(throttle, force[:, 2], **sag)
 
 
 def failsafe_us(model: Vehicle, profile: RateProfile, thrust: ThrustMap) -> tuple[float, float]:
