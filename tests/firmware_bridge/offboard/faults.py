@@ -31,6 +31,7 @@ ON_THE_LINE = ("low battery", "link lost")
 LANDS_BRIEFLY = ("set failsafe_landing_time = 8",)
 """After which the firmware that lands by itself stops the rotors; by default it takes a minute."""
 OVERRIDE = (
+    "feature -RX_MSP",  # on in the simulator, where MSP would be the only receiver
     "aux 1 50 1 1700 2100 0 0",
     "set msp_override_channels_mask = 15",
     "set msp_override_failsafe = OFF",
