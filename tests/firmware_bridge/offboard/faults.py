@@ -31,7 +31,6 @@ ON_THE_LINE = ("low battery", "link lost")
 LANDS_BRIEFLY = ("set failsafe_landing_time = 8",)
 """After which the firmware that lands by itself stops the rotors; by default it takes a minute."""
 OVERRIDE = (
-    "feature -RX_MSP",  # on in the simulator, where MSP would be the only receiver
     "aux 1 50 1 1700 2100 0 0",
     "set msp_override_channels_mask = 15",
     "set msp_override_failsafe = OFF",
@@ -149,7 +148,7 @@ def fly(
 ) -> Ended:
     """One flight of a planner of its own process."""
     body = offboard.body_of(model, way, seed=seed)
-    body.settings = (*body.settings, *settings)
+    body.settings, body.receiver = (*body.settings, *settings), fault.kind == "stick override"
     vehicle.save(folder / "vehicle.toml", model)
     file = TrajectoryFile(way, "way", "", "", way.position([0.0, way.duration_s]), {})
     trajectory.save(folder / "way.json", file)
