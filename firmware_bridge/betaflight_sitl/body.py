@@ -69,8 +69,6 @@ class Body:
     """Called when settings can be read and the clock's port answers."""
     time_s: float = BEGIN_S
     settings: Sequence[str] = SETTINGS
-    receiver: bool = False
-    """Whether a pilot has a receiver, whose sticks `each_step` gives to the firmware."""
     clock_port: int = 0
     """Once it runs."""
     given_up: bool = False
@@ -89,7 +87,7 @@ class Body:
         with contextlib.ExitStack() as stack:
             stack.enter_context(process.alone())
             own = folder or Path(stack.enter_context(tempfile.TemporaryDirectory()))
-            process.configure(own, self.settings, receiver=self.receiver)
+            process.configure(own, self.settings)
             server = stack.enter_context(socket.create_server(("127.0.0.1", self.clock_port)))
             self.clock_port = server.getsockname()[1]
             firmware, guard = self._met(stack, own, server)

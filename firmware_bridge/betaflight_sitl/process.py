@@ -18,14 +18,11 @@ from pathlib import Path
 import numpy as np
 
 from firmware_bridge.betaflight_sitl import firmware
-from firmware_bridge.offboard.msp import Decoder, Frame, encode
-from firmware_bridge.offboard.settings import FEATURES
 from flight import FloatArray, InputError, LinkError
 
 HOST = "127.0.0.1"
 CLI_PORT, MOTOR_PORT, STATE_PORT, RC_PORT = 5761, 9002, 9003, 9004
 STATE, CHANNELS, OUTPUTS = struct.Struct("<18d"), struct.Struct("<d16H"), struct.Struct("<4f")
-_FEATURES, _SET_FEATURES = 36, 37
 IN_PACKET = (3, 0, 1, 2)
 """Where motors 1 to 4 are in a packet of outputs."""
 NORMAL_PRESSURE_PA, SCALE_HEIGHT_M = 101325.0, 8434.0
@@ -55,11 +52,8 @@ def alone() -> Iterator[None]:
         yield
 
 
-def configure(folder: Path, settings: Sequence[str], *, receiver: bool = False) -> str:
+def configure(folder: Path, settings: Sequence[str]) -> str:
     """Write settings into the firmware's memory, a file in `folder`; what `diff all` says of them.
-
-    Args:
-        receiver: a pilot has one, and MSP is not the only receiver as the simulator comes.
 
     Raises:
         InputError: the firmware refuses a line.
@@ -67,8 +61,6 @@ def configure(folder: Path, settings: Sequence[str], *, receiver: bool = False) 
         UnavailableError: there is no firmware here.
     """
     with _running(folder) as process, _connected(process) as line:
-        if receiver:
-            _give_receiver(line)
         said = _answer(line, "#")
         if "Entering CLI" not in said:
             raise LinkError(f"Betaflight's command line did not open; it said {said.strip()!r}")
@@ -81,24 +73,6 @@ def configure(folder: Path, settings: Sequence[str], *, receiver: bool = False) 
         line.sendall(b"save\n")  # it restarts, which here is its end
         process.wait(PATIENCE_S)
     return listed.partition("\n")[2].rpartition("\n")[0].replace("\r", "")
-
-
-def _give_receiver(line: socket.socket) -> None:
-    """By MSP, as the command line does not name the feature of a receiver by MSP."""
-    bits = int.from_bytes(_told(line, Frame(_FEATURES, b""))[:4], "little")
-    bits = bits & ~(1 << FEATURES["RX_MSP"]) | 1 << FEATURES["RX_SERIAL"]
-    _told(line, Frame(_SET_FEATURES, bits.to_bytes(4, "little")))
-
-
-def _told(line: socket.socket, request: Frame) -> bytes:
-    """The answer's payload."""
-    line.sendall(encode(request))
-    decoder = Decoder()
-    while data := line.recv(1 << 16):
-        for frame in decoder.feed(data):
-            if frame.function == request.function:
-                return frame.payload
-    raise LinkError("Betaflight's SITL closed the line")
 
 
 class StalledError(LinkError):

@@ -48,6 +48,8 @@ class Where:
     pose_port: int
     pose_delay_s: float
     clock_port: int = 0
+    receiver: bool = False
+    """A simulated pilot has a receiver: the simulator takes its pulses, and its settings always say MSP alone."""
 
 
 def pose_address(url: str) -> tuple[str, int, float]:
@@ -160,6 +162,8 @@ def fly(
         found = settings.read(line)
     finally:
         line.close()
+    if where.receiver:
+        found = replace(found, features=found.features - {"RX_MSP"})
     idle = found.number("motor_idle", 1e4 * IDLE) / 1e4
     profile, thrust = RateProfile.of_settings(found.values), thrust_map(model, idle=idle)
     sinks_us = failsafe_us(model, profile, thrust)

@@ -25,6 +25,8 @@ SAFE_TOUCH_DOWN_M_S = 1.5
 LARGEST_TILT_RAD = 1.0
 """A vehicle beyond it has been lost."""
 FIRMWARE_LANDS_S = 12.0
+GIVEN_BEFORE_S = 1.0
+"""The pilot gives the sticks away, and then arms."""
 FULL_V, EMPTY_V = 16.4, 13.1
 ON_THE_LINE = ("low battery", "link lost")
 """Kinds that need a relay."""
@@ -87,11 +89,12 @@ class Fault:
         relay.pump()
 
     def _pilot(self, body: Body) -> list[float]:
-        """Arms, gives the sticks away, and after the fault takes them back: level, and slowly down."""
+        """Gives the sticks away, arms, and after the fault takes them back: level, and slowly down."""
         ours = self.begun_s is None
         armed = 2000.0 if body.time_s > self.armed_by_pilot_s else 1000.0
         if ours:
-            return [1500.0, 1500.0, 1000.0, 1500.0, armed, 2000.0 if armed > 1500.0 else 1000.0]
+            given = body.time_s > self.armed_by_pilot_s - GIVEN_BEFORE_S
+            return [1500.0, 1500.0, 1000.0, 1500.0, armed, 2000.0 if given else 1000.0]
         R = rotations.matrix(body.plant.q_world_body)
         climb = float(body.plant.velocity_world_m_s[2])
         on_ground = body.plant.position_world_m[2] < 0.01 and abs(climb) < 0.05
@@ -148,7 +151,7 @@ def fly(
 ) -> Ended:
     """One flight of a planner of its own process."""
     body = offboard.body_of(model, way, seed=seed)
-    body.settings, body.receiver = (*body.settings, *settings), fault.kind == "stick override"
+    body.settings = (*body.settings, *settings)
     vehicle.save(folder / "vehicle.toml", model)
     file = TrajectoryFile(way, "way", "", "", way.position([0.0, way.duration_s]), {})
     trajectory.save(folder / "way.json", file)
@@ -164,7 +167,15 @@ def fly(
     def start_planner() -> None:
         if fault.planner is None:
             address = fault.relay.address if fault.relay is not None else ADDRESS
-            arguments = (address, body.clock_port, folder / "vehicle.toml", folder / "way.json", folder / "log.parquet")
+            pilot = fault.kind == "stick override"
+            arguments = (
+                address,
+                int(pilot),
+                body.clock_port,
+                folder / "vehicle.toml",
+                folder / "way.json",
+                folder / "log.parquet",
+            )
             command = [sys.executable, "-m", "tests.firmware_bridge.offboard.planner", *map(str, arguments)]
             fault.planner = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
