@@ -70,8 +70,8 @@ def command(
 
         if crazyflie is not None:
             held = formats.write_crazyflie(new(crazyflie), flown)
-            near = {"crazyflie_pieces": len(held.trajectory.durations_s), "crazyflie_largest_m": held.largest_m}
-            near |= {"crazyflie_largest_m_s2": held.largest_m_s2}
+            near = {"crazyflie_pieces": len(held.trajectory.durations_s), "crazyflie_from_plan_m": held.largest_m}
+            near |= {"crazyflie_acceleration_error_m_s2": held.largest_m_s2}
         if mav is not None:
             formats.write_mav_trajectory_generation(new(mav), flown)
         if px4 is not None:
