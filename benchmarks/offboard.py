@@ -34,7 +34,7 @@ from tests.firmware_bridge.offboard import curves, faults
 
 HIDDEN = ("rotor_drag_thrust", "parasitic_drag")
 """Effects of the body that the first file of the vehicle does not have."""
-CIRCLE, WALK = "circle, 1.5 m at 2.25 m/s", "walk at 5 m/s"
+CIRCLE, WALK, EIGHT = "circle, 1.5 m at 2.25 m/s", "walk at 5 m/s", "figure of eight at 5 m/s"
 KINDS = (
     "kill", "kill and pose lost", "pose lost", "pose frozen", "pose jump", "pose late", "hang", "stick override",
     "low battery", "link lost",
@@ -113,16 +113,16 @@ def learnt(believed: Vehicle, log: FlightLog) -> Vehicle:
     return found.with_effect("parasitic_drag", drag_xy_kg_m=max(float(parasitic), 0.0))
 
 
-def hidden_drag(model: Vehicle) -> list[Row]:
-    """The walk flown with a file without drag, and again with the drag that the first flight's log shows."""
-    believed, way = without_drag(model), walk()
+def hidden_drag(model: Vehicle, name: str, way: Trajectory) -> list[Row]:
+    """A course flown with a file without drag, and again with the drag that the first flight's log shows."""
+    believed = without_drag(model)
     log, before_m, early = flown(believed, way, model)
     _, after_m, early_again = flown(learnt(believed, log), way, model)
     before, after = float(before_m.mean()), float(after_m.mean())
     ok = not early and not early_again and after <= 0.5 * before
     return [
-        row("walk at 5 m/s, drag hidden: mean error", 1e3 * before, "mm"),
-        row("the same, drag learnt from that log", 1e3 * after, "mm", f"<= {500.0 * before:.1f}", ok),
+        row(f"{name}, drag hidden: mean error", 1e3 * before, "mm"),
+        row(f"{name}, drag learnt from that log", 1e3 * after, "mm", f"<= {500.0 * before:.1f}", ok),
     ]
 
 
@@ -183,7 +183,9 @@ def rows(faulty: int, seed: int, flights: int) -> list[Row]:
     model = vehicle.example("rigter2019")
     rates_hz = {0: [], 1: [100.0]}.get(flights, [50.0, 100.0, 200.0])
     table = tracking(model, rates_hz)
-    table += [*hidden_drag(model), *thrust_error(model)] if flights else []
+    for name, course in ((WALK, walk), (EIGHT, curves.eight)) if flights else ():
+        table += hidden_drag(model, name, course())
+    table += thrust_error(model) if flights else []
     table += with_faults(model, faulty, seed) if faulty else []
     return [*table, row("CPU time", cpu_s(), "s")]
 
