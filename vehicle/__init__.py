@@ -1,6 +1,6 @@
 """The vehicle model: parameters, effects, forces, flatness, simulation."""
 
-from vehicle import commented, draft, effects, flatness, history, invert, purpose, sizes
+from vehicle import commented, draft, effects, flatness, history, invert, presets, purpose, sizes
 from vehicle.dynamics import Jacobian, acceleration, acceleration_jacobian, wrench, wrench_jacobian
 from vehicle.files import effect_files, example, examples, load, save, vehicle_hash
 from vehicle.forces import Surroundings
@@ -28,6 +28,7 @@ __all__ = [
     "invert",
     "load",
     "manoeuvres",
+    "presets",
     "purpose",
     "rigid_body",
     "save",

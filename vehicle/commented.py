@@ -8,6 +8,7 @@ import numpy as np
 
 from flight import file_format
 from vehicle import effects as registry
+from vehicle import presets
 from vehicle.files import FORMAT, VERSION
 from vehicle.model import BODY, Vehicle
 from vehicle.parameters import Limits, Parameter
@@ -65,12 +66,15 @@ def text(vehicle: Vehicle, *, schema: str | None = None) -> str:
         lines += [_entry(s.name, vehicle.parameters[f"{name}.{s.name}"]) for s in effect.parameters]
     lines += [
         "",
-        "# What the planner may ask of the vehicle. Gentle defaults for first flights: raise them step by step.",
+        "# What the planner may ask of the vehicle; `goshawk vehicle set THIS_FILE limits=usual` fits all of them.",
     ]
     lines += ["[limits]", *_limits(vehicle.limits)]
     lines += ["", "[provenance]", f"made_by = {_quoted(str(vehicle.provenance.get('made_by', 'goshawk')))}"]
     notes = vehicle.provenance.get("notes", [])
-    lines += [f"notes = [{', '.join(_quoted(note) for note in notes)}]", ""]
+    lines += [f"notes = [{', '.join(_quoted(note) for note in notes)}]"]
+    if presets.FULL_STICK in vehicle.provenance:
+        lines += [f"{presets.FULL_STICK} = {[float(rate) for rate in vehicle.provenance[presets.FULL_STICK]]}"]
+    lines += [""]
     return "\n".join(lines)
 
 

@@ -11,13 +11,14 @@ Brandt, Selig, Propeller Performance Data at Low Reynolds Numbers, AIAA 2011-125
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from flight import FloatArray, InputError
 from flight.frames import GRAVITY_M_S2
 from flight.units import RAD_S_PER_RPM
+from vehicle import presets
 from vehicle.effects import find
 from vehicle.model import Vehicle, body_parameters
 from vehicle.parameters import Limits, Parameter
@@ -70,6 +71,8 @@ class Known:
     hover_rad_s: float | None = None
     rotor_speed_min_rad_s: float | None = None
     rotor_speed_max_rad_s: float | None = None
+    full_stick_rad_s: tuple[float, float, float] | None = None
+    """Roll, pitch and yaw rate of the firmware at full stick."""
     notes: tuple[str, ...] = ()
     """Remarks on the import for the reader of the file."""
 
@@ -107,8 +110,11 @@ def missing(known: Known) -> list[str]:
     return [description for description, value in required.items() if value is None]
 
 
-def draft(known: Known) -> Vehicle:
+def draft(known: Known, *, limits: str | None = None) -> Vehicle:
     """A complete vehicle from the known data.
+
+    Args:
+        limits: a preset's name; None: careful while the fastest rotor speed is a guess, else usual.
 
     Raises:
         InputError: mass, rotors or propeller are not known, or a value is out of bounds.
@@ -135,15 +141,25 @@ def draft(known: Known) -> Vehicle:
         _check_propellers(known.mass_kg.value, hover_rad_s, radius_m, body["air_density_kg_m3"].value)
     spin = spins(known)
     require_controllable(known.hub_body_m, spin)
-    return Vehicle(
+    made = Vehicle(
         name=known.name or "my-vehicle",
         parameters=body | acting,
         hub_body_m=known.hub_body_m,
         spin=spin,
         effects=tuple(names),
-        limits=_limits(known, hover_rad_s),
-        provenance={"made_by": "goshawk vehicle new", "notes": list(known.notes)},
+        limits=_rotor_limits(known, hover_rad_s),
+        provenance={"made_by": "goshawk vehicle new", "notes": list(known.notes)} | _full_stick(known),
     )
+    return replace(made, limits=presets.limits(made, limits or preset_for(known)))
+
+
+def preset_for(known: Known) -> str:
+    """The usual limits where the ratio of thrust to weight is known."""
+    return "careful" if known.rotor_speed_max_rad_s is None else "usual"
+
+
+def _full_stick(known: Known) -> dict[str, list[float]]:
+    return {} if known.full_stick_rad_s is None else {presets.FULL_STICK: list(known.full_stick_rad_s)}
 
 
 def require_controllable(hub_body_m: FloatArray, spin: FloatArray) -> None:
@@ -264,11 +280,11 @@ def _hover_speed(mass_kg: float, acting: Mapping[str, Parameter], given_rad_s: f
     return float(np.sqrt(mass_kg * GRAVITY_M_S2 / (4.0 * k.value)))
 
 
-def _limits(known: Known, hover_rad_s: float | None) -> Limits:
-    """Low limits for first flights; rotor speeds as known, else from hover and a typical ratio of thrust to weight."""
-    gentle = Limits(speed_m_s=3.0, acceleration_m_s2=4.0, tilt_rad=0.5, rate_rad_s=4.0, yaw_rate_rad_s=1.5)
-    usual_max = gentle.rotor_speed_max_rad_s if hover_rad_s is None else float(np.sqrt(THRUST_TO_WEIGHT)) * hover_rad_s
-    usual_min = gentle.rotor_speed_min_rad_s if hover_rad_s is None else 0.2 * hover_rad_s
+def _rotor_limits(known: Known, hover_rad_s: float | None) -> Limits:
+    """Rotor speeds as known, else from hover and a typical ratio of thrust to weight."""
+    plain = Limits()
+    usual_max = plain.rotor_speed_max_rad_s if hover_rad_s is None else float(np.sqrt(THRUST_TO_WEIGHT)) * hover_rad_s
+    usual_min = plain.rotor_speed_min_rad_s if hover_rad_s is None else 0.2 * hover_rad_s
     fastest = known.rotor_speed_max_rad_s or _short(usual_max)
     if hover_rad_s is not None and fastest <= hover_rad_s:
         raise InputError(
@@ -276,15 +292,7 @@ def _limits(known: Known, hover_rad_s: float | None) -> Limits:
             f"its weight: hover takes {hover_rad_s:.0f} rad/s with this mass and thrust; check all three"
         )
     slowest = known.rotor_speed_min_rad_s or _short(usual_min)  # rotors that stop cannot be controlled
-    return Limits(
-        gentle.speed_m_s,
-        gentle.acceleration_m_s2,
-        gentle.tilt_rad,
-        gentle.rate_rad_s,
-        gentle.yaw_rate_rad_s,
-        rotor_speed_min_rad_s=min(slowest, 0.5 * fastest),
-        rotor_speed_max_rad_s=fastest,
-    )
+    return Limits(rotor_speed_min_rad_s=min(slowest, 0.5 * fastest), rotor_speed_max_rad_s=fastest)
 
 
 def _short(value: float, digits: int = 4) -> float:

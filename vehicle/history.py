@@ -101,7 +101,7 @@ def read(path: Path) -> History:
 
 
 def differences(old: Vehicle, new: Vehicle) -> list[str]:
-    """One line per effect and number that differs, gravity included."""
+    """One line per effect and number that differs, gravity and limits included."""
     lines = [f"+ effect {name}" for name in new.effects if name not in old.effects]
     lines += [f"- effect {name}" for name in old.effects if name not in new.effects]
     for name in dict.fromkeys([*old.parameters, *new.parameters]):
@@ -111,6 +111,11 @@ def differences(old: Vehicle, new: Vehicle) -> list[str]:
             lines.append(f"  {name}: {first} -> {second} {next(p.unit for p in both if p)}")
     if old.gravity_m_s2 != new.gravity_m_s2:
         lines.append(f"  gravity_m_s2: {old.gravity_m_s2:.6g} -> {new.gravity_m_s2:.6g} m/s2")
+    were, will_be = old.limits.as_dict(), new.limits.as_dict()
+    for name in dict.fromkeys([*were, *will_be]):
+        if were.get(name) != will_be.get(name):
+            first, second = (f"{limits[name]:.5g}" if name in limits else "none" for limits in (were, will_be))
+            lines.append(f"  limits.{name}: {first} -> {second}")
     return lines
 
 

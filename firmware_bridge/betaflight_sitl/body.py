@@ -94,16 +94,22 @@ class Body:
             self._fly(firmware, guard, longest_s, after_s)
 
     def _met(self, stack: contextlib.ExitStack, folder: Path, server: socket.socket) -> tuple[Sitl, socket.socket]:
-        """The firmware, started again as often as its command line is left, and who keeps time with it."""
+        """The firmware, started again as often as its command line is left, and who keeps time with it.
+
+        One that stalls as its lock step begins is started again too: the guard's line finds the next one.
+        """
+        guard: socket.socket | None = None
         while not self.given_up:
             with contextlib.ExitStack() as once:
                 firmware = once.enter_context(process.flying(folder))
-                if self.on_ready is not None:
+                if self.on_ready is not None and guard is None:
                     self.on_ready()
-                while firmware.runs and not self.given_up:
+                while firmware.runs and not self.given_up and guard is None:
                     if select.select([server], [], [], 0.05)[0]:
-                        stack.push(once.pop_all())
-                        return firmware, stack.enter_context(server.accept()[0])
+                        guard = stack.enter_context(server.accept()[0])
+                if guard is not None and firmware.begins():
+                    stack.push(once.pop_all())
+                    return firmware, guard
         raise LinkError("given up before it began")
 
     def _fly(self, firmware: Sitl, guard: socket.socket, longest_s: float, after_s: float) -> None:

@@ -1,10 +1,11 @@
 /* Lock step for Betaflight's SITL: `LD_PRELOAD` of this makes its clock that of the simulated body.
 
-   Until the body's first packet the firmware's clock is the machine's. From then on a packet stamped t lets the
-   firmware run from t to t plus the step between packets, however long that takes: its main thread's clock goes on
-   while it sleeps and, a little, each time it looks, but never past that end; the next packet is handed over only
-   there, and after all bytes that had come for the firmware's receiver and serial port before it. So a flight does not
-   depend on the machine's load. The firmware itself is unchanged. */
+   Until the body's first packet the firmware's clock is the machine's, but for the time that a busy machine takes from
+   it: a firmware whose gyroscope is late by more than its period as it starts never looks at it again. From then on a
+   packet stamped t lets the firmware run from t to t plus the step between packets, however long that takes: its main
+   thread's clock goes on while it sleeps and, a little, each time it looks, but never past that end; the next packet is
+   handed over only there, and after all bytes that had come for the firmware's receiver and serial port before it. So a
+   flight does not depend on the machine's load. The firmware itself is unchanged. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <netinet/in.h>
@@ -28,12 +29,15 @@
 #define LOOK_NS 200          /* what looking at the clock takes */
 #define LOOP_PAUSE_NS 50000  /* of the firmware's main loop */
 #define LOOPING 1000
-#define LOOP_NS 10000     /* what a turn of that loop takes in hardware: with the pause, tasks of 1 kHz run at 500 Hz */
-#define USUAL_STEP_S 1e-3 /* where packets do not tell the step: the first, and one after a pause */
+#define LOOP_NS 10000 /* what a turn of that loop takes in hardware: with the pause, tasks of 1 kHz run at 500 Hz */
+#define MOST_LOOK_NS 20000 /* between two looks at the clock, sleep not counted, as long as it starts */
+#define USUAL_STEP_S 1e-3  /* where packets do not tell the step: the first, and one after a pause */
 #define FIRST_STEPS 20
 #define LARGEST_STEP_S 0.02 /* as in the firmware, which else keeps its clock's rate */
 
 static _Atomic int64_t now_ns, end_ns; /* of the main thread's clock; end_ns 0: not yet in lock step */
+static _Atomic int64_t start_ns;       /* of that clock before the lock step */
+static int64_t looked_ns, slept_ns;    /* machine's clock at the last look, and sleep asked for since; main thread's */
 static double stamp_s, step_s;         /* of the last packet; only the state thread has them */
 static atomic_int asked;               /* whether a packet waits for its answer */
 static atomic_int answered;            /* how often the motors were set */
@@ -66,8 +70,25 @@ static int go_on(int64_t by_ns) {
     return 1;
 }
 
+/* The machine's clock as long as the firmware starts, less what the machine did meanwhile for others. */
+static int64_t starting_ns(void) {
+    const int64_t machine = machine_ns(CLOCK_MONOTONIC), since = machine - looked_ns, most = MOST_LOOK_NS + slept_ns;
+    const int64_t start = atomic_load(&start_ns);
+    atomic_store(&start_ns, start == 0 ? machine : start + (since < most ? since : most));
+    looked_ns = machine;
+    slept_ns = 0;
+    return atomic_load(&start_ns);
+}
+
 int clock_gettime(clockid_t id, struct timespec* at) {
-    if (id != CLOCK_MONOTONIC || atomic_load(&end_ns) == 0) return (int)syscall(SYS_clock_gettime, id, at);
+    const int starts = atomic_load(&end_ns) == 0;
+    if (id != CLOCK_MONOTONIC || (starts && !in_main_thread())) return (int)syscall(SYS_clock_gettime, id, at);
+    if (starts) {
+        const int64_t start = starting_ns();
+        at->tv_sec = start / 1000000000;
+        at->tv_nsec = start % 1000000000;
+        return 0;
+    }
     if (in_main_thread() && !go_on(LOOK_NS)) pause_ns(1000); /* it polls for the time of its next loop */
     const int64_t now = atomic_load(&now_ns);
     at->tv_sec = now / 1000000000;
@@ -85,7 +106,10 @@ static void say_when_looping(const struct timespec* pause) {
 }
 
 int nanosleep(const struct timespec* time, struct timespec* left) {
-    if (in_main_thread()) say_when_looping(time);
+    if (in_main_thread()) {
+        say_when_looping(time);
+        slept_ns += (int64_t)time->tv_sec * 1000000000 + time->tv_nsec;
+    }
     if (atomic_load(&end_ns) == 0 || !in_main_thread()) return (int)syscall(SYS_nanosleep, time, left);
     const int64_t asked_ns = (int64_t)time->tv_sec * 1000000000 + time->tv_nsec;
     if (!go_on(asked_ns == LOOP_PAUSE_NS ? LOOP_NS : asked_ns)) pause_ns(1000);
@@ -95,7 +119,7 @@ int nanosleep(const struct timespec* time, struct timespec* left) {
 /* The clock stands from the first packet on, before the firmware looks at it: half a second that a busy machine took
    between the first two would leave the firmware's rate of time at next to nothing. */
 static void begin(void) {
-    const int64_t now = machine_ns(CLOCK_MONOTONIC) + 1000000; /* never back */
+    const int64_t now = atomic_load(&start_ns) + 1000000; /* never back */
     atomic_store(&now_ns, now);
     atomic_store(&end_ns, now);
 }

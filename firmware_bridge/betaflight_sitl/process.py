@@ -28,10 +28,11 @@ IN_PACKET = (3, 0, 1, 2)
 NORMAL_PRESSURE_PA, SCALE_HEIGHT_M = 101325.0, 8434.0
 PATIENCE_S = 600.0
 """Of this machine's clock; a loaded one may take a hundred times as long as an idle one."""
-STEP_PATIENCE_S = 30.0
-"""Of one step, which takes a millisecond on an idle machine; the lock step may stall, rarely, as a flight begins."""
-FIRST_S = 0.5
-"""Stamp of the packet that begins the lock step; flights begin later than that by more than 20 ms."""
+STEP_PATIENCE_S, BEGIN_PATIENCE_S = 30.0, 10.0
+"""Of one step, which takes a millisecond on an idle machine; the lock step may stall, rarely, as it begins."""
+FIRST_S = (0.4, *(0.5 + 2e-3 * i for i in range(25)))
+"""Stamps of the packets that begin the lock step. From packets less than 20 ms apart the firmware takes the rate of its
+clock, and of the first one it knows no time: the second comes later, and a flight begins later than the last."""
 FLU_TO_FRD = np.array([1.0, -1.0, -1.0])
 AT_REST = {
     "rate_body_rad_s": np.zeros(3),
@@ -74,6 +75,10 @@ def configure(folder: Path, settings: Sequence[str]) -> str:
     return listed.partition("\n")[2].rpartition("\n")[0].replace("\r", "")
 
 
+class StalledError(LinkError):
+    """The firmware lives and answers no more."""
+
+
 class Sitl:
     """The firmware in flight; `step` is one step of its body's clock."""
 
@@ -86,6 +91,23 @@ class Sitl:
     def runs(self) -> bool:
         """Whether its process lives."""
         return self._process.poll() is None
+
+    def begins(self) -> bool:
+        """Begin the lock step, at rest. False: it has stalled, and only another firmware helps.
+
+        Raises:
+            LinkError: the firmware ended.
+        """
+        self._begun = True
+        self._motors.settimeout(BEGIN_PATIENCE_S)
+        try:
+            for stamp_s in FIRST_S:
+                self.step(stamp_s, **AT_REST)
+        except StalledError:
+            return False
+        finally:
+            self._motors.settimeout(STEP_PATIENCE_S)
+        return True
 
     def step(
         self,
@@ -100,11 +122,11 @@ class Sitl:
         """Feel this until the next step, and set the motors. The first one begins the lock step.
 
         Raises:
-            LinkError: the firmware ended, or answers no more.
+            LinkError: the firmware ended.
+            StalledError: it answers no more.
         """
-        if not self._begun:
-            self._begun = True
-            self.step(FIRST_S, **AT_REST)  # it compares the clocks of the next two packets only
+        if not self._begun and not self.begins():
+            raise StalledError("the lock step of Betaflight's SITL stalled as it began: fly it again")
         pressure_pa = NORMAL_PRESSURE_PA * float(np.exp(-position_world_m[2] / SCALE_HEIGHT_M))
         motion = (*q_world_body, *velocity_world_m_s, *position_world_m, pressure_pa)
         packet = STATE.pack(time_s, *(rate_body_rad_s * FLU_TO_FRD), *(-specific_force_body_m_s2), *motion)
@@ -112,9 +134,9 @@ class Sitl:
         try:
             values = OUTPUTS.unpack(self._motors.recv(64))
         except TimeoutError:
-            ended = self._process.poll()
-            how = "its lock step stalled: fly it again" if ended is None else f"Betaflight's SITL ended with {ended}"
-            raise LinkError(f"no motor outputs at {time_s:.3f} s; {how}") from None
+            if (ended := self._process.poll()) is not None:
+                raise LinkError(f"no motor outputs at {time_s:.3f} s; Betaflight's SITL ended with {ended}") from None
+            raise StalledError(f"no motor outputs at {time_s:.3f} s; its lock step stalled: fly it again") from None
         self.outputs = np.clip([values[i] for i in IN_PACKET], 0.0, 1.0)
 
     def sticks(self, time_s: float, channels: Sequence[float]) -> None:

@@ -12,6 +12,14 @@ from firmware_bridge.offboard.msp import ANSWER, Decoder, Frame, encode
 from flight import FloatArray
 
 
+class Alert(IntEnum):
+    """What the firmware says of the battery, by `vbat_warning_cell_voltage` and `vbat_min_cell_voltage`."""
+
+    NONE = 0
+    WARNING = 1
+    CRITICAL = 2
+
+
 class Function(IntEnum):
     """Requests that are used."""
 
@@ -21,7 +29,7 @@ class Function(IntEnum):
     RC = 105
     ATTITUDE = 108
     ALTITUDE = 109
-    ANALOG = 110
+    BATTERY_STATE = 130
     SET_RAW_RC = 200
 
 
@@ -44,7 +52,7 @@ _ARMING_FLAGS = (
     "crash flip", "altitude hold", "position hold", "the arm switch is on already",
 )  # fmt: skip
 _TURN = (Function.ATTITUDE, Function.MOTOR, Function.ATTITUDE, Function.STATUS_EX, Function.ATTITUDE, Function.ALTITUDE,
-         Function.ATTITUDE, Function.ANALOG)  # fmt: skip
+         Function.ATTITUDE, Function.BATTERY_STATE)  # fmt: skip
 """Asked one a tick, so that attitude comes every other tick."""
 
 
@@ -71,6 +79,7 @@ class FirmwareState:
     """When it last was another: a barometer that stands still is broken."""
     battery_v: float = 0.0
     """0: not measured."""
+    battery_alert: Alert = Alert.NONE
     motors: FloatArray = field(default_factory=lambda: np.full(4, np.nan))
     """Outputs of motors 1 to 4, 0 to 1."""
 
@@ -136,8 +145,10 @@ class Firmware:
             state.altitude_m, state.climb_m_s, state.altitude_s = 0.01 * altitude_cm, 0.01 * climb_cm_s, now_s
         elif frame.function == Function.MOTOR and len(data) >= 8:
             state.motors = np.clip((np.array(struct.unpack_from("<4H", data)) - 1000.0) / 1000.0, 0.0, 1.0)
-        elif frame.function == Function.ANALOG and len(data) >= 9:
-            state.battery_v = 0.01 * struct.unpack_from("<H", data, 7)[0]
+        elif frame.function == Function.BATTERY_STATE and len(data) >= 11:
+            alert, centivolts = struct.unpack_from("<BH", data, 8)
+            state.battery_v = 0.01 * centivolts
+            state.battery_alert = Alert(alert) if alert <= Alert.CRITICAL else Alert.NONE
 
     def _status(self, data: bytes) -> None:
         state = self.state

@@ -185,6 +185,7 @@ class Guard:
         status = GuardStatus(
             stage, self._ladder.reason, state.armed, seen.sticks_ours, now_s, state.heard_s, state.battery_v,
             state.motors, state.arming_flags, tuple(self._new_poses), next(iter(state.other_modes), 0),
+            state.battery_alert,
         )  # fmt: skip
         with contextlib.suppress(OSError, struct.error):  # a full or closed socket is the planner's loss
             self._planner.send(status.pack())

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
+from firmware_bridge.offboard.firmware import Alert
 from firmware_bridge.offboard.ladder import Reason, Stage, Wish
 from firmware_bridge.offboard.poses import Pose
 from firmware_bridge.offboard.rate_profile import RateProfile
@@ -13,7 +14,7 @@ from firmware_bridge.offboard.thrust_map import ThrustMap
 from flight import FloatArray
 
 _COMMAND = struct.Struct("<6dB")
-_STATUS = struct.Struct("<3B?3d4dIBB")
+_STATUS = struct.Struct("<3B?3d4dI3B")
 _POSE = struct.Struct("<8d")
 MOST_POSES = 64
 """In one status; older ones are not told."""
@@ -47,7 +48,7 @@ class Setup:
     def from_json(text: str) -> "Setup":
         values = json.loads(text)
         profile = RateProfile(tuple(values["profile"]["largest_rad_s"]), values["profile"]["throttle_from_us"])
-        thrust = ThrustMap(tuple(values["thrust"]["coefficients_n"]), values["thrust"]["reference_v"])
+        thrust = ThrustMap(**{**values["thrust"], "coefficients_n": tuple(values["thrust"]["coefficients_n"])})
         return Setup(**{**values, "profile": profile, "thrust": thrust})
 
 
@@ -95,21 +96,22 @@ class GuardStatus:
     """That have come since the last status."""
     other_mode: int = 0
     """Permanent id of a mode that is on and changes what sticks mean; 0: none."""
+    battery_alert: Alert = Alert.NONE
 
     def pack(self) -> bytes:
         poses = self.poses[-MOST_POSES:]
         head = _STATUS.pack(
             self.stage, self.reason, self.armed, self.sticks_ours, self.time_s, self.heard_s, self.battery_v,
-            *self.motors, self.arming_flags, self.other_mode, len(poses),
+            *self.motors, self.arming_flags, self.other_mode, self.battery_alert, len(poses),
         )  # fmt: skip
         return head + b"".join(_POSE.pack(p.time_s, *p.position_world_m, *p.q_world_body) for p in poses)
 
     @staticmethod
     def unpack(data: bytes) -> "GuardStatus":
         stage, reason, armed, ours, time_s, heard_s, battery_v, *more = _STATUS.unpack_from(data)
-        rows = [_POSE.unpack_from(data, _STATUS.size + i * _POSE.size) for i in range(more[6])]
+        rows = [_POSE.unpack_from(data, _STATUS.size + i * _POSE.size) for i in range(more[7])]
         poses = tuple(Pose(row[0], np.array(row[1:4]), np.array(row[4:])) for row in rows)
         return GuardStatus(
             Stage(stage), Reason(reason), bool(armed), ours, time_s, heard_s, battery_v, np.array(more[:4]), more[4],
-            poses, more[5],
+            poses, more[5], Alert(more[6]),
         )  # fmt: skip

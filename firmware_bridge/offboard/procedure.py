@@ -7,7 +7,7 @@ import numpy as np
 
 from firmware_bridge.controller import Command, LinkLoss, State
 from firmware_bridge.offboard import ladder
-from firmware_bridge.offboard.firmware import RATE_CHANGING, reasons
+from firmware_bridge.offboard.firmware import RATE_CHANGING, Alert, reasons
 from firmware_bridge.offboard.guard_process import GuardProcess
 from firmware_bridge.offboard.ladder import POSE_STALE_S, Stage, Wish
 from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand
@@ -123,7 +123,7 @@ class Flight:
     def _ready(self) -> bool:
         status = self._heard()
         flags = status.arming_flags & ~HARMLESS_FLAGS
-        at_rest = not flags and not status.armed and not status.other_mode
+        at_rest = not flags and not status.armed and not status.other_mode and not status.battery_alert
         heard = status.time_s - status.heard_s < _SILENT_S and self._pose_is_fresh(status)
         return at_rest and heard and self.tracker.ready and self._ticks > 250
 
@@ -182,6 +182,8 @@ class Flight:
             raise LinkError(f"{what}: the controller ended it because {reason_text(controller.telemetry['reason'])}")
         if status.time_s - status.heard_s > _SILENT_S:
             raise LinkError(f"{what}: the firmware has not answered for {_SILENT_S} s")
+        if status.battery_alert is Alert.CRITICAL:
+            raise LinkError(f"{what}: the battery is at {status.battery_v:.1f} V, critical to the firmware; it lands")
         self._not_cancelled(what)
 
     def _why_not(self, status: GuardStatus) -> str:
@@ -197,6 +199,8 @@ class Flight:
             return "it is armed already; disarm, switch the override on, and arm when told"
         if status.other_mode:
             return f"mode {RATE_CHANGING[status.other_mode]} is on, in which sticks are no body rates; switch it off"
+        if status.battery_alert:
+            return f"the battery is low to the firmware, at {status.battery_v:.1f} V; charge or change it"
         if words := reasons(status.arming_flags & ~HARMLESS_FLAGS):
             return f"the firmware says: {', '.join(words)}"
         if not status.sticks_ours:

@@ -1,6 +1,6 @@
 """Between normalised throttle and collective force: as a vehicle model has it, or fitted to a flight."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,16 +14,18 @@ _VOLTAGE_RATIO = 0.5, 1.2
 
 @dataclass(frozen=True, slots=True)
 class ThrustMap:
-    """force = (c0 + c1 u + c2 u^2) (V / V0)^2 for a throttle u of 0 to 1 in air at rest.
+    """force = (c0 + c1 u + c2 u^2) (1 - s (V0 - V))^2 for a throttle u of 0 to 1 in air at rest.
 
-    A rotor's speed goes with the voltage and its thrust with the square of the speed; the throttle is that of rotors
-    whose output is an affine function of it, as Betaflight's without `thrust_linear`.
+    A rotor's speed falls with the voltage, and its thrust goes with the square of the speed; the throttle is that of
+    rotors whose output is an affine function of it, as Betaflight's without `thrust_linear`.
     """
 
     coefficients_n: tuple[float, float, float]
     """c0, c1, c2."""
     reference_v: float = 0.0
-    """V0; 0: the battery's voltage is not allowed for."""
+    """V0, of a battery at which the coefficients hold."""
+    sag_per_v: float = 0.0
+    """s, the share of speed lost per volt below it; 0: the battery's voltage is not allowed for."""
 
     def force_n(self, throttle: float, battery_v: float = 0.0) -> float:
         """Collective force of a throttle; without a measured voltage (0) as at the reference."""
@@ -40,12 +42,15 @@ class ThrustMap:
         return float(np.clip((np.sqrt(root) - c1) / (2.0 * c2), 0.0, 1.0))
 
     def _voltage_ratio(self, battery_v: float) -> float:
-        if not (battery_v > 0.0 and self.reference_v > 0.0):
+        if not battery_v > 0.0:
             return 1.0
-        return float(np.clip((battery_v / self.reference_v) ** 2, *_VOLTAGE_RATIO))
+        speed = max(1.0 - self.sag_per_v * (self.reference_v - battery_v), 0.0)
+        return float(np.clip(speed**2, *_VOLTAGE_RATIO))
 
 
-def through(throttle: FloatArray, force_n: FloatArray, *, reference_v: float = 0.0) -> ThrustMap:
+def through(
+    throttle: FloatArray, force_n: FloatArray, *, reference_v: float = 0.0, sag_per_v: float = 0.0
+) -> ThrustMap:
     """The map nearest to points (n,) of throttle and collective force.
 
     Raises:
@@ -56,7 +61,7 @@ def through(throttle: FloatArray, force_n: FloatArray, *, reference_v: float = 0
     span = np.linspace(float(throttle.min()), float(throttle.max()), 20)
     if not (np.diff(c[0] + c[1] * span + c[2] * span**2) > 0.0).all():
         raise InputError(f"the thrust does not rise with the throttle from {span[0]:.2f} to {span[-1]:.2f}")
-    return ThrustMap((float(c[0]), float(c[1]), float(c[2])), reference_v)
+    return ThrustMap((float(c[0]), float(c[1]), float(c[2])), reference_v, sag_per_v)
 
 
 def scaled_to_flight(
@@ -78,4 +83,4 @@ def scaled_to_flight(
     model_n = np.array([before.force_n(float(u), float(v)) for u, v in zip(throttle[rows], volts[rows], strict=True)])
     ratio = float(model_n @ force_n[rows] / (model_n @ model_n))
     c0, c1, c2 = before.coefficients_n
-    return ThrustMap((ratio * c0, ratio * c1, ratio * c2), before.reference_v)
+    return replace(before, coefficients_n=(ratio * c0, ratio * c1, ratio * c2))

@@ -5,7 +5,7 @@ import pytest
 
 from flight import FlightError, FormatError, InputError
 from goshawk.commands.learn.vehicle_new import imported, with_options
-from vehicle import Vehicle, commented, draft, load
+from vehicle import Vehicle, commented, draft, load, presets
 
 DIFF = """
 # version
@@ -63,6 +63,26 @@ def test_betaflights_diff_gives_order_and_spins(tmp_path, reversed_, sign):
     vehicle = made(tmp_path, "diff.txt", DIFF.format(mixer="", reversed=reversed_))
     assert corners(vehicle) == [RR, FR, RL, FL]
     assert vehicle.spin.tolist() == [-sign, sign, sign, -sign]
+
+
+RATES = """
+# rateprofile
+rateprofile {number}
+# rateprofile {number}
+set roll_srate = {rate}
+set pitch_srate = {rate}
+set yaw_srate = 30
+"""
+
+
+def test_betaflights_rate_profile_in_use_bounds_the_turn_rates_and_is_kept_in_the_file(tmp_path):
+    text = DIFF.format(mixer="", reversed="OFF") + RATES.format(number=0, rate=40) + RATES.format(number=1, rate=90)
+    vehicle = made(tmp_path, "diff.txt", text + "# restore original rateprofile selection\nrateprofile 0\n")
+    assert vehicle.provenance["full_stick_rad_s"] == pytest.approx(np.deg2rad([400.0, 400.0, 300.0]))
+    raised = presets.limits(vehicle, "race")
+    assert raised.rate_rad_s == pytest.approx(0.8 * np.deg2rad(400.0), rel=0.02)
+    other = made(tmp_path, "diff.txt", text + "rateprofile 0\nset rates_type = BETAFLIGHT\n")
+    assert "full_stick_rad_s" not in other.provenance
 
 
 @pytest.mark.parametrize("name", ["quad.param", "diff.txt"])

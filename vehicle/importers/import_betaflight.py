@@ -1,4 +1,4 @@
-"""Rotors of a Betaflight `diff all` or `dump`: order and spins of QUADX; the text holds no lengths and no mass."""
+"""Rotors of a Betaflight `diff all` or `dump`: order and spins of QUADX, and turn rates; no lengths and no mass."""
 
 from pathlib import Path
 
@@ -41,7 +41,28 @@ def read(path: Path) -> Known:
     hubs = np.column_stack([places, np.zeros(4)])[order]
     turned = "reversed" if settings.get("yaw_motors_reversed") == "on" else "not reversed"
     note = f"rotors 0 to 3 are motors 1 to 4 of {path.name}, mixer {mixer.upper()}, yaw_motors_reversed {turned}: check"
-    return Known(hub_body_m=hubs, spin=spin[order], arm_known=False, notes=(note,))
+    full = full_stick(words)
+    return Known(hub_body_m=hubs, spin=spin[order], arm_known=False, full_stick_rad_s=full, notes=(note,))
+
+
+def full_stick(words: list[list[str]]) -> tuple[float, float, float] | None:
+    """Roll, pitch and yaw rate at full stick by the ACTUAL rates of the profile in use; None: not told.
+
+    A `diff` is silent about what is the firmware's default.
+    """
+    profiles: dict[str, dict[str, str]] = {}
+    now = in_use = ""
+    for line in words:
+        if len(line) == 2 and line[0] == "rateprofile":
+            now = in_use = line[1]  # the last such line restores the one in use
+        if len(line) >= 4 and line[0] == "set" and line[2] == "=":
+            profiles.setdefault(now, {})[line[1]] = line[3]
+    rates = profiles.get(in_use, {})
+    told = [rates.get(f"{axis}_srate", "") for axis in ("roll", "pitch", "yaw")]
+    if rates.get("rates_type", "actual") != "actual" or not all(text.isdigit() and int(text) > 0 for text in told):
+        return None
+    roll, pitch, yaw = (float(np.deg2rad(10.0 * int(text))) for text in told)
+    return roll, pitch, yaw
 
 
 def text_of(path: Path) -> str:

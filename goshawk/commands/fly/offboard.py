@@ -48,6 +48,8 @@ class Where:
     pose_port: int
     pose_delay_s: float
     clock_port: int = 0
+    receiver: bool = False
+    """A simulated pilot has a receiver: the simulator takes its pulses, and its settings always say MSP alone."""
 
 
 def pose_address(url: str) -> tuple[str, int, float]:
@@ -87,6 +89,8 @@ def rotor_of_motor(model: Vehicle) -> tuple[int, int, int, int]:
 def thrust_map(model: Vehicle, *, idle: float = IDLE) -> ThrustMap:
     """Collective force in air at rest over the throttle, the rotors' speed in proportion to the output.
 
+    A vehicle with the effect `battery_sag` tells how it falls with the battery's voltage.
+
     Args:
         idle: the firmware's output at no throttle, 0 to 1.
     """
@@ -94,7 +98,9 @@ def thrust_map(model: Vehicle, *, idle: float = IDLE) -> ThrustMap:
     speed = model.limits.rotor_speed_max_rad_s * (idle + (1.0 - idle) * throttle)
     still = np.zeros((len(throttle), 3))
     force, _ = vehicle.wrench(model, still, still, np.repeat(speed[:, None], 4, axis=1))
-    return through(throttle, force[:, 2])
+    sags = "battery_sag" in model.effects
+    sag = {name: model.value(f"battery_sag.{name}") for name in ("reference_v", "sag_per_v")} if sags else {}
+    return through(throttle, force[:, 2], **sag)
 
 
 def failsafe_us(model: Vehicle, profile: RateProfile, thrust: ThrustMap) -> tuple[float, float]:
@@ -156,6 +162,8 @@ def fly(
         found = settings.read(line)
     finally:
         line.close()
+    if where.receiver:
+        found = replace(found, features=found.features - {"RX_MSP"})
     idle = found.number("motor_idle", 1e4 * IDLE) / 1e4
     profile, thrust = RateProfile.of_settings(found.values), thrust_map(model, idle=idle)
     sinks_us = failsafe_us(model, profile, thrust)
@@ -178,13 +186,17 @@ def fly(
         return flight.fly(), flight.ended_early
 
 
-def body_of(model: Vehicle, trajectory: Trajectory, *, seed: int) -> Body:
+def body_of(model: Vehicle, trajectory: Trajectory, *, seed: int, believed: Vehicle | None = None) -> Body:
     """The vehicle of a file on the ground below the start, as a body for Betaflight's SITL.
 
     Its rotors react to being spun up, as every rotor does: without that Betaflight's own yaw loop swings.
+
+    Args:
+        believed: the vehicle that the firmware was set up for; None: this one.
     """
-    motors = rotor_of_motor(model)
-    throttle_us = round(float(np.mean(failsafe_us(model, RateProfile((1.0, 1.0, 1.0)), thrust_map(model)))))
+    motors, set_for = rotor_of_motor(model), believed or model
+    sinks_us = failsafe_us(set_for, RateProfile((1.0, 1.0, 1.0)), thrust_map(set_for))
+    throttle_us = round(float(np.mean(sinks_us)))
     if "rotor_acceleration_torque" not in model.effects:
         # a propeller and bell of this size: 1e-5 kg m2 at five inches, with the fourth power of the radius
         inertia = 1e-5 * (model.value("rotor_radius_m") / 0.0635) ** 4

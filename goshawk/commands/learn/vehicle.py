@@ -1,6 +1,6 @@
 """`goshawk vehicle`: show a vehicle model, change it, undo changes; its effects are in `vehicle_effect`."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import click
@@ -15,7 +15,7 @@ from goshawk.commands.learn.vehicle_new import new, schema
 from goshawk.terminal import console, outputs, words
 from goshawk.terminal.verbs import VerbGroup
 from sysid.estimator.validation import changes
-from vehicle import Limits, Vehicle, history
+from vehicle import Limits, Vehicle, history, presets
 
 SUMMARY = "Make a vehicle file, show it, set values, add or remove effects, undo, history."
 
@@ -90,17 +90,19 @@ def show(vehicle_file: Path, as_json: bool) -> None:
 @console.dry_run_option
 @console.common_options
 def set_(vehicle_file: Path, values: tuple[str, ...], dry_run: bool, as_json: bool) -> None:
-    """Set parameters, as `goshawk vehicle show` names them, `limits.NAME`, or gravity_m_s2.
+    """Set parameters, as `goshawk vehicle show` names them, `limits.NAME`, limits=PRESET, or gravity_m_s2.
 
     \b
     goshawk vehicle set vehicle.toml mass_kg=0.72 rotor_drag_thrust.drag_s_m=0.0175
     goshawk vehicle set vehicle.toml limits.speed_m_s=12 --dry-run
+    goshawk vehicle set vehicle.toml limits=race
 
+    Presets, fitted to the vehicle's thrust and weight: careful, usual, race (`goshawk vehicle new --help`).
     A value that was set has the source "set by hand". `goshawk vehicle undo` reverts the change.
     """
     present = changed = vehicle.load(vehicle_file)
-    for key, value in map(console.assignment, values):
-        changed = _with(changed, key, value)
+    for text in values:
+        changed = _assigned(changed, text)
     step = None if dry_run else history.record(vehicle_file, changed, "set", effect=" ".join(values))
     lines = history.differences(present, changed)
     if as_json:
@@ -110,6 +112,14 @@ def set_(vehicle_file: Path, values: tuple[str, ...], dry_run: bool, as_json: bo
     for line in lines:
         click.echo(line)
     click.echo(f"written: {vehicle_file}, version {step.number}" if step else "nothing was written")
+
+
+def _assigned(changed: Vehicle, text: str) -> Vehicle:
+    """A copy with one NAME=VALUE; a preset of all limits is the only value that is a word."""
+    name, _, value = text.partition("=")
+    if name.strip() == "limits":
+        return replace(changed, limits=presets.limits(changed, value.strip()))
+    return _with(changed, *console.assignment(text))
 
 
 def _with(changed: Vehicle, key: str, value: float) -> Vehicle:

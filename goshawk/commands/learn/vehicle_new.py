@@ -13,7 +13,7 @@ import vehicle
 from flight import InputError
 from flight.units import RAD_S_PER_RPM
 from goshawk.terminal import console, outputs, words
-from vehicle import Parameter, Vehicle, commented, draft
+from vehicle import Parameter, Vehicle, commented, draft, presets
 from vehicle.draft import Known
 
 RANGES = {
@@ -40,6 +40,11 @@ RANGES = {
 @click.option("--prop-diameter", "diameter_m", type=float, help="Diameter of a propeller, metres (5 inches: 0.127).")
 @click.option("--hover-rpm", type=float, help="Rotor speed in hover, if known: gives a much better thrust coefficient.")
 @click.option("--max-rpm", type=float, help="Fastest rotor speed, if known.")
+@click.option(
+    "--limits",
+    type=click.Choice(list(presets.PRESETS)),
+    help="What plans may ask: a share of the thrust beyond the weight [default: usual with --max-rpm, else careful].",
+)
 @click.option("--name", help="Name: of the vehicle [default: the file's name].")
 @console.path_option(
     "--import", "source", "Import from a file of PX4, ArduPilot, Betaflight, RotorPy, URDF, MJCF or drone-models."
@@ -55,6 +60,7 @@ def new(
     diameter_m: float | None,
     hover_rpm: float | None,
     max_rpm: float | None,
+    limits: str | None,
     name: str | None,
     source: Path | None,
     overwrite: bool,
@@ -66,6 +72,9 @@ def new(
     goshawk vehicle new my.toml --mass 0.72 --arm 0.125 --prop-diameter 0.127
     goshawk vehicle new my.toml --import px4.params --mass 0.72 --prop-diameter 0.127
     goshawk vehicle new my.toml --import hummingbird_params.py
+
+    `--limits careful`, `usual` or `race` plan with 27, 50 or 80 % of the thrust beyond the weight, tilted by at most
+    .5, .8 or 1.1 rad. `goshawk vehicle set FILE limits=race` fits a file anew.
 
     On a terminal it asks for missing values. Every number in the file has a standard deviation and a source; a
     default is marked as one.
@@ -86,10 +95,10 @@ def new(
         known = _asked(known, frame)
     if props_out:
         known = reversed_spins(known)
-    made = draft.draft(replace(known, name=name or known.name or out.stem))
+    made = draft.draft(replace(known, name=name or known.name or out.stem), limits=limits)
     with outputs.file(out, overwrite=overwrite) as temporary:
         commented.write(temporary, made)
-    _show(out, made, known, as_json)
+    _show(out, made, known, limits or draft.preset_for(known), as_json)
 
 
 def imported(path: Path) -> Known:
@@ -192,12 +201,13 @@ def _asked(known: Known, frame: str | None) -> Known:
     return known
 
 
-def _show(out: Path, made: Vehicle, known: Known, as_json: bool) -> None:
+def _show(out: Path, made: Vehicle, known: Known, preset: str, as_json: bool) -> None:
     shown = {n: made.parameters[n] for n in vehicle.specs(made) if not n.startswith("pose_sensor")}
     guessed = [n for n, p in shown.items() if p.source.startswith(("default", "estimated"))]
     if as_json:
         parameters = {n: {"value": p.value, "std": p.std, "unit": p.unit, "source": p.source} for n, p in shown.items()}
         document = {"written": str(out), "name": made.name, "effects": list(made.effects)}
+        document |= {"limits": {"preset": preset} | made.limits.as_dict()}
         console.show(
             "",
             {},
@@ -212,6 +222,12 @@ def _show(out: Path, made: Vehicle, known: Known, as_json: bool) -> None:
     console.table(made.name, ("parameter", "value", "unit", "where it came from"), rows)
     for note in known.notes:
         click.echo(f"note: {note}")
+    most = made.limits
+    click.echo(
+        f"limits: {preset}: {most.speed_m_s:g} m/s, {most.acceleration_m_s2:g} m/s2, {most.tilt_rad:g} rad of tilt, "
+        f"from {presets.thrust_to_weight(made):.1f} times its weight in thrust; "
+        f"--limits takes {', '.join(presets.PRESETS)}"
+    )
     click.echo(f"written: {out}; {len(guessed)} of {len(shown)} numbers are defaults or estimates")
     click.echo(
         f"next, to simulate it: goshawk sitl --vehicle {out}\n"

@@ -17,7 +17,7 @@ SUMMARY = "Write a trajectory for other autopilots and planners, or as a page."
 
 @click.command()
 @click.argument("trajectory_file", metavar="TRAJECTORY", type=click.Path(path_type=Path))
-@console.path_option("--crazyflie", "crazyflie", "CSV of polynomials (poly4d) for the Crazyflie.")
+@console.path_option("--crazyflie", "crazyflie", "CSV of at most 31 polynomials (poly4d) for the Crazyflie.")
 @console.path_option("--mav-trajectory", "mav", "YAML of segments for mav_trajectory_generation.")
 @console.path_option("--px4", "px4", "CSV of setpoints (NED) for PX4's offboard mode.")
 @click.option("--step", "step_s", default=0.02, show_default=True, help="Seconds between setpoints for --px4.")
@@ -44,7 +44,8 @@ def command(
     goshawk export lap.json --crazyflie lap.csv --mav-trajectory lap.yaml --px4 lap-setpoints.csv
     goshawk export lap.json --report lap.html --map map --vehicle vehicle.toml
 
-    Only a trajectory that passed the gate is written for an autopilot; the page shows any.
+    Only a trajectory that passed the gate is written for an autopilot; the page shows any. The Crazyflie holds 31
+    pieces: a longer plan is fitted anew within 1 cm, which the file written is read back to measure, or refused.
     """
     written = {"crazyflie": crazyflie, "mav_trajectory_generation": mav, "px4": px4, "report": report}
     if not any(written.values()):
@@ -61,21 +62,24 @@ def command(
         raise InputError(
             f"{trajectory_file} was changed after its check; run `goshawk check --renew` on it, or plan it again"
         )
-    flown = item.trajectory
+    flown, near = item.trajectory, {}
     with contextlib.ExitStack() as files:  # all are put in place at the end, or none
 
         def new(path: Path) -> Path:
             return files.enter_context(outputs.file(path, overwrite=overwrite))
 
         if crazyflie is not None:
-            formats.write_crazyflie(new(crazyflie), flown)
+            held = formats.write_crazyflie(new(crazyflie), flown)
+            near = {"crazyflie_pieces": len(held.trajectory.durations_s), "crazyflie_from_plan_m": held.largest_m}
+            near |= {"crazyflie_acceleration_error_m_s2": held.largest_m_s2}
         if mav is not None:
             formats.write_mav_trajectory_generation(new(mav), flown)
         if px4 is not None:
             formats.write_px4(new(px4), flown, step_s)
         if report is not None and map_folder is not None and vehicle_file is not None:
             new(report).write_text(_page(item, map_folder, vehicle_file), encoding="utf-8")
-    facts = {name: str(path) for name, path in written.items() if path is not None}
+    facts: dict[str, object] = {name: str(path) for name, path in written.items() if path is not None}
+    facts |= near
     console.show(f"{trajectory_file} written as", facts, as_json=as_json)
 
 

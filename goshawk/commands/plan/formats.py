@@ -1,6 +1,7 @@
 """A trajectory for other programs: Crazyflie's poly4d, mav_trajectory_generation's YAML, PX4's offboard setpoints.
 
-The first two carry the polynomials themselves, in our world frame (z up); the last is sampled, in PX4's frame (NED).
+The first two carry polynomials in our world frame (z up), the Crazyflie's fitted anew where its memory is too small
+(`poly4d`); the last is sampled, in PX4's frame (NED).
 """
 
 import csv
@@ -10,10 +11,9 @@ import numpy as np
 
 from flight import FloatArray, InputError, Trajectory, frames
 from flight.trajectory import AXES
+from goshawk.commands.plan import poly4d
 
 MOST_SETPOINTS = 1_000_000
-POLY4D_TERMS = 8
-"""Coefficients of a piece that the Crazyflie's firmware evaluates."""
 PX4_COLUMNS = (
     "t_s",
     *(f"{name}_{axis}" for name in ("position", "velocity", "acceleration", "jerk") for axis in ("x", "y", "z")),
@@ -23,21 +23,28 @@ PX4_COLUMNS = (
 """The fields of PX4's TrajectorySetpoint: metres, seconds and radians, x north, y east, z down, yaw from x to y."""
 
 
-def write_crazyflie(path: Path, flown: Trajectory) -> None:
+def write_crazyflie(path: Path, flown: Trajectory) -> poly4d.Refit:
     """`Duration,x^0,...,x^7,y^0,...,yaw^7`: one line a piece, ascending powers of seconds from its start.
 
+    Returns:
+        What the file holds, read back in the firmware's single precision.
+
     Raises:
-        InputError: a piece has more than eight coefficients.
+        InputError: the plan does not fit into the firmware's memory.
     """
-    terms = flown.coefficients.shape[2]
-    if np.abs(flown.coefficients[:, :, POLY4D_TERMS:]).max(initial=0.0) > 0.0:
-        raise InputError(f"pieces have {terms} coefficients; Crazyflie's poly4d holds {POLY4D_TERMS}")
-    padded = np.pad(flown.coefficients[:, :, :POLY4D_TERMS], ((0, 0), (0, 0), (0, max(POLY4D_TERMS - terms, 0))))
+    pieces = poly4d.refit(flown).trajectory
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["Duration", *(f"{axis}^{i}" for axis in AXES for i in range(POLY4D_TERMS))])
-        for T, c in zip(flown.durations_s.tolist(), padded, strict=True):
+        writer.writerow(["Duration", *(f"{axis}^{i}" for axis in AXES for i in range(poly4d.TERMS))])
+        for T, c in zip(pieces.durations_s.tolist(), pieces.coefficients, strict=True):
             writer.writerow([repr(T), *map(repr, c.ravel().tolist())])
+    return poly4d.compared(flown, read_crazyflie(path))
+
+
+def read_crazyflie(path: Path) -> Trajectory:
+    """The pieces of such a file, as the firmware keeps them: in single precision."""
+    rows = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2).astype(np.float32).astype(np.float64)
+    return Trajectory(rows[:, 0], rows[:, 1:].reshape(len(rows), len(AXES), poly4d.TERMS))
 
 
 def write_mav_trajectory_generation(path: Path, flown: Trajectory) -> None:

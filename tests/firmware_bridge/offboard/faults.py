@@ -1,5 +1,6 @@
 """Flights on Betaflight's real firmware in which something is lost, and how they end by the body."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -11,17 +12,24 @@ from pathlib import Path
 import numpy as np
 
 import vehicle
-from firmware_bridge.betaflight_sitl.body import Body
+from firmware_bridge.betaflight_sitl.body import ADDRESS, Body
 from firmware_bridge.betaflight_sitl.process import Sitl
+from firmware_bridge.offboard.firmware import Alert
 from firmware_bridge.offboard.poses import Pose
 from flight import Trajectory, TrajectoryFile, rotations, trajectory
 from goshawk.commands.fly import offboard
+from tests.firmware_bridge.offboard.relay import Relay
 from vehicle import Vehicle
 
 SAFE_TOUCH_DOWN_M_S = 1.5
 LARGEST_TILT_RAD = 1.0
 """A vehicle beyond it has been lost."""
 FIRMWARE_LANDS_S = 12.0
+GIVEN_BEFORE_S = 1.0
+"""The pilot gives the sticks away, and then arms."""
+FULL_V, EMPTY_V = 16.4, 13.1
+ON_THE_LINE = ("low battery", "link lost")
+"""Kinds that need a relay."""
 LANDS_BRIEFLY = ("set failsafe_landing_time = 8",)
 """After which the firmware that lands by itself stops the rotors; by default it takes a minute."""
 OVERRIDE = (
@@ -37,13 +45,15 @@ class Fault:
     """What happens `after_s` after the vehicle has reached a height."""
 
     kind: str = "none"
-    """kill, guard killed, hang, pose lost, frozen, jump or late, kill and pose lost, stick override, none."""
+    """kill, guard killed, hang, pose lost, frozen, jump or late, kill and pose lost, stick override, low battery, link
+    lost, none."""
     after_s: float = 3.0
     height_m: float = 1.0
     size: float = 1.0
-    """Of a jump, metres."""
+    """Of a jump, metres; of a link that is lost, seconds; of the pilot's throttle, microseconds."""
     begun_s: float | None = None
     planner: subprocess.Popen | None = None
+    relay: Relay | None = None
     frozen: Pose | None = None
     armed_by_pilot_s: float = 8.0
     _high_s: float | None = None
@@ -51,6 +61,8 @@ class Fault:
 
     def each_step(self, body: Body, firmware: Sitl) -> None:
         """Of the body."""
+        if self.relay is not None:
+            self._on_the_line(body.time_s, self.relay)
         if self.kind.startswith("stick override") and round(body.time_s * 1000) % 10 < 2:
             firmware.sticks(body.time_s, self._pilot(body))
         if self._high_s is None and body.plant.position_world_m[2] > self.height_m:
@@ -69,12 +81,20 @@ class Fault:
         if self.kind == "hang":
             self.planner.send_signal(signal.SIGSTOP)
 
+    def _on_the_line(self, time_s: float, relay: Relay) -> None:
+        since_s = -1.0 if self.begun_s is None else time_s - self.begun_s
+        relay.cut = self.kind == "link lost" and 0.0 <= since_s < self.size
+        low = self.kind == "low battery" and since_s >= 0.0
+        relay.battery = (EMPTY_V, Alert.CRITICAL) if low else (FULL_V, Alert.NONE)
+        relay.pump()
+
     def _pilot(self, body: Body) -> list[float]:
-        """Arms, gives the sticks away, and after the fault takes them back: level, and slowly down."""
+        """Gives the sticks away, arms, and after the fault takes them back: level, and slowly down."""
         ours = self.begun_s is None
         armed = 2000.0 if body.time_s > self.armed_by_pilot_s else 1000.0
         if ours:
-            return [1500.0, 1500.0, 1000.0, 1500.0, armed, 2000.0 if armed > 1500.0 else 1000.0]
+            given = body.time_s > self.armed_by_pilot_s - GIVEN_BEFORE_S
+            return [1500.0, 1500.0, 1000.0, 1500.0, armed, 2000.0 if given else 1000.0]
         R = rotations.matrix(body.plant.q_world_body)
         climb = float(body.plant.velocity_world_m_s[2])
         on_ground = body.plant.position_world_m[2] < 0.01 and abs(climb) < 0.05
@@ -146,15 +166,27 @@ def fly(
 
     def start_planner() -> None:
         if fault.planner is None:
-            arguments = (body.clock_port, folder / "vehicle.toml", folder / "way.json", folder / "log.parquet")
+            address = fault.relay.address if fault.relay is not None else ADDRESS
+            pilot = fault.kind == "stick override"
+            arguments = (
+                address,
+                int(pilot),
+                body.clock_port,
+                folder / "vehicle.toml",
+                folder / "way.json",
+                folder / "log.parquet",
+            )
             command = [sys.executable, "-m", "tests.firmware_bridge.offboard.planner", *map(str, arguments)]
             fault.planner = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
     body.each_step, body.change_pose, body.on_ready = each_step, fault.change_pose, start_planner
-    try:
-        body.run(longest_s=90.0, after_s=FIRMWARE_LANDS_S if fault.kind == "guard killed" else 0.5)
-    finally:
-        said = _ended(fault.planner)
+    with contextlib.ExitStack() as stack:
+        if fault.kind in ON_THE_LINE:
+            fault.relay = stack.enter_context(Relay())
+        try:
+            body.run(longest_s=90.0, after_s=FIRMWARE_LANDS_S if fault.kind == "guard killed" else 0.5)
+        finally:
+            said = _ended(fault.planner)
     end = body.plant.position_world_m
     lasted_s = body.time_s - (fault.begun_s or body.time_s)
     return Ended(

@@ -1,17 +1,16 @@
-"""A planner as a program of its own, which a test may kill. Arguments: clock port, vehicle, trajectory, log."""
+"""A planner as a program of its own, which a test may kill. Arguments: see `main`."""
 
 import sys
 from pathlib import Path
 
 import vehicle
-from firmware_bridge.betaflight_sitl.body import ADDRESS
 from flight import flight_log, silent, trajectory
 from goshawk.commands.fly import offboard
 
 
 def main() -> None:
-    clock_port, vehicle_file, trajectory_file, log_file = sys.argv[1:5]
-    where = offboard.Where(ADDRESS, "127.0.0.1", 0, 0.0, int(clock_port))
+    address, receiver, clock_port, vehicle_file, trajectory_file, log_file = sys.argv[1:7]
+    where = offboard.Where(address, "127.0.0.1", 0, 0.0, int(clock_port), receiver=receiver == "1")
     model, item = vehicle.load(Path(vehicle_file)), trajectory.load(Path(trajectory_file))
     log, early = offboard.fly(model, item, where, progress=silent, cancel=lambda: False)
     flight_log.save(Path(log_file), log)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from firmware_bridge.offboard.firmware import Firmware, Function
+from firmware_bridge.offboard.firmware import Alert, Firmware, Function
 from firmware_bridge.offboard.guard import Guard
 from firmware_bridge.offboard.ladder import Reason, Stage, Wish
 from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand, Setup
@@ -30,7 +30,7 @@ class Answering:
         self._decoder, self._out = Decoder(), b""
         self.channels: tuple[int, ...] = ()
         self.sent: list[tuple[int, ...]] = []
-        self.modes, self.roll_rad, self.arms_by_pulse = 0, 0.0, True
+        self.modes, self.roll_rad, self.arms_by_pulse, self.alert = 0, 0.0, True, Alert.NONE
 
     def write(self, data: bytes) -> None:
         for frame in self._decoder.feed(data):
@@ -49,6 +49,8 @@ class Answering:
             return struct.pack("<HHHIBHBB", 0, 0, 0, self.modes, 0, 0, 0, 0) + struct.pack("<BI", 0, 0)
         if function == Function.ATTITUDE:
             return struct.pack("<3h", round(np.degrees(self.roll_rad) * 10.0), 0, 0)
+        if function == Function.BATTERY_STATE:
+            return struct.pack("<BHBHhBH", 4, 1500, 148, 0, 0, self.alert, 1480)
         return None
 
     def read(self, wait_s: float = 0.0) -> bytes:
@@ -136,6 +138,19 @@ def test_frozen_poses_end_following_though_the_planner_believes_them():
     scene.shakes = False
     scene.run(0.3)
     assert (scene.stage, scene.reason) == (Stage.DESCENDING, Reason.POSE_STALE)
+
+
+def test_the_firmwares_alert_of_the_battery_reaches_the_planner():
+    scene = Scene()
+    for alert in Alert:
+        scene.line.alert = alert
+        scene.run(0.1)
+        assert scene.status is not None
+        assert scene.status.battery_alert is alert
+        assert scene.status.battery_v == pytest.approx(14.8)
+    scene.line.alert = 3  # none is there
+    scene.run(0.1)
+    assert scene.status.battery_alert is Alert.NONE
 
 
 def test_poses_that_the_firmwares_attitude_contradicts_end_following():

@@ -16,7 +16,7 @@ from firmware_bridge.offboard.rate_profile import RateProfile
 from firmware_bridge.offboard.thrust_map import ThrustMap, scaled_to_flight, through
 from flight import InputError, rotations
 
-MAP = ThrustMap((0.2, 4.0, 18.0), 16.0)
+MAP = ThrustMap((0.2, 4.0, 18.0), 16.0, 0.06)
 PROFILE = RateProfile((math.radians(1000.0), math.radians(800.0), math.radians(400.0)))
 
 

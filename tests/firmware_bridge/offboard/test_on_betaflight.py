@@ -10,7 +10,8 @@ import pytest
 
 import vehicle
 from firmware_bridge.betaflight_sitl import firmware
-from flight import InputError, TrajectoryFile, trajectory
+from firmware_bridge.betaflight_sitl.process import Sitl
+from flight import InputError, TrajectoryFile, silent, trajectory
 from goshawk.commands.fly import offboard
 from tests import waiting
 from tests.firmware_bridge.offboard import curves, faults
@@ -64,11 +65,53 @@ def test_a_plan_that_was_not_checked_is_not_flown(documented, folder):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("_betaflight")
-@pytest.mark.parametrize("kind", ["kill", "kill and pose lost", "pose jump"])
+@pytest.mark.parametrize("kind", ["kill", "kill and pose lost", "pose jump", "low battery", "link lost"])
 def test_what_is_lost_in_flight_ends_in_a_soft_landing(kind, tmp_path):
     ended = faults.fly(tmp_path, MODEL, curves.circle(), faults.Fault(kind, after_s=5.0))
     assert ended.begun_s is not None, ended.said
     assert ended.safe, ended
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("_betaflight")
+def test_the_pilots_switch_gives_the_sticks_back(tmp_path):
+    """The pilot arms, gives the sticks away, takes them back on the way, and lands by hand."""
+    fault = faults.Fault("stick override", after_s=5.0, size=1530.0)
+    ended = faults.fly(tmp_path, MODEL, curves.circle(), fault, settings=faults.OVERRIDE)
+    assert "the pilot took the sticks back" in ended.said
+    assert ended.safe, ended
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("_betaflight")
+def test_a_firmware_that_stalls_as_it_starts_is_started_again(monkeypatch):
+    begins, tries = Sitl.begins, []
+
+    def stalled_at_first(self):
+        tries.append(begins(self))
+        return len(tries) > 1 and tries[-1]
+
+    monkeypatch.setattr(Sitl, "begins", stalled_at_first)
+    way = curves.hover(seconds=1.0)
+    file = TrajectoryFile(way, "hover", "", "", way.position([0.0, way.duration_s]), {})
+    _, early, down_m_s = offboard.rehearse(MODEL, file, seed=1, progress=silent, cancel=lambda: False)
+    assert tries == [True, True]
+    assert not early
+    assert down_m_s < 1.2
+
+
+def test_the_battery_of_the_vehicle_file_is_in_its_thrust_map():
+    """At a lower voltage the throttle for the weight turns the rotors as fast as at the reference."""
+    sagging = MODEL.with_effect("battery_sag", sag_per_v=0.04, reference_v=16.8)
+    thrust, weight_n = offboard.thrust_map(sagging), MODEL.mass_kg * MODEL.gravity_m_s2
+
+    def speed(battery_v: float) -> float:
+        throttle = thrust.throttle(weight_n, battery_v)
+        return (offboard.IDLE + (1.0 - offboard.IDLE) * throttle) * (1.0 - 0.04 * (16.8 - battery_v))
+
+    assert thrust.throttle(weight_n, 14.8) > thrust.throttle(weight_n, 16.8)
+    assert speed(14.8) == pytest.approx(speed(16.8), rel=0.01)
+    assert offboard.thrust_map(MODEL).throttle(weight_n, 14.8) == offboard.thrust_map(MODEL).throttle(weight_n, 16.8)
 
 
 def test_a_plan_that_the_profile_cannot_follow_is_refused_with_the_figure():

@@ -1,5 +1,7 @@
 """The planner's side of a flight, with a guard that answers as it is told: before it arms, and when it gives up."""
 
+import contextlib
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ import vehicle
 from firmware_bridge import controller
 from firmware_bridge.controller import State
 from firmware_bridge.offboard import procedure
+from firmware_bridge.offboard.firmware import Alert
 from firmware_bridge.offboard.ladder import Reason, Stage, Wish
 from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand
 from firmware_bridge.offboard.poses import Pose
@@ -25,6 +28,7 @@ class Guard:
 
     def __init__(self) -> None:
         self.now_s, self.armed, self.ours, self.mode, self.poses_come = 100.0, False, True, 0, True
+        self.alert = Alert.NONE
         self.stage, self.height_m = Stage.WAITING, 0.0
         self.commands: list[PlannerCommand] = []
 
@@ -33,7 +37,7 @@ class Guard:
         fresh = (Pose(self.now_s - 0.01, np.array([0.0, 0.0, self.height_m]), LEVEL),)
         return GuardStatus(
             self.stage, Reason.NONE, self.armed, self.ours, self.now_s, self.now_s, 16.0,
-            poses=fresh if self.poses_come else (), other_mode=self.mode,
+            poses=fresh if self.poses_come else (), other_mode=self.mode, battery_alert=self.alert,
         )  # fmt: skip
 
     def answer(self, command: PlannerCommand) -> None:
@@ -73,6 +77,7 @@ def test_ctrl_c_while_the_firmware_is_to_arm_takes_off_nowhere():
         ({"armed": True}, "it is armed already"),
         ({"mode": 1}, "mode ANGLE is on"),
         ({"poses_come": False}, "no pose has come"),
+        ({"alert": Alert.WARNING}, "the battery is low to the firmware, at 16.0 V"),
     ],
 )
 def test_it_does_not_ask_to_fly(wrong, said, monkeypatch):
@@ -107,6 +112,18 @@ def test_a_controller_that_gives_up_in_the_air_leaves_it_to_the_guard(height_m, 
     for _ in range(5):
         ours._tick()
     assert guard.commands[-1].wish is wish
+
+
+@pytest.mark.parametrize(("alert", "ends"), [(Alert.WARNING, False), (Alert.CRITICAL, True)])
+def test_a_battery_that_is_critical_ends_the_flight_and_a_low_one_does_not(alert, ends, monkeypatch):
+    monkeypatch.setattr(controller.Controller, "state", property(lambda _: State.TAKE_OFF))
+    guard = Guard()
+    ours = flight(guard)
+    guard.alert = alert
+    ours._tick()
+    monitored = pytest.raises(LinkError, match=r"take-off: the battery is at 16\.0 V, critical")
+    with monitored if ends else contextlib.nullcontext():
+        ours._watch("take-off")
 
 
 def test_a_pilot_is_told_to_disarm():

@@ -26,6 +26,21 @@ def test_a_data_sheet_becomes_a_file_in_which_every_default_is_marked(tmp_path):
     assert sum(line.startswith("#") for line in out.read_text().splitlines()) >= 8
 
 
+def test_limits_fit_the_vehicle_and_are_fitted_anew_by_set(tmp_path):
+    out = tmp_path / "fast.toml"
+    said = run("vehicle", "new", out, *SHEET, "--max-rpm", 28_000)
+    assert "limits: usual: 10 m/s" in said
+    slow = vehicle.load(out).limits
+    said = run("vehicle", "set", out, "limits=race", "limits.jerk_m_s3=200")
+    assert "limits.speed_m_s: 10 -> 24" in said
+    raced = vehicle.load(out).limits
+    assert raced.speed_m_s > slow.speed_m_s
+    assert raced.jerk_m_s3 == 200.0
+    run("vehicle", "new", tmp_path / "race.toml", *SHEET, "--max-rpm", 28_000, "--limits", "race")
+    assert vehicle.load(tmp_path / "race.toml").limits.speed_m_s == raced.speed_m_s
+    assert "careful, usual, race" in run("vehicle", "set", out, "limits=fast", code=2)
+
+
 def test_props_out_turns_every_rotor_the_other_way(tmp_path):
     run("vehicle", "new", tmp_path / "in.toml", *SHEET)
     said = run("vehicle", "new", tmp_path / "out.toml", *SHEET, "--props-out")

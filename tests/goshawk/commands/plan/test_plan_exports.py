@@ -1,6 +1,7 @@
 """Each foreign format is read back by an evaluator written here, from the format's description alone."""
 
 import csv
+import json
 import re
 from html.parser import HTMLParser
 
@@ -52,10 +53,11 @@ def test_crazyflie_poly4d_flies_the_same_path(plan, tmp_path):
     assert np.abs(flown - plan.trajectory.evaluate(times)).max() < 1e-9
 
 
-def test_crazyflie_poly4d_refuses_a_piece_with_more_terms_than_it_holds(tmp_path):
-    nine = Trajectory(np.ones(1), np.ones((1, 4, 9)))
-    with pytest.raises(InputError, match="9 coefficients"):
-        formats.write_crazyflie(tmp_path / "p.csv", nine)
+def test_a_piece_with_more_terms_than_poly4d_holds_is_fitted_anew(tmp_path):
+    nine = Trajectory(np.ones(1), 0.1 * np.ones((1, 4, 9)))
+    held = formats.write_crazyflie(tmp_path / "p.csv", nine)
+    assert held.trajectory.coefficients.shape[2] == 8
+    assert held.largest_m < 1e-4
 
 
 def test_mav_trajectory_generation_flies_the_same_path(plan, tmp_path):
@@ -133,7 +135,11 @@ def test_a_fault_of_one_result_leaves_none_of_the_others(plan, tmp_path, monkeyp
 def test_the_verb_writes_every_format_and_refuses_what_was_not_checked(plan, tmp_path):
     planner.save_plan(tmp_path / "lap.json", plan, name="lap")
     out = ("--crazyflie", tmp_path / "a.csv", "--mav-trajectory", tmp_path / "b.yaml", "--px4", tmp_path / "c.csv")
-    assert goshawk("export", tmp_path / "lap.json", *out).returncode == 0
+    written = goshawk("export", tmp_path / "lap.json", *out, "--json")
+    assert written.returncode == 0
+    facts = json.loads(written.stdout)
+    assert facts["crazyflie_pieces"] == len(plan.trajectory.durations_s)
+    assert 0.0 < facts["crazyflie_from_plan_m"] < 1e-4  # single precision
     assert all((tmp_path / name).is_file() for name in ("a.csv", "b.yaml", "c.csv"))
     assert "exists; give another name" in goshawk("export", tmp_path / "lap.json", *out).stderr
     assert goshawk("export", tmp_path / "lap.json").returncode == 2
