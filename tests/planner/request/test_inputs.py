@@ -55,6 +55,28 @@ def test_a_way_that_takes_hours_is_refused_with_its_longest_leg(open_sky, drone)
         planner.plan(ask(np.array([[0.0, 0, 1], [1e6, 0, 1], [1e6, 5, 1]])), open_sky, drone)
 
 
+def test_a_way_of_many_legs_is_refused_by_their_sum(open_sky, drone):
+    leg_m = 0.4 * inputs.LONGEST_S * drone.limits.speed_m_s
+    points = np.array([[k * leg_m, 0.0, 1.0] for k in range(4)])
+    with pytest.raises(InputError, match=r"takes more than 10000 s; most of it is between"):
+        inputs.check_durations(ask(points), drone.limits)
+    inputs.check_durations(ask(points[:3]), drone.limits)
+
+
+@pytest.mark.parametrize(("clear_m", "free"), [(0.31, True), (0.29, False), (0.2, False)])
+def test_a_waypoint_nearer_to_an_obstacle_than_the_clearance_is_named(clear_m, free):
+    class Wall:
+        def distance(self, points_world_m):
+            return np.asarray(points_world_m)[:, 1]
+
+    waypoints = ask(np.array([[0.0, 2.0, 1.0], [4.0, clear_m, 1.0]]))
+    if free:
+        inputs.check_waypoints(waypoints, Wall(), 0.3)
+        return
+    with pytest.raises(InputError, match=rf"waypoint 2 at .* is {clear_m:.3f} m from an obstacle .* 0\.300 m are"):
+        inputs.check_waypoints(waypoints, Wall(), 0.3)
+
+
 def test_ten_thousand_waypoints_are_refused_with_the_remedy(open_sky, drone):
     many = np.column_stack([np.arange(10_000.0), np.zeros(10_000), np.ones(10_000)])
     with pytest.raises(InputError, match=f"10000 waypoints are given; at most {inputs.MOST_WAYPOINTS}"):
