@@ -34,7 +34,7 @@ from goshawk.terminal import console, outputs
     show_default=True,
     help="Steady wind: its speed, from anywhere, or x,y,z (m/s); may be given again.",
 )
-@click.option("--flights", type=int, help="Flights to fly [default: as many as can show --risk].")
+@click.option("--flights", type=int, help="Flights to count [default: as many as can show --risk].")
 @click.option("--risk", type=float, default=1e-3, show_default=True, help="Probability of a loss that is accepted.")
 @console.gust_option
 @click.option(
