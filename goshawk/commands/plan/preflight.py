@@ -185,6 +185,9 @@ def one(
     if result.cut_off:
         click.echo(f"goshawk: stopped after {_stopped_after(result)}", err=True)
         return 130
+    if result.unexplained:
+        click.echo("goshawk: all flights were flown; stopped before it was told what decides", err=True)
+        return 130
     if replay is None:
         click.echo("goshawk: stopped before the worst were flown again", err=True)
         return 130
