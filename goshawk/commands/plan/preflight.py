@@ -270,12 +270,16 @@ def _decides(result: preflight.Result, again: dict[str, Any] | None) -> tuple[st
     said, remedy = _remedy(result)
     if again is None:
         return said, remedy
-    narrowest = max(again["segments"], key=lambda each: each["margin_m"])
     room = f"plan with --margin {again['margin_m']:.2f}, as --preflown does from the file of --out"
-    return (
-        said,
-        f"{remedy}; or {room}: segment {narrowest['segment']} is short of {100.0 * narrowest['extra_m']:.0f} cm",
-    )
+    return said, f"{remedy}; or {room}, which is not tried yet: {_short(again['segments'])}"
+
+
+def _short(segments: list[dict[str, Any]]) -> str:
+    """Which segment needs most room: of those that flights touch in, else of those where they are given up."""
+    worst = max(segments, key=lambda each: (each["touching"], each["margin_m"]))
+    if worst["touching"]:
+        return f"segment {worst['segment']} is {100.0 * worst['extra_m']:.0f} cm short"
+    return f"flights are given up for their tracking error in segment {worst['segment']}"
 
 
 def _remedy(result: preflight.Result) -> tuple[str, str]:
