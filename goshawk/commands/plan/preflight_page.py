@@ -24,7 +24,7 @@ _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inl
 _DEG = math.degrees(1.0)
 _LARGEST_SHARES = 8
 _CLEAR_M = 2.0
-"""Clearance beyond the vehicle that no picture tells apart from more."""
+"""Clearance beyond the vehicle from which on the last bar holds all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

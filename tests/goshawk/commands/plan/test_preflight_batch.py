@@ -199,7 +199,7 @@ def test_a_batch_in_which_nothing_could_be_planned_is_no_folder_of_plans(tmp_pat
         preflight_case.cases_of([tmp_path], [], ["0"])
 
 
-def test_a_vehicle_that_no_plan_was_checked_for_is_not_dropped_in_silence(folder):
+def test_a_vehicle_that_no_plan_was_checked_for_is_refused(folder):
     with pytest.raises(InputError, match=r"no plan was checked for .*heavy\.toml; leave it out"):
         preflight_case.cases_of([folder / "plans-light"], [folder / "light.toml", folder / "heavy.toml"], ["0"])
 
