@@ -287,7 +287,8 @@ def _remedy(result: preflight.Result) -> tuple[str, str]:
         return f"not known from {result.flights} flights", "preflight with more --flights"
     factor, share = result.dominating
     without = "" if result.removed is None else f"; without it {result.removed.risk}"
-    return f"{factor}: {100.0 * share:.0f} % of the variance{without}", remedies.words(factor)
+    of = "the variance" if result.rare is None or not result.loss_shares else "what the lost flights differ in"
+    return f"{factor}: {100.0 * share:.0f} % of {of}{without}", remedies.words(factor)
 
 
 def _spreads(result: preflight.Result) -> list[tuple[object, ...]]:

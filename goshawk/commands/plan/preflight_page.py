@@ -212,7 +212,7 @@ def _spreads(told: Told) -> str:
     )
     note = (
         "The dashed line is the limit: touching; the plan's limit of tilt, which a flight may exceed; a rotor at its "
-        f"limit. Energy is mechanical, with the {SETTLE_S:g} s of hover before; the vehicle file has no battery."
+        f"limit. Energy is mechanical, with the {SETTLE_S:g} s of hover before."
     )
     head = "<section><h2>How far from the limits</h2>"
     return f"{head}<div class='four'>{drawn}</div><p class='small'>{note}</p>{_of_first_level(told.result)}</section>"

@@ -115,11 +115,14 @@ def test_a_beam_of_one_voxel_is_drawn_from_above_lightly_and_a_pillar_dark():
 
 
 def test_by_levels_the_page_says_that_its_flights_are_of_the_first(folder, tmp_path):
-    world = ("--map", folder / "map", "--vehicle", folder / "vehicle.toml", "--gust-std", 1, "-q")
+    world = ("--map", folder / "map", "--vehicle", folder / "vehicle.toml", "--gust-std", 2, "-q")
     report = ("--report", tmp_path / "rare.html", "--out", tmp_path / "rare.json")
     answer("preflight", folder / "lap.json", *world, "--rare", "--flights", 200, "--risk", 0.01, *report)
     said = (tmp_path / "rare.html").read_text()
-    risk = json.loads((tmp_path / "rare.json").read_text())["risk"]
+    found = json.loads((tmp_path / "rare.json").read_text())
+    risk = found["risk"]
+    assert found["loss_shares"]
+    assert "% of what the lost flights differ in" in said
     assert f"{risk['flights']} simulated flights by levels, the first of 200, of" in said
     assert f"t most {risk['upper95']:.1e} by {risk['levels']} levels" in said
     for heading in ("The worst flights", "How far from the limits", "How they end"):
