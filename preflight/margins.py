@@ -17,7 +17,7 @@ from preflight.result import LEAST_FINISHED, Result
 RESERVE_M = 0.01
 """On top of what the flights miss: the next plan is another curve."""
 MOST_M = 0.5
-"""No more is asked for: a flight that is so far off is not cured by room."""
+"""Where more would be asked for, none is: a flight that is so far off is not cured by room."""
 _BEYOND = 0.5
 """Of the error at which a flight is given up: how much farther off it would have been, which is not flown."""
 
@@ -40,7 +40,7 @@ class Needed:
 
 
 def needed(result: Result) -> tuple[Needed, ...]:
-    """More room by segment, for those that need it; empty for a go, and where no room would help.
+    """More room by segment, for those that need it; empty for a go, and where no room up to `MOST_M` would help.
 
     As many of the deepest touches are let be as the accepted risk allows, and none of the rarest ones. Room also keeps
     flights from being given up for their tracking error: the controller allows as much as the plan has.
@@ -51,12 +51,13 @@ def needed(result: Result) -> tuple[Needed, ...]:
     given_up = (record.ending == core.FAILSAFE) & ~record.left_map & ~record.upset
     touching = record.touched & (record.ending == core.FINISHED) & ~record.left_map & ~record.upset
     allowed = _allowed(result.flights, result.risk) if result.rare is None else 0
-    spared = max(allowed - int((record.lost & ~touching).sum()), 0)
+    left = allowed - int((record.lost & ~touching & ~given_up).sum())  # that no room helps
+    spared = max(left - int((given_up & record.touched).sum()), 0)
     deepest = np.flatnonzero(touching)[np.argsort(record.clearance_m[touching])][spared:]
     found = _by_segment(result, record.path_s[deepest], RESERVE_M - record.clearance_m[deepest], True)
-    if result.finished < LEAST_FINISHED or (given_up & record.touched).sum() > spared:
+    if result.finished < LEAST_FINISHED or (given_up & record.touched).sum() > max(left, 0):
         found += _by_segment(result, *_beyond(record, given_up, result.trajectory.duration_s), False)
-    return found
+    return found if all(each.extra_m <= MOST_M for each in found) else ()
 
 
 def _by_segment(result: Result, times: FloatArray, short_m: FloatArray, touching: bool) -> tuple[Needed, ...]:
@@ -65,7 +66,7 @@ def _by_segment(result: Result, times: FloatArray, short_m: FloatArray, touching
     found: list[Needed] = []
     for i in np.unique(segments).tolist():
         mine = short_m[segments == i]
-        extra_m = min(float(mine.max()), MOST_M)
+        extra_m = float(mine.max())
         found.append(Needed(i, float(starts_s[i]), float(starts_s[i + 1]), touching, extra_m, int(mine.size)))
     return tuple(found)
 

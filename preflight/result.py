@@ -67,6 +67,8 @@ class Result:
     steps: int = 0
     rare: Rare | None = None
     """What was found beyond these flights by levels of ever nearer ones; None where they were counted."""
+    unexplained: bool = False
+    """Whether Ctrl-C ended it before it was told what decides."""
 
     @property
     def flights(self) -> int:

@@ -124,17 +124,19 @@ def fly(
     if options.decide_only:
         return Result(record, trajectory, options.count, options.risk, {}, {}, assumed, steps=steps, rare=found)
     interrupted = found is not None and found.cut_off
-    shares, loss_shares, again = ({}, {}, 0) if interrupted else study.shares(record, drawn)
+    told = None if interrupted else study.shares(record, drawn)
+    shares, loss_shares, again = told or ({}, {}, 0)
     if found is not None:
         loss_shares = found.with_luck(shares)
     result = Result(
         record, trajectory, options.count, options.risk, shares, loss_shares, assumed, steps=steps + again,
-        rare=found,
+        rare=found, unexplained=told is None,
     )  # fmt: skip
     first = result.dominating
     if first is None or not options.explain or result.cut_off or result.lost.count == 0:
         return result
-    return replace(result, removed=study.without(first[0], progress))
+    removed = study.without(first[0], progress)
+    return replace(result, removed=removed, unexplained=removed is None)
 
 
 def fly_again(
@@ -321,15 +323,15 @@ class _Study:
         """Flights of a call."""
         return _BATCH * (self.options.threads or os.cpu_count() or 1)
 
-    def shares(self, record: Record, drawn: Drawn) -> tuple[dict[str, float], dict[str, float], int]:
+    def shares(self, record: Record, drawn: Drawn) -> tuple[dict[str, float], dict[str, float], int] | None:
         """Of the variance of the least clearance, and of that of being lost, by factor; and steps flown for that.
 
-        Empty after Ctrl-C, now or before: without what comes anew in every flight the wrong one would be first.
+        None after Ctrl-C, now or before: without what comes anew in every flight the wrong one would be first.
         """
         try:
-            return self._shares(record, drawn) if len(record) == self.options.count else ({}, {}, 0)
+            return self._shares(record, drawn) if len(record) == self.options.count else None
         except KeyboardInterrupt:
-            return {}, {}, 0
+            return None
 
     def _shares(self, record: Record, drawn: Drawn) -> tuple[dict[str, float], dict[str, float], int]:
         loop = self.loop(self.options.uncertainty, self.vehicle)

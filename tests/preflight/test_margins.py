@@ -66,7 +66,37 @@ def test_flights_that_are_given_up_ask_for_more_than_the_room_they_were_given(to
         clearance_m=np.full(60, 0.1),
         error_m=np.full(touching.record.error_m.shape, 0.08, np.float32),
     )
+    record.error_m[:20] = 0.4  # a few wild ones do not decide
     (found,) = margins.needed(replace(touching, record=record))
     assert not found.touching
     assert found.segment == 1
     assert found.extra_m == pytest.approx(0.04)
+
+
+def given_up(result, count):
+    """The same, its first flights given up where they touched."""
+    ending = np.where(np.arange(60) < count, core.FAILSAFE, core.FINISHED)
+    clearance_m = np.where(np.arange(60) < count + 1, -0.02, 0.3)
+    return replace(result, record=replace(result.record, ending=ending, clearance_m=clearance_m))
+
+
+def test_flights_given_up_that_touch_are_let_be_as_often_as_the_risk_allows_and_counted_once(touching):
+    accepted = replace(touching, risk=statistics.upper_bound(2, 60) + 1e-9)
+    found = margins.needed(given_up(accepted, 2))  # and one more touches that comes to its end
+    assert [(each.touching, each.flights) for each in found] == [(True, 1)]
+    found = margins.needed(given_up(accepted, 3))
+    assert {each.touching for each in found} == {True, False}
+    assert margins.needed(given_up(accepted, 1)) == ()  # two are lost: a go
+
+
+def test_flights_that_are_farther_off_than_room_cures_ask_for_none(touching):
+    deepest = int(touching.record.clearance_m.argmin())
+
+    def with_deepest(clearance_m):
+        values = touching.record.clearance_m.copy()
+        values[deepest] = clearance_m
+        return margins.needed(replace(touching, record=replace(touching.record, clearance_m=values), risk=1e-5))
+
+    least_m = margins.RESERVE_M - margins.MOST_M
+    assert max(each.extra_m for each in with_deepest(least_m + 1e-6)) == pytest.approx(margins.MOST_M, abs=1e-5)
+    assert with_deepest(least_m - 1e-6) == ()

@@ -260,6 +260,19 @@ def test_ctrl_c_after_the_last_flight_keeps_them_and_explains_nothing(drone, cur
     assert found.go
     assert found.flights == 60
     assert found.dominating is None
+    assert found.unexplained
+
+
+def test_ctrl_c_while_flown_without_what_decides_is_told(drone, curve):
+    def stopped(stage, fraction):
+        if stage.startswith("again without"):
+            raise KeyboardInterrupt
+
+    uncertain = preflight.Options(60, 0.05, uncertainty=replace(EXACT, localization_std_m=0.05))
+    found = preflight.fly(drone, curve, Wall(0.25), radius_m=0.2, options=uncertain, progress=stopped)
+    assert found.unexplained
+    assert found.removed is None
+    assert not preflight.fly(drone, curve, Wall(0.25), radius_m=0.2, options=uncertain).unexplained
 
 
 def test_a_wind_in_which_it_cannot_hover_is_refused_with_one_in_which_it_can(drone):

@@ -61,10 +61,23 @@ def test_the_obstacle_is_where_the_wall_is(found):
 
 
 def test_a_lost_flight_is_worse_than_a_nearer_one_that_came_home(result):
-    lost = np.zeros(40, bool)
-    lost[7] = True
-    record = replace(result.record, left_map=lost)
-    assert worst.worst_numbers(record)[0] == (7 if not result.record.touched.any() else record.lost.argmax())
+    left, clearance_m = np.zeros(40, bool), np.full(40, 0.3)
+    left[7], clearance_m[[3, 21]] = True, (0.1, 0.2)
+    record = replace(result.record, left_map=left, clearance_m=clearance_m)
+    assert worst.worst_numbers(record).tolist() == [7, 3, 21]
+
+
+def test_a_long_flight_is_thinned_but_keeps_its_ends_and_the_moment_that_matters(
+    drone, curve, result, found, monkeypatch
+):
+    monkeypatch.setattr(worst, "_BUNDLE_SAMPLES", 9)
+    thin = preflight.replay(drone, curve, WALL, result, radius_m=0.2, options=OPTIONS)
+    for few, many in zip(thin.bundle, found.bundle, strict=True):
+        assert len(few.time_s) <= 10 < len(many.time_s) <= 161
+        assert (few.time_s[0], few.time_s[-1]) == (many.time_s[0], many.time_s[-1])
+        assert few.time_s[few.moment] == many.time_s[many.moment]
+        assert few.clearance_m[few.moment] == many.clearance_m[many.moment]
+    assert [len(track.time_s) for track in thin.worst] == [len(track.time_s) for track in found.worst]
 
 
 def test_without_a_map_the_largest_error_is_the_worst(drone, curve):

@@ -18,11 +18,9 @@ from typing import Any, TypeVar
 
 from flight import InputError, Progress, file_format
 from goshawk.commands.plan import batch_cluster
-from goshawk.commands.plan.batch_work import Item, Kind, Row, Work
+from goshawk.commands.plan.batch_work import JOURNAL, RESULTS, Item, Kind, Row, Work
 
 VERSION = 1
-JOURNAL = "journal.jsonl"
-RESULTS = "results.json"
 T = TypeVar("T", bound=Item)
 SUFFIXES = (".json", ".csv")
 
@@ -61,8 +59,9 @@ def run(
             the same paths.
 
     Raises:
-        InputError: the output folder holds results of other inputs, or another batch is writing to it, or what all
-            items share cannot be read, or no scheduler answers, or one of its workers is unlike this process.
+        InputError: the output folder holds results of other inputs or of a batch of another kind, or another batch is
+            writing to it, or what all items share cannot be read, or no scheduler answers, or one of its workers is
+            unlike this process.
         ClusterError: the scheduler was lost, or has no worker.
         KeyboardInterrupt: Ctrl-C. After these two, what was done is in the journal and the tables.
     """
@@ -72,6 +71,7 @@ def run(
     keys = {name: job.key_of(item) for name, item in listed.items()}
     with open(job.out / JOURNAL, "a") as lines:
         _take_alone(lines.fileno(), job.out)
+        _refuse_other_kind(job)
         done = _done(job, keys)
         todo = [item for item in items if item.stem not in done]
         lines.write("\n" if lines.tell() else "")  # a crash may have cut the last line off
@@ -80,7 +80,7 @@ def run(
             name = row["name"]
             if job.key_of(listed[name]) != keys[name]:
                 job.file_of(name).unlink(missing_ok=True)
-                row = job.kind.row(name, "failed", "the mission's file was changed during the batch; run it again")
+                row = job.kind.row(name, "failed", f"{job.kind.file} was changed during the batch; run it again")
             entry = row | {"key": keys[name]}
             lines.write(json.dumps(entry, allow_nan=False) + "\n")
             lines.flush()
@@ -96,7 +96,7 @@ def run(
                     _work_on_all(executor, todo, job, record)
         except batch_cluster.ClusterError as error:
             so_far = f"{len(done)} of {len(items)} {job.kind.noun} are recorded in {job.out}"
-            goes_on = f"the same command {job.kind.do}s the others"
+            goes_on = f"the same command {job.kind.does} the others"
             raise batch_cluster.ClusterError(f"{error}; {so_far}, and {goes_on}") from error
         finally:
             rows = [{k: v for k, v in done[p.stem].items() if k != "key"} for p in items if p.stem in done]
@@ -111,6 +111,16 @@ def _take_alone(descriptor: int, out: Path) -> None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         raise InputError(f"another batch is writing to {out}; wait until it is done, or give another --out") from None
+
+
+def _refuse_other_kind(job: Work[Any]) -> None:
+    """Its tables would be replaced, whatever `--overwrite` says of results."""
+    try:
+        found: Any = json.loads((job.out / RESULTS).read_bytes())["format"]
+    except (OSError, ValueError, RecursionError, KeyError, TypeError):
+        return
+    if found != job.kind.format:
+        raise InputError(f"{job.out} holds a {found}, not a {job.kind.format}; give another --out")
 
 
 def _done(job: Work[Any], keys: dict[str, str]) -> dict[str, Row]:
@@ -133,7 +143,7 @@ def _done(job: Work[Any], keys: dict[str, str]) -> dict[str, Row]:
     changed = sorted(name for name, row in found.items() if name in keys and row.get("key") != keys[name])
     if changed and not job.overwrite:
         raise InputError(
-            f"{job.out} holds results of other inputs (first: {changed[0]}): mission, map, vehicle or options changed; "
+            f"{job.out} holds results of other inputs (first: {changed[0]}): {kind.inputs} changed; "
             f"give another --out, or --overwrite to {kind.do} these again"
         )
     kept = {name: row for name, row in found.items() if name in keys and name not in changed}

@@ -29,8 +29,8 @@ COLUMNS: dict[str, type] = {
 `could_hide_m` is how thick an obstacle could hide near it, None where no image looked, and `could_hide_share` the share
 of its length along which more than `mapping.free_space.THRESHOLD_M` could; None where nothing is known of it."""
 KIND = Kind(
-    "goshawk-batch", "missions", "plan", "planned", COLUMNS, ("planned",), ("infeasible", "refused"),
-    ("could_hide_m", "could_hide_share"),
+    "goshawk-batch", "missions", "plan", "plans", "planned", "the mission's file", "mission, map, vehicle or options",
+    COLUMNS, ("planned",), ("infeasible", "refused"), ("could_hide_m", "could_hide_share"),
 )  # fmt: skip
 
 

@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, Self, TypeVar
 
+JOURNAL = "journal.jsonl"
+RESULTS = "results.json"
+"""In the folder of a batch."""
 Row = dict[str, Any]
 """What is known of an item: name, status, reason, and the other columns of its kind."""
 
@@ -18,9 +21,15 @@ class Kind:
     noun: str
     """Of several items; the table's key."""
     do: str
-    """What is done with one, and ..."""
+    """What is done with one, ..."""
+    does: str
+    """... what a command does, ..."""
     done: str
-    """... what it then is."""
+    """... and what it then is."""
+    file: str
+    """What a worker reads of one, in words."""
+    inputs: str
+    """All that its result depends on, in words."""
     columns: Mapping[str, type]
     """Of the tables; after name, status and reason, a row may be without."""
     made: tuple[str, ...]

@@ -124,7 +124,7 @@ class Asked:
             InputError, UsageError: a limit is out of its range, or two options contradict each other.
         """
         wanted = options_from(
-            drone, self.kept_margin_m, self.speed_m_s, self.acceleration_m_s2, self.radius_m, self.jerk_m_s3
+            drone, self.kept_margin_m(drone), self.speed_m_s, self.acceleration_m_s2, self.radius_m, self.jerk_m_s3
         )
         return Job(
             self.map_folder,
@@ -140,22 +140,18 @@ class Asked:
             overwrite=self.overwrite,
         )
 
-    @property
-    def kept_margin_m(self) -> float | None:
+    def kept_margin_m(self, drone: vehicle.Vehicle) -> float | None:
         """That of --margin, or that which --preflown asks for if it is larger.
 
         Raises:
-            InputError, FormatError: as `preflight_inputs.margin_of`, or the file asks for none.
+            InputError, FormatError: as `preflight_inputs.margin_of`.
         """
         if self.preflown is None:
             return self.margin_m
-        asked_m = preflight_inputs.margin_of(self.preflown)
-        if asked_m is None:
-            raise InputError(
-                f"{self.preflown} asks for no more room: its flights are a go, or lost by other things than touches; "
-                "plan without --preflown, or slower (--speed, --acceleration)"
-            )
-        return max(asked_m, self.margin_m or 0.0)
+        asked_m = preflight_inputs.margin_of(self.preflown, mapping.open_map(self.map_folder).hash, drone.name)
+        kept_m = max(asked_m, self.margin_m or 0.0)
+        console.note(f"note: keeps a margin of {kept_m:.3f} m ({self.preflown} asks for {asked_m:.3f} m)")
+        return kept_m
 
     def opened_map(self) -> mapping.Map:
         """The map, if it may be planned in."""

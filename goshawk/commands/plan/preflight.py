@@ -185,6 +185,9 @@ def one(
     if result.cut_off:
         click.echo(f"goshawk: stopped after {_stopped_after(result)}", err=True)
         return 130
+    if result.unexplained:
+        click.echo("goshawk: all flights were flown; stopped before it was told what decides", err=True)
+        return 130
     if replay is None:
         click.echo("goshawk: stopped before the worst were flown again", err=True)
         return 130
@@ -267,12 +270,16 @@ def _decides(result: preflight.Result, again: dict[str, Any] | None) -> tuple[st
     said, remedy = _remedy(result)
     if again is None:
         return said, remedy
-    narrowest = max(again["segments"], key=lambda each: each["margin_m"])
     room = f"plan with --margin {again['margin_m']:.2f}, as --preflown does from the file of --out"
-    return (
-        said,
-        f"{remedy}; or {room}: segment {narrowest['segment']} is short of {100.0 * narrowest['extra_m']:.0f} cm",
-    )
+    return said, f"{remedy}; or {room}, which is not tried yet: {_short(again['segments'])}"
+
+
+def _short(segments: list[dict[str, Any]]) -> str:
+    """Which segment needs most room: of those that flights touch in, else of those where they are given up."""
+    worst = max(segments, key=lambda each: (each["touching"], each["margin_m"]))
+    if worst["touching"]:
+        return f"segment {worst['segment']} is {100.0 * worst['extra_m']:.0f} cm short"
+    return f"flights are given up for their tracking error in segment {worst['segment']}"
 
 
 def _remedy(result: preflight.Result) -> tuple[str, str]:
@@ -280,7 +287,8 @@ def _remedy(result: preflight.Result) -> tuple[str, str]:
         return f"not known from {result.flights} flights", "preflight with more --flights"
     factor, share = result.dominating
     without = "" if result.removed is None else f"; without it {result.removed.risk}"
-    return f"{factor}: {100.0 * share:.0f} % of the variance{without}", remedies.words(factor)
+    of = "the variance" if result.rare is None or not result.loss_shares else "what the lost flights differ in"
+    return f"{factor}: {100.0 * share:.0f} % of {of}{without}", remedies.words(factor)
 
 
 def _spreads(result: preflight.Result) -> list[tuple[object, ...]]:

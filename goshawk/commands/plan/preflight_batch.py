@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 import preflight
+import vehicle
 from flight import file_format
 from goshawk.commands.plan import batch, preflight_case
 from goshawk.commands.plan.batch_work import Row
@@ -34,7 +35,7 @@ from goshawk.terminal import console, outputs
     show_default=True,
     help="Steady wind: its speed, from anywhere, or x,y,z (m/s); may be given again.",
 )
-@click.option("--flights", type=int, help="Flights to fly [default: as many as can show --risk].")
+@click.option("--flights", type=int, help="Flights to count [default: as many as can show --risk].")
 @click.option("--risk", type=float, default=1e-3, show_default=True, help="Probability of a loss that is accepted.")
 @console.gust_option
 @click.option(
@@ -87,6 +88,9 @@ def command(
     else:
         heads = ("plan", "vehicle", "wind", "", "lost", "risk at most", "1 % clearance, m", "decides most, or why not")
         console.table(f"preflights in {out}", heads, [_line(row) for row in rows])
+    for path in vehicle_files:
+        if mark := vehicle.purpose.mark_sentence(vehicle.load(path)):
+            console.note(f"note: {path.name} is a model {mark}")
     counted = Counter(row["status"] for row in rows)
     if counted[preflight_case.GO] < len(rows):
         missed = len(rows) - counted[preflight_case.GO]
@@ -104,5 +108,5 @@ def _line(row: Row) -> list[object]:
     near = row["clearance_q01_m"]
     share = row["dominating_share"]
     decides = "" if share is None else f"{row['dominating']} {100.0 * share:.0f} %"
-    lost = f"{row['lost']} of {row['flights']}"
+    lost = "by levels" if row["lost"] is None else f"{row['lost']} of {row['flights']}"
     return [*begun, lost, f"{row['risk_upper95']:.1e}", "" if near is None else f"{near:.3f}", decides]

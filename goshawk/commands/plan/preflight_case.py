@@ -13,7 +13,7 @@ import preflight
 import vehicle
 from flight import FlightError, InputError, file_format, results, trajectory
 from goshawk.commands.plan import preflight_inputs
-from goshawk.commands.plan.batch_work import Kind, Row
+from goshawk.commands.plan.batch_work import JOURNAL, RESULTS, Kind, Row
 from preflight.result import SCHEMA, SCHEMA_VERSION
 
 COLUMNS: dict[str, type] = {
@@ -23,9 +23,13 @@ COLUMNS: dict[str, type] = {
     "x_m": float, "y_m": float, "z_m": float, "dominating": str, "dominating_share": float, "document_hash": str,
     "cpu_s": float,
 }  # fmt: skip
-"""Of the tables; segment, time and place are where it is narrowest."""
+"""Of the tables; segment, time and place are where it is narrowest. `lost` is None by levels: its flights are no sample
+of all."""
 GO, NO_GO = "go", "no-go"
-KIND = Kind("goshawk-preflight-batch", "preflights", "fly", "flown", COLUMNS, (GO, NO_GO), ("refused",))
+KIND = Kind(
+    "goshawk-preflight-batch", "preflights", "fly", "flies", "flown", "a file of the preflight",
+    "plan, map, vehicle or options", COLUMNS, (GO, NO_GO), ("refused",),
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +39,10 @@ class Case:
     trajectory_file: Path
     vehicle_file: Path
     wind: str
+
+    def __str__(self) -> str:
+        """Its files, in words."""
+        return f"{self.trajectory_file} or {self.vehicle_file}"
 
     @property
     def stem(self) -> str:
@@ -57,8 +65,10 @@ class Job:
     kind: ClassVar[Kind] = KIND
 
     def inputs_hash(self) -> bytes:
-        """Of the map and the options; not of the threads, on which no result depends."""
-        asked = (mapping.open_map(self.map_folder).field.hash, replace(self.options, threads=None))
+        """Of the map, what it says of itself, and the options; not of the threads, on which no result depends."""
+        area = mapping.open_map(self.map_folder)
+        uncertainty = preflight_inputs.of_map(area, self.options.uncertainty)
+        asked = (area.hash, replace(self.options, threads=None, uncertainty=uncertainty))
         return hashlib.sha256(repr(asked).encode()).digest()
 
     def with_inputs(self, inputs: bytes) -> "Job":
@@ -108,7 +118,8 @@ def cases_of(folders: Sequence[Path], vehicles: Sequence[Path], winds: Sequence[
     reason.
 
     Raises:
-        InputError: no plan is there, two cases have one name, or a wind or a vehicle cannot be read.
+        InputError: no plan is there, two cases have one name, a wind or a vehicle cannot be read, or a vehicle is one
+            that no plan was checked for.
     """
     for wind in winds:
         preflight_inputs.blowing(wind)
@@ -117,10 +128,15 @@ def cases_of(folders: Sequence[Path], vehicles: Sequence[Path], winds: Sequence[
     for plan in (plan for folder in folders for plan in _plans(folder)):
         fitting = [path for path, its in hashes.items() if _vehicle_of(plan) == its] or list(vehicles[:1])
         found += [Case(plan, path, wind) for path in fitting for wind in winds]
+    flown = {case.vehicle_file for case in found}
+    if idle := next((path for path in vehicles if path not in flown), None):
+        raise InputError(f"no plan was checked for {idle}; leave it out, or plan for it with `goshawk plan batch`")
     names = [case.stem for case in found]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise InputError(f"two cases are named {twice[0]}; give plans and vehicles names of their own")
+        raise InputError(
+            f"two preflights are named {twice[0]}; rename one of the plans or vehicle files that have one name"
+        )
     return found
 
 
@@ -128,6 +144,8 @@ def _plans(folder: Path) -> list[Path]:
     """Trajectory files in a folder, or in one that `goshawk plan batch` wrote."""
     inner = folder / "trajectories"
     where = inner if inner.is_dir() else folder
+    if where is folder and (folder / JOURNAL).is_file():
+        raise InputError(f"{folder} is a batch without a plan; its {RESULTS} gives the reason of each")
     if not where.is_dir():
         raise InputError(f"{folder} is not a folder of plans")
     found = sorted(path for path in where.iterdir() if path.suffix == ".json" and path.is_file())
@@ -167,7 +185,11 @@ def fly_one(case: Case, job: Job) -> Row:
 
 
 def _flown(case: Case, job: Job) -> dict[str, Any]:
-    """The case's result as plain JSON values."""
+    """The case's result as plain JSON values.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C, whatever was flown of it.
+    """
     item, believed = trajectory.load(case.trajectory_file), vehicle.load(case.vehicle_file)
     area = _map(job.map_folder, job.inputs)
     preflight_inputs.require_fit(item, area, believed)
@@ -178,6 +200,8 @@ def _flown(case: Case, job: Job) -> dict[str, Any]:
     options = replace(job.options, uncertainty=preflight_inputs.of_map(area, uncertainty))
     flown, (radius_m, clearance_m) = (believed, item.trajectory, area.field), preflight_inputs.body_of(item, believed)
     result = preflight.fly(*flown, radius_m=radius_m, clearance_m=clearance_m, options=options)
+    if result.cut_off or result.unexplained:
+        raise KeyboardInterrupt  # it is flown again, wholly
     replay = preflight.replay(
         *flown, result, radius_m=radius_m, clearance_m=clearance_m, options=options, bundle=0
     )  # fmt: skip
@@ -189,8 +213,8 @@ def _columns(document: dict[str, Any]) -> dict[str, Any]:
     place, first = document["where"], document["dominating"]
     x, y, z = (None, None, None) if place is None else place["point_world_m"]
     return {
-        "flights": document["flights"],
-        "lost": document["risk"]["count"],
+        "flights": document["risk"]["flights"],
+        "lost": None if "levels" in document["risk"] else document["risk"]["count"],
         "risk_upper95": document["risk"]["upper95"],
         "finished": document["finished"],
         "clearance_q01_m": document["clearance_m"].get("q01"),

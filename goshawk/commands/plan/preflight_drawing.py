@@ -30,7 +30,7 @@ _OVERLAP = 0.05
 """Of a rectangle with the next, so that rounding leaves no gap between them."""
 _BINS = 24
 _FULL = 0.25
-"""Share of the heights flown that an obstacle fills at least where it is drawn from above."""
+"""Share of the heights flown that an obstacle fills at least where it is drawn dark from above; others are light."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,8 +169,10 @@ def _ground(field: esdf.Field, frame: Frame, low_m: float, high_m: float) -> lis
     if state.size == 0:
         return []
     step = max(1, int(np.ceil(max(state.shape[:2]) / _MOST_CELLS)))
-    occupied = _coarser((state == esdf.OCCUPIED).mean(axis=2) >= _FULL, step)
-    unknown = _coarser((state == esdf.UNKNOWN).mean(axis=2) > 0.5, step) & ~occupied
+    filled = (state == esdf.OCCUPIED).mean(axis=2)
+    occupied = _coarser(filled >= _FULL, step)
+    partly = _coarser(filled > 0.0, step) & ~occupied
+    unknown = _coarser((state == esdf.UNKNOWN).mean(axis=2) > 0.5, step) & ~occupied & ~partly
     cell = step * np.array(grid.voxel_m[:2])
     origin = grid.low_world_m[:2] + np.array(region.low[:2]) * np.array(grid.voxel_m[:2])
     known = f"M{origin[0]:.3f} {origin[1]:.3f}h{cell[0] * occupied.shape[0]:.3f}v{cell[1] * occupied.shape[1]:.3f}"
@@ -179,6 +181,7 @@ def _ground(field: esdf.Field, frame: Frame, low_m: float, high_m: float) -> lis
         f"<rect class='unknown' {frame.box}/>",
         f"<g transform='{frame.moved}'><path class='ground' d='{outside}'/>",
         f"<path class='unknown' d='{_rectangles(unknown, origin, cell)}'/>",
+        f"<path class='partly' d='{_rectangles(partly, origin, cell)}'/>",
         f"<path class='occupied' d='{_rectangles(occupied, origin, cell)}'/></g>",
     ]
 
@@ -353,29 +356,56 @@ def _seen(track: Track) -> FloatArray:
     return np.minimum(track.clearance_m, 2.0)
 
 
-def histogram(name: str, title: str, unit: str, values: FloatArray, limit: float | None, *, bad_above: bool) -> str:
+def histogram(
+    name: str,
+    title: str,
+    unit: str,
+    values: FloatArray,
+    limit: float | None,
+    *,
+    bad_above: bool,
+    most: float = np.inf,
+) -> str:
     """How often each value came, those beyond the limit in the colour of danger.
 
     Args:
         values: (n,) those that are not finite are left out.
+        limit: an edge between two bars where it is in the picture.
+        most: values above it are in the last bar, and the axis says so.
     """
-    finite = values[np.isfinite(values)]
-    if not finite.size:
+    known = values[np.isfinite(values)]
+    if not known.size:
         return ""
-    low, high = (float(v) for v in (finite.min(), finite.max()))
-    if limit is not None and abs(limit - (high if bad_above else low)) < 1.5 * max(high - low, 1e-9):
-        low, high = min(low, limit), max(high, limit)
-    room = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
-    counts, edges = np.histogram(finite, _BINS, (low - room, high + room))
-    frame = Frame((low - room, 0.0), (high + room, float(counts.max()) * 1.08), 280.0, 150.0)
+    finite = np.minimum(known, most)
+    edges = _edges(finite, limit, bad_above)
+    counts, _ = np.histogram(finite, edges)
+    frame = Frame((float(edges[0]), 0.0), (float(edges[-1]), float(counts.max()) * 1.08), 280.0, 150.0)
     parts: list[str] = []
     for count, a, b in zip(counts, edges[:-1], edges[1:], strict=True):
         beyond = limit is not None and (a >= limit if bad_above else b <= limit)
         x, y = frame.zero + frame.scale * np.array([a, count])
         width, height = frame.scale[0] * (b - a) - 1.0, frame.zero[1] - y
         kind = "bar bad" if beyond else "bar"
-        parts.append(f"<rect class='{kind}' x='{x:.1f}' y='{y:.1f}' width='{width:.1f}' height='{height:.1f}'/>")
-    if limit is not None and low - room <= limit <= high + room:
+        said = f"<title>{count}</title>"
+        parts.append(
+            f"<rect class='{kind}' x='{x:.1f}' y='{y:.1f}' width='{width:.1f}' height='{height:.1f}'>{said}</rect>"
+        )
+    if limit is not None and edges[0] <= limit <= edges[-1]:
         x = frame.zero[0] + frame.scale[0] * limit
         parts.append(f"<line class='limit' x1='{x:.1f}' x2='{x:.1f}' y1='{frame.top}' y2='{frame.zero[1]:.1f}'/>")
-    return svg(frame, name, f"Histogram of {title}", parts, f"{title} ({unit})", "flights")
+    more = "" if known.max() <= most else f"; last bar: {edges[np.searchsorted(edges, most, 'right') - 1]:.3g} and more"
+    return svg(frame, name, f"Histogram of {title}", parts, f"{title} ({unit}{more})", "flights")
+
+
+def _edges(finite: FloatArray, limit: float | None, bad_above: bool) -> FloatArray:
+    """Of `_BINS` bars or one more, with some room beside; the limit is one of them unless it is far off."""
+    low, high = (float(v) for v in (finite.min(), finite.max()))
+    if limit is not None and abs(limit - (high if bad_above else low)) < 1.5 * max(high - low, 1e-9):
+        low, high = min(low, limit), max(high, limit)
+    room = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
+    low, high = low - room, high + room
+    if limit is None or not low <= limit <= high:
+        return np.linspace(low, high, _BINS + 1)
+    width = (high - low) / _BINS
+    first, last = np.floor((low - limit) / width), np.ceil((high - limit) / width)
+    return np.asarray(limit + width * np.arange(first, last + 1), dtype=np.float64)

@@ -12,7 +12,7 @@ import preflight
 import vehicle
 from firmware_bridge import wire
 from firmware_bridge.link import refuse_unfit
-from flight import FormatError, TrajectoryFile, file_format
+from flight import FormatError, InputError, TrajectoryFile, file_format
 from goshawk.terminal import console
 from mapping.map_folder import read_report
 from preflight import margins
@@ -131,18 +131,33 @@ def plan_again(
     return {"margin_m": max(each["margin_m"] for each in asked), "segments": asked}
 
 
-def margin_of(path: Path) -> float | None:
-    """The margin that the result of a preflight asks for; None if it asks for none.
+def margin_of(path: Path, map_hash: str, vehicle_name: str) -> float:
+    """The margin that the result of a preflight asks for, in this map and for this vehicle.
 
     Raises:
-        InputError: no such file.
+        InputError: no such file, it is of another map or vehicle, or it asks for none.
         FormatError: it is not the result of a preflight.
     """
     document = file_format.read_json(path, format=SCHEMA, version=SCHEMA_VERSION)
-    asked = document.get(PLAN_AGAIN)
+    if missing := [name for name in (PLAN_AGAIN, "map_hash", "vehicle", "reason") if name not in document]:
+        raise FormatError(f"{path} is a damaged result: it has no {missing[0]}; preflight again")
+    told: Any = document
+    if told["map_hash"] != map_hash:
+        raise InputError(
+            f"{path} is of map {str(told['map_hash'])[:12]}, not {map_hash[:12]}; preflight the plan in this map, or "
+            "say --margin"
+        )
+    if told["vehicle"] != vehicle_name:
+        raise InputError(
+            f"{path} is of {told['vehicle']}, not {vehicle_name}; preflight the plan for it, or say --margin"
+        )
+    asked = told[PLAN_AGAIN]
     if asked is None:
-        return None
+        raise InputError(
+            f"{path} asks for no more room: {told['reason']}; plan without --preflown, or slower (--speed, "
+            "--acceleration)"
+        )
     margin_m = asked.get("margin_m") if isinstance(asked, dict) else None  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
-    if not isinstance(margin_m, int | float) or not 0.0 < margin_m < 100.0:
+    if isinstance(margin_m, bool) or not isinstance(margin_m, int | float) or not 0.0 < margin_m < 100.0:
         raise FormatError(f"{path} is a damaged result: the margin to plan with is {margin_m!r}")
     return float(margin_m)

@@ -13,7 +13,7 @@ import numpy as np
 
 import mapping
 import preflight
-from flight import FloatArray, TrajectoryFile
+from flight import TrajectoryFile
 from goshawk.commands.plan import preflight_drawing as drawing
 from preflight.core import SETTLE_S
 from preflight.worst import Track
@@ -23,6 +23,8 @@ _BESIDE = Path(__file__).parent
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 _DEG = math.degrees(1.0)
 _LARGEST_SHARES = 8
+_CLEAR_M = 2.0
+"""Clearance beyond the vehicle from which on the last bar holds all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,12 +77,26 @@ def _head(told: Told) -> str:
     short = "" if result.flights == result.wanted else f" Stopped after {result.flights} of {result.wanted} flights."
     return (
         f"<header><h1>Preflight of {escape(told.item.name)}</h1>"
-        f"<p class='small'>{result.flights} simulated flights of {escape(told.vehicle.name)} in "
+        f"<p class='small'>{_flights_words(result)} of {escape(told.vehicle.name)} in "
         f"{escape(told.area.folder.resolve().name)}, seed {told.options.seed}, goshawk {version('goshawk')}.{short}</p>"
         f"<p class='verdict{'' if result.go else ' bad'}'>{word}: {escape(result.reason())}.</p>"
         + _definitions({name: value for name, value in facts.items() if value})
         + "</header>"
     )
+
+
+def _flights_words(result: preflight.Result) -> str:
+    if result.rare is None:
+        return f"{result.flights} simulated flights"
+    return f"{result.rare.risk.flights} simulated flights by levels, the first of {result.flights},"
+
+
+_FIRST_LEVEL = "of the first level, drawn as they may come; those of later levels, ever nearer to a loss, are not shown"
+"""What pictures and counts are of, where the risk was found by levels."""
+
+
+def _of_first_level(result: preflight.Result) -> str:
+    return "" if result.rare is None else f"<p class='small'>Flights {_FIRST_LEVEL}.</p>"
 
 
 def _definitions(facts: dict[str, str]) -> str:
@@ -105,7 +121,8 @@ def _views(told: Told) -> str:
     above, (low_m, high_m) = drawing.above(told.replay, path, field, tube_m, told.radius_m)
     shades = "".join(f"<i class='b{i}'></i>" for i in range(drawing.SHADES))
     swatches = {
-        "touch": "touches", "dash": "plan", "tube": "tube of 90 and 99 %", "occupied": "obstacle", "unknown": "unknown",
+        "touch": "touches", "dash": "plan", "tube": "tube of 90 and 99 %", "occupied": "obstacle",
+        "partly": "obstacle at some of the heights", "unknown": "unknown",
     }  # fmt: skip
     keys = "".join(f"<span><i class='swatch {kind}'></i>{words}</span>" for kind, words in swatches.items())
     scale = f"<span>clearance 0 <span class='scale'>{shades}</span> {drawing.PLENTY_M:g} m and more</span>"
@@ -114,7 +131,7 @@ def _views(told: Told) -> str:
         f"<div><h3>From above; obstacles from {low_m:.1f} to {high_m:.1f} m</h3>{above}</div>"
         f"<div><h3>From the side: height along the path, the map unrolled</h3>{beside}"
         f"<h3>Clearance beyond the vehicle</h3>{drawing.over_time(told.replay, path)}</div></div>"
-        f"<p class='key'>{scale}{keys}</p></section>"
+        f"<p class='key'>{scale}{keys}</p>{_of_first_level(told.result)}</section>"
     )
 
 
@@ -133,7 +150,8 @@ def _worst(told: Told) -> str:
         f"<div><small>{words}</small><b id='v-{key}'></b> <span>{unit}</span></div>" for key, words, unit in values
     )
     return (
-        f"<section><h2>The worst flights</h2><p id='story'>{escape(_story(tracks[0], told))}</p>"
+        f"<section><h2>The worst flights</h2>{_of_first_level(told.result)}"
+        f"<p id='story'>{escape(_story(tracks[0], told))}</p>"
         "<div class='script'><div class='worst-bar'>"
         f"<div class='choices' role='group' aria-label='Flight'>{names}</div>"
         "<button type='button' id='play'>Play</button>"
@@ -183,32 +201,29 @@ def _spreads(told: Told) -> str:
     r, limits = told.result.record, told.vehicle.limits
     energy_wh = r.energy_j / 3600.0
     pictures = (
-        ("h-clearance", "least clearance", "m", np.minimum(r.clearance_m, 2.0), 0.0, False),
-        ("h-tilt", "largest tilt", "°", _DEG * r.tilt_rad, _DEG * limits.tilt_rad, True),
-        ("h-rotor", "least rotor reserve", "%", 100.0 * r.rotor_reserve, 0.0, False),
-        ("h-energy", "energy of the rotors", "Wh", energy_wh, None, True),
+        ("h-clearance", "least clearance", "m", r.clearance_m, 0.0, False, _CLEAR_M),
+        ("h-tilt", "largest tilt", "°", _DEG * r.tilt_rad, _DEG * limits.tilt_rad, True, np.inf),
+        ("h-rotor", "least rotor reserve", "%", 100.0 * r.rotor_reserve, 0.0, False, np.inf),
+        ("h-energy", "energy of the rotors", "Wh", energy_wh, None, True, np.inf),
     )  # fmt: skip
     drawn = "".join(
-        f"<div>{drawing.histogram(name, title, unit, _known(values), limit, bad_above=bad)}</div>"
-        for name, title, unit, values, limit, bad in pictures
+        f"<div>{drawing.histogram(name, title, unit, values, limit, bad_above=bad, most=most)}</div>"
+        for name, title, unit, values, limit, bad, most in pictures
     )
     note = (
         "The dashed line is the limit: touching; the plan's limit of tilt, which a flight may exceed; a rotor at its "
-        f"limit. Energy is mechanical, with the {SETTLE_S:g} s of hover before; the vehicle file has no battery."
+        f"limit. Energy is mechanical, with the {SETTLE_S:g} s of hover before."
     )
     head = "<section><h2>How far from the limits</h2>"
-    return f"{head}<div class='four'>{drawn}</div><p class='small'>{note}</p></section>"
-
-
-def _known(values: FloatArray) -> FloatArray:
-    return values[np.isfinite(values)]
+    return f"{head}<div class='four'>{drawn}</div><p class='small'>{note}</p>{_of_first_level(told.result)}</section>"
 
 
 def _why(told: Told) -> str:
     result = told.result
+    lost = "Share of the variance of being lost" if result.rare is None else "Share of what the lost flights differ in"
     parts = [
         _shares("What moves the least clearance", "Share of its variance, by uncertainty alone", result.shares),
-        _shares("What loses flights", "Share of the variance of being lost", result.loss_shares),
+        _shares("What loses flights", lost, result.loss_shares),
         _endings(result),
     ]
     return f"<div class='two'>{''.join(part for part in parts if part)}</div>"
@@ -229,7 +244,8 @@ def _shares(title: str, note: str, shares: Mapping[str, float]) -> str:
 def _endings(result: preflight.Result) -> str:
     rows = [(words, str(chance)) for words, chance in result.endings().items()]
     rows = [("touches something", str(result.touched)), ("leaves the map", str(result.left_map)), *rows]
-    return f"<section><h2>How they end</h2>{_table(('', 'flights, and 95 % bound'), rows)}</section>"
+    table = _table(("", "flights, and 95 % bound"), rows)
+    return f"<section><h2>How they end</h2>{_of_first_level(result)}{table}</section>"
 
 
 def _assumed(told: Told) -> str:
@@ -240,19 +256,26 @@ def _assumed(told: Told) -> str:
     )  # fmt: skip
     delay = "" if given.pose_delay_std_s is None else f"{1e3 * given.pose_delay_std_s:.1f} ms"
     drop_outs = f"{given.drop_outs_per_s:g} a second of {given.drop_out_s:g} s" if given.drop_outs_per_s else "none"
+    jump = f"{100.0 * given.pose_jump_std_m:.0f} cm each axis" if given.pose_jump_std_m else "none"
+    battery = "full, and stays so" if given.battery_v is None else f"from {given.battery_v:g} V to full, and it sags"
+    fault = 100.0 * given.motor_fault_ratio
     uncertain = sum(parameter.std > 0.0 for parameter in told.vehicle.parameters.values())
     rows = [
         ("parameters", f"{uncertain} of {len(told.vehicle.parameters)} uncertain", "the vehicle file"),
         ("mean wind", f"{given.wind_m_s:g} m/s {direction}, ± {100.0 * given.wind_spread_ratio:.0f} %", "asked"),
         ("gusts (Dryden)", f"{given.gust_std_m_s:g} m/s each axis, length {options.air.gust_length_m:g} m", "asked"),
+        ("thermals", f"{given.thermal_std_m_s:g} m/s upwards at 10 m" if given.thermal_std_m_s else "none", "asked"),
         ("pose delay, untold", delay or "as the model says, or 3 ms", "asked" if delay else known),
         ("gaps of the pose", drop_outs, "asked"),
         ("lasting error of the pose", f"{100.0 * given.localization_std_m:.1f} cm each axis", "asked"),
+        ("jump of the pose on the way", jump, "asked"),
         ("lasting error of the heading", f"{_DEG * given.heading_std_rad:.2f}°", "assumed"),
         ("map's scale", f"{100.0 * given.map_scale_std_ratio:.2f} %", "the map"),
         ("map's surfaces", f"{100.0 * given.map_error_std_m:.1f} cm", "assumed, and the map's voxels"),
         ("start", f"{100.0 * given.start_std_m:.0f} cm each axis, {_DEG * given.start_yaw_std_rad:.1f}°", "assumed"),
         ("rotor wear", f"{100.0 * given.rotor_wear_ratio:.1f} % of each thrust", "assumed"),
+        ("motor fault", f"one loses {fault:.0f} % of its thrust on the way" if fault else "none", "asked"),
+        ("battery at the start", battery, "asked"),
         ("vehicle's sphere", f"{told.radius_m:.2f} m", "the plan's check, or the farthest propeller"),
         ("controller", f"{options.rate_hz} Hz, its C code", "as flown"),
         ("map", f"{area.folder.resolve().name}, {area.hash[:12]}", "asked"),
@@ -260,8 +283,8 @@ def _assumed(told: Told) -> str:
     ]
     sentences = "".join(f"<p>{_sentence(said)}.</p>" for said in told.result.assumed)
     head = ("", "standard deviation, or value", "from")
-    not_flown = "<p class='small'>Simulated throughout; battery sag and motor faults are not flown.</p>"
-    return f"<section><h2>What was assumed</h2>{_table(head, rows)}{sentences}{not_flown}</section>"
+    simulated = "<p class='small'>Simulated throughout.</p>"
+    return f"<section><h2>What was assumed</h2>{_table(head, rows)}{sentences}{simulated}</section>"
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -2,16 +2,22 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
 
+import preflight
 import vehicle
-from goshawk.commands.plan import preflight_case
+from flight import InputError, file_format
+from goshawk.commands.plan import preflight_batch, preflight_case
+from mapping.map_folder import REPORT_FORMAT, VERSION
+from preflight import study
 from tests import waiting
 from tests.goshawk.dask_cluster import cluster
 from tests.goshawk.running import answer
@@ -124,6 +130,105 @@ def test_what_cannot_be_flown_is_a_row_that_says_why(folder, tmp_path):
     reasons = [row["reason"] for row in rows_of(tmp_path / "out")]
     assert "was checked for vehicle" in reasons[0]
     assert "JSON" in reasons[2]
+
+
+@pytest.mark.parametrize("when", ["while it flies", "while it is told what decides"])
+def test_a_case_that_ctrl_c_cuts_off_is_no_row_and_is_flown_wholly_afterwards(folder, one, tmp_path, monkeypatch, when):
+    fly, decide = preflight.fly, study.statistics.variance_shares
+
+    def pressed(*_: object) -> None:
+        if len(begun) == 2:
+            signal.raise_signal(signal.SIGINT)
+
+    def after_the_first_batch(_: str, fraction: float) -> None:
+        if 0.0 < fraction < 1.0:
+            pressed()
+
+    def flown(*arguments, **options):
+        begun.append(1)
+        told = {"progress": after_the_first_batch} if when == "while it flies" else {}
+        return fly(*arguments, **options, **told)
+
+    def told(*arguments):
+        pressed()
+        return decide(*arguments)
+
+    begun: list[int] = []
+    winds = ("--wind", 0, "--wind", "2,0,0")
+    with monkeypatch.context() as patched:
+        patched.setattr(study, "_BATCH", 4)
+        patched.setattr(preflight_case.preflight, "fly", flown)
+        if when != "while it flies":
+            patched.setattr(study.statistics, "variance_shares", told)
+        ended = answer(*call(folder, tmp_path / "out", *winds))
+    assert ended.returncode == 130, ended.stderr
+    assert [row["name"] for row in rows_of(tmp_path / "out")] == ["a_light_wind0"]
+    assert not (tmp_path / "out" / "preflights" / "a_light_wind2_0_0.json").exists()
+    assert answer(*call(folder, tmp_path / "out", *winds)).returncode == 0
+    assert rows_of(tmp_path / "out") == rows_of(one)
+    assert results(tmp_path / "out") == results(one)
+
+
+def test_a_map_that_says_another_scale_is_another_input(folder, tmp_path):
+    shutil.copytree((folder / "map").resolve(), tmp_path / "map")
+    options = preflight.Options(24, 0.2)
+    before = preflight_case.Job(tmp_path / "map", options, tmp_path).inputs_hash()
+    assert before == preflight_case.Job(tmp_path / "map", replace(options, threads=1), tmp_path).inputs_hash()
+    said = {"scale_witnesses": [{"source": "length", "ratio": 1.0, "std": 0.03}]}
+    file_format.write_json(tmp_path / "map" / "report.json", format=REPORT_FORMAT, version=VERSION, body=said)
+    assert preflight_case.Job(tmp_path / "map", options, tmp_path).inputs_hash() != before
+
+
+def test_plans_and_preflights_do_not_write_to_one_folder(folder, one):
+    plans, world = folder / "plans-light", ("--map", folder / "map", "--vehicle", folder / "light.toml", "--overwrite")
+    for out, arguments in (
+        (plans, ("preflight", "batch", plans, *world, *FLOWN)),
+        (one, ("plan", "batch", folder / "missions-light", *world)),
+    ):
+        before = (out / "results.json").read_bytes(), (out / "results.parquet").read_bytes()
+        ended = answer(*arguments, "--out", out)
+        assert ended.returncode == 2
+        assert "give another --out" in ended.stderr
+        assert ((out / "results.json").read_bytes(), (out / "results.parquet").read_bytes()) == before
+
+
+def test_a_batch_in_which_nothing_could_be_planned_is_no_folder_of_plans(tmp_path):
+    for name in ("journal.jsonl", "results.json"):
+        (tmp_path / name).write_text("{}")
+    with pytest.raises(InputError, match=r"a batch without a plan; its results\.json gives the reason"):
+        preflight_case.cases_of([tmp_path], [], ["0"])
+
+
+def test_a_vehicle_that_no_plan_was_checked_for_is_refused(folder):
+    with pytest.raises(InputError, match=r"no plan was checked for .*heavy\.toml; leave it out"):
+        preflight_case.cases_of([folder / "plans-light"], [folder / "light.toml", folder / "heavy.toml"], ["0"])
+
+
+def test_sentences_of_a_batch_speak_of_preflights(folder, one):
+    ended = answer(*call(folder, one, "--wind", 0, "--wind", "2,0,0", "--seed", 3))
+    assert "plan, map, vehicle or options changed; give another --out" in ended.stderr
+    assert "--overwrite to fly these again" in ended.stderr
+    (case,) = preflight_case.cases_of([folder / "plans-heavy"], [folder / "heavy.toml"], ["0"])
+    assert str(case) == f"{case.trajectory_file} or {case.vehicle_file}"
+
+
+def test_a_model_that_is_not_for_design_is_marked(folder, tmp_path):
+    drone = vehicle.load(folder / "heavy.toml")
+    doubtful = {vehicle.purpose.KEY: {vehicle.purpose.EVERY: "few flights"}}
+    vehicle.save(tmp_path / "heavy.toml", replace(drone, provenance=doubtful))
+    world = ("--map", folder / "map", "--vehicle", tmp_path / "heavy.toml")
+    ended = answer("preflight", "batch", folder / "plans-heavy", *world, "--out", tmp_path / "out", *FLOWN)
+    assert "note: heavy.toml is a model for prediction, not for design" in ended.stderr
+
+
+def test_losses_by_levels_are_not_counted_among_all_flights(folder, tmp_path):
+    by_levels = preflight.Options(200, 0.1, rare=True)
+    (tmp_path / "out").mkdir()
+    (case,) = preflight_case.cases_of([folder / "plans-heavy"], [folder / "heavy.toml"], ["0"])
+    row = preflight_case.fly_one(case, preflight_case.Job(folder / "map", by_levels, tmp_path / "out"))
+    assert row["status"] == "go", row["reason"]
+    assert row["lost"] is None
+    assert preflight_batch._line(row)[4] == "by levels"
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import esdf
 import vehicle
 from goshawk.commands.plan import preflight_drawing as drawing
 from tests.gcs_web.in_browser import CHROMIUM, FLAGS, needs_chromium
@@ -79,6 +80,63 @@ def test_a_page_is_not_replaced_unasked(folder):
 def test_a_touch_has_a_colour_of_its_own_and_the_scale_ends_at_plenty():
     shade = drawing.shades(np.array([-1e-9, 0.0, 0.5 * drawing.PLENTY_M, drawing.PLENTY_M, np.inf]))
     assert shade.tolist() == [0, 1, 1 + drawing.SHADES // 2, drawing.SHADES, drawing.SHADES]
+
+
+@pytest.mark.parametrize("limit", [0.0, 0.013, -0.031])
+@pytest.mark.parametrize("bad_above", [False, True])
+def test_red_bars_hold_exactly_what_is_beyond_the_limit(limit, bad_above):
+    values = np.random.default_rng(3).normal(0.05, 0.06, 500)
+    drawn = drawing.histogram("h", "clearance", "m", np.append(values, np.nan), limit, bad_above=bad_above)
+    bars = [(kind, int(n)) for kind, n in re.findall(r"class='bar( bad)?'[^>]*><title>(\d+)</title>", drawn)]
+    beyond = values > limit if bad_above else values < limit
+    assert sum(n for kind, n in bars if kind) == beyond.sum() > 0
+    assert sum(n for _, n in bars) == 500
+
+
+def test_what_is_far_off_is_in_a_last_bar_that_says_so_and_what_is_not_known_in_none():
+    values = np.array([0.5, 1.0, 1.5, 7.0, np.inf])
+    drawn = drawing.histogram("h", "clearance", "m", values, 0.0, bad_above=False, most=2.0)
+    assert sum(int(n) for n in re.findall(r"<title>(\d+)</title>", drawn)) == 4
+    assert re.search(r"clearance \(m; last bar: (1\.9\d?|2) and more\)", drawn)
+    assert "last bar" not in drawing.histogram("h", "clearance", "m", values[:3], 0.0, bad_above=False, most=2.0)
+    assert drawing.histogram("h", "clearance", "m", np.full(9, np.inf), 0.0, bad_above=False, most=2.0) == ""
+
+
+def test_a_beam_of_one_voxel_is_drawn_from_above_lightly_and_a_pillar_dark():
+    state = np.full((40, 30, 20), esdf.FREE, np.uint8)
+    state[10, :, 12] = esdf.OCCUPIED
+    state[30, 5, :] = esdf.OCCUPIED
+    grid = esdf.Grid((0.0, 0.0, 0.0), (0.1, 0.1, 0.1), state.shape)
+    field = esdf.build(state, grid)
+    drawn = "".join(drawing._ground(field, drawing.square(np.zeros(2), np.array([4.0, 3.0])), 0.0, 2.0))
+    (partly,), (occupied,) = (re.findall(f"class='{kind}' d='([^']*)'", drawn) for kind in ("partly", "occupied"))
+    assert partly.startswith("M1.0000 0.000h0.1050v3.000")
+    assert occupied.startswith("M3.0000 0.500h0.1050v0.100")
+
+
+def test_by_levels_the_page_says_that_its_flights_are_of_the_first(folder, tmp_path):
+    world = ("--map", folder / "map", "--vehicle", folder / "vehicle.toml", "--gust-std", 2, "-q")
+    report = ("--report", tmp_path / "rare.html", "--out", tmp_path / "rare.json")
+    answer("preflight", folder / "lap.json", *world, "--rare", "--flights", 200, "--risk", 0.01, *report)
+    said = (tmp_path / "rare.html").read_text()
+    found = json.loads((tmp_path / "rare.json").read_text())
+    risk = found["risk"]
+    assert found["loss_shares"]
+    assert "% of what the lost flights differ in" in said
+    assert f"{risk['flights']} simulated flights by levels, the first of 200, of" in said
+    assert f"t most {risk['upper95']:.1e} by {risk['levels']} levels" in said
+    for heading in ("The worst flights", "How far from the limits", "How they end"):
+        assert "of the first level" in said[said.index(heading) :].split("</section>")[0]
+
+
+def test_nothing_that_was_asked_is_missing_among_the_assumptions(folder, text, tmp_path):
+    assert "are not flown" not in text
+    world = ("--map", folder / "map", "--vehicle", folder / "vehicle.toml", "-q", "--flights", 4)
+    asked = ("--thermals", 0.7, "--motor-fault", 0.23, "--pose-jump", 0.31)
+    answer("preflight", folder / "lap.json", *world, *asked, "--report", tmp_path / "asked.html")
+    assumed = (tmp_path / "asked.html").read_text().partition("What was assumed")[2]
+    for said in ("0.7 m/s upwards at 10 m", "one loses 23 % of its thrust", "31 cm each axis", "full, and stays so"):
+        assert said in assumed
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.0, 3.6), (-0.7, 2.7), (12.0, 13.0), (0.001, 0.002)])

@@ -12,10 +12,11 @@ import pytest
 import mapping
 import preflight
 import vehicle
-from flight import FormatError, trajectory
+from flight import FormatError, file_format, trajectory
 from goshawk.commands.plan import preflight as verb
 from goshawk.commands.plan import preflight_inputs
 from goshawk.terminal import outputs
+from preflight.result import SCHEMA, SCHEMA_VERSION
 from tests.goshawk.running import answer
 
 LINES = 24
@@ -204,6 +205,7 @@ def test_plan_preflight_plan_is_a_go_within_three_rounds(folder, tmp_path):
         if ended.returncode == 0:
             break
         assert "--preflown" in ended.stdout
+        assert "not tried yet" in " ".join(ended.stdout.split())
         asked_m.append(again["margin_m"])
     assert codes[0] == 1
     assert codes[-1] == 0
@@ -214,9 +216,54 @@ def test_a_go_asks_for_no_more_room(folder, tmp_path):
     assert preflown(folder, "--flights", 60, "--risk", 0.05, "--out", tmp_path / "go.json").returncode == 0
     ended = answer("plan", folder / "waypoints.csv", *world(folder), "--preflown", tmp_path / "go.json", "--out", "x")
     assert ended.returncode == 2
-    assert "asks for no more room" in ended.stderr
+    assert "asks for no more room: the risk is at most 4.9e-02, and 0.05 is accepted" in ended.stderr
     (tmp_path / "other.json").write_text('{"format": "goshawk-trajectory", "version": 1}')
     ended = answer(
         "plan", folder / "waypoints.csv", *world(folder), "--preflown", tmp_path / "other.json", "--out", "x"
     )
     assert ended.returncode == 2
+
+
+def planned_again(folder: Path, tmp_path: Path, *options: object, drone: str = "vehicle.toml", **changed: object):
+    """`goshawk plan --preflown` with a result that asks for 0.12 m, changed; a value of ... is left out."""
+    area, body = mapping.open_map(folder / "map"), {"plan_again": {"margin_m": 0.12}, "vehicle": "", "reason": "it is"}
+    body |= {"map_hash": area.hash, "vehicle": vehicle.load(folder / "vehicle.toml").name} | changed
+    kept = {name: value for name, value in body.items() if value is not ...}
+    file_format.write_json(tmp_path / "found.json", format=SCHEMA, version=SCHEMA_VERSION, body=kept)
+    asked = ("--preflown", tmp_path / "found.json", "--speed", 3, "--overwrite", "--out", tmp_path / "again.json")
+    return answer("plan", folder / "waypoints.csv", *world(folder, drone), *asked, *options)
+
+
+@pytest.mark.parametrize(("margin_m", "kept_m"), [(None, 0.12), (0.03, 0.12), (0.15, 0.15)])
+def test_a_plan_keeps_the_larger_of_both_margins_and_says_which(folder, tmp_path, margin_m, kept_m):
+    ended = planned_again(folder, tmp_path, *(() if margin_m is None else ("--margin", margin_m)))
+    assert ended.returncode == 0, ended.stderr
+    assert f"keeps a margin of {kept_m:.3f} m" in ended.stderr
+    assert "asks for 0.120 m" in ended.stderr
+    item = trajectory.load(tmp_path / "again.json")
+    checked = item.check
+    assert checked["required_clearance_m"] - checked["body_radius_m"] == pytest.approx(kept_m)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"map_hash": "0" * 64}, "is of map 000000000000, not "),
+        ({"vehicle": "another"}, "is of another, not "),
+        ({"plan_again": {"margin_m": True}}, "the margin to plan with is True"),
+        ({"plan_again": {"margin_m": -1}}, "the margin to plan with is -1"),
+        ({"plan_again": ...}, "has no plan_again"),
+        ({"plan_again": None, "reason": "only 3 % come to the end"}, "no more room: only 3 % come to the end"),
+    ],
+)
+def test_another_map_another_vehicle_and_a_damaged_margin_are_refused(folder, tmp_path, changed, said):
+    ended = planned_again(folder, tmp_path, **changed)
+    assert ended.returncode == 2
+    assert said in ended.stderr
+
+
+def test_the_screen_names_a_segment_that_is_touched_before_one_where_flights_are_given_up():
+    given_up = {"segment": 2, "touching": False, "margin_m": 0.4, "extra_m": 0.05}
+    touched = {"segment": 5, "touching": True, "margin_m": 0.2, "extra_m": 0.07}
+    assert verb._short([given_up, touched]) == "segment 5 is 7 cm short"
+    assert verb._short([given_up]) == "flights are given up for their tracking error in segment 2"
