@@ -76,6 +76,7 @@ def read(
     points = points[finite] if dropped else points
     R_world_file, up_because = foreign_mesh.rotation(path, up)
     unit_m, unit_because = foreign_mesh.scale(path, float(np.ptp(points, axis=0).max()), unit)
+    foreign_mesh.require_fine(path, unit_m * max(foreign_mesh.single_step(points[:, k]) for k in range(3)))
     start = np.zeros(3) if origin is None else origin
     points = (points - start) @ (unit_m * R_world_file.T)
     reach.require_near_origin(points, str(path), foreign_mesh.origin_remedy(start + points[0] @ R_world_file / unit_m))
