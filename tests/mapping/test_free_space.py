@@ -180,7 +180,16 @@ def test_a_stretch_lies_where_the_map_states_that_something_is_likely():
     assert 0.7 * found.probability < stretch.probability <= found.probability  # its ends are too unlikely to name
     assert stretch.thickness_m == pytest.approx(0.08)
     assert "% at" in found.describe()
+    assert "80 mm thick" in found.describe()
     assert found.as_dict()["stretches"][0]["probability"] == stretch.probability
+
+
+def test_a_path_is_never_safer_than_the_worst_voxel_near_it():
+    one = np.zeros(GRID.shape, np.float16)
+    one[tuple(GRID.index(np.array([[3.05, 2.05, 1.25]]))[0])] = 0.6
+    found = likely(one)
+    assert found.probability == pytest.approx(0.6, abs=1e-3)
+    assert found.stretches[0].probability == found.probability
 
 
 def test_a_rod_through_the_reach_counts_about_once():
