@@ -193,8 +193,8 @@ def _direction(up: str) -> FloatArray:
     return direction / np.linalg.norm(direction)
 
 
-def scale(path: Path, extent: float, unit: str | None) -> tuple[float, str]:
-    """Metres of the file's unit, and the words for it.
+def scale(path: Path, extent: float, unit: str | None, *, given: str = "as given") -> tuple[float, str]:
+    """Metres of the file's unit, and the words for it; `given` says from where one is known.
 
     Raises:
         InputError: it cannot be guessed from the extent in the file's numbers, or a map would not be that large.
@@ -202,7 +202,7 @@ def scale(path: Path, extent: float, unit: str | None) -> tuple[float, str]:
     if unit is None and path.suffix.lower() in _METRES:
         unit, why = "m", f"{_METRES[path.suffix.lower()]}'s rule"
     elif unit is not None:
-        why = "as given"
+        why = given
     elif _CERTAINLY_M[0] <= extent <= _CERTAINLY_M[1]:
         unit, why = "m", f"guessed from an extent of {extent:.4g}; else give --unit"
     elif _CERTAINLY_MM[0] <= extent <= _CERTAINLY_MM[1]:
