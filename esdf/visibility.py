@@ -20,7 +20,7 @@ from esdf.grid import Grid, StateArray, checked_state
 from flight import FloatArray, FormatError, InputError, errors, file_format
 
 _SURE, _NEVER = 0.995, 0.00005
-"""Probabilities that are not told apart from 1 and from 0 in words."""
+"""Probabilities from which, and below which, words do not give the number."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -83,8 +83,8 @@ def require_fine(path: Path, step_m: float) -> None:
     """
     if step_m > COARSEST_M:
         raise InputError(
-            f"{path} stores single precision: so far from its origin its coordinates are {step_m:.3g} m apart, at most "
-            f"{COARSEST_M:g} m may be; subtract the offset where it was exported, in double precision"
+            f"{path} stores single precision: its coordinates are {step_m:.3g} m apart, at most {COARSEST_M:g} m may "
+            "be; subtract the offset where it was exported, in double"
         )
 
 

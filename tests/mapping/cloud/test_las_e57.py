@@ -209,7 +209,7 @@ def test_reading_laz_tells_its_progress_and_only_damage_is_called_damage(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file, told = las(tmp_path / "scan.laz"), []
-    columns.read(file, progress=lambda step, share: told.append((step, share)))
+    columns.read(file, progress=lambda stage, fraction: told.append((stage, fraction)))
     assert told == [("decompress the points", 0.0)]
 
     def killed(code: int) -> str:
