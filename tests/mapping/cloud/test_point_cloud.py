@@ -62,7 +62,7 @@ def test_a_wrong_unit_is_refused(tmp_path: Path) -> None:
 
 def test_points_that_were_rounded_to_single_precision_are_refused_whatever_the_origin(tmp_path: Path) -> None:
     grid = np.array([512_000.0, 5_403_000.0, 410.0])
-    rounded = written(tmp_path / "a.pcd", (POINTS + grid).astype(np.float32))
+    rounded = written(tmp_path / "a.pcd", (POINTS + grid).astype(np.float32))  # type: ignore[arg-type]
     for options in ({}, {"origin": grid}):
         said = refused(rounded, **options)
         assert "single precision" in said

@@ -69,6 +69,7 @@ def test_what_is_spread_thin_or_was_never_looked_at_is_warned_of_though_no_stret
     report, _, path = flown
     likely = replace(space(0.05), stated=np.full(GRID.shape, 1e-7, np.float16))
     told = could_hide.add(report, path, likely)
+    assert told.could_hide is not None
     for change, warned in (({"probability": 0.02}, True), ({"thickness_m": np.inf}, True), ({}, False)):
         changed = replace(told, could_hide=replace(told.could_hide, stretches=(), **change))
         assert could_hide.worth_a_warning(changed) is warned
