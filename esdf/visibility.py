@@ -19,8 +19,8 @@ from esdf.field import checked_points
 from esdf.grid import Grid, StateArray, checked_state
 from flight import FloatArray, FormatError, InputError, errors, file_format
 
-_SHOWN = 3
-"""Stretches that a sentence names."""
+_SURE, _NEVER = 0.995, 0.00005
+"""Probabilities from which, and below which, words do not give the number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class Stretch:
         x, y, z = self.point_world_m
         look = f"look at {self.image}" if self.image else "no image shows it"
         when = f"{self.start_s:.1f} to {self.end_s:.1f} s"
-        return f"{100.0 * self.probability:.2g} % at {when}, about ({x:.2f}, {y:.2f}, {z:.2f}) m, {look}"
+        return f"{percent(self.probability)} at {when}, near ({x:.2f}, {y:.2f}, {z:.2f}) m, {look}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,33 +117,40 @@ class CouldHide:
         return body | {"thickness_m": None if self.unobserved else self.thickness_m}
 
     def describe(self) -> str:
-        """In words: how likely and where; without probabilities how thick, where, and along how much of the path."""
-        if not self.thickness_m > 0.0:
-            return f"no obstacle could hide in the free space within {self.reach_m:.2f} m"
-        if self.probability is not None:
-            return self._likely(self.probability)
-        x, y, z = self.point_world_m
-        what = (
-            "an obstacle of any thickness"
-            if self.unobserved
-            else f"an obstacle up to {1e3 * self.thickness_m:.0f} mm thick"
-        )
-        why = " (no image looked there)" if self.unobserved else ""
+        """In words: how thick, along how much of the path, and how likely and where, or without probabilities where."""
+        if self.probability is None or not self.thickness_m > 0.0:
+            return self.describe_thickness()
+        likeliest = f"; most {self.stretches[0].describe()}" if self.stretches else ""
+        rest = f"; {len(self.stretches) - 1} more stretches" if len(self.stretches) > 1 else ""
         return (
-            f"{what} could hide within {self.reach_m:.2f} m at {self.time_s:.2f} s, at ({x:.2f}, {y:.2f}, {z:.2f}) m"
-            f"{why}; more than {1e3 * self.threshold_m:.0f} mm along {100.0 * self.length_share:.0f} % of the way"
+            f"{self._what()} could hide within {self.reach_m:.2f} m{self._share()}; chance that a thicker pole, cable "
+            f"or net (not glass) is missing there: {percent(self.probability)}{likeliest}{rest}"
         )
 
-    def _likely(self, probability: float) -> str:
-        said = (
-            f"up to {100.0 * probability:.2g} % that something thicker than {1e3 * self.threshold_m:.0f} mm within "
-            f"{self.reach_m:.2f} m is missing from the map"
+    def describe_thickness(self) -> str:
+        """In words: how thick, where, and along how much of the path."""
+        if not self.thickness_m > 0.0:
+            return f"no obstacle could hide in the free space within {self.reach_m:.2f} m"
+        x, y, z = self.point_world_m
+        return (
+            f"{self._what()} could hide within {self.reach_m:.2f} m at {self.time_s:.2f} s, at "
+            f"({x:.2f}, {y:.2f}, {z:.2f}) m{' (no image looked there)' if self.unobserved else ''}{self._share()}"
         )
-        if not self.stretches:
-            return said
-        rest = len(self.stretches) - _SHOWN
-        most = "; ".join(stretch.describe() for stretch in self.stretches[:_SHOWN])
-        return f"{said}; {most}" + (f"; {rest} more" if rest > 0 else "")
+
+    def _what(self) -> str:
+        if self.unobserved:
+            return "an obstacle of any thickness"
+        return f"an obstacle up to {1e3 * self.thickness_m:.0f} mm thick"
+
+    def _share(self) -> str:
+        return f"; more than {1e3 * self.threshold_m:.0f} mm along {100.0 * self.length_share:.0f} % of the way"
+
+
+def percent(probability: float) -> str:
+    """A probability in words, as exact as it is known."""
+    if probability >= _SURE:
+        return "over 99 %"
+    return f"about {100.0 * probability:.2g} %" if probability >= _NEVER else "none"
 
 
 def look(state: ArrayLike, grid: Grid, views: Sequence[View], *, pixels: float = 2.0, coarser: int = 4) -> Visibility:

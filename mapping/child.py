@@ -29,6 +29,15 @@ _CRASHES = (signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.
 """Signals that COLMAP handles by printing a stack trace."""
 
 
+class CrashError(MapError):
+    """The child ended without an answer."""
+
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
+        self.signal = signal.Signals(-code) if code < 0 else None
+        """That ended it; None: it ended by itself."""
+
+
 def run(
     work: Callable[..., T],
     *arguments: object,
@@ -44,7 +53,8 @@ def run(
         lock: file descriptor that the child inherits, so that a lock on what it writes outlives a killed parent.
 
     Raises:
-        MapError: the child crashed or raised; the message names the step it was in.
+        CrashError: the child crashed.
+        MapError: it raised; the message names the step it was in.
         FlightError: as raised by `work`.
     """
     with tempfile.TemporaryDirectory(prefix="goshawk-", dir=within) as name:
@@ -53,7 +63,7 @@ def run(
         with open(folder / "log", "wb") as log:
             step, code = _watch(_start(folder, log, lock), progress)
         if code != 0 or not (folder / "answer").exists():
-            raise MapError(_crash_message(step or work.__name__, code, folder / "log"))
+            raise CrashError(_crash_message(step or work.__name__, code, folder / "log"), code)
         error, answer = pickle.loads((folder / "answer").read_bytes())
     if isinstance(error, FlightError):
         raise error

@@ -1,5 +1,6 @@
 """Meshes of other programs: triangles in metres with z up, from a file that often states neither unit nor axes."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,10 @@ EXTENT_M = (0.5, 1000.0)
 """Of the longest edge of the box about a place to fly in."""
 _CERTAINLY_M, _CERTAINLY_MM = (1.0, 200.0), (1000.0, 300_000.0)
 """Extents in the file's numbers from which its unit is guessed; between them are centimetres, feet or metres."""
+COARSEST_M = 0.001
+"""Between neighbouring coordinates of a file: 0.5 m in single precision at those of a national grid."""
+_SINGLE_PLY = re.compile(rb"property\s+float(32)?\s+[xyz]\s")
+_HEAD_BYTES = 65_536
 _METRES = {".glb": "glTF", ".e57": "E57"}
 """Kinds of file that are in metres, and what says so."""
 _AXES = {sign + name: (-1.0 if sign else 1.0) * np.eye(3)[k] for sign in ("", "-") for k, name in enumerate("xyz")}
@@ -58,16 +63,37 @@ def read(
         InputError: there is no such file, it is of another type or too large, or the unit cannot be right.
         FormatError: it cannot be read, holds no triangles, or a coordinate is not finite.
     """
-    vertices, faces = _triangles(path)
+    vertices, faces, step = _triangles(path)
     R_world_file, up_because = rotation(path, up)
     extent = float(np.ptp(vertices, axis=0).max())
     unit_m, unit_because = scale(path, extent, unit)
+    require_fine(path, unit_m * step)
     remedy = origin_remedy(vertices[0])
     vertices = unit_m * (vertices if origin is None else vertices - origin) @ R_world_file.T
     reach.require_near_origin(vertices, str(path), remedy)
     edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     open_edges = int((np.unique(edges, axis=0, return_counts=True)[1] == 1).sum())
     return ForeignMesh(vertices, faces, unit_because, up_because, open_edges)
+
+
+def require_fine(path: Path, step_m: float) -> None:
+    """
+    Raises:
+        InputError: the file's coordinates are too far apart, as `single_step` tells.
+    """
+    if step_m > COARSEST_M:
+        raise InputError(
+            f"{path} stores single precision: its coordinates are {step_m:.3g} m apart, at most {COARSEST_M:g} m may "
+            "be; subtract the offset where it was exported, in double"
+        )
+
+
+def single_step(numbers: NDArray[np.generic]) -> float:
+    """How far apart numbers of single precision are at the largest of these; 0 if they are finer than single."""
+    largest = np.max(np.abs(numbers), initial=0.0)
+    if not np.isfinite(largest) or not np.array_equal(numbers, numbers.astype(np.float32)):
+        return 0.0
+    return float(np.spacing(np.float32(largest)))
 
 
 def origin_remedy(place: FloatArray) -> str:
@@ -88,8 +114,12 @@ def of_map(area: Map) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]]
     return mesh.vertices_world_m, mesh.faces, np.full((len(mesh.vertices_world_m), 3), GREY, np.uint8)
 
 
-def _triangles(path: Path) -> tuple[FloatArray, NDArray[np.int32]]:
-    """Vertices (v, 3) in the file's numbers and axes, merged where they coincide, and faces (f, 3)."""
+def _triangles(path: Path) -> tuple[FloatArray, NDArray[np.int32], float]:
+    """Vertices (v, 3) in the file's numbers and axes, merged where they coincide, and faces (f, 3).
+
+    Returns:
+        With the distance between neighbouring numbers where the file stores single precision, else 0.
+    """
     import trimesh
 
     kind = path.suffix.lower()
@@ -118,7 +148,23 @@ def _triangles(path: Path) -> tuple[FloatArray, NDArray[np.int32]]:
     if count := int((~np.isfinite(vertices).all(axis=1)).sum()):
         raise FormatError(f"{path}: {count} of {len(vertices)} vertices are not finite; remove them, with MeshLab say")
     merged, renamed = np.unique(vertices, axis=0, return_inverse=True)
-    return merged, renamed.reshape(-1)[faces].astype(np.int32)
+    return merged, renamed.reshape(-1)[faces].astype(np.int32), _step(path, scene)
+
+
+def _step(path: Path, scene: Any) -> float:
+    """The largest `single_step` of the parts, before a GLB file's own transforms of them, in the whole's numbers."""
+    if path.suffix.lower() == ".obj" or (path.suffix.lower() == ".ply" and not _SINGLE_PLY.search(_head(path))):
+        return 0.0
+    steps = [0.0]
+    for node in scene.graph.nodes_geometry:
+        T, name = scene.graph[node]
+        steps.append(single_step(scene.geometry[name].vertices) * float(np.cbrt(abs(np.linalg.det(T[:3, :3])))))
+    return max(steps)
+
+
+def _head(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(_HEAD_BYTES).split(b"end_header", 1)[0]
 
 
 def rotation(path: Path, up: str | None) -> tuple[FloatArray, str]:
@@ -147,8 +193,8 @@ def _direction(up: str) -> FloatArray:
     return direction / np.linalg.norm(direction)
 
 
-def scale(path: Path, extent: float, unit: str | None) -> tuple[float, str]:
-    """Metres of the file's unit, and the words for it.
+def scale(path: Path, extent: float, unit: str | None, *, given: str = "as given") -> tuple[float, str]:
+    """Metres of the file's unit, and the words for it; `given` says from where one is known.
 
     Raises:
         InputError: it cannot be guessed from the extent in the file's numbers, or a map would not be that large.
@@ -156,7 +202,7 @@ def scale(path: Path, extent: float, unit: str | None) -> tuple[float, str]:
     if unit is None and path.suffix.lower() in _METRES:
         unit, why = "m", f"{_METRES[path.suffix.lower()]}'s rule"
     elif unit is not None:
-        why = "as given"
+        why = given
     elif _CERTAINLY_M[0] <= extent <= _CERTAINLY_M[1]:
         unit, why = "m", f"guessed from an extent of {extent:.4g}; else give --unit"
     elif _CERTAINLY_MM[0] <= extent <= _CERTAINLY_MM[1]:

@@ -103,7 +103,7 @@ class FreeSpace:
         near = missing.Near(nearest, stated)
         things = missing.expected(near, reach_m, float(np.max(self.field.grid.voxel_m)))
         found = missing.parts(near, things, path_world_m, reach_m)
-        return float(-np.expm1(-things.sum())), tuple(
+        return missing.probability(near, things), tuple(
             Stretch(
                 float(times[part.first]),
                 float(times[part.last]),

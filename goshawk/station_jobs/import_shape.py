@@ -5,11 +5,12 @@ from typing import Annotated, Any
 
 import msgspec
 
-from flight import InputError, Progress
+from flight import FlightError, InputError, Progress
 from flight.project import Project
 from gcs_web.desk import Desk
 from gcs_web.jobs import incoming
 from gcs_web.jobs.jobs import Choices, Kind
+from goshawk.commands.learn import fit_options
 from goshawk.commands.map import import_map
 from goshawk.station_jobs.flights import in_words_of
 
@@ -26,6 +27,12 @@ BOXES = {
     "--sensor": 'the box "Measured from"',
     "--heights LOW,HIGH": 'the box "Between heights"',
     "--heights": 'the box "Between heights"',
+    "--origin": 'the box "Origin"',
+    "--voxel": 'the box "Voxel"',
+    "--gap": "the command line (gap)",
+    "--least-points": "the command line (least points)",
+    "--dry-run": "the command line (dry run)",
+    "--out": "the command line (out)",
     "--unit": 'the box "Unit"',
     "--up": 'the box "Up"',
 }
@@ -36,6 +43,9 @@ class Arguments(msgspec.Struct, forbid_unknown_fields=True):
     file: Annotated[str, msgspec.Meta(title="File", description="PLY, OBJ, STL, GLB, PCD, or a ROS map's YAML.")]
     unit: Annotated[str, msgspec.Meta(title="Unit")] = _GUESSED
     up: Annotated[str, msgspec.Meta(title="Up", description="Direction in the file that points up")] = _GUESSED
+    origin: Annotated[
+        str, msgspec.Meta(title="Origin", description="X, Y, Z in the file that become the map's origin; or empty")
+    ] = ""
     observed: Annotated[
         str,
         msgspec.Meta(title="A place that is free", description="X, Y, Z in the map: free, with all about it to a wall"),
@@ -69,6 +79,10 @@ def _stated(value: str) -> str | None:
     return None if value == _GUESSED else value
 
 
+def _typed(text: str) -> str | None:
+    return text if text.strip() else None
+
+
 def _check(project: Project, asked: Arguments) -> None:
     incoming.found(project, asked.file)
     for value, allowed in ((asked.unit, _UNITS), (asked.up, _AXES)):
@@ -84,7 +98,10 @@ def _foresee(project: Project, asked: Arguments) -> str:
         return "it is a map of one height: say between which heights its walls stand"
     if file.stat().st_size > LARGEST_LOOK_BYTES:
         return f"{file.name} is large; its unit and axes are said when it is read"
-    found = import_map.look(file, _stated(asked.unit), _stated(asked.up))
+    try:
+        found = import_map.look(file, _stated(asked.unit), _stated(asked.up), _typed(asked.origin))
+    except FlightError as error:
+        raise type(error)(fit_options.worded(str(error), BOXES)) from error
     return found if asked.observed or asked.sensor else f"nothing is free until you name a place that is; {found}"
 
 
@@ -97,7 +114,8 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
         voxel_m=None if _is_floor(Path(asked.file)) else asked.voxel_m,
         observed=(asked.observed,) if asked.observed.strip() else (),
         sensors=(asked.sensor,) if asked.sensor.strip() else (),
-        heights=asked.heights if asked.heights.strip() else None,
+        origin=_typed(asked.origin),
+        heights=_typed(asked.heights),
         beside=True,
     )
     file = incoming.found(project, asked.file)

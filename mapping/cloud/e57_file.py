@@ -4,6 +4,7 @@ Pages of 1024 bytes end in a checksum. They hold sections of packets, whose stre
 XML that says what the fields are.
 """
 
+import re
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -79,7 +80,7 @@ def read(path: Path) -> Mapping[str, NDArray[np.generic]]:
     """
     pages, text = _opened(path)
     scans = [each for each in _children(_child(text, "data3D")) if _child(each, "points") is not None]
-    counts = [_integer(path, _child(scan, "points"), "recordCount", 0) for scan in scans]
+    counts = [_integer(path, _child(scan, "points"), "recordCount", 0, least=0) for scan in scans]
     point_file.require_few(path, sum(counts))
     parts = [_scan(pages, scan, count) for scan, count in zip(scans, counts, strict=True) if count]
     points, places = (np.concatenate(each) for each in zip(*parts, strict=True))
@@ -135,7 +136,7 @@ def _scan(pages: _Pages, scan: ElementTree.Element, count: int) -> tuple[FloatAr
     if kind is None:
         raise FormatError(f"{pages.path}: a scan has neither cartesian nor spherical coordinates")
     wanted = {names.index(name) for name in (*kind, _INVALID[kind]) if name in names}
-    values = _columns(pages, fields, wanted, _integer(pages.path, cloud, "fileOffset", 0), count)
+    values = _columns(pages, fields, wanted, _integer(pages.path, cloud, "fileOffset", 0, least=0), count)
     columns = dict(zip((names[k] for k in sorted(wanted)), values, strict=True))
     points = np.stack([columns[name] for name in kind], axis=1)
     points = points[columns.get(_INVALID[kind], np.zeros(count)) == 0]
@@ -246,8 +247,8 @@ def _number(path: Path, parent: ElementTree.Element, name: str) -> float:
         raise damaged(path, f"{name} of a pose is {text[:40]!r}") from None
 
 
-def _integer(path: Path, element: ElementTree.Element | None, name: str, other: int) -> int:
+def _integer(path: Path, element: ElementTree.Element | None, name: str, other: int, *, least: int = -(2**63)) -> int:
     text = (None if element is None else element.get(name)) or str(other)
-    if not text.lstrip("-").isdigit() or len(text) > 20 or not text.isascii():
+    if not re.fullmatch(r"-?[0-9]{1,19}", text) or int(text) < least:
         raise damaged(path, f"{name} is {text[:40]!r}")
     return int(text)

@@ -3,6 +3,7 @@
 The header is read here, as a damaged one makes laspy walk four thousand million empty records.
 """
 
+import signal
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,9 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import FloatArray, FormatError, MapError, Progress, silent
+from flight import FloatArray, FormatError, InputError, MapError, Progress, silent
 from mapping import child
-from mapping.cloud import point_file
+from mapping.cloud import las_units, point_file
 
 SUFFIXES = (".las", ".laz")
 _HEADER_BYTES, _VLR_BYTES, _MOST_VLRS = 227, 54, 10_000
@@ -21,6 +22,8 @@ _LEAST_BYTES = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
 """Of a point of each format."""
 _TIME_OFFSET = {1: 20, 3: 20, 4: 20, 5: 20} | dict.fromkeys(range(6, 11), 22)
 _LASZIP = (b"laszip encoded", 22204)
+_PROJECTION = b"LASF_Projection"
+_EVLR_BYTES, _LARGEST_RECORDS = 60, 1_000_000
 _AT_A_TIME = 500_000
 """Points that are decompressed at once."""
 
@@ -39,21 +42,42 @@ class _Layout:
     origin: FloatArray
     laszip: bytes | None
     """Record that says how the points are compressed; None: they are not."""
+    projection: Mapping[int, bytes]
+    """Records of the projection, by number."""
 
 
-def read(path: Path) -> Mapping[str, NDArray[np.generic]]:
+def read(path: Path, *, progress: Progress = silent) -> Mapping[str, NDArray[np.generic]]:
     """The columns `x`, `y`, `z` (n,) in the file's unit, and `gps_time` where there is one.
 
     Raises:
         InputError: there are more points than are read.
         FormatError: the file is damaged or cut off.
+        MapError: the process that decompresses was ended, for want of memory say.
+        ModuleNotFoundError: what decompresses is not installed.
     """
     layout = _layout(path)
-    rows = _stored(path, layout) if layout.laszip is None else _decompressed(path, layout)
+    rows = _stored(path, layout) if layout.laszip is None else _decompressed(path, layout, progress)
     columns: dict[str, NDArray[np.generic]] = {
         name: rows[name] * layout.scale[k] + layout.origin[k] for k, name in enumerate("xyz")
     }
     return columns | ({"gps_time": rows["gps_time"]} if layout.kind in _TIME_OFFSET else {})
+
+
+def stated_unit(path: Path, unit: str | None) -> str | None:
+    """The unit of the coordinates that the file states, `m` or `ft`, if none is given; None where it states none.
+
+    Raises:
+        InputError: the coordinates are degrees, axes differ in their units, or none is given and the record of the
+            projection does not say one.
+    """
+    records = _layout(path).projection
+    stated = las_units.stated(path, records)
+    found = unit or stated
+    if found is None and records:
+        raise InputError(
+            f"{path} names a projection, and not in which unit that is: look it up, and give --unit m or --unit ft"
+        )
+    return found
 
 
 def _layout(path: Path) -> _Layout:
@@ -71,24 +95,34 @@ def _layout(path: Path) -> _Layout:
         if not (np.isfinite(scale).all() and np.isfinite(origin).all() and (scale > 0.0).all()):
             raise FormatError(f"{path}: its header scales the coordinates by {scale.tolist()}; export it again")
         file.seek(header_size)
-        laszip = _laszip_record(path, file.read(max(0, offset - header_size)), records) if compressed else None
+        found = _records(file.read(max(0, offset - header_size)), records)
+        if head[25] >= 4 and len(head) == 375:
+            more_at, more = struct.unpack_from("<QI", head, 235)
+            file.seek(min(more_at, path.stat().st_size))
+            found = _records(file.read(_LARGEST_RECORDS), more, "<2x16sHQ", _EVLR_BYTES) | found
+    laszip = found.get(_LASZIP) if compressed else None
+    if compressed and laszip is None:
+        raise FormatError(f"{path} is compressed, and does not say how; export it again")
+    projection = {number: body for (name, number), body in found.items() if name == _PROJECTION}
     point_file.require_few(path, points)
     if laszip is None and path.stat().st_size - offset < points * size:
         raise point_file.cut_off(path, points, points * size, path.stat().st_size - offset)
-    return _Layout(points, offset, kind, size, scale, origin, laszip)
+    return _Layout(points, offset, kind, size, scale, origin, laszip, projection)
 
 
-def _laszip_record(path: Path, records: bytes, count: int) -> bytes:
-    at = 0
+def _records(
+    stored: bytes, count: int, head: str = "<2x16sHH", head_bytes: int = _VLR_BYTES
+) -> dict[tuple[bytes, int], bytes]:
+    """What records hold, by user and number, as far as they are whole."""
+    at, found = 0, {}
     for _ in range(min(count, _MOST_VLRS)):
-        if at + _VLR_BYTES > len(records):
+        if at + head_bytes > len(stored):
             break
-        name, number, length = struct.unpack_from("<2x16sHH", records, at)
-        at += _VLR_BYTES
-        if (name.rstrip(b"\0"), number) == _LASZIP:
-            return records[at : at + length]
+        name, number, length = struct.unpack_from(head, stored, at)
+        at += head_bytes
+        found.setdefault((name.rstrip(b"\0"), number), stored[at : at + length])
         at += length
-    raise FormatError(f"{path} is compressed, and does not say how; export it again")
+    return found
 
 
 def _fields(layout: _Layout) -> np.dtype:
@@ -103,12 +137,23 @@ def _stored(path: Path, layout: _Layout) -> NDArray[np.void]:
     return np.memmap(path, _fields(layout), "r", layout.offset, (layout.points,))
 
 
-def _decompressed(path: Path, layout: _Layout) -> NDArray[np.void]:
+def _decompressed(path: Path, layout: _Layout, progress: Progress) -> NDArray[np.void]:
     """In a child process: lazrs aborts where a damaged file states absurd sizes."""
+    import lazrs  # noqa: F401  # the child needs it: what is missing is said here, where its sentence is known
+
     try:
-        return child.run(decompress, path, layout)
-    except MapError as error:
-        raise FormatError(f"{path} is damaged or cut off: {str(error)[:150]}; copy or export it again") from None
+        return child.run(decompress, path, layout, progress=progress)
+    except child.CrashError as error:
+        if error.signal == signal.SIGABRT:
+            raise _damaged(path, "decompressing it was given up") from None
+        raise MapError(
+            f"{path}: decompressing it was ended ({error.signal.name if error.signal else 'without an answer'}), as "
+            "happens where memory runs out; free some, or write the file without compression"
+        ) from None
+
+
+def _damaged(path: Path, what: str) -> FormatError:
+    return FormatError(f"{path} is damaged or cut off: {what[:150]}; copy or export it again")
 
 
 def decompress(path: Path, layout: _Layout, *, progress: Progress = silent) -> NDArray[np.void]:
@@ -120,10 +165,13 @@ def decompress(path: Path, layout: _Layout, *, progress: Progress = silent) -> N
     parts: list[NDArray[np.void]] = []
     with path.open("rb") as file:
         file.seek(layout.offset)
-        source = lazrs.LasZipDecompressor(file, layout.laszip)  # pyright: ignore[reportAttributeAccessIssue]
-        for begin in range(0, layout.points, _AT_A_TIME):
-            progress("decompress the points", begin / layout.points)
-            raw = bytearray(layout.size * min(_AT_A_TIME, layout.points - begin))
-            source.decompress_many(raw)
-            parts.append(np.frombuffer(raw, fields).astype(kept))
+        try:
+            source = lazrs.LasZipDecompressor(file, layout.laszip)  # pyright: ignore[reportAttributeAccessIssue]
+            for begin in range(0, layout.points, _AT_A_TIME):
+                progress("decompress the points", begin / layout.points)
+                raw = bytearray(layout.size * min(_AT_A_TIME, layout.points - begin))
+                source.decompress_many(raw)
+                parts.append(np.frombuffer(raw, fields).astype(kept))
+        except lazrs.LazrsError as error:  # pyright: ignore[reportAttributeAccessIssue]
+            raise _damaged(path, str(error)) from None
     return np.concatenate(parts)

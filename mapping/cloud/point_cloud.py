@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import FloatArray, FormatError, InputError
+from flight import FloatArray, FormatError, InputError, Progress, silent
 from mapping import foreign_mesh, reach
 from mapping.cloud import columns as files
 from mapping.cloud import point_file
@@ -15,6 +15,8 @@ from mapping.input import trajectory
 
 VIEWPOINT = ("vp_x", "vp_y", "vp_z")
 """PCL's names of the place from which a point was measured."""
+_OF_POSES = (".e57",)
+"""Kinds of file that state the pose of each scan, so that a scanner may stand at 0, 0, 0."""
 TIMES = ("time", "timestamp", "t", "gps_time", "GpsTime")
 _TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _LARGEST_TIME_STEP_S = 1e-3
@@ -48,11 +50,12 @@ def read(
     poses: Path | None = None,
     viewpoints: bool = False,
     origin: FloatArray | None = None,
+    progress: Progress = silent,
 ) -> PointCloud:
     """Read a file of points: PLY, PCD, LAS, LAZ, E57.
 
     Args:
-        unit: of `foreign_mesh.UNITS_M`; None: guessed from the extent.
+        unit: of `foreign_mesh.UNITS_M`; None: as the file states, or guessed from the extent.
         up: an axis like `y` or `-z`, or `X,Y,Z`; None: z.
         sensor_world_m: (3,) from where all points were measured.
         poses: file of the sensor's poses, in metres in the axes of the cloud, in TUM's or EuRoC's format; each point's
@@ -67,7 +70,7 @@ def read(
     """
     if sum((sensor_world_m is not None, poses is not None, viewpoints)) > 1:
         raise InputError("give one of --sensor, --sensor-poses and --viewpoints: each says from where was measured")
-    columns = files.read(path)
+    columns = files.read(path, progress=progress)
     points = _stacked(columns, ("x", "y", "z"))
     finite = np.isfinite(points).all(axis=1)
     if not finite.any():
@@ -75,7 +78,10 @@ def read(
     dropped = int((~finite).sum())
     points = points[finite] if dropped else points
     R_world_file, up_because = foreign_mesh.rotation(path, up)
-    unit_m, unit_because = foreign_mesh.scale(path, float(np.ptp(points, axis=0).max()), unit)
+    given = "as the file states" if unit is None else "as given"
+    unit = files.stated_unit(path, unit)
+    unit_m, unit_because = foreign_mesh.scale(path, float(np.ptp(points, axis=0).max()), unit, given=given)
+    foreign_mesh.require_fine(path, unit_m * max(foreign_mesh.single_step(points[:, k]) for k in range(3)))
     start = np.zeros(3) if origin is None else origin
     points = (points - start) @ (unit_m * R_world_file.T)
     reach.require_near_origin(points, str(path), foreign_mesh.origin_remedy(start + points[0] @ R_world_file / unit_m))
@@ -120,7 +126,8 @@ def _viewpoints(path: Path, columns: Mapping[str, NDArray[np.generic]]) -> Float
             "programs write that know none; give --sensor or --sensor-poses instead"
         )
     origins = _stacked(columns, VIEWPOINT)
-    if not np.any(origins[np.isfinite(origins).all(axis=1)]):
+    known = origins[np.isfinite(origins).all(axis=1)]
+    if not len(known) or (path.suffix.lower() not in _OF_POSES and not np.any(known)):
         raise FormatError(
             f"{path}: its points' places of measurement are all 0 or not known, which programs write that know none; "
             "give --sensor or --sensor-poses instead"

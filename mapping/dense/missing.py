@@ -44,10 +44,20 @@ class Part:
 def expected(near: Near, reach_m: float, voxel_m: float) -> FloatArray:
     """(m,) how many things each voxel adds to those that are expected within reach.
 
-    A straight rod through a ball is as long as pi/2 radii on average, if it meets the ball anywhere as likely.
+    A straight rod at right angles to the path fills pi/2 radii of the tube about it on average, if it crosses that
+    anywhere as likely.
     """
     filled = max(1.0, 0.5 * np.pi * reach_m / voxel_m)
-    return np.where(np.isnan(near.probability), UNSTATED, near.probability) / filled
+    return _stated(near) / filled
+
+
+def probability(near: Near, things: FloatArray) -> float:
+    """That there is something in one of the voxels: of the expected number of things, but at least of one voxel."""
+    return float(np.max(_stated(near), initial=-np.expm1(-things.sum())))
+
+
+def _stated(near: Near) -> FloatArray:
+    return np.where(np.isnan(near.probability), UNSTATED, near.probability)
 
 
 def parts(near: Near, things: FloatArray, path_world_m: FloatArray, reach_m: float) -> list[Part]:
@@ -62,17 +72,22 @@ def parts(near: Near, things: FloatArray, path_world_m: FloatArray, reach_m: flo
     of_path = np.minimum(np.arange(len(path_world_m)) * count // len(path_world_m), count - 1)
     of_voxel = of_path[near.nearest]
     sums = np.bincount(of_voxel, things, count)
-    likely = -np.expm1(-sums) >= LEAST_STRETCH
+    single = np.zeros(count)
+    np.maximum.at(single, of_voxel, _stated(near))
+    likely = np.maximum(-np.expm1(-sums), single) >= LEAST_STRETCH
     rest_too = -np.expm1(-sums[~likely].sum()) >= LEAST_WHOLE
     edges = [0, *(np.flatnonzero(np.diff(likely)) + 1).tolist(), count]
     runs = [(a, b) for a, b in itertools.pairwise(edges) if likely[a] or rest_too]
-    found = [_part(a, b, of_path, of_voxel, things) for a, b in runs if sums[a:b].any()]
+    found = [_part(a, b, of_path, of_voxel, near, things) for a, b in runs if sums[a:b].any()]
     return sorted(found, key=lambda part: -part.probability)
 
 
-def _part(begin: int, end: int, of_path: NDArray[np.int64], of_voxel: NDArray[np.int64], things: FloatArray) -> Part:
+def _part(
+    begin: int, end: int, of_path: NDArray[np.int64], of_voxel: NDArray[np.int64], near: Near, things: FloatArray
+) -> Part:
     """Of the pieces from `begin` to before `end`."""
     on_path = np.flatnonzero((of_path >= begin) & (of_path < end))
     voxels = np.flatnonzero((of_voxel >= begin) & (of_voxel < end))
     place = int(voxels[np.argmax(things[voxels])])
-    return Part(int(on_path[0]), int(on_path[-1]), float(-np.expm1(-things[voxels].sum())), place)
+    mine = Near(near.nearest[voxels], near.probability[voxels])
+    return Part(int(on_path[0]), int(on_path[-1]), probability(mine, things[voxels]), place)

@@ -104,7 +104,7 @@ def examine(images: ImageSet, *, progress: Progress = silent) -> Examination:
         usable = lit[camera] if used is None else lit[camera] & used
         return _look(images.gray(instant, camera), usable, images.rig.cameras[camera])
 
-    fitting: dict[tuple[int, int], FloatArray] = {}
+    fitting: dict[tuple[int, int], list[tuple[int, int]]] = {}
     asked = max(1, len(images.instants) // stereo_order.MOST_INSTANTS)
     looks = zip(images.pairs(), workers.in_order(look, images.pairs()), strict=True)
     for number, ((instant, camera), here) in enumerate(looks, start=1):
@@ -115,8 +115,9 @@ def examine(images: ImageSet, *, progress: Progress = silent) -> Examination:
         for other in range(camera) if instant % asked == 0 else ():
             if (beside := seen.get((instant, other))) is not None:
                 both = images.rig.cameras[other], images.rig.cameras[camera]
-                found = stereo_order.fitting(_features(beside), _features(here), both)
-                fitting[other, camera] = fitting.get((other, camera), np.zeros(2)) + found
+                if stereo_order.can_tell(both):
+                    found = stereo_order.fitting(_features(beside), _features(here), both)
+                    fitting.setdefault((other, camera), []).append(found)
         progress(_STAGE, number / images.count)
     facts = tuple(_facts(images, seen, shot) for shot in images.pairs())
     exchanged, why = (
@@ -124,7 +125,8 @@ def examine(images: ImageSet, *, progress: Progress = silent) -> Examination:
         "the turns that the images show fit the camera file only in another order",
     )
     if not exchanged:
-        exchanged, why = _behind(images, fitting), "in the camera file's order, what both see would lie behind them"
+        exchanged = _behind(images, fitting)
+        why = "in the camera file's order, what both see would lie behind them, or they were not triggered together"
     return Examination(facts, (*_set_problems(images, facts), *_swap_problem(exchanged, why)), exchanged)
 
 
@@ -132,10 +134,10 @@ def _features(seen: _Seen) -> Features:
     return Features(seen.rays, seen.descriptors)
 
 
-def _behind(images: ImageSet, fitting: dict[tuple[int, int], FloatArray]) -> tuple[str, ...]:
+def _behind(images: ImageSet, fitting: dict[tuple[int, int], list[tuple[int, int]]]) -> tuple[str, ...]:
     """Folders of two cameras that look the same way and are exchanged."""
-    for pair, (given, exchanged) in fitting.items():
-        if stereo_order.are_exchanged(int(given), int(exchanged)):
+    for pair, found in fitting.items():
+        if stereo_order.are_exchanged(np.array(found)):
             return tuple(images.rig.cameras[k].folder for k in pair)
     return ()
 

@@ -18,8 +18,12 @@ _PARALLAX_PX = 3.0
 _LEAST_ACROSS = 0.2
 """Sine of the angle between a ray and the baseline."""
 _LEAST_BASELINE_M = 0.01
-_LEAST_TELLING, _CLEARER = 30, 5.0
-"""Features that fit the exchanged order, at least, and over those that fit the given one."""
+_LEAST_TELLING, _CLEARER = 15, 5.0
+"""Features of an instant that fit the exchanged order, at least, and over those that fit the given one."""
+_MOST_INSTANTS_SHARE = 0.8
+"""Of the instants that tell which order fits."""
+_LEAST_ALIKE = 0.985
+"""Cosine of the angle between two optical axes, 10 degrees."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,9 +49,23 @@ def fitting(first: Features, second: Features, cameras: tuple[Camera, Camera]) -
     return given, _before(rays, (cameras[1], cameras[0]), pixel_rad)
 
 
-def are_exchanged(given: int, exchanged: int) -> bool:
-    """Of the sums of `fitting` over the instants."""
-    return exchanged >= max(_LEAST_TELLING, _CLEARER * given)
+def can_tell(cameras: tuple[Camera, Camera]) -> bool:
+    """Whether folders may have been exchanged unseen: images are of one size, axes within 10 degrees."""
+    first, second = cameras
+    axes = [camera.T_body_camera[:3, 2] for camera in cameras]
+    alike = (first.width, first.height) == (second.width, second.height)
+    return alike and float(axes[0] @ axes[1]) > _LEAST_ALIKE
+
+
+def are_exchanged(found: NDArray[np.int64]) -> bool:
+    """Of `fitting` (k, 2) at each instant: in nearly all that tell anything the exchanged order fits.
+
+    Cameras that were not triggered together see things behind them too, at a fast flight to one side only.
+    """
+    given, exchanged = found.T
+    against = exchanged >= np.maximum(_LEAST_TELLING, _CLEARER * given)
+    telling = against | (given >= _LEAST_TELLING)
+    return bool(against.any() and against.sum() >= _MOST_INSTANTS_SHARE * telling.sum())
 
 
 def _before(rays: tuple[FloatArray, FloatArray], cameras: tuple[Camera, Camera], pixel_rad: float) -> int:

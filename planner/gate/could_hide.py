@@ -19,6 +19,8 @@ CHECK = "thinnest obstacle"
 """Name of the check, where a thinnest obstacle to be ruled out was asked for."""
 THINNEST_M = (0.001, 1.0)
 """Least and largest thickness that may be asked for; beyond is a wrong unit."""
+LIKELY = 0.01
+"""Probability of a missing obstacle, of the whole way, from which a plan warns."""
 _STEP_M = 0.02
 """Between positions on the path: what lies between two balls of 0.3 m about them is thinner than 0.2 mm."""
 _STEP_S = 0.005
@@ -103,12 +105,14 @@ def advice(report: GateReport) -> str:
 def worth_a_warning(report: GateReport) -> bool:
     """Whether something thick enough to warn of could hide, or nothing is known of it, and nobody asked for less.
 
-    Where the map states how likely that is, only if it is likely enough for a look.
+    Where the map states how likely that is, only if it is likely enough for a look, or no image looked somewhere.
     """
     found = report.could_hide
-    if found is not None and found.probability is not None:
-        return report.thinnest_m is None and bool(found.stretches)
-    return report.thinnest_m is None and (found is None or found.thickness_m > found.threshold_m)
+    if report.thinnest_m is not None:
+        return False
+    if found is None or found.probability is None:
+        return found is None or found.thickness_m > found.threshold_m
+    return found.unobserved or found.probability >= LIKELY
 
 
 def equally_spaced(trajectory: Trajectory) -> FloatArray:
@@ -136,4 +140,4 @@ def _check(found: CouldHide | None, thinnest_m: float) -> Check:
             CHECK, float("inf"), thinnest_m, "m", False, reason="not known: the map has no images to tell it by"
         )
     passed = found.thickness_m <= thinnest_m
-    return Check(CHECK, found.thickness_m, thinnest_m, "m", passed, found.time_s, reason=found.describe())
+    return Check(CHECK, found.thickness_m, thinnest_m, "m", passed, found.time_s, reason=found.describe_thickness())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from esdf import Grid, rasterize, solids
-from esdf.visibility import View, load_visibility, look, save_visibility
+from esdf.visibility import CouldHide, Stretch, View, load_visibility, look, percent, save_visibility
 from flight import FormatError, InputError
 
 GRID = Grid((0, 0, 0), 0.1, (80, 40, 24))
@@ -43,3 +43,23 @@ def test_the_mask_survives_the_disk(tmp_path):
         load_visibility(tmp_path / "none.npz")
     with pytest.raises(InputError):
         look(rasterize(WALL, GRID), GRID, [])
+
+
+def test_a_probability_is_never_told_in_powers_of_ten_nor_as_certain():
+    told = {1.0: "over 99 %", 0.996: "over 99 %", 0.994: "about 99 %", 0.0266: "about 2.7 %", 1e-4: "about 0.01 %"}
+    assert {value: percent(value) for value in told} == told
+    assert percent(0.0) == percent(1e-9) == "none"
+
+
+def test_how_likely_and_how_thick_are_said_in_one_line_with_one_stretch_and_thickness_alone_for_a_check():
+    stretch = Stretch(0.5, 1.0, 0.999, 0.08, (1.0, 2.0, 3.0), "left/7.png")
+    found = CouldHide(0.34, 0.083, 1.5, (1.0, 2.0, 3.0), 0.03, 0.45, 1.0, (stretch,) * 5)
+    assert found.describe() == (
+        "an obstacle up to 83 mm thick could hide within 0.34 m; more than 30 mm along 45 % of the way; chance that a "
+        "thicker pole, cable or net (not glass) is missing there: over 99 %; most over 99 % at 0.5 to 1.0 s, near "
+        "(1.00, 2.00, 3.00) m, look at left/7.png; 4 more stretches"
+    )
+    assert found.describe_thickness() == (
+        "an obstacle up to 83 mm thick could hide within 0.34 m at 1.50 s, at (1.00, 2.00, 3.00) m; more than 30 mm "
+        "along 45 % of the way"
+    )

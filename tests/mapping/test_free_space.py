@@ -1,6 +1,7 @@
 """Free space in which an obstacle could hide: how thin, where along a path, and the field without such space."""
 
 import itertools
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,8 @@ from esdf.solids import Box, Room
 from esdf.visibility import CouldHide, View, Visibility, look, save_visibility
 from flight import InputError
 from mapping import map_folder
-from mapping.free_space import THRESHOLD_M, FreeSpace, Shot, known_empty
+from mapping.camera.rig import Rig
+from mapping.free_space import THRESHOLD_M, FreeSpace, Shot, known_empty, shots
 from tests.mapping.test_map_folder import RIG, made_map
 
 GRID = Grid((-0.1,) * 3, (0.1,) * 3, (62, 42, 27))
@@ -180,7 +182,16 @@ def test_a_stretch_lies_where_the_map_states_that_something_is_likely():
     assert 0.7 * found.probability < stretch.probability <= found.probability  # its ends are too unlikely to name
     assert stretch.thickness_m == pytest.approx(0.08)
     assert "% at" in found.describe()
+    assert "80 mm thick" in found.describe()
     assert found.as_dict()["stretches"][0]["probability"] == stretch.probability
+
+
+def test_a_path_is_never_safer_than_the_worst_voxel_near_it():
+    one = np.zeros(GRID.shape, np.float16)
+    one[tuple(GRID.index(np.array([[3.05, 2.05, 1.25]]))[0])] = 0.6
+    found = likely(one)
+    assert found.probability == pytest.approx(0.6, abs=1e-3)
+    assert found.stretches[0].probability == found.probability
 
 
 def test_a_rod_through_the_reach_counts_about_once():
@@ -225,3 +236,25 @@ def test_the_image_to_look_at_shows_the_place_from_nearest_by_with_nothing_befor
     found = likely(stated(0.0, 1e-2, (2.9, 3.1)), shots=taken)
     assert found.stretches[0].image == "1.png"
     assert likely(stated(0.0, 1e-2, (2.9, 3.1)), shots=taken[2:]).stretches[0].image == ""
+
+
+def test_each_image_of_each_camera_is_named_by_its_folder_and_stands_where_that_camera_was():
+    @dataclass
+    class Placed:
+        images: tuple[str, ...]
+        rig: Rig
+        T_world_body: np.ndarray
+
+    left = RIG.cameras[0]
+    aside = left.T_body_camera.copy()
+    aside[1, 3] -= 0.1
+    rig = Rig((replace(left, name="a", folder="front"), replace(left, name="b", folder="down", T_body_camera=aside)))
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    poses[1, :3] = [[0, -1, 0, 2], [1, 0, 0, 3], [0, 0, 1, 1]]
+    found = shots(Placed(("0.png", "1.png"), rig, poses))
+    assert [shot.name for shot in found] == ["front/0.png", "down/0.png", "front/1.png", "down/1.png"]
+    alone = shots(Placed(("0.png", "1.png"), Rig((replace(left, folder="."),)), poses))
+    assert [shot.name for shot in alone] == ["0.png", "1.png"]
+    assert [shot.camera.name for shot in found] == ["a", "b", "a", "b"]
+    for shot, pose in zip(found, poses.repeat(2, axis=0), strict=True):
+        np.testing.assert_array_equal(shot.T_world_camera, pose @ shot.camera.T_body_camera)

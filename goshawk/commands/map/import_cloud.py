@@ -64,6 +64,7 @@ def read(
             poses=rays.poses,
             viewpoints=rays.viewpoints,
             origin=taken.origin,
+            progress=progress,
         )
         for file, station in zip(files, stations, strict=True)
     ]

@@ -1,5 +1,6 @@
 """`goshawk map import`: a map without images, from a mesh, points, an OctoMap or a two-dimensional map of others."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -175,7 +176,7 @@ def import_file(
             raise InputError(f"{name} is {value:g} m; it must be above 0")
     kind = _kind(file)
     _require_fitting(kind, asked)
-    origin = None if asked.origin is None else np.array(console.numbers("--origin", asked.origin, 3))
+    origin = _origin(asked.origin)
     results.require_free_folder(out, overwrite=overwrite, ours=map_folder.is_map)
     from mapping import foreign_mesh, imported
 
@@ -198,30 +199,37 @@ def import_file(
         progress("voxels", 0.3)
         space = imported.space(mesh, asked.voxel_m or _VOXEL_M, places)
         facts = _triangles(mesh)
-    document = _document(file, mesh, space, places) | facts | {"origin": asked.origin, "written": None}
+    names = [each.name for each in (file, *asked.more)]
+    document = _document(names, mesh, space, places) | facts
+    document |= {"origin": None if origin is None else origin.tolist(), "written": None}
     if not dry_run:
         earlier = results.newest_kept(out)
         stated = {name: document[name] for name in _KEPT if document.get(name) is not None}
-        document["hash"] = imported.write(out, mesh, space, stated, _reason(file), overwrite=overwrite)
+        document["hash"] = imported.write(out, mesh, space, stated, _reason(names), overwrite=overwrite)
         document["written"] = str(out)
         if (kept := results.newest_kept(out)) != earlier:
             outputs.report_kept(out, kept)
     return kind, document
 
 
-def look(file: Path, unit: str | None, up: str | None) -> str:
+def look(file: Path, unit: str | None, up: str | None, origin: str | None) -> str:
     """What unit and axes a mesh or points would be read with, and how far they then reach. Raises as `import_file`."""
     from mapping import foreign_mesh
     from mapping.cloud import point_cloud
 
+    start = _origin(origin)
     if _kind(file) == "cloud":
-        cloud = point_cloud.read(file, unit=unit, up=up)
+        cloud = point_cloud.read(file, unit=unit, up=up, origin=start)
         places, unit_said, up_said = cloud.points_world_m, cloud.unit, cloud.up
     else:
-        mesh = foreign_mesh.read(file, unit=unit, up=up)
+        mesh = foreign_mesh.read(file, unit=unit, up=up, origin=start)
         places, unit_said, up_said = mesh.vertices_world_m, mesh.unit, mesh.up
     low, high = (", ".join(f"{value:.2f}" for value in end) for end in (places.min(axis=0), places.max(axis=0)))
     return f"it reaches from {low} to {high} m; unit {unit_said}; up {up_said}"
+
+
+def _origin(text: str | None) -> FloatArray | None:
+    return None if text is None else np.array(console.numbers("--origin", text, 3))
 
 
 def _kind(file: Path) -> str:
@@ -303,14 +311,14 @@ def _triangles(mesh: Any) -> dict[str, Any]:
     return {"triangles": len(mesh.faces), "open_edges": mesh.open_edges}
 
 
-def _reason(file: Path) -> str:
-    return f"imported from {file.name}; its scale, its surfaces and what is free were not measured"
+def _reason(names: Sequence[str]) -> str:
+    return f"imported from {', '.join(names)}; its scale, its surfaces and what is free were not measured"
 
 
-def _document(file: Path, mesh: Any, space: Any, places: FloatArray) -> dict[str, Any]:
+def _document(names: Sequence[str], mesh: Any, space: Any, places: FloatArray) -> dict[str, Any]:
     """What was found, volumes in cubic metres."""
     return {
-        "imported_from": file.name,
+        "imported_from": names[0] if len(names) == 1 else list(names),
         "unit": mesh.unit,
         "up": mesh.up,
         "open_sides": space.open_sides,

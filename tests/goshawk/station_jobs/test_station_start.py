@@ -1,5 +1,10 @@
 """Jobs that fill an empty project: a map of a mesh or points, a vehicle, and a simulator that the station hears."""
 
+import ast
+import importlib
+import inspect
+import pkgutil
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -8,14 +13,15 @@ import pytest
 import trimesh
 from PIL import Image
 
-import mapping
+import mapping.cloud
 import vehicle
 from esdf import FREE
 from flight import InputError, Waypoints, project
 from gcs_web import GroundStation
 from gcs_web.jobs.jobs import Jobs
 from gcs_web.protocol.jobs import Job
-from goshawk.station_jobs import KINDS, simulate
+from goshawk.commands.learn import fit_options
+from goshawk.station_jobs import KINDS, import_shape, simulate
 from tests.gcs_web.station_socket import Page, visit
 from tests.waiting import until
 
@@ -79,6 +85,34 @@ def test_a_refusal_names_the_boxes_of_the_form(jobs, opened: project.Project):
     assert not opened.has_map
     with pytest.raises(InputError, match="not here"):
         jobs.start("import_map", {"file": "other.ply"}, "Ada")
+
+
+def test_a_mesh_far_from_its_origin_is_moved_by_the_box_that_the_refusal_names(jobs, opened: project.Project):
+    place = send(opened, "room.obj")
+    room = trimesh.load_mesh(place)
+    room.apply_translation([512_000.25, 0.0, 0.5])
+    room.export(place)
+    with pytest.raises(InputError, match='give the box "Origin" 512000,0,0') as caught:
+        jobs.foresee("import_map", {"file": "room.obj", "up": "z"})
+    assert "--" not in str(caught.value)
+    asked = {"file": "room.obj", "up": "z", "origin": "512000.25,0,0.5", "observed": "1,1,1"}
+    assert "from 0.00, 0.00, 0.00 to 6.00, 4.00, 2.50 m" in jobs.foresee("import_map", asked)
+    done = ended(jobs, "import_map", **asked)
+    assert done.state == "done", done.words
+
+
+def test_every_option_that_an_import_names_has_a_box_or_is_said_to_be_elsewhere():
+    names = [f"mapping.cloud.{found.name}" for found in pkgutil.iter_modules(mapping.cloud.__path__)]
+    names += [f"mapping.{name}" for name in ("foreign_mesh", "imported", "map_server", "reach")]
+    names += [f"goshawk.commands.map.{name}" for name in ("import_map", "import_cloud")]
+    sources = [ast.parse(inspect.getsource(importlib.import_module(name))) for name in names]
+    constants = [node.value for source in sources for node in ast.walk(source) if isinstance(node, ast.Constant)]
+    texts = [text for text in constants if isinstance(text, str) and " " in text]
+    options = {option for text in texts for option in re.findall(r"--[a-z]+(?:-[a-z]+)*", text)}
+    options -= {"--height"}  # of an export
+    assert {"--origin", "--unit", "--gap"} <= options
+    left = {option for option in options if "--" in fit_options.worded(f"give {option} 1", import_shape.BOXES)}
+    assert left == set()
 
 
 def test_a_ros_map_that_was_sent_takes_no_image_of_elsewhere(jobs, opened: project.Project, tmp_path: Path):

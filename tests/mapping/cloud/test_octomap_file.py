@@ -101,3 +101,14 @@ def test_a_resolution_of_another_unit_and_a_deeper_tree_are_refused(tmp_path: Pa
         octomap_file.read(file)
     with pytest.raises(InputError, match="does not exist"):
         octomap_file.read(tmp_path / "none.bt")
+
+
+def test_a_tree_of_more_nodes_than_memory_is_for_is_refused_before_it_is_read(tmp_path: Path, monkeypatch) -> None:
+    file = tmp_path / "map.ot"
+    assert scanned("OcTree").write(str(file))
+    count = int(next(line for line in file.read_bytes().split(b"\n") if line.startswith(b"size")).split()[1])
+    monkeypatch.setattr(octomap_file, "MOST_NODES", count - 1)
+    with pytest.raises(InputError, match="million nodes, at most"):
+        octomap_file.read(file)
+    monkeypatch.setattr(octomap_file, "MOST_NODES", count)
+    assert octomap_file.read(file).state.any()

@@ -60,6 +60,21 @@ def test_a_wrong_unit_is_refused(tmp_path: Path) -> None:
     assert "km from the origin" in refused(written(tmp_path / "far.pcd", POINTS + 4e5))
 
 
+def test_points_that_were_rounded_to_single_precision_are_refused_whatever_the_origin(tmp_path: Path) -> None:
+    grid = np.array([512_000.0, 5_403_000.0, 410.0])
+    rounded = written(tmp_path / "a.pcd", (POINTS + grid).astype(np.float32))  # type: ignore[arg-type]
+    for options in ({}, {"origin": grid}):
+        said = refused(rounded, **options)
+        assert "single precision" in said
+        assert "0.5 m apart" in said
+        assert "--origin" not in said
+    places = dict(zip(point_cloud.VIEWPOINT, (POINTS[::-1] + grid).T, strict=True))
+    file = written(tmp_path / "b.pcd", POINTS + grid, **places)
+    found = point_cloud.read(file, origin=grid, viewpoints=True, up="y")
+    assert found.points_world_m == pytest.approx(POINTS[:, [0, 2, 1]] * [1.0, -1.0, 1.0], abs=1e-6)
+    assert sensors(found) == pytest.approx(found.points_world_m[::-1], abs=1e-6)
+
+
 def test_points_that_are_not_finite_are_counted_and_dropped_with_their_sensor(tmp_path: Path) -> None:
     points, eyes = POINTS.copy(), POINTS[::-1]
     points[[3, 7], 0], points[9] = np.nan, np.inf

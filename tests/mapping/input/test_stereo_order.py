@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mapping
-from flight import FloatArray, InputError, frames
+from flight import FloatArray, InputError, frames, rotations
 from goshawk.rendered import world as rendered_world
 from mapping.camera.rig import Camera, Rig
 from mapping.input import examination, images, stereo_order
@@ -47,10 +47,10 @@ def pair(seed: int, cameras: tuple[Camera, Camera], farthest_m: float = 4.0) -> 
 def test_points_before_the_cameras_fit_the_given_order_and_the_exchanged_one_if_they_are_exchanged(seed) -> None:
     cameras = stereo()
     right, wrong = stereo_order.fitting(*pair(seed, cameras), cameras)
-    assert not stereo_order.are_exchanged(right, wrong)
+    assert not stereo_order.are_exchanged(np.array([(right, wrong)]))
     assert right > 150
     assert stereo_order.fitting(*pair(seed, cameras), (cameras[1], cameras[0])) == (wrong, right)
-    assert stereo_order.are_exchanged(wrong, right)
+    assert stereo_order.are_exchanged(np.array([(wrong, right)]))
 
 
 def test_cameras_at_one_place_and_things_far_away_tell_nothing() -> None:
@@ -61,6 +61,20 @@ def test_cameras_at_one_place_and_things_far_away_tell_nothing() -> None:
     assert stereo_order.fitting(nearly, nearly, stereo()) == (0, 0)  # no parallax at all
     none = Features(np.zeros((0, 3)), np.zeros((0, 32), np.uint8))
     assert stereo_order.fitting(none, far[1], stereo()) == (0, 0)
+
+
+def test_some_instants_of_a_fast_flight_to_one_side_are_no_exchange_and_cameras_that_differ_are_not_asked() -> None:
+    apart, together, silent = (0, 190), (25, 1), (3, 2)
+    assert stereo_order.are_exchanged(np.array([apart] * 9 + [together] + [silent] * 20))
+    assert not stereo_order.are_exchanged(np.array([apart] * 7 + [together] * 3))  # although their sum is 1330 to 75
+    assert not stereo_order.are_exchanged(np.array([silent] * 40))
+    left, right = stereo()
+    assert stereo_order.can_tell((left, right))
+    assert not stereo_order.can_tell((left, dataclasses.replace(right, width=right.width + 10)))
+    for degrees, told in ((5.0, True), (15.0, False)):
+        turned = right.T_body_camera.copy()
+        turned[:3, :3] = rotations.matrix(rotations.from_yaw(np.radians(degrees))) @ turned[:3, :3]
+        assert stereo_order.can_tell((left, dataclasses.replace(right, T_body_camera=turned))) is told
 
 
 @pytest.mark.slow

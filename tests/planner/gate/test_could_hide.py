@@ -57,7 +57,22 @@ def test_where_the_map_states_how_likely_it_is_only_what_is_likely_is_a_warning(
         told = could_hide.add(report, path, likely)
         assert could_hide.worth_a_warning(told) is warned
         assert told.checks == report.checks
-        assert could_hide.add(report, path, likely, 0.049).passed is False  # the gate itself asks what is resolved
+        failed = could_hide.add(report, path, likely, 0.049)
+        assert failed.passed is False  # the gate itself asks what is resolved
+        assert "50 mm thick" in failed.checks[-1].reason
+        assert "chance" not in failed.checks[-1].reason
+        assert "50 mm thick" in could_hide.describe(told)
+        assert "along 100 % of the way" in could_hide.describe(told)
+
+
+def test_what_is_spread_thin_or_was_never_looked_at_is_warned_of_though_no_stretch_is(flown):
+    report, _, path = flown
+    likely = replace(space(0.05), stated=np.full(GRID.shape, 1e-7, np.float16))
+    told = could_hide.add(report, path, likely)
+    assert told.could_hide is not None
+    for change, warned in (({"probability": 0.02}, True), ({"thickness_m": np.inf}, True), ({}, False)):
+        changed = replace(told, could_hide=replace(told.could_hide, stretches=(), **change))
+        assert could_hide.worth_a_warning(changed) is warned
 
 
 def test_without_images_it_is_not_known_and_a_check_that_asks_fails(flown):

@@ -116,7 +116,8 @@ def test_what_cannot_be_a_room_is_refused_in_a_sentence(tmp_path: Path) -> None:
 
     assert "6000 m long" in refusal(written("mm.stl", 1000.0), "--unit", "m")
     assert "give --unit" in refusal(written("cm.stl", 100.0))
-    assert "km from the origin" in refusal(written("far.stl", offset=400_000.0))
+    assert "km from the origin" in refusal(written("far.obj", offset=400_000.0))
+    assert "single precision" in refusal(written("far.stl", offset=400_000.3), "--origin", "400000,0,0")
     assert "take --voxel" in refusal(written("fine.stl"), "--voxel", "0.002")
     assert "voxel of the surface" in refusal(written("at.stl"), "--observed", "0.025,1,1")
     assert "outside of the mesh's box" in refusal(written("out.stl"), "--observed", "9,1,1")

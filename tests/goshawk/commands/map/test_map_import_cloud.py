@@ -1,6 +1,7 @@
 """`goshawk map import` of points: a scanned room whose free space is known."""
 
 import json
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +100,15 @@ def test_scans_from_two_places_free_what_either_sees(tmp_path: Path) -> None:
     ]
     assert both["rays"] == 80_000
     assert both["free_m3"] > max(one["free_m3"] for one in alone)
+    assert both["imported_from"] == ["0.pcd", "1.pcd"]
+    kept = json.loads(run("map", "import", *files, *sensors, *rest[:2], "--origin", "0.5,0,-0.25", "--json", *SIZE))
+    found = str(tomllib.loads((tmp_path / "map" / "map.toml").read_text()))
+    assert "['0.pcd', '1.pcd']" in found
+    assert "'origin': [0.5, 0.0, -0.25]" in found
+    assert "imported from 0.pcd, 1.pcd;" in found
+    assert kept["origin"] == [0.5, 0.0, -0.25]
+    assert alone[0]["imported_from"] == "0.pcd"
+    assert alone[0]["origin"] is None
     assert "3 times for 2 files" in refusal(*files, *sensors, "--sensor", "0,0,0")
 
 
