@@ -255,21 +255,37 @@ class _Study:
 
     @cached_property
     def between(self) -> tuple[float, float]:
-        """Heights of floor and ceiling, infinite where the map or the model tells of none."""
-        near = [name in self.vehicle.effects for name in _NEAR_SURFACES]
-        if self.field is None or not any(near):
+        """Heights of floor and ceiling, infinite where the map or the model tells of none, or of none of one height:
+        what is below a part of the path (a table) and above another is no floor of all of it."""
+        floor_m, ceiling_m = self._nearest
+        low_m, high_m = self._heights
+        low_m, high_m = low_m - self.radius_m, high_m + self.radius_m
+        return (floor_m if floor_m <= low_m else -np.inf), (ceiling_m if ceiling_m >= high_m else np.inf)
+
+    @cached_property
+    def _path_world_m(self) -> FloatArray:
+        return self.trajectory.position(np.linspace(0.0, self.trajectory.duration_s, BINS))
+
+    @property
+    def _heights(self) -> tuple[float, float]:
+        """Of the path's lowest and highest point."""
+        return float(self._path_world_m[:, 2].min()), float(self._path_world_m[:, 2].max())
+
+    @cached_property
+    def _nearest(self) -> tuple[float, float]:
+        """As `clearance.below_and_above`, where an effect of the model asks for it."""
+        if self.field is None or not any(name in self.vehicle.effects for name in _NEAR_SURFACES):
             return -np.inf, np.inf
-        times = np.linspace(0.0, self.trajectory.duration_s, BINS)
-        return clearance.below_and_above(self.field, self.trajectory.position(times))
+        return clearance.below_and_above(self.field, self._path_world_m)
 
     def free_air(self) -> tuple[str, ...]:
         """A sentence for each effect of the model that finds no surface to act on."""
-        missing = [
-            (name, what)
-            for name, what, height in zip(_NEAR_SURFACES, ("floor below", "ceiling above"), self.between, strict=True)
+        surfaces = zip(_NEAR_SURFACES, ("floor below", "ceiling above"), self.between, self._nearest, strict=True)
+        return tuple(
+            f"flown without {name}: the map has no {what} the path" + (" of one height" if np.isfinite(found) else "")
+            for name, what, height, found in surfaces
             if name in self.vehicle.effects and not np.isfinite(height)
-        ]
-        return tuple(f"flown without {name}: the map has no {what} the path" for name, what in missing)
+        )
 
     def flown(
         self, uncertainty: Uncertainty, believed: Vehicle, stage: str, progress: Progress
