@@ -14,12 +14,12 @@ from flight import FloatArray, InputError, Progress, Trajectory, silent
 from preflight import clearance, draws, rare, remedies, statistics, subset
 from preflight.advice import Advice, advise
 from preflight.clearance import DistanceField
-from preflight.core import DROP_OUTS, GUSTS, NOISE, WITHIN, Air, Flown, Loop
+from preflight.core import DROP_OUTS, FINISHED, GUSTS, NOISE, WITHIN, Air, Flown, Loop
 from preflight.draws import Drawn, Uncertainty
 from preflight.luck import Luck
 from preflight.rare import Rare
 from preflight.record import BINS, Record
-from preflight.result import Removed, Result, spread
+from preflight.result import LEAST_FINISHED, Removed, Result, spread
 from vehicle import Vehicle
 
 _BATCH = 64
@@ -120,13 +120,13 @@ def fly(
     record, drawn, steps = study.flown(options.uncertainty, vehicle, "flights", progress)
     found, further = study.rarer(options.uncertainty, vehicle, record, drawn, progress)
     steps += further
-    assumed = drawn.assumed + study.free_air()
+    assumed = drawn.assumed + study.free_air() + (() if found is None else (rare.assumed(record),))
     if options.decide_only:
         return Result(record, trajectory, options.count, options.risk, {}, {}, assumed, steps=steps, rare=found)
     interrupted = found is not None and found.cut_off
     shares, loss_shares, again = ({}, {}, 0) if interrupted else study.shares(record, drawn)
     if found is not None:
-        loss_shares = found.with_luck(shares)
+        loss_shares = found.with_luck(shares, loss_shares)
     result = Result(
         record, trajectory, options.count, options.risk, shares, loss_shares, assumed, steps=steps + again,
         rare=found,
@@ -314,9 +314,11 @@ class _Study:
         self, uncertainty: Uncertainty, believed: Vehicle, record: Record, drawn: Drawn, progress: Progress
     ) -> tuple[Rare | None, int]:
         """What levels of ever nearer flights find beyond those drawn, and steps flown for that; None if not asked for,
-        or after Ctrl-C."""
+        after Ctrl-C, or where too few come to the end."""
         if not self.options.by_levels or len(record) < self.options.count:
             return None, 0
+        if float(np.mean(record.ending == FINISHED)) < LEAST_FINISHED:
+            return None, 0  # no go, however rare a loss is
         loop, form, steps = self.loop(uncertainty, believed), draws.flown_form(believed), 0
 
         def fly(inputs: Mapping[str, FloatArray], luck: Luck) -> Record:

@@ -174,6 +174,10 @@ def test_ctrl_c_between_levels_says_which_were_flown(folder, monkeypatch):
     assert ended.returncode == 130
     assert json.loads(ended.stdout)["risk"]["reached"] is False
     assert "stopped after level 1: 200 flights" in ended.stderr
+    ended = preflown(folder, "--rare", "--flights", 200, "--risk", 1e-4)
+    assert "run it to the end" in ended.stdout
+    assert "NO-GO" in ended.stdout
+    assert "lost" in ended.stdout
 
 
 def test_ctrl_c_while_the_worst_are_flown_again_keeps_the_result(folder, tmp_path, monkeypatch):
