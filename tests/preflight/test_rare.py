@@ -100,7 +100,7 @@ def test_gusts_of_which_no_number_tells_are_followed_and_named(drone):
     assert found.dominating[0] == "gusts or sensor noise"  # which of them the lost flights' numbers do not tell
 
 
-def test_what_comes_anew_is_told_apart_only_where_enough_flights_of_the_first_level_are_lost(found):
+def test_what_comes_anew_is_told_apart_only_where_enough_flights_of_the_first_level_are_lost(found, drone):
     told = replace(found.rare, shares={"wind": 0.3})
     clearance = {core.GUSTS: 0.6, "wind": 0.2, core.NOISE: 0.1, core.DROP_OUTS: 0.0}
     assert told.with_luck(clearance, {"wind": 0.4, core.NOISE: 0.3}) == {"wind": 0.4, core.NOISE: 0.3}
@@ -108,7 +108,7 @@ def test_what_comes_anew_is_told_apart_only_where_enough_flights_of_the_first_le
     assert list(shares.items()) == [("gusts or sensor noise", pytest.approx(0.7)), ("wind", 0.3)]
     assert told.with_luck({core.GUSTS: 0.6, core.NOISE: 0.01}, {})[core.GUSTS] == pytest.approx(0.7)
     given = replace(AIR, noise_ratio=1.0)
-    _, known = remedies.without(None, given, "gusts or sensor noise")
+    _, known = remedies.without(drone, given, "gusts or sensor noise")
     assert (known.gust_std_m_s, known.noise_ratio, known.wind_m_s) == (0.0, 0.0, given.wind_m_s)
     assert "less wind" in remedies.words("gusts or sensor noise")
     assert "estimate" in remedies.words("gusts or sensor noise")
