@@ -34,8 +34,8 @@ DRAW_COLUMNS = (
     "wind_x_m_s", "wind_y_m_s", "wind_z_m_s", "gust_std_m_s", "pose_delay_s", "bias_x_m", "bias_y_m", "bias_z_m",
     "heading_bias_rad", "drop_outs_per_s", "drop_out_s", "jump_x_m", "jump_y_m", "jump_z_m",
     "start_x_m", "start_y_m", "start_z_m", "start_yaw_rad",
-    "hover0_rad_s", "hover1_rad_s", "hover2_rad_s", "hover3_rad_s", "battery_v", "battery_fall_v_j", "fault_rotor",
-    "fault_at", "fault_ratio", "jump_at", "updraft_m_s",
+    "hover0_rad_s", "hover1_rad_s", "hover2_rad_s", "hover3_rad_s", "battery_v", "battery_fall_v_j",
+    "battery_empty_v", "fault_rotor", "fault_at", "fault_ratio", "jump_at", "updraft_m_s",
 )  # fmt: skip
 """Columns of the draws of `Loop.fly`; `Draw` of preflight/src/flight.hpp."""
 WEAK = "weak_rotor"

@@ -66,8 +66,8 @@ class Uncertainty:
     rotor_wear_ratio: float = 0.01
     """Of the thrust of each rotor, over the model's: propellers wear."""
     battery_v: float | None = None
-    """Lowest voltage at the start, from which up to full is as likely; it falls on the way as that of
-    `vehicle.simulate.Battery`. None: full, and it stays so."""
+    """Lowest voltage at the start, from which up to full is as likely; it falls to empty by the energy of
+    `vehicle.simulate.Battery`, of as many cells. None: full, and it stays so."""
     motor_fault_ratio: float = 0.0
     """Thrust that one of the rotors loses at some moment of the trajectory, any as likely: 0 to 1."""
     pose_jump_std_m: float = 0.0
@@ -338,6 +338,9 @@ def _not_flown(vehicle: Vehicle, given: Uncertainty) -> tuple[str, ...]:
     said = [f"flown without {', '.join(left)}: no error of the IMU is simulated"] if left else []
     if _BATTERY in vehicle.effects and given.battery_v is None:
         said.append("flown with a full battery (--battery: the lowest voltage at the start)")
+    if _BATTERY in vehicle.effects and given.battery_v is not None:
+        (full_v, empty_v), energy_kj = _pack_v(vehicle), 1e-3 * simulate.Battery().energy_j
+        said.append(f"a battery of {energy_kj:g} kJ at the rotors from {full_v:.1f} to {empty_v:.1f} V")
     return tuple(said)
 
 
@@ -358,7 +361,7 @@ def _battery(
     """Voltages, which act through the model's effect alone.
 
     Raises:
-        InputError: one is given, and the model has no such effect, or takes less for full.
+        InputError: one is given, and the model has no such effect, or it is not between the pack's empty and full.
     """
     if given.battery_v is None:
         column["battery_v"][:] = vehicle.value(f"{_BATTERY}.reference_v") if _BATTERY in vehicle.effects else 0.0
@@ -368,13 +371,22 @@ def _battery(
             f"{vehicle.name} has no effect {_BATTERY}, which tells what {given.battery_v:g} V do: fit it from a long "
             "hover (goshawk vehicle effect), or leave out the battery's voltage"
         )
-    full_v = vehicle.value(f"{_BATTERY}.reference_v")
-    if given.battery_v > full_v:
-        raise InputError(f"a battery of at least {given.battery_v:g} V; {vehicle.name} takes {full_v:g} V for full")
+    full_v, empty_v = _pack_v(vehicle)
+    if not empty_v <= given.battery_v <= full_v:
+        raise InputError(
+            f"a battery of at least {given.battery_v:g} V; it must be from {empty_v:.1f} to {full_v:g} V, which "
+            f"{vehicle.name} takes for full ({_BATTERY}.reference_v): give --battery between them, or leave it out"
+        )
     normal = draw_of.one(BATTERY, full_v - given.battery_v, factors)
     column["battery_v"][:] = full_v - (full_v - given.battery_v) * _even(normal)
-    pack = simulate.Battery()
-    column["battery_fall_v_j"][:] = (pack.full_v - pack.empty_v) / pack.energy_j
+    column["battery_fall_v_j"][:] = (full_v - empty_v) / simulate.Battery().energy_j
+    column["battery_empty_v"][:] = empty_v
+
+
+def _pack_v(vehicle: Vehicle) -> tuple[float, float]:
+    """Full and empty: those of `simulate.Battery` for as many cells."""
+    pack, full_v = simulate.Battery(), vehicle.value(f"{_BATTERY}.reference_v")
+    return full_v, pack.empty_v * full_v / pack.full_v
 
 
 def _faults(

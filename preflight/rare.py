@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FloatArray, Progress
-from preflight import subset
+from preflight import remedies, subset
 from preflight.core import FINISHED, WITHIN
 from preflight.draws import Drawn
 from preflight.luck import Luck
 from preflight.record import OVERTURNED_RAD, Record
-from preflight.statistics import Probability
+from preflight.statistics import LEAST_SHARE, Probability
 from preflight.subset import Found, Points
 
 FLIGHTS = 1000
@@ -53,6 +53,15 @@ class Risk(Probability):
         return f"{about}at most {self.upper:.1e} by {self.levels} levels, {self.flights} flights"
 
 
+def assumed(record: Record) -> str:
+    """A sentence on what the levels do not look for, with the bound of counting the first level's flights."""
+    counted = Probability.of(record.lost)
+    return (
+        "levels find a loss that less clearance, more tilt or more strain of the controller leads to; any other is, by "
+        f"the first {counted.flights} flights, at most {counted.upper:.1e}"
+    )
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Rare:
     """What the levels came to."""
@@ -65,14 +74,23 @@ class Rare:
     cut_off: bool
     """Whether Ctrl-C ended it."""
 
-    def with_luck(self, of_clearance: Mapping[str, float]) -> dict[str, float]:
-        """The shares; what they leave is that of the noise, gusts or drop-outs that move the clearance most."""
-        kinds = [name for name in of_clearance if name in WITHIN]
+    def with_luck(self, of_clearance: Mapping[str, float], counted: Mapping[str, float]) -> dict[str, float]:
+        """The shares, and that of what comes anew in every flight, which is what they leave.
+
+        Args:
+            of_clearance: shares of its variance, the largest first: they tell what comes anew at all.
+            counted: shares of loss among the first flights; empty where too few of those were lost. They tell noise,
+                gusts and drop-outs apart, which the lost flights' numbers do not: they are then returned.
+        """
+        if counted:
+            return dict(counted)
+        kinds = [name for name, share in of_clearance.items() if name in WITHIN and share > LEAST_SHARE]
         if not self.shares or not kinds:
             return dict(self.shares)
         left = max(1.0 - sum(self.shares.values()), 0.0)
         shares = dict(self.shares)
-        shares[kinds[0]] = shares.get(kinds[0], 0.0) + left
+        together = remedies.OR.join(kinds)
+        shares[together] = shares.get(together, 0.0) + left
         return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
 

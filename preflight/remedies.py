@@ -33,8 +33,14 @@ _WORDS = {
 }
 
 
+OR = " or "
+"""Between the names of a factor of several kinds of luck, which are not told apart."""
+
+
 def words(factor: str) -> str:
     """What to do about a factor."""
+    if OR in factor:
+        return "; or ".join(words(each) for each in factor.split(OR))
     return _WORDS.get(factor, "fly what `goshawk next-flight` proposes, and identify again")
 
 
@@ -42,6 +48,10 @@ def without(vehicle: Vehicle, uncertainty: Uncertainty, factor: str) -> tuple[Ve
     """The same draws with one factor known exactly."""
     if factor == BATTERY:
         return vehicle, replace(uncertainty, battery_v=None)
+    if OR in factor:
+        for each in factor.split(OR):
+            vehicle, uncertainty = without(vehicle, uncertainty, each)
+        return vehicle, uncertainty
     if factor in _FIELDS:
         return vehicle, replace(uncertainty, **dict.fromkeys(_FIELDS[factor], 0.0))
     for name in factor.split(" with "):

@@ -9,14 +9,12 @@ import numpy as np
 from firmware_bridge import _controller
 from flight import FloatArray, Trajectory
 from preflight import core, remedies, statistics
-from preflight.rare import Rare
+from preflight.rare import MOST_FLIGHTS, Rare
 from preflight.record import BINS, Record
-from preflight.statistics import QUANTILES, Probability
+from preflight.statistics import LEAST_SHARE, QUANTILES, Probability
 
 SCHEMA = "goshawk-preflight"
 SCHEMA_VERSION = 1
-LEAST_SHARE = 0.02
-"""Of a variance: less is chance."""
 LEAST_FINISHED = 0.9
 """A trajectory that the controller gives up more often than the rest of this is a no-go at any risk."""
 _NEAREST_SHARE = 0.05
@@ -167,10 +165,22 @@ class Result:
     def _rare_reason(self, rare: Rare) -> str:
         more = f"; {self.risk:g} is accepted"
         if not rare.risk.reached:
-            return f"after {rare.risk.levels} levels the risk is at most {rare.risk.upper:.1e}{more}"
+            again = "" if self.cut_off else self._more_by_levels()
+            return f"after {rare.risk.levels} levels the risk is at most {rare.risk.upper:.1e}{more}{again}"
         if rare.risk.estimate <= self.risk:
-            more = f", which does not show {self.risk:g}: fly --rare --flights {2 * self.flights} with another --seed"
+            more = f", which does not show {self.risk:g}{self._more_by_levels()}"
         return f"the risk is {rare.risk}{more}"
+
+    def _more_by_levels(self) -> str:
+        """What would show more: larger levels, or where there are none, counting."""
+        more = 2 * self.flights
+        by = f"--rare --flights {more}" if more <= MOST_FLIGHTS else f"--flights {statistics.flights_for(self.risk)}"
+        return f": fly {by} with another --seed"
+
+    def _risk(self) -> dict[str, Any]:
+        """As JSON values: by levels beside what counting alone shows in the first."""
+        first = {} if self.rare is None else {"counted": Probability.of(self.record.lost).as_dict()}
+        return self.lost.as_dict() | first
 
     def as_dict(self) -> dict[str, Any]:
         """As plain JSON values."""
@@ -184,7 +194,7 @@ class Result:
             "method": "counting" if self.rare is None else "subset simulation",
             "flights": self.flights,
             "flights_wanted": self.wanted,
-            "risk": self.lost.as_dict(),
+            "risk": self._risk(),
             "touched": self.touched.as_dict(),
             "left_map": self.left_map.as_dict(),
             "finished": self.finished,

@@ -11,6 +11,8 @@ from flight import FloatArray
 CONFIDENCE = 0.95
 """Of every upper bound, one-sided."""
 QUANTILES = (0.5, 0.9, 0.99)
+LEAST_SHARE = 0.02
+"""Of a variance: less is chance."""
 _LEAST = 30
 """Values, from which on a variance is decomposed."""
 

@@ -14,12 +14,12 @@ from flight import FloatArray, InputError, Progress, Trajectory, silent
 from preflight import clearance, draws, rare, remedies, statistics, subset
 from preflight.advice import Advice, advise
 from preflight.clearance import DistanceField
-from preflight.core import DROP_OUTS, GUSTS, NOISE, WITHIN, Air, Flown, Loop
+from preflight.core import DROP_OUTS, FINISHED, GUSTS, NOISE, WITHIN, Air, Flown, Loop
 from preflight.draws import Drawn, Uncertainty
 from preflight.luck import Luck
 from preflight.rare import Rare
 from preflight.record import BINS, Record
-from preflight.result import Removed, Result, spread
+from preflight.result import LEAST_FINISHED, Removed, Result, spread
 from vehicle import Vehicle
 
 _BATCH = 64
@@ -120,14 +120,14 @@ def fly(
     record, drawn, steps = study.flown(options.uncertainty, vehicle, "flights", progress)
     found, further = study.rarer(options.uncertainty, vehicle, record, drawn, progress)
     steps += further
-    assumed = drawn.assumed + study.free_air()
+    assumed = drawn.assumed + study.free_air() + (() if found is None else (rare.assumed(record),))
     if options.decide_only:
         return Result(record, trajectory, options.count, options.risk, {}, {}, assumed, steps=steps, rare=found)
     interrupted = found is not None and found.cut_off
     told = None if interrupted else study.shares(record, drawn)
     shares, loss_shares, again = told or ({}, {}, 0)
     if found is not None:
-        loss_shares = found.with_luck(shares)
+        loss_shares = found.with_luck(shares, loss_shares)
     result = Result(
         record, trajectory, options.count, options.risk, shares, loss_shares, assumed, steps=steps + again,
         rare=found, unexplained=told is None,
@@ -257,21 +257,37 @@ class _Study:
 
     @cached_property
     def between(self) -> tuple[float, float]:
-        """Heights of floor and ceiling, infinite where the map or the model tells of none."""
-        near = [name in self.vehicle.effects for name in _NEAR_SURFACES]
-        if self.field is None or not any(near):
+        """Heights of floor and ceiling, infinite where the map or the model tells of none, or of none of one height:
+        what is below a part of the path (a table) and above another is no floor of all of it."""
+        floor_m, ceiling_m = self._nearest
+        low_m, high_m = self._heights
+        low_m, high_m = low_m - self.radius_m, high_m + self.radius_m
+        return (floor_m if floor_m <= low_m else -np.inf), (ceiling_m if ceiling_m >= high_m else np.inf)
+
+    @cached_property
+    def _path_world_m(self) -> FloatArray:
+        return self.trajectory.position(np.linspace(0.0, self.trajectory.duration_s, BINS))
+
+    @property
+    def _heights(self) -> tuple[float, float]:
+        """Of the path's lowest and highest point."""
+        return float(self._path_world_m[:, 2].min()), float(self._path_world_m[:, 2].max())
+
+    @cached_property
+    def _nearest(self) -> tuple[float, float]:
+        """As `clearance.below_and_above`, where an effect of the model asks for it."""
+        if self.field is None or not any(name in self.vehicle.effects for name in _NEAR_SURFACES):
             return -np.inf, np.inf
-        times = np.linspace(0.0, self.trajectory.duration_s, BINS)
-        return clearance.below_and_above(self.field, self.trajectory.position(times))
+        return clearance.below_and_above(self.field, self._path_world_m)
 
     def free_air(self) -> tuple[str, ...]:
         """A sentence for each effect of the model that finds no surface to act on."""
-        missing = [
-            (name, what)
-            for name, what, height in zip(_NEAR_SURFACES, ("floor below", "ceiling above"), self.between, strict=True)
+        surfaces = zip(_NEAR_SURFACES, ("floor below", "ceiling above"), self.between, self._nearest, strict=True)
+        return tuple(
+            f"flown without {name}: the map has no {what} the path" + (" of one height" if np.isfinite(found) else "")
+            for name, what, height, found in surfaces
             if name in self.vehicle.effects and not np.isfinite(height)
-        ]
-        return tuple(f"flown without {name}: the map has no {what} the path" for name, what in missing)
+        )
 
     def flown(
         self, uncertainty: Uncertainty, believed: Vehicle, stage: str, progress: Progress
@@ -300,9 +316,11 @@ class _Study:
         self, uncertainty: Uncertainty, believed: Vehicle, record: Record, drawn: Drawn, progress: Progress
     ) -> tuple[Rare | None, int]:
         """What levels of ever nearer flights find beyond those drawn, and steps flown for that; None if not asked for,
-        or after Ctrl-C."""
+        after Ctrl-C, or where too few come to the end."""
         if not self.options.by_levels or len(record) < self.options.count:
             return None, 0
+        if float(np.mean(record.ending == FINISHED)) < LEAST_FINISHED:
+            return None, 0  # no go, however rare a loss is
         loop, form, steps = self.loop(uncertainty, believed), draws.flown_form(believed), 0
 
         def fly(inputs: Mapping[str, FloatArray], luck: Luck) -> Record:

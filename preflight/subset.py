@@ -2,8 +2,9 @@
 
 Level by level the samples that came nearest to the event are multiplied by Markov chains of adaptive conditional
 sampling (Papaioannou et al. 2015), until a tenth of a level's are in it; the probability is the product of the levels'.
-Independent groups of chains tell how sure that is: by leaving out one at a time (jackknife), not from the chains'
-correlation, which is known to be optimistic. No bound holds for an event that no step of a level leads towards.
+Groups of chains, nearly independent (one without a seed takes another's), tell how sure that is: by leaving out one at
+a time (jackknife), not from the chains' correlation, which is known to be optimistic. No bound holds for an event that
+no step of a level leads towards.
 """
 
 from collections.abc import Callable
@@ -177,13 +178,12 @@ def _next_level(
     """As many samples as before below the threshold: seeds, and what chains from them come to."""
     size = len(within) // GROUPS
     seeds, groups, lengths = _seeds(within, size, rng)
-    spread = np.minimum(state.points.normal[np.flatnonzero(within)].std(axis=0, ddof=1), 1.0)
     here, at = state.points[seeds], state.score[seeds]
     parts, scores, belongs, step = [here], [at], [groups], state.step
     drawn = state.samples
     for i in range(1, int(lengths.max())):
         moving = np.flatnonzero(lengths > i)
-        proposed = _proposed(here[moving], spread, step, drawn, rng)
+        proposed = _proposed(here[moving], step, drawn, rng)
         drawn += len(moving)
         reached = score(proposed)
         taken = _within(reached, threshold)
@@ -221,10 +221,12 @@ def _seeds(
     return np.concatenate(rows), np.concatenate(groups), np.concatenate(lengths)
 
 
-def _proposed(here: Points, spread: FloatArray, step: float, first: int, rng: np.random.Generator) -> Points:
-    """A conditional sample of each: the normal distribution is kept whatever the step's size."""
-    width = np.minimum(step * spread, 1.0)
-    normal = np.sqrt(1.0 - width * width) * here.normal + width * rng.standard_normal(here.normal.shape)
+def _proposed(here: Points, step: float, first: int, rng: np.random.Generator) -> Points:
+    """A conditional sample of each: the normal distribution is kept whatever the step's size.
+
+    One size for all columns: steps as small as the seeds' spread do not leave a number that decides alone.
+    """
+    normal = np.sqrt(1.0 - step * step) * here.normal + step * rng.standard_normal(here.normal.shape)
     renewed = rng.random((len(here), 2)) < _RENEWED
     number = first + np.arange(len(here))
-    return Points(number, normal, here.luck.moved(_FIRST_NUMBER + number, min(step, 1.0), renewed))
+    return Points(number, normal, here.luck.moved(_FIRST_NUMBER + number, step, renewed))

@@ -9,6 +9,8 @@
 #include "gusts.hpp"
 #include "sensing.hpp"
 
+extern "C" float tc_stands_from(const tc_controller* c);  // of the controller's internal.h
+
 namespace goshawk {
 
 enum Ending { kFinished = 0, kFailsafe = 1, kNotStarted = 2, kTimedOut = 3, kDiverged = 4, kEndings };
@@ -37,7 +39,8 @@ struct Draw {
     Localization localization;
     double start_m[3], start_yaw_rad;
     double hover_rad_s[4];
-    double battery_v, battery_fall_v_j;         // at the beginning, and by the energy drawn
+    double battery_v, battery_fall_v_j;         // at the beginning, and by the energy drawn, ...
+    double battery_empty_v;                     // ... to no less
     double fault_rotor, fault_at, fault_ratio;  // which one loses how much of its thrust, and when: share of the plan
     double jump_at;                             // when the pose begins to lie: share of the plan
     double updraft_m_s;                         // at the height `kThermal`
@@ -211,7 +214,7 @@ class Flight {
     void move() {
         world_.gravity = setup_.gravity_m_s2;
         Derivative first, last;
-        const double battery_v = draw_.battery_v - draw_.battery_fall_v_j * energy_j_;
+        const double battery_v = std::fmax(draw_.battery_v - draw_.battery_fall_v_j * energy_j_, draw_.battery_empty_v);
         runge_kutta(model_, values_.data(), body_, world_, command_, battery_v, step_s_, x_, first, last);
         battery_v_ = battery_v;
         if (!lags_) {
@@ -241,7 +244,7 @@ class Flight {
 
     // The larger of what may pass for standing on the ground, in an updraft, and of the tracking error.
     double strain() const {
-        const double support = controller_.support_m_s2 / (kStandsG * setup_.gravity_m_s2);
+        const double support = controller_.support_m_s2 / tc_stands_from(&controller_);
         double square = 0.0;
         for (int k = 0; k < 3; ++k) {
             const double off = at_[k] - controller_.telemetry.setpoint.position_world_m[k];
@@ -312,7 +315,6 @@ class Flight {
     }
 
     static constexpr int kGustEvery = 5;
-    static constexpr double kStandsG = 0.25;          // as STANDS_G of the controller's landing.c
     static constexpr int kNewton = 12;                // steps for a cube root of any height of flight, to the last bit
     static constexpr double kThermal = 10.0;          // m: height at which the updraft is told
     static constexpr std::uint64_t kClock = 1000000;  // at the first tick, so that no stamp comes before zero

@@ -185,6 +185,8 @@ def test_a_low_battery_leaves_the_rotors_less_and_falls_with_the_energy_drawn(fo
     drawn.rows[:, core.DRAW_COLUMNS.index("battery_fall_v_j")] *= 100.0
     emptied = loop.fly(drawn.values, drawn.rows, seed=1)
     assert emptied.rotor_reserve[0] < low.rotor_reserve.min()
+    drawn.rows[:, core.DRAW_COLUMNS.index("battery_fall_v_j")] *= 100.0
+    assert (loop.fly(drawn.values, drawn.rows, seed=1).ending == core.FINISHED).all()  # no emptier than empty
 
 
 def test_the_rotors_speeds_are_told_only_where_they_are_measured(form, curve, drone):

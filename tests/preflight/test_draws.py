@@ -107,8 +107,25 @@ def test_a_battery_is_drawn_between_its_lowest_and_full(form):
 def test_a_battery_that_the_model_does_not_know_or_that_is_more_than_full_is_refused(form):
     with pytest.raises(InputError, match="has no effect battery_sag"):
         drawn(form, preflight.Uncertainty(battery_v=14.8))
-    with pytest.raises(InputError, match=r"takes 16\.8 V for full"):
-        drawn(form.with_effect("battery_sag", reference_v=16.8), preflight.Uncertainty(battery_v=17.0))
+    four, one = (form.with_effect("battery_sag", reference_v=volts) for volts in (16.8, 4.2))
+    for model, volts, told in (
+        (four, 17.0, r"from 13\.2 to 16\.8 V"),
+        (four, 13.1, "13"),
+        (one, 3.2, r"from 3\.3 to 4\.2"),
+    ):
+        with pytest.raises(InputError, match=told):
+            drawn(model, preflight.Uncertainty(battery_v=volts))
+
+
+def test_a_battery_of_fewer_cells_falls_as_much_of_its_voltage_and_says_so(form):
+    four, one = (
+        drawn(form.with_effect("battery_sag", reference_v=volts), preflight.Uncertainty(battery_v=volts))[1]
+        for volts in (16.8, 4.2)
+    )
+    for name in ("battery_fall_v_j", "battery_empty_v"):
+        at = core.DRAW_COLUMNS.index(name)
+        assert one.rows[0, at] == pytest.approx(four.rows[0, at] / 4.0)
+    assert "a battery of 80 kJ at the rotors from 4.2 to 3.3 V" in one.assumed
 
 
 def test_thermals_are_drawn_up_and_down_and_can_be_taken_away(form):

@@ -8,7 +8,7 @@ import pytest
 import preflight
 from firmware_bridge.controller import parameters_of
 from flight import InputError
-from preflight import core, draws, rare
+from preflight import core, draws, rare, remedies
 from preflight.luck import Luck
 from preflight.record import Record
 from tests.preflight.conftest import EXACT, Wall, there_and_back
@@ -97,7 +97,50 @@ def test_gusts_of_which_no_number_tells_are_followed_and_named(drone):
     found = flown(drone, 0.09, risk=1e-5, uncertainty=replace(EXACT, gust_std_m_s=1.5))
     assert found.rare.risk.reached
     assert found.lost.estimate < 0.05
-    assert found.dominating[0] == core.GUSTS
+    assert found.dominating[0] == "gusts or sensor noise"  # which of them the lost flights' numbers do not tell
+
+
+def test_what_comes_anew_is_told_apart_only_where_enough_flights_of_the_first_level_are_lost(found, drone):
+    told = replace(found.rare, shares={"wind": 0.3})
+    clearance = {core.GUSTS: 0.6, "wind": 0.2, core.NOISE: 0.1, core.DROP_OUTS: 0.0}
+    assert told.with_luck(clearance, {"wind": 0.4, core.NOISE: 0.3}) == {"wind": 0.4, core.NOISE: 0.3}
+    shares = told.with_luck(clearance, {})
+    assert list(shares.items()) == [("gusts or sensor noise", pytest.approx(0.7)), ("wind", 0.3)]
+    assert told.with_luck({core.GUSTS: 0.6, core.NOISE: 0.01}, {})[core.GUSTS] == pytest.approx(0.7)
+    given = replace(AIR, noise_ratio=1.0)
+    _, known = remedies.without(drone, given, "gusts or sensor noise")
+    assert (known.gust_std_m_s, known.noise_ratio, known.wind_m_s) == (0.0, 0.0, given.wind_m_s)
+    assert "less wind" in remedies.words("gusts or sensor noise")
+    assert "estimate" in remedies.words("gusts or sensor noise")
+
+
+def test_it_says_what_the_levels_do_not_look_for_and_what_counting_shows_of_that(found):
+    assert any("less clearance, more tilt or more strain" in sentence for sentence in found.assumed)
+    counted = found.as_dict()["risk"]["counted"]
+    assert counted["count"] == np.count_nonzero(found.record.lost)
+    assert counted["flights"] == 200
+    assert counted["upper95"] > counted["estimate"]
+    assert any(f"200 flights, at most {counted['upper95']:.1e}" in sentence for sentence in found.assumed)
+
+
+def test_levels_are_not_flown_where_too_few_come_to_the_end(drone):
+    told = []
+    blind = replace(EXACT, drop_outs_per_s=10.0, drop_out_s=5.0)
+    found = flown(drone, 3.0, uncertainty=blind, progress=lambda stage, fraction: told.append(stage))
+    assert found.finished < 0.9
+    assert not any(stage.startswith("level") for stage in told)
+    assert found.rare is None
+    assert not found.cut_off
+    assert "come to the end" in found.reason()
+
+
+def test_what_the_levels_did_not_show_has_a_next_step_that_can_be_taken(found):
+    below = replace(found.rare, risk=replace(found.rare.risk, reached=False, upper=0.01))
+    assert "fly --rare --flights 400 with another --seed" in replace(found, rare=below).reason()
+    near = replace(found.rare, risk=replace(found.rare.risk, chance=1e-4, upper=0.01))
+    many = replace(found, rare=near, record=found.record[np.zeros(60_000, int)], wanted=60_000)
+    assert "fly --flights 2995 with another --seed" in many.reason()
+    assert "fly" not in replace(found, rare=replace(below, cut_off=True)).reason()
 
 
 def test_ctrl_c_keeps_the_levels_that_were_flown_and_no_bound_below_theirs(drone):

@@ -102,6 +102,31 @@ def test_a_floor_or_ceiling_near_the_path_lets_the_rotors_turn_slower(drone, cur
     assert any(f"flown without {effect}" in sentence for sentence in found.assumed)
 
 
+class Shelf(Wall):
+    """A floor at z = 0, and a shelf on it below where the path begins."""
+
+    def distance(self, points_world_m):
+        points = np.asarray(points_world_m)
+        x, z = points[:, 0] - 0.3, points[:, 2] - 1.1
+        shelf = np.where((x <= 0.0) & (z <= 0.0), np.maximum(x, z), np.hypot(np.maximum(x, 0.0), np.maximum(z, 0.0)))
+        return np.minimum(super().distance(points), np.minimum(points[:, 2], shelf))
+
+
+def test_a_shelf_below_a_part_of_the_path_alone_is_no_floor_of_all_of_it(drone, curve):
+    coefficients = curve.coefficients.copy()
+    coefficients[:, 2] = -0.25 * coefficients[:, 0]
+    coefficients[:, 2, 0] += 1.5
+    path = Trajectory(curve.durations_s, coefficients)
+    heights = path.position(np.linspace(0.0, path.duration_s, 50))[:, 2]
+    assert heights.min() < 1.1 < heights.max()
+    near = drone.with_effect("ground_effect", strength=1.0)
+    options = preflight.Options(flights=8, risk=0.4, uncertainty=EXACT, explain=False)
+    found = preflight.fly(near, path, Shelf(3.0), radius_m=0.1, clearance_m=1.0, options=options)
+    assert found.finished == 1.0
+    assert found.lost.count == 0
+    assert "flown without ground_effect: the map has no floor below the path of one height" in found.assumed
+
+
 def test_a_wrong_scale_moves_the_walls_of_a_map_that_the_pose_is_not_one_in(drone, curve):
     """A wall along the way is as near as before where it is at the origin, and 4 m off moves by 4 m times the error."""
 
@@ -124,7 +149,7 @@ def test_a_wrong_scale_moves_the_walls_of_a_map_that_the_pose_is_not_one_in(dron
     [
         (draws.MOTOR_FAULT, {"motor_fault_ratio": 0.5}, {}),
         (draws.POSE_JUMP, {"pose_jump_std_m": 0.1}, {}),
-        (draws.BATTERY, {"battery_v": 10.0}, {"sag_per_v": 0.06, "reference_v": 16.8}),
+        (draws.BATTERY, {"battery_v": 13.2}, {"sag_per_v": 0.113, "reference_v": 16.8}),
     ],
 )
 def test_faults_are_named_and_taken_away(drone, curve, factor, given, effect):

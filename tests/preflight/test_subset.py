@@ -15,6 +15,11 @@ def plane(beta):
     return lambda points: beta - points.normal.sum(axis=1) / np.sqrt(points.normal.shape[1])
 
 
+def along_one_axis(points: Points):
+    """A plane in one number of all."""
+    return norm.isf(RARE) - points.normal[:, 0]
+
+
 def two_planes(points: Points):
     """At right angles, one hit more than twice as often as the other."""
     x = points.normal
@@ -29,7 +34,10 @@ def far(points: Points):
     return np.sqrt(chi2.isf(RARE, points.normal.shape[1])) - np.linalg.norm(points.normal, axis=1)
 
 
-SCENES = {"plane": plane(norm.isf(RARE)), "two planes": two_planes, "facing planes": facing, "sphere": far}
+SCENES = {
+    "plane": plane(norm.isf(RARE)), "plane along one axis": along_one_axis, "two planes": two_planes,
+    "facing planes": facing, "sphere": far,
+}  # fmt: skip
 
 
 def found(score, *, seed=0, columns=10, size=1000, **options) -> subset.Found:
@@ -70,21 +78,21 @@ def test_a_plane_at_any_distance_has_its_probability(probability):
     assert run.upper > probability
 
 
-def held(size: int, seeds: int) -> float:
+def held(name: str, size: int, seeds: int) -> float:
     """How often."""
-    return float(
-        np.mean([found(score, seed=i, size=size).upper >= RARE for score in SCENES.values() for i in range(seeds)])
-    )
+    return float(np.mean([found(SCENES[name], seed=i, size=size).upper >= RARE for i in range(seeds)]))
 
 
-def test_the_bound_holds():
-    assert held(200, 8) >= 0.93
+@pytest.mark.parametrize("name", list(SCENES))
+def test_the_bound_holds(name):
+    assert held(name, 200, 24) >= 0.87
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", list(SCENES))
 @pytest.mark.parametrize("size", [200, 1000])
-def test_the_bound_holds_in_at_least_95_of_100(size):
-    assert held(size, 50) >= 0.95
+def test_the_bound_holds_in_at_least_93_of_100(name, size):
+    assert held(name, size, 100) >= 0.93
 
 
 def test_the_bound_is_never_below_that_of_as_many_independent_samples():
@@ -110,6 +118,25 @@ def test_what_the_gusts_alone_decide_is_followed():
 def test_what_no_step_leads_towards_has_a_bound_all_the_same():
     for seed in range(3):
         assert found(from_noise, seed=seed, size=200).upper >= 1e-3
+
+
+def test_what_the_noise_alone_decides_is_found_in_noise_that_no_seed_had():
+    def noise(points: Points):
+        return norm.isf(2e-2) - of_number(points.luck.numbers[:, 0])
+
+    runs = [found(noise, seed=seed) for seed in range(4)]
+    assert np.mean([run.estimate for run in runs]) == pytest.approx(2e-2, rel=0.4)
+    assert min(len(set(run.points.luck.numbers[:, 0])) for run in runs) > 1.2 * subset.SHARE * 1000
+
+
+def test_a_group_without_a_seed_takes_one_of_another_and_is_as_large():
+    within = np.zeros(200, bool)
+    within[[0, 1, 2, 25, 190]] = True
+    seeds, groups, lengths = subset._seeds(within, 20, np.random.default_rng(0))
+    assert np.bincount(groups, lengths).tolist() == [20] * subset.GROUPS
+    assert within[seeds].all()
+    assert sorted(seeds[groups == 0]) == [0, 1, 2]
+    assert seeds[groups == 1].tolist() == [25]
 
 
 def test_an_event_that_is_rarer_than_asked_ends_when_that_is_shown():

@@ -135,8 +135,8 @@ def one(
     goshawk preflight batch --help        many plans, vehicles and winds in one map
 
     The flight controller's own C code flies the identified model with parameters drawn from its errors, wind, noise,
-    delay, and errors of pose, map and start. A loss is to touch anything, to leave the map, or to come down without a
-    position. Results are the same on every number of processors; Ctrl-C keeps what was flown.
+    delay, and errors of pose, map and start. A loss is to touch anything, to leave the map, to overturn, or to come
+    down without a position. Results are the same on every number of processors; Ctrl-C keeps what was flown.
 
     Exit code 0: go, the risk is shown to be at most --risk. 1: no-go, or not shown.
     """
@@ -236,7 +236,7 @@ def show(
     counted = {"touches": result.touched, "leaves the map": result.left_map}  # of the first level alone
     facts: dict[str, object] = {
         "go": f"{'GO' if result.go else 'NO-GO'}: {result.reason()}",
-        **({"lost": str(result.rare.risk)} if result.rare is not None and result.go else {}),
+        **({"lost": str(result.rare.risk)} if result.rare is not None else {}),
         **{words: str(chance) for words, chance in counted.items() if result.rare is None or chance.count},
         "to the end": f"{100.0 * result.finished:.1f} %",
     }
@@ -284,10 +284,11 @@ def _short(segments: list[dict[str, Any]]) -> str:
 
 def _remedy(result: preflight.Result) -> tuple[str, str]:
     if result.dominating is None:
-        return f"not known from {result.flights} flights", "preflight with more --flights"
+        next_step = "run it to the end" if result.cut_off else "preflight with more --flights"
+        return f"not known from {result.flights} flights", next_step
     factor, share = result.dominating
     without = "" if result.removed is None else f"; without it {result.removed.risk}"
-    of = "the variance" if result.rare is None or not result.loss_shares else "what the lost flights differ in"
+    of = "what loses flights" if result.rare is not None and result.loss_shares else "the variance"
     return f"{factor}: {100.0 * share:.0f} % of {of}{without}", remedies.words(factor)
 
 

@@ -261,10 +261,12 @@ void tc_measure_support(tc_controller* c, float step_s) {
     c->support_m_s2 += ((slow ? given_m_s : 0.0f) - step_s * c->support_m_s2) / (SUPPORT_S + step_s);
 }
 
-bool tc_stands(const tc_controller* c) {
+float tc_stands_from(const tc_controller* c) {
     const float least_g = c->axes[2][2] > TILTED ? STANDS_G : STANDS_TILTED_G;
-    return c->support_m_s2 > least_g * c->parameters.gravity_m_s2;
+    return least_g * c->parameters.gravity_m_s2;
 }
+
+bool tc_stands(const tc_controller* c) { return c->support_m_s2 > tc_stands_from(c); }
 
 /* What slides along something has not landed on it, whatever a lying velocity says. In an emergency its speed may be
  * dead reckoned. */

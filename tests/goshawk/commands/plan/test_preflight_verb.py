@@ -5,6 +5,7 @@ import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -70,6 +71,13 @@ def test_a_rare_loss_is_looked_for_by_levels_and_the_screen_says_so(folder):
     assert ended.returncode == 0, ended.stdout
     assert len(ended.stdout.splitlines()) <= LINES
     assert "by 2 levels" in " ".join(ended.stdout.split()) or "by 3 levels" in " ".join(ended.stdout.split())
+
+
+def test_a_share_by_levels_is_one_of_what_loses_flights_and_else_of_the_variance():
+    result = SimpleNamespace(dominating=("wind", 0.76), removed=None, rare=None, loss_shares={"wind": 0.76})
+    assert verb._remedy(result)[0] == "wind: 76 % of the variance"
+    result.rare = object()
+    assert verb._remedy(result)[0] == "wind: 76 % of what loses flights"
 
 
 def test_the_same_seed_prints_the_same_and_another_does_not(folder):
@@ -175,6 +183,10 @@ def test_ctrl_c_between_levels_says_which_were_flown(folder, monkeypatch):
     assert ended.returncode == 130
     assert json.loads(ended.stdout)["risk"]["reached"] is False
     assert "stopped after level 1: 200 flights" in ended.stderr
+    ended = preflown(folder, "--rare", "--flights", 200, "--risk", 1e-4)
+    assert "run it to the end" in ended.stdout
+    assert "NO-GO" in ended.stdout
+    assert "lost" in ended.stdout
 
 
 def test_ctrl_c_while_the_worst_are_flown_again_keeps_the_result(folder, tmp_path, monkeypatch):
