@@ -4,6 +4,7 @@ import contextlib
 import socket
 from collections import deque
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,6 +34,9 @@ class Still:
     position_world_m, q_world_body = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
 
 
+STILL: Any = Still()
+
+
 @pytest.fixture
 def meet(monkeypatch, tmp_path):
     """Runs a body's start with firmwares that stall; how often they were started."""
@@ -56,20 +60,20 @@ def meet(monkeypatch, tmp_path):
 def test_a_firmware_that_always_stalls_is_given_up_after_three_starts(meet):
     met, starts, _ = meet
     with pytest.raises(StalledError, match="stalled 3 times"):
-        met(Body(Still(), 1.0))
+        met(Body(STILL, 1.0))
     assert len(starts) == 3
 
 
 def test_it_is_not_started_again_for_nobody(meet):
     met, starts, guard = meet
     with pytest.raises(LinkError, match="the guard was gone"):
-        met(Body(Still(), 1.0), at_start=guard.close)
+        met(Body(STILL, 1.0), at_start=guard.close)
     assert len(starts) == 1
 
 
 def test_a_body_that_is_given_up_starts_nothing_more(meet):
     met, starts, _ = meet
-    body = Body(Still(), 1.0)
+    body = Body(STILL, 1.0)
     with pytest.raises(LinkError, match="given up"):
         met(body, at_start=lambda: setattr(body, "given_up", True))
     assert len(starts) == 1
@@ -77,7 +81,7 @@ def test_a_body_that_is_given_up_starts_nothing_more(meet):
 
 @pytest.mark.parametrize("rate_hz", [50.0, 100.0, 200.0])
 def test_poses_come_at_the_rate_asked_for(rate_hz):
-    body = Body(Still(), 1.0)
+    body = Body(STILL, 1.0)
     body.tracking = replace(body.tracking, period_s=1.0 / rate_hz)
     late = deque()
     for steps in range(round(2.0 / STEP_S)):

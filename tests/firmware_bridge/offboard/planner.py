@@ -9,7 +9,6 @@ from firmware_bridge.offboard import byte_line, settings
 from flight import flight_log, silent, trajectory
 from goshawk.commands.fly import offboard
 
-
 _read = settings.read
 
 
