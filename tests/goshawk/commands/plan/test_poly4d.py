@@ -148,7 +148,7 @@ def test_what_single_precision_loses_far_from_the_origin_is_refused(tmp_path):
 
 
 def test_the_yaw_is_held_too(tmp_path):
-    """A heading that swings while the place rests needs pieces of its own, and is told apart."""
+    """A heading that swings while the place rests needs pieces of its own, and its error has a figure."""
 
     def curve(t: FloatArray) -> FloatArray:
         t = np.asarray(t)
