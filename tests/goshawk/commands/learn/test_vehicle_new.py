@@ -47,7 +47,7 @@ def test_limits_fit_the_vehicle_and_are_fitted_anew_by_set(tmp_path):
 
 
 def test_a_preset_fits_what_is_set_with_it_in_any_order(tmp_path):
-    values = ("mass_kg=1.4", "limits=race", "limits.rotor_speed_max_rad_s=2000", "limits.jerk_m_s3=70")
+    values = ("mass_kg=1.4", "limits=race", "limits.rotor_speed_max_rad_s=2000", "limits.speed_m_s=5")
     limits = []
     for number, order in enumerate((values, values[::-1])):
         out = tmp_path / f"{number}.toml"
@@ -55,9 +55,8 @@ def test_a_preset_fits_what_is_set_with_it_in_any_order(tmp_path):
         assert "warning" not in run("vehicle", "set", out, *order)
         limits.append(vehicle.load(out).limits)
     assert limits[0] == limits[1]
-    assert limits[0].jerk_m_s3 == 70.0
     heavier = vehicle.load(tmp_path / "0.toml")
-    assert limits[0] == replace(presets.limits(heavier, "race"), jerk_m_s3=70.0)
+    assert limits[0] == replace(presets.limits(heavier, "race"), speed_m_s=5.0)
 
 
 def test_a_set_that_leaves_limits_beyond_the_thrust_warns(tmp_path):
