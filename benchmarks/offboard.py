@@ -24,7 +24,17 @@ from esdf import solids
 from firmware_bridge.controller import State
 from firmware_bridge.offboard.rate_profile import RateProfile
 from firmware_bridge.offboard.thrust_map import scaled_to_flight
-from flight import FlightLog, FloatArray, LinkError, Trajectory, TrajectoryFile, Waypoints, rotations, silent
+from flight import (
+    FlightError,
+    FlightLog,
+    FloatArray,
+    LinkError,
+    Trajectory,
+    TrajectoryFile,
+    Waypoints,
+    rotations,
+    silent,
+)
 from goshawk.commands.fly import offboard
 from vehicle import Vehicle
 
@@ -78,13 +88,38 @@ def tracking(model: Vehicle, rates_hz: list[float]) -> list[Row]:
     table: list[Row] = []
     for name, (course, bar_m) in COURSES.items():
         for rate_hz in rates_hz:
-            _, error_m, early = flown(model, course(), model, rate_hz)
-            mean_m = float(error_m.mean()) if error_m.size and not early else np.inf
             label = f"{name}, poses at {rate_hz:g} Hz"
-            table.append(row(f"{label}: mean error", 1e3 * mean_m, "mm", f"<= {1e3 * bar_m:g}", mean_m <= bar_m))
-            table.append(row(f"{label}: largest", 1e3 * float(error_m.max(initial=0.0)), "mm"))
-            print(table[-2], early, flush=True)
+            table += or_failed(label, lambda: tracked(label, model, course(), bar_m, rate_hz))  # noqa: B023 - at once
     return table
+
+
+def tracked(label: str, model: Vehicle, way: Trajectory, bar_m: float, rate_hz: float) -> list[Row]:
+    _, error_m, early = flown(model, way, model, rate_hz)
+    to_the_end(error_m, early)
+    mean_m = float(error_m.mean())
+    print(label, mean_m, flush=True)
+    return [
+        row(f"{label}: mean error", 1e3 * mean_m, "mm", f"<= {1e3 * bar_m:g}", mean_m <= bar_m),
+        row(f"{label}: largest", 1e3 * float(error_m.max()), "mm"),
+    ]
+
+
+def to_the_end(error_m: FloatArray, early: str) -> None:
+    """
+    Raises:
+        LinkError: a flight ended early, or never flew its course.
+    """
+    if early or not error_m.size:
+        raise LinkError(early or "the course was not flown")
+
+
+def or_failed(label: str, measured: Callable[[], list[Row]]) -> list[Row]:
+    """The rows of a measurement, or one that is not ok: a flight that breaks off leaves the others their turn."""
+    try:
+        return measured()
+    except (FlightError, ArithmeticError, ValueError) as error:
+        print(label, "did not come to its end:", error, flush=True)
+        return [row(f"{label}: did not come to its end", np.inf, "", "to the end", ok=False)]
 
 
 def without_drag(model: Vehicle) -> Vehicle:
@@ -117,12 +152,21 @@ def hidden_drag(model: Vehicle, name: str, way: Trajectory) -> list[Row]:
     """A course flown with a file without drag, and again with the drag that the first flight's log shows."""
     believed = without_drag(model)
     log, before_m, early = flown(believed, way, model)
+    to_the_end(before_m, early)
     _, after_m, early_again = flown(learnt(believed, log), way, model)
+    to_the_end(after_m, early_again)
     before, after = float(before_m.mean()), float(after_m.mean())
-    ok = not early and not early_again and after <= 0.5 * before
+    ok = after <= 0.5 * before
+    learnt_by = "drag by the benchmark's own least squares of that log, not by `identify`"
     return [
         row(f"{name}, drag hidden: mean error", 1e3 * before, "mm"),
-        row(f"{name}, drag learnt from that log", 1e3 * after, "mm", f"<= {500.0 * before:.1f}", ok),
+        row(
+            f"{name}, {learnt_by}",
+            1e3 * after,
+            "mm",
+            f"<= {500.0 * before:.1f}",
+            ok,
+        ),
     ]
 
 
@@ -131,7 +175,8 @@ def thrust_error(model: Vehicle) -> list[Row]:
     truth = model
     for name in ("k1_n_s2", "k2_n_s2_m"):
         truth = truth.with_value(f"thrust_bem.{name}", WEAK * model.value(f"thrust_bem.{name}"))
-    log, _, _ = flown(model, curves.circle(), truth)
+    log, error_m, early = flown(model, curves.circle(), truth)
+    to_the_end(error_m, early)
     believed, true = offboard.thrust_map(model), offboard.thrust_map(truth)
     rows = np.isin(log.columns["mission_state"], [State.HOLD, State.TRAJECTORY])
     throttle = np.array([believed.throttle(float(force)) for force in log.columns["collective_force_n"][rows]])
@@ -184,8 +229,8 @@ def rows(faulty: int, seed: int, flights: int) -> list[Row]:
     rates_hz = {0: [], 1: [100.0]}.get(flights, [50.0, 100.0, 200.0])
     table = tracking(model, rates_hz)
     for name, course in ((WALK, walk), (EIGHT, curves.eight)) if flights else ():
-        table += hidden_drag(model, name, course())
-    table += thrust_error(model) if flights else []
+        table += or_failed(f"{name}, drag hidden", lambda: hidden_drag(model, name, course()))  # noqa: B023 - at once
+    table += or_failed("thrust map from one log", lambda: thrust_error(model)) if flights else []
     table += with_faults(model, faulty, seed) if faulty else []
     return [*table, row("CPU time", cpu_s(), "s")]
 

@@ -114,7 +114,7 @@ def draft(known: Known, *, limits: str | None = None) -> Vehicle:
     """A complete vehicle from the known data.
 
     Args:
-        limits: a preset's name; None: careful while the fastest rotor speed is a guess, else usual.
+        limits: a preset's name; None: that of `preset_for`.
 
     Raises:
         InputError: mass, rotors or propeller are not known, or a value is out of bounds.
@@ -154,8 +154,9 @@ def draft(known: Known, *, limits: str | None = None) -> Vehicle:
 
 
 def preset_for(known: Known) -> str:
-    """The usual limits where the ratio of thrust to weight is known."""
-    return "careful" if known.rotor_speed_max_rad_s is None else "usual"
+    """The usual limits where the ratio of thrust to weight is known; careful ones while either is a guess."""
+    thrust = known.hover_rad_s is not None or any(name.startswith("thrust_") for name in known.parameters)
+    return "usual" if thrust and known.rotor_speed_max_rad_s is not None else "careful"
 
 
 def _full_stick(known: Known) -> dict[str, list[float]]:

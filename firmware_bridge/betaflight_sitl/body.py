@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from firmware_bridge.betaflight_sitl import process
-from firmware_bridge.betaflight_sitl.process import Sitl
+from firmware_bridge.betaflight_sitl.process import Sitl, StalledError
 from firmware_bridge.offboard import clock
 from firmware_bridge.offboard.poses import Pose, tum_line
 from firmware_bridge.sitl_vehicle import PlantLike
@@ -22,6 +22,8 @@ from flight import FloatArray, LinkError, rotations
 STEP_S = 2e-3
 BEGIN_S = 1.0
 """The body's clock at the start."""
+MOST_STALLS = 3
+"""Of the lock step as it begins, in one flight."""
 ESC_STEPS = 1
 """From an output to the rotors' answer."""
 NED_FRD = np.array([1.0, 1.0, -1.0, -1.0])
@@ -97,9 +99,16 @@ class Body:
         """The firmware, started again as often as its command line is left, and who keeps time with it.
 
         One that stalls as its lock step begins is started again too: the guard's line finds the next one.
+
+        Raises:
+            StalledError: it stalled so `MOST_STALLS` times.
+            LinkError: it was given up, or who keeps time with it is gone.
         """
         guard: socket.socket | None = None
-        while not self.given_up:
+        stalls = 0
+        while not self.given_up and stalls < MOST_STALLS:
+            if guard is not None and _gone(guard):
+                raise LinkError("the guard was gone before Betaflight's lock step began")
             with contextlib.ExitStack() as once:
                 firmware = once.enter_context(process.flying(folder))
                 if self.on_ready is not None and guard is None:
@@ -110,6 +119,9 @@ class Body:
                 if guard is not None and firmware.begins():
                     stack.push(once.pop_all())
                     return firmware, guard
+                stalls += guard is not None
+        if stalls == MOST_STALLS:
+            raise StalledError(f"the lock step of Betaflight's SITL stalled {stalls} times as it began: fly it again")
         raise LinkError("given up before it began")
 
     def _fly(self, firmware: Sitl, guard: socket.socket, longest_s: float, after_s: float) -> None:
@@ -136,7 +148,8 @@ class Body:
 
     def _see(self, late: deque[tuple[float, Pose]], steps: int, rng: np.random.Generator) -> None:
         tracking = self.tracking
-        if steps % round(tracking.period_s / STEP_S):
+        due, before = (int(count * STEP_S / tracking.period_s + 1e-9) for count in (steps, steps - 1))
+        if steps and due == before:
             return
         turned = rotations.exp(tracking.attitude_std_rad * rng.standard_normal(3))
         position = self.plant.position_world_m + tracking.position_std_m * rng.standard_normal(3)
@@ -164,3 +177,11 @@ class Body:
             self.fastest_down_m_s = max(self.fastest_down_m_s, -before_m_s)
         self.time_s += STEP_S
         self.way.append((self.time_s, plant.position_world_m.copy()))
+
+
+def _gone(line: socket.socket) -> bool:
+    """Whether its other side has closed it."""
+    readable, _, _ = select.select([line], [], [], 0.0)
+    with contextlib.suppress(ConnectionError):
+        return bool(readable) and not line.recv(1, socket.MSG_PEEK)
+    return True

@@ -199,7 +199,7 @@ class Flight:
             return "it is armed already; disarm, switch the override on, and arm when told"
         if status.other_mode:
             return f"mode {RATE_CHANGING[status.other_mode]} is on, in which sticks are no body rates; switch it off"
-        if status.battery_alert:
+        if status.battery_alert and self._wish is Wish.WAIT:
             return f"the battery is low to the firmware, at {status.battery_v:.1f} V; charge or change it"
         if words := reasons(status.arming_flags & ~HARMLESS_FLAGS):
             return f"the firmware says: {', '.join(words)}"

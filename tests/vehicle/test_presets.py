@@ -25,8 +25,12 @@ def with_ratio(ratio: float) -> vehicle.Vehicle:
 
 def test_a_fast_data_sheet_gets_limits_of_its_own_and_a_guess_stays_careful():
     guessed = draft.draft(sheet(0.72, 0.125, 0.127)).limits
-    fast = draft.draft(sheet(0.72, 0.125, 0.127, rotor_speed_max_rad_s=28_000 * np.pi / 30)).limits
-    assert (guessed.speed_m_s, guessed.acceleration_m_s2, guessed.tilt_rad) == (3.0, 4.0, 0.5)
+    most, hover = 28_000 * np.pi / 30, 11_500 * np.pi / 30
+    half_known = draft.draft(sheet(0.72, 0.125, 0.127, rotor_speed_max_rad_s=most)).limits  # thrust known to a third
+    fast = draft.draft(sheet(0.72, 0.125, 0.127, rotor_speed_max_rad_s=most, hover_rad_s=hover)).limits
+    assert (guessed.speed_m_s, guessed.acceleration_m_s2, guessed.tilt_rad) == (2.9, 3.9, 0.5)
+    assert half_known.tilt_rad == 0.5
+    assert half_known.rate_rad_s == guessed.rate_rad_s
     assert fast.speed_m_s >= 8.0
     assert fast.tilt_rad >= 0.75
 
@@ -36,10 +40,12 @@ def test_the_rotors_give_what_is_asked_for(ratio, name):
     model = with_ratio(ratio)
     asked = presets.limits(model, name)
     g = model.gravity_m_s2
-    rounded = 1.06  # two digits
-    assert 1.0 / np.cos(asked.tilt_rad) <= rounded * ratio
-    assert np.hypot(g, asked.acceleration_m_s2) <= rounded * ratio * g  # level
-    assert g + asked.acceleration_m_s2 <= rounded * ratio * g  # upwards
+    most = 1.0 + presets.PRESETS[name].thrust_share * (ratio - 1.0) + 1e-6
+    assert 1.0 / np.cos(asked.tilt_rad) <= most
+    assert np.hypot(g, asked.acceleration_m_s2) <= most * g  # level
+    assert g + asked.acceleration_m_s2 <= most * g  # upwards
+    assert asked.speed_m_s <= presets.PRESETS[name].braking_s * asked.acceleration_m_s2 + 1e-9
+    assert presets.beyond_thrust(replace(model, limits=asked)) == []
     assert asked.rotor_speed_max_rad_s == model.limits.rotor_speed_max_rad_s
 
 
@@ -58,6 +64,33 @@ def test_what_does_not_lift_and_what_is_no_preset_are_refused():
         presets.limits(with_ratio(0.8), "usual")
     with pytest.raises(InputError, match="careful, usual, race"):
         presets.limits(with_ratio(2.0), "fast")
+
+
+def test_limits_beyond_the_thrust_are_told_with_the_figure():
+    model = with_ratio(1.5)
+    weak = model.with_limits(acceleration_m_s2=6.0, tilt_rad=1.0)
+    acceleration, tilt = presets.beyond_thrust(weak)
+    assert "acceleration_m_s2 is 6; the rotors lift 1.50 times the weight: 4.9 upwards" in acceleration
+    assert "tilt_rad is 1" in tilt
+    assert "0.84" in tilt
+
+
+def test_the_ratios_std_is_that_of_thrust_and_mass():
+    model = draft.draft(sheet(0.72, 0.125, 0.127))
+    k = model.parameter("thrust_quadratic.k_n_s2")
+    share = presets.thrust_to_weight_std(model) / presets.thrust_to_weight(model)
+    assert share == pytest.approx(k.std / k.value, rel=0.01)
+    heavier = model.with_value("mass_kg", 0.72, std=0.072)
+    share = presets.thrust_to_weight_std(heavier) / presets.thrust_to_weight(heavier)
+    assert share == pytest.approx(np.hypot(k.std / k.value, 0.1), rel=0.01)
+
+
+@pytest.mark.parametrize("full", [[1.0, 2.0], [1.0, 2.0, float("nan")], [1.0, -2.0, 3.0], ["1", "2", "3"], 4.0])
+def test_a_full_stick_that_is_none_is_refused_by_its_name(full):
+    model = with_ratio(2.0)
+    wrong = replace(model, provenance={**model.provenance, presets.FULL_STICK: full})
+    with pytest.raises(InputError, match=r"provenance\.full_stick_rad_s is .* three positive numbers"):
+        presets.limits(wrong, "usual")
 
 
 def test_the_firmwares_full_stick_bounds_the_turn_rates():

@@ -75,14 +75,31 @@ set yaw_srate = 30
 """
 
 
-def test_betaflights_rate_profile_in_use_bounds_the_turn_rates_and_is_kept_in_the_file(tmp_path):
-    text = DIFF.format(mixer="", reversed="OFF") + RATES.format(number=0, rate=40) + RATES.format(number=1, rate=90)
-    vehicle = made(tmp_path, "diff.txt", text + "# restore original rateprofile selection\nrateprofile 0\n")
-    assert vehicle.provenance["full_stick_rad_s"] == pytest.approx(np.deg2rad([400.0, 400.0, 300.0]))
+@pytest.mark.parametrize(("number", "deg_s"), [(0, 400.0), (1, 300.0), (2, 900.0)])
+def test_betaflights_rate_profile_in_use_bounds_the_turn_rates_and_is_kept_in_the_file(tmp_path, number, deg_s):
+    text = DIFF.format(mixer="", reversed="OFF")
+    text += "".join(RATES.format(number=n, rate=rate) for n, rate in enumerate((40, 30, 90)))
+    vehicle = made(tmp_path, "diff.txt", text + f"# restore original rateprofile selection\nrateprofile {number}\n")
+    assert vehicle.provenance["full_stick_rad_s"] == pytest.approx(np.deg2rad([deg_s, deg_s, 300.0]))
     raised = presets.limits(vehicle, "race")
-    assert raised.rate_rad_s == pytest.approx(0.8 * np.deg2rad(400.0), rel=0.02)
+    assert raised.rate_rad_s == pytest.approx(min(0.8 * np.deg2rad(deg_s), 14.0), rel=0.05)
     other = made(tmp_path, "diff.txt", text + "rateprofile 0\nset rates_type = BETAFLIGHT\n")
     assert "full_stick_rad_s" not in other.provenance
+
+
+@pytest.mark.parametrize(
+    ("lines", "deg_s", "untold"),
+    [
+        ("set roll_srate = 50\nset yaw_srate = 30\n", (500.0, 1998.0, 300.0), "pitch"),
+        ("set roll_srate = 50\nset roll_rate_limit = 360\n", (360.0, 1998.0, 1998.0), "pitch, yaw"),
+        ("set rates_type = BETAFLIGHT\nset yaw_rate_limit = 400\n", (1998.0, 1998.0, 400.0), "roll, pitch"),
+    ],
+)  # fmt: skip
+def test_each_axis_that_betaflights_diff_tells_is_bounded_and_the_others_are_named(tmp_path, lines, deg_s, untold):
+    text = DIFF.format(mixer="", reversed="OFF") + "rateprofile 0\n" + lines
+    vehicle = made(tmp_path, "diff.txt", text)
+    assert vehicle.provenance["full_stick_rad_s"] == pytest.approx(np.deg2rad(deg_s))
+    assert f"diff.txt tells no turn rate at full stick for {untold}" in vehicle.provenance["notes"]
 
 
 @pytest.mark.parametrize("name", ["quad.param", "diff.txt"])

@@ -8,6 +8,9 @@ from flight import FormatError, InputError, errors
 from vehicle.draft import Known
 
 LARGEST_BYTES = 4_000_000
+_AXES = ("roll", "pitch", "yaw")
+MOST_DEG_S = 1998.0
+"""The firmware's own `*_rate_limit`, which none exceeds."""
 _PLACES = ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0))
 """Motors 1 to 4: rear right, front right, rear left, front left."""
 _SPIN = (-1.0, 1.0, 1.0, -1.0)
@@ -41,14 +44,16 @@ def read(path: Path) -> Known:
     hubs = np.column_stack([places, np.zeros(4)])[order]
     turned = "reversed" if settings.get("yaw_motors_reversed") == "on" else "not reversed"
     note = f"rotors 0 to 3 are motors 1 to 4 of {path.name}, mixer {mixer.upper()}, yaw_motors_reversed {turned}: check"
-    full = full_stick(words)
-    return Known(hub_body_m=hubs, spin=spin[order], arm_known=False, full_stick_rad_s=full, notes=(note,))
+    full, untold = full_stick(words)
+    notes = (note, f"{path.name} tells no turn rate at full stick for {', '.join(untold)}") if untold else (note,)
+    return Known(hub_body_m=hubs, spin=spin[order], arm_known=False, full_stick_rad_s=full, notes=notes)
 
 
-def full_stick(words: list[list[str]]) -> tuple[float, float, float] | None:
-    """Roll, pitch and yaw rate at full stick by the ACTUAL rates of the profile in use; None: not told.
+def full_stick(words: list[list[str]]) -> tuple[tuple[float, float, float] | None, list[str]]:
+    """Bounds on roll, pitch and yaw rate at full stick of the profile in use, rad/s, and the axes that it tells not.
 
-    A `diff` is silent about what is the firmware's default.
+    The lesser of the ACTUAL rate and `*_rate_limit`. A `diff` is silent about what is the firmware's default: such an
+    axis has the firmware's own bound. None: none is told.
     """
     profiles: dict[str, dict[str, str]] = {}
     now = in_use = ""
@@ -58,11 +63,20 @@ def full_stick(words: list[list[str]]) -> tuple[float, float, float] | None:
         if len(line) >= 4 and line[0] == "set" and line[2] == "=":
             profiles.setdefault(now, {})[line[1]] = line[3]
     rates = profiles.get(in_use, {})
-    told = [rates.get(f"{axis}_srate", "") for axis in ("roll", "pitch", "yaw")]
-    if rates.get("rates_type", "actual") != "actual" or not all(text.isdigit() and int(text) > 0 for text in told):
-        return None
-    roll, pitch, yaw = (float(np.deg2rad(10.0 * int(text))) for text in told)
-    return roll, pitch, yaw
+    actual = rates.get("rates_type", "actual") == "actual"
+    told = {axis: _told_deg_s(rates, axis, actual=actual) for axis in _AXES}
+    untold = [axis for axis in _AXES if not told[axis]]
+    if len(untold) == len(_AXES):
+        return None, untold
+    roll, pitch, yaw = (float(np.deg2rad(min([MOST_DEG_S, *told[axis]]))) for axis in _AXES)
+    return (roll, pitch, yaw), untold
+
+
+def _told_deg_s(rates: dict[str, str], axis: str, *, actual: bool) -> list[float]:
+    """What bounds an axis, of its full stick (in tens) and its limit."""
+    names = {f"{axis}_rate_limit": 1.0} | ({f"{axis}_srate": 10.0} if actual else {})
+    numbers = [unit * int(rates[name]) for name, unit in names.items() if rates.get(name, "").isdigit()]
+    return [number for number in numbers if number > 0.0]
 
 
 def text_of(path: Path) -> str:

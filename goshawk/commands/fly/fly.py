@@ -120,7 +120,8 @@ def _fly_off_board(
             log, early = offboard.fly(model, item, where, progress=report, cancel=cancel)
     write(log)
     facts = {"written": str(out), "rows": len(log), "planned_s": item.trajectory.duration_s, **tracking(log)}
-    console.show("flight", facts | touch_down, as_json=as_json)
+    note = log.metadata.get("battery", "")
+    console.show("flight", facts | touch_down | ({"battery": note} if note else {}), as_json=as_json)
     if early:
         click.echo(f"goshawk: ended early: {early}", err=True)
         raise click.exceptions.Exit(1)

@@ -36,7 +36,11 @@ QUADX_SPIN = (-1.0, 1.0, 1.0, -1.0)
 PATIENCE_S = 600.0
 RESTART_S = 3.0
 """A flight controller that leaves its command line starts anew; what waits for it after that waits by itself."""
+SAG = "battery_sag"
+NO_SAG = "battery_sag is not rehearsed: the simulated firmware measures no voltage, so the battery stays at reference_v"
 _SAMPLES_1_S = 100.0
+_LAST_WORD_S = 3.0
+"""For the body to say why it ended, where the flight only knows that its other side is gone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +52,6 @@ class Where:
     pose_port: int
     pose_delay_s: float
     clock_port: int = 0
-    receiver: bool = False
-    """A simulated pilot has a receiver: the simulator takes its pulses, and its settings always say MSP alone."""
 
 
 def pose_address(url: str) -> tuple[str, int, float]:
@@ -98,8 +100,8 @@ def thrust_map(model: Vehicle, *, idle: float = IDLE) -> ThrustMap:
     speed = model.limits.rotor_speed_max_rad_s * (idle + (1.0 - idle) * throttle)
     still = np.zeros((len(throttle), 3))
     force, _ = vehicle.wrench(model, still, still, np.repeat(speed[:, None], 4, axis=1))
-    sags = "battery_sag" in model.effects
-    sag = {name: model.value(f"battery_sag.{name}") for name in ("reference_v", "sag_per_v")} if sags else {}
+    sags = SAG in model.effects
+    sag = {name: model.value(f"{SAG}.{name}") for name in ("reference_v", "sag_per_v")} if sags else {}
     return through(throttle, force[:, 2], **sag)
 
 
@@ -162,8 +164,6 @@ def fly(
         found = settings.read(line)
     finally:
         line.close()
-    if where.receiver:
-        found = replace(found, features=found.features - {"RX_MSP"})
     idle = found.number("motor_idle", 1e4 * IDLE) / 1e4
     profile, thrust = RateProfile.of_settings(found.values), thrust_map(model, idle=idle)
     sinks_us = failsafe_us(model, profile, thrust)
@@ -189,7 +189,8 @@ def fly(
 def body_of(model: Vehicle, trajectory: Trajectory, *, seed: int, believed: Vehicle | None = None) -> Body:
     """The vehicle of a file on the ground below the start, as a body for Betaflight's SITL.
 
-    Its rotors react to being spun up, as every rotor does: without that Betaflight's own yaw loop swings.
+    Its rotors react to being spun up, as every rotor does: without that Betaflight's own yaw loop swings. Its battery
+    does not sag: the simulator's firmware measures no voltage, so that nothing could correct the throttle.
 
     Args:
         believed: the vehicle that the firmware was set up for; None: this one.
@@ -197,6 +198,8 @@ def body_of(model: Vehicle, trajectory: Trajectory, *, seed: int, believed: Vehi
     motors, set_for = rotor_of_motor(model), believed or model
     sinks_us = failsafe_us(set_for, RateProfile((1.0, 1.0, 1.0)), thrust_map(set_for))
     throttle_us = round(float(np.mean(sinks_us)))
+    if SAG in model.effects:
+        model = model.without_effect(SAG)
     if "rotor_acceleration_torque" not in model.effects:
         # a propeller and bell of this size: 1e-5 kg m2 at five inches, with the fourth power of the radius
         inertia = 1e-5 * (model.value("rotor_radius_m") / 0.0635) ** 4
@@ -245,6 +248,10 @@ def rehearsing(body: Body) -> Iterator[tuple[Where, Callable[[], object]]]:
     wait()
     try:
         yield Where(ADDRESS, "127.0.0.1", 0, 0.0, body.clock_port), wait
+    except LinkError as error:
+        body.given_up = True
+        thread.join(_LAST_WORD_S)
+        raise (failed[0] if failed else error) from None
     finally:
         body.given_up = True
         thread.join(PATIENCE_S if not failed else 0.0)
@@ -257,7 +264,9 @@ def rehearse(
     body = body_of(model, item.trajectory, seed=seed)
     with rehearsing(body) as (where, restarted):
         log, early = fly(model, item, where, progress=progress, cancel=cancel, restarted=restarted)
-    noted = replace(log, metadata={**log.metadata, "source": "rehearsal on Betaflight's SITL, a simulated body"})
+    told = {"source": "rehearsal on Betaflight's SITL, a simulated body"}
+    told |= {"battery": NO_SAG} if SAG in model.effects else {}
+    noted = replace(log, metadata={**log.metadata, **told})
     return noted, early, body.fastest_down_m_s
 
 

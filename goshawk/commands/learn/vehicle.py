@@ -97,21 +97,31 @@ def set_(vehicle_file: Path, values: tuple[str, ...], dry_run: bool, as_json: bo
     goshawk vehicle set vehicle.toml limits.speed_m_s=12 --dry-run
     goshawk vehicle set vehicle.toml limits=race
 
-    Presets, fitted to the vehicle's thrust and weight: careful, usual, race (`goshawk vehicle new --help`).
+    Presets, fitted to the vehicle's thrust and weight: careful, usual, race (`goshawk vehicle new --help`); single
+    limits hold after them, in any order.
     A value that was set has the source "set by hand". `goshawk vehicle undo` reverts the change.
     """
     present = changed = vehicle.load(vehicle_file)
-    for text in values:
+    for text in sorted(values, key=_turn):
         changed = _assigned(changed, text)
+    warnings = presets.beyond_thrust(changed)
     step = None if dry_run else history.record(vehicle_file, changed, "set", effect=" ".join(values))
     lines = history.differences(present, changed)
     if as_json:
         document = {"vehicle": str(vehicle_file), "version": step.number if step else None, "changes": lines}
-        console.show("", {}, as_json=True, document=document)
+        console.show("", {}, as_json=True, document=document | {"warnings": warnings})
         return
-    for line in lines:
+    for line in [*lines, *(f"warning: {warning}" for warning in warnings)]:
         click.echo(line)
     click.echo(f"written: {vehicle_file}, version {step.number}" if step else "nothing was written")
+
+
+def _turn(text: str) -> int:
+    """When a NAME=VALUE is due: a preset fits the numbers that its limits follow from; single limits stand after it."""
+    name = text.partition("=")[0].strip()
+    if name == "limits":
+        return 1
+    return 2 if name.startswith("limits.") and not name.startswith("limits.rotor_speed_") else 0
 
 
 def _assigned(changed: Vehicle, text: str) -> Vehicle:

@@ -43,7 +43,8 @@ RANGES = {
 @click.option(
     "--limits",
     type=click.Choice(list(presets.PRESETS)),
-    help="What plans may ask: a share of the thrust beyond the weight [default: usual with --max-rpm, else careful].",
+    help="What plans may ask: a share of the thrust beyond the weight [default: usual with --hover-rpm and --max-rpm, "
+    "else careful].",
 )
 @click.option("--name", help="Name: of the vehicle [default: the file's name].")
 @console.path_option(
@@ -222,11 +223,10 @@ def _show(out: Path, made: Vehicle, known: Known, preset: str, as_json: bool) ->
     console.table(made.name, ("parameter", "value", "unit", "where it came from"), rows)
     for note in known.notes:
         click.echo(f"note: {note}")
-    most = made.limits
+    most, ratio, std = made.limits, presets.thrust_to_weight(made), presets.thrust_to_weight_std(made)
     click.echo(
         f"limits: {preset}: {most.speed_m_s:g} m/s, {most.acceleration_m_s2:g} m/s2, {most.tilt_rad:g} rad of tilt, "
-        f"from {presets.thrust_to_weight(made):.1f} times its weight in thrust; "
-        f"--limits takes {', '.join(presets.PRESETS)}"
+        f"from {ratio:.1f} ± {std:.1g} times its weight in thrust; --limits takes {', '.join(presets.PRESETS)}"
     )
     click.echo(f"written: {out}; {len(guessed)} of {len(shown)} numbers are defaults or estimates")
     click.echo(

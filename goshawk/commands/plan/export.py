@@ -71,6 +71,7 @@ def command(
         if crazyflie is not None:
             held = formats.write_crazyflie(new(crazyflie), flown)
             near = {"crazyflie_pieces": len(held.trajectory.durations_s), "crazyflie_from_plan_m": held.largest_m}
+            near |= {"crazyflie_yaw_error_rad": held.largest_rad}
             near |= {"crazyflie_acceleration_error_m_s2": held.largest_m_s2}
         if mav is not None:
             formats.write_mav_trajectory_generation(new(mav), flown)

@@ -30,7 +30,7 @@ def write_crazyflie(path: Path, flown: Trajectory) -> poly4d.Refit:
         What the file holds, read back in the firmware's single precision.
 
     Raises:
-        InputError: the plan does not fit into the firmware's memory.
+        InputError: the plan does not fit into the firmware's memory, or its single precision loses too much.
     """
     pieces = poly4d.refit(flown).trajectory
     with open(path, "w", newline="", encoding="utf-8") as file:
@@ -38,7 +38,9 @@ def write_crazyflie(path: Path, flown: Trajectory) -> poly4d.Refit:
         writer.writerow(["Duration", *(f"{axis}^{i}" for axis in AXES for i in range(poly4d.TERMS))])
         for T, c in zip(pieces.durations_s.tolist(), pieces.coefficients, strict=True):
             writer.writerow([repr(T), *map(repr, c.ravel().tolist())])
-    return poly4d.compared(flown, read_crazyflie(path))
+    held = poly4d.compared(flown, read_crazyflie(path))
+    poly4d.require_near(held)
+    return held
 
 
 def read_crazyflie(path: Path) -> Trajectory:

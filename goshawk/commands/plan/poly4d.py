@@ -22,12 +22,11 @@ _FINEST = 0.01
 """Of the tolerances tried, as a share of the largest."""
 _BETWEEN = 0.97
 """Of a tolerance, at the samples: between them the distance is a little larger."""
-_SAMPLES, _HALVINGS, _TRIALS = 48, 9, 6
-_S = np.linspace(0.0, 1.0, _SAMPLES)
-_POWERS = _S[:, None] ** np.arange(TERMS)
+_STEP_S, _FEWEST = 0.01, 48
+"""Between samples of a piece, at most; and how many a short one has, beside the plan's own joins."""
+_HALVINGS, _TRIALS = 9, 6
 _FREE = np.zeros((2, TERMS))
 _FREE[0, 3:7] = _FREE[1, 4:8] = (1.0, -3.0, 3.0, -1.0)
-_FIT = np.linalg.pinv(_POWERS @ _FREE.T)
 _TO_QUINTIC = np.linalg.inv([[1.0, 1.0, 1.0], [3.0, 4.0, 5.0], [6.0, 12.0, 20.0]])
 
 
@@ -38,6 +37,8 @@ class Refit:
     trajectory: Trajectory
     largest_m: float
     """Largest distance from the plan."""
+    largest_rad: float
+    """Largest difference of the yaw."""
     largest_m_s2: float
     """Largest difference of the acceleration."""
 
@@ -51,15 +52,15 @@ def refit(plan: Trajectory, *, most_pieces: int = MOST_PIECES, within_m: float =
     if len(plan.durations_s) <= most_pieces and not plan.coefficients[:, :, TERMS:].any():
         short = plan.coefficients[:, :, :TERMS]
         padded = np.pad(short, ((0, 0), (0, 0), (0, TERMS - short.shape[2])))
-        return Refit(Trajectory(plan.durations_s, padded), 0.0, 0.0)
+        return Refit(Trajectory(plan.durations_s, padded), 0.0, 0.0, 0.0)
     found = _pieces(plan, within_m, most_pieces)
     if found.duration_s < plan.duration_s - 1e-9:
         raise InputError(_too_long(plan, found.duration_s, most_pieces, within_m))
     low, high = np.log(_FINEST * within_m), np.log(within_m)
     for _ in range(_TRIALS):
         middle = 0.5 * (low + high)
-        tried = _pieces(plan, float(np.exp(middle)), most_pieces)
-        if tried.duration_s < plan.duration_s - 1e-9:
+        tried = _pieces_or_none(plan, float(np.exp(middle)), most_pieces)
+        if tried is None or tried.duration_s < plan.duration_s - 1e-9:
             low = middle
         else:
             found, high = tried, middle
@@ -69,9 +70,32 @@ def refit(plan: Trajectory, *, most_pieces: int = MOST_PIECES, within_m: float =
 def compared(plan: Trajectory, pieces: Trajectory) -> Refit:
     """How far pieces are from the plan, every 5 ms and at their joins."""
     end_s = min(plan.duration_s, pieces.duration_s)
-    times = np.minimum(np.union1d(plan.sample(0.005), pieces.starts_s), end_s)
-    away_m, away_m_s2 = (np.linalg.norm(plan.position(times, d) - pieces.position(times, d), axis=1) for d in (0, 2))
-    return Refit(pieces, float(away_m.max()), float(away_m_s2.max()))
+    times = np.minimum(np.unique(np.concatenate([plan.sample(0.005), plan.starts_s, pieces.starts_s])), end_s)
+    away, away_2 = (np.abs(plan.evaluate(times, d) - pieces.evaluate(times, d)) for d in (0, 2))
+    far_m, far_m_s2 = (float(np.linalg.norm(each[:, :3], axis=1).max()) for each in (away, away_2))
+    return Refit(pieces, far_m, float(away[:, 3].max()), far_m_s2)
+
+
+def require_near(held: Refit) -> None:
+    """
+    Raises:
+        InputError: pieces are farther from the plan than `WITHIN_M` or `WITHIN_RAD`.
+    """
+    if held.largest_m > WITHIN_M or held.largest_rad > WITHIN_RAD:
+        place_m = float(np.abs(held.trajectory.coefficients[:, :3, 0]).max())
+        raise InputError(
+            f"read back in the Crazyflie's single precision, the pieces are {100.0 * held.largest_m:.3g} cm and "
+            f"{held.largest_rad:.2g} rad from the plan; at most {100.0 * WITHIN_M:g} cm and {WITHIN_RAD:g} rad are "
+            f"flown. The plan is up to {place_m:.0f} m from the origin: plan in a frame with its origin nearby"
+        )
+
+
+def _pieces_or_none(plan: Trajectory, within_m: float, most: int) -> Trajectory | None:
+    """`_pieces`, or None where even the shortest piece is not so near."""
+    try:
+        return _pieces(plan, within_m, most)
+    except InputError:
+        return None
 
 
 def _pieces(plan: Trajectory, within_m: float, most: int) -> Trajectory:
@@ -115,12 +139,20 @@ def _fitted(plan: Trajectory, begin_s: float, end_s: float, within_m: float) -> 
     q = np.zeros((TERMS, 4))
     q[:3] = p0, v0, 0.5 * a0
     q[3:6] = _TO_QUINTIC @ np.array([p1 - p0 - v0 - 0.5 * a0, v1 - v0 - a0, a1 - a0])
-    values = plan.evaluate(begin_s + T * _S)
-    q += _FREE.T @ (_FIT @ (values - _POWERS @ q))
-    missed = values - _POWERS @ q
+    s = _shares(plan, begin_s, end_s)
+    values, powers = plan.evaluate(begin_s + T * s), s[:, None] ** np.arange(TERMS)
+    q += _FREE.T @ np.linalg.lstsq(powers @ _FREE.T, values - powers @ q)[0]
+    missed = values - powers @ q
     near = np.linalg.norm(missed[:, :3], axis=1).max() <= _BETWEEN * within_m
     turned = np.abs(missed[:, 3]).max() <= WITHIN_RAD * within_m / WITHIN_M
     return q.T / T ** np.arange(TERMS), bool(near and turned)
+
+
+def _shares(plan: Trajectory, begin_s: float, end_s: float) -> FloatArray:
+    """Where a piece is compared with the plan, 0 to 1: in steps of time, so that a long one hides no leg."""
+    even = np.linspace(0.0, 1.0, max(_FEWEST, int(np.ceil((end_s - begin_s) / _STEP_S)) + 1))
+    joins_s = plan.starts_s[(plan.starts_s > begin_s) & (plan.starts_s < end_s)]
+    return np.union1d(even, (joins_s - begin_s) / (end_s - begin_s))
 
 
 def _too_long(plan: Trajectory, reached_s: float, most: int, within_m: float) -> str:

@@ -11,7 +11,7 @@ import pytest
 import vehicle
 from firmware_bridge.betaflight_sitl import firmware
 from firmware_bridge.betaflight_sitl.process import Sitl
-from flight import InputError, TrajectoryFile, silent, trajectory
+from flight import InputError, LinkError, TrajectoryFile, silent, trajectory
 from goshawk.commands.fly import offboard
 from tests import waiting
 from tests.firmware_bridge.offboard import curves, faults
@@ -112,6 +112,42 @@ def test_the_battery_of_the_vehicle_file_is_in_its_thrust_map():
     assert thrust.throttle(weight_n, 14.8) > thrust.throttle(weight_n, 16.8)
     assert speed(14.8) == pytest.approx(speed(16.8), rel=0.01)
     assert offboard.thrust_map(MODEL).throttle(weight_n, 14.8) == offboard.thrust_map(MODEL).throttle(weight_n, 16.8)
+
+
+SAGGING = MODEL.with_effect("battery_sag", sag_per_v=0.04, reference_v=25.2)
+
+
+def test_the_rehearsed_body_has_the_voltage_that_the_map_assumes():
+    """The firmware of the simulator measures none, so that a body below the reference could not be corrected."""
+    body = offboard.body_of(SAGGING, curves.hover(), seed=1)
+    throttle = offboard.thrust_map(SAGGING).throttle(MODEL.mass_kg * MODEL.gravity_m_s2)
+    command = np.full(4, body.full_rad_s * (offboard.IDLE + (1.0 - offboard.IDLE) * throttle))
+    for _ in range(500):
+        body.plant.step(command, 2e-3)
+    assert body.plant.rotor_speed_rad_s == pytest.approx(command, rel=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("_betaflight")
+def test_a_vehicle_of_six_cells_is_rehearsed():
+    way = curves.hover(seconds=2.0)
+    file = TrajectoryFile(way, "hover", "", "", way.position([0.0, way.duration_s]), {})
+    log, early, down_m_s = offboard.rehearse(SAGGING, file, seed=1, progress=silent, cancel=lambda: False)
+    assert not early
+    assert down_m_s < 1.2
+    assert log.metadata["battery"] == offboard.NO_SAG
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("_betaflight")
+def test_a_firmware_that_always_stalls_ends_the_rehearsal_with_that_word(monkeypatch):
+    tries = []
+    monkeypatch.setattr(Sitl, "begins", lambda self: bool(tries.append(1)))
+    way = curves.hover(seconds=1.0)
+    file = TrajectoryFile(way, "hover", "", "", way.position([0.0, way.duration_s]), {})
+    with pytest.raises(LinkError, match="stalled 3 times"):
+        offboard.rehearse(MODEL, file, seed=1, progress=silent, cancel=lambda: False)
+    assert len(tries) == 3
 
 
 def test_a_plan_that_the_profile_cannot_follow_is_refused_with_the_figure():

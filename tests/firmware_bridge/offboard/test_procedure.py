@@ -126,6 +126,18 @@ def test_a_battery_that_is_critical_ends_the_flight_and_a_low_one_does_not(alert
         ours._watch("take-off")
 
 
+def test_a_low_battery_is_no_reason_for_what_takes_long_in_flight(monkeypatch):
+    monkeypatch.setattr(controller.Controller, "state", property(lambda _: State.LANDING))
+    guard = Guard()
+    ours = flight(guard)
+    for _ in range(300):
+        ours._tick()
+    guard.alert, guard.armed, ours._wish = Alert.WARNING, True, Wish.FLY
+    with pytest.raises(LinkError, match="landing within 0 s") as late:
+        ours._until(lambda: False, 0.1, "landing")
+    assert "battery" not in str(late.value)
+
+
 def test_a_pilot_is_told_to_disarm():
     guard, said = Guard(), []
     ours = flight(guard)

@@ -2,13 +2,16 @@
 
 import json
 import tomllib
+from dataclasses import replace
 
 import jsonschema
 import pytest
 
 import vehicle
 from tests.goshawk.running import run
+from vehicle import presets
 
+KNOWN = ("--hover-rpm", 11_530, "--max-rpm", 28_000)
 SHEET = ("--mass", 0.72, "--arm", 0.125, "--prop-diameter", 0.127)
 
 
@@ -28,17 +31,40 @@ def test_a_data_sheet_becomes_a_file_in_which_every_default_is_marked(tmp_path):
 
 def test_limits_fit_the_vehicle_and_are_fitted_anew_by_set(tmp_path):
     out = tmp_path / "fast.toml"
-    said = run("vehicle", "new", out, *SHEET, "--max-rpm", 28_000)
+    said = run("vehicle", "new", out, *SHEET, *KNOWN)
     assert "limits: usual: 10 m/s" in said
+    assert "from 5.9 ± 0.6 times its weight" in said
     slow = vehicle.load(out).limits
     said = run("vehicle", "set", out, "limits=race", "limits.jerk_m_s3=200")
-    assert "limits.speed_m_s: 10 -> 24" in said
+    assert "limits.speed_m_s: 10 -> 23" in said
     raced = vehicle.load(out).limits
     assert raced.speed_m_s > slow.speed_m_s
     assert raced.jerk_m_s3 == 200.0
-    run("vehicle", "new", tmp_path / "race.toml", *SHEET, "--max-rpm", 28_000, "--limits", "race")
+    said = run("vehicle", "new", tmp_path / "race.toml", *SHEET, *KNOWN, "--limits", "race")
+    assert "limits: race: 23 m/s" in said
     assert vehicle.load(tmp_path / "race.toml").limits.speed_m_s == raced.speed_m_s
     assert "careful, usual, race" in run("vehicle", "set", out, "limits=fast", code=2)
+
+
+def test_a_preset_fits_what_is_set_with_it_in_any_order(tmp_path):
+    values = ("mass_kg=1.4", "limits=race", "limits.rotor_speed_max_rad_s=2000", "limits.speed_m_s=5")
+    limits = []
+    for number, order in enumerate((values, values[::-1])):
+        out = tmp_path / f"{number}.toml"
+        run("vehicle", "new", out, *SHEET, *KNOWN)
+        assert "warning" not in run("vehicle", "set", out, *order)
+        limits.append(vehicle.load(out).limits)
+    assert limits[0] == limits[1]
+    heavier = vehicle.load(tmp_path / "0.toml")
+    assert limits[0] == replace(presets.limits(heavier, "race"), speed_m_s=5.0)
+
+
+def test_a_set_that_leaves_limits_beyond_the_thrust_warns(tmp_path):
+    out = tmp_path / "v.toml"
+    run("vehicle", "new", out, *SHEET, *KNOWN, "--limits", "race")
+    assert "warning: limits.acceleration_m_s2 is" in run("vehicle", "set", out, "mass_kg=2.5")
+    told = json.loads(run("vehicle", "set", out, "mass_kg=2.6", "--json"))
+    assert "times the weight" in told["warnings"][0]
 
 
 def test_props_out_turns_every_rotor_the_other_way(tmp_path):

@@ -117,6 +117,65 @@ def test_a_plan_that_is_too_long_is_refused_with_the_length_that_fits():
     assert poly4d.refit(first).largest_m < 0.01
 
 
+def with_a_dash_between_stays(stay_s: float) -> Trajectory:
+    """A walk of 34 pieces, a stay, .4 m out and back in a second, and a stay."""
+
+    def curve(t: FloatArray) -> FloatArray:
+        t = np.asarray(t)
+        dash = np.clip(t - 8.5 - stay_s, 0.0, 1.0)
+        out = 0.4 * np.sin(np.pi * dash) ** 4
+        walked = np.clip(t, 0.0, 8.5)
+        return np.stack([out + np.sin(walked / 8.5 * np.pi) ** 4, 0.0 * t, 1.0 + 0.0 * t, 0.0 * t], axis=-1)
+
+    return fitted(curve, np.array([0.25] * 34 + [stay_s] + [0.125] * 8 + [stay_s]))
+
+
+@pytest.mark.parametrize("stay_s", [20.0, 30.0, 60.0])
+def test_a_leg_between_long_stays_is_not_lost(tmp_path, stay_s):
+    plan = with_a_dash_between_stays(stay_s)
+    held = formats.write_crazyflie(tmp_path / "w.csv", plan)
+    times = np.union1d(plan.sample(0.002), plan.starts_s)
+    flown = as_the_firmware(rows_of(tmp_path / "w.csv"), times)
+    assert farthest_m(flown, plan, times) < 0.01
+    assert held.largest_m == pytest.approx(farthest_m(flown, plan, times), abs=2e-4)
+
+
+def test_what_single_precision_loses_far_from_the_origin_is_refused(tmp_path):
+    far = Trajectory(np.full(2, 1.0), np.zeros((2, 4, 8)))
+    far.coefficients[:, 0, 0] = 450_000.11
+    with pytest.raises(InputError, match=r"single precision.* cm and .*450000 m from the origin"):
+        formats.write_crazyflie(tmp_path / "w.csv", far)
+
+
+def test_the_yaw_is_held_too(tmp_path):
+    """A heading that swings while the place rests needs pieces of its own, and its error has a figure."""
+
+    def curve(t: FloatArray) -> FloatArray:
+        t = np.asarray(t)
+        return np.stack([0.0 * t, 0.0 * t, 1.0 + 0.0 * t, np.sin(2.0 * t)], axis=-1)
+
+    plan = fitted(curve, np.full(80, 0.25))
+    held = formats.write_crazyflie(tmp_path / "w.csv", plan)
+    times = plan.sample(0.01)
+    turned = np.abs(as_the_firmware(rows_of(tmp_path / "w.csv"), times)[:, 3] - plan.evaluate(times)[:, 3]).max()
+    assert turned < poly4d.WITHIN_RAD
+    assert held.largest_rad == pytest.approx(turned, abs=1e-3)
+    with pytest.raises(InputError, match=r"0\.03 rad from the plan"):
+        poly4d.require_near(poly4d.Refit(held.trajectory, 0.0, 0.03, 0.0))
+
+
+def test_no_piece_at_a_finer_tolerance_does_not_refuse_what_fits(monkeypatch):
+    plan, pieces = walk(40), poly4d._pieces
+
+    def only_coarse(plan: Trajectory, within_m: float, most: int) -> Trajectory:
+        if within_m < poly4d.WITHIN_M:
+            raise InputError("no smooth piece")
+        return pieces(plan, within_m, most)
+
+    monkeypatch.setattr(poly4d, "_pieces", only_coarse)
+    assert poly4d.refit(plan).largest_m < poly4d.WITHIN_M
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(FIRMWARE not in os.environ, reason=f"{FIRMWARE} names no sources of crazyflie-firmware")
 def test_the_firmwares_own_evaluator_flies_the_plan(tmp_path):
