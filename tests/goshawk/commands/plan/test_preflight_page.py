@@ -122,7 +122,7 @@ def test_by_levels_the_page_says_that_its_flights_are_of_the_first(folder, tmp_p
     found = json.loads((tmp_path / "rare.json").read_text())
     risk = found["risk"]
     assert found["loss_shares"]
-    assert "% of what the lost flights differ in" in said
+    assert "% of what loses flights" in said
     assert f"{risk['flights']} simulated flights by levels, the first of 200, of" in said
     assert f"t most {risk['upper95']:.1e} by {risk['levels']} levels" in said
     for heading in ("The worst flights", "How far from the limits", "How they end"):
