@@ -8,8 +8,7 @@
 
 #include "gusts.hpp"
 #include "sensing.hpp"
-
-extern "C" float tc_stands_from(const tc_controller* c);  // of the controller's internal.h
+#include "standing.h"
 
 namespace goshawk {
 

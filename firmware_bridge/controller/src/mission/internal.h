@@ -4,6 +4,7 @@
 
 #include "../base/maths.h"
 #include "goshawk_controller/controller.h"
+#include "standing.h"
 
 /* lasting.c: whether it has been so for longer than this; `since_us` in controller time. */
 bool tc_lasts(const tc_controller* c, uint64_t since_us, float limit_s);
@@ -84,8 +85,6 @@ static inline bool tc_landing_unloads(const tc_landing* landing) {
 float tc_landing_test_torque(const tc_controller* c);
 /* Something carries it beside the rotors: their thrust is small, and yet it neither falls nor moves. */
 bool tc_stands(const tc_controller* c);
-/* Support beyond which it does, m/s2; of the preflight's flights, too. */
-float tc_stands_from(const tc_controller* c);
 void tc_measure_support(tc_controller* c, float step_s);
 /* It flies along or turns, by the estimate; a vehicle that hovers does not. */
 bool tc_moves(const tc_controller* c);

@@ -16,10 +16,7 @@ static const float RETRY_S = 0.3f;             /* after a stage that found the v
 static const float UNLOAD_S = 0.5f;            /* the collective falls to UNLOADED */
 static const float UNLOADED = 0.1f;            /* of the weight */
 static const float GAINED_M_S = 0.35f;         /* downwards since UNLOAD began: it flies */
-static const float STANDS_G = 0.25f;           /* what it misses of the fall that its thrust would be, on average, */
-static const float STANDS_TILTED_G = 0.3f;     /* ... of which an attitude that is not as estimated fakes some, */
-static const float TILTED = 0.87f;             /* ... cosine of 30 degrees, */
-static const float SUPPORT_S = 1.0f;           /* over so long (the most of 550 flights in wind and gusts: 0.15), */
+static const float SUPPORT_S = 1.0f;           /* support is averaged over so long (0.15 g in 550 flights of gusts), */
 static const float SUPPORTED_M_S = 1.0f;       /* where it sinks slower than this: a fast fall's drag carries, too */
 static const float LACKS_G = 0.3f;             /* of the weight: where less is missing, noise decides */
 static const float FORCE_FILTER_S = 0.02f;     /* of the accelerometer, whose noise the tests must not see */
@@ -259,11 +256,6 @@ void tc_measure_support(tc_controller* c, float step_s) {
     const bool slow = c->vertical_velocity && tc_abs(rise_m_s) < SUPPORTED_M_S;
     c->rise_m_s = rise_m_s;
     c->support_m_s2 += ((slow ? given_m_s : 0.0f) - step_s * c->support_m_s2) / (SUPPORT_S + step_s);
-}
-
-float tc_stands_from(const tc_controller* c) {
-    const float least_g = c->axes[2][2] > TILTED ? STANDS_G : STANDS_TILTED_G;
-    return least_g * c->parameters.gravity_m_s2;
 }
 
 bool tc_stands(const tc_controller* c) { return c->support_m_s2 > tc_stands_from(c); }
