@@ -12,7 +12,7 @@ import mapping
 import preflight
 import vehicle
 from flight import TrajectoryFile, file_format, trajectory
-from goshawk.commands.plan import preflight_batch
+from goshawk.commands.plan import preflight_batch, preflight_inputs
 from goshawk.commands.plan.preflight_inputs import DEFAULT, PLAN_AGAIN, blowing, body_of, of_map, require_fit
 from goshawk.commands.plan.preflight_inputs import document as document_of
 from goshawk.terminal import console, outputs
@@ -31,7 +31,7 @@ SUMMARY = "Fly a trajectory a thousand times in simulation: go or no-go."
 @click.option(
     "--rare", is_flag=True, help="Estimate by levels of ever nearer flights [default: for risks below 0.001]."
 )
-@click.option("--risk", type=float, default=1e-3, show_default=True, help="Probability of a loss that is accepted.")
+@preflight_inputs.risk_option
 @click.option("--wind", default="0", show_default=True, help="Steady wind: its speed, from anywhere, or x,y,z (m/s).")
 @console.gust_option
 @click.option(
@@ -64,14 +64,7 @@ SUMMARY = "Fly a trajectory a thousand times in simulation: go or no-go."
     show_default=True,
     help="Length of a gap of the pose, s.",
 )
-@click.option(
-    "--localization",
-    "localization_std_m",
-    type=click.FloatRange(0.0, 1.0),
-    default=DEFAULT.localization_std_m,
-    show_default=True,
-    help="Standard deviation of the pose in the map, metres.",
-)
+@preflight_inputs.localization_option
 @click.option(
     "--pose-jump",
     "pose_jump_std_m",
@@ -97,7 +90,7 @@ SUMMARY = "Fly a trajectory a thousand times in simulation: go or no-go."
     "--battery", "battery_v", type=click.FloatRange(0.0), help="Lowest battery voltage at the start [default: full]."
 )
 @click.option("--advise", is_flag=True, help="Find the largest wind that is a go, and how much slower is one.")
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Seed: of all noise.")
+@preflight_inputs.seed_option
 @console.path_option("--out", "out", "JSON file to write with the whole result.")
 @console.path_option("--report", "report", "HTML page to write: the flights in the map, the worst three, and why.")
 @outputs.overwrite_option
@@ -182,19 +175,21 @@ def one(
         click.echo(file_format.json_text(document), nl=False)
     else:
         show(f"preflight of {trajectory_file}", result, advice, document[PLAN_AGAIN])
-    if result.cut_off:
-        click.echo(f"goshawk: stopped after {_stopped_after(result)}", err=True)
-        return 130
-    if result.unexplained:
-        click.echo("goshawk: all flights were flown; stopped before it was told what decides", err=True)
-        return 130
-    if replay is None:
-        click.echo("goshawk: stopped before the worst were flown again", err=True)
-        return 130
-    if advise and advice is None:
-        click.echo("goshawk: stopped before the advice was found", err=True)
+    if stopped := _stopped(result, replay, wants_advice=advise and advice is None):
+        click.echo(f"goshawk: {stopped}", err=True)
         return 130
     return 0 if result.go else 1
+
+
+def _stopped(result: preflight.Result, replay: preflight.Replay | None, *, wants_advice: bool) -> str:
+    """What Ctrl-C ended, in words; empty if nothing was."""
+    if result.cut_off:
+        return f"stopped after {_stopped_after(result)}"
+    if result.unexplained:
+        return "all flights were flown; stopped before it was told what decides"
+    if replay is None:
+        return "stopped before the worst were flown again"
+    return "stopped before the advice was found" if wants_advice else ""
 
 
 def _stopped_after(result: preflight.Result) -> str:

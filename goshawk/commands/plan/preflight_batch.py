@@ -9,9 +9,8 @@ import click
 import preflight
 import vehicle
 from flight import file_format
-from goshawk.commands.plan import batch, preflight_case
+from goshawk.commands.plan import batch, preflight_case, preflight_inputs
 from goshawk.commands.plan.batch_work import Row
-from goshawk.commands.plan.preflight_inputs import DEFAULT
 from goshawk.terminal import console, outputs
 
 
@@ -36,17 +35,10 @@ from goshawk.terminal import console, outputs
     help="Steady wind: its speed, from anywhere, or x,y,z (m/s); may be given again.",
 )
 @click.option("--flights", type=int, help="Flights to count [default: as many as can show --risk].")
-@click.option("--risk", type=float, default=1e-3, show_default=True, help="Probability of a loss that is accepted.")
+@preflight_inputs.risk_option
 @console.gust_option
-@click.option(
-    "--localization",
-    "localization_std_m",
-    type=click.FloatRange(0.0, 1.0),
-    default=DEFAULT.localization_std_m,
-    show_default=True,
-    help="Standard deviation of the pose in the map, metres.",
-)
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Seed: of all noise.")
+@preflight_inputs.localization_option
+@preflight_inputs.seed_option
 @click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Processes that work at a time.")
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do the work instead.")
 @outputs.overwrite_option
@@ -76,7 +68,7 @@ def command(
     What is flown already, of the same files and options, is not flown again: the same command goes on after an
     interruption. Exit code 1: a case is no go; results.json in --out gives the reason of each.
     """
-    uncertainty = replace(DEFAULT, gust_std_m_s=gust_std_m_s, localization_std_m=localization_std_m)
+    uncertainty = replace(preflight_inputs.DEFAULT, gust_std_m_s=gust_std_m_s, localization_std_m=localization_std_m)
     alone = jobs == 1 and scheduler is None
     options = preflight.Options(flights, risk, seed, uncertainty, threads=None if alone else 1)
     job = preflight_case.Job(map_folder, options, out, overwrite)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 
 import mapping
@@ -19,6 +20,20 @@ from preflight import margins
 from preflight.result import SCHEMA, SCHEMA_VERSION
 
 DEFAULT = preflight.Uncertainty()
+risk_option = click.option(
+    "--risk", type=float, default=1e-3, show_default=True, help="Probability of a loss that is accepted."
+)
+localization_option = click.option(
+    "--localization",
+    "localization_std_m",
+    type=click.FloatRange(0.0, 1.0),
+    default=DEFAULT.localization_std_m,
+    show_default=True,
+    help="Standard deviation of the pose in the map, metres.",
+)
+seed_option = click.option(
+    "--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Seed: of all noise."
+)
 _SAMPLES = 50
 """Of a segment, for the room that the plan has in it."""
 PLAN_AGAIN = "plan_again"
