@@ -120,10 +120,10 @@ class CouldHide:
         """In words: how thick, along how much of the path, and how likely and where, or without probabilities where."""
         if self.probability is None or not self.thickness_m > 0.0:
             return self.describe_thickness()
-        likeliest = f"; most {self.stretches[0].describe()}" if self.stretches else ""
+        likeliest = f". Most: {self.stretches[0].describe()}" if self.stretches else ""
         rest = f"; {len(self.stretches) - 1} more stretches" if len(self.stretches) > 1 else ""
         return (
-            f"{self._what()} could hide within {self.reach_m:.2f} m{self._share()}; chance that a thicker pole, cable "
+            f"{self._what()} could hide within {self.reach_m:.2f} m{self._share()}. Chance that a thicker pole, cable "
             f"or net (not glass) is missing there: {percent(self.probability)}{likeliest}{rest}"
         )
 

@@ -55,8 +55,8 @@ def test_how_likely_and_how_thick_are_said_in_one_line_with_one_stretch_and_thic
     stretch = Stretch(0.5, 1.0, 0.999, 0.08, (1.0, 2.0, 3.0), "left/7.png")
     found = CouldHide(0.34, 0.083, 1.5, (1.0, 2.0, 3.0), 0.03, 0.45, 1.0, (stretch,) * 5)
     assert found.describe() == (
-        "an obstacle up to 83 mm thick could hide within 0.34 m; more than 30 mm along 45 % of the way; chance that a "
-        "thicker pole, cable or net (not glass) is missing there: over 99 %; most over 99 % at 0.5 to 1.0 s, near "
+        "an obstacle up to 83 mm thick could hide within 0.34 m; more than 30 mm along 45 % of the way. Chance that a "
+        "thicker pole, cable or net (not glass) is missing there: over 99 %. Most: over 99 % at 0.5 to 1.0 s, near "
         "(1.00, 2.00, 3.00) m, look at left/7.png; 4 more stretches"
     )
     assert found.describe_thickness() == (
