@@ -55,7 +55,7 @@ def throughput(flights: int) -> list[report.Row]:
     drone, path = conftest.exact_vehicle(), long_path()
     options = preflight.Options(flights=flights, uncertainty=WEATHER, explain=False)
     cpu_s, wall_s = time.process_time(), time.perf_counter()
-    found = preflight.fly(drone, path, Wall(0.5), radius_m=RADIUS_M, clearance_m=1.0, options=options)
+    found = preflight.fly(preflight.Scenario(drone, path, Wall(0.5), radius_m=RADIUS_M, clearance_m=1.0), options)
     cpu_s, wall_s = time.process_time() - cpu_s, time.perf_counter() - wall_s
     scale = 1000.0 / flights
     rate = found.steps / cpu_s
@@ -98,7 +98,9 @@ def contacts(flights: int, brute: int) -> list[report.Row]:
 
     def clearance(count: int, seed: int) -> FloatArray:
         options = preflight.Options(flights=count, seed=seed, uncertainty=WEATHER, explain=False)
-        return preflight.fly(drone, path, conftest.Wall(0.0), radius_m=0.0, options=options).record.clearance_m
+        return preflight.fly(
+            preflight.Scenario(drone, path, conftest.Wall(0.0), radius_m=0.0), options
+        ).record.clearance_m
 
     many, few = clearance(brute, 1), clearance(flights, 2)
     rows = []
@@ -119,7 +121,9 @@ def bounds(flights: int, scenes: int = 100) -> list[report.Row]:
     """Scenes of unlike risk made of the same flights: another set of them each time."""
     drone, path, rng = conftest.exact_vehicle(), conftest.there_and_back(), np.random.default_rng(4)
     options = preflight.Options(flights=scenes * flights, uncertainty=WEATHER, explain=False)
-    clearance = preflight.fly(drone, path, conftest.Wall(0.0), radius_m=0.0, options=options).record.clearance_m
+    clearance = preflight.fly(
+        preflight.Scenario(drone, path, conftest.Wall(0.0), radius_m=0.0), options
+    ).record.clearance_m
     held = 0
     for scene in range(scenes):
         mine = slice(scene * flights, (scene + 1) * flights)
@@ -139,7 +143,9 @@ def short(
         explain=False, decide_only=by_levels,
     )  # fmt: skip
     path = conftest.there_and_back(1.0, 1.0)
-    return preflight.fly(conftest.exact_vehicle(), path, conftest.Wall(0.0), radius_m=-wall_m, options=options)
+    return preflight.fly(
+        preflight.Scenario(conftest.exact_vehicle(), path, conftest.Wall(0.0), radius_m=-wall_m), options
+    )
 
 
 def nearest(record: Record) -> FloatArray:
@@ -230,7 +236,7 @@ def named(rounds: int, flights: int) -> list[report.Row]:
             drone, uncertainty = planted(0.7 * 2.0 ** (i / max(rounds - 1, 1)))
             options = preflight.Options(flights=flights, seed=100 + i, uncertainty=uncertainty, explain=False)
             field = None if what != "map scale" else conftest.Wall(0.6)
-            found = preflight.fly(drone, path, field, radius_m=RADIUS_M, clearance_m=1.0, options=options)
+            found = preflight.fly(preflight.Scenario(drone, path, field, radius_m=RADIUS_M, clearance_m=1.0), options)
             first += found.dominating is not None and factor in found.dominating[0]
         hits += first
         rows.append(report.row(f"planted {what}: named first, of {rounds}", first / rounds, "", None))

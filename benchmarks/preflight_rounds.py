@@ -10,6 +10,7 @@ slowing down of the first plan as a whole that is a go, and the least margin who
 import json
 import sys
 import tempfile
+from dataclasses import replace
 from math import isnan
 from pathlib import Path
 
@@ -20,11 +21,10 @@ import report
 import mapping
 import preflight
 import vehicle
-from flight import Trajectory, trajectory
-from goshawk.commands.plan import preflight_inputs
+from flight import trajectory
+from goshawk.commands.preflight import inputs
 from tests import conftest
 from tests.goshawk.running import answer
-from vehicle import Vehicle
 
 RISK, FIRST_MARGIN_M, GUST_STD_M_S = 0.01, 0.05, 1.0
 MOST_ROUNDS, SLOWEST, HALVINGS = 5, 4.0, 4
@@ -93,13 +93,14 @@ def _least_margin(folder: Path, points: Path, flights: int, go_m: float, go_s: f
 def _scaled(folder: Path, first: Path, flights: int, seed: int) -> float:
     """Duration of the least uniform slowing down of a plan that is a go; NaN if none up to `SLOWEST` is."""
     item, drone, area = trajectory.load(first), vehicle.load(folder / "vehicle.toml"), mapping.open_map(folder / "map")
-    radius_m, clearance_m = preflight_inputs.body_of(item, drone)
-    weather = preflight_inputs.of_map(area, preflight.Uncertainty(gust_std_m_s=GUST_STD_M_S))
-    options = preflight.Options(flights, RISK, seed, weather, decide_only=True)
+    asked = preflight.Options(
+        flights, RISK, seed, preflight.Uncertainty(gust_std_m_s=GUST_STD_M_S), decide_only=True
+    )  # fmt: skip
+    subject = inputs.subject(item, area, drone, asked)
 
     def is_go(factor: float) -> bool:
-        path = item.trajectory.scale_time(factor)
-        return _go(drone, path, area, radius_m, clearance_m, options)
+        scaled = replace(subject.scenario, trajectory=item.trajectory.scale_time(factor))
+        return preflight.fly(scaled, subject.options).go
 
     if not is_go(SLOWEST):
         return float("nan")
@@ -108,12 +109,6 @@ def _scaled(folder: Path, first: Path, flights: int, seed: int) -> float:
         middle = (low * high) ** 0.5
         low, high = (low, middle) if is_go(middle) else (middle, high)
     return high * item.trajectory.duration_s
-
-
-def _go(
-    drone: Vehicle, path: Trajectory, area: mapping.Map, radius_m: float, clearance_m: float, options: preflight.Options
-) -> bool:
-    return preflight.fly(drone, path, area.field, radius_m=radius_m, clearance_m=clearance_m, options=options).go
 
 
 def _ratios(taken_s: float, scaled_s: float, best_s: float) -> list[report.Row]:

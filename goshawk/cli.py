@@ -36,7 +36,8 @@ TASKS = {
 }
 """The order in which `goshawk --help` shows verbs, by task; those not named here come last in their task."""
 COMMANDS = Path(__file__).with_name("commands")
-"""A folder for each task. A module with a `SUMMARY` there is a verb: its words in `goshawk --help`."""
+"""A folder for each task, and for a verb of many modules one of its own. A module with a `SUMMARY` there is a verb: its
+words in `goshawk --help`."""
 _SUMMARY = re.compile(r'^SUMMARY = "(.+)"$', re.MULTILINE)
 
 
@@ -45,12 +46,17 @@ def verbs() -> dict[str, dict[str, str]]:
     """Of each task, its verbs and their summaries; their modules are read and not imported, which would take long."""
     found: dict[str, dict[str, str]] = {}
     for task, first in TASKS.items():
-        texts = {
-            path.stem.replace("_", "-"): path.read_text("utf-8") for path in (COMMANDS / task.lower()).glob("*.py")
-        }
+        modules = [*(COMMANDS / task.lower()).glob("*.py"), *map(_own_module, first)]
+        texts = {path.stem.replace("_", "-"): path.read_text("utf-8") for path in modules if path.is_file()}
         summaries = {verb: summary[1] for verb, text in sorted(texts.items()) if (summary := _SUMMARY.search(text))}
         found[task] = {verb: summaries[verb] for verb in dict.fromkeys([*first, *summaries])}
     return found
+
+
+def _own_module(verb: str) -> Path:
+    """The module of a verb that has a folder of its own."""
+    name = verb.replace("-", "_")
+    return COMMANDS / name / f"{name}.py"
 
 
 class Verbs(VerbGroup):
@@ -63,7 +69,8 @@ class Verbs(VerbGroup):
         task = next((task.lower() for task, summaries in verbs().items() if cmd_name in summaries), None)
         if task is None:
             return None
-        return importlib.import_module(f"goshawk.commands.{task}.{cmd_name.replace('-', '_')}").command
+        folder = _own_module(cmd_name).parent.name if _own_module(cmd_name).is_file() else task
+        return importlib.import_module(f"goshawk.commands.{folder}.{cmd_name.replace('-', '_')}").command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         for task, summaries in verbs().items():

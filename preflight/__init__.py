@@ -3,7 +3,8 @@
 from preflight.advice import Advice
 from preflight.draws import Uncertainty
 from preflight.result import Result
+from preflight.scenario import Scenario
 from preflight.study import Options, advised, fly
 from preflight.worst import Replay, replay
 
-__all__ = ["Advice", "Options", "Replay", "Result", "Uncertainty", "advised", "fly", "replay"]
+__all__ = ["Advice", "Options", "Replay", "Result", "Scenario", "Uncertainty", "advised", "fly", "replay"]

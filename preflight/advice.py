@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 SLOWER = (1.05, 1.1, 1.2, 1.35, 1.5, 2.0)
 """Durations over the plan's that are tried, the fastest first."""
@@ -16,6 +17,9 @@ class Advice:
     """Largest wind that is a go; None: not even calm air is."""
     slower: float | None
     """Least of `SLOWER` that is a go in the wind that was asked for; 1 if the plan is, None if none is."""
+
+    def as_dict(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in self.__slots__}
 
     def sentence(self) -> str:
         wind = "no wind at all is a go" if self.wind_m_s is None else f"a go in up to {self.wind_m_s:g} m/s of wind"

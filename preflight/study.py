@@ -10,16 +10,16 @@ from numpy.typing import ArrayLike
 
 from firmware_bridge import controller
 from firmware_bridge.sitl_vehicle import Sensors
-from flight import FloatArray, InputError, Progress, Trajectory, silent
+from flight import FloatArray, InputError, Progress, silent
 from preflight import clearance, draws, rare, remedies, statistics, subset
 from preflight.advice import Advice, advise
-from preflight.clearance import DistanceField
 from preflight.core import DROP_OUTS, FINISHED, GUSTS, NOISE, WITHIN, Air, Flown, Loop
 from preflight.draws import Drawn, Uncertainty
 from preflight.luck import Luck
 from preflight.rare import Rare
 from preflight.record import BINS, Record
 from preflight.result import LEAST_FINISHED, Removed, Result, spread
+from preflight.scenario import Scenario
 from vehicle import Vehicle
 
 _BATCH = 64
@@ -92,22 +92,8 @@ class Options:
         return statistics.flights_for(self.risk) if self.flights is None else self.flights
 
 
-def fly(
-    vehicle: Vehicle,
-    trajectory: Trajectory,
-    field: DistanceField | None,
-    *,
-    radius_m: float | None = None,
-    clearance_m: float = 0.0,
-    options: Options | None = None,
-    progress: Progress = silent,
-) -> Result:
+def fly(scenario: Scenario, options: Options | None = None, *, progress: Progress = silent) -> Result:
     """Fly a trajectory many times.
-
-    Args:
-        field: of distances; None asks no map: risk is then that of falling alone.
-        radius_m: of the sphere that holds the vehicle; by default to the farthest propeller tip.
-        clearance_m: room for the tracking error, as the plan states it to the vehicle.
 
     Raises:
         InputError: the vehicle cannot hover in the wind, or has effects that cannot be flown in numbers.
@@ -115,8 +101,9 @@ def fly(
         KeyboardInterrupt: before the first batch was flown; afterwards the result is of what was flown.
     """
     options = options or Options()
+    vehicle, trajectory = scenario.vehicle, scenario.trajectory
     require_hover(vehicle, options.uncertainty)
-    study = _Study(vehicle, trajectory, field, vehicle.reach_m if radius_m is None else radius_m, clearance_m, options)
+    study = _Study(scenario, options)
     record, drawn, steps = study.flown(options.uncertainty, vehicle, "flights", progress)
     found, further = study.rarer(options.uncertainty, vehicle, record, drawn, progress)
     steps += further
@@ -139,26 +126,16 @@ def fly(
     return replace(result, removed=removed, unexplained=removed is None)
 
 
-def fly_again(
-    vehicle: Vehicle,
-    trajectory: Trajectory,
-    field: DistanceField | None,
-    numbers: np.ndarray,
-    *,
-    radius_m: float | None = None,
-    clearance_m: float = 0.0,
-    options: Options | None = None,
-) -> tuple[Flown, clearance.Along]:
+def fly_again(scenario: Scenario, numbers: np.ndarray, options: Options | None = None) -> tuple[Flown, clearance.Along]:
     """The flights (m,) of these numbers once more, bit by bit, with all that was on their way; arguments as `fly`."""
-    options = options or Options()
-    radius_m = vehicle.reach_m if radius_m is None else radius_m
-    loop = _Study(vehicle, trajectory, field, radius_m, clearance_m, options).loop(options.uncertainty, vehicle)
+    options, vehicle = options or Options(), scenario.vehicle
+    loop = _Study(scenario, options).loop(options.uncertainty, vehicle)
     drawn = draws.draw(draws.flown_form(vehicle), loop.names, options.uncertainty, options.count, options.seed)
     flown = loop.fly(
         drawn.values[numbers], drawn.rows[numbers], seed=options.seed, numbers=numbers, threads=options.threads
     )
-    scale, error_m = drawn.map_scale[numbers], drawn.map_error_m[numbers]
-    return flown, clearance.along(flown, field or _Nothing(), radius_m, scale, error_m, drawn.map_shift[numbers])
+    scale, error_m, shift = drawn.map_scale[numbers], drawn.map_error_m[numbers], drawn.map_shift[numbers]
+    return flown, clearance.along(flown, scenario.field or _Nothing(), scenario.size_m, scale, error_m, shift)
 
 
 def require_hover(vehicle: Vehicle, uncertainty: Uncertainty) -> None:
@@ -191,30 +168,16 @@ def strongest_hover(vehicle: Vehicle) -> float:
     return least
 
 
-def advised(
-    vehicle: Vehicle,
-    trajectory: Trajectory,
-    field: DistanceField | None,
-    result: Result,
-    *,
-    radius_m: float | None = None,
-    clearance_m: float = 0.0,
-    options: Options,
-    progress: Progress = silent,
-) -> Advice | None:
+def advised(scenario: Scenario, result: Result, options: Options, *, progress: Progress = silent) -> Advice | None:
     """What would be a go, beside a result of the same arguments; None after Ctrl-C."""
 
     def is_go(wind_m_s: float, slower: float) -> bool:
         tried = f"trying {wind_m_s:g} m/s of wind" + (f", {slower:g} times slower" if slower > 1.0 else "")
         air = replace(options.uncertainty, wind_m_s=wind_m_s)
-        asked = replace(options, uncertainty=air, decide_only=True)
+        path = scenario.trajectory if slower == 1.0 else scenario.trajectory.scale_time(slower)
         found = fly(
-            vehicle,
-            trajectory if slower == 1.0 else trajectory.scale_time(slower),
-            field,
-            radius_m=radius_m,
-            clearance_m=clearance_m,
-            options=asked,
+            replace(scenario, trajectory=path),
+            replace(options, uncertainty=air, decide_only=True),
             progress=lambda stage, fraction: progress(tried, fraction),
         )
         if found.cut_off and (options.by_levels or not _is_lost(found.record, options)):
@@ -222,7 +185,7 @@ def advised(
         return found.go
 
     try:
-        return advise(options.uncertainty.wind_m_s, strongest_hover(vehicle), result.go, is_go)
+        return advise(options.uncertainty.wind_m_s, strongest_hover(scenario.vehicle), result.go, is_go)
     except KeyboardInterrupt:
         return None
 
@@ -234,19 +197,15 @@ def _is_lost(record: Record, options: Options) -> bool:
 
 @dataclass(frozen=True)
 class _Study:
-    vehicle: Vehicle
-    trajectory: Trajectory
-    field: DistanceField | None
-    radius_m: float
-    clearance_m: float
+    scenario: Scenario
     options: Options
 
     def loop(self, uncertainty: Uncertainty, believed: Vehicle) -> Loop:
         return Loop(
             draws.flown_form(believed),
-            self.trajectory,
-            controller.parameters_of(self.vehicle),
-            clearance_m=self.clearance_m,
+            self.scenario.trajectory,
+            controller.parameters_of(self.scenario.vehicle),
+            clearance_m=self.scenario.clearance_m,
             sensors=_sensors(self.options.sensors, uncertainty),
             air=self.options.air,
             rate_hz=self.options.rate_hz,
@@ -261,12 +220,12 @@ class _Study:
         what is below a part of the path (a table) and above another is no floor of all of it."""
         floor_m, ceiling_m = self._nearest
         low_m, high_m = self._heights
-        low_m, high_m = low_m - self.radius_m, high_m + self.radius_m
+        low_m, high_m = low_m - self.scenario.size_m, high_m + self.scenario.size_m
         return (floor_m if floor_m <= low_m else -np.inf), (ceiling_m if ceiling_m >= high_m else np.inf)
 
     @cached_property
     def _path_world_m(self) -> FloatArray:
-        return self.trajectory.position(np.linspace(0.0, self.trajectory.duration_s, BINS))
+        return self.scenario.trajectory.position(np.linspace(0.0, self.scenario.trajectory.duration_s, BINS))
 
     @property
     def _heights(self) -> tuple[float, float]:
@@ -276,9 +235,9 @@ class _Study:
     @cached_property
     def _nearest(self) -> tuple[float, float]:
         """As `clearance.below_and_above`, where an effect of the model asks for it."""
-        if self.field is None or not any(name in self.vehicle.effects for name in _NEAR_SURFACES):
+        if self.scenario.field is None or not any(name in self.scenario.vehicle.effects for name in _NEAR_SURFACES):
             return -np.inf, np.inf
-        return clearance.below_and_above(self.field, self._path_world_m)
+        return clearance.below_and_above(self.scenario.field, self._path_world_m)
 
     def free_air(self) -> tuple[str, ...]:
         """A sentence for each effect of the model that finds no surface to act on."""
@@ -286,7 +245,7 @@ class _Study:
         return tuple(
             f"flown without {name}: the map has no {what} the path" + (" of one height" if np.isfinite(found) else "")
             for name, what, height, found in surfaces
-            if name in self.vehicle.effects and not np.isfinite(height)
+            if name in self.scenario.vehicle.effects and not np.isfinite(height)
         )
 
     def flown(
@@ -352,7 +311,7 @@ class _Study:
             return None
 
     def _shares(self, record: Record, drawn: Drawn) -> tuple[dict[str, float], dict[str, float], int]:
-        loop = self.loop(self.options.uncertainty, self.vehicle)
+        loop = self.loop(self.options.uncertainty, self.scenario.vehicle)
         value, lost = spread(record), record.lost.astype(np.float64)
         shares = statistics.variance_shares(value, drawn.factors)
         many = lost.sum() >= _LEAST_LOST and statistics.decomposable(lost)
@@ -406,15 +365,15 @@ class _Study:
         )  # fmt: skip
         near = clearance.nearest(
             flown,
-            self.field or _Nothing(),
-            self.radius_m,
+            self.scenario.field or _Nothing(),
+            self.scenario.size_m,
             drawn.map_scale[rows],
             drawn.map_error_m[rows],
             drawn.map_shift[rows],
         )
         record = Record(
             near.clearance_m, near.point_world_m, near.path_s, near.left_map,
-            clearance.errors_along(flown, self.trajectory, BINS), flown.ending, flown.end_state, flown.reason,
+            clearance.errors_along(flown, self.scenario.trajectory, BINS), flown.ending, flown.end_state, flown.reason,
             flown.tilt_rad, flown.fell, flown.rotor_reserve, flown.energy_j, flown.ended_s,
             flown.strain,
         )  # fmt: skip
@@ -422,7 +381,7 @@ class _Study:
 
     def without(self, factor: str, progress: Progress) -> Removed | None:
         """The same flights with one factor known exactly; None if Ctrl-C ended them."""
-        believed, uncertainty = remedies.without(self.vehicle, self.options.uncertainty, factor)
+        believed, uncertainty = remedies.without(self.scenario.vehicle, self.options.uncertainty, factor)
         try:
             record, drawn, _ = self.flown(uncertainty, believed, f"again without {factor}", progress)
             found, _ = self.rarer(uncertainty, believed, record, drawn, progress)

@@ -12,8 +12,8 @@ from preflight.clearance import DistanceField
 from preflight.core import SAMPLE_S
 from preflight.record import Record
 from preflight.result import Result
+from preflight.scenario import Scenario
 from preflight.study import Options, fly_again
-from vehicle import Vehicle
 
 WORST = 3
 BUNDLE = 60
@@ -76,25 +76,13 @@ class Replay:
     """The first flights, which are any: a fair picture of all."""
 
 
-def replay(
-    vehicle: Vehicle,
-    trajectory: Trajectory,
-    field: DistanceField | None,
-    result: Result,
-    *,
-    radius_m: float | None = None,
-    clearance_m: float = 0.0,
-    options: Options,
-    bundle: int = BUNDLE,
-) -> Replay:
+def replay(scenario: Scenario, result: Result, options: Options, *, bundle: int = BUNDLE) -> Replay:
     """Fly the worst flights and the first `bundle` of a result once more; arguments as it was flown with."""
     worst = worst_numbers(result.record)
     numbers = np.concatenate([worst, np.arange(min(bundle, result.flights))])
-    flown, near = fly_again(
-        vehicle, trajectory, field, numbers, radius_m=radius_m, clearance_m=clearance_m, options=options
-    )
+    flown, near = fly_again(scenario, numbers, options)
     found = [
-        _track(int(n), flown, near, row, bool(result.record.lost[n]), field,
+        _track(int(n), flown, near, row, bool(result.record.lost[n]), scenario.field,
                _WORST_SAMPLES if row < len(worst) else _BUNDLE_SAMPLES)
         for row, n in enumerate(numbers)
     ]  # fmt: skip

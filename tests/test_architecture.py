@@ -53,6 +53,7 @@ ROOMS = {
     "goshawk.demo": {"goshawk.terminal", "goshawk.rendered"},
     "goshawk.commands.project": {"goshawk.terminal", "goshawk.demo"},
     "goshawk.commands.plan": {"goshawk.terminal"},
+    "goshawk.commands.preflight": {"goshawk.terminal", "goshawk.commands.plan"},
     "goshawk.commands.map": {"goshawk.terminal", "goshawk.plot", "goshawk.commands.plan"},
     "goshawk.commands.learn": {"goshawk.terminal", "goshawk.commands.plan"},
     "goshawk.station_jobs": {

@@ -41,7 +41,7 @@ def test_a_decision_stops_at_the_flight_that_makes_it_and_is_the_same(drone, cur
         risk=0.03, uncertainty=replace(EXACT, localization_std_m=0.05), threads=1, explain=False
     )
     results = [
-        preflight.fly(drone, curve, Wall(0.25), radius_m=0.2, options=replace(options, decide_only=only))
+        preflight.fly(preflight.Scenario(drone, curve, Wall(0.25), radius_m=0.2), replace(options, decide_only=only))
         for only in (False, True)
     ]
     assert not results[0].go
@@ -54,22 +54,22 @@ def test_advice_that_is_cut_off_says_nothing(drone, curve, at):
     """Flights that were cut off are too few to be a go, which is no verdict on the wind."""
     options = preflight.Options(flights=99, risk=0.03, uncertainty=EXACT, threads=1, explain=False)
     flown = (drone, curve, Wall(1.0))
-    result = preflight.fly(*flown, radius_m=0.2, options=options)
+    result = preflight.fly(preflight.Scenario(*flown, radius_m=0.2), options)
 
     def cut_off(stage: str, fraction: float) -> None:
         if stage.startswith("trying") and fraction >= at:
             raise KeyboardInterrupt
 
     assert result.go
-    assert preflight.advised(*flown, result, radius_m=0.2, options=options, progress=cut_off) is None
+    assert preflight.advised(preflight.Scenario(*flown, radius_m=0.2), result, options, progress=cut_off) is None
 
 
 @pytest.mark.slow
 def test_a_wall_near_a_fast_way_is_a_go_in_less_wind(drone, curve):
     options = preflight.Options(flights=60, risk=0.05, uncertainty=replace(EXACT, wind_m_s=9.0, gust_std_m_s=0.3))
     flown = (drone, curve, Wall(0.216))
-    result = preflight.fly(*flown, radius_m=0.2, options=options)
-    found = preflight.advised(*flown, result, radius_m=0.2, options=options)
+    result = preflight.fly(preflight.Scenario(*flown, radius_m=0.2), options)
+    found = preflight.advised(preflight.Scenario(*flown, radius_m=0.2), result, options)
     assert not result.go
     assert found.wind_m_s is not None
     assert found.wind_m_s < 9.0

@@ -70,7 +70,9 @@ def predicted(flights: int) -> preflight.Result:
     options = preflight.Options(
         flights=flights, uncertainty=AIR, risk=0.4, explain=False, rotor_speed_measured=True
     )  # as the truth's controller is told
-    return preflight.fly(believed(), CURVE, AlongTheWay(0.0), radius_m=0.0, clearance_m=1.0, options=options)
+    return preflight.fly(
+        preflight.Scenario(believed(), CURVE, AlongTheWay(0.0), radius_m=0.0, clearance_m=1.0), options
+    )
 
 
 def held(count: int, flights: int) -> tuple[float, float]:

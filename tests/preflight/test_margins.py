@@ -16,15 +16,15 @@ OPTIONS = preflight.Options(
 
 @pytest.fixture(scope="module")
 def touching(drone, curve):
-    return preflight.fly(drone, curve, Wall(0.25), radius_m=0.2, options=OPTIONS)
+    return preflight.fly(preflight.Scenario(drone, curve, Wall(0.25), radius_m=0.2), OPTIONS)
 
 
 def test_a_wall_farther_away_by_what_was_asked_is_a_go(drone, curve, touching):
     assert not touching.go
     extra_m = max(each.extra_m for each in margins.needed(touching))
-    farther = preflight.fly(drone, curve, Wall(0.25 + extra_m), radius_m=0.2, options=OPTIONS)
+    farther = preflight.fly(preflight.Scenario(drone, curve, Wall(0.25 + extra_m), radius_m=0.2), OPTIONS)
     assert farther.go
-    nearer = preflight.fly(drone, curve, Wall(0.25 + 0.5 * extra_m), radius_m=0.2, options=OPTIONS)
+    nearer = preflight.fly(preflight.Scenario(drone, curve, Wall(0.25 + 0.5 * extra_m), radius_m=0.2), OPTIONS)
     assert not nearer.go
     assert margins.needed(farther) == ()
 

@@ -21,7 +21,7 @@ def flown(drone, wall_m, *, flights=200, risk=1e-3, uncertainty=AIR, progress=la
     asked = preflight.Options(
         flights=flights, risk=risk, uncertainty=uncertainty, explain=False, rate_hz=400, **({"rare": True} | options)
     )
-    return preflight.fly(drone, SHORT, Wall(0.0), radius_m=-wall_m, options=asked, progress=progress)
+    return preflight.fly(preflight.Scenario(drone, SHORT, Wall(0.0), radius_m=-wall_m), asked, progress=progress)
 
 
 @pytest.fixture(scope="module")

@@ -17,9 +17,9 @@ RADIUS_M = 0.2
 
 def flown(drone, curve, wall_m, *, flights=60, uncertainty=EXACT, risk=0.05, **options):
     return preflight.fly(
-        drone, curve, Wall(wall_m), radius_m=RADIUS_M, clearance_m=1.0,
-        options=preflight.Options(flights=flights, risk=risk, uncertainty=uncertainty, **options),
-    )  # fmt: skip
+        preflight.Scenario(drone, curve, Wall(wall_m), radius_m=RADIUS_M, clearance_m=1.0),
+        preflight.Options(flights=flights, risk=risk, uncertainty=uncertainty, **options),
+    )
 
 
 def test_far_from_the_wall_it_is_a_go_and_through_it_a_no_go(drone, curve):
@@ -95,7 +95,7 @@ def test_a_floor_or_ceiling_near_the_path_lets_the_rotors_turn_slower(drone, cur
     reserve = []  # towards the slowest speed
     for model, room in ((drone, Room(room_m)), (near, Room(room_m)), (near, Wall(1.0))):
         options = preflight.Options(flights=4, risk=0.4, uncertainty=EXACT, explain=False)
-        found = preflight.fly(model, path, room, radius_m=0.1, clearance_m=1.0, options=options)
+        found = preflight.fly(preflight.Scenario(model, path, room, radius_m=0.1, clearance_m=1.0), options)
         reserve.append(float(found.record.rotor_reserve.mean()))
     assert reserve[1] < reserve[0] - 0.002
     assert reserve[2] == pytest.approx(reserve[0], rel=1e-6)
@@ -121,7 +121,7 @@ def test_a_shelf_below_a_part_of_the_path_alone_is_no_floor_of_all_of_it(drone, 
     assert heights.min() < 1.1 < heights.max()
     near = drone.with_effect("ground_effect", strength=1.0)
     options = preflight.Options(flights=8, risk=0.4, uncertainty=EXACT, explain=False)
-    found = preflight.fly(near, path, Shelf(3.0), radius_m=0.1, clearance_m=1.0, options=options)
+    found = preflight.fly(preflight.Scenario(near, path, Shelf(3.0), radius_m=0.1, clearance_m=1.0), options)
     assert found.finished == 1.0
     assert found.lost.count == 0
     assert "flown without ground_effect: the map has no floor below the path of one height" in found.assumed
@@ -138,7 +138,7 @@ def test_a_wrong_scale_moves_the_walls_of_a_map_that_the_pose_is_not_one_in(dron
     spread_m = []
     for of_map in (True, False):
         options = preflight.Options(flights=60, uncertainty=replace(unsure, pose_of_map=of_map), explain=False)
-        found = preflight.fly(drone, curve, Ahead(4.5), radius_m=0.2, clearance_m=1.0, options=options)
+        found = preflight.fly(preflight.Scenario(drone, curve, Ahead(4.5), radius_m=0.2, clearance_m=1.0), options)
         spread_m.append(found.record.clearance_m.std())
     assert spread_m[0] == pytest.approx(0.05 * 0.5, rel=0.3)  # metres to the wall
     assert spread_m[1] == pytest.approx(0.05 * 4.5, rel=0.3)  # metres from the origin
@@ -216,7 +216,7 @@ def test_what_is_narrow_is_found_in_its_segment(drone, curve):
             return np.linalg.norm(np.asarray(points_world_m)[:, :2] - [4.0, 0.4], axis=1)
 
     found = preflight.fly(
-        drone, curve, Post(0.0), radius_m=0.1, options=preflight.Options(flights=40, uncertainty=EXACT)
+        preflight.Scenario(drone, curve, Post(0.0), radius_m=0.1), preflight.Options(flights=40, uncertainty=EXACT)
     )
     place = found.place()
     assert place is not None
@@ -231,7 +231,9 @@ def test_out_of_the_map_is_lost(drone, curve):
             points = np.asarray(points_world_m)
             return np.where(points[:, 0] < 3.0, 9.0, np.nan)
 
-    found = preflight.fly(drone, curve, Small(0.0), options=preflight.Options(flights=10, uncertainty=EXACT))
+    found = preflight.fly(
+        preflight.Scenario(drone, curve, Small(0.0)), preflight.Options(flights=10, uncertainty=EXACT)
+    )
     assert found.left_map.count == 10
     assert found.lost.count == 10
     assert found.touched.count == 0
@@ -267,9 +269,10 @@ def test_ctrl_c_keeps_what_was_flown(drone, curve):
             raise KeyboardInterrupt
 
     found = preflight.fly(
-        drone, curve, Wall(1.0), radius_m=RADIUS_M, progress=stop_after_the_first,
-        options=preflight.Options(flights=300, uncertainty=replace(EXACT, localization_std_m=0.05), threads=1),
-    )  # fmt: skip
+        preflight.Scenario(drone, curve, Wall(1.0), radius_m=RADIUS_M),
+        preflight.Options(flights=300, uncertainty=replace(EXACT, localization_std_m=0.05), threads=1),
+        progress=stop_after_the_first,
+    )
     assert found.flights == 64
     assert found.wanted == 300
     assert not found.go
@@ -294,10 +297,10 @@ def test_ctrl_c_while_flown_without_what_decides_is_told(drone, curve):
             raise KeyboardInterrupt
 
     uncertain = preflight.Options(60, 0.05, uncertainty=replace(EXACT, localization_std_m=0.05))
-    found = preflight.fly(drone, curve, Wall(0.25), radius_m=0.2, options=uncertain, progress=stopped)
+    found = preflight.fly(preflight.Scenario(drone, curve, Wall(0.25), radius_m=0.2), uncertain, progress=stopped)
     assert found.unexplained
     assert found.removed is None
-    assert not preflight.fly(drone, curve, Wall(0.25), radius_m=0.2, options=uncertain).unexplained
+    assert not preflight.fly(preflight.Scenario(drone, curve, Wall(0.25), radius_m=0.2), uncertain).unexplained
 
 
 def test_a_wind_in_which_it_cannot_hover_is_refused_with_one_in_which_it_can(drone):

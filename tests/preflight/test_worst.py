@@ -17,12 +17,12 @@ WALL = Wall(0.3)
 
 @pytest.fixture(scope="module")
 def result(drone, curve):
-    return preflight.fly(drone, curve, WALL, radius_m=0.2, options=OPTIONS)
+    return preflight.fly(preflight.Scenario(drone, curve, WALL, radius_m=0.2), OPTIONS)
 
 
 @pytest.fixture(scope="module")
 def found(drone, curve, result):
-    return preflight.replay(drone, curve, WALL, result, radius_m=0.2, options=OPTIONS)
+    return preflight.replay(preflight.Scenario(drone, curve, WALL, radius_m=0.2), result, OPTIONS)
 
 
 def test_the_worst_are_the_nearest_and_the_worst_is_first(result, found):
@@ -33,7 +33,7 @@ def test_the_worst_are_the_nearest_and_the_worst_is_first(result, found):
 
 def test_a_flight_flown_again_is_the_same_bit_by_bit(drone, curve, result):
     numbers = np.array([31, 4, 17])
-    flown, near = study.fly_again(drone, curve, WALL, numbers, radius_m=0.2, options=OPTIONS)
+    flown, near = study.fly_again(preflight.Scenario(drone, curve, WALL, radius_m=0.2), numbers, OPTIONS)
     np.testing.assert_array_equal(near.clearance_m.min(axis=1), result.record.clearance_m[numbers])
     np.testing.assert_array_equal(flown.energy_j, result.record.energy_j[numbers])
 
@@ -71,7 +71,7 @@ def test_a_long_flight_is_thinned_but_keeps_its_ends_and_the_moment_that_matters
     drone, curve, result, found, monkeypatch
 ):
     monkeypatch.setattr(worst, "_BUNDLE_SAMPLES", 9)
-    thin = preflight.replay(drone, curve, WALL, result, radius_m=0.2, options=OPTIONS)
+    thin = preflight.replay(preflight.Scenario(drone, curve, WALL, radius_m=0.2), result, OPTIONS)
     for few, many in zip(thin.bundle, found.bundle, strict=True):
         assert len(few.time_s) <= 10 < len(many.time_s) <= 161
         assert (few.time_s[0], few.time_s[-1]) == (many.time_s[0], many.time_s[-1])
@@ -81,8 +81,8 @@ def test_a_long_flight_is_thinned_but_keeps_its_ends_and_the_moment_that_matters
 
 
 def test_without_a_map_the_largest_error_is_the_worst(drone, curve):
-    result = preflight.fly(drone, curve, None, options=OPTIONS)
-    found = preflight.replay(drone, curve, None, result, options=OPTIONS)
+    result = preflight.fly(preflight.Scenario(drone, curve, None), OPTIONS)
+    found = preflight.replay(preflight.Scenario(drone, curve, None), result, OPTIONS)
     assert found.worst[0].number == int(np.nanmax(result.record.error_m, axis=1).argmax())
     assert found.worst[0].surface_world_m is None
     assert found.worst[0].as_dict(curve)["clearance_m"] is None

@@ -1,10 +1,7 @@
 """How `goshawk plan` and `goshawk plan batch` plan, as options: which map, which vehicle, which limits."""
 
-import functools
-from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import click
 import numpy as np
@@ -14,9 +11,10 @@ import planner
 import vehicle
 from flight import InputError
 from flight.mission import KeepIn, Laps, Yaw
-from goshawk.commands.plan import map_standing, preflight_inputs
+from goshawk.commands.plan import map_standing, preflown
 from goshawk.commands.plan.batch_mission import Job
 from goshawk.terminal import console, outputs
+from goshawk.terminal.records import options_as
 from planner.request import options
 
 _SLOWER = {
@@ -144,11 +142,11 @@ class Asked:
         """That of --margin, or that which --preflown asks for if it is larger.
 
         Raises:
-            InputError, FormatError: as `preflight_inputs.margin_of`.
+            InputError, FormatError: as `preflown.margin_of`.
         """
         if self.preflown is None:
             return self.margin_m
-        asked_m = preflight_inputs.margin_of(self.preflown, mapping.open_map(self.map_folder).hash, drone.name)
+        asked_m = preflown.margin_of(self.preflown, mapping.open_map(self.map_folder).hash, drone.name)
         kept_m = max(asked_m, self.margin_m or 0.0)
         console.note(f"note: keeps a margin of {kept_m:.3f} m ({self.preflown} asks for {asked_m:.3f} m)")
         return kept_m
@@ -160,17 +158,8 @@ class Asked:
         return area
 
 
-def plan_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A decorator that gives a verb these options; their values reach it as one argument `asked`."""
-
-    @functools.wraps(function)
-    def verb(**arguments: Any) -> Any:
-        values = {field.name: arguments.pop(field.name) for field in fields(Asked)}
-        return function(asked=Asked(**values), **arguments)
-
-    for option in reversed(_OPTIONS):
-        option(verb)
-    return verb
+plan_options = options_as(Asked, _OPTIONS)
+"""A decorator that gives a verb these options; their values reach it as one argument `asked`."""
 
 
 def yaw_from(

@@ -1,6 +1,6 @@
 """Pictures of a preflight as SVG text: from above, along the path, clearance over time, and histograms.
 
-Colours are classes of preflight_page.css, so that one picture is light and dark.
+Colours are classes of page.css, so that one picture is light and dark.
 """
 
 from collections.abc import Iterator, Sequence

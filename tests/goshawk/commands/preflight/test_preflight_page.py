@@ -10,7 +10,7 @@ import pytest
 
 import esdf
 import vehicle
-from goshawk.commands.plan import preflight_drawing as drawing
+from goshawk.commands.preflight import drawing
 from tests.gcs_web.in_browser import CHROMIUM, FLAGS, needs_chromium
 from tests.goshawk.running import answer
 from tests.waiting import PATIENCE_S

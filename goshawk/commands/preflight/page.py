@@ -4,20 +4,17 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from html import escape
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
-import mapping
 import preflight
-from flight import TrajectoryFile
-from goshawk.commands.plan import preflight_drawing as drawing
+from goshawk.commands.preflight import drawing, screen
+from goshawk.commands.preflight.outcome import Outcome
 from preflight.core import SETTLE_S
 from preflight.worst import Track
-from vehicle import Vehicle
 
 _BESIDE = Path(__file__).parent
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
@@ -27,29 +24,10 @@ _CLEAR_M = 2.0
 """Clearance beyond the vehicle from which on the last bar holds all."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Told:
-    """All that the page is about."""
-
-    item: TrajectoryFile
-    area: mapping.Map
-    vehicle: Vehicle
-    options: preflight.Options
-    radius_m: float
-    result: preflight.Result
-    replay: preflight.Replay
-    place: str | None
-    """Where it is narrow, in words; None if no distance is known."""
-    decides: str
-    """What decides most, in words."""
-    remedy: str
-    advice: str = ""
-
-
-def text(told: Told) -> str:
+def text(told: Outcome) -> str:
     """The page; nothing in it is loaded from elsewhere, and the same preflight makes the same page."""
-    style, script = ((_BESIDE / f"preflight_page.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
-    title = escape(f"Preflight of {told.item.name}")
+    style, script = ((_BESIDE / f"page.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
+    title = escape(f"Preflight of {told.subject.item.name}")
     flights = json.dumps(_flights(told), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     body = _head(told) + _views(told) + _worst(told) + _spreads(told) + _why(told) + _assumed(told)
     return f"""<!doctype html>
@@ -62,23 +40,25 @@ def text(told: Told) -> str:
 """
 
 
-def _head(told: Told) -> str:
+def _head(told: Outcome) -> str:
     result = told.result
     word = "Go" if result.go else "No-go"
+    decides, remedy = screen.decides(result, told.plan_again)
     facts = {
         "how sure": f"{_capital(str(result.lost))} with 95 % confidence; lost is to touch anything, to leave the map, "
         "to overturn, or to come down without a position",
         "to the end": f"{100.0 * result.finished:.1f} % of the flights",
-        "narrowest": told.place or "not known",
-        "decides most": told.decides,
-        "advice": told.advice,
-        "next": "fly it" if result.go else told.remedy,
+        "narrowest": screen.place(result) or "not known",
+        "decides most": decides,
+        "advice": "" if told.advice is None else told.advice.sentence(),
+        "next": "fly it" if result.go else remedy,
     }
+    subject, place = told.subject, told.subject.area.folder.resolve().name
     short = "" if result.flights == result.wanted else f" Stopped after {result.flights} of {result.wanted} flights."
     return (
-        f"<header><h1>Preflight of {escape(told.item.name)}</h1>"
-        f"<p class='small'>{_flights_words(result)} of {escape(told.vehicle.name)} in "
-        f"{escape(told.area.folder.resolve().name)}, seed {told.options.seed}, goshawk {version('goshawk')}.{short}</p>"
+        f"<header><h1>Preflight of {escape(subject.item.name)}</h1>"
+        f"<p class='small'>{_flights_words(result)} of {escape(subject.vehicle.name)} in {escape(place)}, "
+        f"seed {subject.options.seed}, goshawk {version('goshawk')}.{short}</p>"
         f"<p class='verdict{'' if result.go else ' bad'}'>{word}: {escape(result.reason())}.</p>"
         + _definitions({name: value for name, value in facts.items() if value})
         + "</header>"
@@ -115,10 +95,10 @@ def _capital(sentence: str) -> str:
     return sentence if named else sentence[:1].upper() + sentence[1:]
 
 
-def _views(told: Told) -> str:
-    path, field, tube_m = told.item.trajectory, told.area.field, told.result.tube_m()
+def _views(told: Outcome) -> str:
+    path, field, tube_m = told.subject.item.trajectory, told.subject.area.field, told.result.tube_m()
     beside = drawing.side(told.replay, path, field, tube_m)
-    above, (low_m, high_m) = drawing.above(told.replay, path, field, tube_m, told.radius_m)
+    above, (low_m, high_m) = drawing.above(told.replay, path, field, tube_m, told.subject.radius_m)
     shades = "".join(f"<i class='b{i}'></i>" for i in range(drawing.SHADES))
     swatches = {
         "touch": "touches", "dash": "plan", "tube": "tube of 90 and 99 %", "occupied": "obstacle",
@@ -135,7 +115,7 @@ def _views(told: Told) -> str:
     )
 
 
-def _worst(told: Told) -> str:
+def _worst(told: Outcome) -> str:
     tracks = told.replay.worst
     names = "".join(
         f"<button type='button' data-choose='{i}' aria-pressed='{'true' if i == 0 else 'false'}'>"
@@ -168,9 +148,9 @@ def _label(track: Track) -> str:
     return f"Flight {track.number}" + (f": {least_m:.2f} m" if math.isfinite(least_m) else "")
 
 
-def _story(track: Track, told: Told) -> str:
+def _story(track: Track, told: Outcome) -> str:
     """Where and when a flight came closest."""
-    at = track.as_dict(told.item.trajectory)
+    at = track.as_dict(told.subject.item.trajectory)
     x, y, z = at["point_world_m"]
     where = f"segment {at['segment']}, {at['time_s']:.2f} s on the path, at ({x:.2f}, {y:.2f}, {z:.2f})"
     how = "touches first" if track.touches else "is lost, and comes closest" if track.lost else "comes closest"
@@ -181,15 +161,15 @@ def _story(track: Track, told: Told) -> str:
     return f"{said}. The same seed flies it again, bit by bit."
 
 
-def _flights(told: Told) -> dict[str, object]:
+def _flights(told: Outcome) -> dict[str, object]:
     """What the script needs."""
-    return {"radius_m": told.radius_m, "tracks": [_track(track, told) for track in told.replay.worst]}
+    return {"radius_m": told.subject.radius_m, "tracks": [_track(track, told) for track in told.replay.worst]}
 
 
-def _track(track: Track, told: Told) -> dict[str, object]:
+def _track(track: Track, told: Outcome) -> dict[str, object]:
     position = track.position_world_m
     numbers = {
-        "t": track.time_s, "p": np.minimum(track.path_s, told.item.trajectory.duration_s), "x": position[:, 0],
+        "t": track.time_s, "p": np.minimum(track.path_s, told.subject.item.trajectory.duration_s), "x": position[:, 0],
         "y": position[:, 1], "z": position[:, 2], "c": track.clearance_m, "e": track.error_m,
     }  # fmt: skip
     obstacle = None if track.surface_world_m is None else [round(v, 3) for v in track.surface_world_m]
@@ -197,8 +177,8 @@ def _track(track: Track, told: Told) -> dict[str, object]:
     return {**found, "closest": track.moment, "obstacle": obstacle, "story": _story(track, told)}
 
 
-def _spreads(told: Told) -> str:
-    r, limits = told.result.record, told.vehicle.limits
+def _spreads(told: Outcome) -> str:
+    r, limits = told.result.record, told.subject.vehicle.limits
     energy_wh = r.energy_j / 3600.0
     pictures = (
         ("h-clearance", "least clearance", "m", r.clearance_m, 0.0, False, _CLEAR_M),
@@ -218,7 +198,7 @@ def _spreads(told: Told) -> str:
     return f"{head}<div class='four'>{drawn}</div><p class='small'>{note}</p>{_of_first_level(told.result)}</section>"
 
 
-def _why(told: Told) -> str:
+def _why(told: Outcome) -> str:
     result = told.result
     lost = "Share of the variance of being lost" if result.rare is None else "Share of what the lost flights differ in"
     parts = [
@@ -248,9 +228,9 @@ def _endings(result: preflight.Result) -> str:
     return f"<section><h2>How they end</h2>{_of_first_level(result)}{table}</section>"
 
 
-def _assumed(told: Told) -> str:
-    given, options, area = told.options.uncertainty, told.options, told.area
-    known = "the model" if "pose_delay.delay_s" in told.vehicle.parameters else "assumed"
+def _assumed(told: Outcome) -> str:
+    given, options, area = told.subject.options.uncertainty, told.subject.options, told.subject.area
+    known = "the model" if "pose_delay.delay_s" in told.subject.vehicle.parameters else "assumed"
     direction = "from anywhere" if given.wind_direction is None else "towards " + ", ".join(
         f"{v:.2f}" for v in given.wind_direction
     )  # fmt: skip
@@ -259,9 +239,9 @@ def _assumed(told: Told) -> str:
     jump = f"{100.0 * given.pose_jump_std_m:.0f} cm each axis" if given.pose_jump_std_m else "none"
     battery = "full, and stays so" if given.battery_v is None else f"from {given.battery_v:g} V to full, and it sags"
     fault = 100.0 * given.motor_fault_ratio
-    uncertain = sum(parameter.std > 0.0 for parameter in told.vehicle.parameters.values())
+    uncertain = sum(parameter.std > 0.0 for parameter in told.subject.vehicle.parameters.values())
     rows = [
-        ("parameters", f"{uncertain} of {len(told.vehicle.parameters)} uncertain", "the vehicle file"),
+        ("parameters", f"{uncertain} of {len(told.subject.vehicle.parameters)} uncertain", "the vehicle file"),
         ("mean wind", f"{given.wind_m_s:g} m/s {direction}, ± {100.0 * given.wind_spread_ratio:.0f} %", "asked"),
         ("gusts (Dryden)", f"{given.gust_std_m_s:g} m/s each axis, length {options.air.gust_length_m:g} m", "asked"),
         ("thermals", f"{given.thermal_std_m_s:g} m/s upwards at 10 m" if given.thermal_std_m_s else "none", "asked"),
@@ -276,7 +256,7 @@ def _assumed(told: Told) -> str:
         ("rotor wear", f"{100.0 * given.rotor_wear_ratio:.1f} % of each thrust", "assumed"),
         ("motor fault", f"one loses {fault:.0f} % of its thrust on the way" if fault else "none", "asked"),
         ("battery at the start", battery, "asked"),
-        ("vehicle's sphere", f"{told.radius_m:.2f} m", "the plan's check, or the farthest propeller"),
+        ("vehicle's sphere", f"{told.subject.radius_m:.2f} m", "the plan's check, or the farthest propeller"),
         ("controller", f"{options.rate_hz} Hz, its C code", "as flown"),
         ("map", f"{area.folder.resolve().name}, {area.hash[:12]}", "asked"),
         ("seed", str(options.seed), "asked"),

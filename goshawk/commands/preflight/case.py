@@ -12,8 +12,9 @@ import mapping
 import preflight
 import vehicle
 from flight import FlightError, InputError, file_format, results, trajectory
-from goshawk.commands.plan import preflight_inputs
 from goshawk.commands.plan.batch_work import JOURNAL, RESULTS, Kind, Row
+from goshawk.commands.preflight import inputs
+from goshawk.commands.preflight.outcome import Outcome
 from preflight.result import SCHEMA, SCHEMA_VERSION
 
 COLUMNS: dict[str, type] = {
@@ -67,7 +68,7 @@ class Job:
     def inputs_hash(self) -> bytes:
         """Of the map, what it says of itself, and the options; not of the threads, on which no result depends."""
         area = mapping.open_map(self.map_folder)
-        uncertainty = preflight_inputs.of_map(area, self.options.uncertainty)
+        uncertainty = inputs.of_map(area, self.options.uncertainty)
         asked = (area.hash, replace(self.options, threads=None, uncertainty=uncertainty))
         return hashlib.sha256(repr(asked).encode()).digest()
 
@@ -122,7 +123,7 @@ def cases_of(folders: Sequence[Path], vehicles: Sequence[Path], winds: Sequence[
             that no plan was checked for.
     """
     for wind in winds:
-        preflight_inputs.blowing(wind)
+        inputs.blowing(wind)
     hashes = {path: vehicle.vehicle_hash(vehicle.load(path)) for path in vehicles}
     found: list[Case] = []
     for plan in (plan for folder in folders for plan in _plans(folder)):
@@ -190,22 +191,19 @@ def _flown(case: Case, job: Job) -> dict[str, Any]:
     Raises:
         KeyboardInterrupt: Ctrl-C, whatever was flown of it.
     """
-    item, believed = trajectory.load(case.trajectory_file), vehicle.load(case.vehicle_file)
-    area = _map(job.map_folder, job.inputs)
-    preflight_inputs.require_fit(item, area, believed)
-    wind = preflight_inputs.blowing(case.wind)
-    uncertainty = replace(
-        job.options.uncertainty, wind_m_s=wind.wind_m_s, wind_direction=wind.wind_direction
-    )  # fmt: skip
-    options = replace(job.options, uncertainty=preflight_inputs.of_map(area, uncertainty))
-    flown, (radius_m, clearance_m) = (believed, item.trajectory, area.field), preflight_inputs.body_of(item, believed)
-    result = preflight.fly(*flown, radius_m=radius_m, clearance_m=clearance_m, options=options)
+    wind = inputs.blowing(case.wind)
+    blown = replace(job.options.uncertainty, wind_m_s=wind.wind_m_s, wind_direction=wind.wind_direction)
+    flown = inputs.subject(
+        trajectory.load(case.trajectory_file),
+        _map(job.map_folder, job.inputs),
+        vehicle.load(case.vehicle_file),
+        replace(job.options, uncertainty=blown),
+    )
+    result = preflight.fly(flown.scenario, flown.options)
     if result.cut_off or result.unexplained:
         raise KeyboardInterrupt  # it is flown again, wholly
-    replay = preflight.replay(
-        *flown, result, radius_m=radius_m, clearance_m=clearance_m, options=options, bundle=0
-    )  # fmt: skip
-    return preflight_inputs.document(item, area, believed, options.seed, result, replay)
+    replay = preflight.replay(flown.scenario, result, flown.options, bundle=0)
+    return Outcome(flown, result, replay).as_dict()
 
 
 def _columns(document: dict[str, Any]) -> dict[str, Any]:

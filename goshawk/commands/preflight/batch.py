@@ -6,12 +6,13 @@ from pathlib import Path
 
 import click
 
-import preflight
 import vehicle
 from flight import file_format
-from goshawk.commands.plan import batch, preflight_case, preflight_inputs
+from goshawk.commands.plan import batch
 from goshawk.commands.plan.batch_work import Row
-from goshawk.terminal import console, outputs
+from goshawk.commands.preflight import case
+from goshawk.commands.preflight.options import Asked, preflight_options
+from goshawk.terminal import console
 
 
 @click.command("batch")
@@ -34,14 +35,9 @@ from goshawk.terminal import console, outputs
     show_default=True,
     help="Steady wind: its speed, from anywhere, or x,y,z (m/s); may be given again.",
 )
-@click.option("--flights", type=int, help="Flights to count [default: as many as can show --risk].")
-@preflight_inputs.risk_option
-@console.gust_option
-@preflight_inputs.localization_option
-@preflight_inputs.seed_option
+@preflight_options
 @click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Processes that work at a time.")
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do the work instead.")
-@outputs.overwrite_option
 @console.common_options
 def command(
     plans: tuple[Path, ...],
@@ -49,14 +45,9 @@ def command(
     vehicle_files: tuple[Path, ...],
     out: Path,
     winds: tuple[str, ...],
-    flights: int | None,
-    risk: float,
-    gust_std_m_s: float,
-    localization_std_m: float,
-    seed: int,
     jobs: int,
     scheduler: str | None,
-    overwrite: bool,
+    asked: Asked,
     as_json: bool,
 ) -> int:
     """Preflight every plan in the folders PLANS, for the vehicle that it was checked for, in each wind.
@@ -68,11 +59,9 @@ def command(
     What is flown already, of the same files and options, is not flown again: the same command goes on after an
     interruption. Exit code 1: a case is no go; results.json in --out gives the reason of each.
     """
-    uncertainty = replace(preflight_inputs.DEFAULT, gust_std_m_s=gust_std_m_s, localization_std_m=localization_std_m)
     alone = jobs == 1 and scheduler is None
-    options = preflight.Options(flights, risk, seed, uncertainty, threads=None if alone else 1)
-    job = preflight_case.Job(map_folder, options, out, overwrite)
-    cases = preflight_case.cases_of(plans, vehicle_files, list(dict.fromkeys(winds)))
+    job = case.Job(map_folder, replace(asked.flown(), threads=None if alone else 1), out, asked.overwrite)
+    cases = case.cases_of(plans, vehicle_files, list(dict.fromkeys(winds)))
     with console.progress() as report:
         rows = batch.run(cases, job, jobs=jobs, scheduler=scheduler, progress=report)
     if as_json:
@@ -84,8 +73,8 @@ def command(
         if mark := vehicle.purpose.mark_sentence(vehicle.load(path)):
             console.note(f"note: {path.name} is a model {mark}")
     counted = Counter(row["status"] for row in rows)
-    if counted[preflight_case.GO] < len(rows):
-        missed = len(rows) - counted[preflight_case.GO]
+    if counted[case.GO] < len(rows):
+        missed = len(rows) - counted[case.GO]
         where = out / batch.RESULTS
         click.echo(f"goshawk: {missed} of {len(rows)} are no go; {where} gives the reason of each", err=True)
         return 1

@@ -15,7 +15,8 @@ import pytest
 import preflight
 import vehicle
 from flight import InputError, file_format
-from goshawk.commands.plan import preflight_batch, preflight_case
+from goshawk.commands.preflight import batch as verb
+from goshawk.commands.preflight import case as work
 from mapping.map_folder import REPORT_FORMAT, VERSION
 from preflight import study
 from tests import waiting
@@ -94,13 +95,13 @@ def test_a_case_is_what_the_verb_alone_finds(folder, one, tmp_path):
 
 def test_what_is_flown_is_not_flown_again_and_other_options_are_refused(folder, one, monkeypatch):
     begun: list[str] = []
-    real = preflight_case.fly_one
+    real = work.fly_one
 
     def counted(case, job):
         begun.append(case.stem)
         return real(case, job)
 
-    monkeypatch.setattr(preflight_case, "fly_one", counted)
+    monkeypatch.setattr(work, "fly_one", counted)
     ended = answer(*call(folder, one, "--wind", 0, "--wind", "2,0,0"))
     assert (ended.returncode, begun) == (0, [])
     ended = answer(*call(folder, one, "--wind", 0, "--wind", "2,0,0", "--seed", 3))
@@ -157,7 +158,7 @@ def test_a_case_that_ctrl_c_cuts_off_is_no_row_and_is_flown_wholly_afterwards(fo
     winds = ("--wind", 0, "--wind", "2,0,0")
     with monkeypatch.context() as patched:
         patched.setattr(study, "_BATCH", 4)
-        patched.setattr(preflight_case.preflight, "fly", flown)
+        patched.setattr(work.preflight, "fly", flown)
         if when != "while it flies":
             patched.setattr(study.statistics, "variance_shares", told)
         ended = answer(*call(folder, tmp_path / "out", *winds))
@@ -172,11 +173,11 @@ def test_a_case_that_ctrl_c_cuts_off_is_no_row_and_is_flown_wholly_afterwards(fo
 def test_a_map_that_says_another_scale_is_another_input(folder, tmp_path):
     shutil.copytree((folder / "map").resolve(), tmp_path / "map")
     options = preflight.Options(24, 0.2)
-    before = preflight_case.Job(tmp_path / "map", options, tmp_path).inputs_hash()
-    assert before == preflight_case.Job(tmp_path / "map", replace(options, threads=1), tmp_path).inputs_hash()
+    before = work.Job(tmp_path / "map", options, tmp_path).inputs_hash()
+    assert before == work.Job(tmp_path / "map", replace(options, threads=1), tmp_path).inputs_hash()
     said = {"scale_witnesses": [{"source": "length", "ratio": 1.0, "std": 0.03}]}
     file_format.write_json(tmp_path / "map" / "report.json", format=REPORT_FORMAT, version=VERSION, body=said)
-    assert preflight_case.Job(tmp_path / "map", options, tmp_path).inputs_hash() != before
+    assert work.Job(tmp_path / "map", options, tmp_path).inputs_hash() != before
 
 
 def test_plans_and_preflights_do_not_write_to_one_folder(folder, one):
@@ -196,19 +197,19 @@ def test_a_batch_in_which_nothing_could_be_planned_is_no_folder_of_plans(tmp_pat
     for name in ("journal.jsonl", "results.json"):
         (tmp_path / name).write_text("{}")
     with pytest.raises(InputError, match=r"a batch without a plan; its results\.json gives the reason"):
-        preflight_case.cases_of([tmp_path], [], ["0"])
+        work.cases_of([tmp_path], [], ["0"])
 
 
 def test_a_vehicle_that_no_plan_was_checked_for_is_refused(folder):
     with pytest.raises(InputError, match=r"no plan was checked for .*heavy\.toml; leave it out"):
-        preflight_case.cases_of([folder / "plans-light"], [folder / "light.toml", folder / "heavy.toml"], ["0"])
+        work.cases_of([folder / "plans-light"], [folder / "light.toml", folder / "heavy.toml"], ["0"])
 
 
 def test_sentences_of_a_batch_speak_of_preflights(folder, one):
     ended = answer(*call(folder, one, "--wind", 0, "--wind", "2,0,0", "--seed", 3))
     assert "plan, map, vehicle or options changed; give another --out" in ended.stderr
     assert "--overwrite to fly these again" in ended.stderr
-    (case,) = preflight_case.cases_of([folder / "plans-heavy"], [folder / "heavy.toml"], ["0"])
+    (case,) = work.cases_of([folder / "plans-heavy"], [folder / "heavy.toml"], ["0"])
     assert str(case) == f"{case.trajectory_file} or {case.vehicle_file}"
 
 
@@ -224,11 +225,11 @@ def test_a_model_that_is_not_for_design_is_marked(folder, tmp_path):
 def test_losses_by_levels_are_not_counted_among_all_flights(folder, tmp_path):
     by_levels = preflight.Options(200, 0.1, rare=True)
     (tmp_path / "out").mkdir()
-    (case,) = preflight_case.cases_of([folder / "plans-heavy"], [folder / "heavy.toml"], ["0"])
-    row = preflight_case.fly_one(case, preflight_case.Job(folder / "map", by_levels, tmp_path / "out"))
+    (case,) = work.cases_of([folder / "plans-heavy"], [folder / "heavy.toml"], ["0"])
+    row = work.fly_one(case, work.Job(folder / "map", by_levels, tmp_path / "out"))
     assert row["status"] == "go", row["reason"]
     assert row["lost"] is None
-    assert preflight_batch._line(row)[4] == "by levels"
+    assert verb._line(row)[4] == "by levels"
 
 
 @pytest.mark.parametrize(

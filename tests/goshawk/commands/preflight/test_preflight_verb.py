@@ -14,8 +14,8 @@ import mapping
 import preflight
 import vehicle
 from flight import FormatError, file_format, trajectory
-from goshawk.commands.plan import preflight as verb
-from goshawk.commands.plan import preflight_inputs
+from goshawk.commands.preflight import inputs, screen
+from goshawk.commands.preflight import preflight as verb
 from goshawk.terminal import outputs
 from preflight.result import SCHEMA, SCHEMA_VERSION
 from tests.goshawk.running import answer
@@ -75,9 +75,9 @@ def test_a_rare_loss_is_looked_for_by_levels_and_the_screen_says_so(folder):
 
 def test_a_share_by_levels_is_one_of_what_loses_flights_and_else_of_the_variance():
     result = SimpleNamespace(dominating=("wind", 0.76), removed=None, rare=None, loss_shares={"wind": 0.76})
-    assert verb._remedy(result)[0] == "wind: 76 % of the variance"
+    assert screen._remedy(result)[0] == "wind: 76 % of the variance"
     result.rare = object()
-    assert verb._remedy(result)[0] == "wind: 76 % of what loses flights"
+    assert screen._remedy(result)[0] == "wind: 76 % of what loses flights"
 
 
 def test_the_same_seed_prints_the_same_and_another_does_not(folder):
@@ -134,17 +134,17 @@ def test_no_map_and_an_unchecked_plan_are_refused(folder, tmp_path):
 
 def test_a_maps_scale_is_as_unsure_as_its_sources_disagree():
     first = {"source": "length", "ratio": 1.0, "std": 0.01}
-    assert preflight_inputs.scale_std([first]) == pytest.approx(0.01)
-    assert preflight_inputs.scale_std([first, {"ratio": 1.05, "std": 0.03}]) == pytest.approx(np.hypot(0.01, 0.04))
-    assert preflight_inputs.scale_std([first, {"ratio": 1.05, "std": 0.2}]) == pytest.approx(0.01)
-    assert preflight_inputs.scale_std(None) == preflight_inputs.scale_std([]) == 0.0
+    assert inputs.scale_std([first]) == pytest.approx(0.01)
+    assert inputs.scale_std([first, {"ratio": 1.05, "std": 0.03}]) == pytest.approx(np.hypot(0.01, 0.04))
+    assert inputs.scale_std([first, {"ratio": 1.05, "std": 0.2}]) == pytest.approx(0.01)
+    assert inputs.scale_std(None) == inputs.scale_std([]) == 0.0
     for broken in (3, [3], [{"std": "wide"}]):
         with pytest.raises(FormatError, match="scale_witnesses"):
-            preflight_inputs.scale_std(broken)
+            inputs.scale_std(broken)
 
 
 def test_voxels_add_to_the_error_of_the_surfaces(folder):
-    found = preflight_inputs.of_map(mapping.open_map(folder / "map"), preflight.Uncertainty())
+    found = inputs.of_map(mapping.open_map(folder / "map"), preflight.Uncertainty())
     assert found.map_error_std_m > preflight.Uncertainty().map_error_std_m
 
 
@@ -277,5 +277,5 @@ def test_another_map_another_vehicle_and_a_damaged_margin_are_refused(folder, tm
 def test_the_screen_names_a_segment_that_is_touched_before_one_where_flights_are_given_up():
     given_up = {"segment": 2, "touching": False, "margin_m": 0.4, "extra_m": 0.05}
     touched = {"segment": 5, "touching": True, "margin_m": 0.2, "extra_m": 0.07}
-    assert verb._short([given_up, touched]) == "segment 5 is 7 cm short"
-    assert verb._short([given_up]) == "flights are given up for their tracking error in segment 2"
+    assert screen._short([given_up, touched]) == "segment 5 is 7 cm short"
+    assert screen._short([given_up]) == "flights are given up for their tracking error in segment 2"

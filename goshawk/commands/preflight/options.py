@@ -1,0 +1,135 @@
+"""How `goshawk preflight` and `goshawk preflight batch` fly, as options: how often, in what air, with what errors."""
+
+from dataclasses import dataclass, replace
+
+import click
+
+import preflight
+from goshawk.commands.preflight import inputs
+from goshawk.terminal import console, outputs
+from goshawk.terminal.records import options_as
+
+_DEFAULT = preflight.Uncertainty()
+_OPTIONS = (
+    click.option(
+        "--flights", type=int, help="Flights to count [default: as many as can show --risk]; of a --rare level."
+    ),
+    click.option(
+        "--rare", is_flag=True, help="Estimate by levels of ever nearer flights [default: for risks below 0.001]."
+    ),
+    click.option("--risk", type=float, default=1e-3, show_default=True, help="Probability of a loss that is accepted."),
+    console.gust_option,
+    click.option(
+        "--thermals",
+        "thermal_std_m_s",
+        type=click.FloatRange(0.0, 10.0),
+        default=0.0,
+        show_default=True,
+        help="Vertical wind at 10 m height, m/s: its standard deviation; less below.",
+    ),
+    click.option(
+        "--pose-delay",
+        "pose_delay_s",
+        type=click.FloatRange(0.0, 0.1),
+        help="Delay of the pose, untold, s: its standard deviation [default: the model's, or 0.003].",
+    ),
+    click.option(
+        "--drop-outs",
+        "drop_outs_per_s",
+        type=click.FloatRange(0.0, 10.0),
+        default=0.0,
+        show_default=True,
+        help="Gaps of the pose a second, each of --drop-out-time.",
+    ),
+    click.option(
+        "--drop-out-time",
+        "drop_out_s",
+        type=click.FloatRange(0.0, 5.0),
+        default=_DEFAULT.drop_out_s,
+        show_default=True,
+        help="Length of a gap of the pose, s.",
+    ),
+    click.option(
+        "--localization",
+        "localization_std_m",
+        type=click.FloatRange(0.0, 1.0),
+        default=_DEFAULT.localization_std_m,
+        show_default=True,
+        help="Standard deviation of the pose in the map, metres.",
+    ),
+    click.option(
+        "--pose-jump",
+        "pose_jump_std_m",
+        type=click.FloatRange(0.0, 5.0),
+        default=0.0,
+        show_default=True,
+        help="Lasting jump of the pose at some moment of every flight, m: its standard deviation.",
+    ),
+    click.option(
+        "--pose-outside",
+        is_flag=True,
+        help="The pose is not one in the map (motion capture): a wrong scale moves its walls.",
+    ),
+    click.option(
+        "--motor-fault",
+        "motor_fault_ratio",
+        type=click.FloatRange(0.0, 1.0),
+        default=0.0,
+        show_default=True,
+        help="Share of its thrust that one rotor loses at some moment of every flight.",
+    ),
+    click.option(
+        "--battery",
+        "battery_v",
+        type=click.FloatRange(0.0),
+        help="Lowest battery voltage at the start [default: full].",
+    ),
+    click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Seed: of all noise."),
+    outputs.overwrite_option,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """Values of the options."""
+
+    flights: int | None
+    rare: bool
+    risk: float
+    gust_std_m_s: float
+    thermal_std_m_s: float
+    pose_delay_s: float | None
+    drop_outs_per_s: float
+    drop_out_s: float
+    localization_std_m: float
+    pose_jump_std_m: float
+    pose_outside: bool
+    motor_fault_ratio: float
+    battery_v: float | None
+    seed: int
+    overwrite: bool
+
+    def flown(self, wind: str = "0") -> preflight.Options:
+        """How to fly in a wind as `--wind` takes it; what the map says of itself is not in it yet (`inputs.of_map`).
+
+        Raises:
+            InputError: the wind or a number makes no sense.
+        """
+        uncertainty = replace(
+            inputs.blowing(wind),
+            gust_std_m_s=self.gust_std_m_s,
+            thermal_std_m_s=self.thermal_std_m_s,
+            pose_delay_std_s=self.pose_delay_s,
+            drop_outs_per_s=self.drop_outs_per_s,
+            drop_out_s=self.drop_out_s,
+            localization_std_m=self.localization_std_m,
+            pose_jump_std_m=self.pose_jump_std_m,
+            pose_of_map=not self.pose_outside,
+            motor_fault_ratio=self.motor_fault_ratio,
+            battery_v=self.battery_v,
+        )
+        return preflight.Options(self.flights, self.risk, self.seed, uncertainty, rare=self.rare or None)
+
+
+preflight_options = options_as(Asked, _OPTIONS)
+"""A decorator that gives a verb these options; their values reach it as one argument `asked`."""

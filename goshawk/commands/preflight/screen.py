@@ -1,0 +1,88 @@
+"""A preflight's result in words: what came out, how sure it is, what decides it, and what to do next."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+import preflight
+from goshawk.commands.preflight.outcome import Outcome
+from goshawk.terminal import console
+from preflight import remedies
+
+
+def show(title: str, found: Outcome) -> None:
+    """What, how sure, what next, in 24 lines."""
+    result = found.result
+    counted = {"touches": result.touched, "leaves the map": result.left_map}  # of the first level alone
+    facts: dict[str, object] = {
+        "go": f"{'GO' if result.go else 'NO-GO'}: {result.reason()}",
+        **({"lost": str(result.rare.risk)} if result.rare is not None else {}),
+        **{words: str(chance) for words, chance in counted.items() if result.rare is None or chance.count},
+        "to the end": f"{100.0 * result.finished:.1f} %",
+    }
+    others = sorted(result.endings().items(), key=lambda item: -item[1].count)
+    facts |= {words: str(chance) for words, chance in others[:2]}
+    if (where := place(result)) is not None:
+        facts["narrowest"] = where
+    facts["decides most"], remedy = decides(result, found.plan_again)
+    if found.advice is not None:
+        facts["advice"] = found.advice.sentence()
+    facts["next"] = "fly it" if result.go else remedy
+    if result.assumed:
+        facts["assumed"] = "; ".join(result.assumed)
+    console.show(title, facts, as_json=False)
+    console.table("", ("", "median", "90 %", "99 %", "worst"), _spreads(result))
+
+
+def place(result: preflight.Result) -> str | None:
+    """Where it is narrow, in words; None without a map."""
+    found = result.place()
+    if found is None:
+        return None
+    x, y, z = found.point_world_m
+    those = "of the touches" if found.touching else "of the nearest flights"
+    where = f"segment {found.segment} at {found.time_s:.1f} s near ({x:.2f}, {y:.2f}, {z:.2f})"
+    return f"{where}, {100.0 * found.share:.0f} % {those}"
+
+
+def decides(result: preflight.Result, again: dict[str, Any] | None) -> tuple[str, str]:
+    """What decides most, and what to do about it: with more room where that helps."""
+    said, remedy = _remedy(result)
+    if again is None:
+        return said, remedy
+    room = f"plan with --margin {again['margin_m']:.2f}, as --preflown does from the file of --out"
+    return said, f"{remedy}; or {room}, which is not tried yet: {_short(again['segments'])}"
+
+
+def _short(segments: list[dict[str, Any]]) -> str:
+    """Which segment needs most room: of those that flights touch in, else of those where they are given up."""
+    worst = max(segments, key=lambda each: (each["touching"], each["margin_m"]))
+    if worst["touching"]:
+        return f"segment {worst['segment']} is {100.0 * worst['extra_m']:.0f} cm short"
+    return f"flights are given up for their tracking error in segment {worst['segment']}"
+
+
+def _remedy(result: preflight.Result) -> tuple[str, str]:
+    if result.dominating is None:
+        next_step = "run it to the end" if result.cut_off else "preflight with more --flights"
+        return f"not known from {result.flights} flights", next_step
+    factor, share = result.dominating
+    without = "" if result.removed is None else f"; without it {result.removed.risk}"
+    of = "what loses flights" if result.rare is not None and result.loss_shares else "the variance"
+    return f"{factor}: {100.0 * share:.0f} % of {of}{without}", remedies.words(factor)
+
+
+def _spreads(result: preflight.Result) -> list[tuple[object, ...]]:
+    """Rows of quantiles, the bad side on the right."""
+    d = result.as_dict()
+    high, low = ("median", "q90", "q99", "most"), ("median", "q10", "q01", "least")
+    rows = (
+        ("tracking error, m", d["error_m"], high, 1.0),
+        ("clearance beyond the vehicle, m", d["clearance_m"], low, 1.0),
+        ("tilt, deg", d["tilt_rad"], high, math.degrees(1.0)),
+        ("rotor reserve, %", d["rotor_reserve"], low, 100.0),
+    )
+    return [
+        (name, *(np.round(unit * found[at], 3).item() for at in order)) for name, found, order, unit in rows if found
+    ]
