@@ -146,7 +146,7 @@ class Asked:
         """
         if self.preflown is None:
             return self.margin_m
-        asked_m = preflown.margin_of(self.preflown, mapping.open_map(self.map_folder).hash, drone.name)
+        asked_m = preflown.margin_of(self.preflown, mapping.open_map(self.map_folder).hash, drone)
         kept_m = max(asked_m, self.margin_m or 0.0)
         console.note(f"note: keeps a margin of {kept_m:.3f} m ({self.preflown} asks for {asked_m:.3f} m)")
         return kept_m

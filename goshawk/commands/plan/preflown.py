@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import vehicle
 from flight import FormatError, InputError, file_format
 from preflight.result import SCHEMA, SCHEMA_VERSION
 
@@ -10,7 +11,7 @@ PLAN_AGAIN = "plan_again"
 """In a result: null, or the `margin_m` that a plan is to keep, and by which `segments` that is asked."""
 
 
-def margin_of(path: Path, map_hash: str, vehicle_name: str) -> float:
+def margin_of(path: Path, map_hash: str, drone: vehicle.Vehicle) -> float:
     """The margin that the result of a preflight asks for, in this map and for this vehicle.
 
     Raises:
@@ -18,7 +19,8 @@ def margin_of(path: Path, map_hash: str, vehicle_name: str) -> float:
         FormatError: it is not the result of a preflight.
     """
     document = file_format.read_json(path, format=SCHEMA, version=SCHEMA_VERSION)
-    if missing := [name for name in (PLAN_AGAIN, "map_hash", "vehicle", "reason") if name not in document]:
+    wanted = (PLAN_AGAIN, "map_hash", "vehicle", "vehicle_hash", "reason")
+    if missing := [name for name in wanted if name not in document]:
         raise FormatError(f"{path} is a damaged result: it has no {missing[0]}; preflight again")
     told: Any = document
     if told["map_hash"] != map_hash:
@@ -26,9 +28,11 @@ def margin_of(path: Path, map_hash: str, vehicle_name: str) -> float:
             f"{path} is of map {str(told['map_hash'])[:12]}, not {map_hash[:12]}; preflight the plan in this map, or "
             "say --margin"
         )
-    if told["vehicle"] != vehicle_name:
+    here = vehicle.vehicle_hash(drone)
+    if told["vehicle_hash"] != here:
         raise InputError(
-            f"{path} is of {told['vehicle']}, not {vehicle_name}; preflight the plan for it, or say --margin"
+            f"{path} is of {told['vehicle']} {str(told['vehicle_hash'])[:12]}, not of {drone.name} {here[:12]}; "
+            "preflight the plan for it, or say --margin"
         )
     asked = told[PLAN_AGAIN]
     if asked is None:

@@ -1,6 +1,7 @@
 """One case of many preflights: a plan, the vehicle that it was checked for, and a wind; its row, and its result."""
 
 import hashlib
+import json
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -142,17 +143,38 @@ def cases_of(folders: Sequence[Path], vehicles: Sequence[Path], winds: Sequence[
 
 
 def _plans(folder: Path) -> list[Path]:
-    """Trajectory files in a folder, or in one that `goshawk plan batch` wrote."""
+    """Trajectory files in a folder, or in one that `goshawk plan batch` wrote.
+
+    Raises:
+        InputError: there are none, or the batch did not come to its end.
+    """
     inner = folder / "trajectories"
     where = inner if inner.is_dir() else folder
-    if where is folder and (folder / JOURNAL).is_file():
-        raise InputError(f"{folder} is a batch without a plan; its {RESULTS} gives the reason of each")
+    of_batch = (folder / JOURNAL).is_file()
     if not where.is_dir():
         raise InputError(f"{folder} is not a folder of plans")
-    found = sorted(path for path in where.iterdir() if path.suffix == ".json" and path.is_file())
+    found = sorted(path for path in where.glob("*.json") if path.is_file() and path != folder / RESULTS)
+    if of_batch and (left := _unfinished(folder, found)):
+        instead = f", or give {inner} for the plans that are there" if found and where is inner else ""
+        raise InputError(f"{folder} is a batch of plans that was cut off ({left}): run its command again{instead}")
+    if of_batch and where is folder:
+        raise InputError(f"{folder} is a batch without a plan; its {RESULTS} gives the reason of each")
     if not found:
         raise InputError(f"{where} holds no plans (.json); make some with `goshawk plan batch`")
     return found
+
+
+def _unfinished(folder: Path, plans: Sequence[Path]) -> str:
+    """What shows that a batch of plans was killed before it wrote its tables; empty if nothing does."""
+    try:
+        told: Any = json.loads((folder / RESULTS).read_bytes())
+        names = {str(row["name"]) for row in told.get("missions", ())}
+    except FileNotFoundError:
+        return f"it has no {RESULTS}"
+    except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
+        return f"its {RESULTS} is damaged"
+    unknown = next((path.name for path in plans if path.stem not in names), None)
+    return "" if unknown is None else f"its {RESULTS} does not tell of {unknown}"
 
 
 def _vehicle_of(plan: Path) -> str | None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import preflight
+import vehicle
 from goshawk.commands.plan.preflown import PLAN_AGAIN
 from goshawk.commands.preflight.inputs import Subject
 from preflight import margins
@@ -51,6 +52,7 @@ class Outcome:
             "trajectory": of.item.name,
             "map_hash": of.area.hash,
             "vehicle": of.vehicle.name,
+            "vehicle_hash": vehicle.vehicle_hash(of.vehicle),
             "seed": of.options.seed,
             PLAN_AGAIN: self.plan_again,
             "worst": [] if replay is None else [track.as_dict(of.item.trajectory) for track in replay.worst],

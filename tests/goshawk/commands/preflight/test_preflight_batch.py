@@ -200,6 +200,37 @@ def test_a_batch_in_which_nothing_could_be_planned_is_no_folder_of_plans(tmp_pat
         work.cases_of([tmp_path], [], ["0"])
 
 
+@pytest.mark.parametrize(
+    ("killed", "said"),
+    [
+        (("results.json",), "cut off (it has no results.json): run its command again, or give"),
+        (
+            ("results.json", "trajectories/a.json", "trajectories/b.json"),
+            "cut off (it has no results.json): run its co",
+        ),
+        ((), "cut off (its results.json does not tell of c.json): run its command again, or give"),
+    ],
+)
+def test_a_batch_of_plans_that_was_killed_is_refused_with_the_way_out(folder, tmp_path, killed, said):
+    """Without tables, without any plan, or with a plan that the tables of an earlier end do not hold."""
+    plans = tmp_path / "plans"
+    shutil.copytree(folder / "plans-light", plans)
+    for name in killed:
+        (plans / name).unlink()
+    if not killed:
+        shutil.copy(plans / "trajectories" / "a.json", plans / "trajectories" / "c.json")
+    world = ("--map", folder / "map", "--vehicle", folder / "light.toml")
+    ended = answer("preflight", "batch", plans, *world, *FLOWN, "--out", tmp_path / "out")
+    assert ended.returncode == 2
+    assert said in ended.stderr
+    assert ("or give" in ended.stderr) == (plans / "trajectories" / "a.json").exists()
+    if killed:  # the way out
+        missions = folder / "missions-light"
+        ended = answer("plan", "batch", missions, *world, "--speed", 3, "--out", plans, "-q")
+        assert ended.returncode == 0, ended.stderr
+    assert len(work.cases_of([plans if killed else plans / "trajectories"], [folder / "light.toml"], ["0"])) in (2, 3)
+
+
 def test_a_vehicle_that_no_plan_was_checked_for_is_refused(folder):
     with pytest.raises(InputError, match=r"no plan was checked for .*heavy\.toml; leave it out"):
         work.cases_of([folder / "plans-light"], [folder / "light.toml", folder / "heavy.toml"], ["0"])

@@ -239,7 +239,8 @@ def test_a_go_asks_for_no_more_room(folder, tmp_path):
 def planned_again(folder: Path, tmp_path: Path, *options: object, drone: str = "vehicle.toml", **changed: object):
     """`goshawk plan --preflown` with a result that asks for 0.12 m, changed; a value of ... is left out."""
     area, body = mapping.open_map(folder / "map"), {"plan_again": {"margin_m": 0.12}, "vehicle": "", "reason": "it is"}
-    body |= {"map_hash": area.hash, "vehicle": vehicle.load(folder / "vehicle.toml").name} | changed
+    believed = vehicle.load(folder / "vehicle.toml")
+    body |= {"map_hash": area.hash, "vehicle": believed.name, "vehicle_hash": vehicle.vehicle_hash(believed)} | changed
     kept = {name: value for name, value in body.items() if value is not ...}
     file_format.write_json(tmp_path / "found.json", format=SCHEMA, version=SCHEMA_VERSION, body=kept)
     asked = ("--preflown", tmp_path / "found.json", "--speed", 3, "--overwrite", "--out", tmp_path / "again.json")
@@ -261,7 +262,8 @@ def test_a_plan_keeps_the_larger_of_both_margins_and_says_which(folder, tmp_path
     ("changed", "said"),
     [
         ({"map_hash": "0" * 64}, "is of map 000000000000, not "),
-        ({"vehicle": "another"}, "is of another, not "),
+        ({"vehicle": "another", "vehicle_hash": "0" * 64}, "is of another 000000000000, not of "),
+        ({"vehicle_hash": ...}, "has no vehicle_hash"),
         ({"plan_again": {"margin_m": True}}, "the margin to plan with is True"),
         ({"plan_again": {"margin_m": -1}}, "the margin to plan with is -1"),
         ({"plan_again": ...}, "has no plan_again"),
@@ -272,6 +274,13 @@ def test_another_map_another_vehicle_and_a_damaged_margin_are_refused(folder, tm
     ended = planned_again(folder, tmp_path, **changed)
     assert ended.returncode == 2
     assert said in ended.stderr
+
+
+def test_a_vehicle_of_the_same_name_and_other_values_is_another(folder, tmp_path):
+    assert vehicle.load(folder / "other.toml").name == vehicle.load(folder / "vehicle.toml").name
+    ended = planned_again(folder, tmp_path, drone="other.toml")
+    assert ended.returncode == 2
+    assert "preflight the plan for it, or say --margin" in ended.stderr
 
 
 def test_the_screen_names_a_segment_that_is_touched_before_one_where_flights_are_given_up():
