@@ -7,6 +7,7 @@ from planner.gate.gate import GateReport
 from planner.gate.limits import Check
 from planner.planning import Plan, checked_file, plan, save_plan, trajectory_file
 from planner.request.conditions import Conditions
+from planner.request.local_margins import LocalMargin
 from planner.request.options import Gap, PlanCancelledError, PlanInfeasibleError, PlanOptions
 from planner.session import Planner
 
@@ -16,6 +17,7 @@ __all__ = [
     "Draft",
     "Gap",
     "GateReport",
+    "LocalMargin",
     "Plan",
     "PlanCancelledError",
     "PlanInfeasibleError",

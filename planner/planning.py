@@ -22,6 +22,9 @@ from planner.request.options import PlanInfeasibleError, PlanOptions, check_stop
 from planner.route import routes
 from vehicle import Vehicle
 
+_OF_ROOM = ("clearance", "local margins")
+"""Checks that ask for room."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
@@ -108,7 +111,7 @@ def from_scratch(
     progress("route", 0.0)
     request = inputs.admitted(waypoints, field, vehicle, options, conditions, stop)
     asked = request.conditions
-    inside = replace(request, field=asked.room(field, request.options))
+    inside = replace(request, field=request.options.roomier(asked.room(field, request.options)))
     route = routes.of(inside)
     progress("optimise", 0.2)
 
@@ -129,7 +132,7 @@ def refused(path: Path) -> PlanInfeasibleError:
     if first.name in limits.NAMES:
         return PlanInfeasibleError(first.reason, "or relax the limit", segment)
     value, bound = f"{first.value:.4g} {first.unit}", f"{first.bound:.4g}"
-    remedy = "move the waypoints apart or lower margin_m" if first.name == "clearance" else "move the waypoints"
+    remedy = "move the waypoints apart or lower margin_m" if first.name in _OF_ROOM else "move the waypoints"
     return PlanInfeasibleError(
         f"the gate refused it: {first.name} is {value}, bound {bound} ({first.reason})", remedy, segment
     )

@@ -42,6 +42,13 @@ class Record:
     def __getitem__(self, rows: np.ndarray) -> "Record":
         return Record(**{name: getattr(self, name)[rows] for name in Record.__slots__})
 
+    def with_rows(self, rows: np.ndarray, others: "Record") -> "Record":
+        """With other flights (m,) in these rows (m,)."""
+        changed = {name: getattr(self, name).copy() for name in Record.__slots__}
+        for name, values in changed.items():
+            values[rows] = getattr(others, name)
+        return Record(**changed)
+
     @property
     def touched(self) -> np.ndarray:
         return self.clearance_m < 0.0

@@ -138,6 +138,15 @@ def fly_again(scenario: Scenario, numbers: np.ndarray, options: Options | None =
     return flown, clearance.along(flown, scenario.field or _Nothing(), scenario.size_m, scale, error_m, shift)
 
 
+def records(scenario: Scenario, numbers: np.ndarray, options: Options) -> Record:
+    """The flights (m,) of these numbers, in another scenario maybe; arguments as `fly`."""
+    study = _Study(scenario, options)
+    loop = study.loop(options.uncertainty, scenario.vehicle)
+    form = draws.flown_form(scenario.vehicle)
+    drawn = draws.draw(form, loop.names, options.uncertainty, options.count, options.seed)
+    return study.batch(loop, drawn, numbers)[0]
+
+
 def require_hover(vehicle: Vehicle, uncertainty: Uncertainty) -> None:
     """Check that the vehicle can hover in the mean wind.
 
@@ -260,7 +269,7 @@ class _Study:
         try:
             for first in range(0, options.count, batch):
                 progress(stage, first / options.count)
-                part, taken = self._batch(loop, drawn, np.arange(first, min(first + batch, options.count)))
+                part, taken = self.batch(loop, drawn, np.arange(first, min(first + batch, options.count)))
                 parts.append(part)
                 steps += taken
                 if options.decide_only and not options.by_levels and _is_lost(Record.joined(parts), options):
@@ -287,7 +296,7 @@ class _Study:
             made, parts = draws.made_of(form, loop.names, uncertainty, inputs), []
             for first in range(0, len(luck), self._together):
                 rows = np.arange(first, min(first + self._together, len(luck)))
-                part, taken = self._batch(loop, made, rows, numbers=luck[rows])
+                part, taken = self.batch(loop, made, rows, numbers=luck[rows])
                 parts.append(part)
                 steps += taken
             return Record.joined(parts)
@@ -334,7 +343,7 @@ class _Study:
         """Share of the spread's variance that comes anew in every flight: some are flown again with another `kind`."""
         value = spread(record)
         some = np.arange(min(_AGAIN, len(value)))
-        again, steps = self._batch(loop, drawn, some, anew=[kind])
+        again, steps = self.batch(loop, drawn, some, anew=[kind])
         change = value[some] - spread(again)
         total = float(np.nanvar(value))
         if not total > 0.0 or not np.isfinite(change).any():
@@ -346,11 +355,11 @@ class _Study:
         another flight's (pick-freeze estimate of a Sobol index, of the lost ones alone: the others are too many)."""
         lost = np.flatnonzero(record.lost)[:_AGAIN]
         others = (lost + len(record) // 2) % len(record)
-        again, steps = self._batch(loop, drawn, others, numbers=lost, anew=[k for k in WITHIN if k != kind])
+        again, steps = self.batch(loop, drawn, others, numbers=lost, anew=[k for k in WITHIN if k != kind])
         risk = float(record.lost.mean())
         return max(0.0, (float(again.lost.mean()) - risk) / (1.0 - risk)), steps
 
-    def _batch(
+    def batch(
         self,
         loop: Loop,
         drawn: Drawn,

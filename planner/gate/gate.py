@@ -167,6 +167,7 @@ def check(
         joins_s = None if met is None else met.joins_s(trajectory)
         checks += [*conditions_met.checks(trajectory, met, asked), *smooth]
         checks += [*conditions_met.headings(trajectory, joins_s, yaw_rad, options), clear]
+        checks += _local_clearance(trajectory, space_, options)
         bounds = options.limits_for(vehicle)
         usage, found = limits.measure(trajectory, vehicle, bounds, step_s=options.sample_step_s, known=known, stop=stop)
         checks += found
@@ -312,6 +313,17 @@ def _clearance(trajectory: Trajectory, field: DistanceField, required_m: float) 
         return esdf.certify(field, trajectory, required_m)
     except FlightError as error:
         return _no_clearance(str(error))
+
+
+def _local_clearance(trajectory: Trajectory, field: DistanceField, options: PlanOptions) -> list[Check]:
+    """Where more margin is asked for, how much is there: as the clearance would be with so much less room there."""
+    if not options.local_margins:
+        return []
+    found, required_m = _clearance(trajectory, options.roomier(field), options.clearance_m), options.clearance_m
+    reason = f"{len(options.local_margins)} local margins; " + ("proved" if found.passed else f"{found.reason}")
+    return [
+        Check("local margins", found.proven_m, required_m, "m", found.passed, found.time_s, found.segment, reason)
+    ]  # fmt: skip
 
 
 def _clearance_check(found: esdf.Clearance, required_m: float, vehicle: Vehicle) -> Check:

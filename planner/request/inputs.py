@@ -110,6 +110,17 @@ def check(request: Request, *, may_turn: bool = False) -> None:
     check_durations(waypoints, bounds)
     _check_headings(waypoints, bounds)
     check_waypoints(waypoints, field, free_m, may_turn=may_turn)
+    _check_local_margins(waypoints.positions_world_m, field, options)
+
+
+def _check_local_margins(points: FloatArray, field: space.DistanceField, options: PlanOptions) -> None:
+    short_m = options.waypoint_clearance_m - space.distance(options.roomier(field), points)
+    i = int(short_m.argmax())
+    if short_m[i] > 0.0:
+        raise InputError(
+            f"waypoint {i + 1} at {shown(points[i])} has {short_m[i]:.3f} m less room than the local margin there asks "
+            "for; move it, or lower that margin and fly slower there"
+        )
 
 
 def beyond_clearance(vehicle: Vehicle, clearance_m: float) -> str:

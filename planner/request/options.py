@@ -8,6 +8,8 @@ import numpy as np
 
 from flight import FlightError, FloatArray, FormatError, InfeasibleError, InputError
 from planner._planner import StopFlag
+from planner.request.local_margins import LocalMargin, Roomier
+from planner.request.space import DistanceField
 from vehicle import Limits, Vehicle
 
 YawMode = Literal["along_path", "smooth", "steady", "fixed", "look_at", "free"]
@@ -27,6 +29,8 @@ class PlanOptions:
     """Radius of a ball round the vehicle's centre that holds all of it; None: to its farthest propeller tip."""
     margin_m: float = 0.15
     """Margin between that ball and every obstacle, for map and tracking errors."""
+    local_margins: tuple[LocalMargin, ...] = ()
+    """More margin in some places, as a preflight asks for it."""
     waypoint_tolerance_m: float = 0.01
     """How close to a waypoint counts as reached."""
     yaw: YawMode = "along_path"
@@ -95,6 +99,7 @@ class PlanOptions:
             "yaw": self.yaw,
             "look_at_world_m": None if look_at is None else [float(x) for x in look_at],
             "limits": None if self.limits is None else self.limits.as_dict(),
+            **({"local_margins": [each.as_dict() for each in self.local_margins]} if self.local_margins else {}),
         }
 
     @classmethod
@@ -112,8 +117,9 @@ class PlanOptions:
                 yaw=document.get("yaw", "along_path"),
                 look_at_world_m=None if look_at is None else _point(look_at),
                 limits=None if bounds is None else Limits(**bounds),
+                local_margins=tuple(LocalMargin.from_dict(each) for each in document.get("local_margins", ())),
             )
-        except (KeyError, TypeError, ValueError, AttributeError, InputError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, InputError, FormatError) as error:
             raise FormatError(f"what a trajectory file asks of its check is damaged: {error}") from error
 
     def sized(self, vehicle: Vehicle) -> "PlanOptions":
@@ -137,6 +143,16 @@ class PlanOptions:
     def sampled(self) -> "PlanOptions":
         """These options with a sampling planner for the route: RRT*, unless another one was asked for."""
         return self if self.search != "grid" else replace(self, search="rrt_star")
+
+    def roomier(self, field: DistanceField) -> DistanceField:
+        """The field in which `clearance_m` asks for the local margins too.
+
+        Raises:
+            InputError: as `clearance_m`.
+        """
+        if not self.local_margins:
+            return field
+        return Roomier(field, self.local_margins, self.margin_m, self.clearance_m)
 
     @property
     def clearance_m(self) -> float:

@@ -115,6 +115,16 @@ def _nearest_on(polyline: FloatArray, points: FloatArray) -> FloatArray:
     return candidates[np.arange(len(points)), best]
 
 
+def far_from(polyline: FloatArray, points: FloatArray) -> FloatArray:
+    """Distance (n,) of points (n, 3) to a polyline (m, 3); of one point, to that."""
+    line = polyline if len(polyline) > 1 else np.repeat(polyline, 2, axis=0)
+    found, step = np.empty(len(points)), max(_MOST_PAIRS // len(line), 1)
+    for first in range(0, len(points), step):
+        part = points[first : first + step]
+        found[first : first + step] = np.linalg.norm(_nearest_on(line, part) - part, axis=1)
+    return found
+
+
 class KeepIn:
     """How far inside a tube round a polyline points are: its radius less their distance to the line, 1-Lipschitz.
 

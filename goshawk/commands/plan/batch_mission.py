@@ -17,6 +17,7 @@ from flight import FlightError, InfeasibleError, Trajectory, results, trajectory
 from flight.mission import KeepIn, Laps, Mission, Yaw
 from goshawk.commands.plan import thin_obstacles, waypoints_file
 from goshawk.commands.plan.batch_work import Kind, Row
+from goshawk.commands.plan.preflown import Again
 from mapping.free_space import FreeSpace
 
 COLUMNS: dict[str, type] = {
@@ -48,6 +49,8 @@ class Job:
     """Asked of every mission, instead of what its file says."""
     thinnest_m: float | None = None
     """Obstacles so thick must not be able to hide within the clearance; None: not asked."""
+    again: Again | None = None
+    """What a preflight asks for on legs; the margins are in the options."""
     overwrite: bool = False
     inputs: bytes = b""
     """Hash of map, vehicle and options: a worker that lives on reads changed files again."""
@@ -95,12 +98,13 @@ class Job:
 
     def asked(self, mission: Mission) -> Mission:
         """The mission with what is asked of all."""
-        return replace(
+        asked = replace(
             mission,
             laps=self.laps or mission.laps,
             yaw=self.yaw or mission.yaw,
             keep_in=self.keep_in or mission.keep_in,
         )
+        return asked if self.again is None else self.again.of(asked)
 
 
 def key_of(path: Path, inputs: bytes) -> str:
@@ -118,6 +122,7 @@ def inputs_hash(job: Job) -> bytes:
     drone = vehicle.vehicle_hash(vehicle.load(job.vehicle_file))
     asked = (area.field.hash, drone, job.options, job.laps, job.yaw, job.keep_in)
     asked = asked if job.thinnest_m is None else (*asked, job.thinnest_m)  # else as in journals of earlier versions
+    asked = asked if job.again is None else (*asked, job.again)
     return hashlib.sha256(repr(asked).encode()).digest()
 
 

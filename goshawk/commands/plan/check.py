@@ -15,7 +15,7 @@ from planner.gate import could_hide, gate
 from planner.gate.limits import Check
 
 SUMMARY = "Check a trajectory against a map and a vehicle."
-LOWER_BOUNDS = ("clearance", "slowest rotor")
+LOWER_BOUNDS = ("clearance", "local margins", "slowest rotor")
 """Checks that need at least their bound."""
 
 

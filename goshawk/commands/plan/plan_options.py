@@ -121,35 +121,43 @@ class Asked:
         Raises:
             InputError, UsageError: a limit is out of its range, or two options contradict each other.
         """
+        again = self.again(drone)
+        margin_m, near = (self.margin_m, ()) if again is None else (again.margin_m, again.near)
         wanted = options_from(
-            drone, self.kept_margin_m(drone), self.speed_m_s, self.acceleration_m_s2, self.radius_m, self.jerk_m_s3
-        )
+            drone, margin_m, self.speed_m_s, self.acceleration_m_s2, self.radius_m, self.jerk_m_s3
+        )  # fmt: skip
         return Job(
             self.map_folder,
             self.vehicle_file,
             replace(
-                wanted.sized(drone), method=self.method, search=self.search, starts=self.starts, search_seed=self.seed
+                wanted.sized(drone),
+                method=self.method,
+                search=self.search,
+                starts=self.starts,
+                search_seed=self.seed,
+                local_margins=near,
             ),
             out,
             None if self.laps is None else Laps(self.laps),
             yaw_from(self.yaw, self.heading_deg, self.look_at),
             None if self.keep_in_m is None else KeepIn(self.keep_in_m),
             self.thinnest_m,
+            again,
             overwrite=self.overwrite,
         )
 
-    def kept_margin_m(self, drone: vehicle.Vehicle) -> float | None:
-        """That of --margin, or that which --preflown asks for if it is larger.
+    def again(self, drone: vehicle.Vehicle) -> preflown.Again | None:
+        """What --preflown asks for; at least the margin of --margin.
 
         Raises:
-            InputError, FormatError: as `preflown.margin_of`.
+            InputError, FormatError: as `preflown.read`.
         """
         if self.preflown is None:
-            return self.margin_m
-        asked_m = preflown.margin_of(self.preflown, mapping.open_map(self.map_folder).hash, drone)
-        kept_m = max(asked_m, self.margin_m or 0.0)
-        console.note(f"note: keeps a margin of {kept_m:.3f} m ({self.preflown} asks for {asked_m:.3f} m)")
-        return kept_m
+            return None
+        asked = preflown.read(self.preflown, mapping.open_map(self.map_folder).hash, drone)
+        kept = replace(asked, margin_m=max(asked.margin_m, self.margin_m or 0.0))
+        console.note(f"note: keeps a margin of {kept} ({self.preflown} asks for {asked.margin_m:.3f} m)")
+        return kept
 
     def opened_map(self) -> mapping.Map:
         """The map, if it may be planned in."""

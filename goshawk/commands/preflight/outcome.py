@@ -9,12 +9,20 @@ import numpy as np
 
 import preflight
 import vehicle
+from flight import FloatArray
 from goshawk.commands.plan.preflown import PLAN_AGAIN
 from goshawk.commands.preflight.inputs import Subject
-from preflight import margins
+from planner import LocalMargin
+from planner.gate import gate
+from planner.request import local_margins, space
+from preflight import margins, slower
 
-_SAMPLES = 50
-"""Of a segment, for the room that the plan has in it."""
+_SAMPLES, _POINTS = 49, 7
+"""Of a segment: for the room that the plan has in it, and for where a margin is to be kept."""
+_BY_THE_WAY_M, _LEAST_M = 0.006, 0.001
+"""What a waypoint has beyond the margin that is asked for there, so that a path to it exists; and the least margin."""
+_SAME_M = 0.01
+"""Joins that come so near to a waypoint are as good as the nearest: a later lap passes it too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,20 +38,28 @@ class Outcome:
 
     @cached_property
     def plan_again(self) -> dict[str, Any] | None:
-        """The margin to plan with so that fewer flights are lost; None if more room is not what is missing.
+        """The margins and speeds to plan with so that fewer flights are lost; None if neither would help.
 
-        Where flights touch it is the room that the plan has in that segment, and what they are short of; where they
-        are given up the plan's margin, which the controller allows them, and more.
+        Where flights touch, a margin near that segment: the room that the plan has there, and what they are short of.
+        Where they are given up, the plan's margin, which the controller allows them, and more. What was asked of the
+        plan that was flown is kept. Where no room helps and they overturn, a speed for the leg between two waypoints.
         """
-        segments = margins.needed(self.result)
-        if not segments:
+        of = self.subject
+        segments = margins.needed(of.scenario, self.result, of.options)
+        slowed = () if segments else slower.needed(of.scenario, self.result, of.options)
+        if not segments and not slowed:
             return None
-        of, asked = self.subject, list[dict[str, Any]]()
-        for each in segments:
-            positions = of.item.trajectory.position(np.linspace(each.from_s, each.to_s, _SAMPLES))
-            room_m = float(np.min(of.area.field.distance(positions))) - of.radius_m if each.touching else of.margin_m
-            asked.append(each.as_dict() | {"margin_m": math.ceil(1e3 * (room_m + each.extra_m)) / 1e3})
-        return {"margin_m": max(each["margin_m"] for each in asked), "segments": asked}
+        asked = gate.options_of(of.item)
+        everywhere_m = max((of.margin_m + each.extra_m for each in segments if not each.touching), default=0.0)
+        near = [_margin_near(of, each) for each in segments if each.touching]
+        return {
+            "margin_m": _millimetres(max(everywhere_m, asked.margin_m)),
+            "near": [each.as_dict() for each in (*asked.local_margins, *near)],
+            "waypoints": len(of.item.waypoints_world_m),
+            "legs": _leg_speeds(of, slowed),
+            "segments": [each.as_dict() for each in segments],
+            "slower": [each.as_dict() for each in slowed],
+        }
 
     def as_dict(self) -> dict[str, Any]:
         """The whole outcome."""
@@ -58,3 +74,53 @@ class Outcome:
             "worst": [] if replay is None else [track.as_dict(of.item.trajectory) for track in replay.worst],
         }
         return found if self.advice is None else found | {"advice": self.advice.as_dict()}
+
+
+def _margin_near(of: Subject, needed: margins.Needed) -> LocalMargin:
+    """The margin to keep near a segment: no more than the waypoints there have."""
+    positions = of.item.trajectory.position(np.linspace(needed.from_s, needed.to_s, _SAMPLES))
+    line = positions[:: _SAMPLES // _POINTS]
+    margin_m = float(np.min(_room_m(of, positions))) + needed.extra_m
+    points = of.item.waypoints_world_m
+    reach_m = local_margins.reach_m(max(margin_m - of.margin_m, 0.0), of.margin_m + of.radius_m)
+    most_m = _room_m(of, points[space.far_from(line, points) < reach_m]).min(initial=np.inf) - _BY_THE_WAY_M
+    margin_m = max(min(margin_m, float(most_m)), _LEAST_M)
+    return LocalMargin(_millimetres(margin_m), tuple((float(x), float(y), float(z)) for x, y, z in line))
+
+
+def _leg_speeds(of: Subject, slowed: tuple[slower.Slower, ...]) -> list[dict[str, Any]]:
+    """Largest speeds of legs of the plan, the speeds that were asked for among them."""
+    asked, path = gate.asked_of(of.item).leg_speed_m_s, of.item.trajectory
+    legs = len(of.item.waypoints_world_m) - 1
+    speeds = np.full(legs, np.inf) if asked is None else np.where(np.isfinite(asked), asked, np.inf)
+    passed_s = _passed_s(of)
+    for each in slowed:
+        leg = int(np.clip(np.searchsorted(passed_s, 0.5 * (each.from_s + each.to_s)) - 1, 0, legs - 1))
+        times_s = np.linspace(each.from_s, each.to_s, _SAMPLES)
+        top_m_s = float(np.linalg.norm(path.position(times_s, 1), axis=1).max())
+        speeds[leg] = min(speeds[leg], top_m_s / each.factor)
+    return [
+        {"first": leg, "last": leg + 1, "speed_m_s": round(float(speeds[leg]), 3)}
+        for leg in np.flatnonzero(np.isfinite(speeds)).tolist()
+    ]
+
+
+def _passed_s(of: Subject) -> FloatArray:
+    """(n,) when each waypoint is passed: at a join of the trajectory, in their order."""
+    joins_s, points = of.item.trajectory.starts_s, of.item.waypoints_world_m
+    at, found = of.item.trajectory.position(joins_s), [0]
+    for number, point in enumerate(points[1:], start=1):
+        last = len(joins_s) - (len(points) - 1 - number)
+        away_m = np.linalg.norm(at[found[-1] + 1 : last] - point, axis=1)
+        found.append(found[-1] + 1 + int(np.argmax(away_m <= away_m.min() + _SAME_M)))
+    return joins_s[found]
+
+
+def _room_m(of: Subject, points_world_m: FloatArray) -> FloatArray:
+    """(n,) beyond the vehicle's sphere."""
+    return space.distance(of.area.field, points_world_m) - of.radius_m
+
+
+def _millimetres(value_m: float) -> float:
+    """Up to a whole millimetre."""
+    return math.ceil(1e3 * value_m) / 1e3

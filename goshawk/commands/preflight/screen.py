@@ -51,15 +51,22 @@ def decides(result: preflight.Result, again: dict[str, Any] | None) -> tuple[str
     said, remedy = _remedy(result)
     if again is None:
         return said, remedy
-    room = f"plan with --margin {again['margin_m']:.2f}, as --preflown does from the file of --out"
-    return said, f"{remedy}; or {room}, which is not tried yet: {_short(again['segments'])}"
+    near, legs = len(again["near"]), len(again["legs"])
+    more = (f", more near {near} parts of it" if near else "") + (f", slower on {legs} legs" if legs else "")
+    room = f"plan with --margin {again['margin_m']:.2f}{more}, as --preflown does from the file of --out"
+    return said, f"{remedy}; or {room}, which is not tried yet: {_short(again['segments'], again['slower'])}"
 
 
-def _short(segments: list[dict[str, Any]]) -> str:
-    """Which segment needs most room: of those that flights touch in, else of those where they are given up."""
-    worst = max(segments, key=lambda each: (each["touching"], each["margin_m"]))
-    if worst["touching"]:
+def _short(segments: list[dict[str, Any]], slower: list[dict[str, Any]]) -> str:
+    """Which segment needs most: where flights touch, else where they overturn, else where they are given up."""
+    touched = [each for each in segments if each["touching"]]
+    if touched:
+        worst = max(touched, key=lambda each: each["extra_m"])
         return f"segment {worst['segment']} is {100.0 * worst['extra_m']:.0f} cm short"
+    if slower:
+        worst = max(slower, key=lambda each: each["factor"])
+        return f"flights overturn in segment {worst['segment']} unless it takes {worst['factor']:g} times as long"
+    worst = max(segments, key=lambda each: each["extra_m"])
     return f"flights are given up for their tracking error in segment {worst['segment']}"
 
 

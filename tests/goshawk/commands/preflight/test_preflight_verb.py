@@ -283,8 +283,10 @@ def test_a_vehicle_of_the_same_name_and_other_values_is_another(folder, tmp_path
     assert "preflight the plan for it, or say --margin" in ended.stderr
 
 
-def test_the_screen_names_a_segment_that_is_touched_before_one_where_flights_are_given_up():
-    given_up = {"segment": 2, "touching": False, "margin_m": 0.4, "extra_m": 0.05}
-    touched = {"segment": 5, "touching": True, "margin_m": 0.2, "extra_m": 0.07}
-    assert screen._short([given_up, touched]) == "segment 5 is 7 cm short"
-    assert screen._short([given_up]) == "flights are given up for their tracking error in segment 2"
+def test_the_screen_names_a_segment_that_is_touched_before_one_where_flights_overturn_or_are_given_up():
+    given_up = {"segment": 2, "touching": False, "extra_m": 0.1}
+    touched = {"segment": 5, "touching": True, "extra_m": 0.07}
+    overturned = {"segment": 3, "factor": 1.2}
+    assert screen._short([given_up, touched], [overturned]) == "segment 5 is 7 cm short"
+    assert screen._short([given_up], [overturned]) == "flights overturn in segment 3 unless it takes 1.2 times as long"
+    assert screen._short([given_up], []) == "flights are given up for their tracking error in segment 2"
