@@ -11,6 +11,7 @@ import preflight
 import vehicle
 from flight import FloatArray
 from goshawk.commands.plan.preflown import PLAN_AGAIN
+from goshawk.commands.preflight import home
 from goshawk.commands.preflight.inputs import Subject
 from planner import LocalMargin
 from planner.gate import gate
@@ -21,6 +22,8 @@ _SAMPLES, _POINTS = 49, 7
 """Of a segment: for the room that the plan has in it, and for where a margin is to be kept."""
 _BY_THE_WAY_M, _LEAST_M = 0.006, 0.001
 """What a waypoint has beyond the margin that is asked for there, so that a path to it exists; and the least margin."""
+RESERVE = 0.3
+"""Share of the battery that a flight is to leave."""
 _SAME_M = 0.01
 """Joins that come so near to a waypoint are as good as the nearest: a later lap passes it too."""
 
@@ -35,6 +38,8 @@ class Outcome:
     """None: not flown again."""
     advice: preflight.Advice | None = None
     """None: not asked for, or not found before Ctrl-C."""
+    ways_home: tuple[home.WayHome, ...] = ()
+    """Found with the advice."""
 
     @cached_property
     def plan_again(self) -> dict[str, Any] | None:
@@ -73,7 +78,35 @@ class Outcome:
             PLAN_AGAIN: self.plan_again,
             "worst": [] if replay is None else [track.as_dict(of.item.trajectory) for track in replay.worst],
         }
-        return found if self.advice is None else found | {"advice": self.advice.as_dict()}
+        return found if self.advice is None else found | {"advice": self.advice.as_dict() | self._battery_and_home()}
+
+    def _battery_and_home(self) -> dict[str, Any]:
+        from_s = home.point_of_no_return_s(self.ways_home, self.subject.item.trajectory.duration_s)
+        return {
+            "battery_j": self.battery_j,
+            "ways_home": [way.as_dict() for way in self.ways_home],
+            "point_of_no_return_s": from_s,
+        }
+
+    @property
+    def battery_j(self) -> float:
+        """Mechanical energy of a battery of which 99 % of the flights leave `RESERVE`, by the longest way home too."""
+        flown_j = float(np.quantile(self.result.record.energy_j, 0.99))
+        return max([flown_j, *(way.energy_j or 0.0 for way in self.ways_home)]) / (1.0 - RESERVE)
+
+    def advice_words(self) -> dict[str, str]:
+        """What was found with the advice, by what it is about; empty where there is none."""
+        if self.advice is None:
+            return {}
+        duration_s = self.subject.item.trajectory.duration_s
+        battery = (
+            f"{self.battery_j / 3600.0:.2f} Wh at the rotors, of which 99 % of flights leave {100.0 * RESERVE:.0f} %"
+        )
+        return {
+            "advice": self.advice.sentence(),
+            "battery": battery,
+            "way home": home.sentence(self.ways_home, duration_s),
+        }
 
 
 def _margin_near(of: Subject, needed: margins.Needed) -> LocalMargin:

@@ -50,7 +50,7 @@ def _head(told: Outcome) -> str:
         "to the end": f"{100.0 * result.finished:.1f} % of the flights",
         "narrowest": screen.place(result) or "not known",
         "decides most": decides,
-        "advice": "" if told.advice is None else told.advice.sentence(),
+        **told.advice_words(),
         "next": "fly it" if result.go else remedy,
     }
     subject, place = told.subject, told.subject.area.folder.resolve().name

@@ -9,7 +9,7 @@ import mapping
 import preflight
 import vehicle
 from flight import Progress, file_format, trajectory
-from goshawk.commands.preflight import batch, inputs, screen
+from goshawk.commands.preflight import batch, home, inputs, screen
 from goshawk.commands.preflight.options import Asked, preflight_options
 from goshawk.commands.preflight.outcome import Outcome
 from goshawk.terminal import console, outputs
@@ -26,7 +26,11 @@ SUMMARY = "Fly a trajectory a thousand times in simulation: go or no-go."
 @console.vehicle_option
 @click.option("--wind", default="0", show_default=True, help="Steady wind: its speed, from anywhere, or x,y,z (m/s).")
 @preflight_options
-@click.option("--advise", is_flag=True, help="Find the largest wind that is a go, and how much slower is one.")
+@click.option(
+    "--advise",
+    is_flag=True,
+    help="Find the largest wind that is a go, how much slower is one, and ways home.",
+)
 @console.path_option("--out", "out", "JSON file to write with the whole result.")
 @console.path_option("--report", "report", "HTML page to write: the flights in the map, the worst three, and why.")
 @console.common_options
@@ -75,13 +79,15 @@ def _flown(subject: inputs.Subject, progress: Progress, *, advise: bool, bundle:
     """Fly it, find what would be a go if asked for, and fly the worst again; after Ctrl-C, what there is."""
     scenario, options = subject.scenario, subject.options
     result = preflight.fly(scenario, options, progress=progress)
-    advice, replay = None, None
+    advice, ways, replay = None, (), None
     if advise and not result.cut_off:
-        advice = preflight.advised(scenario, result, options, progress=progress)
+        with suppress(KeyboardInterrupt):
+            ways = home.ways_home(subject, progress=progress)
+            advice = preflight.advised(scenario, result, options, progress=progress)
     progress("flying the worst again", 0.0)
     with suppress(KeyboardInterrupt):  # the result is kept
         replay = preflight.replay(scenario, result, options, bundle=bundle)
-    return Outcome(subject, result, replay, advice)
+    return Outcome(subject, result, replay, advice, ways)
 
 
 def _write(found: Outcome, out: Path | None, report: Path | None, *, overwrite: bool) -> None:

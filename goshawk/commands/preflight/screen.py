@@ -26,8 +26,7 @@ def show(title: str, found: Outcome) -> None:
     if (where := place(result)) is not None:
         facts["narrowest"] = where
     facts["decides most"], remedy = decides(result, found.plan_again)
-    if found.advice is not None:
-        facts["advice"] = found.advice.sentence()
+    facts |= found.advice_words()
     facts["next"] = "fly it" if result.go else remedy
     if result.assumed:
         facts["assumed"] = "; ".join(result.assumed)

@@ -13,10 +13,14 @@ import pytest
 import mapping
 import preflight
 import vehicle
-from flight import FormatError, file_format, trajectory
-from goshawk.commands.preflight import inputs, screen
+from flight import FormatError, Waypoints, file_format, trajectory
+from flight.mission import LegSpeed, Mission
+from goshawk.commands.plan import preflown
+from goshawk.commands.preflight import inputs, outcome, screen
 from goshawk.commands.preflight import preflight as verb
+from goshawk.commands.preflight.outcome import Outcome
 from goshawk.terminal import outputs
+from preflight import Options, slower
 from preflight.result import SCHEMA, SCHEMA_VERSION
 from tests.goshawk.running import answer
 
@@ -40,12 +44,12 @@ def world(folder: Path, drone: str = "vehicle.toml") -> tuple[object, ...]:
     return ("--map", folder / "map", "--vehicle", folder / drone)
 
 
-def preflown(folder: Path, *options: object):
+def flown_ahead(folder: Path, *options: object):
     return answer("preflight", folder / "plan.json", *world(folder), "-q", *options)
 
 
 def test_a_slow_plan_in_a_wide_room_is_a_go_on_one_screen(folder, tmp_path):
-    ended = preflown(folder, "--flights", 60, "--risk", 0.05, "--out", tmp_path / "found.json")
+    ended = flown_ahead(folder, "--flights", 60, "--risk", 0.05, "--out", tmp_path / "found.json")
     assert ended.returncode == 0, ended.stdout
     assert len(ended.stdout.splitlines()) <= LINES
     assert "GO: the risk is at most" in ended.stdout
@@ -57,7 +61,7 @@ def test_a_slow_plan_in_a_wide_room_is_a_go_on_one_screen(folder, tmp_path):
 
 
 def test_a_storm_of_gusts_is_a_no_go_that_names_them(folder):
-    ended = preflown(folder, "--flights", 80, "--risk", 0.1, "--gust-std", 8, "--json")
+    ended = flown_ahead(folder, "--flights", 80, "--risk", 0.1, "--gust-std", 8, "--json")
     found = json.loads(ended.stdout)
     assert ended.returncode == 1
     assert found["risk"]["count"] > 0
@@ -67,7 +71,7 @@ def test_a_storm_of_gusts_is_a_no_go_that_names_them(folder):
 
 
 def test_a_rare_loss_is_looked_for_by_levels_and_the_screen_says_so(folder):
-    ended = preflown(folder, "--rare", "--flights", 200, "--risk", 0.01)
+    ended = flown_ahead(folder, "--rare", "--flights", 200, "--risk", 0.01)
     assert ended.returncode == 0, ended.stdout
     assert len(ended.stdout.splitlines()) <= LINES
     assert "by 2 levels" in " ".join(ended.stdout.split()) or "by 3 levels" in " ".join(ended.stdout.split())
@@ -81,13 +85,13 @@ def test_a_share_by_levels_is_one_of_what_loses_flights_and_else_of_the_variance
 
 
 def test_the_same_seed_prints_the_same_and_another_does_not(folder):
-    one, same, other = (preflown(folder, "--flights", 20, "--seed", s, "--json").stdout for s in (1, 1, 2))
+    one, same, other = (flown_ahead(folder, "--flights", 20, "--seed", s, "--json").stdout for s in (1, 1, 2))
     assert one == same
     assert one != other
 
 
 def test_few_flights_do_not_show_a_small_risk_and_the_screen_says_how_many_would(folder):
-    ended = preflown(folder, "--flights", 20)
+    ended = flown_ahead(folder, "--flights", 20)
     assert ended.returncode == 1
     assert "fly at least 2995" in " ".join(ended.stdout.split())
 
@@ -104,7 +108,7 @@ def test_few_flights_do_not_show_a_small_risk_and_the_screen_says_how_many_would
     ],
 )
 def test_what_cannot_be_asked_is_refused_in_a_sentence(folder, options, said):
-    ended = preflown(folder, *options)
+    ended = flown_ahead(folder, *options)
     assert ended.returncode == 2, ended.stdout
     assert said in ended.stderr
 
@@ -162,7 +166,7 @@ def test_ctrl_c_shows_what_was_flown(folder, monkeypatch):
         return whole(*arguments, progress=report, **options)
 
     monkeypatch.setattr(verb.preflight, "fly", interrupted)
-    ended = preflown(folder, "--flights", 1000, "--json")
+    ended = flown_ahead(folder, "--flights", 1000, "--json")
     assert ended.returncode == 130
     assert 0 < json.loads(ended.stdout)["flights"] < 1000
     assert "stopped after" in ended.stderr
@@ -179,11 +183,11 @@ def test_ctrl_c_between_levels_says_which_were_flown(folder, monkeypatch):
         return whole(*arguments, progress=report, **options)
 
     monkeypatch.setattr(verb.preflight, "fly", interrupted)
-    ended = preflown(folder, "--rare", "--flights", 200, "--risk", 1e-4, "--json")
+    ended = flown_ahead(folder, "--rare", "--flights", 200, "--risk", 1e-4, "--json")
     assert ended.returncode == 130
     assert json.loads(ended.stdout)["risk"]["reached"] is False
     assert "stopped after level 1: 200 flights" in ended.stderr
-    ended = preflown(folder, "--rare", "--flights", 200, "--risk", 1e-4)
+    ended = flown_ahead(folder, "--rare", "--flights", 200, "--risk", 1e-4)
     assert "run it to the end" in ended.stdout
     assert "NO-GO" in ended.stdout
     assert "lost" in ended.stdout
@@ -194,7 +198,7 @@ def test_ctrl_c_while_the_worst_are_flown_again_keeps_the_result(folder, tmp_pat
         raise KeyboardInterrupt
 
     monkeypatch.setattr(verb.preflight, "replay", interrupted)
-    ended = preflown(folder, "--flights", 10, "--out", tmp_path / "kept.json", "--report", tmp_path / "page.html")
+    ended = flown_ahead(folder, "--flights", 10, "--out", tmp_path / "kept.json", "--report", tmp_path / "page.html")
     assert ended.returncode == 130
     assert json.loads((tmp_path / "kept.json").read_text())["flights"] == 10
     assert not (tmp_path / "page.html").exists()
@@ -225,7 +229,7 @@ def test_plan_preflight_plan_is_a_go_within_three_rounds(folder, tmp_path):
 
 
 def test_a_go_asks_for_no_more_room(folder, tmp_path):
-    assert preflown(folder, "--flights", 60, "--risk", 0.05, "--out", tmp_path / "go.json").returncode == 0
+    assert flown_ahead(folder, "--flights", 60, "--risk", 0.05, "--out", tmp_path / "go.json").returncode == 0
     ended = answer("plan", folder / "waypoints.csv", *world(folder), "--preflown", tmp_path / "go.json", "--out", "x")
     assert ended.returncode == 2
     assert "asks for no more room: the risk is at most 4.9e-02, and 0.05 is accepted" in ended.stderr
@@ -266,6 +270,8 @@ def test_a_plan_keeps_the_larger_of_both_margins_and_says_which(folder, tmp_path
         ({"vehicle_hash": ...}, "has no vehicle_hash"),
         ({"plan_again": {"margin_m": True}}, "the margin to plan with is True"),
         ({"plan_again": {"margin_m": -1}}, "the margin to plan with is -1"),
+        ({"plan_again": {"margin_m": 0.1, "near": [{"margin_m": 0.2}]}}, "a local margin is damaged"),
+        ({"plan_again": {"margin_m": 0.1, "legs": [{"first": 0}]}}, "is a damaged result: 'last'"),
         ({"plan_again": ...}, "has no plan_again"),
         ({"plan_again": None, "reason": "only 3 % come to the end"}, "no more room: only 3 % come to the end"),
     ],
@@ -274,6 +280,42 @@ def test_another_map_another_vehicle_and_a_damaged_margin_are_refused(folder, tm
     ended = planned_again(folder, tmp_path, **changed)
     assert ended.returncode == 2
     assert said in ended.stderr
+
+
+def test_margins_near_parts_of_the_plan_and_speeds_of_legs_are_kept_and_recorded(folder, tmp_path):
+    first = planned_again(folder, tmp_path, plan_again={"margin_m": 0.12})
+    assert first.returncode == 0, first.stderr
+    plain = trajectory.load(tmp_path / "again.json").trajectory
+    line = plain.position(np.linspace(0.4, 0.6, 5) * plain.duration_s)
+    near = {"margin_m": 0.3, "polyline_world_m": line.tolist()}
+    legs = [{"first": 1, "last": 2, "speed_m_s": 1.0}]
+    asked = {"margin_m": 0.12, "near": [near], "waypoints": 3, "legs": legs}
+    ended = planned_again(folder, tmp_path, plan_again=asked)
+    assert ended.returncode == 0, ended.stderr
+    assert "0.120 m, up to 0.300 m near 1 parts of the plan, at most 1.00 m/s on 1 legs" in " ".join(
+        ended.stderr.split()
+    )
+    item = trajectory.load(tmp_path / "again.json")
+    assert item.check["asked"]["local_margins"] == [near]
+    assert item.check["conditions"]["leg_speed_m_s"] == [None, 1.0]
+    assert answer("check", tmp_path / "again.json", *world(folder)).returncode == 0
+    found = Outcome(inputs.subject(item, mapping.open_map(folder / "map"), vehicle.example(), Options(5, 0.5)), None)
+    passed_s = outcome._passed_s(found.subject)
+    assert item.trajectory.position(passed_s) == pytest.approx(item.waypoints_world_m, abs=0.02)
+    slow = slower.Slower(1, *item.trajectory.starts_s[1:3], 1.25, 3)
+    (one, two) = outcome._leg_speeds(found.subject, (slow,))
+    times_s = np.linspace(*item.trajectory.starts_s[1:3], 200)
+    top_m_s = np.linalg.norm(item.trajectory.position(times_s, 1), axis=1).max()
+    assert (one["first"], one["speed_m_s"]) == (0, pytest.approx(top_m_s / 1.25, rel=0.01))
+    assert two == legs[0]
+
+
+def test_a_mission_with_other_waypoints_keeps_the_slowest_speed_all_along():
+    again = preflown.Again(0.1, legs=(LegSpeed(0, 1, 2.0), LegSpeed(1, 2, 1.0)), waypoints=3)
+    three, two = (Mission(Waypoints(np.arange(3.0 * n).reshape(n, 3), np.full(n, np.nan))) for n in (3, 2))
+    assert again.of(three).leg_speeds == again.legs
+    assert again.of(two).leg_speeds == (LegSpeed(0, 1, 1.0),)
+    assert preflown.Again(0.1).of(two) is two
 
 
 def test_a_vehicle_of_the_same_name_and_other_values_is_another(folder, tmp_path):

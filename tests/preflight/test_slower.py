@@ -1,0 +1,56 @@
+"""How much slower: the least that was tried with which a flight that overturned does not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import preflight
+from preflight import slower, statistics
+from tests.preflight.conftest import EXACT, Wall
+
+OPTIONS = preflight.Options(flights=60, risk=0.05, uncertainty=EXACT, explain=False)
+
+
+@pytest.fixture(scope="module")
+def scenario(drone, curve):
+    return preflight.Scenario(drone, curve, Wall(1.0), radius_m=0.2)
+
+
+@pytest.fixture(scope="module")
+def good(scenario):
+    return preflight.fly(scenario, OPTIONS)
+
+
+def overturned(result, count):
+    """The same, its first flights lost on their way, in turns in either segment."""
+    error_m = result.record.error_m.copy()
+    error_m[:count:2, 20:] = np.nan
+    upset = np.arange(60) < count
+    return replace(result, record=replace(result.record, fell=upset, error_m=error_m))
+
+
+def test_each_segment_is_asked_for_the_least_slowing_with_which_its_flights_are_not_lost(scenario, good, monkeypatch):
+    result, tried = overturned(good, 4), []
+
+    def records(slowed, numbers, options):
+        """Flights 0 and 2 are cured by 1.1, flights 1 and 3 by 1.2."""
+        factor = slowed.trajectory.duration_s / scenario.trajectory.duration_s
+        tried.append((round(factor, 3), numbers.tolist()))
+        return replace(good.record[numbers], fell=factor < np.where(numbers % 2, 1.2, 1.1) - 1e-9)
+
+    monkeypatch.setattr(slower.study, "records", records)
+    found = slower.needed(scenario, result, OPTIONS)
+    assert [(each.segment, each.factor, each.flights) for each in found] == [(0, 1.1, 2), (1, 1.2, 2)]
+    assert tried == [(1.05, [0, 1, 2, 3]), (1.1, [0, 1, 2, 3]), (1.2, [1, 3])]
+
+
+def test_what_slowing_does_not_cure_and_a_go_and_what_is_accepted_ask_for_nothing(scenario, good, monkeypatch):
+    always = overturned(good, 4).record
+    monkeypatch.setattr(slower.study, "records", lambda slowed, numbers, options: always[numbers])
+    assert slower.needed(scenario, overturned(good, 4), OPTIONS) == ()
+    monkeypatch.setattr(slower.study, "records", lambda slowed, numbers, options: good.record[numbers])
+    assert slower.needed(scenario, good, OPTIONS) == ()
+    assert slower.needed(scenario, overturned(good, 4), OPTIONS) != ()
+    accepted = replace(overturned(good, 4), risk=statistics.upper_bound(4, 60) + 1e-9, wanted=61)
+    assert slower.needed(scenario, accepted, OPTIONS) == ()
