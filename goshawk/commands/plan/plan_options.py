@@ -11,7 +11,8 @@ import planner
 import vehicle
 from flight import InputError
 from flight.mission import KeepIn, Laps, Yaw
-from goshawk.commands.plan import map_standing, preflown
+from goshawk.commands.plan import map_standing
+from goshawk.commands.plan import preflown as ahead
 from goshawk.commands.plan.batch_mission import Job
 from goshawk.terminal import console, outputs
 from goshawk.terminal.records import options_as
@@ -146,15 +147,15 @@ class Asked:
             overwrite=self.overwrite,
         )
 
-    def again(self, drone: vehicle.Vehicle) -> preflown.Again | None:
+    def again(self, drone: vehicle.Vehicle) -> ahead.Again | None:
         """What --preflown asks for; at least the margin of --margin.
 
         Raises:
-            InputError, FormatError: as `preflown.read`.
+            InputError, FormatError: as `ahead.read`.
         """
         if self.preflown is None:
             return None
-        asked = preflown.read(self.preflown, mapping.open_map(self.map_folder).hash, drone)
+        asked = ahead.read(self.preflown, mapping.open_map(self.map_folder).hash, drone)
         kept = replace(asked, margin_m=max(asked.margin_m, self.margin_m or 0.0))
         console.note(f"note: keeps a margin of {kept} ({self.preflown} asks for {asked.margin_m:.3f} m)")
         return kept

@@ -50,8 +50,7 @@ def ways_home(subject: Subject, *, progress: Progress) -> tuple[WayHome, ...]:
     """
     found: list[WayHome] = []
     for join in _joins(subject.item.trajectory):
-        said = f"the way home from {subject.item.trajectory.starts_s[join]:.1f} s"
-        found.append(_way_home(subject, join, lambda _, fraction, said=said: progress(said, fraction)))
+        found.append(_way_home(subject, join, progress))
     return tuple(found)
 
 
@@ -98,7 +97,11 @@ def _way_home(subject: Subject, join: int, progress: Progress) -> WayHome:
     path = subject.item.trajectory
     begun = Trajectory(path.durations_s[:join], path.coefficients[:join])
     scenario = replace(subject.scenario, trajectory=planner.mission.join([begun, home]))
-    flown = preflight.fly(scenario, replace(subject.options, explain=False), progress=progress)
+    flown = preflight.fly(
+        scenario,
+        replace(subject.options, explain=False),
+        progress=lambda stage, fraction: progress(f"the way home from {from_s:.1f} s", fraction),
+    )
     if flown.cut_off or flown.unexplained:
         raise KeyboardInterrupt
     energy_j = float(np.quantile(flown.record.energy_j, 0.99))

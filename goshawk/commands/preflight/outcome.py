@@ -41,6 +41,12 @@ class Outcome:
     ways_home: tuple[home.WayHome, ...] = ()
     """Found with the advice."""
 
+    @property
+    def shown(self) -> preflight.Replay:
+        """The flights that were flown again, which are not for a page without them."""
+        assert self.replay is not None
+        return self.replay
+
     @cached_property
     def plan_again(self) -> dict[str, Any] | None:
         """The margins and speeds to plan with so that fewer flights are lost; None if neither would help.

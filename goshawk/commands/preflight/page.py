@@ -97,8 +97,8 @@ def _capital(sentence: str) -> str:
 
 def _views(told: Outcome) -> str:
     path, field, tube_m = told.subject.item.trajectory, told.subject.area.field, told.result.tube_m()
-    beside = drawing.side(told.replay, path, field, tube_m)
-    above, (low_m, high_m) = drawing.above(told.replay, path, field, tube_m, told.subject.radius_m)
+    beside = drawing.side(told.shown, path, field, tube_m)
+    above, (low_m, high_m) = drawing.above(told.shown, path, field, tube_m, told.subject.radius_m)
     shades = "".join(f"<i class='b{i}'></i>" for i in range(drawing.SHADES))
     swatches = {
         "touch": "touches", "dash": "plan", "tube": "tube of 90 and 99 %", "occupied": "obstacle",
@@ -107,16 +107,16 @@ def _views(told: Outcome) -> str:
     keys = "".join(f"<span><i class='swatch {kind}'></i>{words}</span>" for kind, words in swatches.items())
     scale = f"<span>clearance 0 <span class='scale'>{shades}</span> {drawing.PLENTY_M:g} m and more</span>"
     return (
-        f"<section><h2>{len(told.replay.bundle)} of the flights, coloured by clearance</h2><div class='views'>"
+        f"<section><h2>{len(told.shown.bundle)} of the flights, coloured by clearance</h2><div class='views'>"
         f"<div><h3>From above; obstacles from {low_m:.1f} to {high_m:.1f} m</h3>{above}</div>"
         f"<div><h3>From the side: height along the path, the map unrolled</h3>{beside}"
-        f"<h3>Clearance beyond the vehicle</h3>{drawing.over_time(told.replay, path)}</div></div>"
+        f"<h3>Clearance beyond the vehicle</h3>{drawing.over_time(told.shown, path)}</div></div>"
         f"<p class='key'>{scale}{keys}</p>{_of_first_level(told.result)}</section>"
     )
 
 
 def _worst(told: Outcome) -> str:
-    tracks = told.replay.worst
+    tracks = told.shown.worst
     names = "".join(
         f"<button type='button' data-choose='{i}' aria-pressed='{'true' if i == 0 else 'false'}'>"
         f"{_label(track)}</button>"
@@ -163,7 +163,7 @@ def _story(track: Track, told: Outcome) -> str:
 
 def _flights(told: Outcome) -> dict[str, object]:
     """What the script needs."""
-    return {"radius_m": told.subject.radius_m, "tracks": [_track(track, told) for track in told.replay.worst]}
+    return {"radius_m": told.subject.radius_m, "tracks": [_track(track, told) for track in told.shown.worst]}
 
 
 def _track(track: Track, told: Outcome) -> dict[str, object]:

@@ -8,7 +8,7 @@ import mapping
 import planner
 import preflight
 import vehicle
-from flight import Waypoints, trajectory
+from flight import Waypoints, silent, trajectory
 from goshawk.commands.preflight import home, inputs
 from goshawk.commands.preflight.home import WayHome
 from goshawk.commands.preflight.outcome import RESERVE, Outcome
@@ -44,7 +44,7 @@ def test_it_goes_on_from_the_plans_motion_and_ends_at_rest_where_that_began(subj
 
 
 def test_it_is_flown_after_the_plan_up_to_there_and_needs_more_energy_the_later(subject):
-    ways = home.ways_home(subject, progress=lambda *_: None)
+    ways = home.ways_home(subject, progress=silent)
     assert all(way.go for way in ways)
     assert [way.from_s for way in ways] == sorted(way.from_s for way in ways)
     energies = [way.energy_j for way in ways]
@@ -88,6 +88,6 @@ def test_a_moment_from_which_there_is_no_way_says_why(subject, monkeypatch):
         raise planner.PlanInfeasibleError("no room", "go on")
 
     monkeypatch.setattr(home, "_planned", none)
-    (first, *_) = home.ways_home(subject, progress=lambda *_: None)
+    (first, *_) = home.ways_home(subject, progress=silent)
     assert (first.go, first.duration_s, first.energy_j) == (False, None, None)
     assert first.reason == "no room; go on"
