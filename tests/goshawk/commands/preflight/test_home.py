@@ -47,12 +47,12 @@ def test_it_is_flown_after_the_plan_up_to_there_and_needs_more_energy_the_later(
     ways = home.ways_home(subject, progress=silent)
     assert all(way.go for way in ways)
     assert [way.from_s for way in ways] == sorted(way.from_s for way in ways)
-    energies = [way.energy_j for way in ways]
+    energies = [way.energy_j or np.nan for way in ways]
     assert energies == sorted(energies)
     result = preflight.fly(subject.scenario, OPTIONS)
     outcome = Outcome(subject, result, advice=preflight.Advice(3.0, 1.0), ways_home=ways)
     assert outcome.battery_j * (1.0 - RESERVE) == pytest.approx(
-        max(energies[-1], np.quantile(result.record.energy_j, 0.99))
+        max(energies[-1], float(np.quantile(result.record.energy_j, 0.99)))
     )
     told = outcome.as_dict()["advice"]
     assert told["wind_m_s"] == 3.0
