@@ -56,7 +56,7 @@ class Needed:
 def needed(scenario: Scenario, result: Result, options: Options) -> tuple[Needed, ...]:
     """More room by segment, for those that need it; empty for a go, and where no room up to `MOST_M` would help.
 
-    As many of the worst are let be as the accepted risk allows. Arguments as of `study.fly`.
+    As many of the worst are let be as with other luck the accepted risk allows too. Arguments as of `study.fly`.
     """
     if result.go:
         return ()
@@ -69,7 +69,7 @@ def needed(scenario: Scenario, result: Result, options: Options) -> tuple[Needed
         spare, given_up = 0, _given_up(record)
         extra_m = np.where(given_up, _untried(record, given_up), 0.0)
     helpless = record.lost & ~np.isfinite(extra_m) | cured.left_map | cured.upset
-    left = max(spare - int(helpless.sum()), 0)
+    left = max(int(_expected(spare, len(record))) - int(helpless.sum()), 0)
     everywhere_m = _everywhere(result, record, extra_m, left)
     spared = given_up & (extra_m > everywhere_m)
     found = _by_segment(result, last_s(record, result.trajectory.duration_s), np.minimum(extra_m, everywhere_m))
@@ -151,12 +151,16 @@ def _touching(result: Result, record: Record, which: NDArray[np.bool_], spare: i
         return ()
     parts = _in_segments(result, record.path_s, which)
     touched = [(i, mine) for i, mine in parts if (short_m[mine] > 0.0).any()]
-    few = statistics.upper_bound(spare, len(record), 1.0 - SURE) * len(record) / len(touched)
-    few = few if result.rare is None else 0.0
+    few = _expected(spare, len(record)) / len(touched) if result.rare is None else 0.0
     return tuple(
         _needed(result, i, True, RESERVE_M + _exceeded_by(short_m[mine], few, left), int((short_m[mine] > 0.0).sum()))
         for i, mine in touched
     )
+
+
+def _expected(spare: int, flights: int) -> float:
+    """Losses that may be expected if with probability `SURE` no more than `spare` are seen."""
+    return statistics.upper_bound(spare, flights, 1.0 - SURE) * flights
 
 
 def _exceeded_by(short_m: FloatArray, few: float, left: int) -> float:
