@@ -47,6 +47,7 @@ ROOMS = {
     "sysid.report": {"sysid.logs", "sysid.estimator", "sysid.diagnosis"},
     "firmware_bridge.offboard": set(),
     "firmware_bridge.betaflight_sitl": {"firmware_bridge.offboard"},
+    "firmware_bridge.autopilot": {"firmware_bridge.offboard"},
     "goshawk.terminal": set(),
     "goshawk.rendered": set(),
     "goshawk.plot": set(),
