@@ -4,7 +4,7 @@ from collections import deque
 
 import numpy as np
 
-from firmware_bridge.autopilot import frames
+from firmware_bridge.autopilot.euler import roll_pitch_yaw
 from firmware_bridge.autopilot.flavour import ARM_DISARM, DO_SET_MODE, SET_MESSAGE_INTERVAL, refusal
 from firmware_bridge.autopilot.line import MavlinkLine
 from firmware_bridge.autopilot.settings import ARMED, AUTOPILOT_COMPONENT, heartbeat
@@ -29,7 +29,7 @@ from firmware_bridge.dialect.message import Message
 from firmware_bridge.offboard.firmware import Alert, FirmwareState
 from firmware_bridge.offboard.ladder import Stage
 from firmware_bridge.offboard.poses import Pose
-from flight import FloatArray
+from flight import FloatArray, frames
 
 RATES_AND_THRUST = 128
 """SET_ATTITUDE_TARGET's type mask: the attitude is not looked at."""
@@ -85,8 +85,8 @@ class Autopilot:
         if not self._vision or now_s - self._vision_s < VISION_S:
             return
         self._vision_s = now_s
-        x, y, z = frames.vector(pose.position_world_m)
-        roll, pitch, yaw = frames.roll_pitch_yaw(frames.attitude(pose.q_world_body))
+        x, y, z = frames.flip_vector(pose.position_world_m)
+        roll, pitch, yaw = roll_pitch_yaw(frames.flip_attitude(pose.q_world_body))
         unknown = (float("nan"), *[0.0] * 20)
         self._line.send(VisionPositionEstimate(round(pose.time_s * 1e6), x, y, z, roll, pitch, yaw, unknown))
 
@@ -98,7 +98,7 @@ class Autopilot:
         if stage is Stage.PILOT or (stage is Stage.DOWN and not self.ours):
             return  # nothing from us: PX4's mode cannot even be entered again
         thrust = self._setup.thrust.command(force_n, self.state.battery_v) if force_n > 0.0 else 0.0
-        x, y, z = frames.vector(rate_body_rad_s)
+        x, y, z = frames.flip_vector(rate_body_rad_s)
         self._line.send(
             SetAttitudeTarget(
                 time_boot_ms=round(now_s * 1e3) & 0xFFFFFFFF, q=(1.0, 0.0, 0.0, 0.0), body_roll_rate=x,
@@ -144,8 +144,8 @@ class Autopilot:
             self._mode = message.custom_mode
             state.overriding = self.ours
         elif isinstance(message, AttitudeQuaternion):
-            q = frames.attitude(np.array([message.q1, message.q2, message.q3, message.q4]))
-            state.roll_pitch_rad, state.attitude_s = np.array(frames.roll_pitch(q)), now_s
+            q = frames.flip_attitude(np.array([message.q1, message.q2, message.q3, message.q4]))
+            state.roll_pitch_rad, state.attitude_s = np.array(roll_pitch_yaw(q)[:2]), now_s
         elif isinstance(message, LocalPositionNed):
             if -message.z != state.altitude_m:
                 state.altitude_changed_s = now_s
