@@ -21,10 +21,10 @@ SUMMARY = "Fly the uploaded trajectory and record a flight log."
     "--on",
     "address",
     metavar="ADDRESS",
-    help="Flight controller of other firmware: betaflight:tcp://HOST:PORT, or mavlink:udp://HOST:PORT, which has not "
-    "flown PX4 or ArduPilot yet.",
+    help="Flight controller of other firmware: betaflight:tcp://HOST:PORT; mavlink:udp://HOST:PORT and "
+    "crazyflie:udp://HOST:PORT, which have flown simulated ones only: not PX4, not ArduPilot, no Crazyflie.",
 )
-@click.option("--arm", "arms", is_flag=True, help="With mavlink: ask for its mode and arm; else the pilot does.")
+@click.option("--arm", "arms", is_flag=True, help="With mavlink: and crazyflie: arm it; else the pilot does.")
 @click.option("--rehearse", is_flag=True, help="Fly it on Betaflight's real firmware in a simulated body.")
 @click.option(
     "--pose-stream",
@@ -109,13 +109,14 @@ def _fly_off_board(
     write: Callable[[FlightLog], None],
     as_json: bool,
 ) -> None:
-    from goshawk.commands.fly import autopilot, offboard
+    from goshawk.commands.fly import autopilot, crazyflie, offboard
 
     if address is not None and rehearse:
         raise InputError("--rehearse flies in a simulated body, --on the flight controller there; give one of them")
     mavlink = address is not None and address.startswith(autopilot.line.PREFIX)
-    if arms and not mavlink:
-        raise InputError("--arm is for mavlink: addresses; Betaflight is armed by its settings' switch")
+    flies_itself = address is not None and address.startswith(crazyflie.PREFIX)
+    if arms and not (mavlink or flies_itself):
+        raise InputError("--arm is for mavlink: and crazyflie: addresses; Betaflight is armed by its settings' switch")
     if plan is None:
         raise InputError("name the trajectory file to fly: goshawk fly walk.json --rehearse --vehicle vehicle.toml")
     item, model = trajectory.load(plan), offboard.model_of(vehicle_file)
@@ -127,10 +128,13 @@ def _fly_off_board(
             touch_down = {"touch_down_m_s": down_m_s}
         else:
             assert address is not None
-            where = offboard.Where(address, *offboard.pose_address(pose_stream))
-            if mavlink:
+            if flies_itself:
+                log, early = crazyflie.fly(model, item, address, arms=arms, progress=report, cancel=cancel)
+            elif mavlink:
+                where = offboard.Where(address, *offboard.pose_address(pose_stream))
                 log, early = autopilot.fly(model, item, where, arms=arms, progress=report, cancel=cancel)
             else:
+                where = offboard.Where(address, *offboard.pose_address(pose_stream))
                 log, early = offboard.fly(model, item, where, progress=report, cancel=cancel)
     write(log)
     facts = {"written": str(out), "rows": len(log), "planned_s": item.trajectory.duration_s, **tracking(log)}
