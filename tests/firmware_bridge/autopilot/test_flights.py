@@ -21,6 +21,7 @@ from tests.firmware_bridge.autopilot.simulated_autopilot import (
     SimulatedAutopilot,
 )
 from tests.firmware_bridge.offboard import curves
+from tests.firmware_bridge.offboard.page import unchecked
 
 HOVER = curves.hover(seconds=2.0)
 SOFTLY_M_S = 1.2
@@ -241,3 +242,11 @@ def test_who_does_not_answer_is_told_apart_from_who_is_no_multicopter():
         settings.read(line, address, patience_s=0.2)
     line.close()
     simulation.close()
+
+
+def test_the_command_of_the_page_asks_for_a_checked_plan(documented, tmp_path):
+    (block,) = documented
+    (command,) = block.commands
+    done = unchecked(tmp_path, command)
+    assert done.returncode != 0
+    assert "has not passed the final gate" in done.stderr

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,12 +16,13 @@ from firmware_bridge.crazyflie import pieces, process
 from firmware_bridge.crazyflie.client import Client
 from firmware_bridge.crazyflie.crtp import Packet, endpoint
 from firmware_bridge.crazyflie.flight import Flight
-from flight import InputError, LinkError, TrajectoryFile, silent, trajectory
+from flight import FlightLog, InputError, LinkError, TrajectoryFile, silent, trajectory
 from goshawk.commands.fly import crazyflie
 from goshawk.commands.plan import poly4d
 from tests import waiting
 from tests.firmware_bridge.crazyflie.simulated_crazyflie import SimulatedCrazyflie, SimulatedTime, UdpServer
 from tests.firmware_bridge.offboard import curves
+from tests.firmware_bridge.offboard.page import unchecked
 
 WAY = curves.circle()
 PLAN = poly4d.refit(WAY).trajectory
@@ -32,8 +34,9 @@ def simulated(**more) -> SimulatedCrazyflie:
     return SimulatedCrazyflie(position_m=[START[0] + 0.1, START[1] - 0.1, 0.0], **more)
 
 
-def fly(simulation: SimulatedCrazyflie, **more) -> tuple[Flight, object]:
-    ours = Flight(Client(SimulatedTime(simulation)), PLAN, **({"arms": True} | more))
+def fly(simulation: SimulatedCrazyflie, **more) -> tuple[Flight, FlightLog]:
+    options: dict[str, Any] = {"arms": True} | more
+    ours = Flight(Client(SimulatedTime(simulation)), PLAN, **options)
     return ours, ours.fly()
 
 
@@ -153,7 +156,7 @@ def test_it_arms_only_when_told_and_else_waits_for_whoever_does(monkeypatch):
         of.armed |= bool(said) and of.time_s > 105.0
 
     simulation.each_tick = pilot
-    ours, _ = fly(simulation, arms=False, progress=lambda stage, _: said.append(stage))
+    ours, _ = fly(simulation, arms=False, progress=lambda stage, fraction: said.append(stage))
     assert said == ["arm now"]
     assert not ours.ended_early
     assert simulation.armed  # who armed it disarms it
@@ -284,7 +287,7 @@ def test_by_udp_it_flies_in_a_process_of_its_own(server):
     said: list[str] = []
     log, early = crazyflie.fly(
         vehicle.example("rigter2019"), file, f"crazyflie:udp://127.0.0.1:{server.port}", arms=False,
-        progress=lambda stage, _: said.append(stage), cancel=lambda: False,
+        progress=lambda stage, fraction: said.append(stage), cancel=lambda: False,
     )  # fmt: skip
     assert not early
     assert said[0] == procedure.ALONE
@@ -321,3 +324,11 @@ def test_if_the_one_who_asked_is_killed_the_crazyflie_lands(server, tmp_path):
     waiting.until(lambda: server.simulation.commands[-1] == STOP)
     assert LAND in server.simulation.commands
     assert not server.simulation.dropped
+
+
+def test_the_command_of_the_page_asks_for_a_checked_plan(documented, tmp_path):
+    (block,) = documented
+    (command,) = block.commands
+    done = unchecked(tmp_path, command)
+    assert done.returncode != 0
+    assert "has not passed the final gate" in done.stderr
