@@ -19,7 +19,7 @@ THRUST_AS_THRUST = 8
 _PX4_FALLS = {6: "terminates: the rotors stop", 7: "disarms: the rotors stop"}
 _PX4_ACTS = {
     0: "position mode, which needs a pilot's sticks", 1: "altitude mode, which needs a pilot's sticks",
-    2: "stabilized mode, which needs a pilot's sticks", 3: "returns and lands", 4: "lands where it is", 5: "holds",
+    2: "manual mode, which needs a pilot's sticks", 3: "returns and lands", 4: "lands where it is", 5: "holds",
     **_PX4_FALLS,
 }  # fmt: skip
 _GCS_ACTS = {

@@ -24,7 +24,7 @@ SUMMARY = "Fly the uploaded trajectory and record a flight log."
     help="Flight controller of other firmware: betaflight:tcp://HOST:PORT; mavlink:udp://HOST:PORT and "
     "crazyflie:udp://HOST:PORT, which have flown simulated ones only: not PX4, not ArduPilot, no Crazyflie.",
 )
-@click.option("--arm", "arms", is_flag=True, help="With mavlink: and crazyflie: arm it; else the pilot does.")
+@click.option("--arming", "arms", is_flag=True, help="With mavlink: and crazyflie: arm it; else the pilot does.")
 @click.option("--rehearse", is_flag=True, help="Fly it on Betaflight's real firmware in a simulated body.")
 @click.option(
     "--pose-stream",
@@ -62,7 +62,7 @@ def command(
     goshawk fly --out flights/walk.parquet
     goshawk fly walk.json --rehearse --vehicle vehicle.toml --out rehearsed.parquet
     goshawk fly walk.json --on betaflight:tcp://127.0.0.1:5761 --vehicle vehicle.toml --out walk.parquet
-    goshawk fly walk.json --on mavlink:udpin://127.0.0.1:14540 --arm --vehicle vehicle.toml --out walk.parquet
+    goshawk fly walk.json --on mavlink:udpin://127.0.0.1:14540 --arming --vehicle vehicle.toml --out walk.parquet
     goshawk fly --trajectory walk.json --out flights/walk.parquet
 
     Refused on the ground: a start too far away, a tilted or moving vehicle, a low battery, no estimate, the geofence.
@@ -116,7 +116,7 @@ def _fly_off_board(
     mavlink = address is not None and address.startswith(autopilot.line.PREFIX)
     flies_itself = address is not None and address.startswith(crazyflie.PREFIX)
     if arms and not (mavlink or flies_itself):
-        raise InputError("--arm is for mavlink: and crazyflie: addresses; Betaflight is armed by its settings' switch")
+        raise InputError("--arming is for mavlink: and crazyflie: addresses; Betaflight is armed by its own switch")
     if plan is None:
         raise InputError("name the trajectory file to fly: goshawk fly walk.json --rehearse --vehicle vehicle.toml")
     item, model = trajectory.load(plan), offboard.model_of(vehicle_file)

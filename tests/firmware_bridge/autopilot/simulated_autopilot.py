@@ -214,7 +214,7 @@ class SimulatedAutopilot:
         elif self.kind == "ardupilot" and self.time_s - self._gcs_s > self.parameters["FS_GCS_TIMEOUT"]:
             self.mode = LAND
 
-    def _wanted(self) -> tuple[np.ndarray, float]:
+    def _asked_for(self) -> tuple[np.ndarray, float]:
         """Body rates and force."""
         timed_out = self.time_s - self._setpoint_s > self.parameters.get("GUID_TIMEOUT", np.inf)
         if self.follows and not timed_out:
@@ -235,7 +235,7 @@ class SimulatedAutopilot:
         if not self.armed:
             self._integral[:] = 0.0
             return np.zeros(4)
-        rates, force_n = self._wanted()
+        rates, force_n = self._asked_for()
         if self.follows and self._thrust <= 0.0:
             return np.full(4, IDLE * self.full_rad_s)
         rate = self.plant.rate_body_rad_s
