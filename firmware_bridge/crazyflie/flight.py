@@ -17,7 +17,8 @@ from flight.flight_log import from_vectors
 ARM_S, SETTLE_S = 30.0, 2.0
 CLIMB_M_S, SHIFT_M_S, SLOWEST_S = 0.4, 0.3, 2.0
 SILENT_S, OFF_PLAN_M, TO_LAND_S = 0.5, 0.5, 5.0
-LOWEST_START_M = 0.2
+LOWEST_TAKE_OFF_M = 0.3
+"""A start below this height is approached from above."""
 _LATE_S, _PUMP_S, _SETTLED_S = 3.0, 0.02, 0.3
 ALONE = (
     "without us the Crazyflie flies its trajectory to the end and hovers there until its battery is empty; "
@@ -113,7 +114,7 @@ class Flight:
         self._for(SETTLE_S)
         if not all(block.rows for block in self._blocks()):
             raise LinkError("the Crazyflie's log blocks do not arrive; is another program connected to it?")
-        motion, position = self._blocks()[_MOTION], self._position()
+        motion = self._blocks()[_MOTION]
         recent = motion.time_s[-1] - np.array(motion.time_s) <= 1.0
         rows = np.array(motion.rows)[recent][:, :3]
         self._ground_m = float(np.median(rows[:, 2]))
@@ -125,10 +126,6 @@ class Flight:
                 start_world_m=start,
             )
         )  # fmt: skip
-        if start[2] - position[2] < LOWEST_START_M:
-            raise LinkError(
-                f"the trajectory begins {start[2] - position[2]:.2f} m above the Crazyflie; at least {LOWEST_START_M} m"
-            )
 
     def _arm(self) -> None:
         armed = Bits.ARMED | Bits.AUTO_ARMED
@@ -151,9 +148,10 @@ class Flight:
 
     def _climb(self, start: FloatArray) -> None:
         self._phase(State.TAKE_OFF)
-        duration_s = max((float(start[2]) - self._ground_m) / CLIMB_M_S, SLOWEST_S)
+        top_m = max(float(start[2]), self._ground_m + LOWEST_TAKE_OFF_M)
+        duration_s = max((top_m - self._ground_m) / CLIMB_M_S, SLOWEST_S)
         self._not_cancelled("take-off")
-        self._client.take_off(float(start[2]), duration_s)
+        self._client.take_off(top_m, duration_s)
         self._while("take-off", duration_s)
         self._phase(State.APPROACH)
         far_m = float(np.linalg.norm(start - self._position()))

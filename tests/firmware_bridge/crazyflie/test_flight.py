@@ -332,3 +332,12 @@ def test_the_command_of_the_page_asks_for_a_checked_plan(documented, tmp_path):
     done = unchecked(tmp_path, command)
     assert done.returncode != 0
     assert "has not passed the final gate" in done.stderr
+
+
+def test_a_low_start_is_approached_from_above():
+    low = curves.hover(height_m=0.1, seconds=1.0)
+    simulation = SimulatedCrazyflie()
+    ours = Flight(Client(SimulatedTime(simulation)), poly4d.refit(low).trajectory, arms=True)
+    ours.fly()
+    assert not ours.ended_early
+    assert max(place[2] for _, place in simulation.way) == pytest.approx(0.3, abs=0.02)
