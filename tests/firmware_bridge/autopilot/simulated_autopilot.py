@@ -311,7 +311,7 @@ class SimulatedAutopilot:
                     self._send(message)
 
     def _message(self, message_id: int) -> mavlink.MAVLink_message | None:
-        m, plant, ms = self._mav, self.plant, int(1e3 * self.time_s)
+        m, plant, ms = self._mav, self.plant, int(1e3 * self.time_s) & 0xFFFFFFFF
         ids = mavlink
         if message_id == ids.MAVLINK_MSG_ID_HEARTBEAT:
             autopilot = ids.MAV_AUTOPILOT_PX4 if self.kind == "px4" else ids.MAV_AUTOPILOT_ARDUPILOTMEGA
