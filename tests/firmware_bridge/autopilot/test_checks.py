@@ -100,6 +100,7 @@ def test_thrust_and_force_are_inverse_and_go_through_hover(kind, other):
     told = found(kind, **other)
     shape = thrust.of(told.flavour, told.parameters, BY_FILE).through(0.4, WEIGHT_N)
     assert shape.force_n(0.4) == pytest.approx(WEIGHT_N)
+    assert shape.through(0.5, WEIGHT_N).force_n(0.5) == pytest.approx(WEIGHT_N)
     for command in (0.1, 0.35, 0.8):
         assert shape.command(shape.force_n(command)) == pytest.approx(command, abs=1e-9)
 

@@ -113,7 +113,6 @@ def test_a_pilot_may_switch_and_arm_himself():
     assert not [text for text in simulation.said if text.startswith("176")]
 
 
-@pytest.mark.slow
 def test_nothing_is_armed_that_was_not_asked_for(monkeypatch):
     monkeypatch.setattr("firmware_bridge.offboard.procedure.ARM_S", 2.0)
     simulation = flights.simulated(HOVER)

@@ -341,3 +341,19 @@ def test_a_low_start_is_approached_from_above():
     ours.fly()
     assert not ours.ended_early
     assert max(place[2] for _, place in simulation.way) == pytest.approx(0.3, abs=0.02)
+
+
+def test_the_late_answer_to_another_request_is_not_taken_for_this_ones():
+    """A byte that its memory did not keep would pass for one that it did."""
+    simulation = simulated()
+    takes, held = simulation.take, []
+
+    def late(raw: bytes) -> list[bytes]:
+        answers, before = takes(raw), list(held)
+        held[:] = answers
+        return before + answers
+
+    simulation.take = late
+    ours = Flight(Client(SimulatedTime(simulation)), PLAN, arms=False)
+    ours.upload()
+    assert bytes(simulation.memory[: 132 * len(PLAN.durations_s)]) == pieces.packed(PLAN)
