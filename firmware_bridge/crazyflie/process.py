@@ -117,7 +117,7 @@ def _main(order: Order, line: Connection) -> None:
 
     asked, transport = _Asked(line), UdpTransport(*endpoint(order.address))
     flight = Flight(
-        Client(transport), order.plan, arms=order.arms, progress=lambda stage, share: tell((stage, share)),
+        Client(transport), order.plan, arms=order.arms, progress=lambda stage, fraction: tell((stage, fraction)),
         cancel=asked.cancel, stop=asked.stop, motor_of_rotor=order.motor_of_rotor,
     )  # fmt: skip
     try:
