@@ -8,6 +8,7 @@ import hashlib
 import heapq
 import hmac
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from firmware_bridge.dialect.generated.messages import BY_ID
@@ -121,6 +122,8 @@ class Codec:
     signing: Signing | None
     counts: Counts = field(default_factory=Counts)
     sequence: int = 0
+    kinds: Mapping[int, type[Message]] = field(default_factory=lambda: BY_ID)
+    """The dialect, by id."""
 
     def encode(self, message: Message) -> bytes:
         """A whole frame."""
@@ -153,7 +156,7 @@ class Codec:
         return messages
 
     def _receive(self, raw: bytes) -> Received | None:
-        kind = BY_ID.get(int.from_bytes(raw[7:10], "little"))
+        kind = self.kinds.get(int.from_bytes(raw[7:10], "little"))
         if kind is None:
             self.counts.unknown += 1
             return None

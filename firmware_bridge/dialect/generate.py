@@ -1,5 +1,7 @@
 """Write generated/goshawk_dialect.h (the vehicle) and generated/messages.py (the ground) from the XML beside this file.
 
+And generated/autopilot_messages.py from autopilot.xml: what only the ground says, to autopilots of others.
+
     python firmware_bridge/dialect/generate.py
 
 A test regenerates and compares, and checks layout and CRC_EXTRA against pymavlink's own generator.
@@ -13,6 +15,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 HEADER = HERE / "generated" / "goshawk_dialect.h"
 PYTHON = HERE / "generated" / "messages.py"
+AUTOPILOT = HERE / "generated" / "autopilot_messages.py"
 
 _SIZES = {"double": 8, "float": 4, "char": 1} | {f"{s}int{n}_t": n // 8 for s in ("", "u") for n in (8, 16, 32, 64)}
 _STRUCT = {"float": "f", "char": "s", "int8_t": "b", "uint8_t": "B", "int16_t": "h", "uint16_t": "H", "int32_t": "i"}
@@ -203,9 +206,12 @@ def _c_decode(message: Definition) -> list[str]:
     return [head, "{", *whole, "    memset(m, 0, sizeof *m);", *copies, "}"]
 
 
-def python(messages: list[Definition], enums: list[tuple[str, list[tuple[str, int, str]]]]) -> str:
+def python(
+    messages: list[Definition], enums: list[tuple[str, list[tuple[str, int, str]]]], *, source: str = "goshawk.xml"
+) -> str:
     """The Python module: one IntEnum per enum, one dataclass per message."""
-    parts = [_PYTHON_TOP]
+    top = _PYTHON_TOP.replace("goshawk.xml", source)
+    parts = [top if enums else top.replace("from enum import IntEnum\n", "")]
     for name, entries in enums:
         short = _camel(name.removeprefix("GOSHAWK_"))
         lines = [f"class {short}(IntEnum):"]
@@ -299,10 +305,11 @@ from firmware_bridge.dialect.message import Message
 
 
 def main() -> None:
-    """Write both files."""
+    """Write the three files."""
     messages, enums = read(HERE / "goshawk.xml")
     HEADER.write_text(header(messages, enums))
     PYTHON.write_text(python(messages, enums))
+    AUTOPILOT.write_text(python(*read(HERE / "autopilot.xml"), source="autopilot.xml"))
 
 
 if __name__ == "__main__":

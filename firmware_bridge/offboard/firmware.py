@@ -51,6 +51,7 @@ _ARMING_FLAGS = (
     "GPS rescue switch", "ESC telemetry", "restart needed", "DSHOT", "accelerometer not calibrated", "motor protocol",
     "crash flip", "altitude hold", "position hold", "the arm switch is on already",
 )  # fmt: skip
+_HARMLESS_FLAGS = 1 << 28
 _TURN = (Function.ATTITUDE, Function.MOTOR, Function.ATTITUDE, Function.STATUS_EX, Function.ATTITUDE, Function.ALTITUDE,
          Function.ATTITUDE, Function.BATTERY_STATE)  # fmt: skip
 """Asked one a tick, so that attitude comes every other tick."""
@@ -71,6 +72,7 @@ class FirmwareState:
     other_modes: tuple[int, ...] = ()
     """Permanent ids of those of `RATE_CHANGING` that are on."""
     arming_flags: int = 0
+    """Why it does not arm, but for a switch that is on already."""
     has_barometer: bool = False
     altitude_m: float = np.nan
     climb_m_s: float = np.nan
@@ -161,7 +163,7 @@ class Firmware:
             state.overriding = self._mode(modes, OVERRIDE_BOX)
             state.other_modes = tuple(box for box in RATE_CHANGING if self._mode(modes, box))
         if len(data) >= 21 + more:
-            (state.arming_flags,) = struct.unpack_from("<I", data, 17 + more)
+            state.arming_flags = struct.unpack_from("<I", data, 17 + more)[0] & ~_HARMLESS_FLAGS
 
     def _mode(self, modes: int, box: int) -> bool:
         assert self._boxes is not None

@@ -1,7 +1,7 @@
 """The guard: a process of its own between planner and flight controller, which lands the vehicle if the other dies.
 
-`python -m firmware_bridge.offboard.guard SETUP FD`: it alone has the line, sends the sticks at a fixed rate, and hears
-the poses. Whatever becomes of the planner, the sticks go on (ladder.py).
+`python -m firmware_bridge.offboard.guard SETUP FD` for Betaflight: it alone has the line, sends the sticks at a fixed
+rate, and hears the poses. Whatever becomes of the planner, the sticks go on (ladder.py).
 """
 
 import contextlib
@@ -9,6 +9,8 @@ import signal
 import socket
 import struct
 import sys
+from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
@@ -16,20 +18,17 @@ from firmware_bridge.offboard import byte_line
 from firmware_bridge.offboard.airborne import Airborne
 from firmware_bridge.offboard.clock import Clock, SteppedClock, WallClock
 from firmware_bridge.offboard.descent import Descent
-from firmware_bridge.offboard.firmware import Firmware
+from firmware_bridge.offboard.firmware import Firmware, FirmwareState
 from firmware_bridge.offboard.ladder import POSE_STALE_S, Ladder, Seen, Stage, Wish
 from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand, Setup
 from firmware_bridge.offboard.pose_watch import PoseWatch
 from firmware_bridge.offboard.poses import Pose, Poses, UdpPoses
 from firmware_bridge.offboard.prediction import Motion, Predictor
+from firmware_bridge.offboard.sticks import Sticks
 from flight import FloatArray, LinkError
 
-CHANNELS = 8
-_DISARM_US = 1000
 _HOVER_TICKS = 5
 """Between looks at whether it hovers."""
-_LEVELLING = {1, 2, 3, 11, 27, 46}
-"""Of the firmware's modes: centred sticks are level in them, and rates are read as angles."""
 _MOST_FAILURES = 250
 """Ticks in a row that the guard itself cannot do; after them the firmware's failsafe must."""
 _PATIENCE_S = 30.0
@@ -37,10 +36,60 @@ _PATIENCE_S = 30.0
 _IDLE = PlannerCommand(-np.inf, -np.inf, 0.0, np.zeros(3), Wish.WAIT)
 
 
+class GuardSetup(Protocol):
+    """What a guard must know, whatever firmware flies."""
+
+    @property
+    def pose_host(self) -> str: ...
+    @property
+    def pose_port(self) -> int: ...
+    @property
+    def pose_delay_s(self) -> float: ...
+    @property
+    def mass_kg(self) -> float: ...
+    @property
+    def gravity_m_s2(self) -> float: ...
+    @property
+    def period_s(self) -> float: ...
+    @property
+    def clock_port(self) -> int: ...
+
+
+class InnerLoop(Protocol):
+    """Firmware at the other end of a line, which follows force and body rates."""
+
+    pilot_arms: bool
+    """Only a pilot's switch arms and disarms it."""
+
+    @property
+    def state(self) -> FirmwareState: ...
+    @property
+    def ours(self) -> bool:
+        """Whether it follows us now; a pilot can always take it."""
+        ...
+
+    @property
+    def said(self) -> str:
+        """Why it does not arm, in words."""
+        ...
+
+    def listen(self, now_s: float) -> None:
+        """Take in what has come."""
+        ...
+
+    def seen(self, now_s: float, pose: Pose) -> None:
+        """A pose that is believed, for a firmware that estimates by it."""
+        ...
+
+    def command(self, now_s: float, stage: Stage, force_n: float, rate_body_rad_s: FloatArray) -> None:
+        """Once a tick: collective force, 0 for rotors at rest, and body rates (3,)."""
+        ...
+
+
 class Guard:
     """One flight; `tick` until it returns False."""
 
-    def __init__(self, setup: Setup, firmware: Firmware, poses: Poses, planner: socket.socket) -> None:
+    def __init__(self, setup: GuardSetup, firmware: InnerLoop, poses: Poses, planner: socket.socket) -> None:
         self._setup, self._firmware, self._poses, self._planner = setup, firmware, poses, planner
         self._ladder, self._command, self._gone, self._hung = Ladder(), _IDLE, False, False
         self._predictor = Predictor(setup.mass_kg, setup.gravity_m_s2)
@@ -76,19 +125,19 @@ class Guard:
     def _tick(self, now_s: float) -> bool:
         self._hear(now_s)
         state = self._firmware.state
-        ours = self._setup.by_msp_alone or state.overriding
+        ours = self._firmware.ours
         seen = Seen(
             self._command.wish, self._gone, self._command.time_s,
             -np.inf if self._watch.lying else self._command.pose_s, state.armed, ours,
             self._descent is not None and self._descent.landed, self._airborne.lifted, bool(state.other_modes),
-            not self._setup.by_msp_alone, state.heard_s,
+            self._firmware.pilot_arms, state.heard_s,
         )  # fmt: skip
         stage = self._ladder.step(now_s, seen)
         force_n, rate = self._demand(now_s, stage)
         self._predictor.on_ground = force_n <= 0.0
         self._predictor.command(now_s, force_n, rate)
         self._airborne.commanded(self._setup.period_s, force_n, armed=state.armed and ours)
-        self._send(stage, force_n, rate)
+        self._firmware.command(now_s, stage, force_n, rate)
         self._tell(now_s, stage, seen)
         self._ticks += 1
         return stage is not Stage.ENDED
@@ -108,6 +157,7 @@ class Guard:
             if not self._watch.lying:
                 self._airborne.pose(pose, armed=state.armed)
                 self._predictor.pose(pose)
+                self._firmware.seen(now_s, pose)
         while not self._gone:
             try:
                 self._take(self._planner.recv(256))
@@ -148,8 +198,7 @@ class Guard:
         if self._descent is None:
             height_m = self._airborne.height_m(now_s, state, lying=self._watch.lying)
             self._descent = Descent(now_s, self._airborne.hover_n, height_m, self._setup.gravity_m_s2)
-        force_n, rate = self._descent.force_and_rate(now_s, state, self._motion(now_s))
-        return force_n, np.zeros(3) if _LEVELLING.intersection(state.other_modes) else rate
+        return self._descent.force_and_rate(now_s, state, self._motion(now_s))
 
     def _followed(self, now_s: float) -> tuple[float, FloatArray]:
         command = self._command
@@ -171,37 +220,30 @@ class Guard:
         motion.time_s = self._predictor.pose_time_s
         return motion
 
-    def _send(self, stage: Stage, force_n: float, rate_body_rad_s: FloatArray) -> None:
-        setup = self._setup
-        throttle = setup.thrust.throttle(force_n, self._firmware.state.battery_v) if force_n > 0.0 else 0.0
-        channels = [*setup.profile.pulses_us(rate_body_rad_s, throttle), *[_DISARM_US] * (CHANNELS - 4)]
-        if setup.by_msp_alone and stage in (Stage.FOLLOWING, Stage.DESCENDING):
-            channels[setup.arm_channel] = setup.arm_us
-        self._firmware.sticks(tuple(channels))
-        self._firmware.ask()
-
     def _tell(self, now_s: float, stage: Stage, seen: Seen) -> None:
         state = self._firmware.state
         status = GuardStatus(
             stage, self._ladder.reason, state.armed, seen.sticks_ours, now_s, state.heard_s, state.battery_v,
             state.motors, state.arming_flags, tuple(self._new_poses), next(iter(state.other_modes), 0),
-            state.battery_alert,
+            state.battery_alert, self._firmware.said,
         )  # fmt: skip
         with contextlib.suppress(OSError, struct.error):  # a full or closed socket is the planner's loss
             self._planner.send(status.pack())
 
 
-def run(setup: Setup, planner: socket.socket) -> None:
-    """Guard one flight to its end."""
+def run(setup: GuardSetup, opened: Callable[[], tuple[InnerLoop, Callable[[], None]]], planner: socket.socket) -> None:
+    """Guard one flight to its end.
+
+    Args:
+        opened: the line to the firmware: its inner loop, and what closes it.
+    """
     poses = UdpPoses(setup.pose_host, setup.pose_port, delay_s=setup.pose_delay_s)
-    line = byte_line.LastingLine(
-        byte_line.connect(setup.address), lambda: byte_line.connect(setup.address, patience_s=0.0)
-    )
+    firmware, close = opened()
     clock: Clock = WallClock()
     if setup.clock_port:
         clock = SteppedClock(setup.clock_port, introduction=struct.pack("<H", poses.address[1]))
     planner.setblocking(False)
-    guard = Guard(setup, Firmware(line), poses, planner)
+    guard = Guard(setup, firmware, poses, planner)
     due_s = now_s = clock.now_s()
     try:
         while guard.tick(now_s):
@@ -210,20 +252,32 @@ def run(setup: Setup, planner: socket.socket) -> None:
             due_s = max(due_s + setup.period_s, now_s)
             now_s = clock.sleep_until(due_s)
     finally:
-        line.close()
+        close()
         poses.close()
 
 
-def main() -> None:
-    """The process."""
+def process(setup: GuardSetup, opened: Callable[[], tuple[InnerLoop, Callable[[], None]]], planner_fd: int) -> None:
+    """`run`, as the whole of a process that no signal of the planner's terminal ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the planner, which lands
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    setup = Setup.from_json(sys.argv[1])
-    with socket.socket(fileno=int(sys.argv[2])) as planner:
+    with socket.socket(fileno=planner_fd) as planner:
         try:
-            run(setup, planner)
+            run(setup, opened, planner)
         except LinkError as error:
             sys.exit(f"guard: {error}")
+
+
+def main() -> None:
+    """Of a Betaflight."""
+    setup = Setup.from_json(sys.argv[1])
+
+    def opened() -> tuple[InnerLoop, Callable[[], None]]:
+        line = byte_line.LastingLine(
+            byte_line.connect(setup.address), lambda: byte_line.connect(setup.address, patience_s=0.0)
+        )
+        return Sticks(setup, Firmware(line)), line.close
+
+    process(setup, opened, int(sys.argv[2]))
 
 
 if __name__ == "__main__":

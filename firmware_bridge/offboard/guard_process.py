@@ -6,7 +6,7 @@ import sys
 from types import TracebackType
 from typing import Self
 
-from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand, Setup
+from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand
 from flight import LinkError
 
 _PATIENCE_S = 60.0
@@ -15,11 +15,15 @@ _PATIENCE_S = 60.0
 class GuardProcess:
     """A guard that outlives the planner."""
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, setup_json: str, *, module: str = "firmware_bridge.offboard.guard") -> None:
+        """
+        Args:
+            module: whose `main` takes the setup and guards.
+        """
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "firmware_bridge.offboard.guard", setup.to_json(), str(theirs.fileno())],
+                [sys.executable, "-m", module, setup_json, str(theirs.fileno())],
                 pass_fds=(theirs.fileno(),),
                 stdin=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,

@@ -69,7 +69,7 @@ WORDS = {
     Reason.ASKED: "the planner asked to",
     Reason.OTHER_MODE: "a mode came on in which sticks are no body rates",
     Reason.GUARD_FAULT: "the guard met an error of its own",
-    Reason.PILOT_ARMED: "the pilot armed with the override switch off, or too early: switch it on, wait, then arm",
+    Reason.PILOT_ARMED: "it was armed before it gave us the sticks, or too early: give them over, wait, then arm",
 }
 
 

@@ -18,6 +18,8 @@ _STATUS = struct.Struct("<3B?3d4dI3B")
 _POSE = struct.Struct("<8d")
 MOST_POSES = 64
 """In one status; older ones are not told."""
+_MOST_SAID = 1000
+"""Bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +99,8 @@ class GuardStatus:
     other_mode: int = 0
     """Permanent id of a mode that is on and changes what sticks mean; 0: none."""
     battery_alert: Alert = Alert.NONE
+    said: str = ""
+    """By the firmware: why it does not arm."""
 
     def pack(self) -> bytes:
         poses = self.poses[-MOST_POSES:]
@@ -104,14 +108,16 @@ class GuardStatus:
             self.stage, self.reason, self.armed, self.sticks_ours, self.time_s, self.heard_s, self.battery_v,
             *self.motors, self.arming_flags, self.other_mode, self.battery_alert, len(poses),
         )  # fmt: skip
-        return head + b"".join(_POSE.pack(p.time_s, *p.position_world_m, *p.q_world_body) for p in poses)
+        rows = b"".join(_POSE.pack(p.time_s, *p.position_world_m, *p.q_world_body) for p in poses)
+        return head + rows + self.said.encode()[:_MOST_SAID]
 
     @staticmethod
     def unpack(data: bytes) -> "GuardStatus":
         stage, reason, armed, ours, time_s, heard_s, battery_v, *more = _STATUS.unpack_from(data)
         rows = [_POSE.unpack_from(data, _STATUS.size + i * _POSE.size) for i in range(more[7])]
+        said = data[_STATUS.size + len(rows) * _POSE.size :].decode(errors="replace")
         poses = tuple(Pose(row[0], np.array(row[1:4]), np.array(row[4:])) for row in rows)
         return GuardStatus(
             Stage(stage), Reason(reason), bool(armed), ours, time_s, heard_s, battery_v, np.array(more[:4]), more[4],
-            poses, more[5], Alert(more[6]),
+            poses, more[5], Alert(more[6]), said,
         )  # fmt: skip

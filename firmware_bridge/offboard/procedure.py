@@ -2,12 +2,13 @@
 
 import contextlib
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from firmware_bridge.controller import Command, LinkLoss, State
 from firmware_bridge.offboard import ladder
-from firmware_bridge.offboard.firmware import RATE_CHANGING, Alert, reasons
+from firmware_bridge.offboard.firmware import RATE_CHANGING, Alert
 from firmware_bridge.offboard.guard_process import GuardProcess
 from firmware_bridge.offboard.ladder import POSE_STALE_S, Stage, Wish
 from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand
@@ -18,13 +19,23 @@ from flight import FlightLog, FloatArray, LinkError, Progress, Trajectory, rotat
 from flight.flight_log import from_vectors
 
 LOWEST_TAKE_OFF_M = 0.3
-READY_S, ARM_S, STEP_S, HOVER_S, HARMLESS_FLAGS = 20.0, 30.0, 60.0, 2.0, 1 << 28
+READY_S, ARM_S, STEP_S, HOVER_S = 20.0, 30.0, 60.0, 2.0
 _SILENT_S, _DISARMING_S = 0.5, 1.0
 _ON_GROUND_M = 0.3
 """Above where it stood: a controller that gives up higher than this leaves the vehicle in the air."""
 _LOG_EVERY = 2
 _DOWN = (State.DISARMED, State.FAULT)
 _ENDED = (Stage.DOWN, Stage.ENDED)
+
+
+@dataclass(frozen=True, slots=True)
+class Hints:
+    """What helps where the firmware does not answer, or does not follow."""
+
+    silent: str = "is its baud rate right, and MSP on in its Ports tab?"
+    not_ours: str = "the pilot's override switch is off"
+    arm: str = ""
+    """What the pilot is told when it may be armed."""
 
 
 class Flight:
@@ -39,11 +50,14 @@ class Flight:
         progress: Progress = silent,
         cancel: Callable[[], bool] = lambda: False,
         motor_of_rotor: tuple[int, ...] = (0, 1, 2, 3),
+        hints: Hints | None = None,
     ) -> None:
         """
         Args:
             motor_of_rotor: the firmware's motor, from 0, that turns each rotor of the log.
+            hints: None: Betaflight's.
         """
+        self._hints = hints or Hints()
         self._guard, self._trajectory, self._progress, self._cancel = guard, trajectory, progress, cancel
         self._motor_of_rotor = list(motor_of_rotor)
         self._inbox: list[Pose] = []
@@ -75,6 +89,8 @@ class Flight:
         self._stood_m = float(motion.position_world_m[2])
         controller.command(Command.ARM)
         self._wish = Wish.FLY
+        if self._hints.arm:
+            self._progress(self._hints.arm, 0.0)
         armed = "the firmware does not arm"
         self._until(lambda: self._heard().armed and self._heard().sticks_ours, ARM_S, armed, watch=self._arms)
         self._not_cancelled(armed)
@@ -122,7 +138,7 @@ class Flight:
 
     def _ready(self) -> bool:
         status = self._heard()
-        flags = status.arming_flags & ~HARMLESS_FLAGS
+        flags = status.arming_flags
         at_rest = not flags and not status.armed and not status.other_mode and not status.battery_alert
         heard = status.time_s - status.heard_s < _SILENT_S and self._pose_is_fresh(status)
         return at_rest and heard and self.tracker.ready and self._ticks > 250
@@ -188,9 +204,9 @@ class Flight:
 
     def _why_not(self, status: GuardStatus) -> str:
         if status.time_s - status.heard_s > _SILENT_S:
-            return "the firmware does not answer; is its baud rate right, and MSP on in its Ports tab?"
+            return f"the firmware does not answer; {self._hints.silent}"
         if self.tracker.motion is None:
-            return "no pose has come; is the tracking system sending TUM lines to the address of --poses?"
+            return "no pose has come; is the tracking system sending TUM lines to the address of --pose-stream?"
         if not self._pose_is_fresh(status):
             return f"the last pose is older than {POSE_STALE_S} s, or its clock is not ours"
         if not self.tracker.ready:
@@ -201,10 +217,10 @@ class Flight:
             return f"mode {RATE_CHANGING[status.other_mode]} is on, in which sticks are no body rates; switch it off"
         if status.battery_alert and self._wish is Wish.WAIT:
             return f"the battery is low to the firmware, at {status.battery_v:.1f} V; charge or change it"
-        if words := reasons(status.arming_flags & ~HARMLESS_FLAGS):
-            return f"the firmware says: {', '.join(words)}"
+        if status.said:
+            return f"the firmware says: {status.said}"
         if not status.sticks_ours:
-            return "the pilot's override switch is off"
+            return self._hints.not_ours
         return f"the vehicle is {self.tracker.state.name.lower()}, the guard {status.stage.name.lower()}"
 
     def _tick(self) -> None:

@@ -18,8 +18,13 @@ SUMMARY = "Fly the uploaded trajectory and record a flight log."
 @click.command()
 @click.argument("plan", metavar="[TRAJECTORY]", type=click.Path(path_type=Path), required=False)
 @click.option(
-    "--on", "address", metavar="ADDRESS", help="Flight controller of other firmware, e.g. betaflight:tcp://HOST:PORT."
+    "--on",
+    "address",
+    metavar="ADDRESS",
+    help="Flight controller of other firmware: betaflight:tcp://HOST:PORT; mavlink:udp://HOST:PORT and "
+    "crazyflie:udp://HOST:PORT, which have flown simulated ones only: not PX4, not ArduPilot, no Crazyflie.",
 )
+@click.option("--arming", "arms", is_flag=True, help="With mavlink: and crazyflie: arm it; else the pilot does.")
 @click.option("--rehearse", is_flag=True, help="Fly it on Betaflight's real firmware in a simulated body.")
 @click.option(
     "--pose-stream",
@@ -39,6 +44,7 @@ SUMMARY = "Fly the uploaded trajectory and record a flight log."
 def command(
     plan: Path | None,
     address: str | None,
+    arms: bool,
     rehearse: bool,
     pose_stream: str,
     vehicle_file: Path | None,
@@ -56,6 +62,7 @@ def command(
     goshawk fly --out flights/walk.parquet
     goshawk fly walk.json --rehearse --vehicle vehicle.toml --out rehearsed.parquet
     goshawk fly walk.json --on betaflight:tcp://127.0.0.1:5761 --vehicle vehicle.toml --out walk.parquet
+    goshawk fly walk.json --on mavlink:udpin://127.0.0.1:14540 --arming --vehicle vehicle.toml --out walk.parquet
     goshawk fly --trajectory walk.json --out flights/walk.parquet
 
     Refused on the ground: a start too far away, a tilted or moving vehicle, a low battery, no estimate, the geofence.
@@ -70,7 +77,7 @@ def command(
             click.echo(f"note: wrote the log as far as it goes to {out}", err=True)
 
     if address is not None or rehearse:
-        _fly_off_board(plan, address, rehearse, pose_stream, vehicle_file, out, write, as_json)
+        _fly_off_board(plan, address, arms, rehearse, pose_stream, vehicle_file, out, write, as_json)
         return
     if plan is not None:
         raise InputError(f"{plan}: with --on or --rehearse it is flown; of a vehicle of ours say --trajectory {plan}")
@@ -94,6 +101,7 @@ def command(
 def _fly_off_board(
     plan: Path | None,
     address: str | None,
+    arms: bool,
     rehearse: bool,
     pose_stream: str,
     vehicle_file: Path | None,
@@ -101,10 +109,14 @@ def _fly_off_board(
     write: Callable[[FlightLog], None],
     as_json: bool,
 ) -> None:
-    from goshawk.commands.fly import offboard
+    from goshawk.commands.fly import autopilot, crazyflie, offboard
 
     if address is not None and rehearse:
         raise InputError("--rehearse flies in a simulated body, --on the flight controller there; give one of them")
+    mavlink = address is not None and address.startswith(autopilot.line.PREFIX)
+    flies_itself = address is not None and address.startswith(crazyflie.PREFIX)
+    if arms and not (mavlink or flies_itself):
+        raise InputError("--arming is for mavlink: and crazyflie: addresses; Betaflight is armed by its own switch")
     if plan is None:
         raise InputError("name the trajectory file to fly: goshawk fly walk.json --rehearse --vehicle vehicle.toml")
     item, model = trajectory.load(plan), offboard.model_of(vehicle_file)
@@ -116,12 +128,18 @@ def _fly_off_board(
             touch_down = {"touch_down_m_s": down_m_s}
         else:
             assert address is not None
-            where = offboard.Where(address, *offboard.pose_address(pose_stream))
-            log, early = offboard.fly(model, item, where, progress=report, cancel=cancel)
+            if flies_itself:
+                log, early = crazyflie.fly(model, item, address, arms=arms, progress=report, cancel=cancel)
+            elif mavlink:
+                where = offboard.Where(address, *offboard.pose_address(pose_stream))
+                log, early = autopilot.fly(model, item, where, arms=arms, progress=report, cancel=cancel)
+            else:
+                where = offboard.Where(address, *offboard.pose_address(pose_stream))
+                log, early = offboard.fly(model, item, where, progress=report, cancel=cancel)
     write(log)
     facts = {"written": str(out), "rows": len(log), "planned_s": item.trajectory.duration_s, **tracking(log)}
-    note = log.metadata.get("battery", "")
-    console.show("flight", facts | touch_down | ({"battery": note} if note else {}), as_json=as_json)
+    notes = {name: log.metadata[name] for name in ("battery", "failsafe") if name in log.metadata}
+    console.show("flight", facts | touch_down | notes, as_json=as_json)
     if early:
         click.echo(f"goshawk: ended early: {early}", err=True)
         raise click.exceptions.Exit(1)

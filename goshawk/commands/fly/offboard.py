@@ -112,8 +112,16 @@ def failsafe_us(model: Vehicle, profile: RateProfile, thrust: ThrustMap) -> tupl
     return float(least), float(most)
 
 
-def require_followable(model: Vehicle, trajectory: Trajectory, profile: RateProfile, thrust: ThrustMap) -> None:
+def require_followable(
+    model: Vehicle, trajectory: Trajectory, largest_rad_s: tuple[float, float, float], force_n: tuple[float, float], *,
+    remedy: Callable[[int, float], str] = lambda axis, deg_s: f"set {checks.AXES[axis]}_srate = {deg_s / 10.0:.0f}",
+) -> None:  # fmt: skip
     """
+    Args:
+        largest_rad_s: body rates that the firmware is set up for.
+        force_n: the rotors' least and most.
+        remedy: what lets it turn at a rate about an axis, in deg/s.
+
     Raises:
         InputError: the plan asks for more than the firmware's rates or the rotors give; figure and instant.
     """
@@ -121,21 +129,22 @@ def require_followable(model: Vehicle, trajectory: Trajectory, profile: RateProf
     flat = vehicle.flatness.state(model, trajectory, times)
     for axis, name in enumerate(checks.AXES):
         rate = np.abs(flat.rate_body_rad_s[:, axis])
-        worst, bound = int(np.nanargmax(rate)), RATE_SHARE * profile.largest_rad_s[axis]
+        worst, bound = int(np.nanargmax(rate)), RATE_SHARE * largest_rad_s[axis]
         if rate[worst] > bound:
             deg_s = np.rad2deg(rate[worst])
             raise InputError(
                 f"the plan turns at {deg_s:.0f} deg/s about {name} at {times[worst]:.1f} s, the firmware's rates allow "
-                f"{np.rad2deg(bound):.0f} ({RATE_SHARE:.0%} of full stick); set {name}_srate = "
-                f"{np.ceil(deg_s / RATE_SHARE / 10.0):.0f}, or plan more slowly"
+                f"{np.rad2deg(bound):.0f} ({RATE_SHARE:.0%} of the largest); "
+                f"{remedy(axis, 10.0 * np.ceil(deg_s / RATE_SHARE / 10.0))}, or plan more slowly"
             )
-    worst, most_n = int(np.nanargmax(flat.thrust_n)), FORCE_SHARE * thrust.force_n(1.0)
+    least_n, largest_n = force_n
+    worst, most_n = int(np.nanargmax(flat.thrust_n)), FORCE_SHARE * largest_n
     if flat.thrust_n[worst] > most_n:
         raise InputError(
             f"the plan takes {flat.thrust_n[worst]:.1f} N at {times[worst]:.1f} s, the rotors give {most_n:.1f} N "
             f"({FORCE_SHARE:.0%} of full throttle); plan more slowly"
         )
-    least, least_n = int(np.nanargmin(flat.thrust_n)), thrust.force_n(0.0)
+    least = int(np.nanargmin(flat.thrust_n))
     if not flat.thrust_n[least] > least_n:
         raise InputError(
             f"the plan takes {flat.thrust_n[least]:.2f} N at {times[least]:.1f} s, less than the {least_n:.2f} N of "
@@ -168,7 +177,7 @@ def fly(
     profile, thrust = RateProfile.of_settings(found.values), thrust_map(model, idle=idle)
     sinks_us = failsafe_us(model, profile, thrust)
     required((checks.simulator(found), *checks.checks(found, failsafe_us=sinks_us)))
-    require_followable(model, item.trajectory, profile, thrust)
+    require_followable(model, item.trajectory, profile.largest_rad_s, (thrust.force_n(0.0), thrust.force_n(1.0)))
     configuration = controller.parameters_of(model)
     arm = checks.arm_mode(found)
     assert arm is not None
@@ -178,7 +187,7 @@ def fly(
         model.gravity_m_s2, checks.by_msp_alone(found), arm.channel, (arm.from_us + arm.to_us) // 2,
         clock_port=where.clock_port,
     )  # fmt: skip
-    with GuardProcess(setup) as guard:
+    with GuardProcess(setup.to_json()) as guard:
         flight = Flight(
             guard, lambda poses: Tracker(configuration, poses), item.trajectory, progress=progress, cancel=cancel,
             motor_of_rotor=tuple(int(i) for i in np.argsort(rotor_of_motor(model))),

@@ -10,6 +10,7 @@ from pymavlink.generator import mavparse
 
 from firmware_bridge import _controller
 from firmware_bridge.dialect import generate
+from firmware_bridge.dialect.generated import autopilot_messages
 from firmware_bridge.dialect.generated import messages as m
 
 REASONS_OF_THE_LINK = range(70, 100)
@@ -19,6 +20,8 @@ def test_committed_files_are_what_the_generator_writes():
     definitions, enums = generate.read(generate.HERE / "goshawk.xml")
     assert generate.HEADER.read_text() == generate.header(definitions, enums)
     assert generate.PYTHON.read_text() == generate.python(definitions, enums)
+    more = generate.read(generate.HERE / "autopilot.xml")
+    assert generate.AUTOPILOT.read_text() == generate.python(*more, source="autopilot.xml")
 
 
 def _parsed(name: str) -> mavparse.MAVXML:
@@ -37,11 +40,12 @@ def test_layout_and_crc_extra_agree_with_pymavlinks_generator(name: str):
 
 
 def test_standard_messages_are_the_public_ones():
-    known = [x for x in _parsed("standard.xml").message if x.id in public_messages.mavlink_map]
+    parsed = [*_parsed("standard.xml").message, *_parsed("autopilot.xml").message]
+    known = [x for x in parsed if x.id in public_messages.mavlink_map]
     assert len(known) >= 12  # ESC_STATUS is newer than some copies
     for message in known:
         public = public_messages.mavlink_map[message.id]
-        ours = m.BY_ID[message.id]
+        ours = {**m.BY_ID, **autopilot_messages.BY_ID}[message.id]
         assert (public.msgname, public.crc_extra) == (message.name, ours.CRC_EXTRA)
         named = public.ordered_fieldnames  # older copies lack the newest extensions
         assert named == list(ours.__slots__)[: len(named)]

@@ -14,6 +14,7 @@ from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand, Setup
 from firmware_bridge.offboard.msp import ANSWER, Decoder, Frame, encode
 from firmware_bridge.offboard.poses import Pose
 from firmware_bridge.offboard.rate_profile import RateProfile
+from firmware_bridge.offboard.sticks import Sticks
 from firmware_bridge.offboard.thrust_map import ThrustMap
 
 MASS_KG, G, PERIOD_S = 0.7, 9.81, 0.004
@@ -69,7 +70,7 @@ class Scene:
         theirs.setblocking(False)
         self.planner.setblocking(False)
         self.poses: list[Pose] = []
-        self.guard = Guard(setup, Firmware(self.line), self._taken, theirs)
+        self.guard = Guard(setup, Sticks(setup, Firmware(self.line)), self._taken, theirs)
         self.wish, self.force_n, self.height_m, self.shakes, self.answers = Wish.WAIT, 0.0, 0.0, True, True
         self.status: GuardStatus | None = None
         self.rng = np.random.default_rng(0)

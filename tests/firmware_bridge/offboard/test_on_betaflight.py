@@ -151,17 +151,14 @@ def test_a_firmware_that_always_stalls_ends_the_rehearsal_with_that_word(monkeyp
 
 
 def test_a_plan_that_the_profile_cannot_follow_is_refused_with_the_figure():
-    from firmware_bridge.offboard.rate_profile import RateProfile
-
     fast = curves.circle(speed_m_s=4.0, radius_m=0.8)
-    thrust = offboard.thrust_map(MODEL)
-    plenty = RateProfile((17.0, 17.0, 17.0))
-    offboard.require_followable(MODEL, fast, plenty, thrust)
+    thrust, plenty = offboard.thrust_map(MODEL), (17.0, 17.0, 17.0)
+    least_n, most_n = thrust.force_n(0.0), thrust.force_n(1.0)
+    offboard.require_followable(MODEL, fast, plenty, (least_n, most_n))
     with pytest.raises(InputError, match=r"deg/s about (roll|pitch) at .* set (roll|pitch)_srate"):
-        offboard.require_followable(MODEL, fast, RateProfile((0.5, 0.5, 17.0)), thrust)
-    weak = offboard.ThrustMap(tuple(0.3 * c for c in thrust.coefficients_n))
+        offboard.require_followable(MODEL, fast, (0.5, 0.5, 17.0), (least_n, most_n))
     with pytest.raises(InputError, match="the rotors give"):
-        offboard.require_followable(MODEL, fast, plenty, weak)
+        offboard.require_followable(MODEL, fast, plenty, (least_n, 0.3 * most_n))
 
 
 def test_the_thrust_map_is_that_of_the_vehicle_at_hover():

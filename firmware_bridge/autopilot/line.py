@@ -1,0 +1,120 @@
+"""MAVLink to an autopilot by UDP, on this machine."""
+
+import ipaddress
+import select
+import socket
+from dataclasses import dataclass
+from urllib.parse import parse_qs, urlsplit
+
+from firmware_bridge.dialect.generated import autopilot_messages, messages
+from firmware_bridge.dialect.message import Message
+from firmware_bridge.mavlink import Codec, Received
+from flight import InputError, LinkError
+
+PREFIX = "mavlink:"
+OWN_SYSTEM, OWN_COMPONENT = 255, 191
+"""A ground station's id, which ArduPilot's failsafe watches, and an onboard computer's."""
+_KINDS = {**messages.BY_ID, **autopilot_messages.BY_ID}
+_FORM = "mavlink:udp://127.0.0.1:PORT, or mavlink:udpin://127.0.0.1:PORT to wait there for its first message"
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Where the autopilot is."""
+
+    host: str
+    port: int
+    waits: bool
+    """Its messages come to this port; we answer where they come from."""
+    origin: tuple[float, float, float] | None = None
+    """Latitude and longitude in degrees, metres above the sea: of the local frame, for an estimator without GPS."""
+    vision: bool = False
+    """Pass poses on to its estimator."""
+
+
+def parsed(text: str) -> Address:
+    """Of `mavlink:udp://HOST:PORT?origin=LAT,LON,ALT&vision=on`.
+
+    Raises:
+        InputError: it is none, or not on this machine.
+    """
+    parts = urlsplit(text.removeprefix(PREFIX))
+    try:
+        query = {name: values[-1] for name, values in parse_qs(parts.query, strict_parsing=bool(parts.query)).items()}
+        unknown = set(query) - {"origin", "vision"}
+        if parts.scheme not in ("udp", "udpin") or not parts.hostname or not parts.port or unknown:
+            raise ValueError
+        origin = tuple(float(word) for word in query["origin"].split(",")) if "origin" in query else None
+        if origin is not None and not (len(origin) == 3 and abs(origin[0]) <= 90.0 and abs(origin[1]) <= 180.0):
+            raise ValueError
+        vision = {"on": True, "off": False, None: False}[query.get("vision")]
+    except (ValueError, KeyError):
+        raise InputError(f"{text!r} is no autopilot's address; give {_FORM}") from None
+    _require_this_machine(text, parts.hostname)
+    return Address(parts.hostname, parts.port, parts.scheme == "udpin", origin, vision)  # pyright: ignore[reportArgumentType]
+
+
+def _require_this_machine(text: str, host: str) -> None:
+    try:
+        here = host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        here = False
+    if not here:
+        raise InputError(
+            "the MAVLink bridge has flown neither PX4 nor ArduPilot, only a simulated autopilot; "
+            f"{text!r} is not this machine: give {_FORM}"
+        )
+
+
+class MavlinkLine:
+    """Messages out and in; what is damaged or of another dialect is not looked at."""
+
+    def __init__(self, address: Address, *, own_system: int = OWN_SYSTEM) -> None:
+        """
+        Raises:
+            InputError: the port cannot be listened at.
+        """
+        self._codec = Codec(own_system, OWN_COMPONENT, None, kinds=_KINDS)
+        self._socket = socket.socket(type=socket.SOCK_DGRAM)
+        self._to = None if address.waits else (address.host, address.port)
+        if address.waits:
+            try:
+                self._socket.bind((address.host, address.port))
+            except OSError as error:
+                raise InputError(f"MAVLink cannot be listened for at port {address.port}: {error}") from error
+        self._socket.setblocking(False)
+
+    def send(self, message: Message) -> None:
+        """What a full buffer or nobody takes is lost, as on every radio.
+
+        Raises:
+            LinkError: the line is gone.
+        """
+        if self._to is None:
+            return
+        try:
+            self._socket.sendto(self._codec.encode(message), self._to)
+        except (BlockingIOError, ConnectionRefusedError):
+            return
+        except OSError as error:
+            raise LinkError(f"the line to the autopilot broke: {error}") from error
+
+    def receive(self, wait_s: float = 0.0) -> list[Received]:
+        """What has come; nothing after `wait_s` is empty."""
+        found: list[Received] = []
+        if wait_s > 0.0 and not select.select([self._socket], [], [], wait_s)[0]:
+            return found
+        while True:
+            try:
+                data, sender = self._socket.recvfrom(65536)
+            except (BlockingIOError, ConnectionRefusedError):
+                return found
+            except OSError as error:
+                raise LinkError(f"the line to the autopilot broke: {error}") from error
+            heard = self._codec.decode(data)
+            if heard:
+                self._to = sender
+            found += heard
+
+    def close(self) -> None:
+        self._socket.close()

@@ -1,0 +1,132 @@
+"""CRTP packets to a Crazyflie, one a datagram, on this machine.
+
+That is the form of `udp://` in Bitcraze's library and simulators: a header of port and channel, then up to 30 bytes.
+"""
+
+import ipaddress
+import select
+import socket
+import time
+from dataclasses import dataclass
+from typing import Protocol
+from urllib.parse import urlsplit
+
+from flight import InputError, LinkError
+
+PREFIX = "crazyflie:"
+MOST_BYTES = 30
+_HELLO = bytes([0xFF])
+"""The null packet: it tells the other side where we are."""
+_FORM = "crazyflie:udp://127.0.0.1:19850"
+
+
+@dataclass(frozen=True, slots=True)
+class Packet:
+    """One."""
+
+    port: int
+    channel: int
+    data: bytes = b""
+
+    def pack(self) -> bytes:
+        """
+        Raises:
+            ValueError: it is too long, an error of the caller's.
+        """
+        if len(self.data) > MOST_BYTES:
+            raise ValueError(f"{len(self.data)} bytes in a packet of at most {MOST_BYTES}")
+        return bytes([self.port << 4 | 0x0C | self.channel]) + self.data
+
+    @staticmethod
+    def unpack(raw: bytes) -> "Packet | None":
+        """None for the null packet and what is none."""
+        if not 1 <= len(raw) <= 1 + MOST_BYTES or raw[0] & 0xF3 == 0xF3:
+            return None
+        return Packet(raw[0] >> 4, raw[0] & 3, raw[1:])
+
+
+class Transport(Protocol):
+    """What carries packets, and the time by which they come."""
+
+    def send(self, packet: Packet) -> None: ...
+    def receive(self, wait_s: float) -> list[Packet]:
+        """What has come; nothing after `wait_s` is empty."""
+        ...
+
+    def now_s(self) -> float: ...
+    def close(self) -> None: ...
+
+
+def endpoint(address: str) -> tuple[str, int]:
+    """Of `crazyflie:udp://HOST:PORT`.
+
+    Raises:
+        InputError: it is none, or not on this machine.
+    """
+    parts = urlsplit(address.removeprefix(PREFIX))
+    if parts.scheme == "radio":
+        raise InputError(
+            f"{address!r}: the radio is not driven here, as the Crazyflie bridge has flown only a simulated one; "
+            f"give {_FORM}, of a simulator"
+        )
+    try:
+        if parts.scheme != "udp" or not parts.hostname or not parts.port:
+            raise ValueError
+    except ValueError:
+        raise InputError(f"{address!r} is no Crazyflie's address; give {_FORM}") from None
+    try:
+        here = parts.hostname == "localhost" or ipaddress.ip_address(parts.hostname).is_loopback
+    except ValueError:
+        here = False
+    if not here:
+        raise InputError(
+            f"the Crazyflie bridge has flown only a simulated one, and {address!r} is not this machine: give {_FORM}"
+        )
+    return parts.hostname, parts.port
+
+
+class UdpTransport:
+    """Packets as datagrams."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._socket = socket.socket(type=socket.SOCK_DGRAM)
+        self._socket.connect((host, port))
+        self._socket.setblocking(False)
+        self._write(_HELLO)
+
+    def send(self, packet: Packet) -> None:
+        """What nobody takes is lost; a request is sent again.
+
+        Raises:
+            LinkError: the line is gone.
+        """
+        self._write(packet.pack())
+
+    def _write(self, data: bytes) -> None:
+        try:
+            self._socket.send(data)
+        except (BlockingIOError, ConnectionRefusedError):
+            return
+        except OSError as error:
+            raise LinkError(f"the line to the Crazyflie broke: {error}") from error
+
+    def receive(self, wait_s: float) -> list[Packet]:
+        select.select([self._socket], [], [], max(wait_s, 0.0))
+        found: list[Packet] = []
+        while True:
+            try:
+                packet = Packet.unpack(self._socket.recv(64))
+            except ConnectionRefusedError:
+                continue
+            except BlockingIOError:
+                return found
+            except OSError as error:
+                raise LinkError(f"the line to the Crazyflie broke: {error}") from error
+            if packet is not None:
+                found.append(packet)
+
+    def now_s(self) -> float:
+        return time.monotonic()
+
+    def close(self) -> None:
+        self._socket.close()

@@ -1,0 +1,129 @@
+"""A Crazyflie's flight in a process of its own: if the one that asked for it dies, it lands.
+
+The Crazyflie itself flies on without its ground station, so something must outlive whoever waits for the flight.
+"""
+
+import contextlib
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+
+from firmware_bridge.crazyflie.client import Client
+from firmware_bridge.crazyflie.crtp import UdpTransport, endpoint
+from firmware_bridge.crazyflie.flight import Flight
+from flight import FlightError, FlightLog, LinkError, Progress, Trajectory
+
+_POLL_S = 0.1
+_CANCEL, _STOP = "cancel", "stop"
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What is to be flown."""
+
+    address: str
+    plan: Trajectory
+    arms: bool
+    motor_of_rotor: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """How it ended."""
+
+    log: FlightLog
+    ended_early: str
+
+
+class _Asked:
+    """What the other process wants; a dead one wants it to land."""
+
+    def __init__(self, line: Connection) -> None:
+        self._line, self._heard = line, set[str]()
+
+    def _hear(self) -> set[str]:
+        try:
+            while self._line.poll():
+                self._heard.add(self._line.recv())
+        except (EOFError, OSError):
+            self._heard.add(_CANCEL)
+        return self._heard
+
+    def cancel(self) -> bool:
+        return _CANCEL in self._hear()
+
+    def stop(self) -> bool:
+        return _STOP in self._hear()
+
+
+def fly(order: Order, *, progress: Progress, cancel: Callable[[], bool]) -> tuple[FlightLog, str]:
+    """Fly in a process of its own. A second Ctrl-C is an emergency stop.
+
+    Returns:
+        The log, and why the flight ended early: empty if it did not.
+
+    Raises:
+        InputError: the address is none.
+        LinkError: it never left the ground.
+    """
+    endpoint(order.address)
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_main, args=(order, theirs), name="crazyflie")
+    process.start()
+    theirs.close()
+    try:
+        return _until_flown(ours, progress, cancel)
+    finally:
+        ours.close()
+        process.join()
+
+
+def _until_flown(line: Connection, progress: Progress, cancel: Callable[[], bool]) -> tuple[FlightLog, str]:
+    cancelled = False
+    while True:
+        try:
+            if cancel() and not cancelled:
+                cancelled = True
+                line.send(_CANCEL)
+            if not line.poll(_POLL_S):
+                continue
+            said = line.recv()
+        except KeyboardInterrupt:
+            line.send(_STOP)
+            continue
+        except (EOFError, OSError) as error:
+            raise LinkError("the process that flew the Crazyflie ended") from error
+        if isinstance(said, Flown):
+            return said.log, said.ended_early
+        if isinstance(said, FlightError):
+            raise said
+        progress(*said)
+
+
+def _main(order: Order, line: Connection) -> None:
+    """The process, which no signal of the other's terminal ends."""
+    with contextlib.suppress(OSError):
+        os.setsid()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+
+    def tell(what: object) -> None:
+        with contextlib.suppress(OSError):  # nobody waits any more
+            line.send(what)
+
+    asked, transport = _Asked(line), UdpTransport(*endpoint(order.address))
+    flight = Flight(
+        Client(transport), order.plan, arms=order.arms, progress=lambda stage, fraction: tell((stage, fraction)),
+        cancel=asked.cancel, stop=asked.stop, motor_of_rotor=order.motor_of_rotor,
+    )  # fmt: skip
+    try:
+        log = flight.fly()
+        tell(Flown(log, flight.ended_early))
+    except FlightError as error:
+        tell(error)
+    finally:
+        transport.close()

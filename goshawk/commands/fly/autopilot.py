@@ -1,0 +1,85 @@
+"""A plan on PX4 or ArduPilot: the parameters read back, the checks, and the flight."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from firmware_bridge import controller
+from firmware_bridge.arming import required
+from firmware_bridge.autopilot import checks, line, settings, thrust
+from firmware_bridge.autopilot.flavour import PX4
+from firmware_bridge.autopilot.setup import AutopilotSetup
+from firmware_bridge.offboard.guard_process import GuardProcess
+from firmware_bridge.offboard.procedure import Flight, Hints
+from firmware_bridge.offboard.tracker import Tracker
+from flight import FlightLog, Progress, TrajectoryFile
+from goshawk.commands.fly import offboard
+from vehicle import Vehicle
+
+GUARD = "firmware_bridge.autopilot.guard"
+
+
+def fly(
+    model: Vehicle, item: TrajectoryFile, where: offboard.Where, *, arms: bool, progress: Progress,
+    cancel: Callable[[], bool],
+) -> tuple[FlightLog, str]:  # fmt: skip
+    """Read the parameters back, check them and the plan, and fly it.
+
+    Args:
+        arms: ask for the mode and to arm; else the pilot does both.
+
+    Returns:
+        The log, and why the flight ended early: empty if it did not.
+
+    Raises:
+        InputError: the plan cannot be followed.
+        LinkError: a parameter is wrong, nothing answers, or it does not arm.
+    """
+    address = line.parsed(where.address)
+    opened = line.MavlinkLine(address)
+    try:
+        found = settings.read(opened, address)
+    finally:
+        opened.close()
+    by_file = thrust.of(found.flavour, found.parameters, offboard.thrust_map(model))
+    weight_n = model.mass_kg * model.gravity_m_s2
+    required(checks.checks(found, weight_n=weight_n, thrust=by_file))
+    anchored = by_file.through(found.parameters[found.flavour.hover], weight_n)
+    rates = checks.largest_rad_s(found)
+    offboard.require_followable(
+        model, item.trajectory, rates, (anchored.force_n(0.0), anchored.force_n(1.0)),
+        remedy=lambda axis, deg_s: f"set {found.flavour.rates[axis]} to {deg_s:.0f}",
+    )  # fmt: skip
+    progress(checks.when_we_die(found), 0.0)
+    setup = AutopilotSetup(
+        where.address, found.system, checks.own_system(found), found.flavour.custom_mode,
+        found.flavour.custom_mode >> (16 if found.flavour is PX4 else 0), arms, anchored, model.mass_kg,
+        model.gravity_m_s2, where.pose_host, where.pose_port, where.pose_delay_s, clock_port=where.clock_port,
+    )  # fmt: skip
+    configuration = controller.parameters_of(model)
+    with GuardProcess(setup.to_json(), module=GUARD) as guard:
+        flight = Flight(
+            guard, lambda poses: Tracker(configuration, poses), item.trajectory, progress=progress, cancel=cancel,
+            motor_of_rotor=_in_order(model), hints=_hints(found, arms=arms),
+        )  # fmt: skip
+        log = flight.fly()
+    told = {"firmware": found.firmware, "failsafe": checks.when_we_die(found)}
+    return replace(log, metadata={**log.metadata, **told}), flight.ended_early
+
+
+def _hints(found: settings.Settings, *, arms: bool) -> Hints:
+    mode = found.flavour.mode
+    return Hints(
+        silent="does it send MAVLink 2 to that port, and attitudes when asked for them?",
+        not_ours=f"it is not in mode {mode}; switch to it, then arm",
+        arm="" if arms else f"switch to {mode}, then arm",
+    )
+
+
+def _in_order(model: Vehicle) -> tuple[int, ...]:
+    """Both number motors as Quad X: front right, rear left, front left, rear right."""
+    places = [tuple(math.copysign(1.0, v) for v in hub[:2]) for hub in np.asarray(model.hub_body_m)]
+    quad_x = ((1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0))
+    return tuple(quad_x.index((x, y)) for x, y in places) if sorted(places) == sorted(quad_x) else (0, 1, 2, 3)

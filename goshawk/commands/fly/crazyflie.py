@@ -1,0 +1,46 @@
+"""A plan on a Crazyflie: as polynomials that its memory holds, read back, and flown by its own commander."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from firmware_bridge.crazyflie import crtp, flight, pieces, process
+from flight import FlightLog, Progress, TrajectoryFile
+from goshawk.commands.plan import poly4d
+from vehicle import Vehicle
+
+PREFIX = crtp.PREFIX
+_PLACES = ((1, -1), (-1, -1), (-1, 1), (1, 1))
+"""Signs of x and y of motors 1 to 4: front right, rear right, rear left, front left."""
+
+
+def fly(
+    model: Vehicle, item: TrajectoryFile, address: str, *, arms: bool, progress: Progress, cancel: Callable[[], bool]
+) -> tuple[FlightLog, str]:
+    """Refit the plan, upload it, and fly it.
+
+    Args:
+        arms: ask it to arm, where it does not by itself.
+
+    Returns:
+        The log, and why the flight ended early: empty if it did not.
+
+    Raises:
+        InputError: the plan does not fit into its memory, near enough.
+        LinkError: a check failed, nothing answers, or it does not arm.
+    """
+    crtp.endpoint(address)
+    refitted = poly4d.refit(item.trajectory).trajectory
+    held = poly4d.compared(item.trajectory, pieces.unpacked(pieces.packed(refitted)))
+    poly4d.require_near(held)
+    progress(flight.ALONE, 0.0)
+    order = process.Order(address, refitted, arms, _motor_of_rotor(model))
+    log, early = process.fly(order, progress=progress, cancel=cancel)
+    told = {"failsafe": flight.ALONE, "pieces": str(len(refitted.durations_s)), "refit_m": f"{held.largest_m:.4f}"}
+    return replace(log, metadata={**log.metadata, **told}), early
+
+
+def _motor_of_rotor(model: Vehicle) -> tuple[int, ...]:
+    quarters = [(int(np.sign(x)), int(np.sign(y))) for x, y, _ in model.hub_body_m]
+    return tuple(map(_PLACES.index, quarters)) if sorted(quarters) == sorted(_PLACES) else (0, 1, 2, 3)

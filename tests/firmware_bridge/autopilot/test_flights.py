@@ -1,0 +1,251 @@
+"""Flights on a simulated autopilot: the plan, and what is lost, refused, or taken over. Not PX4, not ArduPilot."""
+
+import os
+import signal
+
+import numpy as np
+import pytest
+
+from firmware_bridge.airborne import tracking
+from firmware_bridge.autopilot import settings
+from firmware_bridge.autopilot.line import MavlinkLine, parsed
+from flight import LinkError
+from goshawk.commands.fly import autopilot
+from tests.firmware_bridge.autopilot import flights
+from tests.firmware_bridge.autopilot.simulated_autopilot import (
+    LAND,
+    LOITER,
+    PX4_LAND,
+    PX4_OFFBOARD,
+    PX4_POSITION,
+    SimulatedAutopilot,
+)
+from tests.firmware_bridge.offboard import curves
+from tests.firmware_bridge.offboard.page import unchecked
+
+HOVER = curves.hover(seconds=2.0)
+SOFTLY_M_S = 1.2
+
+
+def at(time_s: float, act):
+    """`each_step` that acts once, so many seconds after the vehicle is above 0.8 m."""
+    begun: list[float] = []
+
+    def step(simulation: SimulatedAutopilot) -> None:
+        if not begun and simulation.plant.position_world_m[2] > 0.8:
+            begun.append(simulation.time_s)
+        if len(begun) == 1 and simulation.time_s - begun[0] >= time_s:
+            begun.append(simulation.time_s)
+            act(simulation)
+
+    return step
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["px4", "ardupilot"])
+def test_a_circle_is_flown_and_landed(kind):
+    simulation = flights.simulated(curves.circle(), kind)
+    flown = flights.fly(curves.circle(), simulation)
+    assert not flown.error
+    assert not flown.early
+    assert flown.log is not None
+    assert tracking(flown.log)["tracking_mean_m"] < 0.03
+    assert simulation.fastest_down_m_s < SOFTLY_M_S
+    assert not simulation.armed
+    assert not simulation.disarmed_high
+
+
+def test_the_failsafe_is_said_before_it_is_armed_and_kept_in_the_log():
+    simulation, said = flights.simulated(HOVER), []
+    flown = flights.fly(HOVER, simulation, progress=lambda stage, _: said.append((stage, simulation.armed)))
+    assert not flown.early
+    assert said[0] == ("without us PX4 holds the last rates for 0.5 s, then: lands where it is", False)
+    assert flown.log is not None
+    assert flown.log.metadata["failsafe"] == said[0][0]
+    assert flown.log.metadata["firmware"] == "PX4 1.15.2"
+    motors = flown.log.columns["motor_command_0_ratio"]
+    assert np.nanmax(motors) > 0.3
+    assert simulation.fastest_down_m_s < SOFTLY_M_S
+
+
+@pytest.mark.parametrize(
+    ("kind", "mode", "landing"),
+    [
+        ("px4", PX4_POSITION, PX4_LAND),
+        pytest.param("ardupilot", LOITER, LAND, marks=pytest.mark.slow),
+    ],
+)
+def test_the_pilots_mode_switch_ends_us_at_once(kind, mode, landing):
+    simulation = flights.simulated(HOVER, kind)
+    taken: list[tuple[float, int]] = []
+
+    def take(of: SimulatedAutopilot) -> None:
+        of.mode = mode
+        taken.append((of.time_s, of.setpoints))
+
+    simulation.each_step = at(1.0, take)
+    stepped = simulation.each_step
+
+    def then_land(of: SimulatedAutopilot) -> None:
+        stepped(of)
+        if taken and of.time_s - taken[0][0] > 2.0:
+            of.mode = landing
+
+    simulation.each_step = then_land
+    flown = flights.fly(HOVER, simulation)
+    assert "the pilot took the sticks back" in flown.early
+    assert simulation.setpoints - taken[0][1] < 30  # .12 s of them, until it has told its mode
+    assert simulation.fastest_down_m_s < SOFTLY_M_S
+
+
+@pytest.mark.slow
+def test_a_pilot_may_switch_and_arm_himself():
+    simulation, said = flights.simulated(HOVER), []
+
+    def pilot(of: SimulatedAutopilot) -> None:
+        if of.setpoints > 1000 and said[-1].startswith("switch to OFFBOARD") and of.mode != PX4_OFFBOARD:
+            of.mode, of.armed = PX4_OFFBOARD, True
+
+    simulation.each_step = pilot
+    flown = flights.fly(HOVER, simulation, arms=False, progress=lambda stage, _: said.append(stage))
+    assert not flown.early
+    assert "switch to OFFBOARD, then arm" in said
+    assert not [text for text in simulation.said if text.startswith("176")]
+
+
+def test_nothing_is_armed_that_was_not_asked_for(monkeypatch):
+    monkeypatch.setattr("firmware_bridge.offboard.procedure.ARM_S", 2.0)
+    simulation = flights.simulated(HOVER)
+    flown = flights.fly(HOVER, simulation, arms=False)
+    assert "it is not in mode OFFBOARD; switch to it, then arm" in flown.error
+    assert not [text for text in simulation.said if text.startswith(("400", "176"))]
+    assert simulation.way[-1][1][2] < 0.1
+
+
+def test_what_it_does_not_arm_for_is_told_in_its_own_words(monkeypatch):
+    monkeypatch.setattr("firmware_bridge.offboard.procedure.ARM_S", 2.0)
+    simulation = flights.simulated(HOVER)
+
+    def refuse(of: SimulatedAutopilot) -> None:
+        of.prearm = "compass inconsistent" if of.mode == PX4_OFFBOARD else ""
+
+    simulation.each_step = refuse
+    flown = flights.fly(HOVER, simulation)
+    assert "the firmware does not arm within 2 s" in flown.error
+    assert "arming rejected for now; PreArm: compass inconsistent" in flown.error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["px4", "ardupilot"])
+def test_a_planner_that_dies_leaves_the_guard_which_lands_and_disarms(kind):
+    simulation = flights.simulated(HOVER, kind)
+
+    def cancel() -> bool:
+        if simulation.plant.position_world_m[2] > 1.2:
+            raise LinkError("the planner died")
+        return False
+
+    flown = flights.fly(HOVER, simulation, cancel=cancel)
+    assert simulation.fastest_down_m_s < SOFTLY_M_S
+    assert not simulation.armed
+    assert not simulation.disarmed_high
+    assert simulation.follows  # its own failsafe was not needed
+    assert flown.early or flown.error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "mode"), [("px4", PX4_LAND), ("ardupilot", LAND)])
+def test_a_guard_that_is_killed_leaves_the_autopilots_own_failsafe(kind, mode, monkeypatch):
+    guards, started = [], autopilot.GuardProcess
+
+    def noted(*arguments, **more):
+        guards.append(started(*arguments, **more))
+        return guards[-1]
+
+    monkeypatch.setattr(autopilot, "GuardProcess", noted)
+    simulation = flights.simulated(HOVER, kind)
+    simulation.each_step = at(1.0, lambda _: os.kill(guards[0].process.pid, signal.SIGKILL))
+    flights.fly(HOVER, simulation)
+    assert simulation.mode == mode
+    assert simulation.fastest_down_m_s < SOFTLY_M_S
+    assert not simulation.disarmed_high
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", ["lost", "frozen", "jump"])
+def test_poses_that_end_or_lie_end_in_a_soft_landing(fault):
+    simulation = flights.simulated(HOVER)
+    kept, lost = [], []
+    simulation.each_step = at(1.0, lambda _: lost.append(True))
+
+    def change(time_s, pose):
+        if not lost:
+            kept[:] = [pose]
+            return pose
+        if fault == "lost":
+            return None
+        place = kept[0].position_world_m if fault == "frozen" else pose.position_world_m + np.array([2.0, 0.0, 1.0])
+        q = kept[0].q_world_body if fault == "frozen" else pose.q_world_body
+        return type(pose)(time_s, place, q)
+
+    simulation.change_pose = change
+    flown = flights.fly(HOVER, simulation)
+    assert "no pose for 0.2 s that agrees with the flight" in flown.early
+    assert simulation.fastest_down_m_s < 1.6
+    assert not simulation.disarmed_high
+    assert not simulation.armed
+
+
+@pytest.mark.slow
+def test_a_critical_battery_lands():
+    simulation = flights.simulated(HOVER)
+    simulation.each_step = at(0.5, lambda of: setattr(of, "charge_state", 3))
+    flown = flights.fly(HOVER, simulation)
+    assert "critical to the firmware" in flown.early
+    assert simulation.fastest_down_m_s < SOFTLY_M_S
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"parameters": {"COM_OBL_RC_ACT": 7}}, "not armed. COM_OBL_RC_ACT: 7, disarms: the rotors stop"),
+        ({"parameters": {"MPC_THR_HOVER": 0.25}}, "not armed. MPC_THR_HOVER: 0.25, the vehicle file hovers at"),
+        ({"armed": True}, "not armed. armed: armed; disarm it first"),
+        ({"parameters": {"MC_PITCHRATE_MAX": 5.0}}, "set MC_PITCHRATE_MAX to"),
+    ],
+)
+def test_a_wrong_set_up_is_refused_before_anything_flies(more, said):
+    simulation = flights.simulated(curves.circle(), **more)
+    flown = flights.fly(curves.circle(), simulation)
+    assert said in flown.error
+    assert not simulation.setpoints
+
+
+def test_the_origin_is_told_and_poses_are_passed_on_in_its_axes():
+    start = curves.hover(seconds=1.0)
+    simulation = flights.simulated(start)
+    simulation.plant = type(simulation.plant)(
+        flights.MODEL, flights.vehicle.simulate.State(position_world_m=np.array([0.1, 0.2, 0.0])), ground_m=0.0
+    )
+    flown = flights.fly(start, simulation, query="?origin=47.5,8.5,400&vision=on", cancel=lambda: simulation.armed)
+    assert "cancelled" in flown.error
+    assert simulation.origin == (475000000, 85000000, 400000)
+    assert np.median(np.array(simulation.visions), axis=0) == pytest.approx([0.1, -0.2, 0.0], abs=5e-3)
+
+
+def test_who_does_not_answer_is_told_apart_from_who_is_no_multicopter():
+    simulation = flights.simulated(HOVER)
+    address = parsed(simulation.address)
+    line = MavlinkLine(address)
+    with pytest.raises(LinkError, match="no autopilot's heartbeat came"):
+        settings.read(line, address, patience_s=0.2)
+    line.close()
+    simulation.close()
+
+
+def test_the_command_of_the_page_asks_for_a_checked_plan(documented, tmp_path):
+    (block,) = documented
+    (command,) = block.commands
+    done = unchecked(tmp_path, command)
+    assert done.returncode != 0
+    assert "has not passed the final gate" in done.stderr

@@ -1,0 +1,359 @@
+"""A plan on a simulated Crazyflie: flown, refused, lost and landed. No Crazyflie has flown it."""
+
+import os
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+import vehicle
+from firmware_bridge.airborne import tracking
+from firmware_bridge.controller import State
+from firmware_bridge.crazyflie import flight as procedure
+from firmware_bridge.crazyflie import pieces, process
+from firmware_bridge.crazyflie.client import Client
+from firmware_bridge.crazyflie.crtp import Packet, endpoint
+from firmware_bridge.crazyflie.flight import Flight
+from flight import FlightLog, InputError, LinkError, TrajectoryFile, silent, trajectory
+from goshawk.commands.fly import crazyflie
+from goshawk.commands.plan import poly4d
+from tests import waiting
+from tests.firmware_bridge.crazyflie.simulated_crazyflie import SimulatedCrazyflie, SimulatedTime, UdpServer
+from tests.firmware_bridge.offboard import curves
+from tests.firmware_bridge.offboard.page import unchecked
+
+WAY = curves.circle()
+PLAN = poly4d.refit(WAY).trajectory
+START = WAY.position([0.0])[0]
+TAKE_OFF, LAND, GO_TO, START_TRAJECTORY, STOP, DEFINE = 7, 8, 12, 13, 3, 6
+
+
+def simulated(**more) -> SimulatedCrazyflie:
+    return SimulatedCrazyflie(position_m=[START[0] + 0.1, START[1] - 0.1, 0.0], **more)
+
+
+def fly(simulation: SimulatedCrazyflie, **more) -> tuple[Flight, FlightLog]:
+    options: dict[str, Any] = {"arms": True} | more
+    ours = Flight(Client(SimulatedTime(simulation)), PLAN, **options)
+    return ours, ours.fly()
+
+
+def aloft(act, after_s: float = 0.0):
+    """`each_tick` that acts while the trajectory is flown."""
+    begun: list[float] = []
+
+    def tick(simulation: SimulatedCrazyflie) -> None:
+        if START_TRAJECTORY in simulation.commands:
+            begun.append(simulation.time_s)
+        if begun and simulation.time_s - begun[0] >= after_s:
+            act(simulation)
+
+    return tick
+
+
+def test_a_circle_is_flown_as_planned_and_landed():
+    simulation = simulated()
+    ours, log = fly(simulation)
+    assert not ours.ended_early
+    assert simulation.commands == [DEFINE, TAKE_OFF, GO_TO, START_TRAJECTORY, LAND, STOP]
+    assert not simulation.armed
+    assert not simulation.dropped
+    on_way = log.columns["mission_state"] == State.TRAJECTORY
+    begin = log.time_s[on_way][0]
+    planned = WAY.position(np.clip(log.time_s[on_way] - begin, 0.0, WAY.duration_s))
+    # the point follows with a lag of .03 s, and the log's phases are good to a sample
+    assert np.linalg.norm(log.vector("position_world_m")[on_way] - planned, axis=1).max() < 0.03 * 2.25 + 0.06
+    assert tracking(log)["tracking_mean_m"] < 0.03
+    assert log.columns["motor_command_2_ratio"][on_way] == pytest.approx(30003 / 65535)
+    assert log.columns["battery_v"] == pytest.approx(4.1)
+
+
+def test_the_memory_holds_the_plan_to_the_bit_and_is_read_back():
+    simulation = simulated()
+    ours = Flight(Client(SimulatedTime(simulation)), PLAN, arms=False)
+    held = ours.upload()
+    assert bytes(simulation.memory[: 132 * len(PLAN.durations_s)]) == pieces.packed(PLAN)
+    assert simulation.definitions == {1: (0, len(PLAN.durations_s))}
+    assert poly4d.compared(WAY, held).largest_m < 0.01
+    stored = simulation._stored(0, len(PLAN.durations_s))
+    assert [T for T, _ in stored] == pytest.approx(PLAN.durations_s.tolist(), rel=1e-6)
+
+
+def test_a_byte_that_its_memory_does_not_keep_is_noticed_and_nothing_is_armed():
+    simulation = simulated(damaged_write=300)
+    with pytest.raises(LinkError, match="holds other bytes than were written, from 300 on"):
+        fly(simulation)
+    assert simulation.commands == []
+    assert not simulation.armed
+
+
+def test_a_lost_packet_is_sent_again():
+    simulation = simulated()
+    takes, count = simulation.take, [0]
+
+    def lossy(raw: bytes) -> list[bytes]:
+        count[0] += 1
+        if count[0] % 7 == 0:
+            return []  # the request is lost
+        answers = takes(raw)
+        return [] if count[0] % 11 == 0 else answers  # or its answer
+
+    simulation.take = lossy
+    ours, _ = fly(simulation)
+    assert not ours.ended_early
+    assert not simulation.dropped
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"battery_v": 3.6}, "battery: 3.60 V, at least 3.7 a cell"),
+        ({"power": 1}, "battery: 4.10 V, charging"),
+        ({"power": 3}, "battery"),
+        ({"variance_m2": 0.01}, "Kalman filter: sure to 0.100 m, at most 0.05"),
+        ({"extra_bits": 32}, "supervisor: tumbled"),
+        ({"extra_bits": 64}, "supervisor: locked"),
+        ({"extra_bits": 2048}, "supervisor: deck fault"),
+        ({"extra_bits": 1024}, "high-level commander: disabled"),
+        ({"can_be_armed": False}, "arming: cannot be armed"),
+        ({"missing": frozenset({"kalman.varPX"})}, "logs no kalman.varPX"),
+    ],
+)
+def test_what_is_wrong_is_refused_before_anything_turns(more, said):
+    simulation = simulated(**more)
+    with pytest.raises(LinkError, match=said):
+        fly(simulation)
+    assert TAKE_OFF not in simulation.commands
+    assert not simulation.armed
+
+
+def test_it_must_stand_near_the_start():
+    simulation = SimulatedCrazyflie(position_m=[START[0] + 0.5, START[1], 0.0])
+    with pytest.raises(
+        LinkError, match=r"the trajectory begins 0\.50 m from above it, at most 0\.3; put it at x 1\.50"
+    ):
+        fly(simulation)
+    assert TAKE_OFF not in simulation.commands
+
+
+def test_an_estimate_that_wanders_is_refused():
+    simulation = simulated()
+
+    def drift(of: SimulatedCrazyflie) -> None:
+        of.position_m[1] += 0.001
+
+    simulation.each_tick = drift
+    with pytest.raises(LinkError, match="estimate at rest: wanders"):
+        fly(simulation)
+
+
+def test_it_arms_only_when_told_and_else_waits_for_whoever_does(monkeypatch):
+    simulation, said = simulated(), []
+
+    def pilot(of: SimulatedCrazyflie) -> None:
+        of.armed |= bool(said) and of.time_s > 105.0
+
+    simulation.each_tick = pilot
+    ours, _ = fly(simulation, arms=False, progress=lambda stage, fraction: said.append(stage))
+    assert said == ["arm now"]
+    assert not ours.ended_early
+    assert simulation.armed  # who armed it disarms it
+    monkeypatch.setattr(procedure, "ARM_S", 1.0)
+    with pytest.raises(LinkError, match="was not armed within 1 s"):
+        fly(simulated(), arms=False)
+
+
+def test_one_that_arms_by_itself_is_not_armed():
+    simulation = simulated(auto_arms=True, can_be_armed=False)
+    ours, _ = fly(simulation, arms=False)
+    assert not ours.ended_early
+
+
+@pytest.mark.parametrize(
+    ("act", "said"),
+    [
+        (lambda of: setattr(of, "power", 3), "the battery is low to the firmware"),
+        (lambda of: setattr(of, "off_m", 0.8), "m from where it is to be"),
+    ],
+)
+def test_what_goes_wrong_in_flight_lands(act, said):
+    simulation = simulated()
+    simulation.each_tick = aloft(act, 1.0)
+    ours, log = fly(simulation)
+    assert ours.ended_early.startswith("the trajectory: ")
+    assert said in ours.ended_early
+    assert simulation.commands[-2:] == [LAND, STOP]
+    assert not simulation.dropped
+    assert log.metadata["ended_early"] == ours.ended_early
+
+
+def test_cancelled_it_lands():
+    simulation = simulated()
+    ours, _ = fly(simulation, cancel=lambda: len(simulation.way) > 1500)
+    assert "cancelled" in ours.ended_early
+    assert simulation.commands[-2:] == [LAND, STOP]
+    assert not simulation.dropped
+    assert not simulation.emergency
+
+
+def test_an_emergency_stop_stops_the_rotors_wherever_it_is():
+    simulation = simulated()
+    ours, _ = fly(simulation, stop=lambda: len(simulation.way) > 1500)
+    assert "emergency stop" in ours.ended_early
+    assert simulation.emergency
+    assert LAND not in simulation.commands
+
+
+def test_one_that_tumbles_is_stopped_and_not_landed():
+    simulation = simulated()
+    simulation.each_tick = aloft(lambda of: setattr(of, "extra_bits", 32), 1.0)
+    ours, _ = fly(simulation)
+    assert "the supervisor says tumbled" in ours.ended_early
+    assert simulation.emergency
+    assert LAND not in simulation.commands
+
+
+def test_a_link_that_is_lost_is_tried_again_and_then_said():
+    simulation = simulated()
+    simulation.each_tick = aloft(lambda of: setattr(of, "deaf", True), 1.0)
+    ours, _ = fly(simulation)
+    assert "nothing was heard for 0.5 s" in ours.ended_early
+    assert "hovers there until its battery is empty" in ours.ended_early
+
+
+def test_a_link_that_comes_back_lands_it():
+    simulation = simulated()
+    lost = aloft(lambda of: setattr(of, "deaf", of.time_s < lost_s[0] + 2.0), 1.0)
+    lost_s = [0.0]
+
+    def tick(of: SimulatedCrazyflie) -> None:
+        lost_s[0] = lost_s[0] or (of.time_s if START_TRAJECTORY in of.commands else 0.0)
+        if lost_s[0]:
+            lost(of)
+
+    simulation.each_tick = tick
+    ours, _ = fly(simulation)
+    assert "nothing was heard" in ours.ended_early
+    assert simulation.commands[-2:] == [LAND, STOP]
+    assert not simulation.dropped
+
+
+def test_a_refusal_of_the_commander_is_told_in_words():
+    simulation = simulated(refuses={START_TRAJECTORY: 8})
+    ours, _ = fly(simulation)
+    assert "refuses the trajectory's start: Exec format error (8)" in ours.ended_early
+    assert simulation.commands[-2:] == [LAND, STOP]
+
+
+def test_a_packet_that_is_too_long_is_an_error_of_ours():
+    with pytest.raises(ValueError, match="31 bytes"):
+        Packet(8, 0, bytes(31)).pack()
+    assert Packet.unpack(b"\xff") is None
+    assert Packet.unpack(Packet(9, 1, b"ab").pack()) == Packet(9, 1, b"ab")
+
+
+@pytest.mark.parametrize(
+    ("address", "said"),
+    [
+        ("crazyflie:radio://0/80/2M/E7E7E7E7E7", "the radio is not driven here"),
+        ("crazyflie:usb://0", "no Crazyflie's address"),
+        ("crazyflie:udp://127.0.0.1", "no Crazyflie's address"),
+        ("crazyflie:udp://10.0.0.5:19850", "is not this machine"),
+    ],
+)
+def test_other_addresses_are_refused(address, said):
+    with pytest.raises(InputError, match=said):
+        endpoint(address)
+
+
+# by UDP, in a process of its own, in the machine's time
+
+SHORT = curves.hover(height_m=0.5, seconds=1.0)
+
+
+@pytest.fixture
+def server():
+    serving = UdpServer(SimulatedCrazyflie(auto_arms=True))
+    serving.start()
+    yield serving
+    serving.ends = True
+    serving.join()
+
+
+def test_by_udp_it_flies_in_a_process_of_its_own(server):
+    file = TrajectoryFile(SHORT, "hover", "", "", SHORT.position([0.0, SHORT.duration_s]), {})
+    said: list[str] = []
+    log, early = crazyflie.fly(
+        vehicle.example("rigter2019"), file, f"crazyflie:udp://127.0.0.1:{server.port}", arms=False,
+        progress=lambda stage, fraction: said.append(stage), cancel=lambda: False,
+    )  # fmt: skip
+    assert not early
+    assert said[0] == procedure.ALONE
+    assert log.metadata["failsafe"] == procedure.ALONE
+    assert int(log.metadata["pieces"]) <= poly4d.MOST_PIECES
+    assert server.simulation.commands[-2:] == [LAND, STOP]
+
+
+def test_nobody_there_is_said():
+    order = process.Order("crazyflie:udp://127.0.0.1:9", PLAN, arms=False, motor_of_rotor=(0, 1, 2, 3))
+    with pytest.raises(LinkError, match="does not answer: its memories"):
+        process.fly(order, progress=silent, cancel=lambda: False)
+
+
+@pytest.mark.slow
+def test_if_the_one_who_asked_is_killed_the_crazyflie_lands(server, tmp_path):
+    long = curves.hover(height_m=0.5, seconds=60.0)
+    trajectory.save(tmp_path / "way.json", TrajectoryFile(long, "way", "", "", long.position([0.0, 60.0]), {}))
+    program = (
+        "import sys; from pathlib import Path; import vehicle; from flight import trajectory, silent\n"
+        "from goshawk.commands.fly import crazyflie\n"
+        "if __name__ == '__main__':\n"
+        "    item = trajectory.load(Path(sys.argv[1]))\n"
+        "    crazyflie.fly(vehicle.example('rigter2019'), item, sys.argv[2], arms=False, progress=silent,\n"
+        "                  cancel=lambda: False)\n"
+    )
+    (tmp_path / "asks.py").write_text(program)
+    address = f"crazyflie:udp://127.0.0.1:{server.port}"
+    command = [sys.executable, str(tmp_path / "asks.py"), str(tmp_path / "way.json"), address]
+    asks = subprocess.Popen(command, env={**os.environ, "PYTHONPATH": os.getcwd()})
+    waiting.until(lambda: START_TRAJECTORY in server.simulation.commands)
+    asks.kill()
+    asks.wait()
+    waiting.until(lambda: server.simulation.commands[-1] == STOP)
+    assert LAND in server.simulation.commands
+    assert not server.simulation.dropped
+
+
+def test_the_command_of_the_page_asks_for_a_checked_plan(documented, tmp_path):
+    (block,) = documented
+    (command,) = block.commands
+    done = unchecked(tmp_path, command)
+    assert done.returncode != 0
+    assert "has not passed the final gate" in done.stderr
+
+
+def test_a_low_start_is_approached_from_above():
+    low = curves.hover(height_m=0.1, seconds=1.0)
+    simulation = SimulatedCrazyflie()
+    ours = Flight(Client(SimulatedTime(simulation)), poly4d.refit(low).trajectory, arms=True)
+    ours.fly()
+    assert not ours.ended_early
+    assert max(place[2] for _, place in simulation.way) == pytest.approx(0.3, abs=0.02)
+
+
+def test_the_late_answer_to_another_request_is_not_taken_for_this_ones():
+    """A byte that its memory did not keep would pass for one that it did."""
+    simulation = simulated()
+    takes, held = simulation.take, []
+
+    def late(raw: bytes) -> list[bytes]:
+        answers, before = takes(raw), list(held)
+        held[:] = answers
+        return before + answers
+
+    simulation.take = late
+    ours = Flight(Client(SimulatedTime(simulation)), PLAN, arms=False)
+    ours.upload()
+    assert bytes(simulation.memory[: 132 * len(PLAN.durations_s)]) == pieces.packed(PLAN)
