@@ -69,7 +69,8 @@ def density(samples: Samples) -> tuple[FloatArray, FloatArray]:
     if length % 2 == 0:
         one_sided[-1] = 1.0
     scale = step_s / float(window @ window)
-    return np.fft.rfftfreq(length, step_s), scale * one_sided * np.mean(power, axis=0)
+    frequency_hz = np.fft.rfftfreq(length, step_s).astype(np.float64)
+    return frequency_hz, scale * one_sided * np.mean(power, axis=0)
 
 
 def pairs(x: Samples, y: Samples) -> tuple[FloatArray, FloatArray, FloatArray]:

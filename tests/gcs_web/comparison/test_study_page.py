@@ -49,24 +49,19 @@ def page(station, one_tab):
         opened.get_by_role("button", name=re.compile("^a"), pressed=True).or_(
             opened.get_by_role("button", name=re.compile("^b"), pressed=True)
         ).wait_for()
-        opened.get_by_role("img", name="Speed over time").wait_for()
+        choose(opened, "position_x")
+        opened.get_by_role("img", name="Position x over time").wait_for()
         yield opened
 
 
 def choose(page, name: str) -> None:
+    """A stream that is drawn from now on, or no more."""
     page.get_by_label("Add or remove a stream").select_option(name)
 
 
-def only(page, *names: str) -> None:
-    """Draw these streams and no others."""
-    for each in ("speed", "error"):
-        choose(page, each)
-    for each in names:
-        choose(page, each)
-
-
 def test_a_vibration_stands_in_the_spectrum_at_its_frequency(page):
-    only(page, "rate_x")
+    choose(page, "position_x")  # no more
+    choose(page, "rate_x")
     page.keyboard.press("x")
     page.get_by_role("button", name="Spectrum", pressed=True).wait_for()
     picture = page.get_by_role(
@@ -79,8 +74,8 @@ def test_a_vibration_stands_in_the_spectrum_at_its_frequency(page):
 def test_two_streams_stand_against_each_other_and_a_link_brings_them_back(page, station):
     page.get_by_role("group", name=KINDS).get_by_role("button", name="x-y").click()
     page.get_by_label("Stream along x").select_option("position_x")
-    page.get_by_label("Stream along y").select_option("speed")
-    picture = page.get_by_role("img", name="x-y of Speed, m/s against Position x, m")
+    page.get_by_label("Stream along y").select_option("rate_x")
+    picture = page.get_by_role("img", name="x-y of Body rate x, °/s against Position x, m")
     picture.wait_for()
     wait(lambda: "plot=xy" in page.evaluate("location.hash"), "the address")
     page.reload()
@@ -89,7 +84,7 @@ def test_two_streams_stand_against_each_other_and_a_link_brings_them_back(page, 
 
 
 def test_what_is_too_short_for_a_spectrum_says_so_and_what_helps(page):
-    page.goto(re.sub(r"#.*", "", page.url) + "#step=4&plot=spectrum&streams=speed&from_to=1.0|1.1")
+    page.goto(re.sub(r"#.*", "", page.url) + "#step=4&plot=spectrum&streams=rate_x&from_to=1.0|1.1")
     page.reload()
     page.get_by_role("status").get_by_text(re.compile("a spectrum needs 64: zoom out")).wait_for()
 
@@ -104,14 +99,15 @@ def saved(page, kind: str, to: Path) -> Path:
 
 def test_plots_are_saved_as_svg_and_png(page, tmp_path):
     page.get_by_role("button", name=re.compile("^b")).first.click()
-    page.get_by_role("img", name="Speed over time").wait_for()
+    choose(page, "rate_x")
+    page.get_by_role("img", name="Body rate x over time").wait_for()
     drawn(page)
     svg = saved(page, "svg", tmp_path)
     root = ElementTree.fromstring(svg.read_text())
     lines = [path for path in root.iter("{http://www.w3.org/2000/svg}path") if path.get("d", "").count("L") > 50]
-    assert len(lines) >= 3  # speed planned and measured, error
+    assert len(lines) == 2
     words = "".join(root.itertext())
-    assert "Speed, m/s" in words
+    assert "Body rate x, °/s" in words
     assert "Time, s" in words
     png = saved(page, "png", tmp_path)
     assert png.read_bytes().startswith(b"\x89PNG")
@@ -120,7 +116,8 @@ def test_plots_are_saved_as_svg_and_png(page, tmp_path):
 
 def test_data_are_saved_as_every_sample_of_the_shown_stretch(page, station, tmp_path):
     page.get_by_role("button", name=re.compile("^a")).first.click()
-    page.get_by_role("img", name="Speed over time").wait_for()
+    choose(page, "rate_x")
+    page.get_by_role("img", name="Body rate x over time").wait_for()
     choose(page, "column:position_world_x_m")
     path = saved(page, "csv", tmp_path)
     head, *rows = csv.reader(path.read_text().splitlines())
@@ -132,7 +129,7 @@ def test_data_are_saved_as_every_sample_of_the_shown_stretch(page, station, tmp_
 
 
 def test_a_browser_that_is_not_let_in_gets_no_data(page, station):
-    address = station.url.split("?")[0] + "data?flight=a&streams=speed&from=0&to=1"
+    address = station.url.split("?")[0] + "data?flight=a&streams=rate_x&from=0&to=1"
     assert page.request.get(address).status == 200
     assert page.request.get(address.replace("flight=a", "flight=..%2Fa")).status == 404
     assert page.request.get(address.replace("from=0", "from=x")).status == 404

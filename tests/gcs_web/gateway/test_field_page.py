@@ -89,6 +89,7 @@ def test_each_pilot_sees_in_flight_whose_orders_count(page, station, size):
         station.hub.publish(People([*station.hub.people, bo], bo.id))
         bar.get_by_text("Bo is in control").wait_for()
         station.hub.publish(People(station.hub.people, ""))
+        bar.get_by_text("Nobody is in control").wait_for()
         page.keyboard.press("c")
         words = bar.get_by_text("You are in control")
         words.wait_for()
@@ -97,6 +98,7 @@ def test_each_pilot_sees_in_flight_whose_orders_count(page, station, size):
         place = words.bounding_box()
         assert place["x"] >= 0
         assert place["x"] + place["width"] <= size[0]
+    station.desk.control.give_up(*station.hub.people)
     station.hub.publish(Vehicle("none"))
 
 

@@ -1,6 +1,5 @@
 /** Plots as one SVG text, to look at and to keep: rows of curves on their own axes. */
 
-import { short } from "../core/format";
 import { token } from "../core/theme";
 
 export interface FigureCurve {
@@ -69,7 +68,8 @@ function roomy([low, high]: [number, number]): [number, number] {
 function scale(from: number, to: number, start: number, end: number, isLog: boolean): Scale {
   const of = isLog ? Math.log10 : (value: number): number => value;
   const span = of(to) - of(from) || 1;
-  return (value) => start + ((of(value) - of(from)) / span) * (end - start);
+  const inside = (share: number): number => Math.min(Math.max(share, 0), 1);
+  return (value) => start + inside((of(value) - of(from)) / span) * (end - start);
 }
 
 /** Round numbers, or powers of ten, not closer than can be read. */
@@ -78,7 +78,7 @@ function ticks(from: number, to: number, isLog: boolean, room_px: number): numbe
   if (isLog) {
     const [first, last] = [Math.ceil(Math.log10(from)), Math.floor(Math.log10(to))];
     const by = Math.max(1, Math.ceil((last - first + 1) / most));
-    return Array.from({ length: Math.max(0, Math.floor((last - first) / by) + 1) }, (_, i) => 10 ** (first + i * by));
+    return Array.from({ length: Math.max(0, Math.floor((last - first) / by) + 1) }, (_, i) => Number(`1e${first + i * by}`));
   }
   const power = 10 ** Math.floor(Math.log10((to - from) / most || 1));
   const by = power * ([1, 2, 5, 10].find((step) => (to - from) / (step * power) <= most) ?? 10);
@@ -87,9 +87,9 @@ function ticks(from: number, to: number, isLog: boolean, room_px: number): numbe
 }
 
 const xTick = (value: number, at: number, high: number, low: number): string =>
-  `<path d="M${px(at)} ${px(high)}V${px(low)}" stroke="${token("grid")}"/><text x="${px(at)}" y="${px(low + 12)}" text-anchor="middle" fill="${token("text3")}">${short(value)}</text>`;
+  `<path d="M${px(at)} ${px(high)}V${px(low)}" stroke="${token("grid")}"/><text x="${px(at)}" y="${px(low + 12)}" text-anchor="middle" fill="${token("text3")}">${words(value)}</text>`;
 const yTick = (value: number, at: number, left: number, right: number): string =>
-  `<path d="M${left} ${px(at)}H${right}" stroke="${token("grid")}"/><text x="${left - 6}" y="${px(at + 4)}" text-anchor="end" fill="${token("text3")}">${short(value)}</text>`;
+  `<path d="M${left} ${px(at)}H${right}" stroke="${token("grid")}"/><text x="${left - 6}" y="${px(at + 4)}" text-anchor="end" fill="${token("text3")}">${words(value)}</text>`;
 
 function line({ colour, dash, x, y }: FigureCurve, sx: Scale, sy: Scale, { logX, logY }: FigureRow): string {
   let path = "";
@@ -113,6 +113,8 @@ function legend({ title, curves }: FigureRow, left: number, top: number): string
   return `<text x="${left}" y="${px(top + 14)}" fill="${token("text1")}"><tspan font-weight="600">${escaped(title)}</tspan>${names.join("")}</text>`;
 }
 
+/** Of a tick, which is a round number. */
+const words = (value: number): string => String(value).replace("-", "\u2212");
 const px = (value: number): string => value.toFixed(1);
 /** Names come from logs. */
 const escaped = (text: string): string => text.replace(/[&<>"']/g, (sign) => `&#${sign.charCodeAt(0)};`);

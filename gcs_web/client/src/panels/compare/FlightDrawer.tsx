@@ -69,7 +69,8 @@ export function FlightDrawer({ height }: { height?: number }) {
       <DrawerHead />
       <div class="plots" ref={box} role="group" aria-label="Plots" tabIndex={0} onKeyDown={byKey}>
         {opened.value.length === 0 && <p class="empty">Open a flight to see it over time.</p>}
-        {kind.value !== "time" && rows.length > 0 && width.value > 0 && <Study width={width.value} row_px={row_px} />}
+        {opened.value.length > 0 && rows.length === 0 && kind.value !== "xy" && <p class="empty">Add a stream to see it.</p>}
+        {(kind.value === "xy" || (kind.value === "spectrum" && rows.length > 0)) && width.value > 0 && <Study width={width.value} row_px={row_px} />}
         {isOverTime && <FindingMarks width={width.value} margins={margins} />}
         {isOverTime &&
           rows.map((stream, index) => (

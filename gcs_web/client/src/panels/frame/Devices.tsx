@@ -45,7 +45,7 @@ export function Devices() {
           <li key={id}>
             <b>{name}</b>
             <span class="quiet">
-              {id === welcome.value?.you ? "this page" : ""} {id === in_control ? "in control" : ""}
+              {[id === welcome.value?.you ? "this page" : "", id === in_control ? "in control" : ""].filter(Boolean).join(", ")}
             </span>
           </li>
         ))}
@@ -67,7 +67,7 @@ function Address({ invitation: { address, code, only_here } }: { invitation: Inv
     <>
       <p class={only_here ? "caution-text" : "quiet"}>
         {only_here
-          ? "This station answers on its own machine only. For a phone, start it with a certificate: gcs --host."
+          ? "This station answers on its own machine only. A phone needs one that was started with a certificate."
           : "Scan to let one device in. Each code is good once."}
       </p>
       {!only_here && (
