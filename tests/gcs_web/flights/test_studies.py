@@ -34,9 +34,9 @@ def test_white_noise_is_as_strong_at_every_frequency():
 def test_a_spectrum_is_the_same_with_a_pause_in_the_log_and_reaches_over_none():
     time_s = np.arange(4000) / 200.0
     values = np.sin(2 * np.pi * 20.0 * time_s)
-    late = np.where(time_s > 10.0, time_s + 3.0, time_s)
-    whole, parted = (studies.density(of(each, values)) for each in (time_s, late))
-    for frequency_hz, density in (whole, parted):
+    late = np.where(time_s > 11.0, time_s + 3.0, time_s)
+    elsewhere = values + np.where(time_s > 11.0, 50.0, 0.0)  # which a piece over the pause would see as a step
+    for frequency_hz, density in (studies.density(of(time_s, values)), studies.density(of(late, elsewhere))):
         assert abs(frequency_hz[np.argmax(density)] - 20.0) <= frequency_hz[1]
         assert density[frequency_hz > 40.0].max() < 1e-4 * density.max()
 
