@@ -18,7 +18,7 @@ import planner
 from flight import FloatArray, InputError, LinkError, Progress, project, silent
 from gcs_web.comparison import reports
 from gcs_web.desk import Desk
-from gcs_web.gateway import gateway
+from gcs_web.gateway import gateway, qr
 from gcs_web.gateway.entrants import Entrants
 from gcs_web.gateway.hub import Hub
 from gcs_web.gateway.page_socket import PageSocket
@@ -30,7 +30,7 @@ from gcs_web.map import display_mesh
 from gcs_web.panels import HANDLERS
 from gcs_web.protocol.base import Edit
 from gcs_web.protocol.document import Insert, Move
-from gcs_web.protocol.people import Person
+from gcs_web.protocol.people import Invitation, Person
 from gcs_web.protocol.vehicle import Vehicle
 from gcs_web.protocol.view import Cursor, Selection
 from gcs_web.vehicle import discovery
@@ -103,7 +103,7 @@ class GroundStation:
         try:
             progress("opening the map", 0.0)
             self._open(folder, port, options or planner.PlanOptions(), triangles, on_entry, jobs, progress, browsers)
-            self.desk.on_open = on_open
+            self.desk.on_open, self.desk.invitation = on_open, self._invitation
             self.desk.find_vehicles = partial(discovery.look, key_file)
             if vehicle_url is not None:
                 self.desk.listen_to(vehicle_url)
@@ -203,6 +203,7 @@ class GroundStation:
             incoming=partial(incoming.place, opened),
             share=self.desk.shared,
             report=partial(reports.read, opened),
+            data=self.desk.comparing.asked_table,
             host=self._host,
             port=port,
             tls=self._tls,
@@ -257,6 +258,12 @@ class GroundStation:
         except (InputError, LinkError) as error:
             self.desk.notice(str(error), level="danger")
             self.view.draw_waypoints(self.desk.session.content.points)
+
+    def _invitation(self) -> Invitation:
+        """Raises `InputError` if the address is too long for a QR code."""
+        address = self.url
+        code = ["".join(row) for row in qr.matrix(address).astype(int).astype(str)]
+        return Invitation(address, code, is_loopback(self._host))
 
     def _state(self) -> dict[str, Any]:
         return {

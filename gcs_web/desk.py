@@ -29,7 +29,7 @@ from gcs_web.planning import inputs, page_values, planning, saved, snapping
 from gcs_web.protocol import flights as flights_messages
 from gcs_web.protocol.consent import EffectFiles
 from gcs_web.protocol.jobs import Job
-from gcs_web.protocol.people import Level, Notice, Person
+from gcs_web.protocol.people import Invitation, Level, Notice, Person
 from gcs_web.protocol.plan import Plan
 from gcs_web.protocol.projects import Projects
 from gcs_web.protocol.trajectories import Files
@@ -70,6 +70,8 @@ class Desk:
         self.project, self.hub, self.view, self._new_watch = opened, hub, view, new_watch
         self._opened_before = opened_before
         self.find_vehicles: Callable[[], list[FoundVehicle]] = discovery.look
+        self.invitation: Callable[[], Invitation | None] = lambda: None
+        """The address for another device, as it is now."""
         self.watch: VehicleWatch | None = None
         """Of the vehicle that is connected."""
         self.inputs = inputs.signature(opened.folder)

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 _BALL_M = 0.05
 _STAND_OFF_M = 0.2
 """Beyond the required clearance, for a waypoint that is placed by a click."""
+_MOST_PLAIN_VIEWS = 64
+"""That are remembered; those that asked long ago go first."""
 _WHITE, _SELECTED, _GREY, _CAUTION = (233, 237, 240), (121, 176, 255), (120, 120, 120), (240, 184, 73)
 _GRID = (60, 70, 78), (100, 110, 118)
 """Lines a metre and five apart, where there is no map."""
@@ -59,9 +61,12 @@ class View3D:
         self._colour: Colour = "clearance"
         self._path: Any = None
         self.map = MapView(server, MeshView(server, triangles, cache, progress), cache)
+        self.map.mesh.plain_of = lambda client: self.plain_views.get(self._view_of(client))
         self._has_map = False
         self.is_plain = False
         """Whether shadows and light from all sides are left out."""
+        self.plain_views: dict[str, int] = {}
+        """By name of a page's 3D view: triangles of the mesh there, where it draws slowly."""
         self._grid = server.scene.add_grid(
             "/grid",
             20.0,
@@ -120,12 +125,21 @@ class View3D:
         with self._lock:
             self._grid.visible = not self._has_map
 
-    def draw_plainly(self) -> None:
-        """Without shadows and light from all sides: a browser without a graphics card stalls on them."""
+    def draw_plainly(self, view: str, triangles: int) -> None:
+        """For a browser without a graphics card, which stalls on more.
+
+        Shadows and light from all sides are left out for everybody, triangles of the mesh in this one view.
+        """
         with self._lock, self._server.atomic():
-            self.is_plain = True
-            self._server.scene.configure_environment_map(None)
-            self._server.scene.configure_default_lights(cast_shadow=False)
+            if not self.is_plain:
+                self.is_plain = True
+                self._server.scene.configure_environment_map(None)
+                self._server.scene.configure_default_lights(cast_shadow=False)
+            self.plain_views.pop(view, None)
+            self.plain_views[view] = triangles
+            while len(self.plain_views) > _MOST_PLAIN_VIEWS:
+                del self.plain_views[next(iter(self.plain_views))]
+        self.map.mesh.simplify([client.client_id for client in self.vehicle.browsers_of(view)], triangles)
 
     def close(self) -> None:
         self.map.close()

@@ -7,7 +7,7 @@ const PARTS = ["@preact/signals", "@preact/signals-core", "preact", "uplot"];
 
 await mkdir(OUT, { recursive: true });
 await build({
-  entryPoints: { app: "src/main.tsx" },
+  entryPoints: { app: "src/main.tsx", worker: "src/worker.ts" },
   bundle: true,
   minify: true,
   format: "esm",
@@ -17,7 +17,7 @@ await build({
   legalComments: "none",
   outdir: OUT,
 });
-await copyFile("src/index.html", `${OUT}/index.html`);
+for (const name of ["index.html", "manifest.json", "icon.svg"]) await copyFile(`src/${name}`, `${OUT}/${name}`);
 
 const notices = PARTS.map(async (name) => {
   const licence = await readFile(`node_modules/${name}/LICENSE`, "utf8");

@@ -1,6 +1,7 @@
 """Recorded flights beside plan and model: their streams, the newest comparison, and whether it is out of date."""
 
 import threading
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,10 +13,11 @@ from gcs_web.comparison import reports, residuals
 from gcs_web.comparison.arrows import Wrench
 from gcs_web.comparison.flight_scene import FlightScene
 from gcs_web.comparison.residuals import Compared
-from gcs_web.flights import pyramid, reading
+from gcs_web.flights import pyramid, reading, studies
 from gcs_web.flights.flights import Flights
+from gcs_web.flights.studies import Samples
 from gcs_web.protocol.comparison import ArrowScale, Comparison, Scatter, ShowFlights
-from gcs_web.protocol.flights import CurvePart, OpenedFlight, StreamPart
+from gcs_web.protocol.flights import CurvePart, OpenedFlight, Pairs, Spectrum, SpectrumCurve, StreamPart
 from sysid.estimator.validation.comparison import Deviation
 
 if TYPE_CHECKING:
@@ -94,6 +96,50 @@ class Comparing:
                 ]
                 answer[key] = StreamPart(name, key, when.tolist(), drawn, band)
         return [answer[key] for key in keys]
+
+    def samples(self, name: str, key: str, from_s: float, to_s: float) -> list[Samples]:
+        """Every sample of a stream over a stretch of a flight's shifted time, of the comparison's streams too.
+
+        Raises:
+            FlightError: the flight or the stream is not there.
+        """
+        flight = self._residual(name)
+        ours = {} if flight is None else residuals.forces(flight)
+        if flight is None or key not in ours:
+            return self._flights.recorded.samples(name, key, from_s, to_s)
+        stream, curves, _ = ours[key]
+        when = np.array(flight.time_s) - self._flights.recorded.open(name).shift_s
+        inside = (when >= from_s) & (when <= to_s)
+        return [
+            Samples(key, one.label, one.kind, stream.unit, when[inside], np.array(one.values, dtype=float)[inside])
+            for one in curves
+        ]
+
+    def spectrum(self, name: str, key: str, from_s: float, to_s: float) -> Spectrum:
+        """Raises as `samples`, or if there is too little of it."""
+        curves = []
+        for one in self.samples(name, key, from_s, to_s):
+            frequency_hz, density = studies.density(one)
+            curves.append(SpectrumCurve(one.label, one.kind, frequency_hz.tolist(), density.tolist()))
+        return Spectrum(name, key, curves)
+
+    def pairs(self, name: str, keys: tuple[str, str], from_s: float, to_s: float) -> Pairs:
+        """What was measured of two streams, one against the other. Raises as `spectrum`."""
+        x, y = (_measured(self.samples(name, key, from_s, to_s)) for key in keys)
+        time_s, x_values, y_values = studies.pairs(x, y)
+        return Pairs(name, time_s.tolist(), x_values.tolist(), y_values.tolist())
+
+    def table(self, name: str, keys: Sequence[str], from_s: float, to_s: float) -> Iterator[str]:
+        """Lines of a CSV with every sample of some streams. Raises as `samples`, before the first line."""
+        return studies.table([one for key in keys for one in self.samples(name, key, from_s, to_s)])
+
+    def asked_table(self, asked: Mapping[str, str]) -> Iterator[str]:
+        """`table` by the words of an address: flight, streams (with | between), from and to (s). Raises as `table`."""
+        try:
+            from_s, to_s = float(asked["from"]), float(asked["to"])
+            return self.table(asked["flight"], asked["streams"].split("|"), from_s, to_s)
+        except (KeyError, ValueError) as error:
+            raise InputError(f"a flight, streams, from and to are needed ({error})") from error
 
     def scatter(self, channel: str, variable: str) -> Scatter:
         """
@@ -175,6 +221,11 @@ class Comparing:
             and sorted(learn) == self._flights.names("learn")
             and sorted(held_out) == self._flights.names("hold_out")
         )
+
+
+def _measured(curves: Sequence[Samples]) -> Samples:
+    """What was measured of a stream; of a residual, that."""
+    return next((one for one in curves if one.kind in ("measured", "residual")), curves[0])
 
 
 def _horizon(horizon_s: float | None) -> int:

@@ -20,6 +20,7 @@ from flight.project import Project
 from gcs_web.flights import pyramid, streams
 from gcs_web.flights.alignment import Signal
 from gcs_web.flights.pyramid import Pyramid
+from gcs_web.flights.studies import Samples
 from gcs_web.protocol.flights import CurvePart, OpenedFlight, Stream, StreamGroup, StreamPart
 
 MOST_BYTES = 160 << 20
@@ -107,6 +108,21 @@ class Recorded:
             ]
             answer.append(StreamPart(name, quantity.key, (when - found.shift_s).tolist(), lines))
         return answer
+
+    def samples(self, name: str, key: str, from_s: float, to_s: float) -> list[Samples]:
+        """Every sample of a stream's curves over a stretch of the flight's shifted time. Raises as `read`."""
+        found = self._found(name)
+        if key not in found.quantities:
+            raise InputError(f"{name} has no stream {key}")
+        quantity = found.quantities[key]
+        (curves,) = self._curves(name, found, [quantity])
+        first = np.searchsorted(found.time_s, from_s + found.shift_s, side="left")
+        last = np.searchsorted(found.time_s, to_s + found.shift_s, side="right")
+        when = found.time_s[first:last] - found.shift_s
+        return [
+            Samples(key, curve.label, curve.kind, quantity.unit, when, drawn.samples[first:last].astype(np.float64))
+            for curve, drawn in zip(quantity.curves, curves, strict=True)
+        ]
 
     def states(self, name: str) -> States:
         """Raises as `open`."""

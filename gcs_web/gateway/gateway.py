@@ -13,6 +13,7 @@ Nobody holds a connection by silence: a request must come within `SILENCE_S`, a 
 /state     what the server holds, as JSON
 /share     a trajectory as one HTML file, to keep or to pass on
 /report    the newest report of a comparison or a diagnosis, likewise
+/data      streams of a flight as CSV
 /viser/    the 3D view; /viser/of/NAME/ that of one page, by which the page has its camera moved
 """
 
@@ -24,7 +25,8 @@ import logging
 import mimetypes
 import secrets
 import tempfile
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterable, Mapping
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -54,6 +56,8 @@ BODY_PAUSE_S = 30.0
 """Longest pause inside a flight log that is sent."""
 _VIEW = "{view:[0-9a-f]{8,32}}"
 """Name of a page's 3D view, in routes."""
+_LINES_AT_ONCE = 5000
+"""Of a CSV."""
 REFUSED_MESSAGES = frozenset({"ShareUrlRequest", "ShareUrlDisconnect"})
 _HOP_HEADERS = frozenset({"connection", "transfer-encoding", "content-length", "content-encoding", "date", "server"})
 _COMPRESSED = frozenset({"text/html", "text/css", "text/javascript", "application/javascript", "application/json"})
@@ -93,6 +97,7 @@ class Gateway:
         incoming: Callable[[str], Path],
         share: Callable[[str], tuple[str, str]],
         report: Callable[[str], tuple[str, str]],
+        data: Callable[[Mapping[str, str]], Iterable[str]],
         host: str = LOOPBACK,
         port: int = 0,
         tls: "ssl.SSLContext | None" = None,
@@ -105,6 +110,7 @@ class Gateway:
             incoming: file for the flight log of a name that a page sends. Raises `InputError` to refuse it.
             share: answers `/share?name=...`: the name and the text of an HTML file. Raises `FlightError`.
             report: answers `/report?name=...` likewise.
+            data: answers `/data?flight=...`, by what the address asks: the lines of a CSV. Raises `FlightError`.
             host: name or address to listen at, and the only name that is answered to beside this machine's own.
             port: 0 lets the system choose.
             tls: proves that it is `host`; then the page is https and its sockets are wss.
@@ -112,7 +118,7 @@ class Gateway:
         """
         self._incoming = incoming
         self._host, self._tls = host.lower(), tls  # lower, as browsers send it
-        self._share, self._report = share, report
+        self._share, self._report, self._data = share, report, data
         self._upstream = f"{LOOPBACK}:{upstream_port}"
         self._serve_page, self._state, self._wanted_port = serve_page, state, port
         self._token = secrets.token_urlsafe(24)
@@ -150,6 +156,7 @@ class Gateway:
         application.router.add_put("/incoming/{name}", self._take_log)
         application.router.add_get("/share", self._serve_shared)
         application.router.add_get("/report", self._serve_report)
+        application.router.add_get("/data", self._serve_data)
         application.router.add_get("/viser", self._pass_socket)  # viser's page leaves out the last slash here
         application.router.add_get(f"/viser/of/{_VIEW}", self._pass_socket)
         application.router.add_get(f"/viser/of/{_VIEW}/{{path:.*}}", self._pass_on)
@@ -232,7 +239,10 @@ class Gateway:
         name = request.match_info["name"]
         if name not in {path.name for path in STATIC.iterdir()}:
             raise web.HTTPNotFound
-        return _unless_known(request, (STATIC / name).read_bytes(), mimetypes.guess_type(name)[0] or "text/plain")
+        answer = _unless_known(request, (STATIC / name).read_bytes(), mimetypes.guess_type(name)[0] or "text/plain")
+        if name == "worker.js":
+            answer.headers["Service-Worker-Allowed"] = "/"  # it keeps the page, which is above its own folder
+        return answer
 
     async def _serve_state(self, request: "web.Request") -> "web.Response":
         from aiohttp import web
@@ -284,6 +294,24 @@ class Gateway:
             return web.Response(status=404, text=f"Goshawk: {error}\n")
         file = f"attachment; filename*=UTF-8''{quote(f'{name}.html')}"
         return web.Response(text=text, content_type="text/html", headers={"Content-Disposition": file})
+
+    async def _serve_data(self, request: "web.Request") -> "web.StreamResponse":
+        """A CSV in pieces: a long flight's need not be in memory together."""
+        from aiohttp import web
+
+        try:
+            lines = iter(await asyncio.to_thread(self._data, request.query))
+        except FlightError as error:
+            return web.Response(status=404, text=f"Goshawk: {error}\n")
+        name = quote(f"{request.query.get('flight', '')}.csv")
+        answer = web.StreamResponse(headers={**_SAFETY_HEADERS, "Cache-Control": "no-store"})
+        answer.headers["Content-Disposition"] = f"attachment; filename*=UTF-8''{name}"
+        answer.content_type, answer.charset = "text/csv", "utf-8"
+        await answer.prepare(request)
+        while piece := await asyncio.to_thread(lambda: "".join(islice(lines, _LINES_AT_ONCE))):
+            await answer.write(piece.encode())
+        await answer.write_eof()
+        return answer
 
     async def _page(self, request: "web.Request") -> "web.StreamResponse":
         from aiohttp import web

@@ -25,9 +25,11 @@ TILE_TRIANGLES = 30_000
 """Of a tile at the fine level, which is the mesh as it is."""
 LEAST_TRIANGLES = 20
 """Of a coarse tile."""
+PLAIN_TRIANGLES = (1_500, 6_000, 20_000)
+"""Of the whole mesh, for browsers that draw slowly: without a graphics card two cores draw some 250,000 a second."""
 CACHE = "display_mesh.npz"
 
-_VERSION = 3
+_VERSION = 4
 """Of what is made: a cache of another one is made again."""
 _OVERLAP = 2.0
 """Of tiles, in typical edges of the mesh: neighbours are simplified apart, and would leave cracks."""
@@ -80,6 +82,12 @@ def load(path: Path, triangles: int, folder: Path, *, progress: Progress = silen
     """
     key = _key(path, triangles)
     return load_or_make(folder / CACHE, key, path, _make, (path, triangles, key), progress)
+
+
+def plain(shown: Tiles, triangles: int) -> np.ndarray:
+    """Of the mesh to show, the whole in one piece of at most so many triangles, or the smallest there is: GLB."""
+    fitting = [most for most in PLAIN_TRIANGLES if most <= triangles]
+    return shown.array(f"plain_{max(fitting, default=min(PLAIN_TRIANGLES))}")
 
 
 def read(path: Path) -> Mesh:
@@ -178,6 +186,9 @@ def _make(folder: Path, asked: tuple[Path, int, str], progress: Progress) -> Non
     whole = joined(coarse)
     seen = light(whole.vertices_m, normals(whole), whole.faces, progress=progress)
     others = {"vertices": whole.vertices_m, "faces": whole.faces}
+    for k, most in enumerate(PLAIN_TRIANGLES):
+        progress("simplifying the mesh", k / len(PLAIN_TRIANGLES))
+        others[f"plain_{most}"] = simplified(_shaded(whole, seen), most).glb()
     tiles.save(folder / CACHE, key, _tiles(fine, coarse, whole, seen), others)
 
 

@@ -39,8 +39,8 @@ class MapDesk:
         self._lock = threading.RLock()
         self._slice: messages.Slice | None = None
         self._layers, self._author = _LAYERS, ""
-        self._cut: tuple[float | None, float] = (None, -1.0)
-        """Height and required clearance of the section that the pages have."""
+        self._cut: tuple[float | None, float, messages.Slice | None] = (None, -1.0, None)
+        """Height, required clearance and level slice of the section that the pages have."""
         self._measured: list[Place] = []
         self._preview = messages.MapPreview("")
         self._action: messages.MapAction = "no-fly"
@@ -66,6 +66,7 @@ class MapDesk:
         with self._lock:
             self._slice, self._layers, self._author = wanted, layers, author
         self._view.show(wanted, layers)
+        self.cut(self._cut[0])
         self._publish()
 
     def changed(self) -> None:
@@ -80,9 +81,13 @@ class MapDesk:
                     self._show_preview(last.author, last.edit, last.shape, drawn=last.drawn)
 
     def cut(self, height_m: float | None, *, anew: bool = False) -> None:
-        """Tell the pages how the map looks from above at a height (world z), unless they know; None: in the middle."""
+        """Tell the pages how the map looks from above at a height (world z), unless they know; None: in the middle.
+
+        Where a level slice is shown, it is what they are told.
+        """
         step = None if height_m is None else round(height_m / _CUT_STEP_M) * _CUT_STEP_M
-        wanted = (step, self._view.required_m)
+        level = self._slice if self._slice is not None and self._slice.axis == "z" else None
+        wanted = (step, self._view.required_m, level)
         if wanted == self._cut and not anew:
             return
         self._cut = wanted
@@ -91,6 +96,10 @@ class MapDesk:
         except FlightError:
             self._hub.publish(messages.MapSection(""))
             return  # said when it was drawn
+        picture = None if level is None else self._view.picture(level)
+        if level is not None and picture is not None:
+            self._hub.publish(section.of_slice(picture, level))
+            return
         grid = area.field.grid
         middle_m = 0.5 * float(grid.low_world_m[2] + grid.high_world_m[2])
         self._hub.publish(section.of(area, middle_m if step is None else step, self._view.required_m))

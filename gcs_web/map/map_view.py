@@ -59,6 +59,7 @@ class MapView:
         self._edits: tuple[MapEdit, ...] = ()
         self._drawn: list[Any] = []
         self._cameras: list[Any] = []
+        self._axes = server.scene.add_frame("/axes", axes_length=1.0, axes_radius=0.012, visible=False)
         self._points = DetailView(server, "/points", self._put_points, display_points.MOST_FINE_POINTS)
         self._points_lock, self._points_key = threading.Lock(), ""
         self._marks: list[Any] = []
@@ -89,6 +90,7 @@ class MapView:
         self.mesh.show("mesh" in layers)
         with self._lock, self._server.atomic():
             self._slice, self._layers = wanted, frozenset(layers)
+            self._axes.visible = "axes" in layers
             self._draw_slice()
             self._draw_layers()
         self._draw_points()
@@ -164,11 +166,12 @@ class MapView:
 
     # --- slice and layers ---
 
-    def _draw_slice(self) -> None:
-        area, wanted = self._area, self._slice
-        if area is None or wanted is None:
-            self._server.scene.remove_by_name("/slice")
-            return
+    def picture(self, wanted: Slice) -> slices.Picture | None:
+        """A slice as it is drawn now; None without a map."""
+        with self._lock:
+            return None if self._area is None else self._picture(self._area, wanted)
+
+    def _picture(self, area: Map, wanted: Slice) -> slices.Picture:
         if wanted.of == "could_hide" and self._hidden is None:
             self._hidden = area.visibility()
         if wanted.of == "unknown" and self._inferred is None:
@@ -176,7 +179,14 @@ class MapView:
         if wanted.of == "surface_std" and self._surface is None:
             self._surface = area.surface()
         field = self._field or area.field
-        picture = slices.draw(area, field, wanted, self._required_m, self._hidden, self._inferred, self._surface)
+        return slices.draw(area, field, wanted, self._required_m, self._hidden, self._inferred, self._surface)
+
+    def _draw_slice(self) -> None:
+        area, wanted = self._area, self._slice
+        if area is None or wanted is None:
+            self._server.scene.remove_by_name("/slice")
+            return
+        picture = self._picture(area, wanted)
         self._server.scene.add_image(
             "/slice", picture.rgba, *picture.size_m, format="png", wxyz=tuple(picture.q_world_image),
             position=tuple(picture.centre_world_m), cast_shadow=False, receive_shadow=False,

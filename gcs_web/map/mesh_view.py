@@ -1,7 +1,7 @@
 """The map's mesh in the 3D view: drawn in tiles, met by the rays of clicks, and painted on by drags."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,7 @@ class MeshView:
         """`progress`: of drawing the first mesh."""
         self._triangles, self._cache, self._progress = triangles, cache, progress
         self._lock = threading.RLock()
-        self._tiles = DetailView(server, "/map", _draw, display_mesh.FINE_RATIO * triangles)
+        self._tiles = DetailView(server, "/map", _draw, display_mesh.FINE_RATIO * triangles, display_mesh.plain)
         self._file: tuple[int, int] | None = None
         """Time of change (ns) and size of the file that is drawn."""
         self._painting = False
@@ -46,6 +46,19 @@ class MeshView:
             self.surface = Surface(shown.array("vertices"), shown.array("faces"))
             self._tiles.show(shown)
             self._file = file
+
+    @property
+    def plain_of(self) -> Callable[[Any], int | None]:
+        return self._tiles.plain_of
+
+    @plain_of.setter
+    def plain_of(self, plain_of: Callable[[Any], int | None]) -> None:
+        """How many triangles at the most a browser that comes gets in one piece; None: all that it can have."""
+        self._tiles.plain_of = plain_of
+
+    def simplify(self, clients: Collection[int], triangles: int) -> None:
+        """Give some browsers (viser's ids) the mesh in so many triangles at the most."""
+        self._tiles.simplify(clients, triangles)
 
     def show(self, visible: bool) -> None:
         self._tiles.set_visible(visible)

@@ -7,7 +7,8 @@ import numpy as np
 
 import esdf
 from flight import FloatArray
-from gcs_web.protocol.map import MapSection
+from gcs_web.map.slices import Picture
+from gcs_web.protocol.map import MapSection, Slice
 from mapping import Map
 
 MOST_PIXELS = 512
@@ -31,6 +32,14 @@ def of(area: Map, height_m: float, required_m: float) -> MapSection:
     return MapSection(_png(rgba), (float(low[0]), float(low[1])), (float(high[0]), float(high[1])), round(at_m, 2))
 
 
+def of_slice(picture: Picture, wanted: Slice) -> MapSection:
+    """A level slice of the 3D view, as it is there."""
+    half = 0.5 * np.array(picture.size_m)
+    low, high = picture.centre_world_m[:2] - half, picture.centre_world_m[:2] + half
+    corners = (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
+    return MapSection(_encoded(picture.rgba), *corners, round(wanted.at_m, 2), wanted.of)
+
+
 def _coloured(field: esdf.Field, points_world_m: FloatArray, required_m: float) -> np.ndarray:
     """(n, 4) uint8: filled in an obstacle, pale near one, striped where nothing is known, clear where there is room."""
     distance_m = np.nan_to_num(field.distance(points_world_m), nan=-1.0)
@@ -44,11 +53,15 @@ def _coloured(field: esdf.Field, points_world_m: FloatArray, required_m: float) 
 
 
 def _png(rgba: np.ndarray) -> str:
-    from PIL import Image
-
     row, column = np.indices(rgba.shape[:2])
     unknown = (rgba == _UNKNOWN).all(axis=-1)
     rgba[unknown & ((row + column) % _STRIPE_PX != 0), 3] //= 3
+    return _encoded(rgba)
+
+
+def _encoded(rgba: np.ndarray) -> str:
+    from PIL import Image
+
     file = io.BytesIO()
     Image.fromarray(rgba).save(file, "PNG", optimize=True)
     return base64.b64encode(file.getvalue()).decode()

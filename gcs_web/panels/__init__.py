@@ -10,6 +10,7 @@ from gcs_web.panels import (
     jobs,
     learning,
     map,
+    people,
     projects,
     trajectories,
     vehicle,
@@ -19,6 +20,6 @@ from gcs_web.panels.handlers import Handlers
 
 PANELS = (
     document, course, projects, trajectories, view, jobs, map, flights, comparison, learning, vehicle, compensation,
-    consent,
+    consent, people,
 )  # fmt: skip
 HANDLERS: Handlers = {command: handler for panel in PANELS for command, handler in panel.HANDLERS.items()}

@@ -29,6 +29,16 @@ def _read(desk: Desk, _: Person, wanted: messages.ReadStreams) -> Reply:
     return Reply(wanted.serial, parts=parts)
 
 
+def _spectrum(desk: Desk, _: Person, wanted: messages.ReadSpectrum) -> Reply:
+    found = desk.comparing.spectrum(wanted.flight, wanted.stream, wanted.from_s, wanted.to_s)
+    return Reply(wanted.serial, spectrum=found)
+
+
+def _pairs(desk: Desk, _: Person, wanted: messages.ReadPairs) -> Reply:
+    found = desk.comparing.pairs(wanted.flight, (wanted.x, wanted.y), wanted.from_s, wanted.to_s)
+    return Reply(wanted.serial, pairs=found)
+
+
 def _fix(desk: Desk, _: Person, wanted: messages.FixFlight) -> Reply:
     name, done = desk.flights.fix(wanted.flight, wanted.only)
     desk.notice(f"{wanted.flight}: {'; '.join(done)}. Saved as {name}; {wanted.flight} stays as it is, left out.")
@@ -64,6 +74,8 @@ HANDLERS: Handlers = {
     messages.OpenFlights: _open,
     messages.AlignFlights: _align,
     messages.ReadStreams: _read,
+    messages.ReadSpectrum: _spectrum,
+    messages.ReadPairs: _pairs,
     messages.FixFlight: _fix,
     messages.DiscardFlight: _discard,
     messages.RestoreFlight: _restore,

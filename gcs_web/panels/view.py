@@ -23,8 +23,8 @@ def _follow(desk: Desk, _: Person, wanted: Follow) -> None:
     desk.view.follow(wanted.view, following=wanted.following)
 
 
-def _plainly(desk: Desk, _: Person, __: DrawPlainly) -> None:
-    desk.view.draw_plainly()
+def _plainly(desk: Desk, _: Person, wanted: DrawPlainly) -> None:
+    desk.view.draw_plainly(wanted.view, wanted.triangles)
 
 
 HANDLERS: Handlers = {

@@ -99,6 +99,31 @@ class StreamPart(msgspec.Struct, frozen=True):
     """White noise keeps within plus and minus this with 95 %; None where nobody knows."""
 
 
+class SpectrumCurve(msgspec.Struct, frozen=True):
+    """Power spectral density of one curve."""
+
+    label: str
+    kind: CurveKind
+    frequency_hz: list[float]
+    density: list[float]
+    """In the stream's unit squared, a Hz."""
+
+
+class Spectrum(msgspec.Struct, frozen=True):
+    flight: str
+    key: str
+    curves: list[SpectrumCurve]
+
+
+class Pairs(msgspec.Struct, frozen=True):
+    """One stream of a flight against another, at the same instants."""
+
+    flight: str
+    time_s: list[float]
+    x: list[float]
+    y: list[float]
+
+
 class ColumnGuess(msgspec.Struct, frozen=True):
     """What a column of a foreign log is taken for."""
 
@@ -147,6 +172,25 @@ class ReadStreams(Command, frozen=True, tag="read_streams", kw_only=True):
     to_s: float
     points: int
     """About as many times as there are pixels."""
+
+
+class ReadSpectrum(Command, frozen=True, tag="read_spectrum", kw_only=True):
+    """Ask how a stream's variance over a stretch is spread over frequencies; the reply has `spectrum`."""
+
+    flight: str
+    stream: str
+    from_s: float
+    to_s: float
+
+
+class ReadPairs(Command, frozen=True, tag="read_pairs", kw_only=True):
+    """Ask for one stream against another over a stretch; the reply has `pairs`."""
+
+    flight: str
+    x: str
+    y: str
+    from_s: float
+    to_s: float
 
 
 class FixFlight(Command, frozen=True, tag="fix_flight", kw_only=True):

@@ -43,7 +43,7 @@ SliceAxis = Literal["x", "y", "z", "oblique"]
 SliceOf = Literal["distance", "unknown", "could_hide", "surface_std"]
 
 
-Layer = Literal["mesh", "cameras", "points", "edits"]
+Layer = Literal["mesh", "cameras", "points", "edits", "axes"]
 
 
 class Slice(msgspec.Struct, frozen=True):
@@ -97,6 +97,8 @@ class MapSection(State, frozen=True, tag="map_section"):
     high_m: tuple[float, float] = (0.0, 0.0)
     at_m: float = 0.0
     """Height, world z."""
+    of: SliceOf | None = None
+    """Of the slice that is shown, where that is level; None: obstacles, what is near them and what is unknown."""
 
 
 class Measured(State, frozen=True, tag="measured"):

@@ -4,9 +4,9 @@ from typing import Literal
 
 import msgspec
 
-from gcs_web.protocol.base import Message, State
+from gcs_web.protocol.base import Command, Message, State
 
-PROTOCOL = 7
+PROTOCOL = 8
 """Raised when an old page could misread a new server."""
 
 
@@ -32,6 +32,20 @@ class People(State, frozen=True, tag="people"):
     people: list[Person]
     in_control: str
     """Id of the person whose orders the station passes on; empty for nobody."""
+
+
+class Invitation(msgspec.Struct, frozen=True):
+    """The address that lets one more browser in; it is used up then, and there is another one."""
+
+    address: str
+    code: list[str]
+    """Rows of its QR code from the top, "1" for each dark module, without the white round it."""
+    only_here: bool
+    """Whether it opens on the station's own machine only."""
+
+
+class Invite(Command, frozen=True, tag="invite", kw_only=True):
+    """Ask for an address for another device; the reply has `invitation`."""
 
 
 Level = Literal["fact", "caution", "danger"]

@@ -4,7 +4,8 @@ from gcs_web.protocol.base import Message
 from gcs_web.protocol.comparison import Scatter
 from gcs_web.protocol.compensation import Compensation
 from gcs_web.protocol.course import RecordedPath
-from gcs_web.protocol.flights import Aligned, Incoming, OpenedFlight, StreamPart
+from gcs_web.protocol.flights import Aligned, Incoming, OpenedFlight, Pairs, Spectrum, StreamPart
+from gcs_web.protocol.people import Invitation
 from gcs_web.protocol.trajectories import PlanSummary
 from gcs_web.protocol.vehicle import FoundVehicle, Held
 
@@ -25,6 +26,8 @@ class Reply(Message, frozen=True, tag="reply"):
     aligned: list[Aligned] = []
     """Of `align_flights`: each flight but the first."""
     parts: list[StreamPart] = []
+    spectrum: Spectrum | None = None
+    pairs: Pairs | None = None
     scatter: Scatter | None = None
     incoming: Incoming | None = None
     """Of `take_log`: what the columns of a foreign log may be."""
@@ -37,3 +40,5 @@ class Reply(Message, frozen=True, tag="reply"):
     recorded_path: RecordedPath | None = None
     vehicles: list[FoundVehicle] = []
     """Of `look_for_vehicles`."""
+    invitation: Invitation | None = None
+    """Of `invite`."""

@@ -54,4 +54,9 @@ class Follow(Command, frozen=True, tag="follow", kw_only=True):
 
 
 class DrawPlainly(Command, frozen=True, tag="draw_plainly", kw_only=True):
-    """A browser draws slowly: leave out shadows and light from all sides in the 3D view, for everybody."""
+    """A browser draws slowly: leave out shadows and light from all sides, for everybody, and triangles in its view."""
+
+    view: str
+    """Its 3D view's name, as in its address."""
+    triangles: int
+    """Of the map's mesh there, at the most."""

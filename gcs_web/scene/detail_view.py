@@ -2,7 +2,7 @@
 
 import logging
 import threading
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Collection
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,8 @@ _PERIOD_S = 0.25
 Draw = Callable[["viser.SceneApi", str, np.ndarray, bool], Any]
 """Puts a level of a tile into a browser's scene, under a name; whether it is the fine one. What it returns can be
 removed."""
+Plain = Callable[[Tiles, int], np.ndarray]
+"""All tiles in one piece of a certain size, for a browser that draws slowly."""
 Drag = Callable[[Any], Awaitable[None]]
 """Takes the events of a drag, in the event loop."""
 
@@ -32,22 +34,29 @@ class _Browser:
     drawn: dict[int, Any] = field(default_factory=dict)
     fine: frozenset[int] = frozenset()
     moved: bool = False
+    most_plain: int | None = None
+    """Size of the one piece that it has in place of tiles; None: it has tiles."""
 
 
 class DetailView:
     """Thread-safe. A browser is sent each tile once at the coarse level, and holds at most `most` of the fine one."""
 
-    def __init__(self, server: "viser.ViserServer", name: str, draw: Draw, most: int) -> None:
+    def __init__(
+        self, server: "viser.ViserServer", name: str, draw: Draw, most: int, plain: Plain | None = None
+    ) -> None:
         """
         Args:
             name: of the scene's node that holds all tiles.
             most: triangles or points of the fine level that a browser holds.
+            plain: needed for `simplify`.
         """
-        self._name, self._draw, self._most = name, draw, most
+        self._name, self._draw, self._most, self._plain = name, draw, most, plain
         self._lock = threading.RLock()
         self._tiles: Tiles | None = None
         self._browsers: dict[int, _Browser] = {}
         self._on_drag: Drag | None = None
+        self.plain_of: Callable[[Any], int | None] = lambda _: None
+        """Size of the one piece that a browser which comes gets; None: it gets tiles."""
         self._moved, self._closed = threading.Event(), threading.Event()
         self._thread: threading.Thread | None = None
         self._parent = server.scene.add_frame(name, show_axes=False)
@@ -66,6 +75,13 @@ class DetailView:
             if shown is not None and self._thread is None and not self._closed.is_set():
                 self._thread = threading.Thread(target=self._refine, name=f"detail {self._name}", daemon=True)
                 self._thread.start()
+
+    def simplify(self, clients: Collection[int], most: int) -> None:
+        """Give some browsers (viser's ids) all tiles in one piece of about so many triangles or points at the most."""
+        with self._lock:
+            for browser in (self._browsers[name] for name in clients if name in self._browsers):
+                browser.most_plain = most
+                self._begin(browser)
 
     def set_visible(self, visible: bool) -> None:
         with self._lock:
@@ -93,7 +109,7 @@ class DetailView:
             browser.moved = True
             self._moved.set()
 
-        browser = _Browser(client)
+        browser = _Browser(client, most_plain=self.plain_of(client))
         client.camera.on_update(moved)
         with self._lock:
             self._browsers[client.client_id] = browser
@@ -107,14 +123,21 @@ class DetailView:
         for node in browser.drawn.values():
             node.remove()
         browser.drawn, browser.fine = {}, frozenset()
+        if self._tiles is None:
+            return
+        if browser.most_plain is not None and self._plain is not None:
+            self._draw_tile(browser, 0, self._plain(self._tiles, browser.most_plain), fine=False)
+            return
         with browser.client.atomic():
-            for k in range(0 if self._tiles is None else len(self._tiles)):
+            for k in range(len(self._tiles)):
                 self._put(browser, k, fine=False)
 
     def _put(self, browser: _Browser, tile: int, *, fine: bool) -> None:
-        """A node of the same name takes the other's place in the browser."""
         assert self._tiles is not None
-        data = self._tiles.level(tile, fine=fine)
+        self._draw_tile(browser, tile, self._tiles.level(tile, fine=fine), fine=fine)
+
+    def _draw_tile(self, browser: _Browser, tile: int, data: np.ndarray, *, fine: bool) -> None:
+        """A node of the same name takes the other's place in the browser."""
         node = self._draw(browser.client.scene, f"{self._name}/{tile}", data, fine)
         if self._on_drag is not None:
             node.on_drag(self._on_drag)
@@ -137,6 +160,8 @@ class DetailView:
         """Give a browser the fine levels that it should have, first taking away the others."""
         with self._lock:
             if self._tiles is None or self._browsers.get(browser.client.client_id) is not browser:
+                return
+            if browser.most_plain is not None:
                 return
             browser.moved = False
             camera = browser.client.camera

@@ -40,7 +40,8 @@ class Tab:
 
 @contextlib.contextmanager
 def tab(browser, *, with_view: bool) -> Iterator[Tab]:
-    context = browser.new_context(viewport=SIZE, reduced_motion="reduce")
+    # A page that is kept would answer for a station of another test, past the routes below.
+    context = browser.new_context(viewport=SIZE, reduced_motion="reduce", service_workers="block")
     context.set_default_timeout(1000 * PATIENCE_S)  # drawn without a graphics card: slow beside other work
     new = Tab(context.new_page())
 

@@ -2,6 +2,7 @@
 
 import { Palette } from "./panels/frame/Palette";
 import { Resizer, drawerHeight } from "./components/Resizer";
+import { Devices } from "./panels/frame/Devices";
 import { FlightBar } from "./panels/frame/FlightBar";
 import { PANELS } from "./panels/frame/panels";
 import { PLAN } from "./panels/plan/panel";
@@ -9,7 +10,7 @@ import { ProjectList } from "./panels/frame/ProjectList";
 import { Scene } from "./panels/frame/Scene";
 import { StatusBar } from "./panels/frame/StatusBar";
 import { TopBar } from "./panels/frame/TopBar";
-import { connected, paletteOpen, projectsOpen, step } from "./core/store";
+import { connected, devicesOpen, paletteOpen, projectsOpen, step } from "./core/store";
 import { phone } from "./core/theme";
 
 export function App() {
@@ -45,6 +46,7 @@ export function App() {
       {paletteOpen.value && <Palette />}
       {PANELS.map(({ step, dialog: Dialog }) => Dialog !== undefined && <Dialog key={step} />)}
       {projectsOpen.value && <ProjectList />}
+      {devicesOpen.value && <Devices />}
     </div>
   );
 }

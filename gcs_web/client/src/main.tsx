@@ -20,3 +20,5 @@ startWhereItLacks();
 startLink();
 listen();
 connect();
+// Not where a certificate was only waved through, nor in a window that keeps nothing: the page needs none.
+navigator.serviceWorker?.register("/static/worker.js", { scope: "/" }).catch(() => {});

@@ -40,6 +40,7 @@ async def running_gateway() -> AsyncIterator[tuple[Gateway, viser.ViserServer]]:
         incoming=lambda name: incoming.place(Project(folder, ""), name),
         share=lambda name: (name, ""),
         report=lambda name: (name, ""),
+        data=lambda asked: iter([f"{asked['flight']}\n"]),
     )
     try:
         await gateway.start()
@@ -406,6 +407,7 @@ def test_a_host_is_answered_to_as_browsers_write_it(tmp_path: Path):
         incoming=lambda name: tmp_path / name,
         share=lambda name: (name, ""),
         report=lambda name: (name, ""),
+        data=lambda asked: iter([f"{asked['flight']}\n"]),
         host="Station.Org",
     )
     assert gateway.url.startswith("http://station.org:")

@@ -1,5 +1,6 @@
 """The mesh as it is shown: fewer triangles, darker in corners, made once."""
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import trimesh
 
 from flight import MapError
 from gcs_web.map import display_mesh
-from gcs_web.scene import picking
+from gcs_web.scene import picking, tiles
 from mapping.dense import mesh_file
 
 
@@ -33,12 +34,24 @@ def test_tiles_cover_the_mesh_and_those_simplified_apart_leave_no_crack(monkeypa
     assert len(fine) > 4
     centres = {tuple(np.round(c, 5)) for part in fine for c in part.vertices_m[part.faces].mean(axis=1).tolist()}
     assert len(centres) == len(whole.faces)
-    for tiles in (fine, [display_mesh.simplified(tile, 200) for tile in fine]):
-        shown = display_mesh.joined(tiles)
+    for level in (fine, [display_mesh.simplified(tile, 200) for tile in fine]):
+        shown = display_mesh.joined(level)
         surface = picking.Surface(shown.vertices_m, shown.faces)
         for direction in np.random.default_rng(0).normal(size=(300, 3)):
             direction /= np.linalg.norm(direction)
             assert surface.first_hit(3.0 * direction, -direction) is not None
+
+
+def test_for_slow_browsers_the_whole_mesh_is_there_in_one_piece_of_few_triangles(tmp_path):
+    whole = sphere(5)
+    mesh_file.save(tmp_path / "mesh.ply", whole.vertices_m, whole.faces, whole.colours)
+    display_mesh._make(tmp_path, (tmp_path / "mesh.ply", 15_000, "key"), lambda *_: None)
+    shown = tiles.load(tmp_path / display_mesh.CACHE, "key")
+    assert shown is not None
+    for asked, most in ((100, 1_500), (1_500, 1_500), (7_000, 6_000), (10**6, 20_000)):
+        piece = trimesh.load(io.BytesIO(display_mesh.plain(shown, asked).tobytes()), "glb", force="mesh")
+        assert 0.9 * min(most, 15_000) <= len(piece.faces) <= most
+        np.testing.assert_allclose(piece.bounds, [[-1.0] * 3, [1.0] * 3], atol=0.05)
 
 
 def test_a_mesh_that_cannot_be_read_is_said_and_not_drawn_as_nothing(tmp_path):

@@ -8,7 +8,8 @@ import pytest
 from PIL import Image
 
 import mapping
-from gcs_web.map import section
+from gcs_web.map import section, slices
+from gcs_web.protocol.map import Slice
 
 
 def picture(pillar_map, height_m: float, required_m: float = 0.3):
@@ -47,3 +48,14 @@ def test_a_large_map_makes_a_small_picture(pillar_map, monkeypatch):
     found, rgba = picture(pillar_map, 1.0)
     assert max(rgba.shape[:2]) <= 40
     assert at(found, rgba, 2.0, 1.5) == 255
+
+
+@pytest.mark.parametrize("of", ["distance", "unknown", "could_hide"])
+def test_a_level_slice_is_the_picture_of_the_3d_view_where_it_is_in_the_world(pillar_map, of):
+    area, wanted = mapping.open_map(pillar_map), Slice("z", 1.0, of)
+    found = section.of_slice(slices.draw(area, area.field, wanted, 0.3), wanted)
+    grid = area.field.grid
+    np.testing.assert_allclose([found.low_m, found.high_m], [grid.low_world_m[:2], grid.high_world_m[:2]], atol=1e-9)
+    rgba = np.asarray(Image.open(io.BytesIO(base64.b64decode(found.image))))
+    assert (found.at_m, found.of) == (1.0, of)
+    assert at(found, rgba, 2.0, 1.5) != at(found, rgba, 3.0, 0.9)

@@ -133,6 +133,22 @@ def test_a_browser_has_all_tiles_at_once_and_the_fine_ones_follow_its_camera(vie
     assert len(client.scene.nodes) == 6  # nothing is sent to a browser that left
 
 
+def test_a_browser_that_draws_slowly_has_one_piece_and_no_fine_tiles(view, tmp_path):
+    asked: list[int] = []
+    view._plain = lambda shown, most: asked.append(most) or shown.level(0, fine=False)
+    client, late = Client(), Client()
+    late.client_id = 2
+    view._tiles = row_of_tiles(tmp_path / "tiles.npz")
+    view._joined(client)
+    view.simplify([1], 6000)
+    view.plain_of = {late: 1500}.get
+    view._joined(late)
+    for browser in view._browsers.values():
+        view._follow(browser)
+    assert client.scene.nodes == late.scene.nodes == {"/map/0": 1}
+    assert asked == [6000, 1500]
+
+
 def test_drags_are_answered_by_every_tile_in_every_browser_until_they_are_not(view, tmp_path):
     async def painted(_: Any) -> None: ...
 

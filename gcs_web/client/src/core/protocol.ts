@@ -1,7 +1,7 @@
 // Written by tools/page_types.py from the structs of gcs_web. Do not edit.
 
 
-export const PROTOCOL = 7;
+export const PROTOCOL = 8;
 
 export interface Abort {
   type: "abort";
@@ -287,6 +287,8 @@ export interface DraftEffect {
 export interface DrawPlainly {
   type: "draw_plainly";
   serial: number;
+  view: string;
+  triangles: number;
 }
 
 export interface DropMapEdits {
@@ -517,6 +519,17 @@ export interface Insert {
   z_m?: number | null;
 }
 
+export interface Invitation {
+  address: string;
+  code: string[];
+  only_here: boolean;
+}
+
+export interface Invite {
+  type: "invite";
+  serial: number;
+}
+
 export interface Job {
   id: number;
   kind: string;
@@ -654,12 +667,13 @@ export interface MapSection {
   low_m: [number, number];
   high_m: [number, number];
   at_m: number;
+  of: "distance" | "unknown" | "could_hide" | "surface_std" | null;
 }
 
 export interface MapShown {
   type: "map_shown";
   slice: Slice | null;
-  layers: ("mesh" | "cameras" | "points" | "edits")[];
+  layers: ("mesh" | "cameras" | "points" | "edits" | "axes")[];
   low_m: [number, number, number];
   high_m: [number, number, number];
   facts: MapFacts;
@@ -807,6 +821,13 @@ export interface Paint {
   radius_m?: number;
 }
 
+export interface Pairs {
+  flight: string;
+  time_s: number[];
+  x: number[];
+  y: number[];
+}
+
 export interface ParameterRow {
   name: string;
   words: string;
@@ -934,11 +955,30 @@ export interface RandomYaw {
   waypoints: number[];
 }
 
+export interface ReadPairs {
+  type: "read_pairs";
+  serial: number;
+  flight: string;
+  x: string;
+  y: string;
+  from_s: number;
+  to_s: number;
+}
+
 export interface ReadScatter {
   type: "read_scatter";
   serial: number;
   channel: string;
   variable: string;
+}
+
+export interface ReadSpectrum {
+  type: "read_spectrum";
+  serial: number;
+  flight: string;
+  stream: string;
+  from_s: number;
+  to_s: number;
 }
 
 export interface ReadStreams {
@@ -974,6 +1014,8 @@ export interface Reply {
   flights: OpenedFlight[];
   aligned: Aligned[];
   parts: StreamPart[];
+  spectrum: Spectrum | null;
+  pairs: Pairs | null;
   scatter: Scatter | null;
   incoming: Incoming | null;
   compensation: Compensation | null;
@@ -981,6 +1023,7 @@ export interface Reply {
   words: string;
   recorded_path: RecordedPath | null;
   vehicles: FoundVehicle[];
+  invitation: Invitation | null;
 }
 
 export interface Restore {
@@ -1178,7 +1221,7 @@ export interface ShowMap {
   type: "show_map";
   serial: number;
   slice: Slice | null;
-  layers: ("mesh" | "cameras" | "points" | "edits")[];
+  layers: ("mesh" | "cameras" | "points" | "edits" | "axes")[];
 }
 
 export interface ShowMoments {
@@ -1208,6 +1251,19 @@ export interface Snap {
   waypoints: number[];
   to: "grid" | "height" | "clearance";
   by_m: number;
+}
+
+export interface Spectrum {
+  flight: string;
+  key: string;
+  curves: SpectrumCurve[];
+}
+
+export interface SpectrumCurve {
+  label: string;
+  kind: "measured" | "plan" | "model" | "residual";
+  frequency_hz: number[];
+  density: number[];
 }
 
 export interface Stair {
@@ -1383,4 +1439,4 @@ export interface Welcome {
 
 export type ToPage = Comparison | Cursor | Diagnosis | Document | Draft | EffectFiles | Files | FlightMoment | Flights | FlightsShown | Identification | Jobs | MapPreview | MapSection | MapShown | Measured | Model | NextFlight | Notice | People | Plan | Projects | Reply | Selection | Shown | Vehicle | Welcome;
 
-export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DrawPlainly | DropMapEdits | DropPath | DropTried | FixFlight | Follow | ForeseeJob | ForgetJob | GiveUpControl | Insert | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | LookForVehicles | Loop | Measure | Move | NewProject | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadScatter | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;
+export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DrawPlainly | DropMapEdits | DropPath | DropTried | FixFlight | Follow | ForeseeJob | ForgetJob | GiveUpControl | Insert | Invite | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | LookForVehicles | Loop | Measure | Move | NewProject | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadPairs | ReadScatter | ReadSpectrum | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;

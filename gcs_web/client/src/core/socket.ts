@@ -70,6 +70,9 @@ function refusal(number: number, error: string): Reply {
     words: "",
     recorded_path: null,
     vehicles: [],
+    invitation: null,
+    spectrum: null,
+    pairs: null,
   };
 }
 

@@ -23,7 +23,7 @@ export const files = newest("files", { type: "files", trajectories: [], flights:
 export const projects = newest("projects", { type: "projects", projects: [] });
 export const mapShown = signal<MapShown | null>(null);
 /** The map from above, at one height. */
-export const section = newest("map_section", { type: "map_section", image: "", low_m: [0, 0], high_m: [0, 0], at_m: 0 });
+export const section = newest("map_section", { type: "map_section", image: "", low_m: [0, 0], high_m: [0, 0], at_m: 0, of: null });
 export const measured = newest("measured", {
   type: "measured",
   active: false,
@@ -98,6 +98,7 @@ export const step = signal(2);
 export const aborting = signal(false);
 export const paletteOpen = signal(false);
 export const projectsOpen = signal(false);
+export const devicesOpen = signal(false);
 
 /** Waypoints another person changed within the last second, with that person's initials. */
 export const touched = signal<ReadonlyMap<number, string>>(new Map());

@@ -30,6 +30,8 @@ import {
 import type { AlignBy } from "./flights";
 import { copyLink } from "./link";
 import { FindingMarks, marksPx } from "./FindingMarks";
+import { KindChoice, Study } from "./Studies";
+import { kind } from "./studying";
 import { plotHeight } from "../../plots/plots";
 import { flightCursor_s } from "../../core/store";
 import { isLight, phone, token } from "../../core/theme";
@@ -59,6 +61,7 @@ export function FlightDrawer({ height }: { height?: number }) {
     return () => observer.disconnect();
   }, [margins]);
   const rows = drawn.value;
+  const isOverTime = kind.value === "time" && width.value > 0;
   const room = (height ?? 0) - HEAD_PX - AXIS_PX - marksPx.value;
   const row_px = phone.value ? PHONE_ROW_PX : Math.max(SMALLEST_ROW_PX, Math.floor(room / Math.max(1, rows.length)));
   return (
@@ -66,8 +69,10 @@ export function FlightDrawer({ height }: { height?: number }) {
       <DrawerHead />
       <div class="plots" ref={box} role="group" aria-label="Plots" tabIndex={0} onKeyDown={byKey}>
         {opened.value.length === 0 && <p class="empty">Open a flight to see it over time.</p>}
-        {width.value > 0 && <FindingMarks width={width.value} margins={margins} />}
-        {width.value > 0 &&
+        {opened.value.length > 0 && rows.length === 0 && kind.value !== "xy" && <p class="empty">Add a stream to see it.</p>}
+        {(kind.value === "xy" || (kind.value === "spectrum" && rows.length > 0)) && width.value > 0 && <Study width={width.value} row_px={row_px} />}
+        {isOverTime && <FindingMarks width={width.value} margins={margins} />}
+        {isOverTime &&
           rows.map((stream, index) => (
             <Row
               key={stream.key}
@@ -78,7 +83,7 @@ export function FlightDrawer({ height }: { height?: number }) {
               margins={margins}
             />
           ))}
-        {rows.length > 0 && <Cursor width={width.value} margins={margins} />}
+        {isOverTime && rows.length > 0 && <Cursor width={width.value} margins={margins} />}
       </div>
     </div>
   );
@@ -106,6 +111,7 @@ function DrawerHead() {
       ))}
       {opened.value.length > 1 && <Alignment />}
       <StreamChoice />
+      <KindChoice />
       {stretch.value !== null && (
         <button type="button" class="toggle" onClick={() => (stretch.value = null)}>
           All of it

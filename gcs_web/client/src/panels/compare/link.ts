@@ -3,6 +3,7 @@
 import { effect } from "@preact/signals";
 import { FIRST_HORIZON_S, bin, chosen, horizon_s, moved_s, open, pathColour, streamKeys, stretch, withArrows, withPredicted } from "./flights";
 import type { Channel } from "./flights";
+import { KINDS, along, kind } from "./studying";
 import { announce, flightCursor_s, step } from "../../core/store";
 
 const COLOURS: readonly Channel[] = ["", "F_x", "F_y", "F_z", "M_x", "M_y", "M_z"];
@@ -13,6 +14,9 @@ function restore(): void {
   if (wanted >= 0 && wanted <= 5) step.value = Math.floor(wanted);
   const names = found.get("flights");
   if (names !== null && names !== "") open.value = names.split("|");
+  kind.value = KINDS.find((each) => each === found.get("plot")) ?? "time";
+  const [x, y] = (found.get("along") ?? "").split("|");
+  if (x !== undefined && y !== undefined) along.value = [x, y];
   const keys = found.get("streams");
   if (keys !== null) streamKeys.value = keys.split("|").filter((key) => key !== "");
   const [from_s, to_s] = (found.get("from_to") ?? "").split("|").map(Number);
@@ -41,6 +45,8 @@ function written(): string {
   if (step.value >= 4) {
     words.set("flights", open.value.join("|"));
     words.set("streams", streamKeys.value.join("|"));
+    if (kind.value !== "time") words.set("plot", kind.value);
+    if (along.value.some((key) => key !== "")) words.set("along", along.value.join("|"));
     if (stretch.value !== null) words.set("from_to", stretch.value.map((time_s) => time_s.toFixed(3)).join("|"));
     if (flightCursor_s.value !== null) words.set("time", flightCursor_s.value.toFixed(3));
     if (chosen.value !== null) words.set("cell", `${chosen.value.channel}|${chosen.value.variable}`);

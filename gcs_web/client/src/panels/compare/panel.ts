@@ -6,15 +6,22 @@ import { Compare } from "./Compare";
 import { FlightDrawer } from "./FlightDrawer";
 import { FlightList } from "./FlightList";
 import { open, togglePlaying } from "./flights";
+import { SAVES } from "./Studies";
+import { nextKind } from "./studying";
 
 const STEP = 4;
 
 const PLAY: PageCommand = {
   name: "Play or pause the flights",
   keys: ["Space", "k"],
-  enabled: () => step.value === STEP && open.value.length > 0,
+  enabled: () => isComparing(),
   run: togglePlaying,
 };
+
+const isComparing = (): boolean => step.value === STEP && open.value.length > 0;
+
+const STUDY: PageCommand = { name: "Flights over time, as spectrum, x-y", keys: ["x"], enabled: isComparing, run: nextKind };
+const SAVE: readonly PageCommand[] = SAVES.map(({ words, run }) => ({ name: `Save: ${words}`, enabled: isComparing, run }));
 
 export const COMPARE: Panel = {
   step: STEP,
@@ -22,5 +29,5 @@ export const COMPARE: Panel = {
   inspector: Compare,
   list: FlightList,
   drawer: FlightDrawer,
-  commands: [PLAY],
+  commands: [PLAY, STUDY, ...SAVE],
 };

@@ -5,7 +5,8 @@ import { HoldButton } from "../../components/HoldButton";
 import { Icon } from "../../components/Icon";
 import { Keys } from "../../components/Keys";
 import { number, sentenceCase, span } from "../../core/format";
-import { link, vehicle } from "../../core/store";
+import { computed } from "@preact/signals";
+import { connected, controlWords, link, vehicle } from "../../core/store";
 import type { Vehicle } from "../../core/protocol";
 import { alarms, blocked, muted, unblock } from "../fly/alarm";
 import { giveOrder, kill, mayOrder } from "../fly/orders";
@@ -28,6 +29,7 @@ export function FlightBar() {
           Sound is blocked: click
         </button>
       )}
+      <p class="flight-holder">{holderWords.value}</p>
       <dl class="flight-values">
         <Value name="Mission" value={sentenceCase(last.mission)} />
         <Value name="Time" value={time(last)} unit="s" />
@@ -53,6 +55,12 @@ export function FlightBar() {
     </section>
   );
 }
+
+/** Two pilots each see whose orders count. */
+const holderWords = computed(() => {
+  if (!connected.value) return "";
+  return controlWords.value || "Nobody is in control";
+});
 
 function Sound() {
   return (

@@ -4,7 +4,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { plural } from "../../core/format";
 import { send } from "../../core/socket";
-import { connected, projects, projectsOpen, step } from "../../core/store";
+import { connected, devicesOpen, projects, projectsOpen, step } from "../../core/store";
 import type { ProjectEntry } from "../../core/protocol";
 
 export function ProjectList() {
@@ -59,6 +59,16 @@ export function ProjectList() {
         }}
       >
         What this project has
+      </button>
+      <button
+        type="button"
+        class="control"
+        onClick={() => {
+          devicesOpen.value = true;
+          close();
+        }}
+      >
+        People and devices
       </button>
     </div>
   );

@@ -3,8 +3,7 @@
 import type { ComponentChildren } from "preact";
 import { effect, signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { canDraw, drawsSlowly } from "../../core/machine";
-import { send } from "../../core/socket";
+import { canDraw } from "../../core/machine";
 import { show } from "../timeline/cursor";
 import { number, short } from "../../core/format";
 import { listenIn } from "./keys";
@@ -19,6 +18,7 @@ import { figure } from "../learn/Learn";
 import { MapTools, MeasureReadout } from "../map/MapTools";
 import { TopView } from "../view/TopView";
 import { ViewChoice } from "../view/ViewChoice";
+import { measure, watchPace } from "../view/pace";
 import { VIEW, fromAbove, isLoaded, look } from "../view/view";
 
 /** A busy page loads the 3D view all the same after this; and how often it is looked whether that has drawn. */
@@ -39,10 +39,7 @@ const isMeasured = signal(false);
 const stopMeasuring = effect(() => {
   if (!canDraw || !connected.value || look.value === "top") return;
   queueMicrotask(() => stopMeasuring());
-  whenIdle(() => {
-    if (drawsSlowly()) void send({ type: "draw_plainly" }).then(() => (isMeasured.value = true));
-    else isMeasured.value = true;
-  });
+  whenIdle(() => void measure().then(() => (isMeasured.value = true)));
 });
 
 function whenIdle(run: () => void): void {
@@ -68,7 +65,10 @@ export function Scene() {
             if (inside === null) return;
             listenIn(inside);
             paintBackground(event.currentTarget);
-            whenDrawn(inside, () => (isLoaded.value = true));
+            whenDrawn(inside, () => {
+              isLoaded.value = true;
+              watchPace();
+            });
           }}
         />
       )}
@@ -306,7 +306,7 @@ function ArrowLegend() {
 
 function SliceLegend() {
   const slice = mapShown.value?.slice ?? null;
-  if (slice === null) return null;
+  if (slice === null || (fromAbove.value && slice.axis !== "z")) return null;
   const where = slice.axis === "oblique" ? "oblique" : `${slice.axis} = ${number(slice.at_m, 2)}`;
   if (slice.of === "unknown") {
     return (

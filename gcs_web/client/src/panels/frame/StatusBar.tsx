@@ -5,7 +5,7 @@ import { Keys } from "../../components/Keys";
 import { Spoken } from "../../components/Said";
 import { headOf, plural } from "../../core/format";
 import { submit } from "../../core/socket";
-import { connected, connection, controlWords, doc, notice, now_ms, paletteOpen, people, retryAt_ms, step } from "../../core/store";
+import { connected, connection, controlWords, devicesOpen, doc, notice, now_ms, paletteOpen, people, retryAt_ms, step } from "../../core/store";
 import { nextTheme, theme } from "../../core/theme";
 import { JobChip } from "../jobs/Jobs";
 
@@ -17,7 +17,11 @@ export function StatusBar() {
       <div class="status-facts">
         {connected.value && doc.value !== null && <span>Saved, revision {doc.value.revision}</span>}
         {controlWords.value !== "" && <span>{controlWords.value}</span>}
-        {connected.value && <span title={names}>{plural(people.value.people.length, "person", "people")} here</span>}
+        {connected.value && (
+          <button type="button" class="plain" title={names} aria-haspopup="dialog" onClick={() => (devicesOpen.value = true)}>
+            {plural(people.value.people.length, "person", "people")} here
+          </button>
+        )}
         <JobChip onClick={() => (step.value = 1)} />
         <button type="button" class="plain" onClick={nextTheme}>
           Colours: {theme.value}

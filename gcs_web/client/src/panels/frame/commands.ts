@@ -1,7 +1,7 @@
 /** Every command of the page with its name and keys: the palette lists them, `keys.ts` listens for them. */
 
 import type { PageCommand } from "../../core/panel";
-import { connected, paletteOpen, projectsOpen, step } from "../../core/store";
+import { connected, devicesOpen, paletteOpen, projectsOpen, step } from "../../core/store";
 import { nextTheme } from "../../core/theme";
 import { abort } from "../fly/orders";
 import { LOOK_COMMANDS } from "../view/view";
@@ -27,5 +27,6 @@ export const COMMANDS: readonly PageCommand[] = [
   ...PANELS.flatMap((panel) => panel.commands ?? []),
   ...LOOK_COMMANDS,
   { name: "Open another project", enabled: () => connected.value, run: () => (projectsOpen.value = true) },
+  { name: "Let another device in: QR code", keys: ["q"], enabled: () => connected.value, run: () => (devicesOpen.value = true) },
   { name: "Dark, light or the system's colours", enabled: always, run: nextTheme },
 ];

@@ -157,11 +157,12 @@ function SlicePlace({ slice, range }: { slice: Slice; range: [number, number] })
   );
 }
 
-const LAYERS: readonly { key: Layer; name: string }[] = [
+const LAYERS: readonly { key: Layer; name: string; title?: string }[] = [
   { key: "mesh", name: "Mesh" },
   { key: "edits", name: "Edits" },
   { key: "cameras", name: "Cameras" },
   { key: "points", name: "Points" },
+  { key: "axes", name: "Axes", title: "1 m each: x red, y green, z blue" },
 ];
 
 export function Layers() {
@@ -171,11 +172,12 @@ export function Layers() {
       <div class="block-head">
         <h3 id="layers-title">Layers</h3>
         <div class="layer-row">
-          {LAYERS.map(({ key, name }) => (
+          {LAYERS.map(({ key, name, title = "" }) => (
             <button
               key={key}
               type="button"
               class="toggle"
+              title={title}
               aria-pressed={shown.includes(key)}
               disabled={!connected.value || mapShown.value === null}
               onClick={() => toggleLayer(key)}

@@ -217,10 +217,17 @@ function Zoom({ name, by, chosen, place, size, children }: ZoomProps) {
   );
 }
 
+/** Of a cut that is no slice: that has a legend of its own. */
+const KEY = [
+  ["obstacle", "obstacle"],
+  ["near", "too near"],
+  ["unknown", "unknown"],
+] as const;
+
 /** How long a metre is, which way the axes go, and at which height the map is cut. */
 function Scale({ place }: { place: Place }) {
   const long_m = scaleBar(place.scale);
-  const { image, at_m } = section.value;
+  const { image, at_m, of } = section.value;
   return (
     <p class="scale">
       <svg width="34" height="34" aria-hidden="true">
@@ -236,6 +243,11 @@ function Scale({ place }: { place: Place }) {
       <span>
         {long_m} m{image === "" ? "" : `, cut at ${number(at_m, 2)} m`}
       </span>
+      {image !== "" && of === null && KEY.map(([kind, words]) => (
+        <span key={kind} class="section-key">
+          <i class={kind} /> {words}
+        </span>
+      ))}
     </p>
   );
 }

@@ -27,6 +27,10 @@ export const look = computed((): Look => {
 /** Whether the map from above stands in the place of the 3D view. */
 export const fromAbove = computed(() => look.value === "top" || !isLoaded.value);
 
+export function showTop(): void {
+  chosen.value = "top";
+}
+
 export const OFFERED: readonly { key: Look; name: string; letter: string; enabled: () => boolean; run: () => void }[] = [
   { key: "3d", name: "3D", letter: "v", enabled: () => canDraw, run: () => (chosen.value = "3d") },
   { key: "follow", name: "Follow", letter: "f", enabled: () => canDraw && hasVehicle.value, run: () => (chosen.value = "follow") },
