@@ -10,11 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FloatArray
-from mapping.camera.errors import OF_THE_LENS, Kind
+from mapping.camera import advice
+from mapping.camera.errors import OF_THE_LENS, UNTIMED, Kind
 from mapping.camera.trial import SIGMAS90, Finding, Verdict
 from mapping.input.trajectory import MotionKind
 from mapping.sparse import reconstruction
-from mapping.sparse.alignment import GRAVITY, LARGE_RESIDUAL, Alignment, ScaleWitness
+from mapping.sparse.alignment import BASELINE, GRAVITY, LARGE_RESIDUAL, Alignment, ScaleWitness
 from mapping.sparse.features import repetition
 from mapping.sparse.mapper import overlap
 from mapping.sparse.reconstruction import SparseMap
@@ -109,7 +110,9 @@ def judge(placed: SparseMap) -> MapVerdict:
                 "the lens of the camera file"
             )
         elif finding in trial.inexpressible:
-            doubts.append(f"{finding.candidate} of {size_text(finding)}, which a camera file cannot state")
+            said = f"{finding.candidate} of {size_text(finding)}, which a camera file cannot state"
+            is_untimed = finding.candidate.kind in UNTIMED.values()
+            doubts.append(f"{said}: {advice.to_record(finding.candidate.kind)}" if is_untimed else said)
     if others:
         refusals.append(
             f"the camera file is that of another lens, image size or other images: {', '.join(others)}. If it is not, "
@@ -130,7 +133,9 @@ def judge(placed: SparseMap) -> MapVerdict:
         doubts.append(f"no image of camera {', '.join(lost)} is in the map: its calibration was not tried")
     for witness in placed.alignment.witnesses[:1]:
         if SIGMAS90 * witness.std > SCALE_DOUBT:
-            doubts.append(f"the {witness.source} gives the scale to ± {100 * SIGMAS90 * witness.std:.0f} % only")
+            said = f"the {witness.source} gives the scale to ± {100 * SIGMAS90 * witness.std:.0f} % only"
+            why = advice.scale_text(trial) if witness.source == BASELINE else ""
+            doubts.append(f"{said}, {why}" if why else said)
     for witness in placed.alignment.witnesses[1:]:
         _weigh(placed.alignment.witnesses[0], witness, doubts, refusals)
     doubts += _frame_doubts(placed.alignment)
@@ -264,6 +269,8 @@ _SHOWN = {
     Kind.TRANSLATION: (float(np.degrees(1.0)), "deg"),
     Kind.OFFSET: (1000.0, "ms"),
     Kind.SHUTTER: (1000.0, "ms"),
+    Kind.UNTIMED_OFFSET: (1.0, "image intervals"),
+    Kind.UNTIMED_SHUTTER: (1.0, "image intervals"),
 }
 
 

@@ -23,6 +23,8 @@ class Kind(enum.StrEnum):
     TRANSLATION = "direction to the first camera"
     OFFSET = "time offset"
     SHUTTER = "rolling shutter"
+    UNTIMED_OFFSET = "time offset in image intervals"
+    UNTIMED_SHUTTER = "rolling shutter in image intervals"
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -40,6 +42,8 @@ _UNITS = {
     Kind.TRANSLATION: ("rad", "rad"),
     Kind.OFFSET: ("s",),
     Kind.SHUTTER: ("s",),
+    Kind.UNTIMED_OFFSET: ("intervals",),
+    Kind.UNTIMED_SHUTTER: ("intervals",),
 }
 PLAUSIBLE = {
     Kind.FOCAL: 0.1,
@@ -51,12 +55,21 @@ PLAUSIBLE = {
     Kind.TRANSLATION: 0.3,
     Kind.OFFSET: 0.1,
     Kind.SHUTTER: 0.1,
+    Kind.UNTIMED_OFFSET: 0.5,
+    Kind.UNTIMED_SHUTTER: 0.5,
 }
 """Standard deviation of each kind of error among camera files, in its unit."""
 BEYOND_THESE_IMAGES = frozenset(Kind) - {Kind.RADIAL, Kind.HIGHER, Kind.TANGENTIAL}
 """Errors that matter in other images even if they do not move these: a rolling shutter, while the vehicle stands."""
 OF_THE_LENS = (Kind.FOCAL, Kind.CENTRE, Kind.RADIAL, Kind.HIGHER, Kind.TANGENTIAL)
-_OF_THE_FIRST = (*OF_THE_LENS, Kind.SHUTTER)
+OF_TIME = (Kind.OFFSET, Kind.SHUTTER)
+UNTIMED = {Kind.OFFSET: Kind.UNTIMED_OFFSET, Kind.SHUTTER: Kind.UNTIMED_SHUTTER}
+"""What the errors of time are where the clock counts images, see `INTERVAL_S`."""
+INEXPRESSIBLE = (Kind.TANGENTIAL, *OF_TIME, *UNTIMED.values())
+"""Errors that no camera file can state."""
+INTERVAL_S = 0.25
+"""Between two images on the clock of `adjustment.counted`, which counts images: a convention, no image's true time."""
+_OF_THE_FIRST = (*OF_THE_LENS, Kind.SHUTTER, Kind.UNTIMED_SHUTTER)
 """The first camera defines the body's pose and clock: no match can show it turned, moved or late."""
 
 
@@ -86,11 +99,17 @@ class State:
     """(cameras,) by which a camera's images are later than the first's."""
     shutter_s: FloatArray
     """(cameras,) from the first row to the last."""
+    pace: FloatArray | None = None
+    """(instants,) the body's velocity over that of a clock that counts images; None where the times are known."""
 
 
 def candidates(rig: Rig, *, timed: bool) -> list[Candidate]:
-    """Every error that can be tried on a rig; those of time only where the time of the images is known."""
-    kinds = [kind for kind in Kind if timed or kind not in (Kind.OFFSET, Kind.SHUTTER)]
+    """Every error that can be tried on a rig.
+
+    Args:
+        timed: whether times of the images give their velocities; else errors of time are in intervals between images.
+    """
+    kinds = [kind for kind in Kind if kind not in (UNTIMED.values() if timed else OF_TIME)]
     return [
         Candidate(camera.name, kind)
         for number, camera in enumerate(rig)
@@ -160,6 +179,10 @@ def derivative(
             return moving[:, :, None]
         case Kind.SHUTTER:
             return (moving * row[:, None])[:, :, None]
+        case Kind.UNTIMED_OFFSET:
+            return INTERVAL_S * moving[:, :, None]
+        case Kind.UNTIMED_SHUTTER:
+            return INTERVAL_S * (moving * row[:, None])[:, :, None]
 
 
 def _radial(camera: Camera, inside: FloatArray, powers: tuple[int, ...]) -> FloatArray:
@@ -207,6 +230,10 @@ def corrected(state: State, candidate: Candidate, delta: FloatArray) -> State:
             return dataclasses.replace(state, offset_s=_added(state.offset_s, number, delta[0]))
         case Kind.SHUTTER:
             return dataclasses.replace(state, shutter_s=_added(state.shutter_s, number, delta[0]))
+        case Kind.UNTIMED_OFFSET:
+            return dataclasses.replace(state, offset_s=_added(state.offset_s, number, INTERVAL_S * delta[0]))
+        case Kind.UNTIMED_SHUTTER:
+            return dataclasses.replace(state, shutter_s=_added(state.shutter_s, number, INTERVAL_S * delta[0]))
     cameras = list(state.rig.cameras)
     cameras[number] = camera
     return dataclasses.replace(state, rig=dataclasses.replace(state.rig, cameras=tuple(cameras)))

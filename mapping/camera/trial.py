@@ -4,6 +4,7 @@ A reprojection error that falls proves nothing, since every freed parameter lowe
 from some of the points and judged by the others (cross-validation).
 """
 
+import dataclasses
 import enum
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from flight import FloatArray
-from mapping.camera.adjustment import Normal, Observations, adjust, initial, twists
-from mapping.camera.errors import BEYOND_THESE_IMAGES, PLAUSIBLE, Candidate, Kind, candidates
+from mapping.camera.adjustment import Normal, Observations, adjust, counted, initial, twists
+from mapping.camera.errors import BEYOND_THESE_IMAGES, INEXPRESSIBLE, PLAUSIBLE, Candidate, Kind, State, candidates
 from mapping.camera.rig import Rig
 
 LEAST_GAIN = 30.0
@@ -54,6 +55,8 @@ class Finding:
     """The same at the far end of the 90 % interval: no larger error is likely."""
     gain: float
     """Fall of the withheld points' chi squared when it is corrected, over `Normal.dispersion`."""
+    scale_std: float = 0.0
+    """Relative standard deviation of the rig's scale that the error leaves, beside what else is present."""
 
     def as_dict(self) -> dict[str, Any]:
         """Numbers and words for a report file."""
@@ -67,6 +70,7 @@ class Finding:
             "shift_px": self.shift_px,
             "largest_shift_px": self.largest_shift_px,
             "gain": self.gain,
+            "scale_std": self.scale_std,
         }
 
     @staticmethod
@@ -80,6 +84,7 @@ class Finding:
             numbers["shift_px"],
             numbers["largest_shift_px"],
             numbers["gain"],
+            numbers.get("scale_std", 0.0),
         )
 
 
@@ -98,8 +103,8 @@ class Trial:
     noise_px: float
     """Standard deviation of a match in each pixel coordinate, with what is present corrected."""
     scale_std: float
-    """Relative standard deviation of the scale that the distance between the cameras gives, see `Normal.scale_std`;
-    infinite for one camera."""
+    """Relative standard deviation of the scale that the distance between the cameras gives, see `Normal.scale_std`, if
+    any error may be there, as large as the matches allow. Infinite for one camera."""
 
     @property
     def present(self) -> tuple[Finding, ...]:
@@ -108,7 +113,7 @@ class Trial:
     @property
     def inexpressible(self) -> tuple[Finding, ...]:
         """What is present and no camera file can state; only `T_world_body` and `points_world` allow for it."""
-        return tuple(f for f in self.present if f.candidate.kind in (Kind.TANGENTIAL, Kind.OFFSET, Kind.SHUTTER))
+        return tuple(f for f in self.present if f.candidate.kind in INEXPRESSIBLE)
 
 
 def hold(seen: Observations) -> Trial:
@@ -121,6 +126,7 @@ def hold(seen: Observations) -> Trial:
     made, again the least missed first.
     """
     timed = bool(np.isfinite(twists(seen.time_s, seen.T_world_body)).any())
+    seen = seen if timed else counted(seen)
     observed = {seen.rig.cameras[k].name for k in np.unique(seen.index[:, 2])}
     tried = [c for c in candidates(seen.rig, timed=timed) if c.camera in observed]
     start = initial(seen)
@@ -140,6 +146,7 @@ def hold(seen: Observations) -> Trial:
         state, sizes = adjust(seen, start, present)
         normal = Normal(seen, state, tried)
     findings = [_finding(normal, present, sizes, c) for c in tried]
+    scale_std, findings = _scale(normal, state, present, findings)
     findings.sort(key=lambda f: (f.verdict is not Verdict.PRESENT, -f.shift_px if f.candidate in present else 0.0))
     return Trial(
         tuple(findings),
@@ -147,8 +154,27 @@ def hold(seen: Observations) -> Trial:
         state.T_world_body,
         state.points_world,
         normal.noise_px,
-        normal.scale_std(state, present),
+        scale_std,
     )
+
+
+def _scale(
+    normal: "Normal", state: State, present: Sequence[Candidate], findings: Sequence[Finding]
+) -> tuple[float, list[Finding]]:
+    """Relative standard deviation of the scale, each error as large as the matches allow; and each finding's part."""
+
+    def std(free: Sequence[Candidate]) -> float:
+        return normal.scale_std(state, free)
+
+    def part(c: Candidate) -> float:
+        whole, without = [*(p for p in present if p != c), c], [p for p in present if p != c]
+        return float(np.sqrt(max(std(whole) ** 2 - std(without) ** 2, 0.0)))
+
+    if not np.isfinite(least := std(present)):
+        return least, list(findings)
+    # an excluded error moves no image noticeably, but a time offset of 1 ms at 4 m/s is a twentieth of a baseline
+    found = [dataclasses.replace(f, scale_std=part(f.candidate)) for f in findings]
+    return max(least, std(normal.tried)), found
 
 
 def _eliminate(normal: "Normal", sizes: dict[Candidate, FloatArray]) -> list[Candidate]:
