@@ -271,6 +271,7 @@ _SHOWN = {
     Kind.SHUTTER: (1000.0, "ms"),
     Kind.UNTIMED_OFFSET: (1.0, "image intervals"),
     Kind.UNTIMED_SHUTTER: (1.0, "image intervals"),
+    Kind.BASELINE: (100.0, "%"),
 }
 
 

@@ -107,6 +107,11 @@ def adjust(seen: Observations, state: State, free: Sequence[Candidate]) -> tuple
     return state, moved
 
 
+def cost(seen: Observations, state: State) -> float:
+    """How badly a state fits: the median residual, px."""
+    return float(np.median(np.nan_to_num(np.linalg.norm(residuals(seen, state), axis=1), nan=_LOST_PX)))
+
+
 def _cost(seen: Observations, state: State, huber_px: float) -> float:
     """Mean of Huber's cost of the residuals; a point that the lens no longer shows counts as far off."""
     length = np.nan_to_num(np.linalg.norm(residuals(seen, state), axis=1), nan=_LOST_PX)

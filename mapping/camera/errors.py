@@ -25,6 +25,7 @@ class Kind(enum.StrEnum):
     SHUTTER = "rolling shutter"
     UNTIMED_OFFSET = "time offset in image intervals"
     UNTIMED_SHUTTER = "rolling shutter in image intervals"
+    BASELINE = "distance to the first camera"
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -44,6 +45,7 @@ _UNITS = {
     Kind.SHUTTER: ("s",),
     Kind.UNTIMED_OFFSET: ("intervals",),
     Kind.UNTIMED_SHUTTER: ("intervals",),
+    Kind.BASELINE: ("",),
 }
 PLAUSIBLE = {
     Kind.FOCAL: 0.1,
@@ -57,6 +59,7 @@ PLAUSIBLE = {
     Kind.SHUTTER: 0.1,
     Kind.UNTIMED_OFFSET: 0.5,
     Kind.UNTIMED_SHUTTER: 0.5,
+    Kind.BASELINE: 10.0,
 }
 """Standard deviation of each kind of error among camera files, in its unit."""
 BEYOND_THESE_IMAGES = frozenset(Kind) - {Kind.RADIAL, Kind.HIGHER, Kind.TANGENTIAL}
@@ -109,7 +112,8 @@ def candidates(rig: Rig, *, timed: bool) -> list[Candidate]:
     Args:
         timed: whether times of the images give their velocities; else errors of time are in intervals between images.
     """
-    kinds = [kind for kind in Kind if kind not in (UNTIMED.values() if timed else OF_TIME)]
+    left_out = (Kind.BASELINE, *(UNTIMED.values() if timed else OF_TIME))  # the map's scale rests on the baseline
+    kinds = [kind for kind in Kind if kind not in left_out]
     return [
         Candidate(camera.name, kind)
         for number, camera in enumerate(rig)
@@ -175,6 +179,8 @@ def derivative(
             return slope @ rotations.hat(inside)
         case Kind.TRANSLATION:
             return -slope @ camera.T_body_camera[:3, :3].T @ _perpendicular(camera, first)
+        case Kind.BASELINE:
+            return lever(camera, first, slope)[:, :, None]
         case Kind.OFFSET:
             return moving[:, :, None]
         case Kind.SHUTTER:
@@ -206,6 +212,12 @@ def _perpendicular(camera: Camera, first: Camera) -> FloatArray:
     return np.asarray(np.column_stack([across, np.cross(line, across) / length_m]), dtype=np.float64)
 
 
+def lever(camera: Camera, first: Camera, slope: FloatArray) -> FloatArray:
+    """(o, 2) derivative of the pixels by the logarithm of the distance between a camera and the first one."""
+    line = camera.T_body_camera[:3, 3] - first.T_body_camera[:3, 3]
+    return -slope @ (camera.T_body_camera[:3, :3].T @ line)
+
+
 def corrected(state: State, candidate: Candidate, delta: FloatArray) -> State:
     """The state with one error's parameters moved by `delta`."""
     number = [camera.name for camera in state.rig].index(candidate.camera)
@@ -223,6 +235,10 @@ def corrected(state: State, candidate: Candidate, delta: FloatArray) -> State:
             moved = line + _perpendicular(camera, state.rig.cameras[0]) @ delta
             T = camera.T_body_camera.copy()
             T[:3, 3] = origin + moved * np.linalg.norm(line) / np.linalg.norm(moved)
+            camera = dataclasses.replace(camera, T_body_camera=T)
+        case Kind.BASELINE:
+            origin, T = state.rig.cameras[0].T_body_camera[:3, 3], camera.T_body_camera.copy()
+            T[:3, 3] += delta[0] * (T[:3, 3] - origin)
             camera = dataclasses.replace(camera, T_body_camera=T)
         case Kind.TANGENTIAL:
             return dataclasses.replace(state, tangential=_added(state.tangential, number, delta))

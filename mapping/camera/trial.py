@@ -6,14 +6,14 @@ from some of the points and judged by the others (cross-validation).
 
 import dataclasses
 import enum
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from flight import FloatArray
-from mapping.camera.adjustment import Normal, Observations, adjust, counted, initial, twists
+from mapping.camera.adjustment import Normal, Observations, adjust, cost, counted, initial, twists
 from mapping.camera.errors import BEYOND_THESE_IMAGES, INEXPRESSIBLE, PLAUSIBLE, Candidate, Kind, State, candidates
 from mapping.camera.rig import Rig
 
@@ -27,6 +27,8 @@ SIGMAS90 = 1.645
 _NARROWED = 0.1
 """An error whose standard deviation is still this share of what is plausible was not looked at by the matches."""
 _MOST_ROUNDS = 4
+_OTHER_SIZE = 0.05
+"""Logarithm of two sizes of a map from which the second is tried."""
 
 
 class Verdict(enum.StrEnum):
@@ -129,9 +131,9 @@ def hold(seen: Observations) -> Trial:
     seen = seen if timed else counted(seen)
     observed = {seen.rig.cameras[k].name for k in np.unique(seen.index[:, 2])}
     tried = [c for c in candidates(seen.rig, timed=timed) if c.camera in observed]
-    start = initial(seen)
     present: list[Candidate] = []
-    state, sizes = adjust(seen, start, present)
+    start, state = _at_its_size(seen, observed)
+    sizes: dict[Candidate, FloatArray] = {}
     for _ in range(_MOST_ROUNDS):
         normal = Normal(seen, state, tried)
         left = _eliminate(normal, sizes)
@@ -156,6 +158,31 @@ def hold(seen: Observations) -> Trial:
         normal.noise_px,
         scale_std,
     )
+
+
+def _at_its_size(seen: Observations, observed: Collection[str]) -> tuple[State, State]:
+    """The map as it was made, or as large as its matches ask for, and the same adjusted: whichever fits better.
+
+    A baseline that is short beside the path acts on the matches by its share of the path's length, so that a map ten
+    times too large is far from linear in its size, and near in the length of its baseline. That is estimated.
+    """
+    start = initial(seen)
+    adjusted, _ = adjust(seen, start, [])
+    first = seen.rig.cameras[0].T_body_camera[:3, 3]
+    lines_m = {c.name: float(np.linalg.norm(c.T_body_camera[:3, 3] - first)) for c in seen.rig}
+    freed = [Candidate(name, Kind.BASELINE) for name in observed if lines_m[name] > 0.0]
+    if not freed:
+        return start, adjusted
+    free, _ = adjust(seen, start, freed)
+    found_m = {c.name: float(np.linalg.norm(c.T_body_camera[:3, 3] - first)) for c in free.rig}
+    stretch = float(np.median([found_m[c.camera] / lines_m[c.camera] for c in freed]))
+    if not abs(np.log(stretch)) > _OTHER_SIZE:
+        return start, adjusted
+    T = free.T_world_body.copy()
+    T[:, :3, 3] /= stretch
+    resized = dataclasses.replace(start, T_world_body=T, points_world=free.points_world / stretch)
+    again, _ = adjust(seen, resized, [])
+    return (resized, again) if cost(seen, again) < cost(seen, adjusted) else (start, adjusted)
 
 
 def _scale(

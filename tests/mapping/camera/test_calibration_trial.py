@@ -311,6 +311,16 @@ def test_a_straight_flight_leaves_the_scale_as_uncertain_as_a_late_camera_would_
     assert "--length" in advice.scale_text(found)
 
 
+@pytest.mark.parametrize("factor", [10.0, 0.2])
+def test_a_map_of_another_size_than_its_matches_ask_for_is_set_right_and_no_lens_is_blamed(factor: float) -> None:
+    T, points, index, pixels = observed(RIG)
+    large = T.copy()
+    large[:, :3, 3] *= factor
+    found = trials.hold(Observations(RIG, large, factor * points, index, pixels, TIMES_S))
+    assert not found.present
+    assert abs(scale_error(found, T)) < 3.0 * found.scale_std
+
+
 def test_a_single_camera_has_no_scale_and_no_pose_on_trial() -> None:
     rig = dataclasses.replace(RIG, cameras=RIG.cameras[:1])
     found = tried(rig, rig)
@@ -329,7 +339,7 @@ def test_few_matches_cannot_tell() -> None:
 def test_derivatives_agree_with_finite_differences() -> None:
     T, points, index, pixels = observed(RIG)
     seen = Observations(RIG, T, points, index, pixels, np.arange(len(T)) / RATE_HZ)
-    candidates = errors.candidates(RIG, timed=True)
+    candidates = [*errors.candidates(RIG, timed=True), errors.Candidate("down", Kind.BASELINE)]
     state = errors.State(RIG, T, points, np.zeros((2, 2)), np.array([0.0, 2e-3]), np.array([3e-3, 1e-3]))
     start = 0
     rows = adjustment.linearise(seen, state, candidates)
