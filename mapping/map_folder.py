@@ -361,7 +361,8 @@ def _placed_before(out: Path, inputs: str) -> MapReport | None:
     if facts.get("inputs") != inputs:
         return None
     body = file_format.read_json(out / "report.json", format=REPORT_FORMAT, version=VERSION)
-    return MapReport(**{field.name: body[field.name] for field in dataclasses.fields(MapReport)})
+    names = [field.name for field in dataclasses.fields(MapReport)]
+    return MapReport(**{name: body[name] for name in names}) if set(names) <= set(body) else None
 
 
 def _build(

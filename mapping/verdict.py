@@ -48,6 +48,10 @@ SHIFT_DOUBT_PX = 1.0
 """An error that could be this large without the matches showing it is a reason for doubt."""
 
 
+SHAPE_DOUBT_M = 0.05
+"""RMS standard deviation of the positions, but for place, attitude and size of the whole: a voxel as maps have them."""
+
+
 class Standing(enum.StrEnum):
     """What may be done in a map."""
 
@@ -128,6 +132,7 @@ def judge(placed: SparseMap) -> MapVerdict:
             doubts.append(
                 f"these images cannot tell an error of the {finding.candidate} of up to {size_text(finding, most=True)}"
             )
+    doubts += _bent_doubts(placed)
     lost = [camera.name for number, camera in enumerate(placed.rig) if not placed.registered[:, number].any()]
     if lost:
         doubts.append(f"no image of camera {', '.join(lost)} is in the map: its calibration was not tried")
@@ -151,6 +156,18 @@ def judge(placed: SparseMap) -> MapVerdict:
     return MapVerdict(
         standing, (*refusals, *doubts), tuple(f"{f.candidate}: {size_text(f)}, corrected" for f in corrected)
     )
+
+
+def _bent_doubts(placed: SparseMap) -> list[str]:
+    """Whether small errors that all images share may have bent the path as a whole."""
+    std_m = placed.shape_std_m[placed.placed]
+    if not np.sqrt(np.mean(std_m**2)) > SHAPE_DOUBT_M:  # NaN where nothing is known
+        return []
+    worst = np.array(placed.images.instants)[placed.placed][np.argmax(std_m)]
+    return [
+        f"the map may be bent: image {worst} may be {SIGMAS90 * std_m.max():.2g} m beside its place in the whole. Come "
+        "back to places seen before (a loop), or record positions (references.csv, --poses)"
+    ]
 
 
 def _motion_doubts(check: MotionCheck) -> list[str]:

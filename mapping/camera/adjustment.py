@@ -41,6 +41,8 @@ _LEAST_REDUNDANCY = 0.05
 _UNEVEN = 0.3
 """Standard deviation of an image's velocity, relative, where a clock counts images: nobody says that they are even."""
 _LEAST_PACE = 0.1
+_MOST_GROUPS = 100
+"""Of images whose shared errors are carried to the positions apart."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -278,6 +280,35 @@ class Normal:
         alone = float(growth @ by_pose + through @ by_calibration)
         shared = [s[: len(growth)].T @ by_pose - self._of_calibration(s)[k].T @ by_calibration for s in self._scores]
         return float(np.sqrt(alone + sum(max(0.0, float(by_group @ by_group) - alone) for by_group in shared)))
+
+    def shape_std(self, state: State) -> FloatArray:
+        """(instants,) standard deviation of the positions but for place, attitude and size of the whole; NaN where not
+        placed.
+
+        Of errors that matches share (see `dispersion`), each error of the calibration free: a lens that bends a path a
+        little in each image bends it much in a hundred.
+        """
+        k, n = self._unknowns(self.tried), self._width * len(self._placed)
+        by_calibration = self._reduced.poses_by_calibration[:, k]
+        _, covariance = self.solve(self.tried)
+        columns = [by_calibration @ np.linalg.cholesky(covariance)] if len(k) else []
+        for scores in self._scores:
+            part = np.arange(scores.shape[1]) * _MOST_GROUPS // scores.shape[1]
+            groups = np.eye(_MOST_GROUPS)[part]  # neighbours in one group: fewer, and no less shared
+            moved = covariance @ (self._of_calibration(scores)[k] @ groups)
+            columns.append(self._reduced.factor.solve(scores[:n] @ groups) - by_calibration @ moved)
+        own = np.concatenate(columns, axis=1).reshape(len(self._placed), self._width, -1)[:, 3:6]
+        T = state.T_world_body[self._placed]
+        shifts = T[:, :3, :3] @ own
+        outward = T[:, :3, 3] - T[:, :3, 3].mean(axis=0)
+        whole = np.concatenate(
+            [np.tile(np.eye(3), (len(T), 1, 1)), rotations.hat(outward), outward[:, :, None]], axis=2
+        )
+        basis, flat = np.linalg.qr(whole.reshape(-1, 7))[0], shifts.reshape(3 * len(T), -1)
+        left = (flat - basis @ (basis.T @ flat)).reshape(shifts.shape)
+        std = np.full(len(state.T_world_body), np.nan)
+        std[self._placed] = np.sqrt((left**2).sum(axis=(1, 2)))
+        return std
 
     def step(self, state: State, free: Sequence[Candidate], delta: FloatArray, share: float) -> State:
         """The state after a share of a Gauss-Newton step; `delta` is the calibration's part of that share.

@@ -107,6 +107,8 @@ class Trial:
     scale_std: float
     """Relative standard deviation of the scale that the distance between the cameras gives, see `Normal.scale_std`, if
     any error may be there, as large as the matches allow. Infinite for one camera."""
+    shape_std: FloatArray | None = None
+    """(instants,) of each position, see `Normal.shape_std`, in the unit of `points_world`; None if not known."""
 
     @property
     def present(self) -> tuple[Finding, ...]:
@@ -157,6 +159,7 @@ def hold(seen: Observations) -> Trial:
         state.points_world,
         normal.noise_px,
         scale_std,
+        normal.shape_std(state),
     )
 
 

@@ -250,16 +250,16 @@ def test_tangential_distortion_is_found_though_no_camera_file_states_it() -> Non
     assert {f.candidate.camera for f in found.inexpressible} == {"front", "down"}
 
 
-def untimed(true: Rig, *, unevenly: float = 0.0, **how: float) -> tuple[Trial, FloatArray]:
+def untimed(unevenly: float = 0.0, offset_s: float = 0.0, shutter_s: float = 0.0) -> tuple[Trial, FloatArray]:
     """The trial of `RIG` on images without times, and the true poses; intervals between images differ by `unevenly`."""
-    T, points, index, pixels = observed(true, unevenly=unevenly, **how)
+    T, points, index, pixels = observed(RIG, unevenly=unevenly, offset_s=offset_s, shutter_s=shutter_s)
     return trials.hold(Observations(RIG, T, points, index, pixels, np.full(len(T), np.nan))), T
 
 
 @pytest.mark.parametrize("unevenly", [0.0, 0.5])
 def test_a_camera_that_is_late_is_found_without_times_and_the_scale_is_right(unevenly: float) -> None:
     """How even the images are is estimated with the offset: nobody says it."""
-    found, true = untimed(RIG, offset_s=0.020, unevenly=unevenly)
+    found, true = untimed(unevenly, offset_s=0.020)
     assert [str(f.candidate) for f in found.present] == ["down: time offset in image intervals"]
     assert found.present[0].size[0] == pytest.approx(0.020 * RATE_HZ, rel=0.05 + unevenly)
     assert abs(scale_error(found, true)) < 1.96 * found.scale_std
@@ -268,13 +268,13 @@ def test_a_camera_that_is_late_is_found_without_times_and_the_scale_is_right(une
 
 
 def test_a_rolling_shutter_is_found_without_times() -> None:
-    found, true = untimed(RIG, shutter_s=0.010)
+    found, true = untimed(shutter_s=0.010)
     assert {str(f.candidate) for f in found.present} == {f"{c.name}: rolling shutter in image intervals" for c in RIG}
     assert abs(scale_error(found, true)) < 1.96 * found.scale_std
 
 
 def test_right_images_without_times_are_acquitted() -> None:
-    found, _ = untimed(RIG)
+    found, _ = untimed()
     assert not found.present
     assert not {Kind.OFFSET, Kind.SHUTTER} & {f.candidate.kind for f in found.findings}
     assert found.scale_std < 0.02
@@ -319,6 +319,31 @@ def test_a_map_of_another_size_than_its_matches_ask_for_is_set_right_and_no_lens
     found = trials.hold(Observations(RIG, large, factor * points, index, pixels, TIMES_S))
     assert not found.present
     assert abs(scale_error(found, T)) < 3.0 * found.scale_std
+
+
+def off_shape_m(found: Trial, true: FloatArray) -> float:
+    """RMS distance of the positions from the true ones after the best similarity."""
+    a, b = (T[:, :3, 3] - T[:, :3, 3].mean(axis=0) for T in (found.T_world_body, true))
+    u, strength, vt = np.linalg.svd(b.T @ a)
+    turned = a @ (u @ vt).T * strength.sum() / (a**2).sum()
+    return float(np.sqrt(((turned - b) ** 2).sum(axis=1).mean()))
+
+
+def test_errors_that_all_images_share_convict_no_lens_and_are_in_the_stated_shape() -> None:
+    """Features lie beside their places as the image has them, by .3 px: no noise, and no lens."""
+    T, points, index, pixels = observed(RIG)
+    place = pixels / [RIG.cameras[0].width, RIG.cameras[0].height]
+    beside_px = 0.3 * np.column_stack([np.sin(9.0 * place[:, 1] + 4.0 * place[:, 0]), np.cos(8.0 * place[:, 0])])
+    exact, shared = (
+        trials.hold(Observations(RIG, T, points, index, pixels + px, TIMES_S)) for px in (0.0 * beside_px, beside_px)
+    )
+    assert not shared.present
+    assert exact.shape_std is not None
+    assert shared.shape_std is not None
+    for found in (exact, shared):
+        assert off_shape_m(found, T) < 2.0 * float(np.sqrt(np.mean(found.shape_std**2)))
+    assert np.median(shared.shape_std) > 1.5 * np.median(exact.shape_std)
+    assert shared.scale_std > 1.5 * exact.scale_std
 
 
 def test_a_single_camera_has_no_scale_and_no_pose_on_trial() -> None:
