@@ -273,7 +273,7 @@ def size_text(finding: Finding, *, most: bool = False) -> str:
     """
     factor, unit = _SHOWN[finding.candidate.kind]
     size, std = factor * _length(finding.size), factor * _length(finding.std)
-    return f"{size + SIGMAS90 * std:.3g} {unit}" if most else f"{size:.3g} ± {std:.1g} {unit}"
+    return (f"{size + SIGMAS90 * std:.3g} {unit}" if most else f"{size:.3g} ± {std:.1g} {unit}").rstrip()
 
 
 _SHOWN = {
@@ -286,8 +286,8 @@ _SHOWN = {
     Kind.TRANSLATION: (float(np.degrees(1.0)), "deg"),
     Kind.OFFSET: (1000.0, "ms"),
     Kind.SHUTTER: (1000.0, "ms"),
-    Kind.UNTIMED_OFFSET: (1.0, "image intervals"),
-    Kind.UNTIMED_SHUTTER: (1.0, "image intervals"),
+    Kind.UNTIMED_OFFSET: (1.0, ""),
+    Kind.UNTIMED_SHUTTER: (1.0, ""),
     Kind.BASELINE: (100.0, "%"),
 }
 

@@ -216,7 +216,7 @@ def test_an_uncertain_scale_names_the_error_that_matters_most_and_what_to_record
 
 def test_a_time_offset_without_times_asks_for_these() -> None:
     (reason,) = verdict.judge(placed(findings=(finding(Kind.UNTIMED_OFFSET, Verdict.PRESENT),))).reasons
-    assert "time offset in image intervals of 0.01 ± 0.001 image intervals" in reason
+    assert "time offset in image intervals of 0.01 ± 0.001, which" in reason
     assert "times.csv" in reason
 
 
