@@ -6,7 +6,7 @@ from some of the points and judged by the others (cross-validation).
 
 import dataclasses
 import enum
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,8 +27,10 @@ SIGMAS90 = 1.645
 _NARROWED = 0.1
 """An error whose standard deviation is still this share of what is plausible was not looked at by the matches."""
 _MOST_ROUNDS = 4
-_OTHER_SIZE = 0.05
-"""Logarithm of two sizes of a map from which the second is tried."""
+_AS_WELL = 1.1
+"""Median residual, over that with all errors free, up to which the camera file explains the matches."""
+_OTHER_SIZE = float(np.log(2.0))
+"""Logarithm of two sizes of a map from which the second is tried: from nearer, the adjustment finds it."""
 
 
 class Verdict(enum.StrEnum):
@@ -134,7 +136,7 @@ def hold(seen: Observations) -> Trial:
     observed = {seen.rig.cameras[k].name for k in np.unique(seen.index[:, 2])}
     tried = [c for c in candidates(seen.rig, timed=timed) if c.camera in observed]
     present: list[Candidate] = []
-    start, state = _at_its_size(seen, observed)
+    start, state = _at_its_size(seen, tried)
     sizes: dict[Candidate, FloatArray] = {}
     for _ in range(_MOST_ROUNDS):
         normal = Normal(seen, state, tried)
@@ -163,8 +165,8 @@ def hold(seen: Observations) -> Trial:
     )
 
 
-def _at_its_size(seen: Observations, observed: Collection[str]) -> tuple[State, State]:
-    """The map as it was made, or as large as its matches ask for, and the same adjusted: whichever fits better.
+def _at_its_size(seen: Observations, tried: Sequence[Candidate]) -> tuple[State, State]:
+    """The map as it was made, and adjusted; or as large as its matches ask for, if the camera file then explains them.
 
     A baseline that is short beside the path acts on the matches by its share of the path's length, so that a map ten
     times too large is far from linear in its size, and near in the length of its baseline. That is estimated.
@@ -173,6 +175,7 @@ def _at_its_size(seen: Observations, observed: Collection[str]) -> tuple[State, 
     adjusted, _ = adjust(seen, start, [])
     first = seen.rig.cameras[0].T_body_camera[:3, 3]
     lines_m = {c.name: float(np.linalg.norm(c.T_body_camera[:3, 3] - first)) for c in seen.rig}
+    observed = sorted({c.camera for c in tried})
     freed = [Candidate(name, Kind.BASELINE) for name in observed if lines_m[name] > 0.0]
     if not freed:
         return start, adjusted
@@ -185,7 +188,11 @@ def _at_its_size(seen: Observations, observed: Collection[str]) -> tuple[State, 
     T[:, :3, 3] /= stretch
     resized = dataclasses.replace(start, T_world_body=T, points_world=free.points_world / stretch)
     again, _ = adjust(seen, resized, [])
-    return (resized, again) if cost(seen, again) < cost(seen, adjusted) else (start, adjusted)
+    if cost(seen, again) >= cost(seen, adjusted):
+        return start, adjusted
+    corrected, _ = adjust(seen, again, tried)
+    is_right = cost(seen, again) <= _AS_WELL * cost(seen, corrected)  # else the size hides an error of the lens
+    return (resized, again) if is_right else (start, adjusted)
 
 
 def _scale(
