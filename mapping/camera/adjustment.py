@@ -291,7 +291,8 @@ class Normal:
         k, n = self._unknowns(self.tried), self._width * len(self._placed)
         by_calibration = self._reduced.poses_by_calibration[:, k]
         _, covariance = self.solve(self.tried)
-        columns = [by_calibration @ np.linalg.cholesky(covariance)] if len(k) else []
+        variance, along = np.linalg.eigh(covariance)  # not quite positive where the matches say next to nothing
+        columns = [by_calibration @ (along * np.sqrt(np.maximum(variance, 0.0)))]
         for scores in self._scores:
             part = np.arange(scores.shape[1]) * _MOST_GROUPS // scores.shape[1]
             groups = np.eye(_MOST_GROUPS)[part]  # neighbours in one group: fewer, and no less shared
