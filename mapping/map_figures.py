@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 import esdf
+from flight import FloatArray
 from mapping import verdict
 from mapping.dense import confidence, resolution, surface
 from mapping.sparse import reconstruction
@@ -65,6 +66,10 @@ class MapReport:
     """The same over the angle from each camera's optical axis; see `camera.residual_field.over_radius`."""
     residual_time: list[dict[str, Any]]
     """The same for each placed image of each camera; see `sparse.reconstruction.residuals_over_time`."""
+    position_std_m: list[float | None]
+    """Standard deviation of each placed image's position, about the middle of the path; None where it is not known."""
+    shape_std_m: list[float | None]
+    """The same without that of the scale."""
     path_length_m: float
     """From the first placed image to the last."""
     lenses: dict[str, list[float]]
@@ -156,6 +161,8 @@ def report(
         residual_field=reconstruction.residual_fields(placed),
         residual_radius=reconstruction.residuals_over_radius(placed),
         residual_time=reconstruction.residuals_over_time(placed),
+        position_std_m=_rounded(placed.position_std_m[placed.placed]),
+        shape_std_m=_rounded(placed.shape_std_m[placed.placed]),
         path_length_m=float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
         lenses={camera.name: camera.params.tolist() for camera in placed.rig},
         mesh_vertices=len(surface.vertices_world_m),
@@ -172,3 +179,8 @@ def report(
         hash=hash,
         cpu_s=cpu_s,
     )
+
+
+def _rounded(std_m: FloatArray) -> list[float | None]:
+    """To a tenth of a millimetre; None for NaN."""
+    return [round(float(value), 4) if np.isfinite(value) else None for value in std_m]

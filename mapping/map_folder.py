@@ -358,10 +358,9 @@ def _placed_before(out: Path, inputs: str) -> MapReport | None:
         facts = open_map(out).facts if is_map(out) else {}
     except FlightError:  # an earlier map that is damaged
         return None
-    if facts.get("inputs") != inputs:
-        return None
-    body = file_format.read_json(out / "report.json", format=REPORT_FORMAT, version=VERSION)
-    return MapReport(**{field.name: body[field.name] for field in dataclasses.fields(MapReport)})
+    body = read_report(out) if facts.get("inputs") == inputs else {}
+    names = {field.name for field in dataclasses.fields(MapReport)}
+    return MapReport(**{name: body[name] for name in names}) if names <= body.keys() else None
 
 
 def _build(

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FloatArray
-from mapping.camera.errors import OF_THE_LENS, Kind
+from mapping.camera import advice
+from mapping.camera.errors import OF_THE_LENS, UNTIMED, Kind
 from mapping.camera.trial import SIGMAS90, Finding, Verdict
 from mapping.input.trajectory import MotionKind
 from mapping.sparse import reconstruction
-from mapping.sparse.alignment import GRAVITY, LARGE_RESIDUAL, Alignment, ScaleWitness
+from mapping.sparse.alignment import BASELINE, GRAVITY, LARGE_RESIDUAL, Alignment, ScaleWitness
 from mapping.sparse.features import repetition
 from mapping.sparse.mapper import overlap
 from mapping.sparse.reconstruction import SparseMap
@@ -45,6 +46,10 @@ OTHER_LENS = 0.02
 """The same for what is wrong with a lens, as a share of the image's width: lenses of one make differ by less."""
 SHIFT_DOUBT_PX = 1.0
 """An error that could be this large without the matches showing it is a reason for doubt."""
+
+
+SHAPE_DOUBT_M = 0.05
+"""RMS standard deviation of the positions, but for place, attitude and size of the whole: a voxel as maps have them."""
 
 
 class Standing(enum.StrEnum):
@@ -109,7 +114,9 @@ def judge(placed: SparseMap) -> MapVerdict:
                 "the lens of the camera file"
             )
         elif finding in trial.inexpressible:
-            doubts.append(f"{finding.candidate} of {size_text(finding)}, which a camera file cannot state")
+            said = f"{finding.candidate} of {size_text(finding)}, which a camera file cannot state"
+            is_untimed = finding.candidate.kind in UNTIMED.values()
+            doubts.append(f"{said}: {advice.to_record(finding.candidate.kind)}" if is_untimed else said)
     if others:
         refusals.append(
             f"the camera file is that of another lens, image size or other images: {', '.join(others)}. If it is not, "
@@ -125,12 +132,15 @@ def judge(placed: SparseMap) -> MapVerdict:
             doubts.append(
                 f"these images cannot tell an error of the {finding.candidate} of up to {size_text(finding, most=True)}"
             )
+    doubts += _bent_doubts(placed)
     lost = [camera.name for number, camera in enumerate(placed.rig) if not placed.registered[:, number].any()]
     if lost:
         doubts.append(f"no image of camera {', '.join(lost)} is in the map: its calibration was not tried")
     for witness in placed.alignment.witnesses[:1]:
         if SIGMAS90 * witness.std > SCALE_DOUBT:
-            doubts.append(f"the {witness.source} gives the scale to ± {100 * SIGMAS90 * witness.std:.0f} % only")
+            said = f"the {witness.source} gives the scale to ± {100 * SIGMAS90 * witness.std:.0f} % only"
+            why = advice.scale_text(trial) if witness.source == BASELINE else ""
+            doubts.append(f"{said}, {why}" if why else said)
     for witness in placed.alignment.witnesses[1:]:
         _weigh(placed.alignment.witnesses[0], witness, doubts, refusals)
     doubts += _frame_doubts(placed.alignment)
@@ -146,6 +156,18 @@ def judge(placed: SparseMap) -> MapVerdict:
     return MapVerdict(
         standing, (*refusals, *doubts), tuple(f"{f.candidate}: {size_text(f)}, corrected" for f in corrected)
     )
+
+
+def _bent_doubts(placed: SparseMap) -> list[str]:
+    """Whether small errors that all images share may have bent the path as a whole."""
+    std_m = placed.shape_std_m[placed.placed]
+    if not np.sqrt(np.mean(std_m**2)) > SHAPE_DOUBT_M:  # NaN where nothing is known
+        return []
+    worst = np.array(placed.images.instants)[placed.placed][np.argmax(std_m)]
+    return [
+        f"the map may be bent: image {worst} may be {SIGMAS90 * std_m.max():.2g} m beside its place in the whole. Come "
+        "back to places seen before (a loop), or record positions (references.csv, --poses)"
+    ]
 
 
 def _motion_doubts(check: MotionCheck) -> list[str]:
@@ -251,7 +273,7 @@ def size_text(finding: Finding, *, most: bool = False) -> str:
     """
     factor, unit = _SHOWN[finding.candidate.kind]
     size, std = factor * _length(finding.size), factor * _length(finding.std)
-    return f"{size + SIGMAS90 * std:.3g} {unit}" if most else f"{size:.3g} ± {std:.1g} {unit}"
+    return (f"{size + SIGMAS90 * std:.3g} {unit}" if most else f"{size:.3g} ± {std:.1g} {unit}").rstrip()
 
 
 _SHOWN = {
@@ -264,6 +286,9 @@ _SHOWN = {
     Kind.TRANSLATION: (float(np.degrees(1.0)), "deg"),
     Kind.OFFSET: (1000.0, "ms"),
     Kind.SHUTTER: (1000.0, "ms"),
+    Kind.UNTIMED_OFFSET: (1.0, ""),
+    Kind.UNTIMED_SHUTTER: (1.0, ""),
+    Kind.BASELINE: (100.0, "%"),
 }
 
 

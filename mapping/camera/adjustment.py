@@ -17,7 +17,7 @@ import numpy as np
 from flight import FloatArray, frames, rotations
 from mapping.camera import errors
 from mapping.camera.errors import PLAUSIBLE, Candidate, State
-from mapping.camera.normal_equations import Points, Reduced, Rows, Sums, eliminate_points
+from mapping.camera.normal_equations import Points, Reduced, Rows, Sums, cells, eliminate_points
 from mapping.camera.rig import Rig
 
 if TYPE_CHECKING:
@@ -38,6 +38,11 @@ _HUBER = 1.345
 _BLOCK_ROWS = 100_000
 """Observations whose derivatives are held in memory at a time."""
 _LEAST_REDUNDANCY = 0.05
+_UNEVEN = 0.3
+"""Standard deviation of an image's velocity, relative, where a clock counts images: nobody says that they are even."""
+_LEAST_PACE = 0.1
+_MOST_GROUPS = 100
+"""Of images whose shared errors are carried to the positions apart."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,12 +61,29 @@ class Observations:
     """(o, 2)."""
     time_s: FloatArray
     """(instants,); NaN where unknown."""
+    is_counted: bool = False
+    """Whether the clock counts images, see `counted`."""
 
 
 def initial(seen: Observations) -> State:
     """The map as it was made, with the calibration on trial."""
     none = np.zeros(len(seen.rig))
-    return State(seen.rig, seen.T_world_body, seen.points_world, np.zeros((len(seen.rig), 2)), none, none)
+    pace = np.ones(len(seen.time_s)) if seen.is_counted else None
+    return State(seen.rig, seen.T_world_body, seen.points_world, np.zeros((len(seen.rig), 2)), none, none, pace)
+
+
+def counted(seen: Observations) -> Observations:
+    """The same with a clock that counts images, in their order: for those whose times are unknown or far apart.
+
+    They are taken to be evenly spaced, within `_UNEVEN`, unless their times say how they are spaced.
+    """
+    known = np.isfinite(seen.time_s)
+    steps_s = np.diff(np.sort(seen.time_s[known]))
+    if known.all() and (steps_s > 0.0).any():
+        time_s = seen.time_s * errors.INTERVAL_S / np.median(steps_s[steps_s > 0.0])
+    else:
+        time_s = errors.INTERVAL_S * np.arange(len(seen.time_s))
+    return dataclasses.replace(seen, time_s=time_s, is_counted=True)
 
 
 def adjust(seen: Observations, state: State, free: Sequence[Candidate]) -> tuple[State, dict[Candidate, FloatArray]]:
@@ -85,6 +107,11 @@ def adjust(seen: Observations, state: State, free: Sequence[Candidate]) -> tuple
         if after > (1.0 - _CONVERGED) * before:
             break
     return state, moved
+
+
+def cost(seen: Observations, state: State) -> float:
+    """How badly a state fits: the median residual, px."""
+    return float(np.median(np.nan_to_num(np.linalg.norm(residuals(seen, state), axis=1), nan=_LOST_PX)))
 
 
 def _cost(seen: Observations, state: State, huber_px: float) -> float:
@@ -113,6 +140,8 @@ class Normal:
     ) -> None:
         self.tried = list(tried)
         self._placed = np.flatnonzero(np.isfinite(state.T_world_body[:, 0, 0]))
+        self._pace = None if state.pace is None else state.pace[self._placed]
+        self._width = 6 if self._pace is None else 7
         left = residuals(seen, state)
         used = np.flatnonzero(np.isfinite(left).all(axis=1))
         unknowns = 3 * len(np.unique(seen.index[used, 0])) + 6 * len(self._placed)
@@ -122,6 +151,7 @@ class Normal:
         whitening = np.zeros(len(left))
         whitening[used] = np.sqrt(weight) / self.noise_px
         shifts = _Shifts(self.tried, seen.rig)
+        cell = cells(seen.index[:, 2], seen.pixels, np.array([(c.width, c.height) for c in seen.rig]))
         count = folds * max(1, round(len(left) / (folds * _BLOCK_ROWS)))
         self._points: list[Points] = []
 
@@ -132,7 +162,8 @@ class Normal:
             shifts.add(rows, part.index[rows.used, 2])
             numbers = np.arange(number, len(seen.points_world), count)
             index, of_rig = part.index[rows.used], (len(seen.T_world_body), len(seen.rig))
-            points, sums = eliminate_points(rows, index, numbers, self._placed, whitening[own][rows.used], of_rig)
+            weights, where = whitening[own][rows.used], cell[own][rows.used]
+            points, sums = eliminate_points(rows, index, numbers, self._placed, weights, of_rig, where)
             if folds == 1:  # with folds there is no `step`; for a thousand instants these take most of the memory
                 self._points.append(points)
             return sums
@@ -142,14 +173,21 @@ class Normal:
         whole = functools.reduce(operator.add, by_fold)
         self._reduced = self._reduce(whole.matrix, whole.gradient)
         # residuals are smaller than the errors that made them, as the unknowns were fitted to these
-        self._scores = whole.scores / np.sqrt(redundancy)
+        self._scores = [by_group / np.sqrt(redundancy) for by_group in (whole.scores, whole.fields)]
         if folds > 1:
             parts = [(part.matrix, part.gradient) for part in by_fold]
             self._withheld = [self._reduce(m, g).marginal for m, g in parts]
             self._training = [self._reduce(whole.matrix - m, whole.gradient - g).marginal for m, g in parts]
 
     def _reduce(self, matrix: "sp.csr_matrix", gradient: FloatArray) -> "Reduced":
-        return Reduced.of(matrix, gradient, 6 * len(self._placed))
+        from scipy import sparse as sp
+
+        count = self._width * len(self._placed)
+        if self._pace is not None:  # held by what is plausible: it shows only beside an error of time
+            even, pull = np.zeros(len(gradient)), np.zeros(len(gradient))
+            even[6:count:7], pull[6:count:7] = _UNEVEN**-2, (1.0 - self._pace) / _UNEVEN**2
+            matrix, gradient = matrix + sp.diags(even, format="csr"), gradient + pull
+        return Reduced.of(matrix, gradient, count)
 
     def _unknowns(self, chosen: Iterable[Candidate]) -> np.ndarray:
         starts = np.cumsum([0, *(len(c.kind.units) for c in self.tried)])
@@ -200,43 +238,78 @@ class Normal:
     def dispersion(self, chosen: Sequence[Candidate], candidate: Candidate) -> float:
         """How many times larger the variance of one of the chosen is than independent matches make it; at least 1.
 
-        Errors that all matches of one image share make it larger, as the residuals show them (cluster-robust; Liang and
-        Zeger, 1986), many times where the vehicle turns to and fro between its images, so that their velocities under a
-        time offset are wrong. Of several parameters, in the direction in which it is most.
+        Two kinds of shared errors make it larger, as the residuals show them (cluster-robust in two ways; Cameron,
+        Gelbach and Miller, 2011). Those of all matches of one image: many times where the vehicle turns to and fro
+        between its images, so that their velocities under a time offset are wrong. And those of all matches in one cell
+        of a camera's image: a corridor shows its walls there at one angle in all images, and no number of images
+        averages that out. Of several parameters, in the direction in which it is most.
         """
         k, own = self._unknowns(chosen), self.place(chosen, candidate)
         _, covariance = self.solve(chosen)
-        by_image = covariance[own] @ self._scores_of_calibration()[k]
-        ratio = np.linalg.solve(covariance[own, own], by_image @ by_image.T)
-        return max(1.0, float(np.linalg.eigvals(ratio).real.max()))
+        more = 0.0
+        for scores in self._scores:
+            by_group = covariance[own] @ self._of_calibration(scores)[k]
+            ratio = np.linalg.solve(covariance[own, own], by_group @ by_group.T)
+            more += max(0.0, float(np.linalg.eigvals(ratio).real.max()) - 1.0)
+        return 1.0 + more
 
-    def _scores_of_calibration(self) -> FloatArray:
-        """(p, images): the gradient in the calibration, poses eliminated, apart for the matches of each image."""
+    def _of_calibration(self, scores: "sp.csr_matrix") -> FloatArray:
+        """(p, groups): the gradient in the calibration, poses eliminated, apart for the matches of each group."""
         split = len(self._reduced.poses)
-        by_poses = self._scores[:split].T @ self._reduced.poses_by_calibration
-        return np.asarray(self._scores[split:].toarray() - by_poses.T, dtype=np.float64)
+        by_poses = scores[:split].T @ self._reduced.poses_by_calibration
+        return np.asarray(scores[split:].toarray() - by_poses.T, dtype=np.float64)
 
     def scale_std(self, state: State, free: Sequence[Candidate]) -> float:
         """Standard deviation of the path's size, relative to it: how firmly the baseline of the rig sets the scale.
 
-        The larger of two: that of independent matches, and that of errors which all matches of one image share (see
-        `dispersion`).
+        Of independent matches, and of errors that matches share (see `dispersion`).
         """
         if len(state.rig) == 1:
             return float("inf")
         T = state.T_world_body[self._placed]
-        growth = np.zeros((len(self._placed), 6))
+        growth = np.zeros((len(self._placed), self._width))
         outward = T[:, :3, 3] - T[:, :3, 3].mean(axis=0)
-        growth[:, 3:] = np.einsum("nji,nj->ni", T[:, :3, :3], outward)
+        growth[:, 3:6] = np.einsum("nji,nj->ni", T[:, :3, :3], outward)
         if not growth.any():
             return float("inf")
         growth = growth.ravel() / (growth**2).sum()
         k = self._unknowns(free)
         by_pose = self._reduced.factor.solve(growth)
         through = growth @ self._reduced.poses_by_calibration[:, k]
-        by_calibration = np.linalg.solve(self._reduced.marginal.matrix[np.ix_(k, k)], through)
-        by_image = self._scores[: len(growth)].T @ by_pose - self._scores_of_calibration()[k].T @ by_calibration
-        return float(np.sqrt(max(growth @ by_pose + through @ by_calibration, by_image @ by_image)))
+        by_calibration = np.linalg.solve(self._reduced.marginal.matrix[np.ix_(k, k)] + self._prior(free), through)
+        alone = float(growth @ by_pose + through @ by_calibration)
+        shared = [s[: len(growth)].T @ by_pose - self._of_calibration(s)[k].T @ by_calibration for s in self._scores]
+        return float(np.sqrt(alone + sum(max(0.0, float(by_group @ by_group) - alone) for by_group in shared)))
+
+    def shape_std(self, state: State) -> FloatArray:
+        """(instants,) standard deviation of the positions but for place, attitude and size of the whole; NaN where not
+        placed.
+
+        Of errors that matches share (see `dispersion`), each error of the calibration free: a lens that bends a path a
+        little in each image bends it much in a hundred.
+        """
+        k, n = self._unknowns(self.tried), self._width * len(self._placed)
+        by_calibration = self._reduced.poses_by_calibration[:, k]
+        _, covariance = self.solve(self.tried)
+        variance, along = np.linalg.eigh(covariance)  # not quite positive where the matches say next to nothing
+        columns = [by_calibration @ (along * np.sqrt(np.maximum(variance, 0.0)))]
+        for scores in self._scores:
+            part = np.arange(scores.shape[1]) * _MOST_GROUPS // scores.shape[1]
+            groups = np.eye(_MOST_GROUPS)[part]  # neighbours in one group: fewer, and no less shared
+            moved = covariance @ (self._of_calibration(scores)[k] @ groups)
+            columns.append(self._reduced.factor.solve(scores[:n] @ groups) - by_calibration @ moved)
+        own = np.concatenate(columns, axis=1).reshape(len(self._placed), self._width, -1)[:, 3:6]
+        T = state.T_world_body[self._placed]
+        shifts = T[:, :3, :3] @ own
+        outward = T[:, :3, 3] - T[:, :3, 3].mean(axis=0)
+        whole = np.concatenate(
+            [np.tile(np.eye(3), (len(T), 1, 1)), rotations.hat(outward), outward[:, :, None]], axis=2
+        )
+        basis, flat = np.linalg.qr(whole.reshape(-1, 7))[0], shifts.reshape(3 * len(T), -1)
+        left = (flat - basis @ (basis.T @ flat)).reshape(shifts.shape)
+        std = np.full(len(state.T_world_body), np.nan)
+        std[self._placed] = np.sqrt((left**2).sum(axis=(1, 2)))
+        return std
 
     def step(self, state: State, free: Sequence[Candidate], delta: FloatArray, share: float) -> State:
         """The state after a share of a Gauss-Newton step; `delta` is the calibration's part of that share.
@@ -249,12 +322,16 @@ class Normal:
         calibration[k] = delta
         poses = share * self._reduced.poses - self._reduced.poses_by_calibration @ calibration
         T = state.T_world_body.copy()
-        xi = poses.reshape(-1, 6)
-        T[self._placed] = T[self._placed] @ frames.transform(rotations.exp(xi[:, :3]), xi[:, 3:])
+        xi = poses.reshape(-1, self._width)
+        T[self._placed] = T[self._placed] @ frames.transform(rotations.exp(xi[:, :3]), xi[:, 3:6])
         points_world = state.points_world.copy()
         for points in self._points:
             points_world[points.numbers] += points.step(np.concatenate([poses, calibration]), share)
-        changed = dataclasses.replace(state, T_world_body=T, points_world=points_world)
+        pace = state.pace
+        if pace is not None:
+            pace = pace.copy()
+            pace[self._placed] = np.maximum(pace[self._placed] + xi[:, 6], _LEAST_PACE)
+        changed = dataclasses.replace(state, T_world_body=T, points_world=points_world, pace=pace)
         for c in free:
             changed = errors.corrected(changed, c, delta[self.place(free, c)])
         return changed
@@ -284,7 +361,7 @@ class _Shifts:
 
 def residuals(seen: Observations, state: State) -> FloatArray:
     """(o, 2) px, true less predicted; NaN where the lens does not show the point."""
-    _, _, body = _in_body(seen, state)
+    *_, body = _in_body(seen, state)
     left = np.full((len(body), 2), np.nan)
     for k, camera in enumerate(state.rig):
         at = np.flatnonzero(seen.index[:, 2] == k)
@@ -293,24 +370,28 @@ def residuals(seen: Observations, state: State) -> FloatArray:
     return left
 
 
-def _in_body(seen: Observations, state: State) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """R_body_world (o, 3, 3), how fast the points move in the body frame (o, 3) m/s, and where they are (o, 3) m."""
+def _in_body(seen: Observations, state: State) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """R_body_world (o, 3, 3), how fast the points move in the body frame (o, 3) m/s, for how long that lasts from the
+    time of the instant (o,) s, and where they are then (o, 3) m."""
     point, instant, number = seen.index.T
     T = state.T_world_body[instant]
     R_body_world = np.swapaxes(T[:, :3, :3], 1, 2)
     rate = np.nan_to_num(twists(seen.time_s, state.T_world_body)[instant])
+    if state.pace is not None:
+        rate = rate * state.pace[instant, None]
     height = np.array([camera.height for camera in state.rig])
     lag_s = state.offset_s[number] + state.shutter_s[number] * (seen.pixels[:, 1] / height[number] - 0.5)
     still = np.einsum("oij,oj->oi", R_body_world, state.points_world[point] - T[:, :3, 3])
     drift = np.asarray(-(rate[:, 3:] + np.cross(rate[:, :3], still)), dtype=np.float64)
-    return R_body_world, drift, still + lag_s[:, None] * drift
+    return R_body_world, drift, lag_s, still + lag_s[:, None] * drift
 
 
 def linearise(seen: Observations, state: State, tried: Sequence[Candidate]) -> Rows:
     point, _, number = seen.index.T
-    R_body_world, drift, body = _in_body(seen, state)
+    R_body_world, drift, lag_s, body = _in_body(seen, state)
     residual = np.full((len(point), 2), np.nan)
     pose, of_point = np.zeros((len(point), 2, 6)), np.zeros((len(point), 2, 3))
+    of_pace = np.zeros((len(point), 2, 0 if state.pace is None else 1))
     width = sum(len(c.kind.units) for c in tried)
     calibration = np.zeros((len(point), 2, width))
     for k, camera in enumerate(state.rig):
@@ -323,6 +404,8 @@ def linearise(seen: Observations, state: State, tried: Sequence[Candidate]) -> R
         pose[at] = np.concatenate([to_body @ rotations.hat(body[at]), -to_body], axis=2)
         of_point[at] = to_body @ R_body_world[at]
         moving = np.einsum("oij,oj->oi", to_body, drift[at])
+        if state.pace is not None:
+            of_pace[at, :, 0] = moving * (lag_s[at] / state.pace[seen.index[at, 1]])[:, None]
         row = seen.pixels[at, 1] / camera.height - 0.5
         start = 0
         for c in tried:
@@ -333,6 +416,7 @@ def linearise(seen: Observations, state: State, tried: Sequence[Candidate]) -> R
                 )
             start += count
     used = np.flatnonzero(np.isfinite(residual).all(axis=1) & np.isfinite(pose).all(axis=(1, 2)))
+    pose = np.concatenate([pose, of_pace], axis=2)
     return Rows(used, residual[used], pose[used], of_point[used], calibration[used])
 
 

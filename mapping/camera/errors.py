@@ -23,6 +23,9 @@ class Kind(enum.StrEnum):
     TRANSLATION = "direction to the first camera"
     OFFSET = "time offset"
     SHUTTER = "rolling shutter"
+    UNTIMED_OFFSET = "time offset in image intervals"
+    UNTIMED_SHUTTER = "rolling shutter in image intervals"
+    BASELINE = "distance to the first camera"
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -40,6 +43,9 @@ _UNITS = {
     Kind.TRANSLATION: ("rad", "rad"),
     Kind.OFFSET: ("s",),
     Kind.SHUTTER: ("s",),
+    Kind.UNTIMED_OFFSET: ("intervals",),
+    Kind.UNTIMED_SHUTTER: ("intervals",),
+    Kind.BASELINE: ("",),
 }
 PLAUSIBLE = {
     Kind.FOCAL: 0.1,
@@ -51,12 +57,22 @@ PLAUSIBLE = {
     Kind.TRANSLATION: 0.3,
     Kind.OFFSET: 0.1,
     Kind.SHUTTER: 0.1,
+    Kind.UNTIMED_OFFSET: 0.5,
+    Kind.UNTIMED_SHUTTER: 0.5,
+    Kind.BASELINE: 10.0,
 }
 """Standard deviation of each kind of error among camera files, in its unit."""
 BEYOND_THESE_IMAGES = frozenset(Kind) - {Kind.RADIAL, Kind.HIGHER, Kind.TANGENTIAL}
 """Errors that matter in other images even if they do not move these: a rolling shutter, while the vehicle stands."""
 OF_THE_LENS = (Kind.FOCAL, Kind.CENTRE, Kind.RADIAL, Kind.HIGHER, Kind.TANGENTIAL)
-_OF_THE_FIRST = (*OF_THE_LENS, Kind.SHUTTER)
+OF_TIME = (Kind.OFFSET, Kind.SHUTTER)
+UNTIMED = {Kind.OFFSET: Kind.UNTIMED_OFFSET, Kind.SHUTTER: Kind.UNTIMED_SHUTTER}
+"""What the errors of time are where the clock counts images, see `INTERVAL_S`."""
+INEXPRESSIBLE = (Kind.TANGENTIAL, *OF_TIME, *UNTIMED.values())
+"""Errors that no camera file can state."""
+INTERVAL_S = 0.25
+"""Between two images on the clock of `adjustment.counted`, which counts images: a convention, no image's true time."""
+_OF_THE_FIRST = (*OF_THE_LENS, Kind.SHUTTER, Kind.UNTIMED_SHUTTER)
 """The first camera defines the body's pose and clock: no match can show it turned, moved or late."""
 
 
@@ -86,11 +102,18 @@ class State:
     """(cameras,) by which a camera's images are later than the first's."""
     shutter_s: FloatArray
     """(cameras,) from the first row to the last."""
+    pace: FloatArray | None = None
+    """(instants,) the body's velocity over that of a clock that counts images; None where the times are known."""
 
 
 def candidates(rig: Rig, *, timed: bool) -> list[Candidate]:
-    """Every error that can be tried on a rig; those of time only where the time of the images is known."""
-    kinds = [kind for kind in Kind if timed or kind not in (Kind.OFFSET, Kind.SHUTTER)]
+    """Every error that can be tried on a rig.
+
+    Args:
+        timed: whether times of the images give their velocities; else errors of time are in intervals between images.
+    """
+    left_out = (Kind.BASELINE, *(UNTIMED.values() if timed else OF_TIME))  # the map's scale rests on the baseline
+    kinds = [kind for kind in Kind if kind not in left_out]
     return [
         Candidate(camera.name, kind)
         for number, camera in enumerate(rig)
@@ -156,10 +179,16 @@ def derivative(
             return slope @ rotations.hat(inside)
         case Kind.TRANSLATION:
             return -slope @ camera.T_body_camera[:3, :3].T @ _perpendicular(camera, first)
+        case Kind.BASELINE:
+            return lever(camera, first, slope)[:, :, None]
         case Kind.OFFSET:
             return moving[:, :, None]
         case Kind.SHUTTER:
             return (moving * row[:, None])[:, :, None]
+        case Kind.UNTIMED_OFFSET:
+            return INTERVAL_S * moving[:, :, None]
+        case Kind.UNTIMED_SHUTTER:
+            return INTERVAL_S * (moving * row[:, None])[:, :, None]
 
 
 def _radial(camera: Camera, inside: FloatArray, powers: tuple[int, ...]) -> FloatArray:
@@ -183,6 +212,12 @@ def _perpendicular(camera: Camera, first: Camera) -> FloatArray:
     return np.asarray(np.column_stack([across, np.cross(line, across) / length_m]), dtype=np.float64)
 
 
+def lever(camera: Camera, first: Camera, slope: FloatArray) -> FloatArray:
+    """(o, 2) derivative of the pixels by the logarithm of the distance between a camera and the first one."""
+    line = camera.T_body_camera[:3, 3] - first.T_body_camera[:3, 3]
+    return -slope @ (camera.T_body_camera[:3, :3].T @ line)
+
+
 def corrected(state: State, candidate: Candidate, delta: FloatArray) -> State:
     """The state with one error's parameters moved by `delta`."""
     number = [camera.name for camera in state.rig].index(candidate.camera)
@@ -201,12 +236,20 @@ def corrected(state: State, candidate: Candidate, delta: FloatArray) -> State:
             T = camera.T_body_camera.copy()
             T[:3, 3] = origin + moved * np.linalg.norm(line) / np.linalg.norm(moved)
             camera = dataclasses.replace(camera, T_body_camera=T)
+        case Kind.BASELINE:
+            origin, T = state.rig.cameras[0].T_body_camera[:3, 3], camera.T_body_camera.copy()
+            T[:3, 3] += delta[0] * (T[:3, 3] - origin)
+            camera = dataclasses.replace(camera, T_body_camera=T)
         case Kind.TANGENTIAL:
             return dataclasses.replace(state, tangential=_added(state.tangential, number, delta))
         case Kind.OFFSET:
             return dataclasses.replace(state, offset_s=_added(state.offset_s, number, delta[0]))
         case Kind.SHUTTER:
             return dataclasses.replace(state, shutter_s=_added(state.shutter_s, number, delta[0]))
+        case Kind.UNTIMED_OFFSET:
+            return dataclasses.replace(state, offset_s=_added(state.offset_s, number, INTERVAL_S * delta[0]))
+        case Kind.UNTIMED_SHUTTER:
+            return dataclasses.replace(state, shutter_s=_added(state.shutter_s, number, INTERVAL_S * delta[0]))
     cameras = list(state.rig.cameras)
     cameras[number] = camera
     return dataclasses.replace(state, rig=dataclasses.replace(state.rig, cameras=tuple(cameras)))

@@ -10,6 +10,9 @@ from flight import FloatArray
 if TYPE_CHECKING:
     from scipy import sparse as sp
 
+CELLS = (6, 4)
+"""Columns and rows of an image within which matches may share an error in all images: patches of surface seen at one
+angle, what a lens model cannot say. Finer cells would take a pattern wider than they are for independent."""
 _RIDGE = 1e-9
 _POSE_RIDGE = 1e-10
 """Holds what moves the whole map; 1e-7 also held the bending of a path of 400 instants, and 3 m of error with it."""
@@ -39,6 +42,8 @@ class Sums:
     """(6 instants + p, 6 instants + p)."""
     scores: "sp.csr_matrix"
     """(6 instants + p, images): the gradient, apart for the matches of each image."""
+    fields: "sp.csr_matrix"
+    """(6 instants + p, cells): the same, apart for the matches in each cell of a camera's image, see `cells`."""
 
     @property
     def gradient(self) -> FloatArray:
@@ -46,7 +51,7 @@ class Sums:
         return np.asarray(self.scores.sum(axis=1), dtype=np.float64).ravel()
 
     def __add__(self, other: "Sums") -> "Sums":
-        return Sums(self.matrix + other.matrix, self.scores + other.scores)
+        return Sums(self.matrix + other.matrix, self.scores + other.scores, self.fields + other.fields)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,13 +79,14 @@ def eliminate_points(
     placed: np.ndarray,
     whitening: FloatArray,
     of_rig: tuple[int, int],
+    cell: np.ndarray,
 ) -> tuple[Points, Sums]:
     """The normal equations that one block of points gives.
 
     Args:
         index: (o, 3) point, instant and camera of each row in use; points: all numbers of the block's points, in order.
         placed: instants with a pose; whitening: (o,) of each row in use: root of its weight over the noise.
-        of_rig: how many instants and cameras there are.
+        of_rig: how many instants and cameras there are; cell: (o,) of each row in use, see `cells`.
     """
     from scipy import sparse as sp
 
@@ -99,9 +105,24 @@ def eliminate_points(
     eliminated = sp.csr_matrix(inverse @ coupling)
     matrix = sp.csr_matrix(shared.T @ shared - coupling.T @ eliminated)
     instants, cameras = of_rig
-    by_image = _by_group(residual, index[:, 1] * cameras + index[:, 2], instants * cameras)
-    scores = sp.csr_matrix(shared.T @ by_image - eliminated.T @ sp.csr_matrix(own.T @ by_image))
-    return Points(points, inverse, coupling, own.T @ residual), Sums(matrix, scores)
+    by_image, by_cell = (
+        sp.csr_matrix(shared.T @ group - eliminated.T @ sp.csr_matrix(own.T @ group))
+        for group in (
+            _by_group(residual, index[:, 1] * cameras + index[:, 2], instants * cameras),
+            _by_group(residual, cell, cameras * CELLS[0] * CELLS[1]),
+        )
+    )
+    return Points(points, inverse, coupling, own.T @ residual), Sums(matrix, by_image, by_cell)
+
+
+def cells(number: np.ndarray, pixels: FloatArray, sizes_px: FloatArray) -> np.ndarray:
+    """(o,) the cell of its camera's image in which each observation lies, counted over all cameras.
+
+    Args:
+        number: (o,) of the camera; pixels: (o, 2); sizes_px: (cameras, 2) width and height of their images.
+    """
+    column, row = np.clip(pixels / sizes_px[number] * CELLS, 0, np.array(CELLS) - 1).astype(np.int64).T
+    return np.asarray((number * CELLS[1] + row) * CELLS[0] + column)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,6 +4,7 @@ A reprojection error that falls proves nothing, since every freed parameter lowe
 from some of the points and judged by the others (cross-validation).
 """
 
+import dataclasses
 import enum
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from flight import FloatArray
-from mapping.camera.adjustment import Normal, Observations, adjust, initial, twists
-from mapping.camera.errors import BEYOND_THESE_IMAGES, PLAUSIBLE, Candidate, Kind, candidates
+from mapping.camera.adjustment import Normal, Observations, adjust, cost, counted, initial, twists
+from mapping.camera.errors import BEYOND_THESE_IMAGES, INEXPRESSIBLE, PLAUSIBLE, Candidate, Kind, State, candidates
 from mapping.camera.rig import Rig
 
 LEAST_GAIN = 30.0
@@ -26,6 +27,10 @@ SIGMAS90 = 1.645
 _NARROWED = 0.1
 """An error whose standard deviation is still this share of what is plausible was not looked at by the matches."""
 _MOST_ROUNDS = 4
+_AS_WELL = 1.1
+"""Median residual, over that with all errors free, up to which the camera file explains the matches."""
+_OTHER_SIZE = float(np.log(2.0))
+"""Logarithm of two sizes of a map from which the second is tried: from nearer, the adjustment finds it."""
 
 
 class Verdict(enum.StrEnum):
@@ -54,6 +59,8 @@ class Finding:
     """The same at the far end of the 90 % interval: no larger error is likely."""
     gain: float
     """Fall of the withheld points' chi squared when it is corrected, over `Normal.dispersion`."""
+    scale_std: float = 0.0
+    """Relative standard deviation of the rig's scale that would be gone if the size of this error were known."""
 
     def as_dict(self) -> dict[str, Any]:
         """Numbers and words for a report file."""
@@ -67,6 +74,7 @@ class Finding:
             "shift_px": self.shift_px,
             "largest_shift_px": self.largest_shift_px,
             "gain": self.gain,
+            "scale_std": self.scale_std,
         }
 
     @staticmethod
@@ -80,6 +88,7 @@ class Finding:
             numbers["shift_px"],
             numbers["largest_shift_px"],
             numbers["gain"],
+            numbers.get("scale_std", 0.0),
         )
 
 
@@ -98,8 +107,10 @@ class Trial:
     noise_px: float
     """Standard deviation of a match in each pixel coordinate, with what is present corrected."""
     scale_std: float
-    """Relative standard deviation of the scale that the distance between the cameras gives, see `Normal.scale_std`;
-    infinite for one camera."""
+    """Relative standard deviation of the scale that the distance between the cameras gives, see `Normal.scale_std`, if
+    any error may be there, as large as the matches allow. Infinite for one camera."""
+    shape_std: FloatArray | None = None
+    """(instants,) of each position, see `Normal.shape_std`, in the unit of `points_world`; None if not known."""
 
     @property
     def present(self) -> tuple[Finding, ...]:
@@ -108,7 +119,7 @@ class Trial:
     @property
     def inexpressible(self) -> tuple[Finding, ...]:
         """What is present and no camera file can state; only `T_world_body` and `points_world` allow for it."""
-        return tuple(f for f in self.present if f.candidate.kind in (Kind.TANGENTIAL, Kind.OFFSET, Kind.SHUTTER))
+        return tuple(f for f in self.present if f.candidate.kind in INEXPRESSIBLE)
 
 
 def hold(seen: Observations) -> Trial:
@@ -121,11 +132,12 @@ def hold(seen: Observations) -> Trial:
     made, again the least missed first.
     """
     timed = bool(np.isfinite(twists(seen.time_s, seen.T_world_body)).any())
+    seen = seen if timed else counted(seen)
     observed = {seen.rig.cameras[k].name for k in np.unique(seen.index[:, 2])}
     tried = [c for c in candidates(seen.rig, timed=timed) if c.camera in observed]
-    start = initial(seen)
     present: list[Candidate] = []
-    state, sizes = adjust(seen, start, present)
+    start, state = _at_its_size(seen, tried)
+    sizes: dict[Candidate, FloatArray] = {}
     for _ in range(_MOST_ROUNDS):
         normal = Normal(seen, state, tried)
         left = _eliminate(normal, sizes)
@@ -140,6 +152,7 @@ def hold(seen: Observations) -> Trial:
         state, sizes = adjust(seen, start, present)
         normal = Normal(seen, state, tried)
     findings = [_finding(normal, present, sizes, c) for c in tried]
+    scale_std, findings = _scale(normal, state, present, findings)
     findings.sort(key=lambda f: (f.verdict is not Verdict.PRESENT, -f.shift_px if f.candidate in present else 0.0))
     return Trial(
         tuple(findings),
@@ -147,8 +160,56 @@ def hold(seen: Observations) -> Trial:
         state.T_world_body,
         state.points_world,
         normal.noise_px,
-        normal.scale_std(state, present),
+        scale_std,
+        normal.shape_std(state),
     )
+
+
+def _at_its_size(seen: Observations, tried: Sequence[Candidate]) -> tuple[State, State]:
+    """The map as it was made, and adjusted; or as large as its matches ask for, if the camera file then explains them.
+
+    A baseline that is short beside the path acts on the matches by its share of the path's length, so that a map ten
+    times too large is far from linear in its size, and near in the length of its baseline. That is estimated.
+    """
+    start = initial(seen)
+    adjusted, _ = adjust(seen, start, [])
+    first = seen.rig.cameras[0].T_body_camera[:3, 3]
+    lines_m = {c.name: float(np.linalg.norm(c.T_body_camera[:3, 3] - first)) for c in seen.rig}
+    observed = sorted({c.camera for c in tried})
+    freed = [Candidate(name, Kind.BASELINE) for name in observed if lines_m[name] > 0.0]
+    if not freed:
+        return start, adjusted
+    free, _ = adjust(seen, start, freed)
+    found_m = {c.name: float(np.linalg.norm(c.T_body_camera[:3, 3] - first)) for c in free.rig}
+    stretch = float(np.median([found_m[c.camera] / lines_m[c.camera] for c in freed]))
+    if not abs(np.log(stretch)) > _OTHER_SIZE:
+        return start, adjusted
+    T = free.T_world_body.copy()
+    T[:, :3, 3] /= stretch
+    resized = dataclasses.replace(start, T_world_body=T, points_world=free.points_world / stretch)
+    again, _ = adjust(seen, resized, [])
+    if cost(seen, again) >= cost(seen, adjusted):
+        return start, adjusted
+    corrected, _ = adjust(seen, again, tried)
+    is_right = cost(seen, again) <= _AS_WELL * cost(seen, corrected)  # else the size hides an error of the lens
+    return (resized, again) if is_right else (start, adjusted)
+
+
+def _scale(
+    normal: "Normal", state: State, present: Sequence[Candidate], findings: Sequence[Finding]
+) -> tuple[float, list[Finding]]:
+    """Relative standard deviation of the scale, each error as large as the matches allow; and each finding's part."""
+
+    # an excluded error moves no image noticeably, but a time offset of 1 ms at 4 m/s is a twentieth of a baseline
+    whole = max(normal.scale_std(state, present), normal.scale_std(state, normal.tried))
+    if not np.isfinite(whole):
+        return whole, list(findings)
+
+    def part(c: Candidate) -> float:
+        known = normal.scale_std(state, [other for other in normal.tried if other != c])
+        return float(np.sqrt(max(whole**2 - known**2, 0.0)))
+
+    return whole, [dataclasses.replace(f, scale_std=part(f.candidate)) for f in findings]
 
 
 def _eliminate(normal: "Normal", sizes: dict[Candidate, FloatArray]) -> list[Candidate]:

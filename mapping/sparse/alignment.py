@@ -38,6 +38,8 @@ _BASELINE_STD_M = 0.0005
 """Standard deviation of the distance between two cameras in a camera file: what a calibration on a target leaves."""
 DEPTH_SOURCE = "depth images"
 """Name of the scale that depth images of a sensor give; where they are there, it is theirs."""
+BASELINE = "rig baseline"
+"""Name of the scale that the distance between the cameras gives."""
 LEAST_BASELINE_M = 0.005
 """A shorter baseline gives no scale."""
 GRAVITY = "recorded gravity"
@@ -295,7 +297,7 @@ def _scales_of_images(
     if length is not None:
         scales.append(("given length", _from_length(images, T_old_body[:, :3, 3], length), _LENGTH_STD))
     if baseline_std is not None:
-        scales.append(("rig baseline", 1.0, baseline_std))
+        scales.append((BASELINE, 1.0, baseline_std))
     return scales
 
 

@@ -18,6 +18,8 @@ def write(folder: Path, model: SparseModel) -> None:
     trial = model.trial
     arrays = {name: getattr(model, name) for name in _ARRAYS}
     trial_arrays = {"trial_T_world_body": trial.T_world_body, "trial_points_world": trial.points_world}
+    if trial.shape_std is not None:
+        trial_arrays["trial_shape_std"] = trial.shape_std
     np.savez(folder / "arrays.npz", allow_pickle=False, **arrays, **trial_arrays)
     rigs.save(folder / "camera.toml", model.rig)
     rigs.save(folder / "trial_camera.toml", trial.rig)
@@ -40,6 +42,7 @@ def read(folder: Path) -> SparseModel:
         points_world=arrays["trial_points_world"],
         noise_px=numbers["noise_px"],
         scale_std=numbers["scale_std"],
+        shape_std=arrays.get("trial_shape_std"),
     )
     return SparseModel(
         rig=rigs.load(folder / "camera.toml"),

@@ -53,6 +53,23 @@ class SparseMap(Registration):
         """(instants,) bool."""
         return np.isfinite(self.T_world_body[:, 0, 0])
 
+    @property
+    def shape_std_m(self) -> FloatArray:
+        """(instants,) standard deviation of the positions but for place, attitude and size of the whole map.
+
+        NaN where not placed, and where depth images gave the poses.
+        """
+        if self.trial.shape_std is None or self.images.depths is not None:
+            return np.full(len(self.T_world_body), np.nan)
+        return self.alignment.scale * self.trial.shape_std
+
+    @property
+    def position_std_m(self) -> FloatArray:
+        """(instants,) the same with that of the scale, about the middle of the path."""
+        middle = np.nanmean(self.T_world_body[:, :3, 3], axis=0)
+        from_middle_m = np.linalg.norm(self.T_world_body[:, :3, 3] - middle, axis=1)
+        return np.hypot(self.shape_std_m, self.alignment.witnesses[0].std * from_middle_m)
+
     def T_world_camera(self, instant: int, camera: int) -> FloatArray:
         return self.T_world_body[instant] @ self.rig.cameras[camera].T_body_camera
 

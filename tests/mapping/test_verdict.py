@@ -179,6 +179,47 @@ def test_a_first_guess_of_a_lens_that_was_far_off_is_doubted_and_not_taken_for_a
     assert verdict.judge(turned).standing is Standing.REFUSED  # of a lens alone the file states a guess
 
 
+@pytest.mark.parametrize(("std_m", "standing"), [(0.03, Standing.GOOD), (0.06, Standing.DOUBTFUL)])
+def test_a_map_that_may_be_bent_is_doubted_and_says_where(std_m: float, standing: Standing) -> None:
+    sparse = placed()
+    std = np.full(COUNT, std_m)
+    std[7] *= 1.5
+    bent = dataclasses.replace(sparse, trial=dataclasses.replace(sparse.trial, shape_std=std))
+    found = verdict.judge(bent)
+    assert found.standing is standing
+    if standing is Standing.DOUBTFUL:
+        assert "image 7.png may be 0.15 m beside its place" in found.reasons[0]
+        assert "a loop" in found.reasons[0]
+
+
+def test_the_position_of_an_image_is_as_uncertain_as_the_shape_and_the_scale() -> None:
+    sparse = placed(used_std=0.02)
+    T = sparse.T_world_body.copy()
+    T[:, 0, 3] = np.arange(COUNT) - 4.5
+    trial = dataclasses.replace(sparse.trial, shape_std=np.full(COUNT, 0.03))
+    found = dataclasses.replace(sparse, T_world_body=T, trial=trial).position_std_m
+    np.testing.assert_allclose(found[[0, 9]], np.hypot(0.03, 0.02 * 4.5))
+    assert np.isnan(sparse.position_std_m).all()
+
+
+@pytest.mark.parametrize(
+    ("kind", "way"), [(Kind.OFFSET, "trigger all cameras"), (Kind.UNTIMED_OFFSET, "times.csv"), (Kind.FOCAL, "target")]
+)
+def test_an_uncertain_scale_names_the_error_that_matters_most_and_what_to_record(kind: Kind, way: str) -> None:
+    small = dataclasses.replace(finding(Kind.ROTATION, Verdict.EXCLUDED), scale_std=0.001)
+    large = dataclasses.replace(finding(kind, Verdict.EXCLUDED), scale_std=0.06)
+    (reason,) = verdict.judge(placed(findings=(small, large), used_std=0.06)).reasons
+    assert f"hardly tell the down: {kind} (± 9.9 %)" in reason
+    assert way in reason
+    assert "--length" in reason
+
+
+def test_a_time_offset_without_times_asks_for_these() -> None:
+    (reason,) = verdict.judge(placed(findings=(finding(Kind.UNTIMED_OFFSET, Verdict.PRESENT),))).reasons
+    assert "time offset in image intervals of 0.01 ± 0.001, which" in reason
+    assert "times.csv" in reason
+
+
 def test_a_camera_that_is_not_in_the_map_is_a_doubt() -> None:
     found = verdict.judge(placed(lost_camera=True))
     assert any("no image of camera down" in reason for reason in found.reasons)

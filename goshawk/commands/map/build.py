@@ -254,7 +254,9 @@ def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
         "verdict": report.verdict,
         "images registered": f"{report.images_placed} of {report.images}",
         "reprojection error": f"{report.reprojection_error_px:.2f} px",
-        "scale from": report.scale_source + ("; nothing else checks it" if len(report.scale_witnesses) == 1 else ""),
+        "scale from": report.scale_source
+        + _deviation(report)
+        + ("; nothing else checks it" if len(report.scale_witnesses) == 1 else ""),
         "up from": report.up_source,
         "path": f"{report.path_length_m:.2f} m",
         "mesh": f"{report.mesh_vertices} vertices, {report.mesh_faces} faces",
@@ -301,6 +303,13 @@ def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
     if others := [run for run in runs if not any(run in reason for reason in report.reasons)]:
         facts["runs not placed"] = "; ".join(others)
     return facts
+
+
+def _deviation(report: mapping.MapReport) -> str:
+    """The 95 % interval of the scale, and how far the farthest image may be from its place."""
+    known = [std for std in report.position_std_m if std is not None]
+    said = f", ± {196.0 * report.scale_witnesses[0]['std']:.2g} % (95 %)"
+    return said + (f"; images within {1.96 * max(known):.2g} m of their places" if known else "")
 
 
 def _selection(parallax_deg: float | None) -> mapping.SelectionOptions:

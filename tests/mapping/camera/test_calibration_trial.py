@@ -7,7 +7,7 @@ import pytest
 
 from flight import FloatArray, frames, rotations
 from goshawk.rendered import world as rendered_world
-from mapping.camera import adjustment, errors
+from mapping.camera import adjustment, advice, errors
 from mapping.camera import trial as trials
 from mapping.camera.adjustment import Observations
 from mapping.camera.errors import Kind
@@ -40,19 +40,21 @@ def observed(
     shutter_s: float = 0.0,
     tangential: float = 0.0,
     shake_rad: float = 0.0,
+    unevenly: float = 0.0,
     seed: int = 0,
 ) -> tuple[FloatArray, FloatArray, np.ndarray, FloatArray]:
     """Poses, points, (point, instant, camera) and pixels that the true rig sees, with noise."""
     rng = np.random.default_rng(seed)
     points = rng.uniform([-1.0, -5.0, -1.0], [12.0, 5.0, 5.0], (600, 3))
+    times_s = TIMES_S + unevenly / RATE_HZ * np.random.default_rng(seed + 1).uniform(-0.5, 0.5, len(TIMES_S))
     index, pixels = [], []
     for number, camera in enumerate(rig):
-        for i, t_s in enumerate(TIMES_S):
+        for i, t_s in enumerate(times_s):
             seen = image(camera, t_s + (offset_s if number else 0.0), points, shutter_s, tangential, shake_rad)
             inside = np.flatnonzero(camera.contains(seen))
             index.append(np.column_stack([inside, np.full((len(inside), 2), [i, number])]))
             pixels.append(seen[inside] + NOISE_PX * rng.normal(size=(len(inside), 2)))
-    return pose(TIMES_S, shake_rad), points, np.concatenate(index), np.concatenate(pixels)
+    return pose(times_s, shake_rad), points, np.concatenate(index), np.concatenate(pixels)
 
 
 def image(
@@ -209,15 +211,20 @@ def test_the_images_gradients_add_up_and_no_parameter_varies_more_than_the_dispe
     seen = Observations(RIG, T, points, index, pixels, TIMES_S)
     candidates = errors.candidates(RIG, timed=True)
     normal = adjustment.Normal(seen, adjustment.initial(seen), candidates, folds=1)
-    by_image = normal._scores_of_calibration()
+    by_image, by_cell = map(normal._of_calibration, normal._scores)
     redundancy = 1.0 - (3 * len(np.unique(index[:, 0])) + 6 * len(T)) / pixels.size
     gradient = normal._reduced.marginal.gradient
-    np.testing.assert_allclose(np.sqrt(redundancy) * by_image.sum(axis=1), gradient, atol=1e-6 * np.abs(gradient).max())
+    for by_group in (by_image, by_cell):
+        total = np.sqrt(redundancy) * by_group.sum(axis=1)
+        np.testing.assert_allclose(total, gradient, atol=1e-6 * np.abs(gradient).max())
     for candidate in candidates:
         k = normal._unknowns([candidate])
         _, covariance = normal.solve([candidate])
-        of_each = ((covariance @ by_image[k]) ** 2).sum(axis=1)
-        assert (of_each <= 1.0001 * normal.dispersion([candidate], candidate) * np.diag(covariance)).all(), candidate
+        for by_group in (by_image, by_cell):
+            of_each = ((covariance @ by_group[k]) ** 2).sum(axis=1)
+            assert (of_each <= 1.0001 * normal.dispersion([candidate], candidate) * np.diag(covariance)).all(), (
+                candidate
+            )
 
 
 def test_both_cameras_share_a_rolling_shutter() -> None:
@@ -243,10 +250,100 @@ def test_tangential_distortion_is_found_though_no_camera_file_states_it() -> Non
     assert {f.candidate.camera for f in found.inexpressible} == {"front", "down"}
 
 
-def test_without_times_nothing_is_said_of_time() -> None:
-    T, points, index, pixels = observed(RIG)
-    found = trials.hold(Observations(RIG, T, points, index, pixels, np.full(len(T), np.nan)))
+def untimed(unevenly: float = 0.0, offset_s: float = 0.0, shutter_s: float = 0.0) -> tuple[Trial, FloatArray]:
+    """The trial of `RIG` on images without times, and the true poses; intervals between images differ by `unevenly`."""
+    T, points, index, pixels = observed(RIG, unevenly=unevenly, offset_s=offset_s, shutter_s=shutter_s)
+    return trials.hold(Observations(RIG, T, points, index, pixels, np.full(len(T), np.nan))), T
+
+
+@pytest.mark.parametrize("unevenly", [0.0, 0.5])
+def test_a_camera_that_is_late_is_found_without_times_and_the_scale_is_right(unevenly: float) -> None:
+    """How even the images are is estimated with the offset: nobody says it."""
+    found, true = untimed(unevenly, offset_s=0.020)
+    assert [str(f.candidate) for f in found.present] == ["down: time offset in image intervals"]
+    assert found.present[0].size[0] == pytest.approx(0.020 * RATE_HZ, rel=0.05 + unevenly)
+    assert abs(scale_error(found, true)) < 1.96 * found.scale_std
+    assert found.scale_std < 0.03
+    assert found.inexpressible == found.present
+
+
+def test_a_rolling_shutter_is_found_without_times() -> None:
+    found, true = untimed(shutter_s=0.010)
+    assert {str(f.candidate) for f in found.present} == {f"{c.name}: rolling shutter in image intervals" for c in RIG}
+    assert abs(scale_error(found, true)) < 1.96 * found.scale_std
+
+
+def test_right_images_without_times_are_acquitted() -> None:
+    found, _ = untimed()
+    assert not found.present
     assert not {Kind.OFFSET, Kind.SHUTTER} & {f.candidate.kind for f in found.findings}
+    assert found.scale_std < 0.02
+
+
+def test_images_too_far_apart_for_velocities_are_tried_in_intervals_as_they_are_spaced() -> None:
+    T, points, index, pixels = observed(RIG)
+    seen = Observations(RIG, T, points, index, pixels, 2.0 * np.arange(len(T)))
+    counted = adjustment.counted(seen)
+    assert counted.is_counted
+    np.testing.assert_allclose(np.diff(counted.time_s), errors.INTERVAL_S)
+    assert {Kind.UNTIMED_OFFSET, Kind.UNTIMED_SHUTTER} <= {f.candidate.kind for f in trials.hold(seen).findings}
+
+
+def test_a_straight_flight_leaves_the_scale_as_uncertain_as_a_late_camera_would_make_it() -> None:
+    """Along a straight line a late camera is like one mounted further back: the images cannot tell them apart."""
+    rng = np.random.default_rng(2)
+    points = rng.uniform([-1.0, -5.0, -1.0], [12.0, 5.0, 5.0], (400, 3))
+    positions = np.stack([4.0 * TIMES_S, 0.0 * TIMES_S, 1.5 + 0.0 * TIMES_S], axis=1)
+    T = frames.transform(np.tile([1.0, 0.0, 0.0, 0.0], (len(TIMES_S), 1)), positions)
+    index, pixels = [], []
+    for number, camera in enumerate(RIG):
+        for i, T_world_body in enumerate(T):
+            seen = camera.project(frames.apply(frames.invert(T_world_body @ camera.T_body_camera), points))
+            shown = np.flatnonzero(camera.contains(seen))
+            index.append(np.column_stack([shown, np.full((len(shown), 2), [i, number])]))
+            pixels.append(seen[shown] + NOISE_PX * rng.normal(size=(len(shown), 2)))
+    found = trials.hold(Observations(RIG, T, points, np.concatenate(index), np.concatenate(pixels), TIMES_S))
+    assert not found.present
+    assert found.scale_std > 0.05
+    least = advice.least_certain(found)
+    assert least is not None
+    assert least.candidate.kind in (Kind.OFFSET, Kind.TRANSLATION)
+    assert "--length" in advice.scale_text(found)
+
+
+@pytest.mark.parametrize("factor", [10.0, 0.2])
+def test_a_map_of_another_size_than_its_matches_ask_for_is_set_right_and_no_lens_is_blamed(factor: float) -> None:
+    T, points, index, pixels = observed(RIG)
+    large = T.copy()
+    large[:, :3, 3] *= factor
+    found = trials.hold(Observations(RIG, large, factor * points, index, pixels, TIMES_S))
+    assert not found.present
+    assert abs(scale_error(found, T)) < 3.0 * found.scale_std
+
+
+def off_shape_m(found: Trial, true: FloatArray) -> float:
+    """RMS distance of the positions from the true ones after the best similarity."""
+    a, b = (T[:, :3, 3] - T[:, :3, 3].mean(axis=0) for T in (found.T_world_body, true))
+    u, strength, vt = np.linalg.svd(b.T @ a)
+    turned = a @ (u @ vt).T * strength.sum() / (a**2).sum()
+    return float(np.sqrt(((turned - b) ** 2).sum(axis=1).mean()))
+
+
+def test_errors_that_all_images_share_convict_no_lens_and_are_in_the_stated_shape() -> None:
+    """Features lie beside their places as the image has them, by .3 px: no noise, and no lens."""
+    T, points, index, pixels = observed(RIG)
+    place = pixels / [RIG.cameras[0].width, RIG.cameras[0].height]
+    beside_px = 0.3 * np.column_stack([np.sin(9.0 * place[:, 1] + 4.0 * place[:, 0]), np.cos(8.0 * place[:, 0])])
+    exact, shared = (
+        trials.hold(Observations(RIG, T, points, index, pixels + px, TIMES_S)) for px in (0.0 * beside_px, beside_px)
+    )
+    assert not shared.present
+    assert exact.shape_std is not None
+    assert shared.shape_std is not None
+    for found in (exact, shared):
+        assert off_shape_m(found, T) < 2.0 * float(np.sqrt(np.mean(found.shape_std**2)))
+    assert np.median(shared.shape_std) > 1.5 * np.median(exact.shape_std)
+    assert shared.scale_std > 1.5 * exact.scale_std
 
 
 def test_a_single_camera_has_no_scale_and_no_pose_on_trial() -> None:
@@ -267,7 +364,7 @@ def test_few_matches_cannot_tell() -> None:
 def test_derivatives_agree_with_finite_differences() -> None:
     T, points, index, pixels = observed(RIG)
     seen = Observations(RIG, T, points, index, pixels, np.arange(len(T)) / RATE_HZ)
-    candidates = errors.candidates(RIG, timed=True)
+    candidates = [*errors.candidates(RIG, timed=True), errors.Candidate("down", Kind.BASELINE)]
     state = errors.State(RIG, T, points, np.zeros((2, 2)), np.array([0.0, 2e-3]), np.array([3e-3, 1e-3]))
     start = 0
     rows = adjustment.linearise(seen, state, candidates)
