@@ -41,6 +41,8 @@ class Tried:
 
     fitted: dict[str, Fitted | None] = field(default_factory=dict)
     """By candidate; None where the fit failed."""
+    examined: "dict[str, Model]" = field(default_factory=dict)
+    """By candidate, the model that it makes: of one at most."""
     scales: Scales | None = None
     undecided: list[Fitted] = field(default_factory=list)
     """Put aside because nothing tells them apart."""
@@ -427,6 +429,20 @@ def _lost(model: Model, blocks: Blocks, dropped: Sequence[Candidate], more: Inde
     kept = np.concatenate([np.setdiff1d(evidence.base, evidence.place([*names, *along])), more])
     values = np.array([model.fit.vehicle.value(n) for n in names])
     return loss_without(blocks, kept, evidence.place(names), values)
+
+
+def lead(model: Model, candidate: Candidate, rival: Candidate) -> float:
+    """Log odds for a candidate that is part of a model against a rival in its place, to second order at this fit.
+
+    Minus infinity where no quadratic says it: a lag that is taken out is far outside its reach, and so is whoever has
+    no column beside the candidate.
+    """
+    rooms = {effects.find(one.effect).stage for one in (candidate, rival)}
+    if rival.name not in model.scores or rival.between_flights or rooms & {Stage.COMMAND, Stage.DRIVE}:
+        return -np.inf
+    without = _lost(model, model.evidence.named, [candidate], model.evidence.place(rival.columns)).gain
+    dispersion = max(model.scores[rival.name].dispersion, 1.0)
+    return (without - model.scores[rival.name].gain) / dispersion
 
 
 def in_place_of(model: Model, candidate: Candidate, additions: Sequence[Candidate]) -> tuple[Candidate, ...]:
