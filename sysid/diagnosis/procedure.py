@@ -341,9 +341,11 @@ def diagnose(
         raise InputError(said)
     unsure = bool(input_verdict.beside(last.verdict).against)
     models = {"as given": vehicle, "fitted": first.fit.vehicle}
-    models |= {label: model.fit.vehicle for label, model in zip(_labels(found), found.models[1:], strict=True)}
+    fits_of = dict(zip(_labels(found), (model.fit for model in found.models[1:]), strict=True))
+    models |= {label: fit.vehicle for label, fit in fits_of.items()}
     carried = _carried(found, logs, held_out)
-    judged = compare(carried[len(logs) :] or carried[: len(logs)], models, first.options)
+    noise = {label: fit.noise for label, fit in {"fitted": first.fit, **fits_of}.items()}
+    judged = compare(carried[len(logs) :] or carried[: len(logs)], models, first.options, noise=noise)
     on = "held-out flights" if held_out else "the training flights"
     better = predicts(judged, "as given", list(models)[-1], on)
     refused = unsure and not (input_verdict.misread or better.better)
