@@ -25,8 +25,8 @@ def refuse(logs: Sequence[FlightLog], names: Sequence[str]) -> None:
         shared, least = len(first & second), min(len(first), len(second))
         if shared >= LEAST_POSES and shared > MOST_SHARED * least:
             raise InputError(
-                f"{one} and {other} hold the same flight ({shared / least:.0%} of the poses are the same), so one says "
-                "nothing that the other does not; give it once, and hold another flight out"
+                f"{one} and {other} hold the same flight ({shared / least:.0%} of the poses are the same); "
+                "give it once, and hold another flight out"
             )
 
 
