@@ -23,7 +23,7 @@ from sysid.diagnosis.evidence.free_form import (
     of_thrust,
 )
 from sysid.diagnosis.evidence.load import Load
-from sysid.diagnosis.evidence.score import Blocks, Loss, Score, inverse_of, loss_without, score
+from sysid.diagnosis.evidence.score import Blocks, Given, Loss, Score, inverse_of, loss_without, score
 from sysid.diagnosis.evidence.weigh import Fitted, Scales
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.estimator.flights.flight_data import Flight, IndexArray
@@ -41,6 +41,10 @@ class Tried:
 
     fitted: dict[str, Fitted | None] = field(default_factory=dict)
     """By candidate; None where the fit failed."""
+    examined: "dict[str, Model]" = field(default_factory=dict)
+    """By candidate, the model that it makes: of one at most."""
+    curves: "dict[str, list[Outside]]" = field(default_factory=dict)
+    """By channel, once curves were asked for there."""
     scales: Scales | None = None
     undecided: list[Fitted] = field(default_factory=list)
     """Put aside because nothing tells them apart."""
@@ -96,7 +100,8 @@ def examine(fit: Identification) -> Model:
     lined = candidate_set(fit.vehicle, fit.flights, fit.clock)
     evidence = Evidence(fit.flights, fit.solution.point, fit.noise, fit.unknowns, lined)
     carried = _load(fit, lined, evidence)
-    scores = {s.name: _scored(evidence, s) for s in lined.candidates}
+    alone = Given.of(evidence.named, evidence.base)
+    scores = {s.name: _scored(evidence, s, alone) for s in lined.candidates}
     flights = fit.flights
     if carried is not None:
         scores[PAYLOAD], flights = carried.score, carried.marked(flights)
@@ -104,9 +109,9 @@ def examine(fit: Identification) -> Model:
     return Model(fit, lined, evidence, scores, judge, Tried(), carried)
 
 
-def _scored(evidence: Evidence, candidate: Candidate) -> Score:
+def _scored(evidence: Evidence, candidate: Candidate, alone: Given) -> Score:
     one_sided = np.array(candidate.one_sided + (False,) * len(candidate.fitted_along))
-    found = score(evidence.named, evidence.base, evidence.place(candidate.columns), one_sided)
+    found = score(evidence.named, alone, evidence.place(candidate.columns), one_sided)
     return found.first(len(candidate.parameters))
 
 
@@ -135,12 +140,13 @@ def best_curve(model: Model, channels: Sequence[str]) -> Outside | None:
 
 
 def _curves(model: Model, channels: Sequence[str]) -> list[Outside]:
-    found: list[Outside] = []
-    for channel in channels:
-        blocks = model.evidence.with_curves(channel)
-        for _, variable, columns in model.evidence.groups(channel):
-            found.append(Outside(channel, variable, score(blocks, model.evidence.base, columns), 1.0))
-    return found
+    known = model.tried.curves
+    fresh = [channel for channel in channels if channel not in known]
+    alone = Given.of(model.evidence.named, model.evidence.base)
+    for channel in fresh:
+        blocks, groups = model.evidence.with_curves(channel), model.evidence.groups(channel)
+        known[channel] = [Outside(channel, v, score(blocks, alone, columns), 1.0) for _, v, columns in groups]
+    return [curve for channel in channels for curve in known[channel]]
 
 
 def _beyond_chance(found: Score) -> bool:
@@ -427,6 +433,20 @@ def _lost(model: Model, blocks: Blocks, dropped: Sequence[Candidate], more: Inde
     kept = np.concatenate([np.setdiff1d(evidence.base, evidence.place([*names, *along])), more])
     values = np.array([model.fit.vehicle.value(n) for n in names])
     return loss_without(blocks, kept, evidence.place(names), values)
+
+
+def lead(model: Model, candidate: Candidate, rival: Candidate) -> float:
+    """Log odds for a candidate that is part of a model against a rival in its place, to second order at this fit.
+
+    Minus infinity where no quadratic says it: a lag that is taken out is far outside its reach, and so is whoever has
+    no column beside the candidate.
+    """
+    rooms = {effects.find(one.effect).stage for one in (candidate, rival)}
+    if rival.name not in model.scores or rival.between_flights or rooms & {Stage.COMMAND, Stage.DRIVE}:
+        return -np.inf
+    without = _lost(model, model.evidence.named, [candidate], model.evidence.place(rival.columns)).gain
+    dispersion = max(model.scores[rival.name].dispersion, 1.0)
+    return (without - model.scores[rival.name].gain) / dispersion
 
 
 def in_place_of(model: Model, candidate: Candidate, additions: Sequence[Candidate]) -> tuple[Candidate, ...]:

@@ -8,7 +8,17 @@ from flight import FlightLog, InputError
 from sysid.diagnosis.evidence import candidates
 from sysid.diagnosis.evidence.candidates import POSE_DELAY, Candidate
 from sysid.diagnosis.evidence.weigh import Fitted
-from sysid.diagnosis.examined import Model, alike, as_good_as, examine, loss, reproduced, significant, stated_curve
+from sysid.diagnosis.examined import (
+    Model,
+    alike,
+    as_good_as,
+    examine,
+    lead,
+    loss,
+    reproduced,
+    significant,
+    stated_curve,
+)
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.estimator.identification import identify
 from sysid.estimator.options import Options
@@ -70,9 +80,33 @@ def candidates_fitted(
     close = [*found, *(s for s in others if any(alike(model, s, f) for f in found))]
     close = [s for s in close if gain[s.name] > THRESHOLDS.rival_share * gain[found[0].name]]
     best = sorted(close, key=lambda s: -gain[s.name])[: THRESHOLDS.rivals]
-    tried = [c for s in best if (c := fitted_once(logs, model, s, options)) is not None]
+    tried = _unless_hopeless(logs, model, options, best)
     better = [c for name in refused if (c := model.tried.fitted.get(name)) is not None]
     return [c for c in tried if not any(_outdone(model, c, b) for b in better)]
+
+
+def _unless_hopeless(
+    logs: Sequence[FlightLog], model: Model, options: Options, best: Sequence[Candidate]
+) -> list[Fitted]:
+    """Candidates fitted in full, but for those that the fit of the first one rules out without a fit of their own."""
+    first, *others = best
+    fitted = fitted_once(logs, model, first, options)
+    if fitted is None or not others:
+        return [c for s in best if (c := fitted_once(logs, model, s, options)) is not None]
+    after = with_it(model, fitted)
+    leads = {s.name: lead(after, first, s) for s in others}
+    logger.info("%s: by the score test ahead by %s", first.name, leads)
+    open_ = [s for s in others if s.name in model.tried.fitted or not leads[s.name] > THRESHOLDS.screened]
+    return [fitted, *(c for s in open_ if (c := fitted_once(logs, model, s, options)) is not None)]
+
+
+def with_it(model: Model, fitted: Fitted) -> Model:
+    """The model that a candidate makes; only the last one asked for is kept, for its evidence is large."""
+    known = model.tried.examined
+    if fitted.candidate.name not in known:
+        known.clear()
+        known[fitted.candidate.name] = examine(fitted.fit)
+    return known[fitted.candidate.name]
 
 
 def _by_rotor_acceleration(model: Model) -> set[str]:

@@ -35,12 +35,18 @@ from sysid.estimator.prepare import prepare_all
 from sysid.estimator.two_vehicles import of_two_vehicles
 from sysid.estimator.validation.better import predicts
 from sysid.estimator.validation.comparison import HORIZONS_S, Comparison, compare
+from sysid.logs import repeated
 from sysid.logs.check import check_log
 from sysid.logs.checks.payload import PAYLOAD, carries_payload
 from vehicle import Vehicle
 
 NODE_RATE_HZ = 100.0
 """States per second while searching; the vehicle's motion is slower than this by far."""
+
+ONE_FLIGHT = (
+    "hold another flight out (--held-out), for one alone is judged by its own stretches and hides what differs between "
+    "flights"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -320,8 +326,9 @@ def diagnose(
         InputError: no flight, a log that cannot be used, flights that show too little or of two vehicles, or
             `options.free`.
     """
-    _validate(logs, held_out, options)
     names = [str(log.metadata.get("name", f"flight {i + 1}")) for i, log in enumerate((*logs, *held_out))]
+    _validate(logs, held_out, options)
+    repeated.refuse((*logs, *held_out), names)
     input_verdict = fits.of_logs(check_log(log, vehicle) for log in (*logs, *held_out))
     options = while_searching(options or Options(gusts="white"))
     try:
@@ -334,9 +341,11 @@ def diagnose(
         raise InputError(said)
     unsure = bool(input_verdict.beside(last.verdict).against)
     models = {"as given": vehicle, "fitted": first.fit.vehicle}
-    models |= {label: model.fit.vehicle for label, model in zip(_labels(found), found.models[1:], strict=True)}
+    fits_of = dict(zip(_labels(found), (model.fit for model in found.models[1:]), strict=True))
+    models |= {label: fit.vehicle for label, fit in fits_of.items()}
     carried = _carried(found, logs, held_out)
-    judged = compare(carried[len(logs) :] or carried[: len(logs)], models, first.options)
+    noise = {label: fit.noise for label, fit in {"fitted": first.fit, **fits_of}.items()}
+    judged = compare(carried[len(logs) :] or carried[: len(logs)], models, first.options, noise=noise)
     on = "held-out flights" if held_out else "the training flights"
     better = predicts(judged, "as given", list(models)[-1], on)
     refused = unsure and not (input_verdict.misread or better.better)
@@ -355,7 +364,8 @@ def diagnose(
         invisible=found.models[0].candidate_set.invisible,
         flights=tuple(names[: len(logs)]),
         held_out=tuple(names[len(logs) :]),
-        findings=first.said
+        findings=((ONE_FLIGHT,) if len(logs) + len(held_out) == 1 else ())
+        + first.said
         + ((found.too_short,) if found.too_short else ())
         + of_forms(found)
         + last.findings

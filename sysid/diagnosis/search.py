@@ -29,7 +29,7 @@ from sysid.diagnosis.examined import (
 from sysid.diagnosis.exchange import Exchange, exchange
 from sysid.diagnosis.families import family_of
 from sysid.diagnosis.findings import JudgedBy, Outcome
-from sysid.diagnosis.fitting import candidates_fitted, fitted_once, refit_without, superfluous
+from sysid.diagnosis.fitting import candidates_fitted, fitted_once, refit_without, superfluous, with_it
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.diagnosis.trial import Trial
 from sysid.estimator.flights.flight_data import Flight
@@ -46,11 +46,9 @@ def _weighed(model: Model, tried: Sequence[Fitted], unseen: Judge | str) -> tupl
 
     Forms of one family that the training flights hardly distinguish are told by the held-out ones too.
     """
-    after = None
     first = max(tried, key=lambda c: c.reduction.total)
     if model.tried.scales is None:
-        after = examine(first.fit)
-        model.tried.scales = Scales(first, model.judge, after.evidence)
+        model.tried.scales = Scales(first, model.judge, with_it(model, first).evidence)
     scales = model.tried.scales
     ordered = sorted(tried, key=scales.weight, reverse=True)
     if not isinstance(unseen, str):
@@ -60,7 +58,7 @@ def _weighed(model: Model, tried: Sequence[Fitted], unseen: Judge | str) -> tupl
         logger.info(
             "%s: log odds %.1f, dispersion %.1f", c.candidate.name, scales.weight(c), scales.dispersion(c.candidate)
         )
-    return ordered, after if after is not None and ordered[0] is first else examine(ordered[0].fit)
+    return ordered, with_it(model, ordered[0])
 
 
 def _compete(scales: Scales, ordered: Sequence[Fitted], unseen: Judge) -> None:

@@ -63,6 +63,9 @@ class Thresholds:
     """Log odds on training flights below which forms of one family are also judged by held-out flights."""
     rivals: int = 3
     """So many of the best candidates are fitted in full before one is chosen."""
+    screened: float = 100.0
+    """Log odds by the score test, at the best candidate's fit, beyond which a rival is not fitted: far above
+    `contested`, for the test takes the cost to be quadratic."""
     rival_share: float = 0.3
     """... if they promise at least this share of the best one's gain."""
     backward_chance: float = 1e-3

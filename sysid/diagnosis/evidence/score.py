@@ -50,18 +50,39 @@ class Score:
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
 
-def score(blocks: Blocks, given: IndexArray, tested: IndexArray, one_sided: NDArray[np.bool_] | None = None) -> Score:
+@dataclass(frozen=True, slots=True)
+class Given:
+    """What the columns that are in the model already explain by themselves."""
+
+    columns: IndexArray
+    gain: float
+    """Fall of half the sum of squares."""
+    unseen_by_block: FloatArray
+    """(b,) the same on blocks left out of the estimate."""
+
+    @classmethod
+    def of(cls, blocks: Blocks, columns: IndexArray) -> "Given":
+        part = blocks.only(columns)
+        return cls(columns, _fall(part, _solve(part)), _cross_validated(part))
+
+
+def score(
+    blocks: Blocks, given: IndexArray | Given, tested: IndexArray, one_sided: NDArray[np.bool_] | None = None
+) -> Score:
     """Test columns on top of others that are in the model already and stay free.
 
     Args:
+        given: those others; with what they explain where many are tested on top of the same.
         one_sided: (q,) true where a size cannot be negative; such columns are dropped when they come out so.
     """
+    alone = given if isinstance(given, Given) else Given.of(blocks, given)
+    given = alone.columns
     kept = np.ones(len(tested), dtype=bool)
     wide = np.zeros((len(tested), len(tested)))
     while True:
         columns = np.concatenate([given, tested[kept]])
         part = blocks.only(columns)
-        step, covariance = _robust(part)
+        step, covariance, inverse = _robust(part)
         size = step[len(given) :]
         wide[np.ix_(kept, kept)] = covariance[len(given) :, len(given) :]
         wrong = np.zeros(kept.sum(), dtype=bool) if one_sided is None else one_sided[kept] & (size < 0.0)
@@ -71,30 +92,30 @@ def score(blocks: Blocks, given: IndexArray, tested: IndexArray, one_sided: NDAr
         if not kept.any():
             nothing = np.zeros(len(tested))
             return Score(tested, nothing, wide, 0.0, 0.0, np.zeros(len(blocks.score)), 1.0, 1.0)
-    base = np.arange(len(given))
-    gain = _fall(part, step) - _fall(part.only(base), _solve(part.only(base)))
-    unseen = _cross_validated(part) - _cross_validated(part.only(base))
+    gain = _fall(part, step) - alone.gain
+    unseen = _cross_validated(part) - alone.unseen_by_block
     q = int(kept.sum())
     covariance = covariance[len(given) :, len(given) :]
     wald = float(size @ _pseudo(covariance) @ size) / q
     freedom = max(len(blocks.score) - len(columns), 4)
     full = np.zeros(len(tested))
     full[kept] = size
-    plain = inverse_of(part.information.sum(axis=0))[len(given) :, len(given) :]
+    plain = inverse[len(given) :, len(given) :]
     dispersion = max(1.0, float(np.trace(_pseudo(plain) @ covariance)) / q)
     chance = _chance(q, freedom, wald)
     return Score(tested, full, wide, gain, float(unseen.sum()), unseen, chance, dispersion)
 
 
-def _robust(blocks: Blocks) -> tuple[FloatArray, FloatArray]:
-    """Gauss-Newton step and its sandwich covariance, each block's score freed of its own pull (CR3 jackknife)."""
+def _robust(blocks: Blocks) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Gauss-Newton step, its sandwich covariance, each block's score freed of its own pull (CR3 jackknife), and the
+    covariance that white noise alone would mean."""
     information = blocks.information.sum(axis=0)
     inverse = inverse_of(information)
     step = -inverse @ blocks.score.sum(axis=0)
     left = blocks.score + blocks.information @ step
     count, p = left.shape
     freed = np.linalg.solve(np.eye(p) - blocks.information @ inverse + 1e-9 * np.eye(p), left[:, :, None])[:, :, 0]
-    return step, inverse @ (freed.T @ freed) @ inverse * ((count - 1) / count)
+    return step, inverse @ (freed.T @ freed) @ inverse * ((count - 1) / count), inverse
 
 
 def inverse_of(information: FloatArray) -> FloatArray:
@@ -124,7 +145,7 @@ class Loss:
 def loss_without(blocks: Blocks, kept: IndexArray, dropped: IndexArray, values: FloatArray) -> Loss:
     """Set parameters that stand at `values` to zero, all the others in `kept` at their best before and after."""
     part = blocks.only(np.concatenate([kept, dropped]))
-    step, covariance = _robust(part)
+    step, covariance, _ = _robust(part)
     q = len(dropped)
     rest = blocks.only(kept)
     cross = part.information[:, :-q, -q:]

@@ -1,17 +1,19 @@
 """Models against measurements on flights: open-loop prediction error by horizon, and residual force and torque."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from flight import FlightLog, InputError, Progress, rotations, silent, within
 from flight.rotations import FloatArray
+from sysid.estimator.blocks.noise import Noise
 from sysid.estimator.blocks.pose import PoseSensor
 from sysid.estimator.flights.flight_data import Flight, left_out
 from sysid.estimator.flights.sampling import means_over
 from sysid.estimator.identification import not_settled, smooth
+from sysid.estimator.joint_problem.solver import Solution
 from sysid.estimator.motors import motor, rotor_speed
 from sysid.estimator.options import Options
 from sysid.estimator.prepare import prepare_all, require_pose
@@ -169,6 +171,7 @@ def compare(
     models: Mapping[str, Vehicle],
     options: Options | None = None,
     *,
+    noise: Mapping[str, Noise] | None = None,
     progress: Progress = silent,
 ) -> Comparison:
     """Judge models on flights, best ones that were not used for fitting.
@@ -176,6 +179,9 @@ def compare(
     Every prediction starts from the state that the smoother finds under the model being judged, so that no model pays
     for the noise of a differentiated pose. Position and attitude errors are taken against the pose sensor itself,
     velocity and rate errors against one set of smoothed states, the same for all models.
+
+    Args:
+        noise: by model, levels to start from, as other flights of it had; else those of the model before.
 
     Raises:
         InputError: no flight, no model, or a log that cannot be used.
@@ -198,7 +204,8 @@ def compare(
     count, open_ = 0, []
     for i, (name, vehicle) in enumerate(models.items()):
         begun, done = (FIRST_SHARE + (1.0 - FIRST_SHARE) * (i + part) / len(models) for part in (0.0, 0.7))
-        smoothed = smooth(flights, vehicle, options, near=smoothed, progress=within(progress, "compare", begun, done))
+        near = _at(smoothed, (noise or {}).get(name))
+        smoothed = smooth(flights, vehicle, options, near=near, progress=within(progress, "compare", begun, done))
         open_ += not_settled(name, smoothed)
         states = smoothed.point.states
         sensor = PoseSensor.of(vehicle)
@@ -219,6 +226,14 @@ def compare(
     return Comparison(
         tuple(flights), dict(models), errors, flight_errors, residuals, deviations, count, touched, tuple(open_)
     )
+
+
+def _at(near: Solution, noise: Noise | None) -> Solution:
+    """A solution with levels of other flights where both have the block; with its own where those had lasting gusts."""
+    if noise is None or noise.gusts is not None:
+        return near
+    levels = {name: noise.levels.get(name, own) for name, own in near.noise.levels.items()}
+    return replace(near, noise=replace(near.noise, levels=levels))
 
 
 def _errors(

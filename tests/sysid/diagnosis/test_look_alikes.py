@@ -12,10 +12,10 @@ import pytest
 import vehicle
 from flight import FlightLog
 from sysid import Options, identify
-from sysid.diagnosis import Diagnosis, diagnose
+from sysid.diagnosis import Diagnosis, diagnose, fitting
 from sysid.diagnosis.belief import curve_is_there
 from sysid.diagnosis.evidence.weigh import Fitted, Scales
-from sysid.diagnosis.examined import Model, as_good_as, best_curve, examine, stands
+from sysid.diagnosis.examined import Model, Tried, as_good_as, best_curve, examine, lead, stands
 from sysid.diagnosis.experiment_design import next_flight
 from sysid.diagnosis.experiment_design.rehearsal import Room, fitted_into
 from sysid.diagnosis.fitting import candidates_fitted, refit
@@ -51,7 +51,9 @@ def fitted() -> tuple[Model, dict[str, Fitted]]:
     base, truth = planted("rotor_drag_speed", "rotor_drag_thrust")
     logs = flown(truth, (*LITTLE, "oblique"), np.random.default_rng(3))
     model = examine(identify(logs, base, OPTIONS))
-    return model, {c.candidate.name: c for c in candidates_fitted(logs, model, OPTIONS, ())}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fitting, "THRESHOLDS", replace(THRESHOLDS, screened=np.inf))  # whoever is beyond hope, too
+        return model, {c.candidate.name: c for c in candidates_fitted(logs, model, OPTIONS, ())}
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +80,31 @@ def test_what_tells_look_alikes_apart_is_louder_once_the_effect_is_no_noise(fitt
     judge = model.judge.at(right.fit.noise, right.fit.solution.point)
     at_fit = judge.reduction(wrong.fit.vehicle, right.fit.vehicle).total
     assert at_fit > 1.5 * (right.reduction.total - wrong.reduction.total) > 0.0
+
+
+def test_the_score_test_at_the_best_fit_foretells_the_lead_of_a_full_fit(fitted):
+    model, tried = fitted
+    right, wrong = tried["rotor_drag_speed"], tried["rotor_drag_thrust"]
+    after = examine(right.fit)
+    scales = Scales(right, model.judge, after.evidence)
+    apart = (scales.weight(right) - scales.weight(wrong)) * scales.dispersion(wrong.candidate)
+    foretold = lead(after, right.candidate, wrong.candidate) * after.scores[wrong.candidate.name].dispersion
+    assert foretold == pytest.approx(apart, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("far", "left"), [(1.0, {"rotor_drag_speed"}), (1e9, {"rotor_drag_speed", "rotor_drag_thrust"})]
+)
+def test_a_rival_beyond_hope_is_not_fitted_in_full(fitted, monkeypatch, far, left):
+    model, tried = fitted
+    asked: list[str] = []
+    monkeypatch.setattr(fitting, "THRESHOLDS", replace(THRESHOLDS, screened=far))
+    monkeypatch.setattr(fitting, "fitted_once", lambda _, __, one, ___: asked.append(one.name) or tried.get(one.name))
+    fresh = replace(model, tried=Tried(examined={"rotor_drag_speed": examine(tried["rotor_drag_speed"].fit)}))
+    found = {c.candidate.name for c in candidates_fitted((), fresh, OPTIONS, ())}
+    assert found & {"rotor_drag_speed", "rotor_drag_thrust"} == left
+    assert left <= set(asked)
+    assert ("rotor_drag_thrust" in asked) == ("rotor_drag_thrust" in left)
 
 
 def test_scales_ask_a_price_for_every_parameter(fitted):

@@ -103,6 +103,7 @@ def test_a_diagnosis_is_kept_with_the_flights_and_read_by_the_next_call_until_an
     first = answer(*words)
     (file,) = (tmp_path / kept.FOLDER).glob("diagnosis-*.json")
     assert f"kept: {file}" in first.stderr
+    assert "note: hold another flight out (--held-out), for one alone" in re.sub(r"\s+", " ", first.stdout)
     again = answer(*words, "--out", tmp_path / "fitted.toml")
     assert f"read from {file}" in again.stderr
     assert first.stdout.splitlines()[:5] == again.stdout.splitlines()[:5]
@@ -146,10 +147,15 @@ def test_bad_input_is_one_sentence(folder, tmp_path):
     copy.write_bytes(fast.read_bytes())
     empty = tmp_path / "empty.parquet"
     empty.write_bytes(b"")
+    log, part, future = flight_log.load(fast), tmp_path / "part.parquet", tmp_path / "future.toml"
+    flight_log.save(part, log.slice(float(log.time_s[0]) + 2.0, float(log.time_s[0]) + 6.0))
+    future.write_text(re.sub(r"(?m)^version = .*", "version = 99", car.read_text()))
     refused = {
         "no such file": ["diagnose", tmp_path / "none.parquet", "--vehicle", car],
         "same flight": ["diagnose", fast, copy, "--vehicle", car],
         "give each flight once, for fitting or held out": ["diagnose", fast, "--vehicle", car, "--held-out", copy],
+        "fast and part hold the same flight": ["diagnose", fast, "--vehicle", car, "--held-out", part],
+        "version 99 of goshawk-vehicle": ["diagnose", fast, "--vehicle", future],
         "other.toml": ["diagnose", fast, "--vehicle", tmp_path / "other.toml"],
         "empty.parquet": ["diagnose", empty, "--vehicle", car],
         "Missing argument": ["diagnose", "--vehicle", car],

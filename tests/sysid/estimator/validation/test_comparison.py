@@ -1,6 +1,7 @@
 """Adding the effect that is missing lowers the prediction error on a flight that was not used; drawings are written."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,9 @@ import pytest
 import sysid
 from flight import FlightLog, InputError
 from flight.flight_log import COLUMNS
+from sysid.estimator import identification
+from sysid.estimator.blocks.noise import Gusts
+from sysid.estimator.validation import comparison
 from sysid.estimator.validation.protocol import PROTOCOLS
 
 
@@ -44,6 +48,25 @@ def test_progress_only_rises_and_ends_at_one(campaign, truth):
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1.0
     assert len(fractions) > 4
+
+
+def test_levels_of_other_flights_are_where_the_states_begin_and_change_no_error(campaign, truth, judged, monkeypatch):
+    cut, models, begun = [campaign[1].slice(0.0, 4.0)], {"a": truth, "b": truth}, []
+    plain = sysid.compare(cut, models)
+    known = replace(judged[2].noise.with_process(2.0 * judged[2].noise.process), gusts_last_s=None)
+
+    def smooth(*given, near=None, **options):
+        begun.append(near and near.noise.process)
+        return identification.smooth(*given, near=near, **options)
+
+    monkeypatch.setattr(comparison, "smooth", smooth)
+    found = sysid.compare(cut, models, noise={"b": known})
+    assert begun[-1] is known.process
+    assert begun[-2] is not known.process
+    for quantity, errors in plain.errors["b"].items():
+        assert found.errors["b"][quantity] == pytest.approx(errors, rel=0.01)
+    held = known.with_gusts(Gusts(np.ones(6), np.ones(6)))
+    assert comparison._at(judged[1].solution, held) is judged[1].solution
 
 
 def test_errors_grow_with_the_horizon(judged):
