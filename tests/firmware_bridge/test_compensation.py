@@ -102,7 +102,9 @@ def test_squares_agree_with_curves_of_thrust_and_torque_at_hover(flight_of, curv
     found = controller.parameters_of(curved)
     weight_n = curved.mass_kg * curved.gravity_m_s2
     speed = invert.rotor_speeds(curved, weight_n, np.zeros(3), np.zeros(3), np.zeros(3)).mean()
-    assert 4.0 * found.parameters["quad_n_s2"] * speed**2 == pytest.approx(weight_n, rel=1e-4)  # its centre of mass is off
+    assert 4.0 * found.parameters["quad_n_s2"] * speed**2 == pytest.approx(
+        weight_n, rel=1e-4
+    )  # its centre of mass is off
     slope = curved.value("torque_affine.slope_n_m_s")
     torque = curved.value("rotor_yaw_torque.torque_n_m_s2") * speed**2 + slope * speed
     assert found.parameters["cq_n_m_s2"] * speed**2 == pytest.approx(torque, rel=1e-3)
