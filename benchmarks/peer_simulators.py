@@ -100,7 +100,8 @@ def of_crazyflow(python: str, rng: np.random.Generator) -> Peer:
     """Its Crazyflie 2.1 Brushless, flown by the interpreter `python`."""
     with tempfile.TemporaryDirectory() as folder:
         asked, given = Path(folder) / "paths.npz", Path(folder) / "flights.npz"
-        np.savez(asked, path=np.stack([_asked(kind, rng) for kind in (*TRAINING, *HELD_OUT)]))
+        paths = np.stack([_asked(kind, rng) for kind in (*TRAINING, *HELD_OUT)])
+        np.savez(asked, path=paths, step_ms=5, shares=np.ones((len(paths), 4)))
         script = Path(__file__).with_name("crazyflow_flights.py")
         done = subprocess.run(
             [python, str(script), str(asked), str(given)], capture_output=True, text=True, cwd=folder, check=False

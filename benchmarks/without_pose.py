@@ -1,6 +1,7 @@
 """Identification and diagnosis without a pose: `python benchmarks/without_pose.py --draws 60 --faults 8`.
 
-Simulated twins (`without_pose_flights`, and `without_pose_rotorpy`, which RotorPy flies) have truth: error and 90 %
+Simulated twins (`without_pose_flights`; `without_pose_rotorpy` and `without_pose_crazyflow`, which others' simulators
+fly) have truth: error and 90 %
 intervals of inertia, lag and thrust by command; what a log is said to suffice for; right and false names of planted
 faults. The real flights (`--data FOLDER`) are `log10`, `log15` and `log16` of
 github.com/arplaboratory/data-driven-system-identification, with the thrust curve that its authors publish; their
@@ -10,6 +11,7 @@ program multiplies the vertical force by 9.18 instead of 9.81.
 import argparse
 import sys
 import time
+from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +20,10 @@ ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
 
 import report  # noqa: E402
+import without_pose_crazyflow  # noqa: E402
 import without_pose_flights as flights  # noqa: E402
 import without_pose_rotorpy  # noqa: E402
+from without_pose_rotorpy import Twin  # noqa: E402
 
 import sysid  # noqa: E402
 import vehicle  # noqa: E402
@@ -33,7 +37,6 @@ from sysid.logs import manoeuvres  # noqa: E402
 
 JUDGED = tuple(name for name in flights.VARIED if name.startswith(("inertia_", "motor_lag.")))
 THRUST = "thrust by command"
-COMMANDS = np.array([0.35, 0.48, 0.65])
 EFFORTS = ((1.0, 1.0, 1.0), (0.1, 0.1, 0.1), (0.03, 1.0, 1.0), (1.0, 0.03, 1.0), (1.0, 1.0, 0.03))
 FAULTS = ("weak rotor", "centre of mass", "unequal motors", "late gyro", "none")
 LOSSES = tuple(f"weak_rotor.loss_{i}" for i in range(4))
@@ -58,10 +61,11 @@ def twins(draws: int, duration_s: float, seed: int) -> list[report.Row]:
     rng = np.random.default_rng(seed)
     values, body, start = flights.drawn(draws, rng), flights.body(), flights.start()
     logs = flights.flown(body, values, rng, duration_s=duration_s)
-    score, speed = Score(), flights.FULL_RAD_S * COMMANDS
+    score, speed = Score(), flights.FULL_RAD_S * flights.COMMANDS
     for i, log in enumerate(logs):
         thrust = values["thrust_quadratic.k_n_s2"][i] * speed**2 + body.value("thrust_affine.slope_n_s") * speed
-        score.add(log, start, {name: float(values[name][i]) for name in JUDGED}, thrust)
+        true = {name: float(values[name][i]) for name in JUDGED}
+        score.add(Twin(log, start, true, flights.COMMANDS, thrust))
     return score.rows("")
 
 
@@ -71,33 +75,39 @@ def of_rotorpy(draws: int, duration_s: float, seed: int) -> list[report.Row]:
     for name in without_pose_rotorpy.VEHICLES:
         score, rng = Score(), np.random.default_rng(seed + 3)
         for _ in range(draws):
-            twin = without_pose_rotorpy.flown(name, rng, duration_s=duration_s)
-            score.add(twin.log, twin.given, twin.values, twin.thrust_at_full_n * COMMANDS**2)
+            score.add(without_pose_rotorpy.flown(name, rng, duration_s=duration_s))
         rows += score.rows(f"RotorPy {name}: ")
     return rows
+
+
+def of_crazyflow(python: str, draws: int, duration_s: float, seed: int) -> list[report.Row]:
+    """The same of vehicles that crazyflow flies: their rotors' lag varies with speed, so that it is not judged."""
+    score = Score()
+    for twin in without_pose_crazyflow.flown(python, draws, np.random.default_rng(seed + 4), duration_s=duration_s):
+        score.add(twin)
+    return score.rows("crazyflow: ")
 
 
 class Score:
     """Errors of parameters and of the thrust by command, and whether their intervals hold the truth."""
 
     def __init__(self) -> None:
-        self._errors: dict[str, list[float]] = {name: [] for name in (*JUDGED, THRUST)}
-        self._held: dict[str, list[bool]] = {name: [] for name in self._errors}
+        self._errors: dict[str, list[float]] = defaultdict(list)
+        self._held: dict[str, list[bool]] = defaultdict(list)
         self._cpu_s, self._flown_s = 0.0, 0.0
 
-    def add(self, log: FlightLog, start: vehicle.Vehicle, truth: dict[str, float], thrust_n: np.ndarray) -> None:
-        """Args: thrust_n: (len(COMMANDS),) of a rotor."""
+    def add(self, twin: Twin) -> None:
         began = time.process_time()
-        found = sysid.identify([log], start)
+        found = sysid.identify([twin.log], twin.given)
         self._cpu_s += time.process_time() - began
-        self._flown_s += float(log.time_s[-1] - log.time_s[0])
-        for name, true in truth.items():
+        self._flown_s += float(twin.log.time_s[-1] - twin.log.time_s[0])
+        for name, true in twin.values.items():
             estimate = found.estimate(name)
             self._errors[name].append(estimate.value / true - 1.0)
             self._held[name].append(abs(estimate.value - true) < estimate.interval90)
-        value, half = told.thrust_by_command(found.flights, found.solution, found.unknowns, COMMANDS)
-        self._errors[THRUST] += list(value / thrust_n - 1.0)
-        self._held[THRUST] += list(np.abs(value - thrust_n) < half)
+        value, half = told.thrust_by_command(found.flights, found.solution, found.unknowns, twin.commands)
+        self._errors[THRUST] += list(value / twin.thrust_n - 1.0)
+        self._held[THRUST] += list(np.abs(value - twin.thrust_n) < half)
 
     def rows(self, whose: str) -> list[report.Row]:
         rows = []
@@ -306,6 +316,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--draws", type=int, default=60)
     parser.add_argument("--rotorpy", type=int, default=6, help="twins of each vehicle that RotorPy flies")
+    parser.add_argument("--crazyflow", metavar="PYTHON", help="an interpreter that has crazyflow, to fly 20 twins")
     parser.add_argument("--faults", type=int, default=8, help="flights of each kind of fault")
     parser.add_argument("--manoeuvres", type=int, default=2, help="twins of each effort")
     parser.add_argument("--duration", type=float, default=30.0)
@@ -315,6 +326,7 @@ def main() -> None:
     given = parser.parse_args()
     rows = twins(given.draws, given.duration, given.seed) if given.draws else []
     rows += of_rotorpy(given.rotorpy, given.duration, given.seed) if given.rotorpy else []
+    rows += of_crazyflow(given.crazyflow, 20, given.duration, given.seed) if given.crazyflow else []
     rows += faults(given.faults, given.duration, given.seed) if given.faults else []
     rows += flown_manoeuvres(given.manoeuvres, given.seed) if given.manoeuvres else []
     rows += real(given.data) if given.data else []

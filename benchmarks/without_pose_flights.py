@@ -19,6 +19,8 @@ from vehicle.simulation.simulate import Fleet, Wind, hovering
 STEP_S = 1e-3
 FULL_RAD_S = 2400.0
 """Rotor speed at full throttle; the fit is not told."""
+COMMANDS = np.array([0.35, 0.48, 0.65])
+"""At which thrust is judged: about the hover's."""
 VARIED = {
     "inertia_xx_kg_m2": 0.25,
     "inertia_yy_kg_m2": 0.25,

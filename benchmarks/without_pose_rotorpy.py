@@ -10,7 +10,7 @@ from importlib import import_module
 import numpy as np
 from peer_simulators import by_data_sheet
 from rotorpy_flights import flat
-from without_pose_flights import Recorder, log_of, low_pass_share
+from without_pose_flights import COMMANDS, Recorder, log_of, low_pass_share
 
 from flight import FlightLog, FloatArray, rotations
 from flight.frames import GRAVITY_M_S2
@@ -31,8 +31,10 @@ class Twin:
     given: Vehicle
     values: dict[str, float]
     """By the name of our parameter, in SI."""
-    thrust_at_full_n: float
-    """Of one rotor; it grows with the square of the command."""
+    commands: FloatArray
+    """(n,) that the rotors followed."""
+    thrust_n: FloatArray
+    """(n,) of one rotor at these."""
 
 
 def flown(name: str, rng: np.random.Generator, *, duration_s: float) -> Twin:
@@ -62,7 +64,7 @@ def flown(name: str, rng: np.random.Generator, *, duration_s: float) -> Twin:
     log = log_of(f"RotorPy {name}", np.arange(len(columns[0])) * STEP_S, *columns)
     values = {f"inertia_{axis * 2}_kg_m2": p[f"I{axis * 2}"] for axis in "xyz"}
     values |= {"motor_lag.rise_s": p["tau_m"], "motor_lag.fall_s": p["tau_m"]}
-    return Twin(log, given, values, p["k_eta"] * full**2)
+    return Twin(log, given, values, COMMANDS, p["k_eta"] * (full * COMMANDS) ** 2)
 
 
 def _recorded(

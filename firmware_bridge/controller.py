@@ -199,6 +199,8 @@ def parameters_of(vehicle: VehicleLike, **overrides: float) -> Configuration:
         values["quad_n_s2"] = _quadratic_at_hover(values)
     elif "thrust_quadratic" in vehicle.effects:
         values["thrust_model"] = ThrustModel.QUADRATIC
+        if {"thrust_affine", "torque_affine"} & set(vehicle.effects):
+            values |= _curves_at_hover(vehicle, values)
     else:
         raise InputError("the controller needs a thrust law; add thrust_bem or thrust_quadratic to the vehicle")
     return Configuration(checked({**values, **overrides}), tuple(left))
@@ -232,6 +234,30 @@ def _quadratic_at_hover(values: Mapping[str, float]) -> float:
     k1, b = values["k1_n_s2"], values["k2_n_s2_m"] * induced
     speed = (-b + np.sqrt(b * b + 4.0 * k1 * thrust)) / (2.0 * k1)
     return float(thrust / speed**2)
+
+
+def _curves_at_hover(vehicle: VehicleLike, values: Mapping[str, float]) -> dict[str, float]:
+    """Coefficients of the squares that agree at hover with curves that have lower terms, too.
+
+    Raises:
+        InputError: no rotor speed makes the thrust of hover.
+    """
+    constant, slope, torque = (
+        vehicle.value(name) if name.partition(".")[0] in vehicle.effects else 0.0
+        for name in ("thrust_affine.constant_n", "thrust_affine.slope_n_s", "torque_affine.slope_n_m_s")
+    )
+    thrust, k = values["mass_kg"] * values["gravity_m_s2"] / 4.0, values["quad_n_s2"]
+    inside = slope * slope + 4.0 * k * (thrust - constant)
+    speed = (-slope + np.sqrt(inside)) / (2.0 * k) if inside >= 0.0 else 0.0
+    if not speed > 0.0:
+        raise InputError(
+            f"by this vehicle's thrust_quadratic and thrust_affine no rotor speed makes the {thrust:.3g} N of hover; "
+            "fly throttle steps about hover and identify it again"
+        )
+    found = {"quad_n_s2": float(thrust / speed**2)}
+    if "cq_n_m_s2" in values:
+        found["cq_n_m_s2"] = float(values["cq_n_m_s2"] + torque / speed)
+    return found
 
 
 class RefusedError(InputError):

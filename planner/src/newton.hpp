@@ -1,8 +1,8 @@
 // Gauss and Newton's method for a cost with a banded matrix of second derivatives, damped where the quadratic model
 // does not hold (Levenberg and Marquardt; the damping as in Nielsen 1999). It has converged where the matrix is
 // positive definite and the model, hardly damped, promises less than a given share of the cost; or, at a kink of the
-// cost, where that model does not hold, four steps in a row have together gained less than that. Steps are cut at
-// kinks: so paths through mazes end 0.6 % sooner after as many evaluations.
+// cost, where the matrix is positive definite but the model does not hold, four steps in a row have together gained
+// less than that. Steps are cut at kinks: so paths through mazes end 0.6 % sooner after as many evaluations.
 #pragma once
 
 #include <algorithm>
@@ -106,7 +106,8 @@ class Newton {
                         damping *= std::max(0.1, 1.0 - bend * bend * bend);
                     growth = 2.0;
                     if (++steps % kWindow == 0) {
-                        found.converged = earlier - found.cost <= precision * found.cost;
+                        // Where the matrix is indefinite, steps gain little because heavy damping makes them short.
+                        found.converged = earlier - found.cost <= precision * found.cost && solved(kSlight);
                         earlier = found.cost;
                     }
                     continue;

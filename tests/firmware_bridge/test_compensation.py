@@ -5,8 +5,8 @@ import pytest
 
 import vehicle
 from firmware_bridge import controller
-from flight import rotations
-from vehicle import effects
+from flight import InputError, rotations
+from vehicle import effects, invert
 from vehicle.simulation.simulate import Battery
 
 BASE = vehicle.example("rigter2019")
@@ -88,3 +88,35 @@ def test_a_payload_changes_mass_inertia_and_centre_of_mass():
     assert full["com_x_m"] == pytest.approx(bare["com_x_m"] + (0.02 - bare["com_x_m"]) / 8)
     assert full["inertia_yy"] > bare["inertia_yy"]
     assert np.allclose([full["inertia_xx"], full["inertia_yy"]], np.diag(vehicle.rigid_body(loaded).inertia_kg_m2)[:2])
+
+
+def _with_curves():
+    """As a fit by motor commands finds them: thrust and torque with lower terms than squares."""
+    return FLAT.with_effect("thrust_affine", constant_n=-0.2, slope_n_s=4e-4).with_effect(
+        "torque_affine", slope_n_m_s=6e-6
+    )
+
+
+def test_squares_agree_with_curves_of_thrust_and_torque_at_hover(flight_of, curves):
+    curved = _with_curves()
+    found = controller.parameters_of(curved)
+    weight_n = curved.mass_kg * curved.gravity_m_s2
+    speed = invert.rotor_speeds(curved, weight_n, np.zeros(3), np.zeros(3), np.zeros(3)).mean()
+    assert 4.0 * found.parameters["quad_n_s2"] * speed**2 == pytest.approx(
+        weight_n, rel=1e-4
+    )  # its centre of mass is off
+    slope = curved.value("torque_affine.slope_n_m_s")
+    torque = curved.value("rotor_yaw_torque.torque_n_m_s2") * speed**2 + slope * speed
+    assert found.parameters["cq_n_m_s2"] * speed**2 == pytest.approx(torque, rel=1e-3)
+    assert {"thrust_affine", "torque_affine"} <= set(found.not_compensated)
+    known, unknown = (
+        flight_of(truth=curved, believed=believed).fly(curves.figure_eight(turns=1)).mean()
+        for believed in (curved, FLAT)
+    )
+    assert known < 0.5 * unknown
+
+
+def test_a_curve_of_thrust_that_never_carries_the_vehicle_is_refused():
+    sinking = FLAT.with_effect("thrust_affine", constant_n=3.0, slope_n_s=0.0)
+    with pytest.raises(InputError, match=r"no rotor speed makes the 1\.72 N of hover"):
+        controller.parameters_of(sinking)

@@ -9,12 +9,13 @@ from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.joint_problem.solver import Solution, robust_covariance
 from sysid.estimator.joint_problem.unknowns import Unknowns
 from sysid.estimator.uncertainty.errors import NORMAL_90
+from sysid.estimator.without_pose import rotors
 from sysid.estimator.without_pose.anchors import nudged, rotor_thrust_n
 from sysid.estimator.without_pose.sensing import PLACE, left
 from vehicle import Vehicle
 
 COMMANDS = (0.3, 0.5, 0.7, 0.9)
-"""Commands that the thrust is told at, where the flights reached them."""
+"""Commands that the thrust is told at, where the rotors reached their speeds."""
 ANSWERED = 0.3
 """Share of the vertical force's variance within a second that commands must explain."""
 SPAN_S = 1.0
@@ -87,17 +88,27 @@ def _nominal(flights: Sequence[Flight]) -> list[str]:
 
 
 def _thrust(flights: Sequence[Flight], solution: Solution, unknowns: Unknowns) -> list[str]:
-    ratios = [
-        f.rotor_command_rad_s.ravel() / f.full_throttle_rad_s for f in flights if f.full_throttle_rad_s is not None
-    ]
-    if not ratios or not any(name.startswith("thrust_") for name in unknowns.model):
+    reached = _reached(flights, solution)
+    if not len(reached) or not any(name.startswith("thrust_") for name in unknowns.model):
         return []
-    ratio = np.concatenate(ratios)
-    low, high = np.quantile(ratio, [0.01, 0.99])
-    at = np.array([u for u in COMMANDS if low <= u <= high] or [float(np.median(ratio))])
+    low, usual, high = np.quantile(reached, [0.01, 0.5, 0.99])
+    at = np.array([u for u in COMMANDS if low <= u <= high] or [usual])
     value, half = thrust_by_command(flights, solution, unknowns, at)
     listed = ", ".join(f"{v:.3g} ± {h:.1g} at {u:.2g}" for u, v, h in zip(at, value, half, strict=True))
     return [f"thrust of a rotor by command (N, 90 % interval): {listed}"]
+
+
+def _reached(flights: Sequence[Flight], solution: Solution) -> FloatArray:
+    """Rotor speeds over the fastest: commands that are gone before the rotors follow show nothing of their thrust."""
+    point = solution.point
+    return np.concatenate(
+        [
+            rotors.turned(f, point.vehicle, (), point.sensors).flight.rotor_speed_rad_s.ravel() / f.full_throttle_rad_s
+            for f in flights
+            if f.full_throttle_rad_s is not None
+        ]
+        or [np.empty(0)]
+    )
 
 
 def _place(solution: Solution, names: Sequence[str]) -> str:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import planner
@@ -65,6 +65,7 @@ def test_the_cost_of_a_minimum_snap_spline_is_that_of_the_first_descent(seed):
 
 @settings(max_examples=10)
 @given(SEEDS)
+@example(8196)  # where heavy damping makes steps short, four of them gain nothing
 def test_it_costs_less_and_nothing_near_by_costs_less_than_it_promises(seed):
     p, spline = problem(seed)
     found = time_allocation.refine(p, spline, iterations=300)
