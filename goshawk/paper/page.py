@@ -42,8 +42,8 @@ def _vehicle(rows: Sequence[Mapping[str, Any]], folder: Path) -> str:
     head = ("parameter", "theirs", "their CAD", "off CAD", "ours", "± ours", "off theirs", "unit")
     note = (
         f"The simulated vehicle has the values of {theirs.TABLE}, so that ours should be theirs. ± is one robust "
-        f"standard error of one trial of three flights; ours are means of {len(rows[0]['trials'])} trials. Standard "
-        f"errors of theirs: {theirs.NOT_KNOWN}."
+        f"standard error of one trial of three flights; ours are means of {len(rows[0]['trials'])} trials, "
+        f"each fitted jointly, not in their three stages. Standard errors of theirs: {theirs.NOT_KNOWN}."
     )
     return _table(head, cells) + _small(note) + pages.picture(folder / identified.PICTURE)
 
