@@ -1,7 +1,9 @@
-"""A preflight measured: throughput, memory, coverage of the tube, contact probabilities, and who is named.
+"""A preflight measured: throughput, memory, coverage of the tube, and contact probabilities.
+
+Who is named: preflight_causes.py.
 
     python benchmarks/preflight.py --json build/bench/preflight.json
-    python benchmarks/preflight.py --flights 1000 --brute 20000 --truths 300 --draws 30 --scenes 100   # the whole bar
+    python benchmarks/preflight.py --flights 1000 --brute 20000 --truths 300 --scenes 100   # the whole bar
     ... --brute 200000   # also a contact of 1e-4
 
 Every flight is simulated. CPU seconds are of all threads; wall time needs an otherwise idle machine.
@@ -11,7 +13,6 @@ import os
 import resource
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,7 +29,6 @@ from preflight import core, draws, statistics, study
 from preflight.draws import Uncertainty
 from preflight.record import OVERTURNED_RAD, Record
 from tests.preflight import conftest, test_exam
-from vehicle import Vehicle
 
 PATH_S = 20.0
 RADIUS_M = 0.2
@@ -55,7 +55,9 @@ def throughput(flights: int) -> list[report.Row]:
     drone, path = conftest.exact_vehicle(), long_path()
     options = preflight.Options(flights=flights, uncertainty=WEATHER, explain=False)
     cpu_s, wall_s = time.process_time(), time.perf_counter()
-    found = preflight.fly(preflight.Scenario(drone, path, Wall(0.5), radius_m=RADIUS_M, clearance_m=1.0), options)
+    found = preflight.fly(
+        preflight.Scenario(preflight.Scenario(drone, path, Wall(0.5), radius_m=RADIUS_M, clearance_m=1.0), options)
+    )
     cpu_s, wall_s = time.process_time() - cpu_s, time.perf_counter() - wall_s
     scale = 1000.0 / flights
     rate = found.steps / cpu_s
@@ -99,7 +101,7 @@ def contacts(flights: int, brute: int) -> list[report.Row]:
     def clearance(count: int, seed: int) -> FloatArray:
         options = preflight.Options(flights=count, seed=seed, uncertainty=WEATHER, explain=False)
         return preflight.fly(
-            preflight.Scenario(drone, path, conftest.Wall(0.0), radius_m=0.0), options
+            preflight.Scenario(preflight.Scenario(drone, path, conftest.Wall(0.0), radius_m=0.0), options)
         ).record.clearance_m
 
     many, few = clearance(brute, 1), clearance(flights, 2)
@@ -122,7 +124,7 @@ def bounds(flights: int, scenes: int = 100) -> list[report.Row]:
     drone, path, rng = conftest.exact_vehicle(), conftest.there_and_back(), np.random.default_rng(4)
     options = preflight.Options(flights=scenes * flights, uncertainty=WEATHER, explain=False)
     clearance = preflight.fly(
-        preflight.Scenario(drone, path, conftest.Wall(0.0), radius_m=0.0), options
+        preflight.Scenario(preflight.Scenario(drone, path, conftest.Wall(0.0), radius_m=0.0), options)
     ).record.clearance_m
     held = 0
     for scene in range(scenes):
@@ -144,7 +146,9 @@ def short(
     )  # fmt: skip
     path = conftest.there_and_back(1.0, 1.0)
     return preflight.fly(
-        preflight.Scenario(conftest.exact_vehicle(), path, conftest.Wall(0.0), radius_m=-wall_m), options
+        preflight.Scenario(
+            preflight.Scenario(conftest.exact_vehicle(), path, conftest.Wall(0.0), radius_m=-wall_m), options
+        )
     )
 
 
@@ -199,59 +203,13 @@ def rare_bounds(scenes: int, brute: int) -> list[report.Row]:
     ]
 
 
-def _model(name: str, ratio: float) -> Callable[[float], tuple[Vehicle, Uncertainty]]:
-    def planted(size: float) -> tuple[Vehicle, Uncertainty]:
-        drone = conftest.exact_vehicle()
-        value = drone.value(name)
-        return drone.with_value(name, value, std=size * ratio * (abs(value) or 1.0)), SMALL
-
-    return planted
-
-
-def _world(**given: float) -> Callable[[float], tuple[Vehicle, Uncertainty]]:
-    return lambda size: (conftest.exact_vehicle(), replace(SMALL, **{n: size * v for n, v in given.items()}))
-
-
-SMALL = Uncertainty(
-    pose_delay_std_s=0.001, localization_std_m=0.001, heading_std_rad=0.002, map_scale_std_ratio=0.001,
-    map_error_std_m=0.002, start_std_m=0.01, start_yaw_std_rad=0.01, rotor_wear_ratio=0.001, gust_std_m_s=0.03,
-)  # fmt: skip
-PLANTED = {
-    "drag": ("parasitic_drag.drag_xy_kg_m", _model("parasitic_drag.drag_xy_kg_m", 3.0)),
-    "mass": ("mass_kg", _model("mass_kg", 0.1)),
-    "delay": ("pose delay", _world(pose_delay_std_s=0.02)),
-    "wind": ("wind", _world(wind_m_s=6.0)),
-    "map scale": ("map scale", _world(map_scale_std_ratio=0.1)),
-    "centre of mass": ("centre_of_mass.x_m", _model("centre_of_mass.x_m", 10.0)),
-}
-"""What is planted: the factor that is to be named, and its model and world at a size of about one."""
-
-
-def named(rounds: int, flights: int) -> list[report.Row]:
-    """How often what was planted comes first: sizes from 0.7 to 1.4, another seed each time."""
-    rows, path, hits = [], conftest.there_and_back(16.0, 3.2), 0  # 9 m/s, 9 m/s2
-    for what, (factor, planted) in PLANTED.items():
-        first = 0
-        for i in range(rounds):
-            drone, uncertainty = planted(0.7 * 2.0 ** (i / max(rounds - 1, 1)))
-            options = preflight.Options(flights=flights, seed=100 + i, uncertainty=uncertainty, explain=False)
-            field = None if what != "map scale" else conftest.Wall(0.6)
-            found = preflight.fly(preflight.Scenario(drone, path, field, radius_m=RADIUS_M, clearance_m=1.0), options)
-            first += found.dominating is not None and factor in found.dominating[0]
-        hits += first
-        rows.append(report.row(f"planted {what}: named first, of {rounds}", first / rounds, "", None))
-    share = hits / (rounds * len(PLANTED))
-    return [*rows, report.row("planted uncertainty named first", share, "", ">= .95", share >= 0.95)]
-
-
-def rows(flights: int, brute: int, truths: int, draws: int, scenes: int) -> list[report.Row]:
+def rows(flights: int, brute: int, truths: int, scenes: int) -> list[report.Row]:
     """Measure a preflight; defaults take about twenty minutes of processor time."""
     return [
         *throughput(flights), *same_bits(), *coverage(truths, 2000), *contacts(max(brute // 8, 1000), brute),
         *bounds(brute // 200), *rare_contacts(brute), *rare_bounds(scenes, min(brute, 5000)),
-        *named(draws, 200),
     ]  # fmt: skip
 
 
 if __name__ == "__main__":
-    report.main(rows, flights=1000, brute=20000, truths=100, draws=5, scenes=40)
+    report.main(rows, flights=1000, brute=20000, truths=100, scenes=40)

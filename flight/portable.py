@@ -6,6 +6,7 @@ element (+ - * / sqrt), its sums and `np.einsum` (not `optimize`) are the same e
 """
 
 from collections.abc import Callable
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from flight import _portable
 
 FloatArray = NDArray[np.float64]
+_MOST_SWEEPS = 30
+_TERMS = 150
+"""Of a series whose terms fall once they are past half the square of the argument, here at most 36."""
 
 
 def sine_cosine(angle_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -94,3 +98,40 @@ def solve_banded(band: FloatArray, right: FloatArray) -> FloatArray | None:
     """x (n,) of A x = b for a symmetric A in lower storage, band[i - j, j] = A[i, j]; None unless positive definite."""
     solution = np.array(right, dtype=np.float64)
     return solution if _portable.solve_banded(np.array(band, dtype=np.float64), solution) else None
+
+
+def symmetric_eigen(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Eigenvalues (n,), in no order, and as columns the eigenvectors (n, n) of a symmetric matrix: cyclic Jacobi.
+
+    For a few dozen rows: every pair of them is a step in Python.
+    """
+    a, vectors = 0.5 * (matrix + matrix.T), np.eye(len(matrix))
+    smallest = np.finfo(np.float64).eps * float(np.abs(a).max(initial=0.0))
+    for _ in range(_MOST_SWEEPS):
+        if not (np.abs(np.triu(a, 1)) > smallest).any():
+            break
+        for p, q in combinations(range(len(a)), 2):
+            if abs(a[p, q]) > smallest:
+                _rotate(a, vectors, p, q)
+    return a.diagonal().copy(), vectors
+
+
+def _rotate(a: FloatArray, vectors: FloatArray, p: int, q: int) -> None:
+    """Turn two axes so that the entry (p, q) becomes zero (Golub and Van Loan, algorithm 8.4.1)."""
+    half = (a[q, q] - a[p, p]) / (2.0 * a[p, q])
+    tangent = (1.0 if half >= 0.0 else -1.0) / (abs(half) + np.sqrt(1.0 + half * half))
+    c = 1.0 / np.sqrt(1.0 + tangent * tangent)
+    turn = np.array([[c, c * tangent], [-c * tangent, c]])
+    for rows in (a, a.T, vectors.T):
+        rows[[p, q]] = turn[0, 0] * rows[p] - turn[0, 1] * rows[q], turn[0, 1] * rows[p] + turn[1, 1] * rows[q]
+
+
+def normal_share(x: ArrayLike) -> FloatArray:
+    """Share of standard normal numbers that are below x, by Taylor's series (Marsaglia 2004); to 1e-15."""
+    at = np.clip(np.asarray(x, dtype=np.float64), -8.5, 8.5)
+    term = at.copy()
+    total = at.copy()
+    for k in range(3, 3 + 2 * _TERMS, 2):
+        term = term * at * at / k
+        total = total + term
+    return np.clip(0.5 + total * exponential(-0.5 * at * at) / np.sqrt(2.0 * np.pi), 0.0, 1.0)

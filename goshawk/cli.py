@@ -28,7 +28,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """The system's error numbers of a full disk, an exceeded quota and a file that may not grow."""
 
 TASKS = {
-    "Project": ("init", "demo", "doctor"),
+    "Project": ("init", "demo", "paper", "doctor"),
     "Map": ("camera", "map", "localize"),
     "Plan": ("plan", "check", "preflight", "export"),
     "Fly": ("gcs", "sitl", "upload", "fly", "params", "proxy"),

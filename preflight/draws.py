@@ -1,7 +1,8 @@
 """What is not known before a flight, drawn: the model's parameters, the air, the estimate, the map, the start.
 
 Every factor has a stream of its own by seed and name, so that flight i of two preflights meets the same weather and the
-same luck: two plans, or two models, are compared flight by flight (common random numbers).
+same luck: two plans, or two models, are compared flight by flight (common random numbers). No bit of it depends on the
+processor.
 """
 
 import hashlib
@@ -11,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from flight import FloatArray, InputError
+from flight import FloatArray, InputError, portable
 from preflight.core import DRAW_COLUMNS, GUSTS, WEAK, sensed
 from vehicle import Parameter, Vehicle, invert, simulate, specs
 
@@ -149,7 +150,7 @@ def _drawn(vehicle: Vehicle, names: tuple[str, ...], uncertainty: Uncertainty, d
     _battery(column, vehicle, uncertainty, draw_of, factors)
     _faults(column, uncertainty, draw_of, factors)
     width = uncertainty.map_scale_std_ratio
-    scale = np.exp(width * draw_of.one("map scale", width, factors))
+    scale = portable.exponential(width * draw_of.one("map scale", width, factors))
     error = uncertainty.map_error_std_m * draw_of.one("map surface", uncertainty.map_error_std_m, factors)
     shift = np.ones(count) if uncertainty.pose_of_map else scale
     said = assumed + _not_flown(vehicle, uncertainty)
@@ -200,7 +201,7 @@ def _parameters(
         return values, {}, (f"{vehicle.name} states no uncertainty of its parameters: they are flown as exact; "
                             "`goshawk identify` tells their standard errors",)  # fmt: skip
     correlation, alone = correlations(vehicle, uncertain)
-    normal = np.concatenate([draw_of(name) for name in uncertain], axis=1) @ _root(correlation).T
+    normal = portable.product(np.concatenate([draw_of(name) for name in uncertain], axis=1), _root(correlation).T)
     bounds = specs(vehicle)
     for j, name in enumerate(uncertain):
         values[:, names.index(name)] = _physical(vehicle.parameter(name), bounds[name].bounds, normal[:, j])
@@ -216,8 +217,8 @@ def _physical(parameter: Parameter, bounds: tuple[float, float], normal: FloatAr
     """Draws (n,) with the parameter's mean and standard deviation; log-normal where it can only be positive."""
     value, std = parameter.value, parameter.std
     if bounds[0] > 0.0 or (bounds[0] == 0.0 and std < value):
-        width = np.sqrt(np.log1p((std / value) ** 2))
-        return np.clip(value * np.exp(width * normal - 0.5 * width * width), *bounds)
+        width = np.sqrt(portable.logarithm(1.0 + (std / value) ** 2))
+        return np.clip(value * portable.exponential(width * normal - 0.5 * width * width), *bounds)
     return np.clip(value + std * normal, *bounds)
 
 
@@ -256,9 +257,9 @@ def _told(vehicle: Vehicle) -> tuple[list[str], FloatArray]:
 
 def _root(correlation: FloatArray) -> FloatArray:
     """A matrix whose square is the correlation, with unit rows; also of one that rounding made slightly indefinite."""
-    size, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T))
-    root = (vectors * np.sqrt(np.maximum(size, 0.0))) @ vectors.T
-    return root / np.linalg.norm(root, axis=1, keepdims=True)
+    size, vectors = portable.symmetric_eigen(correlation)
+    root = portable.product(vectors * np.sqrt(np.maximum(size, 0.0)), vectors.T)
+    return root / portable.length(root)[:, None]
 
 
 def _groups(correlation: FloatArray) -> list[list[int]]:
@@ -344,13 +345,6 @@ def _not_flown(vehicle: Vehicle, given: Uncertainty) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _even(normal: FloatArray) -> FloatArray:
-    """Numbers between 0 and 1, all as likely, of standard normal ones."""
-    from scipy.special import ndtr
-
-    return ndtr(normal)
-
-
 def _battery(
     column: Mapping[str, FloatArray],
     vehicle: Vehicle,
@@ -378,7 +372,7 @@ def _battery(
             f"{vehicle.name} takes for full ({_BATTERY}.reference_v): give --battery between them, or leave it out"
         )
     normal = draw_of.one(BATTERY, full_v - given.battery_v, factors)
-    column["battery_v"][:] = full_v - (full_v - given.battery_v) * _even(normal)
+    column["battery_v"][:] = full_v - (full_v - given.battery_v) * portable.normal_share(normal)
     column["battery_fall_v_j"][:] = (full_v - empty_v) / simulate.Battery().energy_j
     column["battery_empty_v"][:] = empty_v
 
@@ -394,7 +388,7 @@ def _faults(
 ) -> None:
     """Of a rotor and of the pose: which, how much, and when as a share of the trajectory's time."""
     if given.motor_fault_ratio > 0.0:
-        rotor, at = _even(draw_of(MOTOR_FAULT, 2)).T
+        rotor, at = portable.normal_share(draw_of(MOTOR_FAULT, 2)).T
         struck = np.minimum(np.floor(4.0 * rotor), 3.0)
         sides = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])[struck.astype(int)]
         factors[MOTOR_FAULT] = np.column_stack([sides, at - 0.5])  # with products, whatever depends on the rotor alone
@@ -406,7 +400,7 @@ def _faults(
         factors[POSE_JUMP] = jump
         for i, axis in enumerate("xyz"):
             column[f"jump_{axis}_m"][:] = given.pose_jump_std_m * jump[:, i]
-        column["jump_at"][:] = _even(jump[:, 3])
+        column["jump_at"][:] = portable.normal_share(jump[:, 3])
 
 
 def _start(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flight import FloatArray, Progress
+from flight import FloatArray, Progress, portable
 from preflight import remedies, subset
 from preflight.core import FINISHED, WITHIN
 from preflight.draws import Drawn
@@ -162,7 +162,7 @@ def _shares(found: Found, normal: Mapping[str, FloatArray], drawn: Drawn) -> dic
     lost = found.score < 0.0
     if not (found.reached and np.count_nonzero(lost) >= _LEAST_LOST) or found.estimate >= 0.5:
         return {}
-    whole, chance = -float(np.log(found.estimate)), _CHANCE / np.count_nonzero(lost)
+    whole, chance = -float(portable.logarithm(found.estimate)), _CHANCE / np.count_nonzero(lost)
     shares = dict.fromkeys(drawn.factors, 0.0)
     for name, value in normal.items():
         factor = _factor(name, drawn.factors)
@@ -174,7 +174,7 @@ def _shares(found: Found, normal: Mapping[str, FloatArray], drawn: Drawn) -> dic
 def _entropy(value: FloatArray) -> FloatArray:
     """(columns,) of (n, columns) numbers, relative to standard normal ones."""
     mean, variance = value.mean(axis=0), np.maximum(value.var(axis=0), 1e-6)
-    return 0.5 * (mean * mean + variance - 1.0 - np.log(variance))
+    return 0.5 * (mean * mean + variance - 1.0 - portable.logarithm(variance))
 
 
 def _factor(name: str, factors: Mapping[str, FloatArray]) -> str | None:

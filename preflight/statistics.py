@@ -13,6 +13,10 @@ CONFIDENCE = 0.95
 QUANTILES = (0.5, 0.9, 0.99)
 LEAST_SHARE = 0.02
 """Of a variance: less is chance."""
+_NOTHING_NEW = 1e-12
+"""Of a column's square, what is left of it without the columns before: rounding."""
+_DIGITS = 11
+"""Of a bound that are kept: the last of the C library's are each processor's own."""
 _LEAST = 30
 """Values, from which on a variance is decomposed."""
 
@@ -47,7 +51,9 @@ def upper_bound(count: int, flights: int, confidence: float = CONFIDENCE) -> flo
     """The largest probability with which `count` or fewer of that many flights have the chance 1 - `confidence`."""
     from scipy.special import betaincinv
 
-    return 1.0 if count >= flights else float(betaincinv(count + 1, flights - count, confidence))
+    if count >= flights:
+        return 1.0
+    return float(f"{betaincinv(count + 1, flights - count, confidence):.{_DIGITS}g}")
 
 
 def flights_for(risk: float, count: int = 0) -> int:
@@ -87,17 +93,26 @@ def variance_shares(values: FloatArray, factors: Mapping[str, FloatArray]) -> di
     if not decomposable(values):
         return {}
     y = values[used] - values[used].mean()
-    total = float(y @ y)
+    total = float((y * y).sum())
     shares = {name: _explained(y, draws[used], total) for name, draws in factors.items()}
     return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
 
 def _explained(y: FloatArray, draws: FloatArray, total: float) -> float:
+    """By orthogonal columns one by one (modified Gram-Schmidt), those without anything new left out: no BLAS, whose
+    last bits are each processor's own."""
     q = draws.shape[1]
     rows, columns = np.triu_indices(q)
     terms = np.column_stack([draws, draws[:, rows] * draws[:, columns]])
-    terms = terms - terms.mean(axis=0)
-    solution = np.linalg.lstsq(terms, y, rcond=None)[0]
-    left = y - terms @ solution
-    n, k = len(y), terms.shape[1]
-    return max(0.0, 1.0 - float(left @ left) / total * (n - 1) / max(n - 1 - k, 1))
+    terms = (terms - terms.mean(axis=0)).T.copy()
+    left, kept = y.copy(), 0
+    sizes = (terms * terms).sum(axis=1)
+    for i, term in enumerate(terms):
+        size = float((term * term).sum())
+        if size <= _NOTHING_NEW * sizes[i]:
+            continue
+        left -= float((left * term).sum()) / size * term
+        terms[i + 1 :] -= (terms[i + 1 :] * term).sum(axis=1, keepdims=True) / size * term
+        kept += 1
+    n = len(y)
+    return max(0.0, 1.0 - float((left * left).sum()) / total * (n - 1) / max(n - 1 - kept, 1))

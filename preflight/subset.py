@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import FloatArray
+from flight import FloatArray, portable
 from preflight.luck import Luck
 from preflight.statistics import upper_bound
 
@@ -28,6 +28,8 @@ _RENEWED = 0.5
 _MOST_LEVELS = 12
 _CONFIDENCE = 0.975
 """Of each of two bounds, of which the lower is stated with 95 %: that of counting, and the jackknife's."""
+_STUDENT = 2.262157162798205
+"""Quantile of Student's t for that confidence, of as many degrees of freedom as there are groups but one."""
 _FIRST_NUMBER = 1 << 40
 """Of the luck of chains: no flight of the first level has it."""
 
@@ -160,16 +162,14 @@ def bound(shares: list[FloatArray], samples: int) -> tuple[float, float]:
         shares: of each level, (`GROUPS`,) by group.
         samples: of a level.
     """
-    from scipy.stats import t
-
     table = np.array(shares)  # (levels, groups)
     mean = np.maximum(table.mean(axis=1), 1.0 / samples)
     left_out = (table.sum(axis=1, keepdims=True) - table) / (GROUPS - 1)
-    logs = np.log(np.maximum(left_out, 0.5 / samples)).sum(axis=0)
+    logs = portable.logarithm(np.maximum(left_out, 0.5 / samples)).sum(axis=0)
     variance = (GROUPS - 1) / GROUPS * float(((logs - logs.mean()) ** 2).sum())
     independent = float(((1.0 - mean) / (mean * samples)).sum())  # of as many samples without any correlation
-    width = float(t.ppf(_CONFIDENCE, GROUPS - 1)) * np.sqrt(max(variance, independent))
-    return float(np.prod(table.mean(axis=1))), min(1.0, float(np.prod(mean) * np.exp(width)))
+    width = _STUDENT * np.sqrt(max(variance, independent))
+    return float(np.prod(table.mean(axis=1))), min(1.0, float(np.prod(mean) * portable.exponential(width)))
 
 
 def _next_level(
@@ -197,7 +197,7 @@ def _next_level(
         parts.append(here[moving])
         scores.append(at[moving])
         belongs.append(groups[moving])
-        step = float(np.exp(np.log(step) + (taken.mean() - _ACCEPTANCE) / np.sqrt(i)))
+        step *= float(portable.exponential((taken.mean() - _ACCEPTANCE) / np.sqrt(i)))
         step = min(max(step, 0.05), 1.0)
     by_group = np.argsort(np.concatenate(belongs), kind="stable")
     points, values = Points.joined(parts)[by_group], np.concatenate(scores)[by_group]

@@ -99,3 +99,20 @@ def test_a_banded_solution_is_that_of_the_full_matrix(size):
     found = portable.solve_banded(band, right)
     assert found is not None
     assert np.allclose(full @ found, right, atol=1e-12)
+
+
+@given(arrays.arrays(np.float64, st.integers(1, 6).map(lambda n: (n, n)), elements=st.floats(-10.0, 10.0)))
+def test_eigenvectors_of_a_symmetric_matrix_are_orthogonal_and_make_it_up(half):
+    matrix = half + half.T
+    values, vectors = portable.symmetric_eigen(matrix)
+    assert np.abs(vectors.T @ vectors - np.eye(len(matrix))).max() < 1e-13
+    assert np.abs(vectors * values @ vectors.T - matrix).max() < 1e-12 * max(1.0, float(np.abs(matrix).max()))
+    assert np.sort(values) == pytest.approx(np.linalg.eigvalsh(matrix), abs=1e-12 * max(1.0, np.abs(matrix).max()))
+
+
+def test_the_share_of_normal_numbers_below_is_scipys_to_rounding():
+    from scipy.special import ndtr
+
+    x = np.linspace(-12.0, 12.0, 4801)
+    assert np.abs(portable.normal_share(x) - ndtr(x)).max() < 1e-14
+    assert (np.diff(portable.normal_share(x)) >= -5e-15).all()

@@ -59,3 +59,15 @@ def test_too_few_or_equal_values_explain_nothing():
     z = np.random.default_rng(3).standard_normal((40, 1))
     assert statistics.variance_shares(np.ones(40), {"a": z}) == {}
     assert statistics.variance_shares(z[:10, 0], {"a": z[:10]}) == {}
+
+
+def test_a_factor_that_repeats_itself_explains_no_more_than_once():
+    """Also where a column is a constant's, or another's double: there is nothing to divide by."""
+    rng = np.random.default_rng(6)
+    a, b = rng.standard_normal((2, 400, 1))
+    sign = np.where(b > 0.0, 1.0, -1.0)
+    value = a[:, 0] + sign[:, 0] + 0.5 * rng.standard_normal(400)
+    once = statistics.variance_shares(value, {"a": a, "sign": sign})
+    again = statistics.variance_shares(value, {"a": np.column_stack([a, 2.0 * a]), "sign": sign})
+    assert again["a"] == pytest.approx(once["a"], abs=1e-9)
+    assert once["sign"] == pytest.approx(1.0 / 2.25, abs=0.06)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.stats import chi2, norm
+from scipy.stats import t as student
 
 from preflight import statistics, subset
 from preflight.luck import Luck
@@ -180,3 +181,7 @@ def test_a_step_keeps_the_distribution_of_luck():
     assert values.mean() == pytest.approx(0.0, abs=0.15)
     assert values.std() == pytest.approx(1.0, abs=0.1)
     assert luck.weights.shape[1] == 2  # a whole step leaves nothing of what was before
+
+
+def test_the_quantile_is_students_of_as_many_groups():
+    assert pytest.approx(student.ppf(subset._CONFIDENCE, subset.GROUPS - 1), rel=1e-12) == subset._STUDENT

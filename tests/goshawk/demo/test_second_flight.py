@@ -48,20 +48,6 @@ def loops(benchmark_of):
 
 
 @pytest.mark.slow
-def test_the_rungs_of_the_papers_ladder_lower_the_error_where_their_physics_acts(benchmark_of):
-    ladder = benchmark_of("ladder")
-    level, vertical = ladder.courses()
-    plain, drag, thrust, _, quick, across, delivered = ladder.RUNGS
-    error = {(c.name, r.name): ladder.tracking_cm(c, r, seed=1) for c in ladder.courses() for r in ladder.RUNGS}
-    assert error[level.name, drag.name] < 0.4 * error[level.name, plain.name]
-    assert error[level.name, across.name] < 0.7 * error[level.name, thrust.name]
-    assert error[vertical.name, drag.name] < 0.9 * error[vertical.name, plain.name]
-    assert error[vertical.name, thrust.name] < 0.9 * error[vertical.name, drag.name]
-    assert error[vertical.name, quick.name] < 0.9 * error[vertical.name, thrust.name]
-    assert error[vertical.name, delivered.name] < 0.8 * error[vertical.name, thrust.name]
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("effect", ["rotor_drag_thrust", "centre_of_mass", "weak_rotor", "flapping_moment"])
 def test_the_second_flight_tracks_as_well_as_with_the_true_model(loops, effect):
     flown = loops.second(effect)
