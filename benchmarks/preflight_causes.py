@@ -142,12 +142,8 @@ class Draw:
     """Of its usual size, that all else has."""
 
 
-def drawn(what: str, number: int) -> Draw:
-    """A draw in which the cause dominates.
-
-    Raises:
-        RuntimeError: it does in none of several.
-    """
+def drawn(what: str, number: int) -> Draw | None:
+    """A draw in which the cause dominates; None where it does in none of several rooms."""
     cause, rng = CAUSES[what], np.random.default_rng((number, list(CAUSES).index(what)))
     for _ in range(MOST_TRIES):
         scene, factor = Scene.drawn(rng), str(rng.choice(cause.factors))
@@ -156,12 +152,11 @@ def drawn(what: str, number: int) -> Draw:
         rest = min(float(np.sqrt(alone / (ratio * scene.variance(*background(1.0))))), 1.0)
         if rest >= LEAST_REST:
             return Draw(scene, factor, *planted(cause, factor, size, rest), rest)
-    raise RuntimeError(f"{what} dominates in none of {MOST_TRIES} rooms (draw {number})")
+    return None
 
 
-def named(what: str, number: int) -> tuple[bool, str]:
+def named(draw: Draw, number: int) -> tuple[bool, str]:
     """Whether a preflight names what was planted first, and a sentence on it."""
-    draw = drawn(what, number)
     found = draw.scene.fly(draw.drone, draw.world, FLIGHTS, 2000 + number)
     good = found.dominating is not None and draw.factor in found.dominating[0].split(" with ")
     deviation_mm = 1e3 * float(np.nanstd(spread(found.record)))
@@ -172,19 +167,28 @@ def named(what: str, number: int) -> tuple[bool, str]:
     )
 
 
-def rows(draws: int) -> list[report.Row]:
-    """Plant each cause in as many rooms; 30 draws take about half an hour of processor time."""
+def rows(draws: int, first: int) -> list[report.Row]:
+    """Plant each cause in as many rooms; 30 draws take about half an hour of processor time.
+
+    A draw in which the cause dominates in no room is left out, and said so. `first`: number of the first draw.
+    """
     hits: dict[str, list[bool]] = {what: [] for what in CAUSES}
-    for number in range(draws):
+    for number in range(first, first + draws):
         for what in CAUSES:
-            good, sentence = named(what, number)
+            draw = drawn(what, number)
+            if draw is None:
+                print(f"left out draw {number}, {what}: it dominates nowhere", file=sys.stderr, flush=True)
+                continue
+            good, sentence = named(draw, number)
             hits[what].append(good)
             print("named" if good else "MISSED", sentence, file=sys.stderr, flush=True)
     return [
-        report.row(f"planted {what}: named first, of {draws}", np.mean(found), "", ">= .95", np.mean(found) >= 0.95)
+        report.row(
+            f"planted {what}: named first, of {len(found)}", np.mean(found), "", ">= .95", np.mean(found) >= 0.95
+        )
         for what, found in hits.items()
     ]
 
 
 if __name__ == "__main__":
-    report.main(rows, draws=5)
+    report.main(rows, draws=5, first=0)
