@@ -4,7 +4,6 @@ The controller is the C code of the vehicle. Of its attitude loop only the outer
 torque would be nought, `w_reference + (kp / kd) error`, is what the inner loop of another firmware is asked for.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,11 +14,9 @@ from firmware_bridge.offboard.prediction import Lags, Motion, Predictor
 from firmware_bridge.words import reason_text
 from flight import FloatArray, rotations
 
-GAINS = {"kp_xy_1_s2": 9.0, "kd_xy_1_s": 5.0, "ki_xy_1_s3": 8.0, "kp_z_1_s2": 9.0, "kd_z_1_s": 5.0, "ki_z_1_s3": 8.0,
-         "observer": 0.0, "rotor_lag_s": 0.0, "att_kp_xy_1_s2": 220.0, "att_kd_xy_1_s": 22.0}  # fmt: skip
-"""Where the inner loop is another firmware's: softer position loops, and rotors are not ours to lead. An integral in
-place of the disturbance observer, which has no accelerometer here: fed with what poses show of the force, it took
-lags of the inner loop for disturbances, and tracked 28 mm where it is 17 without (a walk at 5 m/s)."""
+GAINS = {"kp_xy_1_s2": 9.0, "kd_xy_1_s": 5.0, "kp_z_1_s2": 9.0, "kd_z_1_s": 5.0, "obs_turn_rad_s2": 0.0,
+         "att_kp_xy_1_s2": 220.0, "att_kd_xy_1_s": 22.0}  # fmt: skip
+"""Where the inner loop is another firmware's: softer position loops, and torques are not ours to observe."""
 _LEAD_S, _SHORTEST_S = 0.018, 1e-3
 """Low-pass of how the reference turns."""
 STANDING = (State.DISARMED, State.ARMED, State.FAULT)
@@ -31,7 +28,7 @@ class Demand:
 
     time_s: float
     force_n: float
-    """Collective, along body z, of rotors that turn as fast in air at rest."""
+    """Collective, along body z."""
     rate_body_rad_s: FloatArray
     """(3,)."""
     pose_time_s: float
@@ -41,22 +38,10 @@ class Demand:
 class Tracker:
     """One vehicle; `tick` at 100 to 500 Hz."""
 
-    def __init__(
-        self,
-        configuration: Configuration,
-        poses: Poses,
-        *,
-        lags: Lags | None = None,
-        still_air_n: Callable[[float], float] | None = None,
-    ) -> None:
-        """
-        Args:
-            still_air_n: collective force of the rotors at one speed in rad/s in air at rest, by which the throttle is
-                set; None: the force that is wanted, as if air at rest gave it.
-        """
+    def __init__(self, configuration: Configuration, poses: Poses, *, lags: Lags | None = None) -> None:
         values = configuration.parameters
         self.controller = Controller(configuration.with_values(**{**values, **GAINS}))
-        self._poses, self._lags, self._still_air_n = poses, lags or Lags(), still_air_n
+        self._poses, self._lags = poses, lags or Lags()
         parameters = self.controller.parameters()
         self.mass_kg, self.gravity_m_s2 = parameters["mass_kg"], parameters["gravity_m_s2"]
         self.predictor = Predictor(self.mass_kg, self.gravity_m_s2, self._lags)
@@ -107,7 +92,7 @@ class Tracker:
         time_us = round((now_s - self._begin_s) * 1e6)
         felt = self.predictor.acceleration_world_m_s2(motion, motion.q_world_body)
         felt[2] += self.gravity_m_s2
-        speed = self.controller.tick(
+        self.controller.tick(
             time_us,
             motion.row(),
             battery_v=battery_v,
@@ -123,9 +108,7 @@ class Tracker:
                 demand, force_n=float(telemetry["thrust_n"]), rate_body_rad_s=self._rate(motion, telemetry)
             )
         self.predictor.command(now_s, demand.force_n, demand.rate_body_rad_s)
-        if standing or self._still_air_n is None:
-            return demand
-        return replace(demand, force_n=self._still_air_n(float(np.sqrt((speed**2).mean()))))
+        return demand
 
     def _rate(self, motion: Motion, telemetry: dict) -> FloatArray:
         """Body rate at which the attitude loop asks for no torque, led by the inner loop's lag."""

@@ -58,11 +58,11 @@ def fly(
         found.flavour.custom_mode >> (16 if found.flavour is PX4 else 0), arms, anchored, model.mass_kg,
         model.gravity_m_s2, where.pose_host, where.pose_port, where.pose_delay_s, clock_port=where.clock_port,
     )  # fmt: skip
-    configuration, in_still_air = controller.parameters_of(model), offboard.still_air(model)
+    configuration = controller.parameters_of(model)
     with GuardProcess(setup.to_json(), module=GUARD) as guard:
         flight = Flight(
-            guard, lambda poses: Tracker(configuration, poses, still_air_n=in_still_air), item.trajectory,
-            progress=progress, cancel=cancel, motor_of_rotor=_in_order(model), hints=_hints(found, arms=arms),
+            guard, lambda poses: Tracker(configuration, poses), item.trajectory, progress=progress, cancel=cancel,
+            motor_of_rotor=_in_order(model), hints=_hints(found, arms=arms),
         )  # fmt: skip
         log = flight.fly()
     told = {"firmware": found.firmware, "failsafe": checks.when_we_die(found)}

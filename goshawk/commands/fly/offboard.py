@@ -21,7 +21,7 @@ from firmware_bridge.offboard.procedure import Flight
 from firmware_bridge.offboard.rate_profile import RateProfile
 from firmware_bridge.offboard.thrust_map import ThrustMap, through
 from firmware_bridge.offboard.tracker import Tracker
-from flight import FlightLog, FloatArray, InputError, LinkError, Progress, Trajectory, TrajectoryFile
+from flight import FlightLog, InputError, LinkError, Progress, Trajectory, TrajectoryFile
 from vehicle import Vehicle
 
 IDLE = 0.055
@@ -97,22 +97,12 @@ def thrust_map(model: Vehicle, *, idle: float = IDLE) -> ThrustMap:
         idle: the firmware's output at no throttle, 0 to 1.
     """
     throttle = np.linspace(0.02, 1.0, 50)
-    force_n = _still_air_n(model, model.limits.rotor_speed_max_rad_s * (idle + (1.0 - idle) * throttle))
+    speed = model.limits.rotor_speed_max_rad_s * (idle + (1.0 - idle) * throttle)
+    still = np.zeros((len(throttle), 3))
+    force, _ = vehicle.wrench(model, still, still, np.repeat(speed[:, None], 4, axis=1))
     sags = SAG in model.effects
     sag = {name: model.value(f"{SAG}.{name}") for name in ("reference_v", "sag_per_v")} if sags else {}
-    return through(throttle, force_n, **sag)
-
-
-def still_air(model: Vehicle) -> Callable[[float], float]:
-    """Collective force in N of rotors that all turn at one speed in rad/s, in air at rest."""
-    speed = np.linspace(0.0, model.limits.rotor_speed_max_rad_s, 200)
-    force_n = _still_air_n(model, speed)
-    return lambda speed_rad_s: float(np.interp(speed_rad_s, speed, force_n))
-
-
-def _still_air_n(model: Vehicle, speed_rad_s: FloatArray) -> FloatArray:
-    still = np.zeros((len(speed_rad_s), 3))
-    return vehicle.wrench(model, still, still, np.repeat(speed_rad_s[:, None], 4, axis=1))[0][:, 2]
+    return through(throttle, force[:, 2], **sag)
 
 
 def failsafe_us(model: Vehicle, profile: RateProfile, thrust: ThrustMap) -> tuple[float, float]:
@@ -188,7 +178,7 @@ def fly(
     sinks_us = failsafe_us(model, profile, thrust)
     required((checks.simulator(found), *checks.checks(found, failsafe_us=sinks_us)))
     require_followable(model, item.trajectory, profile.largest_rad_s, (thrust.force_n(0.0), thrust.force_n(1.0)))
-    configuration, in_still_air = controller.parameters_of(model), still_air(model)
+    configuration = controller.parameters_of(model)
     arm = checks.arm_mode(found)
     assert arm is not None
     restarted()
@@ -199,8 +189,7 @@ def fly(
     )  # fmt: skip
     with GuardProcess(setup.to_json()) as guard:
         flight = Flight(
-            guard, lambda poses: Tracker(configuration, poses, still_air_n=in_still_air), item.trajectory,
-            progress=progress, cancel=cancel,
+            guard, lambda poses: Tracker(configuration, poses), item.trajectory, progress=progress, cancel=cancel,
             motor_of_rotor=tuple(int(i) for i in np.argsort(rotor_of_motor(model))),
         )  # fmt: skip
         return flight.fly(), flight.ended_early
