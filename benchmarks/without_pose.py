@@ -1,9 +1,8 @@
 """Identification and diagnosis without a pose: `python benchmarks/without_pose.py --draws 60 --faults 8`.
 
-Simulated twins (`without_pose_flights`; `without_pose_rotorpy` and `without_pose_crazyflow`, which others' simulators
-fly) have truth: error and 90 %
-intervals of inertia, lag and thrust by command; what a log is said to suffice for; right and false names of planted
-faults. The real flights (`--data FOLDER`) are `log10`, `log15` and `log16` of
+Simulated twins have truth (`without_pose_flights`; `without_pose_rotorpy` and `without_pose_crazyflow`, which others'
+simulators fly): error and 90 % intervals of inertia, lag and thrust by command; what a log is said to suffice for;
+right and false names of planted faults. The real flights (`--data FOLDER`) are `log10`, `log15` and `log16` of
 github.com/arplaboratory/data-driven-system-identification, with the thrust curve that its authors publish; their
 program multiplies the vertical force by 9.18 instead of 9.81.
 """

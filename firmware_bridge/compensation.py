@@ -39,7 +39,7 @@ EFFECTS: Mapping[str, Compensation] = MappingProxyType({
     "thrust_blade_element": _no("the thrust law has no advance ratio; refit thrust_bem with translational_lift"),
     "thrust_quadratic": _yes("inverted exactly", _same("k_n_s2", "quad_n_s2")),
     "inflow_linear": _yes("inverted exactly", _same("inflow_kg", "inflow_kg"), only_with="thrust_quadratic"),
-    "thrust_affine": _no("the thrust law has no lower terms; its square agrees with the curve at hover alone"),
+    "thrust_affine": _no("the thrust law is a square: it agrees with the curve at hover, with thrust_quadratic"),
     "translational_lift": _yes("taken off the thrust asked of each rotor", _same("lift_kg_m", "lift_kg_m")),
     "weak_rotor": _yes(
         "the rotor's own gain in the mixer", {f"loss_{i}": (f"rotor{i}_gain",) for i in range(4)}
@@ -64,7 +64,7 @@ EFFECTS: Mapping[str, Compensation] = MappingProxyType({
     "constant_wind": _no("the controller knows no wind; its integrator (ki_xy_1_s3) takes the steady part"),
     # moments
     "rotor_yaw_torque": _yes("inverted exactly", _same("torque_n_m_s2", "cq_n_m_s2")),
-    "torque_affine": _no("the torque law has no linear term; its square agrees with the curve at hover alone"),
+    "torque_affine": _no("the torque law is a square: it agrees with the curve at hover, with thrust_quadratic"),
     "centre_of_mass": _yes("arms of the mixer are from the centre of mass"),
     "centre_of_mass_height": _no("the mixer's arms lie in one plane; attitude feedback takes it"),
     "flapping_moment": _yes("taken off the torque asked of the mixer", _same("moment_kg_m", "flapping_kg_m")),

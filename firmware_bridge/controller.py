@@ -240,23 +240,30 @@ def _curves_at_hover(vehicle: VehicleLike, values: Mapping[str, float]) -> dict[
     """Coefficients of the squares that agree at hover with curves that have lower terms, too.
 
     Raises:
-        InputError: no rotor speed makes the thrust of hover.
+        InputError: no rotor speed makes the thrust of hover, or torque there turns the other way.
     """
-    constant, slope, torque = (
+    constant, slope, torque_slope = (
         vehicle.value(name) if name.partition(".")[0] in vehicle.effects else 0.0
         for name in ("thrust_affine.constant_n", "thrust_affine.slope_n_s", "torque_affine.slope_n_m_s")
     )
     thrust, k = values["mass_kg"] * values["gravity_m_s2"] / 4.0, values["quad_n_s2"]
-    inside = slope * slope + 4.0 * k * (thrust - constant)
-    speed = (-slope + np.sqrt(inside)) / (2.0 * k) if inside >= 0.0 else 0.0
-    if not speed > 0.0:
+    beyond = thrust - constant
+    halves = slope + np.sqrt(max(slope * slope + 4.0 * k * beyond, 0.0))
+    if not (beyond > 0.0 and halves > 0.0):
         raise InputError(
             f"by this vehicle's thrust_quadratic and thrust_affine no rotor speed makes the {thrust:.3g} N of hover; "
             "fly throttle steps about hover and identify it again"
         )
+    speed = 2.0 * beyond / halves
     found = {"quad_n_s2": float(thrust / speed**2)}
-    if "cq_n_m_s2" in values:
-        found["cq_n_m_s2"] = float(values["cq_n_m_s2"] + torque / speed)
+    if "torque_affine" in vehicle.effects:
+        torque = values.get("cq_n_m_s2", 0.0) + torque_slope / speed
+        if not torque > 0.0:
+            raise InputError(
+                "by this vehicle's rotor_yaw_torque and torque_affine a rotor in hover has no torque against its spin; "
+                "fly yaw steps about hover and identify it again"
+            )
+        found["cq_n_m_s2"] = float(torque)
     return found
 
 

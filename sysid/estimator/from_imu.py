@@ -146,7 +146,8 @@ def _identified(
         held.append(unseen)
         logger.info("holding %s: not identifiable from these flights", unseen)
         unknowns = unknowns.without(unseen)
-        known = replace(known, flat=known.flat and anchors.Z in unknowns.model)
+        both = all(name in unknowns.model for name in anchors.SPINNING)
+        known = replace(known, flat=known.flat and anchors.Z in unknowns.model, spinning=known.spinning and both)
         back = with_values(solution.point.vehicle, (unseen,), np.array([started.value(unseen)]))
         point = replace(solution.point, vehicle=back)
     progress("identify", 1.0)
@@ -167,8 +168,8 @@ def _is_surplus(effect: str, flights: Sequence[Flight], solution: Solution, unkn
     Wald's test, by the noise and by the scatter of blocks of time, which a few blocks make too small by chance.
     """
     own = [i for i, name in enumerate(unknowns.model) if name.startswith(f"{effect}.")]
-    if not own or effect == GYROSCOPIC:
-        return False
+    if not own or (effect == GYROSCOPIC and any(name.startswith(f"{REACTION}.") for name in unknowns.model)):
+        return False  # it goes with the other
     value = solution.point.shared(unknowns)[own]
     both = solution.covariance(), robust_covariance(solution, unknowns.size)[0]
     squares = [float(value @ np.linalg.pinv(c[np.ix_(own, own)], hermitian=True) @ value) for c in both]

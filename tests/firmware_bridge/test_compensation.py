@@ -120,3 +120,18 @@ def test_a_curve_of_thrust_that_never_carries_the_vehicle_is_refused():
     sinking = FLAT.with_effect("thrust_affine", constant_n=3.0, slope_n_s=0.0)
     with pytest.raises(InputError, match=r"no rotor speed makes the 1\.72 N of hover"):
         controller.parameters_of(sinking)
+
+
+def test_a_curve_of_thrust_without_a_square_is_met_at_hover_too():
+    line = FLAT.with_value("thrust_quadratic.k_n_s2", 0.0).with_effect("thrust_affine", constant_n=0.0, slope_n_s=2e-3)
+    found, hover_n = controller.parameters_of(line).parameters, FLAT.mass_kg * FLAT.gravity_m_s2 / 4.0
+    assert found["quad_n_s2"] * (hover_n / 2e-3) ** 2 == pytest.approx(hover_n)
+
+
+def test_a_torque_with_the_spin_is_refused_and_one_of_the_line_alone_is_taken():
+    curved = FLAT.with_effect("torque_affine", slope_n_m_s=6e-6)
+    alone = controller.parameters_of(curved.without_effect("rotor_yaw_torque")).parameters["cq_n_m_s2"]
+    own = FLAT.value("rotor_yaw_torque.torque_n_m_s2")
+    assert alone == pytest.approx(controller.parameters_of(curved).parameters["cq_n_m_s2"] - own)
+    with pytest.raises(InputError, match="a rotor in hover has no torque against its spin"):
+        controller.parameters_of(FLAT.with_effect("torque_affine", slope_n_m_s=-1e-4))

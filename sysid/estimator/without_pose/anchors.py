@@ -47,6 +47,8 @@ class Beside:
     """As given."""
     flat: bool
     """Whether the usual shape of a multirotor counts."""
+    spinning: bool
+    """Whether the rotors' inertia is estimated from both torques that it makes."""
 
     @property
     def weighs(self) -> bool:
@@ -61,7 +63,7 @@ class Beside:
         mean = 0.5 * sum(vehicle.value(name) for name in SIDEWAYS)
         if self.flat:
             rows.append(np.log(max(vehicle.value(Z) / (FLAT * mean), 1e-6)) / FLAT_STD)
-        if all(name in vehicle.parameters for name in SPINNING):
+        if self.spinning and all(name in vehicle.parameters for name in SPINNING):
             one, other = (vehicle.value(name) for name in SPINNING)
             rows.append((other - one) / (SPINNING_STD * mean))
         return np.array(rows, dtype=np.float64)
@@ -154,6 +156,7 @@ def beside(
         volts=volts,
         mass=vehicle.parameter("mass_kg"),
         flat=Z in names and Z not in priors and all(name in names for name in SIDEWAYS),
+        spinning=all(name in names for name in SPINNING),
     )
 
 

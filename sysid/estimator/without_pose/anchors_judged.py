@@ -44,7 +44,7 @@ class _Rest:
 
 def judge(known: Beside, solution: Solution, unknowns: Unknowns) -> list[Judged]:
     """Of every anchor that bears on the fit, and of the mass where a thrust measures it."""
-    vehicle, only = solution.point.vehicle, replace(known, flat=False)
+    vehicle, only = solution.point.vehicle, replace(known, flat=False, spinning=False)
     count = len(known.hovers) + len(known.thrusts)
     if not count:
         return []

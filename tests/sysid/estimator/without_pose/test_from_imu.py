@@ -10,6 +10,7 @@ import sysid
 from flight import FlightLog, InputError
 from sysid.diagnosis.procedure import diagnose
 from sysid.estimator import from_imu
+from sysid.estimator.options import HoverCommand
 from sysid.estimator.without_pose import anchors, sensing, told
 from sysid.logs.sensors.low_pass import LowPass
 
@@ -231,6 +232,7 @@ def test_where_throttle_steps_are_too_small_to_tell_the_curve_of_thrust_interval
         assert abs(estimate.value - values[name][0]) < 1.5 * estimate.interval90
 
 
+@pytest.mark.slow
 def test_torques_of_rotors_that_turn_and_speed_up_leave_the_inertia_about_z_right(start):
     """Without the gyroscopic one it came out 25 % small in crazyflow's flights, and 1.8 % large in this one."""
     import without_pose_flights as flights
@@ -239,13 +241,16 @@ def test_torques_of_rotors_that_turn_and_speed_up_leave_the_inertia_about_z_righ
     values = flights.drawn(1, rng)
     for effect in (from_imu.REACTION, from_imu.GYROSCOPIC):
         body = body.with_effect(effect, rotor_inertia_kg_m2=4e-6)
-    found = sysid.identify(flights.flown(body, values, rng, duration_s=30.0), start)
+    log = flights.flown(body, values, rng, duration_s=30.0)
+    found = sysid.identify(log, start)
     about_z, truth = found.estimate("inertia_zz_kg_m2"), values["inertia_zz_kg_m2"][0]
     assert about_z.value == pytest.approx(truth, abs=about_z.interval90)
     assert about_z.value == pytest.approx(truth, rel=0.01)
     per_speed = flights.FULL_RAD_S / start.limits.rotor_speed_max_rad_s  # full throttle's is not known
     for name in anchors.SPINNING:
         assert found.vehicle.value(name) == pytest.approx(4e-6 * per_speed, rel=0.05)
+    known = sysid.identify(log, start, sysid.Options(anchors=(HoverCommand(0.48, 0.01),)))  # beside the torques' tie
+    assert known.estimate("inertia_zz_kg_m2").value == pytest.approx(truth, rel=0.02)
 
 
 def test_inflow_is_kept_where_it_damps_and_never_where_it_drives(start):
@@ -264,7 +269,6 @@ def test_inflow_is_kept_where_it_damps_and_never_where_it_drives(start):
 
 
 def test_inflow_that_cannot_be_fitted_costs_nothing_and_ends_the_progress(twins, start, fitted, monkeypatch):
-    from sysid.estimator import from_imu
 
     fit, done = from_imu._identified, []
 
