@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from firmware_bridge.autopilot import inner_loop
+from firmware_bridge.autopilot import inner_loop, settings
+from firmware_bridge.autopilot.flavour import PX4
 from firmware_bridge.autopilot.inner_loop import Autopilot
 from firmware_bridge.autopilot.line import MavlinkLine, parsed
 from firmware_bridge.autopilot.setup import AutopilotSetup
@@ -38,6 +39,7 @@ class Vehicle:
             address, 1, 255, OFFBOARD, 6, True, THRUST, 0.7, 9.81, "127.0.0.1", 0, 0.0
         )  # fmt: skip
         self.ours = Autopilot(self.setup, self.line)
+        self.line_port = port
         self.peer: tuple[str, int] | None = ("127.0.0.1", port) if waits else None
         self.heard: list[mavlink.MAVLink_message] = []
 
@@ -63,7 +65,7 @@ class Vehicle:
 
     def asked(self, command: int) -> list[float]:
         said = [message.to_dict() for message in self.heard if message.get_type() == "COMMAND_LONG"]
-        return [of["param1"] for of in said if of["command"] == command]
+        return [float(of["param1"]) for of in said if of["command"] == command]
 
 
 @pytest.fixture
@@ -152,6 +154,31 @@ def test_the_mode_is_not_asked_for_again_once_the_pilot_has_left_it(vehicle):
         it.tick(now_s, Stage.FOLLOWING)
     assert it.asked(176) == [1.0]
     assert it.ours.state.left
+
+
+def test_only_its_own_autopilot_says_where_it_is(vehicle):
+    """A station of another id, or another vehicle, does not draw the set-points away."""
+    it = vehicle(waits=True)
+    it.line.system = 1
+    it.tick(0.0, Stage.WAITING)
+    it.beat(OFFBOARD, armed=False)
+    assert it.tick(1.0, Stage.FOLLOWING)
+    with socket.socket(type=socket.SOCK_DGRAM) as other:
+        for system, component in ((255, 190), (2, 1), (1, 240)):
+            mav = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
+            other.sendto(mav.heartbeat_encode(6, 8, 0, 0, 4).pack(mav), ("127.0.0.1", it.line_port))
+        assert it.tick(1.004, Stage.FOLLOWING)
+    assert it.line.stations == {255, 2, 1}
+
+
+def test_what_another_system_tells_of_parameters_is_not_taken(vehicle):
+    it = vehicle(waits=True)
+    it.tick(0.0, Stage.WAITING)
+    other = mavlink.MAVLink(None, srcSystem=77, srcComponent=1)
+    message = other.param_value_encode(b"COM_OF_LOSS_T", 0.4, mavlink.MAV_PARAM_TYPE_REAL32, 1, 0)
+    it.socket.sendto(message.pack(other), ("127.0.0.1", it.line_port))
+    values, _, _ = settings._told(it.line, 1, PX4)
+    assert not values
 
 
 def test_the_machines_own_time_goes_into_a_set_point(vehicle):
