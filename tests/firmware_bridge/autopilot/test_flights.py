@@ -5,6 +5,7 @@ import signal
 
 import numpy as np
 import pytest
+from pymavlink.dialects.v20 import common as mavlink
 
 from firmware_bridge.airborne import tracking
 from firmware_bridge.autopilot import settings
@@ -255,6 +256,23 @@ def test_a_wrong_set_up_is_refused_before_anything_flies(more, said):
     simulation = flights.simulated(curves.circle(), **more)
     flown = flights.fly(curves.circle(), simulation)
     assert said in flown.error
+    assert not simulation.setpoints
+
+
+def test_a_station_of_our_id_beside_us_is_refused():
+    """ArduPilot passes the heartbeats of its other links on."""
+    simulation = flights.simulated(HOVER, "ardupilot")
+    streams, station = simulation._stream, mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+
+    def stream() -> None:
+        streams()
+        beat = station.heartbeat_encode(mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4)
+        if simulation._peer is not None:
+            simulation._socket.sendto(beat.pack(station), simulation._peer)
+
+    simulation._stream = stream
+    flown = flights.fly(HOVER, simulation)
+    assert "SYSID_MYGCS: 255, as which another station sends too" in flown.error
     assert not simulation.setpoints
 
 
