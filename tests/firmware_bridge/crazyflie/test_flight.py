@@ -374,6 +374,7 @@ def test_a_packet_that_is_too_long_is_an_error_of_ours():
         ("crazyflie:radio://0/80/2M/E7E7E7E7E7", "the radio is not driven here"),
         ("crazyflie:usb://0", "no Crazyflie's address"),
         ("crazyflie:udp://127.0.0.1", "no Crazyflie's address"),
+        ("crazyflie:udp://[::1]:19850", "no Crazyflie's address"),
         ("crazyflie:udp://10.0.0.5:19850", "is not this machine"),
     ],
 )
