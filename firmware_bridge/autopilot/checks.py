@@ -14,8 +14,8 @@ HOVER_APART = 0.15
 """Share by which the autopilot's hover thrust and the vehicle file's may differ; an observer makes up for the rest."""
 FREE_RATE_DEG_S = 720.0
 """Where ArduPilot sets no limit (0)."""
-THRUST_AS_THRUST = 8
-"""Of GUID_OPTIONS; without it a thrust of .5 holds the height and others climb or sink."""
+RADIO_ARMS, THRUST_AS_THRUST = 1, 8
+"""Of GUID_OPTIONS: a radio arms in GUIDED; without the other a thrust of .5 holds the height, others climb or sink."""
 _PX4_FALLS = {6: "terminates: the rotors stop", 7: "disarms: the rotors stop"}
 _PX4_ACTS = {
     0: "position mode, which needs a pilot's sticks", 1: "altitude mode, which needs a pilot's sticks",
@@ -29,14 +29,24 @@ _GCS_ACTS = {
 }  # fmt: skip
 
 
-def checks(found: Settings, *, weight_n: float, thrust: AutopilotThrust) -> tuple[ArmingCheck, ...]:
+def checks(
+    found: Settings, *, weight_n: float, thrust: AutopilotThrust, arms: bool = True, origin: bool = False
+) -> tuple[ArmingCheck, ...]:
     """Every condition with what was read.
 
     Args:
+        arms: we ask it to arm; else the pilot arms it in our mode.
+        origin: it was told one.
         thrust: by the vehicle file alone.
     """
-    own = _px4(found) if found.flavour is PX4 else _ardupilot(found)
-    return (_disarmed(found), *own, _hover(found, weight_n, thrust))
+    own = _px4(found) if found.flavour is PX4 else _ardupilot(found, arms=arms)
+    taken = ArmingCheck(
+        "origin",
+        found.origin_known,
+        "known to its estimator" if found.origin_known else "not taken",
+        "leave out ?origin, or restart it",
+    )
+    return (_disarmed(found), *own, _hover(found, weight_n, thrust), *([taken] if origin else []))
 
 
 def when_we_die(found: Settings) -> str:
@@ -48,7 +58,8 @@ def when_we_die(found: Settings) -> str:
     act = _GCS_ACTS.get(int(value.get("FS_GCS_ENABLE", -1)), "does what FS_GCS_ENABLE says")
     return (
         f"without us ArduPilot holds the last rates for {value['GUID_TIMEOUT']:g} s, then is level at its height, "
-        f"and after {value.get('FS_GCS_TIMEOUT', 5.0):g} s: {act}"
+        f"and after {value.get('FS_GCS_TIMEOUT', 5.0):g} s, "
+        f"only if no other station sends as {own_system(found)}: {act}"
     )
 
 
@@ -61,7 +72,11 @@ def largest_rad_s(found: Settings) -> tuple[float, float, float]:
 
 def own_system(found: Settings) -> int:
     """The id to send by: of the station whose silence ArduPilot acts on."""
-    return int(found.parameters.get("MAV_GCS_SYSID", found.parameters.get("SYSID_MYGCS", 255.0)))
+    return int(found.parameters.get(_station_name(found), 255.0))
+
+
+def _station_name(found: Settings) -> str:
+    return "MAV_GCS_SYSID" if "MAV_GCS_SYSID" in found.parameters else "SYSID_MYGCS"
 
 
 def _disarmed(found: Settings) -> ArmingCheck:
@@ -85,13 +100,14 @@ def _px4(found: Settings) -> Iterator[ArmingCheck]:
     yield ArmingCheck("COM_OBL_RC_ACT", good, f"{_said(act)}, {words}", "set COM_OBL_RC_ACT to 4, which lands")
 
 
-def _ardupilot(found: Settings) -> Iterator[ArmingCheck]:
+def _ardupilot(found: Settings, *, arms: bool) -> Iterator[ArmingCheck]:
     yield _at_most(found, "GUID_TIMEOUT", LONGEST_HOLD_S)
     options = found.parameters.get("GUID_OPTIONS", math.nan)
-    thrust = options == options and bool(int(options) & THRUST_AS_THRUST)
+    told, wanted = int(options) if options == options else 0, THRUST_AS_THRUST | (0 if arms else RADIO_ARMS)
+    why = "else a thrust is a climb rate" + ("" if arms else ", and no radio arms it in GUIDED")
     yield ArmingCheck(
-        "GUID_OPTIONS", thrust, f"{_said(options)}, expected {THRUST_AS_THRUST} in it: else a thrust is a climb rate",
-        f"set GUID_OPTIONS to {(int(options) if options == options else 0) | THRUST_AS_THRUST}",
+        "GUID_OPTIONS", told & wanted == wanted, f"{_said(options)}, expected {wanted} in it: {why}",
+        f"set GUID_OPTIONS to {told | wanted}",
     )  # fmt: skip
     boost = found.parameters.get("ATC_ANGLE_BOOST", math.nan)
     yield ArmingCheck(
@@ -103,6 +119,12 @@ def _ardupilot(found: Settings) -> Iterator[ArmingCheck]:
         "FS_GCS_ENABLE", enabled > 0.0,
         f"{_said(enabled)}, expected above 0: else it hovers without us until its battery is empty",
         "set FS_GCS_ENABLE to 5, which lands",
+    )  # fmt: skip
+    own, alone = own_system(found), own_system(found) not in found.stations
+    yield ArmingCheck(
+        _station_name(found), alone,
+        f"{own}, as which " + ("no other sends" if alone else "another station sends too: ArduPilot would not miss us"),
+        f"close it, or give it another id than {own}",
     )  # fmt: skip
 
 

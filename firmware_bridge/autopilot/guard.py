@@ -15,7 +15,7 @@ def main() -> None:
     address = line.parsed(setup.address)
 
     def opened() -> tuple[InnerLoop, Callable[[], None]]:
-        opened = line.MavlinkLine(address, own_system=setup.own_system)
+        opened = line.MavlinkLine(address, own_system=setup.own_system, system=setup.system)
         return Autopilot(setup, opened, vision=address.vision), opened.close
 
     process(setup, opened, int(sys.argv[2]))

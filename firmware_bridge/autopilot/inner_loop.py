@@ -39,8 +39,10 @@ INTERVALS_HZ = {
     AttitudeQuaternion.ID: 50.0, LocalPositionNed.ID: 25.0, CurrentMode.ID: 10.0, Heartbeat.ID: 5.0,
     ServoOutputRaw.ID: 25.0, SysStatus.ID: 2.0, BatteryStatus.ID: 2.0,
 }  # fmt: skip
-"""What is asked for while attitudes are missing."""
-_SILENT_S, _TEXT_S, _TEXTS = 0.3, 10.0, 3
+"""What is asked for, each while it is missing."""
+_SILENT_S, _LATE_PERIODS, _TEXT_S, _TEXTS = 0.3, 3.0, 10.0, 3
+_ON_ITS_WAY_S = 0.2
+"""What came so soon after a request may have been said before it."""
 _PREARM = 1 << 28
 _ERROR = 4
 """Texts of this severity or worse say why it does not arm."""
@@ -59,9 +61,13 @@ class Autopilot:
         self._setup, self._line, self._vision = setup, line, vision
         self.state = FirmwareState()
         self._mode = -1
+        self._came_s: dict[int, float] = {}
+        self._was_ours = self._asked_to_arm = False
+        self._ground_m, self._altitude_m = 0.0, np.nan
         self._refused: dict[int, str] = {}
         self._texts: deque[tuple[float, str]] = deque(maxlen=_TEXTS)
         self._now_s = self._asked_s = self._beat_s = self._armed_s = self._vision_s = -np.inf
+        self._undone_s = np.inf
 
     @property
     def ours(self) -> bool:
@@ -77,7 +83,7 @@ class Autopilot:
         self._now_s = now_s
         for received in self._line.receive():
             if (received.system_id, received.component_id) == (self._setup.system, AUTOPILOT_COMPONENT):
-                self.state.heard_s = now_s
+                self.state.heard_s = self._came_s[received.message.ID] = now_s
                 self._take(received.message, now_s)
 
     def seen(self, now_s: float, pose: Pose) -> None:
@@ -95,6 +101,7 @@ class Autopilot:
             self._line.send(heartbeat())
             self._beat_s = now_s
         self._ask_for_messages(now_s)
+        self._mind_the_pilot(stage)
         if stage is Stage.PILOT or (stage is Stage.DOWN and not self.ours):
             return  # nothing from us: PX4's mode cannot even be entered again
         thrust = self._setup.thrust.command(force_n, self.state.battery_v) if force_n > 0.0 else 0.0
@@ -108,24 +115,34 @@ class Autopilot:
         )  # fmt: skip
         self._arm_or_disarm(now_s, stage)
 
+    def _mind_the_pilot(self, stage: Stage) -> None:
+        """His switch ends us before it is armed too."""
+        self._was_ours |= stage is Stage.FOLLOWING and self.ours
+        self.state.left |= self._was_ours and not self.ours and not self.state.armed
+
     def _arm_or_disarm(self, now_s: float, stage: Stage) -> None:
-        if now_s - self._armed_s < ARM_S:
+        """Whatever it says of arming, a request to arm is undone: what it says may be older."""
+        undoes = stage is Stage.DOWN and self._asked_to_arm and self._undone_s > now_s
+        if now_s - self._armed_s < ARM_S and not undoes:
             return
         self._armed_s = now_s
-        if stage is Stage.DOWN and self.state.armed and self.ours:
+        if stage is Stage.DOWN and (self.state.armed or not self.state.arming_told):
+            self._undone_s = min(self._undone_s, now_s)
             self._ask(ARM_DISARM, 0.0)
-        if stage is Stage.FOLLOWING and self._setup.arms and not self.state.armed:
+        if stage is Stage.FOLLOWING and self._setup.arms and not self.state.armed and not self.state.left:
             if self.ours:
+                self._asked_to_arm, self.state.arming_told = True, False
                 self._ask(ARM_DISARM, 1.0)
             else:
                 self._ask(DO_SET_MODE, CUSTOM_MODE, float(self._setup.mode_in_command))
 
     def _ask_for_messages(self, now_s: float) -> None:
-        if now_s - self.state.attitude_s < _SILENT_S or now_s - self._asked_s < ASK_S:
+        if now_s - self._asked_s < ASK_S:
             return
         self._asked_s = now_s
         for message_id, rate_hz in INTERVALS_HZ.items():
-            self._ask(SET_MESSAGE_INTERVAL, float(message_id), round(1e6 / rate_hz))
+            if now_s - self._came_s.get(message_id, -np.inf) > max(_SILENT_S, _LATE_PERIODS / rate_hz):
+                self._ask(SET_MESSAGE_INTERVAL, float(message_id), round(1e6 / rate_hz))
 
     def _ask(self, command: int, param1: float, param2: float = 0.0) -> None:
         self._line.send(
@@ -139,6 +156,7 @@ class Autopilot:
         state = self.state
         if isinstance(message, Heartbeat):
             state.armed, self._mode = bool(message.base_mode & ARMED), message.custom_mode
+            state.arming_told |= now_s > self._undone_s + _ON_ITS_WAY_S
             state.overriding = self.ours
         elif isinstance(message, CurrentMode):
             self._mode = message.custom_mode
@@ -147,15 +165,23 @@ class Autopilot:
             q = frames.flip_attitude(np.array([message.q1, message.q2, message.q3, message.q4]))
             state.roll_pitch_rad, state.attitude_s = np.array(roll_pitch_yaw(q)[:2]), now_s
         elif isinstance(message, LocalPositionNed):
-            if -message.z != state.altitude_m:
-                state.altitude_changed_s = now_s
-            state.altitude_m, state.climb_m_s, state.altitude_s = -message.z, -message.vz, now_s
+            self._take_height(-message.z, now_s)
+            state.climb_m_s = -message.vz
             state.has_barometer = True  # its estimate of the height has at least one
         elif isinstance(message, ServoOutputRaw) and message.port == 0:
             outputs = (message.servo1_raw, message.servo2_raw, message.servo3_raw, message.servo4_raw)
             state.motors = np.clip((np.array(outputs) - 1000.0) / 1000.0, 0.0, 1.0)
         else:
             self._take_health(message, now_s)
+
+    def _take_height(self, altitude_m: float, now_s: float) -> None:
+        """Above where it was armed: the estimator's origin may be anywhere."""
+        state = self.state
+        if altitude_m != self._altitude_m:
+            state.altitude_changed_s = now_s
+        if not state.armed:
+            self._ground_m = altitude_m
+        self._altitude_m, state.altitude_m, state.altitude_s = altitude_m, altitude_m - self._ground_m, now_s
 
     def _take_health(self, message: Message, now_s: float) -> None:
         state = self.state

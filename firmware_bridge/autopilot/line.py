@@ -7,14 +7,18 @@ from dataclasses import dataclass
 from urllib.parse import parse_qs, urlsplit
 
 from firmware_bridge.dialect.generated import autopilot_messages, messages
+from firmware_bridge.dialect.generated.messages import Heartbeat
 from firmware_bridge.dialect.message import Message
 from firmware_bridge.mavlink import Codec, Received
 from flight import InputError, LinkError
 
 PREFIX = "mavlink:"
+AUTOPILOT_COMPONENT = 1
 OWN_SYSTEM, OWN_COMPONENT = 255, 191
 """A ground station's id, which ArduPilot's failsafe watches, and an onboard computer's."""
 _KINDS = {**messages.BY_ID, **autopilot_messages.BY_ID}
+_BOUNDS = (-90.0, 90.0), (-180.0, 180.0), (-1000.0, 10000.0)
+"""Of an origin: degrees, degrees, metres."""
 _FORM = "mavlink:udp://127.0.0.1:PORT, or mavlink:udpin://127.0.0.1:PORT to wait there for its first message"
 
 
@@ -45,7 +49,7 @@ def parsed(text: str) -> Address:
         if parts.scheme not in ("udp", "udpin") or not parts.hostname or not parts.port or unknown:
             raise ValueError
         origin = tuple(float(word) for word in query["origin"].split(",")) if "origin" in query else None
-        if origin is not None and not (len(origin) == 3 and abs(origin[0]) <= 90.0 and abs(origin[1]) <= 180.0):
+        if origin is not None and not (len(origin) == 3 and all(map(_within, origin, _BOUNDS))):
             raise ValueError
         vision = {"on": True, "off": False, None: False}[query.get("vision")]
     except (ValueError, KeyError):
@@ -54,7 +58,13 @@ def parsed(text: str) -> Address:
     return Address(parts.hostname, parts.port, parts.scheme == "udpin", origin, vision)  # pyright: ignore[reportArgumentType]
 
 
+def _within(value: float, bounds: tuple[float, float]) -> bool:
+    return bounds[0] <= value <= bounds[1]
+
+
 def _require_this_machine(text: str, host: str) -> None:
+    if host == "::1":
+        raise InputError(f"{text!r}: MAVLink goes by IPv4 here; give {_FORM}")
     try:
         here = host == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -69,19 +79,24 @@ def _require_this_machine(text: str, host: str) -> None:
 class MavlinkLine:
     """Messages out and in; what is damaged or of another dialect is not looked at."""
 
-    def __init__(self, address: Address, *, own_system: int = OWN_SYSTEM) -> None:
+    def __init__(self, address: Address, *, own_system: int = OWN_SYSTEM, system: int | None = None) -> None:
         """
+        Args:
+            system: whose autopilot we answer; None: any.
+
         Raises:
             InputError: the port cannot be listened at.
         """
         self._codec = Codec(own_system, OWN_COMPONENT, None, kinds=_KINDS)
         self._socket = socket.socket(type=socket.SOCK_DGRAM)
+        self.system = system
+        self.stations = set[int]()
+        """Systems, no autopilots, whose heartbeats have come."""
         self._to = None if address.waits else (address.host, address.port)
-        if address.waits:
-            try:
-                self._socket.bind((address.host, address.port))
-            except OSError as error:
-                raise InputError(f"MAVLink cannot be listened for at port {address.port}: {error}") from error
+        try:
+            self._socket.bind((address.host, address.port) if address.waits else ("127.0.0.1", 0))
+        except OSError as error:
+            raise InputError(f"MAVLink cannot be listened for at port {address.port}: {error}") from error
         self._socket.setblocking(False)
 
     def send(self, message: Message) -> None:
@@ -111,10 +126,17 @@ class MavlinkLine:
                 return found
             except OSError as error:
                 raise LinkError(f"the line to the autopilot broke: {error}") from error
-            heard = self._codec.decode(data)
-            if heard:
-                self._to = sender
-            found += heard
+            for received in self._codec.decode(data):
+                found.append(received)
+                if received.component_id == AUTOPILOT_COMPONENT and self.system in (None, received.system_id):
+                    self._to = sender
+                elif self._is_station(received):
+                    self.stations.add(received.system_id)
+
+    @staticmethod
+    def _is_station(received: Received) -> bool:
+        ours = (received.system_id, received.component_id) == (OWN_SYSTEM, OWN_COMPONENT)  # by a router, an echo
+        return isinstance(received.message, Heartbeat) and not ours
 
     def close(self) -> None:
         self._socket.close()

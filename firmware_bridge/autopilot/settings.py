@@ -4,8 +4,8 @@ import struct
 import time
 from dataclasses import dataclass
 
-from firmware_bridge.autopilot.flavour import BY_AUTOPILOT, COPTERS, REQUEST_MESSAGE, Flavour
-from firmware_bridge.autopilot.line import Address, MavlinkLine
+from firmware_bridge.autopilot.flavour import ARDUPILOT, BY_AUTOPILOT, COPTERS, REQUEST_MESSAGE, Flavour
+from firmware_bridge.autopilot.line import AUTOPILOT_COMPONENT, Address, MavlinkLine
 from firmware_bridge.dialect.generated.autopilot_messages import GpsGlobalOrigin, SetGpsGlobalOrigin
 from firmware_bridge.dialect.generated.messages import (
     AutopilotVersion,
@@ -16,12 +16,11 @@ from firmware_bridge.dialect.generated.messages import (
 )
 from flight import LinkError
 
-AUTOPILOT_COMPONENT = 1
 ARMED = 128
 ONBOARD, NO_AUTOPILOT = 18, 8
 _INTEGERS = {1: "<B3x", 2: "<b3x", 3: "<H2x", 4: "<h2x", 5: "<I", 6: "<i"}
 """MAV_PARAM_TYPE in the bits of a float."""
-_TRIES, _ANSWER_S, _HEARTBEAT_S = 4, 0.5, 1.0
+_TRIES, _ANSWER_S, _HEARTBEAT_S, _STATIONS_S = 4, 0.5, 1.0, 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +35,8 @@ class Settings:
     version: str = ""
     origin_known: bool = False
     """Its estimator knows where on Earth its local frame begins."""
+    stations: frozenset[int] = frozenset()
+    """Other systems that send heartbeats to it, or beside it."""
 
     @property
     def firmware(self) -> str:
@@ -51,7 +52,9 @@ def read(line: MavlinkLine, address: Address, *, patience_s: float = 10.0) -> Se
     Raises:
         LinkError: no autopilot is there, or none that is known, or a vehicle that is no multicopter.
     """
-    first, system = _first_heartbeat(line, patience_s)
+    begin_s = time.monotonic()
+    first, line.system = _first_heartbeat(line, patience_s)
+    system = line.system
     flavour = BY_AUTOPILOT.get(first.autopilot)
     if flavour is None:
         raise LinkError(f"an autopilot of kind {first.autopilot} answers; PX4 (12) and ArduPilot (3) are flown")
@@ -62,7 +65,10 @@ def read(line: MavlinkLine, address: Address, *, patience_s: float = 10.0) -> Se
         latitude, longitude, altitude_m = address.origin
         line.send(SetGpsGlobalOrigin(round(1e7 * latitude), round(1e7 * longitude), round(1e3 * altitude_m), system))
         _, _, origin = _told(line, system, flavour, known=set(flavour.parameters))
-    return Settings(flavour, system, values, bool(first.base_mode & ARMED), version, origin)
+    while flavour is ARDUPILOT and (left_s := begin_s + _STATIONS_S - time.monotonic()) > 0.0:
+        line.receive(left_s)  # a heartbeat of every station
+    stations = frozenset(line.stations)
+    return Settings(flavour, system, values, bool(first.base_mode & ARMED), version, origin, stations)
 
 
 def _first_heartbeat(line: MavlinkLine, patience_s: float) -> tuple[Heartbeat, int]:
@@ -97,6 +103,8 @@ def _told(
         while (left_s := end_s - time.monotonic()) > 0.0:
             for received in line.receive(left_s):
                 message = received.message
+                if (received.system_id, received.component_id) != (system, AUTOPILOT_COMPONENT):
+                    continue
                 if isinstance(message, ParamValue) and message.param_id in missing:
                     values[message.param_id] = number(message, flavour)
                 elif isinstance(message, AutopilotVersion):

@@ -52,6 +52,8 @@ class Client:
         self._transport = transport
         self.on_log: Callable[[bytes], None] = lambda _: None
         """Takes every block of logged values."""
+        self.on_pump: Callable[[], None] = lambda: None
+        """Called at every wait; what it raises ends the wait."""
         self.heard_s = -float("inf")
         """When it was last heard."""
 
@@ -61,6 +63,7 @@ class Client:
 
     def pump(self, wait_s: float) -> list[Packet]:
         """What has come within a time, the logged values apart."""
+        self.on_pump()
         found: list[Packet] = []
         for packet in self._transport.receive(wait_s):
             self.heard_s = self.now_s

@@ -70,7 +70,7 @@ def endpoint(address: str) -> tuple[str, int]:
             f"give {_FORM}, of a simulator"
         )
     try:
-        if parts.scheme != "udp" or not parts.hostname or not parts.port:
+        if parts.scheme != "udp" or not parts.hostname or not parts.port or parts.hostname == "::1":
             raise ValueError
     except ValueError:
         raise InputError(f"{address!r} is no Crazyflie's address; give {_FORM}") from None

@@ -16,14 +16,17 @@ from flight.flight_log import from_vectors
 
 ARM_S, SETTLE_S = 30.0, 2.0
 CLIMB_M_S, SHIFT_M_S, SLOWEST_S = 0.4, 0.3, 2.0
-SILENT_S, OFF_PLAN_M, TO_LAND_S = 0.5, 0.5, 5.0
+SILENT_S, OFF_PLAN_M = 0.5, 0.5
+EMPTY_S = 900.0
+"""Longer than any battery of it flies: so long it is asked to land."""
 LOWEST_TAKE_OFF_M = 0.3
 """A start below this height is approached from above."""
-_LATE_S, _PUMP_S, _SETTLED_S = 3.0, 0.02, 0.3
+_LATE_S, _PUMP_S, _SETTLED_S, _LOCKED_S = 3.0, 0.02, 0.3, 5.0
 ALONE = (
     "without us the Crazyflie flies its trajectory to the end and hovers there until its battery is empty; "
     "only this computer lands it"
 )
+_STOPPED = "emergency stop, the rotors are off"
 _RATE_SIGNS = np.array([1.0, -1.0, 1.0])
 """The firmware counts pitch nose up, in milliradians a second."""
 _MOTION, _ATTITUDE, _OUTPUTS, _HEALTH = range(4)
@@ -67,6 +70,7 @@ class Flight:
         self._variables: Variables | None = None
         self._phases: list[tuple[float, State]] = []
         self._ground_m = 0.0
+        self._up_s = -float("inf")
         self._armed_here = self._off = False
         self.ended_early = ""
         self.held: Trajectory | None = None
@@ -80,6 +84,8 @@ class Flight:
         """
         content = pieces.packed(self._plan)
         held = self._client.upload(content)
+        if len(held) != len(content):
+            raise LinkError(f"the Crazyflie read back {len(held)} of {len(content)} bytes: upload it again")
         if held != content:
             at = next(i for i, (a, b) in enumerate(zip(held, content, strict=True)) if a != b)
             raise LinkError(
@@ -99,12 +105,17 @@ class Flight:
         self._variables = Variables(self._client, _blocks())
         start = self._plan.position([0.0])[0]
         self._ready(start)
-        self._arm()
+        self._client.on_pump = self._obey_stop
+        try:
+            self._arm()
+        except Exception:
+            self._disarm()
+            raise
         try:
             self._climb(start)
             self._track()
-        except LinkError as early:
-            self.ended_early = str(early)
+        except Exception as early:  # whatever it is, it is in the air
+            self.ended_early = _words(early)
         self._land()
         return self._log()
 
@@ -129,6 +140,7 @@ class Flight:
 
     def _arm(self) -> None:
         armed = Bits.ARMED | Bits.AUTO_ARMED
+        self._not_cancelled("arming")
         if self._client.bits() & armed:
             return
         if self._arms:
@@ -151,7 +163,11 @@ class Flight:
         top_m = max(float(start[2]), self._ground_m + LOWEST_TAKE_OFF_M)
         duration_s = max((top_m - self._ground_m) / CLIMB_M_S, SLOWEST_S)
         self._not_cancelled("take-off")
-        self._client.take_off(top_m, duration_s)
+        self._up_s = self._client.now_s
+        try:
+            self._client.take_off(top_m, duration_s)
+        finally:
+            self._up_s = self._client.now_s  # when it was asked last
         self._while("take-off", duration_s)
         self._phase(State.APPROACH)
         far_m = float(np.linalg.norm(start - self._position()))
@@ -171,26 +187,41 @@ class Flight:
         self._while("the hover at the end", 0.5)
 
     def _land(self) -> None:
-        """Down where it is; tried again while it does not answer."""
+        """Down where it is; asked for until it is, or its rotors are off, or no battery lasts any longer."""
         self._phase(State.LANDING)
-        end_s = self._client.now_s + TO_LAND_S
-        duration_s = max((float(self._position()[2]) - self._ground_m) / CLIMB_M_S, SLOWEST_S)
+        end_s, told = self._client.now_s + EMPTY_S, False
         while not self._down_or_stopped():
             try:
-                self._client.land(self._ground_m, duration_s)
+                self._settle(self._ask_to_land() + _LATE_S)
                 break
-            except LinkError as error:
+            except Exception as error:  # also one of ours: nothing else lands it
                 if self._client.now_s > end_s:
-                    self.ended_early = f"{self.ended_early or error}; it does not answer: {ALONE}"
+                    self.ended_early = f"{self.ended_early or _words(error)}; it does not answer: {ALONE}"
                     return
-        self._settle(duration_s + _LATE_S)
+                if not (told or self._off):
+                    self._progress(f"it is asked to land until it does, or Ctrl-C stops its rotors: {ALONE}", 0.0)
+                    told = True
         with contextlib.suppress(LinkError):
             if not self._stopped():
                 self._client.stop()
-            if self._armed_here:
-                self._client.arm(on=False)
+        self._disarm()
         self._phase(State.DISARMED)
-        self._for(0.2)
+        with contextlib.suppress(LinkError):
+            self._for(0.2)
+
+    def _ask_to_land(self) -> float:
+        """How long it takes: from where it is, or from the top of the plan where that is not known."""
+        height_m = float(self._position()[2])
+        if not self._heard(_MOTION):
+            height_m = max(height_m, float(self._plan.position(np.arange(0.0, self._plan.duration_s, 0.1))[:, 2].max()))
+        duration_s = max((height_m - self._ground_m) / CLIMB_M_S, SLOWEST_S)
+        self._client.land(self._ground_m, duration_s)
+        return duration_s
+
+    def _disarm(self) -> None:
+        if self._armed_here:
+            with contextlib.suppress(LinkError):
+                self._client.arm(on=False)
 
     def _settle(self, limit_s: float) -> None:
         """Until it is down, which the supervisor judges by its rotors, or the landing's time is over."""
@@ -199,8 +230,15 @@ class Flight:
             self._for(0.1)
 
     def _down_or_stopped(self) -> bool:
+        """By what is logged now: what was logged before a take-off would say it is down."""
         low = self._position()[2] < self._ground_m + 0.05
-        return self._stopped() or (low and Bits.FLYING not in self._bits())
+        told = self._heard(_MOTION) and self._heard(_HEALTH)
+        return self._stopped() or (told and low and Bits.FLYING not in self._bits())
+
+    def _heard(self, block: int) -> bool:
+        """Of late, and of what a take-off has changed."""
+        heard_s = self._blocks()[block].heard_s
+        return self._client.now_s - heard_s < SILENT_S and heard_s > self._up_s + _SETTLED_S
 
     def _stopped(self) -> bool:
         return self._off or bool(self._bits() & LOST)
@@ -221,9 +259,6 @@ class Flight:
         Args:
             settled: its target is that of the last command.
         """
-        if self._stop():
-            self._rotors_off()
-            raise LinkError(f"{what}: emergency stop, the rotors are off")
         if lost := LOST & self._bits():
             self._rotors_off()
             raise LinkError(f"{what}: the supervisor says {', '.join(bit.name or '' for bit in lost).lower()}")
@@ -238,8 +273,24 @@ class Flight:
             raise LinkError(f"{what}: it is {off_m:.2f} m from where it is to be, at most {OFF_PLAN_M} m")
 
     def _rotors_off(self) -> None:
+        """Said until it is locked: a packet may be lost."""
         self._off = True
-        self._client.emergency_stop()
+        end_s = self._client.now_s + _LOCKED_S
+        while True:
+            self._client.emergency_stop()
+            self._for(0.1)
+            if Bits.LOCKED in self._bits() or self._client.now_s > end_s:
+                return
+
+    def _obey_stop(self) -> None:
+        """
+        Raises:
+            LinkError: the rotors are off.
+        """
+        if self._stop() and not self._off:
+            self._rotors_off()
+            self.ended_early = "; ".join([*filter(None, [self.ended_early]), _STOPPED])
+            raise LinkError(_STOPPED)
 
     def _not_cancelled(self, what: str) -> None:
         if self._cancel():
@@ -299,6 +350,10 @@ class Flight:
         scalars |= {"battery_v": rest[:, 4], "mission_state": states[np.searchsorted(begins_s, t, side="right")]}
         metadata = {"source": "Crazyflie"} | ({"ended_early": self.ended_early} if self.ended_early else {})
         return from_vectors(t, vectors, scalars=scalars, metadata=metadata)
+
+
+def _words(error: Exception) -> str:
+    return str(error) if isinstance(error, LinkError) else f"{type(error).__name__}: {error}"
 
 
 def _between(time_s: FloatArray, block: Block, rows: FloatArray) -> FloatArray:

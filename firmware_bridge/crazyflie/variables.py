@@ -25,6 +25,8 @@ class Block:
     """As `group.name`."""
     period_ms: int
     layout: struct.Struct = field(default_factory=lambda: struct.Struct("<"))
+    heard_s: float = -float("inf")
+    """When one came last."""
     time_s: list[float] = field(default_factory=list[float])
     rows: list[tuple[float, ...]] = field(default_factory=list[tuple[float, ...]])
 
@@ -69,6 +71,7 @@ class Variables:
         if len(data) < 4 + block.layout.size or not self._newer(data[0], stamp_ms):
             return
         self._begin_ms = stamp_ms if self._begin_ms is None else self._begin_ms
+        block.heard_s = self._client.now_s
         block.time_s.append(1e-3 * self._since(stamp_ms))
         block.rows.append(tuple(map(float, block.layout.unpack_from(data, 4))))
 

@@ -67,6 +67,10 @@ class FirmwareState:
     """Roll right, pitch nose down: rotations about x forward and y left."""
     attitude_s: float = -np.inf
     armed: bool = False
+    arming_told: bool = True
+    """Whether it has told that since it was last asked to arm or disarm."""
+    left: bool = False
+    """Whether the pilot has left the mode that follows us, before it was armed."""
     overriding: bool = False
     """Whether MSP has the sticks by the pilot's switch."""
     other_modes: tuple[int, ...] = ()

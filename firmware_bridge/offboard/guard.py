@@ -130,7 +130,7 @@ class Guard:
             self._command.wish, self._gone, self._command.time_s,
             -np.inf if self._watch.lying else self._command.pose_s, state.armed, ours,
             self._descent is not None and self._descent.landed, self._airborne.lifted, bool(state.other_modes),
-            self._firmware.pilot_arms, state.heard_s,
+            self._firmware.pilot_arms, state.heard_s, state.arming_told, state.left,
         )  # fmt: skip
         stage = self._ladder.step(now_s, seen)
         force_n, rate = self._demand(now_s, stage)

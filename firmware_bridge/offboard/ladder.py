@@ -96,6 +96,10 @@ class Seen:
     """Whether a pilot has a receiver, and arms by it."""
     heard_s: float = float("inf")
     """When the firmware last answered."""
+    arming_told: bool = True
+    """What it says of arming is newer than what it was last asked for."""
+    left: bool = False
+    """Whether the pilot has left the mode that follows us, before it was armed."""
 
 
 class Ladder:
@@ -142,7 +146,7 @@ class Ladder:
         """Whether sending may stop: with a receiver, a landed vehicle would get the pilot's throttle."""
         since_s = now_s - self._since_s
         if seen.receiver:
-            away = not seen.armed or not seen.sticks_ours or now_s - seen.heard_s > UNHEARD_S
+            away = (not seen.armed and seen.arming_told) or not seen.sticks_ours or now_s - seen.heard_s > UNHEARD_S
             return since_s > LEAST_DOWN_S and away
         return since_s > (DOWN_S if seen.armed else LEAST_DOWN_S)
 
@@ -173,6 +177,8 @@ class Ladder:
             return Stage.DOWN, Reason.NONE
         if seen.wish is Wish.DESCEND:
             return lost, Reason.ASKED
+        if seen.left:
+            return lost, Reason.PILOT_TOOK_OVER
         if seen.other_mode:
             return lost, Reason.OTHER_MODE
         if not _fresh(now_s, seen):

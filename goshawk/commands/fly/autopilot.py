@@ -19,6 +19,8 @@ from goshawk.commands.fly import offboard
 from vehicle import Vehicle
 
 GUARD = "firmware_bridge.autopilot.guard"
+IDLE = 0.0
+"""Output at no thrust: neither autopilot tells where its rotors begin to turn."""
 
 
 def fly(
@@ -43,9 +45,11 @@ def fly(
         found = settings.read(opened, address)
     finally:
         opened.close()
-    by_file = thrust.of(found.flavour, found.parameters, offboard.thrust_map(model))
+    by_file = thrust.of(found.flavour, found.parameters, offboard.thrust_map(model, idle=IDLE))
     weight_n = model.mass_kg * model.gravity_m_s2
-    required(checks.checks(found, weight_n=weight_n, thrust=by_file))
+    required(
+        checks.checks(found, weight_n=weight_n, thrust=by_file, arms=arms, origin=address.origin is not None)
+    )  # fmt: skip
     anchored = by_file.through(found.parameters[found.flavour.hover], weight_n)
     rates = checks.largest_rad_s(found)
     offboard.require_followable(

@@ -23,13 +23,14 @@ from firmware_bridge.offboard.poses import Pose, tum_line
 from flight import rotations
 
 STEP_S = 2e-3
-IDLE = 0.055
+IDLE = 0.03
+"""Other than the bridge thinks: it cannot know."""
 PX4_OFFBOARD, PX4_HOLD, PX4_LAND, PX4_POSITION = 6 << 16, (4 << 16) | (3 << 24), (4 << 16) | (6 << 24), 3 << 16
 GUIDED, LAND, STABILIZE, LOITER = 4, 9, 0, 5
 FLIP = np.array([1.0, -1.0, -1.0])
 PARAMETERS = {
-    "px4": {"COM_OF_LOSS_T": 0.5, "COM_OBL_RC_ACT": 4, "COM_RCL_EXCEPT": 4, "MPC_THR_HOVER": 0.5, "THR_MDL_FAC": 0.0,
-            "MC_ROLLRATE_MAX": 600.0, "MC_PITCHRATE_MAX": 600.0, "MC_YAWRATE_MAX": 300.0, "COM_LOW_BAT_ACT": 2},
+    "px4": {"COM_OF_LOSS_T": 0.5, "COM_OBL_RC_ACT": 4, "MPC_THR_HOVER": 0.5, "THR_MDL_FAC": 0.0,
+            "MC_ROLLRATE_MAX": 600.0, "MC_PITCHRATE_MAX": 600.0, "MC_YAWRATE_MAX": 300.0},
     "ardupilot": {"GUID_TIMEOUT": 0.5, "GUID_OPTIONS": 8, "FS_GCS_ENABLE": 5, "FS_GCS_TIMEOUT": 5.0, "SYSID_MYGCS": 255,
                   "MOT_THST_HOVER": 0.3, "ATC_ANGLE_BOOST": 0, "ATC_RATE_R_MAX": 0.0, "ATC_RATE_P_MAX": 0.0,
                   "ATC_RATE_Y_MAX": 0.0},

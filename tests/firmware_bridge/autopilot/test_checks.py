@@ -62,6 +62,29 @@ def test_one_wrong_or_untold_parameter_is_refused_by_its_name(kind, name, value)
     assert failed(told) == [name]
 
 
+def test_another_station_of_our_id_is_refused_where_its_silence_is_to_be_noticed():
+    assert failed(replace(found("ardupilot"), stations=frozenset({255}))) == ["SYSID_MYGCS"]
+    assert not failed(replace(found("ardupilot"), stations=frozenset({254})))
+    assert not failed(replace(found("px4"), stations=frozenset({255})))
+
+
+def test_where_the_pilot_arms_by_radio_guided_must_let_him():
+    told = found("ardupilot")
+    by_file = thrust.of(ARDUPILOT, told.parameters, BY_FILE)
+    (check,) = [c for c in checks.checks(told, weight_n=WEIGHT_N, thrust=by_file, arms=False) if not c.passed]
+    assert "set GUID_OPTIONS to 9" in str(check)
+
+
+def test_an_origin_that_was_told_must_have_been_taken():
+    told = found("px4")
+    by_file = thrust.of(told.flavour, told.parameters, BY_FILE)
+    for known in (False, True):
+        conditions = checks.checks(
+            replace(told, origin_known=known), weight_n=WEIGHT_N, thrust=by_file, origin=True
+        )  # fmt: skip
+        assert [check.name for check in conditions if not check.passed] == ([] if known else ["origin"])
+
+
 def test_armed_is_refused():
     assert failed(replace(found("px4"), armed=True)) == ["armed"]
 
@@ -78,7 +101,8 @@ def test_the_other_options_of_guided_stay_in_the_remedy():
     [
         ("px4", {"COM_OBL_RC_ACT": 4.0}, "for 0.5 s, then: lands where it is"),
         ("px4", {"COM_OBL_RC_ACT": 0.0}, "position mode, which needs a pilot's sticks"),
-        ("ardupilot", {}, "for 0.5 s, then is level at its height, and after 5 s: lands where it is"),
+        ("ardupilot", {}, "for 0.5 s, then is level at its height, and after 5 s, "),
+        ("ardupilot", {"SYSID_MYGCS": 250.0}, "only if no other station sends as 250: lands where it is"),
         ("ardupilot", {"FS_GCS_ENABLE": 1.0}, "returns and lands"),
     ],
 )
@@ -128,7 +152,9 @@ def test_an_address_may_name_the_origin_and_ask_for_poses_to_be_passed_on():
 @pytest.mark.parametrize(
     "text",
     ["mavlink:tcp://127.0.0.1:5760", "mavlink:udp://127.0.0.1", "mavlink:udp://127.0.0.1:1?origin=91,0,0",
-     "mavlink:udp://127.0.0.1:1?origin=1,2", "mavlink:udp://127.0.0.1:1?vision=yes", "mavlink:udp://127.0.0.1:1?x=1"],
+     "mavlink:udp://127.0.0.1:1?origin=1,2", "mavlink:udp://127.0.0.1:1?vision=yes", "mavlink:udp://127.0.0.1:1?x=1",
+     *(f"mavlink:udp://127.0.0.1:1?origin=47,8,{altitude}" for altitude in ("nan", "inf", "1e9")),
+     "mavlink:udp://127.0.0.1:1?origin=nan,8,1", "mavlink:udp://[::1]:14540"],
 )  # fmt: skip
 def test_another_address_is_refused_with_the_form(text):
     with pytest.raises(InputError, match="give mavlink:udp://127"):

@@ -5,6 +5,7 @@ import signal
 
 import numpy as np
 import pytest
+from pymavlink.dialects.v20 import common as mavlink
 
 from firmware_bridge.airborne import tracking
 from firmware_bridge.autopilot import settings
@@ -94,8 +95,45 @@ def test_the_pilots_mode_switch_ends_us_at_once(kind, mode, landing):
     simulation.each_step = then_land
     flown = flights.fly(HOVER, simulation)
     assert "the pilot took the sticks back" in flown.early
-    assert simulation.setpoints - taken[0][1] < 30  # .12 s of them, until it has told its mode
+    assert simulation.setpoints - taken[0][1] < 55  # .2 s of them, between two heartbeats
     assert simulation.fastest_down_m_s < SOFTLY_M_S
+
+
+@pytest.mark.parametrize("kind", ["px4", "ardupilot"])
+def test_cancelled_as_it_arms_it_is_disarmed_before_the_guard_ends(kind):
+    """Its heartbeat, once a second, then still says that it is disarmed."""
+    simulation, armed = flights.simulated(HOVER, kind), []
+    asked = simulation._on_command_long
+
+    def keep_the_heartbeat_slow(message) -> None:
+        if not (message.command == 511 and message.param1 == 0.0):
+            asked(message)
+
+    simulation._on_command_long = keep_the_heartbeat_slow
+    simulation.each_step = lambda of: armed.append(of.time_s) if of.armed else None
+    flown = flights.fly(HOVER, simulation, cancel=lambda: simulation.armed)
+    assert "cancelled" in flown.error
+    assert armed
+    assert not simulation.armed
+    assert simulation.follows  # and by us, not by its failsafe
+    assert simulation.way[-1][1][2] < 0.1
+
+
+def test_a_pilot_who_leaves_the_mode_before_it_is_armed_ends_the_flight():
+    simulation = flights.simulated(HOVER)
+    left: list[float] = []
+
+    def step(of: SimulatedAutopilot) -> None:
+        of.prearm = "waiting" if of.mode == PX4_OFFBOARD or left else ""
+        if of.mode == PX4_OFFBOARD and not left and "400: 1" in of.said:
+            left.append(of.time_s)
+            of.mode = PX4_POSITION
+
+    simulation.each_step = step
+    flown = flights.fly(HOVER, simulation)
+    assert "the pilot took the sticks back" in flown.error
+    assert simulation.mode == PX4_POSITION
+    assert not simulation.armed
 
 
 @pytest.mark.slow
@@ -218,6 +256,23 @@ def test_a_wrong_set_up_is_refused_before_anything_flies(more, said):
     simulation = flights.simulated(curves.circle(), **more)
     flown = flights.fly(curves.circle(), simulation)
     assert said in flown.error
+    assert not simulation.setpoints
+
+
+def test_a_station_of_our_id_beside_us_is_refused():
+    """ArduPilot passes the heartbeats of its other links on."""
+    simulation = flights.simulated(HOVER, "ardupilot")
+    streams, station = simulation._stream, mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+
+    def stream() -> None:
+        streams()
+        beat = station.heartbeat_encode(mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4)
+        if simulation._peer is not None:
+            simulation._socket.sendto(beat.pack(station), simulation._peer)
+
+    simulation._stream = stream
+    flown = flights.fly(HOVER, simulation)
+    assert "SYSID_MYGCS: 255, as which another station sends too" in flown.error
     assert not simulation.setpoints
 
 

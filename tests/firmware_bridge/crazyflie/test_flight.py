@@ -206,6 +206,33 @@ def test_an_emergency_stop_stops_the_rotors_wherever_it_is():
     assert LAND not in simulation.commands
 
 
+def test_an_emergency_stop_while_it_lands_stops_the_rotors():
+    simulation = simulated()
+    landing: list[float] = []
+
+    def tick(of: SimulatedCrazyflie) -> None:
+        if LAND in of.commands:
+            landing.append(of.time_s)
+
+    simulation.each_tick = tick
+    ours, _ = fly(
+        simulation, cancel=lambda: len(simulation.way) > 1500,
+        stop=lambda: bool(landing) and simulation.time_s > landing[0] + 0.3,
+    )  # fmt: skip
+    assert "cancelled; emergency stop" in ours.ended_early
+    assert simulation.emergency
+    assert simulation.dropped  # it was still high
+
+
+def test_an_emergency_stop_is_repeated_until_it_is_heard():
+    simulation = simulated()
+    simulation.each_tick = aloft(lambda of: setattr(of, "deaf", of.time_s < lost_s[0] + 3.0), 1.0)
+    lost_s = [130.0]
+    ours, _ = fly(simulation, stop=lambda: simulation.time_s > lost_s[0] + 0.5)
+    assert "emergency stop" in ours.ended_early
+    assert simulation.emergency
+
+
 def test_one_that_tumbles_is_stopped_and_not_landed():
     simulation = simulated()
     simulation.each_tick = aloft(lambda of: setattr(of, "extra_bits", 32), 1.0)
@@ -240,6 +267,93 @@ def test_a_link_that_comes_back_lands_it():
     assert not simulation.dropped
 
 
+@pytest.mark.parametrize("lost_s", [6.0, 60.0])
+def test_a_link_lost_at_take_off_does_not_pass_for_down(lost_s):
+    """What was logged last said that it stood on the ground."""
+    simulation, begun, said = simulated(), [], []
+
+    def tick(of: SimulatedCrazyflie) -> None:
+        if TAKE_OFF in of.commands:
+            begun.append(of.time_s)
+            of.deaf = of.time_s - begun[0] < lost_s
+
+    simulation.each_tick = tick
+    ours, _ = fly(simulation, progress=lambda stage, _: said.append(stage))
+    assert ours.ended_early
+    assert simulation.commands[-2:] == [LAND, STOP]
+    assert simulation.position_m[2] < 0.05
+    assert not simulation.dropped
+    assert not simulation.armed
+    assert [procedure.ALONE in words for words in said] == [True]
+
+
+def test_an_error_of_ours_in_the_air_lands_it():
+    simulation = simulated()
+
+    def cancel() -> bool:
+        if len(simulation.way) > 1500:
+            raise RuntimeError("of our own")
+        return False
+
+    ours, _ = fly(simulation, cancel=cancel)
+    assert ours.ended_early == "RuntimeError: of our own"
+    assert simulation.commands[-2:] == [LAND, STOP]
+    assert not simulation.dropped
+
+
+def _arming(simulation: SimulatedCrazyflie, *, answers: bool) -> list[int]:
+    """What is asked of its arming from here on."""
+    takes, asked = simulation.take, list[int]()
+
+    def take(raw: bytes) -> list[bytes]:
+        arming = raw[0] >> 4 == 9 and raw[0] & 3 == 1
+        asked.extend([raw[2]] if arming else [])
+        done = takes(raw)
+        return [] if arming and not answers else done
+
+    simulation.take = take
+    return asked
+
+
+def test_who_cancels_before_it_arms_arms_nothing():
+    simulation = simulated()
+    asked = _arming(simulation, answers=True)
+    with pytest.raises(LinkError, match="arming: cancelled"):
+        fly(simulation, cancel=lambda: True)
+    assert not asked
+
+
+def test_an_arming_that_was_not_answered_is_undone():
+    simulation = simulated()
+    asked = _arming(simulation, answers=False)
+    with pytest.raises(LinkError, match="does not answer: arming"):
+        fly(simulation)
+    assert asked[0] == 1
+    assert not simulation.armed
+
+
+def test_a_short_answer_of_its_memory_is_an_error_of_the_link():
+    simulation, last = simulated(), 132 * len(PLAN.durations_s) - 24
+    takes = simulation.take
+
+    def short(raw: bytes) -> list[bytes]:
+        reading = raw[0] >> 4 == 4 and raw[0] & 3 == 1 and int.from_bytes(raw[2:6], "little") >= last
+        return [answer[:-4] if reading else answer for answer in takes(raw)]
+
+    simulation.take = short
+    with pytest.raises(LinkError, match=r"read back \d+ of \d+ bytes"):
+        fly(simulation)
+
+
+def test_a_flight_over_the_wrap_of_its_clock_has_one_time():
+    """The log's stamps have 24 bits of milliseconds: 4.66 hours."""
+    simulation = simulated(time_s=16767.0)
+    ours, log = fly(simulation)
+    assert not ours.ended_early
+    assert np.diff(log.time_s).max() < 0.05
+    assert log.time_s[-1] - log.time_s[0] > WAY.duration_s
+
+
 def test_a_refusal_of_the_commander_is_told_in_words():
     simulation = simulated(refuses={START_TRAJECTORY: 8})
     ours, _ = fly(simulation)
@@ -260,6 +374,7 @@ def test_a_packet_that_is_too_long_is_an_error_of_ours():
         ("crazyflie:radio://0/80/2M/E7E7E7E7E7", "the radio is not driven here"),
         ("crazyflie:usb://0", "no Crazyflie's address"),
         ("crazyflie:udp://127.0.0.1", "no Crazyflie's address"),
+        ("crazyflie:udp://[::1]:19850", "no Crazyflie's address"),
         ("crazyflie:udp://10.0.0.5:19850", "is not this machine"),
     ],
 )
