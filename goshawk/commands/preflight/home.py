@@ -96,7 +96,12 @@ def _way_home(subject: Subject, join: int, progress: Progress) -> WayHome:
         return WayHome(from_s, None, None, False, str(error))
     path = subject.item.trajectory
     begun = Trajectory(path.durations_s[:join], path.coefficients[:join])
-    scenario = replace(subject.scenario, trajectory=planner.mission.join([begun, home]))
+    proved_m = home.gate.clearance_m - home.gate.body_radius_m  # which may be less than the plan's
+    scenario = replace(
+        subject.scenario,
+        trajectory=planner.mission.join([begun, home.trajectory]),
+        clearance_m=min(subject.margin_m, proved_m),
+    )
     flown = preflight.fly(
         scenario,
         replace(subject.options, explain=False),
@@ -105,19 +110,17 @@ def _way_home(subject: Subject, join: int, progress: Progress) -> WayHome:
     if flown.cut_off or flown.unexplained:
         raise KeyboardInterrupt
     energy_j = float(np.quantile(flown.record.energy_j, 0.99))
-    return WayHome(from_s, home.duration_s, energy_j, flown.go, flown.reason())
+    return WayHome(from_s, home.trajectory.duration_s, energy_j, flown.go, flown.reason())
 
 
-def _planned(subject: Subject, join: int) -> Trajectory:
+def _planned(subject: Subject, join: int) -> planner.Plan:
     """From the motion at a join to rest where the plan begins, for what the plan was checked for."""
     motion = _motion(subject.item.trajectory, join)
     points = np.stack([motion[0, :3], subject.item.trajectory.position([0.0])[0]])
     yaw_rad = np.array([motion[0, 3], np.nan])
     asked = planner.Conditions(start=motion[1:], end=_REST)
     options = gate.options_of(subject.item)
-    return planner.plan(
-        Waypoints(points, yaw_rad), subject.area.field, subject.vehicle, options, conditions=asked
-    ).trajectory
+    return planner.plan(Waypoints(points, yaw_rad), subject.area.field, subject.vehicle, options, conditions=asked)
 
 
 def _motion(path: Trajectory, join: int) -> FloatArray:

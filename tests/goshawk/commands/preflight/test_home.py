@@ -32,7 +32,7 @@ def test_it_goes_on_from_the_plans_motion_and_ends_at_rest_where_that_began(subj
     joins, path = home._joins(subject.item.trajectory), subject.item.trajectory
     assert 2 <= len(joins) <= home.MOMENTS
     for join in joins:
-        way = home._planned(subject, join)
+        way = home._planned(subject, join).trajectory
         for order in range(4):
             there = path.evaluate([path.starts_s[join]], order)
             assert way.evaluate([0.0], order) == pytest.approx(there, abs=1e-5)
@@ -57,6 +57,18 @@ def test_it_is_flown_after_the_plan_up_to_there_and_needs_more_energy_the_later(
     told = outcome.as_dict()["advice"]
     assert told["wind_m_s"] == 3.0
     assert [way["from_s"] for way in told["ways_home"]] == [way.from_s for way in ways]
+
+
+def test_it_is_flown_with_no_more_room_stated_than_all_of_it_has(subject, monkeypatch):
+    """The controller allows as much tracking error, and the way home may be narrower than the plan."""
+    flown, fly = [], preflight.fly
+    monkeypatch.setattr(preflight, "fly", lambda scenario, *a, **k: flown.append(scenario) or fly(scenario, *a, **k))
+    home.ways_home(subject, progress=silent)
+    assert len(flown) >= 2
+    for scenario in flown:
+        path = scenario.trajectory
+        room_m = subject.area.field.distance(path.position(path.sample(0.002))).min() - subject.radius_m
+        assert 0.0 < scenario.clearance_m <= room_m + 1e-3
 
 
 def way(from_s, duration_s=1.0, *, go=True) -> WayHome:
