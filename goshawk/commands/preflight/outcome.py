@@ -58,7 +58,8 @@ class Outcome:
         of = self.subject
         segments = margins.needed(of.scenario, self.result, of.options)
         slowed = () if segments else slower.needed(of.scenario, self.result, of.options)
-        if not segments and not slowed:
+        legs = _leg_speeds(of, slowed)
+        if not segments and not any(leg["slowed"] for leg in legs):
             return None
         asked = gate.options_of(of.item)
         everywhere_m = max((of.margin_m + each.extra_m for each in segments if not each.touching), default=0.0)
@@ -66,8 +67,7 @@ class Outcome:
         return {
             "margin_m": _millimetres(max(everywhere_m, asked.margin_m)),
             "near": [each.as_dict() for each in (*asked.local_margins, *near)],
-            "waypoints": len(of.item.waypoints_world_m),
-            "legs": _leg_speeds(of, slowed),
+            "legs": legs,
             "segments": [each.as_dict() for each in segments],
             "slower": [each.as_dict() for each in slowed],
         }
@@ -128,19 +128,31 @@ def _margin_near(of: Subject, needed: margins.Needed) -> LocalMargin:
 
 
 def _leg_speeds(of: Subject, slowed: tuple[slower.Slower, ...]) -> list[dict[str, Any]]:
-    """Largest speeds of legs of the plan, the speeds that were asked for among them."""
-    asked, path = gate.asked_of(of.item).leg_speed_m_s, of.item.trajectory
-    legs = len(of.item.waypoints_world_m) - 1
-    speeds = np.full(legs, np.inf) if asked is None else np.where(np.isfinite(asked), asked, np.inf)
-    passed_s = _passed_s(of)
+    """Largest speeds of legs of the plan, by where they begin and end: of those to be slowed, and that were asked for.
+
+    Not of the climb and the descent between waypoint and ground, of which none can be asked.
+    """
+    asked, path, points = gate.asked_of(of.item), of.item.trajectory, of.item.waypoints_world_m
+    legs = len(points) - 1
+    before = asked.leg_speed_m_s
+    speeds = np.full(legs, np.inf) if before is None else np.where(np.isfinite(before), before, np.inf)
+    passed_s, slow = _passed_s(of), np.zeros(legs, dtype=np.bool_)
     for each in slowed:
         leg = int(np.clip(np.searchsorted(passed_s, 0.5 * (each.from_s + each.to_s)) - 1, 0, legs - 1))
         times_s = np.linspace(each.from_s, each.to_s, _SAMPLES)
         top_m_s = float(np.linalg.norm(path.position(times_s, 1), axis=1).max())
-        speeds[leg] = min(speeds[leg], top_m_s / each.factor)
+        speeds[leg], slow[leg] = min(speeds[leg], top_m_s / each.factor), True
+    grounds = () if asked.ground_world_m is None else asked.ground_world_m
+    grounded = {end for end in (0, legs) for ground in grounds if np.allclose(points[end], ground, atol=1e-6)}
     return [
-        {"first": leg, "last": leg + 1, "speed_m_s": round(float(speeds[leg]), 3)}
+        {
+            "from_world_m": points[leg].tolist(),
+            "to_world_m": points[leg + 1].tolist(),
+            "speed_m_s": round(float(speeds[leg]), 3),
+            "slowed": bool(slow[leg]),
+        }
         for leg in np.flatnonzero(np.isfinite(speeds)).tolist()
+        if not grounded & {leg, leg + 1}
     ]
 
 

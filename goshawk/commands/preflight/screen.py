@@ -50,7 +50,7 @@ def decides(result: preflight.Result, again: dict[str, Any] | None) -> tuple[str
     said, remedy = _remedy(result)
     if again is None:
         return said, remedy
-    near, legs = len(again["near"]), len(again["legs"])
+    near, legs = len(again["near"]), sum(leg["slowed"] for leg in again["legs"])
     more = (f", more near {near} parts of it" if near else "") + (f", slower on {legs} legs" if legs else "")
     room = f"plan with --margin {again['margin_m']:.2f}{more}, as --preflown does from the file of --out"
     return said, f"{remedy}; or {room}, which is not tried yet: {_short(again['segments'], again['slower'])}"
