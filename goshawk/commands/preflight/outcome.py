@@ -56,14 +56,13 @@ class Outcome:
         plan that was flown is kept. Where no room helps and they overturn, a speed for the leg between two waypoints.
         """
         of = self.subject
-        segments = margins.needed(of.scenario, self.result, of.options)
+        near, segments = self._roomier
         slowed = () if segments else slower.needed(of.scenario, self.result, of.options)
         legs = _leg_speeds(of, slowed)
         if not segments and not any(leg["slowed"] for leg in legs):
             return None
         asked = gate.options_of(of.item)
         everywhere_m = max((of.margin_m + each.extra_m for each in segments if not each.touching), default=0.0)
-        near = [_margin_near(of, each) for each in segments if each.touching]
         return {
             "margin_m": _millimetres(max(everywhere_m, asked.margin_m)),
             "near": [each.as_dict() for each in (*asked.local_margins, *near)],
@@ -71,6 +70,24 @@ class Outcome:
             "segments": [each.as_dict() for each in segments],
             "slower": [each.as_dict() for each in slowed],
         }
+
+    @cached_property
+    def _needed(self) -> tuple[tuple[margins.Needed, LocalMargin | int | None], ...]:
+        """More room by segment, with the margin near it or the waypoint that is in its way; None: of all the plan."""
+        of = self.subject
+        found = margins.needed(of.scenario, self.result, of.options)
+        return tuple((each, _margin_near(of, each) if each.touching else None) for each in found)
+
+    @property
+    def _roomier(self) -> tuple[list[LocalMargin], list[margins.Needed]]:
+        """The margins near segments, and the segments that are to have more room at all."""
+        near = [margin for _, margin in self._needed if isinstance(margin, LocalMargin)]
+        return near, [each for each, margin in self._needed if not isinstance(margin, int)]
+
+    @property
+    def narrow_waypoints(self) -> list[int]:
+        """Waypoints that leave a segment where flights touch no more room than it has."""
+        return sorted({margin for _, margin in self._needed if isinstance(margin, int)})
 
     def as_dict(self) -> dict[str, Any]:
         """The whole outcome."""
@@ -82,6 +99,7 @@ class Outcome:
             "vehicle_hash": vehicle.vehicle_hash(of.vehicle),
             "seed": of.options.seed,
             PLAN_AGAIN: self.plan_again,
+            "narrow_waypoints": self.narrow_waypoints,
             "worst": [] if replay is None else [track.as_dict(of.item.trajectory) for track in replay.worst],
         }
         return found if self.advice is None else found | {"advice": self.advice.as_dict() | self._battery_and_home()}
@@ -115,15 +133,20 @@ class Outcome:
         }
 
 
-def _margin_near(of: Subject, needed: margins.Needed) -> LocalMargin:
-    """The margin to keep near a segment: no more than the waypoints there have."""
+def _margin_near(of: Subject, needed: margins.Needed) -> LocalMargin | int:
+    """The margin to keep near a segment, no more than the waypoints there have; the waypoint that has no more than the
+    segment has now."""
     positions = of.item.trajectory.position(np.linspace(needed.from_s, needed.to_s, _SAMPLES))
-    line = positions[:: _SAMPLES // _POINTS]
-    margin_m = float(np.min(_room_m(of, positions))) + needed.extra_m
+    line = positions[:: (_SAMPLES - 1) // (_POINTS - 1)]
+    now_m = float(np.min(_room_m(of, positions)))
+    margin_m = now_m + needed.extra_m
     points = of.item.waypoints_world_m
     reach_m = local_margins.reach_m(max(margin_m - of.margin_m, 0.0), of.margin_m + of.radius_m)
-    most_m = _room_m(of, points[space.far_from(line, points) < reach_m]).min(initial=np.inf) - _BY_THE_WAY_M
-    margin_m = max(min(margin_m, float(most_m)), _LEAST_M)
+    near = np.flatnonzero(space.far_from(line, points) < reach_m)
+    rooms_m = _room_m(of, points[near]) - _BY_THE_WAY_M
+    if near.size and rooms_m.min() < now_m + _LEAST_M:
+        return int(near[rooms_m.argmin()])
+    margin_m = max(min(margin_m, float(rooms_m.min(initial=np.inf))), _LEAST_M)
     return LocalMargin(_millimetres(margin_m), tuple((float(x), float(y), float(z)) for x, y, z in line))
 
 
