@@ -38,8 +38,8 @@ class Outcome:
     """None: not flown again."""
     advice: preflight.Advice | None = None
     """None: not asked for, or not found before Ctrl-C."""
-    ways_home: tuple[home.WayHome, ...] = ()
-    """Found with the advice."""
+    ways_home: tuple[home.WayHome, ...] | None = None
+    """Found with the advice, or before Ctrl-C; None: not looked for."""
 
     @property
     def shown(self) -> preflight.Replay:
@@ -102,34 +102,40 @@ class Outcome:
             "narrow_waypoints": self.narrow_waypoints,
             "worst": [] if replay is None else [track.as_dict(of.item.trajectory) for track in replay.worst],
         }
-        return found if self.advice is None else found | {"advice": self.advice.as_dict() | self._battery_and_home()}
+        return found if self.advice is None and self.ways_home is None else found | {"advice": self._advised()}
 
-    def _battery_and_home(self) -> dict[str, Any]:
-        from_s = home.point_of_no_return_s(self.ways_home, self.subject.item.trajectory.duration_s)
-        return {
+    def _advised(self) -> dict[str, Any]:
+        """What was found until Ctrl-C."""
+        told = {} if self.advice is None else self.advice.as_dict()
+        ways = self.ways_home
+        return told | {
             "battery_j": self.battery_j,
-            "ways_home": [way.as_dict() for way in self.ways_home],
-            "point_of_no_return_s": from_s,
+            "ways_home": None if ways is None else [way.as_dict() for way in ways],
+            "last_way_home_s": None if ways is None else home.last_s(ways),
         }
 
     @property
-    def battery_j(self) -> float:
-        """Mechanical energy of a battery of which 99 % of the flights leave `RESERVE`, by the longest way home too."""
-        flown_j = float(np.quantile(self.result.record.energy_j, 0.99))
-        return max([flown_j, *(way.energy_j or 0.0 for way in self.ways_home)]) / (1.0 - RESERVE)
+    def battery_j(self) -> float | None:
+        """Mechanical energy of a battery of which 99 % of the flights leave `RESERVE`, by the longest way home too.
+
+        None where too few flights come to the end to tell.
+        """
+        flown_j = home.energy_j(self.result)
+        if flown_j is None:
+            return None
+        return max([flown_j, *(way.energy_j or 0.0 for way in self.ways_home or ())]) / (1.0 - RESERVE)
 
     def advice_words(self) -> dict[str, str]:
         """What was found with the advice, by what it is about; empty where there is none."""
-        if self.advice is None:
+        if self.advice is None and self.ways_home is None:
             return {}
-        duration_s = self.subject.item.trajectory.duration_s
-        battery = (
-            f"{self.battery_j / 3600.0:.2f} Wh at the rotors, of which 99 % of flights leave {100.0 * RESERVE:.0f} %"
-        )
+        battery_j, ways = self.battery_j, self.ways_home
+        left = f"of which 99 % of flights leave {100.0 * RESERVE:.0f} %"
+        few = f"not known: only {100.0 * self.result.finished:.0f} % of flights come to the end"
         return {
-            "advice": self.advice.sentence(),
-            "battery": battery,
-            "way home": home.sentence(self.ways_home, duration_s),
+            **({} if self.advice is None else {"advice": self.advice.sentence()}),
+            "battery": few if battery_j is None else f"{battery_j / 3600.0:.2f} Wh at the rotors, {left}",
+            "way home": home.GROUNDED if ways is None else home.sentence(ways),
         }
 
 
