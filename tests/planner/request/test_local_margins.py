@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import planner
 from flight import FormatError, InputError, Waypoints
+from flight.mission import KeepIn, Mission
 from planner import LocalMargin, PlanOptions
 from planner.gate import gate
 from planner.request.local_margins import Roomier, reach_m
@@ -92,3 +93,16 @@ def test_they_are_kept_in_the_record_and_a_damaged_one_is_refused():
     for polyline in ((), ((0.0, np.nan, 0.0),)):
         with pytest.raises(InputError, match="finite points"):
             LocalMargin(0.2, polyline)
+
+
+def test_it_asks_for_room_to_obstacles_and_not_to_the_tube_to_keep_in(pillar, drone):
+    """In the open a margin wider than the tube changes nothing."""
+    options = PlanOptions(margin_m=MARGIN_M).sized(drone)
+    begin, end = [-4.0, -5.0, 1.5], [4.0, -5.0, 1.5]
+    tube = KeepIn(0.3)
+    mission = Mission(Waypoints(np.array([begin, end]), np.full(2, np.nan)), keep_in=tube)
+    near = replace(options, local_margins=(LocalMargin(0.6, ((0.0, -5.0, 1.5),)),))
+    plain, local = (planner.mission.plan(mission, pillar, drone, each) for each in (options, near))
+    assert local.trajectory.duration_s == pytest.approx(plain.trajectory.duration_s, rel=1e-3)
+    session = planner.Planner(mission.waypoints, pillar, drone, near, conditions=planner.mission.conditions(mission))
+    assert session.move(1, [4.0, -5.05, 1.5]).gate.passed
