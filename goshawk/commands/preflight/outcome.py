@@ -147,13 +147,15 @@ def _margin_near(of: Subject, needed: margins.Needed) -> LocalMargin | int:
     now_m = float(np.min(_room_m(of, positions)))
     margin_m = now_m + needed.extra_m
     points = of.item.waypoints_world_m
-    reach_m = local_margins.reach_m(max(margin_m - of.margin_m, 0.0), of.margin_m + of.radius_m)
+    asked_m = gate.options_of(of.item).margin_m
+    reach_m = local_margins.reach_m(max(margin_m - asked_m, 0.0), asked_m + of.radius_m)
     near = np.flatnonzero(space.far_from(line, points) < reach_m)
     rooms_m = _room_m(of, points[near]) - _BY_THE_WAY_M
     if near.size and rooms_m.min() < now_m + _LEAST_M:
         return int(near[rooms_m.argmin()])
     margin_m = max(min(margin_m, float(rooms_m.min(initial=np.inf))), _LEAST_M)
-    return LocalMargin(_millimetres(margin_m), tuple((float(x), float(y), float(z)) for x, y, z in line))
+    polyline = tuple((float(x), float(y), float(z)) for x, y, z in line)
+    return LocalMargin(_millimetres(margin_m), polyline, _millimetres(reach_m))
 
 
 def _leg_speeds(of: Subject, slowed: tuple[slower.Slower, ...]) -> list[dict[str, Any]]:

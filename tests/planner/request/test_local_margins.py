@@ -43,6 +43,16 @@ def test_the_further_margin_is_asked_for_near_the_line_and_nowhere_else(pillar, 
     assert (asked <= free + 1e-12).all()
 
 
+@given(st.floats(0.0, 0.25), st.tuples(COORDINATES, COORDINATES, COORDINATES))
+def test_a_margin_of_a_stated_reach_asks_for_no_more_where_less_is_kept_elsewhere(pillar, less_m, point):
+    near = LocalMargin(MORE_M, LINE, 0.8)
+    radius_m = REQUIRED_M - MARGIN_M
+    refused = Roomier(pillar, [near], less_m, radius_m + less_m).distance([point])[0] < radius_m + less_m
+    short = pillar.distance([point])[0] < radius_m + (MORE_M if far_m([point])[0] < 0.8 + 1e-3 else less_m)
+    assert short or not refused
+    assert LocalMargin.from_dict(near.as_dict()) == near
+
+
 @given(*[st.tuples(COORDINATES, COORDINATES, COORDINATES)] * 2)
 def test_it_changes_no_faster_than_the_way(pillar, a, b):
     values = roomier(pillar).distance([a, b])
