@@ -111,7 +111,7 @@ def from_scratch(
     progress("route", 0.0)
     request = inputs.admitted(waypoints, field, vehicle, options, conditions, stop)
     asked = request.conditions
-    inside = replace(request, field=request.options.roomier(asked.room(field, request.options)))
+    inside = replace(request, field=asked.room(request.options.roomier(field), request.options))
     route = routes.of(inside)
     progress("optimise", 0.2)
 

@@ -74,7 +74,7 @@ class Planner:
         """Of a move from the plan as it is."""
         self._accept(self._scratch(waypoints, asked, self._options, self._stop))
         self._stop = StopFlag()
-        self._room = self._options.roomier(self._conditions.room(field, self._options))
+        self._room = self._conditions.room(self._options.roomier(field), self._options)
 
     @property
     def plan(self) -> Plan:

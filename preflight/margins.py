@@ -28,7 +28,7 @@ SURE = 0.9
 TRIED_M = (0.01, 0.02, 0.04, 0.06, 0.09, 0.13, 0.18)
 """More room, with which flights that were given up are flown again: it is asked for everywhere, so not for much."""
 _MOST_TRIED = 256
-"""Flights that are."""
+"""Flights that are, those lost before others; the rest are taken to need what these do, in turn."""
 _BEYOND = 0.5
 """Of the error at which a flight is given up: how much farther off it would have been, where that is not flown."""
 _TAIL = 10
@@ -94,8 +94,10 @@ def _tried(scenario: Scenario, options: Options, record: Record, which: NDArray[
         Their records, and (n,) the room: 0 where none was tried, infinite where none helped.
     """
     extra_m, cured = np.zeros(len(record)), record
-    open_ = np.flatnonzero(which)[:_MOST_TRIED]
-    extra_m[open_] = np.inf
+    order = np.flatnonzero(which)
+    order = order[np.argsort(~record.lost[order], kind="stable")]
+    tried, rest = order[:_MOST_TRIED], order[_MOST_TRIED:]
+    extra_m[tried], open_ = np.inf, tried
     for more_m in TRIED_M:
         if not open_.size:
             break
@@ -105,7 +107,12 @@ def _tried(scenario: Scenario, options: Options, record: Record, which: NDArray[
         cured = cured.with_rows(open_[ended], again[ended])
         extra_m[open_[ended]] = more_m
         open_ = open_[~ended]
-    return cured, extra_m
+    if not rest.size:
+        return cured, extra_m
+    alike = tried if record.lost[rest].any() or record.lost[tried].all() else tried[~record.lost[tried]]
+    alike = np.resize(alike, rest.size)
+    extra_m[rest] = extra_m[alike]
+    return cured.with_rows(rest, cured[alike]), extra_m
 
 
 def _untried(record: Record, given_up: NDArray[np.bool_]) -> float:
@@ -144,18 +151,24 @@ def _touching(result: Result, record: Record, which: NDArray[np.bool_], spare: i
     """By segment, how much farther obstacles must be so that other flights are lost no more often than is accepted.
 
     Args:
-        spare, left: how many may be lost, and how many more than are lost otherwise.
+        spare, left: how many may be lost, and how many more than are lost otherwise: the deepest of all segments.
     """
     short_m = -record.clearance_m
-    if int((which & (short_m > 0.0)).sum()) <= max(left, 0):
+    deepest = np.flatnonzero(which & (short_m > 0.0))
+    deepest = deepest[np.argsort(-short_m[deepest], kind="stable")]
+    cured = np.zeros(len(record), dtype=np.bool_)
+    cured[deepest[max(left, 0) :]] = True
+    if not cured.any():
         return ()
     parts = _in_segments(result, record.path_s, which)
     touched = [(i, mine) for i, mine in parts if (short_m[mine] > 0.0).any()]
     few = _expected(spare, len(record)) / len(touched) if result.rare is None else 0.0
-    return tuple(
-        _needed(result, i, True, RESERVE_M + _exceeded_by(short_m[mine], few, left), int((short_m[mine] > 0.0).sum()))
-        for i, mine in touched
-    )
+    found: list[Needed] = []
+    for i, mine in touched:
+        seen_m = float(short_m[mine & cured].max(initial=0.0))
+        extra_m = RESERVE_M + max(seen_m, _exceeded_by(short_m[mine], few))
+        found.append(_needed(result, i, True, extra_m, int((short_m[mine] > 0.0).sum())))
+    return tuple(found)
 
 
 def _expected(spare: int, flights: int) -> float:
@@ -163,15 +176,14 @@ def _expected(spare: int, flights: int) -> float:
     return statistics.upper_bound(spare, flights, 1.0 - SURE) * flights
 
 
-def _exceeded_by(short_m: FloatArray, few: float, left: int) -> float:
-    """What so `few` of as many flights again are short of more than; 0: what none of these (n,) is."""
+def _exceeded_by(short_m: FloatArray, few: float) -> float:
+    """What so `few` of as many flights again are short of more than, from the tail of these (n,); 0: too few for it."""
     falling = np.sort(short_m)[::-1]
     tail = min(_TAIL, falling.size // 2)
-    seen_m = float(falling[min(max(left, 0), falling.size - 1)])
     if tail < 2 or not 0.0 < few < tail:
-        return seen_m
+        return 0.0
     scale_m = float(falling[: tail - 1].mean() - falling[tail - 1])  # of an exponential, by those beyond the last one
-    return max(seen_m, float(falling[tail - 1]) + scale_m * math.log(tail / few))
+    return float(falling[tail - 1]) + scale_m * math.log(tail / few)
 
 
 def _in_segments(

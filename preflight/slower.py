@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from preflight import margins, study
 from preflight.result import Result
@@ -14,8 +15,9 @@ from preflight.scenario import Scenario
 from preflight.study import Options
 
 TRIED = (1.05, 1.1, 1.2, 1.35, 1.5)
-"""Durations over the plan's, with which flights that were lost so are flown again."""
-_MOST_TRIED = 256
+"""Durations over the plan's, with which the flights are flown again."""
+_AT_ONCE = 500
+"""Flights, after which it is looked whether too many are lost already."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,29 +36,35 @@ class Slower:
 
 
 def needed(scenario: Scenario, result: Result, options: Options) -> tuple[Slower, ...]:
-    """By segment; empty for a go, where no more are lost so than is accepted, and where none of `TRIED` helps.
+    """By segment where flights are lost so; empty for a go, where no more are than is accepted, and where none helps.
 
-    Arguments as of `study.fly`. The whole plan is slowed down to try it.
+    The whole plan is slowed down to try it, with the same luck: the least of `TRIED` with which of all flights, not
+    only of those lost, no more are lost than is accepted. Arguments as of `study.fly`.
     """
     if result.go or result.rare is not None:
         return ()
-    record = result.record
+    record, most = result.record, margins.allowed(result.flights, result.risk)
     lost = np.flatnonzero(record.upset | record.left_map)
-    if lost.size <= margins.allowed(result.flights, result.risk):
+    if lost.size <= most:
         return ()
-    open_, factor = lost[:_MOST_TRIED], np.full(len(record), np.inf)
-    for tried in TRIED:
-        if not open_.size:
-            break
-        slowed = replace(scenario, trajectory=scenario.trajectory.scale_time(tried))
-        again = study.records(slowed, open_, options)
-        factor[open_[~again.lost]] = tried
-        open_ = open_[again.lost]
-    helped = lost[np.isfinite(factor[lost])]
-    segments = result.trajectory.segment_at(margins.last_s(record, result.trajectory.duration_s))[0]
+    others = np.setdiff1d(np.arange(len(record)), lost)
+    parts = [lost, *np.split(others, range(_AT_ONCE, others.size, _AT_ONCE))]
+    factor = next((tried for tried in TRIED if not _loses_more(scenario, parts, tried, most, options)), None)
+    if factor is None:
+        return ()
+    segments = result.trajectory.segment_at(margins.last_s(record, result.trajectory.duration_s))[0][lost]
     starts_s = result.trajectory.starts_s
-    found: list[Slower] = []
-    for i in np.unique(segments[helped]).tolist():
-        mine = helped[segments[helped] == i]
-        found.append(Slower(i, float(starts_s[i]), float(starts_s[i + 1]), float(factor[mine].max()), len(mine)))
-    return tuple(found)
+    return tuple(
+        Slower(i, float(starts_s[i]), float(starts_s[i + 1]), factor, int((segments == i).sum()))
+        for i in np.unique(segments).tolist()
+    )
+
+
+def _loses_more(scenario: Scenario, parts: list[NDArray[np.int_]], factor: float, most: int, options: Options) -> bool:
+    """Whether more than so many of the flights in these parts are lost so much slower."""
+    slowed, lost = replace(scenario, trajectory=scenario.trajectory.scale_time(factor)), 0
+    for numbers in parts:
+        lost += int(study.records(slowed, numbers, options).lost.sum())
+        if lost > most:
+            return True
+    return False

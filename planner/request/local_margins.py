@@ -25,15 +25,21 @@ class LocalMargin:
     """Beyond the vehicle's sphere."""
     polyline_world_m: tuple[tuple[float, float, float], ...]
     """One point or more."""
+    reach_m: float | None = None
+    """How far from it the margin is asked for; None: as `reach_m` tells from what is asked elsewhere."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.margin_m < MOST_M:
             raise InputError(f"a local margin of {self.margin_m:g} m; it must be above 0 and below {MOST_M:g} m")
         if not 1 <= len(self.polyline_world_m) <= MOST_POINTS or not np.isfinite(self.polyline_world_m).all():
             raise InputError(f"a local margin needs a polyline of 1 to {MOST_POINTS} finite points")
+        if self.reach_m is not None and not 0.0 < self.reach_m < np.inf:
+            raise InputError(f"a local margin reaches {self.reach_m:g} m; it must be positive")
 
     def as_dict(self) -> dict[str, Any]:
-        return {"margin_m": self.margin_m, "polyline_world_m": [list(point) for point in self.polyline_world_m]}
+        reach = {} if self.reach_m is None else {"reach_m": self.reach_m}
+        polyline = [list(point) for point in self.polyline_world_m]
+        return {"margin_m": self.margin_m, "polyline_world_m": polyline, **reach}
 
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> "LocalMargin":
@@ -45,7 +51,8 @@ class LocalMargin:
         try:
             points = [tuple(float(x) for x in point) for point in document["polyline_world_m"]]
             polyline = tuple((x, y, z) for x, y, z in points)
-            return cls(float(document["margin_m"]), polyline)
+            reach = document.get("reach_m")
+            return cls(float(document["margin_m"]), polyline, None if reach is None else float(reach))
         except (KeyError, TypeError, ValueError, InputError) as error:
             raise FormatError(f"a local margin is damaged: {error}") from error
 
@@ -62,7 +69,11 @@ class Roomier:
     ) -> None:
         self.field, self.required_m = field, required_m
         self._further = [
-            (each.margin_m - margin_m, np.array(each.polyline_world_m, dtype=np.float64))
+            (
+                each.margin_m - margin_m,
+                np.array(each.polyline_world_m, dtype=np.float64),
+                reach_m(each.margin_m - margin_m, required_m) if each.reach_m is None else each.reach_m,
+            )
             for each in margins
             if each.margin_m > margin_m
         ]
@@ -73,8 +84,8 @@ class Roomier:
         points = np.asarray(points_world_m, dtype=np.float64).reshape(-1, 3)
         free = space.distance(self.field, points)
         least = free
-        for further_m, polyline in self._further:
-            beyond_m = space.far_from(polyline, points) - _BESIDE * further_m
+        for further_m, polyline, within_m in self._further:
+            beyond_m = self.required_m + space.far_from(polyline, points) - within_m
             least = np.minimum(least, np.maximum(free - further_m, np.minimum(free, beyond_m)))
         return least
 

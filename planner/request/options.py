@@ -1,6 +1,6 @@
 """Planning options, and the error for a plan that is infeasible."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import isfinite, sqrt
 from typing import Any, Literal, get_args
 
@@ -29,7 +29,7 @@ class PlanOptions:
     """Radius of a ball round the vehicle's centre that holds all of it; None: to its farthest propeller tip."""
     margin_m: float = 0.15
     """Margin between that ball and every obstacle, for map and tracking errors."""
-    local_margins: tuple[LocalMargin, ...] = ()
+    local_margins: tuple[LocalMargin, ...] = field(default=(), repr=False)  # which journals of earlier versions lack
     """More margin in some places, as a preflight asks for it."""
     waypoint_tolerance_m: float = 0.01
     """How close to a waypoint counts as reached."""

@@ -27,6 +27,11 @@ def touching(along):
 
 
 @pytest.fixture(scope="module")
+def good(along):
+    return preflight.fly(along(1.0), OPTIONS)
+
+
+@pytest.fixture(scope="module")
 def needed(along):
     return lambda result: margins.needed(along(0.25), result, OPTIONS)
 
@@ -54,18 +59,57 @@ def test_each_segment_is_asked_for_more_than_its_own_flights_miss(touching, need
 
 
 def test_an_exponential_tail_is_exceeded_as_often_as_asked():
-    """What was drawn is never asked for less."""
     rng = np.random.default_rng(1)
     drawn, others = rng.exponential(0.02, (2, 2000, 300))
 
     def beyond(few):
-        asked_m = np.array([margins._exceeded_by(row, few, left=299) for row in drawn])
+        asked_m = np.array([margins._exceeded_by(row, few) for row in drawn])
         return (others > asked_m[:, None]).sum(axis=1)
 
     assert 0.8 <= (beyond(0.105) == 0).mean() <= 0.95
     assert beyond(1.0).mean() == pytest.approx(1.3, abs=0.3)
     assert beyond(5.0).mean() == pytest.approx(5.0, abs=0.5)
-    assert all(margins._exceeded_by(row, 1.0, left=0) >= row.max() for row in drawn[:50])
+
+
+def of_many(result, clearance_m, path_s, **more):
+    """The same flown more often: every flight as the first, but for these."""
+    count = len(clearance_m)
+    record = replace(result.record[np.zeros(count, int)], clearance_m=clearance_m, path_s=path_s, **more)
+    return replace(result, record=record, wanted=count, risk=0.01)
+
+
+def test_the_losses_that_may_be_are_shared_by_the_segments(good, along, curve):
+    """Of 120 that touch, half in each of two segments, 91 may; then the 29 left decide, and never none."""
+    count = 10000
+    clearance_m, path_s = np.linspace(0.001, 0.3, count), np.where(np.arange(count) % 2, *(curve.starts_s[:2] + 0.5))
+    clearance_m[:120] = -np.linspace(0.1, 0.02, 120)
+    result = of_many(good, clearance_m, path_s)
+    assert not result.go
+    spared = int(margins._expected(margins.allowed(count, 0.01), count))
+    assert 60 < spared < 118
+    found = margins.needed(along(1.0), result, replace(OPTIONS, flights=count))
+    assert {each.segment for each in found} == {0, 1}
+    for each in found:
+        assert -clearance_m[spared + 1] <= each.extra_m - margins.RESERVE_M <= -clearance_m[spared]
+
+
+def test_more_flights_given_up_than_are_tried_again_need_what_those_do(good, along, monkeypatch):
+    count, lost = 3000, 1200
+    given_up = np.arange(count) < lost
+    ending = np.where(given_up, core.FAILSAFE, core.FINISHED)
+    result = of_many(good, np.where(given_up, -0.05, 0.3), np.ones(count), ending=ending)
+
+    def records(scenario, numbers, options):
+        """6 cm cure them."""
+        if scenario.clearance_m < 0.06:
+            return result.record[numbers]
+        return replace(
+            result.record[numbers], ending=np.full(len(numbers), core.FINISHED), clearance_m=np.full(len(numbers), 0.2)
+        )
+
+    monkeypatch.setattr(margins.study, "records", records)
+    found = margins.needed(along(1.0), result, replace(OPTIONS, flights=count))
+    assert [(each.touching, each.extra_m, each.flights) for each in found] == [(False, 0.06, lost)]
 
 
 def test_as_many_of_the_deepest_are_let_be_as_the_risk_allows(touching, needed):

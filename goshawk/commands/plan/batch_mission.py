@@ -123,6 +123,7 @@ def inputs_hash(job: Job) -> bytes:
     asked = (area.field.hash, drone, job.options, job.laps, job.yaw, job.keep_in)
     asked = asked if job.thinnest_m is None else (*asked, job.thinnest_m)  # else as in journals of earlier versions
     asked = asked if job.again is None else (*asked, job.again)
+    asked = asked if not job.options.local_margins else (*asked, job.options.local_margins)
     return hashlib.sha256(repr(asked).encode()).digest()
 
 

@@ -4,14 +4,38 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import vehicle
-from flight import FormatError, InputError, file_format
+from flight import FloatArray, FormatError, InputError, file_format
 from flight.mission import LegSpeed, Mission
 from planner import LocalMargin
 from preflight.result import SCHEMA, SCHEMA_VERSION
 
 PLAN_AGAIN = "plan_again"
 """In a result: null, or the `margin_m` that a plan is to keep, the margins `near` parts of it, and speeds of `legs`."""
+
+
+_SAME_M = 1e-3
+"""Waypoints so near to each other are the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """The largest speed from one waypoint of the plan that was flown to the next."""
+
+    from_world_m: tuple[float, float, float]
+    to_world_m: tuple[float, float, float]
+    speed_m_s: float
+    slowed: bool
+    """Whether it is to be slower than it was flown; else it was asked of that plan too."""
+
+    def within(self, points_world_m: FloatArray) -> list[LegSpeed]:
+        """For each leg between these waypoints (n, 3) that is this one."""
+        begins, ends = (
+            np.linalg.norm(points_world_m - end, axis=1) < _SAME_M for end in (self.from_world_m, self.to_world_m)
+        )
+        return [LegSpeed(i, i + 1, self.speed_m_s) for i in np.flatnonzero(begins[:-1] & ends[1:]).tolist()]
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,19 +45,17 @@ class Again:
     margin_m: float
     """Everywhere."""
     near: tuple[LocalMargin, ...] = ()
-    legs: tuple[LegSpeed, ...] = ()
-    waypoints: int = 0
-    """Of the plan that was flown, of which the legs are."""
+    legs: tuple[Leg, ...] = ()
 
     def of(self, mission: Mission) -> Mission:
-        """The mission with these legs; all at the slowest's speed where its waypoints are not those of the plan, which
-        has take-off, landing and laps in it too."""
-        if not self.legs:
-            return mission
-        count = len(mission.waypoints.positions_world_m)
-        same = self.waypoints == count and mission.laps is None
-        slowest = LegSpeed(0, count - 1, min(leg.speed_m_s for leg in self.legs))
-        return replace(mission, leg_speeds=(*mission.leg_speeds, *(self.legs if same else (slowest,))))
+        """The mission with these legs, where it has them; all at the slowest's speed where it lacks one to be slowed,
+        as one from the last waypoint of a lap to the first."""
+        points = mission.waypoints.positions_world_m
+        speeds = [leg.within(points) for leg in self.legs]
+        lacking = [leg.speed_m_s for leg, found in zip(self.legs, speeds, strict=True) if leg.slowed and not found]
+        everywhere = [LegSpeed(0, len(points) - 1, min(lacking))] if lacking else []
+        more = (*(speed for found in speeds for speed in found), *everywhere)
+        return replace(mission, leg_speeds=(*mission.leg_speeds, *more)) if more else mission
 
     def __str__(self) -> str:
         """What it asks for, in words."""
@@ -81,7 +103,14 @@ def _again(asked: Any, path: Path) -> Again:
         raise FormatError(f"{path} is a damaged result: the margin to plan with is {margin_m!r}")
     try:
         near = tuple(LocalMargin.from_dict(each) for each in asked.get("near", ()))
-        legs = tuple(LegSpeed(int(e["first"]), int(e["last"]), float(e["speed_m_s"])) for e in asked.get("legs", ()))
-        return Again(float(margin_m), near, legs, int(asked.get("waypoints", 0)))
+        return Again(float(margin_m), near, tuple(_leg(each) for each in asked.get("legs", ())))
     except (FormatError, KeyError, TypeError, ValueError) as error:
         raise FormatError(f"{path} is a damaged result: {error}") from error
+
+
+def _leg(told: Any) -> Leg:
+    begin, end = (tuple(float(x) for x in told[name]) for name in ("from_world_m", "to_world_m"))
+    (a, b, c), (x, y, z), speed_m_s = begin, end, float(told["speed_m_s"])
+    if not np.isfinite((a, b, c, x, y, z)).all() or not 0.0 < speed_m_s < np.inf:
+        raise ValueError(f"a leg is {told}")
+    return Leg((a, b, c), (x, y, z), speed_m_s, bool(told["slowed"]))

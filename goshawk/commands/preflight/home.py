@@ -1,9 +1,10 @@
 """The way home from each moment of a plan: planned from the motion there, gated, and flown as often as the plan.
 
 Each is one trajectory, the plan up to a join and from there to where it began, so that it is flown with all that
-happened before. From the point of no return on, the end is nearer, or no way home is a go.
+happened before.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,12 +15,16 @@ import preflight
 from flight import FlightError, FloatArray, Progress, Trajectory, Waypoints
 from goshawk.commands.preflight.inputs import Subject
 from planner.gate import gate
+from preflight import core
+from preflight.result import LEAST_FINISHED
 
 MOMENTS = 4
 """Of the plan, from which a way home is looked for, evenly spread over its time."""
 _AWAY_M = 0.1
 """Nearer to where the plan began, the vehicle is home."""
 _REST = np.zeros((3, 4))
+_SAME_M = 1e-6
+GROUNDED = "not looked for: the plan begins on the ground"
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,55 +32,73 @@ class WayHome:
     """From one moment."""
 
     from_s: float
+    left_s: float
+    """Of the plan, from there on."""
     duration_s: float | None
     """Of the way home alone; None if there is none."""
     energy_j: float | None
-    """That 99 % of the flights need for the plan up to here and the way home, with the hover before."""
+    """That 99 % of the flights need for the plan up to here and the way home, with the hover before; None: too few come
+    home to tell."""
     go: bool
     reason: str
 
-    def worth(self, plan_s: float) -> bool:
-        """Whether it is a go, and takes less than what is left of a plan of this duration."""
-        return self.go and self.duration_s is not None and self.duration_s < plan_s - self.from_s
+    @property
+    def end_is_nearer(self) -> bool:
+        """Whether the way home takes no less than what is left of the plan."""
+        return self.duration_s is not None and self.duration_s >= self.left_s
 
     def as_dict(self) -> dict[str, Any]:
         return {name: getattr(self, name) for name in self.__slots__}
 
 
-def ways_home(subject: Subject, *, progress: Progress) -> tuple[WayHome, ...]:
+def looked_for(subject: Subject) -> bool:
+    """Whether ways home are: not of a plan that begins on the ground, where nothing is clear."""
+    ground = gate.asked_of(subject.item).ground_world_m
+    began = subject.item.trajectory.position([0.0])[0]
+    return ground is None or not any(np.linalg.norm(point - began) < _SAME_M for point in ground)
+
+
+def ways_home(subject: Subject, *, progress: Progress) -> Iterator[WayHome]:
     """From some joins of the plan on the way, in their order.
 
     Raises:
         KeyboardInterrupt: Ctrl-C.
     """
-    found: list[WayHome] = []
     for join in _joins(subject.item.trajectory):
-        found.append(_way_home(subject, join, progress))
-    return tuple(found)
+        yield _way_home(subject, join, progress)
 
 
-def point_of_no_return_s(ways: tuple[WayHome, ...], duration_s: float) -> float | None:
-    """The first moment from which on no way home is a go and takes less than what is left; None: there is none."""
-    worth = [way.worth(duration_s) for way in ways]
-    first = max((number + 1 for number, is_worth in enumerate(worth) if is_worth), default=0)
-    return ways[first].from_s if first < len(ways) else None
+def last_s(ways: tuple[WayHome, ...]) -> float | None:
+    """The last of these moments from which a way home is a go; None: from none is."""
+    return max((way.from_s for way in ways if way.go), default=None)
 
 
-def sentence(ways: tuple[WayHome, ...], duration_s: float) -> str:
+def sentence(ways: tuple[WayHome, ...]) -> str:
     """In words."""
     if not ways:
         return "home all along"
-    from_s = point_of_no_return_s(ways, duration_s)
-    before = [way for way in ways if from_s is None or way.from_s < from_s]
-    goes, others = (
-        [f"{way.from_s:.1f}" for way in before if way.worth(duration_s) is worth] for worth in (True, False)
-    )
-    said = [f"a go from {', '.join(goes)} s"] if goes else []
-    said += [f"not from {', '.join(others)} s"] if others else []
-    if from_s is not None:
-        last = next(way for way in ways if way.from_s == from_s)
-        said.append(f"from {from_s:.1f} s on " + ("the end is nearer" if last.go else f"none is ({last.reason})"))
+    goes, others = [way for way in ways if way.go], [way for way in ways if not way.go]
+    nearer = [way for way in ways if way.end_is_nearer]
+    said = [f"a go from {_moments(goes)}" if goes else "from no moment a go"]
+    if others:
+        said.append(f"not from {_moments(others)} ({others[-1].reason})")
+    if goes and goes[-1] is not ways[-1]:
+        said.append(f"the last that is a go is from {goes[-1].from_s:.1f} s")
+    if nearer:
+        said.append(f"the end is nearer from {_moments(nearer)}")
     return "; ".join(said)
+
+
+def _moments(ways: list[WayHome]) -> str:
+    return f"{', '.join(f'{way.from_s:.1f}' for way in ways)} s"
+
+
+def energy_j(result: preflight.Result) -> float | None:
+    """That 99 % of the flights need, by those that come to the end; None: fewer do than a go asks for."""
+    finished = result.record.ending == core.FINISHED
+    if result.finished < LEAST_FINISHED:
+        return None
+    return float(np.quantile(result.record.energy_j[finished], 0.99))
 
 
 def _joins(path: Trajectory) -> list[int]:
@@ -90,13 +113,19 @@ def _joins(path: Trajectory) -> list[int]:
 
 def _way_home(subject: Subject, join: int, progress: Progress) -> WayHome:
     from_s = float(subject.item.trajectory.starts_s[join])
+    left_s = subject.item.trajectory.duration_s - from_s
     try:
         home = _planned(subject, join)
     except FlightError as error:
-        return WayHome(from_s, None, None, False, str(error))
+        return WayHome(from_s, left_s, None, None, False, str(error))
     path = subject.item.trajectory
     begun = Trajectory(path.durations_s[:join], path.coefficients[:join])
-    scenario = replace(subject.scenario, trajectory=planner.mission.join([begun, home]))
+    proved_m = home.gate.clearance_m - home.gate.body_radius_m  # which may be less than the plan's
+    scenario = replace(
+        subject.scenario,
+        trajectory=planner.mission.join([begun, home.trajectory]),
+        clearance_m=min(subject.margin_m, proved_m),
+    )
     flown = preflight.fly(
         scenario,
         replace(subject.options, explain=False),
@@ -104,20 +133,19 @@ def _way_home(subject: Subject, join: int, progress: Progress) -> WayHome:
     )
     if flown.cut_off or flown.unexplained:
         raise KeyboardInterrupt
-    energy_j = float(np.quantile(flown.record.energy_j, 0.99))
-    return WayHome(from_s, home.duration_s, energy_j, flown.go, flown.reason())
+    return WayHome(from_s, left_s, home.trajectory.duration_s, energy_j(flown), flown.go, flown.reason())
 
 
-def _planned(subject: Subject, join: int) -> Trajectory:
+def _planned(subject: Subject, join: int) -> planner.Plan:
     """From the motion at a join to rest where the plan begins, for what the plan was checked for."""
     motion = _motion(subject.item.trajectory, join)
     points = np.stack([motion[0, :3], subject.item.trajectory.position([0.0])[0]])
     yaw_rad = np.array([motion[0, 3], np.nan])
-    asked = planner.Conditions(start=motion[1:], end=_REST)
+    plan = gate.asked_of(subject.item)
+    tube = {"keep_in_world_m": plan.keep_in_world_m, "keep_in_radius_m": plan.keep_in_radius_m}
+    asked = planner.Conditions(start=motion[1:], end=_REST, **tube)
     options = gate.options_of(subject.item)
-    return planner.plan(
-        Waypoints(points, yaw_rad), subject.area.field, subject.vehicle, options, conditions=asked
-    ).trajectory
+    return planner.plan(Waypoints(points, yaw_rad), subject.area.field, subject.vehicle, options, conditions=asked)
 
 
 def _motion(path: Trajectory, join: int) -> FloatArray:

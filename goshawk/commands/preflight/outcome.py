@@ -38,8 +38,8 @@ class Outcome:
     """None: not flown again."""
     advice: preflight.Advice | None = None
     """None: not asked for, or not found before Ctrl-C."""
-    ways_home: tuple[home.WayHome, ...] = ()
-    """Found with the advice."""
+    ways_home: tuple[home.WayHome, ...] | None = None
+    """Found with the advice, or before Ctrl-C; None: not looked for."""
 
     @property
     def shown(self) -> preflight.Replay:
@@ -56,21 +56,38 @@ class Outcome:
         plan that was flown is kept. Where no room helps and they overturn, a speed for the leg between two waypoints.
         """
         of = self.subject
-        segments = margins.needed(of.scenario, self.result, of.options)
+        near, segments = self._roomier
         slowed = () if segments else slower.needed(of.scenario, self.result, of.options)
-        if not segments and not slowed:
+        legs = _leg_speeds(of, slowed)
+        if not segments and not any(leg["slowed"] for leg in legs):
             return None
         asked = gate.options_of(of.item)
         everywhere_m = max((of.margin_m + each.extra_m for each in segments if not each.touching), default=0.0)
-        near = [_margin_near(of, each) for each in segments if each.touching]
         return {
             "margin_m": _millimetres(max(everywhere_m, asked.margin_m)),
             "near": [each.as_dict() for each in (*asked.local_margins, *near)],
-            "waypoints": len(of.item.waypoints_world_m),
-            "legs": _leg_speeds(of, slowed),
+            "legs": legs,
             "segments": [each.as_dict() for each in segments],
             "slower": [each.as_dict() for each in slowed],
         }
+
+    @cached_property
+    def _needed(self) -> tuple[tuple[margins.Needed, LocalMargin | int | None], ...]:
+        """More room by segment, with the margin near it or the waypoint that is in its way; None: of all the plan."""
+        of = self.subject
+        found = margins.needed(of.scenario, self.result, of.options)
+        return tuple((each, _margin_near(of, each) if each.touching else None) for each in found)
+
+    @property
+    def _roomier(self) -> tuple[list[LocalMargin], list[margins.Needed]]:
+        """The margins near segments, and the segments that are to have more room at all."""
+        near = [margin for _, margin in self._needed if isinstance(margin, LocalMargin)]
+        return near, [each for each, margin in self._needed if not isinstance(margin, int)]
+
+    @property
+    def narrow_waypoints(self) -> list[int]:
+        """Waypoints that leave a segment where flights touch no more room than it has."""
+        return sorted({margin for _, margin in self._needed if isinstance(margin, int)})
 
     def as_dict(self) -> dict[str, Any]:
         """The whole outcome."""
@@ -82,65 +99,91 @@ class Outcome:
             "vehicle_hash": vehicle.vehicle_hash(of.vehicle),
             "seed": of.options.seed,
             PLAN_AGAIN: self.plan_again,
+            "narrow_waypoints": self.narrow_waypoints,
             "worst": [] if replay is None else [track.as_dict(of.item.trajectory) for track in replay.worst],
         }
-        return found if self.advice is None else found | {"advice": self.advice.as_dict() | self._battery_and_home()}
+        return found if self.advice is None and self.ways_home is None else found | {"advice": self._advised()}
 
-    def _battery_and_home(self) -> dict[str, Any]:
-        from_s = home.point_of_no_return_s(self.ways_home, self.subject.item.trajectory.duration_s)
-        return {
+    def _advised(self) -> dict[str, Any]:
+        """What was found until Ctrl-C."""
+        told = {} if self.advice is None else self.advice.as_dict()
+        ways = self.ways_home
+        return told | {
             "battery_j": self.battery_j,
-            "ways_home": [way.as_dict() for way in self.ways_home],
-            "point_of_no_return_s": from_s,
+            "ways_home": None if ways is None else [way.as_dict() for way in ways],
+            "last_way_home_s": None if ways is None else home.last_s(ways),
         }
 
     @property
-    def battery_j(self) -> float:
-        """Mechanical energy of a battery of which 99 % of the flights leave `RESERVE`, by the longest way home too."""
-        flown_j = float(np.quantile(self.result.record.energy_j, 0.99))
-        return max([flown_j, *(way.energy_j or 0.0 for way in self.ways_home)]) / (1.0 - RESERVE)
+    def battery_j(self) -> float | None:
+        """Mechanical energy of a battery of which 99 % of the flights leave `RESERVE`, by the longest way home too.
+
+        None where too few flights come to the end to tell.
+        """
+        flown_j = home.energy_j(self.result)
+        if flown_j is None:
+            return None
+        return max([flown_j, *(way.energy_j or 0.0 for way in self.ways_home or ())]) / (1.0 - RESERVE)
 
     def advice_words(self) -> dict[str, str]:
         """What was found with the advice, by what it is about; empty where there is none."""
-        if self.advice is None:
+        if self.advice is None and self.ways_home is None:
             return {}
-        duration_s = self.subject.item.trajectory.duration_s
-        battery = (
-            f"{self.battery_j / 3600.0:.2f} Wh at the rotors, of which 99 % of flights leave {100.0 * RESERVE:.0f} %"
-        )
+        battery_j, ways = self.battery_j, self.ways_home
+        left = f"of which 99 % of flights leave {100.0 * RESERVE:.0f} %"
+        few = f"not known: only {100.0 * self.result.finished:.0f} % of flights come to the end"
         return {
-            "advice": self.advice.sentence(),
-            "battery": battery,
-            "way home": home.sentence(self.ways_home, duration_s),
+            **({} if self.advice is None else {"advice": self.advice.sentence()}),
+            "battery": few if battery_j is None else f"{battery_j / 3600.0:.2f} Wh at the rotors, {left}",
+            "way home": home.GROUNDED if ways is None else home.sentence(ways),
         }
 
 
-def _margin_near(of: Subject, needed: margins.Needed) -> LocalMargin:
-    """The margin to keep near a segment: no more than the waypoints there have."""
+def _margin_near(of: Subject, needed: margins.Needed) -> LocalMargin | int:
+    """The margin to keep near a segment, no more than the waypoints there have; the waypoint that has no more than the
+    segment has now."""
     positions = of.item.trajectory.position(np.linspace(needed.from_s, needed.to_s, _SAMPLES))
-    line = positions[:: _SAMPLES // _POINTS]
-    margin_m = float(np.min(_room_m(of, positions))) + needed.extra_m
+    line = positions[:: (_SAMPLES - 1) // (_POINTS - 1)]
+    now_m = float(np.min(_room_m(of, positions)))
+    margin_m = now_m + needed.extra_m
     points = of.item.waypoints_world_m
-    reach_m = local_margins.reach_m(max(margin_m - of.margin_m, 0.0), of.margin_m + of.radius_m)
-    most_m = _room_m(of, points[space.far_from(line, points) < reach_m]).min(initial=np.inf) - _BY_THE_WAY_M
-    margin_m = max(min(margin_m, float(most_m)), _LEAST_M)
-    return LocalMargin(_millimetres(margin_m), tuple((float(x), float(y), float(z)) for x, y, z in line))
+    asked_m = gate.options_of(of.item).margin_m
+    reach_m = local_margins.reach_m(max(margin_m - asked_m, 0.0), asked_m + of.radius_m)
+    near = np.flatnonzero(space.far_from(line, points) < reach_m)
+    rooms_m = _room_m(of, points[near]) - _BY_THE_WAY_M
+    if near.size and rooms_m.min() < now_m + _LEAST_M:
+        return int(near[rooms_m.argmin()])
+    margin_m = max(min(margin_m, float(rooms_m.min(initial=np.inf))), _LEAST_M)
+    polyline = tuple((float(x), float(y), float(z)) for x, y, z in line)
+    return LocalMargin(_millimetres(margin_m), polyline, _millimetres(reach_m))
 
 
 def _leg_speeds(of: Subject, slowed: tuple[slower.Slower, ...]) -> list[dict[str, Any]]:
-    """Largest speeds of legs of the plan, the speeds that were asked for among them."""
-    asked, path = gate.asked_of(of.item).leg_speed_m_s, of.item.trajectory
-    legs = len(of.item.waypoints_world_m) - 1
-    speeds = np.full(legs, np.inf) if asked is None else np.where(np.isfinite(asked), asked, np.inf)
-    passed_s = _passed_s(of)
+    """Largest speeds of legs of the plan, by where they begin and end: of those to be slowed, and that were asked for.
+
+    Not of the climb and the descent between waypoint and ground, of which none can be asked.
+    """
+    asked, path, points = gate.asked_of(of.item), of.item.trajectory, of.item.waypoints_world_m
+    legs = len(points) - 1
+    before = asked.leg_speed_m_s
+    speeds = np.full(legs, np.inf) if before is None else np.where(np.isfinite(before), before, np.inf)
+    passed_s, slow = _passed_s(of), np.zeros(legs, dtype=np.bool_)
     for each in slowed:
         leg = int(np.clip(np.searchsorted(passed_s, 0.5 * (each.from_s + each.to_s)) - 1, 0, legs - 1))
         times_s = np.linspace(each.from_s, each.to_s, _SAMPLES)
         top_m_s = float(np.linalg.norm(path.position(times_s, 1), axis=1).max())
-        speeds[leg] = min(speeds[leg], top_m_s / each.factor)
+        speeds[leg], slow[leg] = min(speeds[leg], top_m_s / each.factor), True
+    grounds = () if asked.ground_world_m is None else asked.ground_world_m
+    grounded = {end for end in (0, legs) for ground in grounds if np.allclose(points[end], ground, atol=1e-6)}
     return [
-        {"first": leg, "last": leg + 1, "speed_m_s": round(float(speeds[leg]), 3)}
+        {
+            "from_world_m": points[leg].tolist(),
+            "to_world_m": points[leg + 1].tolist(),
+            "speed_m_s": round(float(speeds[leg]), 3),
+            "slowed": bool(slow[leg]),
+        }
         for leg in np.flatnonzero(np.isfinite(speeds)).tolist()
+        if not grounded & {leg, leg + 1}
     ]
 
 

@@ -43,7 +43,7 @@ def text(told: Outcome) -> str:
 def _head(told: Outcome) -> str:
     result = told.result
     word = "Go" if result.go else "No-go"
-    decides, remedy = screen.decides(result, told.plan_again)
+    decides, remedy = screen.decides(result, told.plan_again, told.narrow_waypoints)
     facts = {
         "how sure": f"{_capital(str(result.lost))} with 95 % confidence; lost is to touch anything, to leave the map, "
         "to overturn, or to come down without a position",

@@ -29,7 +29,7 @@ SUMMARY = "Fly a trajectory a thousand times in simulation: go or no-go."
 @click.option(
     "--advise",
     is_flag=True,
-    help="Find the largest wind that is a go, how much slower is one, and ways home.",
+    help="Find the largest wind that is a go, how much slower is one, the battery to take, and ways home.",
 )
 @console.path_option("--out", "out", "JSON file to write with the whole result.")
 @console.path_option("--report", "report", "HTML page to write: the flights in the map, the worst three, and why.")
@@ -79,15 +79,18 @@ def _flown(subject: inputs.Subject, progress: Progress, *, advise: bool, bundle:
     """Fly it, find what would be a go if asked for, and fly the worst again; after Ctrl-C, what there is."""
     scenario, options = subject.scenario, subject.options
     result = preflight.fly(scenario, options, progress=progress)
-    advice, ways, replay = None, (), None
+    advice, ways, replay = None, [], None
+    looked_for = advise and not result.cut_off and home.looked_for(subject)
     if advise and not result.cut_off:
-        with suppress(KeyboardInterrupt):
-            ways = home.ways_home(subject, progress=progress)
+        with suppress(KeyboardInterrupt):  # what was found is kept
+            if looked_for:
+                for way in home.ways_home(subject, progress=progress):
+                    ways.append(way)
             advice = preflight.advised(scenario, result, options, progress=progress)
     progress("flying the worst again", 0.0)
     with suppress(KeyboardInterrupt):  # the result is kept
         replay = preflight.replay(scenario, result, options, bundle=bundle)
-    return Outcome(subject, result, replay, advice, ways)
+    return Outcome(subject, result, replay, advice, tuple(ways) if ways or (looked_for and advice) else None)
 
 
 def _write(found: Outcome, out: Path | None, report: Path | None, *, overwrite: bool) -> None:

@@ -1,6 +1,7 @@
 """A preflight's result in words: what came out, how sure it is, what decides it, and what to do next."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ def show(title: str, found: Outcome) -> None:
     facts |= {words: str(chance) for words, chance in others[:2]}
     if (where := place(result)) is not None:
         facts["narrowest"] = where
-    facts["decides most"], remedy = decides(result, found.plan_again)
+    facts["decides most"], remedy = decides(result, found.plan_again, found.narrow_waypoints)
     facts |= found.advice_words()
     facts["next"] = "fly it" if result.go else remedy
     if result.assumed:
@@ -45,12 +46,15 @@ def place(result: preflight.Result) -> str | None:
     return f"{where}, {100.0 * found.share:.0f} % {those}"
 
 
-def decides(result: preflight.Result, again: dict[str, Any] | None) -> tuple[str, str]:
-    """What decides most, and what to do about it: with more room where that helps."""
+def decides(result: preflight.Result, again: dict[str, Any] | None, narrow: Sequence[int] = ()) -> tuple[str, str]:
+    """What decides most, and what to do about it: with more room where that helps and these waypoints leave it."""
     said, remedy = _remedy(result)
+    if narrow:
+        numbers = ", ".join(str(waypoint + 1) for waypoint in narrow)
+        remedy += f"; or move waypoint {numbers}, which leaves flights that touch near it no more room"
     if again is None:
         return said, remedy
-    near, legs = len(again["near"]), len(again["legs"])
+    near, legs = len(again["near"]), sum(leg["slowed"] for leg in again["legs"])
     more = (f", more near {near} parts of it" if near else "") + (f", slower on {legs} legs" if legs else "")
     room = f"plan with --margin {again['margin_m']:.2f}{more}, as --preflown does from the file of --out"
     return said, f"{remedy}; or {room}, which is not tried yet: {_short(again['segments'], again['slower'])}"

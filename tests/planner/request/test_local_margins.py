@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import planner
 from flight import FormatError, InputError, Waypoints
+from flight.mission import KeepIn, Mission
 from planner import LocalMargin, PlanOptions
 from planner.gate import gate
 from planner.request.local_margins import Roomier, reach_m
@@ -40,6 +41,16 @@ def test_the_further_margin_is_asked_for_near_the_line_and_nowhere_else(pillar, 
     near = far < reach - (MORE_M - MARGIN_M) - 1e-3
     assert ((asked >= REQUIRED_M) == (free >= REQUIRED_M + MORE_M - MARGIN_M))[near].all()
     assert (asked <= free + 1e-12).all()
+
+
+@given(st.floats(0.0, 0.25), st.tuples(COORDINATES, COORDINATES, COORDINATES))
+def test_a_margin_of_a_stated_reach_asks_for_no_more_where_less_is_kept_elsewhere(pillar, less_m, point):
+    near = LocalMargin(MORE_M, LINE, 0.8)
+    radius_m = REQUIRED_M - MARGIN_M
+    refused = Roomier(pillar, [near], less_m, radius_m + less_m).distance([point])[0] < radius_m + less_m
+    short = pillar.distance([point])[0] < radius_m + (MORE_M if far_m([point])[0] < 0.8 + 1e-3 else less_m)
+    assert short or not refused
+    assert LocalMargin.from_dict(near.as_dict()) == near
 
 
 @given(*[st.tuples(COORDINATES, COORDINATES, COORDINATES)] * 2)
@@ -86,9 +97,23 @@ def test_they_are_kept_in_the_record_and_a_damaged_one_is_refused():
     document = options.as_dict()
     assert PlanOptions.from_dict(document) == options
     assert "local_margins" not in replace(options, local_margins=()).as_dict()
+    assert "local_margins" not in repr(PlanOptions())  # of which journals of earlier versions keep the hash
     for damaged in ([{"margin_m": 0.2}], [{"margin_m": -1.0, "polyline_world_m": [[0, 0, 0]]}], 3, [3]):
         with pytest.raises(FormatError, match="damaged"):
             PlanOptions.from_dict(document | {"local_margins": damaged})
     for polyline in ((), ((0.0, np.nan, 0.0),)):
         with pytest.raises(InputError, match="finite points"):
             LocalMargin(0.2, polyline)
+
+
+def test_it_asks_for_room_to_obstacles_and_not_to_the_tube_to_keep_in(pillar, drone):
+    """In the open a margin wider than the tube changes nothing."""
+    options = PlanOptions(margin_m=MARGIN_M).sized(drone)
+    begin, end = [-4.0, -5.0, 1.5], [4.0, -5.0, 1.5]
+    tube = KeepIn(0.3)
+    mission = Mission(Waypoints(np.array([begin, end]), np.full(2, np.nan)), keep_in=tube)
+    near = replace(options, local_margins=(LocalMargin(0.6, ((0.0, -5.0, 1.5),)),))
+    plain, local = (planner.mission.plan(mission, pillar, drone, each) for each in (options, near))
+    assert local.trajectory.duration_s == pytest.approx(plain.trajectory.duration_s, rel=1e-3)
+    session = planner.Planner(mission.waypoints, pillar, drone, near, conditions=planner.mission.conditions(mission))
+    assert session.move(1, [4.0, -5.05, 1.5]).gate.passed

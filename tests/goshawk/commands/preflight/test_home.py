@@ -1,4 +1,6 @@
-"""The way home: from the plan's own motion, proved clear, back to where it began; and from when on there is none."""
+"""The way home: from the plan's own motion, proved clear, back to where it began."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +12,10 @@ import preflight
 import vehicle
 from flight import Waypoints, silent, trajectory
 from goshawk.commands.preflight import home, inputs
+from goshawk.commands.preflight import preflight as verb
 from goshawk.commands.preflight.home import WayHome
 from goshawk.commands.preflight.outcome import RESERVE, Outcome
+from preflight import core
 
 OPTIONS = preflight.Options(flights=24, risk=0.2)
 
@@ -32,7 +36,7 @@ def test_it_goes_on_from_the_plans_motion_and_ends_at_rest_where_that_began(subj
     joins, path = home._joins(subject.item.trajectory), subject.item.trajectory
     assert 2 <= len(joins) <= home.MOMENTS
     for join in joins:
-        way = home._planned(subject, join)
+        way = home._planned(subject, join).trajectory
         for order in range(4):
             there = path.evaluate([path.starts_s[join]], order)
             assert way.evaluate([0.0], order) == pytest.approx(there, abs=1e-5)
@@ -44,13 +48,14 @@ def test_it_goes_on_from_the_plans_motion_and_ends_at_rest_where_that_began(subj
 
 
 def test_it_is_flown_after_the_plan_up_to_there_and_needs_more_energy_the_later(subject):
-    ways = home.ways_home(subject, progress=silent)
+    ways = tuple(home.ways_home(subject, progress=silent))
     assert all(way.go for way in ways)
     assert [way.from_s for way in ways] == sorted(way.from_s for way in ways)
     energies = [way.energy_j or np.nan for way in ways]
     assert energies == sorted(energies)
     result = preflight.fly(subject.scenario, OPTIONS)
     outcome = Outcome(subject, result, advice=preflight.Advice(3.0, 1.0), ways_home=ways)
+    assert outcome.battery_j is not None
     assert outcome.battery_j * (1.0 - RESERVE) == pytest.approx(
         max(energies[-1], float(np.quantile(result.record.energy_j, 0.99)))
     )
@@ -59,28 +64,84 @@ def test_it_is_flown_after_the_plan_up_to_there_and_needs_more_energy_the_later(
     assert [way["from_s"] for way in told["ways_home"]] == [way.from_s for way in ways]
 
 
+def test_it_is_flown_with_no_more_room_stated_than_all_of_it_has(subject, monkeypatch):
+    """The controller allows as much tracking error, and the way home may be narrower than the plan."""
+    flown, fly = [], preflight.fly
+    monkeypatch.setattr(preflight, "fly", lambda scenario, *a, **k: flown.append(scenario) or fly(scenario, *a, **k))
+    assert list(home.ways_home(subject, progress=silent))
+    assert len(flown) >= 2
+    for scenario in flown:
+        path = scenario.trajectory
+        room_m = subject.area.field.distance(path.position(path.sample(0.002))).min() - subject.radius_m
+        assert 0.0 < scenario.clearance_m <= room_m + 1e-3
+
+
 def way(from_s, duration_s=1.0, *, go=True) -> WayHome:
-    return WayHome(from_s, duration_s, 1.0, go, "2 of 60")
+    return WayHome(from_s, 4.5 - from_s, duration_s, 1.0, go, "2 of 60")
 
 
 @pytest.mark.parametrize(
-    ("ways", "from_s", "said"),
+    ("ways", "last_s", "said"),
     [
-        ([way(1.0), way(2.0), way(3.0)], None, "a go from 1.0, 2.0, 3.0 s"),
-        ([way(1.0), way(2.0), way(3.0, 2.0)], 3.0, "a go from 1.0, 2.0 s; from 3.0 s on the end is nearer"),
+        ([way(1.0), way(2.0), way(3.0)], 3.0, "a go from 1.0, 2.0, 3.0 s"),
+        ([way(1.0), way(2.0), way(3.0, 2.0)], 3.0, "a go from 1.0, 2.0, 3.0 s; the end is nearer from 3.0 s"),
+        ([way(1.0, go=False), way(2.0)], 2.0, "a go from 2.0 s; not from 1.0 s (2 of 60)"),
         (
-            [way(1.0, go=False), way(2.0), way(3.0, 2.0)],
-            3.0,
-            "a go from 2.0 s; not from 1.0 s; from 3.0 s on the end is",
+            [way(1.0), way(2.0, go=False), way(3.0, 2.0, go=False)],
+            1.0,
+            "a go from 1.0 s; not from 2.0, 3.0 s (2 of 60); the last that is a go is from 1.0 s; the end is nearer "
+            "from 3.0 s",
         ),
-        ([way(1.0), way(2.0, go=False), way(3.0, go=False)], 2.0, "a go from 1.0 s; from 2.0 s on none is (2 of 60)"),
-        ([way(1.0, go=False), WayHome(2.0, None, None, False, "no path")], 1.0, "from 1.0 s on none is (2 of 60)"),
+        (
+            [way(1.0, go=False), WayHome(2.0, 2.5, None, None, False, "no path")],
+            None,
+            "from no moment a go; not from 1.0, 2.0 s (no path)",
+        ),
         ([], None, "home all along"),
     ],
 )
-def test_there_is_no_return_once_no_later_way_is_a_go_and_nearer_than_the_end(ways, from_s, said):
-    assert home.point_of_no_return_s(tuple(ways), 4.5) == from_s
-    assert home.sentence(tuple(ways), 4.5).startswith(said)
+def test_the_last_way_home_that_is_a_go_is_told_apart_from_where_the_end_is_nearer(ways, last_s, said):
+    assert home.last_s(tuple(ways)) == last_s
+    assert home.sentence(tuple(ways)) == said
+
+
+def test_of_a_plan_that_begins_on_the_ground_none_is_looked_for(subject):
+    path = subject.item.trajectory
+    assert home.looked_for(subject)
+    for ground, looked_for in ((path.position([0.0]), False), (path.position([path.duration_s]), True)):
+        asked = subject.item.check["conditions"] | {"ground_world_m": ground.tolist()}
+        item = replace(subject.item, check=subject.item.check | {"conditions": asked})
+        assert home.looked_for(replace(subject, item=item)) is looked_for
+    result = preflight.fly(subject.scenario, OPTIONS)
+    none = Outcome(subject, result, advice=preflight.Advice(3.0, 1.0))
+    assert none.as_dict()["advice"]["ways_home"] is None
+    assert none.advice_words()["way home"] == home.GROUNDED
+
+
+def test_where_too_few_come_to_the_end_no_battery_is_told(subject):
+    result = preflight.fly(subject.scenario, OPTIONS)
+    most_j = float(np.quantile(result.record.energy_j, 0.99))
+    assert home.energy_j(result) == most_j
+    given_up = replace(result.record, ending=np.where(np.arange(24) < 3, core.FAILSAFE, core.FINISHED))
+    found = Outcome(subject, replace(result, record=given_up), advice=preflight.Advice(3.0, 1.0), ways_home=())
+    assert found.battery_j is None
+    assert found.advice_words()["battery"] == "not known: only 88 % of flights come to the end"
+
+
+def test_ctrl_c_keeps_the_ways_home_that_were_found(subject, monkeypatch):
+    found = home._way_home
+
+    def interrupted(subject, join, progress):
+        if join > home._joins(subject.item.trajectory)[0]:
+            raise KeyboardInterrupt
+        return found(subject, join, progress)
+
+    monkeypatch.setattr(home, "_way_home", interrupted)
+    outcome = verb._flown(subject, silent, advise=True, bundle=0)
+    assert outcome.advice is None
+    assert len(outcome.ways_home or ()) == 1
+    assert outcome.advice_words()["way home"].startswith("a go from")
+    assert len(outcome.as_dict()["advice"]["ways_home"]) == 1
 
 
 def test_a_moment_from_which_there_is_no_way_says_why(subject, monkeypatch):

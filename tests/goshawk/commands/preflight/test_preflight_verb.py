@@ -14,7 +14,7 @@ import mapping
 import preflight
 import vehicle
 from flight import FormatError, Waypoints, file_format, trajectory
-from flight.mission import LegSpeed, Mission
+from flight.mission import Laps, LegSpeed, Mission
 from goshawk.commands.plan import preflown
 from goshawk.commands.preflight import inputs, outcome, screen
 from goshawk.commands.preflight import preflight as verb
@@ -271,7 +271,7 @@ def test_a_plan_keeps_the_larger_of_both_margins_and_says_which(folder, tmp_path
         ({"plan_again": {"margin_m": True}}, "the margin to plan with is True"),
         ({"plan_again": {"margin_m": -1}}, "the margin to plan with is -1"),
         ({"plan_again": {"margin_m": 0.1, "near": [{"margin_m": 0.2}]}}, "a local margin is damaged"),
-        ({"plan_again": {"margin_m": 0.1, "legs": [{"first": 0}]}}, "is a damaged result: 'last'"),
+        ({"plan_again": {"margin_m": 0.1, "legs": [{"speed_m_s": 1}]}}, "is a damaged result: 'from_world_m'"),
         ({"plan_again": ...}, "has no plan_again"),
         ({"plan_again": None, "reason": "only 3 % come to the end"}, "no more room: only 3 % come to the end"),
     ],
@@ -288,8 +288,9 @@ def test_margins_near_parts_of_the_plan_and_speeds_of_legs_are_kept_and_recorded
     plain = trajectory.load(tmp_path / "again.json").trajectory
     line = plain.position(np.linspace(0.4, 0.6, 5) * plain.duration_s)
     near = {"margin_m": 0.3, "polyline_world_m": line.tolist()}
-    legs = [{"first": 1, "last": 2, "speed_m_s": 1.0}]
-    asked = {"margin_m": 0.12, "near": [near], "waypoints": 3, "legs": legs}
+    points = trajectory.load(tmp_path / "again.json").waypoints_world_m.tolist()
+    legs = [{"from_world_m": points[1], "to_world_m": points[2], "speed_m_s": 1.0, "slowed": False}]
+    asked = {"margin_m": 0.12, "near": [near], "legs": legs}
     ended = planned_again(folder, tmp_path, plan_again=asked)
     assert ended.returncode == 0, ended.stderr
     assert "0.120 m, up to 0.300 m near 1 parts of the plan, at most 1.00 m/s on 1 legs" in " ".join(
@@ -306,16 +307,38 @@ def test_margins_near_parts_of_the_plan_and_speeds_of_legs_are_kept_and_recorded
     (one, two) = outcome._leg_speeds(found.subject, (slow,))
     times_s = np.linspace(*item.trajectory.starts_s[1:3], 200)
     top_m_s = np.linalg.norm(item.trajectory.position(times_s, 1), axis=1).max()
-    assert (one["first"], one["speed_m_s"]) == (0, pytest.approx(top_m_s / 1.25, rel=0.01))
+    assert (one["from_world_m"], one["slowed"]) == (points[0], True)
+    assert one["speed_m_s"] == pytest.approx(top_m_s / 1.25, rel=0.01)
     assert two == legs[0]
 
 
-def test_a_mission_with_other_waypoints_keeps_the_slowest_speed_all_along():
-    again = preflown.Again(0.1, legs=(LegSpeed(0, 1, 2.0), LegSpeed(1, 2, 1.0)), waypoints=3)
-    three, two = (Mission(Waypoints(np.arange(3.0 * n).reshape(n, 3), np.full(n, np.nan))) for n in (3, 2))
-    assert again.of(three).leg_speeds == again.legs
-    assert again.of(two).leg_speeds == (LegSpeed(0, 1, 1.0),)
-    assert preflown.Again(0.1).of(two) is two
+POINTS = np.arange(12.0).reshape(4, 3)
+
+
+def mission_of(*numbers: int, **more) -> Mission:
+    return Mission(Waypoints(POINTS[list(numbers)], np.full(len(numbers), np.nan)), **more)
+
+
+def leg(first: int, last: int, speed_m_s: float, *, slowed: bool = True) -> preflown.Leg:
+    begin, end = (tuple(POINTS[number].tolist()) for number in (first, last))
+    return preflown.Leg(begin, end, speed_m_s, slowed)
+
+
+def test_legs_are_found_by_where_they_begin_and_end_and_one_that_is_not_slows_down_all():
+    again = preflown.Again(0.1, legs=(leg(0, 1, 2.0), leg(1, 2, 1.0)))
+    assert again.of(mission_of(0, 1, 2)).leg_speeds == (LegSpeed(0, 1, 2.0), LegSpeed(1, 2, 1.0))
+    assert again.of(mission_of(3, 0, 1, 2)).leg_speeds == (LegSpeed(1, 2, 2.0), LegSpeed(2, 3, 1.0))
+    assert again.of(mission_of(2, 1, 0)).leg_speeds == (LegSpeed(0, 2, 1.0),)
+    round_ = mission_of(0, 1, 2, laps=Laps(2))
+    assert again.of(round_).leg_speeds == (LegSpeed(0, 1, 2.0), LegSpeed(1, 2, 1.0))
+    assert preflown.Again(0.1, legs=(leg(2, 0, 1.5),)).of(round_).leg_speeds == (LegSpeed(0, 2, 1.5),)
+    assert preflown.Again(0.1).of(round_) is round_
+
+
+def test_a_speed_that_was_only_kept_slows_down_no_other_leg():
+    kept = preflown.Again(0.1, legs=(leg(0, 1, 0.4, slowed=False),))
+    assert kept.of(mission_of(0, 1, 2)).leg_speeds == (LegSpeed(0, 1, 0.4),)
+    assert kept.of(mission_of(3, 1, 2)).leg_speeds == ()
 
 
 def test_a_vehicle_of_the_same_name_and_other_values_is_another(folder, tmp_path):
