@@ -38,11 +38,11 @@ def write(file: Path, document: Mapping[str, Any], titles: Mapping[str, str]) ->
 def _vehicle(rows: Sequence[Mapping[str, Any]], folder: Path) -> str:
     cells = [
         (row["name"], _number(row["theirs"]), _number(row["their_cad"]), _share(row["theirs"], row["their_cad"]),
-         _number(row["ours"]), f"{row['standard_error']:.1g}", _share(row["ours"], row["theirs"]),
+         _number(row["ours"]), f"{row['standard_error_of_one_trial']:.1g}", _share(row["ours"], row["theirs"]),
          row["unit"])
         for row in rows
     ]  # fmt: skip
-    head = ("parameter", "theirs", "their CAD", "off CAD", "ours", "± ours", "off theirs", "unit")
+    head = ("parameter", "theirs", "their CAD", "off CAD", "ours", "± of one trial", "off theirs", "unit")
     note = (
         f"The simulated vehicle has the values of {theirs.TABLE}, so that ours should be theirs. ± is one robust "
         f"standard error of one trial of three flights; ours are means of {len(rows[0]['trials'])} trials, "

@@ -56,9 +56,12 @@ def command(out: Path, only: tuple[str, ...], overwrite: bool, as_json: bool) ->
 def _show(document: dict[str, Any]) -> None:
     if "vehicle" in document:
         rows = [
-            (row["name"], row["theirs"], row["ours"], row["standard_error"], row["unit"]) for row in document["vehicle"]
+            (row["name"], row["theirs"], row["ours"], row["standard_error_of_one_trial"], row["unit"])
+            for row in document["vehicle"]
         ]
-        console.table("Table I: theirs, and ours simulated", ("parameter", "theirs", "ours", "±", "unit"), rows)
+        console.table(
+            "Table I: theirs, and ours simulated", ("parameter", "theirs", "ours", "± of one trial", "unit"), rows
+        )
     if "ladder" in document:
         rows = [
             (row["course"], row["controller"], "" if row["theirs_cm"] is None else f"{row['theirs_cm']:g}",

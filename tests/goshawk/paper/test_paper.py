@@ -142,7 +142,7 @@ def test_the_whole_writes_a_page_that_says_of_each_number_whose_it_is(tmp_path):
     assert not re.search(r"(src|href)=['\"]http", page)
     for row in document["vehicle"]:
         assert row["theirs"] == PRINTED[row["name"]][0]
-        assert abs(row["ours"] - row["theirs"]) < 5.0 * row["standard_error"]
+        assert abs(row["ours"] - row["theirs"]) < 5.0 * row["standard_error_of_one_trial"]
     known = {row["theirs_cm"] for row in document["ladder"]} - {None}
     assert known == {*theirs.LEVEL_CM, *theirs.VERTICAL_CM, theirs.GENERAL_CM}
     assert document["path"]["passes_gate"]
