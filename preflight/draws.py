@@ -231,7 +231,7 @@ def _unidentified(vehicle: Vehicle, names: list[str]) -> tuple[str, ...]:
     more = f" and {len(told) - _NAMED} more" if len(told) > _NAMED else ""
     return (
         f"not identified, flown as widely as the vehicle file assumes: {', '.join(told[:_NAMED])}{more}; "
-        "`goshawk identify` tells them better",
+        "`goshawk identify` tells those that a log shows",
     )
 
 
