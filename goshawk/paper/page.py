@@ -22,7 +22,8 @@ def write(file: Path, document: Mapping[str, Any], titles: Mapping[str, str]) ->
     """
     bodies = {"vehicle": _vehicle, "ladder": _ladder, "path": _path}
     sections = [
-        f"<h2>{escape(title)}: ours {escape(document['made'][name])}</h2>"
+        f"<h2>{escape(title)}: ours {escape(document['made'][name])}"
+        f"{', by an earlier run' if name in document['taken_over'] else ''}</h2>"
         f"{bodies[name](document[name], file.parent / name)}"
         for name, title in titles.items()
     ]

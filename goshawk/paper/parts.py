@@ -114,19 +114,26 @@ def take_over(earlier: Path, folder: Path, names: Sequence[str]) -> dict[str, An
 
 
 def write(
-    folder: Path, done: Mapping[str, Any], missing: Sequence[str] = (), failed: Mapping[str, str] | None = None
+    folder: Path,
+    done: Mapping[str, Any],
+    *,
+    missing: Sequence[str] = (),
+    failed: Mapping[str, str] | None = None,
+    taken_over: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Write `paper.json` and `paper.html`; returns the document.
 
     Args:
         missing: parts that were asked for, and cut off.
         failed: parts that failed, with the reason.
+        taken_over: parts that an earlier run did.
     """
     from goshawk.paper import page
 
     done = {name: done[name] for name in PARTS if name in done}
     document = {
         "paper": theirs.TITLE, "figures": theirs.FIGURES, "cut_off": list(missing), "failed": dict(failed or {}),
+        "taken_over": list(taken_over),
         "made": {name: PARTS[name].made for name in done}, **done,
     }  # fmt: skip
     file_format.write_json(folder / FACTS, format=FORMAT, version=VERSION, body=document)

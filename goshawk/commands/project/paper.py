@@ -38,7 +38,7 @@ def command(out: Path, only: tuple[str, ...], overwrite: bool, as_json: bool) ->
             done, failed = parts.run(placing.temporary, asked, report)
         missing = [name for name in asked if name not in done and name not in failed]
         taken = parts.take_over(out, placing.temporary, [name for name in NAMES if name not in asked])
-        document = parts.write(placing.temporary, taken | done, missing, failed)
+        document = parts.write(placing.temporary, taken | done, missing=missing, failed=failed, taken_over=list(taken))
     outputs.report_kept(out, placing.kept)
     if as_json:
         console.show("", {}, as_json=True, document=document)

@@ -108,7 +108,8 @@ def test_the_verb_keeps_what_is_done_and_takes_it_over_the_next_time(tmp_path, m
     assert paper.command.main(again, standalone_mode=False) == 0
     document = json.loads((out / parts.FACTS).read_text())
     assert list(document["made"]) == ["vehicle", "ladder"]
-    assert document["ladder"] == [row]
+    assert (document["ladder"], document["taken_over"]) == ([row], ["ladder"])
+    assert (out / parts.PAGE).read_text().count("by an earlier run") == 1
     assert (out / "ladder").is_dir()
 
 
