@@ -103,17 +103,20 @@ def solve_banded(band: FloatArray, right: FloatArray) -> FloatArray | None:
 def symmetric_eigen(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Eigenvalues (n,), in no order, and as columns the eigenvectors (n, n) of a symmetric matrix: cyclic Jacobi.
 
-    For a few dozen rows: every pair of them is a step in Python.
+    NaN throughout where an entry is not finite, or where it does not converge. For a few dozen rows: every pair of
+    them is a step in Python.
     """
     a, vectors = 0.5 * (matrix + matrix.T), np.eye(len(matrix))
+    if not np.isfinite(a).all():
+        return np.full(len(a), np.nan), np.full(a.shape, np.nan)
     smallest = np.finfo(np.float64).eps * float(np.abs(a).max(initial=0.0))
     for _ in range(_MOST_SWEEPS):
         if not (np.abs(np.triu(a, 1)) > smallest).any():
-            break
+            return a.diagonal().copy(), vectors
         for p, q in combinations(range(len(a)), 2):
             if abs(a[p, q]) > smallest:
                 _rotate(a, vectors, p, q)
-    return a.diagonal().copy(), vectors
+    return np.full(len(a), np.nan), np.full(a.shape, np.nan)
 
 
 def _rotate(a: FloatArray, vectors: FloatArray, p: int, q: int) -> None:
@@ -127,7 +130,10 @@ def _rotate(a: FloatArray, vectors: FloatArray, p: int, q: int) -> None:
 
 
 def normal_share(x: ArrayLike) -> FloatArray:
-    """Share of standard normal numbers that are below x, by Taylor's series (Marsaglia 2004); to 1e-15."""
+    """Share of standard normal numbers that are below x, by Taylor's series (Marsaglia 2004); absolute error 2e-15.
+
+    Not for tails: below -8.3 it is 0, and rounding is of one, not of the share.
+    """
     at = np.clip(np.asarray(x, dtype=np.float64), -8.5, 8.5)
     term = at.copy()
     total = at.copy()

@@ -23,6 +23,11 @@ TOGETHER = 0.9
 DELAY_STD_S = 0.003
 LATEST_S = 0.2
 """Oldest pose that is simulated."""
+LAGS = ("motor_lag.rise_s", "motor_lag.fall_s")
+"""Unless a flight told them apart, one ignorance: drawn apart, they would lift the vehicle, as unequal lags rectify
+the noise of its commands."""
+_NAMED = 4
+"""Standard deviations that are named in a sentence."""
 _DELAY = "pose_delay.delay_s"
 _BATTERY = "battery_sag"
 BATTERY, MOTOR_FAULT, POSE_JUMP, THERMALS = "battery", "motor fault", "pose jump", "thermals"
@@ -210,7 +215,35 @@ def _parameters(
     said = () if not alone else (
         f"of {len(alone)} of {len(uncertain)} standard errors ({alone[0]}) the correlation is not known: drawn "
         "independently, they overstate what they do together; fit all again with `goshawk identify`",)  # fmt: skip
-    return values, factors, said
+    return values, factors, said + _unidentified(vehicle, uncertain)
+
+
+def _unidentified(vehicle: Vehicle, names: list[str]) -> tuple[str, ...]:
+    """A sentence on the standard deviations that no identification gave, the largest first; none where all did."""
+    wide = {
+        name: parameter.std / abs(parameter.value) if parameter.value else np.inf
+        for name in names
+        if not _is_identified(parameter := vehicle.parameter(name))
+    }
+    if not wide:
+        return ()
+    told = [_plus_minus(vehicle, name, wide[name]) for name in sorted(wide, key=lambda name: -wide[name])]
+    more = f" and {len(told) - _NAMED} more" if len(told) > _NAMED else ""
+    return (
+        f"not identified, flown as widely as the vehicle file assumes: {', '.join(told[:_NAMED])}{more}; "
+        "`goshawk identify` tells those that a log shows",
+    )
+
+
+def _plus_minus(vehicle: Vehicle, name: str, ratio: float) -> str:
+    if np.isfinite(ratio):
+        return f"{name} ±{100.0 * ratio:.2g} %"
+    parameter = vehicle.parameter(name)
+    return f"{name} ±{parameter.std:.2g} {parameter.unit}".removesuffix(" 1")
+
+
+def _is_identified(parameter: Parameter) -> bool:
+    return parameter.source.startswith("identified")
 
 
 def _physical(parameter: Parameter, bounds: tuple[float, float], normal: FloatArray) -> FloatArray:
@@ -231,14 +264,19 @@ def _rigid(values: FloatArray, names: tuple[str, ...]) -> None:
 
 
 def correlations(vehicle: Vehicle, names: list[str]) -> tuple[FloatArray, list[str]]:
-    """(k, k) between parameters, the identity where the model does not tell it; and those that it should tell of."""
+    """(k, k) between parameters, the identity where the model does not tell it (but 1 between `LAGS` that no flight
+    told); and those that it should tell of."""
     known, matrix = _told(vehicle)
-    identified = [name for name in names if vehicle.parameter(name).source.startswith("identified")]
+    identified = [name for name in names if _is_identified(vehicle.parameter(name))]
     fitted = [name for name in identified if name in known]
     found = np.eye(len(names))
     at, of = [names.index(name) for name in fitted], [known.index(name) for name in fitted]
     found[np.ix_(at, at)] = matrix[np.ix_(of, of)]
-    return found, [name for name in identified if name not in known] if fitted else names
+    tied = set(LAGS) if set(LAGS) <= set(names) - set(identified) else set()
+    together = [i for i, name in enumerate(names) if name in tied]
+    found[np.ix_(together, together)] = 1.0
+    left = [name for name in identified if name not in known] if fitted else names
+    return found, [name for name in left if name not in tied]
 
 
 def _told(vehicle: Vehicle) -> tuple[list[str], FloatArray]:

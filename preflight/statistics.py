@@ -17,6 +17,8 @@ _NOTHING_NEW = 1e-12
 """Of a column's square, what is left of it without the columns before: rounding."""
 _DIGITS = 11
 """Of a bound that are kept: the last of the C library's are each processor's own."""
+_MOST_COLUMNS = 0.5
+"""Of the values, from which on their share is noise."""
 _LEAST = 30
 """Values, from which on a variance is decomposed."""
 
@@ -88,6 +90,7 @@ def variance_shares(values: FloatArray, factors: Mapping[str, FloatArray]) -> di
 
     First-order indices by regression on a factor's draws (n, q), their squares and products (Sobol indices of a
     quadratic polynomial chaos: Sudret 2008), less what as many columns of noise would explain (adjusted R squared).
+    None, 0, of a factor with half as many of those as values, or more: that would be noise.
     """
     used = np.isfinite(values)
     if not decomposable(values):
@@ -115,4 +118,6 @@ def _explained(y: FloatArray, draws: FloatArray, total: float) -> float:
         terms[i + 1 :] -= (terms[i + 1 :] * term).sum(axis=1, keepdims=True) / size * term
         kept += 1
     n = len(y)
-    return max(0.0, 1.0 - float((left * left).sum()) / total * (n - 1) / max(n - 1 - kept, 1))
+    if kept >= _MOST_COLUMNS * n:
+        return 0.0
+    return max(0.0, 1.0 - float((left * left).sum()) / total * (n - 1) / (n - 1 - kept))

@@ -81,7 +81,7 @@ def found(trials: int, progress: Progress) -> list[sysid.Identification]:
 
 
 def facts(trials: Sequence[sysid.Identification]) -> list[dict[str, Any]]:
-    """Rows of Table I: theirs, of their drawing, ours with standard errors."""
+    """Rows of Table I: theirs, of their drawing, ours with standard errors, each of one trial."""
     return [_row(row, trials) for row in theirs.table()]
 
 
@@ -91,7 +91,7 @@ def _row(printed: theirs.Printed, trials: Sequence[sysid.Identification]) -> dic
     error = float(np.sqrt(np.mean([estimate.std_robust**2 for estimate in each])))
     return {
         "name": printed.name, "unit": printed.unit, "theirs": printed.value, "their_cad": printed.cad,
-        "their_standard_error": theirs.NOT_KNOWN, "ours": float(values.mean()), "standard_error": error,
+        "their_standard_error": theirs.NOT_KNOWN, "ours": float(values.mean()), "standard_error_of_one_trial": error,
         "spread": float(values.std(ddof=1)) if len(values) > 1 else None, "trials": values.tolist(),
         "begun_with": float(np.mean([estimate.start for estimate in each])),
     }  # fmt: skip

@@ -84,7 +84,7 @@ def courses() -> tuple[Course, ...]:
 
 @cache
 def general() -> Course:
-    """All axes and yaw at once, of which one figure of theirs is known."""
+    """All axes and yaw at once, of which one figure of theirs is known; not its controller, taken to be their last."""
     return Course("general", "all axes with yaw", curves.general(), {THEIRS[-1].name: theirs.GENERAL_CM})
 
 
@@ -129,26 +129,20 @@ def measured(flown: Sequence[Course], rungs: Sequence[Rung], runs: int, progress
 
 
 def drawn(shown: Measured, rungs: Sequence[Rung]) -> "Figure":
-    """Every run as a dot, their mean as a bar, the paper's figure as a diamond; their own three rungs come first."""
+    """Every run as a dot, their mean as a bar, the paper's figure as a diamond, where it has that rung."""
     look = drawing.look()
     figure, (panels,) = drawing.figure(1, 2, (10.0, 3.4))
     for axes, course in zip(panels, courses(), strict=True):
         for i, rung in enumerate(rungs):
             runs = shown[course.name, rung.name]
-            axes.bar(i, runs.mean(), width=0.62, color=look.colours[1] if i < 3 else look.pale)
+            flown = rung.name in course.flown_cm
+            axes.bar(i, runs.mean(), width=0.62, color=look.colours[1] if flown else look.pale)
             axes.plot(i + np.linspace(-0.18, 0.18, len(runs)), runs, "o", ms=2.5, color=look.ink)
-            ink = look.paper if i < 3 else look.ink
+            ink = look.paper if flown else look.ink
             axes.annotate(f"{runs.mean():.1f}", (i, 0.0), (0, 5), textcoords="offset points", ha="center", color=ink)
-        axes.plot(
-            range(3),
-            list(course.flown_cm.values()),
-            "D",
-            ms=7,
-            mfc="none",
-            mec=look.colours[0],
-            mew=1.6,
-            label="paper, flown",
-        )
+        theirs_cm = [(i, course.flown_cm[rung.name]) for i, rung in enumerate(rungs) if rung.name in course.flown_cm]
+        places = np.array(theirs_cm).reshape(-1, 2).T
+        axes.plot(*places, "D", ms=7, mfc="none", mec=look.colours[0], mew=1.6, label="paper, flown")
         axes.plot([], [], "o", ms=2.5, color=look.ink, label="simulated runs")
         axes.set_xticks(range(len(rungs)), [_folded(r.name) for r in rungs], fontsize=7)
         drawing.plain(axes, course.title, "", "mean tracking error (cm)")

@@ -22,12 +22,15 @@ def write(file: Path, document: Mapping[str, Any], titles: Mapping[str, str]) ->
     """
     bodies = {"vehicle": _vehicle, "ladder": _ladder, "path": _path}
     sections = [
-        f"<h2>{escape(title)}: ours {escape(document['made'][name])}</h2>"
+        f"<h2>{escape(title)}: ours {escape(document['made'][name])}"
+        f"{', by an earlier run' if name in document['taken_over'] else ''}</h2>"
         f"{bodies[name](document[name], file.parent / name)}"
         for name, title in titles.items()
     ]
-    left = (
-        f"<p class='bad'>Stopped before: {escape(', '.join(document['cut_off']))}.</p>" if document["cut_off"] else ""
+    cut = document["cut_off"]
+    left = f"<p class='bad'>Stopped before: {escape(', '.join(cut))}.</p>" if cut else ""
+    left += "".join(
+        f"<p class='bad'>{escape(name)} failed: {escape(reason)}.</p>" for name, reason in document["failed"].items()
     )
     head = f"<h1>Rigter et al. (2019) beside Goshawk</h1>{pages.stamp(_NOTE)}<p>{escape(theirs.TITLE)}.</p>{left}"
     return pages.write_page(file, "Rigter et al. (2019) beside Goshawk", head + "".join(sections) + _figures())
@@ -36,10 +39,11 @@ def write(file: Path, document: Mapping[str, Any], titles: Mapping[str, str]) ->
 def _vehicle(rows: Sequence[Mapping[str, Any]], folder: Path) -> str:
     cells = [
         (row["name"], _number(row["theirs"]), _number(row["their_cad"]), _share(row["theirs"], row["their_cad"]),
-         _number(row["ours"]), f"{row['standard_error']:.1g}", _share(row["ours"], row["theirs"]), row["unit"])
+         _number(row["ours"]), f"{row['standard_error_of_one_trial']:.1g}", _share(row["ours"], row["theirs"]),
+         row["unit"])
         for row in rows
     ]  # fmt: skip
-    head = ("parameter", "theirs", "their CAD", "off CAD", "ours", "± ours", "off theirs", "unit")
+    head = ("parameter", "theirs", "their CAD", "off CAD", "ours", "± of one trial", "off theirs", "unit")
     note = (
         f"The simulated vehicle has the values of {theirs.TABLE}, so that ours should be theirs. ± is one robust "
         f"standard error of one trial of three flights; ours are means of {len(rows[0]['trials'])} trials, "
@@ -58,7 +62,7 @@ def _ladder(rows: Sequence[Mapping[str, Any]], folder: Path) -> str:
     note = (
         "Mean distance from the set-point. Simulated with their values, noise, 10 ms of delay, gusts of "
         "0.3 m/s and motors of 30 ms, which are assumed. Their courses are known by speed and acceleration alone: ours "
-        "have those."
+        "have those. Which of their controllers flew all axes with yaw is not known here; it stands beside the last."
     )
     return _table(head, cells) + _small(note) + pages.picture(folder / ladder.PICTURE)
 

@@ -1,14 +1,14 @@
 """The parts of the paper that are done again, each with its numbers and its pictures, and what is made of them."""
 
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flight import FormatError, InputError, Progress, file_format
+from flight import FlightError, FormatError, InputError, Progress, file_format
 from goshawk.paper import theirs
 
 FORMAT, VERSION = "goshawk-paper", 1
@@ -74,36 +74,66 @@ PARTS = {
 }
 
 
-def run(folder: Path, names: Sequence[str], progress: Progress) -> dict[str, Any]:
-    """Do the named parts one by one, each in a folder of its name; what each came to. After Ctrl-C, those done before.
+def run(folder: Path, names: Sequence[str], progress: Progress) -> tuple[dict[str, Any], dict[str, str]]:
+    """Do the named parts one by one, each in a folder of its name; what each came to, and why others failed. After
+    Ctrl-C, those before.
 
     Raises:
+        FlightError: of the first, if all failed.
         KeyboardInterrupt: before the first was done.
     """
     done: dict[str, Any] = {}
+    failed: dict[str, FlightError] = {}
     for name in names:
         own = folder / name
-        own.mkdir()
         try:
+            own.mkdir()
             done[name] = PARTS[name].work(own, progress)
+        except FlightError as error:
+            failed[name] = error
+            shutil.rmtree(own)
         except KeyboardInterrupt:
             if not done:
                 raise
-            shutil.rmtree(own)
+            shutil.rmtree(own, ignore_errors=True)
             break
-    return done
+    if failed and not done:
+        raise next(iter(failed.values()))
+    return done, {name: str(error) for name, error in failed.items()}
 
 
-def write(folder: Path, done: dict[str, Any], missing: Sequence[str]) -> dict[str, Any]:
+def take_over(earlier: Path, folder: Path, names: Sequence[str]) -> dict[str, Any]:
+    """Copy the named parts of an earlier result, as far as it has them, into a new one; what each came to."""
+    if not names or not is_ours(earlier):
+        return {}
+    facts = file_format.read_json(earlier / FACTS, format=FORMAT, version=VERSION)
+    found = [name for name in names if name in facts and (earlier / name).is_dir()]
+    for name in found:
+        shutil.copytree(earlier / name, folder / name)
+    return {name: facts[name] for name in found}
+
+
+def write(
+    folder: Path,
+    done: Mapping[str, Any],
+    *,
+    missing: Sequence[str] = (),
+    failed: Mapping[str, str] | None = None,
+    taken_over: Sequence[str] = (),
+) -> dict[str, Any]:
     """Write `paper.json` and `paper.html`; returns the document.
 
     Args:
         missing: parts that were asked for, and cut off.
+        failed: parts that failed, with the reason.
+        taken_over: parts that an earlier run did.
     """
     from goshawk.paper import page
 
+    done = {name: done[name] for name in PARTS if name in done}
     document = {
-        "paper": theirs.TITLE, "figures": theirs.FIGURES, "cut_off": list(missing),
+        "paper": theirs.TITLE, "figures": theirs.FIGURES, "cut_off": list(missing), "failed": dict(failed or {}),
+        "taken_over": list(taken_over),
         "made": {name: PARTS[name].made for name in done}, **done,
     }  # fmt: skip
     file_format.write_json(folder / FACTS, format=FORMAT, version=VERSION, body=document)

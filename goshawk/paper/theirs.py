@@ -28,7 +28,7 @@ FIGURES = {
 LEVEL_CM, VERTICAL_CM = (10.5, 6.5, 5.1), (2.76, 1.84, 1.32)
 """Mean tracking error in flight of PD with feed-forward, with drag, with drag and thrust; centimetres."""
 GENERAL_CM = 4.9
-"""The same of a flight on all axes with yaw, with drag and thrust."""
+"""The same of a flight on all axes with yaw; which controller is not known here."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -67,6 +67,31 @@ def test_a_later_fit_of_a_few_leaves_the_others_independent_and_says_so(form):
     assert "mass_kg" in said
 
 
+def lagging(form, source):
+    for name, value in zip(draws.LAGS, (0.03, 0.04), strict=True):
+        form = form.with_value(name, value, std=value / 3.0, source=source)
+    return form
+
+
+def test_lags_that_no_flight_told_are_one_ignorance(form):
+    for source, correlation in (("assumed, typical", 1.0), ("identified from a test", 0.0)):
+        names, found = drawn(lagging(form, source))
+        rise, fall = (found.values[:, names.index(name)] for name in draws.LAGS)
+        assert np.corrcoef(rise, fall)[0, 1] == pytest.approx(correlation, abs=0.04)
+        assert rise.std() / rise.mean() == pytest.approx(1.0 / 3.0, rel=0.05)
+        assert (" with ".join(draws.LAGS) in found.factors) == (correlation == 1.0)
+
+
+def test_what_was_assumed_is_named_also_beside_what_was_fitted(form):
+    said = drawn(lagging(uncertain(form, 0.5), "assumed, typical"), count=10)[1].assumed
+    assert len(said) == 1
+    assert "motor_lag.rise_s ±33 %, motor_lag.fall_s ±33 %" in said[0]
+    assert "thrust_bem" not in said[0]
+    unknown = form.with_value("thrust_bem.k1_n_s2", form.value("thrust_bem.k1_n_s2"), std=1e-7)
+    lost = unknown.with_value("weak_rotor.loss_1", 0.0, std=0.03)
+    assert "weak_rotor.loss_1 ±0.03, thrust_bem.k1_n_s2 ±3.2 %" in drawn(lost, count=10)[1].assumed[-1]
+
+
 def test_an_identified_loss_of_a_rotor_is_drawn_with_its_own_error(form):
     weak = form.with_value("weak_rotor.loss_1", 0.05, std=0.03, source="identified from a test")
     names, found = drawn(weak)

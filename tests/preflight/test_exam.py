@@ -58,11 +58,16 @@ def true_flights(count: int) -> tuple[np.ndarray, np.ndarray]:
         flown = closed_loop.fly(
             plant, parameters_of(drone), CURVE, sensors=Sensors.typical(), seed=int(rng.integers(1 << 30)), imu=True
         )
-        share = np.minimum(np.arange(len(flown.error_m)) * BINS // len(flown.error_m), BINS - 1)
-        errors[i] = [flown.error_m[share == j].max() for j in range(BINS)]
-        away = CURVE.position(np.arange(len(flown.error_m)) * closed_loop.TICK_US * 1e-6)[:, 0] > FROM_M
-        sideways[i] = flown.error_world_m[away, 1].min()
+        errors[i], sideways[i] = kept(flown)
     return errors, sideways
+
+
+def kept(flown: closed_loop.Flown) -> tuple[np.ndarray, float]:
+    """(BINS,) largest errors along the trajectory, and how far to the right it came."""
+    n = len(flown.error_m)
+    share = np.minimum(np.arange(n) * BINS // n, BINS - 1)
+    away = CURVE.position(np.arange(n) * closed_loop.TICK_US * 1e-6)[:, 0] > FROM_M
+    return np.array([flown.error_m[share == j].max() for j in range(BINS)]), float(flown.error_world_m[away, 1].min())
 
 
 @functools.cache

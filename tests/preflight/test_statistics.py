@@ -71,3 +71,12 @@ def test_a_factor_that_repeats_itself_explains_no_more_than_once():
     again = statistics.variance_shares(value, {"a": np.column_stack([a, 2.0 * a]), "sign": sign})
     assert again["a"] == pytest.approx(once["a"], abs=1e-9)
     assert once["sign"] == pytest.approx(1.0 / 2.25, abs=0.06)
+
+
+def test_a_factor_of_half_as_many_columns_as_values_explains_nothing():
+    """Eight draws have 44 columns."""
+    rng = np.random.default_rng(7)
+    for values, shown in ((88, False), (89, True)):
+        draws = rng.standard_normal((values, 8))
+        shares = statistics.variance_shares(draws[:, 0], {"many": draws})
+        assert (shares["many"] > 0.99) == shown

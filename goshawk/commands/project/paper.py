@@ -25,7 +25,8 @@ def command(out: Path, only: tuple[str, ...], overwrite: bool, as_json: bool) ->
     goshawk paper --out paper --only ladder
 
     Their numbers were flown; ours are simulated, on rendered images. Numbers of theirs are those that our sources
-    state. About four minutes; Ctrl-C keeps the parts that are done.
+    state. About four minutes; Ctrl-C keeps the parts that are done, and --only PART --overwrite does one that is
+    missing, with the others taken over.
     """
     from flight import results
     from goshawk.paper import parts
@@ -34,27 +35,33 @@ def command(out: Path, only: tuple[str, ...], overwrite: bool, as_json: bool) ->
     asked = [name for name in NAMES if not only or name in only]
     with results.new_folder(out, overwrite=overwrite, ours=parts.is_ours) as placing:
         with console.progress() as report:
-            done = parts.run(placing.temporary, asked, report)
-        missing = [name for name in asked if name not in done]
-        document = parts.write(placing.temporary, done, missing)
+            done, failed = parts.run(placing.temporary, asked, report)
+        missing = [name for name in asked if name not in done and name not in failed]
+        taken = parts.take_over(out, placing.temporary, [name for name in NAMES if name not in asked])
+        document = parts.write(placing.temporary, taken | done, missing=missing, failed=failed, taken_over=list(taken))
     outputs.report_kept(out, placing.kept)
     if as_json:
         console.show("", {}, as_json=True, document=document)
     else:
         _show(document)
         click.echo(f"page: {out / parts.PAGE}")
+    for name, reason in failed.items():
+        click.echo(f"goshawk: {name} failed: {reason}", err=True)
     if missing:
         click.echo(f"goshawk: stopped before {', '.join(missing)}", err=True)
         return 130
-    return 0
+    return 1 if failed else 0
 
 
 def _show(document: dict[str, Any]) -> None:
     if "vehicle" in document:
         rows = [
-            (row["name"], row["theirs"], row["ours"], row["standard_error"], row["unit"]) for row in document["vehicle"]
+            (row["name"], row["theirs"], row["ours"], row["standard_error_of_one_trial"], row["unit"])
+            for row in document["vehicle"]
         ]
-        console.table("Table I: theirs, and ours simulated", ("parameter", "theirs", "ours", "±", "unit"), rows)
+        console.table(
+            "Table I: theirs, and ours simulated", ("parameter", "theirs", "ours", "± of one trial", "unit"), rows
+        )
     if "ladder" in document:
         rows = [
             (row["course"], row["controller"], "" if row["theirs_cm"] is None else f"{row['theirs_cm']:g}",

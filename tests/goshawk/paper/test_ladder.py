@@ -31,6 +31,15 @@ def test_a_run_is_repeated_by_its_number():
     assert first != other
 
 
+def test_a_figure_of_theirs_is_drawn_at_its_own_rung_wherever_that_stands():
+    rungs = (ladder.DELIVERED, ladder.THEIRS[2], ladder.THEIRS[0])
+    shown = {(course.name, rung.name): np.ones(2) for course in ladder.courses() for rung in rungs}
+    for axes, course in zip(ladder.drawn(shown, rungs).axes, ladder.courses(), strict=True):
+        (line,) = (line for line in axes.lines if line.get_label() == "paper, flown")
+        named = {rungs[int(i)].name: cm for i, cm in zip(*line.get_data(), strict=True)}
+        assert named == {rung.name: course.flown_cm[rung.name] for rung in rungs[1:]}
+
+
 @pytest.mark.slow
 def test_the_rungs_of_the_papers_ladder_lower_the_error_where_their_physics_acts():
     level, vertical = ladder.courses()

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import sysid
-from flight import flight_log, rotations, silent
+from flight import InfeasibleError, flight_log, rotations, silent
 from goshawk.commands.project import paper
-from goshawk.paper import identified, parts, theirs
+from goshawk.paper import identified, page, parts, theirs
 from tests.goshawk.running import answer, run
 
 PRINTED = {
@@ -68,10 +68,49 @@ def test_ctrl_c_keeps_the_parts_that_are_done(tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(parts, "PARTS", {"a": quick("a"), "b": parts.Part("b", "simulated", stopped), "c": quick("c")})
-    assert parts.run(tmp_path, ["a", "b", "c"], silent) == {"a": {"of": "a"}}
+    assert parts.run(tmp_path, ["a", "b", "c"], silent) == ({"a": {"of": "a"}}, {})
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
     with pytest.raises(KeyboardInterrupt):
         parts.run(tmp_path, ["b", "c"], silent)
+
+
+def test_a_part_that_fails_leaves_the_others_and_says_why(tmp_path, monkeypatch):
+    def refused(folder, progress):
+        (folder / "half.svg").touch()
+        raise InfeasibleError("no way through")
+
+    bad = parts.Part("b", "simulated", refused)
+    monkeypatch.setattr(parts, "PARTS", {"a": quick("a"), "b": bad, "c": quick("c")})
+    done, failed = parts.run(tmp_path, ["a", "b", "c"], silent)
+    assert (list(done), failed) == (["a", "c"], {"b": "no way through"})
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "c"]
+    (tmp_path / "none").mkdir()
+    with pytest.raises(InfeasibleError, match="no way"):
+        parts.run(tmp_path / "none", ["b"], silent)
+
+
+def test_the_verb_keeps_what_is_done_and_takes_it_over_the_next_time(tmp_path, monkeypatch, capsys):
+    def refused(folder, progress):
+        raise InfeasibleError("no way through")
+
+    row = {"course": "c", "controller": "d", "theirs_cm": 1.0, "ours_cm": 2.0, "runs_cm": [2.0]}
+    work = {"vehicle": lambda folder, progress: [], "ladder": lambda folder, progress: [row], "path": refused}
+    every = {name: parts.Part(name, "simulated", done) for name, done in work.items()}
+    monkeypatch.setattr(parts, "PARTS", every)
+    for name in every:
+        monkeypatch.setattr(page, f"_{name}", lambda facts, folder: json.dumps(facts))
+    out = tmp_path / "p"
+    first = ["--only", "ladder", "--only", "path", "--json", "--out", str(out)]
+    assert paper.command.main(first, standalone_mode=False) == 1
+    assert "path failed: no way through" in capsys.readouterr().err
+    assert json.loads((out / parts.FACTS).read_text())["failed"] == {"path": "no way through"}
+    again = ["--only", "vehicle", "--overwrite", "--json", "--out", str(out)]
+    assert paper.command.main(again, standalone_mode=False) == 0
+    document = json.loads((out / parts.FACTS).read_text())
+    assert list(document["made"]) == ["vehicle", "ladder"]
+    assert (document["ladder"], document["taken_over"]) == ([row], ["ladder"])
+    assert (out / parts.PAGE).read_text().count("by an earlier run") == 1
+    assert (out / "ladder").is_dir()
 
 
 def test_a_foreign_folder_is_refused_before_any_work(tmp_path):
@@ -104,7 +143,7 @@ def test_the_whole_writes_a_page_that_says_of_each_number_whose_it_is(tmp_path):
     assert not re.search(r"(src|href)=['\"]http", page)
     for row in document["vehicle"]:
         assert row["theirs"] == PRINTED[row["name"]][0]
-        assert abs(row["ours"] - row["theirs"]) < 5.0 * row["standard_error"]
+        assert abs(row["ours"] - row["theirs"]) < 5.0 * row["standard_error_of_one_trial"]
     known = {row["theirs_cm"] for row in document["ladder"]} - {None}
     assert known == {*theirs.LEVEL_CM, *theirs.VERTICAL_CM, theirs.GENERAL_CM}
     assert document["path"]["passes_gate"]
