@@ -27,6 +27,8 @@ SIGMAS90 = 1.645
 _NARROWED = 0.1
 """An error whose standard deviation is still this share of what is plausible was not looked at by the matches."""
 _MOST_ROUNDS = 4
+_LEAST_TIMED = 0.9
+"""Share of the placed images with a velocity from which their times are used."""
 _AS_WELL = 1.1
 """Median residual, over that with all errors free, up to which the camera file explains the matches."""
 _OTHER_SIZE = float(np.log(2.0))
@@ -131,7 +133,7 @@ def hold(seen: Observations) -> Trial:
     the same errors are left twice. Then those are given up which errors that all matches of one image share could have
     made, again the least missed first.
     """
-    timed = bool(np.isfinite(twists(seen.time_s, seen.T_world_body)).any())
+    timed = _timed(seen)
     seen = seen if timed else counted(seen)
     observed = {seen.rig.cameras[k].name for k in np.unique(seen.index[:, 2])}
     tried = [c for c in candidates(seen.rig, timed=timed) if c.camera in observed]
@@ -163,6 +165,12 @@ def hold(seen: Observations) -> Trial:
         scale_std,
         normal.shape_std(state),
     )
+
+
+def _timed(seen: Observations) -> bool:
+    """Whether times give nearly all images a velocity: where a few have one, a late camera looks like a wrong lens."""
+    known = np.isfinite(twists(seen.time_s, seen.T_world_body)[np.isfinite(seen.T_world_body[:, 0, 0]), 0])
+    return bool(known.size) and float(known.mean()) >= _LEAST_TIMED
 
 
 def _at_its_size(seen: Observations, tried: Sequence[Candidate]) -> tuple[State, State]:
