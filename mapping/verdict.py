@@ -50,6 +50,8 @@ SHIFT_DOUBT_PX = 1.0
 
 SHAPE_DOUBT_M = 0.05
 """RMS standard deviation of the positions, but for place, attitude and size of the whole: a voxel as maps have them."""
+_RECORDED = 0.5
+"""Share of the placed images whose recorded positions agree with the map, from which these vouch for its shape."""
 
 
 class Standing(enum.StrEnum):
@@ -161,13 +163,20 @@ def judge(placed: SparseMap) -> MapVerdict:
 def _bent_doubts(placed: SparseMap) -> list[str]:
     """Whether small errors that all images share may have bent the path as a whole."""
     std_m = placed.shape_std_m[placed.placed]
-    if not np.sqrt(np.mean(std_m**2)) > SHAPE_DOUBT_M:  # NaN where nothing is known
+    if not np.sqrt(np.mean(std_m**2)) > SHAPE_DOUBT_M or _shape_is_recorded(placed):  # NaN where nothing is known
         return []
     worst = np.array(placed.images.instants)[placed.placed][np.argmax(std_m)]
     return [
         f"the map may be bent: image {worst} may be {SIGMAS90 * std_m.max():.2g} m beside its place in the whole. Come "
-        "back to places seen before (a loop), or record positions (references.csv, --poses)"
+        f"back to places seen before (a loop), or record positions within {100.0 * SHAPE_DOUBT_M:.0f} cm "
+        "(references.csv, --poses)"
     ]
+
+
+def _shape_is_recorded(placed: SparseMap) -> bool:
+    """Whether the recorded positions of most images lie where the map has them: it is bent no further."""
+    residual_m, used = placed.alignment.position_residual_m, placed.alignment.positions_used
+    return residual_m is not None and residual_m <= SHAPE_DOUBT_M and used >= _RECORDED * placed.placed.sum()
 
 
 def _motion_doubts(check: MotionCheck) -> list[str]:

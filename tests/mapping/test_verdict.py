@@ -192,6 +192,22 @@ def test_a_map_that_may_be_bent_is_doubted_and_says_where(std_m: float, standing
         assert "a loop" in found.reasons[0]
 
 
+@pytest.mark.parametrize(
+    ("residual_m", "used", "standing"),
+    [(0.02, COUNT, Standing.GOOD), (0.5, COUNT, Standing.DOUBTFUL), (0.02, 3, Standing.DOUBTFUL)],
+)
+def test_a_map_whose_recorded_positions_it_fits_is_not_bent(residual_m: float, used: int, standing: Standing) -> None:
+    """The advice, once followed, removes the doubt; positions of a few images, or coarse ones, say too little."""
+    sparse = placed()
+    alignment = dataclasses.replace(
+        sparse.alignment, position_residual_m=residual_m, positions_used=used, position_extent_m=10.0
+    )
+    trial = dataclasses.replace(sparse.trial, shape_std=np.full(COUNT, 0.3))
+    found = verdict.judge(dataclasses.replace(sparse, alignment=alignment, trial=trial))
+    assert found.standing is standing
+    assert all("record positions within 5 cm" in reason for reason in found.reasons)
+
+
 def test_the_position_of_an_image_is_as_uncertain_as_the_shape_and_the_scale() -> None:
     sparse = placed(used_std=0.02)
     T = sparse.T_world_body.copy()
