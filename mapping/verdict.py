@@ -97,6 +97,7 @@ def judge(placed: SparseMap) -> MapVerdict:
             "with more texture, or give a camera file of a calibrated lens"
         )
     trial = placed.trial
+    is_timed = bool(np.isfinite(placed.images.time_s[placed.placed]).all())
     if trial.noise_px > LARGEST_NOISE_PX:
         doubts.append(
             f"matches miss their points by {trial.noise_px:.2f} px (up to {LARGEST_NOISE_PX:g} is usual): the lens "
@@ -118,7 +119,9 @@ def judge(placed: SparseMap) -> MapVerdict:
         elif finding in trial.inexpressible:
             said = f"{finding.candidate} of {size_text(finding)}, which a camera file cannot state"
             is_untimed = finding.candidate.kind in UNTIMED.values()
-            doubts.append(f"{said}: {advice.to_record(finding.candidate.kind)}" if is_untimed else said)
+            doubts.append(
+                f"{said}: {advice.to_record(finding.candidate.kind, is_timed=is_timed)}" if is_untimed else said
+            )
     if others:
         refusals.append(
             f"the camera file is that of another lens, image size or other images: {', '.join(others)}. If it is not, "
@@ -141,7 +144,7 @@ def judge(placed: SparseMap) -> MapVerdict:
     for witness in placed.alignment.witnesses[:1]:
         if SIGMAS90 * witness.std > SCALE_DOUBT:
             said = f"the {witness.source} gives the scale to ± {100 * SIGMAS90 * witness.std:.0f} % only"
-            why = advice.scale_text(trial) if witness.source == BASELINE else ""
+            why = advice.scale_text(trial, is_timed=is_timed) if witness.source == BASELINE else ""
             doubts.append(f"{said}, {why}" if why else said)
     for witness in placed.alignment.witnesses[1:]:
         _weigh(placed.alignment.witnesses[0], witness, doubts, refusals)

@@ -444,9 +444,10 @@ def lead(model: Model, candidate: Candidate, rival: Candidate) -> float:
     rooms = {effects.find(one.effect).stage for one in (candidate, rival)}
     if rival.name not in model.scores or rival.between_flights or rooms & {Stage.COMMAND, Stage.DRIVE}:
         return -np.inf
-    without = _lost(model, model.evidence.named, [candidate], model.evidence.place(rival.columns)).gain
-    dispersion = max(model.scores[rival.name].dispersion, 1.0)
-    return (without - model.scores[rival.name].gain) / dispersion
+    evidence, columns = model.evidence, model.evidence.place(rival.columns)
+    without = _lost(model, evidence.named, [candidate], columns).gain
+    beside = score(evidence.named, evidence.base, columns).gain  # of either sign, as in what `without` is beside
+    return (without - beside) / max(model.scores[rival.name].dispersion, 1.0)
 
 
 def in_place_of(model: Model, candidate: Candidate, additions: Sequence[Candidate]) -> tuple[Candidate, ...]:

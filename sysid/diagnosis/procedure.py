@@ -364,14 +364,14 @@ def diagnose(
         invisible=found.models[0].candidate_set.invisible,
         flights=tuple(names[: len(logs)]),
         held_out=tuple(names[len(logs) :]),
-        findings=((ONE_FLIGHT,) if len(logs) + len(held_out) == 1 else ())
-        + first.said
+        findings=first.said
         + ((found.too_short,) if found.too_short else ())
         + of_forms(found)
         + last.findings
         + left_out(found.unseen)
         + judged.not_converged
-        + shared,
+        + shared
+        + ((ONE_FLIGHT,) if len(logs) + len(held_out) == 1 else ()),
         search=found,
         payload_carried=_newly_told((*logs, *held_out), carried),
         judged=judged,

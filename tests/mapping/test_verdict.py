@@ -219,7 +219,8 @@ def test_the_position_of_an_image_is_as_uncertain_as_the_shape_and_the_scale() -
 
 
 @pytest.mark.parametrize(
-    ("kind", "way"), [(Kind.OFFSET, "trigger all cameras"), (Kind.UNTIMED_OFFSET, "times.csv"), (Kind.FOCAL, "target")]
+    ("kind", "way"),
+    [(Kind.OFFSET, "turns about all axes"), (Kind.UNTIMED_OFFSET, "times.csv"), (Kind.FOCAL, "turned by 90 deg")],
 )
 def test_an_uncertain_scale_names_the_error_that_matters_most_and_what_to_record(kind: Kind, way: str) -> None:
     small = dataclasses.replace(finding(Kind.ROTATION, Verdict.EXCLUDED), scale_std=0.001)
@@ -234,6 +235,14 @@ def test_a_time_offset_without_times_asks_for_these() -> None:
     (reason,) = verdict.judge(placed(findings=(finding(Kind.UNTIMED_OFFSET, Verdict.PRESENT),))).reasons
     assert "time offset in image intervals of 0.01 ± 0.001, which" in reason
     assert "times.csv" in reason
+
+
+def test_times_too_far_apart_for_velocities_are_not_asked_for_again() -> None:
+    sparse = placed(findings=(finding(Kind.UNTIMED_OFFSET, Verdict.PRESENT),))
+    images = dataclasses.replace(sparse.images, time_s=1.0 * np.arange(COUNT))
+    (reason,) = verdict.judge(dataclasses.replace(sparse, images=images)).reasons
+    assert "at most 0.6 s apart" in reason
+    assert "times.csv" not in reason
 
 
 def test_a_camera_that_is_not_in_the_map_is_a_doubt() -> None:

@@ -318,7 +318,7 @@ def test_a_straight_flight_leaves_the_scale_as_uncertain_as_a_late_camera_would_
     least = advice.least_certain(found)
     assert least is not None
     assert least.candidate.kind in (Kind.OFFSET, Kind.TRANSLATION)
-    assert "--length" in advice.scale_text(found)
+    assert "--length" in advice.scale_text(found, is_timed=True)
 
 
 @pytest.mark.parametrize("factor", [10.0, 0.2])
