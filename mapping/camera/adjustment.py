@@ -285,31 +285,54 @@ class Normal:
         """(instants,) standard deviation of the positions but for place, attitude and size of the whole; NaN where not
         placed.
 
-        Of errors that matches share (see `dispersion`), each error of the calibration free: a lens that bends a path a
-        little in each image bends it much in a hundred.
+        Of independent matches, and of errors that matches share (see `dispersion`), each error of the calibration
+        free: a lens that bends a path a little in each image bends it much in a hundred.
         """
         k, n = self._unknowns(self.tried), self._width * len(self._placed)
         by_calibration = self._reduced.poses_by_calibration[:, k]
         _, covariance = self.solve(self.tried)
-        variance, along = np.linalg.eigh(covariance)  # not quite positive where the matches say next to nothing
-        columns = [by_calibration @ (along * np.sqrt(np.maximum(variance, 0.0)))]
+        columns = []
         for scores in self._scores:
             part = np.arange(scores.shape[1]) * _MOST_GROUPS // scores.shape[1]
             groups = np.eye(_MOST_GROUPS)[part]  # neighbours in one group: fewer, and no less shared
             moved = covariance @ (self._of_calibration(scores)[k] @ groups)
             columns.append(self._reduced.factor.solve(scores[:n] @ groups) - by_calibration @ moved)
-        own = np.concatenate(columns, axis=1).reshape(len(self._placed), self._width, -1)[:, 3:6]
         T = state.T_world_body[self._placed]
-        shifts = T[:, :3, :3] @ own
         outward = T[:, :3, 3] - T[:, :3, 3].mean(axis=0)
         whole = np.concatenate(
             [np.tile(np.eye(3), (len(T), 1, 1)), rotations.hat(outward), outward[:, :, None]], axis=2
         )
-        basis, flat = np.linalg.qr(whole.reshape(-1, 7))[0], shifts.reshape(3 * len(T), -1)
-        left = (flat - basis @ (basis.T @ flat)).reshape(shifts.shape)
+        basis = np.linalg.qr(whole.reshape(-1, 7))[0]
+        alone = self._shape_alone(T, basis, by_calibration, covariance)
+        variance = alone.copy()
+        for of_group in columns:
+            own = of_group.reshape(len(T), self._width, -1)[:, 3:6]
+            flat = (T[:, :3, :3] @ own).reshape(3 * len(T), -1)
+            left = (flat - basis @ (basis.T @ flat)).reshape(len(T), -1)
+            variance += np.maximum((left**2).sum(axis=1) - alone, 0.0)
         std = np.full(len(state.T_world_body), np.nan)
-        std[self._placed] = np.sqrt((left**2).sum(axis=(1, 2)))
+        std[self._placed] = np.sqrt(variance)
         return std
+
+    def _shape_alone(
+        self, T: FloatArray, basis: FloatArray, by_calibration: FloatArray, covariance: FloatArray
+    ) -> FloatArray:
+        """(placed,) the variance of a position in `shape_std` that independent matches make.
+
+        Of some instants, and between them as far as their order says. In the directions off `basis` (3 placed, 7) no
+        ridge holds the poses.
+        """
+        asked = np.unique(np.linspace(0, len(T) - 1, min(len(T), _MOST_GROUPS)).round().astype(int))
+        rows = (3 * asked[:, None] + np.arange(3)).ravel()
+        pull = -basis @ basis[rows].T
+        pull[rows, np.arange(len(rows))] += 1.0
+        load = np.zeros((len(T), self._width, len(rows)))
+        load[:, 3:6] = np.swapaxes(T[:, :3, :3], 1, 2) @ pull.reshape(len(T), 3, -1)
+        load = load.reshape(-1, len(rows))
+        through = by_calibration.T @ load
+        variance = (load * self._reduced.factor.solve(load)).sum(axis=0)
+        variance += (through * (covariance @ through)).sum(axis=0)
+        return np.interp(np.arange(len(T)), asked, np.maximum(variance.reshape(-1, 3).sum(axis=1), 0.0))
 
     def step(self, state: State, free: Sequence[Candidate], delta: FloatArray, share: float) -> State:
         """The state after a share of a Gauss-Newton step; `delta` is the calibration's part of that share.

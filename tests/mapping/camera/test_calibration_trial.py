@@ -352,6 +352,7 @@ def test_errors_that_all_images_share_convict_no_lens_and_are_in_the_stated_shap
     assert shared.shape_std is not None
     for found in (exact, shared):
         assert off_shape_m(found, T) < 2.0 * float(np.sqrt(np.mean(found.shape_std**2)))
+    assert off_shape_m(exact, T) > 0.7 * float(np.sqrt(np.mean(exact.shape_std**2)))  # independent noise counts once
     assert np.median(shared.shape_std) > 1.5 * np.median(exact.shape_std)
     assert shared.scale_std > 1.5 * exact.scale_std
 
