@@ -166,12 +166,13 @@ def judge(placed: SparseMap) -> MapVerdict:
 def _bent_doubts(placed: SparseMap) -> list[str]:
     """Whether small errors that all images share may have bent the path as a whole."""
     std_m = placed.shape_std_m[placed.placed]
-    if not np.sqrt(np.mean(std_m**2)) > SHAPE_DOUBT_M or _shape_is_recorded(placed):  # NaN where nothing is known
+    known = np.isfinite(std_m)
+    if not known.any() or np.sqrt(np.mean(std_m[known] ** 2)) <= SHAPE_DOUBT_M or _shape_is_recorded(placed):
         return []
-    worst = np.array(placed.images.instants)[placed.placed][np.argmax(std_m)]
+    worst = np.array(placed.images.instants)[placed.placed][np.nanargmax(std_m)]
     return [
-        f"the map may be bent: image {worst} may be {SIGMAS90 * std_m.max():.2g} m beside its place in the whole. Come "
-        f"back to places seen before (a loop), or record positions within {100.0 * SHAPE_DOUBT_M:.0f} cm "
+        f"the map may be bent: image {worst} may be {SIGMAS90 * np.nanmax(std_m):.2g} m beside its place in the whole. "
+        f"Come back to places seen before (a loop), or record positions within {100.0 * SHAPE_DOUBT_M:.0f} cm "
         "(references.csv, --poses)"
     ]
 

@@ -144,6 +144,7 @@ class Normal:
         self._width = 6 if self._pace is None else 7
         left = residuals(seen, state)
         used = np.flatnonzero(np.isfinite(left).all(axis=1))
+        self._matched = np.isin(self._placed, seen.index[used, 1])
         unknowns = 3 * len(np.unique(seen.index[used, 0])) + 6 * len(self._placed)
         redundancy = max(1.0 - unknowns / (2 * len(used)), _LEAST_REDUNDANCY)
         self.is_redundant = redundancy > _LEAST_REDUNDANCY
@@ -282,8 +283,8 @@ class Normal:
         return float(np.sqrt(alone + sum(max(0.0, float(by_group @ by_group) - alone) for by_group in shared)))
 
     def shape_std(self, state: State) -> FloatArray:
-        """(instants,) standard deviation of the positions but for place, attitude and size of the whole; NaN where not
-        placed.
+        """(instants,) standard deviation of the positions but for place, attitude and size of the whole; NaN where no
+        match says one.
 
         Of independent matches, and of errors that matches share (see `dispersion`), each error of the calibration
         free: a lens that bends a path a little in each image bends it much in a hundred.
@@ -298,11 +299,11 @@ class Normal:
             moved = covariance @ (self._of_calibration(scores)[k] @ groups)
             columns.append(self._reduced.factor.solve(scores[:n] @ groups) - by_calibration @ moved)
         T = state.T_world_body[self._placed]
-        outward = T[:, :3, 3] - T[:, :3, 3].mean(axis=0)
+        outward = T[:, :3, 3] - T[self._matched, :3, 3].mean(axis=0)
         whole = np.concatenate(
             [np.tile(np.eye(3), (len(T), 1, 1)), rotations.hat(outward), outward[:, :, None]], axis=2
         )
-        basis = np.linalg.qr(whole.reshape(-1, 7))[0]
+        basis = np.linalg.qr((self._matched[:, None, None] * whole).reshape(-1, 7))[0]
         alone = self._shape_alone(T, basis, by_calibration, covariance)
         variance = alone.copy()
         for of_group in columns:
@@ -311,7 +312,7 @@ class Normal:
             left = (flat - basis @ (basis.T @ flat)).reshape(len(T), -1)
             variance += np.maximum((left**2).sum(axis=1) - alone, 0.0)
         std = np.full(len(state.T_world_body), np.nan)
-        std[self._placed] = np.sqrt(variance)
+        std[self._placed[self._matched]] = np.sqrt(variance[self._matched])
         return std
 
     def _shape_alone(
@@ -322,7 +323,8 @@ class Normal:
         Of some instants, and between them as far as their order says. In the directions off `basis` (3 placed, 7) no
         ridge holds the poses.
         """
-        asked = np.unique(np.linspace(0, len(T) - 1, min(len(T), _MOST_GROUPS)).round().astype(int))
+        matched = np.flatnonzero(self._matched)
+        asked = matched[np.unique(np.linspace(0, len(matched) - 1, min(len(matched), _MOST_GROUPS)).astype(int))]
         rows = (3 * asked[:, None] + np.arange(3)).ravel()
         pull = -basis @ basis[rows].T
         pull[rows, np.arange(len(rows))] += 1.0

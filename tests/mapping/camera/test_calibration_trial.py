@@ -357,6 +357,20 @@ def test_errors_that_all_images_share_convict_no_lens_and_are_in_the_stated_shap
     assert shared.scale_std > 1.5 * exact.scale_std
 
 
+def test_an_instant_without_matches_has_no_stated_shape_and_takes_none_from_the_others() -> None:
+    T, points, index, pixels = observed(RIG)
+    seen = index[:, 1] != 11
+    candidates = errors.candidates(RIG, timed=True)
+    stated = []
+    for kept in (np.ones_like(seen), seen):
+        part = Observations(RIG, T, points, index[kept], pixels[kept], TIMES_S)
+        state = adjustment.initial(part)
+        stated.append(adjustment.Normal(part, state, candidates).shape_std(state))
+    others = np.arange(len(T)) != 11
+    assert np.isnan(stated[1][11])
+    np.testing.assert_allclose(stated[1][others], stated[0][others], rtol=0.4)
+
+
 def test_a_single_camera_has_no_scale_and_no_pose_on_trial() -> None:
     rig = dataclasses.replace(RIG, cameras=RIG.cameras[:1])
     found = tried(rig, rig)
