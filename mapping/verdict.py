@@ -50,6 +50,8 @@ SHIFT_DOUBT_PX = 1.0
 
 SHAPE_DOUBT_M = 0.05
 """RMS standard deviation of the positions, but for place, attitude and size of the whole: a voxel as maps have them."""
+RESIZED = 0.15
+"""Logarithm of the factor by which the trial of the camera file changed a map's size, from which that is said."""
 _RECORDED = 0.5
 """Share of the placed images whose recorded positions agree with the map, from which these vouch for its shape."""
 
@@ -158,9 +160,16 @@ def judge(placed: SparseMap) -> MapVerdict:
         doubts += _hanging_doubts(placed.T_world_body[placed.placed])
     standing = Standing.REFUSED if refusals else Standing.DOUBTFUL if doubts else Standing.GOOD
     corrected = [] if placed.images.depths else [f for f in trial.present if f not in trial.inexpressible]
-    return MapVerdict(
-        standing, (*refusals, *doubts), tuple(f"{f.candidate}: {size_text(f)}, corrected" for f in corrected)
-    )
+    said = tuple(f"{f.candidate}: {size_text(f)}, corrected" for f in corrected)
+    return MapVerdict(standing, (*refusals, *doubts), (*said, *_resized(placed)))
+
+
+def _resized(placed: SparseMap) -> list[str]:
+    """That the trial changed the size of a map which the rig's baseline gives."""
+    growth = placed.trial.growth
+    if placed.alignment.scale_source != BASELINE or abs(np.log(growth)) < RESIZED:
+        return []
+    return [f"the map was made {growth:.3g} times as large as it was first placed, as the matches ask"]
 
 
 def _bent_doubts(placed: SparseMap) -> list[str]:

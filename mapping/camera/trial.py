@@ -17,6 +17,8 @@ from mapping.camera.adjustment import Normal, Observations, adjust, cost, counte
 from mapping.camera.errors import BEYOND_THESE_IMAGES, INEXPRESSIBLE, PLAUSIBLE, Candidate, Kind, State, candidates
 from mapping.camera.rig import Rig
 
+LEAST_BASELINE_M = 0.005
+"""A shorter baseline gives no scale."""
 LEAST_GAIN = 30.0
 """Fall of the withheld points' chi squared from which an error is present."""
 NOTICEABLE_PX = 0.10
@@ -31,8 +33,11 @@ _LEAST_TIMED = 0.9
 """Share of the placed images with a velocity from which their times are used."""
 _AS_WELL = 1.1
 """Median residual, over that with all errors free, up to which the camera file explains the matches."""
+_CLEARLY = 0.9
+"""... and over that of the map as it was made, from which another size explains them better."""
 _OTHER_SIZE = float(np.log(2.0))
-"""Logarithm of two sizes of a map from which the second is tried: from nearer, the adjustment finds it."""
+"""Logarithm of two sizes of a map from which the second is tried: from nearer, the adjustment finds it. Half of it in a
+linear step is enough to look."""
 
 
 class Verdict(enum.StrEnum):
@@ -113,6 +118,8 @@ class Trial:
     any error may be there, as large as the matches allow. Infinite for one camera."""
     shape_std: FloatArray | None = None
     """(instants,) of each position, see `Normal.shape_std`, in the unit of `points_world`; None if not known."""
+    growth: float = 1.0
+    """Size of the path over that before the trial."""
 
     @property
     def present(self) -> tuple[Finding, ...]:
@@ -164,7 +171,13 @@ def hold(seen: Observations) -> Trial:
         normal.noise_px,
         scale_std,
         normal.shape_std(state),
+        _extent(state.T_world_body) / max(_extent(seen.T_world_body), 1e-12),
     )
+
+
+def _extent(T_world_body: FloatArray) -> float:
+    """Root mean square distance of the positions from their middle."""
+    return float(np.sqrt(np.nansum(np.nanvar(T_world_body[:, :3, 3], axis=0))))
 
 
 def _timed(seen: Observations) -> bool:
@@ -184,8 +197,11 @@ def _at_its_size(seen: Observations, tried: Sequence[Candidate]) -> tuple[State,
     first = seen.rig.cameras[0].T_body_camera[:3, 3]
     lines_m = {c.name: float(np.linalg.norm(c.T_body_camera[:3, 3] - first)) for c in seen.rig}
     observed = sorted({c.camera for c in tried})
-    freed = [Candidate(name, Kind.BASELINE) for name in observed if lines_m[name] > 0.0]
+    freed = [Candidate(name, Kind.BASELINE) for name in observed if lines_m[name] > LEAST_BASELINE_M]
     if not freed:
+        return start, adjusted
+    asked, _ = Normal(seen, start, freed, folds=1).solve(freed)
+    if not np.abs(np.log(np.maximum(1.0 + asked, 1e-3))).max() > 0.5 * _OTHER_SIZE:
         return start, adjusted
     free, _ = adjust(seen, start, freed)
     found_m = {c.name: float(np.linalg.norm(c.T_body_camera[:3, 3] - first)) for c in free.rig}
@@ -196,7 +212,7 @@ def _at_its_size(seen: Observations, tried: Sequence[Candidate]) -> tuple[State,
     T[:, :3, 3] /= stretch
     resized = dataclasses.replace(start, T_world_body=T, points_world=free.points_world / stretch)
     again, _ = adjust(seen, resized, [])
-    if cost(seen, again) >= cost(seen, adjusted):
+    if cost(seen, again) > _CLEARLY * cost(seen, adjusted):
         return start, adjusted
     corrected, _ = adjust(seen, again, tried)
     is_right = cost(seen, again) <= _AS_WELL * cost(seen, corrected)  # else the size hides an error of the lens

@@ -238,6 +238,15 @@ def test_a_time_offset_without_times_asks_for_these() -> None:
     assert "times.csv" in reason
 
 
+@pytest.mark.parametrize(("growth", "said"), [(0.1, "0.1 times as large"), (1.05, "")])
+def test_a_map_that_the_trial_made_of_another_size_says_so(growth: float, said: str) -> None:
+    sparse = placed()
+    found = verdict.judge(dataclasses.replace(sparse, trial=dataclasses.replace(sparse.trial, growth=growth)))
+    assert found.standing is Standing.GOOD
+    assert bool(found.corrections) == bool(said)
+    assert said in "".join(found.corrections)
+
+
 def test_times_too_far_apart_for_velocities_are_not_asked_for_again() -> None:
     sparse = placed(findings=(finding(Kind.UNTIMED_OFFSET, Verdict.PRESENT),))
     images = dataclasses.replace(sparse.images, time_s=1.0 * np.arange(COUNT))

@@ -329,6 +329,22 @@ def test_a_map_of_another_size_than_its_matches_ask_for_is_set_right_and_no_lens
     found = trials.hold(Observations(RIG, large, factor * points, index, pixels, TIMES_S))
     assert not found.present
     assert abs(scale_error(found, T)) < 3.0 * found.scale_std
+    assert found.growth == pytest.approx(1.0 / factor, rel=0.05)
+
+
+def test_a_map_of_its_right_size_is_adjusted_once_and_one_without_a_baseline_keeps_its_own(monkeypatch) -> None:
+    freed: list[object] = []
+    adjust = trials.adjust
+    monkeypatch.setattr(
+        trials, "adjust", lambda seen, state, free: freed.append(list(free)) or adjust(seen, state, free)
+    )
+    T = RIG.cameras[1].T_body_camera.copy()
+    T[:3, 3] = RIG.cameras[0].T_body_camera[:3, 3] + [0.0, 0.001, 0.0]
+    for rig in (RIG, changed(RIG, 1, T_body_camera=T)):
+        poses, points, index, pixels = observed(rig)
+        seen = Observations(rig, poses, points, index, pixels, TIMES_S)
+        trials._at_its_size(seen, errors.candidates(rig, timed=True))
+    assert freed == [[], []]
 
 
 def off_shape_m(found: Trial, true: FloatArray) -> float:
