@@ -12,7 +12,7 @@ import numpy as np
 from flight import FloatArray
 from mapping.camera import advice
 from mapping.camera.errors import OF_THE_LENS, UNTIMED, Kind
-from mapping.camera.trial import SIGMAS90, Finding, Verdict
+from mapping.camera.trial import SIGMAS90, SIGMAS95, Finding, Verdict
 from mapping.input.trajectory import MotionKind
 from mapping.sparse import reconstruction
 from mapping.sparse.alignment import BASELINE, GRAVITY, LARGE_RESIDUAL, Alignment, ScaleWitness
@@ -144,8 +144,8 @@ def judge(placed: SparseMap) -> MapVerdict:
     if lost:
         doubts.append(f"no image of camera {', '.join(lost)} is in the map: its calibration was not tried")
     for witness in placed.alignment.witnesses[:1]:
-        if SIGMAS90 * witness.std > SCALE_DOUBT:
-            said = f"the {witness.source} gives the scale to ± {100 * SIGMAS90 * witness.std:.0f} % only"
+        if SIGMAS95 * witness.std > SCALE_DOUBT:
+            said = f"the {witness.source} gives the scale to ± {100 * SIGMAS95 * witness.std:.0f} % (95 %) only"
             why = advice.scale_text(trial, is_timed=is_timed) if witness.source == BASELINE else ""
             doubts.append(f"{said}, {why}" if why else said)
     for witness in placed.alignment.witnesses[1:]:
@@ -180,7 +180,7 @@ def _bent_doubts(placed: SparseMap) -> list[str]:
         return []
     worst = np.array(placed.images.instants)[placed.placed][np.nanargmax(std_m)]
     return [
-        f"the map may be bent: image {worst} may be {SIGMAS90 * np.nanmax(std_m):.2g} m beside its place in the whole. "
+        f"the map may be bent: image {worst} may be {SIGMAS95 * np.nanmax(std_m):.2g} m beside its place in the whole. "
         f"Come back to places seen before (a loop), or record positions within {100.0 * SHAPE_DOUBT_M:.0f} cm "
         "(references.csv, --poses)"
     ]
@@ -197,8 +197,8 @@ def _motion_doubts(check: MotionCheck) -> list[str]:
     doubts = []
     if check.late_s is not None and abs(check.late_s) > max(LATE_DOUBT_S, 3.0 * (check.late_std_s or 0.0)):
         doubts.append(
-            f"the times of the {check.source} are {abs(check.late_s):.3f} ± {check.late_std_s:.3f} s "
-            f"{'late' if check.late_s > 0.0 else 'early'} against the images: shift them"
+            f"the times of the {check.source} are {abs(check.late_s):.3f} ± {SIGMAS95 * (check.late_std_s or 0.0):.3f} "
+            f"s {'late' if check.late_s > 0.0 else 'early'} against the images: shift them"
         )
     if check.turn_error_rad > TURN_DOUBT_RAD:
         doubts.append(
@@ -274,7 +274,7 @@ def _weigh(used: ScaleWitness, other: ScaleWitness, doubts: list[str], refusals:
         return
     text = (
         f"the scale from the {used.source} is {other.ratio:.3f} times that from the {other.source} "
-        f"(± {std:.3f}); one of them is wrong{_unit(other.ratio)}"
+        f"(± {SIGMAS95 * std:.3f}); one of them is wrong{_unit(other.ratio)}"
     )
     (refusals if off > max(SCALE_REFUSED, 3.0 * std) else doubts).append(text)
 
@@ -288,14 +288,14 @@ def _unit(ratio: float) -> str:
 
 
 def size_text(finding: Finding, *, most: bool = False) -> str:
-    """The size of an error with its standard deviation, in the unit a user knows.
+    """The size of an error with its 95 % interval, in the unit a user knows.
 
     Args:
         most: the largest size that the matches allow, instead.
     """
     factor, unit = _SHOWN[finding.candidate.kind]
     size, std = factor * _length(finding.size), factor * _length(finding.std)
-    return (f"{size + SIGMAS90 * std:.3g} {unit}" if most else f"{size:.3g} ± {std:.1g} {unit}").rstrip()
+    return (f"{size + SIGMAS90 * std:.3g} {unit}" if most else f"{size:.3g} ± {SIGMAS95 * std:.1g} {unit}").rstrip()
 
 
 _SHOWN = {

@@ -2,7 +2,7 @@
 
 from mapping.camera.adjustment import LONGEST_STEP_S
 from mapping.camera.errors import OF_THE_LENS, UNTIMED, Kind
-from mapping.camera.trial import SIGMAS90, Finding, Trial, Verdict
+from mapping.camera.trial import SIGMAS95, Finding, Trial, Verdict
 
 _TURNING = "take images while the vehicle turns about all axes and changes its speed, near things that all cameras see"
 
@@ -32,6 +32,6 @@ def scale_text(trial: Trial, *, is_timed: bool) -> str:
         return ""
     what = "had to estimate" if finding.verdict is Verdict.PRESENT else "hardly tell"
     return (
-        f"mostly as these images {what} the {finding.candidate} (± {100.0 * SIGMAS90 * finding.scale_std:.2g} %): "
+        f"mostly as these images {what} the {finding.candidate} (± {100.0 * SIGMAS95 * finding.scale_std:.2g} %): "
         f"{to_record(finding.candidate.kind, is_timed=is_timed)}, or measure a length (--length)"
     )

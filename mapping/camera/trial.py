@@ -25,6 +25,8 @@ NOTICEABLE_PX = 0.10
 """RMS shift of the image below which an error does not matter: matching itself has systematic errors of this size."""
 SIGMAS90 = 1.645
 """Half width of a 90 % interval, in standard deviations."""
+SIGMAS95 = 1.96
+"""Of a 95 % interval: every `±` on the screen and in sentences is one."""
 
 _NARROWED = 0.1
 """An error whose standard deviation is still this share of what is plausible was not looked at by the matches."""
