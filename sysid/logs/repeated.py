@@ -15,10 +15,12 @@ NOTED = 0.05
 """... and from so much on that is said. Noise never repeats a pose."""
 LEAST_POSES = 20
 """... and so many."""
+_DECIMALS = 5
+"""Of a pose that are compared: a copy with six decimals, or in single precision, is one. No sensor is as quiet."""
 
 
 def check(logs: Sequence[FlightLog], names: Sequence[str]) -> tuple[str, ...]:
-    """Refuse logs that share most poses in order, to the last bit: a copy in another file, or a part of another log.
+    """Refuse logs that share most poses in order: a copy in another file, or a part of another log.
 
     In order, as two flights that hover where a file has three decimals come upon the same poses by chance. A vehicle at
     rest has one pose.
@@ -54,9 +56,11 @@ def _in_order(first: dict[bytes, int], second: dict[bytes, int]) -> int:
 
 
 def _poses(log: FlightLog) -> dict[bytes, int]:
-    """Measured poses in the order in which each comes first, with its place in it, whatever the clock."""
+    """Measured poses in the order in which each comes first, with its place in it, whatever clock or sign of q."""
     if not (log.has("position_world_m") and log.has("q_world_body")):
         return {}
     rows: FloatArray = np.concatenate([log.vector("position_world_m"), log.vector("q_world_body")], axis=1)
-    known = np.ascontiguousarray(rows[np.isfinite(rows).all(axis=1)])
+    known = rows[np.isfinite(rows).all(axis=1)]
+    known[:, 3:] *= np.where(known[:, 3:4] < 0.0, -1.0, 1.0)
+    known = np.ascontiguousarray(known.round(_DECIMALS) + 0.0)  # no -0
     return {pose: place for place, pose in enumerate(dict.fromkeys(row.tobytes() for row in known))}

@@ -1,4 +1,4 @@
-"""Two logs of one flight are told by poses that are equal to the last bit, whatever their files, clocks or lengths."""
+"""Two logs of one flight are told by equal poses in the same order, whatever their files, clocks or lengths."""
 
 import numpy as np
 import pytest
@@ -63,6 +63,16 @@ def test_every_other_row_of_a_log_is_the_same_flight():
     thinned = FlightLog({name: column[::2] for name, column in whole.columns.items()}, whole.metadata)
     with pytest.raises(InputError, match="same flight"):
         repeated.check([thinned, whole], ["a", "b"])
+
+
+@pytest.mark.parametrize("written", [lambda v: v.round(6), lambda v: v.astype(np.float32).astype(float)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_copy_with_fewer_digits_or_the_other_sign_of_its_quaternions_is_the_same_flight(written, sign):
+    whole = log(np.random.default_rng(10))
+    position, q = whole.vector("position_world_m"), sign * whole.vector("q_world_body")
+    copy = flight_log.from_vectors(whole.time_s, {"position_world_m": written(position), "q_world_body": written(q)})
+    with pytest.raises(InputError, match="same flight"):
+        repeated.check([whole, copy], ["a", "b"])
 
 
 def test_logs_without_a_pose_are_not_asked():
