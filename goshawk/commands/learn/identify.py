@@ -51,7 +51,7 @@ class Fits:
     cause: Cause | None = None
     """Why the answer is not to be used, by a trial."""
     said: tuple[str, ...] = ()
-    """What differs from the options that were asked for."""
+    """What differs from the options that were asked for, and which flights share poses."""
 
     @property
     def answer(self) -> sysid.Identification:
