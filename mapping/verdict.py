@@ -12,7 +12,7 @@ import numpy as np
 from flight import FloatArray
 from mapping.camera import advice
 from mapping.camera.errors import OF_THE_LENS, UNTIMED, Kind
-from mapping.camera.trial import SIGMAS90, Finding, Verdict
+from mapping.camera.trial import SIGMAS90, SIGMAS95, Finding, Verdict
 from mapping.input.trajectory import MotionKind
 from mapping.sparse import reconstruction
 from mapping.sparse.alignment import BASELINE, GRAVITY, LARGE_RESIDUAL, Alignment, ScaleWitness
@@ -50,6 +50,10 @@ SHIFT_DOUBT_PX = 1.0
 
 SHAPE_DOUBT_M = 0.05
 """RMS standard deviation of the positions, but for place, attitude and size of the whole: a voxel as maps have them."""
+RESIZED = 0.15
+"""Logarithm of the factor by which the trial of the camera file changed a map's size, from which that is said."""
+_RECORDED = 0.5
+"""Share of the placed images whose recorded positions agree with the map, from which these vouch for its shape."""
 
 
 class Standing(enum.StrEnum):
@@ -95,6 +99,7 @@ def judge(placed: SparseMap) -> MapVerdict:
             "with more texture, or give a camera file of a calibrated lens"
         )
     trial = placed.trial
+    is_timed = bool(np.isfinite(placed.images.time_s[placed.placed]).all())
     if trial.noise_px > LARGEST_NOISE_PX:
         doubts.append(
             f"matches miss their points by {trial.noise_px:.2f} px (up to {LARGEST_NOISE_PX:g} is usual): the lens "
@@ -116,7 +121,9 @@ def judge(placed: SparseMap) -> MapVerdict:
         elif finding in trial.inexpressible:
             said = f"{finding.candidate} of {size_text(finding)}, which a camera file cannot state"
             is_untimed = finding.candidate.kind in UNTIMED.values()
-            doubts.append(f"{said}: {advice.to_record(finding.candidate.kind)}" if is_untimed else said)
+            doubts.append(
+                f"{said}: {advice.to_record(finding.candidate.kind, is_timed=is_timed)}" if is_untimed else said
+            )
     if others:
         refusals.append(
             f"the camera file is that of another lens, image size or other images: {', '.join(others)}. If it is not, "
@@ -137,9 +144,9 @@ def judge(placed: SparseMap) -> MapVerdict:
     if lost:
         doubts.append(f"no image of camera {', '.join(lost)} is in the map: its calibration was not tried")
     for witness in placed.alignment.witnesses[:1]:
-        if SIGMAS90 * witness.std > SCALE_DOUBT:
-            said = f"the {witness.source} gives the scale to ± {100 * SIGMAS90 * witness.std:.0f} % only"
-            why = advice.scale_text(trial) if witness.source == BASELINE else ""
+        if SIGMAS95 * witness.std > SCALE_DOUBT:
+            said = f"the {witness.source} gives the scale to ± {100 * SIGMAS95 * witness.std:.0f} % (95 %) only"
+            why = advice.scale_text(trial, is_timed=is_timed) if witness.source == BASELINE else ""
             doubts.append(f"{said}, {why}" if why else said)
     for witness in placed.alignment.witnesses[1:]:
         _weigh(placed.alignment.witnesses[0], witness, doubts, refusals)
@@ -153,21 +160,36 @@ def judge(placed: SparseMap) -> MapVerdict:
         doubts += _hanging_doubts(placed.T_world_body[placed.placed])
     standing = Standing.REFUSED if refusals else Standing.DOUBTFUL if doubts else Standing.GOOD
     corrected = [] if placed.images.depths else [f for f in trial.present if f not in trial.inexpressible]
-    return MapVerdict(
-        standing, (*refusals, *doubts), tuple(f"{f.candidate}: {size_text(f)}, corrected" for f in corrected)
-    )
+    said = tuple(f"{f.candidate}: {size_text(f)}, corrected" for f in corrected)
+    return MapVerdict(standing, (*refusals, *doubts), (*said, *_resized(placed)))
+
+
+def _resized(placed: SparseMap) -> list[str]:
+    """That the trial changed the size of a map which the rig's baseline gives."""
+    growth = placed.trial.growth
+    if placed.alignment.scale_source != BASELINE or abs(np.log(growth)) < RESIZED:
+        return []
+    return [f"the map was made {growth:.3g} times as large as it was first placed, as the matches ask"]
 
 
 def _bent_doubts(placed: SparseMap) -> list[str]:
     """Whether small errors that all images share may have bent the path as a whole."""
     std_m = placed.shape_std_m[placed.placed]
-    if not np.sqrt(np.mean(std_m**2)) > SHAPE_DOUBT_M:  # NaN where nothing is known
+    known = np.isfinite(std_m)
+    if not known.any() or np.sqrt(np.mean(std_m[known] ** 2)) <= SHAPE_DOUBT_M or _shape_is_recorded(placed):
         return []
-    worst = np.array(placed.images.instants)[placed.placed][np.argmax(std_m)]
+    worst = np.array(placed.images.instants)[placed.placed][np.nanargmax(std_m)]
     return [
-        f"the map may be bent: image {worst} may be {SIGMAS90 * std_m.max():.2g} m beside its place in the whole. Come "
-        "back to places seen before (a loop), or record positions (references.csv, --poses)"
+        f"the map may be bent: image {worst} may be {SIGMAS95 * np.nanmax(std_m):.2g} m beside its place in the whole. "
+        f"Come back to places seen before (a loop), or record positions within {100.0 * SHAPE_DOUBT_M:.0f} cm "
+        "(references.csv, --poses)"
     ]
+
+
+def _shape_is_recorded(placed: SparseMap) -> bool:
+    """Whether the recorded positions of most images lie where the map has them: it is bent no further."""
+    residual_m, used = placed.alignment.position_residual_m, placed.alignment.positions_used
+    return residual_m is not None and residual_m <= SHAPE_DOUBT_M and used >= _RECORDED * placed.placed.sum()
 
 
 def _motion_doubts(check: MotionCheck) -> list[str]:
@@ -175,8 +197,8 @@ def _motion_doubts(check: MotionCheck) -> list[str]:
     doubts = []
     if check.late_s is not None and abs(check.late_s) > max(LATE_DOUBT_S, 3.0 * (check.late_std_s or 0.0)):
         doubts.append(
-            f"the times of the {check.source} are {abs(check.late_s):.3f} ± {check.late_std_s:.3f} s "
-            f"{'late' if check.late_s > 0.0 else 'early'} against the images: shift them"
+            f"the times of the {check.source} are {abs(check.late_s):.3f} ± {SIGMAS95 * (check.late_std_s or 0.0):.3f} "
+            f"s {'late' if check.late_s > 0.0 else 'early'} against the images: shift them"
         )
     if check.turn_error_rad > TURN_DOUBT_RAD:
         doubts.append(
@@ -252,7 +274,7 @@ def _weigh(used: ScaleWitness, other: ScaleWitness, doubts: list[str], refusals:
         return
     text = (
         f"the scale from the {used.source} is {other.ratio:.3f} times that from the {other.source} "
-        f"(± {std:.3f}); one of them is wrong{_unit(other.ratio)}"
+        f"(± {SIGMAS95 * std:.3f}); one of them is wrong{_unit(other.ratio)}"
     )
     (refusals if off > max(SCALE_REFUSED, 3.0 * std) else doubts).append(text)
 
@@ -266,14 +288,14 @@ def _unit(ratio: float) -> str:
 
 
 def size_text(finding: Finding, *, most: bool = False) -> str:
-    """The size of an error with its standard deviation, in the unit a user knows.
+    """The size of an error with its 95 % interval, in the unit a user knows.
 
     Args:
         most: the largest size that the matches allow, instead.
     """
     factor, unit = _SHOWN[finding.candidate.kind]
     size, std = factor * _length(finding.size), factor * _length(finding.std)
-    return (f"{size + SIGMAS90 * std:.3g} {unit}" if most else f"{size:.3g} ± {std:.1g} {unit}").rstrip()
+    return (f"{size + SIGMAS90 * std:.3g} {unit}" if most else f"{size:.3g} ± {SIGMAS95 * std:.1g} {unit}").rstrip()
 
 
 _SHOWN = {

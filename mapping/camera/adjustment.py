@@ -144,6 +144,7 @@ class Normal:
         self._width = 6 if self._pace is None else 7
         left = residuals(seen, state)
         used = np.flatnonzero(np.isfinite(left).all(axis=1))
+        self._matched = np.isin(self._placed, seen.index[used, 1])
         unknowns = 3 * len(np.unique(seen.index[used, 0])) + 6 * len(self._placed)
         redundancy = max(1.0 - unknowns / (2 * len(used)), _LEAST_REDUNDANCY)
         self.is_redundant = redundancy > _LEAST_REDUNDANCY
@@ -282,34 +283,58 @@ class Normal:
         return float(np.sqrt(alone + sum(max(0.0, float(by_group @ by_group) - alone) for by_group in shared)))
 
     def shape_std(self, state: State) -> FloatArray:
-        """(instants,) standard deviation of the positions but for place, attitude and size of the whole; NaN where not
-        placed.
+        """(instants,) standard deviation of the positions but for place, attitude and size of the whole; NaN where no
+        match says one.
 
-        Of errors that matches share (see `dispersion`), each error of the calibration free: a lens that bends a path a
-        little in each image bends it much in a hundred.
+        Of independent matches, and of errors that matches share (see `dispersion`), each error of the calibration
+        free: a lens that bends a path a little in each image bends it much in a hundred.
         """
         k, n = self._unknowns(self.tried), self._width * len(self._placed)
         by_calibration = self._reduced.poses_by_calibration[:, k]
         _, covariance = self.solve(self.tried)
-        variance, along = np.linalg.eigh(covariance)  # not quite positive where the matches say next to nothing
-        columns = [by_calibration @ (along * np.sqrt(np.maximum(variance, 0.0)))]
+        columns = []
         for scores in self._scores:
             part = np.arange(scores.shape[1]) * _MOST_GROUPS // scores.shape[1]
             groups = np.eye(_MOST_GROUPS)[part]  # neighbours in one group: fewer, and no less shared
             moved = covariance @ (self._of_calibration(scores)[k] @ groups)
             columns.append(self._reduced.factor.solve(scores[:n] @ groups) - by_calibration @ moved)
-        own = np.concatenate(columns, axis=1).reshape(len(self._placed), self._width, -1)[:, 3:6]
         T = state.T_world_body[self._placed]
-        shifts = T[:, :3, :3] @ own
-        outward = T[:, :3, 3] - T[:, :3, 3].mean(axis=0)
+        outward = T[:, :3, 3] - T[self._matched, :3, 3].mean(axis=0)
         whole = np.concatenate(
             [np.tile(np.eye(3), (len(T), 1, 1)), rotations.hat(outward), outward[:, :, None]], axis=2
         )
-        basis, flat = np.linalg.qr(whole.reshape(-1, 7))[0], shifts.reshape(3 * len(T), -1)
-        left = (flat - basis @ (basis.T @ flat)).reshape(shifts.shape)
+        basis = np.linalg.qr((self._matched[:, None, None] * whole).reshape(-1, 7))[0]
+        alone = self._shape_alone(T, basis, by_calibration, covariance)
+        variance = alone.copy()
+        for of_group in columns:
+            own = of_group.reshape(len(T), self._width, -1)[:, 3:6]
+            flat = (T[:, :3, :3] @ own).reshape(3 * len(T), -1)
+            left = (flat - basis @ (basis.T @ flat)).reshape(len(T), -1)
+            variance += np.maximum((left**2).sum(axis=1) - alone, 0.0)
         std = np.full(len(state.T_world_body), np.nan)
-        std[self._placed] = np.sqrt((left**2).sum(axis=(1, 2)))
+        std[self._placed[self._matched]] = np.sqrt(variance[self._matched])
         return std
+
+    def _shape_alone(
+        self, T: FloatArray, basis: FloatArray, by_calibration: FloatArray, covariance: FloatArray
+    ) -> FloatArray:
+        """(placed,) the variance of a position in `shape_std` that independent matches make.
+
+        Of some instants, and between them as far as their order says. In the directions off `basis` (3 placed, 7) no
+        ridge holds the poses.
+        """
+        matched = np.flatnonzero(self._matched)
+        asked = matched[np.unique(np.linspace(0, len(matched) - 1, min(len(matched), _MOST_GROUPS)).astype(int))]
+        rows = (3 * asked[:, None] + np.arange(3)).ravel()
+        pull = -basis @ basis[rows].T
+        pull[rows, np.arange(len(rows))] += 1.0
+        load = np.zeros((len(T), self._width, len(rows)))
+        load[:, 3:6] = np.swapaxes(T[:, :3, :3], 1, 2) @ pull.reshape(len(T), 3, -1)
+        load = load.reshape(-1, len(rows))
+        through = by_calibration.T @ load
+        variance = (load * self._reduced.factor.solve(load)).sum(axis=0)
+        variance += (through * (covariance @ through)).sum(axis=0)
+        return np.interp(np.arange(len(T)), asked, np.maximum(variance.reshape(-1, 3).sum(axis=1), 0.0))
 
     def step(self, state: State, free: Sequence[Candidate], delta: FloatArray, share: float) -> State:
         """The state after a share of a Gauss-Newton step; `delta` is the calibration's part of that share.

@@ -17,20 +17,29 @@ from mapping.camera.adjustment import Normal, Observations, adjust, cost, counte
 from mapping.camera.errors import BEYOND_THESE_IMAGES, INEXPRESSIBLE, PLAUSIBLE, Candidate, Kind, State, candidates
 from mapping.camera.rig import Rig
 
+LEAST_BASELINE_M = 0.005
+"""A shorter baseline gives no scale."""
 LEAST_GAIN = 30.0
 """Fall of the withheld points' chi squared from which an error is present."""
 NOTICEABLE_PX = 0.10
 """RMS shift of the image below which an error does not matter: matching itself has systematic errors of this size."""
 SIGMAS90 = 1.645
 """Half width of a 90 % interval, in standard deviations."""
+SIGMAS95 = 1.96
+"""Of a 95 % interval: every `±` on the screen and in sentences is one."""
 
 _NARROWED = 0.1
 """An error whose standard deviation is still this share of what is plausible was not looked at by the matches."""
 _MOST_ROUNDS = 4
+_LEAST_TIMED = 0.9
+"""Share of the placed images with a velocity from which their times are used."""
 _AS_WELL = 1.1
 """Median residual, over that with all errors free, up to which the camera file explains the matches."""
+_CLEARLY = 0.9
+"""... and over that of the map as it was made, from which another size explains them better."""
 _OTHER_SIZE = float(np.log(2.0))
-"""Logarithm of two sizes of a map from which the second is tried: from nearer, the adjustment finds it."""
+"""Logarithm of two sizes of a map from which the second is tried: from nearer, the adjustment finds it. Half of it in a
+linear step is enough to look."""
 
 
 class Verdict(enum.StrEnum):
@@ -111,6 +120,8 @@ class Trial:
     any error may be there, as large as the matches allow. Infinite for one camera."""
     shape_std: FloatArray | None = None
     """(instants,) of each position, see `Normal.shape_std`, in the unit of `points_world`; None if not known."""
+    growth: float = 1.0
+    """Size of the path over that before the trial."""
 
     @property
     def present(self) -> tuple[Finding, ...]:
@@ -131,7 +142,7 @@ def hold(seen: Observations) -> Trial:
     the same errors are left twice. Then those are given up which errors that all matches of one image share could have
     made, again the least missed first.
     """
-    timed = bool(np.isfinite(twists(seen.time_s, seen.T_world_body)).any())
+    timed = _timed(seen)
     seen = seen if timed else counted(seen)
     observed = {seen.rig.cameras[k].name for k in np.unique(seen.index[:, 2])}
     tried = [c for c in candidates(seen.rig, timed=timed) if c.camera in observed]
@@ -162,7 +173,19 @@ def hold(seen: Observations) -> Trial:
         normal.noise_px,
         scale_std,
         normal.shape_std(state),
+        _extent(state.T_world_body) / max(_extent(seen.T_world_body), 1e-12),
     )
+
+
+def _extent(T_world_body: FloatArray) -> float:
+    """Root mean square distance of the positions from their middle."""
+    return float(np.sqrt(np.nansum(np.nanvar(T_world_body[:, :3, 3], axis=0))))
+
+
+def _timed(seen: Observations) -> bool:
+    """Whether times give nearly all images a velocity: where a few have one, a late camera looks like a wrong lens."""
+    known = np.isfinite(twists(seen.time_s, seen.T_world_body)[np.isfinite(seen.T_world_body[:, 0, 0]), 0])
+    return bool(known.size) and float(known.mean()) >= _LEAST_TIMED
 
 
 def _at_its_size(seen: Observations, tried: Sequence[Candidate]) -> tuple[State, State]:
@@ -176,8 +199,11 @@ def _at_its_size(seen: Observations, tried: Sequence[Candidate]) -> tuple[State,
     first = seen.rig.cameras[0].T_body_camera[:3, 3]
     lines_m = {c.name: float(np.linalg.norm(c.T_body_camera[:3, 3] - first)) for c in seen.rig}
     observed = sorted({c.camera for c in tried})
-    freed = [Candidate(name, Kind.BASELINE) for name in observed if lines_m[name] > 0.0]
+    freed = [Candidate(name, Kind.BASELINE) for name in observed if lines_m[name] > LEAST_BASELINE_M]
     if not freed:
+        return start, adjusted
+    asked, _ = Normal(seen, start, freed, folds=1).solve(freed)
+    if not np.abs(np.log(np.maximum(1.0 + asked, 1e-3))).max() > 0.5 * _OTHER_SIZE:
         return start, adjusted
     free, _ = adjust(seen, start, freed)
     found_m = {c.name: float(np.linalg.norm(c.T_body_camera[:3, 3] - first)) for c in free.rig}
@@ -188,7 +214,7 @@ def _at_its_size(seen: Observations, tried: Sequence[Candidate]) -> tuple[State,
     T[:, :3, 3] /= stretch
     resized = dataclasses.replace(start, T_world_body=T, points_world=free.points_world / stretch)
     again, _ = adjust(seen, resized, [])
-    if cost(seen, again) >= cost(seen, adjusted):
+    if cost(seen, again) > _CLEARLY * cost(seen, adjusted):
         return start, adjusted
     corrected, _ = adjust(seen, again, tried)
     is_right = cost(seen, again) <= _AS_WELL * cost(seen, corrected)  # else the size hides an error of the lens

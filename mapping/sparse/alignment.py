@@ -19,6 +19,7 @@ import numpy as np
 from flight import FloatArray, FormatError, InputError, MapError, errors, frames, rotations
 from mapping import reach
 from mapping.camera.rig import Rig
+from mapping.camera.trial import LEAST_BASELINE_M
 from mapping.input.images import ImageSet, read_table
 from mapping.input.trajectory import Motion, MotionKind
 from mapping.sparse.recorded_motion import motion
@@ -40,8 +41,6 @@ DEPTH_SOURCE = "depth images"
 """Name of the scale that depth images of a sensor give; where they are there, it is theirs."""
 BASELINE = "rig baseline"
 """Name of the scale that the distance between the cameras gives."""
-LEAST_BASELINE_M = 0.005
-"""A shorter baseline gives no scale."""
 GRAVITY = "recorded gravity"
 """The source of up that `references.csv` is."""
 LONGEST_M = 1e5

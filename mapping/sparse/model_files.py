@@ -27,6 +27,7 @@ def write(folder: Path, model: SparseModel) -> None:
     findings = [finding.as_dict() for finding in trial.findings]
     numbers["tracked_body"] = {kind: T.tolist() for kind, T in model.tracked_body.items()}
     numbers |= {"noise_px": trial.noise_px, "scale_std": trial.scale_std, "findings": findings}
+    numbers["growth"] = trial.growth
     (folder / "numbers.json").write_text(json.dumps(numbers))
 
 
@@ -43,6 +44,7 @@ def read(folder: Path) -> SparseModel:
         noise_px=numbers["noise_px"],
         scale_std=numbers["scale_std"],
         shape_std=arrays.get("trial_shape_std"),
+        growth=numbers.get("growth", 1.0),
     )
     return SparseModel(
         rig=rigs.load(folder / "camera.toml"),

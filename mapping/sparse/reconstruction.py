@@ -14,6 +14,7 @@ from flight import FloatArray, MapError, Progress, silent
 from mapping import child, stages
 from mapping.camera import residual_field
 from mapping.camera.rig import Camera, Rig
+from mapping.camera.trial import LEAST_BASELINE_M
 from mapping.input.images import ImageSet
 from mapping.sparse import alignment, model_files
 from mapping.sparse.alignment import Alignment, Length
@@ -128,7 +129,7 @@ def reconstruct(
             f"only {int(placed.sum())} of {len(placed)} images could be placed; take them closer together, slower, or "
             f"in more light. Not placed: {overlap.summary(runs)}"
         )
-    has_baseline = images.rig.baseline_m > alignment.LEAST_BASELINE_M and _rig_seen(model.registered)
+    has_baseline = images.rig.baseline_m > LEAST_BASELINE_M and _rig_seen(model.registered)
     aligned = alignment.align(
         images,
         model.T_world_body,

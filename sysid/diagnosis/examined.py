@@ -444,9 +444,17 @@ def lead(model: Model, candidate: Candidate, rival: Candidate) -> float:
     rooms = {effects.find(one.effect).stage for one in (candidate, rival)}
     if rival.name not in model.scores or rival.between_flights or rooms & {Stage.COMMAND, Stage.DRIVE}:
         return -np.inf
-    without = _lost(model, model.evidence.named, [candidate], model.evidence.place(rival.columns)).gain
-    dispersion = max(model.scores[rival.name].dispersion, 1.0)
-    return (without - model.scores[rival.name].gain) / dispersion
+    evidence, columns = model.evidence, model.evidence.place(rival.columns)
+    without = _lost(model, evidence.named, [candidate], columns).gain
+    beside = score(evidence.named, evidence.base, columns)  # of either sign: as in `without`, and as fits are weighed
+    return (without - beside.gain) / max(beside.dispersion, _dispersion(model, candidate))
+
+
+def _dispersion(model: Model, candidate: Candidate) -> float:
+    """By how much the sizes of a candidate that is part of a model vary more than white noise would make them."""
+    own = model.evidence.place([n for n in candidate.columns if n in model.evidence.names])
+    given = np.setdiff1d(model.evidence.base, own)
+    return score(model.evidence.named, given, own).dispersion if len(own) else 1.0
 
 
 def in_place_of(model: Model, candidate: Candidate, additions: Sequence[Candidate]) -> tuple[Candidate, ...]:

@@ -328,7 +328,7 @@ def diagnose(
     """
     names = [str(log.metadata.get("name", f"flight {i + 1}")) for i, log in enumerate((*logs, *held_out))]
     _validate(logs, held_out, options)
-    repeated.refuse((*logs, *held_out), names)
+    shared = repeated.check((*logs, *held_out), names)
     input_verdict = fits.of_logs(check_log(log, vehicle) for log in (*logs, *held_out))
     options = while_searching(options or Options(gusts="white"))
     try:
@@ -364,13 +364,14 @@ def diagnose(
         invisible=found.models[0].candidate_set.invisible,
         flights=tuple(names[: len(logs)]),
         held_out=tuple(names[len(logs) :]),
-        findings=((ONE_FLIGHT,) if len(logs) + len(held_out) == 1 else ())
-        + first.said
+        findings=first.said
         + ((found.too_short,) if found.too_short else ())
         + of_forms(found)
         + last.findings
         + left_out(found.unseen)
-        + judged.not_converged,
+        + judged.not_converged
+        + shared
+        + ((ONE_FLIGHT,) if len(logs) + len(held_out) == 1 else ()),
         search=found,
         payload_carried=_newly_told((*logs, *held_out), carried),
         judged=judged,

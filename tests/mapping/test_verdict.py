@@ -121,7 +121,7 @@ def moved(**what: float) -> MotionCheck:
         ({"shape": 0.08}, Standing.GOOD, ""),
         ({"shape": 0.13}, Standing.DOUBTFUL, "changes by 13 %"),
         ({"late_s": 0.009}, Standing.GOOD, ""),
-        ({"late_s": -0.02}, Standing.DOUBTFUL, "0.020 ± 0.001 s early"),
+        ({"late_s": -0.02}, Standing.DOUBTFUL, "0.020 ± 0.002 s early"),
         ({"late_s": 0.02, "late_std_s": 0.01}, Standing.GOOD, ""),
         ({"direction_error_rad": np.radians(20.0)}, Standing.GOOD, ""),
         ({"direction_error_rad": np.radians(35.0)}, Standing.REFUSED, "35 deg apart"),
@@ -138,7 +138,7 @@ def test_recorded_poses_that_turn_or_move_otherwise_than_the_images_are_told(wha
 def test_a_map_without_reasons_is_good() -> None:
     found = verdict.judge(placed(findings=(finding(Kind.ROTATION, Verdict.PRESENT),)))
     assert found.standing is Standing.GOOD
-    assert found.corrections == ("down: rotation on the body: 0.992 ± 0.1 deg, corrected",)
+    assert found.corrections == ("down: rotation on the body: 0.992 ± 0.2 deg, corrected",)
 
 
 DOUBTS = [
@@ -148,12 +148,12 @@ DOUBTS = [
     ),
     ({"noise_px": 1.01}, "1.01 px"),
     ({"repeated": 0.4}, "repeated texture: 40% of the features"),
-    ({"findings": (finding(Kind.SHUTTER, Verdict.PRESENT),)}, "rolling shutter of 10 ± 1 ms"),
+    ({"findings": (finding(Kind.SHUTTER, Verdict.PRESENT),)}, "rolling shutter of 10 ± 2 ms"),
     ({"findings": (finding(Kind.ROTATION, Verdict.UNKNOWN),)}, "cannot tell an error of the down: rotation"),
     ({"ratio": 1.06}, "1.060 times"),
     ({"ratio": 0.94}, "0.940 times"),
     ({"ratio": 1.14}, "1.140 times"),
-    ({"used_std": 0.031}, "gives the scale to ± 5 % only"),
+    ({"used_std": 0.026}, "gives the scale to ± 5 % (95 %) only"),
 ]
 
 
@@ -184,12 +184,29 @@ def test_a_map_that_may_be_bent_is_doubted_and_says_where(std_m: float, standing
     sparse = placed()
     std = np.full(COUNT, std_m)
     std[7] *= 1.5
+    std[3] = np.nan  # placed by recorded motion: no match sees it
     bent = dataclasses.replace(sparse, trial=dataclasses.replace(sparse.trial, shape_std=std))
     found = verdict.judge(bent)
     assert found.standing is standing
     if standing is Standing.DOUBTFUL:
-        assert "image 7.png may be 0.15 m beside its place" in found.reasons[0]
+        assert "image 7.png may be 0.18 m beside its place" in found.reasons[0]
         assert "a loop" in found.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("residual_m", "used", "standing"),
+    [(0.02, COUNT, Standing.GOOD), (0.5, COUNT, Standing.DOUBTFUL), (0.02, 3, Standing.DOUBTFUL)],
+)
+def test_a_map_whose_recorded_positions_it_fits_is_not_bent(residual_m: float, used: int, standing: Standing) -> None:
+    """The advice, once followed, removes the doubt; positions of a few images, or coarse ones, say too little."""
+    sparse = placed()
+    alignment = dataclasses.replace(
+        sparse.alignment, position_residual_m=residual_m, positions_used=used, position_extent_m=10.0
+    )
+    trial = dataclasses.replace(sparse.trial, shape_std=np.full(COUNT, 0.3))
+    found = verdict.judge(dataclasses.replace(sparse, alignment=alignment, trial=trial))
+    assert found.standing is standing
+    assert all("record positions within 5 cm" in reason for reason in found.reasons)
 
 
 def test_the_position_of_an_image_is_as_uncertain_as_the_shape_and_the_scale() -> None:
@@ -203,21 +220,39 @@ def test_the_position_of_an_image_is_as_uncertain_as_the_shape_and_the_scale() -
 
 
 @pytest.mark.parametrize(
-    ("kind", "way"), [(Kind.OFFSET, "trigger all cameras"), (Kind.UNTIMED_OFFSET, "times.csv"), (Kind.FOCAL, "target")]
+    ("kind", "way"),
+    [(Kind.OFFSET, "turns about all axes"), (Kind.UNTIMED_OFFSET, "times.csv"), (Kind.FOCAL, "turned by 90 deg")],
 )
 def test_an_uncertain_scale_names_the_error_that_matters_most_and_what_to_record(kind: Kind, way: str) -> None:
     small = dataclasses.replace(finding(Kind.ROTATION, Verdict.EXCLUDED), scale_std=0.001)
     large = dataclasses.replace(finding(kind, Verdict.EXCLUDED), scale_std=0.06)
     (reason,) = verdict.judge(placed(findings=(small, large), used_std=0.06)).reasons
-    assert f"hardly tell the down: {kind} (± 9.9 %)" in reason
+    assert f"hardly tell the down: {kind} (± 12 %)" in reason
     assert way in reason
     assert "--length" in reason
 
 
 def test_a_time_offset_without_times_asks_for_these() -> None:
     (reason,) = verdict.judge(placed(findings=(finding(Kind.UNTIMED_OFFSET, Verdict.PRESENT),))).reasons
-    assert "time offset in image intervals of 0.01 ± 0.001, which" in reason
+    assert "time offset in image intervals of 0.01 ± 0.002, which" in reason
     assert "times.csv" in reason
+
+
+@pytest.mark.parametrize(("growth", "said"), [(0.1, "0.1 times as large"), (1.05, "")])
+def test_a_map_that_the_trial_made_of_another_size_says_so(growth: float, said: str) -> None:
+    sparse = placed()
+    found = verdict.judge(dataclasses.replace(sparse, trial=dataclasses.replace(sparse.trial, growth=growth)))
+    assert found.standing is Standing.GOOD
+    assert bool(found.corrections) == bool(said)
+    assert said in "".join(found.corrections)
+
+
+def test_times_too_far_apart_for_velocities_are_not_asked_for_again() -> None:
+    sparse = placed(findings=(finding(Kind.UNTIMED_OFFSET, Verdict.PRESENT),))
+    images = dataclasses.replace(sparse.images, time_s=1.0 * np.arange(COUNT))
+    (reason,) = verdict.judge(dataclasses.replace(sparse, images=images)).reasons
+    assert "at most 0.6 s apart" in reason
+    assert "times.csv" not in reason
 
 
 def test_a_camera_that_is_not_in_the_map_is_a_doubt() -> None:
@@ -229,7 +264,7 @@ def test_a_camera_that_is_not_in_the_map_is_a_doubt() -> None:
     "what",
     [
         {"missing": 1},
-        {"used_std": 0.029},
+        {"used_std": 0.025},
         {"noise_px": 0.99},
         {"ratio": 1.04},
         {"ratio": 1.2, "std": 0.1},

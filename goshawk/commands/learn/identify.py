@@ -22,6 +22,7 @@ from sysid.estimator.predicts import Predicts
 from sysid.estimator.stages import STAGES
 from sysid.estimator.validation.better import predicts
 from sysid.estimator.verdict import Use, Verdict, of_logs
+from sysid.logs import repeated
 
 SUMMARY = "Fit the vehicle model to flight logs."
 KIND = "identification"
@@ -50,7 +51,7 @@ class Fits:
     cause: Cause | None = None
     """Why the answer is not to be used, by a trial."""
     said: tuple[str, ...] = ()
-    """What differs from the options that were asked for."""
+    """What differs from the options that were asked for, and which flights share poses."""
 
     @property
     def answer(self) -> sysid.Identification:
@@ -237,7 +238,8 @@ def fit_flights(
         staged = {stage: read(asked.stages[stage]) for stage in STAGES}
         fits = Fits(sysid.identify_in_stages(staged, believed, options, progress=progress), checked, ())
         return replace(fits, predicts=_predicts(fits, read(asked.held_out), (), believed, options))
-    logs, trials = read(asked.flights), asked.trials
+    logs, held_out, trials = read(asked.flights), read(asked.held_out), asked.trials
+    shared = repeated.check((*logs, *held_out), [path.name for path in (*asked.flights, *asked.held_out)])
     if asked.both_gusts:
         made = fit_to_use(logs, believed, options, progress=progress)
     else:
@@ -247,8 +249,8 @@ def fit_flights(
     # a parameter that one trial does not identify must not stop the other fits
     alone = replace(made.options, unseen="hold")
     own = [sysid.identify(g, believed, alone, progress=progress) for g in groups]
-    fits = Fits({"": made.fit}, checked, own, said=made.said)
-    fits = replace(fits, predicts=_predicts(fits, read(asked.held_out), logs, believed, options))
+    fits = Fits({"": made.fit}, checked, own, said=(*made.said, *shared))
+    fits = replace(fits, predicts=_predicts(fits, held_out, logs, believed, options))
     refused = fits.verdict.use is Use.REJECTED and not fits.verdict.misread
     return replace(fits, cause=likely_cause(logs, believed, made)) if refused else fits
 

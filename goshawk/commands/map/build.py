@@ -11,6 +11,7 @@ import mapping
 from flight import InputError, results
 from goshawk.terminal import console, outputs
 from mapping import map_folder, stages
+from mapping.camera.trial import SIGMAS95
 from mapping.dense import confidence
 from mapping.input import examination, trajectory
 from mapping.input.source import Source
@@ -282,14 +283,18 @@ def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
         facts["camera file"] = "; ".join(report.corrections)
     if len(report.scale_witnesses) > 1:
         facts["scale beside"] = "; ".join(
-            f"{w['ratio']:.3f} ± {w['std']:.3f} of the {w['source']}" for w in report.scale_witnesses[1:]
+            f"{w['ratio']:.3f} ± {SIGMAS95 * w['std']:.3f} of the {w['source']}" for w in report.scale_witnesses[1:]
         )
     if report.position_residual_m is not None:
         facts["recorded positions"] = f"{report.position_residual_m:.3g} m from the map (median)"
     for check in report.motions:
         facts[check["source"]] = (
-            f"{check['instants']} images, scale {check['scale']:.3f} ± {check['scale_std']:.3f} of the map's"
-            + (f", late by {check['late_s']:.3f} ± {check['late_std_s']:.3f} s" if check["late_s"] is not None else "")
+            f"{check['instants']} images, scale {check['scale']:.3f} ± {SIGMAS95 * check['scale_std']:.3f} of the map's"
+            + (
+                f", late by {check['late_s']:.3f} ± {SIGMAS95 * check['late_std_s']:.3f} s"
+                if check["late_s"] is not None
+                else ""
+            )
         )
     if report.placed_by_motion:
         facts["placed by recorded motion"] = f"{len(report.placed_by_motion)}: {', '.join(report.placed_by_motion)}"
@@ -308,8 +313,8 @@ def _facts(report: mapping.MapReport, out: Path) -> dict[str, str]:
 def _deviation(report: mapping.MapReport) -> str:
     """The 95 % interval of the scale, and how far the farthest image may be from its place."""
     known = [std for std in report.position_std_m if std is not None]
-    said = f", ± {196.0 * report.scale_witnesses[0]['std']:.2g} % (95 %)"
-    return said + (f"; images within {1.96 * max(known):.2g} m of their places" if known else "")
+    said = f", ± {100.0 * SIGMAS95 * report.scale_witnesses[0]['std']:.2g} % (95 %)"
+    return said + (f"; images within {SIGMAS95 * max(known):.2g} m of their places" if known else "")
 
 
 def _selection(parallax_deg: float | None) -> mapping.SelectionOptions:

@@ -11,6 +11,7 @@ from flight import InputError, file_format, results, rotations
 from goshawk.terminal import console, outputs
 from mapping import map_folder
 from mapping.camera.rig import Camera, Rig
+from mapping.camera.trial import SIGMAS95
 
 
 @click.command("diagnose")
@@ -32,7 +33,7 @@ def diagnose(map_folder: Path, as_json: bool) -> None:
             f"{f['camera']}: {f['error']}",
             f["verdict"],
             " ".join(f"{value:.3g}" for value in f["size"]),
-            " ".join(f"{value:.1g}" for value in f["std"]),
+            " ".join(f"{SIGMAS95 * value:.1g}" for value in f["std"]),
             f["units"][0] or "relative",
             f"{f['shift_px']:.2f}",
             f"{f['largest_shift_px']:.2f}",
@@ -42,7 +43,7 @@ def diagnose(map_folder: Path, as_json: bool) -> None:
     if as_json:
         click.echo(file_format.json_text({"calibration": found}), nl=False)
         return
-    heads = ("possible error", "verdict", "size", "±", "unit", "moves image by, px", "at most, px")
+    heads = ("possible error", "verdict", "size", "± (95 %)", "unit", "moves image by, px", "at most, px")
     console.table("camera file on trial", heads, rows)
 
 

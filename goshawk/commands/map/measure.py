@@ -11,6 +11,7 @@ from esdf import KNOWN, UNMAPPED
 from flight import FloatArray, InputError
 from goshawk.terminal import console
 from mapping import Map
+from mapping.camera.trial import SIGMAS95
 from mapping.map_folder import read_report
 from mapping.reach import FARTHEST_M
 from mapping.verdict import Standing
@@ -41,7 +42,7 @@ def measure(map_folder: Path, start: str, end: str, as_json: bool) -> None:
     clearances = [_clearance(area, point) for point in points_world_m]
     doubts = {} if area.standing is Standing.GOOD else {"map": f"{area.standing}: {'; '.join(area.reasons)}"}
     facts = doubts | {
-        "length": f"{length_m:.3f} m" + ("" if std_m is None else f" ± {std_m:.3f} m, of the map's scale"),
+        "length": f"{length_m:.3f} m" + ("" if std_m is None else f" ± {SIGMAS95 * std_m:.3f} m, of the map's scale"),
         "horizontal": f"{math.hypot(step_m[0], step_m[1]):.3f} m",
         "rise": f"{step_m[2]:+.3f} m",
         "clearance at the first": _words(*clearances[0]),

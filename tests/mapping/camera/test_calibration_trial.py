@@ -42,11 +42,12 @@ def observed(
     shake_rad: float = 0.0,
     unevenly: float = 0.0,
     seed: int = 0,
+    at_s: FloatArray = TIMES_S,
 ) -> tuple[FloatArray, FloatArray, np.ndarray, FloatArray]:
     """Poses, points, (point, instant, camera) and pixels that the true rig sees, with noise."""
     rng = np.random.default_rng(seed)
     points = rng.uniform([-1.0, -5.0, -1.0], [12.0, 5.0, 5.0], (600, 3))
-    times_s = TIMES_S + unevenly / RATE_HZ * np.random.default_rng(seed + 1).uniform(-0.5, 0.5, len(TIMES_S))
+    times_s = at_s + unevenly / RATE_HZ * np.random.default_rng(seed + 1).uniform(-0.5, 0.5, len(at_s))
     index, pixels = [], []
     for number, camera in enumerate(rig):
         for i, t_s in enumerate(times_s):
@@ -289,6 +290,15 @@ def test_images_too_far_apart_for_velocities_are_tried_in_intervals_as_they_are_
     assert {Kind.UNTIMED_OFFSET, Kind.UNTIMED_SHUTTER} <= {f.candidate.kind for f in trials.hold(seen).findings}
 
 
+def test_a_few_images_close_together_do_not_switch_the_trial_in_intervals_off() -> None:
+    """Of 24 images .7 s apart 4 have a velocity: without the others' a late camera is blamed on a lens."""
+    at_s = np.concatenate([np.arange(12), [11.36, 11.72], np.arange(12, 22)]) / RATE_HZ
+    T, points, index, pixels = observed(RIG, offset_s=0.020, at_s=at_s)
+    found = trials.hold(Observations(RIG, T, points, index, pixels, 7.0 * at_s))
+    assert [str(f.candidate) for f in found.present] == ["down: time offset in image intervals"]
+    assert abs(scale_error(found, T)) < 3.0 * found.scale_std
+
+
 def test_a_straight_flight_leaves_the_scale_as_uncertain_as_a_late_camera_would_make_it() -> None:
     """Along a straight line a late camera is like one mounted further back: the images cannot tell them apart."""
     rng = np.random.default_rng(2)
@@ -308,7 +318,7 @@ def test_a_straight_flight_leaves_the_scale_as_uncertain_as_a_late_camera_would_
     least = advice.least_certain(found)
     assert least is not None
     assert least.candidate.kind in (Kind.OFFSET, Kind.TRANSLATION)
-    assert "--length" in advice.scale_text(found)
+    assert "--length" in advice.scale_text(found, is_timed=True)
 
 
 @pytest.mark.parametrize("factor", [10.0, 0.2])
@@ -319,6 +329,22 @@ def test_a_map_of_another_size_than_its_matches_ask_for_is_set_right_and_no_lens
     found = trials.hold(Observations(RIG, large, factor * points, index, pixels, TIMES_S))
     assert not found.present
     assert abs(scale_error(found, T)) < 3.0 * found.scale_std
+    assert found.growth == pytest.approx(1.0 / factor, rel=0.05)
+
+
+def test_a_map_of_its_right_size_is_adjusted_once_and_one_without_a_baseline_keeps_its_own(monkeypatch) -> None:
+    freed: list[object] = []
+    adjust = trials.adjust
+    monkeypatch.setattr(
+        trials, "adjust", lambda seen, state, free: freed.append(list(free)) or adjust(seen, state, free)
+    )
+    T = RIG.cameras[1].T_body_camera.copy()
+    T[:3, 3] = RIG.cameras[0].T_body_camera[:3, 3] + [0.0, 0.001, 0.0]
+    for rig in (RIG, changed(RIG, 1, T_body_camera=T)):
+        poses, points, index, pixels = observed(rig)
+        seen = Observations(rig, poses, points, index, pixels, TIMES_S)
+        trials._at_its_size(seen, errors.candidates(rig, timed=True))
+    assert freed == [[], []]
 
 
 def off_shape_m(found: Trial, true: FloatArray) -> float:
@@ -342,8 +368,23 @@ def test_errors_that_all_images_share_convict_no_lens_and_are_in_the_stated_shap
     assert shared.shape_std is not None
     for found in (exact, shared):
         assert off_shape_m(found, T) < 2.0 * float(np.sqrt(np.mean(found.shape_std**2)))
+    assert off_shape_m(exact, T) > 0.7 * float(np.sqrt(np.mean(exact.shape_std**2)))  # independent noise counts once
     assert np.median(shared.shape_std) > 1.5 * np.median(exact.shape_std)
     assert shared.scale_std > 1.5 * exact.scale_std
+
+
+def test_an_instant_without_matches_has_no_stated_shape_and_takes_none_from_the_others() -> None:
+    T, points, index, pixels = observed(RIG)
+    seen = index[:, 1] != 11
+    candidates = errors.candidates(RIG, timed=True)
+    stated = []
+    for kept in (np.ones_like(seen), seen):
+        part = Observations(RIG, T, points, index[kept], pixels[kept], TIMES_S)
+        state = adjustment.initial(part)
+        stated.append(adjustment.Normal(part, state, candidates).shape_std(state))
+    others = np.arange(len(T)) != 11
+    assert np.isnan(stated[1][11])
+    np.testing.assert_allclose(stated[1][others], stated[0][others], rtol=0.4)
 
 
 def test_a_single_camera_has_no_scale_and_no_pose_on_trial() -> None:

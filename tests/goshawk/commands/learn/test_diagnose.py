@@ -103,7 +103,8 @@ def test_a_diagnosis_is_kept_with_the_flights_and_read_by_the_next_call_until_an
     first = answer(*words)
     (file,) = (tmp_path / kept.FOLDER).glob("diagnosis-*.json")
     assert f"kept: {file}" in first.stderr
-    assert "note: hold another flight out (--held-out), for one alone" in re.sub(r"\s+", " ", first.stdout)
+    assert "note: the mass was given as 0.7 kg and not estimated, and 1 more" in re.sub(r"\s+", " ", first.stdout)
+    assert "hold another flight out (--held-out), for one alone" in file.read_text()
     again = answer(*words, "--out", tmp_path / "fitted.toml")
     assert f"read from {file}" in again.stderr
     assert first.stdout.splitlines()[:5] == again.stdout.splitlines()[:5]

@@ -45,6 +45,13 @@ def base_of(folder: Path, out: Path) -> list[object]:
     return ["identify", *first_trial(folder), "--vehicle", folder / "vehicle.toml", "--out", out / "f.toml"]
 
 
+def test_a_copy_of_a_flight_on_another_clock_is_refused_before_the_fit(folder, tmp_path):
+    log = flight_log.load(first_trial(folder)[0])
+    flight_log.save(tmp_path / "late.parquet", FlightLog({**log.columns, "time_s": log.time_s + 7.0}, log.metadata))
+    for given in ((tmp_path / "late.parquet",), ("--held-out", tmp_path / "late.parquet")):
+        assert "hold the same flight" in run(*base_of(folder, tmp_path), *given, code=2)
+
+
 def test_report_and_json_are_written(folder, tmp_path):
     base = ("identify", *first_trial(folder)[1:], "--vehicle", folder / "vehicle.toml", "--out", tmp_path / "f.toml")
     said = run(*base, "--report", tmp_path / "r.html")
