@@ -948,6 +948,10 @@ export interface ProposedEquation {
   facts: string;
 }
 
+export interface Question {
+  serial: number;
+}
+
 export interface RandomYaw {
   type: "random_yaw";
   serial: number;

@@ -60,11 +60,11 @@ async function readSpectra(flights: readonly Part[], keys: readonly string[]): P
   for (const { name, has, from_s, to_s } of flights) {
     for (const stream of keys.filter((key) => has.has(key))) {
       const reply = await send({ type: "read_spectrum", flight: name, stream, from_s, to_s });
+      if (mine !== asked) return; // nor are the rest of its questions asked
       if (reply.spectrum !== null) found.set(partKey(name, stream), reply.spectrum);
       problem ||= reply.error;
     }
   }
-  if (mine !== asked) return;
   spectra.value = found;
   studyProblem.value = problem;
 }
@@ -77,10 +77,10 @@ async function readPairs(flights: readonly Part[], [x, y]: typeof xy.value): Pro
   for (const { name, has, from_s, to_s } of flights) {
     if (x === undefined || y === undefined || !has.has(x.key) || !has.has(y.key)) continue;
     const reply = await send({ type: "read_pairs", flight: name, x: x.key, y: y.key, from_s, to_s });
+    if (mine !== asked) return;
     if (reply.pairs !== null) found.push(reply.pairs);
     problem ||= reply.error;
   }
-  if (mine !== asked) return;
   pairs.value = found;
   studyProblem.value = problem;
 }
