@@ -26,7 +26,6 @@ import mimetypes
 import secrets
 import tempfile
 from collections.abc import Awaitable, Callable, Iterable, Mapping
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -53,11 +52,9 @@ SILENCE_S = 30.0
 PING_S = 20.0
 """Between two pings of a WebSocket; half of it is the time for an answer, then the socket is closed."""
 BODY_PAUSE_S = 30.0
-"""Longest pause inside a flight log that is sent."""
+"""Longest pause inside a flight log or a table that is sent."""
 _VIEW = "{view:[0-9a-f]{8,32}}"
 """Name of a page's 3D view, in routes."""
-_LINES_AT_ONCE = 5000
-"""Of a CSV."""
 REFUSED_MESSAGES = frozenset({"ShareUrlRequest", "ShareUrlDisconnect"})
 _HOP_HEADERS = frozenset({"connection", "transfer-encoding", "content-length", "content-encoding", "date", "server"})
 _COMPRESSED = frozenset({"text/html", "text/css", "text/javascript", "application/javascript", "application/json"})
@@ -97,7 +94,7 @@ class Gateway:
         incoming: Callable[[str], Path],
         share: Callable[[str], tuple[str, str]],
         report: Callable[[str], tuple[str, str]],
-        data: Callable[[Mapping[str, str]], Iterable[str]],
+        data: Callable[[Mapping[str, str]], Iterable[bytes]],
         host: str = LOOPBACK,
         port: int = 0,
         tls: "ssl.SSLContext | None" = None,
@@ -110,7 +107,7 @@ class Gateway:
             incoming: file for the flight log of a name that a page sends. Raises `InputError` to refuse it.
             share: answers `/share?name=...`: the name and the text of an HTML file. Raises `FlightError`.
             report: answers `/report?name=...` likewise.
-            data: answers `/data?flight=...`, by what the address asks: the lines of a CSV. Raises `FlightError`.
+            data: answers `/data?flight=...`, by what the address asks: a CSV in pieces. Raises `FlightError`.
             host: name or address to listen at, and the only name that is answered to beside this machine's own.
             port: 0 lets the system choose.
             tls: proves that it is `host`; then the page is https and its sockets are wss.
@@ -123,7 +120,7 @@ class Gateway:
         self._serve_page, self._state, self._wanted_port = serve_page, state, port
         self._token = secrets.token_urlsafe(24)
         self._entrants = entrants or Entrants()
-        self._sockets = 0
+        self._sockets, self._exporting = 0, asyncio.Lock()
         self._runner: web.AppRunner | None = None
         self._client: ClientSession | None = None
         self.port = 0
@@ -299,18 +296,25 @@ class Gateway:
         """A CSV in pieces: a long flight's need not be in memory together."""
         from aiohttp import web
 
-        try:
-            lines = iter(await asyncio.to_thread(self._data, request.query))
-        except FlightError as error:
-            return web.Response(status=404, text=f"Goshawk: {error}\n")
-        name = quote(f"{request.query.get('flight', '')}.csv")
-        answer = web.StreamResponse(headers={**_SAFETY_HEADERS, "Cache-Control": "no-store"})
-        answer.headers["Content-Disposition"] = f"attachment; filename*=UTF-8''{name}"
-        answer.content_type, answer.charset = "text/csv", "utf-8"
-        await answer.prepare(request)
-        while piece := await asyncio.to_thread(lambda: "".join(islice(lines, _LINES_AT_ONCE))):
-            await answer.write(piece.encode())
-        await answer.write_eof()
+        async with self._exporting:  # each is work for a processor: one after the other
+            try:
+                pieces = iter(await asyncio.to_thread(self._data, request.query))
+            except FlightError as error:
+                return web.Response(status=404, text=f"Goshawk: {error}\n")
+            name = quote(f"{request.query.get('flight', '')}.csv")
+            answer = web.StreamResponse(headers={**_SAFETY_HEADERS, "Cache-Control": "no-store"})
+            answer.headers["Content-Disposition"] = f"attachment; filename*=UTF-8''{name}"
+            answer.content_type, answer.charset = "text/csv", "utf-8"
+            await answer.prepare(request)
+            try:
+                while piece := await asyncio.to_thread(next, pieces, b""):
+                    await asyncio.wait_for(answer.write(piece), BODY_PAUSE_S)
+            except TimeoutError:
+                logger.warning("a table was not taken within %g s; it is cut off", BODY_PAUSE_S)
+                if request.transport is not None:
+                    request.transport.abort()
+                return answer
+            await answer.write_eof()
         return answer
 
     async def _page(self, request: "web.Request") -> "web.StreamResponse":

@@ -107,6 +107,8 @@ class SpectrumCurve(msgspec.Struct, frozen=True):
     frequency_hz: list[float]
     density: list[float]
     """In the stream's unit squared, a Hz."""
+    share: float
+    """Of the samples that are in it; the others stand between pauses that are too close for it."""
 
 
 class Spectrum(msgspec.Struct, frozen=True):

@@ -1268,6 +1268,7 @@ export interface SpectrumCurve {
   kind: "measured" | "plan" | "model" | "residual";
   frequency_hz: number[];
   density: number[];
+  share: number;
 }
 
 export interface Stair {
