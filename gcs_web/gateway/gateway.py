@@ -25,6 +25,7 @@ import logging
 import mimetypes
 import secrets
 import tempfile
+import time
 from collections.abc import Awaitable, Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -47,6 +48,8 @@ LARGEST_LOG = 1 << 30
 LARGEST_MESSAGE = 1 << 20
 """Bytes that a browser may send at once."""
 MOST_SOCKETS = 64
+INVITATION_S = 120.0
+"""An invitation is good once, and for so long."""
 SILENCE_S = 30.0
 """Time for a request: a connection that is longer about it (line and header), or idle after one, is closed."""
 PING_S = 20.0
@@ -119,6 +122,7 @@ class Gateway:
         self._upstream = f"{LOOPBACK}:{upstream_port}"
         self._serve_page, self._state, self._wanted_port = serve_page, state, port
         self._token = secrets.token_urlsafe(24)
+        self._invitation, self._invited_s = "", 0.0
         self._entrants = entrants or Entrants()
         self._sockets, self._exporting = 0, asyncio.Lock()
         self._runner: web.AppRunner | None = None
@@ -127,11 +131,34 @@ class Gateway:
         self.refused = 0
         self.on_entry: Callable[[str], None] = lambda _: None
         """Somebody came in; called with the address for the next one."""
+        self.on_invited: Callable[[], None] = lambda: None
+        """An invitation was used up."""
 
     @property
     def url(self) -> str:
         """The address that lets one browser in; there is a new one after each."""
-        return f"{self._scheme}://{self._host}:{self.port}/?token={self._token}"
+        return self._address(self._token)
+
+    def invite(self) -> tuple[str, bool]:
+        """An address that lets one more browser in, beside `url` and not for long; and whether it is a new one."""
+        is_new = not self._is_invited(self._invitation)
+        if is_new:
+            self._invitation, self._invited_s = secrets.token_urlsafe(24), time.monotonic()
+        return self._address(self._invitation), is_new
+
+    def end_invitation(self) -> None:
+        self._invitation = ""
+
+    @property
+    def invited_for_s(self) -> float:
+        """How long the invitation is still good."""
+        return max(self._invited_s + INVITATION_S - time.monotonic(), 0.0) if self._invitation else 0.0
+
+    def _is_invited(self, token: str) -> bool:
+        return self.invited_for_s > 0.0 and hmac.compare_digest(token.encode(), self._invitation.encode())
+
+    def _address(self, token: str) -> str:
+        return f"{self._scheme}://{self._host}:{self.port}/?token={token}"
 
     @property
     def _scheme(self) -> str:
@@ -205,13 +232,20 @@ class Gateway:
         """Exchange the token, which is then used up, for a cookie."""
         from aiohttp import web
 
-        if not hmac.compare_digest(token.encode(), self._token.encode()):
+        is_invited = self._is_invited(token)
+        if not is_invited and not hmac.compare_digest(token.encode(), self._token.encode()):
             return self._refuse("that token is not valid (any more); open the address that `goshawk gcs` printed last")
-        self._token = secrets.token_urlsafe(24)
+        if is_invited:
+            self.end_invitation()
+        else:
+            self._token = secrets.token_urlsafe(24)
         cookie = self._entrants.admit()
         entry = web.HTTPFound("/")
         entry.set_cookie(self._cookie, cookie, httponly=True, samesite="Strict", secure=self._tls is not None)
-        self.on_entry(self.url)
+        if is_invited:
+            self.on_invited()
+        else:
+            self.on_entry(self.url)
         return entry
 
     @property
@@ -322,6 +356,8 @@ class Gateway:
 
         socket = web.WebSocketResponse(max_msg_size=LARGEST_MESSAGE, heartbeat=PING_S)
         await socket.prepare(request)
+        own = request.transport.get_extra_info("sockname") if request.transport is not None else None
+        socket["here"] = own is not None and own[0] == request.remote  # on the station's own machine
         self._sockets += 1
         try:
             await self._serve_page(socket)

@@ -62,7 +62,7 @@ class PageSocket:
 
     async def serve(self, socket: "web.WebSocketResponse") -> None:
         """Talk to one page until it leaves."""
-        client = self._hub.join()
+        client = self._hub.join(here=bool(socket.get("here", False)))
         welcome = Welcome(PROTOCOL, client.person.id, self._project, self._id)
         writer = asyncio.create_task(_write(socket, client, welcome))
         await asyncio.to_thread(self._arrived)

@@ -27,6 +27,9 @@ class Socket:
         self._commands, self._until = commands, until
         self.said: list[dict[str, Any]] = []
 
+    def get(self, _: str, otherwise: bool) -> bool:
+        return otherwise
+
     async def send_str(self, text: str) -> None:
         self.said.append(json.loads(text))
 
