@@ -17,7 +17,8 @@ from tests.waiting import until as wait
 from vehicle import flights, manoeuvres
 
 pytestmark = needs_chromium
-TONE_HZ = 31.0
+TONE_HZ = 32.0
+"""At one of the frequencies that a flight of four seconds has in its spectrum."""
 KINDS = "Kind of plot"
 
 
