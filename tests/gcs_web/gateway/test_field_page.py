@@ -139,6 +139,34 @@ def test_a_code_lets_one_more_device_in_and_is_another_one_then(page, station, b
         station.desk.invitation = only_here
 
 
+def test_pause_and_land_are_on_their_keys_while_a_dialog_is_open_and_it_ends_above_them(page, station):
+    page.set_viewport_size({"width": 360, "height": 740})
+    sent = """() => {
+  window.sent = [];
+  const send = WebSocket.prototype.send;
+  WebSocket.prototype.send = function (text) { window.sent.push(String(text)); return send.call(this, text); };
+}"""
+    page.evaluate(sent)
+    bar = page.get_by_role("region", name="Flight", exact=True)
+    with telling(station, ARMED):
+        bar.wait_for()
+        page.keyboard.press("c")
+        bar.get_by_text("You are in control").wait_for()
+        page.keyboard.press("q")
+        dialog = page.get_by_role("dialog", name="People and devices")
+        dialog.get_by_role("button", name="Copy the address").wait_for()
+        for count, key in enumerate("pl", start=1):
+            page.keyboard.press(key)
+            orders = "window.sent.filter((text) => text.includes('prepare_order')).length"
+            wait(lambda count=count, orders=orders: page.evaluate(orders) == count, f"the order of {key}")
+        place = dialog.bounding_box()
+        assert place["y"] + place["height"] <= bar.bounding_box()["y"]
+        page.keyboard.press("Escape")
+        dialog.wait_for(state="detached")
+    station.desk.control.give_up(*station.hub.people)
+    station.hub.publish(Vehicle("none"))
+
+
 @pytest.mark.parametrize("size", [(360, 740), (1440, 900)])
 def test_a_station_of_its_own_machine_says_so_in_place_of_a_code(page, size):
     from axe_playwright_python.sync_playwright import Axe
